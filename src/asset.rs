@@ -1,0 +1,128 @@
+//! The finished product: a mesh, its chunks, its BVH and where it came from.
+
+use crate::bvh::Bvh;
+use crate::mesh::Mesh;
+use glam::{DMat3, DVec3, Vec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A run of faces that one engine node draws and frustum-culls as a whole.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Chunk {
+    /// First face.
+    pub first: u32,
+    /// Number of faces.
+    pub count: u32,
+}
+
+/// Mesh + chunks + BVH + provenance.
+#[derive(Debug, Clone, Default)]
+pub struct Asset {
+    /// What an engine draws.
+    pub mesh: Mesh,
+    /// Consecutive runs that together hold every face once; a single one when not chunked.
+    pub chunks: Vec<Chunk>,
+    /// Hierarchy over the faces; primitive i is face i.
+    pub bvh: Option<Bvh>,
+    /// Where it came from and how it was placed.
+    pub provenance: Provenance,
+}
+
+/// Which axis of a file points up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
+pub enum UpAxis {
+    /// +X up.
+    #[serde(rename = "x")]
+    #[value(name = "x")]
+    X,
+    /// -X up.
+    #[serde(rename = "-x")]
+    #[value(name = "-x")]
+    NegX,
+    /// +Y up: glTF, OBJ by habit.
+    #[serde(rename = "y")]
+    #[value(name = "y")]
+    Y,
+    /// -Y up: COLMAP and every trainer that follows it.
+    #[default]
+    #[serde(rename = "-y")]
+    #[value(name = "-y")]
+    NegY,
+    /// +Z up: Blender, Unreal, survey data.
+    #[serde(rename = "z")]
+    #[value(name = "z")]
+    Z,
+    /// -Z up.
+    #[serde(rename = "-z")]
+    #[value(name = "-z")]
+    NegZ,
+}
+
+impl UpAxis {
+    /// The proper rotation (determinant +1) that takes this axis to +Y.
+    pub fn to_y_up(self) -> DMat3 {
+        let rows = |x: DVec3, y: DVec3, z: DVec3| DMat3::from_cols(x, y, z).transpose();
+        let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+        match self {
+            UpAxis::Y => DMat3::IDENTITY,
+            UpAxis::NegY => rows(x, -y, -z),
+            UpAxis::Z => rows(x, z, -y),
+            UpAxis::NegZ => rows(x, -z, y),
+            UpAxis::X => rows(-y, x, z),
+            UpAxis::NegX => rows(y, -x, z),
+        }
+    }
+}
+
+/// How the source's world became the file's: `file = up_to_y * (scale * (world - center))`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Placement {
+    /// The axis of the source world that points up; the file is Y-up.
+    pub up: UpAxis,
+    /// File units per world unit.
+    pub scale: f64,
+    /// World point that became the file's origin.
+    pub center: [f64; 3],
+}
+
+impl Placement {
+    /// Nothing was moved: the file is in the frame of its source.
+    pub const IDENTITY: Placement = Placement { up: UpAxis::Y, scale: 1.0, center: [0.0; 3] };
+
+    /// Source world to file, in f64, rounded once.
+    pub fn to_file(&self, world: Vec3) -> Vec3 {
+        (self.up.to_y_up() * (self.scale * (world.as_dvec3() - DVec3::from(self.center)))).as_vec3()
+    }
+
+    /// File back to source world: undoes [`Placement::to_file`].
+    pub fn to_world(&self, file: Vec3) -> Vec3 {
+        (self.up.to_y_up().transpose() * file.as_dvec3() / self.scale + DVec3::from(self.center)).as_vec3()
+    }
+}
+
+impl Default for Placement {
+    fn default() -> Self {
+        Self::IDENTITY
+    }
+}
+
+/// Where a scene came from. Written to `asset.extras` of a GLB and to comments of PLY and OBJ.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Provenance {
+    /// The program that wrote it, "trisplat 0.1.0".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub generator: Option<String>,
+    /// Name (not path) of the file it was made from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source: Option<String>,
+    /// The program that trained the soup.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trainer: Option<String>,
+    /// The axis of *this file* that points up, when it says so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub up: Option<UpAxis>,
+    /// How the source's world became this file's.
+    #[serde(default)]
+    pub placement: Placement,
+}

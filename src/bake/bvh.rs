@@ -1,0 +1,1 @@
+//! The `bvh` of the bake.

@@ -1,0 +1,1 @@
+//! The `prune` of the bake.

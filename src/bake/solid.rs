@@ -1,0 +1,1 @@
+//! The `solid` of the bake.

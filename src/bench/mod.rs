@@ -1,0 +1,1 @@
+//! Measures cost, stability and fidelity.

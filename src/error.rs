@@ -1,0 +1,85 @@
+//! One error type, by who must act.
+
+use std::path::{Path, PathBuf};
+
+/// What every fallible function of the library returns.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// Why something could not be done, grouped by who can mend it.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The operating system refused: permissions, a full disk, a missing file.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A file does not hold what its format promises.
+    #[error("{}: {at}: {reason}", path.display())]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// Where in the file: "header line 4", "face 12", "byte 0x40".
+        at: String,
+        /// What is wrong and what would be right.
+        reason: String,
+    },
+    /// The file is sound but holds something we do not read or write; `reason` ends with the remedy.
+    #[error("{}: {reason}", path.display())]
+    Unsupported {
+        /// The file.
+        path: PathBuf,
+        /// What is not supported and what to do instead.
+        reason: String,
+    },
+    /// An option or argument has a value that cannot be used.
+    #[error("{option} is {value}: wants {wants}")]
+    Invalid {
+        /// The flag or config key, as the user types it.
+        option: String,
+        /// The value given.
+        value: String,
+        /// What would be accepted.
+        wants: String,
+    },
+    /// More data than a format or a machine can hold.
+    #[error("{what} is {bytes} bytes, the limit is {limit}: {remedy}")]
+    TooLarge {
+        /// What is too large.
+        what: String,
+        /// Its size.
+        bytes: u64,
+        /// The largest size that works.
+        limit: u64,
+        /// What to do instead.
+        remedy: String,
+    },
+    /// The graphics device or its driver cannot do what is needed.
+    #[error("gpu: {0}")]
+    Gpu(String),
+}
+
+impl Error {
+    /// Wraps what the operating system said about `path`.
+    pub fn io(path: impl AsRef<Path>, source: std::io::Error) -> Self {
+        Self::Io { path: path.as_ref().to_owned(), source }
+    }
+
+    /// A broken file: `at` is the place, `reason` what is wrong there.
+    pub fn malformed(path: impl AsRef<Path>, at: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self::Malformed { path: path.as_ref().to_owned(), at: at.into(), reason: reason.into() }
+    }
+
+    /// A sound file we cannot use; `reason` ends with the remedy.
+    pub fn unsupported(path: impl AsRef<Path>, reason: impl Into<String>) -> Self {
+        Self::Unsupported { path: path.as_ref().to_owned(), reason: reason.into() }
+    }
+
+    /// A value that cannot be used for `option`.
+    pub fn invalid(option: impl Into<String>, value: impl ToString, wants: impl Into<String>) -> Self {
+        Self::Invalid { option: option.into(), value: value.to_string(), wants: wants.into() }
+    }
+}

@@ -1,0 +1,1 @@
+//! The BVH sidecar file.

@@ -1,0 +1,92 @@
+//! Files in and out. The nouns do not know them.
+
+pub mod bvh;
+pub mod gltf;
+pub mod gltf_read;
+pub mod obj;
+pub mod off;
+pub mod ply;
+pub mod pt;
+
+use crate::error::{Error, Result};
+use crate::scene::{Loaded, Scene};
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+/// A file to read: a label for messages, an open handle and its length.
+/// Standard input ("-") is spooled to a temporary file first, so that every reader may seek and may
+/// compare promised counts with real bytes.
+#[derive(Debug)]
+pub struct Source {
+    /// The path as the user gave it; "-" for standard input.
+    pub path: PathBuf,
+    /// Open at byte 0.
+    pub file: File,
+    /// Length in bytes.
+    pub len: u64,
+}
+
+impl Source {
+    /// Opens `path`; "-" is standard input. A folder is an error that says so.
+    pub fn open(path: &Path) -> Result<Self> {
+        if path.as_os_str() == "-" {
+            let mut file = tempfile::tempfile().map_err(|e| Error::io(path, e))?;
+            let len =
+                std::io::copy(&mut std::io::stdin().lock(), &mut file).map_err(|e| Error::io(path, e))?;
+            file.seek(SeekFrom::Start(0)).map_err(|e| Error::io(path, e))?;
+            return Ok(Self { path: path.to_owned(), file, len });
+        }
+        let file = File::open(path).map_err(|e| Error::io(path, e))?;
+        let meta = file.metadata().map_err(|e| Error::io(path, e))?;
+        if meta.is_dir() {
+            return Err(Error::unsupported(
+                path,
+                "is a folder; give a .ply, .pt, .off, .obj, .glb or .gltf file",
+            ));
+        }
+        Ok(Self { path: path.to_owned(), file, len: meta.len() })
+    }
+
+    /// The first bytes, at most 64; the handle is back at byte 0 afterwards.
+    pub fn head(&mut self) -> Result<Vec<u8>> {
+        let mut head = Vec::new();
+        (&mut self.file).take(64).read_to_end(&mut head).map_err(|e| Error::io(&self.path, e))?;
+        self.file.seek(SeekFrom::Start(0)).map_err(|e| Error::io(&self.path, e))?;
+        Ok(head)
+    }
+}
+
+/// What the caller will use of a file; the rest is skipped on disk.
+#[derive(Debug, Clone, Copy)]
+pub struct ReadOptions {
+    /// Highest SH degree to load; the bake asks for 0.
+    pub sh_degree: u8,
+}
+
+/// Drops what is not finite, counts it as a warning, and proves the rest with `validate`.
+/// Every reader ends with it.
+pub fn finish(path: &Path, loaded: Loaded) -> Result<Loaded> {
+    let Loaded { mut scene, provenance, mut warnings } = loaded;
+    if let Scene::Soup(soup) = &mut scene {
+        let k = soup.sh_count();
+        let finite = |i: usize, soup: &crate::soup::Soup| {
+            soup.vertices[i].iter().all(|v| v.is_finite())
+                && soup.opacity[i].is_finite()
+                && soup.sigma[i].is_finite()
+                && soup.sh[i * k..(i + 1) * k].iter().flatten().all(|x| x.is_finite())
+        };
+        let keep: Vec<bool> = (0..soup.len()).map(|i| finite(i, soup)).collect();
+        if let Some(first) = keep.iter().position(|k| !k) {
+            let bad = keep.iter().filter(|k| !**k).count();
+            soup.retain(|i| keep[i]);
+            warnings
+                .push(format!("dropped {bad} triangles with non-finite values (first: triangle {first})"));
+        }
+        soup.validate().map_err(|e| Error::malformed(path, "values", e.to_string()))?;
+    }
+    if let Scene::Mesh(mesh) = &scene {
+        mesh.validate().map_err(|e| Error::malformed(path, "values", e.to_string()))?;
+    }
+    Ok(Loaded { scene, provenance, warnings })
+}

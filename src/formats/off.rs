@@ -1,0 +1,1 @@
+//! COFF as the authors' exporter writes it (read only).

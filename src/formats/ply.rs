@@ -1,0 +1,1 @@
+//! PLY: our soup PLY, and vertex-coloured triangle meshes.

@@ -1,0 +1,1 @@
+//! The paper's formulas: pure functions, no buffers, no I/O.

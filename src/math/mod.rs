@@ -1,0 +1,3 @@
+//! Numbers: knows no triangle.
+
+pub mod color;

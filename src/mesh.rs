@@ -1,0 +1,111 @@
+//! What an engine draws: positions, linear colours, maybe indices.
+
+use crate::error::{Error, Result};
+use glam::Vec3;
+
+/// Linear-light RGB, one entry a face or one a vertex. Values in [0, 1]; alpha is always 1.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Colors {
+    /// One colour a face. // [F]
+    Face(Vec<[f32; 3]>),
+    /// One colour a vertex. // [V]
+    Vertex(Vec<[f32; 3]>),
+}
+
+/// A triangle mesh. Non-indexed when `indices` is empty: then face i owns vertices 3i, 3i+1, 3i+2.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mesh {
+    /// Vertex positions. // [V]
+    pub positions: Vec<Vec3>,
+    /// Linear-light colours.
+    pub colors: Colors,
+    /// Vertex numbers, three a face; empty = non-indexed. // [F * 3]
+    pub indices: Vec<u32>,
+    /// Opacity of every face in [0, 1]; empty = all opaque. // [F]
+    pub opacity: Vec<f32>,
+}
+
+impl Default for Mesh {
+    fn default() -> Self {
+        Self {
+            positions: Vec::new(),
+            colors: Colors::Face(Vec::new()),
+            indices: Vec::new(),
+            opacity: Vec::new(),
+        }
+    }
+}
+
+impl Mesh {
+    /// Number of triangles.
+    pub fn face_count(&self) -> usize {
+        if self.indices.is_empty() { self.positions.len() / 3 } else { self.indices.len() / 3 }
+    }
+
+    /// Number of vertices.
+    pub fn vertex_count(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Vertex numbers of a face.
+    pub fn face(&self, face: usize) -> [u32; 3] {
+        if self.indices.is_empty() {
+            let first = 3 * face as u32;
+            [first, first + 1, first + 2]
+        } else {
+            [self.indices[3 * face], self.indices[3 * face + 1], self.indices[3 * face + 2]]
+        }
+    }
+
+    /// Corner positions of a face.
+    pub fn corners(&self, face: usize) -> [Vec3; 3] {
+        self.face(face).map(|v| self.positions[v as usize])
+    }
+
+    /// Linear colour of each corner of a face.
+    pub fn corner_colors(&self, face: usize) -> [[f32; 3]; 3] {
+        match &self.colors {
+            Colors::Face(colors) => [colors[face]; 3],
+            Colors::Vertex(colors) => self.face(face).map(|v| colors[v as usize]),
+        }
+    }
+
+    /// Checks shapes and ranges: whole faces, indices in range, finite positions, colours in [0, 1].
+    pub fn validate(&self) -> Result<()> {
+        let (v, f) = (self.vertex_count(), self.face_count());
+        let shape = |what: &str, got: usize, wants: String| Err(Error::invalid(what, got, wants));
+        if self.indices.is_empty() && v % 3 != 0 {
+            return shape("mesh vertex count", v, "a multiple of 3 when there are no indices".into());
+        }
+        if self.indices.len() % 3 != 0 {
+            return shape("mesh index count", self.indices.len(), "a multiple of 3".into());
+        }
+        let (colors, wants) = match &self.colors {
+            Colors::Face(c) => (c, f),
+            Colors::Vertex(c) => (c, v),
+        };
+        if colors.len() != wants {
+            return shape("mesh color count", colors.len(), format!("{wants}"));
+        }
+        if !self.opacity.is_empty() && self.opacity.len() != f {
+            return shape("mesh opacity count", self.opacity.len(), format!("{f}"));
+        }
+        if let Some(i) = self.indices.iter().position(|&i| i as usize >= v) {
+            return shape("mesh index", self.indices[i] as usize, format!("below {v} (face {})", i / 3));
+        }
+        if let Some(i) = self.positions.iter().position(|p| !p.is_finite()) {
+            return Err(Error::invalid(format!("mesh position {i}"), self.positions[i], "finite numbers"));
+        }
+        if let Some(i) = colors.iter().position(|c| !c.iter().all(|x| (0.0..=1.0).contains(x))) {
+            return Err(Error::invalid(
+                format!("mesh color {i}"),
+                format!("{:?}", colors[i]),
+                "values in [0, 1]",
+            ));
+        }
+        match self.opacity.iter().position(|o| !(0.0..=1.0).contains(o)) {
+            Some(i) => Err(Error::invalid(format!("mesh opacity {i}"), self.opacity[i], "a value in [0, 1]")),
+            None => Ok(()),
+        }
+    }
+}

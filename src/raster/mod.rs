@@ -1,0 +1,1 @@
+//! Draws scenes: soft (the paper) and solid (what an engine does).

@@ -1,0 +1,35 @@
+//! What a file holds before the bake: a soup or a mesh, and where it came from.
+
+use crate::asset::Provenance;
+use crate::mesh::Mesh;
+use crate::soup::Soup;
+
+/// Either of the two things the bake takes.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Scene {
+    /// Unconnected triangles with opacity, σ and SH: a trained scene.
+    Soup(Soup),
+    /// Triangles with linear colours, perhaps connected: another tool's output, or our own.
+    Mesh(Mesh),
+}
+
+impl Scene {
+    /// Number of triangles.
+    pub fn triangle_count(&self) -> usize {
+        match self {
+            Scene::Soup(soup) => soup.len(),
+            Scene::Mesh(mesh) => mesh.face_count(),
+        }
+    }
+}
+
+/// A scene as read from a file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Loaded {
+    /// The triangles.
+    pub scene: Scene,
+    /// Where they came from and how they were placed.
+    pub provenance: Provenance,
+    /// Things that were mended or dropped while reading, one sentence each.
+    pub warnings: Vec<String>,
+}

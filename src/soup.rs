@@ -1,0 +1,137 @@
+//! The trained scene: N unconnected triangles in the world.
+
+use crate::error::{Error, Result};
+use glam::Vec3;
+
+/// The SH degree 0 basis function, 1 / (2 sqrt(pi)).
+pub const SH_C0: f32 = 0.282_094_79;
+
+/// N unconnected triangles. Values are physical, never logits.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Soup {
+    /// Corners in world units. // [N, 3]
+    pub vertices: Vec<[Vec3; 3]>,
+    /// Opacity o in [0, 1]. // [N]
+    pub opacity: Vec<f32>,
+    /// Window exponent σ > 0; towards 0 the triangle is solid (Held et al. 2025, eq. 1). // [N]
+    pub sigma: Vec<f32>,
+    /// Spherical harmonics, degree 0 first; rgb = 0.5 + C0 * sh[0], sRGB-encoded. // [N * K]
+    pub sh: Vec<[f32; 3]>,
+    /// Degree 0..=3; K = (degree + 1)^2 coefficients a triangle.
+    pub sh_degree: u8,
+}
+
+impl Soup {
+    /// Number of triangles.
+    pub fn len(&self) -> usize {
+        self.vertices.len()
+    }
+
+    /// True when there is nothing in it.
+    pub fn is_empty(&self) -> bool {
+        self.vertices.is_empty()
+    }
+
+    /// Coefficients per triangle: K = (degree + 1)^2.
+    pub fn sh_count(&self) -> usize {
+        (self.sh_degree as usize + 1).pow(2)
+    }
+
+    /// sRGB-encoded colour of SH degree 0, not clamped.
+    pub fn rgb(&self, triangle: usize) -> [f32; 3] {
+        self.sh[triangle * self.sh_count()].map(|c| rgb_from_sh0(c))
+    }
+
+    /// Appends `other`; the lower SH degree of the two is kept.
+    pub fn append(&mut self, mut other: Soup) {
+        if self.is_empty() {
+            *self = other;
+            return;
+        }
+        let degree = self.sh_degree.min(other.sh_degree);
+        self.truncate_sh(degree);
+        other.truncate_sh(degree);
+        self.vertices.append(&mut other.vertices);
+        self.opacity.append(&mut other.opacity);
+        self.sigma.append(&mut other.sigma);
+        self.sh.append(&mut other.sh);
+    }
+
+    /// Drops the coefficients above `degree`.
+    pub fn truncate_sh(&mut self, degree: u8) {
+        if degree >= self.sh_degree {
+            return;
+        }
+        let (from, to) = (self.sh_count(), (degree as usize + 1).pow(2));
+        for i in 0..self.len() {
+            self.sh.copy_within(i * from..i * from + to, i * to);
+        }
+        self.sh.truncate(self.len() * to);
+        self.sh_degree = degree;
+    }
+
+    /// Keeps the triangles for which `keep` says so, in order.
+    pub fn retain(&mut self, keep: impl Fn(usize) -> bool) {
+        let k = self.sh_count();
+        let mut to = 0;
+        for i in 0..self.len() {
+            if keep(i) {
+                self.vertices[to] = self.vertices[i];
+                self.opacity[to] = self.opacity[i];
+                self.sigma[to] = self.sigma[i];
+                self.sh.copy_within(i * k..(i + 1) * k, to * k);
+                to += 1;
+            }
+        }
+        self.vertices.truncate(to);
+        self.opacity.truncate(to);
+        self.sigma.truncate(to);
+        self.sh.truncate(to * k);
+    }
+
+    /// Checks shapes and ranges: equal lengths, finite values, opacity in [0, 1], σ > 0.
+    /// Readers call it always, stages in debug builds. Non-finite *triangles* are allowed only
+    /// before the prune stage, so readers report them as warnings instead (see [`Soup::defects`]).
+    pub fn validate(&self) -> Result<()> {
+        let bad = |what: &str, at: usize, value: String| {
+            Err(Error::invalid(format!("soup {what} of triangle {at}"), value, "a finite value in range"))
+        };
+        let n = self.len();
+        if self.opacity.len() != n || self.sigma.len() != n || self.sh.len() != n * self.sh_count() {
+            return Err(Error::invalid(
+                "soup",
+                format!("{n} / {} / {} / {}", self.opacity.len(), self.sigma.len(), self.sh.len()),
+                "equally many vertices, opacities, sigmas and SH rows",
+            ));
+        }
+        if self.sh_degree > 3 {
+            return Err(Error::invalid("soup SH degree", self.sh_degree, "0, 1, 2 or 3"));
+        }
+        for i in 0..n {
+            if !self.vertices[i].iter().all(|v| v.is_finite()) {
+                return bad("vertex", i, format!("{:?}", self.vertices[i]));
+            }
+            if !(0.0..=1.0).contains(&self.opacity[i]) {
+                return bad("opacity", i, self.opacity[i].to_string());
+            }
+            if !(self.sigma[i] > 0.0 && self.sigma[i].is_finite()) {
+                return bad("sigma", i, self.sigma[i].to_string());
+            }
+        }
+        let k = self.sh_count();
+        match self.sh.iter().position(|c| !c.iter().all(|x| x.is_finite())) {
+            Some(i) => bad("SH coefficient", i / k, format!("{:?}", self.sh[i])),
+            None => Ok(()),
+        }
+    }
+}
+
+/// sRGB-encoded channel of an SH degree 0 coefficient.
+pub fn rgb_from_sh0(coefficient: f32) -> f32 {
+    0.5 + SH_C0 * coefficient
+}
+
+/// The SH degree 0 coefficient of an sRGB-encoded channel.
+pub fn sh0_from_rgb(channel: f32) -> f32 {
+    (channel - 0.5) / SH_C0
+}
