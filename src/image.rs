@@ -1,6 +1,12 @@
-//! Pictures in memory.
+//! Pictures in memory and on disk.
+//!
+//! Colours are sRGB-encoded throughout, and averages are taken on the encoded values: that is what
+//! the field trains and measures on (3DGS, Held et al. 2025).
 
+use crate::error::{Error, Result};
 use glam::UVec2;
+use std::io::{Cursor, Write};
+use std::path::Path;
 
 /// An RGB picture, sRGB-encoded, values usually in [0, 1].
 #[derive(Debug, Clone, PartialEq)]
@@ -9,4 +15,294 @@ pub struct Image {
     pub size: UVec2,
     /// Rows from the top. // [H * W]
     pub pixels: Vec<[f32; 3]>,
+}
+
+impl Image {
+    /// A picture of one colour.
+    pub fn filled(size: UVec2, rgb: [f32; 3]) -> Self {
+        Self { size, pixels: vec![rgb; area(size)] }
+    }
+
+    /// The picture in 8 bits: clamped to [0, 1] and rounded to the nearest code; NaN becomes 0.
+    pub fn to_pixels(&self) -> Pixels {
+        let code = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
+        Pixels { size: self.size, rgb: self.pixels.iter().map(|p| p.map(code)).collect(), alpha: None }
+    }
+
+    /// Writes an 8-bit PNG; see [`Pixels::save_png`].
+    pub fn save_png(&self, path: &Path) -> Result<()> {
+        self.to_pixels().save_png(path)
+    }
+}
+
+/// An RGB picture of 8 bits a channel, sRGB-encoded, perhaps with a share for every pixel.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Pixels {
+    /// Width and height, px.
+    pub size: UVec2,
+    /// Rows from the top. // [H * W]
+    pub rgb: Vec<[u8; 3]>,
+    /// How much of each pixel counts, 255 = all: the opacity a file stores, or the weight that a mask
+    /// gives to a photo's pixel in the loss. // [H * W]
+    pub alpha: Option<Vec<u8>>,
+}
+
+impl Pixels {
+    /// The picture as floats in [0, 1]; alpha is left out.
+    pub fn to_image(&self) -> Image {
+        let pixels = self.rgb.iter().map(|p| p.map(|c| f32::from(c) * (1.0 / 255.0))).collect();
+        Image { size: self.size, pixels }
+    }
+
+    /// Bytes it takes in memory.
+    pub fn bytes(&self) -> u64 {
+        self.rgb.len() as u64 * 3 + self.alpha.as_ref().map_or(0, |a| a.len() as u64)
+    }
+
+    /// Reads a PNG, JPEG or WebP file; 16-bit channels are rounded to 8, grey becomes RGB.
+    ///
+    /// The pixels are taken as stored: an EXIF rotation is not applied, as COLMAP does not either.
+    pub fn load(path: &Path) -> Result<Self> {
+        let picture = reader(path)?.decode().map_err(|e| broken(path, e))?;
+        let size = UVec2::new(picture.width(), picture.height());
+        if !picture.color().has_alpha() {
+            let rgb = bytemuck::cast_slice(picture.into_rgb8().as_raw()).to_vec();
+            return Ok(Self { size, rgb, alpha: None });
+        }
+        let rgba = picture.into_rgba8();
+        let rgb = rgba.pixels().map(|p| [p.0[0], p.0[1], p.0[2]]).collect();
+        let alpha: Vec<u8> = rgba.pixels().map(|p| p.0[3]).collect();
+        let opaque = alpha.iter().all(|&a| a == 255);
+        Ok(Self { size, rgb, alpha: if opaque { None } else { Some(alpha) } })
+    }
+
+    /// Reads a mask: one channel a pixel, rows from the top; colours become their luma.
+    pub fn load_mask(path: &Path) -> Result<(UVec2, Vec<u8>)> {
+        let picture = reader(path)?.decode().map_err(|e| broken(path, e))?;
+        let size = UVec2::new(picture.width(), picture.height());
+        Ok((size, picture.into_luma8().into_raw()))
+    }
+
+    /// Width and height of a picture file, from its header alone.
+    pub fn size_of(path: &Path) -> Result<UVec2> {
+        let (width, height) = reader(path)?.into_dimensions().map_err(|e| broken(path, e))?;
+        if width == 0 || height == 0 {
+            return Err(Error::malformed(path, "picture header", format!("its size is {width}x{height}")));
+        }
+        Ok(UVec2::new(width, height))
+    }
+
+    /// The picture laid over `background`; alpha is used up.
+    pub fn over(mut self, background: [u8; 3]) -> Self {
+        if let Some(alpha) = self.alpha.take() {
+            for (pixel, &a) in self.rgb.iter_mut().zip(&alpha) {
+                for (c, &under) in pixel.iter_mut().zip(&background) {
+                    let sum = u32::from(*c) * u32::from(a) + u32::from(under) * (255 - u32::from(a));
+                    *c = ((sum + 127) / 255) as u8;
+                }
+            }
+        }
+        self
+    }
+
+    /// The picture shrunk to `size`: every new pixel is the average of the area it covers, whole or
+    /// fractional pixels alike.
+    pub fn downscaled(&self, size: UVec2) -> Self {
+        if size == self.size {
+            return self.clone();
+        }
+        let rgb = area_average(&self.rgb, self.size, size);
+        let alpha = self.alpha.as_ref().map(|alpha| {
+            let single: &[[u8; 1]] = bytemuck::cast_slice(alpha);
+            bytemuck::cast_vec(area_average(single, self.size, size))
+        });
+        Self { size, rgb, alpha }
+    }
+
+    /// The picture as the bytes of a PNG file.
+    pub fn to_png(&self) -> Result<Vec<u8>> {
+        use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+        let mut bytes = Cursor::new(Vec::new());
+        let (width, height) = (self.size.x, self.size.y);
+        let encoder = PngEncoder::new(&mut bytes);
+        let written = match &self.alpha {
+            None => {
+                let rgb: &[u8] = bytemuck::cast_slice(&self.rgb);
+                encoder.write_image(rgb, width, height, ExtendedColorType::Rgb8)
+            }
+            Some(alpha) => {
+                let rgba: Vec<u8> =
+                    self.rgb.iter().zip(alpha).flat_map(|(p, &a)| [p[0], p[1], p[2], a]).collect();
+                encoder.write_image(&rgba, width, height, ExtendedColorType::Rgba8)
+            }
+        };
+        written.map_err(|e| Error::invalid("picture", format!("{width}x{height}"), e.to_string()))?;
+        Ok(bytes.into_inner())
+    }
+
+    /// Writes a PNG file: to a temporary file beside it first, then renamed, so that nobody ever sees
+    /// half a picture.
+    pub fn save_png(&self, path: &Path) -> Result<()> {
+        let bytes = self.to_png()?;
+        let io = |e| Error::io(path, e);
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".trisplat-").suffix(".tmp");
+        // Ordinary permissions less the umask, as any tool's output has; temporary files are private.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let mut file = builder.tempfile_in(folder).map_err(io)?;
+        file.write_all(&bytes).map_err(io)?;
+        file.persist(path).map_err(|e| Error::io(path, e.error))?;
+        Ok(())
+    }
+}
+
+/// Number of pixels of a picture of this size.
+fn area(size: UVec2) -> usize {
+    size.x as usize * size.y as usize
+}
+
+/// Opens a picture; the format is told by its first bytes, not by its name.
+fn reader(path: &Path) -> Result<image::ImageReader<std::io::BufReader<std::fs::File>>> {
+    let reader = image::ImageReader::open(path).map_err(|e| Error::io(path, e))?;
+    reader.with_guessed_format().map_err(|e| Error::io(path, e))
+}
+
+fn broken(path: &Path, error: image::ImageError) -> Error {
+    match error {
+        image::ImageError::IoError(e) if e.kind() != std::io::ErrorKind::UnexpectedEof => Error::io(path, e),
+        image::ImageError::Unsupported(e) => {
+            Error::unsupported(path, format!("{e}; convert it to PNG, JPEG or WebP"))
+        }
+        other => Error::malformed(path, "picture", other.to_string()),
+    }
+}
+
+/// Box filter with fractional cover, separable; `C` channels of 8 bits.
+fn area_average<const C: usize>(source: &[[u8; C]], from: UVec2, to: UVec2) -> Vec<[u8; C]> {
+    let (columns, rows) = (cover(from.x, to.x), cover(from.y, to.y));
+    let width = from.x as usize;
+    let mut averaged = Vec::with_capacity(area(to));
+    let mut line = vec![[0.0f32; C]; width];
+    for (top, weights) in &rows {
+        line.fill([0.0; C]);
+        for (row, weight) in source[top * width..].chunks_exact(width).zip(weights) {
+            for (sum, pixel) in line.iter_mut().zip(row) {
+                for c in 0..C {
+                    sum[c] += weight * f32::from(pixel[c]);
+                }
+            }
+        }
+        averaged.extend(columns.iter().map(|(left, weights)| {
+            let mut sum = [0.0f32; C];
+            for (pixel, weight) in line[*left..].iter().zip(weights) {
+                for c in 0..C {
+                    sum[c] += weight * pixel[c];
+                }
+            }
+            sum.map(|s| (s + 0.5) as u8)
+        }));
+    }
+    averaged
+}
+
+/// For every new pixel: the first old pixel it touches, and the share that each old pixel has in it.
+/// The shares sum to 1.
+fn cover(from: u32, to: u32) -> Vec<(usize, Vec<f32>)> {
+    let step = f64::from(from) / f64::from(to);
+    let span = |i: u32| {
+        let (low, high) = (f64::from(i) * step, (f64::from(i + 1) * step).min(f64::from(from)));
+        let first = low as usize;
+        let last = (high.ceil() as usize).clamp(first + 1, from as usize);
+        let share = |k: usize| (high.min(k as f64 + 1.0) - low.max(k as f64)).max(0.0) / (high - low);
+        (first, (first..last).map(|k| share(k) as f32).collect())
+    };
+    (0..to).map(span).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ramp(size: UVec2) -> Pixels {
+        let at = |i: usize| [(i * 7 % 251) as u8, (i * 13 % 241) as u8, (i * 29 % 239) as u8];
+        Pixels { size, rgb: (0..area(size)).map(at).collect(), alpha: None }
+    }
+
+    #[test]
+    fn halving_averages_two_by_two() {
+        let source = ramp(UVec2::new(8, 6));
+        let half = source.downscaled(UVec2::new(4, 3));
+        for y in 0..3 {
+            for x in 0..4 {
+                for c in 0..3 {
+                    let at = |dx: usize, dy: usize| u32::from(source.rgb[(2 * y + dy) * 8 + 2 * x + dx][c]);
+                    let sum = at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1);
+                    assert_eq!(u32::from(half.rgb[y * 4 + x][c]), (sum + 2) / 4);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn one_colour_stays_that_colour_at_any_ratio() {
+        for size in [UVec2::new(1, 1), UVec2::new(3, 2), UVec2::new(36, 23), UVec2::new(37, 24)] {
+            let source = Pixels {
+                size: UVec2::new(37, 24),
+                rgb: vec![[255, 200, 1]; 37 * 24],
+                alpha: Some(vec![7; 888]),
+            };
+            let small = source.downscaled(size);
+            assert!(small.rgb.iter().all(|p| *p == [255, 200, 1]), "{size}");
+            assert!(
+                small.alpha.is_some_and(|a| a.len() == area(size) && a.iter().all(|&a| a == 7)),
+                "{size}"
+            );
+        }
+    }
+
+    #[test]
+    fn fractional_cover_keeps_the_mean() {
+        let source = ramp(UVec2::new(101, 67));
+        let small = source.downscaled(UVec2::new(31, 29));
+        let mean = |p: &Pixels| p.rgb.iter().map(|c| f64::from(c[1])).sum::<f64>() / p.rgb.len() as f64;
+        assert!((mean(&source) - mean(&small)).abs() < 0.1);
+    }
+
+    #[test]
+    fn alpha_is_laid_over_the_background() {
+        let picture =
+            Pixels { size: UVec2::new(3, 1), rgb: vec![[200; 3]; 3], alpha: Some(vec![255, 0, 51]) };
+        let flat = picture.over([100, 0, 255]);
+        assert_eq!(flat.rgb, [[200, 200, 200], [100, 0, 255], [120, 40, 244]]);
+        assert_eq!(flat.alpha, None);
+    }
+
+    #[test]
+    fn a_saved_png_comes_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("picture.png");
+        let mut picture = ramp(UVec2::new(9, 5));
+        picture.save_png(&path).unwrap();
+        assert_eq!(Pixels::load(&path).unwrap(), picture);
+        assert_eq!(Pixels::size_of(&path).unwrap(), picture.size);
+        picture.alpha = Some((0..45).collect());
+        picture.save_png(&path).unwrap();
+        assert_eq!(Pixels::load(&path).unwrap(), picture);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file stays behind");
+    }
+
+    #[test]
+    fn what_is_not_a_picture_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("picture.png");
+        assert!(matches!(Pixels::load(&path), Err(Error::Io { .. })));
+        let whole = ramp(UVec2::new(32, 32)).to_png().unwrap();
+        for len in (0..whole.len()).step_by(37) {
+            std::fs::write(&path, &whole[..len]).unwrap();
+            let error = Pixels::load(&path).unwrap_err();
+            assert!(matches!(error, Error::Malformed { .. } | Error::Unsupported { .. }), "{len}: {error:?}");
+        }
+    }
 }

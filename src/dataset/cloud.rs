@@ -1,0 +1,76 @@
+//! A random cloud of points where the cameras look, for data sets without points of their own.
+
+use super::{Point, View};
+use crate::rng::Rng;
+use glam::{Mat3, Vec2, Vec3};
+
+/// Attempts to place a point where a second camera sees it too.
+const TRIES: u64 = 16;
+
+/// `count` grey points inside the views' frusta, the same ones for the same seed.
+///
+/// Each lies on a random ray of one camera, log-uniformly between 0.3 and 3 times the distance at which
+/// the cameras look, and where possible inside another camera's frustum: a point that only one photo
+/// shows has no certain place.
+pub fn random(views: &[&View], count: usize, seed: u64) -> Vec<Point> {
+    if views.is_empty() {
+        return Vec::new();
+    }
+    let distance = looking_distance(views);
+    let point = |index: usize| {
+        let view = views[index % views.len()];
+        let place =
+            |attempt: u64| on_ray(view, distance, Rng::new(seed, "random cloud", attempt), index as u64);
+        let shared = |at: &Vec3| views.iter().any(|other| !std::ptr::eq(*other, view) && sees(other, *at));
+        let position = (0..TRIES).map(place).find(shared).unwrap_or_else(|| place(0));
+        Point { position, rgb: [128; 3], error: None }
+    };
+    (0..count).map(point).collect()
+}
+
+/// A random point in front of one camera.
+fn on_ray(view: &View, distance: f32, rng: Rng, index: u64) -> Vec3 {
+    let camera = &view.camera;
+    let draw = |k: u64| rng.uniform(3 * index + k);
+    let pixel = Vec2::new(draw(0), draw(1)) * camera.size.as_vec2();
+    let depth = distance * 0.3 * 10f32.powf(draw(2));
+    let seen = ((pixel - camera.center) / camera.focal).extend(1.0) * depth;
+    camera.rotation.transpose() * (seen - camera.translation)
+}
+
+/// True when a world point lands inside the photo.
+fn sees(view: &View, at: Vec3) -> bool {
+    let camera = &view.camera;
+    let v = camera.rotation * at + camera.translation;
+    let q = camera.focal * v.truncate() / v.z + camera.center;
+    v.z > 0.0 && q.cmpge(Vec2::ZERO).all() && q.cmplt(camera.size.as_vec2()).all()
+}
+
+/// How far away the thing is that the cameras look at: the median distance to the point nearest to all
+/// their axes; where the axes are parallel, twice the spread of the cameras; 1 for a single place.
+fn looking_distance(views: &[&View]) -> f32 {
+    let count = views.len() as f32;
+    let centers: Vec<Vec3> = views.iter().map(|v| v.camera.position()).collect();
+    let middle = centers.iter().sum::<Vec3>() / count;
+    let (mut normal, mut target) = (Mat3::ZERO, Vec3::ZERO);
+    for (view, center) in views.iter().zip(&centers) {
+        let axis = view.camera.rotation.row(2);
+        let across = Mat3::IDENTITY - Mat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
+        normal += across * (1.0 / count);
+        target += across * (*center - middle) * (1.0 / count);
+    }
+    let spread = (centers.iter().map(|c| c.distance_squared(middle)).sum::<f32>() / count).sqrt();
+    let fallback = if spread > 0.0 { 2.0 * spread } else { 1.0 };
+    if !(normal.determinant() > 1e-3) {
+        return fallback;
+    }
+    let focus = normal.inverse() * target + middle;
+    let in_front = |view: &&View| (view.camera.rotation * focus + view.camera.translation).z > 0.0;
+    if views.iter().filter(|v| in_front(v)).count() * 2 < views.len() {
+        return fallback;
+    }
+    let mut distances: Vec<f32> = centers.iter().map(|c| c.distance(focus)).collect();
+    distances.sort_by(f32::total_cmp);
+    let median = distances[distances.len() / 2];
+    if median > 1e-3 * spread && median > 0.0 { median } else { fallback }
+}

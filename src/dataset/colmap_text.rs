@@ -1,0 +1,164 @@
+//! COLMAP's text model: cameras.txt, images.txt, points3D.txt.
+
+use super::colmap::{self, ImageRow, Model, PointRow};
+use crate::error::{Error, Result};
+use glam::{DVec3, Vec2};
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+/// Reads the three files of a folder; the points may be missing.
+pub(super) fn read(folder: &Path, warnings: &mut Vec<String>) -> Result<Model> {
+    let mut model = Model::default();
+    read_cameras(&mut Lines::open(folder.join("cameras.txt"))?, &mut model)?;
+    read_images(&mut Lines::open(folder.join("images.txt"))?, &mut model)?;
+    let points = folder.join("points3D.txt");
+    if points.is_file() {
+        read_points(&mut Lines::open(points)?, &mut model)?;
+    } else {
+        warnings.push(format!("{} is missing", points.display()));
+    }
+    Ok(model)
+}
+
+/// `CAMERA_ID MODEL WIDTH HEIGHT PARAMS...`
+fn read_cameras(lines: &mut Lines, model: &mut Model) -> Result<()> {
+    while lines.next_entry()? {
+        let mut words = lines.words();
+        let id = words.number("camera id")?;
+        let name = words.word("camera model")?.to_owned();
+        let size = [words.number("width")?, words.number("height")?];
+        let params: Vec<f64> = words.rest("parameter")?;
+        let lens = colmap::lens(&lines.path, &name, size, &params)?;
+        model.cameras.insert(id, lens);
+    }
+    Ok(())
+}
+
+/// `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME`, then a line of `X Y POINT3D_ID` triples, perhaps empty.
+fn read_images(lines: &mut Lines, model: &mut Model) -> Result<()> {
+    while lines.next_entry()? {
+        let mut words = lines.words();
+        let id: u32 = words.number("image id")?;
+        let quaternion = words.numbers::<4>("quaternion")?;
+        let translation = DVec3::from(words.numbers::<3>("translation")?);
+        let camera = words.number("camera id")?;
+        let name = words.text.trim().to_owned();
+        if name.is_empty() {
+            return Err(lines.malformed(format!("image {id} has no name")));
+        }
+        let rotation = colmap::rotation(quaternion).filter(|_| translation.is_finite()).ok_or_else(|| {
+            lines.malformed(format!("image {id} `{name}` has no pose: {quaternion:?}, {translation}"))
+        })?;
+        let mut sightings = Vec::new();
+        if lines.next_line()? {
+            let mut words = lines.words();
+            while !words.text.is_empty() {
+                let [x, y] = words.numbers("2D point")?;
+                let point: i64 = words.number("3D point id")?;
+                if let Ok(point) = u64::try_from(point) {
+                    sightings.push((point, Vec2::new(x as f32, y as f32)));
+                }
+            }
+        }
+        model.images.push(ImageRow { name, camera, rotation, translation, sightings });
+    }
+    Ok(())
+}
+
+/// `POINT3D_ID X Y Z R G B ERROR TRACK...`
+fn read_points(lines: &mut Lines, model: &mut Model) -> Result<()> {
+    while lines.next_entry()? {
+        let mut words = lines.words();
+        let id = words.number("point id")?;
+        let position = DVec3::from(words.numbers::<3>("position")?);
+        let rgb = [words.number("red")?, words.number("green")?, words.number("blue")?];
+        let error = words.number("error")?;
+        model.points.push(PointRow { id, position, rgb, error });
+    }
+    Ok(())
+}
+
+/// A file read line by line that knows where it is.
+struct Lines {
+    path: PathBuf,
+    reader: BufReader<File>,
+    line: String,
+    number: u64,
+}
+
+impl Lines {
+    fn open(path: PathBuf) -> Result<Self> {
+        let file = File::open(&path).map_err(|e| Error::io(&path, e))?;
+        Ok(Self { reader: BufReader::with_capacity(1 << 18, file), path, line: String::new(), number: 0 })
+    }
+
+    /// Goes to the next line; false at the end of the file.
+    fn next_line(&mut self) -> Result<bool> {
+        self.line.clear();
+        self.number += 1;
+        let read = self.reader.read_line(&mut self.line);
+        read.map(|bytes| bytes > 0).map_err(|e| match e.kind() {
+            std::io::ErrorKind::InvalidData => self.malformed("is not text; a binary model ends in .bin"),
+            _ => Error::io(&self.path, e),
+        })
+    }
+
+    /// Goes to the next line that is neither empty nor a comment; false at the end of the file.
+    fn next_entry(&mut self) -> Result<bool> {
+        while self.next_line()? {
+            let line = self.line.trim_start();
+            if !line.is_empty() && !line.starts_with('#') {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    fn words(&self) -> Words<'_> {
+        Words { lines: self, text: self.line.trim() }
+    }
+
+    fn malformed(&self, reason: impl Into<String>) -> Error {
+        Error::malformed(&self.path, format!("line {}", self.number), reason)
+    }
+}
+
+/// What is left of a line.
+struct Words<'a> {
+    lines: &'a Lines,
+    text: &'a str,
+}
+
+impl<'a> Words<'a> {
+    fn word(&mut self, what: &str) -> Result<&'a str> {
+        let (word, rest) = self.text.split_once(char::is_whitespace).unwrap_or((self.text, ""));
+        if word.is_empty() {
+            return Err(self.lines.malformed(format!("the {what} is missing")));
+        }
+        self.text = rest.trim_start();
+        Ok(word)
+    }
+
+    fn number<T: FromStr>(&mut self, what: &str) -> Result<T> {
+        let word = self.word(what)?;
+        word.parse().map_err(|_| self.lines.malformed(format!("the {what} `{word}` is not such a number")))
+    }
+
+    fn numbers<const N: usize>(&mut self, what: &str) -> Result<[f64; N]> {
+        let mut numbers = [0.0; N];
+        for number in &mut numbers {
+            *number = self.number(what)?;
+        }
+        Ok(numbers)
+    }
+
+    fn rest(&mut self, what: &str) -> Result<Vec<f64>> {
+        let mut numbers = Vec::new();
+        while !self.text.is_empty() {
+            numbers.push(self.number(what)?);
+        }
+        Ok(numbers)
+    }
+}

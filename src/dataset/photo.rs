@@ -1,0 +1,58 @@
+//! One photo on disk and what to do to it on the way in.
+
+use super::options::{Background, Masks};
+use super::undistort::Undistort;
+use crate::error::{Error, Result};
+use crate::image::Pixels;
+use glam::UVec2;
+use std::path::{Path, PathBuf};
+
+/// A photo that is decoded when asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Photo {
+    /// The picture file.
+    pub path: PathBuf,
+    /// The picture of what counts, as large as the photo.
+    pub mask: Option<PathBuf>,
+    /// Width and height as delivered, px.
+    pub size: UVec2,
+    /// Width and height of the file, px.
+    pub stored: UVec2,
+    pub(super) undistort: Option<Undistort>,
+    pub(super) background: Background,
+    pub(super) masks: Masks,
+}
+
+impl Photo {
+    /// The photo as training wants it: laid over the background, masked, straightened, shrunk.
+    /// `alpha` is then the weight of each pixel in the loss, `None` where all count.
+    pub fn decode(&self) -> Result<Pixels> {
+        let mut pixels = Pixels::load(&self.path)?;
+        self.check_size(&self.path, pixels.size)?;
+        pixels = pixels.over(self.background.0);
+        if let Some(mask) = &self.mask {
+            let (size, weights) = Pixels::load_mask(mask)?;
+            self.check_size(mask, size)?;
+            pixels.alpha = Some(weights);
+            if self.masks == Masks::Cut {
+                pixels = pixels.over(self.background.0);
+            }
+        }
+        if let Some(undistort) = &self.undistort {
+            pixels = undistort.apply(&pixels);
+        }
+        if pixels.size != self.size {
+            pixels = pixels.downscaled(self.size);
+        }
+        Ok(pixels)
+    }
+
+    fn check_size(&self, path: &Path, size: UVec2) -> Result<()> {
+        if size == self.stored {
+            return Ok(());
+        }
+        let (want, photo) = (self.stored, self.path.display());
+        let reason = format!("is {}x{}, the photo {photo} is {}x{}", size.x, size.y, want.x, want.y);
+        Err(Error::malformed(path, "size", format!("{reason}; a mask must be as large as its photo")))
+    }
+}

@@ -1,0 +1,328 @@
+//! All photos of a run, decoded in the background under a memory budget.
+//!
+//! Every file is decoded once. What does not fit the budget waits, already shrunk, in a temporary file
+//! without a name, from which it comes back at the speed of a copy.
+
+use super::Photo;
+use crate::error::{Error, Result};
+use crate::image::Pixels;
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+
+/// Photos fetched ahead even when the budget is used up, so that training does not wait for the disk.
+const AHEAD: usize = 4;
+/// Threads that decode: each may hold one photo at full size.
+const WORKERS: usize = 2;
+
+/// Decoded photos by index.
+#[derive(Debug)]
+pub struct Photos {
+    shared: Arc<Shared>,
+    workers: Vec<JoinHandle<()>>,
+}
+
+#[derive(Debug)]
+struct Shared {
+    photos: Vec<Photo>,
+    budget_bytes: u64,
+    state: Mutex<State>,
+    work: Condvar,
+    news: Condvar,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    slots: Vec<Slot>,
+    /// What will be taken next, in order.
+    expected: VecDeque<usize>,
+    /// What is being waited for now.
+    wanted: Option<usize>,
+    resident_bytes: u64,
+    /// Counts takes: the age of a photo is when it was last taken.
+    clock: u64,
+    shelf: Shelf,
+    decoded: u64,
+    stop: bool,
+}
+
+#[derive(Debug, Default)]
+struct Slot {
+    pixels: Option<Result<Arc<Pixels>>>,
+    shelved: Option<Shelved>,
+    loading: bool,
+    taken: u64,
+}
+
+impl Photos {
+    /// Photos to be taken by their index; nothing is decoded before [`Photos::expect`] or
+    /// [`Photos::take`].
+    pub fn new(photos: Vec<Photo>, budget_bytes: u64) -> Self {
+        let slots = photos.iter().map(|_| Slot::default()).collect();
+        let state = Mutex::new(State { slots, ..State::default() });
+        let shared =
+            Arc::new(Shared { photos, budget_bytes, state, work: Condvar::new(), news: Condvar::new() });
+        let workers = (0..WORKERS)
+            .map(|_| {
+                let shared = Arc::clone(&shared);
+                std::thread::spawn(move || shared.serve())
+            })
+            .collect();
+        Self { shared, workers }
+    }
+
+    /// Number of photos.
+    pub fn len(&self) -> usize {
+        self.shared.photos.len()
+    }
+
+    /// True when there are none.
+    pub fn is_empty(&self) -> bool {
+        self.shared.photos.is_empty()
+    }
+
+    /// Says what will be taken next, in order, after what was said before; the background fetches it.
+    pub fn expect(&mut self, order: impl IntoIterator<Item = usize>) {
+        let count = self.len();
+        self.shared.lock().expected.extend(order.into_iter().filter(|&i| i < count));
+        self.shared.work.notify_all();
+    }
+
+    /// The photo at index `i`; waits for it when it is not there yet. Fails when its file cannot be
+    /// decoded.
+    pub fn take(&mut self, i: usize) -> Result<Arc<Pixels>> {
+        if i >= self.len() {
+            return Err(Error::invalid("photo", i, format!("an index below {}", self.len())));
+        }
+        let mut state = self.shared.lock();
+        loop {
+            if let Some(found) = state.slots[i].pixels.take() {
+                state.wanted = None;
+                let found = found?;
+                state.clock += 1;
+                state.slots[i].taken = state.clock;
+                state.slots[i].pixels = Some(Ok(Arc::clone(&found)));
+                if let Some(at) = state.expected.iter().take(2 * AHEAD).position(|&next| next == i) {
+                    state.expected.remove(at);
+                }
+                self.shared.work.notify_all();
+                return Ok(found);
+            }
+            state.wanted = Some(i);
+            self.shared.work.notify_all();
+            state = self.shared.news.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// How many files have been decoded so far.
+    pub fn decoded(&self) -> u64 {
+        self.shared.lock().decoded
+    }
+}
+
+impl Drop for Photos {
+    fn drop(&mut self) {
+        self.shared.lock().stop = true;
+        self.shared.work.notify_all();
+        for worker in self.workers.drain(..) {
+            // A worker that panicked has nothing left to clean up.
+            let _ = worker.join();
+        }
+    }
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What a worker does all its life.
+    fn serve(&self) {
+        let mut state = self.lock();
+        while !state.stop {
+            let Some(i) = self.next_job(&state) else {
+                state = self.work.wait(state).unwrap_or_else(PoisonError::into_inner);
+                continue;
+            };
+            state.slots[i].loading = true;
+            let shelved = state.slots[i].shelved.and_then(|place| state.shelf.fetch(place));
+            let pixels = match shelved {
+                Some(pixels) => Ok(pixels),
+                None => {
+                    drop(state);
+                    let decoded = self.photos[i].decode();
+                    state = self.lock();
+                    state.decoded += 1;
+                    decoded
+                }
+            };
+            let slot = &mut state.slots[i];
+            slot.loading = false;
+            let bytes = pixels.as_ref().map_or(0, Pixels::bytes);
+            slot.pixels = Some(pixels.map(Arc::new));
+            state.resident_bytes += bytes;
+            self.make_room(&mut state, i);
+            self.news.notify_all();
+        }
+    }
+
+    /// What is most urgent: what somebody waits for, then what comes next, as far as memory goes.
+    fn next_job(&self, state: &State) -> Option<usize> {
+        let idle = |i: usize| state.slots[i].pixels.is_none() && !state.slots[i].loading;
+        if let Some(i) = state.wanted.filter(|&i| idle(i)) {
+            return Some(i);
+        }
+        let mut bytes = state.resident_bytes;
+        for (ahead, &i) in state.expected.iter().enumerate() {
+            let size = self.photos[i].size;
+            let fits = bytes + 4 * u64::from(size.x) * u64::from(size.y) <= self.budget_bytes;
+            if ahead >= AHEAD && !fits {
+                return None;
+            }
+            if idle(i) {
+                return Some(i);
+            }
+            if state.slots[i].loading {
+                bytes += 4 * u64::from(size.x) * u64::from(size.y);
+            }
+        }
+        None
+    }
+
+    /// Shelves the photos that were not used for longest until the budget is kept, but none that is
+    /// needed at once.
+    fn make_room(&self, state: &mut State, newest: usize) {
+        while state.resident_bytes > self.budget_bytes {
+            let soon = |i: usize| {
+                i == newest || state.wanted == Some(i) || state.expected.iter().take(AHEAD).any(|&e| e == i)
+            };
+            let resident = |slot: &Slot| matches!(slot.pixels, Some(Ok(_)));
+            let oldest = (0..state.slots.len())
+                .filter(|&i| resident(&state.slots[i]) && !soon(i))
+                .min_by_key(|&i| state.slots[i].taken);
+            let Some(i) = oldest else { return };
+            let Some(Ok(pixels)) = state.slots[i].pixels.take() else { return };
+            state.resident_bytes -= pixels.bytes();
+            if state.slots[i].shelved.is_none() {
+                // Without room on the disk either, the file is decoded again when its turn comes.
+                state.slots[i].shelved = state.shelf.put(&pixels).ok();
+            }
+        }
+    }
+}
+
+/// The temporary file of decoded photos.
+#[derive(Debug, Default)]
+struct Shelf {
+    file: Option<File>,
+    end: u64,
+}
+
+/// Where a photo stands on the shelf.
+#[derive(Debug, Clone, Copy)]
+struct Shelved {
+    at: u64,
+    size: glam::UVec2,
+    alpha: bool,
+}
+
+impl Shelf {
+    fn put(&mut self, pixels: &Pixels) -> std::io::Result<Shelved> {
+        let file = match &mut self.file {
+            Some(file) => file,
+            empty => empty.insert(tempfile::tempfile()?),
+        };
+        let at = self.end;
+        file.seek(SeekFrom::Start(at))?;
+        file.write_all(bytemuck::cast_slice(&pixels.rgb))?;
+        file.write_all(pixels.alpha.as_deref().unwrap_or_default())?;
+        self.end = at + pixels.bytes();
+        Ok(Shelved { at, size: pixels.size, alpha: pixels.alpha.is_some() })
+    }
+
+    fn fetch(&mut self, place: Shelved) -> Option<Pixels> {
+        let file = self.file.as_mut()?;
+        let count = place.size.x as usize * place.size.y as usize;
+        let mut rgb = vec![[0u8; 3]; count];
+        let mut alpha = place.alpha.then(|| vec![0u8; count]);
+        file.seek(SeekFrom::Start(place.at)).ok()?;
+        file.read_exact(bytemuck::cast_slice_mut(&mut rgb)).ok()?;
+        if let Some(alpha) = &mut alpha {
+            file.read_exact(alpha).ok()?;
+        }
+        Some(Pixels { size: place.size, rgb, alpha })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::{Background, Masks};
+    use glam::UVec2;
+    use std::path::Path;
+
+    const SIZE: UVec2 = UVec2::new(16, 12);
+
+    fn pixels(i: usize) -> Pixels {
+        let rgb = (0..SIZE.x * SIZE.y).map(|k| [i as u8, k as u8, 77]).collect();
+        Pixels { size: SIZE, rgb, alpha: None }
+    }
+
+    fn photos(folder: &Path, count: usize) -> Vec<Photo> {
+        let photo = |i| {
+            let path = folder.join(format!("{i}.png"));
+            pixels(i).save_png(&path).unwrap();
+            let (background, masks) = (Background::default(), Masks::Off);
+            Photo { path, mask: None, size: SIZE, stored: SIZE, undistort: None, background, masks }
+        };
+        (0..count).map(photo).collect()
+    }
+
+    #[test]
+    fn every_file_is_decoded_once_whatever_the_budget() {
+        let folder = tempfile::tempdir().unwrap();
+        let one = pixels(0).bytes();
+        for budget in [0, one, 3 * one, 7 * one, 1 << 30] {
+            let mut photos = Photos::new(photos(folder.path(), 20), budget);
+            for epoch in 0..4 {
+                let order: Vec<usize> = (0..20).map(|k| (k * 7 + epoch * 3) % 20).collect();
+                photos.expect(order.iter().copied());
+                for i in order {
+                    assert_eq!(*photos.take(i).unwrap(), pixels(i), "budget {budget}");
+                }
+            }
+            assert_eq!(photos.decoded(), 20, "budget {budget}");
+            let resident = photos.shared.lock().resident_bytes;
+            assert!(
+                resident <= budget.max((AHEAD as u64 + 1 + WORKERS as u64) * one),
+                "{resident} of {budget}"
+            );
+        }
+    }
+
+    #[test]
+    fn taking_without_expecting_works_and_expectations_may_be_wrong() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut photos = Photos::new(photos(folder.path(), 5), 0);
+        photos.expect([4, 3, 99]);
+        for i in [0, 1, 1, 4, 0, 2] {
+            assert_eq!(*photos.take(i).unwrap(), pixels(i));
+        }
+    }
+
+    #[test]
+    fn a_broken_file_fails_when_taken_and_the_others_go_on() {
+        let folder = tempfile::tempdir().unwrap();
+        let list = photos(folder.path(), 3);
+        std::fs::write(folder.path().join("1.png"), b"\x89PNG\r\n\x1a\nnothing").unwrap();
+        let mut photos = Photos::new(list, 1 << 20);
+        photos.expect(0..3);
+        assert!(photos.take(0).is_ok());
+        let message = photos.take(1).unwrap_err().to_string();
+        assert!(message.contains("1.png"), "{message}");
+        assert!(photos.take(2).is_ok());
+        assert!(photos.take(1).is_err(), "still broken");
+    }
+}

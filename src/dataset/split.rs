@@ -1,0 +1,69 @@
+//! Which photos are held out: `test.txt`, else what the data set marks, else every Nth by name.
+
+use super::options::DatasetOptions;
+use super::{Dataset, View};
+use crate::error::{Error, Result};
+use std::collections::HashSet;
+use std::path::Path;
+
+/// Marks the held-out views. They are sorted by name, and those of a `transforms_test.json` are marked
+/// already.
+pub(super) fn apply(dataset: &mut Dataset, root: &Path, options: &DatasetOptions) -> Result<()> {
+    let list = root.join("test.txt");
+    if options.test_every == 0 {
+        dataset.views.iter_mut().for_each(|view| view.test = false);
+        return Ok(());
+    }
+    if list.is_file() {
+        let text = std::fs::read_to_string(&list).map_err(|e| Error::io(&list, e))?;
+        return by_list(dataset, &list, &text);
+    }
+    if dataset.views.iter().any(|view| view.test) {
+        return Ok(());
+    }
+    // A single photo is worth more in training than held out.
+    if dataset.views.len() > 1 {
+        for view in dataset.views.iter_mut().step_by(options.test_every as usize) {
+            view.test = true;
+        }
+    }
+    all_held_out(dataset, root)
+}
+
+/// Holds out the photos named in `text`, one a line, with or without their file extension.
+fn by_list(dataset: &mut Dataset, list: &Path, text: &str) -> Result<()> {
+    let named: HashSet<&str> = text.lines().map(str::trim).filter(|name| !name.is_empty()).collect();
+    let mut matched = HashSet::new();
+    for view in &mut dataset.views {
+        let hit = spellings(view).into_iter().flatten().find_map(|name| named.get(name).copied());
+        view.test = hit.is_some();
+        matched.extend(hit);
+    }
+    if let Some(missing) = named.iter().filter(|name| !matched.contains(*name)).min() {
+        let count = named.len() - matched.len();
+        if matched.is_empty() {
+            let reason = format!("none of its {count} names is a photo of the data set (`{missing}`)");
+            return Err(Error::malformed(list, "names", format!("{reason}; mend or remove the file")));
+        }
+        let of = named.len();
+        dataset.warnings.push(format!("test.txt: {count} of {of} names are no photos (`{missing}`)"));
+    }
+    all_held_out(dataset, list)
+}
+
+/// How a list may name a view: in full, without extension, without folders, without either.
+fn spellings(view: &View) -> [Option<&str>; 4] {
+    let path = Path::new(&view.name);
+    let stem = view.name.rsplit_once('.').map(|(stem, _)| stem);
+    let file = path.file_name().and_then(|n| n.to_str());
+    let file_stem = path.file_stem().and_then(|n| n.to_str());
+    [Some(view.name.as_str()), stem, file, file_stem]
+}
+
+fn all_held_out(dataset: &Dataset, source: &Path) -> Result<()> {
+    if dataset.views.iter().all(|view| view.test) {
+        let reason = "every photo is held out, none is left to train on; name fewer, or give --test-every 0";
+        return Err(Error::unsupported(source, reason));
+    }
+    Ok(())
+}
