@@ -1,1 +1,243 @@
-//! The `target` of the bake.
+//! Who will read the file: one row a target, from what each engine was found to need.
+//!
+//! `docs/engines.md` gives the reasons and the steps to take in each engine.
+
+use crate::formats::gltf::{ColorEncoding, GltfOptions, PositionEncoding};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// The engine or program a GLB is made for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+#[value(rename_all = "lowercase")]
+pub enum Target {
+    /// Any viewer that follows the glTF specification.
+    #[default]
+    Gltf,
+    /// Godot 4: sRGB colours, a `-vcol` material and a `.import` file beside the GLB.
+    Godot,
+    /// Godot 3: as Godot 4, with colours as floats and no `.import` file.
+    Godot3,
+    /// Unity with glTFast or UnityGLTF.
+    Unity,
+    /// Unreal Engine 5 (Interchange).
+    Unreal,
+    /// Blender 3.3 and later.
+    Blender,
+    /// three.js, Babylon.js, CesiumJS.
+    Web,
+    /// PlayCanvas 2.14 and later.
+    Playcanvas,
+}
+
+/// How to write the file for a target, and what the user should know about it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Encoding {
+    /// For [`crate::formats::gltf`].
+    pub options: GltfOptions,
+    /// One sentence each, starting with the target's name.
+    pub notes: Vec<String>,
+}
+
+/// What a target can do with a small file.
+enum Small {
+    /// Nothing smaller is read: positions stay f32; why.
+    No(&'static str),
+    /// Reads 16-bit positions (KHR_mesh_quantization).
+    Quantised,
+    /// Reads 16-bit positions and EXT_meshopt_compression.
+    Compressed,
+}
+
+/// One row of the table.
+struct Row {
+    name: &'static str,
+    colors: ColorEncoding,
+    material: &'static str,
+    small: Small,
+    notes: &'static [&'static str],
+    /// Added when the file is made small.
+    small_notes: &'static [&'static str],
+}
+
+const LINEAR: ColorEncoding = ColorEncoding::U16Linear;
+/// Godot takes vertex colours of a material of such a name as sRGB, and drops the ending on import.
+const GODOT_MATERIAL: &str = "trisplat-vcol";
+
+impl Target {
+    fn row(self) -> Row {
+        let plain = |name, small| Row {
+            name,
+            colors: LINEAR,
+            material: "trisplat",
+            small,
+            notes: &[],
+            small_notes: &[],
+        };
+        match self {
+            Target::Gltf => plain(
+                "gltf",
+                Small::No(
+                    "not every viewer reads 16-bit positions (Godot and assimp do not); \
+                     web, unity, blender and playcanvas do",
+                ),
+            ),
+            Target::Godot => Row {
+                colors: ColorEncoding::U8Srgb,
+                material: GODOT_MATERIAL,
+                notes: &["vertex colours are sRGB codes; other viewers show this file washed out"],
+                ..plain("godot", Small::No("its importer refuses quantised and compressed meshes"))
+            },
+            Target::Godot3 => Row {
+                colors: ColorEncoding::F32Srgb,
+                material: GODOT_MATERIAL,
+                notes: &[
+                    "vertex colours are sRGB codes; other viewers show this file washed out",
+                    "the importer ignores 'unlit': tick Unshaded in the material's flags",
+                ],
+                ..plain("godot3", Small::No("a compressed mesh comes in empty"))
+            },
+            Target::Unity => Row {
+                small_notes: &["meshopt is left out: it needs one more Unity package"],
+                ..plain("unity", Small::Quantised)
+            },
+            Target::Unreal => Row {
+                notes: &["the material needs a Vertex Color node (docs/engines.md)"],
+                ..plain(
+                    "unreal",
+                    Small::No("its importer does not read meshopt, and 16-bit positions are untried"),
+                )
+            },
+            Target::Blender => Row {
+                small_notes: &[
+                    "objects get a scale of their own; meshopt is left out, Blender reads it from 5.2 on",
+                ],
+                ..plain("blender", Small::Quantised)
+            },
+            Target::Web => Row {
+                small_notes: &["the page must set a meshopt decoder (docs/engines.md)"],
+                ..plain("web", Small::Compressed)
+            },
+            Target::Playcanvas => Row {
+                notes: &["needs engine 2.14 or later: before, vertex colours show too bright"],
+                small_notes: &["meshopt is left out: the engine does not read it"],
+                ..plain("playcanvas", Small::Quantised)
+            },
+        }
+    }
+
+    /// How to write a GLB for this target; `small` asks for the fewest bytes it can read.
+    pub fn encoding(self, small: bool) -> Encoding {
+        let row = self.row();
+        let mut notes: Vec<&str> = row.notes.to_vec();
+        let kept = match row.small {
+            Small::No(why) => Some(format!("positions stay f32: {why}")),
+            Small::Quantised | Small::Compressed => None,
+        };
+        if small {
+            notes.extend(kept.as_deref());
+            notes.extend(row.small_notes);
+        }
+        let positions =
+            if small && kept.is_none() { PositionEncoding::ChunkU16 } else { PositionEncoding::F32 };
+        Encoding {
+            options: GltfOptions {
+                colors: row.colors,
+                positions,
+                meshopt: small && matches!(row.small, Small::Compressed),
+                material_name: row.material.to_owned(),
+                allow_huge: false,
+            },
+            notes: notes.iter().map(|note| format!("{}: {note}", row.name)).collect(),
+        }
+    }
+
+    /// Name and content of the file that goes beside `glb_file_name`, where the engine wants one.
+    ///
+    /// Godot 4 honours an import file that is there before it first sees the GLB, and completes it. Ours
+    /// turns off what harms triangle soups: level-of-detail meshes (they delete triangles), tangents,
+    /// shadow meshes, lightmap coordinates and vertex compression.
+    pub fn sidecar(self, glb_file_name: &str) -> Option<(String, String)> {
+        (self == Target::Godot).then(|| {
+            let source = glb_file_name.replace('\\', "\\\\").replace('"', "\\\"");
+            (format!("{glb_file_name}.import"), GODOT_IMPORT.replace("{source}", &source))
+        })
+    }
+}
+
+const GODOT_IMPORT: &str = r#"[remap]
+
+importer="scene"
+importer_version=1
+type="PackedScene"
+
+[deps]
+
+source_file="res://{source}"
+
+[params]
+
+meshes/ensure_tangents=false
+meshes/generate_lods=false
+meshes/create_shadow_meshes=false
+meshes/light_baking=0
+meshes/force_disable_compression=true
+gltf/embedded_image_handling=3
+"#;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::ValueEnum;
+
+    #[test]
+    fn only_godot_files_break_the_color_rule_and_they_carry_the_name_that_says_so() {
+        for &target in Target::value_variants() {
+            for small in [false, true] {
+                let options = target.encoding(small).options;
+                assert_eq!(
+                    options.colors.is_linear(),
+                    !options.material_name.ends_with("-vcol"),
+                    "{target:?}"
+                );
+                let godot = matches!(target, Target::Godot | Target::Godot3);
+                assert_eq!(options.colors.is_linear(), !godot, "{target:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_is_quantised_or_compressed_unless_small_is_asked_for_and_read() {
+        for &target in Target::value_variants() {
+            let options = target.encoding(false).options;
+            assert!(options.positions == PositionEncoding::F32 && !options.meshopt, "{target:?}");
+            let small = target.encoding(true);
+            let reads = matches!(target, Target::Unity | Target::Blender | Target::Web | Target::Playcanvas);
+            assert_eq!(small.options.positions == PositionEncoding::ChunkU16, reads, "{target:?}");
+            assert_eq!(small.options.meshopt, target == Target::Web, "{target:?}");
+            assert!(!small.notes.is_empty(), "{target:?} says what small means");
+        }
+    }
+
+    #[test]
+    fn notes_start_with_the_name_the_user_typed() {
+        for target in Target::value_variants() {
+            let name = target.to_possible_value().map(|v| v.get_name().to_owned()).unwrap_or_default();
+            assert_eq!(serde_json::to_value(target).ok(), Some(name.clone().into()));
+            for note in target.encoding(true).notes {
+                assert!(note.starts_with(&format!("{name}: ")), "{note}");
+            }
+        }
+    }
+
+    #[test]
+    fn godot_gets_an_import_file_and_nobody_else() {
+        for &target in Target::value_variants() {
+            assert_eq!(target.sidecar("scene.glb").is_some(), target == Target::Godot);
+        }
+        let (name, content) = Target::Godot.sidecar("a \"b\".glb").unwrap_or_default();
+        assert_eq!(name, "a \"b\".glb.import");
+        assert!(content.contains("source_file=\"res://a \\\"b\\\".glb\"\n"));
+        assert!(content.contains("meshes/generate_lods=false\n"));
+    }
+}

@@ -1,3 +1,4 @@
 //! Numbers: knows no triangle.
 
 pub mod color;
+pub mod srgb8;

@@ -1,0 +1,186 @@
+//! The bytes of a stream: positions, colours and indices as glTF stores them, little-endian.
+
+use super::chunk::{Part, Stream, Vertices};
+use super::{ColorEncoding, GltfOptions};
+use crate::math::srgb8::srgb8_from_linear;
+use crate::mesh::{Colors, Mesh};
+use std::io::{self, Write};
+use std::ops::Range;
+use std::sync::LazyLock;
+
+/// Bytes encoded before they are handed on.
+const BLOCK_BYTES: u64 = 1 << 20;
+
+/// Writes one stream in blocks of about 1 MiB; `scratch` is reused from call to call.
+pub(super) fn write(
+    out: &mut dyn Write,
+    mesh: &Mesh,
+    part: &Part,
+    stream: Stream,
+    options: &GltfOptions,
+    scratch: &mut Vec<u8>,
+) -> io::Result<()> {
+    if let Some(bytes) = as_it_lies(mesh, part, stream) {
+        return out.write_all(bytes);
+    }
+    let stride = part.stride(stream, options);
+    let count = part.count(stream);
+    // Whole triangles, so that a block starts with a face.
+    let step = (BLOCK_BYTES / stride) as usize / 3 * 3;
+    for start in (0..count).step_by(step) {
+        let range = start..count.min(start + step);
+        scratch.resize(range.len() * stride as usize, 0);
+        fill(scratch, mesh, part, stream, range, options);
+        out.write_all(scratch)?;
+    }
+    Ok(())
+}
+
+/// All bytes of one stream.
+pub(super) fn bytes(mesh: &Mesh, part: &Part, stream: Stream, options: &GltfOptions) -> Vec<u8> {
+    let mut bytes = vec![0; part.bytes(stream, options) as usize];
+    fill(&mut bytes, mesh, part, stream, 0..part.count(stream), options);
+    bytes
+}
+
+/// The stream's bytes when memory holds them already: float positions of a run of vertices.
+fn as_it_lies<'a>(mesh: &'a Mesh, part: &Part, stream: Stream) -> Option<&'a [u8]> {
+    match (&part.vertices, stream, part.grid) {
+        (Vertices::Run(run), Stream::Positions, None) if cfg!(target_endian = "little") => {
+            Some(bytemuck::cast_slice(&mesh.positions[run.clone()]))
+        }
+        _ => None,
+    }
+}
+
+/// Fills `out` with the elements `range` of a stream; a range of vertices starts with a face.
+fn fill(
+    out: &mut [u8],
+    mesh: &Mesh,
+    part: &Part,
+    stream: Stream,
+    range: Range<usize>,
+    options: &GltfOptions,
+) {
+    match stream {
+        Stream::Positions => match part.grid {
+            Some(grid) => vertices(out, &mesh.positions, part, range, |p| -> [u8; 8] {
+                let code = grid.code(p);
+                bytes_of([code.x, code.y, code.z, 0].map(u16::to_le_bytes))
+            }),
+            None => vertices(out, &mesh.positions, part, range, |p| -> [u8; 12] {
+                bytes_of(p.to_array().map(f32::to_le_bytes))
+            }),
+        },
+        Stream::Colors => fill_colors(out, mesh, part, range, options.colors),
+        Stream::Indices => {
+            let first = 3 * part.faces.start;
+            let local = mesh.indices[first + range.start..first + range.end].iter().map(|&v| part.local(v));
+            if part.has_short_indices() {
+                cells(out, local, |i| (i as u16).to_le_bytes());
+            } else {
+                cells(out, local, |i| (i as u32).to_le_bytes());
+            }
+        }
+    }
+}
+
+fn fill_colors(out: &mut [u8], mesh: &Mesh, part: &Part, range: Range<usize>, encoding: ColorEncoding) {
+    match encoding {
+        ColorEncoding::U16Linear => colors(out, mesh, part, range, |c| -> [u8; 8] {
+            let [r, g, b] = c.map(|x| (x * 65535.0 + 0.5) as u16);
+            bytes_of([r, g, b, u16::MAX].map(u16::to_le_bytes))
+        }),
+        ColorEncoding::U8Linear => colors(out, mesh, part, range, |c| {
+            let [r, g, b] = c.map(|x| (x * 255.0 + 0.5) as u8);
+            [r, g, b, u8::MAX]
+        }),
+        ColorEncoding::U8Srgb => colors(out, mesh, part, range, |c| {
+            let [r, g, b] = c.map(srgb8_from_linear);
+            [r, g, b, u8::MAX]
+        }),
+        ColorEncoding::F32Linear => colors(out, mesh, part, range, |c| -> [u8; 16] {
+            let [r, g, b] = c.map(|x| x.max(0.0).min(1.0));
+            bytes_of([r, g, b, 1.0].map(f32::to_le_bytes))
+        }),
+        ColorEncoding::F32Srgb => colors(out, mesh, part, range, |c| -> [u8; 16] {
+            let [r, g, b] = c.map(|x| CODES[usize::from(srgb8_from_linear(x))]);
+            bytes_of([r, g, b, 1.0].map(f32::to_le_bytes))
+        }),
+    }
+}
+
+/// Encodes a colour once and stores it for every vertex that has it.
+fn colors<const N: usize>(
+    out: &mut [u8],
+    mesh: &Mesh,
+    part: &Part,
+    range: Range<usize>,
+    code: impl Fn([f32; 3]) -> [u8; N],
+) {
+    match &mesh.colors {
+        Colors::Face(colors) => {
+            let faces = part.faces.start + range.start / 3..part.faces.start + range.end / 3;
+            for (triangle, &color) in out.chunks_exact_mut(3 * N).zip(&colors[faces]) {
+                let code = code(color);
+                triangle.chunks_exact_mut(N).for_each(|corner| corner.copy_from_slice(&code));
+            }
+        }
+        Colors::Vertex(colors) => vertices(out, colors, part, range, code),
+    }
+}
+
+/// Stores what an array of the mesh holds for the vertices `range` of a part.
+fn vertices<T: Copy, const N: usize>(
+    out: &mut [u8],
+    values: &[T],
+    part: &Part,
+    range: Range<usize>,
+    code: impl Fn(T) -> [u8; N],
+) {
+    match &part.vertices {
+        Vertices::Run(run) => {
+            cells(out, values[run.start + range.start..run.start + range.end].iter().copied(), code);
+        }
+        Vertices::Picked(ids) => cells(out, ids[range].iter().map(|&id| values[id as usize]), code),
+    }
+}
+
+/// Stores one cell of N bytes for every value.
+fn cells<T, const N: usize>(out: &mut [u8], values: impl Iterator<Item = T>, code: impl Fn(T) -> [u8; N]) {
+    for (cell, value) in out.chunks_exact_mut(N).zip(values) {
+        cell.copy_from_slice(&code(value));
+    }
+}
+
+fn bytes_of<const M: usize, const K: usize, const N: usize>(parts: [[u8; K]; M]) -> [u8; N] {
+    const { assert!(M * K == N) };
+    let mut bytes = [0; N];
+    bytes.copy_from_slice(parts.as_flattened());
+    bytes
+}
+
+/// The smallest float not below code / 255: an importer that truncates 255 x gets the code back.
+static CODES: LazyLock<[f32; 256]> = LazyLock::new(|| {
+    std::array::from_fn(|code| {
+        let near = code as f32 / 255.0;
+        if f64::from(near) * 255.0 < code as f64 { near.next_up() } else { near }
+    })
+});
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::color::linear_from_srgb;
+
+    #[test]
+    fn truncating_a_float_code_gives_the_code() {
+        for code in 0..=255u8 {
+            let x = CODES[usize::from(code)];
+            assert!((0.0..=1.0).contains(&x));
+            assert_eq!((f64::from(x) * 255.0) as u8, code);
+            assert_eq!((x * 255.0) as u8, code);
+            assert_eq!(srgb8_from_linear(linear_from_srgb(x)), code);
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! The 16-bit grid of one chunk, and what is lost on it.
+//!
+//! ```text
+//! position = scale * code + origin,   code in 0..=65535,   scale = extent / 65535 along each axis
+//! ```
+//!
+//! Never one grid for the whole scene: triangles are small against it. Measured on 500,000 synthetic
+//! triangles with a far shell, a global 14-bit grid (the usual default of optimisers) flattens 20 % of
+//! them to zero area, a global 16-bit grid 0.6 %, chunks of 16 thousand triangles about 0.1 %.
+
+use super::chunk::Bounds;
+use glam::{DVec3, I64Vec3, U16Vec3, Vec3};
+
+/// The largest code.
+const STEPS: f64 = u16::MAX as f64;
+
+/// Where the codes of a chunk stand: the scale and translation of its node.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Grid {
+    /// File units a step.
+    pub(super) scale: Vec3,
+    /// Position of code 0.
+    pub(super) origin: Vec3,
+}
+
+/// What quantisation costs.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Loss {
+    /// Largest distance between a vertex and where an engine puts it, in file units.
+    pub(super) worst: f32,
+    /// Triangles with an area before and none after.
+    pub(super) collapsed: u64,
+}
+
+impl Grid {
+    /// The finest grid that covers `bounds`; an axis without extent gets steps of 1.
+    pub(super) fn new(bounds: Bounds) -> Self {
+        let step = (bounds.max.as_dvec3() - bounds.min.as_dvec3()) / STEPS;
+        // A step below the smallest normal number would be zero in an engine that flushes denormals.
+        let scale = step.to_array().map(|s| if s > 0.0 { (s as f32).max(f32::MIN_POSITIVE) } else { 1.0 });
+        Self { scale: scale.into(), origin: bounds.min }
+    }
+
+    /// The code nearest to `position`.
+    pub(super) fn code(&self, position: Vec3) -> U16Vec3 {
+        let steps = (position.as_dvec3() - self.origin.as_dvec3()) / self.scale.as_dvec3();
+        steps.round().clamp(DVec3::ZERO, DVec3::splat(STEPS)).as_u16vec3()
+    }
+
+    /// Where an engine puts `code`, in its own f32 arithmetic.
+    pub(super) fn position(&self, code: U16Vec3) -> Vec3 {
+        self.scale * code.as_vec3() + self.origin
+    }
+
+    /// What putting these triangles on the grid costs.
+    pub(super) fn loss(&self, triangles: impl Iterator<Item = [Vec3; 3]>) -> Loss {
+        let mut worst = 0.0f64;
+        let mut collapsed = 0;
+        for corners in triangles {
+            let codes = corners.map(|p| self.code(p));
+            for (p, code) in corners.into_iter().zip(codes) {
+                worst = worst.max(p.as_dvec3().distance_squared(self.position(code).as_dvec3()));
+            }
+            collapsed += u64::from(is_flat(codes) && has_area(corners));
+        }
+        Loss { worst: worst.sqrt() as f32, collapsed }
+    }
+}
+
+impl Loss {
+    /// The loss of two sets of triangles.
+    pub(super) fn and(self, other: Loss) -> Loss {
+        Loss { worst: self.worst.max(other.worst), collapsed: self.collapsed + other.collapsed }
+    }
+}
+
+fn is_flat(codes: [U16Vec3; 3]) -> bool {
+    let [a, b, c] = codes.map(|code| code.as_i64vec3());
+    (b - a).cross(c - a) == I64Vec3::ZERO
+}
+
+fn has_area(corners: [Vec3; 3]) -> bool {
+    let [a, b, c] = corners.map(Vec3::as_dvec3);
+    (b - a).cross(c - a) != DVec3::ZERO
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grid(min: [f32; 3], max: [f32; 3]) -> Grid {
+        Grid::new(Bounds { min: min.into(), max: max.into() })
+    }
+
+    #[test]
+    fn the_corners_of_the_box_get_the_first_and_last_code() {
+        for (min, max) in [
+            ([-1.0, 2.0, -3.0], [4.0, 2.5, 1e3]),
+            ([1e30, -1e30, 0.0], [1.1e30, 1e30, f32::MIN_POSITIVE]),
+            ([1000.0, 1000.0, 1000.0], [1000.0001, 1000.0002, 1000.0003]),
+        ] {
+            let grid = grid(min, max);
+            assert_eq!(grid.code(min.into()), U16Vec3::ZERO);
+            let last = grid.code(max.into());
+            for axis in 0..3 {
+                assert!(last[axis] == u16::MAX || grid.scale[axis] == f32::MIN_POSITIVE, "{min:?} {max:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_axis_without_extent_is_exact() {
+        let grid = grid([1.0, 7.5, 3.0], [2.0, 7.5, 4.0]);
+        let p = Vec3::new(1.5, 7.5, 3.25);
+        assert_eq!(grid.position(grid.code(p)).y, 7.5);
+        assert!(grid.scale.is_finite() && grid.scale.min_element() > 0.0);
+    }
+
+    #[test]
+    fn a_vertex_moves_at_most_half_a_step_and_a_rounding() {
+        let grid = grid([-8.0, -8.0, -8.0], [8.0, 4.0, 2.0]);
+        for i in 0..1000u32 {
+            let t = |k: u32| (i.wrapping_mul(k) % 1009) as f32 / 1009.0;
+            let p = Vec3::new(-8.0 + 16.0 * t(7), -8.0 + 12.0 * t(13), -8.0 + 10.0 * t(29));
+            let error = (grid.position(grid.code(p)) - p).abs();
+            assert!((error - grid.scale * 0.5).max_element() < 1e-6, "{p} {error}");
+        }
+    }
+
+    #[test]
+    fn only_triangles_that_had_an_area_can_lose_it() {
+        let grid = grid([0.0; 3], [65535.0; 3]);
+        let tiny = [Vec3::new(10.1, 10.0, 10.0), Vec3::new(10.2, 10.0, 10.0), Vec3::new(10.1, 10.2, 10.0)];
+        let line = [Vec3::ZERO, Vec3::ONE, Vec3::splat(2.0)];
+        let sound = [Vec3::ZERO, Vec3::X * 9.0, Vec3::Y * 9.0];
+        let loss = grid.loss([tiny, line, sound].into_iter());
+        assert_eq!(loss.collapsed, 1);
+        assert!((loss.worst - (0.2f32).hypot(0.0)).abs() < 0.03, "{}", loss.worst);
+    }
+}
