@@ -1,1 +1,9 @@
-//! Photos to soup.
+//! Photos to soup: the optimisation of Held et al. 2025.
+
+pub mod init;
+pub mod neighbours;
+pub mod options;
+pub mod params;
+pub mod presets;
+pub mod schedule;
+pub mod space;

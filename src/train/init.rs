@@ -1,0 +1,132 @@
+//! The first triangles: one a point of the sparse cloud, as large as the gap to its neighbours
+//! (Held et al. 2025, section 3.3), and a sky dome on request.
+//!
+//! ```text
+//! v_i = q + k · d · u_i      d: mean distance to the three nearest points, u_i: uniform on the unit sphere
+//! ```
+
+use super::neighbours::mean_distances;
+use super::options::InitOptions;
+use crate::rng::Rng;
+use crate::soup::{Soup, sh0_from_rgb};
+use glam::Vec3;
+
+/// A coloured point of the sparse cloud, in training space.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Seed {
+    /// Place.
+    pub position: Vec3,
+    /// Colour, sRGB-encoded, in [0, 1].
+    pub rgb: [f32; 3],
+}
+
+/// The first soup, SH degree 0. Points that are not finite are left out.
+pub fn first_soup(seeds: &[Seed], options: &InitOptions, seed: u64) -> Soup {
+    let mut seeds: Vec<Seed> = seeds.iter().copied().filter(|s| s.position.is_finite()).collect();
+    let distances = mean_distances(&seeds.iter().map(|s| s.position).collect::<Vec<_>>());
+    // A point with neighbours in its own place, or with none at all, gets the median size.
+    let typical = median(distances.iter().copied().filter(|d| *d > 0.0)).unwrap_or(0.05);
+    let mut radii: Vec<f32> = distances
+        .iter()
+        .map(|&d| options.size as f32 * if d > 1e-4 * typical { d } else { typical })
+        .collect();
+    let dome = dome(&seeds, options);
+    radii.extend(dome.iter().map(|(_, radius)| *radius));
+    seeds.extend(dome.iter().map(|(seed, _)| *seed));
+
+    let rng = Rng::new(seed, "init", 0);
+    let n = seeds.len();
+    Soup {
+        vertices: (0..n)
+            .map(|i| {
+                std::array::from_fn(|c| seeds[i].position + radii[i] * on_sphere(rng, (3 * i + c) as u64))
+            })
+            .collect(),
+        opacity: vec![options.opacity as f32; n],
+        sigma: vec![options.sigma as f32; n],
+        sh: seeds.iter().map(|s| s.rgb.map(sh0_from_rgb)).collect(),
+        sh_degree: 0,
+    }
+}
+
+/// A point uniform on the unit sphere.
+fn on_sphere(rng: Rng, index: u64) -> Vec3 {
+    let z = 2.0 * rng.uniform(2 * index) - 1.0;
+    let angle = std::f32::consts::TAU * rng.uniform(2 * index + 1);
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    Vec3::new(r * angle.cos(), r * angle.sin(), z)
+}
+
+/// White triangles on a Fibonacci sphere around everything, each with the radius that lets them touch.
+fn dome(seeds: &[Seed], options: &InitOptions) -> Vec<(Seed, f32)> {
+    let count = (options.dome * seeds.len() as f64).ceil() as usize;
+    let mut reach: Vec<f32> = seeds.iter().map(|s| s.position.length()).collect();
+    if count == 0 || reach.is_empty() {
+        return Vec::new();
+    }
+    let far = (reach.len() * 99 / 100).min(reach.len() - 1);
+    let radius = options.dome_radius as f32 * *reach.select_nth_unstable_by(far, f32::total_cmp).1;
+    let golden = std::f32::consts::PI * (3.0 - 5.0f32.sqrt());
+    // N discs of this radius cover the sphere's area twice.
+    let size = radius * (8.0 / count as f32).sqrt();
+    (0..count)
+        .map(|i| {
+            let y = 1.0 - 2.0 * (i as f32 + 0.5) / count as f32;
+            let (r, angle) = ((1.0 - y * y).max(0.0).sqrt(), golden * i as f32);
+            let position = radius * Vec3::new(r * angle.cos(), y, r * angle.sin());
+            (Seed { position, rgb: [1.0; 3] }, size)
+        })
+        .collect()
+}
+
+fn median(values: impl Iterator<Item = f32>) -> Option<f32> {
+    let mut values: Vec<f32> = values.collect();
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f32::total_cmp).1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grid(n: u64) -> Vec<Seed> {
+        let rng = Rng::new(9, "grid", 0);
+        (0..n)
+            .map(|i| Seed {
+                position: Vec3::new(rng.uniform(3 * i), rng.uniform(3 * i + 1), rng.uniform(3 * i + 2)),
+                rgb: [0.5, 0.25, 1.0],
+            })
+            .collect()
+    }
+
+    #[test]
+    fn corners_lie_on_spheres_around_the_points() {
+        let (seeds, options) = (grid(200), InitOptions::default());
+        let distances = mean_distances(&seeds.iter().map(|s| s.position).collect::<Vec<_>>());
+        let soup = first_soup(&seeds, &options, 1);
+        soup.validate().unwrap();
+        assert_eq!(soup.len(), 200);
+        for (i, corners) in soup.vertices.iter().enumerate() {
+            for corner in corners {
+                let radius = corner.distance(seeds[i].position);
+                assert!((radius / (2.2 * distances[i]) - 1.0).abs() < 1e-3, "{radius}");
+            }
+        }
+        assert!((soup.rgb(0)[1] - 0.25).abs() < 1e-6);
+        assert_eq!(soup, first_soup(&seeds, &options, 1));
+        assert_ne!(soup, first_soup(&seeds, &options, 2));
+    }
+
+    #[test]
+    fn odd_clouds_give_sound_soups() {
+        let options = InitOptions { dome: 0.5, ..InitOptions::default() };
+        let same = vec![Seed { position: Vec3::ONE, rgb: [0.0; 3] }; 5];
+        let mut broken = grid(10);
+        broken[3].position.x = f32::NAN;
+        for (seeds, least) in [(vec![], 0), (grid(1), 1), (grid(2), 2), (same, 5), (broken, 9)] {
+            let soup = first_soup(&seeds, &options, 0);
+            soup.validate().unwrap();
+            assert!(soup.len() >= least);
+        }
+    }
+}

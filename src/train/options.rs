@@ -1,0 +1,268 @@
+//! Every number of the training, declared once: the library's struct, the flags and the config file.
+//!
+//! Positions in the run ("steps of a 30,000-step run") are scaled by `steps / 30,000`, so that a short
+//! preview and a long run follow one schedule. Lengths are in units of the scene: the median distance
+//! from the cameras to what they see. "TS" is the paper's code, `train.py` and `arguments/__init__.py`.
+
+use crate::error::{Error, Result};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// The run all schedule positions are written for (Held et al. 2025, supplement).
+pub const REFERENCE_STEPS: f64 = 30_000.0;
+
+/// A complete set of options for a kind of scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Preset {
+    /// Open scenes with a far background.
+    #[default]
+    Outdoor,
+    /// Rooms: more SSIM, flatter surfaces.
+    Indoor,
+    /// Opaque triangles of one colour each, as a game engine draws them.
+    Solid,
+}
+
+/// How a soup is trained.
+#[derive(Debug, Clone, PartialEq, clap::Args, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+#[command(next_help_heading = "Training")]
+pub struct TrainOptions {
+    /// Start from the numbers of this kind of scene.
+    #[arg(long, value_enum, default_value_t)]
+    pub preset: Preset,
+    /// Steps, one photo each; every schedule stretches with it.
+    #[arg(long, value_name = "N", default_value_t = 3000)]
+    pub steps: u64,
+    /// The scene never holds more triangles than this.
+    #[arg(long, value_name = "N", default_value_t = 60_000)]
+    pub max_triangles: u64,
+    /// Highest degree of the view-dependent colour, 0 to 3; it is reached one degree at a time.
+    #[arg(long, value_name = "D", default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=3))]
+    pub sh_degree: u8,
+    /// Seed of every random choice; the same seed gives the same bits on any number of threads.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// What the first triangles look like.
+    #[arg(skip)]
+    pub init: InitOptions,
+    /// What is minimised.
+    #[arg(skip)]
+    pub loss: LossOptions,
+    /// How fast each group of parameters moves.
+    #[arg(skip)]
+    pub rates: RateOptions,
+    /// How triangles are added and removed.
+    #[arg(skip)]
+    pub refine: RefineOptions,
+    /// How early steps save time on smaller photos.
+    #[arg(skip)]
+    pub warmup: WarmupOptions,
+    /// How the scene becomes solid in the last part of the run.
+    #[arg(skip)]
+    pub solid: SolidOptions,
+}
+
+/// What the first triangles look like.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct InitOptions {
+    /// k: corners lie on a sphere of k times the mean distance to the three nearest points (2.2, supplement).
+    pub size: f64,
+    /// First σ (1.16, supplement).
+    pub sigma: f64,
+    /// First opacity (0.28, supplement).
+    pub opacity: f64,
+    /// Triangles of the sky dome, as a share of the points; 0 for none (TS 0.05, not in the paper).
+    pub dome: f64,
+    /// Radius of the dome, in distances from the centre to the farthest point of the inner 99% (TS 1).
+    pub dome_radius: f64,
+    /// Points drawn at random inside the cameras' views when the data set has none.
+    pub random_points: u64,
+}
+
+/// What is minimised (Held et al. 2025, eq. 3).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct LossOptions {
+    /// λ: weight of 1 - SSIM against L1 (TS 0.2 outdoor, 0.4 indoor).
+    pub dssim: f64,
+    /// β1: weight of the mean opacity (0.0055, supplement).
+    pub opacity: f64,
+    /// β2: weight of the distortion (TS 0 outdoor, 1 indoor).
+    pub distortion: f64,
+    /// β3: weight of the normal consistency (0.0001 outdoor, 0.00004 indoor, supplement).
+    pub normal: f64,
+    /// β4: weight of 1 / mean area, in squared scene units (1e-8 outdoor, 5e-8 indoor, supplement).
+    pub size: f64,
+    /// Distortion and normals count from here on, steps of a 30,000-step run (TS 5000).
+    pub geometry_from: f64,
+    /// Size counts up to here, steps of a 30,000-step run (TS 25,000).
+    pub size_until: f64,
+}
+
+/// How fast each group of parameters moves.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RateOptions {
+    /// First rate of the corners, scene units (0.0018 outdoor, 0.0015 indoor, in COLMAP's arbitrary units).
+    pub vertices: f64,
+    /// Last rate of the corners as a share of the first, reached log-linearly (TS 0.01).
+    pub vertices_final: f64,
+    /// Rate of the opacity's logit (0.014, supplement).
+    pub opacity: f64,
+    /// Rate of the logarithm of σ (0.0008, supplement).
+    pub sigma: f64,
+    /// Rate of the colour (0.0025, supplement).
+    pub sh: f64,
+    /// Rate of the view-dependent colour as a share of `sh` (TS 1/20).
+    pub sh_rest: f64,
+    /// Last rate of opacity, σ and colour as a share of the first (TS 1).
+    pub final_share: f64,
+    /// Skip triangles the step's photo gives no gradient, moments included (3DGS's sparse Adam).
+    pub sparse: bool,
+    /// Steps between degrees of the view-dependent colour, of a 30,000-step run (TS 1000).
+    pub sh_every: f64,
+}
+
+/// How triangles are added and removed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RefineOptions {
+    /// First refinement, steps of a 30,000-step run (500, supplement).
+    pub from: f64,
+    /// No triangle is added after this, steps of a 30,000-step run (25,000, supplement).
+    pub until: f64,
+    /// Steps between refinements, of a 30,000-step run (500, supplement).
+    pub every: f64,
+    /// Triangles added at a refinement, as a share of those there (0.3, supplement).
+    pub growth: f64,
+    /// τ_small: larger triangles are split into four, smaller ones cloned; distance of the farthest corner
+    /// from the centre, px of the full photo (24, supplement: split_size).
+    pub split_px: f64,
+    /// Largest shift of a clone, in halves of the triangle's box (1.5, supplement: max_noise_factor).
+    pub noise: f64,
+    /// τ_prune: triangles that nowhere reach this blending weight go (0.022 outdoor, 0.0256 indoor, supplement).
+    pub prune_weight: f64,
+    /// Triangles fainter than this go (0.014, supplement: opacity_dead).
+    pub prune_opacity: f64,
+    /// Triangles seen by fewer photos than this go (2, Held et al. 2025, section 3.2).
+    pub min_views: u32,
+}
+
+/// How early steps save time on smaller photos (not in the paper).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct WarmupOptions {
+    /// Photos at a quarter of their size up to here, steps of a 30,000-step run.
+    pub quarter_until: f64,
+    /// Photos at half their size up to here, steps of a 30,000-step run.
+    pub half_until: f64,
+    /// The smaller photos are not made smaller than this on the shorter side, px.
+    pub min_px: u32,
+}
+
+/// How the scene becomes solid in the last part of the run (supplement: the final 5,000 of 30,000 steps).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct SolidOptions {
+    /// Make it solid at all.
+    pub enabled: bool,
+    /// The anneal starts, steps of a 30,000-step run (25,000, supplement).
+    pub from: f64,
+    /// Every triangle is opaque from here on, steps of a 30,000-step run.
+    pub until: f64,
+    /// What σ has been multiplied by at the end of the anneal.
+    pub sigma_scale: f64,
+    /// The opacity no triangle is below at the end of the anneal.
+    pub opacity: f64,
+    /// Triangles that nowhere reach this blending weight go while the scene becomes solid.
+    pub prune_weight: f64,
+}
+
+impl Default for TrainOptions {
+    fn default() -> Self {
+        Self::preset(Preset::default())
+    }
+}
+
+macro_rules! default_is_outdoor {
+    ($($options:ident . $field:ident),*) => {$(
+        impl Default for $options {
+            fn default() -> Self {
+                TrainOptions::preset(Preset::default()).$field
+            }
+        }
+    )*};
+}
+default_is_outdoor!(
+    InitOptions.init,
+    LossOptions.loss,
+    RateOptions.rates,
+    RefineOptions.refine,
+    WarmupOptions.warmup,
+    SolidOptions.solid
+);
+
+impl TrainOptions {
+    /// Checks every number against the range it makes sense in.
+    pub fn validate(&self) -> Result<()> {
+        let wants = |ok: bool, option: &str, value: f64, wants: &str| match ok {
+            true => Ok(()),
+            false => Err(Error::invalid(option, value, wants)),
+        };
+        let positive = |option, value: f64| wants(value > 0.0 && value.is_finite(), option, value, "> 0");
+        let at_least_zero =
+            |option, value: f64| wants(value >= 0.0 && value.is_finite(), option, value, ">= 0");
+        let share = |option, value: f64| wants((0.0..=1.0).contains(&value), option, value, "0 to 1");
+        wants(self.steps >= 1, "--steps", self.steps as f64, "1 or more")?;
+        wants(self.max_triangles >= 1, "--max-triangles", self.max_triangles as f64, "1 or more")?;
+        wants(self.sh_degree <= 3, "--sh-degree", f64::from(self.sh_degree), "0, 1, 2 or 3")?;
+        positive("init.size", self.init.size)?;
+        positive("init.sigma", self.init.sigma)?;
+        wants(
+            self.init.opacity > 0.0 && self.init.opacity < 1.0,
+            "init.opacity",
+            self.init.opacity,
+            "0 to 1",
+        )?;
+        at_least_zero("init.dome", self.init.dome)?;
+        positive("init.dome_radius", self.init.dome_radius)?;
+        wants(self.init.random_points >= 1, "init.random_points", 0.0, "1 or more")?;
+        share("loss.dssim", self.loss.dssim)?;
+        for (option, value) in [
+            ("loss.opacity", self.loss.opacity),
+            ("loss.distortion", self.loss.distortion),
+            ("loss.normal", self.loss.normal),
+            ("loss.size", self.loss.size),
+            ("loss.geometry_from", self.loss.geometry_from),
+            ("loss.size_until", self.loss.size_until),
+            ("rates.vertices", self.rates.vertices),
+            ("rates.opacity", self.rates.opacity),
+            ("rates.sigma", self.rates.sigma),
+            ("rates.sh", self.rates.sh),
+            ("rates.sh_rest", self.rates.sh_rest),
+            ("rates.sh_every", self.rates.sh_every),
+            ("refine.from", self.refine.from),
+            ("refine.until", self.refine.until),
+            ("refine.growth", self.refine.growth),
+            ("refine.split_px", self.refine.split_px),
+            ("refine.noise", self.refine.noise),
+            ("warmup.quarter_until", self.warmup.quarter_until),
+            ("warmup.half_until", self.warmup.half_until),
+            ("solid.from", self.solid.from),
+            ("solid.until", self.solid.until),
+        ] {
+            at_least_zero(option, value)?;
+        }
+        positive("rates.vertices_final", self.rates.vertices_final)?;
+        positive("rates.final_share", self.rates.final_share)?;
+        positive("refine.every", self.refine.every)?;
+        share("refine.prune_weight", self.refine.prune_weight)?;
+        share("refine.prune_opacity", self.refine.prune_opacity)?;
+        positive("solid.sigma_scale", self.solid.sigma_scale)?;
+        share("solid.opacity", self.solid.opacity)?;
+        share("solid.prune_weight", self.solid.prune_weight)
+    }
+}

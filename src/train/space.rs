@@ -1,0 +1,131 @@
+//! Training space: the scene moved and scaled so that rates and epsilons mean the same for every scene.
+//! The origin is the mean of the cameras, the unit the median distance from a camera to what it sees.
+
+use crate::camera::Camera;
+use crate::soup::Soup;
+use glam::Vec3;
+
+/// Camera and point pairs looked at for the unit.
+const PAIRS: usize = 200_000;
+
+/// x_training = (x_world - center) * scale.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Space {
+    /// The world point that is the origin of training space.
+    pub center: Vec3,
+    /// Training units per world unit, > 0.
+    pub scale: f32,
+}
+
+impl Space {
+    /// The space of these cameras and points. Without a point in front of a camera the unit is the
+    /// cameras' spread; without that it is the world's.
+    pub fn new(cameras: &[Camera], points: &[Vec3]) -> Self {
+        let positions: Vec<_> = cameras.iter().map(|c| c.position().as_dvec3()).collect();
+        let center = positions.iter().sum::<glam::DVec3>() / positions.len().max(1) as f64;
+        let pairs = cameras.len().saturating_mul(points.len());
+        let stride = (pairs / PAIRS).max(1) | 1;
+        let mut depths: Vec<f32> = (0..pairs)
+            .step_by(stride)
+            .filter_map(|i| sees(&cameras[i % cameras.len()], points[i / cameras.len()]))
+            .collect();
+        let spread = positions.iter().map(|p| p.distance(center)).fold(0.0, f64::max) as f32;
+        let unit = match depths.is_empty() {
+            false => {
+                let middle = depths.len() / 2;
+                *depths.select_nth_unstable_by(middle, f32::total_cmp).1
+            }
+            true => spread,
+        };
+        let scale = if unit > 0.0 && unit.is_finite() { 1.0 / unit } else { 1.0 };
+        Self { center: center.as_vec3(), scale }
+    }
+
+    /// A world point in training space.
+    pub fn enter(&self, world: Vec3) -> Vec3 {
+        (world - self.center) * self.scale
+    }
+
+    /// A camera in training space: it sees the same picture of the moved scene.
+    pub fn enter_camera(&self, camera: &Camera) -> Camera {
+        let translation = (camera.rotation * self.center + camera.translation) * self.scale;
+        Camera { translation, ..*camera }
+    }
+
+    /// Moves a soup of training space back into the world.
+    pub fn leave(&self, soup: &mut Soup) {
+        let inverse = 1.0 / self.scale;
+        for corner in soup.vertices.iter_mut().flatten() {
+            *corner = *corner * inverse + self.center;
+        }
+    }
+
+    /// Moves a soup of the world into training space.
+    pub fn enter_soup(&self, soup: &mut Soup) {
+        for corner in soup.vertices.iter_mut().flatten() {
+            *corner = self.enter(*corner);
+        }
+    }
+}
+
+/// The depth at which `camera` has `point` in its picture.
+fn sees(camera: &Camera, point: Vec3) -> Option<f32> {
+    let q = camera.rotation * point + camera.translation;
+    if !(q.z > 0.0) {
+        return None;
+    }
+    let pixel = q.truncate() / q.z * camera.focal + camera.center;
+    let size = camera.size.as_vec2();
+    (pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < size.x && pixel.y < size.y).then_some(q.z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{Mat3, UVec2, Vec2};
+
+    fn camera(position: Vec3) -> Camera {
+        Camera {
+            rotation: Mat3::IDENTITY,
+            translation: -position,
+            focal: Vec2::splat(100.0),
+            center: Vec2::splat(50.0),
+            size: UVec2::splat(100),
+        }
+    }
+
+    #[test]
+    fn a_moved_and_scaled_scene_trains_in_the_same_space() {
+        let points: Vec<Vec3> = (0..50)
+            .map(|i| Vec3::new((i % 5) as f32 * 0.1, (i % 7) as f32 * 0.1, 3.0 + i as f32 * 0.01))
+            .collect();
+        let base = Space::new(&[camera(Vec3::ZERO), camera(Vec3::X)], &points);
+        for (shift, scale) in
+            [(Vec3::ZERO, 1e4f32), (Vec3::new(100.0, -50.0, 20.0), 1e-4), (Vec3::Y * 7.0, 3.0)]
+        {
+            let shift = shift * scale;
+            let place = |p: Vec3| p * scale + shift;
+            let moved: Vec<Vec3> = points.iter().map(|&p| place(p)).collect();
+            let space = Space::new(&[camera(place(Vec3::ZERO)), camera(place(Vec3::X))], &moved);
+            for (a, b) in points.iter().zip(&moved) {
+                assert!(base.enter(*a).distance(space.enter(*b)) < 2e-4);
+            }
+        }
+    }
+
+    #[test]
+    fn a_lone_camera_without_points_keeps_the_worlds_unit() {
+        let space = Space::new(&[camera(Vec3::new(5.0, 0.0, 0.0))], &[]);
+        assert_eq!(space, Space { center: Vec3::new(5.0, 0.0, 0.0), scale: 1.0 });
+    }
+
+    #[test]
+    fn leaving_undoes_entering() {
+        let space = Space { center: Vec3::new(1.0, 2.0, 3.0), scale: 0.25 };
+        let corners = [Vec3::X, Vec3::Y, Vec3::new(9.0, -4.0, 2.0)];
+        let mut soup = Soup { vertices: vec![corners], ..Soup::default() };
+        space.enter_soup(&mut soup);
+        space.leave(&mut soup);
+        assert!(soup.vertices[0].iter().zip(&corners).all(|(a, b)| a.distance(*b) < 1e-6));
+    }
+}
