@@ -5,5 +5,7 @@ pub mod neighbours;
 pub mod options;
 pub mod params;
 pub mod presets;
+pub mod refine;
 pub mod schedule;
 pub mod space;
+pub mod watch;

@@ -1,0 +1,317 @@
+//! Adding and removing triangles (Held et al. 2025, section 3.2), every few hundred steps.
+//!
+//! Dead triangles go. Then a lottery, by opacity and by 1/σ in turn, picks triangles to grow: a large one
+//! becomes the four of its midpoint subdivision, a small one is doubled within its plane. The scene looks
+//! the same before and after: four children cover what their parent did with the same mean window
+//! 2/((σ+1)(σ+2)), and the two of a clone get 1 - sqrt(1 - o), whose blend is o again.
+
+use super::options::RefineOptions;
+use super::params::{Anneal, Params, State, logit};
+use super::watch::Watch;
+use crate::rng::Rng;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// What one refinement works with.
+#[derive(Debug, Clone, Copy)]
+pub struct Plan<'a> {
+    /// The constants.
+    pub options: &'a RefineOptions,
+    /// Never more triangles than this.
+    pub max_triangles: usize,
+    /// Triangles may be added.
+    pub grow: bool,
+    /// τ_prune of this refinement.
+    pub prune_weight: f32,
+    /// Lottery by opacity (else by 1/σ).
+    pub by_opacity: bool,
+    /// How solid the scene is.
+    pub anneal: Anneal,
+    /// The user's seed.
+    pub seed: u64,
+    /// Steps made.
+    pub step: u64,
+}
+
+/// What one refinement did.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Refined {
+    /// Removed: no longer finite.
+    pub broken: usize,
+    /// Removed: too faint.
+    pub faint: usize,
+    /// Removed: never important to a pixel.
+    pub unimportant: usize,
+    /// Removed: seen by too few photos.
+    pub unseen: usize,
+    /// Split into four.
+    pub split: usize,
+    /// Doubled.
+    pub cloned: usize,
+    /// Triangles afterwards.
+    pub triangles: usize,
+}
+
+/// Refines `state` and `watch` together; the watch begins anew when it was complete.
+/// A scene never loses its last triangle: when all would go, the most important stays.
+pub fn refine(state: &mut State, watch: &mut Watch, plan: &Plan<'_>) -> Refined {
+    let mut done = Refined::default();
+    let complete = watch.is_complete();
+    let alive = judge(state, watch, complete, plan, &mut done);
+    let grown = match plan.grow {
+        true => lottery(state, &alive, watch, plan),
+        false => vec![false; alive.len()],
+    };
+
+    let (mut next, mut next_watch) = (state.empty_like(), watch.emptied());
+    for i in (0..alive.len()).filter(|&i| alive[i] && !grown[i]) {
+        next.push(state, i);
+        next_watch.push(watch, i);
+    }
+    let rng = Rng::new(plan.seed, "clone", plan.step);
+    for i in (0..alive.len()).filter(|&i| grown[i]) {
+        let children = match is_large(watch, i, plan) {
+            true => {
+                done.split += 1;
+                split(&state.params, i)
+            }
+            false => {
+                done.cloned += 1;
+                clone(&state.params, i, plan, rng)
+            }
+        };
+        for child in 0..children.len() {
+            next.push_fresh(&children, child);
+            next_watch.push_exempt();
+        }
+    }
+    done.triangles = next.params.len();
+    if complete {
+        next_watch = Watch::new(done.triangles, watch.seen.len());
+    }
+    (*state, *watch) = (next, next_watch);
+    done
+}
+
+/// Which triangles stay, by the rules in order.
+fn judge(state: &State, watch: &Watch, complete: bool, plan: &Plan<'_>, done: &mut Refined) -> Vec<bool> {
+    let (params, o) = (&state.params, plan.options);
+    let mut alive = vec![true; params.len()];
+    for (i, alive) in alive.iter_mut().enumerate() {
+        let judged = complete && !watch.exempt[i];
+        let cause = if !params.is_finite(i) {
+            &mut done.broken
+        } else if f64::from(plan.anneal.opacity(params.opacity[i])) < o.prune_opacity {
+            &mut done.faint
+        } else if judged && watch.max_weight[i] < plan.prune_weight {
+            &mut done.unimportant
+        } else if judged && watch.views[i] < o.min_views.min(watch.seen.len() as u32) {
+            &mut done.unseen
+        } else {
+            continue;
+        };
+        *cause += 1;
+        *alive = false;
+    }
+    if !alive.iter().any(|a| *a) {
+        let finite = (0..alive.len()).filter(|&i| params.is_finite(i));
+        if let Some(best) = finite.max_by(|&a, &b| watch.max_weight[a].total_cmp(&watch.max_weight[b])) {
+            alive[best] = true;
+        }
+    }
+    alive
+}
+
+/// Draws triangles without replacement until the growth is spent: a split adds three, a clone one.
+fn lottery(state: &State, alive: &[bool], watch: &Watch, plan: &Plan<'_>) -> Vec<bool> {
+    let count = alive.iter().filter(|a| **a).count();
+    let target = ((count as f64 * (1.0 + plan.options.growth)) as usize).min(plan.max_triangles);
+    let mut budget = target.saturating_sub(count);
+    let mut grown = vec![false; alive.len()];
+    // The exponential race: the smallest of -ln(u) / weight wins with a chance in proportion to its weight.
+    let rng = Rng::new(plan.seed, "lottery", plan.step);
+    let weight = |i: usize| match plan.by_opacity {
+        true => f64::from(plan.anneal.opacity(state.params.opacity[i])),
+        false => 1.0 / f64::from(plan.anneal.sigma(state.params.sigma[i])),
+    };
+    let mut race: Vec<(f64, u32)> = (0..alive.len())
+        .into_par_iter()
+        .filter(|&i| alive[i])
+        .map(|i| (-(1.0 - rng.uniform_f64(i as u64)).ln() / weight(i), i as u32))
+        .collect();
+    race.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    for &(_, i) in &race {
+        let cost = if is_large(watch, i as usize, plan) { 3 } else { 1 };
+        if cost <= budget {
+            budget -= cost;
+            grown[i as usize] = true;
+        }
+        if budget == 0 {
+            break;
+        }
+    }
+    grown
+}
+
+fn is_large(watch: &Watch, i: usize, plan: &Plan<'_>) -> bool {
+    f64::from(watch.radius_px[i]) > plan.options.split_px
+}
+
+/// The four triangles of the midpoint subdivision, with their parent's opacity, σ and colour.
+fn split(params: &Params, i: usize) -> Params {
+    let [a, b, c] = params.vertices[i];
+    let (ab, bc, ca) = (a.midpoint(b), b.midpoint(c), c.midpoint(a));
+    let mut children = Params { sh_degree: params.sh_degree, ..Params::default() };
+    for corners in [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]] {
+        children.push(params, i);
+        if let Some(last) = children.vertices.last_mut() {
+            *last = corners;
+        }
+    }
+    children
+}
+
+/// The triangle and a copy shifted within its plane.
+fn clone(params: &Params, i: usize, plan: &Plan<'_>, rng: Rng) -> Params {
+    let corners = params.vertices[i];
+    let size = corners[0].max(corners[1]).max(corners[2]) - corners[0].min(corners[1]).min(corners[2]);
+    let at = |axis: u64| rng.uniform(3 * i as u64 + axis) - 0.5;
+    let noise = Vec3::new(at(0), at(1), at(2)) * size * plan.options.noise as f32;
+    let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
+    let shift = noise - normal * normal.dot(noise);
+
+    let mut children = Params { sh_degree: params.sh_degree, ..Params::default() };
+    for offset in [Vec3::ZERO, shift] {
+        children.push(params, i);
+        if let Some(last) = children.vertices.last_mut() {
+            *last = corners.map(|v| v + offset);
+        }
+    }
+    let opacity = plan.anneal.opacity(params.opacity[i]).min(1.0);
+    let half = 1.0 - (1.0 - opacity).sqrt();
+    let floor = plan.anneal.opacity_floor;
+    children.opacity.fill(logit((half - floor) / (1.0 - floor)));
+    children
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::soup::Soup;
+
+    fn state(n: usize) -> State {
+        let rng = Rng::new(5, "soup", 0);
+        let corner = |i: usize, c: usize| {
+            let at = |k: usize| rng.uniform((9 * i + 3 * c + k) as u64);
+            Vec3::new(at(0), at(1), at(2)) + Vec3::X * i as f32
+        };
+        let soup = Soup {
+            vertices: (0..n).map(|i| std::array::from_fn(|c| corner(i, c))).collect(),
+            opacity: vec![0.5; n],
+            sigma: vec![1.0; n],
+            sh: vec![[0.1, 0.2, 0.3]; n],
+            sh_degree: 0,
+        };
+        State::new(Params::from_soup(&soup, 1))
+    }
+
+    /// A watch in which everything was seen well by `photos` photos.
+    fn seen(n: usize, photos: usize) -> Watch {
+        let mut watch = Watch::new(n, photos);
+        watch.max_weight.fill(0.5);
+        watch.views.fill(photos as u32);
+        watch.radius_px.fill(10.0);
+        watch.seen.fill(true);
+        watch
+    }
+
+    fn plan(options: &RefineOptions) -> Plan<'_> {
+        Plan {
+            options,
+            max_triangles: 1000,
+            grow: true,
+            prune_weight: 0.022,
+            by_opacity: true,
+            anneal: Anneal::NONE,
+            seed: 1,
+            step: 500,
+        }
+    }
+
+    #[test]
+    fn grows_by_thirty_per_cent_and_never_above_the_limit() {
+        let options = RefineOptions::default();
+        let (mut s, mut w) = (state(100), seen(100, 3));
+        let done = refine(&mut s, &mut w, &plan(&options));
+        assert_eq!((done.cloned, done.split, s.params.len(), w.len()), (30, 0, 130, 130));
+        let (mut s, mut w) = (state(100), seen(100, 3));
+        refine(&mut s, &mut w, &Plan { max_triangles: 111, ..plan(&options) });
+        assert_eq!(s.params.len(), 111);
+        let (mut s, mut w) = (state(100), seen(100, 3));
+        w.radius_px.fill(100.0);
+        let done = refine(&mut s, &mut w, &plan(&options));
+        assert_eq!((done.cloned, done.split, s.params.len()), (0, 10, 130));
+    }
+
+    #[test]
+    fn a_split_keeps_area_and_a_clone_keeps_plane_and_opacity() {
+        let s = state(7);
+        let area = |v: &[Vec3; 3]| (v[1] - v[0]).cross(v[2] - v[0]).length();
+        for i in 0..7 {
+            let parent = s.params.vertices[i];
+            let children = split(&s.params, i);
+            let total: f32 = children.vertices.iter().map(area).sum();
+            assert!((total / area(&parent) - 1.0).abs() < 1e-4);
+            let options = RefineOptions::default();
+            let twins = clone(&s.params, i, &plan(&options), Rng::new(1, "clone", 0));
+            let normal = (parent[1] - parent[0]).cross(parent[2] - parent[0]).normalize();
+            assert!(twins.vertices[1].iter().all(|v| normal.dot(*v - parent[0]).abs() < 1e-4));
+            let o = Anneal::NONE.opacity(twins.opacity[0]);
+            assert!((1.0 - (1.0 - o) * (1.0 - o) - 0.5).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn rules_count_what_they_remove() {
+        let options = RefineOptions::default();
+        let (mut s, mut w) = (state(10), seen(10, 5));
+        s.params.vertices[0][1].x = f32::NAN;
+        s.params.opacity[1] = logit(0.001);
+        w.max_weight[2] = 0.01;
+        w.views[3] = 1;
+        let done = refine(&mut s, &mut w, &Plan { grow: false, ..plan(&options) });
+        assert_eq!((done.broken, done.faint, done.unimportant, done.unseen), (1, 1, 1, 1));
+        assert_eq!((done.triangles, w.len()), (6, 6));
+        assert!(!w.is_complete(), "a complete watch begins anew");
+    }
+
+    #[test]
+    fn nothing_is_judged_on_an_incomplete_pass_of_five_thousand_photos() {
+        let options = RefineOptions::default();
+        let (mut s, mut w) = (state(50), Watch::new(50, 5000));
+        for photo in 0..500 {
+            w.meet(photo);
+        }
+        let done = refine(&mut s, &mut w, &plan(&options));
+        assert_eq!((done.unimportant, done.unseen, s.params.len()), (0, 0, 65));
+        (500..5000).for_each(|photo| {
+            w.meet(photo);
+        });
+        // The 15 clones and their 15 twins are younger than the watch; the other 35 were truly never seen.
+        let done = refine(&mut s, &mut w, &Plan { grow: false, ..plan(&options) });
+        assert_eq!((done.unimportant, s.params.len()), (35, 30));
+    }
+
+    #[test]
+    fn one_photo_and_hopeless_scenes_keep_something() {
+        let options = RefineOptions::default();
+        let (mut s, mut w) = (state(4), seen(4, 1));
+        refine(&mut s, &mut w, &Plan { grow: false, ..plan(&options) });
+        assert_eq!(s.params.len(), 4, "one photo can only see things once");
+        let (mut s, mut w) = (state(4), Watch::new(4, 2));
+        w.seen.fill(true);
+        w.max_weight[2] = 0.001;
+        refine(&mut s, &mut w, &Plan { grow: false, ..plan(&options) });
+        assert_eq!(s.params.len(), 1);
+    }
+}
