@@ -1,0 +1,46 @@
+//! What a run tells while it runs, and the curve it leaves behind.
+
+use super::refine::Refined;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// The state of a run after some step; one line of `--log`.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Sample {
+    /// Steps made.
+    pub step: u64,
+    /// Triangles.
+    pub triangles: u64,
+    /// Loss, averaged over the last steps.
+    pub loss: f64,
+    /// PSNR on the training photos as drawn, averaged over the last steps, dB.
+    pub psnr: f64,
+    /// PSNR on the held-out photos, dB; only where it was measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub test_psnr: Option<f64>,
+    /// Width of the last photo, px.
+    pub width_px: u32,
+    /// CPU seconds of the process, evaluation excluded.
+    pub cpu_secs: f64,
+    /// Wall-clock seconds since this process began training.
+    pub wall_secs: f64,
+    /// Gradients dropped so far because they were not finite.
+    pub dropped: u64,
+}
+
+/// Hears what happens during a run.
+pub trait Watcher {
+    /// A step was made; called for every one.
+    fn stepped(&mut self, _sample: &Sample) {}
+    /// The figures of the last `--log-every` steps.
+    fn sampled(&mut self, _sample: &Sample) {}
+    /// The scene was refined.
+    fn refined(&mut self, _step: u64, _refined: &Refined) {}
+    /// Asked between steps: true stops the run after a checkpoint.
+    fn wants_to_stop(&mut self) -> bool {
+        false
+    }
+}
+
+/// Hears nothing.
+impl Watcher for () {}
