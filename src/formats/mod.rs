@@ -1,12 +1,15 @@
 //! Files in and out. The nouns do not know them.
 
 pub mod bvh;
+pub mod detect;
 pub mod gltf;
 pub mod gltf_read;
 pub mod obj;
 pub mod off;
 pub mod ply;
 pub mod pt;
+
+pub use detect::{Format, read};
 
 use crate::error::{Error, Result};
 use crate::scene::{Loaded, Scene};

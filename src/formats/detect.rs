@@ -1,0 +1,189 @@
+//! Which format a file has: told by its first bytes, by its name only where the bytes leave it open.
+
+use super::{ReadOptions, Source, gltf_read, obj, off, ply, pt};
+use crate::error::{Error, Result};
+use crate::scene::Loaded;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// What the readers accept, for messages.
+pub const ACCEPTED: &str = "a soup or mesh .ply, a training checkpoint .pt, .off, .obj, .glb or .gltf";
+
+/// A format we read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Format {
+    /// Polygon file format: our soup PLY or a mesh with vertex or face colours.
+    Ply,
+    /// A checkpoint written by `torch.save`.
+    Pt,
+    /// Object file format with colours, as the authors' exporter writes it.
+    Off,
+    /// Wavefront OBJ.
+    Obj,
+    /// glTF 2.0, binary container.
+    Glb,
+    /// glTF 2.0, JSON.
+    Gltf,
+}
+
+impl Format {
+    /// The format of a file that begins with `head` (64 bytes are enough) and is called `path`.
+    ///
+    /// Bytes win over the name, because people rename files; the name decides between text formats
+    /// that begin alike. `None` when neither tells.
+    pub fn detect(head: &[u8], path: &Path) -> Option<Format> {
+        let by_name = Self::by_extension(path);
+        match head {
+            [b'g', b'l', b'T', b'F', ..] => return Some(Format::Glb),
+            [b'P', b'K', 3 | 5, 4 | 6, ..] => return Some(Format::Pt),
+            // Pickle protocol 2 and later: torch before 1.6, or a bare pickle.
+            [0x80, 2..=5, ..] => return Some(Format::Pt),
+            [b'p', b'l', b'y', b'\n' | b'\r', ..] => return Some(Format::Ply),
+            _ => {}
+        }
+        let text = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head);
+        let line = first_line(text);
+        let word = line.split(|b| b.is_ascii_whitespace()).next().unwrap_or_default();
+        if line.first() == Some(&b'{') {
+            return Some(Format::Gltf);
+        }
+        if word.ends_with(b"OFF") && word.len() <= 7 {
+            return Some(Format::Off);
+        }
+        // Only comments so far, or a bare number list: the name must tell.
+        let plain = line.is_empty() || line[0] == b'#';
+        match by_name {
+            Some(Format::Obj) => Some(Format::Obj),
+            Some(Format::Off) if plain && !text.is_empty() => Some(Format::Off),
+            _ if starts_like_obj(word) => Some(Format::Obj),
+            _ => None,
+        }
+    }
+
+    /// The format that the extension of `path` names, whatever the content.
+    pub fn by_extension(path: &Path) -> Option<Format> {
+        let extension = path.extension()?.to_str()?.to_ascii_lowercase();
+        Some(match extension.as_str() {
+            "ply" => Format::Ply,
+            "pt" | "pth" => Format::Pt,
+            "off" | "coff" => Format::Off,
+            "obj" => Format::Obj,
+            "glb" => Format::Glb,
+            "gltf" => Format::Gltf,
+            _ => return None,
+        })
+    }
+
+    /// The name people know it by.
+    pub fn name(self) -> &'static str {
+        match self {
+            Format::Ply => "PLY",
+            Format::Pt => "PyTorch checkpoint",
+            Format::Off => "OFF",
+            Format::Obj => "Wavefront OBJ",
+            Format::Glb => "binary glTF",
+            Format::Gltf => "glTF",
+        }
+    }
+}
+
+/// The format of an open file; an error that names what was seen and what is accepted otherwise.
+pub fn detect(source: &mut Source) -> Result<Format> {
+    let head = source.head()?;
+    if let Some(format) = Format::detect(&head, &source.path) {
+        return Ok(format);
+    }
+    let seen = match (head.is_empty(), Format::by_extension(&source.path)) {
+        (true, _) => "is empty".to_owned(),
+        (false, Some(named)) => {
+            format!("is named like {} but begins with {}", named.name(), preview(&head))
+        }
+        (false, None) => format!("begins with {}, which no reader knows", preview(&head)),
+    };
+    Err(Error::unsupported(&source.path, format!("{seen}; give {ACCEPTED}")))
+}
+
+/// The scene in the file at `path`, whatever its format; "-" is standard input.
+///
+/// # Errors
+/// What the format's reader reports, or that no reader knows the file.
+pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded> {
+    let mut source = Source::open(path)?;
+    match detect(&mut source)? {
+        Format::Ply => ply::read(source, options),
+        Format::Pt => pt::read(source, options),
+        Format::Off => off::read(source, options),
+        Format::Obj => obj::read(source, options),
+        Format::Glb | Format::Gltf => gltf_read::read(source, options),
+    }
+}
+
+/// The first line that holds something, without the white space around it.
+fn first_line(text: &[u8]) -> &[u8] {
+    text.split(|b| *b == b'\n' || *b == b'\r')
+        .map(<[u8]>::trim_ascii)
+        .find(|line| !line.is_empty())
+        .unwrap_or_default()
+}
+
+/// True for the words an OBJ begins with.
+fn starts_like_obj(word: &[u8]) -> bool {
+    matches!(word, b"v" | b"vn" | b"vt" | b"f" | b"o" | b"g" | b"s" | b"mtllib" | b"usemtl")
+}
+
+/// The first bytes for a message: as text when they are text, else in hex.
+fn preview(head: &[u8]) -> String {
+    let head = &head[..head.len().min(16)];
+    match std::str::from_utf8(head) {
+        Ok(text) if !text.contains(|c: char| c.is_control() && c != '\n' && c != '\t' && c != '\r') => {
+            format!("{text:?}")
+        }
+        _ => {
+            let hex: Vec<String> = head.iter().take(8).map(|b| format!("{b:02x}")).collect();
+            format!("bytes {}", hex.join(" "))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_win_over_the_name() {
+        let cases: [(&[u8], &str, Option<Format>); 17] = [
+            (b"glTF\x02\0\0\0", "a.ply", Some(Format::Glb)),
+            (b"PK\x03\x04rest", "a", Some(Format::Pt)),
+            (b"\x80\x02}q", "a.bin", Some(Format::Pt)),
+            (b"ply\nformat", "a.obj", Some(Format::Ply)),
+            (b"ply\r\nformat", "a", Some(Format::Ply)),
+            (b"\xef\xbb\xbf { \"asset\"", "a.txt", Some(Format::Gltf)),
+            (b"\n\n{\"asset\"", "-", Some(Format::Gltf)),
+            (b"COFF\n3 1 0", "a.txt", Some(Format::Off)),
+            (b"OFF 3 1 0\n", "a", Some(Format::Off)),
+            (b"# made by\nOFF\n", "a.off", Some(Format::Off)),
+            (b"# made by\nv 0 0 0\n", "a.obj", Some(Format::Obj)),
+            (b"# made by\n", "a.txt", None),
+            (b"v 0 0 0\n", "-", Some(Format::Obj)),
+            (b"mtllib a.mtl\n", "-", Some(Format::Obj)),
+            (b"", "a.ply", None),
+            (b"\0\0\0\0", "a.glb", None),
+            (b"hello world", "a.txt", None),
+        ];
+        for (head, path, wanted) in cases {
+            assert_eq!(Format::detect(head, Path::new(path)), wanted, "{:?} {path}", preview(head));
+        }
+    }
+
+    #[test]
+    fn an_unknown_file_names_what_was_seen_and_what_is_accepted() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("scene.glb");
+        for (content, seen) in [(&b""[..], "is empty"), (b"\0\x01rubbish", "named like binary glTF")] {
+            std::fs::write(&path, content).expect("writable");
+            let message = read(&path, &ReadOptions { sh_degree: 0 }).expect_err("unknown").to_string();
+            assert!(message.contains(seen) && message.contains(".gltf"), "{message}");
+        }
+    }
+}
