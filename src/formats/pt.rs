@@ -1,10 +1,330 @@
-//! The authors' PyTorch checkpoints and their successors' (read only).
+//! Training checkpoints written by `torch.save` (read only).
+//!
+//! Two families share the key `triangles_points` and are told apart by its rank:
+//!
+//! ```text
+//! Held et al. 2025       triangles_points [N, 3, 3]   a soup
+//!                        sigma [N, 1]                 raw; σ = 0.01 + exp(x)
+//!                        opacity [N, 1]               raw; o = 1 / (1 + exp(-x))
+//!                        features_dc [N, 1, 3]        SH degree 0
+//!                        features_rest [N, K-1, 3]    coefficient-major, rgb innermost
+//!                        active_sh_degree             int
+//! Triangle Splatting+,   triangles_points [V, 3]      shared vertices
+//! MeshSplatting          _triangle_indices [T, 3]     integers
+//!                        features_dc [V, 1, 3]        SH degree 0 of every vertex
+//!                        sigma                        float; ln σ of the whole scene
+//!                        vertex_weight [V, 1]         opacity logit over a floor that the file does not hold
+//! ```
+//!
+//! A successor's mesh is taken as solid: the floor under `vertex_weight` rises to 0.9999 while
+//! training, so every face of a finished run is opaque, and of an unfinished one the floor is not
+//! known. An unfinished run is told by its σ and reported as a warning.
+//!
+//! Unpickling executes nothing: `pytorch-reader` interprets the calls that rebuild tensors and keeps
+//! every other one as an opaque name. What it leaves open, [`check_archive`] closes.
 
-use super::{ReadOptions, Source};
+use super::{MAX_TRIANGLES, ReadOptions, Source, finish};
+use crate::asset::Provenance;
 use crate::error::{Error, Result};
-use crate::scene::Loaded;
+use crate::math::color::linear_from_srgb;
+use crate::mesh::{Colors, Mesh};
+use crate::scene::{Loaded, Scene};
+use crate::soup::{Soup, rgb_from_sh0};
+use bytemuck::Pod;
+use glam::Vec3;
+use pytorch_reader::{DType, PickleValue, PytorchError, PytorchReader};
+use rayon::prelude::*;
+use std::fs::File;
+use std::io::{self, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use tempfile::NamedTempFile;
 
-/// The scene in the file.
-pub fn read(source: Source, _options: &ReadOptions) -> Result<Loaded> {
-    Err(Error::unsupported(&source.path, "this format is not read yet"))
+/// Largest `data.pkl` we parse. Real ones hold a few names and shapes (under 2 KiB); every byte can
+/// cost the parser about 100 bytes of stack, and a deflated one can promise any size.
+const MAX_PICKLE_BYTES: u64 = 1 << 20;
+
+/// σ that Triangle Splatting+ and MeshSplatting reach at the end of training is 1e-4; above this the
+/// run was cut short.
+const UNFINISHED_SIGMA: f64 = 0.01;
+
+const RESAVE: &str = "load it in PyTorch 1.6 or later and torch.save it again";
+
+/// The scene in a checkpoint: a soup, or a mesh from one of the successors.
+///
+/// SH above `options.sh_degree` stays on disk.
+///
+/// # Errors
+/// `Unsupported` for what is no zip checkpoint or holds no triangles, `Malformed` for shapes and sizes
+/// that do not fit each other or the file.
+pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
+    check_archive(&mut source)?;
+    let file = Checkpoint::open(&mut source)?;
+    let loaded = match file.shape("triangles_points")? {
+        &[n, 3, 3] => read_soup(&file, n, options)?,
+        &[v, 3] => read_mesh(&file, v)?,
+        other => {
+            return Err(file.malformed(
+                "triangles_points",
+                format!("has shape {other:?}; wants [N, 3, 3] for a soup or [V, 3] for a mesh"),
+            ));
+        }
+    };
+    finish(&source.path, loaded)
+}
+
+fn read_soup(file: &Checkpoint, n: usize, options: &ReadOptions) -> Result<Loaded> {
+    file.check_count("triangles_points", n)?;
+    let vertices: Vec<[Vec3; 3]> = file.values("triangles_points", DType::F32, &[&[n, 3, 3]])?;
+    let mut sigma: Vec<f32> = file.values("sigma", DType::F32, &[&[n, 1], &[n]])?;
+    let mut opacity: Vec<f32> = file.values("opacity", DType::F32, &[&[n, 1], &[n]])?;
+    // In f64 and rounded once, so that the platform's expf does not show.
+    sigma.par_iter_mut().for_each(|x| *x = (0.01 + f64::from(*x).exp()) as f32);
+    opacity.par_iter_mut().for_each(|x| *x = (1.0 / (1.0 + (-f64::from(*x)).exp())) as f32);
+    let (sh, sh_degree) = read_sh(file, n, options.sh_degree)?;
+    let soup = Soup { vertices, opacity, sigma, sh, sh_degree };
+    let provenance =
+        Provenance { trainer: Some("triangle-splatting (Held et al. 2025)".into()), ..Provenance::default() };
+    Ok(Loaded { scene: Scene::Soup(soup), provenance, warnings: Vec::new() })
+}
+
+/// Coefficients of every triangle, degree 0 first, and the degree: the lowest of what was asked for,
+/// what the training had reached and what the file holds.
+fn read_sh(file: &Checkpoint, n: usize, wanted: u8) -> Result<(Vec<[f32; 3]>, u8)> {
+    let dc: Vec<[f32; 3]> = file.values("features_dc", DType::F32, &[&[n, 1, 3], &[n, 3]])?;
+    if wanted == 0 || file.shape("features_rest").is_err() {
+        return Ok((dc, 0));
+    }
+    let stored = match file.shape("features_rest")? {
+        &[rows, k, 3] if rows == n && matches!(k, 0 | 3 | 8 | 15) => k,
+        other => {
+            return Err(file.malformed(
+                "features_rest",
+                format!("has shape {other:?}; wants [{n}, K - 1, 3] with K = 1, 4, 9 or 16"),
+            ));
+        }
+    };
+    let active = match file.scalar("active_sh_degree")? {
+        Some(PickleValue::Int(degree @ 0..=3)) => degree as u8,
+        Some(PickleValue::Int(other)) => {
+            return Err(file.malformed("active_sh_degree", format!("is {other}; wants 0, 1, 2 or 3")));
+        }
+        _ => 3,
+    };
+    let degree = wanted.min(active).min(((stored + 1) as f64).sqrt() as u8 - 1);
+    if degree == 0 {
+        return Ok((dc, 0));
+    }
+    let rest: Vec<[f32; 3]> = file.values("features_rest", DType::F32, &[&[n, stored, 3]])?;
+    let used = (degree as usize + 1).pow(2) - 1;
+    let mut sh = Vec::with_capacity(n * (used + 1));
+    for (dc, rest) in dc.iter().zip(rest.chunks_exact(stored)) {
+        sh.push(*dc);
+        sh.extend_from_slice(&rest[..used]);
+    }
+    Ok((sh, degree))
+}
+
+fn read_mesh(file: &Checkpoint, v: usize) -> Result<Loaded> {
+    file.check_count("triangles_points", v)?;
+    let positions: Vec<Vec3> = file.values("triangles_points", DType::F32, &[&[v, 3]])?;
+    let dc: Vec<[f32; 3]> = file.values("features_dc", DType::F32, &[&[v, 1, 3], &[v, 3]])?;
+    let mut warnings = Vec::new();
+    let black = dc.iter().filter(|c| !c.iter().all(|x| x.is_finite())).count();
+    if black > 0 {
+        warnings.push(format!("{black} vertices have non-finite colours and became black"));
+    }
+    // `max` turns NaN into 0.
+    let linear = |c: f32| linear_from_srgb(rgb_from_sh0(c).max(0.0));
+    let colors = dc.par_iter().map(|c| c.map(linear)).collect();
+    let mesh =
+        Mesh { positions, colors: Colors::Vertex(colors), indices: read_indices(file, v)?, opacity: vec![] };
+    if let Some(PickleValue::Float(ln_sigma)) = file.scalar("sigma")?
+        && ln_sigma.exp() > UNFINISHED_SIGMA
+    {
+        warnings.push(format!(
+            "training had not finished (sigma is {:.3}): faces that were still translucent are taken as solid",
+            ln_sigma.exp()
+        ));
+    }
+    let provenance =
+        Provenance { trainer: Some("triangle-splatting2 or mesh-splatting".into()), ..Provenance::default() };
+    Ok(Loaded { scene: Scene::Mesh(mesh), provenance, warnings })
+}
+
+/// Vertex numbers, three a face, each below `v`.
+fn read_indices(file: &Checkpoint, v: usize) -> Result<Vec<u32>> {
+    let key = "_triangle_indices";
+    let &[faces, 3] = file.shape(key)? else {
+        return Err(file.malformed(key, format!("has shape {:?}; wants [T, 3]", file.shape(key)?)));
+    };
+    file.check_count(key, faces)?;
+    let shape: &[usize] = &[faces, 3];
+    let wide: Vec<i64> = match file.dtype(key)? {
+        DType::I64 => file.values(key, DType::I64, &[shape])?,
+        _ => file.values::<i32>(key, DType::I32, &[shape])?.into_iter().map(i64::from).collect(),
+    };
+    if let Some(at) = wide.iter().position(|&i| i < 0 || i >= v as i64) {
+        return Err(file.malformed(
+            key,
+            format!("face {} names vertex {}, but there are {v} vertices", at / 3, wide[at]),
+        ));
+    }
+    Ok(wide.into_iter().map(|i| i as u32).collect())
+}
+
+/// An opened checkpoint: tensors by name, their bytes still on disk.
+struct Checkpoint {
+    /// What the user called it.
+    label: PathBuf,
+    /// Where it lies: the same, or a copy of standard input.
+    place: PathBuf,
+    /// Keeps that copy alive.
+    _copy: Option<NamedTempFile>,
+    bytes: u64,
+    tensors: PytorchReader,
+}
+
+impl Checkpoint {
+    fn open(source: &mut Source) -> Result<Self> {
+        let label = source.path.clone();
+        let (place, copy) = if label.as_os_str() == "-" {
+            let copy = spool(&mut source.file).map_err(|e| Error::io(&label, e))?;
+            (copy.path().to_owned(), Some(copy))
+        } else {
+            (label.clone(), None)
+        };
+        let tensors = PytorchReader::new(&place).map_err(|e| torch_error(&label, e))?;
+        Ok(Self { label, place, _copy: copy, bytes: source.len, tensors })
+    }
+
+    fn malformed(&self, key: &str, reason: String) -> Error {
+        Error::malformed(&self.label, format!("tensor {key}"), reason)
+    }
+
+    fn tensor(&self, key: &str) -> Result<&pytorch_reader::Tensor> {
+        self.tensors.get(key).ok_or_else(|| {
+            let mut keys = self.tensors.keys();
+            keys.sort();
+            keys.truncate(12);
+            Error::unsupported(
+                &self.label,
+                format!(
+                    "is a checkpoint without {key} (it holds {keys:?}); give point_cloud_state_dict.pt of a \
+                     triangle splatting run"
+                ),
+            )
+        })
+    }
+
+    fn shape(&self, key: &str) -> Result<&[usize]> {
+        Ok(self.tensor(key)?.shape())
+    }
+
+    fn dtype(&self, key: &str) -> Result<DType> {
+        Ok(self.tensor(key)?.dtype())
+    }
+
+    /// Refuses more rows than a scene can have, before any is read.
+    fn check_count(&self, key: &str, rows: usize) -> Result<()> {
+        if rows as u64 <= MAX_TRIANGLES {
+            return Ok(());
+        }
+        Err(self.malformed(key, format!("promises {rows} rows; the most we take is {MAX_TRIANGLES}")))
+    }
+
+    /// The numbers of a tensor in row-major order, when it has one of `shapes`.
+    fn values<T: Pod>(&self, key: &str, dtype: DType, shapes: &[&[usize]]) -> Result<Vec<T>> {
+        let tensor = self.tensor(key)?;
+        if tensor.dtype() != dtype || !shapes.contains(&tensor.shape()) {
+            return Err(self.malformed(
+                key,
+                format!(
+                    "is {:?} of shape {:?}; wants {dtype:?} of shape {:?}",
+                    tensor.dtype(),
+                    tensor.shape(),
+                    shapes[0]
+                ),
+            ));
+        }
+        // A view with stride 0 or a storage that is not there can promise any size.
+        if tensor.byte_len() as u64 > self.bytes {
+            return Err(self.malformed(
+                key,
+                format!("promises {} bytes, but the whole file has {}", tensor.byte_len(), self.bytes),
+            ));
+        }
+        let bytes = tensor.read().map_err(|e| match e.raw_os_error() {
+            Some(_) => Error::io(&self.label, e),
+            None => self.malformed(key, e.to_string()),
+        })?;
+        if bytes.len() % size_of::<T>() != 0 {
+            return Err(self.malformed(key, format!("has {} bytes, which is no whole row", bytes.len())));
+        }
+        Ok(bytemuck::pod_collect_to_vec(&bytes))
+    }
+
+    /// A plain Python value beside the tensors.
+    fn scalar(&self, key: &str) -> Result<Option<PickleValue>> {
+        match PytorchReader::read_pickle_data(&self.place, None).map_err(|e| torch_error(&self.label, e))? {
+            PickleValue::Dict(mut dict) => Ok(dict.remove(key)),
+            _ => Ok(None),
+        }
+    }
+}
+
+/// Refuses what would make the parser allocate more than the file is worth: entries that promise more
+/// bytes than the file has (deflated bombs, sparse files) and a `data.pkl` beyond any real one.
+/// `torch.save` compresses nothing.
+fn check_archive(source: &mut Source) -> Result<()> {
+    let path = source.path.clone();
+    let head = source.head()?;
+    if !head.starts_with(b"PK") {
+        return Err(Error::unsupported(
+            &path,
+            format!("is a checkpoint from before PyTorch 1.6 or a bare pickle; {RESAVE}"),
+        ));
+    }
+    let zip_error = |e: zip::result::ZipError| Error::malformed(&path, "zip directory", e.to_string());
+    let mut archive = zip::ZipArchive::new(io::BufReader::new(&source.file)).map_err(zip_error)?;
+    for index in 0..archive.len() {
+        let entry = archive.by_index_raw(index).map_err(zip_error)?;
+        let at = || format!("zip entry {index}");
+        if entry.compression() != zip::CompressionMethod::Stored {
+            return Err(Error::unsupported(&path, format!("holds compressed entries; {RESAVE}")));
+        }
+        if entry.size() > source.len || entry.compressed_size() != entry.size() {
+            return Err(Error::malformed(
+                &path,
+                at(),
+                format!("promises {} bytes, but the whole file has {}", entry.size(), source.len),
+            ));
+        }
+        let is_pickle = entry.name().is_ok_and(|name| name.ends_with("data.pkl"));
+        if is_pickle && entry.size() > MAX_PICKLE_BYTES {
+            return Err(Error::TooLarge {
+                what: format!("{}: data.pkl", path.display()),
+                bytes: entry.size(),
+                limit: MAX_PICKLE_BYTES,
+                remedy: "save the model's tensors alone".into(),
+            });
+        }
+    }
+    drop(archive);
+    source.file.seek(SeekFrom::Start(0)).map_err(|e| Error::io(&path, e))?;
+    Ok(())
+}
+
+/// A named copy of an open file, because the checkpoint parser opens by name.
+fn spool(file: &mut File) -> io::Result<NamedTempFile> {
+    file.seek(SeekFrom::Start(0))?;
+    let mut copy = NamedTempFile::new()?;
+    io::copy(file, &mut copy)?;
+    Ok(copy)
+}
+
+fn torch_error(path: &Path, error: PytorchError) -> Error {
+    match error {
+        PytorchError::Io(e) if e.raw_os_error().is_some() => Error::io(path, e),
+        e => Error::malformed(path, "checkpoint", e.to_string()),
+    }
 }
