@@ -1,1 +1,5 @@
 //! Measures cost, stability and fidelity.
+
+mod degenerate;
+pub mod scenes;
+mod studio;
