@@ -2,3 +2,4 @@
 
 pub mod color;
 pub mod srgb8;
+pub mod metric;
