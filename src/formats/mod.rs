@@ -7,6 +7,7 @@ pub mod gltf_read;
 pub mod obj;
 pub mod off;
 pub mod ply;
+mod provenance;
 pub mod pt;
 
 pub use detect::{Format, read};

@@ -1,0 +1,102 @@
+//! Vertices and corner numbers of a PLY, checked, in the shape the rest wants.
+
+use super::header::Scalar;
+use super::table::{Column, Table};
+use super::transcode::not_a_triangle;
+use crate::error::Result;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Reads x, y, z of every vertex. // out: [V]
+pub(super) fn read_positions(vertices: &Table, out: &mut [Vec3]) -> Result<()> {
+    let axes = [vertices.column("x")?, vertices.column("y")?, vertices.column("z")?];
+    let float = |i: usize| axes[i].scalar == Scalar::F32 && axes[i].offset == 4 * i;
+    let as_they_are = cfg!(target_endian = "little") && vertices.stride() == 12 && (0..3).all(float);
+    let per_block = vertices.rows_per_block();
+    let read = |buffer: &mut Vec<u8>, (block, out): (usize, &mut [Vec3])| {
+        if as_they_are {
+            return vertices.fill(block * per_block, bytemuck::cast_slice_mut(out));
+        }
+        let rows = vertices.block(block * per_block, out.len(), buffer)?;
+        for (row, out) in rows.chunks_exact(vertices.stride()).zip(out) {
+            *out = Vec3::from(axes.map(|axis| axis.f32(row)));
+        }
+        Ok(())
+    };
+    first_error(out.par_chunks_mut(per_block).enumerate().map_init(Vec::new, read).collect())
+}
+
+/// Where the corner numbers of a face stand in its row.
+#[derive(Clone, Copy)]
+pub(super) struct Corners {
+    count: Column,
+    first: Column,
+}
+
+impl Corners {
+    pub(super) fn of(faces: &Table) -> Result<Self> {
+        let (count, first) = faces.corners()?;
+        Ok(Self { count, first })
+    }
+
+    /// True when the rows, the first of which is face `face`, list the corners 0, 1, 2, 3, … without
+    /// sharing any. An error names the first face that is no triangle.
+    pub(super) fn are_unshared(self, faces: &Table, rows: &[u8], face: usize) -> Result<bool> {
+        let rows = || rows.chunks_exact(faces.stride()).enumerate();
+        let plain = |(i, row): (usize, &[u8])| {
+            let next = 3 * (face + i) as i64;
+            self.count.int(row) == 3 && self.raw(row) == [next, next + 1, next + 2]
+        };
+        if rows().fold(true, |all, row| all & plain(row)) {
+            return Ok(true);
+        }
+        match rows().find(|(_, row)| self.count.int(row) != 3) {
+            Some((i, row)) => Err(faces.error(face + i, not_a_triangle(self.count.int(row)))),
+            None => Ok(false),
+        }
+    }
+
+    /// The corner numbers of one face, each proven to be below `vertices`.
+    pub(super) fn checked(self, faces: &Table, row: &[u8], face: usize, vertices: usize) -> Result<[u32; 3]> {
+        if self.count.int(row) != 3 {
+            return Err(faces.error(face, not_a_triangle(self.count.int(row))));
+        }
+        let corners = self.raw(row);
+        match corners.iter().find(|c| **c < 0 || **c >= vertices as i64) {
+            Some(c) => Err(faces.error(face, format!("names vertex {c}, but there are {vertices} vertices"))),
+            None => Ok(corners.map(|c| c as u32)),
+        }
+    }
+
+    #[inline]
+    fn raw(self, row: &[u8]) -> [i64; 3] {
+        let Column { offset, scalar } = self.first;
+        [0, 1, 2].map(|i| Column { offset: offset + i * scalar.size(), scalar }.int(row))
+    }
+}
+
+/// The corner numbers of all faces, or nothing when they are 0, 1, 2, 3, … // [F * 3]
+pub(super) fn read_indices(faces: &Table, vertices: usize) -> Result<Vec<u32>> {
+    let corners = Corners::of(faces)?;
+    let mut indices = vec![0u32; faces.rows() * 3];
+    let per_block = faces.rows_per_block();
+    let read = |buffer: &mut Vec<u8>, (block, out): (usize, &mut [u32])| {
+        let first = block * per_block;
+        let rows = faces.block(first, out.len() / 3, buffer)?;
+        for (i, (row, out)) in rows.chunks_exact(faces.stride()).zip(out.chunks_exact_mut(3)).enumerate() {
+            out.copy_from_slice(&corners.checked(faces, row, first + i, vertices)?);
+        }
+        Ok(())
+    };
+    first_error(indices.par_chunks_mut(3 * per_block).enumerate().map_init(Vec::new, read).collect())?;
+    let unshared = vertices == indices.len() && indices.iter().enumerate().all(|(i, v)| i == *v as usize);
+    if unshared {
+        indices = Vec::new();
+    }
+    Ok(indices)
+}
+
+/// The error of the earliest block, so that the message does not depend on the threads.
+pub(super) fn first_error<T: Default>(blocks: Vec<Result<T>>) -> Result<()> {
+    blocks.into_iter().try_for_each(|block| block.map(|_| ()))
+}

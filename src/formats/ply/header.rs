@@ -1,0 +1,251 @@
+//! The header of a PLY file: elements, their properties, and comments.
+
+use crate::error::{Error, Result};
+use crate::formats::Source;
+use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
+
+/// More than any real header; what is longer is not a PLY file or is broken.
+const LONGEST: u64 = 1 << 20;
+
+/// Elements in a file, or properties in an element.
+const MOST: usize = 1024;
+
+/// How the body is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Encoding {
+    Ascii,
+    Little,
+    Big,
+}
+
+/// The eight number types of PLY.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Scalar {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Scalar {
+    fn parse(name: &str) -> Option<Self> {
+        Some(match name {
+            "char" | "int8" => Scalar::I8,
+            "uchar" | "uint8" => Scalar::U8,
+            "short" | "int16" => Scalar::I16,
+            "ushort" | "uint16" => Scalar::U16,
+            "int" | "int32" => Scalar::I32,
+            "uint" | "uint32" => Scalar::U32,
+            "float" | "float32" => Scalar::F32,
+            "double" | "float64" => Scalar::F64,
+            _ => return None,
+        })
+    }
+
+    /// Bytes in a binary file.
+    pub(super) fn size(self) -> usize {
+        match self {
+            Scalar::I8 | Scalar::U8 => 1,
+            Scalar::I16 | Scalar::U16 => 2,
+            Scalar::I32 | Scalar::U32 | Scalar::F32 => 4,
+            Scalar::F64 => 8,
+        }
+    }
+
+    pub(super) fn is_integer(self) -> bool {
+        !matches!(self, Scalar::F32 | Scalar::F64)
+    }
+}
+
+/// One number, or a count followed by that many numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    Scalar(Scalar),
+    List { count: Scalar, item: Scalar },
+}
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Property {
+    pub(super) name: String,
+    pub(super) kind: Kind,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Element {
+    pub(super) name: String,
+    /// Rows promised; not to be believed before the file's length was seen.
+    pub(super) rows: u64,
+    pub(super) properties: Vec<Property>,
+}
+
+impl Element {
+    pub(super) fn has(&self, property: &str) -> bool {
+        self.properties.iter().any(|p| p.name == property)
+    }
+}
+
+#[derive(Debug)]
+pub(super) struct Header {
+    pub(super) encoding: Encoding,
+    pub(super) elements: Vec<Element>,
+    pub(super) comments: Vec<String>,
+    /// Byte at which the body starts.
+    pub(super) body: u64,
+}
+
+impl Header {
+    pub(super) fn element(&self, name: &str) -> Option<&Element> {
+        self.elements.iter().find(|e| e.name == name)
+    }
+}
+
+/// Reads up to and including `end_header`.
+pub(super) fn read(source: &mut Source) -> Result<Header> {
+    let path = source.path.clone();
+    let io = |e| Error::io(&path, e);
+    source.file.seek(SeekFrom::Start(0)).map_err(io)?;
+    let mut reader = BufReader::with_capacity(1 << 14, &source.file).take(LONGEST);
+    let mut draft = Draft::default();
+    let (mut line, mut number) = (Vec::new(), 0);
+    loop {
+        line.clear();
+        reader.read_until(b'\n', &mut line).map_err(io)?;
+        number += 1;
+        let at = format!("header line {number}");
+        if line.last() != Some(&b'\n') {
+            return Err(Error::malformed(&path, at, draft.why_cut_short(reader.limit() == 0, &line)));
+        }
+        let text = String::from_utf8_lossy(&line);
+        if draft.take_line(text.trim()).map_err(|reason| Error::malformed(&path, at, reason))? {
+            break;
+        }
+    }
+    let body = LONGEST - reader.limit();
+    let encoding = draft.encoding.ok_or_else(|| {
+        Error::malformed(&path, "header", "has no format line; wants `format binary_little_endian 1.0`")
+    })?;
+    Ok(Header { encoding, elements: draft.elements, comments: draft.comments, body })
+}
+
+/// A header as far as it has been read.
+#[derive(Default)]
+struct Draft {
+    magic: bool,
+    encoding: Option<Encoding>,
+    elements: Vec<Element>,
+    comments: Vec<String>,
+}
+
+impl Draft {
+    fn why_cut_short(&self, too_long: bool, line: &[u8]) -> String {
+        if !self.magic && line.is_empty() {
+            "the file is empty".into()
+        } else if !self.magic && !line.starts_with(b"ply") {
+            "is not a PLY file: it must start with the line `ply`".into()
+        } else if too_long {
+            "no end_header within the first 1 MiB; not a PLY file, or a broken one".into()
+        } else {
+            "the file ends before end_header; it was cut short".into()
+        }
+    }
+
+    /// Understands one line; true when it was `end_header`.
+    fn take_line(&mut self, line: &str) -> std::result::Result<bool, String> {
+        if !self.magic {
+            self.magic = line == "ply";
+            return if self.magic {
+                Ok(false)
+            } else {
+                Err("is not a PLY file: it must start with the line `ply`".into())
+            };
+        }
+        let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+        match word {
+            "end_header" => return Ok(true),
+            "comment" => self.comments.push(rest.trim().to_owned()),
+            "obj_info" | "" => {}
+            "format" => self.encoding = Some(parse_format(rest)?),
+            "element" => {
+                let element = parse_element(rest)?;
+                if self.elements.iter().any(|e| e.name == element.name) {
+                    return Err(format!("element {} stands twice", clip(&element.name)));
+                }
+                if self.elements.len() == MOST {
+                    return Err(format!("more than {MOST} elements"));
+                }
+                self.elements.push(element);
+            }
+            "property" => {
+                let property = parse_property(rest)?;
+                let element = self.elements.last_mut().ok_or("a property before the first element")?;
+                if element.has(&property.name) {
+                    return Err(format!("property {} stands twice", clip(&property.name)));
+                }
+                if element.properties.len() == MOST {
+                    return Err(format!("more than {MOST} properties in one element"));
+                }
+                element.properties.push(property);
+            }
+            _ => return Err(format!("cannot make sense of {:?}", clip(line))),
+        }
+        Ok(false)
+    }
+}
+
+fn parse_format(rest: &str) -> std::result::Result<Encoding, String> {
+    match rest.split_whitespace().collect::<Vec<_>>()[..] {
+        ["ascii", "1.0"] => Ok(Encoding::Ascii),
+        ["binary_little_endian", "1.0"] => Ok(Encoding::Little),
+        ["binary_big_endian", "1.0"] => Ok(Encoding::Big),
+        _ => Err(format!(
+            "unknown format {:?}; wants ascii, binary_little_endian or binary_big_endian, version 1.0",
+            clip(rest)
+        )),
+    }
+}
+
+fn parse_element(rest: &str) -> std::result::Result<Element, String> {
+    let [name, rows] = rest.split_whitespace().collect::<Vec<_>>()[..] else {
+        return Err(format!("wants `element NAME COUNT`, not {:?}", clip(rest)));
+    };
+    let rows = rows
+        .parse::<u64>()
+        .map_err(|_| format!("element {} counts {:?}; wants a whole number", clip(name), clip(rows)))?;
+    Ok(Element { name: name.to_owned(), rows, properties: Vec::new() })
+}
+
+fn parse_property(rest: &str) -> std::result::Result<Property, String> {
+    let scalar = |name: &str| {
+        Scalar::parse(name).ok_or_else(|| {
+            format!(
+                "unknown type {:?}; wants char, uchar, short, ushort, int, uint, float or double",
+                clip(name)
+            )
+        })
+    };
+    match rest.split_whitespace().collect::<Vec<_>>()[..] {
+        ["list", count, item, name] => {
+            let (count, item) = (scalar(count)?, scalar(item)?);
+            if !count.is_integer() {
+                return Err(format!("the list {} counts in floats; wants an integer type", clip(name)));
+            }
+            Ok(Property { name: name.to_owned(), kind: Kind::List { count, item } })
+        }
+        [kind, name] => Ok(Property { name: name.to_owned(), kind: Kind::Scalar(scalar(kind)?) }),
+        _ => {
+            Err(format!("wants `property TYPE NAME` or `property list TYPE TYPE NAME`, not {:?}", clip(rest)))
+        }
+    }
+}
+
+/// A quotation short enough for an error message.
+fn clip(text: &str) -> String {
+    match text.char_indices().nth(60) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.to_owned(),
+    }
+}

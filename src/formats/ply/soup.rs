@@ -1,0 +1,193 @@
+//! The soup PLY: our own file of a trained scene, and a legal triangle mesh. See `docs/formats.md`.
+
+use super::corners::{Corners, read_positions};
+use super::header::{Element, Scalar};
+use super::table::{Column, Table, Tables};
+use crate::asset::Provenance;
+use crate::error::{Error, Result};
+use crate::formats::provenance::to_comment;
+use crate::soup::{Soup, rgb_from_sh0};
+use glam::Vec3;
+use rayon::prelude::*;
+use std::io::{self, Write};
+use std::path::Path;
+
+/// True when the faces carry what only a soup has.
+pub(super) fn is_soup(faces: &Element) -> bool {
+    faces.has("sigma")
+}
+
+/// The soup, with SH up to `sh_degree`; what lies above is stepped over.
+pub(super) fn read(path: &Path, element: &Element, tables: &Tables, sh_degree: u8) -> Result<Soup> {
+    let Tables { vertices, faces } = tables;
+    let columns = Columns::of(path, element, faces, sh_degree)?;
+    for axis in ["x", "y", "z"] {
+        vertices.column(axis)?;
+    }
+    let count = faces.rows();
+    let mut soup = Soup {
+        vertices: Vec::new(),
+        opacity: vec![0.0; count],
+        sigma: vec![0.0; count],
+        sh: vec![[0.0; 3]; count * columns.sh.len()],
+        sh_degree: columns.sh_degree,
+    };
+    let unshared = columns.read(faces, &mut soup)?;
+    soup.vertices = if unshared && vertices.rows() == 3 * count {
+        let mut own = bytemuck::zeroed_vec::<[Vec3; 3]>(count);
+        read_positions(vertices, bytemuck::cast_slice_mut(&mut own))?;
+        own
+    } else {
+        gather(vertices, faces)?
+    };
+    Ok(soup)
+}
+
+/// The corners of every face, looked up among shared vertices.
+fn gather(vertices: &Table, faces: &Table) -> Result<Vec<[Vec3; 3]>> {
+    let mut shared = bytemuck::zeroed_vec::<Vec3>(vertices.rows());
+    read_positions(vertices, &mut shared)?;
+    let corners = Corners::of(faces)?;
+    let mut own = bytemuck::zeroed_vec::<[Vec3; 3]>(faces.rows());
+    let per_block = faces.rows_per_block();
+    let read = |buffer: &mut Vec<u8>, (block, out): (usize, &mut [[Vec3; 3]])| {
+        let first = block * per_block;
+        let rows = faces.block(first, out.len(), buffer)?;
+        for (i, (row, out)) in rows.chunks_exact(faces.stride()).zip(out).enumerate() {
+            let face = corners.checked(faces, row, first + i, shared.len())?;
+            *out = face.map(|v| shared[v as usize]);
+        }
+        Ok(())
+    };
+    let blocks: Vec<_> = own.par_chunks_mut(per_block).enumerate().map_init(Vec::new, read).collect();
+    blocks.into_iter().collect::<Result<()>>()?;
+    Ok(own)
+}
+
+/// Where the numbers of a soup stand in a face's row.
+struct Columns {
+    corners: Corners,
+    opacity: Column,
+    sigma: Column,
+    /// Red, green and blue of each coefficient that is wanted. // [K]
+    sh: Vec<[Column; 3]>,
+    sh_degree: u8,
+}
+
+impl Columns {
+    fn of(path: &Path, element: &Element, faces: &Table, highest: u8) -> Result<Self> {
+        let rest = element.properties.iter().filter(|p| p.name.starts_with("f_rest_")).count();
+        let Some(degree) = (0..=3u8).find(|d| 3 * (sh_count(*d) - 1) == rest) else {
+            let reason = format!("has {rest} properties f_rest_*; wants 0, 9, 24 or 45 (SH degree 0 to 3)");
+            return Err(Error::malformed(path, "element face", reason));
+        };
+        let sh_degree = degree.min(highest);
+        // 3DGS order: all of red, then all of green, then all of blue.
+        let name = |k: usize, channel: usize| match k {
+            0 => format!("f_dc_{channel}"),
+            _ => format!("f_rest_{}", channel * (sh_count(degree) - 1) + k - 1),
+        };
+        let coefficient = |k: usize| -> Result<[Column; 3]> {
+            Ok([faces.column(&name(k, 0))?, faces.column(&name(k, 1))?, faces.column(&name(k, 2))?])
+        };
+        Ok(Self {
+            corners: Corners::of(faces)?,
+            opacity: faces.column("opacity")?,
+            sigma: faces.column("sigma")?,
+            sh: (0..sh_count(sh_degree)).map(coefficient).collect::<Result<_>>()?,
+            sh_degree,
+        })
+    }
+
+    /// Fills everything but the vertices; true when the corners are 0, 1, 2, 3, …
+    fn read(&self, faces: &Table, soup: &mut Soup) -> Result<bool> {
+        let (per_block, k) = (faces.rows_per_block(), self.sh.len());
+        let blocks: Vec<Result<bool>> = (
+            soup.opacity.par_chunks_mut(per_block),
+            soup.sigma.par_chunks_mut(per_block),
+            soup.sh.par_chunks_mut(per_block * k),
+        )
+            .into_par_iter()
+            .enumerate()
+            .map_init(Vec::new, |buffer, (block, (opacity, sigma, sh))| {
+                let rows = faces.block(block * per_block, opacity.len(), buffer)?;
+                let unshared = self.corners.are_unshared(faces, rows, block * per_block)?;
+                copy_column(self.opacity, rows, faces.stride(), opacity);
+                copy_column(self.sigma, rows, faces.stride(), sigma);
+                self.copy_sh(rows, faces.stride(), sh);
+                Ok(unshared)
+            })
+            .collect();
+        blocks.into_iter().try_fold(true, |all, block| Ok(all & block?))
+    }
+
+    fn copy_sh(&self, rows: &[u8], stride: usize, out: &mut [[f32; 3]]) {
+        let floats = self.sh.iter().flatten().all(|c| c.scalar == Scalar::F32);
+        for (row, out) in rows.chunks_exact(stride).zip(out.chunks_exact_mut(self.sh.len())) {
+            for (columns, out) in self.sh.iter().zip(out) {
+                *out =
+                    if floats { columns.map(|c| float(row, c.offset)) } else { columns.map(|c| c.f32(row)) };
+            }
+        }
+    }
+}
+
+fn copy_column(column: Column, rows: &[u8], stride: usize, out: &mut [f32]) {
+    let floats = column.scalar == Scalar::F32;
+    for (row, out) in rows.chunks_exact(stride).zip(out) {
+        *out = if floats { float(row, column.offset) } else { column.f32(row) };
+    }
+}
+
+#[inline]
+fn float(row: &[u8], offset: usize) -> f32 {
+    let mut bytes = [0; 4];
+    bytes.copy_from_slice(&row[offset..offset + 4]);
+    f32::from_le_bytes(bytes)
+}
+
+fn sh_count(degree: u8) -> usize {
+    (degree as usize + 1).pow(2)
+}
+
+/// Writes a soup PLY: binary little-endian, three own vertices a triangle.
+///
+/// Errors are those of `out`, and `InvalidInput` above 715,827,882 triangles, where PLY's `int`
+/// corner numbers end. Nothing is flushed or renamed here.
+pub fn write_soup(out: &mut dyn Write, soup: &Soup, provenance: &Provenance) -> io::Result<()> {
+    if soup.len() > i32::MAX as usize / 3 {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "too many triangles for a PLY file"));
+    }
+    out.write_all(header(soup, provenance).as_bytes())?;
+    super::write_floats(out, bytemuck::cast_slice(&soup.vertices))?;
+    let k = soup.sh_count();
+    super::write_blocks(out, soup.len(), |i, block| {
+        let sh = &soup.sh[i * k..(i + 1) * k];
+        let first = 3 * i as u32;
+        super::push_corners(block, [first, first + 1, first + 2]);
+        let rest = (0..3).flat_map(|channel| sh[1..].iter().map(move |c| c[channel]));
+        for value in [soup.opacity[i], soup.sigma[i]].into_iter().chain(sh[0]).chain(rest) {
+            block.extend_from_slice(&value.to_le_bytes());
+        }
+        block.extend_from_slice(&sh[0].map(|c| (255.0 * rgb_from_sh0(c)).round() as u8));
+    })
+}
+
+fn header(soup: &Soup, provenance: &Provenance) -> String {
+    let mut header = String::from("ply\nformat binary_little_endian 1.0\ncomment trisplat soup 1\n");
+    super::push_comment(&mut header, &to_comment(provenance));
+    header += &format!("element vertex {}\n", 3 * soup.len());
+    for axis in ["x", "y", "z"] {
+        header += &format!("property float {axis}\n");
+    }
+    header += &format!("element face {}\nproperty list uchar int vertex_indices\n", soup.len());
+    let rest = (0..3 * (soup.sh_count() - 1)).map(|i| format!("f_rest_{i}"));
+    let names = ["opacity", "sigma", "f_dc_0", "f_dc_1", "f_dc_2"].map(String::from);
+    for name in names.into_iter().chain(rest) {
+        header += &format!("property float {name}\n");
+    }
+    for channel in ["red", "green", "blue"] {
+        header += &format!("property uchar {channel}\n");
+    }
+    header + "end_header\n"
+}

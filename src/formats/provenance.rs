@@ -1,0 +1,75 @@
+//! Where a scene came from, as one comment line of a PLY or OBJ file.
+//!
+//! ```text
+//! trisplat {"generator":"trisplat 0.1.0","source":"room.pt","up":"y","placement":{...}}
+//! ```
+//!
+//! JSON, because it escapes line breaks in names and is what `asset.extras` of our GLB holds too.
+
+use crate::asset::Provenance;
+
+const KEY: &str = "trisplat ";
+
+/// The comment's text, without the format's own comment sign and without a line break.
+/// Empty when nothing but defaults is known.
+pub(super) fn to_comment(provenance: &Provenance) -> String {
+    if *provenance == Provenance::default() {
+        return String::new();
+    }
+    // Plain strings and numbers always serialize.
+    serde_json::to_string(provenance).map(|json| format!("{KEY}{json}")).unwrap_or_default()
+}
+
+/// What the comments say. A comment of ours that does not parse becomes a warning, not an error:
+/// the triangles are sound without it.
+pub(super) fn from_comments<'a>(
+    comments: impl Iterator<Item = &'a str>,
+    warnings: &mut Vec<String>,
+) -> Provenance {
+    for comment in comments {
+        let Some(json) = comment.trim().strip_prefix(KEY).filter(|rest| rest.starts_with('{')) else {
+            continue;
+        };
+        match serde_json::from_str(json) {
+            Ok(provenance) => return provenance,
+            Err(error) => warnings.push(format!("the trisplat comment is ignored: {error}")),
+        }
+    }
+    Provenance::default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::{Placement, UpAxis};
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn reads_back_equal(source in ".{0,20}", scale in 1e-30f64..1e30, x: f32, seed: u64) {
+            let center = [x as f64, seed as f64 * 1e-7, -scale];
+            prop_assume!(x.is_finite());
+            let provenance = Provenance {
+                generator: Some("trisplat 0.1.0".into()),
+                source: Some(format!("{source}\r\n{source}")),
+                trainer: None,
+                up: Some(UpAxis::NegY),
+                placement: Placement { up: UpAxis::Z, scale, center },
+            };
+            let comment = to_comment(&provenance);
+            prop_assert!(!comment.contains(['\n', '\r']));
+            let mut warnings = Vec::new();
+            let back = from_comments(["made by hand", comment.as_str()].into_iter(), &mut warnings);
+            prop_assert_eq!(back, provenance);
+            prop_assert!(warnings.is_empty());
+        }
+    }
+
+    #[test]
+    fn a_broken_comment_is_a_warning() {
+        let mut warnings = Vec::new();
+        let back = from_comments(["trisplat {\"up\":\"sideways\"}"].into_iter(), &mut warnings);
+        assert_eq!(back, Provenance::default());
+        assert_eq!(warnings.len(), 1);
+    }
+}
