@@ -61,9 +61,9 @@ impl Source {
     }
 }
 
-/// The most triangles a reader takes: twenty times the largest scene in the literature. A file that
+/// The most triangles a reader takes: ten times the largest scene in the literature. A file that
 /// promises more is refused before anything is allocated for it.
-pub const MAX_TRIANGLES: u64 = 1 << 27;
+pub const MAX_TRIANGLES: u64 = 1 << 26;
 
 /// What the caller will use of a file; the rest is skipped on disk.
 #[derive(Debug, Clone, Copy)]

@@ -1,0 +1,401 @@
+//! Accessors: typed elements in views of buffers, every promise checked before it is followed.
+
+use super::buffers::Buffers;
+use super::document::{Accessor, Compressed, Document, View};
+use super::meshopt;
+use crate::error::{Error, Result};
+use std::collections::VecDeque;
+
+/// Bytes read at a time when elements are not used as they lie.
+const BLOCK_BYTES: u64 = 1 << 18;
+
+/// Decompressed views kept for the next accessor: positions, colours and indices of a mesh.
+const KEPT_VIEWS: usize = 4;
+
+/// The type of one component, with its size.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Component {
+    I8,
+    U8,
+    I16,
+    U16,
+    U32,
+    F32,
+}
+
+impl Component {
+    fn of(code: u32) -> Option<Self> {
+        Some(match code {
+            5120 => Self::I8,
+            5121 => Self::U8,
+            5122 => Self::I16,
+            5123 => Self::U16,
+            5125 => Self::U32,
+            5126 => Self::F32,
+            _ => return None,
+        })
+    }
+
+    fn bytes(self) -> u64 {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::U32 | Self::F32 => 4,
+        }
+    }
+
+    /// The number that 1.0 is stored as when integers are normalised.
+    fn one(self) -> f64 {
+        match self {
+            Self::I8 => f64::from(i8::MAX),
+            Self::U8 => f64::from(u8::MAX),
+            Self::I16 => f64::from(i16::MAX),
+            Self::U16 => f64::from(u16::MAX),
+            Self::U32 => f64::from(u32::MAX),
+            Self::F32 => 1.0,
+        }
+    }
+}
+
+/// Elements of one kind lying in a view or a decompressed one: where the first is and how far the next.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Layout {
+    pub(crate) component: Component,
+    pub(crate) normalized: bool,
+    /// Components an element.
+    pub(crate) width: u64,
+    /// Number of elements.
+    pub(crate) count: u64,
+    view: Option<usize>,
+    /// First byte within the view.
+    offset: u64,
+    stride: u64,
+}
+
+impl Layout {
+    /// Bytes of an element without padding.
+    fn element(&self) -> u64 {
+        self.width * self.component.bytes()
+    }
+
+    /// Bytes from the first element to the end of the last.
+    fn span(&self) -> Option<u64> {
+        match self.count.checked_sub(1) {
+            None => Some(0),
+            Some(steps) => steps.checked_mul(self.stride)?.checked_add(self.element()),
+        }
+    }
+}
+
+/// Reads accessors of a document.
+pub(crate) struct Accessors<'a> {
+    document: &'a Document,
+    pub(crate) buffers: Buffers<'a>,
+    /// Views that were compressed, as words, latest last.
+    unpacked: VecDeque<(usize, Vec<u32>)>,
+    block: Vec<u8>,
+}
+
+impl<'a> Accessors<'a> {
+    pub(crate) fn new(document: &'a Document, buffers: Buffers<'a>) -> Self {
+        Self { document, buffers, unpacked: VecDeque::new(), block: Vec::new() }
+    }
+
+    fn malformed(&self, place: String, reason: impl Into<String>) -> Error {
+        Error::malformed(self.buffers.path(), place, reason)
+    }
+
+    /// The accessor of that number.
+    pub(crate) fn accessor(&self, index: usize) -> Result<&'a Accessor> {
+        self.document.accessors.get(index).ok_or_else(|| {
+            let has = self.document.accessors.len();
+            self.malformed(format!("accessor {index}"), format!("is not there: the file has {has}"))
+        })
+    }
+
+    fn view(&self, index: usize) -> Result<&'a View> {
+        self.document.buffer_views.get(index).ok_or_else(|| {
+            let has = self.document.buffer_views.len();
+            self.malformed(format!("bufferView {index}"), format!("is not there: the file has {has}"))
+        })
+    }
+
+    /// What an accessor promises, proved: every element lies within its view, and the view's bytes are
+    /// there. What the elements cost in memory is the caller's to [`Buffers::spend`].
+    pub(crate) fn layout(&mut self, index: usize) -> Result<Layout> {
+        let accessor = self.accessor(index)?;
+        let place = || format!("accessor {index}");
+        let component = Component::of(accessor.component_type).ok_or_else(|| {
+            self.malformed(place(), format!("has the unknown component type {}", accessor.component_type))
+        })?;
+        let width = match accessor.shape.as_str() {
+            "SCALAR" => 1,
+            "VEC2" => 2,
+            "VEC3" => 3,
+            "VEC4" => 4,
+            other => {
+                return Err(
+                    self.malformed(place(), format!("has type {other:?}; wants SCALAR or VEC2 to VEC4"))
+                );
+            }
+        };
+        let mut layout = Layout {
+            component,
+            normalized: accessor.normalized,
+            width,
+            count: accessor.count,
+            view: accessor.buffer_view,
+            offset: accessor.byte_offset,
+            stride: width * component.bytes(),
+        };
+        match accessor.buffer_view {
+            Some(view) => {
+                layout.stride = self.stride(view)?.unwrap_or(layout.stride);
+                self.prove(&layout, place())?;
+            }
+            None if accessor.sparse.is_none() => {
+                return Err(self.malformed(place(), "has no bufferView: there are no data"));
+            }
+            None => {}
+        }
+        Ok(layout)
+    }
+
+    /// The stride a view gives its elements, when it gives one.
+    fn stride(&self, index: usize) -> Result<Option<u64>> {
+        let view = self.view(index)?;
+        let stride = view.extensions.meshopt.as_ref().map(|c| c.byte_stride).or(view.byte_stride);
+        match stride {
+            Some(stride) if !(1..=252).contains(&stride) => {
+                let place = format!("bufferView {index}");
+                Err(self.malformed(place, format!("has byteStride {stride}; wants 1 to 252")))
+            }
+            stride => Ok(stride),
+        }
+    }
+
+    /// Proves that a layout lies within its view and the view within real bytes.
+    fn prove(&mut self, layout: &Layout, place: String) -> Result<()> {
+        let Some(index) = layout.view else { return Ok(()) };
+        let view = self.view(index)?;
+        let length = match &view.extensions.meshopt {
+            Some(compressed) => {
+                let bytes = meshopt::check(compressed);
+                let bytes = bytes.map_err(|reason| self.malformed(format!("bufferView {index}"), reason))?;
+                self.prove_range(index, compressed.buffer, compressed.byte_offset, compressed.byte_length)?;
+                bytes
+            }
+            None => {
+                self.prove_range(index, view.buffer, view.byte_offset, view.byte_length)?;
+                view.byte_length
+            }
+        };
+        if layout.stride < layout.element() {
+            let (stride, element) = (layout.stride, layout.element());
+            return Err(
+                self.malformed(place, format!("has {element} bytes an element, {stride} bytes apart"))
+            );
+        }
+        match layout.span().and_then(|span| span.checked_add(layout.offset)) {
+            Some(end) if end <= length => Ok(()),
+            _ => Err(self.malformed(
+                place,
+                format!(
+                    "promises {} elements from byte {}, but bufferView {index} has {length} bytes",
+                    layout.count, layout.offset
+                ),
+            )),
+        }
+    }
+
+    fn prove_range(&mut self, view: usize, buffer: usize, offset: u64, bytes: u64) -> Result<()> {
+        let length = self.buffers.length(buffer)?;
+        if offset.checked_add(bytes).is_none_or(|end| end > length) {
+            return Err(self.malformed(
+                format!("bufferView {view}"),
+                format!("promises {bytes} bytes from {offset}, but buffer {buffer} has {length}"),
+            ));
+        }
+        self.buffers.prove(buffer)
+    }
+
+    /// Hands every element to `each` as N numbers in order; missing components are `fill`.
+    /// Sparse replacements come after all others, with the number of the element they replace.
+    pub(crate) fn for_each<const N: usize>(
+        &mut self,
+        index: usize,
+        fill: f64,
+        mut each: impl FnMut(usize, [f64; N]),
+    ) -> Result<()> {
+        let layout = self.layout(index)?;
+        if layout.view.is_some() {
+            let mut at = 0;
+            self.for_each_block(&layout, |block, stride| {
+                at = decode(&layout, block, stride, at, fill, &mut each);
+            })?;
+        } else {
+            let mut zero = [0.0; N];
+            zero[(layout.width as usize).min(N)..].fill(fill);
+            (0..layout.count as usize).for_each(|i| each(i, zero));
+        }
+        self.for_each_sparse(index, &layout, fill, each)
+    }
+
+    /// Fills `bytes` with all elements of an accessor when they lie without gaps and uncompressed, and
+    /// tells whether it did.
+    pub(crate) fn read_as_it_lies(&mut self, index: usize, bytes: &mut [u8]) -> Result<bool> {
+        let layout = self.layout(index)?;
+        let Some(view) = layout.view.filter(|_| layout.stride == layout.element()) else { return Ok(false) };
+        let (view, sparse) = (self.view(view)?, self.accessor(index)?.sparse.is_some());
+        if sparse || view.extensions.meshopt.is_some() || bytes.len() as u64 != layout.count * layout.stride {
+            return Ok(false);
+        }
+        self.buffers.read(view.buffer, view.byte_offset + layout.offset, bytes)?;
+        Ok(true)
+    }
+
+    /// Hands out the bytes of all elements in blocks of whole strides.
+    fn for_each_block(&mut self, layout: &Layout, mut each: impl FnMut(&[u8], u64)) -> Result<()> {
+        let Some(index) = layout.view else { return Ok(()) };
+        let view = self.view(index)?;
+        if let Some(compressed) = &view.extensions.meshopt {
+            let words = self.unpack(index, compressed)?;
+            let bytes: &[u8] = bytemuck::cast_slice(words);
+            let end = layout.offset + layout.span().unwrap_or(0);
+            each(bytes.get(layout.offset as usize..end as usize).unwrap_or_default(), layout.stride);
+            return Ok(());
+        }
+        let start = view.byte_offset + layout.offset;
+        let step = (BLOCK_BYTES / layout.stride).max(1);
+        let mut block = std::mem::take(&mut self.block);
+        let mut first = 0;
+        while first < layout.count {
+            let count = step.min(layout.count - first);
+            // The last element of a view may lack its padding.
+            let bytes = (count - 1) * layout.stride + layout.element();
+            block.resize(bytes as usize, 0);
+            self.buffers.read(view.buffer, start + first * layout.stride, &mut block)?;
+            each(&block, layout.stride);
+            first += count;
+        }
+        self.block = block;
+        Ok(())
+    }
+
+    /// A compressed view's bytes as words; [`Self::prove`] has seen it.
+    fn unpack(&mut self, index: usize, compressed: &Compressed) -> Result<&[u32]> {
+        if let Some(at) = self.unpacked.iter().position(|(view, _)| *view == index) {
+            return Ok(&self.unpacked[at].1);
+        }
+        let place = format!("bufferView {index}");
+        self.buffers.spend(compressed.count * compressed.byte_stride)?;
+        let mut packed = vec![0; compressed.byte_length as usize];
+        self.buffers.read(compressed.buffer, compressed.byte_offset, &mut packed)?;
+        let words = meshopt::decode(compressed, &packed).map_err(|reason| self.malformed(place, reason))?;
+        if self.unpacked.len() == KEPT_VIEWS {
+            self.unpacked.pop_front();
+        }
+        self.unpacked.push_back((index, words));
+        Ok(self.unpacked.back().map_or(&[], |(_, words)| words))
+    }
+
+    fn for_each_sparse<const N: usize>(
+        &mut self,
+        index: usize,
+        layout: &Layout,
+        fill: f64,
+        mut each: impl FnMut(usize, [f64; N]),
+    ) -> Result<()> {
+        let Some(sparse) = &self.accessor(index)?.sparse else { return Ok(()) };
+        let place = || format!("accessor {index}: sparse");
+        if sparse.count > layout.count {
+            return Err(
+                self.malformed(place(), format!("replaces {} of {} elements", sparse.count, layout.count))
+            );
+        }
+        let component = Component::of(sparse.indices.component_type)
+            .filter(|c| matches!(c, Component::U8 | Component::U16 | Component::U32))
+            .ok_or_else(|| self.malformed(place(), "has indices that are not unsigned integers"))?;
+        let numbers = Layout {
+            component,
+            normalized: false,
+            width: 1,
+            count: sparse.count,
+            view: Some(sparse.indices.buffer_view),
+            offset: sparse.indices.byte_offset,
+            stride: component.bytes(),
+        };
+        let values = Layout {
+            count: sparse.count,
+            view: Some(sparse.values.buffer_view),
+            offset: sparse.values.byte_offset,
+            stride: layout.element(),
+            ..*layout
+        };
+        self.prove(&numbers, place())?;
+        self.prove(&values, place())?;
+        let mut at = Vec::new();
+        self.for_each_block(&numbers, |block, stride| {
+            decode(&numbers, block, stride, 0, 0.0, &mut |_, [number]: [f64; 1]| at.push(number as usize));
+        })?;
+        if let Some(bad) = at.iter().find(|&&number| number as u64 >= layout.count) {
+            return Err(self.malformed(place(), format!("replaces element {bad} of {}", layout.count)));
+        }
+        let mut next = 0;
+        self.for_each_block(&values, |block, stride| {
+            next = decode(&values, block, stride, next, fill, &mut |i, value| each(at[i], value));
+        })
+    }
+}
+
+/// Hands every element of `block` to `each`, numbered from `first`; returns the number after the last.
+fn decode<const N: usize>(
+    layout: &Layout,
+    block: &[u8],
+    stride: u64,
+    first: usize,
+    fill: f64,
+    each: &mut impl FnMut(usize, [f64; N]),
+) -> usize {
+    let one = if layout.normalized { layout.component.one() } else { 1.0 };
+    let unit = |value: f64| if layout.normalized { (value / one).max(-1.0) } else { value };
+    match layout.component {
+        Component::I8 => elements(layout, block, stride, first, fill, each, |[a]| unit(f64::from(a as i8))),
+        Component::U8 => elements(layout, block, stride, first, fill, each, |[a]| unit(f64::from(a))),
+        Component::I16 => {
+            elements(layout, block, stride, first, fill, each, |b| unit(f64::from(i16::from_le_bytes(b))))
+        }
+        Component::U16 => {
+            elements(layout, block, stride, first, fill, each, |b| unit(f64::from(u16::from_le_bytes(b))))
+        }
+        Component::U32 => {
+            elements(layout, block, stride, first, fill, each, |b| unit(f64::from(u32::from_le_bytes(b))))
+        }
+        Component::F32 => {
+            elements(layout, block, stride, first, fill, each, |b| f64::from(f32::from_le_bytes(b)))
+        }
+    }
+}
+
+fn elements<const N: usize, const B: usize>(
+    layout: &Layout,
+    block: &[u8],
+    stride: u64,
+    first: usize,
+    fill: f64,
+    each: &mut impl FnMut(usize, [f64; N]),
+    number: impl Fn([u8; B]) -> f64,
+) -> usize {
+    let (width, mut at) = (layout.width as usize, first);
+    // The last element may lack its padding, so it can be a short chunk.
+    for element in block.chunks(stride as usize) {
+        let (cells, _) = element.as_chunks::<B>();
+        let mut values = [fill; N];
+        for (value, cell) in values.iter_mut().zip(&cells[..width.min(cells.len())]) {
+            *value = number(*cell);
+        }
+        each(at, values);
+        at += 1;
+    }
+    at
+}

@@ -1,0 +1,263 @@
+//! The bytes behind buffers: the binary chunk, files beside the document, data URIs.
+//!
+//! A binary chunk is never held in memory: elements are read from the file into their final place.
+
+use super::container::{ChunkPlace, Container};
+use super::document::Buffer;
+use crate::error::{Error, Result};
+use crate::formats::Source;
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+/// No file unpacks to more than this many times its size: meshopt reaches about 1000, and a mesh that
+/// many nodes show can promise any number.
+const MAX_RATIO: u64 = 1024;
+/// What even the smallest file may unpack to.
+const FREE_BYTES: u64 = 16 << 20;
+
+/// Every buffer of a document, opened on first use.
+pub(crate) struct Buffers<'a> {
+    path: PathBuf,
+    /// The glTF file itself.
+    file: File,
+    bin: Option<ChunkPlace>,
+    declared: &'a [Buffer],
+    opened: Vec<Option<Opened>>,
+    /// Bytes that may still be unpacked.
+    budget: u64,
+}
+
+/// Where the bytes of a buffer are.
+enum Opened {
+    /// A part of the glTF file.
+    Chunk { start: u64 },
+    /// A file beside it.
+    Beside(File),
+    /// In the document.
+    Inline(Vec<u8>),
+}
+
+impl<'a> Buffers<'a> {
+    pub(crate) fn new(source: Source, container: &Container, declared: &'a [Buffer]) -> Self {
+        Self {
+            budget: FREE_BYTES + MAX_RATIO * source.len,
+            path: source.path,
+            file: source.file,
+            bin: container.bin(),
+            declared,
+            opened: (0..declared.len()).map(|_| None).collect(),
+        }
+    }
+
+    /// The file the buffers belong to, for messages.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Length that the document gives a buffer.
+    pub(crate) fn length(&self, buffer: usize) -> Result<u64> {
+        match self.declared.get(buffer) {
+            Some(buffer) => Ok(buffer.byte_length),
+            None => Err(Error::malformed(
+                &self.path,
+                format!("buffer {buffer}"),
+                format!("is not there: the file has {}", self.declared.len()),
+            )),
+        }
+    }
+
+    /// Takes `bytes` from what the file may unpack to.
+    pub(crate) fn spend(&mut self, bytes: u64) -> Result<()> {
+        match self.budget.checked_sub(bytes) {
+            Some(rest) => {
+                self.budget = rest;
+                Ok(())
+            }
+            None => Err(Error::unsupported(
+                &self.path,
+                format!(
+                    "unpacks to more than {MAX_RATIO} times its size, which no sound file does; \
+                     if it shows one mesh many times, bake that mesh alone"
+                ),
+            )),
+        }
+    }
+
+    /// Fills `bytes` from `offset` of a buffer; both must lie within it.
+    pub(crate) fn read(&mut self, buffer: usize, offset: u64, bytes: &mut [u8]) -> Result<()> {
+        let length = self.length(buffer)?;
+        let end = offset.checked_add(bytes.len() as u64).filter(|end| *end <= length);
+        if end.is_none() {
+            return Err(Error::malformed(
+                &self.path,
+                format!("buffer {buffer}"),
+                format!("has {length} bytes, but {} are wanted from byte {offset}", bytes.len()),
+            ));
+        }
+        self.prove(buffer)?;
+        let (file, start) = match &mut self.opened[buffer] {
+            Some(Opened::Chunk { start }) => (&mut self.file, *start),
+            Some(Opened::Beside(file)) => (file, 0),
+            Some(Opened::Inline(inline)) => {
+                bytes.copy_from_slice(&inline[offset as usize..offset as usize + bytes.len()]);
+                return Ok(());
+            }
+            None => return Ok(()),
+        };
+        let read = file.seek(SeekFrom::Start(start + offset)).and_then(|_| file.read_exact(bytes));
+        read.map_err(|e| Error::io(&self.path, e))
+    }
+
+    /// Opens a buffer and proves that every byte of the length it is given is there.
+    pub(crate) fn prove(&mut self, buffer: usize) -> Result<()> {
+        self.length(buffer)?;
+        if self.opened[buffer].is_none() {
+            self.opened[buffer] = Some(self.open(buffer)?);
+        }
+        Ok(())
+    }
+
+    fn open(&self, buffer: usize) -> Result<Opened> {
+        let wanted = self.length(buffer)?;
+        let place = format!("buffer {buffer}");
+        let (opened, has) = match &self.declared[buffer].uri {
+            None => {
+                let bin = self.bin.filter(|_| buffer == 0).ok_or_else(|| {
+                    Error::malformed(&self.path, &place, "has no uri and is not the binary chunk")
+                })?;
+                (Opened::Chunk { start: bin.start }, bin.length)
+            }
+            Some(uri) if uri.starts_with("data:") => {
+                let inline = data_uri(uri).map_err(|reason| Error::malformed(&self.path, &place, reason))?;
+                let has = inline.len() as u64;
+                (Opened::Inline(inline), has)
+            }
+            Some(uri) => self.open_beside(uri, &place)?,
+        };
+        if has < wanted {
+            return Err(Error::malformed(
+                &self.path,
+                place,
+                format!("promises {wanted} bytes, but only {has} are there: truncated?"),
+            ));
+        }
+        Ok(opened)
+    }
+
+    fn open_beside(&self, uri: &str, place: &str) -> Result<(Opened, u64)> {
+        let refuse = |why: &str| Err(Error::unsupported(&self.path, format!("{place} is at {uri:?}, {why}")));
+        if self.path.as_os_str() == "-" {
+            return refuse("which standard input cannot reach; give the file by name, or a .glb");
+        }
+        let name = percent_decoded(uri);
+        let outside = uri.contains(':') || uri.starts_with("//") || Path::new(&name).is_absolute();
+        if outside || name.contains('\0') {
+            return refuse("which is not beside it; download it and name it by a relative path");
+        }
+        let path = self.path.parent().unwrap_or(Path::new("")).join(name);
+        // A pipe would wait for ever, a device has no end.
+        let meta = std::fs::metadata(&path).map_err(|e| Error::io(&path, e))?;
+        if !meta.is_file() {
+            return refuse("which is not a file");
+        }
+        let file = File::open(&path).map_err(|e| Error::io(&path, e))?;
+        Ok((Opened::Beside(file), meta.len()))
+    }
+}
+
+/// The bytes of a `data:` URI.
+fn data_uri(uri: &str) -> std::result::Result<Vec<u8>, &'static str> {
+    let (head, body) = uri.split_once(',').ok_or("is a data URI without a comma")?;
+    if !head.ends_with(";base64") {
+        return Err("is a data URI that is not base64");
+    }
+    base64(body.as_bytes()).ok_or("is not valid base64")
+}
+
+/// The bytes that base64 text stands for (RFC 4648), padding optional.
+fn base64(text: &[u8]) -> Option<Vec<u8>> {
+    let end = text.iter().rposition(|b| *b != b'=').map_or(0, |last| last + 1);
+    let mut bytes = Vec::with_capacity(end / 4 * 3 + 3);
+    for group in text[..end].chunks(4) {
+        let mut word = 0u32;
+        for byte in group {
+            let digit = match byte {
+                b'A'..=b'Z' => byte - b'A',
+                b'a'..=b'z' => byte - b'a' + 26,
+                b'0'..=b'9' => byte - b'0' + 52,
+                b'+' | b'-' => 62,
+                b'/' | b'_' => 63,
+                _ => return None,
+            };
+            word = word << 6 | u32::from(digit);
+        }
+        let [_, a, b, c] = (word << (6 * (4 - group.len()))).to_be_bytes();
+        match group.len() {
+            4 => bytes.extend([a, b, c]),
+            3 => bytes.extend([a, b]),
+            2 => bytes.push(a),
+            _ => return None,
+        }
+    }
+    Some(bytes)
+}
+
+/// A URI reference with its escapes undone; what is no escape stays.
+fn percent_decoded(uri: &str) -> String {
+    let bytes = uri.as_bytes();
+    let mut decoded = Vec::with_capacity(bytes.len());
+    let mut at = 0;
+    while at < bytes.len() {
+        let hex = bytes.get(at + 1..at + 3).and_then(|h| std::str::from_utf8(h).ok());
+        let code = hex.filter(|h| !h.starts_with('+')).and_then(|h| u8::from_str_radix(h, 16).ok());
+        match code {
+            Some(code) if bytes[at] == b'%' => {
+                decoded.push(code);
+                at += 3;
+            }
+            _ => {
+                decoded.push(bytes[at]);
+                at += 1;
+            }
+        }
+    }
+    String::from_utf8_lossy(&decoded).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn base64_follows_the_rfc() {
+        let cases = [
+            ("", ""),
+            ("Zg==", "f"),
+            ("Zm8=", "fo"),
+            ("Zm9v", "foo"),
+            ("Zm9vYg", "foob"),
+            ("Zm9vYmE=", "fooba"),
+        ];
+        for (text, bytes) in cases {
+            assert_eq!(base64(text.as_bytes()).as_deref(), Some(bytes.as_bytes()), "{text}");
+        }
+        assert_eq!(base64(b"-_+/"), Some(vec![0xfb, 0xff, 0xbf]));
+        for bad in ["Z", "Zm9vY", "Zm 9v", "Z=9v", "Zm\n9"] {
+            assert_eq!(base64(bad.as_bytes()), None, "{bad:?}");
+        }
+    }
+
+    #[test]
+    fn escapes_are_undone() {
+        for (uri, name) in [
+            ("a%20b.bin", "a b.bin"),
+            ("gr%C3%B6%C3%9Fe", "größe"),
+            ("100%", "100%"),
+            ("%zz%4", "%zz%4"),
+            ("%+4", "%+4"),
+        ] {
+            assert_eq!(percent_decoded(uri), name);
+        }
+    }
+}

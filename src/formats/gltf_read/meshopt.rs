@@ -1,0 +1,96 @@
+//! EXT_meshopt_compression and KHR_meshopt_compression, decoded.
+//!
+//! The decoders of meshoptimizer are made for hostile bytes, but they trust their caller with counts:
+//! those are bounded here by what any encoder can reach.
+
+use super::document::Compressed;
+
+/// The most a byte can become: a block of 256 vertices costs at least one byte for four channels.
+const MAX_RATIO: u64 = 1024;
+
+/// Bytes that a compressed view becomes, or why it cannot be decoded.
+pub(super) fn check(view: &Compressed) -> Result<u64, String> {
+    let bytes = view.count.checked_mul(view.byte_stride).unwrap_or(u64::MAX);
+    if bytes > MAX_RATIO.saturating_mul(view.byte_length) {
+        return Err(format!("promises {bytes} bytes from {} compressed ones", view.byte_length));
+    }
+    let sound = match view.mode.as_str() {
+        "ATTRIBUTES" => view.byte_stride % 4 == 0 && (4..=64).contains(&view.byte_stride),
+        "TRIANGLES" => view.count % 3 == 0 && matches!(view.byte_stride, 2 | 4),
+        "INDICES" => matches!(view.byte_stride, 2 | 4),
+        other => return Err(format!("has the unknown compression mode {other:?}")),
+    };
+    if !sound {
+        return Err(format!(
+            "has {} elements of {} bytes, which mode {} cannot hold",
+            view.count, view.byte_stride, view.mode
+        ));
+    }
+    Ok(bytes)
+}
+
+/// The view's bytes as little-endian words; the last may be half used.
+pub(super) fn decode(view: &Compressed, packed: &[u8]) -> Result<Vec<u32>, String> {
+    let count = view.count as usize;
+    let words = match (view.mode.as_str(), view.byte_stride) {
+        ("ATTRIBUTES", stride) => return attributes(view, packed, stride / 4, count),
+        ("TRIANGLES", 4) => meshopt::decode_index_buffer::<u32>(packed, count),
+        ("TRIANGLES", _) => meshopt::decode_index_buffer::<u16>(packed, count).map(halves),
+        (_, 4) => meshopt::decode_index_sequence::<u32>(packed, count),
+        (_, _) => meshopt::decode_index_sequence::<u16>(packed, count).map(halves),
+    };
+    // Index decoders write in the machine's order; the bytes of a view are little-endian.
+    let words = words.map(|words| words.into_iter().map(u32::to_le).collect());
+    words.map_err(|_| "has damaged compressed indices".to_owned())
+}
+
+fn attributes(view: &Compressed, packed: &[u8], words: u64, count: usize) -> Result<Vec<u32>, String> {
+    /// Decodes elements of N words; the filter is undone on whole elements.
+    fn vertices<const N: usize>(packed: &[u8], count: usize, filter: &str) -> Result<Vec<u32>, String>
+    where
+        [u32; N]: Default,
+    {
+        let mut cells: Vec<[u32; N]> = meshopt::decode_vertex_buffer(packed, count)
+            .map_err(|_| "has damaged compressed vertices".to_owned())?;
+        match (filter, N) {
+            ("NONE", _) => {}
+            ("EXPONENTIAL", _) => meshopt::decode_filter_exp(&mut cells),
+            ("COLOR", 1) => {
+                meshopt::decode_filter_color::<u8>(bytemuck::cast_slice_mut(cells.as_flattened_mut()))
+            }
+            ("COLOR", 2) => {
+                meshopt::decode_filter_color::<u16>(bytemuck::cast_slice_mut(cells.as_flattened_mut()))
+            }
+            (other, _) => {
+                return Err(format!("has the filter {other:?}, which is not for positions or colours"));
+            }
+        }
+        Ok(cells.into_flattened())
+    }
+    let filter = view.filter.as_deref().unwrap_or("NONE");
+    match words {
+        1 => vertices::<1>(packed, count, filter),
+        2 => vertices::<2>(packed, count, filter),
+        3 => vertices::<3>(packed, count, filter),
+        4 => vertices::<4>(packed, count, filter),
+        5 => vertices::<5>(packed, count, filter),
+        6 => vertices::<6>(packed, count, filter),
+        7 => vertices::<7>(packed, count, filter),
+        8 => vertices::<8>(packed, count, filter),
+        9 => vertices::<9>(packed, count, filter),
+        10 => vertices::<10>(packed, count, filter),
+        11 => vertices::<11>(packed, count, filter),
+        12 => vertices::<12>(packed, count, filter),
+        13 => vertices::<13>(packed, count, filter),
+        14 => vertices::<14>(packed, count, filter),
+        15 => vertices::<15>(packed, count, filter),
+        16 => vertices::<16>(packed, count, filter),
+        _ => Err(format!("has {} bytes an element; wants at most 64", 4 * words)),
+    }
+}
+
+/// Pairs of 16-bit numbers as words, the first in the low half.
+fn halves(numbers: Vec<u16>) -> Vec<u32> {
+    let word = |pair: &[u16]| u32::from(pair[0]) | u32::from(*pair.get(1).unwrap_or(&0)) << 16;
+    numbers.chunks(2).map(word).collect()
+}
