@@ -1,4 +1,10 @@
 //! The paper's formulas: pure functions, no buffers, no I/O.
 
 pub mod adam;
+pub mod clip;
+pub mod composite;
+pub mod constants;
 pub mod loss;
+pub mod sh;
+pub mod splat;
+pub mod window;

@@ -1,5 +1,8 @@
 //! Numbers: knows no triangle.
 
 pub mod color;
-pub mod srgb8;
+pub mod lanes;
 pub mod metric;
+pub mod real;
+pub mod srgb8;
+pub mod vec;

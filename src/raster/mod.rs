@@ -1,1 +1,16 @@
 //! Draws scenes: soft (the paper) and solid (what an engine does).
+//!
+//! ```text
+//! soft:  project ──► sort by depth ──► tiles ──► forward ──► Frame
+//!                                                backward ──► gather ──► SoupGrad
+//! ```
+
+mod backward;
+mod forward;
+mod gather;
+pub mod importance;
+mod project;
+mod shade;
+pub mod soft;
+mod sort;
+mod tiles;

@@ -1,0 +1,51 @@
+//! The window function (Held et al. 2025, eq. 1) and the alpha it gives.
+//!
+//! ```text
+//! I(p) = ReLU(φ(p) / φ(s))^σ,   alpha(p) = min(cap, o · I(p)),   drawn where o · I(p) >= cutoff
+//! ```
+
+use crate::kernel::constants::{LN_2, RATIO_FLOOR};
+use crate::math::real::{Mask, Real};
+use crate::math::vec::V2;
+
+/// The three ratios of which the smallest is φ(p) / φ(s); `to` is p - origin.
+#[inline(always)]
+pub fn ratios<R: Real>(edge: &[V2<R>; 3], shift: R, to: V2<R>) -> [R; 3] {
+    let [a, b, c] = edge.map(|e| e.y.mul_add(to.y, e.x * to.x));
+    [a, b - shift, c]
+}
+
+/// φ(p) / φ(s): 1 at the incenter, 0 on the boundary, negative outside.
+#[inline(always)]
+pub fn ratio<R: Real>(ratios: &[R; 3]) -> R {
+    ratios[0].min(ratios[1]).min(ratios[2])
+}
+
+/// Which edge is the nearest: exactly one of three, the first in a tie.
+#[inline(always)]
+pub fn nearest<R: Real>(ratios: &[R; 3]) -> [R::Mask; 3] {
+    let first = ratios[0].le(ratios[1]).and(ratios[0].le(ratios[2]));
+    let second = ratios[1].le(ratios[2]).and(first.not());
+    [first, second, first.or(second).not()]
+}
+
+/// The smallest ratio that is drawn: where o · I falls to `cutoff`, never below [`RATIO_FLOOR`].
+///
+/// The region {ratio >= floor} is the triangle shrunk about its incenter by 1 - floor.
+#[inline(always)]
+pub fn ratio_floor<R: Real>(log2_opacity: R, sigma: R, log2_cutoff: R) -> R {
+    ((log2_cutoff - log2_opacity) / sigma).max(R::of(-30.0)).exp2().max(R::of(RATIO_FLOOR))
+}
+
+/// Alpha before the cap, o · ratio^σ. Domain: ratio >= [`RATIO_FLOOR`].
+#[inline(always)]
+pub fn alpha<R: Real>(log2_ratio: R, log2_opacity: R, sigma: R) -> R {
+    sigma.mul_add(log2_ratio, log2_opacity).exp2()
+}
+
+/// ∂L/∂σ and ∂L/∂ratio for `d_log` = ∂L/∂alpha · alpha (which is also ∂L/∂o · o). `ratio_least` bounds
+/// the quotient: at a small σ the slope at the boundary is unbounded.
+#[inline(always)]
+pub fn alpha_grad<R: Real>(ratio: R, log2_ratio: R, sigma: R, ratio_least: R, d_log: R) -> (R, R) {
+    (d_log * log2_ratio * R::of(LN_2), d_log * sigma / ratio.max(ratio_least))
+}

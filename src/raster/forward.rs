@@ -1,0 +1,284 @@
+//! The forward pass: one tile after the other, each front to back.
+
+use crate::kernel::composite;
+use crate::math::lanes::{LANES, Lanes, Work, dispatch};
+use crate::math::real::Mask;
+use crate::raster::importance::SlotWeight;
+use crate::raster::project::Splats;
+use crate::raster::shade::{self, DepthMap, Limits, Wide, WideSheet};
+use crate::raster::soft::{Frame, Soft, SoftOptions};
+use crate::raster::tiles::{BLOCKS, Entry, TILE, Tiles};
+use glam::UVec2;
+use rayon::prelude::*;
+
+/// One number for each pixel of a tile, block by block.
+pub(super) type Plot = [[f32; LANES]; BLOCKS];
+
+/// The pixels of a tile.
+#[derive(Debug, Clone)]
+#[repr(align(64))]
+pub(super) struct TilePixels {
+    pub(super) transmittance: Plot,
+    pub(super) rgb: [Plot; 3],
+    pub(super) geometry: Option<Box<TileGeometry>>,
+}
+
+/// Depth, normal and distortion of a tile's pixels.
+#[derive(Debug, Clone)]
+pub(super) struct TileGeometry {
+    pub(super) depth: Plot,
+    pub(super) median: Plot,
+    pub(super) normal: [Plot; 3],
+    pub(super) distortion: Plot,
+    /// Mapped depth of the first layer: the others are taken relative to it, which changes nothing but rounding.
+    pub(super) anchor: Plot,
+    /// Σ w, Σ w m, Σ w m².
+    pub(super) sums: [Plot; 3],
+}
+
+const BLANK: Plot = [[0.0; LANES]; BLOCKS];
+
+impl Default for TilePixels {
+    fn default() -> Self {
+        Self { transmittance: BLANK, rgb: [BLANK; 3], geometry: None }
+    }
+}
+
+impl TileGeometry {
+    fn blank() -> Self {
+        Self {
+            depth: BLANK,
+            median: BLANK,
+            normal: [BLANK; 3],
+            distortion: BLANK,
+            anchor: BLANK,
+            sums: [BLANK; 3],
+        }
+    }
+}
+
+/// Draws all tiles into `soft.pixels`.
+pub(super) fn draw(soft: &mut Soft, options: &SoftOptions) {
+    let Soft { projection, tiles, pixels, weights, .. } = soft;
+    pixels.resize_with(tiles.len(), TilePixels::default);
+    weights.clear();
+    if options.importance {
+        weights.resize(tiles.entries.len(), SlotWeight::default());
+    }
+    let (size, across) = (tiles.size, tiles.count.x);
+    let splats = &projection.splats;
+    let entries = split(&mut tiles.entries, &tiles.starts);
+    let weights = split(weights, if options.importance { &tiles.starts } else { &[] });
+    let mut weights = weights.into_iter();
+    let work: Vec<_> = entries.into_iter().map(|e| (e, weights.next().unwrap_or_default())).collect();
+    pixels.par_iter_mut().zip(work).enumerate().for_each(|(tile, (pixels, (entries, weights)))| {
+        let corner = UVec2::new(tile as u32 % across, tile as u32 / across) * TILE;
+        dispatch(Draw { splats, entries, weights, pixels, corner, size, options });
+    });
+}
+
+/// Cuts `values` at `starts`.
+pub(super) fn split<'a, T>(mut values: &'a mut [T], starts: &[u32]) -> Vec<&'a mut [T]> {
+    starts
+        .windows(2)
+        .map(|w| {
+            let (head, tail) = std::mem::take(&mut values).split_at_mut((w[1] - w[0]) as usize);
+            values = tail;
+            head
+        })
+        .collect()
+}
+
+/// One tile.
+struct Draw<'a> {
+    splats: &'a Splats,
+    entries: &'a mut [Entry],
+    /// Empty when not asked for.
+    weights: &'a mut [SlotWeight],
+    pixels: &'a mut TilePixels,
+    corner: UVec2,
+    size: UVec2,
+    options: &'a SoftOptions,
+}
+
+impl Work for Draw<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        match (self.options.geometry, self.weights.is_empty()) {
+            (false, true) => self.tile::<L, false, false>(),
+            (false, false) => self.tile::<L, false, true>(),
+            (true, true) => self.tile::<L, true, false>(),
+            (true, false) => self.tile::<L, true, true>(),
+        }
+    }
+}
+
+impl Draw<'_> {
+    /// Sets the pixels to nothing; gives the blocks that lie in the image.
+    #[inline(always)]
+    fn clear(&mut self) -> u32 {
+        let whole = shade::is_whole(self.size, self.corner);
+        let mut alive = 0;
+        for block in 0..BLOCKS {
+            let inside = if whole { u16::MAX } else { shade::inside(self.size, self.corner, block) };
+            alive |= u32::from(inside != 0) << block;
+            for lane in 0..LANES {
+                self.pixels.transmittance[block][lane] = f32::from(inside >> lane & 1);
+            }
+        }
+        self.pixels.rgb = [BLANK; 3];
+        if self.options.geometry {
+            let geometry = self.pixels.geometry.get_or_insert_with(|| Box::new(TileGeometry::blank()));
+            **geometry = TileGeometry::blank();
+        }
+        alive
+    }
+
+    #[inline(always)]
+    fn tile<L: Lanes, const GEOMETRY: bool, const WEIGHTS: bool>(mut self) {
+        let mut alive = self.clear();
+        let limits = Limits {
+            cap: L::splat(self.options.alpha_cap),
+            min_transmittance: L::splat(self.options.min_transmittance),
+        };
+        let map = DepthMap::new(self.options.depth_range);
+        for (k, entry) in self.entries.iter_mut().enumerate() {
+            let mut left = entry.blocks & alive;
+            entry.blocks = 0;
+            if left == 0 {
+                continue;
+            }
+            let wide = Wide::<L>::new(&self.splats.records[entry.splat as usize]);
+            let sheet = GEOMETRY.then(|| WideSheet::<L>::new(&self.splats.sheets[entry.splat as usize]));
+            let (mut sum, mut largest, mut count) = (L::splat(0.0), L::splat(0.0), 0);
+            while left != 0 {
+                let b = left.trailing_zeros() as usize & (BLOCKS - 1);
+                left &= left - 1;
+                let before = L::load(&self.pixels.transmittance[b]);
+                let corner = shade::block_corner(self.corner, b);
+                let Some(shade) = wide.shade(corner, before, &limits) else { continue };
+                entry.blocks |= 1 << b;
+                let (weight, after) = composite::blend(before, shade.alpha);
+                after.store(&mut self.pixels.transmittance[b]);
+                for (plot, color) in self.pixels.rgb.iter_mut().zip(wide.rgb) {
+                    weight.mul_add(color, L::load(&plot[b])).store(&mut plot[b]);
+                }
+                if let (Some(sheet), Some(geometry)) = (&sheet, &mut self.pixels.geometry) {
+                    let inv_depth = sheet.inv_depth(shade.to);
+                    geometry.add(b, map, weight, [before, after], inv_depth, sheet, shade.drawn);
+                }
+                if WEIGHTS {
+                    sum = sum + weight;
+                    largest = largest.max(weight);
+                    count += L::bits(shade.drawn).count_ones();
+                }
+                if L::bits(limits.min_transmittance.le(after)) == 0 {
+                    alive &= !(1 << b);
+                }
+            }
+            if WEIGHTS {
+                self.weights[k] = SlotWeight { max: largest.largest(), sum: sum.sum(), pixels: count };
+            }
+        }
+        self.background::<L>();
+    }
+
+    #[inline(always)]
+    fn background<L: Lanes>(self) {
+        let TilePixels { transmittance, rgb, .. } = self.pixels;
+        for (plot, color) in rgb.iter_mut().zip(self.options.background) {
+            for (out, t) in plot.iter_mut().zip(transmittance.iter()) {
+                L::load(t).mul_add(L::splat(color), L::load(out)).store(out);
+            }
+        }
+    }
+}
+
+impl TileGeometry {
+    #[inline(always)]
+    #[allow(clippy::too_many_arguments)]
+    fn add<L: Lanes>(
+        &mut self,
+        b: usize,
+        map: DepthMap,
+        weight: L,
+        [before, after]: [L; 2],
+        inv_depth: L,
+        sheet: &WideSheet<L>,
+        drawn: L::Mask,
+    ) {
+        let add = |plot: &mut Plot, value: L| weight.mul_add(value, L::load(&plot[b])).store(&mut plot[b]);
+        let z = (L::splat(1.0) / inv_depth).only(drawn);
+        add(&mut self.depth, z);
+        add(&mut self.normal[0], sheet.normal.x);
+        add(&mut self.normal[1], sheet.normal.y);
+        add(&mut self.normal[2], sheet.normal.z);
+        let crosses = is_median(before, after).and(drawn);
+        L::select(crosses, z, L::load(&self.median[b])).store(&mut self.median[b]);
+        let m = L::splat(map.a) - L::splat(map.b) * inv_depth;
+        let sums = [0, 1, 2].map(|i| L::load(&self.sums[i][b]));
+        let is_first = sums[0].le(L::splat(0.0)).and(drawn);
+        let anchor = L::select(is_first, m, L::load(&self.anchor[b]));
+        anchor.store(&mut self.anchor[b]);
+        let m = (m - anchor).only(drawn);
+        let grown = L::load(&self.distortion[b]) + composite::distortion(weight, m, sums);
+        grown.store(&mut self.distortion[b]);
+        (sums[0] + weight).store(&mut self.sums[0][b]);
+        add(&mut self.sums[1], m);
+        add(&mut self.sums[2], m * m);
+    }
+}
+
+/// Whether this layer takes the transmittance from 1/2 or more to less.
+#[inline(always)]
+pub(super) fn is_median<L: Lanes>(before: L, after: L) -> L::Mask {
+    let half = L::splat(0.5);
+    half.le(before).and(after.lt(half))
+}
+
+/// Copies the tiles into the frame.
+pub(super) fn assemble(frame: &mut Frame, pixels: &[TilePixels], tiles: &Tiles, options: &SoftOptions) {
+    let size = tiles.size;
+    let count = (size.x * size.y) as usize;
+    frame.size = size;
+    frame.rgb.resize(count, [0.0; 3]);
+    frame.transmittance.resize(count, 0.0);
+    let wanted = if options.geometry { count } else { 0 };
+    frame.normal.resize(wanted, [0.0; 3]);
+    for values in [&mut frame.depth, &mut frame.median_depth, &mut frame.distortion] {
+        values.resize(wanted, 0.0);
+    }
+    fill(&mut frame.rgb, pixels, tiles, |t, b, l| t.rgb.each_ref().map(|plot| plot[b][l]));
+    fill(&mut frame.transmittance, pixels, tiles, |t, b, l| t.transmittance[b][l]);
+    if options.geometry {
+        let of = |t: &TilePixels, f: fn(&TileGeometry) -> &Plot, b: usize, l: usize| {
+            t.geometry.as_deref().map_or(0.0, |g| f(g)[b][l])
+        };
+        fill(&mut frame.depth, pixels, tiles, |t, b, l| of(t, |g| &g.depth, b, l));
+        fill(&mut frame.median_depth, pixels, tiles, |t, b, l| of(t, |g| &g.median, b, l));
+        fill(&mut frame.distortion, pixels, tiles, |t, b, l| of(t, |g| &g.distortion, b, l));
+        fill(&mut frame.normal, pixels, tiles, |t, b, l| {
+            t.geometry.as_deref().map_or([0.0; 3], |g| g.normal.each_ref().map(|plot| plot[b][l]))
+        });
+    }
+}
+
+/// Fills an image row by row from the tiles.
+fn fill<T: Send>(
+    image: &mut [T],
+    pixels: &[TilePixels],
+    tiles: &Tiles,
+    at: impl Fn(&TilePixels, usize, usize) -> T + Sync,
+) {
+    let width = tiles.size.x as usize;
+    image.par_chunks_mut(width * TILE as usize).enumerate().for_each(|(band, rows)| {
+        for (y, row) in rows.chunks_mut(width).enumerate() {
+            for (x, out) in row.iter_mut().enumerate() {
+                let tile = &pixels[band * tiles.count.x as usize + x / TILE as usize];
+                let (x, y) = (x % TILE as usize, y);
+                *out = at(tile, (y / 4) * 4 + x / 4, (y % 4) * 4 + x % 4);
+            }
+        }
+    });
+}

@@ -1,0 +1,259 @@
+//! From the sums of (splat, tile) pairs to the gradient of every triangle, in a fixed order.
+
+use crate::camera::Camera;
+use crate::kernel::clip;
+use crate::kernel::sh;
+use crate::kernel::splat::{self, Corners, PlaneGrad, SplatGrad};
+use crate::math::lanes::LANES;
+use crate::math::vec::{V2, V3};
+use crate::raster::backward::{GEOMETRY_SUMS, OPACITY, RATIO, RGB, SIGMA};
+use crate::raster::project::{self, CHUNK, Placed, Seen, View};
+use crate::raster::soft::{Soft, SoftOptions, SoupGrad, SoupRef};
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// The rows of one chunk of triangles.
+struct Rows<'a> {
+    first: usize,
+    vertices: &'a mut [[Vec3; 3]],
+    opacity: &'a mut [f32],
+    sigma: &'a mut [f32],
+    sh: &'a mut [[f32; 3]],
+    /// Coefficients per triangle.
+    k: usize,
+}
+
+/// Fills `out` from `soft.slots`.
+pub(super) fn gather(
+    soft: &Soft,
+    soup: &SoupRef,
+    camera: &Camera,
+    options: &SoftOptions,
+    out: &mut SoupGrad,
+) {
+    let (n, k) = (soup.len(), soup.sh_count());
+    let fits = out.vertices.len() == n && out.sh.len() == n * k;
+    if !fits {
+        *out = SoupGrad {
+            vertices: vec![[Vec3::ZERO; 3]; n],
+            opacity: vec![0.0; n],
+            sigma: vec![0.0; n],
+            sh: vec![[0.0; 3]; n * k],
+            ..SoupGrad::default()
+        };
+    }
+    let view = View::new(camera);
+    let stale = std::mem::take(&mut out.visible);
+    let rows = out
+        .vertices
+        .par_chunks_mut(CHUNK)
+        .zip(out.opacity.par_chunks_mut(CHUNK))
+        .zip(out.sigma.par_chunks_mut(CHUNK))
+        .zip(out.sh.par_chunks_mut(CHUNK * k))
+        .enumerate();
+    let found: Vec<(Vec<u32>, usize)> = rows
+        .map(|(c, (((vertices, opacity), sigma), sh))| {
+            let mut rows = Rows { first: c * CHUNK, vertices, opacity, sigma, sh, k };
+            let in_chunk = |t: &u32| (*t as usize) < c * CHUNK;
+            let end = |t: &u32| (*t as usize) < (c + 1) * CHUNK;
+            for t in &stale[stale.partition_point(in_chunk)..stale.partition_point(end)] {
+                rows.zero(*t as usize);
+            }
+            rows.fill(soft, soup, &view, options, &soft.projection.chunks[c].seen)
+        })
+        .collect();
+    out.visible = stale;
+    out.visible.clear();
+    out.dropped = 0;
+    for (visible, dropped) in found {
+        out.visible.extend(visible);
+        out.dropped += dropped;
+    }
+}
+
+impl Rows<'_> {
+    fn zero(&mut self, triangle: usize) {
+        let i = triangle - self.first;
+        self.vertices[i] = [Vec3::ZERO; 3];
+        self.opacity[i] = 0.0;
+        self.sigma[i] = 0.0;
+        self.sh[i * self.k..(i + 1) * self.k].fill([0.0; 3]);
+    }
+
+    /// Writes the rows of the triangles that were drawn; gives them and the number of non-finite ones.
+    fn fill(
+        &mut self,
+        soft: &Soft,
+        soup: &SoupRef,
+        view: &View,
+        options: &SoftOptions,
+        seen: &[Seen],
+    ) -> (Vec<u32>, usize) {
+        let mut visible = Vec::with_capacity(seen.len());
+        let mut dropped = 0;
+        for pieces in seen.chunk_by(|a, b| a.record.triangle == b.record.triangle) {
+            let triangle = pieces[0].record.triangle as usize;
+            let mut row = Row::default();
+            let mut drawn = false;
+            for piece in pieces {
+                let Some(sums) = Sums::of(soft, piece.place as usize, options) else { continue };
+                drawn = true;
+                row.add(&sums, piece, triangle, soup, view, options);
+            }
+            if !drawn {
+                continue;
+            }
+            visible.push(triangle as u32);
+            dropped += usize::from(!self.write(&row, triangle, soup, view));
+        }
+        (visible, dropped)
+    }
+
+    /// Writes one row; false, and zeros, when it is not finite.
+    fn write(&mut self, row: &Row, triangle: usize, soup: &SoupRef, view: &View) -> bool {
+        let i = triangle - self.first;
+        let out = &mut self.sh[i * self.k..(i + 1) * self.k];
+        let used = project::active_sh(soup, triangle);
+        let (d_way, finite_sh) = color_grad(row, triangle, soup, view, used, out);
+        out[used.len()..].fill([0.0; 3]);
+        let vertices = row.vertices.map(|v| v + d_way * (1.0 / 3.0));
+        let finite = finite_sh
+            && vertices.iter().all(|v| v.is_finite())
+            && row.opacity.is_finite()
+            && row.sigma.is_finite();
+        if !finite {
+            self.zero(triangle);
+            return false;
+        }
+        self.vertices[i] = vertices;
+        self.opacity[i] = row.opacity;
+        self.sigma[i] = row.sigma;
+        true
+    }
+}
+
+/// Gradients of the coefficients into `out`; gives ∂L/∂(centroid - camera).
+fn color_grad(
+    row: &Row,
+    triangle: usize,
+    soup: &SoupRef,
+    view: &View,
+    used: &[[f32; 3]],
+    out: &mut [[f32; 3]],
+) -> (Vec3, bool) {
+    let degree = soup.active_degree.min(soup.sh_degree);
+    let (unit, length) = project::direction(view, &soup.vertices[triangle]);
+    let basis = sh::basis(degree, unit);
+    let raw = project::raw_color(&basis, used);
+    let d: [f32; 3] = std::array::from_fn(|c| if raw[c] > 0.0 { row.rgb[c] } else { 0.0 });
+    let mut d_basis = [0.0f32; sh::MOST];
+    for (i, coefficient) in used.iter().enumerate() {
+        out[i] = d.map(|d| d * basis[i]);
+        d_basis[i] = coefficient[0] * d[0] + coefficient[1] * d[1] + coefficient[2] * d[2];
+    }
+    let finite = d.iter().all(|d| d.is_finite());
+    if degree == 0 || !(length > 0.0) {
+        return (Vec3::ZERO, finite);
+    }
+    let d_unit = sh::basis_grad(degree, unit, &d_basis);
+    (project::vec3(sh::normalize_grad(unit, length, d_unit)), finite)
+}
+
+/// All pairs of a splat summed.
+struct Sums {
+    base: [f32; LANES],
+    geometry: [f32; GEOMETRY_SUMS],
+}
+
+impl Sums {
+    /// Nothing when the splat was drawn nowhere.
+    fn of(soft: &Soft, place: usize, options: &SoftOptions) -> Option<Self> {
+        let mut out = Self { base: [0.0; LANES], geometry: [0.0; GEOMETRY_SUMS] };
+        let mut drawn = false;
+        let pairs = soft.tiles.pairs[place] as usize..soft.tiles.pairs[place + 1] as usize;
+        for entry in &soft.tiles.entry_of_pair[pairs] {
+            let entry = *entry as usize;
+            if soft.tiles.entries[entry].blocks == 0 {
+                continue;
+            }
+            drawn = true;
+            for (sum, value) in out.base.iter_mut().zip(&soft.slots[entry].0) {
+                *sum += value;
+            }
+            if options.geometry {
+                for (sum, value) in out.geometry.iter_mut().zip(&soft.slots[entry].1) {
+                    *sum += value;
+                }
+            }
+        }
+        drawn.then_some(out)
+    }
+}
+
+/// Gradient of one triangle, but for the SH.
+#[derive(Default)]
+struct Row {
+    vertices: [Vec3; 3],
+    opacity: f32,
+    sigma: f32,
+    rgb: [f32; 3],
+}
+
+impl Row {
+    fn add(
+        &mut self,
+        sums: &Sums,
+        seen: &Seen,
+        triangle: usize,
+        soup: &SoupRef,
+        view: &View,
+        options: &SoftOptions,
+    ) {
+        let s = &sums.base;
+        for c in 0..3 {
+            self.rgb[c] += s[RGB + c];
+        }
+        // The sum is ∂L/∂log(effective opacity), which is also ∂L/∂log of each of its factors.
+        self.opacity += s[OPACITY] / soup.opacity[triangle];
+        self.sigma += s[SIGMA];
+        let placed = Placed::new(view, &soup.vertices[triangle]);
+        let corners = placed.piece(&seen.piece, options.near);
+        let splat = splat::splat(&corners, view.focal, view.center);
+        let fade = splat::fade(splat.inradius, options.fade_px);
+        let d = SplatGrad {
+            ratio: [0, 1, 2].map(|i| s[RATIO + 3 * i]),
+            moment: [0, 1, 2].map(|i| V2::new(s[RATIO + 3 * i + 1], s[RATIO + 3 * i + 2])),
+            inradius: s[OPACITY] * splat::fade_grad(splat.inradius, options.fade_px) / fade,
+            exact_incenter: if options.exact_incenter { 1.0 } else { 0.0 },
+        };
+        let mut d_corners = splat::splat_grad(&corners, view.focal, &splat, &d);
+        if options.geometry {
+            let g = &sums.geometry;
+            let d =
+                PlaneGrad { inv_depth: g[0], slope: V2::new(g[1], g[2]), normal: V3::new(g[3], g[4], g[5]) };
+            let plane = splat::plane(&corners, view.focal);
+            let more = splat::plane_grad(&corners, view.focal, &splat, &plane, &d);
+            d_corners.first = d_corners.first + more.first;
+            for i in 0..2 {
+                d_corners.edges[i] = d_corners.edges[i] + more.edges[i];
+            }
+        }
+        self.add_corners(&d_corners, seen, &placed, view, options.near);
+    }
+
+    /// From the corners of a piece to the vertices in the world.
+    fn add_corners(&mut self, d: &Corners<f32>, seen: &Seen, placed: &Placed, view: &View, near: f32) {
+        let back = view.rotation.transpose();
+        let each = [d.first - d.edges[0] - d.edges[1], d.edges[0], d.edges[1]];
+        for (corner, d) in seen.piece.iter().zip(each) {
+            let (from, to) = (corner.from as usize, corner.to as usize);
+            if from == to {
+                self.vertices[from] += back * project::vec3(d);
+            } else {
+                let (d_from, d_to) = clip::near_point_grad(placed.corners[from], placed.corners[to], near, d);
+                self.vertices[from] += back * project::vec3(d_from);
+                self.vertices[to] += back * project::vec3(d_to);
+            }
+        }
+    }
+}

@@ -1,0 +1,143 @@
+//! One splat on the sixteen pixels of a block: what forward and backward share.
+
+use crate::kernel::window;
+use crate::math::lanes::{LANES, Lanes};
+use crate::math::real::Mask;
+use crate::math::vec::{V2, V3};
+use crate::raster::project::{Record, Sheet};
+use crate::raster::tiles::{LANE_X, LANE_Y, TILE};
+use glam::UVec2;
+
+/// A record in every lane.
+pub(super) struct Wide<L> {
+    origin: [f32; 2],
+    edge: [V2<L>; 3],
+    shift: L,
+    floor: L,
+    pub(super) sigma: L,
+    log2_opacity: L,
+    pub(super) rgb: [L; 3],
+}
+
+/// Limits every pixel obeys.
+#[derive(Clone, Copy)]
+pub(super) struct Limits<L> {
+    pub(super) cap: L,
+    pub(super) min_transmittance: L,
+}
+
+/// A splat on sixteen pixels.
+pub(super) struct Shade<L: Lanes> {
+    /// p - origin, px.
+    pub(super) to: V2<L>,
+    pub(super) ratios: [L; 3],
+    pub(super) ratio: L,
+    pub(super) log2_ratio: L,
+    /// Alpha before the cap; anything where not drawn.
+    pub(super) raw: L,
+    /// Alpha, 0 where not drawn.
+    pub(super) alpha: L,
+    pub(super) drawn: L::Mask,
+}
+
+impl<L: Lanes> Wide<L> {
+    #[inline(always)]
+    pub(super) fn new(record: &Record) -> Self {
+        Self {
+            origin: record.origin,
+            edge: record.edge.map(|[x, y]| V2::new(L::splat(x), L::splat(y))),
+            shift: L::splat(record.shift),
+            floor: L::splat(record.floor),
+            sigma: L::splat(record.sigma),
+            log2_opacity: L::splat(record.log2_opacity),
+            rgb: record.rgb.map(L::splat),
+        }
+    }
+
+    /// Alpha on the block whose top left pixel is `corner`; nothing when no pixel is drawn.
+    #[inline(always)]
+    pub(super) fn shade(&self, corner: [f32; 2], transmittance: L, limits: &Limits<L>) -> Option<Shade<L>> {
+        let to = V2::new(
+            L::load(&LANE_X) + L::splat(corner[0] + 0.5 - self.origin[0]),
+            L::load(&LANE_Y) + L::splat(corner[1] + 0.5 - self.origin[1]),
+        );
+        let ratios = window::ratios(&self.edge, self.shift, to);
+        let ratio = window::ratio(&ratios);
+        let drawn = self.floor.le(ratio).and(limits.min_transmittance.le(transmittance));
+        if L::bits(drawn) == 0 {
+            return None;
+        }
+        let log2_ratio = ratio.log2();
+        let raw = window::alpha(log2_ratio, self.log2_opacity, self.sigma);
+        let alpha = raw.min(limits.cap).only(drawn);
+        Some(Shade { to, ratios, ratio, log2_ratio, raw, alpha, drawn })
+    }
+}
+
+/// A sheet in every lane.
+pub(super) struct WideSheet<L> {
+    inv_depth: L,
+    slope: V2<L>,
+    pub(super) normal: V3<L>,
+}
+
+impl<L: Lanes> WideSheet<L> {
+    #[inline(always)]
+    pub(super) fn new(sheet: &Sheet) -> Self {
+        Self {
+            inv_depth: L::splat(sheet.inv_depth),
+            slope: V2::new(L::splat(sheet.slope.x), L::splat(sheet.slope.y)),
+            normal: V3::new(L::splat(sheet.normal.x), L::splat(sheet.normal.y), L::splat(sheet.normal.z)),
+        }
+    }
+
+    /// 1 / z at the pixels `to` away from the origin; positive inside the triangle, and kept so against rounding.
+    #[inline(always)]
+    pub(super) fn inv_depth(&self, to: V2<L>) -> L {
+        self.slope.y.mul_add(to.y, self.slope.x.mul_add(to.x, self.inv_depth)).max(L::splat(1e-20))
+    }
+}
+
+/// Top left pixel of block `block` of the tile at `corner`.
+#[inline(always)]
+pub(super) fn block_corner(corner: UVec2, block: usize) -> [f32; 2] {
+    [(corner.x + 4 * (block as u32 % 4)) as f32, (corner.y + 4 * (block as u32 / 4)) as f32]
+}
+
+/// One bit for each pixel of the block that lies in the image.
+#[inline(always)]
+pub(super) fn inside(size: UVec2, corner: UVec2, block: usize) -> u16 {
+    let mut bits = 0;
+    for lane in 0..LANES {
+        let (x, y) = pixel(corner, block, lane);
+        bits |= u16::from(x < size.x && y < size.y) << lane;
+    }
+    bits
+}
+
+/// Whether the whole tile lies in the image.
+#[inline(always)]
+pub(super) fn is_whole(size: UVec2, corner: UVec2) -> bool {
+    corner.x + TILE <= size.x && corner.y + TILE <= size.y
+}
+
+/// Column and row of a lane.
+#[inline(always)]
+pub(super) fn pixel(corner: UVec2, block: usize, lane: usize) -> (u32, u32) {
+    let (block, lane) = (block as u32, lane as u32);
+    (corner.x + 4 * (block % 4) + lane % 4, corner.y + 4 * (block / 4) + lane / 4)
+}
+
+/// Mapped depth m = a - b / z, from 0 at the near to 1 at the far end of the range.
+#[derive(Clone, Copy)]
+pub(super) struct DepthMap {
+    pub(super) a: f32,
+    pub(super) b: f32,
+}
+
+impl DepthMap {
+    pub(super) fn new([near, far]: [f32; 2]) -> Self {
+        let scale = 1.0 / (far - near);
+        Self { a: far * scale, b: far * near * scale }
+    }
+}

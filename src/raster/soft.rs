@@ -1,0 +1,227 @@
+//! The soft rasteriser (Held et al. 2025): window function, alpha blending, depth order; forward and backward.
+//!
+//! Accuracy, edge values and policies are in `docs/numerics.md`.
+
+use crate::camera::Camera;
+use crate::raster::backward::{self, Slot};
+use crate::raster::forward::{self, TilePixels};
+use crate::raster::gather;
+use crate::raster::importance::{Importance, SlotWeight};
+use crate::raster::project::Projection;
+use crate::raster::tiles::Tiles;
+use glam::{UVec2, Vec3};
+
+/// A soup as the rasteriser reads it; borrowed, so that a trainer may keep its own layout.
+#[derive(Debug, Clone, Copy)]
+pub struct SoupRef<'a> {
+    /// Corners in world units. // [N, 3]
+    pub vertices: &'a [[Vec3; 3]],
+    /// Opacity o in [0, 1]. // [N]
+    pub opacity: &'a [f32],
+    /// Window exponent σ > 0. // [N]
+    pub sigma: &'a [f32],
+    /// Spherical harmonics, degree 0 first. // [N * K]
+    pub sh: &'a [[f32; 3]],
+    /// Degree stored: K = (degree + 1)².
+    pub sh_degree: u8,
+    /// Degree used, at most the stored one.
+    pub active_degree: u8,
+}
+
+impl SoupRef<'_> {
+    /// Number of triangles.
+    pub fn len(&self) -> usize {
+        self.vertices.len()
+    }
+
+    /// True when there is nothing to draw.
+    pub fn is_empty(&self) -> bool {
+        self.vertices.is_empty()
+    }
+
+    /// Coefficients per triangle: K = (degree + 1)².
+    pub fn sh_count(&self) -> usize {
+        (self.sh_degree as usize + 1).pow(2)
+    }
+}
+
+impl<'a> From<&'a crate::soup::Soup> for SoupRef<'a> {
+    fn from(soup: &'a crate::soup::Soup) -> Self {
+        Self {
+            vertices: &soup.vertices,
+            opacity: &soup.opacity,
+            sigma: &soup.sigma,
+            sh: &soup.sh,
+            sh_degree: soup.sh_degree,
+            active_degree: soup.sh_degree,
+        }
+    }
+}
+
+/// In which order the layers of a pixel are blended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Sort {
+    /// By the depth of the triangles' centroids, the same for all pixels; ties by index.
+    #[default]
+    Tile,
+    /// By the depth of the triangles' planes at each pixel; ties by the order of `Tile`.
+    Pixel,
+}
+
+/// How to draw.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SoftOptions {
+    /// Colour behind everything, sRGB-encoded.
+    pub background: [f32; 3],
+    /// Blending order.
+    pub sort: Sort,
+    /// Largest alpha of a layer, in (0, 1]; 0.99 in the reference, 1 for solid triangles.
+    pub alpha_cap: f32,
+    /// Smallest o · I that is drawn: the one cutoff, of bounds and of pixels.
+    pub cutoff: f32,
+    /// A pixel ends with the layer that brings its transmittance below this.
+    pub min_transmittance: f32,
+    /// Whether gradients pass through φ(s) and the fade; false holds the inradius constant as the reference does.
+    pub exact_incenter: bool,
+    /// Depth of the near plane at which triangles are cut, world units, > 0.
+    pub near: f32,
+    /// Inradius from which a triangle has its full opacity, px; smaller ones fade smoothly; 0 never fades.
+    pub fade_px: f32,
+    /// Bound on the steepness of the window: ∂I/∂ratio is taken at a ratio of at least this; 0 is exact.
+    pub ratio_least: f32,
+    /// Whether depth, normal and distortion are drawn too.
+    pub geometry: bool,
+    /// Depths mapped to 0 and 1 before the distortion is taken (0.2 and 100 in the reference).
+    pub depth_range: [f32; 2],
+    /// Whether the weights for [`Soft::accumulate_importance`] are summed.
+    pub importance: bool,
+}
+
+impl Default for SoftOptions {
+    fn default() -> Self {
+        Self {
+            background: [0.0; 3],
+            sort: Sort::Tile,
+            alpha_cap: 0.99,
+            cutoff: 1.0 / 255.0,
+            min_transmittance: 1e-4,
+            exact_incenter: true,
+            near: 0.01,
+            fade_px: 0.5,
+            ratio_least: 1e-3,
+            geometry: false,
+            depth_range: [0.2, 100.0],
+            importance: false,
+        }
+    }
+}
+
+/// What a camera sees. // [height * width], row by row
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Frame {
+    /// Width and height, px.
+    pub size: UVec2,
+    /// Colour, sRGB-encoded, background included; not clamped above.
+    pub rgb: Vec<[f32; 3]>,
+    /// Part of the background that is seen.
+    pub transmittance: Vec<f32>,
+    /// Σ w z; divide by 1 - transmittance for the expected depth. Empty unless asked for.
+    pub depth: Vec<f32>,
+    /// Depth at which the transmittance falls below 1/2, 0 where it never does. Empty unless asked for.
+    pub median_depth: Vec<f32>,
+    /// Σ w n in camera space, n towards the camera. Empty unless asked for.
+    pub normal: Vec<[f32; 3]>,
+    /// Σ_{j<k} w_j w_k (m_j - m_k)², m the mapped depth. Empty unless asked for.
+    pub distortion: Vec<f32>,
+}
+
+/// ∂L of a [`Frame`]; empty means zero, except `d_rgb`, which is always needed.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct FrameGrad {
+    /// ∂L/∂rgb. // [height * width]
+    pub d_rgb: Vec<[f32; 3]>,
+    /// ∂L/∂transmittance.
+    pub d_transmittance: Vec<f32>,
+    /// ∂L/∂depth.
+    pub d_depth: Vec<f32>,
+    /// ∂L/∂median_depth; reaches the plane of the triangle that holds the median.
+    pub d_median_depth: Vec<f32>,
+    /// ∂L/∂normal.
+    pub d_normal: Vec<[f32; 3]>,
+    /// ∂L/∂distortion.
+    pub d_distortion: Vec<f32>,
+}
+
+/// ∂L of a soup; rows of triangles that are not `visible` are zero.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct SoupGrad {
+    /// ∂L/∂vertices. // [N, 3]
+    pub vertices: Vec<[Vec3; 3]>,
+    /// ∂L/∂opacity. // [N]
+    pub opacity: Vec<f32>,
+    /// ∂L/∂sigma. // [N]
+    pub sigma: Vec<f32>,
+    /// ∂L/∂sh. // [N * K]
+    pub sh: Vec<[f32; 3]>,
+    /// Triangles that were drawn on at least one pixel, ascending.
+    pub visible: Vec<u32>,
+    /// Triangles whose gradient was not finite; their rows were set to zero.
+    pub dropped: usize,
+}
+
+/// The rasteriser: scratch memory that is reused from frame to frame.
+#[derive(Debug, Default)]
+pub struct Soft {
+    pub(super) projection: Projection,
+    pub(super) tiles: Tiles,
+    pub(super) pixels: Vec<TilePixels>,
+    pub(super) slots: Vec<Slot>,
+    pub(super) weights: Vec<SlotWeight>,
+    frame: Frame,
+}
+
+impl Soft {
+    /// A rasteriser with nothing allocated yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Draws `soup` as `camera` sees it. The same bits for any number of threads.
+    pub fn render(&mut self, soup: &SoupRef, camera: &Camera, options: &SoftOptions) -> &Frame {
+        self.projection.project(soup, camera, options);
+        self.tiles.bin(&self.projection.splats, camera.size);
+        forward::draw(self, options);
+        forward::assemble(&mut self.frame, &self.pixels, &self.tiles, options);
+        &self.frame
+    }
+
+    /// Gradients of the frame just rendered; soup, camera and options must be those of the last
+    /// [`render`](Self::render). Rows are overwritten, not added to.
+    pub fn backward(
+        &mut self,
+        soup: &SoupRef,
+        camera: &Camera,
+        options: &SoftOptions,
+        d: &FrameGrad,
+        out: &mut SoupGrad,
+    ) {
+        backward::draw_grad(self, options, d);
+        gather::gather(self, soup, camera, options, out);
+    }
+
+    /// The last frame drawn.
+    pub fn frame(&self) -> &Frame {
+        &self.frame
+    }
+
+    /// Adds the last frame, drawn with `options.importance`, to `out`, which is reset first when it is of
+    /// another number of triangles.
+    pub fn accumulate_importance(&self, out: &mut Importance) {
+        out.accumulate(&self.projection, &self.tiles, &self.weights);
+    }
+
+    /// Numbers of splats and of (splat, tile) pairs of the last frame.
+    pub fn load(&self) -> (usize, usize) {
+        (self.projection.splats.len(), self.tiles.entries.len())
+    }
+}

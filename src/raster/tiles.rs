@@ -1,0 +1,201 @@
+//! Which splats touch which tiles, and in each tile which 4x4-pixel blocks.
+
+use crate::math::lanes::{LANES, Lanes, Work, dispatch};
+use crate::math::real::Mask;
+use crate::raster::project::{Bounds, Record, Splats};
+use glam::UVec2;
+use rayon::prelude::*;
+
+/// Tile width and height, px.
+pub(super) const TILE: u32 = 16;
+/// Blocks in a tile: as many as [`LANES`], so that all are tested at once.
+pub(super) const BLOCKS: usize = LANES;
+/// Splats that one task bins.
+const RANGE: usize = 2048;
+/// Margin of every test, px: larger than any rounding, so that a test never decides what a pixel sees.
+const MARGIN: f32 = 0.01;
+
+/// A splat in a tile.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Entry {
+    /// Place of the splat in depth order.
+    pub(super) splat: u32,
+    /// Blocks it may touch; after the forward pass, blocks in which it was drawn.
+    pub(super) blocks: u32,
+}
+
+#[derive(Debug, Default)]
+struct Range {
+    /// (tile, blocks) of every pair, splat by splat.
+    pairs: Vec<(u32, u32)>,
+    /// Pairs up to each splat, its own included.
+    ends: Vec<u32>,
+}
+
+/// The pairs of splats and tiles.
+#[derive(Debug, Default)]
+pub(super) struct Tiles {
+    /// Image size, px.
+    pub(super) size: UVec2,
+    /// Tiles across and down.
+    pub(super) count: UVec2,
+    /// First entry of every tile, and the end. // [tiles + 1]
+    pub(super) starts: Vec<u32>,
+    /// Tile by tile, front to back.
+    pub(super) entries: Vec<Entry>,
+    /// First pair of every splat, and the end. // [splats + 1]
+    pub(super) pairs: Vec<u32>,
+    /// Which entry a pair became.
+    pub(super) entry_of_pair: Vec<u32>,
+    ranges: Vec<Range>,
+}
+
+/// x and y of the lanes in a block, px.
+pub(super) const LANE_X: [f32; LANES] = grid(1.0, 0.0, 0.0);
+pub(super) const LANE_Y: [f32; LANES] = grid(0.0, 1.0, 0.0);
+/// x and y of the blocks' centres in a tile, px.
+const BLOCK_X: [f32; BLOCKS] = grid(4.0, 0.0, 2.0);
+const BLOCK_Y: [f32; BLOCKS] = grid(0.0, 4.0, 2.0);
+
+const fn grid(x: f32, y: f32, offset: f32) -> [f32; LANES] {
+    let mut out = [0.0; LANES];
+    let mut i = 0;
+    while i < LANES {
+        out[i] = (i % 4) as f32 * x + (i / 4) as f32 * y + offset;
+        i += 1;
+    }
+    out
+}
+
+impl Tiles {
+    /// Number of tiles.
+    pub(super) fn len(&self) -> usize {
+        (self.count.x * self.count.y) as usize
+    }
+
+    /// Top left pixel of a tile.
+    pub(super) fn corner(&self, tile: usize) -> UVec2 {
+        UVec2::new(tile as u32 % self.count.x, tile as u32 / self.count.x) * TILE
+    }
+
+    /// Fills the lists.
+    pub(super) fn bin(&mut self, splats: &Splats, size: UVec2) {
+        self.size = size;
+        self.count = UVec2::new(size.x.div_ceil(TILE), size.y.div_ceil(TILE));
+        self.ranges.resize_with(splats.len().div_ceil(RANGE), Range::default);
+        let (count, size) = (self.count, size.as_vec2().to_array());
+        self.ranges.par_iter_mut().enumerate().for_each(|(r, range)| {
+            range.pairs.clear();
+            range.ends.clear();
+            let (from, to) = (r * RANGE, ((r + 1) * RANGE).min(splats.len()));
+            let (records, bounds) = (&splats.records[from..to], &splats.bounds[from..to]);
+            dispatch(Emit { records, bounds, range, size, across: count.x });
+        });
+        self.scatter(splats.len());
+    }
+
+    /// Moves the pairs to their tiles; the order within a tile is that of the splats.
+    fn scatter(&mut self, splats: usize) {
+        self.starts.clear();
+        self.starts.resize(self.len() + 1, 0);
+        let mut total = 0;
+        for range in &self.ranges {
+            total += range.pairs.len();
+            for (tile, _) in &range.pairs {
+                self.starts[*tile as usize + 1] += 1;
+            }
+        }
+        for tile in 0..self.len() {
+            self.starts[tile + 1] += self.starts[tile];
+        }
+        self.entries.resize(total, Entry::default());
+        self.entry_of_pair.resize(total, 0);
+        self.pairs.clear();
+        self.pairs.reserve(splats + 1);
+        self.pairs.push(0);
+        let mut next = self.starts.clone();
+        let (mut splat, mut base) = (0, 0);
+        for range in &self.ranges {
+            let mut from = 0;
+            for end in &range.ends {
+                for pair in from..*end {
+                    let (tile, blocks) = range.pairs[pair as usize];
+                    let to = &mut next[tile as usize];
+                    self.entries[*to as usize] = Entry { splat, blocks };
+                    self.entry_of_pair[(base + pair) as usize] = *to;
+                    *to += 1;
+                }
+                from = *end;
+                splat += 1;
+                self.pairs.push(base + from);
+            }
+            base += from;
+        }
+    }
+}
+
+/// Counts and emits at once: two copies of these tests would drift apart in the last bit.
+struct Emit<'a> {
+    records: &'a [Record],
+    bounds: &'a [Bounds],
+    range: &'a mut Range,
+    size: [f32; 2],
+    across: u32,
+}
+
+impl Work for Emit<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        for (record, bounds) in self.records.iter().zip(self.bounds) {
+            emit::<L>(record, bounds, self.size, self.across, &mut self.range.pairs);
+            self.range.ends.push(self.range.pairs.len() as u32);
+        }
+    }
+}
+
+/// Tiles `from..=to` that hold a pixel centre in [lo, hi]; nothing when from > to.
+#[inline(always)]
+fn tiles_between(lo: f32, hi: f32, size: f32) -> (u32, u32) {
+    let first = (lo - 0.5 - MARGIN).ceil().max(0.0);
+    let last = (hi - 0.5 + MARGIN).floor().min(size - 1.0);
+    if first <= last { (first as u32 / TILE, last as u32 / TILE) } else { (1, 0) }
+}
+
+/// Emits the tiles a splat touches. A block is left out when one of the five separating axes of the shrunk
+/// triangle and the box of the block's pixel centres (three edges, two of the box) shows a gap: an exact test.
+#[inline(always)]
+fn emit<L: Lanes>(record: &Record, bounds: &Bounds, size: [f32; 2], across: u32, out: &mut Vec<(u32, u32)>) {
+    let (x0, x1) = tiles_between(bounds.lo[0], bounds.hi[0], size[0]);
+    let (y0, y1) = tiles_between(bounds.lo[1], bounds.hi[1], size[1]);
+    let half = 1.5 + MARGIN;
+    let (block_x, block_y) = (L::load(&BLOCK_X), L::load(&BLOCK_Y));
+    let shifts = [0.0, record.shift, 0.0];
+    // reach_i(block) >= 0 where edge i leaves something of the block, for a tile at the splat's origin.
+    let reach = [0, 1, 2].map(|i| {
+        let [ex, ey] = record.edge[i];
+        let constant = half * (ex.abs() + ey.abs()) - shifts[i] - record.floor;
+        L::splat(ex).mul_add(block_x, L::splat(ey).mul_add(block_y, L::splat(constant)))
+    });
+    let zero = L::splat(0.0);
+    for ty in y0..=y1 {
+        for tx in x0..=x1 {
+            let corner = [(tx * TILE) as f32, (ty * TILE) as f32];
+            let to = [corner[0] - record.origin[0], corner[1] - record.origin[1]];
+            let side = |i: usize| {
+                let [ex, ey] = record.edge[i];
+                zero.le(reach[i] + L::splat(ex * to[0] + ey * to[1]))
+            };
+            let within = |block: L, i: usize| {
+                let lo = L::splat(bounds.lo[i] - corner[i] - half);
+                let hi = L::splat(bounds.hi[i] - corner[i] + half);
+                lo.le(block).and(block.le(hi))
+            };
+            let all = side(0).and(side(1)).and(side(2)).and(within(block_x, 0)).and(within(block_y, 1));
+            let blocks = L::bits(all);
+            if blocks != 0 {
+                out.push((ty * across + tx, u32::from(blocks)));
+            }
+        }
+    }
+}
