@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// Linear-light RGB, one entry a face or one a vertex. Values in [0, 1]; alpha is always 1.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,6 +71,43 @@ impl Mesh {
         }
     }
 
+    /// Makes old face `faces[i]` the new face i. Vertices that faces share stay where they are. // [F']
+    pub fn select(&mut self, faces: &[u32]) {
+        if self.indices.is_empty() {
+            self.positions = gather_corners(&self.positions, faces);
+        } else {
+            self.indices = gather_corners(&self.indices, faces);
+        }
+        match &mut self.colors {
+            Colors::Face(colors) => *colors = gather(colors, faces),
+            Colors::Vertex(colors) if self.indices.is_empty() => *colors = gather_corners(colors, faces),
+            Colors::Vertex(_) => {}
+        }
+        if !self.opacity.is_empty() {
+            self.opacity = gather(&self.opacity, faces);
+        }
+    }
+
+    /// Keeps the faces for which `keep` says so, in order, and drops vertices that no face uses any more.
+    pub fn retain(&mut self, keep: impl Fn(usize) -> bool) {
+        let indexed = !self.indices.is_empty();
+        let faces: Vec<u32> = (0..self.face_count()).filter(|&f| keep(f)).map(|f| f as u32).collect();
+        self.select(&faces);
+        if !indexed {
+            return;
+        }
+        let mut used = vec![false; self.vertex_count()];
+        self.indices.iter().for_each(|&v| used[v as usize] = true);
+        let kept: Vec<u32> = (0..used.len()).filter(|&v| used[v]).map(|v| v as u32).collect();
+        let mut renamed = vec![0; used.len()];
+        kept.iter().zip(0..).for_each(|(&old, new)| renamed[old as usize] = new);
+        self.indices.iter_mut().for_each(|v| *v = renamed[*v as usize]);
+        self.positions = gather(&self.positions, &kept);
+        if let Colors::Vertex(colors) = &mut self.colors {
+            *colors = gather(colors, &kept);
+        }
+    }
+
     /// Checks shapes and ranges: whole faces, indices in range, finite positions, colours in [0, 1].
     pub fn validate(&self) -> Result<()> {
         let (v, f) = (self.vertex_count(), self.face_count());
@@ -108,4 +146,14 @@ impl Mesh {
             None => Ok(()),
         }
     }
+}
+
+/// `values[order[i]]` for every i.
+fn gather<T: Copy + Send + Sync>(values: &[T], order: &[u32]) -> Vec<T> {
+    order.par_iter().with_min_len(1 << 13).map(|&i| values[i as usize]).collect()
+}
+
+/// The same for three values a face.
+fn gather_corners<T: Copy + Send + Sync>(values: &[T], faces: &[u32]) -> Vec<T> {
+    gather(values.as_chunks::<3>().0, faces).into_flattened()
 }

@@ -1,1 +1,265 @@
-//! The `chunk` of the bake.
+//! Cuts the faces into compact runs, each its own mesh and node, so that engines can skip the ones out of
+//! view. Cut by surface area, costed in chunks.
+
+use super::Details;
+use crate::asset::{Asset, Chunk};
+use crate::error::{Error, Result};
+use crate::mesh::Mesh;
+use crate::report::Outcome;
+use glam::{Vec3, Vec3A, Vec4};
+use rayon::prelude::*;
+
+/// Most faces a chunk may have: 65,535 vertices when no corner is shared, the most that 16-bit indices
+/// name (65,535 itself restarts a primitive).
+pub const MAX_CHUNK_TRIANGLES: u32 = 21_845;
+
+/// How the scene is cut into nodes.
+#[derive(Debug, Clone, PartialEq, clap::Args, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ChunkOptions {
+    /// Most triangles in a chunk, at most 21845; each chunk is a mesh and node of its own, skipped when
+    /// out of view (0 = one chunk)
+    #[arg(long, default_value_t = ChunkOptions::DEFAULT.chunk_triangles, value_name = "N")]
+    #[schemars(range(max = 21845))]
+    pub chunk_triangles: u32,
+}
+
+impl ChunkOptions {
+    /// Small enough to be skipped often, large enough that a scene has hundreds of draws, not thousands.
+    pub const DEFAULT: Self = Self { chunk_triangles: 16_384 };
+    /// One chunk.
+    pub const FAST: Self = Self { chunk_triangles: 0 };
+}
+
+impl Default for ChunkOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// Sets `asset.chunks` and puts the faces in their order. A scene of one chunk is left as it is.
+///
+/// Errors: `chunk_triangles` above [`MAX_CHUNK_TRIANGLES`].
+pub fn chunk(asset: &mut Asset, options: &ChunkOptions, details: &mut Details) -> Result<Outcome<()>> {
+    if options.chunk_triangles > MAX_CHUNK_TRIANGLES {
+        let wants = format!("at most {MAX_CHUNK_TRIANGLES}, the most that 16-bit indices reach");
+        return Err(Error::invalid("--chunk-triangles", options.chunk_triangles, wants));
+    }
+    let (faces, limit) = (asset.mesh.face_count(), options.chunk_triangles as usize);
+    if asset.chunks.len() > 1 {
+        return Ok(Outcome::Unneeded("the scene is in chunks already"));
+    }
+    if limit == 0 || faces <= limit {
+        asset.chunks = vec![Chunk { first: 0, count: faces as u32 }];
+        return Ok(Outcome::Unneeded(if limit == 0 {
+            "one chunk was asked for"
+        } else {
+            "it fits one chunk"
+        }));
+    }
+    let (order, chunks) = cut(&asset.mesh, limit);
+    asset.mesh.select(&order);
+    details.insert("chunks".into(), chunks.len().into());
+    details.insert("mean_triangles".into(), (faces / chunks.len()).into());
+    asset.chunks = chunks;
+    asset.bvh = None; // it was built for the faces in another order
+    Ok(Outcome::Changed(()))
+}
+
+/// Cuts the faces into runs of at most `limit`. Returns the order of faces and the runs in that order;
+/// within a run, faces stay in the order they had.
+///
+/// Top-down, each time at the plane (or size) where the two sides cost least:
+///
+/// ```text
+/// cost = area(left) * chunks(left) + area(right) * chunks(right),   chunks(n) = ceil(n / limit)
+/// ```
+///
+/// that is the surface area heuristic (MacDonald and Booth 1990) counting what an engine draws or skips: whole
+/// chunks. The fourth axis, size, takes triangles that are large for their neighbourhood out of it when that
+/// lets the rest be compact.
+pub(super) fn cut(mesh: &Mesh, limit: usize) -> (Vec<u32>, Vec<Chunk>) {
+    let mut items: Vec<Item> =
+        (0..mesh.face_count()).into_par_iter().with_min_len(1 << 12).map(|f| Item::new(mesh, f)).collect();
+    let counts = split(&mut items, limit);
+    let mut chunks = Vec::with_capacity(counts.len());
+    let mut first = 0;
+    for count in counts {
+        chunks.push(Chunk { first, count });
+        first += count;
+    }
+    (items.iter().map(|item| item.face).collect(), chunks)
+}
+
+/// A face as the cut sees it: a box, and how large it is.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(16))]
+struct Item {
+    min: Vec3,
+    face: u32,
+    max: Vec3,
+    /// Longest side of the box as the bits of an f32: monotone, and about logarithmic.
+    level: f32,
+}
+
+impl Item {
+    fn new(mesh: &Mesh, face: usize) -> Self {
+        let [a, b, c] = mesh.corners(face);
+        let (min, max) = (a.min(b).min(c), a.max(b).max(c));
+        let level = (max - min).max_element().to_bits() as f32;
+        Self { min, face: face as u32, max, level }
+    }
+
+    /// Where it is on the axes x, y, z and size.
+    fn place(&self) -> Vec4 {
+        (0.5 * self.min + 0.5 * self.max).extend(self.level)
+    }
+}
+
+/// Candidate cuts on each axis are the borders between this many bins.
+const BINS: usize = 32;
+/// Items above which bins are filled by several threads.
+const PARALLEL_ABOVE: usize = 1 << 16;
+
+/// Number of items in each part, in order, after sorting the items into parts.
+fn split(items: &mut [Item], limit: usize) -> Vec<u32> {
+    if items.len() <= limit {
+        items.sort_unstable_by_key(|item| item.face);
+        return vec![items.len() as u32];
+    }
+    let middle = best_cut(items, limit).map_or(0, |cut| partition(items, |item| cut.is_left(item)));
+    // No cut separates them (all in one place): cut off whole chunks.
+    let middle = if middle == 0 { items.len().div_ceil(limit) / 2 * limit } else { middle };
+    let (left, right) = items.split_at_mut(middle);
+    let (mut counts, more) = rayon::join(|| split(left, limit), || split(right, limit));
+    counts.extend(more);
+    counts
+}
+
+/// Moves the items for which `is_left` to the front; returns how many.
+fn partition(items: &mut [Item], is_left: impl Fn(&Item) -> bool) -> usize {
+    let mut middle = 0;
+    for i in 0..items.len() {
+        if is_left(&items[i]) {
+            items.swap(i, middle);
+            middle += 1;
+        }
+    }
+    middle
+}
+
+/// The bins of all four axes between the least and the largest place.
+#[derive(Debug, Clone, Copy)]
+struct Grid {
+    origin: Vec4,
+    scale: Vec4,
+}
+
+impl Grid {
+    fn around(items: &[Item]) -> Self {
+        let bounds = |items: &[Item]| {
+            items
+                .iter()
+                .map(Item::place)
+                .fold((Vec4::INFINITY, Vec4::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)))
+        };
+        let (lo, hi) = if items.len() > PARALLEL_ABOVE {
+            let parts = items.par_chunks(PARALLEL_ABOVE / 4).map(bounds);
+            parts.reduce(|| (Vec4::INFINITY, Vec4::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)))
+        } else {
+            bounds(items)
+        };
+        Self { origin: lo, scale: BINS as f32 / (hi - lo) }
+    }
+
+    /// The bin of an item on each axis. An axis without extent has one bin.
+    fn bins(&self, item: &Item) -> [usize; 4] {
+        // An infinite or NaN product saturates to a bin, so that nothing can fail here.
+        ((item.place() - self.origin) * self.scale).to_array().map(|x| (x as usize).min(BINS - 1))
+    }
+}
+
+/// A cut: bins up to and including `bin` on `axis` are left.
+struct Cut {
+    grid: Grid,
+    axis: usize,
+    bin: usize,
+}
+
+impl Cut {
+    fn is_left(&self, item: &Item) -> bool {
+        self.grid.bins(item)[self.axis] <= self.bin
+    }
+}
+
+/// What lies in a bin, or in several.
+#[derive(Debug, Clone, Copy)]
+struct Bin {
+    min: Vec3A,
+    max: Vec3A,
+    count: usize,
+}
+
+impl Bin {
+    const EMPTY: Self = Self { min: Vec3A::INFINITY, max: Vec3A::NEG_INFINITY, count: 0 };
+
+    fn union(self, other: Self) -> Self {
+        Self { min: self.min.min(other.min), max: self.max.max(other.max), count: self.count + other.count }
+    }
+
+    /// Area of the box times chunks in it.
+    fn cost(&self, limit: usize) -> f64 {
+        let d = (self.max - self.min).as_dvec3();
+        (d.x * d.y + d.y * d.z + d.z * d.x) * self.count.div_ceil(limit) as f64
+    }
+}
+
+/// The cheapest cut with something on both sides, if there is one.
+fn best_cut(items: &[Item], limit: usize) -> Option<Cut> {
+    let grid = Grid::around(items);
+    let bins = if items.len() > PARALLEL_ABOVE {
+        let parts = items.par_chunks(PARALLEL_ABOVE / 4).map(|part| fill(part, &grid));
+        parts.reduce(|| [[Bin::EMPTY; BINS]; 4], merge)
+    } else {
+        fill(items, &grid)
+    };
+    let mut best = f64::INFINITY;
+    let mut cut = None;
+    for (axis, bins) in bins.iter().enumerate() {
+        let mut from_right = [Bin::EMPTY; BINS];
+        let mut right = Bin::EMPTY;
+        for bin in (1..BINS).rev() {
+            right = right.union(bins[bin]);
+            from_right[bin] = right;
+        }
+        let mut left = Bin::EMPTY;
+        for bin in 0..BINS - 1 {
+            left = left.union(bins[bin]);
+            let right = from_right[bin + 1];
+            let cost = left.cost(limit) + right.cost(limit);
+            if left.count > 0 && right.count > 0 && cost < best {
+                best = cost;
+                cut = Some(Cut { grid, axis, bin });
+            }
+        }
+    }
+    cut
+}
+
+fn fill(items: &[Item], grid: &Grid) -> [[Bin; BINS]; 4] {
+    let mut bins = [[Bin::EMPTY; BINS]; 4];
+    for item in items {
+        let one = Bin { min: item.min.into(), max: item.max.into(), count: 1 };
+        for (axis, bin) in grid.bins(item).into_iter().enumerate() {
+            bins[axis][bin] = bins[axis][bin].union(one);
+        }
+    }
+    bins
+}
+
+fn merge(mut a: [[Bin; BINS]; 4], b: [[Bin; BINS]; 4]) -> [[Bin; BINS]; 4] {
+    for (a, b) in a.iter_mut().flatten().zip(b.iter().flatten()) {
+        *a = a.union(*b);
+    }
+    a
+}

@@ -1,1 +1,35 @@
-//! The `color` of the bake.
+//! Turns spherical harmonics of degree 0 into linear face colours: what engines multiply and blend.
+
+use super::Details;
+use crate::error::Result;
+use crate::math::color::linear_from_srgb;
+use crate::mesh::{Colors, Mesh};
+use crate::soup::{Soup, rgb_from_sh0};
+use rayon::prelude::*;
+
+/// A non-indexed mesh with one linear colour a face. Opacity and σ are dropped, vertices move without
+/// a copy. `details` says how many channels lay outside [0, 1] and were clamped.
+pub fn color(mut soup: Soup, details: &mut Details) -> Result<Mesh> {
+    soup.truncate_sh(0);
+    let Soup { vertices, mut sh, opacity, sigma, .. } = soup;
+    drop((opacity, sigma));
+    let clamped: u64 = sh.par_iter_mut().with_min_len(1 << 14).map(linearise).sum();
+    details.insert("clamped_channels".into(), clamped.into());
+    Ok(Mesh {
+        positions: vertices.into_flattened(),
+        colors: Colors::Face(sh),
+        indices: Vec::new(),
+        opacity: Vec::new(),
+    })
+}
+
+/// Turns SH degree 0 coefficients into linear channels; returns how many had to be clamped.
+fn linearise(coefficients: &mut [f32; 3]) -> u64 {
+    let mut clamped = 0;
+    for channel in coefficients {
+        let encoded = rgb_from_sh0(*channel);
+        clamped += u64::from(!(0.0..=1.0).contains(&encoded));
+        *channel = linear_from_srgb(encoded.max(0.0));
+    }
+    clamped
+}

@@ -9,3 +9,6 @@ pub mod prune;
 pub mod solid;
 pub mod target;
 pub mod weld;
+
+/// Figures of a stage for the report: counts by cause, errors, sizes.
+pub type Details = serde_json::Map<String, serde_json::Value>;

@@ -1,1 +1,382 @@
-//! The `prune` of the bake.
+//! Drops the triangles that an engine cannot draw or nobody would see.
+//!
+//! It comes first because every later stage costs per triangle, and because geometry after it is finite
+//! and within ±[`REACH`], which the hierarchy and engines' culling rely on.
+
+use super::Details;
+use crate::error::{Error, Result};
+use crate::mesh::Mesh;
+use crate::report::Outcome;
+use crate::scene::Scene;
+use crate::soup::Soup;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+/// Largest coordinate that may stay. Squares and areas of larger ones overflow an f32 once an engine
+/// or a hierarchy adds a few million of them, so such a triangle is as undrawable as an infinite one.
+pub const REACH: f32 = 1e15;
+
+/// Height over longest edge at or below which a triangle is a line: the rounding error of that edge.
+const FLAT: f64 = f32::EPSILON as f64;
+
+/// Times the huge triangles are looked for again, each time among the ones left.
+const HUGE_PASSES: usize = 32;
+
+/// Which triangles to drop.
+#[derive(Debug, Clone, PartialEq, clap::Args, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct PruneOptions {
+    /// Drop triangles of lower opacity (0 keeps all; engine-mode training itself drops below 0.1, then 0.7)
+    #[arg(long, default_value_t = PruneOptions::DEFAULT.min_opacity, value_name = "O")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub min_opacity: f64,
+    /// Drop triangles of higher sigma, the softest ones (0 keeps all; engine-mode training drops from 1)
+    #[arg(long, default_value_t = PruneOptions::DEFAULT.max_sigma, value_name = "S")]
+    #[schemars(range(min = 0.0))]
+    pub max_sigma: f64,
+    /// Drop triangles with an edge longer than this many scene radii (median distance from the median
+    /// centre; 0 keeps all)
+    #[arg(long, default_value_t = PruneOptions::DEFAULT.max_size, value_name = "R")]
+    #[schemars(range(min = 0.0))]
+    pub max_size: f64,
+    /// Keep only triangles whose centroid is in this box, in the coordinates of the input file
+    #[arg(
+        long,
+        value_name = "X0,Y0,Z0,X1,Y1,Z1",
+        value_parser = parse_box,
+        allow_hyphen_values = true
+    )]
+    pub crop: Option<[f64; 6]>,
+    /// Keep at most this many triangles: those that add most to the picture, opacity times area times
+    /// mean softness
+    #[arg(long, value_name = "N")]
+    #[schemars(range(min = 1))]
+    pub max_triangles: Option<u64>,
+}
+
+impl PruneOptions {
+    /// A triangle of opacity 0.014 is dead to the authors' trainer (`opacity_dead`); at σ = 10 an opaque
+    /// one covers as little, 2 / ((σ + 1)(σ + 2)) = 0.015 of its area. Neither costs a soft scene anything
+    /// that can be seen.
+    pub const DEFAULT: Self =
+        Self { min_opacity: 0.014, max_sigma: 10.0, max_size: 0.0, crop: None, max_triangles: None };
+    /// The same: pruning pays for itself.
+    pub const FAST: Self = Self::DEFAULT;
+    /// Spends no bytes on what is hardly seen.
+    pub const SMALL: Self = Self { min_opacity: 0.05, max_sigma: 5.0, ..Self::DEFAULT };
+}
+
+impl Default for PruneOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// Drops triangles by the rules of `options` and counts them by cause in `details`.
+///
+/// The rules look at one triangle at a time, but for two: *huge* is measured by the scene's radius and is
+/// looked for again among those left until none is found, and the budget of `max_triangles` is spent on
+/// what all other rules leave. So a second run finds nothing to drop.
+///
+/// Errors: an option out of range; nothing left.
+pub fn prune(scene: &mut Scene, options: &PruneOptions, details: &mut Details) -> Result<Outcome<()>> {
+    check(options)?;
+    let verdicts = match &*scene {
+        Scene::Soup(soup) => judge(soup.len(), |i| soup_face(soup, i), options),
+        Scene::Mesh(mesh) => judge(mesh.face_count(), |i| mesh_face(mesh, i), options),
+    };
+    let counts = count(&verdicts);
+    if counts[Verdict::Keep as usize] == 0 {
+        return Err(nothing_left(options, &counts, verdicts.len()));
+    }
+    if counts[Verdict::Keep as usize] == verdicts.len() {
+        return Ok(Outcome::Unneeded("every triangle can be seen"));
+    }
+    for cause in Verdict::CAUSES {
+        details.insert(cause.key().into(), counts[cause as usize].into());
+    }
+    let keep = |i: usize| verdicts[i] == Verdict::Keep;
+    match scene {
+        Scene::Soup(soup) => soup.retain(keep),
+        Scene::Mesh(mesh) => mesh.retain(keep),
+    }
+    Ok(Outcome::Changed(()))
+}
+
+/// What happens to a triangle, and why.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+enum Verdict {
+    Keep,
+    NonFinite,
+    Degenerate,
+    Faint,
+    Soft,
+    Outside,
+    Huge,
+    OverBudget,
+}
+
+impl Verdict {
+    const CAUSES: [Self; 7] = [
+        Self::NonFinite,
+        Self::Degenerate,
+        Self::Faint,
+        Self::Soft,
+        Self::Outside,
+        Self::Huge,
+        Self::OverBudget,
+    ];
+
+    fn key(self) -> &'static str {
+        match self {
+            Self::Keep => "kept",
+            Self::NonFinite => "non_finite",
+            Self::Degenerate => "degenerate",
+            Self::Faint => "faint",
+            Self::Soft => "soft",
+            Self::Outside => "outside",
+            Self::Huge => "huge",
+            Self::OverBudget => "over_budget",
+        }
+    }
+}
+
+/// What the rules look at.
+struct Face {
+    corners: [Vec3; 3],
+    opacity: f32,
+    sigma: f32,
+    color: [f32; 3],
+}
+
+fn soup_face(soup: &Soup, i: usize) -> Face {
+    Face {
+        corners: soup.vertices[i],
+        opacity: soup.opacity[i],
+        sigma: soup.sigma[i],
+        color: soup.sh[i * soup.sh_count()],
+    }
+}
+
+fn mesh_face(mesh: &Mesh, i: usize) -> Face {
+    let opacity = mesh.opacity.get(i).copied().unwrap_or(1.0);
+    Face { corners: mesh.corners(i), opacity, sigma: 0.0, color: mesh.corner_colors(i)[0] }
+}
+
+/// The verdict on every face. // [N]
+fn judge(count: usize, face: impl Fn(usize) -> Face + Sync, options: &PruneOptions) -> Vec<Verdict> {
+    let mut verdicts: Vec<Verdict> =
+        (0..count).into_par_iter().with_min_len(1 << 12).map(|i| alone(&face(i), options)).collect();
+    drop_huge(&mut verdicts, &face, options);
+    if drop_over_budget(&mut verdicts, &face, options) {
+        drop_huge(&mut verdicts, &face, options);
+    }
+    verdicts
+}
+
+/// The verdict on a face that needs no other face to be known.
+fn alone(face: &Face, options: &PruneOptions) -> Verdict {
+    let reachable = |v: &Vec3| v.abs().max_element() <= REACH && !v.is_nan();
+    let finite = face.corners.iter().all(reachable)
+        && face.opacity.is_finite()
+        && face.sigma.is_finite()
+        && face.color.iter().all(|c| c.is_finite());
+    if !finite {
+        Verdict::NonFinite
+    } else if is_degenerate(&face.corners) {
+        Verdict::Degenerate
+    } else if f64::from(face.opacity) < options.min_opacity {
+        Verdict::Faint
+    } else if options.max_sigma > 0.0 && f64::from(face.sigma) > options.max_sigma {
+        Verdict::Soft
+    } else if options.crop.is_some_and(|b| !in_box(centroid(&face.corners), &b)) {
+        Verdict::Outside
+    } else {
+        Verdict::Keep
+    }
+}
+
+/// True when the corners lie on a line or a point, to the rounding of the longest edge; also for NaN.
+///
+/// ```text
+/// |(b - a) x (c - a)| / longest^2 = height / longest <= 2^-23
+/// ```
+pub(super) fn is_degenerate(corners: &[Vec3; 3]) -> bool {
+    let [a, b, c] = *corners;
+    let longest2 = (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
+    // Well clear of the limit in f32 is enough; NaN, overflow and underflow fail this and are looked at again.
+    if (b - a).cross(c - a).length_squared() > 1e-6 * longest2 * longest2 {
+        return false;
+    }
+    let [a, b, c] = corners.map(|v| v.as_dvec3());
+    let longest2 = (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
+    !((b - a).cross(c - a).length_squared() > (FLAT * longest2).powi(2))
+}
+
+/// Drops the faces with an edge longer than `max_size` scene radii, until none is left: the radius is a
+/// median, so it hardly moves, but it does move.
+fn drop_huge(verdicts: &mut [Verdict], face: &(impl Fn(usize) -> Face + Sync), options: &PruneOptions) {
+    if options.max_size <= 0.0 {
+        return;
+    }
+    for _ in 0..HUGE_PASSES {
+        let radius = scene_radius(verdicts, face);
+        if !(radius > 0.0) {
+            return;
+        }
+        let limit2 = (options.max_size * radius).powi(2);
+        let huge = |[a, b, c]: [DVec3; 3]| {
+            (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared()) > limit2
+        };
+        let found: usize = verdicts
+            .par_iter_mut()
+            .enumerate()
+            .with_min_len(1 << 12)
+            .map(|(i, verdict)| {
+                let drop = *verdict == Verdict::Keep && huge(face(i).corners.map(|v| v.as_dvec3()));
+                if drop {
+                    *verdict = Verdict::Huge;
+                }
+                usize::from(drop)
+            })
+            .sum();
+        if found == 0 {
+            return;
+        }
+    }
+}
+
+/// Median distance of the kept faces' centroids from the median centroid.
+fn scene_radius(verdicts: &[Verdict], face: &(impl Fn(usize) -> Face + Sync)) -> f64 {
+    let centroids: Vec<DVec3> = (0..verdicts.len())
+        .into_par_iter()
+        .with_min_len(1 << 12)
+        .filter(|&i| verdicts[i] == Verdict::Keep)
+        .map(|i| centroid(&face(i).corners))
+        .collect();
+    let axis = |k: usize| median(centroids.iter().map(|c| c[k]).collect());
+    let center = DVec3::new(axis(0), axis(1), axis(2));
+    median(centroids.iter().map(|c| c.distance(center)).collect())
+}
+
+/// The middle value, the upper of two; 0 of none.
+fn median(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// Keeps the `max_triangles` faces that add most to the picture, the earlier of two that add the same.
+/// True when that dropped any.
+fn drop_over_budget(
+    verdicts: &mut [Verdict],
+    face: &(impl Fn(usize) -> Face + Sync),
+    options: &PruneOptions,
+) -> bool {
+    let Some(budget) = options.max_triangles.and_then(|n| usize::try_from(n).ok()) else {
+        return false;
+    };
+    let mut worth: Vec<(f32, u32)> = (0..verdicts.len())
+        .into_par_iter()
+        .with_min_len(1 << 12)
+        .filter(|&i| verdicts[i] == Verdict::Keep)
+        .map(|i| (contribution(&face(i)) as f32, i as u32))
+        .collect();
+    if worth.len() <= budget {
+        return false;
+    }
+    let best_first = |a: &(f32, u32), b: &(f32, u32)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
+    worth.select_nth_unstable_by(budget, best_first);
+    for &(_, i) in &worth[budget..] {
+        verdicts[i as usize] = Verdict::OverBudget;
+    }
+    true
+}
+
+/// What a face adds to a picture that shows all of it: its alpha, integrated over its area.
+///
+/// ```text
+/// area * o * mean(window) = area * o * 2 / ((sigma + 1) (sigma + 2))
+/// ```
+fn contribution(face: &Face) -> f64 {
+    let [a, b, c] = face.corners.map(|v| v.as_dvec3());
+    let sigma = f64::from(face.sigma);
+    0.5 * (b - a).cross(c - a).length() * f64::from(face.opacity) * 2.0 / ((sigma + 1.0) * (sigma + 2.0))
+}
+
+fn centroid(corners: &[Vec3; 3]) -> DVec3 {
+    (corners[0].as_dvec3() + corners[1].as_dvec3() + corners[2].as_dvec3()) / 3.0
+}
+
+fn in_box(p: DVec3, b: &[f64; 6]) -> bool {
+    (0..3).all(|k| b[k] <= p[k] && p[k] <= b[k + 3])
+}
+
+fn count(verdicts: &[Verdict]) -> [usize; 8] {
+    let mut counts = [0; 8];
+    for &verdict in verdicts {
+        counts[verdict as usize] += 1;
+    }
+    counts
+}
+
+fn check(options: &PruneOptions) -> Result<()> {
+    if !(0.0..=1.0).contains(&options.min_opacity) {
+        return Err(Error::invalid("--min-opacity", options.min_opacity, "a number from 0 to 1"));
+    }
+    if !(options.max_sigma >= 0.0) {
+        return Err(Error::invalid("--max-sigma", options.max_sigma, "0 or more"));
+    }
+    if !(options.max_size >= 0.0) {
+        return Err(Error::invalid("--max-size", options.max_size, "0 or more"));
+    }
+    if let Some(b) = options.crop
+        && !(0..3).all(|k| b[k] <= b[k + 3])
+    {
+        let wants = "x0,y0,z0,x1,y1,z1 with x0 <= x1, y0 <= y1 and z0 <= z1";
+        return Err(Error::invalid("--crop", format!("{b:?}"), wants));
+    }
+    if options.max_triangles == Some(0) {
+        return Err(Error::invalid("--max-triangles", 0, "1 or more; leave it out to keep all"));
+    }
+    Ok(())
+}
+
+/// Names the rule that dropped most and what to do about it.
+fn nothing_left(options: &PruneOptions, counts: &[usize; 8], total: usize) -> Error {
+    if total == 0 {
+        return Error::invalid("the scene", "empty", "at least one triangle");
+    }
+    let worst = Verdict::CAUSES.into_iter().max_by_key(|&cause| counts[cause as usize]);
+    let worst = worst.unwrap_or(Verdict::NonFinite);
+    let dropped = format!("it drops {} of {total} triangles and nothing is left", counts[worst as usize]);
+    match worst {
+        Verdict::Faint => {
+            Error::invalid("--min-opacity", options.min_opacity, format!("a lower value: {dropped}"))
+        }
+        Verdict::Soft => {
+            Error::invalid("--max-sigma", options.max_sigma, format!("a higher value, or 0: {dropped}"))
+        }
+        Verdict::Huge => {
+            Error::invalid("--max-size", options.max_size, format!("a higher value, or 0: {dropped}"))
+        }
+        Verdict::Outside => {
+            let b = options.crop.unwrap_or_default();
+            Error::invalid("--crop", format!("{b:?}"), format!("a box that overlaps the scene: {dropped}"))
+        }
+        cause => {
+            let what = format!("{} of {total} triangles {}", counts[cause as usize], cause.key());
+            Error::invalid("the scene", what, "at least one triangle of finite, non-zero size")
+        }
+    }
+}
+
+/// Six numbers "x0,y0,z0,x1,y1,z1".
+fn parse_box(text: &str) -> std::result::Result<[f64; 6], String> {
+    let number = |n: &str| n.trim().parse::<f64>().map_err(|e| format!("{n:?}: {e}"));
+    let numbers = text.split(',').map(number).collect::<std::result::Result<Vec<_>, _>>()?;
+    numbers.try_into().map_err(|n: Vec<f64>| format!("wants 6 numbers x0,y0,z0,x1,y1,z1, got {}", n.len()))
+}

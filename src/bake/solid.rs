@@ -1,1 +1,184 @@
-//! The `solid` of the bake.
+//! Makes soft triangles solid: each becomes the smaller, opaque triangle that looks most like it.
+//!
+//! The level sets of the window function are copies of the triangle shrunk about its incenter (Held et
+//! al. 2025, eq. 1), so no meshing is needed.
+
+use super::Details;
+use super::prune::is_degenerate;
+use crate::error::{Error, Result};
+use crate::report::Outcome;
+use crate::soup::Soup;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// The σ of a triangle that is solid already: at opacity 1 its half contour is itself to 1 part in 2^10000.
+pub const SOLID_SIGMA: f32 = 1e-4;
+
+/// How a soft triangle becomes solid.
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    clap::ValueEnum,
+    serde::Serialize,
+    serde::Deserialize,
+    schemars::JsonSchema,
+)]
+#[serde(rename_all = "lowercase")]
+pub enum Solidify {
+    /// The larger of `contour` and `area`: hard triangles keep their outline, faint ones their share
+    Auto,
+    /// The outline where opacity times window is `contour`; fainter triangles are dropped
+    Contour,
+    /// As large as the opacity that the triangle adds to the picture
+    Area,
+    /// Full size
+    None,
+}
+
+/// How soft triangles become solid ones.
+#[derive(Debug, Clone, PartialEq, clap::Args, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SolidOptions {
+    /// How a soft triangle becomes solid
+    #[arg(long, value_enum, default_value_t = SolidOptions::DEFAULT.solid, value_name = "HOW")]
+    pub solid: Solidify,
+    /// The value of opacity times window that counts as the outline
+    #[arg(long, default_value_t = SolidOptions::DEFAULT.contour, value_name = "T")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub contour: f64,
+}
+
+impl SolidOptions {
+    /// Nothing vanishes and nothing tears.
+    pub const DEFAULT: Self = Self { solid: Solidify::Auto, contour: 0.5 };
+}
+
+impl Default for SolidOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// Shrinks every triangle about its incenter and makes it opaque. Triangles that shrink to nothing an f32
+/// can hold are dropped, and so are those without a contour when `contour` is asked for.
+///
+/// Errors: `contour` outside (0, 1); nothing left.
+pub fn solid(soup: &mut Soup, options: &SolidOptions, details: &mut Details) -> Result<Outcome<()>> {
+    if !(options.contour > 0.0 && options.contour < 1.0) {
+        return Err(Error::invalid("--contour", options.contour, "a number above 0 and below 1"));
+    }
+    let is_solid = |(o, s): (&f32, &f32)| *o >= 1.0 && *s <= SOLID_SIGMA;
+    if soup.opacity.par_iter().zip(&soup.sigma).with_min_len(1 << 14).all(is_solid) {
+        return Ok(Outcome::Unneeded("every triangle is solid already"));
+    }
+    let area_before = total_area(soup);
+    let fates: Vec<Fate> = (&mut soup.vertices, &soup.opacity, &soup.sigma)
+        .into_par_iter()
+        .with_min_len(1 << 12)
+        .map(|(corners, &opacity, &sigma)| harden(corners, opacity.into(), sigma.into(), options))
+        .collect();
+    soup.opacity.fill(1.0);
+    soup.sigma.fill(SOLID_SIGMA);
+    let lost = |fate| fates.iter().filter(|&&f| f == fate).count();
+    let (no_contour, collapsed) = (lost(Fate::NoContour), lost(Fate::Collapsed));
+    if no_contour + collapsed == fates.len() {
+        return Err(nothing_left(options, no_contour, fates.len()));
+    }
+    if no_contour + collapsed > 0 {
+        soup.retain(|i| fates[i] == Fate::Solid);
+    }
+    details.insert("no_contour".into(), no_contour.into());
+    details.insert("collapsed".into(), collapsed.into());
+    details.insert("area_ratio".into(), (total_area(soup) / area_before).into());
+    Ok(Outcome::Changed(()))
+}
+
+fn nothing_left(options: &SolidOptions, no_contour: usize, total: usize) -> Error {
+    if no_contour > 0 {
+        let wants =
+            format!("a lower value, or --solid auto: {no_contour} of {total} triangles never reach it");
+        return Error::invalid("--contour", options.contour, wants);
+    }
+    let what = format!("{total} triangles that shrink to nothing");
+    Error::invalid("the scene", what, "triangles of some size (the prune stage drops lines and points)")
+}
+
+/// What became of a triangle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Fate {
+    Solid,
+    NoContour,
+    Collapsed,
+}
+
+/// Shrinks one triangle in place.
+fn harden(corners: &mut [Vec3; 3], opacity: f64, sigma: f64, options: &SolidOptions) -> Fate {
+    let factor = match options.solid {
+        Solidify::Auto => contour_factor(opacity, sigma, options.contour).max(area_factor(opacity, sigma)),
+        Solidify::Contour => contour_factor(opacity, sigma, options.contour),
+        Solidify::Area => area_factor(opacity, sigma),
+        Solidify::None => 1.0,
+    };
+    if factor >= 1.0 {
+        return Fate::Solid;
+    }
+    if !(factor > 0.0) {
+        return Fate::NoContour;
+    }
+    *corners = shrink(corners, factor);
+    if is_degenerate(corners) { Fate::Collapsed } else { Fate::Solid }
+}
+
+/// The scale about the incenter at which opacity times window is `contour`; 0 when it never is.
+///
+/// ```text
+/// o (1 - f)^sigma = t   =>   f = 1 - (t / o)^(1 / sigma)      (Held et al. 2025, eq. 1)
+/// ```
+///
+/// Domain: o in [0, 1], sigma > 0, t in (0, 1). In the log domain, where 1e-4 and 1e3 do not overflow.
+pub fn contour_factor(opacity: f64, sigma: f64, contour: f64) -> f64 {
+    if !(opacity > contour) {
+        return 0.0;
+    }
+    -((contour.ln() - opacity.ln()) / sigma).exp_m1()
+}
+
+/// The scale whose area is the triangle's integrated alpha: opaque, it covers as much of a picture as the
+/// soft triangle did.
+///
+/// ```text
+/// f^2 = o * mean(window) = o * 2 / ((sigma + 1) (sigma + 2))
+/// ```
+///
+/// The mean holds for any triangle: the part of it above level t is itself, scaled by 1 - t^(1/sigma), and
+/// the mean is the integral of that area over t from 0 to 1.
+pub fn area_factor(opacity: f64, sigma: f64) -> f64 {
+    (opacity * 2.0 / ((sigma + 1.0) * (sigma + 2.0))).sqrt()
+}
+
+/// The triangle scaled by `factor` about its incenter, computed in f64 and rounded once.
+///
+/// ```text
+/// s = (|bc| a + |ca| b + |ab| c) / (|bc| + |ca| + |ab|)
+/// ```
+pub fn shrink(corners: &[Vec3; 3], factor: f64) -> [Vec3; 3] {
+    let [a, b, c] = corners.map(|v| v.as_dvec3());
+    let (bc, ca, ab) = (b.distance(c), c.distance(a), a.distance(b));
+    let perimeter = bc + ca + ab;
+    if !(perimeter > 0.0) {
+        return *corners;
+    }
+    let incenter = (bc * a + ca * b + ab * c) / perimeter;
+    [a, b, c].map(|v| (incenter + factor * (v - incenter)).as_vec3())
+}
+
+/// Area of all triangles: an ordered sum, so that it is the same for any number of threads.
+fn total_area(soup: &Soup) -> f64 {
+    let area = |v: &[Vec3; 3]| 0.5 * (v[1] - v[0]).as_dvec3().cross((v[2] - v[0]).as_dvec3()).length();
+    let parts: Vec<f64> =
+        soup.vertices.par_chunks(1 << 12).map(|part| part.iter().map(area).sum::<f64>()).collect();
+    parts.iter().sum()
+}

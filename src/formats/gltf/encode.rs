@@ -88,11 +88,11 @@ fn fill(
 fn fill_colors(out: &mut [u8], mesh: &Mesh, part: &Part, range: Range<usize>, encoding: ColorEncoding) {
     match encoding {
         ColorEncoding::U16Linear => colors(out, mesh, part, range, |c| -> [u8; 8] {
-            let [r, g, b] = c.map(|x| (x * 65535.0 + 0.5) as u16);
+            let [r, g, b] = c.map(|x| nearest(x, 65535.0) as u16);
             bytes_of([r, g, b, u16::MAX].map(u16::to_le_bytes))
         }),
         ColorEncoding::U8Linear => colors(out, mesh, part, range, |c| {
-            let [r, g, b] = c.map(|x| (x * 255.0 + 0.5) as u8);
+            let [r, g, b] = c.map(|x| nearest(x, 255.0) as u8);
             [r, g, b, u8::MAX]
         }),
         ColorEncoding::U8Srgb => colors(out, mesh, part, range, |c| {
@@ -108,6 +108,11 @@ fn fill_colors(out: &mut [u8], mesh: &Mesh, part: &Part, range: Range<usize>, en
             bytes_of([r, g, b, 1.0].map(f32::to_le_bytes))
         }),
     }
+}
+
+/// The nearest of `steps` whole steps, to be truncated; exact, because f64 holds the product exactly.
+fn nearest(x: f32, steps: f64) -> f64 {
+    f64::from(x) * steps + 0.5
 }
 
 /// Encodes a colour once and stores it for every vertex that has it.
