@@ -4,6 +4,7 @@
 
 pub use super::degenerate::degenerate;
 use super::studio::{Studio, Surface};
+use crate::asset::{Provenance, UpAxis};
 use crate::camera::Camera;
 use crate::rng::Rng;
 use crate::soup::{Soup, sh0_from_rgb};
@@ -43,6 +44,15 @@ pub fn soup(name: SampleScene, triangles: usize, seed: u64) -> Soup {
         SampleScene::Studio => sample(&Studio::new(), triangles, seed),
         SampleScene::Degenerate => degenerate(),
     }
+}
+
+/// What a file with such a soup says about itself: how to make it again, and where up is.
+pub fn provenance(name: SampleScene, triangles: usize, seed: u64) -> Provenance {
+    let recipe = match name {
+        SampleScene::Studio => format!("trisplat sample studio --triangles {triangles} --seed {seed}"),
+        SampleScene::Degenerate => "trisplat sample degenerate".to_owned(),
+    };
+    Provenance { trainer: Some(recipe), up: Some(UpAxis::NegY), ..Provenance::default() }
 }
 
 /// Adds view-dependent colour up to `degree` (at most 3) in small random coefficients.

@@ -1,0 +1,108 @@
+#!/usr/bin/env bash
+# Installs the outside judges and runs the whole suite with every one of them required.
+# Usage: tests/run.sh [arguments of the test runner]
+#
+# Needs Rust. On Debian and Ubuntu it installs what else is missing with apt, as root or through sudo;
+# elsewhere it names it. Judges land in target/judges and nowhere else; when all is there it just tests.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+exec </dev/null
+
+VALIDATOR=2.0.0-dev.3.10
+TRIMESH=5.2.0
+OPEN3D=0.20.0
+judges=target/judges
+python=$judges/venv/bin/python
+
+section() { printf '\n== %s\n' "$*"; }
+fail() {
+    printf '\ntests/run.sh: %s\n' "$*" >&2
+    exit 1
+}
+has() { command -v "$1" >/dev/null 2>&1; }
+
+# The prefix that makes a command run as root; fails when there is no way.
+as_root() {
+    if [ "$(id -u)" = 0 ]; then
+        env DEBIAN_FRONTEND=noninteractive "$@"
+    elif has sudo && sudo -n true 2>/dev/null; then
+        sudo -n env DEBIAN_FRONTEND=noninteractive "$@"
+    else
+        return 1
+    fi
+}
+
+# apt_install WHY PACKAGE...
+apt_install() {
+    local why=$1
+    shift
+    has apt-get || fail "$why: install what your system calls $*"
+    echo "installing $* ($why)"
+    as_root apt-get install -y --no-install-recommends "$@" >/dev/null 2>&1 && return
+    as_root apt-get update >/dev/null 2>&1 || fail "$why: run 'apt-get install $*' as root, or fix apt-get update"
+    as_root apt-get install -y --no-install-recommends "$@" >/dev/null || fail "$why: apt-get install $* failed"
+}
+
+section 'tools'
+has cargo || fail 'Rust is missing: see https://rustup.rs'
+has cc || apt_install 'a linker for Rust, a C++ compiler for meshopt' build-essential
+has c++ || apt_install 'a C++ compiler for meshopt' g++
+has python3 || apt_install 'Python for trimesh and Open3D' python3 python3-venv
+has npm || apt_install 'Node for the glTF validator' nodejs npm
+mkdir -p "$judges"
+
+section 'Khronos glTF validator'
+if ! grep -qs "\"version\": \"$VALIDATOR\"" "$judges/node_modules/gltf-validator/package.json"; then
+    npm install --silent --no-fund --no-audit --prefix "$judges" "gltf-validator@$VALIDATOR" ||
+        fail 'npm could not install gltf-validator'
+fi
+echo "gltf-validator $VALIDATOR"
+
+section 'trimesh and Open3D'
+# Open3D has a build without CUDA for x86-64 Linux only.
+open3d=open3d
+if [ "$(uname -sm)" = 'Linux x86_64' ]; then open3d=open3d-cpu; fi
+wanted="trimesh==$TRIMESH $open3d==$OPEN3D"
+if [ "$(cat "$judges/venv/wanted" 2>/dev/null)" != "$wanted" ]; then
+    rm -rf "$judges/venv"
+    # Debian's Python comes without ensurepip until python3-venv is there.
+    if ! python3 -m venv "$judges/venv" >/dev/null 2>&1; then
+        rm -rf "$judges/venv"
+        apt_install 'Python environments' python3-venv
+        python3 -m venv "$judges/venv" || /usr/bin/python3 -m venv "$judges/venv" || fail 'python3 -m venv failed'
+    fi
+    # shellcheck disable=SC2086
+    "$python" -m pip install --quiet --disable-pip-version-check 'numpy>=1.26,<3' $wanted ||
+        fail "pip could not install $wanted with $("$python" --version)"
+    echo "$wanted" >"$judges/venv/wanted"
+fi
+if ! "$python" -c 'import open3d' 2>/dev/null; then
+    apt_install 'libraries of Open3D' libusb-1.0-0 libgomp1 libgl1 libegl1 libx11-6
+    "$python" -c 'import open3d' || fail 'Open3D does not load'
+fi
+echo "$wanted"
+
+section 'Godot 3'
+required=gltf-validator,trimesh,open3d
+if ! has godot3-server && has apt-get; then
+    as_root apt-get update >/dev/null 2>&1 || true
+    if apt-cache show godot3-server >/dev/null 2>&1; then apt_install 'import by an engine' godot3-server; fi
+fi
+if has godot3-server; then
+    required=$required,godot3
+    godot3-server --version || true # exits with 255 when all is well
+else
+    echo 'NOT CHECKED: godot3-server is not among the packages of this system'
+fi
+
+section 'suite'
+export TRISPLAT_REQUIRE_JUDGES=$required
+if cargo nextest --version >/dev/null 2>&1; then
+    cargo nextest run "$@" || fail 'tests failed'
+else
+    echo 'cargo-nextest is not installed: cargo test does the same, slower'
+    cargo test --lib --bins --tests "$@" || fail 'tests failed'
+fi
+section 'examples in the documentation'
+cargo test --doc || fail 'examples failed'
+printf '\nall passed; judges: %s\n' "$required"
