@@ -1,1 +1,108 @@
-//! The `options` of the bake.
+//! Every option of the bake, and the presets.
+
+use super::bvh::BvhOptions;
+use super::chunk::ChunkOptions;
+use super::order::OrderOptions;
+use super::place::PlaceOptions;
+use super::prune::PruneOptions;
+use super::solid::SolidOptions;
+use super::weld::WeldOptions;
+use crate::error::Result;
+use crate::formats::output::OutputOptions;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A complete set of options to start from.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum,
+)]
+#[serde(rename_all = "lowercase")]
+pub enum Preset {
+    /// Read, prune, make solid, write: one mesh in the order of the input.
+    Fast,
+    /// Chunks that an engine can skip, in an order that its caches like.
+    #[default]
+    Default,
+    /// As default, fewer faint triangles, quantised and compressed where the target reads it.
+    Small,
+}
+
+/// The options of the stages, in the order they run.
+#[derive(Debug, Clone, PartialEq, Default, clap::Args, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(title = "trisplat bake options")]
+pub struct BakeOptions {
+    /// Complete set of options to start from; config file and flags are laid over it.
+    #[arg(long, value_enum, default_value_t)]
+    pub preset: Preset,
+    /// Which triangles are dropped.
+    #[command(flatten, next_help_heading = "Prune: drop what an engine cannot draw or nobody sees")]
+    pub prune: PruneOptions,
+    /// How soft triangles become solid.
+    #[command(flatten, next_help_heading = "Solid: soft triangles become opaque")]
+    pub solid: SolidOptions,
+    /// Which corners become one vertex.
+    #[command(flatten, next_help_heading = "Weld: share vertices")]
+    pub weld: WeldOptions,
+    /// The frame of the output.
+    #[command(flatten, next_help_heading = "Place: the frame of the output")]
+    pub place: PlaceOptions,
+    /// How the scene is cut.
+    #[command(flatten, next_help_heading = "Chunk: nodes that an engine can skip")]
+    pub chunk: ChunkOptions,
+    /// The hierarchy beside the output.
+    #[command(flatten, next_help_heading = "BVH: hierarchy beside the output")]
+    pub bvh: BvhOptions,
+    /// The order of triangles.
+    #[command(flatten, next_help_heading = "Order: of triangles in a chunk")]
+    pub order: OrderOptions,
+    /// The files written.
+    #[command(flatten, next_help_heading = "Output")]
+    pub output: OutputOptions,
+}
+
+impl BakeOptions {
+    /// The complete literal of a preset.
+    pub const fn preset(preset: Preset) -> Self {
+        match preset {
+            Preset::Fast => Self {
+                preset,
+                prune: PruneOptions::FAST,
+                solid: SolidOptions::DEFAULT,
+                weld: WeldOptions::FAST,
+                place: PlaceOptions::DEFAULT,
+                chunk: ChunkOptions::FAST,
+                bvh: BvhOptions::DEFAULT,
+                order: OrderOptions::FAST,
+                output: OutputOptions::DEFAULT,
+            },
+            Preset::Default => Self {
+                preset,
+                prune: PruneOptions::DEFAULT,
+                solid: SolidOptions::DEFAULT,
+                weld: WeldOptions::DEFAULT,
+                place: PlaceOptions::DEFAULT,
+                chunk: ChunkOptions::DEFAULT,
+                bvh: BvhOptions::DEFAULT,
+                order: OrderOptions::DEFAULT,
+                output: OutputOptions::DEFAULT,
+            },
+            Preset::Small => Self {
+                preset,
+                prune: PruneOptions::SMALL,
+                solid: SolidOptions::DEFAULT,
+                weld: WeldOptions::DEFAULT,
+                place: PlaceOptions::DEFAULT,
+                chunk: ChunkOptions::DEFAULT,
+                bvh: BvhOptions::DEFAULT,
+                order: OrderOptions::DEFAULT,
+                output: OutputOptions::SMALL,
+            },
+        }
+    }
+
+    /// Checks the ranges that need no scene; stages check the rest.
+    pub fn validate(&self) -> Result<()> {
+        self.place.validate()
+    }
+}

@@ -1,0 +1,111 @@
+//! Several inputs become one scene.
+//!
+//! All soups stay a soup. As soon as one input is a mesh, the soups among them are made solid first
+//! would be wrong (the stages do that), so mixed inputs are refused: bake the soups alone, then merge.
+
+use crate::asset::{Placement, Provenance};
+use crate::error::{Error, Result};
+use crate::mesh::{Colors, Mesh};
+use crate::scene::{Loaded, Scene};
+
+/// One scene out of `inputs`, in their order. Empty inputs give an empty soup.
+pub fn merge(inputs: Vec<Loaded>) -> Result<Loaded> {
+    let mut inputs = inputs.into_iter();
+    let Some(mut all) = inputs.next() else {
+        return Err(Error::invalid("IN", "nothing", "at least one file"));
+    };
+    for next in inputs {
+        all.scene = match (all.scene, next.scene) {
+            (Scene::Soup(mut a), Scene::Soup(b)) => {
+                a.append(b);
+                Scene::Soup(a)
+            }
+            (Scene::Mesh(a), Scene::Mesh(b)) => Scene::Mesh(append(a, b)?),
+            _ => {
+                return Err(Error::invalid(
+                    "IN",
+                    "a soup and a mesh",
+                    "inputs of one sort: bake the soup to .glb first, then merge the meshes",
+                ));
+            }
+        };
+        all.provenance = merge_provenance(all.provenance, next.provenance)?;
+        all.warnings.extend(next.warnings);
+    }
+    Ok(all)
+}
+
+fn merge_provenance(a: Provenance, b: Provenance) -> Result<Provenance> {
+    if a.up != b.up {
+        return Err(Error::invalid(
+            "IN",
+            format!("files of different up axes ({:?}, {:?})", a.up, b.up),
+            "files of one frame: bake each with --up, then merge the results",
+        ));
+    }
+    let join = |a: Option<String>, b: Option<String>| match (a, b) {
+        (Some(a), Some(b)) if a != b => Some(format!("{a} + {b}")),
+        (a, b) => a.or(b),
+    };
+    Ok(Provenance {
+        generator: join(a.generator, b.generator),
+        source: join(a.source, b.source),
+        trainer: join(a.trainer, b.trainer),
+        up: a.up,
+        placement: if a.placement == b.placement { a.placement } else { Placement::IDENTITY },
+    })
+}
+
+/// Both meshes in one: indexed when either is, colours on faces only when both have them there.
+fn append(mut a: Mesh, mut b: Mesh) -> Result<Mesh> {
+    let first = u32::try_from(a.vertex_count()).ok().filter(|n| *n as usize + b.vertex_count() <= u32::MAX as usize);
+    let Some(first) = first else {
+        return Err(Error::invalid("IN", "more than 4,294,967,295 vertices", "fewer or smaller files"));
+    };
+    if !a.opacity.is_empty() || !b.opacity.is_empty() {
+        a.opacity.resize(a.face_count(), 1.0);
+        b.opacity.resize(b.face_count(), 1.0);
+    }
+    if a.indices.is_empty() != b.indices.is_empty() {
+        number(&mut a);
+        number(&mut b);
+    }
+    let face_colors = matches!((&a.colors, &b.colors), (Colors::Face(_), Colors::Face(_)));
+    if !face_colors {
+        for mesh in [&mut a, &mut b] {
+            spread(mesh);
+        }
+        // Spreading may have unshared a mesh; both must be indexed or neither.
+        if a.indices.is_empty() != b.indices.is_empty() {
+            number(&mut a);
+            number(&mut b);
+        }
+    }
+    let first = if face_colors { first } else { a.vertex_count() as u32 };
+    a.indices.extend(b.indices.iter().map(|i| i + first));
+    a.positions.append(&mut b.positions);
+    a.opacity.append(&mut b.opacity);
+    match (&mut a.colors, &mut b.colors) {
+        (Colors::Face(a), Colors::Face(b)) | (Colors::Vertex(a), Colors::Vertex(b)) => a.append(b),
+        _ => unreachable!("both were spread to vertices above"),
+    }
+    Ok(a)
+}
+
+/// Writes out the indices 0, 1, 2, … of a mesh that has none.
+fn number(mesh: &mut Mesh) {
+    if mesh.indices.is_empty() {
+        mesh.indices = (0..mesh.vertex_count() as u32).collect();
+    }
+}
+
+/// Gives every corner its own vertex where colours are per face, so that they become per vertex.
+fn spread(mesh: &mut Mesh) {
+    if let Colors::Face(colors) = &mesh.colors {
+        let corners: Vec<_> = (0..mesh.face_count()).flat_map(|f| mesh.corners(f)).collect();
+        let colors = colors.iter().flat_map(|c| [*c; 3]).collect();
+        mesh.positions = corners;
+        mesh.colors = Colors::Vertex(colors);
+        mesh.indices.clear();
+    }
+}

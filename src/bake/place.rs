@@ -1,0 +1,141 @@
+//! Moves the scene into the frame of a game engine: right-handed, Y up, its middle at the origin if
+//! wanted.
+//!
+//! Stands after `color`, so that it runs once over plain positions, and before `bvh`, whose boxes must
+//! be those of the file.
+
+use crate::asset::{Placement, Provenance, UpAxis};
+use crate::error::{Error, Result};
+use crate::mesh::Mesh;
+use crate::report::Outcome;
+use glam::Vec3;
+use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+/// Options of the stage.
+#[derive(Debug, Clone, PartialEq, clap::Args, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct PlaceOptions {
+    /// Axis of the input that points up; the output is Y-up. Without it: what the file says, else
+    /// -y (COLMAP and its trainers), y for glTF and OBJ.
+    #[arg(long, value_enum, value_name = "AXIS", allow_hyphen_values = true)]
+    pub up: Option<UpAxis>,
+    /// Output units per input unit.
+    #[arg(long, default_value_t = PlaceOptions::DEFAULT.scale, value_name = "FACTOR")]
+    pub scale: f64,
+    /// Put the middle of the scene (the median of its vertices) at the origin.
+    #[arg(long, default_value_t = PlaceOptions::DEFAULT.center, num_args = 0..=1, require_equals = true,
+          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL")]
+    pub center: bool,
+}
+
+impl PlaceOptions {
+    /// Only the up axis is turned.
+    pub const DEFAULT: Self = Self { up: None, scale: 1.0, center: false };
+
+    /// Checks ranges.
+    pub fn validate(&self) -> Result<()> {
+        if !(self.scale > 0.0 && self.scale.is_finite()) {
+            return Err(Error::invalid("--scale", self.scale, "a positive number"));
+        }
+        Ok(())
+    }
+}
+
+impl Default for PlaceOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// Moves `mesh` and writes into `provenance` how, so that it can be undone.
+pub fn place(
+    mesh: &mut Mesh,
+    provenance: &mut Provenance,
+    options: &PlaceOptions,
+    details: &mut Map<String, Value>,
+) -> Result<Outcome<()>> {
+    let up = options.up.or(provenance.up).unwrap_or_default();
+    let center = if options.center { median(&mesh.positions).as_dvec3().to_array() } else { [0.0; 3] };
+    let step = Placement { up, scale: options.scale, center };
+    provenance.up = Some(UpAxis::Y);
+    details.insert("up".into(), serde_json::to_value(up).unwrap_or_default());
+    if step == Placement::IDENTITY {
+        return Ok(Outcome::Unneeded("the input is Y-up already and no scale or center was asked for"));
+    }
+    if provenance.placement != Placement::IDENTITY {
+        // Two placements do not compose into one of the six axes; what is kept is the way back to
+        // the file we were given.
+        details.insert("earlier_placement".into(), "replaced".into());
+    }
+    provenance.placement = step;
+    details.insert("scale".into(), step.scale.into());
+    details.insert("center".into(), step.center.to_vec().into());
+    let mover = step.mover();
+    mesh.positions.par_iter_mut().with_min_len(1 << 14).for_each(|p| *p = mover(*p));
+    match mesh.positions.par_iter().position_any(|p| !p.is_finite()) {
+        Some(_) => Err(Error::invalid("--scale", options.scale, "a factor that keeps every position finite")),
+        None => Ok(Outcome::Changed(())),
+    }
+}
+
+/// Median along each axis: unlike the middle of the bounds it does not follow a far background.
+fn median(positions: &[Vec3]) -> Vec3 {
+    if positions.is_empty() {
+        return Vec3::ZERO;
+    }
+    let along = |axis: usize| {
+        let mut values: Vec<f32> = positions.iter().map(|p| p[axis]).collect();
+        let middle = values.len() / 2;
+        *values.select_nth_unstable_by(middle, f32::total_cmp).1
+    };
+    Vec3::new(along(0), along(1), along(2))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::Colors;
+
+    fn triangle() -> Mesh {
+        Mesh {
+            positions: vec![Vec3::new(1.0, 2.0, 3.0), Vec3::new(4.0, 5.0, 7.0), Vec3::new(-1.0, 0.5, 2.0)],
+            colors: Colors::Face(vec![[0.5; 3]]),
+            ..Mesh::default()
+        }
+    }
+
+    #[test]
+    fn every_axis_goes_up_and_comes_back() {
+        for (up, axis) in [
+            (UpAxis::X, Vec3::X),
+            (UpAxis::NegX, -Vec3::X),
+            (UpAxis::Y, Vec3::Y),
+            (UpAxis::NegY, -Vec3::Y),
+            (UpAxis::Z, Vec3::Z),
+            (UpAxis::NegZ, -Vec3::Z),
+        ] {
+            let placement = Placement { up, scale: 2.0, center: [1.0, -2.0, 3.0] };
+            let origin = placement.to_file(Vec3::new(1.0, -2.0, 3.0));
+            let tip = placement.to_file(Vec3::new(1.0, -2.0, 3.0) + axis);
+            assert!((tip - origin - 2.0 * Vec3::Y).length() < 1e-6, "{up:?}");
+            assert!((up.to_y_up().determinant() - 1.0).abs() < 1e-12, "{up:?} mirrors");
+            let there = Vec3::new(0.3, 0.7, -0.9);
+            assert!((placement.to_world(placement.to_file(there)) - there).length() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn a_second_run_has_nothing_to_do() {
+        let (mut mesh, mut provenance) = (triangle(), Provenance::default());
+        let options = PlaceOptions::DEFAULT;
+        let first = place(&mut mesh, &mut provenance, &options, &mut Map::new()).unwrap();
+        assert_eq!(first, Outcome::Changed(()));
+        assert_eq!(mesh.positions[0], Vec3::new(1.0, -2.0, -3.0));
+        let again = place(&mut mesh, &mut provenance, &options, &mut Map::new()).unwrap();
+        assert!(matches!(again, Outcome::Unneeded(_)));
+        assert_eq!(provenance.placement.up, UpAxis::NegY);
+    }
+}

@@ -1,0 +1,241 @@
+//! `trisplat bench bake`: what the main job costs, beside the floor and beside other tools, in one run.
+//!
+//! Every case is a whole process. The *floor* reads the same input and writes as many bytes as the
+//! bake's output with plain buffered I/O: no converter can be cheaper. Cases take turns, run by run, so
+//! that a machine that slows down slows all of them; the median of the runs is kept.
+
+use super::machine::Machine;
+use super::measure::{self, Usage};
+use super::scenes::{self, SampleScene};
+use crate::error::{Error, Result};
+use crate::formats::atomic::AtomicFile;
+use crate::formats::ply;
+use crate::asset::Provenance;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::ffi::OsString;
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+
+/// What to measure.
+#[derive(Debug, Clone, clap::Args)]
+pub struct BakeBenchArgs {
+    /// Numbers of triangles, one series each.
+    #[arg(long, value_delimiter = ',', default_value = "10000,100000,1000000", value_name = "N,N,…")]
+    pub triangles: Vec<usize>,
+    /// Runs of every case; the median is kept.
+    #[arg(long, default_value_t = 3, value_name = "N")]
+    pub runs: usize,
+    /// Print rows as JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Append rows to this CSV file.
+    #[arg(long, value_name = "FILE")]
+    pub csv: Option<PathBuf>,
+    /// Draw CPU time and memory against triangles as SVG.
+    #[arg(long, value_name = "FILE")]
+    pub plot: Option<PathBuf>,
+    /// Python with trimesh, to measure it beside us.
+    #[arg(long, value_name = "PROGRAM")]
+    pub python: Option<PathBuf>,
+    /// Folder of node_modules/.bin with gltfpack or gltf-transform, to measure them beside us.
+    #[arg(long, value_name = "FOLDER")]
+    pub node_bin: Option<PathBuf>,
+}
+
+/// One case at one size.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct BakeRow {
+    /// What ran: "fast", "default", "default+bvh", "floor", "trimesh".
+    pub case: String,
+    /// Triangles of the input.
+    pub triangles: u64,
+    /// Bytes read.
+    pub input_bytes: u64,
+    /// Bytes written.
+    pub output_bytes: u64,
+    /// User plus system seconds, median over the runs.
+    pub cpu_seconds: f64,
+    /// Seconds from start to end, median over the runs.
+    pub wall_seconds: f64,
+    /// Largest resident memory over the runs.
+    pub peak_bytes: u64,
+    /// CPU time over that of the floor of the same input.
+    pub cpu_over_floor: f64,
+}
+
+/// A command line to measure.
+struct Case {
+    name: String,
+    command: Vec<OsString>,
+    input: PathBuf,
+    output: PathBuf,
+    /// Which floor it is held against.
+    floor: &'static str,
+}
+
+/// Measures every size; rows in order of size, then case.
+pub fn run(args: &BakeBenchArgs, mut tell: impl FnMut(&BakeRow)) -> Result<Vec<BakeRow>> {
+    let folder = tempfile::tempdir().map_err(|e| Error::io("temporary folder", e))?;
+    let mut rows = Vec::new();
+    for &triangles in &args.triangles {
+        let cases = cases(args, folder.path(), triangles)?;
+        let measured = measure_in_turn(&cases, args.runs.max(1))?;
+        let floor_of = |name: &str| {
+            cases.iter().zip(&measured).find(|(c, _)| c.name == name).map_or(f64::NAN, |(_, u)| u.cpu_seconds)
+        };
+        for (case, usage) in cases.iter().zip(&measured) {
+            let row = BakeRow {
+                case: case.name.clone(),
+                triangles: triangles as u64,
+                input_bytes: bytes(&case.input),
+                output_bytes: bytes(&case.output),
+                cpu_seconds: usage.cpu_seconds,
+                wall_seconds: usage.wall_seconds,
+                peak_bytes: usage.peak_bytes,
+                cpu_over_floor: usage.cpu_seconds / floor_of(case.floor),
+            };
+            tell(&row);
+            rows.push(row);
+        }
+    }
+    if let Some(path) = &args.csv {
+        super::machine::append_csv(path, &Machine::here(), &rows)?;
+    }
+    if let Some(path) = &args.plot {
+        super::plot::cost(path, &rows)?;
+    }
+    Ok(rows)
+}
+
+/// Writes the inputs of one size and lists the command lines.
+fn cases(args: &BakeBenchArgs, folder: &Path, triangles: usize) -> Result<Vec<Case>> {
+    let this = std::env::current_exe().map_err(|e| Error::io("trisplat", e))?;
+    let at = |name: &str| folder.join(name);
+    let (sh0, sh3, mesh) = (at("sh0.ply"), at("sh3.ply"), at("mesh.ply"));
+    write_inputs(&sh0, &sh3, triangles)?;
+
+    let bake = |name: &str, input: &Path, output: &str, floor, flags: &[&str]| {
+        let output = at(output);
+        let mut command: Vec<OsString> = vec![this.clone().into(), "bake".into(), "-q".into(), "--force".into()];
+        command.extend([input.into(), "-o".into(), output.clone().into()]);
+        command.extend(flags.iter().map(OsString::from));
+        Case { name: name.to_owned(), command, input: input.to_owned(), output, floor }
+    };
+    let floor = |name: &str, input: &Path, like: &str| Case {
+        name: name.to_owned(),
+        command: vec![
+            this.clone().into(),
+            "bench".into(),
+            "floor".into(),
+            input.into(),
+            at(like).into(),
+            at("floor.bin").into(),
+        ],
+        input: input.to_owned(),
+        output: at("floor.bin"),
+        floor: if name == "floor" { "floor" } else { "floor-sh3" },
+    };
+    let mut cases = vec![
+        bake("fast", &sh0, "fast.glb", "floor", &["--preset", "fast"]),
+        floor("floor", &sh0, "fast.glb"),
+        bake("default", &sh0, "default.glb", "floor", &[]),
+        bake("default+bvh", &sh0, "bvh.glb", "floor", &["--bvh"]),
+        bake("small", &sh0, "small.glb", "floor", &["--preset", "small", "--target", "web"]),
+        bake("fast-sh3", &sh3, "sh3.glb", "floor-sh3", &["--preset", "fast"]),
+        floor("floor-sh3", &sh3, "sh3.glb"),
+        bake("mesh-ply", &sh0, "mesh.ply", "floor", &["--preset", "fast"]),
+    ];
+    if let Some(python) = &args.python {
+        let script = "import sys,trimesh; trimesh.load(sys.argv[1],process=False).export(sys.argv[2])";
+        let output = at("trimesh.glb");
+        cases.push(Case {
+            name: "trimesh".into(),
+            command: vec![python.into(), "-c".into(), script.into(), mesh.clone().into(), output.clone().into()],
+            input: mesh,
+            output,
+            floor: "floor",
+        });
+    }
+    if let Some(bin) = &args.node_bin {
+        let input = at("fast.glb");
+        for (name, arguments) in [("gltfpack", ["-noq", "-i", "-o"]), ("gltf-transform", ["copy", "", ""])] {
+            let output = at(&format!("{name}.glb"));
+            let mut command: Vec<OsString> = vec![bin.join(name).into()];
+            if name == "gltfpack" {
+                let [noq, i, o] = arguments;
+                command.extend([noq.into(), i.into(), input.clone().into(), o.into(), output.clone().into()]);
+            } else {
+                command.extend([arguments[0].into(), input.clone().into(), output.clone().into()]);
+            }
+            cases.push(Case { name: name.into(), command, input: input.clone(), output, floor: "floor" });
+        }
+    }
+    Ok(cases)
+}
+
+/// The same scene as SH degree 0 and as degree 3 (45 coefficients nobody needs).
+fn write_inputs(sh0: &Path, sh3: &Path, triangles: usize) -> Result<()> {
+    let mut soup = scenes::soup(SampleScene::Studio, triangles, 1);
+    let provenance = Provenance::default();
+    let write = |path: &Path, soup: &crate::soup::Soup| {
+        let mut file = AtomicFile::create(path)?;
+        ply::write_soup(&mut file, soup, &provenance).map_err(|e| Error::io(path, e))?;
+        file.commit().map(drop)
+    };
+    write(sh0, &soup)?;
+    let mut sh = vec![[0.01f32; 3]; soup.len() * 16];
+    for (full, dc) in sh.chunks_exact_mut(16).zip(&soup.sh) {
+        full[0] = *dc;
+    }
+    soup.sh = sh;
+    soup.sh_degree = 3;
+    write(sh3, &soup)
+}
+
+/// Run 1 of every case, then run 2 of every case, …; medians. One warm-up round is not counted: it
+/// also makes the outputs that floors and peers need.
+fn measure_in_turn(cases: &[Case], runs: usize) -> Result<Vec<Usage>> {
+    let mut all = vec![Vec::new(); cases.len()];
+    for round in 0..=runs {
+        for (case, usages) in cases.iter().zip(&mut all) {
+            let usage = measure::measure(&case.command)?;
+            if round > 0 {
+                usages.push(usage);
+            }
+        }
+    }
+    Ok(all.into_iter().map(|usages| median(&usages)).collect())
+}
+
+fn median(usages: &[Usage]) -> Usage {
+    let middle = |of: fn(&Usage) -> f64| {
+        let mut values: Vec<f64> = usages.iter().map(of).collect();
+        values.sort_by(f64::total_cmp);
+        values[values.len() / 2]
+    };
+    Usage {
+        wall_seconds: middle(|u| u.wall_seconds),
+        cpu_seconds: middle(|u| u.cpu_seconds),
+        peak_bytes: usages.iter().map(|u| u.peak_bytes).max().unwrap_or(0),
+    }
+}
+
+fn bytes(path: &Path) -> u64 {
+    std::fs::metadata(path).map_or(0, |m| m.len())
+}
+
+/// The floor: reads all of `input` and writes as many bytes as `like` has to `output`.
+pub fn floor(input: &Path, like: &Path, output: &Path) -> Result<()> {
+    let mut block = vec![0u8; 1 << 20];
+    let mut file = std::fs::File::open(input).map_err(|e| Error::io(input, e))?;
+    while file.read(&mut block).map_err(|e| Error::io(input, e))? > 0 {}
+    let mut out = AtomicFile::create(output)?;
+    let mut left = bytes(like);
+    while left > 0 {
+        let part = left.min(block.len() as u64);
+        out.write_all(&block[..part as usize]).map_err(|e| Error::io(output, e))?;
+        left -= part;
+    }
+    out.commit().map(drop)
+}

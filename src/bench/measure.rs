@@ -1,0 +1,73 @@
+//! What a command costs: wall time, CPU time and peak memory of one whole process.
+//!
+//! The kernel's accounting of finished children ([`getrusage`]) is exact, but its memory figure is the
+//! largest over *all* children so far. So every command is run as the only child of a fresh copy of
+//! this program (`trisplat bench measure -- COMMAND`), which prints the figures.
+
+use crate::error::{Error, Result};
+use nix::sys::resource::{UsageWho, getrusage};
+use nix::sys::time::TimeValLike;
+use serde::{Deserialize, Serialize};
+use std::ffi::OsString;
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+/// The cost of one process.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Usage {
+    /// Seconds from start to end.
+    pub wall_seconds: f64,
+    /// User plus system seconds, over all threads.
+    pub cpu_seconds: f64,
+    /// Largest resident memory.
+    pub peak_bytes: u64,
+}
+
+/// Runs `command` as a child of this process, its output thrown away. This process must not have had
+/// other children. Errors: it cannot be started, or it fails.
+pub fn run_only_child(command: &[OsString]) -> Result<Usage> {
+    let Some((program, arguments)) = command.split_first() else {
+        return Err(Error::invalid("COMMAND", "nothing", "a program and its arguments"));
+    };
+    let clock = Instant::now();
+    let done = Command::new(program)
+        .args(arguments)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .output()
+        .map_err(|e| Error::io(program, e))?;
+    let wall_seconds = clock.elapsed().as_secs_f64();
+    if !done.status.success() {
+        let said = String::from_utf8_lossy(&done.stderr).trim().to_owned();
+        return Err(Error::unsupported(program, format!("ended with {}: {said}", done.status)));
+    }
+    let usage = getrusage(UsageWho::RUSAGE_CHILDREN).map_err(|e| Error::io("getrusage", e.into()))?;
+    let cpu_seconds = (usage.user_time() + usage.system_time()).num_microseconds() as f64 * 1e-6;
+    Ok(Usage { wall_seconds, cpu_seconds, peak_bytes: usage.max_rss() as u64 * RSS_UNIT })
+}
+
+/// Linux counts resident memory in KiB, macOS in bytes.
+const RSS_UNIT: u64 = if cfg!(target_os = "macos") { 1 } else { 1024 };
+
+/// The cost of `command`, measured by a fresh copy of this program.
+pub fn measure(command: &[OsString]) -> Result<Usage> {
+    let this = std::env::current_exe().map_err(|e| Error::io("trisplat", e))?;
+    let done = Command::new(&this)
+        .args(["bench", "measure", "--"])
+        .args(command)
+        .output()
+        .map_err(|e| Error::io(&this, e))?;
+    if !done.status.success() {
+        let said = String::from_utf8_lossy(&done.stderr).trim().to_owned();
+        return Err(Error::unsupported(&this, said));
+    }
+    serde_json::from_slice(&done.stdout).map_err(|e| Error::malformed(&this, "measure", e.to_string()))
+}
+
+/// User plus system seconds of this process so far.
+pub fn own_cpu_seconds() -> f64 {
+    getrusage(UsageWho::RUSAGE_SELF)
+        .map(|u| (u.user_time() + u.system_time()).num_microseconds() as f64 * 1e-6)
+        .unwrap_or(0.0)
+}

@@ -1,0 +1,131 @@
+//! `trisplat bake IN... -o OUT`.
+
+use super::Global;
+use super::layers::{self, Config};
+use super::progress::Progress;
+use crate::bake::options::{BakeOptions, Preset};
+use crate::bake::{self};
+use crate::error::{Error, Result};
+use crate::formats::atomic::AtomicFile;
+use crate::formats::output::{self, Kind, Output};
+use crate::formats::{self, ReadOptions};
+use crate::report::Report;
+use crate::scene::Loaded;
+use clap::ArgMatches;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Files, layers and the options of every stage.
+#[derive(Debug, clap::Args)]
+pub struct BakeArgs {
+    /// Files to bake: .ply .pt .off .obj .glb .gltf; several are merged; "-" is standard input.
+    #[arg(required = true, value_name = "IN")]
+    pub inputs: Vec<PathBuf>,
+    /// File to write: .glb .gltf .obj .ply; "-" is standard output.
+    #[arg(short, long, value_name = "OUT")]
+    pub output: PathBuf,
+    /// Kind of file to write, when the name of OUT does not say.
+    #[arg(long, value_enum)]
+    pub format: Option<Kind>,
+    /// Replace OUT if it is there.
+    #[arg(short, long)]
+    pub force: bool,
+    /// Do everything but write.
+    #[arg(long)]
+    pub dry_run: bool,
+    /// JSON file with options; flags win over it (schema: trisplat schema bake).
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Write what every stage did as JSON (schema: trisplat schema report).
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// The options of the stages.
+    #[command(flatten)]
+    pub options: BakeOptions,
+}
+
+/// Bakes; `matches` tells which flags were typed.
+pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()> {
+    let clock = Instant::now();
+    let options = resolve(args, matches)?;
+    let output = Output::plan(&args.output, args.format, &options.output, options.bvh.sidecar)?;
+    guard(args, &output)?;
+
+    let mut progress = Progress::new(global);
+    let mut report = Report::new("bake");
+    report.inputs = args.inputs.iter().map(|p| p.display().to_string()).collect();
+    report.options = serde_json::to_value(&options).unwrap_or_default();
+    report.dry_run = args.dry_run;
+
+    let loaded = read_all(&args.inputs)?;
+    let asset = bake::bake(loaded, &options, &mut report, &mut progress)?;
+    output::write(&asset, &output, &options.output, args.dry_run, &mut report, &mut progress)?;
+    report.seconds = clock.elapsed().as_secs_f64();
+
+    progress.done();
+    for warning in &report.warnings {
+        progress.line(&format!("warning: {warning}"));
+    }
+    for file in &report.outputs {
+        let verb = if args.dry_run { "would write" } else { "wrote" };
+        let bytes = super::progress::thousands(file.bytes);
+        progress.line(&format!("{verb} {} ({bytes} bytes, {:.2} s)", file.path, report.seconds));
+    }
+    match &args.report {
+        Some(path) => write_report(path, &report),
+        None => Ok(()),
+    }
+}
+
+/// Preset, then config file, then the flags really typed.
+fn resolve(args: &BakeArgs, matches: &ArgMatches) -> Result<BakeOptions> {
+    let config = args.config.as_deref().map(Config::read::<BakeOptions>).transpose()?;
+    let preset = if layers::is_typed(matches, "preset") {
+        args.options.preset
+    } else {
+        config.as_ref().and_then(|c| c.field::<Preset>("preset")).unwrap_or_default()
+    };
+    let options = layers::layer(&BakeOptions::preset(preset), config.as_ref(), &args.options, matches)?;
+    options.validate()?;
+    Ok(options)
+}
+
+/// Refuses to overwrite without `--force`, and never writes over an input: all before any work.
+fn guard(args: &BakeArgs, output: &Output) -> Result<()> {
+    let mut targets: Vec<&Path> = output.paths().collect();
+    targets.extend(args.report.as_deref());
+    for target in targets {
+        let Ok(meta) = std::fs::metadata(target) else { continue };
+        if meta.is_dir() {
+            return Err(Error::invalid("--output", target.display(), "a file name; this is a folder"));
+        }
+        let same = |input: &PathBuf| match (std::fs::canonicalize(input), std::fs::canonicalize(target)) {
+            (Ok(input), Ok(target)) => input == target,
+            _ => false,
+        };
+        if args.inputs.iter().any(same) {
+            return Err(Error::invalid("--output", target.display(), "a file that is not also an input"));
+        }
+        if meta.is_file() && !args.force && !args.dry_run {
+            return Err(Error::invalid("--output", target.display(), "a new file, or --force to replace it"));
+        }
+    }
+    Ok(())
+}
+
+/// Reads every input; only SH degree 0, as the bake uses no more. Readers run one after the other, so
+/// that memory holds one file's spare buffers at a time.
+fn read_all(inputs: &[PathBuf]) -> Result<Vec<Loaded>> {
+    if inputs.iter().filter(|p| p.as_os_str() == "-").count() > 1 {
+        return Err(Error::invalid("IN", "- -", "standard input once"));
+    }
+    inputs.iter().map(|path| formats::read(path, &ReadOptions { sh_degree: 0 })).collect()
+}
+
+fn write_report(path: &Path, report: &Report) -> Result<()> {
+    let mut file = AtomicFile::create(path)?;
+    serde_json::to_writer_pretty(&mut file, report).map_err(|e| Error::io(path, e.into()))?;
+    file.write_all(b"\n").map_err(|e| Error::io(path, e))?;
+    file.commit().map(drop)
+}

@@ -1,0 +1,92 @@
+//! Options laid over each other: preset < config file < flags really typed.
+//!
+//! A flag typed with its default value still wins over the config file, because what counts is that
+//! it was typed ([`clap::ArgMatches::value_source`]), not what it says.
+
+use crate::error::{Error, Result};
+use clap::ArgMatches;
+use clap::parser::ValueSource;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+use std::path::Path;
+
+/// A config file: the options it names, checked against `T` already.
+#[derive(Debug)]
+pub struct Config {
+    value: Value,
+}
+
+impl Config {
+    /// Reads `path` and proves that it holds only keys and types of `T`; a misspelt key is an error
+    /// that lists the right ones. `$schema` is allowed and ignored.
+    pub fn read<T: DeserializeOwned>(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
+        let broken = |e: serde_json::Error| {
+            let reason = e.to_string();
+            let reason = reason.split(" at line ").next().unwrap_or(&reason).to_owned();
+            Error::malformed(path, format!("line {} column {}", e.line(), e.column()), reason)
+        };
+        let mut value: Value = serde_json::from_str(&text).map_err(broken)?;
+        if let Some(map) = value.as_object_mut() {
+            map.remove("$schema");
+        }
+        serde_json::from_str::<T>(&text).map_err(broken)?;
+        Ok(Self { value })
+    }
+
+    /// The value of a top-level key.
+    pub fn field<V: DeserializeOwned>(&self, key: &str) -> Option<V> {
+        self.value.get(key).and_then(|v| serde_json::from_value(v.clone()).ok())
+    }
+}
+
+/// Lays `config`, then the flags of `typed` that were really typed, over `base`.
+/// Flags are matched by the name of their field, which is unique over all option groups.
+pub fn layer<T: Serialize + DeserializeOwned>(
+    base: &T,
+    config: Option<&Config>,
+    typed: &T,
+    matches: &ArgMatches,
+) -> Result<T> {
+    let json = |options: &T| serde_json::to_value(options).map_err(unrepresentable);
+    let mut value = json(base)?;
+    if let Some(config) = config {
+        overlay(&mut value, &config.value);
+    }
+    overlay_typed(&mut value, &json(typed)?, matches);
+    serde_json::from_value(value).map_err(unrepresentable)
+}
+
+fn unrepresentable(error: serde_json::Error) -> Error {
+    Error::invalid("options", error, "values JSON can hold (finite numbers)")
+}
+
+/// True when the user typed the flag whose field is `name`.
+pub fn is_typed(matches: &ArgMatches, name: &str) -> bool {
+    matches.ids().any(|id| id.as_str() == name)
+        && matches.value_source(name) == Some(ValueSource::CommandLine)
+}
+
+fn overlay(base: &mut Value, top: &Value) {
+    match (base, top) {
+        (Value::Object(base), Value::Object(top)) => {
+            for (key, value) in top {
+                overlay(base.entry(key.clone()).or_insert(Value::Null), value);
+            }
+        }
+        (base, top) => *base = top.clone(),
+    }
+}
+
+fn overlay_typed(base: &mut Value, typed: &Value, matches: &ArgMatches) {
+    let (Value::Object(base), Value::Object(typed)) = (base, typed) else { return };
+    for (key, value) in typed {
+        let slot = base.entry(key.clone()).or_insert(Value::Null);
+        if value.is_object() {
+            overlay_typed(slot, value, matches);
+        } else if is_typed(matches, key) {
+            *slot = value.clone();
+        }
+    }
+}

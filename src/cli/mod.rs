@@ -1,0 +1,80 @@
+//! The command line. Thin: options and work live in the library, this folder parses and prints.
+//!
+//! Exit codes: 0 done, 1 failed (one error on stderr), 2 wrong usage.
+
+#![allow(clippy::print_stderr, reason = "the command line is what prints")]
+
+pub mod bake;
+pub mod completions;
+pub mod layers;
+pub mod progress;
+pub mod schema;
+
+use crate::error::Result;
+use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Turns posed photographs into triangle scenes a game engine draws as they are.
+#[derive(Debug, Parser)]
+#[command(name = "trisplat", version, max_term_width = 100, arg_required_else_help = true)]
+pub struct Cli {
+    /// What is common to all commands.
+    #[command(flatten)]
+    pub global: Global,
+    /// The command.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// Flags every command takes.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Everywhere")]
+pub struct Global {
+    /// Print errors only.
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub quiet: bool,
+    /// Print every figure of every stage.
+    #[arg(short, long, global = true)]
+    pub verbose: bool,
+    /// Worker threads; 0 = one a core. The output is the same bytes for any number.
+    #[arg(long, global = true, default_value_t = 0, value_name = "N")]
+    pub threads: usize,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Turn a trained soup or a coloured mesh into a file an engine draws.
+    Bake(Box<bake::BakeArgs>),
+    /// Print a JSON Schema.
+    Schema(schema::SchemaArgs),
+    /// Print a completion script for a shell.
+    Completions(completions::CompletionsArgs),
+}
+
+/// Parses the arguments of this process and runs the command.
+pub fn main() -> ExitCode {
+    let matches = Cli::command().get_matches();
+    let cli = match Cli::from_arg_matches(&matches) {
+        Ok(cli) => cli,
+        Err(error) => error.exit(),
+    };
+    match run(&cli, &matches) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(1)
+        }
+    }
+}
+
+fn run(cli: &Cli, matches: &ArgMatches) -> Result<()> {
+    // Fails only when a pool exists already, which means that somebody chose the number before us.
+    let _ = rayon::ThreadPoolBuilder::new().num_threads(cli.global.threads).build_global();
+    let typed = matches.subcommand().map_or(matches, |(_, typed)| typed);
+    match &cli.command {
+        Command::Bake(args) => bake::run(args, typed, &cli.global),
+        Command::Schema(args) => schema::run(args),
+        Command::Completions(args) => completions::run(args),
+    }
+}

@@ -1,0 +1,215 @@
+//! Writes an asset to whichever files its kind needs: planned first, then written, then named at once.
+
+use super::atomic::AtomicFile;
+use super::target::Target;
+use super::{bvh, gltf, obj, ply};
+use crate::asset::Asset;
+use crate::error::{Error, Result};
+use crate::report::{Observer, Outcome, OutputReport, Report};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Options of the files written.
+#[derive(Debug, Clone, PartialEq, clap::Args, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct OutputOptions {
+    /// Engine or viewer to write for: decides colour encoding, compression and files beside.
+    #[arg(long, value_enum, default_value_t = Target::Gltf)]
+    pub target: Target,
+    /// Quantise positions per chunk and compress with meshopt, where the target reads it.
+    #[arg(long, default_value_t = OutputOptions::DEFAULT.compress, num_args = 0..=1, require_equals = true,
+          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL")]
+    pub compress: bool,
+    /// PLY: colours on faces and not on vertices; smaller, but fewer programs read it.
+    #[arg(long, default_value_t = OutputOptions::DEFAULT.ply_face_colors, num_args = 0..=1, require_equals = true,
+          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL")]
+    pub ply_face_colors: bool,
+    /// Write GLB files above 2 GiB, which Unity and browsers refuse.
+    #[arg(long, default_value_t = OutputOptions::DEFAULT.allow_huge, num_args = 0..=1, require_equals = true,
+          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL")]
+    pub allow_huge: bool,
+}
+
+impl OutputOptions {
+    /// Plain glTF for every viewer.
+    pub const DEFAULT: Self =
+        Self { target: Target::Gltf, compress: false, ply_face_colors: false, allow_huge: false };
+    /// Quantised and compressed where the target reads it.
+    pub const SMALL: Self = Self { compress: true, ..Self::DEFAULT };
+}
+
+impl Default for OutputOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// The kinds of file an asset can become.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Kind {
+    /// glTF 2.0 in one binary file.
+    Glb,
+    /// glTF 2.0 as JSON with a .bin beside it.
+    Gltf,
+    /// Wavefront OBJ with a .mtl beside it.
+    Obj,
+    /// PLY mesh.
+    Ply,
+}
+
+impl Kind {
+    /// By the ending of `path`.
+    fn of(path: &Path) -> Result<Self> {
+        let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+        match ending.as_str() {
+            "glb" => Ok(Self::Glb),
+            "gltf" => Ok(Self::Gltf),
+            "obj" => Ok(Self::Obj),
+            "ply" => Ok(Self::Ply),
+            _ if path.as_os_str() == "-" || is_device(path) => Ok(Self::Glb),
+            _ => Err(Error::invalid(
+                "--output",
+                path.display(),
+                "a name ending in .glb, .gltf, .obj or .ply, or --format",
+            )),
+        }
+    }
+}
+
+fn is_device(path: &Path) -> bool {
+    std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
+}
+
+/// The files one asset becomes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Output {
+    kind: Kind,
+    main: PathBuf,
+    /// .bin or .mtl.
+    second: Option<PathBuf>,
+    /// Name and content of the engine's import settings.
+    sidecar: Option<(PathBuf, String)>,
+    bvh: Option<PathBuf>,
+}
+
+impl Output {
+    /// Names every file before any work is done. Standard output carries one file only.
+    pub fn plan(path: &Path, kind: Option<Kind>, options: &OutputOptions, bvh: bool) -> Result<Self> {
+        let kind = kind.map_or_else(|| Kind::of(path), Ok)?;
+        let second = match kind {
+            Kind::Gltf => Some(path.with_extension("bin")),
+            Kind::Obj => Some(path.with_extension("mtl")),
+            Kind::Glb | Kind::Ply => None,
+        };
+        let stream = path.as_os_str() == "-" || is_device(path);
+        if stream && (second.is_some() || bvh) {
+            let what = if bvh { "--bvh" } else { "this kind" };
+            let wants = format!("a file name: {what} writes a second file beside the first");
+            return Err(Error::invalid("--output", path.display(), wants));
+        }
+        let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("scene.glb");
+        let sidecar = match kind {
+            Kind::Glb | Kind::Gltf if !stream => options.target.sidecar(name),
+            _ => None,
+        };
+        Ok(Self {
+            kind,
+            main: path.to_owned(),
+            second,
+            sidecar: sidecar.map(|(name, text)| (path.with_file_name(name), text)),
+            bvh: bvh.then(|| path.with_extension("bvh")),
+        })
+    }
+
+    /// Every file that will be written.
+    pub fn paths(&self) -> impl Iterator<Item = &Path> {
+        let rest = [self.second.as_deref(), self.sidecar.as_ref().map(|s| s.0.as_path()), self.bvh.as_deref()];
+        std::iter::once(self.main.as_path()).chain(rest.into_iter().flatten())
+    }
+}
+
+/// Writes all files of `output` and names them only when all are whole. A dry run counts bytes only.
+pub fn write(
+    asset: &Asset,
+    output: &Output,
+    options: &OutputOptions,
+    dry_run: bool,
+    report: &mut Report,
+    observer: &mut dyn Observer,
+) -> Result<()> {
+    let create = |path: &Path| if dry_run { Ok(AtomicFile::nowhere(path)) } else { AtomicFile::create(path) };
+    let mut files = Vec::new();
+    let mut warnings = Vec::new();
+    let counts = asset.counts();
+    report.stage(observer, "write", (), |()| counts, |(), details| {
+        let mut main = create(&output.main)?;
+        let mut second = output.second.as_deref().map(create).transpose()?;
+        warnings = encode(asset, output, options, &mut main, second.as_mut(), details)?;
+        files.push(main);
+        files.extend(second);
+        if let Some((path, text)) = &output.sidecar {
+            let mut file = create(path)?;
+            file.write_all(text.as_bytes()).map_err(|e| Error::io(path, e))?;
+            files.push(file);
+        }
+        if let Some(path) = &output.bvh {
+            let mut file = create(path)?;
+            bvh::write(&mut file, path, asset)?;
+            files.push(file);
+        }
+        Ok(Outcome::Changed(()))
+    })?;
+    report.warnings.append(&mut warnings);
+    for file in files {
+        let path = file.path().display().to_string();
+        report.outputs.push(OutputReport { path, bytes: file.commit()? });
+    }
+    Ok(())
+}
+
+/// Encodes the asset as its kind; returns warnings for the user.
+fn encode(
+    asset: &Asset,
+    output: &Output,
+    options: &OutputOptions,
+    main: &mut AtomicFile,
+    second: Option<&mut AtomicFile>,
+    details: &mut Map<String, Value>,
+) -> Result<Vec<String>> {
+    let path = output.main.as_path();
+    let io = |e| Error::io(path, e);
+    let name_of = |p: &Option<PathBuf>| {
+        p.as_ref().and_then(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
+    };
+    let name = name_of(&output.second);
+    let written = match (output.kind, second) {
+        (Kind::Obj, Some(mtl)) => {
+            obj::write(main, mtl, &name, asset).map_err(io)?;
+            return Ok(vec![
+                "OBJ is text (about 3x a GLB) and Godot, Unity and Unreal drop or cull parts of it; prefer GLB".into(),
+            ]);
+        }
+        (Kind::Ply, _) => {
+            ply::write_mesh(main, asset, options.ply_face_colors).map_err(io)?;
+            return Ok(Vec::new());
+        }
+        (Kind::Gltf, Some(bin)) => {
+            let encoding = options.target.encoding(options.compress);
+            details.insert("notes".into(), encoding.notes.clone().into());
+            gltf::write_gltf(main, bin, &name, path, asset, &encoding.gltf(options.allow_huge))?
+        }
+        _ => {
+            let encoding = options.target.encoding(options.compress);
+            details.insert("notes".into(), encoding.notes.clone().into());
+            gltf::write_glb(main, path, asset, &encoding.gltf(options.allow_huge))?
+        }
+    };
+    if written.worst_position_error > 0.0 {
+        details.insert("worst_position_error".into(), written.worst_position_error.into());
+        details.insert("collapsed_triangles".into(), written.collapsed.into());
+    }
+    Ok(written.warnings)
+}

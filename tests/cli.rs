@@ -1,0 +1,203 @@
+//! The command line as a user meets it: exit codes, messages, layers, files.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+fn sample(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/soups").join(name)
+}
+
+fn trisplat(arguments: &[&dyn AsRef<std::ffi::OsStr>]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+    arguments.iter().for_each(|a| drop(command.arg(a.as_ref())));
+    command.stdin(Stdio::null()).output().unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Runs, wants exit code 1, one line of error that holds all of `needles`, and no new file in `folder`.
+fn fails(folder: &Path, arguments: &[&dyn AsRef<std::ffi::OsStr>], needles: &[&str]) {
+    let before = std::fs::read_dir(folder).unwrap().count();
+    let output = trisplat(arguments);
+    let text = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    let errors: Vec<&str> = text.lines().filter(|l| l.starts_with("error: ")).collect();
+    assert_eq!(errors.len(), 1, "{text}");
+    for needle in needles {
+        assert!(errors[0].contains(needle), "{:?} lacks {needle:?}", errors[0]);
+    }
+    assert_eq!(std::fs::read_dir(folder).unwrap().count(), before, "something was left behind");
+}
+
+#[test]
+fn bake_writes_a_glb_and_prints_the_stage_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("scene.glb");
+    let output = trisplat(&[&"bake", &sample("studio.ply"), &"-o", &out]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(&std::fs::read(&out).unwrap()[..4], b"glTF");
+    for stage in ["prune", "solid", "color", "weld", "place", "chunk", "bvh", "order", "write"] {
+        assert!(stderr(&output).lines().any(|l| l.starts_with(stage)), "{stage}: {}", stderr(&output));
+    }
+    assert!(output.stdout.is_empty());
+}
+
+#[test]
+fn quiet_prints_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = trisplat(&[&"bake", &"-q", &sample("studio.ply"), &"-o", &folder.path().join("a.glb")]);
+    assert!(output.status.success() && output.stderr.is_empty() && output.stdout.is_empty());
+}
+
+#[test]
+fn an_existing_file_needs_force() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("scene.glb");
+    std::fs::write(&out, b"precious").unwrap();
+    fails(folder.path(), &[&"bake", &sample("studio.ply"), &"-o", &out], &["scene.glb", "--force"]);
+    assert_eq!(std::fs::read(&out).unwrap(), b"precious");
+    assert!(trisplat(&[&"bake", &"-f", &sample("studio.ply"), &"-o", &out]).status.success());
+    assert_eq!(&std::fs::read(&out).unwrap()[..4], b"glTF");
+}
+
+#[test]
+fn an_input_is_never_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    let both = folder.path().join("scene.ply");
+    std::fs::copy(sample("studio.ply"), &both).unwrap();
+    let bytes = std::fs::read(&both).unwrap();
+    fails(folder.path(), &[&"bake", &"--force", &both, &"-o", &both], &["also an input"]);
+    assert_eq!(std::fs::read(&both).unwrap(), bytes);
+}
+
+#[test]
+fn a_dry_run_writes_nothing_and_says_how_much_it_would() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("scene.glb");
+    let output = trisplat(&[&"bake", &"--dry-run", &sample("studio.ply"), &"-o", &out]);
+    assert!(output.status.success());
+    assert!(stderr(&output).contains("would write"), "{}", stderr(&output));
+    assert!(!out.exists());
+}
+
+#[test]
+fn standard_input_and_output_carry_files() {
+    let soup = std::fs::read(sample("studio.ply")).unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_trisplat"))
+        .args(["bake", "-", "-o", "-"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    child.stdin.take().unwrap().write_all(&soup).unwrap();
+    let piped = child.wait_with_output().unwrap();
+    assert!(piped.status.success(), "{}", stderr(&piped));
+    assert_eq!(&piped.stdout[..4], b"glTF");
+    assert!(stderr(&piped).contains("prune"), "logs belong on stderr");
+}
+
+#[test]
+fn several_inputs_merge() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("report.json");
+    let count = |inputs: &[PathBuf]| {
+        let mut arguments: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"bake", &"-q", &"-f", &"--dry-run"];
+        inputs.iter().for_each(|i| arguments.push(i));
+        arguments.extend([&"-o" as &dyn AsRef<_>, &"scene.glb", &"--report", &report]);
+        assert!(trisplat(&arguments).status.success());
+        let text = std::fs::read_to_string(&report).unwrap();
+        let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+        value["stages"][1]["before"]["triangles"].as_u64().unwrap()
+    };
+    let one = count(&[sample("studio.ply")]);
+    assert_eq!(count(&[sample("studio.ply"), sample("studio.ply")]), 2 * one);
+}
+
+#[test]
+fn the_same_bytes_for_any_number_of_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let bake = |threads: &str, name: &str| {
+        let out = folder.path().join(name);
+        let output = trisplat(&[
+            &"bake", &sample("studio.ply"), &"-o", &out, &"--bvh", &"--chunk-triangles", &"500", &"--threads",
+            &threads,
+        ]);
+        assert!(output.status.success(), "{}", stderr(&output));
+        (std::fs::read(&out).unwrap(), std::fs::read(out.with_extension("bvh")).unwrap())
+    };
+    let one = bake("1", "one.glb");
+    assert!(one == bake("2", "two.glb"));
+    assert!(one == bake("5", "five.glb"));
+}
+
+#[test]
+fn layers_go_preset_config_flags() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("bake.json");
+    std::fs::write(&config, r#"{ "preset": "small", "prune": { "min_opacity": 0.3, "max_sigma": 2.5 } }"#).unwrap();
+    let report = folder.path().join("report.json");
+    // --min-opacity is typed with its very default: it must win over the config file all the same.
+    let output = trisplat(&[
+        &"bake", &"--dry-run", &sample("studio.ply"), &"-o", &"s.glb", &"--config", &config, &"--min-opacity",
+        &"0.014", &"--report", &report,
+    ]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let value: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap();
+    assert_eq!(value["options"]["prune"]["min_opacity"], 0.014, "flag over config");
+    assert_eq!(value["options"]["prune"]["max_sigma"], 2.5, "config over preset");
+    assert_eq!(value["options"]["output"]["compress"], true, "preset over default");
+}
+
+#[test]
+fn a_misspelt_key_names_the_right_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("bake.json");
+    std::fs::write(&config, "{\n  \"prune\": { \"min_opacty\": 0.3 }\n}").unwrap();
+    fails(
+        folder.path(),
+        &[&"bake", &sample("studio.ply"), &"-o", &folder.path().join("s.glb"), &"--config", &config],
+        &["bake.json", "line 2", "min_opacty", "`min_opacity`"],
+    );
+}
+
+#[test]
+fn an_unknown_flag_suggests_the_near_one() {
+    let output = trisplat(&[&"bake", &"a.ply", &"-o", &"b.glb", &"--max-triangle", &"5"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("--max-triangles"), "{}", stderr(&output));
+}
+
+#[test]
+fn bad_arguments_fail_before_any_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("s.glb");
+    let soup = sample("studio.ply");
+    let odd = folder.path().join("s.fbx");
+    fails(folder.path(), &[&"bake", &soup, &"-o", &odd], &["s.fbx", ".glb", "--format"]);
+    fails(folder.path(), &[&"bake", &soup, &"-o", &out, &"--scale", &"0"], &["--scale", "positive"]);
+    fails(folder.path(), &[&"bake", &soup, &"-o", &out, &"--scale", &"nan"], &["--scale"]);
+    fails(folder.path(), &[&"bake", &soup, &"-o", &"-", &"--bvh"], &["--bvh", "second file"]);
+    fails(folder.path(), &[&"bake", &folder.path(), &"-o", &out], &["is a folder"]);
+    fails(folder.path(), &[&"bake", &folder.path().join("no.ply"), &"-o", &out], &["no.ply"]);
+    fails(folder.path(), &[&"bake", &soup, &"-o", &folder.path().join("no/where.glb")], &["where.glb"]);
+    fails(folder.path(), &[&"bake", &soup, &"-o", &out, &"--min-opacity", &"1"], &["--min-opacity"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_one_error() {
+    let folder = tempfile::tempdir().unwrap();
+    fails(folder.path(), &[&"bake", &sample("studio.ply"), &"-o", &"/dev/full"], &["/dev/full", "space"]);
+}
+
+#[test]
+fn completions_and_schemas_print() {
+    for shell in ["bash", "zsh", "fish"] {
+        assert!(String::from_utf8_lossy(&trisplat(&[&"completions", &shell]).stdout).contains("trisplat"));
+    }
+    assert!(String::from_utf8_lossy(&trisplat(&[&"schema", &"bake"]).stdout).contains("min_opacity"));
+}
