@@ -2,7 +2,7 @@
 //!
 //! `docs/engines.md` gives the reasons and the steps to take in each engine.
 
-use crate::formats::gltf::{ColorEncoding, GltfOptions, PositionEncoding};
+use super::gltf::{ColorEncoding, GltfOptions, PositionEncoding};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
