@@ -2,6 +2,7 @@
 
 use crate::bvh::Bvh;
 use crate::mesh::Mesh;
+use crate::report::Counts;
 use glam::{DMat3, DVec3, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -26,6 +27,16 @@ pub struct Asset {
     pub bvh: Option<Bvh>,
     /// Where it came from and how it was placed.
     pub provenance: Provenance,
+}
+
+impl Asset {
+    /// Triangles and vertices, for the report.
+    pub fn counts(&self) -> Counts {
+        Counts {
+            triangles: self.mesh.face_count() as u64,
+            vertices: self.mesh.vertex_count() as u64,
+        }
+    }
 }
 
 /// Which axis of a file points up.

@@ -18,6 +18,7 @@ pub mod bake;
 pub mod bench;
 pub mod bvh;
 pub mod camera;
+pub mod cli;
 pub mod dataset;
 pub mod error;
 pub mod formats;

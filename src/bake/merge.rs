@@ -1,7 +1,7 @@
 //! Several inputs become one scene.
 //!
-//! All soups stay a soup. As soon as one input is a mesh, the soups among them are made solid first
-//! would be wrong (the stages do that), so mixed inputs are refused: bake the soups alone, then merge.
+//! Soups make a soup and meshes a mesh. A soup cannot join a mesh before it is solid, so a mixture is
+//! refused with the way round it.
 
 use crate::asset::{Placement, Provenance};
 use crate::error::{Error, Result};
@@ -58,36 +58,29 @@ fn merge_provenance(a: Provenance, b: Provenance) -> Result<Provenance> {
 
 /// Both meshes in one: indexed when either is, colours on faces only when both have them there.
 fn append(mut a: Mesh, mut b: Mesh) -> Result<Mesh> {
-    let first = u32::try_from(a.vertex_count()).ok().filter(|n| *n as usize + b.vertex_count() <= u32::MAX as usize);
-    let Some(first) = first else {
-        return Err(Error::invalid("IN", "more than 4,294,967,295 vertices", "fewer or smaller files"));
-    };
     if !a.opacity.is_empty() || !b.opacity.is_empty() {
         a.opacity.resize(a.face_count(), 1.0);
         b.opacity.resize(b.face_count(), 1.0);
+    }
+    if matches!(a.colors, Colors::Vertex(_)) || matches!(b.colors, Colors::Vertex(_)) {
+        spread(&mut a);
+        spread(&mut b);
     }
     if a.indices.is_empty() != b.indices.is_empty() {
         number(&mut a);
         number(&mut b);
     }
-    let face_colors = matches!((&a.colors, &b.colors), (Colors::Face(_), Colors::Face(_)));
-    if !face_colors {
-        for mesh in [&mut a, &mut b] {
-            spread(mesh);
-        }
-        // Spreading may have unshared a mesh; both must be indexed or neither.
-        if a.indices.is_empty() != b.indices.is_empty() {
-            number(&mut a);
-            number(&mut b);
-        }
+    if a.vertex_count() + b.vertex_count() > u32::MAX as usize {
+        return Err(Error::invalid("IN", "more than 4,294,967,295 vertices", "fewer or smaller files"));
     }
-    let first = if face_colors { first } else { a.vertex_count() as u32 };
+    let first = a.vertex_count() as u32;
     a.indices.extend(b.indices.iter().map(|i| i + first));
     a.positions.append(&mut b.positions);
     a.opacity.append(&mut b.opacity);
-    match (&mut a.colors, &mut b.colors) {
-        (Colors::Face(a), Colors::Face(b)) | (Colors::Vertex(a), Colors::Vertex(b)) => a.append(b),
-        _ => unreachable!("both were spread to vertices above"),
+    if let (Colors::Face(a), Colors::Face(b)) | (Colors::Vertex(a), Colors::Vertex(b)) =
+        (&mut a.colors, &mut b.colors)
+    {
+        a.append(b);
     }
     Ok(a)
 }

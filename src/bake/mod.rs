@@ -1,14 +1,105 @@
 //! The bake: a short recipe of stages from a scene to an asset.
+//!
+//! ```text
+//! prune → solid → color → weld → place → chunk → bvh → order
+//! ```
+//!
+//! Each stage is a file; it does its work or says why none was needed, and running it twice changes
+//! nothing the second time.
 
 pub mod bvh;
 pub mod chunk;
 pub mod color;
+pub mod merge;
 pub mod options;
 pub mod order;
+pub mod place;
 pub mod prune;
 pub mod solid;
-pub mod target;
 pub mod weld;
 
-/// Figures of a stage for the report: counts by cause, errors, sizes.
+use crate::asset::Asset;
+use crate::error::Result;
+use crate::mesh::Mesh;
+use crate::report::{Counts, Observer, Outcome, Report};
+use crate::scene::{Loaded, Scene};
+use options::BakeOptions;
+
+/// Figures of one stage, for the report.
 pub type Details = serde_json::Map<String, serde_json::Value>;
+
+/// Turns what was read into what an engine draws; every step is told to `report` and `observer`.
+///
+/// Errors: options out of range, inputs that do not merge, nothing left to draw.
+pub fn bake(
+    inputs: Vec<Loaded>,
+    options: &BakeOptions,
+    report: &mut Report,
+    observer: &mut dyn Observer,
+) -> Result<Asset> {
+    options.validate()?;
+    let Loaded { scene, mut provenance, warnings } = merge::merge(inputs)?;
+    report.warnings.extend(warnings);
+
+    // First, because every later stage costs per triangle and counts on finite geometry.
+    let scene = report.stage(observer, "prune", scene, count, |scene, details| {
+        prune::prune(scene, &options.prune, details)
+    })?;
+
+    // On the soup, as it needs opacity and σ, which colours throw away.
+    let scene = report.stage(observer, "solid", scene, count, |scene, details| match scene {
+        Scene::Soup(soup) => solid::solid(soup, &options.solid, details),
+        Scene::Mesh(_) => Ok(Outcome::Unneeded("the input is a mesh: its triangles are solid")),
+    })?;
+
+    // From here on an ordinary mesh in linear light.
+    let scene = report.stage(observer, "color", scene, count, |scene, details| {
+        let Scene::Soup(soup) = scene else {
+            return Ok(Outcome::Unneeded("the input is a mesh: it has colours"));
+        };
+        *scene = Scene::Mesh(color::color(std::mem::take(soup), details)?);
+        Ok(Outcome::Changed(()))
+    })?;
+    let mesh = match scene {
+        Scene::Mesh(mesh) => mesh,
+        Scene::Soup(_) => unreachable!("the color stage makes a mesh of every soup"),
+    };
+
+    // Before placing, while equal corners are still equal to the bit.
+    let mesh = report.stage(observer, "weld", mesh, count_mesh, |mesh, details| {
+        weld::weld(mesh, &options.weld, details)
+    })?;
+
+    // Before anything with boxes in it, whose numbers must be those of the file.
+    let mesh = report.stage(observer, "place", mesh, count_mesh, |mesh, details| {
+        place::place(mesh, &mut provenance, &options.place, details)
+    })?;
+
+    provenance.generator = Some(crate::report::generator());
+    let asset = Asset { mesh, provenance, ..Asset::default() };
+
+    // Cuts first: a hierarchy and an order are only useful inside the runs that an engine skips.
+    let asset = report.stage(observer, "chunk", asset, Asset::counts, |asset, details| {
+        chunk::chunk(asset, &options.chunk, details)
+    })?;
+    let asset = report.stage(observer, "bvh", asset, Asset::counts, |asset, details| {
+        bvh::bvh(asset, &options.bvh, details)
+    })?;
+    // Last: it leaves the leaf order of a hierarchy alone.
+    let asset = report.stage(observer, "order", asset, Asset::counts, |asset, details| {
+        order::order(asset, &options.order, details)
+    })?;
+    debug_assert!(asset.mesh.validate().is_ok(), "{:?}", asset.mesh.validate());
+    Ok(asset)
+}
+
+fn count(scene: &Scene) -> Counts {
+    match scene {
+        Scene::Soup(soup) => Counts { triangles: soup.len() as u64, vertices: 3 * soup.len() as u64 },
+        Scene::Mesh(mesh) => count_mesh(mesh),
+    }
+}
+
+fn count_mesh(mesh: &Mesh) -> Counts {
+    Counts { triangles: mesh.face_count() as u64, vertices: mesh.vertex_count() as u64 }
+}

@@ -184,12 +184,7 @@ fn write_inputs(sh0: &Path, sh3: &Path, triangles: usize) -> Result<()> {
         file.commit().map(drop)
     };
     write(sh0, &soup)?;
-    let mut sh = vec![[0.01f32; 3]; soup.len() * 16];
-    for (full, dc) in sh.chunks_exact_mut(16).zip(&soup.sh) {
-        full[0] = *dc;
-    }
-    soup.sh = sh;
-    soup.sh_degree = 3;
+    scenes::raise_sh(&mut soup, 3, 1);
     write(sh3, &soup)
 }
 

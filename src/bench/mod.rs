@@ -1,5 +1,9 @@
 //! Measures cost, stability and fidelity.
 
+pub mod bake;
 mod degenerate;
+pub mod machine;
+pub mod measure;
+pub mod plot;
 pub mod scenes;
 mod studio;

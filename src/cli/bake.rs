@@ -4,7 +4,7 @@ use super::Global;
 use super::layers::{self, Config};
 use super::progress::Progress;
 use crate::bake::options::{BakeOptions, Preset};
-use crate::bake::{self};
+use crate::bake;
 use crate::error::{Error, Result};
 use crate::formats::atomic::AtomicFile;
 use crate::formats::output::{self, Kind, Output};
@@ -49,7 +49,7 @@ pub struct BakeArgs {
 pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()> {
     let clock = Instant::now();
     let options = resolve(args, matches)?;
-    let output = Output::plan(&args.output, args.format, &options.output, options.bvh.sidecar)?;
+    let output = Output::plan(&args.output, args.format, &options.output, options.bvh.bvh)?;
     guard(args, &output)?;
 
     let mut progress = Progress::new(global);

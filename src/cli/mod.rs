@@ -5,6 +5,7 @@
 #![allow(clippy::print_stderr, reason = "the command line is what prints")]
 
 pub mod bake;
+pub mod bench;
 pub mod completions;
 pub mod layers;
 pub mod progress;
@@ -46,6 +47,8 @@ pub struct Global {
 pub enum Command {
     /// Turn a trained soup or a coloured mesh into a file an engine draws.
     Bake(Box<bake::BakeArgs>),
+    /// Measure what commands cost.
+    Bench(bench::BenchArgs),
     /// Print a JSON Schema.
     Schema(schema::SchemaArgs),
     /// Print a completion script for a shell.
@@ -74,6 +77,7 @@ fn run(cli: &Cli, matches: &ArgMatches) -> Result<()> {
     let typed = matches.subcommand().map_or(matches, |(_, typed)| typed);
     match &cli.command {
         Command::Bake(args) => bake::run(args, typed, &cli.global),
+        Command::Bench(args) => bench::run(args, &cli.global),
         Command::Schema(args) => schema::run(args),
         Command::Completions(args) => completions::run(args),
     }

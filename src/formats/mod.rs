@@ -1,14 +1,17 @@
 //! Files in and out. The nouns do not know them.
 
+pub mod atomic;
 pub mod bvh;
 pub mod detect;
 pub mod gltf;
 pub mod gltf_read;
 pub mod obj;
 pub mod off;
+pub mod output;
 pub mod ply;
 mod provenance;
 pub mod pt;
+pub mod target;
 
 pub use detect::{Format, read};
 

@@ -2,6 +2,7 @@
 
 use super::atomic::AtomicFile;
 use super::target::Target;
+use super::gltf::GltfOptions;
 use super::{bvh, gltf, obj, ply};
 use crate::asset::Asset;
 use crate::error::{Error, Result};
@@ -39,6 +40,13 @@ impl OutputOptions {
         Self { target: Target::Gltf, compress: false, ply_face_colors: false, allow_huge: false };
     /// Quantised and compressed where the target reads it.
     pub const SMALL: Self = Self { compress: true, ..Self::DEFAULT };
+
+    /// How the target wants its glTF; what the user should know goes into `details`.
+    fn encoding(&self, details: &mut Map<String, Value>) -> GltfOptions {
+        let encoding = self.target.encoding(self.compress);
+        details.insert("notes".into(), encoding.notes.into());
+        GltfOptions { allow_huge: self.allow_huge, ..encoding.options }
+    }
 }
 
 impl Default for OutputOptions {
@@ -157,7 +165,7 @@ pub fn write(
         }
         if let Some(path) = &output.bvh {
             let mut file = create(path)?;
-            bvh::write(&mut file, path, asset)?;
+            bvh::write(&mut file, asset)?;
             files.push(file);
         }
         Ok(Outcome::Changed(()))
@@ -197,14 +205,12 @@ fn encode(
             return Ok(Vec::new());
         }
         (Kind::Gltf, Some(bin)) => {
-            let encoding = options.target.encoding(options.compress);
-            details.insert("notes".into(), encoding.notes.clone().into());
-            gltf::write_gltf(main, bin, &name, path, asset, &encoding.gltf(options.allow_huge))?
+            let encoding = options.encoding(details);
+            gltf::write_gltf(main, bin, &name, path, asset, &encoding)?
         }
         _ => {
-            let encoding = options.target.encoding(options.compress);
-            details.insert("notes".into(), encoding.notes.clone().into());
-            gltf::write_glb(main, path, asset, &encoding.gltf(options.allow_huge))?
+            let encoding = options.encoding(details);
+            gltf::write_glb(main, path, asset, &encoding)?
         }
     };
     if written.worst_position_error > 0.0 {
