@@ -32,10 +32,7 @@ pub struct Asset {
 impl Asset {
     /// Triangles and vertices, for the report.
     pub fn counts(&self) -> Counts {
-        Counts {
-            triangles: self.mesh.face_count() as u64,
-            vertices: self.mesh.vertex_count() as u64,
-        }
+        Counts { triangles: self.mesh.face_count() as u64, vertices: self.mesh.vertex_count() as u64 }
     }
 }
 

@@ -10,7 +10,7 @@ fn sample(name: &str) -> PathBuf {
 
 fn trisplat(arguments: &[&dyn AsRef<std::ffi::OsStr>]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
-    arguments.iter().for_each(|a| drop(command.arg(a.as_ref())));
+    command.args(arguments.iter().map(|a| a.as_ref()));
     command.stdin(Stdio::null()).output().unwrap()
 }
 
@@ -123,7 +123,14 @@ fn the_same_bytes_for_any_number_of_threads() {
     let bake = |threads: &str, name: &str| {
         let out = folder.path().join(name);
         let output = trisplat(&[
-            &"bake", &sample("studio.ply"), &"-o", &out, &"--bvh", &"--chunk-triangles", &"500", &"--threads",
+            &"bake",
+            &sample("studio.ply"),
+            &"-o",
+            &out,
+            &"--bvh",
+            &"--chunk-triangles",
+            &"500",
+            &"--threads",
             &threads,
         ]);
         assert!(output.status.success(), "{}", stderr(&output));
@@ -138,12 +145,22 @@ fn the_same_bytes_for_any_number_of_threads() {
 fn layers_go_preset_config_flags() {
     let folder = tempfile::tempdir().unwrap();
     let config = folder.path().join("bake.json");
-    std::fs::write(&config, r#"{ "preset": "small", "prune": { "min_opacity": 0.3, "max_sigma": 2.5 } }"#).unwrap();
+    std::fs::write(&config, r#"{ "preset": "small", "prune": { "min_opacity": 0.3, "max_sigma": 2.5 } }"#)
+        .unwrap();
     let report = folder.path().join("report.json");
     // --min-opacity is typed with its very default: it must win over the config file all the same.
     let output = trisplat(&[
-        &"bake", &"--dry-run", &sample("studio.ply"), &"-o", &"s.glb", &"--config", &config, &"--min-opacity",
-        &"0.014", &"--report", &report,
+        &"bake",
+        &"--dry-run",
+        &sample("studio.ply"),
+        &"-o",
+        &"s.glb",
+        &"--config",
+        &config,
+        &"--min-opacity",
+        &"0.014",
+        &"--report",
+        &report,
     ]);
     assert!(output.status.success(), "{}", stderr(&output));
     let value: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap();

@@ -7,10 +7,10 @@
 use super::machine::Machine;
 use super::measure::{self, Usage};
 use super::scenes::{self, SampleScene};
+use crate::asset::Provenance;
 use crate::error::{Error, Result};
 use crate::formats::atomic::AtomicFile;
 use crate::formats::ply;
-use crate::asset::Provenance;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
@@ -117,7 +117,8 @@ fn cases(args: &BakeBenchArgs, folder: &Path, triangles: usize) -> Result<Vec<Ca
 
     let bake = |name: &str, input: &Path, output: &str, floor, flags: &[&str]| {
         let output = at(output);
-        let mut command: Vec<OsString> = vec![this.clone().into(), "bake".into(), "-q".into(), "--force".into()];
+        let mut command: Vec<OsString> =
+            vec![this.clone().into(), "bake".into(), "-q".into(), "--force".into()];
         command.extend([input.into(), "-o".into(), output.clone().into()]);
         command.extend(flags.iter().map(OsString::from));
         Case { name: name.to_owned(), command, input: input.to_owned(), output, floor }
@@ -151,7 +152,13 @@ fn cases(args: &BakeBenchArgs, folder: &Path, triangles: usize) -> Result<Vec<Ca
         let output = at("trimesh.glb");
         cases.push(Case {
             name: "trimesh".into(),
-            command: vec![python.into(), "-c".into(), script.into(), mesh.clone().into(), output.clone().into()],
+            command: vec![
+                python.into(),
+                "-c".into(),
+                script.into(),
+                mesh.clone().into(),
+                output.clone().into(),
+            ],
             input: mesh,
             output,
             floor: "floor",

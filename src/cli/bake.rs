@@ -3,8 +3,8 @@
 use super::Global;
 use super::layers::{self, Config};
 use super::progress::Progress;
-use crate::bake::options::{BakeOptions, Preset};
 use crate::bake;
+use crate::bake::options::{BakeOptions, Preset};
 use crate::error::{Error, Result};
 use crate::formats::atomic::AtomicFile;
 use crate::formats::output::{self, Kind, Output};
