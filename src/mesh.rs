@@ -1,6 +1,7 @@
 //! What an engine draws: positions, linear colours, maybe indices.
 
 use crate::error::{Error, Result};
+use crate::math::finite::{all_finite, all_in_unit};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -108,8 +109,8 @@ impl Mesh {
         }
     }
 
-    /// Checks shapes and ranges: whole faces, indices in range, finite positions, colours in [0, 1].
-    pub fn validate(&self) -> Result<()> {
+    /// Checks that there are whole faces, colours and opacities for all, and no index out of range.
+    pub fn validate_shape(&self) -> Result<()> {
         let (v, f) = (self.vertex_count(), self.face_count());
         let shape = |what: &str, got: usize, wants: String| Err(Error::invalid(what, got, wants));
         if self.indices.is_empty() && v % 3 != 0 {
@@ -128,20 +129,32 @@ impl Mesh {
         if !self.opacity.is_empty() && self.opacity.len() != f {
             return shape("mesh opacity count", self.opacity.len(), format!("{f}"));
         }
-        if let Some(i) = self.indices.iter().position(|&i| i as usize >= v) {
-            return shape("mesh index", self.indices[i] as usize, format!("below {v} (face {})", i / 3));
+        match self.indices.par_iter().position_first(|&i| i as usize >= v) {
+            Some(i) => shape("mesh index", self.indices[i] as usize, format!("below {v} (face {})", i / 3)),
+            None => Ok(()),
+        }
+    }
+
+    /// Checks shapes and ranges: whole faces, indices in range, finite positions, colours in [0, 1].
+    /// A sound mesh costs one parallel scan.
+    pub fn validate(&self) -> Result<()> {
+        self.validate_shape()?;
+        let (Colors::Face(colors) | Colors::Vertex(colors)) = &self.colors;
+        let sound = all_finite(bytemuck::cast_slice(&self.positions))
+            && all_in_unit(bytemuck::cast_slice(colors))
+            && all_in_unit(&self.opacity);
+        if sound {
+            return Ok(());
         }
         if let Some(i) = self.positions.iter().position(|p| !p.is_finite()) {
             return Err(Error::invalid(format!("mesh position {i}"), self.positions[i], "finite numbers"));
         }
-        if let Some(i) = colors.iter().position(|c| !c.iter().all(|x| (0.0..=1.0).contains(x))) {
-            return Err(Error::invalid(
-                format!("mesh color {i}"),
-                format!("{:?}", colors[i]),
-                "values in [0, 1]",
-            ));
+        let in_unit = |x: &f32| (0.0..=1.0).contains(x);
+        if let Some(i) = colors.iter().position(|c| !c.iter().all(in_unit)) {
+            let value = format!("{:?}", colors[i]);
+            return Err(Error::invalid(format!("mesh color {i}"), value, "values in [0, 1]"));
         }
-        match self.opacity.iter().position(|o| !(0.0..=1.0).contains(o)) {
+        match self.opacity.iter().position(|o| !in_unit(o)) {
             Some(i) => Err(Error::invalid(format!("mesh opacity {i}"), self.opacity[i], "a value in [0, 1]")),
             None => Ok(()),
         }

@@ -1,6 +1,7 @@
 //! The trained scene: N unconnected triangles in the world.
 
 use crate::error::{Error, Result};
+use crate::math::finite::{all_finite, all_in_unit, all_positive};
 use glam::Vec3;
 
 /// The SH degree 0 basis function, 1 / (2 sqrt(pi)).
@@ -89,14 +90,12 @@ impl Soup {
         self.sh.truncate(to * k);
     }
 
-    /// Checks shapes and ranges: equal lengths, finite values, opacity in [0, 1], σ > 0.
-    /// Readers call it always, stages in debug builds. Non-finite *triangles* are allowed only
-    /// before the prune stage, so readers report them as warnings instead (see [`Soup::defects`]).
-    pub fn validate(&self) -> Result<()> {
-        let bad = |what: &str, at: usize, value: String| {
-            Err(Error::invalid(format!("soup {what} of triangle {at}"), value, "a finite value in range"))
-        };
+    /// Checks that there are as many values of each kind as the triangles and the degree want.
+    pub fn validate_shape(&self) -> Result<()> {
         let n = self.len();
+        if self.sh_degree > 3 {
+            return Err(Error::invalid("soup SH degree", self.sh_degree, "0, 1, 2 or 3"));
+        }
         if self.opacity.len() != n || self.sigma.len() != n || self.sh.len() != n * self.sh_count() {
             return Err(Error::invalid(
                 "soup",
@@ -104,25 +103,45 @@ impl Soup {
                 "equally many vertices, opacities, sigmas and SH rows",
             ));
         }
-        if self.sh_degree > 3 {
-            return Err(Error::invalid("soup SH degree", self.sh_degree, "0, 1, 2 or 3"));
-        }
-        for i in 0..n {
-            if !self.vertices[i].iter().all(|v| v.is_finite()) {
-                return bad("vertex", i, format!("{:?}", self.vertices[i]));
-            }
-            if !(0.0..=1.0).contains(&self.opacity[i]) {
-                return bad("opacity", i, self.opacity[i].to_string());
-            }
-            if !(self.sigma[i] > 0.0 && self.sigma[i].is_finite()) {
-                return bad("sigma", i, self.sigma[i].to_string());
-            }
-        }
+        Ok(())
+    }
+
+    /// Checks shapes and ranges: equal lengths, finite values, opacity in [0, 1], σ > 0.
+    /// Readers call it always, stages in debug builds; a sound soup costs one parallel scan.
+    pub fn validate(&self) -> Result<()> {
+        self.validate_shape()?;
+        let sound = all_finite(bytemuck::cast_slice(&self.vertices))
+            && all_in_unit(&self.opacity)
+            && all_positive(&self.sigma)
+            && all_finite(bytemuck::cast_slice(&self.sh));
+        if sound { Ok(()) } else { Err(self.first_fault()) }
+    }
+
+    /// What is wrong with the first triangle that is not sound.
+    fn first_fault(&self) -> Error {
         let k = self.sh_count();
-        match self.sh.iter().position(|c| !c.iter().all(|x| x.is_finite())) {
-            Some(i) => bad("SH coefficient", i / k, format!("{:?}", self.sh[i])),
-            None => Ok(()),
+        for (i, corners) in self.vertices.iter().enumerate() {
+            let (opacity, sigma, sh) = (self.opacity[i], self.sigma[i], &self.sh[i * k..(i + 1) * k]);
+            let fault = |what: &str, value: String, wants: &str| {
+                Error::invalid(format!("soup {what} of triangle {i}"), value, wants)
+            };
+            if !corners.iter().all(|v| v.is_finite()) {
+                return fault("vertex", format!("{corners:?}"), "finite numbers");
+            }
+            if !(0.0..=1.0).contains(&opacity) {
+                let wants = "0 to 1 (if these are raw logits, apply the sigmoid first)";
+                return fault("opacity", opacity.to_string(), wants);
+            }
+            if !(sigma > 0.0 && sigma.is_finite()) {
+                let wants =
+                    "a finite number above 0 (if these are raw parameters, apply 0.01 + exp(raw) first)";
+                return fault("sigma", sigma.to_string(), wants);
+            }
+            if !sh.iter().flatten().all(|x| x.is_finite()) {
+                return fault("SH coefficients", format!("{sh:?}"), "finite numbers");
+            }
         }
+        Error::invalid("soup", "unsound", "finite values in range")
     }
 }
 

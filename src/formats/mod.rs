@@ -3,6 +3,7 @@
 pub mod atomic;
 pub mod bvh;
 pub mod detect;
+mod finish;
 pub mod gltf;
 pub mod gltf_read;
 pub mod obj;
@@ -14,9 +15,9 @@ pub mod pt;
 pub mod target;
 
 pub use detect::{Format, read};
+pub use finish::finish;
 
 use crate::error::{Error, Result};
-use crate::scene::{Loaded, Scene};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -73,31 +74,4 @@ pub const MAX_TRIANGLES: u64 = 1 << 26;
 pub struct ReadOptions {
     /// Highest SH degree to load; the bake asks for 0.
     pub sh_degree: u8,
-}
-
-/// Drops what is not finite, counts it as a warning, and proves the rest with `validate`.
-/// Every reader ends with it.
-pub fn finish(path: &Path, loaded: Loaded) -> Result<Loaded> {
-    let Loaded { mut scene, provenance, mut warnings } = loaded;
-    if let Scene::Soup(soup) = &mut scene {
-        let k = soup.sh_count();
-        let finite = |i: usize, soup: &crate::soup::Soup| {
-            soup.vertices[i].iter().all(|v| v.is_finite())
-                && soup.opacity[i].is_finite()
-                && soup.sigma[i].is_finite()
-                && soup.sh[i * k..(i + 1) * k].iter().flatten().all(|x| x.is_finite())
-        };
-        let keep: Vec<bool> = (0..soup.len()).map(|i| finite(i, soup)).collect();
-        if let Some(first) = keep.iter().position(|k| !k) {
-            let bad = keep.iter().filter(|k| !**k).count();
-            soup.retain(|i| keep[i]);
-            warnings
-                .push(format!("dropped {bad} triangles with non-finite values (first: triangle {first})"));
-        }
-        soup.validate().map_err(|e| Error::malformed(path, "values", e.to_string()))?;
-    }
-    if let Scene::Mesh(mesh) = &scene {
-        mesh.validate().map_err(|e| Error::malformed(path, "values", e.to_string()))?;
-    }
-    Ok(Loaded { scene, provenance, warnings })
 }

@@ -1,6 +1,7 @@
 //! Numbers: knows no triangle.
 
 pub mod color;
+pub mod finite;
 pub mod lanes;
 pub mod metric;
 pub mod real;
