@@ -76,16 +76,36 @@ impl<'a> Merge<'a> {
         let mut vertices = 0u64;
         for instance in instances {
             for primitive in self.primitives(instance)? {
-                if let Some(position) = primitive.attributes.position {
-                    vertices = vertices.saturating_add(self.accessors.accessor(position)?.count);
+                if let Some(position) = self.position(primitive)? {
+                    vertices = vertices.saturating_add(self.accessors.layout(position)?.count);
                 }
             }
         }
         self.check_limit(vertices / 3)?;
-        // Reading reports what a count promises too much; here it only must not reach memory.
         self.accessors.buffers.spend(24 * vertices)?;
         self.positions.reserve_exact(vertices as usize);
         Ok(())
+    }
+
+    /// The accessor of a primitive's positions; none, with a warning, when it holds no triangles.
+    fn position(&mut self, primitive: &Primitive) -> Result<Option<usize>> {
+        if !(TRIANGLES..=TRIANGLE_FAN).contains(&primitive.mode) {
+            self.warn("points and lines are not read");
+            return Ok(None);
+        }
+        let Some(position) = primitive.attributes.position else {
+            self.warn("primitives without POSITION are not read");
+            return Ok(None);
+        };
+        // A file may hold the plain data as well.
+        let draco = primitive.extensions.contains_key("KHR_draco_mesh_compression");
+        if draco && self.accessors.accessor(position)?.buffer_view.is_none() {
+            return Err(Error::unsupported(
+                self.accessors.buffers.path(),
+                "is compressed with Draco; open it in Blender and export it again without compression",
+            ));
+        }
+        Ok(Some(position))
     }
 
     fn check_limit(&self, triangles: u64) -> Result<()> {
@@ -119,15 +139,7 @@ impl<'a> Merge<'a> {
     }
 
     fn add_primitive(&mut self, primitive: &Primitive, place: &str, transform: Option<DMat4>) -> Result<()> {
-        if !(TRIANGLES..=TRIANGLE_FAN).contains(&primitive.mode) {
-            self.warn("points and lines are not read");
-            return Ok(());
-        }
-        let Some(position) = primitive.attributes.position else {
-            self.warn("primitives without POSITION are not read");
-            return Ok(());
-        };
-        self.check_draco(primitive, position)?;
+        let Some(position) = self.position(primitive)? else { return Ok(()) };
         if !primitive.targets.is_empty() {
             self.warn("morph targets are not applied");
         }
@@ -147,18 +159,6 @@ impl<'a> Merge<'a> {
         Ok(())
     }
 
-    /// Draco data have no decoder here; a file may hold the plain ones as well.
-    fn check_draco(&self, primitive: &Primitive, position: usize) -> Result<()> {
-        let draco = primitive.extensions.contains_key("KHR_draco_mesh_compression");
-        if draco && self.accessors.accessor(position)?.buffer_view.is_none() {
-            return Err(Error::unsupported(
-                self.accessors.buffers.path(),
-                "is compressed with Draco; open it in Blender and export it again without compression",
-            ));
-        }
-        Ok(())
-    }
-
     /// Appends the transformed positions of an accessor; returns their number.
     fn read_positions(&mut self, accessor: usize, place: &str, transform: Option<DMat4>) -> Result<usize> {
         let layout = self.accessors.layout(accessor)?;
@@ -168,8 +168,6 @@ impl<'a> Merge<'a> {
             );
         }
         let (base, count) = (self.positions.len(), layout.count as usize);
-        // The counts were summed up before; only a circle of lies could be larger now.
-        self.check_limit((base + count) as u64 / 3)?;
         self.positions.resize(base + count, Vec3::ZERO);
         let added = &mut self.positions[base..];
         let plain =

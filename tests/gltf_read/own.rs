@@ -1,0 +1,209 @@
+//! What we write comes back: every colour and position encoding, compressed or not, chunked, indexed.
+
+use crate::files::{mesh, read, read_bytes};
+use glam::Vec3;
+use proptest::prelude::*;
+use std::path::Path;
+use trisplat::asset::{Asset, Chunk, Placement, Provenance, UpAxis};
+use trisplat::formats::gltf::{ColorEncoding, GltfOptions, PositionEncoding, write_glb, write_gltf};
+use trisplat::math::color::{linear_from_srgb, srgb_from_linear};
+use trisplat::mesh::{Colors, Mesh};
+use trisplat::rng::Rng;
+
+const COLORS: [ColorEncoding; 5] = [
+    ColorEncoding::U16Linear,
+    ColorEncoding::U8Linear,
+    ColorEncoding::U8Srgb,
+    ColorEncoding::F32Linear,
+    ColorEncoding::F32Srgb,
+];
+
+/// Soup-like triangles: one 8-bit sRGB colour each.
+fn soup(faces: usize) -> Asset {
+    let rng = Rng::new(7, "gltf_read", 0);
+    let at = |i: usize| Vec3::from([0, 1, 2].map(|c| rng.uniform((3 * i + c) as u64) * 20.0 - 10.0));
+    let small = |i: usize| at(i / 3) + 0.05 * at(i + 100_000);
+    let code = |i: usize, c: usize| linear_from_srgb(((i * 31 + c * 97) % 256) as f32 / 255.0);
+    let mesh = Mesh {
+        positions: (0..3 * faces).map(small).collect(),
+        colors: Colors::Face((0..faces).map(|i| [code(i, 0), code(i, 1), code(i, 2)]).collect()),
+        ..Mesh::default()
+    };
+    Asset { mesh, ..Asset::default() }
+}
+
+/// A connected grid with a colour a vertex.
+fn sheet(side: u32) -> Asset {
+    let vertex = |i: u32| Vec3::new((i % side) as f32 * 0.1, (i / side) as f32 * 0.3, (i as f32).sin());
+    let quad = |i: u32| [i, i + 1, i + side, i + 1, i + side + 1, i + side];
+    let indices = (0..side * (side - 1)).filter(|i| i % side != side - 1).flat_map(quad).collect();
+    let color = |i: u32| [0.0, i as f32 / (side * side) as f32, 1.0];
+    let mesh = Mesh {
+        positions: (0..side * side).map(vertex).collect(),
+        colors: Colors::Vertex((0..side * side).map(color).collect()),
+        indices,
+        opacity: Vec::new(),
+    };
+    Asset { mesh, ..Asset::default() }
+}
+
+fn chunked(mut asset: Asset, size: u32) -> Asset {
+    let faces = asset.mesh.face_count() as u32;
+    let starts = (0..faces).step_by(size as usize);
+    asset.chunks = starts.map(|first| Chunk { first, count: size.min(faces - first) }).collect();
+    asset
+}
+
+fn round_trip(asset: &Asset, options: &GltfOptions) -> Mesh {
+    let mut bytes = Vec::new();
+    write_glb(&mut bytes, Path::new("scene.glb"), asset, options).expect("written");
+    let loaded = read_bytes(&bytes).expect("read back");
+    assert_eq!(loaded.warnings, Vec::<String>::new());
+    mesh(loaded)
+}
+
+/// Largest difference of two colours after the inverse conversion, in 8-bit sRGB codes.
+fn codes_apart(a: [f32; 3], b: [f32; 3]) -> f32 {
+    let apart = |(a, b)| (srgb_from_linear(a) - srgb_from_linear(b)).abs() * 255.0;
+    a.into_iter().zip(b).map(apart).fold(0.0, f32::max)
+}
+
+#[test]
+fn soups_come_back_as_soups_in_every_encoding() {
+    for asset in [soup(500), chunked(soup(500), 64)] {
+        for colors in COLORS {
+            for meshopt in [false, true] {
+                let options = GltfOptions { colors, meshopt, ..GltfOptions::default() };
+                let back = round_trip(&asset, &options);
+                assert_eq!(back.positions, asset.mesh.positions, "{options:?}");
+                assert!(back.indices.is_empty() && back.opacity.is_empty());
+                let (Colors::Face(got), Colors::Face(wants)) = (&back.colors, &asset.mesh.colors) else {
+                    panic!("wants a colour a face");
+                };
+                let worst = got.iter().zip(wants).map(|(a, b)| codes_apart(*a, *b)).fold(0.0, f32::max);
+                let limit = if colors == ColorEncoding::U8Linear { 7.0 } else { 0.03 };
+                assert!(got.len() == wants.len() && worst < limit, "{options:?}: {worst} codes");
+            }
+        }
+    }
+}
+
+#[test]
+fn what_comes_back_is_written_as_the_same_bytes() {
+    for colors in COLORS {
+        let options = GltfOptions { colors, ..GltfOptions::default() };
+        let bytes = |asset: &Asset| {
+            let mut bytes = Vec::new();
+            write_glb(&mut bytes, Path::new("scene.glb"), asset, &options).expect("written");
+            bytes
+        };
+        let first = bytes(&soup(300));
+        let back = mesh(read_bytes(&first).expect("read back"));
+        assert_eq!(bytes(&Asset { mesh: back, ..Asset::default() }), first, "{colors:?}");
+    }
+}
+
+#[test]
+fn chunk_local_positions_come_back_where_an_engine_puts_them() {
+    for asset in [chunked(soup(900), 128), chunked(sheet(20), 100)] {
+        for meshopt in [false, true] {
+            let options =
+                GltfOptions { positions: PositionEncoding::ChunkU16, meshopt, ..GltfOptions::default() };
+            let mut bytes = Vec::new();
+            let written = write_glb(&mut bytes, Path::new("scene.glb"), &asset, &options).expect("written");
+            let back = mesh(read_bytes(&bytes).expect("read back"));
+            let worst = (0..asset.mesh.face_count())
+                .flat_map(|f| asset.mesh.corners(f).map(|p| (p, back.corners(f))))
+                // meshopt may turn a face's corners around.
+                .map(|(p, corners)| corners.map(|q| p.distance(q)).into_iter().fold(f32::MAX, f32::min))
+                .fold(0.0, f32::max);
+            // The writer reports the error in the engine's f32 arithmetic; ours rounds once.
+            assert!(worst <= written.worst_position_error * 1.01 + 1e-6, "{worst} {written:?}");
+            assert!(worst > 0.0);
+        }
+    }
+}
+
+#[test]
+fn connected_meshes_stay_connected() {
+    let sheet = sheet(12);
+    for meshopt in [false, true] {
+        let options = GltfOptions { colors: ColorEncoding::F32Linear, meshopt, ..GltfOptions::default() };
+        let back = round_trip(&sheet, &options);
+        assert_eq!(back.positions, sheet.mesh.positions);
+        assert_eq!(back.colors, sheet.mesh.colors);
+        // meshopt may turn a face's corners around.
+        let turned = |face: [u32; 3]| {
+            let first = (0..3).min_by_key(|&i| face[i]).expect("three");
+            [face[first], face[(first + 1) % 3], face[(first + 2) % 3]]
+        };
+        for face in 0..sheet.mesh.face_count() {
+            assert_eq!(turned(back.face(face)), turned(sheet.mesh.face(face)), "face {face}");
+        }
+    }
+}
+
+#[test]
+fn a_document_with_a_buffer_beside_it_is_the_same_scene() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("my scene.gltf");
+    let name = "my scene & ü.bin";
+    let asset = chunked(soup(70), 32);
+    let (mut json, mut bin) = (Vec::new(), Vec::new());
+    write_gltf(&mut json, &mut bin, name, &path, &asset, &GltfOptions::default()).expect("written");
+    std::fs::write(&path, &json).expect("written");
+    let error = read(&path).expect_err("no buffer yet").to_string();
+    assert!(error.contains(name), "{error}");
+    std::fs::write(folder.path().join(name), &bin).expect("written");
+    assert_eq!(mesh(read(&path).expect("whole")).positions, asset.mesh.positions);
+    std::fs::write(folder.path().join(name), &bin[..bin.len() - 1]).expect("written");
+    let error = read(&path).expect_err("cut").to_string();
+    assert!(error.contains("truncated"), "{error}");
+}
+
+#[test]
+fn the_provenance_comes_back() {
+    let mut asset = soup(3);
+    asset.provenance = Provenance {
+        generator: Some("trisplat 0.0.1".into()),
+        source: Some("room.ply".into()),
+        trainer: Some("someone".into()),
+        up: Some(UpAxis::Y),
+        placement: Placement { up: UpAxis::NegY, scale: 0.1, center: [1.0, 2.5, -3.25] },
+    };
+    let mut bytes = Vec::new();
+    write_glb(&mut bytes, Path::new("scene.glb"), &asset, &GltfOptions::default()).expect("written");
+    assert_eq!(read_bytes(&bytes).expect("read back").provenance, asset.provenance);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 48, failure_persistence: None, ..Default::default() })]
+
+    /// f32 positions and colours survive bit for bit, whatever they are and however they are cut.
+    #[test]
+    fn float_files_are_exact(
+        points in prop::collection::vec(any::<[f32; 3]>(), 9..90),
+        channels in prop::collection::vec(0.0f32..=1.0, 90),
+        chunk in 1u32..9,
+        by_face in any::<bool>(),
+    ) {
+        let faces = points.len() / 3;
+        let finite = |x: f32| if x.is_finite() { x } else { 0.5 };
+        let positions: Vec<Vec3> = points[..3 * faces].iter().map(|p| Vec3::from(p.map(finite))).collect();
+        let color = |i: usize| [channels[i], channels[(i + 30) % 90], channels[(i + 60) % 90]];
+        let colors = if by_face {
+            Colors::Face((0..faces).map(color).collect())
+        } else {
+            Colors::Vertex((0..3 * faces).map(color).collect())
+        };
+        let mesh = Mesh { positions, colors, ..Mesh::default() };
+        let asset = chunked(Asset { mesh, ..Asset::default() }, chunk);
+        let options = GltfOptions { colors: ColorEncoding::F32Linear, ..GltfOptions::default() };
+        let back = round_trip(&asset, &options);
+        let bits = |m: &Mesh| m.positions.iter().map(|p| p.to_array().map(f32::to_bits)).collect::<Vec<_>>();
+        prop_assert_eq!(bits(&back), bits(&asset.mesh));
+        for face in 0..faces {
+            prop_assert_eq!(back.corner_colors(face), asset.mesh.corner_colors(face));
+        }
+    }
+}
