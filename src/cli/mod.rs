@@ -9,6 +9,7 @@ pub mod bench;
 pub mod completions;
 pub mod layers;
 pub mod progress;
+pub mod sample;
 pub mod schema;
 
 use crate::error::Result;
@@ -47,6 +48,8 @@ pub struct Global {
 pub enum Command {
     /// Turn a trained soup or a coloured mesh into a file an engine draws.
     Bake(Box<bake::BakeArgs>),
+    /// Make a soup from nothing, to try things on.
+    Sample(sample::SampleArgs),
     /// Measure what commands cost.
     Bench(bench::BenchArgs),
     /// Print a JSON Schema.
@@ -78,6 +81,7 @@ fn run(cli: &Cli, matches: &ArgMatches) -> Result<()> {
     match &cli.command {
         Command::Bake(args) => bake::run(args, typed, &cli.global),
         Command::Bench(args) => bench::run(args, &cli.global),
+        Command::Sample(args) => sample::run(args),
         Command::Schema(args) => schema::run(args),
         Command::Completions(args) => completions::run(args),
     }
