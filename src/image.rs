@@ -5,7 +5,7 @@
 
 use crate::error::{Error, Result};
 use glam::UVec2;
-use std::io::{Cursor, Write};
+use std::io::{BufReader, Cursor, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 /// An RGB picture, sRGB-encoded, values usually in [0, 1].
@@ -63,7 +63,7 @@ impl Pixels {
     ///
     /// The pixels are taken as stored: an EXIF rotation is not applied, as COLMAP does not either.
     pub fn load(path: &Path) -> Result<Self> {
-        let picture = reader(path)?.decode().map_err(|e| broken(path, e))?;
+        let picture = decode(path)?;
         let size = UVec2::new(picture.width(), picture.height());
         if !picture.color().has_alpha() {
             let rgb = bytemuck::cast_slice(picture.into_rgb8().as_raw()).to_vec();
@@ -78,16 +78,25 @@ impl Pixels {
 
     /// Reads a mask: one channel a pixel, rows from the top; colours become their luma.
     pub fn load_mask(path: &Path) -> Result<(UVec2, Vec<u8>)> {
-        let picture = reader(path)?.decode().map_err(|e| broken(path, e))?;
+        let picture = decode(path)?;
         let size = UVec2::new(picture.width(), picture.height());
         Ok((size, picture.into_luma8().into_raw()))
     }
 
-    /// Width and height of a picture file, from its header alone.
+    /// Width and height of a picture file, from its first bytes. Its last bytes are looked at too: a
+    /// file that does not end as it should is decoded to see whether it is cut short.
     pub fn size_of(path: &Path) -> Result<UVec2> {
-        let (width, height) = reader(path)?.into_dimensions().map_err(|e| broken(path, e))?;
+        let io = |e| Error::io(path, e);
+        let mut file = std::fs::File::open(path).map_err(io)?;
+        let ends_well = ends_well(&mut file).map_err(io)?;
+        file.rewind().map_err(io)?;
+        let reader = image::ImageReader::new(BufReader::new(file)).with_guessed_format().map_err(io)?;
+        let (width, height) = reader.into_dimensions().map_err(|e| broken(path, e))?;
         if width == 0 || height == 0 {
             return Err(Error::malformed(path, "picture header", format!("its size is {width}x{height}")));
+        }
+        if !ends_well {
+            decode(path)?;
         }
         Ok(UVec2::new(width, height))
     }
@@ -163,10 +172,54 @@ fn area(size: UVec2) -> usize {
     size.x as usize * size.y as usize
 }
 
-/// Opens a picture; the format is told by its first bytes, not by its name.
-fn reader(path: &Path) -> Result<image::ImageReader<std::io::BufReader<std::fs::File>>> {
-    let reader = image::ImageReader::open(path).map_err(|e| Error::io(path, e))?;
-    reader.with_guessed_format().map_err(|e| Error::io(path, e))
+/// Decodes a picture; the format is told by its first bytes, not by its name.
+fn decode(path: &Path) -> Result<image::DynamicImage> {
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    if bytes.starts_with(&JPEG_START) && !jpeg_is_whole(&bytes) {
+        // The decoder would fill the rest with grey and say nothing.
+        return Err(Error::malformed(path, "picture", "the JPEG is cut short; copy it again"));
+    }
+    let reader = image::ImageReader::new(Cursor::new(bytes)).with_guessed_format();
+    reader.map_err(|e| Error::io(path, e))?.decode().map_err(|e| broken(path, e))
+}
+
+const JPEG_START: [u8; 2] = [0xff, 0xd8];
+const JPEG_END: [u8; 2] = [0xff, 0xd9];
+/// What every PNG ends with: an empty chunk and its checksum.
+const PNG_END: &[u8; 12] = b"\0\0\0\0IEND\xaeB\x60\x82";
+
+/// False when a file's last bytes, or for WebP its stated length, give reason to look closer.
+fn ends_well(file: &mut std::fs::File) -> std::io::Result<bool> {
+    let len = file.metadata()?.len();
+    let (mut head, mut tail) = (Vec::new(), Vec::new());
+    (&mut *file).take(8).read_to_end(&mut head)?;
+    file.seek(SeekFrom::Start(len.saturating_sub(PNG_END.len() as u64)))?;
+    file.read_to_end(&mut tail)?;
+    let riff = match head[..] {
+        [b'R', b'I', b'F', b'F', a, b, c, d] => u64::from(u32::from_le_bytes([a, b, c, d])) + 8 == len,
+        _ => false,
+    };
+    Ok(riff || tail.ends_with(&JPEG_END) || tail.ends_with(PNG_END))
+}
+
+/// Walks the segments of a JPEG file up to its end marker; what cameras append behind it does not count.
+fn jpeg_is_whole(bytes: &[u8]) -> bool {
+    let mut at = JPEG_START.len();
+    loop {
+        // Entropy-coded bytes and padding; 0xff 0x00 and restarts belong to them.
+        let Some(skip) = bytes.get(at..).and_then(|rest| {
+            rest.windows(2).position(|w| w[0] == 0xff && !matches!(w[1], 0x00 | 0xd0..=0xd7 | 0xff))
+        }) else {
+            return false;
+        };
+        at += skip;
+        match bytes.get(at..at + 4) {
+            _ if bytes.get(at..at + 2) == Some(&JPEG_END) => return true,
+            Some(&[_, 0x01 | 0xd8, ..]) => at += 2,
+            Some(&[_, _, high, low]) => at += 2 + usize::from(u16::from_be_bytes([high, low])).max(2),
+            _ => return false,
+        }
+    }
 }
 
 fn broken(path: &Path, error: image::ImageError) -> Error {
@@ -298,11 +351,39 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("picture.png");
         assert!(matches!(Pixels::load(&path), Err(Error::Io { .. })));
-        let whole = ramp(UVec2::new(32, 32)).to_png().unwrap();
-        for len in (0..whole.len()).step_by(37) {
-            std::fs::write(&path, &whole[..len]).unwrap();
-            let error = Pixels::load(&path).unwrap_err();
-            assert!(matches!(error, Error::Malformed { .. } | Error::Unsupported { .. }), "{len}: {error:?}");
+        std::fs::write(&path, "certainly not a picture").unwrap();
+        assert!(matches!(Pixels::load(&path), Err(Error::Unsupported { .. })));
+    }
+
+    /// One picture in every format that is read.
+    fn encoded() -> [(&'static str, Vec<u8>); 3] {
+        let source = ramp(UVec2::new(32, 24));
+        let rgb = source.rgb.as_flattened();
+        let rgb8 = image::ExtendedColorType::Rgb8;
+        let (mut jpeg, mut webp) = (Vec::new(), Vec::new());
+        image::codecs::jpeg::JpegEncoder::new(&mut jpeg).encode(rgb, 32, 24, rgb8).unwrap();
+        image::codecs::webp::WebPEncoder::new_lossless(&mut webp).encode(rgb, 32, 24, rgb8).unwrap();
+        [("png", source.to_png().unwrap()), ("jpeg", jpeg), ("webp", webp)]
+    }
+
+    #[test]
+    fn a_picture_cut_short_is_an_error_in_every_format() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("picture.any");
+        for (format, whole) in encoded() {
+            std::fs::write(&path, &whole).unwrap();
+            assert_eq!(Pixels::load(&path).unwrap().size, UVec2::new(32, 24), "{format}");
+            assert_eq!(Pixels::size_of(&path).unwrap(), UVec2::new(32, 24), "{format}");
+            // The last chunk of a PNG holds nothing: without it no pixel is lost.
+            let needed = whole.len() - if format == "png" { PNG_END.len() } else { 0 };
+            for len in (0..needed).step_by(37).chain([needed - 1]) {
+                std::fs::write(&path, &whole[..len]).unwrap();
+                assert!(Pixels::load(&path).is_err(), "{format} cut at {len} was read");
+                assert!(Pixels::size_of(&path).is_err(), "{format} cut at {len} passed for whole");
+            }
+            // Phones append a film, an editor its own data.
+            std::fs::write(&path, [whole.as_slice(), b"something else"].concat()).unwrap();
+            assert!(Pixels::load(&path).is_ok() && Pixels::size_of(&path).is_ok(), "{format}");
         }
     }
 }
