@@ -1,27 +1,673 @@
-//! Data sets from outside: the same scene told in two formats, real photos, and files that lie.
+//! Data sets: the same scene told in several formats, real photos, and files that lie.
 
+use glam::{DVec2, DVec3, UVec2, Vec2};
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use trisplat::dataset::{Dataset, DatasetOptions};
+use trisplat::camera::Camera;
+use trisplat::dataset::lens::{Distortion, Lens};
+use trisplat::dataset::synthetic::{self, SyntheticOptions};
+use trisplat::dataset::synthetic_scene::{Ray, trace};
+use trisplat::dataset::{Dataset, DatasetOptions, Masks, View, cloud};
+use trisplat::image::{Image, Pixels};
+use trisplat::math::metric;
 
-const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data");
+const REAL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data");
+const SAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/dataset");
+
+/// Real scenes: name, photos, held out, the photo's size, and the mean reprojection error that their
+/// makers measured, at this size, px.
+const SCENES: [(&str, usize, usize, [u32; 2], Option<f64>); 6] = [
+    ("banana", 15, 2, [640, 425], Some(0.657 * 640.0 / 3008.0)),
+    // Only points with less than 1 px of error were kept.
+    ("bonsai", 292, 37, [576, 384], None),
+    ("brighton_beach", 18, 3, [640, 359], Some(0.784 * 640.0 / 4000.0)),
+    ("dtu_scan24", 49, 7, [640, 480], Some(0.637 * 640.0 / 1600.0)),
+    ("fox", 50, 7, [359, 640], Some(0.960 * 640.0 / 1920.0)),
+    ("fox480", 50, 7, [270, 480], None),
+];
+
+fn load(path: &Path) -> Dataset {
+    Dataset::load(path, &DatasetOptions::default()).unwrap()
+}
+
+fn real(name: &str) -> Option<PathBuf> {
+    let path = Path::new(REAL).join(name);
+    if !path.is_dir() {
+        eprintln!("SKIPPED (no ../shared/data/{name})");
+        return None;
+    }
+    Some(path)
+}
+
+fn assert_same_camera(a: &Camera, b: &Camera, context: &str) {
+    assert_eq!(a.size, b.size, "{context}");
+    assert!(a.rotation.abs_diff_eq(b.rotation, 1e-6), "{context}: {} {}", a.rotation, b.rotation);
+    let reach = 1e-6 * (1.0 + a.position().length());
+    assert!(a.position().abs_diff_eq(b.position(), reach), "{context}: {} {}", a.position(), b.position());
+    assert!(a.focal.abs_diff_eq(b.focal, 1e-3), "{context}: {} {}", a.focal, b.focal);
+    assert!(a.center.abs_diff_eq(b.center, 1e-3), "{context}: {} {}", a.center, b.center);
+}
+
+fn assert_same_views(a: &Dataset, b: &Dataset) {
+    assert_eq!(a.views.len(), b.views.len());
+    for (a, b) in a.views.iter().zip(&b.views) {
+        assert_eq!((&a.name, a.test), (&b.name, b.test));
+        assert_same_camera(&a.camera, &b.camera, &a.name);
+    }
+}
+
+fn project(camera: &Camera, point: glam::Vec3) -> Option<Vec2> {
+    let v = camera.rotation * point + camera.translation;
+    let q = camera.focal * v.truncate() / v.z + camera.center;
+    (v.z > 0.0 && q.cmpge(Vec2::ZERO).all() && q.cmplt(camera.size.as_vec2()).all()).then_some(q)
+}
+
+// ---- real photos
 
 #[test]
-fn peek() {
-    for name in ["banana", "bonsai", "brighton_beach", "dtu_scan24", "fox", "fox480"] {
-        let path = Path::new(DATA).join(name);
-        let t = std::time::Instant::now();
-        let d = Dataset::load(&path, &DatasetOptions::default()).unwrap();
-        let e: Vec<f32> = d.points.iter().filter_map(|p| p.error).collect();
-        eprintln!("{name} {} {} views {} test {} points {:?} {:?} stated {} {:?} {:.3}s", d.kind, d.views.len(), d.test().count(), d.points.len(), d.reprojection, d.origin, e.iter().sum::<f32>() / e.len() as f32, d.warnings, t.elapsed().as_secs_f64());
-        let j = Dataset::load(&path.join("transforms.json"), &DatasetOptions::default()).unwrap();
-        let mut worst = [0f32; 4];
-        for (a, b) in d.views.iter().zip(&j.views) {
-            assert_eq!((&a.name, a.test, a.camera.size), (&b.name, b.test, b.camera.size));
-            worst[0] = worst[0].max((a.camera.rotation - b.camera.rotation).to_cols_array().iter().fold(0.0, |m, x| x.abs().max(m)));
-            worst[1] = worst[1].max(a.camera.position().distance(b.camera.position()));
-            worst[2] = worst[2].max(a.camera.focal.distance(b.camera.focal));
-            worst[3] = worst[3].max(a.camera.center.distance(b.camera.center));
+fn colmap_and_transforms_tell_the_same_cameras() {
+    for (name, ..) in SCENES {
+        let Some(path) = real(name) else { continue };
+        assert_same_views(&load(&path), &load(&path.join("transforms.json")));
+    }
+}
+
+#[test]
+fn real_scenes_have_the_views_and_errors_their_makers_measured() {
+    for (name, views, held_out, size, error) in SCENES {
+        let Some(path) = real(name) else { continue };
+        let dataset = load(&path);
+        assert!(dataset.kind.starts_with("COLMAP"), "{name}: COLMAP goes before transforms.json");
+        assert_eq!((dataset.views.len(), dataset.test().count()), (views, held_out), "{name}");
+        assert_eq!(dataset.warnings, [""; 0], "{name}");
+        assert_eq!(dataset.origin, DVec3::ZERO, "{name}");
+        let list = std::fs::read_to_string(path.join("test.txt")).unwrap();
+        let names: Vec<&str> = dataset.test().map(|v| v.name.as_str()).collect();
+        assert_eq!(names, list.lines().collect::<Vec<_>>(), "{name}");
+        assert!(dataset.views.iter().all(|v| v.camera.size == UVec2::from(size)), "{name}");
+        if let Some(want) = error {
+            let measured = dataset.reprojection.unwrap();
+            assert_eq!(measured.behind, 0, "{name}");
+            // The makers' figure is from before the photos were resized and some points dropped.
+            assert!((measured.mean_px / want - 1.0).abs() < 0.1, "{name}: {measured:?}, want {want}");
         }
-        eprintln!("   json {} views {} points {:?} {worst:?}", j.views.len(), j.points.len(), j.warnings);
+    }
+}
+
+#[test]
+fn real_photos_show_the_points_where_the_cameras_say() {
+    for (name, ..) in SCENES {
+        let Some(path) = real(name) else { continue };
+        let dataset = load(&path);
+        let view = &dataset.views[dataset.views.len() / 2];
+        let pixels = view.photo.decode().unwrap();
+        let size = view.camera.size.as_vec2();
+        // The same photo, mirrored, is the control: what a wrong axis would give.
+        let (mut straight, mut mirrored) = (0.0, 0.0);
+        for point in &dataset.points {
+            let Some(q) = project(&view.camera, point.position) else { continue };
+            let at = |q: Vec2| pixels.rgb[q.y as usize * pixels.size.x as usize + q.x as usize];
+            let off = |rgb: [u8; 3]| (0..3).map(|c| f64::from(rgb[c].abs_diff(point.rgb[c]))).sum::<f64>();
+            straight += off(at(q));
+            for other in [Vec2::new(size.x - q.x, q.y), Vec2::new(q.x, size.y - q.y)] {
+                mirrored += 0.5 * off(at(other.min(size - 1.0)));
+            }
+        }
+        assert!(straight < 0.8 * mirrored, "{name}: {straight} against {mirrored}");
+    }
+}
+
+#[test]
+fn masks_of_a_real_scene_are_found_and_used() {
+    let Some(path) = real("dtu_scan24") else { return };
+    let with = |masks| {
+        let options = DatasetOptions { masks, ..DatasetOptions::default() };
+        Dataset::load(&path, &options).unwrap().views[3].photo.decode().unwrap()
+    };
+    let (ignore, cut, off) = (with(Masks::Ignore), with(Masks::Cut), with(Masks::Off));
+    assert_eq!(off.alpha, None);
+    assert_eq!(ignore.rgb, off.rgb);
+    let weights = ignore.alpha.unwrap();
+    assert!(weights.contains(&0) && weights.contains(&255));
+    assert_eq!(cut.alpha, None);
+    for ((cut, whole), weight) in cut.rgb.iter().zip(&off.rgb).zip(&weights) {
+        match weight {
+            0 => assert_eq!(*cut, [0; 3]),
+            255 => assert_eq!(cut, whole),
+            _ => {}
+        }
+    }
+}
+
+// ---- the sample
+
+#[test]
+fn the_sample_is_what_the_generator_makes() {
+    let options = SyntheticOptions::default();
+    let folder = tempfile::tempdir().unwrap();
+    synthetic::write_poses(folder.path(), &options).unwrap();
+    for name in ["sparse/0/cameras.txt", "sparse/0/images.txt", "sparse/0/points3D.txt", "test.txt"] {
+        let [made, kept] =
+            [folder.path(), Path::new(SAMPLE)].map(|root| std::fs::read_to_string(root.join(name)).unwrap());
+        assert_eq!(made, kept, "{name}: run `trisplat sample dataset -o samples/dataset`");
+    }
+    let dataset = load(Path::new(SAMPLE));
+    assert_eq!(dataset.views.len(), options.views as usize);
+    for index in [0, 21] {
+        let view = &dataset.views[index as usize];
+        let exact = synthetic::render(&synthetic::camera(&options, index)).to_pixels();
+        let kept = view.photo.decode().unwrap();
+        // One code: another platform's sine may round differently.
+        let off = exact.rgb.as_flattened().iter().zip(kept.rgb.as_flattened()).map(|(a, b)| a.abs_diff(*b));
+        assert!(off.max().unwrap() <= 1, "{}", view.name);
+        assert_same_camera(&view.camera, &synthetic::camera(&options, index), &view.name);
+    }
+}
+
+#[test]
+fn the_sample_loads_without_complaint() {
+    let dataset = load(Path::new(SAMPLE));
+    assert_eq!(dataset.warnings, [""; 0]);
+    assert_eq!((dataset.views.len(), dataset.test().count(), dataset.points.len()), (40, 5, 1500));
+    let measured = dataset.reprojection.unwrap();
+    // Rayleigh mean of the noise that was added: 0.25 sqrt(pi / 2).
+    assert!((measured.mean_px - 0.3133).abs() < 0.01, "{measured:?}");
+    assert!(measured.sightings > 8000 && measured.behind == 0);
+}
+
+#[test]
+fn synthetic_images_are_exact() {
+    let options = SyntheticOptions { width: 64, ..SyntheticOptions::default() };
+    let camera = synthetic::camera(&options, 3);
+    let image = synthetic::render(&camera);
+    let to_world = camera.rotation.as_dmat3().transpose();
+    let origin = -(to_world * camera.translation.as_dvec3());
+    let mut off = Vec::new();
+    for (i, have) in image.pixels.iter().enumerate() {
+        let corner = DVec2::new((i % 64) as f64, (i / 64) as f64);
+        let mut sum = DVec3::ZERO;
+        for k in 0..48 * 48 {
+            let (i, j) = (f64::from(k % 48), f64::from(k / 48));
+            let pixel = corner + DVec2::new(i + (j + 0.5) / 48.0, j + (i + 0.5) / 48.0) / 48.0;
+            let ray = ((pixel - camera.center.as_dvec2()) / camera.focal.as_dvec2()).extend(1.0);
+            sum += trace(Ray { origin, direction: to_world * ray }).unwrap().rgb;
+        }
+        let want = sum / (48.0 * 48.0);
+        off.push((DVec3::from(have.map(f64::from)) - want).abs().max_element() * 255.0);
+    }
+    let mean = off.iter().sum::<f64>() / off.len() as f64;
+    off.sort_by(f64::total_cmp);
+    let (p99, worst) = (off[off.len() * 99 / 100], off[off.len() - 1]);
+    assert!(mean < 0.25 && p99 < 2.0 && worst < 4.0, "mean {mean} p99 {p99} worst {worst} of 255");
+}
+
+// ---- the same cameras in every dialect of transforms.json
+
+/// Camera to world, OpenGL axes, as JSON rows.
+fn matrix(camera: &Camera) -> String {
+    let (r, c) = (camera.rotation.as_dmat3().transpose(), camera.position().as_dvec3());
+    let row = |i: usize| format!("[{:?},{:?},{:?},{:?}]", r.x_axis[i], -r.y_axis[i], -r.z_axis[i], c[i]);
+    format!("[{},{},{},[0,0,0,1]]", row(0), row(1), row(2))
+}
+
+/// A folder with the first six photos of the sample, and their views.
+fn six_photos(subfolder: &str) -> (tempfile::TempDir, Vec<View>) {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir_all(folder.path().join(subfolder)).unwrap();
+    let views: Vec<View> = load(Path::new(SAMPLE)).views.into_iter().take(6).collect();
+    for view in &views {
+        std::fs::copy(&view.photo.path, folder.path().join(subfolder).join(&view.name)).unwrap();
+    }
+    (folder, views)
+}
+
+fn frames(views: &[View], path: impl Fn(&View) -> String, extra: impl Fn(&View) -> String) -> String {
+    let row = |view: &View| {
+        let (path, matrix, extra) = (path(view), matrix(&view.camera), extra(view));
+        format!("{{\"file_path\": \"{path}\", {extra} \"transform_matrix\": {matrix}}}")
+    };
+    views.iter().map(row).collect::<Vec<_>>().join(",\n")
+}
+
+fn assert_cameras(folder: &Path, views: &[View], options: &DatasetOptions) -> Dataset {
+    let dataset = Dataset::load(folder, options).unwrap();
+    assert_eq!(dataset.views.len(), views.len());
+    for (have, want) in dataset.views.iter().zip(views) {
+        assert_same_camera(&have.camera, &want.camera, &have.name);
+        assert_eq!(have.photo.decode().unwrap(), want.photo.decode().unwrap());
+    }
+    dataset
+}
+
+#[test]
+fn nerfstudio_with_shared_intrinsics_and_points() {
+    let (folder, views) = six_photos("images");
+    let camera = views[0].camera;
+    let json = format!(
+        "{{\"camera_model\": \"OPENCV\", \"w\": 160, \"h\": 120, \"fl_x\": {}, \"fl_y\": {}, \"cx\": {}, \"cy\": {}, \
+         \"k1\": 0.0, \"ply_file_path\": \"sparse_pc.ply\", \"unknown\": {{}}, \"frames\": [{}]}}",
+        camera.focal.x,
+        camera.focal.y,
+        camera.center.x,
+        camera.center.y,
+        frames(&views, |v| format!("images/{}", v.name), |_| "\"colmap_im_id\": 1,".into())
+    );
+    std::fs::write(folder.path().join("transforms.json"), json).unwrap();
+    let ply = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n\
+               property uint8 red\nproperty uint8 green\nproperty uint8 blue\nend_header\n1 2 3 10 20 30\n";
+    std::fs::write(folder.path().join("sparse_pc.ply"), ply).unwrap();
+    let dataset = assert_cameras(folder.path(), &views, &DatasetOptions::default());
+    assert_eq!(dataset.views[0].name, "view_0000.png", "the folder of photos is no part of the name");
+    assert_eq!(dataset.points.len(), 1);
+    assert_eq!(
+        (dataset.points[0].position.to_array(), dataset.points[0].rgb),
+        ([1.0, 2.0, 3.0], [10, 20, 30])
+    );
+    assert_eq!(dataset.test().count(), 1, "every 8th of six");
+}
+
+#[test]
+fn nerfstudio_with_a_camera_for_every_frame() {
+    let (folder, views) = six_photos("images");
+    let own = |v: &View| {
+        let (f, c) = (v.camera.focal, v.camera.center);
+        format!(
+            "\"w\": 160, \"h\": 120, \"fl_x\": {}, \"fl_y\": {}, \"cx\": {}, \"cy\": {},",
+            f.x, f.y, c.x, c.y
+        )
+    };
+    let json = format!(
+        "{{\"fl_x\": 1.0, \"w\": 7, \"h\": 7, \"frames\": [{}]}}",
+        frames(&views, |v| format!("./images/{}", v.name), own)
+    );
+    std::fs::write(folder.path().join("transforms.json"), json).unwrap();
+    assert_cameras(folder.path(), &views, &DatasetOptions::default());
+}
+
+#[test]
+fn instant_ngp_with_angles_and_a_scaled_camera() {
+    let (folder, views) = six_photos("images");
+    let angle = |focal: f32, side: f64| 2.0 * (side / 2.0 / f64::from(focal)).atan();
+    let camera = views[0].camera;
+    // Calibrated at four times the size.
+    let json = format!(
+        "{{\"camera_angle_x\": {}, \"camera_angle_y\": {}, \"cx\": {}, \"cy\": {}, \"w\": 640.0, \"h\": 480.0, \
+         \"aabb_scale\": 4, \"frames\": [{}]}}",
+        angle(camera.focal.x, 160.0),
+        angle(camera.focal.y, 120.0),
+        camera.center.x * 4.0,
+        camera.center.y * 4.0,
+        frames(&views, |v| format!("images/{}", v.name), |_| "\"sharpness\": 42.5,".into())
+    );
+    std::fs::write(folder.path().join("transforms.json"), json).unwrap();
+    let dataset = assert_cameras(folder.path(), &views, &DatasetOptions::default());
+    assert!(dataset.warnings.iter().any(|w| w.contains("scaled")), "{:?}", dataset.warnings);
+}
+
+#[test]
+fn blender_without_extensions_with_a_test_file() {
+    let (folder, mut views) = six_photos("train");
+    for view in &mut views {
+        view.camera.center = view.camera.size.as_vec2() / 2.0;
+        view.camera.focal.y = view.camera.focal.x;
+    }
+    let angle = 2.0 * (80.0 / f64::from(views[0].camera.focal.x)).atan();
+    let stem = |v: &View| format!("./train/{}", v.name.trim_end_matches(".png"));
+    for (name, range) in [("train", 0..4), ("val", 3..5), ("test", 4..6)] {
+        let rows = frames(&views[range], stem, |_| "\"rotation\": 0.01,".into());
+        let json = format!("{{\"camera_angle_x\": {angle}, \"frames\": [{rows}]}}");
+        std::fs::write(folder.path().join(format!("transforms_{name}.json")), json).unwrap();
+    }
+    let dataset = assert_cameras(folder.path(), &views, &DatasetOptions::default());
+    let held_out: Vec<&str> = dataset.test().map(|v| v.name.as_str()).collect();
+    assert_eq!(held_out, ["train/view_0004.png", "train/view_0005.png"]);
+    let all = DatasetOptions { test_every: 0, ..DatasetOptions::default() };
+    assert_eq!(assert_cameras(folder.path(), &views, &all).test().count(), 0);
+    std::fs::write(folder.path().join("test.txt"), "train/view_0001\n").unwrap();
+    let dataset = assert_cameras(folder.path(), &views, &DatasetOptions::default());
+    let held_out: Vec<&str> = dataset.test().map(|v| v.name.as_str()).collect();
+    assert_eq!(held_out, ["train/view_0001.png"], "test.txt goes before transforms_test.json");
+}
+
+#[test]
+fn the_originals_of_a_phone_are_understood() {
+    let Some(path) = real("fox") else { return };
+    // The file as instant-ngp ships it names 1080x1920 photos; here only its small copies lie.
+    let file = path.join("transforms_original.json");
+    let error = Dataset::load(&file, &DatasetOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("--skip-broken"), "{error}");
+}
+
+// ---- lenses
+
+#[test]
+fn photos_of_a_bent_lens_become_photos_of_a_pinhole() {
+    let options = SyntheticOptions { width: 160, views: 3, ..SyntheticOptions::default() };
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir_all(folder.path().join("images")).unwrap();
+    synthetic::write_poses(folder.path(), &options).unwrap();
+    let distortion = Distortion { radial: [-0.12, 0.03, 0.0, 0.0], tangential: [0.002, -0.001] };
+    for index in 0..3 {
+        let camera = synthetic::camera(&options, index);
+        let lens = Lens {
+            size: camera.size,
+            focal: camera.focal.as_dvec2(),
+            center: camera.center.as_dvec2(),
+            distortion,
+        };
+        bent_photo(&camera, &lens)
+            .save_png(&folder.path().join(format!("images/view_{index:04}.png")))
+            .unwrap();
+    }
+    let camera = synthetic::camera(&options, 0);
+    let (f, c) = (camera.focal, camera.center);
+    let line = format!("1 OPENCV 160 120 {} {} {} {} -0.12 0.03 0.002 -0.001\n", f.x, f.y, c.x, c.y);
+    std::fs::write(folder.path().join("sparse/0/cameras.txt"), line).unwrap();
+    let dataset = load(folder.path());
+    for view in &dataset.views {
+        let straight = view.photo.decode().unwrap();
+        assert_eq!(straight.size, view.camera.size);
+        let want = synthetic::render(&view.camera).to_pixels();
+        let psnr = metric::psnr(&straight.rgb, &want.rgb, None);
+        // What is left is the blur of resampling sharp edges; half a pixel of shift would give 22 dB.
+        assert!(psnr > 27.0, "{}: {psnr} dB at {}", view.name, view.camera.size);
+        let bent = Pixels::load(&view.photo.path).unwrap().downscaled(view.camera.size);
+        assert!(psnr > metric::psnr(&bent.rgb, &want.rgb, None) + 6.0);
+    }
+}
+
+/// The scene through a distorting lens, 16 rays a pixel.
+fn bent_photo(camera: &Camera, lens: &Lens) -> Image {
+    let to_world = camera.rotation.as_dmat3().transpose();
+    let origin = -(to_world * camera.translation.as_dvec3());
+    let pixel = |i: u32| {
+        let corner = DVec2::new(f64::from(i % camera.size.x), f64::from(i / camera.size.x));
+        let ray = |k: u32| {
+            let pixel = corner + (DVec2::new(f64::from(k % 4), f64::from(k / 4)) + 0.5) / 4.0;
+            let direction = to_world * lens.direction(pixel).unwrap().extend(1.0);
+            trace(Ray { origin, direction }).unwrap().rgb
+        };
+        ((0..16).map(ray).sum::<DVec3>() / 16.0).as_vec3().to_array()
+    };
+    Image { size: camera.size, pixels: (0..camera.size.x * camera.size.y).map(pixel).collect() }
+}
+
+// ---- options
+
+#[test]
+fn photos_are_shrunk_with_their_cameras() {
+    let options = DatasetOptions { max_size: Some(50), ..DatasetOptions::default() };
+    let small = Dataset::load(Path::new(SAMPLE), &options).unwrap();
+    let (view, whole) = (&small.views[5], &load(Path::new(SAMPLE)).views[5]);
+    assert_eq!(view.camera.size, UVec2::new(50, 38));
+    assert!(view.camera.focal.abs_diff_eq(whole.camera.focal * Vec2::new(50.0 / 160.0, 38.0 / 120.0), 1e-4));
+    let pixels = view.photo.decode().unwrap();
+    assert_eq!(pixels, whole.photo.decode().unwrap().downscaled(UVec2::new(50, 38)));
+    let exact = synthetic::render(&view.camera).to_pixels();
+    let psnr = metric::psnr(&pixels.rgb, &exact.rgb, None);
+    // Pixels that a new one covers in part are taken as of one colour; that is all the difference.
+    assert!(psnr > 42.0, "{psnr} dB");
+    let larger = DatasetOptions { max_size: Some(5000), ..DatasetOptions::default() };
+    assert_eq!(Dataset::load(Path::new(SAMPLE), &larger).unwrap().views[0].camera.size, UVec2::new(160, 120));
+}
+
+#[test]
+fn a_random_cloud_is_repeatable_and_in_view() {
+    let dataset = load(Path::new(SAMPLE));
+    let views: Vec<&View> = dataset.train().collect();
+    let points = cloud::random(&views, 2000, 7);
+    assert_eq!(points, cloud::random(&views, 2000, 7));
+    assert_ne!(points, cloud::random(&views, 2000, 8));
+    let seen_by = |at| views.iter().filter(|v| project(&v.camera, at).is_some()).count();
+    let counts: Vec<usize> = points.iter().map(|p| seen_by(p.position)).collect();
+    assert!(counts.iter().all(|&n| n >= 1));
+    assert!(counts.iter().filter(|&&n| n >= 2).count() > 1990);
+    assert_eq!(cloud::random(&views[..1], 10, 7).len(), 10, "one photo is enough");
+    assert_eq!(cloud::random(&[], 10, 7), []);
+}
+
+#[test]
+fn a_scene_far_from_the_origin_keeps_its_detail() {
+    let (folder, far) = (tempfile::tempdir().unwrap(), DVec3::new(4.5e6, -2e5, 1.25e6));
+    copy_sample(folder.path());
+    let near = load(folder.path());
+    move_model(&folder.path().join("sparse/0"), far);
+    let moved = load(folder.path());
+    assert_eq!(near.origin, DVec3::ZERO);
+    assert!(moved.origin.distance(far) < 10.0);
+    let shift = (far - moved.origin).as_vec3();
+    for (a, b) in near.points.iter().zip(&moved.points) {
+        assert!((a.position + shift).distance(b.position) < 1e-5, "{} {}", a.position, b.position);
+    }
+    for (a, b) in near.views.iter().zip(&moved.views) {
+        assert!((a.camera.position() + shift).distance(b.camera.position()) < 1e-5);
+        assert_eq!(a.camera.rotation, b.camera.rotation);
+    }
+    assert!((near.reprojection.unwrap().mean_px - moved.reprojection.unwrap().mean_px).abs() < 1e-4);
+}
+
+/// Adds an offset to every pose and point of a text model, in f64.
+fn move_model(sparse: &Path, offset: DVec3) {
+    let read = |name: &str| std::fs::read_to_string(sparse.join(name)).unwrap();
+    let mut images = String::new();
+    for line in read("images.txt").lines() {
+        let words: Vec<&str> = line.split(' ').collect();
+        if words.len() == 10 && words[9].ends_with(".png") {
+            let n = |i: usize| words[i].parse::<f64>().unwrap();
+            let t = DVec3::new(n(5), n(6), n(7)) - glam::DQuat::from_xyzw(n(2), n(3), n(4), n(1)) * offset;
+            let moved = format!("{} {} {} {} {}", words[..5].join(" "), t.x, t.y, t.z, words[8..].join(" "));
+            images += &moved;
+        } else {
+            images += line;
+        }
+        images.push('\n');
+    }
+    let mut points = String::new();
+    for line in read("points3D.txt").lines().filter(|line| !line.starts_with('#')) {
+        let words: Vec<&str> = line.split(' ').collect();
+        let n = |i: usize| words[i].parse::<f64>().unwrap();
+        let p = DVec3::new(n(1), n(2), n(3)) + offset;
+        writeln!(points, "{} {} {} {} {}", words[0], p.x, p.y, p.z, words[4..].join(" ")).unwrap();
+    }
+    std::fs::write(sparse.join("images.txt"), images).unwrap();
+    std::fs::write(sparse.join("points3D.txt"), points).unwrap();
+}
+
+// ---- files that lie
+
+fn copy_sample(to: &Path) {
+    for folder in ["images", "sparse/0", ""] {
+        std::fs::create_dir_all(to.join(folder)).unwrap();
+        for entry in std::fs::read_dir(Path::new(SAMPLE).join(folder)).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_file() {
+                std::fs::copy(&path, to.join(folder).join(path.file_name().unwrap())).unwrap();
+            }
+        }
+    }
+}
+
+fn error_of(path: &Path) -> String {
+    match Dataset::load(path, &DatasetOptions::default()) {
+        Ok(_) => panic!("{} was read", path.display()),
+        Err(error) => error.to_string(),
+    }
+}
+
+#[test]
+fn missing_and_broken_photos_are_errors_unless_skipped() {
+    let folder = tempfile::tempdir().unwrap();
+    copy_sample(folder.path());
+    let photo = |i: u32| folder.path().join(format!("images/view_{i:04}.png"));
+    std::fs::remove_file(photo(3)).unwrap();
+    let bytes = std::fs::read(photo(7)).unwrap();
+    std::fs::write(photo(7), &bytes[..bytes.len() / 2]).unwrap();
+    let error = error_of(folder.path());
+    for part in ["images.txt", "view_0003.png", "2 of 40", "--skip-broken"] {
+        assert!(error.contains(part), "`{part}` is missing from: {error}");
+    }
+    let options = DatasetOptions { skip_broken: true, ..DatasetOptions::default() };
+    let dataset = Dataset::load(folder.path(), &options).unwrap();
+    assert_eq!(dataset.views.len(), 38);
+    assert!(dataset.warnings.iter().any(|w| w.contains("2 of 40")), "{:?}", dataset.warnings);
+    for index in 0..40 {
+        std::fs::write(photo(index), "").unwrap();
+    }
+    assert!(Dataset::load(folder.path(), &options).unwrap_err().to_string().contains("no photo is left"));
+}
+
+#[test]
+fn errors_name_the_file_and_the_remedy() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    assert!(error_of(path).contains("COLMAP"), "an empty folder");
+    assert!(error_of(&path.join("nowhere")).contains("nowhere"));
+    std::fs::write(path.join("a.txt"), "").unwrap();
+    assert!(error_of(&path.join("a.txt")).contains("transforms.json"));
+    copy_sample(path);
+
+    let spoil = |name: &str, from: &str, to: &str, parts: &[&str]| {
+        let file = path.join(name);
+        let text = std::fs::read_to_string(&file).unwrap();
+        assert!(text.contains(from), "{name} holds no {from}");
+        std::fs::write(&file, text.replacen(from, to, 1)).unwrap();
+        let error = error_of(path);
+        for part in [name].iter().chain(parts) {
+            assert!(error.contains(part), "`{part}` is missing from: {error}");
+        }
+        std::fs::write(&file, text).unwrap();
+    };
+    spoil("sparse/0/cameras.txt", "PINHOLE", "FOV", &["FOV", "image_undistorter"]);
+    spoil("sparse/0/cameras.txt", "160 120", "0 120", &["0x120"]);
+    spoil("sparse/0/cameras.txt", "168", "one", &["line 2", "one"]);
+    spoil("sparse/0/images.txt", "1 view_0004.png", "9 view_0004.png", &["view_0004.png", "camera 9"]);
+    spoil("sparse/0/images.txt", "view_0004.png", "view_0005.png", &["view_0005.png", "twice"]);
+    spoil("sparse/0/points3D.txt", "\n1 ", "\n1 x ", &["line 2", "position"]);
+}
+
+#[test]
+fn a_test_list_may_be_wrong_in_part_but_not_in_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    copy_sample(folder.path());
+    let list = folder.path().join("test.txt");
+    std::fs::write(&list, "view_0001\nview_9999.png\n\n").unwrap();
+    let dataset = load(folder.path());
+    assert_eq!(dataset.test().map(|v| v.name.as_str()).collect::<Vec<_>>(), ["view_0001.png"]);
+    assert!(dataset.warnings[0].contains("view_9999.png"));
+    std::fs::write(&list, "other.png\n").unwrap();
+    assert!(error_of(folder.path()).contains("test.txt"));
+    let everything: String = dataset.views.iter().map(|v| v.name.clone() + "\n").collect();
+    std::fs::write(&list, everything).unwrap();
+    assert!(error_of(folder.path()).contains("--test-every 0"));
+    std::fs::remove_file(&list).unwrap();
+    let every = |n| DatasetOptions { test_every: n, ..DatasetOptions::default() };
+    for (n, count) in [(8, 5), (3, 14), (0, 0), (100, 1)] {
+        assert_eq!(Dataset::load(folder.path(), &every(n)).unwrap().test().count(), count, "every {n}");
+    }
+}
+
+#[test]
+fn photos_of_another_shape_than_their_camera_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    copy_sample(folder.path());
+    let turned = Pixels { size: UVec2::new(120, 160), rgb: vec![[9; 3]; 160 * 120], alpha: None };
+    turned.save_png(&folder.path().join("images/view_0002.png")).unwrap();
+    let error = error_of(folder.path());
+    assert!(error.contains("120x160") && error.contains("view_0002.png"), "{error}");
+}
+
+/// A small model in COLMAP's binary files.
+fn binary_model() -> [(&'static str, Vec<u8>); 3] {
+    let u64s = |n: u64| n.to_le_bytes().to_vec();
+    let f64s = |numbers: &[f64]| numbers.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>();
+    let mut cameras = [u64s(1), 1u32.to_le_bytes().to_vec(), 1i32.to_le_bytes().to_vec()].concat();
+    cameras.extend([u64s(160), u64s(120), f64s(&[168.0, 167.2, 81.92, 58.92])].concat());
+    let mut images = u64s(2);
+    for index in 0..2u32 {
+        images.extend((index + 1).to_le_bytes());
+        images.extend(f64s(&[1.0, 0.0, 0.1, 0.0, f64::from(index), 0.5, 2.0]));
+        images.extend(1u32.to_le_bytes());
+        images.extend(format!("view_{index:04}.png\0").bytes());
+        images.extend(u64s(3));
+        for point in [7u64, u64::MAX, 9] {
+            images.extend(f64s(&[80.0, 60.0]));
+            images.extend(u64s(point));
+        }
+    }
+    let mut points = u64s(2);
+    for id in [7u64, 9] {
+        points.extend(u64s(id));
+        points.extend(f64s(&[0.1, -0.2, 3.0]));
+        points.extend([10, 20, 30]);
+        points.extend(f64s(&[0.5]));
+        points.extend(u64s(1));
+        points.extend([1, 0, 0, 0, 0, 0, 0, 0]);
+    }
+    [("cameras.bin", cameras), ("images.bin", images), ("points3D.bin", points)]
+}
+
+#[test]
+fn every_cut_and_every_flipped_byte_of_a_binary_model_is_survived() {
+    let folder = tempfile::tempdir().unwrap();
+    copy_sample(folder.path());
+    let sparse = folder.path().join("sparse/0");
+    let model = binary_model();
+    for (name, bytes) in &model {
+        std::fs::write(sparse.join(name), bytes).unwrap();
+    }
+    let whole = load(folder.path());
+    assert_eq!((whole.kind, whole.views.len(), whole.points.len()), ("COLMAP model (binary)", 2, 2));
+    assert_eq!(whole.points[0].rgb, [10, 20, 30]);
+    assert_eq!(whole.reprojection.unwrap().sightings, 4, "the sighting without a point does not count");
+    for (name, bytes) in &model {
+        let file = sparse.join(name);
+        for len in 0..bytes.len() {
+            std::fs::write(&file, &bytes[..len]).unwrap();
+            let error = error_of(folder.path());
+            assert!(error.contains(name), "{name} cut at {len}: {error}");
+        }
+        std::fs::write(&file, [bytes.as_slice(), &[0]].concat()).unwrap();
+        assert!(error_of(folder.path()).contains(name), "{name} with a byte too many");
+        for at in 0..bytes.len() {
+            for flip in [0xff, 0x80, 0x01] {
+                let mut spoilt = bytes.clone();
+                spoilt[at] ^= flip;
+                std::fs::write(&file, &spoilt).unwrap();
+                // Either it still is a data set, and then a sound one, or it says what is wrong.
+                if let Ok(dataset) = Dataset::load(folder.path(), &DatasetOptions::default()) {
+                    assert!(dataset.views.iter().all(|v| v.camera.validate().is_ok()), "{name} {at}");
+                    assert!(dataset.points.iter().all(|p| p.position.is_finite()), "{name} {at}");
+                }
+            }
+        }
+        std::fs::write(&file, bytes).unwrap();
+    }
+}
+
+#[test]
+fn every_cut_of_a_transforms_file_fails_cleanly() {
+    let (folder, views) = six_photos("images");
+    let json = format!(
+        "{{\"camera_angle_x\": 0.9, \"frames\": [{}]}}",
+        frames(&views[..1], |v| format!("images/{}", v.name), |_| String::new())
+    );
+    let file = folder.path().join("transforms.json");
+    for len in 0..json.len() {
+        std::fs::write(&file, &json[..len]).unwrap();
+        assert!(error_of(folder.path()).contains("transforms.json"), "cut at {len}");
+    }
+    std::fs::write(&file, &json).unwrap();
+    assert_eq!(load(folder.path()).views.len(), 1);
+    for (from, to, part) in [
+        ("[0,0,0,1]", "[0,0,1,1]", "last row"),
+        ("\"camera_angle_x\": 0.9", "\"w\": 160, \"h\": 120", "focal"),
+        ("\"camera_angle_x\": 0.9", "\"camera_angle_x\": 4.0", "focal"),
+        ("\"camera_angle_x\": 0.9", "\"fl_x\": 100, \"camera_model\": \"OPENCV_FISHEYE\"", "FISHEYE"),
+        ("\"camera_angle_x\": 0.9", "\"fl_x\": 100, \"k1\": -9.0", "folds"),
+    ] {
+        assert!(json.contains(from));
+        std::fs::write(&file, json.replacen(from, to, 1)).unwrap();
+        let error = error_of(folder.path());
+        assert!(error.contains(part), "`{part}` is missing from: {error}");
     }
 }

@@ -12,6 +12,8 @@ pub mod photo;
 pub mod photos;
 mod point_ply;
 mod split;
+pub mod synthetic;
+pub mod synthetic_scene;
 mod transforms;
 pub mod undistort;
 
