@@ -174,7 +174,7 @@ fn screen_grad<R: Real>(
 /// ```
 #[inline(always)]
 pub fn plane<R: Real>(corners: &Corners<R>, focal: V2<R>) -> Plane<R> {
-    let n = corners.edges[0].cross(corners.edges[1]);
+    let (n, _) = face(corners);
     let offset = n.dot(corners.first);
     let inv_offset = R::of(1.0) / offset;
     let slope = V2::new(n.x / focal.x, n.y / focal.y).scale(inv_offset);
@@ -184,6 +184,15 @@ pub fn plane<R: Real>(corners: &Corners<R>, focal: V2<R>) -> Plane<R> {
         slope,
         normal: n.scale(towards_camera(offset, inv_length)),
     }
+}
+
+/// Normal of any length of the edges scaled to a size of one, and that scale: no square can overflow.
+#[inline(always)]
+fn face<R: Real>(corners: &Corners<R>) -> (V3<R>, R) {
+    let [e1, e2] = corners.edges;
+    let largest = |v: V3<R>| v.x.abs().max(v.y.abs()).max(v.z.abs());
+    let scale = R::of(1.0) / largest(e1).max(largest(e2));
+    (e1.scale(scale).cross(e2.scale(scale)), scale)
 }
 
 #[inline(always)]
@@ -200,8 +209,8 @@ pub fn plane_grad<R: Real>(
     plane: &Plane<R>,
     d: &PlaneGrad<R>,
 ) -> Corners<R> {
-    let [e1, e2] = corners.edges;
-    let n = e1.cross(e2);
+    let (n, scale) = face(corners);
+    let [e1, e2] = corners.edges.map(|e| e.scale(scale));
     let inv_offset = R::of(1.0) / n.dot(corners.first);
     let inv_length = R::of(1.0) / n.length();
     let signed = towards_camera(n.dot(corners.first), inv_length);
@@ -213,6 +222,7 @@ pub fn plane_grad<R: Real>(
     let mut d_first = n.scale(d_offset);
     d_first.z = d_first.z - d.inv_depth * plane.inv_depth * plane.inv_depth;
     let moved = screen_grad(corners, focal, splat, -plane.slope.scale(d.inv_depth), [V2::zero(), V2::zero()]);
+    let d_n = d_n.scale(scale);
     Corners { first: d_first + moved.first, edges: [e2.cross(d_n), d_n.cross(e1)] }
 }
 

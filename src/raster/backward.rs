@@ -5,9 +5,10 @@ use crate::kernel::window;
 use crate::math::lanes::{LANES, Lanes, Work, dispatch};
 use crate::math::real::Mask;
 use crate::raster::forward::{self, Plot, TileGeometry, TilePixels};
+use crate::raster::hits::Hits;
 use crate::raster::project::Splats;
 use crate::raster::shade::{self, DepthMap, Limits, Shade, Wide, WideSheet};
-use crate::raster::soft::{FrameGrad, Soft, SoftOptions};
+use crate::raster::soft::{FrameGrad, Soft, SoftOptions, Sort};
 use crate::raster::tiles::{BLOCKS, Entry};
 use glam::UVec2;
 use rayon::prelude::*;
@@ -105,34 +106,39 @@ impl<'a> GeometryGrad<'a> {
         }
         out
     }
-}
 
-/// ∂L/∂w and ∂L/∂(1/z) of a layer due to its geometry.
-#[inline(always)]
-fn geometry_value<L: Lanes>(
-    grads: &GeometryGrad,
-    b: usize,
-    sheet: &WideSheet<L>,
-    shade: &Shade<L>,
-    weight: L,
-    after: L,
-    before: L,
-) -> (L, L) {
-    let f = grads.forward;
-    let inv_depth = sheet.inv_depth(shade.to);
-    let z = (L::splat(1.0) / inv_depth).only(shade.drawn);
-    let m = L::splat(grads.map.a) - L::splat(grads.map.b) * inv_depth - L::load(&f.anchor[b]);
-    let m = m.only(shade.drawn);
-    let sums = [0, 1, 2].map(|i| L::load(&f.sums[i][b]));
-    let (by_weight, by_m) = composite::distortion_grad(weight, m, sums);
-    let (d_depth, d_distortion) = (L::load(&grads.depth[b]), L::load(&grads.distortion[b]));
-    let mut value = d_depth.mul_add(z, d_distortion * by_weight);
-    for (n, d) in [sheet.normal.x, sheet.normal.y, sheet.normal.z].into_iter().zip(&grads.normal) {
-        value = n.mul_add(L::load(&d[b]), value);
+    /// ∂distortion/∂w and ∂distortion/∂m of a layer.
+    #[inline(always)]
+    fn distortion<L: Lanes>(&self, b: usize, inv_depth: L, weight: L) -> (L, L) {
+        let m = L::splat(self.map.a) - L::splat(self.map.b) * inv_depth - L::load(&self.forward.anchor[b]);
+        composite::distortion_grad(weight, m, [0, 1, 2].map(|i| L::load(&self.forward.sums[i][b])))
     }
-    let is_median = forward::is_median(before, after).and(shade.drawn);
-    let d_z = weight.mul_add(d_depth, L::load(&grads.median[b]).only(is_median));
-    (value, -(d_z * z * z) - L::splat(grads.map.b) * d_distortion * by_m)
+
+    /// Adds ∂L/∂(1/z), its moments and ∂L/∂normal.
+    #[inline(always)]
+    fn add_plane<L: Lanes>(
+        &self,
+        out: &mut [L; LANES],
+        b: usize,
+        sheet: &WideSheet<L>,
+        s: &Shade<L>,
+        weight: L,
+        [before, after]: [L; 2],
+    ) {
+        let inv_depth = sheet.inv_depth(s.to);
+        let z = L::splat(1.0) / inv_depth;
+        let (_, by_m) = self.distortion(b, inv_depth, weight);
+        let is_median = forward::is_median(before, after);
+        let d_z = weight.mul_add(L::load(&self.depth[b]), L::load(&self.median[b]).only(is_median));
+        let by_m = L::splat(self.map.b) * L::load(&self.distortion[b]) * by_m;
+        let d_inv_depth = (-(d_z * z * z) - by_m).only(s.drawn);
+        out[0] = out[0] + d_inv_depth;
+        out[1] = d_inv_depth.mul_add(s.to.x, out[1]);
+        out[2] = d_inv_depth.mul_add(s.to.y, out[2]);
+        for c in 0..3 {
+            out[3 + c] = weight.mul_add(L::load(&self.normal[c][b]), out[3 + c]);
+        }
+    }
 }
 
 impl DrawGrad<'_> {
@@ -176,13 +182,66 @@ impl DrawGrad<'_> {
             total.store(&mut behind[b]);
             back.store(&mut backdrop[b]);
         }
-        let mut state = State { d_rgb, transmittance, behind, backdrop };
+        let state = State { d_rgb, transmittance, behind, backdrop };
+        match self.options.sort {
+            Sort::Tile => self.by_tile::<L>(state, geometry),
+            Sort::Pixel => self.by_pixel::<L>(state, geometry),
+        }
+    }
+
+    #[inline(always)]
+    fn by_tile<L: Lanes>(self, mut state: State, geometry: Option<&GeometryGrad>) {
+        let limits = Limits::<L>::new(self.options);
         for (entry, slot) in self.entries.iter().zip(self.slots) {
+            if entry.blocks == 0 {
+                continue;
+            }
+            let splat = Layer::<L>::new(self.splats, entry.splat, geometry, self.options);
+            let mut sums = SlotSums::new();
+            let mut left = entry.blocks;
+            while left != 0 {
+                let b = left.trailing_zeros() as usize & (BLOCKS - 1);
+                left &= left - 1;
+                let before = L::load(&state.transmittance[b]);
+                let corner = shade::block_corner(self.corner, b);
+                let Some(shade) = splat.wide.shade(corner, before, &limits) else { continue };
+                let (weight, after) = composite::blend(before, shade.alpha);
+                let value = splat.value(b, &shade, &state);
+                let behind = L::load(&state.behind[b]) - weight * value;
+                after.store(&mut state.transmittance[b]);
+                behind.store(&mut state.behind[b]);
+                splat.add_grad(&mut sums, b, &shade, &state, [before, behind, value]);
+            }
+            *slot = sums.finish(geometry.is_some());
+        }
+    }
+
+    #[inline(always)]
+    fn by_pixel<L: Lanes>(self, mut state: State, geometry: Option<&GeometryGrad>) {
+        for (entry, slot) in self.entries.iter().zip(self.slots.iter_mut()) {
             if entry.blocks != 0 {
-                let splat = entry.splat as usize;
-                let wide = Wide::<L>::new(&self.splats.records[splat]);
-                let sheet = geometry.map(|g| (g, WideSheet::<L>::new(&self.splats.sheets[splat])));
-                *slot = splat_grad(entry.blocks, &wide, sheet, self.corner, self.options, &mut state);
+                *slot = Slot::default();
+            }
+        }
+        let mut hits = Hits::default();
+        for b in 0..BLOCKS {
+            hits.find::<L>(self.entries, self.splats, self.corner, b, self.options);
+            for i in 0..hits.len() {
+                let (hit, shade) = hits.shade::<L>(i, self.entries, self.splats);
+                let splat = self.entries[hit.entry].splat;
+                let layer = Layer::<L>::new(self.splats, splat, geometry, self.options);
+                layer.value(b, &shade, &state).store(hits.value(i));
+            }
+            let (before, behind) = (&mut state.transmittance[b], &mut state.behind[b]);
+            hits.replay(before, behind, self.options.min_transmittance);
+            for i in 0..hits.len() {
+                let (hit, shade) = hits.shade::<L>(i, self.entries, self.splats);
+                let splat = self.entries[hit.entry].splat;
+                let layer = Layer::<L>::new(self.splats, splat, geometry, self.options);
+                let mut sums = SlotSums::new();
+                let at = [&hit.before, &hit.behind, &hit.value].map(L::load);
+                layer.add_grad(&mut sums, b, &shade, &state, at);
+                self.slots[hit.entry].add(&sums.finish(geometry.is_some()));
             }
         }
     }
@@ -198,64 +257,108 @@ struct State {
     backdrop: Plot,
 }
 
-/// Sums over the blocks of one splat in one tile.
-#[inline(always)]
-fn splat_grad<L: Lanes>(
-    blocks: u32,
-    wide: &Wide<L>,
-    sheet: Option<(&GeometryGrad, WideSheet<L>)>,
-    corner: UVec2,
-    options: &SoftOptions,
-    state: &mut State,
-) -> Slot {
-    let (cap, least) = (L::splat(options.alpha_cap), L::splat(options.ratio_least));
-    let limits = Limits { cap, min_transmittance: L::splat(options.min_transmittance) };
-    let mut sums = [L::splat(0.0); LANES];
-    let mut planes = [L::splat(0.0); LANES];
-    let mut left = blocks;
-    while left != 0 {
-        let b = left.trailing_zeros() as usize & (BLOCKS - 1);
-        left &= left - 1;
-        let before = L::load(&state.transmittance[b]);
-        let Some(s) = wide.shade(shade::block_corner(corner, b), before, &limits) else { continue };
-        let (weight, after) = composite::blend(before, s.alpha);
-        after.store(&mut state.transmittance[b]);
-        let d_rgb = [0, 1, 2].map(|c| L::load(&state.d_rgb[c][b]));
-        let mut value = wide.rgb[2].mul_add(d_rgb[2], wide.rgb[1].mul_add(d_rgb[1], wide.rgb[0] * d_rgb[0]));
-        for c in 0..3 {
-            sums[RGB + c] = weight.mul_add(d_rgb[c], sums[RGB + c]);
+/// A splat in every lane, and what its gradient needs.
+struct Layer<'a, L> {
+    wide: Wide<L>,
+    sheet: Option<(&'a GeometryGrad<'a>, WideSheet<L>)>,
+    limits: Limits<L>,
+    ratio_least: L,
+}
+
+/// Sums over the blocks of one splat in one tile, lane by lane.
+struct SlotSums<L> {
+    base: [L; LANES],
+    geometry: [L; LANES],
+}
+
+impl<L: Lanes> SlotSums<L> {
+    #[inline(always)]
+    fn new() -> Self {
+        Self { base: [L::splat(0.0); LANES], geometry: [L::splat(0.0); LANES] }
+    }
+
+    #[inline(always)]
+    fn finish(&self, geometry: bool) -> Slot {
+        let mut more = [0.0; GEOMETRY_SUMS];
+        if geometry {
+            more.copy_from_slice(&L::sums(&self.geometry)[..GEOMETRY_SUMS]);
         }
-        if let Some((grads, sheet)) = &sheet {
-            let (more, d_inv_depth) = geometry_value(grads, b, sheet, &s, weight, after, before);
-            value = value + more;
-            let d_inv_depth = d_inv_depth.only(s.drawn);
-            planes[0] = planes[0] + d_inv_depth;
-            planes[1] = d_inv_depth.mul_add(s.to.x, planes[1]);
-            planes[2] = d_inv_depth.mul_add(s.to.y, planes[2]);
-            for c in 0..3 {
-                planes[3 + c] = weight.mul_add(L::load(&grads.normal[c][b]), planes[3 + c]);
+        Slot(L::sums(&self.base), more)
+    }
+}
+
+impl Slot {
+    fn add(&mut self, other: &Self) {
+        self.0.iter_mut().zip(&other.0).for_each(|(a, b)| *a += b);
+        self.1.iter_mut().zip(&other.1).for_each(|(a, b)| *a += b);
+    }
+}
+
+impl<'a, L: Lanes> Layer<'a, L> {
+    #[inline(always)]
+    fn new(
+        splats: &Splats,
+        splat: u32,
+        geometry: Option<&'a GeometryGrad<'a>>,
+        options: &SoftOptions,
+    ) -> Self {
+        Self {
+            wide: Wide::new(&splats.records[splat as usize]),
+            sheet: geometry.map(|g| (g, WideSheet::new(&splats.sheets[splat as usize]))),
+            limits: Limits::new(options),
+            ratio_least: L::splat(options.ratio_least),
+        }
+    }
+
+    /// ∂L/∂w; does not depend on the order of the layers, not even through the distortion.
+    #[inline(always)]
+    fn value(&self, b: usize, shade: &Shade<L>, state: &State) -> L {
+        let [r, g, blue] = [0, 1, 2].map(|c| L::load(&state.d_rgb[c][b]));
+        let mut value = self.wide.rgb[2].mul_add(blue, self.wide.rgb[1].mul_add(g, self.wide.rgb[0] * r));
+        if let Some((grads, sheet)) = &self.sheet {
+            let inv_depth = sheet.inv_depth(shade.to);
+            let z = (L::splat(1.0) / inv_depth).only(shade.drawn);
+            let (cost, _) = grads.distortion(b, inv_depth, L::splat(0.0));
+            value = value + L::load(&grads.depth[b]).mul_add(z, L::load(&grads.distortion[b]) * cost);
+            for (n, d) in [sheet.normal.x, sheet.normal.y, sheet.normal.z].into_iter().zip(&grads.normal) {
+                value = n.mul_add(L::load(&d[b]), value);
             }
         }
-        let behind = L::load(&state.behind[b]) - weight * value;
-        behind.store(&mut state.behind[b]);
-        let last = after.lt(limits.min_transmittance);
+        value
+    }
+
+    /// Adds what block `b` gives, of which the transmittance in front, Σ w ∂L/∂w behind, and the value are known.
+    #[inline(always)]
+    fn add_grad(
+        &self,
+        sums: &mut SlotSums<L>,
+        b: usize,
+        s: &Shade<L>,
+        state: &State,
+        [before, behind, value]: [L; 3],
+    ) {
+        let (weight, after) = composite::blend(before, s.alpha);
+        let last = after.lt(self.limits.min_transmittance);
         let backdrop = L::load(&state.backdrop[b]);
         let d_alpha = composite::blend_grad(before, s.alpha, value, behind, last, backdrop);
-        let d_log = (d_alpha * s.raw).only(s.drawn.and(s.raw.le(cap)));
-        let (d_sigma, d_ratio) = window::alpha_grad(s.ratio, s.log2_ratio, wide.sigma, least, d_log);
-        sums[OPACITY] = sums[OPACITY] + d_log;
-        sums[SIGMA] = sums[SIGMA] + d_sigma.only(s.drawn);
+        let d_log = (d_alpha * s.raw).only(s.drawn.and(s.raw.le(self.limits.cap)));
+        let (d_sigma, d_ratio) =
+            window::alpha_grad(s.ratio, s.log2_ratio, self.wide.sigma, self.ratio_least, d_log);
+        let out = &mut sums.base;
+        for c in 0..3 {
+            out[RGB + c] = weight.mul_add(L::load(&state.d_rgb[c][b]), out[RGB + c]);
+        }
+        out[OPACITY] = out[OPACITY] + d_log;
+        out[SIGMA] = out[SIGMA] + d_sigma.only(s.drawn);
         let d_ratio = d_ratio.only(s.drawn);
         for (i, nearest) in window::nearest(&s.ratios).into_iter().enumerate() {
             let at = RATIO + 3 * i;
-            sums[at] = sums[at] + d_ratio.only(nearest);
-            sums[at + 1] = sums[at + 1].add_where(nearest, d_ratio, s.to.x);
-            sums[at + 2] = sums[at + 2].add_where(nearest, d_ratio, s.to.y);
+            out[at] = out[at] + d_ratio.only(nearest);
+            out[at + 1] = out[at + 1].add_where(nearest, d_ratio, s.to.x);
+            out[at + 2] = out[at + 2].add_where(nearest, d_ratio, s.to.y);
+        }
+        if let Some((grads, sheet)) = &self.sheet {
+            grads.add_plane(&mut sums.geometry, b, sheet, s, weight, [before, after]);
         }
     }
-    let mut more = [0.0; GEOMETRY_SUMS];
-    if sheet.is_some() {
-        more.copy_from_slice(&L::sums(&planes)[..GEOMETRY_SUMS]);
-    }
-    Slot(L::sums(&sums), more)
 }

@@ -3,10 +3,11 @@
 use crate::kernel::composite;
 use crate::math::lanes::{LANES, Lanes, Work, dispatch};
 use crate::math::real::Mask;
+use crate::raster::hits::Hits;
 use crate::raster::importance::SlotWeight;
 use crate::raster::project::Splats;
-use crate::raster::shade::{self, DepthMap, Limits, Wide, WideSheet};
-use crate::raster::soft::{Frame, Soft, SoftOptions};
+use crate::raster::shade::{self, DepthMap, Limits, Shade, Wide, WideSheet};
+use crate::raster::soft::{Frame, Soft, SoftOptions, Sort};
 use crate::raster::tiles::{BLOCKS, Entry, TILE, Tiles};
 use glam::UVec2;
 use rayon::prelude::*;
@@ -137,55 +138,80 @@ impl Draw<'_> {
 
     #[inline(always)]
     fn tile<L: Lanes, const GEOMETRY: bool, const WEIGHTS: bool>(mut self) {
-        let mut alive = self.clear();
-        let limits = Limits {
-            cap: L::splat(self.options.alpha_cap),
-            min_transmittance: L::splat(self.options.min_transmittance),
-        };
-        let map = DepthMap::new(self.options.depth_range);
-        for (k, entry) in self.entries.iter_mut().enumerate() {
-            let mut left = entry.blocks & alive;
-            entry.blocks = 0;
+        let alive = self.clear();
+        match self.options.sort {
+            Sort::Tile => self.by_tile::<L, GEOMETRY, WEIGHTS>(alive),
+            Sort::Pixel => self.by_pixel::<L, GEOMETRY, WEIGHTS>(alive),
+        }
+        self.background::<L>();
+    }
+
+    #[inline(always)]
+    fn by_tile<L: Lanes, const GEOMETRY: bool, const WEIGHTS: bool>(&mut self, mut alive: u32) {
+        let limits = Limits::<L>::new(self.options);
+        for k in 0..self.entries.len() {
+            let mut left = self.entries[k].blocks & alive;
+            self.entries[k].blocks = 0;
             if left == 0 {
                 continue;
             }
-            let wide = Wide::<L>::new(&self.splats.records[entry.splat as usize]);
-            let sheet = GEOMETRY.then(|| WideSheet::<L>::new(&self.splats.sheets[entry.splat as usize]));
-            let (mut sum, mut largest, mut count) = (L::splat(0.0), L::splat(0.0), 0);
+            let brush = self.brush::<L, GEOMETRY>(self.entries[k].splat);
+            let mut stats = Stats::new();
             while left != 0 {
                 let b = left.trailing_zeros() as usize & (BLOCKS - 1);
                 left &= left - 1;
                 let before = L::load(&self.pixels.transmittance[b]);
                 let corner = shade::block_corner(self.corner, b);
-                let Some(shade) = wide.shade(corner, before, &limits) else { continue };
-                entry.blocks |= 1 << b;
-                let (weight, after) = composite::blend(before, shade.alpha);
+                let Some(shade) = brush.wide.shade(corner, before, &limits) else { continue };
+                self.entries[k].blocks |= 1 << b;
+                let (weight, after) = self.pixels.blend(b, &brush, &shade, before);
                 after.store(&mut self.pixels.transmittance[b]);
-                for (plot, color) in self.pixels.rgb.iter_mut().zip(wide.rgb) {
-                    weight.mul_add(color, L::load(&plot[b])).store(&mut plot[b]);
-                }
-                if let (Some(sheet), Some(geometry)) = (&sheet, &mut self.pixels.geometry) {
-                    let inv_depth = sheet.inv_depth(shade.to);
-                    geometry.add(b, map, weight, [before, after], inv_depth, sheet, shade.drawn);
-                }
                 if WEIGHTS {
-                    sum = sum + weight;
-                    largest = largest.max(weight);
-                    count += L::bits(shade.drawn).count_ones();
+                    stats.add(weight, shade.drawn);
                 }
                 if L::bits(limits.min_transmittance.le(after)) == 0 {
                     alive &= !(1 << b);
                 }
             }
             if WEIGHTS {
-                self.weights[k] = SlotWeight { max: largest.largest(), sum: sum.sum(), pixels: count };
+                self.weights[k].add(&stats.finish());
             }
         }
-        self.background::<L>();
     }
 
     #[inline(always)]
-    fn background<L: Lanes>(self) {
+    fn by_pixel<L: Lanes, const GEOMETRY: bool, const WEIGHTS: bool>(&mut self, alive: u32) {
+        let mut hits = Hits::default();
+        for b in (0..BLOCKS).filter(|b| alive >> b & 1 == 1) {
+            hits.find::<L>(self.entries, self.splats, self.corner, b, self.options);
+            self.entries.iter_mut().for_each(|e| e.blocks &= !(1 << b));
+            hits.replay(&mut self.pixels.transmittance[b], &mut [0.0; LANES], self.options.min_transmittance);
+            for i in 0..hits.len() {
+                let (hit, shade) = hits.shade::<L>(i, self.entries, self.splats);
+                if hit.drawn == 0 {
+                    continue;
+                }
+                self.entries[hit.entry].blocks |= 1 << b;
+                let brush = self.brush::<L, GEOMETRY>(self.entries[hit.entry].splat);
+                let (weight, _) = self.pixels.blend(b, &brush, &shade, L::load(&hit.before));
+                if WEIGHTS {
+                    let mut stats = Stats::new();
+                    stats.add(weight, shade.drawn);
+                    self.weights[hit.entry].add(&stats.finish());
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn brush<L: Lanes, const GEOMETRY: bool>(&self, splat: u32) -> Brush<L> {
+        let sheet = GEOMETRY.then(|| WideSheet::new(&self.splats.sheets[splat as usize]));
+        let map = DepthMap::new(self.options.depth_range);
+        Brush { wide: Wide::new(&self.splats.records[splat as usize]), sheet, map }
+    }
+
+    #[inline(always)]
+    fn background<L: Lanes>(&mut self) {
         let TilePixels { transmittance, rgb, .. } = self.pixels;
         for (plot, color) in rgb.iter_mut().zip(self.options.background) {
             for (out, t) in plot.iter_mut().zip(transmittance.iter()) {
@@ -195,26 +221,73 @@ impl Draw<'_> {
     }
 }
 
+/// A splat in every lane, ready to be blended.
+struct Brush<L> {
+    wide: Wide<L>,
+    sheet: Option<WideSheet<L>>,
+    map: DepthMap,
+}
+
+/// Weights of a splat, lane by lane.
+struct Stats<L> {
+    sum: L,
+    max: L,
+    pixels: u32,
+}
+
+impl<L: Lanes> Stats<L> {
+    #[inline(always)]
+    fn new() -> Self {
+        Self { sum: L::splat(0.0), max: L::splat(0.0), pixels: 0 }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, weight: L, drawn: L::Mask) {
+        self.sum = self.sum + weight;
+        self.max = self.max.max(weight);
+        self.pixels += L::bits(drawn).count_ones();
+    }
+
+    #[inline(always)]
+    fn finish(self) -> SlotWeight {
+        SlotWeight { max: self.max.largest(), sum: self.sum.sum(), pixels: self.pixels }
+    }
+}
+
+impl TilePixels {
+    /// Adds a layer to all but the transmittance; gives its weight and the transmittance behind it.
+    #[inline(always)]
+    fn blend<L: Lanes>(&mut self, b: usize, brush: &Brush<L>, shade: &Shade<L>, before: L) -> (L, L) {
+        let (weight, after) = composite::blend(before, shade.alpha);
+        for (plot, color) in self.rgb.iter_mut().zip(brush.wide.rgb) {
+            weight.mul_add(color, L::load(&plot[b])).store(&mut plot[b]);
+        }
+        if let (Some(sheet), Some(geometry)) = (&brush.sheet, &mut self.geometry) {
+            let crosses = is_median(before, after).and(shade.drawn);
+            geometry.add(b, brush.map, weight, crosses, sheet, shade);
+        }
+        (weight, after)
+    }
+}
+
 impl TileGeometry {
     #[inline(always)]
-    #[allow(clippy::too_many_arguments)]
     fn add<L: Lanes>(
         &mut self,
         b: usize,
         map: DepthMap,
         weight: L,
-        [before, after]: [L; 2],
-        inv_depth: L,
+        crosses: L::Mask,
         sheet: &WideSheet<L>,
-        drawn: L::Mask,
+        shade: &Shade<L>,
     ) {
+        let (drawn, inv_depth) = (shade.drawn, sheet.inv_depth(shade.to));
         let add = |plot: &mut Plot, value: L| weight.mul_add(value, L::load(&plot[b])).store(&mut plot[b]);
         let z = (L::splat(1.0) / inv_depth).only(drawn);
         add(&mut self.depth, z);
         add(&mut self.normal[0], sheet.normal.x);
         add(&mut self.normal[1], sheet.normal.y);
         add(&mut self.normal[2], sheet.normal.z);
-        let crosses = is_median(before, after).and(drawn);
         L::select(crosses, z, L::load(&self.median[b])).store(&mut self.median[b]);
         let m = L::splat(map.a) - L::splat(map.b) * inv_depth;
         let sums = [0, 1, 2].map(|i| L::load(&self.sums[i][b]));

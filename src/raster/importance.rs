@@ -28,6 +28,16 @@ pub(super) struct SlotWeight {
     pub(super) pixels: u32,
 }
 
+impl SlotWeight {
+    /// Joins the weights on other pixels of the tile.
+    #[inline(always)]
+    pub(super) fn add(&mut self, other: &Self) {
+        self.max = self.max.max(other.max);
+        self.sum += other.sum;
+        self.pixels += other.pixels;
+    }
+}
+
 impl Importance {
     /// Nothing seen yet, for `count` triangles.
     pub fn new(count: usize) -> Self {

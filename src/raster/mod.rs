@@ -8,6 +8,7 @@
 mod backward;
 mod forward;
 mod gather;
+mod hits;
 pub mod importance;
 mod project;
 mod shade;

@@ -5,7 +5,7 @@ use crate::kernel::clip::{self, Corner, Piece};
 use crate::kernel::splat::{self, Corners, Plane, Splat};
 use crate::kernel::{sh, window};
 use crate::math::vec::{V2, V3};
-use crate::raster::soft::{SoftOptions, SoupRef};
+use crate::raster::soft::{SoftOptions, Sort, SoupRef};
 use crate::raster::sort::{self, Key};
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
@@ -260,7 +260,8 @@ fn shape(
     if !(floor < 1.0) || outside(0) || outside(1) {
         return None;
     }
-    let sheet = if options.geometry { splat::plane(corners, view.focal) } else { NO_SHEET };
+    let wants_sheet = options.geometry || options.sort == Sort::Pixel;
+    let sheet = if wants_sheet { splat::plane(corners, view.focal) } else { NO_SHEET };
     let record = Record {
         origin: [splat.origin.x, splat.origin.y],
         edge: splat.edge.map(|e| [e.x, e.y]),

@@ -5,6 +5,7 @@ use crate::math::lanes::{LANES, Lanes};
 use crate::math::real::Mask;
 use crate::math::vec::{V2, V3};
 use crate::raster::project::{Record, Sheet};
+use crate::raster::soft::SoftOptions;
 use crate::raster::tiles::{LANE_X, LANE_Y, TILE};
 use glam::UVec2;
 
@@ -26,7 +27,15 @@ pub(super) struct Limits<L> {
     pub(super) min_transmittance: L,
 }
 
+impl<L: Lanes> Limits<L> {
+    #[inline(always)]
+    pub(super) fn new(options: &SoftOptions) -> Self {
+        Self { cap: L::splat(options.alpha_cap), min_transmittance: L::splat(options.min_transmittance) }
+    }
+}
+
 /// A splat on sixteen pixels.
+#[derive(Clone, Copy)]
 pub(super) struct Shade<L: Lanes> {
     /// p - origin, px.
     pub(super) to: V2<L>,
@@ -57,20 +66,36 @@ impl<L: Lanes> Wide<L> {
     /// Alpha on the block whose top left pixel is `corner`; nothing when no pixel is drawn.
     #[inline(always)]
     pub(super) fn shade(&self, corner: [f32; 2], transmittance: L, limits: &Limits<L>) -> Option<Shade<L>> {
-        let to = V2::new(
-            L::load(&LANE_X) + L::splat(corner[0] + 0.5 - self.origin[0]),
-            L::load(&LANE_Y) + L::splat(corner[1] + 0.5 - self.origin[1]),
-        );
+        let to = self.to(corner);
         let ratios = window::ratios(&self.edge, self.shift, to);
         let ratio = window::ratio(&ratios);
         let drawn = self.floor.le(ratio).and(limits.min_transmittance.le(transmittance));
-        if L::bits(drawn) == 0 {
-            return None;
-        }
+        (L::bits(drawn) != 0).then(|| self.finish(to, ratios, ratio, drawn, limits))
+    }
+
+    /// The same, even when no pixel is drawn.
+    #[inline(always)]
+    pub(super) fn shade_all(&self, corner: [f32; 2], limits: &Limits<L>) -> Shade<L> {
+        let to = self.to(corner);
+        let ratios = window::ratios(&self.edge, self.shift, to);
+        let ratio = window::ratio(&ratios);
+        self.finish(to, ratios, ratio, self.floor.le(ratio), limits)
+    }
+
+    #[inline(always)]
+    fn to(&self, corner: [f32; 2]) -> V2<L> {
+        V2::new(
+            L::load(&LANE_X) + L::splat(corner[0] + 0.5 - self.origin[0]),
+            L::load(&LANE_Y) + L::splat(corner[1] + 0.5 - self.origin[1]),
+        )
+    }
+
+    #[inline(always)]
+    fn finish(&self, to: V2<L>, ratios: [L; 3], ratio: L, drawn: L::Mask, limits: &Limits<L>) -> Shade<L> {
         let log2_ratio = ratio.log2();
         let raw = window::alpha(log2_ratio, self.log2_opacity, self.sigma);
         let alpha = raw.min(limits.cap).only(drawn);
-        Some(Shade { to, ratios, ratio, log2_ratio, raw, alpha, drawn })
+        Shade { to, ratios, ratio, log2_ratio, raw, alpha, drawn }
     }
 }
 

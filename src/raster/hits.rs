@@ -1,0 +1,123 @@
+//! Per-pixel order: the layers of a block's pixels, each pixel's sorted by the depth of the planes there.
+//!
+//! Every layer is kept, so the order is exact, intersecting triangles included. Only the transmittance depends
+//! on the order; everything else is summed layer by layer as usual, once [`Hits::replay`] has found it.
+
+use crate::math::lanes::{LANES, Lanes};
+use crate::math::real::Mask;
+use crate::raster::project::Splats;
+use crate::raster::shade::{self, Limits, Shade, Wide, WideSheet};
+use crate::raster::soft::SoftOptions;
+use crate::raster::tiles::Entry;
+use glam::UVec2;
+
+/// A layer on the pixels of a block.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Hit {
+    /// Its entry in the tile.
+    pub(super) entry: usize,
+    /// Pixels it is drawn on, one bit each.
+    pub(super) drawn: u16,
+    inv_depth: [f32; LANES],
+    alpha: [f32; LANES],
+    /// ∂L/∂w, for the backward pass.
+    pub(super) value: [f32; LANES],
+    /// Transmittance in front of it.
+    pub(super) before: [f32; LANES],
+    /// Σ w ∂L/∂w behind it.
+    pub(super) behind: [f32; LANES],
+}
+
+/// The layers of one block.
+#[derive(Debug, Default)]
+pub(super) struct Hits {
+    hits: Vec<Hit>,
+    order: Vec<u32>,
+    corner: [f32; 2],
+    cap: f32,
+}
+
+impl Hits {
+    pub(super) fn len(&self) -> usize {
+        self.hits.len()
+    }
+
+    pub(super) fn value(&mut self, i: usize) -> &mut [f32; LANES] {
+        &mut self.hits[i].value
+    }
+
+    /// Finds the layers of block `b` of the tile at `corner`.
+    #[inline(always)]
+    pub(super) fn find<L: Lanes>(
+        &mut self,
+        entries: &[Entry],
+        splats: &Splats,
+        corner: UVec2,
+        b: usize,
+        options: &SoftOptions,
+    ) {
+        self.hits.clear();
+        self.corner = shade::block_corner(corner, b);
+        self.cap = options.alpha_cap;
+        let limits = Limits { cap: L::splat(self.cap), min_transmittance: L::splat(0.0) };
+        for (entry, e) in entries.iter().enumerate().filter(|(_, e)| e.blocks >> b & 1 == 1) {
+            let wide = Wide::<L>::new(&splats.records[e.splat as usize]);
+            let Some(shade) = wide.shade(self.corner, L::splat(1.0), &limits) else { continue };
+            let zero = [0.0; LANES];
+            let mut hit = Hit {
+                entry,
+                drawn: L::bits(shade.drawn),
+                inv_depth: zero,
+                alpha: zero,
+                value: zero,
+                before: zero,
+                behind: zero,
+            };
+            let sheet = WideSheet::<L>::new(&splats.sheets[e.splat as usize]);
+            sheet.inv_depth(shade.to).store(&mut hit.inv_depth);
+            shade.alpha.store(&mut hit.alpha);
+            self.hits.push(hit);
+        }
+    }
+
+    /// Blends every pixel in its own order: sets what is in front of and behind every layer, and leaves out the
+    /// layers behind the one that ends a pixel.
+    pub(super) fn replay(
+        &mut self,
+        transmittance: &mut [f32; LANES],
+        behind: &mut [f32; LANES],
+        min_transmittance: f32,
+    ) {
+        for lane in 0..LANES {
+            let hits = &mut self.hits;
+            self.order.clear();
+            self.order.extend((0..hits.len() as u32).filter(|i| hits[*i as usize].drawn >> lane & 1 == 1));
+            let key = |i: &u32| hits[*i as usize].inv_depth[lane];
+            self.order.sort_by(|a, b| key(b).total_cmp(&key(a)));
+            for i in &self.order {
+                let hit = &mut hits[*i as usize];
+                if !(transmittance[lane] >= min_transmittance) {
+                    hit.drawn &= !(1 << lane);
+                    continue;
+                }
+                hit.before[lane] = transmittance[lane];
+                let (weight, after) = crate::kernel::composite::blend(transmittance[lane], hit.alpha[lane]);
+                transmittance[lane] = after;
+                behind[lane] -= weight * hit.value[lane];
+                hit.behind[lane] = behind[lane];
+            }
+        }
+    }
+
+    /// Layer `i`, and what it looks like on the pixels it is drawn on.
+    #[inline(always)]
+    pub(super) fn shade<L: Lanes>(&self, i: usize, entries: &[Entry], splats: &Splats) -> (Hit, Shade<L>) {
+        let hit = self.hits[i];
+        let wide = Wide::<L>::new(&splats.records[entries[hit.entry].splat as usize]);
+        let limits = Limits { cap: L::splat(self.cap), min_transmittance: L::splat(0.0) };
+        let mut shade = wide.shade_all(self.corner, &limits);
+        shade.drawn = shade.drawn.and(L::from_bits(hit.drawn));
+        shade.alpha = shade.alpha.only(shade.drawn);
+        (hit, shade)
+    }
+}
