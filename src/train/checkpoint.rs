@@ -77,7 +77,6 @@ pub fn write(path: &Path, checkpoint: &Checkpoint) -> Result<()> {
     let n = watch.len();
     let bytes = |flags: &[bool]| flags.iter().map(|f| u8::from(*f)).collect::<Vec<u8>>();
     tensors.add("watch.max_weight", "F32", &[n], &watch.max_weight);
-    tensors.add("watch.sum_weight", "F32", &[n], &watch.sum_weight);
     tensors.add("watch.views", "U32", &[n], &watch.views);
     tensors.add("watch.radius_px", "F32", &[n], &watch.radius_px);
     tensors.add("watch.exempt", "U8", &[n], &bytes(&watch.exempt));
@@ -135,20 +134,14 @@ pub fn read(path: &Path) -> Result<Checkpoint> {
     };
     let watch = Watch {
         max_weight: file.array("watch.max_weight")?,
-        sum_weight: file.array("watch.sum_weight")?,
         views: file.array("watch.views")?,
         radius_px: file.array("watch.radius_px")?,
         exempt: file.array::<u8>("watch.exempt")?.iter().map(|b| *b != 0).collect(),
         seen: file.array::<u8>("watch.seen")?.iter().map(|b| *b != 0).collect(),
     };
     let n = state.params.len();
-    let lengths = [
-        watch.max_weight.len(),
-        watch.sum_weight.len(),
-        watch.views.len(),
-        watch.radius_px.len(),
-        watch.exempt.len(),
-    ];
+    let lengths =
+        [watch.max_weight.len(), watch.views.len(), watch.radius_px.len(), watch.exempt.len()];
     if lengths.iter().any(|l| *l != n) || watch.seen.len() != meta.photos.len() {
         return Err(Error::malformed(path, "watch", format!("wants {n} triangles, holds {lengths:?}")));
     }

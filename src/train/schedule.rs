@@ -3,6 +3,9 @@
 use super::options::{REFERENCE_STEPS, TrainOptions};
 use super::params::Anneal;
 
+/// Largest alpha of a layer of the soft scene (3DGS).
+pub const ALPHA_CAP: f32 = 0.99;
+
 /// Everything of one step that is not the scene or the photo.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rates {
@@ -32,6 +35,8 @@ pub struct Rates {
     pub beta_size: f64,
     /// Skip triangles without a gradient.
     pub sparse: bool,
+    /// Largest alpha of a layer; it lifts to 1 with the anneal, else every solid triangle would leak.
+    pub alpha_cap: f32,
     /// How solid the scene is.
     pub anneal: Anneal,
 }
@@ -73,6 +78,7 @@ impl<'a> Schedule<'a> {
             beta_normal: if geometry { l.normal } else { 0.0 },
             beta_size: if step < self.scaled(l.size_until) { l.size } else { 0.0 },
             sparse: r.sparse,
+            alpha_cap: ALPHA_CAP.max(self.anneal(step).opacity_floor),
             anneal: self.anneal(step),
         }
     }

@@ -9,8 +9,6 @@
 pub struct Watch {
     /// Largest blending weight alpha·T at any pixel. // [N]
     pub max_weight: Vec<f32>,
-    /// Sum of alpha·T over all pixels drawn. // [N]
-    pub sum_weight: Vec<f32>,
     /// Different photos that showed the triangle. // [N]
     pub views: Vec<u32>,
     /// Largest distance of a corner from the centre, px of the full photo. // [N]
@@ -26,8 +24,6 @@ pub struct Watch {
 pub struct Sighting<'a> {
     /// Largest alpha·T. // [N]
     pub max_weight: &'a [f32],
-    /// Sum of alpha·T. // [N]
-    pub sum_weight: &'a [f32],
     /// Photos, each counted once in a watch. // [N]
     pub views: &'a [u32],
     /// Largest radius, px of the frames. // [N]
@@ -39,7 +35,6 @@ impl Watch {
     pub fn new(triangles: usize, photos: usize) -> Self {
         Self {
             max_weight: vec![0.0; triangles],
-            sum_weight: vec![0.0; triangles],
             views: vec![0; triangles],
             radius_px: vec![0.0; triangles],
             exempt: vec![false; triangles],
@@ -64,7 +59,6 @@ impl Watch {
     pub fn add(&mut self, sighting: &Sighting<'_>, full_px: f32) {
         for i in 0..self.max_weight.len() {
             self.max_weight[i] = self.max_weight[i].max(sighting.max_weight[i]);
-            self.sum_weight[i] += sighting.sum_weight[i];
             self.views[i] += sighting.views[i];
             self.radius_px[i] = self.radius_px[i].max(full_px * sighting.radius_px[i]);
         }
@@ -73,7 +67,6 @@ impl Watch {
     /// Moves triangle `i` of `from` to the end of this watch.
     pub fn push(&mut self, from: &Watch, i: usize) {
         self.max_weight.push(from.max_weight[i]);
-        self.sum_weight.push(from.sum_weight[i]);
         self.views.push(from.views[i]);
         self.radius_px.push(from.radius_px[i]);
         self.exempt.push(from.exempt[i]);
@@ -82,7 +75,6 @@ impl Watch {
     /// Adds a triangle that was not there when the watch began.
     pub fn push_exempt(&mut self) {
         self.max_weight.push(0.0);
-        self.sum_weight.push(0.0);
         self.views.push(0);
         self.radius_px.push(0.0);
         self.exempt.push(true);

@@ -1,0 +1,87 @@
+//! The training photos at full, half and quarter size, in a fixed random order per epoch.
+
+use crate::dataset::{Photos, View};
+use crate::error::Result;
+use crate::image::Pixels;
+use crate::rng::Rng;
+use glam::UVec2;
+use std::sync::Arc;
+
+/// Photos by index and level; small ones stay in memory while their level is in use.
+#[derive(Debug)]
+pub struct Pyramid {
+    photos: Photos,
+    sizes: Vec<UVec2>,
+    small: Vec<Option<Arc<Pixels>>>,
+    level: u32,
+    min_px: u32,
+}
+
+impl Pyramid {
+    /// The photos of `views`, decoded under a budget; none is shrunk below `min_px` on its shorter side.
+    pub fn new(views: &[&View], budget_bytes: u64, min_px: u32) -> Self {
+        Self {
+            photos: Photos::new(views.iter().map(|v| v.photo.clone()).collect(), budget_bytes),
+            sizes: views.iter().map(|v| v.photo.size).collect(),
+            small: vec![None; views.len()],
+            level: 0,
+            min_px,
+        }
+    }
+
+    /// The size photo `i` has at `level`.
+    pub fn size(&self, i: usize, level: u32) -> UVec2 {
+        let full = self.sizes[i];
+        let shorter = full.min_element();
+        let level = (0..=level).rev().find(|l| shorter >> l >= self.min_px).unwrap_or(0);
+        (full / (1 << level)).max(UVec2::ONE)
+    }
+
+    /// Tells the decoder what an epoch at `level` will take.
+    pub fn expect(&mut self, order: &[usize], level: u32) {
+        let cached = |i: usize| level > 0 && level == self.level && self.small[i].is_some();
+        let missing: Vec<usize> = order.iter().copied().filter(|&i| !cached(i)).collect();
+        self.photos.expect(missing);
+    }
+
+    /// Photo `i` at `level`.
+    pub fn take(&mut self, i: usize, level: u32) -> Result<Arc<Pixels>> {
+        if level != self.level {
+            self.small.fill(None);
+            self.level = level;
+        }
+        if let Some(pixels) = self.small.get(i).and_then(Option::as_ref) {
+            return Ok(Arc::clone(pixels));
+        }
+        let full = self.photos.take(i)?;
+        let size = self.size(i, level);
+        if size == full.size {
+            return Ok(full);
+        }
+        let pixels = Arc::new(full.downscaled(size));
+        self.small[i] = Some(Arc::clone(&pixels));
+        Ok(pixels)
+    }
+}
+
+/// The order in which epoch `epoch` visits `count` photos: every one once.
+pub fn order(count: usize, seed: u64, epoch: u64) -> Vec<usize> {
+    let rng = Rng::new(seed, "photo order", epoch);
+    let mut order: Vec<usize> = (0..count).collect();
+    order.sort_by_key(|&i| (rng.bits(i as u64), i));
+    order
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_epoch_visits_every_photo_once_in_its_own_order() {
+        let mut first = order(43, 7, 0);
+        assert_ne!(first, order(43, 7, 1));
+        assert_eq!(first, order(43, 7, 0));
+        first.sort_unstable();
+        assert!(first.into_iter().eq(0..43));
+    }
+}

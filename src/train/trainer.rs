@@ -1,0 +1,284 @@
+//! One run: photos in a random order, a step each, refinements between them.
+
+use super::backend::{Backend, Shot, StepStats};
+use super::checkpoint::{Checkpoint, Meta};
+use super::init::{Seed, first_soup};
+use super::options::TrainOptions;
+use super::params::{Params, State};
+use super::progress::Sample;
+use super::pyramid::{Pyramid, order};
+use super::refine::{self, Refined, refine};
+use super::schedule::Schedule;
+use super::space::Space;
+use super::watch::{Sighting, Watch};
+use crate::camera::Camera;
+use crate::dataset::{Dataset, View, cloud};
+use crate::error::{Error, Result};
+use crate::raster::soft::SoftOptions;
+use crate::soup::Soup;
+use glam::Vec3;
+
+/// A run between two steps. A pure function of the data set, the options and the steps made: stopping,
+/// writing a checkpoint and resuming elsewhere changes no bit.
+#[derive(Debug)]
+pub struct Trainer<B> {
+    options: TrainOptions,
+    space: Space,
+    cameras: Vec<Camera>,
+    names: Vec<String>,
+    photos: Pyramid,
+    order: Vec<usize>,
+    backend: B,
+    watch: Watch,
+    step: u64,
+    dropped: u64,
+    level: u32,
+    /// Pixels of the full photo per pixel of those drawn at this level.
+    full_px: f32,
+    photo: Vec<[f32; 3]>,
+    weight: Vec<f32>,
+}
+
+/// What [`Trainer::step`] did.
+#[derive(Debug, Clone, Copy)]
+pub struct Stepped {
+    /// What the backend found.
+    pub stats: StepStats,
+    /// The refinement after the step, when there was one.
+    pub refined: Option<Refined>,
+    /// Width of the photo, px.
+    pub width_px: u32,
+}
+
+impl<B: Backend> Trainer<B> {
+    /// A run from its beginning. `photo_bytes` is the memory for decoded photos.
+    pub fn start(dataset: &Dataset, options: &TrainOptions, photo_bytes: u64, backend: B) -> Result<Self> {
+        options.validate()?;
+        let views: Vec<&View> = dataset.train().collect();
+        let cloud;
+        let points = if dataset.points.is_empty() {
+            cloud = cloud::random(&views, options.init.random_points as usize, options.seed);
+            &cloud
+        } else {
+            &dataset.points
+        };
+        let cameras: Vec<Camera> = views.iter().map(|v| v.camera).collect();
+        let positions: Vec<Vec3> = points.iter().map(|p| p.position).collect();
+        let space = Space::new(&cameras, &positions);
+        let seeds: Vec<Seed> = points
+            .iter()
+            .map(|p| Seed {
+                position: space.enter(p.position),
+                rgb: p.rgb.map(|c| f32::from(c) / 255.0),
+            })
+            .collect();
+        let mut soup = first_soup(&seeds, &options.init, options.seed);
+        let most = usize::try_from(options.max_triangles).unwrap_or(usize::MAX);
+        let stride = soup.len().div_ceil(most).max(1);
+        soup.retain(|i| i.is_multiple_of(stride));
+        let state = State::new(Params::from_soup(&soup, options.sh_degree));
+        let watch = Watch::new(soup.len(), views.len());
+        Self::assemble(&views, options, photo_bytes, backend, space, state, watch, 0)
+    }
+
+    /// The run a checkpoint was taken of. Fails when the data set's training photos are not the same.
+    pub fn resume(dataset: &Dataset, checkpoint: Checkpoint, photo_bytes: u64, backend: B) -> Result<Self> {
+        let views: Vec<&View> = dataset.train().collect();
+        let Checkpoint { state, watch, meta } = checkpoint;
+        if !views.iter().map(|v| v.name.as_str()).eq(meta.photos.iter().map(String::as_str)) {
+            let value = format!("of {} other photos", meta.photos.len());
+            return Err(Error::invalid("--resume", value, "a checkpoint of this data set with this split"));
+        }
+        let space = meta.space();
+        let mut run =
+            Self::assemble(&views, &meta.options, photo_bytes, backend, space, state, watch, meta.step)?;
+        run.dropped = meta.dropped;
+        Ok(run)
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn assemble(
+        views: &[&View],
+        options: &TrainOptions,
+        photo_bytes: u64,
+        mut backend: B,
+        space: Space,
+        state: State,
+        watch: Watch,
+        step: u64,
+    ) -> Result<Self> {
+        if views.is_empty() {
+            return Err(Error::invalid("data set", "0 training photos", "one or more; see --test-every"));
+        }
+        backend.load(state)?;
+        let mut run = Self {
+            options: options.clone(),
+            space,
+            cameras: views.iter().map(|v| space.enter_camera(&v.camera)).collect(),
+            names: views.iter().map(|v| v.name.clone()).collect(),
+            photos: Pyramid::new(views, photo_bytes, options.warmup.min_px),
+            order: Vec::new(),
+            backend,
+            watch,
+            step,
+            dropped: 0,
+            level: Schedule::new(options).level(step),
+            full_px: 1.0,
+            photo: Vec::new(),
+            weight: Vec::new(),
+        };
+        run.plan_epoch();
+        Ok(run)
+    }
+
+    /// Steps made.
+    pub fn steps(&self) -> u64 {
+        self.step
+    }
+
+    /// True when all steps are made.
+    pub fn is_done(&self) -> bool {
+        self.step >= self.options.steps
+    }
+
+    /// The options of the run.
+    pub fn options(&self) -> &TrainOptions {
+        &self.options
+    }
+
+    /// Triangles in the scene.
+    pub fn triangles(&self) -> usize {
+        self.backend.len()
+    }
+
+    /// Gradients dropped so far because they were not finite.
+    pub fn dropped(&self) -> u64 {
+        self.dropped
+    }
+
+    /// Training space.
+    pub fn space(&self) -> Space {
+        self.space
+    }
+
+    /// How to draw the scene as it is: as `options`, with the alpha cap of the last step.
+    pub fn drawing(&self, options: &SoftOptions) -> SoftOptions {
+        let last = self.step.max(1) - 1;
+        SoftOptions { alpha_cap: Schedule::new(&self.options).rates(last).alpha_cap, ..*options }
+    }
+
+    /// Makes one step, and the refinement that follows it.
+    pub fn step(&mut self) -> Result<Stepped> {
+        let count = self.cameras.len() as u64;
+        if self.step.is_multiple_of(count) {
+            self.plan_epoch();
+        }
+        let index = self.order[(self.step % count) as usize];
+        let plan = Schedule::new(&self.options);
+        let level = plan.level(self.step);
+        let pixels = self.photos.take(index, level)?;
+        self.photo.clear();
+        self.photo.extend(pixels.rgb.iter().map(|p| p.map(|c| f32::from(c) * (1.0 / 255.0))));
+        self.weight.clear();
+        self.weight.extend(pixels.alpha.iter().flatten().map(|&a| f32::from(a) * (1.0 / 255.0)));
+
+        let camera = self.cameras[index].resized(pixels.size);
+        if level != self.level {
+            // What was seen so far was seen at another size.
+            self.gather()?;
+            self.level = level;
+        }
+        self.full_px = self.photos.size(index, 0).x as f32 / pixels.size.x as f32;
+        let shot = Shot {
+            camera: &camera,
+            photo: &self.photo,
+            weight: pixels.alpha.is_some().then_some(&self.weight),
+            first: self.watch.meet(index),
+        };
+        let rates = plan.rates(self.step);
+        let stats = self.backend.step(&shot, &rates)?;
+        self.step += 1;
+        self.dropped += stats.dropped;
+        let refined = match Schedule::new(&self.options).refines_after(self.step) {
+            true => Some(self.refine()?),
+            false => None,
+        };
+        Ok(Stepped { stats, refined, width_px: pixels.size.x })
+    }
+
+    fn refine(&mut self) -> Result<Refined> {
+        self.gather()?;
+        let (o, schedule) = (&self.options, Schedule::new(&self.options));
+        let solid = schedule.is_solid(self.step);
+        let plan = refine::Plan {
+            options: &o.refine,
+            max_triangles: usize::try_from(o.max_triangles).unwrap_or(usize::MAX),
+            grow: schedule.grows_after(self.step),
+            prune_weight: if solid { o.solid.prune_weight } else { o.refine.prune_weight } as f32,
+            by_opacity: !schedule.refinement(self.step).is_multiple_of(2),
+            anneal: schedule.anneal(self.step),
+            seed: o.seed,
+            step: self.step,
+        };
+        let mut state = self.backend.store()?;
+        let refined = refine(&mut state, &mut self.watch, &plan);
+        self.backend.load(state)?;
+        Ok(refined)
+    }
+
+    /// Moves what the backend has seen into the watch.
+    fn gather(&mut self) -> Result<()> {
+        let seen = self.backend.sightings()?;
+        let zeros = vec![0; self.watch.len()];
+        for (importance, counts) in [(&seen.first, true), (&seen.again, false)] {
+            if importance.max_weight.len() == self.watch.len() {
+                let sighting = Sighting {
+                    max_weight: &importance.max_weight,
+                    views: if counts { &importance.views } else { &zeros },
+                    radius_px: &importance.max_radius_px,
+                };
+                self.watch.add(&sighting, self.full_px);
+            }
+        }
+        Ok(())
+    }
+
+    /// Shuffles the photos for the epoch that holds the next step.
+    fn plan_epoch(&mut self) {
+        let count = self.cameras.len();
+        let epoch = self.step / count as u64;
+        self.order = order(count, self.options.seed, epoch);
+        let level = Schedule::new(&self.options).level(self.step);
+        let left = &self.order[(self.step % count as u64) as usize..];
+        self.photos.expect(left, level);
+    }
+
+    /// The scene as it is, in the data set's world.
+    pub fn soup(&mut self) -> Result<Soup> {
+        let schedule = Schedule::new(&self.options);
+        let last = self.step.max(1) - 1;
+        let state = self.backend.store()?;
+        let mut soup = state.params.to_soup(&schedule.anneal(last), schedule.sh_degree(last));
+        self.backend.load(state)?;
+        self.space.leave(&mut soup);
+        Ok(soup)
+    }
+
+    /// Everything needed to go on elsewhere.
+    pub fn checkpoint(&mut self, curve: &[Sample], cpu_secs: f64) -> Result<Checkpoint> {
+        self.gather()?;
+        let state = self.backend.store()?;
+        self.backend.load(state.clone())?;
+        let meta = Meta {
+            generator: crate::report::generator(),
+            step: self.step,
+            options: self.options.clone(),
+            space: (self.space.center.to_array(), self.space.scale),
+            photos: self.names.clone(),
+            dropped: self.dropped,
+            curve: curve.to_vec(),
+            cpu_secs,
+        };
+        Ok(Checkpoint { state, watch: self.watch.clone(), meta })
+    }
+}

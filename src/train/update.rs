@@ -1,0 +1,171 @@
+//! One move of all parameters: chain rules, regularisers of single triangles, Adam.
+
+use super::params::{Params, State};
+use super::schedule::Rates;
+use crate::kernel::adam::{Rate, adam};
+use crate::raster::soft::SoupGrad;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Triangles a job moves at a time.
+const CHUNK: usize = 512;
+
+/// Gradients that do not come through pixels (Held et al. 2025, eq. 3: β1 and β4).
+#[derive(Debug, Clone, Copy)]
+pub struct Regularisers {
+    /// ∂(β1 · mean opacity)/∂opacity.
+    d_opacity: f32,
+    /// ∂(β4 / mean area)/∂area.
+    d_area: f32,
+}
+
+impl Regularisers {
+    /// The gradients at these parameters.
+    pub fn new(params: &Params, rates: &Rates) -> Self {
+        let n = params.len().max(1) as f64;
+        let d_area = if rates.beta_size > 0.0 {
+            let total: f64 = params.vertices.iter().map(|v| f64::from(0.5 * cross(v).length())).sum();
+            let mean = (total / n).max(1e-12);
+            -rates.beta_size / (mean * mean * n)
+        } else {
+            0.0
+        };
+        Self { d_opacity: (rates.beta_opacity / n) as f32, d_area: d_area as f32 }
+    }
+}
+
+fn cross(v: &[Vec3; 3]) -> Vec3 {
+    (v[1] - v[0]).cross(v[2] - v[0])
+}
+
+/// ∂area/∂corners, area = |cross| / 2; nothing for a triangle without area.
+fn area_grad(v: &[Vec3; 3], d_area: f32) -> [Vec3; 3] {
+    let normal = cross(v).normalize_or_zero() * (0.5 * d_area);
+    let (d1, d2) = ((v[2] - v[0]).cross(normal), normal.cross(v[1] - v[0]));
+    [-(d1 + d2), d1, d2]
+}
+
+/// Moves `state` along `gradient`. Returns how many triangles had a gradient, and how many of those
+/// gradients were not finite: such a triangle stays where it is for this step.
+pub fn update(state: &mut State, gradient: &SoupGrad, rates: &Rates, regularisers: &Regularisers) -> (u64, u64) {
+    let k = state.params.sh_count();
+    let step = Step {
+        k,
+        used: (usize::from(rates.sh_degree.min(state.params.sh_degree)) + 1).pow(2),
+        rates,
+        regularisers,
+        vertices: Rate::new(rates.vertices, rates.time),
+        opacity: Rate::new(rates.opacity, rates.time),
+        sigma: Rate::new(rates.sigma, rates.time),
+        sh: Rate::new(rates.sh, rates.time),
+        sh_rest: Rate::new(rates.sh_rest, rates.time),
+    };
+    let d = (
+        gradient.vertices.par_chunks(CHUNK),
+        gradient.opacity.par_chunks(CHUNK),
+        gradient.sigma.par_chunks(CHUNK),
+        gradient.sh.par_chunks(CHUNK * k),
+    );
+    let counts: Vec<(u64, u64)> =
+        (chunks(&mut state.params, k), chunks(&mut state.first, k), chunks(&mut state.second, k), d)
+            .into_par_iter()
+            .map(|(x, m, v, d)| step.chunk(x, m, v, Grads { vertices: d.0, opacity: d.1, sigma: d.2, sh: d.3 }))
+            .collect();
+    counts.iter().fold((0, 0), |sum, c| (sum.0 + c.0, sum.1 + c.1))
+}
+
+type Part<'a> = (&'a mut [[Vec3; 3]], &'a mut [f32], &'a mut [f32], &'a mut [[f32; 3]]);
+
+fn chunks(params: &mut Params, k: usize) -> impl IndexedParallelIterator<Item = Part<'_>> {
+    let (a, b) = (params.vertices.par_chunks_mut(CHUNK), params.opacity.par_chunks_mut(CHUNK));
+    (a, b, params.sigma.par_chunks_mut(CHUNK), params.sh.par_chunks_mut(CHUNK * k)).into_par_iter()
+}
+
+/// The gradient of a run of triangles.
+struct Grads<'a> {
+    vertices: &'a [[Vec3; 3]],
+    opacity: &'a [f32],
+    sigma: &'a [f32],
+    sh: &'a [[f32; 3]],
+}
+
+/// One step's constants.
+struct Step<'a> {
+    k: usize,
+    used: usize,
+    rates: &'a Rates,
+    regularisers: &'a Regularisers,
+    vertices: Rate,
+    opacity: Rate,
+    sigma: Rate,
+    sh: Rate,
+    sh_rest: Rate,
+}
+
+impl Step<'_> {
+    fn chunk(&self, x: Part<'_>, m: Part<'_>, v: Part<'_>, d: Grads<'_>) -> (u64, u64) {
+        let (mut touched, mut dropped) = (0, 0);
+        for i in 0..x.0.len() {
+            let sh = i * self.k..i * self.k + self.used;
+            let d_sh = d.sh[sh.clone()].as_flattened();
+            let d_vertices: &[f32; 9] = bytemuck::cast_ref(&d.vertices[i]);
+            let mut sum = d.opacity[i].abs() + d.sigma[i].abs();
+            sum += d_vertices.iter().chain(d_sh).map(|g| g.abs()).sum::<f32>();
+            if !sum.is_finite() {
+                dropped += 1;
+                touched += 1;
+                continue;
+            }
+            if sum == 0.0 && self.rates.sparse {
+                continue;
+            }
+            touched += 1;
+            self.corners(&mut x.0[i], d_vertices, &mut m.0[i], &mut v.0[i]);
+            let anneal = self.rates.anneal;
+            let d_opacity = anneal.opacity_grad(x.1[i], d.opacity[i] + self.regularisers.d_opacity);
+            let d_sigma = anneal.sigma_grad(x.2[i], d.sigma[i]);
+            let one = std::slice::from_mut;
+            adam(self.opacity, one(&mut x.1[i]), &[d_opacity], one(&mut m.1[i]), one(&mut v.1[i]));
+            adam(self.sigma, one(&mut x.2[i]), &[d_sigma], one(&mut m.2[i]), one(&mut v.2[i]));
+            let (x, m, v) = (&mut x.3[sh.clone()], &mut m.3[sh.clone()], &mut v.3[sh]);
+            let (x, m, v) = (x.as_flattened_mut(), m.as_flattened_mut(), v.as_flattened_mut());
+            adam(self.sh, &mut x[..3], &d_sh[..3], &mut m[..3], &mut v[..3]);
+            adam(self.sh_rest, &mut x[3..], &d_sh[3..], &mut m[3..], &mut v[3..]);
+        }
+        (touched, dropped)
+    }
+
+    fn corners(&self, x: &mut [Vec3; 3], d: &[f32; 9], m: &mut [Vec3; 3], v: &mut [Vec3; 3]) {
+        let mut d = *d;
+        if self.regularisers.d_area != 0.0 {
+            let size = area_grad(x, self.regularisers.d_area);
+            let size: &[f32; 9] = bytemuck::cast_ref(&size);
+            d.iter_mut().zip(size).for_each(|(d, s)| *d += s);
+        }
+        let flat = |a| bytemuck::cast_mut::<[Vec3; 3], [f32; 9]>(a).as_mut_slice();
+        adam(self.vertices, flat(x), &d, flat(m), flat(v));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn area_grad_is_the_derivative() {
+        let v = [Vec3::new(0.1, 0.2, 0.3), Vec3::new(1.0, -0.3, 0.2), Vec3::new(0.4, 0.9, -0.5)];
+        let area = |v: &[Vec3; 3]| 0.5 * cross(v).length();
+        let grad = area_grad(&v, 1.0);
+        for corner in 0..3 {
+            for axis in 0..3 {
+                let moved = |h: f32| {
+                    let mut w = v;
+                    w[corner][axis] += h;
+                    area(&w)
+                };
+                let difference = (moved(1e-2) - moved(-1e-2)) / 2e-2;
+                assert!((difference - grad[corner][axis]).abs() < 1e-3, "{difference} {}", grad[corner][axis]);
+            }
+        }
+    }
+}
