@@ -140,8 +140,7 @@ pub fn read(path: &Path) -> Result<Checkpoint> {
         seen: file.array::<u8>("watch.seen")?.iter().map(|b| *b != 0).collect(),
     };
     let n = state.params.len();
-    let lengths =
-        [watch.max_weight.len(), watch.views.len(), watch.radius_px.len(), watch.exempt.len()];
+    let lengths = [watch.max_weight.len(), watch.views.len(), watch.radius_px.len(), watch.exempt.len()];
     if lengths.iter().any(|l| *l != n) || watch.seen.len() != meta.photos.len() {
         return Err(Error::malformed(path, "watch", format!("wants {n} triangles, holds {lengths:?}")));
     }

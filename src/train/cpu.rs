@@ -81,7 +81,12 @@ impl Backend for Cpu {
         self.soft.accumulate_importance(sighting);
         let regularisers = Regularisers::new(&self.state.params, rates);
         let (touched, broken) = update(&mut self.state, &self.d_soup, rates, &regularisers);
-        Ok(StepStats { loss: means.value(rates.dssim), mse: means.mse, touched, dropped: broken + self.d_soup.dropped as u64 })
+        Ok(StepStats {
+            loss: means.value(rates.dssim),
+            mse: means.mse,
+            touched,
+            dropped: broken + self.d_soup.dropped as u64,
+        })
     }
 }
 

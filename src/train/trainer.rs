@@ -67,10 +67,7 @@ impl<B: Backend> Trainer<B> {
         let space = Space::new(&cameras, &positions);
         let seeds: Vec<Seed> = points
             .iter()
-            .map(|p| Seed {
-                position: space.enter(p.position),
-                rgb: p.rgb.map(|c| f32::from(c) / 255.0),
-            })
+            .map(|p| Seed { position: space.enter(p.position), rgb: p.rgb.map(|c| f32::from(c) / 255.0) })
             .collect();
         let mut soup = first_soup(&seeds, &options.init, options.seed);
         let most = usize::try_from(options.max_triangles).unwrap_or(usize::MAX);
@@ -174,8 +171,7 @@ impl<B: Backend> Trainer<B> {
             self.plan_epoch();
         }
         let index = self.order[(self.step % count) as usize];
-        let plan = Schedule::new(&self.options);
-        let level = plan.level(self.step);
+        let level = Schedule::new(&self.options).level(self.step);
         let pixels = self.photos.take(index, level)?;
         self.photo.clear();
         self.photo.extend(pixels.rgb.iter().map(|p| p.map(|c| f32::from(c) * (1.0 / 255.0))));
@@ -195,7 +191,7 @@ impl<B: Backend> Trainer<B> {
             weight: pixels.alpha.is_some().then_some(&self.weight),
             first: self.watch.meet(index),
         };
-        let rates = plan.rates(self.step);
+        let rates = Schedule::new(&self.options).rates(self.step);
         let stats = self.backend.step(&shot, &rates)?;
         self.step += 1;
         self.dropped += stats.dropped;

@@ -47,7 +47,12 @@ fn area_grad(v: &[Vec3; 3], d_area: f32) -> [Vec3; 3] {
 
 /// Moves `state` along `gradient`. Returns how many triangles had a gradient, and how many of those
 /// gradients were not finite: such a triangle stays where it is for this step.
-pub fn update(state: &mut State, gradient: &SoupGrad, rates: &Rates, regularisers: &Regularisers) -> (u64, u64) {
+pub fn update(
+    state: &mut State,
+    gradient: &SoupGrad,
+    rates: &Rates,
+    regularisers: &Regularisers,
+) -> (u64, u64) {
     let k = state.params.sh_count();
     let step = Step {
         k,
@@ -69,7 +74,9 @@ pub fn update(state: &mut State, gradient: &SoupGrad, rates: &Rates, regulariser
     let counts: Vec<(u64, u64)> =
         (chunks(&mut state.params, k), chunks(&mut state.first, k), chunks(&mut state.second, k), d)
             .into_par_iter()
-            .map(|(x, m, v, d)| step.chunk(x, m, v, Grads { vertices: d.0, opacity: d.1, sigma: d.2, sh: d.3 }))
+            .map(|(x, m, v, d)| {
+                step.chunk(x, m, v, Grads { vertices: d.0, opacity: d.1, sigma: d.2, sh: d.3 })
+            })
             .collect();
     counts.iter().fold((0, 0), |sum, c| (sum.0 + c.0, sum.1 + c.1))
 }
@@ -164,7 +171,11 @@ mod tests {
                     area(&w)
                 };
                 let difference = (moved(1e-2) - moved(-1e-2)) / 2e-2;
-                assert!((difference - grad[corner][axis]).abs() < 1e-3, "{difference} {}", grad[corner][axis]);
+                assert!(
+                    (difference - grad[corner][axis]).abs() < 1e-3,
+                    "{difference} {}",
+                    grad[corner][axis]
+                );
             }
         }
     }
