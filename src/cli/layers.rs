@@ -41,6 +41,38 @@ impl Config {
     }
 }
 
+/// `config` with `KEY=VALUE` settings laid over it; keys are those of `base`, groups joined by dots.
+/// A key that does not exist is an error that lists the right ones.
+pub fn with_sets<T: Serialize>(base: &T, config: Option<Config>, sets: &[String]) -> Result<Option<Config>> {
+    if sets.is_empty() {
+        return Ok(config);
+    }
+    let known = serde_json::to_value(base).map_err(unrepresentable)?;
+    let mut value = config.map_or_else(|| Value::Object(Default::default()), |c| c.value);
+    for set in sets {
+        let Some((key, text)) = set.split_once('=') else {
+            return Err(Error::invalid("--set", set, "KEY=VALUE, as in refine.every=500"));
+        };
+        let mut level = &known;
+        for part in key.split('.') {
+            level = level.get(part).ok_or_else(|| Error::invalid("--set", key, names(level)))?;
+        }
+        if level.is_object() {
+            return Err(Error::invalid("--set", key, names(level)));
+        }
+        let new = serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.to_owned()));
+        let nested = key.rsplit('.').fold(new, |inner, part| serde_json::json!({ part: inner }));
+        overlay(&mut value, &nested);
+    }
+    Ok(Some(Config { value }))
+}
+
+/// "one of a, b, c": the keys of a group.
+fn names(group: &Value) -> String {
+    let keys: Vec<&str> = group.as_object().into_iter().flatten().map(|(key, _)| key.as_str()).collect();
+    format!("one of {}", keys.join(", "))
+}
+
 /// Lays `config`, then the flags of `typed` that were really typed, over `base`.
 /// Flags are matched by the name of their field, which is unique over all option groups.
 pub fn layer<T: Serialize + DeserializeOwned>(

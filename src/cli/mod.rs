@@ -11,6 +11,8 @@ pub mod layers;
 pub mod progress;
 pub mod sample;
 pub mod schema;
+pub mod train;
+pub mod train_progress;
 
 use crate::error::Result;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -50,6 +52,8 @@ pub enum Command {
     Bake(Box<bake::BakeArgs>),
     /// Make a soup from nothing, to try things on.
     Sample(sample::SampleArgs),
+    /// Turn posed photos into a soup of triangles.
+    Train(Box<train::TrainArgs>),
     /// Measure what commands cost.
     Bench(bench::BenchArgs),
     /// Print a JSON Schema.
@@ -80,6 +84,7 @@ fn run(cli: &Cli, matches: &ArgMatches) -> Result<()> {
     let typed = matches.subcommand().map_or(matches, |(_, typed)| typed);
     match &cli.command {
         Command::Bake(args) => bake::run(args, typed, &cli.global),
+        Command::Train(args) => train::run(args, typed, &cli.global),
         Command::Bench(args) => bench::run(args, &cli.global),
         Command::Sample(args) => sample::run(args),
         Command::Schema(args) => schema::run(args),

@@ -1,0 +1,241 @@
+//! `trisplat train DATASET -o scene.ply`.
+
+use super::Global;
+use super::layers::{self, Config};
+use super::train_progress::Bar;
+use crate::asset::{Placement, Provenance, UpAxis};
+use crate::dataset::{Dataset, DatasetOptions};
+use crate::error::{Error, Result};
+use crate::formats::atomic::AtomicFile;
+use crate::formats::ply;
+use crate::raster::soft::SoftOptions;
+use crate::report::generator;
+use crate::train::cpu::Cpu;
+use crate::train::options::{Preset, TrainOptions};
+use crate::train::{RunOptions, Trained, Trainer, checkpoint, clock, curve, run as run_training};
+use clap::ArgMatches;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Files, what to leave behind, and the options of the training.
+#[derive(Debug, clap::Args)]
+pub struct TrainArgs {
+    /// Folder of posed photos (COLMAP model or transforms.json).
+    #[arg(value_name = "DATASET")]
+    pub dataset: PathBuf,
+    /// Soup to write, .ply.
+    #[arg(short, long, value_name = "OUT")]
+    pub output: PathBuf,
+    /// Replace OUT if it is there.
+    #[arg(short, long)]
+    pub force: bool,
+    /// JSON file with training options; --set and flags win over it.
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Set any training option by its key, as in refine.every=500; may be given often.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub sets: Vec<String>,
+    /// Go on from a checkpoint, with the options it was made with.
+    #[arg(long, value_name = "FILE")]
+    pub resume: Option<PathBuf>,
+    /// Where checkpoints go; OUT with the ending .checkpoint unless given.
+    #[arg(long, value_name = "FILE")]
+    pub checkpoint: Option<PathBuf>,
+    /// Write a checkpoint every N steps; 0: only when stopped with Ctrl-C.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub checkpoint_every: u64,
+    /// Write one JSON line per sample of the curve; "-" is standard output.
+    #[arg(long, value_name = "FILE")]
+    pub log: Option<PathBuf>,
+    /// Steps between samples; 0: a hundred samples a run.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub log_every: u64,
+    /// Judge on the held-out photos every N steps, outside the clock; 0: only at the end.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub judge_every: u64,
+    /// Folder for report.json and curve.svg.
+    #[arg(long, value_name = "FOLDER")]
+    pub report: Option<PathBuf>,
+    /// Folder for pictures of the first held-out photo while training.
+    #[arg(long, value_name = "FOLDER")]
+    pub preview: Option<PathBuf>,
+    /// Seconds between preview pictures.
+    #[arg(long, value_name = "SECS", default_value_t = 10.0)]
+    pub preview_every: f64,
+    /// Stop as Ctrl-C does after this many CPU seconds; 0: never.
+    #[arg(long, value_name = "SECS", default_value_t = 0.0)]
+    pub max_cpu_secs: f64,
+    /// The photos.
+    #[command(flatten)]
+    pub dataset_options: DatasetOptions,
+    /// The training.
+    #[command(flatten)]
+    pub options: TrainOptions,
+}
+
+/// Trains; `matches` tells which flags were typed.
+pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<()> {
+    guard(args)?;
+    let dataset = Dataset::load(&args.dataset, &args.dataset_options)?;
+    let drawing =
+        SoftOptions { background: args.dataset_options.background.to_f32(), ..SoftOptions::default() };
+    let photo_bytes = u64::from(args.dataset_options.photo_memory_mib) << 20;
+    let backend = Cpu::new(drawing);
+    let (trainer, curve, cpu_before) = match &args.resume {
+        Some(path) => {
+            let point = checkpoint::read(path)?;
+            refuse_changes(matches, args)?;
+            let (curve, cpu) = (point.meta.curve.clone(), point.meta.cpu_secs);
+            (Trainer::resume(&dataset, point, photo_bytes, backend)?, curve, cpu)
+        }
+        None => {
+            let options = resolve(args, matches)?;
+            (Trainer::start(&dataset, &options, photo_bytes, backend)?, Vec::new(), 0.0)
+        }
+    };
+    let options = trainer.options().clone();
+    let plan = plan(args);
+    let mut bar = Bar::new(global, options.steps, trainer.steps(), args.log.as_deref())?;
+    for warning in &dataset.warnings {
+        bar.line(&format!("warning: {warning}"));
+    }
+    let trained = run_training(trainer, &dataset, &drawing, &plan, curve, cpu_before, &mut bar)?;
+    bar.done()?;
+    write_soup(args, &dataset, &trained)?;
+    if let Some(folder) = &args.report {
+        write_report(folder, args, &options, &trained)?;
+    }
+    summary(args, &plan, &trained, &bar);
+    Ok(())
+}
+
+/// What the run leaves behind.
+fn plan(args: &TrainArgs) -> RunOptions {
+    let checkpoint = args.checkpoint.clone().unwrap_or_else(|| args.output.with_extension("checkpoint"));
+    let pause = Duration::from_secs_f64(args.preview_every.clamp(0.0, 1e6));
+    RunOptions {
+        checkpoint: Some(checkpoint),
+        checkpoint_every: args.checkpoint_every,
+        sample_every: args.log_every,
+        test_every_steps: args.judge_every,
+        preview: args.preview.clone().map(|folder| (folder, pause)),
+        max_cpu_secs: args.max_cpu_secs,
+    }
+}
+
+/// Preset, then config file, then `--set`, then the flags really typed.
+fn resolve(args: &TrainArgs, matches: &ArgMatches) -> Result<TrainOptions> {
+    let config = args.config.as_deref().map(Config::read::<TrainOptions>).transpose()?;
+    let preset = if layers::is_typed(matches, "preset") {
+        args.options.preset
+    } else {
+        config.as_ref().and_then(|c| c.field::<Preset>("preset")).unwrap_or_default()
+    };
+    let preset = TrainOptions::preset(preset);
+    let config = layers::with_sets(&preset, config, &args.sets)?;
+    let options = layers::layer(&preset, config.as_ref(), &args.options, matches)?;
+    options.validate()?;
+    Ok(options)
+}
+
+/// A resumed run has the options it began with: anything else would not be the same run.
+fn refuse_changes(matches: &ArgMatches, args: &TrainArgs) -> Result<()> {
+    let flags = ["preset", "steps", "max_triangles", "sh_degree", "seed"];
+    let typed = flags.into_iter().find(|f| layers::is_typed(matches, f));
+    let other = (args.config.is_some() || !args.sets.is_empty()).then_some("config");
+    match typed.or(other) {
+        Some(flag) => {
+            let flag = format!("--{}", flag.replace('_', "-"));
+            Err(Error::invalid(flag, "given with --resume", "the options of the checkpoint, or a new run"))
+        }
+        None => Ok(()),
+    }
+}
+
+/// Refuses what would fail only after the training.
+fn guard(args: &TrainArgs) -> Result<()> {
+    let out = &args.output;
+    if out.extension().is_none_or(|e| !e.eq_ignore_ascii_case("ply")) {
+        return Err(Error::invalid(
+            "--output",
+            out.display(),
+            "a name that ends with .ply; bake turns it into .glb",
+        ));
+    }
+    if out.exists() && !args.force {
+        return Err(Error::invalid("--output", out.display(), "a new file, or --force to replace it"));
+    }
+    let folder = out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if !folder.is_dir() {
+        return Err(Error::invalid("--output", out.display(), "a file in a folder that exists"));
+    }
+    Ok(())
+}
+
+fn write_soup(args: &TrainArgs, dataset: &Dataset, trained: &Trained) -> Result<()> {
+    let source = args.dataset.file_name().map(|n| n.to_string_lossy().into_owned());
+    let provenance = Provenance {
+        generator: Some(generator()),
+        source,
+        trainer: Some(generator()),
+        up: Some(up(dataset)),
+        placement: Placement { center: dataset.origin.to_array(), ..Placement::IDENTITY },
+    };
+    let io = |e| Error::io(&args.output, e);
+    let mut file = AtomicFile::create(&args.output)?;
+    ply::write_soup(&mut file, &trained.soup, &provenance).map_err(io)?;
+    file.commit().map(drop)
+}
+
+/// The axis that usually points up in this kind of data set.
+fn up(dataset: &Dataset) -> UpAxis {
+    if dataset.kind.contains("COLMAP") { UpAxis::NegY } else { UpAxis::Z }
+}
+
+fn write_report(folder: &Path, args: &TrainArgs, options: &TrainOptions, trained: &Trained) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    curve::write(&folder.join("curve.svg"), &trained.curve)?;
+    let report = serde_json::json!({
+        "generator": generator(),
+        "command": "train",
+        "dataset": args.dataset.display().to_string(),
+        "output": args.output.display().to_string(),
+        "options": options,
+        "steps": trained.steps,
+        "triangles": trained.soup.len(),
+        "cpu_secs": trained.cpu_secs,
+        "peak_bytes": clock::peak_bytes(),
+        "dropped_gradients": trained.dropped,
+        "held_out": trained.scores,
+        "curve": trained.curve,
+    });
+    let path = folder.join("report.json");
+    let mut file = AtomicFile::create(&path)?;
+    serde_json::to_writer_pretty(&mut file, &report).map_err(|e| Error::io(&path, e.into()))?;
+    file.write_all(b"\n").map_err(|e| Error::io(&path, e))?;
+    file.commit().map(drop)
+}
+
+fn summary(args: &TrainArgs, plan: &RunOptions, trained: &Trained, bar: &Bar) {
+    let out = args.output.display();
+    let triangles = super::progress::thousands(trained.soup.len() as u64);
+    let held_out = match crate::train::eval::mean(&trained.scores) {
+        Some((psnr, ssim)) => format!(", held out {psnr:.2} dB / {ssim:.4}"),
+        None => String::new(),
+    };
+    bar.line(&format!(
+        "wrote {out}: {triangles} triangles, {} steps, {:.1} CPU s{held_out}",
+        trained.steps, trained.cpu_secs
+    ));
+    if trained.dropped > 0 {
+        bar.line(&format!("warning: {} gradients were not finite and were dropped", trained.dropped));
+    }
+    if let (true, Some(path)) = (trained.stopped, &plan.checkpoint) {
+        let dataset = args.dataset.display();
+        let path = path.display();
+        bar.line(&format!(
+            "stopped early; to go on: trisplat train {dataset} -o {out} --force --resume {path}"
+        ));
+    }
+}

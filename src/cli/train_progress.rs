@@ -1,0 +1,115 @@
+//! What the terminal shows while a run trains: a bar on a TTY, the log, and Ctrl-C.
+
+use super::Global;
+use super::progress::thousands;
+use crate::error::{Error, Result};
+use crate::train::progress::{Sample, Watcher};
+use crate::train::refine::Refined;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::fs::File;
+use std::io::{BufWriter, IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Shows PSNR, triangles and time left; writes the log; hears Ctrl-C.
+pub struct Bar {
+    quiet: bool,
+    verbose: bool,
+    bar: Option<ProgressBar>,
+    log: Option<(PathBuf, Box<dyn Write>)>,
+    log_error: Option<Error>,
+    stop: Arc<AtomicBool>,
+    psnr: Option<f64>,
+}
+
+impl Bar {
+    /// A bar over `steps`, of which `done` are made already.
+    pub fn new(global: &Global, steps: u64, done: u64, log: Option<&Path>) -> Result<Self> {
+        let bar = (!global.quiet && std::io::stderr().is_terminal()).then(|| {
+            let bar = ProgressBar::new(steps).with_position(done);
+            let template = "{bar:30} {pos}/{len}  {msg}  {eta} left";
+            if let Ok(style) = ProgressStyle::with_template(template) {
+                bar.set_style(style);
+            }
+            bar
+        });
+        let log = log.map(open_log).transpose()?;
+        let stop = Arc::new(AtomicBool::new(false));
+        let heard = Arc::clone(&stop);
+        // The second Ctrl-C does not wait for the checkpoint. Without a handler Ctrl-C just ends the run.
+        let _ = ctrlc::set_handler(move || {
+            if heard.swap(true, Ordering::Relaxed) {
+                std::process::exit(130);
+            }
+        });
+        Ok(Self { quiet: global.quiet, verbose: global.verbose, bar, log, log_error: None, stop, psnr: None })
+    }
+
+    /// Prints a line above the bar; nothing when quiet.
+    pub fn line(&self, text: &str) {
+        match &self.bar {
+            _ if self.quiet => {}
+            Some(bar) => bar.suspend(|| eprintln!("{text}")),
+            None => eprintln!("{text}"),
+        }
+    }
+
+    /// Takes the bar away; fails when the log could not be written.
+    pub fn done(&mut self) -> Result<()> {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+        if let Some((path, log)) = &mut self.log {
+            log.flush().map_err(|e| Error::io(path, e))?;
+        }
+        self.log_error.take().map_or(Ok(()), Err)
+    }
+}
+
+fn open_log(path: &Path) -> Result<(PathBuf, Box<dyn Write>)> {
+    let out: Box<dyn Write> = match path.as_os_str() == "-" {
+        true => Box::new(std::io::stdout()),
+        false => Box::new(BufWriter::new(File::create(path).map_err(|e| Error::io(path, e))?)),
+    };
+    Ok((path.to_owned(), out))
+}
+
+impl Watcher for Bar {
+    fn stepped(&mut self, sample: &Sample) {
+        if let Some(bar) = &self.bar {
+            bar.set_position(sample.step);
+            let triangles = thousands(sample.triangles);
+            let held_out = self.psnr.map_or(String::new(), |p| format!(" ({p:.2} held out)"));
+            bar.set_message(format!("{:.2} dB{held_out}  {triangles} triangles", sample.psnr));
+        }
+    }
+
+    fn sampled(&mut self, sample: &Sample) {
+        self.psnr = sample.test_psnr.or(self.psnr);
+        if let Some((path, log)) = &mut self.log {
+            let line = serde_json::to_string(sample).unwrap_or_default();
+            if let Err(e) = writeln!(log, "{line}").and_then(|()| log.flush()) {
+                self.log_error.get_or_insert(Error::io(&*path, e));
+            }
+        }
+    }
+
+    fn refined(&mut self, step: u64, r: &Refined) {
+        if self.verbose {
+            self.line(&format!(
+                "step {step}: {} triangles; +{} cloned, +{} split, -{} faint, -{} unimportant, -{} unseen",
+                thousands(r.triangles as u64),
+                r.cloned,
+                3 * r.split,
+                r.faint,
+                r.unimportant,
+                r.unseen
+            ));
+        }
+    }
+
+    fn wants_to_stop(&mut self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}
