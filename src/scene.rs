@@ -1,6 +1,7 @@
 //! What a file holds before the bake: a soup or a mesh, and where it came from.
 
 use crate::asset::Provenance;
+use crate::error::Result;
 use crate::mesh::Mesh;
 use crate::soup::Soup;
 
@@ -19,6 +20,14 @@ impl Scene {
         match self {
             Scene::Soup(soup) => soup.len(),
             Scene::Mesh(mesh) => mesh.face_count(),
+        }
+    }
+
+    /// Checks what it holds: see [`Soup::validate`] and [`Mesh::validate`].
+    pub fn validate(&self) -> Result<()> {
+        match self {
+            Scene::Soup(soup) => soup.validate(),
+            Scene::Mesh(mesh) => mesh.validate(),
         }
     }
 }

@@ -1,0 +1,10 @@
+//! Any bytes: a hierarchy or one error, never a panic.
+#![no_main]
+
+mod source;
+
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|bytes: &[u8]| {
+    let _ = trisplat::formats::bvh::read(source::source(bytes, "fuzz.bvh"));
+});

@@ -1,0 +1,15 @@
+//! Any bytes: a scene or one error, never a panic.
+#![no_main]
+
+mod source;
+
+use libfuzzer_sys::fuzz_target;
+use trisplat::formats::{self, ReadOptions};
+
+fuzz_target!(|bytes: &[u8]| {
+    for sh_degree in [0, 3] {
+        if let Ok(loaded) = formats::gltf_read::read(source::source(bytes, "fuzz.gltf"), &ReadOptions { sh_degree }) {
+            loaded.scene.validate().unwrap();
+        }
+    }
+});

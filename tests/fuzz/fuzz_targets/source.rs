@@ -1,0 +1,12 @@
+//! Fuzzed bytes as the file a reader is given.
+
+use std::io::{Seek, SeekFrom, Write};
+use trisplat::formats::Source;
+
+/// `bytes` in a nameless temporary file, at byte 0.
+pub fn source(bytes: &[u8], name: &str) -> Source {
+    let mut file = tempfile::tempfile().unwrap();
+    file.write_all(bytes).unwrap();
+    file.seek(SeekFrom::Start(0)).unwrap();
+    Source { path: name.into(), file, len: bytes.len() as u64 }
+}
