@@ -11,6 +11,7 @@ exec </dev/null
 VALIDATOR=2.0.0-dev.3.10
 TRIMESH=5.2.0
 OPEN3D=0.20.0
+JSONSCHEMA=4.26.0
 judges=target/judges
 python=$judges/venv/bin/python
 
@@ -58,11 +59,11 @@ if ! grep -qs "\"version\": \"$VALIDATOR\"" "$judges/node_modules/gltf-validator
 fi
 echo "gltf-validator $VALIDATOR"
 
-section 'trimesh and Open3D'
+section 'trimesh, Open3D and jsonschema'
 # Open3D has a build without CUDA for x86-64 Linux only.
 open3d=open3d
 if [ "$(uname -sm)" = 'Linux x86_64' ]; then open3d=open3d-cpu; fi
-wanted="trimesh==$TRIMESH $open3d==$OPEN3D"
+wanted="trimesh==$TRIMESH $open3d==$OPEN3D jsonschema==$JSONSCHEMA"
 if [ "$(cat "$judges/venv/wanted" 2>/dev/null)" != "$wanted" ]; then
     rm -rf "$judges/venv"
     # Debian's Python comes without ensurepip until python3-venv is there.
