@@ -7,12 +7,14 @@
 pub mod bake;
 pub mod bench;
 pub mod completions;
+pub mod info;
 pub mod layers;
 pub mod progress;
 pub mod sample;
 pub mod schema;
 pub mod train;
 pub mod train_progress;
+pub mod validate;
 
 use crate::error::Result;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};

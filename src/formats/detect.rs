@@ -110,7 +110,13 @@ pub fn detect(source: &mut Source) -> Result<Format> {
 /// What the format's reader reports, or that no reader knows the file.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded> {
     let mut source = Source::open(path)?;
-    match detect(&mut source)? {
+    let format = detect(&mut source)?;
+    read_as(format, source, options)
+}
+
+/// The scene in an open file of that format.
+pub(super) fn read_as(format: Format, source: Source, options: &ReadOptions) -> Result<Loaded> {
+    match format {
         Format::Ply => ply::read(source, options),
         Format::Pt => pt::read(source, options),
         Format::Off => off::read(source, options),

@@ -2,10 +2,12 @@
 
 pub mod atomic;
 pub mod bvh;
+pub mod check;
 pub mod detect;
 mod finish;
 pub mod gltf;
 pub mod gltf_read;
+pub mod info;
 pub mod obj;
 pub mod off;
 pub mod output;
@@ -54,6 +56,13 @@ impl Source {
             ));
         }
         Ok(Self { path: path.to_owned(), file, len: meta.len() })
+    }
+
+    /// The same open file once more, at byte 0. The two share their place in it: use one at a time.
+    pub fn again(&mut self) -> Result<Self> {
+        let io = |e| Error::io(&self.path, e);
+        self.file.seek(SeekFrom::Start(0)).map_err(io)?;
+        Ok(Self { path: self.path.clone(), file: self.file.try_clone().map_err(io)?, len: self.len })
     }
 
     /// The first bytes, at most 64; the handle is back at byte 0 afterwards.

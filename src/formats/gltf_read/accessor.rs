@@ -36,7 +36,8 @@ impl Component {
         })
     }
 
-    fn bytes(self) -> u64 {
+    /// Size of one.
+    pub(crate) fn bytes(self) -> u64 {
         match self {
             Self::I8 | Self::U8 => 1,
             Self::I16 | Self::U16 => 2,
@@ -68,8 +69,9 @@ pub(crate) struct Layout {
     pub(crate) count: u64,
     view: Option<usize>,
     /// First byte within the view.
-    offset: u64,
-    stride: u64,
+    pub(crate) offset: u64,
+    /// Bytes from one element to the next.
+    pub(crate) stride: u64,
 }
 
 impl Layout {
@@ -113,7 +115,8 @@ impl<'a> Accessors<'a> {
         })
     }
 
-    fn view(&self, index: usize) -> Result<&'a View> {
+    /// The view of that number.
+    pub(crate) fn view(&self, index: usize) -> Result<&'a View> {
         self.document.buffer_views.get(index).ok_or_else(|| {
             let has = self.document.buffer_views.len();
             self.malformed(format!("bufferView {index}"), format!("is not there: the file has {has}"))
@@ -225,20 +228,40 @@ impl<'a> Accessors<'a> {
         &mut self,
         index: usize,
         fill: f64,
-        mut each: impl FnMut(usize, [f64; N]),
+        each: impl FnMut(usize, [f64; N]),
     ) -> Result<()> {
         let layout = self.layout(index)?;
+        self.visit(index, &layout, fill, each)
+    }
+
+    /// As [`Self::for_each`], with normalised integers as they are stored.
+    pub(crate) fn for_each_stored<const N: usize>(
+        &mut self,
+        index: usize,
+        each: impl FnMut(usize, [f64; N]),
+    ) -> Result<()> {
+        let layout = Layout { normalized: false, ..self.layout(index)? };
+        self.visit(index, &layout, 0.0, each)
+    }
+
+    fn visit<const N: usize>(
+        &mut self,
+        index: usize,
+        layout: &Layout,
+        fill: f64,
+        mut each: impl FnMut(usize, [f64; N]),
+    ) -> Result<()> {
         if layout.view.is_some() {
             let mut at = 0;
-            self.for_each_block(&layout, |block, stride| {
-                at = decode(&layout, block, stride, at, fill, &mut each);
+            self.for_each_block(layout, |block, stride| {
+                at = decode(layout, block, stride, at, fill, &mut each);
             })?;
         } else {
             let mut zero = [0.0; N];
             zero[(layout.width as usize).min(N)..].fill(fill);
             (0..layout.count as usize).for_each(|i| each(i, zero));
         }
-        self.for_each_sparse(index, &layout, fill, each)
+        self.for_each_sparse(index, layout, fill, each)
     }
 
     /// Fills `bytes` with all elements of an accessor when they lie without gaps and uncompressed, and

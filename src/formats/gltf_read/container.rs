@@ -11,7 +11,7 @@ const MAX_JSON_BYTES: u64 = 1 << 30;
 const GLB_HEADER_BYTES: u64 = 12;
 const CHUNK_HEADER_BYTES: u64 = 8;
 const JSON_CHUNK: u32 = u32::from_le_bytes(*b"JSON");
-const BIN_CHUNK: u32 = u32::from_le_bytes(*b"BIN\0");
+pub(crate) const BIN_CHUNK: u32 = u32::from_le_bytes(*b"BIN\0");
 
 /// Where the parts of a glTF file lie.
 #[derive(Debug)]

@@ -1,0 +1,159 @@
+//! `trisplat info FILE`: what is in a file of any format.
+
+use crate::bake::prune::{PruneOptions, prune};
+use crate::error::{Error, Result};
+use crate::formats::info::{BakeInfo, Bin, Distribution, Info, Kind, info};
+use crate::report::Outcome;
+use crate::scene::Loaded;
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+/// What to look at.
+#[derive(Debug, clap::Args)]
+pub struct InfoArgs {
+    /// Soup or mesh to describe: .ply, .pt, .off, .obj, .glb or .gltf; "-" is standard input.
+    #[arg(value_name = "FILE")]
+    pub input: PathBuf,
+    /// Print JSON (`trisplat schema info` describes it).
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Describes the file on `out`.
+pub fn run(args: &InfoArgs, out: &mut dyn Write) -> Result<()> {
+    let (mut info, loaded) = info(&args.input)?;
+    info.bake = would_bake(loaded);
+    let printed = if args.json { print_json(&info, out) } else { print(&info, out) };
+    printed.map_err(|e| Error::io("-", e))
+}
+
+/// What the default bake would keep; none when its first stage fails.
+fn would_bake(loaded: Loaded) -> Option<BakeInfo> {
+    let mut scene = loaded.scene;
+    let mut dropped = serde_json::Map::new();
+    match prune(&mut scene, &PruneOptions::DEFAULT, &mut dropped) {
+        Ok(Outcome::Changed(()) | Outcome::Unneeded(_)) => {
+            dropped.retain(|_, count| count.as_u64() != Some(0));
+            Some(BakeInfo { kept: scene.triangle_count() as u64, dropped })
+        }
+        Err(_) => None,
+    }
+}
+
+fn print_json(info: &Info, out: &mut dyn Write) -> io::Result<()> {
+    serde_json::to_writer_pretty(&mut *out, info)?;
+    writeln!(out)
+}
+
+fn print(info: &Info, out: &mut dyn Write) -> io::Result<()> {
+    writeln!(out, "{}: {}, {} bytes", info.path, info.format.name(), grouped(info.bytes))?;
+    let kind = match (info.kind, info.sh_degree) {
+        (Kind::Soup, Some(degree)) => format!("soup, spherical harmonics of degree {degree}"),
+        (Kind::Soup, None) => "soup".to_owned(),
+        (Kind::Mesh, _) if info.indexed => "mesh with shared vertices".to_owned(),
+        (Kind::Mesh, _) => "mesh".to_owned(),
+    };
+    line(out, "kind", &kind)?;
+    line(out, "triangles", &grouped(info.triangles))?;
+    line(out, "vertices", &grouped(info.vertices))?;
+    let [min, max] = [info.bounds.min, info.bounds.max].map(|p| p.map(|x| format!("{x:.4}")).join(" "));
+    line(out, "bounds", &format!("{min}  to  {max}"))?;
+    print_origin(info, out)?;
+    let hex = |c: [f32; 3]| c.map(|x| format!("{:02x}", (x.clamp(0.0, 1.0) * 255.0).round() as u8)).concat();
+    let colors = &info.colors;
+    let outside = match colors.outside {
+        0 => String::new(),
+        n => format!("; {} outside 0 to 1", grouped(n)),
+    };
+    let colors = format!("mean #{}, #{} to #{}{outside}", hex(colors.mean), hex(colors.min), hex(colors.max));
+    line(out, "colors", &colors)?;
+    for (name, spread) in [("opacity", &info.opacity), ("sigma", &info.sigma)] {
+        if let Some(spread) = spread {
+            print_spread(out, name, spread)?;
+        }
+    }
+    line(out, "bake", &bake_line(info))?;
+    info.warnings.iter().try_for_each(|warning| line(out, "warning", warning))
+}
+
+/// Provenance, and what a glTF document says.
+fn print_origin(info: &Info, out: &mut dyn Write) -> io::Result<()> {
+    let origin = &info.provenance;
+    let up = origin.up.and_then(|up| serde_json::to_value(up).ok());
+    let up = up.as_ref().and_then(|up| up.as_str()).unwrap_or("the file does not say");
+    line(out, "up axis", up)?;
+    for (name, value) in
+        [("generator", &origin.generator), ("trainer", &origin.trainer), ("source", &origin.source)]
+    {
+        if let Some(value) = value {
+            line(out, name, value)?;
+        }
+    }
+    let placement = &origin.placement;
+    if *placement != crate::asset::Placement::IDENTITY {
+        let [x, y, z] = placement.center;
+        let up = serde_json::to_string(&placement.up).unwrap_or_default();
+        line(
+            out,
+            "placed",
+            &format!("up {}, scale {}, center {x} {y} {z}", up.trim_matches('"'), placement.scale),
+        )?;
+    }
+    if let Some(gltf) = &info.gltf {
+        let counts = format!(
+            "{} nodes, {} meshes, {} primitives, {} materials",
+            gltf.nodes, gltf.meshes, gltf.primitives, gltf.materials
+        );
+        line(out, "glTF", &counts)?;
+        for (name, list) in [("uses", &gltf.extensions_used), ("requires", &gltf.extensions_required)] {
+            if !list.is_empty() {
+                line(out, name, &list.join(" "))?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn bake_line(info: &Info) -> String {
+    let Some(bake) = &info.bake else { return "would fail: nothing would be left to draw".to_owned() };
+    let dropped = info.triangles - bake.kept;
+    if dropped == 0 {
+        return "would keep every triangle".to_owned();
+    }
+    let causes: Vec<String> = bake.dropped.iter().map(|(cause, count)| format!("{cause} {count}")).collect();
+    let share = 100.0 * dropped as f64 / info.triangles.max(1) as f64;
+    format!("would drop {} triangles ({share:.1}%: {})", grouped(dropped), causes.join(", "))
+}
+
+/// A histogram of text bars; the longest is 40 characters.
+fn print_spread(out: &mut dyn Write, name: &str, spread: &Distribution) -> io::Result<()> {
+    let Distribution { min, median, mean, max, bins } = spread;
+    line(out, name, &format!("{min:.4} to {max:.4}, mean {mean:.4}, median {median:.4}"))?;
+    let most = bins.iter().map(|bin| bin.count).max().unwrap_or(0).max(1);
+    for Bin { low, high, count } in bins {
+        let range = match high {
+            Some(high) => format!("{low} to {high}"),
+            None => format!("{low} and more"),
+        };
+        let bar = "#".repeat((40 * count).div_ceil(most) as usize);
+        writeln!(out, "  {range:>14}  {:>11}  {bar}", grouped(*count))?;
+    }
+    Ok(())
+}
+
+fn line(out: &mut dyn Write, name: &str, value: &str) -> io::Result<()> {
+    writeln!(out, "{name:<10} {value}")
+}
+
+/// 1234567 as "1,234,567".
+fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::with_capacity(digits.len() + digits.len() / 3);
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i) % 3 == 0 {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}

@@ -1,0 +1,53 @@
+//! `trisplat validate FILE`: what is wrong with a file, with its place.
+
+use crate::error::{Error, Result};
+use crate::formats::check::{Checked, Severity, check};
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+/// What to look at.
+#[derive(Debug, clap::Args)]
+pub struct ValidateArgs {
+    /// File to check: .ply, .pt, .off, .obj, .glb or .gltf, and the .bvh beside it; "-" is standard input.
+    #[arg(value_name = "FILE")]
+    pub input: PathBuf,
+    /// Print JSON (`trisplat schema validation` describes it).
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Lists every finding on `out`; an error when any of them is one.
+pub fn run(args: &ValidateArgs, out: &mut dyn Write) -> Result<()> {
+    let checked = check(&args.input)?;
+    let printed = if args.json { print_json(&checked, out) } else { print(&checked, out) };
+    printed.map_err(|e| Error::io("-", e))?;
+    match checked.count(Severity::Error) {
+        0 => Ok(()),
+        n => Err(Error::malformed(&args.input, "validation", format!("{n} errors, listed above"))),
+    }
+}
+
+fn print_json(checked: &Checked, out: &mut dyn Write) -> io::Result<()> {
+    serde_json::to_writer_pretty(&mut *out, checked)?;
+    writeln!(out)
+}
+
+fn print(checked: &Checked, out: &mut dyn Write) -> io::Result<()> {
+    for finding in &checked.findings {
+        let severity = match finding.severity {
+            Severity::Note => "note",
+            Severity::Warning => "warning",
+            Severity::Error => "error",
+        };
+        writeln!(out, "{severity:<8} {}: {}", finding.place, finding.what)?;
+    }
+    let triangles = checked.triangles.map_or(String::new(), |n| format!(", {n} triangles"));
+    let [errors, warnings, notes] =
+        [Severity::Error, Severity::Warning, Severity::Note].map(|severity| checked.count(severity));
+    writeln!(
+        out,
+        "{}: {}{triangles}: {errors} errors, {warnings} warnings, {notes} notes",
+        checked.path,
+        checked.format.name()
+    )
+}

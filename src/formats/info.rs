@@ -1,0 +1,306 @@
+//! What is in a file: counts, bounds, distributions, origin.
+
+use super::detect::{detect, read_as};
+use super::gltf_read::container::Container;
+use super::gltf_read::document::{self, Document};
+use super::{Format, ReadOptions, Source};
+use crate::asset::Provenance;
+use crate::error::Result;
+use crate::math::color::srgb_from_linear;
+use crate::mesh::{Colors, Mesh};
+use crate::scene::{Loaded, Scene};
+use crate::soup::Soup;
+use glam::Vec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Upper ends of the bins of σ; a window of σ < 0.1 looks solid, one of σ > 10 hardly shows.
+const SIGMA_BINS: [f32; 10] = [0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, f32::MAX];
+/// Upper ends of the bins of opacity.
+const OPACITY_BINS: [f32; 10] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0];
+
+/// What a file holds.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(title = "trisplat info")]
+pub struct Info {
+    /// The file as given.
+    pub path: String,
+    /// Its format.
+    pub format: Format,
+    /// Its size in bytes.
+    pub bytes: u64,
+    /// A soup of soft triangles or a mesh of solid ones.
+    pub kind: Kind,
+    /// Number of triangles.
+    pub triangles: u64,
+    /// Number of vertices; three a triangle when they are not shared.
+    pub vertices: u64,
+    /// True when triangles share vertices.
+    pub indexed: bool,
+    /// Degree of the spherical harmonics of a soup.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sh_degree: Option<u8>,
+    /// The box around all triangles.
+    pub bounds: Bounds,
+    /// σ of a soup.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sigma: Option<Distribution>,
+    /// Opacity of a soup, or of a mesh that is not opaque.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub opacity: Option<Distribution>,
+    /// Colours, sRGB-encoded.
+    pub colors: ColorStats,
+    /// What a glTF file says of itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gltf: Option<GltfInfo>,
+    /// Where the scene comes from, as far as the file says.
+    pub provenance: Provenance,
+    /// What was mended while reading.
+    pub warnings: Vec<String>,
+    /// What `trisplat bake` would draw of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bake: Option<BakeInfo>,
+}
+
+/// The two kinds of scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// Unconnected triangles with opacity, σ and spherical harmonics.
+    Soup,
+    /// Coloured triangles.
+    Mesh,
+}
+
+/// A box along the axes, in file units.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Bounds {
+    /// Lowest corner.
+    pub min: [f32; 3],
+    /// Highest corner.
+    pub max: [f32; 3],
+}
+
+/// How numbers are spread.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Distribution {
+    /// Smallest.
+    pub min: f32,
+    /// Half are below.
+    pub median: f32,
+    /// Mean.
+    pub mean: f64,
+    /// Largest.
+    pub max: f32,
+    /// Histogram, in order.
+    pub bins: Vec<Bin>,
+}
+
+/// One bar of a histogram: low ≤ x < high; the last bin holds its end too.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Bin {
+    /// Lower end.
+    pub low: f32,
+    /// Upper end; none for the open last bin.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub high: Option<f32>,
+    /// Numbers in it.
+    pub count: u64,
+}
+
+/// Colours over all triangles, sRGB-encoded, 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ColorStats {
+    /// Mean of each channel.
+    pub mean: [f32; 3],
+    /// Smallest of each channel.
+    pub min: [f32; 3],
+    /// Largest of each channel.
+    pub max: [f32; 3],
+    /// Triangles with a channel outside 0 to 1, which the bake clamps.
+    pub outside: u64,
+}
+
+/// What a glTF document holds.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct GltfInfo {
+    /// The program that wrote it.
+    pub generator: Option<String>,
+    /// Extensions it uses.
+    pub extensions_used: Vec<String>,
+    /// Extensions a reader must know.
+    pub extensions_required: Vec<String>,
+    /// Number of nodes.
+    pub nodes: u64,
+    /// Number of meshes.
+    pub meshes: u64,
+    /// Number of primitives of all meshes.
+    pub primitives: u64,
+    /// Number of materials.
+    pub materials: u64,
+}
+
+/// What the bake's first stage would leave.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct BakeInfo {
+    /// Triangles that stay.
+    pub kept: u64,
+    /// Triangles dropped by cause.
+    pub dropped: serde_json::Map<String, serde_json::Value>,
+}
+
+/// What the file at `path` holds, and the scene itself; `bake` is left to whoever can bake.
+///
+/// # Errors
+/// What reading reports.
+pub fn info(path: &Path) -> Result<(Info, Loaded)> {
+    let mut source = Source::open(path)?;
+    let (format, bytes) = (detect(&mut source)?, source.len);
+    let is_gltf = matches!(format, Format::Glb | Format::Gltf);
+    let gltf = if is_gltf { Some(gltf_info(source.again()?)?) } else { None };
+    let loaded = read_as(format, source.again()?, &ReadOptions { sh_degree: 3 })?;
+    let mut info = match &loaded.scene {
+        Scene::Soup(soup) => soup_info(soup),
+        Scene::Mesh(mesh) => mesh_info(mesh),
+    };
+    info.path = path.display().to_string();
+    (info.format, info.bytes, info.gltf) = (format, bytes, gltf);
+    info.provenance = loaded.provenance.clone();
+    info.warnings.clone_from(&loaded.warnings);
+    Ok((info, loaded))
+}
+
+fn soup_info(soup: &Soup) -> Info {
+    let bounds = Bounds::of(soup.vertices.iter().flatten().copied());
+    let colors = ColorStats::of((0..soup.len()).map(|i| soup.rgb(i)), 1);
+    Info {
+        kind: Kind::Soup,
+        sh_degree: Some(soup.sh_degree),
+        sigma: Distribution::of(soup.sigma.clone(), &SIGMA_BINS),
+        opacity: Distribution::of(soup.opacity.clone(), &OPACITY_BINS),
+        ..Info::new(Kind::Soup, soup.len(), 3 * soup.len(), bounds, colors)
+    }
+}
+
+fn mesh_info(mesh: &Mesh) -> Info {
+    let used = (0..mesh.face_count()).flat_map(|face| mesh.corners(face));
+    let encoded = |c: [f32; 3]| c.map(srgb_from_linear);
+    let colors = match &mesh.colors {
+        Colors::Face(colors) => ColorStats::of(colors.iter().map(|c| encoded(*c)), 1),
+        Colors::Vertex(_) => {
+            ColorStats::of((0..mesh.face_count()).flat_map(|f| mesh.corner_colors(f)).map(encoded), 3)
+        }
+    };
+    Info {
+        indexed: !mesh.indices.is_empty(),
+        opacity: Distribution::of(mesh.opacity.clone(), &OPACITY_BINS),
+        ..Info::new(Kind::Mesh, mesh.face_count(), mesh.vertex_count(), Bounds::of(used), colors)
+    }
+}
+
+fn gltf_info(mut source: Source) -> Result<GltfInfo> {
+    let container = Container::read(&mut source)?;
+    let document: Document = document::parse(&source.path, &container.json)?;
+    Ok(GltfInfo {
+        nodes: document.nodes.len() as u64,
+        meshes: document.meshes.len() as u64,
+        primitives: document.meshes.iter().map(|mesh| mesh.primitives.len() as u64).sum(),
+        materials: document.materials.len() as u64,
+        generator: document.asset.generator,
+        extensions_used: document.extensions_used,
+        extensions_required: document.extensions_required,
+    })
+}
+
+impl Info {
+    fn new(kind: Kind, triangles: usize, vertices: usize, bounds: Bounds, colors: ColorStats) -> Self {
+        Self {
+            path: String::new(),
+            format: Format::Ply,
+            bytes: 0,
+            kind,
+            triangles: triangles as u64,
+            vertices: vertices as u64,
+            indexed: false,
+            sh_degree: None,
+            bounds,
+            sigma: None,
+            opacity: None,
+            colors,
+            gltf: None,
+            provenance: Provenance::default(),
+            warnings: Vec::new(),
+            bake: None,
+        }
+    }
+}
+
+impl Bounds {
+    fn of(points: impl Iterator<Item = Vec3>) -> Self {
+        let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        let (min, max) = points.fold(empty, |(min, max), p| (min.min(p), max.max(p)));
+        Self { min: min.to_array(), max: max.to_array() }
+    }
+}
+
+impl Distribution {
+    /// How `values` are spread over bins with these upper ends; none for no values.
+    fn of(mut values: Vec<f32>, ends: &[f32]) -> Option<Self> {
+        if values.is_empty() {
+            return None;
+        }
+        let mut counts = vec![0u64; ends.len()];
+        for value in &values {
+            counts[ends.partition_point(|end| end <= value).min(ends.len() - 1)] += 1;
+        }
+        let low = std::iter::once(0.0).chain(ends.iter().copied());
+        let bins = low.zip(ends).zip(counts).map(|((low, &end), count)| Bin {
+            low,
+            high: (end < f32::MAX).then_some(end),
+            count,
+        });
+        let bins = bins.collect();
+        let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len() as f64;
+        let (min, max) = values.iter().fold((f32::MAX, f32::MIN), |(a, b), v| (a.min(*v), b.max(*v)));
+        let middle = values.len() / 2;
+        let median = *values.select_nth_unstable_by(middle, f32::total_cmp).1;
+        Some(Self { min, median, mean, max, bins })
+    }
+}
+
+impl ColorStats {
+    /// Over colours of which each triangle has `corners`.
+    fn of(colors: impl Iterator<Item = [f32; 3]>, corners: u64) -> Self {
+        let (mut sum, mut count, mut outside) = ([0.0f64; 3], 0u64, 0u64);
+        let (mut min, mut max) = ([f32::MAX; 3], [f32::MIN; 3]);
+        for color in colors {
+            for (i, channel) in color.into_iter().enumerate() {
+                sum[i] += f64::from(channel);
+                min[i] = min[i].min(channel);
+                max[i] = max[i].max(channel);
+            }
+            count += 1;
+            outside += u64::from(!color.iter().all(|c| (0.0..=1.0).contains(c)));
+        }
+        let mean = sum.map(|s| (s / count.max(1) as f64) as f32);
+        Self { mean, min, max, outside: outside / corners }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_number_falls_into_one_bin() {
+        let spread = Distribution::of(vec![1.0, 0.0, 0.1, 0.0999, 0.5], &OPACITY_BINS).expect("numbers");
+        let counts: Vec<u64> = spread.bins.iter().map(|bin| bin.count).collect();
+        assert_eq!(counts, [2, 1, 0, 0, 0, 1, 0, 0, 0, 1]);
+        assert_eq!((spread.min, spread.median, spread.max), (0.0, 0.1, 1.0));
+        assert_eq!(spread.bins[9].high, Some(1.0));
+        let sigma = Distribution::of(vec![1e30, 0.01], &SIGMA_BINS).expect("numbers");
+        assert_eq!((sigma.bins[0].count, sigma.bins[9].count, sigma.bins[9].high), (1, 1, None));
+        assert_eq!(Distribution::of(Vec::new(), &SIGMA_BINS), None);
+    }
+}
