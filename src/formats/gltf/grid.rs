@@ -21,6 +21,8 @@ pub(super) struct Grid {
     pub(super) scale: Vec3,
     /// Position of code 0.
     pub(super) origin: Vec3,
+    /// Steps a file unit.
+    density: DVec3,
 }
 
 /// What quantisation costs.
@@ -38,13 +40,15 @@ impl Grid {
         let step = (bounds.max.as_dvec3() - bounds.min.as_dvec3()) / STEPS;
         // A step below the smallest normal number would be zero in an engine that flushes denormals.
         let scale = step.to_array().map(|s| if s > 0.0 { (s as f32).max(f32::MIN_POSITIVE) } else { 1.0 });
-        Self { scale: scale.into(), origin: bounds.min }
+        let scale = Vec3::from(scale);
+        Self { scale, origin: bounds.min, density: scale.as_dvec3().recip() }
     }
 
     /// The code nearest to `position`.
     pub(super) fn code(&self, position: Vec3) -> U16Vec3 {
-        let steps = (position.as_dvec3() - self.origin.as_dvec3()) / self.scale.as_dvec3();
-        steps.round().clamp(DVec3::ZERO, DVec3::splat(STEPS)).as_u16vec3()
+        let steps = (position.as_dvec3() - self.origin.as_dvec3()) * self.density;
+        // The cast truncates and stays in 0..=65535; `round` is a library call on plain x86-64.
+        (steps + 0.5).as_u16vec3()
     }
 
     /// Where an engine puts `code`, in its own f32 arithmetic.
