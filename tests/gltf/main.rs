@@ -372,7 +372,7 @@ fn a_mesh_that_does_not_fit_together_is_refused_before_anything_is_written() {
         ("not finite", |a| a.mesh.positions[8].z = f32::NEG_INFINITY),
         ("color count", |a| a.mesh.colors = Colors::Face(vec![[0.0; 3]; 4])),
         ("color count", |a| a.mesh.colors = Colors::Vertex(vec![[0.0; 3]; 4])),
-        ("corner count", |a| a.mesh.positions.push(Vec3::ZERO)),
+        ("vertex count", |a| a.mesh.positions.push(Vec3::ZERO)),
         ("index", |a| a.mesh.indices = vec![0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 15]),
         ("first face of chunk 1", |a| a.chunks[1].first = 3),
         ("faces in all chunks", |a| a.chunks[1].count = 2),

@@ -121,7 +121,7 @@ impl Bounds {
 /// because glTF cannot draw a flat colour otherwise.
 pub(super) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) -> Result<Vec<Part<'a>>> {
     let mesh = &asset.mesh;
-    check_shape(mesh)?;
+    mesh.validate_shape()?;
     if mesh.face_count() == 0 {
         return Err(Error::unsupported(
             path,
@@ -138,6 +138,9 @@ pub(super) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) ->
             let name = if single { "scene".to_owned() } else { format!("chunk_{i:04}") };
             part(name, mesh, faces, options)
         })
+        // Of several errors always the first, whichever thread is faster.
+        .collect::<Vec<_>>()
+        .into_iter()
         .collect()
 }
 
@@ -147,11 +150,9 @@ fn part<'a>(name: String, mesh: &'a Mesh, faces: Range<usize>, options: &GltfOpt
     let vertices = if mesh.indices.is_empty() {
         Vertices::Run(corners)
     } else if indexed {
-        used(mesh, &mesh.indices[corners])?
+        used(&mesh.indices[corners])
     } else {
-        let ids = &mesh.indices[corners];
-        check_indices(mesh, ids.iter().copied().max())?;
-        Vertices::Picked(Cow::Borrowed(ids))
+        Vertices::Picked(Cow::Borrowed(&mesh.indices[corners]))
     };
     let bounds = bounds(mesh, &vertices);
     if !bounds.min.is_finite() || !bounds.max.is_finite() {
@@ -191,19 +192,18 @@ fn quantise(part: &mut Part, mesh: &Mesh) -> Result<()> {
 }
 
 /// The vertices that some faces use, each once, in the order of the mesh.
-fn used<'a>(mesh: &Mesh, indices: &[u32]) -> Result<Vertices<'a>> {
+fn used<'a>(indices: &[u32]) -> Vertices<'a> {
     let mut ids = indices.to_vec();
     ids.sort_unstable();
     ids.dedup();
-    check_indices(mesh, ids.last().copied())?;
     let whole_run = match (ids.first(), ids.last()) {
         (Some(&first), Some(&last)) if (last - first) as usize + 1 == ids.len() => Some(first..last + 1),
         _ => None,
     };
-    Ok(match whole_run {
+    match whole_run {
         Some(run) => Vertices::Run(run.start as usize..run.end as usize),
         None => Vertices::Picked(Cow::Owned(ids)),
-    })
+    }
 }
 
 fn bounds(mesh: &Mesh, vertices: &Vertices) -> Bounds {
@@ -240,28 +240,4 @@ fn face_ranges(chunks: &[Chunk], faces: usize) -> Result<Vec<Range<usize>>> {
     }
     let range = |c: &Chunk| c.first as usize..c.first as usize + c.count as usize;
     Ok(chunks.iter().filter(|c| c.count > 0).map(range).collect())
-}
-
-fn check_shape(mesh: &Mesh) -> Result<()> {
-    let (got, wants) = match &mesh.colors {
-        Colors::Face(colors) => (colors.len(), mesh.face_count()),
-        Colors::Vertex(colors) => (colors.len(), mesh.vertex_count()),
-    };
-    if got != wants {
-        return Err(Error::invalid("mesh color count", got, wants.to_string()));
-    }
-    let corners = if mesh.indices.is_empty() { mesh.vertex_count() } else { mesh.indices.len() };
-    if corners % 3 != 0 {
-        return Err(Error::invalid("mesh corner count", corners, "a multiple of 3"));
-    }
-    Ok(())
-}
-
-fn check_indices(mesh: &Mesh, highest: Option<u32>) -> Result<()> {
-    match highest {
-        Some(index) if index as usize >= mesh.vertex_count() => {
-            Err(Error::invalid("mesh index", index, format!("below {}", mesh.vertex_count())))
-        }
-        _ => Ok(()),
-    }
 }

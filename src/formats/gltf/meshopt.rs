@@ -39,6 +39,8 @@ pub(super) fn compress(
                 Err(e) => Err(refused(part, &e)),
             }
         })
+        .collect::<Vec<_>>()
+        .into_iter()
         .collect()
 }
 
