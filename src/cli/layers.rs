@@ -86,7 +86,7 @@ pub fn layer<T: Serialize + DeserializeOwned>(
     if let Some(config) = config {
         overlay(&mut value, &config.value);
     }
-    overlay_typed(&mut value, &json(typed)?, matches);
+    overlay_typed(&mut value, &json(typed)?, matches)?;
     serde_json::from_value(value).map_err(unrepresentable)
 }
 
@@ -111,14 +111,24 @@ fn overlay(base: &mut Value, top: &Value) {
     }
 }
 
-fn overlay_typed(base: &mut Value, typed: &Value, matches: &ArgMatches) {
-    let (Value::Object(base), Value::Object(typed)) = (base, typed) else { return };
+fn overlay_typed(base: &mut Value, typed: &Value, matches: &ArgMatches) -> Result<()> {
+    let (Value::Object(base), Value::Object(typed)) = (base, typed) else { return Ok(()) };
     for (key, value) in typed {
         let slot = base.entry(key.clone()).or_insert(Value::Null);
         if value.is_object() {
-            overlay_typed(slot, value, matches);
+            overlay_typed(slot, value, matches)?;
         } else if is_typed(matches, key) {
+            if value.is_null() {
+                // JSON has no NaN and no infinity: a flag that was typed and is null was one of them.
+                return Err(Error::invalid(flag(key), "not a finite number", "a finite number"));
+            }
             *slot = value.clone();
         }
     }
+    Ok(())
+}
+
+/// The flag of a field: `min_opacity` is typed `--min-opacity`.
+fn flag(field: &str) -> String {
+    format!("--{}", field.replace('_', "-"))
 }
