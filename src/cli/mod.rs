@@ -52,6 +52,10 @@ pub struct Global {
 pub enum Command {
     /// Turn a trained soup or a coloured mesh into a file an engine draws.
     Bake(Box<bake::BakeArgs>),
+    /// Tell what a file holds and what a bake would make of it.
+    Info(info::InfoArgs),
+    /// Look for faults in a file, ours or another's.
+    Validate(validate::ValidateArgs),
     /// Make a soup from nothing, to try things on.
     Sample(sample::SampleArgs),
     /// Turn posed photos into a soup of triangles.
@@ -88,6 +92,8 @@ fn run(cli: &Cli, matches: &ArgMatches) -> Result<()> {
         Command::Bake(args) => bake::run(args, typed, &cli.global),
         Command::Train(args) => train::run(args, typed, &cli.global),
         Command::Bench(args) => bench::run(args, &cli.global),
+        Command::Info(args) => info::run(args, &mut std::io::stdout().lock()),
+        Command::Validate(args) => validate::run(args, &mut std::io::stdout().lock()),
         Command::Sample(args) => sample::run(args),
         Command::Schema(args) => schema::run(args),
         Command::Completions(args) => completions::run(args),
