@@ -1,0 +1,296 @@
+//! Findings of `validate` and figures of `info`.
+
+use crate::files::{Builder, FLOAT, UNSIGNED_SHORT, glb};
+use glam::Vec3;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use trisplat::asset::{Asset, Provenance};
+use trisplat::bake::bvh::{BvhOptions, bvh};
+use trisplat::bench::scenes::{SampleScene, soup};
+use trisplat::cli::info::InfoArgs;
+use trisplat::cli::validate::ValidateArgs;
+use trisplat::formats::check::{Checked, Severity, check};
+use trisplat::formats::gltf::{GltfOptions, PositionEncoding, write_glb};
+use trisplat::formats::info::{Info, Kind, info};
+use trisplat::formats::{Format, bvh as bvh_file, ply};
+use trisplat::mesh::{Colors, Mesh};
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        Self(tempfile::tempdir().expect("a temporary folder"))
+    }
+
+    fn write(&self, name: &str, bytes: &[u8]) -> PathBuf {
+        let path = self.0.path().join(name);
+        std::fs::write(&path, bytes).expect("written");
+        path
+    }
+}
+
+fn check_bytes(name: &str, bytes: &[u8]) -> Checked {
+    check(&Folder::new().write(name, bytes)).expect("readable")
+}
+
+/// "error accessor 0: has min ..." of every finding.
+fn lines(checked: &Checked) -> Vec<String> {
+    checked.findings.iter().map(|f| format!("{:?} {}: {}", f.severity, f.place, f.what)).collect()
+}
+
+/// A triangle as careful writers make it: with bounds.
+fn sound() -> Builder {
+    let mut b = Builder::triangle();
+    b.json["accessors"][0]["min"] = json!([0, 0, 0]);
+    b.json["accessors"][0]["max"] = json!([1, 1, 0]);
+    b
+}
+
+fn asset(faces: usize) -> Asset {
+    let corner = |i: usize| Vec3::new((i as f32 * 0.7).sin(), (i as f32 * 1.3).cos(), i as f32 * 0.01);
+    let mesh = Mesh {
+        positions: (0..3 * faces).map(corner).collect(),
+        colors: Colors::Face((0..faces).map(|i| [i as f32 / faces as f32, 0.5, 0.0]).collect()),
+        ..Mesh::default()
+    };
+    Asset { mesh, ..Asset::default() }
+}
+
+fn written(asset: &Asset, options: &GltfOptions) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    write_glb(&mut bytes, Path::new("scene.glb"), asset, options).expect("written");
+    bytes
+}
+
+#[test]
+fn what_we_write_is_faultless() {
+    for positions in [PositionEncoding::F32, PositionEncoding::ChunkU16] {
+        for meshopt in [false, true] {
+            let options = GltfOptions { positions, meshopt, ..GltfOptions::default() };
+            let checked = check_bytes("scene.glb", &written(&asset(100), &options));
+            assert_eq!(checked.count(Severity::Error) + checked.count(Severity::Warning), 0, "{checked:?}");
+            assert_eq!(checked.triangles, Some(100));
+            let plain = positions == PositionEncoding::F32 && !meshopt;
+            assert_eq!(checked.findings.is_empty(), plain);
+        }
+    }
+}
+
+#[test]
+fn faults_of_the_document_are_found_with_their_place() {
+    let cases: Vec<(&str, Value, &str)> = vec![
+        ("/accessors/0/min", json!([0, 0, 0.1]), "Error accessor 0: has min [0,0,0.1], but its data have"),
+        ("/accessors/0/max", json!([1, 1, 1]), "Error accessor 0: has max"),
+        ("/accessors/0/max", json!([1, 1]), "Error accessor 0: has max"),
+        ("/accessors/0/max", json!(null), "Error accessor 0: has positions without max"),
+        ("/extensionsRequired", json!(["KHR_mesh_quantization"]), "Error extensionsRequired: names KHR_mesh"),
+        ("/bufferViews/0/byteStride", json!(13), "Error accessor 0: promises 3 elements"),
+        ("/accessors/1/bufferView", json!(9), "Error bufferView 9: is not there"),
+        ("/scenes/0/nodes", json!([4]), "Error node 4: is not there"),
+        ("/buffers/0/byteLength", json!(500), "truncated"),
+    ];
+    for (pointer, value, wants) in cases {
+        let mut b = sound();
+        let (parent, key) = pointer.rsplit_once('/').expect("a pointer");
+        b.json.pointer_mut(parent).expect("it is there")[key] = value;
+        let found = lines(&check_bytes("a.glb", &b.glb()));
+        assert!(found.iter().any(|line| line.contains(wants)), "{pointer}: {found:#?}");
+    }
+    assert_eq!(lines(&check_bytes("a.glb", &sound().glb())), Vec::<String>::new());
+}
+
+#[test]
+fn faults_of_the_data_are_found_with_their_place() {
+    let mut b = sound();
+    let bright = b.floats("VEC3", &[1., 2., 0., 0., 0., 0., 0., 0., f32::NAN]);
+    b.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = bright.into();
+    let found = lines(&check_bytes("a.glb", &b.glb()));
+    assert!(
+        found.iter().any(|l| l.contains("Error accessor 2: has 2 colours outside 0 to 1, the first at 0")),
+        "{found:#?}"
+    );
+
+    let mut b = sound();
+    let infinite = b.floats("VEC3", &[0., 0., 0., f32::INFINITY, 0., 0., 0., 1., 0.]);
+    b.json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = infinite.into();
+    let found = lines(&check_bytes("a.glb", &b.glb()));
+    assert!(
+        found.iter().any(|l| l.contains("1 positions that are not finite, the first at 1")),
+        "{found:#?}"
+    );
+
+    // Restart values in 65,536 vertices.
+    let mut b = Builder::new();
+    let position = b.floats("VEC3", &(0..3 * 65_536).map(|i| (i % 1000) as f32).collect::<Vec<_>>());
+    let indices = b.shorts("SCALAR", 3, &[0, 1, 65_535]);
+    b.mesh(json!({ "attributes": { "POSITION": position }, "indices": indices }));
+    b.node(json!({ "mesh": 0 }));
+    let found = lines(&check_bytes("a.glb", &b.glb()));
+    assert!(found.iter().any(|l| l.contains("holds 65535 at 2, which means restart")), "{found:#?}");
+    assert!(
+        found.iter().any(|l| l.starts_with("Warning mesh 0 primitive 0: has 65536 vertices")),
+        "{found:#?}"
+    );
+
+    // Shorts at an odd byte; floats two bytes off.
+    for (component, offset, wants) in [(UNSIGNED_SHORT, 1, "multiples of 2"), (FLOAT, 2, "multiples of 4")] {
+        let mut b = sound();
+        b.json["extensionsUsed"] = json!(["KHR_mesh_quantization"]);
+        let view = b.view(&[0; 40]);
+        b.json["bufferViews"][view]["byteStride"] = 12.into();
+        b.json["accessors"][0]["bufferView"] = view.into();
+        b.json["accessors"][0]["componentType"] = component.into();
+        b.json["accessors"][0]["byteOffset"] = offset.into();
+        let found = lines(&check_bytes("a.glb", &b.glb()));
+        assert!(found.iter().any(|l| l.contains("Error accessor 0") && l.contains(wants)), "{found:#?}");
+    }
+}
+
+#[test]
+fn faults_of_the_container_are_found() {
+    let sound = sound();
+    let json = sound.json.to_string();
+    let json_length = json.len().next_multiple_of(4);
+    let file = sound.glb();
+    let edit = |change: &dyn Fn(&mut Vec<u8>)| {
+        let mut bad = file.clone();
+        change(&mut bad);
+        lines(&check_bytes("a.glb", &bad))
+    };
+    let has = |found: Vec<String>, wants: &str| {
+        assert!(found.iter().any(|line| line.contains(wants)), "{wants}: {found:#?}");
+    };
+    has(edit(&|f| f.extend([1, 2, 3, 4])), "Error header: gives the length");
+    has(edit(&|f| f.truncate(f.len() - 4)), "truncated");
+    has(edit(&|f| f[4] = 1), "binary glTF 1");
+    has(edit(&|f| f[20 + json_length + 4] = b'X'), "Warning chunk 1: is of a kind");
+    let zeros = format!("{json}\0\0\0\0");
+    has(lines(&check_bytes("a.glb", &glb(zeros.as_bytes(), &sound.bin))), "Error chunk 0: is JSON padded");
+    let mut odd = Builder { json: sound.json.clone(), bin: sound.bin.clone() };
+    odd.bin.push(7);
+    odd.json["buffers"][0]["byteLength"] = (odd.bin.len() - 1).into();
+    has(lines(&check_bytes("a.glb", &odd.glb())), "Error chunk 1: is padded with something other");
+    odd.bin.extend([0; 8]);
+    has(lines(&check_bytes("a.glb", &odd.glb())), "Warning chunk 1: has 12 bytes more");
+}
+
+#[test]
+fn degenerate_triangles_are_counted_with_the_first_few() {
+    let mut scene = asset(40);
+    for face in [3, 5, 7, 11, 13] {
+        scene.mesh.positions[3 * face + 1] = scene.mesh.positions[3 * face];
+    }
+    let line = [Vec3::ZERO, Vec3::X, Vec3::X * 2.0];
+    scene.mesh.positions[60..63].copy_from_slice(&line);
+    let found = lines(&check_bytes("a.glb", &written(&scene, &GltfOptions::default())));
+    assert_eq!(
+        found,
+        [
+            "Warning triangles 3, 5, 7 and 2 more: 5 have two corners in one place and cannot be seen",
+            "Warning triangles 20: 1 have their corners on a line and cannot be seen",
+        ]
+    );
+}
+
+#[test]
+fn the_hierarchy_beside_a_scene_must_be_its_own() {
+    let folder = Folder::new();
+    let mut scene = asset(200);
+    bvh(&mut scene, &BvhOptions { bvh: true, ..BvhOptions::default() }, &mut serde_json::Map::new())
+        .expect("built");
+    let mut sidecar = Vec::new();
+    bvh_file::write(&mut sidecar, &scene).expect("written");
+    let file = written(&scene, &GltfOptions::default());
+    let path = folder.write("scene.glb", &file);
+    let beside = folder.write("scene.bvh", &sidecar);
+    assert_eq!(lines(&check(&path).expect("readable")), Vec::<String>::new());
+    // Another scene of as many faces.
+    let mut other = scene.clone();
+    other.mesh.positions[17].x += 1.0;
+    folder.write("scene.glb", &written(&other, &GltfOptions::default()));
+    let found = lines(&check(&path).expect("readable"));
+    assert!(found.len() == 1 && found[0].contains("scene.bvh: belongs to another scene"), "{found:#?}");
+    // Quantised positions cannot be held against the hash.
+    let quantised = GltfOptions { positions: PositionEncoding::ChunkU16, ..GltfOptions::default() };
+    folder.write("scene.glb", &written(&scene, &quantised));
+    let checked = check(&path).expect("readable");
+    assert_eq!((checked.count(Severity::Error), checked.count(Severity::Note)), (0, 2), "{checked:#?}");
+    // Damage.
+    folder.write("scene.glb", &file);
+    std::fs::write(&beside, &sidecar[..sidecar.len() - 1]).expect("written");
+    let found = lines(&check(&path).expect("readable"));
+    assert!(found.len() == 1 && found[0].starts_with("Error") && found[0].contains("nodes"), "{found:#?}");
+}
+
+#[test]
+fn a_broken_file_of_any_format_is_a_finding() {
+    let folder = Folder::new();
+    for (name, bytes) in [
+        ("a.ply", &b"ply\nformat binary_little_endian 1.0\nelement vertex 9\n"[..]),
+        ("a.pt", b"PK\x03\x04nothing"),
+        ("a.gltf", b"{ \"asset\": "),
+        ("a.off", b"COFF\n3 1 0\n0 0 0"),
+        ("a.glb", b"glTF\x02\0\0\0"),
+    ] {
+        let path = folder.write(name, bytes);
+        let checked = check(&path).expect("a known format");
+        assert_eq!((checked.count(Severity::Error), checked.triangles), (1, None), "{name}: {checked:#?}");
+        let mut out = Vec::new();
+        let error = trisplat::cli::validate::run(&ValidateArgs { input: path, json: false }, &mut out);
+        assert!(error.is_err());
+        assert!(String::from_utf8(out).expect("text").contains("1 errors, 0 warnings, 0 notes"));
+    }
+    assert!(check(&folder.write("a.txt", b"hello")).is_err(), "no format at all");
+}
+
+/// A PLY soup of the sample generator.
+fn sample(folder: &Folder) -> PathBuf {
+    let mut bytes = Vec::new();
+    let origin = Provenance { trainer: Some("a trainer".into()), ..Provenance::default() };
+    ply::write_soup(&mut bytes, &soup(SampleScene::Studio, 500, 1), &origin).expect("written");
+    folder.write("soup.ply", &bytes)
+}
+
+#[test]
+fn info_counts_what_is_there() {
+    let folder = Folder::new();
+    let (found, loaded) = info(&sample(&folder)).expect("sound");
+    let triangles = loaded.scene.triangle_count() as u64;
+    assert_eq!((found.kind, found.format, found.triangles), (Kind::Soup, Format::Ply, triangles));
+    for spread in [found.sigma.as_ref(), found.opacity.as_ref()] {
+        let spread = spread.expect("a soup has it");
+        assert_eq!(spread.bins.iter().map(|bin| bin.count).sum::<u64>(), triangles);
+        assert!(spread.min <= spread.median && spread.median <= spread.max);
+    }
+    assert!(found.bounds.min.iter().zip(found.bounds.max).all(|(a, b)| *a < b));
+
+    let path = folder.write("scene.glb", &written(&asset(50), &GltfOptions::default()));
+    let (found, _) = info(&path).expect("sound");
+    assert_eq!((found.kind, found.triangles, found.vertices, found.indexed), (Kind::Mesh, 50, 150, false));
+    let gltf = found.gltf.expect("a glTF");
+    assert_eq!((gltf.meshes, gltf.primitives, gltf.materials), (1, 1, 1));
+    assert_eq!(gltf.extensions_used, ["KHR_materials_unlit"]);
+    assert!((found.colors.mean[1] - 0.7354).abs() < 1e-3, "sRGB of linear 0.5: {:?}", found.colors);
+}
+
+#[test]
+fn info_is_printed_as_text_and_as_json() {
+    let folder = Folder::new();
+    let input = sample(&folder);
+    let print = |json: bool| {
+        let mut out = Vec::new();
+        trisplat::cli::info::run(&InfoArgs { input: input.clone(), json }, &mut out).expect("sound");
+        String::from_utf8(out).expect("text")
+    };
+    let text = print(false);
+    for word in
+        ["PLY", "triangles", "bounds", "up axis", "a trainer", "opacity", "sigma", "####", "colors", "bake"]
+    {
+        assert!(text.contains(word), "{word}:\n{text}");
+    }
+    let parsed: Info = serde_json::from_str(&print(true)).expect("JSON of the documented shape");
+    assert!(parsed.bake.is_some());
+    let mut again = serde_json::to_string_pretty(&parsed).expect("JSON");
+    again.push('\n');
+    assert_eq!(again, print(true));
+}
