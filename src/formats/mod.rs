@@ -1,13 +1,16 @@
 //! Files in and out. The nouns do not know them.
 
 pub mod atomic;
+mod blocks;
 pub mod bvh;
 pub mod check;
+mod channel;
 pub mod detect;
 mod finish;
 pub mod gltf;
 pub mod gltf_read;
 pub mod info;
+mod lines;
 pub mod obj;
 pub mod off;
 pub mod output;
@@ -83,4 +86,9 @@ pub const MAX_TRIANGLES: u64 = 1 << 26;
 pub struct ReadOptions {
     /// Highest SH degree to load; the bake asks for 0.
     pub sh_degree: u8,
+}
+
+/// The one sentence about a face that is no triangle.
+fn not_a_triangle(corners: i64) -> String {
+    format!("has {corners} corners; wants triangles only: triangulate the mesh where it was made")
 }

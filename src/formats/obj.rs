@@ -1,10 +1,283 @@
-//! Wavefront OBJ with vertex colours.
+//! Wavefront OBJ with vertex colours: `v x y z r g b`, sRGB by habit, read and written.
+//!
+//! Only `v` and `f` lines matter to us, and both need checks that general readers leave out: the
+//! crate `tobj` shifts colours when only some vertices have one and does not say which line is wrong.
+//! Our tests use it as the judge of what we write and read.
 
-use super::{ReadOptions, Source};
+use super::blocks::write_blocks;
+use super::channel::Clamped;
+use super::lines::{Lines, clip, number};
+use super::{MAX_TRIANGLES, ReadOptions, Source, finish, not_a_triangle, provenance};
+use crate::asset::Asset;
 use crate::error::{Error, Result};
-use crate::scene::Loaded;
+use crate::math::color::{linear_from_srgb, linear_of_srgb8, srgb_from_linear};
+use crate::math::srgb8::srgb8_from_linear;
+use crate::mesh::{Colors, Mesh};
+use crate::scene::{Loaded, Scene};
+use glam::Vec3;
+use std::io::{self, Write};
+use std::sync::LazyLock;
 
-/// The scene in the file.
+/// The mesh in an OBJ file: all objects and groups as one, vertex colours made linear, white where a
+/// vertex has none. Normals, texture coordinates, materials, lines and points are passed over.
+///
+/// Errors: `Malformed` with the line for broken numbers, corners that name no vertex, and faces that
+/// are no triangles.
 pub fn read(source: Source, _options: &ReadOptions) -> Result<Loaded> {
-    Err(Error::unsupported(&source.path, "this format is not read yet"))
+    let mut lines = Lines::new(&source)?;
+    let mut draft = Draft::default();
+    while lines.advance()? {
+        draft.take_line(&lines).map_err(|reason| lines.error(reason))?;
+    }
+    let path = &source.path;
+    if draft.indices.is_empty() {
+        return Err(Error::malformed(path, "the file", "has no faces: there are no triangles in it"));
+    }
+    if let Some((line, vertex)) = draft.ahead.filter(|(_, vertex)| *vertex > draft.positions.len() as i64) {
+        let reason = format!("names vertex {vertex}, but there are {} vertices", draft.positions.len());
+        return Err(Error::malformed(path, format!("line {line}"), reason));
+    }
+    let mut warnings = Vec::new();
+    let comments = draft.comments.iter().map(String::as_str);
+    let provenance = provenance::from_comments(comments, &mut warnings);
+    let mesh = draft.mesh(path, &mut warnings)?;
+    finish(path, Loaded { scene: Scene::Mesh(mesh), provenance, warnings })
+}
+
+/// A mesh as far as it has been read.
+#[derive(Default)]
+struct Draft {
+    positions: Vec<Vec3>,
+    /// sRGB-encoded. Empty until the first vertex that has a colour.
+    colors: Vec<[f32; 3]>,
+    uncolored: usize,
+    indices: Vec<u32>,
+    /// The largest vertex number (from 1) named before that vertex was there, and its line.
+    ahead: Option<(u64, i64)>,
+    comments: Vec<String>,
+}
+
+impl Draft {
+    fn take_line(&mut self, lines: &Lines) -> std::result::Result<(), String> {
+        let mut words = lines.words();
+        match words.next() {
+            Some("v") => self.take_vertex(words),
+            Some("f") => self.take_face(words, lines.line_number()),
+            None => {
+                self.comments.extend(lines.text().strip_prefix('#').map(str::to_owned));
+                Ok(())
+            }
+            Some(_) => Ok(()),
+        }
+    }
+
+    /// `x y z`, then nothing, a weight (which only curves use), a colour, or a colour and its alpha.
+    fn take_vertex<'w>(&mut self, words: impl Iterator<Item = &'w str>) -> std::result::Result<(), String> {
+        let (mut row, mut count) = ([0.0; 7], 0);
+        for word in words {
+            *row.get_mut(count).ok_or("has more numbers than x y z r g b a")? = number(word)?;
+            count += 1;
+        }
+        let [x, y, z, r, g, b, _] = row;
+        match count {
+            3 | 4 => self.uncolored += 1,
+            6 | 7 if self.colors.is_empty() => self.colors.resize(self.positions.len(), [1.0; 3]),
+            6 | 7 => {}
+            _ => return Err(format!("has {count} numbers; wants x y z or x y z r g b")),
+        }
+        self.positions.push(Vec3::new(x, y, z));
+        if count >= 6 {
+            self.colors.push([r, g, b]);
+        } else if !self.colors.is_empty() {
+            self.colors.push([1.0; 3]);
+        }
+        Ok(())
+    }
+
+    fn take_face<'w>(
+        &mut self,
+        words: impl Iterator<Item = &'w str>,
+        line: u64,
+    ) -> std::result::Result<(), String> {
+        let face = self.indices.len() / 3;
+        if face as u64 >= MAX_TRIANGLES {
+            return Err(format!("more than {MAX_TRIANGLES} triangles: split the file"));
+        }
+        let (mut corners, mut count) = ([0; 3], 0);
+        for word in words {
+            if let Some(corner) = corners.get_mut(count as usize) {
+                *corner = self.corner(word, line).map_err(|reason| format!("face {face} {reason}"))?;
+            }
+            count += 1;
+        }
+        if count != 3 {
+            return Err(format!("face {face} {}", not_a_triangle(count)));
+        }
+        self.indices.extend(corners);
+        Ok(())
+    }
+
+    /// Vertex number from 0 of `5`, `5/1`, `5//1`, `5/1/1`, or `-1` for the latest vertex.
+    fn corner(&mut self, word: &str, line: u64) -> std::result::Result<u32, String> {
+        let vertex = word.split('/').next().unwrap_or_default().parse::<i64>();
+        let vertex = vertex.map_err(|_| format!("has the corner {:?}; wants a vertex number", clip(word)))?;
+        let known = self.positions.len() as i64;
+        let from_one = if vertex < 0 { known + 1 + vertex } else { vertex };
+        if from_one > known && self.ahead.is_none_or(|(_, largest)| from_one > largest) {
+            self.ahead = Some((line, from_one));
+        }
+        match u32::try_from(from_one - 1) {
+            Ok(index) => Ok(index),
+            Err(_) => Err(format!("names vertex {vertex}, but there are {known} vertices before it")),
+        }
+    }
+
+    fn mesh(self, path: &std::path::Path, warnings: &mut Vec<String>) -> Result<Mesh> {
+        let mut mesh = Mesh { positions: self.positions, indices: self.indices, ..Mesh::default() };
+        if self.colors.is_empty() {
+            warnings.push("the file has no colours: every triangle is white".into());
+            mesh.colors = Colors::Face(vec![[1.0; 3]; mesh.face_count()]);
+        } else {
+            if self.uncolored > 0 {
+                warnings.push(format!("{} vertices without a colour are white", self.uncolored));
+            }
+            let mut clamped = Clamped::default();
+            let mut colors = self.colors;
+            for color in &mut colors {
+                *color = color.map(|x| linear_from_srgb(clamped.channel(x)));
+            }
+            clamped.report(path, warnings)?;
+            mesh.colors = Colors::Vertex(colors);
+        }
+        let own = mesh.indices.len() == mesh.positions.len();
+        if own && mesh.indices.iter().enumerate().all(|(i, v)| i == *v as usize) {
+            mesh.indices = Vec::new();
+        }
+        Ok(mesh)
+    }
+}
+
+/// Writes an OBJ with sRGB vertex colours to `out` and its material to `mtl`, which `out` names as
+/// `mtl_name`. Numbers are the shortest that read back equal.
+///
+/// A triangle gets its own three vertices where colour belongs to the face. OBJ has no opacity at
+/// vertices: it is not written. Errors are those of `out` and `mtl`.
+pub fn write(out: &mut dyn Write, mtl: &mut dyn Write, mtl_name: &str, asset: &Asset) -> io::Result<()> {
+    mtl.write_all(b"newmtl trisplat\nKd 1 1 1\nillum 0\n")?;
+    let mesh = &asset.mesh;
+    let comment = provenance::to_comment(&asset.provenance);
+    if !comment.is_empty() {
+        writeln!(out, "# {comment}")?;
+    }
+    writeln!(out, "mtllib {mtl_name}")?;
+    let own = match &mesh.colors {
+        Colors::Vertex(colors) => {
+            write_blocks(out, mesh.vertex_count(), |v, block| {
+                push_vertex(block, mesh.positions[v], colors[v]);
+            })?;
+            mesh.indices.is_empty()
+        }
+        Colors::Face(colors) => {
+            write_blocks(out, mesh.face_count(), |face, block| {
+                for corner in mesh.corners(face) {
+                    push_vertex(block, corner, colors[face]);
+                }
+            })?;
+            true
+        }
+    };
+    out.write_all(b"usemtl trisplat\n")?;
+    write_blocks(out, mesh.face_count(), |face, block| {
+        let corners = if own { [0, 1, 2].map(|c| 3 * face as u32 + c) } else { mesh.face(face) };
+        block.push(b'f');
+        for corner in corners {
+            block.push(b' ');
+            push_integer(block, u64::from(corner) + 1);
+        }
+        block.push(b'\n');
+    })
+}
+
+fn push_vertex(block: &mut Vec<u8>, position: Vec3, linear: [f32; 3]) {
+    block.push(b'v');
+    for axis in position.to_array() {
+        block.push(b' ');
+        push_float(block, axis);
+    }
+    for channel in linear {
+        block.push(b' ');
+        push_srgb(block, channel);
+    }
+    block.push(b'\n');
+}
+
+fn push_float(block: &mut Vec<u8>, value: f32) {
+    let mut buffer = zmij::Buffer::new();
+    let text = buffer.format(value);
+    block.extend_from_slice(text.strip_suffix(".0").unwrap_or(text).as_bytes());
+}
+
+/// An sRGB-encoded channel. What came from an 8-bit code is written as exactly that code: engines that
+/// cut to 8 bits without rounding would otherwise show the code below it.
+fn push_srgb(block: &mut Vec<u8>, linear: f32) {
+    static CODES: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
+        let text = |code: u8| {
+            let mut text = Vec::new();
+            push_float(&mut text, f32::from(code) / 255.0);
+            text
+        };
+        (0..=255).map(text).collect()
+    });
+    let code = srgb8_from_linear(linear);
+    let exact = linear_of_srgb8()[usize::from(code)];
+    if (linear - exact).abs() <= 1e-6 * exact {
+        block.extend_from_slice(&CODES[usize::from(code)]);
+    } else {
+        push_float(block, srgb_from_linear(linear));
+    }
+}
+
+fn push_integer(block: &mut Vec<u8>, mut value: u64) {
+    let mut digits = [b'0'; 20];
+    let mut at = digits.len();
+    loop {
+        at -= 1;
+        digits[at] = b'0' + (value % 10) as u8;
+        value /= 10;
+        if value == 0 {
+            break;
+        }
+    }
+    block.extend_from_slice(&digits[at..]);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_survive_readers_that_cut_instead_of_rounding() {
+        for code in 0..=255u8 {
+            let mut text = Vec::new();
+            push_srgb(&mut text, linear_of_srgb8()[usize::from(code)]);
+            let value: f32 = String::from_utf8_lossy(&text).parse().expect("a number");
+            assert_eq!((value * 255.0) as u8, code);
+        }
+    }
+
+    #[test]
+    fn integers_and_floats_are_written_short_and_read_back_equal() {
+        for value in [0, 7, 10, 4_294_967_295, u64::MAX] {
+            let mut text = Vec::new();
+            push_integer(&mut text, value);
+            assert_eq!(String::from_utf8_lossy(&text), value.to_string());
+        }
+        for value in [0.0f32, -1.0, 0.1, 1e-45, f32::MAX, -1.234_567_9e-8, 16_777_216.0] {
+            let mut text = Vec::new();
+            push_float(&mut text, value);
+            let text = String::from_utf8_lossy(&text).into_owned();
+            assert_eq!(text.parse::<f32>().map(f32::to_bits), Ok(value.to_bits()), "{text}");
+            assert!(text.len() <= 15, "{text}");
+        }
+    }
 }

@@ -1,10 +1,199 @@
-//! COFF as the authors' exporter writes it (read only).
+//! COFF as the authors' exporter writes it, and OFF with face or vertex colours (read only).
+//!
+//! ```text
+//! COFF
+//! 225171 75057 0
+//! -0.475 -4.081 -0.177            x y z, or x y z r g b [a]
+//! 3 0 1 2 62 51 51 255            corners, or corners r g b [a]
+//! ```
+//!
+//! The format knows no σ and its exporter drops opacity, so triangles are taken as solid; an alpha
+//! below 1 at a face is kept as opacity.
 
-use super::{ReadOptions, Source};
+use super::channel::Clamped;
+use super::lines::{Lines, clip, number};
+use super::{MAX_TRIANGLES, ReadOptions, Source, finish, not_a_triangle};
+use crate::asset::Provenance;
 use crate::error::{Error, Result};
-use crate::scene::Loaded;
+use crate::math::color::linear_from_srgb;
+use crate::mesh::{Colors, Mesh};
+use crate::scene::{Loaded, Scene};
+use glam::Vec3;
 
-/// The scene in the file.
+/// Bytes of the shortest lines: `0 0 0` and `3 0 1 2`.
+const SHORTEST: (u64, u64) = (6, 8);
+
+/// The mesh in an OFF or COFF file, indexed as the file has it, its sRGB colours made linear.
+///
+/// Errors: `Malformed` with the line for broken text, bad corner numbers and faces that are no
+/// triangles; `Unsupported` for binary OFF and the variants with normals, texture or four dimensions.
 pub fn read(source: Source, _options: &ReadOptions) -> Result<Loaded> {
-    Err(Error::unsupported(&source.path, "this format is not read yet"))
+    let mut lines = Lines::new(&source)?;
+    let (vertices, faces) = read_counts(&source, &mut lines)?;
+    let mut mesh = Mesh::default();
+    let (mut of_vertices, mut of_faces) = (Tints::default(), Tints::default());
+    mesh.positions.reserve_exact(vertices);
+    for vertex in 0..vertices {
+        advance(&mut lines, || format!("vertex {vertex} of {vertices}"))?;
+        mesh.positions.push(position(&lines, &mut of_vertices).map_err(|reason| lines.error(reason))?);
+    }
+    mesh.indices.reserve_exact(3 * faces);
+    for face in 0..faces {
+        advance(&mut lines, || format!("face {face} of {faces}"))?;
+        let corners = corners(&lines, vertices, &mut of_faces);
+        mesh.indices.extend(corners.map_err(|reason| lines.error(format!("face {face} {reason}")))?);
+    }
+    let mut warnings = Vec::new();
+    if of_vertices.any && of_faces.any {
+        warnings.push("vertices and faces both have colours: those of the vertices are used".into());
+    }
+    if !of_vertices.any && !of_faces.any {
+        warnings.push("the file has no colours: every triangle is white".into());
+    }
+    if of_vertices.any {
+        mesh.colors = Colors::Vertex(of_vertices.linear(&source, &mut warnings)?.0);
+    } else {
+        let (colors, alpha) = of_faces.linear(&source, &mut warnings)?;
+        (mesh.colors, mesh.opacity) = (Colors::Face(colors), alpha);
+    }
+    finish(&source.path, Loaded { scene: Scene::Mesh(mesh), provenance: Provenance::default(), warnings })
+}
+
+/// Understands the head of the file: the numbers of vertices and of faces, neither more than it can hold.
+fn read_counts(source: &Source, lines: &mut Lines) -> Result<(usize, usize)> {
+    if !lines.advance_to_text()? {
+        return Err(Error::malformed(&source.path, "line 1", "the file is empty"));
+    }
+    let mut words: Vec<String> = lines.words().map(str::to_owned).collect();
+    let keyword = words.remove(0);
+    if keyword.trim_start_matches('\u{feff}') != "OFF" && keyword != "COFF" {
+        return Err(if keyword.ends_with("OFF") {
+            Error::unsupported(&source.path, format!("is {}; save it as OFF or COFF", clip(&keyword)))
+        } else {
+            lines.error("is not an OFF file: it must start with OFF or COFF")
+        });
+    }
+    if words.first().is_some_and(|word| word == "BINARY") {
+        return Err(Error::unsupported(&source.path, "is binary OFF; save it as text"));
+    }
+    if words.is_empty() {
+        advance(lines, || "the counts of vertices and faces".into())?;
+        words = lines.words().map(str::to_owned).collect();
+    }
+    let count = |at: usize| words.get(at).and_then(|word| word.parse::<u64>().ok());
+    let (Some(vertices), Some(faces)) = (count(0), count(1)) else {
+        return Err(lines.error("wants the counts of vertices and faces, two whole numbers"));
+    };
+    if faces == 0 {
+        return Err(lines.error("promises 0 faces: there are no triangles in the file"));
+    }
+    let shortest = vertices.saturating_mul(SHORTEST.0).saturating_add(faces.saturating_mul(SHORTEST.1));
+    if shortest > source.len + 1 {
+        let len = source.len;
+        return Err(lines.error(format!(
+            "promises {vertices} vertices and {faces} faces, more than fit in the {len} bytes of the file"
+        )));
+    }
+    match (usize::try_from(vertices), usize::try_from(faces)) {
+        (Ok(v), Ok(f)) if faces <= MAX_TRIANGLES && u32::try_from(vertices).is_ok() => Ok((v, f)),
+        _ => Err(Error::unsupported(
+            &source.path,
+            format!("holds {faces} triangles; the most we take is {MAX_TRIANGLES}: split it"),
+        )),
+    }
+}
+
+fn advance(lines: &mut Lines, what: impl Fn() -> String) -> Result<()> {
+    if lines.advance_to_text()? {
+        return Ok(());
+    }
+    Err(lines.error(format!("the file ends before {}: it was cut short", what())))
+}
+
+fn position(lines: &Lines, tints: &mut Tints) -> std::result::Result<Vec3, String> {
+    let mut words = lines.words();
+    let mut axis = || number(words.next().ok_or("wants x y z")?);
+    let position = Vec3::new(axis()?, axis()?, axis()?);
+    tints.push(words)?;
+    Ok(position)
+}
+
+fn corners(lines: &Lines, vertices: usize, tints: &mut Tints) -> std::result::Result<[u32; 3], String> {
+    let mut words = lines.words();
+    let count = words.next().unwrap_or_default();
+    match count.parse::<i64>() {
+        Ok(3) => {}
+        Ok(count) => return Err(not_a_triangle(count)),
+        Err(_) => return Err(format!("starts with {:?}; wants the number of its corners", clip(count))),
+    }
+    let mut corner = || {
+        let word = words.next().ok_or("has fewer than 3 corners")?;
+        let index = word.parse::<u32>().ok().filter(|v| (*v as usize) < vertices);
+        index.ok_or_else(|| format!("names vertex {:?}, but there are {vertices} vertices", clip(word)))
+    };
+    let corners = [corner()?, corner()?, corner()?];
+    tints.push(words)?;
+    Ok(corners)
+}
+
+/// Colours as the file has them. Whether they are 0 to 255 or 0 to 1 is known only at the end: `1 1 0`
+/// is yellow in a file of floats and nearly black in one of integers.
+#[derive(Default)]
+struct Tints {
+    rows: Vec<Option<Tint>>,
+    any: bool,
+    floats: bool,
+}
+
+struct Tint {
+    rgb: [f32; 3],
+    alpha: Option<f32>,
+}
+
+impl Tints {
+    fn push<'w>(&mut self, words: impl Iterator<Item = &'w str>) -> std::result::Result<(), String> {
+        let (mut row, mut count) = ([0.0; 4], 0);
+        for word in words {
+            let slot = row.get_mut(count).ok_or("has more numbers than r g b a")?;
+            *slot = number(word)?;
+            self.floats |= word.parse::<i64>().is_err();
+            count += 1;
+        }
+        let [r, g, b, a] = row;
+        match count {
+            0 => self.rows.push(None),
+            3 | 4 => self.rows.push(Some(Tint { rgb: [r, g, b], alpha: (count == 4).then_some(a) })),
+            _ => return Err(format!("has {count} numbers for its colour; wants r g b or r g b a")),
+        }
+        self.any |= count > 0;
+        Ok(())
+    }
+
+    /// Linear colours, white where there was none, and alpha if any of it is below 1.
+    fn linear(&self, source: &Source, warnings: &mut Vec<String>) -> Result<(Vec<[f32; 3]>, Vec<f32>)> {
+        let mut clamped = Clamped::default();
+        let mut unit = |value: f32| match self.floats {
+            true => clamped.channel(value),
+            false => value / 255.0,
+        };
+        let (mut colors, mut alphas) = (Vec::new(), Vec::new());
+        colors.reserve_exact(self.rows.len());
+        for (at, row) in self.rows.iter().enumerate() {
+            let Some(Tint { rgb, alpha }) = row else {
+                colors.push([1.0; 3]);
+                continue;
+            };
+            if let Some(bad) = rgb.iter().chain(alpha).find(|x| !self.floats && !(0.0..=255.0).contains(*x)) {
+                let reason = format!("integer colours must lie in 0 to 255; row {at} has {bad}");
+                return Err(Error::malformed(&source.path, "colours", reason));
+            }
+            colors.push(rgb.map(|x| linear_from_srgb(unit(x))));
+            if let Some(alpha) = alpha.map(&mut unit).filter(|alpha| *alpha != 1.0) {
+                alphas.resize(self.rows.len(), 1.0);
+                alphas[at] = alpha;
+            }
+        }
+        clamped.report(&source.path, warnings)?;
+        Ok((colors, alphas))
+    }
 }

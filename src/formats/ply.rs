@@ -10,11 +10,11 @@ mod transcode;
 pub use mesh::write_mesh;
 pub use soup::write_soup;
 
+use super::blocks::write_blocks;
 use super::{ReadOptions, Source, finish, provenance};
 use crate::error::{Error, Result};
 use crate::scene::{Loaded, Scene};
 use header::{Element, Header};
-use rayon::prelude::*;
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -63,33 +63,6 @@ fn faces<'h>(path: &Path, header: &'h Header) -> Result<&'h Element> {
             "is a point cloud: it has no element face; give a triangle mesh or a trained scene",
         )),
     }
-}
-
-/// Bytes collected before they are handed on.
-const BLOCK: usize = 1 << 20;
-
-/// Writes `count` rows in order; `push` appends one, on any thread.
-fn write_blocks(
-    out: &mut dyn Write,
-    count: usize,
-    push: impl Fn(usize, &mut Vec<u8>) + Sync,
-) -> io::Result<()> {
-    const ROWS: usize = 1 << 13;
-    let lanes = rayon::current_num_threads().max(1);
-    let mut blocks = vec![Vec::with_capacity(BLOCK / 4); lanes];
-    for round in (0..count).step_by(ROWS * lanes) {
-        blocks.par_iter_mut().enumerate().for_each(|(lane, block)| {
-            block.clear();
-            let first = round + lane * ROWS;
-            for row in first..(first + ROWS).min(count) {
-                push(row, block);
-            }
-        });
-        for block in &blocks {
-            out.write_all(block)?;
-        }
-    }
-    Ok(())
 }
 
 /// Floats as they stand in a binary little-endian file.

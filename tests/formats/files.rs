@@ -4,8 +4,12 @@ use glam::Vec3;
 use std::io::{Seek, Write};
 use std::path::PathBuf;
 use trisplat::asset::{Placement, Provenance, UpAxis};
+use trisplat::error::Result;
 use trisplat::formats::Source;
+use trisplat::math::color::linear_from_srgb;
+use trisplat::mesh::{Colors, Mesh};
 use trisplat::rng::Rng;
+use trisplat::scene::{Loaded, Scene};
 use trisplat::soup::Soup;
 
 /// `bytes` as an open file called "test".
@@ -152,4 +156,35 @@ pub(crate) fn soup_elements(soup: &Soup) -> [Element; 2] {
         Element::new("vertex", &["float x", "float y", "float z"], vertices),
         Element { name: "face", properties: names, rows: (0..soup.len()).map(face).collect() },
     ]
+}
+
+/// A strip of triangles that share vertices, with distinct 8-bit colours, linear as a mesh has them.
+pub(crate) fn mesh(faces: usize, per_face: bool, indexed: bool, opacity: bool) -> Mesh {
+    let random = Rng::new(faces as u64, "mesh", 0);
+    let count = if indexed { faces + 2 } else { 3 * faces };
+    let axis = |v: usize, a: usize| random.normal((3 * v + a) as u64);
+    let code = |i: usize, c: usize| random.bits((3 * i + c) as u64 + 7_000_000) as u8;
+    let color = |i: usize| [0, 1, 2].map(|c| linear_from_srgb(f32::from(code(i, c)) / 255.0));
+    Mesh {
+        positions: (0..count).map(|v| Vec3::from([0, 1, 2].map(|a| axis(v, a)))).collect(),
+        colors: match per_face {
+            true => Colors::Face((0..faces).map(color).collect()),
+            false => Colors::Vertex((0..count).map(color).collect()),
+        },
+        indices: if indexed { (0..faces as u32).flat_map(|f| [f + 1, f, f + 2]).collect() } else { vec![] },
+        opacity: if opacity { (0..faces).map(|f| f32::from(code(f, 9)) / 255.0).collect() } else { vec![] },
+    }
+}
+
+/// What a viewer sees of a face: corners, linear colours, opacity.
+pub(crate) fn face(mesh: &Mesh, face: usize) -> ([Vec3; 3], [[f32; 3]; 3], f32) {
+    (mesh.corners(face), mesh.corner_colors(face), mesh.opacity.get(face).copied().unwrap_or(1.0))
+}
+
+/// The mesh a reader found, and its warnings.
+pub(crate) fn loaded_mesh(loaded: Result<Loaded>) -> (Mesh, Provenance, Vec<String>) {
+    match loaded.expect("a sound file") {
+        Loaded { scene: Scene::Mesh(mesh), provenance, warnings } => (mesh, provenance, warnings),
+        other => panic!("{other:?}"),
+    }
 }

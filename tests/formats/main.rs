@@ -1,5 +1,9 @@
 //! Readers and writers of PLY, OFF and OBJ: round trips, odd but legal files, real files, bad input.
 
+mod bad;
 mod files;
 mod mesh_ply;
+mod obj;
+mod off;
+mod real;
 mod soup_ply;

@@ -2,8 +2,8 @@
 
 use super::header::Scalar;
 use super::table::{Column, Table};
-use super::transcode::not_a_triangle;
 use crate::error::Result;
+use crate::formats::not_a_triangle;
 use glam::Vec3;
 use rayon::prelude::*;
 

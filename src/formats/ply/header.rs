@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::formats::Source;
+use crate::formats::lines::clip;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 
 /// More than any real header; what is longer is not a PLY file or is broken.
@@ -239,13 +240,5 @@ fn parse_property(rest: &str) -> std::result::Result<Property, String> {
         _ => {
             Err(format!("wants `property TYPE NAME` or `property list TYPE TYPE NAME`, not {:?}", clip(rest)))
         }
-    }
-}
-
-/// A quotation short enough for an error message.
-fn clip(text: &str) -> String {
-    match text.char_indices().nth(60) {
-        Some((end, _)) => format!("{}…", &text[..end]),
-        None => text.to_owned(),
     }
 }

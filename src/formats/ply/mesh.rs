@@ -5,6 +5,8 @@ use super::header::Scalar;
 use super::table::{Column, Table, Tables};
 use crate::asset::Asset;
 use crate::error::{Error, Result};
+use crate::formats::blocks::write_blocks;
+use crate::formats::channel::Clamped;
 use crate::formats::provenance::to_comment;
 use crate::math::color::{linear_from_srgb, linear_of_srgb8};
 use crate::math::srgb8::srgb8_from_linear;
@@ -60,13 +62,6 @@ struct Channels {
     alpha: Option<Column>,
 }
 
-/// How many colour values lay outside [0, 1], and the largest of them.
-#[derive(Default)]
-struct Outside {
-    count: usize,
-    largest: f32,
-}
-
 impl Channels {
     fn of(path: &Path, table: &Table) -> Result<Option<Self>> {
         let named = |names: [&str; 4]| {
@@ -95,7 +90,7 @@ impl Channels {
     ) -> Result<(Vec<[f32; 3]>, Vec<f32>)> {
         let (mut colors, mut alpha) = (vec![[0.0; 3]; table.rows()], vec![0.0; table.rows()]);
         let per_block = table.rows_per_block();
-        let blocks: Vec<Result<Outside>> =
+        let blocks: Vec<Result<Clamped>> =
             (colors.par_chunks_mut(per_block), alpha.par_chunks_mut(per_block))
                 .into_par_iter()
                 .enumerate()
@@ -104,57 +99,38 @@ impl Channels {
                     Ok(self.decode(rows, table.stride(), colors, alpha))
                 })
                 .collect();
-        let mut outside = Outside::default();
+        let mut clamped = Clamped::default();
         for block in blocks {
-            let block = block?;
-            outside.count += block.count;
-            outside.largest = outside.largest.max(block.largest);
+            clamped.merge(block?);
         }
-        if outside.largest > 2.0 {
-            let reason = format!(
-                "float colours reach {}; floats must lie in 0 to 1: write 0 to 255 as uchar",
-                outside.largest
-            );
-            return Err(Error::malformed(path, "colours", reason));
-        }
-        if outside.count > 0 {
-            warnings.push(format!("{} colour values outside 0 to 1 were clamped", outside.count));
-        }
+        clamped.report(path, warnings)?;
         if alpha.iter().all(|a| *a == 1.0) {
             alpha = Vec::new();
         }
         Ok((colors, alpha))
     }
 
-    fn decode(&self, rows: &[u8], stride: usize, colors: &mut [[f32; 3]], alpha: &mut [f32]) -> Outside {
+    fn decode(&self, rows: &[u8], stride: usize, colors: &mut [[f32; 3]], alpha: &mut [f32]) -> Clamped {
         let codes = linear_of_srgb8();
-        let mut outside = Outside::default();
+        let mut clamped = Clamped::default();
         for ((row, color), alpha) in rows.chunks_exact(stride).zip(colors).zip(alpha) {
             *color = self.rgb.map(|column| match column.scalar {
                 Scalar::U8 => codes[row[column.offset] as usize],
-                _ => linear_from_srgb(channel(column, row, &mut outside)),
+                _ => linear_from_srgb(channel(column, row, &mut clamped)),
             });
-            *alpha = self.alpha.map_or(1.0, |column| channel(column, row, &mut outside));
+            *alpha = self.alpha.map_or(1.0, |column| channel(column, row, &mut clamped));
         }
-        outside
+        clamped
     }
 }
 
 /// A channel in [0, 1], as it is encoded in the file; NaN when it is not finite.
-fn channel(column: Column, row: &[u8], outside: &mut Outside) -> f32 {
-    let value = match column.scalar {
+fn channel(column: Column, row: &[u8], clamped: &mut Clamped) -> f32 {
+    match column.scalar {
         Scalar::U8 => column.f32(row) / 255.0,
         Scalar::U16 => column.f32(row) / 65535.0,
-        _ => column.f32(row),
-    };
-    if !value.is_finite() {
-        return f32::NAN;
+        _ => clamped.channel(column.f32(row)),
     }
-    if !(0.0..=1.0).contains(&value) {
-        outside.count += 1;
-        outside.largest = outside.largest.max(value);
-    }
-    value.clamp(0.0, 1.0)
 }
 
 /// Writes a mesh PLY: binary little-endian, sRGB colours and alpha in 8 bits.
@@ -181,7 +157,7 @@ pub fn write_mesh(out: &mut dyn Write, asset: &Asset, face_colors: bool) -> io::
     header += "end_header\n";
     out.write_all(header.as_bytes())?;
     write_vertices(out, mesh, own, face_colors)?;
-    super::write_blocks(out, mesh.face_count(), |face, block| {
+    write_blocks(out, mesh.face_count(), |face, block| {
         let corners = if own { [0, 1, 2].map(|i| 3 * face as u32 + i) } else { mesh.face(face) };
         super::push_corners(block, corners);
         if face_colors {
@@ -193,13 +169,13 @@ pub fn write_mesh(out: &mut dyn Write, asset: &Asset, face_colors: bool) -> io::
 fn write_vertices(out: &mut dyn Write, mesh: &Mesh, own: bool, face_colors: bool) -> io::Result<()> {
     match &mesh.colors {
         _ if face_colors && (!own || mesh.indices.is_empty()) => {
-            super::write_blocks(out, mesh.vertex_count(), |v, block| push_position(block, mesh.positions[v]))
+            write_blocks(out, mesh.vertex_count(), |v, block| push_position(block, mesh.positions[v]))
         }
-        Colors::Vertex(colors) if !own => super::write_blocks(out, mesh.vertex_count(), |v, block| {
+        Colors::Vertex(colors) if !own => write_blocks(out, mesh.vertex_count(), |v, block| {
             push_position(block, mesh.positions[v]);
             block.extend_from_slice(&rgba(colors[v], 1.0));
         }),
-        _ => super::write_blocks(out, mesh.face_count(), |face, block| {
+        _ => write_blocks(out, mesh.face_count(), |face, block| {
             let (colors, opacity) = (mesh.corner_colors(face), opacity(mesh, face));
             for (corner, color) in mesh.corners(face).into_iter().zip(colors) {
                 push_position(block, corner);

@@ -5,6 +5,7 @@ use super::header::{Element, Scalar};
 use super::table::{Column, Table, Tables};
 use crate::asset::Provenance;
 use crate::error::{Error, Result};
+use crate::formats::blocks::write_blocks;
 use crate::formats::provenance::to_comment;
 use crate::soup::{Soup, rgb_from_sh0};
 use glam::Vec3;
@@ -161,7 +162,7 @@ pub fn write_soup(out: &mut dyn Write, soup: &Soup, provenance: &Provenance) -> 
     out.write_all(header(soup, provenance).as_bytes())?;
     super::write_floats(out, bytemuck::cast_slice(&soup.vertices))?;
     let k = soup.sh_count();
-    super::write_blocks(out, soup.len(), |i, block| {
+    write_blocks(out, soup.len(), |i, block| {
         let sh = &soup.sh[i * k..(i + 1) * k];
         let first = 3 * i as u32;
         super::push_corners(block, [first, first + 1, first + 2]);

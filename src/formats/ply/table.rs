@@ -7,7 +7,7 @@
 use super::header::{Element, Encoding, Header, Kind, Scalar};
 use super::transcode;
 use crate::error::{Error, Result};
-use crate::formats::{MAX_TRIANGLES, Source};
+use crate::formats::{MAX_TRIANGLES, Source, not_a_triangle};
 use std::fs::File;
 use std::path::Path;
 
@@ -154,7 +154,7 @@ impl Table<'_> {
             let rows = self.block(first, step.min(self.rows - first), &mut buffer)?;
             for (i, row) in rows.chunks_exact(self.layout.stride).enumerate() {
                 if count.int(row) != 3 {
-                    return Err(self.error(first + i, transcode::not_a_triangle(count.int(row))));
+                    return Err(self.error(first + i, not_a_triangle(count.int(row))));
                 }
             }
         }

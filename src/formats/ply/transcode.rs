@@ -5,7 +5,7 @@
 use super::header::{Element, Encoding, Kind, Scalar};
 use super::table::is_corner_list;
 use crate::error::{Error, Result};
-use crate::formats::Source;
+use crate::formats::{Source, not_a_triangle};
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 
 /// What came of the rows of one element.
@@ -196,9 +196,4 @@ fn parse(text: &str, scalar: Scalar) -> Option<[u8; 8]> {
 /// A list count, from its little-endian bytes.
 fn integer(number: [u8; 8], scalar: Scalar) -> i64 {
     super::table::Column { offset: 0, scalar }.int(&number)
-}
-
-/// The one sentence about a face that is no triangle.
-pub(super) fn not_a_triangle(corners: i64) -> String {
-    format!("has {corners} corners; wants triangles only: triangulate the mesh where it was made")
 }

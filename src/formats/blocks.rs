@@ -1,0 +1,30 @@
+//! Rows formatted on all threads, written in order.
+
+use rayon::prelude::*;
+use std::io::{self, Write};
+
+/// Rows a thread formats at a time.
+const ROWS: usize = 1 << 13;
+
+/// Writes rows 0 to `count`; `push` appends one to the bytes it is given.
+pub(super) fn write_blocks(
+    out: &mut dyn Write,
+    count: usize,
+    push: impl Fn(usize, &mut Vec<u8>) + Sync,
+) -> io::Result<()> {
+    let lanes = rayon::current_num_threads().max(1);
+    let mut blocks = vec![Vec::new(); lanes];
+    for round in (0..count).step_by(ROWS * lanes) {
+        blocks.par_iter_mut().enumerate().for_each(|(lane, block)| {
+            block.clear();
+            let first = round + lane * ROWS;
+            for row in first..(first + ROWS).min(count) {
+                push(row, block);
+            }
+        });
+        for block in &blocks {
+            out.write_all(block)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,35 @@
+//! A real scene in two formats, against each other and against what is known of it.
+
+use crate::files::{face, loaded_mesh, shared};
+use trisplat::formats::{ReadOptions, off, ply};
+use trisplat::math::color::srgb_from_linear;
+
+const OPTIONS: ReadOptions = ReadOptions { sh_degree: 0 };
+
+#[test]
+fn ply_and_off_of_the_guitar_agree() {
+    let (Some(from), Some(twin)) = (shared("guitar_tri.ply"), shared("guitar_tri.off")) else { return };
+    let (mesh, _, warnings) = loaded_mesh(ply::read(from, &OPTIONS));
+    let (twin, _, twin_warnings) = loaded_mesh(off::read(twin, &OPTIONS));
+    assert_eq!((mesh.face_count(), twin.face_count()), (75_057, 75_057));
+    assert_eq!([warnings, twin_warnings].concat(), [""; 0]);
+    assert_eq!((mesh.indices.len(), mesh.opacity.len(), twin.opacity.len()), (0, 75_057, 0));
+    for i in 0..mesh.face_count() {
+        let ((a, colors, _), (b, twin_colors, _)) = (face(&mesh, i), face(&twin, i));
+        for (a, b) in a.iter().zip(b) {
+            assert!((*a - b).length() <= 1e-6 * b.length().max(1.0), "face {i}: {a} and {b}");
+        }
+        // The OFF was truncated to 8 bits, the PLY rounded.
+        for (a, b) in colors.concat().into_iter().zip(twin_colors.concat()) {
+            let codes = (255.0 * (srgb_from_linear(a) - srgb_from_linear(b))).abs();
+            assert!(codes <= 1.001, "face {i}: {codes} codes apart");
+        }
+    }
+}
+
+#[test]
+fn gaussians_are_refused_with_a_remedy() {
+    let Some(gaussians) = shared("guitar_3dgs.ply") else { return };
+    let message = ply::read(gaussians, &OPTIONS).expect_err("no triangles").to_string();
+    assert!(message.contains("Gaussians") && message.contains("trisplat train"), "{message}");
+}
