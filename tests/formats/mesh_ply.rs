@@ -56,9 +56,7 @@ fn different_corner_colors_become_their_mean_at_the_face() {
 
 /// A triangle whose color properties are given.
 fn triangle(at_vertex: &[&str], vertex: &[Cell], at_face: &[&str], face: &[Cell]) -> [Element; 2] {
-    let corner = |x: f32, y: f32| {
-        [&[Cell::F32(x), Cell::F32(y), Cell::F32(0.0)][..], vertex].concat()
-    };
+    let corner = |x: f32, y: f32| [&[Cell::F32(x), Cell::F32(y), Cell::F32(0.0)][..], vertex].concat();
     let vertices = vec![corner(0.0, 0.0), corner(1.0, 0.0), corner(0.0, 1.0)];
     let mut faces = vec![[&[Cell::U8(3), Cell::U32(0), Cell::U32(1), Cell::U32(2)][..], face].concat()];
     faces.push(faces[0].clone());

@@ -20,10 +20,9 @@ fn written(mesh: &Mesh) -> (String, String) {
 /// What tobj makes of a file: corners and sRGB colours of every face.
 fn judged(obj: &str) -> Vec<([f32; 9], [f32; 9])> {
     let options = tobj::LoadOptions { single_index: true, ..Default::default() };
-    let (models, _) = tobj::load_obj_buf(&mut obj.as_bytes(), &options, |_| {
-        Err(tobj::LoadError::OpenFileFailed)
-    })
-    .expect("tobj reads it");
+    let (models, _) =
+        tobj::load_obj_buf(&mut obj.as_bytes(), &options, |_| Err(tobj::LoadError::OpenFileFailed))
+            .expect("tobj reads it");
     let of_corner = |values: &[f32], v: u32| [0, 1, 2].map(|a| values[3 * v as usize + a]);
     let faces = |mesh: &tobj::Mesh| {
         assert!(mesh.face_arities.is_empty(), "triangles only");
@@ -31,7 +30,8 @@ fn judged(obj: &str) -> Vec<([f32; 9], [f32; 9])> {
             let all = corners.iter().flat_map(|v| of_corner(values, *v)).collect::<Vec<f32>>();
             <[f32; 9]>::try_from(all).expect("three corners")
         };
-        let pairs = mesh.indices.chunks_exact(3).map(|c| (gather(&mesh.positions, c), gather(&mesh.vertex_color, c)));
+        let pairs =
+            mesh.indices.chunks_exact(3).map(|c| (gather(&mesh.positions, c), gather(&mesh.vertex_color, c)));
         pairs.collect::<Vec<_>>()
     };
     models.iter().flat_map(|model| faces(&model.mesh)).collect()
@@ -67,7 +67,9 @@ fn every_kind_of_mesh_reads_back_as_it_looked_here_and_in_tobj() {
             assert_eq!(after.vertex_count(), if own { 3 * count } else { count + 2 });
             assert_eq!(after.indices.is_empty(), own);
             assert!(obj.contains("\nmtllib scene.mtl\n") && obj.contains("\nusemtl trisplat\n"));
-            assert!(mtl.contains("newmtl trisplat\n") && mtl.contains("\nillum 0\n") && mtl.contains("Kd 1 1 1"));
+            assert!(
+                mtl.contains("newmtl trisplat\n") && mtl.contains("\nillum 0\n") && mtl.contains("Kd 1 1 1")
+            );
         }
     }
 }
@@ -89,7 +91,10 @@ fn dialects_are_understood() {
     let plain = "v 0 0 0 0.2 0.2 0.2\nv 1 0 0 0.2 0.2 0.2\nv 0 1 0 0.2 0.2 0.2\n";
     let cases = [
         format!("{plain}f 1 2 3\n"),
-        format!("# caf\u{e9}\r\nmtllib x.mtl\r\no a b\r\ng c\r\n{}s off\r\nf 1/1 2/2 3/3\r\n", plain.replace('\n', "\r\n")),
+        format!(
+            "# caf\u{e9}\r\nmtllib x.mtl\r\no a b\r\ng c\r\n{}s off\r\nf 1/1 2/2 3/3\r\n",
+            plain.replace('\n', "\r\n")
+        ),
         format!("{plain}vt 0 0\nvn 0 0 1\nusemtl a\nf 1//1 2//1 3//1\nl 1 2\np 1"),
         format!("{plain}f -3 -2/1/1 -1 # the last three"),
         format!("f 1 2 3\n{plain}"),

@@ -18,9 +18,8 @@ fn gray(code: f32) -> [f32; 3] {
 
 #[test]
 fn the_exporters_layout_keeps_its_shared_vertices() {
-    let (mesh, warnings) = mesh(
-        "COFF\n4 2 0\n0 0 0\n1 0 0\n0 1.5 0\n1e0 1 -.5\n3 0 1 2 255 128 0 255\n3 2 1 3 1 2 3 255\n",
-    );
+    let (mesh, warnings) =
+        mesh("COFF\n4 2 0\n0 0 0\n1 0 0\n0 1.5 0\n1e0 1 -.5\n3 0 1 2 255 128 0 255\n3 2 1 3 1 2 3 255\n");
     assert_eq!(mesh.positions[2..], [Vec3::new(0.0, 1.5, 0.0), Vec3::new(1.0, 1.0, -0.5)]);
     assert_eq!(mesh.indices, [0, 1, 2, 2, 1, 3]);
     let codes = [[255.0, 128.0, 0.0], [1.0, 2.0, 3.0f32]];

@@ -191,7 +191,7 @@ impl Draft {
                 }
                 element.properties.push(property);
             }
-            _ => return Err(format!("cannot make sense of {:?}", clip(line))),
+            _ => return Err(format!("cannot make sense of {:?}; is end_header missing?", clip(line))),
         }
         Ok(false)
     }
