@@ -3,8 +3,8 @@
 pub mod atomic;
 mod blocks;
 pub mod bvh;
-pub mod check;
 mod channel;
+pub mod check;
 pub mod detect;
 mod finish;
 pub mod gltf;

@@ -120,7 +120,7 @@ fn headers_that_lie_or_babble_are_refused() {
         (swap("list uchar int", "list float int"), "integer type"),
         (swap("list uchar int", "list uchar float"), "integer type"),
         (swap("vertex_indices", "corners"), "vertex_indices"),
-        (swap("list uchar int vertex_indices", "int vertex_indices"), "vertex_indices"),
+        (swap("list uchar int vertex_indices", "int vertex_indices"), "not a number of its type"),
         (swap("float opacity", "float faith"), "opacity"),
         (swap("float f_dc_1", "float f_dc_3"), "f_dc_1"),
         (swap("float f_dc_2", "float f_rest_0"), "0, 9, 24 or 45"),
