@@ -3,7 +3,7 @@
 use super::atomic::AtomicFile;
 use super::gltf::GltfOptions;
 use super::target::Target;
-use super::{bvh, gltf, ply};
+use super::{bvh, gltf, obj, ply};
 use crate::asset::Asset;
 use crate::error::{Error, Result};
 use crate::report::{Observer, Outcome, OutputReport, Report};
@@ -202,9 +202,7 @@ fn encode(
     let name = name_of(&output.second);
     let written = match (output.kind, second) {
         (Kind::Obj, Some(mtl)) => {
-            let _ = (mtl, &name);
-            return Err(Error::unsupported(path, "OBJ is not written yet; use .glb"));
-            #[allow(unreachable_code)]
+            obj::write(main, mtl, &name, asset).map_err(io)?;
             return Ok(vec![
                 "OBJ is text (about 3x a GLB) and Godot, Unity and Unreal drop or cull parts of it; prefer GLB".into(),
             ]);
