@@ -11,8 +11,7 @@ use crate::math::vec::V2;
 /// The three ratios of which the smallest is φ(p) / φ(s); `to` is p - origin.
 #[inline(always)]
 pub fn ratios<R: Real>(edge: &[V2<R>; 3], shift: R, to: V2<R>) -> [R; 3] {
-    let [a, b, c] = edge.map(|e| e.y.mul_add(to.y, e.x * to.x));
-    [a, b - shift, c]
+    [edge[0].dot(to), edge[1].dot(to) - shift, edge[2].dot(to)]
 }
 
 /// φ(p) / φ(s): 1 at the incenter, 0 on the boundary, negative outside.

@@ -49,7 +49,17 @@ pub trait Lanes: Real {
     }
 }
 
-/// Work that runs on any [`Lanes`]; `run` must be `#[inline(always)]` to be compiled for each CPU level.
+/// Asks the memory for `value`, which will be read soon.
+#[inline(always)]
+pub fn prefetch<T>(value: &T) {
+    #[cfg(target_arch = "x86_64")]
+    x86::prefetch(value);
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = value;
+}
+
+/// Work that runs on any [`Lanes`]. `run` and all it calls must be `#[inline(always)]` to be compiled for each CPU
+/// level; closures and `[T; N]::map` over lanes may stay calls and cost ten times their work.
 pub trait Work {
     /// What it gives.
     type Output;

@@ -2,7 +2,7 @@
 
 use crate::kernel::composite;
 use crate::kernel::window;
-use crate::math::lanes::{LANES, Lanes, Work, dispatch};
+use crate::math::lanes::{LANES, Lanes, Work, dispatch, prefetch};
 use crate::math::real::Mask;
 use crate::raster::forward::{self, Plot, TileGeometry, TilePixels};
 use crate::raster::hits::Hits;
@@ -16,7 +16,10 @@ use rayon::prelude::*;
 /// Sums over the pixels of a tile; see the constants for what is where.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(C, align(64))]
-pub(super) struct Slot(pub(super) [f32; LANES], pub(super) [f32; GEOMETRY_SUMS]);
+pub(super) struct Slot(pub(super) [f32; LANES]);
+
+/// The same for the geometry: ∂L/∂(1/z), that times p - origin (2), ∂L/∂normal (3).
+pub(super) type GeometrySlot = [f32; GEOMETRY_SUMS];
 
 /// ∂L/∂rgb at 0, 1, 2.
 pub(super) const RGB: usize = 0;
@@ -26,20 +29,28 @@ pub(super) const OPACITY: usize = 3;
 pub(super) const SIGMA: usize = 4;
 /// ∂L/∂ratio of edge i, at 3 i; then that times p - origin.
 pub(super) const RATIO: usize = 5;
-/// Second part: ∂L/∂(1/z), that times p - origin (2), ∂L/∂normal (3).
+/// 1 when the splat was drawn in the tile, else 0.
+pub(super) const DRAWN: usize = 14;
+/// Entries of a [`GeometrySlot`].
 pub(super) const GEOMETRY_SUMS: usize = 6;
 
 /// Fills `soft.slots`.
 pub(super) fn draw_grad(soft: &mut Soft, options: &SoftOptions, d: &FrameGrad) {
-    let Soft { projection, tiles, pixels, slots, .. } = soft;
+    let Soft { projection, tiles, pixels, slots, geometry_slots, .. } = soft;
     slots.resize(tiles.entries.len(), Slot::default());
+    let wanted = if options.geometry { tiles.entries.len() } else { 0 };
+    geometry_slots.resize(wanted, GeometrySlot::default());
     let splats = &projection.splats;
-    let work = forward::split(slots, &tiles.starts);
+    let slots = forward::split(slots, &tiles.starts);
+    let mut sheets =
+        forward::split(geometry_slots, if options.geometry { &tiles.starts } else { &[] }).into_iter();
+    let work: Vec<_> = slots.into_iter().map(|s| (s, sheets.next().unwrap_or_default())).collect();
     let tiles = &*tiles;
-    work.into_par_iter().enumerate().for_each(|(tile, slots)| {
+    work.into_par_iter().enumerate().for_each(|(tile, (slots, geometry_slots))| {
         let entries = &tiles.entries[tiles.starts[tile] as usize..tiles.starts[tile + 1] as usize];
         let (corner, size) = (tiles.corner(tile), tiles.size);
-        dispatch(DrawGrad { splats, entries, slots, pixels: &pixels[tile], corner, size, options, d });
+        let pixels = &pixels[tile];
+        dispatch(DrawGrad { splats, entries, slots, geometry_slots, pixels, corner, size, options, d });
     });
 }
 
@@ -47,6 +58,8 @@ struct DrawGrad<'a> {
     splats: &'a Splats,
     entries: &'a [Entry],
     slots: &'a mut [Slot],
+    /// Empty when there is no geometry.
+    geometry_slots: &'a mut [GeometrySlot],
     pixels: &'a TilePixels,
     corner: UVec2,
     size: UVec2,
@@ -97,12 +110,11 @@ impl<'a> GeometryGrad<'a> {
     /// Σ w ∂L/∂w of all layers of block `b`.
     #[inline(always)]
     fn total<L: Lanes>(&self, b: usize) -> L {
-        let product = |a: &Plot, d: &Plot| L::load(&a[b]) * L::load(&d[b]);
         let f = self.forward;
-        let distortion = product(&f.distortion, &self.distortion);
-        let mut out = product(&f.depth, &self.depth) + distortion + distortion;
+        let distortion = L::load(&f.distortion[b]) * L::load(&self.distortion[b]);
+        let mut out = L::load(&f.depth[b]) * L::load(&self.depth[b]) + distortion + distortion;
         for c in 0..3 {
-            out = out + product(&f.normal[c], &self.normal[c]);
+            out = out + L::load(&f.normal[c][b]) * L::load(&self.normal[c][b]);
         }
         out
     }
@@ -111,7 +123,12 @@ impl<'a> GeometryGrad<'a> {
     #[inline(always)]
     fn distortion<L: Lanes>(&self, b: usize, inv_depth: L, weight: L) -> (L, L) {
         let m = L::splat(self.map.a) - L::splat(self.map.b) * inv_depth - L::load(&self.forward.anchor[b]);
-        composite::distortion_grad(weight, m, [0, 1, 2].map(|i| L::load(&self.forward.sums[i][b])))
+        let sums = &self.forward.sums;
+        composite::distortion_grad(
+            weight,
+            m,
+            [L::load(&sums[0][b]), L::load(&sums[1][b]), L::load(&sums[2][b])],
+        )
     }
 
     /// Adds ∂L/∂(1/z), its moments and ∂L/∂normal.
@@ -159,9 +176,13 @@ impl DrawGrad<'_> {
         out
     }
 
+    fn gather_rgb(&self) -> [Plot; 3] {
+        [0, 1, 2].map(|c| self.gather(&self.d.d_rgb, |v| v[c]))
+    }
+
     #[inline(always)]
     fn tile<L: Lanes>(self, geometry: Option<&GeometryGrad>) {
-        let d_rgb = [0, 1, 2].map(|c| self.gather(&self.d.d_rgb, |v| v[c]));
+        let d_rgb = self.gather_rgb();
         let d_transmittance = self.gather(&self.d.d_transmittance, |v| *v);
         let mut transmittance = [[0.0f32; LANES]; BLOCKS];
         let mut behind = transmittance;
@@ -192,8 +213,12 @@ impl DrawGrad<'_> {
     #[inline(always)]
     fn by_tile<L: Lanes>(self, mut state: State, geometry: Option<&GeometryGrad>) {
         let limits = Limits::<L>::new(self.options);
-        for (entry, slot) in self.entries.iter().zip(self.slots) {
+        for (k, entry) in self.entries.iter().enumerate() {
+            if let Some(ahead) = self.entries.get(k + forward::AHEAD) {
+                prefetch(&self.splats.records[ahead.splat as usize]);
+            }
             if entry.blocks == 0 {
+                self.slots[k] = Slot::default();
                 continue;
             }
             let splat = Layer::<L>::new(self.splats, entry.splat, geometry, self.options);
@@ -212,17 +237,17 @@ impl DrawGrad<'_> {
                 behind.store(&mut state.behind[b]);
                 splat.add_grad(&mut sums, b, &shade, &state, [before, behind, value]);
             }
-            *slot = sums.finish(geometry.is_some());
+            self.slots[k] = sums.finish();
+            if geometry.is_some() {
+                self.geometry_slots[k] = sums.finish_geometry();
+            }
         }
     }
 
     #[inline(always)]
     fn by_pixel<L: Lanes>(self, mut state: State, geometry: Option<&GeometryGrad>) {
-        for (entry, slot) in self.entries.iter().zip(self.slots.iter_mut()) {
-            if entry.blocks != 0 {
-                *slot = Slot::default();
-            }
-        }
+        self.slots.fill(Slot::default());
+        self.geometry_slots.fill(GeometrySlot::default());
         let mut hits = Hits::default();
         for b in 0..BLOCKS {
             hits.find::<L>(self.entries, self.splats, self.corner, b, self.options);
@@ -239,9 +264,12 @@ impl DrawGrad<'_> {
                 let splat = self.entries[hit.entry].splat;
                 let layer = Layer::<L>::new(self.splats, splat, geometry, self.options);
                 let mut sums = SlotSums::new();
-                let at = [&hit.before, &hit.behind, &hit.value].map(L::load);
+                let at = [L::load(&hit.before), L::load(&hit.behind), L::load(&hit.value)];
                 layer.add_grad(&mut sums, b, &shade, &state, at);
-                self.slots[hit.entry].add(&sums.finish(geometry.is_some()));
+                add(&mut self.slots[hit.entry].0, &sums.finish().0);
+                if geometry.is_some() {
+                    add(&mut self.geometry_slots[hit.entry], &sums.finish_geometry());
+                }
             }
         }
     }
@@ -278,20 +306,21 @@ impl<L: Lanes> SlotSums<L> {
     }
 
     #[inline(always)]
-    fn finish(&self, geometry: bool) -> Slot {
-        let mut more = [0.0; GEOMETRY_SUMS];
-        if geometry {
-            more.copy_from_slice(&L::sums(&self.geometry)[..GEOMETRY_SUMS]);
-        }
-        Slot(L::sums(&self.base), more)
+    fn finish(&self) -> Slot {
+        let mut out = L::sums(&self.base);
+        out[DRAWN] = 1.0;
+        Slot(out)
+    }
+
+    #[inline(always)]
+    fn finish_geometry(&self) -> GeometrySlot {
+        let [a, b, c, d, e, f, ..] = L::sums(&self.geometry);
+        [a, b, c, d, e, f]
     }
 }
 
-impl Slot {
-    fn add(&mut self, other: &Self) {
-        self.0.iter_mut().zip(&other.0).for_each(|(a, b)| *a += b);
-        self.1.iter_mut().zip(&other.1).for_each(|(a, b)| *a += b);
-    }
+fn add(to: &mut [f32], other: &[f32]) {
+    to.iter_mut().zip(other).for_each(|(a, b)| *a += b);
 }
 
 impl<'a, L: Lanes> Layer<'a, L> {
@@ -304,7 +333,10 @@ impl<'a, L: Lanes> Layer<'a, L> {
     ) -> Self {
         Self {
             wide: Wide::new(&splats.records[splat as usize]),
-            sheet: geometry.map(|g| (g, WideSheet::new(&splats.sheets[splat as usize]))),
+            sheet: match geometry {
+                Some(g) => Some((g, WideSheet::new(&splats.sheets[splat as usize]))),
+                None => None,
+            },
             limits: Limits::new(options),
             ratio_least: L::splat(options.ratio_least),
         }
@@ -313,7 +345,9 @@ impl<'a, L: Lanes> Layer<'a, L> {
     /// ∂L/∂w; does not depend on the order of the layers, not even through the distortion.
     #[inline(always)]
     fn value(&self, b: usize, shade: &Shade<L>, state: &State) -> L {
-        let [r, g, blue] = [0, 1, 2].map(|c| L::load(&state.d_rgb[c][b]));
+        let r = L::load(&state.d_rgb[0][b]);
+        let g = L::load(&state.d_rgb[1][b]);
+        let blue = L::load(&state.d_rgb[2][b]);
         let mut value = self.wide.rgb[2].mul_add(blue, self.wide.rgb[1].mul_add(g, self.wide.rgb[0] * r));
         if let Some((grads, sheet)) = &self.sheet {
             let inv_depth = sheet.inv_depth(shade.to);

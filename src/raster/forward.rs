@@ -1,7 +1,7 @@
 //! The forward pass: one tile after the other, each front to back.
 
 use crate::kernel::composite;
-use crate::math::lanes::{LANES, Lanes, Work, dispatch};
+use crate::math::lanes::{LANES, Lanes, Work, dispatch, prefetch};
 use crate::math::real::Mask;
 use crate::raster::hits::Hits;
 use crate::raster::importance::SlotWeight;
@@ -78,6 +78,9 @@ pub(super) fn draw(soft: &mut Soft, options: &SoftOptions) {
     });
 }
 
+/// How many entries ahead of its use a record is asked for.
+pub(super) const AHEAD: usize = 6;
+
 /// Cuts `values` at `starts`.
 pub(super) fn split<'a, T>(mut values: &'a mut [T], starts: &[u32]) -> Vec<&'a mut [T]> {
     starts
@@ -150,6 +153,9 @@ impl Draw<'_> {
     fn by_tile<L: Lanes, const GEOMETRY: bool, const WEIGHTS: bool>(&mut self, mut alive: u32) {
         let limits = Limits::<L>::new(self.options);
         for k in 0..self.entries.len() {
+            if let Some(ahead) = self.entries.get(k + AHEAD) {
+                prefetch(&self.splats.records[ahead.splat as usize]);
+            }
             let mut left = self.entries[k].blocks & alive;
             self.entries[k].blocks = 0;
             if left == 0 {
@@ -205,7 +211,7 @@ impl Draw<'_> {
 
     #[inline(always)]
     fn brush<L: Lanes, const GEOMETRY: bool>(&self, splat: u32) -> Brush<L> {
-        let sheet = GEOMETRY.then(|| WideSheet::new(&self.splats.sheets[splat as usize]));
+        let sheet = if GEOMETRY { Some(WideSheet::new(&self.splats.sheets[splat as usize])) } else { None };
         let map = DepthMap::new(self.options.depth_range);
         Brush { wide: Wide::new(&self.splats.records[splat as usize]), sheet, map }
     }
@@ -282,15 +288,14 @@ impl TileGeometry {
         shade: &Shade<L>,
     ) {
         let (drawn, inv_depth) = (shade.drawn, sheet.inv_depth(shade.to));
-        let add = |plot: &mut Plot, value: L| weight.mul_add(value, L::load(&plot[b])).store(&mut plot[b]);
         let z = (L::splat(1.0) / inv_depth).only(drawn);
-        add(&mut self.depth, z);
-        add(&mut self.normal[0], sheet.normal.x);
-        add(&mut self.normal[1], sheet.normal.y);
-        add(&mut self.normal[2], sheet.normal.z);
+        add(&mut self.depth[b], weight, z);
+        add(&mut self.normal[0][b], weight, sheet.normal.x);
+        add(&mut self.normal[1][b], weight, sheet.normal.y);
+        add(&mut self.normal[2][b], weight, sheet.normal.z);
         L::select(crosses, z, L::load(&self.median[b])).store(&mut self.median[b]);
         let m = L::splat(map.a) - L::splat(map.b) * inv_depth;
-        let sums = [0, 1, 2].map(|i| L::load(&self.sums[i][b]));
+        let sums = [L::load(&self.sums[0][b]), L::load(&self.sums[1][b]), L::load(&self.sums[2][b])];
         let is_first = sums[0].le(L::splat(0.0)).and(drawn);
         let anchor = L::select(is_first, m, L::load(&self.anchor[b]));
         anchor.store(&mut self.anchor[b]);
@@ -298,9 +303,15 @@ impl TileGeometry {
         let grown = L::load(&self.distortion[b]) + composite::distortion(weight, m, sums);
         grown.store(&mut self.distortion[b]);
         (sums[0] + weight).store(&mut self.sums[0][b]);
-        add(&mut self.sums[1], m);
-        add(&mut self.sums[2], m * m);
+        add(&mut self.sums[1][b], weight, m);
+        add(&mut self.sums[2][b], weight, m * m);
     }
+}
+
+/// Adds a product to sixteen pixels.
+#[inline(always)]
+fn add<L: Lanes>(to: &mut [f32; LANES], weight: L, value: L) {
+    weight.mul_add(value, L::load(to)).store(to);
 }
 
 /// Whether this layer takes the transmittance from 1/2 or more to less.

@@ -4,9 +4,9 @@ use crate::camera::Camera;
 use crate::kernel::clip;
 use crate::kernel::sh;
 use crate::kernel::splat::{self, Corners, PlaneGrad, SplatGrad};
-use crate::math::lanes::LANES;
+use crate::math::lanes::{LANES, prefetch};
 use crate::math::vec::{V2, V3};
-use crate::raster::backward::{GEOMETRY_SUMS, OPACITY, RATIO, RGB, SIGMA};
+use crate::raster::backward::{DRAWN, GEOMETRY_SUMS, OPACITY, RATIO, RGB, SIGMA};
 use crate::raster::project::{self, CHUNK, Placed, Seen, View};
 use crate::raster::soft::{Soft, SoftOptions, SoupGrad, SoupRef};
 use glam::Vec3;
@@ -91,14 +91,18 @@ impl Rows<'_> {
     ) -> (Vec<u32>, usize) {
         let mut visible = Vec::with_capacity(seen.len());
         let mut dropped = 0;
+        let sums = Sums::all(soft, seen, options);
+        let mut next = sums.iter();
         for pieces in seen.chunk_by(|a, b| a.record.triangle == b.record.triangle) {
             let triangle = pieces[0].record.triangle as usize;
             let mut row = Row::default();
             let mut drawn = false;
-            for piece in pieces {
-                let Some(sums) = Sums::of(soft, piece.place as usize, options) else { continue };
+            for (piece, sums) in pieces.iter().zip(next.by_ref()) {
+                if !sums.drawn() {
+                    continue;
+                }
                 drawn = true;
-                row.add(&sums, piece, triangle, soup, view, options);
+                row.add(sums, piece, triangle, soup, view, options);
             }
             if !drawn {
                 continue;
@@ -160,35 +164,56 @@ fn color_grad(
 }
 
 /// All pairs of a splat summed.
+#[derive(Clone, Copy)]
 struct Sums {
     base: [f32; LANES],
     geometry: [f32; GEOMETRY_SUMS],
 }
 
 impl Sums {
-    /// Nothing when the splat was drawn nowhere.
-    fn of(soft: &Soft, place: usize, options: &SoftOptions) -> Option<Self> {
-        let mut out = Self { base: [0.0; LANES], geometry: [0.0; GEOMETRY_SUMS] };
-        let mut drawn = false;
-        let pairs = soft.tiles.pairs[place] as usize..soft.tiles.pairs[place + 1] as usize;
-        for entry in &soft.tiles.entry_of_pair[pairs] {
-            let entry = *entry as usize;
-            if soft.tiles.entries[entry].blocks == 0 {
-                continue;
+    /// The sums of every splat of a chunk. A loop of its own: its many scattered reads then overlap.
+    fn all(soft: &Soft, seen: &[Seen], options: &SoftOptions) -> Vec<Self> {
+        let pairs = |seen: &Seen| {
+            let place = seen.place as usize;
+            &soft.tiles.entry_of_pair[soft.tiles.pairs[place] as usize..soft.tiles.pairs[place + 1] as usize]
+        };
+        let mut out = Vec::with_capacity(seen.len());
+        for (i, s) in seen.iter().enumerate() {
+            if let Some(ahead) = seen.get(i + AHEAD) {
+                pairs(ahead).iter().for_each(|entry| prefetch(&soft.slots[*entry as usize]));
             }
-            drawn = true;
-            for (sum, value) in out.base.iter_mut().zip(&soft.slots[entry].0) {
+            if let Some(entry) = seen.get(i + 3 * AHEAD).and_then(|ahead| pairs(ahead).first()) {
+                prefetch(entry);
+            }
+            out.push(Self::of(soft, pairs(s), options));
+        }
+        out
+    }
+
+    fn of(soft: &Soft, pairs: &[u32], options: &SoftOptions) -> Self {
+        let mut out = Self { base: [0.0; LANES], geometry: [0.0; GEOMETRY_SUMS] };
+        for entry in pairs {
+            let slot = &soft.slots[*entry as usize].0;
+            for (sum, value) in out.base.iter_mut().zip(slot) {
                 *sum += value;
             }
-            if options.geometry {
-                for (sum, value) in out.geometry.iter_mut().zip(&soft.slots[entry].1) {
+            if options.geometry && slot[DRAWN] > 0.0 {
+                for (sum, value) in out.geometry.iter_mut().zip(&soft.geometry_slots[*entry as usize]) {
                     *sum += value;
                 }
             }
         }
-        drawn.then_some(out)
+        out
+    }
+
+    /// Whether the splat was drawn at all.
+    fn drawn(&self) -> bool {
+        self.base[DRAWN] > 0.0
     }
 }
+
+/// How many splats ahead their slots are asked for.
+const AHEAD: usize = 8;
 
 /// Gradient of one triangle, but for the SH.
 #[derive(Default)]

@@ -1,7 +1,8 @@
 //! How much every triangle matters, over many views.
 
-use crate::raster::project::Projection;
+use crate::raster::project::{CHUNK, Projection};
 use crate::raster::tiles::Tiles;
+use rayon::prelude::*;
 
 /// Statistics of every triangle since the last reset. // each [N]
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -67,27 +68,36 @@ impl Importance {
         if weights.len() < tiles.entries.len() {
             return;
         }
-        for chunk in &projection.chunks {
-            let mut before = (u32::MAX, 0);
-            for seen in &chunk.seen {
-                let t = seen.record.triangle;
-                let place = seen.place as usize;
-                let mut pixels = if before.0 == t { before.1 } else { 0 };
-                let earlier = pixels;
-                for pair in tiles.pairs[place]..tiles.pairs[place + 1] {
-                    let weight = weights[tiles.entry_of_pair[pair as usize] as usize];
-                    let largest = &mut self.max_weight[t as usize];
-                    *largest = largest.max(weight.max);
-                    self.sum_weight[t as usize] += weight.sum;
-                    pixels += weight.pixels;
+        let Self { max_weight, sum_weight, views, pixels, max_radius_px, .. } = self;
+        max_weight
+            .par_chunks_mut(CHUNK)
+            .zip(sum_weight.par_chunks_mut(CHUNK))
+            .zip(views.par_chunks_mut(CHUNK).zip(pixels.par_chunks_mut(CHUNK)))
+            .zip(max_radius_px.par_chunks_mut(CHUNK))
+            .zip(&projection.chunks)
+            .enumerate()
+            .for_each(|(c, ((((max, sum), (views, pixels)), radius), chunk))| {
+                for pieces in chunk.seen.chunk_by(|a, b| a.record.triangle == b.record.triangle) {
+                    let i = pieces[0].record.triangle as usize - c * CHUNK;
+                    let mut all = SlotWeight::default();
+                    for seen in pieces {
+                        all.add(&of_splat(tiles, weights, seen.place as usize));
+                        radius[i] = radius[i].max(seen.radius_px);
+                    }
+                    max[i] = max[i].max(all.max);
+                    sum[i] += all.sum;
+                    pixels[i] += all.pixels;
+                    views[i] += u32::from(all.pixels > 1);
                 }
-                let radius = &mut self.max_radius_px[t as usize];
-                *radius = radius.max(seen.radius_px);
-                self.pixels[t as usize] += pixels - earlier;
-                // Two pieces of one cut triangle are one view.
-                self.views[t as usize] += u32::from(pixels > 1 && earlier <= 1);
-                before = (t, pixels);
-            }
-        }
+            });
     }
+}
+
+/// Weights of a splat in all tiles.
+fn of_splat(tiles: &Tiles, weights: &[SlotWeight], place: usize) -> SlotWeight {
+    let mut out = SlotWeight::default();
+    for entry in &tiles.entry_of_pair[tiles.pairs[place] as usize..tiles.pairs[place + 1] as usize] {
+        out.add(&weights[*entry as usize]);
+    }
+    out
 }

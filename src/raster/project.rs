@@ -181,10 +181,10 @@ impl Projection {
                 chunk.see(soup, i, &view, options);
             }
         });
-        self.order();
     }
 
-    fn order(&mut self) {
+    /// Sorts the splats by depth.
+    pub(super) fn order(&mut self) {
         self.keys.clear();
         for (c, chunk) in self.chunks.iter().enumerate() {
             // At most two splats a triangle, so the place in a chunk fits in 11 bits.

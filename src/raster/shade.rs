@@ -54,12 +54,12 @@ impl<L: Lanes> Wide<L> {
     pub(super) fn new(record: &Record) -> Self {
         Self {
             origin: record.origin,
-            edge: record.edge.map(|[x, y]| V2::new(L::splat(x), L::splat(y))),
+            edge: [wide_v2(record.edge[0]), wide_v2(record.edge[1]), wide_v2(record.edge[2])],
             shift: L::splat(record.shift),
             floor: L::splat(record.floor),
             sigma: L::splat(record.sigma),
             log2_opacity: L::splat(record.log2_opacity),
-            rgb: record.rgb.map(L::splat),
+            rgb: [L::splat(record.rgb[0]), L::splat(record.rgb[1]), L::splat(record.rgb[2])],
         }
     }
 
@@ -70,7 +70,10 @@ impl<L: Lanes> Wide<L> {
         let ratios = window::ratios(&self.edge, self.shift, to);
         let ratio = window::ratio(&ratios);
         let drawn = self.floor.le(ratio).and(limits.min_transmittance.le(transmittance));
-        (L::bits(drawn) != 0).then(|| self.finish(to, ratios, ratio, drawn, limits))
+        if L::bits(drawn) == 0 {
+            return None;
+        }
+        Some(self.finish(to, ratios, ratio, drawn, limits))
     }
 
     /// The same, even when no pixel is drawn.
@@ -97,6 +100,11 @@ impl<L: Lanes> Wide<L> {
         let alpha = raw.min(limits.cap).only(drawn);
         Shade { to, ratios, ratio, log2_ratio, raw, alpha, drawn }
     }
+}
+
+#[inline(always)]
+fn wide_v2<L: Lanes>([x, y]: [f32; 2]) -> V2<L> {
+    V2::new(L::splat(x), L::splat(y))
 }
 
 /// A sheet in every lane.

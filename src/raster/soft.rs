@@ -3,13 +3,14 @@
 //! Accuracy, edge values and policies are in `docs/numerics.md`.
 
 use crate::camera::Camera;
-use crate::raster::backward::{self, Slot};
+use crate::raster::backward::{self, GeometrySlot, Slot};
 use crate::raster::forward::{self, TilePixels};
 use crate::raster::gather;
 use crate::raster::importance::{Importance, SlotWeight};
 use crate::raster::project::Projection;
 use crate::raster::tiles::Tiles;
 use glam::{UVec2, Vec3};
+use std::time::Instant;
 
 /// A soup as the rasteriser reads it; borrowed, so that a trainer may keep its own layout.
 #[derive(Debug, Clone, Copy)]
@@ -176,8 +177,30 @@ pub struct Soft {
     pub(super) tiles: Tiles,
     pub(super) pixels: Vec<TilePixels>,
     pub(super) slots: Vec<Slot>,
+    pub(super) geometry_slots: Vec<GeometrySlot>,
     pub(super) weights: Vec<SlotWeight>,
     frame: Frame,
+    timings: Vec<(&'static str, f64)>,
+}
+
+/// A stopwatch for the parts of a frame.
+struct Clock(f64);
+fn cpu() -> f64 {
+    let _ = Instant::now();
+    use nix::sys::time::TimeValLike;
+    let u = nix::sys::resource::getrusage(nix::sys::resource::UsageWho::RUSAGE_SELF).unwrap();
+    (u.user_time().num_microseconds() + u.system_time().num_microseconds()) as f64 * 1e-3
+}
+impl Clock {
+    fn new() -> Self {
+        Self(cpu())
+    }
+
+    fn lap(&mut self, part: &'static str, out: &mut Vec<(&'static str, f64)>) {
+        let now = cpu();
+        out.push((part, now - self.0));
+        self.0 = now;
+    }
 }
 
 impl Soft {
@@ -188,10 +211,18 @@ impl Soft {
 
     /// Draws `soup` as `camera` sees it. The same bits for any number of threads.
     pub fn render(&mut self, soup: &SoupRef, camera: &Camera, options: &SoftOptions) -> &Frame {
+        self.timings.clear();
+        let mut clock = Clock::new();
         self.projection.project(soup, camera, options);
+        clock.lap("project", &mut self.timings);
+        self.projection.order();
+        clock.lap("sort", &mut self.timings);
         self.tiles.bin(&self.projection.splats, camera.size);
+        clock.lap("bin", &mut self.timings);
         forward::draw(self, options);
+        clock.lap("forward", &mut self.timings);
         forward::assemble(&mut self.frame, &self.pixels, &self.tiles, options);
+        clock.lap("assemble", &mut self.timings);
         &self.frame
     }
 
@@ -205,8 +236,11 @@ impl Soft {
         d: &FrameGrad,
         out: &mut SoupGrad,
     ) {
+        let mut clock = Clock::new();
         backward::draw_grad(self, options, d);
+        clock.lap("backward", &mut self.timings);
         gather::gather(self, soup, camera, options, out);
+        clock.lap("gather", &mut self.timings);
     }
 
     /// The last frame drawn.
@@ -218,6 +252,11 @@ impl Soft {
     /// another number of triangles.
     pub fn accumulate_importance(&self, out: &mut Importance) {
         out.accumulate(&self.projection, &self.tiles, &self.weights);
+    }
+
+    /// Wall time of every part of the last frame, ms.
+    pub fn timings(&self) -> &[(&'static str, f64)] {
+        &self.timings
     }
 
     /// Numbers of splats and of (splat, tile) pairs of the last frame.

@@ -168,34 +168,47 @@ fn tiles_between(lo: f32, hi: f32, size: f32) -> (u32, u32) {
 fn emit<L: Lanes>(record: &Record, bounds: &Bounds, size: [f32; 2], across: u32, out: &mut Vec<(u32, u32)>) {
     let (x0, x1) = tiles_between(bounds.lo[0], bounds.hi[0], size[0]);
     let (y0, y1) = tiles_between(bounds.lo[1], bounds.hi[1], size[1]);
-    let half = 1.5 + MARGIN;
     let (block_x, block_y) = (L::load(&BLOCK_X), L::load(&BLOCK_Y));
-    let shifts = [0.0, record.shift, 0.0];
-    // reach_i(block) >= 0 where edge i leaves something of the block, for a tile at the splat's origin.
-    let reach = [0, 1, 2].map(|i| {
-        let [ex, ey] = record.edge[i];
-        let constant = half * (ex.abs() + ey.abs()) - shifts[i] - record.floor;
-        L::splat(ex).mul_add(block_x, L::splat(ey).mul_add(block_y, L::splat(constant)))
-    });
-    let zero = L::splat(0.0);
+    let reaches = [
+        reach(record.edge[0], -record.floor, block_x, block_y),
+        reach(record.edge[1], -record.floor - record.shift, block_x, block_y),
+        reach(record.edge[2], -record.floor, block_x, block_y),
+    ];
     for ty in y0..=y1 {
         for tx in x0..=x1 {
             let corner = [(tx * TILE) as f32, (ty * TILE) as f32];
             let to = [corner[0] - record.origin[0], corner[1] - record.origin[1]];
-            let side = |i: usize| {
-                let [ex, ey] = record.edge[i];
-                zero.le(reach[i] + L::splat(ex * to[0] + ey * to[1]))
-            };
-            let within = |block: L, i: usize| {
-                let lo = L::splat(bounds.lo[i] - corner[i] - half);
-                let hi = L::splat(bounds.hi[i] - corner[i] + half);
-                lo.le(block).and(block.le(hi))
-            };
-            let all = side(0).and(side(1)).and(side(2)).and(within(block_x, 0)).and(within(block_y, 1));
+            let all = touches(reaches[0], record.edge[0], to)
+                .and(touches(reaches[1], record.edge[1], to))
+                .and(touches(reaches[2], record.edge[2], to))
+                .and(overlaps(block_x, bounds.lo[0] - corner[0], bounds.hi[0] - corner[0]))
+                .and(overlaps(block_y, bounds.lo[1] - corner[1], bounds.hi[1] - corner[1]));
             let blocks = L::bits(all);
             if blocks != 0 {
                 out.push((ty * across + tx, u32::from(blocks)));
             }
         }
     }
+}
+
+/// Half the side of the box of a block's pixel centres, and the margin.
+const HALF: f32 = 1.5 + MARGIN;
+
+/// For every block the largest ratio to one edge, plus `constant`, were the tile at the splat's origin.
+#[inline(always)]
+fn reach<L: Lanes>([ex, ey]: [f32; 2], constant: f32, block_x: L, block_y: L) -> L {
+    let constant = L::splat(HALF * (ex.abs() + ey.abs()) + constant);
+    L::splat(ex).mul_add(block_x, L::splat(ey).mul_add(block_y, constant))
+}
+
+/// Whether the edge leaves something of each block of the tile that is `to` away from the origin.
+#[inline(always)]
+fn touches<L: Lanes>(reach: L, [ex, ey]: [f32; 2], to: [f32; 2]) -> L::Mask {
+    L::splat(0.0).le(reach + L::splat(ex * to[0] + ey * to[1]))
+}
+
+/// Whether [lo, hi] overlaps the blocks along one axis.
+#[inline(always)]
+fn overlaps<L: Lanes>(block: L, lo: f32, hi: f32) -> L::Mask {
+    L::splat(lo - HALF).le(block).and(block.le(L::splat(hi + HALF)))
 }

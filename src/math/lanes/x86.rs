@@ -25,6 +25,12 @@ pub(super) fn has_avx2() -> bool {
     *HAS
 }
 
+#[inline(always)]
+pub(super) fn prefetch<T>(value: &T) {
+    // SAFETY: SSE is part of x86-64, and a prefetch has no effect but on speed.
+    unsafe { _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(value).cast()) }
+}
+
 /// Runs `work` on AVX-512 lanes; the caller has seen [`has_avx512`] say yes.
 pub(super) fn run_avx512<W: Work>(work: W) -> W::Output {
     #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma")]
