@@ -7,3 +7,4 @@ mod obj;
 mod off;
 mod real;
 mod soup_ply;
+mod speed;

@@ -1,0 +1,254 @@
+//! Every reader against mutated files: it fails with a clear error or gives a sound scene, and never
+//! panics. `TRISPLAT_FUZZ_CASES=100000 cargo test --release --test formats_fuzz` for a long run.
+
+use proptest::prelude::*;
+use proptest::test_runner::{Config, TestRunner};
+use std::io::{Seek, Write};
+use trisplat::asset::Asset;
+use trisplat::error::{Error, Result};
+use trisplat::formats::{ReadOptions, Source, obj, off, ply};
+use trisplat::mesh::{Colors, Mesh};
+use trisplat::scene::{Loaded, Scene};
+use trisplat::soup::Soup;
+
+/// A reader, and a file it reads.
+type Row = (&'static str, Vec<u8>, fn(Source, &ReadOptions) -> Result<Loaded>);
+
+/// One row for each path a reader may take.
+fn table() -> Vec<Row> {
+    vec![
+        ("soup ply", soup_ply(1), ply::read),
+        ("soup ply, ascii", ascii_soup_ply().into_bytes(), ply::read),
+        ("soup ply, big-endian", big_endian_soup_ply(), ply::read),
+        ("mesh ply", mesh_ply(false), ply::read),
+        ("mesh ply, face colors", mesh_ply(true), ply::read),
+        ("off", OFF.as_bytes().to_vec(), off::read),
+        ("obj", OBJ.as_bytes().to_vec(), obj::read),
+        ("obj, as written", written_obj(), obj::read),
+    ]
+}
+
+const OFF: &str = "COFF\n4 2 0\n0 0 0\n1 0 0\n0 1 0\n1 1 0.5\n3 0 1 2 255 0 10 255\n3 2 1 3 1 2 3 102\n";
+const OBJ: &str = "# a square\nmtllib a.mtl\no square\nv 0 0 0 0.5 0.2 1\nv 1 0 0 0 0 1\nv 0 1 0 1 1 1\n\
+                   v 1 1 0 0 0 0\nvt 0 0\nvn 0 0 1\nusemtl a\nf 1/1/1 2//1 3\nf -1 -2 -3\nl 1 2\n";
+
+fn soup(degree: u8) -> Soup {
+    let k = (degree as usize + 1).pow(2);
+    Soup {
+        vertices: (0..3).map(|i| [0, 1, 2].map(|c| glam::Vec3::new(i as f32, c as f32, 0.5))).collect(),
+        opacity: vec![0.25, 0.5, 1.0],
+        sigma: vec![0.01, 1.16, 3.0],
+        sh: (0..3 * k).map(|i| [i as f32 * 0.1, -0.2, 1.0]).collect(),
+        sh_degree: degree,
+    }
+}
+
+fn soup_ply(degree: u8) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    ply::write_soup(&mut bytes, &soup(degree), &Default::default()).expect("writes to memory");
+    bytes
+}
+
+fn ascii_soup_ply() -> String {
+    let mut text = String::from("ply\nformat ascii 1.0\nelement vertex 4\n");
+    text += "property float x\nproperty float y\nproperty double z\nelement edge 1\nproperty int a\n";
+    text += "property list uchar int b\nelement face 2\nproperty list uchar int vertex_indices\n";
+    for name in ["opacity", "sigma", "f_dc_0", "f_dc_1", "f_dc_2"] {
+        text += &format!("property float {name}\n");
+    }
+    text += "end_header\n0 0 0\n1 0 0\n0 1 0\n1 1 1e-3\n7 2 1 0\n";
+    text + "3 0 1 2 0.5 1 0.1 0.2 0.3\n3 3 2 1 1 0.01 -0.1 0 2\n"
+}
+
+/// The ascii soup's header over big-endian rows.
+fn big_endian_soup_ply() -> Vec<u8> {
+    let ascii = ascii_soup_ply();
+    let (header, _) = ascii.split_once("end_header\n").expect("a header");
+    let mut bytes = (header.replace("ascii", "binary_big_endian") + "end_header\n").into_bytes();
+    for [x, y] in [[0f32, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]] {
+        bytes.extend([x.to_be_bytes(), y.to_be_bytes()].concat());
+        bytes.extend(0.5f64.to_be_bytes());
+    }
+    bytes.extend([0, 0, 0, 7, 2, 0, 0, 0, 1, 0, 0, 0, 0]);
+    for corners in [[0i32, 1, 2], [3, 2, 1]] {
+        bytes.push(3);
+        corners.iter().for_each(|c| bytes.extend(c.to_be_bytes()));
+        [0.5f32, 1.0, 0.1, 0.2, 0.3].iter().for_each(|x| bytes.extend(x.to_be_bytes()));
+    }
+    bytes
+}
+
+fn square() -> Asset {
+    let mesh = Mesh {
+        positions: [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]
+            .map(|[x, y]| glam::Vec3::new(x, y, 0.0))
+            .to_vec(),
+        colors: Colors::Vertex(vec![[0.0, 0.5, 1.0], [0.1; 3], [0.2; 3], [0.3; 3]]),
+        indices: vec![0, 1, 2, 2, 1, 3],
+        opacity: vec![],
+    };
+    Asset { mesh, ..Asset::default() }
+}
+
+fn mesh_ply(face_colors: bool) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    ply::write_mesh(&mut bytes, &square(), face_colors).expect("writes to memory");
+    bytes
+}
+
+fn written_obj() -> Vec<u8> {
+    let mut bytes = Vec::new();
+    obj::write(&mut bytes, &mut Vec::new(), "a.mtl", &square()).expect("writes to memory");
+    bytes
+}
+
+/// One change to a file; places are shares of its length, so that they shrink well.
+#[derive(Debug, Clone)]
+enum Edit {
+    Flip { at: f64, bit: u8 },
+    Put { at: f64, bytes: Vec<u8> },
+    Insert { at: f64, bytes: Vec<u8> },
+    Remove { at: f64, count: usize },
+    Repeat { at: f64, count: usize },
+    Cut { at: f64 },
+    Number { which: f64, with: &'static str },
+}
+
+/// Numbers and words that have broken readers before.
+const NASTY: [&str; 24] = [
+    "0",
+    "-1",
+    "1",
+    "2",
+    "4",
+    "255",
+    "256",
+    "65536",
+    "2147483647",
+    "-2147483648",
+    "2147483648",
+    "4294967295",
+    "4294967296",
+    "9223372036854775807",
+    "18446744073709551615",
+    "18446744073709551616",
+    "nan",
+    "inf",
+    "-inf",
+    "1e38",
+    "1e99",
+    "1e-45",
+    "",
+    "x",
+];
+
+fn edits() -> impl Strategy<Value = Vec<Edit>> {
+    let at = || 0.0..1.0f64;
+    let bytes = || {
+        let poison = [f32::NAN, f32::INFINITY, f32::MAX, -1.0, 1e-45].map(|x| x.to_le_bytes().to_vec());
+        let counts = [u32::MAX, i32::MAX as u32, 0, 3].map(|x| x.to_le_bytes().to_vec());
+        prop_oneof![
+            prop::sample::select([&poison[..], &counts[..]].concat()),
+            prop::collection::vec(any::<u8>(), 1..9),
+            "[ \n\r#/.e+-]{1,3}".prop_map(String::into_bytes),
+        ]
+    };
+    let edit = prop_oneof![
+        (at(), 0..8u8).prop_map(|(at, bit)| Edit::Flip { at, bit }),
+        (at(), bytes()).prop_map(|(at, bytes)| Edit::Put { at, bytes }),
+        (at(), bytes()).prop_map(|(at, bytes)| Edit::Insert { at, bytes }),
+        (at(), 1..40usize).prop_map(|(at, count)| Edit::Remove { at, count }),
+        (at(), 1..80usize).prop_map(|(at, count)| Edit::Repeat { at, count }),
+        at().prop_map(|at| Edit::Cut { at }),
+        (at(), prop::sample::select(&NASTY[..])).prop_map(|(which, with)| Edit::Number { which, with }),
+    ];
+    prop::collection::vec(edit, 1..5)
+}
+
+fn apply(edit: &Edit, bytes: &mut Vec<u8>) {
+    let place = |at: f64| ((at * bytes.len() as f64) as usize).min(bytes.len().saturating_sub(1));
+    let range = |at: f64, count: usize| place(at)..(place(at) + count).min(bytes.len());
+    if bytes.is_empty() {
+        return;
+    }
+    match edit {
+        Edit::Flip { at, bit } => {
+            let at = place(*at);
+            bytes[at] ^= 1 << bit;
+        }
+        Edit::Put { at, bytes: new } => {
+            let range = range(*at, new.len());
+            let count = range.len();
+            bytes[range].copy_from_slice(&new[..count]);
+        }
+        Edit::Insert { at, bytes: new } => {
+            let at = place(*at);
+            bytes.splice(at..at, new.iter().copied());
+        }
+        Edit::Remove { at, count } => drop(bytes.drain(range(*at, *count))),
+        Edit::Repeat { at, count } => {
+            let range = range(*at, *count);
+            let again = bytes[range.clone()].to_vec();
+            bytes.splice(range.end..range.end, again);
+        }
+        Edit::Cut { at } => bytes.truncate(place(*at)),
+        Edit::Number { which, with } => {
+            let starts: Vec<usize> = (0..bytes.len())
+                .filter(|&i| bytes[i].is_ascii_digit() && (i == 0 || !bytes[i - 1].is_ascii_alphanumeric()))
+                .collect();
+            let Some(&start) = starts.get((which * starts.len() as f64) as usize) else { return };
+            let digits = bytes[start..].iter().take_while(|b| b.is_ascii_digit()).count();
+            bytes.splice(start..start + digits, with.bytes());
+        }
+    }
+}
+
+/// Reads the file and checks what came of it.
+fn survive(row: &Row, bytes: &[u8], sh_degree: u8) {
+    let (name, _, read) = row;
+    let mut file = tempfile::tempfile().expect("a temporary file");
+    file.write_all(bytes).and_then(|()| file.rewind()).expect("writable");
+    let source = Source { path: "mutant".into(), file, len: bytes.len() as u64 };
+    match read(source, &ReadOptions { sh_degree }) {
+        Ok(Loaded { scene, .. }) => {
+            let proof = match &scene {
+                Scene::Soup(soup) => soup.validate(),
+                Scene::Mesh(mesh) => mesh.validate(),
+            };
+            assert!(proof.is_ok() && scene.triangle_count() > 0, "{name}: {proof:?}");
+        }
+        Err(error @ (Error::Malformed { .. } | Error::Unsupported { .. })) => {
+            let message = error.to_string();
+            assert!(message.starts_with("mutant: ") && message.len() < 500, "{name}: {message}");
+        }
+        Err(error) => panic!("{name}: {error:?}"),
+    }
+}
+
+#[test]
+fn the_seeds_are_sound() {
+    for (name, bytes, read) in table() {
+        let mut file = tempfile::tempfile().expect("a temporary file");
+        file.write_all(&bytes).and_then(|()| file.rewind()).expect("writable");
+        let source = Source { path: name.into(), file, len: bytes.len() as u64 };
+        let loaded = read(source, &ReadOptions { sh_degree: 3 });
+        assert!(loaded.is_ok(), "{name}: {loaded:?}");
+    }
+}
+
+#[test]
+fn mutants_never_panic() {
+    let cases = std::env::var("TRISPLAT_FUZZ_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(128);
+    for row in table() {
+        let mut runner = TestRunner::new(Config { cases, failure_persistence: None, ..Config::default() });
+        let result = runner.run(&(edits(), 0..4u8), |(edits, sh_degree)| {
+            let mut bytes = row.1.clone();
+            edits.iter().for_each(|edit| apply(edit, &mut bytes));
+            survive(&row, &bytes, sh_degree);
+            Ok(())
+        });
+        if let Err(failure) = result {
+            panic!("{}: {failure}", row.0);
+        }
+    }
+}
