@@ -1,5 +1,7 @@
 //! Data sets: the same scene told in several formats, real photos, and files that lie.
 
+#![allow(clippy::print_stderr, reason = "a skipped test says so")]
+
 use glam::{DVec2, DVec3, UVec2, Vec2};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -14,9 +16,11 @@ use trisplat::math::metric;
 const REAL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data");
 const SAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/dataset");
 
+type Scene = (&'static str, usize, usize, [u32; 2], Option<f64>);
+
 /// Real scenes: name, photos, held out, the photo's size, and the mean reprojection error that their
 /// makers measured, at this size, px.
-const SCENES: [(&str, usize, usize, [u32; 2], Option<f64>); 6] = [
+const SCENES: [Scene; 6] = [
     ("banana", 15, 2, [640, 425], Some(0.657 * 640.0 / 3008.0)),
     // Only points with less than 1 px of error were kept.
     ("bonsai", 292, 37, [576, 384], None),

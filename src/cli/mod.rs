@@ -8,6 +8,7 @@ pub mod bake;
 pub mod bench;
 pub mod completions;
 pub mod info;
+pub mod info_dataset;
 pub mod layers;
 pub mod progress;
 pub mod sample;

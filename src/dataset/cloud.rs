@@ -61,7 +61,8 @@ fn looking_distance(views: &[&View]) -> f32 {
     }
     let spread = (centers.iter().map(|c| c.distance_squared(middle)).sum::<f32>() / count).sqrt();
     let fallback = if spread > 0.0 { 2.0 * spread } else { 1.0 };
-    if !(normal.determinant() > 1e-3) {
+    let converging = normal.determinant() > 1e-3;
+    if !converging {
         return fallback;
     }
     let focus = normal.inverse() * target + middle;

@@ -70,7 +70,8 @@ impl Distortion {
         for _ in 0..64 {
             let slope = self.distort_slope(p);
             let determinant = slope.determinant();
-            if !(determinant > 1e-6) {
+            let unfolded = determinant > 1e-6;
+            if !unfolded {
                 return None;
             }
             let step = slope.inverse() * (q - self.distort(p));

@@ -5,6 +5,7 @@ pub mod cloud;
 mod colmap;
 mod colmap_binary;
 mod colmap_text;
+pub mod describe;
 mod found;
 pub mod lens;
 pub mod options;
@@ -17,6 +18,7 @@ pub mod synthetic_scene;
 mod transforms;
 pub mod undistort;
 
+pub use describe::{Description, describe};
 pub use options::{Background, DatasetOptions, Masks};
 pub use photo::Photo;
 pub use photos::Photos;
@@ -24,6 +26,8 @@ pub use photos::Photos;
 use crate::camera::Camera;
 use crate::error::Result;
 use glam::{DVec3, Vec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// Posed photos of one scene.
@@ -72,7 +76,7 @@ pub struct Point {
 }
 
 /// The distance between where points were seen and where the cameras put them, in the photos' full size.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Reprojection {
     /// Mean over all sightings, px.
     pub mean_px: f64,

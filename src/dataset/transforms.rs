@@ -168,7 +168,8 @@ fn pose(matrix: &[Vec<f64>]) -> std::result::Result<(DMat3, DVec3), String> {
     let axes = DMat3::from_cols(column(0), column(1), column(2));
     // Some writers scale the scene by scaling the matrix; the camera only turns.
     let scale = axes.determinant().cbrt();
-    if !(scale > 1e-9) {
+    let proper = scale > 1e-9;
+    if !proper {
         return Err("transform_matrix is mirrored or singular".into());
     }
     let turn = axes * (1.0 / scale);

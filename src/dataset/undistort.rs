@@ -21,7 +21,8 @@ impl Undistort {
         let (low, high) = inner_rectangle(lens)
             .ok_or("the distortion folds over inside the photo: its coefficients cannot be right")?;
         let size = (high - low).floor();
-        if !(size.min_element() >= 1.0) {
+        let visible = size.min_element() >= 1.0;
+        if !visible {
             return Err("the distortion leaves nothing of the photo".into());
         }
         let pinhole = Lens {

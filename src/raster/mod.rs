@@ -6,6 +6,7 @@
 //! ```
 
 mod backward;
+mod contributions;
 mod forward;
 mod gather;
 mod hits;

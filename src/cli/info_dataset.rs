@@ -1,0 +1,60 @@
+//! `trisplat info DATASET`: cameras, sizes, points, how well they fit, and what is odd.
+
+use super::progress::thousands;
+use crate::dataset::{Dataset, DatasetOptions, Description, describe};
+use crate::error::{Error, Result};
+use std::io::Write;
+use std::path::Path;
+
+/// Cameras listed one by one; more are counted only.
+const LISTED: usize = 5;
+
+/// Reads the data set at `path` and writes its table to `out`.
+pub fn run(path: &Path, options: &DatasetOptions, out: &mut dyn Write) -> Result<()> {
+    let description = describe(&Dataset::load(path, options)?);
+    out.write_all(table(&description).as_bytes()).map_err(|e| Error::io("standard output", e))
+}
+
+/// The table, one figure a line.
+pub fn table(d: &Description) -> String {
+    let mut rows = vec![("kind", d.kind.clone())];
+    let photos = d.train + d.test;
+    rows.push(("photos", format!("{photos}: {} to train on, {} held out", d.train, d.test)));
+    for group in d.cameras.iter().take(LISTED) {
+        let ([w, h], [sw, sh]) = (group.size, group.stored);
+        let files = if group.size == group.stored { String::new() } else { format!(" (files {sw}x{sh})") };
+        let ([fx, fy], [cx, cy]) = (group.focal, group.center);
+        let lens = format!("f {fx:.1} {fy:.1}, centre {cx:.1} {cy:.1}, {:.1}° wide", group.field_of_view);
+        rows.push(("camera", format!("{w}x{h}{files}, {lens}: {} photos", group.photos)));
+    }
+    if d.cameras.len() > LISTED {
+        rows.push(("camera", format!("and {} more", d.cameras.len() - LISTED)));
+    }
+    if d.masks > 0 {
+        rows.push(("masks", format!("{} photos", d.masks)));
+    }
+    if d.straightened > 0 {
+        rows.push(("lens", format!("{} photos are straightened while they are read", d.straightened)));
+    }
+    rows.push(("decoded", format!("{:.1} MiB", d.decoded_bytes as f64 / f64::from(1 << 20))));
+    rows.push(("cameras", format!("within {:.3} world units", d.camera_extent)));
+    rows.push(("points", thousands(d.points)));
+    if let Some([low, high]) = d.point_bounds {
+        let span = |i: usize| format!("{:.3}..{:.3}", low[i], high[i]);
+        rows.push(("bounds", format!("x {}  y {}  z {} (middle 98%)", span(0), span(1), span(2))));
+    }
+    if let Some(error) = d.stated_error_px {
+        rows.push(("stated", format!("{error:.3} px mean error")));
+    }
+    if let Some(fit) = d.reprojection {
+        let behind =
+            if fit.behind > 0 { format!(", {} behind the camera", fit.behind) } else { String::new() };
+        let seen = thousands(fit.sightings);
+        rows.push(("measured", format!("{:.3} px mean error over {seen} sightings{behind}", fit.mean_px)));
+    }
+    if let Some([x, y, z]) = d.origin {
+        rows.push(("origin", format!("{x} {y} {z} is taken off every position")));
+    }
+    rows.extend(d.warnings.iter().map(|warning| ("warning", warning.clone())));
+    rows.iter().map(|(name, value)| format!("{name:<10}{value}\n")).collect()
+}
