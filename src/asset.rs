@@ -111,7 +111,12 @@ impl Placement {
 
     /// File back to source world: undoes [`Placement::to_file`].
     pub fn to_world(&self, file: Vec3) -> Vec3 {
-        (self.up.to_y_up().transpose() * file.as_dvec3() / self.scale + DVec3::from(self.center)).as_vec3()
+        self.to_world_f64(file).as_vec3()
+    }
+
+    /// [`Placement::to_world`] without the last rounding, for worlds far from their origin.
+    pub fn to_world_f64(&self, file: Vec3) -> DVec3 {
+        self.up.to_y_up().transpose() * file.as_dvec3() / self.scale + DVec3::from(self.center)
     }
 }
 

@@ -30,6 +30,14 @@ impl Camera {
         Self { focal: self.focal * ratio, center: self.center * ratio, size, ..*self }
     }
 
+    /// The same camera moved to `eye`, with `target` in the middle of its view and `up` upwards in it.
+    pub fn looking(&self, eye: Vec3, target: Vec3, up: Vec3) -> Self {
+        let forward = (target - eye).normalize_or(Vec3::Z);
+        let right = forward.cross(up).try_normalize().unwrap_or_else(|| forward.any_orthonormal_vector());
+        let rotation = Mat3::from_cols(right, forward.cross(right), forward).transpose();
+        Self { rotation, translation: -(rotation * eye), ..*self }
+    }
+
     /// Checks that everything is finite, the focal lengths are positive and the size is not zero.
     pub fn validate(&self) -> Result<()> {
         let finite = self.rotation.is_finite()
@@ -40,5 +48,63 @@ impl Camera {
             return Err(Error::invalid("camera", format!("{self:?}"), "finite numbers, focal > 0, size > 0"));
         }
         Ok(())
+    }
+}
+
+/// The world point nearest to the axes of all cameras, in the least-squares sense: what they look at.
+/// `None` when the axes are nearly parallel, or when half of the cameras have it behind them.
+pub fn focus<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Option<Vec3> {
+    let count = cameras.clone().count() as f32;
+    let middle = cameras.clone().map(Camera::position).sum::<Vec3>() / count;
+    let (mut normal, mut target) = (Mat3::ZERO, Vec3::ZERO);
+    for camera in cameras.clone() {
+        let axis = camera.rotation.row(2);
+        let across = Mat3::IDENTITY - Mat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
+        normal += across * (1.0 / count);
+        target += across * (camera.position() - middle) * (1.0 / count);
+    }
+    let converging = normal.determinant() > 1e-3;
+    if !converging {
+        return None;
+    }
+    let focus = normal.inverse() * target + middle;
+    let in_front = cameras.filter(|c| (c.rotation * focus + c.translation).z > 0.0).count();
+    (focus.is_finite() && in_front as f32 * 2.0 >= count).then_some(focus)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CAMERA: Camera = Camera {
+        rotation: Mat3::IDENTITY,
+        translation: Vec3::ZERO,
+        focal: Vec2::splat(100.0),
+        center: Vec2::splat(50.0),
+        size: UVec2::splat(100),
+    };
+
+    #[test]
+    fn a_camera_looks_at_its_target_with_up_upwards() {
+        let (eye, target) = (Vec3::new(3.0, -2.0, 1.0), Vec3::new(0.5, 0.25, -1.0));
+        let camera = CAMERA.looking(eye, target, Vec3::NEG_Y);
+        assert!((camera.position() - eye).length() < 1e-5);
+        assert!((camera.rotation.determinant() - 1.0).abs() < 1e-5);
+        let seen = camera.rotation * target + camera.translation;
+        assert!(seen.truncate().length() < 1e-5 && seen.z > 0.0, "{seen}");
+        assert!((camera.rotation * Vec3::NEG_Y).y < 0.0, "up is towards smaller rows");
+        assert!(CAMERA.looking(Vec3::ZERO, Vec3::NEG_Y, Vec3::NEG_Y).validate().is_ok(), "straight up");
+    }
+
+    #[test]
+    fn the_focus_is_what_all_look_at() {
+        let target = Vec3::new(1.0, 2.0, 3.0);
+        let eyes = [Vec3::ZERO, Vec3::X * 4.0, Vec3::new(-2.0, 5.0, 1.0)];
+        let cameras = eyes.map(|eye| CAMERA.looking(eye, target, Vec3::NEG_Y));
+        assert!(focus(cameras.iter()).is_some_and(|f| f.distance(target) < 1e-4));
+        let away = eyes.map(|eye| CAMERA.looking(eye, 2.0 * eye - target, Vec3::NEG_Y));
+        assert_eq!(focus(away.iter()), None, "it is behind them");
+        assert_eq!(focus([CAMERA; 3].iter()), None, "parallel axes");
+        assert_eq!(focus([].iter()), None);
     }
 }

@@ -32,3 +32,4 @@ pub mod rng;
 pub mod scene;
 pub mod soup;
 pub mod train;
+pub mod view;

@@ -2,6 +2,7 @@
 
 pub mod bake;
 mod degenerate;
+pub mod fidelity;
 pub mod machine;
 pub mod measure;
 pub mod plot;

@@ -8,9 +8,11 @@ pub mod bake;
 pub mod bench;
 pub mod completions;
 pub mod info;
+pub mod eval;
 pub mod info_dataset;
 pub mod layers;
 pub mod progress;
+pub mod render;
 pub mod sample;
 pub mod schema;
 pub mod train;
@@ -61,6 +63,10 @@ pub enum Command {
     Sample(sample::SampleArgs),
     /// Turn posed photos into a soup of triangles.
     Train(Box<train::TrainArgs>),
+    /// Measure how close a soup comes to photos it was not trained on.
+    Eval(Box<eval::EvalArgs>),
+    /// Draw a soup as the photos' cameras see it, or from a circle around it.
+    Render(Box<render::RenderArgs>),
     /// Measure what commands cost.
     Bench(bench::BenchArgs),
     /// Print a JSON Schema.
@@ -92,6 +98,8 @@ fn run(cli: &Cli, matches: &ArgMatches) -> Result<()> {
     match &cli.command {
         Command::Bake(args) => bake::run(args, typed, &cli.global),
         Command::Train(args) => train::run(args, typed, &cli.global),
+        Command::Eval(args) => eval::run(args, &cli.global),
+        Command::Render(args) => render::run(args, &cli.global),
         Command::Bench(args) => bench::run(args, &cli.global),
         Command::Info(args) => info::run(args, &mut std::io::stdout().lock()),
         Command::Validate(args) => validate::run(args, &mut std::io::stdout().lock()),

@@ -1,8 +1,9 @@
 //! A random cloud of points where the cameras look, for data sets without points of their own.
 
 use super::{Point, View};
+use crate::camera;
 use crate::rng::Rng;
-use glam::{Mat3, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 
 /// Attempts to place a point where a second camera sees it too.
 const TRIES: u64 = 16;
@@ -46,30 +47,15 @@ fn sees(view: &View, at: Vec3) -> bool {
     v.z > 0.0 && q.cmpge(Vec2::ZERO).all() && q.cmplt(camera.size.as_vec2()).all()
 }
 
-/// How far away the thing is that the cameras look at: the median distance to the point nearest to all
-/// their axes; where the axes are parallel, twice the spread of the cameras; 1 for a single place.
+/// How far away the thing is that the cameras look at: the median distance to their common focus;
+/// without one, twice the spread of the cameras; 1 for a single place.
 fn looking_distance(views: &[&View]) -> f32 {
     let count = views.len() as f32;
     let centers: Vec<Vec3> = views.iter().map(|v| v.camera.position()).collect();
     let middle = centers.iter().sum::<Vec3>() / count;
-    let (mut normal, mut target) = (Mat3::ZERO, Vec3::ZERO);
-    for (view, center) in views.iter().zip(&centers) {
-        let axis = view.camera.rotation.row(2);
-        let across = Mat3::IDENTITY - Mat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
-        normal += across * (1.0 / count);
-        target += across * (*center - middle) * (1.0 / count);
-    }
     let spread = (centers.iter().map(|c| c.distance_squared(middle)).sum::<f32>() / count).sqrt();
     let fallback = if spread > 0.0 { 2.0 * spread } else { 1.0 };
-    let converging = normal.determinant() > 1e-3;
-    if !converging {
-        return fallback;
-    }
-    let focus = normal.inverse() * target + middle;
-    let in_front = |view: &&View| (view.camera.rotation * focus + view.camera.translation).z > 0.0;
-    if views.iter().filter(|v| in_front(v)).count() * 2 < views.len() {
-        return fallback;
-    }
+    let Some(focus) = camera::focus(views.iter().map(|v| &v.camera)) else { return fallback };
     let mut distances: Vec<f32> = centers.iter().map(|c| c.distance(focus)).collect();
     distances.sort_by(f32::total_cmp);
     let median = distances[distances.len() / 2];

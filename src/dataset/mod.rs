@@ -22,6 +22,7 @@ pub use describe::{Description, describe};
 pub use options::{Background, DatasetOptions, Masks};
 pub use photo::Photo;
 pub use photos::Photos;
+pub use split::Split;
 
 use crate::camera::Camera;
 use crate::error::Result;

@@ -6,6 +6,39 @@ use crate::error::{Error, Result};
 use std::collections::HashSet;
 use std::path::Path;
 
+/// A part of a data set.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub enum Split {
+    /// The held-out photos.
+    #[default]
+    Test,
+    /// The photos to train on.
+    Train,
+    /// All photos.
+    All,
+}
+
+impl Split {
+    /// "test", "train" or "all".
+    pub fn name(self) -> &'static str {
+        match self {
+            Split::Test => "test",
+            Split::Train => "train",
+            Split::All => "all",
+        }
+    }
+
+    /// The photos of this part, in order of name.
+    pub fn of(self, dataset: &Dataset) -> Vec<&View> {
+        let belongs = |view: &&View| match self {
+            Split::Test => view.test,
+            Split::Train => !view.test,
+            Split::All => true,
+        };
+        dataset.views.iter().filter(belongs).collect()
+    }
+}
+
 /// Marks the held-out views. They are sorted by name, and those of a `transforms_test.json` are marked
 /// already.
 pub(super) fn apply(dataset: &mut Dataset, root: &Path, options: &DatasetOptions) -> Result<()> {

@@ -1,0 +1,170 @@
+//! `trisplat render SOUP -o DIR`: pictures of a soup, as photos' cameras see it or from around it.
+
+use super::Global;
+use super::progress::Progress;
+use crate::asset::UpAxis;
+use crate::bench::fidelity::{self, Painter};
+use crate::camera::Camera;
+use crate::dataset::{Dataset, DatasetOptions, Split};
+use crate::error::{Error, Result};
+use crate::formats::{self, ReadOptions};
+use crate::image::Pixels;
+use crate::rng::Rng;
+use crate::soup::Soup;
+use crate::view::orbit;
+use glam::{DVec3, Vec3};
+use std::path::{Path, PathBuf};
+
+/// What to draw, from where.
+#[derive(Debug, clap::Args)]
+pub struct RenderArgs {
+    /// Trained soup: .ply .pt.
+    #[arg(value_name = "SOUP")]
+    pub soup: PathBuf,
+    /// Folder for the pictures; made when it is not there.
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Data set whose cameras are used: a folder of posed photos, or a transforms.json.
+    #[arg(long, value_name = "DATASET", required_unless_present = "orbit")]
+    pub dataset: Option<PathBuf>,
+    /// Which photos' cameras.
+    #[arg(long, value_enum, default_value_t, conflicts_with = "orbit")]
+    pub split: Split,
+    /// Draw N pictures on a circle instead: around what the photos look at, or around the soup.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub orbit: Option<u32>,
+    /// Width of an orbit's pictures when no data set is given, px; the height is three quarters of it.
+    #[arg(long, value_name = "PX", default_value_t = 960, value_parser = clap::value_parser!(u32).range(1..=16384))]
+    pub width: u32,
+    /// What the pictures show.
+    #[arg(long, value_enum, default_value_t)]
+    pub show: Show,
+    /// Share of the triangles that --show random-subset draws, of 1.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.1)]
+    pub share: f64,
+    /// Seed of the random subset.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Replace pictures that are there.
+    #[arg(short, long)]
+    pub force: bool,
+    /// How the data set is read.
+    #[command(flatten)]
+    pub dataset_options: DatasetOptions,
+}
+
+/// What a picture shows of a scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub enum Show {
+    /// Colour.
+    #[default]
+    Color,
+    /// Expected depth, near bright.
+    Depth,
+    /// Normals in the camera's axes.
+    Normal,
+    /// Layers that make up each pixel.
+    Contributions,
+    /// Colour of some triangles only, so that their shapes can be seen.
+    RandomSubset,
+}
+
+/// Draws all pictures.
+pub fn run(args: &RenderArgs, global: &Global) -> Result<()> {
+    if !(0.0..=1.0).contains(&args.share) {
+        return Err(Error::invalid("--share", args.share, "a number from 0 to 1"));
+    }
+    let loaded = formats::read(&args.soup, &ReadOptions { sh_degree: 3 })?;
+    let (mut soup, provenance) = fidelity::soup_of(&args.soup, loaded)?;
+    let whole = soup.clone();
+    if args.show == Show::RandomSubset {
+        keep_random(&mut soup, args.share, args.seed);
+    }
+    let background = args.dataset_options.background;
+    let (mut painter, shots) = match &args.dataset {
+        Some(path) => {
+            let dataset = Dataset::load(path, &args.dataset_options)?;
+            let painter = Painter::new(soup, &provenance.placement, &dataset, background.to_f32());
+            (painter, dataset_shots(args, &dataset)?)
+        }
+        None => {
+            let up = up_vector(provenance.up.unwrap_or_default());
+            let cameras = orbit::around_soup(&whole, up, args.width, args.orbit.unwrap_or(0));
+            (Painter::alone(soup, background.to_f32()), orbit_shots(cameras))
+        }
+    };
+    prepare_folder(&args.output, shots.iter().map(|(name, _)| name.as_str()), args.force)?;
+    let progress = Progress::new(global);
+    for (name, camera) in &shots {
+        let picture = match args.show {
+            Show::Color | Show::RandomSubset => painter.color(camera),
+            Show::Depth => painter.depth(camera),
+            Show::Normal => painter.normal(camera),
+            Show::Contributions => painter.contributions(camera),
+        };
+        save_picture(&args.output, name, &picture)?;
+    }
+    progress.done();
+    progress.line(&format!("wrote {} pictures to {}", shots.len(), args.output.display()));
+    Ok(())
+}
+
+/// Names and cameras: the photos', or a circle around what they look at.
+fn dataset_shots(args: &RenderArgs, dataset: &Dataset) -> Result<Vec<(String, Camera)>> {
+    if let Some(count) = args.orbit {
+        let cameras: Vec<Camera> = dataset.views.iter().map(|v| v.camera).collect();
+        return Ok(orbit_shots(orbit::around_cameras(&cameras, count)));
+    }
+    let views = args.split.of(dataset);
+    if views.is_empty() {
+        let split = args.split.name();
+        return Err(Error::invalid("--split", split, "a part that holds photos: train or all"));
+    }
+    Ok(views.iter().map(|v| (v.name.clone(), v.camera)).collect())
+}
+
+fn orbit_shots(cameras: Vec<Camera>) -> Vec<(String, Camera)> {
+    cameras.into_iter().enumerate().map(|(i, camera)| (format!("orbit_{i:04}.png"), camera)).collect()
+}
+
+/// The axis of a file that points up, as a vector of the file.
+fn up_vector(up: UpAxis) -> Vec3 {
+    (up.to_y_up().transpose() * DVec3::Y).as_vec3()
+}
+
+/// Keeps about `share` of the triangles, the same ones for the same seed.
+fn keep_random(soup: &mut Soup, share: f64, seed: u64) {
+    let rng = Rng::new(seed, "random subset", 0);
+    soup.retain(|i| rng.uniform_f64(i as u64) < share);
+}
+
+/// Makes the folder and refuses to replace a picture in it without `force`: before any work.
+pub(super) fn prepare_folder<'a>(
+    folder: &Path,
+    names: impl Iterator<Item = &'a str>,
+    force: bool,
+) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    for name in names {
+        let path = picture_path(folder, name);
+        if path.exists() && !force {
+            return Err(Error::invalid("DIR", path.display(), "a new picture, or --force to replace it"));
+        }
+    }
+    Ok(())
+}
+
+/// Writes a drawing beside the others, named like its photo.
+pub(super) fn save_picture(folder: &Path, name: &str, picture: &Pixels) -> Result<()> {
+    let path = picture_path(folder, name);
+    if let Some(parent) = path.parent() {
+        std::fs::create_dir_all(parent).map_err(|e| Error::io(parent, e))?;
+    }
+    picture.save_png(&path)
+}
+
+/// `photo.jpg` becomes DIR/photo.png; parts of a name that would lead out of DIR are left out.
+fn picture_path(folder: &Path, name: &str) -> PathBuf {
+    let inside = Path::new(name).components().filter(|c| matches!(c, std::path::Component::Normal(_)));
+    folder.join(inside.collect::<PathBuf>()).with_extension("png")
+}
