@@ -1,6 +1,8 @@
-//! `trisplat info FILE`: what is in a file of any format.
+//! `trisplat info FILE`: what is in a file of any format, or in a data set.
 
+use super::info_dataset;
 use crate::bake::prune::{PruneOptions, prune};
+use crate::dataset::DatasetOptions;
 use crate::error::{Error, Result};
 use crate::formats::info::{BakeInfo, Bin, Distribution, Info, Kind, info};
 use crate::report::Outcome;
@@ -12,15 +14,22 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 pub struct InfoArgs {
     /// Soup or mesh to describe: .ply, .pt, .off, .obj, .glb or .gltf; "-" is standard input.
+    /// Or a data set: a folder of posed photos, or a transforms.json.
     #[arg(value_name = "FILE")]
     pub input: PathBuf,
     /// Print JSON (`trisplat schema info` describes it).
     #[arg(long)]
     pub json: bool,
+    /// How a data set is read.
+    #[command(flatten)]
+    pub dataset_options: DatasetOptions,
 }
 
 /// Describes the file on `out`.
 pub fn run(args: &InfoArgs, out: &mut dyn Write) -> Result<()> {
+    if info_dataset::is_dataset(&args.input) {
+        return info_dataset::run(&args.input, &args.dataset_options, args.json, out);
+    }
     let (mut info, loaded) = info(&args.input)?;
     info.bake = would_bake(loaded);
     let printed = if args.json { print_json(&info, out) } else { print(&info, out) };

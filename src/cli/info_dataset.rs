@@ -9,10 +9,20 @@ use std::path::Path;
 /// Cameras listed one by one; more are counted only.
 const LISTED: usize = 5;
 
-/// Reads the data set at `path` and writes its table to `out`.
-pub fn run(path: &Path, options: &DatasetOptions, out: &mut dyn Write) -> Result<()> {
+/// True for what is a data set and not a scene: a folder or a transforms.json.
+pub fn is_dataset(path: &Path) -> bool {
+    path.is_dir() || path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"))
+}
+
+/// Reads the data set at `path` and writes its table, or its figures as JSON, to `out`.
+pub fn run(path: &Path, options: &DatasetOptions, json: bool, out: &mut dyn Write) -> Result<()> {
     let description = describe(&Dataset::load(path, options)?);
-    out.write_all(table(&description).as_bytes()).map_err(|e| Error::io("standard output", e))
+    let text = if json {
+        serde_json::to_string_pretty(&description).unwrap_or_default() + "\n"
+    } else {
+        table(&description)
+    };
+    out.write_all(text.as_bytes()).map_err(|e| Error::io("-", e))
 }
 
 /// The table, one figure a line.

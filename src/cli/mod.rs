@@ -7,8 +7,8 @@
 pub mod bake;
 pub mod bench;
 pub mod completions;
-pub mod info;
 pub mod eval;
+pub mod info;
 pub mod info_dataset;
 pub mod layers;
 pub mod progress;
