@@ -209,7 +209,8 @@ def check_colors(wants, got):
     off = np.abs(wants - got).max((1, 2), initial=0)
     if (off > 1.01 * COLOR_STEP).any():
         worst = off.argmax()
-        colors = [np.round(255 * c[worst, 0], 2).tolist() for c in (wants, got)]
+        corner = np.abs(wants - got)[worst].max(1).argmax()
+        colors = [np.round(255 * c[worst, corner], 2).tolist() for c in (wants, got)]
         raise Failed(f"colour {colors[1]} of 255, the source has {colors[0]}")
 
 
@@ -225,16 +226,18 @@ def judge(name, load):
     parser.add_argument("--damaged", action="store_true", help="every file must fail, not pass")
     args = parser.parse_args()
     source = source_triangles(args.source)
-    ok = True
+    all_well = True
     for path in args.baked:
         try:
             check(path, source, load, args)
-            verdict, passed = "as the source", True
+            well, verdict = not args.damaged, "as the source"
         except Failed as reason:
-            verdict, passed = str(reason), False
-        ok &= passed != args.damaged
-        print(f"{name}: {path.name}: {verdict}", file=sys.stdout if passed != args.damaged else sys.stderr)
-    sys.exit(0 if ok else 1)
+            well, verdict = args.damaged, str(reason)
+        except Exception as crash:  # of a loader: never what was expected
+            well, verdict = False, repr(crash)
+        all_well &= well
+        print(f"{name}: {path.name}: {verdict}", file=sys.stdout if well else sys.stderr)
+    sys.exit(0 if all_well else 1)
 
 
 def check(path, source, load, args):
