@@ -262,10 +262,10 @@ fn judges_fail_damaged_files() {
     }
 }
 
-// --- Godot 3 ----------------------------------------------------------------------------------------
+// --- Godot ------------------------------------------------------------------------------------------
 
-/// Godot on the project in `folder`, which is also its home.
-fn godot(folder: &Path, flags: &[&str]) -> Command {
+/// Godot 3 on the project in `folder`, which is also its home.
+fn godot3(folder: &Path, flags: &[&str]) -> Command {
     let mut command = Command::new("godot3-server");
     command.args(["--audio-driver", "Dummy", "--path"]).arg(folder).args(flags);
     command.env("HOME", folder).env_remove("XDG_CONFIG_HOME").env_remove("XDG_DATA_HOME");
@@ -282,11 +282,11 @@ impl Drop for Editor {
     }
 }
 
-/// Lets the editor import what is in `folder`. It never comes back by itself without a screen, so it is
-/// ended once the checksum of the import is there, which is what it writes last.
+/// Lets Godot 3's editor import what is in `folder`. It never comes back by itself without a screen, so it
+/// is ended once the checksum of the import is there, which is what it writes last.
 fn import(folder: &Path) {
     let log = fs::File::create(folder.join("editor.log")).unwrap();
-    let mut command = godot(folder, &["--editor", "--quit"]);
+    let mut command = godot3(folder, &["--editor", "--quit"]);
     let _editor = Editor(command.stdout(log.try_clone().unwrap()).stderr(log).spawn().unwrap());
     let clock = Instant::now();
     let done = |entry: fs::DirEntry| entry.path().extension().is_some_and(|ending| ending == "md5");
@@ -297,31 +297,30 @@ fn import(folder: &Path) {
     }
 }
 
-#[test]
-fn godot_3_imports_every_vertex_and_color() {
-    if !have("godot3", Command::new("godot3-server").arg("--version").output().is_ok()) {
-        return;
-    }
+/// A project with the studio as `scene.glb`, baked for `target`, and a script that dumps what came in.
+fn project(scripts: &str, target: &str) -> TempDir {
     let folder = TempDir::new().unwrap();
     for file in ["project.godot", "dump.gd"] {
-        fs::copy(here("tests/godot3").join(file), folder.path().join(file)).unwrap();
+        fs::copy(here(scripts).join(file), folder.path().join(file)).unwrap();
     }
     let scene = folder.path().join("scene.glb");
-    let triangles = bake(&studio(), &scene, &["--target", "godot3", "--chunk-triangles", "3000"]);
-    import(folder.path());
-    let said = runs(&mut godot(folder.path(), &["--script", "dump.gd"]));
-    let said = String::from_utf8_lossy(&said.stdout).into_owned();
+    bake(&studio(), &scene, &["--target", target, "--chunk-triangles", "3000"]);
+    folder
+}
 
+/// Asserts that the dump holds every node, vertex and colour of `scene.glb`; `said` is what the script said.
+fn assert_same_scene(folder: &Path, said: &str) {
+    let Scene::Mesh(mesh) = read(&folder.join("scene.glb"), &ReadOptions { sh_degree: 0 }).unwrap().scene
+    else {
+        panic!("a GLB is a mesh");
+    };
     let nodes: Vec<Vec<&str>> =
         said.lines().filter(|line| line.starts_with("node ")).map(|line| line.split(' ').collect()).collect();
     assert!(nodes.len() >= 3, "{said}");
-    assert!(nodes.iter().all(|node| node[2] == node[3] && node[4] == "True"), "{said}");
-    let vertices: u64 = nodes.iter().map(|node| node[2].parse::<u64>().unwrap()).sum();
-    assert_eq!(vertices, 3 * triangles);
+    assert!(nodes.iter().all(|node| node[2] == node[3] && node[4].eq_ignore_ascii_case("true")), "{said}");
+    let vertices: usize = nodes.iter().map(|node| node[2].parse::<usize>().unwrap()).sum();
+    assert_eq!(vertices, mesh.vertex_count());
 
-    let Scene::Mesh(mesh) = read(&scene, &ReadOptions { sh_degree: 0 }).unwrap().scene else {
-        panic!("a GLB is a mesh");
-    };
     let mut wants = Vec::new();
     for face in 0..mesh.face_count() {
         for (position, color) in mesh.corners(face).into_iter().zip(mesh.corner_colors(face)) {
@@ -329,6 +328,36 @@ fn godot_3_imports_every_vertex_and_color() {
             wants.extend(color.map(|channel| (255.0 * srgb_from_linear(channel)).round() as u8));
         }
     }
-    let got = fs::read(folder.path().join("dump.bin")).unwrap();
+    let got = fs::read(folder.join("dump.bin")).unwrap();
     assert!(got == wants, "a position or an 8-bit colour code is not the one in the file");
+}
+
+#[test]
+fn godot_3_imports_every_vertex_and_color() {
+    if have("godot3", Command::new("godot3-server").arg("--version").output().is_ok()) {
+        let folder = project("tests/godot3", "godot3");
+        import(folder.path());
+        let said = runs(&mut godot3(folder.path(), &["--script", "dump.gd"]));
+        assert_same_scene(folder.path(), &String::from_utf8_lossy(&said.stdout));
+    }
+}
+
+/// The real one: `tests/godot4.sh` installs it.
+#[test]
+fn godot_4_imports_every_vertex_and_color() {
+    let godot4 = here("target/judges/godot4");
+    if have("godot4", godot4.exists()) {
+        let folder = project("tests/godot4", "godot");
+        let said = ["--import", "--script=dump.gd"].map(|what| {
+            let words = what.split('=');
+            let done = runs(Command::new(&godot4).arg(folder.path()).args(words));
+            String::from_utf8_lossy(&done.stdout).into_owned()
+        });
+        assert_same_scene(folder.path(), &said[1]);
+        let import = fs::read_to_string(folder.path().join("scene.glb.import")).unwrap();
+        assert!(
+            import.contains("uid=") && import.contains("generate_lods=false"),
+            "our settings are kept: {import}"
+        );
+    }
 }

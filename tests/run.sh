@@ -96,6 +96,8 @@ else
     echo 'NOT CHECKED: godot3-server is not among the packages of this system'
 fi
 
+if [ -x "$judges/godot4" ]; then required=$required,godot4; fi # by tests/godot4.sh
+
 section 'suite'
 export TRISPLAT_REQUIRE_JUDGES=$required
 if cargo nextest --version >/dev/null 2>&1; then

@@ -47,11 +47,14 @@ pub fn soup(name: SampleScene, triangles: usize, seed: u64) -> Soup {
 }
 
 /// What a file with such a soup says about itself: how to make it again, and where up is.
-pub fn provenance(name: SampleScene, triangles: usize, seed: u64) -> Provenance {
-    let recipe = match name {
+pub fn provenance(name: SampleScene, triangles: usize, seed: u64, sh_degree: u8) -> Provenance {
+    let mut recipe = match name {
         SampleScene::Studio => format!("trisplat sample studio --triangles {triangles} --seed {seed}"),
         SampleScene::Degenerate => "trisplat sample degenerate".to_owned(),
     };
+    if sh_degree > 0 {
+        recipe += &format!(" --sh-degree {sh_degree}");
+    }
     Provenance { trainer: Some(recipe), up: Some(UpAxis::NegY), ..Provenance::default() }
 }
 

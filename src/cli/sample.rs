@@ -1,4 +1,4 @@
-//! `trisplat sample NAME -o FILE`: soups and data sets made from nothing, to try things on.
+//! `trisplat sample NAME -o FILE`: soups made from nothing, to try things on.
 
 use crate::bench::scenes::{self, SampleScene};
 use crate::error::{Error, Result};
@@ -16,8 +16,8 @@ pub struct SampleArgs {
     #[arg(short, long, value_name = "FILE.ply")]
     pub output: PathBuf,
     /// Number of triangles (degenerate has its own).
-    #[arg(long, default_value_t = 8000, value_name = "N")]
-    pub triangles: usize,
+    #[arg(long, default_value_t = 8000, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
+    pub triangles: u32,
     /// Highest degree of the spherical harmonics.
     #[arg(long, default_value_t = 0, value_name = "DEGREE", value_parser = clap::value_parser!(u8).range(0..=3))]
     pub sh_degree: u8,
@@ -38,11 +38,10 @@ pub fn run(args: &SampleArgs) -> Result<()> {
             "a new file, or --force to replace it",
         ));
     }
-    let mut soup = scenes::soup(args.name, args.triangles, args.seed);
-    if args.sh_degree > 0 {
-        scenes::raise_sh(&mut soup, args.sh_degree, args.seed);
-    }
-    let provenance = scenes::provenance(args.name, args.triangles, args.seed);
+    let triangles = args.triangles as usize;
+    let mut soup = scenes::soup(args.name, triangles, args.seed);
+    scenes::raise_sh(&mut soup, args.sh_degree, args.seed);
+    let provenance = scenes::provenance(args.name, triangles, args.seed, args.sh_degree);
     let mut file = AtomicFile::create(&args.output)?;
     ply::write_soup(&mut file, &soup, &provenance).map_err(|e| Error::io(&args.output, e))?;
     file.commit().map(drop)

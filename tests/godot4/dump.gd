@@ -1,0 +1,27 @@
+# Writes what Godot 4 made of scene.glb to dump.bin, one record a vertex in the order of the file: position as
+# three floats, colour as three bytes. Prints one line a mesh node: name, vertices, colours and material flags.
+extends SceneTree
+
+func _init():
+	var out = FileAccess.open("res://dump.bin", FileAccess.WRITE)
+	var root = load("res://scene.glb").instantiate()
+	for node in root.get_children():
+		if not node is MeshInstance3D:
+			continue
+		var arrays = node.mesh.surface_get_arrays(0)
+		var positions = arrays[Mesh.ARRAY_VERTEX]
+		var colors = arrays[Mesh.ARRAY_COLOR]
+		var material = node.mesh.surface_get_material(0)
+		var shows = material.vertex_color_use_as_albedo and material.vertex_color_is_srgb
+		var unlit = material.shading_mode == BaseMaterial3D.SHADING_MODE_UNSHADED
+		var both_sides = material.cull_mode == BaseMaterial3D.CULL_DISABLED
+		print("node ", node.name, " ", positions.size(), " ", colors.size(), " ", shows and unlit and both_sides)
+		for first in range(0, positions.size(), 3):
+			for i in [first, first + 2, first + 1]: # the import turns triangles round
+				var at = node.transform * positions[i]
+				for value in [at.x, at.y, at.z]:
+					out.store_float(value)
+				for value in [colors[i].r, colors[i].g, colors[i].b]:
+					out.store_8(int(round(value * 255)))
+	out.close()
+	quit()
