@@ -15,4 +15,4 @@ def load(path):
 
 
 if __name__ == "__main__":
-    judge("open3d", load)
+    judge("open3d", load, inexact=[".obj"])

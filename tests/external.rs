@@ -55,7 +55,7 @@ fn runs(command: &mut Command) -> Output {
 
 /// Bakes and returns the number of triangles written.
 fn bake(input: &Path, output: &Path, flags: &[&str]) -> u64 {
-    let report = output.with_extension("report.json");
+    let report = PathBuf::from(format!("{}.report.json", output.display()));
     let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
     command.arg("bake").arg(input).arg("-o").arg(output).arg("--report").arg(&report).args(flags).arg("-q");
     let done = runs(&mut command);
@@ -187,8 +187,8 @@ fn judges_see_every_triangle_of_the_studio() {
         let mut files = [&plain[..], &chunks, &godot, &godot3, &welded].concat();
         // Open3D reads no colours of faces.
         files.extend(faces.iter().filter(|_| judge == "trimesh").cloned());
-        assert_as_source(judge, &studio(), &files, &["--up", "-y", "--scale", "1"]);
-        assert_as_source(judge, &studio(), &moved, &["--up", "z", "--scale", "2.5"]);
+        assert_as_source(judge, &studio(), &files, &["--up=-y", "--scale=1"]);
+        assert_as_source(judge, &studio(), &moved, &["--up=z", "--scale=2.5"]);
     }
 }
 
@@ -217,8 +217,8 @@ fn judges_see_real_scenes() {
         let files = [format!("{name}.glb"), format!("{name}.obj"), format!("{name}.out.ply")];
         let files = files.each_ref().map(String::as_str);
         let exact = bakes(folder.path(), &source, &files, &EVERYTHING);
-        let solid = folder.path().join("solid.glb");
-        let triangles = bake(&source, &solid, &["--force"]).to_string();
+        let solid = folder.path().join(format!("{name}.solid.glb"));
+        let triangles = bake(&source, &solid, &[]).to_string();
         for judge in JUDGES {
             assert_as_source(judge, &source, &exact, &[]);
             let flags = ["--expect-shrunk", "--triangles", &triangles];
