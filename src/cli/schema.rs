@@ -1,6 +1,13 @@
 //! `trisplat schema NAME`: JSON Schemas, generated from the types they describe.
 
+use crate::bake::options::BakeOptions;
+use crate::bench::bake::BakeRow;
 use crate::error::{Error, Result};
+use crate::formats::bvh::BvhHeader;
+use crate::formats::check::Checked;
+use crate::formats::info::Info;
+use crate::report::Report;
+use crate::train::options::TrainOptions;
 use std::io::Write;
 
 /// Which schema.
@@ -16,20 +23,31 @@ pub struct SchemaArgs {
 pub enum SchemaName {
     /// The file given to `trisplat bake --config`.
     Bake,
+    /// The file given to `trisplat train --config`.
+    Train,
     /// The file written by `--report`.
     Report,
+    /// What `trisplat info --json` prints.
+    Info,
+    /// What `trisplat validate --json` prints.
+    Validate,
+    /// The header of a BVH file.
+    Bvh,
+    /// The rows of `trisplat bench bake --json`.
+    Bench,
 }
 
 impl SchemaName {
     /// The schema as pretty JSON with a final newline.
     pub fn text(self) -> String {
         let schema = match self {
-            SchemaName::Bake => {
-                let mut schema = schemars::schema_for!(crate::bake::options::BakeOptions);
-                allow_schema_key(&mut schema);
-                schema
-            }
-            SchemaName::Report => schemars::schema_for!(crate::report::Report),
+            SchemaName::Bake => config_schema(schemars::schema_for!(BakeOptions)),
+            SchemaName::Train => config_schema(schemars::schema_for!(TrainOptions)),
+            SchemaName::Report => schemars::schema_for!(Report),
+            SchemaName::Info => schemars::schema_for!(Info),
+            SchemaName::Validate => schemars::schema_for!(Checked),
+            SchemaName::Bvh => schemars::schema_for!(BvhHeader),
+            SchemaName::Bench => schemars::schema_for!(Vec<BakeRow>),
         };
         let mut text = serde_json::to_string_pretty(&schema).unwrap_or_default();
         text.push('\n');
@@ -38,13 +56,14 @@ impl SchemaName {
 }
 
 /// Config files may name their schema, for editors.
-fn allow_schema_key(schema: &mut schemars::Schema) {
+fn config_schema(mut schema: schemars::Schema) -> schemars::Schema {
     if let Some(properties) = schema.get_mut("properties").and_then(|p| p.as_object_mut()) {
         properties.insert(
             "$schema".to_owned(),
             serde_json::json!({ "type": "string", "description": "Where this schema is; for editors." }),
         );
     }
+    schema
 }
 
 /// Prints the schema to standard output.
