@@ -8,7 +8,6 @@ use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
 use crate::formats::atomic::AtomicFile;
 use crate::formats::ply;
-use crate::raster::soft::SoftOptions;
 use crate::report::generator;
 use crate::train::cpu::Cpu;
 use crate::train::options::{Preset, TrainOptions};
@@ -78,23 +77,23 @@ pub struct TrainArgs {
 pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<()> {
     guard(args)?;
     let dataset = Dataset::load(&args.dataset, &args.dataset_options)?;
-    let drawing =
-        SoftOptions { background: args.dataset_options.background.to_f32(), ..SoftOptions::default() };
     let photo_bytes = u64::from(args.dataset_options.photo_memory_mib) << 20;
-    let backend = Cpu::new(drawing);
-    let (trainer, curve, cpu_before) = match &args.resume {
-        Some(path) => {
-            let point = checkpoint::read(path)?;
+    let point = args.resume.as_deref().map(checkpoint::read).transpose()?;
+    let options = match &point {
+        Some(point) => {
             refuse_changes(matches, args)?;
-            let (curve, cpu) = (point.meta.curve.clone(), point.meta.cpu_secs);
-            (Trainer::resume(&dataset, point, photo_bytes, backend)?, curve, cpu)
+            point.meta.options.clone()
         }
-        None => {
-            let options = resolve(args, matches)?;
-            (Trainer::start(&dataset, &options, photo_bytes, backend)?, Vec::new(), 0.0)
-        }
+        None => resolve(args, matches)?,
     };
-    let options = trainer.options().clone();
+    let drawing = options.drawing(args.dataset_options.background.to_f32());
+    let backend = Cpu::new(drawing);
+    let (curve, cpu_before) =
+        point.as_ref().map_or((Vec::new(), 0.0), |p| (p.meta.curve.clone(), p.meta.cpu_secs));
+    let trainer = match point {
+        Some(point) => Trainer::resume(&dataset, point, photo_bytes, backend)?,
+        None => Trainer::start(&dataset, &options, photo_bytes, backend)?,
+    };
     let plan = plan(args);
     let mut bar = Bar::new(global, options.steps, trainer.steps(), args.log.as_deref())?;
     for warning in &dataset.warnings {

@@ -5,6 +5,7 @@ pub mod clip;
 pub mod composite;
 pub mod constants;
 pub mod loss;
+pub mod normal;
 pub mod sh;
 pub mod splat;
 pub mod window;

@@ -4,9 +4,11 @@ use super::backend::{Backend, Shot, Sightings, StepStats};
 use super::params::{Params, State};
 use super::schedule::Rates;
 use super::update::{Regularisers, update};
+use crate::camera::Camera;
 use crate::error::Result;
 use crate::kernel::loss::{Scratch, photometric_grad};
-use crate::raster::soft::{FrameGrad, Soft, SoftOptions, SoupGrad, SoupRef};
+use crate::kernel::normal::{Maps, MapsGrad, normal_grad};
+use crate::raster::soft::{Frame, FrameGrad, Soft, SoftOptions, SoupGrad, SoupRef};
 use rayon::prelude::*;
 
 /// The CPU's home of a training scene.
@@ -16,6 +18,7 @@ pub struct Cpu {
     state: State,
     soft: Soft,
     scratch: Scratch<f32>,
+    d_maps: MapsGrad<f32>,
     d_frame: FrameGrad,
     d_soup: SoupGrad,
     opacity: Vec<f32>,
@@ -60,6 +63,7 @@ impl Backend for Cpu {
             active_degree: rates.sh_degree.min(params.sh_degree),
         };
         self.options.alpha_cap = rates.alpha_cap;
+        self.options.geometry = rates.beta_normal > 0.0 || rates.beta_distortion > 0.0;
         let frame = self.soft.render(&soup, shot.camera, &self.options);
         let width = shot.camera.size.x as usize;
         self.d_frame.d_rgb.resize(shot.photo.len(), [0.0; 3]);
@@ -72,6 +76,7 @@ impl Backend for Cpu {
             &mut self.scratch,
             &mut self.d_frame.d_rgb,
         );
+        let geometry = geometry_grad(frame, shot.camera, rates, &mut self.d_maps, &mut self.d_frame);
         self.soft.backward(&soup, shot.camera, &self.options, &self.d_frame, &mut self.d_soup);
         let n = params.len();
         let sighting = if shot.first { &mut self.sightings.first } else { &mut self.sightings.again };
@@ -82,12 +87,47 @@ impl Backend for Cpu {
         let regularisers = Regularisers::new(&self.state.params, rates);
         let (touched, broken) = update(&mut self.state, &self.d_soup, rates, &regularisers);
         Ok(StepStats {
-            loss: means.value(rates.dssim),
+            loss: means.value(rates.dssim) + geometry,
             mse: means.mse,
             touched,
             dropped: broken + self.d_soup.dropped as u64,
         })
     }
+}
+
+/// The losses on depth and normals (Held et al. 2025, eq. 3: β2 and β3), with their gradients in `d`.
+fn geometry_grad(
+    frame: &Frame,
+    camera: &Camera,
+    rates: &Rates,
+    d_maps: &mut MapsGrad<f32>,
+    d: &mut FrameGrad,
+) -> f64 {
+    for map in [&mut d.d_depth, &mut d.d_transmittance, &mut d.d_distortion] {
+        map.clear();
+    }
+    d.d_normal.clear();
+    let mut loss = 0.0;
+    if rates.beta_distortion > 0.0 {
+        let scale = rates.beta_distortion / frame.distortion.len().max(1) as f64;
+        loss += scale * frame.distortion.iter().map(|&x| f64::from(x)).sum::<f64>();
+        d.d_distortion.resize(frame.distortion.len(), scale as f32);
+    }
+    if rates.beta_normal > 0.0 {
+        let maps = Maps {
+            width: camera.size.x as usize,
+            focal: camera.focal.to_array(),
+            center: camera.center.to_array(),
+            depth: &frame.depth,
+            transmittance: &frame.transmittance,
+            normal: &frame.normal,
+        };
+        loss += normal_grad(&maps, rates.beta_normal, d_maps);
+        std::mem::swap(&mut d.d_depth, &mut d_maps.d_depth);
+        std::mem::swap(&mut d.d_transmittance, &mut d_maps.d_transmittance);
+        std::mem::swap(&mut d.d_normal, &mut d_maps.d_normal);
+    }
+    loss
 }
 
 /// Opacity and σ of the raw parameters.

@@ -5,11 +5,16 @@
 //! from the cameras to what they see. "TS" is the paper's code, `train.py` and `arguments/__init__.py`.
 
 use crate::error::{Error, Result};
+use crate::raster::soft::{SoftOptions, Sort};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The run all schedule positions are written for (Held et al. 2025, supplement).
 pub const REFERENCE_STEPS: f64 = 30_000.0;
+
+/// Depths between which the distortion is taken, scene units (TS 0.2 and 100, in units about four times
+/// smaller).
+const DEPTH_RANGE: [f32; 2] = [0.05, 25.0];
 
 /// A complete set of options for a kind of scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
@@ -44,6 +49,9 @@ pub struct TrainOptions {
     /// Seed of every random choice; the same seed gives the same bits on any number of threads.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
+    /// How the scene is drawn.
+    #[arg(skip)]
+    pub draw: DrawOptions,
     /// What the first triangles look like.
     #[arg(skip)]
     pub init: InitOptions,
@@ -62,6 +70,20 @@ pub struct TrainOptions {
     /// How the scene becomes solid in the last part of the run.
     #[arg(skip)]
     pub solid: SolidOptions,
+}
+
+/// How the scene is drawn.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct DrawOptions {
+    /// Blend the layers of a pixel by their depth there, not by their centres': exact, and slower.
+    pub sort_per_pixel: bool,
+    /// Pass gradients through the incenter's distance φ(s); TS holds it constant.
+    pub exact_incenter: bool,
+    /// Depth at which triangles are cut, scene units (TS 0.2, in COLMAP's arbitrary units).
+    pub near: f64,
+    /// Inradius from which a triangle has its full opacity, px; smaller ones fade (TS drops those below 1).
+    pub fade_px: f64,
 }
 
 /// What the first triangles look like.
@@ -197,6 +219,7 @@ macro_rules! default_is_outdoor {
     )*};
 }
 default_is_outdoor!(
+    DrawOptions.draw,
     InitOptions.init,
     LossOptions.loss,
     RateOptions.rates,
@@ -206,6 +229,19 @@ default_is_outdoor!(
 );
 
 impl TrainOptions {
+    /// How the rasteriser draws the scene over `background`.
+    pub fn drawing(&self, background: [f32; 3]) -> SoftOptions {
+        SoftOptions {
+            background,
+            sort: if self.draw.sort_per_pixel { Sort::Pixel } else { Sort::Tile },
+            exact_incenter: self.draw.exact_incenter,
+            near: self.draw.near as f32,
+            fade_px: self.draw.fade_px as f32,
+            depth_range: DEPTH_RANGE,
+            ..SoftOptions::default()
+        }
+    }
+
     /// Checks every number against the range it makes sense in.
     pub fn validate(&self) -> Result<()> {
         let wants = |ok: bool, option: &str, value: f64, wants: &str| match ok {
@@ -219,6 +255,8 @@ impl TrainOptions {
         wants(self.steps >= 1, "--steps", self.steps as f64, "1 or more")?;
         wants(self.max_triangles >= 1, "--max-triangles", self.max_triangles as f64, "1 or more")?;
         wants(self.sh_degree <= 3, "--sh-degree", f64::from(self.sh_degree), "0, 1, 2 or 3")?;
+        positive("draw.near", self.draw.near)?;
+        at_least_zero("draw.fade_px", self.draw.fade_px)?;
         positive("init.size", self.init.size)?;
         positive("init.sigma", self.init.sigma)?;
         wants(

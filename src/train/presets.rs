@@ -1,7 +1,8 @@
 //! The presets: complete literals, one a kind of scene.
 
 use super::options::{
-    InitOptions, LossOptions, Preset, RateOptions, RefineOptions, SolidOptions, TrainOptions, WarmupOptions,
+    DrawOptions, InitOptions, LossOptions, Preset, RateOptions, RefineOptions, SolidOptions, TrainOptions,
+    WarmupOptions,
 };
 
 impl TrainOptions {
@@ -21,6 +22,7 @@ const OUTDOOR: TrainOptions = TrainOptions {
     max_triangles: 60_000,
     sh_degree: 3,
     seed: 0,
+    draw: DrawOptions { sort_per_pixel: false, exact_incenter: true, near: 0.01, fade_px: 0.5 },
     init: InitOptions {
         size: 2.2,
         sigma: 1.16,
@@ -77,6 +79,7 @@ const INDOOR: TrainOptions = TrainOptions {
     max_triangles: 60_000,
     sh_degree: 3,
     seed: 0,
+    draw: DrawOptions { sort_per_pixel: false, exact_incenter: true, near: 0.01, fade_px: 0.5 },
     init: InitOptions {
         size: 2.2,
         sigma: 1.16,
@@ -133,6 +136,7 @@ const SOLID: TrainOptions = TrainOptions {
     max_triangles: 60_000,
     sh_degree: 0,
     seed: 0,
+    draw: DrawOptions { sort_per_pixel: false, exact_incenter: true, near: 0.01, fade_px: 0.5 },
     init: InitOptions {
         size: 2.2,
         sigma: 1.16,

@@ -179,4 +179,38 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn a_gradient_that_is_not_finite_is_dropped_and_counted() {
+        let options = crate::train::TrainOptions::default();
+        let rates = crate::train::schedule::Schedule::new(&options).rates(0);
+        let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        let params = Params {
+            vertices: vec![corners; 4],
+            opacity: vec![0.0; 4],
+            sigma: vec![0.0; 4],
+            sh: vec![[0.0; 3]; 4],
+            sh_degree: 0,
+        };
+        let mut state = State::new(params);
+        let mut gradient = SoupGrad {
+            vertices: vec![[Vec3::ONE; 3]; 4],
+            opacity: vec![1.0; 4],
+            sigma: vec![1.0; 4],
+            sh: vec![[1.0; 3]; 4],
+            ..SoupGrad::default()
+        };
+        gradient.vertices[0][2].y = f32::NAN;
+        gradient.sh[1][0] = f32::INFINITY;
+        gradient.vertices[2] = [Vec3::ZERO; 3];
+        (gradient.opacity[2], gradient.sigma[2], gradient.sh[2]) = (0.0, 0.0, [0.0; 3]);
+        let regularisers = Regularisers::new(&state.params, &rates);
+        let before = state.clone();
+        assert_eq!(update(&mut state, &gradient, &rates, &regularisers), (3, 2));
+        for still in 0..3 {
+            assert_eq!(state.params.vertices[still], before.params.vertices[still]);
+            assert_eq!(state.first.vertices[still], before.first.vertices[still]);
+        }
+        assert_ne!(state.params.vertices[3], before.params.vertices[3]);
+    }
 }

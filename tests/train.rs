@@ -1,0 +1,281 @@
+//! Runs on small scenes: they reach a PSNR, resume bit for bit, survive odd data sets, and do not care
+//! where a scene lies or how large it is.
+
+use std::path::Path;
+use trisplat::dataset::synthetic::{self, SyntheticOptions};
+use trisplat::dataset::{Dataset, DatasetOptions};
+use trisplat::raster::soft::SoftOptions;
+use trisplat::soup::Soup;
+use trisplat::train::cpu::Cpu;
+use trisplat::train::progress::Watcher;
+use trisplat::train::{RunOptions, TrainOptions, Trained, Trainer, checkpoint, run};
+
+fn scene(folder: &Path, options: &SyntheticOptions) -> Dataset {
+    synthetic::write(folder, options).unwrap();
+    Dataset::load(folder, &DatasetOptions::default()).unwrap()
+}
+
+fn small() -> SyntheticOptions {
+    SyntheticOptions { views: 16, width: 64, points: 400, ..SyntheticOptions::default() }
+}
+
+fn options(steps: u64) -> TrainOptions {
+    TrainOptions { steps, max_triangles: 1200, ..TrainOptions::default() }
+}
+
+fn train(dataset: &Dataset, options: &TrainOptions) -> Trained {
+    let drawing = options.drawing([0.0; 3]);
+    let trainer = Trainer::start(dataset, options, 64 << 20, Cpu::new(drawing)).unwrap();
+    run(trainer, dataset, &drawing, &RunOptions::default(), Vec::new(), 0.0, &mut ()).unwrap()
+}
+
+fn psnr(trained: &Trained) -> f64 {
+    trained.scores.iter().map(|s| s.psnr).sum::<f64>() / trained.scores.len() as f64
+}
+
+fn assert_sound(soup: &Soup) {
+    soup.validate().unwrap();
+    assert!(!soup.is_empty());
+}
+
+#[test]
+fn a_synthetic_scene_reaches_a_psnr() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = scene(folder.path(), &small());
+    let trained = train(&dataset, &options(600));
+    assert_sound(&trained.soup);
+    assert_eq!(trained.dropped, 0);
+    let psnr = psnr(&trained);
+    assert!(psnr > 20.0, "{psnr:.2} dB");
+}
+
+#[test]
+fn the_same_bits_for_any_number_of_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = scene(folder.path(), &small());
+    let soups: Vec<Soup> = [1, 2, 5]
+        .map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| train(&dataset, &options(120)).soup)
+        })
+        .into();
+    assert_eq!(soups[0], soups[1]);
+    assert_eq!(soups[0], soups[2]);
+}
+
+/// Stops after a number of steps.
+struct StopAfter(u64);
+
+impl Watcher for StopAfter {
+    fn wants_to_stop(&mut self) -> bool {
+        self.0 -= 1;
+        self.0 == 0
+    }
+}
+
+#[test]
+fn a_resumed_run_is_the_straight_one_bit_for_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = scene(folder.path(), &small());
+    let options = options(200);
+    let straight = train(&dataset, &options);
+    // In the middle of an epoch, before, at and after refinements, and at a change of resolution.
+    for stop in [1, 37, 66, 100, 167, 199] {
+        let path = folder.path().join("a.checkpoint");
+        let drawing = options.drawing([0.0; 3]);
+        let plan = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
+        let first = Trainer::start(&dataset, &options, 64 << 20, Cpu::new(drawing)).unwrap();
+        let half = run(first, &dataset, &drawing, &plan, Vec::new(), 0.0, &mut StopAfter(stop)).unwrap();
+        assert!(half.stopped && half.steps == stop);
+
+        let point = checkpoint::read(&path).unwrap();
+        let second = Trainer::resume(&dataset, point, 64 << 20, Cpu::new(drawing)).unwrap();
+        let whole = run(second, &dataset, &drawing, &plan, Vec::new(), 0.0, &mut ()).unwrap();
+        assert_eq!(whole.soup, straight.soup, "stopped after {stop}");
+        assert_eq!(whole.scores, straight.scores);
+    }
+}
+
+#[test]
+fn a_checkpoint_of_other_photos_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = scene(folder.path(), &small());
+    let drawing = options(10).drawing([0.0; 3]);
+    let mut trainer = Trainer::start(&dataset, &options(10), 64 << 20, Cpu::new(drawing)).unwrap();
+    let mut point = trainer.checkpoint(&[], 0.0).unwrap();
+    point.meta.photos[0].push('x');
+    assert!(Trainer::resume(&dataset, point, 64 << 20, Cpu::new(drawing)).is_err());
+}
+
+/// The data set with every camera and point moved by `world -> world * scale + shift`.
+fn moved(dataset: &Dataset, scale: f32, shift: glam::Vec3) -> Dataset {
+    let mut dataset = dataset.clone();
+    for view in &mut dataset.views {
+        let position = view.camera.position() * scale + shift;
+        view.camera.translation = -(view.camera.rotation * position);
+    }
+    for point in &mut dataset.points {
+        point.position = point.position * scale + shift;
+    }
+    dataset
+}
+
+#[test]
+fn a_moved_or_scaled_scene_trains_as_well() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = scene(folder.path(), &small());
+    let options = options(400);
+    let unmoved = psnr(&train(&dataset, &options));
+    for (scale, shift) in [(1e4, glam::Vec3::ZERO), (1e-4, glam::Vec3::ZERO), (1.0, glam::Vec3::splat(50.0))]
+    {
+        let trained = train(&moved(&dataset, scale, shift), &options);
+        assert_sound(&trained.soup);
+        let psnr = psnr(&trained);
+        assert!((psnr - unmoved).abs() < 0.1, "x{scale} + {shift}: {psnr:.3} dB, unmoved {unmoved:.3}");
+    }
+}
+
+#[test]
+fn a_scene_a_million_units_away_trains_as_well() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = scene(folder.path(), &small());
+    let unmoved = psnr(&train(&dataset, &options(400)));
+    let far = tempfile::tempdir().unwrap();
+    move_files(folder.path(), far.path(), 1e6);
+    let dataset = Dataset::load(far.path(), &DatasetOptions::default()).unwrap();
+    assert!(dataset.origin.length() > 1e5, "the reader moves the origin: {}", dataset.origin);
+    let psnr = psnr(&train(&dataset, &options(400)));
+    assert!((psnr - unmoved).abs() < 0.1, "{psnr:.3} dB, unmoved {unmoved:.3}");
+}
+
+/// Copies a COLMAP text data set with the world moved by `shift` along each axis, in f64.
+fn move_files(from: &Path, to: &Path, shift: f64) {
+    for folder in ["images", "sparse/0"] {
+        std::fs::create_dir_all(to.join(folder)).unwrap();
+    }
+    for file in std::fs::read_dir(from.join("images")).unwrap() {
+        let file = file.unwrap();
+        std::fs::copy(file.path(), to.join("images").join(file.file_name())).unwrap();
+    }
+    for name in ["test.txt", "sparse/0/cameras.txt"] {
+        std::fs::copy(from.join(name), to.join(name)).unwrap();
+    }
+    let rewrite = |name: &str, change: &dyn Fn(usize, &str) -> String| {
+        let text = std::fs::read_to_string(from.join(name)).unwrap();
+        let mut data = 0;
+        let lines = text.lines().map(|line| match line.starts_with('#') {
+            true => line.to_owned(),
+            false => {
+                data += 1;
+                change(data - 1, line)
+            }
+        });
+        std::fs::write(to.join(name), lines.collect::<Vec<_>>().join("\n") + "\n").unwrap();
+    };
+    rewrite("sparse/0/points3D.txt", &|_, line| {
+        let mut fields: Vec<String> = line.split(' ').map(str::to_owned).collect();
+        for field in &mut fields[1..4] {
+            *field = format!("{:?}", field.parse::<f64>().unwrap() + shift);
+        }
+        fields.join(" ")
+    });
+    rewrite("sparse/0/images.txt", &|at, line| {
+        if at % 2 == 1 {
+            return line.to_owned();
+        }
+        let mut fields: Vec<String> = line.split(' ').map(str::to_owned).collect();
+        let number = |i: usize| fields[i].parse::<f64>().unwrap();
+        let rotation = glam::DQuat::from_xyzw(number(2), number(3), number(4), number(1)).normalize();
+        let t = glam::DVec3::new(number(5), number(6), number(7)) - rotation * glam::DVec3::splat(shift);
+        for (i, value) in t.to_array().into_iter().enumerate() {
+            fields[5 + i] = format!("{value:?}");
+        }
+        fields.join(" ")
+    });
+}
+
+/// Writes over the photos of a data set.
+fn repaint(folder: &Path, rgb: [u8; 3]) {
+    for file in std::fs::read_dir(folder.join("images")).unwrap() {
+        let path = file.unwrap().path();
+        let mut picture = trisplat::image::Pixels::load(&path).unwrap();
+        picture.rgb.fill(rgb);
+        picture.save_png(&path).unwrap();
+    }
+}
+
+#[test]
+fn black_photos_train_to_black() {
+    let folder = tempfile::tempdir().unwrap();
+    synthetic::write(folder.path(), &small()).unwrap();
+    repaint(folder.path(), [0; 3]);
+    let dataset = Dataset::load(folder.path(), &DatasetOptions::default()).unwrap();
+    let trained = train(&dataset, &options(150));
+    assert_sound(&trained.soup);
+    assert!(psnr(&trained) > 25.0, "{:.1} dB", psnr(&trained));
+}
+
+#[test]
+fn odd_data_sets_train_without_a_word() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = scene(folder.path(), &small());
+    let photos = |count: usize, points: usize| {
+        let mut odd = dataset.clone();
+        odd.views.retain(|v| !v.test);
+        odd.views.truncate(count);
+        odd.points.truncate(points);
+        odd
+    };
+    let mut doubled = photos(3, 50);
+    let copies = doubled.views.clone();
+    doubled.views.extend(copies);
+    let mut coincident = photos(4, 20);
+    let place = coincident.points[0];
+    coincident.points.fill(place);
+    for (name, odd) in [
+        ("one photo", photos(1, 100)),
+        ("one point", photos(5, 1)),
+        ("no point", photos(5, 0)),
+        ("one photo of no point", photos(1, 0)),
+        ("duplicate cameras", doubled),
+        ("points in one place", coincident),
+    ] {
+        let trained = train(&odd, &options(130));
+        trained.soup.validate().unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert!(!trained.soup.is_empty(), "{name}");
+        assert!(trained.curve.iter().all(|s| s.loss.is_finite()), "{name}");
+    }
+}
+
+#[test]
+fn a_photo_of_one_pixel_trains() {
+    let folder = tempfile::tempdir().unwrap();
+    synthetic::write(folder.path(), &small()).unwrap();
+    let options_of_data = DatasetOptions { max_size: Some(1), ..DatasetOptions::default() };
+    let dataset = Dataset::load(folder.path(), &options_of_data).unwrap();
+    let trained = train(&dataset, &options(60));
+    assert_sound(&trained.soup);
+}
+
+#[test]
+fn a_data_set_without_training_photos_is_an_error_that_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut dataset = scene(folder.path(), &small());
+    dataset.views.clear();
+    let error = Trainer::start(&dataset, &options(10), 64 << 20, Cpu::new(SoftOptions::default()));
+    assert!(error.err().unwrap().to_string().contains("training photos"));
+}
+
+#[test]
+fn solid_ends_opaque_and_of_one_colour() {
+    use trisplat::train::Preset;
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = scene(folder.path(), &small());
+    let options = TrainOptions { steps: 600, max_triangles: 1200, ..TrainOptions::preset(Preset::Solid) };
+    let trained = train(&dataset, &options);
+    assert_sound(&trained.soup);
+    assert_eq!(trained.soup.sh_degree, 0);
+    assert!(trained.soup.opacity.iter().all(|&o| o > 0.99));
+    let psnr = psnr(&trained);
+    assert!(psnr > 16.0, "{psnr:.2} dB");
+}
