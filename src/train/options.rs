@@ -3,6 +3,7 @@
 //! Positions in the run ("steps of a 30,000-step run") are scaled by `steps / 30,000`, so that a short
 //! preview and a long run follow one schedule. Lengths are in units of the scene: the median distance
 //! from the cameras to what they see. "TS" is the paper's code, `train.py` and `arguments/__init__.py`.
+//! Where the default is not the number in brackets, `docs/benchmarks/training.md` has the runs that chose it.
 
 use crate::error::{Error, Result};
 use crate::raster::soft::{SoftOptions, Sort};
@@ -38,7 +39,7 @@ pub struct TrainOptions {
     #[arg(long, value_enum, default_value_t)]
     pub preset: Preset,
     /// Steps, one photo each; every schedule stretches with it.
-    #[arg(long, value_name = "N", default_value_t = 3000)]
+    #[arg(long, value_name = "N", default_value_t = 5000)]
     pub steps: u64,
     /// The scene never holds more triangles than this.
     #[arg(long, value_name = "N", default_value_t = 60_000)]

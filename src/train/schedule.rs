@@ -144,7 +144,7 @@ mod tests {
             let options = TrainOptions { steps, ..TrainOptions::preset(Preset::Outdoor) };
             let plan = Schedule::new(&options);
             let share = |f: &dyn Fn(u64) -> bool| (0..steps).filter(|&s| f(s)).count() as f64 / steps as f64;
-            assert!((share(&|s| plan.level(s) == 2) - 0.1).abs() < 0.01);
+            assert!((share(&|s| plan.level(s) == 2) - 0.4).abs() < 0.01);
             assert!((share(&|s| plan.rates(s).beta_normal > 0.0) - 5.0 / 6.0).abs() < 0.01);
             assert_eq!((0..steps).filter(|&s| plan.refines_after(s)).count(), 59);
             let (first, last) = (plan.rates(0), plan.rates(steps - 1));
