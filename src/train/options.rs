@@ -200,7 +200,7 @@ pub struct SolidOptions {
     pub sigma_scale: f64,
     /// The opacity no triangle is below at the end of the anneal.
     pub opacity: f64,
-    /// Triangles that nowhere reach this blending weight go while the scene becomes solid.
+    /// τ_prune at the end of the anneal, reached linearly (TS+ 0.235).
     pub prune_weight: f64,
 }
 

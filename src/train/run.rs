@@ -81,8 +81,9 @@ pub fn run<B: Backend>(
             watcher.refined(now.step, refined);
         }
         let due = |every: u64| every > 0 && now.step.is_multiple_of(every);
-        if due(every) || trainer.is_done() {
-            let judged = due(options.test_every_steps) && !trainer.is_done();
+        // The last step is judged by `finish`.
+        let judged = due(options.test_every_steps) && !trainer.is_done();
+        if due(every) || judged || trainer.is_done() {
             run.keep(now, &mut trainer, judged, watcher)?;
         }
         if due(options.checkpoint_every) {

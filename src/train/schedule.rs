@@ -104,15 +104,30 @@ impl<'a> Schedule<'a> {
         self.options.solid.enabled && step >= self.scaled(self.options.solid.from)
     }
 
-    /// How solid triangles are at `step`: the floor rises linearly, σ falls log-linearly.
-    pub fn anneal(&self, step: u64) -> Anneal {
+    /// How much of the solid anneal is done after `step`: 0 to 1, linearly.
+    fn annealed(&self, step: u64) -> f64 {
         let s = &self.options.solid;
         if !self.is_solid(step) {
-            return Anneal::NONE;
+            return 0.0;
         }
         let (from, until) = (self.scaled(s.from), self.scaled(s.until).max(self.scaled(s.from) + 1));
-        let done = ((step - from + 1) as f64 / (until - from) as f64).min(1.0);
+        ((step - from + 1) as f64 / (until - from) as f64).min(1.0)
+    }
+
+    /// How solid triangles are at `step`: the floor rises linearly, σ falls log-linearly.
+    pub fn anneal(&self, step: u64) -> Anneal {
+        let (s, done) = (&self.options.solid, self.annealed(step));
+        if done == 0.0 {
+            return Anneal::NONE;
+        }
         Anneal { opacity_floor: (s.opacity * done) as f32, sigma_scale: s.sigma_scale.powf(done) as f32 }
+    }
+
+    /// τ_prune after `step`. It rises with the anneal: a soft scene is made of small weights, and the solid
+    /// threshold would delete it at once.
+    pub fn prune_weight(&self, step: u64) -> f64 {
+        let (soft, solid) = (self.options.refine.prune_weight, self.options.solid.prune_weight);
+        soft + (solid - soft) * self.annealed(step)
     }
 
     /// True when the scene is refined after `step` steps have been made.
@@ -162,6 +177,8 @@ mod tests {
         let last = plan.anneal(options.steps - 1);
         assert!(last.opacity_floor > 0.999 && last.sigma_scale < 0.011);
         assert_eq!(plan.rates(options.steps - 1).sh_degree, 0);
+        assert_eq!(plan.prune_weight(before), options.refine.prune_weight);
+        assert!((plan.prune_weight(options.steps - 1) - options.solid.prune_weight).abs() < 1e-12);
         let floors: Vec<f32> = (before..options.steps).map(|s| plan.anneal(s).opacity_floor).collect();
         assert!(floors.is_sorted());
     }

@@ -71,8 +71,11 @@ impl<B: Backend> Trainer<B> {
             .collect();
         let mut soup = first_soup(&seeds, &options.init, options.seed);
         let most = usize::try_from(options.max_triangles).unwrap_or(usize::MAX);
-        let stride = soup.len().div_ceil(most).max(1);
-        soup.retain(|i| i.is_multiple_of(stride));
+        let points = soup.len();
+        if points > most {
+            // Evenly over the cloud, which files store in no order that matters.
+            soup.retain(|i| (i + 1) * most / points > i * most / points);
+        }
         let state = State::new(Params::from_soup(&soup, options.sh_degree));
         let watch = Watch::new(soup.len(), views.len());
         Self::assemble(&views, options, photo_bytes, backend, space, state, watch, 0)
@@ -205,12 +208,11 @@ impl<B: Backend> Trainer<B> {
     fn refine(&mut self) -> Result<Refined> {
         self.gather()?;
         let (o, schedule) = (&self.options, Schedule::new(&self.options));
-        let solid = schedule.is_solid(self.step);
         let plan = refine::Plan {
             options: &o.refine,
             max_triangles: usize::try_from(o.max_triangles).unwrap_or(usize::MAX),
             grow: schedule.grows_after(self.step),
-            prune_weight: if solid { o.solid.prune_weight } else { o.refine.prune_weight } as f32,
+            prune_weight: schedule.prune_weight(self.step) as f32,
             by_opacity: !schedule.refinement(self.step).is_multiple_of(2),
             anneal: schedule.anneal(self.step),
             seed: o.seed,
