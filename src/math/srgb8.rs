@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 /// code = round(255 * srgb(linear)), undoing linear_from_srgb(code / 255) for all 256 codes
 /// ```
 pub fn srgb8_from_linear(linear: f32) -> u8 {
-    let x = linear.max(0.0).min(1.0);
+    let x = if linear > 0.0 { linear.min(1.0) } else { 0.0 };
     let table = &*TABLE;
     let code = table.bucket[(x.to_bits() >> BUCKET_SHIFT) as usize];
     code + u8::from(x >= table.next[code as usize])

@@ -367,7 +367,8 @@ fn nothing_to_write_is_an_error_that_says_what_to_do() {
 
 #[test]
 fn a_mesh_that_does_not_fit_together_is_refused_before_anything_is_written() {
-    let broken: [(&str, fn(&mut Asset)); 8] = [
+    type Damage = fn(&mut Asset);
+    let broken: [(&str, Damage); 8] = [
         ("not finite", |a| a.mesh.positions[4].y = f32::NAN),
         ("not finite", |a| a.mesh.positions[8].z = f32::NEG_INFINITY),
         ("color count", |a| a.mesh.colors = Colors::Face(vec![[0.0; 3]; 4])),

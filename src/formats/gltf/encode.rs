@@ -100,7 +100,7 @@ fn fill_colors(out: &mut [u8], mesh: &Mesh, part: &Part, range: Range<usize>, en
             [r, g, b, u8::MAX]
         }),
         ColorEncoding::F32Linear => colors(out, mesh, part, range, |c| -> [u8; 16] {
-            let [r, g, b] = c.map(|x| x.max(0.0).min(1.0));
+            let [r, g, b] = c.map(|x| if x > 0.0 { x.min(1.0) } else { 0.0 });
             bytes_of([r, g, b, 1.0].map(f32::to_le_bytes))
         }),
         ColorEncoding::F32Srgb => colors(out, mesh, part, range, |c| -> [u8; 16] {
