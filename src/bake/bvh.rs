@@ -24,7 +24,8 @@ use std::collections::VecDeque;
 #[serde(deny_unknown_fields, default)]
 pub struct BvhOptions {
     /// Also write a bounding volume hierarchy beside the output, for picking and visibility
-    #[arg(long)]
+    #[arg(long, default_value_t = BvhOptions::DEFAULT.bvh, num_args = 0..=1, require_equals = true,
+          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL")]
     pub bvh: bool,
 }
 
@@ -70,9 +71,11 @@ pub fn bvh(asset: &mut Asset, options: &BvhOptions, details: &mut Details) -> Re
         }
         parts
     };
-    let (mut bvh, order) = build(&asset.mesh, &parts);
+    let Built { mut bvh, order, parts } = build(&asset.mesh, &parts);
     asset.mesh.select(&order);
-    if !chunked {
+    if chunked {
+        asset.chunks = parts;
+    } else {
         bvh.roots = vec![0; asset.chunks.len()];
     }
     details.insert("nodes".into(), bvh.nodes.len().into());
@@ -84,24 +87,40 @@ pub fn bvh(asset: &mut Asset, options: &BvhOptions, details: &mut Details) -> Re
 /// Faces in a part when the scene has no chunks: a part and its build fit a core's cache.
 const PART_TRIANGLES: usize = 16_384;
 
-/// The hierarchy over consecutive `parts` of the faces, and the order of faces it is for; its `roots` are
-/// those of the parts.
+/// A hierarchy and what it is over.
+pub struct Built {
+    /// Its `roots` are those of `parts`.
+    pub bvh: Bvh,
+    /// The order of faces it is for. // [F]
+    pub order: Vec<u32>,
+    /// The parts in that order.
+    pub parts: Vec<Chunk>,
+}
+
+/// The hierarchy over consecutive `parts` of the faces.
 ///
 /// obvhs decides which faces go together, each part by itself and then the parts as a whole; the boxes are
 /// computed here ([`fit`]).
-pub fn build(mesh: &Mesh, parts: &[Chunk]) -> (Bvh, Vec<u32>) {
-    let trees: Vec<Tree> = parts
-        .par_iter()
-        .map(|part| {
-            let faces = part.first..part.first + part.count;
-            Tree::over(&faces.map(|f| face_box(mesh, f as usize)).collect::<Vec<_>>(), PART_BUILD)
-        })
-        .collect();
-    let order =
-        trees.iter().zip(parts).flat_map(|(t, part)| t.order.iter().map(|&i| part.first + i)).collect();
+pub fn build(mesh: &Mesh, parts: &[Chunk]) -> Built {
+    let over_part = |part: &Chunk| {
+        let boxes: Vec<Aabb> =
+            (part.first..part.first + part.count).map(|f| face_box(mesh, f as usize)).collect();
+        Tree::over(&boxes, PART_BUILD)
+    };
+    let trees: Vec<Tree> = parts.par_iter().map(over_part).collect();
     let top = Tree::over(&trees.iter().map(|tree| tree.bounds).collect::<Vec<_>>(), TOP_BUILD);
-    let (nodes, roots) = join(&top, &trees, parts);
-    (Bvh { nodes, roots, face_count: mesh.face_count() as u32 }, order)
+    let mut built = Built { bvh: Bvh::default(), order: Vec::new(), parts: Vec::new() };
+    let mut leaves = Vec::with_capacity(trees.len());
+    for &i in &top.order {
+        let (tree, part) = (&trees[i as usize], parts[i as usize]);
+        let first = built.order.len() as u32;
+        built.order.extend(tree.order.iter().map(|&face| part.first + face));
+        built.parts.push(Chunk { first, count: part.count });
+        leaves.push((tree, first));
+    }
+    let (nodes, roots) = join(&top, &leaves);
+    built.bvh = Bvh { nodes, roots, face_count: built.order.len() as u32 };
+    built
 }
 
 /// How parts are built: obvhs' `very_fast_build`. Slower presets gain a few per cent of ray time.
@@ -149,20 +168,22 @@ impl Tree {
 
 /// The boxes in a cube of side 1, each grown by a little that differs from box to box.
 ///
-/// In the cube no area over- or underflows, whatever the scale of the scene. The growth breaks ties: among
-/// equal boxes obvhs would join one pair a pass, quadratic in time and as deep as there are boxes.
+/// In the cube no area over- or underflows, whatever the scale of the scene. The growth, a thousandth of the
+/// box, breaks ties: among equal boxes obvhs would join one pair a pass, quadratic in time and as deep as
+/// there are boxes.
 fn to_unit_cube(boxes: &[Aabb]) -> Vec<Aabb> {
     let all = boxes.iter().fold(Aabb::empty(), |all, b| all.union(b));
     let (origin, size) = (all.min.as_dvec3(), (all.max.as_dvec3() - all.min.as_dvec3()).max_element());
     let scale = if size > 0.0 { 1.0 / size } else { 0.0 };
     let place = |v: Vec3A| ((v.as_dvec3() - origin) * scale).as_vec3a();
     let rng = Rng::new(0, "bvh ties", 0);
-    let grow = |i: usize| {
-        let bits = rng.bits(i as u64);
-        let part = |shift: u32| ((bits >> shift) & 0xffff) as f32 * (1.0 / (1u64 << 36) as f32);
-        Vec3A::new(part(0), part(16), part(32))
+    let grown = |(i, b): (usize, &Aabb)| {
+        let (min, max, bits) = (place(b.min), place(b.max), rng.bits(i as u64));
+        let most = 1e-3 * (max - min).max_element() + 1e-6;
+        let by = |shift: u32| most * (1.0 / 1024.0) * ((bits >> shift) & 0x3ff) as f32;
+        Aabb::new(min - Vec3A::new(by(0), by(10), by(20)), max + Vec3A::new(by(30), by(40), by(50)))
     };
-    boxes.iter().enumerate().map(|(i, b)| Aabb::new(place(b.min) - grow(i), place(b.max) + grow(i))).collect()
+    boxes.iter().enumerate().map(grown).collect()
 }
 
 /// Computes the boxes of all nodes from those of the primitives, bottom-up; returns the box of everything.
@@ -215,41 +236,40 @@ fn grid_step(extent: f64) -> (u8, f64) {
     (exponent, f64::from_bits((u64::from(exponent) + 1023 - 127) << 52))
 }
 
-/// One tree of all: the leaves of `top` become the roots of `trees`. Returns nodes and where the roots are.
-fn join(top: &Tree, trees: &[Tree], parts: &[Chunk]) -> (Vec<CwBvhNode>, Vec<u32>) {
-    let total = top.nodes.len() + trees.iter().map(|tree| tree.nodes.len()).sum::<usize>();
+/// One tree of all: leaf i of `top` becomes the root of tree i of `leaves`, whose first face is given with
+/// it. Returns the nodes and where the roots are.
+fn join(top: &Tree, leaves: &[(&Tree, u32)]) -> (Vec<CwBvhNode>, Vec<u32>) {
+    let total = top.nodes.len() + leaves.iter().map(|(tree, _)| tree.nodes.len()).sum::<usize>();
     let mut nodes = Vec::with_capacity(total);
-    let mut roots = vec![0; trees.len()];
-    if let ([tree], [part]) = (trees, parts) {
-        nodes.push(CwBvhNode::default());
-        graft(&mut nodes, 0, tree, part);
-        return (nodes, roots);
-    }
+    let mut roots = vec![0; leaves.len()];
     let mut queue = VecDeque::new(); // (node of top, its place in nodes)
-    if let Some(root) = top.nodes.first() {
+    if let [only] = leaves {
+        nodes.push(CwBvhNode::default());
+        graft(&mut nodes, 0, *only);
+    } else if let Some(root) = top.nodes.first() {
         nodes.push(*root);
         queue.push_back((0, 0));
     }
     while let Some((from, to)) = queue.pop_front() {
-        let source: CwBvhNode = top.nodes[from];
-        let mut node = source;
-        let mut next = nodes.len();
-        (node.child_base_idx, node.primitive_base_idx) = (next as u32, 0);
-        let slots = (0..8).filter(|&slot| !source.is_child_empty(slot));
-        nodes.resize(next + slots.clone().count(), CwBvhNode::default());
-        for slot in slots {
+        let mut node: CwBvhNode = top.nodes[from];
+        let children: Vec<(usize, Child)> = (0..8)
+            .filter_map(|slot| child(&node, slot).ok().map(|c| (slot, c)))
+            .filter(|(_, c)| *c != Child::Empty)
+            .collect();
+        let block = nodes.len();
+        nodes.resize(block + children.len(), CwBvhNode::default());
+        (node.child_base_idx, node.primitive_base_idx) = (block as u32, 0);
+        for (place, (slot, child)) in (block..).zip(children) {
             node.imask |= 1 << slot;
             node.child_meta[slot] = 0b0010_0000 | (24 + slot as u8);
-            match child(&source, slot) {
-                Ok(Child::Node(below)) => queue.push_back((below as usize, next)),
-                Ok(Child::Faces(primitive)) => {
-                    let part = top.order[primitive.start as usize] as usize;
-                    roots[part] = next as u32;
-                    graft(&mut nodes, next, &trees[part], &parts[part]);
+            match child {
+                Child::Empty => {}
+                Child::Node(below) => queue.push_back((below as usize, place)),
+                Child::Faces(leaf) => {
+                    roots[leaf.start as usize] = place as u32;
+                    graft(&mut nodes, place, leaves[leaf.start as usize]);
                 }
-                Ok(Child::Empty) | Err(_) => {}
             }
-            next += 1;
         }
         nodes[to] = node;
     }
@@ -257,18 +277,15 @@ fn join(top: &Tree, trees: &[Tree], parts: &[Chunk]) -> (Vec<CwBvhNode>, Vec<u32
 }
 
 /// Puts the root of `tree` at `place` and its other nodes at the end.
-fn graft(nodes: &mut Vec<CwBvhNode>, place: usize, tree: &Tree, part: &Chunk) {
-    let shift = nodes.len() as u32 - 1; // node 1 of the tree comes first
-    let moved = tree.nodes.iter().map(|node| CwBvhNode {
+fn graft(nodes: &mut Vec<CwBvhNode>, place: usize, (tree, first_face): (&Tree, u32)) {
+    let shift = nodes.len() as u32 - 1; // node 1 of the tree goes to the end
+    let mut moved = tree.nodes.iter().map(|node| CwBvhNode {
         child_base_idx: node.child_base_idx + shift,
-        primitive_base_idx: node.primitive_base_idx + part.first,
+        primitive_base_idx: node.primitive_base_idx + first_face,
         ..*node
     });
-    for (index, node) in moved.enumerate() {
-        if index == 0 {
-            nodes[place] = node;
-        } else {
-            nodes.push(node);
-        }
+    if let Some(root) = moved.next() {
+        nodes[place] = root;
     }
+    nodes.extend(moved);
 }

@@ -223,7 +223,7 @@ fn best_cut(items: &[Item], limit: usize) -> Option<Cut> {
     } else {
         fill(items, &grid)
     };
-    let mut best = f64::INFINITY;
+    let mut best = (f64::INFINITY, usize::MAX);
     let mut cut = None;
     for (axis, bins) in bins.iter().enumerate() {
         let mut from_right = [Bin::EMPTY; BINS];
@@ -236,7 +236,8 @@ fn best_cut(items: &[Item], limit: usize) -> Option<Cut> {
         for bin in 0..BINS - 1 {
             left = left.union(bins[bin]);
             let right = from_right[bin + 1];
-            let cost = left.cost(limit) + right.cost(limit);
+            // Boxes without area all cost nothing: then the most even cut.
+            let cost = (left.cost(limit) + right.cost(limit), left.count.abs_diff(right.count));
             if left.count > 0 && right.count > 0 && cost < best {
                 best = cost;
                 cut = Some(Cut { grid, axis, bin });

@@ -54,6 +54,9 @@ impl Default for WeldOptions {
 /// Welds `mesh`. Afterwards, whatever the options, the mesh is one an engine can draw: without indices,
 /// or with indices and colours a vertex. A mesh whose faces share vertices already keeps its indices.
 pub fn weld(mesh: &mut Mesh, options: &WeldOptions, details: &mut Details) -> Result<Outcome<()>> {
+    if mesh.positions.is_empty() {
+        return Ok(Outcome::Unneeded("there are no corners"));
+    }
     if !mesh.indices.is_empty() {
         if matches!(mesh.colors, Colors::Vertex(_)) {
             return Ok(Outcome::Unneeded("faces share their vertices already"));

@@ -50,12 +50,14 @@ fn compare(name: &str, asset: &Asset, rays: u64) -> usize {
         .positions
         .iter()
         .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
+    let margin = 0.1 * (max.as_dvec3() - min.as_dvec3()).max_element();
+    let (min, max) = (min.as_dvec3() - margin, max.as_dvec3() + margin);
     let rng = Rng::new(17, "test rays", 0);
     let mut hits = 0;
     for i in 0..rays {
         let point = |k: u64| {
             let part = |c| rng.uniform_f64(12 * i + 3 * k + c);
-            min.as_dvec3() + (max.as_dvec3() - min.as_dvec3()) * DVec3::new(part(0), part(1), part(2))
+            min + (max - min) * DVec3::new(part(0), part(1), part(2))
         };
         // From a point in the box through a face, along an axis, or through another point.
         let origin = point(0).as_vec3();

@@ -7,7 +7,7 @@ use trisplat::rng::Rng;
 use trisplat::soup::Soup;
 
 /// Puts corners, opacity and σ together; colours differ from triangle to triangle.
-pub fn soup_of(triangles: impl IntoIterator<Item = ([Vec3; 3], f32, f32)>) -> Soup {
+pub(crate) fn soup_of(triangles: impl IntoIterator<Item = ([Vec3; 3], f32, f32)>) -> Soup {
     let mut soup = Soup::default();
     for (i, (corners, opacity, sigma)) in triangles.into_iter().enumerate() {
         soup.vertices.push(corners);
@@ -20,16 +20,16 @@ pub fn soup_of(triangles: impl IntoIterator<Item = ([Vec3; 3], f32, f32)>) -> So
 }
 
 /// A triangle of about `size` around `center`, random.
-pub fn random_triangle(index: u64, center: Vec3, size: f32) -> [Vec3; 3] {
+pub(crate) fn random_triangle(index: u64, center: Vec3, size: f32) -> [Vec3; 3] {
     let rng = Rng::new(11, "test triangle", index);
-    [0, 1, 2].map(|k| {
-        let part = |c| rng.uniform(3 * k + c) - 0.5;
+    [0u64, 1, 2].map(|k| {
+        let part = |c: u64| rng.uniform(3 * k + c) - 0.5;
         center + size * vec3(part(0), part(1), part(2))
     })
 }
 
 /// `count` random triangles in the unit cube.
-pub fn random(count: u64, size: f32) -> Soup {
+pub(crate) fn random(count: u64, size: f32) -> Soup {
     let rng = Rng::new(13, "test place", 0);
     soup_of((0..count).map(|i| {
         let place = vec3(rng.uniform(3 * i), rng.uniform(3 * i + 1), rng.uniform(3 * i + 2));
@@ -53,7 +53,7 @@ fn poisoned(poison: impl Fn(&mut Soup)) -> Soup {
 }
 
 /// Soups a reader could hand over.
-pub fn finite() -> Vec<(&'static str, Soup)> {
+pub(crate) fn finite() -> Vec<(&'static str, Soup)> {
     let mut sigmas = random(300, 0.2);
     let mut opacities = random(300, 0.2);
     for i in 0..300 {
@@ -113,7 +113,7 @@ pub fn finite() -> Vec<(&'static str, Soup)> {
 }
 
 /// Soups that only the prune stage may meet.
-pub fn poison() -> Vec<(&'static str, Soup)> {
+pub(crate) fn poison() -> Vec<(&'static str, Soup)> {
     vec![
         ("NaN vertex", poisoned(|s| s.vertices[1][2].y = f32::NAN)),
         ("infinite vertex", poisoned(|s| s.vertices[1][0].x = f32::INFINITY)),
@@ -127,12 +127,12 @@ pub fn poison() -> Vec<(&'static str, Soup)> {
 }
 
 /// The soup as a mesh with face colours, for the stages that want one.
-pub fn mesh_of(soup: &Soup) -> Mesh {
+pub(crate) fn mesh_of(soup: &Soup) -> Mesh {
     trisplat::bake::color::color(soup.clone(), &mut Default::default()).unwrap()
 }
 
 /// A connected `side` x `side` grid of quads in the plane z = 0 with colours a vertex.
-pub fn grid(side: u32) -> Mesh {
+pub(crate) fn grid(side: u32) -> Mesh {
     let row = side + 1;
     let at = |x: u32, y: u32| y * row + x;
     let quad = |x, y| [at(x, y), at(x + 1, y), at(x, y + 1), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)];
