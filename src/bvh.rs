@@ -243,7 +243,12 @@ impl Bvh {
                     Child::Node(below) => ranges[below as usize].clone(),
                 };
                 let (min, max) = slot_box(node, slot);
-                let inside = |v: Vec3| v.as_dvec3().cmpge(min).all() && v.as_dvec3().cmple(max).all();
+                // f64 rounds off a corner that is next to nothing beside the node; `cast` allows for ten times that.
+                let slack = 1e-13 * 255.0 * DVec3::from(steps(node));
+                let inside = |v: Vec3| {
+                    let v = v.as_dvec3();
+                    v.cmpge(min - slack).all() && v.cmple(max + slack).all()
+                };
                 if let Some(face) =
                     faces.into_iter().find(|&f| !mesh.corners(f as usize).map(inside).iter().all(|&i| i))
                 {
@@ -257,7 +262,7 @@ impl Bvh {
     }
 }
 
-/// The box of a slot, exactly: a grid line is below 2^8 steps, so f64 rounds only beyond what f32 holds.
+/// The box of a slot.
 fn slot_box(node: &CwBvhNode, slot: usize) -> (DVec3, DVec3) {
     let (p, steps) = (node.p.as_dvec3(), DVec3::from(steps(node)));
     let [x, y, z] = lines(node);

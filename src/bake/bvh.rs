@@ -51,6 +51,9 @@ pub fn bvh(asset: &mut Asset, options: &BvhOptions, details: &mut Details) -> Re
     if asset.bvh.is_some() {
         return Ok(Outcome::Unneeded("the scene has a hierarchy already"));
     }
+    if asset.mesh.face_count() == 0 {
+        return Ok(Outcome::Unneeded("there are no faces"));
+    }
     if let Some(v) = asset.mesh.positions.iter().position(|p| !p.is_finite()) {
         return Err(Error::invalid(
             format!("position {v}"),

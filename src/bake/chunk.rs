@@ -223,7 +223,8 @@ fn best_cut(items: &[Item], limit: usize) -> Option<Cut> {
     } else {
         fill(items, &grid)
     };
-    let mut best = (f64::INFINITY, usize::MAX);
+    let few = (limit / 4).max(1);
+    let mut best = (true, f64::INFINITY, usize::MAX);
     let mut cut = None;
     for (axis, bins) in bins.iter().enumerate() {
         let mut from_right = [Bin::EMPTY; BINS];
@@ -236,8 +237,10 @@ fn best_cut(items: &[Item], limit: usize) -> Option<Cut> {
         for bin in 0..BINS - 1 {
             left = left.union(bins[bin]);
             let right = from_right[bin + 1];
-            // Boxes without area all cost nothing: then the most even cut.
-            let cost = (left.cost(limit) + right.cost(limit), left.count.abs_diff(right.count));
+            // Every chunk costs an engine a draw, so slices come last; and boxes without area all cost
+            // nothing, so of equals the most even cut.
+            let slice = left.count.min(right.count) < few;
+            let cost = (slice, left.cost(limit) + right.cost(limit), left.count.abs_diff(right.count));
             if left.count > 0 && right.count > 0 && cost < best {
                 best = cost;
                 cut = Some(Cut { grid, axis, bin });

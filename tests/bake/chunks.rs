@@ -48,7 +48,7 @@ fn chunks_hold_every_face_once() {
                 next += chunk.count;
             }
             assert_eq!(next as usize, mesh.face_count(), "{name}, limit {limit}");
-            let most = 2 * mesh.face_count().div_ceil(limit as usize).max(1);
+            let most = mesh.face_count() / (limit as usize / 8).max(1) + 1;
             assert!(asset.chunks.len() <= most, "{name}, limit {limit}: {} chunks", asset.chunks.len());
         }
     }

@@ -86,7 +86,7 @@ pub(crate) fn finite() -> Vec<(&'static str, Soup)> {
             soup_of(
                 (0..600)
                     .map(|i| {
-                        let at = 1.15f32.powi(i);
+                        let at = 1.03f32.powi(i);
                         (RIGHT.map(|v| 0.3 * at * v + at * Vec3::X), 0.9, 0.5)
                     })
                     .filter(|(corners, ..)| corners.iter().all(|v| v.is_finite())),
