@@ -6,5 +6,6 @@ pub mod fidelity;
 pub mod machine;
 pub mod measure;
 pub mod plot;
+pub mod raster;
 pub mod scenes;
 mod studio;

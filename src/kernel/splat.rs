@@ -79,13 +79,16 @@ fn side<R: Real>(u: V2<R>, first_z: R, e: V3<R>, focal: V2<R>) -> V2<R> {
 pub fn splat<R: Real>(corners: &Corners<R>, focal: V2<R>, center: V2<R>) -> Splat<R> {
     let Corners { first, edges } = *corners;
     let u = first.xy().scale(R::of(1.0) / first.z);
-    let [a, b] = edges.map(|e| side(u, first.z, e, focal));
+    let (a, b) = (side(u, first.z, edges[0], focal), side(u, first.z, edges[1], focal));
     let ways = [a, b - a, -b];
-    let lengths = ways.map(V2::length);
+    let lengths = [ways[0].length(), ways[1].length(), ways[2].length()];
     let perimeter = lengths[0] + lengths[1] + lengths[2];
     let cross = a.cross(b);
     let scale = perimeter / cross;
-    let edge = [0, 1, 2].map(|i| ways[i].turn().scale(scale / lengths[i]));
+    let mut edge = [V2::zero(); 3];
+    for i in 0..3 {
+        edge[i] = ways[i].turn().scale(scale / lengths[i]);
+    }
     Splat {
         origin: u.times(focal) + center,
         sides: [a, b],
@@ -109,7 +112,7 @@ pub fn splat_grad<R: Real>(
 ) -> Corners<R> {
     let [a, b] = splat.sides;
     let ways = [a, b - a, -b];
-    let lengths = ways.map(V2::length);
+    let lengths = [ways[0].length(), ways[1].length(), ways[2].length()];
     let perimeter = lengths[0] + lengths[1] + lengths[2];
     let cross = a.cross(b);
     let mut d_edge = d.moment;
@@ -155,14 +158,15 @@ fn screen_grad<R: Real>(
     let u = first.xy().scale(inv_z);
     let mut d_u = d_origin.times(focal);
     let mut d_first_z = R::of(0.0);
-    let d_edges = [0, 1].map(|k| {
+    let mut d_edges = [V3::zero(); 2];
+    for k in 0..2 {
         let inv_k = R::of(1.0) / (first.z + edges[k].z);
         let g = d_sides[k].times(focal).scale(inv_k);
         d_u = d_u - g.scale(edges[k].z);
         let d_z = -(d_sides[k].dot(splat.sides[k])) * inv_k;
         d_first_z = d_first_z + d_z;
-        V3::new(g.x, g.y, d_z - g.dot(u))
-    });
+        d_edges[k] = V3::new(g.x, g.y, d_z - g.dot(u));
+    }
     let d_xy = d_u.scale(inv_z);
     Corners { first: V3::new(d_xy.x, d_xy.y, d_first_z - d_u.dot(u) * inv_z), edges: d_edges }
 }
@@ -190,8 +194,7 @@ pub fn plane<R: Real>(corners: &Corners<R>, focal: V2<R>) -> Plane<R> {
 #[inline(always)]
 fn face<R: Real>(corners: &Corners<R>) -> (V3<R>, R) {
     let [e1, e2] = corners.edges;
-    let largest = |v: V3<R>| v.x.abs().max(v.y.abs()).max(v.z.abs());
-    let scale = R::of(1.0) / largest(e1).max(largest(e2));
+    let scale = R::of(1.0) / e1.largest().max(e2.largest());
     (e1.scale(scale).cross(e2.scale(scale)), scale)
 }
 
@@ -210,7 +213,7 @@ pub fn plane_grad<R: Real>(
     d: &PlaneGrad<R>,
 ) -> Corners<R> {
     let (n, scale) = face(corners);
-    let [e1, e2] = corners.edges.map(|e| e.scale(scale));
+    let (e1, e2) = (corners.edges[0].scale(scale), corners.edges[1].scale(scale));
     let inv_offset = R::of(1.0) / n.dot(corners.first);
     let inv_length = R::of(1.0) / n.length();
     let signed = towards_camera(n.dot(corners.first), inv_length);

@@ -101,6 +101,11 @@ impl<R: Real> V3<R> {
     pub fn length(self) -> R {
         self.dot(self).sqrt()
     }
+    /// Largest absolute coordinate.
+    #[inline(always)]
+    pub fn largest(self) -> R {
+        self.x.abs().max(self.y.abs()).max(self.z.abs())
+    }
     /// The first two coordinates.
     #[inline(always)]
     pub fn xy(self) -> V2<R> {

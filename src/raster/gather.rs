@@ -3,10 +3,10 @@
 use crate::camera::Camera;
 use crate::kernel::clip;
 use crate::kernel::sh;
-use crate::kernel::splat::{self, Corners, PlaneGrad, SplatGrad};
+use crate::kernel::splat::Corners;
 use crate::math::lanes::{LANES, prefetch};
-use crate::math::vec::{V2, V3};
-use crate::raster::backward::{DRAWN, GEOMETRY_SUMS, OPACITY, RATIO, RGB, SIGMA};
+use crate::raster::backward::{DRAWN, GEOMETRY_SUMS, OPACITY, RGB, SIGMA};
+use crate::raster::corners::corner_grads;
 use crate::raster::project::{self, CHUNK, Placed, Seen, View};
 use crate::raster::soft::{Soft, SoftOptions, SoupGrad, SoupRef};
 use glam::Vec3;
@@ -92,36 +92,41 @@ impl Rows<'_> {
         let mut visible = Vec::with_capacity(seen.len());
         let mut dropped = 0;
         let sums = Sums::all(soft, seen, options);
-        let mut next = sums.iter();
+        let corners: Vec<_> = seen.iter().map(|s| corners(s, soup, view, options.near)).collect();
+        let d_corners = corner_grads(&corners, &sums, view.focal, options);
+        let mut at = 0;
         for pieces in seen.chunk_by(|a, b| a.record.triangle == b.record.triangle) {
             let triangle = pieces[0].record.triangle as usize;
             let mut row = Row::default();
             let mut drawn = false;
-            for (piece, sums) in pieces.iter().zip(next.by_ref()) {
-                if !sums.drawn() {
-                    continue;
+            for (i, piece) in (at..).zip(pieces) {
+                if sums[i].drawn() {
+                    drawn = true;
+                    row.add(&sums[i], soup.opacity[triangle]);
+                    row.add_corners(&d_corners[i], piece, &soup.vertices[triangle], view, options.near);
                 }
-                drawn = true;
-                row.add(sums, piece, triangle, soup, view, options);
             }
-            if !drawn {
-                continue;
+            at += pieces.len();
+            if drawn {
+                let rgb = pieces[0].record.rgb;
+                visible.push(triangle as u32);
+                dropped += usize::from(!self.write(&row, rgb, triangle, soup, view));
             }
-            visible.push(triangle as u32);
-            dropped += usize::from(!self.write(&row, triangle, soup, view));
         }
         (visible, dropped)
     }
 
     /// Writes one row; false, and zeros, when it is not finite.
-    fn write(&mut self, row: &Row, triangle: usize, soup: &SoupRef, view: &View) -> bool {
+    fn write(&mut self, row: &Row, rgb: [f32; 3], triangle: usize, soup: &SoupRef, view: &View) -> bool {
         let i = triangle - self.first;
         let out = &mut self.sh[i * self.k..(i + 1) * self.k];
         let used = project::active_sh(soup, triangle);
-        let (d_way, finite_sh) = color_grad(row, triangle, soup, view, used, out);
+        // The colour is clamped at 0, where nothing passes.
+        let d_rgb = std::array::from_fn(|c| if rgb[c] > 0.0 { row.rgb[c] } else { 0.0 });
+        let d_way = color_grad(d_rgb, triangle, soup, view, used, out);
         out[used.len()..].fill([0.0; 3]);
         let vertices = row.vertices.map(|v| v + d_way * (1.0 / 3.0));
-        let finite = finite_sh
+        let finite = d_rgb.iter().all(|d| d.is_finite())
             && vertices.iter().all(|v| v.is_finite())
             && row.opacity.is_finite()
             && row.sigma.is_finite();
@@ -138,36 +143,38 @@ impl Rows<'_> {
 
 /// Gradients of the coefficients into `out`; gives ∂L/∂(centroid - camera).
 fn color_grad(
-    row: &Row,
+    d: [f32; 3],
     triangle: usize,
     soup: &SoupRef,
     view: &View,
     used: &[[f32; 3]],
     out: &mut [[f32; 3]],
-) -> (Vec3, bool) {
+) -> Vec3 {
     let degree = soup.active_degree.min(soup.sh_degree);
     let (unit, length) = project::direction(view, &soup.vertices[triangle]);
     let basis = sh::basis(degree, unit);
-    let raw = project::raw_color(&basis, used);
-    let d: [f32; 3] = std::array::from_fn(|c| if raw[c] > 0.0 { row.rgb[c] } else { 0.0 });
     let mut d_basis = [0.0f32; sh::MOST];
     for (i, coefficient) in used.iter().enumerate() {
         out[i] = d.map(|d| d * basis[i]);
         d_basis[i] = coefficient[0] * d[0] + coefficient[1] * d[1] + coefficient[2] * d[2];
     }
-    let finite = d.iter().all(|d| d.is_finite());
     if degree == 0 || !(length > 0.0) {
-        return (Vec3::ZERO, finite);
+        return Vec3::ZERO;
     }
     let d_unit = sh::basis_grad(degree, unit, &d_basis);
-    (project::vec3(sh::normalize_grad(unit, length, d_unit)), finite)
+    project::vec3(sh::normalize_grad(unit, length, d_unit))
+}
+
+/// The corners of a piece in camera space.
+fn corners(seen: &Seen, soup: &SoupRef, view: &View, near: f32) -> Corners<f32> {
+    Placed::new(view, &soup.vertices[seen.record.triangle as usize]).piece(&seen.piece, near)
 }
 
 /// All pairs of a splat summed.
 #[derive(Clone, Copy)]
-struct Sums {
-    base: [f32; LANES],
-    geometry: [f32; GEOMETRY_SUMS],
+pub(super) struct Sums {
+    pub(super) base: [f32; LANES],
+    pub(super) geometry: [f32; GEOMETRY_SUMS],
 }
 
 impl Sums {
@@ -225,51 +232,26 @@ struct Row {
 }
 
 impl Row {
-    fn add(
-        &mut self,
-        sums: &Sums,
-        seen: &Seen,
-        triangle: usize,
-        soup: &SoupRef,
-        view: &View,
-        options: &SoftOptions,
-    ) {
-        let s = &sums.base;
+    /// Adds what needs no geometry. A sum is ∂L/∂log(effective opacity), so ∂L/∂log of each of its factors.
+    fn add(&mut self, sums: &Sums, opacity: f32) {
         for c in 0..3 {
-            self.rgb[c] += s[RGB + c];
+            self.rgb[c] += sums.base[RGB + c];
         }
-        // The sum is ∂L/∂log(effective opacity), which is also ∂L/∂log of each of its factors.
-        self.opacity += s[OPACITY] / soup.opacity[triangle];
-        self.sigma += s[SIGMA];
-        let placed = Placed::new(view, &soup.vertices[triangle]);
-        let corners = placed.piece(&seen.piece, options.near);
-        let splat = splat::splat(&corners, view.focal, view.center);
-        let fade = splat::fade(splat.inradius, options.fade_px);
-        let d = SplatGrad {
-            ratio: [0, 1, 2].map(|i| s[RATIO + 3 * i]),
-            moment: [0, 1, 2].map(|i| V2::new(s[RATIO + 3 * i + 1], s[RATIO + 3 * i + 2])),
-            inradius: s[OPACITY] * splat::fade_grad(splat.inradius, options.fade_px) / fade,
-            exact_incenter: if options.exact_incenter { 1.0 } else { 0.0 },
-        };
-        let mut d_corners = splat::splat_grad(&corners, view.focal, &splat, &d);
-        if options.geometry {
-            let g = &sums.geometry;
-            let d =
-                PlaneGrad { inv_depth: g[0], slope: V2::new(g[1], g[2]), normal: V3::new(g[3], g[4], g[5]) };
-            let plane = splat::plane(&corners, view.focal);
-            let more = splat::plane_grad(&corners, view.focal, &splat, &plane, &d);
-            d_corners.first = d_corners.first + more.first;
-            for i in 0..2 {
-                d_corners.edges[i] = d_corners.edges[i] + more.edges[i];
-            }
-        }
-        self.add_corners(&d_corners, seen, &placed, view, options.near);
+        self.opacity += sums.base[OPACITY] / opacity;
+        self.sigma += sums.base[SIGMA];
     }
 
-    /// From the corners of a piece to the vertices in the world.
-    fn add_corners(&mut self, d: &Corners<f32>, seen: &Seen, placed: &Placed, view: &View, near: f32) {
+    /// Adds to the vertices in the world what the corners of a piece in camera space give.
+    fn add_corners(&mut self, d: &Corners<f32>, seen: &Seen, triangle: &[Vec3; 3], view: &View, near: f32) {
         let back = view.rotation.transpose();
         let each = [d.first - d.edges[0] - d.edges[1], d.edges[0], d.edges[1]];
+        if seen.piece == clip::WHOLE {
+            for (vertex, d) in self.vertices.iter_mut().zip(each) {
+                *vertex += back * project::vec3(d);
+            }
+            return;
+        }
+        let placed = Placed::new(view, triangle);
         for (corner, d) in seen.piece.iter().zip(each) {
             let (from, to) = (corner.from as usize, corner.to as usize);
             if from == to {

@@ -7,6 +7,7 @@
 
 mod backward;
 mod contributions;
+mod corners;
 mod forward;
 mod gather;
 mod hits;
