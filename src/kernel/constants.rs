@@ -1,4 +1,5 @@
 //! Numbers the kernels share.
+#![allow(clippy::excessive_precision, reason = "as published")]
 
 /// Smallest window ratio that is drawn. A solid triangle (σ towards 0) loses a rim of this part of its inradius;
 /// in exchange no logarithm or quotient of a ratio can overflow.

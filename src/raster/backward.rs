@@ -192,8 +192,8 @@ impl DrawGrad<'_> {
             L::splat(1.0).only(L::from_bits(inside)).store(&mut transmittance[b]);
             let mut total = L::load(&d_transmittance[b]) * L::load(&self.pixels.transmittance[b]);
             let mut back = L::load(&d_transmittance[b]);
-            for c in 0..3 {
-                let d = L::load(&d_rgb[c][b]);
+            for (c, d_plot) in d_rgb.iter().enumerate() {
+                let d = L::load(&d_plot[b]);
                 total = d.mul_add(L::load(&self.pixels.rgb[c][b]), total);
                 back = d.mul_add(L::splat(self.options.background[c]), back);
             }

@@ -47,7 +47,7 @@ impl Work for CornerGrads<'_> {
                 put(&mut geometry, lane, &s.geometry);
             }
             grads::<L>(&mut corners, &base, &geometry, self.focal, self.options);
-            for lane in 0..some.len() {
+            for (lane, _) in some.iter().enumerate() {
                 let at = |i: usize| V3::new(corners[i][lane], corners[i + 1][lane], corners[i + 2][lane]);
                 self.out.push(Corners { first: at(0), edges: [at(3), at(6)] });
             }

@@ -1,4 +1,5 @@
 //! Minimax polynomials (Remez) of the two transcendental functions the window needs.
+#![allow(clippy::excessive_precision, reason = "the digits the fit gave")]
 
 /// log2(1 + t) / t on [sqrt(1/2) - 1, sqrt(2) - 1], relative error 1.7e-7 before rounding; lowest first.
 /// The factor t keeps the *relative* error small near 1, where a window with a large exponent needs it.

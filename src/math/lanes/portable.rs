@@ -1,4 +1,5 @@
 //! Lanes as a plain array: the compiler turns the loops into whatever vectors the target has.
+#![allow(clippy::needless_range_loop, reason = "the plain form is the one that is vectorised")]
 
 use super::poly::{EXP2, LOG2, SQRT_HALF_BITS};
 use super::{LANES, Lanes};
