@@ -23,7 +23,9 @@ pub fn run(args: &ValidateArgs, out: &mut dyn Write) -> Result<()> {
     printed.map_err(|e| Error::io("-", e))?;
     match checked.count(Severity::Error) {
         0 => Ok(()),
-        n => Err(Error::malformed(&args.input, "validation", format!("{n} errors, listed above"))),
+        n => {
+            Err(Error::malformed(&args.input, "validation", format!("{}, listed above", counted(n, "error"))))
+        }
     }
 }
 
@@ -42,12 +44,13 @@ fn print(checked: &Checked, out: &mut dyn Write) -> io::Result<()> {
         writeln!(out, "{severity:<8} {}: {}", finding.place, finding.what)?;
     }
     let triangles = checked.triangles.map_or(String::new(), |n| format!(", {n} triangles"));
-    let [errors, warnings, notes] =
-        [Severity::Error, Severity::Warning, Severity::Note].map(|severity| checked.count(severity));
-    writeln!(
-        out,
-        "{}: {}{triangles}: {errors} errors, {warnings} warnings, {notes} notes",
-        checked.path,
-        checked.format.name()
-    )
+    let counts = [(Severity::Error, "error"), (Severity::Warning, "warning"), (Severity::Note, "note")]
+        .map(|(severity, name)| counted(checked.count(severity), name))
+        .join(", ");
+    writeln!(out, "{}: {}{triangles}: {counts}", checked.path, checked.format.name())
+}
+
+/// "1 error", "2 errors".
+fn counted(number: usize, name: &str) -> String {
+    format!("{number} {name}{}", if number == 1 { "" } else { "s" })
 }

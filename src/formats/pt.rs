@@ -21,7 +21,7 @@
 //! known. An unfinished run is told by its σ and reported as a warning.
 //!
 //! Unpickling executes nothing: `pytorch-reader` interprets the calls that rebuild tensors and keeps
-//! every other one as an opaque name. What it leaves open, [`check_archive`] closes.
+//! every other one as an opaque name. What it leaves open, `check_archive` closes.
 
 use super::{MAX_TRIANGLES, ReadOptions, Source, finish};
 use crate::asset::Provenance;

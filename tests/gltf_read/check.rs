@@ -196,8 +196,7 @@ fn degenerate_triangles_are_counted_with_the_first_few() {
 fn the_hierarchy_beside_a_scene_must_be_its_own() {
     let folder = Folder::new();
     let mut scene = asset(200);
-    bvh(&mut scene, &BvhOptions { bvh: true, ..BvhOptions::default() }, &mut serde_json::Map::new())
-        .expect("built");
+    bvh(&mut scene, &BvhOptions { bvh: true }, &mut serde_json::Map::new()).expect("built");
     let mut sidecar = Vec::new();
     bvh_file::write(&mut sidecar, &scene).expect("written");
     let file = written(&scene, &GltfOptions::default());
@@ -238,7 +237,7 @@ fn a_broken_file_of_any_format_is_a_finding() {
         let mut out = Vec::new();
         let error = trisplat::cli::validate::run(&ValidateArgs { input: path, json: false }, &mut out);
         assert!(error.is_err());
-        assert!(String::from_utf8(out).expect("text").contains("1 errors, 0 warnings, 0 notes"));
+        assert!(String::from_utf8(out).expect("text").contains("1 error, 0 warnings, 0 notes"));
     }
     assert!(check(&folder.write("a.txt", b"hello")).is_err(), "no format at all");
 }

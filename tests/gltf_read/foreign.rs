@@ -16,10 +16,8 @@ fn corners(b: &Builder) -> [Vec3; 3] {
 fn nodes_place_their_meshes() {
     let mut b = Builder::triangle();
     b.json["scenes"][0]["nodes"] = json!([1]);
-    b.push(
-        "nodes",
-        json!({ "children": [2], "translation": [10, 0, 0], "rotation": [0, 0, 0.70710678, 0.70710678] }),
-    );
+    let s = std::f32::consts::FRAC_1_SQRT_2;
+    b.push("nodes", json!({ "children": [2], "translation": [10, 0, 0], "rotation": [0, 0, s, s] }));
     b.push("nodes", json!({ "children": [0], "scale": [2, 3, 4] }));
     let quarter = DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2);
     let m = DMat4::from_rotation_translation(quarter, DVec3::X * 10.0)

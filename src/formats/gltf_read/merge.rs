@@ -300,10 +300,9 @@ impl<'a> Merge<'a> {
         let mend = |c: &mut [f32; 3]| {
             let bad = outside(c);
             for (channel, factor) in c.iter_mut().zip(factor) {
-                // `max` turns NaN into 0.
-                let light = channel.max(0.0).min(1.0);
+                let light = unit(*channel);
                 let light = if srgb { linear_from_srgb(light) } else { light };
-                *channel = (light * factor).max(0.0).min(1.0);
+                *channel = unit(light * factor);
             }
             usize::from(bad)
         };
@@ -320,7 +319,7 @@ impl<'a> Merge<'a> {
         let is_mask = material.alpha_mode.as_deref() == Some("MASK");
         self.opacity.resize(self.faces, 1.0);
         self.opacity.extend((0..part.faces).map(|face| {
-            let alpha = alpha(face).max(0.0).min(1.0);
+            let alpha = unit(alpha(face));
             if is_mask { f32::from(alpha >= cutoff) } else { alpha }
         }));
     }
@@ -384,6 +383,11 @@ impl Material {
         let name = self.name.as_deref().unwrap_or_default().to_ascii_lowercase();
         ["-vcol", "$vcol", "_vcol"].iter().any(|hint| name.ends_with(hint))
     }
+}
+
+/// The nearest number in [0, 1]; 0 for NaN.
+fn unit(x: f32) -> f32 {
+    if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) }
 }
 
 /// Triangles of a strip; those with two equal corners only stitch it together.

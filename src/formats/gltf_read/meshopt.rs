@@ -10,13 +10,13 @@ const MAX_RATIO: u64 = 1024;
 
 /// Bytes that a compressed view becomes, or why it cannot be decoded.
 pub(super) fn check(view: &Compressed) -> Result<u64, String> {
-    let bytes = view.count.checked_mul(view.byte_stride).unwrap_or(u64::MAX);
+    let bytes = view.count.saturating_mul(view.byte_stride);
     if bytes > MAX_RATIO.saturating_mul(view.byte_length) {
         return Err(format!("promises {bytes} bytes from {} compressed ones", view.byte_length));
     }
     let sound = match view.mode.as_str() {
-        "ATTRIBUTES" => view.byte_stride % 4 == 0 && (4..=64).contains(&view.byte_stride),
-        "TRIANGLES" => view.count % 3 == 0 && matches!(view.byte_stride, 2 | 4),
+        "ATTRIBUTES" => view.byte_stride.is_multiple_of(4) && (4..=64).contains(&view.byte_stride),
+        "TRIANGLES" => view.count.is_multiple_of(3) && matches!(view.byte_stride, 2 | 4),
         "INDICES" => matches!(view.byte_stride, 2 | 4),
         other => return Err(format!("has the unknown compression mode {other:?}")),
     };
