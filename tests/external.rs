@@ -1,6 +1,8 @@
 //! Outside judges look at what `trisplat bake` writes: the Khronos glTF validator, trimesh, Open3D and
 //! Godot 3. `tests/run.sh` installs them and requires them; without them a test says that it is skipped.
 
+#![allow(clippy::print_stderr, reason = "a test that is skipped says so")]
+
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -202,7 +204,7 @@ fn judges_see_the_solid_studio() {
             assert_as_source(
                 judge,
                 &studio(),
-                &[path.clone()],
+                std::slice::from_ref(&path),
                 &["--expect-shrunk", "--triangles", &triangles],
             );
         }
