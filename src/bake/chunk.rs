@@ -118,8 +118,8 @@ impl Item {
 
 /// Candidate cuts on each axis are the borders between this many bins.
 const BINS: usize = 32;
-/// Items above which bins are filled by several threads.
-const PARALLEL_ABOVE: usize = 1 << 16;
+/// A cut is chosen by about this many of the items, evenly picked; more do not make chunks better.
+const SAMPLE: usize = 1 << 14;
 
 /// Number of items in each part, in order, after sorting the items into parts.
 fn split(items: &mut [Item], limit: usize) -> Vec<u32> {
@@ -156,26 +156,16 @@ struct Grid {
 }
 
 impl Grid {
-    fn around(items: &[Item]) -> Self {
-        let bounds = |items: &[Item]| {
-            items
-                .iter()
-                .map(Item::place)
-                .fold((Vec4::INFINITY, Vec4::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)))
-        };
-        let (lo, hi) = if items.len() > PARALLEL_ABOVE {
-            let parts = items.par_chunks(PARALLEL_ABOVE / 4).map(bounds);
-            parts.reduce(|| (Vec4::INFINITY, Vec4::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)))
-        } else {
-            bounds(items)
-        };
+    fn around<'a>(items: impl Iterator<Item = &'a Item>) -> Self {
+        let none = (Vec4::INFINITY, Vec4::NEG_INFINITY);
+        let (lo, hi) = items.map(Item::place).fold(none, |(lo, hi), p| (lo.min(p), hi.max(p)));
         Self { origin: lo, scale: BINS as f32 / (hi - lo) }
     }
 
     /// The bin of an item on each axis. An axis without extent has one bin.
     fn bins(&self, item: &Item) -> [usize; 4] {
         // An infinite or NaN product saturates to a bin, so that nothing can fail here.
-        ((item.place() - self.origin) * self.scale).to_array().map(|x| (x as usize).min(BINS - 1))
+        ((item.place() - self.origin) * self.scale).to_array().map(|x| (x as u8 as usize).min(BINS - 1))
     }
 }
 
@@ -216,13 +206,9 @@ impl Bin {
 
 /// The cheapest cut with something on both sides, if there is one.
 fn best_cut(items: &[Item], limit: usize) -> Option<Cut> {
-    let grid = Grid::around(items);
-    let bins = if items.len() > PARALLEL_ABOVE {
-        let parts = items.par_chunks(PARALLEL_ABOVE / 4).map(|part| fill(part, &grid));
-        parts.reduce(|| [[Bin::EMPTY; BINS]; 4], merge)
-    } else {
-        fill(items, &grid)
-    };
+    let step = items.len().div_ceil(SAMPLE);
+    let grid = Grid::around(items.iter().step_by(step));
+    let bins = fill(items.iter().step_by(step), step, &grid);
     let few = (limit / 4).max(1);
     let mut best = (true, f64::INFINITY, usize::MAX);
     let mut cut = None;
@@ -250,20 +236,14 @@ fn best_cut(items: &[Item], limit: usize) -> Option<Cut> {
     cut
 }
 
-fn fill(items: &[Item], grid: &Grid) -> [[Bin; BINS]; 4] {
+/// The bins of all axes, each item standing for `weight` of them.
+fn fill<'a>(items: impl Iterator<Item = &'a Item>, weight: usize, grid: &Grid) -> [[Bin; BINS]; 4] {
     let mut bins = [[Bin::EMPTY; BINS]; 4];
     for item in items {
-        let one = Bin { min: item.min.into(), max: item.max.into(), count: 1 };
+        let one = Bin { min: item.min.into(), max: item.max.into(), count: weight };
         for (axis, bin) in grid.bins(item).into_iter().enumerate() {
             bins[axis][bin] = bins[axis][bin].union(one);
         }
     }
     bins
-}
-
-fn merge(mut a: [[Bin; BINS]; 4], b: [[Bin; BINS]; 4]) -> [[Bin; BINS]; 4] {
-    for (a, b) in a.iter_mut().flatten().zip(b.iter().flatten()) {
-        *a = a.union(*b);
-    }
-    a
 }
