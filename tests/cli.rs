@@ -201,7 +201,9 @@ fn bad_arguments_fail_before_any_work() {
     fails(folder.path(), &[&"bake", &folder.path(), &"-o", &out], &["is a folder"]);
     fails(folder.path(), &[&"bake", &folder.path().join("no.ply"), &"-o", &out], &["no.ply"]);
     fails(folder.path(), &[&"bake", &soup, &"-o", &folder.path().join("no/where.glb")], &["where.glb"]);
-    fails(folder.path(), &[&"bake", &soup, &"-o", &out, &"--min-opacity", &"1"], &["--min-opacity"]);
+    fails(folder.path(), &[&"bake", &soup, &"-o", &out, &"--min-opacity", &"2"], &["--min-opacity"]);
+    let nowhere = "90,90,90,91,91,91";
+    fails(folder.path(), &[&"bake", &soup, &"-o", &out, &"--crop", &nowhere], &["--crop"]);
 }
 
 #[cfg(target_os = "linux")]

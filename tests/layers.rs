@@ -21,7 +21,7 @@ const MAY: &[(&str, &str)] = &[
     ("formats", "soup mesh scene bvh asset camera report error math"),
     ("raster", "kernel gpu soup mesh camera image math error"),
     ("train", "raster kernel gpu dataset formats soup camera image rng report error math asset"),
-    ("bake", "raster dataset formats soup mesh scene bvh asset camera image report error math"),
+    ("bake", "raster dataset formats soup mesh scene bvh asset camera image rng report error math"),
     ("view", "asset mesh soup raster camera image gpu error math"),
     (
         "bench",

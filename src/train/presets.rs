@@ -62,7 +62,7 @@ const OUTDOOR: TrainOptions = TrainOptions {
         prune_opacity: 0.014,
         min_views: 2,
     },
-    warmup: WarmupOptions { quarter_until: 12_000.0, half_until: 24_000.0, min_px: 32 },
+    warmup: WarmupOptions { quarter_until: 12_000.0, half_until: 24_000.0, min_px: 64 },
     solid: SolidOptions {
         enabled: false,
         from: 25_000.0,
@@ -119,7 +119,7 @@ const INDOOR: TrainOptions = TrainOptions {
         prune_opacity: 0.014,
         min_views: 2,
     },
-    warmup: WarmupOptions { quarter_until: 12_000.0, half_until: 24_000.0, min_px: 32 },
+    warmup: WarmupOptions { quarter_until: 12_000.0, half_until: 24_000.0, min_px: 64 },
     solid: SolidOptions {
         enabled: false,
         from: 25_000.0,
@@ -176,7 +176,7 @@ const SOLID: TrainOptions = TrainOptions {
         prune_opacity: 0.014,
         min_views: 2,
     },
-    warmup: WarmupOptions { quarter_until: 12_000.0, half_until: 24_000.0, min_px: 32 },
+    warmup: WarmupOptions { quarter_until: 12_000.0, half_until: 24_000.0, min_px: 64 },
     solid: SolidOptions {
         enabled: true,
         from: 25_000.0,
