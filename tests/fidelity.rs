@@ -149,3 +149,16 @@ fn info_prints_a_table_of_a_data_set() {
     assert_eq!((description.train, description.test, description.points), (35, 5, 1500));
     fail(&["info", env!("CARGO_MANIFEST_DIR")], &["no posed photos", "COLMAP"]);
 }
+
+#[test]
+fn a_made_data_set_can_be_read() {
+    let (_, _, folder) = inputs();
+    let out = folder.path().join("made").to_str().unwrap().to_owned();
+    let make = ["sample", "dataset", "-o", &out, "--views", "3", "--width", "16", "--points", "20"];
+    succeed(&make);
+    let dataset = Dataset::load(Path::new(&out), &DatasetOptions::default()).unwrap();
+    assert_eq!((dataset.views.len(), dataset.points.len(), dataset.test().count()), (3, 20, 1));
+    assert!(dataset.views.iter().all(|v| v.photo.decode().is_ok()));
+    fail(&make, &["--force", "made"]);
+    succeed(&[make.as_slice(), &["--force"]].concat());
+}

@@ -1,6 +1,7 @@
-//! `trisplat sample NAME -o FILE`: soups made from nothing, to try things on.
+//! `trisplat sample NAME -o OUT`: soups and data sets made from nothing, to try things on.
 
 use crate::bench::scenes::{self, SampleScene};
+use crate::dataset::synthetic::{self, SyntheticOptions};
 use crate::error::{Error, Result};
 use crate::formats::atomic::AtomicFile;
 use crate::formats::ply;
@@ -9,9 +10,25 @@ use std::path::PathBuf;
 /// What to make.
 #[derive(Debug, clap::Args)]
 pub struct SampleArgs {
-    /// The scene.
-    #[arg(value_enum)]
-    pub name: SampleScene,
+    /// The sample.
+    #[command(subcommand)]
+    pub sample: Sample,
+}
+
+/// The samples there are.
+#[derive(Debug, clap::Subcommand)]
+pub enum Sample {
+    /// Soup of balls, a ring, a chest, poles and a colour chart on a chequered stage under a dome.
+    Studio(SoupArgs),
+    /// Soup of every nasty triangle a reader may accept; it has a count of its own.
+    Degenerate(SoupArgs),
+    /// Posed photos of an analytic scene, in COLMAP's layout.
+    Dataset(DatasetArgs),
+}
+
+/// A soup and its file.
+#[derive(Debug, clap::Args)]
+pub struct SoupArgs {
     /// Soup to write; "-" is standard output.
     #[arg(short, long, value_name = "FILE.ply")]
     pub output: PathBuf,
@@ -29,8 +46,30 @@ pub struct SampleArgs {
     pub force: bool,
 }
 
-/// Makes the soup and writes it.
+/// A data set and its folder.
+#[derive(Debug, clap::Args)]
+pub struct DatasetArgs {
+    /// Folder to write: images/, sparse/0/ and test.txt.
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Write into DIR although it holds something.
+    #[arg(short, long)]
+    pub force: bool,
+    /// What to make.
+    #[command(flatten)]
+    pub options: SyntheticOptions,
+}
+
+/// Makes the sample and writes it.
 pub fn run(args: &SampleArgs) -> Result<()> {
+    match &args.sample {
+        Sample::Studio(args) => write_soup(SampleScene::Studio, args),
+        Sample::Degenerate(args) => write_soup(SampleScene::Degenerate, args),
+        Sample::Dataset(args) => write_dataset(args),
+    }
+}
+
+fn write_soup(scene: SampleScene, args: &SoupArgs) -> Result<()> {
     if args.output.is_file() && !args.force {
         return Err(Error::invalid(
             "--output",
@@ -39,10 +78,19 @@ pub fn run(args: &SampleArgs) -> Result<()> {
         ));
     }
     let triangles = args.triangles as usize;
-    let mut soup = scenes::soup(args.name, triangles, args.seed);
+    let mut soup = scenes::soup(scene, triangles, args.seed);
     scenes::raise_sh(&mut soup, args.sh_degree, args.seed);
-    let provenance = scenes::provenance(args.name, triangles, args.seed, args.sh_degree);
+    let provenance = scenes::provenance(scene, triangles, args.seed, args.sh_degree);
     let mut file = AtomicFile::create(&args.output)?;
     ply::write_soup(&mut file, &soup, &provenance).map_err(|e| Error::io(&args.output, e))?;
     file.commit().map(drop)
+}
+
+fn write_dataset(args: &DatasetArgs) -> Result<()> {
+    let holds_something = std::fs::read_dir(&args.output).is_ok_and(|mut entries| entries.next().is_some());
+    if holds_something && !args.force {
+        let wants = "a new or empty folder, or --force to write into it";
+        return Err(Error::invalid("--output", args.output.display(), wants));
+    }
+    synthetic::write(&args.output, &args.options)
 }

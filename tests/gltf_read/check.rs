@@ -278,7 +278,11 @@ fn info_is_printed_as_text_and_as_json() {
     let input = sample(&folder);
     let print = |json: bool| {
         let mut out = Vec::new();
-        trisplat::cli::info::run(&InfoArgs { input: input.clone(), json, dataset_options: Default::default() }, &mut out).expect("sound");
+        trisplat::cli::info::run(
+            &InfoArgs { input: input.clone(), json, dataset_options: Default::default() },
+            &mut out,
+        )
+        .expect("sound");
         String::from_utf8(out).expect("text")
     };
     let text = print(false);
