@@ -15,8 +15,11 @@ fn chunked(mesh: Mesh, limit: u32) -> Asset {
     asset
 }
 
-/// The bits of every face with its colours and opacity, sorted.
-fn faces(mesh: &Mesh) -> Vec<([[u32; 3]; 3], [[u32; 3]; 3], u32)> {
+/// Corners, colours and opacity as bits.
+type FaceBits = ([[u32; 3]; 3], [[u32; 3]; 3], u32);
+
+/// The bits of every face, sorted.
+fn faces(mesh: &Mesh) -> Vec<FaceBits> {
     let bits = |v: [f32; 3]| v.map(f32::to_bits);
     let face = |f: usize| {
         let opacity = mesh.opacity.get(f).copied().unwrap_or(1.0);
@@ -70,7 +73,7 @@ fn a_chunk_fits_16_bit_indices() {
     let options = ChunkOptions { chunk_triangles: MAX_CHUNK_TRIANGLES + 1 };
     let error = chunk(&mut Asset::default(), &options, &mut Details::new()).unwrap_err();
     assert!(error.to_string().starts_with("--chunk-triangles is 21846"), "{error}");
-    assert!(3 * MAX_CHUNK_TRIANGLES <= 65_535);
+    const { assert!(3 * MAX_CHUNK_TRIANGLES <= 65_535) };
 }
 
 /// Chunks are better than runs of the same size along a curve, and triangles of another scale get their own.
