@@ -156,7 +156,7 @@ mod tests {
     #[test]
     fn positions_scale_with_the_run() {
         for steps in [300u64, 3000, 30_000] {
-            let options = TrainOptions { steps, ..TrainOptions::preset(Preset::Outdoor) };
+            let options = TrainOptions { steps, ..TrainOptions::preset(Preset::Indoor) };
             let plan = Schedule::new(&options);
             let share = |f: &dyn Fn(u64) -> bool| (0..steps).filter(|&s| f(s)).count() as f64 / steps as f64;
             assert!((share(&|s| plan.level(s) == 2) - 0.4).abs() < 0.01);
