@@ -19,6 +19,11 @@ fn small() -> SyntheticOptions {
     SyntheticOptions { views: 16, width: 64, points: 400, ..SyntheticOptions::default() }
 }
 
+/// Enough photos that the held-out ones have neighbours.
+fn dense() -> SyntheticOptions {
+    SyntheticOptions { views: 40, width: 96, points: 1500, ..SyntheticOptions::default() }
+}
+
 fn options(steps: u64) -> TrainOptions {
     TrainOptions { steps, max_triangles: 1200, ..TrainOptions::default() }
 }
@@ -41,12 +46,13 @@ fn assert_sound(soup: &Soup) {
 #[test]
 fn a_synthetic_scene_reaches_a_psnr() {
     let folder = tempfile::tempdir().unwrap();
-    let dataset = scene(folder.path(), &small());
-    let trained = train(&dataset, &options(600));
+    let dataset = scene(folder.path(), &dense());
+    let trained = train(&dataset, &TrainOptions { max_triangles: 3000, ..options(800) });
     assert_sound(&trained.soup);
     assert_eq!(trained.dropped, 0);
+    // 17.46 dB when this was written; 20.7 on the training photos.
     let psnr = psnr(&trained);
-    assert!(psnr > 20.0, "{psnr:.2} dB");
+    assert!(psnr > 17.2, "{psnr:.2} dB");
 }
 
 #[test]
@@ -270,12 +276,13 @@ fn a_data_set_without_training_photos_is_an_error_that_says_so() {
 fn solid_ends_opaque_and_of_one_colour() {
     use trisplat::train::Preset;
     let folder = tempfile::tempdir().unwrap();
-    let dataset = scene(folder.path(), &small());
-    let options = TrainOptions { steps: 600, max_triangles: 1200, ..TrainOptions::preset(Preset::Solid) };
+    let dataset = scene(folder.path(), &dense());
+    let options = TrainOptions { steps: 800, max_triangles: 3000, ..TrainOptions::preset(Preset::Solid) };
     let trained = train(&dataset, &options);
     assert_sound(&trained.soup);
     assert_eq!(trained.soup.sh_degree, 0);
     assert!(trained.soup.opacity.iter().all(|&o| o > 0.99));
+    // 11.82 dB when this was written: the anneal costs 5.6 dB, which is what there is to improve.
     let psnr = psnr(&trained);
-    assert!(psnr > 16.0, "{psnr:.2} dB");
+    assert!(psnr > 11.5, "{psnr:.2} dB");
 }
