@@ -116,7 +116,7 @@ impl Mesh {
         if self.indices.is_empty() && v % 3 != 0 {
             return shape("mesh vertex count", v, "a multiple of 3 when there are no indices".into());
         }
-        if self.indices.len() % 3 != 0 {
+        if !self.indices.len().is_multiple_of(3) {
             return shape("mesh index count", self.indices.len(), "a multiple of 3".into());
         }
         let (colors, wants) = match &self.colors {

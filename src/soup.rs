@@ -40,7 +40,7 @@ impl Soup {
 
     /// sRGB-encoded colour of SH degree 0, not clamped.
     pub fn rgb(&self, triangle: usize) -> [f32; 3] {
-        self.sh[triangle * self.sh_count()].map(|c| rgb_from_sh0(c))
+        self.sh[triangle * self.sh_count()].map(rgb_from_sh0)
     }
 
     /// Appends `other`; the lower SH degree of the two is kept.
