@@ -503,8 +503,8 @@ fn kernels_on_lanes_equal_kernels_on_f32() {
         for round in 0..20 {
             for lane in 0..LANES {
                 let t = triangle(cases.next().unwrap_or(round));
-                for i in 0..9 {
-                    x[i][lane] = t[i] as f32;
+                for (row, value) in x.iter_mut().zip(&t) {
+                    row[lane] = *value as f32;
                 }
                 (x[9][lane], x[10][lane]) = (0.3, -0.2);
             }

@@ -1,5 +1,5 @@
 //! What several tests share.
 #![allow(dead_code)]
 
-pub mod dual;
-pub mod oracle;
+pub(crate) mod dual;
+pub(crate) mod oracle;

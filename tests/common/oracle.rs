@@ -5,7 +5,7 @@ use super::dual::Dual;
 use trisplat::math::real::Real;
 
 /// A number whose value can be looked at.
-pub trait Number: Real {
+pub(crate) trait Number: Real {
     fn value(self) -> f64;
 }
 
@@ -22,47 +22,47 @@ impl<const N: usize> Number for Dual<N> {
 }
 
 #[derive(Clone)]
-pub struct Triangle<R> {
-    pub vertices: [[R; 3]; 3],
-    pub opacity: R,
-    pub sigma: R,
-    pub sh: Vec<[R; 3]>,
+pub(crate) struct Triangle<R> {
+    pub(crate) vertices: [[R; 3]; 3],
+    pub(crate) opacity: R,
+    pub(crate) sigma: R,
+    pub(crate) sh: Vec<[R; 3]>,
 }
 
 #[derive(Clone, Copy)]
-pub struct Eye {
-    pub rotation: [[f64; 3]; 3],
-    pub translation: [f64; 3],
-    pub focal: [f64; 2],
-    pub center: [f64; 2],
-    pub size: [usize; 2],
+pub(crate) struct Eye {
+    pub(crate) rotation: [[f64; 3]; 3],
+    pub(crate) translation: [f64; 3],
+    pub(crate) focal: [f64; 2],
+    pub(crate) center: [f64; 2],
+    pub(crate) size: [usize; 2],
 }
 
 #[derive(Clone, Copy)]
-pub struct Rules {
-    pub background: [f64; 3],
-    pub per_pixel: bool,
-    pub cap: f64,
-    pub cutoff: f64,
-    pub min_transmittance: f64,
-    pub near: f64,
-    pub fade_px: f64,
-    pub depth_range: [f64; 2],
+pub(crate) struct Rules {
+    pub(crate) background: [f64; 3],
+    pub(crate) per_pixel: bool,
+    pub(crate) cap: f64,
+    pub(crate) cutoff: f64,
+    pub(crate) min_transmittance: f64,
+    pub(crate) near: f64,
+    pub(crate) fade_px: f64,
+    pub(crate) depth_range: [f64; 2],
 }
 
 /// One pixel.
 #[derive(Clone)]
-pub struct Pixel<R> {
-    pub rgb: [R; 3],
-    pub transmittance: R,
-    pub depth: R,
-    pub median: R,
-    pub normal: [R; 3],
-    pub distortion: R,
+pub(crate) struct Pixel<R> {
+    pub(crate) rgb: [R; 3],
+    pub(crate) transmittance: R,
+    pub(crate) depth: R,
+    pub(crate) median: R,
+    pub(crate) normal: [R; 3],
+    pub(crate) distortion: R,
     /// Distance, relative, to the nearest jump or kink of any of the above.
-    pub margin: f64,
+    pub(crate) margin: f64,
     /// Weight alpha T of every triangle.
-    pub weights: Vec<f64>,
+    pub(crate) weights: Vec<f64>,
 }
 
 type P3<R> = [R; 3];
@@ -223,7 +223,7 @@ fn phi<R: Number>(lines: &[[R; 3]; 3], p: [R; 2]) -> (R, f64) {
 }
 
 /// All pixels, row by row.
-pub fn render<R: Number>(triangles: &[Triangle<R>], eye: &Eye, rules: &Rules) -> Vec<Pixel<R>> {
+pub(crate) fn render<R: Number>(triangles: &[Triangle<R>], eye: &Eye, rules: &Rules) -> Vec<Pixel<R>> {
     let mut pieces = Vec::new();
     for (i, t) in triangles.iter().enumerate() {
         let corners = cut(t.vertices.map(|v| to_camera(eye, v)), rules.near);
