@@ -109,7 +109,6 @@ pub(super) struct Table<'a> {
 enum Bytes<'a> {
     File(&'a File, u64),
     Memory(Vec<u8>),
-    None,
 }
 
 impl Table<'_> {
@@ -130,10 +129,6 @@ impl Table<'_> {
     fn count_rows(&mut self, left: u64) -> Result<()> {
         let (rows, stride) = (self.element.rows, self.layout.stride as u64);
         if rows.checked_mul(stride).is_some_and(|bytes| bytes <= left) {
-            if self.element.name == "face" && rows > MAX_TRIANGLES {
-                let reason = format!("holds {rows} triangles; the most we take is {MAX_TRIANGLES}: split it");
-                return Err(Error::unsupported(self.path, reason));
-            }
             // Only rows without any property can be too many here, and those are looked at no further.
             self.rows = usize::try_from(rows).unwrap_or(usize::MAX);
             return Ok(());
@@ -147,7 +142,7 @@ impl Table<'_> {
     }
 
     /// Proves that every corner list holds three numbers.
-    pub(super) fn check_counts(&self) -> Result<()> {
+    fn check_counts(&self) -> Result<()> {
         let Some((count, _)) = self.layout.corners else { return Ok(()) };
         let (step, mut buffer) = (self.rows_per_block(), Vec::new());
         for first in (0..self.rows).step_by(step) {
@@ -211,7 +206,7 @@ impl Table<'_> {
         let (from, len) = (first * self.layout.stride, rows * self.layout.stride);
         match &self.bytes {
             Bytes::Memory(bytes) => Ok(&bytes[from..from + len]),
-            _ => {
+            Bytes::File(..) => {
                 buffer.resize(len, 0);
                 self.fill(first, buffer)?;
                 Ok(buffer)
@@ -227,7 +222,6 @@ impl Table<'_> {
             Bytes::File(file, offset) => {
                 read_at(file, out, offset + from as u64).map_err(|e| Error::io(self.path, e))?;
             }
-            Bytes::None => {}
         }
         Ok(())
     }
@@ -268,10 +262,14 @@ pub(super) fn locate<'a>(source: &'a Source, header: &'a Header) -> Result<Table
             _ => None,
         };
         let keep = slot.is_some();
-        let mut table =
-            Table { path: &source.path, element, layout: Layout::of(element), rows: 0, bytes: Bytes::None };
+        if element.name == "face" && element.rows > MAX_TRIANGLES {
+            let reason =
+                format!("promises {} triangles; the most we take is {MAX_TRIANGLES}: split it", element.rows);
+            return Err(Error::unsupported(&source.path, reason));
+        }
+        let (layout, bytes) = (Layout::of(element), Bytes::File(&source.file, at));
+        let mut table = Table { path: &source.path, element, layout, rows: 0, bytes };
         if table.is_in_place(header.encoding, keep) {
-            table.bytes = Bytes::File(&source.file, at);
             table.count_rows(source.len.saturating_sub(at))?;
             at += element.rows * table.layout.stride as u64;
         } else {
