@@ -209,7 +209,7 @@ fn faces_that_are_no_triangles_of_the_file_are_named() {
             assert!(message.contains("face 57") && message.contains(says), "{encoding:?}: {message}");
             // The same faces in a mesh.
             elements[1].properties.retain(|p| !p.ends_with("sigma"));
-            elements[1].rows.iter_mut().for_each(|row| drop(row.remove(5)));
+            elements[1].rows.iter_mut().for_each(|row| _ = row.remove(5));
             let message = error(format::read, &ply(encoding, &elements), says);
             assert!(message.contains("face 57") && message.contains(says), "{encoding:?}: {message}");
         }

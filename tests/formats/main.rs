@@ -1,5 +1,7 @@
 //! Readers and writers of PLY, OFF and OBJ: round trips, odd but legal files, real files, bad input.
 
+#![allow(clippy::print_stderr)] // what is skipped, and the times of `speed`
+
 mod bad;
 mod files;
 mod mesh_ply;
