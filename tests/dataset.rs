@@ -268,6 +268,9 @@ fn nerfstudio_with_shared_intrinsics_and_points() {
         ([1.0, 2.0, 3.0], [10, 20, 30])
     );
     assert_eq!(dataset.test().count(), 1, "every 8th of six");
+    std::fs::remove_file(folder.path().join("sparse_pc.ply")).unwrap();
+    let error = error_of(folder.path());
+    assert!(error.contains("transforms.json: ply_file_path") && error.contains("random points"), "{error}");
 }
 
 #[test]

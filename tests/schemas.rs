@@ -83,6 +83,24 @@ fn a_real_report_satisfies_its_schema() {
 }
 
 #[test]
+fn what_eval_and_info_say_satisfies_their_schemas() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("eval.json");
+    let (soup, dataset) = (root().join("samples/soups/studio.ply"), root().join("samples/dataset"));
+    let run = |command: &mut Command| {
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        output.stdout
+    };
+    let trisplat = || Command::new(env!("CARGO_BIN_EXE_trisplat"));
+    run(trisplat().arg("eval").arg(soup).arg(&dataset).arg("--report").arg(&report));
+    let eval: Value = serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap();
+    satisfies(SchemaName::Eval, &eval);
+    let info = run(trisplat().args(["info", "--json"]).arg(&dataset));
+    satisfies(SchemaName::Dataset, &serde_json::from_slice(&info).unwrap());
+}
+
+#[test]
 fn a_wrong_config_does_not_satisfy_the_schema() {
     for wrong in [
         serde_json::json!({ "prune": { "min_opacty": 0.5 } }),

@@ -2,6 +2,8 @@
 
 use crate::bake::options::BakeOptions;
 use crate::bench::bake::BakeRow;
+use crate::bench::fidelity::Fidelity;
+use crate::dataset::Description;
 use crate::error::{Error, Result};
 use crate::formats::bvh::BvhHeader;
 use crate::formats::check::Checked;
@@ -27,8 +29,12 @@ pub enum SchemaName {
     Train,
     /// The file written by `--report`.
     Report,
-    /// What `trisplat info --json` prints.
+    /// What `trisplat info --json` prints of a file.
     Info,
+    /// What `trisplat info --json` prints of a data set.
+    Dataset,
+    /// The file written by `trisplat eval --report`.
+    Eval,
     /// What `trisplat validate --json` prints.
     Validate,
     /// The header of a BVH file.
@@ -45,6 +51,8 @@ impl SchemaName {
             SchemaName::Train => config_schema(schemars::schema_for!(TrainOptions)),
             SchemaName::Report => schemars::schema_for!(Report),
             SchemaName::Info => schemars::schema_for!(Info),
+            SchemaName::Dataset => schemars::schema_for!(Description),
+            SchemaName::Eval => schemars::schema_for!(Fidelity),
             SchemaName::Validate => schemars::schema_for!(Checked),
             SchemaName::Bvh => schemars::schema_for!(BvhHeader),
             SchemaName::Bench => schemars::schema_for!(Vec<BakeRow>),

@@ -67,7 +67,7 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<Found> {
     let root = file.parent().unwrap_or(Path::new("")).to_owned();
     let transforms = parse(file)?;
     let points = match &transforms.ply_file_path {
-        Some(name) => point_ply::read(&root.join(name))?,
+        Some(name) => read_points(file, &root.join(name.replace('\\', "/")))?,
         None => Vec::<FoundPoint>::new(),
     };
     let mut frames = Vec::with_capacity(transforms.frames.len());
@@ -83,6 +83,18 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<Found> {
     }
     let (list, reprojection) = (file.to_owned(), None);
     Ok(Found { kind: "transforms.json", root, list, frames, points, reprojection, warnings: Vec::new() })
+}
+
+/// The cloud that `file` names.
+fn read_points(file: &Path, ply: &Path) -> Result<Vec<FoundPoint>> {
+    if !ply.is_file() {
+        let reason = format!(
+            "{} is not there; put it back, or remove the key to start from random points",
+            ply.display()
+        );
+        return Err(Error::malformed(file, "ply_file_path", reason));
+    }
+    point_ply::read(ply)
 }
 
 fn parse(file: &Path) -> Result<Transforms> {
