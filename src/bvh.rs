@@ -72,7 +72,7 @@ pub fn steps(node: &CwBvhNode) -> [f64; 3] {
     node.e.map(|e| f64::from_bits((u64::from(e) + 1023 - 127) << 52))
 }
 
-/// The lower and upper grid lines of the children's boxes on each axis. // [3][8]
+/// The lower and upper grid lines of the children's boxes on each axis. `[3]`[8]
 fn lines(node: &CwBvhNode) -> [(&[u8; 8], &[u8; 8]); 3] {
     [
         (&node.child_min_x, &node.child_max_x),
@@ -185,7 +185,7 @@ impl Bvh {
         }
     }
 
-    /// The faces below every node, after checking that nodes form a tree and faces are consecutive. // [nodes]
+    /// The faces below every node, after checking that nodes form a tree and faces are consecutive. `[nodes]`
     pub fn face_ranges(&self) -> Result<Vec<Range<u32>>> {
         let at = |node: usize, e: Error| Error::invalid(format!("bvh node {node}"), e, "a sound tree");
         let wrong = |node: usize, value: String, wants: &str| {

@@ -13,7 +13,7 @@ use std::path::Path;
 pub struct Image {
     /// Width and height, px.
     pub size: UVec2,
-    /// Rows from the top. // [H * W]
+    /// Rows from the top. `[H * W]`
     pub pixels: Vec<[f32; 3]>,
 }
 
@@ -40,10 +40,10 @@ impl Image {
 pub struct Pixels {
     /// Width and height, px.
     pub size: UVec2,
-    /// Rows from the top. // [H * W]
+    /// Rows from the top. `[H * W]`
     pub rgb: Vec<[u8; 3]>,
     /// How much of each pixel counts, 255 = all: the opacity a file stores, or the weight that a mask
-    /// gives to a photo's pixel in the loss. // [H * W]
+    /// gives to a photo's pixel in the loss. `[H * W]`
     pub alpha: Option<Vec<u8>>,
 }
 

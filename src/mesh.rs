@@ -8,22 +8,22 @@ use rayon::prelude::*;
 /// Linear-light RGB, one entry a face or one a vertex. Values in [0, 1]; alpha is always 1.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Colors {
-    /// One colour a face. // [F]
+    /// One colour a face. `[F]`
     Face(Vec<[f32; 3]>),
-    /// One colour a vertex. // [V]
+    /// One colour a vertex. `[V]`
     Vertex(Vec<[f32; 3]>),
 }
 
 /// A triangle mesh. Non-indexed when `indices` is empty: then face i owns vertices 3i, 3i+1, 3i+2.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mesh {
-    /// Vertex positions. // [V]
+    /// Vertex positions. `[V]`
     pub positions: Vec<Vec3>,
     /// Linear-light colours.
     pub colors: Colors,
-    /// Vertex numbers, three a face; empty = non-indexed. // [F * 3]
+    /// Vertex numbers, three a face; empty = non-indexed. `[F * 3]`
     pub indices: Vec<u32>,
-    /// Opacity of every face in [0, 1]; empty = all opaque. // [F]
+    /// Opacity of every face in [0, 1]; empty = all opaque. `[F]`
     pub opacity: Vec<f32>,
 }
 
@@ -72,7 +72,7 @@ impl Mesh {
         }
     }
 
-    /// Makes old face `faces[i]` the new face i. Vertices that faces share stay where they are. // [F']
+    /// Makes old face `faces[i]` the new face i. Vertices that faces share stay where they are. `[F']`
     pub fn select(&mut self, faces: &[u32]) {
         if self.indices.is_empty() {
             self.positions = gather_corners(&self.positions, faces);

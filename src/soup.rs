@@ -10,13 +10,13 @@ pub const SH_C0: f32 = 0.282_094_79;
 /// N unconnected triangles. Values are physical, never logits.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Soup {
-    /// Corners in world units. // [N, 3]
+    /// Corners in world units. `[N, 3]`
     pub vertices: Vec<[Vec3; 3]>,
-    /// Opacity o in [0, 1]. // [N]
+    /// Opacity o in [0, 1]. `[N]`
     pub opacity: Vec<f32>,
-    /// Window exponent σ > 0; towards 0 the triangle is solid (Held et al. 2025, eq. 1). // [N]
+    /// Window exponent σ > 0; towards 0 the triangle is solid (Held et al. 2025, eq. 1). `[N]`
     pub sigma: Vec<f32>,
-    /// Spherical harmonics, degree 0 first; rgb = 0.5 + C0 * sh[0], sRGB-encoded. // [N * K]
+    /// Spherical harmonics, degree 0 first; rgb = `0.5 + C0 * sh[0]`, sRGB-encoded. `[N * K]`
     pub sh: Vec<[f32; 3]>,
     /// Degree 0..=3; K = (degree + 1)^2 coefficients a triangle.
     pub sh_degree: u8,

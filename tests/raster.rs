@@ -1,6 +1,8 @@
 //! Whole frames and gradients against the brute-force oracle; the same bits for any number of threads;
 //! hostile scenes.
 
+#![allow(clippy::print_stderr, reason = "prints the largest error it found")]
+
 mod common;
 
 use common::dual::Dual;
@@ -225,7 +227,7 @@ const PARAMETERS: usize = 11 + 48;
 
 /// The gradient of triangle `t` by dual numbers.
 fn exact_grad(soup: &Soup, t: usize, camera: &Camera, options: &SoftOptions, d: &FrameGrad) -> Vec<f64> {
-    let scene = triangles(soup, t, |x, n| Dual::<PARAMETERS>::variable(x, n));
+    let scene = triangles(soup, t, Dual::<PARAMETERS>::variable);
     let picture = oracle::render(&scene, &eye(camera), &rules(options));
     let mut out = vec![0.0; 11 + 3 * soup.sh_count()];
     for (i, pixel) in picture.iter().enumerate() {
@@ -409,10 +411,13 @@ fn tiny_triangles_fade_and_do_not_vanish() {
     assert_eq!(last, 0.0);
 }
 
+/// Changes one triangle: its number, corners, opacity and σ.
+type Change<'a> = &'a dyn Fn(usize, &mut [Vec3; 3], &mut f32, &mut f32);
+
 /// Scenes that break rasterisers.
 fn hostile() -> Vec<(&'static str, Soup)> {
     let base = random_soup(31, 60, 3);
-    let with = |f: &dyn Fn(usize, &mut [Vec3; 3], &mut f32, &mut f32)| {
+    let with = |f: Change<'_>| {
         let mut soup = base.clone();
         for i in 0..soup.len() {
             f(i, &mut soup.vertices[i], &mut soup.opacity[i], &mut soup.sigma[i]);

@@ -94,7 +94,7 @@ const PART_TRIANGLES: usize = 16_384;
 pub struct Built {
     /// Its `roots` are those of `parts`.
     pub bvh: Bvh,
-    /// The order of faces it is for. // [F]
+    /// The order of faces it is for. `[F]`
     pub order: Vec<u32>,
     /// The parts in that order.
     pub parts: Vec<Chunk>,
@@ -103,7 +103,7 @@ pub struct Built {
 /// The hierarchy over consecutive `parts` of the faces.
 ///
 /// obvhs decides which faces go together, each part by itself and then the parts as a whole; the boxes are
-/// computed here ([`fit`]).
+/// computed here (`fit`).
 pub fn build(mesh: &Mesh, parts: &[Chunk]) -> Built {
     let over_part = |part: &Chunk| {
         let boxes: Vec<Aabb> =
@@ -144,7 +144,7 @@ fn face_box(mesh: &Mesh, face: usize) -> Aabb {
 /// A tree over some boxes.
 struct Tree {
     nodes: Vec<CwBvhNode>,
-    /// The box each primitive of the tree stands for. // [boxes]
+    /// The box each primitive of the tree stands for. `[boxes]`
     order: Vec<u32>,
     bounds: Aabb,
 }

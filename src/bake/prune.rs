@@ -164,7 +164,7 @@ fn mesh_face(mesh: &Mesh, i: usize) -> Face {
     Face { corners: mesh.corners(i), opacity, sigma: 0.0, color: mesh.corner_colors(i)[0] }
 }
 
-/// The verdict on every face. // [N]
+/// The verdict on every face. `[N]`
 fn judge(count: usize, face: impl Fn(usize) -> Face + Sync, options: &PruneOptions) -> Vec<Verdict> {
     let mut verdicts: Vec<Verdict> =
         (0..count).into_par_iter().with_min_len(1 << 12).map(|i| alone(&face(i), options)).collect();

@@ -60,7 +60,7 @@ pub fn write(folder: &Path, options: &SyntheticOptions) -> Result<()> {
         .try_for_each(|index| render(&camera(options, index)).save_png(&images.join(photo_name(index))))
 }
 
-/// Writes all of [`write`] but the photos.
+/// Writes all of [`write()`] but the photos.
 pub fn write_poses(folder: &Path, options: &SyntheticOptions) -> Result<()> {
     let sparse = folder.join("sparse/0");
     std::fs::create_dir_all(&sparse).map_err(|e| Error::io(&sparse, e))?;

@@ -55,7 +55,7 @@ pub fn flip(size: UVec2, reference: &[[u8; 3]], test: &[[u8; 3]], weights: Optio
     }
 }
 
-/// The SSIM of every pixel of row `y`, mean over channels. // [W]
+/// The SSIM of every pixel of row `y`, mean over channels. `[W]`
 fn ssim_row(width: usize, a: &[[u8; 3]], b: &[[u8; 3]], y: usize, window: &[f64; WINDOW]) -> Vec<f64> {
     let half = WINDOW / 2;
     let height = a.len() / width;

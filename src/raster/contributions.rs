@@ -14,7 +14,7 @@ type Counts = [[u32; LANES]; BLOCKS];
 
 impl Soft {
     /// Layers that were drawn on each pixel of the last frame, by drawing its tiles again; options must
-    /// be those of the last [`render`](Self::render). // [height * width]
+    /// be those of the last [`render`](Self::render). `[height * width]`
     pub fn contributions(&self, options: &SoftOptions) -> Vec<u32> {
         let tiles = &self.tiles;
         let (size, splats) = (tiles.size, &self.projection.splats);

@@ -15,13 +15,13 @@ use std::time::Instant;
 /// A soup as the rasteriser reads it; borrowed, so that a trainer may keep its own layout.
 #[derive(Debug, Clone, Copy)]
 pub struct SoupRef<'a> {
-    /// Corners in world units. // [N, 3]
+    /// Corners in world units. `[N, 3]`
     pub vertices: &'a [[Vec3; 3]],
-    /// Opacity o in [0, 1]. // [N]
+    /// Opacity o in [0, 1]. `[N]`
     pub opacity: &'a [f32],
-    /// Window exponent σ > 0. // [N]
+    /// Window exponent σ > 0. `[N]`
     pub sigma: &'a [f32],
-    /// Spherical harmonics, degree 0 first. // [N * K]
+    /// Spherical harmonics, degree 0 first. `[N * K]`
     pub sh: &'a [[f32; 3]],
     /// Degree stored: K = (degree + 1)².
     pub sh_degree: u8,
@@ -117,7 +117,7 @@ impl Default for SoftOptions {
     }
 }
 
-/// What a camera sees. // [height * width], row by row
+/// What a camera sees. `[height * width]`, row by row
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Frame {
     /// Width and height, px.
@@ -139,7 +139,7 @@ pub struct Frame {
 /// ∂L of a [`Frame`]; empty means zero, except `d_rgb`, which is always needed.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FrameGrad {
-    /// ∂L/∂rgb. // [height * width]
+    /// ∂L/∂rgb. `[height * width]`
     pub d_rgb: Vec<[f32; 3]>,
     /// ∂L/∂transmittance.
     pub d_transmittance: Vec<f32>,
@@ -156,13 +156,13 @@ pub struct FrameGrad {
 /// ∂L of a soup; rows of triangles that are not `visible` are zero.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SoupGrad {
-    /// ∂L/∂vertices. // [N, 3]
+    /// ∂L/∂vertices. `[N, 3]`
     pub vertices: Vec<[Vec3; 3]>,
-    /// ∂L/∂opacity. // [N]
+    /// ∂L/∂opacity. `[N]`
     pub opacity: Vec<f32>,
-    /// ∂L/∂sigma. // [N]
+    /// ∂L/∂sigma. `[N]`
     pub sigma: Vec<f32>,
-    /// ∂L/∂sh. // [N * K]
+    /// ∂L/∂sh. `[N * K]`
     pub sh: Vec<[f32; 3]>,
     /// Triangles that were drawn on at least one pixel, ascending.
     pub visible: Vec<u32>,

@@ -39,11 +39,11 @@ pub(super) struct Tiles {
     pub(super) size: UVec2,
     /// Tiles across and down.
     pub(super) count: UVec2,
-    /// First entry of every tile, and the end. // [tiles + 1]
+    /// First entry of every tile, and the end. `[tiles + 1]`
     pub(super) starts: Vec<u32>,
     /// Tile by tile, front to back.
     pub(super) entries: Vec<Entry>,
-    /// First pair of every splat, and the end. // [splats + 1]
+    /// First pair of every splat, and the end. `[splats + 1]`
     pub(super) pairs: Vec<u32>,
     /// Which entry a pair became.
     pub(super) entry_of_pair: Vec<u32>,

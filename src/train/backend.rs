@@ -12,9 +12,9 @@ use crate::raster::importance::Importance;
 pub struct Shot<'a> {
     /// The camera, in training space, at the photo's size.
     pub camera: &'a Camera,
-    /// The photo, sRGB-encoded. // [H * W]
+    /// The photo, sRGB-encoded. `[H * W]`
     pub photo: &'a [[f32; 3]],
-    /// How much each pixel counts; `None` when all do. // [H * W]
+    /// How much each pixel counts; `None` when all do. `[H * W]`
     pub weight: Option<&'a [f32]>,
     /// The photo is drawn for the first time since [`Backend::sightings`] was reset.
     pub first: bool,

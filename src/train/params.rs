@@ -15,13 +15,13 @@ pub const SIGMA_MIN: f32 = 0.01;
 /// Raw parameters of N triangles, in training space.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Params {
-    /// Corners. // [N, 3]
+    /// Corners. `[N, 3]`
     pub vertices: Vec<[Vec3; 3]>,
-    /// Logit of the opacity. // [N]
+    /// Logit of the opacity. `[N]`
     pub opacity: Vec<f32>,
-    /// Logarithm of σ - 0.01. // [N]
+    /// Logarithm of σ - 0.01. `[N]`
     pub sigma: Vec<f32>,
-    /// Spherical harmonics, degree 0 first. // [N * K]
+    /// Spherical harmonics, degree 0 first. `[N * K]`
     pub sh: Vec<[f32; 3]>,
     /// Degree stored; K = (degree + 1)^2.
     pub sh_degree: u8,

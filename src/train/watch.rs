@@ -7,26 +7,26 @@
 /// Figures per triangle and per photo.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Watch {
-    /// Largest blending weight alpha·T at any pixel. // [N]
+    /// Largest blending weight alpha·T at any pixel. `[N]`
     pub max_weight: Vec<f32>,
-    /// Different photos that showed the triangle. // [N]
+    /// Different photos that showed the triangle. `[N]`
     pub views: Vec<u32>,
-    /// Largest distance of a corner from the centre, px of the full photo. // [N]
+    /// Largest distance of a corner from the centre, px of the full photo. `[N]`
     pub radius_px: Vec<f32>,
-    /// Triangles younger than the watch: nothing is held against them. // [N]
+    /// Triangles younger than the watch: nothing is held against them. `[N]`
     pub exempt: Vec<bool>,
-    /// Training photos drawn since the watch began. // [V]
+    /// Training photos drawn since the watch began. `[V]`
     pub seen: Vec<bool>,
 }
 
 /// What the rasteriser saw of every triangle in a number of frames.
 #[derive(Debug, Clone, Copy)]
 pub struct Sighting<'a> {
-    /// Largest alpha·T. // [N]
+    /// Largest alpha·T. `[N]`
     pub max_weight: &'a [f32],
-    /// Photos, each counted once in a watch. // [N]
+    /// Photos, each counted once in a watch. `[N]`
     pub views: &'a [u32],
-    /// Largest radius, px of the frames. // [N]
+    /// Largest radius, px of the frames. `[N]`
     pub radius_px: &'a [f32],
 }
 

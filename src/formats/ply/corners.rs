@@ -75,7 +75,7 @@ impl Corners {
     }
 }
 
-/// The corner numbers of all faces, or nothing when they are 0, 1, 2, 3, … // [F * 3]
+/// The corner numbers of all faces, or nothing when they are 0, 1, 2, 3, … `[F * 3]`
 pub(super) fn read_indices(faces: &Table, vertices: usize) -> Result<Vec<u32>> {
     let corners = Corners::of(faces)?;
     let mut indices = vec![0u32; faces.rows() * 3];

@@ -70,7 +70,7 @@ struct Columns {
     corners: Corners,
     opacity: Column,
     sigma: Column,
-    /// Red, green and blue of each coefficient that is wanted. // [K]
+    /// Red, green and blue of each coefficient that is wanted. `[K]`
     sh: Vec<[Column; 3]>,
     sh_degree: u8,
 }
