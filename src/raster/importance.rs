@@ -4,7 +4,7 @@ use crate::raster::project::{CHUNK, Projection};
 use crate::raster::tiles::Tiles;
 use rayon::prelude::*;
 
-/// Statistics of every triangle since the last reset. // each [N]
+/// Statistics of every triangle since the last reset. // each `[N]`
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Importance {
     /// Largest weight alpha · T on any pixel.
