@@ -141,7 +141,13 @@ fn info_prints_a_table_of_a_data_set() {
     let (_, dataset, _folder) = inputs();
     let output = trisplat(&["info", &dataset]);
     let table = String::from_utf8(output.stdout).unwrap();
-    for part in ["COLMAP model (text)", "40: 35 to train on, 5 held out", "160x120", "1,500", "0.312 px"] {
+    for part in [
+        "COLMAP model (text)",
+        "40: 35 to train on, 5 held out",
+        "160x120",
+        "1,500",
+        "0.313 px mean error over 8,833 sightings",
+    ] {
         assert!(table.contains(part), "`{part}` is missing from:\n{table}");
     }
     let json = trisplat(&["info", "--json", &dataset]).stdout;

@@ -121,17 +121,18 @@ fn open_views(found: &mut Found, origin: DVec3, options: &DatasetOptions) -> Res
             Err(error) => return Err(error),
         }
     }
+    let count = |n: usize| format!("{n} of {total} photos {}", if n == 1 { "is" } else { "are" });
     let also = |n: usize| if n > 1 { format!(" (and {} more)", n - 1) } else { String::new() };
     if let Some(first) = resized.first() {
         found.warnings.push(format!("{first}{}", also(resized.len())));
     }
     if let Some((frame, error)) = broken.first() {
-        let count = format!("{} of {total} photos", broken.len());
+        let broken = format!("{} missing or broken", count(broken.len()));
         if !options.skip_broken {
-            let reason = format!("{error} ({count}); mend it, or go on without with --skip-broken");
+            let reason = format!("{error}; {broken}: mend them, or go on without with --skip-broken");
             return Err(Error::malformed(&found.list, format!("photo `{}`", frame.name), reason));
         }
-        found.warnings.push(format!("skipped {count} that are missing or broken, first {error}"));
+        found.warnings.push(format!("{broken} and left out, first {error}"));
     }
     if views.is_empty() {
         return Err(Error::unsupported(&found.list, "no photo is left; a data set wants at least one"));

@@ -183,7 +183,7 @@ fn pose(options: &SyntheticOptions, index: u32) -> (DMat3, DVec3) {
     // Twice around, from low to high; half a step more, so that the second round looks between the
     // places of the first.
     let angle = std::f64::consts::TAU * (2.0 * turn + turn / f64::from(options.views)) + 0.06 * jitter(0);
-    let height = 0.7 + 1.9 * turn + 0.08 * jitter(1);
+    let height = 1.2 + 1.1 * turn + 0.08 * jitter(1);
     let radius = 4.3 - 0.7 * turn + 0.15 * jitter(2);
     let position = DVec3::new(radius * angle.cos(), -height, radius * angle.sin());
     let target = DVec3::new(0.1 * jitter(3), -0.55 + 0.08 * jitter(4), 0.1 + 0.1 * jitter(5));
