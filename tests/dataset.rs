@@ -181,14 +181,14 @@ fn the_sample_loads_without_complaint() {
 
 #[test]
 fn synthetic_images_are_exact() {
-    let options = SyntheticOptions { width: 64, ..SyntheticOptions::default() };
-    let camera = synthetic::camera(&options, 3);
+    let camera = synthetic::camera(&SyntheticOptions::default(), 30);
+    let width = camera.size.x as usize;
     let image = synthetic::render(&camera);
     let to_world = camera.rotation.as_dmat3().transpose();
     let origin = -(to_world * camera.translation.as_dvec3());
     let mut off = Vec::new();
-    for (i, have) in image.pixels.iter().enumerate() {
-        let corner = DVec2::new((i % 64) as f64, (i / 64) as f64);
+    for (i, have) in image.pixels.iter().enumerate().step_by(7) {
+        let corner = DVec2::new((i % width) as f64, (i / width) as f64);
         let mut sum = DVec3::ZERO;
         for k in 0..48 * 48 {
             let (i, j) = (f64::from(k % 48), f64::from(k / 48));
@@ -202,7 +202,8 @@ fn synthetic_images_are_exact() {
     let mean = off.iter().sum::<f64>() / off.len() as f64;
     off.sort_by(f64::total_cmp);
     let (p99, worst) = (off[off.len() * 99 / 100], off[off.len() - 1]);
-    assert!(mean < 0.25 && p99 < 2.0 && worst < 4.0, "mean {mean} p99 {p99} worst {worst} of 255");
+    // 256 rays where there is an edge: a coverage is right to about a hundredth, 2.5 codes of full contrast.
+    assert!(mean < 0.2 && p99 < 2.5 && worst < 6.0, "mean {mean} p99 {p99} worst {worst} of 255");
 }
 
 // ---- the same cameras in every dialect of transforms.json
