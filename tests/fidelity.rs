@@ -168,3 +168,27 @@ fn a_made_data_set_can_be_read() {
     fail(&make, &["--force", "made"]);
     succeed(&[make.as_slice(), &["--force"]].concat());
 }
+
+#[test]
+fn a_soup_of_a_far_world_is_drawn_where_its_file_says() {
+    use trisplat::asset::{Placement, UpAxis};
+    use trisplat::bench::fidelity::Painter;
+    use trisplat::formats::{self, ReadOptions};
+    let loaded = formats::read(&sample("soups/studio.ply"), &ReadOptions { sh_degree: 3 }).unwrap();
+    let (soup, _) = trisplat::bench::fidelity::soup_of(Path::new("studio.ply"), loaded).unwrap();
+    let mut dataset = Dataset::load(&sample("dataset"), &DatasetOptions::default()).unwrap();
+    let camera = dataset.views[0].camera;
+    let near = Painter::new(soup.clone(), &Placement::IDENTITY, &dataset, [0.0; 3]).color(&camera);
+    // Survey coordinates: the cameras were read relative to a point, the soup was trained there.
+    let far = [4.5e6, -2e5, 1.25e6];
+    dataset.origin = far.into();
+    let moved = Placement { center: far, ..Placement::IDENTITY };
+    assert_eq!(Painter::new(soup.clone(), &moved, &dataset, [0.0; 3]).color(&camera), near);
+    // The same soup in a file that was turned Y up.
+    let turned = Placement { up: UpAxis::NegY, scale: 2.0, center: far };
+    let mut file = soup;
+    for corner in file.vertices.iter_mut().flatten() {
+        *corner = 2.0 * glam::Vec3::new(corner.x, -corner.y, -corner.z);
+    }
+    assert_eq!(Painter::new(file, &turned, &dataset, [0.0; 3]).color(&camera), near);
+}
