@@ -5,6 +5,7 @@
 //! this program (`trisplat bench measure -- COMMAND`), which prints the figures.
 
 use crate::error::{Error, Result};
+use crate::train::clock::RSS_UNIT_BYTES;
 use nix::sys::resource::{UsageWho, getrusage};
 use nix::sys::time::TimeValLike;
 use serde::{Deserialize, Serialize};
@@ -44,11 +45,8 @@ pub fn run_only_child(command: &[OsString]) -> Result<Usage> {
     }
     let usage = getrusage(UsageWho::RUSAGE_CHILDREN).map_err(|e| Error::io("getrusage", e.into()))?;
     let cpu_seconds = (usage.user_time() + usage.system_time()).num_microseconds() as f64 * 1e-6;
-    Ok(Usage { wall_seconds, cpu_seconds, peak_bytes: usage.max_rss() as u64 * RSS_UNIT })
+    Ok(Usage { wall_seconds, cpu_seconds, peak_bytes: usage.max_rss() as u64 * RSS_UNIT_BYTES })
 }
-
-/// Linux counts resident memory in KiB, macOS in bytes.
-const RSS_UNIT: u64 = if cfg!(target_os = "macos") { 1 } else { 1024 };
 
 /// The cost of `command`, measured by a fresh copy of this program.
 pub fn measure(command: &[OsString]) -> Result<Usage> {
@@ -63,11 +61,4 @@ pub fn measure(command: &[OsString]) -> Result<Usage> {
         return Err(Error::unsupported(&this, said));
     }
     serde_json::from_slice(&done.stdout).map_err(|e| Error::malformed(&this, "measure", e.to_string()))
-}
-
-/// User plus system seconds of this process so far.
-pub fn own_cpu_seconds() -> f64 {
-    getrusage(UsageWho::RUSAGE_SELF)
-        .map(|u| (u.user_time() + u.system_time()).num_microseconds() as f64 * 1e-6)
-        .unwrap_or(0.0)
 }

@@ -1,18 +1,17 @@
 //! `trisplat bake IN... -o OUT`.
 
 use super::Global;
+use super::files;
 use super::layers::{self, Config};
 use super::progress::Progress;
 use crate::bake;
 use crate::bake::options::{BakeOptions, Preset};
 use crate::error::{Error, Result};
-use crate::formats::atomic::AtomicFile;
 use crate::formats::output::{self, Kind, Output};
 use crate::formats::{self, ReadOptions};
 use crate::report::Report;
 use crate::scene::Loaded;
 use clap::ArgMatches;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -73,7 +72,7 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()>
         progress.line(&format!("{verb} {} ({bytes} bytes, {:.2} s)", file.path, report.seconds));
     }
     match &args.report {
-        Some(path) => write_report(path, &report),
+        Some(path) => files::save_json(&report, path),
         None => Ok(()),
     }
 }
@@ -108,7 +107,7 @@ fn guard(args: &BakeArgs, output: &Output) -> Result<()> {
             return Err(Error::invalid("--output", target.display(), "a file that is not also an input"));
         }
         if meta.is_file() && !args.force && !args.dry_run {
-            return Err(Error::invalid("--output", target.display(), "a new file, or --force to replace it"));
+            return Err(files::is_there("--output", target));
         }
     }
     Ok(())
@@ -121,11 +120,4 @@ fn read_all(inputs: &[PathBuf]) -> Result<Vec<Loaded>> {
         return Err(Error::invalid("IN", "- -", "standard input once"));
     }
     inputs.iter().map(|path| formats::read(path, &ReadOptions { sh_degree: 0 })).collect()
-}
-
-fn write_report(path: &Path, report: &Report) -> Result<()> {
-    let mut file = AtomicFile::create(path)?;
-    serde_json::to_writer_pretty(&mut file, report).map_err(|e| Error::io(path, e.into()))?;
-    file.write_all(b"\n").map_err(|e| Error::io(path, e))?;
-    file.commit().map(drop)
 }

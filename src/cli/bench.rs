@@ -1,11 +1,11 @@
 //! `trisplat bench …`: speed claims, made by the tool itself.
 
 use super::Global;
+use super::files;
 use super::progress::{Progress, thousands};
 use crate::bench::{bake, measure};
 use crate::error::{Error, Result};
 use std::ffi::OsString;
-use std::io::Write;
 use std::path::PathBuf;
 
 /// Which benchmark.
@@ -69,7 +69,5 @@ fn run_bake(args: &bake::BakeBenchArgs, global: &Global) -> Result<()> {
 }
 
 fn print_json(value: &impl serde::Serialize) -> Result<()> {
-    let mut text = serde_json::to_vec_pretty(value).unwrap_or_default();
-    text.push(b'\n');
-    std::io::stdout().write_all(&text).map_err(|e| Error::io("-", e))
+    files::print_json(value, &mut std::io::stdout().lock()).map_err(|e| Error::io("-", e))
 }

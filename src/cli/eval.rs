@@ -1,15 +1,14 @@
 //! `trisplat eval SOUP DATASET`: PSNR, SSIM and FLIP against the photos.
 
 use super::Global;
+use super::files;
 use super::progress::Progress;
 use super::render::{prepare_folder, save_picture};
 use crate::bench::fidelity::{self, Fidelity, Painter, Score};
 use crate::dataset::{Dataset, DatasetOptions, Split};
 use crate::error::{Error, Result};
-use crate::formats::atomic::AtomicFile;
 use crate::formats::{self, ReadOptions};
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// What to compare.
 #[derive(Debug, clap::Args)]
@@ -40,7 +39,7 @@ pub struct EvalArgs {
 /// Draws, measures, prints one line a photo and the mean.
 pub fn run(args: &EvalArgs, global: &Global) -> Result<()> {
     if let Some(report) = args.report.as_deref().filter(|p| p.exists() && !args.force) {
-        return Err(Error::invalid("--report", report.display(), "a new file, or --force to replace it"));
+        return Err(files::is_there("--report", report));
     }
     let dataset = Dataset::load(&args.dataset, &args.dataset_options)?;
     let views = args.split.of(&dataset);
@@ -80,16 +79,9 @@ pub fn run(args: &EvalArgs, global: &Global) -> Result<()> {
     }
     let count = report.images.len();
     progress.line(&format!("{}   ({count} photos)", row("mean", width, &report.mean)));
-    args.report.as_deref().map_or(Ok(()), |path| write_report(path, &report))
+    args.report.as_deref().map_or(Ok(()), |path| files::save_json(&report, path))
 }
 
 fn row(name: &str, width: usize, score: &Score) -> String {
     format!("{name:<width$}  PSNR {:7.3} dB  SSIM {:.4}  FLIP {:.4}", score.psnr, score.ssim, score.flip)
-}
-
-fn write_report(path: &Path, report: &Fidelity) -> Result<()> {
-    let mut file = AtomicFile::create(path)?;
-    serde_json::to_writer_pretty(&mut file, report).map_err(|e| Error::io(path, e.into()))?;
-    file.write_all(b"\n").map_err(|e| Error::io(path, e))?;
-    file.commit().map(drop)
 }

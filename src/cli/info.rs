@@ -1,6 +1,6 @@
 //! `trisplat info FILE`: what is in a file of any format, or in a data set.
 
-use super::info_dataset;
+use super::{files, info_dataset};
 use crate::bake::prune::{PruneOptions, prune};
 use crate::dataset::DatasetOptions;
 use crate::error::{Error, Result};
@@ -32,7 +32,7 @@ pub fn run(args: &InfoArgs, out: &mut dyn Write) -> Result<()> {
     }
     let (mut info, loaded) = info(&args.input)?;
     info.bake = would_bake(loaded);
-    let printed = if args.json { print_json(&info, out) } else { print(&info, out) };
+    let printed = if args.json { files::print_json(&info, out) } else { print(&info, out) };
     printed.map_err(|e| Error::io("-", e))
 }
 
@@ -47,11 +47,6 @@ fn would_bake(loaded: Loaded) -> Option<BakeInfo> {
         }
         Err(_) => None,
     }
-}
-
-fn print_json(info: &Info, out: &mut dyn Write) -> io::Result<()> {
-    serde_json::to_writer_pretty(&mut *out, info)?;
-    writeln!(out)
 }
 
 fn print(info: &Info, out: &mut dyn Write) -> io::Result<()> {

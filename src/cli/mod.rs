@@ -8,6 +8,7 @@ pub mod bake;
 pub mod bench;
 pub mod completions;
 pub mod eval;
+pub mod files;
 pub mod info;
 pub mod info_dataset;
 pub mod layers;

@@ -1,5 +1,6 @@
 //! `trisplat sample NAME -o OUT`: soups and data sets made from nothing, to try things on.
 
+use super::files;
 use crate::bench::scenes::{self, SampleScene};
 use crate::dataset::synthetic::{self, SyntheticOptions};
 use crate::error::{Error, Result};
@@ -71,11 +72,7 @@ pub fn run(args: &SampleArgs) -> Result<()> {
 
 fn write_soup(scene: SampleScene, args: &SoupArgs) -> Result<()> {
     if args.output.is_file() && !args.force {
-        return Err(Error::invalid(
-            "--output",
-            args.output.display(),
-            "a new file, or --force to replace it",
-        ));
+        return Err(files::is_there("--output", &args.output));
     }
     let triangles = args.triangles as usize;
     let mut soup = scenes::soup(scene, triangles, args.seed);

@@ -1,6 +1,7 @@
 //! `trisplat train DATASET -o scene.ply`.
 
 use super::Global;
+use super::files;
 use super::layers::{self, Config};
 use super::train_progress::Bar;
 use crate::asset::{Placement, Provenance, UpAxis};
@@ -13,7 +14,6 @@ use crate::train::cpu::Cpu;
 use crate::train::options::{Preset, TrainOptions};
 use crate::train::{RunOptions, Trained, Trainer, checkpoint, clock, curve, run as run_training};
 use clap::ArgMatches;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -163,7 +163,7 @@ fn guard(args: &TrainArgs) -> Result<()> {
         ));
     }
     if out.exists() && !args.force {
-        return Err(Error::invalid("--output", out.display(), "a new file, or --force to replace it"));
+        return Err(files::is_there("--output", out));
     }
     let folder = out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if !folder.is_dir() {
@@ -209,11 +209,7 @@ fn write_report(folder: &Path, args: &TrainArgs, options: &TrainOptions, trained
         "held_out": trained.scores,
         "curve": trained.curve,
     });
-    let path = folder.join("report.json");
-    let mut file = AtomicFile::create(&path)?;
-    serde_json::to_writer_pretty(&mut file, &report).map_err(|e| Error::io(&path, e.into()))?;
-    file.write_all(b"\n").map_err(|e| Error::io(&path, e))?;
-    file.commit().map(drop)
+    files::save_json(&report, &folder.join("report.json"))
 }
 
 fn summary(args: &TrainArgs, plan: &RunOptions, trained: &Trained, bar: &Bar) {

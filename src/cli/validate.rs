@@ -1,5 +1,6 @@
 //! `trisplat validate FILE`: what is wrong with a file, with its place.
 
+use super::files;
 use crate::error::{Error, Result};
 use crate::formats::check::{Checked, Severity, check};
 use std::io::{self, Write};
@@ -19,7 +20,7 @@ pub struct ValidateArgs {
 /// Lists every finding on `out`; an error when any of them is one.
 pub fn run(args: &ValidateArgs, out: &mut dyn Write) -> Result<()> {
     let checked = check(&args.input)?;
-    let printed = if args.json { print_json(&checked, out) } else { print(&checked, out) };
+    let printed = if args.json { files::print_json(&checked, out) } else { print(&checked, out) };
     printed.map_err(|e| Error::io("-", e))?;
     match checked.count(Severity::Error) {
         0 => Ok(()),
@@ -27,11 +28,6 @@ pub fn run(args: &ValidateArgs, out: &mut dyn Write) -> Result<()> {
             Err(Error::malformed(&args.input, "validation", format!("{}, listed above", counted(n, "error"))))
         }
     }
-}
-
-fn print_json(checked: &Checked, out: &mut dyn Write) -> io::Result<()> {
-    serde_json::to_writer_pretty(&mut *out, checked)?;
-    writeln!(out)
 }
 
 fn print(checked: &Checked, out: &mut dyn Write) -> io::Result<()> {

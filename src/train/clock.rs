@@ -11,6 +11,8 @@ pub fn cpu_secs() -> f64 {
 
 /// The most memory this process has held, bytes; 0 where the system does not tell.
 pub fn peak_bytes() -> u64 {
-    // Linux counts in KiB.
-    getrusage(UsageWho::RUSAGE_SELF).map_or(0, |u| u.max_rss().max(0) as u64 * 1024)
+    getrusage(UsageWho::RUSAGE_SELF).map_or(0, |u| u.max_rss().max(0) as u64 * RSS_UNIT_BYTES)
 }
+
+/// What resident memory is counted in: KiB on Linux, bytes on macOS.
+pub const RSS_UNIT_BYTES: u64 = if cfg!(target_os = "macos") { 1 } else { 1024 };
