@@ -12,6 +12,23 @@
 //! spherical-harmonic colour. A **Mesh** is what an engine draws. An **Asset** is a mesh with its
 //! chunks, BVH and provenance. The maths follow Held et al. 2025, *Triangle Splatting for Real-Time
 //! Radiance Field Rendering*.
+//!
+//! ```
+//! use glam::Vec3;
+//! use trisplat::{bake, report::Report, scene::Loaded, soup::Soup};
+//!
+//! let soup = Soup {
+//!     vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]],
+//!     opacity: vec![1.0],
+//!     sigma: vec![0.01],           // nearly solid
+//!     sh: vec![[0.5, 0.0, -0.5]],  // one SH coefficient: the same colour from everywhere
+//!     sh_degree: 0,
+//! };
+//! let mut report = Report::new("bake");
+//! let asset = bake::bake(vec![Loaded::from(soup)], &Default::default(), &mut report, &mut ())?;
+//! assert_eq!(asset.mesh.face_count(), 1);
+//! # Ok::<(), trisplat::error::Error>(())
+//! ```
 
 pub mod asset;
 pub mod bake;

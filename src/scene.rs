@@ -42,3 +42,10 @@ pub struct Loaded {
     /// Things that were mended or dropped while reading, one sentence each.
     pub warnings: Vec<String>,
 }
+
+impl From<Soup> for Loaded {
+    /// A soup that was made here, not read.
+    fn from(soup: Soup) -> Self {
+        Loaded { scene: Scene::Soup(soup), provenance: Provenance::default(), warnings: Vec::new() }
+    }
+}

@@ -98,6 +98,8 @@ fi
 
 if [ -x "$judges/godot4" ]; then required=$required,godot4; fi # by tests/godot4.sh
 
+section 'examples in the documentation'
+cargo test --doc || fail 'examples failed'
 section 'suite'
 export TRISPLAT_REQUIRE_JUDGES=$required
 if cargo nextest --version >/dev/null 2>&1; then
@@ -106,6 +108,4 @@ else
     echo 'cargo-nextest is not installed: cargo test does the same, slower'
     cargo test --lib --bins --tests "$@" || fail 'tests failed'
 fi
-section 'examples in the documentation'
-cargo test --doc || fail 'examples failed'
 printf '\nall passed; judges: %s\n' "$required"

@@ -149,6 +149,21 @@ pub struct RateOptions {
     pub sh_every: f64,
 }
 
+/// Whose turn it is in the lottery that picks the triangles to grow (Held et al. 2025, section 3.2).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Lottery {
+    /// By opacity and by 1/σ in turn.
+    #[default]
+    Alternating,
+    /// Always by opacity.
+    Opacity,
+    /// Always by 1/σ.
+    Sigma,
+    /// Every triangle has the same chance (not in the paper).
+    Uniform,
+}
+
 /// How triangles are added and removed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -161,6 +176,8 @@ pub struct RefineOptions {
     pub every: f64,
     /// Triangles added at a refinement, as a share of those there (0.3, supplement).
     pub growth: f64,
+    /// What a triangle's chance to grow is in proportion to.
+    pub lottery: Lottery,
     /// τ_small: larger triangles are split into four, smaller ones cloned; distance of the farthest corner
     /// from the centre, px of the full photo (24, supplement: split_size).
     pub split_px: f64,

@@ -1,8 +1,8 @@
 //! The presets: complete literals, one a kind of scene.
 
 use super::options::{
-    DrawOptions, InitOptions, LossOptions, Preset, RateOptions, RefineOptions, SolidOptions, TrainOptions,
-    WarmupOptions,
+    DrawOptions, InitOptions, LossOptions, Lottery, Preset, RateOptions, RefineOptions, SolidOptions,
+    TrainOptions, WarmupOptions,
 };
 
 impl TrainOptions {
@@ -56,6 +56,7 @@ const OUTDOOR: TrainOptions = TrainOptions {
         until: 25_000.0,
         every: 500.0,
         growth: 0.3,
+        lottery: Lottery::Alternating,
         split_px: 12.0,
         noise: 1.5,
         prune_weight: 0.022,
@@ -113,6 +114,7 @@ const INDOOR: TrainOptions = TrainOptions {
         until: 25_000.0,
         every: 500.0,
         growth: 0.3,
+        lottery: Lottery::Alternating,
         split_px: 12.0,
         noise: 1.5,
         prune_weight: 0.0256,
@@ -170,6 +172,7 @@ const SOLID: TrainOptions = TrainOptions {
         until: 25_000.0,
         every: 500.0,
         growth: 0.3,
+        lottery: Lottery::Alternating,
         split_px: 12.0,
         noise: 1.5,
         prune_weight: 0.022,

@@ -5,7 +5,7 @@
 //! the same before and after: four children cover what their parent did with the same mean window
 //! 2/((σ+1)(σ+2)), and the two of a clone get 1 - sqrt(1 - o), whose blend is o again.
 
-use super::options::RefineOptions;
+use super::options::{Lottery, RefineOptions};
 use super::params::{Anneal, Params, State, logit};
 use super::watch::Watch;
 use crate::rng::Rng;
@@ -23,8 +23,8 @@ pub struct Plan<'a> {
     pub grow: bool,
     /// τ_prune of this refinement.
     pub prune_weight: f32,
-    /// Lottery by opacity (else by 1/σ).
-    pub by_opacity: bool,
+    /// Which refinement of the run this is; it decides whose turn it is in an alternating lottery.
+    pub turn: u64,
     /// How solid the scene is.
     pub anneal: Anneal,
     /// The user's seed.
@@ -130,9 +130,13 @@ fn lottery(state: &State, alive: &[bool], watch: &Watch, plan: &Plan<'_>) -> Vec
     let mut grown = vec![false; alive.len()];
     // The exponential race: the smallest of -ln(u) / weight wins with a chance in proportion to its weight.
     let rng = Rng::new(plan.seed, "lottery", plan.step);
-    let weight = |i: usize| match plan.by_opacity {
-        true => f64::from(plan.anneal.opacity(state.params.opacity[i])),
-        false => 1.0 / f64::from(plan.anneal.sigma(state.params.sigma[i])),
+    let opacity = |i: usize| f64::from(plan.anneal.opacity(state.params.opacity[i]));
+    let softness = |i: usize| f64::from(plan.anneal.sigma(state.params.sigma[i]));
+    let weight = |i: usize| match plan.options.lottery {
+        Lottery::Alternating if plan.turn % 2 == 1 => opacity(i),
+        Lottery::Alternating | Lottery::Sigma => 1.0 / softness(i),
+        Lottery::Opacity => opacity(i),
+        Lottery::Uniform => 1.0,
     };
     let mut race: Vec<(f64, u32)> = (0..alive.len())
         .into_par_iter()
@@ -231,7 +235,7 @@ mod tests {
             max_triangles: 1000,
             grow: true,
             prune_weight: 0.022,
-            by_opacity: true,
+            turn: 1,
             anneal: Anneal::NONE,
             seed: 1,
             step: 500,
@@ -251,6 +255,30 @@ mod tests {
         w.radius_px.fill(100.0);
         let done = refine(&mut s, &mut w, &plan(&options));
         assert_eq!((done.cloned, done.split, s.params.len()), (0, 10, 130));
+    }
+
+    #[test]
+    fn the_lottery_follows_its_rule() {
+        let grown_opaque = |rule: Lottery, turn: u64| {
+            let options = RefineOptions { lottery: rule, ..RefineOptions::default() };
+            let mut s = state(1000);
+            s.params.opacity[..500].fill(logit(0.9));
+            s.params.opacity[500..].fill(logit(0.03));
+            let grown = lottery(
+                &s,
+                &[true; 1000],
+                &seen(1000, 3),
+                &Plan { turn, max_triangles: 5000, ..plan(&options) },
+            );
+            assert_eq!(grown.iter().filter(|g| **g).count(), 300);
+            grown[..500].iter().filter(|g| **g).count()
+        };
+        assert!(grown_opaque(Lottery::Opacity, 2) > 270);
+        assert!(grown_opaque(Lottery::Alternating, 1) > 270);
+        for (rule, turn) in [(Lottery::Alternating, 2), (Lottery::Sigma, 1), (Lottery::Uniform, 1)] {
+            let opaque = grown_opaque(rule, turn);
+            assert!((110..190).contains(&opaque), "{rule:?}: {opaque}");
+        }
     }
 
     #[test]

@@ -213,7 +213,7 @@ impl<B: Backend> Trainer<B> {
             max_triangles: usize::try_from(o.max_triangles).unwrap_or(usize::MAX),
             grow: schedule.grows_after(self.step),
             prune_weight: schedule.prune_weight(self.step) as f32,
-            by_opacity: !schedule.refinement(self.step).is_multiple_of(2),
+            turn: schedule.refinement(self.step),
             anneal: schedule.anneal(self.step),
             seed: o.seed,
             step: self.step,
