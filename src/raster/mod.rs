@@ -3,6 +3,7 @@
 //! ```text
 //! soft:  project ──► sort by depth ──► tiles ──► forward ──► Frame
 //!                                                backward ──► gather ──► SoupGrad
+//! solid: project, cut, bin ──► tiles ──► fill ──► resolve ──► Pixels or Visibility
 //! ```
 
 mod backward;
@@ -15,5 +16,6 @@ pub mod importance;
 mod project;
 mod shade;
 pub mod soft;
+pub mod solid;
 mod sort;
 mod tiles;

@@ -3,7 +3,9 @@
 
 #![allow(clippy::print_stderr, reason = "prints the largest error it found")]
 
+#[path = "../common/mod.rs"]
 mod common;
+mod solid;
 
 use common::dual::Dual;
 use common::oracle::{self, Eye, Number, Pixel, Rules, Triangle};

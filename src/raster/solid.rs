@@ -1,0 +1,127 @@
+//! The solid rasteriser: what an engine draws, defined on the CPU.
+//!
+//! ```text
+//! faces ──► project, cut, bin ──► tiles ──► fill (nearest face of every sample) ──► resolve ──► Pixels
+//!                                                                              └──► export ──► Visibility
+//! ```
+//!
+//! The definition, which every other renderer of ours is held against:
+//!
+//! * A triangle is cut at the near plane and at a guard band far outside the picture; both sides are drawn;
+//!   opacity is ignored: everything is opaque.
+//! * Corners are snapped to 1/256 of a sample, as GPUs do; from there on edge functions are exact, so a shared
+//!   edge neither gaps nor overlaps. A sample on an edge belongs to the triangle that has it on its top or left.
+//! * Samples lie at the centres of a regular grid of N x N a pixel.
+//! * The nearest face wins: greatest 1/z, which is affine on the screen; ties go to the lower face index. This
+//!   does not depend on the order of drawing, hence not on the number of threads.
+//! * Colours are interpolated perspective-correctly in linear light, averaged over a pixel's samples in linear
+//!   light, then sRGB-encoded and rounded.
+
+mod bin;
+mod clip;
+mod eye;
+mod fill;
+mod resolve;
+
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+use crate::image::Pixels;
+use crate::mesh::Mesh;
+use bin::Batch;
+use eye::Eye;
+use glam::UVec2;
+
+/// The face of a sample that sees nothing.
+pub const NO_FACE: u32 = u32::MAX;
+/// Most samples along an axis of the picture: beyond it corners have no 1/256 of a sample any more.
+pub const MOST_SAMPLES: u32 = 1 << 15;
+
+/// How to draw.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SolidOptions {
+    /// Colour behind everything, sRGB-encoded.
+    pub background: [f32; 3],
+    /// Samples a pixel along each axis: 1, 2 or 4.
+    pub samples: u32,
+    /// Depth of the near plane in units of the mesh, > 0. Depth precision does not depend on it.
+    pub near: f32,
+}
+
+impl Default for SolidOptions {
+    fn default() -> Self {
+        Self { background: [0.0; 3], samples: 1, near: 0.01 }
+    }
+}
+
+impl SolidOptions {
+    /// Checks the ranges, and that a picture of `size` has at most [`MOST_SAMPLES`] along each axis.
+    pub fn validate(&self, size: UVec2) -> Result<()> {
+        if !matches!(self.samples, 1 | 2 | 4) {
+            return Err(Error::invalid("samples", self.samples, "1, 2 or 4"));
+        }
+        if !(self.near > 0.0 && self.near.is_finite()) {
+            return Err(Error::invalid("near", self.near, "a depth above 0"));
+        }
+        let most = u64::from(size.max_element()) * u64::from(self.samples);
+        if most > u64::from(MOST_SAMPLES) {
+            let wants = format!("a picture of at most {} px a side", MOST_SAMPLES / self.samples);
+            return Err(Error::invalid("samples", format!("{} on {size} px", self.samples), wants));
+        }
+        Ok(())
+    }
+}
+
+/// Which face each sample sees. `[height * width]`, row by row, in samples
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Visibility {
+    /// Width and height, samples: the camera's size times the samples along an axis.
+    pub size: UVec2,
+    /// Face seen, or [`NO_FACE`].
+    pub face: Vec<u32>,
+    /// Depth z in the camera's frame, units of the mesh; infinite where nothing is seen.
+    pub depth: Vec<f32>,
+}
+
+impl Visibility {
+    /// Perspective-correct weights of the corners of the face seen at a sample: what colours are mixed with.
+    /// In [0, 1], sum 1. Zeros where nothing is seen. Mesh and camera must be those that were drawn.
+    pub fn barycentrics(&self, mesh: &Mesh, camera: &Camera, x: u32, y: u32) -> [f32; 3] {
+        let face = self.face[(y * self.size.x + x) as usize];
+        if face == NO_FACE {
+            return [0.0; 3];
+        }
+        let eye = Eye::new(camera, self.size.x / camera.size.x, 0.0);
+        resolve::Corners::new(&eye, mesh.corners(face as usize)).weights(eye.ray(x, y))
+    }
+}
+
+/// The rasteriser: scratch memory that is reused from frame to frame.
+#[derive(Debug, Default)]
+pub struct Solid {
+    batches: Vec<Batch>,
+    visibility: Visibility,
+}
+
+impl Solid {
+    /// A rasteriser with nothing allocated yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The picture that `camera` sees, in 8 bits. The same bytes for any number of threads.
+    ///
+    /// The mesh must be sound ([`Mesh::validate_shape`]) and the options valid for the camera's size.
+    pub fn render(&mut self, mesh: &Mesh, camera: &Camera, options: &SolidOptions) -> Pixels {
+        let eye = Eye::new(camera, options.samples, options.near);
+        bin::bin(&mut self.batches, mesh, &eye);
+        resolve::picture(&self.batches, mesh, &eye, options)
+    }
+
+    /// The face and depth that every sample sees.
+    pub fn visibility(&mut self, mesh: &Mesh, camera: &Camera, options: &SolidOptions) -> &Visibility {
+        let eye = Eye::new(camera, options.samples, options.near);
+        bin::bin(&mut self.batches, mesh, &eye);
+        resolve::export(&self.batches, &eye, &mut self.visibility);
+        &self.visibility
+    }
+}

@@ -1,0 +1,259 @@
+//! Faces to the screen, and into the tiles that they touch.
+
+use super::clip;
+use super::eye::{Eye, GRID, GUARD, snap};
+use crate::math::lanes::{Lanes, Work, dispatch};
+use crate::mesh::Mesh;
+use glam::UVec2;
+use rayon::prelude::*;
+
+/// Width of a tile, samples.
+pub(super) const TILE_WIDTH: usize = 64;
+/// Height of a tile, samples.
+pub(super) const TILE_HEIGHT: usize = 32;
+/// Faces that are projected together.
+const GROUP: usize = 16;
+/// Fewest faces that are worth a batch of their own.
+const LEAST_BATCH: usize = 4096;
+/// A triangle that reaches at most this far, units of the grid, is tiny: single precision holds its edge
+/// functions exactly.
+pub(super) const TINY: i32 = 8 * GRID;
+
+/// A triangle on the grid: corners and their 1/z.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Snapped {
+    pub(super) x: [i32; 3],
+    pub(super) y: [i32; 3],
+    pub(super) w: [f32; 3],
+}
+
+/// A tiny triangle; its corners are counted from the corner of its tile.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Tiny {
+    pub(super) x: [i16; 3],
+    pub(super) y: [i16; 3],
+    pub(super) w: [f32; 3],
+    pub(super) face: u32,
+}
+
+/// A triangle that is not tiny.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Big {
+    pub(super) at: Snapped,
+    pub(super) face: u32,
+}
+
+/// The triangles of a batch that touch a tile.
+#[derive(Debug, Default)]
+pub(super) struct Bin {
+    pub(super) tiny: Vec<Tiny>,
+    /// Places in the batch's list.
+    pub(super) big: Vec<u32>,
+}
+
+/// The triangles of some of the faces.
+#[derive(Debug, Default)]
+pub(super) struct Batch {
+    /// One a tile, row by row.
+    pub(super) bins: Vec<Bin>,
+    pub(super) big: Vec<Big>,
+}
+
+/// Tiles across and down.
+pub(super) fn tile_count(size: UVec2) -> UVec2 {
+    UVec2::new(size.x.div_ceil(TILE_WIDTH as u32), size.y.div_ceil(TILE_HEIGHT as u32))
+}
+
+/// Fills the bins. How many batches there are does not show in the picture.
+pub(super) fn bin(batches: &mut Vec<Batch>, mesh: &Mesh, eye: &Eye) {
+    let faces = mesh.face_count();
+    let tiles = tile_count(eye.size);
+    let count = (4 * rayon::current_num_threads()).min(faces.div_ceil(LEAST_BATCH));
+    let each = faces.div_ceil(count.max(1)).next_multiple_of(GROUP);
+    batches.resize_with(count, Batch::default);
+    batches.par_iter_mut().enumerate().for_each(|(i, batch)| {
+        batch.big.clear();
+        batch.bins.resize_with((tiles.x * tiles.y) as usize, Bin::default);
+        for bin in &mut batch.bins {
+            bin.tiny.clear();
+            bin.big.clear();
+        }
+        let (first, last) = ((i * each).min(faces), ((i + 1) * each).min(faces));
+        dispatch(Faces { mesh, eye, first, last, batch, across: tiles.x as i32 });
+    });
+}
+
+struct Faces<'a> {
+    mesh: &'a Mesh,
+    eye: &'a Eye,
+    first: usize,
+    last: usize,
+    batch: &'a mut Batch,
+    across: i32,
+}
+
+impl Work for Faces<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let Self { mesh, eye, first, last, batch, across } = self;
+        let mut out = Sorter { batch, across, size: eye.size.as_ivec2().to_array() };
+        let mut group = Group::new();
+        for start in (first..last).step_by(GROUP) {
+            let count = GROUP.min(last - start);
+            group.load(mesh, start, count);
+            group.project(eye);
+            for lane in 0..count {
+                let face = start + lane;
+                match group.fate[lane] {
+                    Fate::DRAW => out.sort(&group.snapped(lane), face as u32),
+                    Fate::CUT => clip::clip(eye, mesh.corners(face), |piece| out.sort(&piece, face as u32)),
+                    _ => {}
+                }
+            }
+        }
+    }
+}
+
+/// What becomes of a face; a number, so that sixteen are decided at once.
+struct Fate;
+
+impl Fate {
+    const SKIP: u32 = 0;
+    const DRAW: u32 = 1;
+    const CUT: u32 = 2;
+}
+
+type Sixteen = [f32; GROUP];
+
+/// Sixteen faces, number by number.
+struct Group {
+    /// Corner by corner, axis by axis.
+    world: [[Sixteen; 3]; 3],
+    x: [[i32; GROUP]; 3],
+    y: [[i32; GROUP]; 3],
+    w: [Sixteen; 3],
+    fate: [u32; GROUP],
+}
+
+impl Group {
+    fn new() -> Self {
+        let zero = [0; GROUP];
+        Self {
+            world: [[[0.0; GROUP]; 3]; 3],
+            x: [zero; 3],
+            y: [zero; 3],
+            w: [[0.0; GROUP]; 3],
+            fate: [Fate::SKIP; GROUP],
+        }
+    }
+
+    #[inline(always)]
+    fn load(&mut self, mesh: &Mesh, start: usize, count: usize) {
+        for lane in 0..count {
+            let corners = mesh.corners(start + lane);
+            for corner in 0..3 {
+                for axis in 0..3 {
+                    self.world[corner][axis][lane] = corners[corner][axis];
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn project(&mut self, eye: &Eye) {
+        let [right, bottom] = eye.size.as_vec2().to_array();
+        let world = &self.world;
+        for lane in 0..GROUP {
+            let mut at = [[0.0f32; 3]; 3];
+            let (mut front, mut any) = (true, false);
+            for corner in 0..3 {
+                let v = [world[corner][0][lane], world[corner][1][lane], world[corner][2][lane]];
+                let seen = eye.see(v);
+                let before = seen[2] > eye.near;
+                front &= before;
+                any |= before;
+                at[corner] = eye.project(seen);
+                self.x[corner][lane] = snap(at[corner][0]);
+                self.y[corner][lane] = snap(at[corner][1]);
+                self.w[corner][lane] = at[corner][2];
+            }
+            let low = |axis: usize| at[0][axis].min(at[1][axis]).min(at[2][axis]);
+            let high = |axis: usize| at[0][axis].max(at[1][axis]).max(at[2][axis]);
+            let within = (low(0) > -GUARD) & (low(1) > -GUARD) & (high(0) < GUARD) & (high(1) < GUARD);
+            // One sample more on every side: snapping may move a corner in.
+            let beside =
+                (high(0) < -1.0) | (high(1) < -1.0) | (low(0) > right + 1.0) | (low(1) > bottom + 1.0);
+            let simple = front & within;
+            let out = (!any) | (front & beside);
+            let drawn = if simple { Fate::DRAW } else { Fate::CUT };
+            self.fate[lane] = if out { Fate::SKIP } else { drawn };
+        }
+    }
+
+    #[inline(always)]
+    fn snapped(&self, lane: usize) -> Snapped {
+        Snapped {
+            x: [self.x[0][lane], self.x[1][lane], self.x[2][lane]],
+            y: [self.y[0][lane], self.y[1][lane], self.y[2][lane]],
+            w: [self.w[0][lane], self.w[1][lane], self.w[2][lane]],
+        }
+    }
+}
+
+/// Samples `first..=last` whose centres lie in [low, high] on the grid.
+#[inline(always)]
+pub(super) fn samples_between(low: i32, high: i32) -> (i32, i32) {
+    ((low + GRID / 2 - 1) >> 8, (high - GRID / 2) >> 8)
+}
+
+#[inline(always)]
+pub(super) fn extent(values: [i32; 3]) -> (i32, i32) {
+    (values[0].min(values[1]).min(values[2]), values[0].max(values[1]).max(values[2]))
+}
+
+/// Puts triangles into bins.
+struct Sorter<'a> {
+    batch: &'a mut Batch,
+    across: i32,
+    size: [i32; 2],
+}
+
+impl Sorter<'_> {
+    #[inline(always)]
+    fn sort(&mut self, at: &Snapped, face: u32) {
+        let ((left, right), (top, bottom)) = (extent(at.x), extent(at.y));
+        let (x0, x1) = samples_between(left, right);
+        let (y0, y1) = samples_between(top, bottom);
+        let (x0, x1) = (x0.max(0), x1.min(self.size[0] - 1));
+        let (y0, y1) = (y0.max(0), y1.min(self.size[1] - 1));
+        if x0 > x1 || y0 > y1 {
+            return;
+        }
+        let tiny = right - left <= TINY && bottom - top <= TINY;
+        if !tiny {
+            self.batch.big.push(Big { at: *at, face });
+        }
+        let index = self.batch.big.len() as u32;
+        for row in y0 / TILE_HEIGHT as i32..=y1 / TILE_HEIGHT as i32 {
+            for column in x0 / TILE_WIDTH as i32..=x1 / TILE_WIDTH as i32 {
+                let bin = &mut self.batch.bins[(row * self.across + column) as usize];
+                if tiny {
+                    bin.tiny.push(Tiny::new(at, face, column, row));
+                } else {
+                    bin.big.push(index - 1);
+                }
+            }
+        }
+    }
+}
+
+impl Tiny {
+    #[inline(always)]
+    fn new(at: &Snapped, face: u32, column: i32, row: i32) -> Self {
+        let (left, top) = (column * TILE_WIDTH as i32 * GRID, row * TILE_HEIGHT as i32 * GRID);
+        let x = [(at.x[0] - left) as i16, (at.x[1] - left) as i16, (at.x[2] - left) as i16];
+        let y = [(at.y[0] - top) as i16, (at.y[1] - top) as i16, (at.y[2] - top) as i16];
+        Self { x, y, w: at.w, face }
+    }
+}

@@ -1,0 +1,108 @@
+//! From the world to samples.
+
+use crate::camera::Camera;
+use glam::{DMat3, DVec2, DVec3, UVec2, Vec3};
+
+/// Units of the grid that corners are snapped to, a sample.
+pub(super) const GRID: i32 = 256;
+/// Samples from the origin within which a corner is taken as it is; a triangle that reaches farther is cut.
+pub(super) const GUARD: f32 = 32_768.0;
+
+/// A camera whose pixels are samples.
+///
+/// Single precision is enough for what lies near the picture because the eye is taken off first, in two parts:
+/// a world far from its origin costs nothing.
+#[derive(Debug, Clone)]
+pub(super) struct Eye {
+    /// Width and height, samples.
+    pub(super) size: UVec2,
+    /// Samples a pixel along each axis.
+    pub(super) samples: u32,
+    /// Depth of the near plane.
+    pub(super) near: f32,
+    rotation: DMat3,
+    position: DVec3,
+    focal: DVec2,
+    center: DVec2,
+    /// The same in single precision: rows of the rotation, the position in two parts.
+    pub(super) rows: [[f32; 3]; 3],
+    pub(super) high: [f32; 3],
+    pub(super) low: [f32; 3],
+    pub(super) focal32: [f32; 2],
+    pub(super) center32: [f32; 2],
+}
+
+impl Eye {
+    pub(super) fn new(camera: &Camera, samples: u32, near: f32) -> Self {
+        let rotation = camera.rotation.as_dmat3();
+        let position = -(rotation.inverse() * camera.translation.as_dvec3());
+        let high = position.as_vec3();
+        let scale = f64::from(samples);
+        let (focal, center) = (camera.focal.as_dvec2() * scale, camera.center.as_dvec2() * scale);
+        Self {
+            size: camera.size * samples,
+            samples,
+            near,
+            rotation,
+            position,
+            focal,
+            center,
+            rows: [0, 1, 2].map(|r| camera.rotation.row(r).to_array()),
+            high: high.to_array(),
+            low: (position - high.as_dvec3()).as_vec3().to_array(),
+            focal32: focal.as_vec2().to_array(),
+            center32: center.as_vec2().to_array(),
+        }
+    }
+
+    /// A world point in the camera's frame, single precision.
+    #[inline(always)]
+    pub(super) fn see(&self, v: [f32; 3]) -> [f32; 3] {
+        let d = [
+            (v[0] - self.high[0]) - self.low[0],
+            (v[1] - self.high[1]) - self.low[1],
+            (v[2] - self.high[2]) - self.low[2],
+        ];
+        let row = |r: &[f32; 3]| r[0] * d[0] + r[1] * d[1] + r[2] * d[2];
+        [row(&self.rows[0]), row(&self.rows[1]), row(&self.rows[2])]
+    }
+
+    /// Where a point of the camera's frame lies, samples, and its 1/z.
+    #[inline(always)]
+    pub(super) fn project(&self, q: [f32; 3]) -> [f32; 3] {
+        let w = 1.0 / q[2];
+        let x = q[0] * w * self.focal32[0] + self.center32[0];
+        let y = q[1] * w * self.focal32[1] + self.center32[1];
+        [x, y, w]
+    }
+
+    /// A world point in the camera's frame.
+    pub(super) fn see_exactly(&self, v: Vec3) -> DVec3 {
+        self.rotation * (v.as_dvec3() - self.position)
+    }
+
+    /// Where a point of the camera's frame lies, samples.
+    pub(super) fn project_exactly(&self, q: DVec3) -> DVec2 {
+        q.truncate() / q.z * self.focal + self.center
+    }
+
+    /// How far inside the guard band a point of the camera's frame is, by side: negative is outside.
+    pub(super) fn inside_guard(&self, q: DVec3, side: usize) -> f64 {
+        let axis = side % 2;
+        let at = q[axis] * self.focal[axis] + self.center[axis] * q.z;
+        let guard = 2.0 * f64::from(GUARD) * q.z;
+        if side < 2 { at + guard } else { guard - at }
+    }
+
+    /// The way from the eye through the centre of a sample, in the camera's frame, z = 1.
+    pub(super) fn ray(&self, x: u32, y: u32) -> DVec3 {
+        let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+        ((at - self.center) / self.focal).extend(1.0)
+    }
+}
+
+/// The nearest point of the grid.
+#[inline(always)]
+pub(super) fn snap(at: f32) -> i32 {
+    (at * GRID as f32).round_ties_even() as i32
+}

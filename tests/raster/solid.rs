@@ -1,0 +1,371 @@
+//! The solid rasteriser against a caster of rays in double precision that tries every face for every sample.
+//!
+//! The two may differ only in a band that is stated here: corners are snapped to 1/256 of a sample, so a face is
+//! undecided within [`Seen::band`] of its edges, and so is the order of two faces whose 1/z differ by less than
+//! what that distance makes of them.
+
+use glam::{DVec2, DVec3, Mat3, Quat, UVec2, Vec2, Vec3};
+use trisplat::camera::Camera;
+use trisplat::math::color::linear_from_srgb;
+use trisplat::math::srgb8::srgb8_from_linear;
+use trisplat::mesh::{Colors, Mesh};
+use trisplat::raster::solid::{NO_FACE, Solid, SolidOptions, Visibility};
+use trisplat::rng::Rng;
+
+/// Snapping, in samples: half of 1/256 along both axes, and as much again for rounding.
+const SNAP: f64 = 1.0 / 256.0;
+/// Single precision on the way to the screen, relative to the distance from the principal point.
+const ROUNDING: f64 = 1e-6;
+
+fn camera(size: UVec2) -> Camera {
+    Camera {
+        rotation: Mat3::IDENTITY,
+        translation: Vec3::ZERO,
+        focal: Vec2::new(0.9, 1.1) * size.x as f32,
+        center: size.as_vec2() * Vec2::new(0.45, 0.6),
+        size,
+    }
+}
+
+fn mesh(corners: Vec<[Vec3; 3]>) -> Mesh {
+    let color = |i: usize| [0, 1, 2].map(|c| Rng::new(3, "color", i as u64).uniform(c));
+    let colors = Colors::Face((0..corners.len()).map(color).collect());
+    Mesh { positions: corners.into_flattened(), colors, ..Mesh::default() }
+}
+
+/// What the oracle knows of a face at a sample.
+struct Seen {
+    /// Distance to each edge's line, samples, positive inside.
+    inside: [f64; 3],
+    /// How far edges may have been moved.
+    band: f64,
+    /// 1/z of the face's plane, and how far it may be off.
+    w: f64,
+    slack: f64,
+    weights: [f64; 3],
+}
+
+impl Seen {
+    /// `None` for a face that covers nothing anywhere near.
+    fn new(camera: &Camera, samples: u32, near: f64, corners: [Vec3; 3], x: u32, y: u32) -> Option<Self> {
+        let scale = f64::from(samples);
+        let rotation = camera.rotation.as_dmat3();
+        let eye = -(rotation.inverse() * camera.translation.as_dvec3());
+        let (focal, center) = (camera.focal.as_dvec2() * scale, camera.center.as_dvec2() * scale);
+        let q = corners.map(|v| rotation * (v.as_dvec3() - eye));
+        let ray = ((DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) - center) / focal).extend(1.0);
+        let normals = [q[1].cross(q[2]), q[2].cross(q[0]), q[0].cross(q[1])];
+        let volume = q[0].dot(normals[0]);
+        let sum: DVec3 = normals.iter().sum();
+        let steep = |n: DVec3| (n.truncate() / focal).length();
+        let w = sum.dot(ray) / volume;
+        let reach = |q: &DVec3| (q.truncate() / q.z * focal).length().min(65536.0);
+        let farthest = q.iter().filter(|q| q.z > near).map(reach).fold(focal.max_element(), f64::max);
+        let band = SNAP + ROUNDING * farthest;
+        let slack = steep(sum) / volume.abs() * band + 1e-6 * w.abs();
+        let side = sum.dot(ray).signum();
+        let inside = normals.map(|n| side * n.dot(ray) / steep(n));
+        let out = inside.iter().any(|d| *d < -band) || w < -slack || w - slack > 1.0 / near;
+        let weights = normals.map(|n| n.dot(ray) / sum.dot(ray));
+        (!out).then_some(Self { inside, band, w, slack, weights })
+    }
+
+    fn covers(&self) -> bool {
+        self.inside.iter().all(|d| *d >= 0.0) && self.w > 0.0
+    }
+
+    fn certainly_covers(&self, near: f64) -> bool {
+        self.inside.iter().all(|d| *d > self.band) && self.w > self.slack && self.w + self.slack < 1.0 / near
+    }
+}
+
+/// Holds a frame against the oracle; returns the share of samples on which the two differ.
+fn hold(name: &str, mesh: &Mesh, camera: &Camera, options: &SolidOptions) -> f64 {
+    let mut solid = Solid::new();
+    let drawn = solid.visibility(mesh, camera, options).clone();
+    assert_eq!(drawn.size, camera.size * options.samples);
+    let near = f64::from(options.near);
+    let mut differ = 0;
+    for y in 0..drawn.size.y {
+        for x in 0..drawn.size.x {
+            let at = (y * drawn.size.x + x) as usize;
+            let seen: Vec<(u32, Seen)> = (0..mesh.face_count())
+                .filter_map(|f| {
+                    let seen = Seen::new(camera, options.samples, near, mesh.corners(f), x, y)?;
+                    Some((f as u32, seen))
+                })
+                .collect();
+            let nearest = seen.iter().filter(|(_, s)| s.covers() && s.w < 1.0 / near);
+            let nearest = nearest.max_by(|a, b| a.1.w.total_cmp(&b.1.w).then(b.0.cmp(&a.0)));
+            let got = drawn.face[at];
+            differ += usize::from(nearest.map_or(NO_FACE, |n| n.0) != got);
+            let place = format!("{name}, {} samples, sample {x} {y}: face {got}", options.samples);
+            let mine = seen.iter().find(|(f, _)| *f == got);
+            let limit = match mine {
+                Some((_, mine)) => mine.w + mine.slack,
+                None => {
+                    assert_eq!(got, NO_FACE, "{place} is not there");
+                    assert_eq!(drawn.depth[at], f32::INFINITY);
+                    0.0
+                }
+            };
+            for (face, other) in &seen {
+                let before = other.certainly_covers(near) && other.w - other.slack > limit;
+                assert!(*face == got || !before, "{place} hides {face}: {} {limit}", other.w);
+            }
+            if let Some((_, mine)) = mine {
+                hold_sample(&place, mesh, camera, &drawn, [x, y], mine);
+            }
+        }
+    }
+    differ as f64 / drawn.face.len() as f64
+}
+
+/// Depth and weights of a sample.
+fn hold_sample(place: &str, mesh: &Mesh, camera: &Camera, drawn: &Visibility, [x, y]: [u32; 2], mine: &Seen) {
+    let depth = f64::from(drawn.depth[(y * drawn.size.x + x) as usize]);
+    assert!(depth > 0.0 && depth.is_finite(), "{place}: depth {depth}");
+    let off = (1.0 / depth - mine.w).abs();
+    assert!(!(off > mine.slack * 1.5), "{place}: 1/z {} is not {}", 1.0 / depth, mine.w);
+    let weights = drawn.barycentrics(mesh, camera, x, y);
+    assert!((weights.iter().sum::<f32>() - 1.0).abs() < 1e-6, "{place}: {weights:?}");
+    assert!(weights.iter().all(|w| (0.0..=1.0).contains(w)), "{place}: {weights:?}");
+    if mine.covers() {
+        let far = weights.iter().zip(mine.weights).any(|(a, b)| (f64::from(*a) - b).abs() > 1e-5);
+        assert!(!far, "{place}: {weights:?} are not {:?}", mine.weights);
+    }
+}
+
+/// `count` triangles around (0, 0, depth), of sizes from `small` to `large`.
+fn cloud(seed: u64, count: usize, depth: f32, small: f32, large: f32) -> Vec<[Vec3; 3]> {
+    let one = |i: usize| {
+        let rng = Rng::new(seed, "cloud", i as u64);
+        let at = |n: u64| rng.uniform(n) * 2.0 - 1.0;
+        let center = Vec3::new(at(0), at(1), 0.0) * depth * 0.7 + Vec3::Z * depth * (1.0 + 0.5 * at(2));
+        let size = small * (large / small).powf(rng.uniform(3));
+        [4, 7, 10].map(|n| center + size * Vec3::new(at(n), at(n + 1), at(n + 2)))
+    };
+    (0..count).map(one).collect()
+}
+
+/// Names, scenes and the largest share of samples that may differ from the oracle.
+fn scenes() -> Vec<(&'static str, Vec<[Vec3; 3]>)> {
+    let sliver = |t: [Vec3; 3]| [t[0], t[1], t[0].lerp(t[1], 0.4) + (t[2] - t[0]) * 1e-3];
+    let mut flat = cloud(8, 40, 3.0, 0.2, 2.0);
+    flat.extend(cloud(9, 20, 3.0, 0.2, 2.0).iter().map(|t| [t[0], t[0], t[1]]));
+    flat.extend(cloud(10, 20, 3.0, 0.2, 2.0).iter().map(|t| [t[0]; 3]));
+    flat.extend(cloud(11, 20, 3.0, 0.2, 2.0).iter().map(|t| [t[0], t[1], t[0].lerp(t[1], 0.5)]));
+    vec![
+        ("small", cloud(1, 600, 4.0, 0.01, 0.2)),
+        ("subpixel", cloud(2, 3000, 4.0, 0.001, 0.05)),
+        ("mixed", cloud(3, 300, 4.0, 0.02, 3.0)),
+        ("large", cloud(4, 60, 4.0, 2.0, 30.0)),
+        ("around the camera", cloud(5, 100, 0.0, 0.1, 8.0)),
+        ("huge", cloud(6, 40, 5.0, 1e3, 1e5)),
+        ("slivers", cloud(7, 400, 4.0, 0.3, 4.0).into_iter().map(sliver).collect()),
+        ("slivers around the camera", cloud(12, 200, 0.0, 1.0, 50.0).into_iter().map(sliver).collect()),
+        ("degenerate", flat),
+        ("behind", cloud(13, 50, -4.0, 0.1, 1.0)),
+        ("nothing", Vec::new()),
+    ]
+}
+
+#[test]
+fn every_sample_sees_what_the_oracle_sees() {
+    for (name, corners) in scenes() {
+        for (samples, size) in [(1, UVec2::new(70, 50)), (2, UVec2::new(33, 21)), (4, UVec2::new(19, 10))] {
+            let options = SolidOptions { samples, near: 0.05, ..SolidOptions::default() };
+            let differ = hold(name, &mesh(corners.clone()), &camera(size), &options);
+            eprintln!("{name}, {samples} samples: {:.3}% differ", 100.0 * differ);
+            // Twice the band times the length of edges in view, a share of the samples.
+            let most = if name.contains("sliver") || name == "subpixel" { 0.05 } else { 0.02 };
+            assert!(differ <= most, "{name}: {differ}");
+        }
+    }
+}
+
+#[test]
+fn a_world_far_from_its_origin_is_drawn_as_sharply() {
+    let size = UVec2::new(60, 40);
+    for (far, turn) in [(1e6, 0.0), (1e6, 1.2), (3e4, 2.5)] {
+        let offset = Vec3::new(far, -far, 0.5 * far);
+        let rotation = Mat3::from_quat(Quat::from_axis_angle(Vec3::new(1.0, 2.0, -0.5).normalize(), turn));
+        // The grid of numbers is 1/16 wide out there, so everything is larger.
+        let corners = cloud(14, 200, 400.0, 4.0, 300.0).into_iter();
+        let corners = corners.map(|t| t.map(|v| rotation.transpose() * v + offset)).collect();
+        let camera = Camera { rotation, translation: -(rotation * offset), ..camera(size) };
+        let options = SolidOptions { near: 1.0, ..SolidOptions::default() };
+        let differ = hold("far", &mesh(corners), &camera, &options);
+        assert!(differ < 0.02, "{differ}");
+    }
+}
+
+/// A net of jittered points that covers the picture and more.
+fn net(depth: impl Fn(f32, f32) -> f32) -> Mesh {
+    const SIDE: usize = 23;
+    let rng = Rng::new(1, "net", 0);
+    let point = |i: usize| {
+        let jitter = |n: u64| 0.6 * (rng.uniform(3 * i as u64 + n) - 0.5);
+        let x = ((i % SIDE) as f32 + jitter(0)) / (SIDE - 1) as f32 * 6.0 - 3.0;
+        let y = ((i / SIDE) as f32 + jitter(1)) / (SIDE - 1) as f32 * 6.0 - 3.0;
+        Vec3::new(x, y, depth(x, y))
+    };
+    let positions: Vec<Vec3> = (0..SIDE * SIDE).map(point).collect();
+    let mut indices = Vec::new();
+    for corner in (0..SIDE * (SIDE - 1)).filter(|i| i % SIDE + 1 < SIDE).map(|i| i as u32) {
+        let (below, side) = (corner + SIDE as u32, SIDE as u32);
+        indices.extend([corner, corner + 1, below, below, corner + 1, corner + 1 + side]);
+    }
+    let colors = Colors::Vertex(positions.iter().map(|p| [p.x, p.y, p.z].map(|c| c.fract().abs())).collect());
+    Mesh { positions, colors, indices, opacity: Vec::new() }
+}
+
+#[test]
+fn neighbours_neither_gap_nor_overlap() {
+    // Flat, and a ground that runs from behind the camera to far outside the guard band.
+    let tilt = |_: f32, y: f32| 0.3 - 0.2 * y;
+    let scenes: [(Mesh, Vec2); 2] =
+        [(net(|_, _| 1.5), Vec2::new(50.0, 40.0)), (net(tilt), Vec2::new(40_000.0, 30_000.0))];
+    for (mesh, focal) in scenes {
+        let camera = Camera { focal, ..camera(UVec2::new(96, 64)) };
+        let options = SolidOptions { near: 1e-5, samples: 2, ..SolidOptions::default() };
+        let mut solid = Solid::new();
+        let mut covers = vec![0; 4 * 96 * 64];
+        for face in 0..mesh.face_count() {
+            let mut one = mesh.clone();
+            one.select(&[face as u32]);
+            let drawn = solid.visibility(&one, &camera, &options);
+            covers.iter_mut().zip(&drawn.face).for_each(|(n, f)| *n += usize::from(*f == 0));
+        }
+        assert!(covers.iter().all(|n| *n == 1), "{:?}", covers.iter().position(|n| *n != 1));
+    }
+}
+
+#[test]
+fn samples_on_an_edge_belong_to_the_triangle_on_their_lower_right() {
+    // Corners on sample centres: a square from (2.5, 2.5) to (6.5, 6.5) holds 4 x 4 samples, not 5 x 5.
+    let camera = Camera { focal: Vec2::ONE, center: Vec2::ZERO, ..camera(UVec2::splat(10)) };
+    let at = |x: f32, y: f32| Vec3::new(x + 0.5, y + 0.5, 1.0);
+    let square = |scale: f32| {
+        let [a, b, c, d] = [at(2.0, 2.0), at(6.0, 2.0), at(6.0, 6.0), at(2.0, 6.0)].map(|v| v * scale);
+        vec![[a, b, c], [a, d, c]]
+    };
+    let mut solid = Solid::new();
+    let drawn = solid.visibility(&mesh(square(1.0)), &camera, &SolidOptions::default()).clone();
+    for y in 0..10 {
+        for x in 0..10 {
+            let inside = (2..6).contains(&x) && (2..6).contains(&y);
+            let face = if x >= y { 0 } else { 1 };
+            let wanted = if inside { face } else { NO_FACE };
+            assert_eq!(drawn.face[(y * 10 + x) as usize], wanted, "{x} {y}");
+        }
+    }
+    // Equal triangles at equal depths: the lower index.
+    let twice = [square(1.0), square(1.0), square(0.5)].concat();
+    let drawn = solid.visibility(&mesh(twice), &camera, &SolidOptions::default());
+    assert!(drawn.face.iter().all(|f| [NO_FACE, 4, 5].contains(f)), "those of half the depth");
+    let same = [square(1.0), square(1.0)].concat();
+    let drawn = solid.visibility(&mesh(same), &camera, &SolidOptions::default());
+    assert!(drawn.face.iter().all(|f| [NO_FACE, 0, 1].contains(f)));
+}
+
+#[test]
+fn the_picture_is_the_mean_of_its_samples_in_linear_light() {
+    let background = [0.2, 0.5, 0.9];
+    let meshes = [net(|x, y| 2.0 + x * y), mesh(cloud(15, 200, 4.0, 0.1, 2.0))];
+    for mesh in meshes {
+        for samples in [1, 2, 4] {
+            let camera = camera(UVec2::new(75, 37));
+            let options = SolidOptions { background, samples, near: 0.1 };
+            let mut solid = Solid::new();
+            let picture = solid.render(&mesh, &camera, &options);
+            assert_eq!((picture.size, picture.alpha.as_ref()), (camera.size, None));
+            let drawn = solid.visibility(&mesh, &camera, &options).clone();
+            for y in 0..camera.size.y {
+                for x in 0..camera.size.x {
+                    let got = picture.rgb[(y * camera.size.x + x) as usize];
+                    let wanted = mean(&mesh, &camera, &drawn, samples, background, [x, y]);
+                    for c in 0..3 {
+                        assert!(got[c].abs_diff(wanted[c]) <= 1, "{x} {y}: {got:?} {wanted:?}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn mean(
+    mesh: &Mesh,
+    camera: &Camera,
+    drawn: &Visibility,
+    samples: u32,
+    background: [f32; 3],
+    [x, y]: [u32; 2],
+) -> [u8; 3] {
+    let mut sum = [0.0f64; 3];
+    for k in 0..samples * samples {
+        let (sx, sy) = (x * samples + k % samples, y * samples + k / samples);
+        let face = drawn.face[(sy * drawn.size.x + sx) as usize];
+        let weights = drawn.barycentrics(mesh, camera, sx, sy);
+        for c in 0..3 {
+            sum[c] += match face {
+                NO_FACE => f64::from(linear_from_srgb(background[c])),
+                _ => {
+                    let corners = mesh.corner_colors(face as usize);
+                    (0..3).map(|i| f64::from(weights[i]) * f64::from(corners[i][c])).sum()
+                }
+            };
+        }
+    }
+    sum.map(|s| srgb8_from_linear((s / f64::from(samples * samples)) as f32))
+}
+
+#[test]
+fn the_number_of_threads_does_not_show() {
+    let mut corners = cloud(16, 30_000, 4.0, 0.01, 0.1);
+    corners.extend(cloud(17, 300, 4.0, 0.1, 4.0));
+    // Twice, so that there are ties.
+    corners.extend_from_within(..);
+    let (mesh, camera) = (mesh(corners), camera(UVec2::new(150, 100)));
+    let options = SolidOptions { samples: 2, ..SolidOptions::default() };
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let mut solid = Solid::new();
+            (solid.render(&mesh, &camera, &options), solid.visibility(&mesh, &camera, &options).clone())
+        })
+    };
+    let one = run(1);
+    for threads in [2, 3, 7] {
+        assert!(one == run(threads), "{threads} threads");
+    }
+}
+
+#[test]
+fn scratch_memory_leaves_no_trace() {
+    let options = SolidOptions { near: 0.05, ..SolidOptions::default() };
+    let mut used = Solid::new();
+    for (name, corners) in scenes() {
+        for size in [UVec2::new(40, 90), UVec2::new(130, 20), UVec2::ONE] {
+            let (mesh, camera) = (mesh(corners.clone()), camera(size));
+            let fresh = Solid::new().render(&mesh, &camera, &options);
+            assert!(used.render(&mesh, &camera, &options) == fresh, "{name}");
+        }
+    }
+}
+
+#[test]
+fn options_out_of_range_are_refused() {
+    let sound = SolidOptions::default();
+    let size = UVec2::new(9000, 20);
+    assert!(sound.validate(size).is_ok());
+    for wrong in [
+        SolidOptions { samples: 3, ..sound },
+        SolidOptions { samples: 0, ..sound },
+        SolidOptions { samples: 4, ..sound },
+        SolidOptions { near: 0.0, ..sound },
+        SolidOptions { near: f32::NAN, ..sound },
+    ] {
+        assert!(wrong.validate(size).is_err(), "{wrong:?}");
+    }
+}
