@@ -18,10 +18,10 @@ use std::time::Instant;
 /// Files, layers and the options of every stage.
 #[derive(Debug, clap::Args)]
 pub struct BakeArgs {
-    /// Files to bake: .ply .pt .off .obj .glb .gltf; several are merged; "-" is standard input.
+    /// Files to bake: .ply .pt .off .obj .glb .gltf .html; several are merged; "-" is standard input.
     #[arg(required = true, value_name = "IN")]
     pub inputs: Vec<PathBuf>,
-    /// File to write: .glb .gltf .obj .ply; "-" is standard output.
+    /// File to write: .glb .gltf .obj .ply .html; "-" is standard output.
     #[arg(short, long, value_name = "OUT")]
     pub output: PathBuf,
     /// Kind of file to write, when the name of OUT does not say.

@@ -7,7 +7,7 @@ mod gltf;
 mod scene;
 
 use super::detect::{detect, read_as};
-use super::{Format, ReadOptions, Source, bvh};
+use super::{Format, ReadOptions, Source, bvh, html};
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
 use crate::scene::{Loaded, Scene};
@@ -96,15 +96,16 @@ pub fn check(path: &Path) -> Result<Checked> {
     let mut source = Source::open(path)?;
     let format = detect(&mut source)?;
     let mut findings = Findings::default();
-    if matches!(format, Format::Glb | Format::Gltf) {
+    let (inner, mut source) = html::inside(format, source)?;
+    if matches!(inner, Format::Glb | Format::Gltf) {
         gltf::check(source.again()?, &mut findings)?;
     }
     let mut triangles = None;
     // All of it is proven, so all of it is read.
-    match read_as(format, source.again()?, &ReadOptions { sh_degree: 3 }) {
+    match read_as(inner, source.again()?, &ReadOptions { sh_degree: 3 }) {
         Ok(loaded) => {
             triangles = Some(loaded.scene.triangle_count() as u64);
-            check_loaded(path, format, &loaded, &mut findings)?;
+            check_loaded(path, inner, &loaded, &mut findings)?;
         }
         // The same fault may have been found by the closer look already.
         Err(Error::Malformed { at, .. }) if findings.0.iter().any(|f| f.place == at) => {}

@@ -1,13 +1,14 @@
 //! Which format a file has: told by its first bytes, by its name only where the bytes leave it open.
 
-use super::{ReadOptions, Source, gltf_read, obj, off, ply, pt};
+use super::{ReadOptions, Source, gltf_read, html, obj, off, ply, pt};
 use crate::error::{Error, Result};
 use crate::scene::Loaded;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// What the readers accept, for messages.
-pub const ACCEPTED: &str = "a soup or mesh .ply, a training checkpoint .pt, .off, .obj, .glb or .gltf";
+pub const ACCEPTED: &str =
+    "a soup or mesh .ply, a training checkpoint .pt, .off, .obj, .glb, .gltf or our own .html";
 
 /// A format we read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -25,6 +26,8 @@ pub enum Format {
     Glb,
     /// glTF 2.0, JSON.
     Gltf,
+    /// A page with a GLB in it, as we write them.
+    Html,
 }
 
 impl Format {
@@ -43,6 +46,9 @@ impl Format {
             _ => {}
         }
         let text = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head);
+        if text.get(..14).is_some_and(|start| start.eq_ignore_ascii_case(b"<!doctype html")) {
+            return Some(Format::Html);
+        }
         let line = first_line(text);
         let word = line.split(|b| b.is_ascii_whitespace()).next().unwrap_or_default();
         if line.first() == Some(&b'{') {
@@ -71,6 +77,7 @@ impl Format {
             "obj" => Format::Obj,
             "glb" => Format::Glb,
             "gltf" => Format::Gltf,
+            "html" | "htm" => Format::Html,
             _ => return None,
         })
     }
@@ -84,6 +91,7 @@ impl Format {
             Format::Obj => "Wavefront OBJ",
             Format::Glb => "binary glTF",
             Format::Gltf => "glTF",
+            Format::Html => "page with a scene",
         }
     }
 }
@@ -116,12 +124,13 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded> {
 
 /// The scene in an open file of that format.
 pub(super) fn read_as(format: Format, source: Source, options: &ReadOptions) -> Result<Loaded> {
+    let (format, source) = html::inside(format, source)?;
     match format {
         Format::Ply => ply::read(source, options),
         Format::Pt => pt::read(source, options),
         Format::Off => off::read(source, options),
         Format::Obj => obj::read(source, options),
-        Format::Glb | Format::Gltf => gltf_read::read(source, options),
+        Format::Glb | Format::Gltf | Format::Html => gltf_read::read(source, options),
     }
 }
 
@@ -158,7 +167,7 @@ mod tests {
 
     #[test]
     fn bytes_win_over_the_name() {
-        let cases: [(&[u8], &str, Option<Format>); 17] = [
+        let cases: [(&[u8], &str, Option<Format>); 19] = [
             (b"glTF\x02\0\0\0", "a.ply", Some(Format::Glb)),
             (b"PK\x03\x04rest", "a", Some(Format::Pt)),
             (b"\x80\x02}q", "a.bin", Some(Format::Pt)),
@@ -173,6 +182,8 @@ mod tests {
             (b"# made by\n", "a.txt", None),
             (b"v 0 0 0\n", "-", Some(Format::Obj)),
             (b"mtllib a.mtl\n", "-", Some(Format::Obj)),
+            (b"<!doctype html><!-- trisplat", "a.txt", Some(Format::Html)),
+            (b"\xef\xbb\xbf<!DOCTYPE HTML>\n", "a", Some(Format::Html)),
             (b"", "a.ply", None),
             (b"\0\0\0\0", "a.glb", None),
             (b"hello world", "a.txt", None),

@@ -3,7 +3,7 @@
 use super::detect::{detect, read_as};
 use super::gltf_read::container::Container;
 use super::gltf_read::document::{self, Document};
-use super::{Format, ReadOptions, Source};
+use super::{Format, ReadOptions, Source, html};
 use crate::asset::Provenance;
 use crate::error::Result;
 use crate::math::color::srgb_from_linear;
@@ -157,9 +157,10 @@ pub struct BakeInfo {
 pub fn info(path: &Path) -> Result<(Info, Loaded)> {
     let mut source = Source::open(path)?;
     let (format, bytes) = (detect(&mut source)?, source.len);
-    let is_gltf = matches!(format, Format::Glb | Format::Gltf);
+    let (inner, mut source) = html::inside(format, source)?;
+    let is_gltf = matches!(inner, Format::Glb | Format::Gltf);
     let gltf = if is_gltf { Some(gltf_info(source.again()?)?) } else { None };
-    let loaded = read_as(format, source.again()?, &ReadOptions { sh_degree: 3 })?;
+    let loaded = read_as(inner, source.again()?, &ReadOptions { sh_degree: 3 })?;
     let mut info = match &loaded.scene {
         Scene::Soup(soup) => soup_info(soup),
         Scene::Mesh(mesh) => mesh_info(mesh),

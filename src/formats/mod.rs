@@ -1,6 +1,7 @@
 //! Files in and out. The nouns do not know them.
 
 pub mod atomic;
+mod base64;
 mod blocks;
 pub mod bvh;
 mod channel;
@@ -9,6 +10,7 @@ pub mod detect;
 mod finish;
 pub mod gltf;
 pub mod gltf_read;
+pub mod html;
 pub mod info;
 mod lines;
 pub mod obj;
@@ -55,7 +57,7 @@ impl Source {
         if meta.is_dir() {
             return Err(Error::unsupported(
                 path,
-                "is a folder; give a .ply, .pt, .off, .obj, .glb or .gltf file",
+                "is a folder; give a .ply, .pt, .off, .obj, .glb, .gltf or .html file",
             ));
         }
         Ok(Self { path: path.to_owned(), file, len: meta.len() })

@@ -3,7 +3,7 @@
 use super::atomic::AtomicFile;
 use super::gltf::GltfOptions;
 use super::target::Target;
-use super::{bvh, gltf, obj, ply};
+use super::{bvh, gltf, html, obj, ply};
 use crate::asset::Asset;
 use crate::error::{Error, Result};
 use crate::report::{Observer, Outcome, OutputReport, Report};
@@ -47,6 +47,17 @@ impl OutputOptions {
         details.insert("notes".into(), encoding.notes.into());
         GltfOptions { allow_huge: self.allow_huge, ..encoding.options }
     }
+
+    /// How our own page wants its glTF: it reads everything, so it is compressed, without loss unless
+    /// asked for.
+    fn page_encoding(&self, details: &mut Map<String, Value>) -> GltfOptions {
+        let other = !matches!(self.target, Target::Gltf | Target::Web);
+        let notes =
+            other.then_some("html: the page is its own viewer; --target is for files that engines read");
+        details.insert("notes".into(), notes.into_iter().collect());
+        let web = Target::Web.encoding(self.compress).options;
+        GltfOptions { meshopt: true, allow_huge: self.allow_huge, ..web }
+    }
 }
 
 impl Default for OutputOptions {
@@ -66,6 +77,8 @@ pub enum Kind {
     Obj,
     /// PLY mesh.
     Ply,
+    /// One page with a viewer and the scene in it.
+    Html,
 }
 
 impl Kind {
@@ -77,11 +90,12 @@ impl Kind {
             "gltf" => Ok(Self::Gltf),
             "obj" => Ok(Self::Obj),
             "ply" => Ok(Self::Ply),
+            "html" | "htm" => Ok(Self::Html),
             _ if path.as_os_str() == "-" || is_device(path) => Ok(Self::Glb),
             _ => Err(Error::invalid(
                 "--output",
                 path.display(),
-                "a name ending in .glb, .gltf, .obj or .ply, or --format",
+                "a name ending in .glb, .gltf, .obj, .ply or .html, or --format",
             )),
         }
     }
@@ -110,7 +124,7 @@ impl Output {
         let second = match kind {
             Kind::Gltf => Some(path.with_extension("bin")),
             Kind::Obj => Some(path.with_extension("mtl")),
-            Kind::Glb | Kind::Ply => None,
+            Kind::Glb | Kind::Ply | Kind::Html => None,
         };
         let stream = path.as_os_str() == "-" || is_device(path);
         if stream && (second.is_some() || bvh) {
@@ -214,6 +228,11 @@ fn encode(
         (Kind::Gltf, Some(bin)) => {
             let encoding = options.encoding(details);
             gltf::write_gltf(main, bin, &name, path, asset, &encoding)?
+        }
+        (Kind::Html, _) => {
+            let title = path.file_stem().filter(|name| *name != "-").unwrap_or("trisplat".as_ref());
+            let encoding = options.page_encoding(details);
+            html::write(main, path, &title.to_string_lossy(), asset, &encoding)?
         }
         _ => {
             let encoding = options.encoding(details);

@@ -7,6 +7,7 @@ mod files;
 mod mesh_ply;
 mod obj;
 mod off;
+mod page;
 mod real;
 mod soup_ply;
 mod speed;

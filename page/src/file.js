@@ -1,0 +1,99 @@
+// The scene inside the page: base64 blocks, each decoded as soon as the browser has read it, into one GLB.
+import { Mesh } from 'three';
+import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
+import { MeshoptDecoder } from 'three/addons/libs/meshopt_decoder.module.js';
+
+const HEADER_BYTES = 12;
+const FRAME_MS = 30;
+
+export class SceneFile {
+  #bytes = null;
+  #end = 0;
+  #report;
+
+  /** `report(share)` hears how much of the work is done, 0 to 1. */
+  constructor(report) {
+    this.#report = report;
+  }
+
+  /** Takes the text of one block; the first one tells the length of all. */
+  block(text) {
+    const first = this.#bytes === null;
+    if (first) this.#bytes = new Uint8Array(lengthOf(decoded(text.slice(0, 16))));
+    this.#end += decodeInto(this.#bytes, this.#end, text);
+    this.#report((0.5 * this.#end) / this.#bytes.length);
+  }
+
+  /** The meshes of the scene, when all blocks are there. Can be called once. */
+  async meshes() {
+    const bytes = this.#bytes;
+    this.#bytes = null;
+    if (bytes === null || this.#end !== bytes.length) {
+      throw new Error(`this page is cut short: it holds ${this.#end} of ${bytes?.length ?? 'its'} bytes of the scene`);
+    }
+    await MeshoptDecoder.ready;
+    const loader = new GLTFLoader();
+    loader.setMeshoptDecoder(this.#decoder(viewsOf(bytes)));
+    const { scene } = await loader.parseAsync(bytes.buffer, '');
+    scene.updateMatrixWorld(true);
+    const meshes = [];
+    scene.traverse((node) => node instanceof Mesh && meshes.push(node));
+    this.#report(1);
+    return { scene, meshes };
+  }
+
+  // One array after the other, with a rest in between, so that the bar moves and the page stays awake.
+  #decoder(count) {
+    let queue = Promise.resolve();
+    let rested = performance.now();
+    let done = 0;
+    const one = async (...task) => {
+      if (performance.now() - rested > FRAME_MS) {
+        await new Promise((awake) => setTimeout(awake));
+        rested = performance.now();
+      }
+      const array = await MeshoptDecoder.decodeGltfBufferAsync(...task);
+      this.#report(0.5 + (0.5 * ++done) / count);
+      return array;
+    };
+    return {
+      ready: MeshoptDecoder.ready,
+      supported: MeshoptDecoder.supported,
+      decodeGltfBufferAsync: (...task) => (queue = queue.then(() => one(...task))),
+    };
+  }
+}
+
+/** Length in bytes that the header of a GLB tells. */
+function lengthOf(header) {
+  const view = new DataView(header.buffer);
+  if (header.length < HEADER_BYTES || view.getUint32(0, true) !== 0x46546c67) throw new Error('there is no GLB in this page');
+  return view.getUint32(8, true);
+}
+
+/** Number of buffer views in a GLB. */
+function viewsOf(bytes) {
+  const length = new DataView(bytes.buffer).getUint32(HEADER_BYTES, true);
+  const json = new TextDecoder().decode(bytes.subarray(HEADER_BYTES + 8, HEADER_BYTES + 8 + length));
+  return JSON.parse(json).bufferViews.length;
+}
+
+function decodeInto(bytes, at, text) {
+  const room = bytes.subarray(at);
+  if (room.setFromBase64) {
+    const { read, written } = room.setFromBase64(text);
+    if (read < text.length) throw new Error('this page holds more of the scene than it promised');
+    return written;
+  }
+  const block = decoded(text);
+  room.set(block);
+  return block.length;
+}
+
+// For browsers before 2025.
+function decoded(text) {
+  const binary = atob(text);
+  const bytes = new Uint8Array(binary.length);
+  for (let i = 0; i < binary.length; i++) bytes[i] = binary.charCodeAt(i);
+  return bytes;
+}

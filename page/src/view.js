@@ -1,0 +1,91 @@
+// Where one looks from, and its text in the address: docs/formats.md says what the words mean.
+import { MathUtils, Vector3 } from 'three';
+
+const FOV = 50;
+/** Seen from the front, a little from the right and from above. */
+const START = new Vector3(0.45, 0.3, 1).normalize();
+const SAMPLES = 20000;
+/** Shares of the vertices that the start view leaves out on each side: far shells and strays. */
+const TRIM = 0.1;
+
+/** What the address asks for: numbers by word, null where a word is missing or no list of that many numbers. */
+export function parse(fragment) {
+  const words = new URLSearchParams(fragment.replace(/^#/, ''));
+  const numbers = (word, count) => {
+    const list = (words.get(word) ?? '').split(',').map(Number);
+    return words.get(word) && list.length === count && list.every(Number.isFinite) ? list : null;
+  };
+  const vector = (word) => numbers(word, 3) && new Vector3(...numbers(word, 3));
+  return {
+    eye: vector('eye'),
+    target: vector('target'),
+    up: vector('up'),
+    fov: numbers('fov', 1)?.[0] ?? null,
+    pinhole: numbers('pinhole', 6),
+    near: numbers('near', 1)?.[0] ?? null,
+    samples: numbers('samples', 1)?.[0] ?? null,
+    background: /^[0-9a-f]{6}$/i.test(words.get('background') ?? '') ? words.get('background') : null,
+    bare: words.has('bare'),
+  };
+}
+
+/** The address's text for a view. */
+export function format({ eye, target, up, fov, pinhole }) {
+  const list = (numbers) => [...numbers].map((x) => Number(x.toPrecision(7))).join(',');
+  const lens = pinhole ? `pinhole=${list(pinhole)}` : `fov=${list([fov])}`;
+  return `#eye=${list(eye)}&target=${list(target)}&up=${list(up)}&${lens}`;
+}
+
+/** A view of everything but strays, from the front and above. */
+export function whole(bounds, aspect) {
+  const narrow = Math.min(1, aspect);
+  const distance = bounds.radius / Math.sin(Math.atan(narrow * Math.tan(MathUtils.degToRad(FOV / 2))));
+  const eye = bounds.center.clone().addScaledVector(START, distance);
+  return { eye, target: bounds.center.clone(), up: new Vector3(0, 1, 0), fov: FOV, pinhole: null };
+}
+
+/** Centre and radius of what most vertices are in, and the radius around it that holds all. */
+export function boundsOf(meshes) {
+  const total = meshes.reduce((sum, mesh) => sum + mesh.geometry.attributes.position.count, 0);
+  const step = Math.max(1, Math.floor(total / SAMPLES));
+  const points = [];
+  for (const mesh of meshes) {
+    const position = mesh.geometry.attributes.position;
+    for (let i = 0; i < position.count; i += step) {
+      points.push(new Vector3().fromBufferAttribute(position, i).applyMatrix4(mesh.matrixWorld));
+    }
+  }
+  const [low, high] = ['x', 'y', 'z'].reduce(
+    ([low, high], axis) => {
+      const sorted = Float64Array.from(points, (point) => point[axis]).sort();
+      const at = (share) => sorted[Math.round(share * (sorted.length - 1))];
+      low[axis] = at(TRIM);
+      high[axis] = at(1 - TRIM);
+      return [low, high];
+    },
+    [new Vector3(), new Vector3()],
+  );
+  const center = low.clone().add(high).multiplyScalar(0.5);
+  const radius = Math.max(low.distanceTo(high) / 2, 1e-6);
+  const reach = points.reduce((far, point) => Math.max(far, point.distanceTo(center)), radius);
+  return { center, radius, reach };
+}
+
+/** Sets a three.js camera to a view, for a picture of these many pixels; `shift` moves the samples, in pixels. */
+export function aim(camera, view, width, height, shift = [0, 0]) {
+  const { fx, fy, cx, cy } = lens(view, width, height);
+  camera.fov = MathUtils.radToDeg(2 * Math.atan(height / (2 * fy)));
+  camera.aspect = width / fx / (height / fy);
+  camera.setViewOffset(width, height, width / 2 - cx + shift[0], height / 2 - cy + shift[1], width, height);
+}
+
+/** Focal lengths and principal point, px: the whole pinhole picture is in sight whatever the window's shape. */
+function lens({ fov, pinhole }, width, height) {
+  if (!pinhole) {
+    const f = height / (2 * Math.tan(MathUtils.degToRad(fov / 2)));
+    return { fx: f, fy: f, cx: width / 2, cy: height / 2 };
+  }
+  const [fx, fy, cx, cy, w, h] = pinhole;
+  const scale = Math.min(width / w, height / h);
+  return { fx: fx * scale, fy: fy * scale, cx: width / 2 + (cx - w / 2) * scale, cy: height / 2 + (cy - h / 2) * scale };
+}

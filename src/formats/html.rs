@@ -1,0 +1,174 @@
+//! A page that shows its scene: one HTML file with a viewer and a GLB in it, which opens from disk.
+//!
+//! ```text
+//! <!doctype html><!-- trisplat page 1 -->
+//! ... style, viewer (page/ in the repository) ...
+//! <script type="model/gltf-binary;base64">...</script><script>trisplat.block()</script>    a line a block
+//! ...
+//! ```
+//!
+//! The blocks are the GLB in order. A browser decodes each while it still reads the next, and so do we.
+
+use super::gltf::{self, GltfOptions, Written};
+use super::{Format, Source, base64};
+use crate::asset::Asset;
+use crate::error::{Error, Result};
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
+use std::path::Path;
+
+/// The page without a scene, built from `page/src`.
+const PAGE: &str = include_str!("../../page/dist/page.html");
+const OPEN: &str = "<script type=\"model/gltf-binary;base64\">";
+const CLOSE: &str = "</script><script>trisplat.block()</script>\n";
+/// Bytes of the GLB in a block: a multiple of 3, so that no block but the last is padded.
+const BLOCK_BYTES: usize = 3 << 20;
+/// Longer lines are not ours.
+const MAX_LINE_BYTES: u64 = 1 << 25;
+
+/// Writes the page of `asset` and returns what was written; `path` is for messages.
+///
+/// # Errors
+/// As [`gltf::write_glb`].
+pub fn write(
+    out: &mut dyn Write,
+    path: &Path,
+    title: &str,
+    asset: &Asset,
+    options: &GltfOptions,
+) -> Result<Written> {
+    let io = |e| Error::io(path, e);
+    let (head, tail) = PAGE.split_once("@SCENE@\n").unwrap_or((PAGE, ""));
+    let head = head.replace("@TITLE@", &escaped(title)).replace("@GENERATOR@", &crate::report::generator());
+    out.write_all(head.as_bytes()).map_err(io)?;
+    let mut blocks = Blocks { out, pending: Vec::with_capacity(BLOCK_BYTES), text: Vec::new() };
+    let written = gltf::write_glb(&mut blocks, path, asset, options)?;
+    blocks.end().map_err(io)?;
+    out.write_all(tail.as_bytes()).map_err(io)?;
+    out.flush().map_err(io)?;
+    Ok(written)
+}
+
+/// Text as HTML shows it, in elements and attributes.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// Cuts bytes into blocks and writes each as a line of HTML. Holds one block.
+struct Blocks<'a> {
+    out: &'a mut dyn Write,
+    pending: Vec<u8>,
+    text: Vec<u8>,
+}
+
+impl Blocks<'_> {
+    fn end(&mut self) -> io::Result<()> {
+        if self.pending.is_empty() {
+            return Ok(());
+        }
+        self.text.clear();
+        self.text.extend(OPEN.as_bytes());
+        base64::encode(&self.pending, &mut self.text);
+        self.text.extend(CLOSE.as_bytes());
+        self.pending.clear();
+        self.out.write_all(&self.text)
+    }
+}
+
+impl Write for Blocks<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let taken = bytes.len().min(BLOCK_BYTES - self.pending.len());
+        self.pending.extend(&bytes[..taken]);
+        if self.pending.len() == BLOCK_BYTES {
+            self.end()?;
+        }
+        Ok(taken)
+    }
+
+    /// Does nothing: a block that is not full waits for more.
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// What a reader of scenes has to read: the GLB out of a page, any other file as it is.
+pub(super) fn inside(format: Format, source: Source) -> Result<(Format, Source)> {
+    if format == Format::Html { Ok((Format::Glb, unpack(source)?)) } else { Ok((format, source)) }
+}
+
+/// The GLB out of a page, in a temporary file.
+///
+/// # Errors
+/// [`Error::Unsupported`] for a page without a scene of ours, [`Error::Malformed`] for one that is damaged.
+fn unpack(mut source: Source) -> Result<Source> {
+    let io = |e| Error::io(&source.path, e);
+    let mut page = BufReader::with_capacity(1 << 20, &mut source.file);
+    let mut glb = tempfile::tempfile().map_err(io)?;
+    let (mut line, mut number, mut len) = (Vec::new(), 0u64, 0u64);
+    loop {
+        line.clear();
+        if page.by_ref().take(MAX_LINE_BYTES).read_until(b'\n', &mut line).map_err(io)? == 0 {
+            break;
+        }
+        number += 1;
+        let Some(rest) = line.strip_prefix(OPEN.as_bytes()) else { continue };
+        let bytes = rest.strip_suffix(CLOSE.as_bytes()).and_then(base64::decode);
+        let Some(bytes) = bytes else {
+            let reason = "this block of the scene is cut short or is not base64; bake the page again";
+            return Err(Error::malformed(&source.path, format!("line {number}"), reason));
+        };
+        glb.write_all(&bytes).map_err(io)?;
+        len += bytes.len() as u64;
+    }
+    if len == 0 {
+        let reason =
+            "is a page without a scene: only pages written by `trisplat bake -o scene.html` hold one";
+        return Err(Error::unsupported(&source.path, reason));
+    }
+    glb.seek(SeekFrom::Start(0)).map_err(io)?;
+    Ok(Source { path: source.path, file: glb, len })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_page_has_every_place_that_is_filled_in() {
+        assert!(PAGE.len() < 1 << 20, "{} bytes", PAGE.len());
+        assert!(PAGE.starts_with("<!doctype html><!-- trisplat page 1 -->\n"));
+        assert_eq!(PAGE.matches("@SCENE@\n").count(), 1);
+        assert_eq!(PAGE.matches("@TITLE@").count(), 3);
+        assert_eq!(PAGE.matches("@GENERATOR@").count(), 1);
+        assert_eq!(PAGE.matches("</script").count(), 1, "the script would end early");
+        assert_eq!(PAGE.matches("<!--").count(), 1, "the script could hide its end");
+        assert!(PAGE.contains("three.js authors") && PAGE.contains("Permission is hereby granted"));
+        for outside in ["<script src", "<link", "<img", "@import"] {
+            assert!(!PAGE.contains(outside), "{outside}: the page must hold all it needs");
+        }
+    }
+
+    #[test]
+    fn titles_are_text() {
+        assert_eq!(escaped("a<b>&\"c\""), "a&lt;b&gt;&amp;&quot;c&quot;");
+    }
+
+    #[test]
+    fn blocks_hold_every_byte_in_order() {
+        let bytes: Vec<u8> = (0..BLOCK_BYTES + 10_001).map(|i| (i % 251) as u8).collect();
+        let mut out = Vec::new();
+        let mut blocks = Blocks { out: &mut out, pending: Vec::new(), text: Vec::new() };
+        for part in bytes.chunks(70_000) {
+            blocks.write_all(part).unwrap();
+            blocks.flush().unwrap();
+        }
+        blocks.end().unwrap();
+        let lines = out.split(|b| *b == b'\n').filter(|line| !line.is_empty());
+        let decoded = lines.map(|line| {
+            let text = &line[OPEN.len()..line.len() + 1 - CLOSE.len()];
+            base64::decode(text).unwrap()
+        });
+        let blocks: Vec<Vec<u8>> = decoded.collect();
+        assert_eq!(blocks.len(), 2);
+        assert_eq!(blocks.concat(), bytes);
+    }
+}

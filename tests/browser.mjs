@@ -1,0 +1,87 @@
+// Opens pages in headless Chromium and does what standard input asks for; prints one JSON line a page.
+// Usage: node browser.mjs JUDGES CHROMIUM < PAGES   (JUDGES holds node_modules)
+//
+// PAGES is a JSON list of { page, fragment, size: [w, h], touch, steps }. A step is one of
+//   { show: FRAGMENT }  { shot: FILE }  { drag: [x, y, dx, dy] }  { pinch: [x, y, from, to] }
+//   { double: [x, y] }  { press: KEY, ms }  { click: ID }  { wheel: dy }
+// and waits for the picture to be at rest afterwards. The line tells { views, errors, state, ms }: the page's
+// own words for the view after every step, and all that the console complained of.
+import { createRequire } from "node:module";
+import { join, resolve } from "node:path";
+import { text } from "node:stream/consumers";
+import { pathToFileURL } from "node:url";
+
+const [judges, executablePath] = process.argv.slice(2);
+const { chromium } = createRequire(join(resolve(judges), "judge.js"))("playwright-core");
+const args = [
+  "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
+  "--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars", "--force-color-profile=srgb",
+];
+const browser = await chromium.launch({ executablePath, args });
+for (const wanted of JSON.parse(await text(process.stdin))) console.log(JSON.stringify(await visit(wanted)));
+await browser.close();
+
+async function visit({ page: file, fragment = "", size, touch = false, steps = [] }) {
+  const [width, height] = size;
+  const context = await browser.newContext({ viewport: { width, height }, hasTouch: touch });
+  const page = await context.newPage();
+  const errors = [];
+  page.on("console", (m) => ["error", "warning"].includes(m.type()) && errors.push(m.text()));
+  page.on("pageerror", (e) => errors.push(String(e)));
+  page.on("request", (r) => r.url().startsWith("http") && errors.push(`asks the network for ${r.url()}`));
+  const start = performance.now();
+  await page.goto(pathToFileURL(resolve(file)).href + fragment);
+  const rest = () =>
+    page.waitForFunction(() => ["ready", "failed"].includes(document.documentElement.dataset.state), null, { timeout: 120_000 });
+  await rest();
+  const ms = Math.round(performance.now() - start);
+  const views = [await page.evaluate(() => window.trisplat.view?.())];
+  const client = await context.newCDPSession(page);
+  for (const step of steps) {
+    await act(page, client, step);
+    // Two frames: what was done has been heard, and the picture has begun again.
+    await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
+    await rest();
+    views.push(await page.evaluate(() => window.trisplat.view?.()));
+  }
+  const state = await page.evaluate(() => ({
+    state: document.documentElement.dataset.state,
+    says: document.getElementById("what").textContent,
+    loading: !document.getElementById("loading").hidden,
+    help: !document.getElementById("help").hidden,
+    flying: document.getElementById("fly").getAttribute("aria-pressed") === "true",
+    hash: location.hash,
+  }));
+  await context.close();
+  return { views, errors, ms, ...state };
+}
+
+async function act(page, client, step) {
+  const { show, shot, drag, pinch, double, press, click, wheel, ms } = step;
+  const touch = (type, points) =>
+    client.send("Input.dispatchTouchEvent", { type, touchPoints: points.map(([x, y], id) => ({ x, y, id })) });
+  if (show !== undefined) await page.evaluate((f) => window.trisplat.show(f), show);
+  if (drag) {
+    const [x, y, dx, dy] = drag;
+    await page.mouse.move(x, y);
+    await page.mouse.down();
+    await page.mouse.move(x + dx, y + dy, { steps: 5 });
+    await page.mouse.up();
+  }
+  if (pinch) {
+    const [x, y, from, to] = pinch;
+    const fingers = (apart) => [[x - apart / 2, y], [x + apart / 2, y]];
+    await touch("touchStart", fingers(from));
+    for (let i = 1; i <= 5; i++) await touch("touchMove", fingers(from + ((to - from) * i) / 5));
+    await touch("touchEnd", []);
+  }
+  if (double) await page.mouse.dblclick(...double);
+  if (press) {
+    await page.keyboard.down(press);
+    await page.waitForTimeout(ms ?? 0);
+    await page.keyboard.up(press);
+  }
+  if (click) await page.click(`#${click}`);
+  if (wheel) await page.mouse.wheel(0, wheel);
+  if (shot) await page.screenshot({ path: shot });
+}
