@@ -39,6 +39,8 @@ pub mod cli;
 pub mod dataset;
 pub mod error;
 pub mod formats;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod image;
 pub mod kernel;
 pub mod math;

@@ -1,4 +1,15 @@
-//! Looking at scenes: cameras that go around them, pictures of what is not colour.
+//! Looking at scenes: cameras that go around them, pictures of what is not colour, and drawing on a
+//! graphics card as an engine does.
 
+#[cfg(feature = "gpu")]
+pub mod cull;
+#[cfg(feature = "gpu")]
+pub mod headless;
+#[cfg(feature = "gpu")]
+pub mod layout;
+#[cfg(feature = "gpu")]
+pub mod model;
 pub mod orbit;
+#[cfg(feature = "gpu")]
+pub mod renderer;
 pub mod show;

@@ -1,0 +1,112 @@
+//! Which graphics card draws.
+
+use crate::error::{Error, Result};
+use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor, InstanceFlags, Surface};
+
+/// Which graphics card draws, and through which interface.
+#[derive(Debug, Clone, Default, PartialEq, Eq, clap::Args)]
+pub struct AdapterOptions {
+    /// Interface to the graphics card [default: the best there is]
+    #[arg(long, value_enum, value_name = "NAME")]
+    pub backend: Option<Backend>,
+    /// Use the graphics card whose name holds TEXT, in any case of letters [default: the fastest kind]
+    #[arg(long, value_name = "TEXT")]
+    pub adapter: Option<String>,
+}
+
+/// An interface to graphics cards.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Backend {
+    /// Vulkan: Linux, Windows, Android.
+    Vulkan,
+    /// Metal: macOS, iOS.
+    Metal,
+    /// Direct3D 12: Windows.
+    Dx12,
+    /// OpenGL (ES), where nothing better is.
+    Gl,
+}
+
+impl Backend {
+    fn flag(self) -> Backends {
+        match self {
+            Backend::Vulkan => Backends::VULKAN,
+            Backend::Metal => Backends::METAL,
+            Backend::Dx12 => Backends::DX12,
+            Backend::Gl => Backends::GL,
+        }
+    }
+}
+
+/// Ours among the backends, the preferred first.
+const PREFERRED: [wgpu::Backend; 4] =
+    [wgpu::Backend::Vulkan, wgpu::Backend::Metal, wgpu::Backend::Dx12, wgpu::Backend::Gl];
+
+impl AdapterOptions {
+    /// The entry to the drivers. `display` is where windows will be shown; `None` needs no display.
+    pub fn instance(&self, display: Option<Box<dyn wgpu::wgt::WgpuHasDisplayHandle>>) -> Instance {
+        let mut descriptor = InstanceDescriptor::new_without_display_handle();
+        descriptor.display = display;
+        // Every indirect draw would be checked by a compute pass of its own; ours are right.
+        descriptor.flags.remove(InstanceFlags::VALIDATION_INDIRECT_CALL);
+        let mut descriptor = descriptor.with_env();
+        if let Some(backend) = self.backend {
+            descriptor.backends = backend.flag();
+        }
+        Instance::new(descriptor)
+    }
+
+    /// The best adapter that was asked for; one that can show pictures on `surface` when it is given.
+    ///
+    /// Errors: there is none; the message names those there are.
+    pub fn choose(&self, instance: &Instance, surface: Option<&Surface<'_>>) -> Result<Adapter> {
+        let mut found = pollster::block_on(instance.enumerate_adapters(Backends::all()));
+        found.sort_by_key(rank);
+        let names: Vec<String> = found.iter().map(describe).collect();
+        let wanted = self.adapter.as_deref().unwrap_or_default().to_lowercase();
+        let mut named: Vec<Adapter> =
+            found.into_iter().filter(|a| a.get_info().name.to_lowercase().contains(&wanted)).collect();
+        if named.is_empty() {
+            return Err(match names.as_slice() {
+                [] => Error::Gpu(nothing_found(self.backend)),
+                names => {
+                    Error::invalid("--adapter", &wanted, format!("part of one of: {}", names.join(", ")))
+                }
+            });
+        }
+        if let Some(surface) = surface {
+            named.retain(|a| a.is_surface_supported(surface));
+        }
+        named.into_iter().next().ok_or_else(|| {
+            Error::Gpu(format!("none of {} can show pictures in a window here", names.join(", ")))
+        })
+    }
+}
+
+fn nothing_found(backend: Option<Backend>) -> String {
+    let asked = match backend {
+        Some(backend) => format!("no graphics card answers through {backend:?}; try another --backend, or"),
+        None => "no graphics card answers;".to_owned(),
+    };
+    format!("{asked} install its driver, or Mesa's software Vulkan (Debian: mesa-vulkan-drivers)")
+}
+
+/// Real cards before software, the preferred interface first.
+fn rank(adapter: &Adapter) -> (u8, usize) {
+    let info = adapter.get_info();
+    let kind = match info.device_type {
+        DeviceType::DiscreteGpu => 0,
+        DeviceType::IntegratedGpu => 1,
+        DeviceType::VirtualGpu => 2,
+        DeviceType::Other => 3,
+        DeviceType::Cpu => 4,
+    };
+    let backend = PREFERRED.iter().position(|&b| b == info.backend);
+    (kind, backend.unwrap_or(PREFERRED.len()))
+}
+
+/// "llvmpipe (LLVM 15.0.6, 256 bits) (vulkan)".
+fn describe(adapter: &Adapter) -> String {
+    let info = adapter.get_info();
+    format!("{} ({})", info.name, info.backend)
+}

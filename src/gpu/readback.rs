@@ -1,0 +1,43 @@
+//! Textures and buffers back into memory.
+
+use super::device::Gpu;
+use crate::error::{Error, Result};
+use wgpu::{Buffer, BufferDescriptor, BufferUsages, Extent3d, MapMode, TexelCopyBufferInfo};
+use wgpu::{TexelCopyBufferLayout, Texture};
+
+/// The texels of a texture of four bytes a texel, rows from the top. `[H * W]`
+pub fn texels(gpu: &Gpu, texture: &Texture) -> Result<Vec<[u8; 4]>> {
+    let Extent3d { width, height, .. } = texture.size();
+    let pitch = (4 * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+    let size = u64::from(pitch) * u64::from(height);
+    let buffer = gpu.device.create_buffer(&BufferDescriptor {
+        label: Some("readback"),
+        size,
+        usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
+        mapped_at_creation: false,
+    });
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    let layout = TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(pitch), rows_per_image: None };
+    let to = TexelCopyBufferInfo { buffer: &buffer, layout };
+    encoder.copy_texture_to_buffer(texture.as_image_copy(), to, texture.size());
+    gpu.queue.submit([encoder.finish()]);
+    let bytes = bytes(gpu, &buffer)?;
+    let row = |y: usize| &bytes[y * pitch as usize..][..4 * width as usize];
+    Ok((0..height as usize)
+        .flat_map(|y| bytemuck::cast_slice::<u8, [u8; 4]>(row(y)).iter().copied())
+        .collect())
+}
+
+/// What is in a mappable buffer when all work is done.
+fn bytes(gpu: &Gpu, buffer: &Buffer) -> Result<Vec<u8>> {
+    let (tell, told) = std::sync::mpsc::channel();
+    buffer.slice(..).map_async(MapMode::Read, move |result| {
+        // Nobody listens any more when the wait below failed.
+        let _ = tell.send(result);
+    });
+    gpu.wait(None)?;
+    let lost = |e: &dyn std::fmt::Display| Error::Gpu(format!("{}: cannot read back: {e}", gpu.info.name));
+    told.recv().map_err(|e| lost(&e))?.map_err(|e| lost(&e))?;
+    let view = buffer.slice(..).get_mapped_range().map_err(|e| lost(&e))?;
+    Ok(view.to_vec())
+}

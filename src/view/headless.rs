@@ -1,0 +1,210 @@
+//! Pictures without a window or a display.
+
+use super::layout::Layout;
+use super::model::{ChunkOrder, Model};
+use super::renderer::{Drawn, Look, Renderer, Shot, Target, texture};
+use crate::asset::Asset;
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+use crate::gpu::{AdapterOptions, Gpu, readback};
+use crate::image::Pixels;
+use glam::UVec2;
+use wgpu::*;
+
+/// The format of pictures: four bytes a pixel, encoded by the card.
+pub const FORMAT: TextureFormat = TextureFormat::Rgba8UnormSrgb;
+
+/// How a picture is sampled and what is behind it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HeadlessOptions {
+    /// sRGB-encoded colour where nothing is.
+    pub background: [f32; 3],
+    /// Samples per axis of a pixel, averaged in linear light: 1 = none, 4 = 16 a pixel.
+    pub samples: u32,
+    /// The card's own multisampling: 1 or 4 samples of the edges.
+    pub msaa: u32,
+    /// Depth in front of which nothing is drawn, world units.
+    pub near: f32,
+    /// What the triangles show.
+    pub look: Look,
+}
+
+impl Default for HeadlessOptions {
+    fn default() -> Self {
+        Self { background: [0.0; 3], samples: 1, msaa: 1, near: 0.01, look: Look::Color }
+    }
+}
+
+/// Draws to memory.
+#[derive(Debug)]
+pub struct Headless {
+    /// The card.
+    pub gpu: Gpu,
+    renderer: Renderer,
+}
+
+impl Headless {
+    /// Opens a card; needs no display. Errors: there is none as asked for.
+    pub fn new(options: &AdapterOptions) -> Result<Self> {
+        let gpu = Gpu::headless(options)?;
+        let renderer = Renderer::new(&gpu)?;
+        Ok(Self { gpu, renderer })
+    }
+
+    /// Puts an asset into the card's memory; `None` chooses the layout.
+    pub fn upload(&self, asset: &Asset, layout: Option<Layout>) -> Result<Model> {
+        self.renderer.upload(&self.gpu, asset, layout)
+    }
+
+    /// What `camera` sees of `model`.
+    ///
+    /// Errors: a picture larger than the card draws, no memory, the card is lost.
+    pub fn render(
+        &mut self,
+        model: &Model,
+        camera: &Camera,
+        options: &HeadlessOptions,
+    ) -> Result<(Pixels, Drawn)> {
+        camera.validate()?;
+        if !(1..=16).contains(&options.samples) {
+            return Err(Error::invalid("samples", options.samples, "1 to 16 per axis"));
+        }
+        if ![1, 4].contains(&options.msaa) {
+            return Err(Error::invalid("msaa", options.msaa, "1 or 4"));
+        }
+        let fine = camera.resized(camera.size * options.samples);
+        let canvas = Canvas::new(&self.gpu, fine.size, options.msaa)?;
+        let shot = Shot {
+            camera: fine,
+            near: options.near,
+            background: options.background,
+            look: options.look,
+            wire: false,
+            subset: None,
+            order: ChunkOrder::File,
+        };
+        let mut encoder = self.gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
+        let drawn = canvas.draw(&self.gpu, &mut self.renderer, &mut encoder, model, &shot, None)?;
+        let picture = if options.samples > 1 {
+            averaged(&self.gpu, &mut encoder, &canvas, camera.size, options.samples)
+        } else {
+            canvas.picture
+        };
+        self.gpu.queue.submit([encoder.finish()]);
+        Ok((pixels(&self.gpu, &picture)?, drawn))
+    }
+
+    /// Records one frame into `canvas`.
+    pub fn draw(
+        &mut self,
+        encoder: &mut CommandEncoder,
+        canvas: &Canvas,
+        model: &Model,
+        shot: &Shot<'_>,
+        times: Option<RenderPassTimestampWrites<'_>>,
+    ) -> Result<Drawn> {
+        canvas.draw(&self.gpu, &mut self.renderer, encoder, model, shot, times)
+    }
+}
+
+/// A picture in the card's memory and what is needed to draw it.
+#[derive(Debug)]
+pub struct Canvas {
+    picture: Texture,
+    view: TextureView,
+    target: Target,
+}
+
+impl Canvas {
+    /// Of `size` pixels, with `msaa` samples each.
+    pub fn new(gpu: &Gpu, size: UVec2, msaa: u32) -> Result<Self> {
+        let target = Target::new(gpu, size, FORMAT, msaa)?;
+        let usage =
+            TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC | TextureUsages::TEXTURE_BINDING;
+        let picture = texture(gpu, "picture", size, FORMAT, 1, usage);
+        gpu.check()?;
+        let view = picture.create_view(&TextureViewDescriptor::default());
+        Ok(Self { picture, view, target })
+    }
+
+    fn draw(
+        &self,
+        gpu: &Gpu,
+        renderer: &mut Renderer,
+        encoder: &mut CommandEncoder,
+        model: &Model,
+        shot: &Shot<'_>,
+        times: Option<RenderPassTimestampWrites<'_>>,
+    ) -> Result<Drawn> {
+        renderer.draw(gpu, encoder, &self.view, &self.target, model, shot, times)
+    }
+
+    /// The picture as it was last drawn.
+    pub fn pixels(&self, gpu: &Gpu) -> Result<Pixels> {
+        pixels(gpu, &self.picture)
+    }
+}
+
+fn pixels(gpu: &Gpu, picture: &Texture) -> Result<Pixels> {
+    let Extent3d { width, height, .. } = picture.size();
+    let rgb = readback::texels(gpu, picture)?.into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
+    Ok(Pixels { size: UVec2::new(width, height), rgb, alpha: None })
+}
+
+/// Records the averaging of `samples` x `samples` texels a pixel.
+fn averaged(gpu: &Gpu, encoder: &mut CommandEncoder, canvas: &Canvas, size: UVec2, samples: u32) -> Texture {
+    let pipeline = average_pipeline(gpu, samples);
+    let usage = TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC;
+    let picture = texture(gpu, "averaged", size, FORMAT, 1, usage);
+    let view = picture.create_view(&TextureViewDescriptor::default());
+    let group = gpu.device.create_bind_group(&BindGroupDescriptor {
+        label: Some("samples"),
+        layout: &pipeline.get_bind_group_layout(0),
+        entries: &[BindGroupEntry { binding: 0, resource: BindingResource::TextureView(&canvas.view) }],
+    });
+    let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
+        label: Some("average"),
+        color_attachments: &[Some(RenderPassColorAttachment {
+            view: &view,
+            depth_slice: None,
+            resolve_target: None,
+            ops: Operations { load: LoadOp::Clear(Color::BLACK), store: StoreOp::Store },
+        })],
+        ..RenderPassDescriptor::default()
+    });
+    pass.set_pipeline(&pipeline);
+    pass.set_bind_group(0, &group, &[]);
+    pass.draw(0..3, 0..1);
+    drop(pass);
+    picture
+}
+
+fn average_pipeline(gpu: &Gpu, samples: u32) -> RenderPipeline {
+    let source = ShaderSource::Wgsl(include_str!("pass_average.wgsl").into());
+    let shader =
+        gpu.device.create_shader_module(ShaderModuleDescriptor { label: Some("pass_average"), source });
+    let constants = [("PER_AXIS", f64::from(samples))];
+    let compilation_options =
+        PipelineCompilationOptions { constants: &constants, ..PipelineCompilationOptions::default() };
+    gpu.device.create_render_pipeline(&RenderPipelineDescriptor {
+        label: Some("average"),
+        layout: None,
+        vertex: VertexState {
+            module: &shader,
+            entry_point: Some("whole_screen"),
+            compilation_options: compilation_options.clone(),
+            buffers: &[],
+        },
+        primitive: PrimitiveState::default(),
+        depth_stencil: None,
+        multisample: MultisampleState::default(),
+        fragment: Some(FragmentState {
+            module: &shader,
+            entry_point: Some("average"),
+            compilation_options,
+            targets: &[Some(FORMAT.into())],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}

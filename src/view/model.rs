@@ -1,0 +1,224 @@
+//! An asset in the card's memory.
+
+use super::cull::{Frustum, distance};
+use super::layout::{self, Bounds, Corner, Grid, Layout};
+use crate::asset::{Asset, Chunk};
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+use crate::gpu::{Gpu, buffer};
+use crate::mesh::{Colors, Mesh};
+use crate::rng::Rng;
+use glam::Vec3;
+use std::ops::Range;
+use wgpu::{BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, Buffer, BufferUsages};
+use wgpu::{IndexFormat, RenderPass};
+
+/// An asset in the card's memory.
+#[derive(Debug)]
+pub struct Model {
+    /// How its corners are stored.
+    pub layout: Layout,
+    /// Bytes it takes there.
+    pub bytes: u64,
+    /// Runs of faces that are drawn or skipped as a whole, and their boxes.
+    pub chunks: Vec<(Chunk, Bounds)>,
+    vertices: Buffer,
+    indices: Option<Buffer>,
+    /// Face colours and grids.
+    faces: Option<BindGroup>,
+}
+
+/// Some of a model's faces.
+#[derive(Debug)]
+pub struct Subset {
+    /// Three vertices a face.
+    indices: Buffer,
+    /// The part of the indices that each chunk owns, counted in faces. `[chunks]`
+    ranges: Vec<Range<u32>>,
+}
+
+/// In which order the chunks that are seen are drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub enum ChunkOrder {
+    /// As in the file; neighbours become one draw.
+    #[default]
+    File,
+    /// The nearest first, so that it hides what lies behind before that is shaded.
+    Near,
+}
+
+/// One draw: a run of faces, and the chunk it is (the first of) in.
+pub type Draw = (Range<u32>, u32);
+
+impl Model {
+    /// Uploads the faces of `asset`. `groups` is the layout of the bind group of face colours and grids.
+    ///
+    /// Errors: the layout does not fit the mesh, or the card has no room.
+    pub fn upload(gpu: &Gpu, groups: &BindGroupLayout, asset: &Asset, layout: Layout) -> Result<Self> {
+        let mesh = &asset.mesh;
+        mesh.validate_shape()?;
+        if !layout.fits(mesh) {
+            let wants = "corner for a mesh with indices or colours a vertex";
+            return Err(Error::invalid("--layout", format!("{layout:?}"), wants));
+        }
+        let chunks = layout::bounds(asset);
+        let indexed = !mesh.indices.is_empty();
+        let vertices = match layout {
+            Layout::Corner => corners(gpu, mesh)?,
+            Layout::Face => {
+                let at = |v: usize| mesh.positions[v].to_array();
+                buffer::filled(gpu, "corners", BufferUsages::VERTEX, mesh.vertex_count(), at)?
+            }
+            Layout::Grid => grid_corners(gpu, mesh, &chunks)?,
+        };
+        let usage = BufferUsages::INDEX;
+        let index = |i: usize| mesh.indices[i];
+        let indices =
+            indexed.then(|| buffer::filled(gpu, "indices", usage, mesh.indices.len(), index)).transpose()?;
+        let mut bytes = vertices.size() + indices.as_ref().map_or(0, Buffer::size);
+        let faces = match &mesh.colors {
+            Colors::Face(colors) if layout != Layout::Corner => {
+                let (group, size) = face_group(gpu, groups, colors, &chunks)?;
+                bytes += size;
+                Some(group)
+            }
+            _ => None,
+        };
+        Ok(Self { layout, bytes, chunks, vertices, indices, faces })
+    }
+
+    /// Number of triangles.
+    pub fn triangles(&self) -> u64 {
+        self.chunks.iter().map(|(chunk, _)| u64::from(chunk.count)).sum()
+    }
+
+    /// The box around everything.
+    pub fn bounds(&self) -> Bounds {
+        self.chunks.iter().fold(Bounds::EMPTY, |all, (_, bounds)| all.union(*bounds))
+    }
+
+    /// A subset of about `share` of the faces, the same ones for the same seed.
+    pub fn subset(&self, gpu: &Gpu, mesh: &Mesh, share: f64, seed: u64) -> Result<Subset> {
+        let rng = Rng::new(seed, "random subset", 0);
+        let (mut faces, mut ranges) = (Vec::new(), Vec::with_capacity(self.chunks.len()));
+        for (chunk, _) in &self.chunks {
+            let first = faces.len() as u32;
+            let all = chunk.first..chunk.first + chunk.count;
+            faces.extend(all.filter(|&face| rng.uniform_f64(face.into()) < share));
+            ranges.push(first..faces.len() as u32);
+        }
+        let index = |i: usize| mesh.face(faces[i / 3] as usize)[i % 3];
+        let indices = buffer::filled(gpu, "subset", BufferUsages::INDEX, 3 * faces.len(), index)?;
+        Ok(Subset { indices, ranges })
+    }
+
+    /// The draws for what `camera` sees. `whole` keeps every chunk a draw of its own.
+    pub fn draws(&self, camera: &Camera, near: f32, order: ChunkOrder, whole: bool) -> Vec<Draw> {
+        let frustum = Frustum::new(camera, near);
+        let seen = |(_, (chunk, bounds)): &(usize, &(Chunk, Bounds))| chunk.count > 0 && frustum.sees(bounds);
+        let mut visible: Vec<usize> = self.chunks.iter().enumerate().filter(seen).map(|(i, _)| i).collect();
+        if order == ChunkOrder::Near {
+            visible.sort_by_cached_key(|&i| distance(camera, &self.chunks[i].1).to_bits());
+        }
+        let mut draws: Vec<Draw> = Vec::with_capacity(visible.len());
+        for i in visible {
+            let chunk = self.chunks[i].0;
+            let faces = chunk.first..chunk.first + chunk.count;
+            match draws.last_mut() {
+                Some((run, _)) if run.end == faces.start && !whole && self.layout != Layout::Grid => {
+                    run.end = faces.end;
+                }
+                _ => draws.push((faces, i as u32)),
+            }
+        }
+        draws
+    }
+
+    /// Draws with a pipeline of this model's layout; returns the number of triangles.
+    pub fn draw(&self, pass: &mut RenderPass<'_>, draws: &[Draw]) -> u64 {
+        self.bind(pass);
+        for (faces, chunk) in draws {
+            let corners = 3 * faces.start..3 * faces.end;
+            match &self.indices {
+                Some(_) => pass.draw_indexed(corners, 0, *chunk..chunk + 1),
+                None => pass.draw(corners, *chunk..chunk + 1),
+            }
+        }
+        draws.iter().map(|(faces, _)| u64::from(faces.end - faces.start)).sum()
+    }
+
+    /// Draws the faces of `subset` in the chunks that `draws` name one by one.
+    pub fn draw_subset(&self, pass: &mut RenderPass<'_>, draws: &[Draw], subset: &Subset) -> u64 {
+        self.bind(pass);
+        pass.set_index_buffer(subset.indices.slice(..), IndexFormat::Uint32);
+        let mut triangles = 0;
+        for (_, chunk) in draws {
+            let Some(faces) = subset.ranges.get(*chunk as usize) else { continue };
+            pass.draw_indexed(3 * faces.start..3 * faces.end, 0, *chunk..chunk + 1);
+            triangles += u64::from(faces.end - faces.start);
+        }
+        triangles
+    }
+
+    fn bind(&self, pass: &mut RenderPass<'_>) {
+        pass.set_vertex_buffer(0, self.vertices.slice(..));
+        if let Some(indices) = &self.indices {
+            pass.set_index_buffer(indices.slice(..), IndexFormat::Uint32);
+        }
+        if let Some(faces) = &self.faces {
+            pass.set_bind_group(1, faces, &[]);
+        }
+    }
+}
+
+/// Position and colour of every vertex, or of every corner where colours are a face's.
+fn corners(gpu: &Gpu, mesh: &Mesh) -> Result<Buffer> {
+    let corner =
+        |position: Vec3, linear| Corner { position: position.to_array(), color: layout::pack_color(linear) };
+    let usage = BufferUsages::VERTEX;
+    match &mesh.colors {
+        Colors::Vertex(colors) => buffer::filled(gpu, "corners", usage, mesh.vertex_count(), |v| {
+            corner(mesh.positions[v], colors[v])
+        }),
+        Colors::Face(colors) if mesh.indices.is_empty() => {
+            buffer::filled(gpu, "corners", usage, mesh.vertex_count(), |v| {
+                corner(mesh.positions[v], colors[v / 3])
+            })
+        }
+        Colors::Face(_) => {
+            let wants = "colours a vertex where there are indices (bake it first)";
+            Err(Error::invalid("mesh colors", "a face", wants))
+        }
+    }
+}
+
+/// Every corner on the grid of its chunk.
+fn grid_corners(gpu: &Gpu, mesh: &Mesh, chunks: &[(Chunk, Bounds)]) -> Result<Buffer> {
+    let grids: Vec<Grid> = chunks.iter().map(|(_, bounds)| layout::grid(bounds)).collect();
+    let at = |v: usize| {
+        let chunk = chunks.partition_point(|(chunk, _)| 3 * chunk.first as usize <= v) - 1;
+        layout::pack_position(&grids[chunk], mesh.positions[v])
+    };
+    buffer::filled(gpu, "corners", BufferUsages::VERTEX, mesh.vertex_count(), at)
+}
+
+/// The bind group of face colours and grids, and its bytes.
+fn face_group(
+    gpu: &Gpu,
+    groups: &BindGroupLayout,
+    colors: &[[f32; 3]],
+    chunks: &[(Chunk, Bounds)],
+) -> Result<(BindGroup, u64)> {
+    let usage = BufferUsages::STORAGE;
+    let colors = buffer::filled(gpu, "face colours", usage, colors.len(), |f| layout::pack_color(colors[f]))?;
+    let grids = buffer::filled(gpu, "grids", usage, chunks.len(), |c| layout::grid(&chunks[c].1))?;
+    let group = gpu.device.create_bind_group(&BindGroupDescriptor {
+        label: Some("faces"),
+        layout: groups,
+        entries: &[
+            BindGroupEntry { binding: 0, resource: colors.as_entire_binding() },
+            BindGroupEntry { binding: 1, resource: grids.as_entire_binding() },
+        ],
+    });
+    Ok((group, colors.size() + grids.size()))
+}

@@ -1,0 +1,136 @@
+// Draws triangles as an engine does: opaque, double-sided, perspective-correct colours in linear light.
+//
+// One vertex stage a layout of corners (view/layout.rs). `_color` writes nothing but what colour needs;
+// `_look` also what the other looks need.
+
+struct Frame {
+    clip: mat4x4<f32>, // world to clip space: x right, y up, w = depth, z = near
+    view: mat4x4<f32>, // world to camera: x right, y down, z forward
+}
+struct Grid {
+    origin: vec3<f32>,
+    step: f32,
+}
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(1) @binding(0) var<storage, read> face_colors: array<u32>;
+@group(1) @binding(1) var<storage, read> grids: array<Grid>;
+
+override LOOK: u32 = 0u;
+const NORMALS: u32 = 1u;
+const CHUNKS: u32 = 2u;
+// 1 where the target does not encode by itself.
+override ENCODE: u32 = 0u;
+
+struct Smooth {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) color: vec3<f32>,
+}
+struct Flat {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) @interpolate(flat) color: vec3<f32>,
+}
+struct Looked {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) color: vec3<f32>,
+    @location(1) view: vec3<f32>,
+}
+
+// Linear light of 10 bits a channel, stored as its square root.
+fn unpack_color(bits: u32) -> vec3<f32> {
+    let root = vec3<f32>(vec3<u32>(bits, bits >> 10u, bits >> 20u) & vec3<u32>(1023u)) / 1023.0;
+    return root * root;
+}
+
+// 21 bits an axis on the grid of the chunk.
+fn unpack_position(bits: vec2<u32>, chunk: u32) -> vec3<f32> {
+    let x = bits.x & 0x1fffffu;
+    let y = (bits.x >> 21u) | ((bits.y & 0x3ffu) << 11u);
+    let z = bits.y >> 10u;
+    let grid = grids[chunk];
+    return grid.origin + grid.step * vec3<f32>(vec3<u32>(x, y, z));
+}
+
+fn looked(position: vec3<f32>, color: vec3<f32>, chunk: u32) -> Looked {
+    let at = vec4<f32>(position, 1.0);
+    var shown = color;
+    if LOOK == CHUNKS {
+        let brightness = dot(color, vec3<f32>(0.2126, 0.7152, 0.0722));
+        shown = hue(chunk) * (0.25 + 0.75 * brightness);
+    }
+    return Looked(frame.clip * at, shown, (frame.view * at).xyz);
+}
+
+// Chunk colours far from their neighbours': hues a golden angle apart.
+fn hue(chunk: u32) -> vec3<f32> {
+    let turn = fract(f32(chunk) * 0.61803399) * 6.0;
+    return clamp(abs((vec3<f32>(turn) + vec3<f32>(0.0, 4.0, 2.0)) % vec3<f32>(6.0) - 3.0) - 1.0, vec3<f32>(0.05), vec3<f32>(1.0));
+}
+
+@vertex
+fn corner_color(@location(0) position: vec3<f32>, @location(1) root: vec4<f32>) -> Smooth {
+    return Smooth(frame.clip * vec4<f32>(position, 1.0), root.rgb * root.rgb);
+}
+
+@vertex
+fn corner_look(@location(0) position: vec3<f32>, @location(1) root: vec4<f32>, @builtin(instance_index) chunk: u32) -> Looked {
+    return looked(position, root.rgb * root.rgb, chunk);
+}
+
+@vertex
+fn face_color(@location(0) position: vec3<f32>, @builtin(vertex_index) vertex: u32) -> Flat {
+    return Flat(frame.clip * vec4<f32>(position, 1.0), unpack_color(face_colors[vertex / 3u]));
+}
+
+@vertex
+fn face_look(@location(0) position: vec3<f32>, @builtin(vertex_index) vertex: u32, @builtin(instance_index) chunk: u32) -> Looked {
+    return looked(position, unpack_color(face_colors[vertex / 3u]), chunk);
+}
+
+@vertex
+fn grid_color(@location(0) bits: vec2<u32>, @builtin(vertex_index) vertex: u32, @builtin(instance_index) chunk: u32) -> Flat {
+    let position = unpack_position(bits, chunk);
+    return Flat(frame.clip * vec4<f32>(position, 1.0), unpack_color(face_colors[vertex / 3u]));
+}
+
+@vertex
+fn grid_look(@location(0) bits: vec2<u32>, @builtin(vertex_index) vertex: u32, @builtin(instance_index) chunk: u32) -> Looked {
+    return looked(unpack_position(bits, chunk), unpack_color(face_colors[vertex / 3u]), chunk);
+}
+
+fn srgb_from_linear(linear: vec3<f32>) -> vec3<f32> {
+    let c = clamp(linear, vec3<f32>(0.0), vec3<f32>(1.0));
+    return select(1.055 * pow(c, vec3<f32>(1.0 / 2.4)) - 0.055, 12.92 * c, c <= vec3<f32>(0.0031308));
+}
+
+fn linear_from_srgb(c: vec3<f32>) -> vec3<f32> {
+    return select(pow((c + 0.055) / 1.055, vec3<f32>(2.4)), c / 12.92, c <= vec3<f32>(0.04045));
+}
+
+fn written(linear: vec3<f32>) -> vec4<f32> {
+    if ENCODE == 1u {
+        return vec4<f32>(srgb_from_linear(linear), 1.0);
+    }
+    return vec4<f32>(linear, 1.0);
+}
+
+@fragment
+fn smooth_light(seen: Smooth) -> @location(0) vec4<f32> {
+    return written(seen.color);
+}
+
+@fragment
+fn flat_light(seen: Flat) -> @location(0) vec4<f32> {
+    return written(seen.color);
+}
+
+@fragment
+fn look_light(seen: Looked) -> @location(0) vec4<f32> {
+    if LOOK == NORMALS {
+        // Towards the viewer; red to the right, green up, blue to the viewer, as `render --show normal`.
+        let across = cross(dpdx(seen.view), dpdy(seen.view));
+        let normal = across * select(1.0, -1.0, dot(across, seen.view) > 0.0) / max(length(across), 1e-30);
+        return written(linear_from_srgb(0.5 + 0.5 * normal * vec3<f32>(1.0, -1.0, -1.0)));
+    }
+    return written(seen.color);
+}

@@ -1,0 +1,354 @@
+//! Draws a model as an engine does, with the meaning of the solid rasteriser on the CPU: opaque triangles,
+//! z-buffer, both sides, clipped at the near plane, colours interpolated perspective-correctly in linear
+//! light and sRGB-encoded when written.
+
+use super::layout::{Corner, Layout};
+use super::model::{ChunkOrder, Model, Subset};
+use crate::asset::Asset;
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+use crate::math::color::linear_from_srgb;
+use bytemuck::{Pod, Zeroable};
+use glam::{DMat4, DVec4, Mat4};
+use std::collections::HashMap;
+use wgpu::*;
+
+/// What is drawn, and how.
+#[derive(Debug, Clone, Copy)]
+pub struct Shot<'a> {
+    /// Where from, at the size of the target.
+    pub camera: Camera,
+    /// Depth in front of which nothing is drawn, world units.
+    pub near: f32,
+    /// sRGB-encoded colour where nothing is.
+    pub background: [f32; 3],
+    /// What the triangles show.
+    pub look: Look,
+    /// Edges only.
+    pub wire: bool,
+    /// Some of the faces only.
+    pub subset: Option<&'a Subset>,
+    /// The order of chunks.
+    pub order: ChunkOrder,
+}
+
+/// What triangles show.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Look {
+    /// Their colour.
+    #[default]
+    Color,
+    /// Their side: red to the right, green up, blue to the viewer.
+    Normals,
+    /// Which chunk they are in.
+    Chunks,
+}
+
+/// What a frame took.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Drawn {
+    /// Triangles in the chunks that were drawn.
+    pub triangles: u64,
+    /// Draw calls.
+    pub draws: u32,
+}
+
+/// Depth and samples to draw to; the picture is whoever's.
+#[derive(Debug)]
+pub struct Target {
+    /// Width and height, px.
+    pub size: glam::UVec2,
+    format: TextureFormat,
+    samples: u32,
+    depth: TextureView,
+    many: Option<TextureView>,
+}
+
+impl Target {
+    /// For pictures of `size` and `format`, with `samples` (1 or 4) a pixel.
+    ///
+    /// Errors: larger than the card can draw, or more memory than it has.
+    pub fn new(gpu: &Gpu, size: glam::UVec2, format: TextureFormat, samples: u32) -> Result<Self> {
+        let limit = gpu.device.limits().max_texture_dimension_2d;
+        if size.min_element() == 0 || size.max_element() > limit {
+            let wants = format!("1 to {limit} px a side on {}", gpu.info.name);
+            return Err(Error::invalid("picture size", format!("{}x{}", size.x, size.y), wants));
+        }
+        let usage = TextureUsages::RENDER_ATTACHMENT;
+        let depth = texture(gpu, "depth", size, TextureFormat::Depth32Float, samples, usage);
+        let many = (samples > 1).then(|| texture(gpu, "samples", size, format, samples, usage));
+        gpu.check()?;
+        let view = |t: Texture| t.create_view(&TextureViewDescriptor::default());
+        Ok(Self { size, format, samples, depth: view(depth), many: many.map(view) })
+    }
+}
+
+/// A texture to draw to.
+pub fn texture(
+    gpu: &Gpu,
+    label: &str,
+    size: glam::UVec2,
+    format: TextureFormat,
+    samples: u32,
+    usage: TextureUsages,
+) -> Texture {
+    gpu.device.create_texture(&TextureDescriptor {
+        label: Some(label),
+        size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: samples,
+        dimension: TextureDimension::D2,
+        format,
+        usage,
+        view_formats: &[],
+    })
+}
+
+/// The first group of the shader.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct FrameUniform {
+    clip: Mat4,
+    view: Mat4,
+}
+
+/// One way to draw.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Way {
+    layout: Layout,
+    look: Look,
+    wire: bool,
+    format: TextureFormat,
+    samples: u32,
+}
+
+/// Draws models.
+#[derive(Debug)]
+pub struct Renderer {
+    shader: ShaderModule,
+    frame: Buffer,
+    frame_group: BindGroup,
+    frame_layout: BindGroupLayout,
+    face_layout: BindGroupLayout,
+    pipelines: HashMap<Way, RenderPipeline>,
+}
+
+impl Renderer {
+    /// A renderer on `gpu`, with which all calls must be made.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        let source = ShaderSource::Wgsl(include_str!("pass_mesh.wgsl").into());
+        let shader =
+            gpu.device.create_shader_module(ShaderModuleDescriptor { label: Some("pass_mesh"), source });
+        let frame = gpu.device.create_buffer(&BufferDescriptor {
+            label: Some("frame"),
+            size: size_of::<FrameUniform>() as u64,
+            usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let frame_layout = group_layout(gpu, "frame", &[BufferBindingType::Uniform]);
+        let storage = BufferBindingType::Storage { read_only: true };
+        let face_layout = group_layout(gpu, "faces", &[storage, storage]);
+        let frame_group = gpu.device.create_bind_group(&BindGroupDescriptor {
+            label: Some("frame"),
+            layout: &frame_layout,
+            entries: &[BindGroupEntry { binding: 0, resource: frame.as_entire_binding() }],
+        });
+        gpu.check()?;
+        Ok(Self { shader, frame, frame_group, frame_layout, face_layout, pipelines: HashMap::new() })
+    }
+
+    /// The layout that `asset` is best drawn from on this card.
+    pub fn best_layout(gpu: &Gpu, asset: &Asset) -> Layout {
+        let limits = gpu.device.limits();
+        let color_bytes = 4 * asset.mesh.face_count() as u64;
+        let room = limits.max_storage_buffers_per_shader_stage >= 2
+            && color_bytes <= limits.max_storage_buffer_binding_size;
+        if room { Layout::exact(&asset.mesh) } else { Layout::Corner }
+    }
+
+    /// Puts an asset into the card's memory; `None` chooses the layout. Errors: see [`Model::upload`].
+    pub fn upload(&self, gpu: &Gpu, asset: &Asset, layout: Option<Layout>) -> Result<Model> {
+        let layout = layout.unwrap_or_else(|| Self::best_layout(gpu, asset));
+        Model::upload(gpu, &self.face_layout, asset, layout)
+    }
+
+    /// Records the drawing of `model` into `picture`, which is cleared first; `times` are written there.
+    ///
+    /// Errors: a look that the card cannot draw.
+    pub fn draw(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut CommandEncoder,
+        picture: &TextureView,
+        target: &Target,
+        model: &Model,
+        shot: &Shot<'_>,
+        times: Option<RenderPassTimestampWrites<'_>>,
+    ) -> Result<Drawn> {
+        let Target { format, samples, .. } = *target;
+        let way = Way { layout: model.layout, look: shot.look, wire: shot.wire, format, samples };
+        self.prepare(gpu, way)?;
+        let uniform = frame_uniform(&shot.camera, shot.near);
+        gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&uniform));
+        let whole = shot.look == Look::Chunks || shot.subset.is_some();
+        let draws = model.draws(&shot.camera, shot.near, shot.order, whole);
+        let mut pass = begin(encoder, picture, target, shot.background, times);
+        let Some(pipeline) = self.pipelines.get(&way) else { return Ok(Drawn::default()) };
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &self.frame_group, &[]);
+        let triangles = match shot.subset {
+            Some(subset) => model.draw_subset(&mut pass, &draws, subset),
+            None => model.draw(&mut pass, &draws),
+        };
+        Ok(Drawn { triangles, draws: draws.len() as u32 })
+    }
+
+    /// Makes the pipeline of a way of drawing, once.
+    fn prepare(&mut self, gpu: &Gpu, way: Way) -> Result<()> {
+        if self.pipelines.contains_key(&way) {
+            return Ok(());
+        }
+        if way.wire && !gpu.device.features().contains(Features::POLYGON_MODE_LINE) {
+            return Err(Error::Gpu(format!("{} draws no wireframes", gpu.info.name)));
+        }
+        let pipeline = self.pipeline(gpu, way);
+        gpu.check()?;
+        self.pipelines.insert(way, pipeline);
+        Ok(())
+    }
+
+    fn pipeline(&self, gpu: &Gpu, way: Way) -> RenderPipeline {
+        let plain = way.look == Look::Color;
+        let (vertex, light) = match (way.layout, plain) {
+            (Layout::Corner, true) => ("corner_color", "smooth_light"),
+            (Layout::Corner, false) => ("corner_look", "look_light"),
+            (Layout::Face, true) => ("face_color", "flat_light"),
+            (Layout::Face, false) => ("face_look", "look_light"),
+            (Layout::Grid, true) => ("grid_color", "flat_light"),
+            (Layout::Grid, false) => ("grid_look", "look_light"),
+        };
+        let constants =
+            [("LOOK", f64::from(way.look as u8)), ("ENCODE", f64::from(u8::from(!way.format.is_srgb())))];
+        let compilation_options =
+            PipelineCompilationOptions { constants: &constants, ..PipelineCompilationOptions::default() };
+        let groups: &[Option<&BindGroupLayout>] = match way.layout {
+            Layout::Corner => &[Some(&self.frame_layout)],
+            Layout::Face | Layout::Grid => &[Some(&self.frame_layout), Some(&self.face_layout)],
+        };
+        let layout = gpu.device.create_pipeline_layout(&PipelineLayoutDescriptor {
+            label: Some("mesh"),
+            bind_group_layouts: groups,
+            immediate_size: 0,
+        });
+        gpu.device.create_render_pipeline(&RenderPipelineDescriptor {
+            label: Some(vertex),
+            layout: Some(&layout),
+            vertex: VertexState {
+                module: &self.shader,
+                entry_point: Some(vertex),
+                compilation_options: compilation_options.clone(),
+                buffers: &[Some(vertex_buffer(way.layout))],
+            },
+            primitive: PrimitiveState {
+                polygon_mode: if way.wire { PolygonMode::Line } else { PolygonMode::Fill },
+                ..PrimitiveState::default()
+            },
+            depth_stencil: Some(DepthStencilState {
+                format: TextureFormat::Depth32Float,
+                depth_write_enabled: Some(true),
+                // near / depth: the nearer is greater, and of equals the first stays.
+                depth_compare: Some(CompareFunction::Greater),
+                stencil: StencilState::default(),
+                bias: DepthBiasState::default(),
+            }),
+            multisample: MultisampleState { count: way.samples, ..MultisampleState::default() },
+            fragment: Some(FragmentState {
+                module: &self.shader,
+                entry_point: Some(light),
+                compilation_options,
+                targets: &[Some(way.format.into())],
+            }),
+            multiview_mask: None,
+            cache: None,
+        })
+    }
+}
+
+/// A pass that clears picture and depth.
+fn begin<'e>(
+    encoder: &'e mut CommandEncoder,
+    picture: &TextureView,
+    target: &Target,
+    background: [f32; 3],
+    times: Option<RenderPassTimestampWrites<'_>>,
+) -> RenderPass<'e> {
+    let encoded = !target.format.is_srgb();
+    let [r, g, b] = background.map(|c| f64::from(if encoded { c } else { linear_from_srgb(c) }));
+    let (view, resolve_target) = match &target.many {
+        Some(many) => (many, Some(picture)),
+        None => (picture, None),
+    };
+    // The samples are of no use once they are averaged.
+    let store = if target.many.is_some() { StoreOp::Discard } else { StoreOp::Store };
+    encoder.begin_render_pass(&RenderPassDescriptor {
+        label: Some("mesh"),
+        color_attachments: &[Some(RenderPassColorAttachment {
+            view,
+            depth_slice: None,
+            resolve_target,
+            ops: Operations { load: LoadOp::Clear(Color { r, g, b, a: 1.0 }), store },
+        })],
+        depth_stencil_attachment: Some(RenderPassDepthStencilAttachment {
+            view: &target.depth,
+            depth_ops: Some(Operations { load: LoadOp::Clear(0.0), store: StoreOp::Discard }),
+            stencil_ops: None,
+        }),
+        timestamp_writes: times,
+        occlusion_query_set: None,
+        multiview_mask: None,
+    })
+}
+
+/// A group of buffers that the vertex stage reads.
+fn group_layout(gpu: &Gpu, label: &str, kinds: &[BufferBindingType]) -> BindGroupLayout {
+    let entry = |(binding, &ty): (u32, &BufferBindingType)| BindGroupLayoutEntry {
+        binding,
+        visibility: ShaderStages::VERTEX,
+        ty: BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+        count: None,
+    };
+    let entries: Vec<BindGroupLayoutEntry> = (0..).zip(kinds).map(entry).collect();
+    gpu.device.create_bind_group_layout(&BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
+}
+
+fn vertex_buffer(layout: Layout) -> VertexBufferLayout<'static> {
+    const CORNER: [VertexAttribute; 2] = vertex_attr_array![0 => Float32x3, 1 => Unorm10_10_10_2];
+    const FACE: [VertexAttribute; 1] = vertex_attr_array![0 => Float32x3];
+    const GRID: [VertexAttribute; 1] = vertex_attr_array![0 => Uint32x2];
+    let (stride, attributes): (usize, &[VertexAttribute]) = match layout {
+        Layout::Corner => (size_of::<Corner>(), &CORNER),
+        Layout::Face => (size_of::<[f32; 3]>(), &FACE),
+        Layout::Grid => (size_of::<[u32; 2]>(), &GRID),
+    };
+    VertexBufferLayout { array_stride: stride as u64, step_mode: VertexStepMode::Vertex, attributes }
+}
+
+/// World to clip space, multiplied in f64 and rounded once.
+///
+/// ```text
+/// (x, y, z, w) = (2 (fx X + cx Z) / W - Z,  Z - 2 (fy Y + cy Z) / H,  near,  Z)   of the camera's X, Y, Z
+/// ```
+fn frame_uniform(camera: &Camera, near: f32) -> FrameUniform {
+    let row = |r: usize| camera.rotation.row(r).as_dvec3().extend(camera.translation[r].into());
+    let (x, y, z) = (row(0), row(1), row(2));
+    let (f, c, s) = (camera.focal.as_dvec2(), camera.center.as_dvec2(), camera.size.as_dvec2());
+    let clip = DMat4::from_cols(
+        x * (2.0 * f.x / s.x) + z * (2.0 * c.x / s.x - 1.0),
+        y * (-2.0 * f.y / s.y) + z * (1.0 - 2.0 * c.y / s.y),
+        DVec4::W * f64::from(near),
+        z,
+    );
+    let view = DMat4::from_cols(x, y, z, DVec4::W);
+    FrameUniform { clip: clip.transpose().as_mat4(), view: view.transpose().as_mat4() }
+}

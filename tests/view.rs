@@ -1,0 +1,291 @@
+//! The card's pictures against a ray caster in f64. On a machine without any graphics card, software Vulkan
+//! does (Debian: mesa-vulkan-drivers); without that too, tests say so and pass, unless TRISPLAT_REQUIRE_GPU=1.
+
+#![cfg(feature = "gpu")]
+
+use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
+use trisplat::asset::{Asset, Chunk};
+use trisplat::bake::options::{BakeOptions, Preset};
+use trisplat::camera::Camera;
+use trisplat::error::Error;
+use trisplat::gpu::AdapterOptions;
+use trisplat::image::Pixels;
+use trisplat::math::color::{linear_from_srgb, srgb_from_linear};
+use trisplat::mesh::{Colors, Mesh};
+use trisplat::report::Report;
+use trisplat::rng::Rng;
+use trisplat::scene::{Loaded, Scene};
+use trisplat::view::headless::{Headless, HeadlessOptions};
+use trisplat::view::layout::Layout;
+use trisplat::view::renderer::Look;
+
+/// A card, or `None` after saying loudly that there is none.
+fn card() -> Option<Headless> {
+    match Headless::new(&AdapterOptions::default()) {
+        Ok(headless) => Some(headless),
+        Err(why) => {
+            let required = std::env::var("TRISPLAT_REQUIRE_GPU").is_ok_and(|v| v == "1");
+            assert!(!required, "TRISPLAT_REQUIRE_GPU=1, but {why}");
+            eprintln!("SKIPPED (no adapter): {why}");
+            None
+        }
+    }
+}
+
+const SIZE: UVec2 = UVec2::new(160, 120);
+const BACKGROUND: [f32; 3] = [0.2, 0.4, 0.6];
+const NEAR: f32 = 0.05;
+
+fn camera() -> Camera {
+    Camera {
+        rotation: Mat3::from_rotation_y(0.3) * Mat3::from_rotation_x(-0.2),
+        translation: Vec3::new(0.1, -0.2, 2.5),
+        focal: Vec2::new(130.0, 128.0),
+        center: Vec2::new(83.3, 57.1),
+        size: SIZE,
+    }
+}
+
+/// `count` triangles of all sizes about the origin, some through the near plane, a colour each.
+fn triangles(count: usize, seed: u64) -> Mesh {
+    let rng = Rng::new(seed, "view test", 0);
+    let draw = |i: usize| rng.uniform_f64(i as u64) as f32;
+    let vec = |i: usize| Vec3::new(draw(i), draw(i + 1), draw(i + 2)) - 0.5;
+    let mut mesh = Mesh::default();
+    let mut colors = Vec::new();
+    for face in 0..count {
+        let first = 20 * face;
+        // Every tenth is a long sliver, many of them through the near plane.
+        let long = if face % 10 == 0 { 12.0 } else { 1.0 };
+        let scale = 0.05 + 0.6 * draw(first + 12).powi(3);
+        let center = 2.0 * vec(first);
+        mesh.positions
+            .extend([3, 6, 9].map(|k| center + if k == 3 { long } else { 1.0 } * scale * vec(first + k)));
+        colors.push([13, 14, 15].map(|k| linear_from_srgb(draw(first + k))));
+    }
+    mesh.colors = Colors::Face(colors);
+    mesh
+}
+
+/// The same faces with indices, every vertex shared by two of them, coloured by vertex.
+fn indexed(count: usize) -> Mesh {
+    let faces = triangles(count, 7);
+    let (mut indices, vertices) = (Vec::new(), faces.positions.len() as u32);
+    for face in 0..count as u32 {
+        indices.extend([3 * face, 3 * face + 1, (3 * face + 5) % vertices]);
+    }
+    let rng = Rng::new(8, "view test", 1);
+    let color = |v: usize| [0, 1, 2].map(|k| linear_from_srgb(rng.uniform_f64((3 * v + k) as u64) as f32));
+    Mesh { colors: Colors::Vertex((0..faces.positions.len()).map(color).collect()), indices, ..faces }
+}
+
+fn asset(mesh: Mesh) -> Asset {
+    let count = mesh.face_count() as u32;
+    Asset { mesh, chunks: vec![Chunk { first: 0, count }], ..Asset::default() }
+}
+
+/// What a pixel's ray meets first, and its linear colour. `None` is background.
+fn cast(mesh: &Mesh, camera: &Camera, at: Vec2) -> Option<(usize, [f64; 3])> {
+    let rotation = camera.rotation.as_dmat3();
+    let ray = ((at - camera.center) / camera.focal).as_dvec2().extend(1.0);
+    let mut best: Option<(f64, usize, [f64; 3])> = None;
+    for face in 0..mesh.face_count() {
+        let [a, b, c] = mesh.corners(face).map(|v| rotation * v.as_dvec3() + camera.translation.as_dvec3());
+        let across = ray.cross(c - a);
+        let inverse = 1.0 / (b - a).dot(across);
+        let u = -a.dot(across) * inverse;
+        let q = (-a).cross(b - a);
+        let (v, t) = (ray.dot(q) * inverse, (c - a).dot(q) * inverse);
+        let hit = u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t >= f64::from(NEAR);
+        if hit && best.is_none_or(|(nearest, ..)| t < nearest) {
+            let [p, q, r] = mesh.corner_colors(face).map(|c| DVec3::from(c.map(f64::from)));
+            best = Some((t, face, (p * (1.0 - u - v) + q * u + r * v).to_array()));
+        }
+    }
+    best.map(|(_, face, color)| (face, color))
+}
+
+/// Faces (0 = background) and 8-bit colours of every pixel.
+fn reference(mesh: &Mesh, camera: &Camera) -> (Vec<usize>, Pixels) {
+    let (mut faces, mut rgb) = (Vec::new(), Vec::new());
+    for i in 0..camera.size.element_product() {
+        let at = Vec2::new((i % camera.size.x) as f32 + 0.5, (i / camera.size.x) as f32 + 0.5);
+        let hit = cast(mesh, camera, at);
+        faces.push(hit.map_or(0, |(face, _)| face + 1));
+        let code = |c: f64| (srgb_from_linear(c as f32) * 255.0).round() as u8;
+        let background = BACKGROUND.map(|c| (c * 255.0).round() as u8);
+        rgb.push(hit.map_or(background, |(_, color)| color.map(code)));
+    }
+    (faces, Pixels { size: camera.size, rgb, alpha: None })
+}
+
+/// Largest difference of a pixel.
+fn off(a: [u8; 3], b: [u8; 3]) -> u8 {
+    (0..3).map(|c| a[c].abs_diff(b[c])).max().unwrap_or(0)
+}
+
+/// Within a face all pixels agree to one code; along edges, where the card rounds corners to 1/256 of a pixel,
+/// few differ.
+fn assert_agrees(name: &str, got: &Pixels, faces: &[usize], wants: &Pixels) {
+    let width = wants.size.x as usize;
+    let inside = |i: usize| {
+        let near = [i, i.wrapping_sub(1), i + 1, i.wrapping_sub(width), i + width];
+        near.iter().all(|&n| faces.get(n).is_none_or(|f| *f == faces[i]))
+    };
+    let wrong: Vec<usize> = (0..faces.len()).filter(|&i| off(got.rgb[i], wants.rgb[i]) > 1).collect();
+    let lost = wrong.iter().filter(|&&i| inside(i)).count();
+    if lost > 0 || wrong.len() * 100 > faces.len() {
+        let folder = std::env::temp_dir();
+        got.save_png(&folder.join(format!("{name}-got.png"))).unwrap();
+        wants.save_png(&folder.join(format!("{name}-wants.png"))).unwrap();
+        panic!(
+            "{name}: {} of {} pixels differ, {lost} inside faces; see {folder:?}",
+            wrong.len(),
+            faces.len()
+        );
+    }
+}
+
+fn options() -> HeadlessOptions {
+    HeadlessOptions { background: BACKGROUND, near: NEAR, ..HeadlessOptions::default() }
+}
+
+#[test]
+fn every_layout_draws_what_rays_meet() {
+    let Some(mut card) = card() else { return };
+    let camera = camera();
+    let faces = triangles(600, 3);
+    for (mesh, layouts) in
+        [(faces, &[Layout::Corner, Layout::Face, Layout::Grid][..]), (indexed(300), &[Layout::Corner])]
+    {
+        let (ids, wants) = reference(&mesh, &camera);
+        let seen: std::collections::BTreeSet<_> = ids.iter().collect();
+        assert!(seen.len() > 100, "only {} faces are in view", seen.len());
+        let asset = asset(mesh);
+        for &layout in layouts {
+            let model = card.upload(&asset, Some(layout)).unwrap();
+            let (got, drawn) = card.render(&model, &camera, &options()).unwrap();
+            assert_eq!(drawn.triangles, asset.mesh.face_count() as u64);
+            assert_agrees(&format!("{layout:?}"), &got, &ids, &wants);
+        }
+    }
+}
+
+#[test]
+fn layouts_take_the_bytes_they_promise() {
+    let Some(card) = card() else { return };
+    let faces = asset(triangles(1000, 3));
+    let bytes = |layout| card.upload(&faces, layout).unwrap().bytes;
+    assert_eq!(bytes(Some(Layout::Corner)), 48_000);
+    assert_eq!(bytes(Some(Layout::Face)), 40_000 + 16);
+    assert_eq!(bytes(Some(Layout::Grid)), 28_000 + 16);
+    assert_eq!(bytes(None), bytes(Some(Layout::Face)));
+    let shared = asset(indexed(1000));
+    assert_eq!(card.upload(&shared, None).unwrap().bytes, 3000 * 16 + 1000 * 12);
+    assert!(matches!(card.upload(&shared, Some(Layout::Grid)), Err(Error::Invalid { .. })));
+}
+
+#[test]
+fn supersampling_averages_linear_light() {
+    let Some(mut card) = card() else { return };
+    let asset = asset(triangles(120, 5));
+    let model = card.upload(&asset, None).unwrap();
+    let camera = camera();
+    let (fine, _) = card.render(&model, &camera.resized(SIZE * 4), &options()).unwrap();
+    let options = HeadlessOptions { samples: 4, ..options() };
+    let (got, _) = card.render(&model, &camera, &options).unwrap();
+    for i in 0..SIZE.element_product() {
+        let (x, y) = (4 * (i % SIZE.x), 4 * (i / SIZE.x));
+        let sample = |k: u32| fine.rgb[((y + k / 4) * 4 * SIZE.x + x + k % 4) as usize];
+        let mean =
+            |c: usize| (0..16).map(|k| linear_from_srgb(f32::from(sample(k)[c]) / 255.0)).sum::<f32>() / 16.0;
+        let wants = [0, 1, 2].map(|c| (srgb_from_linear(mean(c)) * 255.0).round() as u8);
+        assert!(off(got.rgb[i as usize], wants) <= 1, "pixel {i}: {:?}, not {wants:?}", got.rgb[i as usize]);
+    }
+}
+
+#[test]
+fn multisampling_comes_nearer_to_the_average() {
+    let Some(mut card) = card() else { return };
+    let asset = asset(triangles(120, 5));
+    let model = card.upload(&asset, None).unwrap();
+    let mut draw = |samples, msaa| {
+        let options = HeadlessOptions { samples, msaa, ..options() };
+        card.render(&model, &camera(), &options).unwrap().0
+    };
+    let (truth, one, four) = (draw(8, 1), draw(1, 1), draw(1, 4));
+    let error = |p: &Pixels| -> u64 {
+        p.rgb.iter().zip(&truth.rgb).map(|(a, b)| u64::from(off(*a, *b)).pow(2)).sum()
+    };
+    assert!(error(&four) * 3 < error(&one), "{} is not far below {}", error(&four), error(&one));
+}
+
+#[test]
+fn chunks_out_of_view_are_left_out_and_nobody_sees_it() {
+    let Some(mut card) = card() else { return };
+    let scene = Scene::Mesh(triangles(4000, 11));
+    let loaded = Loaded { scene, provenance: Default::default(), warnings: Vec::new() };
+    let mut baked = BakeOptions::preset(Preset::Fast);
+    baked.chunk.chunk_triangles = 64;
+    let chunked = trisplat::bake::bake(vec![loaded], &baked, &mut Report::new("test"), &mut ()).unwrap();
+    assert!(chunked.chunks.len() > 50);
+    let camera = Camera { focal: Vec2::splat(500.0), ..camera() };
+    let whole = asset(chunked.mesh.clone());
+    for layout in [Layout::Corner, Layout::Face, Layout::Grid] {
+        let model = card.upload(&chunked, Some(layout)).unwrap();
+        let (few, drawn) = card.render(&model, &camera, &options()).unwrap();
+        assert!(drawn.triangles < 3000, "{} triangles drawn", drawn.triangles);
+        let model =
+            card.upload(&whole, Some(if layout == Layout::Grid { Layout::Face } else { layout })).unwrap();
+        let (all, _) = card.render(&model, &camera, &options()).unwrap();
+        let differ = few.rgb.iter().zip(&all.rgb).filter(|(a, b)| off(**a, **b) > 1).count();
+        // On their grids corners move by 1/2,000,000 of a chunk: an edge may pass a pixel's centre.
+        assert!(differ <= if layout == Layout::Grid { 10 } else { 0 }, "{layout:?}: {differ} pixels differ");
+    }
+}
+
+#[test]
+fn normals_face_the_viewer() {
+    let Some(mut card) = card() else { return };
+    let mut mesh = Mesh { positions: vec![], colors: Colors::Face(vec![[0.5; 3]; 2]), ..Mesh::default() };
+    // Left half faces the camera, right half leans back: wound either way.
+    let flat = [Vec3::new(-9.0, -9.0, 2.0), Vec3::new(0.0, -9.0, 2.0), Vec3::new(0.0, 9.0, 2.0)];
+    let lean = [Vec3::new(0.0, -9.0, 2.0), Vec3::new(9.0, -9.0, 11.0), Vec3::new(0.0, 9.0, 2.0)];
+    mesh.positions.extend(flat);
+    mesh.positions.extend(lean);
+    let size = UVec2::new(40, 40);
+    let (rotation, translation) = (Mat3::IDENTITY, Vec3::ZERO);
+    let camera = Camera { rotation, translation, focal: Vec2::splat(40.0), center: Vec2::splat(20.0), size };
+    for layout in [Layout::Corner, Layout::Face, Layout::Grid] {
+        let model = card.upload(&asset(mesh.clone()), Some(layout)).unwrap();
+        let (got, _) =
+            card.render(&model, &camera, &HeadlessOptions { look: Look::Normals, ..options() }).unwrap();
+        let at = |x: usize, y: usize| got.rgb[y * 40 + x];
+        assert!(off(at(17, 8), [128, 128, 255]) <= 1, "{:?}", at(17, 8));
+        assert!(off(at(23, 8), [218, 128, 218]) <= 1, "{:?}", at(23, 8));
+    }
+}
+
+#[test]
+fn what_a_card_cannot_do_is_an_error_that_says_so() {
+    let Some(mut card) = card() else { return };
+    let nobody = AdapterOptions { adapter: Some("no such card".into()), ..AdapterOptions::default() };
+    let said = Headless::new(&nobody).unwrap_err().to_string();
+    assert!(said.contains("--adapter is no such card") && said.contains(&card.gpu.info.name), "{said}");
+    let model = card.upload(&asset(triangles(3, 1)), None).unwrap();
+    let huge = camera().resized(UVec2::new(100_000, 10));
+    let said = card.render(&model, &huge, &options()).unwrap_err().to_string();
+    assert!(said.contains("100000x10") && said.contains(&card.gpu.info.name), "{said}");
+    card.gpu.device.destroy();
+    let said = card.render(&model, &camera(), &options()).unwrap_err().to_string();
+    assert!(said.starts_with("gpu: "), "{said}");
+}
+
+#[test]
+fn nothing_to_draw_is_background() {
+    let Some(mut card) = card() else { return };
+    let model = card.upload(&Asset::default(), None).unwrap();
+    let (got, drawn) = card.render(&model, &camera(), &options()).unwrap();
+    assert_eq!((drawn.triangles, drawn.draws), (0, 0));
+    assert!(got.rgb.iter().all(|p| *p == [51, 102, 153]));
+}
