@@ -22,7 +22,7 @@ const MAY: &[(&str, &str)] = &[
     ("raster", "kernel gpu soup mesh camera image math error"),
     ("train", "raster kernel gpu dataset formats soup camera image rng report error math asset"),
     ("bake", "raster dataset formats soup mesh scene bvh asset camera image rng report error math"),
-    ("view", "asset rng mesh soup raster camera image gpu error math"),
+    ("view", "asset rng mesh soup scene raster camera image gpu error math"),
     (
         "bench",
         "asset bake bvh camera dataset error formats image kernel math mesh raster report rng scene soup train view",

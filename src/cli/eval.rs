@@ -1,31 +1,48 @@
-//! `trisplat eval SOUP DATASET`: PSNR, SSIM and FLIP against the photos.
+//! `trisplat eval FILE DATASET`: PSNR, SSIM and FLIP against the photos.
 
 use super::Global;
 use super::files;
-use super::progress::Progress;
+use super::progress::{Progress, thousands};
 use super::render::{prepare_folder, save_picture};
-use crate::bench::fidelity::{self, Fidelity, Painter, Score};
-use crate::dataset::{Dataset, DatasetOptions, Split};
+use crate::bench::fidelity::{self, Drawn, Fidelity, Score, StepScore};
+use crate::bench::paint::DrawOptions;
+use crate::bench::sheet::{Sheet, is_shown};
+use crate::bench::steps;
+use crate::dataset::{Dataset, DatasetOptions, Split, View};
 use crate::error::{Error, Result};
 use crate::formats::{self, ReadOptions};
-use std::path::PathBuf;
+use crate::image::Pixels;
+use crate::view::show;
+use std::path::{Path, PathBuf};
 
 /// What to compare.
 #[derive(Debug, clap::Args)]
 pub struct EvalArgs {
-    /// Trained soup: .ply .pt.
-    #[arg(value_name = "SOUP")]
-    pub soup: PathBuf,
+    /// Trained soup (.ply .pt) or mesh (.glb .gltf .obj .ply .off).
+    ///
+    /// A mesh is drawn as an engine does. A soup is drawn soft, as it was trained; solid, as the bake with its
+    /// default options makes it; and once more from a quantised and compressed file, so that what each step
+    /// costs can be read off.
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
     /// Folder of posed photos, or a transforms.json.
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
+    /// How it is drawn.
+    #[command(flatten)]
+    pub draw: DrawOptions,
     /// Which photos.
     #[arg(long, value_enum, default_value_t)]
     pub split: Split,
-    /// Write the drawings into this folder, as PNG files named like the photos.
+    /// Write the drawings into this folder, as PNG files named like the photos; into folders in it called soft,
+    /// solid and file when a soup is drawn at every step.
     #[arg(long, value_name = "DIR")]
     pub save_renders: Option<PathBuf>,
-    /// Write all scores as JSON.
+    /// Write a PNG to look at: a row a photo (12 at most), the photo, then each drawing and a map of its FLIP
+    /// error, black for none.
+    #[arg(long, value_name = "FILE")]
+    pub sheet: Option<PathBuf>,
+    /// Write all scores as JSON (schema: trisplat schema eval).
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
     /// Replace files that are there.
@@ -36,10 +53,12 @@ pub struct EvalArgs {
     pub dataset_options: DatasetOptions,
 }
 
-/// Draws, measures, prints one line a photo and the mean.
+/// Draws, measures, prints a line a photo and step, and the means.
 pub fn run(args: &EvalArgs, global: &Global) -> Result<()> {
-    if let Some(report) = args.report.as_deref().filter(|p| p.exists() && !args.force) {
-        return Err(files::is_there("--report", report));
+    for (option, path) in [("--report", &args.report), ("--sheet", &args.sheet)] {
+        if let Some(path) = path.as_deref().filter(|p| p.exists() && !args.force) {
+            return Err(files::is_there(option, path));
+        }
     }
     let dataset = Dataset::load(&args.dataset, &args.dataset_options)?;
     let views = args.split.of(&dataset);
@@ -47,41 +66,100 @@ pub fn run(args: &EvalArgs, global: &Global) -> Result<()> {
         let split = args.split.name();
         return Err(Error::invalid("--split", split, "a part that holds photos: train or all"));
     }
-    if let Some(folder) = &args.save_renders {
-        prepare_folder(folder, views.iter().map(|v| v.name.as_str()), args.force)?;
-    }
-    let loaded = formats::read(&args.soup, &ReadOptions { sh_degree: 3 })?;
+    let loaded = formats::read(&args.file, &ReadOptions { sh_degree: 3 })?;
     let mut warnings = [dataset.warnings.clone(), loaded.warnings.clone()].concat();
-    let (soup, provenance) = fidelity::soup_of(&args.soup, loaded)?;
-    let triangles = soup.len() as u64;
+    if views.iter().any(|view| view.photo.mask.is_some()) {
+        warnings.push("masked pixels were left out of the scores".into());
+    }
     let background = args.dataset_options.background.to_f32();
-    let mut painter = Painter::new(soup, &provenance.placement, &dataset, background);
+    let mut steps = steps::steps(&args.file, loaded, &args.draw, &dataset, background)?;
+    let mut output = Output::new(args, steps.iter().map(|s| s.name).collect(), &views)?;
 
     let progress = Progress::new(global);
     let width = views.iter().map(|v| v.name.len()).max().unwrap_or(0).max(4);
     let photo_bytes = u64::from(args.dataset_options.photo_memory_mib) << 20;
-    let (images, draw_secs) = fidelity::judge(&mut painter, &views, photo_bytes, |view, drawn, image| {
-        progress.line(&row(&view.name, width, &image.score));
-        match &args.save_renders {
-            Some(folder) => save_picture(folder, &view.name, drawn),
-            None => Ok(()),
+    let scores = fidelity::judge(&mut steps, &views, photo_bytes, |view, photo, drawn| {
+        for one in drawn {
+            progress.line(&row(&view.name, width, one.step, &one.score.score));
         }
+        output.add(view, photo, drawn)
     })?;
-    if views.iter().any(|view| view.photo.mask.is_some()) {
-        warnings.push("masked pixels were left out of the scores".into());
-    }
-    let split = args.split.name();
-    let report = Fidelity::new(&args.soup, &args.dataset, split, images);
-    let report = Fidelity { triangles, draw_secs, warnings, ..report };
     progress.done();
-    for warning in &report.warnings {
-        progress.line(&format!("warning: {warning}"));
-    }
-    let count = report.images.len();
-    progress.line(&format!("{}   ({count} photos)", row("mean", width, &report.mean)));
+    output.save_sheet(args.sheet.as_deref())?;
+    let report = Fidelity::new(&args.file, &args.dataset, args.split.name(), args.draw.ssaa, scores);
+    let report = Fidelity { warnings, ..report };
+    print(&report, width, views.len(), &progress);
     args.report.as_deref().map_or(Ok(()), |path| files::save_json(&report, path))
 }
 
-fn row(name: &str, width: usize, score: &Score) -> String {
-    format!("{name:<width$}  PSNR {:7.3} dB  SSIM {:.4}  FLIP {:.4}", score.psnr, score.ssim, score.flip)
+/// Warnings and means.
+fn print(report: &Fidelity, width: usize, count: usize, progress: &Progress) {
+    for warning in &report.warnings {
+        progress.line(&format!("warning: {warning}"));
+    }
+    for step in &report.steps {
+        progress.line(&format!("{}   ({})", row("mean", width, &step.name, &step.mean), remark(step, count)));
+    }
+}
+
+/// What is to be said of a step beside its means.
+fn remark(step: &StepScore, count: usize) -> String {
+    let mut remark = format!("{count} photos, {} triangles", thousands(step.triangles));
+    if let Some(bytes) = step.bytes {
+        remark += &format!(", {} bytes", thousands(bytes));
+    }
+    if let Some(change) = &step.change {
+        remark += &format!("; {:+.3} dB by this step", change.psnr);
+    }
+    remark
+}
+
+fn row(name: &str, width: usize, step: &str, score: &Score) -> String {
+    let Score { psnr, ssim, flip } = score;
+    format!("{name:<width$}  {step:<5}  PSNR {psnr:7.3} dB  SSIM {ssim:.4}  FLIP {flip:.4}")
+}
+
+/// The pictures that are written.
+struct Output {
+    /// A folder a step; none when no drawings are kept.
+    folders: Vec<PathBuf>,
+    sheet: Option<Sheet>,
+    views: usize,
+    heard: usize,
+}
+
+impl Output {
+    /// Refuses to replace pictures before any is drawn.
+    fn new(args: &EvalArgs, steps: Vec<&str>, views: &[&View]) -> Result<Self> {
+        let folders: Vec<PathBuf> = match &args.save_renders {
+            None => Vec::new(),
+            Some(folder) if steps.len() == 1 => vec![folder.clone()],
+            Some(folder) => steps.iter().map(|step| folder.join(step)).collect(),
+        };
+        for folder in &folders {
+            prepare_folder(folder, views.iter().map(|v| v.name.as_str()), args.force)?;
+        }
+        let sheet = args.sheet.is_some().then(Sheet::default);
+        Ok(Self { folders, sheet, views: views.len(), heard: 0 })
+    }
+
+    fn add(&mut self, view: &View, photo: &Pixels, drawn: &[Drawn]) -> Result<()> {
+        for (folder, one) in self.folders.iter().zip(drawn) {
+            save_picture(folder, &view.name, &one.picture)?;
+        }
+        if let Some(sheet) = self.sheet.as_mut().filter(|_| is_shown(self.heard, self.views)) {
+            let maps: Vec<Pixels> = drawn.iter().map(|d| show::heat(d.picture.size, &d.flip)).collect();
+            let pairs = drawn.iter().zip(&maps).flat_map(|(d, map)| [&d.picture, map]);
+            sheet.add(std::iter::once(photo).chain(pairs));
+        }
+        self.heard += 1;
+        Ok(())
+    }
+
+    fn save_sheet(&self, path: Option<&Path>) -> Result<()> {
+        match (&self.sheet, path) {
+            (Some(sheet), Some(path)) => sheet.to_pixels().save_png(path),
+            _ => Ok(()),
+        }
+    }
 }

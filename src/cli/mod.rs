@@ -64,9 +64,9 @@ pub enum Command {
     Sample(sample::SampleArgs),
     /// Turn posed photos into a soup of triangles.
     Train(Box<train::TrainArgs>),
-    /// Measure how close a soup comes to photos it was not trained on.
+    /// Measure how close a soup or mesh comes to photos it was not trained on.
     Eval(Box<eval::EvalArgs>),
-    /// Draw a soup as the photos' cameras see it, or from a circle around it.
+    /// Draw a soup or mesh as the photos' cameras see it, or from a circle around it.
     Render(Box<render::RenderArgs>),
     /// Measure what commands cost.
     Bench(bench::BenchArgs),

@@ -1,16 +1,17 @@
-//! `trisplat render SOUP -o DIR`: pictures of a soup, as photos' cameras see it or from around it.
+//! `trisplat render FILE -o DIR`: pictures of a soup or a mesh, as photos' cameras see it or from around it.
 
 use super::Global;
 use super::progress::Progress;
-use crate::asset::UpAxis;
-use crate::bench::fidelity::{self, Painter};
+use crate::asset::{Placement, UpAxis};
+use crate::bench::paint::{DrawOptions, Painter, Way};
+use crate::bench::steps;
 use crate::camera::Camera;
 use crate::dataset::{Dataset, DatasetOptions, Split};
 use crate::error::{Error, Result};
 use crate::formats::{self, ReadOptions};
 use crate::image::Pixels;
 use crate::rng::Rng;
-use crate::soup::Soup;
+use crate::scene::{Loaded, Scene};
 use crate::view::orbit;
 use glam::{DVec3, Vec3};
 use std::path::{Path, PathBuf};
@@ -18,9 +19,12 @@ use std::path::{Path, PathBuf};
 /// What to draw, from where.
 #[derive(Debug, clap::Args)]
 pub struct RenderArgs {
-    /// Trained soup: .ply .pt.
-    #[arg(value_name = "SOUP")]
-    pub soup: PathBuf,
+    /// Trained soup (.ply .pt), drawn soft unless --as says otherwise, or mesh (.glb .gltf .obj .ply .off).
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// How it is drawn.
+    #[command(flatten)]
+    pub draw: DrawOptions,
     /// Folder for the pictures; made when it is not there.
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
@@ -30,7 +34,7 @@ pub struct RenderArgs {
     /// Which photos' cameras.
     #[arg(long, value_enum, default_value_t, conflicts_with = "orbit")]
     pub split: Split,
-    /// Draw N pictures on a circle instead: around what the photos look at, or around the soup.
+    /// Draw N pictures on a circle instead: around what the photos look at, or around the scene.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub orbit: Option<u32>,
     /// Width of an orbit's pictures when no data set is given, px; the height is three quarters of it.
@@ -74,25 +78,18 @@ pub fn run(args: &RenderArgs, global: &Global) -> Result<()> {
     if !(0.0..=1.0).contains(&args.share) {
         return Err(Error::invalid("--share", args.share, "a number from 0 to 1"));
     }
-    let loaded = formats::read(&args.soup, &ReadOptions { sh_degree: 3 })?;
-    let (mut soup, provenance) = fidelity::soup_of(&args.soup, loaded)?;
-    let whole = soup.clone();
-    if args.show == Show::RandomSubset {
-        keep_random(&mut soup, args.share, args.seed);
-    }
-    let background = args.dataset_options.background;
-    let (mut painter, shots) = match &args.dataset {
-        Some(path) => {
-            let dataset = Dataset::load(path, &args.dataset_options)?;
-            let painter = Painter::new(soup, &provenance.placement, &dataset, background.to_f32());
-            (painter, dataset_shots(args, &dataset)?)
-        }
+    let loaded = formats::read(&args.file, &ReadOptions { sh_degree: 3 })?;
+    let Loaded { scene, provenance, .. } = solid_if_asked(args, loaded)?;
+    let dataset = args.dataset.as_ref().map(|path| Dataset::load(path, &args.dataset_options)).transpose()?;
+    let shots = match &dataset {
+        Some(dataset) => dataset_shots(args, dataset)?,
         None => {
             let up = up_vector(provenance.up.unwrap_or_default());
-            let cameras = orbit::around_soup(&whole, up, args.width, args.orbit.unwrap_or(0));
-            (Painter::alone(soup, background.to_f32()), orbit_shots(cameras))
+            orbit_shots(orbit::around_scene(&scene, up, args.width, args.orbit.unwrap_or(0)))
         }
     };
+    let mut painter = painter(args, scene, &provenance.placement, dataset.as_ref());
+    shots.iter().try_for_each(|(_, camera)| painter.validate(camera.size))?;
     prepare_folder(&args.output, shots.iter().map(|(name, _)| name.as_str()), args.force)?;
     let progress = Progress::new(global);
     for (name, camera) in &shots {
@@ -100,7 +97,7 @@ pub fn run(args: &RenderArgs, global: &Global) -> Result<()> {
             Show::Color | Show::RandomSubset => painter.color(camera),
             Show::Depth => painter.depth(camera),
             Show::Normal => painter.normal(camera),
-            Show::Contributions => painter.contributions(camera),
+            Show::Contributions => painter.contributions(camera)?,
         };
         save_picture(&args.output, name, &picture)?;
     }
@@ -109,7 +106,42 @@ pub fn run(args: &RenderArgs, global: &Global) -> Result<()> {
     Ok(())
 }
 
-/// Names and cameras: the photos', or a circle around what they look at.
+/// What was read; of a soup what the bake makes of it, if that is wanted.
+fn solid_if_asked(args: &RenderArgs, loaded: Loaded) -> Result<Loaded> {
+    match (loaded.scene, args.draw.way) {
+        (Scene::Mesh(_), Some(Way::Soft)) => Err(steps::no_soup(&args.file)),
+        (Scene::Soup(soup), Some(Way::Solid)) => {
+            let asset = steps::baked(soup, loaded.provenance)?;
+            Ok(Loaded { scene: Scene::Mesh(asset.mesh), provenance: asset.provenance, warnings: Vec::new() })
+        }
+        (scene, _) => Ok(Loaded { scene, ..loaded }),
+    }
+}
+
+/// Draws the scene, or the share of it that is asked for.
+fn painter(args: &RenderArgs, scene: Scene, placement: &Placement, dataset: Option<&Dataset>) -> Painter {
+    let background = args.dataset_options.background.to_f32();
+    let rng = Rng::new(args.seed, "random subset", 0);
+    // The same ones for the same seed.
+    let kept = |i: usize| rng.uniform_f64(i as u64) < args.share;
+    let subset = args.show == Show::RandomSubset;
+    match scene {
+        Scene::Soup(mut soup) => {
+            if subset {
+                soup.retain(kept);
+            }
+            Painter::soft(soup, placement, dataset, background)
+        }
+        Scene::Mesh(mut mesh) => {
+            if subset {
+                mesh.retain(kept);
+            }
+            Painter::solid(mesh, placement, dataset, background, args.draw.ssaa)
+        }
+    }
+}
+
+/// Names and cameras: the photos' or a circle around what they look at.
 fn dataset_shots(args: &RenderArgs, dataset: &Dataset) -> Result<Vec<(String, Camera)>> {
     if let Some(count) = args.orbit {
         let cameras: Vec<Camera> = dataset.views.iter().map(|v| v.camera).collect();
@@ -130,12 +162,6 @@ fn orbit_shots(cameras: Vec<Camera>) -> Vec<(String, Camera)> {
 /// The axis of a file that points up, as a vector of the file.
 fn up_vector(up: UpAxis) -> Vec3 {
     (up.to_y_up().transpose() * DVec3::Y).as_vec3()
-}
-
-/// Keeps about `share` of the triangles, the same ones for the same seed.
-fn keep_random(soup: &mut Soup, share: f64, seed: u64) {
-    let rng = Rng::new(seed, "random subset", 0);
-    soup.retain(|i| rng.uniform_f64(i as u64) < share);
 }
 
 /// Makes the folder and refuses to replace a picture in it without `force`: before any work.

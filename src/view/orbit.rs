@@ -1,7 +1,7 @@
 //! Cameras on a circle around a scene.
 
 use crate::camera::{self, Camera};
-use crate::soup::Soup;
+use crate::scene::Scene;
 use glam::{UVec2, Vec2, Vec3};
 use std::f32::consts::TAU;
 
@@ -19,16 +19,16 @@ pub fn around_cameras(cameras: &[Camera], count: u32) -> Vec<Camera> {
     circle(first, Circle { target, up, height, radius, start }, count)
 }
 
-/// `count` cameras of `width` px on a circle around the middle of a soup, looking down a little.
-/// `up` is the axis that points up. Empty when the soup is.
-pub fn around_soup(soup: &Soup, up: Vec3, width: u32, count: u32) -> Vec<Camera> {
-    if soup.is_empty() {
+/// `count` cameras of `width` px on a circle around the middle of a scene, looking down a little.
+/// `up` is the axis that points up. Empty when the scene is.
+pub fn around_scene(scene: &Scene, up: Vec3, width: u32, count: u32) -> Vec<Camera> {
+    let centers = centers(scene);
+    if centers.is_empty() {
         return Vec::new();
     }
-    let centers = || soup.vertices.iter().map(|t| (t[0] + t[1] + t[2]) / 3.0);
-    let target = Vec3::from_array([0, 1, 2].map(|axis| median(centers().map(|c| c[axis]).collect())));
+    let target = Vec3::from_array([0, 1, 2].map(|axis| median(centers.iter().map(|c| c[axis]).collect())));
     // Half of a trained scene is the thing itself, the rest its surroundings.
-    let extent = median(centers().map(|c| c.distance(target)).collect());
+    let extent = median(centers.iter().map(|c| c.distance(target)).collect());
     let size = UVec2::new(width, (width * 3 / 4).max(1));
     let camera = Camera {
         rotation: glam::Mat3::IDENTITY,
@@ -40,6 +40,15 @@ pub fn around_soup(soup: &Soup, up: Vec3, width: u32, count: u32) -> Vec<Camera>
     let start = up.any_orthonormal_vector();
     let distance = if extent > 0.0 { 3.0 * extent } else { 1.0 };
     circle(&camera, Circle { target, up, height: 0.4 * distance, radius: 0.9 * distance, start }, count)
+}
+
+/// The middle of every triangle.
+fn centers(scene: &Scene) -> Vec<Vec3> {
+    let center = |t: [Vec3; 3]| (t[0] + t[1] + t[2]) / 3.0;
+    match scene {
+        Scene::Soup(soup) => soup.vertices.iter().map(|t| center(*t)).collect(),
+        Scene::Mesh(mesh) => (0..mesh.face_count()).map(|face| center(mesh.corners(face))).collect(),
+    }
 }
 
 struct Circle {
@@ -82,6 +91,8 @@ fn median(mut values: Vec<f32>) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::Mesh;
+    use crate::soup::Soup;
     use glam::Mat3;
 
     #[test]
@@ -111,17 +122,17 @@ mod tests {
     }
 
     #[test]
-    fn an_orbit_around_a_soup_has_it_in_view() {
+    fn an_orbit_around_a_scene_has_it_in_view() {
         let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
         let triangle = |o: Vec3| [o, o + Vec3::X * 0.1, o + Vec3::Y * 0.1];
         let vertices: Vec<_> =
             (0..27).map(|i| triangle(at((i % 3) as f32, (i / 3 % 3) as f32, (i / 9) as f32))).collect();
-        let soup = Soup { vertices, ..Soup::default() };
-        for camera in around_soup(&soup, Vec3::Z, 64, 7) {
+        let scene = Scene::Soup(Soup { vertices, ..Soup::default() });
+        for camera in around_scene(&scene, Vec3::Z, 64, 7) {
             let seen = camera.rotation * at(1.0, 1.0, 1.0) + camera.translation;
             assert!(seen.z > 1.0 && seen.truncate().length() < 0.2 * seen.z);
             assert!(camera.position().z > 1.0, "from above");
         }
-        assert_eq!(around_soup(&Soup::default(), Vec3::Z, 64, 7), []);
+        assert_eq!(around_scene(&Scene::Mesh(Mesh::default()), Vec3::Z, 64, 7), []);
     }
 }

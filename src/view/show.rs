@@ -2,6 +2,7 @@
 
 use crate::image::Pixels;
 use crate::raster::soft::Frame;
+use glam::UVec2;
 
 /// Below this cover a pixel shows nothing but background.
 const LEAST_COVER: f32 = 0.05;
@@ -46,6 +47,13 @@ pub fn contributions(frame: &Frame, layers: &[u32]) -> Pixels {
     seen.sort_unstable();
     let most = seen.get(seen.len().saturating_sub(1) - seen.len() / 100).copied().unwrap_or(1).max(1);
     picture(frame, |i| ramp((layers[i] as f32 / most as f32).min(1.0)))
+}
+
+/// Errors in [0, 1] as heat: black for none, white for 1; NaN is white.
+pub fn heat(size: UVec2, errors: &[f32]) -> Pixels {
+    let code = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
+    let shown = |error: &f32| ramp(if error.is_nan() { 1.0 } else { error.clamp(0.0, 1.0) }).map(code);
+    Pixels { size, rgb: errors.iter().map(shown).collect(), alpha: None }
 }
 
 fn picture(frame: &Frame, at: impl Fn(usize) -> [f32; 3]) -> Pixels {

@@ -1,0 +1,116 @@
+//! What becomes of a trained soup on its way into a file, each step ready to be drawn.
+//!
+//! ```text
+//! soft (as trained) ──► solid (baked, in memory) ──► file (quantised, written, read back)
+//! ```
+
+use super::paint::{DrawOptions, Painter, Way};
+use crate::asset::{Asset, Provenance};
+use crate::bake::bake;
+use crate::bake::options::{BakeOptions, Preset};
+use crate::dataset::Dataset;
+use crate::error::{Error, Result};
+use crate::formats::output::{self, Output, OutputOptions};
+use crate::formats::target::Target;
+use crate::formats::{self, ReadOptions};
+use crate::report::Report;
+use crate::scene::{Loaded, Scene};
+use crate::soup::Soup;
+use std::path::Path;
+
+/// A scene at one step of its way.
+#[derive(Debug)]
+pub struct Step {
+    /// "soft", "solid" or "file".
+    pub name: &'static str,
+    /// Number of triangles.
+    pub triangles: u64,
+    /// Size of the file, where one was written.
+    pub bytes: Option<u64>,
+    /// Draws it.
+    pub painter: Painter,
+}
+
+/// The steps to be judged of what was read from `path`: of a mesh itself, solid; of a soup what `draw` asks for,
+/// all three unless it says.
+pub fn steps(
+    path: &Path,
+    loaded: Loaded,
+    draw: &DrawOptions,
+    dataset: &Dataset,
+    background: [f32; 3],
+) -> Result<Vec<Step>> {
+    let Loaded { scene, provenance, .. } = loaded;
+    let place = Place { dataset, background, samples: draw.ssaa };
+    match (scene, draw.way) {
+        (Scene::Mesh(_), Some(Way::Soft)) => Err(no_soup(path)),
+        (Scene::Mesh(mesh), _) => {
+            Ok(vec![place.solid("solid", Asset { mesh, provenance, ..Asset::default() }, None)])
+        }
+        (Scene::Soup(soup), Some(Way::Soft)) => Ok(vec![place.soft(soup, &provenance)]),
+        (Scene::Soup(soup), Some(Way::Solid)) => {
+            Ok(vec![place.solid("solid", baked(soup, provenance)?, None)])
+        }
+        (Scene::Soup(soup), None) => {
+            let solid = baked(soup.clone(), provenance.clone())?;
+            let (file, bytes) = reread(&solid)?;
+            Ok(vec![
+                place.soft(soup, &provenance),
+                place.solid("solid", solid, None),
+                place.solid("file", file, Some(bytes)),
+            ])
+        }
+    }
+}
+
+/// A mesh was given where only a soup can be drawn.
+pub fn no_soup(path: &Path) -> Error {
+    let reason =
+        "is a mesh, baked already; give the trained soup it was baked from (.ply or .pt), or --as solid";
+    Error::unsupported(path, reason)
+}
+
+/// What the bake makes of a soup with default options.
+pub fn baked(mut soup: Soup, provenance: Provenance) -> Result<Asset> {
+    soup.truncate_sh(0);
+    let loaded = Loaded { scene: Scene::Soup(soup), provenance, warnings: Vec::new() };
+    bake(vec![loaded], &BakeOptions::preset(Preset::Default), &mut Report::default(), &mut ())
+}
+
+/// The smallest file we write: 16-bit positions, 8-bit colours, meshopt.
+const SMALLEST: OutputOptions = OutputOptions { target: Target::Web, ..OutputOptions::SMALL };
+
+/// The asset after it was written quantised and compressed and read back; and the size of that file.
+fn reread(asset: &Asset) -> Result<(Asset, u64)> {
+    let folder = tempfile::tempdir().map_err(|e| Error::io(std::env::temp_dir(), e))?;
+    let path = folder.path().join("scene.glb");
+    let output = Output::plan(&path, None, &SMALLEST, false)?;
+    let mut report = Report::default();
+    output::write(asset, &output, &SMALLEST, false, &mut report, &mut ())?;
+    let Loaded { scene, provenance, .. } = formats::read(&path, &ReadOptions { sh_degree: 0 })?;
+    let Scene::Mesh(mesh) = scene else { return Err(no_soup(&path)) };
+    let bytes = report.outputs.iter().map(|file| file.bytes).sum();
+    Ok((Asset { mesh, provenance, ..Asset::default() }, bytes))
+}
+
+/// What painters of all steps have in common.
+struct Place<'a> {
+    dataset: &'a Dataset,
+    background: [f32; 3],
+    samples: u32,
+}
+
+impl Place<'_> {
+    fn soft(&self, soup: Soup, provenance: &Provenance) -> Step {
+        let triangles = soup.len() as u64;
+        let painter = Painter::soft(soup, &provenance.placement, Some(self.dataset), self.background);
+        Step { name: "soft", triangles, bytes: None, painter }
+    }
+
+    fn solid(&self, name: &'static str, asset: Asset, bytes: Option<u64>) -> Step {
+        let (mesh, placement) = (asset.mesh, asset.provenance.placement);
+        let triangles = mesh.face_count() as u64;
+        let painter = Painter::solid(mesh, &placement, Some(self.dataset), self.background, self.samples);
+        Step { name, triangles, bytes, painter }
+    }
+}
