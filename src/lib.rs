@@ -4,7 +4,7 @@
 //!  photos + poses                                                  scene.glb / .gltf / .obj / .ply
 //!        │                                                                  ▲
 //!    dataset ──► train ──► Soup ──► bake ──► Asset ──────────────────────► formats
-//!                            ▲               prune solid color weld order chunk bvh
+//!                            ▲               prune solid color unseen refit weld …
 //!                         formats (ply, pt, off, obj, gltf)
 //! ```
 //!
@@ -25,7 +25,7 @@
 //!     sh_degree: 0,
 //! };
 //! let mut report = Report::new("bake");
-//! let asset = bake::bake(vec![Loaded::from(soup)], &Default::default(), &mut report, &mut ())?;
+//! let asset = bake::bake(vec![Loaded::from(soup)], &Default::default(), None, &mut report, &mut ())?;
 //! assert_eq!(asset.mesh.face_count(), 1);
 //! # Ok::<(), trisplat::error::Error>(())
 //! ```

@@ -1,7 +1,7 @@
 //! The bake: a short recipe of stages from a scene to an asset.
 //!
 //! ```text
-//! prune → solid → color → weld → place → chunk → bvh → order
+//! prune → solid → color → unseen → refit → weld → place → chunk → bvh → order
 //! ```
 //!
 //! Each stage is a file; it does its work or says why none was needed, and running it twice changes
@@ -15,7 +15,10 @@ pub mod options;
 pub mod order;
 pub mod place;
 pub mod prune;
+pub mod refit;
 pub mod solid;
+pub mod unseen;
+pub mod views;
 pub mod weld;
 
 use crate::asset::Asset;
@@ -24,27 +27,40 @@ use crate::mesh::Mesh;
 use crate::report::{Counts, Observer, Outcome, Report};
 use crate::scene::{Loaded, Scene};
 use options::BakeOptions;
+use prune::PruneOptions;
+use views::Views;
 
 /// Figures of one stage, for the report.
 pub type Details = serde_json::Map<String, serde_json::Value>;
 
-/// Turns what was read into what an engine draws; every step is told to `report` and `observer`.
+/// Turns what was read into what an engine draws; every step is told to `report` and `observer`. `views`
+/// are photos of the scene, if there are any.
 ///
-/// Errors: options out of range, inputs that do not merge, nothing left to draw.
+/// Errors: options out of range, inputs that do not merge, nothing left to draw, photos that cannot be read
+/// or do not show the scene.
 pub fn bake(
     inputs: Vec<Loaded>,
     options: &BakeOptions,
+    mut views: Option<&mut Views>,
     report: &mut Report,
     observer: &mut dyn Observer,
 ) -> Result<Asset> {
     options.validate()?;
     let Loaded { scene, mut provenance, warnings } = merge::merge(inputs)?;
     report.warnings.extend(warnings);
+    if let Some(views) = views.as_deref_mut() {
+        views.enter(&provenance.placement);
+    }
+    // Photos tell better which triangles matter most than their size does.
+    let budget = options.prune.max_triangles;
+    let pruning = match &views {
+        Some(_) => PruneOptions { max_triangles: None, ..options.prune.clone() },
+        None => options.prune.clone(),
+    };
 
     // First, because every later stage costs per triangle and counts on finite geometry.
-    let scene = report.stage(observer, "prune", scene, count, |scene, details| {
-        prune::prune(scene, &options.prune, details)
-    })?;
+    let scene = report
+        .stage(observer, "prune", scene, count, |scene, details| prune::prune(scene, &pruning, details))?;
 
     // On the soup, as it needs opacity and σ, which colours throw away.
     let scene = report.stage(observer, "solid", scene, count, |scene, details| match scene {
@@ -64,6 +80,16 @@ pub fn bake(
         Scene::Mesh(mesh) => mesh,
         Scene::Soup(_) => unreachable!("the color stage makes a mesh of every soup"),
     };
+
+    // As soon as there are opaque triangles that hide each other, and before work is done on those hidden.
+    let mesh = report.stage(observer, "unseen", mesh, count_mesh, |mesh, details| {
+        unseen::unseen(mesh, views.as_deref_mut(), &options.unseen, budget, details)
+    })?;
+
+    // On what is left: a colour belongs to what a triangle shows when the others are gone.
+    let mesh = report.stage(observer, "refit", mesh, count_mesh, |mesh, details| {
+        refit::refit(mesh, views.as_deref_mut(), &options.refit, details)
+    })?;
 
     // Before placing, while equal corners are still equal to the bit.
     let mesh = report.stage(observer, "weld", mesh, count_mesh, |mesh, details| {

@@ -5,7 +5,9 @@ use super::chunk::ChunkOptions;
 use super::order::OrderOptions;
 use super::place::PlaceOptions;
 use super::prune::PruneOptions;
+use super::refit::RefitOptions;
 use super::solid::SolidOptions;
+use super::unseen::UnseenOptions;
 use super::weld::WeldOptions;
 use crate::error::Result;
 use crate::formats::output::OutputOptions;
@@ -39,6 +41,12 @@ pub struct BakeOptions {
     /// How soft triangles become solid.
     #[command(flatten, next_help_heading = "Solid: soft triangles become opaque")]
     pub solid: SolidOptions,
+    /// Which triangles the photos need.
+    #[command(flatten, next_help_heading = "Unseen, with --dataset: drop what no photo sees")]
+    pub unseen: UnseenOptions,
+    /// How colours are taken from the photos.
+    #[command(flatten, next_help_heading = "Refit, with --dataset: colours from the photos")]
+    pub refit: RefitOptions,
     /// Which corners become one vertex.
     #[command(flatten, next_help_heading = "Weld: share vertices")]
     pub weld: WeldOptions,
@@ -67,6 +75,8 @@ impl BakeOptions {
                 preset,
                 prune: PruneOptions::FAST,
                 solid: SolidOptions::DEFAULT,
+                unseen: UnseenOptions::DEFAULT,
+                refit: RefitOptions::DEFAULT,
                 weld: WeldOptions::FAST,
                 place: PlaceOptions::DEFAULT,
                 chunk: ChunkOptions::FAST,
@@ -78,6 +88,8 @@ impl BakeOptions {
                 preset,
                 prune: PruneOptions::DEFAULT,
                 solid: SolidOptions::DEFAULT,
+                unseen: UnseenOptions::DEFAULT,
+                refit: RefitOptions::DEFAULT,
                 weld: WeldOptions::DEFAULT,
                 place: PlaceOptions::DEFAULT,
                 chunk: ChunkOptions::DEFAULT,
@@ -89,6 +101,8 @@ impl BakeOptions {
                 preset,
                 prune: PruneOptions::SMALL,
                 solid: SolidOptions::DEFAULT,
+                unseen: UnseenOptions::DEFAULT,
+                refit: RefitOptions::DEFAULT,
                 weld: WeldOptions::DEFAULT,
                 place: PlaceOptions::DEFAULT,
                 chunk: ChunkOptions::DEFAULT,

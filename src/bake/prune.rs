@@ -36,9 +36,9 @@ pub struct PruneOptions {
     pub max_sigma: f64,
     /// Drop triangles with an edge longer than this many scene radii (median distance from the median
     /// centre; 0 keeps all)
-    #[arg(long, default_value_t = PruneOptions::DEFAULT.max_size, value_name = "R")]
+    #[arg(long, default_value_t = PruneOptions::DEFAULT.max_edge, value_name = "R")]
     #[schemars(range(min = 0.0))]
-    pub max_size: f64,
+    pub max_edge: f64,
     /// Keep only triangles whose centroid is in this box, in the coordinates of the input file
     #[arg(
         long,
@@ -59,7 +59,7 @@ impl PruneOptions {
     /// one covers as little, 2 / ((σ + 1)(σ + 2)) = 0.015 of its area. Neither costs a soft scene anything
     /// that can be seen.
     pub const DEFAULT: Self =
-        Self { min_opacity: 0.014, max_sigma: 10.0, max_size: 0.0, crop: None, max_triangles: None };
+        Self { min_opacity: 0.014, max_sigma: 10.0, max_edge: 0.0, crop: None, max_triangles: None };
     /// The same: pruning pays for itself.
     pub const FAST: Self = Self::DEFAULT;
     /// Spends no bytes on what is hardly seen.
@@ -214,10 +214,10 @@ pub(super) fn is_degenerate(corners: &[Vec3; 3]) -> bool {
     !((b - a).cross(c - a).length_squared() > (FLAT * longest2).powi(2))
 }
 
-/// Drops the faces with an edge longer than `max_size` scene radii, until none is left: the radius is a
+/// Drops the faces with an edge longer than `max_edge` scene radii, until none is left: the radius is a
 /// median, so it hardly moves, but it does move.
 fn drop_huge(verdicts: &mut [Verdict], face: &(impl Fn(usize) -> Face + Sync), options: &PruneOptions) {
-    if options.max_size <= 0.0 {
+    if options.max_edge <= 0.0 {
         return;
     }
     for _ in 0..HUGE_PASSES {
@@ -225,7 +225,7 @@ fn drop_huge(verdicts: &mut [Verdict], face: &(impl Fn(usize) -> Face + Sync), o
         if !(radius > 0.0) {
             return;
         }
-        let limit2 = (options.max_size * radius).powi(2);
+        let limit2 = (options.max_edge * radius).powi(2);
         let huge = |[a, b, c]: [DVec3; 3]| {
             (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared()) > limit2
         };
@@ -330,8 +330,8 @@ fn check(options: &PruneOptions) -> Result<()> {
     if !(options.max_sigma >= 0.0) {
         return Err(Error::invalid("--max-sigma", options.max_sigma, "0 or more"));
     }
-    if !(options.max_size >= 0.0) {
-        return Err(Error::invalid("--max-size", options.max_size, "0 or more"));
+    if !(options.max_edge >= 0.0) {
+        return Err(Error::invalid("--max-edge", options.max_edge, "0 or more"));
     }
     if let Some(b) = options.crop
         && !(0..3).all(|k| b[k] <= b[k + 3])
@@ -361,7 +361,7 @@ fn nothing_left(options: &PruneOptions, counts: &[usize; 8], total: usize) -> Er
             Error::invalid("--max-sigma", options.max_sigma, format!("a higher value, or 0: {dropped}"))
         }
         Verdict::Huge => {
-            Error::invalid("--max-size", options.max_size, format!("a higher value, or 0: {dropped}"))
+            Error::invalid("--max-edge", options.max_edge, format!("a higher value, or 0: {dropped}"))
         }
         Verdict::Outside => {
             let b = options.crop.unwrap_or_default();

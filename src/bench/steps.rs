@@ -74,7 +74,7 @@ pub fn no_soup(path: &Path) -> Error {
 pub fn baked(mut soup: Soup, provenance: Provenance) -> Result<Asset> {
     soup.truncate_sh(0);
     let loaded = Loaded { scene: Scene::Soup(soup), provenance, warnings: Vec::new() };
-    bake(vec![loaded], &BakeOptions::preset(Preset::Default), &mut Report::default(), &mut ())
+    bake(vec![loaded], &BakeOptions::preset(Preset::Default), None, &mut Report::default(), &mut ())
 }
 
 /// The smallest file we write: 16-bit positions, 8-bit colours, meshopt.

@@ -6,6 +6,8 @@ use super::layers::{self, Config};
 use super::progress::Progress;
 use crate::bake;
 use crate::bake::options::{BakeOptions, Preset};
+use crate::bake::views::Views;
+use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
 use crate::formats::output::{self, Kind, Output};
 use crate::formats::{self, ReadOptions};
@@ -39,9 +41,15 @@ pub struct BakeArgs {
     /// Write what every stage did as JSON (schema: trisplat schema report).
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
+    /// Posed photos of the scene: triangles that none sees go, and colours are fitted to them
+    #[arg(long, value_name = "DATASET")]
+    pub dataset: Option<PathBuf>,
     /// The options of the stages.
     #[command(flatten)]
     pub options: BakeOptions,
+    /// How the data set is read.
+    #[command(flatten)]
+    pub dataset_options: DatasetOptions,
 }
 
 /// Bakes; `matches` tells which flags were typed.
@@ -57,8 +65,9 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()>
     report.options = serde_json::to_value(&options).unwrap_or_default();
     report.dry_run = args.dry_run;
 
+    let mut views = photos(args, &mut report)?;
     let loaded = read_all(&args.inputs)?;
-    let asset = bake::bake(loaded, &options, &mut report, &mut progress)?;
+    let asset = bake::bake(loaded, &options, views.as_mut(), &mut report, &mut progress)?;
     output::write(&asset, &output, &options.output, args.dry_run, &mut report, &mut progress)?;
     report.seconds = clock.elapsed().as_secs_f64();
 
@@ -75,6 +84,17 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()>
         Some(path) => files::save_json(&report, path),
         None => Ok(()),
     }
+}
+
+/// The training photos of `--dataset`.
+fn photos(args: &BakeArgs, report: &mut Report) -> Result<Option<Views>> {
+    let Some(path) = &args.dataset else { return Ok(None) };
+    let how = &args.dataset_options;
+    let dataset = Dataset::load(path, how)?;
+    report.inputs.push(path.display().to_string());
+    report.warnings.extend(dataset.warnings.iter().cloned());
+    let bytes = u64::from(how.photo_memory_mib) << 20;
+    Ok(Some(Views::new(&dataset, bytes, how.background.to_f32())))
 }
 
 /// Preset, then config file, then the flags really typed.

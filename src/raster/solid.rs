@@ -90,8 +90,36 @@ impl Visibility {
         if face == NO_FACE {
             return [0.0; 3];
         }
-        let eye = Eye::new(camera, self.size.x / camera.size.x, 0.0);
-        resolve::Corners::new(&eye, mesh.corners(face as usize)).weights(eye.ray(x, y))
+        let weigher = Weigher::new(mesh, camera, self.size.x / camera.size.x);
+        weigher.weights(&weigher.corners(face), x, y)
+    }
+}
+
+/// A face as perspective-correct weights of its corners need it.
+pub use resolve::Corners;
+
+/// [`Visibility::barycentrics`] for many samples of few faces.
+#[derive(Debug, Clone)]
+pub struct Weigher<'a> {
+    mesh: &'a Mesh,
+    eye: Eye,
+}
+
+impl<'a> Weigher<'a> {
+    /// For the mesh and camera that were drawn with so many samples along each axis of a pixel.
+    pub fn new(mesh: &'a Mesh, camera: &Camera, samples: u32) -> Self {
+        Self { mesh, eye: Eye::new(camera, samples, 0.0) }
+    }
+
+    /// What [`Weigher::weights`] needs to know of a face.
+    pub fn corners(&self, face: u32) -> Corners {
+        Corners::new(&self.eye, self.mesh.corners(face as usize))
+    }
+
+    /// Perspective-correct weights of a face's corners at a sample; in [0, 1], sum 1.
+    #[inline(always)]
+    pub fn weights(&self, corners: &Corners, x: u32, y: u32) -> [f32; 3] {
+        corners.weights(self.eye.ray(x, y))
     }
 }
 

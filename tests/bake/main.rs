@@ -5,5 +5,6 @@ mod chunks;
 mod closed_form;
 mod hierarchy;
 mod hostile;
+mod photos;
 mod stages;
 mod sturdy;

@@ -41,7 +41,7 @@ fn prune_counts_by_cause() {
     soup.vertices[10] = random_triangle(1, Vec3::ZERO, 5000.0);
     soup.vertices[11] = random_triangle(1, Vec3::splat(30.0), 0.1);
     let options = PruneOptions {
-        max_size: 100.0,
+        max_edge: 100.0,
         crop: Some([-10.0, -10.0, -10.0, 10.0, 10.0, 10.0]),
         max_triangles: Some(80),
         ..PruneOptions::DEFAULT
@@ -98,7 +98,7 @@ fn prune_says_which_option_left_nothing() {
     let cases = [
         (PruneOptions { min_opacity: 1.0, ..PruneOptions::DEFAULT }, "--min-opacity"),
         (PruneOptions { max_sigma: 1e-3, ..PruneOptions::DEFAULT }, "--max-sigma"),
-        (PruneOptions { max_size: 1e-9, ..PruneOptions::DEFAULT }, "--max-size"),
+        (PruneOptions { max_edge: 1e-9, ..PruneOptions::DEFAULT }, "--max-edge"),
         (PruneOptions { crop: Some([9.0, 9.0, 9.0, 10.0, 10.0, 10.0]), ..PruneOptions::DEFAULT }, "--crop"),
         (PruneOptions { min_opacity: f64::NAN, ..PruneOptions::DEFAULT }, "--min-opacity"),
         (PruneOptions { max_sigma: -1.0, ..PruneOptions::DEFAULT }, "--max-sigma"),

@@ -40,7 +40,7 @@ fn presets() -> Vec<Preset> {
     let with = |solid, order| Preset {
         name: "everything on",
         prune: PruneOptions {
-            max_size: 20.0,
+            max_edge: 20.0,
             crop: Some([-1e6, -1e6, -1e6, 1e6, 1e6, 1e6]),
             max_triangles: Some(200),
             ..PruneOptions::DEFAULT

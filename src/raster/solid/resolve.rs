@@ -72,7 +72,7 @@ pub(super) fn export(batches: &[Batch], eye: &Eye, out: &mut Visibility) {
 
 /// A face as barycentric coordinates need it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Corners {
+pub struct Corners {
     /// Corner i's weight is in proportion to the i-th times the ray.
     opposite: [DVec3; 3],
 }

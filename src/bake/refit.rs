@@ -1,0 +1,235 @@
+//! Colours from the photos: what every triangle shows there, once it is opaque and hides what is behind it.
+//!
+//! With z-buffered opaque triangles each sample of a photo belongs to one triangle, so the best corner
+//! colours are a linear least-squares problem of three unknowns a triangle and channel:
+//!
+//! ```text
+//! minimise Σ_samples (Σ_k b_k e_k - photo)² + λ Σ_k (e_k - ē)²
+//! ```
+//!
+//! with b the perspective-correct weights of the corners, e the sRGB-encoded corner colours that are sought
+//! and ē the triangle's mean colour, towards which corners are drawn that photos tell little about. Encoded
+//! values are fitted because the error that counts is measured on them. Triangles that share a pixel are
+//! coupled: later passes draw the scene as an engine does, in linear light with several samples a pixel, and
+//! pass what is left of the error through the same 3 x 3 systems. Each of these majorises the coupled one, so
+//! the error falls with every pass.
+//!
+//! Some photos are left out at first and tell whether refitted colours are better than those the scene came
+//! with, and whether three colours a triangle are better than one. If not, the colours stay.
+
+mod fit;
+mod gather;
+
+use super::Details;
+use super::unseen::mean_psnr;
+use super::views::Views;
+use crate::error::{Error, Result};
+use crate::mesh::{Colors, Mesh};
+use crate::raster::solid::{Solid, SolidOptions};
+use crate::report::Outcome;
+use fit::Fit;
+use gather::{Gatherer, Goal, Shot};
+
+/// One photo in so many is left out at first, to judge on.
+const JUDGE_EVERY: usize = 8;
+/// Samples a pixel along each axis.
+const SAMPLES: u32 = 2;
+/// A photo is out of line when its mean error is this far from the others', sRGB-encoded, and ...
+const OUTLIER: f32 = 0.02;
+/// ... this many times as far as half of them are.
+const OUTLIER_SPREADS: f32 = 6.0;
+
+/// Which colours are fitted.
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    clap::ValueEnum,
+    serde::Serialize,
+    serde::Deserialize,
+    schemars::JsonSchema,
+)]
+#[serde(rename_all = "lowercase")]
+pub enum RefitColors {
+    /// Whatever is best on photos left out: one colour a triangle, three, or none
+    Auto,
+    /// One colour a triangle
+    Flat,
+    /// One colour a corner
+    Corner,
+    /// Colours stay as they are
+    Off,
+}
+
+/// How colours are taken from the photos.
+#[derive(Debug, Clone, PartialEq, clap::Args, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RefitOptions {
+    /// Which colours are fitted to the photos
+    #[arg(long, value_enum, default_value_t = RefitOptions::DEFAULT.refit, value_name = "WHICH")]
+    pub refit: RefitColors,
+    /// λ: corners are drawn to their triangle's mean colour as if it had been seen on this many pixels more
+    #[arg(long, default_value_t = RefitOptions::DEFAULT.refit_flatness, value_name = "PX")]
+    #[schemars(range(min = 0.0))]
+    pub refit_flatness: f64,
+    /// Passes over the photos after the first, for triangles that share pixels
+    #[arg(long, default_value_t = RefitOptions::DEFAULT.refit_passes, value_name = "N")]
+    pub refit_passes: u32,
+}
+
+impl RefitOptions {
+    /// Looks what is best.
+    pub const DEFAULT: Self = Self { refit: RefitColors::Auto, refit_flatness: 4.0, refit_passes: 2 };
+}
+
+impl Default for RefitOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// Fits the colours of `mesh` to `views`; `details` tells the PSNR on photos left out.
+///
+/// Errors: an option out of range, a photo that cannot be decoded.
+pub fn refit(
+    mesh: &mut Mesh,
+    views: Option<&mut Views>,
+    options: &RefitOptions,
+    details: &mut Details,
+) -> Result<Outcome<()>> {
+    if !(options.refit_flatness >= 0.0 && options.refit_flatness.is_finite()) {
+        return Err(Error::invalid("--refit-flatness", options.refit_flatness, "0 or more"));
+    }
+    let Some(views) = views.filter(|v| !v.is_empty()) else {
+        return Ok(Outcome::Unneeded("no photos were given"));
+    };
+    if options.refit == RefitColors::Off {
+        return Ok(Outcome::Unneeded("--refit off"));
+    }
+    if !mesh.indices.is_empty() {
+        return Ok(Outcome::Unneeded("a mesh with shared vertices keeps its colours"));
+    }
+    let all: Vec<usize> = (0..views.len()).collect();
+    let judges: Vec<usize> = all.iter().copied().filter(|v| v % JUDGE_EVERY == JUDGE_EVERY / 2).collect();
+    let others: Vec<usize> = all.iter().copied().filter(|v| !judges.contains(v)).collect();
+
+    let mut looking = Looking::new(mesh, views);
+    let mut fit = Fit::new(mesh, options.refit_flatness as f32);
+    looking.add(mesh, views, &others, Goal::Photo, &mut fit)?;
+    let which = match options.refit {
+        RefitColors::Auto if !judges.is_empty() => choose(mesh, views, &judges, &fit, details)?,
+        RefitColors::Flat => RefitColors::Flat,
+        _ => RefitColors::Corner,
+    };
+    if which == RefitColors::Off {
+        return Ok(Outcome::Unneeded("photos left out are met better by the colours that are there"));
+    }
+    looking.add(mesh, views, &judges, Goal::Photo, &mut fit)?;
+    fit.solve(which);
+    details.insert("fitted".into(), fit.fitted().into());
+
+    let mut used = all;
+    for pass in 0..options.refit_passes {
+        fit.clear();
+        looking.add(mesh, views, &used, Goal::Rest, &mut fit)?;
+        let odd = if pass == 0 { outliers(&used, &looking.errors) } else { Vec::new() };
+        if odd.is_empty() || odd.len() == used.len() {
+            fit.improve(which);
+            continue;
+        }
+        // Photos of another exposure are left out, and the first pass is made again without them.
+        used.retain(|v| !odd.contains(v));
+        fit = Fit::new(mesh, options.refit_flatness as f32);
+        looking.add(mesh, views, &used, Goal::Photo, &mut fit)?;
+        fit.solve(which);
+        details.insert("photos_out_of_line".into(), odd.len().into());
+    }
+    mesh.colors = fit.colors(which);
+    details.insert("colors".into(), serde_json::to_value(which).unwrap_or_default());
+    Ok(Outcome::Changed(()))
+}
+
+/// Photo after photo: draws what it sees and sums what it says.
+struct Looking {
+    solid: Solid,
+    drawing: SolidOptions,
+    gatherer: Gatherer,
+    /// Mean error of each photo when it was last looked at for [`Goal::Rest`], sRGB-encoded.
+    errors: Vec<[f32; 3]>,
+}
+
+impl Looking {
+    fn new(mesh: &Mesh, views: &Views) -> Self {
+        Self {
+            solid: Solid::new(),
+            drawing: views.drawing(mesh, SAMPLES),
+            gatherer: Gatherer::new(mesh.face_count()),
+            errors: vec![[0.0; 3]; views.len()],
+        }
+    }
+
+    /// Adds what some photos say to the sums of `fit`, in their order.
+    fn add(
+        &mut self,
+        mesh: &Mesh,
+        views: &mut Views,
+        chosen: &[usize],
+        goal: Goal,
+        fit: &mut Fit,
+    ) -> Result<()> {
+        views.expect(chosen);
+        for &view in chosen {
+            let photo = views.photo(view)?;
+            let camera = views.camera(view);
+            let visibility = self.solid.visibility(mesh, camera, &self.drawing);
+            let background = self.drawing.background;
+            let shot = Shot { mesh, camera, photo: &photo, visibility, background };
+            self.errors[view] = self.gatherer.gather(&shot, goal, fit);
+        }
+        Ok(())
+    }
+}
+
+/// Which colours are best on `judges`, which `fit` has not seen.
+fn choose(
+    mesh: &mut Mesh,
+    views: &mut Views,
+    judges: &[usize],
+    fit: &Fit,
+    details: &mut Details,
+) -> Result<RefitColors> {
+    let mut best = (mean_psnr(mesh, views, judges)?, RefitColors::Off);
+    details.insert("psnr_before".into(), best.0.into());
+    for (which, key) in [(RefitColors::Flat, "psnr_flat"), (RefitColors::Corner, "psnr_corner")] {
+        let mut candidate = fit.clone();
+        candidate.solve(which);
+        let kept: Colors = std::mem::replace(&mut mesh.colors, candidate.colors(which));
+        let psnr = mean_psnr(mesh, views, judges);
+        mesh.colors = kept;
+        let psnr = psnr?;
+        details.insert(key.into(), psnr.into());
+        if psnr > best.0 {
+            best = (psnr, which);
+        }
+    }
+    Ok(best.1)
+}
+
+/// Photos whose mean error is far from what is usual: taken with another exposure, or of something else.
+fn outliers(views: &[usize], means: &[[f32; 3]]) -> Vec<usize> {
+    let median = |mut values: Vec<f32>| -> f32 {
+        values.sort_unstable_by(f32::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or(0.0)
+    };
+    let mut odd = vec![false; means.len()];
+    for c in 0..3 {
+        let middle = median(views.iter().map(|&v| means[v][c]).collect());
+        let spread = median(views.iter().map(|&v| (means[v][c] - middle).abs()).collect());
+        for &v in views {
+            odd[v] |= (means[v][c] - middle).abs() > OUTLIER.max(OUTLIER_SPREADS * spread);
+        }
+    }
+    views.iter().copied().filter(|&v| odd[v]).collect()
+}

@@ -1,0 +1,158 @@
+//! Drops the triangles that no photo needs: those that the solid rasteriser shows in no view.
+//!
+//! What a triangle is worth is the area it covers in all photos together, after everything in front of it:
+//! the integral of its visibility, in pixels. A triangle behind others is worth nothing to an engine.
+
+use super::Details;
+use super::views::Views;
+use crate::error::{Error, Result};
+use crate::math::metric;
+use crate::mesh::Mesh;
+use crate::raster::solid::{NO_FACE, Solid, SolidOptions};
+use crate::report::Outcome;
+use rayon::prelude::*;
+use serde_json::json;
+
+/// Samples a pixel along each axis when visibility is counted.
+const SAMPLES: u32 = 2;
+/// Photos that the curve of error against triangles is measured on.
+const CURVE_VIEWS: usize = 12;
+/// Halvings of the interval in which the cut lies.
+const CURVE_STEPS: usize = 9;
+
+/// Which triangles the photos need.
+#[derive(Debug, Clone, PartialEq, clap::Args, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct UnseenOptions {
+    /// Keep triangles that no photo sees: fewer holes far from where the photos were taken
+    #[arg(long)]
+    pub keep_unseen: bool,
+    /// Drop triangles that show less than this in all photos together, px
+    #[arg(long, default_value_t = UnseenOptions::DEFAULT.min_seen_px, value_name = "PX")]
+    #[schemars(range(min = 0.0))]
+    pub min_seen_px: f64,
+    /// Drop the triangles least seen for as long as the photos are met at most this much worse, dB
+    #[arg(long, value_name = "DB")]
+    #[schemars(range(min = 0.0))]
+    pub max_error: Option<f64>,
+}
+
+impl UnseenOptions {
+    /// Half a pixel in all photos together cannot be told from noise.
+    pub const DEFAULT: Self = Self { keep_unseen: false, min_seen_px: 0.5, max_error: None };
+}
+
+impl Default for UnseenOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// Drops what `views` do not see of `mesh`; at most `max_triangles` stay, those seen most.
+///
+/// Errors: an option out of range, a photo that cannot be decoded, no triangle in any view.
+pub fn unseen(
+    mesh: &mut Mesh,
+    views: Option<&mut Views>,
+    options: &UnseenOptions,
+    max_triangles: Option<u64>,
+    details: &mut Details,
+) -> Result<Outcome<()>> {
+    check(options)?;
+    let Some(views) = views.filter(|v| !v.is_empty()) else {
+        return match options.max_error {
+            None => Ok(Outcome::Unneeded("no photos were given")),
+            Some(db) => Err(Error::invalid("--max-error", db, "--dataset: error is measured on photos")),
+        };
+    };
+    let seen = seen_px(mesh, views);
+    let mut ranked: Vec<u32> = (0..seen.len() as u32).collect();
+    ranked.par_sort_unstable_by(|&a, &b| seen[b as usize].total_cmp(&seen[a as usize]).then(a.cmp(&b)));
+    let visible = ranked.partition_point(|&f| seen[f as usize] > 0.0);
+    if visible == 0 {
+        let wants = "photos of this scene: none of its triangles is in any view; was it moved or scaled?";
+        return Err(Error::invalid("--dataset", "its cameras", wants));
+    }
+    let mut keep = match options.keep_unseen {
+        true => ranked.len(),
+        false => ranked.partition_point(|&f| f64::from(seen[f as usize]) >= options.min_seen_px).max(1),
+    };
+    details.insert("seen_by_none".into(), (ranked.len() - visible).into());
+    keep = keep.min(max_triangles.map_or(keep, |most| usize::try_from(most).unwrap_or(keep).max(1)));
+    if let Some(db) = options.max_error {
+        keep = cut(mesh, views, &ranked[..keep], db, details)?;
+    }
+    if keep == ranked.len() {
+        return Ok(Outcome::Unneeded("every triangle is seen"));
+    }
+    let mut kept = vec![false; ranked.len()];
+    ranked[..keep].iter().for_each(|&f| kept[f as usize] = true);
+    mesh.retain(|f| kept[f]);
+    Ok(Outcome::Changed(()))
+}
+
+fn check(options: &UnseenOptions) -> Result<()> {
+    for (option, value) in [("--min-seen-px", Some(options.min_seen_px)), ("--max-error", options.max_error)]
+    {
+        if let Some(value) = value.filter(|v| !(*v >= 0.0 && v.is_finite())) {
+            return Err(Error::invalid(option, value, "0 or more"));
+        }
+    }
+    Ok(())
+}
+
+/// The area of each face that all photos together see, px. `[F]`
+pub fn seen_px(mesh: &Mesh, views: &Views) -> Vec<f32> {
+    let options = views.drawing(mesh, SAMPLES);
+    let mut solid = Solid::new();
+    let mut samples = vec![0u64; mesh.face_count()];
+    for view in 0..views.len() {
+        for &face in &solid.visibility(mesh, views.camera(view), &options).face {
+            if face != NO_FACE {
+                samples[face as usize] += 1;
+            }
+        }
+    }
+    let per_sample = 1.0 / f64::from(SAMPLES * SAMPLES);
+    samples.into_iter().map(|n| (n as f64 * per_sample) as f32).collect()
+}
+
+/// How many of `ranked` must stay so that the photos are met at most `db` worse than by all of them.
+fn cut(mesh: &Mesh, views: &mut Views, ranked: &[u32], db: f64, details: &mut Details) -> Result<usize> {
+    let judges = views.spread(CURVE_VIEWS);
+    let mut curve = Vec::new();
+    let mut psnr = |keep: usize| -> Result<f64> {
+        let mut part = mesh.clone();
+        let mut faces = ranked[..keep].to_vec();
+        faces.sort_unstable();
+        part.select(&faces);
+        let psnr = mean_psnr(&part, views, &judges)?;
+        curve.push(json!({ "triangles": keep, "psnr": psnr }));
+        Ok(psnr)
+    };
+    let best = psnr(ranked.len())?;
+    let (mut too_few, mut enough) = (0, ranked.len());
+    for _ in 0..CURVE_STEPS {
+        let middle = (too_few + enough) / 2;
+        if middle == too_few || middle == 0 {
+            break;
+        }
+        if psnr(middle)? >= best - db { enough = middle } else { too_few = middle }
+    }
+    details.insert("curve".into(), curve.into());
+    Ok(enough)
+}
+
+/// How well a mesh meets some of the photos, dB.
+pub(super) fn mean_psnr(mesh: &Mesh, views: &mut Views, judges: &[usize]) -> Result<f64> {
+    let options: SolidOptions = views.drawing(mesh, SAMPLES);
+    let mut solid = Solid::new();
+    let mut sum = 0.0;
+    views.expect(judges);
+    for &view in judges {
+        let photo = views.photo(view)?;
+        let drawn = solid.render(mesh, views.camera(view), &options);
+        sum += metric::psnr(&photo.rgb, &drawn.rgb, photo.alpha.as_deref());
+    }
+    Ok(sum / judges.len().max(1) as f64)
+}

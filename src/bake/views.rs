@@ -1,0 +1,94 @@
+//! The photos a bake may look at: what they show decides what a triangle is worth and which colour it has.
+
+use crate::asset::Placement;
+use crate::camera::Camera;
+use crate::dataset::{Dataset, Photos};
+use crate::error::Result;
+use crate::image::Pixels;
+use crate::mesh::Mesh;
+use crate::raster::solid::SolidOptions;
+use glam::{DMat3, DVec3};
+use std::sync::Arc;
+
+/// Near plane as a share of the median distance from the cameras to the middle of the scene, as in training.
+const NEAR: f32 = 0.01;
+
+/// Training photos of a data set with their cameras in the frame of the scene that is baked.
+#[derive(Debug)]
+pub struct Views {
+    cameras: Vec<Camera>,
+    origin: DVec3,
+    photos: Photos,
+    background: [f32; 3],
+}
+
+impl Views {
+    /// The training photos of `dataset`; held-out ones are never looked at. `photo_bytes` is the memory for
+    /// decoded photos, `background` (sRGB-encoded) what stands where no triangle is.
+    pub fn new(dataset: &Dataset, photo_bytes: u64, background: [f32; 3]) -> Self {
+        Self {
+            cameras: dataset.train().map(|v| v.camera).collect(),
+            origin: dataset.origin,
+            photos: Photos::new(dataset.train().map(|v| v.photo.clone()).collect(), photo_bytes),
+            background,
+        }
+    }
+
+    /// Number of photos.
+    pub fn len(&self) -> usize {
+        self.cameras.len()
+    }
+
+    /// True when there are none.
+    pub fn is_empty(&self) -> bool {
+        self.cameras.is_empty()
+    }
+
+    /// How the photos' cameras draw `mesh`: the near plane is a hundredth of the way to its middle.
+    pub fn drawing(&self, mesh: &Mesh, samples: u32) -> SolidOptions {
+        let count = mesh.vertex_count().max(1);
+        let middle = mesh.positions.iter().map(|v| v.as_dvec3()).sum::<DVec3>() / count as f64;
+        let mut away: Vec<f32> =
+            self.cameras.iter().map(|c| c.position().distance(middle.as_vec3())).collect();
+        away.sort_unstable_by(f32::total_cmp);
+        let near = away.get(away.len() / 2).copied().unwrap_or(1.0) * NEAR;
+        let near = if near > 0.0 && near.is_finite() { near } else { NEAR };
+        SolidOptions { background: self.background, samples, near }
+    }
+
+    /// Moves the cameras from the world into a file that was placed somewhere else in it.
+    pub fn enter(&mut self, placement: &Placement) {
+        // file = U s (world - center), hence R world + t = (R Uᵀ file) / s + R (center - origin) + t; the
+        // whole times s, which no pinhole can tell, keeps the rotation a rotation.
+        let up = placement.up.to_y_up();
+        let offset = DVec3::from(placement.center) - self.origin;
+        for camera in &mut self.cameras {
+            let rotation: DMat3 = camera.rotation.as_dmat3();
+            let translation = (rotation * offset + camera.translation.as_dvec3()) * placement.scale;
+            camera.rotation = (rotation * up.transpose()).as_mat3();
+            camera.translation = translation.as_vec3();
+        }
+        self.origin = DVec3::ZERO;
+    }
+
+    /// The camera of a photo.
+    pub fn camera(&self, view: usize) -> &Camera {
+        &self.cameras[view]
+    }
+
+    /// Says which photos will be asked for next, so that they are decoded meanwhile.
+    pub fn expect(&mut self, views: &[usize]) {
+        self.photos.expect(views.iter().copied());
+    }
+
+    /// A photo. Fails when its file cannot be decoded.
+    pub fn photo(&mut self, view: usize) -> Result<Arc<Pixels>> {
+        self.photos.take(view)
+    }
+
+    /// At most `count` photos, spread evenly over all.
+    pub fn spread(&self, count: usize) -> Vec<usize> {
+        let count = count.min(self.len());
+        (0..count).map(|i| i * self.len() / count).collect()
+    }
+}

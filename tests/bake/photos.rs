@@ -1,0 +1,234 @@
+//! The stages that look at photos: `unseen` and `refit`. The photos are drawn from a scene with known colours.
+
+use crate::hostile::random_triangle;
+use glam::{UVec2, Vec2, Vec3};
+use std::fmt::Write;
+use std::path::Path;
+use tempfile::TempDir;
+use trisplat::asset::{Placement, UpAxis};
+use trisplat::bake::Details;
+use trisplat::bake::refit::{RefitColors, RefitOptions, refit};
+use trisplat::bake::unseen::{UnseenOptions, unseen};
+use trisplat::bake::views::Views;
+use trisplat::camera::Camera;
+use trisplat::dataset::{Dataset, DatasetOptions};
+use trisplat::image::Pixels;
+use trisplat::mesh::{Colors, Mesh};
+use trisplat::raster::solid::{Solid, SolidOptions};
+use trisplat::report::Outcome;
+
+const VIEWS: usize = 24;
+
+/// Triangles of some size around the origin, a colour at every corner.
+fn scene() -> Mesh {
+    let place =
+        |i: u64| Vec3::new((i % 5) as f32 - 2.0, (i / 5 % 5) as f32 - 2.0, (i / 25) as f32 - 1.5) * 0.5;
+    let positions: Vec<Vec3> = (0..100).flat_map(|i| random_triangle(i, place(i), 0.5)).collect();
+    let color = |i: usize| [7, 11, 13].map(|p| ((i * p) % 19) as f32 / 20.0);
+    let colors = Colors::Vertex((0..positions.len()).map(color).collect());
+    Mesh { positions, colors, indices: Vec::new(), opacity: Vec::new() }
+}
+
+/// The same triangles, all of one grey.
+fn grey(mesh: &Mesh) -> Mesh {
+    Mesh { colors: Colors::Face(vec![[0.2; 3]; mesh.face_count()]), ..mesh.clone() }
+}
+
+fn camera(view: usize) -> Camera {
+    let lens = Camera {
+        rotation: glam::Mat3::IDENTITY,
+        translation: Vec3::ZERO,
+        focal: Vec2::splat(110.0),
+        center: Vec2::new(50.0, 37.0),
+        size: UVec2::new(96, 72),
+    };
+    let (turn, height) = (view as f32 * 2.4, (view % 7) as f32 * 0.5 - 1.5);
+    lens.looking(Vec3::new(3.0 * turn.cos(), height, 3.0 * turn.sin()), Vec3::ZERO, Vec3::NEG_Y)
+}
+
+/// Photographs `mesh` into a data set on disk; `develop` may spoil a photo.
+fn photograph(mesh: &Mesh, develop: impl Fn(usize, Pixels) -> Pixels) -> (TempDir, Dataset) {
+    let folder = tempfile::tempdir().unwrap();
+    let (model, images) = (folder.path().join("sparse/0"), folder.path().join("images"));
+    std::fs::create_dir_all(&model).unwrap();
+    std::fs::create_dir_all(&images).unwrap();
+    let options = SolidOptions { samples: 4, ..SolidOptions::default() };
+    let mut list = String::new();
+    for view in 0..VIEWS {
+        let c = camera(view);
+        let (q, t) = (glam::Quat::from_mat3(&c.rotation), c.translation);
+        let id = view + 1;
+        writeln!(list, "{id} {} {} {} {} {} {} {} 1 {view:02}.png\n", q.w, q.x, q.y, q.z, t.x, t.y, t.z)
+            .unwrap();
+        let photo = develop(view, Solid::new().render(mesh, &c, &options));
+        photo.save_png(&images.join(format!("{view:02}.png"))).unwrap();
+    }
+    std::fs::write(model.join("cameras.txt"), "1 PINHOLE 96 72 110 110 50 37\n").unwrap();
+    std::fs::write(model.join("images.txt"), list).unwrap();
+    std::fs::write(model.join("points3D.txt"), "1 0 0 0 9 9 9 0\n").unwrap();
+    let dataset = load(folder.path());
+    (folder, dataset)
+}
+
+fn load(folder: &Path) -> Dataset {
+    Dataset::load(folder, &DatasetOptions { test_every: 0, ..DatasetOptions::default() }).unwrap()
+}
+
+fn views(dataset: &Dataset) -> Views {
+    Views::new(dataset, 1 << 26, [0.0; 3])
+}
+
+/// Root of the mean squared difference of the pictures that two meshes give, codes.
+fn difference(a: &Mesh, b: &Mesh) -> f64 {
+    let options = SolidOptions { samples: 4, ..SolidOptions::default() };
+    let (mut sum, mut count) = (0.0, 0.0);
+    for view in 0..VIEWS {
+        let c = camera(view);
+        let (a, b) = (Solid::new().render(a, &c, &options), Solid::new().render(b, &c, &options));
+        for (a, b) in a.rgb.as_flattened().iter().zip(b.rgb.as_flattened()) {
+            sum += (f64::from(*a) - f64::from(*b)).powi(2);
+            count += 1.0;
+        }
+    }
+    f64::sqrt(sum / count)
+}
+
+fn fitted(dataset: &Dataset, start: &Mesh, options: &RefitOptions) -> (Mesh, Details) {
+    let (mut mesh, mut details) = (start.clone(), Details::new());
+    let outcome = refit(&mut mesh, Some(&mut views(dataset)), options, &mut details).unwrap();
+    assert_eq!(outcome, Outcome::Changed(()), "{details:?}");
+    mesh.validate().unwrap();
+    (mesh, details)
+}
+
+#[test]
+fn refit_finds_the_colours_the_photos_were_drawn_with() {
+    let truth = scene();
+    let (_folder, dataset) = photograph(&truth, |_, photo| photo);
+    let many = RefitOptions { refit_passes: 8, refit_flatness: 0.1, ..RefitOptions::DEFAULT };
+    let (mesh, details) = fitted(&dataset, &grey(&truth), &many);
+    assert_eq!(details["colors"], "corner");
+    let error = difference(&mesh, &truth);
+    assert!(error < 1.5, "{error} codes with corners");
+    let (flat, _) = fitted(&dataset, &grey(&truth), &RefitOptions { refit: RefitColors::Flat, ..many });
+    assert!(matches!(flat.colors, Colors::Face(_)));
+    assert!(difference(&flat, &truth) < 0.7 * difference(&grey(&truth), &truth));
+}
+
+#[test]
+fn more_passes_come_closer() {
+    let truth = scene();
+    let (_folder, dataset) = photograph(&truth, |_, photo| photo);
+    let errors: Vec<f64> = [0, 1, 2, 4]
+        .map(|refit_passes| {
+            let options = RefitOptions { refit_passes, refit_flatness: 0.1, ..RefitOptions::DEFAULT };
+            difference(&fitted(&dataset, &grey(&truth), &options).0, &truth)
+        })
+        .to_vec();
+    assert!(errors.windows(2).all(|e| e[1] < e[0]), "{errors:?}");
+}
+
+#[test]
+fn colours_that_are_right_stay() {
+    let truth = scene();
+    let flat = Mesh { colors: Colors::Face((0..100).map(|i| truth.corner_colors(i)[0]).collect()), ..truth };
+    let (_folder, dataset) = photograph(&flat, |_, photo| photo);
+    let (mut mesh, mut details) = (flat.clone(), Details::new());
+    refit(&mut mesh, Some(&mut views(&dataset)), &RefitOptions::DEFAULT, &mut details).unwrap();
+    assert!(difference(&mesh, &flat) < 0.5, "{details:?}");
+}
+
+#[test]
+fn a_photo_of_another_exposure_is_left_out() {
+    let truth = scene();
+    let brighten = |view: usize, mut photo: Pixels| {
+        if view == 5 {
+            photo.rgb.iter_mut().flatten().for_each(|c| *c = c.saturating_mul(2));
+        }
+        photo
+    };
+    let (_folder, dataset) = photograph(&truth, brighten);
+    let options = RefitOptions { refit_passes: 4, refit_flatness: 0.1, ..RefitOptions::DEFAULT };
+    let (mesh, details) = fitted(&dataset, &grey(&truth), &options);
+    assert_eq!(details["photos_out_of_line"], 1);
+    let error = difference(&mesh, &truth);
+    assert!(error < 3.0, "{error}");
+}
+
+#[test]
+fn a_placed_scene_meets_the_same_photos() {
+    let truth = scene();
+    let (_folder, dataset) = photograph(&truth, |_, photo| photo);
+    let placement = Placement { up: UpAxis::NegY, scale: 2.5, center: [0.5, -1.0, 3.0] };
+    let mut placed = grey(&truth);
+    placed.positions.iter_mut().for_each(|v| *v = placement.to_file(*v));
+    let mut views = views(&dataset);
+    views.enter(&placement);
+    refit(&mut placed, Some(&mut views), &RefitOptions::DEFAULT, &mut Details::new()).unwrap();
+    let here = fitted(&dataset, &grey(&truth), &RefitOptions::DEFAULT).0;
+    placed.positions = truth.positions.clone();
+    assert!(difference(&placed, &here) < 0.5);
+}
+
+#[test]
+fn hidden_triangles_go_and_nothing_is_seen_of_it() {
+    let mut mesh = scene();
+    let core = mesh.face_count();
+    // A closed box around a second scene: six sides, two triangles each, and what is inside.
+    let corner = |i: usize| Vec3::from([i & 1, i >> 1 & 1, i >> 2 & 1].map(|b| b as f32 * 2.7 - 1.35));
+    let sides = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
+    for [a, b, c, d] in sides {
+        mesh.positions.extend([a, b, c, a, c, d].map(corner));
+    }
+    mesh.colors = Colors::Face((0..mesh.face_count()).map(|f| [f as f32 / 200.0; 3]).collect());
+    let (_folder, dataset) = photograph(&mesh, |_, photo| photo);
+    let (mut left, mut details) = (mesh.clone(), Details::new());
+    unseen(&mut left, Some(&mut views(&dataset)), &UnseenOptions::DEFAULT, None, &mut details).unwrap();
+    assert!((8..20).contains(&left.face_count()), "{} of {core}: the sides of the box", left.face_count());
+    assert!(difference(&left, &mesh) < 1.0);
+    let again = unseen(&mut left, Some(&mut views(&dataset)), &UnseenOptions::DEFAULT, None, &mut details);
+    assert!(matches!(again, Ok(Outcome::Unneeded(_))));
+
+    let keep = UnseenOptions { keep_unseen: true, ..UnseenOptions::DEFAULT };
+    let mut all = mesh.clone();
+    assert!(matches!(
+        unseen(&mut all, Some(&mut views(&dataset)), &keep, None, &mut Details::new()),
+        Ok(Outcome::Unneeded(_))
+    ));
+    unseen(&mut all, Some(&mut views(&dataset)), &keep, Some(20), &mut Details::new()).unwrap();
+    assert_eq!(all.face_count(), 20);
+}
+
+#[test]
+fn a_greater_error_allows_fewer_triangles() {
+    let mesh = scene();
+    let (_folder, dataset) = photograph(&mesh, |_, photo| photo);
+    let left: Vec<usize> = [0.0, 3.0, 40.0]
+        .map(|db| {
+            let (mut mesh, mut details) = (mesh.clone(), Details::new());
+            let options = UnseenOptions { max_error: Some(db), ..UnseenOptions::DEFAULT };
+            unseen(&mut mesh, Some(&mut views(&dataset)), &options, None, &mut details).unwrap();
+            mesh.face_count()
+        })
+        .to_vec();
+    assert!(left[0] > left[1] && left[1] > left[2], "{left:?}");
+}
+
+#[test]
+fn without_photos_nothing_is_needed_and_errors_name_the_remedy() {
+    let mut mesh = scene();
+    let mut details = Details::new();
+    let none = refit(&mut mesh, None, &RefitOptions::DEFAULT, &mut details).unwrap();
+    assert_eq!(none, Outcome::Unneeded("no photos were given"));
+    let none = unseen(&mut mesh, None, &UnseenOptions::DEFAULT, None, &mut details).unwrap();
+    assert_eq!(none, Outcome::Unneeded("no photos were given"));
+    let options = UnseenOptions { max_error: Some(0.1), ..UnseenOptions::DEFAULT };
+    let error = unseen(&mut mesh, None, &options, None, &mut details).unwrap_err().to_string();
+    assert!(error.contains("--max-error") && error.contains("--dataset"), "{error}");
+    let (_folder, dataset) = photograph(&mesh, |_, photo| photo);
+    mesh.positions.iter_mut().for_each(|v| *v = Vec3::new(v.x, v.y + 1000.0, v.z));
+    let error = unseen(&mut mesh, Some(&mut views(&dataset)), &UnseenOptions::DEFAULT, None, &mut details)
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("--dataset"), "{error}");
+}
