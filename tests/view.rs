@@ -160,7 +160,7 @@ fn every_layout_draws_what_rays_meet() {
     {
         let (ids, wants) = reference(&mesh, &camera);
         let seen: std::collections::BTreeSet<_> = ids.iter().collect();
-        assert!(seen.len() > 100, "only {} faces are in view", seen.len());
+        assert!(seen.len() > 80, "only {} faces are in view", seen.len());
         let asset = asset(mesh);
         for &layout in layouts {
             let model = card.upload(&asset, Some(layout)).unwrap();

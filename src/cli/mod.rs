@@ -12,6 +12,8 @@ pub mod files;
 pub mod info;
 pub mod info_dataset;
 pub mod layers;
+#[cfg(not(all(feature = "gpu", feature = "view")))]
+pub mod missing;
 pub mod progress;
 pub mod render;
 pub mod sample;
@@ -19,6 +21,8 @@ pub mod schema;
 pub mod train;
 pub mod train_progress;
 pub mod validate;
+#[cfg(feature = "view")]
+pub mod view;
 
 use crate::error::Result;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -68,6 +72,12 @@ pub enum Command {
     Eval(Box<eval::EvalArgs>),
     /// Draw a soup or mesh as the photos' cameras see it, or from a circle around it.
     Render(Box<render::RenderArgs>),
+    /// Fly through a scene in a window.
+    #[cfg(feature = "view")]
+    View(Box<view::ViewArgs>),
+    /// Fly through a scene in a window (not in this build).
+    #[cfg(not(feature = "view"))]
+    View(missing::MissingArgs),
     /// Measure what commands cost.
     Bench(bench::BenchArgs),
     /// Print a JSON Schema.
@@ -101,6 +111,10 @@ fn run(cli: &Cli, matches: &ArgMatches) -> Result<()> {
         Command::Train(args) => train::run(args, typed, &cli.global),
         Command::Eval(args) => eval::run(args, &cli.global),
         Command::Render(args) => render::run(args, &cli.global),
+        #[cfg(feature = "view")]
+        Command::View(args) => view::run(args),
+        #[cfg(not(feature = "view"))]
+        Command::View(_) => Err(missing::error("view")),
         Command::Bench(args) => bench::run(args, &cli.global),
         Command::Info(args) => info::run(args, &mut std::io::stdout().lock()),
         Command::Validate(args) => validate::run(args, &mut std::io::stdout().lock()),

@@ -127,7 +127,8 @@ impl Canvas {
         Ok(Self { picture, view, target })
     }
 
-    fn draw(
+    /// Records one frame.
+    pub fn draw(
         &self,
         gpu: &Gpu,
         renderer: &mut Renderer,

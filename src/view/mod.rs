@@ -10,6 +10,9 @@ pub mod layout;
 #[cfg(feature = "gpu")]
 pub mod model;
 pub mod orbit;
+pub mod placed;
 #[cfg(feature = "gpu")]
 pub mod renderer;
 pub mod show;
+#[cfg(feature = "view")]
+pub mod window;

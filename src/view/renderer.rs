@@ -158,6 +158,11 @@ impl Renderer {
         Ok(Self { shader, frame, frame_group, frame_layout, face_layout, pipelines: HashMap::new() })
     }
 
+    /// The layout of the bind group of face colours and grids, for [`Model::upload`].
+    pub fn face_layout(&self) -> &BindGroupLayout {
+        &self.face_layout
+    }
+
     /// The layout that `asset` is best drawn from on this card.
     pub fn best_layout(gpu: &Gpu, asset: &Asset) -> Layout {
         let limits = gpu.device.limits();
@@ -308,6 +313,11 @@ fn begin<'e>(
         occlusion_query_set: None,
         multiview_mask: None,
     })
+}
+
+/// Records a picture of nothing but background.
+pub fn clear(encoder: &mut CommandEncoder, picture: &TextureView, target: &Target, background: [f32; 3]) {
+    drop(begin(encoder, picture, target, background, None));
 }
 
 /// A group of buffers that the vertex stage reads.

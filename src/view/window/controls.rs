@@ -130,7 +130,9 @@ impl Controls {
         let rise = (elevation + TURN * drag.y).clamp(POLE - FRAC_PI_2, FRAC_PI_2 - POLE) - elevation;
         let yaw = Quat::from_axis_angle(self.up, TURN * drag.x);
         let pitch = Quat::from_axis_angle(self.right(), rise);
-        self.rotation = orthonormal(self.rotation * Mat3::from_quat(pitch).transpose() * Mat3::from_quat(yaw).transpose());
+        self.rotation = orthonormal(
+            self.rotation * Mat3::from_quat(pitch).transpose() * Mat3::from_quat(yaw).transpose(),
+        );
     }
 
     /// Moves across the view by a drag, in heights of the window, so that the point ahead follows it.
@@ -210,7 +212,8 @@ mod tests {
             let camera = Controls::new(&BOX, up).camera(SIZE, PANE);
             camera.validate().unwrap();
             for i in 0..8 {
-                let pick = |bit: usize, axis: usize| if i >> bit & 1 == 0 { BOX.min[axis] } else { BOX.max[axis] };
+                let pick =
+                    |bit: usize, axis: usize| if i >> bit & 1 == 0 { BOX.min[axis] } else { BOX.max[axis] };
                 let at = pixel(&camera, Vec3::new(pick(0, 0), pick(1, 1), pick(2, 2)));
                 assert!(at.cmpge(Vec2::ZERO).all() && at.cmple(SIZE.as_vec2()).all(), "{at}");
             }

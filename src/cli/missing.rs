@@ -1,0 +1,22 @@
+//! Commands that this build was made without.
+
+use crate::error::Error;
+use std::ffi::OsString;
+
+/// Anything: it is not looked at.
+#[derive(Debug, clap::Args)]
+#[command(disable_help_flag = true)]
+pub struct MissingArgs {
+    /// Whatever a build with the feature takes.
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
+    pub rest: Vec<OsString>,
+}
+
+/// The one error of a command whose feature is missing.
+pub fn error(feature: &str) -> Error {
+    Error::invalid(
+        "this trisplat",
+        format!("built without the feature `{feature}`"),
+        format!("a build with it: cargo install trisplat --features {feature}"),
+    )
+}

@@ -1,0 +1,340 @@
+//! Events in, pictures out.
+
+use super::background::{self, Message, ShotOf};
+use super::pick::pick;
+use super::screen::Screen;
+use super::session::{self, PhotoPlace, Session};
+use super::{Loader, WindowOptions};
+use crate::error::{Error, Result};
+use crate::view::renderer::Look;
+use glam::{UVec2, Vec2};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use winit::application::ApplicationHandler;
+use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, WindowEvent};
+use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
+use winit::keyboard::{KeyCode, PhysicalKey};
+use winit::window::WindowId;
+
+/// A press that moves no farther than this is a click, px.
+const CLICK: f32 = 4.0;
+/// Widest soft picture, px: a second or less on a processor.
+const SOFT_WIDTH: f32 = 480.0;
+
+/// Runs the window until it is closed.
+pub(super) fn run(options: WindowOptions, loader: Loader) -> Result<()> {
+    let no_window = |e: &dyn std::fmt::Display| {
+        let remedy = "`trisplat render` makes pictures without a window";
+        Error::Gpu(format!("no window can be opened: {e}; {remedy}"))
+    };
+    let events = EventLoop::<Message>::with_user_event().build().map_err(|e| no_window(&e))?;
+    let proxy = events.create_proxy();
+    let mut app =
+        App { options, loader: Some(loader), proxy, open: None, failure: None, mouse: Mouse::default() };
+    events.run_app(&mut app).map_err(|e| no_window(&e))?;
+    app.failure.map_or(Ok(()), Err)
+}
+
+struct App {
+    options: WindowOptions,
+    loader: Option<Loader>,
+    proxy: EventLoopProxy<Message>,
+    open: Option<(Screen, Session)>,
+    failure: Option<Error>,
+    mouse: Mouse,
+}
+
+#[derive(Default)]
+struct Mouse {
+    at: Vec2,
+    /// The button that is down, where it went down, and whether it has moved since.
+    down: Option<(MouseButton, Vec2, bool)>,
+}
+
+impl ApplicationHandler<Message> for App {
+    fn resumed(&mut self, events: &ActiveEventLoop) {
+        let Some(loader) = self.loader.take() else { return };
+        match Screen::open(events, &self.options) {
+            Ok(screen) => {
+                background::load(&self.proxy, screen.gpu.clone(), screen.face_layout(), loader);
+                let session = Session::new(screen.gpu.describe());
+                screen.window.request_redraw();
+                self.open = Some((screen, session));
+            }
+            Err(error) => self.fail(events, error),
+        }
+    }
+
+    fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        let Some((screen, _)) = &mut self.open else { return };
+        let heard = screen.input.on_window_event(&screen.window, &event);
+        if heard.repaint {
+            screen.window.request_redraw();
+        }
+        let result = match event {
+            WindowEvent::CloseRequested => {
+                events.exit();
+                Ok(())
+            }
+            WindowEvent::Resized(size) => screen.resize(UVec2::new(size.width, size.height)),
+            WindowEvent::RedrawRequested => self.redraw(events),
+            WindowEvent::KeyboardInput { event, .. } => {
+                self.key(events, &event);
+                Ok(())
+            }
+            other => {
+                self.pointer(&other, heard.consumed);
+                Ok(())
+            }
+        };
+        if let Err(error) = result {
+            self.fail(events, error);
+        }
+    }
+
+    fn user_event(&mut self, events: &ActiveEventLoop, message: Message) {
+        let Some((screen, session)) = &mut self.open else { return };
+        screen.window.request_redraw();
+        let context = screen.input.egui_ctx().clone();
+        match message {
+            Message::Progress(what) => session.note = Some(what),
+            Message::Loaded(Ok(loaded)) => session.show(*loaded),
+            Message::Loaded(Err(error)) => self.fail(events, error),
+            Message::Indexed(Ok(asset)) => {
+                if let Some(shown) = &mut session.shown {
+                    shown.asset = Some(Arc::new(asset));
+                }
+            }
+            Message::Photo(index, result) => {
+                session.decoding = None;
+                match result {
+                    Ok(picture) => {
+                        session.photo = Some((index, session::texture(&context, "photo", &picture)))
+                    }
+                    Err(error) => {
+                        session.choices.photo = PhotoPlace::Off;
+                        session.note = Some(error.to_string());
+                    }
+                }
+            }
+            Message::Soft(painter, camera, picture) => {
+                let texture = session::texture(&context, "soft", &picture);
+                session.soft = Some((camera, texture, picture));
+                if let Some(shown) = &mut session.shown {
+                    shown.painter = Some(painter);
+                }
+            }
+            Message::Picked(picked) => {
+                if let Some(picked) = &picked {
+                    session.controls.reach_to(picked.depth);
+                }
+                session.picked = picked;
+            }
+            Message::Subset(Ok(subset)) => session.subset = Some(Arc::new(subset)),
+            Message::Saved(Ok(path)) => session.note = Some(format!("saved {}", path.display())),
+            Message::Indexed(Err(error)) | Message::Subset(Err(error)) | Message::Saved(Err(error)) => {
+                session.note = Some(error.to_string());
+            }
+        }
+    }
+}
+
+impl App {
+    fn fail(&mut self, events: &ActiveEventLoop, error: Error) {
+        self.failure.get_or_insert(error);
+        events.exit();
+    }
+
+    fn redraw(&mut self, events: &ActiveEventLoop) -> Result<()> {
+        let Some((screen, session)) = &mut self.open else { return Ok(()) };
+        let moving = session.is_moving();
+        let secs = session.meter.tick(moving || self.mouse.down.is_some());
+        session.controls.fly(&session.keys, secs as f32);
+        let again = screen.draw(session)?;
+        self.start_work();
+        let Some((screen, session)) = &self.open else { return Ok(()) };
+        if session.is_moving() || again.is_zero() {
+            screen.window.request_redraw();
+            events.set_control_flow(ControlFlow::Wait);
+        } else if again < Duration::from_secs(3600) {
+            events.set_control_flow(ControlFlow::WaitUntil(Instant::now() + again));
+        } else {
+            events.set_control_flow(ControlFlow::Wait);
+        }
+        Ok(())
+    }
+
+    /// Starts what the picture now needs and is not there yet.
+    fn start_work(&mut self) {
+        let Some((screen, session)) = &mut self.open else { return };
+        let Some(shown) = &mut session.shown else { return };
+        if let Some(index) = session.current
+            && session.choices.photo != PhotoPlace::Off
+            && session.decoding.is_none()
+            && session.photo.as_ref().is_none_or(|(shown, _)| *shown != index)
+            && let Some(photo) = shown.photos.get(index)
+        {
+            session.decoding = Some(index);
+            let load = photo.load.clone();
+            background::spawn(&self.proxy, move || Message::Photo(index, load()));
+        }
+        if session.choices.soft
+            && let Some(camera) = session.camera
+        {
+            let scale = (SOFT_WIDTH / session.pane.size.x).min(1.0);
+            let small = (session.pane.size * scale).round().max(Vec2::ONE);
+            let mut of_pane = camera;
+            of_pane.center -= session.pane.min;
+            of_pane.size = session.pane.size.round().as_uvec2().max(UVec2::ONE);
+            let wanted = of_pane.resized(small.as_uvec2());
+            if session.soft.as_ref().is_none_or(|(drawn, ..)| *drawn != wanted)
+                && let Some(mut painter) = shown.painter.take()
+            {
+                background::spawn(&self.proxy, move || {
+                    let picture = painter(&wanted);
+                    Message::Soft(painter, wanted, picture)
+                });
+            }
+        }
+        if session.choices.some
+            && session.subset_wanted != Some(session.choices.share)
+            && let Some(asset) = shown.asset.clone()
+        {
+            let (gpu, model, share) = (screen.gpu.clone(), shown.model.clone(), session.choices.share);
+            session.subset_wanted = Some(share);
+            background::spawn(&self.proxy, move || {
+                Message::Subset(model.subset(&gpu, &asset.mesh, share, 0))
+            });
+        }
+    }
+
+    fn key(&mut self, events: &ActiveEventLoop, event: &KeyEvent) {
+        let Some((screen, session)) = &mut self.open else { return };
+        let PhysicalKey::Code(code) = event.physical_key else { return };
+        let down = if event.state == ElementState::Pressed { 1.0 } else { 0.0 };
+        screen.window.request_redraw();
+        let keys = &mut session.keys;
+        match code {
+            KeyCode::KeyW => keys.forward = down,
+            KeyCode::KeyS => keys.forward = -down,
+            KeyCode::KeyD => keys.right = down,
+            KeyCode::KeyA => keys.right = -down,
+            KeyCode::KeyE => keys.up = down,
+            KeyCode::KeyQ => keys.up = -down,
+            KeyCode::ShiftLeft | KeyCode::ShiftRight => keys.fast = down > 0.0,
+            _ if event.state == ElementState::Pressed && !event.repeat => self.press(events, code),
+            _ => {}
+        }
+    }
+
+    fn press(&mut self, events: &ActiveEventLoop, code: KeyCode) {
+        let Some((_, session)) = &mut self.open else { return };
+        let choices = &mut session.choices;
+        match code {
+            KeyCode::Escape => events.exit(),
+            KeyCode::KeyF => session.frame(),
+            KeyCode::KeyN => session.step(1),
+            KeyCode::KeyP => session.step(-1),
+            KeyCode::KeyO => session.next_photo_place(),
+            KeyCode::KeyC => choices.cameras = !choices.cameras,
+            KeyCode::KeyH => choices.panel = !choices.panel,
+            KeyCode::Digit1 => choices.look = Look::Color,
+            KeyCode::Digit2 => choices.look = Look::Normals,
+            KeyCode::Digit3 => choices.look = Look::Chunks,
+            KeyCode::Digit4 => choices.wire = !choices.wire,
+            KeyCode::Digit5 => choices.some = !choices.some,
+            KeyCode::Digit6 => {
+                choices.soft = !choices.soft && session.shown.as_ref().is_some_and(|s| s.has_painter)
+            }
+            KeyCode::F12 => self.screenshot(),
+            _ => {}
+        }
+    }
+
+    fn pointer(&mut self, event: &WindowEvent, consumed: bool) {
+        let Some((screen, session)) = &mut self.open else { return };
+        let height = screen.window.inner_size().height.max(1) as f32;
+        match *event {
+            WindowEvent::CursorMoved { position, .. } => {
+                let at = Vec2::new(position.x as f32, position.y as f32);
+                let drag = (at - self.mouse.at) / height;
+                self.mouse.at = at;
+                if let Some((button, from, moved)) = &mut self.mouse.down {
+                    *moved |= at.distance(*from) > CLICK;
+                    if *moved {
+                        match *button {
+                            MouseButton::Left => session.controls.orbit(drag),
+                            MouseButton::Right => session.controls.look(drag),
+                            _ => session.controls.pan(drag),
+                        }
+                        screen.window.request_redraw();
+                    }
+                }
+            }
+            WindowEvent::MouseInput { state: ElementState::Pressed, button, .. } if !consumed => {
+                self.mouse.down = Some((button, self.mouse.at, false));
+            }
+            WindowEvent::MouseInput { state: ElementState::Released, .. } => {
+                if let Some((MouseButton::Left, _, false)) = self.mouse.down.take() {
+                    self.click();
+                }
+            }
+            WindowEvent::MouseWheel { delta, .. } if !consumed => {
+                let steps = match delta {
+                    MouseScrollDelta::LineDelta(_, y) => y,
+                    MouseScrollDelta::PixelDelta(by) => by.y as f32 / 60.0,
+                };
+                session.controls.zoom(steps);
+                screen.window.request_redraw();
+            }
+            WindowEvent::PinchGesture { delta, .. } if delta.is_finite() => {
+                session.controls.zoom(8.0 * delta as f32);
+                screen.window.request_redraw();
+            }
+            _ => {}
+        }
+    }
+
+    /// Finds out what lies under the mouse.
+    fn click(&mut self) {
+        let Some((_, session)) = &self.open else { return };
+        let (Some(shown), Some(camera)) = (&session.shown, session.camera) else { return };
+        let Some(asset) = shown.asset.clone() else { return };
+        let (soup, to_soup, pixel) = (shown.soup.clone(), shown.to_soup.clone(), self.mouse.at);
+        background::spawn(&self.proxy, move || {
+            let source = match (&soup, &to_soup) {
+                (Some(soup), Some(to_soup)) => {
+                    Some((&**soup, &**to_soup as &dyn Fn(glam::Vec3) -> glam::Vec3))
+                }
+                _ => None,
+            };
+            Message::Picked(pick(&asset, &camera, pixel, source).map(Box::new))
+        });
+    }
+
+    /// Saves the picture without the panel.
+    fn screenshot(&mut self) {
+        let Some((screen, session)) = &self.open else { return };
+        let (Some(shown), Some(camera)) = (&session.shown, session.camera) else { return };
+        let folder = self.options.shots.clone();
+        if let (true, Some((_, _, soft))) = (session.choices.soft, &session.soft) {
+            let picture = soft.clone();
+            background::spawn(&self.proxy, move || Message::Saved(background::save(&folder, &picture)));
+            return;
+        }
+        let of = ShotOf {
+            model: shown.model.clone(),
+            subset: session.subset.clone().filter(|_| session.choices.some),
+            camera,
+            near: session.controls.near(),
+            background: self.options.background,
+            look: session.choices.look,
+            wire: session.choices.wire,
+            msaa: self.options.msaa,
+        };
+        let gpu = screen.gpu.clone();
+        background::spawn(&self.proxy, move || {
+            Message::Saved(background::photograph(&gpu, &of).and_then(|p| background::save(&folder, &p)))
+        });
+    }
+}

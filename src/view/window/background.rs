@@ -1,0 +1,138 @@
+//! Work beside the window's thread, and the messages it sends.
+
+use super::super::layout::{Bounds, Layout};
+use super::super::model::{ChunkOrder, Model, Subset};
+use super::super::renderer::{Look, Renderer, Shot};
+use super::pick::Picked;
+use super::{Loader, Painter, Scene};
+use crate::asset::Asset;
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+use crate::image::Pixels;
+use crate::mesh::Mesh;
+use crate::view::headless::Canvas;
+use glam::Vec3;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use winit::event_loop::EventLoopProxy;
+
+/// What a thread tells the window.
+pub(super) enum Message {
+    /// What the loader is at.
+    Progress(String),
+    /// The scene is there, and in the card's memory.
+    Loaded(Result<Box<Loaded>>),
+    /// The scene can be picked from.
+    Indexed(Result<Asset>),
+    /// A photo is decoded.
+    Photo(usize, Result<Pixels>),
+    /// A soft picture is drawn; the painter comes back.
+    Soft(Painter, Camera, Pixels),
+    /// What a click has hit.
+    Picked(Option<Box<Picked>>),
+    /// A random subset is in the card's memory.
+    Subset(Result<Subset>),
+    /// A screenshot is saved.
+    Saved(Result<PathBuf>),
+}
+
+/// A scene ready to be drawn.
+pub(super) struct Loaded {
+    pub(super) scene: Scene,
+    pub(super) model: Model,
+    /// The box of most of it: strays far away are left out.
+    pub(super) bounds: Bounds,
+}
+
+/// Runs `work` on a thread of its own and sends what it makes.
+pub(super) fn spawn(proxy: &EventLoopProxy<Message>, work: impl FnOnce() -> Message + Send + 'static) {
+    let proxy = proxy.clone();
+    // Nobody listens any more when the window was closed meanwhile.
+    std::thread::spawn(move || drop(proxy.send_event(work())));
+}
+
+/// Loads the scene, puts it into the card's memory, then makes it pickable.
+pub(super) fn load(
+    proxy: &EventLoopProxy<Message>,
+    gpu: Arc<Gpu>,
+    groups: wgpu::BindGroupLayout,
+    loader: Loader,
+) {
+    let tell = proxy.clone();
+    let index = loader.index;
+    spawn(proxy, move || {
+        let say = |what: &str| drop(tell.send_event(Message::Progress(what.to_owned())));
+        let load = || {
+            let scene = (loader.load)(&say)?;
+            say("to the graphics card");
+            let layout: Layout = Renderer::best_layout(&gpu, &scene.asset);
+            let model = Model::upload(&gpu, &groups, &scene.asset, layout)?;
+            let bounds = most(&scene.asset.mesh);
+            Ok(Box::new(Loaded { scene, model, bounds }))
+        };
+        match load() {
+            Ok(mut loaded) => {
+                let asset = std::mem::take(&mut loaded.scene.asset);
+                let _ = tell.send_event(Message::Loaded(Ok(loaded)));
+                Message::Indexed(index(asset))
+            }
+            Err(error) => Message::Loaded(Err(error)),
+        }
+    });
+}
+
+/// The box that holds the middle 96% of the corners on each axis, of a sample of them.
+fn most(mesh: &Mesh) -> Bounds {
+    let step = (mesh.positions.len() / 100_000).max(1);
+    let axis = |axis: usize| {
+        let mut values: Vec<f32> = mesh.positions.iter().step_by(step).map(|p| p[axis]).collect();
+        values.sort_unstable_by(f32::total_cmp);
+        let last = values.len().saturating_sub(1);
+        let at = |i: usize| values.get(i).copied().unwrap_or(0.0);
+        (at(last / 50), at(last - last / 50))
+    };
+    let [x, y, z] = [0, 1, 2].map(axis);
+    Bounds { min: Vec3::new(x.0, y.0, z.0), max: Vec3::new(x.1, y.1, z.1) }
+}
+
+/// What a screenshot shows.
+pub(super) struct ShotOf {
+    pub(super) model: Arc<Model>,
+    pub(super) subset: Option<Arc<Subset>>,
+    pub(super) camera: Camera,
+    pub(super) near: f32,
+    pub(super) background: [f32; 3],
+    pub(super) look: Look,
+    pub(super) wire: bool,
+    pub(super) msaa: u32,
+}
+
+/// Draws the shot once more, without the panel.
+pub(super) fn photograph(gpu: &Gpu, of: &ShotOf) -> Result<Pixels> {
+    let mut renderer = Renderer::new(gpu)?;
+    let canvas = Canvas::new(gpu, of.camera.size, of.msaa)?;
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let shot = Shot {
+        camera: of.camera,
+        near: of.near,
+        background: of.background,
+        look: of.look,
+        wire: of.wire,
+        subset: of.subset.as_deref(),
+        order: ChunkOrder::File,
+    };
+    canvas.draw(gpu, &mut renderer, &mut encoder, &of.model, &shot, None)?;
+    gpu.queue.submit([encoder.finish()]);
+    canvas.pixels(gpu)
+}
+
+/// Saves a picture as the first of trisplat-0001.png, trisplat-0002.png, … that is not there.
+pub(super) fn save(folder: &Path, picture: &Pixels) -> Result<PathBuf> {
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    let free = (1..10_000).map(|i| folder.join(format!("trisplat-{i:04}.png"))).find(|p| !p.exists());
+    let path =
+        free.ok_or_else(|| Error::invalid("--shots", folder.display(), "a folder with fewer screenshots"))?;
+    picture.save_png(&path)?;
+    Ok(path)
+}

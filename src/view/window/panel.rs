@@ -1,0 +1,237 @@
+//! What is written over the picture: figures, choices, photos, cameras, the picked triangle.
+
+use super::controls::Pane;
+use super::session::{Choices, PhotoPlace, Session};
+use crate::camera::Camera;
+use crate::view::renderer::Look;
+use egui::{Color32, Pos2, Rect, Stroke, Ui};
+use glam::{Vec2, Vec3};
+
+const KEYS: &str = "\
+drag  orbit · right drag  look · middle drag  pan
+wheel  nearer · WASD QE  fly (Shift faster)
+F  all in view · N / P  next / previous photo
+O  photo beside, over · C  cameras
+1  colour  2  normals  3  chunks
+4  wireframe  5  some triangles  6  soft
+F12  screenshot · H  hide this · Esc  quit";
+const EVERYTHING: Rect = Rect { min: Pos2::ZERO, max: Pos2::new(1.0, 1.0) };
+const ORANGE: Color32 = Color32::from_rgb(255, 160, 40);
+
+/// Draws it all and takes choices; sets the session's pane, in pixels.
+pub(super) fn draw(ui: &mut Ui, session: &mut Session) {
+    let scale = ui.ctx().pixels_per_point();
+    if session.choices.panel {
+        egui::Panel::left("panel").exact_size(250.0).resizable(false).show(ui, |ui| side(ui, session));
+    }
+    let free = ui.available_rect_before_wrap();
+    let pane = Pane {
+        min: Vec2::new(free.min.x, free.min.y) * scale,
+        size: (Vec2::new(free.width(), free.height()) * scale).max(Vec2::ONE),
+    };
+    session.pane = session.picture_pane(pane);
+    let painter = ui.painter().clone();
+    photo(&painter, session, pane, scale);
+    if session.choices.cameras {
+        cameras(&painter, session, scale);
+    }
+    picked(&painter, session, scale);
+    if let Some(note) = &session.note {
+        let at = Pos2::new(free.center().x, free.max.y - 24.0);
+        let text = painter.layout_no_wrap(note.clone(), egui::FontId::proportional(16.0), Color32::WHITE);
+        let area = egui::Align2::CENTER_CENTER.anchor_size(at, text.size());
+        painter.rect_filled(area.expand(6.0), 4.0, Color32::from_black_alpha(200));
+        painter.galley(area.min, text, Color32::WHITE);
+    }
+}
+
+fn side(ui: &mut Ui, session: &mut Session) {
+    egui::ScrollArea::vertical().show(ui, |ui| {
+        figures(ui, session);
+        ui.separator();
+        choices(ui, session);
+        photos(ui, session);
+        if let Some(picked) = &session.picked {
+            ui.separator();
+            ui.label(described(picked));
+        }
+        ui.separator();
+        ui.label(egui::RichText::new(KEYS).small());
+    });
+}
+
+fn figures(ui: &mut Ui, session: &Session) {
+    let fps = session.meter.fps().map_or("at rest".to_owned(), |fps| format!("{fps:.0} FPS"));
+    let gpu = session.meter.gpu_ms.map_or(String::new(), |ms| format!(" · card {ms:.2} ms"));
+    ui.strong(format!("{fps}{gpu}"));
+    if let Some(shown) = &session.shown {
+        let (drawn, all) = (session.drawn.triangles, shown.model.triangles());
+        ui.label(format!("{} of {} triangles drawn", grouped(drawn), grouped(all)));
+        let chunks = shown.model.chunks.len();
+        let bytes = shown.model.bytes as f64;
+        ui.label(format!(
+            "{} draws, {chunks} chunks, {:.1} MB, {:.0} B a triangle",
+            session.drawn.draws,
+            bytes * 1e-6,
+            bytes / all.max(1) as f64
+        ));
+    }
+    ui.label(egui::RichText::new(&session.card).small().weak());
+}
+
+fn choices(ui: &mut Ui, session: &mut Session) {
+    let can_paint = session.shown.as_ref().is_some_and(|s| s.has_painter);
+    let Choices { soft, look, wire, some, share, always, .. } = &mut session.choices;
+    ui.horizontal(|ui| {
+        ui.radio_value(look, Look::Color, "colour");
+        ui.radio_value(look, Look::Normals, "normals");
+        ui.radio_value(look, Look::Chunks, "chunks");
+    });
+    ui.checkbox(wire, "wireframe");
+    ui.horizontal(|ui| {
+        ui.checkbox(some, "some");
+        ui.add_enabled(*some, egui::Slider::new(share, 0.001..=1.0).logarithmic(true));
+    });
+    ui.add_enabled(can_paint, egui::Checkbox::new(soft, "soft, as trained (slow)"));
+    ui.checkbox(always, "draw without pause");
+}
+
+fn photos(ui: &mut Ui, session: &mut Session) {
+    let Some(shown) = &session.shown else { return };
+    if shown.photos.is_empty() {
+        return;
+    }
+    ui.separator();
+    let name = session.current.and_then(|i| shown.photos.get(i)).map_or("free view", |p| p.name.as_str());
+    let place = session.current.map_or("–".to_owned(), |i| (i + 1).to_string());
+    ui.label(format!("{name} ({place} of {})", shown.photos.len()));
+    let mut step = 0;
+    ui.horizontal(|ui| {
+        step -= isize::from(ui.button("previous").clicked());
+        step += isize::from(ui.button("next").clicked());
+        ui.checkbox(&mut session.choices.cameras, "cameras");
+    });
+    ui.horizontal(|ui| {
+        ui.label("photo");
+        let photo = &mut session.choices.photo;
+        ui.radio_value(photo, PhotoPlace::Off, "off");
+        ui.radio_value(photo, PhotoPlace::Beside, "beside");
+        ui.radio_value(photo, PhotoPlace::Over, "over");
+    });
+    if session.choices.photo == PhotoPlace::Over {
+        ui.add(egui::Slider::new(&mut session.choices.cover, 0.0..=1.0).text("cover"));
+    }
+    if step != 0 {
+        session.step(step);
+    }
+}
+
+/// The soft picture and the photo, in their places.
+fn photo(painter: &egui::Painter, session: &Session, pane: Pane, scale: f32) {
+    if session.choices.soft
+        && let Some((_, soft, _)) = &session.soft
+    {
+        painter.image(soft.id(), rect(session.pane, scale), EVERYTHING, Color32::WHITE);
+    }
+    let Some((index, photo)) = &session.photo else { return };
+    if session.current != Some(*index) {
+        return;
+    }
+    match session.choices.photo {
+        PhotoPlace::Off => {}
+        PhotoPlace::Over => {
+            let tint = Color32::WHITE.gamma_multiply(session.choices.cover);
+            painter.image(photo.id(), rect(session.controls.picture(session.pane), scale), EVERYTHING, tint);
+        }
+        PhotoPlace::Beside => {
+            let half = Vec2::new(0.5 * pane.size.x, 0.0);
+            let right = Pane { min: pane.min + half, size: pane.size - half };
+            painter.rect_filled(rect(right, scale), 0.0, Color32::BLACK);
+            painter.image(
+                photo.id(),
+                rect(session.controls.picture(right), scale),
+                EVERYTHING,
+                Color32::WHITE,
+            );
+        }
+    }
+}
+
+/// Where every photo was taken, as a small pyramid.
+fn cameras(painter: &egui::Painter, session: &Session, scale: f32) {
+    let (Some(shown), Some(camera)) = (&session.shown, &session.camera) else { return };
+    let length = 0.04 * (shown.bounds.max - shown.bounds.min).length();
+    let painter = painter.with_clip_rect(rect(session.pane, scale));
+    for (i, photo) in shown.photos.iter().enumerate() {
+        let is_current = session.current == Some(i);
+        let color = if is_current { ORANGE } else { Color32::from_rgb(90, 200, 255) };
+        let stroke = Stroke::new(if is_current { 2.0 } else { 1.0 }, color);
+        let from = &photo.camera;
+        let (eye, to_world) = (from.position(), from.rotation.transpose());
+        let corner = |x: f32, y: f32| {
+            let pixel = from.size.as_vec2() * Vec2::new(x, y);
+            eye + to_world * ((pixel - from.center) / from.focal).extend(1.0) * length
+        };
+        let ring = [corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)];
+        for k in 0..4 {
+            line(&painter, camera, session.controls.near(), [ring[k], ring[(k + 1) % 4]], stroke, scale);
+            line(&painter, camera, session.controls.near(), [eye, ring[k]], stroke, scale);
+        }
+    }
+}
+
+/// The outline of the picked triangle.
+fn picked(painter: &egui::Painter, session: &Session, scale: f32) {
+    let (Some(picked), Some(camera)) = (&session.picked, &session.camera) else { return };
+    let painter = painter.with_clip_rect(rect(session.pane, scale));
+    for k in 0..3 {
+        let ends = [picked.corners[k], picked.corners[(k + 1) % 3]];
+        line(&painter, camera, session.controls.near(), ends, Stroke::new(2.0, ORANGE), scale);
+    }
+}
+
+/// A line of the world, cut off at the near plane.
+fn line(painter: &egui::Painter, camera: &Camera, near: f32, ends: [Vec3; 2], stroke: Stroke, scale: f32) {
+    let [a, b] = ends.map(|p| camera.rotation * p + camera.translation);
+    if a.z.max(b.z) <= near {
+        return;
+    }
+    let cut = |p: Vec3, other: Vec3| {
+        if p.z >= near { p } else { p + (other - p) * ((near - p.z) / (other.z - p.z)) }
+    };
+    let place = |p: Vec3| {
+        let at = (p.truncate() / p.z * camera.focal + camera.center) / scale;
+        Pos2::new(at.x, at.y)
+    };
+    painter.line_segment([place(cut(a, b)), place(cut(b, a))], stroke);
+}
+
+fn described(picked: &super::pick::Picked) -> String {
+    let [r, g, b] = picked.rgb;
+    let mut text = format!("depth {:.4}\ncolour {r} {g} {b}  #{r:02x}{g:02x}{b:02x}", picked.depth);
+    if let Some(origin) = picked.source {
+        text = format!(
+            "triangle {}\nσ {:.4} · opacity {:.4}\n{text}",
+            grouped(origin.triangle as u64),
+            origin.sigma,
+            origin.opacity
+        );
+    }
+    for (name, v) in ["a", "b", "c"].iter().zip(picked.corners) {
+        text += &format!("\n{name} {:.4} {:.4} {:.4}", v.x, v.y, v.z);
+    }
+    text
+}
+
+fn rect(pane: Pane, scale: f32) -> Rect {
+    let (min, size) = (pane.min / scale, pane.size / scale);
+    Rect::from_min_size(Pos2::new(min.x, min.y), egui::vec2(size.x, size.y))
+}
+
+/// 1234567 as "1,234,567".
+fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let groups: Vec<&str> =
+        digits.as_bytes().rchunks(3).rev().filter_map(|g| std::str::from_utf8(g).ok()).collect();
+    groups.join(",")
+}
