@@ -84,7 +84,13 @@ impl Screen {
 
     /// Draws a picture and shows it. Returns when the panel wants the next.
     pub(super) fn draw(&mut self, session: &mut Session) -> Result<Again> {
-        let output = self.run_panel(session);
+        let mut output = self.run_panel(session);
+        for (id, deltas) in output.textures_delta.set.drain() {
+            for delta in deltas {
+                self.panel.update_texture(&self.gpu.device, &self.gpu.queue, id, &delta);
+            }
+        }
+        let unused = std::mem::take(&mut output.textures_delta.free);
         let again = output.viewport_output.values().map(|v| v.repaint_delay).min().unwrap_or(Again::MAX);
         let frame = match self.surface.get_current_texture() {
             CurrentSurfaceTexture::Success(frame) | CurrentSurfaceTexture::Suboptimal(frame) => Some(frame),
@@ -96,16 +102,12 @@ impl Screen {
             CurrentSurfaceTexture::Timeout | CurrentSurfaceTexture::Occluded => None,
             CurrentSurfaceTexture::Validation => None,
         };
-        for (id, deltas) in &output.textures_delta.set {
-            for delta in deltas {
-                self.panel.update_texture(&self.gpu.device, &self.gpu.queue, *id, delta);
-            }
-        }
         if let Some(frame) = frame {
             let view = frame.texture.create_view(&TextureViewDescriptor::default());
             let mut encoder = self.gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
             let timed = self.draw_scene(&mut encoder, &view, session)?;
-            let more = self.draw_panel(&mut encoder, &view, output.shapes, output.pixels_per_point);
+            let shapes = std::mem::take(&mut output.shapes);
+            let more = self.draw_panel(&mut encoder, &view, shapes, output.pixels_per_point);
             self.gpu.queue.submit(more.into_iter().chain([encoder.finish()]));
             if let (Some(timer), true) = (&mut self.timer, timed) {
                 timer.submitted();
@@ -113,7 +115,7 @@ impl Screen {
             self.window.pre_present_notify();
             self.gpu.queue.present(frame);
         }
-        for id in &output.textures_delta.free {
+        for id in &unused {
             self.panel.free_texture(id);
         }
         // Timestamps come back when the card gets to them; this does not wait.
