@@ -4,7 +4,7 @@
 // PAGES is a JSON list of { page, fragment, size: [w, h], touch, steps }. A step is one of
 //   { show: FRAGMENT }  { shot: FILE }  { drag: [x, y, dx, dy] }  { pinch: [x, y, from, to] }
 //   { double: [x, y] }  { press: KEY, ms }  { click: ID }  { wheel: dy }
-// and waits for the picture to be at rest afterwards. The line tells { views, errors, state, ms }: the page's
+// and then waits for the picture to be at rest; a shot is taken after that. The line tells { views, errors, state, ms }: the page's
 // own words for the view after every step, and all that the console complained of.
 import { createRequire } from "node:module";
 import { join, resolve } from "node:path";
@@ -42,6 +42,7 @@ async function visit({ page: file, fragment = "", size, touch = false, steps = [
     // Two frames: what was done has been heard, and the picture has begun again.
     await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
     await rest();
+    if (step.shot) await page.screenshot({ path: step.shot });
     views.push(await page.evaluate(() => window.trisplat.view?.()));
   }
   const state = await page.evaluate(() => ({
@@ -57,7 +58,7 @@ async function visit({ page: file, fragment = "", size, touch = false, steps = [
 }
 
 async function act(page, client, step) {
-  const { show, shot, drag, pinch, double, press, click, wheel, ms } = step;
+  const { show, drag, pinch, double, press, click, wheel, ms } = step;
   const touch = (type, points) =>
     client.send("Input.dispatchTouchEvent", { type, touchPoints: points.map(([x, y], id) => ({ x, y, id })) });
   if (show !== undefined) await page.evaluate((f) => window.trisplat.show(f), show);
@@ -83,5 +84,4 @@ async function act(page, client, step) {
   }
   if (click) await page.click(`#${click}`);
   if (wheel) await page.mouse.wheel(0, wheel);
-  if (shot) await page.screenshot({ path: shot });
 }

@@ -12,6 +12,8 @@ VALIDATOR=2.0.0-dev.3.10
 TRIMESH=5.2.0
 OPEN3D=0.20.0
 JSONSCHEMA=4.26.0
+PLAYWRIGHT=1.65.1
+F3D=4.0.0
 judges=target/judges
 python=$judges/venv/bin/python
 
@@ -83,8 +85,45 @@ if ! "$python" -c 'import open3d' 2>/dev/null; then
 fi
 echo "$wanted"
 
+section 'packages of the page'
+required=gltf-validator,trimesh,open3d,page
+if ! cmp -s page/package-lock.json "$judges/page/package-lock.json"; then
+    rm -rf "$judges/page"
+    mkdir -p "$judges/page"
+    cp page/package.json page/package-lock.json "$judges/page"
+    npm ci --silent --no-fund --no-audit --prefix "$judges/page" || {
+        rm -rf "$judges/page"
+        fail 'npm could not install the packages of page/package-lock.json'
+    }
+fi
+echo "three.js $(sed -n 's/.*"three": "\(.*\)".*/\1/p' page/package.json)"
+
+section 'Chromium'
+if ! has chromium && has apt-get; then
+    as_root apt-get update >/dev/null 2>&1 || true
+    if apt-cache show chromium >/dev/null 2>&1; then apt_install 'pages in a browser' chromium; fi
+fi
+if has chromium; then
+    required=$required,chromium
+    if ! grep -qs "\"version\": \"$PLAYWRIGHT\"" "$judges/node_modules/playwright-core/package.json"; then
+        npm install --silent --no-fund --no-audit --prefix "$judges" "playwright-core@$PLAYWRIGHT" ||
+            fail 'npm could not install playwright-core'
+    fi
+    chromium --version 2>/dev/null
+else
+    echo 'NOT CHECKED: chromium is not among the packages of this system'
+fi
+
+section 'f3d'
+if "$python" -m pip install --quiet --disable-pip-version-check "f3d==$F3D" &&
+    "$python" -c 'import f3d; f3d.Engine.create(True)' >/dev/null 2>&1; then
+    required=$required,f3d
+    echo "f3d $F3D"
+else
+    echo "NOT CHECKED: f3d $F3D has no build for this system, or finds no EGL"
+fi
+
 section 'Godot 3'
-required=gltf-validator,trimesh,open3d
 if ! has godot3-server && has apt-get; then
     as_root apt-get update >/dev/null 2>&1 || true
     if apt-cache show godot3-server >/dev/null 2>&1; then apt_install 'import by an engine' godot3-server; fi

@@ -5,7 +5,8 @@ import { SceneFile } from './file.js';
 import { boundsOf, format, parse, whole } from './view.js';
 
 const BACKGROUND = '17181a';
-const SAMPLES = 64;
+/** Samples along each axis of a pixel, at rest. */
+const GRID = 4;
 
 const element = (id) => document.getElementById(id);
 const asked = parse(location.hash);
@@ -23,7 +24,7 @@ function fail(error) {
 /** Shows the scene; what the returned object can do is in docs/formats.md. */
 async function start() {
   const canvas = element('picture');
-  const picture = new Picture(canvas, asked.samples ?? SAMPLES, `#${asked.background ?? BACKGROUND}`);
+  const picture = new Picture(canvas, asked.ssaa ?? GRID, `#${asked.background ?? BACKGROUND}`);
   const { scene, meshes } = await file.meshes();
   const bounds = boundsOf(meshes);
   picture.show(scene);
@@ -90,7 +91,8 @@ function listen({ canvas, picture, move, meshes, fit }) {
   const keys = { KeyF: does.fit, KeyV: fly, KeyL: link, Enter: full, KeyH: does.ask };
   addEventListener('keydown', (event) => {
     const plain = !(event.ctrlKey || event.metaKey || event.altKey || event.repeat);
-    if (plain && event.target.tagName !== 'BUTTON') keys[event.code]?.();
+    const pressed = event.code === 'Enter' && event.target.tagName === 'BUTTON';
+    if (plain && !pressed) keys[event.code]?.();
   });
   canvas.addEventListener('pointerdown', () => help(false));
   canvas.addEventListener('dblclick', (event) => move.focus(event, meshes));

@@ -43,7 +43,7 @@ export class Move {
     orbit.target.copy(target);
     this.#orbit = orbit;
     camera.lookAt(target);
-    this.fly(this.#flying);
+    if (this.#flying) this.fly(true);
   }
 
   /** Where it stands now. */
@@ -56,18 +56,16 @@ export class Move {
     return this.#flying;
   }
 
-  /** Turns on the spot, or about a spot ahead. */
+  /** Turns on the spot, or about a spot as far ahead as before. */
   fly(on) {
     const orbit = this.#orbit;
-    const ahead = this.#ahead();
-    if (on && !this.#flying) this.#reach = orbit.target.distanceTo(this.#camera.position);
+    const eye = this.#camera.position;
+    if (on) this.#reach = Math.max(orbit.target.distanceTo(eye), 2 * NOSE * this.#radius);
     this.#flying = on;
-    const distance = on ? NOSE * this.#radius : Math.max(orbit.target.distanceTo(this.#camera.position), this.#reach);
-    orbit.target.copy(this.#camera.position).addScaledVector(ahead, distance);
+    orbit.target.copy(eye).addScaledVector(this.#ahead(), on ? NOSE * this.#radius : this.#reach);
     orbit.rotateSpeed = on ? -0.4 : 1;
     orbit.panSpeed = on ? 0.5 / NOSE : 1;
     orbit.enableZoom = !on;
-    if (!on) this.#reach = 0;
   }
 
   /** Moves on by `seconds`; true when the camera is not where it was. */

@@ -1,8 +1,9 @@
 // Draws as a game engine does: depth buffer, opaque, no tone mapping, colours kept in linear light until the end.
 //
 // Samples are averaged in linear light (the target is SRGB8_ALPHA8, so the GPU encodes after blending), not in
-// encoded values as a canvas with antialiasing would. While nothing moves, pictures with shifted samples are
-// added up, so that edges and triangles smaller than a pixel come to rest.
+// encoded values as a canvas with antialiasing would. While something moves, the GPU takes four samples a pixel.
+// Then pictures with shifted samples are added up, one a frame, and the sum is shown once it is whole: N x N
+// samples on a regular grid, as trisplat's own renderer takes them.
 import {
   AddEquation, Color, CustomBlending, DepthTexture, FloatType, HalfFloatType, Mesh, NearestFilter, OneFactor,
   OrthographicCamera, PerspectiveCamera, PlaneGeometry, Scene, ShaderMaterial, SRGBColorSpace, UnsignedByteType,
@@ -10,31 +11,46 @@ import {
 } from 'three';
 import { aim } from './view.js';
 
-/** Samples a pixel that the GPU takes at once. */
-const AT_ONCE = 4;
+/** Samples a pixel that the GPU takes while something moves. */
+const MOVING = 4;
 
 export class Picture {
   #renderer;
   #scene = new Scene();
   #camera = new PerspectiveCamera();
-  #samples;
-  #drawn;
-  #sum;
-  #copy;
+  #background;
+  #grid;
+  #moving = null;
+  #resting = null;
+  #sum = null;
+  #copy = copier();
   #passes = 0;
+  #size = [0, 0];
 
-  /** Fails where there is no WebGL 2. `samples` a pixel once all is at rest; 1 is pixel centres only. */
-  constructor(canvas, samples, background) {
-    this.#samples = samples;
+  /** Fails where there is no WebGL 2. `grid`: samples along each axis of a pixel once all is at rest. */
+  constructor(canvas, grid, background) {
     this.#renderer = new WebGLRenderer({ canvas, antialias: false, reversedDepthBuffer: true, powerPreference: 'high-performance' });
     this.#renderer.autoClear = false;
     this.#scene.matrixWorldAutoUpdate = false;
-    this.background = new Color(background);
-    this.#copy = copier();
+    this.#background = new Color(background);
+    const { extensions } = this.#renderer;
+    const adds = extensions.has('EXT_color_buffer_float') || extensions.has('EXT_color_buffer_half_float');
+    this.#grid = adds ? grid : 1;
+    if (grid > 1) this.#moving = target(MOVING);
+    if (this.#grid > 1 || grid === 1) this.#resting = target(0);
+    if (this.#grid > 1) this.#sum = adder();
   }
 
   get camera() {
     return this.#camera;
+  }
+
+  get width() {
+    return this.#size[0];
+  }
+
+  get height() {
+    return this.#size[1];
   }
 
   show(scene) {
@@ -46,22 +62,11 @@ export class Picture {
     const canvas = this.#renderer.domElement;
     const ratio = Math.min(window.devicePixelRatio, 2);
     const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((px) => Math.max(1, Math.round(px * ratio)));
-    if (this.#drawn?.width === width && this.#drawn?.height === height) return false;
-    this.#renderer.setPixelRatio(1);
+    if (this.width === width && this.height === height) return false;
+    this.#size = [width, height];
     this.#renderer.setSize(width, height, false);
-    this.#drawn?.dispose();
-    this.#sum?.dispose();
-    this.#drawn = target(width, height, this.#samples >= AT_ONCE ? AT_ONCE : 0);
-    this.#sum = this.#canAdd() ? adder(width, height) : null;
+    for (const picture of [this.#moving, this.#resting, this.#sum]) picture?.setSize(width, height);
     return true;
-  }
-
-  get width() {
-    return this.#drawn.width;
-  }
-
-  get height() {
-    return this.#drawn.height;
   }
 
   /** Something moved: the next picture is a new one. */
@@ -69,68 +74,60 @@ export class Picture {
     this.#passes = 0;
   }
 
-  /** True when more samples would still come. */
+  /** True while more samples are to come. */
   get unfinished() {
-    return this.#passes < (this.#sum ? Math.max(1, this.#samples / AT_ONCE) : 1);
+    return this.#passes < 1 + (this.#sum ? this.#grid ** 2 : 0);
   }
 
-  /** Draws once more from `view`, with the samples between those of the pictures before. */
+  /** Draws from `view`: at once what can be seen while moving, then, call by call, the picture at rest. */
   draw(view) {
-    const renderer = this.#renderer;
-    aim(this.#camera, view, this.width, this.height, shift(this.#passes, this.#samples / AT_ONCE));
-    renderer.setRenderTarget(this.#drawn);
-    renderer.setClearColor(this.background, 1);
-    renderer.clear();
-    renderer.render(this.#scene, this.#camera);
-    let [shown, count] = [this.#drawn, 1];
-    if (this.#sum && this.#samples > AT_ONCE) {
-      renderer.setRenderTarget(this.#sum);
-      renderer.setClearColor(0, 0);
-      if (this.#passes === 0) renderer.clear();
-      this.#blit(this.#drawn, 1, true);
-      [shown, count] = [this.#sum, this.#passes + 1];
+    const pass = this.#passes++;
+    if (pass === 0) {
+      const drawn = this.#moving ?? this.#resting;
+      this.#take(view, drawn, [0, 0]);
+      this.#blit(drawn, null, 1, false);
+      return;
     }
-    renderer.setRenderTarget(null);
-    this.#blit(shown, 1 / count, false);
-    this.#passes += 1;
+    const shift = (i) => (i + 0.5) / this.#grid - 0.5;
+    this.#take(view, this.#resting, [shift((pass - 1) % this.#grid), shift(Math.floor((pass - 1) / this.#grid))]);
+    if (pass === 1) this.#clear(this.#sum, 0);
+    this.#blit(this.#resting, this.#sum, 1 / this.#grid ** 2, true);
+    if (!this.unfinished) this.#blit(this.#sum, null, 1, false);
   }
 
-  #blit(from, share, add) {
+  #take(view, into, shift) {
+    aim(this.#camera, view, this.width, this.height, shift);
+    this.#clear(into, this.#background);
+    this.#renderer.render(this.#scene, this.#camera);
+  }
+
+  #clear(into, color) {
+    this.#renderer.setRenderTarget(into);
+    this.#renderer.setClearColor(color, 1);
+    this.#renderer.clear();
+  }
+
+  #blit(from, into, share, add) {
     const { quad, camera } = this.#copy;
     const material = add ? this.#copy.add : this.#copy.put;
     material.uniforms.picture.value = from.texture;
     material.uniforms.share.value = share;
     quad.material = material;
+    this.#renderer.setRenderTarget(into);
     this.#renderer.render(quad, camera);
-  }
-
-  #canAdd() {
-    const { extensions } = this.#renderer;
-    return this.#samples > AT_ONCE && (extensions.has('EXT_color_buffer_float') || extensions.has('EXT_color_buffer_half_float'));
   }
 }
 
-function target(width, height, samples) {
-  return new WebGLRenderTarget(width, height, {
+function target(samples) {
+  return new WebGLRenderTarget(1, 1, {
     type: UnsignedByteType, colorSpace: SRGBColorSpace, samples, resolveDepthBuffer: false,
-    minFilter: NearestFilter, magFilter: NearestFilter, depthTexture: new DepthTexture(width, height, FloatType),
+    minFilter: NearestFilter, magFilter: NearestFilter, depthTexture: new DepthTexture(1, 1, FloatType),
   });
 }
 
-function adder(width, height) {
+function adder() {
   const filters = { minFilter: NearestFilter, magFilter: NearestFilter };
-  return new WebGLRenderTarget(width, height, { type: HalfFloatType, depthBuffer: false, ...filters });
-}
-
-/** Where pass `i` of `n` moves the samples, px: the Halton points, first none at all. */
-function shift(i, n) {
-  return i === 0 || n <= 1 ? [0, 0] : [halton(i, 2) - 0.5, halton(i, 3) - 0.5];
-}
-
-function halton(index, base) {
-  let [value, share] = [0, 1];
-  for (let i = index; i > 0; i = Math.floor(i / base)) value += (i % base) * (share /= base);
-  return value;
+  return new WebGLRenderTarget(1, 1, { type: HalfFloatType, depthBuffer: false, ...filters });
 }
 
 /** A rectangle that fills the target with a picture; on the canvas three.js encodes it as sRGB. */

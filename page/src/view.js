@@ -23,7 +23,7 @@ export function parse(fragment) {
     fov: numbers('fov', 1)?.[0] ?? null,
     pinhole: numbers('pinhole', 6),
     near: numbers('near', 1)?.[0] ?? null,
-    samples: numbers('samples', 1)?.[0] ?? null,
+    ssaa: [1, 2, 4, 8].find((n) => n === numbers('ssaa', 1)?.[0]) ?? null,
     background: /^[0-9a-f]{6}$/i.test(words.get('background') ?? '') ? words.get('background') : null,
     bare: words.has('bare'),
   };
@@ -75,8 +75,10 @@ export function boundsOf(meshes) {
 export function aim(camera, view, width, height, shift = [0, 0]) {
   const { fx, fy, cx, cy } = lens(view, width, height);
   camera.fov = MathUtils.radToDeg(2 * Math.atan(height / (2 * fy)));
-  camera.aspect = width / fx / (height / fy);
   camera.setViewOffset(width, height, width / 2 - cx + shift[0], height / 2 - cy + shift[1], width, height);
+  // After the offset, which takes pixels for square.
+  camera.aspect = width / fx / (height / fy);
+  camera.updateProjectionMatrix();
 }
 
 /** Focal lengths and principal point, px: the whole pinhole picture is in sight whatever the window's shape. */

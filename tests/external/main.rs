@@ -1,12 +1,16 @@
-//! Outside judges look at what `trisplat bake` writes: the Khronos glTF validator, trimesh, Open3D and
-//! Godot 3. `tests/run.sh` installs them and requires them; without them a test says that it is skipped.
+//! Outside judges look at what `trisplat bake` writes: the Khronos glTF validator, trimesh, Open3D, Chromium,
+//! Godot 3 and 4. `tests/run.sh` installs them and requires them; without them a test says that it is skipped.
 
 #![allow(clippy::print_stderr, reason = "a test that is skipped says so")]
 
+mod browser;
+mod renderers;
+
 use serde_json::Value;
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output};
+use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use trisplat::asset::Provenance;
@@ -53,6 +57,14 @@ fn have(judge: &str, there: bool) -> bool {
 
 fn runs(command: &mut Command) -> Output {
     command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"))
+}
+
+/// Runs with `input` on standard input.
+fn runs_with(command: &mut Command, input: &[u8]) -> Output {
+    let piped = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = piped.spawn().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+    child.stdin.take().unwrap().write_all(input).unwrap();
+    child.wait_with_output().unwrap()
 }
 
 /// Bakes and returns the number of triangles written.
@@ -142,15 +154,23 @@ fn small_files_are_valid_gltf() {
 
 const JUDGES: [&str; 2] = ["trimesh", "open3d"];
 
-/// The judge's script under the Python that has it, when it is there.
-fn script(judge: &str) -> Option<Command> {
+/// The Python that has the judge, when it is there.
+fn python(judge: &str) -> Option<Command> {
     let python = here("target/judges/venv/bin/python");
     let folder = python.with_file_name("../lib").read_dir().ok();
     let packages = folder.into_iter().flatten().flatten().map(|python| python.path().join("site-packages"));
     let there = packages.into_iter().any(|packages| packages.join(judge).exists());
     have(judge, there).then(|| {
         let mut command = Command::new(python);
-        command.arg("-B").arg(here(&format!("samples/check_{judge}.py")));
+        command.arg("-B");
+        command
+    })
+}
+
+/// The judge's script under the Python that has it, when it is there.
+fn script(judge: &str) -> Option<Command> {
+    python(judge).map(|mut command| {
+        command.arg(here(&format!("samples/check_{judge}.py")));
         command
     })
 }

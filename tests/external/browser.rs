@@ -1,0 +1,208 @@
+//! Pages in a real browser: headless Chromium opens them from disk, draws them and is moved about in them.
+
+use super::{bake, have, here, runs_with, studio};
+use glam::{DVec3, Mat3, UVec2, Vec3};
+use serde_json::{Value, json};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use tempfile::TempDir;
+use trisplat::asset::Provenance;
+use trisplat::camera::Camera;
+use trisplat::dataset::{Dataset, DatasetOptions};
+use trisplat::formats::{ReadOptions, read};
+use trisplat::image::Pixels;
+use trisplat::math::metric;
+use trisplat::mesh::Mesh;
+use trisplat::raster::solid::{Solid, SolidOptions};
+use trisplat::scene::Scene;
+
+/// The browser, when it and what drives it are there.
+pub(super) fn chromium() -> Option<PathBuf> {
+    let found = ["/usr/bin/chromium", "/usr/bin/chromium-browser"].map(PathBuf::from);
+    let found = found.into_iter().find(|path| path.exists());
+    let driver = here("target/judges/node_modules/playwright-core").exists();
+    have("chromium", found.is_some() && driver).then_some(found).flatten()
+}
+
+/// What came of visiting `pages`: see `tests/browser.mjs`.
+pub(super) fn visit(chromium: &Path, pages: &Value) -> Vec<Value> {
+    let mut command = Command::new("node");
+    command.arg(here("tests/browser.mjs")).arg(here("target/judges")).arg(chromium);
+    let done = runs_with(&mut command, pages.to_string().as_bytes());
+    let lines: Vec<Value> =
+        done.stdout.split(|&b| b == b'\n').filter_map(|line| serde_json::from_slice(line).ok()).collect();
+    assert_eq!(lines.len(), pages.as_array().unwrap().len(), "{}", String::from_utf8_lossy(&done.stderr));
+    lines
+}
+
+/// Triangles and origin of a file that was written.
+pub(super) fn mesh(path: &Path) -> (Mesh, Provenance) {
+    let loaded = read(path, &ReadOptions { sh_degree: 0 }).unwrap();
+    let Scene::Mesh(mesh) = loaded.scene else { panic!("baked files hold meshes") };
+    (mesh, loaded.provenance)
+}
+
+/// A data set's camera in the frame of a file.
+pub(super) fn in_file(camera: &Camera, origin: DVec3, provenance: &Provenance) -> Camera {
+    let placement = &provenance.placement;
+    let rotation = camera.rotation.as_dmat3();
+    let center = rotation * (DVec3::from(placement.center) - origin) + camera.translation.as_dvec3();
+    Camera {
+        rotation: (rotation * placement.up.to_y_up().transpose()).as_mat3(),
+        translation: (center * placement.scale).as_vec3(),
+        ..*camera
+    }
+}
+
+/// The words that make a page look through a camera.
+pub(super) fn fragment(camera: &Camera) -> String {
+    let list = |numbers: &[f32]| numbers.iter().map(f32::to_string).collect::<Vec<_>>().join(",");
+    let axes: Mat3 = camera.rotation.transpose();
+    let eye = camera.position();
+    let [fx, fy, cx, cy] = [camera.focal.x, camera.focal.y, camera.center.x, camera.center.y];
+    format!(
+        "#eye={}&target={}&up={}&pinhole={}",
+        list(&eye.to_array()),
+        list(&(eye + axes * Vec3::Z).to_array()),
+        list(&(axes * Vec3::NEG_Y).to_array()),
+        list(&[fx, fy, cx, cy, camera.size.x as f32, camera.size.y as f32]),
+    )
+}
+
+/// Held-out cameras of the sample data set, at `size`, in the frame of a file.
+fn cameras(provenance: &Provenance, size: UVec2) -> Vec<Camera> {
+    let dataset = Dataset::load(&here("samples/dataset"), &DatasetOptions::default()).unwrap();
+    let cameras = dataset.test().map(|v| in_file(&v.camera.resized(size), dataset.origin, provenance));
+    cameras.take(3).collect()
+}
+
+#[test]
+fn a_page_shows_what_our_renderer_draws() {
+    let Some(chromium) = chromium() else { return };
+    let folder = TempDir::new().unwrap();
+    let page = folder.path().join("scene.html");
+    bake(&studio(), &page, &["--chunk-triangles", "3000", "--scale", "2", "--center"]);
+    let (mesh, provenance) = mesh(&page);
+    let size = UVec2::new(480, 360);
+    let cameras = cameras(&provenance, size);
+    let shot = |samples: u32, i: usize| folder.path().join(format!("{samples}-{i}.png"));
+    // Pixel centres only, then as users see it once all is at rest.
+    let pages: Vec<Value> = [(1, "&ssaa=1"), (4, "")]
+        .map(|(samples, words)| {
+            let step = |(i, c): (usize, &Camera)| json!({ "show": fragment(c), "shot": shot(samples, i) });
+            let steps: Vec<Value> = cameras.iter().enumerate().map(step).collect();
+            let fragment = format!("#bare&near=0.01&background=204060{words}");
+            json!({ "page": page, "fragment": fragment, "size": [size.x, size.y], "steps": steps })
+        })
+        .into();
+    for (visit, samples) in visit(&chromium, &Value::from(pages)).iter().zip([1, 4]) {
+        assert_eq!((&visit["errors"], &visit["state"]), (&json!([]), &json!("ready")), "{visit}");
+        for (i, camera) in cameras.iter().enumerate() {
+            let background = [0x20, 0x40, 0x60].map(|code| f32::from(code as u8) / 255.0);
+            let options = SolidOptions { background, samples, near: 0.01 };
+            let ours = Solid::new().render(&mesh, camera, &options);
+            let theirs = Pixels::load(&shot(samples, i)).unwrap();
+            assert_eq!(theirs.size, size);
+            let psnr = metric::psnr(&ours.rgb, &theirs.rgb, None);
+            let far = |(a, b): &(&[u8; 3], &[u8; 3])| (0..3).any(|c| a[c].abs_diff(b[c]) > 2);
+            let off = ours.rgb.iter().zip(&theirs.rgb).filter(far).count() as f64 / ours.rgb.len() as f64;
+            println!("camera {i}, {samples} samples along an axis: {psnr:.2} dB, {:.2}% off", 100.0 * off);
+            if let Some(folder) = std::env::var_os("TRISPLAT_KEEP").map(PathBuf::from) {
+                ours.save_png(&folder.join(format!("{samples}-{i}-ours.png"))).unwrap();
+                theirs.save_png(&folder.join(format!("{samples}-{i}-page.png"))).unwrap();
+            }
+            // One sample decides all of a pixel, and browsers' software snaps corners to 1/16 px, ours to 1/256.
+            let close = if samples == 1 { off < 0.01 } else { psnr >= 35.0 };
+            assert!(close, "camera {i}, {samples} samples: {psnr:.2} dB, {:.2}% off", 100.0 * off);
+        }
+    }
+}
+
+#[test]
+fn mouse_fingers_and_keys_move_the_view() {
+    let Some(chromium) = chromium() else { return };
+    let folder = TempDir::new().unwrap();
+    let page = folder.path().join("scene.html");
+    bake(&studio(), &page, &[]);
+    let steps = [
+        json!({ "drag": [200, 150, 60, 20] }),
+        json!({ "wheel": -200 }),
+        json!({ "press": "w", "ms": 200 }),
+        json!({ "double": [200, 150] }),
+        json!({ "click": "fly" }),
+        json!({ "drag": [200, 150, 60, 20] }),
+        json!({ "press": "w", "ms": 200 }),
+        json!({ "press": "v" }),
+        json!({ "press": "f" }),
+        json!({ "press": "l" }),
+    ];
+    let touches = [json!({ "pinch": [150, 200, 60, 200] })];
+    let pages = json!([
+        { "page": page, "fragment": "#ssaa=1", "size": [400, 300], "steps": steps },
+        { "page": page, "fragment": "#ssaa=1&eye=5,1,2&target=0,0,0&fov=40", "size": [300, 400], "touch": true, "steps": touches },
+    ]);
+    let visits = visit(&chromium, &pages);
+    for visit in &visits {
+        assert_eq!((&visit["errors"], &visit["state"]), (&json!([]), &json!("ready")), "{visit}");
+        assert_eq!((&visit["loading"], &visit["flying"]), (&json!(false), &json!(false)));
+        let views = visit["views"].as_array().unwrap();
+        // Every step moves, but for the last: the link.
+        let last = views.len() - usize::from(visit["help"] == json!(false) && views.len() > 3);
+        for (i, pair) in views[..last].windows(2).enumerate() {
+            assert_ne!(pair[0], pair[1], "step {i}");
+        }
+    }
+    let views = visits[0]["views"].as_array().unwrap();
+    assert_eq!(views[0], views[9], "F shows everything, as at the start");
+    assert_eq!(visits[0]["hash"], views[10], "the link is the view");
+    assert_eq!(visits[0]["help"], json!(false), "the first touch of the picture takes the help away");
+    assert_eq!(visits[1]["views"][0], json!("#eye=5,1,2&target=0,0,0&up=0,1,0&fov=40"));
+}
+
+#[test]
+fn a_page_that_is_cut_short_says_so() {
+    let Some(chromium) = chromium() else { return };
+    let folder = TempDir::new().unwrap();
+    let page = folder.path().join("scene.html");
+    bake(&studio(), &page, &[]);
+    let whole = fs::read_to_string(&page).unwrap();
+    let (start, end) =
+        (whole.find("gltf-binary;base64\">").unwrap() + 20, whole.rfind("</script><script>").unwrap());
+    let short = format!("{}{}", &whole[..start + (end - start) / 8 * 4], &whole[end..]);
+    fs::write(&page, short).unwrap();
+    let visits = visit(&chromium, &json!([{ "page": page, "size": [300, 200] }]));
+    assert_eq!(visits[0]["state"], json!("failed"), "{}", visits[0]);
+    assert!(visits[0]["says"].as_str().unwrap().contains("cut short"), "{}", visits[0]);
+    assert_eq!(visits[0]["loading"], json!(true), "the message is in sight");
+}
+
+/// The page that the program carries is the one that its sources make.
+#[test]
+fn the_page_is_built_from_its_sources() {
+    let packages = here("target/judges/page");
+    let lock = |folder: &Path| fs::read(folder.join("package-lock.json")).unwrap_or_default();
+    let there = packages.join("node_modules").exists() && lock(&packages) == lock(&here("page"));
+    if !have("page", there) {
+        return;
+    }
+    let folder = TempDir::new_in(&packages).unwrap();
+    let source = folder.path().join("src");
+    fs::create_dir(&source).unwrap();
+    for file in fs::read_dir(here("page/src")).unwrap().flatten() {
+        fs::copy(file.path(), source.join(file.file_name())).unwrap();
+    }
+    fs::copy(here("page/build.mjs"), folder.path().join("build.mjs")).unwrap();
+    #[cfg(unix)]
+    std::os::unix::fs::symlink("../node_modules", folder.path().join("node_modules")).unwrap();
+    let done = super::runs(Command::new("node").arg("build.mjs").arg("dist").current_dir(folder.path()));
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    for name in ["page.html", "LICENSES.txt"] {
+        let built = fs::read(folder.path().join("dist").join(name)).unwrap();
+        let kept = fs::read(here("page/dist").join(name)).unwrap();
+        assert!(
+            built == kept,
+            "page/dist/{name} is not what page/src makes: cd page && npm ci && npm run build"
+        );
+    }
+}
