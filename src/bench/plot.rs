@@ -14,26 +14,50 @@ pub fn cost(path: &Path, rows: &[BakeRow]) -> Result<()> {
         let area = SVGBackend::with_string(&mut svg, (1100, 460)).into_drawing_area();
         area.fill(&WHITE).map_err(|e| bad(e.to_string()))?;
         let (left, right) = area.split_horizontally(550);
-        panel(&left, "CPU seconds", rows, |r| r.cpu_seconds).map_err(bad)?;
-        panel(&right, "peak memory, MB", rows, |r| r.peak_bytes as f64 * 1e-6).map_err(bad)?;
+        let of = |value: fn(&BakeRow) -> f64| -> Vec<Point<'_>> {
+            rows.iter().map(|r| (r.case.as_str(), r.triangles as f64, value(r))).collect()
+        };
+        panel(&left, "CPU seconds", &of(|r| r.cpu_seconds)).map_err(bad)?;
+        panel(&right, "peak memory, MB", &of(|r| r.peak_bytes as f64 * 1e-6)).map_err(bad)?;
     }
     std::fs::write(path, svg).map_err(|e| Error::io(path, e))
 }
 
-/// One chart: `value` of every case against triangles.
+/// Milliseconds a frame against triangles, a line a case and size, both axes logarithmic.
+#[cfg(feature = "gpu")]
+pub fn frames(path: &Path, rows: &[super::fps::FpsRow]) -> Result<()> {
+    let bad = |e: String| Error::unsupported(path, format!("cannot be drawn: {e}"));
+    let names: Vec<String> = rows.iter().map(|r| format!("{}, {}x{}", r.case, r.width, r.height)).collect();
+    let points = |value: fn(&super::fps::FpsRow) -> f64| -> Vec<Point<'_>> {
+        rows.iter().zip(&names).map(|(r, name)| (name.as_str(), r.triangles as f64, value(r))).collect()
+    };
+    let mut svg = String::new();
+    {
+        let area = SVGBackend::with_string(&mut svg, (1100, 460)).into_drawing_area();
+        area.fill(&WHITE).map_err(|e| bad(e.to_string()))?;
+        let (left, right) = area.split_horizontally(550);
+        panel(&left, "ms a frame, median", &points(|r| r.cost.frame_ms)).map_err(bad)?;
+        panel(&right, "processor ms a frame", &points(|r| r.cost.cpu_ms)).map_err(bad)?;
+    }
+    std::fs::write(path, svg).map_err(|e| Error::io(path, e))
+}
+
+/// Case, triangles and a value.
+type Point<'a> = (&'a str, f64, f64);
+
+/// One chart: values against triangles, a line a case.
 fn panel(
     area: &DrawingArea<SVGBackend<'_>, Shift>,
     title: &str,
-    rows: &[BakeRow],
-    value: fn(&BakeRow) -> f64,
+    points: &[Point<'_>],
 ) -> std::result::Result<(), String> {
     let range = |values: Vec<f64>| {
         let low = values.iter().copied().fold(f64::INFINITY, f64::min);
         let high = values.iter().copied().fold(0.0, f64::max);
         (low.max(1e-4) * 0.8, high.max(1e-3) * 1.25)
     };
-    let (x0, x1) = range(rows.iter().map(|r| r.triangles as f64).collect());
-    let (y0, y1) = range(rows.iter().map(value).collect());
+    let (x0, x1) = range(points.iter().map(|p| p.1).collect());
+    let (y0, y1) = range(points.iter().map(|p| p.2).collect());
     let mut chart = ChartBuilder::on(area)
         .caption(title, ("sans-serif", 18))
         .margin(12)
@@ -43,17 +67,16 @@ fn panel(
         .map_err(|e| e.to_string())?;
     chart.configure_mesh().x_desc("triangles").light_line_style(WHITE).draw().map_err(|e| e.to_string())?;
     let mut cases: Vec<&str> = Vec::new();
-    for row in rows {
-        if !cases.contains(&row.case.as_str()) {
-            cases.push(&row.case);
+    for (case, ..) in points {
+        if !cases.contains(case) {
+            cases.push(case);
         }
     }
     for (i, case) in cases.iter().enumerate() {
         let style = Palette99::pick(i).stroke_width(2);
-        let points: Vec<(f64, f64)> =
-            rows.iter().filter(|r| r.case == *case).map(|r| (r.triangles as f64, value(r))).collect();
+        let line: Vec<(f64, f64)> = points.iter().filter(|p| p.0 == *case).map(|p| (p.1, p.2)).collect();
         chart
-            .draw_series(LineSeries::new(points, style).point_size(3))
+            .draw_series(LineSeries::new(line, style).point_size(3))
             .map_err(|e| e.to_string())?
             .label(*case)
             .legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], style));

@@ -3,6 +3,8 @@
 use super::Global;
 use super::files;
 use super::progress::{Progress, thousands};
+#[cfg(feature = "gpu")]
+use crate::bench::fps;
 use crate::bench::{bake, measure};
 use crate::error::{Error, Result};
 use std::ffi::OsString;
@@ -21,6 +23,12 @@ pub struct BenchArgs {
 pub enum Bench {
     /// Time and memory of the bake, beside the floor and other tools.
     Bake(bake::BakeBenchArgs),
+    /// Frames a second at the paper's sizes, checked against the CPU.
+    #[cfg(feature = "gpu")]
+    Fps(Box<fps::FpsArgs>),
+    /// Frames a second at the paper's sizes (not in this build).
+    #[cfg(not(feature = "gpu"))]
+    Fps(super::missing::MissingArgs),
     /// Print the cost of one command as JSON (the other benchmarks run themselves through this).
     #[command(hide = true)]
     Measure {
@@ -44,6 +52,10 @@ pub enum Bench {
 pub fn run(args: &BenchArgs, global: &Global) -> Result<()> {
     match &args.bench {
         Bench::Bake(bake_args) => run_bake(bake_args, global),
+        #[cfg(feature = "gpu")]
+        Bench::Fps(fps_args) => run_fps(fps_args, global),
+        #[cfg(not(feature = "gpu"))]
+        Bench::Fps(_) => Err(super::missing::error("gpu")),
         Bench::Measure { command } => print_json(&measure::run_only_child(command)?),
         Bench::Floor { input, like, output } => bake::floor(input, like, output),
     }
@@ -65,6 +77,37 @@ fn run_bake(args: &bake::BakeBenchArgs, global: &Global) -> Result<()> {
         ));
     })?;
     progress.done();
+    if args.json { print_json(&rows) } else { Ok(()) }
+}
+
+#[cfg(feature = "gpu")]
+fn run_fps(args: &fps::FpsArgs, global: &Global) -> Result<()> {
+    let progress = Progress::new(global);
+    progress.line(
+        "case                  triangles        size      FPS   median ms   p99 ms   card ms    cpu ms      drawn  B/tri  dB",
+    );
+    let rows = fps::run(args, |row| {
+        let optional =
+            |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
+        progress.line(&format!(
+            "{:<20}{:>11}{:>12}{:>9.1}{:>12.2}{:>9.2}{:>10}{:>10.1}{:>11}{:>7}{:>4.0}",
+            row.case,
+            thousands(row.triangles),
+            format!("{}x{}", row.width, row.height),
+            row.fps,
+            row.cost.frame_ms,
+            row.cost.frame_p99_ms,
+            optional(row.cost.gpu_ms, 2),
+            row.cost.cpu_ms,
+            thousands(row.cost.drawn as u64),
+            optional(row.bytes_per_triangle, 1),
+            row.agreement.psnr,
+        ));
+    })?;
+    progress.done();
+    if let Some(adapter) = rows.first().map(|row| &row.adapter) {
+        progress.line(adapter);
+    }
     if args.json { print_json(&rows) } else { Ok(()) }
 }
 

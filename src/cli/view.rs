@@ -1,16 +1,14 @@
 //! `trisplat view FILE`: a window to fly through a scene.
 
-use crate::asset::{Asset, Placement, UpAxis};
-use crate::bake::{self, bvh, bvh::BvhOptions, options::BakeOptions, options::Preset};
-use crate::bench::fidelity::Painter;
+use crate::asset::{Asset, Placement};
+use crate::bake::{self, bvh, bvh::BvhOptions};
+use crate::bench::baked::Baked;
+use crate::bench::paint::Painter;
 use crate::camera::Camera;
 use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
 use crate::formats::{self, ReadOptions};
 use crate::gpu::AdapterOptions;
-use crate::report::Report;
-use crate::scene::{Loaded, Scene as Read};
-use crate::soup::Soup;
 use crate::view::placed;
 use crate::view::window::{self, Loader, Photo, Scene, Source, WindowOptions};
 use glam::{DVec3, UVec2, Vec3};
@@ -27,7 +25,7 @@ pub struct ViewArgs {
     #[arg(long, value_name = "DATASET")]
     pub dataset: Option<PathBuf>,
     /// Width and height of the window, px.
-    #[arg(long, default_value = "1280x720", value_name = "WxH", value_parser = parse_size)]
+    #[arg(long, default_value = "1280x720", value_name = "WxH", value_parser = crate::bench::fps::size)]
     pub size: UVec2,
     /// Samples of edges: 1 or 4 a pixel.
     #[arg(long, default_value_t = 4, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4))]
@@ -44,13 +42,6 @@ pub struct ViewArgs {
     /// How the data set is read.
     #[command(flatten, next_help_heading = "Data set")]
     pub dataset_options: DatasetOptions,
-}
-
-/// 1280x720 as a size.
-pub(super) fn parse_size(text: &str) -> std::result::Result<UVec2, String> {
-    let parsed =
-        text.split_once(['x', 'X']).and_then(|(w, h)| Some(UVec2::new(w.parse().ok()?, h.parse().ok()?)));
-    parsed.filter(|s| s.min_element() > 0).ok_or_else(|| "wants WIDTHxHEIGHT, such as 1280x720".into())
 }
 
 /// Opens the window; returns when it is closed.
@@ -89,7 +80,7 @@ fn load(args: &ViewArgs, say: &dyn Fn(&str)) -> Result<Scene> {
     };
     say("baking");
     let background = args.dataset_options.background.to_f32();
-    let baked = baked(loaded)?;
+    let baked = Baked::new(loaded)?;
     let photos = dataset.map_or(Vec::new(), |dataset| {
         let photo = |view: &crate::dataset::View| {
             let photo = view.photo.clone();
@@ -100,44 +91,12 @@ fn load(args: &ViewArgs, say: &dyn Fn(&str)) -> Result<Scene> {
     });
     let Baked { asset, soup, step, .. } = baked;
     let source = soup.map(|soup| {
-        let mut painter = Painter::alone(soup.clone(), background);
+        let mut painter = Painter::soft(soup.clone(), &Placement::IDENTITY, None, background);
         let paint =
             Box::new(move |camera: &Camera| painter.color(&placed::to_world(camera, &step, DVec3::ZERO)));
         Source { soup: Arc::new(soup), to_soup: Arc::new(move |v: Vec3| step.to_world(v)), paint }
     });
     Ok(Scene { asset, up: Vec3::Y, photos, source })
-}
-
-/// A scene made ready to be drawn.
-pub(super) struct Baked {
-    pub(super) asset: Asset,
-    /// What was read, when it was a soup.
-    pub(super) soup: Option<Soup>,
-    /// How the file had been placed in its source's world.
-    pub(super) first: Placement,
-    /// How the bake placed the asset in the file's frame.
-    pub(super) step: Placement,
-}
-
-impl Baked {
-    /// A camera of the source's world, whose point `origin` is its zero, in the frame of the asset.
-    pub(super) fn place(&self, camera: &Camera, origin: DVec3) -> Camera {
-        placed::to_file(&placed::to_file(camera, &self.first, origin), &self.step, DVec3::ZERO)
-    }
-}
-
-/// What an engine would draw of a file: Y-up, in chunks, in order.
-pub(super) fn baked(loaded: Loaded) -> Result<Baked> {
-    let first = loaded.provenance.placement;
-    let is_y_up = loaded.provenance.up.unwrap_or_default() == UpAxis::Y;
-    let soup = match &loaded.scene {
-        Read::Soup(soup) => Some(soup.clone()),
-        Read::Mesh(_) => None,
-    };
-    let options = BakeOptions::preset(Preset::Default);
-    let asset = bake::bake(vec![loaded], &options, &mut Report::new("view"), &mut ())?;
-    let step = if is_y_up { Placement::IDENTITY } else { asset.provenance.placement };
-    Ok(Baked { asset, soup, first, step })
 }
 
 /// Adds the hierarchy that picking needs.

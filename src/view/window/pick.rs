@@ -91,7 +91,7 @@ mod tests {
             Loaded { scene: Scene::Soup(soup.clone()), provenance: Default::default(), warnings: vec![] };
         let mut options = BakeOptions::preset(Preset::Default);
         options.bvh.bvh = true;
-        let asset = bake::bake(vec![loaded], &options, &mut Report::new("test"), &mut ()).unwrap();
+        let asset = bake::bake(vec![loaded], &options, None, &mut Report::new("test"), &mut ()).unwrap();
         let placement = asset.provenance.placement;
         let to_soup = |v: Vec3| placement.to_world(v);
         let from = scenes::viewpoint(glam::UVec2::new(320, 240));

@@ -1,0 +1,211 @@
+//! How long the card takes for a frame.
+
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+use crate::gpu::timer::Timer;
+use crate::image::Pixels;
+use crate::mesh::Mesh;
+use crate::raster::solid::{Solid, SolidOptions};
+use crate::train::clock;
+use crate::view::headless::{Canvas, Headless};
+use crate::view::model::{ChunkOrder, Model};
+use crate::view::renderer::{Look, Shot};
+use glam::UVec2;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::time::Instant;
+
+/// Colour where nothing is: no scene is likely to have it, so that holes are seen.
+pub(super) const BACKGROUND: [f32; 3] = [1.0, 0.0, 1.0];
+/// Least agreement of a frame with the solid rasteriser on the CPU that counts as the same picture, dB.
+const LEAST_PSNR: f64 = 30.0;
+
+/// How many frames are drawn.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Count {
+    /// Frames before the clock starts.
+    pub(super) warmup: usize,
+    /// Frames that are timed.
+    pub(super) frames: usize,
+}
+
+/// What a frame costs, over the frames of a path.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Cost {
+    /// Milliseconds from the end of one frame to the end of the next, with two on their way: median.
+    pub frame_ms: f64,
+    /// The slowest hundredth begins here, ms.
+    pub frame_p99_ms: f64,
+    /// The fastest frame, ms: what the machine does when nobody else is on it.
+    pub frame_min_ms: f64,
+    /// Milliseconds by the card's own clock, median; null where it has none.
+    pub gpu_ms: Option<f64>,
+    /// Processor milliseconds a frame, all threads: on software this is the drawing itself.
+    pub cpu_ms: f64,
+    /// Triangles of the chunks that were drawn, mean.
+    pub drawn: f64,
+    /// Draw calls, mean.
+    pub draws: f64,
+}
+
+/// Draws along a path of cameras and times it.
+pub(super) fn time(
+    card: &mut Headless,
+    model: &Model,
+    path: &[Camera],
+    order: ChunkOrder,
+    msaa: u32,
+    count: Count,
+) -> Result<Cost> {
+    let Some(first) = path.first() else {
+        return Err(Error::invalid("camera path", "empty", "at least one camera"));
+    };
+    let canvas = Canvas::new(&card.gpu, first.size, msaa)?;
+    let mut timer = Timer::new(&card.gpu);
+    let (mut frames, mut gpu) = (Vec::new(), Vec::new());
+    let (mut drawn, mut draws) = (0, 0);
+    let (mut last, mut mark, mut cpu) = (None, Instant::now(), clock::cpu_secs());
+    for i in 0..count.warmup + count.frames + 1 {
+        let shot = shot(&path[i % path.len()], order);
+        let mut encoder = card.gpu.device.create_command_encoder(&Default::default());
+        let slot = timer.as_mut().and_then(Timer::begin);
+        let times = slot.and_then(|slot| timer.as_ref().map(|t| t.writes(slot)));
+        let did = card.draw(&mut encoder, &canvas, model, &shot, times)?;
+        if let (Some(timer), Some(slot)) = (&mut timer, slot) {
+            timer.end(slot, &mut encoder);
+        }
+        let submission = card.gpu.queue.submit([encoder.finish()]);
+        if let Some(timer) = &mut timer {
+            timer.submitted();
+        }
+        // The frame before this one is done: two are on their way at most.
+        if let Some(before) = last.replace(submission) {
+            card.gpu.wait(Some(before))?;
+        }
+        let now = Instant::now();
+        if i == count.warmup {
+            cpu = clock::cpu_secs();
+        }
+        if i > count.warmup {
+            frames.push((now - mark).as_secs_f64() * 1e3);
+            drawn += did.triangles;
+            draws += u64::from(did.draws);
+        }
+        mark = now;
+        let came_back = timer.as_mut().map_or(Vec::new(), Timer::collect);
+        if i > count.warmup {
+            gpu.extend(came_back);
+        }
+    }
+    let cpu_ms = (clock::cpu_secs() - cpu) * 1e3 / count.frames as f64;
+    card.gpu.wait(None)?;
+    let mean = |sum: u64| sum as f64 / count.frames as f64;
+    Ok(Cost {
+        frame_ms: quantile(&mut frames, 0.5),
+        frame_p99_ms: quantile(&mut frames, 0.99),
+        frame_min_ms: quantile(&mut frames, 0.0),
+        gpu_ms: (!gpu.is_empty()).then(|| quantile(&mut gpu, 0.5)),
+        cpu_ms,
+        drawn: mean(drawn),
+        draws: mean(draws),
+    })
+}
+
+fn shot(camera: &Camera, order: ChunkOrder) -> Shot<'static> {
+    let (look, background) = (Look::Color, BACKGROUND);
+    Shot { camera: *camera, near: NEAR, background, look, wire: false, subset: None, order }
+}
+
+const NEAR: f32 = 0.01;
+
+/// One frame, drawn and read back.
+pub(super) fn picture(
+    card: &mut Headless,
+    model: &Model,
+    camera: &Camera,
+    order: ChunkOrder,
+) -> Result<Pixels> {
+    let canvas = Canvas::new(&card.gpu, camera.size, 1)?;
+    let mut encoder = card.gpu.device.create_command_encoder(&Default::default());
+    card.draw(&mut encoder, &canvas, model, &shot(camera, order), None)?;
+    card.gpu.queue.submit([encoder.finish()]);
+    canvas.pixels(&card.gpu)
+}
+
+/// How close a frame comes to what the solid rasteriser on the CPU draws.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Agreement {
+    /// Peak signal-to-noise ratio, dB; 99 for equal pictures.
+    pub psnr: f64,
+    /// Share of the pixels that are more than one code off, of 1.
+    pub off: f64,
+}
+
+/// Compares a frame with the CPU's. Errors: they are not the same picture.
+pub(super) fn check(name: &str, frame: &Pixels, mesh: &Mesh, camera: &Camera) -> Result<Agreement> {
+    let options = SolidOptions { background: BACKGROUND, samples: 1, near: NEAR };
+    options.validate(camera.size)?;
+    let wants = Solid::new().render(mesh, camera, &options);
+    let agreement = agreement(frame, &wants);
+    if !(agreement.psnr >= LEAST_PSNR) {
+        let what =
+            format!("{name} at {}x{} draws another picture than the CPU", camera.size.x, camera.size.y);
+        return Err(Error::Gpu(format!(
+            "{what}: {:.1} dB; update the driver or try another --backend",
+            agreement.psnr
+        )));
+    }
+    Ok(agreement)
+}
+
+fn agreement(a: &Pixels, b: &Pixels) -> Agreement {
+    let pairs = || a.rgb.iter().zip(&b.rgb);
+    let squares: u64 = pairs().flat_map(|(p, q)| (0..3).map(|c| u64::from(p[c].abs_diff(q[c])).pow(2))).sum();
+    let off = pairs().filter(|(p, q)| (0..3).any(|c| p[c].abs_diff(q[c]) > 1)).count();
+    let mean = squares as f64 / (3 * a.rgb.len().max(1)) as f64;
+    let psnr = if mean > 0.0 { (10.0 * (255.0f64.powi(2) / mean).log10()).min(99.0) } else { 99.0 };
+    Agreement { psnr, off: off as f64 / a.rgb.len().max(1) as f64 }
+}
+
+/// The value below which `share` of them lie; sorts them. NaN of none.
+pub(super) fn quantile(values: &mut [f64], share: f64) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    let last = values.len().saturating_sub(1) as f64;
+    values.get((share * last).ceil() as usize).copied().unwrap_or(f64::NAN)
+}
+
+/// The cameras as they would see with a picture of another size: as high as before, wider or narrower.
+pub(super) fn fitted(camera: &Camera, size: UVec2) -> Camera {
+    let (old, new) = (camera.size.as_vec2(), size.as_vec2());
+    let scale = new.y / old.y;
+    Camera {
+        focal: camera.focal * scale,
+        center: new / 2.0 + (camera.center - old / 2.0) * scale,
+        size,
+        ..*camera
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_empty_screen_does_not_agree() {
+        let size = UVec2::new(4, 2);
+        let full = Pixels { size, rgb: (0..8).map(|i| [30 * i, 9, 200 - i]).collect(), alpha: None };
+        let empty = Pixels { size, rgb: vec![[255, 0, 255]; 8], alpha: None };
+        assert!(agreement(&empty, &full).psnr < 15.0);
+        assert_eq!(agreement(&full, &full), Agreement { psnr: 99.0, off: 0.0 });
+        let mut near = full.clone();
+        near.rgb[3][1] += 2;
+        assert_eq!(agreement(&near, &full).off, 0.125);
+    }
+
+    #[test]
+    fn quantiles_are_values_that_occurred() {
+        let mut values = [5.0, 1.0, 4.0, 2.0, 3.0];
+        assert_eq!([0.0, 0.5, 0.99, 1.0].map(|q| quantile(&mut values, q)), [1.0, 3.0, 5.0, 5.0]);
+        assert!(quantile(&mut [], 0.5).is_nan());
+    }
+}
