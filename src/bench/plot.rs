@@ -1,6 +1,7 @@
 //! Plots of benchmark rows as SVG.
 
 use super::bake::BakeRow;
+use super::ladder::FidelityRow;
 use crate::error::{Error, Result};
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -88,4 +89,60 @@ fn panel(
         .border_style(BLACK.mix(0.3))
         .draw()
         .map_err(|e| e.to_string())
+}
+
+/// PSNR on held-out photos against triangles, bytes and seconds of the bake, a dot a case, at the highest
+/// sampling.
+pub fn fidelity(path: &Path, rows: &[FidelityRow]) -> Result<()> {
+    let bad = |e: String| Error::unsupported(path, format!("cannot be drawn: {e}"));
+    let highest = rows.iter().map(|r| r.ssaa).max().unwrap_or(1);
+    let shown: Vec<&FidelityRow> = rows.iter().filter(|r| r.ssaa == highest && r.case != "soft").collect();
+    let mut svg = String::new();
+    {
+        let area = SVGBackend::with_string(&mut svg, (1350, 420)).into_drawing_area();
+        area.fill(&WHITE).map_err(|e| bad(e.to_string()))?;
+        let parts = area.split_evenly((1, 3));
+        let axes: [(&str, fn(&FidelityRow) -> f64); 3] = [
+            ("thousand triangles", |r| r.triangles as f64 * 1e-3),
+            ("megabytes", |r| r.bytes as f64 * 1e-6),
+            ("seconds of baking", |r| r.bake_secs),
+        ];
+        for (part, (name, x)) in parts.iter().zip(axes) {
+            dots(part, name, &shown, x).map_err(bad)?;
+        }
+    }
+    std::fs::write(path, svg).map_err(|e| Error::io(path, e))
+}
+
+/// One chart: PSNR of every case against `x`.
+fn dots(
+    area: &DrawingArea<SVGBackend<'_>, Shift>,
+    name: &str,
+    rows: &[&FidelityRow],
+    x: fn(&FidelityRow) -> f64,
+) -> std::result::Result<(), String> {
+    let least = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::INFINITY, f64::min);
+    let most = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::NEG_INFINITY, f64::max);
+    let right = most(&mut rows.iter().map(|r| x(r))).max(1e-6) * 1.25;
+    let (low, high) = (least(&mut rows.iter().map(|r| r.psnr)), most(&mut rows.iter().map(|r| r.psnr)));
+    let mut chart = ChartBuilder::on(area)
+        .margin(12)
+        .x_label_area_size(36)
+        .y_label_area_size(48)
+        .build_cartesian_2d(0.0..right, (low - 0.5)..(high + 0.5))
+        .map_err(|e| e.to_string())?;
+    chart
+        .configure_mesh()
+        .x_desc(name)
+        .y_desc("PSNR, dB")
+        .light_line_style(WHITE)
+        .draw()
+        .map_err(|e| e.to_string())?;
+    for (i, row) in rows.iter().enumerate() {
+        let (at, color) = ((x(row), row.psnr), Palette99::pick(i).to_rgba());
+        chart.draw_series([Circle::new(at, 4, color.filled())]).map_err(|e| e.to_string())?;
+        let label = Text::new(row.case.clone(), at, ("sans-serif", 12).into_font());
+        chart.draw_series([label]).map_err(|e| e.to_string())?;
+    }
+    Ok(())
 }

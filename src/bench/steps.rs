@@ -53,7 +53,7 @@ pub fn steps(
         }
         (Scene::Soup(soup), None) => {
             let solid = baked(soup.clone(), provenance.clone())?;
-            let (file, bytes) = reread(&solid)?;
+            let (file, bytes) = reread(&solid, &SMALLEST)?;
             Ok(vec![
                 place.soft(soup, &provenance),
                 place.solid("solid", solid, None),
@@ -78,15 +78,15 @@ pub fn baked(mut soup: Soup, provenance: Provenance) -> Result<Asset> {
 }
 
 /// The smallest file we write: 16-bit positions, 8-bit colours, meshopt.
-const SMALLEST: OutputOptions = OutputOptions { target: Target::Web, ..OutputOptions::SMALL };
+pub const SMALLEST: OutputOptions = OutputOptions { target: Target::Web, ..OutputOptions::SMALL };
 
-/// The asset after it was written quantised and compressed and read back; and the size of that file.
-fn reread(asset: &Asset) -> Result<(Asset, u64)> {
+/// The asset after it was written as GLB and read back; and the size of that file.
+pub fn reread(asset: &Asset, options: &OutputOptions) -> Result<(Asset, u64)> {
     let folder = tempfile::tempdir().map_err(|e| Error::io(std::env::temp_dir(), e))?;
     let path = folder.path().join("scene.glb");
-    let output = Output::plan(&path, None, &SMALLEST, false)?;
+    let output = Output::plan(&path, None, options, false)?;
     let mut report = Report::default();
-    output::write(asset, &output, &SMALLEST, false, &mut report, &mut ())?;
+    output::write(asset, &output, options, false, &mut report, &mut ())?;
     let Loaded { scene, provenance, .. } = formats::read(&path, &ReadOptions { sh_degree: 0 })?;
     let Scene::Mesh(mesh) = scene else { return Err(no_soup(&path)) };
     let bytes = report.outputs.iter().map(|file| file.bytes).sum();

@@ -5,7 +5,7 @@ use super::files;
 use super::progress::{Progress, thousands};
 #[cfg(feature = "gpu")]
 use crate::bench::fps;
-use crate::bench::{bake, measure};
+use crate::bench::{bake, ladder, measure};
 use crate::error::{Error, Result};
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -29,6 +29,8 @@ pub enum Bench {
     /// Frames a second at the paper's sizes (not in this build).
     #[cfg(not(feature = "gpu"))]
     Fps(super::missing::MissingArgs),
+    /// Quality of the file in an ordinary mesh renderer, step by step, on held-out photos.
+    Fidelity(ladder::FidelityBenchArgs),
     /// Print the cost of one command as JSON (the other benchmarks run themselves through this).
     #[command(hide = true)]
     Measure {
@@ -56,6 +58,7 @@ pub fn run(args: &BenchArgs, global: &Global) -> Result<()> {
         Bench::Fps(fps_args) => run_fps(fps_args, global),
         #[cfg(not(feature = "gpu"))]
         Bench::Fps(_) => Err(super::missing::error("gpu")),
+        Bench::Fidelity(fidelity_args) => run_fidelity(fidelity_args, global),
         Bench::Measure { command } => print_json(&measure::run_only_child(command)?),
         Bench::Floor { input, like, output } => bake::floor(input, like, output),
     }
@@ -108,6 +111,27 @@ fn run_fps(args: &fps::FpsArgs, global: &Global) -> Result<()> {
     if let Some(adapter) = rows.first().map(|row| &row.adapter) {
         progress.line(adapter);
     }
+    if args.json { print_json(&rows) } else { Ok(()) }
+}
+
+fn run_fidelity(args: &ladder::FidelityBenchArgs, global: &Global) -> Result<()> {
+    let progress = Progress::new(global);
+    progress.line("case            ssaa   triangles       bytes   bake s  PSNR dB   change    SSIM    FLIP");
+    let rows = ladder::run(args, |row| {
+        progress.line(&format!(
+            "{:<15}{:>5}{:>12}{:>12}{:>9.2}{:>9.3}{:>+9.3}{:>8.4}{:>8.4}",
+            row.case,
+            row.ssaa,
+            thousands(row.triangles),
+            thousands(row.bytes),
+            row.bake_secs,
+            row.psnr,
+            row.change,
+            row.ssim,
+            row.flip,
+        ));
+    })?;
+    progress.done();
     if args.json { print_json(&rows) } else { Ok(()) }
 }
 

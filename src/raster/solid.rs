@@ -116,6 +116,12 @@ impl<'a> Weigher<'a> {
         Corners::new(&self.eye, self.mesh.corners(face as usize))
     }
 
+    /// The same in the middle of a pixel of so many samples along each axis.
+    #[inline(always)]
+    pub fn weights_in_pixel(&self, corners: &Corners, x: u32, y: u32) -> [f32; 3] {
+        corners.weights(self.eye.ray_in_pixel(x, y))
+    }
+
     /// Perspective-correct weights of a face's corners at a sample; in [0, 1], sum 1.
     #[inline(always)]
     pub fn weights(&self, corners: &Corners, x: u32, y: u32) -> [f32; 3] {

@@ -3,7 +3,8 @@
 use super::fit::{Fit, Sums};
 use crate::camera::Camera;
 use crate::image::Pixels;
-use crate::math::color::{linear_from_srgb, srgb_from_linear};
+use crate::math::color::linear_from_srgb;
+use crate::math::srgb8::srgb8_from_linear;
 use crate::mesh::Mesh;
 use crate::raster::solid::{Corners, NO_FACE, Visibility, Weigher};
 use rayon::prelude::*;
@@ -114,42 +115,60 @@ impl<'a> Pass<'a> {
                 None => 1.0,
             };
             if weight > 0.0 {
-                let [r, g, b] = self.shot.photo.rgb[pixel];
-                let photo = [f32::from(r), f32::from(g), f32::from(b)];
-                self.pixel(x, y, [photo[0] / 255.0, photo[1] / 255.0, photo[2] / 255.0], weight);
+                self.pixel(x, y, self.shot.photo.rgb[pixel], weight);
             }
         }
     }
 
-    fn pixel(&mut self, x: u32, y: u32, photo: [f32; 3], weight: f32) {
+    fn pixel(&mut self, x: u32, y: u32, photo: [u8; 3], weight: f32) {
         let n = self.samples;
-        let mut seen: [Sample; MOST_SAMPLES] = [(NO_SLOT, [0.0; 3]); MOST_SAMPLES];
-        let seen = &mut seen[..(n * n) as usize];
-        let mut any = false;
-        for (i, sample) in (0..).zip(seen.iter_mut()) {
-            let (sx, sy) = (x * n + i % n, y * n + i / n);
-            let face = self.shot.visibility.face[(sy * self.shot.visibility.size.x + sx) as usize];
-            if face != NO_FACE {
-                let slot = self.slot(face);
-                *sample = (slot, self.weigher.weights(&self.band.corners[slot as usize], sx, sy));
-                any = true;
+        let faces = |i: u32| self.shot.visibility.face[self.sample(x * n + i % n, y * n + i / n)];
+        let first = faces(0);
+        if (1..n * n).all(|i| faces(i) == first) {
+            if first != NO_FACE {
+                // What is seen is the colour in the middle: the mean of colours that change evenly.
+                let slot = self.slot(first);
+                let middle = self.weigher.weights_in_pixel(&self.band.corners[slot as usize], x, y);
+                self.spread(&[(slot, middle)], photo, weight);
             }
-        }
-        if !any {
             return;
         }
+        let mut seen: [Sample; MOST_SAMPLES] = [(NO_SLOT, [0.0; 3]); MOST_SAMPLES];
+        for i in 0..n * n {
+            let (sx, sy) = (x * n + i % n, y * n + i / n);
+            let face = self.shot.visibility.face[self.sample(sx, sy)];
+            if face != NO_FACE {
+                let slot = self.slot(face);
+                let weights = self.weigher.weights(&self.band.corners[slot as usize], sx, sy);
+                seen[i as usize] = (slot, weights);
+            }
+        }
+        self.spread(&seen[..(n * n) as usize], photo, weight);
+    }
+
+    fn sample(&self, x: u32, y: u32) -> usize {
+        (y * self.shot.visibility.size.x + x) as usize
+    }
+
+    /// Adds to the sums of the faces seen at a pixel's samples.
+    fn spread(&mut self, seen: &[Sample], photo: [u8; 3], weight: f32) {
         let pull = match self.goal {
-            Goal::Photo => photo,
+            Goal::Photo => {
+                let [r, g, b] = photo;
+                [f32::from(r) / 255.0, f32::from(g) / 255.0, f32::from(b) / 255.0]
+            }
             Goal::Rest => self.rest(seen, photo, weight),
         };
-        let share = weight / (n * n) as f32;
-        for (slot, weights) in seen.iter().filter(|(slot, _)| *slot != NO_SLOT) {
-            self.band.sums[*slot as usize].1.add(weights, &pull, share);
+        let share = weight / seen.len() as f32;
+        for (slot, weights) in seen {
+            if *slot != NO_SLOT {
+                self.band.sums[*slot as usize].1.add(weights, &pull, share);
+            }
         }
     }
 
-    /// What a pixel lacks of the photo, bounded; drawn as an engine does, in linear light.
-    fn rest(&mut self, seen: &[Sample], photo: [f32; 3], weight: f32) -> [f32; 3] {
+    /// What a pixel lacks of the photo, bounded; drawn as an engine does: mixed in linear light, in 8 bits.
+    fn rest(&mut self, seen: &[Sample], photo: [u8; 3], weight: f32) -> [f32; 3] {
         let mut linear = [0.0f32; 3];
         for (slot, weights) in seen {
             let color = match *slot {
@@ -163,7 +182,8 @@ impl<'a> Pass<'a> {
         let per = 1.0 / seen.len() as f32;
         let mut rest = [0.0; 3];
         for c in 0..3 {
-            let error = photo[c] - srgb_from_linear(linear[c] * per);
+            let drawn = srgb8_from_linear(linear[c] * per);
+            let error = f32::from(i16::from(photo[c]) - i16::from(drawn)) / 255.0;
             self.band.error[c] += f64::from(error * weight);
             rest[c] = error.clamp(-MOST_ERROR, MOST_ERROR);
         }

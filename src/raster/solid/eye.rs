@@ -99,6 +99,12 @@ impl Eye {
         let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
         ((at - self.center) / self.focal).extend(1.0)
     }
+
+    /// The way from the eye through the centre of a pixel.
+    pub(super) fn ray_in_pixel(&self, x: u32, y: u32) -> DVec3 {
+        let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) * f64::from(self.samples);
+        ((at - self.center) / self.focal).extend(1.0)
+    }
 }
 
 /// The nearest point of the grid.
