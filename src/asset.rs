@@ -1,6 +1,7 @@
 //! The finished product: a mesh, its chunks, its BVH and where it came from.
 
 use crate::bvh::Bvh;
+use crate::camera::Home;
 use crate::mesh::Mesh;
 use crate::report::Counts;
 use glam::{DMat3, DVec3, Vec3};
@@ -114,6 +115,14 @@ impl Placement {
         self.to_world_f64(file).as_vec3()
     }
 
+    /// A view of the source's world, as seen in the file.
+    pub fn home_to_file(&self, home: &Home) -> Home {
+        let (turn, center) = (self.up.to_y_up(), DVec3::from(self.center));
+        let point = |p: [f64; 3]| (turn * self.scale * (DVec3::from(p) - center)).to_array();
+        let up = (turn * DVec3::from(home.up)).to_array();
+        Home { eye: point(home.eye), target: point(home.target), up, fov: home.fov }
+    }
+
     /// [`Placement::to_world`] without the last rounding, for worlds far from their origin.
     pub fn to_world_f64(&self, file: Vec3) -> DVec3 {
         self.up.to_y_up().transpose() * file.as_dvec3() / self.scale + DVec3::from(self.center)
@@ -144,4 +153,7 @@ pub struct Provenance {
     /// How the source's world became this file's.
     #[serde(default)]
     pub placement: Placement,
+    /// Where to look at this file from first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub home: Option<Home>,
 }

@@ -2,6 +2,8 @@
 
 use crate::error::{Error, Result};
 use glam::{Mat3, UVec2, Vec2, Vec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// Pinhole camera q = K (R v + t). +x right, +y down, +z forward (COLMAP); pixel centres at +0.5.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -72,6 +74,36 @@ pub fn focus<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Option<Ve
     (focus.is_finite() && in_front as f32 * 2.0 >= count).then_some(focus)
 }
 
+/// Where to look at a scene from first, in the frame of its file.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Home {
+    /// Where one stands.
+    pub eye: [f64; 3],
+    /// What one looks at and turns about.
+    pub target: [f64; 3],
+    /// What points up for those who took the photos; a unit vector.
+    pub up: [f64; 3],
+    /// Vertical field of view, degrees.
+    pub fov: f64,
+}
+
+/// The view of the first camera, turning about what all of them look at. `None` of no cameras.
+pub fn home(cameras: &[Camera]) -> Option<Home> {
+    let first = cameras.first()?;
+    let (eye, forward) = (first.position(), first.rotation.row(2));
+    let up = cameras.iter().map(|c| -c.rotation.row(1)).sum::<Vec3>();
+    let up = up.try_normalize().unwrap_or(-first.rotation.row(1));
+    let middle = cameras.iter().map(Camera::position).sum::<Vec3>() / cameras.len() as f32;
+    let ahead = focus(cameras.iter()).map(|focus| (focus - eye).dot(forward));
+    let near = || cameras.iter().map(|c| c.position().distance(middle)).fold(0.0, f32::max);
+    let distance = ahead.filter(|d| *d > 0.0).unwrap_or_else(near);
+    let target = eye + forward * if distance > 0.0 { distance } else { 1.0 };
+    let [eye, target, up] = [eye, target, up].map(|v| v.as_dvec3().to_array());
+    let fov = 2.0 * f64::from(first.size.y as f32 / (2.0 * first.focal.y)).atan();
+    Some(Home { eye, target, up, fov: fov.to_degrees() })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -94,6 +126,19 @@ mod tests {
         assert!(seen.truncate().length() < 1e-5 && seen.z > 0.0, "{seen}");
         assert!((camera.rotation * Vec3::NEG_Y).y < 0.0, "up is towards smaller rows");
         assert!(CAMERA.looking(Vec3::ZERO, Vec3::NEG_Y, Vec3::NEG_Y).validate().is_ok(), "straight up");
+    }
+
+    #[test]
+    fn home_is_the_first_camera_upright() {
+        let target = Vec3::new(1.0, 2.0, 3.0);
+        let eyes = [Vec3::ZERO, Vec3::X * 4.0, Vec3::new(-2.0, 5.0, 1.0)];
+        let cameras = eyes.map(|eye| CAMERA.looking(eye, target, Vec3::NEG_Y));
+        let home = home(&cameras).expect("there are cameras");
+        let near = |a: [f64; 3], b: Vec3| (0..3).all(|i| (a[i] - f64::from(b[i])).abs() < 1e-4);
+        assert!(near(home.eye, eyes[0]) && near(home.target, target), "{home:?}");
+        assert!(home.up[1] < -0.5 && (home.fov - 53.130_102).abs() < 1e-4, "{home:?}");
+        assert_eq!(super::home(&[]), None);
+        assert!(near(super::home(&[CAMERA; 2]).expect("parallel").target, Vec3::Z));
     }
 
     #[test]

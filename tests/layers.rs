@@ -13,7 +13,7 @@ const MAY: &[(&str, &str)] = &[
     ("soup", "error math"),
     ("mesh", "error math"),
     ("bvh", "mesh error math"),
-    ("asset", "mesh bvh report error math"),
+    ("asset", "mesh bvh camera report error math"),
     ("scene", "soup mesh asset error"),
     ("kernel", "math"),
     ("gpu", "error"),

@@ -83,6 +83,29 @@ fn a_real_report_satisfies_its_schema() {
 }
 
 #[test]
+fn a_training_s_report_has_the_same_shape() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("report.json");
+    let status = Command::new(env!("CARGO_BIN_EXE_trisplat"))
+        .arg("train")
+        .arg(root().join("samples/dataset"))
+        .args(["-q", "--steps", "3", "-o"])
+        .arg(folder.path().join("scene.ply"))
+        .arg("--report")
+        .arg(&report)
+        .status()
+        .unwrap();
+    assert!(status.success());
+    let value: Value = serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap();
+    satisfies(SchemaName::Report, &value);
+    satisfies(SchemaName::Train, &value["options"]);
+    let stage = &value["stages"][0];
+    assert_eq!((&value["command"], &stage["name"]), (&"train".into(), &"train".into()));
+    assert!(stage["details"]["psnr"].as_f64().is_some() && stage["after"]["triangles"].as_u64() > Some(0));
+    assert_eq!(value["outputs"].as_array().map(Vec::len), Some(1));
+}
+
+#[test]
 fn what_eval_and_info_say_satisfies_their_schemas() {
     let folder = tempfile::tempdir().unwrap();
     let report = folder.path().join("eval.json");

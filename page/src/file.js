@@ -24,7 +24,7 @@ export class SceneFile {
     this.#report((0.5 * this.#end) / this.#bytes.length);
   }
 
-  /** The meshes of the scene, when all blocks are there. Can be called once. */
+  /** The scene, its meshes and where to look from first, when all blocks are there. Can be called once. */
   async meshes() {
     const bytes = this.#bytes;
     this.#bytes = null;
@@ -34,12 +34,12 @@ export class SceneFile {
     await MeshoptDecoder.ready;
     const loader = new GLTFLoader();
     loader.setMeshoptDecoder(this.#decoder(viewsOf(bytes)));
-    const { scene } = await loader.parseAsync(bytes.buffer, '');
+    const { scene, asset } = await loader.parseAsync(bytes.buffer, '');
     scene.updateMatrixWorld(true);
     const meshes = [];
     scene.traverse((node) => node instanceof Mesh && meshes.push(node));
     this.#report(1);
-    return { scene, meshes };
+    return { scene, meshes, home: asset.extras?.home ?? null };
   }
 
   // One array after the other, with a rest in between, so that the bar moves and the page stays awake.

@@ -2,7 +2,7 @@
 import { Move } from './move.js';
 import { Picture } from './picture.js';
 import { SceneFile } from './file.js';
-import { boundsOf, format, parse, whole } from './view.js';
+import { boundsOf, first, format, parse, whole } from './view.js';
 
 const BACKGROUND = '17181a';
 /** Samples along each axis of a pixel, at rest. */
@@ -22,10 +22,10 @@ function fail(error) {
 }
 
 /** Shows the scene; what the returned object can do is in docs/formats.md. */
-async function start() {
+async function open() {
   const canvas = element('picture');
   const picture = new Picture(canvas, asked.ssaa ?? GRID, `#${asked.background ?? BACKGROUND}`);
-  const { scene, meshes } = await file.meshes();
+  const { scene, meshes, home } = await file.meshes();
   const bounds = boundsOf(meshes);
   picture.show(scene);
   picture.resize();
@@ -33,7 +33,9 @@ async function start() {
   picture.camera.far = 1e3 * bounds.reach;
   const move = new Move(picture.camera, canvas, bounds.radius);
 
-  const fit = () => move.set(whole(bounds, picture.width / picture.height));
+  const aspect = () => picture.width / picture.height;
+  const fit = () => (move.set(whole(home, bounds, aspect())), picture.restart());
+  const start = () => (move.set(first(home, bounds, aspect())), picture.restart());
   const go = (words) => {
     const view = { ...move.view };
     for (const word of ['eye', 'target', 'up']) if (words[word]) view[word] = words[word].clone();
@@ -41,10 +43,10 @@ async function start() {
     move.set(view);
     picture.restart();
   };
-  fit();
+  start();
   go(asked);
   addEventListener('hashchange', () => go(parse(location.hash)));
-  listen({ canvas, picture, move, meshes, fit });
+  listen({ canvas, picture, move, meshes, fit, start });
   element('loading').hidden = true;
   run(picture, move);
   return { view: () => format(move.view), show: (fragment) => go(parse(fragment)) };
@@ -65,7 +67,7 @@ function run(picture, move) {
 }
 
 /** Buttons, and the keys that do the same. */
-function listen({ canvas, picture, move, meshes, fit }) {
+function listen({ canvas, picture, move, meshes, fit, start }) {
   const help = (on) => {
     element('help').hidden = !on;
     element('ask').setAttribute('aria-expanded', on);
@@ -83,12 +85,11 @@ function listen({ canvas, picture, move, meshes, fit }) {
   const full = () =>
     document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen?.();
   const does = {
-    fit: () => (fit(), picture.restart()),
-    fly, link, full,
+    start, fit, fly, link, full,
     ask: () => help(element('help').hidden),
   };
   for (const [id, act] of Object.entries(does)) element(id).addEventListener('click', act);
-  const keys = { KeyF: does.fit, KeyV: fly, KeyL: link, Enter: full, KeyH: does.ask };
+  const keys = { KeyF: fit, Home: start, KeyR: start, KeyV: fly, KeyL: link, Enter: full, KeyH: does.ask };
   addEventListener('keydown', (event) => {
     const plain = !(event.ctrlKey || event.metaKey || event.altKey || event.repeat);
     const pressed = event.code === 'Enter' && event.target.tagName === 'BUTTON';
@@ -109,6 +110,6 @@ window.trisplat = {
     }
     data.remove();
   },
-  ready: new Promise((resolve) => addEventListener('DOMContentLoaded', resolve)).then(start),
+  ready: new Promise((resolve) => addEventListener('DOMContentLoaded', resolve)).then(open),
 };
 window.trisplat.ready.then((page) => Object.assign(window.trisplat, page), fail);

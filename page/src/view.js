@@ -2,8 +2,8 @@
 import { MathUtils, Vector3 } from 'three';
 
 const FOV = 50;
-/** Seen from the front, a little from the right and from above. */
-const START = new Vector3(0.45, 0.3, 1).normalize();
+/** Without a home: from the front, a little from the right and from above. */
+const BACK = new Vector3(0.45, 0.3, 1);
 const SAMPLES = 20000;
 /** Shares of the vertices that the start view leaves out on each side: far shells and strays. */
 const TRIM = 0.1;
@@ -36,12 +36,21 @@ export function format({ eye, target, up, fov, pinhole }) {
   return `#eye=${list(eye)}&target=${list(target)}&up=${list(up)}&${lens}`;
 }
 
-/** A view of everything but strays, from the front and above. */
-export function whole(bounds, aspect) {
+/** The view to begin with: what the file says, or all of it. */
+export function first(home, bounds, aspect) {
+  if (!home) return whole(home, bounds, aspect);
+  const [eye, target, up] = [home.eye, home.target, home.up].map((v) => new Vector3(...v));
+  return { eye, target, up, fov: home.fov, pinhole: null };
+}
+
+/** A view of everything but strays, from the side where home is. */
+export function whole(home, bounds, aspect) {
+  const back = home ? new Vector3(...home.eye).sub(new Vector3(...home.target)) : BACK.clone();
+  const up = home ? new Vector3(...home.up) : new Vector3(0, 1, 0);
   const narrow = Math.min(1, aspect);
   const distance = bounds.radius / Math.sin(Math.atan(narrow * Math.tan(MathUtils.degToRad(FOV / 2))));
-  const eye = bounds.center.clone().addScaledVector(START, distance);
-  return { eye, target: bounds.center.clone(), up: new Vector3(0, 1, 0), fov: FOV, pinhole: null };
+  const eye = bounds.center.clone().addScaledVector(back.normalize(), distance);
+  return { eye, target: bounds.center.clone(), up, fov: FOV, pinhole: null };
 }
 
 /** Centre and radius of what most vertices are in, and the radius around it that holds all. */

@@ -50,6 +50,7 @@ pub fn bake(
     report.warnings.extend(warnings);
     if let Some(views) = views.as_deref_mut() {
         views.enter(&provenance.placement);
+        provenance.home = provenance.home.or_else(|| views.home());
     }
     // Photos tell better which triangles matter most than their size does.
     let budget = options.prune.max_triangles;

@@ -71,6 +71,7 @@ pub fn place(
         details.insert("earlier_placement".into(), "replaced".into());
     }
     provenance.placement = step;
+    provenance.home = provenance.home.map(|home| step.home_to_file(&home));
     details.insert("scale".into(), step.scale.into());
     details.insert("center".into(), step.center.to_vec().into());
     let mover = step.mover();
@@ -97,6 +98,7 @@ fn median(positions: &[Vec3]) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::Home;
     use crate::mesh::Colors;
 
     fn triangle() -> Mesh {
@@ -129,11 +131,15 @@ mod tests {
 
     #[test]
     fn a_second_run_has_nothing_to_do() {
-        let (mut mesh, mut provenance) = (triangle(), Provenance::default());
+        let home = Home { eye: [1.0, 2.0, 3.0], target: [0.0; 3], up: [0.0, -1.0, 0.0], fov: 40.0 };
+        let (mut mesh, mut provenance) =
+            (triangle(), Provenance { home: Some(home), ..Provenance::default() });
         let options = PlaceOptions::DEFAULT;
         let first = place(&mut mesh, &mut provenance, &options, &mut Map::new()).unwrap();
         assert_eq!(first, Outcome::Changed(()));
         assert_eq!(mesh.positions[0], Vec3::new(1.0, -2.0, -3.0));
+        let placed = Home { eye: [1.0, -2.0, -3.0], up: [0.0, 1.0, 0.0], ..home };
+        assert_eq!(provenance.home, Some(placed));
         let again = place(&mut mesh, &mut provenance, &options, &mut Map::new()).unwrap();
         assert!(matches!(again, Outcome::Unneeded(_)));
         assert_eq!(provenance.placement.up, UpAxis::NegY);

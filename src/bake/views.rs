@@ -1,7 +1,7 @@
 //! The photos a bake may look at: what they show decides what a triangle is worth and which colour it has.
 
 use crate::asset::Placement;
-use crate::camera::Camera;
+use crate::camera::{self, Camera, Home};
 use crate::dataset::{Dataset, Photos};
 use crate::error::Result;
 use crate::image::Pixels;
@@ -32,6 +32,11 @@ impl Views {
             photos: Photos::new(dataset.train().map(|v| v.photo.clone()).collect(), photo_bytes),
             background,
         }
+    }
+
+    /// Where to look from first, in the frame of the cameras.
+    pub fn home(&self) -> Option<Home> {
+        camera::home(&self.cameras)
     }
 
     /// Number of photos.

@@ -16,6 +16,7 @@ pub mod layers;
 pub mod missing;
 pub mod progress;
 pub mod render;
+mod resume;
 pub mod sample;
 pub mod schema;
 pub mod train;

@@ -3,19 +3,22 @@
 use super::Global;
 use super::files;
 use super::layers::{self, Config};
+use super::resume;
 use super::train_progress::Bar;
 use crate::asset::{Placement, Provenance, UpAxis};
+use crate::camera::{self, Camera};
 use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
 use crate::formats::atomic::AtomicFile;
 use crate::formats::ply;
-use crate::report::generator;
+use crate::report::{Counts, OutputReport, Report, StageReport, generator};
 use crate::train::cpu::Cpu;
 use crate::train::options::{Preset, TrainOptions};
-use crate::train::{RunOptions, Trained, Trainer, checkpoint, clock, curve, run as run_training};
+use crate::train::{RunOptions, Trained, Trainer, checkpoint, clock, curve, eval, run as run_training};
 use clap::ArgMatches;
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Files, what to leave behind, and the options of the training.
 #[derive(Debug, clap::Args)]
@@ -26,7 +29,7 @@ pub struct TrainArgs {
     /// Soup to write, .ply.
     #[arg(short, long, value_name = "OUT")]
     pub output: PathBuf,
-    /// Replace OUT if it is there.
+    /// Replace files that are there.
     #[arg(short, long)]
     pub force: bool,
     /// JSON file with training options; --set and flags win over it.
@@ -53,9 +56,12 @@ pub struct TrainArgs {
     /// Judge on the held-out photos every N steps, outside the clock; 0: only at the end.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub judge_every: u64,
-    /// Folder for report.json and curve.svg.
-    #[arg(long, value_name = "FOLDER")]
+    /// Write what the run did as JSON (schema: trisplat schema report).
+    #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
+    /// Draw PSNR and triangles over CPU seconds, as SVG.
+    #[arg(long, value_name = "FILE")]
+    pub curve: Option<PathBuf>,
     /// Folder for pictures of the first held-out photo while training.
     #[arg(long, value_name = "FOLDER")]
     pub preview: Option<PathBuf>,
@@ -75,13 +81,15 @@ pub struct TrainArgs {
 
 /// Trains; `matches` tells which flags were typed.
 pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<()> {
-    guard(args)?;
+    let clock = Instant::now();
+    let plan = plan(args);
+    guard(args, &plan)?;
     let dataset = Dataset::load(&args.dataset, &args.dataset_options)?;
     let photo_bytes = u64::from(args.dataset_options.photo_memory_mib) << 20;
     let point = args.resume.as_deref().map(checkpoint::read).transpose()?;
     let options = match &point {
         Some(point) => {
-            refuse_changes(matches, args)?;
+            refuse_changes(matches)?;
             point.meta.options.clone()
         }
         None => resolve(args, matches)?,
@@ -94,18 +102,28 @@ pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<()
         Some(point) => Trainer::resume(&dataset, point, photo_bytes, backend)?,
         None => Trainer::start(&dataset, &options, photo_bytes, backend)?,
     };
-    let plan = plan(args);
-    let mut bar = Bar::new(global, options.steps, trainer.steps(), args.log.as_deref())?;
+    let before = triangles(trainer.triangles());
+    let mut bar = Bar::new(global, options.steps, trainer.steps(), args.log.as_deref(), &curve)?;
     for warning in &dataset.warnings {
         bar.line(&format!("warning: {warning}"));
     }
     let trained = run_training(trainer, &dataset, &drawing, &plan, curve, cpu_before, &mut bar)?;
     bar.done()?;
-    write_soup(args, &dataset, &trained)?;
-    if let Some(folder) = &args.report {
-        write_report(folder, args, &options, &trained)?;
+    let mut report = Report::new("train");
+    report.inputs = vec![args.dataset.display().to_string()];
+    report.options = serde_json::to_value(&options).unwrap_or_default();
+    report.warnings.clone_from(&dataset.warnings);
+    report.stages.push(stage(&trained, before, clock.elapsed().as_secs_f64()));
+    report.outputs = write(args, &dataset, &trained)?;
+    report.seconds = clock.elapsed().as_secs_f64();
+    if let Some(path) = &args.report {
+        files::save_json(&report, path)?;
     }
-    summary(args, &plan, &trained, &bar);
+    summary(args, &trained, &bar);
+    if let (true, Some(checkpoint)) = (trained.stopped, &plan.checkpoint) {
+        let command = resume::command(matches, args, checkpoint);
+        bar.line(&format!("stopped early; to go on: {command}"));
+    }
     Ok(())
 }
 
@@ -139,21 +157,18 @@ fn resolve(args: &TrainArgs, matches: &ArgMatches) -> Result<TrainOptions> {
 }
 
 /// A resumed run has the options it began with: anything else would not be the same run.
-fn refuse_changes(matches: &ArgMatches, args: &TrainArgs) -> Result<()> {
-    let flags = ["preset", "steps", "max_triangles", "sh_degree", "seed"];
-    let typed = flags.into_iter().find(|f| layers::is_typed(matches, f));
-    let other = (args.config.is_some() || !args.sets.is_empty()).then_some("config");
-    match typed.or(other) {
-        Some(flag) => {
-            let flag = format!("--{}", flag.replace('_', "-"));
+fn refuse_changes(matches: &ArgMatches) -> Result<()> {
+    match resume::fixed().into_iter().find(|id| layers::is_typed(matches, id)) {
+        Some(id) => {
+            let flag = if id == "sets" { "--set".into() } else { format!("--{}", id.replace('_', "-")) };
             Err(Error::invalid(flag, "given with --resume", "the options of the checkpoint, or a new run"))
         }
         None => Ok(()),
     }
 }
 
-/// Refuses what would fail only after the training.
-fn guard(args: &TrainArgs) -> Result<()> {
+/// Refuses what would fail, or replace a file, only after the training.
+fn guard(args: &TrainArgs, plan: &RunOptions) -> Result<()> {
     let out = &args.output;
     if out.extension().is_none_or(|e| !e.eq_ignore_ascii_case("ply")) {
         return Err(Error::invalid(
@@ -162,29 +177,55 @@ fn guard(args: &TrainArgs) -> Result<()> {
             "a name that ends with .ply; bake turns it into .glb",
         ));
     }
-    if out.exists() && !args.force {
-        return Err(files::is_there("--output", out));
-    }
-    let folder = out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if !folder.is_dir() {
-        return Err(Error::invalid("--output", out.display(), "a file in a folder that exists"));
+    // A run that goes on adds to its log and replaces its own checkpoint.
+    let fresh = |path: &Option<PathBuf>| path.clone().filter(|_| args.resume.is_none());
+    let targets = [
+        ("--output", Some(out.clone())),
+        ("--report", args.report.clone()),
+        ("--curve", args.curve.clone()),
+        ("--log", fresh(&args.log)),
+        ("--checkpoint", fresh(&plan.checkpoint)),
+    ];
+    for (option, path) in targets {
+        let Some(path) = path.filter(|path| path.as_os_str() != "-") else { continue };
+        if path.is_file() && !args.force {
+            return Err(files::is_there(option, &path));
+        }
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if !folder.is_dir() {
+            return Err(Error::invalid(option, path.display(), "a file in a folder that exists"));
+        }
     }
     Ok(())
 }
 
-fn write_soup(args: &TrainArgs, dataset: &Dataset, trained: &Trained) -> Result<()> {
+/// Writes the soup and the curve.
+fn write(args: &TrainArgs, dataset: &Dataset, trained: &Trained) -> Result<Vec<OutputReport>> {
     let source = args.dataset.file_name().map(|n| n.to_string_lossy().into_owned());
+    let cameras: Vec<Camera> = dataset.train().map(|view| view.camera).collect();
     let provenance = Provenance {
         generator: Some(generator()),
         source,
         trainer: Some(generator()),
         up: Some(up(dataset)),
         placement: Placement { center: dataset.origin.to_array(), ..Placement::IDENTITY },
+        home: camera::home(&cameras),
     };
     let io = |e| Error::io(&args.output, e);
     let mut file = AtomicFile::create(&args.output)?;
     ply::write_soup(&mut file, &trained.soup, &provenance).map_err(io)?;
-    file.commit().map(drop)
+    let mut outputs = vec![committed(file)?];
+    if let Some(path) = &args.curve {
+        let mut file = AtomicFile::create(path)?;
+        file.write_all(curve::svg(path, &trained.curve)?.as_bytes()).map_err(|e| Error::io(path, e))?;
+        outputs.push(committed(file)?);
+    }
+    Ok(outputs)
+}
+
+fn committed(file: AtomicFile) -> Result<OutputReport> {
+    let path = file.path().display().to_string();
+    Ok(OutputReport { path, bytes: file.commit()? })
 }
 
 /// The axis that usually points up in this kind of data set.
@@ -192,30 +233,36 @@ fn up(dataset: &Dataset) -> UpAxis {
     if dataset.kind.contains("COLMAP") { UpAxis::NegY } else { UpAxis::Z }
 }
 
-fn write_report(folder: &Path, args: &TrainArgs, options: &TrainOptions, trained: &Trained) -> Result<()> {
-    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-    curve::write(&folder.join("curve.svg"), &trained.curve)?;
-    let report = serde_json::json!({
-        "generator": generator(),
-        "command": "train",
-        "dataset": args.dataset.display().to_string(),
-        "output": args.output.display().to_string(),
-        "options": options,
+fn triangles(count: usize) -> Counts {
+    Counts { triangles: count as u64, vertices: 3 * count as u64 }
+}
+
+/// The run as the one stage of its report.
+fn stage(trained: &Trained, before: Counts, seconds: f64) -> StageReport {
+    let figures = serde_json::json!({
         "steps": trained.steps,
-        "triangles": trained.soup.len(),
+        "stopped": trained.stopped,
         "cpu_secs": trained.cpu_secs,
         "peak_bytes": clock::peak_bytes(),
         "dropped_gradients": trained.dropped,
+        "psnr": eval::mean(&trained.scores).map(|mean| mean.0),
+        "ssim": eval::mean(&trained.scores).map(|mean| mean.1),
         "held_out": trained.scores,
-        "curve": trained.curve,
     });
-    files::save_json(&report, &folder.join("report.json"))
+    StageReport {
+        name: "train".into(),
+        seconds,
+        before,
+        after: triangles(trained.soup.len()),
+        unneeded: None,
+        details: figures.as_object().cloned().unwrap_or_default(),
+    }
 }
 
-fn summary(args: &TrainArgs, plan: &RunOptions, trained: &Trained, bar: &Bar) {
+fn summary(args: &TrainArgs, trained: &Trained, bar: &Bar) {
     let out = args.output.display();
     let triangles = super::progress::thousands(trained.soup.len() as u64);
-    let held_out = match crate::train::eval::mean(&trained.scores) {
+    let held_out = match eval::mean(&trained.scores) {
         Some((psnr, ssim)) => format!(", held out {psnr:.2} dB / {ssim:.4}"),
         None => String::new(),
     };
@@ -225,12 +272,5 @@ fn summary(args: &TrainArgs, plan: &RunOptions, trained: &Trained, bar: &Bar) {
     ));
     if trained.dropped > 0 {
         bar.line(&format!("warning: {} gradients were not finite and were dropped", trained.dropped));
-    }
-    if let (true, Some(path)) = (trained.stopped, &plan.checkpoint) {
-        let dataset = args.dataset.display();
-        let path = path.display();
-        bar.line(&format!(
-            "stopped early; to go on: trisplat train {dataset} -o {out} --force --resume {path}"
-        ));
     }
 }

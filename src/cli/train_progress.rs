@@ -24,8 +24,15 @@ pub struct Bar {
 }
 
 impl Bar {
-    /// A bar over `steps`, of which `done` are made already.
-    pub fn new(global: &Global, steps: u64, done: u64, log: Option<&Path>) -> Result<Self> {
+    /// A bar over `steps`, of which `done` are made already. A log in a file begins with the samples
+    /// `before`, those of the run that goes on.
+    pub fn new(
+        global: &Global,
+        steps: u64,
+        done: u64,
+        log: Option<&Path>,
+        before: &[Sample],
+    ) -> Result<Self> {
         let bar = (!global.quiet && std::io::stderr().is_terminal()).then(|| {
             let bar = ProgressBar::new(steps).with_position(done);
             let template = "{bar:30} {pos}/{len}  {msg}  {eta} left";
@@ -34,7 +41,7 @@ impl Bar {
             }
             bar
         });
-        let log = log.map(open_log).transpose()?;
+        let log = log.map(|path| open_log(path, before)).transpose()?;
         let stop = Arc::new(AtomicBool::new(false));
         let heard = Arc::clone(&stop);
         // The second Ctrl-C does not wait for the checkpoint. Without a handler Ctrl-C just ends the run.
@@ -67,12 +74,21 @@ impl Bar {
     }
 }
 
-fn open_log(path: &Path) -> Result<(PathBuf, Box<dyn Write>)> {
-    let out: Box<dyn Write> = match path.as_os_str() == "-" {
-        true => Box::new(std::io::stdout()),
-        false => Box::new(BufWriter::new(File::create(path).map_err(|e| Error::io(path, e))?)),
-    };
-    Ok((path.to_owned(), out))
+fn open_log(path: &Path, before: &[Sample]) -> Result<(PathBuf, Box<dyn Write>)> {
+    if path.as_os_str() == "-" {
+        return Ok((path.to_owned(), Box::new(std::io::stdout())));
+    }
+    let io = |e| Error::io(path, e);
+    let mut file = BufWriter::new(File::create(path).map_err(io)?);
+    before.iter().try_for_each(|sample| write_line(&mut file, sample)).map_err(io)?;
+    Ok((path.to_owned(), Box::new(file)))
+}
+
+/// One line of the log.
+fn write_line(log: &mut dyn Write, sample: &Sample) -> std::io::Result<()> {
+    serde_json::to_writer(&mut *log, sample)?;
+    writeln!(log)?;
+    log.flush()
 }
 
 impl Watcher for Bar {
@@ -88,8 +104,7 @@ impl Watcher for Bar {
     fn sampled(&mut self, sample: &Sample) {
         self.psnr = sample.test_psnr.or(self.psnr);
         if let Some((path, log)) = &mut self.log {
-            let line = serde_json::to_string(sample).unwrap_or_default();
-            if let Err(e) = writeln!(log, "{line}").and_then(|()| log.flush()) {
+            if let Err(e) = write_line(log, sample) {
                 self.log_error.get_or_insert(Error::io(&*path, e));
             }
         }

@@ -72,7 +72,7 @@ pub fn run<B: Backend>(
         wall: Instant::now(),
         preview: Instant::now(),
     };
-    let mut stopped = false;
+    let (mut stopped, mut last) = (false, None);
     while !trainer.is_done() {
         let stepped = trainer.step()?;
         let now = run.sample(&trainer, &stepped);
@@ -80,24 +80,26 @@ pub fn run<B: Backend>(
         if let Some(refined) = &stepped.refined {
             watcher.refined(now.step, refined);
         }
+        let spent = options.max_cpu_secs > 0.0 && now.cpu_secs >= options.max_cpu_secs;
+        stopped = !trainer.is_done() && (spent || watcher.wants_to_stop());
         let due = |every: u64| every > 0 && now.step.is_multiple_of(every);
-        // The last step is judged by `finish`.
-        let judged = due(options.test_every_steps) && !trainer.is_done();
-        if due(every) || judged || trainer.is_done() {
-            run.keep(now, &mut trainer, judged, watcher)?;
+        // The last sample is kept by `finish`, which judges it.
+        if !trainer.is_done() && (due(every) || due(options.test_every_steps)) {
+            let kept = run.keep(now, &mut trainer, due(options.test_every_steps))?;
+            if !stopped {
+                watcher.sampled(&kept);
+            }
         }
-        if due(options.checkpoint_every) {
+        if stopped || due(options.checkpoint_every) {
             run.checkpoint(&mut trainer, options)?;
         }
         run.preview(&mut trainer, options)?;
-        let spent = options.max_cpu_secs > 0.0 && now.cpu_secs >= options.max_cpu_secs;
-        if !trainer.is_done() && (spent || watcher.wants_to_stop()) {
-            run.checkpoint(&mut trainer, options)?;
-            stopped = true;
+        last = Some(now);
+        if stopped {
             break;
         }
     }
-    run.finish(&mut trainer, stopped)
+    run.finish(&mut trainer, last, stopped, watcher)
 }
 
 /// Averages since the last sample.
@@ -151,16 +153,14 @@ impl Run<'_> {
         mut now: Sample,
         trainer: &mut Trainer<B>,
         judged: bool,
-        watcher: &mut dyn Watcher,
-    ) -> Result<()> {
+    ) -> Result<Sample> {
         if judged {
             let scores = self.aside(|run| run.scores(trainer))?;
             now.test_psnr = eval::mean(&scores).map(|m| m.0);
         }
         self.means = Means::default();
         self.curve.push(now);
-        watcher.sampled(&now);
-        Ok(())
+        Ok(now)
     }
 
     fn scores<B: Backend>(&mut self, trainer: &mut Trainer<B>) -> Result<Vec<Score>> {
@@ -199,11 +199,22 @@ impl Run<'_> {
         })
     }
 
-    fn finish<B: Backend>(mut self, trainer: &mut Trainer<B>, stopped: bool) -> Result<Trained> {
+    /// Judges the scene as it is now; the curve ends with the `last` step made, whether a sample was due or not.
+    fn finish<B: Backend>(
+        mut self,
+        trainer: &mut Trainer<B>,
+        last: Option<Sample>,
+        stopped: bool,
+        watcher: &mut dyn Watcher,
+    ) -> Result<Trained> {
         let spent = cpu_secs() - self.cpu_start;
         let scores = self.scores(trainer)?;
-        if let (Some(last), Some((psnr, _))) = (self.curve.last_mut(), eval::mean(&scores)) {
-            last.test_psnr = Some(psnr);
+        if let Some(last) = last {
+            let now = Sample { test_psnr: eval::mean(&scores).map(|mean| mean.0), ..last };
+            let again = self.curve.last().is_some_and(|kept| kept.step == now.step);
+            self.curve.truncate(self.curve.len() - usize::from(again));
+            self.curve.push(now);
+            watcher.sampled(&now);
         }
         Ok(Trained {
             soup: trainer.soup()?,

@@ -1,5 +1,7 @@
 //! The command line as a user meets it: exit codes, messages, layers, files.
 
+mod train;
+
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

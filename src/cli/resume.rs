@@ -1,0 +1,89 @@
+//! The command that goes on with a training that was stopped.
+
+use super::train::TrainArgs;
+use crate::train::options::TrainOptions;
+use clap::{ArgMatches, Args, Command};
+use std::path::Path;
+
+/// Flags that belong to this part of the run only.
+const ONCE: [&str; 3] = ["resume", "force", "max_cpu_secs"];
+
+/// Names of the options that a checkpoint holds: a run that goes on keeps them.
+pub(super) fn fixed() -> Vec<String> {
+    let options = TrainOptions::augment_args(Command::new("options"));
+    let named = options.get_arguments().map(|arg| arg.get_id().to_string());
+    named.chain(["config", "sets"].map(String::from)).collect()
+}
+
+/// What to type: every flag that was typed, but for those that the checkpoint holds.
+pub(super) fn command(matches: &ArgMatches, args: &TrainArgs, checkpoint: &Path) -> String {
+    let fixed = fixed();
+    let mut words = vec!["trisplat train".to_owned(), quoted(&args.dataset.to_string_lossy())];
+    for arg in TrainArgs::augment_args(Command::new("train")).get_arguments() {
+        let id = arg.get_id().as_str();
+        let kept = !ONCE.contains(&id) && !fixed.iter().any(|name| name == id);
+        let (true, Some(long)) = (kept && super::layers::is_typed(matches, id), arg.get_long()) else {
+            continue;
+        };
+        let values = matches.get_raw(id).into_iter().flatten().map(|v| quoted(&v.to_string_lossy()));
+        match arg.get_action().takes_values() {
+            true => values.for_each(|value| words.push(format!("--{long} {value}"))),
+            false => words.push(format!("--{long}")),
+        }
+    }
+    words.push(format!("--force --resume {}", quoted(&checkpoint.to_string_lossy())));
+    words.join(" ")
+}
+
+/// A word as a POSIX shell takes it unchanged.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,+@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', "'\\''"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::FromArgMatches;
+
+    fn after(typed: &[&str]) -> String {
+        let words = [&["train", "photos", "-o", "x.ply"], typed].concat();
+        let matches = TrainArgs::augment_args(Command::new("train")).get_matches_from(words);
+        let args = TrainArgs::from_arg_matches(&matches).expect("parsed");
+        command(&matches, &args, Path::new("x.checkpoint"))
+    }
+
+    #[test]
+    fn the_command_repeats_what_the_checkpoint_does_not_hold() {
+        assert_eq!(after(&[]), "trisplat train photos --output x.ply --force --resume x.checkpoint");
+        let typed = [
+            "--steps",
+            "70",
+            "--set",
+            "refine.every=5",
+            "--max-size",
+            "300",
+            "--test-every=4",
+            "--skip-broken",
+        ];
+        let more =
+            ["--background", "#ffffff", "--log", "a log.jsonl", "--max-cpu-secs", "3", "--images", "it's"];
+        assert_eq!(
+            after(&[&typed[..], &more].concat()),
+            "trisplat train photos --output x.ply --log 'a log.jsonl' --max-size 300 --test-every 4 --skip-broken \
+             --images 'it'\\''s' --background '#ffffff' --force --resume x.checkpoint"
+        );
+    }
+
+    #[test]
+    fn what_a_checkpoint_holds_is_named_by_the_options_themselves() {
+        let fixed = fixed();
+        for id in ["preset", "steps", "max_triangles", "sh_degree", "seed", "config", "sets"] {
+            assert!(fixed.iter().any(|name| name == id), "{id}");
+        }
+        assert!(!fixed.iter().any(|name| name == "max_size"));
+    }
+}

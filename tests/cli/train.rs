@@ -1,0 +1,128 @@
+//! `trisplat train` as a user meets it: what it leaves behind, and how a run that was stopped goes on.
+
+use super::{fails, stderr};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+fn dataset() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/dataset")
+}
+
+/// A short training of small photos in `folder`.
+fn train(folder: &Path, flags: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+    command.current_dir(folder).arg("train").arg(dataset()).stdin(Stdio::null());
+    command.args([
+        "--max-size",
+        "80",
+        "--background",
+        "#203040",
+        "--steps",
+        "30",
+        "--set",
+        "refine.every=10",
+    ]);
+    command.args(flags);
+    command
+}
+
+fn succeed(command: &mut Command) -> Output {
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    output
+}
+
+/// The command after "to go on: ", run by a shell as a user would.
+fn go_on(folder: &Path, said: &str) -> Output {
+    let command = said.lines().find_map(|line| line.split_once("to go on: ")).map(|found| found.1);
+    let words =
+        command.and_then(|command| command.strip_prefix("trisplat ")).unwrap_or_else(|| panic!("{said}"));
+    let script = format!("'{}' {words}", env!("CARGO_BIN_EXE_trisplat"));
+    succeed(Command::new("sh").arg("-c").arg(script).current_dir(folder).stdin(Stdio::null()))
+}
+
+fn steps(log: &Path) -> Vec<u64> {
+    let text = std::fs::read_to_string(log).unwrap();
+    let line =
+        |line: &str| serde_json::from_str::<serde_json::Value>(line).unwrap()["step"].as_u64().unwrap();
+    text.lines().map(line).collect()
+}
+
+#[cfg(unix)]
+#[test]
+fn a_run_that_goes_on_as_it_was_told_ends_as_one_that_never_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    succeed(&mut train(folder.path(), &["-o", "straight.ply", "--log", "straight.log"]));
+    let flags = ["-o", "a b.ply", "--log", "it's.log", "--max-cpu-secs", "0.000001"];
+    let stopped = succeed(&mut train(folder.path(), &flags));
+    assert!(path("a b.ply").exists() && path("a b.checkpoint").exists());
+    assert_ne!(std::fs::read(path("a b.ply")).unwrap(), std::fs::read(path("straight.ply")).unwrap());
+    go_on(folder.path(), &stderr(&stopped));
+    assert!(std::fs::read(path("a b.ply")).unwrap() == std::fs::read(path("straight.ply")).unwrap());
+    assert_eq!(steps(&path("it's.log")), steps(&path("straight.log")));
+    assert_eq!(steps(&path("straight.log")).last(), Some(&30));
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_saves_and_says_how_to_go_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = train(folder.path(), &["-o", "a.ply", "--log", "a.log", "--steps", "100000"]);
+    let child = command.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
+    let clock = Instant::now();
+    while std::fs::metadata(folder.path().join("a.checkpoint")).is_err()
+        && clock.elapsed() < Duration::from_secs(60)
+    {
+        // Sent again until it is heard: the first may come before the handler is there. A second one that
+        // is heard ends the run at once, so there is time for a step in between.
+        if std::fs::metadata(folder.path().join("a.log")).is_ok() {
+            succeed(Command::new("kill").args(["-INT", &child.id().to_string()]));
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let output = child.wait_with_output().unwrap();
+    let said = stderr(&output);
+    assert!(output.status.success(), "{said}");
+    assert!(said.contains("--resume a.checkpoint --") || said.contains("--resume a.checkpoint\n"), "{said}");
+    assert!(folder.path().join("a.ply").exists() && folder.path().join("a.checkpoint").exists());
+}
+
+#[test]
+fn the_curve_and_the_report_are_files_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let flags = ["-o", "a.ply", "--report", "report.json", "--curve", "curve.svg", "--log", "-", "-q"];
+    let output = succeed(&mut train(folder.path(), &flags));
+    let curve = std::fs::read_to_string(folder.path().join("curve.svg")).unwrap();
+    assert!(curve.starts_with("<svg"));
+    let last = String::from_utf8_lossy(&output.stdout).lines().last().map(str::to_owned).unwrap();
+    let last: serde_json::Value = serde_json::from_str(&last).unwrap();
+    let report = std::fs::read_to_string(folder.path().join("report.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    assert_eq!(last["step"], 30);
+    assert_eq!(last["test_psnr"], report["stages"][0]["details"]["psnr"], "the log ends with the verdict");
+    let outputs: Vec<&str> =
+        report["outputs"].as_array().unwrap().iter().filter_map(|o| o["path"].as_str()).collect();
+    assert_eq!(outputs, ["a.ply", "curve.svg"]);
+}
+
+#[test]
+fn nothing_is_replaced_without_force() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = dataset();
+    let out = folder.path().join("a.ply");
+    for (flag, name) in
+        [("--report", "r.json"), ("--curve", "c.svg"), ("--log", "l.jsonl"), ("--checkpoint", "a.checkpoint")]
+    {
+        let path = folder.path().join(name);
+        std::fs::write(&path, b"precious").unwrap();
+        fails(folder.path(), &[&"train", &data, &"-o", &out, &flag, &path], &[name, "--force"]);
+        assert_eq!(std::fs::read(&path).unwrap(), b"precious");
+    }
+    // The checkpoint that Ctrl-C would write counts as well.
+    fails(folder.path(), &[&"train", &data, &"-o", &out], &["a.checkpoint", "--force"]);
+    let missing = folder.path().join("no/where.json");
+    fails(folder.path(), &[&"train", &data, &"-o", &out, &"--force", &"--report", &missing], &["where.json"]);
+}
