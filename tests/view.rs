@@ -227,7 +227,8 @@ fn chunks_out_of_view_are_left_out_and_nobody_sees_it() {
     let loaded = Loaded { scene, provenance: Default::default(), warnings: Vec::new() };
     let mut baked = BakeOptions::preset(Preset::Fast);
     baked.chunk.chunk_triangles = 64;
-    let chunked = trisplat::bake::bake(vec![loaded], &baked, None, &mut Report::new("test"), &mut ()).unwrap();
+    let chunked =
+        trisplat::bake::bake(vec![loaded], &baked, None, &mut Report::new("test"), &mut ()).unwrap();
     assert!(chunked.chunks.len() > 50);
     let camera = Camera { focal: Vec2::splat(500.0), ..camera() };
     let whole = asset(chunked.mesh.clone());

@@ -50,9 +50,9 @@ fn samples(text: &str) -> std::result::Result<u32, String> {
 #[derive(Debug)]
 pub enum Painter {
     /// A soup, in training space.
-    Soft(SoftPainter),
+    Soft(Box<SoftPainter>),
     /// A mesh, in the cameras' world.
-    Solid(SolidPainter),
+    Solid(Box<SolidPainter>),
 }
 
 /// Draws a soup.
@@ -99,7 +99,7 @@ impl Painter {
         let defaults = SoftOptions::default();
         let alpha_cap = defaults.alpha_cap.max(least);
         let options = SoftOptions { background, alpha_cap, near: NEAR, ..defaults };
-        Self::Soft(SoftPainter { soup, space, options, soft: Soft::new() })
+        Self::Soft(Box::new(SoftPainter { soup, space, options, soft: Soft::new() }))
     }
 
     /// A painter of a mesh, with `samples` a pixel along each axis; the rest as for [`Painter::soft`].
@@ -118,7 +118,7 @@ impl Painter {
             None => space_around(&mesh.positions),
         };
         let options = SolidOptions { background, samples, near: NEAR / space.scale };
-        Self::Solid(SolidPainter { mesh, options, solid: Solid::new(), frame: Frame::default() })
+        Self::Solid(Box::new(SolidPainter { mesh, options, solid: Solid::new(), frame: Frame::default() }))
     }
 
     /// Checks that a picture of `size` can be drawn.

@@ -1,86 +1,168 @@
-//! Cost of the soft rasteriser on a synthetic scene, part by part.
+//! `trisplat bench raster`: what a frame costs on this CPU, soft and solid, and how that grows with threads,
+//! pixels and triangles.
+//!
+//! Soft steps are drawn forward and backward, as training does; solid frames as evaluation does, with a colour
+//! a corner.
 
+mod soft;
+mod solid;
+
+use super::machine::Machine;
 use crate::camera::Camera;
-use crate::raster::importance::Importance;
-use crate::raster::soft::{FrameGrad, Soft, SoftOptions, SoupGrad, SoupRef};
-use crate::rng::Rng;
-use crate::soup::Soup;
+use crate::error::{Error, Result};
+use crate::raster::soft::SoftOptions;
+use crate::raster::solid::SolidOptions;
+use crate::train::clock::cpu_secs;
 use glam::{Mat3, UVec2, Vec2, Vec3};
+use serde::{Deserialize, Serialize};
+use std::time::Instant;
 
-/// What a frame costs, forward and backward.
+/// What to measure.
+#[derive(Debug, Clone, clap::Args)]
+pub struct RasterBenchArgs {
+    /// Frames of every case; the fastest counts.
+    #[arg(long, default_value_t = 10, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub frames: u32,
+    /// Numbers of threads, beside one and all cores.
+    #[arg(long, value_delimiter = ',', value_name = "N,N,…")]
+    pub thread_counts: Vec<usize>,
+    /// Divide triangles and pixels by this, for a quick look.
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub smaller: u32,
+    /// Print rows as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// One case.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RasterRow {
+    /// Where it was measured.
+    #[serde(flatten)]
+    pub machine: Machine,
+    /// "soft", forward and backward, or "solid".
+    pub rasteriser: String,
+    /// Threads that drew.
+    pub threads: u64,
+    /// Triangles of the scene, all in view.
+    pub triangles: u64,
+    /// Width and height, px.
+    pub size: [u32; 2],
+    /// Fastest frame, ms.
+    pub wall_ms: f64,
+    /// User and system time a frame, mean, ms.
+    pub cpu_ms: f64,
+    /// Frames a second, from `wall_ms`.
+    pub per_second: f64,
+    /// Where the time goes, in order of work.
+    pub parts: Vec<PartRow>,
+}
+
+/// A part of a frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PartRow {
+    /// Its name.
+    pub name: String,
+    /// Its share of the time, of 1.
+    pub share: f64,
+}
+
+/// What a case costs: fastest wall time and mean CPU time of a frame, ms; wall time of every part, ms.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct RasterCost {
-    /// Layers blended per pixel, mean.
-    pub contributions_per_px: f64,
-    /// Pairs of splats and tiles.
-    pub pairs: usize,
-    /// Smallest wall time of every part over the frames, ms.
-    pub parts: Vec<(&'static str, f64)>,
+struct Cost {
+    wall_ms: f64,
+    cpu_ms: f64,
+    parts: Vec<(&'static str, f64)>,
 }
 
-impl RasterCost {
-    /// Sum of the parts, ms.
-    pub fn total_ms(&self) -> f64 {
-        self.parts.iter().map(|(_, ms)| ms).sum()
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Case {
+    solid: bool,
+    threads: usize,
+    triangles: usize,
+    size: UVec2,
+}
+
+/// Measures every case; `hear` gets each row as soon as it is there.
+pub fn run(args: &RasterBenchArgs, mut hear: impl FnMut(&RasterRow)) -> Result<Vec<RasterRow>> {
+    let machine = Machine::here();
+    let mut rows = Vec::new();
+    for case in cases(args) {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(case.threads).build();
+        let pool = pool.map_err(|e| Error::invalid("--thread-counts", case.threads, e.to_string()))?;
+        let frames = args.frames as usize;
+        let cost =
+            pool.install(|| if case.solid { solid::cost(&case, frames) } else { soft::cost(&case, frames) });
+        let row = row(&machine, &case, &cost);
+        hear(&row);
+        rows.push(row);
+    }
+    Ok(rows)
+}
+
+fn row(machine: &Machine, case: &Case, cost: &Cost) -> RasterRow {
+    let total: f64 = cost.parts.iter().map(|(_, ms)| ms).sum();
+    let part = |(name, ms): &(&'static str, f64)| PartRow { name: (*name).to_owned(), share: ms / total };
+    RasterRow {
+        machine: machine.clone(),
+        rasteriser: if case.solid { "solid" } else { "soft" }.to_owned(),
+        threads: case.threads as u64,
+        triangles: case.triangles as u64,
+        size: case.size.to_array(),
+        wall_ms: cost.wall_ms,
+        cpu_ms: cost.cpu_ms,
+        per_second: 1e3 / cost.wall_ms,
+        parts: cost.parts.iter().map(part).collect(),
     }
 }
 
-/// `count` triangles with SH of degree 3 that fill the view of [`camera`]; at 50,000 and size 0.027 about 16
-/// layers lie on every pixel.
-pub fn soup(count: usize, size: f32) -> Soup {
-    let mut soup = Soup { sh_degree: 3, ..Soup::default() };
-    for i in 0..count {
-        let rng = Rng::new(7, "bench", i as u64);
-        let u = |k| rng.uniform(k) * 2.0 - 1.0;
-        let z = 2.0 + 3.0 * rng.uniform(9);
-        let center = Vec3::new(u(0) * 0.55 * z, u(1) * 0.31 * z, z);
-        let radius = size * z * (0.5 + rng.uniform(10));
-        let corner = |k: u64| center + radius * Vec3::new(u(11 + 3 * k), u(12 + 3 * k), 0.3 * u(13 + 3 * k));
-        soup.vertices.push([corner(0), corner(1), corner(2)]);
-        soup.opacity.push(0.05 + 0.5 * rng.uniform(20) * rng.uniform(21));
-        soup.sigma.push(0.3 + rng.uniform(22));
-        soup.sh.extend((0..16).map(|k| [0.1 * u(30 + 3 * k), 0.1 * u(31 + 3 * k), 0.1 * u(32 + 3 * k)]));
+/// A usual case, and each of threads, pixels and triangles changed by itself.
+fn cases(args: &RasterBenchArgs) -> Vec<Case> {
+    let all = std::thread::available_parallelism().map_or(1, |n| n.get());
+    let mut counts = [&[1, all][..], &args.thread_counts].concat();
+    counts.sort_unstable();
+    counts.dedup();
+    counts.retain(|n| *n > 0);
+    let small = |n: u32| (n / args.smaller).max(16);
+    let usual = |solid: bool| Case {
+        solid,
+        threads: all,
+        triangles: small(if solid { 1_000_000 } else { 50_000 }) as usize,
+        size: if solid { UVec2::new(small(1280), small(720)) } else { UVec2::new(small(480), small(270)) },
+    };
+    let mut cases = Vec::new();
+    for base in [usual(false), usual(true)] {
+        cases.extend(counts.iter().map(|&threads| Case { threads, ..base }));
+        cases.extend([base.size / 2, base.size * 2].map(|size| Case { size, ..base }));
+        cases.extend([base.triangles / 4, base.triangles * 4].map(|triangles| Case { triangles, ..base }));
     }
-    soup
+    cases
 }
 
 /// A camera at the origin, focal length 0.9 times the width.
-pub fn camera(size: UVec2) -> Camera {
-    let width = size.x as f32;
+fn camera(size: UVec2) -> Camera {
     Camera {
         rotation: Mat3::IDENTITY,
         translation: Vec3::ZERO,
-        focal: Vec2::splat(0.9 * width),
+        focal: Vec2::splat(0.9 * size.x as f32),
         center: size.as_vec2() / 2.0,
         size,
     }
 }
 
-/// Draws `frames` frames, forward and backward.
-pub fn raster(soup: &Soup, camera: &Camera, options: &SoftOptions, frames: usize) -> RasterCost {
-    let scene = SoupRef::from(soup);
-    let (mut soft, mut grad) = (Soft::new(), SoupGrad::default());
-    let pixels = (camera.size.x * camera.size.y) as usize;
-    let d = FrameGrad { d_rgb: vec![[0.1, -0.2, 0.3]; pixels], ..FrameGrad::default() };
-    let mut importance = Importance::new(soup.len());
-    soft.render(&scene, camera, &SoftOptions { importance: true, ..*options });
-    soft.accumulate_importance(&mut importance);
-    let drawn: f64 = importance.pixels.iter().map(|p| f64::from(*p)).sum();
-    let mut cost = RasterCost {
-        contributions_per_px: drawn / pixels as f64,
-        pairs: soft.load().1,
-        ..RasterCost::default()
-    };
+/// Runs `frame`, which returns the wall time of its parts, so many times, and once before to warm up.
+fn time(frames: usize, mut frame: impl FnMut() -> Vec<(&'static str, f64)>) -> Cost {
+    let mut cost = Cost { wall_ms: f64::INFINITY, cpu_ms: 0.0, parts: frame() };
+    let before = cpu_secs();
     for _ in 0..frames {
-        soft.render(&scene, camera, options);
-        soft.backward(&scene, camera, options, &d, &mut grad);
-        if cost.parts.is_empty() {
-            cost.parts = soft.timings().to_vec();
-        }
-        for (least, now) in cost.parts.iter_mut().zip(soft.timings()) {
+        let clock = Instant::now();
+        let parts = frame();
+        cost.wall_ms = cost.wall_ms.min(clock.elapsed().as_secs_f64() * 1e3);
+        for (least, now) in cost.parts.iter_mut().zip(parts) {
             least.1 = least.1.min(now.1);
         }
     }
+    cost.cpu_ms = (cpu_secs() - before) * 1e3 / frames as f64;
     cost
 }
 
@@ -89,10 +171,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_scene_is_what_its_doc_says() {
-        let cost = raster(&soup(50_000, 0.027), &camera(UVec2::new(480, 270)), &SoftOptions::default(), 1);
-        assert!((15.0..18.0).contains(&cost.contributions_per_px), "{cost:?}");
-        assert_eq!(cost.parts.len(), 7);
-        assert!(cost.total_ms() > 0.0);
+    fn rows_are_what_they_say() {
+        let args = RasterBenchArgs { frames: 1, thread_counts: vec![2], smaller: 20, json: false };
+        let mut heard = 0;
+        let rows = run(&args, |_| heard += 1).unwrap();
+        assert_eq!(rows.len(), heard);
+        for way in ["soft", "solid"] {
+            let rows: Vec<&RasterRow> = rows.iter().filter(|r| r.rasteriser == way).collect();
+            assert!(rows.iter().any(|r| r.threads == 1) && rows.iter().any(|r| r.threads == 2));
+            for row in rows {
+                assert!((row.parts.iter().map(|p| p.share).sum::<f64>() - 1.0).abs() < 1e-9, "{row:?}");
+                assert!((row.per_second * row.wall_ms - 1e3).abs() < 1e-6, "{row:?}");
+            }
+        }
     }
 }

@@ -5,7 +5,7 @@ use super::files;
 use super::progress::{Progress, thousands};
 #[cfg(feature = "gpu")]
 use crate::bench::fps;
-use crate::bench::{bake, ladder, measure};
+use crate::bench::{bake, ladder, measure, raster};
 use crate::error::{Error, Result};
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -31,6 +31,8 @@ pub enum Bench {
     Fps(super::missing::MissingArgs),
     /// Quality of the file in an ordinary mesh renderer, step by step, on held-out photos.
     Fidelity(ladder::FidelityBenchArgs),
+    /// Steps and frames a second of the rasterisers on this CPU, and where the time goes.
+    Raster(raster::RasterBenchArgs),
     /// Print the cost of one command as JSON (the other benchmarks run themselves through this).
     #[command(hide = true)]
     Measure {
@@ -59,6 +61,7 @@ pub fn run(args: &BenchArgs, global: &Global) -> Result<()> {
         #[cfg(not(feature = "gpu"))]
         Bench::Fps(_) => Err(super::missing::error("gpu")),
         Bench::Fidelity(fidelity_args) => run_fidelity(fidelity_args, global),
+        Bench::Raster(raster_args) => run_raster(raster_args, global),
         Bench::Measure { command } => print_json(&measure::run_only_child(command)?),
         Bench::Floor { input, like, output } => bake::floor(input, like, output),
     }
@@ -129,6 +132,29 @@ fn run_fidelity(args: &ladder::FidelityBenchArgs, global: &Global) -> Result<()>
             row.change,
             row.ssim,
             row.flip,
+        ));
+    })?;
+    progress.done();
+    if args.json { print_json(&rows) } else { Ok(()) }
+}
+
+fn run_raster(args: &raster::RasterBenchArgs, global: &Global) -> Result<()> {
+    let progress = Progress::new(global);
+    progress
+        .line("way    threads  triangles   pixels     wall ms    cpu ms   a second   share of each part, %");
+    let rows = raster::run(args, |row| {
+        let parts: Vec<String> =
+            row.parts.iter().map(|p| format!("{} {:.0}", p.name, 100.0 * p.share)).collect();
+        progress.line(&format!(
+            "{:<6}{:>8}{:>11}{:>11}{:>11.2}{:>10.2}{:>11.1}   {}",
+            row.rasteriser,
+            row.threads,
+            thousands(row.triangles),
+            format!("{}x{}", row.size[0], row.size[1]),
+            row.wall_ms,
+            row.cpu_ms,
+            row.per_second,
+            parts.join(", "),
         ));
     })?;
     progress.done();

@@ -22,6 +22,8 @@ mod clip;
 mod eye;
 mod fill;
 mod resolve;
+mod shade;
+mod spans;
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
@@ -30,6 +32,8 @@ use crate::mesh::Mesh;
 use bin::Batch;
 use eye::Eye;
 use glam::UVec2;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::time::{Duration, Instant};
 
 /// The face of a sample that sees nothing.
 pub const NO_FACE: u32 = u32::MAX;
@@ -96,7 +100,7 @@ impl Visibility {
 }
 
 /// A face as perspective-correct weights of its corners need it.
-pub use resolve::Corners;
+pub use shade::Corners;
 
 /// [`Visibility::barycentrics`] for many samples of few faces.
 #[derive(Debug, Clone)]
@@ -129,11 +133,34 @@ impl<'a> Weigher<'a> {
     }
 }
 
+/// Time spent in the parts of a frame that take turns, summed over threads, ns.
+#[derive(Debug, Default)]
+struct Parts {
+    fill: AtomicU64,
+    resolve: AtomicU64,
+}
+
+impl Parts {
+    /// Counts the time since `start` for `part`; returns now.
+    fn lap(part: &AtomicU64, start: Instant) -> Instant {
+        let now = Instant::now();
+        part.fetch_add((now - start).as_nanos() as u64, Relaxed);
+        now
+    }
+
+    fn split(&self, binned: Duration, end: Duration) -> Vec<(&'static str, f64)> {
+        let (fill, resolve) = (self.fill.load(Relaxed) as f64, self.resolve.load(Relaxed) as f64);
+        let rest = (end - binned).as_secs_f64() * 1e3 / (fill + resolve).max(1.0);
+        vec![("bin", binned.as_secs_f64() * 1e3), ("fill", fill * rest), ("resolve", resolve * rest)]
+    }
+}
+
 /// The rasteriser: scratch memory that is reused from frame to frame.
 #[derive(Debug, Default)]
 pub struct Solid {
     batches: Vec<Batch>,
     visibility: Visibility,
+    timings: Vec<(&'static str, f64)>,
 }
 
 impl Solid {
@@ -146,16 +173,31 @@ impl Solid {
     ///
     /// The mesh must be sound ([`Mesh::validate_shape`]) and the options valid for the camera's size.
     pub fn render(&mut self, mesh: &Mesh, camera: &Camera, options: &SolidOptions) -> Pixels {
+        let clock = Instant::now();
         let eye = Eye::new(camera, options.samples, options.near);
         bin::bin(&mut self.batches, mesh, &eye);
-        resolve::picture(&self.batches, mesh, &eye, options)
+        let binned = clock.elapsed();
+        let parts = Parts::default();
+        let picture = resolve::picture(&self.batches, mesh, &eye, options, &parts);
+        self.timings = parts.split(binned, clock.elapsed());
+        picture
     }
 
     /// The face and depth that every sample sees.
     pub fn visibility(&mut self, mesh: &Mesh, camera: &Camera, options: &SolidOptions) -> &Visibility {
+        let clock = Instant::now();
         let eye = Eye::new(camera, options.samples, options.near);
         bin::bin(&mut self.batches, mesh, &eye);
-        resolve::export(&self.batches, &eye, &mut self.visibility);
+        let binned = clock.elapsed();
+        let parts = Parts::default();
+        resolve::export(&self.batches, &eye, &mut self.visibility, &parts);
+        self.timings = parts.split(binned, clock.elapsed());
         &self.visibility
+    }
+
+    /// Wall time of every part of the last frame, ms: "bin", "fill", "resolve". The last two take turns, tile by
+    /// tile; each gets its share.
+    pub fn timings(&self) -> &[(&'static str, f64)] {
+        &self.timings
     }
 }

@@ -148,7 +148,7 @@ fn cloud(seed: u64, count: usize, depth: f32, small: f32, large: f32) -> Vec<[Ve
     (0..count).map(one).collect()
 }
 
-/// Names, scenes and the largest share of samples that may differ from the oracle.
+/// Names and scenes.
 fn scenes() -> Vec<(&'static str, Vec<[Vec3; 3]>)> {
     let sliver = |t: [Vec3; 3]| [t[0], t[1], t[0].lerp(t[1], 0.4) + (t[2] - t[0]) * 1e-3];
     let mut flat = cloud(8, 40, 3.0, 0.2, 2.0);
@@ -173,12 +173,12 @@ fn scenes() -> Vec<(&'static str, Vec<[Vec3; 3]>)> {
 #[test]
 fn every_sample_sees_what_the_oracle_sees() {
     for (name, corners) in scenes() {
-        for (samples, size) in [(1, UVec2::new(70, 50)), (2, UVec2::new(33, 21)), (4, UVec2::new(19, 10))] {
+        for (samples, size) in [(1, UVec2::new(57, 38)), (2, UVec2::new(27, 17)), (4, UVec2::new(14, 8))] {
             let options = SolidOptions { samples, near: 0.05, ..SolidOptions::default() };
             let differ = hold(name, &mesh(corners.clone()), &camera(size), &options);
             eprintln!("{name}, {samples} samples: {:.3}% differ", 100.0 * differ);
-            // Twice the band times the length of edges in view, a share of the samples.
-            let most = if name.contains("sliver") || name == "subpixel" { 0.05 } else { 0.02 };
+            // The band is narrow: where edges are not everywhere, hardly a sample lies in it.
+            let most = if name.contains("sliver") || name == "subpixel" { 0.005 } else { 0.002 };
             assert!(differ <= most, "{name}: {differ}");
         }
     }
@@ -196,7 +196,7 @@ fn a_world_far_from_its_origin_is_drawn_as_sharply() {
         let camera = Camera { rotation, translation: -(rotation * offset), ..camera(size) };
         let options = SolidOptions { near: 1.0, ..SolidOptions::default() };
         let differ = hold("far", &mesh(corners), &camera, &options);
-        assert!(differ < 0.02, "{differ}");
+        assert!(differ < 0.005, "{differ}");
     }
 }
 

@@ -4,7 +4,7 @@ use super::clip;
 use super::eye::{Eye, GRID, GUARD, snap};
 use crate::math::lanes::{Lanes, Work, dispatch};
 use crate::mesh::Mesh;
-use glam::UVec2;
+use glam::{UVec2, Vec3};
 use rayon::prelude::*;
 
 /// Width of a tile, samples.
@@ -59,6 +59,18 @@ pub(super) struct Batch {
     pub(super) big: Vec<Big>,
 }
 
+impl Batch {
+    /// Makes so many empty bins.
+    pub(super) fn empty(&mut self, tiles: usize) {
+        self.big.clear();
+        self.bins.resize_with(tiles, Bin::default);
+        for bin in &mut self.bins {
+            bin.tiny.clear();
+            bin.big.clear();
+        }
+    }
+}
+
 /// Tiles across and down.
 pub(super) fn tile_count(size: UVec2) -> UVec2 {
     UVec2::new(size.x.div_ceil(TILE_WIDTH as u32), size.y.div_ceil(TILE_HEIGHT as u32))
@@ -72,24 +84,21 @@ pub(super) fn bin(batches: &mut Vec<Batch>, mesh: &Mesh, eye: &Eye) {
     let each = faces.div_ceil(count.max(1)).next_multiple_of(GROUP);
     batches.resize_with(count, Batch::default);
     batches.par_iter_mut().enumerate().for_each(|(i, batch)| {
-        batch.big.clear();
-        batch.bins.resize_with((tiles.x * tiles.y) as usize, Bin::default);
-        for bin in &mut batch.bins {
-            bin.tiny.clear();
-            bin.big.clear();
-        }
+        batch.empty((tiles.x * tiles.y) as usize);
         let (first, last) = ((i * each).min(faces), ((i + 1) * each).min(faces));
         dispatch(Faces { mesh, eye, first, last, batch, across: tiles.x as i32 });
     });
 }
 
-struct Faces<'a> {
-    mesh: &'a Mesh,
-    eye: &'a Eye,
-    first: usize,
-    last: usize,
-    batch: &'a mut Batch,
-    across: i32,
+/// Puts the faces `first..last` into the bins of a batch.
+pub(super) struct Faces<'a> {
+    pub(super) mesh: &'a Mesh,
+    pub(super) eye: &'a Eye,
+    pub(super) first: usize,
+    pub(super) last: usize,
+    pub(super) batch: &'a mut Batch,
+    /// Tiles in a row.
+    pub(super) across: i32,
 }
 
 impl Work for Faces<'_> {
@@ -148,45 +157,67 @@ impl Group {
         }
     }
 
+    /// Loops instead of `map`, which stays a call.
     #[inline(always)]
     fn load(&mut self, mesh: &Mesh, start: usize, count: usize) {
-        for lane in 0..count {
-            let corners = mesh.corners(start + lane);
-            for corner in 0..3 {
-                for axis in 0..3 {
-                    self.world[corner][axis][lane] = corners[corner][axis];
-                }
+        if mesh.indices.is_empty() {
+            let faces = mesh.positions[3 * start..3 * (start + count)].as_chunks::<3>().0;
+            for (lane, corners) in faces.iter().enumerate() {
+                self.put(lane, corners[0], corners[1], corners[2]);
+            }
+        } else {
+            let faces = mesh.indices[3 * start..3 * (start + count)].as_chunks::<3>().0;
+            for (lane, [a, b, c]) in faces.iter().enumerate() {
+                let at = |v: u32| mesh.positions[v as usize];
+                self.put(lane, at(*a), at(*b), at(*c));
             }
         }
     }
 
     #[inline(always)]
+    fn put(&mut self, lane: usize, a: Vec3, b: Vec3, c: Vec3) {
+        let lane = lane % GROUP;
+        let [first, second, third] = &mut self.world;
+        (first[0][lane], first[1][lane], first[2][lane]) = (a.x, a.y, a.z);
+        (second[0][lane], second[1][lane], second[2][lane]) = (b.x, b.y, b.z);
+        (third[0][lane], third[1][lane], third[2][lane]) = (c.x, c.y, c.z);
+    }
+
+    #[inline(always)]
     fn project(&mut self, eye: &Eye) {
-        let [right, bottom] = eye.size.as_vec2().to_array();
-        let world = &self.world;
-        for lane in 0..GROUP {
-            let mut at = [[0.0f32; 3]; 3];
-            let (mut front, mut any) = (true, false);
-            for corner in 0..3 {
-                let v = [world[corner][0][lane], world[corner][1][lane], world[corner][2][lane]];
-                let seen = eye.see(v);
-                let before = seen[2] > eye.near;
-                front &= before;
-                any |= before;
-                at[corner] = eye.project(seen);
-                self.x[corner][lane] = snap(at[corner][0]);
-                self.y[corner][lane] = snap(at[corner][1]);
-                self.w[corner][lane] = at[corner][2];
+        // Corners in front of the near plane; box of the corners.
+        let mut front = [0u32; GROUP];
+        let mut low = [[f32::INFINITY; GROUP]; 2];
+        let mut high = [[f32::NEG_INFINITY; GROUP]; 2];
+        for corner in 0..3 {
+            let world = &self.world[corner];
+            for lane in 0..GROUP {
+                let seen = eye.see([world[0][lane], world[1][lane], world[2][lane]]);
+                let at = eye.project(seen);
+                front[lane] += u32::from(seen[2] > eye.near);
+                low[0][lane] = low[0][lane].min(at[0]);
+                low[1][lane] = low[1][lane].min(at[1]);
+                high[0][lane] = high[0][lane].max(at[0]);
+                high[1][lane] = high[1][lane].max(at[1]);
+                self.x[corner][lane] = snap(at[0]);
+                self.y[corner][lane] = snap(at[1]);
+                self.w[corner][lane] = at[2];
             }
-            let low = |axis: usize| at[0][axis].min(at[1][axis]).min(at[2][axis]);
-            let high = |axis: usize| at[0][axis].max(at[1][axis]).max(at[2][axis]);
-            let within = (low(0) > -GUARD) & (low(1) > -GUARD) & (high(0) < GUARD) & (high(1) < GUARD);
+        }
+        let [right, bottom] = eye.size.as_vec2().to_array();
+        for lane in 0..GROUP {
+            let within = (low[0][lane] > -GUARD)
+                & (low[1][lane] > -GUARD)
+                & (high[0][lane] < GUARD)
+                & (high[1][lane] < GUARD);
             // One sample more on every side: snapping may move a corner in.
-            let beside =
-                (high(0) < -1.0) | (high(1) < -1.0) | (low(0) > right + 1.0) | (low(1) > bottom + 1.0);
-            let simple = front & within;
-            let out = (!any) | (front & beside);
-            let drawn = if simple { Fate::DRAW } else { Fate::CUT };
+            let beside = (high[0][lane] < -1.0)
+                | (high[1][lane] < -1.0)
+                | (low[0][lane] > right + 1.0)
+                | (low[1][lane] > bottom + 1.0);
+            let all = front[lane] == 3;
+            let out = (front[lane] == 0) | (all & beside);
+            let drawn = if all & within { Fate::DRAW } else { Fate::CUT };
             self.fate[lane] = if out { Fate::SKIP } else { drawn };
         }
     }

@@ -25,11 +25,11 @@ pub(super) struct Eye {
     focal: DVec2,
     center: DVec2,
     /// The same in single precision: rows of the rotation, the position in two parts.
-    pub(super) rows: [[f32; 3]; 3],
-    pub(super) high: [f32; 3],
-    pub(super) low: [f32; 3],
-    pub(super) focal32: [f32; 2],
-    pub(super) center32: [f32; 2],
+    rows: [[f32; 3]; 3],
+    high: Vec3,
+    low: Vec3,
+    focal32: [f32; 2],
+    center32: [f32; 2],
 }
 
 impl Eye {
@@ -48,21 +48,23 @@ impl Eye {
             focal,
             center,
             rows: [0, 1, 2].map(|r| camera.rotation.row(r).to_array()),
-            high: high.to_array(),
-            low: (position - high.as_dvec3()).as_vec3().to_array(),
+            high,
+            low: (position - high.as_dvec3()).as_vec3(),
             focal32: focal.as_vec2().to_array(),
             center32: center.as_vec2().to_array(),
         }
     }
 
+    /// The way from the eye to a world point, in the world's axes.
+    #[inline(always)]
+    pub(super) fn way_to(&self, v: Vec3) -> Vec3 {
+        (v - self.high) - self.low
+    }
+
     /// A world point in the camera's frame, single precision.
     #[inline(always)]
     pub(super) fn see(&self, v: [f32; 3]) -> [f32; 3] {
-        let d = [
-            (v[0] - self.high[0]) - self.low[0],
-            (v[1] - self.high[1]) - self.low[1],
-            (v[2] - self.high[2]) - self.low[2],
-        ];
+        let d = self.way_to(Vec3::from_array(v)).to_array();
         let row = |r: &[f32; 3]| r[0] * d[0] + r[1] * d[1] + r[2] * d[2];
         [row(&self.rows[0]), row(&self.rows[1]), row(&self.rows[2])]
     }
@@ -104,6 +106,13 @@ impl Eye {
     pub(super) fn ray_in_pixel(&self, x: u32, y: u32) -> DVec3 {
         let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) * f64::from(self.samples);
         ((at - self.center) / self.focal).extend(1.0)
+    }
+
+    /// A ray of the camera's frame in the world's axes, and how it changes from one sample to the next.
+    pub(super) fn turn_back(&self, ray: DVec3) -> ([f32; 3], [f32; 3]) {
+        let back = self.rotation.transpose();
+        let step = back.x_axis / self.focal.x;
+        ((back * ray).as_vec3().to_array(), step.as_vec3().to_array())
     }
 }
 

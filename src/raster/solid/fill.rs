@@ -1,16 +1,18 @@
-//! Which face every sample of a tile sees.
+//! Which face every sample of a tile sees; tiny triangles here, the others in `spans`.
 
-use super::bin::{Batch, Big, TILE_HEIGHT, TILE_WIDTH, Tiny, extent, samples_between};
+use super::bin::{Batch, TILE_HEIGHT, TILE_WIDTH, Tiny, extent, samples_between};
 use super::eye::GRID;
+use super::spans::draw_big;
 use crate::math::lanes::{LANES, Lanes, Work, dispatch};
 use crate::math::real::Mask;
 
-/// Samples that a block may reach beyond its tile on the right and below.
+/// Samples that a block may reach beyond its tile on the right and below; as many as keep runs of `spans` within
+/// the keys.
 const RIM: usize = 3;
 /// Places from one row of a tile to the next.
 pub(super) const STRIDE: usize = TILE_WIDTH + RIM;
 /// Half a sample on the grid: where its centre is.
-const CENTER: i32 = GRID / 2;
+pub(super) const CENTER: i32 = GRID / 2;
 
 /// What a sample of a tile sees: 1/z above, the complement of the face below, so that of two the larger is the
 /// nearer, and at the same depth the face of the lower index. Zero is nothing.
@@ -20,7 +22,7 @@ pub(super) type Key = i64;
 pub(super) type Keys = [Key; STRIDE * (TILE_HEIGHT + RIM)];
 
 /// A tile that sees nothing.
-pub(super) const EMPTY: Keys = [0; STRIDE * (TILE_HEIGHT + RIM)];
+pub(super) static EMPTY: Keys = [0; STRIDE * (TILE_HEIGHT + RIM)];
 
 /// The face a key stands for; [`super::NO_FACE`] for none.
 #[inline(always)]
@@ -35,7 +37,7 @@ pub(super) fn inverse_depth_of(key: Key) -> f32 {
 }
 
 #[inline(always)]
-fn key(w: f32, face: u32) -> Key {
+pub(super) fn key(w: f32, face: u32) -> Key {
     (i64::from(w.to_bits()) << 32) | i64::from(!face)
 }
 
@@ -44,12 +46,13 @@ pub(super) fn fill(keys: &mut Keys, batches: &[Batch], tile: usize, column: u32,
     dispatch(Tile { keys, batches, tile, column: column as i32, row: row as i32 });
 }
 
-struct Tile<'a> {
-    keys: &'a mut Keys,
-    batches: &'a [Batch],
-    tile: usize,
-    column: i32,
-    row: i32,
+/// Fills the keys of a tile.
+pub(super) struct Tile<'a> {
+    pub(super) keys: &'a mut Keys,
+    pub(super) batches: &'a [Batch],
+    pub(super) tile: usize,
+    pub(super) column: i32,
+    pub(super) row: i32,
 }
 
 impl Work for Tile<'_> {
@@ -73,7 +76,7 @@ impl Work for Tile<'_> {
 /// 1 for an edge whose samples belong to the neighbour, 0 for one on the top or the left: the least value of
 /// the edge function that is inside.
 #[inline(always)]
-fn least_inside(dx: i32, dy: i32) -> i32 {
+pub(super) fn least_inside(dx: i32, dy: i32) -> i32 {
     i32::from(!(dy < 0 || (dy == 0 && dx > 0)))
 }
 
@@ -150,96 +153,5 @@ fn draw_tiny<L: Lanes>(keys: &mut Keys, tiny: &Tiny) {
             at_x += 4;
         }
         at_y += 4;
-    }
-}
-
-/// An edge function along a row of samples: `start + step * x >= least` inside.
-#[derive(Clone, Copy, Default)]
-struct Edge {
-    x: i64,
-    y: i64,
-    dx: i64,
-    dy: i64,
-    least: i64,
-}
-
-impl Edge {
-    #[inline(always)]
-    fn new(from: [i32; 2], to: [i32; 2]) -> Self {
-        let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
-        let least = i64::from(least_inside(dx, dy));
-        Self { x: from[0].into(), y: from[1].into(), dx: dx.into(), dy: dy.into(), least }
-    }
-
-    /// The value at the centre of a sample.
-    #[inline(always)]
-    fn at(&self, x: i64, y: i64) -> i64 {
-        let center = |k: i64| k * i64::from(GRID) + i64::from(CENTER);
-        self.dx * (center(y) - self.y) - self.dy * (center(x) - self.x)
-    }
-
-    /// The part of the samples `first..=last` of row `y` that is inside.
-    #[inline(always)]
-    fn narrow(&self, y: i64, first: i64, last: i64) -> (i64, i64) {
-        let (short, step) = (self.least - self.at(first, y), -self.dy * i64::from(GRID));
-        match step {
-            0 if short > 0 => (first, first - 1),
-            0 => (first, last),
-            // Smallest k with step * k >= short.
-            1.. if short > 0 => (first + (short + step - 1) / step, last),
-            1.. => (first, last),
-            // Largest k with -step * k <= -short.
-            _ if short > 0 => (first, first - 1),
-            _ => (first, last.min(first + short / step)),
-        }
-    }
-}
-
-/// Draws a triangle of any size within the guard band, row by row.
-#[inline(always)]
-fn draw_big(keys: &mut Keys, big: &Big, corner: [i32; 2]) {
-    let at = &big.at;
-    let point = |i: usize| [at.x[i], at.y[i]];
-    let turn = |a: [i32; 2], b: [i32; 2], c: [i32; 2]| {
-        let far = |p: i32, q: i32| i64::from(p) - i64::from(q);
-        far(b[0], a[0]) * far(c[1], a[1]) - far(c[0], a[0]) * far(b[1], a[1])
-    };
-    let mut area = turn(point(0), point(1), point(2));
-    let order = if area < 0 { [0, 2, 1] } else { [0, 1, 2] };
-    area = area.abs();
-    if area == 0 {
-        return;
-    }
-    let [p0, p1, p2] = order.map(point);
-    let [w0, w1, w2] = order.map(|i| f64::from(at.w[i]));
-    let edges = [Edge::new(p1, p2), Edge::new(p2, p0), Edge::new(p0, p1)];
-    let per = 1.0 / area as f64;
-    let step = -(edges[1].dy as f64 * (w1 - w0) + edges[2].dy as f64 * (w2 - w0)) * per * f64::from(GRID);
-    let least_w = at.w[0].min(at.w[1]).min(at.w[2]);
-    let most_w = at.w[0].max(at.w[1]).max(at.w[2]);
-
-    let ((left, right), (top, bottom)) = (extent(at.x), extent(at.y));
-    let (first_x, last_x) = samples_between(left, right);
-    let (first_y, last_y) = samples_between(top, bottom);
-    let (first_x, last_x) = (first_x.max(corner[0]), last_x.min(corner[0] + TILE_WIDTH as i32 - 1));
-    let (first_y, last_y) = (first_y.max(corner[1]), last_y.min(corner[1] + TILE_HEIGHT as i32 - 1));
-    for row in first_y..=last_y {
-        let y = i64::from(row);
-        let (mut first, mut last) = (i64::from(first_x), i64::from(last_x));
-        for edge in &edges {
-            (first, last) = edge.narrow(y, first, last);
-        }
-        if first > last {
-            continue;
-        }
-        let share = |edge: &Edge| edge.at(first, y) as f64 * per;
-        let start = w0 + share(&edges[1]) * (w1 - w0) + share(&edges[2]) * (w2 - w0);
-        let (start, step) = (start as f32, step as f32);
-        let place = (row - corner[1]) as usize * STRIDE + (first as i32 - corner[0]) as usize;
-        let span = &mut keys[place..place + (last - first) as usize + 1];
-        for (i, here) in span.iter_mut().enumerate() {
-            let w = (start + step * i as f32).max(least_w).min(most_w);
-            *here = (*here).max(key(w, big.face));
-        }
     }
 }

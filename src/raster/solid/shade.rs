@@ -1,0 +1,313 @@
+//! Colours of samples, and their mean in each pixel.
+
+use super::NO_FACE;
+use super::bin::{TILE_HEIGHT, TILE_WIDTH};
+use super::eye::Eye;
+use super::fill::{Keys, STRIDE, face_of};
+use crate::math::lanes::{LANES, Lanes, Work, dispatch, prefetch};
+use crate::math::real::{Mask, Real};
+use crate::math::srgb8::srgb8_from_linear;
+use crate::mesh::{Colors, Mesh};
+use glam::{DVec3, Vec3};
+
+/// A face as barycentric coordinates need it.
+#[derive(Debug, Clone, Copy)]
+pub struct Corners {
+    /// Corner i's weight is in proportion to the i-th times the ray.
+    opposite: [DVec3; 3],
+}
+
+impl Corners {
+    pub(super) fn new(eye: &Eye, corners: [Vec3; 3]) -> Self {
+        let [a, b, c] = corners.map(|v| eye.see_exactly(v));
+        Self { opposite: [b.cross(c), c.cross(a), a.cross(b)] }
+    }
+
+    /// Weights of the corners where a ray meets the face's plane; at least 0, sum 1.
+    #[inline(always)]
+    pub(super) fn weights(&self, ray: DVec3) -> [f32; 3] {
+        let parts = self.opposite.map(|n| n.dot(ray));
+        let per = 1.0 / (parts[0] + parts[1] + parts[2]);
+        // A sample may lie outside by what corners were moved when they were snapped.
+        let kept = parts.map(|p| (p * per).max(0.0));
+        let sum = kept[0] + kept[1] + kept[2];
+        if !(sum > 0.0 && sum.is_finite()) {
+            return [1.0 / 3.0; 3];
+        }
+        kept.map(|p| (p / sum) as f32)
+    }
+}
+
+/// A tile whose pixels are wanted.
+pub(super) struct Shade<'a, 'b> {
+    pub(super) mesh: &'a Mesh,
+    pub(super) eye: &'a Eye,
+    /// Linear.
+    pub(super) background: [f32; 3],
+    /// First sample of the tile.
+    pub(super) corner: [u32; 2],
+    pub(super) keys: &'a Keys,
+    pub(super) rows: &'a mut [&'b mut [[u8; 3]]],
+}
+
+/// Writes the pixels of a tile.
+pub(super) fn shade(tile: Shade) {
+    dispatch(tile);
+}
+
+/// Linear colours of a row of samples, channel by channel.
+type Row = [[f32; TILE_WIDTH]; 3];
+
+impl Work for Shade<'_, '_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(mut self) {
+        let samples = self.eye.samples as usize;
+        let share = 1.0 / (samples * samples) as f32;
+        let mut row: Row = [[0.0; TILE_WIDTH]; 3];
+        for y in 0..self.rows.len() {
+            let mut sums: Row = [[0.0; TILE_WIDTH]; 3];
+            for sample in 0..samples {
+                self.light::<L>(y * samples + sample, &mut row);
+                for (sums, row) in sums.iter_mut().zip(&row) {
+                    for (sum, part) in sums.iter_mut().zip(row.chunks_exact(samples)) {
+                        for value in part {
+                            *sum += *value;
+                        }
+                    }
+                }
+            }
+            for (x, pixel) in self.rows[y].iter_mut().enumerate() {
+                for (code, sums) in pixel.iter_mut().zip(&sums) {
+                    *code = srgb8_from_linear(sums[x] * share);
+                }
+            }
+        }
+    }
+}
+
+impl Shade<'_, '_> {
+    /// The colours of row `y` of the tile's samples.
+    #[inline(always)]
+    fn light<L: Lanes>(&mut self, y: usize, row: &mut Row) {
+        match &self.mesh.colors {
+            Colors::Face(colors) => self.flat(y, colors, row),
+            Colors::Vertex(colors) => {
+                for x in (0..TILE_WIDTH).step_by(LANES) {
+                    self.blend::<L>(x, y, colors, row);
+                }
+            }
+        }
+    }
+
+    /// The faces of `N` samples from a place of the tile on.
+    #[inline(always)]
+    fn faces<const N: usize>(&self, x: usize, y: usize) -> [u32; N] {
+        let mut faces = [NO_FACE; N];
+        for (face, key) in faces.iter_mut().zip(&self.keys[y * STRIDE + x..]) {
+            *face = face_of(*key);
+        }
+        faces
+    }
+
+    #[inline(always)]
+    fn flat(&self, y: usize, colors: &[[f32; 3]], row: &mut Row) {
+        if y + 1 < TILE_HEIGHT {
+            for face in self.faces::<TILE_WIDTH>(0, y + 1) {
+                if let Some(color) = colors.get(face as usize) {
+                    prefetch(color);
+                }
+            }
+        }
+        for (x, face) in self.faces::<TILE_WIDTH>(0, y).into_iter().enumerate() {
+            let color = colors.get(face as usize).unwrap_or(&self.background);
+            for c in 0..3 {
+                row[c][x] = color[c];
+            }
+        }
+    }
+
+    /// Sixteen samples with colours of their faces' corners.
+    #[inline(always)]
+    fn blend<L: Lanes>(&self, x: usize, y: usize, colors: &[[f32; 3]], row: &mut Row) {
+        if y + 1 < TILE_HEIGHT {
+            for face in self.faces::<LANES>(x, y + 1) {
+                self.fetch(face, colors);
+            }
+        }
+        let mut seen = Seen::default();
+        for (lane, face) in self.faces::<LANES>(x, y).into_iter().enumerate() {
+            self.put(&mut seen, lane, face, colors);
+        }
+        let weights = seen.weights::<L>(self.ray::<L>(x, y));
+        for (c, row) in row.iter_mut().enumerate() {
+            let corner = |i: usize| L::load(&seen.color[i][c]) * weights[i];
+            let mut mixed = [0.0; LANES];
+            (corner(0) + corner(1) + corner(2)).store(&mut mixed);
+            row[x..x + LANES].copy_from_slice(&mixed);
+        }
+    }
+
+    /// Asks for what [`Shade::put`] will read.
+    #[inline(always)]
+    fn fetch(&self, face: u32, colors: &[[f32; 3]]) {
+        if face == NO_FACE {
+            return;
+        }
+        let vertices = self.mesh.face(face as usize);
+        for v in [vertices[0] as usize, vertices[2] as usize] {
+            prefetch(&self.mesh.positions[v]);
+            prefetch(&colors[v]);
+        }
+        if !self.mesh.indices.is_empty() {
+            prefetch(&self.mesh.positions[vertices[1] as usize]);
+            prefetch(&colors[vertices[1] as usize]);
+        }
+    }
+
+    #[inline(always)]
+    fn put(&self, seen: &mut Seen, lane: usize, face: u32, colors: &[[f32; 3]]) {
+        if face == NO_FACE {
+            for c in 0..3 {
+                for corner in 0..3 {
+                    seen.color[corner][c][lane] = self.background[c];
+                }
+            }
+            return;
+        }
+        let [a, b, c] = self.mesh.face(face as usize).map(|v| v as usize);
+        let [p, q, r] = [self.mesh.positions[a], self.mesh.positions[b], self.mesh.positions[c]];
+        let (along, beside, way) = (q - p, r - p, self.eye.way_to(p));
+        for axis in 0..3 {
+            seen.along[axis][lane] = along[axis];
+            seen.beside[axis][lane] = beside[axis];
+            seen.way[axis][lane] = way[axis];
+            seen.color[0][axis][lane] = colors[a][axis];
+            seen.color[1][axis][lane] = colors[b][axis];
+            seen.color[2][axis][lane] = colors[c][axis];
+        }
+    }
+
+    /// The rays of sixteen samples, in the world's axes.
+    #[inline(always)]
+    fn ray<L: Lanes>(&self, x: usize, y: usize) -> [L; 3] {
+        let at = self.eye.ray(self.corner[0] + x as u32, self.corner[1] + y as u32);
+        let (start, step) = self.eye.turn_back(at);
+        let mut lane = [0.0; LANES];
+        for (i, lane) in lane.iter_mut().enumerate() {
+            *lane = i as f32;
+        }
+        let lane = L::load(&lane);
+        let along = |axis: usize| L::splat(start[axis]) + lane * L::splat(step[axis]);
+        [along(0), along(1), along(2)]
+    }
+}
+
+type Sixteen = [f32; LANES];
+
+/// The faces that sixteen samples see, number by number. Zeros have weights that do not matter.
+#[derive(Default)]
+struct Seen {
+    /// From the eye to the first corner, in the world's axes.
+    way: [Sixteen; 3],
+    /// From the first corner to the second.
+    along: [Sixteen; 3],
+    /// From the first corner to the third.
+    beside: [Sixteen; 3],
+    /// Corner by corner, channel by channel.
+    color: [[Sixteen; 3]; 3],
+}
+
+impl Seen {
+    /// Perspective-correct weights of the corners where the rays meet the faces (Möller and Trumbore 1997).
+    #[inline(always)]
+    fn weights<L: Lanes>(&self, ray: [L; 3]) -> [L; 3] {
+        let load = |v: &[Sixteen; 3]| [L::load(&v[0]), L::load(&v[1]), L::load(&v[2])];
+        let (way, along, beside) = (load(&self.way), load(&self.along), load(&self.beside));
+        let p = cross(ray, beside);
+        let per = L::splat(1.0) / dot(along, p);
+        let (zero, one) = (L::splat(0.0), L::splat(1.0));
+        let second = -dot(way, p) * per;
+        let third = -dot(ray, cross(way, along)) * per;
+        let first = one - second - third;
+        // A sample may lie outside by what corners were moved when they were snapped.
+        let kept = [first.max(zero), second.max(zero), third.max(zero)];
+        let sum = kept[0] + kept[1] + kept[2];
+        let sound = zero.lt(sum).and(sum.lt(L::splat(f32::INFINITY)));
+        let third = L::splat(1.0 / 3.0);
+        let per = one / sum;
+        [
+            L::select(sound, kept[0] * per, third),
+            L::select(sound, kept[1] * per, third),
+            L::select(sound, kept[2] * per, third),
+        ]
+    }
+}
+
+#[inline(always)]
+fn dot<R: Real>(a: [R; 3], b: [R; 3]) -> R {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
+fn cross<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::bin::{self, Batch};
+    use super::super::fill::{self, EMPTY};
+    use super::*;
+    use crate::camera::Camera;
+    use crate::math::lanes::{Level, dispatch_at};
+    use crate::rng::Rng;
+    use glam::{Mat3, UVec2, Vec2};
+
+    /// Keys and pixels of the one tile that the camera sees, by the instructions of `level`.
+    fn drawn(level: Level, mesh: &Mesh, eye: &Eye) -> (Box<Keys>, Vec<[u8; 3]>) {
+        let mut batch = Batch::default();
+        batch.empty(1);
+        let last = mesh.face_count();
+        dispatch_at(level, bin::Faces { mesh, eye, first: 0, last, batch: &mut batch, across: 1 });
+        let mut keys = Box::new(EMPTY);
+        let batches = [batch];
+        dispatch_at(level, fill::Tile { keys: &mut keys, batches: &batches, tile: 0, column: 0, row: 0 });
+        let mut pixels = vec![[0; 3]; TILE_WIDTH * TILE_HEIGHT];
+        let mut rows: Vec<&mut [[u8; 3]]> = pixels.chunks_mut(TILE_WIDTH).collect();
+        let background = [0.1, 0.2, 0.3];
+        dispatch_at(level, Shade { mesh, eye, background, corner: [0, 0], keys: &keys, rows: &mut rows });
+        (keys, pixels)
+    }
+
+    #[test]
+    fn every_instruction_set_draws_the_same_bits() {
+        let size = UVec2::new(TILE_WIDTH as u32, TILE_HEIGHT as u32);
+        let camera = Camera {
+            rotation: Mat3::from_rotation_y(0.3),
+            translation: Vec3::new(0.1, -0.2, 0.3),
+            focal: Vec2::new(60.0, 50.0),
+            center: size.as_vec2() * 0.45,
+            size,
+        };
+        let eye = Eye::new(&camera, 1, 0.1);
+        let rng = Rng::new(5, "levels", 0);
+        let mut mesh = Mesh::default();
+        let mut colors = Vec::new();
+        for i in 0..3 * 500 {
+            let at = |k: u64| rng.uniform(8 * i + k) * 2.0 - 1.0;
+            let triangle = rng.bits(1 << 32 | (i / 3));
+            let reach = if triangle % 9 == 0 { 3.0 } else { 0.1 };
+            let near = |k: u64| (triangle >> (8 * k) & 255) as f32 / 128.0 - 1.0;
+            let center = Vec3::new(2.0 * near(1), near(2), 3.0 + 2.0 * near(3));
+            mesh.positions.push(center + reach * Vec3::new(at(0), at(1), at(2)));
+            colors.push([at(3).abs(), at(4).abs(), at(5).abs()]);
+        }
+        mesh.colors = Colors::Vertex(colors);
+        let portable = drawn(Level::Portable, &mesh, &eye);
+        assert!(portable.0.iter().filter(|key| **key != 0).count() > 1000);
+        for level in [Level::Avx2, Level::Avx512] {
+            assert!(drawn(level, &mesh, &eye) == portable, "{level:?}");
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! Draws triangles of any size within the guard band: the ends of each row exactly, then the row between them.
+
+use super::bin::{Big, TILE_HEIGHT, TILE_WIDTH, extent, samples_between};
+use super::eye::GRID;
+use super::fill::{CENTER, Keys, STRIDE, key, least_inside};
+
+/// Rows whose ends are found together.
+const ROWS: usize = 8;
+/// Samples of a row that are filled together.
+const RUN: usize = 8;
+
+/// An edge function of a big triangle. Its values at samples are whole and below 2^53: f64 holds them exactly.
+#[derive(Clone, Copy)]
+struct Edge {
+    /// Value at the first sample.
+    start: f64,
+    /// Change from a sample to the next on its right.
+    right: f64,
+    /// Change from a sample to the next below it.
+    down: f64,
+    /// Least value inside.
+    least: f64,
+}
+
+impl Edge {
+    #[inline(always)]
+    fn new(from: [i32; 2], to: [i32; 2], sample: [i32; 2]) -> Self {
+        let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
+        let off = |axis: usize| i64::from(sample[axis] * GRID + CENTER) - i64::from(from[axis]);
+        let start = i64::from(dx) * off(1) - i64::from(dy) * off(0);
+        Self {
+            start: start as f64,
+            right: -f64::from(dy) * f64::from(GRID),
+            down: f64::from(dx) * f64::from(GRID),
+            least: f64::from(least_inside(dx, dy)),
+        }
+    }
+
+    /// Narrows the spans of some rows to what is inside this edge. Quotients are rounded, so the samples beside
+    /// each end are tried.
+    #[inline(always)]
+    fn narrow(&self, row: i32, spans: &mut Spans) {
+        let (most, step) = (TILE_WIDTH as f64, self.right);
+        for r in 0..ROWS {
+            let short = self.least - (self.start + self.down * f64::from(row + r as i32));
+            let one_if = |yes: bool| if yes { 1.0 } else { 0.0 };
+            if step > 0.0 {
+                let k = (short / step).ceil().max(0.0).min(most);
+                let k = k - one_if((k - 1.0) * step >= short) + one_if(k * step < short);
+                spans.first[r] = spans.first[r].max(k);
+            } else if step < 0.0 {
+                let k = (short / step).floor().max(-1.0).min(most);
+                let k = k + one_if((k + 1.0) * step >= short) - one_if(k * step < short);
+                spans.last[r] = spans.last[r].min(k);
+            } else {
+                spans.last[r] = if short > 0.0 { -1.0 } else { spans.last[r] };
+            }
+        }
+    }
+}
+
+/// The samples of some rows that are inside, counted from the first of the triangle's in the tile.
+struct Spans {
+    first: [f64; ROWS],
+    last: [f64; ROWS],
+}
+
+/// A triangle in a tile.
+struct Triangle {
+    /// Edge i lies opposite corner i.
+    edges: [Edge; 3],
+    /// 1/z of the first corner, and what a unit of the second and the third edge function adds.
+    start: f64,
+    second: f64,
+    third: f64,
+    /// Least and greatest 1/z of the corners.
+    least: f32,
+    most: f32,
+    face: u32,
+}
+
+/// Draws a triangle where it covers the tile whose first sample is `corner`.
+#[inline(always)]
+pub(super) fn draw_big(keys: &mut Keys, big: &Big, corner: [i32; 2]) {
+    let at = &big.at;
+    let ((left, right), (top, bottom)) = (extent(at.x), extent(at.y));
+    let (first_x, last_x) = samples_between(left, right);
+    let (first_y, last_y) = samples_between(top, bottom);
+    let (first_x, last_x) = (first_x.max(corner[0]), last_x.min(corner[0] + TILE_WIDTH as i32 - 1));
+    let (first_y, last_y) = (first_y.max(corner[1]), last_y.min(corner[1] + TILE_HEIGHT as i32 - 1));
+    let Some(triangle) = Triangle::new(big, [first_x, first_y]) else { return };
+    let place = (first_y - corner[1]) as usize * STRIDE + (first_x - corner[0]) as usize;
+    let (width, rows) = (last_x - first_x, last_y - first_y + 1);
+    let mut row = 0;
+    while row < rows {
+        let mut spans = Spans { first: [0.0; ROWS], last: [f64::from(width); ROWS] };
+        for edge in &triangle.edges {
+            edge.narrow(row, &mut spans);
+        }
+        let count = (rows - row).min(ROWS as i32) as usize;
+        triangle.fill(keys, place + row as usize * STRIDE, row, count, &spans);
+        row += ROWS as i32;
+    }
+}
+
+impl Triangle {
+    /// The triangle seen from sample `start`; `None` when it has no area.
+    #[inline(always)]
+    fn new(big: &Big, start: [i32; 2]) -> Option<Self> {
+        let at = &big.at;
+        let far = |p: i32, q: i32| i64::from(p) - i64::from(q);
+        let area =
+            far(at.x[1], at.x[0]) * far(at.y[2], at.y[0]) - far(at.x[2], at.x[0]) * far(at.y[1], at.y[0]);
+        if area == 0 {
+            return None;
+        }
+        let [a, b, c] = if area < 0 { [0, 2, 1] } else { [0, 1, 2] };
+        let edge = |from: usize, to: usize| Edge::new([at.x[from], at.y[from]], [at.x[to], at.y[to]], start);
+        let per = 1.0 / area.abs() as f64;
+        let first = f64::from(at.w[a]);
+        Some(Self {
+            edges: [edge(b, c), edge(c, a), edge(a, b)],
+            start: first,
+            second: (f64::from(at.w[b]) - first) * per,
+            third: (f64::from(at.w[c]) - first) * per,
+            least: at.w[0].min(at.w[1]).min(at.w[2]),
+            most: at.w[0].max(at.w[1]).max(at.w[2]),
+            face: big.face,
+        })
+    }
+
+    /// Fills `count` rows from `row` on; its first sample has the key at `place`.
+    #[inline(always)]
+    fn fill(&self, keys: &mut Keys, place: usize, row: i32, count: usize, spans: &Spans) {
+        let mut starts = [0.0f32; ROWS];
+        for (r, (start, first)) in starts.iter_mut().zip(&spans.first).enumerate() {
+            let value = |e: &Edge| e.start + e.down * f64::from(row + r as i32) + e.right * first;
+            let w = self.start + value(&self.edges[1]) * self.second + value(&self.edges[2]) * self.third;
+            *start = w as f32;
+        }
+        let step = (self.edges[1].right * self.second + self.edges[2].right * self.third) as f32;
+        for (r, start) in starts.into_iter().enumerate().take(count) {
+            let (first, last) = (spans.first[r] as i32, spans.last[r] as i32);
+            let length = last - first + 1;
+            let from = place + r * STRIDE + first.max(0) as usize;
+            let mut done = 0;
+            while done < length {
+                let at = from + done as usize;
+                let run = &mut keys[at..at + RUN];
+                for (i, here) in run.iter_mut().enumerate() {
+                    let i = done + i as i32;
+                    let w = (start + step * i as f32).max(self.least).min(self.most);
+                    // Beyond the end of the row nothing is nearer than what is there.
+                    *here = (*here).max(if i < length { key(w, self.face) } else { 0 });
+                }
+                done += RUN as i32;
+            }
+        }
+    }
+}
