@@ -25,11 +25,11 @@ const MAY: &[(&str, &str)] = &[
     ("view", "asset rng mesh soup scene raster camera image gpu error math"),
     (
         "bench",
-        "asset bake bvh camera dataset error formats image kernel math mesh raster report rng scene soup train view",
+        "asset bake bvh camera dataset error formats gpu image kernel math mesh raster report rng scene soup train view",
     ),
     (
         "cli",
-        "asset bake bench bvh camera dataset error formats image kernel math mesh raster report rng scene soup train view",
+        "asset bake bench bvh camera dataset error formats gpu image kernel math mesh raster report rng scene soup train view",
     ),
     ("main", "cli"),
     ("lib", ""),

@@ -111,9 +111,10 @@ fn run_fps(args: &fps::FpsArgs, global: &Global) -> Result<()> {
         ));
     })?;
     progress.done();
-    if let Some(adapter) = rows.first().map(|row| &row.adapter) {
-        progress.line(adapter);
-    }
+    let mut adapters: Vec<&str> = rows.iter().map(|row| row.adapter.as_str()).collect();
+    adapters.sort_unstable();
+    adapters.dedup();
+    adapters.iter().for_each(|adapter| progress.line(adapter));
     if args.json { print_json(&rows) } else { Ok(()) }
 }
 

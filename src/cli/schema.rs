@@ -41,6 +41,9 @@ pub enum SchemaName {
     Bvh,
     /// The rows of `trisplat bench bake --json`.
     Bench,
+    /// The rows of `trisplat bench fps --json`.
+    #[cfg(feature = "gpu")]
+    Fps,
 }
 
 impl SchemaName {
@@ -56,6 +59,8 @@ impl SchemaName {
             SchemaName::Validate => schemars::schema_for!(Checked),
             SchemaName::Bvh => schemars::schema_for!(BvhHeader),
             SchemaName::Bench => schemars::schema_for!(Vec<BakeRow>),
+            #[cfg(feature = "gpu")]
+            SchemaName::Fps => schemars::schema_for!(Vec<crate::bench::fps::FpsRow>),
         };
         let mut text = serde_json::to_string_pretty(&schema).unwrap_or_default();
         text.push('\n');

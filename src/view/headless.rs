@@ -2,7 +2,7 @@
 
 use super::layout::Layout;
 use super::model::{ChunkOrder, Model};
-use super::renderer::{Drawn, Look, Renderer, Shot, Target, texture};
+use super::renderer::{Drawn, Look, Onto, Renderer, Shot, Target, texture};
 use crate::asset::Asset;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
@@ -137,7 +137,8 @@ impl Canvas {
         shot: &Shot<'_>,
         times: Option<RenderPassTimestampWrites<'_>>,
     ) -> Result<Drawn> {
-        renderer.draw(gpu, encoder, &self.view, &self.target, model, shot, times)
+        let onto = Onto { picture: &self.view, target: &self.target, times };
+        renderer.draw(gpu, encoder, onto, model, shot)
     }
 
     /// The picture as it was last drawn.

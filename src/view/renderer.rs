@@ -84,6 +84,17 @@ impl Target {
     }
 }
 
+/// Where a frame goes.
+#[derive(Debug)]
+pub struct Onto<'a> {
+    /// The picture, of the target's size and format.
+    pub picture: &'a TextureView,
+    /// Its depth and samples.
+    pub target: &'a Target,
+    /// Where the card writes its times.
+    pub times: Option<RenderPassTimestampWrites<'a>>,
+}
+
 /// A texture to draw to.
 pub fn texture(
     gpu: &Gpu,
@@ -178,27 +189,25 @@ impl Renderer {
         Model::upload(gpu, &self.face_layout, asset, layout)
     }
 
-    /// Records the drawing of `model` into `picture`, which is cleared first; `times` are written there.
+    /// Records the drawing of `model` onto a picture, which is cleared first.
     ///
     /// Errors: a look that the card cannot draw.
     pub fn draw(
         &mut self,
         gpu: &Gpu,
         encoder: &mut CommandEncoder,
-        picture: &TextureView,
-        target: &Target,
+        onto: Onto<'_>,
         model: &Model,
         shot: &Shot<'_>,
-        times: Option<RenderPassTimestampWrites<'_>>,
     ) -> Result<Drawn> {
-        let Target { format, samples, .. } = *target;
+        let Target { format, samples, .. } = *onto.target;
         let way = Way { layout: model.layout, look: shot.look, wire: shot.wire, format, samples };
         self.prepare(gpu, way)?;
         let uniform = frame_uniform(&shot.camera, shot.near);
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&uniform));
         let whole = shot.look == Look::Chunks || shot.subset.is_some();
         let draws = model.draws(&shot.camera, shot.near, shot.order, whole);
-        let mut pass = begin(encoder, picture, target, shot.background, times);
+        let mut pass = begin(encoder, onto, shot.background);
         let Some(pipeline) = self.pipelines.get(&way) else { return Ok(Drawn::default()) };
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &self.frame_group, &[]);
@@ -281,13 +290,8 @@ impl Renderer {
 }
 
 /// A pass that clears picture and depth.
-fn begin<'e>(
-    encoder: &'e mut CommandEncoder,
-    picture: &TextureView,
-    target: &Target,
-    background: [f32; 3],
-    times: Option<RenderPassTimestampWrites<'_>>,
-) -> RenderPass<'e> {
+fn begin<'e>(encoder: &'e mut CommandEncoder, onto: Onto<'_>, background: [f32; 3]) -> RenderPass<'e> {
+    let Onto { picture, target, times } = onto;
     let encoded = !target.format.is_srgb();
     let [r, g, b] = background.map(|c| f64::from(if encoded { c } else { linear_from_srgb(c) }));
     let (view, resolve_target) = match &target.many {
@@ -317,7 +321,7 @@ fn begin<'e>(
 
 /// Records a picture of nothing but background.
 pub fn clear(encoder: &mut CommandEncoder, picture: &TextureView, target: &Target, background: [f32; 3]) {
-    drop(begin(encoder, picture, target, background, None));
+    drop(begin(encoder, Onto { picture, target, times: None }, background));
 }
 
 /// A group of buffers that the vertex stage reads.

@@ -315,7 +315,10 @@ impl App {
     /// Saves the picture without the panel.
     fn screenshot(&mut self) {
         let Some((screen, session)) = &self.open else { return };
-        let (Some(shown), Some(camera)) = (&session.shown, session.camera) else { return };
+        let Some(shown) = &session.shown else { return };
+        // Where the viewer stands now, which the last picture need not show yet.
+        let size = screen.window.inner_size();
+        let camera = session.controls.camera(UVec2::new(size.width, size.height), session.pane);
         let folder = self.options.shots.clone();
         if let (true, Some((_, _, soft))) = (session.choices.soft, &session.soft) {
             let picture = soft.clone();

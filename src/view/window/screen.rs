@@ -1,7 +1,7 @@
 //! The window's surface: pictures of the scene with the panel over them.
 
 use super::super::model::ChunkOrder;
-use super::super::renderer::{Renderer, Shot, Target};
+use super::super::renderer::{Onto, Renderer, Shot, Target, clear};
 use super::session::Session;
 use super::{WindowOptions, panel};
 use crate::error::{Error, Result};
@@ -155,13 +155,13 @@ impl Screen {
             order: ChunkOrder::File,
         };
         let Some(shown) = &session.shown else {
-            super::super::renderer::clear(encoder, view, &self.target, self.background);
+            clear(encoder, view, &self.target, self.background);
             return Ok(false);
         };
         let slot = self.timer.as_mut().and_then(Timer::begin);
         let times = slot.and_then(|slot| self.timer.as_ref().map(|t| t.writes(slot)));
-        session.drawn =
-            self.renderer.draw(&self.gpu, encoder, view, &self.target, &shown.model, &shot, times)?;
+        let onto = Onto { picture: view, target: &self.target, times };
+        session.drawn = self.renderer.draw(&self.gpu, encoder, onto, &shown.model, &shot)?;
         if let (Some(timer), Some(slot)) = (&mut self.timer, slot) {
             timer.end(slot, encoder);
         }

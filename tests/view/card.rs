@@ -1,8 +1,6 @@
 //! The card's pictures against a ray caster in f64. On a machine without any graphics card, software Vulkan
 //! does (Debian: mesa-vulkan-drivers); without that too, tests say so and pass, unless TRISPLAT_REQUIRE_GPU=1.
 
-#![cfg(feature = "gpu")]
-
 use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
 use trisplat::asset::{Asset, Chunk};
 use trisplat::bake::options::{BakeOptions, Preset};

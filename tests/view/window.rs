@@ -1,0 +1,218 @@
+//! A real window on a virtual screen, with a synthetic mouse and keys. Wants Xvfb, xdotool and ImageMagick; without
+//! them tests say so and pass, unless TRISPLAT_REQUIRE_GPU=1.
+
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use trisplat::image::Pixels;
+
+const TRISPLAT: &str = env!("CARGO_BIN_EXE_trisplat");
+/// The size of the sample data set's photos, and of the window.
+const PHOTO: &str = "400x300";
+
+/// A virtual screen, with a window on it once one is opened.
+struct Desk {
+    screen: Child,
+    display: String,
+    folder: tempfile::TempDir,
+    window: Option<(Child, String)>,
+}
+
+impl Drop for Desk {
+    fn drop(&mut self) {
+        for child in self.window.iter_mut().map(|w| &mut w.0).chain([&mut self.screen]) {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+impl Desk {
+    /// A screen, or `None` after saying loudly what is missing.
+    fn new() -> Option<Self> {
+        let required = std::env::var("TRISPLAT_REQUIRE_GPU").is_ok_and(|v| v == "1");
+        for tool in ["Xvfb", "xdotool", "import"] {
+            let found = Command::new("sh").args(["-c", &format!("command -v {tool}")]).output();
+            if !found.is_ok_and(|o| o.status.success()) {
+                assert!(!required, "TRISPLAT_REQUIRE_GPU=1, but {tool} is missing");
+                eprintln!("SKIPPED (no {tool})");
+                return None;
+            }
+        }
+        let arguments = ["-displayfd", "1", "-screen", "0", "800x600x24", "-nolisten", "tcp"];
+        let mut screen = Command::new("Xvfb")
+            .args(arguments)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut number = String::new();
+        BufReader::new(screen.stdout.take().unwrap()).read_line(&mut number).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        Some(Self { screen, display: format!(":{}", number.trim()), folder, window: None })
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// `trisplat` on this screen.
+    fn trisplat(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(TRISPLAT);
+        command.args(arguments).current_dir(self.folder.path()).stdin(Stdio::null());
+        // Vulkan's layers for Wayland complain without it.
+        command.env("DISPLAY", &self.display).env("XDG_RUNTIME_DIR", self.folder.path());
+        command.env_remove("WAYLAND_DISPLAY");
+        command
+    }
+
+    fn run(&self, arguments: &[&str]) {
+        let done = self.trisplat(arguments).output().unwrap();
+        assert!(done.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&done.stderr));
+    }
+
+    /// Opens a window and waits until it is there.
+    fn open(&mut self, arguments: &[&str]) {
+        let child = self.trisplat(arguments).stderr(Stdio::piped()).spawn().unwrap();
+        let id = wait_for("a window", || {
+            let ids = self.xdotool("search --name trisplat");
+            ids.lines().next().map(str::to_owned)
+        });
+        self.xdotool(&format!("windowfocus {id}"));
+        self.window = Some((child, id));
+    }
+
+    /// What xdotool prints.
+    fn xdotool(&self, arguments: &str) -> String {
+        let mut command = Command::new("xdotool");
+        command.args(arguments.split(' ')).env("DISPLAY", &self.display);
+        String::from_utf8(command.output().unwrap().stdout).unwrap()
+    }
+
+    /// What the window shows.
+    fn seen(&self) -> Pixels {
+        let path = self.at("seen.png");
+        let id = &self.window.as_ref().unwrap().1;
+        let mut import = Command::new("import");
+        import.args(["-window", id]).arg(&path).env("DISPLAY", &self.display);
+        assert!(import.status().unwrap().success());
+        Pixels::load(&path).unwrap()
+    }
+
+    /// Presses F12 and returns the picture of number `number`.
+    fn screenshot(&self, number: u32) -> Pixels {
+        self.xdotool("key F12");
+        let path = self.at(&format!("shots/trisplat-{number:04}.png"));
+        wait_for("a screenshot", || path.exists().then(|| Pixels::load(&path).unwrap()))
+    }
+
+    /// Presses Escape and returns the exit code.
+    fn close(&mut self) -> Option<i32> {
+        self.xdotool("key Escape");
+        let (child, _) = self.window.as_mut().unwrap();
+        wait_for("the end", || child.try_wait().unwrap()).code()
+    }
+}
+
+/// Tries until it succeeds.
+fn wait_for<T>(what: &str, mut attempt: impl FnMut() -> Option<T>) -> T {
+    let start = Instant::now();
+    loop {
+        if let Some(got) = attempt() {
+            return got;
+        }
+        assert!(start.elapsed() < Duration::from_secs(60), "waited in vain for {what}");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
+/// Share of pixels that are more than two codes off.
+fn off(a: &Pixels, b: &Pixels) -> f64 {
+    assert_eq!(a.size, b.size);
+    let differs = |(p, q): &(&[u8; 3], &[u8; 3])| (0..3).any(|c| p[c].abs_diff(q[c]) > 2);
+    a.rgb.iter().zip(&b.rgb).filter(differs).count() as f64 / a.rgb.len() as f64
+}
+
+/// The first picture in a folder, by name.
+fn first_picture(folder: &Path) -> Pixels {
+    let mut names: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
+    names.sort();
+    Pixels::load(&names[0]).unwrap()
+}
+
+#[test]
+fn a_window_shows_what_the_cpu_draws_and_follows_mouse_and_keys() {
+    let Some(mut desk) = Desk::new() else { return };
+    desk.run(&["sample", "studio", "--triangles", "4000", "-o", "studio.ply"]);
+    desk.run(&["sample", "dataset", "-o", "photos", "--views", "4", "--width", "400"]);
+    desk.run(&[
+        "render",
+        "studio.ply",
+        "-o",
+        "cpu",
+        "--as",
+        "solid",
+        "--dataset",
+        "photos",
+        "--split",
+        "all",
+    ]);
+    let view =
+        ["view", "studio.ply", "--dataset", "photos", "--size", PHOTO, "--msaa", "1", "--shots", "shots"];
+    desk.open(&view);
+
+    // Without the panel the window is the first photo's picture, as the CPU draws it.
+    desk.xdotool("key h");
+    let cpu = first_picture(&desk.at("cpu"));
+    let same = |desk: &Desk, wants: &Pixels, what: &str| {
+        wait_for(what, || (off(&desk.seen(), wants) < 0.01).then_some(()));
+    };
+    same(&desk, &cpu, "the picture that the CPU draws");
+    assert!(off(&desk.screenshot(1), &cpu) < 0.01);
+
+    // A drag turns the view, and a screenshot is what the window shows.
+    desk.xdotool(
+        "mousemove 200 150 mousedown 1 mousemove 230 155 mousemove 260 160 mousemove 300 170 mouseup 1",
+    );
+    wait_for("the drag", || (off(&desk.seen(), &cpu) > 0.3).then_some(()));
+    let turned = desk.screenshot(2);
+    assert!(off(&turned, &cpu) > 0.3);
+    same(&desk, &turned, "the screenshot");
+
+    // Normals, then colour again; wireframe; the photo over the picture.
+    desk.xdotool("key 2");
+    wait_for("normals", || (off(&desk.seen(), &turned) > 0.6).then_some(()));
+    desk.xdotool("key 1");
+    same(&desk, &turned, "colour");
+    desk.xdotool("key 4");
+    wait_for("wireframe", || (off(&desk.seen(), &turned) > 0.3).then_some(()));
+    desk.xdotool("key 4");
+    same(&desk, &turned, "triangles");
+
+    // Flying moves; N goes to the second photo, P back to the first.
+    desk.xdotool("keydown w");
+    wait_for("flight", || (off(&desk.seen(), &turned) > 0.2).then_some(()));
+    desk.xdotool("keyup w");
+    desk.xdotool("key n");
+    desk.xdotool("key p");
+    same(&desk, &cpu, "the first photo's view");
+    desk.xdotool("key o");
+    wait_for("the photo beside", || (off(&desk.seen(), &cpu) > 0.3).then_some(()));
+    assert_eq!(desk.close(), Some(0));
+}
+
+#[test]
+fn a_window_that_cannot_be_filled_closes_with_the_reason() {
+    let Some(desk) = Desk::new() else { return };
+    std::fs::write(desk.at("broken.glb"), "glTF, but not really").unwrap();
+    let done = desk.trisplat(&["view", "broken.glb"]).output().unwrap();
+    let said = String::from_utf8_lossy(&done.stderr);
+    assert_eq!(done.status.code(), Some(1), "{said}");
+    assert!(said.contains("error: broken.glb"), "{said}");
+
+    let done = desk.trisplat(&["view", "broken.glb"]).env("DISPLAY", ":65000").output().unwrap();
+    let said = String::from_utf8_lossy(&done.stderr);
+    assert_eq!(done.status.code(), Some(1), "{said}");
+    assert!(said.contains("no window can be opened") && said.contains("trisplat render"), "{said}");
+}
