@@ -306,6 +306,30 @@ fn blend_grad_is_exact_up_to_alpha_one() {
 }
 
 #[test]
+fn coverage_is_exact_for_edges_and_strips_and_so_is_its_gradient() {
+    // The pixel [-1/2, 1/2]² and lines x = const: clipping it is arithmetic.
+    let far = 9.0;
+    for i in -20..=20 {
+        let left = f64::from(i) * 0.04;
+        let half_plane = window::coverage(&[left, far, far]);
+        assert!((half_plane.max(0.0) - (left + 0.5).clamp(0.0, 1.0)).abs() < 1e-15);
+        for width in [0.02, 0.3, 0.9, 2.0] {
+            let (from, to) = (-left, width - left);
+            let exact = (to.min(0.5) - from.max(-0.5)).max(0.0);
+            let strip = window::coverage(&[left, width - left, far]).max(0.0);
+            assert!((strip - exact).abs() < 1e-12, "{left} {width}: {strip} {exact}");
+        }
+    }
+    for case in 0..CASES {
+        let rng = Rng::new(case, "coverage", 0);
+        let x: [f64; 3] = std::array::from_fn(|i| between(rng, i as u64, -0.1, 1.0));
+        let exact = window::coverage(&duals(x));
+        let got = window::coverage_edges(&x).map(|cut| f64::from(u8::from(cut)));
+        assert!(difference(&exact.d, &got) < 1e-12 || exact.d == got, "case {case}");
+    }
+}
+
+#[test]
 fn distortion_grad_is_exact() {
     let w = [0.3, 0.2, 0.15, 0.1];
     let m = [0.1, 0.25, 0.3, 0.7];

@@ -3,6 +3,8 @@
 //! ```text
 //! I(p) = ReLU(φ(p) / φ(s))^σ,   alpha(p) = min(cap, o · I(p)),   drawn where o · I(p) >= cutoff
 //! ```
+//!
+//! And what an engine makes of a triangle in its place: the part of each pixel it covers.
 
 use crate::kernel::constants::{LN_2, RATIO_FLOOR};
 use crate::math::real::{Mask, Real};
@@ -47,4 +49,24 @@ pub fn alpha<R: Real>(log2_ratio: R, log2_opacity: R, sigma: R) -> R {
 #[inline(always)]
 pub fn alpha_grad<R: Real>(ratio: R, log2_ratio: R, sigma: R, ratio_least: R, d_log: R) -> (R, R) {
     (d_log * log2_ratio * R::of(LN_2), d_log * sigma / ratio.max(ratio_least))
+}
+
+/// The part of a pixel that a triangle covers; `distances` are those of its centre to the three edges, in
+/// widths of the pixel, positive inside. Below 0 far outside, 1 well inside.
+///
+/// ```text
+/// c = 1 - Σ_i max(0, 1/2 - d_i)
+/// ```
+/// Exact for a box filter across an edge parallel to an axis and for strips of any width; where the pixel
+/// holds a corner it is a lower bound, so that thin triangles do not grow beyond their tips.
+#[inline(always)]
+pub fn coverage<R: Real>(distances: &[R; 3]) -> R {
+    let outside = |d: R| (R::of(0.5) - d).max(R::of(0.0));
+    R::of(1.0) - outside(distances[0]) - outside(distances[1]) - outside(distances[2])
+}
+
+/// Which edges cut the pixel: ∂c/∂d_i is 1 for those and 0 for the others. Domain: c > 0.
+#[inline(always)]
+pub fn coverage_edges<R: Real>(distances: &[R; 3]) -> [R::Mask; 3] {
+    distances.map(|d| d.lt(R::of(0.5)))
 }

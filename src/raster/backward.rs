@@ -31,6 +31,8 @@ pub(super) const SIGMA: usize = 4;
 pub(super) const RATIO: usize = 5;
 /// 1 when the splat was drawn in the tile, else 0.
 pub(super) const DRAWN: usize = 14;
+/// Σ w error.
+pub(super) const ERROR: usize = 15;
 /// Entries of a [`GeometrySlot`].
 pub(super) const GEOMETRY_SUMS: usize = 6;
 
@@ -183,10 +185,12 @@ impl DrawGrad<'_> {
     #[inline(always)]
     fn tile<L: Lanes>(self, geometry: Option<&GeometryGrad>) {
         let d_rgb = self.gather_rgb();
+        let error = self.gather(&self.d.error, |v| *v);
         let d_transmittance = self.gather(&self.d.d_transmittance, |v| *v);
         let mut transmittance = [[0.0f32; LANES]; BLOCKS];
         let mut behind = transmittance;
         let mut backdrop = transmittance;
+        let backdrop_rgb = self.options.backdrop();
         for b in 0..BLOCKS {
             let inside = shade::inside(self.size, self.corner, b);
             L::splat(1.0).only(L::from_bits(inside)).store(&mut transmittance[b]);
@@ -195,7 +199,7 @@ impl DrawGrad<'_> {
             for (c, d_plot) in d_rgb.iter().enumerate() {
                 let d = L::load(&d_plot[b]);
                 total = d.mul_add(L::load(&self.pixels.rgb[c][b]), total);
-                back = d.mul_add(L::splat(self.options.background[c]), back);
+                back = d.mul_add(L::splat(backdrop_rgb[c]), back);
             }
             if let Some(grads) = geometry {
                 total = total + grads.total(b);
@@ -203,7 +207,7 @@ impl DrawGrad<'_> {
             total.store(&mut behind[b]);
             back.store(&mut backdrop[b]);
         }
-        let state = State { d_rgb, transmittance, behind, backdrop };
+        let state = State { d_rgb, transmittance, behind, backdrop, error };
         match self.options.sort {
             Sort::Tile => self.by_tile::<L>(state, geometry),
             Sort::Pixel => self.by_pixel::<L>(state, geometry),
@@ -283,6 +287,8 @@ struct State {
     behind: Plot,
     /// ∂L/∂transmittance of the last layer's far side.
     backdrop: Plot,
+    /// How wrong the pixels are.
+    error: Plot,
 }
 
 /// A splat in every lane, and what its gradient needs.
@@ -376,20 +382,26 @@ impl<'a, L: Lanes> Layer<'a, L> {
         let backdrop = L::load(&state.backdrop[b]);
         let d_alpha = composite::blend_grad(before, s.alpha, value, behind, last, backdrop);
         let d_log = (d_alpha * s.raw).only(s.drawn.and(s.raw.le(self.limits.cap)));
-        let (d_sigma, d_ratio) =
-            window::alpha_grad(s.ratio, s.log2_ratio, self.wide.sigma, self.ratio_least, d_log);
+        let (d_sigma, d_ratio, edges) = if self.limits.coverage {
+            (L::splat(0.0), d_log / s.ratio, window::coverage_edges(&s.ratios))
+        } else {
+            let (d_sigma, d_ratio) =
+                window::alpha_grad(s.ratio, s.log2_ratio, self.wide.sigma, self.ratio_least, d_log);
+            (d_sigma, d_ratio, window::nearest(&s.ratios))
+        };
         let out = &mut sums.base;
         for c in 0..3 {
             out[RGB + c] = weight.mul_add(L::load(&state.d_rgb[c][b]), out[RGB + c]);
         }
+        out[ERROR] = weight.mul_add(L::load(&state.error[b]), out[ERROR]);
         out[OPACITY] = out[OPACITY] + d_log;
         out[SIGMA] = out[SIGMA] + d_sigma.only(s.drawn);
         let d_ratio = d_ratio.only(s.drawn);
-        for (i, nearest) in window::nearest(&s.ratios).into_iter().enumerate() {
+        for (i, edge) in edges.into_iter().enumerate() {
             let at = RATIO + 3 * i;
-            out[at] = out[at] + d_ratio.only(nearest);
-            out[at + 1] = out[at + 1].add_where(nearest, d_ratio, s.to.x);
-            out[at + 2] = out[at + 2].add_where(nearest, d_ratio, s.to.y);
+            out[at] = out[at] + d_ratio.only(edge);
+            out[at + 1] = out[at + 1].add_where(edge, d_ratio, s.to.x);
+            out[at + 2] = out[at + 2].add_where(edge, d_ratio, s.to.y);
         }
         if let Some((grads, sheet)) = &self.sheet {
             grads.add_plane(&mut sums.geometry, b, sheet, s, weight, [before, after]);

@@ -50,10 +50,7 @@ impl Work for Count<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) -> Counts {
-        let limits = Limits {
-            cap: L::splat(self.options.alpha_cap),
-            min_transmittance: L::splat(self.options.min_transmittance),
-        };
+        let limits = Limits::new(self.options);
         let mut counts = [[0; LANES]; BLOCKS];
         let mut transmittance = [[0.0; LANES]; BLOCKS];
         for (block, lanes) in transmittance.iter_mut().enumerate() {

@@ -5,7 +5,7 @@ use crate::math::lanes::{LANES, Lanes, Work, dispatch};
 use crate::math::vec::{V2, V3};
 use crate::raster::backward::{GEOMETRY_SUMS, OPACITY, RATIO};
 use crate::raster::gather::Sums;
-use crate::raster::soft::SoftOptions;
+use crate::raster::soft::{SoftOptions, Window};
 
 /// Gradient of the corners of every splat; anything for one that was not drawn.
 pub(super) fn corner_grads(
@@ -91,12 +91,20 @@ fn grads<L: Lanes>(
     let splat = splat::splat(&corners, focal, V2::zero());
     let full_px = L::splat(options.fade_px);
     let by_fade = splat::fade_grad(splat.inradius, full_px) / splat::fade(splat.inradius, full_px);
+    let exact = L::splat(f32::from(u8::from(options.exact_incenter)));
+    // Distances from the edges are ratios times an inradius, in which a constant inradius cancels.
+    let (scale, by_inradius, exact) = match options.window {
+        Window::Soft => (L::splat(1.0), by_fade, exact),
+        Window::Coverage { width_px } => (splat.inradius / L::splat(width_px), L::splat(0.0), L::splat(0.0)),
+    };
     let first = RATIO - OPACITY;
+    let ratio = |i: usize| L::load(&base[first + 3 * i]) * scale;
+    let moment = |i: usize| v2::<L>(base, first + 3 * i + 1).scale(scale);
     let d = SplatGrad {
-        ratio: [L::load(&base[first]), L::load(&base[first + 3]), L::load(&base[first + 6])],
-        moment: [v2(base, first + 1), v2(base, first + 4), v2(base, first + 7)],
-        inradius: L::load(&base[0]) * by_fade,
-        exact_incenter: L::splat(f32::from(u8::from(options.exact_incenter))),
+        ratio: [ratio(0), ratio(1), ratio(2)],
+        moment: [moment(0), moment(1), moment(2)],
+        inradius: L::load(&base[0]) * by_inradius,
+        exact_incenter: exact,
     };
     let mut out = splat::splat_grad(&corners, focal, &splat, &d);
     if options.geometry {

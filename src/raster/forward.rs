@@ -219,7 +219,7 @@ impl Draw<'_> {
     #[inline(always)]
     fn background<L: Lanes>(&mut self) {
         let TilePixels { transmittance, rgb, .. } = self.pixels;
-        for (plot, color) in rgb.iter_mut().zip(self.options.background) {
+        for (plot, color) in rgb.iter_mut().zip(self.options.backdrop()) {
             for (out, t) in plot.iter_mut().zip(transmittance.iter()) {
                 L::load(t).mul_add(L::splat(color), L::load(out)).store(out);
             }

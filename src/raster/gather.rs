@@ -4,8 +4,9 @@ use crate::camera::Camera;
 use crate::kernel::clip;
 use crate::kernel::sh;
 use crate::kernel::splat::Corners;
+use crate::math::color::{decode, srgb_from_linear};
 use crate::math::lanes::{LANES, prefetch};
-use crate::raster::backward::{DRAWN, GEOMETRY_SUMS, OPACITY, RGB, SIGMA};
+use crate::raster::backward::{DRAWN, ERROR, GEOMETRY_SUMS, OPACITY, RGB, SIGMA};
 use crate::raster::corners::corner_grads;
 use crate::raster::project::{self, CHUNK, Placed, Seen, View};
 use crate::raster::soft::{Soft, SoftOptions, SoupGrad, SoupRef};
@@ -19,6 +20,7 @@ struct Rows<'a> {
     opacity: &'a mut [f32],
     sigma: &'a mut [f32],
     sh: &'a mut [[f32; 3]],
+    error: &'a mut [f32],
     /// Coefficients per triangle.
     k: usize,
 }
@@ -39,6 +41,7 @@ pub(super) fn gather(
             opacity: vec![0.0; n],
             sigma: vec![0.0; n],
             sh: vec![[0.0; 3]; n * k],
+            error: vec![0.0; n],
             ..SoupGrad::default()
         };
     }
@@ -49,11 +52,11 @@ pub(super) fn gather(
         .par_chunks_mut(CHUNK)
         .zip(out.opacity.par_chunks_mut(CHUNK))
         .zip(out.sigma.par_chunks_mut(CHUNK))
-        .zip(out.sh.par_chunks_mut(CHUNK * k))
+        .zip(out.sh.par_chunks_mut(CHUNK * k).zip(out.error.par_chunks_mut(CHUNK)))
         .enumerate();
     let found: Vec<(Vec<u32>, usize)> = rows
-        .map(|(c, (((vertices, opacity), sigma), sh))| {
-            let mut rows = Rows { first: c * CHUNK, vertices, opacity, sigma, sh, k };
+        .map(|(c, (((vertices, opacity), sigma), (sh, error)))| {
+            let mut rows = Rows { first: c * CHUNK, vertices, opacity, sigma, sh, error, k };
             let in_chunk = |t: &u32| (*t as usize) < c * CHUNK;
             let end = |t: &u32| (*t as usize) < (c + 1) * CHUNK;
             for t in &stale[stale.partition_point(in_chunk)..stale.partition_point(end)] {
@@ -77,6 +80,7 @@ impl Rows<'_> {
         self.vertices[i] = [Vec3::ZERO; 3];
         self.opacity[i] = 0.0;
         self.sigma[i] = 0.0;
+        self.error[i] = 0.0;
         self.sh[i * self.k..(i + 1) * self.k].fill([0.0; 3]);
     }
 
@@ -110,19 +114,32 @@ impl Rows<'_> {
             if drawn {
                 let rgb = pieces[0].record.rgb;
                 visible.push(triangle as u32);
-                dropped += usize::from(!self.write(&row, rgb, triangle, soup, view));
+                dropped += usize::from(!self.write(&row, rgb, triangle, soup, view, options.linear));
             }
         }
         (visible, dropped)
     }
 
     /// Writes one row; false, and zeros, when it is not finite.
-    fn write(&mut self, row: &Row, rgb: [f32; 3], triangle: usize, soup: &SoupRef, view: &View) -> bool {
+    fn write(
+        &mut self,
+        row: &Row,
+        rgb: [f32; 3],
+        triangle: usize,
+        soup: &SoupRef,
+        view: &View,
+        linear: bool,
+    ) -> bool {
         let i = triangle - self.first;
         let out = &mut self.sh[i * self.k..(i + 1) * self.k];
         let used = project::active_sh(soup, triangle);
-        // The colour is clamped at 0, where nothing passes.
-        let d_rgb = std::array::from_fn(|c| if rgb[c] > 0.0 { row.rgb[c] } else { 0.0 });
+        // The colour is clamped at 0, where nothing passes. In linear light it is clamped at 1 too, as engines do,
+        // but there the gradient passes, or a colour too bright could never come back.
+        let d_rgb = std::array::from_fn(|c| match rgb[c] > 0.0 {
+            true if linear => row.rgb[c] * decode(srgb_from_linear(rgb[c])).1,
+            true => row.rgb[c],
+            false => 0.0,
+        });
         let d_way = color_grad(d_rgb, triangle, soup, view, used, out);
         out[used.len()..].fill([0.0; 3]);
         let vertices = row.vertices.map(|v| v + d_way * (1.0 / 3.0));
@@ -137,6 +154,7 @@ impl Rows<'_> {
         self.vertices[i] = vertices;
         self.opacity[i] = row.opacity;
         self.sigma[i] = row.sigma;
+        self.error[i] = row.error;
         true
     }
 }
@@ -229,6 +247,7 @@ struct Row {
     opacity: f32,
     sigma: f32,
     rgb: [f32; 3],
+    error: f32,
 }
 
 impl Row {
@@ -239,6 +258,7 @@ impl Row {
         }
         self.opacity += sums.base[OPACITY] / opacity;
         self.sigma += sums.base[SIGMA];
+        self.error += sums.base[ERROR];
     }
 
     /// Adds to the vertices in the world what the corners of a piece in camera space give.

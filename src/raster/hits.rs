@@ -7,7 +7,7 @@ use crate::math::lanes::{LANES, Lanes};
 use crate::math::real::Mask;
 use crate::raster::project::Splats;
 use crate::raster::shade::{self, Limits, Shade, Wide, WideSheet};
-use crate::raster::soft::SoftOptions;
+use crate::raster::soft::{SoftOptions, Window};
 use crate::raster::tiles::Entry;
 use glam::UVec2;
 
@@ -28,6 +28,35 @@ pub(super) struct Hit {
     pub(super) behind: [f32; LANES],
 }
 
+/// What ends the pixels of a block: one layer whose alpha does so alone, or two that do together, whatever lies
+/// in front of them. Layers behind it are never seen.
+struct Wall<L> {
+    /// 1 / depth of the wall, 0 where there is none.
+    at: L,
+    /// 1 / depth of the nearest layer that is half a wall.
+    nearest: L,
+    whole: L,
+    half: L,
+}
+
+impl<L: Lanes> Wall<L> {
+    #[inline(always)]
+    fn new(min_transmittance: f32) -> Self {
+        let zero = L::splat(0.0);
+        let (whole, half) = (1.0 - min_transmittance, 1.0 - min_transmittance.sqrt());
+        Self { at: zero, nearest: zero, whole: L::splat(whole), half: L::splat(half) }
+    }
+
+    /// Adds a layer; its alpha is 0 where it is not drawn.
+    #[inline(always)]
+    fn add(&mut self, inv_depth: L, alpha: L) {
+        let alone = inv_depth.only(self.whole.lt(alpha));
+        let half = inv_depth.only(self.half.lt(alpha));
+        self.at = self.at.max(alone).max(half.min(self.nearest));
+        self.nearest = self.nearest.max(half);
+    }
+}
+
 /// The layers of one block.
 #[derive(Debug, Default)]
 pub(super) struct Hits {
@@ -35,6 +64,7 @@ pub(super) struct Hits {
     order: Vec<u32>,
     corner: [f32; 2],
     cap: f32,
+    coverage: bool,
 }
 
 impl Hits {
@@ -59,10 +89,24 @@ impl Hits {
         self.hits.clear();
         self.corner = shade::block_corner(corner, b);
         self.cap = options.alpha_cap;
-        let limits = Limits { cap: L::splat(self.cap), min_transmittance: L::splat(0.0) };
+        self.coverage = options.window != Window::Soft;
+        let limits = self.limits();
+        let mut wall = Wall::<L>::new(options.min_transmittance);
         for (entry, e) in entries.iter().enumerate().filter(|(_, e)| e.blocks >> b & 1 == 1) {
             let wide = Wide::<L>::new(&splats.records[e.splat as usize]);
-            let Some(shade) = wide.shade(self.corner, L::splat(1.0), &limits) else { continue };
+            let sheet = WideSheet::<L>::new(&splats.sheets[e.splat as usize]);
+            let inv_depth = sheet.inv_depth(wide.to(self.corner));
+            let in_front = wall.at.le(inv_depth);
+            if L::bits(in_front) == 0 {
+                continue;
+            }
+            let Some(mut shade) = wide.shade(self.corner, L::splat(1.0), &limits) else { continue };
+            shade.drawn = shade.drawn.and(in_front);
+            shade.alpha = shade.alpha.only(shade.drawn);
+            if L::bits(shade.drawn) == 0 {
+                continue;
+            }
+            wall.add(inv_depth, shade.alpha);
             let zero = [0.0; LANES];
             let mut hit = Hit {
                 entry,
@@ -73,11 +117,16 @@ impl Hits {
                 before: zero,
                 behind: zero,
             };
-            let sheet = WideSheet::<L>::new(&splats.sheets[e.splat as usize]);
-            sheet.inv_depth(shade.to).store(&mut hit.inv_depth);
+            inv_depth.store(&mut hit.inv_depth);
             shade.alpha.store(&mut hit.alpha);
             self.hits.push(hit);
         }
+    }
+
+    #[inline(always)]
+    fn limits<L: Lanes>(&self) -> Limits<L> {
+        let (cap, min_transmittance) = (L::splat(self.cap), L::splat(0.0));
+        Limits { cap, min_transmittance, coverage: self.coverage }
     }
 
     /// Blends every pixel in its own order: sets what is in front of and behind every layer, and leaves out the
@@ -114,8 +163,7 @@ impl Hits {
     pub(super) fn shade<L: Lanes>(&self, i: usize, entries: &[Entry], splats: &Splats) -> (Hit, Shade<L>) {
         let hit = self.hits[i];
         let wide = Wide::<L>::new(&splats.records[entries[hit.entry].splat as usize]);
-        let limits = Limits { cap: L::splat(self.cap), min_transmittance: L::splat(0.0) };
-        let mut shade = wide.shade_all(self.corner, &limits);
+        let mut shade = wide.shade_all(self.corner, &self.limits());
         shade.drawn = shade.drawn.and(L::from_bits(hit.drawn));
         shade.alpha = shade.alpha.only(shade.drawn);
         (hit, shade)

@@ -4,8 +4,9 @@ use crate::camera::Camera;
 use crate::kernel::clip::{self, Corner, Piece};
 use crate::kernel::splat::{self, Corners, Plane, Splat};
 use crate::kernel::{sh, window};
+use crate::math::color::linear_from_srgb;
 use crate::math::vec::{V2, V3};
-use crate::raster::soft::{SoftOptions, Sort, SoupRef};
+use crate::raster::soft::{SoftOptions, Sort, SoupRef, Window};
 use crate::raster::sort::{self, Key};
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
@@ -13,7 +14,8 @@ use rayon::prelude::*;
 /// Triangles that one task projects; also the unit of the gather.
 pub(super) const CHUNK: usize = 1024;
 
-/// What the pixels read of a splat: one cache line.
+/// What the pixels read of a splat: one cache line. With [`Window::Coverage`] `edge` and `shift` are in widths
+/// of its ramp and `floor` is the smallest coverage drawn; else they are in inradii, and the smallest ratio.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(C, align(64))]
 pub(super) struct Record {
@@ -32,6 +34,12 @@ pub(super) struct Record {
 pub(super) struct Bounds {
     pub(super) lo: [f32; 2],
     pub(super) hi: [f32; 2],
+}
+
+impl Bounds {
+    fn grown(self, by: f32) -> Self {
+        Self { lo: self.lo.map(|x| x - by), hi: self.hi.map(|x| x + by) }
+    }
 }
 
 /// Depth plane and normal of a splat.
@@ -231,6 +239,7 @@ impl Chunk {
             let (unit, _) = direction(view, triangle);
             let basis = sh::basis(soup.active_degree.min(soup.sh_degree), unit);
             let rgb = raw_color(&basis, active_sh(soup, i)).map(|c| c.max(0.0));
+            let rgb = if options.linear { rgb.map(linear_from_srgb) } else { rgb };
             self.seen[first..].iter_mut().for_each(|seen| seen.record.rgb = rgb);
         }
     }
@@ -248,13 +257,21 @@ fn shape(
     if !(splat.inradius > 0.0 && is_finite(&splat)) {
         return None;
     }
-    let opacity = opacity * splat::fade(splat.inradius, options.fade_px);
+    let (opacity, scale) = match options.window {
+        Window::Soft => (opacity * splat::fade(splat.inradius, options.fade_px), 1.0),
+        Window::Coverage { width_px } => (opacity, splat.inradius / width_px),
+    };
     if !(opacity > options.cutoff) {
         return None;
     }
     let log2_opacity = opacity.log2();
-    let floor = window::ratio_floor(log2_opacity, sigma, options.cutoff.log2());
-    let bounds = bounds(&splat, floor);
+    let (floor, bounds) = match options.window {
+        Window::Soft => {
+            let floor = window::ratio_floor(log2_opacity, sigma, options.cutoff.log2());
+            (floor, bounds(&splat, floor))
+        }
+        Window::Coverage { width_px } => (options.cutoff / opacity, bounds(&splat, 0.0).grown(width_px)),
+    };
     // A NaN passes no comparison; pixel centres lie in [0.5, size - 0.5].
     let outside = |i: usize| !(bounds.hi[i] > 0.0 && bounds.lo[i] < view.size[i]);
     if !(floor < 1.0) || outside(0) || outside(1) {
@@ -264,8 +281,8 @@ fn shape(
     let sheet = if wants_sheet { splat::plane(corners, view.focal) } else { NO_SHEET };
     let record = Record {
         origin: [splat.origin.x, splat.origin.y],
-        edge: splat.edge.map(|e| [e.x, e.y]),
-        shift: splat.shift,
+        edge: splat.edge.map(|e| [scale * e.x, scale * e.y]),
+        shift: scale * splat.shift,
         floor,
         sigma,
         log2_opacity,

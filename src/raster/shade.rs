@@ -5,7 +5,7 @@ use crate::math::lanes::{LANES, Lanes};
 use crate::math::real::Mask;
 use crate::math::vec::{V2, V3};
 use crate::raster::project::{Record, Sheet};
-use crate::raster::soft::SoftOptions;
+use crate::raster::soft::{SoftOptions, Window};
 use crate::raster::tiles::{LANE_X, LANE_Y, TILE};
 use glam::UVec2;
 
@@ -25,12 +25,25 @@ pub(super) struct Wide<L> {
 pub(super) struct Limits<L> {
     pub(super) cap: L,
     pub(super) min_transmittance: L,
+    /// Whether alpha is the part of the pixel that is covered.
+    pub(super) coverage: bool,
 }
 
 impl<L: Lanes> Limits<L> {
     #[inline(always)]
     pub(super) fn new(options: &SoftOptions) -> Self {
-        Self { cap: L::splat(options.alpha_cap), min_transmittance: L::splat(options.min_transmittance) }
+        Self {
+            cap: L::splat(options.alpha_cap),
+            min_transmittance: L::splat(options.min_transmittance),
+            coverage: options.window != Window::Soft,
+        }
+    }
+}
+
+impl<L: Lanes> Limits<L> {
+    #[inline(always)]
+    fn ratio(&self, ratios: &[L; 3]) -> L {
+        if self.coverage { window::coverage(ratios) } else { window::ratio(ratios) }
     }
 }
 
@@ -40,6 +53,7 @@ pub(super) struct Shade<L: Lanes> {
     /// p - origin, px.
     pub(super) to: V2<L>,
     pub(super) ratios: [L; 3],
+    /// The ratio, or the coverage.
     pub(super) ratio: L,
     pub(super) log2_ratio: L,
     /// Alpha before the cap; anything where not drawn.
@@ -68,7 +82,7 @@ impl<L: Lanes> Wide<L> {
     pub(super) fn shade(&self, corner: [f32; 2], transmittance: L, limits: &Limits<L>) -> Option<Shade<L>> {
         let to = self.to(corner);
         let ratios = window::ratios(&self.edge, self.shift, to);
-        let ratio = window::ratio(&ratios);
+        let ratio = limits.ratio(&ratios);
         let drawn = self.floor.le(ratio).and(limits.min_transmittance.le(transmittance));
         if L::bits(drawn) == 0 {
             return None;
@@ -81,12 +95,13 @@ impl<L: Lanes> Wide<L> {
     pub(super) fn shade_all(&self, corner: [f32; 2], limits: &Limits<L>) -> Shade<L> {
         let to = self.to(corner);
         let ratios = window::ratios(&self.edge, self.shift, to);
-        let ratio = window::ratio(&ratios);
+        let ratio = limits.ratio(&ratios);
         self.finish(to, ratios, ratio, self.floor.le(ratio), limits)
     }
 
+    /// p - origin on the block whose top left pixel is `corner`, px.
     #[inline(always)]
-    fn to(&self, corner: [f32; 2]) -> V2<L> {
+    pub(super) fn to(&self, corner: [f32; 2]) -> V2<L> {
         V2::new(
             L::load(&LANE_X) + L::splat(corner[0] + 0.5 - self.origin[0]),
             L::load(&LANE_Y) + L::splat(corner[1] + 0.5 - self.origin[1]),
@@ -95,8 +110,12 @@ impl<L: Lanes> Wide<L> {
 
     #[inline(always)]
     fn finish(&self, to: V2<L>, ratios: [L; 3], ratio: L, drawn: L::Mask, limits: &Limits<L>) -> Shade<L> {
-        let log2_ratio = ratio.log2();
-        let raw = window::alpha(log2_ratio, self.log2_opacity, self.sigma);
+        let (log2_ratio, raw) = if limits.coverage {
+            (L::splat(0.0), self.log2_opacity.exp2() * ratio)
+        } else {
+            let log2_ratio = ratio.log2();
+            (log2_ratio, window::alpha(log2_ratio, self.log2_opacity, self.sigma))
+        };
         let alpha = raw.min(limits.cap).only(drawn);
         Shade { to, ratios, ratio, log2_ratio, raw, alpha, drawn }
     }

@@ -3,6 +3,7 @@
 //! Accuracy, edge values and policies are in `docs/numerics.md`.
 
 use crate::camera::Camera;
+use crate::math::color::linear_from_srgb;
 use crate::raster::backward::{self, GeometrySlot, Slot};
 use crate::raster::forward::{self, TilePixels};
 use crate::raster::gather;
@@ -69,11 +70,28 @@ pub enum Sort {
     Pixel,
 }
 
+/// How a triangle ends at its edges.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Window {
+    /// Held et al. 2025, eq. 1.
+    #[default]
+    Soft,
+    /// The part of each pixel it covers: the antialiased picture of an engine; σ and the fade do not matter.
+    Coverage {
+        /// Width of the ramp across an edge, px; 1 is a pixel's own filter.
+        width_px: f32,
+    },
+}
+
 /// How to draw.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SoftOptions {
+    /// How triangles end at their edges.
+    pub window: Window,
     /// Colour behind everything, sRGB-encoded.
     pub background: [f32; 3],
+    /// Blend in linear light, as engines do: colours are decoded before, and the frame is left linear.
+    pub linear: bool,
     /// Blending order.
     pub sort: Sort,
     /// Largest alpha of a layer, in (0, 1]; 0.99 in the reference, 1 for solid triangles.
@@ -101,7 +119,9 @@ pub struct SoftOptions {
 impl Default for SoftOptions {
     fn default() -> Self {
         Self {
+            window: Window::Soft,
             background: [0.0; 3],
+            linear: false,
             sort: Sort::Tile,
             alpha_cap: 0.99,
             cutoff: 1.0 / 255.0,
@@ -117,12 +137,19 @@ impl Default for SoftOptions {
     }
 }
 
+impl SoftOptions {
+    /// The background as it is blended.
+    pub(super) fn backdrop(&self) -> [f32; 3] {
+        if self.linear { self.background.map(linear_from_srgb) } else { self.background }
+    }
+}
+
 /// What a camera sees. `[height * width]`, row by row
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Frame {
     /// Width and height, px.
     pub size: UVec2,
-    /// Colour, sRGB-encoded, background included; not clamped above.
+    /// Colour, background included; not clamped above. sRGB-encoded unless [`SoftOptions::linear`].
     pub rgb: Vec<[f32; 3]>,
     /// Part of the background that is seen.
     pub transmittance: Vec<f32>,
@@ -151,6 +178,8 @@ pub struct FrameGrad {
     pub d_normal: Vec<[f32; 3]>,
     /// ∂L/∂distortion.
     pub d_distortion: Vec<f32>,
+    /// Not a gradient: how wrong each pixel is, shared out among the triangles it shows by their weights.
+    pub error: Vec<f32>,
 }
 
 /// ∂L of a soup; rows of triangles that are not `visible` are zero.
@@ -164,6 +193,8 @@ pub struct SoupGrad {
     pub sigma: Vec<f32>,
     /// ∂L/∂sh. `[N * K]`
     pub sh: Vec<[f32; 3]>,
+    /// Each triangle's share of [`FrameGrad::error`], Σ w error over the pixels. `[N]`
+    pub error: Vec<f32>,
     /// Triangles that were drawn on at least one pixel, ascending.
     pub visible: Vec<u32>,
     /// Triangles whose gradient was not finite; their rows were set to zero.
@@ -212,7 +243,7 @@ impl Soft {
         clock.lap("project", &mut self.timings);
         self.projection.order();
         clock.lap("sort", &mut self.timings);
-        self.tiles.bin(&self.projection.splats, camera.size);
+        self.tiles.bin(&self.projection.splats, camera.size, options.window);
         clock.lap("bin", &mut self.timings);
         forward::draw(self, options);
         clock.lap("forward", &mut self.timings);

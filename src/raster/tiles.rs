@@ -3,6 +3,7 @@
 use crate::math::lanes::{LANES, Lanes, Work, dispatch};
 use crate::math::real::Mask;
 use crate::raster::project::{Bounds, Record, Splats};
+use crate::raster::soft::Window;
 use glam::UVec2;
 use rayon::prelude::*;
 
@@ -79,17 +80,19 @@ impl Tiles {
     }
 
     /// Fills the lists.
-    pub(super) fn bin(&mut self, splats: &Splats, size: UVec2) {
+    pub(super) fn bin(&mut self, splats: &Splats, size: UVec2, window: Window) {
         self.size = size;
         self.count = UVec2::new(size.x.div_ceil(TILE), size.y.div_ceil(TILE));
         self.ranges.resize_with(splats.len().div_ceil(RANGE), Range::default);
         let (count, size) = (self.count, size.as_vec2().to_array());
+        // Where something is drawn, every edge alone is at least this far from the floor.
+        let slack = if window == Window::Soft { 0.0 } else { 0.5 };
         self.ranges.par_iter_mut().enumerate().for_each(|(r, range)| {
             range.pairs.clear();
             range.ends.clear();
             let (from, to) = (r * RANGE, ((r + 1) * RANGE).min(splats.len()));
             let (records, bounds) = (&splats.records[from..to], &splats.bounds[from..to]);
-            dispatch(Emit { records, bounds, range, size, across: count.x });
+            dispatch(Emit { records, bounds, range, size, across: count.x, slack });
         });
         self.scatter(splats.len());
     }
@@ -141,6 +144,7 @@ struct Emit<'a> {
     range: &'a mut Range,
     size: [f32; 2],
     across: u32,
+    slack: f32,
 }
 
 impl Work for Emit<'_> {
@@ -148,7 +152,7 @@ impl Work for Emit<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self) {
         for (record, bounds) in self.records.iter().zip(self.bounds) {
-            emit::<L>(record, bounds, self.size, self.across, &mut self.range.pairs);
+            emit::<L>(record, bounds, (self.size, self.across, self.slack), &mut self.range.pairs);
             self.range.ends.push(self.range.pairs.len() as u32);
         }
     }
@@ -165,14 +169,20 @@ fn tiles_between(lo: f32, hi: f32, size: f32) -> (u32, u32) {
 /// Emits the tiles a splat touches. A block is left out when one of the five separating axes of the shrunk
 /// triangle and the box of the block's pixel centres (three edges, two of the box) shows a gap: an exact test.
 #[inline(always)]
-fn emit<L: Lanes>(record: &Record, bounds: &Bounds, size: [f32; 2], across: u32, out: &mut Vec<(u32, u32)>) {
+fn emit<L: Lanes>(
+    record: &Record,
+    bounds: &Bounds,
+    (size, across, slack): ([f32; 2], u32, f32),
+    out: &mut Vec<(u32, u32)>,
+) {
+    let floor = record.floor - slack;
     let (x0, x1) = tiles_between(bounds.lo[0], bounds.hi[0], size[0]);
     let (y0, y1) = tiles_between(bounds.lo[1], bounds.hi[1], size[1]);
     let (block_x, block_y) = (L::load(&BLOCK_X), L::load(&BLOCK_Y));
     let reaches = [
-        reach(record.edge[0], -record.floor, block_x, block_y),
-        reach(record.edge[1], -record.floor - record.shift, block_x, block_y),
-        reach(record.edge[2], -record.floor, block_x, block_y),
+        reach(record.edge[0], -floor, block_x, block_y),
+        reach(record.edge[1], -floor - record.shift, block_x, block_y),
+        reach(record.edge[2], -floor, block_x, block_y),
     ];
     for ty in y0..=y1 {
         for tx in x0..=x1 {

@@ -40,6 +40,9 @@ pub struct Sightings {
     pub first: Importance,
     /// In photos drawn again.
     pub again: Importance,
+    /// Squared error of the pixels, shared out by weight, in units of 2^-20 px: whole numbers, so that the sum
+    /// is the same however it is broken up. `[N]`
+    pub error: Vec<u64>,
 }
 
 /// One home of the training scene. After k steps two homes agree.

@@ -79,6 +79,7 @@ pub fn write(path: &Path, checkpoint: &Checkpoint) -> Result<()> {
     tensors.add("watch.max_weight", "F32", &[n], &watch.max_weight);
     tensors.add("watch.views", "U32", &[n], &watch.views);
     tensors.add("watch.radius_px", "F32", &[n], &watch.radius_px);
+    tensors.add("watch.error", "U64", &[n], &watch.error);
     tensors.add("watch.exempt", "U8", &[n], &bytes(&watch.exempt));
     tensors.add("watch.seen", "U8", &[watch.seen.len()], &bytes(&watch.seen));
 
@@ -136,11 +137,18 @@ pub fn read(path: &Path) -> Result<Checkpoint> {
         max_weight: file.array("watch.max_weight")?,
         views: file.array("watch.views")?,
         radius_px: file.array("watch.radius_px")?,
+        error: file.array("watch.error")?,
         exempt: file.array::<u8>("watch.exempt")?.iter().map(|b| *b != 0).collect(),
         seen: file.array::<u8>("watch.seen")?.iter().map(|b| *b != 0).collect(),
     };
     let n = state.params.len();
-    let lengths = [watch.max_weight.len(), watch.views.len(), watch.radius_px.len(), watch.exempt.len()];
+    let lengths = [
+        watch.max_weight.len(),
+        watch.views.len(),
+        watch.radius_px.len(),
+        watch.error.len(),
+        watch.exempt.len(),
+    ];
     if lengths.iter().any(|l| *l != n) || watch.seen.len() != meta.photos.len() {
         return Err(Error::malformed(path, "watch", format!("wants {n} triangles, holds {lengths:?}")));
     }

@@ -2,11 +2,11 @@
 
 use super::backend::{Backend, Shot, Sightings, StepStats};
 use super::params::{Params, State};
+use super::samples::{Samples, Sampling};
 use super::schedule::Rates;
 use super::update::{Regularisers, update};
 use crate::camera::Camera;
 use crate::error::Result;
-use crate::kernel::loss::{Scratch, photometric_grad};
 use crate::kernel::normal::{Maps, MapsGrad, normal_grad};
 use crate::raster::soft::{Frame, FrameGrad, Soft, SoftOptions, SoupGrad, SoupRef};
 use rayon::prelude::*;
@@ -17,7 +17,7 @@ pub struct Cpu {
     options: SoftOptions,
     state: State,
     soft: Soft,
-    scratch: Scratch<f32>,
+    samples: Samples,
     d_maps: MapsGrad<f32>,
     d_frame: FrameGrad,
     d_soup: SoupGrad,
@@ -62,28 +62,24 @@ impl Backend for Cpu {
             sh_degree: params.sh_degree,
             active_degree: rates.sh_degree.min(params.sh_degree),
         };
-        self.options.alpha_cap = rates.alpha_cap;
-        self.options.geometry = rates.beta_normal > 0.0 || rates.beta_distortion > 0.0;
-        let frame = self.soft.render(&soup, shot.camera, &self.options);
-        let width = shot.camera.size.x as usize;
-        self.d_frame.d_rgb.resize(shot.photo.len(), [0.0; 3]);
-        let means = photometric_grad(
-            width,
-            &frame.rgb,
-            shot.photo,
-            shot.weight,
-            rates.dssim,
-            &mut self.scratch,
-            &mut self.d_frame.d_rgb,
-        );
-        let geometry = geometry_grad(frame, shot.camera, rates, &mut self.d_maps, &mut self.d_frame);
-        self.soft.backward(&soup, shot.camera, &self.options, &self.d_frame, &mut self.d_soup);
+        let mut options = rates.drawing(&self.options);
+        options.geometry = rates.beta_normal > 0.0 || rates.beta_distortion > 0.0;
+        let sampling =
+            Sampling { samples: rates.hard.map_or(1, |hard| hard.samples), linear: options.linear };
+        let camera = shot.camera.resized(shot.camera.size * sampling.samples);
+        let frame = self.soft.render(&soup, &camera, &options);
+        let d_rgb = &mut self.d_frame.d_rgb;
+        let means = self.samples.photometric_grad(shot, rates.dssim, sampling, &frame.rgb, d_rgb);
+        self.samples.errors(shot, sampling, &mut self.d_frame.error);
+        let geometry = geometry_grad(frame, &camera, rates, &mut self.d_maps, &mut self.d_frame);
+        self.soft.backward(&soup, &camera, &options, &self.d_frame, &mut self.d_soup);
         let n = params.len();
         let sighting = if shot.first { &mut self.sightings.first } else { &mut self.sightings.again };
         if sighting.max_weight.len() != n {
             sighting.reset(n);
         }
         self.soft.accumulate_importance(sighting);
+        add_errors(&self.d_soup, &mut self.sightings.error);
         let regularisers = Regularisers::new(&self.state.params, rates);
         let (touched, broken) = update(&mut self.state, &self.d_soup, rates, &regularisers);
         Ok(StepStats {
@@ -129,6 +125,22 @@ fn geometry_grad(
     }
     loss
 }
+
+/// Adds each triangle's share of the error.
+fn add_errors(d_soup: &SoupGrad, errors: &mut Vec<u64>) {
+    if errors.len() != d_soup.error.len() {
+        errors.clear();
+        errors.resize(d_soup.error.len(), 0);
+    }
+    for &i in &d_soup.visible {
+        let sum = &mut errors[i as usize];
+        // A cast from a float saturates, and makes nothing of a NaN.
+        *sum = sum.saturating_add((d_soup.error[i as usize] * ERROR_UNITS) as u64);
+    }
+}
+
+/// Units of [`Sightings::error`] in a pixel.
+const ERROR_UNITS: f32 = 1_048_576.0;
 
 /// Opacity and σ of the raw parameters.
 fn activate(params: &Params, rates: &Rates, opacity: &mut Vec<f32>, sigma: &mut Vec<f32>) {

@@ -5,9 +5,12 @@ use crate::camera::Camera;
 use crate::dataset::View;
 use crate::error::Result;
 use crate::image::Pixels;
+use crate::math::color::linear_from_srgb;
 use crate::math::metric;
-use crate::raster::soft::{Soft, SoftOptions, SoupRef};
-use crate::soup::Soup;
+use crate::mesh::{Colors, Mesh};
+use crate::raster::soft::{Soft, SoftOptions, SoupRef, Window};
+use crate::raster::solid::{Solid, SolidOptions};
+use crate::soup::{Soup, rgb_from_sh0};
 use std::sync::Arc;
 
 /// Photos to be judged on, decoded once.
@@ -46,6 +49,9 @@ impl Judge {
     pub fn pictures(&mut self, soup: &Soup, space: &Space, options: &SoftOptions) -> Vec<(String, Pixels)> {
         let mut soup = soup.clone();
         space.enter_soup(&mut soup);
+        if options.window != Window::Soft {
+            return self.solid_pictures(soup, space, options);
+        }
         let soft = &mut self.soft;
         let draw = |(name, camera, _): &(String, Camera, Arc<Pixels>)| {
             let camera = space.enter_camera(camera);
@@ -53,6 +59,28 @@ impl Judge {
             (name.clone(), to_pixels(frame))
         };
         self.shots.iter().map(draw).collect()
+    }
+
+    /// Draws every photo of a solid soup in training space as an engine does, with 4 x 4 samples a pixel.
+    fn solid_pictures(
+        &mut self,
+        mut soup: Soup,
+        space: &Space,
+        options: &SoftOptions,
+    ) -> Vec<(String, Pixels)> {
+        soup.truncate_sh(0);
+        let light = |sh: &[f32; 3]| sh.map(|c| linear_from_srgb(rgb_from_sh0(c)));
+        let mesh = Mesh {
+            positions: soup.vertices.into_flattened(),
+            colors: Colors::Face(soup.sh.iter().map(light).collect()),
+            ..Mesh::default()
+        };
+        let drawing = SolidOptions { background: options.background, samples: 4, near: options.near };
+        let mut solid = Solid::new();
+        let mut draw = |(name, camera, _): &(String, Camera, Arc<Pixels>)| {
+            (name.clone(), solid.render(&mesh, &space.enter_camera(camera), &drawing))
+        };
+        self.shots.iter().map(&mut draw).collect()
     }
 
     /// Judges pictures of [`Judge::pictures`].

@@ -20,6 +20,7 @@ pub mod progress;
 pub mod pyramid;
 pub mod refine;
 pub mod run;
+mod samples;
 pub mod schedule;
 pub mod space;
 pub mod trainer;

@@ -28,6 +28,8 @@ pub enum Preset {
     Indoor,
     /// Opaque triangles of one colour each, as a game engine draws them.
     Solid,
+    /// The paper's own way to opaque triangles, for comparison.
+    PaperEngine,
 }
 
 /// How a soup is trained.
@@ -162,6 +164,8 @@ pub enum Lottery {
     Sigma,
     /// Every triangle has the same chance (not in the paper).
     Uniform,
+    /// By the squared error of the pixels that show it (not in the paper).
+    Error,
 }
 
 /// How triangles are added and removed.
@@ -209,16 +213,53 @@ pub struct WarmupOptions {
 pub struct SolidOptions {
     /// Make it solid at all.
     pub enabled: bool,
-    /// The anneal starts, steps of a 30,000-step run (25,000, supplement).
+    /// The opacity's floor starts to rise, steps of a 30,000-step run (TS+ 5000).
     pub from: f64,
-    /// Every triangle is opaque from here on, steps of a 30,000-step run.
+    /// The floor is reached, steps of a 30,000-step run (TS+ 24,000).
     pub until: f64,
-    /// What σ has been multiplied by at the end of the anneal.
-    pub sigma_scale: f64,
-    /// The opacity no triangle is below at the end of the anneal.
+    /// The opacity no triangle is below at the end of the rise, reached linearly (TS+ 0.9999).
     pub opacity: f64,
-    /// τ_prune at the end of the anneal, reached linearly (TS+ 0.235).
+    /// How many times steeper the opacity's sigmoid has become at the end of the rise, log-linearly: it drives
+    /// triangles to opaque or gone, whichever serves the picture.
+    pub gain: f64,
+    /// Triangles fainter than this go at the end of the rise, reached linearly (TS 0.7).
+    pub prune_opacity: f64,
+    /// From each first number on, steps of a 30,000-step run, triangles fainter than the second go (TS 0.1 from
+    /// 25,000 and 0.7 from 29,000 on).
+    pub dead: [[f64; 2]; 2],
+    /// Weight of the mean σ in the loss from `from` on (TS 1).
+    pub loss_sigma: f64,
+    /// Weight of 1 / mean opacity in the loss from `from` on (TS 20).
+    pub loss_opacity: f64,
+    /// Rate of the logarithm of σ from `from` on, for a 30,000-step run; shorter ones move faster, as far (TS
+    /// 0.0008); 0 keeps `rates.sigma`.
+    pub rate_sigma: f64,
+    /// From the first number on, steps of a 30,000-step run, triangles of at least the second as σ go (TS 1 from
+    /// 28,000 on).
+    pub soft: [f64; 2],
+    /// σ starts to fall, steps of a 30,000-step run (TS+ 0).
+    pub sigma_from: f64,
+    /// σ has fallen, steps of a 30,000-step run (TS+ 30,000).
+    pub sigma_until: f64,
+    /// What σ has been multiplied by then, reached log-linearly (TS+ 0.0001, linearly).
+    pub sigma_scale: f64,
+    /// τ_prune at the end of the opacity's rise, reached linearly (TS+ 0.235).
     pub prune_weight: f64,
+    /// From here on the scene is drawn as an engine draws it, but for the opacity: in the order of the depths
+    /// at each pixel, with antialiased edges and one colour a triangle; steps of a 30,000-step run.
+    pub firm_from: f64,
+    /// Every triangle is opaque from here on, steps of a 30,000-step run.
+    pub hard_from: f64,
+    /// Samples per pixel and axis from `firm_from` on (TS+ 4).
+    pub samples: u32,
+    /// Width of an edge's ramp from `firm_from` on, samples.
+    pub edge_px: f64,
+    /// Mix the colours of a pixel's triangles in linear light from `firm_from` on, as engines do.
+    pub linear: bool,
+    /// Rate of the corners at `firm_from`, as a share of what it was just before.
+    pub vertices: f64,
+    /// Last rate of the corners as a share of that at `firm_from`, reached log-linearly.
+    pub vertices_final: f64,
 }
 
 impl Default for TrainOptions {
@@ -309,6 +350,16 @@ impl TrainOptions {
             ("warmup.half_until", self.warmup.half_until),
             ("solid.from", self.solid.from),
             ("solid.until", self.solid.until),
+            ("solid.sigma_from", self.solid.sigma_from),
+            ("solid.sigma_until", self.solid.sigma_until),
+            ("solid.firm_from", self.solid.firm_from),
+            ("solid.hard_from", self.solid.hard_from),
+            ("solid.vertices", self.solid.vertices),
+            ("solid.dead", self.solid.dead[0][0].min(self.solid.dead[1][0])),
+            ("solid.loss_sigma", self.solid.loss_sigma),
+            ("solid.loss_opacity", self.solid.loss_opacity),
+            ("solid.rate_sigma", self.solid.rate_sigma),
+            ("solid.soft", self.solid.soft[0].min(self.solid.soft[1])),
         ] {
             at_least_zero(option, value)?;
         }
@@ -318,6 +369,13 @@ impl TrainOptions {
         share("refine.prune_weight", self.refine.prune_weight)?;
         share("refine.prune_opacity", self.refine.prune_opacity)?;
         positive("solid.sigma_scale", self.solid.sigma_scale)?;
+        wants(self.solid.gain >= 1.0, "solid.gain", self.solid.gain, "1 or more")?;
+        share("solid.prune_opacity", self.solid.prune_opacity)?;
+        share("solid.dead", self.solid.dead[0][1])?;
+        share("solid.dead", self.solid.dead[1][1])?;
+        positive("solid.vertices_final", self.solid.vertices_final)?;
+        positive("solid.edge_px", self.solid.edge_px)?;
+        wants((1..=8).contains(&self.solid.samples), "solid.samples", self.solid.samples.into(), "1 to 8")?;
         share("solid.opacity", self.solid.opacity)?;
         share("solid.prune_weight", self.solid.prune_weight)
     }

@@ -6,7 +6,7 @@
 //! 2/((σ+1)(σ+2)), and the two of a clone get 1 - sqrt(1 - o), whose blend is o again.
 
 use super::options::{Lottery, RefineOptions};
-use super::params::{Anneal, Params, State, logit};
+use super::params::{Anneal, Params, State};
 use super::watch::Watch;
 use crate::rng::Rng;
 use glam::Vec3;
@@ -23,8 +23,14 @@ pub struct Plan<'a> {
     pub grow: bool,
     /// τ_prune of this refinement.
     pub prune_weight: f32,
+    /// Triangles fainter than this go.
+    pub prune_opacity: f64,
+    /// Triangles of at least this σ go.
+    pub prune_sigma: f64,
     /// Which refinement of the run this is; it decides whose turn it is in an alternating lottery.
     pub turn: u64,
+    /// Grow by cutting triangles in two, which leaves a solid scene as it is.
+    pub bisect: bool,
     /// How solid the scene is.
     pub anneal: Anneal,
     /// The user's seed.
@@ -40,6 +46,8 @@ pub struct Refined {
     pub broken: usize,
     /// Removed: too faint.
     pub faint: usize,
+    /// Removed: too soft for a solid scene.
+    pub soft: usize,
     /// Removed: never important to a pixel.
     pub unimportant: usize,
     /// Removed: seen by too few photos.
@@ -70,12 +78,16 @@ pub fn refine(state: &mut State, watch: &mut Watch, plan: &Plan<'_>) -> Refined 
     }
     let rng = Rng::new(plan.seed, "clone", plan.step);
     for i in (0..alive.len()).filter(|&i| grown[i]) {
-        let children = match is_large(watch, i, plan) {
-            true => {
+        let children = match (plan.bisect, is_large(watch, i, plan)) {
+            (true, _) => {
+                done.split += 1;
+                bisect(&state.params, i)
+            }
+            (false, true) => {
                 done.split += 1;
                 split(&state.params, i)
             }
-            false => {
+            (false, false) => {
                 done.cloned += 1;
                 clone(&state.params, i, plan, rng)
             }
@@ -101,8 +113,10 @@ fn judge(state: &State, watch: &Watch, complete: bool, plan: &Plan<'_>, done: &m
         let judged = complete && !watch.exempt[i];
         let cause = if !params.is_finite(i) {
             &mut done.broken
-        } else if f64::from(plan.anneal.opacity(params.opacity[i])) < o.prune_opacity {
+        } else if f64::from(plan.anneal.opacity(params.opacity[i])) < plan.prune_opacity {
             &mut done.faint
+        } else if f64::from(plan.anneal.sigma(params.sigma[i])) >= plan.prune_sigma {
+            &mut done.soft
         } else if judged && watch.max_weight[i] < plan.prune_weight {
             &mut done.unimportant
         } else if judged && watch.views[i] < o.min_views.min(watch.seen.len() as u32) {
@@ -137,15 +151,16 @@ fn lottery(state: &State, alive: &[bool], watch: &Watch, plan: &Plan<'_>) -> Vec
         Lottery::Alternating | Lottery::Sigma => 1.0 / softness(i),
         Lottery::Opacity => opacity(i),
         Lottery::Uniform => 1.0,
+        Lottery::Error => watch.error[i] as f64,
     };
     let mut race: Vec<(f64, u32)> = (0..alive.len())
         .into_par_iter()
-        .filter(|&i| alive[i])
+        .filter(|&i| alive[i] && weight(i) > 0.0)
         .map(|i| (-(1.0 - rng.uniform_f64(i as u64)).ln() / weight(i), i as u32))
         .collect();
     race.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     for &(_, i) in &race {
-        let cost = if is_large(watch, i as usize, plan) { 3 } else { 1 };
+        let cost = if is_large(watch, i as usize, plan) && !plan.bisect { 3 } else { 1 };
         if cost <= budget {
             budget -= cost;
             grown[i as usize] = true;
@@ -175,6 +190,23 @@ fn split(params: &Params, i: usize) -> Params {
     children
 }
 
+/// The two halves of a triangle, cut from the middle of its longest side.
+fn bisect(params: &Params, i: usize) -> Params {
+    let corners = params.vertices[i];
+    let length = |c: usize| corners[c].distance_squared(corners[(c + 1) % 3]);
+    let from = (1..3).fold(0, |best, c| if length(c) > length(best) { c } else { best });
+    let [a, b, c] = [0, 1, 2].map(|k| corners[(from + k) % 3]);
+    let middle = a.midpoint(b);
+    let mut children = Params { sh_degree: params.sh_degree, ..Params::default() };
+    for half in [[a, middle, c], [middle, b, c]] {
+        children.push(params, i);
+        if let Some(last) = children.vertices.last_mut() {
+            *last = half;
+        }
+    }
+    children
+}
+
 /// The triangle and a copy shifted within its plane.
 fn clone(params: &Params, i: usize, plan: &Plan<'_>, rng: Rng) -> Params {
     let corners = params.vertices[i];
@@ -193,8 +225,9 @@ fn clone(params: &Params, i: usize, plan: &Plan<'_>, rng: Rng) -> Params {
     }
     let opacity = plan.anneal.opacity(params.opacity[i]).min(1.0);
     let half = 1.0 - (1.0 - opacity).sqrt();
-    let floor = plan.anneal.opacity_floor;
-    children.opacity.fill(logit((half - floor) / (1.0 - floor)));
+    if let Some(raw) = plan.anneal.opacity_raw(half) {
+        children.opacity.fill(raw);
+    }
     children
 }
 
@@ -202,6 +235,7 @@ fn clone(params: &Params, i: usize, plan: &Plan<'_>, rng: Rng) -> Params {
 mod tests {
     use super::*;
     use crate::soup::Soup;
+    use crate::train::params::logit;
 
     fn state(n: usize) -> State {
         let rng = Rng::new(5, "soup", 0);
@@ -235,7 +269,10 @@ mod tests {
             max_triangles: 1000,
             grow: true,
             prune_weight: 0.022,
+            prune_opacity: 0.014,
+            prune_sigma: f64::INFINITY,
             turn: 1,
+            bisect: false,
             anneal: Anneal::NONE,
             seed: 1,
             step: 500,

@@ -2,9 +2,14 @@
 
 use super::options::{REFERENCE_STEPS, TrainOptions};
 use super::params::Anneal;
+use crate::raster::soft::{SoftOptions, Sort, Window};
 
 /// Largest alpha of a layer of the soft scene (3DGS).
 pub const ALPHA_CAP: f32 = 0.99;
+
+/// Largest alpha of a layer of a scene that is drawn hard before it is opaque: what lies behind a layer has to
+/// show a little, so that the loss knows whether it were better without.
+pub const FIRM_CAP: f32 = 0.995;
 
 /// Everything of one step that is not the scene or the photo.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,12 +38,45 @@ pub struct Rates {
     pub beta_normal: f64,
     /// β4, of 1 / mean area.
     pub beta_size: f64,
+    /// Weight of the mean σ.
+    pub beta_sigma: f64,
+    /// Weight of 1 / mean opacity.
+    pub beta_opaque: f64,
     /// Skip triangles without a gradient.
     pub sparse: bool,
     /// Largest alpha of a layer; it lifts to 1 with the anneal, else every solid triangle would leak.
     pub alpha_cap: f32,
     /// How solid the scene is.
     pub anneal: Anneal,
+    /// How it is drawn once it is solid; `None` before.
+    pub hard: Option<Hard>,
+}
+
+impl Rates {
+    /// How the rasteriser draws the scene at this step.
+    pub fn drawing(&self, options: &SoftOptions) -> SoftOptions {
+        let soft = SoftOptions { alpha_cap: self.alpha_cap, ..*options };
+        match self.hard {
+            Some(hard) => SoftOptions {
+                window: Window::Coverage { width_px: hard.edge_px },
+                sort: Sort::Pixel,
+                linear: hard.linear,
+                ..soft
+            },
+            None => soft,
+        }
+    }
+}
+
+/// How a solid scene is drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hard {
+    /// Samples per pixel and axis.
+    pub samples: u32,
+    /// Width of an edge's ramp, samples.
+    pub edge_px: f32,
+    /// Blend in linear light.
+    pub linear: bool,
 }
 
 /// The plan of a run: a pure function of the step.
@@ -63,12 +101,14 @@ impl<'a> Schedule<'a> {
         let (o, r, l) = (self.options, &self.options.rates, &self.options.loss);
         let done = step as f64 / o.steps.max(1) as f64;
         let others = r.final_share.powf(done);
+        let hard = self.is_drawn_hard(step);
+        let driven = self.annealed(step) > 0.0;
         let geometry = step >= self.scaled(l.geometry_from);
         Rates {
             time: step + 1,
-            vertices: r.vertices * r.vertices_final.powf(done),
+            vertices: self.vertices_rate(step),
             opacity: r.opacity * others,
-            sigma: r.sigma * others,
+            sigma: self.sigma_rate(step) * others,
             sh: r.sh * others,
             sh_rest: r.sh * r.sh_rest * others,
             sh_degree: self.sh_degree(step),
@@ -77,16 +117,23 @@ impl<'a> Schedule<'a> {
             beta_distortion: if geometry { l.distortion } else { 0.0 },
             beta_normal: if geometry { l.normal } else { 0.0 },
             beta_size: if step < self.scaled(l.size_until) { l.size } else { 0.0 },
-            sparse: r.sparse,
-            alpha_cap: ALPHA_CAP.max(self.anneal(step).opacity_floor),
+            beta_sigma: if driven { o.solid.loss_sigma } else { 0.0 },
+            beta_opaque: if driven { o.solid.loss_opacity } else { 0.0 },
+            sparse: r.sparse && !(driven && o.solid.loss_sigma + o.solid.loss_opacity > 0.0),
+            alpha_cap: if hard { FIRM_CAP } else { ALPHA_CAP }.max(self.anneal(step).opacity_floor),
             anneal: self.anneal(step),
+            hard: hard.then_some(Hard {
+                samples: o.solid.samples,
+                edge_px: o.solid.edge_px as f32,
+                linear: o.solid.linear,
+            }),
         }
     }
 
     /// Degrees of view-dependent colour in use: one more every `sh_every`, none once the scene turns solid.
     pub fn sh_degree(&self, step: u64) -> u8 {
         let o = self.options;
-        if self.is_solid(step) {
+        if self.is_drawn_hard(step) {
             return 0;
         }
         let every = self.scaled(o.rates.sh_every).max(1);
@@ -99,28 +146,42 @@ impl<'a> Schedule<'a> {
         if step < self.scaled(w.quarter_until) { 2 } else { u32::from(step < self.scaled(w.half_until)) }
     }
 
-    /// True from the first step of the solid anneal on.
-    pub fn is_solid(&self, step: u64) -> bool {
-        self.options.solid.enabled && step >= self.scaled(self.options.solid.from)
+    /// True once the scene is drawn as an engine draws it, but for the opacity.
+    pub fn is_drawn_hard(&self, step: u64) -> bool {
+        self.is_hard(step) || self.is_past(step, self.options.solid.firm_from)
     }
 
-    /// How much of the solid anneal is done after `step`: 0 to 1, linearly.
-    fn annealed(&self, step: u64) -> f64 {
-        let s = &self.options.solid;
-        if !self.is_solid(step) {
+    /// True once every triangle is opaque.
+    pub fn is_hard(&self, step: u64) -> bool {
+        self.is_past(step, self.options.solid.hard_from)
+    }
+
+    /// How much of the way from one position to another is done after `step`: 0 to 1, linearly.
+    fn done(&self, step: u64, [from, until]: [f64; 2]) -> f64 {
+        let (from, until) = (self.scaled(from), self.scaled(until).max(self.scaled(from) + 1));
+        if !self.options.solid.enabled || step < from {
             return 0.0;
         }
-        let (from, until) = (self.scaled(s.from), self.scaled(s.until).max(self.scaled(s.from) + 1));
         ((step - from + 1) as f64 / (until - from) as f64).min(1.0)
+    }
+
+    /// How much of the opacity's rise is done after `step`.
+    fn annealed(&self, step: u64) -> f64 {
+        self.done(step, [self.options.solid.from, self.options.solid.until])
     }
 
     /// How solid triangles are at `step`: the floor rises linearly, σ falls log-linearly.
     pub fn anneal(&self, step: u64) -> Anneal {
-        let (s, done) = (&self.options.solid, self.annealed(step));
-        if done == 0.0 {
-            return Anneal::NONE;
+        let s = &self.options.solid;
+        if self.is_hard(step) {
+            return Anneal::SOLID;
         }
-        Anneal { opacity_floor: (s.opacity * done) as f32, sigma_scale: s.sigma_scale.powf(done) as f32 }
+        let sigma = self.done(step, [s.sigma_from, s.sigma_until]);
+        Anneal {
+            opacity_floor: (s.opacity * self.annealed(step)) as f32,
+            opacity_gain: s.gain.powf(self.annealed(step)) as f32,
+            sigma_scale: s.sigma_scale.powf(sigma) as f32,
+        }
     }
 
     /// τ_prune after `step`. It rises with the anneal: a soft scene is made of small weights, and the solid
@@ -128,6 +189,47 @@ impl<'a> Schedule<'a> {
     pub fn prune_weight(&self, step: u64) -> f64 {
         let (soft, solid) = (self.options.refine.prune_weight, self.options.solid.prune_weight);
         soft + (solid - soft) * self.annealed(step)
+    }
+
+    /// The opacity below which triangles go after `step`; it rises with the anneal.
+    pub fn prune_opacity(&self, step: u64) -> f64 {
+        let s = &self.options.solid;
+        let soft = self.options.refine.prune_opacity;
+        let risen = soft + (s.prune_opacity - soft).max(0.0) * self.annealed(step);
+        let reached = |[from, least]: [f64; 2]| if self.is_past(step, from) { least } else { 0.0 };
+        risen.max(reached(s.dead[0])).max(reached(s.dead[1]))
+    }
+
+    /// The σ from which triangles go after `step`.
+    pub fn prune_sigma(&self, step: u64) -> f64 {
+        let [from, least] = self.options.solid.soft;
+        if self.is_past(step, from) { least } else { f64::INFINITY }
+    }
+
+    /// True when the scene becomes solid, and `step` is at or beyond a position.
+    fn is_past(&self, step: u64, position: f64) -> bool {
+        self.options.solid.enabled && step >= self.scaled(position)
+    }
+
+    /// Rate of the corners: log-linear over the run, and anew from where the scene is drawn hard.
+    fn vertices_rate(&self, step: u64) -> f64 {
+        let (o, s, steps) = (self.options, &self.options.solid, self.options.steps.max(1));
+        let soft = |step: u64| o.rates.vertices * o.rates.vertices_final.powf(step as f64 / steps as f64);
+        if !self.is_drawn_hard(step) {
+            return soft(step);
+        }
+        let from = self.scaled(s.firm_from.min(s.hard_from));
+        let done = (step - from) as f64 / steps.saturating_sub(from).max(1) as f64;
+        soft(from) * s.vertices * s.vertices_final.powf(done)
+    }
+
+    /// Rate of the logarithm of σ.
+    fn sigma_rate(&self, step: u64) -> f64 {
+        let (o, s) = (self.options, &self.options.solid);
+        match s.rate_sigma > 0.0 && self.annealed(step) > 0.0 {
+            true => s.rate_sigma * REFERENCE_STEPS / o.steps.max(1) as f64,
+            false => o.rates.sigma,
+        }
     }
 
     /// True when the scene is refined after `step` steps have been made.
@@ -139,7 +241,7 @@ impl<'a> Schedule<'a> {
 
     /// True while a refinement after `step` steps may add triangles.
     pub fn grows_after(&self, step: u64) -> bool {
-        step < self.scaled(self.options.refine.until) && !self.is_solid(step)
+        step < self.scaled(self.options.refine.until)
     }
 
     /// Which refinement the one after `step` steps is, counted over the whole run.
@@ -172,15 +274,37 @@ mod tests {
     fn solid_ends_solid_without_view_dependence() {
         let options = TrainOptions::preset(Preset::Solid);
         let plan = Schedule::new(&options);
-        let before = plan.scaled(25_000.0) - 1;
-        assert_eq!(plan.anneal(before), Anneal::NONE);
-        let last = plan.anneal(options.steps - 1);
-        assert!(last.opacity_floor > 0.999 && last.sigma_scale < 0.011);
-        assert_eq!(plan.rates(options.steps - 1).sh_degree, 0);
+        let before = plan.scaled(options.solid.from) - 1;
+        assert_eq!((plan.anneal(before).opacity_floor, plan.anneal(before).opacity_gain), (0.0, 1.0));
         assert_eq!(plan.prune_weight(before), options.refine.prune_weight);
-        assert!((plan.prune_weight(options.steps - 1) - options.solid.prune_weight).abs() < 1e-12);
-        let floors: Vec<f32> = (before..options.steps).map(|s| plan.anneal(s).opacity_floor).collect();
-        assert!(floors.is_sorted());
+        let last = options.steps - 1;
+        assert_eq!(plan.anneal(last), Anneal::SOLID);
+        let rates = plan.rates(last);
+        assert_eq!((rates.sh_degree, rates.alpha_cap), (0, 1.0));
+        let drawing = rates.drawing(&SoftOptions::default());
+        assert!(drawing.sort == Sort::Pixel && drawing.window != Window::Soft);
+        assert!((plan.prune_weight(last) - options.solid.prune_weight).abs() < 1e-12);
+        let soft = 0..plan.scaled(options.solid.hard_from);
+        let gains: Vec<f32> = soft.clone().map(|s| plan.anneal(s).opacity_gain).collect();
+        assert!(gains.is_sorted() && gains.last().is_some_and(|g| *g > 0.95 * options.solid.gain as f32));
+        let sigmas: Vec<f32> = soft.rev().map(|s| plan.anneal(s).sigma_scale).collect();
+        assert!(sigmas.is_sorted());
+    }
+
+    #[test]
+    fn the_papers_engine_mode_follows_its_script() {
+        let options = TrainOptions { steps: 30_000, ..TrainOptions::preset(Preset::PaperEngine) };
+        let plan = Schedule::new(&options);
+        let at = |step| (plan.rates(step).beta_sigma, plan.rates(step).beta_opaque);
+        assert_eq!((at(24_999), at(25_000)), ((0.0, 0.0), (1.0, 20.0)));
+        let dead = [24_999, 25_000, 28_999, 29_000].map(|step| plan.prune_opacity(step));
+        assert_eq!(dead, [0.014, 0.1, 0.1, 0.7]);
+        assert_eq!((plan.prune_sigma(27_999), plan.prune_sigma(28_000)), (f64::INFINITY, 1.0));
+        assert_eq!(plan.rates(29_999).sigma, 0.0008);
+        assert!((0..30_000).all(|step| plan.anneal(step) == Anneal::NONE && plan.rates(step).hard.is_none()));
+        // A tenth of the steps moves σ as far.
+        let short = TrainOptions { steps: 3000, ..options };
+        assert!((Schedule::new(&short).rates(2999).sigma - 0.008).abs() < 1e-12);
     }
 
     #[test]

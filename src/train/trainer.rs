@@ -4,7 +4,7 @@ use super::backend::{Backend, Shot, StepStats};
 use super::checkpoint::{Checkpoint, Meta};
 use super::init::{Seed, first_soup};
 use super::options::TrainOptions;
-use super::params::{Params, State};
+use super::params::{Anneal, Params, State};
 use super::progress::Sample;
 use super::pyramid::{Pyramid, order};
 use super::refine::{self, Refined, refine};
@@ -14,7 +14,7 @@ use super::watch::{Sighting, Watch};
 use crate::camera::Camera;
 use crate::dataset::{Dataset, View, cloud};
 use crate::error::{Error, Result};
-use crate::raster::soft::SoftOptions;
+use crate::raster::soft::{SoftOptions, Window};
 use crate::soup::Soup;
 use glam::Vec3;
 
@@ -161,10 +161,12 @@ impl<B: Backend> Trainer<B> {
         self.space
     }
 
-    /// How to draw the scene as it is: as `options`, with the alpha cap of the last step.
+    /// How to draw the scene as it is: as `options`, with the window, order and alpha cap of the last step.
     pub fn drawing(&self, options: &SoftOptions) -> SoftOptions {
         let last = self.step.max(1) - 1;
-        SoftOptions { alpha_cap: Schedule::new(&self.options).rates(last).alpha_cap, ..*options }
+        let rates = Schedule::new(&self.options).rates(last);
+        let window = Window::Coverage { width_px: 1.0 };
+        if self.ends_solid() { SoftOptions { window, ..*options } } else { rates.drawing(options) }
     }
 
     /// Makes one step, and the refinement that follows it.
@@ -208,13 +210,18 @@ impl<B: Backend> Trainer<B> {
     fn refine(&mut self) -> Result<Refined> {
         self.gather()?;
         let (o, schedule) = (&self.options, Schedule::new(&self.options));
+        // Judged as it was drawn last.
+        let last = self.step - 1;
         let plan = refine::Plan {
             options: &o.refine,
             max_triangles: usize::try_from(o.max_triangles).unwrap_or(usize::MAX),
             grow: schedule.grows_after(self.step),
-            prune_weight: schedule.prune_weight(self.step) as f32,
+            prune_weight: schedule.prune_weight(last) as f32,
+            prune_opacity: schedule.prune_opacity(last),
+            prune_sigma: schedule.prune_sigma(last),
             turn: schedule.refinement(self.step),
-            anneal: schedule.anneal(self.step),
+            bisect: schedule.is_drawn_hard(last),
+            anneal: schedule.anneal(last),
             seed: o.seed,
             step: self.step,
         };
@@ -238,6 +245,7 @@ impl<B: Backend> Trainer<B> {
                 self.watch.add(&sighting, self.full_px);
             }
         }
+        self.watch.add_errors(&seen.error);
         Ok(())
     }
 
@@ -256,10 +264,19 @@ impl<B: Backend> Trainer<B> {
         let schedule = Schedule::new(&self.options);
         let last = self.step.max(1) - 1;
         let state = self.backend.store()?;
-        let mut soup = state.params.to_soup(&schedule.anneal(last), schedule.sh_degree(last));
+        let (anneal, degree) = match self.ends_solid() {
+            true => (Anneal::SOLID, 0),
+            false => (schedule.anneal(last), schedule.sh_degree(last)),
+        };
+        let mut soup = state.params.to_soup(&anneal, degree);
         self.backend.load(state)?;
         self.space.leave(&mut soup);
         Ok(soup)
+    }
+
+    /// True when the run is over and its triangles are opaque from now on.
+    fn ends_solid(&self) -> bool {
+        self.is_done() && self.options.solid.enabled
     }
 
     /// Everything needed to go on elsewhere.

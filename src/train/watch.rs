@@ -13,6 +13,8 @@ pub struct Watch {
     pub views: Vec<u32>,
     /// Largest distance of a corner from the centre, px of the full photo. `[N]`
     pub radius_px: Vec<f32>,
+    /// Squared error of the pixels since the last refinement, shared out by weight. `[N]`
+    pub error: Vec<u64>,
     /// Triangles younger than the watch: nothing is held against them. `[N]`
     pub exempt: Vec<bool>,
     /// Training photos drawn since the watch began. `[V]`
@@ -37,6 +39,7 @@ impl Watch {
             max_weight: vec![0.0; triangles],
             views: vec![0; triangles],
             radius_px: vec![0.0; triangles],
+            error: vec![0; triangles],
             exempt: vec![false; triangles],
             seen: vec![false; photos],
         }
@@ -64,11 +67,17 @@ impl Watch {
         }
     }
 
-    /// Moves triangle `i` of `from` to the end of this watch.
+    /// Adds errors of the same triangles.
+    pub fn add_errors(&mut self, errors: &[u64]) {
+        self.error.iter_mut().zip(errors).for_each(|(sum, e)| *sum = sum.saturating_add(*e));
+    }
+
+    /// Moves triangle `i` of `from` to the end of this watch, its error forgotten.
     pub fn push(&mut self, from: &Watch, i: usize) {
         self.max_weight.push(from.max_weight[i]);
         self.views.push(from.views[i]);
         self.radius_px.push(from.radius_px[i]);
+        self.error.push(0);
         self.exempt.push(from.exempt[i]);
     }
 
@@ -77,6 +86,7 @@ impl Watch {
         self.max_weight.push(0.0);
         self.views.push(0);
         self.radius_px.push(0.0);
+        self.error.push(0);
         self.exempt.push(true);
     }
 

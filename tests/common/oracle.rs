@@ -48,6 +48,20 @@ pub(crate) struct Rules {
     pub(crate) near: f64,
     pub(crate) fade_px: f64,
     pub(crate) depth_range: [f64; 2],
+    /// Width of the ramp when alpha is the part of the pixel that is covered, px.
+    pub(crate) coverage: Option<f64>,
+    pub(crate) linear: bool,
+}
+
+/// sRGB to linear light, for a number in [0, 1]; beyond, its value at 1.
+fn light<R: Number>(x: R) -> R {
+    if x.value() > 1.0 {
+        R::of(1.0)
+    } else if x.value() > 0.04045 {
+        power((x + R::of(0.055)) / R::of(1.055), R::of(2.4))
+    } else {
+        x / R::of(12.92)
+    }
 }
 
 /// One pixel.
@@ -193,7 +207,7 @@ fn piece<R: Number>(
     }
     let inradius = -phi_s;
     let mut opacity = t.opacity;
-    if rules.fade_px > 0.0 && inradius.value() < rules.fade_px {
+    if rules.coverage.is_none() && rules.fade_px > 0.0 && inradius.value() < rules.fade_px {
         let x = inradius / R::of(rules.fade_px);
         opacity = opacity * x * x * (R::of(3.0) - R::of(2.0) * x);
     }
@@ -208,7 +222,7 @@ fn piece<R: Number>(
         phi_s,
         opacity,
         sigma: t.sigma,
-        rgb: sh_color(&t.sh, unit),
+        rgb: if rules.linear { sh_color(&t.sh, unit).map(light) } else { sh_color(&t.sh, unit) },
         depth: (v[0][2] + v[1][2] + v[2][2]) / R::of(3.0),
         plane,
         plane_d: dot(plane, v[0]),
@@ -256,6 +270,21 @@ fn plane_at<R: Number>(piece: &Piece<R>, eye: &Eye, p: [f64; 2]) -> (R, P3<R>) {
     (z, if dot(n, ray).value() > 0.0 { n.map(|x| -x) } else { n })
 }
 
+/// Opacity times the part of the pixel that is inside: 1 less the parts beyond each edge's line.
+fn covered<R: Number>(piece: &Piece<R>, p: [f64; 2], width: f64, cutoff: f64, margin: &mut f64) -> Option<R> {
+    let mut inside = R::of(1.0);
+    for [a, b, d] in piece.lines {
+        let beyond = (a * R::of(p[0]) + b * R::of(p[1]) + d) / R::of(width) + R::of(0.5);
+        *margin = margin.min(beyond.value().abs());
+        if beyond.value() > 0.0 {
+            inside = inside - beyond;
+        }
+    }
+    let alpha = inside * piece.opacity;
+    *margin = margin.min((alpha.value() / cutoff - 1.0).abs());
+    (alpha.value() >= cutoff).then_some(alpha)
+}
+
 /// The layers that show at p, in blending order.
 fn layers<R: Number>(
     pieces: &[Piece<R>],
@@ -266,6 +295,14 @@ fn layers<R: Number>(
 ) -> Vec<Layer<R>> {
     let mut out: Vec<Layer<R>> = Vec::new();
     for (index, piece) in pieces.iter().enumerate() {
+        if let Some(width) = rules.coverage {
+            let alpha = covered(piece, p, width, rules.cutoff, margin);
+            if let Some(alpha) = alpha {
+                let (z, normal) = plane_at(piece, eye, p);
+                out.push(Layer { alpha, z, normal, piece: index });
+            }
+            continue;
+        }
         let (at, gap) = phi(&piece.lines, p.map(R::of));
         let ratio = at / piece.phi_s;
         // Half a pixel around the boundary of a solid triangle everything jumps.
@@ -334,7 +371,9 @@ fn pixel<R: Number>(pieces: &[Piece<R>], count: usize, eye: &Eye, rules: &Rules,
         front.push((w, m));
         out.weights[pieces[layer.piece].triangle] += w.value();
     }
-    out.rgb = add(out.rgb, mul(rules.background.map(R::of), out.transmittance));
+    let background = rules.background.map(R::of);
+    let background = if rules.linear { background.map(light) } else { background };
+    out.rgb = add(out.rgb, mul(background, out.transmittance));
     out.margin = margin;
     out
 }
