@@ -1,17 +1,18 @@
 //! Colours from the photos: what every triangle shows there, once it is opaque and hides what is behind it.
 //!
 //! With z-buffered opaque triangles each sample of a photo belongs to one triangle, so the best corner
-//! colours are a linear least-squares problem of three unknowns a triangle and channel:
+//! colours are a linear least-squares problem of three unknowns a triangle and channel, coupled only where
+//! triangles share a pixel:
 //!
 //! ```text
-//! minimise Σ_samples (Σ_k b_k e_k - photo)² + λ Σ_k (e_k - ē)²
+//! minimise Σ_pixels (photo - drawn(e))² + λ Σ_triangles Σ_k (e_k - ē)²,   drawn = mean over samples of Σ_k b_k e_k
 //! ```
 //!
 //! with b the perspective-correct weights of the corners, e the sRGB-encoded corner colours that are sought
 //! and ē the triangle's mean colour, towards which corners are drawn that photos tell little about. Encoded
-//! values are fitted because the error that counts is measured on them. Triangles that share a pixel are
-//! coupled: later passes draw the scene as an engine does, in linear light with several samples a pixel, and
-//! pass what is left of the error through the same 3 x 3 systems. Each of these majorises the coupled one, so
+//! values are fitted because the error that counts is measured on them. Each pass draws the scene as an
+//! engine does, in linear light with several samples a pixel, and sends what is left of the error through a
+//! 3 x 3 system a triangle in which every sample counts by itself. That system majorises the coupled one, so
 //! the error falls with every pass.
 //!
 //! Some photos are left out at first and tell whether refitted colours are better than those the scene came
@@ -28,7 +29,7 @@ use crate::mesh::{Colors, Mesh};
 use crate::raster::solid::{Solid, SolidOptions};
 use crate::report::Outcome;
 use fit::Fit;
-use gather::{Gatherer, Goal, Shot};
+use gather::{Gatherer, Shot};
 
 /// One photo in so many is left out at first, to judge on.
 const JUDGE_EVERY: usize = 8;
@@ -74,14 +75,14 @@ pub struct RefitOptions {
     #[arg(long, default_value_t = RefitOptions::DEFAULT.refit_flatness, value_name = "PX")]
     #[schemars(range(min = 0.0))]
     pub refit_flatness: f64,
-    /// Passes over the photos after the first, for triangles that share pixels
+    /// Passes over the photos
     #[arg(long, default_value_t = RefitOptions::DEFAULT.refit_passes, value_name = "N")]
     pub refit_passes: u32,
 }
 
 impl RefitOptions {
     /// Looks what is best.
-    pub const DEFAULT: Self = Self { refit: RefitColors::Auto, refit_flatness: 4.0, refit_passes: 2 };
+    pub const DEFAULT: Self = Self { refit: RefitColors::Auto, refit_flatness: 4.0, refit_passes: 3 };
 }
 
 impl Default for RefitOptions {
@@ -102,6 +103,9 @@ pub fn refit(
     if !(options.refit_flatness >= 0.0 && options.refit_flatness.is_finite()) {
         return Err(Error::invalid("--refit-flatness", options.refit_flatness, "0 or more"));
     }
+    if options.refit_passes == 0 {
+        return Err(Error::invalid("--refit-passes", 0, "1 or more, or --refit off"));
+    }
     let Some(views) = views.filter(|v| !v.is_empty()) else {
         return Ok(Outcome::Unneeded("no photos were given"));
     };
@@ -117,7 +121,7 @@ pub fn refit(
 
     let mut looking = Looking::new(mesh, views);
     let mut fit = Fit::new(mesh, options.refit_flatness as f32);
-    looking.add(mesh, views, &others, Goal::Photo, &mut fit)?;
+    looking.add(mesh, views, &others, &mut fit)?;
     let which = match options.refit {
         RefitColors::Auto if !judges.is_empty() => choose(mesh, views, &judges, &fit, details)?,
         RefitColors::Flat => RefitColors::Flat,
@@ -126,25 +130,22 @@ pub fn refit(
     if which == RefitColors::Off {
         return Ok(Outcome::Unneeded("photos left out are met better by the colours that are there"));
     }
-    looking.add(mesh, views, &judges, Goal::Photo, &mut fit)?;
-    fit.solve(which);
-    details.insert("fitted".into(), fit.fitted().into());
-
+    looking.add(mesh, views, &judges, &mut fit)?;
+    let odd = outliers(&all, &looking.errors);
     let mut used = all;
-    for pass in 0..options.refit_passes {
-        fit.clear();
-        looking.add(mesh, views, &used, Goal::Rest, &mut fit)?;
-        let odd = if pass == 0 { outliers(&used, &looking.errors) } else { Vec::new() };
-        if odd.is_empty() || odd.len() == used.len() {
-            fit.improve(which);
-            continue;
-        }
+    if !odd.is_empty() && odd.len() < used.len() {
         // Photos of another exposure are left out, and the first pass is made again without them.
         used.retain(|v| !odd.contains(v));
-        fit = Fit::new(mesh, options.refit_flatness as f32);
-        looking.add(mesh, views, &used, Goal::Photo, &mut fit)?;
-        fit.solve(which);
+        fit.clear();
+        looking.add(mesh, views, &used, &mut fit)?;
         details.insert("photos_out_of_line".into(), odd.len().into());
+    }
+    details.insert("fitted".into(), fit.fitted().into());
+    fit.improve(which);
+    for _ in 1..options.refit_passes {
+        fit.clear();
+        looking.add(mesh, views, &used, &mut fit)?;
+        fit.improve(which);
     }
     mesh.colors = fit.colors(which);
     details.insert("colors".into(), serde_json::to_value(which).unwrap_or_default());
@@ -156,7 +157,7 @@ struct Looking {
     solid: Solid,
     drawing: SolidOptions,
     gatherer: Gatherer,
-    /// Mean error of each photo when it was last looked at for [`Goal::Rest`], sRGB-encoded.
+    /// Mean error of each photo when it was last looked at, sRGB-encoded.
     errors: Vec<[f32; 3]>,
 }
 
@@ -171,14 +172,7 @@ impl Looking {
     }
 
     /// Adds what some photos say to the sums of `fit`, in their order.
-    fn add(
-        &mut self,
-        mesh: &Mesh,
-        views: &mut Views,
-        chosen: &[usize],
-        goal: Goal,
-        fit: &mut Fit,
-    ) -> Result<()> {
+    fn add(&mut self, mesh: &Mesh, views: &mut Views, chosen: &[usize], fit: &mut Fit) -> Result<()> {
         views.expect(chosen);
         for &view in chosen {
             let photo = views.photo(view)?;
@@ -186,7 +180,7 @@ impl Looking {
             let visibility = self.solid.visibility(mesh, camera, &self.drawing);
             let background = self.drawing.background;
             let shot = Shot { mesh, camera, photo: &photo, visibility, background };
-            self.errors[view] = self.gatherer.gather(&shot, goal, fit);
+            self.errors[view] = self.gatherer.gather(&shot, fit);
         }
         Ok(())
     }
@@ -204,7 +198,7 @@ fn choose(
     details.insert("psnr_before".into(), best.0.into());
     for (which, key) in [(RefitColors::Flat, "psnr_flat"), (RefitColors::Corner, "psnr_corner")] {
         let mut candidate = fit.clone();
-        candidate.solve(which);
+        candidate.improve(which);
         let kept: Colors = std::mem::replace(&mut mesh.colors, candidate.colors(which));
         let psnr = mean_psnr(mesh, views, judges);
         mesh.colors = kept;

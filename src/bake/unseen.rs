@@ -10,13 +10,19 @@ use crate::math::metric;
 use crate::mesh::Mesh;
 use crate::raster::solid::{NO_FACE, Solid, SolidOptions};
 use crate::report::Outcome;
+use glam::Vec3;
 use rayon::prelude::*;
 use serde_json::json;
+use std::collections::HashMap;
 
 /// Samples a pixel along each axis when visibility is counted.
 const SAMPLES: u32 = 2;
 /// Photos that the curve of error against triangles is measured on.
 const CURVE_VIEWS: usize = 12;
+/// Triangles that stay in a neighbourhood, about.
+const PER_CELL: u32 = 24;
+/// Most a triangle is enlarged by.
+const MOST_ENLARGED: f64 = 2.0;
 /// Halvings of the interval in which the cut lies.
 const CURVE_STEPS: usize = 9;
 
@@ -35,11 +41,15 @@ pub struct UnseenOptions {
     #[arg(long, value_name = "DB")]
     #[schemars(range(min = 0.0))]
     pub max_error: Option<f64>,
+    /// Enlarge the triangles that stay until they cover what those that go had covered nearby
+    #[arg(long, default_value_t = UnseenOptions::DEFAULT.enlarge, num_args = 0..=1, require_equals = true,
+          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL")]
+    pub enlarge: bool,
 }
 
 impl UnseenOptions {
     /// Half a pixel in all photos together cannot be told from noise.
-    pub const DEFAULT: Self = Self { keep_unseen: false, min_seen_px: 0.5, max_error: None };
+    pub const DEFAULT: Self = Self { keep_unseen: false, min_seen_px: 0.5, max_error: None, enlarge: true };
 }
 
 impl Default for UnseenOptions {
@@ -85,6 +95,9 @@ pub fn unseen(
     if keep == ranked.len() {
         return Ok(Outcome::Unneeded("every triangle is seen"));
     }
+    if keep < visible && options.enlarge {
+        enlarge(mesh, &seen, &ranked[..keep], details);
+    }
     let mut kept = vec![false; ranked.len()];
     ranked[..keep].iter().for_each(|&f| kept[f as usize] = true);
     mesh.retain(|f| kept[f]);
@@ -115,6 +128,65 @@ pub fn seen_px(mesh: &Mesh, views: &Views) -> Vec<f32> {
     }
     let per_sample = 1.0 / f64::from(SAMPLES * SAMPLES);
     samples.into_iter().map(|n| (n as f64 * per_sample) as f32).collect()
+}
+
+/// Scales the faces that stay about their middles so that those of a neighbourhood are seen on as many pixels
+/// as all had been: `seen` is what each face showed. `[F]`
+fn enlarge(mesh: &mut Mesh, seen: &[f32], kept: &[u32], details: &mut Details) {
+    if !mesh.indices.is_empty() {
+        return;
+    }
+    let middle = |f: usize| mesh.corners(f).iter().sum::<Vec3>() / 3.0;
+    let neighbourhood = Neighbourhood::new(kept.iter().map(|&f| middle(f as usize)), kept.len());
+    let mut all: HashMap<[i32; 3], f64> = HashMap::new();
+    for (f, px) in seen.iter().enumerate().filter(|(_, px)| **px > 0.0) {
+        *all.entry(neighbourhood.of(middle(f))).or_default() += f64::from(*px);
+    }
+    let mut left: HashMap<[i32; 3], f64> = HashMap::new();
+    for &f in kept {
+        *left.entry(neighbourhood.of(middle(f as usize))).or_default() += f64::from(seen[f as usize]);
+    }
+    let factors: Vec<(u32, f32)> = kept
+        .iter()
+        .map(|&f| {
+            let cell = neighbourhood.of(middle(f as usize));
+            let share =
+                all.get(&cell).copied().unwrap_or(0.0) / left.get(&cell).copied().unwrap_or(1.0).max(1e-9);
+            (f, share.sqrt().clamp(1.0, MOST_ENLARGED) as f32)
+        })
+        .collect();
+    let mean = factors.iter().map(|(_, k)| f64::from(*k)).sum::<f64>() / factors.len().max(1) as f64;
+    details.insert("enlarged_by".into(), mean.into());
+    for (f, factor) in factors {
+        let corners = &mut mesh.positions[3 * f as usize..3 * f as usize + 3];
+        let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+        corners.iter_mut().for_each(|v| *v = middle + (*v - middle) * factor);
+    }
+}
+
+/// Cells of space that hold some dozen triangles each.
+struct Neighbourhood {
+    origin: Vec3,
+    cell: f32,
+}
+
+impl Neighbourhood {
+    fn new(points: impl Iterator<Item = Vec3> + Clone, count: usize) -> Self {
+        let mut axes: [Vec<f32>; 3] = [0, 1, 2].map(|a| points.clone().map(|p| p[a]).collect());
+        let mut extent = |a: usize, share: f64| -> f32 {
+            let at = ((count.max(1) - 1) as f64 * share) as usize;
+            axes[a].select_nth_unstable_by(at, f32::total_cmp).1.to_owned()
+        };
+        let low = Vec3::from([0, 1, 2].map(|a| extent(a, 0.05)));
+        let high = Vec3::from([0, 1, 2].map(|a| extent(a, 0.95)));
+        // Surfaces, not volumes, are what triangles fill.
+        let size = (high - low).max_element().max(f32::MIN_POSITIVE);
+        Self { origin: low, cell: size * (f64::from(PER_CELL) / count.max(1) as f64).sqrt() as f32 }
+    }
+
+    fn of(&self, point: Vec3) -> [i32; 3] {
+        ((point - self.origin) / self.cell).floor().as_ivec3().to_array()
+    }
 }
 
 /// How many of `ranked` must stay so that the photos are met at most `db` worse than by all of them.

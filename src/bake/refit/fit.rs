@@ -5,8 +5,8 @@ use crate::math::color::{linear_from_srgb, srgb_from_linear};
 use crate::mesh::{Colors, Mesh};
 use rayon::prelude::*;
 
-/// The colours a scene came with count as if they had been seen on this many pixels.
-const PRIOR_PX: f32 = 0.25;
+/// Colours move as if they had been seen to be right on this many pixels more.
+const TRUST_PX: f32 = 0.25;
 /// Faces a task of the thread pool.
 const AT_ONCE: usize = 1 << 12;
 
@@ -52,16 +52,28 @@ impl Sums {
         a + d + f + 2.0 * (b + c + e)
     }
 
-    /// Σ of what the samples are pulled to.
-    fn total(&self, channel: usize) -> f32 {
-        self.pull[0][channel] + self.pull[1][channel] + self.pull[2][channel]
+    /// Better colours of the corners in one channel.
+    fn improved(&self, which: RefitColors, corners: [f32; 3], channel: usize, flatness: f32) -> [f32; 3] {
+        let (area, mean) = (self.area(), (corners[0] + corners[1] + corners[2]) / 3.0);
+        if which != RefitColors::Corner {
+            let pull = self.pull[0][channel] + self.pull[1][channel] + self.pull[2][channel];
+            return [mean + pull / (area + TRUST_PX); 3];
+        }
+        if !(area > 0.0) {
+            return corners;
+        }
+        let right = [0, 1, 2].map(|k| self.pull[k][channel] + flatness * (mean - corners[k]));
+        let step = self.solve(flatness, TRUST_PX / 3.0, right);
+        [0, 1, 2].map(|k| corners[k] + step[k])
     }
 
-    /// Solves (mass + λ) x = right for the three corners; mass is positive semi-definite and λ > 0.
-    fn solve(&self, lambda: f32, right: [f32; 3]) -> [f32; 3] {
+    /// Solves (mass + λ (1 - J/3) + τ) x = right for the three corners, J all ones: λ holds corners together,
+    /// τ > 0 holds them where they are. Positive definite.
+    fn solve(&self, flatness: f32, trust: f32, right: [f32; 3]) -> [f32; 3] {
         let [a, b, c, d, e, f] = self.mass.map(f64::from);
-        let lambda = f64::from(lambda);
-        let (a, d, f) = (a + lambda, d + lambda, f + lambda);
+        let (own, other) = (f64::from(flatness * 2.0 / 3.0 + trust), f64::from(flatness / 3.0));
+        let (a, d, f) = (a + own, d + own, f + own);
+        let (b, c, e) = (b - other, c - other, e - other);
         let (m00, m01, m02) = (d * f - e * e, c * e - b * f, b * e - c * d);
         let (m11, m12, m22) = (a * f - c * c, b * c - a * e, a * d - b * b);
         let per = 1.0 / (a * m00 + b * m01 + c * m02);
@@ -78,12 +90,8 @@ impl Sums {
 #[derive(Debug, Clone)]
 pub(super) struct Fit {
     sums: Vec<Sums>,
-    /// Pixels a face was seen on when its mass was taken. `[F]`
+    /// λ, px.
     flatness: f32,
-    /// Colours the scene came with, sRGB-encoded. `[F]`
-    prior: Vec<[f32; 3]>,
-    /// Mean colour of each triangle, sRGB-encoded. `[F]`
-    mean: Vec<[f32; 3]>,
     /// Colours of the corners, sRGB-encoded. `[F][corner][channel]`
     encoded: Vec<[[f32; 3]; 3]>,
     /// The same in linear light.
@@ -93,23 +101,13 @@ pub(super) struct Fit {
 impl Fit {
     /// Nothing seen yet. `flatness` is λ, px.
     pub(super) fn new(mesh: &Mesh, flatness: f32) -> Self {
-        let prior: Vec<[f32; 3]> = (0..mesh.face_count())
-            .into_par_iter()
-            .map(|f| {
-                let corners = mesh.corner_colors(f);
-                std::array::from_fn(|c| srgb_from_linear((0..3).map(|k| corners[k][c]).sum::<f32>() / 3.0))
-            })
-            .collect();
-        let encoded: Vec<[[f32; 3]; 3]> = prior.iter().map(|c| [*c; 3]).collect();
-        let linear = (0..mesh.face_count()).map(|f| mesh.corner_colors(f)).collect();
+        let encode = |f: usize| mesh.corner_colors(f).map(|corner| corner.map(srgb_from_linear));
+        let encoded: Vec<[[f32; 3]; 3]> = (0..mesh.face_count()).into_par_iter().map(encode).collect();
         Self {
-            sums: vec![Sums::default(); prior.len()],
-            // A triangle seen edge-on has a mass of rank one.
-            flatness: flatness.max(1e-3),
-            mean: prior.clone(),
-            prior,
+            sums: vec![Sums::default(); encoded.len()],
+            flatness,
             encoded,
-            linear,
+            linear: (0..mesh.face_count()).map(|f| mesh.corner_colors(f)).collect(),
         }
     }
 
@@ -131,7 +129,7 @@ impl Fit {
         }
     }
 
-    /// Forgets what samples were pulled to and on how many; keeps the solution.
+    /// Forgets what photos said; keeps the colours.
     pub(super) fn clear(&mut self) {
         self.sums.fill(Sums::default());
     }
@@ -141,56 +139,16 @@ impl Fit {
         self.sums.iter().filter(|s| s.area() > 0.0).count()
     }
 
-    /// The colours that meet the photos best, each sample on its own.
-    pub(super) fn solve(&mut self, which: RefitColors) {
-        let flatness = self.flatness;
-        self.each(|sums, prior, mean, encoded| {
-            let area = sums.area();
-            if !(area > 0.0) {
-                return;
-            }
-            for c in 0..3 {
-                mean[c] = ((sums.total(c) + PRIOR_PX * prior[c]) / (area + PRIOR_PX)).clamp(0.0, 1.0);
-                let corners = match which {
-                    RefitColors::Corner => {
-                        let right = std::array::from_fn(|k| sums.pull[k][c] + flatness * mean[c]);
-                        sums.solve(flatness, right)
-                    }
-                    _ => [mean[c]; 3],
-                };
-                (0..3).for_each(|k| encoded[k][c] = corners[k].clamp(0.0, 1.0));
-            }
-        });
-    }
-
     /// Moves the colours by what the photos still lack.
     pub(super) fn improve(&mut self, which: RefitColors) {
         let flatness = self.flatness;
-        self.each(|sums, _, mean, encoded| {
-            let area = sums.area();
-            if !(area > 0.0) {
-                return;
-            }
+        let sought = self.encoded.par_iter_mut().zip(&mut self.linear);
+        self.sums.par_iter().zip(sought).with_min_len(AT_ONCE).for_each(|(sums, (encoded, linear))| {
             for c in 0..3 {
-                let step = match which {
-                    RefitColors::Corner => {
-                        let right =
-                            std::array::from_fn(|k| sums.pull[k][c] + flatness * (mean[c] - encoded[k][c]));
-                        sums.solve(flatness, right)
-                    }
-                    _ => [sums.total(c) / (area + PRIOR_PX); 3],
-                };
-                (0..3).for_each(|k| encoded[k][c] = (encoded[k][c] + step[k]).clamp(0.0, 1.0));
-                mean[c] = (encoded[0][c] + encoded[1][c] + encoded[2][c]) / 3.0;
+                let corners = [encoded[0][c], encoded[1][c], encoded[2][c]];
+                let moved = sums.improved(which, corners, c, flatness);
+                (0..3).for_each(|k| encoded[k][c] = moved[k].clamp(0.0, 1.0));
             }
-        });
-    }
-
-    fn each(&mut self, change: impl Fn(&Sums, &[f32; 3], &mut [f32; 3], &mut [[f32; 3]; 3]) + Sync + Send) {
-        let known = self.sums.par_iter().zip(&self.prior);
-        let sought = self.mean.par_iter_mut().zip(&mut self.encoded).zip(&mut self.linear);
-        known.zip(sought).with_min_len(AT_ONCE).for_each(|((sums, prior), ((mean, encoded), linear))| {
-            change(sums, prior, mean, encoded);
             *linear = encoded.map(|corner| corner.map(linear_from_srgb));
         });
     }

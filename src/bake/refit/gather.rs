@@ -18,15 +18,6 @@ const MOST_ERROR: f32 = 0.15;
 /// "This face has no sums yet."
 const NO_SLOT: u32 = u32::MAX;
 
-/// What the colours are pulled to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Goal {
-    /// Each sample to its pixel of the photo.
-    Photo,
-    /// Each sample by what its pixel still lacks.
-    Rest,
-}
-
 /// A photo and what the rasteriser sees from its place.
 pub(super) struct Shot<'a> {
     pub(super) mesh: &'a Mesh,
@@ -62,8 +53,8 @@ impl Gatherer {
         Self { bands: vec![band; BANDS] }
     }
 
-    /// Adds a photo to the sums of `fit`. Returns its mean error, sRGB-encoded; zero for [`Goal::Photo`].
-    pub(super) fn gather(&mut self, shot: &Shot<'_>, goal: Goal, fit: &mut Fit) -> [f32; 3] {
+    /// Adds a photo to the sums of `fit`. Returns its mean error, sRGB-encoded.
+    pub(super) fn gather(&mut self, shot: &Shot<'_>, fit: &mut Fit) -> [f32; 3] {
         let rows = shot.photo.size.y;
         let row = |band: usize| (u64::from(rows) * band as u64 / BANDS as u64) as u32;
         let seen: &Fit = fit;
@@ -71,7 +62,7 @@ impl Gatherer {
             band.sums.clear();
             band.corners.clear();
             (band.error, band.pixels) = ([0.0; 3], 0.0);
-            let mut pass = Pass::new(shot, goal, seen, band);
+            let mut pass = Pass::new(shot, seen, band);
             (row(i)..row(i + 1)).for_each(|y| pass.row(y));
             for (face, _) in &band.sums {
                 band.slots[*face as usize] = NO_SLOT;
@@ -92,7 +83,6 @@ type Sample = (u32, [f32; 3]);
 
 struct Pass<'a> {
     shot: &'a Shot<'a>,
-    goal: Goal,
     fit: &'a Fit,
     band: &'a mut Band,
     weigher: Weigher<'a>,
@@ -101,10 +91,10 @@ struct Pass<'a> {
 }
 
 impl<'a> Pass<'a> {
-    fn new(shot: &'a Shot<'a>, goal: Goal, fit: &'a Fit, band: &'a mut Band) -> Self {
+    fn new(shot: &'a Shot<'a>, fit: &'a Fit, band: &'a mut Band) -> Self {
         let samples = shot.visibility.size.x / shot.camera.size.x;
         let weigher = Weigher::new(shot.mesh, shot.camera, samples);
-        Self { shot, goal, fit, band, weigher, samples, background: shot.background.map(linear_from_srgb) }
+        Self { shot, fit, band, weigher, samples, background: shot.background.map(linear_from_srgb) }
     }
 
     fn row(&mut self, y: u32) {
@@ -152,13 +142,7 @@ impl<'a> Pass<'a> {
 
     /// Adds to the sums of the faces seen at a pixel's samples.
     fn spread(&mut self, seen: &[Sample], photo: [u8; 3], weight: f32) {
-        let pull = match self.goal {
-            Goal::Photo => {
-                let [r, g, b] = photo;
-                [f32::from(r) / 255.0, f32::from(g) / 255.0, f32::from(b) / 255.0]
-            }
-            Goal::Rest => self.rest(seen, photo, weight),
-        };
+        let pull = self.rest(seen, photo, weight);
         let share = weight / seen.len() as f32;
         for (slot, weights) in seen {
             if *slot != NO_SLOT {
