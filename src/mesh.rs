@@ -50,6 +50,7 @@ impl Mesh {
     }
 
     /// Vertex numbers of a face.
+    #[inline]
     pub fn face(&self, face: usize) -> [u32; 3] {
         if self.indices.is_empty() {
             let first = 3 * face as u32;
@@ -60,6 +61,7 @@ impl Mesh {
     }
 
     /// Corner positions of a face.
+    #[inline]
     pub fn corners(&self, face: usize) -> [Vec3; 3] {
         self.face(face).map(|v| self.positions[v as usize])
     }

@@ -7,6 +7,7 @@ use std::sync::LazyLock;
 /// ```text
 /// code = round(255 * srgb(linear)), undoing linear_from_srgb(code / 255) for all 256 codes
 /// ```
+#[inline]
 pub fn srgb8_from_linear(linear: f32) -> u8 {
     let x = if linear > 0.0 { linear.min(1.0) } else { 0.0 };
     let table = &*TABLE;

@@ -190,11 +190,12 @@ fn a_world_far_from_its_origin_is_drawn_as_sharply() {
     for (far, turn) in [(1e6, 0.0), (1e6, 1.2), (3e4, 2.5)] {
         let offset = Vec3::new(far, -far, 0.5 * far);
         let rotation = Mat3::from_quat(Quat::from_axis_angle(Vec3::new(1.0, 2.0, -0.5).normalize(), turn));
-        // The grid of numbers is 1/16 wide out there, so everything is larger.
-        let corners = cloud(14, 200, 400.0, 4.0, 300.0).into_iter();
+        // Numbers are 1/16 apart out there, so everything is larger; but near enough for the eye to matter to
+        // less than that.
+        let corners = cloud(14, 200, 40.0, 2.0, 30.0).into_iter();
         let corners = corners.map(|t| t.map(|v| rotation.transpose() * v + offset)).collect();
         let camera = Camera { rotation, translation: -(rotation * offset), ..camera(size) };
-        let options = SolidOptions { near: 1.0, ..SolidOptions::default() };
+        let options = SolidOptions { near: 0.5, ..SolidOptions::default() };
         let differ = hold("far", &mesh(corners), &camera, &options);
         assert!(differ < 0.005, "{differ}");
     }
@@ -222,12 +223,18 @@ fn net(depth: impl Fn(f32, f32) -> f32) -> Mesh {
 
 #[test]
 fn neighbours_neither_gap_nor_overlap() {
-    // Flat, and a ground that runs from behind the camera to far outside the guard band.
+    // Flat; with corners on centres of samples and between them, so that edges run through many; and a ground
+    // that runs from behind the camera to far outside the guard band.
     let tilt = |_: f32, y: f32| 0.3 - 0.2 * y;
-    let scenes: [(Mesh, Vec2); 2] =
-        [(net(|_, _| 1.5), Vec2::new(50.0, 40.0)), (net(tilt), Vec2::new(40_000.0, 30_000.0))];
+    let mut even = net(|_, _| 1.0);
+    even.positions.iter_mut().for_each(|p| *p = (*p * 8.0).round() / 8.0);
+    let scenes: [(Mesh, Vec2); 3] = [
+        (net(|_, _| 1.5), Vec2::new(50.0, 40.0)),
+        (even, Vec2::new(32.0, 16.0)),
+        (net(tilt), Vec2::new(40_000.0, 30_000.0)),
+    ];
     for (mesh, focal) in scenes {
-        let camera = Camera { focal, ..camera(UVec2::new(96, 64)) };
+        let camera = Camera { focal, center: Vec2::new(43.25, 38.25), ..camera(UVec2::new(96, 64)) };
         let options = SolidOptions { near: 1e-5, samples: 2, ..SolidOptions::default() };
         let mut solid = Solid::new();
         let mut covers = vec![0; 4 * 96 * 64];

@@ -90,6 +90,14 @@ impl Shade<'_, '_> {
     /// The colours of row `y` of the tile's samples.
     #[inline(always)]
     fn light<L: Lanes>(&mut self, y: usize, row: &mut Row) {
+        if self.keys[y * STRIDE..y * STRIDE + TILE_WIDTH].iter().fold(0, |any, key| any | key) == 0 {
+            *row = [
+                [self.background[0]; TILE_WIDTH],
+                [self.background[1]; TILE_WIDTH],
+                [self.background[2]; TILE_WIDTH],
+            ];
+            return;
+        }
         match &self.mesh.colors {
             Colors::Face(colors) => self.flat(y, colors, row),
             Colors::Vertex(colors) => {
@@ -175,7 +183,8 @@ impl Shade<'_, '_> {
             }
             return;
         }
-        let [a, b, c] = self.mesh.face(face as usize).map(|v| v as usize);
+        let vertices = self.mesh.face(face as usize);
+        let (a, b, c) = (vertices[0] as usize, vertices[1] as usize, vertices[2] as usize);
         let [p, q, r] = [self.mesh.positions[a], self.mesh.positions[b], self.mesh.positions[c]];
         let (along, beside, way) = (q - p, r - p, self.eye.way_to(p));
         for axis in 0..3 {
