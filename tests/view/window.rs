@@ -9,7 +9,7 @@ use trisplat::image::Pixels;
 
 const TRISPLAT: &str = env!("CARGO_BIN_EXE_trisplat");
 /// The size of the sample data set's photos, and of the window.
-const PHOTO: &str = "400x300";
+const PHOTO: &str = "200x150";
 
 /// A virtual screen, with a window on it once one is opened.
 struct Desk {
@@ -145,7 +145,7 @@ fn first_picture(folder: &Path) -> Pixels {
 fn a_window_shows_what_the_cpu_draws_and_follows_mouse_and_keys() {
     let Some(mut desk) = Desk::new() else { return };
     desk.run(&["sample", "studio", "--triangles", "4000", "-o", "studio.ply"]);
-    desk.run(&["sample", "dataset", "-o", "photos", "--views", "4", "--width", "400"]);
+    desk.run(&["sample", "dataset", "-o", "photos", "--views", "4", "--width", "200"]);
     desk.run(&[
         "render",
         "studio.ply",
@@ -172,9 +172,7 @@ fn a_window_shows_what_the_cpu_draws_and_follows_mouse_and_keys() {
     assert!(off(&desk.screenshot(1), &cpu) < 0.01);
 
     // A drag turns the view, and a screenshot is what the window shows.
-    desk.xdotool(
-        "mousemove 200 150 mousedown 1 mousemove 230 155 mousemove 260 160 mousemove 300 170 mouseup 1",
-    );
+    desk.xdotool("mousemove 100 75 mousedown 1 mousemove 115 78 mousemove 130 81 mousemove 150 85 mouseup 1");
     wait_for("the drag", || (off(&desk.seen(), &cpu) > 0.3).then_some(()));
     let turned = desk.screenshot(2);
     assert!(off(&turned, &cpu) > 0.3);

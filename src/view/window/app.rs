@@ -97,7 +97,7 @@ impl ApplicationHandler<Message> for App {
         screen.window.request_redraw();
         let context = screen.input.egui_ctx().clone();
         match message {
-            Message::Progress(what) => session.note = Some(what),
+            Message::Progress(what) => session.tell(what),
             Message::Loaded(Ok(loaded)) => session.show(*loaded),
             Message::Loaded(Err(error)) => self.fail(events, error),
             Message::Indexed(Ok(asset)) => {
@@ -113,7 +113,7 @@ impl ApplicationHandler<Message> for App {
                     }
                     Err(error) => {
                         session.choices.photo = PhotoPlace::Off;
-                        session.note = Some(error.to_string());
+                        session.tell(error.to_string());
                     }
                 }
             }
@@ -131,9 +131,9 @@ impl ApplicationHandler<Message> for App {
                 session.picked = picked;
             }
             Message::Subset(Ok(subset)) => session.subset = Some(Arc::new(subset)),
-            Message::Saved(Ok(path)) => session.note = Some(format!("saved {}", path.display())),
+            Message::Saved(Ok(path)) => session.tell(format!("saved {}", path.display())),
             Message::Indexed(Err(error)) | Message::Subset(Err(error)) | Message::Saved(Err(error)) => {
-                session.note = Some(error.to_string());
+                session.tell(error.to_string());
             }
         }
     }

@@ -36,7 +36,10 @@ pub(super) fn draw(ui: &mut Ui, session: &mut Session) {
         cameras(&painter, session, scale);
     }
     picked(&painter, session, scale);
-    if let Some(note) = &session.note {
+    if let Some(left) = session.forget() {
+        ui.ctx().request_repaint_after(left);
+    }
+    if let Some((note, _)) = &session.note {
         let at = Pos2::new(free.center().x, free.max.y - 24.0);
         let text = painter.layout_no_wrap(note.clone(), egui::FontId::proportional(16.0), Color32::WHITE);
         let area = egui::Align2::CENTER_CENTER.anchor_size(at, text.size());
@@ -160,7 +163,7 @@ fn photo(painter: &egui::Painter, session: &Session, pane: Pane, scale: f32) {
 /// Where every photo was taken, as a small pyramid.
 fn cameras(painter: &egui::Painter, session: &Session, scale: f32) {
     let (Some(shown), Some(camera)) = (&session.shown, &session.camera) else { return };
-    let length = 0.04 * (shown.bounds.max - shown.bounds.min).length();
+    let length = 0.025 * (shown.bounds.max - shown.bounds.min).length();
     let painter = painter.with_clip_rect(rect(session.pane, scale));
     for (i, photo) in shown.photos.iter().enumerate() {
         let is_current = session.current == Some(i);

@@ -14,7 +14,10 @@ use crate::view::layout::Bounds;
 use egui::{ColorImage, Context, TextureHandle, TextureOptions};
 use glam::{UVec2, Vec2, Vec3};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
+
+/// How long something told is to be seen.
+const READING: Duration = Duration::from_secs(4);
 
 /// What can be chosen.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -82,8 +85,8 @@ pub(super) struct Session {
     pub(super) controls: Controls,
     pub(super) keys: Keys,
     pub(super) shown: Option<Shown>,
-    /// What the loader is at, or what there is to tell.
-    pub(super) note: Option<String>,
+    /// What the loader is at, or what there is to tell, and since when.
+    pub(super) note: Option<(String, Instant)>,
     /// The photo jumped to.
     pub(super) current: Option<usize>,
     /// The photo that is decoded.
@@ -112,7 +115,7 @@ impl Session {
             controls: Controls::new(&bounds, Vec3::Y),
             keys: Keys::default(),
             shown: None,
-            note: Some("loading".into()),
+            note: Some(("loading".into(), Instant::now())),
             current: None,
             photo: None,
             decoding: None,
@@ -150,6 +153,21 @@ impl Session {
         if self.shown.as_ref().is_some_and(|s| !s.photos.is_empty()) {
             self.jump(0);
         }
+    }
+
+    /// Tells something.
+    pub(super) fn tell(&mut self, what: String) {
+        self.note = Some((what, Instant::now()));
+    }
+
+    /// Forgets what has been told for long enough; returns how long the rest is to be seen.
+    pub(super) fn forget(&mut self) -> Option<Duration> {
+        let (_, since) = self.note.as_ref().filter(|_| self.shown.is_some())?;
+        let left = READING.checked_sub(since.elapsed());
+        if left.is_none() {
+            self.note = None;
+        }
+        left
     }
 
     /// Stands where photo `index` was taken.
