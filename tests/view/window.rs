@@ -1,6 +1,7 @@
 //! A real window on a virtual screen, with a synthetic mouse and keys. Wants Xvfb, xdotool and ImageMagick; without
 //! them tests say so and pass, unless TRISPLAT_REQUIRE_GPU=1.
 
+use glam::{UVec2, Vec3};
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -141,11 +142,33 @@ fn first_picture(folder: &Path) -> Pixels {
     Pixels::load(&names[0]).unwrap()
 }
 
+/// A data set of two grey photos of the sample scene.
+fn write_photos(folder: &Path) {
+    std::fs::create_dir(folder).unwrap();
+    let target = Vec3::new(0.0, -0.35, 0.1);
+    let frame = |(name, eye): (&str, Vec3)| {
+        let size = UVec2::new(200, 150);
+        Pixels { size, rgb: vec![[128; 3]; 30_000], alpha: None }.save_png(&folder.join(name)).unwrap();
+        // Camera to world: right, up and back in columns.
+        let back = (eye - target).normalize();
+        let right = back.cross(Vec3::Y).normalize();
+        let up = back.cross(right);
+        let row = |k: usize| [right[k], up[k], back[k], eye[k]];
+        serde_json::json!({ "file_path": name, "transform_matrix": [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]] })
+    };
+    let eyes = [("a.png", Vec3::new(1.5, -2.5, -5.8)), ("b.png", Vec3::new(-2.0, -2.0, -5.0))];
+    let frames: Vec<_> = eyes.into_iter().map(frame).collect();
+    let set = serde_json::json!({
+        "w": 200, "h": 150, "fl_x": 210.0, "fl_y": 210.0, "cx": 100.0, "cy": 75.0, "frames": frames
+    });
+    std::fs::write(folder.join("transforms.json"), set.to_string()).unwrap();
+}
+
 #[test]
 fn a_window_shows_what_the_cpu_draws_and_follows_mouse_and_keys() {
     let Some(mut desk) = Desk::new() else { return };
     desk.run(&["sample", "studio", "--triangles", "4000", "-o", "studio.ply"]);
-    desk.run(&["sample", "dataset", "-o", "photos", "--views", "4", "--width", "200"]);
+    write_photos(&desk.at("photos"));
     desk.run(&[
         "render",
         "studio.ply",
