@@ -15,7 +15,7 @@ pub(super) const STRIDE: usize = TILE_WIDTH + RIM;
 pub(super) const CENTER: i32 = GRID / 2;
 
 /// What a sample of a tile sees: 1/z above, the complement of the face below, so that of two the larger is the
-/// nearer, and at the same depth the face of the lower index. Zero is nothing.
+/// nearer, and at the same depth the face of the lower index. Zero is nothing, and below zero is below it.
 pub(super) type Key = i64;
 
 /// The samples of a tile and a rim that nobody reads.
@@ -38,7 +38,7 @@ pub(super) fn inverse_depth_of(key: Key) -> f32 {
 
 #[inline(always)]
 pub(super) fn key(w: f32, face: u32) -> Key {
-    (i64::from(w.to_bits()) << 32) | i64::from(!face)
+    (i64::from(w.to_bits().cast_signed()) << 32) | i64::from(!face)
 }
 
 /// Fills the keys of tile `tile`, at `column` and `row`, from all batches.
@@ -67,7 +67,7 @@ impl Work for Tile<'_> {
                 draw_tiny::<L>(self.keys, tiny);
             }
             for place in &bin.big {
-                draw_big(self.keys, &batch.big[*place as usize], corner);
+                draw_big::<L>(self.keys, &batch.big[*place as usize], corner);
             }
         }
     }
