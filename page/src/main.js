@@ -8,6 +8,9 @@ const BACKGROUND = '17181a';
 /** Samples along each axis of a pixel, at rest. */
 const GRID = 4;
 
+/** The help goes away by itself after so long. */
+const HELP_MS = 12_000;
+
 const element = (id) => document.getElementById(id);
 const asked = parse(location.hash);
 const file = new SceneFile((share) => (element('bar').value = share));
@@ -68,7 +71,9 @@ function run(picture, move) {
 
 /** Buttons, and the keys that do the same. */
 function listen({ canvas, picture, move, meshes, fit, start }) {
+  const hide = setTimeout(() => help(false), HELP_MS);
   const help = (on) => {
+    clearTimeout(hide);
     element('help').hidden = !on;
     element('ask').setAttribute('aria-expanded', on);
   };
