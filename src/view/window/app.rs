@@ -102,7 +102,7 @@ impl ApplicationHandler<Message> for App {
             Message::Loaded(Err(error)) => self.fail(events, error),
             Message::Indexed(Ok(asset)) => {
                 if let Some(shown) = &mut session.shown {
-                    shown.asset = Some(Arc::new(asset));
+                    shown.asset = Some(Arc::from(asset));
                 }
             }
             Message::Photo(index, result) => {

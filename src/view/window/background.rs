@@ -24,7 +24,7 @@ pub(super) enum Message {
     /// The scene is there, and in the card's memory.
     Loaded(Result<Box<Loaded>>),
     /// The scene can be picked from.
-    Indexed(Result<Asset>),
+    Indexed(Result<Box<Asset>>),
     /// A photo is decoded.
     Photo(usize, Result<Pixels>),
     /// A soft picture is drawn; the painter comes back.
@@ -75,7 +75,7 @@ pub(super) fn load(
             Ok(mut loaded) => {
                 let asset = std::mem::take(&mut loaded.scene.asset);
                 let _ = tell.send_event(Message::Loaded(Ok(loaded)));
-                Message::Indexed(index(asset))
+                Message::Indexed(index(asset).map(Box::new))
             }
             Err(error) => Message::Loaded(Err(error)),
         }
