@@ -29,7 +29,7 @@ pub struct Plan<'a> {
     pub prune_sigma: f64,
     /// Which refinement of the run this is; it decides whose turn it is in an alternating lottery.
     pub turn: u64,
-    /// Grow by cutting triangles in two, which leaves a solid scene as it is.
+    /// Grow by cutting triangles in two where the picture is wrong, which leaves a solid scene as it is.
     pub bisect: bool,
     /// How solid the scene is.
     pub anneal: Anneal,
@@ -146,7 +146,8 @@ fn lottery(state: &State, alive: &[bool], watch: &Watch, plan: &Plan<'_>) -> Vec
     let rng = Rng::new(plan.seed, "lottery", plan.step);
     let opacity = |i: usize| f64::from(plan.anneal.opacity(state.params.opacity[i]));
     let softness = |i: usize| f64::from(plan.anneal.sigma(state.params.sigma[i]));
-    let weight = |i: usize| match plan.options.lottery {
+    let rule = if plan.bisect { Lottery::Error } else { plan.options.lottery };
+    let weight = |i: usize| match rule {
         Lottery::Alternating if plan.turn % 2 == 1 => opacity(i),
         Lottery::Alternating | Lottery::Sigma => 1.0 / softness(i),
         Lottery::Opacity => opacity(i),
@@ -333,6 +334,22 @@ mod tests {
             assert!(twins.vertices[1].iter().all(|v| normal.dot(*v - parent[0]).abs() < 1e-4));
             let o = Anneal::NONE.opacity(twins.opacity[0]);
             assert!((1.0 - (1.0 - o) * (1.0 - o) - 0.5).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn a_solid_scene_is_cut_in_two_where_it_is_wrong() {
+        let options = RefineOptions::default();
+        let (mut s, mut w) = (state(10), seen(10, 3));
+        let parent = s.params.vertices[3];
+        w.error[3] = 7;
+        let solid = Plan { bisect: true, anneal: Anneal::SOLID, ..plan(&options) };
+        let done = refine(&mut s, &mut w, &solid);
+        assert_eq!((done.split, done.cloned, s.params.len()), (1, 0, 11));
+        let area = |v: &[Vec3; 3]| (v[1] - v[0]).cross(v[2] - v[0]);
+        for half in &s.params.vertices[9..] {
+            // The same plane and sense of rotation, and half of the area.
+            assert!((2.0 * area(half) - area(&parent)).length() < 1e-5 * area(&parent).length().max(1.0));
         }
     }
 
