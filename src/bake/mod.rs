@@ -1,12 +1,13 @@
 //! The bake: a short recipe of stages from a scene to an asset.
 //!
 //! ```text
-//! prune → solid → color → unseen → refit → weld → place → chunk → bvh → order
+//! prune → solid → color → unseen → backdrop → refit → weld → place → chunk → bvh → order
 //! ```
 //!
 //! Each stage is a file; it does its work or says why none was needed, and running it twice changes
 //! nothing the second time.
 
+pub mod backdrop;
 pub mod bvh;
 pub mod chunk;
 pub mod color;
@@ -53,7 +54,7 @@ pub fn bake(
         provenance.home = provenance.home.or_else(|| views.home());
     }
     // Photos tell better which triangles matter most than their size does.
-    let budget = options.prune.max_triangles;
+    let budget = options.backdrop.scene_budget(options.prune.max_triangles);
     let pruning = match &views {
         Some(_) => PruneOptions { max_triangles: None, ..options.prune.clone() },
         None => options.prune.clone(),
@@ -85,6 +86,11 @@ pub fn bake(
     // As soon as there are opaque triangles that hide each other, and before work is done on those hidden.
     let mesh = report.stage(observer, "unseen", mesh, count_mesh, |mesh, details| {
         unseen::unseen(mesh, views.as_deref_mut(), &options.unseen, budget, details)
+    })?;
+
+    // Behind what is left, and before colours are taken from the photos: those of holes are its own.
+    let mesh = report.stage(observer, "backdrop", mesh, count_mesh, |mesh, details| {
+        backdrop::backdrop(mesh, views.as_deref_mut(), &options.backdrop, details)
     })?;
 
     // On what is left: a colour belongs to what a triangle shows when the others are gone.

@@ -1,5 +1,6 @@
 //! Every option of the bake, and the presets.
 
+use super::backdrop::BackdropOptions;
 use super::bvh::BvhOptions;
 use super::chunk::ChunkOptions;
 use super::order::OrderOptions;
@@ -44,6 +45,9 @@ pub struct BakeOptions {
     /// Which triangles the photos need.
     #[command(flatten, next_help_heading = "Unseen, with --dataset: drop what no photo sees")]
     pub unseen: UnseenOptions,
+    /// What stands behind the scene.
+    #[command(flatten, next_help_heading = "Backdrop, with --dataset: close holes")]
+    pub backdrop: BackdropOptions,
     /// How colours are taken from the photos.
     #[command(flatten, next_help_heading = "Refit, with --dataset: colours from the photos")]
     pub refit: RefitOptions,
@@ -76,6 +80,7 @@ impl BakeOptions {
                 prune: PruneOptions::FAST,
                 solid: SolidOptions::DEFAULT,
                 unseen: UnseenOptions::DEFAULT,
+                backdrop: BackdropOptions::DEFAULT,
                 refit: RefitOptions::DEFAULT,
                 weld: WeldOptions::FAST,
                 place: PlaceOptions::DEFAULT,
@@ -89,6 +94,7 @@ impl BakeOptions {
                 prune: PruneOptions::DEFAULT,
                 solid: SolidOptions::DEFAULT,
                 unseen: UnseenOptions::DEFAULT,
+                backdrop: BackdropOptions::DEFAULT,
                 refit: RefitOptions::DEFAULT,
                 weld: WeldOptions::DEFAULT,
                 place: PlaceOptions::DEFAULT,
@@ -102,6 +108,7 @@ impl BakeOptions {
                 prune: PruneOptions::SMALL,
                 solid: SolidOptions::DEFAULT,
                 unseen: UnseenOptions::DEFAULT,
+                backdrop: BackdropOptions::DEFAULT,
                 refit: RefitOptions::DEFAULT,
                 weld: WeldOptions::DEFAULT,
                 place: PlaceOptions::DEFAULT,

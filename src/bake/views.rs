@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::image::Pixels;
 use crate::mesh::Mesh;
 use crate::raster::solid::SolidOptions;
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, Vec3};
 use std::sync::Arc;
 
 /// Near plane as a share of the median distance from the cameras to the middle of the scene, as in training.
@@ -59,6 +59,12 @@ impl Views {
         let near = away.get(away.len() / 2).copied().unwrap_or(1.0) * NEAR;
         let near = if near > 0.0 && near.is_finite() { near } else { NEAR };
         SolidOptions { background: self.background, samples, near }
+    }
+
+    /// The middle of the places the photos were taken from.
+    pub fn middle(&self) -> Vec3 {
+        let sum: DVec3 = self.cameras.iter().map(|c| c.position().as_dvec3()).sum();
+        (sum / self.len().max(1) as f64).as_vec3()
     }
 
     /// Moves the cameras from the world into a file that was placed somewhere else in it.

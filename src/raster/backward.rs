@@ -8,7 +8,7 @@ use crate::raster::forward::{self, Plot, TileGeometry, TilePixels};
 use crate::raster::hits::Hits;
 use crate::raster::project::Splats;
 use crate::raster::shade::{self, DepthMap, Limits, Shade, Wide, WideSheet};
-use crate::raster::soft::{FrameGrad, Soft, SoftOptions, Sort};
+use crate::raster::soft::{FrameGrad, Soft, SoftOptions, Sort, Window};
 use crate::raster::tiles::{BLOCKS, Entry};
 use glam::UVec2;
 use rayon::prelude::*;
@@ -382,12 +382,17 @@ impl<'a, L: Lanes> Layer<'a, L> {
         let backdrop = L::load(&state.backdrop[b]);
         let d_alpha = composite::blend_grad(before, s.alpha, value, behind, last, backdrop);
         let d_log = (d_alpha * s.raw).only(s.drawn.and(s.raw.le(self.limits.cap)));
-        let (d_sigma, d_ratio, edges) = if self.limits.coverage {
-            (L::splat(0.0), d_log / s.ratio, window::coverage_edges(&s.ratios))
-        } else {
-            let (d_sigma, d_ratio) =
-                window::alpha_grad(s.ratio, s.log2_ratio, self.wide.sigma, self.ratio_least, d_log);
-            (d_sigma, d_ratio, window::nearest(&s.ratios))
+        let (sigma, least) = (self.wide.sigma, self.ratio_least);
+        let (d_sigma, d_ratio, edges) = match self.limits.window {
+            Window::Soft => {
+                let (d_sigma, d_ratio) = window::alpha_grad(s.ratio, s.log2_ratio, sigma, least, d_log);
+                (d_sigma, d_ratio, window::nearest(&s.ratios))
+            }
+            Window::Coverage { .. } => (L::splat(0.0), d_log / s.ratio, window::coverage_edges(&s.ratios)),
+            Window::Sigmoid => {
+                let (d_sigma, d_ratio) = window::sigmoid_grad(s.ratio, sigma, d_log);
+                (d_sigma, d_ratio, window::nearest(&s.ratios))
+            }
         };
         let out = &mut sums.base;
         for c in 0..3 {

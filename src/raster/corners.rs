@@ -96,6 +96,7 @@ fn grads<L: Lanes>(
     let (scale, by_inradius, exact) = match options.window {
         Window::Soft => (L::splat(1.0), by_fade, exact),
         Window::Coverage { width_px } => (splat.inradius / L::splat(width_px), L::splat(0.0), L::splat(0.0)),
+        Window::Sigmoid => (splat.inradius, L::splat(0.0), L::splat(0.0)),
     };
     let first = RATIO - OPACITY;
     let ratio = |i: usize| L::load(&base[first + 3 * i]) * scale;

@@ -64,7 +64,7 @@ pub(super) struct Hits {
     order: Vec<u32>,
     corner: [f32; 2],
     cap: f32,
-    coverage: bool,
+    window: Window,
 }
 
 impl Hits {
@@ -89,7 +89,7 @@ impl Hits {
         self.hits.clear();
         self.corner = shade::block_corner(corner, b);
         self.cap = options.alpha_cap;
-        self.coverage = options.window != Window::Soft;
+        self.window = options.window;
         let limits = self.limits();
         let mut wall = Wall::<L>::new(options.min_transmittance);
         for (entry, e) in entries.iter().enumerate().filter(|(_, e)| e.blocks >> b & 1 == 1) {
@@ -126,7 +126,7 @@ impl Hits {
     #[inline(always)]
     fn limits<L: Lanes>(&self) -> Limits<L> {
         let (cap, min_transmittance) = (L::splat(self.cap), L::splat(0.0));
-        Limits { cap, min_transmittance, coverage: self.coverage }
+        Limits { cap, min_transmittance, window: self.window }
     }
 
     /// Blends every pixel in its own order: sets what is in front of and behind every layer, and leaves out the

@@ -257,10 +257,11 @@ fn shape(
     if !(splat.inradius > 0.0 && is_finite(&splat)) {
         return None;
     }
-    let (opacity, scale) = match options.window {
-        Window::Soft => (opacity * splat::fade(splat.inradius, options.fade_px), 1.0),
-        Window::Coverage { width_px } => (opacity, splat.inradius / width_px),
+    let opacity = match options.window {
+        Window::Soft => opacity * splat::fade(splat.inradius, options.fade_px),
+        Window::Coverage { .. } | Window::Sigmoid => opacity,
     };
+    let scale = options.window.scale(splat.inradius);
     if !(opacity > options.cutoff) {
         return None;
     }
@@ -271,10 +272,15 @@ fn shape(
             (floor, bounds(&splat, floor))
         }
         Window::Coverage { width_px } => (options.cutoff / opacity, bounds(&splat, 0.0).grown(width_px)),
+        Window::Sigmoid => {
+            let floor = window::sigmoid_floor(log2_opacity, sigma, options.cutoff.log2());
+            (floor, bounds(&splat, floor / splat.inradius))
+        }
     };
+    let most = if options.window == Window::Sigmoid { splat.inradius } else { 1.0 };
     // A NaN passes no comparison; pixel centres lie in [0.5, size - 0.5].
     let outside = |i: usize| !(bounds.hi[i] > 0.0 && bounds.lo[i] < view.size[i]);
-    if !(floor < 1.0) || outside(0) || outside(1) {
+    if !(floor < most) || outside(0) || outside(1) {
         return None;
     }
     let wants_sheet = options.geometry || options.sort == Sort::Pixel;

@@ -25,8 +25,8 @@ pub(super) struct Wide<L> {
 pub(super) struct Limits<L> {
     pub(super) cap: L,
     pub(super) min_transmittance: L,
-    /// Whether alpha is the part of the pixel that is covered.
-    pub(super) coverage: bool,
+    /// How triangles end at their edges.
+    pub(super) window: Window,
 }
 
 impl<L: Lanes> Limits<L> {
@@ -35,7 +35,7 @@ impl<L: Lanes> Limits<L> {
         Self {
             cap: L::splat(options.alpha_cap),
             min_transmittance: L::splat(options.min_transmittance),
-            coverage: options.window != Window::Soft,
+            window: options.window,
         }
     }
 }
@@ -43,7 +43,10 @@ impl<L: Lanes> Limits<L> {
 impl<L: Lanes> Limits<L> {
     #[inline(always)]
     fn ratio(&self, ratios: &[L; 3]) -> L {
-        if self.coverage { window::coverage(ratios) } else { window::ratio(ratios) }
+        match self.window {
+            Window::Coverage { .. } => window::coverage(ratios),
+            Window::Soft | Window::Sigmoid => window::ratio(ratios),
+        }
     }
 }
 
@@ -53,7 +56,7 @@ pub(super) struct Shade<L: Lanes> {
     /// p - origin, px.
     pub(super) to: V2<L>,
     pub(super) ratios: [L; 3],
-    /// The ratio, or the coverage.
+    /// The ratio, the coverage, or the distance from the nearest edge in px.
     pub(super) ratio: L,
     pub(super) log2_ratio: L,
     /// Alpha before the cap; anything where not drawn.
@@ -110,11 +113,13 @@ impl<L: Lanes> Wide<L> {
 
     #[inline(always)]
     fn finish(&self, to: V2<L>, ratios: [L; 3], ratio: L, drawn: L::Mask, limits: &Limits<L>) -> Shade<L> {
-        let (log2_ratio, raw) = if limits.coverage {
-            (L::splat(0.0), self.log2_opacity.exp2() * ratio)
-        } else {
-            let log2_ratio = ratio.log2();
-            (log2_ratio, window::alpha(log2_ratio, self.log2_opacity, self.sigma))
+        let (log2_ratio, raw) = match limits.window {
+            Window::Soft => {
+                let log2_ratio = ratio.log2();
+                (log2_ratio, window::alpha(log2_ratio, self.log2_opacity, self.sigma))
+            }
+            Window::Coverage { .. } => (L::splat(0.0), self.log2_opacity.exp2() * ratio),
+            Window::Sigmoid => (L::splat(0.0), self.log2_opacity.exp2() * window::sigmoid(ratio, self.sigma)),
         };
         let alpha = raw.min(limits.cap).only(drawn);
         Shade { to, ratios, ratio, log2_ratio, raw, alpha, drawn }

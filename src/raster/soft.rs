@@ -81,6 +81,21 @@ pub enum Window {
         /// Width of the ramp across an edge, px; 1 is a pixel's own filter.
         width_px: f32,
     },
+    /// A sigmoid of the distance from the edges in units of σ px, not bounded by them; the window of earlier work
+    /// that the paper's ablation compares with. The fade does not matter.
+    Sigmoid,
+}
+
+impl Window {
+    /// What distances from edges are measured in: how many of it an inradius of so many px is.
+    #[inline(always)]
+    pub(super) fn scale(self, inradius: f32) -> f32 {
+        match self {
+            Window::Soft => 1.0,
+            Window::Coverage { width_px } => inradius / width_px,
+            Window::Sigmoid => inradius,
+        }
+    }
 }
 
 /// How to draw.

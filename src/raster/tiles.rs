@@ -86,7 +86,7 @@ impl Tiles {
         self.ranges.resize_with(splats.len().div_ceil(RANGE), Range::default);
         let (count, size) = (self.count, size.as_vec2().to_array());
         // Where something is drawn, every edge alone is at least this far from the floor.
-        let slack = if window == Window::Soft { 0.0 } else { 0.5 };
+        let slack = if matches!(window, Window::Coverage { .. }) { 0.5 } else { 0.0 };
         self.ranges.par_iter_mut().enumerate().for_each(|(r, range)| {
             range.pairs.clear();
             range.ends.clear();

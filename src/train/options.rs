@@ -6,7 +6,7 @@
 //! Where the default is not the number in brackets, `docs/benchmarks/training.md` has the runs that chose it.
 
 use crate::error::{Error, Result};
-use crate::raster::soft::{SoftOptions, Sort};
+use crate::raster::soft::{SoftOptions, Sort, Window};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -83,6 +83,9 @@ pub struct DrawOptions {
     pub sort_per_pixel: bool,
     /// Pass gradients through the incenter's distance φ(s); TS holds it constant.
     pub exact_incenter: bool,
+    /// Soft triangles end in a sigmoid of the distance from their edges, as in earlier work; for the ablation of
+    /// the paper's window, which is bounded by the edges.
+    pub sigmoid_window: bool,
     /// Depth at which triangles are cut, scene units (TS 0.2, in COLMAP's arbitrary units).
     pub near: f64,
     /// Inradius from which a triangle has its full opacity, px; smaller ones fade (TS drops those below 1).
@@ -291,6 +294,7 @@ impl TrainOptions {
     /// How the rasteriser draws the scene over `background`.
     pub fn drawing(&self, background: [f32; 3]) -> SoftOptions {
         SoftOptions {
+            window: if self.draw.sigmoid_window { Window::Sigmoid } else { Window::Soft },
             background,
             sort: if self.draw.sort_per_pixel { Sort::Pixel } else { Sort::Tile },
             exact_incenter: self.draw.exact_incenter,

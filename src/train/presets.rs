@@ -23,7 +23,13 @@ const OUTDOOR: TrainOptions = TrainOptions {
     max_triangles: 60_000,
     sh_degree: 3,
     seed: 0,
-    draw: DrawOptions { sort_per_pixel: false, exact_incenter: true, near: 0.01, fade_px: 0.5 },
+    draw: DrawOptions {
+        sort_per_pixel: false,
+        exact_incenter: true,
+        sigmoid_window: false,
+        near: 0.01,
+        fade_px: 0.5,
+    },
     init: InitOptions {
         size: 2.2,
         sigma: 1.16,
@@ -97,7 +103,13 @@ const INDOOR: TrainOptions = TrainOptions {
     max_triangles: 60_000,
     sh_degree: 3,
     seed: 0,
-    draw: DrawOptions { sort_per_pixel: false, exact_incenter: true, near: 0.01, fade_px: 0.5 },
+    draw: DrawOptions {
+        sort_per_pixel: false,
+        exact_incenter: true,
+        sigmoid_window: false,
+        near: 0.01,
+        fade_px: 0.5,
+    },
     init: InitOptions {
         size: 2.2,
         sigma: 1.16,
@@ -171,7 +183,13 @@ const SOLID: TrainOptions = TrainOptions {
     max_triangles: 60_000,
     sh_degree: 0,
     seed: 0,
-    draw: DrawOptions { sort_per_pixel: false, exact_incenter: true, near: 0.01, fade_px: 0.5 },
+    draw: DrawOptions {
+        sort_per_pixel: false,
+        exact_incenter: true,
+        sigmoid_window: false,
+        near: 0.01,
+        fade_px: 0.5,
+    },
     init: InitOptions {
         size: 2.2,
         sigma: 1.16,
@@ -247,7 +265,13 @@ const PAPER_ENGINE: TrainOptions = TrainOptions {
     max_triangles: 60_000,
     sh_degree: 0,
     seed: 0,
-    draw: DrawOptions { sort_per_pixel: false, exact_incenter: true, near: 0.01, fade_px: 0.5 },
+    draw: DrawOptions {
+        sort_per_pixel: false,
+        exact_incenter: true,
+        sigmoid_window: false,
+        near: 0.01,
+        fade_px: 0.5,
+    },
     init: InitOptions {
         size: 2.2,
         sigma: 1.16,

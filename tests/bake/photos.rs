@@ -7,6 +7,7 @@ use std::path::Path;
 use tempfile::TempDir;
 use trisplat::asset::{Placement, UpAxis};
 use trisplat::bake::Details;
+use trisplat::bake::backdrop::{BackdropOptions, backdrop};
 use trisplat::bake::refit::{RefitColors, RefitOptions, refit};
 use trisplat::bake::unseen::{UnseenOptions, unseen};
 use trisplat::bake::views::Views;
@@ -179,12 +180,7 @@ fn a_placed_scene_meets_the_same_photos() {
 fn hidden_triangles_go_and_nothing_is_seen_of_it() {
     let mut mesh = scene();
     let core = mesh.face_count();
-    // A closed box around a second scene: six sides, two triangles each, and what is inside.
-    let corner = |i: usize| Vec3::from([i & 1, i >> 1 & 1, i >> 2 & 1].map(|b| b as f32 * 2.7 - 1.35));
-    let sides = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
-    for [a, b, c, d] in sides {
-        mesh.positions.extend([a, b, c, a, c, d].map(corner));
-    }
+    mesh.positions.extend(room(1.35));
     mesh.colors = Colors::Face((0..mesh.face_count()).map(|f| [f as f32 / 200.0; 3]).collect());
     let (_folder, dataset) = photograph(&mesh, |_, photo| photo);
     let (mut left, mut details) = (mesh.clone(), Details::new());
@@ -202,6 +198,34 @@ fn hidden_triangles_go_and_nothing_is_seen_of_it() {
     ));
     unseen(&mut all, Some(&mut views(&dataset)), &keep, Some(20), &mut Details::new()).unwrap();
     assert_eq!(all.face_count(), 20);
+}
+
+/// A closed box around the origin, two triangles a side.
+fn room(half: f32) -> Vec<Vec3> {
+    let corner =
+        |i: usize| Vec3::from([i & 1, i >> 1 & 1, i >> 2 & 1].map(|b| half * (2.0 * b as f32 - 1.0)));
+    let sides = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
+    sides.iter().flat_map(|[a, b, c, d]| [a, b, c, a, c, d].map(|i| corner(*i))).collect()
+}
+
+#[test]
+fn holes_are_closed_with_what_photos_show_through_them() {
+    let mesh = grey(&scene());
+    let mut truth = mesh.clone();
+    truth.positions.extend(room(20.0));
+    let side = |f: usize| [0.1, 0.2 + f as f32 * 0.04, 0.6];
+    truth.colors = Colors::Face((0..100).map(|_| [0.2; 3]).chain((0..12).map(side)).collect());
+    let (_folder, dataset) = photograph(&truth, |_, photo| photo);
+    let (mut closed, mut details) = (mesh.clone(), Details::new());
+    let mut views = views(&dataset);
+    backdrop(&mut closed, Some(&mut views), &BackdropOptions::DEFAULT, &mut details).unwrap();
+    assert!(details["holes"].as_f64().unwrap() > 0.3, "{details:?}");
+    assert_eq!(closed.face_count(), 100 + 128);
+    refit(&mut closed, Some(&mut views), &RefitOptions::DEFAULT, &mut details).unwrap();
+    let (open, shut) = (difference(&mesh, &truth), difference(&closed, &truth));
+    assert!(shut < 0.15 * open, "{open} codes with holes, {shut} without: {details:?}");
+    let again = backdrop(&mut closed, Some(&mut views), &BackdropOptions::DEFAULT, &mut details).unwrap();
+    assert_eq!(again, Outcome::Unneeded("triangles cover the photos"));
 }
 
 #[test]

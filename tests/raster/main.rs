@@ -76,9 +76,10 @@ fn rules(o: &SoftOptions) -> Rules {
         fade_px: f64::from(o.fade_px),
         depth_range: o.depth_range.map(f64::from),
         coverage: match o.window {
-            Window::Soft => None,
+            Window::Soft | Window::Sigmoid => None,
             Window::Coverage { width_px } => Some(f64::from(width_px)),
         },
+        sigmoid: o.window == Window::Sigmoid,
         linear: o.linear,
     }
 }
@@ -330,6 +331,19 @@ fn covered_frames_and_gradients_equal_the_oracle() {
         soup.opacity.iter_mut().for_each(|o| *o = o.min(0.97));
         soup.sh.as_flattened_mut().iter_mut().for_each(|c| *c *= 0.5);
         let worst = compare_grads(&soup, &camera([33, 21]), &SoftOptions { alpha_cap: 0.98, ..o }, seed);
+        eprintln!("seed {seed}: largest relative error {worst:.1e}");
+    }
+}
+
+#[test]
+fn frames_and_gradients_with_a_sigmoid_window_equal_the_oracle() {
+    for seed in [51, 52, 53] {
+        let soup = random_soup(seed, 20, (seed % 4) as u8);
+        let o = SoftOptions { window: Window::Sigmoid, geometry: false, importance: false, ..options() };
+        let (worst, left_out) = compare(&soup, &camera([37, 29]), &o, 5e-4);
+        eprintln!("seed {seed}: largest error {worst:.1e}, {:.1}% near a jump", left_out * 100.0);
+        assert!(left_out < 0.3);
+        let worst = compare_grads(&soup, &camera([33, 21]), &o, seed);
         eprintln!("seed {seed}: largest relative error {worst:.1e}");
     }
 }

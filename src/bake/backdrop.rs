@@ -1,0 +1,199 @@
+//! Closes the holes through which photos show what no triangle covers: a far sphere behind everything, whose
+//! colours the next stage takes from the photos.
+//!
+//! A soft scene hides its holes under haze; a solid one shows the background of the engine through them.
+
+use super::Details;
+use super::views::Views;
+use crate::error::Result;
+use crate::math::color::linear_from_srgb;
+use crate::mesh::{Colors, Mesh};
+use crate::raster::solid::{NO_FACE, Solid};
+use crate::report::Outcome;
+use glam::Vec3;
+
+/// Photos that are searched for holes.
+const VIEWS: usize = 16;
+/// Holes below this share of the photos are left alone.
+const LEAST_HOLES: f64 = 0.001;
+/// Radius of the sphere in distances of the farthest corner.
+const BEHIND: f32 = 1.1;
+/// Most halvings of the octahedron's edges: 8 · 4⁴ triangles.
+const MOST_LEVELS: u32 = 4;
+/// The sphere has at most one triangle for so many of the scene, and at least 8 · 4².
+const SCENE_PER_BACKDROP: usize = 20;
+
+/// Whether holes are closed.
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    clap::ValueEnum,
+    serde::Serialize,
+    serde::Deserialize,
+    schemars::JsonSchema,
+)]
+#[serde(rename_all = "lowercase")]
+pub enum BackdropWhen {
+    /// When photos show something where no triangle is
+    Auto,
+    /// Never
+    Off,
+}
+
+/// What stands behind the scene.
+#[derive(Debug, Clone, PartialEq, clap::Args, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct BackdropOptions {
+    /// When a far sphere is put behind the scene, with the photos' colours where they see it
+    #[arg(long, value_enum, default_value_t = BackdropOptions::DEFAULT.backdrop, value_name = "WHEN")]
+    pub backdrop: BackdropWhen,
+}
+
+impl BackdropOptions {
+    /// Looks whether there are holes.
+    pub const DEFAULT: Self = Self { backdrop: BackdropWhen::Auto };
+
+    /// What is left of a budget of triangles for the scene itself.
+    pub fn scene_budget(&self, budget: Option<u64>) -> Option<u64> {
+        match self.backdrop {
+            BackdropWhen::Auto => budget.map(|most| most - backdrop_triangles(most as usize).min(most / 2)),
+            BackdropWhen::Off => budget,
+        }
+    }
+}
+
+impl Default for BackdropOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// Puts a sphere behind `mesh` when `views` see holes in it.
+///
+/// Errors: a photo that cannot be decoded.
+pub fn backdrop(
+    mesh: &mut Mesh,
+    views: Option<&mut Views>,
+    options: &BackdropOptions,
+    details: &mut Details,
+) -> Result<Outcome<()>> {
+    let Some(views) = views.filter(|v| !v.is_empty()) else {
+        return Ok(Outcome::Unneeded("no photos were given"));
+    };
+    if options.backdrop == BackdropWhen::Off {
+        return Ok(Outcome::Unneeded("--backdrop off"));
+    }
+    if !mesh.indices.is_empty() {
+        return Ok(Outcome::Unneeded("a mesh with shared vertices is left as it is"));
+    }
+    let holes = look(mesh, views)?;
+    details.insert("holes".into(), holes.share.into());
+    if holes.share < LEAST_HOLES {
+        return Ok(Outcome::Unneeded("triangles cover the photos"));
+    }
+    let center = views.middle();
+    let far = mesh.positions.iter().map(|v| v.distance_squared(center)).fold(0.0, f32::max).sqrt();
+    let sphere = sphere(levels(mesh.face_count()));
+    let count = sphere.len();
+    mesh.positions.extend(sphere.into_iter().flatten().map(|v| center + v * far * BEHIND));
+    match &mut mesh.colors {
+        Colors::Face(colors) => colors.resize(colors.len() + count, holes.color),
+        Colors::Vertex(colors) => colors.resize(colors.len() + 3 * count, holes.color),
+    }
+    if !mesh.opacity.is_empty() {
+        mesh.opacity.resize(mesh.opacity.len() + count, 1.0);
+    }
+    Ok(Outcome::Changed(()))
+}
+
+/// What photos show where no triangle is.
+struct Holes {
+    /// Share of the photos' pixels.
+    share: f64,
+    /// Mean colour, linear.
+    color: [f32; 3],
+}
+
+fn look(mesh: &Mesh, views: &mut Views) -> Result<Holes> {
+    let drawing = views.drawing(mesh, 1);
+    let mut solid = Solid::new();
+    let (mut open, mut all, mut color) = (0.0, 0.0, [0.0f64; 3]);
+    let chosen = views.spread(VIEWS);
+    views.expect(&chosen);
+    for view in chosen {
+        let photo = views.photo(view)?;
+        let seen = solid.visibility(mesh, views.camera(view), &drawing);
+        for (pixel, face) in seen.face.iter().enumerate() {
+            let weight = photo.alpha.as_ref().map_or(1.0, |a| f64::from(a[pixel]) / 255.0);
+            all += weight;
+            if *face == NO_FACE {
+                open += weight;
+                for (sum, code) in color.iter_mut().zip(photo.rgb[pixel]) {
+                    *sum += weight * f64::from(linear_from_srgb(f32::from(code) / 255.0));
+                }
+            }
+        }
+    }
+    let mean = color.map(|sum| (sum / f64::max(open, 1e-9)) as f32);
+    Ok(Holes { share: open / f64::max(all, 1e-9), color: mean })
+}
+
+/// Halvings for a scene of so many triangles.
+fn levels(faces: usize) -> u32 {
+    (3..=MOST_LEVELS).rev().find(|l| (8 << (2 * l)) * SCENE_PER_BACKDROP <= faces).unwrap_or(2)
+}
+
+/// Triangles of the sphere behind a scene of so many.
+fn backdrop_triangles(faces: usize) -> u64 {
+    8 << (2 * levels(faces))
+}
+
+/// Triangles of an octahedron, each cut into four so many times, moved out to the unit sphere. `[8 · 4^levels]`
+fn sphere(levels: u32) -> Vec<[Vec3; 3]> {
+    let mut faces: Vec<[Vec3; 3]> = (0..8)
+        .map(|octant| {
+            let side = |bit: u32, axis: Vec3| if octant >> bit & 1 == 0 { axis } else { -axis };
+            [side(0, Vec3::X), side(1, Vec3::Y), side(2, Vec3::Z)]
+        })
+        .collect();
+    for _ in 0..levels {
+        faces = faces
+            .into_iter()
+            .flat_map(|[a, b, c]| {
+                let middle = |p: Vec3, q: Vec3| (p + q).normalize();
+                let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
+                [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+            })
+            .collect();
+    }
+    faces
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_sphere_is_closed_and_of_the_promised_size() {
+        for levels in 0..4 {
+            let faces = sphere(levels);
+            assert_eq!(faces.len(), 8 << (2 * levels));
+            // Solid angles of a closed sphere seen from its middle add up to 4π; flat faces approach it by area.
+            let area: f32 = faces.iter().map(|[a, b, c]| (*b - *a).cross(*c - *a).length() / 2.0).sum();
+            let exact = 4.0 * std::f32::consts::PI;
+            assert!(area < exact && (levels < 3 || area > 0.98 * exact), "{levels}: {area}");
+            assert!(faces.iter().flatten().all(|v| (v.length() - 1.0).abs() < 1e-5));
+        }
+    }
+
+    #[test]
+    fn a_budget_is_never_exceeded() {
+        for most in [1, 5, 300, 5000, 100_000, 2_000_000] {
+            let scene = BackdropOptions::DEFAULT.scene_budget(Some(most)).unwrap_or(0);
+            assert!(scene + backdrop_triangles(scene as usize) <= most || most < 512, "{most}: {scene}");
+        }
+    }
+}
