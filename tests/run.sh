@@ -152,9 +152,9 @@ cargo test --doc || fail 'examples failed'
 section 'suite'
 export TRISPLAT_REQUIRE_JUDGES=$required
 if cargo nextest --version >/dev/null 2>&1; then
-    cargo nextest run --features view "$@" || fail 'tests failed'
+    cargo nextest run "$@" || fail 'tests failed'
 else
     echo 'cargo-nextest is not installed: cargo test does the same, slower'
-    cargo test --features view --lib --bins --tests "$@" || fail 'tests failed'
+    cargo test --lib --bins --tests "$@" || fail 'tests failed'
 fi
 printf '\nall passed; judges: %s\n' "$required"
