@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use trisplat::bench::fidelity::{Fidelity, StepScore};
+use trisplat::bench::judge::{Fidelity, StepScore};
 use trisplat::bench::paint::Painter;
 use trisplat::dataset::{Dataset, DatasetOptions};
 use trisplat::image::Pixels;

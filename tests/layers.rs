@@ -20,7 +20,7 @@ const MAY: &[(&str, &str)] = &[
     ("dataset", "camera image rng error math"),
     ("formats", "soup mesh scene bvh asset camera report error math"),
     ("raster", "kernel gpu soup mesh camera image math error"),
-    ("train", "raster kernel gpu dataset formats soup camera image rng report error math asset"),
+    ("train", "raster kernel gpu dataset formats soup mesh camera image rng report error math asset"),
     ("bake", "raster dataset formats soup mesh scene bvh asset camera image rng report error math"),
     ("view", "asset rng mesh soup scene raster camera image gpu error math"),
     (

@@ -304,6 +304,5 @@ fn solid_ends_opaque_and_of_one_colour() {
     }
     // As an engine draws them, 4 x 4 samples a pixel.
     let (solid, paper) = (psnr(&solid), psnr(&paper));
-    eprintln!("solid {solid:.2} dB, the paper's engine mode {paper:.2} dB");
     assert!(solid > 14.0 && solid > paper + 1.0, "{solid:.2} dB, {paper:.2} dB");
 }

@@ -16,8 +16,8 @@ use glam::Vec3;
 const VIEWS: usize = 16;
 /// Holes below this share of the photos are left alone.
 const LEAST_HOLES: f64 = 0.001;
-/// Radius of the sphere in distances of the farthest corner.
-const BEHIND: f32 = 1.1;
+/// Radius of the sphere in distances of the farthest corner or camera.
+const BEHIND: f32 = 1.2;
 /// Most halvings of the octahedron's edges: 8 · 4⁴ triangles.
 const MOST_LEVELS: u32 = 4;
 /// The sphere has at most one triangle for so many of the scene, and at least 8 · 4².
@@ -96,9 +96,10 @@ pub fn backdrop(
     }
     let center = views.middle();
     let far = mesh.positions.iter().map(|v| v.distance_squared(center)).fold(0.0, f32::max).sqrt();
+    let radius = far.max(views.reach()) * BEHIND;
     let sphere = sphere(levels(mesh.face_count()));
     let count = sphere.len();
-    mesh.positions.extend(sphere.into_iter().flatten().map(|v| center + v * far * BEHIND));
+    mesh.positions.extend(sphere.into_iter().flatten().map(|v| center + v * radius));
     match &mut mesh.colors {
         Colors::Face(colors) => colors.resize(colors.len() + count, holes.color),
         Colors::Vertex(colors) => colors.resize(colors.len() + 3 * count, holes.color),

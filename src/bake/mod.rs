@@ -95,7 +95,7 @@ pub fn bake(
 
     // On what is left: a colour belongs to what a triangle shows when the others are gone.
     let mesh = report.stage(observer, "refit", mesh, count_mesh, |mesh, details| {
-        refit::refit(mesh, views.as_deref_mut(), &options.refit, details)
+        refit::refit(mesh, views, &options.refit, details)
     })?;
 
     // Before placing, while equal corners are still equal to the bit.

@@ -217,13 +217,13 @@ fn outliers(views: &[usize], means: &[[f32; 3]]) -> Vec<usize> {
         values.sort_unstable_by(f32::total_cmp);
         values.get(values.len() / 2).copied().unwrap_or(0.0)
     };
-    let mut odd = vec![false; means.len()];
-    for c in 0..3 {
-        let middle = median(views.iter().map(|&v| means[v][c]).collect());
-        let spread = median(views.iter().map(|&v| (means[v][c] - middle).abs()).collect());
-        for &v in views {
-            odd[v] |= (means[v][c] - middle).abs() > OUTLIER.max(OUTLIER_SPREADS * spread);
-        }
-    }
-    views.iter().copied().filter(|&v| odd[v]).collect()
+    let limits = [0, 1, 2].map(|channel: usize| {
+        let of = |&v: &usize| means[v][channel];
+        let middle = median(views.iter().map(of).collect());
+        let spread = median(views.iter().map(|v| (of(v) - middle).abs()).collect());
+        (middle, OUTLIER.max(OUTLIER_SPREADS * spread))
+    });
+    let is_odd =
+        |v: &usize| means[*v].iter().zip(limits).any(|(e, (middle, most))| (e - middle).abs() > most);
+    views.iter().copied().filter(is_odd).collect()
 }

@@ -67,6 +67,12 @@ impl Views {
         (sum / self.len().max(1) as f64).as_vec3()
     }
 
+    /// How far from [`Views::middle`] photos were taken at most.
+    pub fn reach(&self) -> f32 {
+        let middle = self.middle();
+        self.cameras.iter().map(|c| c.position().distance(middle)).fold(0.0, f32::max)
+    }
+
     /// Moves the cameras from the world into a file that was placed somewhere else in it.
     pub fn enter(&mut self, placement: &Placement) {
         // file = U s (world - center), hence R world + t = (R Uᵀ file) / s + R (center - origin) + t; the

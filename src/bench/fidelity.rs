@@ -1,167 +1,227 @@
-//! How close a scene comes to the photos: draws every view and measures PSNR, SSIM and FLIP.
+//! `trisplat bench fidelity`: what each step from a soup to a file costs, judged on held-out photos.
+//!
+//! Every case is baked, written, *read back from the file* and drawn by the solid rasteriser with one, four
+//! and sixteen samples a pixel. Two curves come with it: the error against the number of triangles and
+//! against the size of the file.
 
-use super::steps::Step;
-use crate::dataset::{Photos, View};
-use crate::error::Result;
-use crate::image::Pixels;
-use crate::math::metric;
-use crate::report::generator;
+use super::judge::{self, StepScore};
+use super::machine::{Machine, append_csv};
+use super::paint::Painter;
+use super::steps::{SMALLEST, Step, no_soup, reread};
+use crate::asset::Asset;
+use crate::bake::bake;
+use crate::bake::options::{BakeOptions, Preset};
+use crate::bake::refit::RefitColors;
+use crate::bake::views::Views;
+use crate::dataset::{Dataset, DatasetOptions, View};
+use crate::error::{Error, Result};
+use crate::formats::output::OutputOptions;
+use crate::formats::{self, ReadOptions};
+use crate::report::Report;
+use crate::scene::{Loaded, Scene};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// What `trisplat eval --report` writes.
+/// What to measure.
+#[derive(Debug, Clone, clap::Args)]
+pub struct FidelityBenchArgs {
+    /// Trained soup: .ply .pt.
+    #[arg(value_name = "SOUP")]
+    pub soup: PathBuf,
+    /// The posed photos it was trained on.
+    #[arg(value_name = "DATASET")]
+    pub dataset: PathBuf,
+    /// Soup that was trained to stay soft on the same budget: what SOUP is held against, instead of itself.
+    #[arg(long, value_name = "SOUP")]
+    pub soft: Option<PathBuf>,
+    /// Print rows as JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Append rows to this CSV file.
+    #[arg(long, value_name = "FILE")]
+    pub csv: Option<PathBuf>,
+    /// Draw PSNR against triangles, bytes and seconds as SVG.
+    #[arg(long, value_name = "FILE")]
+    pub plot: Option<PathBuf>,
+    /// How the data set is read.
+    #[command(flatten)]
+    pub dataset_options: DatasetOptions,
+}
+
+/// One case at one sampling.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[schemars(title = "trisplat eval report")]
-pub struct Fidelity {
-    /// Program and version.
-    pub generator: String,
-    /// The soup or mesh, as given.
-    pub file: String,
+pub struct FidelityRow {
+    /// The soup, as given.
+    pub soup: String,
     /// The data set, as given.
     pub dataset: String,
-    /// Which photos: "test", "train" or "all".
-    pub split: String,
-    /// Samples a pixel along each axis of solid drawings.
+    /// What was judged: "soft", "plain", "unseen", "refit", "small", "fast", "half".
+    pub case: String,
+    /// Samples a pixel along each axis.
     pub ssaa: u32,
-    /// The scene at each step of its way into a file, in order. Of a mesh one: "solid".
-    pub steps: Vec<StepScore>,
-    /// What the user should know, one sentence each.
-    pub warnings: Vec<String>,
-}
-
-/// How close a scene comes at one step of its way.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct StepScore {
-    /// "soft": the soup as trained. "solid": what an engine draws of it, or of the mesh given. "file": the same
-    /// written quantised and compressed, and read back.
-    pub name: String,
-    /// Number of triangles.
+    /// Triangles of the file.
     pub triangles: u64,
-    /// Size of the file, where one was written.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub bytes: Option<u64>,
-    /// Means over the photos, each photo counting once.
-    pub mean: Score,
-    /// The mean less that of the step before: what this step cost.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub change: Option<Score>,
-    /// Photo by photo, in order of name.
-    pub images: Vec<ImageScore>,
-    /// Seconds spent drawing.
-    pub draw_secs: f64,
-}
-
-/// How close a picture comes to a photo, both in 8 bits.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Score {
-    /// Peak signal-to-noise ratio, dB.
+    /// Size of the file; of the soup for "soft".
+    pub bytes: u64,
+    /// Seconds for baking, writing and reading back.
+    pub bake_secs: f64,
+    /// Mean over the held-out photos, dB.
     pub psnr: f64,
-    /// Structural similarity in the convention of 3DGS.
+    /// PSNR less that of the soft drawing, dB.
+    pub change: f64,
+    /// Mean over the held-out photos, in the convention of 3DGS.
     pub ssim: f64,
-    /// Mean FLIP error; lower is better.
+    /// Mean over the held-out photos.
     pub flip: f64,
 }
 
-/// One photo's score.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct ImageScore {
-    /// The photo's name.
-    pub name: String,
-    /// Width and height, px.
-    pub size: [u32; 2],
-    /// How close the drawing comes.
-    #[serde(flatten)]
-    pub score: Score,
+/// One way to bake.
+struct Case {
+    name: &'static str,
+    preset: Preset,
+    output: OutputOptions,
+    photos: bool,
+    refit: RefitColors,
+    /// Share of the triangles that photos see that may stay.
+    share: f64,
+    /// At every sampling, or only at the highest.
+    everywhere: bool,
 }
 
-/// What was drawn of a view at one step.
-#[derive(Debug)]
-pub struct Drawn {
-    /// Name of the step.
-    pub step: &'static str,
-    /// The drawing.
-    pub picture: Pixels,
-    /// FLIP error of every pixel. `[H * W]`
-    pub flip: Vec<f32>,
-    /// How close it comes.
-    pub score: ImageScore,
+const fn case(name: &'static str) -> Case {
+    Case {
+        name,
+        preset: Preset::Default,
+        output: OutputOptions::DEFAULT,
+        photos: true,
+        refit: RefitColors::Auto,
+        share: 1.0,
+        everywhere: false,
+    }
 }
 
-/// Draws and measures `views` at every step; `hear` gets every view, its photo and its drawings as soon as they
-/// are there. Returns the scores, step by step.
-pub fn judge(
-    steps: &mut [Step],
-    views: &[&View],
-    photo_bytes: u64,
-    mut hear: impl FnMut(&View, &Pixels, &[Drawn]) -> Result<()>,
-) -> Result<Vec<StepScore>> {
-    for step in &*steps {
-        views.iter().try_for_each(|view| step.painter.validate(view.camera.size))?;
-    }
-    let mut photos = Photos::new(views.iter().map(|v| v.photo.clone()).collect(), photo_bytes);
-    photos.expect(0..views.len());
-    let mut images: Vec<Vec<ImageScore>> = steps.iter().map(|_| Vec::new()).collect();
-    let mut secs = vec![0.0; steps.len()];
-    for (i, view) in views.iter().enumerate() {
-        let photo = photos.take(i)?;
-        let mut drawn = Vec::with_capacity(steps.len());
-        for (step, secs) in steps.iter_mut().zip(&mut secs) {
-            let clock = Instant::now();
-            let picture = step.painter.color(&view.camera);
-            *secs += clock.elapsed().as_secs_f64();
-            drawn.push(measure(step.name, &view.name, &photo, picture));
-        }
-        hear(view, &photo, &drawn)?;
-        images.iter_mut().zip(drawn).for_each(|(images, drawn)| images.push(drawn.score));
-    }
-    let mut scores: Vec<StepScore> = Vec::with_capacity(steps.len());
-    for ((step, images), draw_secs) in steps.iter().zip(images).zip(secs) {
-        let mean = mean(&images);
-        let change = scores.last().map(|before| mean.less(&before.mean));
-        let (name, triangles, bytes) = (step.name.to_owned(), step.triangles, step.bytes);
-        scores.push(StepScore { name, triangles, bytes, mean, change, images, draw_secs });
-    }
-    Ok(scores)
-}
+/// The steps of the way, then presets, then levels of detail.
+const CASES: [Case; 10] = [
+    Case { photos: false, everywhere: true, ..case("plain") },
+    Case { refit: RefitColors::Off, everywhere: true, ..case("unseen") },
+    Case { everywhere: true, ..case("refit") },
+    Case { output: SMALLEST, preset: Preset::Small, everywhere: true, ..case("small") },
+    Case { preset: Preset::Fast, ..case("fast") },
+    Case { refit: RefitColors::Flat, ..case("flat") },
+    Case { share: 0.75, ..case("three quarters") },
+    Case { share: 0.5, ..case("half") },
+    Case { share: 0.25, ..case("quarter") },
+    Case { share: 0.125, ..case("eighth") },
+];
 
-fn measure(step: &'static str, name: &str, photo: &Pixels, picture: Pixels) -> Drawn {
-    let weights = photo.alpha.as_deref();
-    let flip = metric::flip_map(photo.size, &photo.rgb, &picture.rgb);
-    let score = Score {
-        psnr: metric::psnr(&photo.rgb, &picture.rgb, weights),
-        ssim: metric::ssim(photo.size, &photo.rgb, &picture.rgb, weights),
-        flip: metric::mean_error(&flip, weights),
+/// Samplings, the highest last.
+const SAMPLINGS: [u32; 3] = [1, 2, 4];
+
+/// Bakes and judges every case; rows in order of case, then sampling. `tell` hears each as it is there.
+pub fn run(args: &FidelityBenchArgs, mut tell: impl FnMut(&FidelityRow)) -> Result<Vec<FidelityRow>> {
+    let how = &args.dataset_options;
+    let dataset = Dataset::load(&args.dataset, how)?;
+    let views: Vec<&View> = dataset.test().collect();
+    if views.is_empty() {
+        return Err(Error::invalid("DATASET", args.dataset.display(), "held-out photos; see --test-every"));
+    }
+    let bench = Bench { args, dataset: &dataset, background: how.background.to_f32() };
+    let reference = args.soft.as_ref().unwrap_or(&args.soup);
+    let soft = bench.judge(vec![bench.soft(reference)?], &views)?.remove(0);
+    let flat = formats::read(&args.soup, &ReadOptions { sh_degree: 0 })?;
+
+    let mut rows = Vec::new();
+    let best = soft.mean.psnr;
+    let mut push = |score: &StepScore, ssaa: u32, secs: f64| {
+        let row = bench.row(score, ssaa, secs, best);
+        tell(&row);
+        rows.push(row);
     };
-    let score = ImageScore { name: name.to_owned(), size: photo.size.to_array(), score };
-    Drawn { step, picture, flip, score }
-}
-
-/// The mean of some scores; zeros of none.
-pub fn mean(scores: &[ImageScore]) -> Score {
-    let count = scores.len().max(1) as f64;
-    let mean = |of: fn(&Score) -> f64| scores.iter().map(|s| of(&s.score)).sum::<f64>() / count;
-    Score { psnr: mean(|s| s.psnr), ssim: mean(|s| s.ssim), flip: mean(|s| s.flip) }
-}
-
-impl Score {
-    fn less(&self, before: &Self) -> Self {
-        Self { psnr: self.psnr - before.psnr, ssim: self.ssim - before.ssim, flip: self.flip - before.flip }
+    push(&soft, 1, 0.0);
+    let mut seen = 0;
+    for case in &CASES {
+        let clock = Instant::now();
+        let (asset, bytes) = bench.bake(&flat, case, seen)?;
+        let secs = clock.elapsed().as_secs_f64();
+        if case.name == "unseen" {
+            seen = asset.mesh.face_count() as u64;
+        }
+        let samplings = if case.everywhere { &SAMPLINGS[..] } else { &SAMPLINGS[2..] };
+        for &ssaa in samplings {
+            let score = bench.judge(vec![bench.step(case.name, &asset, bytes, ssaa)], &views)?.remove(0);
+            push(&score, ssaa, secs);
+        }
     }
+    if let Some(path) = &args.csv {
+        append_csv(path, &Machine::here(), &rows)?;
+    }
+    if let Some(path) = &args.plot {
+        super::plot::fidelity(path, &rows)?;
+    }
+    Ok(rows)
 }
 
-impl Fidelity {
-    /// A report of scores.
-    pub fn new(file: &Path, dataset: &Path, split: &str, ssaa: u32, steps: Vec<StepScore>) -> Self {
-        Self {
-            generator: generator(),
-            file: file.display().to_string(),
-            dataset: dataset.display().to_string(),
-            split: split.to_owned(),
+struct Bench<'a> {
+    args: &'a FidelityBenchArgs,
+    dataset: &'a Dataset,
+    background: [f32; 3],
+}
+
+impl Bench<'_> {
+    fn photo_bytes(&self) -> u64 {
+        u64::from(self.args.dataset_options.photo_memory_mib) << 20
+    }
+
+    /// A soup as it was trained.
+    fn soft(&self, path: &Path) -> Result<Step> {
+        let loaded = formats::read(path, &ReadOptions { sh_degree: 3 })?;
+        let Scene::Soup(soup) = loaded.scene else { return Err(no_soup(path)) };
+        let triangles = soup.len() as u64;
+        let bytes = std::fs::metadata(path).ok().map(|m| m.len());
+        let placement = &loaded.provenance.placement;
+        let painter = Painter::soft(soup, placement, Some(self.dataset), self.background);
+        Ok(Step { name: "soft", triangles, bytes, painter })
+    }
+
+    /// The case's file, read back, and its size. `seen` is how many triangles photos see.
+    fn bake(&self, loaded: &Loaded, case: &Case, seen: u64) -> Result<(Asset, u64)> {
+        let mut options = BakeOptions { output: case.output.clone(), ..BakeOptions::preset(case.preset) };
+        options.refit.refit = case.refit;
+        if case.share < 1.0 {
+            options.prune.max_triangles = Some(((seen as f64 * case.share) as u64).max(1));
+        }
+        let mut views = case.photos.then(|| Views::new(self.dataset, self.photo_bytes(), self.background));
+        let inputs = vec![loaded.clone()];
+        let asset = bake(inputs, &options, views.as_mut(), &mut Report::default(), &mut ())?;
+        reread(&asset, &case.output)
+    }
+
+    fn step(&self, name: &'static str, asset: &Asset, bytes: u64, ssaa: u32) -> Step {
+        let (mesh, placement) = (asset.mesh.clone(), &asset.provenance.placement);
+        let triangles = mesh.face_count() as u64;
+        let painter = Painter::solid(mesh, placement, Some(self.dataset), self.background, ssaa);
+        Step { name, triangles, bytes: Some(bytes), painter }
+    }
+
+    fn judge(&self, mut steps: Vec<Step>, views: &[&View]) -> Result<Vec<StepScore>> {
+        judge::judge(&mut steps, views, self.photo_bytes(), |_, _, _| Ok(()))
+    }
+
+    fn row(&self, score: &StepScore, ssaa: u32, bake_secs: f64, best: f64) -> FidelityRow {
+        FidelityRow {
+            soup: self.args.soup.display().to_string(),
+            dataset: self.args.dataset.display().to_string(),
+            case: score.name.clone(),
             ssaa,
-            steps,
-            warnings: Vec::new(),
+            triangles: score.triangles,
+            bytes: score.bytes.unwrap_or(0),
+            bake_secs,
+            psnr: score.mean.psnr,
+            change: score.mean.psnr - best,
+            ssim: score.mean.ssim,
+            flip: score.mean.flip,
         }
     }
 }

@@ -9,7 +9,7 @@ pub mod fidelity;
 pub mod fps;
 #[cfg(feature = "gpu")]
 mod frames;
-pub mod ladder;
+pub mod judge;
 pub mod machine;
 pub mod measure;
 pub mod paint;

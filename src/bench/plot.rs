@@ -1,7 +1,7 @@
 //! Plots of benchmark rows as SVG.
 
 use super::bake::BakeRow;
-use super::ladder::FidelityRow;
+use super::fidelity::FidelityRow;
 use crate::error::{Error, Result};
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -91,6 +91,9 @@ fn panel(
         .map_err(|e| e.to_string())
 }
 
+/// What a dot's place is read from: its name and value.
+type Axis = (&'static str, fn(&FidelityRow) -> f64);
+
 /// PSNR on held-out photos against triangles, bytes and seconds of the bake, a dot a case, at the highest
 /// sampling.
 pub fn fidelity(path: &Path, rows: &[FidelityRow]) -> Result<()> {
@@ -102,7 +105,7 @@ pub fn fidelity(path: &Path, rows: &[FidelityRow]) -> Result<()> {
         let area = SVGBackend::with_string(&mut svg, (1350, 420)).into_drawing_area();
         area.fill(&WHITE).map_err(|e| bad(e.to_string()))?;
         let parts = area.split_evenly((1, 3));
-        let axes: [(&str, fn(&FidelityRow) -> f64); 3] = [
+        let axes: [Axis; 3] = [
             ("thousand triangles", |r| r.triangles as f64 * 1e-3),
             ("megabytes", |r| r.bytes as f64 * 1e-6),
             ("seconds of baking", |r| r.bake_secs),

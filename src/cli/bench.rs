@@ -5,7 +5,7 @@ use super::files;
 use super::progress::{Progress, thousands};
 #[cfg(feature = "gpu")]
 use crate::bench::fps;
-use crate::bench::{bake, ladder, measure, raster};
+use crate::bench::{bake, fidelity, measure, raster};
 use crate::error::{Error, Result};
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -30,7 +30,7 @@ pub enum Bench {
     #[cfg(not(feature = "gpu"))]
     Fps(super::missing::MissingArgs),
     /// Quality of the file in an ordinary mesh renderer, step by step, on held-out photos.
-    Fidelity(ladder::FidelityBenchArgs),
+    Fidelity(fidelity::FidelityBenchArgs),
     /// Steps and frames a second of the rasterisers on this CPU, and where the time goes.
     Raster(raster::RasterBenchArgs),
     /// Print the cost of one command as JSON (the other benchmarks run themselves through this).
@@ -118,10 +118,10 @@ fn run_fps(args: &fps::FpsArgs, global: &Global) -> Result<()> {
     if args.json { print_json(&rows) } else { Ok(()) }
 }
 
-fn run_fidelity(args: &ladder::FidelityBenchArgs, global: &Global) -> Result<()> {
+fn run_fidelity(args: &fidelity::FidelityBenchArgs, global: &Global) -> Result<()> {
     let progress = Progress::new(global);
     progress.line("case            ssaa   triangles       bytes   bake s  PSNR dB   change    SSIM    FLIP");
-    let rows = ladder::run(args, |row| {
+    let rows = fidelity::run(args, |row| {
         progress.line(&format!(
             "{:<15}{:>5}{:>12}{:>12}{:>9.2}{:>9.3}{:>+9.3}{:>8.4}{:>8.4}",
             row.case,

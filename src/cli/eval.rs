@@ -4,7 +4,7 @@ use super::Global;
 use super::files;
 use super::progress::{Progress, thousands};
 use super::render::{prepare_folder, save_picture};
-use crate::bench::fidelity::{self, Drawn, Fidelity, Score, StepScore};
+use crate::bench::judge::{self, Drawn, Fidelity, Score, StepScore};
 use crate::bench::paint::DrawOptions;
 use crate::bench::sheet::{Sheet, is_shown};
 use crate::bench::steps;
@@ -78,7 +78,7 @@ pub fn run(args: &EvalArgs, global: &Global) -> Result<()> {
     let progress = Progress::new(global);
     let width = views.iter().map(|v| v.name.len()).max().unwrap_or(0).max(4);
     let photo_bytes = u64::from(args.dataset_options.photo_memory_mib) << 20;
-    let scores = fidelity::judge(&mut steps, &views, photo_bytes, |view, photo, drawn| {
+    let scores = judge::judge(&mut steps, &views, photo_bytes, |view, photo, drawn| {
         for one in drawn {
             progress.line(&row(&view.name, width, one.step, &one.score.score));
         }

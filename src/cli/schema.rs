@@ -2,7 +2,7 @@
 
 use crate::bake::options::BakeOptions;
 use crate::bench::bake::BakeRow;
-use crate::bench::fidelity::Fidelity;
+use crate::bench::judge::Fidelity;
 use crate::dataset::Description;
 use crate::error::{Error, Result};
 use crate::formats::bvh::BvhHeader;

@@ -103,10 +103,10 @@ impl Watcher for Bar {
 
     fn sampled(&mut self, sample: &Sample) {
         self.psnr = sample.test_psnr.or(self.psnr);
-        if let Some((path, log)) = &mut self.log {
-            if let Err(e) = write_line(log, sample) {
-                self.log_error.get_or_insert(Error::io(&*path, e));
-            }
+        if let Some((path, log)) = &mut self.log
+            && let Err(e) = write_line(log, sample)
+        {
+            self.log_error.get_or_insert(Error::io(&*path, e));
         }
     }
 

@@ -67,7 +67,8 @@ pub fn sigmoid_floor<R: Real>(log2_opacity: R, sigma: R, log2_cutoff: R) -> R {
 /// ```
 #[inline(always)]
 pub fn sigmoid<R: Real>(distance: R, sigma: R) -> R {
-    let exponent = (distance / sigma * R::of(-1.0 / LN_2)).min(R::of(126.0));
+    // Beyond, the window is 0 or 1 to the last bit; exp2 has no larger domain.
+    let exponent = (distance / sigma * R::of(-1.0 / LN_2)).max(R::of(-60.0)).min(R::of(60.0));
     R::of(1.0) / (R::of(1.0) + exponent.exp2())
 }
 

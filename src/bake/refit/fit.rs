@@ -25,12 +25,12 @@ impl Sums {
     pub(super) fn add(&mut self, weights: &[f32; 3], pull: &[f32; 3], share: f32) {
         let [a, b, c] = *weights;
         let products = [a * a, a * b, a * c, b * b, b * c, c * c];
-        for i in 0..6 {
-            self.mass[i] += share * products[i];
+        for (sum, product) in self.mass.iter_mut().zip(products) {
+            *sum += share * product;
         }
-        for k in 0..3 {
-            for c in 0..3 {
-                self.pull[k][c] += share * weights[k] * pull[c];
+        for (sums, weight) in self.pull.iter_mut().zip(weights) {
+            for (sum, pull) in sums.iter_mut().zip(pull) {
+                *sum += share * weight * pull;
             }
         }
     }
@@ -144,10 +144,11 @@ impl Fit {
         let flatness = self.flatness;
         let sought = self.encoded.par_iter_mut().zip(&mut self.linear);
         self.sums.par_iter().zip(sought).with_min_len(AT_ONCE).for_each(|(sums, (encoded, linear))| {
-            for c in 0..3 {
-                let corners = [encoded[0][c], encoded[1][c], encoded[2][c]];
-                let moved = sums.improved(which, corners, c, flatness);
-                (0..3).for_each(|k| encoded[k][c] = moved[k].clamp(0.0, 1.0));
+            for channel in 0..3 {
+                let moved = sums.improved(which, encoded.map(|corner| corner[channel]), channel, flatness);
+                for (corner, value) in encoded.iter_mut().zip(moved) {
+                    corner[channel] = value.clamp(0.0, 1.0);
+                }
             }
             *linear = encoded.map(|corner| corner.map(linear_from_srgb));
         });

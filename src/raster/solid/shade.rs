@@ -306,7 +306,7 @@ mod tests {
         for i in 0..3 * 500 {
             let at = |k: u64| rng.uniform(8 * i + k) * 2.0 - 1.0;
             let triangle = rng.bits(1 << 32 | (i / 3));
-            let reach = if triangle % 9 == 0 { 3.0 } else { 0.1 };
+            let reach = if triangle.is_multiple_of(9) { 3.0 } else { 0.1 };
             let near = |k: u64| (triangle >> (8 * k) & 255) as f32 / 128.0 - 1.0;
             let center = Vec3::new(2.0 * near(1), near(2), 3.0 + 2.0 * near(3));
             mesh.positions.push(center + reach * Vec3::new(at(0), at(1), at(2)));
