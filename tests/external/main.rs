@@ -1,7 +1,11 @@
 //! Outside judges look at what `trisplat bake` writes: the Khronos glTF validator, trimesh, Open3D, Chromium,
 //! Godot 3 and 4. `tests/run.sh` installs them and requires them; without them a test says that it is skipped.
 
-#![allow(clippy::print_stderr, reason = "a test that is skipped says so")]
+#![allow(
+    clippy::print_stderr,
+    clippy::print_stdout,
+    reason = "a test that is skipped says so, and tables are for people"
+)]
 
 mod browser;
 mod renderers;
