@@ -49,7 +49,7 @@ impl Judge {
     pub fn pictures(&mut self, soup: &Soup, space: &Space, options: &SoftOptions) -> Vec<(String, Pixels)> {
         let mut soup = soup.clone();
         space.enter_soup(&mut soup);
-        if options.window != Window::Soft {
+        if matches!(options.window, Window::Coverage { .. }) {
             return self.solid_pictures(soup, space, options);
         }
         let soft = &mut self.soft;

@@ -319,6 +319,10 @@ impl TrainOptions {
         wants(self.max_triangles >= 1, "--max-triangles", self.max_triangles as f64, "1 or more")?;
         wants(self.sh_degree <= 3, "--sh-degree", f64::from(self.sh_degree), "0, 1, 2 or 3")?;
         positive("draw.near", self.draw.near)?;
+        // Outside its edges a triangle has no depth and no normal worth a gradient.
+        let geometry = self.loss.normal + self.loss.distortion;
+        let ok = !self.draw.sigmoid_window || geometry == 0.0;
+        wants(ok, "draw.sigmoid_window", 1.0, "loss.normal and loss.distortion of 0")?;
         at_least_zero("draw.fade_px", self.draw.fade_px)?;
         positive("init.size", self.init.size)?;
         positive("init.sigma", self.init.sigma)?;
