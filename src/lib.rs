@@ -45,6 +45,7 @@ pub mod image;
 pub mod kernel;
 pub mod math;
 pub mod mesh;
+pub mod placed;
 pub mod raster;
 pub mod report;
 pub mod rng;

@@ -6,6 +6,7 @@
 
 use crate::asset::{Placement, Provenance, UpAxis};
 use crate::error::{Error, Result};
+use crate::math::median::median;
 use crate::mesh::Mesh;
 use crate::report::Outcome;
 use glam::Vec3;
@@ -58,7 +59,7 @@ pub fn place(
     details: &mut Map<String, Value>,
 ) -> Result<Outcome<()>> {
     let up = options.up.or(provenance.up).unwrap_or_default();
-    let center = if options.center { median(&mesh.positions).as_dvec3().to_array() } else { [0.0; 3] };
+    let center = if options.center { middle(&mesh.positions).as_dvec3().to_array() } else { [0.0; 3] };
     let step = Placement { up, scale: options.scale, center };
     provenance.up = Some(UpAxis::Y);
     details.insert("up".into(), serde_json::to_value(up).unwrap_or_default());
@@ -83,16 +84,9 @@ pub fn place(
 }
 
 /// Median along each axis: unlike the middle of the bounds it does not follow a far background.
-fn median(positions: &[Vec3]) -> Vec3 {
-    if positions.is_empty() {
-        return Vec3::ZERO;
-    }
-    let along = |axis: usize| {
-        let mut values: Vec<f32> = positions.iter().map(|p| p[axis]).collect();
-        let middle = values.len() / 2;
-        *values.select_nth_unstable_by(middle, f32::total_cmp).1
-    };
-    Vec3::new(along(0), along(1), along(2))
+fn middle(positions: &[Vec3]) -> Vec3 {
+    let along = |axis: usize| median(positions.iter().map(|p| p[axis]).collect(), f32::total_cmp);
+    Vec3::from_array([0, 1, 2].map(|axis| along(axis).unwrap_or(0.0)))
 }
 
 #[cfg(test)]

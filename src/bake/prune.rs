@@ -5,6 +5,7 @@
 
 use super::Details;
 use crate::error::{Error, Result};
+use crate::math::median::median;
 use crate::mesh::Mesh;
 use crate::report::Outcome;
 use crate::scene::Scene;
@@ -255,18 +256,10 @@ fn scene_radius(verdicts: &[Verdict], face: &(impl Fn(usize) -> Face + Sync)) ->
         .filter(|&i| verdicts[i] == Verdict::Keep)
         .map(|i| centroid(&face(i).corners))
         .collect();
+    let median = |values| median(values, f64::total_cmp).unwrap_or(0.0);
     let axis = |k: usize| median(centroids.iter().map(|c| c[k]).collect());
     let center = DVec3::new(axis(0), axis(1), axis(2));
     median(centroids.iter().map(|c| c.distance(center)).collect())
-}
-
-/// The middle value, the upper of two; 0 of none.
-fn median(mut values: Vec<f64>) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 /// Keeps the `max_triangles` faces that add most to the picture, the earlier of two that add the same.

@@ -27,6 +27,7 @@ use super::Details;
 use super::unseen::mean_psnr;
 use super::views::Views;
 use crate::error::{Error, Result};
+use crate::math::median::median;
 use crate::mesh::Mesh;
 use crate::raster::solid::{Solid, SolidOptions};
 use crate::report::Outcome;
@@ -227,10 +228,7 @@ fn psnr_of(
 
 /// Photos whose mean error is far from what is usual: taken with another exposure, or of something else.
 fn outliers(views: &[usize], means: &[[f32; 3]]) -> Vec<usize> {
-    let median = |mut values: Vec<f32>| -> f32 {
-        values.sort_unstable_by(f32::total_cmp);
-        values.get(values.len() / 2).copied().unwrap_or(0.0)
-    };
+    let median = |values| median(values, f32::total_cmp).unwrap_or(0.0);
     let limits = [0, 1, 2].map(|channel: usize| {
         let of = |&v: &usize| means[v][channel];
         let middle = median(views.iter().map(of).collect());

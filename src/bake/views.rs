@@ -5,9 +5,11 @@ use crate::camera::{self, Camera, Home};
 use crate::dataset::{Dataset, Photos};
 use crate::error::Result;
 use crate::image::Pixels;
+use crate::math::median::median;
 use crate::mesh::Mesh;
+use crate::placed;
 use crate::raster::solid::SolidOptions;
-use glam::{DMat3, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
 /// Near plane as a share of the median distance from the cameras to the middle of the scene, as in training.
@@ -53,10 +55,8 @@ impl Views {
     pub fn drawing(&self, mesh: &Mesh, samples: u32) -> SolidOptions {
         let count = mesh.vertex_count().max(1);
         let middle = mesh.positions.iter().map(|v| v.as_dvec3()).sum::<DVec3>() / count as f64;
-        let mut away: Vec<f32> =
-            self.cameras.iter().map(|c| c.position().distance(middle.as_vec3())).collect();
-        away.sort_unstable_by(f32::total_cmp);
-        let near = away.get(away.len() / 2).copied().unwrap_or(1.0) * NEAR;
+        let away = self.cameras.iter().map(|c| c.position().distance(middle.as_vec3())).collect();
+        let near = median(away, f32::total_cmp).unwrap_or(1.0) * NEAR;
         let near = if near > 0.0 && near.is_finite() { near } else { NEAR };
         SolidOptions { background: self.background, samples, near }
     }
@@ -75,15 +75,8 @@ impl Views {
 
     /// Moves the cameras from the world into a file that was placed somewhere else in it.
     pub fn enter(&mut self, placement: &Placement) {
-        // file = U s (world - center), hence R world + t = (R Uᵀ file) / s + R (center - origin) + t; the
-        // whole times s, which no pinhole can tell, keeps the rotation a rotation.
-        let up = placement.up.to_y_up();
-        let offset = DVec3::from(placement.center) - self.origin;
         for camera in &mut self.cameras {
-            let rotation: DMat3 = camera.rotation.as_dmat3();
-            let translation = (rotation * offset + camera.translation.as_dvec3()) * placement.scale;
-            camera.rotation = (rotation * up.transpose()).as_mat3();
-            camera.translation = translation.as_vec3();
+            *camera = placed::to_file(camera, placement, self.origin);
         }
         self.origin = DVec3::ZERO;
     }

@@ -5,10 +5,10 @@ use crate::bake;
 use crate::bake::options::{BakeOptions, Preset};
 use crate::camera::Camera;
 use crate::error::Result;
+use crate::placed;
 use crate::report::Report;
 use crate::scene::{Loaded, Scene};
 use crate::soup::Soup;
-use crate::view::placed;
 use glam::DVec3;
 
 /// A file made ready to be drawn.

@@ -9,7 +9,7 @@ use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
 use crate::formats::{self, ReadOptions};
 use crate::gpu::AdapterOptions;
-use crate::view::placed;
+use crate::placed;
 use crate::view::window::{self, Loader, Photo, Scene, Source, WindowOptions};
 use glam::{DVec3, UVec2, Vec3};
 use std::path::PathBuf;

@@ -2,6 +2,7 @@
 
 use super::{Point, View};
 use crate::camera;
+use crate::math::median::median;
 use crate::rng::Rng;
 use glam::{Vec2, Vec3};
 
@@ -56,8 +57,7 @@ fn looking_distance(views: &[&View]) -> f32 {
     let spread = (centers.iter().map(|c| c.distance_squared(middle)).sum::<f32>() / count).sqrt();
     let fallback = if spread > 0.0 { 2.0 * spread } else { 1.0 };
     let Some(focus) = camera::focus(views.iter().map(|v| &v.camera)) else { return fallback };
-    let mut distances: Vec<f32> = centers.iter().map(|c| c.distance(focus)).collect();
-    distances.sort_by(f32::total_cmp);
-    let median = distances[distances.len() / 2];
-    if median > 1e-3 * spread && median > 0.0 { median } else { fallback }
+    let distances = centers.iter().map(|c| c.distance(focus)).collect();
+    let usual = median(distances, f32::total_cmp).unwrap_or(0.0);
+    if usual > 1e-3 * spread && usual > 0.0 { usual } else { fallback }
 }

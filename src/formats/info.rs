@@ -7,6 +7,7 @@ use super::{Format, ReadOptions, Source, html};
 use crate::asset::Provenance;
 use crate::error::Result;
 use crate::math::color::srgb_from_linear;
+use crate::math::median::median;
 use crate::mesh::{Colors, Mesh};
 use crate::scene::{Loaded, Scene};
 use crate::soup::Soup;
@@ -247,7 +248,7 @@ impl Bounds {
 
 impl Distribution {
     /// How `values` are spread over bins with these upper ends; none for no values.
-    fn of(mut values: Vec<f32>, ends: &[f32]) -> Option<Self> {
+    fn of(values: Vec<f32>, ends: &[f32]) -> Option<Self> {
         if values.is_empty() {
             return None;
         }
@@ -264,8 +265,7 @@ impl Distribution {
         let bins = bins.collect();
         let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len() as f64;
         let (min, max) = values.iter().fold((f32::MAX, f32::MIN), |(a, b), v| (a.min(*v), b.max(*v)));
-        let middle = values.len() / 2;
-        let median = *values.select_nth_unstable_by(middle, f32::total_cmp).1;
+        let median = median(values, f32::total_cmp)?;
         Some(Self { min, median, mean, max, bins })
     }
 }

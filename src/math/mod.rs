@@ -3,6 +3,7 @@
 pub mod color;
 pub mod finite;
 pub mod lanes;
+pub mod median;
 pub mod metric;
 pub mod real;
 pub mod srgb8;

@@ -7,6 +7,7 @@
 
 use super::neighbours::mean_distances;
 use super::options::InitOptions;
+use crate::math::median::median;
 use crate::rng::Rng;
 use crate::soup::{Soup, sh0_from_rgb};
 use glam::Vec3;
@@ -25,7 +26,8 @@ pub fn first_soup(seeds: &[Seed], options: &InitOptions, seed: u64) -> Soup {
     let mut seeds: Vec<Seed> = seeds.iter().copied().filter(|s| s.position.is_finite()).collect();
     let distances = mean_distances(&seeds.iter().map(|s| s.position).collect::<Vec<_>>());
     // A point with neighbours in its own place, or with none at all, gets the median size.
-    let typical = median(distances.iter().copied().filter(|d| *d > 0.0)).unwrap_or(0.05);
+    let typical =
+        median(distances.iter().copied().filter(|d| *d > 0.0).collect(), f32::total_cmp).unwrap_or(0.05);
     let mut radii: Vec<f32> = distances
         .iter()
         .map(|&d| options.size as f32 * if d > 1e-4 * typical { d } else { typical })
@@ -77,12 +79,6 @@ fn dome(seeds: &[Seed], options: &InitOptions) -> Vec<(Seed, f32)> {
             (Seed { position, rgb: [1.0; 3] }, size)
         })
         .collect()
-}
-
-fn median(values: impl Iterator<Item = f32>) -> Option<f32> {
-    let mut values: Vec<f32> = values.collect();
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 //! The origin is the mean of the cameras, the unit the median distance from a camera to what it sees.
 
 use crate::camera::Camera;
+use crate::math::median::median;
 use crate::soup::Soup;
 use glam::Vec3;
 
@@ -25,18 +26,12 @@ impl Space {
         let center = positions.iter().sum::<glam::DVec3>() / positions.len().max(1) as f64;
         let pairs = cameras.len().saturating_mul(points.len());
         let stride = (pairs / PAIRS).max(1) | 1;
-        let mut depths: Vec<f32> = (0..pairs)
+        let depths: Vec<f32> = (0..pairs)
             .step_by(stride)
             .filter_map(|i| sees(&cameras[i % cameras.len()], points[i / cameras.len()]))
             .collect();
         let spread = positions.iter().map(|p| p.distance(center)).fold(0.0, f64::max) as f32;
-        let unit = match depths.is_empty() {
-            false => {
-                let middle = depths.len() / 2;
-                *depths.select_nth_unstable_by(middle, f32::total_cmp).1
-            }
-            true => spread,
-        };
+        let unit = median(depths, f32::total_cmp).unwrap_or(spread);
         let scale = if unit > 0.0 && unit.is_finite() { 1.0 / unit } else { 1.0 };
         Self { center: center.as_vec3(), scale }
     }

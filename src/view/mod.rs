@@ -10,7 +10,6 @@ pub mod layout;
 #[cfg(feature = "gpu")]
 pub mod model;
 pub mod orbit;
-pub mod placed;
 #[cfg(feature = "gpu")]
 pub mod renderer;
 pub mod show;

@@ -80,12 +80,8 @@ fn ahead(cameras: &[Camera], positions: &[Vec3]) -> Vec3 {
 }
 
 /// The middle value; 0 of none.
-fn median(mut values: Vec<f32>) -> f32 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f32::total_cmp).1
+fn median(values: Vec<f32>) -> f32 {
+    crate::math::median::median(values, f32::total_cmp).unwrap_or(0.0)
 }
 
 #[cfg(test)]

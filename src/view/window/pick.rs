@@ -95,7 +95,7 @@ mod tests {
         let placement = asset.provenance.placement;
         let to_soup = |v: Vec3| placement.to_world(v);
         let from = scenes::viewpoint(glam::UVec2::new(320, 240));
-        let placed = crate::view::placed::to_file(&from, &placement, DVec3::ZERO);
+        let placed = crate::placed::to_file(&from, &placement, DVec3::ZERO);
         let mut found = 0;
         for i in 0..300u32 {
             let pixel = Vec2::new((i * 37 % 320) as f32 + 0.5, (i * 53 % 240) as f32 + 0.5);
