@@ -1,6 +1,7 @@
 //! What a file holds before the bake: a soup or a mesh, and where it came from.
 
 use crate::asset::Provenance;
+use crate::camera::Camera;
 use crate::error::Result;
 use crate::mesh::Mesh;
 use crate::soup::Soup;
@@ -41,11 +42,18 @@ pub struct Loaded {
     pub provenance: Provenance,
     /// Things that were mended or dropped while reading, one sentence each.
     pub warnings: Vec<String>,
+    /// Cameras of the photos it was trained on, in the frame of the file; empty when it does not say.
+    pub cameras: Vec<Camera>,
 }
 
 impl From<Soup> for Loaded {
     /// A soup that was made here, not read.
     fn from(soup: Soup) -> Self {
-        Loaded { scene: Scene::Soup(soup), provenance: Provenance::default(), warnings: Vec::new() }
+        Loaded {
+            scene: Scene::Soup(soup),
+            provenance: Provenance::default(),
+            warnings: Vec::new(),
+            cameras: Vec::new(),
+        }
     }
 }

@@ -45,7 +45,7 @@ fn soup(degree: u8) -> Soup {
 
 fn soup_ply(degree: u8) -> Vec<u8> {
     let mut bytes = Vec::new();
-    ply::write_soup(&mut bytes, &soup(degree), &Default::default()).expect("writes to memory");
+    ply::write_soup(&mut bytes, &soup(degree), &Default::default(), &[]).expect("writes to memory");
     bytes
 }
 

@@ -14,7 +14,7 @@ const MAY: &[(&str, &str)] = &[
     ("mesh", "error math"),
     ("bvh", "mesh error math"),
     ("asset", "mesh bvh camera report error math"),
-    ("scene", "soup mesh asset error"),
+    ("scene", "soup mesh asset camera error"),
     ("placed", "asset camera"),
     ("kernel", "math"),
     ("gpu", "error"),

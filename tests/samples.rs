@@ -14,7 +14,7 @@ use trisplat::report::Report;
 
 fn check(name: SampleScene, triangles: usize, seed: u64, file: &str) {
     let mut bytes = Vec::new();
-    write_soup(&mut bytes, &soup(name, triangles, seed), &provenance(name, triangles, seed, 0)).unwrap();
+    write_soup(&mut bytes, &soup(name, triangles, seed), &provenance(name, triangles, seed, 0), &[]).unwrap();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/soups").join(file);
     if std::env::var_os("UPDATE").is_some() {
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();

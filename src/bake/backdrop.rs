@@ -81,7 +81,7 @@ pub fn backdrop(
     details: &mut Details,
 ) -> Result<Outcome<()>> {
     let Some(views) = views.filter(|v| !v.is_empty()) else {
-        return Ok(Outcome::Unneeded("no photos were given"));
+        return Ok(Outcome::Unneeded("it needs photos: --dataset"));
     };
     if options.backdrop == BackdropWhen::Off {
         return Ok(Outcome::Unneeded("--backdrop off"));

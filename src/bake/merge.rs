@@ -29,6 +29,11 @@ pub fn merge(inputs: Vec<Loaded>) -> Result<Loaded> {
                 ));
             }
         };
+        // Cameras that saw only a part would have the rest dropped.
+        all.cameras = match all.cameras.is_empty() || next.cameras.is_empty() {
+            true => Vec::new(),
+            false => [all.cameras, next.cameras].concat(),
+        };
         all.provenance = merge_provenance(all.provenance, next.provenance)?;
         all.warnings.extend(next.warnings);
     }

@@ -35,7 +35,8 @@ use views::Views;
 pub type Details = serde_json::Map<String, serde_json::Value>;
 
 /// Turns what was read into what an engine draws; every step is told to `report` and `observer`. `views`
-/// are photos of the scene, if there are any.
+/// are photos of the scene, if there are any; without them the cameras that came with it, if any, tell what is
+/// seen.
 ///
 /// Errors: options out of range, inputs that do not merge, nothing left to draw, photos that cannot be read
 /// or do not show the scene.
@@ -47,17 +48,21 @@ pub fn bake(
     observer: &mut dyn Observer,
 ) -> Result<Asset> {
     options.validate()?;
-    let Loaded { scene, mut provenance, warnings } = merge::merge(inputs)?;
+    let Loaded { scene, mut provenance, warnings, mut cameras } = merge::merge(inputs)?;
     report.warnings.extend(warnings);
     if let Some(views) = views.as_deref_mut() {
         views.enter(&provenance.placement);
         provenance.home = provenance.home.or_else(|| views.home());
+        cameras = views.cameras().to_vec();
     }
-    // Photos tell better which triangles matter most than their size does.
-    let budget = options.backdrop.scene_budget(options.prune.max_triangles);
-    let pruning = match &views {
-        Some(_) => PruneOptions { max_triangles: None, ..options.prune.clone() },
-        None => options.prune.clone(),
+    // What cameras see tells better which triangles matter most than their size does.
+    let budget = match &views {
+        Some(_) => options.backdrop.scene_budget(options.prune.max_triangles),
+        None => options.prune.max_triangles,
+    };
+    let pruning = match cameras.is_empty() {
+        true => options.prune.clone(),
+        false => PruneOptions { max_triangles: None, ..options.prune.clone() },
     };
 
     // First, because every later stage costs per triangle and counts on finite geometry.
@@ -85,7 +90,7 @@ pub fn bake(
 
     // As soon as there are opaque triangles that hide each other, and before work is done on those hidden.
     let mesh = report.stage(observer, "unseen", mesh, count_mesh, |mesh, details| {
-        unseen::unseen(mesh, views.as_deref_mut(), &options.unseen, budget, details)
+        unseen::unseen(mesh, &cameras, views.as_deref_mut(), &options.unseen, budget, details)
     })?;
 
     // Behind what is left, and before colours are taken from the photos: those of holes are its own.

@@ -43,7 +43,10 @@ pub struct BakeOptions {
     #[command(flatten, next_help_heading = "Solid: soft triangles become opaque")]
     pub solid: SolidOptions,
     /// Which triangles the photos need.
-    #[command(flatten, next_help_heading = "Unseen, with --dataset: drop what no photo sees")]
+    #[command(
+        flatten,
+        next_help_heading = "Unseen, with --dataset or cameras in the file: drop what no photo sees"
+    )]
     pub unseen: UnseenOptions,
     /// What stands behind the scene.
     #[command(flatten, next_help_heading = "Backdrop, with --dataset: close holes")]

@@ -4,7 +4,8 @@
 //! the integral of its visibility, in pixels. A triangle behind others is worth nothing to an engine.
 
 use super::Details;
-use super::views::Views;
+use super::views::{self, Views};
+use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::math::metric;
 use crate::mesh::Mesh;
@@ -58,38 +59,43 @@ impl Default for UnseenOptions {
     }
 }
 
-/// Drops what `views` do not see of `mesh`; at most `max_triangles` stay, those seen most.
+/// Drops what `cameras`, those of `views` if there are photos, do not see of `mesh`; at most `max_triangles` stay,
+/// those seen most.
 ///
 /// Errors: an option out of range, a photo that cannot be decoded, no triangle in any view.
 pub fn unseen(
     mesh: &mut Mesh,
+    cameras: &[Camera],
     views: Option<&mut Views>,
     options: &UnseenOptions,
     max_triangles: Option<u64>,
     details: &mut Details,
 ) -> Result<Outcome<()>> {
     check(options)?;
-    let Some(views) = views.filter(|v| !v.is_empty()) else {
-        return match options.max_error {
-            None => Ok(Outcome::Unneeded("no photos were given")),
-            Some(db) => Err(Error::invalid("--max-error", db, "--dataset: error is measured on photos")),
-        };
-    };
-    let seen = seen_px(mesh, views);
-    let mut ranked: Vec<u32> = (0..seen.len() as u32).collect();
-    ranked.par_sort_unstable_by(|&a, &b| seen[b as usize].total_cmp(&seen[a as usize]).then(a.cmp(&b)));
+    if let (None, Some(db)) = (&views, options.max_error) {
+        return Err(Error::invalid("--max-error", db, "--dataset: error is measured on photos"));
+    }
+    if cameras.is_empty() {
+        return Ok(Outcome::Unneeded("it needs cameras: of photos (--dataset), or in a soup we trained"));
+    }
+    let most = max_triangles.map_or(usize::MAX, |most| usize::try_from(most).unwrap_or(usize::MAX).max(1));
+    if options.keep_unseen && options.max_error.is_none() && mesh.face_count() <= most {
+        return Ok(Outcome::Unneeded("--keep-unseen"));
+    }
+    let seen = seen_px(mesh, cameras);
+    let ranked = rank(mesh, &seen);
     let visible = ranked.partition_point(|&f| seen[f as usize] > 0.0);
-    if visible == 0 {
+    if visible == 0 && views.is_some() {
         let wants = "photos of this scene: none of its triangles is in any view; was it moved or scaled?";
         return Err(Error::invalid("--dataset", "its cameras", wants));
     }
-    let mut keep = match options.keep_unseen {
+    let mut keep = match options.keep_unseen || visible == 0 {
         true => ranked.len(),
         false => ranked.partition_point(|&f| f64::from(seen[f as usize]) >= options.min_seen_px).max(1),
     };
     details.insert("seen_by_none".into(), (ranked.len() - visible).into());
-    keep = keep.min(max_triangles.map_or(keep, |most| usize::try_from(most).unwrap_or(keep).max(1)));
-    if let Some(db) = options.max_error {
+    keep = keep.min(most);
+    if let (Some(db), Some(views)) = (options.max_error, views) {
         keep = cut(mesh, views, &ranked[..keep], db, details)?;
     }
     if keep == ranked.len() {
@@ -104,6 +110,20 @@ pub fn unseen(
     Ok(Outcome::Changed(()))
 }
 
+/// All faces, those seen most first; among those seen equally little the larger first. `[F]`
+fn rank(mesh: &Mesh, seen: &[f32]) -> Vec<u32> {
+    let area = |f: u32| {
+        let [a, b, c] = mesh.corners(f as usize);
+        (b - a).cross(c - a).length_squared()
+    };
+    let mut ranked: Vec<u32> = (0..seen.len() as u32).collect();
+    ranked.par_sort_unstable_by(|&a, &b| {
+        let by_area = || area(b).total_cmp(&area(a));
+        seen[b as usize].total_cmp(&seen[a as usize]).then_with(by_area).then(a.cmp(&b))
+    });
+    ranked
+}
+
 fn check(options: &UnseenOptions) -> Result<()> {
     for (option, value) in [("--min-seen-px", Some(options.min_seen_px)), ("--max-error", options.max_error)]
     {
@@ -114,13 +134,13 @@ fn check(options: &UnseenOptions) -> Result<()> {
     Ok(())
 }
 
-/// The area of each face that all photos together see, px. `[F]`
-pub fn seen_px(mesh: &Mesh, views: &Views) -> Vec<f32> {
-    let options = views.drawing(mesh, SAMPLES);
+/// The area of each face that all cameras together see, px. `[F]`
+pub fn seen_px(mesh: &Mesh, cameras: &[Camera]) -> Vec<f32> {
+    let options = views::drawing(cameras, mesh, SAMPLES);
     let mut solid = Solid::new();
     let mut samples = vec![0u64; mesh.face_count()];
-    for view in 0..views.len() {
-        for &face in &solid.visibility(mesh, views.camera(view), &options).face {
+    for camera in cameras {
+        for &face in &solid.visibility(mesh, camera, &options).face {
             if face != NO_FACE {
                 samples[face as usize] += 1;
             }

@@ -51,14 +51,14 @@ impl Views {
         self.cameras.is_empty()
     }
 
-    /// How the photos' cameras draw `mesh`: the near plane is a hundredth of the way to its middle.
+    /// The cameras of all photos.
+    pub fn cameras(&self) -> &[Camera] {
+        &self.cameras
+    }
+
+    /// How the photos' cameras draw `mesh`: see [`drawing`].
     pub fn drawing(&self, mesh: &Mesh, samples: u32) -> SolidOptions {
-        let count = mesh.vertex_count().max(1);
-        let middle = mesh.positions.iter().map(|v| v.as_dvec3()).sum::<DVec3>() / count as f64;
-        let away = self.cameras.iter().map(|c| c.position().distance(middle.as_vec3())).collect();
-        let near = median(away, f32::total_cmp).unwrap_or(1.0) * NEAR;
-        let near = if near > 0.0 && near.is_finite() { near } else { NEAR };
-        SolidOptions { background: self.background, samples, near }
+        SolidOptions { background: self.background, ..drawing(&self.cameras, mesh, samples) }
     }
 
     /// The middle of the places the photos were taken from.
@@ -101,4 +101,14 @@ impl Views {
         let count = count.min(self.len());
         (0..count).map(|i| i * self.len() / count).collect()
     }
+}
+
+/// How `cameras` draw `mesh`: the near plane is a hundredth of the way to its middle, the background black.
+pub fn drawing(cameras: &[Camera], mesh: &Mesh, samples: u32) -> SolidOptions {
+    let count = mesh.vertex_count().max(1);
+    let middle = mesh.positions.iter().map(|v| v.as_dvec3()).sum::<DVec3>() / count as f64;
+    let away = cameras.iter().map(|c| c.position().distance(middle.as_vec3())).collect();
+    let near = median(away, f32::total_cmp).unwrap_or(1.0) * NEAR;
+    let near = if near > 0.0 && near.is_finite() { near } else { NEAR };
+    SolidOptions { background: [0.0; 3], samples, near }
 }

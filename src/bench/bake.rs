@@ -187,7 +187,7 @@ fn write_inputs(sh0: &Path, sh3: &Path, triangles: usize) -> Result<()> {
     let provenance = Provenance::default();
     let write = |path: &Path, soup: &crate::soup::Soup| {
         let mut file = AtomicFile::create(path)?;
-        ply::write_soup(&mut file, soup, &provenance).map_err(|e| Error::io(path, e))?;
+        ply::write_soup(&mut file, soup, &provenance, &[]).map_err(|e| Error::io(path, e))?;
         file.commit().map(drop)
     };
     write(sh0, &soup)?;

@@ -130,7 +130,9 @@ pub fn run(args: &FidelityBenchArgs, mut tell: impl FnMut(&FidelityRow)) -> Resu
     let bench = Bench { args, dataset: &dataset, background: how.background.to_f32() };
     let reference = args.soft.as_ref().unwrap_or(&args.soup);
     let soft = bench.judge(vec![bench.soft(reference)?], &views)?.remove(0);
-    let flat = formats::read(&args.soup, &ReadOptions { sh_degree: 0 })?;
+    let mut flat = formats::read(&args.soup, &ReadOptions { sh_degree: 0 })?;
+    // The plain bake is what is had of a soup by others, which knows nothing of photos.
+    flat.cameras.clear();
 
     let mut rows = Vec::new();
     let best = soft.mean.psnr;

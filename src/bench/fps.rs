@@ -173,7 +173,10 @@ fn course(args: &FpsArgs, triangles: Option<usize>) -> Result<Course> {
         (None, count) => {
             let soup = scenes::soup(SampleScene::Studio, count.unwrap_or(100_000), 1);
             let scene = Scene::Soup(soup);
-            ("studio".into(), Loaded { scene, provenance: Default::default(), warnings: Vec::new() })
+            (
+                "studio".into(),
+                Loaded { scene, provenance: Default::default(), warnings: Vec::new(), cameras: Vec::new() },
+            )
         }
     };
     let mut baked = Baked::new(loaded)?;

@@ -73,7 +73,7 @@ pub fn no_soup(path: &Path) -> Error {
 /// What the bake makes of a soup with default options.
 pub fn baked(mut soup: Soup, provenance: Provenance) -> Result<Asset> {
     soup.truncate_sh(0);
-    let loaded = Loaded { scene: Scene::Soup(soup), provenance, warnings: Vec::new() };
+    let loaded = Loaded { scene: Scene::Soup(soup), provenance, warnings: Vec::new(), cameras: Vec::new() };
     bake(vec![loaded], &BakeOptions::preset(Preset::Default), None, &mut Report::default(), &mut ())
 }
 

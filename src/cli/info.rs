@@ -60,6 +60,9 @@ fn print(info: &Info, out: &mut dyn Write) -> io::Result<()> {
     line(out, "kind", &kind)?;
     line(out, "triangles", &grouped(info.triangles))?;
     line(out, "vertices", &grouped(info.vertices))?;
+    if info.cameras > 0 {
+        line(out, "cameras", &grouped(info.cameras))?;
+    }
     let [min, max] = [info.bounds.min, info.bounds.max].map(|p| p.map(|x| format!("{x:.4}")).join(" "));
     line(out, "bounds", &format!("{min}  to  {max}"))?;
     print_origin(info, out)?;

@@ -112,7 +112,12 @@ fn solid_if_asked(args: &RenderArgs, loaded: Loaded) -> Result<Loaded> {
         (Scene::Mesh(_), Some(Way::Soft)) => Err(steps::no_soup(&args.file)),
         (Scene::Soup(soup), Some(Way::Solid)) => {
             let asset = steps::baked(soup, loaded.provenance)?;
-            Ok(Loaded { scene: Scene::Mesh(asset.mesh), provenance: asset.provenance, warnings: Vec::new() })
+            Ok(Loaded {
+                scene: Scene::Mesh(asset.mesh),
+                provenance: asset.provenance,
+                warnings: Vec::new(),
+                cameras: Vec::new(),
+            })
         }
         (scene, _) => Ok(Loaded { scene, ..loaded }),
     }

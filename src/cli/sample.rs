@@ -79,7 +79,7 @@ fn write_soup(scene: SampleScene, args: &SoupArgs) -> Result<()> {
     scenes::raise_sh(&mut soup, args.sh_degree, args.seed);
     let provenance = scenes::provenance(scene, triangles, args.seed, args.sh_degree);
     let mut file = AtomicFile::create(&args.output)?;
-    ply::write_soup(&mut file, &soup, &provenance).map_err(|e| Error::io(&args.output, e))?;
+    ply::write_soup(&mut file, &soup, &provenance, &[]).map_err(|e| Error::io(&args.output, e))?;
     file.commit().map(drop)
 }
 

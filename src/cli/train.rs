@@ -213,7 +213,7 @@ fn write(args: &TrainArgs, dataset: &Dataset, trained: &Trained) -> Result<Vec<O
     };
     let io = |e| Error::io(&args.output, e);
     let mut file = AtomicFile::create(&args.output)?;
-    ply::write_soup(&mut file, &trained.soup, &provenance).map_err(io)?;
+    ply::write_soup(&mut file, &trained.soup, &provenance, &cameras).map_err(io)?;
     let mut outputs = vec![committed(file)?];
     if let Some(path) = &args.curve {
         let mut file = AtomicFile::create(path)?;

@@ -12,7 +12,7 @@ use std::path::Path;
 /// colours are out of range, when a corner names a vertex that is not there, or when no triangle
 /// is left.
 pub fn finish(path: &Path, loaded: Loaded) -> Result<Loaded> {
-    let Loaded { mut scene, provenance, mut warnings } = loaded;
+    let Loaded { mut scene, provenance, mut warnings, cameras } = loaded;
     let total = scene.triangle_count();
     let error = |e: Error| Error::malformed(path, "values", e.to_string());
     let first = match &mut scene {
@@ -30,7 +30,7 @@ pub fn finish(path: &Path, loaded: Loaded) -> Result<Loaded> {
         warnings
             .push(format!("dropped {dropped} triangles with non-finite values (first: triangle {first})"));
     }
-    Ok(Loaded { scene, provenance, warnings })
+    Ok(Loaded { scene, provenance, warnings, cameras })
 }
 
 /// Drops what is not finite and proves the rest; the first triangle that was dropped.
@@ -74,7 +74,7 @@ mod tests {
     use glam::Vec3;
 
     fn loaded(scene: Scene) -> Loaded {
-        Loaded { scene, provenance: Default::default(), warnings: Vec::new() }
+        Loaded { scene, provenance: Default::default(), warnings: Vec::new(), cameras: Vec::new() }
     }
 
     fn soup(count: usize) -> Soup {

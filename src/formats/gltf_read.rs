@@ -74,7 +74,15 @@ pub fn read(mut source: Source, _options: &ReadOptions) -> Result<Loaded> {
         merge.add(instance)?;
     }
     let (mesh, warnings) = merge.finish()?;
-    finish(&path, Loaded { scene: Scene::Mesh(mesh), provenance: document.asset.provenance(), warnings })
+    finish(
+        &path,
+        Loaded {
+            scene: Scene::Mesh(mesh),
+            provenance: document.asset.provenance(),
+            warnings,
+            cameras: Vec::new(),
+        },
+    )
 }
 
 fn check_support(path: &Path, document: &Document) -> Result<()> {

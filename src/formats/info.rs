@@ -42,6 +42,9 @@ pub struct Info {
     /// Degree of the spherical harmonics of a soup.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sh_degree: Option<u8>,
+    /// Cameras of the photos it was trained on, where the file holds them.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub cameras: u64,
     /// The box around all triangles.
     pub bounds: Bounds,
     /// σ of a soup.
@@ -169,6 +172,7 @@ pub fn info(path: &Path) -> Result<(Info, Loaded)> {
     info.path = path.display().to_string();
     (info.format, info.bytes, info.gltf) = (format, bytes, gltf);
     info.provenance = loaded.provenance.clone();
+    info.cameras = loaded.cameras.len() as u64;
     info.warnings.clone_from(&loaded.warnings);
     Ok((info, loaded))
 }
@@ -226,6 +230,7 @@ impl Info {
             vertices: vertices as u64,
             indexed: false,
             sh_degree: None,
+            cameras: 0,
             bounds,
             sigma: None,
             opacity: None,
@@ -236,6 +241,10 @@ impl Info {
             bake: None,
         }
     }
+}
+
+fn is_zero(number: &u64) -> bool {
+    *number == 0
 }
 
 impl Bounds {

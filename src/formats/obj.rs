@@ -41,7 +41,7 @@ pub fn read(source: Source, _options: &ReadOptions) -> Result<Loaded> {
     let comments = draft.comments.iter().map(String::as_str);
     let provenance = provenance::from_comments(comments, &mut warnings);
     let mesh = draft.mesh(path, &mut warnings)?;
-    finish(path, Loaded { scene: Scene::Mesh(mesh), provenance, warnings })
+    finish(path, Loaded { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() })
 }
 
 /// A mesh as far as it has been read.

@@ -56,7 +56,10 @@ pub fn read(source: Source, _options: &ReadOptions) -> Result<Loaded> {
         let (colors, alpha) = of_faces.linear(&source, &mut warnings)?;
         (mesh.colors, mesh.opacity) = (Colors::Face(colors), alpha);
     }
-    finish(&source.path, Loaded { scene: Scene::Mesh(mesh), provenance: Provenance::default(), warnings })
+    finish(
+        &source.path,
+        Loaded { scene: Scene::Mesh(mesh), provenance: Provenance::default(), warnings, cameras: Vec::new() },
+    )
 }
 
 /// Understands the head of the file: the numbers of vertices and of faces, neither more than it can hold.

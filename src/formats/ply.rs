@@ -6,6 +6,7 @@ mod mesh;
 mod soup;
 mod table;
 mod transcode;
+mod views;
 
 pub use mesh::write_mesh;
 pub use soup::write_soup;
@@ -36,7 +37,8 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     } else {
         Scene::Mesh(mesh::read(path, &tables, &mut warnings)?)
     };
-    finish(path, Loaded { scene, provenance, warnings })
+    let cameras = tables.views.as_ref().map(views::read).transpose()?.unwrap_or_default();
+    finish(path, Loaded { scene, provenance, warnings, cameras })
 }
 
 /// The face element, or why the file has no triangles for us.

@@ -84,7 +84,7 @@ fn read_soup(file: &Checkpoint, n: usize, options: &ReadOptions) -> Result<Loade
     let soup = Soup { vertices, opacity, sigma, sh, sh_degree };
     let provenance =
         Provenance { trainer: Some("triangle-splatting (Held et al. 2025)".into()), ..Provenance::default() };
-    Ok(Loaded { scene: Scene::Soup(soup), provenance, warnings: Vec::new() })
+    Ok(Loaded { scene: Scene::Soup(soup), provenance, warnings: Vec::new(), cameras: Vec::new() })
 }
 
 /// Coefficients of every triangle, degree 0 first, and the degree: the lowest of what was asked for,
@@ -148,7 +148,7 @@ fn read_mesh(file: &Checkpoint, v: usize) -> Result<Loaded> {
     }
     let provenance =
         Provenance { trainer: Some("triangle-splatting2 or mesh-splatting".into()), ..Provenance::default() };
-    Ok(Loaded { scene: Scene::Mesh(mesh), provenance, warnings })
+    Ok(Loaded { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() })
 }
 
 /// Vertex numbers, three a face, each below `v`.

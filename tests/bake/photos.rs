@@ -176,6 +176,19 @@ fn a_placed_scene_meets_the_same_photos() {
     assert!(difference(&placed, &here) < 0.5);
 }
 
+/// The stage with all photos of a data set.
+fn look(
+    mesh: &mut Mesh,
+    dataset: &Dataset,
+    options: &UnseenOptions,
+    most: Option<u64>,
+    details: &mut Details,
+) -> trisplat::error::Result<Outcome<()>> {
+    let mut views = views(dataset);
+    let cameras = views.cameras().to_vec();
+    unseen(mesh, &cameras, Some(&mut views), options, most, details)
+}
+
 #[test]
 fn hidden_triangles_go_and_nothing_is_seen_of_it() {
     let mut mesh = scene();
@@ -184,19 +197,16 @@ fn hidden_triangles_go_and_nothing_is_seen_of_it() {
     mesh.colors = Colors::Face((0..mesh.face_count()).map(|f| [f as f32 / 200.0; 3]).collect());
     let (_folder, dataset) = photograph(&mesh, |_, photo| photo);
     let (mut left, mut details) = (mesh.clone(), Details::new());
-    unseen(&mut left, Some(&mut views(&dataset)), &UnseenOptions::DEFAULT, None, &mut details).unwrap();
+    look(&mut left, &dataset, &UnseenOptions::DEFAULT, None, &mut details).unwrap();
     assert!((8..20).contains(&left.face_count()), "{} of {core}: the sides of the box", left.face_count());
     assert!(difference(&left, &mesh) < 1.0);
-    let again = unseen(&mut left, Some(&mut views(&dataset)), &UnseenOptions::DEFAULT, None, &mut details);
+    let again = look(&mut left, &dataset, &UnseenOptions::DEFAULT, None, &mut details);
     assert!(matches!(again, Ok(Outcome::Unneeded(_))));
 
     let keep = UnseenOptions { keep_unseen: true, ..UnseenOptions::DEFAULT };
     let mut all = mesh.clone();
-    assert!(matches!(
-        unseen(&mut all, Some(&mut views(&dataset)), &keep, None, &mut Details::new()),
-        Ok(Outcome::Unneeded(_))
-    ));
-    unseen(&mut all, Some(&mut views(&dataset)), &keep, Some(20), &mut Details::new()).unwrap();
+    assert!(matches!(look(&mut all, &dataset, &keep, None, &mut Details::new()), Ok(Outcome::Unneeded(_))));
+    look(&mut all, &dataset, &keep, Some(20), &mut Details::new()).unwrap();
     assert_eq!(all.face_count(), 20);
 }
 
@@ -229,6 +239,29 @@ fn holes_are_closed_with_what_photos_show_through_them() {
 }
 
 #[test]
+fn cameras_of_the_file_show_what_photos_would() {
+    let mut mesh = scene();
+    mesh.positions.extend(room(1.35));
+    mesh.colors = Colors::Face((0..mesh.face_count()).map(|f| [f as f32 / 200.0; 3]).collect());
+    let (_folder, dataset) = photograph(&mesh, |_, photo| photo);
+    let cameras: Vec<_> = dataset.train().map(|v| v.camera).collect();
+    let options = UnseenOptions::DEFAULT;
+    for most in [None, Some(9)] {
+        let (mut by_photos, mut by_cameras) = (mesh.clone(), mesh.clone());
+        look(&mut by_photos, &dataset, &options, most, &mut Details::new()).unwrap();
+        let alone = unseen(&mut by_cameras, &cameras, None, &options, most, &mut Details::new()).unwrap();
+        assert_eq!(alone, Outcome::Changed(()));
+        assert_eq!(by_photos, by_cameras);
+    }
+    let away = Camera { translation: Vec3::Z * -1e6, ..cameras[0] };
+    let mut left = mesh.clone();
+    let nothing = unseen(&mut left, &[away], None, &options, None, &mut Details::new()).unwrap();
+    assert!(matches!(nothing, Outcome::Unneeded(_)), "cameras that see nothing say nothing");
+    unseen(&mut left, &[away], None, &options, Some(9), &mut Details::new()).unwrap();
+    assert_eq!(left.face_count(), 9, "the largest");
+}
+
+#[test]
 fn a_greater_error_allows_fewer_triangles() {
     let mesh = scene();
     let (_folder, dataset) = photograph(&mesh, |_, photo| photo);
@@ -236,7 +269,7 @@ fn a_greater_error_allows_fewer_triangles() {
         .map(|db| {
             let (mut mesh, mut details) = (mesh.clone(), Details::new());
             let options = UnseenOptions { max_error: Some(db), ..UnseenOptions::DEFAULT };
-            unseen(&mut mesh, Some(&mut views(&dataset)), &options, None, &mut details).unwrap();
+            look(&mut mesh, &dataset, &options, None, &mut details).unwrap();
             mesh.face_count()
         })
         .to_vec();
@@ -249,15 +282,14 @@ fn without_photos_nothing_is_needed_and_errors_name_the_remedy() {
     let mut details = Details::new();
     let none = refit(&mut mesh, None, &RefitOptions::DEFAULT, &mut details).unwrap();
     assert_eq!(none, Outcome::Unneeded("no photos were given"));
-    let none = unseen(&mut mesh, None, &UnseenOptions::DEFAULT, None, &mut details).unwrap();
-    assert_eq!(none, Outcome::Unneeded("no photos were given"));
+    let none = unseen(&mut mesh, &[], None, &UnseenOptions::DEFAULT, None, &mut details).unwrap();
+    assert!(matches!(none, Outcome::Unneeded(why) if why.contains("--dataset")));
     let options = UnseenOptions { max_error: Some(0.1), ..UnseenOptions::DEFAULT };
-    let error = unseen(&mut mesh, None, &options, None, &mut details).unwrap_err().to_string();
+    let error = unseen(&mut mesh, &[], None, &options, None, &mut details).unwrap_err().to_string();
     assert!(error.contains("--max-error") && error.contains("--dataset"), "{error}");
     let (_folder, dataset) = photograph(&mesh, |_, photo| photo);
     mesh.positions.iter_mut().for_each(|v| *v = Vec3::new(v.x, v.y + 1000.0, v.z));
-    let error = unseen(&mut mesh, Some(&mut views(&dataset)), &UnseenOptions::DEFAULT, None, &mut details)
-        .unwrap_err()
-        .to_string();
+    let error =
+        look(&mut mesh, &dataset, &UnseenOptions::DEFAULT, None, &mut details).unwrap_err().to_string();
     assert!(error.contains("--dataset"), "{error}");
 }

@@ -272,7 +272,7 @@ fn judges_fail_damaged_files() {
     for (what, soup) in damaged() {
         let source = folder.path().join(format!("{what}.soup.ply"));
         let mut bytes = Vec::new();
-        ply::write_soup(&mut bytes, &soup, &Provenance::default()).unwrap();
+        ply::write_soup(&mut bytes, &soup, &Provenance::default(), &[]).unwrap();
         fs::write(&source, bytes).unwrap();
         let names = ["glb", "obj", "ply"].map(|ending| format!("{what}.{ending}"));
         files.extend(bakes(folder.path(), &source, &names.each_ref().map(String::as_str), &EVERYTHING));

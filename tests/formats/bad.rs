@@ -14,7 +14,7 @@ type Read = fn(Source, &ReadOptions) -> Result<Loaded>;
 
 fn soup_bytes(count: usize, degree: u8) -> Vec<u8> {
     let mut bytes = Vec::new();
-    format::write_soup(&mut bytes, &soup(count, degree, 1), &provenance()).expect("writes");
+    format::write_soup(&mut bytes, &soup(count, degree, 1), &provenance(), &[]).expect("writes");
     bytes
 }
 

@@ -186,7 +186,7 @@ pub(crate) fn face(mesh: &Mesh, face: usize) -> ([Vec3; 3], [[f32; 3]; 3], f32) 
 /// The mesh a reader found, and its warnings.
 pub(crate) fn loaded_mesh(loaded: Result<Loaded>) -> (Mesh, Provenance, Vec<String>) {
     match loaded.expect("a sound file") {
-        Loaded { scene: Scene::Mesh(mesh), provenance, warnings } => (mesh, provenance, warnings),
+        Loaded { scene: Scene::Mesh(mesh), provenance, warnings, .. } => (mesh, provenance, warnings),
         other => panic!("{other:?}"),
     }
 }

@@ -1,7 +1,9 @@
 //! The soup PLY.
 
 use crate::files::{Cell, ENCODINGS, Element, Encoding, ply, provenance, soup, soup_elements, source};
+use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat::asset::Provenance;
+use trisplat::camera::Camera;
 use trisplat::formats::ply::{read, write_soup};
 use trisplat::formats::{ReadOptions, Source};
 use trisplat::scene::{Loaded, Scene};
@@ -9,7 +11,7 @@ use trisplat::soup::Soup;
 
 fn written(soup: &Soup, provenance: &Provenance) -> Vec<u8> {
     let mut bytes = Vec::new();
-    write_soup(&mut bytes, soup, provenance).expect("writes to memory");
+    write_soup(&mut bytes, soup, provenance, &[]).expect("writes to memory");
     bytes
 }
 
@@ -42,6 +44,30 @@ fn provenance_reads_back_equal() {
     let bytes = written(&soup(3, 0, 1), &provenance());
     let loaded = read(source(&bytes), &ReadOptions { sh_degree: 0 }).expect("sound");
     assert_eq!(loaded.provenance, provenance());
+}
+
+#[test]
+fn cameras_read_back_bit_equal() {
+    let camera = |i: usize| Camera {
+        rotation: Mat3::from_rotation_x(0.3 * i as f32) * Mat3::from_rotation_z(1.1),
+        translation: Vec3::new(0.1, -2.0, i as f32 / 3.0),
+        focal: Vec2::new(400.3, 410.7),
+        center: Vec2::new(330.1, 220.9),
+        size: UVec2::new(640, 480 + i as u32),
+    };
+    let cameras: Vec<Camera> = (0..20_000).map(camera).collect();
+    let (soup, mut bytes) = (soup(100, 1, 3), Vec::new());
+    write_soup(&mut bytes, &soup, &provenance(), &cameras).expect("writes to memory");
+    let loaded = read(source(&bytes), &ReadOptions { sh_degree: 3 }).expect("sound");
+    assert_eq!((loaded.scene, loaded.provenance), (Scene::Soup(soup), provenance()));
+    assert_eq!(loaded.cameras, cameras);
+
+    let cut = read(source(&bytes[..bytes.len() - 1]), &ReadOptions { sh_degree: 3 }).unwrap_err();
+    assert!(cut.to_string().contains("view"), "{cut}");
+    let end = bytes.len() - 20_000 * 72;
+    bytes[end + 72 + 48..end + 72 + 52].copy_from_slice(&f32::NAN.to_le_bytes());
+    let broken = read(source(&bytes), &ReadOptions { sh_degree: 3 }).unwrap_err().to_string();
+    assert!(broken.contains("view 1") && broken.contains("no camera"), "{broken}");
 }
 
 #[test]

@@ -62,10 +62,12 @@ fn speed() {
     for degree in [0, 3] {
         let file = path("soup.ply");
         let soup = soup(count, degree, 1);
-        create(&file, |out| ply::write_soup(out, &soup, &provenance()));
+        create(&file, |out| ply::write_soup(out, &soup, &provenance(), &[]));
         let bytes = std::fs::read(&file).expect("reads");
         eprintln!("1M soup, SH {degree}: {:.1} MB", bytes.len() as f64 / 1e6);
-        measure("  write_soup to a file", || create(&file, |out| ply::write_soup(out, &soup, &provenance())));
+        measure("  write_soup to a file", || {
+            create(&file, |out| ply::write_soup(out, &soup, &provenance(), &[]))
+        });
         measure("  plain write of its bytes", || create(&file, |out| out.write_all(&bytes)));
         drop(bytes);
         measure("  plain read, one buffer", || read_only(&file));

@@ -246,7 +246,7 @@ fn a_broken_file_of_any_format_is_a_finding() {
 fn sample(folder: &Folder) -> PathBuf {
     let mut bytes = Vec::new();
     let origin = Provenance { trainer: Some("a trainer".into()), ..Provenance::default() };
-    ply::write_soup(&mut bytes, &soup(SampleScene::Studio, 500, 1), &origin).expect("written");
+    ply::write_soup(&mut bytes, &soup(SampleScene::Studio, 500, 1), &origin, &[]).expect("written");
     folder.write("soup.ply", &bytes)
 }
 

@@ -222,7 +222,7 @@ fn multisampling_comes_nearer_to_the_average() {
 fn chunks_out_of_view_are_left_out_and_nobody_sees_it() {
     let Some(mut card) = card() else { return };
     let scene = Scene::Mesh(triangles(4000, 11));
-    let loaded = Loaded { scene, provenance: Default::default(), warnings: Vec::new() };
+    let loaded = Loaded { scene, provenance: Default::default(), warnings: Vec::new(), cameras: Vec::new() };
     let mut baked = BakeOptions::preset(Preset::Fast);
     baked.chunk.chunk_triangles = 64;
     let chunked =

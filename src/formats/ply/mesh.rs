@@ -18,7 +18,7 @@ use std::path::Path;
 
 /// The mesh; what had to be guessed or mended is added to `warnings`.
 pub(super) fn read(path: &Path, tables: &Tables, warnings: &mut Vec<String>) -> Result<Mesh> {
-    let Tables { vertices, faces } = tables;
+    let Tables { vertices, faces, .. } = tables;
     for axis in ["x", "y", "z"] {
         vertices.column(axis)?;
     }

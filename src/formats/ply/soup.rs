@@ -3,7 +3,9 @@
 use super::corners::{Corners, read_positions};
 use super::header::{Element, Scalar};
 use super::table::{Column, Table, Tables};
+use super::views;
 use crate::asset::Provenance;
+use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::formats::blocks::write_blocks;
 use crate::formats::provenance::to_comment;
@@ -20,7 +22,7 @@ pub(super) fn is_soup(faces: &Element) -> bool {
 
 /// The soup, with SH up to `sh_degree`; what lies above is stepped over.
 pub(super) fn read(path: &Path, element: &Element, tables: &Tables, sh_degree: u8) -> Result<Soup> {
-    let Tables { vertices, faces } = tables;
+    let Tables { vertices, faces, .. } = tables;
     let columns = Columns::of(path, element, faces, sh_degree)?;
     for axis in ["x", "y", "z"] {
         vertices.column(axis)?;
@@ -151,15 +153,21 @@ fn sh_count(degree: u8) -> usize {
     (degree as usize + 1).pow(2)
 }
 
-/// Writes a soup PLY: binary little-endian, three own vertices a triangle.
+/// Writes a soup PLY: binary little-endian, three own vertices a triangle. `cameras` are those of the photos it
+/// was made from, in its own frame; there may be none.
 ///
 /// Errors are those of `out`, and `InvalidInput` above 715,827,882 triangles, where PLY's `int`
 /// corner numbers end. Nothing is flushed or renamed here.
-pub fn write_soup(out: &mut dyn Write, soup: &Soup, provenance: &Provenance) -> io::Result<()> {
+pub fn write_soup(
+    out: &mut dyn Write,
+    soup: &Soup,
+    provenance: &Provenance,
+    cameras: &[Camera],
+) -> io::Result<()> {
     if soup.len() > i32::MAX as usize / 3 {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "too many triangles for a PLY file"));
     }
-    out.write_all(header(soup, provenance).as_bytes())?;
+    out.write_all(header(soup, provenance, cameras).as_bytes())?;
     super::write_floats(out, bytemuck::cast_slice(&soup.vertices))?;
     let k = soup.sh_count();
     write_blocks(out, soup.len(), |i, block| {
@@ -171,10 +179,11 @@ pub fn write_soup(out: &mut dyn Write, soup: &Soup, provenance: &Provenance) -> 
             block.extend_from_slice(&value.to_le_bytes());
         }
         block.extend_from_slice(&sh[0].map(|c| (255.0 * rgb_from_sh0(c)).round() as u8));
-    })
+    })?;
+    views::write(out, cameras)
 }
 
-fn header(soup: &Soup, provenance: &Provenance) -> String {
+fn header(soup: &Soup, provenance: &Provenance, cameras: &[Camera]) -> String {
     let mut header = String::from("ply\nformat binary_little_endian 1.0\ncomment trisplat soup 1\n");
     super::push_comment(&mut header, &to_comment(provenance));
     header += &format!("element vertex {}\n", 3 * soup.len());
@@ -190,5 +199,5 @@ fn header(soup: &Soup, provenance: &Provenance) -> String {
     for channel in ["red", "green", "blue"] {
         header += &format!("property uchar {channel}\n");
     }
-    header + "end_header\n"
+    header + &views::header(cameras) + "end_header\n"
 }

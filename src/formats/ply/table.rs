@@ -5,7 +5,7 @@
 //! big-endian, other lists) is rewritten into one in memory first, see [`super::transcode`].
 
 use super::header::{Element, Encoding, Header, Kind, Scalar};
-use super::transcode;
+use super::{transcode, views};
 use crate::error::{Error, Result};
 use crate::formats::{MAX_TRIANGLES, Source, not_a_triangle};
 use std::fs::File;
@@ -245,20 +245,23 @@ fn read_at(file: &File, mut out: &mut [u8], mut offset: u64) -> std::io::Result<
     Ok(())
 }
 
-/// The two elements every kind of triangle PLY has.
+/// The two elements every kind of triangle PLY has, and the cameras that a soup may come with.
 pub(super) struct Tables<'a> {
     pub(super) vertices: Table<'a>,
     pub(super) faces: Table<'a>,
+    pub(super) views: Option<Table<'a>>,
 }
 
-/// Finds the rows of `vertex` and `face`, checking that the file is as long as they need.
+/// Finds the rows of `vertex`, `face` and `view`, checking that the file is as long as they need.
 pub(super) fn locate<'a>(source: &'a Source, header: &'a Header) -> Result<Tables<'a>> {
-    let (mut vertices, mut faces) = (None, None);
+    let (mut vertices, mut faces, mut cameras) = (None, None, None);
+    let with_cameras = views::element(header);
     let mut at = header.body;
     for element in &header.elements {
         let slot = match element.name.as_str() {
             "vertex" => Some(&mut vertices),
             "face" => Some(&mut faces),
+            _ if with_cameras == Some(element) => Some(&mut cameras),
             _ => None,
         };
         let keep = slot.is_some();
@@ -280,12 +283,12 @@ pub(super) fn locate<'a>(source: &'a Source, header: &'a Header) -> Result<Table
         if let Some(slot) = slot {
             *slot = Some(table);
         }
-        if vertices.is_some() && faces.is_some() {
+        if vertices.is_some() && faces.is_some() && with_cameras.is_some() == cameras.is_some() {
             break;
         }
     }
     match (vertices, faces) {
-        (Some(vertices), Some(faces)) => Ok(Tables { vertices, faces }),
+        (Some(vertices), Some(faces)) => Ok(Tables { vertices, faces, views: cameras }),
         (None, _) => Err(Error::malformed(&source.path, "header", "has no element vertex")),
         (_, None) => Err(Error::malformed(&source.path, "header", "has no element face")),
     }

@@ -87,8 +87,12 @@ mod tests {
     #[test]
     fn a_click_finds_the_soups_triangle_behind_a_baked_face() {
         let soup = scenes::soup(SampleScene::Studio, 3000, 1);
-        let loaded =
-            Loaded { scene: Scene::Soup(soup.clone()), provenance: Default::default(), warnings: vec![] };
+        let loaded = Loaded {
+            scene: Scene::Soup(soup.clone()),
+            provenance: Default::default(),
+            warnings: vec![],
+            cameras: vec![],
+        };
         let mut options = BakeOptions::preset(Preset::Default);
         options.bvh.bvh = true;
         let asset = bake::bake(vec![loaded], &options, None, &mut Report::new("test"), &mut ()).unwrap();
