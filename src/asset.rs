@@ -28,6 +28,8 @@ pub struct Asset {
     pub bvh: Option<Bvh>,
     /// Where it came from and how it was placed.
     pub provenance: Provenance,
+    /// The same scene with fewer triangles, finest first; without levels of their own.
+    pub levels: Vec<Asset>,
 }
 
 impl Asset {

@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::math::finite::{all_finite, all_in_unit};
+use crate::math::median::median;
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -64,6 +65,18 @@ impl Mesh {
     #[inline]
     pub fn corners(&self, face: usize) -> [Vec3; 3] {
         self.face(face).map(|v| self.positions[v as usize])
+    }
+
+    /// Area of a face.
+    pub fn area(&self, face: usize) -> f64 {
+        let [a, b, c] = self.corners(face).map(|v| v.as_dvec3());
+        (b - a).cross(c - a).length() / 2.0
+    }
+
+    /// The size of what the mesh can show: the side of a square as large as its median face.
+    pub fn detail(&self) -> f64 {
+        let areas = (0..self.face_count()).map(|f| self.area(f)).collect();
+        median(areas, f64::total_cmp).unwrap_or(0.0).sqrt()
     }
 
     /// Linear colour of each corner of a face.

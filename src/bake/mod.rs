@@ -1,7 +1,7 @@
 //! The bake: a short recipe of stages from a scene to an asset.
 //!
 //! ```text
-//! prune → solid → color → unseen → backdrop → refit → weld → place → chunk → bvh → order
+//! prune → solid → color → unseen → backdrop → refit → weld → place → chunk → bvh → order → lod
 //! ```
 //!
 //! Each stage is a file; it does its work or says why none was needed, and running it twice changes
@@ -11,6 +11,7 @@ pub mod backdrop;
 pub mod bvh;
 pub mod chunk;
 pub mod color;
+pub mod lod;
 pub mod merge;
 pub mod options;
 pub mod order;
@@ -18,11 +19,12 @@ pub mod place;
 pub mod prune;
 pub mod refit;
 pub mod solid;
+pub mod thin;
 pub mod unseen;
 pub mod views;
 pub mod weld;
 
-use crate::asset::Asset;
+use crate::asset::{Asset, Placement, Provenance};
 use crate::error::Result;
 use crate::mesh::Mesh;
 use crate::report::{Counts, Observer, Outcome, Report};
@@ -93,16 +95,45 @@ pub fn bake(
         unseen::unseen(mesh, &cameras, views.as_deref_mut(), &options.unseen, budget, details)
     })?;
 
+    // Levels are made of what is left here, but stand where the scene will stand.
+    let rough = if options.lod.lod.is_empty() { Mesh::default() } else { mesh.clone() };
+    let mesh = paint(mesh, views.as_deref_mut(), options, report, observer)?;
+    let mut step = None;
+    let asset = package(mesh, provenance.clone(), &mut step, options, report, observer)?;
+    let levels = report.stage(observer, "lod", Vec::new(), count_levels, |levels, details| {
+        lod::lod(levels, &rough, &cameras, views, (&provenance, step), options, details)
+    })?;
+    Ok(Asset { levels, ..asset })
+}
+
+/// The part of the recipe that looks at photos.
+fn paint(
+    mesh: Mesh,
+    mut views: Option<&mut Views>,
+    options: &BakeOptions,
+    report: &mut Report,
+    observer: &mut dyn Observer,
+) -> Result<Mesh> {
     // Behind what is left, and before colours are taken from the photos: those of holes are its own.
     let mesh = report.stage(observer, "backdrop", mesh, count_mesh, |mesh, details| {
         backdrop::backdrop(mesh, views.as_deref_mut(), &options.backdrop, details)
     })?;
 
     // On what is left: a colour belongs to what a triangle shows when the others are gone.
-    let mesh = report.stage(observer, "refit", mesh, count_mesh, |mesh, details| {
+    report.stage(observer, "refit", mesh, count_mesh, |mesh, details| {
         refit::refit(mesh, views, &options.refit, details)
-    })?;
+    })
+}
 
+/// The part of the recipe that makes a file of a mesh, which is moved by `step`, or as the options say.
+fn package(
+    mesh: Mesh,
+    mut provenance: Provenance,
+    step: &mut Option<Placement>,
+    options: &BakeOptions,
+    report: &mut Report,
+    observer: &mut dyn Observer,
+) -> Result<Asset> {
     // Before placing, while equal corners are still equal to the bit.
     let mesh = report.stage(observer, "weld", mesh, count_mesh, |mesh, details| {
         weld::weld(mesh, &options.weld, details)
@@ -110,7 +141,8 @@ pub fn bake(
 
     // Before anything with boxes in it, whose numbers must be those of the file.
     let mesh = report.stage(observer, "place", mesh, count_mesh, |mesh, details| {
-        place::place(mesh, &mut provenance, &options.place, details)
+        let step = *step.get_or_insert_with(|| place::step(mesh, &provenance, &options.place));
+        place::move_by(mesh, &mut provenance, step, details)
     })?;
 
     provenance.generator = Some(crate::report::generator());
@@ -136,6 +168,14 @@ fn count(scene: &Scene) -> Counts {
         Scene::Soup(soup) => Counts { triangles: soup.len() as u64, vertices: 3 * soup.len() as u64 },
         Scene::Mesh(mesh) => count_mesh(mesh),
     }
+}
+
+fn count_levels(levels: &Vec<Asset>) -> Counts {
+    let counts = levels.iter().map(Asset::counts);
+    counts.fold(Counts::default(), |a, b| Counts {
+        triangles: a.triangles + b.triangles,
+        vertices: a.vertices + b.vertices,
+    })
 }
 
 fn count_mesh(mesh: &Mesh) -> Counts {

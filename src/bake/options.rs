@@ -3,6 +3,7 @@
 use super::backdrop::BackdropOptions;
 use super::bvh::BvhOptions;
 use super::chunk::ChunkOptions;
+use super::lod::LodOptions;
 use super::order::OrderOptions;
 use super::place::PlaceOptions;
 use super::prune::PruneOptions;
@@ -48,6 +49,9 @@ pub struct BakeOptions {
         next_help_heading = "Unseen, with --dataset or cameras in the file: drop what no photo sees"
     )]
     pub unseen: UnseenOptions,
+    /// Which levels of detail are made.
+    #[command(flatten, next_help_heading = "LOD: levels of detail")]
+    pub lod: LodOptions,
     /// What stands behind the scene.
     #[command(flatten, next_help_heading = "Backdrop, with --dataset: close holes")]
     pub backdrop: BackdropOptions,
@@ -83,6 +87,7 @@ impl BakeOptions {
                 prune: PruneOptions::FAST,
                 solid: SolidOptions::DEFAULT,
                 unseen: UnseenOptions::DEFAULT,
+                lod: LodOptions::DEFAULT,
                 backdrop: BackdropOptions::DEFAULT,
                 refit: RefitOptions::DEFAULT,
                 weld: WeldOptions::FAST,
@@ -97,6 +102,7 @@ impl BakeOptions {
                 prune: PruneOptions::DEFAULT,
                 solid: SolidOptions::DEFAULT,
                 unseen: UnseenOptions::DEFAULT,
+                lod: LodOptions::DEFAULT,
                 backdrop: BackdropOptions::DEFAULT,
                 refit: RefitOptions::DEFAULT,
                 weld: WeldOptions::DEFAULT,
@@ -111,6 +117,7 @@ impl BakeOptions {
                 prune: PruneOptions::SMALL,
                 solid: SolidOptions::DEFAULT,
                 unseen: UnseenOptions::DEFAULT,
+                lod: LodOptions::DEFAULT,
                 backdrop: BackdropOptions::DEFAULT,
                 refit: RefitOptions::DEFAULT,
                 weld: WeldOptions::DEFAULT,
@@ -125,6 +132,7 @@ impl BakeOptions {
 
     /// Checks the ranges that need no scene; stages check the rest.
     pub fn validate(&self) -> Result<()> {
+        self.lod.validate()?;
         self.place.validate()
     }
 }

@@ -58,11 +58,26 @@ pub fn place(
     options: &PlaceOptions,
     details: &mut Map<String, Value>,
 ) -> Result<Outcome<()>> {
+    let step = step(mesh, provenance, options);
+    move_by(mesh, provenance, step, details)
+}
+
+/// How `mesh` will be moved.
+pub fn step(mesh: &Mesh, provenance: &Provenance, options: &PlaceOptions) -> Placement {
     let up = options.up.or(provenance.up).unwrap_or_default();
     let center = if options.center { middle(&mesh.positions).as_dvec3().to_array() } else { [0.0; 3] };
-    let step = Placement { up, scale: options.scale, center };
+    Placement { up, scale: options.scale, center }
+}
+
+/// Moves `mesh` so and writes it into `provenance`.
+pub fn move_by(
+    mesh: &mut Mesh,
+    provenance: &mut Provenance,
+    step: Placement,
+    details: &mut Map<String, Value>,
+) -> Result<Outcome<()>> {
     provenance.up = Some(UpAxis::Y);
-    details.insert("up".into(), serde_json::to_value(up).unwrap_or_default());
+    details.insert("up".into(), serde_json::to_value(step.up).unwrap_or_default());
     if step == Placement::IDENTITY {
         return Ok(Outcome::Unneeded("the input is Y-up already and no scale or center was asked for"));
     }
@@ -78,7 +93,7 @@ pub fn place(
     let mover = step.mover();
     mesh.positions.par_iter_mut().with_min_len(1 << 14).for_each(|p| *p = mover(*p));
     match mesh.positions.par_iter().position_any(|p| !p.is_finite()) {
-        Some(_) => Err(Error::invalid("--scale", options.scale, "a factor that keeps every position finite")),
+        Some(_) => Err(Error::invalid("--scale", step.scale, "a factor that keeps every position finite")),
         None => Ok(Outcome::Changed(())),
     }
 }

@@ -4,6 +4,7 @@
 //! the integral of its visibility, in pixels. A triangle behind others is worth nothing to an engine.
 
 use super::Details;
+use super::thin;
 use super::views::{self, Views};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
@@ -11,19 +12,15 @@ use crate::math::metric;
 use crate::mesh::Mesh;
 use crate::raster::solid::{NO_FACE, Solid, SolidOptions};
 use crate::report::Outcome;
-use glam::Vec3;
 use rayon::prelude::*;
 use serde_json::json;
-use std::collections::HashMap;
 
 /// Samples a pixel along each axis when visibility is counted.
 const SAMPLES: u32 = 2;
 /// Photos that the curve of error against triangles is measured on.
 const CURVE_VIEWS: usize = 12;
-/// Triangles that stay in a neighbourhood, about.
-const PER_CELL: u32 = 24;
-/// Most a triangle is enlarged by.
-const MOST_ENLARGED: f64 = 2.0;
+/// With `--max-error` at least one triangle in so many stays, about.
+const FEWEST: usize = 64;
 /// Halvings of the interval in which the cut lies.
 const CURVE_STEPS: usize = 9;
 
@@ -42,7 +39,7 @@ pub struct UnseenOptions {
     #[arg(long, value_name = "DB")]
     #[schemars(range(min = 0.0))]
     pub max_error: Option<f64>,
-    /// Enlarge the triangles that stay until they cover what those that go had covered nearby
+    /// With fewer triangles than are seen: enlarge those that stay where that hides what is missing
     #[arg(long, default_value_t = UnseenOptions::DEFAULT.enlarge, num_args = 0..=1, require_equals = true,
           default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL")]
     pub enlarge: bool,
@@ -83,26 +80,33 @@ pub fn unseen(
         return Ok(Outcome::Unneeded("--keep-unseen"));
     }
     let seen = seen_px(mesh, cameras);
-    let ranked = rank(mesh, &seen);
+    let mut ranked = rank(mesh, &seen);
     let visible = ranked.partition_point(|&f| seen[f as usize] > 0.0);
     if visible == 0 && views.is_some() {
         let wants = "photos of this scene: none of its triangles is in any view; was it moved or scaled?";
         return Err(Error::invalid("--dataset", "its cameras", wants));
     }
-    let mut keep = match options.keep_unseen || visible == 0 {
+    let needed = match options.keep_unseen || visible == 0 {
         true => ranked.len(),
         false => ranked.partition_point(|&f| f64::from(seen[f as usize]) >= options.min_seen_px).max(1),
     };
     details.insert("seen_by_none".into(), (ranked.len() - visible).into());
-    keep = keep.min(most);
+    let mut keep = needed.min(most);
+    let thins = keep < needed.min(visible) || options.max_error.is_some();
+    if thins {
+        let fewest = if options.max_error.is_some() { visible / FEWEST } else { keep };
+        let seen_at_all = needed.min(visible);
+        let best = thin::order(mesh, cameras, &seen, &ranked[..seen_at_all], fewest.max(1));
+        ranked[..seen_at_all].copy_from_slice(&best);
+    }
     if let (Some(db), Some(views)) = (options.max_error, views) {
         keep = cut(mesh, views, &ranked[..keep], db, details)?;
     }
     if keep == ranked.len() {
         return Ok(Outcome::Unneeded("every triangle is seen"));
     }
-    if keep < visible && options.enlarge {
-        enlarge(mesh, &seen, &ranked[..keep], details);
+    if thins && options.enlarge {
+        details.insert("corners_moved".into(), thin::grow(mesh, cameras, &ranked[..keep]).into());
     }
     let mut kept = vec![false; ranked.len()];
     ranked[..keep].iter().for_each(|&f| kept[f as usize] = true);
@@ -112,10 +116,7 @@ pub fn unseen(
 
 /// All faces, those seen most first; among those seen equally little the larger first. `[F]`
 fn rank(mesh: &Mesh, seen: &[f32]) -> Vec<u32> {
-    let area = |f: u32| {
-        let [a, b, c] = mesh.corners(f as usize);
-        (b - a).cross(c - a).length_squared()
-    };
+    let area = |f: u32| mesh.area(f as usize);
     let mut ranked: Vec<u32> = (0..seen.len() as u32).collect();
     ranked.par_sort_unstable_by(|&a, &b| {
         let by_area = || area(b).total_cmp(&area(a));
@@ -148,65 +149,6 @@ pub fn seen_px(mesh: &Mesh, cameras: &[Camera]) -> Vec<f32> {
     }
     let per_sample = 1.0 / f64::from(SAMPLES * SAMPLES);
     samples.into_iter().map(|n| (n as f64 * per_sample) as f32).collect()
-}
-
-/// Scales the faces that stay about their middles so that those of a neighbourhood are seen on as many pixels
-/// as all had been: `seen` is what each face showed. `[F]`
-fn enlarge(mesh: &mut Mesh, seen: &[f32], kept: &[u32], details: &mut Details) {
-    if !mesh.indices.is_empty() {
-        return;
-    }
-    let middle = |f: usize| mesh.corners(f).iter().sum::<Vec3>() / 3.0;
-    let neighbourhood = Neighbourhood::new(kept.iter().map(|&f| middle(f as usize)), kept.len());
-    let mut all: HashMap<[i32; 3], f64> = HashMap::new();
-    for (f, px) in seen.iter().enumerate().filter(|(_, px)| **px > 0.0) {
-        *all.entry(neighbourhood.of(middle(f))).or_default() += f64::from(*px);
-    }
-    let mut left: HashMap<[i32; 3], f64> = HashMap::new();
-    for &f in kept {
-        *left.entry(neighbourhood.of(middle(f as usize))).or_default() += f64::from(seen[f as usize]);
-    }
-    let factors: Vec<(u32, f32)> = kept
-        .iter()
-        .map(|&f| {
-            let cell = neighbourhood.of(middle(f as usize));
-            let share =
-                all.get(&cell).copied().unwrap_or(0.0) / left.get(&cell).copied().unwrap_or(1.0).max(1e-9);
-            (f, share.sqrt().clamp(1.0, MOST_ENLARGED) as f32)
-        })
-        .collect();
-    let mean = factors.iter().map(|(_, k)| f64::from(*k)).sum::<f64>() / factors.len().max(1) as f64;
-    details.insert("enlarged_by".into(), mean.into());
-    for (f, factor) in factors {
-        let corners = &mut mesh.positions[3 * f as usize..3 * f as usize + 3];
-        let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
-        corners.iter_mut().for_each(|v| *v = middle + (*v - middle) * factor);
-    }
-}
-
-/// Cells of space that hold some dozen triangles each.
-struct Neighbourhood {
-    origin: Vec3,
-    cell: f32,
-}
-
-impl Neighbourhood {
-    fn new(points: impl Iterator<Item = Vec3> + Clone, count: usize) -> Self {
-        let mut axes: [Vec<f32>; 3] = [0, 1, 2].map(|a| points.clone().map(|p| p[a]).collect());
-        let mut extent = |a: usize, share: f64| -> f32 {
-            let at = ((count.max(1) - 1) as f64 * share) as usize;
-            axes[a].select_nth_unstable_by(at, f32::total_cmp).1.to_owned()
-        };
-        let low = Vec3::from([0, 1, 2].map(|a| extent(a, 0.05)));
-        let high = Vec3::from([0, 1, 2].map(|a| extent(a, 0.95)));
-        // Surfaces, not volumes, are what triangles fill.
-        let size = (high - low).max_element().max(f32::MIN_POSITIVE);
-        Self { origin: low, cell: size * (f64::from(PER_CELL) / count.max(1) as f64).sqrt() as f32 }
-    }
-
-    fn of(&self, point: Vec3) -> [i32; 3] {
-        ((point - self.origin) / self.cell).floor().as_ivec3().to_array()
-    }
 }
 
 /// How many of `ranked` must stay so that the photos are met at most `db` worse than by all of them.

@@ -56,7 +56,8 @@ pub struct BakeArgs {
 pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()> {
     let clock = Instant::now();
     let options = resolve(args, matches)?;
-    let output = Output::plan(&args.output, args.format, &options.output, options.bvh.bvh)?;
+    let output = Output::plan(&args.output, args.format, &options.output, options.bvh.bvh)?
+        .with_levels(options.lod.lod.len(), &options.output)?;
     guard(args, &output)?;
 
     let mut progress = Progress::new(global);

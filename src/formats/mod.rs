@@ -20,6 +20,7 @@ pub mod ply;
 mod provenance;
 pub mod pt;
 pub mod target;
+pub mod tileset;
 
 pub use detect::{Format, read};
 pub use finish::finish;

@@ -2,7 +2,9 @@
 
 use super::atomic::AtomicFile;
 use super::gltf::GltfOptions;
+use super::gltf::document::uri;
 use super::target::Target;
+use super::tileset::{self, Level};
 use super::{bvh, gltf, html, obj, ply};
 use crate::asset::Asset;
 use crate::error::{Error, Result};
@@ -115,6 +117,10 @@ pub struct Output {
     /// Name and content of the engine's import settings.
     sidecar: Option<(PathBuf, String)>,
     bvh: Option<PathBuf>,
+    /// One for each level of detail.
+    levels: Vec<Output>,
+    /// Names all levels.
+    tileset: Option<PathBuf>,
 }
 
 impl Output {
@@ -143,14 +149,38 @@ impl Output {
             second,
             sidecar: sidecar.map(|(name, text)| (path.with_file_name(name), text)),
             bvh: bvh.then(|| path.with_extension("bvh")),
+            levels: Vec::new(),
+            tileset: None,
         })
+    }
+
+    /// The same with so many levels of detail beside it: OUT.lod1.glb and so on, and for glTF a tileset of all.
+    pub fn with_levels(mut self, levels: usize, options: &OutputOptions) -> Result<Self> {
+        if levels == 0 {
+            return Ok(self);
+        }
+        if self.main.as_os_str() == "-" || is_device(&self.main) || self.kind == Kind::Html {
+            let wants = "a .glb, .gltf, .obj or .ply file: --lod writes more files beside the first";
+            return Err(Error::invalid("--output", self.main.display(), wants));
+        }
+        let ending = self.main.extension().and_then(|e| e.to_str()).unwrap_or("glb").to_owned();
+        let level = |i: usize| {
+            let path = self.main.with_extension(format!("lod{i}.{ending}"));
+            Self::plan(&path, Some(self.kind), options, self.bvh.is_some())
+        };
+        self.levels = (1..=levels).map(level).collect::<Result<_>>()?;
+        let gltf = matches!(self.kind, Kind::Glb | Kind::Gltf);
+        self.tileset = gltf.then(|| self.main.with_extension("tileset.json"));
+        Ok(self)
     }
 
     /// Every file that will be written.
     pub fn paths(&self) -> impl Iterator<Item = &Path> {
-        let rest =
-            [self.second.as_deref(), self.sidecar.as_ref().map(|s| s.0.as_path()), self.bvh.as_deref()];
-        std::iter::once(self.main.as_path()).chain(rest.into_iter().flatten())
+        std::iter::once(self).chain(&self.levels).flat_map(|output| {
+            let sidecar = output.sidecar.as_ref().map(|s| s.0.as_path());
+            let rest = [output.second.as_deref(), sidecar, output.bvh.as_deref(), output.tileset.as_deref()];
+            std::iter::once(output.main.as_path()).chain(rest.into_iter().flatten())
+        })
     }
 }
 
@@ -173,20 +203,13 @@ pub fn write(
         (),
         |()| counts,
         |(), details| {
-            let mut main = create(&output.main)?;
-            let mut second = output.second.as_deref().map(create).transpose()?;
-            warnings = encode(asset, output, options, &mut main, second.as_mut(), details)?;
-            files.push(main);
-            files.extend(second);
-            if let Some((path, text)) = &output.sidecar {
-                let mut file = create(path)?;
-                file.write_all(text.as_bytes()).map_err(|e| Error::io(path, e))?;
-                files.push(file);
+            warnings = write_one(asset, output, options, &create, &mut files, details)?;
+            for (asset, output) in asset.levels.iter().zip(&output.levels) {
+                let mut quiet = Map::new();
+                warnings.extend(write_one(asset, output, options, &create, &mut files, &mut quiet)?);
             }
-            if let Some(path) = &output.bvh {
-                let mut file = create(path)?;
-                bvh::write(&mut file, asset).map_err(|e| Error::io(path, e))?;
-                files.push(file);
+            if let Some(path) = &output.tileset {
+                files.push(write_text(path, &tileset_of(asset, output), &create)?);
             }
             Ok(Outcome::Changed(()))
         },
@@ -197,6 +220,53 @@ pub fn write(
         report.outputs.push(OutputReport { path, bytes: file.commit()? });
     }
     Ok(())
+}
+
+type Create<'a> = &'a dyn Fn(&Path) -> Result<AtomicFile>;
+
+/// Writes the files of one level into `files`; returns warnings for the user.
+fn write_one(
+    asset: &Asset,
+    output: &Output,
+    options: &OutputOptions,
+    create: Create,
+    files: &mut Vec<AtomicFile>,
+    details: &mut Map<String, Value>,
+) -> Result<Vec<String>> {
+    let mut main = create(&output.main)?;
+    let mut second = output.second.as_deref().map(create).transpose()?;
+    let warnings = encode(asset, output, options, &mut main, second.as_mut(), details)?;
+    files.push(main);
+    files.extend(second);
+    if let Some((path, text)) = &output.sidecar {
+        files.push(write_text(path, text, create)?);
+    }
+    if let Some(path) = &output.bvh {
+        let mut file = create(path)?;
+        bvh::write(&mut file, asset).map_err(|e| Error::io(path, e))?;
+        files.push(file);
+    }
+    Ok(warnings)
+}
+
+fn write_text(path: &Path, text: &str, create: Create) -> Result<AtomicFile> {
+    let mut file = create(path)?;
+    file.write_all(text.as_bytes()).map_err(|e| Error::io(path, e))?;
+    Ok(file)
+}
+
+/// The tileset of an asset and its levels.
+fn tileset_of(asset: &Asset, output: &Output) -> String {
+    let pairs = std::iter::once((asset, output)).chain(asset.levels.iter().zip(&output.levels));
+    let levels: Vec<Level> = pairs
+        .enumerate()
+        .map(|(i, (asset, output))| {
+            let name = output.main.file_name().unwrap_or_default().to_string_lossy();
+            let error = if i == 0 { 0.0 } else { asset.mesh.detail() };
+            Level { uri: uri(&name), mesh: &asset.mesh, error }
+        })
+        .collect();
+    tileset::json(&levels, &crate::report::generator())
 }
 
 /// Encodes the asset as its kind; returns warnings for the user.

@@ -5,6 +5,7 @@ mod chunks;
 mod closed_form;
 mod hierarchy;
 mod hostile;
+mod levels;
 mod photos;
 mod stages;
 mod sturdy;

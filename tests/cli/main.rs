@@ -66,6 +66,43 @@ fn an_existing_file_needs_force() {
 }
 
 #[test]
+fn levels_of_detail_are_written_together_or_not_at_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let (out, report) = (folder.path().join("scene.glb"), folder.path().join("report.json"));
+    let lod2 = folder.path().join("scene.lod2.glb");
+    std::fs::write(&lod2, b"precious").unwrap();
+    let levels: [&dyn AsRef<std::ffi::OsStr>; 6] =
+        [&"bake", &sample("studio.ply"), &"-o", &out, &"--lod", &"0.5,0.25"];
+    fails(folder.path(), &levels, &["scene.lod2.glb", "--force"]);
+    std::fs::remove_file(&lod2).unwrap();
+    let output = trisplat(&[&levels[..], &[&"--report", &report]].concat());
+    assert!(output.status.success(), "{}", stderr(&output));
+    let report: serde_json::Value = serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
+    let names = ["scene.glb", "scene.lod1.glb", "scene.lod2.glb", "scene.tileset.json"];
+    for (name, told) in names.iter().zip(report["outputs"].as_array().unwrap()) {
+        let bytes = std::fs::metadata(folder.path().join(name)).unwrap().len();
+        assert!(told["path"].as_str().unwrap().ends_with(name) && told["bytes"] == bytes, "{told}");
+    }
+    let set = std::fs::read(folder.path().join("scene.tileset.json")).unwrap();
+    let set: serde_json::Value = serde_json::from_slice(&set).unwrap();
+    let mut tile = &set["root"];
+    for name in names[..3].iter().rev() {
+        assert_eq!(tile["content"]["uri"], **name);
+        let finer = &tile["children"][0];
+        assert!(finer.is_null() || finer["geometricError"].as_f64() <= tile["geometricError"].as_f64());
+        tile = finer;
+    }
+    fails(
+        folder.path(),
+        &[&"bake", &sample("studio.ply"), &"-o", &"-", &"--lod", &"0.5"],
+        &["--lod", "file"],
+    );
+    let rising =
+        [&"bake" as &dyn AsRef<std::ffi::OsStr>, &sample("studio.ply"), &"-o", &lod2, &"--lod", &"0.2,0.5"];
+    fails(folder.path(), &rising, &["--lod", "fall"]);
+}
+
+#[test]
 fn an_input_is_never_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     let both = folder.path().join("scene.ply");

@@ -123,6 +123,11 @@ fn every_target_is_valid_gltf() {
             let triangles = bake(source, &path, &["--target", target]);
             files.push((path, triangles));
         }
+        let path = folder.path().join(format!("{name}-levels.glb"));
+        let triangles = bake(source, &path, &["--lod", "0.5,0.2"]);
+        let level = |share: f64| ((triangles as f64 * share) as usize).max(1) as u64;
+        files.push((path.with_extension("lod1.glb"), level(0.5)));
+        files.push((path.with_extension("lod2.glb"), level(0.2)));
         let path = folder.path().join(format!("{name}.gltf"));
         let triangles = bake(source, &path, &["--chunk-triangles", "500"]);
         files.push((path, triangles));

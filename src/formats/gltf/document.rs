@@ -319,7 +319,7 @@ fn buffers(content: &Content, bin_name: Option<&str>) -> (Vec<BufferView>, Vec<B
 }
 
 /// A file name as a relative URI reference (RFC 3986): everything but unreserved characters escaped.
-fn uri(name: &str) -> String {
+pub(crate) fn uri(name: &str) -> String {
     let mut uri = String::with_capacity(name.len());
     for byte in name.bytes() {
         if byte.is_ascii_alphanumeric() || b"-._~".contains(&byte) {

@@ -11,7 +11,7 @@
 
 mod chunk;
 mod container;
-mod document;
+pub(super) mod document;
 mod encode;
 mod grid;
 mod meshopt;

@@ -1,0 +1,146 @@
+//! Levels of detail: which triangles stay, and what they cover.
+
+use glam::{Mat3, UVec2, Vec2, Vec3};
+use trisplat::asset::Asset;
+use trisplat::bake::bake;
+use trisplat::bake::lod::LodOptions;
+use trisplat::bake::options::{BakeOptions, Preset};
+use trisplat::bake::thin;
+use trisplat::bake::unseen::seen_px;
+use trisplat::camera::Camera;
+use trisplat::mesh::{Colors, Mesh};
+use trisplat::raster::solid::{NO_FACE, Solid, SolidOptions};
+use trisplat::report::Report;
+use trisplat::scene::{Loaded, Scene};
+
+/// A wall of 2 · 16 · 16 triangles that shade into each other, and as many hidden behind it.
+fn wall() -> Mesh {
+    let at = |x: u32, y: u32, z: f32| Vec3::new(x as f32 / 8.0 - 1.0, y as f32 / 8.0 - 1.0, z);
+    let square = |x: u32, y: u32, z: f32| {
+        let [a, b, c, d] = [at(x, y, z), at(x + 1, y, z), at(x + 1, y + 1, z), at(x, y + 1, z)];
+        [a, b, c, a, c, d]
+    };
+    let squares = |z: f32| (0..256).flat_map(move |i| square(i % 16, i / 16, z));
+    let positions: Vec<Vec3> = squares(0.0).chain(squares(0.5)).collect();
+    let color = |i: usize| match positions[i].z == 0.0 {
+        true => [0.4 + 0.2 * positions[i].x, 0.4 + 0.2 * positions[i].y, 0.3],
+        false => [1.0, 0.0, 1.0],
+    };
+    let colors = Colors::Face((0..positions.len() / 3).map(|f| color(3 * f)).collect());
+    Mesh { positions, colors, ..Mesh::default() }
+}
+
+/// Cameras before the wall, all of it in view.
+fn cameras() -> Vec<Camera> {
+    let lens = Camera {
+        rotation: Mat3::IDENTITY,
+        translation: Vec3::ZERO,
+        focal: Vec2::splat(120.0),
+        center: Vec2::new(64.0, 48.0),
+        size: UVec2::new(128, 96),
+    };
+    let eye = |i: u32| Vec3::new((i % 3) as f32 - 1.0, (i / 3) as f32 * 0.5 - 0.5, -3.5);
+    (0..9).map(|i| lens.looking(eye(i), Vec3::ZERO, Vec3::NEG_Y)).collect()
+}
+
+fn loaded(cameras: Vec<Camera>) -> Loaded {
+    Loaded { scene: Scene::Mesh(wall()), provenance: Default::default(), warnings: Vec::new(), cameras }
+}
+
+fn baked(cameras: Vec<Camera>, shares: &[f64], change: impl Fn(&mut BakeOptions)) -> (Asset, Report) {
+    let mut options = BakeOptions::preset(Preset::Fast);
+    options.lod = LodOptions { lod: shares.to_vec() };
+    change(&mut options);
+    let mut report = Report::default();
+    let asset = bake(vec![loaded(cameras)], &options, None, &mut report, &mut ()).unwrap();
+    (asset, report)
+}
+
+/// Corners of every face, as bits that can be looked up.
+fn faces(mesh: &Mesh) -> Vec<[[u32; 3]; 3]> {
+    (0..mesh.face_count()).map(|f| mesh.corners(f).map(|v| v.to_array().map(f32::to_bits))).collect()
+}
+
+/// Share of the samples at which nothing is, or only what had been hidden.
+fn holes(mesh: &Mesh) -> f64 {
+    let (mut holes, mut all) = (0, 0);
+    for camera in cameras() {
+        let options = SolidOptions::default();
+        let whole = Solid::new().visibility(&wall(), &camera, &options).face.clone();
+        let mut solid = Solid::new();
+        let seen = solid.visibility(mesh, &camera, &options);
+        for (now, before) in seen.face.iter().zip(&whole).filter(|(_, before)| **before != NO_FACE) {
+            let hidden = |f: u32| mesh.corners(f as usize)[0].z > 0.25;
+            holes += usize::from(*now == NO_FACE || (*before < 512 && hidden(*now)));
+            all += 1;
+        }
+    }
+    holes as f64 / f64::from(all)
+}
+
+#[test]
+fn every_prefix_of_the_order_is_a_level() {
+    let (mesh, cameras) = (wall(), cameras());
+    let seen = seen_px(&mesh, &cameras);
+    let visible: Vec<u32> = (0..512).collect();
+    let order = thin::order(&mesh, &cameras, &seen, &visible, 60);
+    let mut sorted = order.clone();
+    sorted.sort_unstable();
+    assert_eq!(sorted, visible, "every face once");
+    let serial = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    assert_eq!(serial.install(|| thin::order(&mesh, &cameras, &seen, &visible, 60)), order);
+    // Stopping earlier changes nothing above: one order serves all levels.
+    let above = thin::order(&mesh, &cameras, &seen, &visible, 300);
+    let set = |order: &[u32]| order[..362].iter().copied().collect::<std::collections::BTreeSet<u32>>();
+    assert_eq!(set(&above), set(&order));
+}
+
+#[test]
+fn finer_levels_hold_the_triangles_of_coarser_ones() {
+    for cameras in [cameras(), Vec::new()] {
+        let seeing = !cameras.is_empty();
+        let (asset, report) = baked(cameras, &[0.5, 0.25, 0.1], |o| o.unseen.enlarge = false);
+        let total = asset.mesh.face_count();
+        assert_eq!(total, if seeing { 512 } else { 1024 });
+        let counts: Vec<usize> = asset.levels.iter().map(|l| l.mesh.face_count()).collect();
+        assert_eq!(counts, [0.5, 0.25, 0.1].map(|share| (total as f64 * share) as usize));
+        let mut finer = faces(&asset.mesh);
+        for level in &asset.levels {
+            let these = faces(&level.mesh);
+            assert!(these.iter().all(|face| finer.contains(face)));
+            finer = these;
+        }
+        let told = report.stages.iter().find(|s| s.name == "lod").unwrap();
+        assert_eq!(told.details["ordered_by"], if seeing { "sight" } else { "size" });
+        assert_eq!(told.details["levels"][2]["triangles"], counts[2]);
+    }
+}
+
+#[test]
+fn triangles_that_stay_cover_for_those_that_go() {
+    for (cameras, most) in [(cameras(), 0.45), (Vec::new(), 0.8)] {
+        let open = baked(cameras.clone(), &[0.5], |o| o.unseen.enlarge = false).0;
+        let closed = baked(cameras, &[0.5], |_| ()).0;
+        let (open, closed) = (holes(&open.levels[0].mesh), holes(&closed.levels[0].mesh));
+        assert!(open > 0.2, "{open} of the wall are missing");
+        assert!(closed < most * open, "{closed} of the wall are missing, {open} without enlarging");
+    }
+}
+
+#[test]
+fn levels_stand_where_the_scene_stands() {
+    let (asset, _) = baked(cameras(), &[0.3], |o| {
+        (o.place.center, o.place.scale, o.unseen.enlarge) = (true, 3.0, false);
+    });
+    let scene = faces(&asset.mesh);
+    assert!(faces(&asset.levels[0].mesh).iter().all(|face| scene.contains(face)));
+    assert_eq!(asset.levels[0].provenance, asset.provenance);
+}
+
+#[test]
+fn shares_must_fall() {
+    for shares in [&[0.5, 0.5][..], &[1.0], &[0.0], &[f64::NAN], &[0.2, 0.4], &[0.5; 9]] {
+        let error = LodOptions { lod: shares.to_vec() }.validate().unwrap_err().to_string();
+        assert!(error.contains("--lod"), "{error}");
+    }
+}
