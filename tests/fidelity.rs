@@ -4,6 +4,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use trisplat::bench::fidelity::FidelityRow;
 use trisplat::bench::judge::{Fidelity, StepScore};
 use trisplat::bench::paint::Painter;
 use trisplat::dataset::{Dataset, DatasetOptions};
@@ -305,4 +306,52 @@ fn a_soup_of_a_far_world_is_drawn_where_its_file_says() {
         *corner = 2.0 * glam::Vec3::new(corner.x, -corner.y, -corner.z);
     }
     assert_eq!(soft(&file, &turned, &dataset), near);
+}
+
+/// Rows of `bench fidelity` on the sample's photos.
+fn bench(more: &[&str]) -> Vec<FidelityRow> {
+    let dataset = sample("dataset");
+    let args = [&["bench", "fidelity", dataset.to_str().unwrap(), "--json"], more].concat();
+    let output = trisplat(&args);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn the_way_of_a_soup_into_files_is_measured() {
+    let (soup, _, folder) = inputs();
+    let [csv, plot] = ["rows.csv", "rows.svg"].map(|n| folder.path().join(n).to_str().unwrap().to_owned());
+    let rows = bench(&["--soup", &soup, "--csv", &csv, "--plot", &plot]);
+    let find = |case: &str, target: &str| {
+        let row = rows.iter().find(|r| {
+            r.case == case && r.target == target && r.ssaa == if target.is_empty() { 1 } else { 4 }
+        });
+        row.unwrap_or_else(|| panic!("no row {case} {target}"))
+    };
+    let soft = find("soft", "");
+    assert_eq!((soft.change, soft.bake_secs, soft.soup.as_str()), (0.0, 0.0, soup.as_str()));
+    for preset in ["fast", "default", "small"] {
+        for target in ["gltf", "godot", "godot3", "unity", "unreal", "blender", "web", "playcanvas"] {
+            let row = find(preset, target);
+            let like = find(preset, "gltf");
+            assert!((row.psnr - like.psnr).abs() < 0.1, "{preset} {target}: {} dB", row.psnr);
+            assert_eq!(row.triangles, like.triangles);
+        }
+    }
+    assert!(find("small", "web").bytes * 2 < find("small", "gltf").bytes);
+    assert!(find("refit", "gltf").psnr >= find("unseen", "gltf").psnr - 0.05);
+    assert!(find("quarter", "gltf").triangles * 3 < find("refit", "gltf").triangles);
+    assert_eq!(std::fs::read_to_string(&csv).unwrap().lines().count(), rows.len() + 1);
+    assert!(std::fs::read_to_string(&plot).unwrap().contains("thousand triangles"));
+    let dataset = sample("dataset");
+    let budget = ["bench", "fidelity", dataset.to_str().unwrap(), "--soup", &soup, "--soft", &soup];
+    fail(&[&budget[..], &["--steps", "9"]].concat(), &["--steps", "--soup"]);
+}
+
+#[test]
+fn without_a_soup_one_is_trained() {
+    let rows = bench(&["--steps", "12", "--max-triangles", "400"]);
+    assert_eq!(rows[0].soup, "solid 12 steps");
+    assert_eq!(rows[0].case, "soft");
+    assert!(rows.iter().all(|r| r.psnr > 5.0 && r.triangles <= 400 + 128));
 }

@@ -1,13 +1,14 @@
-//! `trisplat bench fidelity`: what each step from a soup to a file costs, judged on held-out photos.
+//! `trisplat bench fidelity`: what each step from photos to a file costs, judged on held-out photos.
 //!
-//! Every case is baked, written, *read back from the file* and drawn by the solid rasteriser with one, four
-//! and sixteen samples a pixel. Two curves come with it: the error against the number of triangles and
-//! against the size of the file.
+//! A soup is trained, or taken; every case is baked, written, *read back from the file* and drawn by the solid
+//! rasteriser with one, four and sixteen samples a pixel. Curves come with it: the error against the number of
+//! triangles, the size of the file and the seconds of the bake.
 
 use super::judge::{self, StepScore};
 use super::machine::{Machine, append_csv};
 use super::paint::Painter;
-use super::steps::{SMALLEST, Step, no_soup, reread};
+use super::steps::{Step, no_soup, reread};
+use super::trained::{self, Budget};
 use crate::asset::Asset;
 use crate::bake::bake;
 use crate::bake::options::{BakeOptions, Preset};
@@ -16,9 +17,12 @@ use crate::bake::views::Views;
 use crate::dataset::{Dataset, DatasetOptions, View};
 use crate::error::{Error, Result};
 use crate::formats::output::OutputOptions;
+use crate::formats::target::{Encoding, Target};
 use crate::formats::{self, ReadOptions};
 use crate::report::Report;
 use crate::scene::{Loaded, Scene};
+use crate::train::options::Preset as TrainPreset;
+use crate::train::progress::Watcher;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -27,15 +31,18 @@ use std::time::Instant;
 /// What to measure.
 #[derive(Debug, Clone, clap::Args)]
 pub struct FidelityBenchArgs {
-    /// Trained soup: .ply .pt.
-    #[arg(value_name = "SOUP")]
-    pub soup: PathBuf,
-    /// The posed photos it was trained on.
+    /// Posed photos; those held out judge.
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
-    /// Soup that was trained to stay soft on the same budget: what SOUP is held against, instead of itself.
-    #[arg(long, value_name = "SOUP")]
+    /// Trained soup to bake (.ply .pt); without it one is trained with the solid preset, and a soft one beside it.
+    #[arg(long, value_name = "FILE")]
+    pub soup: Option<PathBuf>,
+    /// Soup that was trained to stay soft on the same budget: what the file is held against, instead of --soup.
+    #[arg(long, value_name = "FILE")]
     pub soft: Option<PathBuf>,
+    /// How much is trained.
+    #[command(flatten)]
+    pub budget: Budget,
     /// Print rows as JSON.
     #[arg(long)]
     pub json: bool,
@@ -53,12 +60,15 @@ pub struct FidelityBenchArgs {
 /// One case at one sampling.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FidelityRow {
-    /// The soup, as given.
+    /// The soup, as given, or how it was trained.
     pub soup: String,
     /// The data set, as given.
     pub dataset: String,
-    /// What was judged: "soft", "plain", "unseen", "refit", "small", "fast", "half".
+    /// What was judged: "soft"; "plain", "unseen", "refit", "flat": how far the bake went; a preset; "half", …:
+    /// the share of the triangles.
     pub case: String,
+    /// What the file was written for: "gltf", "web", …; empty for "soft".
+    pub target: String,
     /// Samples a pixel along each axis.
     pub ssaa: u32,
     /// Triangles of the file.
@@ -81,79 +91,98 @@ pub struct FidelityRow {
 struct Case {
     name: &'static str,
     preset: Preset,
-    output: OutputOptions,
     photos: bool,
     refit: RefitColors,
     /// Share of the triangles that photos see that may stay.
     share: f64,
     /// At every sampling, or only at the highest.
     everywhere: bool,
+    /// For every target, or only for any viewer.
+    targets: &'static [Target],
 }
 
 const fn case(name: &'static str) -> Case {
     Case {
         name,
         preset: Preset::Default,
-        output: OutputOptions::DEFAULT,
         photos: true,
         refit: RefitColors::Auto,
         share: 1.0,
         everywhere: false,
+        targets: &[Target::Gltf],
     }
 }
 
 /// The steps of the way, then presets, then levels of detail.
-const CASES: [Case; 10] = [
+const CASES: [Case; 11] = [
     Case { photos: false, everywhere: true, ..case("plain") },
     Case { refit: RefitColors::Off, everywhere: true, ..case("unseen") },
     Case { everywhere: true, ..case("refit") },
-    Case { output: SMALLEST, preset: Preset::Small, everywhere: true, ..case("small") },
-    Case { preset: Preset::Fast, ..case("fast") },
     Case { refit: RefitColors::Flat, ..case("flat") },
+    Case { preset: Preset::Fast, targets: &TARGETS, ..case("fast") },
+    Case { targets: &TARGETS, ..case("default") },
+    Case { preset: Preset::Small, targets: &TARGETS, ..case("small") },
     Case { share: 0.75, ..case("three quarters") },
     Case { share: 0.5, ..case("half") },
     Case { share: 0.25, ..case("quarter") },
     Case { share: 0.125, ..case("eighth") },
 ];
 
+/// Everything a GLB is written for.
+const TARGETS: [Target; 8] = [
+    Target::Gltf,
+    Target::Godot,
+    Target::Godot3,
+    Target::Unity,
+    Target::Unreal,
+    Target::Blender,
+    Target::Web,
+    Target::Playcanvas,
+];
+
 /// Samplings, the highest last.
 const SAMPLINGS: [u32; 3] = [1, 2, 4];
 
-/// Bakes and judges every case; rows in order of case, then sampling. `tell` hears each as it is there.
-pub fn run(args: &FidelityBenchArgs, mut tell: impl FnMut(&FidelityRow)) -> Result<Vec<FidelityRow>> {
+/// Bakes and judges every case; rows in order of case, target and sampling. `tell` hears each as it is there,
+/// `watcher` the training.
+pub fn run(
+    args: &FidelityBenchArgs,
+    watcher: &mut dyn Watcher,
+    tell: &mut dyn FnMut(&FidelityRow),
+) -> Result<Vec<FidelityRow>> {
     let how = &args.dataset_options;
     let dataset = Dataset::load(&args.dataset, how)?;
     let views: Vec<&View> = dataset.test().collect();
     if views.is_empty() {
         return Err(Error::invalid("DATASET", args.dataset.display(), "held-out photos; see --test-every"));
     }
-    let bench = Bench { args, dataset: &dataset, background: how.background.to_f32() };
-    let reference = args.soft.as_ref().unwrap_or(&args.soup);
-    let soft = bench.judge(vec![bench.soft(reference)?], &views)?.remove(0);
-    let mut flat = formats::read(&args.soup, &ReadOptions { sh_degree: 0 })?;
+    args.budget.check(args.soup.is_none() || args.soft.is_none())?;
+    let mut train = |preset| trained::train(&dataset, preset, &args.budget, how, &mut *watcher);
+    let solid = args.soup.is_none().then(|| train(TrainPreset::Solid)).transpose()?;
+    let soft =
+        (args.soup.is_none() && args.soft.is_none()).then(|| train(TrainPreset::Outdoor)).transpose()?;
+    let soup = solid.as_ref().map(|t| t.path.as_path()).or(args.soup.as_deref()).unwrap_or(Path::new(""));
+    let reference = soft.as_ref().map(|t| t.path.as_path()).or(args.soft.as_deref()).unwrap_or(soup);
+
+    let name = match (&args.soup, &solid) {
+        (Some(path), _) => path.display().to_string(),
+        (None, trained) => trained.as_ref().map_or(String::new(), |t| t.name.clone()),
+    };
+    let mut bench =
+        Bench { args, dataset: &dataset, views, name, background: how.background.to_f32(), best: 0.0 };
+    let step = bench.soft(reference)?;
+    let score = bench.judge(step)?;
+    bench.best = score.mean.psnr;
+    let mut rows = vec![bench.row(&score, "", 1, 0.0)];
+    rows.iter().for_each(&mut *tell);
+    let mut flat = formats::read(soup, &ReadOptions { sh_degree: 0 })?;
     // The plain bake is what is had of a soup by others, which knows nothing of photos.
     flat.cameras.clear();
-
-    let mut rows = Vec::new();
-    let best = soft.mean.psnr;
-    let mut push = |score: &StepScore, ssaa: u32, secs: f64| {
-        let row = bench.row(score, ssaa, secs, best);
-        tell(&row);
-        rows.push(row);
-    };
-    push(&soft, 1, 0.0);
     let mut seen = 0;
     for case in &CASES {
-        let clock = Instant::now();
-        let (asset, bytes) = bench.bake(&flat, case, seen)?;
-        let secs = clock.elapsed().as_secs_f64();
+        let asset = bench.case(&flat, case, seen, &mut rows, tell)?;
         if case.name == "unseen" {
             seen = asset.mesh.face_count() as u64;
-        }
-        let samplings = if case.everywhere { &SAMPLINGS[..] } else { &SAMPLINGS[2..] };
-        for &ssaa in samplings {
-            let score = bench.judge(vec![bench.step(case.name, &asset, bytes, ssaa)], &views)?.remove(0);
-            push(&score, ssaa, secs);
         }
     }
     if let Some(path) = &args.csv {
@@ -168,7 +197,12 @@ pub fn run(args: &FidelityBenchArgs, mut tell: impl FnMut(&FidelityRow)) -> Resu
 struct Bench<'a> {
     args: &'a FidelityBenchArgs,
     dataset: &'a Dataset,
+    views: Vec<&'a View>,
+    /// The soup.
+    name: String,
     background: [f32; 3],
+    /// PSNR of the soft drawing, dB.
+    best: f64,
 }
 
 impl Bench<'_> {
@@ -187,9 +221,40 @@ impl Bench<'_> {
         Ok(Step { name: "soft", triangles, bytes, painter })
     }
 
-    /// The case's file, read back, and its size. `seen` is how many triangles photos see.
-    fn bake(&self, loaded: &Loaded, case: &Case, seen: u64) -> Result<(Asset, u64)> {
-        let mut options = BakeOptions { output: case.output.clone(), ..BakeOptions::preset(case.preset) };
+    /// Bakes a case once, writes it for its targets and judges the files; returns what was baked.
+    fn case(
+        &self,
+        loaded: &Loaded,
+        case: &Case,
+        seen: u64,
+        rows: &mut Vec<FidelityRow>,
+        tell: &mut dyn FnMut(&FidelityRow),
+    ) -> Result<Asset> {
+        let clock = Instant::now();
+        let (asset, output) = self.bake(loaded, case, seen)?;
+        let baked = clock.elapsed().as_secs_f64();
+        let mut written: Vec<(Encoding, Vec<FidelityRow>)> = Vec::new();
+        for &target in case.targets {
+            let encoding = Encoding { notes: Vec::new(), ..target.encoding(output.compress) };
+            let name = serde_json::to_value(target).unwrap_or_default();
+            let name = name.as_str().unwrap_or_default();
+            // Engines that read the same file get the same numbers.
+            let same = written.iter().find(|(other, _)| *other == encoding).map(|(_, rows)| rows.clone());
+            let mut made = match same {
+                Some(rows) => rows,
+                None => self.written(&asset, case, &OutputOptions { target, ..output.clone() }, baked)?,
+            };
+            made.iter_mut().for_each(|row| row.target = name.to_owned());
+            made.iter().for_each(&mut *tell);
+            rows.extend(made.iter().cloned());
+            written.push((encoding, made));
+        }
+        Ok(asset)
+    }
+
+    /// What was baked of a case, and how it is written. `seen` is how many triangles photos see.
+    fn bake(&self, loaded: &Loaded, case: &Case, seen: u64) -> Result<(Asset, OutputOptions)> {
+        let mut options = BakeOptions::preset(case.preset);
         options.refit.refit = case.refit;
         if case.share < 1.0 {
             options.prune.max_triangles = Some(((seen as f64 * case.share) as u64).max(1));
@@ -197,7 +262,26 @@ impl Bench<'_> {
         let mut views = case.photos.then(|| Views::new(self.dataset, self.photo_bytes(), self.background));
         let inputs = vec![loaded.clone()];
         let asset = bake(inputs, &options, views.as_mut(), &mut Report::default(), &mut ())?;
-        reread(&asset, &case.output)
+        Ok((asset, options.output))
+    }
+
+    /// Writes and judges one file; `baked` are the seconds of the bake.
+    fn written(
+        &self,
+        asset: &Asset,
+        case: &Case,
+        output: &OutputOptions,
+        baked: f64,
+    ) -> Result<Vec<FidelityRow>> {
+        let clock = Instant::now();
+        let (file, bytes) = reread(asset, output)?;
+        let secs = baked + clock.elapsed().as_secs_f64();
+        let samplings = if case.everywhere { &SAMPLINGS[..] } else { &SAMPLINGS[2..] };
+        let judged = |&ssaa: &u32| {
+            let score = self.judge(self.step(case.name, &file, bytes, ssaa))?;
+            Ok(self.row(&score, "", ssaa, secs))
+        };
+        samplings.iter().map(judged).collect()
     }
 
     fn step(&self, name: &'static str, asset: &Asset, bytes: u64, ssaa: u32) -> Step {
@@ -207,21 +291,23 @@ impl Bench<'_> {
         Step { name, triangles, bytes: Some(bytes), painter }
     }
 
-    fn judge(&self, mut steps: Vec<Step>, views: &[&View]) -> Result<Vec<StepScore>> {
-        judge::judge(&mut steps, views, self.photo_bytes(), |_, _, _| Ok(()))
+    fn judge(&self, step: Step) -> Result<StepScore> {
+        let judged = judge::judge(&mut [step], &self.views, self.photo_bytes(), |_, _, _| Ok(()))?;
+        judged.into_iter().next().ok_or_else(|| Error::invalid("DATASET", "no score", "held-out photos"))
     }
 
-    fn row(&self, score: &StepScore, ssaa: u32, bake_secs: f64, best: f64) -> FidelityRow {
+    fn row(&self, score: &StepScore, target: &str, ssaa: u32, bake_secs: f64) -> FidelityRow {
         FidelityRow {
-            soup: self.args.soup.display().to_string(),
+            soup: self.name.clone(),
             dataset: self.args.dataset.display().to_string(),
             case: score.name.clone(),
+            target: target.to_owned(),
             ssaa,
             triangles: score.triangles,
             bytes: score.bytes.unwrap_or(0),
             bake_secs,
             psnr: score.mean.psnr,
-            change: score.mean.psnr - best,
+            change: score.mean.psnr - self.best,
             ssim: score.mean.ssim,
             flip: score.mean.flip,
         }

@@ -21,3 +21,4 @@ pub mod steps;
 mod studio;
 #[cfg(feature = "gpu")]
 mod three;
+pub mod trained;

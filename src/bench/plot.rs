@@ -66,7 +66,14 @@ fn panel(
         .y_label_area_size(56)
         .build_cartesian_2d((x0..x1).log_scale(), (y0..y1).log_scale())
         .map_err(|e| e.to_string())?;
-    chart.configure_mesh().x_desc("triangles").light_line_style(WHITE).draw().map_err(|e| e.to_string())?;
+    chart
+        .configure_mesh()
+        .x_desc("triangles")
+        .x_label_formatter(&|v| short(*v))
+        .y_label_formatter(&|v| short(*v))
+        .light_line_style(WHITE)
+        .draw()
+        .map_err(|e| e.to_string())?;
     let mut cases: Vec<&str> = Vec::new();
     for (case, ..) in points {
         if !cases.contains(case) {
@@ -91,6 +98,15 @@ fn panel(
         .map_err(|e| e.to_string())
 }
 
+/// 20000 as "20k", 0.5 as "0.5", 12 as "12".
+fn short(value: f64) -> String {
+    match value.abs() {
+        size if size >= 1e6 => format!("{}M", (value * 1e-4).round() * 1e-2),
+        size if size >= 1e4 => format!("{}k", (value * 1e-1).round() * 1e-2),
+        _ => format!("{}", (value * 1e3).round() * 1e-3),
+    }
+}
+
 /// What a dot's place is read from: its name and value.
 type Axis = (&'static str, fn(&FidelityRow) -> f64);
 
@@ -99,7 +115,13 @@ type Axis = (&'static str, fn(&FidelityRow) -> f64);
 pub fn fidelity(path: &Path, rows: &[FidelityRow]) -> Result<()> {
     let bad = |e: String| Error::unsupported(path, format!("cannot be drawn: {e}"));
     let highest = rows.iter().map(|r| r.ssaa).max().unwrap_or(1);
-    let shown: Vec<&FidelityRow> = rows.iter().filter(|r| r.ssaa == highest && r.case != "soft").collect();
+    let mut shown: Vec<&FidelityRow> = Vec::new();
+    for row in rows.iter().filter(|r| r.ssaa == highest && r.case != "soft") {
+        // A dot a case: its targets differ by less than a dot.
+        if !shown.iter().any(|other| other.case == row.case) {
+            shown.push(row);
+        }
+    }
     let mut svg = String::new();
     {
         let area = SVGBackend::with_string(&mut svg, (1350, 420)).into_drawing_area();
@@ -138,14 +160,33 @@ fn dots(
         .configure_mesh()
         .x_desc(name)
         .y_desc("PSNR, dB")
+        .x_label_formatter(&|v| short(*v))
+        .y_label_formatter(&|v| short(*v))
         .light_line_style(WHITE)
         .draw()
         .map_err(|e| e.to_string())?;
+    let mut taken: Vec<[i32; 4]> = Vec::new();
     for (i, row) in rows.iter().enumerate() {
         let (at, color) = ((x(row), row.psnr), Palette99::pick(i).to_rgba());
-        chart.draw_series([Circle::new(at, 4, color.filled())]).map_err(|e| e.to_string())?;
-        let label = Text::new(row.case.clone(), at, ("sans-serif", 12).into_font());
-        chart.draw_series([label]).map_err(|e| e.to_string())?;
+        let (px, py) = chart.backend_coord(&at);
+        let [dx, dy] = free(&taken, [px, py], row.case.len() as i32 * LETTER[0]);
+        taken.push([px + dx, py + dy, row.case.len() as i32 * LETTER[0], LETTER[1]]);
+        let label = Text::new(row.case.clone(), (dx, dy), ("sans-serif", 12).into_font());
+        let dot = EmptyElement::at(at) + Circle::new((0, 0), 4, color.filled()) + label;
+        chart.draw_series([dot]).map_err(|e| e.to_string())?;
     }
     Ok(())
+}
+
+/// Room a letter of a label takes, px.
+const LETTER: [i32; 2] = [7, 13];
+
+/// How far from its dot a label of this width stands clear of those that are `taken` (x, y, width, height), px.
+fn free(taken: &[[i32; 4]], dot: [i32; 2], width: i32) -> [i32; 2] {
+    let clear = |dy: i32| {
+        let [x, y] = [dot[0] + 7, dot[1] + dy];
+        !taken.iter().any(|t| x < t[0] + t[2] && t[0] < x + width && y < t[1] + t[3] && t[1] < y + LETTER[1])
+    };
+    let rows = (0..40).map(|i: i32| LETTER[1] * (if i % 2 == 0 { i / 2 } else { -(i + 1) / 2 }) - 6);
+    [7, rows.into_iter().find(|dy| clear(*dy)).unwrap_or(-6)]
 }

@@ -7,6 +7,7 @@ use super::progress::{Progress, thousands};
 use crate::bench::fps;
 use crate::bench::{bake, fidelity, measure, raster};
 use crate::error::{Error, Result};
+use crate::train::progress::{Sample, Watcher};
 use std::ffi::OsString;
 use std::path::PathBuf;
 
@@ -120,11 +121,14 @@ fn run_fps(args: &fps::FpsArgs, global: &Global) -> Result<()> {
 
 fn run_fidelity(args: &fidelity::FidelityBenchArgs, global: &Global) -> Result<()> {
     let progress = Progress::new(global);
-    progress.line("case            ssaa   triangles       bytes   bake s  PSNR dB   change    SSIM    FLIP");
-    let rows = fidelity::run(args, |row| {
+    progress.line(
+        "case            target      ssaa   triangles       bytes   bake s  PSNR dB   change    SSIM    FLIP",
+    );
+    let rows = fidelity::run(args, &mut TrainLines(&progress), &mut |row| {
         progress.line(&format!(
-            "{:<15}{:>5}{:>12}{:>12}{:>9.2}{:>9.3}{:>+9.3}{:>8.4}{:>8.4}",
+            "{:<16}{:<10}{:>6}{:>12}{:>12}{:>9.2}{:>9.3}{:>+9.3}{:>8.4}{:>8.4}",
             row.case,
+            row.target,
             row.ssaa,
             thousands(row.triangles),
             thousands(row.bytes),
@@ -137,6 +141,19 @@ fn run_fidelity(args: &fidelity::FidelityBenchArgs, global: &Global) -> Result<(
     })?;
     progress.done();
     if args.json { print_json(&rows) } else { Ok(()) }
+}
+
+/// Tells now and then how a training goes.
+struct TrainLines<'a>(&'a Progress);
+
+impl Watcher for TrainLines<'_> {
+    fn sampled(&mut self, sample: &Sample) {
+        if sample.test_psnr.is_some() || sample.step % 500 == 0 {
+            let held_out = sample.test_psnr.map_or(String::new(), |p| format!(", {p:.2} held out"));
+            let (step, triangles) = (sample.step, thousands(sample.triangles));
+            self.0.line(&format!("step {step}: {:.2} dB{held_out}, {triangles} triangles", sample.psnr));
+        }
+    }
 }
 
 fn run_raster(args: &raster::RasterBenchArgs, global: &Global) -> Result<()> {

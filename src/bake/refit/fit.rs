@@ -7,6 +7,8 @@ use rayon::prelude::*;
 
 /// Colours move as if they had been seen to be right on this many pixels more.
 const TRUST_PX: f32 = 0.25;
+/// Less than this is what rounding leaves of photos taken back, px.
+const LEAST_PX: f32 = 1e-3;
 /// Faces a task of the thread pool.
 const AT_ONCE: usize = 1 << 12;
 
@@ -35,13 +37,13 @@ impl Sums {
         }
     }
 
-    fn plus(&mut self, other: &Self) {
+    fn plus(&mut self, other: &Self, times: f32) {
         for i in 0..6 {
-            self.mass[i] += other.mass[i];
+            self.mass[i] += times * other.mass[i];
         }
         for k in 0..3 {
             for c in 0..3 {
-                self.pull[k][c] += other.pull[k][c];
+                self.pull[k][c] += times * other.pull[k][c];
             }
         }
     }
@@ -52,14 +54,26 @@ impl Sums {
         a + d + f + 2.0 * (b + c + e)
     }
 
+    /// Better colours of the corners, sRGB-encoded. `[corner][channel]`
+    fn colors(&self, which: RefitColors, corners: &[[f32; 3]; 3], flatness: f32) -> [[f32; 3]; 3] {
+        let mut better = [[0.0; 3]; 3];
+        for channel in 0..3 {
+            let improved = self.improved(which, corners.map(|corner| corner[channel]), channel, flatness);
+            for (corner, value) in better.iter_mut().zip(improved) {
+                corner[channel] = value.clamp(0.0, 1.0);
+            }
+        }
+        better
+    }
+
     /// Better colours of the corners in one channel.
     fn improved(&self, which: RefitColors, corners: [f32; 3], channel: usize, flatness: f32) -> [f32; 3] {
         let (area, mean) = (self.area(), (corners[0] + corners[1] + corners[2]) / 3.0);
         if which != RefitColors::Corner {
             let pull = self.pull[0][channel] + self.pull[1][channel] + self.pull[2][channel];
-            return [mean + pull / (area + TRUST_PX); 3];
+            return [mean + pull / (area.max(0.0) + TRUST_PX); 3];
         }
-        if !(area > 0.0) {
+        if !(area > LEAST_PX) {
             return corners;
         }
         let right = [0, 1, 2].map(|k| self.pull[k][channel] + flatness * (mean - corners[k]));
@@ -86,13 +100,13 @@ impl Sums {
     }
 }
 
-/// All systems and their present solution.
+/// All systems and the colours they start from.
 #[derive(Debug, Clone)]
 pub(super) struct Fit {
     sums: Vec<Sums>,
     /// λ, px.
     flatness: f32,
-    /// Colours of the corners, sRGB-encoded. `[F][corner][channel]`
+    /// Colours that photos are held against, sRGB-encoded. `[F][corner][channel]`
     encoded: Vec<[[f32; 3]; 3]>,
     /// The same in linear light.
     linear: Vec<[[f32; 3]; 3]>,
@@ -122,43 +136,38 @@ impl Fit {
         mixed
     }
 
-    /// Adds sums of some faces, each named once.
-    pub(super) fn add(&mut self, sums: &[(u32, Sums)]) {
+    /// Adds sums of some faces, each named once, so many times: -1 takes them back.
+    pub(super) fn add(&mut self, sums: &[(u32, Sums)], times: f32) {
         for (face, sums) in sums {
-            self.sums[*face as usize].plus(sums);
+            self.sums[*face as usize].plus(sums, times);
         }
-    }
-
-    /// Forgets what photos said; keeps the colours.
-    pub(super) fn clear(&mut self) {
-        self.sums.fill(Sums::default());
     }
 
     /// Number of triangles that photos saw.
     pub(super) fn fitted(&self) -> usize {
-        self.sums.iter().filter(|s| s.area() > 0.0).count()
+        self.sums.iter().filter(|s| s.area() > LEAST_PX).count()
     }
 
-    /// Moves the colours by what the photos still lack.
+    /// Starts again from better colours; what photos said of the old ones is forgotten.
     pub(super) fn improve(&mut self, which: RefitColors) {
         let flatness = self.flatness;
         let sought = self.encoded.par_iter_mut().zip(&mut self.linear);
-        self.sums.par_iter().zip(sought).with_min_len(AT_ONCE).for_each(|(sums, (encoded, linear))| {
-            for channel in 0..3 {
-                let moved = sums.improved(which, encoded.map(|corner| corner[channel]), channel, flatness);
-                for (corner, value) in encoded.iter_mut().zip(moved) {
-                    corner[channel] = value.clamp(0.0, 1.0);
-                }
-            }
+        self.sums.par_iter_mut().zip(sought).with_min_len(AT_ONCE).for_each(|(sums, (encoded, linear))| {
+            *encoded = sums.colors(which, encoded, flatness);
             *linear = encoded.map(|corner| corner.map(linear_from_srgb));
+            *sums = Sums::default();
         });
     }
 
-    /// The solution as colours of the mesh it was made for.
+    /// Better colours for the mesh this was made for.
     pub(super) fn colors(&self, which: RefitColors) -> Colors {
+        let solved = |(sums, encoded): (&Sums, &[[f32; 3]; 3])| {
+            sums.colors(which, encoded, self.flatness).map(|corner| corner.map(linear_from_srgb))
+        };
+        let all = self.sums.par_iter().zip(&self.encoded).with_min_len(AT_ONCE).map(solved);
         match which {
-            RefitColors::Corner => Colors::Vertex(self.linear.as_flattened().to_vec()),
-            _ => Colors::Face(self.linear.iter().map(|corners| corners[0]).collect()),
+            RefitColors::Corner => Colors::Vertex(all.collect::<Vec<_>>().into_flattened()),
+            _ => Colors::Face(all.map(|corners| corners[0]).collect()),
         }
     }
 }

@@ -26,6 +26,8 @@ pub(super) struct Shot<'a> {
     pub(super) visibility: &'a Visibility,
     /// sRGB-encoded.
     pub(super) background: [f32; 3],
+    /// How much of a sample's pull is what its whole pixel lacks; the rest is what its own colour lacks.
+    pub(super) coupling: f32,
 }
 
 /// Sums of one band, kept from photo to photo.
@@ -53,8 +55,8 @@ impl Gatherer {
         Self { bands: vec![band; BANDS] }
     }
 
-    /// Adds a photo to the sums of `fit`. Returns its mean error, sRGB-encoded.
-    pub(super) fn gather(&mut self, shot: &Shot<'_>, fit: &mut Fit) -> [f32; 3] {
+    /// Adds a photo to the sums of `fit` so many times: -1 takes it back. Returns its mean error, sRGB-encoded.
+    pub(super) fn gather(&mut self, shot: &Shot<'_>, fit: &mut Fit, times: f32) -> [f32; 3] {
         let rows = shot.photo.size.y;
         let row = |band: usize| (u64::from(rows) * band as u64 / BANDS as u64) as u32;
         let seen: &Fit = fit;
@@ -70,7 +72,7 @@ impl Gatherer {
         });
         let (mut error, mut pixels) = ([0.0; 3], 0.0);
         for band in &self.bands {
-            fit.add(&band.sums);
+            fit.add(&band.sums, times);
             (0..3).for_each(|c| error[c] += band.error[c]);
             pixels += band.pixels;
         }
@@ -142,37 +144,28 @@ impl<'a> Pass<'a> {
 
     /// Adds to the sums of the faces seen at a pixel's samples.
     fn spread(&mut self, seen: &[Sample], photo: [u8; 3], weight: f32) {
-        let pull = self.rest(seen, photo, weight);
-        let share = weight / seen.len() as f32;
-        for (slot, weights) in seen {
-            if *slot != NO_SLOT {
-                self.band.sums[*slot as usize].1.add(weights, &pull, share);
-            }
-        }
-    }
-
-    /// What a pixel lacks of the photo, bounded; drawn as an engine does: mixed in linear light, in 8 bits.
-    fn rest(&mut self, seen: &[Sample], photo: [u8; 3], weight: f32) -> [f32; 3] {
-        let mut linear = [0.0f32; 3];
-        for (slot, weights) in seen {
-            let color = match *slot {
+        let mut colors = [[0.0f32; 3]; MOST_SAMPLES];
+        let mut mean = [0.0f32; 3];
+        for (color, (slot, weights)) in colors.iter_mut().zip(seen) {
+            *color = match *slot {
                 NO_SLOT => self.background,
                 slot => self.fit.linear(self.band.sums[slot as usize].0, weights),
             };
             for c in 0..3 {
-                linear[c] += color[c];
+                mean[c] += color[c] / seen.len() as f32;
             }
         }
-        let per = 1.0 / seen.len() as f32;
-        let mut rest = [0.0; 3];
+        let lack = lack(photo, mean);
         for c in 0..3 {
-            let drawn = srgb8_from_linear(linear[c] * per);
-            let error = f32::from(i16::from(photo[c]) - i16::from(drawn)) / 255.0;
-            self.band.error[c] += f64::from(error * weight);
-            rest[c] = error.clamp(-MOST_ERROR, MOST_ERROR);
+            self.band.error[c] += f64::from(lack[c] * weight);
         }
         self.band.pixels += f64::from(weight);
-        rest
+        let share = weight / seen.len() as f32;
+        for (color, (slot, weights)) in colors.iter().zip(seen).filter(|(_, (slot, _))| *slot != NO_SLOT) {
+            let own = if seen.len() > 1 { self::lack(photo, *color) } else { lack };
+            let pull = pull(lack, own, self.shot.coupling);
+            self.band.sums[*slot as usize].1.add(weights, &pull, share);
+        }
     }
 
     /// Where the sums of a face are.
@@ -185,4 +178,25 @@ impl<'a> Pass<'a> {
         }
         *slot
     }
+}
+
+/// What a linear colour lacks of a photo's, sRGB-encoded; drawn as an engine does, in 8 bits.
+#[inline(always)]
+fn lack(photo: [u8; 3], linear: [f32; 3]) -> [f32; 3] {
+    let mut lack = [0.0; 3];
+    for c in 0..3 {
+        lack[c] = f32::from(i16::from(photo[c]) - i16::from(srgb8_from_linear(linear[c]))) / 255.0;
+    }
+    lack
+}
+
+/// What a sample is pulled by when its pixel and its own colour lack so much, each bounded.
+#[inline(always)]
+fn pull(pixel: [f32; 3], own: [f32; 3], coupling: f32) -> [f32; 3] {
+    let bounded = |error: f32| error.clamp(-MOST_ERROR, MOST_ERROR);
+    let mut pull = [0.0; 3];
+    for c in 0..3 {
+        pull[c] = coupling * bounded(pixel[c]) + (1.0 - coupling) * bounded(own[c]);
+    }
+    pull
 }
