@@ -6,8 +6,8 @@
 //! were; some rounds of that, each taking away the share that is worth least, as what stands behind one may be
 //! gone in the next.
 //!
-//! Those that stay then grow where that helps: one corner a turn, kept if what it covers looks more like it than
-//! what was there.
+//! Those that stay then take over where that helps: every turn each tries to move one of its corners, by chance
+//! outwards or inwards and aside, and the move stands if the scene looks more like the whole one with it.
 
 mod size;
 
@@ -27,7 +27,7 @@ const SAMPLES: u32 = 1;
 /// Share that is left after a round.
 const ROUND: f64 = 0.84;
 /// Cameras that are asked in a round; others in the next.
-const ROUND_VIEWS: usize = 24;
+const ROUND_VIEWS: usize = 48;
 /// Longest side of their pictures, px: a share of a pixel is not asked about.
 const LONGEST: u32 = 960;
 /// Triangles are tried in so many groups: what one does shows while most of the others stand still.
@@ -36,10 +36,12 @@ const GROUPS: u32 = 4;
 const HOLE: f32 = 0.75;
 /// Samples for which a face is taken to be worth what faces are on average.
 const PRIOR: f64 = 2.0;
-/// Turns in which corners may grow.
-const GROWTHS: u32 = 9;
-/// How far a corner is moved, as a share of its way from the middle of the opposite edge.
-const GROWTH: f32 = 0.3;
+/// Turns in which corners may move.
+const TURNS: u32 = 12;
+/// How far a corner is moved outwards and inwards, as shares of its way from the middle of the opposite edge.
+const MOVES: [f32; 3] = [0.3, 0.3, -0.18];
+/// How far it is moved aside at most, as a share of the opposite edge.
+const ASIDE: f32 = 0.25;
 
 /// The faces in `ranked` (those of which anything is seen, in any order), ordered so that the first n of them are
 /// the n best to keep, for every n from `fewest` on. `seen` is how much of each is seen. `[F]`
@@ -66,7 +68,7 @@ pub fn order(mesh: &Mesh, cameras: &[Camera], seen: &[f32], ranked: &[u32], fewe
     gone
 }
 
-/// Moves corners of `faces` outwards where `mesh` then looks more like it did with all faces; returns how many
+/// Moves corners of `faces` where `mesh` then looks more like it did with all faces; returns how many
 /// moves there were.
 pub fn grow(mesh: &mut Mesh, cameras: &[Camera], faces: &[u32]) -> usize {
     if !mesh.indices.is_empty() {
@@ -76,7 +78,7 @@ pub fn grow(mesh: &mut Mesh, cameras: &[Camera], faces: &[u32]) -> usize {
     kept.sort_unstable();
     let (whole, mut moves) = (mesh.clone(), 0);
     let trial = Trial::new(&whole, cameras);
-    for turn in 0..GROWTHS {
+    for turn in 0..TURNS {
         let grown: Vec<[Vec3; 3]> = kept.iter().map(|&f| grown(mesh.corners(f as usize), f, turn)).collect();
         let base = part(mesh, &kept);
         let variant = |group: u32| {
@@ -96,11 +98,15 @@ pub fn grow(mesh: &mut Mesh, cameras: &[Camera], faces: &[u32]) -> usize {
     moves
 }
 
-/// A triangle one corner of which was moved away from the other two.
+/// A triangle one corner of which was moved.
 fn grown(mut corners: [Vec3; 3], face: u32, turn: u32) -> [Vec3; 3] {
     let which = (Rng::new(0, "corner", 0).bits(face.into()) % 3 + u64::from(turn)) as usize % 3;
     let across = (corners[(which + 1) % 3] + corners[(which + 2) % 3]) / 2.0;
-    corners[which] += (corners[which] - across) * GROWTH;
+    let edge = corners[(which + 1) % 3] - corners[(which + 2) % 3];
+    let draw = Rng::new(0, "move", turn.into());
+    let [out, aside] = [0, 1].map(|k| draw.uniform(2 * u64::from(face) + k));
+    let out = MOVES[((out * MOVES.len() as f32) as usize).min(MOVES.len() - 1)];
+    corners[which] += (corners[which] - across) * out + edge * (ASIDE * (2.0 * aside - 1.0));
     corners
 }
 

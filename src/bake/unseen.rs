@@ -39,7 +39,7 @@ pub struct UnseenOptions {
     #[arg(long, value_name = "DB")]
     #[schemars(range(min = 0.0))]
     pub max_error: Option<f64>,
-    /// With fewer triangles than are seen: enlarge those that stay where that hides what is missing
+    /// With fewer triangles than are seen: move corners of those that stay where that hides what is missing
     #[arg(long, default_value_t = UnseenOptions::DEFAULT.enlarge, num_args = 0..=1, require_equals = true,
           default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL")]
     pub enlarge: bool,
