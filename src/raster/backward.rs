@@ -262,7 +262,7 @@ impl DrawGrad<'_> {
                 layer.value(b, &shade, &state).store(hits.value(i));
             }
             let (before, behind) = (&mut state.transmittance[b], &mut state.behind[b]);
-            hits.replay(before, behind, self.options.min_transmittance);
+            hits.replay::<L>(before, behind, self.options.min_transmittance);
             for i in 0..hits.len() {
                 let (hit, shade) = hits.shade::<L>(i, self.entries, self.splats);
                 let splat = self.entries[hit.entry].splat;

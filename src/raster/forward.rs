@@ -191,7 +191,11 @@ impl Draw<'_> {
         for b in (0..BLOCKS).filter(|b| alive >> b & 1 == 1) {
             hits.find::<L>(self.entries, self.splats, self.corner, b, self.options);
             self.entries.iter_mut().for_each(|e| e.blocks &= !(1 << b));
-            hits.replay(&mut self.pixels.transmittance[b], &mut [0.0; LANES], self.options.min_transmittance);
+            hits.replay::<L>(
+                &mut self.pixels.transmittance[b],
+                &mut [0.0; LANES],
+                self.options.min_transmittance,
+            );
             for i in 0..hits.len() {
                 let (hit, shade) = hits.shade::<L>(i, self.entries, self.splats);
                 if hit.drawn == 0 {

@@ -57,11 +57,21 @@ impl<L: Lanes> Wall<L> {
     }
 }
 
+/// The nearest layer at each pixel of a block.
+struct Front<L> {
+    /// Pixels that have one; at the others nothing is blended.
+    lanes: u16,
+    which: L,
+    alpha: L,
+    value: L,
+}
+
 /// The layers of one block.
 #[derive(Debug, Default)]
 pub(super) struct Hits {
     hits: Vec<Hit>,
-    order: Vec<u32>,
+    /// Pixels at which each layer is still to be blended.
+    left: Vec<u16>,
     corner: [f32; 2],
     cap: f32,
     window: Window,
@@ -129,33 +139,66 @@ impl Hits {
         Limits { cap, min_transmittance, window: self.window }
     }
 
-    /// Blends every pixel in its own order: sets what is in front of and behind every layer, and leaves out the
-    /// layers behind the one that ends a pixel.
-    pub(super) fn replay(
+    /// Blends every pixel in its own order, ties by index: sets what is in front of and behind every layer, and
+    /// leaves out the layers behind the one that ends a pixel.
+    ///
+    /// Each round takes the nearest layer left of all sixteen pixels at once: pixels of hard scenes have few.
+    #[inline(always)]
+    pub(super) fn replay<L: Lanes>(
         &mut self,
         transmittance: &mut [f32; LANES],
         behind: &mut [f32; LANES],
         min_transmittance: f32,
     ) {
-        for lane in 0..LANES {
-            let hits = &mut self.hits;
-            self.order.clear();
-            self.order.extend((0..hits.len() as u32).filter(|i| hits[*i as usize].drawn >> lane & 1 == 1));
-            let key = |i: &u32| hits[*i as usize].inv_depth[lane];
-            self.order.sort_by(|a, b| key(b).total_cmp(&key(a)));
-            for i in &self.order {
-                let hit = &mut hits[*i as usize];
-                if !(transmittance[lane] >= min_transmittance) {
-                    hit.drawn &= !(1 << lane);
-                    continue;
-                }
-                hit.before[lane] = transmittance[lane];
-                let (weight, after) = crate::kernel::composite::blend(transmittance[lane], hit.alpha[lane]);
-                transmittance[lane] = after;
-                behind[lane] -= weight * hit.value[lane];
+        let least = L::splat(min_transmittance);
+        self.left.clear();
+        self.left.extend(self.hits.iter_mut().map(|hit| std::mem::take(&mut hit.drawn)));
+        loop {
+            let before = L::load(transmittance);
+            let alive = L::bits(least.le(before));
+            let Some(front) = self.front::<L>(alive) else { break };
+            let (weight, after) = crate::kernel::composite::blend(before, front.alpha);
+            after.store(transmittance);
+            let rest = L::load(behind) - weight * front.value;
+            rest.store(behind);
+            let mut which = [0.0; LANES];
+            front.which.store(&mut which);
+            let mut fronts = [0.0; LANES];
+            before.store(&mut fronts);
+            let mut lanes = front.lanes;
+            while lanes != 0 {
+                let lane = lanes.trailing_zeros() as usize & (LANES - 1);
+                lanes &= lanes - 1;
+                let i = which[lane] as usize;
+                let hit = &mut self.hits[i];
+                hit.drawn |= 1 << lane;
+                hit.before[lane] = fronts[lane];
                 hit.behind[lane] = behind[lane];
+                self.left[i] &= !(1 << lane);
             }
         }
+    }
+
+    /// The nearest layer left at each pixel of `alive`.
+    #[inline(always)]
+    fn front<L: Lanes>(&self, alive: u16) -> Option<Front<L>> {
+        let zero = L::splat(0.0);
+        let (mut nearest, mut lanes) = (zero, 0);
+        let mut front = Front { lanes: 0, which: zero, alpha: zero, value: zero };
+        for (i, (hit, left)) in self.hits.iter().zip(&self.left).enumerate() {
+            if left & alive == 0 {
+                continue;
+            }
+            let inv_depth = L::load(&hit.inv_depth);
+            let nearer = nearest.lt(inv_depth).and(L::from_bits(left & alive));
+            nearest = L::select(nearer, inv_depth, nearest);
+            front.which = L::select(nearer, L::splat(i as f32), front.which);
+            front.alpha = L::select(nearer, L::load(&hit.alpha), front.alpha);
+            front.value = L::select(nearer, L::load(&hit.value), front.value);
+            lanes |= L::bits(nearer);
+        }
+        front.lanes = lanes;
+        (lanes != 0).then_some(front)
     }
 
     /// Layer `i`, and what it looks like on the pixels it is drawn on.
