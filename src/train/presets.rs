@@ -179,8 +179,8 @@ const INDOOR: TrainOptions = TrainOptions {
 
 const SOLID: TrainOptions = TrainOptions {
     preset: Preset::Solid,
-    steps: 5000,
-    max_triangles: 60_000,
+    steps: 8000,
+    max_triangles: 150_000,
     sh_degree: 0,
     seed: 0,
     draw: DrawOptions {
@@ -199,7 +199,7 @@ const SOLID: TrainOptions = TrainOptions {
         random_points: 10_000,
     },
     loss: LossOptions {
-        dssim: 0.2,
+        dssim: 0.05,
         opacity: 0.0055,
         distortion: 0.0,
         normal: 0.0,
