@@ -100,9 +100,13 @@ pub fn bake(
     let mesh = paint(mesh, views.as_deref_mut(), options, report, observer)?;
     let mut step = None;
     let asset = package(mesh, provenance.clone(), &mut step, options, report, observer)?;
-    let levels = report.stage(observer, "lod", Vec::new(), count_levels, |levels, details| {
-        lod::lod(levels, &rough, &cameras, views, (&provenance, step), options, details)
-    })?;
+    let levels = report.stage(
+        observer,
+        "lod",
+        Vec::new(),
+        |levels: &Vec<Asset>| count_levels(levels),
+        |levels, details| lod::lod(levels, &rough, &cameras, views, (&provenance, step), options, details),
+    )?;
     Ok(Asset { levels, ..asset })
 }
 
@@ -170,7 +174,7 @@ fn count(scene: &Scene) -> Counts {
     }
 }
 
-fn count_levels(levels: &Vec<Asset>) -> Counts {
+fn count_levels(levels: &[Asset]) -> Counts {
     let counts = levels.iter().map(Asset::counts);
     counts.fold(Counts::default(), |a, b| Counts {
         triangles: a.triangles + b.triangles,

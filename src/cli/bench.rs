@@ -148,7 +148,7 @@ struct TrainLines<'a>(&'a Progress);
 
 impl Watcher for TrainLines<'_> {
     fn sampled(&mut self, sample: &Sample) {
-        if sample.test_psnr.is_some() || sample.step % 500 == 0 {
+        if sample.test_psnr.is_some() || sample.step.is_multiple_of(500) {
             let held_out = sample.test_psnr.map_or(String::new(), |p| format!(", {p:.2} held out"));
             let (step, triangles) = (sample.step, thousands(sample.triangles));
             self.0.line(&format!("step {step}: {:.2} dB{held_out}, {triangles} triangles", sample.psnr));

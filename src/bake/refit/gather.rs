@@ -156,8 +156,8 @@ impl<'a> Pass<'a> {
             }
         }
         let lack = lack(photo, mean);
-        for c in 0..3 {
-            self.band.error[c] += f64::from(lack[c] * weight);
+        for (error, lack) in self.band.error.iter_mut().zip(lack) {
+            *error += f64::from(lack * weight);
         }
         self.band.pixels += f64::from(weight);
         let share = weight / seen.len() as f32;
