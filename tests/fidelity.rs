@@ -311,7 +311,8 @@ fn a_soup_of_a_far_world_is_drawn_where_its_file_says() {
 /// Rows of `bench fidelity` on the sample's photos.
 fn bench(more: &[&str]) -> Vec<FidelityRow> {
     let dataset = sample("dataset");
-    let args = [&["bench", "fidelity", dataset.to_str().unwrap(), "--json"], more].concat();
+    let args =
+        [&["bench", "fidelity", dataset.to_str().unwrap(), "--json", "--max-size", "64"], more].concat();
     let output = trisplat(&args);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&output.stdout).unwrap()
@@ -353,5 +354,9 @@ fn without_a_soup_one_is_trained() {
     let rows = bench(&["--steps", "12", "--max-triangles", "400"]);
     assert_eq!(rows[0].soup, "solid 12 steps");
     assert_eq!(rows[0].case, "soft");
-    assert!(rows.iter().all(|r| r.psnr > 5.0 && r.triangles <= 400 + 128));
+    // So few steps leave hardly a triangle; what the bake puts behind them is not counted as trained.
+    assert!(rows.iter().all(|r| r.psnr.is_finite() && (1..=400 + 128).contains(&r.triangles)));
+    let find = |case: &str| rows.iter().find(|r| r.case == case && r.ssaa == 4).unwrap();
+    assert!(find("unseen").psnr > find("plain").psnr + 1.0, "holes are closed");
+    assert!(find("refit").psnr > find("unseen").psnr + 1.0, "and have the photos' colours");
 }
