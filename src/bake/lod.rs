@@ -75,7 +75,7 @@ pub fn lod(
     let order = match cameras.is_empty() {
         true => thin::by_size(mesh),
         false => {
-            let seen = unseen::seen_px(mesh, cameras);
+            let seen = unseen::seen_px(mesh, cameras, unseen::SAMPLES);
             let ranked: Vec<u32> = (0..mesh.face_count() as u32).collect();
             thin::order(mesh, cameras, &seen, &ranked, fewest)
         }

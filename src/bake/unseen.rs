@@ -15,8 +15,10 @@ use crate::report::Outcome;
 use rayon::prelude::*;
 use serde_json::json;
 
-/// Samples a pixel along each axis when visibility is counted.
-const SAMPLES: u32 = 2;
+/// Samples a pixel along each axis when visibility is counted to choose by it.
+pub(super) const SAMPLES: u32 = 2;
+/// The same when only what nobody sees goes: a plain bake of our own soup must not take long.
+const SAMPLES_AT_LEAST: u32 = 1;
 /// Photos that the curve of error against triangles is measured on.
 const CURVE_VIEWS: usize = 12;
 /// With `--max-error` at least one triangle in so many stays, about.
@@ -79,7 +81,8 @@ pub fn unseen(
     if options.keep_unseen && options.max_error.is_none() && mesh.face_count() <= most {
         return Ok(Outcome::Unneeded("--keep-unseen"));
     }
-    let seen = seen_px(mesh, cameras);
+    let chooses = views.is_some() || mesh.face_count() > most;
+    let seen = seen_px(mesh, cameras, if chooses { SAMPLES } else { SAMPLES_AT_LEAST });
     let mut ranked = rank(mesh, &seen);
     let visible = ranked.partition_point(|&f| seen[f as usize] > 0.0);
     if visible == 0 && views.is_some() {
@@ -136,8 +139,8 @@ fn check(options: &UnseenOptions) -> Result<()> {
 }
 
 /// The area of each face that all cameras together see, px. `[F]`
-pub fn seen_px(mesh: &Mesh, cameras: &[Camera]) -> Vec<f32> {
-    let options = views::drawing(cameras, mesh, SAMPLES);
+pub(super) fn seen_px(mesh: &Mesh, cameras: &[Camera], samples_along: u32) -> Vec<f32> {
+    let options = views::drawing(cameras, mesh, samples_along);
     let mut solid = Solid::new();
     let mut samples = vec![0u64; mesh.face_count()];
     for camera in cameras {
@@ -147,7 +150,7 @@ pub fn seen_px(mesh: &Mesh, cameras: &[Camera]) -> Vec<f32> {
             }
         }
     }
-    let per_sample = 1.0 / f64::from(SAMPLES * SAMPLES);
+    let per_sample = 1.0 / f64::from(samples_along * samples_along);
     samples.into_iter().map(|n| (n as f64 * per_sample) as f32).collect()
 }
 

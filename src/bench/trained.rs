@@ -15,10 +15,10 @@ use std::path::PathBuf;
 /// How much is trained.
 #[derive(Debug, Clone, PartialEq, Default, clap::Args)]
 pub struct Budget {
-    /// Steps of each training, when no soup is given [default: the preset's, 5000].
+    /// Steps of each training, when no soup is given [default: the preset's own].
     #[arg(long, value_name = "N")]
     pub steps: Option<u64>,
-    /// Most triangles of each training, when no soup is given [default: the preset's, 60000].
+    /// Most triangles of each training, when no soup is given [default: the preset's own].
     #[arg(long, value_name = "N")]
     pub max_triangles: Option<u64>,
 }
