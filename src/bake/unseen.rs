@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use serde_json::json;
 
 /// Samples a pixel along each axis when visibility is counted to choose by it.
-pub(super) const SAMPLES: u32 = 2;
+pub const SAMPLES: u32 = 2;
 /// The same when only what nobody sees goes: a plain bake of our own soup must not take long.
 const SAMPLES_AT_LEAST: u32 = 1;
 /// Photos that the curve of error against triangles is measured on.
@@ -139,7 +139,7 @@ fn check(options: &UnseenOptions) -> Result<()> {
 }
 
 /// The area of each face that all cameras together see, px. `[F]`
-pub(super) fn seen_px(mesh: &Mesh, cameras: &[Camera], samples_along: u32) -> Vec<f32> {
+pub fn seen_px(mesh: &Mesh, cameras: &[Camera], samples_along: u32) -> Vec<f32> {
     let options = views::drawing(cameras, mesh, samples_along);
     let mut solid = Solid::new();
     let mut samples = vec![0u64; mesh.face_count()];

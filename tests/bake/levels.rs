@@ -6,7 +6,7 @@ use trisplat::bake::bake;
 use trisplat::bake::lod::LodOptions;
 use trisplat::bake::options::{BakeOptions, Preset};
 use trisplat::bake::thin;
-use trisplat::bake::unseen::seen_px;
+use trisplat::bake::unseen::{SAMPLES, seen_px};
 use trisplat::camera::Camera;
 use trisplat::mesh::{Colors, Mesh};
 use trisplat::raster::solid::{NO_FACE, Solid, SolidOptions};
@@ -81,7 +81,7 @@ fn holes(mesh: &Mesh) -> f64 {
 #[test]
 fn every_prefix_of_the_order_is_a_level() {
     let (mesh, cameras) = (wall(), cameras());
-    let seen = seen_px(&mesh, &cameras);
+    let seen = seen_px(&mesh, &cameras, SAMPLES);
     let visible: Vec<u32> = (0..512).collect();
     let order = thin::order(&mesh, &cameras, &seen, &visible, 60);
     let mut sorted = order.clone();
