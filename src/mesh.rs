@@ -104,6 +104,13 @@ impl Mesh {
         }
     }
 
+    /// Keeps `faces`, named in any order, in the order they have, and drops vertices that no face uses any more.
+    pub fn keep(&mut self, faces: &[u32]) {
+        let mut kept = vec![false; self.face_count()];
+        faces.iter().for_each(|&f| kept[f as usize] = true);
+        self.retain(|f| kept[f]);
+    }
+
     /// Keeps the faces for which `keep` says so, in order, and drops vertices that no face uses any more.
     pub fn retain(&mut self, keep: impl Fn(usize) -> bool) {
         let indexed = !self.indices.is_empty();

@@ -108,8 +108,6 @@ fn level(mesh: &Mesh, faces: &[u32], cameras: &[Camera], enlarge: bool) -> Mesh 
         true => _ = thin::grow(&mut level, cameras, faces),
         false => {}
     }
-    let mut kept = vec![false; mesh.face_count()];
-    faces.iter().for_each(|&f| kept[f as usize] = true);
-    level.retain(|f| kept[f]);
+    level.keep(faces);
     level
 }

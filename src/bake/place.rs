@@ -51,17 +51,6 @@ impl Default for PlaceOptions {
     }
 }
 
-/// Moves `mesh` and writes into `provenance` how, so that it can be undone.
-pub fn place(
-    mesh: &mut Mesh,
-    provenance: &mut Provenance,
-    options: &PlaceOptions,
-    details: &mut Map<String, Value>,
-) -> Result<Outcome<()>> {
-    let step = step(mesh, provenance, options);
-    move_by(mesh, provenance, step, details)
-}
-
 /// How `mesh` will be moved.
 pub fn step(mesh: &Mesh, provenance: &Provenance, options: &PlaceOptions) -> Placement {
     let up = options.up.or(provenance.up).unwrap_or_default();
@@ -69,7 +58,7 @@ pub fn step(mesh: &Mesh, provenance: &Provenance, options: &PlaceOptions) -> Pla
     Placement { up, scale: options.scale, center }
 }
 
-/// Moves `mesh` so and writes it into `provenance`.
+/// Moves `mesh` by `step` and writes into `provenance` how, so that it can be undone.
 pub fn move_by(
     mesh: &mut Mesh,
     provenance: &mut Provenance,
@@ -143,13 +132,16 @@ mod tests {
         let home = Home { eye: [1.0, 2.0, 3.0], target: [0.0; 3], up: [0.0, -1.0, 0.0], fov: 40.0 };
         let (mut mesh, mut provenance) =
             (triangle(), Provenance { home: Some(home), ..Provenance::default() });
-        let options = PlaceOptions::DEFAULT;
-        let first = place(&mut mesh, &mut provenance, &options, &mut Map::new()).unwrap();
+        let place = |mesh: &mut Mesh, provenance: &mut Provenance| {
+            let step = step(mesh, provenance, &PlaceOptions::DEFAULT);
+            move_by(mesh, provenance, step, &mut Map::new()).unwrap()
+        };
+        let first = place(&mut mesh, &mut provenance);
         assert_eq!(first, Outcome::Changed(()));
         assert_eq!(mesh.positions[0], Vec3::new(1.0, -2.0, -3.0));
         let placed = Home { eye: [1.0, -2.0, -3.0], up: [0.0, 1.0, 0.0], ..home };
         assert_eq!(provenance.home, Some(placed));
-        let again = place(&mut mesh, &mut provenance, &options, &mut Map::new()).unwrap();
+        let again = place(&mut mesh, &mut provenance);
         assert!(matches!(again, Outcome::Unneeded(_)));
         assert_eq!(provenance.placement.up, UpAxis::NegY);
     }

@@ -111,9 +111,7 @@ pub fn unseen(
     if thins && options.enlarge {
         details.insert("corners_moved".into(), thin::grow(mesh, cameras, &ranked[..keep]).into());
     }
-    let mut kept = vec![false; ranked.len()];
-    ranked[..keep].iter().for_each(|&f| kept[f as usize] = true);
-    mesh.retain(|f| kept[f]);
+    mesh.keep(&ranked[..keep]);
     Ok(Outcome::Changed(()))
 }
 
@@ -160,9 +158,7 @@ fn cut(mesh: &Mesh, views: &mut Views, ranked: &[u32], db: f64, details: &mut De
     let mut curve = Vec::new();
     let mut psnr = |keep: usize| -> Result<f64> {
         let mut part = mesh.clone();
-        let mut faces = ranked[..keep].to_vec();
-        faces.sort_unstable();
-        part.select(&faces);
+        part.keep(&ranked[..keep]);
         let psnr = mean_psnr(&part, views, &judges)?;
         curve.push(json!({ "triangles": keep, "psnr": psnr }));
         Ok(psnr)
