@@ -1,7 +1,7 @@
 //! The finished product: a mesh, its chunks, its BVH and where it came from.
 
 use crate::bvh::Bvh;
-use crate::camera::Home;
+use crate::camera::Viewpoint;
 use crate::mesh::Mesh;
 use crate::report::Counts;
 use glam::{DMat3, DVec3, Vec3};
@@ -40,32 +40,33 @@ impl Asset {
 }
 
 /// Which axis of a file points up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum UpAxis {
     /// +X up.
     #[serde(rename = "x")]
-    #[value(name = "x")]
+    #[cfg_attr(feature = "cli", value(name = "x"))]
     X,
     /// -X up.
     #[serde(rename = "-x")]
-    #[value(name = "-x")]
+    #[cfg_attr(feature = "cli", value(name = "-x"))]
     NegX,
     /// +Y up: glTF, OBJ by habit.
     #[serde(rename = "y")]
-    #[value(name = "y")]
+    #[cfg_attr(feature = "cli", value(name = "y"))]
     Y,
     /// -Y up: COLMAP and every trainer that follows it.
     #[default]
     #[serde(rename = "-y")]
-    #[value(name = "-y")]
+    #[cfg_attr(feature = "cli", value(name = "-y"))]
     NegY,
     /// +Z up: Blender, Unreal, survey data.
     #[serde(rename = "z")]
-    #[value(name = "z")]
+    #[cfg_attr(feature = "cli", value(name = "z"))]
     Z,
     /// -Z up.
     #[serde(rename = "-z")]
-    #[value(name = "-z")]
+    #[cfg_attr(feature = "cli", value(name = "-z"))]
     NegZ,
 }
 
@@ -118,11 +119,11 @@ impl Placement {
     }
 
     /// A view of the source's world, as seen in the file.
-    pub fn home_to_file(&self, home: &Home) -> Home {
+    pub fn viewpoint_to_file(&self, viewpoint: &Viewpoint) -> Viewpoint {
         let (turn, center) = (self.up.to_y_up(), DVec3::from(self.center));
         let point = |p: [f64; 3]| (turn * self.scale * (DVec3::from(p) - center)).to_array();
-        let up = (turn * DVec3::from(home.up)).to_array();
-        Home { eye: point(home.eye), target: point(home.target), up, fov: home.fov }
+        let up = (turn * DVec3::from(viewpoint.up)).to_array();
+        Viewpoint { eye: point(viewpoint.eye), target: point(viewpoint.target), up, fov: viewpoint.fov }
     }
 
     /// [`Placement::to_world`] without the last rounding, for worlds far from their origin.
@@ -157,5 +158,5 @@ pub struct Provenance {
     pub placement: Placement,
     /// Where to look at this file from first.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub home: Option<Home>,
+    pub viewpoint: Option<Viewpoint>,
 }

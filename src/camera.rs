@@ -77,7 +77,7 @@ pub fn focus<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Option<Ve
 /// Where to look at a scene from first, in the frame of its file.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Home {
+pub struct Viewpoint {
     /// Where one stands.
     pub eye: [f64; 3],
     /// What one looks at and turns about.
@@ -89,7 +89,7 @@ pub struct Home {
 }
 
 /// The view of the first camera, turning about what all of them look at. `None` of no cameras.
-pub fn home(cameras: &[Camera]) -> Option<Home> {
+pub fn viewpoint(cameras: &[Camera]) -> Option<Viewpoint> {
     let first = cameras.first()?;
     let (eye, forward) = (first.position(), first.rotation.row(2));
     let up = cameras.iter().map(|c| -c.rotation.row(1)).sum::<Vec3>();
@@ -101,7 +101,7 @@ pub fn home(cameras: &[Camera]) -> Option<Home> {
     let target = eye + forward * if distance > 0.0 { distance } else { 1.0 };
     let [eye, target, up] = [eye, target, up].map(|v| v.as_dvec3().to_array());
     let fov = 2.0 * f64::from(first.size.y as f32 / (2.0 * first.focal.y)).atan();
-    Some(Home { eye, target, up, fov: fov.to_degrees() })
+    Some(Viewpoint { eye, target, up, fov: fov.to_degrees() })
 }
 
 #[cfg(test)]
@@ -129,16 +129,16 @@ mod tests {
     }
 
     #[test]
-    fn home_is_the_first_camera_upright() {
+    fn the_viewpoint_is_the_first_camera_upright() {
         let target = Vec3::new(1.0, 2.0, 3.0);
         let eyes = [Vec3::ZERO, Vec3::X * 4.0, Vec3::new(-2.0, 5.0, 1.0)];
         let cameras = eyes.map(|eye| CAMERA.looking(eye, target, Vec3::NEG_Y));
-        let home = home(&cameras).expect("there are cameras");
+        let viewpoint = viewpoint(&cameras).expect("there are cameras");
         let near = |a: [f64; 3], b: Vec3| (0..3).all(|i| (a[i] - f64::from(b[i])).abs() < 1e-4);
-        assert!(near(home.eye, eyes[0]) && near(home.target, target), "{home:?}");
-        assert!(home.up[1] < -0.5 && (home.fov - 53.130_102).abs() < 1e-4, "{home:?}");
-        assert_eq!(super::home(&[]), None);
-        assert!(near(super::home(&[CAMERA; 2]).expect("parallel").target, Vec3::Z));
+        assert!(near(viewpoint.eye, eyes[0]) && near(viewpoint.target, target), "{viewpoint:?}");
+        assert!(viewpoint.up[1] < -0.5 && (viewpoint.fov - 53.130_102).abs() < 1e-4, "{viewpoint:?}");
+        assert_eq!(super::viewpoint(&[]), None);
+        assert!(near(super::viewpoint(&[CAMERA; 2]).expect("parallel").target, Vec3::Z));
     }
 
     #[test]

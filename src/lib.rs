@@ -31,10 +31,13 @@
 //! ```
 
 pub mod asset;
+pub mod atomic;
 pub mod bake;
+#[cfg(feature = "cli")]
 pub mod bench;
 pub mod bvh;
 pub mod camera;
+#[cfg(feature = "cli")]
 pub mod cli;
 pub mod dataset;
 pub mod error;

@@ -39,7 +39,7 @@ export class SceneFile {
     const meshes = [];
     scene.traverse((node) => node instanceof Mesh && meshes.push(node));
     this.#report(1);
-    return { scene, meshes, home: asset.extras?.home ?? null };
+    return { scene, meshes, viewpoint: asset.extras?.viewpoint ?? null };
   }
 
   // One array after the other, with a rest in between, so that the bar moves and the page stays awake.

@@ -28,7 +28,7 @@ function fail(error) {
 async function open() {
   const canvas = element('picture');
   const picture = new Picture(canvas, asked.ssaa ?? GRID, `#${asked.background ?? BACKGROUND}`);
-  const { scene, meshes, home } = await file.meshes();
+  const { scene, meshes, viewpoint } = await file.meshes();
   const bounds = boundsOf(meshes);
   picture.show(scene);
   picture.resize();
@@ -37,8 +37,8 @@ async function open() {
   const move = new Move(picture.camera, canvas, bounds.radius);
 
   const aspect = () => picture.width / picture.height;
-  const fit = () => (move.set(whole(home, bounds, aspect())), picture.restart());
-  const start = () => (move.set(first(home, bounds, aspect())), picture.restart());
+  const fit = () => (move.set(whole(viewpoint, bounds, aspect())), picture.restart());
+  const start = () => (move.set(first(viewpoint, bounds, aspect())), picture.restart());
   const go = (words) => {
     const view = { ...move.view };
     for (const word of ['eye', 'target', 'up']) if (words[word]) view[word] = words[word].clone();

@@ -2,7 +2,7 @@
 import { MathUtils, Vector3 } from 'three';
 
 const FOV = 50;
-/** Without a home: from the front, a little from the right and from above. */
+/** Without a viewpoint: from the front, a little from the right and from above. */
 const BACK = new Vector3(0.45, 0.3, 1);
 const SAMPLES = 20000;
 /** Shares of the vertices that the start view leaves out on each side: far shells and strays. */
@@ -37,16 +37,16 @@ export function format({ eye, target, up, fov, pinhole }) {
 }
 
 /** The view to begin with: what the file says, or all of it. */
-export function first(home, bounds, aspect) {
-  if (!home) return whole(home, bounds, aspect);
-  const [eye, target, up] = [home.eye, home.target, home.up].map((v) => new Vector3(...v));
-  return { eye, target, up, fov: home.fov, pinhole: null };
+export function first(viewpoint, bounds, aspect) {
+  if (!viewpoint) return whole(viewpoint, bounds, aspect);
+  const [eye, target, up] = [viewpoint.eye, viewpoint.target, viewpoint.up].map((v) => new Vector3(...v));
+  return { eye, target, up, fov: viewpoint.fov, pinhole: null };
 }
 
-/** A view of everything but strays, from the side where home is. */
-export function whole(home, bounds, aspect) {
-  const back = home ? new Vector3(...home.eye).sub(new Vector3(...home.target)) : BACK.clone();
-  const up = home ? new Vector3(...home.up) : new Vector3(0, 1, 0);
+/** A view of everything but strays, from the side where viewpoint is. */
+export function whole(viewpoint, bounds, aspect) {
+  const back = viewpoint ? new Vector3(...viewpoint.eye).sub(new Vector3(...viewpoint.target)) : BACK.clone();
+  const up = viewpoint ? new Vector3(...viewpoint.up) : new Vector3(0, 1, 0);
   const narrow = Math.min(1, aspect);
   const distance = bounds.radius / Math.sin(Math.atan(narrow * Math.tan(MathUtils.degToRad(FOV / 2))));
   const eye = bounds.center.clone().addScaledVector(back.normalize(), distance);

@@ -24,17 +24,8 @@ const MOST_LEVELS: u32 = 4;
 const SCENE_PER_BACKDROP: usize = 20;
 
 /// Whether holes are closed.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    clap::ValueEnum,
-    serde::Serialize,
-    serde::Deserialize,
-    schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum BackdropWhen {
     /// When photos show something where no triangle is
@@ -44,11 +35,12 @@ pub enum BackdropWhen {
 }
 
 /// What stands behind the scene.
-#[derive(Debug, Clone, PartialEq, clap::Args, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct BackdropOptions {
     /// When a far sphere is put behind the scene, with the photos' colours where they see it
-    #[arg(long, value_enum, default_value_t = BackdropOptions::DEFAULT.backdrop, value_name = "WHEN")]
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = BackdropOptions::DEFAULT.backdrop, value_name = "WHEN"))]
     pub backdrop: BackdropWhen,
 }
 

@@ -21,14 +21,13 @@ const JUDGES: usize = 12;
 const MOST_LEVELS: usize = 8;
 
 /// Which levels are made.
-#[derive(
-    Debug, Clone, PartialEq, Default, clap::Args, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct LodOptions {
     /// Write levels of detail too, each with this share of the triangles, as in 0.5,0.25,0.125: OUT.lod1.glb and so
     /// on, and OUT.tileset.json (3D Tiles 1.1) that names them all
-    #[arg(long, value_name = "SHARES", value_delimiter = ',')]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "SHARES", value_delimiter = ','))]
     pub lod: Vec<f64>,
 }
 

@@ -58,7 +58,7 @@ fn merge_provenance(a: Provenance, b: Provenance) -> Result<Provenance> {
         trainer: join(a.trainer, b.trainer),
         up: a.up,
         placement: if a.placement == b.placement { a.placement } else { Placement::IDENTITY },
-        home: a.home.or(b.home),
+        viewpoint: a.viewpoint.or(b.viewpoint),
     })
 }
 

@@ -54,7 +54,7 @@ pub fn bake(
     report.warnings.extend(warnings);
     if let Some(views) = views.as_deref_mut() {
         views.enter(&provenance.placement);
-        provenance.home = provenance.home.or_else(|| views.home());
+        provenance.viewpoint = provenance.viewpoint.or_else(|| views.viewpoint());
         cameras = views.cameras().to_vec();
     }
     // What cameras see tells better which triangles matter most than their size does.

@@ -17,7 +17,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A complete set of options to start from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Preset {
     /// Read, prune, make solid, write: one mesh in the order of the input.
@@ -30,51 +31,67 @@ pub enum Preset {
 }
 
 /// The options of the stages, in the order they run.
-#[derive(Debug, Clone, PartialEq, Default, clap::Args, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 #[schemars(title = "trisplat bake options")]
 pub struct BakeOptions {
     /// Complete set of options to start from; config file and flags are laid over it.
-    #[arg(long, value_enum, default_value_t)]
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub preset: Preset,
     /// Which triangles are dropped.
-    #[command(flatten, next_help_heading = "Prune: drop what an engine cannot draw or nobody sees")]
+    #[cfg_attr(
+        feature = "cli",
+        command(flatten, next_help_heading = "Prune: drop what an engine cannot draw or nobody sees")
+    )]
     pub prune: PruneOptions,
     /// How soft triangles become solid.
-    #[command(flatten, next_help_heading = "Solid: soft triangles become opaque")]
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Solid: soft triangles become opaque"))]
     pub solid: SolidOptions,
     /// Which triangles the photos need.
-    #[command(
-        flatten,
-        next_help_heading = "Unseen, with --dataset or cameras in the file: drop what no photo sees"
+    #[cfg_attr(
+        feature = "cli",
+        command(
+            flatten,
+            next_help_heading = "Unseen, with --dataset or cameras in the file: drop what no photo sees"
+        )
     )]
     pub unseen: UnseenOptions,
     /// Which levels of detail are made.
-    #[command(flatten, next_help_heading = "LOD: levels of detail")]
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "LOD: levels of detail"))]
     pub lod: LodOptions,
     /// What stands behind the scene.
-    #[command(flatten, next_help_heading = "Backdrop, with --dataset: close holes")]
+    #[cfg_attr(
+        feature = "cli",
+        command(flatten, next_help_heading = "Backdrop, with --dataset: close holes")
+    )]
     pub backdrop: BackdropOptions,
     /// How colours are taken from the photos.
-    #[command(flatten, next_help_heading = "Refit, with --dataset: colours from the photos")]
+    #[cfg_attr(
+        feature = "cli",
+        command(flatten, next_help_heading = "Refit, with --dataset: colours from the photos")
+    )]
     pub refit: RefitOptions,
     /// Which corners become one vertex.
-    #[command(flatten, next_help_heading = "Weld: share vertices")]
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Weld: share vertices"))]
     pub weld: WeldOptions,
     /// The frame of the output.
-    #[command(flatten, next_help_heading = "Place: the frame of the output")]
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Place: the frame of the output"))]
     pub place: PlaceOptions,
     /// How the scene is cut.
-    #[command(flatten, next_help_heading = "Chunk: nodes that an engine can skip")]
+    #[cfg_attr(
+        feature = "cli",
+        command(flatten, next_help_heading = "Chunk: nodes that an engine can skip")
+    )]
     pub chunk: ChunkOptions,
     /// The hierarchy beside the output.
-    #[command(flatten, next_help_heading = "BVH: hierarchy beside the output")]
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "BVH: hierarchy beside the output"))]
     pub bvh: BvhOptions,
     /// The order of triangles.
-    #[command(flatten, next_help_heading = "Order: of triangles in a chunk")]
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Order: of triangles in a chunk"))]
     pub order: OrderOptions,
     /// The files written.
-    #[command(flatten, next_help_heading = "Output")]
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Output"))]
     pub output: OutputOptions,
 }
 

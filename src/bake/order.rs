@@ -10,17 +10,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 /// The order of faces within a chunk.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    clap::ValueEnum,
-    serde::Serialize,
-    serde::Deserialize,
-    schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum FaceOrder {
     /// Along a space-filling curve
@@ -30,11 +21,12 @@ pub enum FaceOrder {
 }
 
 /// The order of faces.
-#[derive(Debug, Clone, PartialEq, clap::Args, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct OrderOptions {
     /// Order of the triangles within a chunk; with --bvh it is always the order of its leaves
-    #[arg(long, value_enum, default_value_t = OrderOptions::DEFAULT.order, value_name = "HOW")]
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = OrderOptions::DEFAULT.order, value_name = "HOW"))]
     pub order: FaceOrder,
 }
 

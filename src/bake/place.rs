@@ -16,19 +16,20 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 /// Options of the stage.
-#[derive(Debug, Clone, PartialEq, clap::Args, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct PlaceOptions {
     /// Axis of the input that points up; the output is Y-up. Without it: what the file says, else
     /// -y (COLMAP and its trainers), y for glTF and OBJ.
-    #[arg(long, value_enum, value_name = "AXIS", allow_hyphen_values = true)]
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "AXIS", allow_hyphen_values = true))]
     pub up: Option<UpAxis>,
     /// Output units per input unit.
-    #[arg(long, default_value_t = PlaceOptions::DEFAULT.scale, value_name = "FACTOR")]
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = PlaceOptions::DEFAULT.scale, value_name = "FACTOR"))]
     pub scale: f64,
     /// Put the middle of the scene (the median of its vertices) at the origin.
-    #[arg(long, default_value_t = PlaceOptions::DEFAULT.center, num_args = 0..=1, require_equals = true,
-          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL")]
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = PlaceOptions::DEFAULT.center, num_args = 0..=1, require_equals = true,
+          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL"))]
     pub center: bool,
 }
 
@@ -76,7 +77,7 @@ pub fn move_by(
         details.insert("earlier_placement".into(), "replaced".into());
     }
     provenance.placement = step;
-    provenance.home = provenance.home.map(|home| step.home_to_file(&home));
+    provenance.viewpoint = provenance.viewpoint.map(|viewpoint| step.viewpoint_to_file(&viewpoint));
     details.insert("scale".into(), step.scale.into());
     details.insert("center".into(), step.center.to_vec().into());
     let mover = step.mover();
@@ -96,7 +97,7 @@ fn middle(positions: &[Vec3]) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Home;
+    use crate::camera::Viewpoint;
     use crate::mesh::Colors;
 
     fn triangle() -> Mesh {
@@ -129,9 +130,9 @@ mod tests {
 
     #[test]
     fn a_second_run_has_nothing_to_do() {
-        let home = Home { eye: [1.0, 2.0, 3.0], target: [0.0; 3], up: [0.0, -1.0, 0.0], fov: 40.0 };
+        let viewpoint = Viewpoint { eye: [1.0, 2.0, 3.0], target: [0.0; 3], up: [0.0, -1.0, 0.0], fov: 40.0 };
         let (mut mesh, mut provenance) =
-            (triangle(), Provenance { home: Some(home), ..Provenance::default() });
+            (triangle(), Provenance { viewpoint: Some(viewpoint), ..Provenance::default() });
         let place = |mesh: &mut Mesh, provenance: &mut Provenance| {
             let step = step(mesh, provenance, &PlaceOptions::DEFAULT);
             move_by(mesh, provenance, step, &mut Map::new()).unwrap()
@@ -139,8 +140,8 @@ mod tests {
         let first = place(&mut mesh, &mut provenance);
         assert_eq!(first, Outcome::Changed(()));
         assert_eq!(mesh.positions[0], Vec3::new(1.0, -2.0, -3.0));
-        let placed = Home { eye: [1.0, -2.0, -3.0], up: [0.0, 1.0, 0.0], ..home };
-        assert_eq!(provenance.home, Some(placed));
+        let placed = Viewpoint { eye: [1.0, -2.0, -3.0], up: [0.0, 1.0, 0.0], ..viewpoint };
+        assert_eq!(provenance.viewpoint, Some(placed));
         let again = place(&mut mesh, &mut provenance);
         assert!(matches!(again, Outcome::Unneeded(_)));
         assert_eq!(provenance.placement.up, UpAxis::NegY);

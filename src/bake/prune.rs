@@ -24,33 +24,34 @@ const FLAT: f64 = f32::EPSILON as f64;
 const HUGE_PASSES: usize = 32;
 
 /// Which triangles to drop.
-#[derive(Debug, Clone, PartialEq, clap::Args, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct PruneOptions {
     /// Drop triangles of lower opacity (0 keeps all; engine-mode training itself drops below 0.1, then 0.7)
-    #[arg(long, default_value_t = PruneOptions::DEFAULT.min_opacity, value_name = "O")]
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = PruneOptions::DEFAULT.min_opacity, value_name = "O"))]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub min_opacity: f64,
     /// Drop triangles of higher sigma, the softest ones (0 keeps all; engine-mode training drops from 1)
-    #[arg(long, default_value_t = PruneOptions::DEFAULT.max_sigma, value_name = "S")]
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = PruneOptions::DEFAULT.max_sigma, value_name = "S"))]
     #[schemars(range(min = 0.0))]
     pub max_sigma: f64,
     /// Drop triangles with an edge longer than this many scene radii (median distance from the median
     /// centre; 0 keeps all)
-    #[arg(long, default_value_t = PruneOptions::DEFAULT.max_edge, value_name = "R")]
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = PruneOptions::DEFAULT.max_edge, value_name = "R"))]
     #[schemars(range(min = 0.0))]
     pub max_edge: f64,
     /// Keep only triangles whose centroid is in this box, in the coordinates of the input file
-    #[arg(
+    #[cfg_attr(feature = "cli", arg(
         long,
         value_name = "X0,Y0,Z0,X1,Y1,Z1",
         value_parser = parse_box,
         allow_hyphen_values = true
-    )]
+    ))]
     pub crop: Option<[f64; 6]>,
     /// Keep at most this many triangles: those that add most to the picture, opacity times area times
     /// mean softness
-    #[arg(long, value_name = "N")]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
     #[schemars(range(min = 1))]
     pub max_triangles: Option<u64>,
 }

@@ -52,17 +52,8 @@ const OUTLIER: f32 = 0.02;
 const OUTLIER_SPREADS: f32 = 6.0;
 
 /// Which colours are fitted.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    clap::ValueEnum,
-    serde::Serialize,
-    serde::Deserialize,
-    schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum RefitColors {
     /// Whatever is best on photos left out: one colour a triangle, three, or none
@@ -76,18 +67,19 @@ pub enum RefitColors {
 }
 
 /// How colours are taken from the photos.
-#[derive(Debug, Clone, PartialEq, clap::Args, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct RefitOptions {
     /// Which colours are fitted to the photos
-    #[arg(long, value_enum, default_value_t = RefitOptions::DEFAULT.refit, value_name = "WHICH")]
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = RefitOptions::DEFAULT.refit, value_name = "WHICH"))]
     pub refit: RefitColors,
     /// λ: corners are drawn to their triangle's mean colour as if it had been seen on this many pixels more
-    #[arg(long, default_value_t = RefitOptions::DEFAULT.refit_flatness, value_name = "PX")]
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = RefitOptions::DEFAULT.refit_flatness, value_name = "PX"))]
     #[schemars(range(min = 0.0))]
     pub refit_flatness: f64,
     /// Passes over the photos
-    #[arg(long, default_value_t = RefitOptions::DEFAULT.refit_passes, value_name = "N")]
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = RefitOptions::DEFAULT.refit_passes, value_name = "N"))]
     pub refit_passes: u32,
 }
 

@@ -27,23 +27,24 @@ const FEWEST: usize = 64;
 const CURVE_STEPS: usize = 9;
 
 /// Which triangles the photos need.
-#[derive(Debug, Clone, PartialEq, clap::Args, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct UnseenOptions {
     /// Keep triangles that no photo sees: fewer holes far from where the photos were taken
-    #[arg(long)]
+    #[cfg_attr(feature = "cli", arg(long))]
     pub keep_unseen: bool,
     /// Drop triangles that show less than this in all photos together, px
-    #[arg(long, default_value_t = UnseenOptions::DEFAULT.min_seen_px, value_name = "PX")]
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = UnseenOptions::DEFAULT.min_seen_px, value_name = "PX"))]
     #[schemars(range(min = 0.0))]
     pub min_seen_px: f64,
     /// Drop the triangles least seen for as long as the photos are met at most this much worse, dB
-    #[arg(long, value_name = "DB")]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DB"))]
     #[schemars(range(min = 0.0))]
     pub max_error: Option<f64>,
     /// With fewer triangles than are seen: move corners of those that stay where that hides what is missing
-    #[arg(long, default_value_t = UnseenOptions::DEFAULT.enlarge, num_args = 0..=1, require_equals = true,
-          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL")]
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = UnseenOptions::DEFAULT.enlarge, num_args = 0..=1, require_equals = true,
+          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL"))]
     pub enlarge: bool,
 }
 

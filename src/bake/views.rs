@@ -1,7 +1,7 @@
 //! The photos a bake may look at: what they show decides what a triangle is worth and which colour it has.
 
 use crate::asset::Placement;
-use crate::camera::{self, Camera, Home};
+use crate::camera::{self, Camera, Viewpoint};
 use crate::dataset::{Dataset, Photos};
 use crate::error::Result;
 use crate::image::Pixels;
@@ -37,8 +37,8 @@ impl Views {
     }
 
     /// Where to look from first, in the frame of the cameras.
-    pub fn home(&self) -> Option<Home> {
-        camera::home(&self.cameras)
+    pub fn viewpoint(&self) -> Option<Viewpoint> {
+        camera::viewpoint(&self.cameras)
     }
 
     /// Number of photos.

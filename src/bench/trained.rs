@@ -67,7 +67,8 @@ pub fn train(
 
     let cameras: Vec<Camera> = dataset.train().map(|view| view.camera).collect();
     let placement = Placement { center: dataset.origin.to_array(), ..Placement::IDENTITY };
-    let provenance = Provenance { placement, home: camera::home(&cameras), ..Provenance::default() };
+    let provenance =
+        Provenance { placement, viewpoint: camera::viewpoint(&cameras), ..Provenance::default() };
     let folder = tempfile::tempdir().map_err(|e| Error::io(std::env::temp_dir(), e))?;
     let path = folder.path().join("soup.ply");
     let io = |e| Error::io(&path, e);

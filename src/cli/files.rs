@@ -1,7 +1,7 @@
 //! What commands do alike with the files they write: JSON, and the refusal to replace.
 
+use crate::atomic::AtomicFile;
 use crate::error::{Error, Result};
-use crate::formats::atomic::AtomicFile;
 use serde::Serialize;
 use std::io::{self, Write};
 use std::path::Path;

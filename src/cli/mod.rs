@@ -9,6 +9,7 @@ pub mod bench;
 pub mod completions;
 pub mod eval;
 pub mod files;
+pub mod flags;
 pub mod info;
 pub mod info_dataset;
 pub mod layers;
@@ -89,7 +90,8 @@ pub enum Command {
 
 /// Parses the arguments of this process and runs the command.
 pub fn main() -> ExitCode {
-    let matches = Cli::command().get_matches();
+    let mut program = Cli::command();
+    let matches = program.get_matches_mut();
     let cli = match Cli::from_arg_matches(&matches) {
         Ok(cli) => cli,
         Err(error) => error.exit(),
@@ -97,7 +99,7 @@ pub fn main() -> ExitCode {
     match run(&cli, &matches) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error}");
+            eprintln!("error: {}", flags::message(&error, flags::innermost(&program, &matches)));
             ExitCode::from(1)
         }
     }

@@ -1,10 +1,10 @@
 //! `trisplat sample NAME -o OUT`: soups and data sets made from nothing, to try things on.
 
 use super::files;
+use crate::atomic::AtomicFile;
 use crate::bench::scenes::{self, SampleScene};
 use crate::dataset::synthetic::{self, SyntheticOptions};
 use crate::error::{Error, Result};
-use crate::formats::atomic::AtomicFile;
 use crate::formats::ply;
 use std::path::PathBuf;
 

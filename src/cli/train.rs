@@ -6,10 +6,10 @@ use super::layers::{self, Config};
 use super::resume;
 use super::train_progress::Bar;
 use crate::asset::{Placement, Provenance, UpAxis};
+use crate::atomic::AtomicFile;
 use crate::camera::{self, Camera};
 use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
-use crate::formats::atomic::AtomicFile;
 use crate::formats::ply;
 use crate::report::{Counts, OutputReport, Report, StageReport, generator};
 use crate::train::cpu::Cpu;
@@ -209,7 +209,7 @@ fn write(args: &TrainArgs, dataset: &Dataset, trained: &Trained) -> Result<Vec<O
         trainer: Some(generator()),
         up: Some(up(dataset)),
         placement: Placement { center: dataset.origin.to_array(), ..Placement::IDENTITY },
-        home: camera::home(&cameras),
+        viewpoint: camera::viewpoint(&cameras),
     };
     let io = |e| Error::io(&args.output, e);
     let mut file = AtomicFile::create(&args.output)?;

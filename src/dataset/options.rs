@@ -7,32 +7,33 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 /// How a folder of posed photos is read.
-#[derive(Debug, Clone, PartialEq, Eq, clap::Args, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(default, deny_unknown_fields)]
-#[command(next_help_heading = "Data set")]
+#[cfg_attr(feature = "cli", command(next_help_heading = "Data set"))]
 pub struct DatasetOptions {
     /// Shrink photos whose longer side is above this, by area; px.
-    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(1..))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(1..)))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_size: Option<u32>,
     /// Hold out every Nth photo by name (the 1st, the N+1st, ...) where the data set names no split of
     /// its own; 0 trains on all photos, whatever the data set says.
-    #[arg(long, value_name = "N", default_value_t = 8)]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 8))]
     pub test_every: u32,
     /// Go on without photos that are missing or broken; every photo is then read once in full to see.
-    #[arg(long)]
+    #[cfg_attr(feature = "cli", arg(long))]
     pub skip_broken: bool,
     /// Folder of the photos, relative to the data set; COLMAP models name them relative to it.
-    #[arg(long, value_name = "FOLDER", default_value = "images")]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FOLDER", default_value = "images"))]
     pub images: PathBuf,
     /// What to do with the pictures in the folder `masks`, and with the `mask_path` of a frame.
-    #[arg(long, value_enum, default_value_t)]
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub masks: Masks,
     /// What stands behind transparent pixels: black, white or #rrggbb.
-    #[arg(long, value_name = "COLOR", default_value_t)]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "COLOR", default_value_t))]
     pub background: Background,
     /// Memory for decoded photos, MiB; photos that do not fit wait in a temporary file.
-    #[arg(long, value_name = "MIB", default_value_t = 1024)]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "MIB", default_value_t = 1024))]
     pub photo_memory_mib: u32,
 }
 
@@ -51,7 +52,8 @@ impl Default for DatasetOptions {
 }
 
 /// What a mask means; white (255) is kept.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Masks {
     /// Black pixels do not count: anything may be drawn there.
@@ -131,7 +133,7 @@ impl JsonSchema for Background {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "cli"))]
 mod tests {
     use super::*;
 
@@ -151,7 +153,7 @@ mod tests {
     fn flags_and_config_have_the_same_defaults() {
         #[derive(clap::Parser)]
         struct Flags {
-            #[command(flatten)]
+            #[cfg_attr(feature = "cli", command(flatten))]
             dataset: DatasetOptions,
         }
         let flags = <Flags as clap::Parser>::parse_from(["trisplat"]).dataset;

@@ -7,7 +7,8 @@ use std::collections::HashSet;
 use std::path::Path;
 
 /// A part of a data set.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Split {
     /// The held-out photos.
     #[default]

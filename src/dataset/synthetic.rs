@@ -17,21 +17,22 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// What to make.
-#[derive(Debug, Clone, PartialEq, Eq, clap::Args, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(default, deny_unknown_fields)]
-#[command(next_help_heading = "Synthetic data set")]
+#[cfg_attr(feature = "cli", command(next_help_heading = "Synthetic data set"))]
 pub struct SyntheticOptions {
     /// Photos, on a spiral around the scene.
-    #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u32).range(1..=100_000)))]
     pub views: u32,
     /// Width of a photo, px; the height is three quarters of it.
-    #[arg(long, value_name = "PX", default_value_t = 160, value_parser = clap::value_parser!(u32).range(4..=8192))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PX", default_value_t = 160, value_parser = clap::value_parser!(u32).range(4..=8192)))]
     pub width: u32,
     /// Points of the sparse cloud.
-    #[arg(long, value_name = "N", default_value_t = 1500)]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 1500))]
     pub points: u32,
     /// Seed of the camera jitter and of the points.
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 0))]
     pub seed: u64,
 }
 

@@ -1,6 +1,5 @@
 //! Files in and out. The nouns do not know them.
 
-pub mod atomic;
 mod base64;
 mod blocks;
 pub mod bvh;

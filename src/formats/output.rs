@@ -1,12 +1,12 @@
 //! Writes an asset to whichever files its kind needs: planned first, then written, then named at once.
 
-use super::atomic::AtomicFile;
 use super::gltf::GltfOptions;
 use super::gltf::document::uri;
 use super::target::Target;
 use super::tileset::{self, Level};
 use super::{bvh, gltf, html, obj, ply};
 use crate::asset::Asset;
+use crate::atomic::AtomicFile;
 use crate::error::{Error, Result};
 use crate::report::{Observer, Outcome, OutputReport, Report};
 use schemars::JsonSchema;
@@ -16,23 +16,24 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Options of the files written.
-#[derive(Debug, Clone, PartialEq, clap::Args, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct OutputOptions {
     /// Engine or viewer to write for: decides colour encoding, compression and files beside.
-    #[arg(long, value_enum, default_value_t = Target::Gltf)]
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = Target::Gltf))]
     pub target: Target,
     /// Quantise positions per chunk and compress with meshopt, where the target reads it.
-    #[arg(long, default_value_t = OutputOptions::DEFAULT.compress, num_args = 0..=1, require_equals = true,
-          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL")]
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = OutputOptions::DEFAULT.compress, num_args = 0..=1, require_equals = true,
+          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL"))]
     pub compress: bool,
     /// PLY: colours on faces and not on vertices; smaller, but fewer programs read it.
-    #[arg(long, default_value_t = OutputOptions::DEFAULT.ply_face_colors, num_args = 0..=1, require_equals = true,
-          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL")]
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = OutputOptions::DEFAULT.ply_face_colors, num_args = 0..=1, require_equals = true,
+          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL"))]
     pub ply_face_colors: bool,
     /// Write GLB files above 2 GiB, which Unity and browsers refuse.
-    #[arg(long, default_value_t = OutputOptions::DEFAULT.allow_huge, num_args = 0..=1, require_equals = true,
-          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL")]
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = OutputOptions::DEFAULT.allow_huge, num_args = 0..=1, require_equals = true,
+          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL"))]
     pub allow_huge: bool,
 }
 
@@ -69,7 +70,8 @@ impl Default for OutputOptions {
 }
 
 /// The kinds of file an asset can become.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Kind {
     /// glTF 2.0 in one binary file.
     Glb,

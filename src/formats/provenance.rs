@@ -42,7 +42,7 @@ pub(super) fn from_comments<'a>(
 mod tests {
     use super::*;
     use crate::asset::{Placement, UpAxis};
-    use crate::camera::Home;
+    use crate::camera::Viewpoint;
     use proptest::prelude::*;
 
     proptest! {
@@ -56,7 +56,7 @@ mod tests {
                 trainer: None,
                 up: Some(UpAxis::NegY),
                 placement: Placement { up: UpAxis::Z, scale, center },
-                home: Some(Home { eye: center, target: [0.0; 3], up: [0.0, 1.0, 0.0], fov: scale }),
+                viewpoint: Some(Viewpoint { eye: center, target: [0.0; 3], up: [0.0, 1.0, 0.0], fov: scale }),
             };
             let comment = to_comment(&provenance);
             prop_assert!(!comment.contains(['\n', '\r']));

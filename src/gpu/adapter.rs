@@ -4,18 +4,20 @@ use crate::error::{Error, Result};
 use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor, InstanceFlags, Surface};
 
 /// Which graphics card draws, and through which interface.
-#[derive(Debug, Clone, Default, PartialEq, Eq, clap::Args)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct AdapterOptions {
     /// Interface to the graphics card [default: the best there is]
-    #[arg(long, value_enum, value_name = "NAME")]
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "NAME"))]
     pub backend: Option<Backend>,
     /// Use the graphics card whose name holds TEXT, in any case of letters [default: the fastest kind]
-    #[arg(long, value_name = "TEXT")]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "TEXT"))]
     pub adapter: Option<String>,
 }
 
 /// An interface to graphics cards.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Backend {
     /// Vulkan: Linux, Windows, Android.
     Vulkan,

@@ -9,6 +9,7 @@ pub mod backend;
 pub mod checkpoint;
 pub mod clock;
 pub mod cpu;
+#[cfg(feature = "cli")]
 pub mod curve;
 pub mod eval;
 pub mod init;

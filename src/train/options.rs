@@ -18,7 +18,8 @@ pub const REFERENCE_STEPS: f64 = 30_000.0;
 const DEPTH_RANGE: [f32; 2] = [0.05, 25.0];
 
 /// A complete set of options for a kind of scene.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Preset {
     /// Open scenes with a far background.
@@ -33,45 +34,46 @@ pub enum Preset {
 }
 
 /// How a soup is trained.
-#[derive(Debug, Clone, PartialEq, clap::Args, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(default, deny_unknown_fields)]
-#[command(next_help_heading = "Training")]
+#[cfg_attr(feature = "cli", command(next_help_heading = "Training"))]
 pub struct TrainOptions {
     /// Start from the numbers of this kind of scene.
-    #[arg(long, value_enum, default_value_t)]
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub preset: Preset,
     /// Steps, one photo each; every schedule stretches with it.
-    #[arg(long, value_name = "N", default_value_t = 5000)]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 5000))]
     pub steps: u64,
     /// The scene never holds more triangles than this.
-    #[arg(long, value_name = "N", default_value_t = 60_000)]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 60_000))]
     pub max_triangles: u64,
     /// Highest degree of the view-dependent colour, 0 to 3; it is reached one degree at a time.
-    #[arg(long, value_name = "D", default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=3))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "D", default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=3)))]
     pub sh_degree: u8,
     /// Seed of every random choice; the same seed gives the same bits on any number of threads.
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 0))]
     pub seed: u64,
     /// How the scene is drawn.
-    #[arg(skip)]
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub draw: DrawOptions,
     /// What the first triangles look like.
-    #[arg(skip)]
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub init: InitOptions,
     /// What is minimised.
-    #[arg(skip)]
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub loss: LossOptions,
     /// How fast each group of parameters moves.
-    #[arg(skip)]
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub rates: RateOptions,
     /// How triangles are added and removed.
-    #[arg(skip)]
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub refine: RefineOptions,
     /// How early steps save time on smaller photos.
-    #[arg(skip)]
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub warmup: WarmupOptions,
     /// How the scene becomes solid in the last part of the run.
-    #[arg(skip)]
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub solid: SolidOptions,
 }
 

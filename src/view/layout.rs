@@ -16,7 +16,8 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// How corners are stored.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Layout {
     /// Position and colour a corner: what indexed and vertex-coloured meshes need.
     Corner,

@@ -38,7 +38,8 @@ pub struct Subset {
 }
 
 /// In which order the chunks that are seen are drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum ChunkOrder {
     /// As in the file; neighbours become one draw.
     #[default]

@@ -4,7 +4,7 @@ use glam::Vec3;
 use std::io::{Seek, Write};
 use std::path::PathBuf;
 use trisplat::asset::{Placement, Provenance, UpAxis};
-use trisplat::camera::Home;
+use trisplat::camera::Viewpoint;
 use trisplat::error::Result;
 use trisplat::formats::Source;
 use trisplat::math::color::linear_from_srgb;
@@ -52,7 +52,12 @@ pub(crate) fn provenance() -> Provenance {
         trainer: Some("triangle-splatting".into()),
         up: Some(UpAxis::NegY),
         placement: Placement { up: UpAxis::Z, scale: 0.1, center: [1.0 / 3.0, -2e-9, 7e20] },
-        home: Some(Home { eye: [1.5, 2.0, -3.0], target: [0.1, 0.0, 7.0], up: [0.0, 1.0, 0.0], fov: 48.25 }),
+        viewpoint: Some(Viewpoint {
+            eye: [1.5, 2.0, -3.0],
+            target: [0.1, 0.0, 7.0],
+            up: [0.0, 1.0, 0.0],
+            fov: 48.25,
+        }),
     }
 }
 

@@ -10,7 +10,7 @@ use scenes::{any_asset, asset, cut, ramp, strip};
 use serde_json::{Value, json};
 use std::path::Path;
 use trisplat::asset::{Asset, Chunk, Placement, Provenance, UpAxis};
-use trisplat::camera::Home;
+use trisplat::camera::Viewpoint;
 use trisplat::error::{Error, Result};
 use trisplat::formats::gltf::{
     ColorEncoding, Container, GltfOptions, PositionEncoding, Written, check_size, glb_bytes, place,
@@ -113,7 +113,12 @@ fn extras_hold_the_provenance_and_the_encodings() {
         trainer: None,
         up: Some(UpAxis::Y),
         placement: Placement { up: UpAxis::NegY, scale: 0.1, center: [1.0, 2.5, -3.0] },
-        home: Some(Home { eye: [1.5, 2.0, -3.0], target: [0.1, 0.0, 7.0], up: [0.0, 1.0, 0.0], fov: 48.25 }),
+        viewpoint: Some(Viewpoint {
+            eye: [1.5, 2.0, -3.0],
+            target: [0.1, 0.0, 7.0],
+            up: [0.0, 1.0, 0.0],
+            fov: 48.25,
+        }),
     };
     for colors in COLORS {
         let parsed = parse(&glb(&asset, &GltfOptions { colors, ..GltfOptions::default() }).unwrap().0);

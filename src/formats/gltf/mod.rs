@@ -30,30 +30,31 @@ pub use container::{Container, check_size, glb_bytes, place};
 ///
 /// glTF 2.0 says COLOR_0 is linear light. The two sRGB encodings break that rule on purpose, for
 /// Godot materials whose name ends in `-vcol`; every other viewer shows them washed out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum ColorEncoding {
     /// 16-bit normalised, linear: holds every 8-bit sRGB code exactly. 8 bytes.
     #[default]
     #[serde(rename = "u16-linear")]
-    #[value(name = "u16-linear")]
+    #[cfg_attr(feature = "cli", value(name = "u16-linear"))]
     U16Linear,
     /// 8-bit normalised, linear: 73 of the 256 sRGB codes come back wrong, by up to 6. 4 bytes.
     #[serde(rename = "u8-linear")]
-    #[value(name = "u8-linear")]
+    #[cfg_attr(feature = "cli", value(name = "u8-linear"))]
     U8Linear,
     /// 8-bit normalised sRGB codes: not what the glTF specification says. 4 bytes.
     #[serde(rename = "u8-srgb")]
-    #[value(name = "u8-srgb")]
+    #[cfg_attr(feature = "cli", value(name = "u8-srgb"))]
     U8Srgb,
     /// 32-bit float, linear. 16 bytes.
     #[serde(rename = "f32-linear")]
-    #[value(name = "f32-linear")]
+    #[cfg_attr(feature = "cli", value(name = "f32-linear"))]
     F32Linear,
     /// 32-bit float holding 8-bit sRGB codes over 255, rounded up so that an importer which
     /// truncates gets the code: not what the glTF specification says. 16 bytes.
     #[serde(rename = "f32-srgb")]
-    #[value(name = "f32-srgb")]
+    #[cfg_attr(feature = "cli", value(name = "f32-srgb"))]
     F32Srgb,
 }
 
@@ -74,16 +75,17 @@ impl ColorEncoding {
 }
 
 /// How a vertex stores its position.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum PositionEncoding {
     /// Three 32-bit floats, exact. 12 bytes.
     #[default]
     #[serde(rename = "f32")]
-    #[value(name = "f32")]
+    #[cfg_attr(feature = "cli", value(name = "f32"))]
     F32,
     /// Three 16-bit integers on a grid of the chunk's own (KHR_mesh_quantization). 8 bytes.
     #[serde(rename = "chunk-u16")]
-    #[value(name = "chunk-u16")]
+    #[cfg_attr(feature = "cli", value(name = "chunk-u16"))]
     ChunkU16,
 }
 
