@@ -27,16 +27,16 @@ pub trait Lanes: Real {
     /// Sum of the lanes in a fixed order.
     fn sum(self) -> f32;
     /// Largest lane.
-    fn largest(self) -> f32;
+    fn max_lane(self) -> f32;
     /// `self` where the mask is set, else 0.
     #[inline(always)]
-    fn only(self, mask: Self::Mask) -> Self {
+    fn masked(self, mask: Self::Mask) -> Self {
         Self::select(mask, self, Self::splat(0.0))
     }
     /// `self + value * factor` where the mask is set, else `self`.
     #[inline(always)]
     fn add_where(self, mask: Self::Mask, value: Self, factor: Self) -> Self {
-        value.only(mask).mul_add(factor, self)
+        value.masked(mask).mul_add(factor, self)
     }
     /// Sums of the lanes of sixteen values.
     #[inline(always)]

@@ -5,7 +5,7 @@ use super::params::State;
 use super::schedule::Rates;
 use crate::camera::Camera;
 use crate::error::Result;
-use crate::raster::importance::Importance;
+use crate::raster::soft::Importance;
 
 /// A photo as one step sees it.
 #[derive(Debug, Clone, Copy)]

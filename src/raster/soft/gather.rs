@@ -1,20 +1,24 @@
 //! From the sums of (splat, tile) pairs to the gradient of every triangle, in a fixed order.
 
+use super::camera_space::{KernelCamera, UncutTriangle, direction, vec3};
+use super::corners::corner_grads;
+use super::options::SoftOptions;
+use super::slots::{ERROR, GradSlots, OPACITY, RGB, SIGMA};
+use super::soup_grad::SoupGrad;
+use super::soup_ref::SoupRef;
+use super::splat_sums::SplatSums;
+use super::splats::{CHUNK, ProjectedSplat, SplatChunk};
+use super::tiles::Tiles;
 use crate::camera::Camera;
 use crate::kernel::clip;
 use crate::kernel::sh;
-use crate::kernel::splat::Corners;
+use crate::kernel::splat::CameraTriangle;
 use crate::math::color::{decode, srgb_from_linear};
-use crate::math::lanes::{LANES, prefetch};
-use crate::raster::backward::{DRAWN, ERROR, GEOMETRY_SUMS, OPACITY, RGB, SIGMA};
-use crate::raster::corners::corner_grads;
-use crate::raster::project::{self, CHUNK, Placed, Seen, View};
-use crate::raster::soft::{Soft, SoftOptions, SoupGrad, SoupRef};
 use glam::Vec3;
 use rayon::prelude::*;
 
 /// The rows of one chunk of triangles.
-struct Rows<'a> {
+struct GradRows<'a> {
     first: usize,
     vertices: &'a mut [[Vec3; 3]],
     opacity: &'a mut [f32],
@@ -25,9 +29,16 @@ struct Rows<'a> {
     k: usize,
 }
 
-/// Fills `out` from `soft.slots`.
+/// The sums of the backward pass, and where each splat's are.
+pub(super) struct PairGrads<'a> {
+    pub(super) chunks: &'a [SplatChunk],
+    pub(super) tiles: &'a Tiles,
+    pub(super) slots: &'a GradSlots,
+}
+
+/// Fills `out` from the sums of all pairs.
 pub(super) fn gather(
-    soft: &Soft,
+    pairs: &PairGrads,
     soup: &SoupRef,
     camera: &Camera,
     options: &SoftOptions,
@@ -45,7 +56,7 @@ pub(super) fn gather(
             ..SoupGrad::default()
         };
     }
-    let view = View::new(camera);
+    let camera = KernelCamera::new(camera);
     let stale = std::mem::take(&mut out.visible);
     let rows = out
         .vertices
@@ -56,13 +67,13 @@ pub(super) fn gather(
         .enumerate();
     let found: Vec<(Vec<u32>, usize)> = rows
         .map(|(c, (((vertices, opacity), sigma), (sh, error)))| {
-            let mut rows = Rows { first: c * CHUNK, vertices, opacity, sigma, sh, error, k };
+            let mut rows = GradRows { first: c * CHUNK, vertices, opacity, sigma, sh, error, k };
             let in_chunk = |t: &u32| (*t as usize) < c * CHUNK;
             let end = |t: &u32| (*t as usize) < (c + 1) * CHUNK;
             for t in &stale[stale.partition_point(in_chunk)..stale.partition_point(end)] {
                 rows.zero(*t as usize);
             }
-            rows.fill(soft, soup, &view, options, &soft.projection.chunks[c].seen)
+            rows.fill(pairs, soup, &camera, options, &pairs.chunks[c].projected)
         })
         .collect();
     out.visible = stale;
@@ -74,7 +85,7 @@ pub(super) fn gather(
     }
 }
 
-impl Rows<'_> {
+impl GradRows<'_> {
     fn zero(&mut self, triangle: usize) {
         let i = triangle - self.first;
         self.vertices[i] = [Vec3::ZERO; 3];
@@ -87,34 +98,34 @@ impl Rows<'_> {
     /// Writes the rows of the triangles that were drawn; gives them and the number of non-finite ones.
     fn fill(
         &mut self,
-        soft: &Soft,
+        pairs: &PairGrads,
         soup: &SoupRef,
-        view: &View,
+        camera: &KernelCamera,
         options: &SoftOptions,
-        seen: &[Seen],
+        projected: &[ProjectedSplat],
     ) -> (Vec<u32>, usize) {
-        let mut visible = Vec::with_capacity(seen.len());
+        let mut visible = Vec::with_capacity(projected.len());
         let mut dropped = 0;
-        let sums = Sums::all(soft, seen, options);
-        let corners: Vec<_> = seen.iter().map(|s| corners(s, soup, view, options.near)).collect();
-        let d_corners = corner_grads(&corners, &sums, view.focal, options);
+        let sums = SplatSums::of_chunk(pairs.tiles, pairs.slots, projected, options.geometry);
+        let corners: Vec<_> = projected.iter().map(|s| corners(s, soup, camera, options.near)).collect();
+        let d_corners = corner_grads(&corners, &sums, camera.focal, options);
         let mut at = 0;
-        for pieces in seen.chunk_by(|a, b| a.record.triangle == b.record.triangle) {
+        for pieces in projected.chunk_by(|a, b| a.record.triangle == b.record.triangle) {
             let triangle = pieces[0].record.triangle as usize;
-            let mut row = Row::default();
+            let mut row = GradRow::default();
             let mut drawn = false;
             for (i, piece) in (at..).zip(pieces) {
                 if sums[i].drawn() {
                     drawn = true;
                     row.add(&sums[i], soup.opacity[triangle]);
-                    row.add_corners(&d_corners[i], piece, &soup.vertices[triangle], view, options.near);
+                    row.add_corners(&d_corners[i], piece, &soup.vertices[triangle], camera, options.near);
                 }
             }
             at += pieces.len();
             if drawn {
                 let rgb = pieces[0].record.rgb;
                 visible.push(triangle as u32);
-                dropped += usize::from(!self.write(&row, rgb, triangle, soup, view, options.linear));
+                dropped += usize::from(!self.write(&row, rgb, triangle, soup, camera, options.linear));
             }
         }
         (visible, dropped)
@@ -123,16 +134,16 @@ impl Rows<'_> {
     /// Writes one row; false, and zeros, when it is not finite.
     fn write(
         &mut self,
-        row: &Row,
+        row: &GradRow,
         rgb: [f32; 3],
         triangle: usize,
         soup: &SoupRef,
-        view: &View,
+        camera: &KernelCamera,
         linear: bool,
     ) -> bool {
         let i = triangle - self.first;
         let out = &mut self.sh[i * self.k..(i + 1) * self.k];
-        let used = project::active_sh(soup, triangle);
+        let used = soup.active_sh(triangle);
         // The colour is clamped at 0, where nothing passes. In linear light it is clamped at 1 too, as engines do,
         // but there the gradient passes, or a colour too bright could never come back.
         let d_rgb = std::array::from_fn(|c| match rgb[c] > 0.0 {
@@ -140,9 +151,9 @@ impl Rows<'_> {
             true => row.rgb[c],
             false => 0.0,
         });
-        let d_way = color_grad(d_rgb, triangle, soup, view, used, out);
+        let d_offset = color_grad(d_rgb, triangle, soup, camera, used, out);
         out[used.len()..].fill([0.0; 3]);
-        let vertices = row.vertices.map(|v| v + d_way * (1.0 / 3.0));
+        let vertices = row.vertices.map(|v| v + d_offset * (1.0 / 3.0));
         let finite = d_rgb.iter().all(|d| d.is_finite())
             && vertices.iter().all(|v| v.is_finite())
             && row.opacity.is_finite()
@@ -164,14 +175,14 @@ fn color_grad(
     d: [f32; 3],
     triangle: usize,
     soup: &SoupRef,
-    view: &View,
+    camera: &KernelCamera,
     used: &[[f32; 3]],
     out: &mut [[f32; 3]],
 ) -> Vec3 {
     let degree = soup.active_degree.min(soup.sh_degree);
-    let (unit, length) = project::direction(view, &soup.vertices[triangle]);
+    let (unit, length) = direction(camera, &soup.vertices[triangle]);
     let basis = sh::basis(degree, unit);
-    let mut d_basis = [0.0f32; sh::MOST];
+    let mut d_basis = [0.0f32; sh::MAX_COEFFICIENTS];
     for (i, coefficient) in used.iter().enumerate() {
         out[i] = d.map(|d| d * basis[i]);
         d_basis[i] = coefficient[0] * d[0] + coefficient[1] * d[1] + coefficient[2] * d[2];
@@ -180,69 +191,23 @@ fn color_grad(
         return Vec3::ZERO;
     }
     let d_unit = sh::basis_grad(degree, unit, &d_basis);
-    project::vec3(sh::normalize_grad(unit, length, d_unit))
+    vec3(sh::normalize_grad(unit, length, d_unit))
 }
 
 /// The corners of a piece in camera space.
-fn corners(seen: &Seen, soup: &SoupRef, view: &View, near: f32) -> Corners<f32> {
-    Placed::new(view, &soup.vertices[seen.record.triangle as usize]).piece(&seen.piece, near)
+fn corners(
+    projected: &ProjectedSplat,
+    soup: &SoupRef,
+    camera: &KernelCamera,
+    near: f32,
+) -> CameraTriangle<f32> {
+    UncutTriangle::new(camera, &soup.vertices[projected.record.triangle as usize])
+        .piece(&projected.piece, near)
 }
-
-/// All pairs of a splat summed.
-#[derive(Clone, Copy)]
-pub(super) struct Sums {
-    pub(super) base: [f32; LANES],
-    pub(super) geometry: [f32; GEOMETRY_SUMS],
-}
-
-impl Sums {
-    /// The sums of every splat of a chunk. A loop of its own: its many scattered reads then overlap.
-    fn all(soft: &Soft, seen: &[Seen], options: &SoftOptions) -> Vec<Self> {
-        let pairs = |seen: &Seen| {
-            let place = seen.place as usize;
-            &soft.tiles.entry_of_pair[soft.tiles.pairs[place] as usize..soft.tiles.pairs[place + 1] as usize]
-        };
-        let mut out = Vec::with_capacity(seen.len());
-        for (i, s) in seen.iter().enumerate() {
-            if let Some(ahead) = seen.get(i + AHEAD) {
-                pairs(ahead).iter().for_each(|entry| prefetch(&soft.slots[*entry as usize]));
-            }
-            if let Some(entry) = seen.get(i + 3 * AHEAD).and_then(|ahead| pairs(ahead).first()) {
-                prefetch(entry);
-            }
-            out.push(Self::of(soft, pairs(s), options));
-        }
-        out
-    }
-
-    fn of(soft: &Soft, pairs: &[u32], options: &SoftOptions) -> Self {
-        let mut out = Self { base: [0.0; LANES], geometry: [0.0; GEOMETRY_SUMS] };
-        for entry in pairs {
-            let slot = &soft.slots[*entry as usize].0;
-            for (sum, value) in out.base.iter_mut().zip(slot) {
-                *sum += value;
-            }
-            if options.geometry && slot[DRAWN] > 0.0 {
-                for (sum, value) in out.geometry.iter_mut().zip(&soft.geometry_slots[*entry as usize]) {
-                    *sum += value;
-                }
-            }
-        }
-        out
-    }
-
-    /// Whether the splat was drawn at all.
-    fn drawn(&self) -> bool {
-        self.base[DRAWN] > 0.0
-    }
-}
-
-/// How many splats ahead their slots are asked for.
-const AHEAD: usize = 8;
 
 /// Gradient of one triangle, but for the SH.
 #[derive(Default)]
-struct Row {
+struct GradRow {
     vertices: [Vec3; 3],
     opacity: f32,
     sigma: f32,
@@ -250,9 +215,9 @@ struct Row {
     error: f32,
 }
 
-impl Row {
+impl GradRow {
     /// Adds what needs no geometry. A sum is ∂L/∂log(effective opacity), so ∂L/∂log of each of its factors.
-    fn add(&mut self, sums: &Sums, opacity: f32) {
+    fn add(&mut self, sums: &SplatSums, opacity: f32) {
         for c in 0..3 {
             self.rgb[c] += sums.base[RGB + c];
         }
@@ -262,24 +227,31 @@ impl Row {
     }
 
     /// Adds to the vertices in the world what the corners of a piece in camera space give.
-    fn add_corners(&mut self, d: &Corners<f32>, seen: &Seen, triangle: &[Vec3; 3], view: &View, near: f32) {
-        let back = view.rotation.transpose();
+    fn add_corners(
+        &mut self,
+        d: &CameraTriangle<f32>,
+        projected: &ProjectedSplat,
+        triangle: &[Vec3; 3],
+        camera: &KernelCamera,
+        near: f32,
+    ) {
+        let back = camera.rotation.transpose();
         let each = [d.first - d.edges[0] - d.edges[1], d.edges[0], d.edges[1]];
-        if seen.piece == clip::WHOLE {
+        if projected.piece == clip::WHOLE {
             for (vertex, d) in self.vertices.iter_mut().zip(each) {
-                *vertex += back * project::vec3(d);
+                *vertex += back * vec3(d);
             }
             return;
         }
-        let placed = Placed::new(view, triangle);
-        for (corner, d) in seen.piece.iter().zip(each) {
+        let uncut = UncutTriangle::new(camera, triangle);
+        for (corner, d) in projected.piece.iter().zip(each) {
             let (from, to) = (corner.from as usize, corner.to as usize);
             if from == to {
-                self.vertices[from] += back * project::vec3(d);
+                self.vertices[from] += back * vec3(d);
             } else {
-                let (d_from, d_to) = clip::near_point_grad(placed.corners[from], placed.corners[to], near, d);
-                self.vertices[from] += back * project::vec3(d_from);
-                self.vertices[to] += back * project::vec3(d_to);
+                let (d_from, d_to) = clip::near_point_grad(uncut.corners[from], uncut.corners[to], near, d);
+                self.vertices[from] += back * vec3(d_from);
+                self.vertices[to] += back * vec3(d_to);
             }
         }
     }

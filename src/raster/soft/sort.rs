@@ -2,7 +2,7 @@
 
 /// Depth of a splat and where it is to be found.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct Key {
+pub(super) struct DepthKey {
     /// Bits of the depth, which is positive, so that they sort as it does.
     pub(super) depth: u32,
     /// Where the splat is.
@@ -13,11 +13,11 @@ const BITS: u32 = 11;
 const BUCKETS: usize = 1 << BITS;
 
 /// Sorts `keys` by depth; equal depths keep their order.
-pub(super) fn by_depth(keys: &mut Vec<Key>, scratch: &mut Vec<Key>) {
+pub(super) fn by_depth(keys: &mut Vec<DepthKey>, scratch: &mut Vec<DepthKey>) {
     scratch.clear();
-    scratch.resize(keys.len(), Key::default());
+    scratch.resize(keys.len(), DepthKey::default());
     for shift in [0, BITS, 2 * BITS] {
-        let digit = |k: &Key| (k.depth >> shift) as usize & (BUCKETS - 1);
+        let digit = |k: &DepthKey| (k.depth >> shift) as usize & (BUCKETS - 1);
         let mut starts = [0u32; BUCKETS];
         for key in keys.iter() {
             starts[digit(key)] += 1;
@@ -42,8 +42,8 @@ mod tests {
     #[test]
     fn sorts_as_a_stable_sort_does() {
         let rng = crate::rng::Rng::new(1, "sort", 0);
-        let mut keys: Vec<Key> = (0..5000)
-            .map(|i| Key { depth: ((rng.uniform(i) * 300.0).floor() * 0.1).to_bits(), place: i as u32 })
+        let mut keys: Vec<DepthKey> = (0..5000)
+            .map(|i| DepthKey { depth: ((rng.uniform(i) * 300.0).floor() * 0.1).to_bits(), place: i as u32 })
             .collect();
         let mut expected = keys.clone();
         expected.sort_by_key(|k| k.depth);

@@ -1,35 +1,35 @@
 //! From the pixels' sums to the gradients of the corners in camera space, sixteen splats at once.
 
-use crate::kernel::splat::{self, Corners, PlaneGrad, SplatGrad};
+use super::options::{SoftOptions, Window};
+use super::slots::{GEOMETRY_SUMS, OPACITY, RATIO};
+use super::splat_sums::SplatSums;
+use crate::kernel::splat::{self, CameraTriangle, DepthPlaneGrad, SplatGrad};
 use crate::math::lanes::{LANES, Lanes, Work, dispatch};
 use crate::math::vec::{V2, V3};
-use crate::raster::backward::{GEOMETRY_SUMS, OPACITY, RATIO};
-use crate::raster::gather::Sums;
-use crate::raster::soft::{SoftOptions, Window};
 
 /// Gradient of the corners of every splat; anything for one that was not drawn.
 pub(super) fn corner_grads(
-    corners: &[Corners<f32>],
-    sums: &[Sums],
+    corners: &[CameraTriangle<f32>],
+    sums: &[SplatSums],
     focal: V2<f32>,
     options: &SoftOptions,
-) -> Vec<Corners<f32>> {
+) -> Vec<CameraTriangle<f32>> {
     let mut out = Vec::with_capacity(corners.len());
     dispatch(CornerGrads { corners, sums, focal, options, out: &mut out });
     out
 }
 
 struct CornerGrads<'a> {
-    corners: &'a [Corners<f32>],
-    sums: &'a [Sums],
+    corners: &'a [CameraTriangle<f32>],
+    sums: &'a [SplatSums],
     focal: V2<f32>,
     options: &'a SoftOptions,
-    out: &'a mut Vec<Corners<f32>>,
+    out: &'a mut Vec<CameraTriangle<f32>>,
 }
 
 /// Numbers of a splat's corners, and of its sums from [`OPACITY`] on.
-const CORNERS: usize = 9;
-const SUMS: usize = RATIO + 9 - OPACITY;
+const CORNER_NUMBERS: usize = 9;
+const SUM_NUMBERS: usize = RATIO + 9 - OPACITY;
 
 type Columns<const N: usize> = [[f32; LANES]; N];
 
@@ -37,25 +37,25 @@ impl Work for CornerGrads<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let mut corners: Columns<CORNERS> = [[0.0; LANES]; CORNERS];
-        let mut base: Columns<SUMS> = [[0.0; LANES]; SUMS];
+        let mut corners: Columns<CORNER_NUMBERS> = [[0.0; LANES]; CORNER_NUMBERS];
+        let mut base: Columns<SUM_NUMBERS> = [[0.0; LANES]; SUM_NUMBERS];
         let mut geometry: Columns<GEOMETRY_SUMS> = [[0.0; LANES]; GEOMETRY_SUMS];
         for (some, sums) in self.corners.chunks(LANES).zip(self.sums.chunks(LANES)) {
             for (lane, (c, s)) in some.iter().zip(sums).enumerate() {
                 put(&mut corners, lane, &flat(c));
-                put(&mut base, lane, &s.base[OPACITY..OPACITY + SUMS]);
+                put(&mut base, lane, &s.base[OPACITY..OPACITY + SUM_NUMBERS]);
                 put(&mut geometry, lane, &s.geometry);
             }
             grads::<L>(&mut corners, &base, &geometry, self.focal, self.options);
             for (lane, _) in some.iter().enumerate() {
                 let at = |i: usize| V3::new(corners[i][lane], corners[i + 1][lane], corners[i + 2][lane]);
-                self.out.push(Corners { first: at(0), edges: [at(3), at(6)] });
+                self.out.push(CameraTriangle { first: at(0), edges: [at(3), at(6)] });
             }
         }
     }
 }
 
-fn flat(c: &Corners<f32>) -> [f32; CORNERS] {
+fn flat(c: &CameraTriangle<f32>) -> [f32; CORNER_NUMBERS] {
     let [a, b, d] = [c.first, c.edges[0], c.edges[1]];
     [a.x, a.y, a.z, b.x, b.y, b.z, d.x, d.y, d.z]
 }
@@ -80,14 +80,14 @@ fn v3<L: Lanes>(columns: &[[f32; LANES]], i: usize) -> V3<L> {
 /// Replaces the corners by their gradients.
 #[inline(always)]
 fn grads<L: Lanes>(
-    columns: &mut Columns<CORNERS>,
-    base: &Columns<SUMS>,
+    columns: &mut Columns<CORNER_NUMBERS>,
+    base: &Columns<SUM_NUMBERS>,
     geometry: &Columns<GEOMETRY_SUMS>,
     focal: V2<f32>,
     options: &SoftOptions,
 ) {
     let focal = V2::new(L::splat(focal.x), L::splat(focal.y));
-    let corners = Corners { first: v3(columns, 0), edges: [v3(columns, 3), v3(columns, 6)] };
+    let corners = CameraTriangle { first: v3(columns, 0), edges: [v3(columns, 3), v3(columns, 6)] };
     let splat = splat::splat(&corners, focal, V2::zero());
     let full_px = L::splat(options.fade_px);
     let by_fade = splat::fade_grad(splat.inradius, full_px) / splat::fade(splat.inradius, full_px);
@@ -109,9 +109,12 @@ fn grads<L: Lanes>(
     };
     let mut out = splat::splat_grad(&corners, focal, &splat, &d);
     if options.geometry {
-        let d =
-            PlaneGrad { inv_depth: L::load(&geometry[0]), slope: v2(geometry, 1), normal: v3(geometry, 3) };
-        let more = splat::plane_grad(&corners, focal, &splat, &splat::plane(&corners, focal), &d);
+        let d = DepthPlaneGrad {
+            inv_depth: L::load(&geometry[0]),
+            slope: v2(geometry, 1),
+            normal: v3(geometry, 3),
+        };
+        let more = splat::depth_plane_grad(&corners, focal, &splat, &splat::depth_plane(&corners, focal), &d);
         out.first = out.first + more.first;
         out.edges = [out.edges[0] + more.edges[0], out.edges[1] + more.edges[1]];
     }

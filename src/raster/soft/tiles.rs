@@ -1,32 +1,29 @@
 //! Which splats touch which tiles, and in each tile which 4x4-pixel blocks.
 
-use crate::math::lanes::{LANES, Lanes, Work, dispatch};
+use super::options::Window;
+use super::splats::{ScreenBox, SplatRecord, Splats};
+use super::tile_grid::{BLOCK_X, BLOCK_Y, TILE};
+use crate::math::lanes::{Lanes, Work, dispatch};
 use crate::math::real::Mask;
-use crate::raster::project::{Bounds, Record, Splats};
-use crate::raster::soft::Window;
 use glam::UVec2;
 use rayon::prelude::*;
 
-/// Tile width and height, px.
-pub(super) const TILE: u32 = 16;
-/// Blocks in a tile: as many as [`LANES`], so that all are tested at once.
-pub(super) const BLOCKS: usize = LANES;
 /// Splats that one task bins.
-const RANGE: usize = 2048;
+const SPLATS_PER_RANGE: usize = 2048;
 /// Margin of every test, px: larger than any rounding, so that a test never decides what a pixel sees.
 const MARGIN: f32 = 0.01;
 
-/// A splat in a tile.
+/// A splat in a tile: one (splat, tile) pair.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Entry {
-    /// Place of the splat in depth order.
+pub(super) struct TileEntry {
+    /// Index of the splat in depth order.
     pub(super) splat: u32,
     /// Blocks it may touch; after the forward pass, blocks in which it was drawn.
     pub(super) blocks: u32,
 }
 
 #[derive(Debug, Default)]
-struct Range {
+struct BinnedRange {
     /// (tile, blocks) of every pair, splat by splat.
     pairs: Vec<(u32, u32)>,
     /// Pairs up to each splat, its own included.
@@ -43,35 +40,30 @@ pub(super) struct Tiles {
     /// First entry of every tile, and the end. `[tiles + 1]`
     pub(super) starts: Vec<u32>,
     /// Tile by tile, front to back.
-    pub(super) entries: Vec<Entry>,
+    pub(super) entries: Vec<TileEntry>,
     /// First pair of every splat, and the end. `[splats + 1]`
     pub(super) pairs: Vec<u32>,
     /// Which entry a pair became.
     pub(super) entry_of_pair: Vec<u32>,
-    ranges: Vec<Range>,
-}
-
-/// x and y of the lanes in a block, px.
-pub(super) const LANE_X: [f32; LANES] = grid(1.0, 0.0, 0.0);
-pub(super) const LANE_Y: [f32; LANES] = grid(0.0, 1.0, 0.0);
-/// x and y of the blocks' centres in a tile, px.
-const BLOCK_X: [f32; BLOCKS] = grid(4.0, 0.0, 2.0);
-const BLOCK_Y: [f32; BLOCKS] = grid(0.0, 4.0, 2.0);
-
-const fn grid(x: f32, y: f32, offset: f32) -> [f32; LANES] {
-    let mut out = [0.0; LANES];
-    let mut i = 0;
-    while i < LANES {
-        out[i] = (i % 4) as f32 * x + (i / 4) as f32 * y + offset;
-        i += 1;
-    }
-    out
+    ranges: Vec<BinnedRange>,
 }
 
 impl Tiles {
     /// Number of tiles.
     pub(super) fn len(&self) -> usize {
         (self.count.x * self.count.y) as usize
+    }
+
+    /// The entries of a tile, front to back.
+    pub(super) fn entries_of(&self, tile: usize) -> &[TileEntry] {
+        &self.entries[self.starts[tile] as usize..self.starts[tile + 1] as usize]
+    }
+
+    /// The entries of the splat that is at `place` in depth order.
+    #[inline]
+    pub(super) fn entries_of_splat(&self, place: u32) -> &[u32] {
+        let place = place as usize;
+        &self.entry_of_pair[self.pairs[place] as usize..self.pairs[place + 1] as usize]
     }
 
     /// Top left pixel of a tile.
@@ -83,14 +75,14 @@ impl Tiles {
     pub(super) fn bin(&mut self, splats: &Splats, size: UVec2, window: Window) {
         self.size = size;
         self.count = UVec2::new(size.x.div_ceil(TILE), size.y.div_ceil(TILE));
-        self.ranges.resize_with(splats.len().div_ceil(RANGE), Range::default);
+        self.ranges.resize_with(splats.len().div_ceil(SPLATS_PER_RANGE), BinnedRange::default);
         let (count, size) = (self.count, size.as_vec2().to_array());
         // Where something is drawn, every edge alone is at least this far from the floor.
         let slack = if matches!(window, Window::Coverage { .. }) { 0.5 } else { 0.0 };
         self.ranges.par_iter_mut().enumerate().for_each(|(r, range)| {
             range.pairs.clear();
             range.ends.clear();
-            let (from, to) = (r * RANGE, ((r + 1) * RANGE).min(splats.len()));
+            let (from, to) = (r * SPLATS_PER_RANGE, ((r + 1) * SPLATS_PER_RANGE).min(splats.len()));
             let (records, bounds) = (&splats.records[from..to], &splats.bounds[from..to]);
             dispatch(Emit { records, bounds, range, size, across: count.x, slack });
         });
@@ -111,7 +103,7 @@ impl Tiles {
         for tile in 0..self.len() {
             self.starts[tile + 1] += self.starts[tile];
         }
-        self.entries.resize(total, Entry::default());
+        self.entries.resize(total, TileEntry::default());
         self.entry_of_pair.resize(total, 0);
         self.pairs.clear();
         self.pairs.reserve(splats + 1);
@@ -124,7 +116,7 @@ impl Tiles {
                 for pair in from..*end {
                     let (tile, blocks) = range.pairs[pair as usize];
                     let to = &mut next[tile as usize];
-                    self.entries[*to as usize] = Entry { splat, blocks };
+                    self.entries[*to as usize] = TileEntry { splat, blocks };
                     self.entry_of_pair[(base + pair) as usize] = *to;
                     *to += 1;
                 }
@@ -137,11 +129,23 @@ impl Tiles {
     }
 }
 
+/// Cuts `values`, one per pair, into those of each tile; `starts` are the tiles'.
+pub(super) fn split_by_tile<'a, T>(mut values: &'a mut [T], starts: &[u32]) -> Vec<&'a mut [T]> {
+    starts
+        .windows(2)
+        .map(|w| {
+            let (head, tail) = std::mem::take(&mut values).split_at_mut((w[1] - w[0]) as usize);
+            values = tail;
+            head
+        })
+        .collect()
+}
+
 /// Counts and emits at once: two copies of these tests would drift apart in the last bit.
 struct Emit<'a> {
-    records: &'a [Record],
-    bounds: &'a [Bounds],
-    range: &'a mut Range,
+    records: &'a [SplatRecord],
+    bounds: &'a [ScreenBox],
+    range: &'a mut BinnedRange,
     size: [f32; 2],
     across: u32,
     slack: f32,
@@ -170,8 +174,8 @@ fn tiles_between(lo: f32, hi: f32, size: f32) -> (u32, u32) {
 /// triangle and the box of the block's pixel centres (three edges, two of the box) shows a gap: an exact test.
 #[inline(always)]
 fn emit<L: Lanes>(
-    record: &Record,
-    bounds: &Bounds,
+    record: &SplatRecord,
+    bounds: &ScreenBox,
     (size, across, slack): ([f32; 2], u32, f32),
     out: &mut Vec<(u32, u32)>,
 ) {

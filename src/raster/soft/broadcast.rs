@@ -1,16 +1,16 @@
-//! One splat on the sixteen pixels of a block: what forward and backward share.
+//! A splat broadcast to the sixteen pixels of a block: what forward and backward share.
 
+use super::options::{SoftOptions, Window};
+use super::splats::SplatRecord;
+use super::tile_grid::{LANE_X, LANE_Y};
+use crate::kernel::splat::DepthPlane;
 use crate::kernel::window;
-use crate::math::lanes::{LANES, Lanes};
+use crate::math::lanes::Lanes;
 use crate::math::real::Mask;
 use crate::math::vec::{V2, V3};
-use crate::raster::project::{Record, Sheet};
-use crate::raster::soft::{SoftOptions, Window};
-use crate::raster::tiles::{LANE_X, LANE_Y, TILE};
-use glam::UVec2;
 
-/// A record in every lane.
-pub(super) struct Wide<L> {
+/// A splat's record in every lane.
+pub(super) struct BroadcastSplat<L> {
     origin: [f32; 2],
     edge: [V2<L>; 3],
     shift: L,
@@ -20,16 +20,16 @@ pub(super) struct Wide<L> {
     pub(super) rgb: [L; 3],
 }
 
-/// Limits every pixel obeys.
+/// PixelLimits every pixel obeys.
 #[derive(Clone, Copy)]
-pub(super) struct Limits<L> {
+pub(super) struct PixelLimits<L> {
     pub(super) cap: L,
     pub(super) min_transmittance: L,
     /// How triangles end at their edges.
     pub(super) window: Window,
 }
 
-impl<L: Lanes> Limits<L> {
+impl<L: Lanes> PixelLimits<L> {
     #[inline(always)]
     pub(super) fn new(options: &SoftOptions) -> Self {
         Self {
@@ -40,7 +40,7 @@ impl<L: Lanes> Limits<L> {
     }
 }
 
-impl<L: Lanes> Limits<L> {
+impl<L: Lanes> PixelLimits<L> {
     #[inline(always)]
     fn ratio(&self, ratios: &[L; 3]) -> L {
         match self.window {
@@ -50,9 +50,9 @@ impl<L: Lanes> Limits<L> {
     }
 }
 
-/// A splat on sixteen pixels.
+/// What a splat gives on the sixteen pixels of a block.
 #[derive(Clone, Copy)]
-pub(super) struct Shade<L: Lanes> {
+pub(super) struct BlockShade<L: Lanes> {
     /// p - origin, px.
     pub(super) to: V2<L>,
     pub(super) ratios: [L; 3],
@@ -66,12 +66,12 @@ pub(super) struct Shade<L: Lanes> {
     pub(super) drawn: L::Mask,
 }
 
-impl<L: Lanes> Wide<L> {
+impl<L: Lanes> BroadcastSplat<L> {
     #[inline(always)]
-    pub(super) fn new(record: &Record) -> Self {
+    pub(super) fn new(record: &SplatRecord) -> Self {
         Self {
             origin: record.origin,
-            edge: [wide_v2(record.edge[0]), wide_v2(record.edge[1]), wide_v2(record.edge[2])],
+            edge: [broadcast_v2(record.edge[0]), broadcast_v2(record.edge[1]), broadcast_v2(record.edge[2])],
             shift: L::splat(record.shift),
             floor: L::splat(record.floor),
             sigma: L::splat(record.sigma),
@@ -82,7 +82,12 @@ impl<L: Lanes> Wide<L> {
 
     /// Alpha on the block whose top left pixel is `corner`; nothing when no pixel is drawn.
     #[inline(always)]
-    pub(super) fn shade(&self, corner: [f32; 2], transmittance: L, limits: &Limits<L>) -> Option<Shade<L>> {
+    pub(super) fn shade(
+        &self,
+        corner: [f32; 2],
+        transmittance: L,
+        limits: &PixelLimits<L>,
+    ) -> Option<BlockShade<L>> {
         let to = self.to(corner);
         let ratios = window::ratios(&self.edge, self.shift, to);
         let ratio = limits.ratio(&ratios);
@@ -95,7 +100,7 @@ impl<L: Lanes> Wide<L> {
 
     /// The same, even when no pixel is drawn.
     #[inline(always)]
-    pub(super) fn shade_all(&self, corner: [f32; 2], limits: &Limits<L>) -> Shade<L> {
+    pub(super) fn shade_all(&self, corner: [f32; 2], limits: &PixelLimits<L>) -> BlockShade<L> {
         let to = self.to(corner);
         let ratios = window::ratios(&self.edge, self.shift, to);
         let ratio = limits.ratio(&ratios);
@@ -112,7 +117,14 @@ impl<L: Lanes> Wide<L> {
     }
 
     #[inline(always)]
-    fn finish(&self, to: V2<L>, ratios: [L; 3], ratio: L, drawn: L::Mask, limits: &Limits<L>) -> Shade<L> {
+    fn finish(
+        &self,
+        to: V2<L>,
+        ratios: [L; 3],
+        ratio: L,
+        drawn: L::Mask,
+        limits: &PixelLimits<L>,
+    ) -> BlockShade<L> {
         let (log2_ratio, raw) = match limits.window {
             Window::Soft => {
                 let log2_ratio = ratio.log2();
@@ -121,30 +133,30 @@ impl<L: Lanes> Wide<L> {
             Window::Coverage { .. } => (L::splat(0.0), self.log2_opacity.exp2() * ratio),
             Window::Sigmoid => (L::splat(0.0), self.log2_opacity.exp2() * window::sigmoid(ratio, self.sigma)),
         };
-        let alpha = raw.min(limits.cap).only(drawn);
-        Shade { to, ratios, ratio, log2_ratio, raw, alpha, drawn }
+        let alpha = raw.min(limits.cap).masked(drawn);
+        BlockShade { to, ratios, ratio, log2_ratio, raw, alpha, drawn }
     }
 }
 
 #[inline(always)]
-fn wide_v2<L: Lanes>([x, y]: [f32; 2]) -> V2<L> {
+fn broadcast_v2<L: Lanes>([x, y]: [f32; 2]) -> V2<L> {
     V2::new(L::splat(x), L::splat(y))
 }
 
-/// A sheet in every lane.
-pub(super) struct WideSheet<L> {
+/// A depth plane in every lane.
+pub(super) struct BroadcastPlane<L> {
     inv_depth: L,
     slope: V2<L>,
     pub(super) normal: V3<L>,
 }
 
-impl<L: Lanes> WideSheet<L> {
+impl<L: Lanes> BroadcastPlane<L> {
     #[inline(always)]
-    pub(super) fn new(sheet: &Sheet) -> Self {
+    pub(super) fn new(plane: &DepthPlane<f32>) -> Self {
         Self {
-            inv_depth: L::splat(sheet.inv_depth),
-            slope: V2::new(L::splat(sheet.slope.x), L::splat(sheet.slope.y)),
-            normal: V3::new(L::splat(sheet.normal.x), L::splat(sheet.normal.y), L::splat(sheet.normal.z)),
+            inv_depth: L::splat(plane.inv_depth),
+            slope: V2::new(L::splat(plane.slope.x), L::splat(plane.slope.y)),
+            normal: V3::new(L::splat(plane.normal.x), L::splat(plane.normal.y), L::splat(plane.normal.z)),
         }
     }
 
@@ -153,36 +165,6 @@ impl<L: Lanes> WideSheet<L> {
     pub(super) fn inv_depth(&self, to: V2<L>) -> L {
         self.slope.y.mul_add(to.y, self.slope.x.mul_add(to.x, self.inv_depth)).max(L::splat(1e-20))
     }
-}
-
-/// Top left pixel of block `block` of the tile at `corner`.
-#[inline(always)]
-pub(super) fn block_corner(corner: UVec2, block: usize) -> [f32; 2] {
-    [(corner.x + 4 * (block as u32 % 4)) as f32, (corner.y + 4 * (block as u32 / 4)) as f32]
-}
-
-/// One bit for each pixel of the block that lies in the image.
-#[inline(always)]
-pub(super) fn inside(size: UVec2, corner: UVec2, block: usize) -> u16 {
-    let mut bits = 0;
-    for lane in 0..LANES {
-        let (x, y) = pixel(corner, block, lane);
-        bits |= u16::from(x < size.x && y < size.y) << lane;
-    }
-    bits
-}
-
-/// Whether the whole tile lies in the image.
-#[inline(always)]
-pub(super) fn is_whole(size: UVec2, corner: UVec2) -> bool {
-    corner.x + TILE <= size.x && corner.y + TILE <= size.y
-}
-
-/// Column and row of a lane.
-#[inline(always)]
-pub(super) fn pixel(corner: UVec2, block: usize, lane: usize) -> (u32, u32) {
-    let (block, lane) = (block as u32, lane as u32);
-    (corner.x + 4 * (block % 4) + lane % 4, corner.y + 4 * (block / 4) + lane / 4)
 }
 
 /// Mapped depth m = a - b / z, from 0 at the near to 1 at the far end of the range.

@@ -1,71 +1,68 @@
 //! How many layers make up each pixel (Held et al. 2025, supplement, "Number of contributions per pixel").
 
+use super::broadcast::{BroadcastSplat, PixelLimits};
+use super::options::SoftOptions;
+use super::splats::Splats;
+use super::tile_grid::{self, BLOCKS, TILE};
+use super::tiles::{TileEntry, Tiles};
 use crate::kernel::composite;
 use crate::math::lanes::{LANES, Lanes, Work, dispatch};
-use crate::raster::project::Splats;
-use crate::raster::shade::{self, Limits, Wide};
-use crate::raster::soft::{Soft, SoftOptions};
-use crate::raster::tiles::{BLOCKS, Entry, TILE};
 use glam::UVec2;
 use rayon::prelude::*;
 
 /// Layers drawn on each pixel of a tile, block by block.
 type Counts = [[u32; LANES]; BLOCKS];
 
-impl Soft {
-    /// Layers that were drawn on each pixel of the last frame, by drawing its tiles again; options must
-    /// be those of the last [`render`](Self::render). `[height * width]`
-    pub fn contributions(&self, options: &SoftOptions) -> Vec<u32> {
-        let tiles = &self.tiles;
-        let (size, splats) = (tiles.size, &self.projection.splats);
-        let counted: Vec<Counts> = (0..tiles.len())
-            .into_par_iter()
-            .map(|tile| {
-                let entries = &tiles.entries[tiles.starts[tile] as usize..tiles.starts[tile + 1] as usize];
-                dispatch(Count { splats, entries, corner: tiles.corner(tile), size, options })
-            })
-            .collect();
-        let pixel = |i: u32| {
-            let (x, y) = (i % size.x, i / size.x);
-            let tile = (y / TILE) * tiles.count.x + x / TILE;
-            let (x, y) = (x % TILE, y % TILE);
-            counted[tile as usize][((y / 4) * 4 + x / 4) as usize][((y % 4) * 4 + x % 4) as usize]
-        };
-        (0..size.x * size.y).map(pixel).collect()
-    }
+/// Layers drawn on each pixel, by drawing the tiles again after the forward pass. `[height * width]`
+pub(super) fn contributions(splats: &Splats, tiles: &Tiles, options: &SoftOptions) -> Vec<u32> {
+    let size = tiles.size;
+    let counted: Vec<Counts> = (0..tiles.len())
+        .into_par_iter()
+        .map(|tile| {
+            let entries = tiles.entries_of(tile);
+            dispatch(CountTile { splats, entries, corner: tiles.corner(tile), size, options })
+        })
+        .collect();
+    let pixel = |i: u32| {
+        let (x, y) = (i % size.x, i / size.x);
+        let tile = (y / TILE) * tiles.count.x + x / TILE;
+        let (x, y) = (x % TILE, y % TILE);
+        counted[tile as usize][((y / 4) * 4 + x / 4) as usize][((y % 4) * 4 + x % 4) as usize]
+    };
+    (0..size.x * size.y).map(pixel).collect()
 }
 
 /// One tile.
-struct Count<'a> {
+struct CountTile<'a> {
     splats: &'a Splats,
     /// After the forward pass: with the blocks in which each splat was drawn.
-    entries: &'a [Entry],
+    entries: &'a [TileEntry],
     corner: UVec2,
     size: UVec2,
     options: &'a SoftOptions,
 }
 
-impl Work for Count<'_> {
+impl Work for CountTile<'_> {
     type Output = Counts;
 
     #[inline(always)]
     fn run<L: Lanes>(self) -> Counts {
-        let limits = Limits::new(self.options);
+        let limits = PixelLimits::new(self.options);
         let mut counts = [[0; LANES]; BLOCKS];
         let mut transmittance = [[0.0; LANES]; BLOCKS];
         for (block, lanes) in transmittance.iter_mut().enumerate() {
-            let inside = shade::inside(self.size, self.corner, block);
+            let inside = tile_grid::inside(self.size, self.corner, block);
             *lanes = std::array::from_fn(|lane| f32::from(inside >> lane & 1));
         }
         for entry in self.entries {
-            let wide = Wide::<L>::new(&self.splats.records[entry.splat as usize]);
+            let splat = BroadcastSplat::<L>::new(&self.splats.records[entry.splat as usize]);
             let mut left = entry.blocks;
             while left != 0 {
                 let b = left.trailing_zeros() as usize & (BLOCKS - 1);
                 left &= left - 1;
                 let before = L::load(&transmittance[b]);
-                let corner = shade::block_corner(self.corner, b);
-                let Some(shade) = wide.shade(corner, before, &limits) else { continue };
+                let corner = tile_grid::block_corner(self.corner, b);
+                let Some(shade) = splat.shade(corner, before, &limits) else { continue };
                 composite::blend(before, shade.alpha).1.store(&mut transmittance[b]);
                 let drawn = L::bits(shade.drawn);
                 for (lane, count) in counts[b].iter_mut().enumerate() {
@@ -79,10 +76,9 @@ impl Work for Count<'_> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::{Importance, Soft, SoupRef};
     use super::*;
     use crate::camera::Camera;
-    use crate::raster::importance::Importance;
-    use crate::raster::soft::SoupRef;
     use crate::rng::Rng;
     use crate::soup::Soup;
     use glam::{Mat3, Vec2, Vec3};

@@ -1,19 +1,21 @@
 //! Per-pixel order: the layers of a block's pixels, each pixel's sorted by the depth of the planes there.
 //!
 //! Every layer is kept, so the order is exact, intersecting triangles included. Only the transmittance depends
-//! on the order; everything else is summed layer by layer as usual, once [`Hits::replay`] has found it.
+//! on the order; everything else is summed layer by layer as usual, once [`BlockLayers::replay`] has found it.
 
+use super::broadcast::{BlockShade, BroadcastPlane, BroadcastSplat, PixelLimits};
+use super::options::{SoftOptions, Window};
+use super::splats::Splats;
+use super::tile_grid;
+use super::tiles::TileEntry;
+use crate::kernel::composite;
 use crate::math::lanes::{LANES, Lanes};
 use crate::math::real::Mask;
-use crate::raster::project::Splats;
-use crate::raster::shade::{self, Limits, Shade, Wide, WideSheet};
-use crate::raster::soft::{SoftOptions, Window};
-use crate::raster::tiles::Entry;
 use glam::UVec2;
 
 /// A layer on the pixels of a block.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Hit {
+pub(super) struct BlockLayer {
     /// Its entry in the tile.
     pub(super) entry: usize,
     /// Pixels it is drawn on, one bit each.
@@ -29,17 +31,17 @@ pub(super) struct Hit {
 }
 
 /// What ends the pixels of a block: one layer whose alpha does so alone, or two that do together, whatever lies
-/// in front of them. Layers behind it are never seen.
-struct Wall<L> {
-    /// 1 / depth of the wall, 0 where there is none.
+/// in front of them. Layers behind it are never projected.
+struct OccluderDepth<L> {
+    /// 1 / depth of the occluder, 0 where there is none.
     at: L,
-    /// 1 / depth of the nearest layer that is half a wall.
+    /// 1 / depth of the nearest layer that is half a occluder.
     nearest: L,
     whole: L,
     half: L,
 }
 
-impl<L: Lanes> Wall<L> {
+impl<L: Lanes> OccluderDepth<L> {
     #[inline(always)]
     fn new(min_transmittance: f32) -> Self {
         let zero = L::splat(0.0);
@@ -50,15 +52,15 @@ impl<L: Lanes> Wall<L> {
     /// Adds a layer; its alpha is 0 where it is not drawn.
     #[inline(always)]
     fn add(&mut self, inv_depth: L, alpha: L) {
-        let alone = inv_depth.only(self.whole.lt(alpha));
-        let half = inv_depth.only(self.half.lt(alpha));
+        let alone = inv_depth.masked(self.whole.lt(alpha));
+        let half = inv_depth.masked(self.half.lt(alpha));
         self.at = self.at.max(alone).max(half.min(self.nearest));
         self.nearest = self.nearest.max(half);
     }
 }
 
 /// The nearest layer at each pixel of a block.
-struct Front<L> {
+struct FrontLayer<L> {
     /// Pixels that have one; at the others nothing is blended.
     lanes: u16,
     which: L,
@@ -68,8 +70,8 @@ struct Front<L> {
 
 /// The layers of one block.
 #[derive(Debug, Default)]
-pub(super) struct Hits {
-    hits: Vec<Hit>,
+pub(super) struct BlockLayers {
+    layers: Vec<BlockLayer>,
     /// Pixels at which each layer is still to be blended.
     left: Vec<u16>,
     corner: [f32; 2],
@@ -77,48 +79,48 @@ pub(super) struct Hits {
     window: Window,
 }
 
-impl Hits {
+impl BlockLayers {
     pub(super) fn len(&self) -> usize {
-        self.hits.len()
+        self.layers.len()
     }
 
     pub(super) fn value(&mut self, i: usize) -> &mut [f32; LANES] {
-        &mut self.hits[i].value
+        &mut self.layers[i].value
     }
 
     /// Finds the layers of block `b` of the tile at `corner`.
     #[inline(always)]
     pub(super) fn find<L: Lanes>(
         &mut self,
-        entries: &[Entry],
+        entries: &[TileEntry],
         splats: &Splats,
         corner: UVec2,
         b: usize,
         options: &SoftOptions,
     ) {
-        self.hits.clear();
-        self.corner = shade::block_corner(corner, b);
+        self.layers.clear();
+        self.corner = tile_grid::block_corner(corner, b);
         self.cap = options.alpha_cap;
         self.window = options.window;
         let limits = self.limits();
-        let mut wall = Wall::<L>::new(options.min_transmittance);
+        let mut occluder = OccluderDepth::<L>::new(options.min_transmittance);
         for (entry, e) in entries.iter().enumerate().filter(|(_, e)| e.blocks >> b & 1 == 1) {
-            let wide = Wide::<L>::new(&splats.records[e.splat as usize]);
-            let sheet = WideSheet::<L>::new(&splats.sheets[e.splat as usize]);
-            let inv_depth = sheet.inv_depth(wide.to(self.corner));
-            let in_front = wall.at.le(inv_depth);
+            let splat = BroadcastSplat::<L>::new(&splats.records[e.splat as usize]);
+            let plane = BroadcastPlane::<L>::new(&splats.planes[e.splat as usize]);
+            let inv_depth = plane.inv_depth(splat.to(self.corner));
+            let in_front = occluder.at.le(inv_depth);
             if L::bits(in_front) == 0 {
                 continue;
             }
-            let Some(mut shade) = wide.shade(self.corner, L::splat(1.0), &limits) else { continue };
+            let Some(mut shade) = splat.shade(self.corner, L::splat(1.0), &limits) else { continue };
             shade.drawn = shade.drawn.and(in_front);
-            shade.alpha = shade.alpha.only(shade.drawn);
+            shade.alpha = shade.alpha.masked(shade.drawn);
             if L::bits(shade.drawn) == 0 {
                 continue;
             }
-            wall.add(inv_depth, shade.alpha);
+            occluder.add(inv_depth, shade.alpha);
             let zero = [0.0; LANES];
-            let mut hit = Hit {
+            let mut layer = BlockLayer {
                 entry,
                 drawn: L::bits(shade.drawn),
                 inv_depth: zero,
@@ -127,16 +129,16 @@ impl Hits {
                 before: zero,
                 behind: zero,
             };
-            inv_depth.store(&mut hit.inv_depth);
-            shade.alpha.store(&mut hit.alpha);
-            self.hits.push(hit);
+            inv_depth.store(&mut layer.inv_depth);
+            shade.alpha.store(&mut layer.alpha);
+            self.layers.push(layer);
         }
     }
 
     #[inline(always)]
-    fn limits<L: Lanes>(&self) -> Limits<L> {
+    fn limits<L: Lanes>(&self) -> PixelLimits<L> {
         let (cap, min_transmittance) = (L::splat(self.cap), L::splat(0.0));
-        Limits { cap, min_transmittance, window: self.window }
+        PixelLimits { cap, min_transmittance, window: self.window }
     }
 
     /// Blends every pixel in its own order, ties by index: sets what is in front of and behind every layer, and
@@ -152,12 +154,12 @@ impl Hits {
     ) {
         let least = L::splat(min_transmittance);
         self.left.clear();
-        self.left.extend(self.hits.iter_mut().map(|hit| std::mem::take(&mut hit.drawn)));
+        self.left.extend(self.layers.iter_mut().map(|layer| std::mem::take(&mut layer.drawn)));
         loop {
             let before = L::load(transmittance);
             let alive = L::bits(least.le(before));
             let Some(front) = self.front::<L>(alive) else { break };
-            let (weight, after) = crate::kernel::composite::blend(before, front.alpha);
+            let (weight, after) = composite::blend(before, front.alpha);
             after.store(transmittance);
             let rest = L::load(behind) - weight * front.value;
             rest.store(behind);
@@ -170,10 +172,10 @@ impl Hits {
                 let lane = lanes.trailing_zeros() as usize & (LANES - 1);
                 lanes &= lanes - 1;
                 let i = which[lane] as usize;
-                let hit = &mut self.hits[i];
-                hit.drawn |= 1 << lane;
-                hit.before[lane] = fronts[lane];
-                hit.behind[lane] = behind[lane];
+                let layer = &mut self.layers[i];
+                layer.drawn |= 1 << lane;
+                layer.before[lane] = fronts[lane];
+                layer.behind[lane] = behind[lane];
                 self.left[i] &= !(1 << lane);
             }
         }
@@ -181,20 +183,20 @@ impl Hits {
 
     /// The nearest layer left at each pixel of `alive`.
     #[inline(always)]
-    fn front<L: Lanes>(&self, alive: u16) -> Option<Front<L>> {
+    fn front<L: Lanes>(&self, alive: u16) -> Option<FrontLayer<L>> {
         let zero = L::splat(0.0);
         let (mut nearest, mut lanes) = (zero, 0);
-        let mut front = Front { lanes: 0, which: zero, alpha: zero, value: zero };
-        for (i, (hit, left)) in self.hits.iter().zip(&self.left).enumerate() {
+        let mut front = FrontLayer { lanes: 0, which: zero, alpha: zero, value: zero };
+        for (i, (layer, left)) in self.layers.iter().zip(&self.left).enumerate() {
             if left & alive == 0 {
                 continue;
             }
-            let inv_depth = L::load(&hit.inv_depth);
+            let inv_depth = L::load(&layer.inv_depth);
             let nearer = nearest.lt(inv_depth).and(L::from_bits(left & alive));
             nearest = L::select(nearer, inv_depth, nearest);
             front.which = L::select(nearer, L::splat(i as f32), front.which);
-            front.alpha = L::select(nearer, L::load(&hit.alpha), front.alpha);
-            front.value = L::select(nearer, L::load(&hit.value), front.value);
+            front.alpha = L::select(nearer, L::load(&layer.alpha), front.alpha);
+            front.value = L::select(nearer, L::load(&layer.value), front.value);
             lanes |= L::bits(nearer);
         }
         front.lanes = lanes;
@@ -203,12 +205,17 @@ impl Hits {
 
     /// Layer `i`, and what it looks like on the pixels it is drawn on.
     #[inline(always)]
-    pub(super) fn shade<L: Lanes>(&self, i: usize, entries: &[Entry], splats: &Splats) -> (Hit, Shade<L>) {
-        let hit = self.hits[i];
-        let wide = Wide::<L>::new(&splats.records[entries[hit.entry].splat as usize]);
-        let mut shade = wide.shade_all(self.corner, &self.limits());
-        shade.drawn = shade.drawn.and(L::from_bits(hit.drawn));
-        shade.alpha = shade.alpha.only(shade.drawn);
-        (hit, shade)
+    pub(super) fn shade<L: Lanes>(
+        &self,
+        i: usize,
+        entries: &[TileEntry],
+        splats: &Splats,
+    ) -> (BlockLayer, BlockShade<L>) {
+        let layer = self.layers[i];
+        let splat = BroadcastSplat::<L>::new(&splats.records[entries[layer.entry].splat as usize]);
+        let mut shade = splat.shade_all(self.corner, &self.limits());
+        shade.drawn = shade.drawn.and(L::from_bits(layer.drawn));
+        shade.alpha = shade.alpha.masked(shade.drawn);
+        (layer, shade)
     }
 }

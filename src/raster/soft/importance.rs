@@ -1,7 +1,8 @@
 //! How much every triangle matters, over many views.
 
-use crate::raster::project::{CHUNK, Projection};
-use crate::raster::tiles::Tiles;
+use super::slots::WeightSlot;
+use super::splats::{CHUNK, Projection};
+use super::tiles::Tiles;
 use rayon::prelude::*;
 
 /// Statistics of every triangle since the last reset. // each `[N]`
@@ -21,26 +22,8 @@ pub struct Importance {
     pub frames: u32,
 }
 
-/// Weights of a splat in a tile.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct SlotWeight {
-    pub(super) max: f32,
-    pub(super) sum: f32,
-    pub(super) pixels: u32,
-}
-
-impl SlotWeight {
-    /// Joins the weights on other pixels of the tile.
-    #[inline(always)]
-    pub(super) fn add(&mut self, other: &Self) {
-        self.max = self.max.max(other.max);
-        self.sum += other.sum;
-        self.pixels += other.pixels;
-    }
-}
-
 impl Importance {
-    /// Nothing seen yet, for `count` triangles.
+    /// Nothing projected yet, for `count` triangles.
     pub fn new(count: usize) -> Self {
         let mut out = Self::default();
         out.reset(count);
@@ -60,7 +43,7 @@ impl Importance {
         self.frames = 0;
     }
 
-    pub(super) fn accumulate(&mut self, projection: &Projection, tiles: &Tiles, weights: &[SlotWeight]) {
+    pub(super) fn accumulate(&mut self, projection: &Projection, tiles: &Tiles, weights: &[WeightSlot]) {
         if self.max_weight.len() != projection.triangles {
             self.reset(projection.triangles);
         }
@@ -77,12 +60,12 @@ impl Importance {
             .zip(&projection.chunks)
             .enumerate()
             .for_each(|(c, ((((max, sum), (views, pixels)), radius), chunk))| {
-                for pieces in chunk.seen.chunk_by(|a, b| a.record.triangle == b.record.triangle) {
+                for pieces in chunk.projected.chunk_by(|a, b| a.record.triangle == b.record.triangle) {
                     let i = pieces[0].record.triangle as usize - c * CHUNK;
-                    let mut all = SlotWeight::default();
-                    for seen in pieces {
-                        all.add(&of_splat(tiles, weights, seen.place as usize));
-                        radius[i] = radius[i].max(seen.radius_px);
+                    let mut all = WeightSlot::default();
+                    for projected in pieces {
+                        all.add(&of_splat(tiles, weights, projected.place));
+                        radius[i] = radius[i].max(projected.radius_px);
                     }
                     max[i] = max[i].max(all.max);
                     sum[i] += all.sum;
@@ -94,9 +77,9 @@ impl Importance {
 }
 
 /// Weights of a splat in all tiles.
-fn of_splat(tiles: &Tiles, weights: &[SlotWeight], place: usize) -> SlotWeight {
-    let mut out = SlotWeight::default();
-    for entry in &tiles.entry_of_pair[tiles.pairs[place] as usize..tiles.pairs[place + 1] as usize] {
+fn of_splat(tiles: &Tiles, weights: &[WeightSlot], place: u32) -> WeightSlot {
+    let mut out = WeightSlot::default();
+    for entry in tiles.entries_of_splat(place) {
         out.add(&weights[*entry as usize]);
     }
     out
