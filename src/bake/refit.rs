@@ -31,7 +31,7 @@ use super::views::Views;
 use crate::error::{Error, Result};
 use crate::math::median::median;
 use crate::mesh::{Colors, Mesh};
-use crate::raster::solid::{Solid, SolidOptions};
+use crate::raster::solid::{Solid, SolidRasterOptions};
 use crate::report::Outcome;
 use fit::Fit;
 use gather::{Gatherer, Shot};
@@ -167,7 +167,7 @@ fn check(options: &RefitOptions) -> Result<()> {
 /// Photo after photo: draws what it sees and sums what it says.
 struct Looking {
     solid: Solid,
-    drawing: SolidOptions,
+    drawing: SolidRasterOptions,
     gatherer: Gatherer,
     coupling: f32,
     /// Mean error of each photo when it was last looked at, sRGB-encoded.

@@ -17,7 +17,7 @@ use super::views;
 use crate::camera::Camera;
 use crate::math::color::srgb_from_linear;
 use crate::mesh::Mesh;
-use crate::raster::solid::{NO_FACE, Solid, SolidOptions};
+use crate::raster::solid::{NO_FACE, Solid, SolidRasterOptions};
 use crate::rng::Rng;
 use glam::{UVec2, Vec3};
 use rayon::prelude::*;
@@ -154,7 +154,7 @@ struct Trial<'a> {
     /// Mean colour of each face, sRGB-encoded. `[F]`
     colors: Vec<[f32; 3]>,
     cameras: Vec<Camera>,
-    drawing: SolidOptions,
+    drawing: SolidRasterOptions,
 }
 
 impl<'a> Trial<'a> {

@@ -10,7 +10,7 @@ use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::math::metric;
 use crate::mesh::Mesh;
-use crate::raster::solid::{NO_FACE, Solid, SolidOptions};
+use crate::raster::solid::{NO_FACE, Solid, SolidRasterOptions};
 use crate::report::Outcome;
 use rayon::prelude::*;
 use serde_json::json;
@@ -179,7 +179,7 @@ fn cut(mesh: &Mesh, views: &mut Views, ranked: &[u32], db: f64, details: &mut De
 
 /// How well a mesh meets some of the photos, dB.
 pub(super) fn mean_psnr(mesh: &Mesh, views: &mut Views, judges: &[usize]) -> Result<f64> {
-    let options: SolidOptions = views.drawing(mesh, SAMPLES);
+    let options: SolidRasterOptions = views.drawing(mesh, SAMPLES);
     let mut solid = Solid::new();
     let mut sum = 0.0;
     views.expect(judges);

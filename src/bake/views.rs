@@ -8,7 +8,7 @@ use crate::image::Pixels;
 use crate::math::median::median;
 use crate::mesh::Mesh;
 use crate::placed;
-use crate::raster::solid::SolidOptions;
+use crate::raster::solid::SolidRasterOptions;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
@@ -57,8 +57,8 @@ impl Views {
     }
 
     /// How the photos' cameras draw `mesh`: see [`drawing`].
-    pub fn drawing(&self, mesh: &Mesh, samples: u32) -> SolidOptions {
-        SolidOptions { background: self.background, ..drawing(&self.cameras, mesh, samples) }
+    pub fn drawing(&self, mesh: &Mesh, samples: u32) -> SolidRasterOptions {
+        SolidRasterOptions { background: self.background, ..drawing(&self.cameras, mesh, samples) }
     }
 
     /// The middle of the places the photos were taken from.
@@ -104,11 +104,11 @@ impl Views {
 }
 
 /// How `cameras` draw `mesh`: the near plane is a hundredth of the way to its middle, the background black.
-pub fn drawing(cameras: &[Camera], mesh: &Mesh, samples: u32) -> SolidOptions {
+pub fn drawing(cameras: &[Camera], mesh: &Mesh, samples: u32) -> SolidRasterOptions {
     let count = mesh.vertex_count().max(1);
     let middle = mesh.positions.iter().map(|v| v.as_dvec3()).sum::<DVec3>() / count as f64;
     let away = cameras.iter().map(|c| c.position().distance(middle.as_vec3())).collect();
     let near = median(away, f32::total_cmp).unwrap_or(1.0) * NEAR;
     let near = if near > 0.0 && near.is_finite() { near } else { NEAR };
-    SolidOptions { background: [0.0; 3], samples, near }
+    SolidRasterOptions { background: [0.0; 3], samples, near }
 }

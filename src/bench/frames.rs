@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::gpu::timer::Timer;
 use crate::image::Pixels;
 use crate::mesh::Mesh;
-use crate::raster::solid::{Solid, SolidOptions};
+use crate::raster::solid::{Solid, SolidRasterOptions};
 use crate::train::clock;
 use crate::view::headless::{Canvas, Headless};
 use crate::view::model::{ChunkOrder, Model};
@@ -143,7 +143,7 @@ pub struct Agreement {
 
 /// Compares a frame with the CPU's. Errors: they are not the same picture.
 pub(super) fn check(name: &str, frame: &Pixels, mesh: &Mesh, camera: &Camera) -> Result<Agreement> {
-    let options = SolidOptions { background: BACKGROUND, samples: 1, near: NEAR };
+    let options = SolidRasterOptions { background: BACKGROUND, samples: 1, near: NEAR };
     options.validate(camera.size)?;
     let wants = Solid::new().render(mesh, camera, &options);
     let agreement = agreement(frame, &wants);

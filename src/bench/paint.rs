@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::image::Pixels;
 use crate::mesh::Mesh;
 use crate::raster::soft::{Frame, Soft, SoftOptions, SoupRef};
-use crate::raster::solid::{NO_FACE, Solid, SolidOptions};
+use crate::raster::solid::{NO_FACE, Solid, SolidRasterOptions};
 use crate::soup::Soup;
 use crate::train::space::Space;
 use crate::view::show;
@@ -68,7 +68,7 @@ pub struct SoftPainter {
 #[derive(Debug)]
 pub struct SolidPainter {
     mesh: Mesh,
-    options: SolidOptions,
+    options: SolidRasterOptions,
     solid: Solid,
     frame: Frame,
 }
@@ -117,7 +117,7 @@ impl Painter {
             }
             None => space_around(&mesh.positions),
         };
-        let options = SolidOptions { background, samples, near: NEAR / space.scale };
+        let options = SolidRasterOptions { background, samples, near: NEAR / space.scale };
         Self::Solid(Box::new(SolidPainter { mesh, options, solid: Solid::new(), frame: Frame::default() }))
     }
 
@@ -177,7 +177,7 @@ impl SoftPainter {
 impl SolidPainter {
     /// Depth and normals at the centres of pixels; no colours.
     fn geometry(&mut self, camera: &Camera) -> &Frame {
-        let options = SolidOptions { samples: 1, ..self.options };
+        let options = SolidRasterOptions { samples: 1, ..self.options };
         let seen = self.solid.visibility(&self.mesh, camera, &options);
         let normal = |face: u32| {
             let [a, b, c] = self.mesh.corners(face as usize);

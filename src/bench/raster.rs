@@ -11,7 +11,7 @@ use super::machine::Machine;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::raster::soft::SoftOptions;
-use crate::raster::solid::SolidOptions;
+use crate::raster::solid::SolidRasterOptions;
 use crate::train::clock::cpu_secs;
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use serde::{Deserialize, Serialize};

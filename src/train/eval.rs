@@ -9,7 +9,7 @@ use crate::math::color::linear_from_srgb;
 use crate::math::metric;
 use crate::mesh::{Colors, Mesh};
 use crate::raster::soft::{Soft, SoftOptions, SoupRef, Window};
-use crate::raster::solid::{Solid, SolidOptions};
+use crate::raster::solid::{Solid, SolidRasterOptions};
 use crate::soup::{Soup, rgb_from_sh0};
 use std::sync::Arc;
 
@@ -75,7 +75,7 @@ impl Judge {
             colors: Colors::Face(soup.sh.iter().map(light).collect()),
             ..Mesh::default()
         };
-        let drawing = SolidOptions { background: options.background, samples: 4, near: options.near };
+        let drawing = SolidRasterOptions { background: options.background, samples: 4, near: options.near };
         let mut solid = Solid::new();
         let mut draw = |(name, camera, _): &(String, Camera, Arc<Pixels>)| {
             (name.clone(), solid.render(&mesh, &space.enter_camera(camera), &drawing))

@@ -9,7 +9,7 @@ use trisplat::bake::thin;
 use trisplat::bake::unseen::{SAMPLES, seen_px};
 use trisplat::camera::Camera;
 use trisplat::mesh::{Colors, Mesh};
-use trisplat::raster::solid::{NO_FACE, Solid, SolidOptions};
+use trisplat::raster::solid::{NO_FACE, Solid, SolidRasterOptions};
 use trisplat::report::Report;
 use trisplat::scene::{Loaded, Scene};
 
@@ -65,7 +65,7 @@ fn faces(mesh: &Mesh) -> Vec<[[u32; 3]; 3]> {
 fn holes(mesh: &Mesh) -> f64 {
     let (mut holes, mut all) = (0, 0);
     for camera in cameras() {
-        let options = SolidOptions::default();
+        let options = SolidRasterOptions::default();
         let whole = Solid::new().visibility(&wall(), &camera, &options).face.clone();
         let mut solid = Solid::new();
         let seen = solid.visibility(mesh, &camera, &options);

@@ -15,7 +15,7 @@ use trisplat::camera::Camera;
 use trisplat::dataset::{Dataset, DatasetOptions};
 use trisplat::image::Pixels;
 use trisplat::mesh::{Colors, Mesh};
-use trisplat::raster::solid::{Solid, SolidOptions};
+use trisplat::raster::solid::{Solid, SolidRasterOptions};
 use trisplat::report::Outcome;
 
 const VIEWS: usize = 24;
@@ -57,7 +57,7 @@ fn photograph_at(mesh: &Mesh, samples: u32, develop: impl Fn(usize, Pixels) -> P
     let (model, images) = (folder.path().join("sparse/0"), folder.path().join("images"));
     std::fs::create_dir_all(&model).unwrap();
     std::fs::create_dir_all(&images).unwrap();
-    let options = SolidOptions { samples, ..SolidOptions::default() };
+    let options = SolidRasterOptions { samples, ..SolidRasterOptions::default() };
     let mut list = String::new();
     for view in 0..VIEWS {
         let c = camera(view);
@@ -85,7 +85,7 @@ fn views(dataset: &Dataset) -> Views {
 
 /// Root of the mean squared difference of the pictures that two meshes give, codes.
 fn difference(a: &Mesh, b: &Mesh) -> f64 {
-    let options = SolidOptions { samples: 4, ..SolidOptions::default() };
+    let options = SolidRasterOptions { samples: 4, ..SolidRasterOptions::default() };
     let (mut sum, mut count) = (0.0, 0.0);
     for view in 0..VIEWS {
         let c = camera(view);

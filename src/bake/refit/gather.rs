@@ -6,7 +6,7 @@ use crate::image::Pixels;
 use crate::math::color::linear_from_srgb;
 use crate::math::srgb8::srgb8_from_linear;
 use crate::mesh::Mesh;
-use crate::raster::solid::{Corners, NO_FACE, Visibility, Weigher};
+use crate::raster::solid::{Barycentrics, FaceBarycentrics, NO_FACE, Visibility};
 use rayon::prelude::*;
 
 /// Bands of rows that are summed side by side. Fixed, so that sums do not depend on the number of threads.
@@ -36,7 +36,7 @@ struct Band {
     /// Where in `sums` and `corners` a face is. `[F]`
     slots: Vec<u32>,
     sums: Vec<(u32, Sums)>,
-    corners: Vec<Corners>,
+    corners: Vec<FaceBarycentrics>,
     error: [f64; 3],
     pixels: f64,
 }
@@ -87,7 +87,7 @@ struct Pass<'a> {
     shot: &'a Shot<'a>,
     fit: &'a Fit,
     band: &'a mut Band,
-    weigher: Weigher<'a>,
+    barycentrics: Barycentrics<'a>,
     samples: u32,
     background: [f32; 3],
 }
@@ -95,8 +95,8 @@ struct Pass<'a> {
 impl<'a> Pass<'a> {
     fn new(shot: &'a Shot<'a>, fit: &'a Fit, band: &'a mut Band) -> Self {
         let samples = shot.visibility.size.x / shot.camera.size.x;
-        let weigher = Weigher::new(shot.mesh, shot.camera, samples);
-        Self { shot, fit, band, weigher, samples, background: shot.background.map(linear_from_srgb) }
+        let barycentrics = Barycentrics::new(shot.mesh, shot.camera, samples);
+        Self { shot, fit, band, barycentrics, samples, background: shot.background.map(linear_from_srgb) }
     }
 
     fn row(&mut self, y: u32) {
@@ -120,7 +120,7 @@ impl<'a> Pass<'a> {
             if first != NO_FACE {
                 // What is seen is the colour in the middle: the mean of colours that change evenly.
                 let slot = self.slot(first);
-                let middle = self.weigher.weights_in_pixel(&self.band.corners[slot as usize], x, y);
+                let middle = self.barycentrics.weights_in_pixel(&self.band.corners[slot as usize], x, y);
                 self.spread(&[(slot, middle)], photo, weight);
             }
             return;
@@ -131,7 +131,7 @@ impl<'a> Pass<'a> {
             let face = self.shot.visibility.face[self.sample(sx, sy)];
             if face != NO_FACE {
                 let slot = self.slot(face);
-                let weights = self.weigher.weights(&self.band.corners[slot as usize], sx, sy);
+                let weights = self.barycentrics.weights(&self.band.corners[slot as usize], sx, sy);
                 seen[i as usize] = (slot, weights);
             }
         }
@@ -174,7 +174,7 @@ impl<'a> Pass<'a> {
         if *slot == NO_SLOT {
             *slot = self.band.sums.len() as u32;
             self.band.sums.push((face, Sums::default()));
-            self.band.corners.push(self.weigher.corners(face));
+            self.band.corners.push(self.barycentrics.face(face));
         }
         *slot
     }

@@ -3,51 +3,54 @@
 //! A cut point depends on the two ends of its edge only, taken from the inside to the outside, and a corner that
 //! stays keeps the place it has in triangles that are not cut: neighbours meet without a gap.
 
-use super::bin::Snapped;
-use super::eye::{Eye, GRID, snap};
+use super::bins::SnappedTriangle;
+use super::projector::{GRID, Projector, snap};
 use glam::{DVec3, Vec3};
 
 /// Planes of the guard band.
 const SIDES: usize = 4;
 /// Corners of a triangle cut by five planes.
-const MOST: usize = 3 + SIDES + 1;
+const MAX_CORNERS: usize = 3 + SIDES + 1;
 
 #[derive(Debug, Clone, Copy, Default)]
-struct Point {
+struct ClipPoint {
     seen: DVec3,
     /// Its place in triangles that are not cut, when it is a corner.
     corner: Option<[f32; 3]>,
 }
 
 /// Hands the pieces of a triangle that are in front of the near plane and within the guard band to `emit`.
-pub(super) fn clip(eye: &Eye, corners: [Vec3; 3], mut emit: impl FnMut(Snapped)) {
+pub(super) fn clip(projector: &Projector, corners: [Vec3; 3], mut emit: impl FnMut(SnappedTriangle)) {
     let mut polygon = Polygon::default();
     for corner in corners {
-        let seen = eye.see(corner.to_array());
+        let seen = projector.to_camera(corner.to_array());
         // What decides about triangles that are not cut must decide here too.
-        let front = seen[2] > eye.near;
-        let point = Point { seen: eye.see_exactly(corner), corner: front.then(|| eye.project(seen)) };
+        let front = seen[2] > projector.near;
+        let point = ClipPoint {
+            seen: projector.to_camera_f64(corner),
+            corner: front.then(|| projector.project(seen)),
+        };
         polygon.push(point);
     }
-    let near = f64::from(eye.near);
+    let near = f64::from(projector.near);
     polygon = polygon.cut(|p| p.seen.z - near, |p| p.corner.is_some());
     for side in 0..SIDES {
-        let inside = |p: &Point| eye.inside_guard(p.seen, side);
+        let inside = |p: &ClipPoint| projector.inside_guard(p.seen, side);
         polygon = polygon.cut(inside, |p| inside(p) >= 0.0);
     }
-    let places: Vec<([i32; 2], f32)> = polygon.points().iter().map(|p| place(eye, p)).collect();
+    let places: Vec<([i32; 2], f32)> = polygon.points().iter().map(|p| place(projector, p)).collect();
     for i in 2..places.len() {
         let fan = [places[0], places[i - 1], places[i]];
-        emit(Snapped { x: fan.map(|p| p.0[0]), y: fan.map(|p| p.0[1]), w: fan.map(|p| p.1) });
+        emit(SnappedTriangle { x: fan.map(|p| p.0[0]), y: fan.map(|p| p.0[1]), w: fan.map(|p| p.1) });
     }
 }
 
 /// A point on the grid, and its 1/z.
-fn place(eye: &Eye, point: &Point) -> ([i32; 2], f32) {
+fn place(projector: &Projector, point: &ClipPoint) -> ([i32; 2], f32) {
     match point.corner {
         Some([x, y, w]) => ([snap(x), snap(y)], w),
         None => {
-            let at = eye.project_exactly(point.seen) * f64::from(GRID);
+            let at = projector.project_f64(point.seen) * f64::from(GRID);
             let round = |x: f64| x.round_ties_even() as i32;
             ([round(at.x), round(at.y)], (1.0 / point.seen.z) as f32)
         }
@@ -56,23 +59,23 @@ fn place(eye: &Eye, point: &Point) -> ([i32; 2], f32) {
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Polygon {
-    points: [Point; MOST],
+    points: [ClipPoint; MAX_CORNERS],
     count: usize,
 }
 
 impl Polygon {
-    fn points(&self) -> &[Point] {
+    fn points(&self) -> &[ClipPoint] {
         &self.points[..self.count]
     }
 
-    fn push(&mut self, point: Point) {
+    fn push(&mut self, point: ClipPoint) {
         self.points[self.count] = point;
         self.count += 1;
     }
 
     /// The part for which `distance` is not negative (Sutherland and Hodgman 1974); `keep` says on which side
     /// a point counts.
-    fn cut(&self, distance: impl Fn(&Point) -> f64, keep: impl Fn(&Point) -> bool) -> Self {
+    fn cut(&self, distance: impl Fn(&ClipPoint) -> f64, keep: impl Fn(&ClipPoint) -> bool) -> Self {
         let mut out = Self::default();
         for (i, from) in self.points().iter().enumerate() {
             let to = &self.points[(i + 1) % self.count];
@@ -90,8 +93,8 @@ impl Polygon {
 }
 
 /// The point of zero distance on the way from `inside` to `outside`.
-fn between(inside: &Point, outside: &Point, distance: impl Fn(&Point) -> f64) -> Point {
+fn between(inside: &ClipPoint, outside: &ClipPoint, distance: impl Fn(&ClipPoint) -> f64) -> ClipPoint {
     let (d_in, d_out) = (distance(inside), distance(outside));
     let t = (d_in / (d_in - d_out)).clamp(0.0, 1.0);
-    Point { seen: inside.seen + (outside.seen - inside.seen) * t, corner: None }
+    ClipPoint { seen: inside.seen + (outside.seen - inside.seen) * t, corner: None }
 }

@@ -1,72 +1,43 @@
 //! Colours of samples, and their mean in each pixel.
 
-use super::NO_FACE;
-use super::bin::{TILE_HEIGHT, TILE_WIDTH};
-use super::eye::Eye;
-use super::fill::{Keys, STRIDE, face_of};
+use super::bins::{TILE_HEIGHT, TILE_WIDTH};
+use super::keys::{STRIDE, SampleKeys, face_of};
+use super::projector::Projector;
+use super::visibility::NO_FACE;
 use crate::math::lanes::{LANES, Lanes, Work, dispatch, prefetch};
 use crate::math::real::{Mask, Real};
 use crate::math::srgb8::srgb8_from_linear;
 use crate::mesh::{Colors, Mesh};
-use glam::{DVec3, Vec3};
-
-/// A face as barycentric coordinates need it.
-#[derive(Debug, Clone, Copy)]
-pub struct Corners {
-    /// Corner i's weight is in proportion to the i-th times the ray.
-    opposite: [DVec3; 3],
-}
-
-impl Corners {
-    pub(super) fn new(eye: &Eye, corners: [Vec3; 3]) -> Self {
-        let [a, b, c] = corners.map(|v| eye.see_exactly(v));
-        Self { opposite: [b.cross(c), c.cross(a), a.cross(b)] }
-    }
-
-    /// Weights of the corners where a ray meets the face's plane; at least 0, sum 1.
-    #[inline(always)]
-    pub(super) fn weights(&self, ray: DVec3) -> [f32; 3] {
-        let parts = self.opposite.map(|n| n.dot(ray));
-        let per = 1.0 / (parts[0] + parts[1] + parts[2]);
-        // A sample may lie outside by what corners were moved when they were snapped.
-        let kept = parts.map(|p| (p * per).max(0.0));
-        let sum = kept[0] + kept[1] + kept[2];
-        if !(sum > 0.0 && sum.is_finite()) {
-            return [1.0 / 3.0; 3];
-        }
-        kept.map(|p| (p / sum) as f32)
-    }
-}
 
 /// A tile whose pixels are wanted.
-pub(super) struct Shade<'a, 'b> {
+pub(super) struct ShadeTile<'a, 'b> {
     pub(super) mesh: &'a Mesh,
-    pub(super) eye: &'a Eye,
+    pub(super) projector: &'a Projector,
     /// Linear.
     pub(super) background: [f32; 3],
     /// First sample of the tile.
     pub(super) corner: [u32; 2],
-    pub(super) keys: &'a Keys,
+    pub(super) keys: &'a SampleKeys,
     pub(super) rows: &'a mut [&'b mut [[u8; 3]]],
 }
 
 /// Writes the pixels of a tile.
-pub(super) fn shade(tile: Shade) {
+pub(super) fn shade(tile: ShadeTile) {
     dispatch(tile);
 }
 
 /// Linear colours of a row of samples, channel by channel.
-type Row = [[f32; TILE_WIDTH]; 3];
+type SampleRow = [[f32; TILE_WIDTH]; 3];
 
-impl Work for Shade<'_, '_> {
+impl Work for ShadeTile<'_, '_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(mut self) {
-        let samples = self.eye.samples as usize;
+        let samples = self.projector.samples as usize;
         let share = 1.0 / (samples * samples) as f32;
-        let mut row: Row = [[0.0; TILE_WIDTH]; 3];
+        let mut row: SampleRow = [[0.0; TILE_WIDTH]; 3];
         for y in 0..self.rows.len() {
-            let mut sums: Row = [[0.0; TILE_WIDTH]; 3];
+            let mut sums: SampleRow = [[0.0; TILE_WIDTH]; 3];
             for sample in 0..samples {
                 self.light::<L>(y * samples + sample, &mut row);
                 for (sums, row) in sums.iter_mut().zip(&row) {
@@ -86,10 +57,10 @@ impl Work for Shade<'_, '_> {
     }
 }
 
-impl Shade<'_, '_> {
+impl ShadeTile<'_, '_> {
     /// The colours of row `y` of the tile's samples.
     #[inline(always)]
-    fn light<L: Lanes>(&mut self, y: usize, row: &mut Row) {
+    fn light<L: Lanes>(&mut self, y: usize, row: &mut SampleRow) {
         if self.keys[y * STRIDE..y * STRIDE + TILE_WIDTH].iter().fold(0, |any, key| any | key) == 0 {
             *row = [
                 [self.background[0]; TILE_WIDTH],
@@ -119,7 +90,7 @@ impl Shade<'_, '_> {
     }
 
     #[inline(always)]
-    fn flat(&self, y: usize, colors: &[[f32; 3]], row: &mut Row) {
+    fn flat(&self, y: usize, colors: &[[f32; 3]], row: &mut SampleRow) {
         if y + 1 < TILE_HEIGHT {
             for face in self.faces::<TILE_WIDTH>(0, y + 1) {
                 if let Some(color) = colors.get(face as usize) {
@@ -137,13 +108,13 @@ impl Shade<'_, '_> {
 
     /// Sixteen samples with colours of their faces' corners.
     #[inline(always)]
-    fn blend<L: Lanes>(&self, x: usize, y: usize, colors: &[[f32; 3]], row: &mut Row) {
+    fn blend<L: Lanes>(&self, x: usize, y: usize, colors: &[[f32; 3]], row: &mut SampleRow) {
         if y + 1 < TILE_HEIGHT {
             for face in self.faces::<LANES>(x, y + 1) {
                 self.fetch(face, colors);
             }
         }
-        let mut seen = Seen::default();
+        let mut seen = SampleFaces::default();
         for (lane, face) in self.faces::<LANES>(x, y).into_iter().enumerate() {
             self.put(&mut seen, lane, face, colors);
         }
@@ -174,7 +145,7 @@ impl Shade<'_, '_> {
     }
 
     #[inline(always)]
-    fn put(&self, seen: &mut Seen, lane: usize, face: u32, colors: &[[f32; 3]]) {
+    fn put(&self, seen: &mut SampleFaces, lane: usize, face: u32, colors: &[[f32; 3]]) {
         if face == NO_FACE {
             for c in 0..3 {
                 for corner in 0..3 {
@@ -186,7 +157,7 @@ impl Shade<'_, '_> {
         let vertices = self.mesh.face(face as usize);
         let (a, b, c) = (vertices[0] as usize, vertices[1] as usize, vertices[2] as usize);
         let [p, q, r] = [self.mesh.positions[a], self.mesh.positions[b], self.mesh.positions[c]];
-        let (along, beside, way) = (q - p, r - p, self.eye.way_to(p));
+        let (along, beside, way) = (q - p, r - p, self.projector.from_camera(p));
         for axis in 0..3 {
             seen.along[axis][lane] = along[axis];
             seen.beside[axis][lane] = beside[axis];
@@ -200,8 +171,8 @@ impl Shade<'_, '_> {
     /// The rays of sixteen samples, in the world's axes.
     #[inline(always)]
     fn ray<L: Lanes>(&self, x: usize, y: usize) -> [L; 3] {
-        let at = self.eye.ray(self.corner[0] + x as u32, self.corner[1] + y as u32);
-        let (start, step) = self.eye.turn_back(at);
+        let at = self.projector.ray(self.corner[0] + x as u32, self.corner[1] + y as u32);
+        let (start, step) = self.projector.ray_to_world(at);
         let mut lane = [0.0; LANES];
         for (i, lane) in lane.iter_mut().enumerate() {
             *lane = i as f32;
@@ -212,26 +183,26 @@ impl Shade<'_, '_> {
     }
 }
 
-type Sixteen = [f32; LANES];
+type LaneValues = [f32; LANES];
 
 /// The faces that sixteen samples see, number by number. Zeros have weights that do not matter.
 #[derive(Default)]
-struct Seen {
+struct SampleFaces {
     /// From the eye to the first corner, in the world's axes.
-    way: [Sixteen; 3],
+    way: [LaneValues; 3],
     /// From the first corner to the second.
-    along: [Sixteen; 3],
+    along: [LaneValues; 3],
     /// From the first corner to the third.
-    beside: [Sixteen; 3],
+    beside: [LaneValues; 3],
     /// Corner by corner, channel by channel.
-    color: [[Sixteen; 3]; 3],
+    color: [[LaneValues; 3]; 3],
 }
 
-impl Seen {
+impl SampleFaces {
     /// Perspective-correct weights of the corners where the rays meet the faces (Möller and Trumbore 1997).
     #[inline(always)]
     fn weights<L: Lanes>(&self, ray: [L; 3]) -> [L; 3] {
-        let load = |v: &[Sixteen; 3]| [L::load(&v[0]), L::load(&v[1]), L::load(&v[2])];
+        let load = |v: &[LaneValues; 3]| [L::load(&v[0]), L::load(&v[1]), L::load(&v[2])];
         let (way, along, beside) = (load(&self.way), load(&self.along), load(&self.beside));
         let p = cross(ray, beside);
         let per = L::splat(1.0) / dot(along, p);
@@ -265,27 +236,32 @@ fn cross<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::bin::{self, Batch};
-    use super::super::fill::{self, EMPTY};
+    use super::super::bin;
+    use super::super::bins::Batch;
+    use super::super::fill;
+    use super::super::keys::EMPTY;
     use super::*;
     use crate::camera::Camera;
     use crate::math::lanes::{Level, dispatch_at};
     use crate::rng::Rng;
-    use glam::{Mat3, UVec2, Vec2};
+    use glam::{Mat3, UVec2, Vec2, Vec3};
 
     /// Keys and pixels of the one tile that the camera sees, by the instructions of `level`.
-    fn drawn(level: Level, mesh: &Mesh, eye: &Eye) -> (Box<Keys>, Vec<[u8; 3]>) {
+    fn drawn(level: Level, mesh: &Mesh, projector: &Projector) -> (Box<SampleKeys>, Vec<[u8; 3]>) {
         let mut batch = Batch::default();
         batch.empty(1);
         let last = mesh.face_count();
-        dispatch_at(level, bin::Faces { mesh, eye, first: 0, last, batch: &mut batch, across: 1 });
+        dispatch_at(level, bin::BinFaces { mesh, projector, first: 0, last, batch: &mut batch, across: 1 });
         let mut keys = Box::new(EMPTY);
         let batches = [batch];
-        dispatch_at(level, fill::Tile { keys: &mut keys, batches: &batches, tile: 0, column: 0, row: 0 });
+        dispatch_at(level, fill::FillTile { keys: &mut keys, batches: &batches, tile: 0, column: 0, row: 0 });
         let mut pixels = vec![[0; 3]; TILE_WIDTH * TILE_HEIGHT];
         let mut rows: Vec<&mut [[u8; 3]]> = pixels.chunks_mut(TILE_WIDTH).collect();
         let background = [0.1, 0.2, 0.3];
-        dispatch_at(level, Shade { mesh, eye, background, corner: [0, 0], keys: &keys, rows: &mut rows });
+        dispatch_at(
+            level,
+            ShadeTile { mesh, projector, background, corner: [0, 0], keys: &keys, rows: &mut rows },
+        );
         (keys, pixels)
     }
 
@@ -299,7 +275,7 @@ mod tests {
             center: size.as_vec2() * 0.45,
             size,
         };
-        let eye = Eye::new(&camera, 1, 0.1);
+        let projector = Projector::new(&camera, 1, 0.1);
         let rng = Rng::new(5, "levels", 0);
         let mut mesh = Mesh::default();
         let mut colors = Vec::new();
@@ -313,10 +289,10 @@ mod tests {
             colors.push([at(3).abs(), at(4).abs(), at(5).abs()]);
         }
         mesh.colors = Colors::Vertex(colors);
-        let portable = drawn(Level::Portable, &mesh, &eye);
+        let portable = drawn(Level::Portable, &mesh, &projector);
         assert!(portable.0.iter().filter(|key| **key != 0).count() > 1000);
         for level in [Level::Avx2, Level::Avx512] {
-            assert!(drawn(level, &mesh, &eye) == portable, "{level:?}");
+            assert!(drawn(level, &mesh, &projector) == portable, "{level:?}");
         }
     }
 }

@@ -13,7 +13,7 @@ pub(super) const GUARD: f32 = 32_768.0;
 /// Single precision is enough for what lies near the picture because the eye is taken off first, in two parts:
 /// a world far from its origin costs nothing.
 #[derive(Debug, Clone)]
-pub(super) struct Eye {
+pub(super) struct Projector {
     /// Width and height, samples.
     pub(super) size: UVec2,
     /// Samples a pixel along each axis.
@@ -32,7 +32,7 @@ pub(super) struct Eye {
     center32: [f32; 2],
 }
 
-impl Eye {
+impl Projector {
     pub(super) fn new(camera: &Camera, samples: u32, near: f32) -> Self {
         let rotation = camera.rotation.as_dmat3();
         let position = -(rotation.inverse() * camera.translation.as_dvec3());
@@ -57,14 +57,14 @@ impl Eye {
 
     /// The way from the eye to a world point, in the world's axes.
     #[inline(always)]
-    pub(super) fn way_to(&self, v: Vec3) -> Vec3 {
+    pub(super) fn from_camera(&self, v: Vec3) -> Vec3 {
         (v - self.high) - self.low
     }
 
     /// A world point in the camera's frame, single precision.
     #[inline(always)]
-    pub(super) fn see(&self, v: [f32; 3]) -> [f32; 3] {
-        let d = self.way_to(Vec3::from_array(v)).to_array();
+    pub(super) fn to_camera(&self, v: [f32; 3]) -> [f32; 3] {
+        let d = self.from_camera(Vec3::from_array(v)).to_array();
         let row = |r: &[f32; 3]| r[0] * d[0] + r[1] * d[1] + r[2] * d[2];
         [row(&self.rows[0]), row(&self.rows[1]), row(&self.rows[2])]
     }
@@ -79,12 +79,12 @@ impl Eye {
     }
 
     /// A world point in the camera's frame.
-    pub(super) fn see_exactly(&self, v: Vec3) -> DVec3 {
+    pub(super) fn to_camera_f64(&self, v: Vec3) -> DVec3 {
         self.rotation * (v.as_dvec3() - self.position)
     }
 
     /// Where a point of the camera's frame lies, samples.
-    pub(super) fn project_exactly(&self, q: DVec3) -> DVec2 {
+    pub(super) fn project_f64(&self, q: DVec3) -> DVec2 {
         q.truncate() / q.z * self.focal + self.center
     }
 
@@ -109,7 +109,7 @@ impl Eye {
     }
 
     /// A ray of the camera's frame in the world's axes, and how it changes from one sample to the next.
-    pub(super) fn turn_back(&self, ray: DVec3) -> ([f32; 3], [f32; 3]) {
+    pub(super) fn ray_to_world(&self, ray: DVec3) -> ([f32; 3], [f32; 3]) {
         let back = self.rotation.transpose();
         let step = back.x_axis / self.focal.x;
         ((back * ray).as_vec3().to_array(), step.as_vec3().to_array())
