@@ -4,15 +4,10 @@
 //! image, SSIM of Wang et al. 2004 with an 11x11 Gaussian, σ 1.5, zero padding, mean over channels.
 //! A weight a pixel (255 counts fully) leaves out what a mask hides; `None` counts everything.
 
+use crate::math::ssim::{Factors, TAPS, factors, window};
 use glam::UVec2;
 use rayon::prelude::*;
 
-/// Taps of the SSIM window.
-const WINDOW: usize = 11;
-/// Standard deviation of the SSIM window, px.
-const WINDOW_SIGMA: f64 = 1.5;
-/// (0.01)² and (0.03)²: the stabilisers of SSIM for values in [0, 1].
-const SSIM_C: [f64; 2] = [1e-4, 9e-4];
 /// Below this mean squared error two pictures count as equal: 120 dB.
 const LEAST_SQUARED_ERROR: f64 = 1e-12;
 
@@ -28,15 +23,12 @@ pub fn psnr(a: &[[u8; 3]], b: &[[u8; 3]], weights: Option<&[u8]>) -> f64 {
 }
 
 /// Structural similarity in [-1, 1], 1 for equal pictures.
-///
-/// ```text
-/// ssim = (2 μa μb + C1) (2 σab + C2) / ((μa² + μb² + C1) (σa² + σb² + C2)), averaged over pixels and channels
-/// ```
+/// The mean over pixels and channels of what [`crate::math::ssim`] defines.
 pub fn ssim(size: UVec2, a: &[[u8; 3]], b: &[[u8; 3]], weights: Option<&[u8]>) -> f64 {
     let width = size.x as usize;
     assert_eq!(a.len(), width * size.y as usize, "the size is not the picture's");
     assert_eq!(a.len(), b.len(), "pictures of different sizes");
-    let window = gaussian_window();
+    let window = window();
     let rows: Vec<Vec<f64>> =
         (0..size.y as usize).into_par_iter().map(|y| ssim_row(width, a, b, y, &window)).collect();
     weighted_mean(rows.into_iter().flatten(), weights)
@@ -65,8 +57,8 @@ pub fn mean_error(errors: &[f32], weights: Option<&[u8]>) -> f64 {
 }
 
 /// The SSIM of every pixel of row `y`, mean over channels. `[W]`
-fn ssim_row(width: usize, a: &[[u8; 3]], b: &[[u8; 3]], y: usize, window: &[f64; WINDOW]) -> Vec<f64> {
-    let half = WINDOW / 2;
+fn ssim_row(width: usize, a: &[[u8; 3]], b: &[[u8; 3]], y: usize, window: &[f64; TAPS]) -> Vec<f64> {
+    let half = TAPS / 2;
     let height = a.len() / width;
     // Per channel: a, b, a², b², ab, filtered down the column. // [W][3][5]
     let mut columns = vec![[[0.0f64; 5]; 3]; width];
@@ -100,18 +92,9 @@ fn ssim_row(width: usize, a: &[[u8; 3]], b: &[[u8; 3]], y: usize, window: &[f64;
 
 /// SSIM from the filtered a, b, a², b², ab.
 fn ssim_of_moments(&[ma, mb, aa, bb, ab]: &[f64; 5]) -> f64 {
-    let [c1, c2] = SSIM_C;
-    let (variance_a, variance_b, covariance) = (aa - ma * ma, bb - mb * mb, ab - ma * mb);
-    ((2.0 * ma * mb + c1) * (2.0 * covariance + c2))
-        / ((ma * ma + mb * mb + c1) * (variance_a + variance_b + c2))
-}
-
-/// The taps of the window, summing to 1.
-fn gaussian_window() -> [f64; WINDOW] {
-    let half = (WINDOW / 2) as f64;
-    let tap = |i: usize| (-(i as f64 - half).powi(2) / (2.0 * WINDOW_SIGMA * WINDOW_SIGMA)).exp();
-    let sum: f64 = (0..WINDOW).map(tap).sum();
-    std::array::from_fn(|i| tap(i) / sum)
+    let Factors { luminance, structure, means, variances } =
+        factors(ma, mb, ab, (aa - ma * ma) + (bb - mb * mb));
+    (luminance * structure) / (means * variances)
 }
 
 /// Mean of `values`, each counted by its weight; 0 when nothing counts.

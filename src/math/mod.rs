@@ -7,4 +7,5 @@ pub mod median;
 pub mod metric;
 pub mod real;
 pub mod srgb8;
+pub mod ssim;
 pub mod vec;
