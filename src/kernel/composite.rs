@@ -39,8 +39,8 @@ pub fn is_median<R: Real>(before: R, after: R) -> R::Mask {
     half.le(before).and(after.lt(half))
 }
 
-/// Pairwise depth distortion (Huang et al. 2024, 2DGS, eq. 13), Σ_{j<k} w_j w_k (m_j - m_k)², grown by a layer:
-/// what it adds, given Σ w, Σ w m and Σ w m² of the layers in front.
+/// Pairwise depth distortion (Huang et al. 2024, 2DGS, eq. 13), Σ_{j<k} w_j w_k (m_j - m_k)², extended by a layer:
+/// what the layer adds, given Σ w, Σ w m and Σ w m² of the layers in front.
 #[inline(always)]
 pub fn distortion<R: Real>(weight: R, m: R, sums: [R; 3]) -> R {
     weight * pair_cost(m, sums)

@@ -17,7 +17,7 @@ pub const MIN_COVERAGE: f64 = 0.1;
 /// The maps this loss reads, rows from the top. // each [H * W]
 #[derive(Debug, Clone, Copy)]
 pub struct Maps<'a, R> {
-    /// Pixels a row.
+    /// Pixels per row.
     pub width: usize,
     /// Focal lengths, px.
     pub focal: [R; 2],
@@ -132,7 +132,7 @@ impl<R: Real<Mask = bool>> Maps<'_, R> {
         let weight = scale * self.coverage(i);
         let agreement = n.dot(surface);
         let d_n = -surface.scale(weight);
-        // ∂L/∂N = -weight n, brought through the normalisation of -cross.
+        // ∂L/∂N = -weight n, passed through the normalisation of -cross.
         let d_cross = (n - surface.scale(agreement)).scale(weight / length);
         let slopes = [dy.cross(d_cross), d_cross.cross(dx)];
         (weight * (R::of(1.0) - agreement), [d_n.x, d_n.y, d_n.z], slopes)

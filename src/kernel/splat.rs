@@ -3,7 +3,7 @@
 use crate::math::real::{Mask, Real};
 use crate::math::vec::{V2, V3};
 
-/// A triangle in camera space as a corner and two differences, so that a small far triangle keeps its digits.
+/// A triangle in camera space as a corner and two differences, so that a small far triangle keeps its precision.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraTriangle<R> {
     /// v0.
@@ -43,14 +43,14 @@ pub struct DepthPlane<R> {
     pub normal: V3<R>,
 }
 
-/// What the pixels ask of a [`Splat`]: sums over them of the gradient d of ratio_i, of d · (p - origin), and more.
+/// ∂L of a [`Splat`] as the pixels see it: sums over them of the gradient d of ratio_i and of d · (p - origin).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SplatGrad<R> {
     /// Sum of ∂L/∂ratio over the pixels whose nearest edge is i.
     pub ratio: [R; 3],
     /// Sum of ∂L/∂ratio · (p - origin) over them.
     pub moment: [V2<R>; 3],
-    /// ∂L/∂inradius from elsewhere (the fade of tiny triangles).
+    /// ∂L/∂inradius through the fade of tiny triangles.
     pub inradius: R,
     /// Whether the gradient passes through the normaliser φ(s); the reference code holds it constant.
     pub exact_incenter: R,
@@ -67,7 +67,7 @@ pub struct DepthPlaneGrad<R> {
     pub normal: V3<R>,
 }
 
-/// v0's direction and the screen differences: q_k - q_0 = f (e_k.xy - u e_k.z) / z_k with u = v0.xy / v0.z.
+/// A screen difference: q_k - q_0 = f (e_k.xy - u e_k.z) / z_k with `u` = v0.xy / v0.z.
 #[inline(always)]
 fn side<R: Real>(u: V2<R>, first_z: R, e: V3<R>, focal: V2<R>) -> V2<R> {
     (e.xy() - u.scale(e.z)).mul_components(focal).scale(R::of(1.0) / (first_z + e.z))
@@ -178,7 +178,7 @@ fn screen_grad<R: Real>(
 /// ```
 #[inline(always)]
 pub fn depth_plane<R: Real>(corners: &CameraTriangle<R>, focal: V2<R>) -> DepthPlane<R> {
-    let (n, _) = face(corners);
+    let (n, _) = scaled_normal(corners);
     let offset = n.dot(corners.first);
     let inv_offset = R::of(1.0) / offset;
     let slope = V2::new(n.x / focal.x, n.y / focal.y).scale(inv_offset);
@@ -190,9 +190,9 @@ pub fn depth_plane<R: Real>(corners: &CameraTriangle<R>, focal: V2<R>) -> DepthP
     }
 }
 
-/// Normal of any length of the edges scaled to a size of one, and that scale: no square can overflow.
+/// The normal, not normalised, of the edges scaled to a size of one, and that scale: no square can overflow.
 #[inline(always)]
-fn face<R: Real>(corners: &CameraTriangle<R>) -> (V3<R>, R) {
+fn scaled_normal<R: Real>(corners: &CameraTriangle<R>) -> (V3<R>, R) {
     let [e1, e2] = corners.edges;
     let scale = R::of(1.0) / e1.max_abs().max(e2.max_abs());
     (e1.scale(scale).cross(e2.scale(scale)), scale)
@@ -212,7 +212,7 @@ pub fn depth_plane_grad<R: Real>(
     plane: &DepthPlane<R>,
     d: &DepthPlaneGrad<R>,
 ) -> CameraTriangle<R> {
-    let (n, scale) = face(corners);
+    let (n, scale) = scaled_normal(corners);
     let (e1, e2) = (corners.edges[0].scale(scale), corners.edges[1].scale(scale));
     let inv_offset = R::of(1.0) / n.dot(corners.first);
     let inv_length = R::of(1.0) / n.length();

@@ -1,4 +1,5 @@
-//! The soft rasteriser (Held et al. 2025): window function, alpha blending, depth order; forward and backward.
+//! The soft rasteriser (Held et al. 2025): window function, alpha blending in depth
+//! order; forward and backward.
 //!
 //! Accuracy, edge values and policies are in `docs/numerics.md`.
 
@@ -67,7 +68,7 @@ impl Clock {
 }
 
 impl Soft {
-    /// A rasteriser with nothing allocated yet.
+    /// A rasteriser without scratch memory yet.
     pub fn new() -> Self {
         Self::default()
     }
@@ -114,7 +115,7 @@ impl Soft {
         &self.frame
     }
 
-    /// Adds the last frame, drawn with `options.importance`, to `out`, which is reset first when it is of
+    /// Adds the last frame, drawn with `options.importance`, to `out`, which is reset first when it has
     /// another number of triangles.
     pub fn accumulate_importance(&self, out: &mut Importance) {
         out.accumulate(&self.projection, &self.tiles, &self.weights);

@@ -1,17 +1,17 @@
 //! The solid rasteriser: what an engine draws, defined on the CPU.
 //!
 //! ```text
-//! faces ──► project, cut, bin ──► tiles ──► fill (nearest face of every sample) ──► resolve ──► Pixels
+//! faces ──► project, clip, bin ──► tiles ──► fill (nearest face of every sample) ──► resolve ──► Pixels
 //!                                                                              └──► export ──► Visibility
 //! ```
 //!
-//! The definition, which every other renderer of ours is held against:
+//! The definition that every other renderer of this project is compared with:
 //!
-//! * A triangle is cut at the near plane and at a guard band far outside the picture; both sides are drawn;
+//! * A triangle is clipped at the near plane and at a guard band far outside the picture; both sides are drawn;
 //!   opacity is ignored: everything is opaque.
 //! * Corners are snapped to 1/256 of a sample, as GPUs do; from there on edge functions are exact, so a shared
-//!   edge neither gaps nor overlaps. A sample on an edge belongs to the triangle that has it on its top or left.
-//! * Samples lie at the centres of a regular grid of N x N a pixel.
+//!   edge neither gaps nor overlaps. A sample on an edge belongs to the triangle for which it is a top or left edge.
+//! * Samples lie at the centres of a regular grid of N x N per pixel.
 //! * The nearest face wins: greatest 1/z, which is affine on the screen; ties go to the lower face index. This
 //!   does not depend on the order of drawing, hence not on the number of threads.
 //! * Colours are interpolated perspective-correctly in linear light, averaged over a pixel's samples in linear
@@ -52,14 +52,14 @@ pub struct Solid {
 }
 
 impl Solid {
-    /// A rasteriser with nothing allocated yet.
+    /// A rasteriser without scratch memory yet.
     pub fn new() -> Self {
         Self::default()
     }
 
     /// The picture that `camera` sees, in 8 bits. The same bytes for any number of threads.
     ///
-    /// The mesh must be sound ([`Mesh::validate_shape`]) and the options valid for the camera's size.
+    /// The mesh must be valid ([`Mesh::validate_shape`]) and the options valid for the camera's size.
     pub fn render(&mut self, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) -> Pixels {
         let clock = Instant::now();
         let projector = Projector::new(camera, options.samples, options.near);
@@ -83,8 +83,8 @@ impl Solid {
         &self.visibility
     }
 
-    /// Wall time of every part of the last frame, ms: "bin", "fill", "resolve". The last two take turns, tile by
-    /// tile; each gets its share.
+    /// Wall time of every part of the last frame, ms: "bin", "fill", "resolve". The last two alternate, tile
+    /// by tile; each gets its share.
     pub fn timings(&self) -> &[(&'static str, f64)] {
         &self.timings
     }

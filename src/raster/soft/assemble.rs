@@ -1,4 +1,4 @@
-//! From the pixels of the tiles to the frame.
+//! Assembles the frame from the pixels of the tiles.
 
 use super::frame::Frame;
 use super::options::SoftOptions;

@@ -130,7 +130,7 @@ impl<'a> GeometryGrad<'a> {
         weight: L,
         [before, after]: [L; 2],
     ) {
-        let inv_depth = plane.inv_depth(s.to);
+        let inv_depth = plane.inv_depth(s.offset);
         let z = L::splat(1.0) / inv_depth;
         let (_, by_m) = self.distortion(b, inv_depth, weight);
         let is_median = composite::is_median(before, after);
@@ -138,8 +138,8 @@ impl<'a> GeometryGrad<'a> {
         let by_m = L::splat(self.map.b) * L::load(&self.distortion[b]) * by_m;
         let d_inv_depth = (-(d_z * z * z) - by_m).masked(s.drawn);
         out[0] = out[0] + d_inv_depth;
-        out[1] = d_inv_depth.mul_add(s.to.x, out[1]);
-        out[2] = d_inv_depth.mul_add(s.to.y, out[2]);
+        out[1] = d_inv_depth.mul_add(s.offset.x, out[1]);
+        out[2] = d_inv_depth.mul_add(s.offset.y, out[2]);
         for c in 0..3 {
             out[3 + c] = weight.mul_add(L::load(&self.normal[c][b]), out[3 + c]);
         }
@@ -147,7 +147,7 @@ impl<'a> GeometryGrad<'a> {
 }
 
 impl TileBackward<'_> {
-    /// A tile's part of an image, 0 outside and for an empty image.
+    /// One channel of the tile's part of an image, 0 outside and for an empty image.
     fn gather<T>(&self, image: &[T], value: impl Fn(&T) -> f32) -> TileChannel {
         let mut out = [[0.0; LANES]; BLOCKS];
         if image.is_empty() {
@@ -265,19 +265,19 @@ impl TileBackward<'_> {
     }
 }
 
-/// The pixels of a tile as the layers pass, front to back.
+/// The pixels of a tile between two layers, front to back.
 struct TileState {
     d_rgb: [TileChannel; 3],
     transmittance: TileChannel,
-    /// Σ w ∂L/∂w of what is still to come, background included.
+    /// Σ w ∂L/∂w of the layers behind, background included.
     behind: TileChannel,
-    /// ∂L/∂transmittance of the last layer's far side.
+    /// ∂L/∂transmittance behind the last layer.
     background: TileChannel,
-    /// How wrong the pixels are.
+    /// Error of the pixels, [`FrameGrad::error`].
     error: TileChannel,
 }
 
-/// A splat in every lane, and what its gradient needs.
+/// A splat in every lane, with what its gradient needs.
 struct BackwardSplat<'a, L> {
     broadcast: BroadcastSplat<L>,
     plane: Option<(&'a GeometryGrad<'a>, BroadcastPlane<L>)>,
@@ -285,7 +285,7 @@ struct BackwardSplat<'a, L> {
     ratio_least: L,
 }
 
-/// SplatSums over the blocks of one splat in one tile, lane by lane.
+/// Sums over the blocks of one splat in one tile, lane by lane.
 struct SlotSums<L> {
     base: [L; LANES],
     geometry: [L; LANES],
@@ -334,7 +334,7 @@ impl<'a, L: Lanes> BackwardSplat<'a, L> {
         }
     }
 
-    /// ∂L/∂w; does not depend on the order of the layers, not even through the distortion.
+    /// ∂L/∂w; independent of the order of the layers, even through the distortion.
     #[inline(always)]
     fn value(&self, b: usize, shade: &BlockShade<L>, state: &TileState) -> L {
         let r = L::load(&state.d_rgb[0][b]);
@@ -343,7 +343,7 @@ impl<'a, L: Lanes> BackwardSplat<'a, L> {
         let mut value =
             self.broadcast.rgb[2].mul_add(blue, self.broadcast.rgb[1].mul_add(g, self.broadcast.rgb[0] * r));
         if let Some((grads, plane)) = &self.plane {
-            let inv_depth = plane.inv_depth(shade.to);
+            let inv_depth = plane.inv_depth(shade.offset);
             let z = (L::splat(1.0) / inv_depth).masked(shade.drawn);
             let (cost, _) = grads.distortion(b, inv_depth, L::splat(0.0));
             value = value + L::load(&grads.depth[b]).mul_add(z, L::load(&grads.distortion[b]) * cost);
@@ -354,7 +354,7 @@ impl<'a, L: Lanes> BackwardSplat<'a, L> {
         value
     }
 
-    /// Adds what block `b` gives, of which the transmittance in front, Σ w ∂L/∂w behind, and the value are known.
+    /// Adds the gradient of block `b` for the transmittance in front, Σ w ∂L/∂w behind, and the layer's ∂L/∂w.
     #[inline(always)]
     fn add_grad(
         &self,
@@ -392,8 +392,8 @@ impl<'a, L: Lanes> BackwardSplat<'a, L> {
         for (i, edge) in edges.into_iter().enumerate() {
             let at = RATIO + 3 * i;
             out[at] = out[at] + d_ratio.masked(edge);
-            out[at + 1] = out[at + 1].add_where(edge, d_ratio, s.to.x);
-            out[at + 2] = out[at + 2].add_where(edge, d_ratio, s.to.y);
+            out[at + 1] = out[at + 1].add_where(edge, d_ratio, s.offset.x);
+            out[at + 2] = out[at + 2].add_where(edge, d_ratio, s.offset.y);
         }
         if let Some((grads, plane)) = &self.plane {
             grads.add_plane(&mut sums.geometry, b, plane, s, weight, [before, after]);

@@ -30,15 +30,17 @@ pub(super) struct BlockLayer {
     pub(super) behind: [f32; LANES],
 }
 
-/// What ends the pixels of a block: one layer whose alpha does so alone, or two that do together, whatever lies
-/// in front of them. Layers behind it are never projected.
+/// Depth of the occluder of each pixel of a block, for early termination: one layer whose alpha alone ends the
+/// pixel, or two that do so together, whatever lies in front of them. Layers behind it are never seen.
 struct OccluderDepth<L> {
     /// 1 / depth of the occluder, 0 where there is none.
-    at: L,
-    /// 1 / depth of the nearest layer that is half a occluder.
-    nearest: L,
-    whole: L,
-    half: L,
+    inv_depth: L,
+    /// 1 / depth of the nearest layer of which two end a pixel.
+    nearest_half: L,
+    /// Alpha above which one layer ends a pixel.
+    whole_alpha: L,
+    /// Alpha above which two layers end a pixel.
+    half_alpha: L,
 }
 
 impl<L: Lanes> OccluderDepth<L> {
@@ -46,16 +48,16 @@ impl<L: Lanes> OccluderDepth<L> {
     fn new(min_transmittance: f32) -> Self {
         let zero = L::splat(0.0);
         let (whole, half) = (1.0 - min_transmittance, 1.0 - min_transmittance.sqrt());
-        Self { at: zero, nearest: zero, whole: L::splat(whole), half: L::splat(half) }
+        Self { inv_depth: zero, nearest_half: zero, whole_alpha: L::splat(whole), half_alpha: L::splat(half) }
     }
 
     /// Adds a layer; its alpha is 0 where it is not drawn.
     #[inline(always)]
     fn add(&mut self, inv_depth: L, alpha: L) {
-        let alone = inv_depth.masked(self.whole.lt(alpha));
-        let half = inv_depth.masked(self.half.lt(alpha));
-        self.at = self.at.max(alone).max(half.min(self.nearest));
-        self.nearest = self.nearest.max(half);
+        let alone = inv_depth.masked(self.whole_alpha.lt(alpha));
+        let half = inv_depth.masked(self.half_alpha.lt(alpha));
+        self.inv_depth = self.inv_depth.max(alone).max(half.min(self.nearest_half));
+        self.nearest_half = self.nearest_half.max(half);
     }
 }
 
@@ -107,8 +109,8 @@ impl BlockLayers {
         for (entry, e) in entries.iter().enumerate().filter(|(_, e)| e.blocks >> b & 1 == 1) {
             let splat = BroadcastSplat::<L>::new(&splats.records[e.splat as usize]);
             let plane = BroadcastPlane::<L>::new(&splats.planes[e.splat as usize]);
-            let inv_depth = plane.inv_depth(splat.to(self.corner));
-            let in_front = occluder.at.le(inv_depth);
+            let inv_depth = plane.inv_depth(splat.offset(self.corner));
+            let in_front = occluder.inv_depth.le(inv_depth);
             if L::bits(in_front) == 0 {
                 continue;
             }
@@ -144,7 +146,7 @@ impl BlockLayers {
     /// Blends every pixel in its own order, ties by index: sets what is in front of and behind every layer, and
     /// leaves out the layers behind the one that ends a pixel.
     ///
-    /// Each round takes the nearest layer left of all sixteen pixels at once: pixels of hard scenes have few.
+    /// Each round takes the nearest remaining layer of all sixteen pixels at once; pixels of opaque scenes have few.
     #[inline(always)]
     pub(super) fn replay<L: Lanes>(
         &mut self,
@@ -181,7 +183,7 @@ impl BlockLayers {
         }
     }
 
-    /// The nearest layer left at each pixel of `alive`.
+    /// The nearest remaining layer at each pixel of `alive`.
     #[inline(always)]
     fn front<L: Lanes>(&self, alive: u16) -> Option<FrontLayer<L>> {
         let zero = L::splat(0.0);
@@ -203,7 +205,7 @@ impl BlockLayers {
         (lanes != 0).then_some(front)
     }
 
-    /// Layer `i`, and what it looks like on the pixels it is drawn on.
+    /// Layer `i`, and its shading on the pixels it is drawn on.
     #[inline(always)]
     pub(super) fn shade<L: Lanes>(
         &self,

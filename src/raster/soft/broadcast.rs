@@ -20,7 +20,7 @@ pub(super) struct BroadcastSplat<L> {
     pub(super) rgb: [L; 3],
 }
 
-/// PixelLimits every pixel obeys.
+/// Bounds of the alpha and the transmittance of every pixel.
 #[derive(Clone, Copy)]
 pub(super) struct PixelLimits<L> {
     pub(super) cap: L,
@@ -54,7 +54,7 @@ impl<L: Lanes> PixelLimits<L> {
 #[derive(Clone, Copy)]
 pub(super) struct BlockShade<L: Lanes> {
     /// p - origin, px.
-    pub(super) to: V2<L>,
+    pub(super) offset: V2<L>,
     pub(super) ratios: [L; 3],
     /// The ratio, the coverage, or the distance from the nearest edge in px.
     pub(super) ratio: L,
@@ -88,28 +88,28 @@ impl<L: Lanes> BroadcastSplat<L> {
         transmittance: L,
         limits: &PixelLimits<L>,
     ) -> Option<BlockShade<L>> {
-        let to = self.to(corner);
-        let ratios = window::ratios(&self.edge, self.shift, to);
+        let offset = self.offset(corner);
+        let ratios = window::ratios(&self.edge, self.shift, offset);
         let ratio = limits.ratio(&ratios);
         let drawn = self.floor.le(ratio).and(limits.min_transmittance.le(transmittance));
         if L::bits(drawn) == 0 {
             return None;
         }
-        Some(self.finish(to, ratios, ratio, drawn, limits))
+        Some(self.finish(offset, ratios, ratio, drawn, limits))
     }
 
-    /// The same, even when no pixel is drawn.
+    /// [`Self::shade`], even when no pixel is drawn.
     #[inline(always)]
     pub(super) fn shade_all(&self, corner: [f32; 2], limits: &PixelLimits<L>) -> BlockShade<L> {
-        let to = self.to(corner);
-        let ratios = window::ratios(&self.edge, self.shift, to);
+        let offset = self.offset(corner);
+        let ratios = window::ratios(&self.edge, self.shift, offset);
         let ratio = limits.ratio(&ratios);
-        self.finish(to, ratios, ratio, self.floor.le(ratio), limits)
+        self.finish(offset, ratios, ratio, self.floor.le(ratio), limits)
     }
 
     /// p - origin on the block whose top left pixel is `corner`, px.
     #[inline(always)]
-    pub(super) fn to(&self, corner: [f32; 2]) -> V2<L> {
+    pub(super) fn offset(&self, corner: [f32; 2]) -> V2<L> {
         V2::new(
             L::load(&LANE_X) + L::splat(corner[0] + 0.5 - self.origin[0]),
             L::load(&LANE_Y) + L::splat(corner[1] + 0.5 - self.origin[1]),
@@ -119,7 +119,7 @@ impl<L: Lanes> BroadcastSplat<L> {
     #[inline(always)]
     fn finish(
         &self,
-        to: V2<L>,
+        offset: V2<L>,
         ratios: [L; 3],
         ratio: L,
         drawn: L::Mask,
@@ -134,7 +134,7 @@ impl<L: Lanes> BroadcastSplat<L> {
             Window::Sigmoid => (L::splat(0.0), self.log2_opacity.exp2() * window::sigmoid(ratio, self.sigma)),
         };
         let alpha = raw.min(limits.cap).masked(drawn);
-        BlockShade { to, ratios, ratio, log2_ratio, raw, alpha, drawn }
+        BlockShade { offset, ratios, ratio, log2_ratio, raw, alpha, drawn }
     }
 }
 
@@ -160,10 +160,10 @@ impl<L: Lanes> BroadcastPlane<L> {
         }
     }
 
-    /// 1 / z at the pixels `to` away from the origin; positive inside the triangle, and kept so against rounding.
+    /// 1 / z at `offset` from the origin; positive inside the triangle, and bounded away from 0 against rounding.
     #[inline(always)]
-    pub(super) fn inv_depth(&self, to: V2<L>) -> L {
-        self.slope.y.mul_add(to.y, self.slope.x.mul_add(to.x, self.inv_depth)).max(L::splat(1e-20))
+    pub(super) fn inv_depth(&self, offset: V2<L>) -> L {
+        self.slope.y.mul_add(offset.y, self.slope.x.mul_add(offset.x, self.inv_depth)).max(L::splat(1e-20))
     }
 }
 

@@ -1,4 +1,4 @@
-//! World triangles in camera space, cut at the near plane.
+//! World triangles in camera space, clipped at the near plane.
 
 use crate::camera::Camera;
 use crate::kernel::clip::{self, Corner, Piece};
@@ -40,13 +40,13 @@ pub(super) fn vec3(v: V3<f32>) -> Vec3 {
     Vec3::new(v.x, v.y, v.z)
 }
 
-/// A triangle in camera space before it is cut at the near plane.
-pub(super) struct UncutTriangle {
+/// A triangle in camera space before it is clipped at the near plane.
+pub(super) struct UnclippedTriangle {
     pub(super) whole: CameraTriangle<f32>,
     pub(super) corners: [V3<f32>; 3],
 }
 
-impl UncutTriangle {
+impl UnclippedTriangle {
     #[inline]
     pub(super) fn new(camera: &KernelCamera, [v0, v1, v2]: &[Vec3; 3]) -> Self {
         let first = v3(camera.rotation * *v0 + camera.translation);
@@ -60,7 +60,7 @@ impl UncutTriangle {
         if corner.from == corner.to { from } else { clip::near_point(from, to, near) }
     }
 
-    /// A piece of it.
+    /// One of its pieces in front of the near plane.
     #[inline]
     pub(super) fn piece(&self, piece: &Piece, near: f32) -> CameraTriangle<f32> {
         if *piece == clip::WHOLE {

@@ -1,4 +1,4 @@
-//! From the pixels' sums to the gradients of the corners in camera space, sixteen splats at once.
+//! The gradients of the corners in camera space from those of the pixels, sixteen splats at once.
 
 use super::options::{SoftOptions, Window};
 use super::slots::{GEOMETRY_SUMS, OPACITY, RATIO};
@@ -7,7 +7,7 @@ use crate::kernel::splat::{self, CameraTriangle, DepthPlaneGrad, SplatGrad};
 use crate::math::lanes::{LANES, Lanes, Work, dispatch};
 use crate::math::vec::{V2, V3};
 
-/// Gradient of the corners of every splat; anything for one that was not drawn.
+/// Gradient of the corners of every splat; arbitrary for one that was not drawn.
 pub(super) fn corner_grads(
     corners: &[CameraTriangle<f32>],
     sums: &[SplatSums],
@@ -27,7 +27,7 @@ struct CornerGrads<'a> {
     out: &'a mut Vec<CameraTriangle<f32>>,
 }
 
-/// Numbers of a splat's corners, and of its sums from [`OPACITY`] on.
+/// Number of values of a splat's corners, and of its sums from [`OPACITY`] on.
 const CORNER_NUMBERS: usize = 9;
 const SUM_NUMBERS: usize = RATIO + 9 - OPACITY;
 

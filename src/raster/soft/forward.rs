@@ -1,4 +1,4 @@
-//! The forward pass: one tile after the other, each front to back.
+//! The forward pass: blends the splats of every tile front to back.
 
 use super::block_layers::BlockLayers;
 use super::broadcast::{BlockShade, BroadcastPlane, BroadcastSplat, DepthMap, PixelLimits};
@@ -43,7 +43,7 @@ pub(super) fn draw(
 struct DrawTile<'a> {
     splats: &'a Splats,
     entries: &'a mut [TileEntry],
-    /// Empty when not asked for.
+    /// Empty when no importance is asked for.
     weights: &'a mut [WeightSlot],
     pixels: &'a mut TilePixels,
     corner: UVec2,
@@ -65,7 +65,7 @@ impl Work for DrawTile<'_> {
 }
 
 impl DrawTile<'_> {
-    /// Sets the pixels to nothing; gives the blocks that lie in the image.
+    /// Clears the pixels; returns the blocks that lie in the image, one bit each.
     #[inline(always)]
     fn clear(&mut self) -> u32 {
         let whole = tile_grid::is_whole(self.size, self.corner);
@@ -212,7 +212,7 @@ impl<L: Lanes> WeightStats<L> {
 }
 
 impl TilePixels {
-    /// Adds a layer to all but the transmittance; gives its weight and the transmittance behind it.
+    /// Adds a layer to all but the transmittance; returns its weight and the transmittance behind it.
     #[inline(always)]
     fn blend<L: Lanes>(
         &mut self,
@@ -244,7 +244,7 @@ impl TileGeometry {
         plane: &BroadcastPlane<L>,
         shade: &BlockShade<L>,
     ) {
-        let (drawn, inv_depth) = (shade.drawn, plane.inv_depth(shade.to));
+        let (drawn, inv_depth) = (shade.drawn, plane.inv_depth(shade.offset));
         let z = (L::splat(1.0) / inv_depth).masked(drawn);
         add(&mut self.depth[b], weight, z);
         add(&mut self.normal[0][b], weight, plane.normal.x);

@@ -1,4 +1,4 @@
-//! What the soft rasteriser draws, and the gradient of a loss by it.
+//! What the soft rasteriser draws, and the gradient of a loss with respect to it.
 
 use glam::UVec2;
 
@@ -9,7 +9,7 @@ pub struct Frame {
     pub size: UVec2,
     /// Colour, background included; not clamped above. sRGB-encoded unless [`SoftOptions::linear`](super::SoftOptions::linear).
     pub rgb: Vec<[f32; 3]>,
-    /// Part of the background that is seen.
+    /// Transmittance T behind the last layer: the visible part of the background.
     pub transmittance: Vec<f32>,
     /// Σ w z; divide by 1 - transmittance for the expected depth. Empty unless asked for.
     pub depth: Vec<f32>,
@@ -21,7 +21,7 @@ pub struct Frame {
     pub distortion: Vec<f32>,
 }
 
-/// ∂L of a [`Frame`]; empty means zero, except `d_rgb`, which is always needed.
+/// Gradient of a loss L with respect to a [`Frame`]; empty means zero, except `d_rgb`, which is always needed.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FrameGrad {
     /// ∂L/∂rgb. `[height * width]`
@@ -36,6 +36,6 @@ pub struct FrameGrad {
     pub d_normal: Vec<[f32; 3]>,
     /// ∂L/∂distortion.
     pub d_distortion: Vec<f32>,
-    /// Not a gradient: how wrong each pixel is, shared out among the triangles it shows by their weights.
+    /// Not a gradient: an error per pixel, which is distributed over the triangles it shows by their weights.
     pub error: Vec<f32>,
 }

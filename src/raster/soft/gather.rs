@@ -1,6 +1,6 @@
-//! From the sums of (splat, tile) pairs to the gradient of every triangle, in a fixed order.
+//! Gathers the gradients of (splat, tile) pairs into those of the triangles, in a fixed order.
 
-use super::camera_space::{KernelCamera, UncutTriangle, direction, vec3};
+use super::camera_space::{KernelCamera, UnclippedTriangle, direction, vec3};
 use super::corners::corner_grads;
 use super::options::SoftOptions;
 use super::slots::{ERROR, GradSlots, OPACITY, RGB, SIGMA};
@@ -95,7 +95,7 @@ impl GradRows<'_> {
         self.sh[i * self.k..(i + 1) * self.k].fill([0.0; 3]);
     }
 
-    /// Writes the rows of the triangles that were drawn; gives them and the number of non-finite ones.
+    /// Writes the rows of the triangles that were drawn; returns them and the number of non-finite ones.
     fn fill(
         &mut self,
         pairs: &PairGrads,
@@ -145,7 +145,7 @@ impl GradRows<'_> {
         let out = &mut self.sh[i * self.k..(i + 1) * self.k];
         let used = soup.active_sh(triangle);
         // The colour is clamped at 0, where nothing passes. In linear light it is clamped at 1 too, as engines do,
-        // but there the gradient passes, or a colour too bright could never come back.
+        // but there the gradient passes, or a colour above 1 could never come back.
         let d_rgb = std::array::from_fn(|c| match rgb[c] > 0.0 {
             true if linear => row.rgb[c] * decode(srgb_from_linear(rgb[c])).1,
             true => row.rgb[c],
@@ -170,7 +170,7 @@ impl GradRows<'_> {
     }
 }
 
-/// Gradients of the coefficients into `out`; gives ∂L/∂(centroid - camera).
+/// Writes the gradients of the coefficients to `out`; returns ∂L/∂(centroid - camera).
 fn color_grad(
     d: [f32; 3],
     triangle: usize,
@@ -201,11 +201,11 @@ fn corners(
     camera: &KernelCamera,
     near: f32,
 ) -> CameraTriangle<f32> {
-    UncutTriangle::new(camera, &soup.vertices[projected.record.triangle as usize])
+    UnclippedTriangle::new(camera, &soup.vertices[projected.record.triangle as usize])
         .piece(&projected.piece, near)
 }
 
-/// Gradient of one triangle, but for the SH.
+/// Gradient of one triangle without the SH.
 #[derive(Default)]
 struct GradRow {
     vertices: [Vec3; 3],
@@ -226,7 +226,7 @@ impl GradRow {
         self.error += sums.base[ERROR];
     }
 
-    /// Adds to the vertices in the world what the corners of a piece in camera space give.
+    /// Adds to the world vertices the gradient of a piece's corners in camera space.
     fn add_corners(
         &mut self,
         d: &CameraTriangle<f32>,
@@ -243,13 +243,14 @@ impl GradRow {
             }
             return;
         }
-        let uncut = UncutTriangle::new(camera, triangle);
+        let unclipped = UnclippedTriangle::new(camera, triangle);
         for (corner, d) in projected.piece.iter().zip(each) {
             let (from, to) = (corner.from as usize, corner.to as usize);
             if from == to {
                 self.vertices[from] += back * vec3(d);
             } else {
-                let (d_from, d_to) = clip::near_point_grad(uncut.corners[from], uncut.corners[to], near, d);
+                let (d_from, d_to) =
+                    clip::near_point_grad(unclipped.corners[from], unclipped.corners[to], near, d);
                 self.vertices[from] += back * vec3(d_from);
                 self.vertices[to] += back * vec3(d_to);
             }

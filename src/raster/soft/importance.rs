@@ -1,4 +1,4 @@
-//! How much every triangle matters, over many views.
+//! The importance of every triangle over many views.
 
 use super::slots::WeightSlot;
 use super::splats::{CHUNK, Projection};
@@ -23,14 +23,14 @@ pub struct Importance {
 }
 
 impl Importance {
-    /// Nothing projected yet, for `count` triangles.
+    /// Zeros for `count` triangles.
     pub fn new(count: usize) -> Self {
         let mut out = Self::default();
         out.reset(count);
         out
     }
 
-    /// Forgets everything and makes room for `count` triangles.
+    /// Sets everything to zero, for `count` triangles.
     pub fn reset(&mut self, count: usize) {
         for values in [&mut self.max_weight, &mut self.sum_weight, &mut self.max_radius_px] {
             values.clear();
@@ -64,7 +64,7 @@ impl Importance {
                     let i = pieces[0].record.triangle as usize - c * CHUNK;
                     let mut all = WeightSlot::default();
                     for projected in pieces {
-                        all.add(&of_splat(tiles, weights, projected.place));
+                        all.add(&of_splat(tiles, weights, projected.rank));
                         radius[i] = radius[i].max(projected.radius_px);
                     }
                     max[i] = max[i].max(all.max);
@@ -77,9 +77,9 @@ impl Importance {
 }
 
 /// Weights of a splat in all tiles.
-fn of_splat(tiles: &Tiles, weights: &[WeightSlot], place: u32) -> WeightSlot {
+fn of_splat(tiles: &Tiles, weights: &[WeightSlot], rank: u32) -> WeightSlot {
     let mut out = WeightSlot::default();
-    for entry in tiles.entries_of_splat(place) {
+    for entry in tiles.entries_of_splat(rank) {
         out.add(&weights[*entry as usize]);
     }
     out

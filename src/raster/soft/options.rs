@@ -29,7 +29,7 @@ pub enum Window {
 }
 
 impl Window {
-    /// What distances from edges are measured in: how many of it an inradius of so many px is.
+    /// An inradius, px, in the unit of this window's distances from edges.
     #[inline(always)]
     pub(super) fn scale(self, inradius: f32) -> f32 {
         match self {
@@ -51,15 +51,15 @@ pub struct SoftOptions {
     pub linear: bool,
     /// Blending order.
     pub sort: Sort,
-    /// Largest alpha of a layer, in (0, 1]; 0.99 in the reference, 1 for solid triangles.
+    /// Largest alpha of a layer, in (0, 1]; 0.99 in the reference code, 1 for solid triangles.
     pub alpha_cap: f32,
     /// Smallest o · I that is drawn: the one cutoff, of bounds and of pixels.
     pub cutoff: f32,
-    /// A pixel ends with the layer that brings its transmittance below this.
+    /// A pixel terminates with the layer that brings its transmittance below this.
     pub min_transmittance: f32,
-    /// Whether gradients pass through φ(s) and the fade; false holds the inradius constant as the reference does.
+    /// Whether gradients pass through φ(s) and the fade; false holds the inradius constant as the reference code does.
     pub exact_incenter: bool,
-    /// Depth of the near plane at which triangles are cut, world units, > 0.
+    /// Depth of the near plane at which triangles are clipped, world units, > 0.
     pub near: f32,
     /// Inradius from which a triangle has its full opacity, px; smaller ones fade smoothly; 0 never fades.
     pub fade_px: f32,
@@ -67,9 +67,9 @@ pub struct SoftOptions {
     pub ratio_least: f32,
     /// Whether depth, normal and distortion are drawn too.
     pub geometry: bool,
-    /// Depths mapped to 0 and 1 before the distortion is taken (0.2 and 100 in the reference).
+    /// Depths mapped to 0 and 1 before the distortion is taken (0.2 and 100 in the reference code).
     pub depth_range: [f32; 2],
-    /// Whether the weights for [`Soft::accumulate_importance`] are summed.
+    /// Whether the weights for [`Soft::accumulate_importance`](super::Soft::accumulate_importance) are summed.
     pub importance: bool,
 }
 

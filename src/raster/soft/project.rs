@@ -1,6 +1,6 @@
-//! Triangles of the world to splats on the screen, front to back.
+//! Projects world triangles to splats on the screen, and orders them front to back.
 
-use super::camera_space::{KernelCamera, UncutTriangle, direction};
+use super::camera_space::{KernelCamera, UnclippedTriangle, direction};
 use super::options::{SoftOptions, Sort, Window};
 use super::sort::{self, DepthKey};
 use super::soup_ref::SoupRef;
@@ -46,17 +46,17 @@ impl Projection {
         for (c, chunk) in self.chunks.iter().enumerate() {
             // At most two splats per triangle, so the index in a chunk fits in 11 bits.
             let key =
-                |(i, depth): (usize, &u32)| DepthKey { depth: *depth, place: (c * 2 * CHUNK + i) as u32 };
+                |(i, depth): (usize, &u32)| DepthKey { depth: *depth, index: (c * 2 * CHUNK + i) as u32 };
             self.keys.extend(chunk.depths.iter().enumerate().map(key));
         }
         sort::by_depth(&mut self.keys, &mut self.scratch);
-        for (place, key) in self.keys.iter().enumerate() {
-            let from = key.place as usize;
-            self.chunks[from / (2 * CHUNK)].projected[from % (2 * CHUNK)].place = place as u32;
+        for (rank, key) in self.keys.iter().enumerate() {
+            let from = key.index as usize;
+            self.chunks[from / (2 * CHUNK)].projected[from % (2 * CHUNK)].rank = rank as u32;
         }
         let chunks = &self.chunks;
         let projected = |key: &DepthKey| {
-            &chunks[key.place as usize / (2 * CHUNK)].projected[key.place as usize % (2 * CHUNK)]
+            &chunks[key.index as usize / (2 * CHUNK)].projected[key.index as usize % (2 * CHUNK)]
         };
         let splats = &mut self.splats;
         self.keys.par_iter().map(|k| projected(k).record).collect_into_vec(&mut splats.records);
@@ -72,11 +72,11 @@ impl SplatChunk {
             return;
         }
         let triangle = &soup.vertices[i];
-        let uncut = UncutTriangle::new(camera, triangle);
-        let (pieces, count) = clip::pieces(uncut.corners.map(|v| v.z >= options.near));
+        let unclipped = UnclippedTriangle::new(camera, triangle);
+        let (pieces, count) = clip::pieces(unclipped.corners.map(|v| v.z >= options.near));
         let first = self.projected.len();
         for piece in &pieces[..count] {
-            let corners = uncut.piece(piece, options.near);
+            let corners = unclipped.piece(piece, options.near);
             let projected = project_piece(&corners, soup.opacity[i], soup.sigma[i], camera, options);
             if let Some(mut projected) = projected {
                 projected.record.triangle = i as u32;
@@ -96,7 +96,7 @@ impl SplatChunk {
     }
 }
 
-/// Everything but the colour of a splat; nothing when it is not drawn.
+/// The splat of a piece, without its colour; `None` when it is not drawn.
 fn project_piece(
     corners: &CameraTriangle<f32>,
     opacity: f32,
@@ -146,7 +146,7 @@ fn project_piece(
         rgb: [0.0; 3],
         triangle: 0,
     };
-    Some(ProjectedSplat { record, bounds, plane, piece: clip::WHOLE, radius_px: radius(&splat), place: 0 })
+    Some(ProjectedSplat { record, bounds, plane, piece: clip::WHOLE, radius_px: radius(&splat), rank: 0 })
 }
 
 const NO_PLANE: DepthPlane<f32> =

@@ -1,13 +1,13 @@
-//! What the passes leave per (splat, tile) pair, and the sums of a splat over its tiles.
+//! What the passes leave per (splat, tile) pair, in the order of the tiles' entries.
 
 use crate::math::lanes::LANES;
 
-/// Sums over the pixels of a tile; see the constants for what is where.
+/// Gradients of a splat summed over the pixels of a tile; the constants name the entries.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(C, align(64))]
 pub(super) struct GradSlot(pub(super) [f32; LANES]);
 
-/// The same for the geometry: ∂L/∂(1/z), that times p - origin (2), ∂L/∂normal (3).
+/// The same for depth and normal: ∂L/∂(1/z), that times p - origin (2), ∂L/∂normal (3).
 pub(super) type GeometryGradSlot = [f32; GEOMETRY_SUMS];
 
 /// ∂L/∂rgb at 0, 1, 2.
@@ -34,7 +34,7 @@ pub(super) struct WeightSlot {
 }
 
 impl WeightSlot {
-    /// Joins the weights on other pixels of the tile.
+    /// Adds the weights on other pixels of the tile.
     #[inline(always)]
     pub(super) fn add(&mut self, other: &Self) {
         self.max = self.max.max(other.max);

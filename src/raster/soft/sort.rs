@@ -1,12 +1,12 @@
 //! Stable radix sort by depth.
 
-/// Depth of a splat and where it is to be found.
+/// Depth of a splat and its index.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct DepthKey {
-    /// Bits of the depth, which is positive, so that they sort as it does.
+    /// Bits of the depth, which is positive, so that they sort in its order.
     pub(super) depth: u32,
-    /// Where the splat is.
-    pub(super) place: u32,
+    /// Index of the splat before the sort.
+    pub(super) index: u32,
 }
 
 const BITS: u32 = 11;
@@ -43,7 +43,7 @@ mod tests {
     fn sorts_as_a_stable_sort_does() {
         let rng = crate::rng::Rng::new(1, "sort", 0);
         let mut keys: Vec<DepthKey> = (0..5000)
-            .map(|i| DepthKey { depth: ((rng.uniform(i) * 300.0).floor() * 0.1).to_bits(), place: i as u32 })
+            .map(|i| DepthKey { depth: ((rng.uniform(i) * 300.0).floor() * 0.1).to_bits(), index: i as u32 })
             .collect();
         let mut expected = keys.clone();
         expected.sort_by_key(|k| k.depth);

@@ -1,8 +1,8 @@
-//! The gradient of a loss by a soup.
+//! The gradient of a loss with respect to a soup.
 
 use glam::Vec3;
 
-/// ∂L of a soup; rows of triangles that are not `visible` are zero.
+/// Gradient of a loss L with respect to a soup; rows of triangles that are not `visible` are zero.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SoupGrad {
     /// ∂L/∂vertices. `[N, 3]`
@@ -13,7 +13,7 @@ pub struct SoupGrad {
     pub sigma: Vec<f32>,
     /// ∂L/∂sh. `[N * K]`
     pub sh: Vec<[f32; 3]>,
-    /// Each triangle's share of [`FrameGrad::error`], Σ w error over the pixels. `[N]`
+    /// Each triangle's share of [`FrameGrad::error`](super::FrameGrad::error), Σ w error over the pixels. `[N]`
     pub error: Vec<f32>,
     /// Triangles that were drawn on at least one pixel, ascending.
     pub visible: Vec<u32>,

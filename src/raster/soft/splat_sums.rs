@@ -13,14 +13,14 @@ pub(super) struct SplatSums {
 }
 
 impl SplatSums {
-    /// The sums of every splat of a chunk. A loop of its own: its many scattered reads then overlap.
+    /// The sums of every splat of a chunk. In a separate loop, so that its many scattered reads overlap.
     pub(super) fn of_chunk(
         tiles: &Tiles,
         slots: &GradSlots,
         projected: &[ProjectedSplat],
         geometry: bool,
     ) -> Vec<Self> {
-        let entries = |splat: &ProjectedSplat| tiles.entries_of_splat(splat.place);
+        let entries = |splat: &ProjectedSplat| tiles.entries_of_splat(splat.rank);
         let mut out = Vec::with_capacity(projected.len());
         for (i, s) in projected.iter().enumerate() {
             if let Some(ahead) = projected.get(i + SLOTS_AHEAD) {

@@ -47,7 +47,7 @@ pub(super) struct ProjectedSplat {
     /// Largest distance of a corner from the centroid, px.
     pub(super) radius_px: f32,
     /// Its index after the sort.
-    pub(super) place: u32,
+    pub(super) rank: u32,
 }
 
 /// The splats of one chunk of triangles, in the triangles' order.

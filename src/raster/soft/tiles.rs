@@ -1,4 +1,4 @@
-//! Which splats touch which tiles, and in each tile which 4x4-pixel blocks.
+//! Bins splats into the tiles they touch, and in each tile the 4x4-pixel blocks.
 
 use super::options::Window;
 use super::splats::{ScreenBox, SplatRecord, Splats};
@@ -43,7 +43,7 @@ pub(super) struct Tiles {
     pub(super) entries: Vec<TileEntry>,
     /// First pair of every splat, and the end. `[splats + 1]`
     pub(super) pairs: Vec<u32>,
-    /// Which entry a pair became.
+    /// Entry of every pair.
     pub(super) entry_of_pair: Vec<u32>,
     ranges: Vec<BinnedRange>,
 }
@@ -59,11 +59,11 @@ impl Tiles {
         &self.entries[self.starts[tile] as usize..self.starts[tile + 1] as usize]
     }
 
-    /// The entries of the splat that is at `place` in depth order.
+    /// The entries of the splat of index `rank` in depth order.
     #[inline]
-    pub(super) fn entries_of_splat(&self, place: u32) -> &[u32] {
-        let place = place as usize;
-        &self.entry_of_pair[self.pairs[place] as usize..self.pairs[place + 1] as usize]
+    pub(super) fn entries_of_splat(&self, rank: u32) -> &[u32] {
+        let rank = rank as usize;
+        &self.entry_of_pair[self.pairs[rank] as usize..self.pairs[rank + 1] as usize]
     }
 
     /// Top left pixel of a tile.
@@ -129,7 +129,7 @@ impl Tiles {
     }
 }
 
-/// Cuts `values`, one per pair, into those of each tile; `starts` are the tiles'.
+/// Splits `values`, one per pair, by tile; `starts` as in [`Tiles::starts`].
 pub(super) fn split_by_tile<'a, T>(mut values: &'a mut [T], starts: &[u32]) -> Vec<&'a mut [T]> {
     starts
         .windows(2)
@@ -162,7 +162,7 @@ impl Work for Emit<'_> {
     }
 }
 
-/// Tiles `from..=to` that hold a pixel centre in [lo, hi]; nothing when from > to.
+/// Tiles `from..=to` that hold a pixel centre in [lo, hi]; none when from > to.
 #[inline(always)]
 fn tiles_between(lo: f32, hi: f32, size: f32) -> (u32, u32) {
     let first = (lo - 0.5 - MARGIN).ceil().max(0.0);
@@ -191,10 +191,10 @@ fn emit<L: Lanes>(
     for ty in y0..=y1 {
         for tx in x0..=x1 {
             let corner = [(tx * TILE) as f32, (ty * TILE) as f32];
-            let to = [corner[0] - record.origin[0], corner[1] - record.origin[1]];
-            let all = touches(reaches[0], record.edge[0], to)
-                .and(touches(reaches[1], record.edge[1], to))
-                .and(touches(reaches[2], record.edge[2], to))
+            let offset = [corner[0] - record.origin[0], corner[1] - record.origin[1]];
+            let all = touches(reaches[0], record.edge[0], offset)
+                .and(touches(reaches[1], record.edge[1], offset))
+                .and(touches(reaches[2], record.edge[2], offset))
                 .and(overlaps(block_x, bounds.lo[0] - corner[0], bounds.hi[0] - corner[0]))
                 .and(overlaps(block_y, bounds.lo[1] - corner[1], bounds.hi[1] - corner[1]));
             let blocks = L::bits(all);
@@ -205,7 +205,7 @@ fn emit<L: Lanes>(
     }
 }
 
-/// Half the side of the box of a block's pixel centres, and the margin.
+/// Half the side of the box of a block's pixel centres, plus the margin.
 const HALF: f32 = 1.5 + MARGIN;
 
 /// For every block the largest ratio to one edge, plus `constant`, were the tile at the splat's origin.
@@ -215,10 +215,10 @@ fn reach<L: Lanes>([ex, ey]: [f32; 2], constant: f32, block_x: L, block_y: L) ->
     L::splat(ex).mul_add(block_x, L::splat(ey).mul_add(block_y, constant))
 }
 
-/// Whether the edge leaves something of each block of the tile that is `to` away from the origin.
+/// Whether each block of the tile at `offset` from the origin is not wholly outside the edge.
 #[inline(always)]
-fn touches<L: Lanes>(reach: L, [ex, ey]: [f32; 2], to: [f32; 2]) -> L::Mask {
-    L::splat(0.0).le(reach + L::splat(ex * to[0] + ey * to[1]))
+fn touches<L: Lanes>(reach: L, [ex, ey]: [f32; 2], offset: [f32; 2]) -> L::Mask {
+    L::splat(0.0).le(reach + L::splat(ex * offset[0] + ey * offset[1]))
 }
 
 /// Whether [lo, hi] overlaps the blocks along one axis.

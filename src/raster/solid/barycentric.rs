@@ -5,7 +5,7 @@ use crate::camera::Camera;
 use crate::mesh::Mesh;
 use glam::{DVec3, Vec3};
 
-/// [`Visibility::barycentrics`] for many samples of few faces.
+/// Perspective-correct barycentric coordinates of many samples of few faces.
 #[derive(Debug, Clone)]
 pub struct Barycentrics<'a> {
     mesh: &'a Mesh,
@@ -13,7 +13,7 @@ pub struct Barycentrics<'a> {
 }
 
 impl<'a> Barycentrics<'a> {
-    /// For the mesh and camera that were drawn with so many samples along each axis of a pixel.
+    /// For the mesh and camera that were drawn with `samples` samples along each axis of a pixel.
     pub fn new(mesh: &'a Mesh, camera: &Camera, samples: u32) -> Self {
         Self { mesh, projector: Projector::new(camera, samples, 0.0) }
     }
@@ -23,7 +23,7 @@ impl<'a> Barycentrics<'a> {
         FaceBarycentrics::new(&self.projector, self.mesh.corners(face as usize))
     }
 
-    /// The same in the middle of a pixel of so many samples along each axis.
+    /// [`Self::weights`] in the middle of a pixel.
     #[inline(always)]
     pub fn weights_in_pixel(&self, face: &FaceBarycentrics, x: u32, y: u32) -> [f32; 3] {
         face.weights(self.projector.ray_in_pixel(x, y))
@@ -36,10 +36,10 @@ impl<'a> Barycentrics<'a> {
     }
 }
 
-/// A face as barycentric coordinates need it.
+/// What barycentric coordinates need of a face.
 #[derive(Debug, Clone, Copy)]
 pub struct FaceBarycentrics {
-    /// Corner i's weight is in proportion to the i-th times the ray.
+    /// Corner i's weight is proportional to the dot product of the i-th and the ray.
     opposite: [DVec3; 3],
 }
 
@@ -54,7 +54,7 @@ impl FaceBarycentrics {
     fn weights(&self, ray: DVec3) -> [f32; 3] {
         let parts = self.opposite.map(|n| n.dot(ray));
         let per = 1.0 / (parts[0] + parts[1] + parts[2]);
-        // A sample may lie outside by what corners were moved when they were snapped.
+        // Snapping moved the corners, so a sample may lie slightly outside.
         let kept = parts.map(|p| (p * per).max(0.0));
         let sum = kept[0] + kept[1] + kept[2];
         if !(sum > 0.0 && sum.is_finite()) {

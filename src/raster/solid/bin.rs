@@ -1,4 +1,4 @@
-//! Faces to the screen, and into the tiles that they touch.
+//! Projects faces and puts them into the bins of the tiles that they touch.
 
 use super::bins::{
     Batch, LargeTriangle, SnappedTriangle, TILE_HEIGHT, TILE_WIDTH, TINY, TinyTriangle, extent,
@@ -13,9 +13,9 @@ use rayon::prelude::*;
 
 /// Faces that are projected together.
 const GROUP: usize = 16;
-/// Fewest faces that are worth a batch of their own.
+/// Smallest number of faces in a batch.
 const LEAST_BATCH: usize = 4096;
-/// Fills the bins. How many batches there are does not show in the picture.
+/// Fills the bins. The picture does not depend on the number of batches.
 pub(super) fn bin(batches: &mut Vec<Batch>, mesh: &Mesh, projector: &Projector) {
     let faces = mesh.face_count();
     let tiles = tile_count(projector.size);
@@ -54,9 +54,9 @@ impl Work for BinFaces<'_> {
             for lane in 0..count {
                 let face = start + lane;
                 match group.action[lane] {
-                    Action::DRAW => out.sort(&group.snapped(lane), face as u32),
-                    Action::CUT => {
-                        clip::clip(projector, mesh.corners(face), |piece| out.sort(&piece, face as u32))
+                    Action::DRAW => out.insert(&group.snapped(lane), face as u32),
+                    Action::CLIP => {
+                        clip::clip(projector, mesh.corners(face), |piece| out.insert(&piece, face as u32))
                     }
                     _ => {}
                 }
@@ -65,18 +65,18 @@ impl Work for BinFaces<'_> {
     }
 }
 
-/// What becomes of a face; a number, so that sixteen are decided at once.
+/// What is done with a face; a number, so that sixteen are decided at once.
 struct Action;
 
 impl Action {
     const SKIP: u32 = 0;
     const DRAW: u32 = 1;
-    const CUT: u32 = 2;
+    const CLIP: u32 = 2;
 }
 
 type LaneValues = [f32; GROUP];
 
-/// Sixteen faces, number by number.
+/// Sixteen faces as a structure of arrays.
 struct FaceGroup {
     /// Corner by corner, axis by axis.
     world: [[LaneValues; 3]; 3],
@@ -98,7 +98,7 @@ impl FaceGroup {
         }
     }
 
-    /// Loops instead of `map`, which stays a call.
+    /// Loops instead of `map`, which is not inlined.
     #[inline(always)]
     fn load(&mut self, mesh: &Mesh, start: usize, count: usize) {
         if mesh.indices.is_empty() {
@@ -158,7 +158,7 @@ impl FaceGroup {
                 | (low[1][lane] > bottom + 1.0);
             let all = front[lane] == 3;
             let out = (front[lane] == 0) | (all & beside);
-            let drawn = if all & within { Action::DRAW } else { Action::CUT };
+            let drawn = if all & within { Action::DRAW } else { Action::CLIP };
             self.action[lane] = if out { Action::SKIP } else { drawn };
         }
     }
@@ -182,7 +182,7 @@ struct BinWriter<'a> {
 
 impl BinWriter<'_> {
     #[inline(always)]
-    fn sort(&mut self, at: &SnappedTriangle, face: u32) {
+    fn insert(&mut self, at: &SnappedTriangle, face: u32) {
         let ((left, right), (top, bottom)) = (extent(at.x), extent(at.y));
         let (x0, x1) = samples_between(left, right);
         let (y0, y1) = samples_between(top, bottom);

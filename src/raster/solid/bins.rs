@@ -9,8 +9,7 @@ pub(super) const TILE_WIDTH: usize = 64;
 pub(super) const TILE_HEIGHT: usize = 32;
 /// Half a sample on the grid: where its centre is.
 pub(super) const CENTER: i32 = GRID / 2;
-/// A triangle that reaches at most this far, units of the grid, is tiny: single precision holds its edge
-/// functions exactly.
+/// Largest extent of a tiny triangle, units of the grid: single precision holds its edge functions exactly.
 pub(super) const TINY: i32 = 8 * GRID;
 
 /// A triangle on the grid: corners and their 1/z.
@@ -21,7 +20,7 @@ pub(super) struct SnappedTriangle {
     pub(super) w: [f32; 3],
 }
 
-/// A tiny triangle; its corners are counted from the corner of its tile.
+/// A tiny triangle; its corners are relative to the corner of its tile.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TinyTriangle {
     pub(super) x: [i16; 3],
@@ -41,20 +40,20 @@ pub(super) struct LargeTriangle {
 #[derive(Debug, Default)]
 pub(super) struct TileBin {
     pub(super) tiny: Vec<TinyTriangle>,
-    /// Places in the batch's list.
+    /// Indices into the batch's list.
     pub(super) large: Vec<u32>,
 }
 
 /// The triangles of some of the faces.
 #[derive(Debug, Default)]
 pub(super) struct Batch {
-    /// One a tile, row by row.
+    /// One per tile, row by row.
     pub(super) bins: Vec<TileBin>,
     pub(super) large: Vec<LargeTriangle>,
 }
 
 impl Batch {
-    /// Makes so many empty bins.
+    /// Empties the batch, with a bin for each of `tiles` tiles.
     pub(super) fn empty(&mut self, tiles: usize) {
         self.large.clear();
         self.bins.resize_with(tiles, TileBin::default);
@@ -91,8 +90,8 @@ impl TinyTriangle {
     }
 }
 
-/// 1 for an edge whose samples belong to the neighbour, 0 for one on the top or the left: the least value of
-/// the edge function that is inside.
+/// The smallest value of an edge function that counts as inside (the top-left rule): 0 for a top or left edge, 1
+/// for the others, whose samples belong to the neighbour.
 #[inline(always)]
 pub(super) fn least_inside(dx: i32, dy: i32) -> i32 {
     i32::from(!(dy < 0 || (dy == 0 && dx > 0)))

@@ -1,4 +1,4 @@
-//! Which face every sample of a tile sees; tiny triangles here, the others in `spans`.
+//! Finds which face every sample of a tile sees; tiny triangles here, the others in `spans`.
 
 use super::bins::{
     Batch, CENTER, TILE_HEIGHT, TILE_WIDTH, TinyTriangle, extent, least_inside, samples_between,
@@ -55,7 +55,7 @@ const fn grid(x: f32, y: f32) -> [f32; LANES] {
     out
 }
 
-/// Draws a tiny triangle in blocks of 4 x 4 samples. All numbers are whole and below 2^24 but for the depth.
+/// Draws a tiny triangle in blocks of 4 x 4 samples. All numbers but the depth are integers below 2^24.
 #[inline(always)]
 fn draw_tiny<L: Lanes>(keys: &mut SampleKeys, tiny: &TinyTriangle) {
     let [x0, mut x1, mut x2] = [i32::from(tiny.x[0]), i32::from(tiny.x[1]), i32::from(tiny.x[2])];

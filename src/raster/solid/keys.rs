@@ -2,17 +2,17 @@
 
 use super::bins::{TILE_HEIGHT, TILE_WIDTH};
 
-/// Samples that a block may reach beyond its tile on the right and below; as many as keep runs of `spans` within
+/// Samples by which a block may reach beyond its tile on the right and below; as many as keep runs of `spans` within
 /// the keys.
 const RIM: usize = 3;
-/// Places from one row of a tile to the next.
+/// Keys from one row of a tile to the next.
 pub(super) const STRIDE: usize = TILE_WIDTH + RIM;
 
 /// What a sample of a tile sees: 1/z above, the complement of the face below, so that of two the larger is the
 /// nearer, and at the same depth the face of the lower index. Zero is nothing, and below zero is below it.
 pub(super) type SampleKey = i64;
 
-/// The samples of a tile and a rim that nobody reads.
+/// The samples of a tile and a rim that is never read.
 pub(super) type SampleKeys = [SampleKey; STRIDE * (TILE_HEIGHT + RIM)];
 
 /// A tile that sees nothing.

@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use glam::UVec2;
 
-/// Most samples along an axis of the picture: beyond it corners have no 1/256 of a sample any more.
+/// Largest number of samples along an axis of the picture: beyond it f32 cannot resolve 1/256 of a sample.
 pub const MAX_SAMPLES: u32 = 1 << 15;
 
 /// How to draw.
@@ -11,7 +11,7 @@ pub const MAX_SAMPLES: u32 = 1 << 15;
 pub struct SolidRasterOptions {
     /// Colour behind everything, sRGB-encoded.
     pub background: [f32; 3],
-    /// Samples a pixel along each axis: 1, 2 or 4.
+    /// Samples per pixel along each axis: 1, 2 or 4.
     pub samples: u32,
     /// Depth of the near plane in units of the mesh, > 0. Depth precision does not depend on it.
     pub near: f32,

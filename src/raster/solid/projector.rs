@@ -1,22 +1,22 @@
-//! From the world to samples.
+//! Projects world points to samples.
 
 use crate::camera::Camera;
 use glam::{DMat3, DVec2, DVec3, UVec2, Vec3};
 
-/// Units of the grid that corners are snapped to, a sample.
+/// Units per sample of the grid that corners are snapped to.
 pub(super) const GRID: i32 = 256;
-/// Samples from the origin within which a corner is taken as it is; a triangle that reaches farther is cut.
+/// Half-width of the guard band, samples: a triangle that reaches farther from the origin is clipped.
 pub(super) const GUARD: f32 = 32_768.0;
 
 /// A camera whose pixels are samples.
 ///
-/// Single precision is enough for what lies near the picture because the eye is taken off first, in two parts:
-/// a world far from its origin costs nothing.
+/// Single precision is enough for what lies near the picture because the camera's position is subtracted first, in
+/// two parts: a world far from its origin loses nothing.
 #[derive(Debug, Clone)]
 pub(super) struct Projector {
     /// Width and height, samples.
     pub(super) size: UVec2,
-    /// Samples a pixel along each axis.
+    /// Samples per pixel along each axis.
     pub(super) samples: u32,
     /// Depth of the near plane.
     pub(super) near: f32,
@@ -55,13 +55,13 @@ impl Projector {
         }
     }
 
-    /// The way from the eye to a world point, in the world's axes.
+    /// The vector from the camera to a world point, in world axes.
     #[inline(always)]
     pub(super) fn from_camera(&self, v: Vec3) -> Vec3 {
         (v - self.high) - self.low
     }
 
-    /// A world point in the camera's frame, single precision.
+    /// A world point in camera space, single precision.
     #[inline(always)]
     pub(super) fn to_camera(&self, v: [f32; 3]) -> [f32; 3] {
         let d = self.from_camera(Vec3::from_array(v)).to_array();
@@ -69,7 +69,7 @@ impl Projector {
         [row(&self.rows[0]), row(&self.rows[1]), row(&self.rows[2])]
     }
 
-    /// Where a point of the camera's frame lies, samples, and its 1/z.
+    /// The projection of a point in camera space, samples, and its 1/z.
     #[inline(always)]
     pub(super) fn project(&self, q: [f32; 3]) -> [f32; 3] {
         let w = 1.0 / q[2];
@@ -78,17 +78,17 @@ impl Projector {
         [x, y, w]
     }
 
-    /// A world point in the camera's frame.
+    /// A world point in camera space.
     pub(super) fn to_camera_f64(&self, v: Vec3) -> DVec3 {
         self.rotation * (v.as_dvec3() - self.position)
     }
 
-    /// Where a point of the camera's frame lies, samples.
+    /// The projection of a point in camera space, samples.
     pub(super) fn project_f64(&self, q: DVec3) -> DVec2 {
         q.truncate() / q.z * self.focal + self.center
     }
 
-    /// How far inside the guard band a point of the camera's frame is, by side: negative is outside.
+    /// How far inside one side of the guard band a point in camera space is: negative is outside.
     pub(super) fn inside_guard(&self, q: DVec3, side: usize) -> f64 {
         let axis = side % 2;
         let at = q[axis] * self.focal[axis] + self.center[axis] * q.z;
@@ -96,19 +96,19 @@ impl Projector {
         if side < 2 { at + guard } else { guard - at }
     }
 
-    /// The way from the eye through the centre of a sample, in the camera's frame, z = 1.
+    /// The ray through the centre of a sample, in camera space, z = 1.
     pub(super) fn ray(&self, x: u32, y: u32) -> DVec3 {
         let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
         ((at - self.center) / self.focal).extend(1.0)
     }
 
-    /// The way from the eye through the centre of a pixel.
+    /// The ray through the centre of a pixel.
     pub(super) fn ray_in_pixel(&self, x: u32, y: u32) -> DVec3 {
         let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) * f64::from(self.samples);
         ((at - self.center) / self.focal).extend(1.0)
     }
 
-    /// A ray of the camera's frame in the world's axes, and how it changes from one sample to the next.
+    /// A ray in world axes, and its change from one sample to the next on the right.
     pub(super) fn ray_to_world(&self, ray: DVec3) -> ([f32; 3], [f32; 3]) {
         let back = self.rotation.transpose();
         let step = back.x_axis / self.focal.x;

@@ -1,4 +1,4 @@
-//! From the faces that samples see to pixels, or to lists of faces and depths.
+//! Turns the faces that samples see into pixels, or into lists of faces and depths.
 
 use super::bins::{Batch, TILE_HEIGHT, TILE_WIDTH, tile_count};
 use super::fill::fill;
@@ -14,7 +14,7 @@ use crate::mesh::Mesh;
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// The rows of a picture dealt out in tiles of so many columns and rows, tile by tile. `[tiles][rows]`
+/// The rows of a picture split into tiles of `columns` by `rows`, tile by tile. `[tiles][rows]`
 fn split_tiles<T>(values: &mut [T], width: usize, columns: usize, rows: usize) -> Vec<Vec<&mut [T]>> {
     let mut tiles: Vec<Vec<&mut [T]>> = Vec::new();
     for band in values.chunks_mut(width * rows) {

@@ -9,7 +9,7 @@ use crate::math::real::{Mask, Real};
 use crate::math::srgb8::srgb8_from_linear;
 use crate::mesh::{Colors, Mesh};
 
-/// A tile whose pixels are wanted.
+/// A tile to be shaded.
 pub(super) struct ShadeTile<'a, 'b> {
     pub(super) mesh: &'a Mesh,
     pub(super) projector: &'a Projector,
@@ -39,7 +39,7 @@ impl Work for ShadeTile<'_, '_> {
         for y in 0..self.rows.len() {
             let mut sums: SampleRow = [[0.0; TILE_WIDTH]; 3];
             for sample in 0..samples {
-                self.light::<L>(y * samples + sample, &mut row);
+                self.shade_row::<L>(y * samples + sample, &mut row);
                 for (sums, row) in sums.iter_mut().zip(&row) {
                     for (sum, part) in sums.iter_mut().zip(row.chunks_exact(samples)) {
                         for value in part {
@@ -60,7 +60,7 @@ impl Work for ShadeTile<'_, '_> {
 impl ShadeTile<'_, '_> {
     /// The colours of row `y` of the tile's samples.
     #[inline(always)]
-    fn light<L: Lanes>(&mut self, y: usize, row: &mut SampleRow) {
+    fn shade_row<L: Lanes>(&mut self, y: usize, row: &mut SampleRow) {
         if self.keys[y * STRIDE..y * STRIDE + TILE_WIDTH].iter().fold(0, |any, key| any | key) == 0 {
             *row = [
                 [self.background[0]; TILE_WIDTH],
@@ -70,10 +70,10 @@ impl ShadeTile<'_, '_> {
             return;
         }
         match &self.mesh.colors {
-            Colors::Face(colors) => self.flat(y, colors, row),
+            Colors::Face(colors) => self.shade_flat(y, colors, row),
             Colors::Vertex(colors) => {
                 for x in (0..TILE_WIDTH).step_by(LANES) {
-                    self.blend::<L>(x, y, colors, row);
+                    self.shade_vertices::<L>(x, y, colors, row);
                 }
             }
         }
@@ -90,7 +90,7 @@ impl ShadeTile<'_, '_> {
     }
 
     #[inline(always)]
-    fn flat(&self, y: usize, colors: &[[f32; 3]], row: &mut SampleRow) {
+    fn shade_flat(&self, y: usize, colors: &[[f32; 3]], row: &mut SampleRow) {
         if y + 1 < TILE_HEIGHT {
             for face in self.faces::<TILE_WIDTH>(0, y + 1) {
                 if let Some(color) = colors.get(face as usize) {
@@ -106,30 +106,30 @@ impl ShadeTile<'_, '_> {
         }
     }
 
-    /// Sixteen samples with colours of their faces' corners.
+    /// Shades sixteen samples with the interpolated colours of their faces' corners.
     #[inline(always)]
-    fn blend<L: Lanes>(&self, x: usize, y: usize, colors: &[[f32; 3]], row: &mut SampleRow) {
+    fn shade_vertices<L: Lanes>(&self, x: usize, y: usize, colors: &[[f32; 3]], row: &mut SampleRow) {
         if y + 1 < TILE_HEIGHT {
             for face in self.faces::<LANES>(x, y + 1) {
-                self.fetch(face, colors);
+                self.prefetch_face(face, colors);
             }
         }
-        let mut seen = SampleFaces::default();
+        let mut faces_seen = SampleFaces::default();
         for (lane, face) in self.faces::<LANES>(x, y).into_iter().enumerate() {
-            self.put(&mut seen, lane, face, colors);
+            self.load_face(&mut faces_seen, lane, face, colors);
         }
-        let weights = seen.weights::<L>(self.ray::<L>(x, y));
+        let weights = faces_seen.weights::<L>(self.ray::<L>(x, y));
         for (c, row) in row.iter_mut().enumerate() {
-            let corner = |i: usize| L::load(&seen.color[i][c]) * weights[i];
+            let corner = |i: usize| L::load(&faces_seen.color[i][c]) * weights[i];
             let mut mixed = [0.0; LANES];
             (corner(0) + corner(1) + corner(2)).store(&mut mixed);
             row[x..x + LANES].copy_from_slice(&mixed);
         }
     }
 
-    /// Asks for what [`Shade::put`] will read.
+    /// Prefetches what [`ShadeTile::load_face`] will read.
     #[inline(always)]
-    fn fetch(&self, face: u32, colors: &[[f32; 3]]) {
+    fn prefetch_face(&self, face: u32, colors: &[[f32; 3]]) {
         if face == NO_FACE {
             return;
         }
@@ -145,11 +145,11 @@ impl ShadeTile<'_, '_> {
     }
 
     #[inline(always)]
-    fn put(&self, seen: &mut SampleFaces, lane: usize, face: u32, colors: &[[f32; 3]]) {
+    fn load_face(&self, faces_seen: &mut SampleFaces, lane: usize, face: u32, colors: &[[f32; 3]]) {
         if face == NO_FACE {
             for c in 0..3 {
                 for corner in 0..3 {
-                    seen.color[corner][c][lane] = self.background[c];
+                    faces_seen.color[corner][c][lane] = self.background[c];
                 }
             }
             return;
@@ -157,18 +157,18 @@ impl ShadeTile<'_, '_> {
         let vertices = self.mesh.face(face as usize);
         let (a, b, c) = (vertices[0] as usize, vertices[1] as usize, vertices[2] as usize);
         let [p, q, r] = [self.mesh.positions[a], self.mesh.positions[b], self.mesh.positions[c]];
-        let (along, beside, way) = (q - p, r - p, self.projector.from_camera(p));
+        let (edge1, edge2, to_first) = (q - p, r - p, self.projector.from_camera(p));
         for axis in 0..3 {
-            seen.along[axis][lane] = along[axis];
-            seen.beside[axis][lane] = beside[axis];
-            seen.way[axis][lane] = way[axis];
-            seen.color[0][axis][lane] = colors[a][axis];
-            seen.color[1][axis][lane] = colors[b][axis];
-            seen.color[2][axis][lane] = colors[c][axis];
+            faces_seen.edge1[axis][lane] = edge1[axis];
+            faces_seen.edge2[axis][lane] = edge2[axis];
+            faces_seen.to_first[axis][lane] = to_first[axis];
+            faces_seen.color[0][axis][lane] = colors[a][axis];
+            faces_seen.color[1][axis][lane] = colors[b][axis];
+            faces_seen.color[2][axis][lane] = colors[c][axis];
         }
     }
 
-    /// The rays of sixteen samples, in the world's axes.
+    /// The rays of sixteen samples, in world axes.
     #[inline(always)]
     fn ray<L: Lanes>(&self, x: usize, y: usize) -> [L; 3] {
         let at = self.projector.ray(self.corner[0] + x as u32, self.corner[1] + y as u32);
@@ -185,15 +185,15 @@ impl ShadeTile<'_, '_> {
 
 type LaneValues = [f32; LANES];
 
-/// The faces that sixteen samples see, number by number. Zeros have weights that do not matter.
+/// The faces that sixteen samples see, as a structure of arrays. The weights of an empty sample do not matter.
 #[derive(Default)]
 struct SampleFaces {
-    /// From the eye to the first corner, in the world's axes.
-    way: [LaneValues; 3],
+    /// From the camera to the first corner, in world axes.
+    to_first: [LaneValues; 3],
     /// From the first corner to the second.
-    along: [LaneValues; 3],
+    edge1: [LaneValues; 3],
     /// From the first corner to the third.
-    beside: [LaneValues; 3],
+    edge2: [LaneValues; 3],
     /// Corner by corner, channel by channel.
     color: [[LaneValues; 3]; 3],
 }
@@ -203,23 +203,23 @@ impl SampleFaces {
     #[inline(always)]
     fn weights<L: Lanes>(&self, ray: [L; 3]) -> [L; 3] {
         let load = |v: &[LaneValues; 3]| [L::load(&v[0]), L::load(&v[1]), L::load(&v[2])];
-        let (way, along, beside) = (load(&self.way), load(&self.along), load(&self.beside));
-        let p = cross(ray, beside);
-        let per = L::splat(1.0) / dot(along, p);
+        let (to_first, edge1, edge2) = (load(&self.to_first), load(&self.edge1), load(&self.edge2));
+        let p = cross(ray, edge2);
+        let per = L::splat(1.0) / dot(edge1, p);
         let (zero, one) = (L::splat(0.0), L::splat(1.0));
-        let second = -dot(way, p) * per;
-        let third = -dot(ray, cross(way, along)) * per;
+        let second = -dot(to_first, p) * per;
+        let third = -dot(ray, cross(to_first, edge1)) * per;
         let first = one - second - third;
-        // A sample may lie outside by what corners were moved when they were snapped.
+        // Snapping moved the corners, so a sample may lie slightly outside.
         let kept = [first.max(zero), second.max(zero), third.max(zero)];
         let sum = kept[0] + kept[1] + kept[2];
-        let sound = zero.lt(sum).and(sum.lt(L::splat(f32::INFINITY)));
+        let valid = zero.lt(sum).and(sum.lt(L::splat(f32::INFINITY)));
         let third = L::splat(1.0 / 3.0);
         let per = one / sum;
         [
-            L::select(sound, kept[0] * per, third),
-            L::select(sound, kept[1] * per, third),
-            L::select(sound, kept[2] * per, third),
+            L::select(valid, kept[0] * per, third),
+            L::select(valid, kept[1] * per, third),
+            L::select(valid, kept[2] * per, third),
         ]
     }
 }

@@ -7,7 +7,7 @@ use crate::math::lanes::{LANES, Lanes};
 
 /// Rows whose ends are found together.
 const ROWS: usize = 8;
-/// An edge function of a big triangle. Its values at samples are whole and below 2^53: f64 holds them exactly.
+/// An edge function of a big triangle. Its values at samples are integers below 2^53: f64 holds them exactly.
 #[derive(Clone, Copy)]
 struct Edge {
     /// Value at the first sample.
@@ -16,7 +16,7 @@ struct Edge {
     right: f64,
     /// Change from a sample to the next below it.
     down: f64,
-    /// Least value inside.
+    /// Smallest value inside.
     least: f64,
 }
 
@@ -34,7 +34,7 @@ impl Edge {
         }
     }
 
-    /// Narrows the spans of some rows to what is inside this edge. Quotients are rounded, so the samples beside
+    /// Narrows the spans of some rows to what is inside this edge. Quotients are rounded, so the samples next to
     /// each end are tried. Plain loops over arrays: they become vector instructions.
     #[inline(always)]
     fn narrow(&self, row: i32, spans: &mut Spans) {
@@ -65,7 +65,7 @@ impl Edge {
     }
 }
 
-/// The samples of some rows that are inside, counted from the first of the triangle's in the tile.
+/// The samples of some rows that are inside, relative to the triangle's first in the tile.
 struct Spans {
     first: [f64; ROWS],
     last: [f64; ROWS],
@@ -75,7 +75,7 @@ struct Spans {
 struct TileTriangle {
     /// Edge i lies opposite corner i.
     edges: [Edge; 3],
-    /// 1/z of the first corner, and what a unit of the second and the third edge function adds.
+    /// 1/z of the first corner, and its change per unit of the second and the third edge function.
     start: f64,
     second: f64,
     third: f64,
@@ -135,7 +135,7 @@ impl TileTriangle {
         })
     }
 
-    /// Fills `count` rows from `row` on; its first sample has the key at `place`.
+    /// Fills `count` rows from `row` on; the first sample has the key at index `place`.
     #[inline(always)]
     fn fill<L: Lanes>(&self, keys: &mut SampleKeys, place: usize, row: i32, count: usize, spans: &Spans) {
         let mut starts = [0.0f32; ROWS];
@@ -168,7 +168,7 @@ impl TileTriangle {
     }
 }
 
-/// Lets sixteen samples from a place on see a face, where it is nearer.
+/// Writes a face to sixteen samples from `place` on, where it is nearer.
 #[inline(always)]
 fn put<L: Lanes>(keys: &mut SampleKeys, place: usize, w: L, face: u32) {
     let mut depths = [0.0; LANES];

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-/// Time spent in the parts of a frame that take turns, summed over threads, ns.
+/// Time spent in the parts of a frame that alternate, summed over threads, ns.
 #[derive(Debug, Default)]
 pub(super) struct PartTimes {
     pub(super) fill: AtomicU64,
@@ -18,7 +18,7 @@ impl PartTimes {
         now
     }
 
-    /// The wall time of every part, ms: what came after the binning is shared out by the threads' times.
+    /// The wall time of every part, ms: what follows the binning is split in proportion to the threads' times.
     pub(super) fn split(&self, binned: Duration, end: Duration) -> Vec<(&'static str, f64)> {
         let (fill, resolve) = (self.fill.load(Relaxed) as f64, self.resolve.load(Relaxed) as f64);
         let rest = (end - binned).as_secs_f64() * 1e3 / (fill + resolve).max(1.0);

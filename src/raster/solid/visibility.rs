@@ -20,7 +20,7 @@ pub struct Visibility {
 }
 
 impl Visibility {
-    /// Perspective-correct weights of the corners of the face seen at a sample: what colours are mixed with.
+    /// Perspective-correct barycentric coordinates of the face seen at a sample: what colours are interpolated with.
     /// In [0, 1], sum 1. Zeros where nothing is seen. Mesh and camera must be those that were drawn.
     pub fn barycentrics(&self, mesh: &Mesh, camera: &Camera, x: u32, y: u32) -> [f32; 3] {
         let face = self.face[(y * self.size.x + x) as usize];
