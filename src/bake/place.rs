@@ -80,8 +80,8 @@ pub fn move_by(
     provenance.viewpoint = provenance.viewpoint.map(|viewpoint| step.viewpoint_to_file(&viewpoint));
     details.insert("scale".into(), step.scale.into());
     details.insert("center".into(), step.center.to_vec().into());
-    let mover = step.mover();
-    mesh.positions.par_iter_mut().with_min_len(1 << 14).for_each(|p| *p = mover(*p));
+    let transform = step.transform();
+    mesh.positions.par_iter_mut().with_min_len(1 << 14).for_each(|p| *p = transform(*p));
     match mesh.positions.par_iter().position_any(|p| !p.is_finite()) {
         Some(_) => Err(Error::invalid("--scale", step.scale, "a factor that keeps every position finite")),
         None => Ok(Outcome::Changed(())),

@@ -1,8 +1,8 @@
-//! How far a picture is from a photo: PSNR, SSIM and FLIP on 8-bit sRGB pixels.
+//! Image metrics between a picture and a photo: PSNR, SSIM and FLIP on 8-bit sRGB pixels.
 //!
 //! The conventions are those of 3DGS and everything measured against it: PSNR over all channels of one
 //! image, SSIM of Wang et al. 2004 with an 11x11 Gaussian, σ 1.5, zero padding, mean over channels.
-//! A weight a pixel (255 counts fully) leaves out what a mask hides; `None` counts everything.
+//! A weight per pixel (255 counts fully) excludes what a mask hides; `None` counts everything.
 
 use crate::math::ssim::{Factors, TAPS, factors, window};
 use glam::UVec2;
@@ -34,7 +34,7 @@ pub fn ssim(size: UVec2, a: &[[u8; 3]], b: &[[u8; 3]], weights: Option<&[u8]>) -
     weighted_mean(rows.into_iter().flatten(), weights)
 }
 
-/// Mean FLIP error in [0, 1], 0 for equal pictures (Andersson et al. 2020, LDR, 67 pixels a degree).
+/// Mean FLIP error in [0, 1], 0 for equal pictures (Andersson et al. 2020, LDR, 67 pixels per degree).
 /// Not symmetric: the photo is the reference. NaN when the size is not the pictures'.
 pub fn flip(size: UVec2, reference: &[[u8; 3]], test: &[[u8; 3]], weights: Option<&[u8]>) -> f64 {
     mean_error(&flip_map(size, reference, test), weights)
@@ -51,7 +51,7 @@ pub fn flip_map(size: UVec2, reference: &[[u8; 3]], test: &[[u8; 3]]) -> Vec<f32
         .map_or_else(|_| unknown(), |map| map.into_pixels())
 }
 
-/// The mean of an error of every pixel; a weight a pixel as for the other measures.
+/// The mean of an error of every pixel; weights per pixel as for the other metrics.
 pub fn mean_error(errors: &[f32], weights: Option<&[u8]>) -> f64 {
     weighted_mean(errors.iter().map(|&error| f64::from(error)), weights)
 }
@@ -122,8 +122,8 @@ mod tests {
         (0..count).map(|i| [0, 1, 2].map(|c| (rng.bits(3 * i + c) >> 56) as u8)).collect()
     }
 
-    /// SSIM as the paper's formula reads: 121 taps at every pixel, moments about nothing.
-    fn ssim_by_the_book(size: UVec2, a: &[[u8; 3]], b: &[[u8; 3]]) -> f64 {
+    /// SSIM straight from the paper's formula: 121 taps at every pixel, raw moments.
+    fn ssim_by_definition(size: UVec2, a: &[[u8; 3]], b: &[[u8; 3]]) -> f64 {
         let (w, h) = (size.x as i64, size.y as i64);
         let g = |d: i64| (-(d * d) as f64 / 4.5).exp();
         let norm: f64 = (-5..=5).map(g).sum();
@@ -157,7 +157,7 @@ mod tests {
     fn ssim_is_the_formula_of_the_paper_at_any_size() {
         for size in [(1, 1), (1, 9), (5, 3), (11, 11), (23, 17)].map(UVec2::from) {
             let (a, b) = (noise(size, "a"), noise(size, "b"));
-            let difference = ssim(size, &a, &b, None) - ssim_by_the_book(size, &a, &b);
+            let difference = ssim(size, &a, &b, None) - ssim_by_definition(size, &a, &b);
             assert!(difference.abs() < 1e-12, "{size}: {difference}");
             assert!((ssim(size, &a, &a, None) - 1.0).abs() < 1e-12);
         }
@@ -168,7 +168,7 @@ mod tests {
         let black = [[0u8; 3]; 4];
         assert_eq!(psnr(&black, &black, None), 120.0);
         assert_eq!(psnr(&black, &[[255; 3]; 4], None), 0.0);
-        let tenth = [[0; 3], [0; 3], [0; 3], [51, 51, 51]]; // a fifth off in a quarter of the pixels
+        let tenth = [[0; 3], [0; 3], [0; 3], [51, 51, 51]]; // off by a fifth in a quarter of the pixels
         assert!((psnr(&black, &tenth, None) - 20.0).abs() < 1e-9);
     }
 

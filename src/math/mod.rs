@@ -1,4 +1,4 @@
-//! Numbers: knows no triangle.
+//! Numbers, vectors, colours and metrics; nothing here depends on triangles.
 
 pub mod color;
 pub mod finite;
