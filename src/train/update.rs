@@ -1,6 +1,6 @@
 //! One move of all parameters: chain rules, regularisers of single triangles, Adam.
 
-use super::params::{Params, State};
+use super::params::{Params, TrainState};
 use super::schedule::Rates;
 use crate::kernel::adam::{Rate, adam};
 use crate::raster::soft::SoupGrad;
@@ -58,7 +58,7 @@ fn area_grad(v: &[Vec3; 3], d_area: f32) -> [Vec3; 3] {
 /// Moves `state` along `gradient`. Returns how many triangles had a gradient, and how many of those
 /// gradients were not finite: such a triangle stays where it is for this step.
 pub fn update(
-    state: &mut State,
+    state: &mut TrainState,
     gradient: &SoupGrad,
     rates: &Rates,
     regularisers: &Regularisers,
@@ -202,7 +202,7 @@ mod tests {
             sh: vec![[0.0; 3]; 4],
             sh_degree: 0,
         };
-        let mut state = State::new(params);
+        let mut state = TrainState::new(params);
         let mut gradient = SoupGrad {
             vertices: vec![[Vec3::ONE; 3]; 4],
             opacity: vec![1.0; 4],

@@ -1,4 +1,4 @@
-//! Time as trainers should be compared by it: CPU seconds of the process.
+//! What this process has used: CPU seconds and memory.
 
 use nix::sys::resource::{UsageWho, getrusage};
 use nix::sys::time::TimeValLike;
