@@ -233,7 +233,7 @@ fn black_photos_train_to_black() {
 }
 
 #[test]
-fn odd_data_sets_train_without_a_word() {
+fn odd_data_sets_train_without_errors() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &small());
     let photos = |count: usize, points: usize| {

@@ -18,7 +18,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Trains; `matches` tells which flags were typed.
+/// Trains; `matches` holds which flags were typed.
 pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<()> {
     let clock = Instant::now();
     let outputs = outputs(args);

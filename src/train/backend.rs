@@ -52,7 +52,7 @@ pub struct BackendVisibility {
 pub trait TrainBackend {
     /// Moves a state in.
     fn load(&mut self, state: TrainState) -> Result<()>;
-    /// Draws, compares, differentiates and moves the parameters once.
+    /// Draws, compares, differentiates and updates the parameters once.
     fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<StepStats>;
     /// The visibility of the steps since the last call, which is reset.
     fn take_visibility(&mut self) -> Result<BackendVisibility>;

@@ -21,7 +21,7 @@ use std::path::Path;
 /// The layout written and read; it changes whenever a key or an array does.
 const FORMAT: u32 = 2;
 
-/// A run at rest between two steps.
+/// A run between two steps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checkpoint {
     /// Parameters and moments.
@@ -175,7 +175,7 @@ fn read_meta(path: &Path, bytes: &[u8]) -> Result<CheckpointMeta> {
     serde_json::from_str::<MetaText<CheckpointMeta>>(text).map(|meta| meta.run).map_err(json)
 }
 
-/// What the container says, with its place.
+/// An error of the container, with its place.
 fn broken(path: &Path, error: &SafeTensorError) -> Error {
     let at = match error {
         SafeTensorError::HeaderTooSmall

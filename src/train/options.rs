@@ -64,7 +64,7 @@ pub struct TrainOptions {
     /// What is minimised.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub loss: LossOptions,
-    /// How fast each group of parameters moves.
+    /// The learning rates of each group of parameters.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub rates: RateOptions,
     /// How triangles are added and removed.
@@ -86,8 +86,8 @@ pub struct TrainDrawOptions {
     pub sort_per_pixel: bool,
     /// Pass gradients through the incenter's distance φ(s); TS holds it constant.
     pub exact_incenter: bool,
-    /// Soft triangles end in a sigmoid of the distance from their edges, as in earlier work; for the ablation of
-    /// the paper's window, which is bounded by the edges.
+    /// The window is a sigmoid of the distance from the edges, as in earlier work; for the ablation of the paper's
+    /// window, which is bounded by the edges.
     pub sigmoid_window: bool,
     /// Depth at which triangles are cut, scene units (TS 0.2, in COLMAP's arbitrary units).
     pub near: f64,
@@ -133,7 +133,7 @@ pub struct LossOptions {
     pub size_until: f64,
 }
 
-/// How fast each group of parameters moves.
+/// The learning rates of each group of parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct RateOptions {
@@ -193,11 +193,11 @@ pub struct RefineOptions {
     pub split_px: f64,
     /// Largest shift of a clone, in halves of the triangle's box (1.5, supplement: max_noise_factor).
     pub clone_shift: f64,
-    /// τ_prune: triangles that reach this blending weight at no pixel go (0.022 outdoor, 0.0256 indoor, supplement).
+    /// τ_prune: triangles that reach this blending weight at no pixel are pruned (0.022 outdoor, 0.0256 indoor, supplement).
     pub prune_weight: f64,
-    /// Triangles fainter than this go (0.014, supplement: opacity_dead).
+    /// Triangles fainter than this are pruned (0.014, supplement: opacity_dead).
     pub prune_opacity: f64,
-    /// Triangles seen by fewer photos than this go (2, Held et al. 2025, section 3.2).
+    /// Triangles visible in fewer photos than this are pruned (2, Held et al. 2025, section 3.2).
     pub min_views: u32,
 }
 
@@ -217,7 +217,7 @@ pub struct WarmupOptions {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SolidifyOptions {
-    /// Make it solid at all.
+    /// Whether it becomes solid at all.
     pub enabled: bool,
     /// The opacity's anneal starts, steps of a 30,000-step run (TS+ 5000).
     pub opacity_from: f64,
@@ -226,20 +226,20 @@ pub struct SolidifyOptions {
     /// The opacity no triangle is below at the end of its anneal, reached linearly (TS+ 0.9999).
     pub opacity_floor: f64,
     /// How many times steeper the opacity's sigmoid has become at the end of its anneal, log-linearly: it drives
-    /// triangles to opaque or gone, whichever serves the picture.
+    /// each opacity to 0 or 1, whichever lowers the loss.
     pub opacity_gain: f64,
-    /// Triangles fainter than this go at the end of the opacity's anneal, reached linearly (TS 0.7).
+    /// Triangles fainter than this are pruned at the end of the opacity's anneal, reached linearly (TS 0.7).
     pub prune_opacity: f64,
-    /// Deletes faint triangles (TS: below 0.1 from 25,000 on and below 0.7 from 29,000 on).
+    /// Prunes faint triangles (TS: below 0.1 from 25,000 on and below 0.7 from 29,000 on).
     pub prune_faint: [PruneFaint; 2],
     /// Weight of the mean σ in the loss from `opacity_from` on (TS 1).
     pub loss_sigma: f64,
     /// Weight of 1 / mean opacity in the loss from `opacity_from` on (TS 20).
     pub loss_opacity: f64,
-    /// Rate of the logarithm of σ from `opacity_from` on, for a 30,000-step run; shorter ones move faster, as far (TS
+    /// Rate of the logarithm of σ from `opacity_from` on, for a 30,000-step run; shorter ones get a higher rate, so that σ changes as much (TS
     /// 0.0008); 0 keeps `rates.sigma`.
     pub rate_sigma: f64,
-    /// Deletes soft triangles (TS: of σ 1 and more from 28,000 on).
+    /// Prunes soft triangles (TS: of σ 1 and more from 28,000 on).
     pub prune_soft: PruneSoft,
     /// σ starts to fall, steps of a 30,000-step run (TS+ 0).
     pub sigma_from: f64,
@@ -266,18 +266,18 @@ pub struct SolidifyOptions {
     pub vertices_final_share: f64,
 }
 
-/// Deletes triangles that are too faint from some step on.
+/// Prunes triangles that are too faint, from some step on.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct PruneFaint {
     /// From here on, steps of a 30,000-step run.
     pub from_step: f64,
-    /// Fainter triangles go.
+    /// Fainter triangles are pruned.
     pub min_opacity: f64,
 }
 
 impl PruneFaint {
-    /// Deletes nothing.
+    /// Prunes nothing.
     pub const NEVER: Self = Self { from_step: REFERENCE_STEPS, min_opacity: 0.0 };
 }
 
@@ -287,18 +287,18 @@ impl Default for PruneFaint {
     }
 }
 
-/// Deletes triangles that are too soft from some step on.
+/// Prunes triangles that are too soft, from some step on.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct PruneSoft {
     /// From here on, steps of a 30,000-step run.
     pub from_step: f64,
-    /// Triangles of this σ and more go.
+    /// Triangles of this σ and more are pruned.
     pub max_sigma: f64,
 }
 
 impl PruneSoft {
-    /// Deletes nothing.
+    /// Prunes nothing.
     pub const NEVER: Self = Self { from_step: REFERENCE_STEPS, max_sigma: 1000.0 };
 }
 
@@ -363,7 +363,7 @@ impl TrainOptions {
         wants(self.sh_degree <= 3, "sh_degree", f64::from(self.sh_degree), "0, 1, 2 or 3")?;
         positive("draw.near", self.draw.near)?;
         let (faint, soft) = (&self.solid.prune_faint, &self.solid.prune_soft);
-        // Outside its edges a triangle has no depth and no normal worth a gradient.
+        // Outside its edges a triangle has no depth and no normal to take a gradient of.
         let geometry = self.loss.normal + self.loss.distortion;
         let ok = !self.draw.sigmoid_window || geometry == 0.0;
         wants(ok, "draw.sigmoid_window", 1.0, "loss.normal and loss.distortion of 0")?;

@@ -4,7 +4,7 @@
 //! opacity = floor + (1 - floor) · sigmoid(gain · x)  floor 0 and gain 1, but for the solid anneal
 //! sigma   = scale · (0.01 + exp(x))                 scale 1, but for the solid anneal
 //! ```
-//! (Held et al.'s code, `triangle_model.py`; the floor is Triangle Splatting+'s way to become opaque.)
+//! (Held et al.'s code, `triangle_model.py`; the floor is that of TS+.)
 
 use crate::soup::Soup;
 use glam::Vec3;

@@ -23,9 +23,9 @@ pub struct RefinePlan<'a> {
     pub grow: bool,
     /// τ_prune of this refinement.
     pub prune_weight: f32,
-    /// Triangles fainter than this go.
+    /// Triangles fainter than this are pruned.
     pub prune_opacity: f64,
-    /// Triangles of at least this σ go.
+    /// Triangles of at least this σ are pruned.
     pub prune_sigma: f64,
     /// Which refinement of the run this is: an alternating sampling is by opacity at odd ones.
     pub refinement: u64,
@@ -48,9 +48,9 @@ pub struct Refined {
     pub faint: usize,
     /// Removed: too soft for a solid scene.
     pub soft: usize,
-    /// Removed: never important to a pixel.
+    /// Removed: of too little weight at every pixel.
     pub unimportant: usize,
-    /// Removed: seen by too few photos.
+    /// Removed: visible in too few photos.
     pub unseen: usize,
     /// Split into four.
     pub split: usize,

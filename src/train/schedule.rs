@@ -311,7 +311,7 @@ mod tests {
             (0..30_000)
                 .all(|step| plan.anneal(step) == Anneal::NONE && plan.rates(step).engine_shading.is_none())
         );
-        // A tenth of the steps moves σ as far.
+        // A tenth of the steps changes σ as much.
         let short = TrainOptions { steps: 3000, ..options };
         assert!((Schedule::new(&short).rates(2999).sigma - 0.008).abs() < 1e-12);
     }

@@ -1,4 +1,4 @@
-//! One run: photos in a random order, a step each, refinements between them.
+//! One run: photos in a random order, one step per photo, refinements between them.
 
 use super::backend::{StepPhoto, StepStats, TrainBackend};
 use super::checkpoint::{Checkpoint, CheckpointMeta};
