@@ -49,6 +49,7 @@ pub mod kernel;
 pub mod math;
 pub mod mesh;
 pub mod placed;
+pub mod process;
 pub mod raster;
 pub mod report;
 pub mod rng;

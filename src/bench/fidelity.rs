@@ -21,8 +21,7 @@ use crate::formats::target::{Encoding, Target};
 use crate::formats::{self, ReadOptions};
 use crate::report::Report;
 use crate::scene::{Loaded, Scene};
-use crate::train::options::Preset as TrainPreset;
-use crate::train::progress::Watcher;
+use crate::train::{TrainObserver, TrainPreset};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -147,7 +146,7 @@ const SAMPLINGS: [u32; 3] = [1, 2, 4];
 /// `watcher` the training.
 pub fn run(
     args: &FidelityBenchArgs,
-    watcher: &mut dyn Watcher,
+    watcher: &mut dyn TrainObserver,
     tell: &mut dyn FnMut(&FidelityRow),
 ) -> Result<Vec<FidelityRow>> {
     let how = &args.dataset_options;

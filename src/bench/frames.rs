@@ -5,8 +5,8 @@ use crate::error::{Error, Result};
 use crate::gpu::timer::Timer;
 use crate::image::Pixels;
 use crate::mesh::Mesh;
+use crate::process;
 use crate::raster::solid::{Solid, SolidRasterOptions};
-use crate::train::clock;
 use crate::view::headless::{Canvas, Headless};
 use crate::view::model::{ChunkOrder, Model};
 use crate::view::renderer::{Look, Shot};
@@ -64,7 +64,7 @@ pub(super) fn time(
     let mut timer = Timer::new(&card.gpu);
     let (mut frames, mut gpu) = (Vec::new(), Vec::new());
     let (mut drawn, mut draws) = (0, 0);
-    let (mut last, mut mark, mut cpu) = (None, Instant::now(), clock::cpu_secs());
+    let (mut last, mut mark, mut cpu) = (None, Instant::now(), process::cpu_secs());
     for i in 0..count.warmup + count.frames + 1 {
         let shot = shot(&path[i % path.len()], order);
         let mut encoder = card.gpu.device.create_command_encoder(&Default::default());
@@ -84,7 +84,7 @@ pub(super) fn time(
         }
         let now = Instant::now();
         if i == count.warmup {
-            cpu = clock::cpu_secs();
+            cpu = process::cpu_secs();
         }
         if i > count.warmup {
             frames.push((now - mark).as_secs_f64() * 1e3);
@@ -97,7 +97,7 @@ pub(super) fn time(
             gpu.extend(came_back);
         }
     }
-    let cpu_ms = (clock::cpu_secs() - cpu) * 1e3 / count.frames as f64;
+    let cpu_ms = (process::cpu_secs() - cpu) * 1e3 / count.frames as f64;
     card.gpu.wait(None)?;
     let mean = |sum: u64| sum as f64 / count.frames as f64;
     Ok(Cost {

@@ -92,7 +92,7 @@ impl Painter {
             }
             None => space_around(soup.vertices.as_flattened()),
         };
-        space.enter_soup(&mut soup);
+        space.soup_to_training(&mut soup);
         // The cap rises with the least opacity, as it does at the end of training: a soup that is
         // solid throughout is drawn without a leak.
         let least = soup.opacity.iter().copied().fold(1.0, f32::min);
@@ -168,7 +168,7 @@ impl Painter {
 
 impl SoftPainter {
     fn draw(&mut self, camera: &Camera, geometry: bool) -> &Frame {
-        let camera = self.space.enter_camera(camera);
+        let camera = self.space.camera_to_training(camera);
         self.options.geometry = geometry;
         self.soft.render(&SoupRef::from(&self.soup), &camera, &self.options)
     }

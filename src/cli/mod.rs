@@ -21,6 +21,8 @@ mod resume;
 pub mod sample;
 pub mod schema;
 pub mod train;
+pub mod train_args;
+mod train_curve;
 pub mod train_progress;
 pub mod validate;
 #[cfg(feature = "view")]
@@ -69,7 +71,7 @@ pub enum Command {
     /// Make a soup from nothing, to try things on.
     Sample(sample::SampleArgs),
     /// Turn posed photos into a soup of triangles.
-    Train(Box<train::TrainArgs>),
+    Train(Box<train_args::TrainArgs>),
     /// Measure how close a soup or mesh comes to photos it was not trained on.
     Eval(Box<eval::EvalArgs>),
     /// Draw a soup or mesh as the photos' cameras see it, or from a circle around it.

@@ -1,6 +1,6 @@
-//! The photometric loss of a frame drawn with several samples per pixel, maybe in linear light.
+//! The photometric loss of a frame that may have several samples per pixel and may be in linear light.
 
-use super::backend::Shot;
+use super::backend::StepPhoto;
 use crate::kernel::loss::{Photometric, Scratch, photometric_grad};
 use crate::math::color::encode;
 use crate::math::lanes::{LANES, Lanes, Work, dispatch};
@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 /// How the frame was drawn.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Sampling {
+pub(super) struct Supersampling {
     /// Samples per pixel and axis.
     pub(super) samples: u32,
     /// The frame is in linear light.
@@ -17,7 +17,7 @@ pub(super) struct Sampling {
 
 /// Working memory.
 #[derive(Debug, Default)]
-pub(super) struct Samples {
+pub(super) struct FrameLoss {
     scratch: Scratch<f32>,
     /// The picture, sRGB-encoded. `[H * W]`
     picture: Vec<[f32; 3]>,
@@ -26,18 +26,18 @@ pub(super) struct Samples {
     d_picture: Vec<[f32; 3]>,
 }
 
-impl Samples {
+impl FrameLoss {
     /// Returns the means over the photo's pixels, each the mean of its samples in `frame`, and writes
     /// ∂loss/∂sample. `[H * samples * W * samples]`
     pub(super) fn photometric_grad(
         &mut self,
-        shot: &Shot<'_>,
+        photo: &StepPhoto<'_>,
         lambda_dssim: f64,
-        sampling: Sampling,
+        sampling: Supersampling,
         frame: &[[f32; 3]],
         d_rgb: &mut Vec<[f32; 3]>,
     ) -> Photometric {
-        let width = shot.camera.size.x as usize;
+        let width = photo.camera.size.x as usize;
         let n = sampling.samples as usize;
         average(width, n, frame, &mut self.picture);
         self.slope.clear();
@@ -49,9 +49,9 @@ impl Samples {
             });
         }
         let Self { scratch, picture, d_picture, slope } = self;
-        d_picture.resize(shot.photo.len(), [0.0; 3]);
-        let (photo, weight) = (shot.photo, shot.weight);
-        let means = photometric_grad(width, picture, photo, weight, lambda_dssim, scratch, d_picture);
+        d_picture.resize(photo.rgb.len(), [0.0; 3]);
+        let (rgb, weight) = (photo.rgb, photo.weight);
+        let means = photometric_grad(width, picture, rgb, weight, lambda_dssim, scratch, d_picture);
         for (d, slope) in d_picture.as_flattened_mut().iter_mut().zip(slope.as_flattened()) {
             *d *= slope;
         }
@@ -61,16 +61,16 @@ impl Samples {
 
     /// Squared error of the pixel each sample belongs to, divided by the number of samples: in pixels. Of the
     /// frame last given to [`Self::photometric_grad`].
-    pub(super) fn errors(&self, shot: &Shot<'_>, sampling: Sampling, out: &mut Vec<f32>) {
-        let (width, n) = (shot.camera.size.x as usize, sampling.samples as usize);
+    pub(super) fn errors(&self, photo: &StepPhoto<'_>, sampling: Supersampling, out: &mut Vec<f32>) {
+        let (width, n) = (photo.camera.size.x as usize, sampling.samples as usize);
         let scale = 1.0 / (n * n) as f32;
         out.resize(self.picture.len() * n * n, 0.0);
         out.par_chunks_mut(width.max(1) * n).enumerate().for_each(|(y, row)| {
             let from = y / n * width;
             for (x, out) in row.iter_mut().enumerate() {
                 let i = from + x / n;
-                let weight = shot.weight.map_or(1.0, |w| w[i]);
-                let d: [f32; 3] = std::array::from_fn(|c| self.picture[i][c] - shot.photo[i][c]);
+                let weight = photo.weight.map_or(1.0, |w| w[i]);
+                let d: [f32; 3] = std::array::from_fn(|c| self.picture[i][c] - photo.rgb[i][c]);
                 *out = weight * scale * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
             }
         });

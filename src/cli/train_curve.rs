@@ -1,27 +1,27 @@
 //! The curve of a run as a picture: PSNR and triangles over CPU seconds.
 
-use super::progress::Sample;
 use crate::error::{Error, Result};
+use crate::train::TrainSample;
 use plotters::prelude::*;
 use std::path::Path;
 
 /// The curve as SVG; `path` is for messages.
-pub fn svg(path: &Path, samples: &[Sample]) -> Result<String> {
+pub(super) fn svg(path: &Path, samples: &[TrainSample]) -> Result<String> {
     let mut svg = String::new();
     draw(&mut svg, samples).map_err(|e| Error::io(path, std::io::Error::other(e.to_string())))?;
     Ok(svg)
 }
 
-fn draw(svg: &mut String, samples: &[Sample]) -> std::result::Result<(), Box<dyn std::error::Error>> {
-    let points = |value: &dyn Fn(&Sample) -> Option<f64>| -> Vec<(f64, f64)> {
+fn draw(svg: &mut String, samples: &[TrainSample]) -> std::result::Result<(), Box<dyn std::error::Error>> {
+    let points = |value: &dyn Fn(&TrainSample) -> Option<f64>| -> Vec<(f64, f64)> {
         samples.iter().filter_map(|s| value(s).filter(|v| v.is_finite()).map(|v| (s.cpu_secs, v))).collect()
     };
     let train = points(&|s| Some(s.psnr));
     let test = points(&|s| s.test_psnr);
     let triangles = points(&|s| Some(s.triangles as f64 / 1000.0));
     let end = samples.iter().map(|s| s.cpu_secs).fold(1e-3, f64::max);
-    let (low, high) = bounds(train.iter().chain(&test));
-    let (_, most) = bounds(triangles.iter());
+    let (low, high) = value_range(train.iter().chain(&test));
+    let (_, most) = value_range(triangles.iter());
 
     let area = SVGBackend::with_string(svg, (900, 480)).into_drawing_area();
     area.fill(&WHITE)?;
@@ -61,7 +61,7 @@ fn draw(svg: &mut String, samples: &[Sample]) -> std::result::Result<(), Box<dyn
     Ok(())
 }
 
-fn bounds<'a>(points: impl Iterator<Item = &'a (f64, f64)>) -> (f64, f64) {
+fn value_range<'a>(points: impl Iterator<Item = &'a (f64, f64)>) -> (f64, f64) {
     let (low, high) =
         points.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| (low.min(p.1), high.max(p.1)));
     if low < high { (low.floor(), high.ceil()) } else { (0.0, 1.0) }
@@ -73,16 +73,16 @@ mod tests {
 
     #[test]
     fn a_curve_of_any_length_is_a_picture() {
-        let sample = |i: u64| Sample {
+        let sample = |i: u64| TrainSample {
             step: i,
             triangles: 100 * i,
             psnr: 10.0 + i as f64,
             cpu_secs: i as f64,
             test_psnr: i.is_multiple_of(2).then_some(9.0),
-            ..Sample::default()
+            ..TrainSample::default()
         };
         for n in [0, 1, 5] {
-            let samples: Vec<Sample> = (0..n).map(sample).collect();
+            let samples: Vec<TrainSample> = (0..n).map(sample).collect();
             let mut svg = String::new();
             draw(&mut svg, &samples).unwrap();
             assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n"), "{n}");
