@@ -104,11 +104,11 @@ impl Placement {
 
     /// Source world to file, in f64, rounded once.
     pub fn to_file(&self, world: Vec3) -> Vec3 {
-        self.mover()(world)
+        self.transform()(world)
     }
 
-    /// [`Placement::to_file`] for many points: the matrix is made once.
-    pub fn mover(&self) -> impl Fn(Vec3) -> Vec3 + Sync + use<> {
+    /// [`Placement::to_file`] for many points: the matrix is computed once.
+    pub fn transform(&self) -> impl Fn(Vec3) -> Vec3 + Sync + use<> {
         let (matrix, center) = (self.up.to_y_up() * self.scale, DVec3::from(self.center));
         move |world| (matrix * (world.as_dvec3() - center)).as_vec3()
     }
