@@ -107,7 +107,7 @@ impl Placement {
         self.transform()(world)
     }
 
-    /// [`Placement::to_file`] as a function for many points: the matrix is computed once.
+    /// [`Placement::to_file`] for many points: the matrix is computed once.
     pub fn transform(&self) -> impl Fn(Vec3) -> Vec3 + Sync + use<> {
         let (matrix, center) = (self.up.to_y_up() * self.scale, DVec3::from(self.center));
         move |world| (matrix * (world.as_dvec3() - center)).as_vec3()

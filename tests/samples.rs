@@ -2,7 +2,7 @@
 //! `UPDATE=1 cargo test --test samples` rewrites them.
 
 use std::path::Path;
-use trisplat::bake::{bake, options::BakeOptions, views::Views};
+use trisplat::bake::{Bake, BakeOptions, Views};
 use trisplat::bench::judge::judge;
 use trisplat::bench::paint::Painter;
 use trisplat::bench::scenes::{SampleScene, provenance, soup};
@@ -10,7 +10,6 @@ use trisplat::bench::steps::{SMALLEST, Step, reread};
 use trisplat::dataset::{Dataset, DatasetOptions};
 use trisplat::formats::ply::write_soup;
 use trisplat::formats::{self, ReadOptions};
-use trisplat::report::Report;
 
 fn check(name: SampleScene, triangles: usize, seed: u64, file: &str) {
     let mut bytes = Vec::new();
@@ -43,8 +42,7 @@ fn the_trained_sample_meets_held_out_photos_as_a_file() {
     let loaded = formats::read(&samples.join("soups/trained.ply"), &ReadOptions { sh_degree: 0 }).unwrap();
     let psnr = |mut views: Option<Views>| {
         let options = BakeOptions::default();
-        let asset =
-            bake(vec![loaded.clone()], &options, views.as_mut(), &mut Report::default(), &mut ()).unwrap();
+        let asset = Bake::new(&options).photos(views.as_mut()).run([loaded.clone()]).unwrap();
         let (file, bytes) = reread(&asset, &SMALLEST).unwrap();
         let (triangles, placement) = (file.mesh.face_count() as u64, file.provenance.placement);
         let painter = Painter::solid(file.mesh, &placement, Some(&dataset), [0.0; 3], 4);

@@ -10,16 +10,14 @@ use super::paint::Painter;
 use super::steps::{Step, no_soup, reread};
 use super::trained::{self, Budget};
 use crate::asset::Asset;
-use crate::bake::bake;
-use crate::bake::options::{BakeOptions, Preset};
+use crate::bake::options::{BakeOptions, BakePreset};
 use crate::bake::refit::RefitColors;
-use crate::bake::views::Views;
+use crate::bake::{Bake, Views};
 use crate::dataset::{Dataset, DatasetOptions, View};
 use crate::error::{Error, Result};
 use crate::formats::output::OutputOptions;
 use crate::formats::target::{Encoding, Target};
 use crate::formats::{self, ReadOptions};
-use crate::report::Report;
 use crate::scene::{Loaded, Scene};
 use crate::train::{TrainObserver, TrainPreset};
 use schemars::JsonSchema;
@@ -89,7 +87,7 @@ pub struct FidelityRow {
 /// One way to bake.
 struct Case {
     name: &'static str,
-    preset: Preset,
+    preset: BakePreset,
     photos: bool,
     refit: RefitColors,
     /// Share of the triangles that photos see that may stay.
@@ -103,7 +101,7 @@ struct Case {
 const fn case(name: &'static str) -> Case {
     Case {
         name,
-        preset: Preset::Default,
+        preset: BakePreset::Default,
         photos: true,
         refit: RefitColors::Auto,
         share: 1.0,
@@ -118,9 +116,9 @@ const CASES: [Case; 11] = [
     Case { refit: RefitColors::Off, everywhere: true, ..case("unseen") },
     Case { everywhere: true, ..case("refit") },
     Case { refit: RefitColors::Flat, ..case("flat") },
-    Case { preset: Preset::Fast, targets: &TARGETS, ..case("fast") },
+    Case { preset: BakePreset::Fast, targets: &TARGETS, ..case("fast") },
     Case { targets: &TARGETS, ..case("default") },
-    Case { preset: Preset::Small, targets: &TARGETS, ..case("small") },
+    Case { preset: BakePreset::Small, targets: &TARGETS, ..case("small") },
     Case { share: 0.75, ..case("three quarters") },
     Case { share: 0.5, ..case("half") },
     Case { share: 0.25, ..case("quarter") },
@@ -260,7 +258,7 @@ impl Bench<'_> {
         }
         let mut views = case.photos.then(|| Views::new(self.dataset, self.photo_bytes(), self.background));
         let inputs = vec![loaded.clone()];
-        let asset = bake(inputs, &options, views.as_mut(), &mut Report::default(), &mut ())?;
+        let asset = Bake::new(&options).photos(views.as_mut()).run(inputs)?;
         Ok((asset, options.output))
     }
 

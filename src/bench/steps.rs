@@ -6,8 +6,7 @@
 
 use super::paint::{DrawOptions, Painter, Way};
 use crate::asset::{Asset, Provenance};
-use crate::bake::bake;
-use crate::bake::options::{BakeOptions, Preset};
+use crate::bake::{BakeOptions, bake};
 use crate::dataset::Dataset;
 use crate::error::{Error, Result};
 use crate::formats::output::{self, Output, OutputOptions};
@@ -74,7 +73,7 @@ pub fn no_soup(path: &Path) -> Error {
 pub fn baked(mut soup: Soup, provenance: Provenance) -> Result<Asset> {
     soup.truncate_sh(0);
     let loaded = Loaded { scene: Scene::Soup(soup), provenance, warnings: Vec::new(), cameras: Vec::new() };
-    bake(vec![loaded], &BakeOptions::preset(Preset::Default), None, &mut Report::default(), &mut ())
+    bake(loaded, &BakeOptions::DEFAULT)
 }
 
 /// The smallest file we write: 16-bit positions, 8-bit colours, meshopt.

@@ -1,11 +1,11 @@
 //! `trisplat info FILE`: what is in a file of any format, or in a data set.
 
 use super::{files, info_dataset};
-use crate::bake::prune::{PruneOptions, prune};
+use crate::bake::prune::{PruneDetails, PruneOptions, prune};
 use crate::dataset::DatasetOptions;
 use crate::error::{Error, Result};
 use crate::formats::info::{BakeInfo, Bin, Distribution, Info, Kind, info};
-use crate::report::Outcome;
+use crate::report::{self, Outcome};
 use crate::scene::Loaded;
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -39,9 +39,10 @@ pub fn run(args: &InfoArgs, out: &mut dyn Write) -> Result<()> {
 /// What the default bake would keep; none when its first stage fails.
 fn would_bake(loaded: Loaded) -> Option<BakeInfo> {
     let mut scene = loaded.scene;
-    let mut dropped = serde_json::Map::new();
-    match prune(&mut scene, &PruneOptions::DEFAULT, &mut dropped) {
+    let mut details = PruneDetails::default();
+    match prune(&mut scene, &PruneOptions::DEFAULT, &mut details) {
         Ok(Outcome::Changed(()) | Outcome::Unneeded(_)) => {
+            let mut dropped = report::to_json(&details);
             dropped.retain(|_, count| count.as_u64() != Some(0));
             Some(BakeInfo { kept: scene.triangle_count() as u64, dropped })
         }

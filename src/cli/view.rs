@@ -1,7 +1,7 @@
 //! `trisplat view FILE`: a window to fly through a scene.
 
 use crate::asset::{Asset, Placement};
-use crate::bake::{self, bvh, bvh::BvhOptions};
+use crate::bake::bvh::{BvhDetails, BvhOptions, bvh};
 use crate::bench::baked::Baked;
 use crate::bench::paint::Painter;
 use crate::camera::Camera;
@@ -101,6 +101,6 @@ fn load(args: &ViewArgs, say: &dyn Fn(&str)) -> Result<Scene> {
 
 /// Adds the hierarchy that picking needs.
 fn index(mut asset: Asset) -> Result<Asset> {
-    bvh::bvh(&mut asset, &BvhOptions { bvh: true }, &mut bake::Details::new())?;
+    bvh(&mut asset, &BvhOptions { bvh: true }, &mut BvhDetails::default())?;
     Ok(asset)
 }

@@ -5,9 +5,8 @@ use glam::{DVec3, Vec3, vec3};
 use std::io::Write;
 use std::path::PathBuf;
 use trisplat::asset::Asset;
-use trisplat::bake::Details;
-use trisplat::bake::bvh::{BvhOptions, bvh};
-use trisplat::bake::chunk::{ChunkOptions, chunk};
+use trisplat::bake::bvh::{BvhDetails, BvhOptions, bvh};
+use trisplat::bake::chunk::{ChunkDetails, ChunkOptions, chunk};
 use trisplat::bench::scenes::{SampleScene, soup};
 use trisplat::bvh::{Bvh, RayHit};
 use trisplat::error::{Error, Result};
@@ -19,8 +18,8 @@ use trisplat::scene::Scene;
 
 fn built(mesh: Mesh, limit: u32) -> Asset {
     let mut asset = Asset { mesh, ..Asset::default() };
-    chunk(&mut asset, &ChunkOptions { chunk_triangles: limit }, &mut Details::new()).unwrap();
-    bvh(&mut asset, &BvhOptions { bvh: true }, &mut Details::new()).unwrap();
+    chunk(&mut asset, &ChunkOptions { chunk_triangles: limit }, &mut ChunkDetails::default()).unwrap();
+    bvh(&mut asset, &BvhOptions { bvh: true }, &mut BvhDetails::default()).unwrap();
     asset
 }
 

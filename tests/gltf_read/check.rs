@@ -5,7 +5,7 @@ use glam::Vec3;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use trisplat::asset::{Asset, Provenance};
-use trisplat::bake::bvh::{BvhOptions, bvh};
+use trisplat::bake::bvh::{BvhDetails, BvhOptions, bvh};
 use trisplat::bench::scenes::{SampleScene, soup};
 use trisplat::cli::info::InfoArgs;
 use trisplat::cli::validate::ValidateArgs;
@@ -196,7 +196,7 @@ fn degenerate_triangles_are_counted_with_the_first_few() {
 fn the_hierarchy_beside_a_scene_must_be_its_own() {
     let folder = Folder::new();
     let mut scene = asset(200);
-    bvh(&mut scene, &BvhOptions { bvh: true }, &mut serde_json::Map::new()).expect("built");
+    bvh(&mut scene, &BvhOptions { bvh: true }, &mut BvhDetails::default()).expect("built");
     let mut sidecar = Vec::new();
     bvh_file::write(&mut sidecar, &scene).expect("written");
     let file = written(&scene, &GltfOptions::default());

@@ -3,7 +3,7 @@
 
 use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
 use trisplat::asset::{Asset, Chunk};
-use trisplat::bake::options::{BakeOptions, Preset};
+use trisplat::bake::{BakeOptions, BakePreset, bake};
 use trisplat::camera::Camera;
 use trisplat::error::Error;
 use trisplat::gpu::AdapterOptions;
@@ -223,10 +223,9 @@ fn chunks_out_of_view_are_left_out_and_nobody_sees_it() {
     let Some(mut card) = card() else { return };
     let scene = Scene::Mesh(triangles(4000, 11));
     let loaded = Loaded { scene, provenance: Default::default(), warnings: Vec::new(), cameras: Vec::new() };
-    let mut baked = BakeOptions::preset(Preset::Fast);
+    let mut baked = BakeOptions::preset(BakePreset::Fast);
     baked.chunk.chunk_triangles = 64;
-    let chunked =
-        trisplat::bake::bake(vec![loaded], &baked, None, &mut Report::new("test"), &mut ()).unwrap();
+    let chunked = bake(loaded, &baked).unwrap();
     assert!(chunked.chunks.len() > 50);
     let camera = Camera { focal: Vec2::splat(500.0), ..camera() };
     let whole = asset(chunked.mesh.clone());

@@ -1,18 +1,20 @@
 //! Every stage with every preset on every hostile soup: nothing panics, nothing non-finite comes out, every
-//! result is valid, and a second run has nothing to do.
+//! result is valid, and a second run has nothing to do. The stages that need cameras are in `photos.rs`.
 
 use crate::hostile;
-use trisplat::asset::Asset;
-use trisplat::bake::Details;
+use trisplat::asset::{Asset, Provenance};
 use trisplat::bake::bvh::{BvhOptions, bvh};
 use trisplat::bake::chunk::{ChunkOptions, chunk};
-use trisplat::bake::color::color;
+use trisplat::bake::color::{ColorDetails, color};
+use trisplat::bake::lod::{FinishedLevel, LevelSource, LodOptions, lod};
 use trisplat::bake::order::{FaceOrder, OrderOptions, order};
-use trisplat::bake::prune::{PruneOptions, prune};
+use trisplat::bake::place::{PlaceOptions, place, placement};
+use trisplat::bake::prune::{PruneDetails, PruneOptions, prune};
 use trisplat::bake::solid::{SolidOptions, Solidify, solid};
 use trisplat::bake::weld::{WeldOptions, WeldWhen, weld};
 use trisplat::error::{Error, Result};
-use trisplat::report::Outcome;
+use trisplat::mesh::Mesh;
+use trisplat::report::{Outcome, StageDetails};
 use trisplat::scene::Scene;
 use trisplat::soup::Soup;
 
@@ -54,7 +56,7 @@ fn presets() -> Vec<Preset> {
     vec![
         Preset {
             name: "fast",
-            prune: PruneOptions::FAST,
+            prune: PruneOptions::DEFAULT,
             weld: WeldOptions::FAST,
             chunk: ChunkOptions::FAST,
             order: OrderOptions::FAST,
@@ -82,27 +84,45 @@ fn presets() -> Vec<Preset> {
 }
 
 /// Runs a stage twice; the second run must have nothing to do.
-fn twice<T>(
-    mut run: impl FnMut(&mut T, &mut Details) -> Result<Outcome<()>>,
+fn twice<T, D: StageDetails>(
+    mut run: impl FnMut(&mut T, &mut D) -> Result<Outcome<()>>,
     value: &mut T,
     what: &str,
 ) -> Result<()> {
-    run(value, &mut Details::new())?;
-    match run(value, &mut Details::new())? {
+    run(value, &mut D::default())?;
+    match run(value, &mut D::default())? {
         Outcome::Unneeded(_) => Ok(()),
         Outcome::Changed(()) => panic!("{what}: the second run changed something"),
     }
+}
+
+/// Two levels of a mesh, as they are before the stages that finish them.
+fn levels(mesh: &Mesh, what: &str) -> Result<Vec<Asset>> {
+    let source = LevelSource { mesh, cameras: &[], enlarge: true };
+    let options = LodOptions { lod: vec![0.5, 0.1] };
+    let unfinished = |mesh| Ok(FinishedLevel { asset: Asset { mesh, ..Asset::default() }, psnr: None });
+    let mut levels = Vec::new();
+    twice(|levels, d| lod(levels, &source, &options, unfinished, d), &mut levels, what)?;
+    Ok(levels)
 }
 
 /// The stages after pruning; an error only where a stage may drop everything.
 fn bake(mut soup: Soup, preset: &Preset, what: &str) -> Result<Asset> {
     twice(|s, d| solid(s, &preset.solid, d), &mut soup, &format!("{what}, solid"))?;
     soup.validate().unwrap_or_else(|e| panic!("{what}, solid: {e}"));
-    let mut mesh = color(soup, &mut Details::new())?;
+    let mut mesh = color(soup, &mut ColorDetails::default())?;
     mesh.validate().unwrap_or_else(|e| panic!("{what}, color: {e}"));
+    let levels = levels(&mesh, &format!("{what}, lod"))?;
+    levels.iter().for_each(|l| l.mesh.validate().unwrap_or_else(|e| panic!("{what}, lod: {e}")));
     twice(|m, d| weld(m, &preset.weld, d), &mut mesh, &format!("{what}, weld"))?;
     mesh.validate().unwrap_or_else(|e| panic!("{what}, weld: {e}"));
-    let mut asset = Asset { mesh, ..Asset::default() };
+    let mut provenance = Provenance::default();
+    let turn_up = |mesh: &mut Mesh, details: &mut _| {
+        let how = placement(mesh, &provenance, &PlaceOptions::DEFAULT);
+        place(mesh, &mut provenance, how, details)
+    };
+    twice(turn_up, &mut mesh, &format!("{what}, place"))?;
+    let mut asset = Asset { mesh, provenance, ..Asset::default() };
     twice(|a, d| chunk(a, &preset.chunk, d), &mut asset, &format!("{what}, chunk"))?;
     twice(|a, d| bvh(a, &preset.bvh, d), &mut asset, &format!("{what}, bvh"))?;
     twice(|a, d| order(a, &preset.order, d), &mut asset, &format!("{what}, order"))?;
@@ -151,7 +171,7 @@ fn every_stage_survives_soups_that_were_not_pruned() {
 #[test]
 fn the_default_preset_bakes_whatever_can_be_drawn() {
     for (name, soup) in hostile::finite().into_iter().chain(hostile::poison()) {
-        let outcome = prune(&mut Scene::Soup(soup), &PruneOptions::DEFAULT, &mut Details::new());
+        let outcome = prune(&mut Scene::Soup(soup), &PruneOptions::DEFAULT, &mut PruneDetails::default());
         let hopeless = ["empty", "all points", "all lines", "1e38", "invisible", "softest"].contains(&name);
         assert_eq!(outcome.is_err(), hopeless, "{name}: {outcome:?}");
     }
@@ -167,7 +187,7 @@ fn any_number_of_threads_gives_the_same_bits() {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
                 let mut scene = Scene::Soup(soup.clone());
-                prune(&mut scene, &preset.prune, &mut Details::new()).unwrap();
+                prune(&mut scene, &preset.prune, &mut PruneDetails::default()).unwrap();
                 let Scene::Soup(soup) = scene else { panic!("prune turned a soup into a mesh") };
                 bake(soup, &preset, preset.name).unwrap()
             })
