@@ -2,7 +2,7 @@
 
 use crate::bake::options::BakeOptions;
 use crate::bench::bake::BakeRow;
-use crate::bench::judge::Fidelity;
+use crate::bench::evaluate::EvalReport;
 use crate::dataset::Description;
 use crate::error::{Error, Result};
 use crate::formats::bvh::BvhHeader;
@@ -55,7 +55,7 @@ impl SchemaName {
             SchemaName::Report => schemars::schema_for!(Report),
             SchemaName::Info => schemars::schema_for!(Info),
             SchemaName::Dataset => schemars::schema_for!(Description),
-            SchemaName::Eval => schemars::schema_for!(Fidelity),
+            SchemaName::Eval => schemars::schema_for!(EvalReport),
             SchemaName::Validate => schemars::schema_for!(Checked),
             SchemaName::Bvh => schemars::schema_for!(BvhHeader),
             SchemaName::Bench => schemars::schema_for!(Vec<BakeRow>),

@@ -2,7 +2,7 @@
 
 use super::Global;
 use super::files;
-use super::layers::{self, Config};
+use super::layers::{self, Layers};
 use super::resume;
 use super::train_progress::Bar;
 use crate::asset::{Placement, Provenance, UpAxis};
@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::formats::ply;
 use crate::report::{Counts, OutputReport, Report, StageReport, generator};
 use crate::train::cpu::Cpu;
-use crate::train::options::{Preset, TrainOptions};
+use crate::train::options::TrainOptions;
 use crate::train::{RunOptions, Trained, Trainer, checkpoint, clock, curve, eval, run as run_training};
 use clap::ArgMatches;
 use std::io::Write;
@@ -143,15 +143,9 @@ fn plan(args: &TrainArgs) -> RunOptions {
 
 /// Preset, then config file, then `--set`, then the flags really typed.
 fn resolve(args: &TrainArgs, matches: &ArgMatches) -> Result<TrainOptions> {
-    let config = args.config.as_deref().map(Config::read::<TrainOptions>).transpose()?;
-    let preset = if layers::is_typed(matches, "preset") {
-        args.options.preset
-    } else {
-        config.as_ref().and_then(|c| c.field::<Preset>("preset")).unwrap_or_default()
-    };
-    let preset = TrainOptions::preset(preset);
-    let config = layers::with_sets(&preset, config, &args.sets)?;
-    let options = layers::layer(&preset, config.as_ref(), &args.options, matches)?;
+    let config = args.config.as_deref();
+    let layers = Layers { config, sets: &args.sets, typed: &args.options, matches };
+    let options = layers.resolve(args.options.preset, TrainOptions::preset)?;
     options.validate()?;
     Ok(options)
 }

@@ -4,20 +4,20 @@ use crate::source::{Path, Source};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A file by the module it is: `["raster", "soft"]`; the crate's root is empty.
-pub type Module = Vec<String>;
+pub(super) type Module = Vec<String>;
 
 /// Imports between files: who, whom, and the paths that say so.
-pub type Edges = BTreeMap<(Module, Module), BTreeSet<String>>;
+pub(super) type Edges = BTreeMap<(Module, Module), BTreeSet<String>>;
 
 /// The files of a crate.
 #[derive(Default)]
-pub struct Graph {
+pub(super) struct Graph {
     files: BTreeMap<Module, Source>,
 }
 
 impl Graph {
     /// Reads every Rust file under `src`.
-    pub fn read(src: &std::path::Path) -> Self {
+    pub(super) fn read(src: &std::path::Path) -> Self {
         let mut graph = Self::default();
         for file in rust_files(src) {
             let relative = file.strip_prefix(src).unwrap().with_extension("");
@@ -35,12 +35,12 @@ impl Graph {
     }
 
     /// Adds one file.
-    pub fn add(&mut self, module: Module, text: &str) {
+    pub(super) fn add(&mut self, module: Module, text: &str) {
         self.files.insert(module, Source::parse(text));
     }
 
     /// Every import of one file by another; re-exports are followed to the file that defines what they name.
-    pub fn edges(&self) -> Edges {
+    pub(super) fn edges(&self) -> Edges {
         let mut edges = Edges::new();
         for (module, source) in &self.files {
             for path in &source.paths {
@@ -94,7 +94,7 @@ impl Graph {
 }
 
 /// Groups of files that import each other, directly or through others; each sorted, the largest first.
-pub fn circles(edges: &Edges) -> Vec<Vec<Module>> {
+pub(super) fn circles(edges: &Edges) -> Vec<Vec<Module>> {
     let mut after: BTreeMap<&Module, Vec<&Module>> = BTreeMap::new();
     edges.keys().for_each(|(from, to)| after.entry(from).or_default().push(to));
     let reached = |from| {
@@ -120,7 +120,7 @@ pub fn circles(edges: &Edges) -> Vec<Vec<Module>> {
 }
 
 /// "raster/soft.rs", or "lib".
-pub fn name(module: &Module) -> String {
+pub(super) fn name(module: &Module) -> String {
     if module.is_empty() { "lib".to_owned() } else { module.join("/") }
 }
 

@@ -3,22 +3,22 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A path, segment by segment: `crate::math::color` is `["crate", "math", "color"]`.
-pub type Path = Vec<String>;
+pub(super) type Path = Vec<String>;
 
 /// What one file says about modules.
 #[derive(Debug, Default)]
-pub struct Source {
+pub(super) struct Source {
     /// Paths that it names, from the file's own module; those of `use` and those in expressions.
-    pub paths: Vec<Path>,
+    pub(super) paths: Vec<Path>,
     /// Names that it re-exports, each with the path behind it; `*` is everything of that path.
-    pub exports: Vec<(String, Path)>,
+    pub(super) exports: Vec<(String, Path)>,
     /// Items that it defines.
-    pub defines: BTreeSet<String>,
+    pub(super) defines: BTreeSet<String>,
 }
 
 impl Source {
     /// Reads a file.
-    pub fn parse(text: &str) -> Self {
+    pub(super) fn parse(text: &str) -> Self {
         let tokens = without_tests(&tokens(text));
         let mut reader = Reader { tokens: &tokens, ..Reader::default() };
         reader.declarations();

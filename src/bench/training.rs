@@ -13,22 +13,23 @@ use std::io::Write;
 use std::path::PathBuf;
 
 /// How much is trained.
-#[derive(Debug, Clone, PartialEq, Default, clap::Args)]
-pub struct Budget {
+#[derive(Debug, Clone, PartialEq, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct TrainBudget {
     /// Steps of each training, when no soup is given [default: the preset's own].
-    #[arg(long, value_name = "N")]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
     pub steps: Option<u64>,
     /// Most triangles of each training, when no soup is given [default: the preset's own].
-    #[arg(long, value_name = "N")]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
     pub max_triangles: Option<u64>,
 }
 
-impl Budget {
+impl TrainBudget {
     /// Fails when a budget is given and nothing `trains`.
     pub fn check(&self, trains: bool) -> Result<()> {
-        for (option, value) in [("--steps", self.steps), ("--max-triangles", self.max_triangles)] {
+        for (option, value) in [("steps", self.steps), ("max_triangles", self.max_triangles)] {
             if let Some(value) = value.filter(|_| !trains) {
-                return Err(Error::invalid(option, value, "no --soup: nothing is trained"));
+                return Err(Error::invalid(option, value, "no `soup`: nothing is trained"));
             }
         }
         Ok(())
@@ -52,16 +53,16 @@ pub struct TrainedSoup {
 pub fn train(
     dataset: &Dataset,
     preset: Preset,
-    budget: &Budget,
-    how: &DatasetOptions,
+    budget: &TrainBudget,
+    dataset_options: &DatasetOptions,
     watcher: &mut dyn Watcher,
 ) -> Result<TrainedSoup> {
     let mut options = TrainOptions::preset(preset);
     options.steps = budget.steps.unwrap_or(options.steps);
     options.max_triangles = budget.max_triangles.unwrap_or(options.max_triangles);
     options.validate()?;
-    let drawing = options.drawing(how.background.to_f32());
-    let photo_bytes = u64::from(how.photo_memory_mib) << 20;
+    let drawing = options.drawing(dataset_options.background.to_f32());
+    let photo_bytes = u64::from(dataset_options.photo_memory_mib) << 20;
     let trainer = Trainer::start(dataset, &options, photo_bytes, Cpu::new(drawing))?;
     let trained = run(trainer, dataset, &drawing, &RunOptions::default(), Vec::new(), 0.0, watcher)?;
 
