@@ -33,7 +33,6 @@
 pub mod asset;
 pub mod atomic;
 pub mod bake;
-#[cfg(feature = "cli")]
 pub mod bench;
 pub mod bvh;
 pub mod camera;

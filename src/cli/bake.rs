@@ -2,7 +2,7 @@
 
 use super::Global;
 use super::files;
-use super::layers::{self, Config};
+use super::layers::Layers;
 use super::progress::Progress;
 use crate::bake::{Bake, BakeOptions, BakePreset, Views};
 use crate::dataset::{Dataset, DatasetOptions};
@@ -106,13 +106,8 @@ fn photos(args: &BakeArgs, report: &mut Report) -> Result<Option<Views>> {
 
 /// Preset, then config file, then the flags really typed.
 fn resolve(args: &BakeArgs, matches: &ArgMatches) -> Result<BakeOptions> {
-    let config = args.config.as_deref().map(Config::read::<BakeOptions>).transpose()?;
-    let preset = if layers::is_typed(matches, "preset") {
-        args.options.preset
-    } else {
-        config.as_ref().and_then(|c| c.field::<BakePreset>("preset")).unwrap_or_default()
-    };
-    let options = layers::layer(&BakeOptions::preset(preset), config.as_ref(), &args.options, matches)?;
+    let layers = Layers { config: args.config.as_deref(), sets: &[], typed: &args.options, matches };
+    let options = layers.resolve(args.options.preset, BakeOptions::preset)?;
     options.validate()?;
     Ok(options)
 }

@@ -2,7 +2,7 @@
 
 use super::{Global, flags};
 use crate::report::{Observer, StageReport};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{HumanCount, ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::Duration;
 
@@ -17,7 +17,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Heeds `-q` and `-v`.
+    /// Follows `-q` and `-v`.
     pub fn new(global: &Global) -> Self {
         let spinner = (!global.quiet && std::io::stderr().is_terminal()).then(|| {
             let bar = ProgressBar::new_spinner();
@@ -90,17 +90,9 @@ fn row(stage: &StageReport) -> String {
     format!("{name:<11}{counts:<36}{:>8.2} s", stage.seconds)
 }
 
-/// 1234567 as "1,234,567".
+/// 1234567 as "1,234,567", to be padded like any text.
 pub fn thousands(number: u64) -> String {
-    let digits = number.to_string();
-    let mut out = String::with_capacity(digits.len() + digits.len() / 3);
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            out.push(',');
-        }
-        out.push(digit);
-    }
-    out
+    HumanCount(number).to_string()
 }
 
 #[cfg(test)]

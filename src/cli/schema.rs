@@ -6,7 +6,7 @@ use crate::bake::{
     solid::SolidDetails, unseen::UnseenDetails, weld::WeldDetails,
 };
 use crate::bench::bake::BakeRow;
-use crate::bench::judge::Fidelity;
+use crate::bench::evaluate::EvalReport;
 use crate::dataset::Description;
 use crate::error::{Error, Result};
 use crate::formats::bvh::BvhHeader;
@@ -60,7 +60,7 @@ impl SchemaName {
             SchemaName::Report => report_schema(),
             SchemaName::Info => schemars::schema_for!(Info),
             SchemaName::Dataset => schemars::schema_for!(Description),
-            SchemaName::Eval => schemars::schema_for!(Fidelity),
+            SchemaName::Eval => schemars::schema_for!(EvalReport),
             SchemaName::Validate => schemars::schema_for!(Checked),
             SchemaName::Bvh => schemars::schema_for!(BvhHeader),
             SchemaName::Bench => schemars::schema_for!(Vec<BakeRow>),

@@ -2,7 +2,7 @@
 
 use super::Global;
 use super::files;
-use super::layers::{self, Config};
+use super::layers::{self, Layers};
 use super::resume;
 use super::train_args::TrainArgs;
 use super::train_curve;
@@ -85,15 +85,9 @@ fn outputs(args: &TrainArgs) -> RunOptions {
 
 /// Preset, then config file, then `--set`, then the flags really typed.
 fn resolve(args: &TrainArgs, matches: &ArgMatches) -> Result<TrainOptions> {
-    let config = args.config.as_deref().map(Config::read::<TrainOptions>).transpose()?;
-    let preset = if layers::is_typed(matches, "preset") {
-        args.options.preset
-    } else {
-        config.as_ref().and_then(|c| c.field::<TrainPreset>("preset")).unwrap_or_default()
-    };
-    let preset = TrainOptions::preset(preset);
-    let config = layers::with_sets(&preset, config, &args.sets)?;
-    let options = layers::layer(&preset, config.as_ref(), &args.options, matches)?;
+    let config = args.config.as_deref();
+    let layers = Layers { config, sets: &args.sets, typed: &args.options, matches };
+    let options = layers.resolve(args.options.preset, TrainOptions::preset)?;
     options.validate()?;
     Ok(options)
 }

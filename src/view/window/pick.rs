@@ -1,4 +1,4 @@
-//! What lies under the mouse.
+//! Finds the triangle under the mouse.
 
 use crate::asset::Asset;
 use crate::camera::Camera;
@@ -29,7 +29,7 @@ pub(super) struct Origin {
     pub(super) opacity: f32,
 }
 
-/// The triangle that the ray through `pixel` meets first.
+/// The triangle that the ray through `pixel` hits first.
 pub(super) fn pick(
     asset: &Asset,
     camera: &Camera,
@@ -51,14 +51,14 @@ pub(super) fn pick(
 /// the edges.
 fn origin(soup: &Soup, corners: [Vec3; 3]) -> Option<Origin> {
     let (center, normal) = incenter(&corners);
-    let miss = |triangle: usize| {
+    let mismatch = |triangle: usize| {
         let (other, across) = incenter(&soup.vertices[triangle]);
-        // Twins about one incenter are told apart by where they face.
+        // Triangles with the same incenter are distinguished by their normals.
         (other - center).length() * (2.0 - normal.dot(across).abs())
     };
     let nearest = (0..soup.len())
         .into_par_iter()
-        .map(|i| (miss(i), i))
+        .map(|i| (mismatch(i), i))
         .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))?;
     let (distance, triangle) = nearest;
     let size = corners[0].distance(corners[1]).max(corners[0].distance(corners[2]));

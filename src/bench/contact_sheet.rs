@@ -1,4 +1,4 @@
-//! A sheet to look at: a row a photo, the photo beside drawings of it and maps of their errors.
+//! A contact sheet: one row per photo, the photo beside drawings of it and maps of their errors.
 
 use crate::image::Pixels;
 use glam::UVec2;
@@ -8,13 +8,13 @@ const CELL: u32 = 480;
 /// Space between cells, px.
 const GAP: u32 = 6;
 /// Its colour.
-const PAPER: [u8; 3] = [236; 3];
-/// Most rows; of more photos an even choice is shown.
+const GAP_COLOR: [u8; 3] = [236; 3];
+/// Most rows; of more photos an evenly spaced selection is shown.
 const ROWS: usize = 12;
 
 /// The sheet, row by row.
 #[derive(Debug, Default)]
-pub struct Sheet {
+pub struct ContactSheet {
     rows: Vec<Vec<Pixels>>,
 }
 
@@ -23,7 +23,7 @@ pub fn is_shown(photo: usize, count: usize) -> bool {
     count <= ROWS || photo == 0 || photo * ROWS / count != (photo - 1) * ROWS / count
 }
 
-impl Sheet {
+impl ContactSheet {
     /// Adds a row of pictures; wide ones are shrunk.
     pub fn add<'a>(&mut self, cells: impl IntoIterator<Item = &'a Pixels>) {
         self.rows.push(cells.into_iter().map(shrunk).collect());
@@ -32,10 +32,10 @@ impl Sheet {
     /// The whole sheet.
     pub fn to_pixels(&self) -> Pixels {
         let width = self.rows.iter().map(|row| row.iter().map(|c| c.size.x + GAP).sum::<u32>() + GAP);
-        let tall = |row: &[Pixels]| row.iter().map(|c| c.size.y).max().unwrap_or(0);
-        let height: u32 = self.rows.iter().map(|row| tall(row) + GAP).sum::<u32>() + GAP;
+        let height_of = |row: &[Pixels]| row.iter().map(|c| c.size.y).max().unwrap_or(0);
+        let height: u32 = self.rows.iter().map(|row| height_of(row) + GAP).sum::<u32>() + GAP;
         let size = UVec2::new(width.max().unwrap_or(GAP), height);
-        let mut rgb = vec![PAPER; size.x as usize * size.y as usize];
+        let mut rgb = vec![GAP_COLOR; size.x as usize * size.y as usize];
         let mut top = GAP;
         for row in &self.rows {
             let mut left = GAP;
@@ -46,7 +46,7 @@ impl Sheet {
                 }
                 left += cell.size.x + GAP;
             }
-            top += tall(row) + GAP;
+            top += height_of(row) + GAP;
         }
         Pixels { size, rgb, alpha: None }
     }
@@ -70,8 +70,8 @@ mod tests {
     }
 
     #[test]
-    fn cells_stand_in_rows_with_paper_between() {
-        let mut sheet = Sheet::default();
+    fn cells_are_laid_out_in_rows_with_gaps_between() {
+        let mut sheet = ContactSheet::default();
         sheet.add([&flat(4, 3, 1), &flat(4, 2, 2)]);
         sheet.add([&flat(960, 100, 3)]);
         let picture = sheet.to_pixels();
@@ -79,7 +79,7 @@ mod tests {
         let at = |x: u32, y: u32| picture.rgb[(y * picture.size.x + x) as usize][0];
         assert_eq!([at(0, 0), at(6, 6), at(9, 8), at(10, 6), at(16, 6), at(16, 8)], [236, 1, 1, 236, 2, 236]);
         assert_eq!([at(6, 15), at(485, 64), at(486, 64)], [3, 3, 236]);
-        assert_eq!(Sheet::default().to_pixels().size.to_array(), [GAP, GAP]);
+        assert_eq!(ContactSheet::default().to_pixels().size.to_array(), [GAP, GAP]);
     }
 
     #[test]

@@ -14,12 +14,11 @@ use crate::view::show;
 use glam::{DVec3, UVec2, Vec3};
 use serde::{Deserialize, Serialize};
 
-/// The two ways to draw.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema, clap::ValueEnum,
-)]
+/// The two rasterisers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
-pub enum Way {
+pub enum RenderMode {
     /// As it was trained: windows, blended in order of depth. Soups only.
     Soft,
     /// As an engine does: every triangle opaque, nearest first.
@@ -27,16 +26,18 @@ pub enum Way {
 }
 
 /// How scenes are drawn.
-#[derive(Debug, Clone, Copy, clap::Args)]
-pub struct DrawOptions {
+#[derive(Debug, Clone, Copy)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct RenderOptions {
     /// How the file is drawn; a mesh is always solid.
-    #[arg(id = "as", long = "as", value_enum, value_name = "WAY")]
-    pub way: Option<Way>,
-    /// Samples a pixel along each axis of solid drawings: 1, 2 or 4.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = samples)]
+    #[cfg_attr(feature = "cli", arg(id = "as", long = "as", value_enum, value_name = "MODE"))]
+    pub mode: Option<RenderMode>,
+    /// Samples per pixel along each axis of solid drawings: 1, 2 or 4.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 1, value_parser = samples))]
     pub ssaa: u32,
 }
 
+#[cfg(feature = "cli")]
 fn samples(text: &str) -> std::result::Result<u32, String> {
     match text {
         "1" => Ok(1),
@@ -48,25 +49,25 @@ fn samples(text: &str) -> std::result::Result<u32, String> {
 
 /// Draws one scene for many cameras.
 #[derive(Debug)]
-pub enum Painter {
+pub enum SceneRenderer {
     /// A soup, in training space.
-    Soft(Box<SoftPainter>),
+    Soft(Box<SoftScene>),
     /// A mesh, in the cameras' world.
-    Solid(Box<SolidPainter>),
+    Solid(Box<SolidScene>),
 }
 
-/// Draws a soup.
+/// A soup and what draws it.
 #[derive(Debug)]
-pub struct SoftPainter {
+pub struct SoftScene {
     soup: Soup,
     space: Space,
     options: SoftOptions,
     soft: Soft,
 }
 
-/// Draws a mesh.
+/// A mesh and what draws it.
 #[derive(Debug)]
-pub struct SolidPainter {
+pub struct SolidScene {
     mesh: Mesh,
     options: SolidRasterOptions,
     solid: Solid,
@@ -76,8 +77,8 @@ pub struct SolidPainter {
 /// Depth of the near plane in units of training space: that of the soft rasteriser.
 const NEAR: f32 = 0.01;
 
-impl Painter {
-    /// A painter of a soup for cameras of `dataset`; `placement` says how the soup's file was placed.
+impl SceneRenderer {
+    /// A renderer of a soup for cameras of `dataset`; `placement` says how the soup's file was placed.
     /// Without a data set the cameras are in the file's own coordinates.
     pub fn soft(
         mut soup: Soup,
@@ -93,16 +94,16 @@ impl Painter {
             None => space_around(soup.vertices.as_flattened()),
         };
         space.soup_to_training(&mut soup);
-        // The cap rises with the least opacity, as it does at the end of training: a soup that is
+        // The alpha cap rises with the least opacity, as it does at the end of training: a soup that is
         // solid throughout is drawn without a leak.
         let least = soup.opacity.iter().copied().fold(1.0, f32::min);
         let defaults = SoftOptions::default();
         let alpha_cap = defaults.alpha_cap.max(least);
         let options = SoftOptions { background, alpha_cap, near: NEAR, ..defaults };
-        Self::Soft(Box::new(SoftPainter { soup, space, options, soft: Soft::new() }))
+        Self::Soft(Box::new(SoftScene { soup, space, options, soft: Soft::new() }))
     }
 
-    /// A painter of a mesh, with `samples` a pixel along each axis; the rest as for [`Painter::soft`].
+    /// A renderer of a mesh, with `samples` per pixel along each axis; the rest as for [`SceneRenderer::soft`].
     pub fn solid(
         mut mesh: Mesh,
         placement: &Placement,
@@ -118,22 +119,22 @@ impl Painter {
             None => space_around(&mesh.positions),
         };
         let options = SolidRasterOptions { background, samples, near: NEAR / space.scale };
-        Self::Solid(Box::new(SolidPainter { mesh, options, solid: Solid::new(), frame: Frame::default() }))
+        Self::Solid(Box::new(SolidScene { mesh, options, solid: Solid::new(), frame: Frame::default() }))
     }
 
     /// Checks that a picture of `size` can be drawn.
     pub fn validate(&self, size: UVec2) -> Result<()> {
         match self {
             Self::Soft(_) => Ok(()),
-            Self::Solid(painter) => painter.options.validate(size),
+            Self::Solid(scene) => scene.options.validate(size),
         }
     }
 
     /// What the camera sees.
     pub fn color(&mut self, camera: &Camera) -> Pixels {
         match self {
-            Self::Soft(painter) => show::color(painter.draw(camera, false)),
-            Self::Solid(painter) => painter.solid.render(&painter.mesh, camera, &painter.options),
+            Self::Soft(scene) => show::color(scene.draw(camera, false)),
+            Self::Solid(scene) => scene.solid.render(&scene.mesh, camera, &scene.options),
         }
     }
 
@@ -142,31 +143,31 @@ impl Painter {
         show::depth(self.geometry(camera))
     }
 
-    /// Which way it faces; see [`show::normal`].
+    /// Which direction it faces; see [`show::normal`].
     pub fn normal(&mut self, camera: &Camera) -> Pixels {
         show::normal(self.geometry(camera))
     }
 
-    /// How many layers make it up; see [`show::contributions`]. Fails for a mesh: it has one everywhere.
+    /// How many layers contribute to each pixel; see [`show::contributions`]. Fails for a mesh: it has one everywhere.
     pub fn contributions(&mut self, camera: &Camera) -> Result<Pixels> {
-        let Self::Soft(painter) = self else {
+        let Self::Soft(scene) = self else {
             let wants = "color, depth, normal or random-subset: a solid drawing has one layer everywhere";
-            return Err(Error::invalid("--show", "contributions", wants));
+            return Err(Error::invalid("show", "contributions", wants));
         };
-        painter.draw(camera, false);
-        let layers = painter.soft.contributions(&painter.options);
-        Ok(show::contributions(painter.soft.frame(), &layers))
+        scene.draw(camera, false);
+        let layers = scene.soft.contributions(&scene.options);
+        Ok(show::contributions(scene.soft.frame(), &layers))
     }
 
     fn geometry(&mut self, camera: &Camera) -> &Frame {
         match self {
-            Self::Soft(painter) => painter.draw(camera, true),
-            Self::Solid(painter) => painter.geometry(camera),
+            Self::Soft(scene) => scene.draw(camera, true),
+            Self::Solid(scene) => scene.geometry(camera),
         }
     }
 }
 
-impl SoftPainter {
+impl SoftScene {
     fn draw(&mut self, camera: &Camera, geometry: bool) -> &Frame {
         let camera = self.space.camera_to_training(camera);
         self.options.geometry = geometry;
@@ -174,7 +175,7 @@ impl SoftPainter {
     }
 }
 
-impl SolidPainter {
+impl SolidScene {
     /// Depth and normals at the centres of pixels; no colours.
     fn geometry(&mut self, camera: &Camera) -> &Frame {
         let options = SolidRasterOptions { samples: 1, ..self.options };
@@ -196,8 +197,8 @@ impl SolidPainter {
     }
 }
 
-/// File to the cameras' world in one go and in f64: the file may be about another point of a far world than the
-/// cameras.
+/// From the file's frame to the cameras' world, in f64: the two may have their origins at different points of a
+/// large world.
 fn move_points(points: &mut [Vec3], placement: &Placement, dataset: &Dataset) {
     for point in points {
         *point = (placement.to_world_f64(*point) - dataset.origin).as_vec3();
@@ -210,7 +211,7 @@ fn space_of(dataset: &Dataset) -> Space {
     Space::new(&cameras, &points)
 }
 
-/// The space about the middle of some points, their mean distance from it as unit.
+/// A space centred on the mean of some points, with their mean distance from it as unit.
 fn space_around(points: &[Vec3]) -> Space {
     let count = points.len().max(1) as f64;
     let center = points.iter().map(|v| v.as_dvec3()).sum::<DVec3>() / count;

@@ -10,22 +10,23 @@ use std::io::Write;
 use std::path::PathBuf;
 
 /// How much is trained.
-#[derive(Debug, Clone, PartialEq, Default, clap::Args)]
-pub struct Budget {
+#[derive(Debug, Clone, PartialEq, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct TrainBudget {
     /// Steps of each training, when no soup is given [default: the preset's own].
-    #[arg(long, value_name = "N")]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
     pub steps: Option<u64>,
     /// Most triangles of each training, when no soup is given [default: the preset's own].
-    #[arg(long, value_name = "N")]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
     pub max_triangles: Option<u64>,
 }
 
-impl Budget {
+impl TrainBudget {
     /// Fails when a budget is given and nothing `trains`.
     pub fn check(&self, trains: bool) -> Result<()> {
-        for (option, value) in [("--steps", self.steps), ("--max-triangles", self.max_triangles)] {
+        for (option, value) in [("steps", self.steps), ("max_triangles", self.max_triangles)] {
             if let Some(value) = value.filter(|_| !trains) {
-                return Err(Error::invalid(option, value, "no --soup: nothing is trained"));
+                return Err(Error::invalid(option, value, "no `soup`: nothing is trained"));
             }
         }
         Ok(())
@@ -49,14 +50,14 @@ pub struct TrainedSoup {
 pub fn train(
     dataset: &Dataset,
     preset: TrainPreset,
-    budget: &Budget,
-    how: &DatasetOptions,
+    budget: &TrainBudget,
+    dataset_options: &DatasetOptions,
     observer: &mut dyn TrainObserver,
 ) -> Result<TrainedSoup> {
     let mut options = TrainOptions::preset(preset);
     options.steps = budget.steps.unwrap_or(options.steps);
     options.max_triangles = budget.max_triangles.unwrap_or(options.max_triangles);
-    let trained = TrainRun::new(dataset, &options).with_dataset_options(how).run(observer)?;
+    let trained = TrainRun::new(dataset, &options).with_dataset_options(dataset_options).run(observer)?;
 
     let cameras: Vec<Camera> = dataset.train().map(|view| view.camera).collect();
     let placement = Placement { center: dataset.origin.to_array(), ..Placement::IDENTITY };

@@ -1,6 +1,6 @@
 //! How close a scene comes to the photos: draws every view and measures PSNR, SSIM and FLIP.
 
-use super::steps::Step;
+use super::steps::EvalStep;
 use crate::dataset::{Photos, View};
 use crate::error::Result;
 use crate::image::Pixels;
@@ -14,7 +14,7 @@ use std::time::Instant;
 /// What `trisplat eval --report` writes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(title = "trisplat eval report")]
-pub struct Fidelity {
+pub struct EvalReport {
     /// Program and version.
     pub generator: String,
     /// The soup or mesh, as given.
@@ -25,13 +25,13 @@ pub struct Fidelity {
     pub split: String,
     /// Samples a pixel along each axis of solid drawings.
     pub ssaa: u32,
-    /// The scene at each step of its way into a file, in order. Of a mesh one: "solid".
+    /// The scene at each step of its way into a file, in order. A mesh has one: "solid".
     pub steps: Vec<StepScore>,
     /// What the user should know, one sentence each.
     pub warnings: Vec<String>,
 }
 
-/// How close a scene comes at one step of its way.
+/// How close a scene comes at one step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StepScore {
     /// "soft": the soup as trained. "solid": what an engine draws of it, or of the mesh given. "file": the same
@@ -43,10 +43,10 @@ pub struct StepScore {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bytes: Option<u64>,
     /// Means over the photos, each photo counting once.
-    pub mean: Score,
-    /// The mean less that of the step before: what this step cost.
+    pub mean: Scores,
+    /// The mean minus that of the step before: what this step cost.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub change: Option<Score>,
+    pub change: Option<Scores>,
     /// Photo by photo, in order of name.
     pub images: Vec<ImageScore>,
     /// Seconds spent drawing.
@@ -55,7 +55,7 @@ pub struct StepScore {
 
 /// How close a picture comes to a photo, both in 8 bits.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Score {
+pub struct Scores {
     /// Peak signal-to-noise ratio, dB.
     pub psnr: f64,
     /// Structural similarity in the convention of 3DGS.
@@ -73,12 +73,12 @@ pub struct ImageScore {
     pub size: [u32; 2],
     /// How close the drawing comes.
     #[serde(flatten)]
-    pub score: Score,
+    pub score: Scores,
 }
 
-/// What was drawn of a view at one step.
+/// The drawing of a view at one step, and its scores.
 #[derive(Debug)]
-pub struct Drawn {
+pub struct ScoredPicture {
     /// Name of the step.
     pub step: &'static str,
     /// The drawing.
@@ -89,16 +89,16 @@ pub struct Drawn {
     pub score: ImageScore,
 }
 
-/// Draws and measures `views` at every step; `hear` gets every view, its photo and its drawings as soon as they
-/// are there. Returns the scores, step by step.
-pub fn judge(
-    steps: &mut [Step],
+/// Draws and measures `views` at every step. Calls `on_view` with each view, its photo and its drawings as soon as
+/// they are there. Returns the scores, step by step.
+pub fn evaluate(
+    steps: &mut [EvalStep],
     views: &[&View],
     photo_bytes: u64,
-    mut hear: impl FnMut(&View, &Pixels, &[Drawn]) -> Result<()>,
+    mut on_view: impl FnMut(&View, &Pixels, &[ScoredPicture]) -> Result<()>,
 ) -> Result<Vec<StepScore>> {
     for step in &*steps {
-        views.iter().try_for_each(|view| step.painter.validate(view.camera.size))?;
+        views.iter().try_for_each(|view| step.renderer.validate(view.camera.size))?;
     }
     let mut photos = Photos::new(views.iter().map(|v| v.photo.clone()).collect(), photo_bytes);
     photos.expect(0..views.len());
@@ -109,49 +109,49 @@ pub fn judge(
         let mut drawn = Vec::with_capacity(steps.len());
         for (step, secs) in steps.iter_mut().zip(&mut secs) {
             let clock = Instant::now();
-            let picture = step.painter.color(&view.camera);
+            let picture = step.renderer.color(&view.camera);
             *secs += clock.elapsed().as_secs_f64();
             drawn.push(measure(step.name, &view.name, &photo, picture));
         }
-        hear(view, &photo, &drawn)?;
+        on_view(view, &photo, &drawn)?;
         images.iter_mut().zip(drawn).for_each(|(images, drawn)| images.push(drawn.score));
     }
     let mut scores: Vec<StepScore> = Vec::with_capacity(steps.len());
     for ((step, images), draw_secs) in steps.iter().zip(images).zip(secs) {
         let mean = mean(&images);
-        let change = scores.last().map(|before| mean.less(&before.mean));
+        let change = scores.last().map(|before| mean.minus(&before.mean));
         let (name, triangles, bytes) = (step.name.to_owned(), step.triangles, step.bytes);
         scores.push(StepScore { name, triangles, bytes, mean, change, images, draw_secs });
     }
     Ok(scores)
 }
 
-fn measure(step: &'static str, name: &str, photo: &Pixels, picture: Pixels) -> Drawn {
+fn measure(step: &'static str, name: &str, photo: &Pixels, picture: Pixels) -> ScoredPicture {
     let weights = photo.alpha.as_deref();
     let flip = metric::flip_map(photo.size, &photo.rgb, &picture.rgb);
-    let score = Score {
+    let score = Scores {
         psnr: metric::psnr(&photo.rgb, &picture.rgb, weights),
         ssim: metric::ssim(photo.size, &photo.rgb, &picture.rgb, weights),
         flip: metric::mean_error(&flip, weights),
     };
     let score = ImageScore { name: name.to_owned(), size: photo.size.to_array(), score };
-    Drawn { step, picture, flip, score }
+    ScoredPicture { step, picture, flip, score }
 }
 
 /// The mean of some scores; zeros of none.
-pub fn mean(scores: &[ImageScore]) -> Score {
+pub fn mean(scores: &[ImageScore]) -> Scores {
     let count = scores.len().max(1) as f64;
-    let mean = |of: fn(&Score) -> f64| scores.iter().map(|s| of(&s.score)).sum::<f64>() / count;
-    Score { psnr: mean(|s| s.psnr), ssim: mean(|s| s.ssim), flip: mean(|s| s.flip) }
+    let mean = |of: fn(&Scores) -> f64| scores.iter().map(|s| of(&s.score)).sum::<f64>() / count;
+    Scores { psnr: mean(|s| s.psnr), ssim: mean(|s| s.ssim), flip: mean(|s| s.flip) }
 }
 
-impl Score {
-    fn less(&self, before: &Self) -> Self {
+impl Scores {
+    fn minus(&self, before: &Self) -> Self {
         Self { psnr: self.psnr - before.psnr, ssim: self.ssim - before.ssim, flip: self.flip - before.flip }
     }
 }
 
-impl Fidelity {
+impl EvalReport {
     /// A report of scores.
     pub fn new(file: &Path, dataset: &Path, split: &str, ssaa: u32, steps: Vec<StepScore>) -> Self {
         Self {
