@@ -88,7 +88,7 @@ impl Views {
 
     /// Says which photos will be asked for next, so that they are decoded meanwhile.
     pub fn expect(&mut self, views: &[usize]) {
-        self.photos.expect(views.iter().copied());
+        self.photos.prefetch(views.iter().copied());
     }
 
     /// A photo. Fails when its file cannot be decoded.

@@ -5,7 +5,7 @@ use super::files;
 use super::layers::{self, Config};
 use super::resume;
 use super::train_progress::Bar;
-use crate::asset::{Placement, Provenance, UpAxis};
+use crate::asset::{Placement, Provenance};
 use crate::atomic::AtomicFile;
 use crate::camera::{self, Camera};
 use crate::dataset::{Dataset, DatasetOptions};
@@ -207,7 +207,7 @@ fn write(args: &TrainArgs, dataset: &Dataset, trained: &Trained) -> Result<Vec<O
         generator: Some(generator()),
         source,
         trainer: Some(generator()),
-        up: Some(up(dataset)),
+        up: Some(dataset.up_axis()),
         placement: Placement { center: dataset.origin.to_array(), ..Placement::IDENTITY },
         viewpoint: camera::viewpoint(&cameras),
     };
@@ -226,11 +226,6 @@ fn write(args: &TrainArgs, dataset: &Dataset, trained: &Trained) -> Result<Vec<O
 fn committed(file: AtomicFile) -> Result<OutputReport> {
     let path = file.path().display().to_string();
     Ok(OutputReport { path, bytes: file.commit()? })
-}
-
-/// The axis that usually points up in this kind of data set.
-fn up(dataset: &Dataset) -> UpAxis {
-    if dataset.kind.contains("COLMAP") { UpAxis::NegY } else { UpAxis::Z }
 }
 
 fn triangles(count: usize) -> Counts {

@@ -1,6 +1,8 @@
 //! Which format a file has: told by its first bytes, by its name only where the bytes leave it open.
 
-use super::{ReadOptions, Source, gltf_read, html, obj, off, ply, pt};
+use super::read_options::ReadOptions;
+use super::source::Source;
+use super::{gltf_read, html, obj, off, ply, pt};
 use crate::error::{Error, Result};
 use crate::scene::Loaded;
 use serde::{Deserialize, Serialize};

@@ -1,9 +1,11 @@
 //! What is in a file: counts, bounds, distributions, origin.
 
-use super::detect::{detect, read_as};
+use super::detect::{Format, detect, read_as};
 use super::gltf_read::container::Container;
 use super::gltf_read::document::{self, Document};
-use super::{Format, ReadOptions, Source, html};
+use super::html;
+use super::read_options::ReadOptions;
+use super::source::Source;
 use crate::asset::Provenance;
 use crate::error::Result;
 use crate::math::color::srgb_from_linear;
