@@ -51,9 +51,10 @@ fn read_images(bytes: &mut Bytes, model: &mut Model) -> Result<()> {
         let translation = DVec3::from(bytes.floats::<3>()?);
         let camera = u32::from_le_bytes(bytes.take()?);
         let name = bytes.name()?;
-        let rotation = colmap_model::rotation(quaternion).filter(|_| translation.is_finite()).ok_or_else(|| {
-            bytes.malformed(format!("image {id} `{name}` has no pose: {quaternion:?}, {translation}"))
-        })?;
+        let rotation =
+            colmap_model::rotation(quaternion).filter(|_| translation.is_finite()).ok_or_else(|| {
+                bytes.malformed(format!("image {id} `{name}` has no pose: {quaternion:?}, {translation}"))
+            })?;
         let seen = bytes.count("2D points", 24)?;
         let mut sightings = Vec::new();
         for _ in 0..seen {

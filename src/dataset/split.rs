@@ -96,7 +96,8 @@ fn spellings(view: &View) -> [Option<&str>; 4] {
 
 fn all_held_out(dataset: &Dataset, source: &Path) -> Result<()> {
     if dataset.views.iter().all(|view| view.test) {
-        let reason = "every photo is held out, none is left to train on; name fewer, or set `test_every` to 0";
+        let reason =
+            "every photo is held out, none is left to train on; name fewer, or set `test_every` to 0";
         return Err(Error::unsupported(source, reason));
     }
     Ok(())

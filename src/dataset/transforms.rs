@@ -108,7 +108,12 @@ fn parse(file: &Path) -> Result<Transforms> {
 }
 
 /// Adds the frames of another file, held out; a photo in both files is held out too.
-fn add_held_out(frames: &mut Vec<FoundPhoto>, file: &Path, root: &Path, options: &DatasetOptions) -> Result<()> {
+fn add_held_out(
+    frames: &mut Vec<FoundPhoto>,
+    file: &Path,
+    root: &Path,
+    options: &DatasetOptions,
+) -> Result<()> {
     let transforms = parse(file)?;
     let mut known: HashMap<String, usize> =
         frames.iter().enumerate().map(|(i, f)| (f.name.clone(), i)).collect();

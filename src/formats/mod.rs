@@ -24,9 +24,12 @@ mod read_options;
 mod source;
 pub mod target;
 pub mod tileset;
+mod write;
 
 pub use detect::{Format, read};
 pub use finish::finish;
 pub use limits::{MAX_CORNERS, MAX_TRIANGLES};
+pub use output::OutputOptions;
 pub use read_options::ReadOptions;
 pub use source::Source;
+pub use write::{WrittenFiles, write};

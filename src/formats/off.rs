@@ -147,9 +147,10 @@ fn read_corners(
     for _ in 0..count {
         let word = words.next().ok_or_else(|| format!("has fewer than {count} corners"))?;
         let index = word.parse::<u32>().ok().filter(|v| (*v as usize) < vertices);
-        corners.push(index.ok_or_else(|| {
-            format!("names vertex {:?}, but there are {vertices} vertices", clip(word))
-        })?);
+        corners
+            .push(index.ok_or_else(|| {
+                format!("names vertex {:?}, but there are {vertices} vertices", clip(word))
+            })?);
     }
     tints.push(words)
 }

@@ -12,9 +12,9 @@ mod transcode;
 mod views;
 mod wanted;
 
+pub(crate) use column::Column;
 pub use mesh::write_mesh;
 pub use soup::write_soup;
-pub(crate) use column::Column;
 pub(crate) use tables::points;
 
 use super::finish::finish;

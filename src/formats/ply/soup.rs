@@ -1,9 +1,9 @@
 //! The soup PLY: our own file of a trained scene, and a legal triangle mesh. See `docs/formats.md`.
 
+use super::column::Column;
 use super::corners::{Corners, read_positions};
 use super::encode;
 use super::header::{Element, Scalar};
-use super::column::Column;
 use super::table::Table;
 use super::tables::Tables;
 use super::views;

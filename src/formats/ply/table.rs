@@ -89,7 +89,8 @@ impl<'a> Table<'a> {
         }
         let out = transcode::rows(source, encoding, element, at, wanted)?;
         // The rows were really read, so their number fits a usize.
-        (table.rows, table.bytes, table.polygons) = (element.rows as usize, Body::Memory(out.bytes), out.polygons);
+        (table.rows, table.bytes, table.polygons) =
+            (element.rows as usize, Body::Memory(out.bytes), out.polygons);
         Ok((table, out.end))
     }
 
@@ -102,7 +103,10 @@ impl<'a> Table<'a> {
             Encoding::Big => lists == 0 && wanted == Wanted::Nothing,
             Encoding::Little if lists == 0 => true,
             Encoding::Little => {
-                lists == 1 && self.layout.corners.is_some() && self.element.name == "face" && wanted != Wanted::Nothing
+                lists == 1
+                    && self.layout.corners.is_some()
+                    && self.element.name == "face"
+                    && wanted != Wanted::Nothing
             }
         }
     }
@@ -127,8 +131,9 @@ impl<'a> Table<'a> {
             Some((row, corners)) => Err(self.error(row, not_a_triangle(corners))),
             None if enough => Ok(true),
             None => {
-                let reason =
-                    format!("promises {rows} rows of {stride} bytes, but only {left} bytes follow: cut short");
+                let reason = format!(
+                    "promises {rows} rows of {stride} bytes, but only {left} bytes follow: cut short"
+                );
                 Err(Error::malformed(self.path, format!("element {}", self.element.name), reason))
             }
         }

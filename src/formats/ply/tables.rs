@@ -40,7 +40,8 @@ pub(super) fn locate<'a>(source: &'a Source, header: &'a Header, faces: Wanted) 
 
 /// The rows of `vertex` alone: a cloud of points.
 pub(crate) fn points<'a>(source: &'a Source, header: &'a Header) -> Result<Table<'a>> {
-    let wanted = |element: &Element| if element.name == "vertex" { Wanted::Triangles } else { Wanted::Nothing };
+    let wanted =
+        |element: &Element| if element.name == "vertex" { Wanted::Triangles } else { Wanted::Nothing };
     let [vertices] = open(source, header, wanted, ["vertex"])?;
     vertices.ok_or_else(|| Error::malformed(&source.path, "header", "has no element vertex"))
 }

@@ -2,9 +2,9 @@
 //!
 //! Nothing is allocated on the word of the header: memory grows with the rows really read.
 
+use super::column::Column;
 use super::header::{Element, Encoding, PropertyType, Scalar};
 use super::wanted::Wanted;
-use super::column::Column;
 use crate::error::{Error, Result};
 use crate::formats::faces::{check_corners, not_a_triangle};
 use crate::formats::source::Source;
@@ -102,7 +102,9 @@ impl Input<'_> {
                         out.bytes.extend_from_slice(&number[..scalar.size()]);
                     }
                 }
-                PropertyType::List { count, item } if wanted != Wanted::Nothing && property.is_corner_list() => {
+                PropertyType::List { count, item }
+                    if wanted != Wanted::Nothing && property.is_corner_list() =>
+                {
                     self.corners(count, item, row, wanted, out)?;
                 }
                 PropertyType::List { count, item } => {
@@ -115,7 +117,14 @@ impl Input<'_> {
     }
 
     /// A face's corners: three go into its row, and all of a polygon beside.
-    fn corners(&mut self, count: Scalar, item: Scalar, row: usize, wanted: Wanted, out: &mut Transcoded) -> Step<()> {
+    fn corners(
+        &mut self,
+        count: Scalar,
+        item: Scalar,
+        row: usize,
+        wanted: Wanted,
+        out: &mut Transcoded,
+    ) -> Step<()> {
         let length = integer(self.number(count)?, count);
         if wanted == Wanted::Triangles && length != 3 {
             return Err(Fault::Text(not_a_triangle(length)));

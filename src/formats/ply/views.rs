@@ -2,8 +2,8 @@
 //!
 //! Named so that MeshLab, which has a `camera` of its own with other properties, passes over it.
 
-use super::header::{Element, Header};
 use super::column::Column;
+use super::header::{Element, Header};
 use super::table::Table;
 use crate::camera::Camera;
 use crate::error::Result;
