@@ -39,6 +39,14 @@ impl Asset {
     }
 }
 
+impl From<Mesh> for Asset {
+    /// A mesh as it is: one chunk, no BVH, nothing known of its origin.
+    fn from(mesh: Mesh) -> Self {
+        let chunks = vec![Chunk { first: 0, count: mesh.face_count() as u32 }];
+        Self { mesh, chunks, ..Self::default() }
+    }
+}
+
 /// Which axis of a file points up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]

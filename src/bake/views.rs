@@ -91,7 +91,7 @@ impl Views {
 
     /// Starts decoding the photos that will be asked for next, in this order.
     pub fn prefetch(&mut self, views: &[usize]) {
-        self.photos.expect(views.iter().copied());
+        self.photos.prefetch(views.iter().copied());
     }
 
     /// A photo. Fails when its file cannot be decoded.

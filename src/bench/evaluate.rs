@@ -101,7 +101,7 @@ pub fn evaluate(
         views.iter().try_for_each(|view| step.renderer.validate(view.camera.size))?;
     }
     let mut photos = Photos::new(views.iter().map(|v| v.photo.clone()).collect(), photo_bytes);
-    photos.expect(0..views.len());
+    photos.prefetch(0..views.len());
     let mut images: Vec<Vec<ImageScore>> = steps.iter().map(|_| Vec::new()).collect();
     let mut secs = vec![0.0; steps.len()];
     for (i, view) in views.iter().enumerate() {

@@ -17,7 +17,7 @@ use crate::bake::{Bake, Views};
 use crate::dataset::{Dataset, DatasetOptions, View};
 use crate::error::{Error, Result};
 use crate::formats::output::OutputOptions;
-use crate::formats::target::{Encoding, Target};
+use crate::formats::target::{OutputTarget, TargetEncoding};
 use crate::formats::{self, ReadOptions};
 use crate::scene::{Loaded, Scene};
 use crate::train::{TrainObserver, TrainPreset};
@@ -96,7 +96,7 @@ struct FidelityCase {
     /// At every sampling, or only at the highest.
     everywhere: bool,
     /// For every target, or only for any viewer.
-    targets: &'static [Target],
+    targets: &'static [OutputTarget],
 }
 
 const fn case(name: &'static str) -> FidelityCase {
@@ -107,7 +107,7 @@ const fn case(name: &'static str) -> FidelityCase {
         refit: RefitColors::Auto,
         share: 1.0,
         everywhere: false,
-        targets: &[Target::Gltf],
+        targets: &[OutputTarget::Gltf],
     }
 }
 
@@ -127,15 +127,15 @@ const CASES: [FidelityCase; 11] = [
 ];
 
 /// The targets of a GLB.
-const TARGETS: [Target; 8] = [
-    Target::Gltf,
-    Target::Godot,
-    Target::Godot3,
-    Target::Unity,
-    Target::Unreal,
-    Target::Blender,
-    Target::Web,
-    Target::Playcanvas,
+const TARGETS: [OutputTarget; 8] = [
+    OutputTarget::Gltf,
+    OutputTarget::Godot,
+    OutputTarget::Godot3,
+    OutputTarget::Unity,
+    OutputTarget::Unreal,
+    OutputTarget::Blender,
+    OutputTarget::Web,
+    OutputTarget::Playcanvas,
 ];
 
 /// Samplings, the highest last.
@@ -258,9 +258,9 @@ impl FidelityBench<'_> {
         let clock = Instant::now();
         let (asset, output) = self.bake(loaded, case, seen)?;
         let baked = clock.elapsed().as_secs_f64();
-        let mut written: Vec<(Encoding, Vec<FidelityRow>)> = Vec::new();
+        let mut written: Vec<(TargetEncoding, Vec<FidelityRow>)> = Vec::new();
         for &target in case.targets {
-            let encoding = Encoding { notes: Vec::new(), ..target.encoding(output.compress) };
+            let encoding = TargetEncoding { notes: Vec::new(), ..target.encoding(output.compress) };
             let name = serde_json::to_value(target).unwrap_or_default();
             let name = name.as_str().unwrap_or_default();
             // Engines that read the same file get the same numbers.

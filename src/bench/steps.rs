@@ -10,7 +10,7 @@ use crate::bake::{BakeOptions, bake};
 use crate::dataset::Dataset;
 use crate::error::{Error, Result};
 use crate::formats::output::{self, Output, OutputOptions};
-use crate::formats::target::Target;
+use crate::formats::target::OutputTarget;
 use crate::formats::{self, ReadOptions};
 use crate::report::Report;
 use crate::scene::{Loaded, Scene};
@@ -77,7 +77,7 @@ pub fn baked(mut soup: Soup, provenance: Provenance) -> Result<Asset> {
 }
 
 /// The smallest file we write: 16-bit positions, 8-bit colours, meshopt.
-pub const SMALLEST: OutputOptions = OutputOptions { target: Target::Web, ..OutputOptions::SMALL };
+pub const SMALLEST: OutputOptions = OutputOptions { target: OutputTarget::Web, ..OutputOptions::SMALL };
 
 /// The asset after it was written as GLB and read back; and the size of that file.
 pub fn reread(asset: &Asset, options: &OutputOptions) -> Result<(Asset, u64)> {

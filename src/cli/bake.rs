@@ -7,7 +7,7 @@ use super::progress::Progress;
 use crate::bake::{Bake, BakeOptions, BakePreset, Views};
 use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
-use crate::formats::output::{self, Kind, Output};
+use crate::formats::output::{self, Output, OutputFormat};
 use crate::formats::{self, ReadOptions};
 use crate::report::Report;
 use crate::scene::Loaded;
@@ -26,7 +26,7 @@ pub struct BakeArgs {
     pub output: PathBuf,
     /// Kind of file to write, when the name of OUT does not say.
     #[arg(long, value_enum)]
-    pub format: Option<Kind>,
+    pub format: Option<OutputFormat>,
     /// Replace OUT if it is there.
     #[arg(short, long)]
     pub force: bool,

@@ -5,7 +5,7 @@ use super::{files, info_dataset};
 use crate::bake::prune::{PruneDetails, PruneOptions, prune};
 use crate::dataset::DatasetOptions;
 use crate::error::{Error, Result};
-use crate::formats::info::{BakeInfo, Bin, Distribution, Info, Kind, info};
+use crate::formats::info::{BakeInfo, Distribution, HistogramBin, Info, SceneKind, info};
 use crate::report::{self, Outcome};
 use crate::scene::Loaded;
 use std::io::{self, Write};
@@ -54,10 +54,10 @@ fn would_bake(loaded: Loaded) -> Option<BakeInfo> {
 fn print(info: &Info, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "{}: {}, {} bytes", info.path, info.format.name(), thousands(info.bytes))?;
     let kind = match (info.kind, info.sh_degree) {
-        (Kind::Soup, Some(degree)) => format!("soup, spherical harmonics of degree {degree}"),
-        (Kind::Soup, None) => "soup".to_owned(),
-        (Kind::Mesh, _) if info.indexed => "mesh with shared vertices".to_owned(),
-        (Kind::Mesh, _) => "mesh".to_owned(),
+        (SceneKind::Soup, Some(degree)) => format!("soup, spherical harmonics of degree {degree}"),
+        (SceneKind::Soup, None) => "soup".to_owned(),
+        (SceneKind::Mesh, _) if info.indexed => "mesh with shared vertices".to_owned(),
+        (SceneKind::Mesh, _) => "mesh".to_owned(),
     };
     line(out, "kind", &kind)?;
     line(out, "triangles", &thousands(info.triangles))?;
@@ -139,7 +139,7 @@ fn print_spread(out: &mut dyn Write, name: &str, spread: &Distribution) -> io::R
     let Distribution { min, median, mean, max, bins } = spread;
     line(out, name, &format!("{min:.4} to {max:.4}, mean {mean:.4}, median {median:.4}"))?;
     let most = bins.iter().map(|bin| bin.count).max().unwrap_or(0).max(1);
-    for Bin { low, high, count } in bins {
+    for HistogramBin { low, high, count } in bins {
         let range = match high {
             Some(high) => format!("{low} to {high}"),
             None => format!("{low} and more"),

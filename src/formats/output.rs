@@ -1,8 +1,8 @@
-//! Writes an asset to whichever files its kind needs: planned first, then written, then named at once.
+//! Writes an asset to whichever files its format needs: planned first, then written, then renamed at once.
 
 use super::gltf::GltfOptions;
 use super::gltf::document::uri;
-use super::target::Target;
+use super::target::OutputTarget;
 use super::tileset::{self, Level};
 use super::{bvh, gltf, html, obj, ply};
 use crate::asset::Asset;
@@ -20,8 +20,8 @@ use std::path::{Path, PathBuf};
 #[serde(deny_unknown_fields, default)]
 pub struct OutputOptions {
     /// Engine or viewer to write for: decides colour encoding, compression and files beside.
-    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = Target::Gltf))]
-    pub target: Target,
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = OutputTarget::Gltf))]
+    pub target: OutputTarget,
     /// Quantise positions per chunk and compress with meshopt, where the target reads it.
     #[cfg_attr(feature = "cli", arg(long, default_value_t = OutputOptions::DEFAULT.compress, num_args = 0..=1, require_equals = true,
           default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL"))]
@@ -39,7 +39,7 @@ pub struct OutputOptions {
 impl OutputOptions {
     /// Plain glTF for every viewer.
     pub const DEFAULT: Self =
-        Self { target: Target::Gltf, compress: false, ply_face_colors: false, allow_huge: false };
+        Self { target: OutputTarget::Gltf, compress: false, ply_face_colors: false, allow_huge: false };
     /// Quantised and compressed where the target reads it.
     pub const SMALL: Self = Self { compress: true, ..Self::DEFAULT };
 
@@ -53,11 +53,11 @@ impl OutputOptions {
     /// How our own page wants its glTF: it reads everything, so it is compressed, without loss unless
     /// asked for.
     fn page_encoding(&self, details: &mut WriteDetails) -> GltfOptions {
-        let other = !matches!(self.target, Target::Gltf | Target::Web);
+        let other = !matches!(self.target, OutputTarget::Gltf | OutputTarget::Web);
         let notes =
-            other.then_some("html: the page is its own viewer; --target is for files that engines read");
+            other.then_some("html: the page is its own viewer; `target` is for files that engines read");
         details.notes = Some(notes.into_iter().map(str::to_owned).collect());
-        let web = Target::Web.encoding(self.compress).options;
+        let web = OutputTarget::Web.encoding(self.compress).options;
         GltfOptions { meshopt: true, allow_huge: self.allow_huge, ..web }
     }
 }
@@ -86,10 +86,10 @@ impl Default for OutputOptions {
     }
 }
 
-/// The kinds of file an asset can become.
+/// The formats that are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-pub enum Kind {
+pub enum OutputFormat {
     /// glTF 2.0 in one binary file.
     Glb,
     /// glTF 2.0 as JSON with a .bin beside it.
@@ -102,7 +102,7 @@ pub enum Kind {
     Html,
 }
 
-impl Kind {
+impl OutputFormat {
     /// By the ending of `path`.
     fn of(path: &Path) -> Result<Self> {
         let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
@@ -114,9 +114,9 @@ impl Kind {
             "html" | "htm" => Ok(Self::Html),
             _ if path.as_os_str() == "-" || is_device(path) => Ok(Self::Glb),
             _ => Err(Error::invalid(
-                "--output",
+                "output",
                 path.display(),
-                "a name ending in .glb, .gltf, .obj, .ply or .html, or --format",
+                "a name ending in .glb, .gltf, .obj, .ply or .html, or `format`",
             )),
         }
     }
@@ -129,7 +129,7 @@ fn is_device(path: &Path) -> bool {
 /// The files one asset becomes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Output {
-    kind: Kind,
+    format: OutputFormat,
     main: PathBuf,
     /// .bin or .mtl.
     second: Option<PathBuf>,
@@ -144,26 +144,31 @@ pub struct Output {
 
 impl Output {
     /// Names every file before any work is done. Standard output carries one file only.
-    pub fn plan(path: &Path, kind: Option<Kind>, options: &OutputOptions, bvh: bool) -> Result<Self> {
-        let kind = kind.map_or_else(|| Kind::of(path), Ok)?;
-        let second = match kind {
-            Kind::Gltf => Some(path.with_extension("bin")),
-            Kind::Obj => Some(path.with_extension("mtl")),
-            Kind::Glb | Kind::Ply | Kind::Html => None,
+    pub fn plan(
+        path: &Path,
+        format: Option<OutputFormat>,
+        options: &OutputOptions,
+        bvh: bool,
+    ) -> Result<Self> {
+        let format = format.map_or_else(|| OutputFormat::of(path), Ok)?;
+        let second = match format {
+            OutputFormat::Gltf => Some(path.with_extension("bin")),
+            OutputFormat::Obj => Some(path.with_extension("mtl")),
+            OutputFormat::Glb | OutputFormat::Ply | OutputFormat::Html => None,
         };
         let stream = path.as_os_str() == "-" || is_device(path);
         if stream && (second.is_some() || bvh) {
-            let what = if bvh { "--bvh" } else { "this kind" };
+            let what = if bvh { "`bvh`" } else { "this kind" };
             let wants = format!("a file name: {what} writes a second file beside the first");
-            return Err(Error::invalid("--output", path.display(), wants));
+            return Err(Error::invalid("output", path.display(), wants));
         }
         let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("scene.glb");
-        let sidecar = match kind {
-            Kind::Glb | Kind::Gltf if !stream => options.target.sidecar(name),
+        let sidecar = match format {
+            OutputFormat::Glb | OutputFormat::Gltf if !stream => options.target.sidecar(name),
             _ => None,
         };
         Ok(Self {
-            kind,
+            format,
             main: path.to_owned(),
             second,
             sidecar: sidecar.map(|(name, text)| (path.with_file_name(name), text)),
@@ -178,17 +183,17 @@ impl Output {
         if levels == 0 {
             return Ok(self);
         }
-        if self.main.as_os_str() == "-" || is_device(&self.main) || self.kind == Kind::Html {
-            let wants = "a .glb, .gltf, .obj or .ply file: --lod writes more files beside the first";
-            return Err(Error::invalid("--output", self.main.display(), wants));
+        if self.main.as_os_str() == "-" || is_device(&self.main) || self.format == OutputFormat::Html {
+            let wants = "a .glb, .gltf, .obj or .ply file: `lod` writes more files beside the first";
+            return Err(Error::invalid("output", self.main.display(), wants));
         }
         let ending = self.main.extension().and_then(|e| e.to_str()).unwrap_or("glb").to_owned();
         let level = |i: usize| {
             let path = self.main.with_extension(format!("lod{i}.{ending}"));
-            Self::plan(&path, Some(self.kind), options, self.bvh.is_some())
+            Self::plan(&path, Some(self.format), options, self.bvh.is_some())
         };
         self.levels = (1..=levels).map(level).collect::<Result<_>>()?;
-        let gltf = matches!(self.kind, Kind::Glb | Kind::Gltf);
+        let gltf = matches!(self.format, OutputFormat::Glb | OutputFormat::Gltf);
         self.tileset = gltf.then(|| self.main.with_extension("tileset.json"));
         Ok(self)
     }
@@ -287,7 +292,7 @@ fn tileset_of(asset: &Asset, output: &Output) -> String {
     tileset::json(&levels, &crate::report::generator())
 }
 
-/// Encodes the asset as its kind; returns warnings for the user.
+/// Encodes the asset in its format; returns warnings for the user.
 fn encode(
     asset: &Asset,
     output: &Output,
@@ -302,22 +307,22 @@ fn encode(
         p.as_ref().and_then(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
     };
     let name = name_of(&output.second);
-    let written = match (output.kind, second) {
-        (Kind::Obj, Some(mtl)) => {
+    let written = match (output.format, second) {
+        (OutputFormat::Obj, Some(mtl)) => {
             obj::write(main, mtl, &name, asset).map_err(io)?;
             return Ok(vec![
                 "OBJ is text (about 3x a GLB) and Godot, Unity and Unreal drop or cull parts of it; prefer GLB".into(),
             ]);
         }
-        (Kind::Ply, _) => {
+        (OutputFormat::Ply, _) => {
             ply::write_mesh(main, asset, options.ply_face_colors).map_err(io)?;
             return Ok(Vec::new());
         }
-        (Kind::Gltf, Some(bin)) => {
+        (OutputFormat::Gltf, Some(bin)) => {
             let encoding = options.encoding(details);
             gltf::write_gltf(main, bin, &name, path, asset, &encoding)?
         }
-        (Kind::Html, _) => {
+        (OutputFormat::Html, _) => {
             let title = path.file_stem().filter(|name| *name != "-").unwrap_or("trisplat".as_ref());
             let encoding = options.page_encoding(details);
             html::write(main, path, &title.to_string_lossy(), asset, &encoding)?

@@ -41,7 +41,7 @@ impl Pyramid {
     pub fn prefetch(&mut self, order: &[usize], level: u32) {
         let cached = |i: usize| level > 0 && level == self.level && self.small[i].is_some();
         let missing: Vec<usize> = order.iter().copied().filter(|&i| !cached(i)).collect();
-        self.photos.expect(missing);
+        self.photos.prefetch(missing);
     }
 
     /// Photo `i` at `level`.

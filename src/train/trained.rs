@@ -2,7 +2,7 @@
 
 use super::eval::{PhotoScore, Quality};
 use super::progress::TrainSample;
-use crate::asset::{Placement, Provenance, UpAxis};
+use crate::asset::{Placement, Provenance};
 use crate::atomic::AtomicFile;
 use crate::camera::{self, Camera};
 use crate::dataset::Dataset;
@@ -112,13 +112,9 @@ pub(super) fn provenance(dataset: &Dataset, cameras: &[Camera]) -> Provenance {
         generator: Some(generator()),
         source: dataset.path.file_name().map(|name| name.to_string_lossy().into_owned()),
         trainer: Some(generator()),
-        up: Some(up_axis(dataset)),
+        up: Some(dataset.up_axis()),
         placement: Placement { center: dataset.origin.to_array(), ..Placement::IDENTITY },
         viewpoint: camera::viewpoint(cameras),
     }
 }
 
-/// The axis that usually points up in this kind of data set.
-fn up_axis(dataset: &Dataset) -> UpAxis {
-    if dataset.kind.contains("COLMAP") { UpAxis::NegY } else { UpAxis::Z }
-}

@@ -11,7 +11,7 @@ use trisplat::cli::info::InfoArgs;
 use trisplat::cli::validate::ValidateArgs;
 use trisplat::formats::check::{Checked, Severity, check};
 use trisplat::formats::gltf::{GltfOptions, PositionEncoding, write_glb};
-use trisplat::formats::info::{Info, Kind, info};
+use trisplat::formats::info::{Info, SceneKind, info};
 use trisplat::formats::{Format, bvh as bvh_file, ply};
 use trisplat::mesh::{Colors, Mesh};
 
@@ -255,7 +255,7 @@ fn info_counts_what_is_there() {
     let folder = Folder::new();
     let (found, loaded) = info(&sample(&folder)).expect("sound");
     let triangles = loaded.scene.triangle_count() as u64;
-    assert_eq!((found.kind, found.format, found.triangles), (Kind::Soup, Format::Ply, triangles));
+    assert_eq!((found.kind, found.format, found.triangles), (SceneKind::Soup, Format::Ply, triangles));
     for spread in [found.sigma.as_ref(), found.opacity.as_ref()] {
         let spread = spread.expect("a soup has it");
         assert_eq!(spread.bins.iter().map(|bin| bin.count).sum::<u64>(), triangles);
@@ -265,7 +265,10 @@ fn info_counts_what_is_there() {
 
     let path = folder.write("scene.glb", &written(&asset(50), &GltfOptions::default()));
     let (found, _) = info(&path).expect("sound");
-    assert_eq!((found.kind, found.triangles, found.vertices, found.indexed), (Kind::Mesh, 50, 150, false));
+    assert_eq!(
+        (found.kind, found.triangles, found.vertices, found.indexed),
+        (SceneKind::Mesh, 50, 150, false)
+    );
     let gltf = found.gltf.expect("a glTF");
     assert_eq!((gltf.meshes, gltf.primitives, gltf.materials), (1, 1, 1));
     assert_eq!(gltf.extensions_used, ["KHR_materials_unlit"]);
