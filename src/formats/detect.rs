@@ -1,6 +1,6 @@
 //! Which format a file has: told by its first bytes, by its name only where the bytes leave it open.
 
-use super::{ReadOptions, Source, gltf_read, html, obj, off, ply, pt};
+use super::{ReadOptions, Source, gltf, html, obj, off, ply, pt};
 use crate::error::{Error, Result};
 use crate::scene::Loaded;
 use serde::{Deserialize, Serialize};
@@ -130,7 +130,7 @@ pub(super) fn read_as(format: Format, source: Source, options: &ReadOptions) -> 
         Format::Pt => pt::read(source, options),
         Format::Off => off::read(source, options),
         Format::Obj => obj::read(source, options),
-        Format::Glb | Format::Gltf | Format::Html => gltf_read::read(source, options),
+        Format::Glb | Format::Gltf | Format::Html => gltf::read(source, options),
     }
 }
 

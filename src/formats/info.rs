@@ -1,8 +1,8 @@
 //! What is in a file: counts, bounds, distributions, origin.
 
 use super::detect::{detect, read_as};
-use super::gltf_read::container::Container;
-use super::gltf_read::document::{self, Document};
+use super::gltf::container::ContainerFile;
+use super::gltf::document::{self, Document};
 use super::{Format, ReadOptions, Source, html};
 use crate::asset::Provenance;
 use crate::error::Result;
@@ -206,7 +206,7 @@ fn mesh_info(mesh: &Mesh) -> Info {
 }
 
 fn gltf_info(mut source: Source) -> Result<GltfInfo> {
-    let container = Container::read(&mut source)?;
+    let container = ContainerFile::read(&mut source)?;
     let document: Document = document::parse(&source.path, &container.json)?;
     Ok(GltfInfo {
         nodes: document.nodes.len() as u64,

@@ -1,6 +1,5 @@
 //! Files in and out. The nouns do not know them.
 
-mod base64;
 mod blocks;
 pub mod bvh;
 mod channel;
@@ -8,7 +7,6 @@ pub mod check;
 pub mod detect;
 mod finish;
 pub mod gltf;
-pub mod gltf_read;
 pub mod html;
 pub mod info;
 mod lines;

@@ -13,8 +13,8 @@ use trisplat::asset::{Asset, Chunk, Placement, Provenance, UpAxis};
 use trisplat::camera::Viewpoint;
 use trisplat::error::{Error, Result};
 use trisplat::formats::gltf::{
-    ColorEncoding, Container, GltfOptions, PositionEncoding, Written, check_size, glb_bytes, place,
-    write_glb, write_gltf,
+    ColorEncoding, Container, GltfOptions, PositionEncoding, Written, check_size, glb_size, stream_offsets,
+    to_glb_bytes, write_glb, write_gltf,
 };
 use trisplat::mesh::{Colors, Mesh};
 
@@ -30,6 +30,7 @@ fn glb(asset: &Asset, options: &GltfOptions) -> Result<(Vec<u8>, Written)> {
     let mut bytes = Vec::new();
     let written = write_glb(&mut bytes, Path::new("scene.glb"), asset, options)?;
     assert_eq!(written.bytes, bytes.len() as u64);
+    assert!(to_glb_bytes(asset, options)? == bytes);
     Ok((bytes, written))
 }
 
@@ -78,8 +79,14 @@ fn the_material_is_unlit_double_sided_and_opaque() {
     let parsed = parse(&glb(&ramp(3), &options).unwrap().0);
     let wants = json!([{
         "name": "soup-vcol",
+        "alphaMode": "OPAQUE",
         "doubleSided": true,
-        "pbrMetallicRoughness": { "metallicFactor": 0.0, "roughnessFactor": 1.0 },
+        "emissiveFactor": [0.0, 0.0, 0.0],
+        "pbrMetallicRoughness": {
+            "baseColorFactor": [1.0, 1.0, 1.0, 1.0],
+            "metallicFactor": 0.0,
+            "roughnessFactor": 1.0,
+        },
         "extensions": { "KHR_materials_unlit": {} },
     }]);
     assert_eq!(parsed.json["materials"], wants);
@@ -334,13 +341,13 @@ fn the_bytes_do_not_hang_on_the_number_of_threads() {
 fn sizes_are_known_before_a_byte_is_written() {
     let path = Path::new("big.glb");
     let size = |triangles: u64| {
-        let (starts, bin) = place([3 * 12 * triangles, 3 * 8 * triangles].into_iter());
+        let (starts, bin) = stream_offsets([3 * 12 * triangles, 3 * 8 * triangles].into_iter());
         assert_eq!(starts, [0, 36 * triangles]);
-        glb_bytes(900, bin)
+        glb_size(900, bin)
     };
     let check = |container, triangles, allow| check_size(path, container, size(triangles), allow);
     let refused = |r: Result<Option<String>>, limit: u64| match r {
-        Err(Error::TooLarge { limit: l, remedy, .. }) => l == limit && remedy.contains("--max-triangles"),
+        Err(Error::TooLarge { limit: l, remedy, .. }) => l == limit && remedy.contains("`max_triangles`"),
         _ => false,
     };
     let (gib1, gib2, gib4) = ((1u64 << 30) / 60, (1u64 << 31) / 60, (1u64 << 32) / 60);
@@ -358,8 +365,8 @@ fn sizes_are_known_before_a_byte_is_written() {
 
 #[test]
 fn streams_start_on_multiples_of_four() {
-    assert_eq!(place([6, 4, 1, 0, 8].into_iter()), (vec![0, 8, 12, 16, 16], 24));
-    assert_eq!(place(std::iter::empty()), (vec![], 0));
+    assert_eq!(stream_offsets([6, 4, 1, 0, 8].into_iter()), (vec![0, 8, 12, 16, 16], 24));
+    assert_eq!(stream_offsets(std::iter::empty()), (vec![], 0));
 }
 
 #[test]

@@ -47,7 +47,7 @@ fn every_broken_promise_is_named() {
         ("/accessors/0/count", max.clone(), "promises 18446744073709551615 elements"),
         ("/accessors/0/count", json!(1u64 << 24), "promises 16777216 elements"),
         ("/accessors/1/count", json!(2), "3 positions and 2 colours"),
-        ("/bufferViews/0/byteStride", json!(8), "12 bytes an element, 8 bytes apart"),
+        ("/bufferViews/0/byteStride", json!(8), "12 bytes per element, 8 bytes apart"),
         ("/bufferViews/0/byteStride", json!(0), "byteStride 0"),
         ("/bufferViews/0/byteStride", max.clone(), "byteStride"),
         ("/bufferViews/0/byteLength", json!(35), "promises 3 elements"),

@@ -4,5 +4,6 @@
 mod check;
 mod files;
 mod foreign;
+mod gltf_json;
 mod hostile;
 mod own;
