@@ -14,9 +14,9 @@ use super::{Format, ReadOptions, Source, bvh, html};
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
 use crate::scene::{Loaded, Scene};
+use findings::{Findings, Positions};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use findings::{Findings, Positions};
 use std::path::Path;
 
 /// Everything found in one file.
@@ -61,8 +61,8 @@ pub fn check(path: &Path) -> Result<Checked> {
             triangles = Some(loaded.scene.triangle_count() as u64);
             check_loaded(path, inner, &loaded, &mut findings)?;
         }
-        // The same fault may have been found by the closer look already.
-        Err(Error::Malformed { at, .. }) if findings.list.iter().any(|f| f.place == at) => {}
+        // The checks of glTF files may have found the same fault.
+        Err(Error::Malformed { at, .. }) if findings.has_place(&at) => {}
         Err(error) => findings.take(error)?,
     }
     let path = path.display().to_string();
@@ -101,7 +101,7 @@ fn check_hierarchy(path: &Path, mesh: &Mesh, findings: &mut Findings) -> Result<
         Err(error) => return findings.take(error),
     };
     // 16-bit positions and reordered corners change the hash, but the hierarchy is still right.
-    let exact = findings.positions == Positions::Exact;
+    let exact = findings.positions == Positions::AsBaked;
     match bvh::belongs(&beside, &header, mesh) {
         Err(Error::Unsupported { reason, .. }) if exact => findings.error(place, reason),
         Err(Error::Unsupported { .. }) if header.faces as usize == mesh.face_count() => findings.add(

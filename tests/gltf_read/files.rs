@@ -31,7 +31,7 @@ impl Builder {
         Self { json, bin: Vec::new() }
     }
 
-    /// One triangle with a colour a corner and no node transform.
+    /// One triangle with a colour per corner and no node transform.
     pub(crate) fn triangle() -> Self {
         let mut b = Self::new();
         let position = b.floats("VEC3", &[0., 0., 0., 1., 0., 0., 0., 1., 0.]);
@@ -107,7 +107,7 @@ impl Builder {
 
     /// The mesh, with no warnings.
     pub(crate) fn mesh_of(&self) -> Mesh {
-        let loaded = self.read().expect("sound");
+        let loaded = self.read().expect("valid");
         assert_eq!(loaded.warnings, Vec::<String>::new());
         mesh(loaded)
     }

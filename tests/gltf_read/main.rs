@@ -1,4 +1,4 @@
-//! glTF read back: our own files in every variant, others' files, and files made to hurt.
+//! glTF read back: our own files in every variant, others' files, and hostile files.
 #![allow(clippy::print_stderr)]
 
 mod check;

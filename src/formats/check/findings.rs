@@ -34,13 +34,13 @@ pub(super) struct Findings {
     pub(super) positions: Positions,
 }
 
-/// Whether the positions of a file are those that were baked.
+/// Whether the positions of a file are bit for bit those that were baked, corners in the same order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) enum Positions {
     #[default]
-    Exact,
+    AsBaked,
     /// Quantised or compressed.
-    Lossy,
+    Encoded,
 }
 
 impl Findings {
@@ -54,6 +54,11 @@ impl Findings {
 
     pub(super) fn warning(&mut self, place: impl Into<String>, what: impl Into<String>) {
         self.add(Severity::Warning, place, what);
+    }
+
+    /// True when something was found there already.
+    pub(super) fn has_place(&self, place: &str) -> bool {
+        self.list.iter().any(|finding| finding.place == place)
     }
 
     /// A finding of its own for a file that is broken; what the system refused stays an error.

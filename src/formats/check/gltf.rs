@@ -28,8 +28,11 @@ pub(super) fn check(mut source: Source, for_engines: bool, findings: &mut Findin
     check_container(&mut source, &container, &document, findings)?;
     check_extensions(&document, for_engines, findings);
     let buffers = Buffers::new(source, &container, &document.buffers);
-    let mut checker =
-        AccessorChecker { accessors: Accessors::new(&document, buffers), document: &document, seen: BTreeSet::new() };
+    let mut checker = AccessorChecker {
+        accessors: Accessors::new(&document, buffers),
+        document: &document,
+        seen: BTreeSet::new(),
+    };
     for (m, mesh) in document.meshes.iter().enumerate() {
         for (p, primitive) in mesh.primitives.iter().enumerate() {
             checker.primitive(&format!("mesh {m} primitive {p}"), primitive, findings)?;
@@ -105,7 +108,7 @@ fn check_extensions(document: &Document, for_engines: bool, findings: &mut Findi
         findings.error("extensionsUsed", format!("lacks {MESHOPT}, which a bufferView uses"));
     }
     if compressed || used(QUANTIZATION) {
-        findings.positions = Positions::Lossy;
+        findings.positions = Positions::Encoded;
         if for_engines {
             let what = "positions are quantised or compressed: some engines refuse the file";
             findings.add(Severity::Note, "extensionsUsed", what);

@@ -357,7 +357,9 @@ fn decode<const N: usize>(
     let one = if layout.normalized { one(layout.component) } else { 1.0 };
     let unit = |value: f64| if layout.normalized { (value / one).max(-1.0) } else { value };
     match layout.component {
-        ComponentType::I8 => elements(layout, block, stride, first, fill, each, |[a]| unit(f64::from(a as i8))),
+        ComponentType::I8 => {
+            elements(layout, block, stride, first, fill, each, |[a]| unit(f64::from(a as i8)))
+        }
         ComponentType::U8 => elements(layout, block, stride, first, fill, each, |[a]| unit(f64::from(a))),
         ComponentType::I16 => {
             elements(layout, block, stride, first, fill, each, |b| unit(f64::from(i16::from_le_bytes(b))))

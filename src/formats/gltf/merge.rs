@@ -189,7 +189,13 @@ impl<'a> MergedMesh<'a> {
     }
 
     /// The faces of a primitive as lists of vertices, whatever its mode.
-    fn read_faces(&mut self, primitive: &Primitive, place: &str, base: usize, count: usize) -> Result<PrimitiveFaces> {
+    fn read_faces(
+        &mut self,
+        primitive: &Primitive,
+        place: &str,
+        base: usize,
+        count: usize,
+    ) -> Result<PrimitiveFaces> {
         let listed = match primitive.indices {
             Some(accessor) => Some(self.read_indices(accessor, place, count)?),
             None if primitive.mode == TRIANGLES => None,
@@ -215,7 +221,8 @@ impl<'a> MergedMesh<'a> {
 
     fn read_indices(&mut self, accessor: usize, place: &str, count: usize) -> Result<Vec<u32>> {
         let layout = self.accessors.layout(accessor)?;
-        let unsigned = matches!(layout.component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32);
+        let unsigned =
+            matches!(layout.component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32);
         if layout.width != 1 || !unsigned {
             return Err(self.malformed(place, "has indices that are not unsigned integers"));
         }
@@ -233,7 +240,13 @@ impl<'a> MergedMesh<'a> {
     }
 
     /// Appends the colours of a primitive, one per face when all of its and all before are flat.
-    fn read_colors(&mut self, primitive: &Primitive, place: &str, part: &PrimitiveFaces, count: usize) -> Result<()> {
+    fn read_colors(
+        &mut self,
+        primitive: &Primitive,
+        place: &str,
+        part: &PrimitiveFaces,
+        count: usize,
+    ) -> Result<()> {
         let default = Material::default();
         let document = self.document;
         let material = match primitive.material {
@@ -286,7 +299,13 @@ impl<'a> MergedMesh<'a> {
         Ok(())
     }
 
-    fn push_colors(&mut self, mut colors: Vec<[f32; 3]>, part: &PrimitiveFaces, srgb: bool, factor: [f32; 3]) {
+    fn push_colors(
+        &mut self,
+        mut colors: Vec<[f32; 3]>,
+        part: &PrimitiveFaces,
+        srgb: bool,
+        factor: [f32; 3],
+    ) {
         let flat = part.indices.is_none() && colors.chunks_exact(3).all(|c| c[0] == c[1] && c[1] == c[2]);
         if !flat && self.flat {
             self.colors = self.colors.iter().flat_map(|&c| [c; 3]).collect();

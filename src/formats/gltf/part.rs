@@ -145,7 +145,12 @@ pub(super) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) ->
         .collect()
 }
 
-fn part<'a>(name: String, mesh: &'a Mesh, faces: Range<usize>, options: &GltfOptions) -> Result<ScenePart<'a>> {
+fn part<'a>(
+    name: String,
+    mesh: &'a Mesh,
+    faces: Range<usize>,
+    options: &GltfOptions,
+) -> Result<ScenePart<'a>> {
     let corners = 3 * faces.start..3 * faces.end;
     let indexed = !mesh.indices.is_empty() && matches!(mesh.colors, Colors::Vertex(_));
     let vertices = if mesh.indices.is_empty() {
@@ -163,7 +168,8 @@ fn part<'a>(name: String, mesh: &'a Mesh, faces: Range<usize>, options: &GltfOpt
             "finite numbers",
         ));
     }
-    let mut part = ScenePart { name, faces, vertices, indexed, bounds, grid: None, loss: QuantizationLoss::default() };
+    let mut part =
+        ScenePart { name, faces, vertices, indexed, bounds, grid: None, loss: QuantizationLoss::default() };
     if options.positions == PositionEncoding::ChunkU16 {
         quantise(&mut part, mesh)?;
     }
@@ -186,7 +192,9 @@ fn quantise(part: &mut ScenePart, mesh: &Mesh) -> Result<()> {
         .clone()
         .into_par_iter()
         .with_min_len(BLOCK)
-        .fold(QuantizationLoss::default, |loss, face| loss.and(grid.loss(std::iter::once(mesh.corners(face)))))
+        .fold(QuantizationLoss::default, |loss, face| {
+            loss.and(grid.loss(std::iter::once(mesh.corners(face))))
+        })
         .reduce(QuantizationLoss::default, QuantizationLoss::and);
     part.grid = Some(grid);
     Ok(())
@@ -244,6 +252,8 @@ fn face_ranges(chunks: &[Chunk], faces: usize) -> Result<Vec<Range<usize>>> {
 }
 
 /// Every stream of every part, in file order.
-pub(super) fn all_streams<'a, 'b>(parts: &'b [ScenePart<'a>]) -> impl Iterator<Item = (&'b ScenePart<'a>, Stream)> {
+pub(super) fn all_streams<'a, 'b>(
+    parts: &'b [ScenePart<'a>],
+) -> impl Iterator<Item = (&'b ScenePart<'a>, Stream)> {
     parts.iter().flat_map(|part| part.streams().map(move |stream| (part, stream)))
 }

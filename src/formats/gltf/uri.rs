@@ -65,7 +65,9 @@ mod tests {
     #[test]
     fn data_may_lack_padding_and_use_either_alphabet() {
         let bytes = |body: &str| data(&format!("data:application/octet-stream;base64,{body}"));
-        for (body, wants) in [("", ""), ("Zg==", "f"), ("Zm8=", "fo"), ("Zm9vYg", "foob"), ("Zm9vYmF", "fooba")] {
+        for (body, wants) in
+            [("", ""), ("Zg==", "f"), ("Zm8=", "fo"), ("Zm9vYg", "foob"), ("Zm9vYmF", "fooba")]
+        {
             assert_eq!(bytes(body).as_deref(), Ok(wants.as_bytes()), "{body}");
         }
         assert_eq!(bytes("-_-_"), bytes("+/+/"));
