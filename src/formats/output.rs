@@ -1,9 +1,9 @@
 //! Writes an asset to whichever files its format needs: planned first, then written, then renamed at once.
 
 use super::gltf::GltfOptions;
-use super::gltf::document::uri;
+use super::gltf::uri;
 use super::target::OutputTarget;
-use super::tileset::{self, Level};
+use super::tileset::{self, TilesetLevel};
 use super::{bvh, gltf, html, obj, ply};
 use crate::asset::Asset;
 use crate::atomic::AtomicFile;
@@ -281,12 +281,12 @@ fn write_text(path: &Path, text: &str, create: Create) -> Result<AtomicFile> {
 /// The tileset of an asset and its levels.
 fn tileset_of(asset: &Asset, output: &Output) -> String {
     let pairs = std::iter::once((asset, output)).chain(asset.levels.iter().zip(&output.levels));
-    let levels: Vec<Level> = pairs
+    let levels: Vec<TilesetLevel> = pairs
         .enumerate()
         .map(|(i, (asset, output))| {
             let name = output.main.file_name().unwrap_or_default().to_string_lossy();
             let error = if i == 0 { 0.0 } else { asset.mesh.detail() };
-            Level { uri: uri(&name), mesh: &asset.mesh, error }
+            TilesetLevel { uri: uri::from_file_name(&name), mesh: &asset.mesh, error }
         })
         .collect();
     tileset::json(&levels, &crate::report::generator())

@@ -1,27 +1,31 @@
 //! Primitives of all meshes, put together into one.
 
-use super::accessor::{Accessors, Component};
+use super::accessor::Accessors;
 use super::document::{Document, Material, Primitive};
-use super::nodes::Instance;
+use super::extensions::DRACO;
+use super::nodes::MeshInstance;
 use crate::error::{Error, Result};
 use crate::formats::MAX_TRIANGLES;
 use crate::math::color::linear_from_srgb;
 use crate::mesh::{Colors, Mesh};
 use glam::{DMat4, DVec3, Vec3};
+use gltf_json::accessor::ComponentType;
+use gltf_json::material::{AlphaCutoff, AlphaMode};
+use gltf_json::mesh::{TRIANGLE_FAN, TRIANGLE_STRIP, TRIANGLES};
+use gltf_json::validation::Checked;
 use rayon::prelude::*;
 
-const TRIANGLES: u32 = 4;
-const TRIANGLE_STRIP: u32 = 5;
-const TRIANGLE_FAN: u32 = 6;
+/// Ends of material names by which Godot, and only Godot, takes vertex colours as sRGB.
+const SRGB_HINTS: [&str; 3] = ["-vcol", "$vcol", "_vcol"];
 
 /// A mesh that grows by one primitive at a time.
-pub(super) struct Merge<'a> {
+pub(super) struct MergedMesh<'a> {
     document: &'a Document,
     accessors: Accessors<'a>,
     /// Every material's COLOR_0 is sRGB-encoded: the file says so.
     srgb: bool,
     positions: Vec<Vec3>,
-    /// One a face while `flat`, else one a vertex.
+    /// One per face while `flat`, else one per vertex.
     colors: Vec<[f32; 3]>,
     /// No faces share vertices and each has one colour.
     flat: bool,
@@ -33,8 +37,8 @@ pub(super) struct Merge<'a> {
     warnings: Vec<String>,
 }
 
-/// The vertices of one primitive that others do not have.
-struct Part {
+/// The faces of one primitive.
+struct PrimitiveFaces {
     /// Vertex numbers of its faces within the primitive; none when they come in order.
     indices: Option<Vec<u32>>,
     /// First vertex in the merged mesh.
@@ -42,7 +46,7 @@ struct Part {
     faces: usize,
 }
 
-impl<'a> Merge<'a> {
+impl<'a> MergedMesh<'a> {
     pub(super) fn new(document: &'a Document, accessors: Accessors<'a>, srgb: bool) -> Self {
         Self {
             document,
@@ -71,8 +75,8 @@ impl<'a> Merge<'a> {
         }
     }
 
-    /// Makes room for all vertices at once, after proving that they are there and not too many.
-    pub(super) fn reserve(&mut self, instances: &[Instance]) -> Result<()> {
+    /// Makes room for all vertices at once, after checking that they are there and not too many.
+    pub(super) fn reserve(&mut self, instances: &[MeshInstance]) -> Result<()> {
         let mut vertices = 0u64;
         for instance in instances {
             for primitive in self.primitives(instance)? {
@@ -98,7 +102,7 @@ impl<'a> Merge<'a> {
             return Ok(None);
         };
         // A file may hold the plain data as well.
-        let draco = primitive.extensions.contains_key("KHR_draco_mesh_compression");
+        let draco = primitive.extensions.contains_key(DRACO);
         if draco && self.accessors.accessor(position)?.buffer_view.is_none() {
             return Err(Error::unsupported(
                 self.accessors.buffers.path(),
@@ -118,7 +122,7 @@ impl<'a> Merge<'a> {
         ))
     }
 
-    fn primitives(&self, instance: &Instance) -> Result<&'a [Primitive]> {
+    fn primitives(&self, instance: &MeshInstance) -> Result<&'a [Primitive]> {
         let has = self.document.meshes.len();
         match self.document.meshes.get(instance.mesh) {
             Some(mesh) => Ok(&mesh.primitives),
@@ -130,7 +134,7 @@ impl<'a> Merge<'a> {
     }
 
     /// Adds every triangle of a mesh as its node shows it.
-    pub(super) fn add(&mut self, instance: &Instance) -> Result<()> {
+    pub(super) fn add(&mut self, instance: &MeshInstance) -> Result<()> {
         for (i, primitive) in self.primitives(instance)?.iter().enumerate() {
             let place = format!("mesh {} primitive {i}", instance.mesh);
             self.add_primitive(primitive, &place, instance.transform)?;
@@ -162,7 +166,7 @@ impl<'a> Merge<'a> {
     /// Appends the transformed positions of an accessor; returns their number.
     fn read_positions(&mut self, accessor: usize, place: &str, transform: Option<DMat4>) -> Result<usize> {
         let layout = self.accessors.layout(accessor)?;
-        if layout.width != 3 || layout.component == Component::U32 {
+        if layout.width != 3 || layout.component == ComponentType::U32 {
             return Err(
                 self.malformed(place, "has a POSITION that is not VEC3 of floats or 8 or 16-bit integers")
             );
@@ -171,8 +175,8 @@ impl<'a> Merge<'a> {
         self.positions.resize(base + count, Vec3::ZERO);
         let added = &mut self.positions[base..];
         let plain =
-            transform.is_none() && layout.component == Component::F32 && cfg!(target_endian = "little");
-        if plain && self.accessors.read_as_it_lies(accessor, bytemuck::cast_slice_mut(added))? {
+            transform.is_none() && layout.component == ComponentType::F32 && cfg!(target_endian = "little");
+        if plain && self.accessors.read_contiguous(accessor, bytemuck::cast_slice_mut(added))? {
             return Ok(count);
         }
         match transform {
@@ -185,7 +189,13 @@ impl<'a> Merge<'a> {
     }
 
     /// The faces of a primitive as lists of vertices, whatever its mode.
-    fn read_faces(&mut self, primitive: &Primitive, place: &str, base: usize, count: usize) -> Result<Part> {
+    fn read_faces(
+        &mut self,
+        primitive: &Primitive,
+        place: &str,
+        base: usize,
+        count: usize,
+    ) -> Result<PrimitiveFaces> {
         let listed = match primitive.indices {
             Some(accessor) => Some(self.read_indices(accessor, place, count)?),
             None if primitive.mode == TRIANGLES => None,
@@ -206,12 +216,13 @@ impl<'a> Merge<'a> {
             list.truncate(3 * faces);
             list
         });
-        Ok(Part { indices, base, faces })
+        Ok(PrimitiveFaces { indices, base, faces })
     }
 
     fn read_indices(&mut self, accessor: usize, place: &str, count: usize) -> Result<Vec<u32>> {
         let layout = self.accessors.layout(accessor)?;
-        let unsigned = matches!(layout.component, Component::U8 | Component::U16 | Component::U32);
+        let unsigned =
+            matches!(layout.component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32);
         if layout.width != 1 || !unsigned {
             return Err(self.malformed(place, "has indices that are not unsigned integers"));
         }
@@ -228,8 +239,14 @@ impl<'a> Merge<'a> {
         }
     }
 
-    /// Appends the colours of a primitive, one a face when all of its and all before are flat.
-    fn read_colors(&mut self, primitive: &Primitive, place: &str, part: &Part, count: usize) -> Result<()> {
+    /// Appends the colours of a primitive, one per face when all of its and all before are flat.
+    fn read_colors(
+        &mut self,
+        primitive: &Primitive,
+        place: &str,
+        part: &PrimitiveFaces,
+        count: usize,
+    ) -> Result<()> {
         let default = Material::default();
         let document = self.document;
         let material = match primitive.material {
@@ -252,11 +269,11 @@ impl<'a> Merge<'a> {
             return Ok(());
         };
         let layout = self.accessors.layout(accessor)?;
-        let sound = matches!(
+        let readable = matches!(
             (layout.component, layout.normalized),
-            (Component::F32, _) | (Component::U8 | Component::U16, true)
+            (ComponentType::F32, _) | (ComponentType::U8 | ComponentType::U16, true)
         );
-        if !sound || !(3..=4).contains(&layout.width) {
+        if !readable || !(3..=4).contains(&layout.width) {
             return Err(self.malformed(
                 place,
                 "has a COLOR_0 that is not VEC3 or VEC4 of floats or normalised integers",
@@ -282,7 +299,13 @@ impl<'a> Merge<'a> {
         Ok(())
     }
 
-    fn push_colors(&mut self, mut colors: Vec<[f32; 3]>, part: &Part, srgb: bool, factor: [f32; 3]) {
+    fn push_colors(
+        &mut self,
+        mut colors: Vec<[f32; 3]>,
+        part: &PrimitiveFaces,
+        srgb: bool,
+        factor: [f32; 3],
+    ) {
         let flat = part.indices.is_none() && colors.chunks_exact(3).all(|c| c[0] == c[1] && c[1] == c[2]);
         if !flat && self.flat {
             self.colors = self.colors.iter().flat_map(|&c| [c; 3]).collect();
@@ -297,7 +320,7 @@ impl<'a> Merge<'a> {
             colors.truncate(3 * part.faces);
         }
         let outside = |c: &[f32; 3]| !c.iter().all(|x| (0.0..=1.0).contains(x));
-        let mend = |c: &mut [f32; 3]| {
+        let clamp = |c: &mut [f32; 3]| {
             let bad = outside(c);
             for (channel, factor) in c.iter_mut().zip(factor) {
                 let light = unit(*channel);
@@ -306,17 +329,17 @@ impl<'a> Merge<'a> {
             }
             usize::from(bad)
         };
-        self.clamped += colors.par_iter_mut().with_min_len(1 << 14).map(mend).sum::<usize>();
+        self.clamped += colors.par_iter_mut().with_min_len(1 << 14).map(clamp).sum::<usize>();
         self.colors.append(&mut colors);
     }
 
     /// Appends the opacity of a primitive's faces; nothing while everything is opaque.
-    fn push_opacity(&mut self, part: &Part, material: &Material, alpha: impl Fn(usize) -> f32) {
+    fn push_opacity(&mut self, part: &PrimitiveFaces, material: &Material, alpha: impl Fn(usize) -> f32) {
         if material.is_opaque() {
             return;
         }
-        let cutoff = material.alpha_cutoff.unwrap_or(0.5);
-        let is_mask = material.alpha_mode.as_deref() == Some("MASK");
+        let cutoff = material.alpha_cutoff.unwrap_or(AlphaCutoff::default().0);
+        let is_mask = material.alpha_mode == Some(Checked::Valid(AlphaMode::Mask));
         self.opacity.resize(self.faces, 1.0);
         self.opacity.extend((0..part.faces).map(|face| {
             let alpha = unit(alpha(face));
@@ -325,14 +348,14 @@ impl<'a> Merge<'a> {
     }
 
     /// Turns the faces of a primitive around, whose node mirrors it.
-    fn mirror(&mut self, part: &Part) {
+    fn mirror(&mut self, part: &PrimitiveFaces) {
         self.positions[part.base..].chunks_exact_mut(3).for_each(|face| face.swap(1, 2));
         if !self.flat {
             self.colors[part.base..].chunks_exact_mut(3).for_each(|face| face.swap(1, 2));
         }
     }
 
-    fn add_faces(&mut self, part: Part) {
+    fn add_faces(&mut self, part: PrimitiveFaces) {
         let base = part.base as u32;
         match part.indices {
             Some(indices) => {
@@ -375,13 +398,13 @@ impl<'a> Merge<'a> {
 impl Material {
     /// True when alpha is ignored.
     fn is_opaque(&self) -> bool {
-        !matches!(self.alpha_mode.as_deref(), Some("MASK" | "BLEND"))
+        !matches!(self.alpha_mode, Some(Checked::Valid(AlphaMode::Mask | AlphaMode::Blend)))
     }
 
     /// True when Godot, and only Godot, takes its vertex colours as sRGB: by the end of its name.
     fn is_srgb(&self) -> bool {
         let name = self.name.as_deref().unwrap_or_default().to_ascii_lowercase();
-        ["-vcol", "$vcol", "_vcol"].iter().any(|hint| name.ends_with(hint))
+        SRGB_HINTS.iter().any(|hint| name.ends_with(hint))
     }
 }
 

@@ -1,4 +1,4 @@
-//! The node tree: which mesh stands where.
+//! The node tree: which mesh is where.
 
 use super::document::{Document, Node};
 use crate::error::{Error, Result};
@@ -7,21 +7,21 @@ use std::path::Path;
 
 /// A mesh shown by a node.
 #[derive(Debug)]
-pub(super) struct Instance {
+pub(super) struct MeshInstance {
     /// Number of the mesh.
     pub(super) mesh: usize,
     /// Number of the node, for messages.
     pub(super) node: usize,
-    /// From the mesh to the scene; none when it stands where it is.
+    /// From the mesh to the scene; none for the identity.
     pub(super) transform: Option<DMat4>,
 }
 
 /// Every mesh of the default scene in the order of the tree, with its transform multiplied up in f64.
 ///
 /// # Errors
-/// `Malformed` for numbers that name nothing, for a node with two parents or in a circle, and for
+/// `Malformed` for numbers that name nothing, for a node with two parents or in a cycle, and for
 /// transforms that are not finite.
-pub(super) fn instances(path: &Path, document: &Document) -> Result<Vec<Instance>> {
+pub(super) fn instances(path: &Path, document: &Document) -> Result<Vec<MeshInstance>> {
     let mut seen = vec![false; document.nodes.len()];
     let mut instances = Vec::new();
     let mut stack: Vec<(usize, Option<DMat4>)> =
@@ -45,7 +45,7 @@ pub(super) fn instances(path: &Path, document: &Document) -> Result<Vec<Instance
             return Err(Error::malformed(path, place(), "has a transform that is not finite"));
         }
         if let Some(mesh) = node.mesh {
-            instances.push(Instance { mesh, node: index, transform });
+            instances.push(MeshInstance { mesh, node: index, transform });
         }
         stack.extend(node.children.iter().rev().map(|&child| (child, transform)));
     }
@@ -78,16 +78,16 @@ fn local(node: &Node) -> Option<DMat4> {
     let transform = match node.matrix {
         Some(columns) => DMat4::from_cols_array(&columns.map(f64::from)),
         None => {
-            let wide = |v: [f32; 3]| Vec3::from(v).as_dvec3();
+            let to_f64 = |v: [f32; 3]| Vec3::from(v).as_dvec3();
             let [x, y, z, w] = node.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]).map(f64::from);
             let rotation = DQuat::from_xyzw(x, y, z, w);
             // Four f32 numbers are a unit quaternion only nearly.
             let rotation =
                 if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
             DMat4::from_scale_rotation_translation(
-                node.scale.map_or(DVec3::ONE, wide),
+                node.scale.map_or(DVec3::ONE, to_f64),
                 rotation,
-                node.translation.map_or(DVec3::ZERO, wide),
+                node.translation.map_or(DVec3::ZERO, to_f64),
             )
         }
     };

@@ -1,7 +1,8 @@
-//! One chunk as it will lie in the file: its vertices, bounds, grid and streams.
+//! Chunks of a scene as they are written: vertices, bounds, grid and streams of each.
 
-use super::grid::{Grid, Loss};
-use super::{GltfOptions, PositionEncoding};
+use super::grid::{PositionGrid, QuantizationLoss};
+use super::limits::MAX_SHORT_VERTICES;
+use super::options::{GltfOptions, PositionEncoding};
 use crate::asset::{Asset, Chunk};
 use crate::error::{Error, Result};
 use crate::mesh::{Colors, Mesh};
@@ -13,30 +14,30 @@ use std::path::Path;
 
 /// A chunk of faces with its own vertices: one glTF mesh and node.
 #[derive(Debug)]
-pub(super) struct Part<'a> {
+pub(super) struct ScenePart<'a> {
     pub(super) name: String,
     pub(super) faces: Range<usize>,
-    pub(super) vertices: Vertices<'a>,
+    pub(super) vertices: PartVertices<'a>,
     /// True when faces share vertices and an index stream is written.
     pub(super) indexed: bool,
-    pub(super) bounds: Bounds,
-    /// Where 16-bit positions stand; none when positions are floats.
-    pub(super) grid: Option<Grid>,
-    pub(super) loss: Loss,
+    pub(super) bounds: PartBounds,
+    /// The grid of 16-bit positions; none when positions are floats.
+    pub(super) grid: Option<PositionGrid>,
+    pub(super) loss: QuantizationLoss,
 }
 
 /// Which of the mesh's vertices a part holds, in order.
 #[derive(Debug)]
-pub(super) enum Vertices<'a> {
-    /// A run of them.
+pub(super) enum PartVertices<'a> {
+    /// Consecutive ones.
     Run(Range<usize>),
-    /// These ones.
+    /// Those of these numbers.
     Picked(Cow<'a, [u32]>),
 }
 
 /// The smallest box around some vertices.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Bounds {
+pub(super) struct PartBounds {
     pub(super) min: Vec3,
     pub(super) max: Vec3,
 }
@@ -49,12 +50,12 @@ pub(super) enum Stream {
     Indices,
 }
 
-impl Part<'_> {
+impl ScenePart<'_> {
     /// Number of vertices written.
     pub(super) fn vertex_count(&self) -> usize {
         match &self.vertices {
-            Vertices::Run(run) => run.len(),
-            Vertices::Picked(ids) => ids.len(),
+            PartVertices::Run(run) => run.len(),
+            PartVertices::Picked(ids) => ids.len(),
         }
     }
 
@@ -87,24 +88,24 @@ impl Part<'_> {
         self.count(stream) as u64 * self.stride(stream, options)
     }
 
-    /// True when 16 bits hold every index; 65,535 itself means "restart" and is never used.
+    /// True when 16 bits hold every index.
     pub(super) fn has_short_indices(&self) -> bool {
-        self.vertex_count() <= usize::from(u16::MAX)
+        self.vertex_count() as u64 <= MAX_SHORT_VERTICES
     }
 
     /// Number of a vertex of the mesh within this part.
     pub(super) fn local(&self, vertex: u32) -> usize {
         match &self.vertices {
-            Vertices::Run(run) => vertex as usize - run.start,
-            Vertices::Picked(ids) => ids.partition_point(|&id| id < vertex),
+            PartVertices::Run(run) => vertex as usize - run.start,
+            PartVertices::Picked(ids) => ids.partition_point(|&id| id < vertex),
         }
     }
 }
 
-impl Bounds {
-    const EMPTY: Bounds = Bounds { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+impl PartBounds {
+    const EMPTY: PartBounds = PartBounds { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
-    /// Bounds of `points`; not finite when any of them is not.
+    /// PartBounds of `points`; not finite when any of them is not.
     fn of(points: impl Iterator<Item = Vec3>) -> Self {
         points.fold(Self::EMPTY, |b, p| {
             let p = if p.is_finite() { p } else { Vec3::INFINITY };
@@ -119,7 +120,7 @@ impl Bounds {
 
 /// Cuts an asset into parts; faces that share vertices but not colours get vertices of their own,
 /// because glTF cannot draw a flat colour otherwise.
-pub(super) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) -> Result<Vec<Part<'a>>> {
+pub(super) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) -> Result<Vec<ScenePart<'a>>> {
     let mesh = &asset.mesh;
     mesh.validate_shape()?;
     if mesh.face_count() == 0 {
@@ -144,15 +145,20 @@ pub(super) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) ->
         .collect()
 }
 
-fn part<'a>(name: String, mesh: &'a Mesh, faces: Range<usize>, options: &GltfOptions) -> Result<Part<'a>> {
+fn part<'a>(
+    name: String,
+    mesh: &'a Mesh,
+    faces: Range<usize>,
+    options: &GltfOptions,
+) -> Result<ScenePart<'a>> {
     let corners = 3 * faces.start..3 * faces.end;
     let indexed = !mesh.indices.is_empty() && matches!(mesh.colors, Colors::Vertex(_));
     let vertices = if mesh.indices.is_empty() {
-        Vertices::Run(corners)
+        PartVertices::Run(corners)
     } else if indexed {
         used(&mesh.indices[corners])
     } else {
-        Vertices::Picked(Cow::Borrowed(&mesh.indices[corners]))
+        PartVertices::Picked(Cow::Borrowed(&mesh.indices[corners]))
     };
     let bounds = bounds(mesh, &vertices);
     if !bounds.min.is_finite() || !bounds.max.is_finite() {
@@ -162,14 +168,15 @@ fn part<'a>(name: String, mesh: &'a Mesh, faces: Range<usize>, options: &GltfOpt
             "finite numbers",
         ));
     }
-    let mut part = Part { name, faces, vertices, indexed, bounds, grid: None, loss: Loss::default() };
+    let mut part =
+        ScenePart { name, faces, vertices, indexed, bounds, grid: None, loss: QuantizationLoss::default() };
     if options.positions == PositionEncoding::ChunkU16 {
         quantise(&mut part, mesh)?;
     }
     Ok(part)
 }
 
-fn quantise(part: &mut Part, mesh: &Mesh) -> Result<()> {
+fn quantise(part: &mut ScenePart, mesh: &Mesh) -> Result<()> {
     let extent = part.bounds.max - part.bounds.min;
     if !extent.is_finite() {
         return Err(Error::invalid(
@@ -178,21 +185,23 @@ fn quantise(part: &mut Part, mesh: &Mesh) -> Result<()> {
             "a box that f32 can measure; crop the scene or write f32 positions",
         ));
     }
-    let grid = Grid::new(part.bounds);
+    let grid = PositionGrid::new(part.bounds.min, part.bounds.max);
     const BLOCK: usize = 1 << 14;
     part.loss = part
         .faces
         .clone()
         .into_par_iter()
         .with_min_len(BLOCK)
-        .fold(Loss::default, |loss, face| loss.and(grid.loss(std::iter::once(mesh.corners(face)))))
-        .reduce(Loss::default, Loss::and);
+        .fold(QuantizationLoss::default, |loss, face| {
+            loss.and(grid.loss(std::iter::once(mesh.corners(face))))
+        })
+        .reduce(QuantizationLoss::default, QuantizationLoss::and);
     part.grid = Some(grid);
     Ok(())
 }
 
 /// The vertices that some faces use, each once, in the order of the mesh.
-fn used<'a>(indices: &[u32]) -> Vertices<'a> {
+fn used<'a>(indices: &[u32]) -> PartVertices<'a> {
     let mut ids = indices.to_vec();
     ids.sort_unstable();
     ids.dedup();
@@ -201,26 +210,26 @@ fn used<'a>(indices: &[u32]) -> Vertices<'a> {
         _ => None,
     };
     match whole_run {
-        Some(run) => Vertices::Run(run.start as usize..run.end as usize),
-        None => Vertices::Picked(Cow::Owned(ids)),
+        Some(run) => PartVertices::Run(run.start as usize..run.end as usize),
+        None => PartVertices::Picked(Cow::Owned(ids)),
     }
 }
 
-fn bounds(mesh: &Mesh, vertices: &Vertices) -> Bounds {
+fn bounds(mesh: &Mesh, vertices: &PartVertices) -> PartBounds {
     const BLOCK: usize = 1 << 16;
     let bounds = match vertices {
-        Vertices::Run(run) => mesh.positions[run.clone()]
+        PartVertices::Run(run) => mesh.positions[run.clone()]
             .par_chunks(BLOCK)
-            .map(|block| Bounds::of(block.iter().copied()))
-            .reduce(|| Bounds::EMPTY, Bounds::and),
-        Vertices::Picked(ids) => ids
+            .map(|block| PartBounds::of(block.iter().copied()))
+            .reduce(|| PartBounds::EMPTY, PartBounds::and),
+        PartVertices::Picked(ids) => ids
             .par_chunks(BLOCK)
-            .map(|block| Bounds::of(block.iter().map(|&id| mesh.positions[id as usize])))
-            .reduce(|| Bounds::EMPTY, Bounds::and),
+            .map(|block| PartBounds::of(block.iter().map(|&id| mesh.positions[id as usize])))
+            .reduce(|| PartBounds::EMPTY, PartBounds::and),
     };
-    // -0.0 and 0.0 are equal, so which of them is the minimum hangs on the order: adding zero makes
+    // -0.0 and 0.0 are equal, so which of them is the minimum depends on the order: adding zero makes
     // both 0.0 and the file the same for any number of threads.
-    Bounds { min: bounds.min + Vec3::ZERO, max: bounds.max + Vec3::ZERO }
+    PartBounds { min: bounds.min + Vec3::ZERO, max: bounds.max + Vec3::ZERO }
 }
 
 /// The faces of each chunk that has any; the chunks must hold every face once and in order.
@@ -240,4 +249,11 @@ fn face_ranges(chunks: &[Chunk], faces: usize) -> Result<Vec<Range<usize>>> {
     }
     let range = |c: &Chunk| c.first as usize..c.first as usize + c.count as usize;
     Ok(chunks.iter().filter(|c| c.count > 0).map(range).collect())
+}
+
+/// Every stream of every part, in file order.
+pub(super) fn all_streams<'a, 'b>(
+    parts: &'b [ScenePart<'a>],
+) -> impl Iterator<Item = (&'b ScenePart<'a>, Stream)> {
+    parts.iter().flat_map(|part| part.streams().map(move |stream| (part, stream)))
 }

@@ -2,34 +2,30 @@
 //!
 //! A binary chunk is never held in memory: elements are read from the file into their final place.
 
-use super::container::{ChunkPlace, Container};
-use super::document::Buffer;
+use super::container::{ContainerFile, GlbChunk};
+use super::limits::{FREE_UNPACKED_BYTES, MAX_UNPACK_RATIO};
+use super::uri;
 use crate::error::{Error, Result};
-use crate::formats::{Source, base64};
+use crate::formats::Source;
+use gltf_json::Buffer;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
-
-/// No file unpacks to more than this many times its size: meshopt reaches about 1000, and a mesh that
-/// many nodes show can promise any number.
-const MAX_RATIO: u64 = 1024;
-/// What even the smallest file may unpack to.
-const FREE_BYTES: u64 = 16 << 20;
 
 /// Every buffer of a document, opened on first use.
 pub(crate) struct Buffers<'a> {
     path: PathBuf,
     /// The glTF file itself.
     file: File,
-    bin: Option<ChunkPlace>,
+    bin: Option<GlbChunk>,
     declared: &'a [Buffer],
-    opened: Vec<Option<Opened>>,
+    opened: Vec<Option<OpenBuffer>>,
     /// Bytes that may still be unpacked.
     budget: u64,
 }
 
 /// Where the bytes of a buffer are.
-enum Opened {
+enum OpenBuffer {
     /// A part of the glTF file.
     Chunk { start: u64 },
     /// A file beside it.
@@ -39,9 +35,9 @@ enum Opened {
 }
 
 impl<'a> Buffers<'a> {
-    pub(crate) fn new(source: Source, container: &Container, declared: &'a [Buffer]) -> Self {
+    pub(crate) fn new(source: Source, container: &ContainerFile, declared: &'a [Buffer]) -> Self {
         Self {
-            budget: FREE_BYTES + MAX_RATIO * source.len,
+            budget: FREE_UNPACKED_BYTES + MAX_UNPACK_RATIO * source.len,
             path: source.path,
             file: source.file,
             bin: container.bin(),
@@ -58,7 +54,7 @@ impl<'a> Buffers<'a> {
     /// Length that the document gives a buffer.
     pub(crate) fn length(&self, buffer: usize) -> Result<u64> {
         match self.declared.get(buffer) {
-            Some(buffer) => Ok(buffer.byte_length),
+            Some(buffer) => Ok(buffer.byte_length.0),
             None => Err(Error::malformed(
                 &self.path,
                 format!("buffer {buffer}"),
@@ -77,7 +73,7 @@ impl<'a> Buffers<'a> {
             None => Err(Error::unsupported(
                 &self.path,
                 format!(
-                    "unpacks to more than {MAX_RATIO} times its size, which no sound file does; \
+                    "unpacks to more than {MAX_UNPACK_RATIO} times its size, which no valid file does; \
                      if it shows one mesh many times, bake that mesh alone"
                 ),
             )),
@@ -95,11 +91,11 @@ impl<'a> Buffers<'a> {
                 format!("has {length} bytes, but {} are wanted from byte {offset}", bytes.len()),
             ));
         }
-        self.prove(buffer)?;
+        self.open(buffer)?;
         let (file, start) = match &mut self.opened[buffer] {
-            Some(Opened::Chunk { start }) => (&mut self.file, *start),
-            Some(Opened::Beside(file)) => (file, 0),
-            Some(Opened::Inline(inline)) => {
+            Some(OpenBuffer::Chunk { start }) => (&mut self.file, *start),
+            Some(OpenBuffer::Beside(file)) => (file, 0),
+            Some(OpenBuffer::Inline(inline)) => {
                 bytes.copy_from_slice(&inline[offset as usize..offset as usize + bytes.len()]);
                 return Ok(());
             }
@@ -109,16 +105,16 @@ impl<'a> Buffers<'a> {
         read.map_err(|e| Error::io(&self.path, e))
     }
 
-    /// Opens a buffer and proves that every byte of the length it is given is there.
-    pub(crate) fn prove(&mut self, buffer: usize) -> Result<()> {
+    /// Opens a buffer; every byte of the length it is given is there.
+    pub(crate) fn open(&mut self, buffer: usize) -> Result<()> {
         self.length(buffer)?;
         if self.opened[buffer].is_none() {
-            self.opened[buffer] = Some(self.open(buffer)?);
+            self.opened[buffer] = Some(self.find(buffer)?);
         }
         Ok(())
     }
 
-    fn open(&self, buffer: usize) -> Result<Opened> {
+    fn find(&self, buffer: usize) -> Result<OpenBuffer> {
         let wanted = self.length(buffer)?;
         let place = format!("buffer {buffer}");
         let (opened, has) = match &self.declared[buffer].uri {
@@ -126,12 +122,12 @@ impl<'a> Buffers<'a> {
                 let bin = self.bin.filter(|_| buffer == 0).ok_or_else(|| {
                     Error::malformed(&self.path, &place, "has no uri and is not the binary chunk")
                 })?;
-                (Opened::Chunk { start: bin.start }, bin.length)
+                (OpenBuffer::Chunk { start: bin.start }, bin.length)
             }
-            Some(uri) if uri.starts_with("data:") => {
-                let inline = data_uri(uri).map_err(|reason| Error::malformed(&self.path, &place, reason))?;
+            Some(uri) if uri::is_data(uri) => {
+                let inline = uri::data(uri).map_err(|reason| Error::malformed(&self.path, &place, reason))?;
                 let has = inline.len() as u64;
-                (Opened::Inline(inline), has)
+                (OpenBuffer::Inline(inline), has)
             }
             Some(uri) => self.open_beside(uri, &place)?,
         };
@@ -145,12 +141,12 @@ impl<'a> Buffers<'a> {
         Ok(opened)
     }
 
-    fn open_beside(&self, uri: &str, place: &str) -> Result<(Opened, u64)> {
+    fn open_beside(&self, uri: &str, place: &str) -> Result<(OpenBuffer, u64)> {
         let refuse = |why: &str| Err(Error::unsupported(&self.path, format!("{place} is at {uri:?}, {why}")));
         if self.path.as_os_str() == "-" {
             return refuse("which standard input cannot reach; give the file by name, or a .glb");
         }
-        let name = percent_decoded(uri);
+        let name = uri::unescaped(uri);
         let outside = uri.contains(':') || uri.starts_with("//") || Path::new(&name).is_absolute();
         if outside || name.contains('\0') {
             return refuse("which is not beside it; download it and name it by a relative path");
@@ -162,55 +158,6 @@ impl<'a> Buffers<'a> {
             return refuse("which is not a file");
         }
         let file = File::open(&path).map_err(|e| Error::io(&path, e))?;
-        Ok((Opened::Beside(file), meta.len()))
-    }
-}
-
-/// The bytes of a `data:` URI.
-fn data_uri(uri: &str) -> std::result::Result<Vec<u8>, &'static str> {
-    let (head, body) = uri.split_once(',').ok_or("is a data URI without a comma")?;
-    if !head.ends_with(";base64") {
-        return Err("is a data URI that is not base64");
-    }
-    base64::decode(body.as_bytes()).ok_or("is not valid base64")
-}
-
-/// A URI reference with its escapes undone; what is no escape stays.
-fn percent_decoded(uri: &str) -> String {
-    let bytes = uri.as_bytes();
-    let mut decoded = Vec::with_capacity(bytes.len());
-    let mut at = 0;
-    while at < bytes.len() {
-        let hex = bytes.get(at + 1..at + 3).and_then(|h| std::str::from_utf8(h).ok());
-        let code = hex.filter(|h| !h.starts_with('+')).and_then(|h| u8::from_str_radix(h, 16).ok());
-        match code {
-            Some(code) if bytes[at] == b'%' => {
-                decoded.push(code);
-                at += 3;
-            }
-            _ => {
-                decoded.push(bytes[at]);
-                at += 1;
-            }
-        }
-    }
-    String::from_utf8_lossy(&decoded).into_owned()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn escapes_are_undone() {
-        for (uri, name) in [
-            ("a%20b.bin", "a b.bin"),
-            ("gr%C3%B6%C3%9Fe", "größe"),
-            ("100%", "100%"),
-            ("%zz%4", "%zz%4"),
-            ("%+4", "%+4"),
-        ] {
-            assert_eq!(percent_decoded(uri), name);
-        }
+        Ok((OpenBuffer::Beside(file), meta.len()))
     }
 }

@@ -1,69 +1,26 @@
 //! Accessors: typed elements in views of buffers, every promise checked before it is followed.
 
 use super::buffers::Buffers;
-use super::document::{Accessor, Compressed, Document, View};
+use super::document::{Accessor, BufferView, Document, component_type};
+use super::extensions::CompressedView;
 use super::meshopt;
 use crate::error::{Error, Result};
+use gltf_json::accessor::ComponentType;
+use gltf_json::buffer::MAX_BYTE_STRIDE;
 use std::collections::VecDeque;
 
-/// Bytes read at a time when elements are not used as they lie.
+/// Bytes read at a time when elements are decoded.
 const BLOCK_BYTES: u64 = 1 << 18;
 
 /// Decompressed views kept for the next accessor: positions, colours and indices of a mesh.
 const KEPT_VIEWS: usize = 4;
 
-/// The type of one component, with its size.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Component {
-    I8,
-    U8,
-    I16,
-    U16,
-    U32,
-    F32,
-}
-
-impl Component {
-    fn of(code: u32) -> Option<Self> {
-        Some(match code {
-            5120 => Self::I8,
-            5121 => Self::U8,
-            5122 => Self::I16,
-            5123 => Self::U16,
-            5125 => Self::U32,
-            5126 => Self::F32,
-            _ => return None,
-        })
-    }
-
-    /// Size of one.
-    pub(crate) fn bytes(self) -> u64 {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::U32 | Self::F32 => 4,
-        }
-    }
-
-    /// The number that 1.0 is stored as when integers are normalised.
-    fn one(self) -> f64 {
-        match self {
-            Self::I8 => f64::from(i8::MAX),
-            Self::U8 => f64::from(u8::MAX),
-            Self::I16 => f64::from(i16::MAX),
-            Self::U16 => f64::from(u16::MAX),
-            Self::U32 => f64::from(u32::MAX),
-            Self::F32 => 1.0,
-        }
-    }
-}
-
-/// Elements of one kind lying in a view or a decompressed one: where the first is and how far the next.
+/// Where the elements of an accessor are in their view, decompressed if need be.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Layout {
-    pub(crate) component: Component,
+pub(crate) struct ElementLayout {
+    pub(crate) component: ComponentType,
     pub(crate) normalized: bool,
-    /// Components an element.
+    /// Components per element.
     pub(crate) width: u64,
     /// Number of elements.
     pub(crate) count: u64,
@@ -74,10 +31,10 @@ pub(crate) struct Layout {
     pub(crate) stride: u64,
 }
 
-impl Layout {
+impl ElementLayout {
     /// Bytes of an element without padding.
     fn element(&self) -> u64 {
-        self.width * self.component.bytes()
+        self.width * size(self.component)
     }
 
     /// Bytes from the first element to the end of the last.
@@ -116,19 +73,19 @@ impl<'a> Accessors<'a> {
     }
 
     /// The view of that number.
-    pub(crate) fn view(&self, index: usize) -> Result<&'a View> {
+    pub(crate) fn view(&self, index: usize) -> Result<&'a BufferView> {
         self.document.buffer_views.get(index).ok_or_else(|| {
             let has = self.document.buffer_views.len();
             self.malformed(format!("bufferView {index}"), format!("is not there: the file has {has}"))
         })
     }
 
-    /// What an accessor promises, proved: every element lies within its view, and the view's bytes are
-    /// there. What the elements cost in memory is the caller's to [`Buffers::spend`].
-    pub(crate) fn layout(&mut self, index: usize) -> Result<Layout> {
+    /// What an accessor promises, checked: every element is within its view, and the view's bytes are there.
+    /// What the elements cost in memory is the caller's to [`Buffers::spend`].
+    pub(crate) fn layout(&mut self, index: usize) -> Result<ElementLayout> {
         let accessor = self.accessor(index)?;
         let place = || format!("accessor {index}");
-        let component = Component::of(accessor.component_type).ok_or_else(|| {
+        let component = component_type(accessor.component_type).ok_or_else(|| {
             self.malformed(place(), format!("has the unknown component type {}", accessor.component_type))
         })?;
         let width = match accessor.shape.as_str() {
@@ -142,19 +99,19 @@ impl<'a> Accessors<'a> {
                 );
             }
         };
-        let mut layout = Layout {
+        let mut layout = ElementLayout {
             component,
             normalized: accessor.normalized,
             width,
             count: accessor.count,
             view: accessor.buffer_view,
             offset: accessor.byte_offset,
-            stride: width * component.bytes(),
+            stride: width * size(component),
         };
         match accessor.buffer_view {
             Some(view) => {
                 layout.stride = self.stride(view)?.unwrap_or(layout.stride);
-                self.prove(&layout, place())?;
+                self.check(&layout, place())?;
             }
             None if accessor.sparse.is_none() => {
                 return Err(self.malformed(place(), "has no bufferView: there are no data"));
@@ -169,34 +126,34 @@ impl<'a> Accessors<'a> {
         let view = self.view(index)?;
         let stride = view.extensions.meshopt.as_ref().map(|c| c.byte_stride).or(view.byte_stride);
         match stride {
-            Some(stride) if !(1..=252).contains(&stride) => {
+            Some(stride) if !(1..=MAX_BYTE_STRIDE as u64).contains(&stride) => {
                 let place = format!("bufferView {index}");
-                Err(self.malformed(place, format!("has byteStride {stride}; wants 1 to 252")))
+                Err(self.malformed(place, format!("has byteStride {stride}; wants 1 to {MAX_BYTE_STRIDE}")))
             }
             stride => Ok(stride),
         }
     }
 
-    /// Proves that a layout lies within its view and the view within real bytes.
-    fn prove(&mut self, layout: &Layout, place: String) -> Result<()> {
+    /// Checks that all elements are within their view and the view within real bytes.
+    fn check(&mut self, layout: &ElementLayout, place: String) -> Result<()> {
         let Some(index) = layout.view else { return Ok(()) };
         let view = self.view(index)?;
         let length = match &view.extensions.meshopt {
             Some(compressed) => {
                 let bytes = meshopt::check(compressed);
                 let bytes = bytes.map_err(|reason| self.malformed(format!("bufferView {index}"), reason))?;
-                self.prove_range(index, compressed.buffer, compressed.byte_offset, compressed.byte_length)?;
+                self.check_range(index, compressed.buffer, compressed.byte_offset, compressed.byte_length)?;
                 bytes
             }
             None => {
-                self.prove_range(index, view.buffer, view.byte_offset, view.byte_length)?;
+                self.check_range(index, view.buffer, view.byte_offset, view.byte_length)?;
                 view.byte_length
             }
         };
         if layout.stride < layout.element() {
             let (stride, element) = (layout.stride, layout.element());
             return Err(
-                self.malformed(place, format!("has {element} bytes an element, {stride} bytes apart"))
+                self.malformed(place, format!("has {element} bytes per element, {stride} bytes apart"))
             );
         }
         match layout.span().and_then(|span| span.checked_add(layout.offset)) {
@@ -211,7 +168,7 @@ impl<'a> Accessors<'a> {
         }
     }
 
-    fn prove_range(&mut self, view: usize, buffer: usize, offset: u64, bytes: u64) -> Result<()> {
+    fn check_range(&mut self, view: usize, buffer: usize, offset: u64, bytes: u64) -> Result<()> {
         let length = self.buffers.length(buffer)?;
         if offset.checked_add(bytes).is_none_or(|end| end > length) {
             return Err(self.malformed(
@@ -219,7 +176,7 @@ impl<'a> Accessors<'a> {
                 format!("promises {bytes} bytes from {offset}, but buffer {buffer} has {length}"),
             ));
         }
-        self.buffers.prove(buffer)
+        self.buffers.open(buffer)
     }
 
     /// Hands every element to `each` as N numbers in order; missing components are `fill`.
@@ -240,14 +197,14 @@ impl<'a> Accessors<'a> {
         index: usize,
         each: impl FnMut(usize, [f64; N]),
     ) -> Result<()> {
-        let layout = Layout { normalized: false, ..self.layout(index)? };
+        let layout = ElementLayout { normalized: false, ..self.layout(index)? };
         self.visit(index, &layout, 0.0, each)
     }
 
     fn visit<const N: usize>(
         &mut self,
         index: usize,
-        layout: &Layout,
+        layout: &ElementLayout,
         fill: f64,
         mut each: impl FnMut(usize, [f64; N]),
     ) -> Result<()> {
@@ -264,9 +221,9 @@ impl<'a> Accessors<'a> {
         self.for_each_sparse(index, layout, fill, each)
     }
 
-    /// Fills `bytes` with all elements of an accessor when they lie without gaps and uncompressed, and
-    /// tells whether it did.
-    pub(crate) fn read_as_it_lies(&mut self, index: usize, bytes: &mut [u8]) -> Result<bool> {
+    /// Fills `bytes` with all elements of an accessor when they are stored without gaps and uncompressed;
+    /// returns whether it did.
+    pub(crate) fn read_contiguous(&mut self, index: usize, bytes: &mut [u8]) -> Result<bool> {
         let layout = self.layout(index)?;
         let Some(view) = layout.view.filter(|_| layout.stride == layout.element()) else { return Ok(false) };
         let (view, sparse) = (self.view(view)?, self.accessor(index)?.sparse.is_some());
@@ -278,7 +235,7 @@ impl<'a> Accessors<'a> {
     }
 
     /// Hands out the bytes of all elements in blocks of whole strides.
-    fn for_each_block(&mut self, layout: &Layout, mut each: impl FnMut(&[u8], u64)) -> Result<()> {
+    fn for_each_block(&mut self, layout: &ElementLayout, mut each: impl FnMut(&[u8], u64)) -> Result<()> {
         let Some(index) = layout.view else { return Ok(()) };
         let view = self.view(index)?;
         if let Some(compressed) = &view.extensions.meshopt {
@@ -305,8 +262,8 @@ impl<'a> Accessors<'a> {
         Ok(())
     }
 
-    /// A compressed view's bytes as words; [`Self::prove`] has seen it.
-    fn unpack(&mut self, index: usize, compressed: &Compressed) -> Result<&[u32]> {
+    /// A compressed view's bytes as words; [`Self::check`] has passed it.
+    fn unpack(&mut self, index: usize, compressed: &CompressedView) -> Result<&[u32]> {
         if let Some(at) = self.unpacked.iter().position(|(view, _)| *view == index) {
             return Ok(&self.unpacked[at].1);
         }
@@ -325,7 +282,7 @@ impl<'a> Accessors<'a> {
     fn for_each_sparse<const N: usize>(
         &mut self,
         index: usize,
-        layout: &Layout,
+        layout: &ElementLayout,
         fill: f64,
         mut each: impl FnMut(usize, [f64; N]),
     ) -> Result<()> {
@@ -336,27 +293,27 @@ impl<'a> Accessors<'a> {
                 self.malformed(place(), format!("replaces {} of {} elements", sparse.count, layout.count))
             );
         }
-        let component = Component::of(sparse.indices.component_type)
-            .filter(|c| matches!(c, Component::U8 | Component::U16 | Component::U32))
+        let component = component_type(sparse.indices.component_type)
+            .filter(|c| matches!(c, ComponentType::U8 | ComponentType::U16 | ComponentType::U32))
             .ok_or_else(|| self.malformed(place(), "has indices that are not unsigned integers"))?;
-        let numbers = Layout {
+        let numbers = ElementLayout {
             component,
             normalized: false,
             width: 1,
             count: sparse.count,
             view: Some(sparse.indices.buffer_view),
             offset: sparse.indices.byte_offset,
-            stride: component.bytes(),
+            stride: size(component),
         };
-        let values = Layout {
+        let values = ElementLayout {
             count: sparse.count,
             view: Some(sparse.values.buffer_view),
             offset: sparse.values.byte_offset,
             stride: layout.element(),
             ..*layout
         };
-        self.prove(&numbers, place())?;
-        self.prove(&values, place())?;
+        self.check(&numbers, place())?;
+        self.check(&values, place())?;
         let mut at = Vec::new();
         self.for_each_block(&numbers, |block, stride| {
             decode(&numbers, block, stride, 0, 0.0, &mut |_, [number]: [f64; 1]| at.push(number as usize));
@@ -371,37 +328,56 @@ impl<'a> Accessors<'a> {
     }
 }
 
+/// Bytes of a component.
+fn size(component: ComponentType) -> u64 {
+    component.size() as u64
+}
+
+/// The number that 1.0 is stored as when integers are normalised.
+fn one(component: ComponentType) -> f64 {
+    match component {
+        ComponentType::I8 => f64::from(i8::MAX),
+        ComponentType::U8 => f64::from(u8::MAX),
+        ComponentType::I16 => f64::from(i16::MAX),
+        ComponentType::U16 => f64::from(u16::MAX),
+        ComponentType::U32 => f64::from(u32::MAX),
+        ComponentType::F32 => 1.0,
+    }
+}
+
 /// Hands every element of `block` to `each`, numbered from `first`; returns the number after the last.
 fn decode<const N: usize>(
-    layout: &Layout,
+    layout: &ElementLayout,
     block: &[u8],
     stride: u64,
     first: usize,
     fill: f64,
     each: &mut impl FnMut(usize, [f64; N]),
 ) -> usize {
-    let one = if layout.normalized { layout.component.one() } else { 1.0 };
+    let one = if layout.normalized { one(layout.component) } else { 1.0 };
     let unit = |value: f64| if layout.normalized { (value / one).max(-1.0) } else { value };
     match layout.component {
-        Component::I8 => elements(layout, block, stride, first, fill, each, |[a]| unit(f64::from(a as i8))),
-        Component::U8 => elements(layout, block, stride, first, fill, each, |[a]| unit(f64::from(a))),
-        Component::I16 => {
+        ComponentType::I8 => {
+            elements(layout, block, stride, first, fill, each, |[a]| unit(f64::from(a as i8)))
+        }
+        ComponentType::U8 => elements(layout, block, stride, first, fill, each, |[a]| unit(f64::from(a))),
+        ComponentType::I16 => {
             elements(layout, block, stride, first, fill, each, |b| unit(f64::from(i16::from_le_bytes(b))))
         }
-        Component::U16 => {
+        ComponentType::U16 => {
             elements(layout, block, stride, first, fill, each, |b| unit(f64::from(u16::from_le_bytes(b))))
         }
-        Component::U32 => {
+        ComponentType::U32 => {
             elements(layout, block, stride, first, fill, each, |b| unit(f64::from(u32::from_le_bytes(b))))
         }
-        Component::F32 => {
+        ComponentType::F32 => {
             elements(layout, block, stride, first, fill, each, |b| f64::from(f32::from_le_bytes(b)))
         }
     }
 }
 
 fn elements<const N: usize, const B: usize>(
-    layout: &Layout,
+    layout: &ElementLayout,
     block: &[u8],
     stride: u64,
     first: usize,
