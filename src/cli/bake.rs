@@ -4,7 +4,7 @@ use super::Global;
 use super::files;
 use super::layers::Layers;
 use super::progress::Progress;
-use crate::bake::{Bake, BakeOptions, BakePreset, Views};
+use crate::bake::{Bake, BakeOptions, Views};
 use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
 use crate::formats::output::{self, Output, OutputFormat};

@@ -11,7 +11,7 @@ use crate::atomic::AtomicFile;
 use crate::dataset::Dataset;
 use crate::error::{Error, Result};
 use crate::report::{OutputReport, Report};
-use crate::train::{Preview, RunOptions, TrainOptions, TrainPreset, TrainRun, Trained, checkpoint};
+use crate::train::{Preview, RunOptions, TrainOptions, TrainRun, Trained, checkpoint};
 use clap::ArgMatches;
 use indicatif::HumanCount;
 use std::io::Write;
