@@ -10,6 +10,7 @@ use crate::error::{Error, Result};
 use crate::formats::ply;
 use crate::process;
 use crate::report::{Counts, StageReport, generator};
+use crate::scene::Loaded;
 use crate::soup::Soup;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -57,6 +58,14 @@ pub struct TrainDetails {
     pub ssim: Option<f64>,
     /// The held-out photos one by one.
     pub held_out: Vec<PhotoScore>,
+}
+
+impl From<Trained> for Loaded {
+    /// The scene as [`Trained::save`] writes it and a reader gives it back.
+    fn from(trained: Trained) -> Self {
+        let Trained { soup, cameras, provenance, .. } = trained;
+        Loaded { provenance, cameras, ..Loaded::from(soup) }
+    }
 }
 
 impl Trained {
@@ -117,4 +126,3 @@ pub(super) fn provenance(dataset: &Dataset, cameras: &[Camera]) -> Provenance {
         viewpoint: camera::viewpoint(cameras),
     }
 }
-
