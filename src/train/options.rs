@@ -3,7 +3,7 @@
 //! Positions in the run ("steps of a 30,000-step run") are scaled by `steps / 30,000`, so that a short
 //! preview and a long run follow one schedule. Lengths are in units of the scene: the median distance
 //! from the cameras to what they see. Numbers in brackets are those of the paper, its supplement and its code (TS),
-//! or of Triangle Splatting+ (TS+): see [`train`](crate::train). Where the default is another,
+//! or of Triangle Splatting+ (TS+): see [`train`](mod@crate::train). Where the default is another,
 //! `docs/benchmarks/training.md` has the runs that chose it.
 
 use crate::error::{Error, Result};
