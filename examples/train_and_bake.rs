@@ -22,7 +22,7 @@ fn main() -> Result<()> {
     let options = TrainOptions { steps, max_triangles: 4000, ..TrainOptions::preset(TrainPreset::Solid) };
     let trained = TrainRun::new(&dataset, &options).run(&mut PrintProgress)?;
 
-    let mut views = Views::new(&dataset, u64::from(dataset_options.photo_memory_mib) << 20, [0.0; 3]);
+    let mut views = Views::new(&dataset, &dataset_options);
     let mut report = Report::new("train_and_bake");
     let asset = Bake::new(&BakeOptions::default()).photos(&mut views).report(&mut report).run([trained])?;
     let written = write(&asset, Path::new(&out), &OutputOptions::default())?;

@@ -100,8 +100,7 @@ fn photos(args: &BakeArgs, report: &mut Report) -> Result<Option<Views>> {
     let dataset = Dataset::load(path, how)?;
     report.inputs.push(path.display().to_string());
     report.warnings.extend(dataset.warnings.iter().cloned());
-    let bytes = u64::from(how.photo_memory_mib) << 20;
-    Ok(Some(Views::new(&dataset, bytes, how.background.to_f32())))
+    Ok(Some(Views::new(&dataset, how)))
 }
 
 /// Preset, then config file, then the flags really typed.

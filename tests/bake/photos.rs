@@ -79,7 +79,7 @@ fn load(folder: &Path) -> Dataset {
 }
 
 fn views(dataset: &Dataset) -> Views {
-    Views::new(dataset, 1 << 26, [0.0; 3])
+    Views::new(dataset, &DatasetOptions::default())
 }
 
 /// Root of the mean squared difference of the pictures that two meshes give, codes.
