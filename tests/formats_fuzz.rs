@@ -1,4 +1,4 @@
-//! Every reader against mutated files: it fails with a clear error or gives a sound scene, and never
+//! Every reader against mutated files: it fails with a clear error or gives a valid scene, and never
 //! panics. `TRISPLAT_FUZZ_CASES=100000 cargo test --release --test formats_fuzz` for a long run.
 
 use proptest::prelude::*;
@@ -226,7 +226,7 @@ fn survive(row: &Row, bytes: &[u8], sh_degree: u8) {
 }
 
 #[test]
-fn the_seeds_are_sound() {
+fn the_seeds_are_valid() {
     for (name, bytes, read) in table() {
         let mut file = tempfile::tempfile().expect("a temporary file");
         file.write_all(&bytes).and_then(|()| file.rewind()).expect("writable");

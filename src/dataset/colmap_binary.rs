@@ -56,17 +56,17 @@ fn read_images(bytes: &mut Bytes, model: &mut Model) -> Result<()> {
                 bytes.malformed(format!("image {id} `{name}` has no pose: {quaternion:?}, {translation}"))
             })?;
         let seen = bytes.count("2D points", 24)?;
-        let mut sightings = Vec::new();
+        let mut observations = Vec::new();
         for _ in 0..seen {
             let row: [u8; 24] = bytes.take()?;
             let number = |at: usize| row[at..at + 8].try_into().unwrap_or([0; 8]);
             let point = u64::from_le_bytes(number(16));
             if point != NO_POINT {
                 let (x, y) = (f64::from_le_bytes(number(0)), f64::from_le_bytes(number(8)));
-                sightings.push((point, Vec2::new(x as f32, y as f32)));
+                observations.push((point, Vec2::new(x as f32, y as f32)));
             }
         }
-        model.images.push(ImageRow { name, camera, rotation, translation, sightings });
+        model.images.push(ImageRow { name, camera, rotation, translation, observations });
     }
     bytes.end()
 }

@@ -54,18 +54,18 @@ fn read_images(lines: &mut Lines, model: &mut Model) -> Result<()> {
             colmap_model::rotation(quaternion).filter(|_| translation.is_finite()).ok_or_else(|| {
                 lines.malformed(format!("image {id} `{name}` has no pose: {quaternion:?}, {translation}"))
             })?;
-        let mut sightings = Vec::new();
+        let mut observations = Vec::new();
         if lines.next_line()? {
             let mut words = lines.words();
             while !words.text.is_empty() {
                 let [x, y] = words.numbers("2D point")?;
                 let point: i64 = words.number("3D point id")?;
                 if let Ok(point) = u64::try_from(point) {
-                    sightings.push((point, Vec2::new(x as f32, y as f32)));
+                    observations.push((point, Vec2::new(x as f32, y as f32)));
                 }
             }
         }
-        model.images.push(ImageRow { name, camera, rotation, translation, sightings });
+        model.images.push(ImageRow { name, camera, rotation, translation, observations });
     }
     Ok(())
 }
@@ -196,7 +196,7 @@ pub(super) fn write(folder: &Path, model: &Model) -> Result<()> {
             *tracks.entry(*point).or_default() += &format!(" {id} {k}");
             format!("{} {} {point}", at.x, at.y)
         };
-        images += &image.sightings.iter().enumerate().map(seen).collect::<Vec<_>>().join(" ");
+        images += &image.observations.iter().enumerate().map(seen).collect::<Vec<_>>().join(" ");
         images.push('\n');
     }
     let mut points =

@@ -1,6 +1,6 @@
 //! Training checkpoints written by `torch.save` (read only).
 //!
-//! Two families share the key `triangles_points` and are told apart by its rank:
+//! Two families share the key `triangles_points` and are distinguished by its rank:
 //!
 //! ```text
 //! Held et al. 2025       triangles_points [N, 3, 3]   a soup
@@ -18,7 +18,7 @@
 //!
 //! A successor's mesh is taken as solid: the floor under `vertex_weight` rises to 0.9999 while
 //! training, so every face of a finished run is opaque, and of an unfinished one the floor is not
-//! known. An unfinished run is told by its σ and reported as a warning.
+//! known. An unfinished run is recognised by its σ and reported as a warning.
 //!
 //! Unpickling executes nothing: `pytorch-reader` interprets the calls that rebuild tensors and keeps
 //! every other one as an opaque name. What it leaves open, `check_archive` closes.
@@ -154,7 +154,7 @@ fn read_mesh(file: &Checkpoint, v: usize) -> Result<Loaded> {
     Ok(Loaded { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() })
 }
 
-/// Vertex numbers, three a face, each below `v`.
+/// Vertex numbers, three per face, each below `v`.
 fn read_indices(file: &Checkpoint, v: usize) -> Result<Vec<u32>> {
     let key = "_triangle_indices";
     let &[faces, 3] = file.shape(key)? else {
@@ -179,8 +179,8 @@ fn read_indices(file: &Checkpoint, v: usize) -> Result<Vec<u32>> {
 struct Checkpoint {
     /// What the user called it.
     label: PathBuf,
-    /// Where it lies: the same, or a copy of standard input.
-    place: PathBuf,
+    /// Where it is: the same, or a copy of standard input.
+    file: PathBuf,
     /// Keeps that copy alive.
     _copy: Option<NamedTempFile>,
     bytes: u64,
@@ -190,14 +190,14 @@ struct Checkpoint {
 impl Checkpoint {
     fn open(source: &mut Source) -> Result<Self> {
         let label = source.path.clone();
-        let (place, copy) = if label.as_os_str() == "-" {
+        let (file, copy) = if label.as_os_str() == "-" {
             let copy = spool(&mut source.file).map_err(|e| Error::io(&label, e))?;
             (copy.path().to_owned(), Some(copy))
         } else {
             (label.clone(), None)
         };
-        let tensors = PytorchReader::new(&place).map_err(|e| torch_error(&label, e))?;
-        Ok(Self { label, place, _copy: copy, bytes: source.len, tensors })
+        let tensors = PytorchReader::new(&file).map_err(|e| torch_error(&label, e))?;
+        Ok(Self { label, file, _copy: copy, bytes: source.len, tensors })
     }
 
     fn malformed(&self, key: &str, reason: String) -> Error {
@@ -268,7 +268,7 @@ impl Checkpoint {
 
     /// A plain Python value beside the tensors.
     fn scalar(&self, key: &str) -> Result<Option<PickleValue>> {
-        match PytorchReader::read_pickle_data(&self.place, None).map_err(|e| torch_error(&self.label, e))? {
+        match PytorchReader::read_pickle_data(&self.file, None).map_err(|e| torch_error(&self.label, e))? {
             PickleValue::Dict(mut dict) => Ok(dict.remove(key)),
             _ => Ok(None),
         }

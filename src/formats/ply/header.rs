@@ -85,7 +85,7 @@ impl Property {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Element {
     pub(super) name: String,
-    /// Rows promised; not to be believed before the file's length was seen.
+    /// Rows promised; not to be trusted before the file's length was seen.
     pub(super) rows: u64,
     pub(super) properties: Vec<Property>,
 }
@@ -161,7 +161,7 @@ impl Draft {
         }
     }
 
-    /// Understands one line; true when it was `end_header`.
+    /// Parses one line; true when it was `end_header`.
     fn take_line(&mut self, line: &str) -> std::result::Result<bool, String> {
         if !self.magic {
             self.magic = line == "ply";
@@ -180,7 +180,7 @@ impl Draft {
             "element" => {
                 let element = parse_element(rest)?;
                 if self.elements.iter().any(|e| e.name == element.name) {
-                    return Err(format!("element {} stands twice", clip(&element.name)));
+                    return Err(format!("element {} is declared twice", clip(&element.name)));
                 }
                 if self.elements.len() == MOST {
                     return Err(format!("more than {MOST} elements"));
@@ -191,7 +191,7 @@ impl Draft {
                 let property = parse_property(rest)?;
                 let element = self.elements.last_mut().ok_or("a property before the first element")?;
                 if element.has(&property.name) {
-                    return Err(format!("property {} stands twice", clip(&property.name)));
+                    return Err(format!("property {} is declared twice", clip(&property.name)));
                 }
                 if element.properties.len() == MOST {
                     return Err(format!("more than {MOST} properties in one element"));

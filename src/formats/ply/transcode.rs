@@ -116,7 +116,7 @@ impl Input<'_> {
         Ok(())
     }
 
-    /// A face's corners: three go into its row, and all of a polygon beside.
+    /// A face's corners: three go into its row, and those of a polygon into `polygons` too.
     fn corners(
         &mut self,
         count: Scalar,
