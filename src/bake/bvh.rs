@@ -100,7 +100,7 @@ pub fn bvh(asset: &mut Asset, options: &BvhOptions, details: &mut BvhDetails) ->
     Ok(Outcome::Changed(()))
 }
 
-/// Faces in a part when the scene has no chunks: a part and its build fit a core's cache.
+/// Faces in a part when the scene has no chunks: a part and its build fit the cache of a core.
 const PART_TRIANGLES: usize = 16_384;
 
 /// A hierarchy and what it is over.
@@ -141,7 +141,7 @@ pub fn build(mesh: &Mesh, parts: &[Chunk]) -> Built {
 
 /// How parts are built: obvhs' `very_fast_build`, half the time of its next better tree.
 const PART_BUILD: BvhBuildParams = BvhBuildParams::very_fast_build();
-/// How the parts are put together: there are few, and every ray passes here.
+/// How the parts are put together: there are few, and every ray passes through them.
 const TOP_BUILD: BvhBuildParams = BvhBuildParams {
     ploc_search_distance: PlocSearchDistance::VeryHigh,
     reinsertion_batch_ratio: 1.0,

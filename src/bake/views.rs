@@ -28,7 +28,7 @@ pub struct Views {
 }
 
 impl Views {
-    /// The training photos of `dataset`; held-out ones are never looked at. `photo_bytes` is the memory for
+    /// The training photos of `dataset`; held-out ones are never used. `photo_bytes` is the memory for
     /// decoded photos, `background` (sRGB-encoded) the colour where no triangle is.
     pub fn new(dataset: &Dataset, photo_bytes: u64, background: [f32; 3]) -> Self {
         Self {
@@ -39,7 +39,7 @@ impl Views {
         }
     }
 
-    /// Where to look from first, in the frame of the cameras.
+    /// The initial viewpoint, in the frame of the cameras.
     pub fn viewpoint(&self) -> Option<Viewpoint> {
         camera::viewpoint(&self.cameras)
     }
