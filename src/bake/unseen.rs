@@ -98,12 +98,9 @@ pub fn unseen(
     if let (None, Some(db)) = (&views, options.max_error) {
         return Err(Error::invalid("max_error", db, "`dataset`: error is measured on photos"));
     }
-    if cameras.is_empty() {
-        return Ok(Outcome::Unneeded("it needs cameras: of photos (`dataset`), or in a soup we trained"));
-    }
     let most = max_triangles.map_or(usize::MAX, |most| usize::try_from(most).unwrap_or(usize::MAX).max(1));
-    if options.keep_unseen && options.max_error.is_none() && mesh.face_count() <= most {
-        return Ok(Outcome::Unneeded("`keep_unseen`"));
+    if let Some(why) = nothing_to_do(mesh, cameras, options, most) {
+        return Ok(Outcome::Unneeded(why));
     }
     let chooses = views.is_some() || mesh.face_count() > most;
     let visible_area = visible_px(mesh, cameras, if chooses { SAMPLES } else { SAMPLES_AT_LEAST });
@@ -124,10 +121,9 @@ pub fn unseen(
     let decimates = keep < needed.min(visible) || options.max_error.is_some();
     if decimates {
         let fewest = if options.max_error.is_some() { visible / FEWEST } else { keep };
-        let candidates = needed.min(visible);
-        let best =
-            decimate::rank_by_importance(mesh, cameras, &visible_area, &ranked[..candidates], fewest.max(1));
-        ranked[..candidates].copy_from_slice(&best);
+        let candidates = &mut ranked[..needed.min(visible)];
+        let best = decimate::rank_by_importance(mesh, cameras, &visible_area, candidates, fewest.max(1));
+        candidates.copy_from_slice(&best);
     }
     if let (Some(db), Some(views)) = (options.max_error, views) {
         keep = fewest_within(mesh, views, &ranked[..keep], db, details)?;
@@ -140,6 +136,20 @@ pub fn unseen(
     }
     mesh.keep(&ranked[..keep]);
     Ok(Outcome::Changed(()))
+}
+
+/// Why there is nothing to do, as far as that is known before anything is drawn. At most `most` triangles may stay.
+fn nothing_to_do(
+    mesh: &Mesh,
+    cameras: &[Camera],
+    options: &UnseenOptions,
+    most: usize,
+) -> Option<&'static str> {
+    if cameras.is_empty() {
+        return Some("it needs cameras: of photos (`dataset`), or in a soup we trained");
+    }
+    let keeps_all = options.keep_unseen && options.max_error.is_none() && mesh.face_count() <= most;
+    keeps_all.then_some("`keep_unseen`")
 }
 
 /// All faces, those of the largest visible area first; of equals the larger first. `[F]`
