@@ -34,9 +34,9 @@ fn degenerate_is_current() {
     check(SampleScene::Degenerate, 0, 0, "degenerate.ply");
 }
 
-/// The README's way from photos to a file, from its middle on: the soup it trains is checked in.
+/// The second half of the README's way from photos to a file: the soup that the first half trains is checked in.
 #[test]
-fn the_trained_sample_meets_held_out_photos_as_a_file() {
+fn the_trained_sample_matches_held_out_photos_as_a_file() {
     let samples = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples");
     let dataset = Dataset::load(&samples.join("dataset"), &DatasetOptions::default()).unwrap();
     let loaded = formats::read(&samples.join("soups/trained.ply"), &ReadOptions { sh_degree: 0 }).unwrap();

@@ -28,7 +28,7 @@ pub struct Views {
 }
 
 impl Views {
-    /// The training photos of `dataset`, which was read with `options`; held-out ones are never looked at.
+    /// The training photos of `dataset`, which was read with `options`; held-out ones are never used.
     pub fn new(dataset: &Dataset, options: &DatasetOptions) -> Self {
         Self {
             cameras: dataset.train().map(|v| v.camera).collect(),
@@ -38,7 +38,7 @@ impl Views {
         }
     }
 
-    /// Where to look from first, in the frame of the cameras.
+    /// The initial viewpoint, in the frame of the cameras.
     pub fn viewpoint(&self) -> Option<Viewpoint> {
         camera::viewpoint(&self.cameras)
     }

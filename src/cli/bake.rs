@@ -50,7 +50,7 @@ pub struct BakeArgs {
     pub dataset_options: DatasetOptions,
 }
 
-/// Bakes; `matches` tells which flags were typed.
+/// Bakes; `matches` says which flags were typed.
 pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()> {
     let clock = Instant::now();
     let options = resolve(args, matches)?;
