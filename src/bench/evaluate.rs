@@ -23,7 +23,7 @@ pub struct EvalReport {
     pub dataset: String,
     /// Which photos: "test", "train" or "all".
     pub split: String,
-    /// Samples a pixel along each axis of solid drawings.
+    /// Samples per pixel along each axis of solid drawings.
     pub ssaa: u32,
     /// The scene at each step of its way into a file, in order. A mesh has one: "solid".
     pub steps: Vec<StepScore>,

@@ -1,7 +1,7 @@
 //! `trisplat bench fidelity`: what each step from photos to a file costs, measured on held-out photos.
 //!
 //! A soup is trained, or given; every case is baked, written, *read back from the file* and drawn by the solid
-//! rasteriser with one, four and sixteen samples a pixel. It plots PSNR against the number of
+//! rasteriser with 1, 4 and 16 samples per pixel. It plots PSNR against the number of
 //! triangles, the size of the file and the seconds of the bake.
 
 use super::evaluate::{self, StepScore};
@@ -32,7 +32,7 @@ pub struct FidelityBenchArgs {
     /// Posed photos; the files are measured on those held out.
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
-    /// Trained soup to bake (.ply .pt); without it one is trained with the solid preset, and a soft one beside it.
+    /// Trained soup to bake (.ply .pt); without it one is trained with the solid preset, and a soft one too.
     #[arg(long, value_name = "FILE")]
     pub soup: Option<PathBuf>,
     /// Soup that was trained to stay soft on the same budget: the file is compared with it instead of --soup.
@@ -67,7 +67,7 @@ pub struct FidelityRow {
     pub case: String,
     /// What the file was written for: "gltf", "web", …; empty for "soft".
     pub target: String,
-    /// Samples a pixel along each axis.
+    /// Samples per pixel along each axis.
     pub ssaa: u32,
     /// Triangles of the file.
     pub triangles: u64,

@@ -102,7 +102,7 @@ fn print(report: &EvalReport, width: usize, count: usize, progress: &Progress) {
     }
 }
 
-/// What is printed of a step beside its means.
+/// What is printed after the means of a step.
 fn remark(step: &StepScore, count: usize) -> String {
     let mut remark = format!("{count} photos, {} triangles", thousands(step.triangles));
     if let Some(bytes) = step.bytes {
