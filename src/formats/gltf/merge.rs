@@ -118,9 +118,7 @@ impl<'a> MergedMesh<'a> {
         }
         Err(Error::unsupported(
             self.accessors.buffers.path(),
-            format!(
-                "promises {triangles} triangles; the most we take is {MAX_TRIANGLES}: split the scene"
-            ),
+            format!("promises {triangles} triangles; the most we take is {MAX_TRIANGLES}: split the scene"),
         ))
     }
 
