@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 /// What every fallible function of the library returns.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Why something could not be done, grouped by who can mend it.
+/// Why something could not be done, grouped by who can fix it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -27,7 +27,7 @@ pub enum Error {
         /// What is wrong and what would be right.
         reason: String,
     },
-    /// The file is sound but holds something we do not read or write; `reason` ends with the remedy.
+    /// The file is valid but holds something that is not supported; `reason` ends with the remedy.
     #[error("{}: {reason}", path.display())]
     Unsupported {
         /// The file.
@@ -38,7 +38,7 @@ pub enum Error {
     /// An option or argument has a value that cannot be used.
     #[error("{option} is {value}: wants {wants}")]
     Invalid {
-        /// The flag or config key, as the user types it.
+        /// The field of the option (`max_triangles`), or what else has the value; the command line shows the flag.
         option: String,
         /// The value given.
         value: String,
@@ -73,7 +73,7 @@ impl Error {
         Self::Malformed { path: path.as_ref().to_owned(), at: at.into(), reason: reason.into() }
     }
 
-    /// A sound file we cannot use; `reason` ends with the remedy.
+    /// A valid file that is not supported; `reason` ends with the remedy.
     pub fn unsupported(path: impl AsRef<Path>, reason: impl Into<String>) -> Self {
         Self::Unsupported { path: path.as_ref().to_owned(), reason: reason.into() }
     }

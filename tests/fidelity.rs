@@ -4,9 +4,9 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use trisplat::bench::evaluate::{EvalReport, StepScore};
 use trisplat::bench::fidelity::FidelityRow;
-use trisplat::bench::judge::{Fidelity, StepScore};
-use trisplat::bench::paint::Painter;
+use trisplat::bench::scene_renderer::SceneRenderer;
 use trisplat::dataset::{Dataset, DatasetOptions};
 use trisplat::image::Pixels;
 use trisplat::math::metric;
@@ -40,7 +40,7 @@ fn inputs() -> (String, String, tempfile::TempDir) {
 }
 
 /// Judges `file` on the sample's held-out photos: the report, and the folder the drawings are in.
-fn judged(file: &str, folder: &Path, name: &str, more: &[&str]) -> (Fidelity, PathBuf) {
+fn judged(file: &str, folder: &Path, name: &str, more: &[&str]) -> (EvalReport, PathBuf) {
     let (renders, report) = (folder.join(name), folder.join(name).with_extension("json"));
     let [renders_text, report_text] = [&renders, &report].map(|p| p.to_str().unwrap());
     let dataset = sample("dataset");
@@ -291,7 +291,7 @@ fn a_soup_of_a_far_world_is_drawn_where_its_file_says() {
     let mut dataset = Dataset::load(&sample("dataset"), &DatasetOptions::default()).unwrap();
     let camera = dataset.views[0].camera;
     let soft = |soup: &trisplat::soup::Soup, placement: &Placement, dataset: &Dataset| {
-        Painter::soft(soup.clone(), placement, Some(dataset), [0.0; 3]).color(&camera)
+        SceneRenderer::soft(soup.clone(), placement, Some(dataset), [0.0; 3]).color(&camera)
     };
     let near = soft(&soup, &Placement::IDENTITY, &dataset);
     // Survey coordinates: the cameras were read relative to a point, the soup was trained there.

@@ -2,15 +2,14 @@
 //! `UPDATE=1 cargo test --test samples` rewrites them.
 
 use std::path::Path;
-use trisplat::bake::{bake, options::BakeOptions, views::Views};
-use trisplat::bench::judge::judge;
-use trisplat::bench::paint::Painter;
+use trisplat::bake::{Bake, BakeOptions, Views};
+use trisplat::bench::evaluate::evaluate;
+use trisplat::bench::scene_renderer::SceneRenderer;
 use trisplat::bench::scenes::{SampleScene, provenance, soup};
-use trisplat::bench::steps::{SMALLEST, Step, reread};
+use trisplat::bench::steps::{EvalStep, SMALLEST, reread};
 use trisplat::dataset::{Dataset, DatasetOptions};
 use trisplat::formats::ply::write_soup;
 use trisplat::formats::{self, ReadOptions};
-use trisplat::report::Report;
 
 fn check(name: SampleScene, triangles: usize, seed: u64, file: &str) {
     let mut bytes = Vec::new();
@@ -43,14 +42,13 @@ fn the_trained_sample_meets_held_out_photos_as_a_file() {
     let loaded = formats::read(&samples.join("soups/trained.ply"), &ReadOptions { sh_degree: 0 }).unwrap();
     let psnr = |mut views: Option<Views>| {
         let options = BakeOptions::default();
-        let asset =
-            bake(vec![loaded.clone()], &options, views.as_mut(), &mut Report::default(), &mut ()).unwrap();
+        let asset = Bake::new(&options).photos(views.as_mut()).run([loaded.clone()]).unwrap();
         let (file, bytes) = reread(&asset, &SMALLEST).unwrap();
         let (triangles, placement) = (file.mesh.face_count() as u64, file.provenance.placement);
-        let painter = Painter::solid(file.mesh, &placement, Some(&dataset), [0.0; 3], 4);
-        let mut steps = [Step { name: "file", triangles, bytes: Some(bytes), painter }];
+        let renderer = SceneRenderer::solid(file.mesh, &placement, Some(&dataset), [0.0; 3], 4);
+        let mut steps = [EvalStep { name: "file", triangles, bytes: Some(bytes), renderer }];
         let held_out: Vec<_> = dataset.test().collect();
-        judge(&mut steps, &held_out, 1 << 26, |_, _, _| Ok(())).unwrap()[0].mean.psnr
+        evaluate(&mut steps, &held_out, 1 << 26, |_, _, _| Ok(())).unwrap()[0].mean.psnr
     };
     let (plain, with_photos) = (psnr(None), psnr(Some(Views::new(&dataset, 1 << 26, [0.0; 3]))));
     // Measured 24.1 and 26.7 dB; what the photos add to a bake is the point.

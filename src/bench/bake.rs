@@ -1,11 +1,12 @@
-//! `trisplat bench bake`: what the main job costs, beside the floor and beside other tools, in one run.
+//! `trisplat bench bake`: what the main job costs, next to the floor and to other tools, in one run.
 //!
 //! Every case is a whole process. The *floor* reads the same input and writes as many bytes as the
-//! bake's output with plain buffered I/O: no converter can be cheaper. Cases take turns, run by run, so
-//! that a machine that slows down slows all of them; the median of the runs is kept.
+//! bake's output with plain buffered I/O: no converter can be cheaper. The cases run in turn, round by
+//! round, so that a machine that slows down slows all of them; the median of the rounds is kept.
 
 use super::machine::Machine;
 use super::measure::{self, Usage};
+use super::plot::{self, PlotPoint};
 use super::scenes::{self, SampleScene};
 use crate::asset::Provenance;
 use crate::atomic::AtomicFile;
@@ -20,7 +21,7 @@ use std::path::{Path, PathBuf};
 /// What to measure.
 #[derive(Debug, Clone, clap::Args)]
 pub struct BakeBenchArgs {
-    /// Numbers of triangles, one series each.
+    /// Numbers of triangles; every case runs at each.
     #[arg(long, value_delimiter = ',', default_value = "10000,100000,1000000", value_name = "N,N,…")]
     pub triangles: Vec<usize>,
     /// Runs of every case; the median is kept.
@@ -35,10 +36,10 @@ pub struct BakeBenchArgs {
     /// Draw CPU time and memory against triangles as SVG.
     #[arg(long, value_name = "FILE")]
     pub plot: Option<PathBuf>,
-    /// Python with trimesh, to measure it beside us.
+    /// Python with trimesh, to measure that too.
     #[arg(long, value_name = "PROGRAM")]
     pub python: Option<PathBuf>,
-    /// Folder of node_modules/.bin with gltfpack or gltf-transform, to measure them beside us.
+    /// Folder of node_modules/.bin with gltfpack or gltf-transform, to measure those too.
     #[arg(long, value_name = "FOLDER")]
     pub node_bin: Option<PathBuf>,
 }
@@ -65,17 +66,17 @@ pub struct BakeRow {
 }
 
 /// A command line to measure.
-struct Case {
+struct BakeCase {
     name: String,
     command: Vec<OsString>,
     input: PathBuf,
     output: PathBuf,
-    /// Which floor it is held against.
+    /// The floor that it is compared with.
     floor: &'static str,
 }
 
-/// Measures every size; rows in order of size, then case.
-pub fn run(args: &BakeBenchArgs, mut tell: impl FnMut(&BakeRow)) -> Result<Vec<BakeRow>> {
+/// Measures every size; rows in order of size, then case. Calls `on_row` with each row as soon as it is there.
+pub fn run(args: &BakeBenchArgs, mut on_row: impl FnMut(&BakeRow)) -> Result<Vec<BakeRow>> {
     let folder = tempfile::tempdir().map_err(|e| Error::io("temporary folder", e))?;
     let mut rows = Vec::new();
     for &triangles in &args.triangles {
@@ -95,7 +96,7 @@ pub fn run(args: &BakeBenchArgs, mut tell: impl FnMut(&BakeRow)) -> Result<Vec<B
                 peak_bytes: usage.peak_bytes,
                 cpu_over_floor: usage.cpu_seconds / floor_of(case.floor),
             };
-            tell(&row);
+            on_row(&row);
             rows.push(row);
         }
     }
@@ -103,13 +104,22 @@ pub fn run(args: &BakeBenchArgs, mut tell: impl FnMut(&BakeRow)) -> Result<Vec<B
         super::machine::append_csv(path, &Machine::here(), &rows)?;
     }
     if let Some(path) = &args.plot {
-        super::plot::cost(path, &rows)?;
+        plot(path, &rows)?;
     }
     Ok(rows)
 }
 
+/// Plots CPU seconds and peak memory against triangles, one line per case.
+fn plot(path: &Path, rows: &[BakeRow]) -> Result<()> {
+    let points = |value: fn(&BakeRow) -> f64| -> Vec<PlotPoint<'_>> {
+        rows.iter().map(|r| PlotPoint { name: &r.case, x: r.triangles as f64, y: value(r) }).collect()
+    };
+    let memory = points(|r| r.peak_bytes as f64 * 1e-6);
+    plot::lines(path, &[("CPU seconds", points(|r| r.cpu_seconds)), ("peak memory, MB", memory)])
+}
+
 /// Writes the inputs of one size and lists the command lines.
-fn cases(args: &BakeBenchArgs, folder: &Path, triangles: usize) -> Result<Vec<Case>> {
+fn cases(args: &BakeBenchArgs, folder: &Path, triangles: usize) -> Result<Vec<BakeCase>> {
     let this = std::env::current_exe().map_err(|e| Error::io("trisplat", e))?;
     let at = |name: &str| folder.join(name);
     let (sh0, sh3, mesh) = (at("sh0.ply"), at("sh3.ply"), at("mesh.ply"));
@@ -121,9 +131,9 @@ fn cases(args: &BakeBenchArgs, folder: &Path, triangles: usize) -> Result<Vec<Ca
             vec![this.clone().into(), "bake".into(), "-q".into(), "--force".into()];
         command.extend([input.into(), "-o".into(), output.clone().into()]);
         command.extend(flags.iter().map(OsString::from));
-        Case { name: name.to_owned(), command, input: input.to_owned(), output, floor }
+        BakeCase { name: name.to_owned(), command, input: input.to_owned(), output, floor }
     };
-    let floor = |name: &str, input: &Path, like: &str| Case {
+    let floor = |name: &str, input: &Path, like: &str| BakeCase {
         name: name.to_owned(),
         command: vec![
             this.clone().into(),
@@ -150,7 +160,7 @@ fn cases(args: &BakeBenchArgs, folder: &Path, triangles: usize) -> Result<Vec<Ca
     if let Some(python) = &args.python {
         let script = "import sys,trimesh; trimesh.load(sys.argv[1],process=False).export(sys.argv[2])";
         let output = at("trimesh.glb");
-        cases.push(Case {
+        cases.push(BakeCase {
             name: "trimesh".into(),
             command: vec![
                 python.into(),
@@ -175,13 +185,13 @@ fn cases(args: &BakeBenchArgs, folder: &Path, triangles: usize) -> Result<Vec<Ca
             } else {
                 command.extend([arguments[0].into(), input.clone().into(), output.clone().into()]);
             }
-            cases.push(Case { name: name.into(), command, input: input.clone(), output, floor: "floor" });
+            cases.push(BakeCase { name: name.into(), command, input: input.clone(), output, floor: "floor" });
         }
     }
     Ok(cases)
 }
 
-/// The same scene as SH degree 0 and as degree 3 (45 coefficients nobody needs).
+/// The same scene as SH degree 0 and as degree 3 (45 coefficients that the bake does not use).
 fn write_inputs(sh0: &Path, sh3: &Path, triangles: usize) -> Result<()> {
     let mut soup = scenes::soup(SampleScene::Studio, triangles, 1);
     let provenance = Provenance::default();
@@ -196,8 +206,8 @@ fn write_inputs(sh0: &Path, sh3: &Path, triangles: usize) -> Result<()> {
 }
 
 /// Run 1 of every case, then run 2 of every case, …; medians. One warm-up round is not counted: it
-/// also makes the outputs that floors and peers need.
-fn measure_in_turn(cases: &[Case], runs: usize) -> Result<Vec<Usage>> {
+/// also makes the outputs that floors and other tools need.
+fn measure_in_turn(cases: &[BakeCase], runs: usize) -> Result<Vec<Usage>> {
     let mut all = vec![Vec::new(); cases.len()];
     for round in 0..=runs {
         for (case, usages) in cases.iter().zip(&mut all) {

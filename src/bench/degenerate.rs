@@ -1,10 +1,10 @@
-//! The worst soup a reader may accept: finite values in range, and everything else wrong.
+//! The most degenerate soup that a reader may accept: finite values in range, and everything else wrong.
 
 use crate::soup::{Soup, sh0_from_rgb};
 use glam::{Vec3, vec3};
 
-/// One triangle of every kind that breaks naive code, beside a few sound ones, so that a bake of it
-/// still has something to write.
+/// One triangle of every kind that breaks naive code, and a few valid ones, so that a bake of it still has
+/// something to write.
 pub fn degenerate() -> Soup {
     let mut soup = Soup::default();
     let one = [vec3(0.0, 0.0, 0.0), vec3(1.0, 0.0, 0.0), vec3(0.0, -1.0, 0.0)];
@@ -45,7 +45,7 @@ fn shapes(one: [Vec3; 3]) -> Vec<[Vec3; 3]> {
         [a, b, vec3(3.0, 0.0, 0.0)],                    // in a row, one outside
         [a, b, vec3(0.5, -1e-7, 0.0)],                  // a sliver
         [a, b, vec3(0.5, -1e-20, 0.0)],                 // its area squared underflows
-        [b, vec3(last_bit, 0.0, 0.0), c],               // one edge of one last bit
+        [b, vec3(last_bit, 0.0, 0.0), c],               // one edge of one ulp
         [a, vec3(1e-3, 0.0, 0.0), vec3(0.0, 1e4, 0.0)], // a needle
     ];
     // Equal triangles many times over: coincident centroids, no split to be found.
@@ -54,11 +54,11 @@ fn shapes(one: [Vec3; 3]) -> Vec<[Vec3; 3]> {
     for size in [1e-45, 1e-38, 1e-30, 1e-19, 1e-9, 1e-4, 1e4, 1e9, 1e18, 1e19, 1e30, 1e38] {
         all.push(one.map(|p| p * size));
     }
-    // Ordinary, but so far away that no two corners differ by much more than a last bit.
+    // Ordinary, but so far away that no two corners differ by much more than one ulp.
     for place in [1e4, 1e6, 1e7, 1e15, 1e37] {
         all.push(one.map(|p| p + Vec3::splat(place)));
     }
-    // Corners at both ends of the number line: differences overflow.
+    // Corners at both ends of the range of f32: differences overflow.
     all.push([Vec3::splat(-3e38), Vec3::splat(3e38), vec3(3e38, -3e38, 0.0)]);
     all.push([Vec3::splat(f32::MIN), Vec3::splat(f32::MAX), Vec3::ZERO]);
     all

@@ -1,28 +1,26 @@
-//! `trisplat bench fidelity`: what each step from photos to a file costs, judged on held-out photos.
+//! `trisplat bench fidelity`: what each step from photos to a file costs, measured on held-out photos.
 //!
-//! A soup is trained, or taken; every case is baked, written, *read back from the file* and drawn by the solid
-//! rasteriser with one, four and sixteen samples a pixel. Curves come with it: the error against the number of
+//! A soup is trained, or given; every case is baked, written, *read back from the file* and drawn by the solid
+//! rasteriser with one, four and sixteen samples a pixel. It plots PSNR against the number of
 //! triangles, the size of the file and the seconds of the bake.
 
-use super::judge::{self, StepScore};
+use super::evaluate::{self, StepScore};
 use super::machine::{Machine, append_csv};
-use super::paint::Painter;
-use super::steps::{Step, no_soup, reread};
-use super::trained::{self, Budget};
+use super::plot::{self, PlotPoint};
+use super::scene_renderer::SceneRenderer;
+use super::steps::{EvalStep, no_soup, reread};
+use super::training::{self, TrainBudget};
 use crate::asset::Asset;
-use crate::bake::bake;
-use crate::bake::options::{BakeOptions, Preset};
+use crate::bake::options::{BakeOptions, BakePreset};
 use crate::bake::refit::RefitColors;
-use crate::bake::views::Views;
+use crate::bake::{Bake, Views};
 use crate::dataset::{Dataset, DatasetOptions, View};
 use crate::error::{Error, Result};
 use crate::formats::output::OutputOptions;
 use crate::formats::target::{OutputTarget, TargetEncoding};
 use crate::formats::{self, ReadOptions};
-use crate::report::Report;
 use crate::scene::{Loaded, Scene};
-use crate::train::options::Preset as TrainPreset;
-use crate::train::progress::Watcher;
+use crate::train::{TrainObserver, TrainPreset};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -31,18 +29,18 @@ use std::time::Instant;
 /// What to measure.
 #[derive(Debug, Clone, clap::Args)]
 pub struct FidelityBenchArgs {
-    /// Posed photos; those held out judge.
+    /// Posed photos; the files are measured on those held out.
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
     /// Trained soup to bake (.ply .pt); without it one is trained with the solid preset, and a soft one beside it.
     #[arg(long, value_name = "FILE")]
     pub soup: Option<PathBuf>,
-    /// Soup that was trained to stay soft on the same budget: what the file is held against, instead of --soup.
+    /// Soup that was trained to stay soft on the same budget: the file is compared with it instead of --soup.
     #[arg(long, value_name = "FILE")]
     pub soft: Option<PathBuf>,
     /// How much is trained.
     #[command(flatten)]
-    pub budget: Budget,
+    pub budget: TrainBudget,
     /// Print rows as JSON.
     #[arg(long)]
     pub json: bool,
@@ -64,7 +62,7 @@ pub struct FidelityRow {
     pub soup: String,
     /// The data set, as given.
     pub dataset: String,
-    /// What was judged: "soft"; "plain", "unseen", "refit", "flat": how far the bake went; a preset; "half", …:
+    /// What was measured: "soft"; "plain", "unseen", "refit", "flat": how far the bake went; a preset; "half", …:
     /// the share of the triangles.
     pub case: String,
     /// What the file was written for: "gltf", "web", …; empty for "soft".
@@ -79,7 +77,7 @@ pub struct FidelityRow {
     pub bake_secs: f64,
     /// Mean over the held-out photos, dB.
     pub psnr: f64,
-    /// PSNR less that of the soft drawing, dB.
+    /// PSNR minus that of the soft drawing, dB.
     pub change: f64,
     /// Mean over the held-out photos, in the convention of 3DGS.
     pub ssim: f64,
@@ -87,13 +85,13 @@ pub struct FidelityRow {
     pub flip: f64,
 }
 
-/// One way to bake.
-struct Case {
+/// A bake to measure.
+struct FidelityCase {
     name: &'static str,
-    preset: Preset,
+    preset: BakePreset,
     photos: bool,
     refit: RefitColors,
-    /// Share of the triangles that photos see that may stay.
+    /// Share of the triangles seen by photos that is kept.
     share: f64,
     /// At every sampling, or only at the highest.
     everywhere: bool,
@@ -101,10 +99,10 @@ struct Case {
     targets: &'static [OutputTarget],
 }
 
-const fn case(name: &'static str) -> Case {
-    Case {
+const fn case(name: &'static str) -> FidelityCase {
+    FidelityCase {
         name,
-        preset: Preset::Default,
+        preset: BakePreset::Default,
         photos: true,
         refit: RefitColors::Auto,
         share: 1.0,
@@ -113,22 +111,22 @@ const fn case(name: &'static str) -> Case {
     }
 }
 
-/// The steps of the way, then presets, then levels of detail.
-const CASES: [Case; 11] = [
-    Case { photos: false, everywhere: true, ..case("plain") },
-    Case { refit: RefitColors::Off, everywhere: true, ..case("unseen") },
-    Case { everywhere: true, ..case("refit") },
-    Case { refit: RefitColors::Flat, ..case("flat") },
-    Case { preset: Preset::Fast, targets: &TARGETS, ..case("fast") },
-    Case { targets: &TARGETS, ..case("default") },
-    Case { preset: Preset::Small, targets: &TARGETS, ..case("small") },
-    Case { share: 0.75, ..case("three quarters") },
-    Case { share: 0.5, ..case("half") },
-    Case { share: 0.25, ..case("quarter") },
-    Case { share: 0.125, ..case("eighth") },
+/// The steps of the bake, then presets, then levels of detail.
+const CASES: [FidelityCase; 11] = [
+    FidelityCase { photos: false, everywhere: true, ..case("plain") },
+    FidelityCase { refit: RefitColors::Off, everywhere: true, ..case("unseen") },
+    FidelityCase { everywhere: true, ..case("refit") },
+    FidelityCase { refit: RefitColors::Flat, ..case("flat") },
+    FidelityCase { preset: BakePreset::Fast, targets: &TARGETS, ..case("fast") },
+    FidelityCase { targets: &TARGETS, ..case("default") },
+    FidelityCase { preset: BakePreset::Small, targets: &TARGETS, ..case("small") },
+    FidelityCase { share: 0.75, ..case("three quarters") },
+    FidelityCase { share: 0.5, ..case("half") },
+    FidelityCase { share: 0.25, ..case("quarter") },
+    FidelityCase { share: 0.125, ..case("eighth") },
 ];
 
-/// Everything a GLB is written for.
+/// The targets of a GLB.
 const TARGETS: [OutputTarget; 8] = [
     OutputTarget::Gltf,
     OutputTarget::Godot,
@@ -143,21 +141,21 @@ const TARGETS: [OutputTarget; 8] = [
 /// Samplings, the highest last.
 const SAMPLINGS: [u32; 3] = [1, 2, 4];
 
-/// Bakes and judges every case; rows in order of case, target and sampling. `tell` hears each as it is there,
-/// `watcher` the training.
+/// Bakes and measures every case; rows in order of case, target and sampling. Calls `on_row` with each row as soon
+/// as it is there, and `watcher` during the training.
 pub fn run(
     args: &FidelityBenchArgs,
-    watcher: &mut dyn Watcher,
-    tell: &mut dyn FnMut(&FidelityRow),
+    watcher: &mut dyn TrainObserver,
+    on_row: &mut dyn FnMut(&FidelityRow),
 ) -> Result<Vec<FidelityRow>> {
-    let how = &args.dataset_options;
-    let dataset = Dataset::load(&args.dataset, how)?;
+    let dataset_options = &args.dataset_options;
+    let dataset = Dataset::load(&args.dataset, dataset_options)?;
     let views: Vec<&View> = dataset.test().collect();
     if views.is_empty() {
-        return Err(Error::invalid("DATASET", args.dataset.display(), "held-out photos; see --test-every"));
+        return Err(Error::invalid("DATASET", args.dataset.display(), "held-out photos; see `test_every`"));
     }
     args.budget.check(args.soup.is_none() || args.soft.is_none())?;
-    let mut train = |preset| trained::train(&dataset, preset, &args.budget, how, &mut *watcher);
+    let mut train = |preset| training::train(&dataset, preset, &args.budget, dataset_options, &mut *watcher);
     let solid = args.soup.is_none().then(|| train(TrainPreset::Solid)).transpose()?;
     let soft =
         (args.soup.is_none() && args.soft.is_none()).then(|| train(TrainPreset::Outdoor)).transpose()?;
@@ -168,19 +166,25 @@ pub fn run(
         (Some(path), _) => path.display().to_string(),
         (None, trained) => trained.as_ref().map_or(String::new(), |t| t.name.clone()),
     };
-    let mut bench =
-        Bench { args, dataset: &dataset, views, name, background: how.background.to_f32(), best: 0.0 };
+    let mut bench = FidelityBench {
+        args,
+        dataset: &dataset,
+        views,
+        name,
+        background: dataset_options.background.to_f32(),
+        best: 0.0,
+    };
     let step = bench.soft(reference)?;
-    let score = bench.judge(step)?;
+    let score = bench.evaluate(step)?;
     bench.best = score.mean.psnr;
     let mut rows = vec![bench.row(&score, "", 1, 0.0)];
-    rows.iter().for_each(&mut *tell);
+    rows.iter().for_each(&mut *on_row);
     let mut flat = formats::read(soup, &ReadOptions { sh_degree: 0 })?;
-    // The plain bake is what is had of a soup by others, which knows nothing of photos.
+    // A soup by another trainer comes without cameras: the plain bake knows nothing of photos.
     flat.cameras.clear();
     let mut seen = 0;
     for case in &CASES {
-        let asset = bench.case(&flat, case, seen, &mut rows, tell)?;
+        let asset = bench.case(&flat, case, seen, &mut rows, on_row)?;
         if case.name == "unseen" {
             seen = asset.mesh.face_count() as u64;
         }
@@ -189,12 +193,33 @@ pub fn run(
         append_csv(path, &Machine::here(), &rows)?;
     }
     if let Some(path) = &args.plot {
-        super::plot::fidelity(path, &rows)?;
+        plot(path, &rows)?;
     }
     Ok(rows)
 }
 
-struct Bench<'a> {
+/// Plots PSNR at the highest sampling against triangles, bytes and seconds of the bake, one dot per case.
+fn plot(path: &Path, rows: &[FidelityRow]) -> Result<()> {
+    let highest = rows.iter().map(|r| r.ssaa).max().unwrap_or(1);
+    let mut shown: Vec<&FidelityRow> = Vec::new();
+    for row in rows.iter().filter(|r| r.ssaa == highest && r.case != "soft") {
+        // One dot per case: its targets differ by less than a dot.
+        if !shown.iter().any(|other| other.case == row.case) {
+            shown.push(row);
+        }
+    }
+    let dots = |x: fn(&FidelityRow) -> f64| -> Vec<PlotPoint<'_>> {
+        shown.iter().map(|row| PlotPoint { name: &row.case, x: x(row), y: row.psnr }).collect()
+    };
+    let panels = [
+        ("thousand triangles", dots(|r| r.triangles as f64 * 1e-3)),
+        ("megabytes", dots(|r| r.bytes as f64 * 1e-6)),
+        ("seconds of baking", dots(|r| r.bake_secs)),
+    ];
+    plot::dots(path, &panels)
+}
+
+struct FidelityBench<'a> {
     args: &'a FidelityBenchArgs,
     dataset: &'a Dataset,
     views: Vec<&'a View>,
@@ -205,30 +230,30 @@ struct Bench<'a> {
     best: f64,
 }
 
-impl Bench<'_> {
+impl FidelityBench<'_> {
     fn photo_bytes(&self) -> u64 {
         u64::from(self.args.dataset_options.photo_memory_mib) << 20
     }
 
     /// A soup as it was trained.
-    fn soft(&self, path: &Path) -> Result<Step> {
+    fn soft(&self, path: &Path) -> Result<EvalStep> {
         let loaded = formats::read(path, &ReadOptions { sh_degree: 3 })?;
         let Scene::Soup(soup) = loaded.scene else { return Err(no_soup(path)) };
         let triangles = soup.len() as u64;
         let bytes = std::fs::metadata(path).ok().map(|m| m.len());
         let placement = &loaded.provenance.placement;
-        let painter = Painter::soft(soup, placement, Some(self.dataset), self.background);
-        Ok(Step { name: "soft", triangles, bytes, painter })
+        let renderer = SceneRenderer::soft(soup, placement, Some(self.dataset), self.background);
+        Ok(EvalStep { name: "soft", triangles, bytes, renderer })
     }
 
-    /// Bakes a case once, writes it for its targets and judges the files; returns what was baked.
+    /// Bakes a case once, writes it for its targets and measures the files; returns what was baked.
     fn case(
         &self,
         loaded: &Loaded,
-        case: &Case,
+        case: &FidelityCase,
         seen: u64,
         rows: &mut Vec<FidelityRow>,
-        tell: &mut dyn FnMut(&FidelityRow),
+        on_row: &mut dyn FnMut(&FidelityRow),
     ) -> Result<Asset> {
         let clock = Instant::now();
         let (asset, output) = self.bake(loaded, case, seen)?;
@@ -245,15 +270,15 @@ impl Bench<'_> {
                 None => self.written(&asset, case, &OutputOptions { target, ..output.clone() }, baked)?,
             };
             made.iter_mut().for_each(|row| row.target = name.to_owned());
-            made.iter().for_each(&mut *tell);
+            made.iter().for_each(&mut *on_row);
             rows.extend(made.iter().cloned());
             written.push((encoding, made));
         }
         Ok(asset)
     }
 
-    /// What was baked of a case, and how it is written. `seen` is how many triangles photos see.
-    fn bake(&self, loaded: &Loaded, case: &Case, seen: u64) -> Result<(Asset, OutputOptions)> {
+    /// The asset of a case, and the options of its file. `seen` is the number of triangles that photos see.
+    fn bake(&self, loaded: &Loaded, case: &FidelityCase, seen: u64) -> Result<(Asset, OutputOptions)> {
         let mut options = BakeOptions::preset(case.preset);
         options.refit.refit = case.refit;
         if case.share < 1.0 {
@@ -261,15 +286,15 @@ impl Bench<'_> {
         }
         let mut views = case.photos.then(|| Views::new(self.dataset, self.photo_bytes(), self.background));
         let inputs = vec![loaded.clone()];
-        let asset = bake(inputs, &options, views.as_mut(), &mut Report::default(), &mut ())?;
+        let asset = Bake::new(&options).photos(views.as_mut()).run(inputs)?;
         Ok((asset, options.output))
     }
 
-    /// Writes and judges one file; `baked` are the seconds of the bake.
+    /// Writes and measures one file; `baked` are the seconds of the bake.
     fn written(
         &self,
         asset: &Asset,
-        case: &Case,
+        case: &FidelityCase,
         output: &OutputOptions,
         baked: f64,
     ) -> Result<Vec<FidelityRow>> {
@@ -277,23 +302,23 @@ impl Bench<'_> {
         let (file, bytes) = reread(asset, output)?;
         let secs = baked + clock.elapsed().as_secs_f64();
         let samplings = if case.everywhere { &SAMPLINGS[..] } else { &SAMPLINGS[2..] };
-        let judged = |&ssaa: &u32| {
-            let score = self.judge(self.step(case.name, &file, bytes, ssaa))?;
+        let row = |&ssaa: &u32| {
+            let score = self.evaluate(self.step(case.name, &file, bytes, ssaa))?;
             Ok(self.row(&score, "", ssaa, secs))
         };
-        samplings.iter().map(judged).collect()
+        samplings.iter().map(row).collect()
     }
 
-    fn step(&self, name: &'static str, asset: &Asset, bytes: u64, ssaa: u32) -> Step {
+    fn step(&self, name: &'static str, asset: &Asset, bytes: u64, ssaa: u32) -> EvalStep {
         let (mesh, placement) = (asset.mesh.clone(), &asset.provenance.placement);
         let triangles = mesh.face_count() as u64;
-        let painter = Painter::solid(mesh, placement, Some(self.dataset), self.background, ssaa);
-        Step { name, triangles, bytes: Some(bytes), painter }
+        let renderer = SceneRenderer::solid(mesh, placement, Some(self.dataset), self.background, ssaa);
+        EvalStep { name, triangles, bytes: Some(bytes), renderer }
     }
 
-    fn judge(&self, step: Step) -> Result<StepScore> {
-        let judged = judge::judge(&mut [step], &self.views, self.photo_bytes(), |_, _, _| Ok(()))?;
-        judged.into_iter().next().ok_or_else(|| Error::invalid("DATASET", "no score", "held-out photos"))
+    fn evaluate(&self, step: EvalStep) -> Result<StepScore> {
+        let scores = evaluate::evaluate(&mut [step], &self.views, self.photo_bytes(), |_, _, _| Ok(()))?;
+        scores.into_iter().next().ok_or_else(|| Error::invalid("DATASET", "no score", "held-out photos"))
     }
 
     fn row(&self, score: &StepScore, target: &str, ssaa: u32, bake_secs: f64) -> FidelityRow {

@@ -1,11 +1,12 @@
-//! `trisplat bench fps`: frames a second at the paper's sizes, along real camera paths, checked.
+//! `trisplat bench fps`: frames per second at the paper's sizes, along real camera paths, checked.
 //!
-//! Every case draws the same frames: the cameras of the data set, or a circle. Before the clock counts, one
+//! Every case draws the same frames: the cameras of the data set, or a circle. Before the clock starts, one
 //! frame is read back and compared with the solid rasteriser on the CPU, so that an empty screen cannot win.
 
-use super::baked::Baked;
-use super::frames::{self, Agreement, Cost, Count, fitted};
+use super::baked_scene::BakedScene;
+use super::frames::{self, Agreement, FrameCost, FrameCount, fitted};
 use super::machine::Machine;
+use super::plot::{self, PlotPoint};
 use super::scenes::{self, SampleScene};
 use super::three;
 use crate::asset::{Asset, Chunk};
@@ -17,13 +18,13 @@ use crate::gpu::AdapterOptions;
 use crate::rng::Rng;
 use crate::scene::{Loaded, Scene};
 use crate::view::headless::Headless;
-use crate::view::layout::Layout;
+use crate::view::layout::VertexLayout;
 use crate::view::model::{ChunkOrder, Model};
 use crate::view::orbit;
 use glam::{UVec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What to measure.
 #[derive(Debug, Clone, clap::Args)]
@@ -47,13 +48,13 @@ pub struct FpsArgs {
     /// Frames that are drawn before the clock starts.
     #[arg(long, default_value_t = 30, value_name = "N")]
     pub warmup: u32,
-    /// Times that all cases take turns; the fastest turn of each is kept.
+    /// Rounds over all cases; the fastest round of each is kept.
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
-    pub turns: u32,
-    /// Samples of edges: 1 or 4 a pixel.
+    pub rounds: u32,
+    /// Samples per pixel at edges (MSAA): 1 or 4.
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4))]
     pub msaa: u32,
-    /// Also draw in every other way: other layouts of corners, other orders, without chunks.
+    /// Also measure the alternatives: other vertex layouts, other orders, without chunks.
     #[arg(long)]
     pub against: bool,
     /// Also draw with three.js in headless Chromium: a folder whose node_modules holds three and playwright-core.
@@ -68,7 +69,7 @@ pub struct FpsArgs {
     /// Append rows to this CSV file.
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
-    /// Draw milliseconds a frame against triangles as SVG.
+    /// Draw milliseconds per frame against triangles as SVG.
     #[arg(long, value_name = "FILE")]
     pub plot: Option<PathBuf>,
     /// Which graphics card draws.
@@ -99,14 +100,14 @@ pub struct FpsRow {
     pub width: u32,
     /// Height of the picture, px.
     pub height: u32,
-    /// Samples of edges a pixel.
+    /// Samples per pixel at edges.
     pub msaa: u32,
-    /// 1000 / median milliseconds a frame.
+    /// 1000 / median milliseconds per frame.
     pub fps: f64,
     /// What a frame costs.
     #[serde(flatten)]
-    pub cost: Cost,
-    /// Bytes in the card's memory a triangle; null where they are not ours.
+    pub cost: FrameCost,
+    /// Bytes of GPU memory per triangle; null for other renderers.
     pub bytes_per_triangle: Option<f64>,
     /// Frames timed.
     pub frames: u32,
@@ -117,40 +118,40 @@ pub struct FpsRow {
     /// How close a frame comes to the CPU's.
     #[serde(flatten)]
     pub agreement: Agreement,
-    /// Card, interface and driver.
+    /// Graphics card, graphics API and driver.
     pub adapter: String,
 }
 
-/// A scene and the path through it.
-struct Course {
+/// A scene and the camera path through it.
+struct Flythrough {
     name: String,
     asset: Asset,
     path: Vec<Camera>,
 }
 
-/// A way to draw.
-struct Case {
+/// A model and the order its chunks are drawn in.
+struct FpsCase {
     name: &'static str,
     model: Model,
     order: ChunkOrder,
 }
 
-/// Measures everything; rows come as they are known.
-pub fn run(args: &FpsArgs, mut tell: impl FnMut(&FpsRow)) -> Result<Vec<FpsRow>> {
+/// Measures everything; calls `on_row` with each row as soon as it is there.
+pub fn run(args: &FpsArgs, mut on_row: impl FnMut(&FpsRow)) -> Result<Vec<FpsRow>> {
     if ![1, 4].contains(&args.msaa) {
-        return Err(Error::invalid("--msaa", args.msaa, "1 or 4"));
+        return Err(Error::invalid("msaa", args.msaa, "1 or 4"));
     }
     let mut card = Headless::new(&args.adapter)?;
     let mut rows = Vec::new();
     let counts: Vec<Option<usize>> =
         if args.file.is_some() { vec![None] } else { args.triangles.iter().copied().map(Some).collect() };
     for triangles in counts {
-        let course = course(args, triangles)?;
-        let cases = cases(&card, &course.asset, args.against)?;
+        let flythrough = flythrough(args, triangles)?;
+        let cases = cases(&card, &flythrough.asset, args.against)?;
         for &size in &args.sizes {
-            let mut measured = measure(args, &mut card, &course, &cases, size)?;
+            let mut measured = measure(args, &mut card, &flythrough, &cases, size)?;
             measured.sort_by(|a, b| a.cost.frame_ms.total_cmp(&b.cost.frame_ms));
-            measured.iter().for_each(&mut tell);
+            measured.iter().for_each(&mut on_row);
             rows.extend(measured);
         }
     }
@@ -158,13 +159,29 @@ pub fn run(args: &FpsArgs, mut tell: impl FnMut(&FpsRow)) -> Result<Vec<FpsRow>>
         super::machine::append_csv(path, &Machine::here(), &rows)?;
     }
     if let Some(path) = &args.plot {
-        super::plot::frames(path, &rows)?;
+        plot(path, &rows)?;
     }
     Ok(rows)
 }
 
-/// Reads the file, or makes the sample scene, and lays the path.
-fn course(args: &FpsArgs, triangles: Option<usize>) -> Result<Course> {
+/// Plots milliseconds per frame against triangles, one line per case and size.
+fn plot(path: &Path, rows: &[FpsRow]) -> Result<()> {
+    let names: Vec<String> = rows.iter().map(|r| format!("{}, {}x{}", r.case, r.width, r.height)).collect();
+    let points = |value: fn(&FpsRow) -> f64| -> Vec<PlotPoint<'_>> {
+        rows.iter()
+            .zip(&names)
+            .map(|(r, name)| PlotPoint { name, x: r.triangles as f64, y: value(r) })
+            .collect()
+    };
+    let processor = points(|r| r.cost.cpu_ms);
+    plot::lines(
+        path,
+        &[("ms per frame, median", points(|r| r.cost.frame_ms)), ("CPU ms per frame", processor)],
+    )
+}
+
+/// Reads the file, or makes the sample scene, and plans the camera path.
+fn flythrough(args: &FpsArgs, triangles: Option<usize>) -> Result<Flythrough> {
     let (name, loaded) = match (&args.file, triangles) {
         (Some(file), _) => {
             let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -179,7 +196,7 @@ fn course(args: &FpsArgs, triangles: Option<usize>) -> Result<Course> {
             )
         }
     };
-    let mut baked = Baked::new(loaded)?;
+    let mut baked = BakedScene::new(loaded)?;
     let path = match &args.dataset {
         Some(path) => {
             let dataset = Dataset::load(path, &args.dataset_options)?;
@@ -194,21 +211,23 @@ fn course(args: &FpsArgs, triangles: Option<usize>) -> Result<Course> {
             path
         }
     };
-    Ok(Course { name, asset: baked.asset, path })
+    Ok(Flythrough { name, asset: baked.asset, path })
 }
 
-/// The default, and what it is held against.
-fn cases(card: &Headless, asset: &Asset, against: bool) -> Result<Vec<Case>> {
+/// The default, and the alternatives when `against` is set.
+fn cases(card: &Headless, asset: &Asset, against: bool) -> Result<Vec<FpsCase>> {
     let case =
-        |name, asset: &Asset, layout, order| Ok(Case { name, model: card.upload(asset, layout)?, order });
+        |name, asset: &Asset, layout, order| Ok(FpsCase { name, model: card.upload(asset, layout)?, order });
     let mut cases = vec![case("default", asset, None, ChunkOrder::File)?];
     if !against {
         return Ok(cases);
     }
     cases.push(case("near chunks first", asset, None, ChunkOrder::Near)?);
-    for (name, layout) in
-        [("corner layout", Layout::Corner), ("face layout", Layout::Face), ("grid layout", Layout::Grid)]
-    {
+    for (name, layout) in [
+        ("corner layout", VertexLayout::Corner),
+        ("face layout", VertexLayout::Face),
+        ("grid layout", VertexLayout::Grid),
+    ] {
         if layout.fits(&asset.mesh) && layout != cases[0].model.layout {
             cases.push(case(name, asset, Some(layout), ChunkOrder::File)?);
         }
@@ -225,34 +244,35 @@ fn cases(card: &Headless, asset: &Asset, against: bool) -> Result<Vec<Case>> {
     Ok(cases)
 }
 
-/// All cases at one size, taking turns.
+/// All cases at one size, round by round.
 fn measure(
     args: &FpsArgs,
     card: &mut Headless,
-    course: &Course,
-    cases: &[Case],
+    flythrough: &Flythrough,
+    cases: &[FpsCase],
     size: UVec2,
 ) -> Result<Vec<FpsRow>> {
-    let path: Vec<Camera> = course.path.iter().map(|camera| fitted(camera, size)).collect();
-    let count = Count { warmup: args.warmup as usize, frames: args.frames as usize };
+    let path: Vec<Camera> = flythrough.path.iter().map(|camera| fitted(camera, size)).collect();
+    let count = FrameCount { warmup: args.warmup as usize, frames: args.frames as usize };
     let mut rows = Vec::new();
     for case in cases {
         let checked = path.first().ok_or_else(|| Error::invalid("FILE", "empty", "triangles to draw"))?;
         let frame = frames::picture(card, &case.model, checked, case.order)?;
-        let agreement = frames::check(case.name, &frame, &course.asset.mesh, checked)?;
+        let agreement = frames::check(case.name, &frame, &flythrough.asset.mesh, checked)?;
         let bytes = case.model.bytes as f64 / case.model.triangles().max(1) as f64;
-        rows.push((case.name, Some(bytes), agreement, card.gpu.describe(), None::<Cost>));
+        rows.push((case.name, Some(bytes), agreement, card.gpu.describe(), None::<FrameCost>));
     }
     if args.three.is_some() {
         rows.push(("three.js", None, Agreement { psnr: f64::NAN, off: f64::NAN }, String::new(), None));
     }
-    for _ in 0..args.turns {
+    for _ in 0..args.rounds {
         for (i, (name, _, agreement, adapter, best)) in rows.iter_mut().enumerate() {
             let cost = match (cases.get(i), &args.three) {
                 (Some(case), _) => frames::time(card, &case.model, &path, case.order, args.msaa, count)?,
                 (None, Some(folder)) => {
-                    let seen = three::time(folder, &args.chromium, &course.asset, &path, args.msaa, count)?;
-                    *agreement = frames::check(name, &seen.picture, &course.asset.mesh, &path[0])?;
+                    let seen =
+                        three::time(folder, &args.chromium, &flythrough.asset, &path, args.msaa, count)?;
+                    *agreement = frames::check(name, &seen.picture, &flythrough.asset.mesh, &path[0])?;
                     *adapter = seen.adapter;
                     seen.cost
                 }
@@ -263,11 +283,11 @@ fn measure(
             }
         }
     }
-    let row = |(name, bytes, agreement, adapter, cost): (&str, _, _, _, Option<Cost>)| {
+    let row = |(name, bytes, agreement, adapter, cost): (&str, _, _, _, Option<FrameCost>)| {
         cost.map(|cost| FpsRow {
-            scene: course.name.clone(),
+            scene: flythrough.name.clone(),
             case: name.to_owned(),
-            triangles: course.asset.mesh.face_count() as u64,
+            triangles: flythrough.asset.mesh.face_count() as u64,
             width: size.x,
             height: size.y,
             msaa: args.msaa,

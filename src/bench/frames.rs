@@ -1,28 +1,28 @@
-//! How long the card takes for a frame.
+//! How long the graphics card takes for a frame.
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::gpu::timer::Timer;
 use crate::image::Pixels;
 use crate::mesh::Mesh;
-use crate::raster::solid::{Solid, SolidOptions};
-use crate::train::clock;
+use crate::process;
+use crate::raster::solid::{Solid, SolidRasterOptions};
 use crate::view::headless::{Canvas, Headless};
 use crate::view::model::{ChunkOrder, Model};
-use crate::view::renderer::{Look, Shot};
+use crate::view::renderer::{DisplayMode, FrameParams};
 use glam::UVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
-/// Colour where nothing is: no scene is likely to have it, so that holes are seen.
+/// Background colour: one that no scene is likely to have, so that holes are seen.
 pub(super) const BACKGROUND: [f32; 3] = [1.0, 0.0, 1.0];
 /// Least agreement of a frame with the solid rasteriser on the CPU that counts as the same picture, dB.
 const LEAST_PSNR: f64 = 30.0;
 
 /// How many frames are drawn.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Count {
+pub(super) struct FrameCount {
     /// Frames before the clock starts.
     pub(super) warmup: usize,
     /// Frames that are timed.
@@ -31,16 +31,16 @@ pub(super) struct Count {
 
 /// What a frame costs, over the frames of a path.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Cost {
-    /// Milliseconds from the end of one frame to the end of the next, with two on their way: median.
+pub struct FrameCost {
+    /// Milliseconds from the end of one frame to the end of the next, with two in flight: median.
     pub frame_ms: f64,
-    /// The slowest hundredth begins here, ms.
+    /// The 99th percentile, ms.
     pub frame_p99_ms: f64,
-    /// The fastest frame, ms: what the machine does when nobody else is on it.
+    /// The fastest frame, ms: nearest to what an idle machine does.
     pub frame_min_ms: f64,
-    /// Milliseconds by the card's own clock, median; null where it has none.
+    /// Milliseconds by the timestamps of the graphics card, median; null where it has none.
     pub gpu_ms: Option<f64>,
-    /// Processor milliseconds a frame, all threads: on software this is the drawing itself.
+    /// CPU milliseconds per frame, all threads: with a software renderer this is the drawing itself.
     pub cpu_ms: f64,
     /// Triangles of the chunks that were drawn, mean.
     pub drawn: f64,
@@ -55,8 +55,8 @@ pub(super) fn time(
     path: &[Camera],
     order: ChunkOrder,
     msaa: u32,
-    count: Count,
-) -> Result<Cost> {
+    count: FrameCount,
+) -> Result<FrameCost> {
     let Some(first) = path.first() else {
         return Err(Error::invalid("camera path", "empty", "at least one camera"));
     };
@@ -64,13 +64,13 @@ pub(super) fn time(
     let mut timer = Timer::new(&card.gpu);
     let (mut frames, mut gpu) = (Vec::new(), Vec::new());
     let (mut drawn, mut draws) = (0, 0);
-    let (mut last, mut mark, mut cpu) = (None, Instant::now(), clock::cpu_secs());
+    let (mut last, mut mark, mut cpu) = (None, Instant::now(), process::cpu_secs());
     for i in 0..count.warmup + count.frames + 1 {
-        let shot = shot(&path[i % path.len()], order);
+        let params = params(&path[i % path.len()], order);
         let mut encoder = card.gpu.device.create_command_encoder(&Default::default());
         let slot = timer.as_mut().and_then(Timer::begin);
         let times = slot.and_then(|slot| timer.as_ref().map(|t| t.writes(slot)));
-        let did = card.draw(&mut encoder, &canvas, model, &shot, times)?;
+        let stats = card.draw(&mut encoder, &canvas, model, &params, times)?;
         if let (Some(timer), Some(slot)) = (&mut timer, slot) {
             timer.end(slot, &mut encoder);
         }
@@ -78,29 +78,29 @@ pub(super) fn time(
         if let Some(timer) = &mut timer {
             timer.submitted();
         }
-        // The frame before this one is done: two are on their way at most.
+        // Wait for the frame before this one: at most two are in flight.
         if let Some(before) = last.replace(submission) {
             card.gpu.wait(Some(before))?;
         }
         let now = Instant::now();
         if i == count.warmup {
-            cpu = clock::cpu_secs();
+            cpu = process::cpu_secs();
         }
         if i > count.warmup {
             frames.push((now - mark).as_secs_f64() * 1e3);
-            drawn += did.triangles;
-            draws += u64::from(did.draws);
+            drawn += stats.triangles;
+            draws += u64::from(stats.draws);
         }
         mark = now;
-        let came_back = timer.as_mut().map_or(Vec::new(), Timer::collect);
+        let finished = timer.as_mut().map_or(Vec::new(), Timer::collect);
         if i > count.warmup {
-            gpu.extend(came_back);
+            gpu.extend(finished);
         }
     }
-    let cpu_ms = (clock::cpu_secs() - cpu) * 1e3 / count.frames as f64;
+    let cpu_ms = (process::cpu_secs() - cpu) * 1e3 / count.frames as f64;
     card.gpu.wait(None)?;
     let mean = |sum: u64| sum as f64 / count.frames as f64;
-    Ok(Cost {
+    Ok(FrameCost {
         frame_ms: quantile(&mut frames, 0.5),
         frame_p99_ms: quantile(&mut frames, 0.99),
         frame_min_ms: quantile(&mut frames, 0.0),
@@ -111,9 +111,9 @@ pub(super) fn time(
     })
 }
 
-fn shot(camera: &Camera, order: ChunkOrder) -> Shot<'static> {
-    let (look, background) = (Look::Color, BACKGROUND);
-    Shot { camera: *camera, near: NEAR, background, look, wire: false, subset: None, order }
+fn params(camera: &Camera, order: ChunkOrder) -> FrameParams<'static> {
+    let (display, background) = (DisplayMode::Color, BACKGROUND);
+    FrameParams { camera: *camera, near: NEAR, background, display, wireframe: false, subset: None, order }
 }
 
 const NEAR: f32 = 0.01;
@@ -127,7 +127,7 @@ pub(super) fn picture(
 ) -> Result<Pixels> {
     let canvas = Canvas::new(&card.gpu, camera.size, 1)?;
     let mut encoder = card.gpu.device.create_command_encoder(&Default::default());
-    card.draw(&mut encoder, &canvas, model, &shot(camera, order), None)?;
+    card.draw(&mut encoder, &canvas, model, &params(camera, order), None)?;
     card.gpu.queue.submit([encoder.finish()]);
     canvas.pixels(&card.gpu)
 }
@@ -143,7 +143,7 @@ pub struct Agreement {
 
 /// Compares a frame with the CPU's. Errors: they are not the same picture.
 pub(super) fn check(name: &str, frame: &Pixels, mesh: &Mesh, camera: &Camera) -> Result<Agreement> {
-    let options = SolidOptions { background: BACKGROUND, samples: 1, near: NEAR };
+    let options = SolidRasterOptions { background: BACKGROUND, samples: 1, near: NEAR };
     options.validate(camera.size)?;
     let wants = Solid::new().render(mesh, camera, &options);
     let agreement = agreement(frame, &wants);
@@ -151,7 +151,7 @@ pub(super) fn check(name: &str, frame: &Pixels, mesh: &Mesh, camera: &Camera) ->
         let what =
             format!("{name} at {}x{} draws another picture than the CPU", camera.size.x, camera.size.y);
         return Err(Error::Gpu(format!(
-            "{what}: {:.1} dB; update the driver or try another --backend",
+            "{what}: {:.1} dB; update the driver or try another `graphics_api`",
             agreement.psnr
         )));
     }
@@ -174,7 +174,7 @@ pub(super) fn quantile(values: &mut [f64], share: f64) -> f64 {
     values.get((share * last).ceil() as usize).copied().unwrap_or(f64::NAN)
 }
 
-/// The cameras as they would see with a picture of another size: as high as before, wider or narrower.
+/// The camera for a picture of another size: the same vertical field of view, wider or narrower.
 pub(super) fn fitted(camera: &Camera, size: UVec2) -> Camera {
     let (old, new) = (camera.size.as_vec2(), size.as_vec2());
     let scale = new.y / old.y;

@@ -23,15 +23,15 @@ impl Machine {
         let model = cpu.lines().find_map(|l| l.strip_prefix("model name")).unwrap_or(": unknown processor");
         let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
         Self {
-            date: said(&["date", "-u", "+%Y-%m-%d"]),
-            commit: said(&["git", "rev-parse", "--short", "HEAD"]),
+            date: first_line(&["date", "-u", "+%Y-%m-%d"]),
+            commit: first_line(&["git", "rev-parse", "--short", "HEAD"]),
             cpu: format!("{} x {cores}", model.trim_start_matches([' ', '\t', ':'])),
         }
     }
 }
 
 /// First line that a command prints; empty when it cannot be run.
-fn said(command: &[&str]) -> String {
+fn first_line(command: &[&str]) -> String {
     std::process::Command::new(command[0])
         .args(&command[1..])
         .output()

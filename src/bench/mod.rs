@@ -1,24 +1,27 @@
 //! Measures cost, stability and fidelity.
 
+#[cfg(feature = "cli")]
 pub mod bake;
-#[cfg(feature = "gpu")]
-pub mod baked;
+pub mod baked_scene;
+pub mod contact_sheet;
 mod degenerate;
+pub mod evaluate;
+#[cfg(feature = "cli")]
 pub mod fidelity;
-#[cfg(feature = "gpu")]
+#[cfg(all(feature = "cli", feature = "gpu"))]
 pub mod fps;
 #[cfg(feature = "gpu")]
 mod frames;
-pub mod judge;
 pub mod machine;
 pub mod measure;
-pub mod paint;
+#[cfg(feature = "cli")]
 pub mod plot;
+#[cfg(feature = "cli")]
 pub mod raster;
+pub mod scene_renderer;
 pub mod scenes;
-pub mod sheet;
 pub mod steps;
 mod studio;
-#[cfg(feature = "gpu")]
+#[cfg(all(feature = "cli", feature = "gpu"))]
 mod three;
-pub mod trained;
+pub mod training;

@@ -1,64 +1,66 @@
-//! Plots of benchmark rows as SVG.
+//! Plots of benchmarks as SVG.
 
-use super::bake::BakeRow;
-use super::fidelity::FidelityRow;
 use crate::error::{Error, Result};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use std::path::Path;
 
-/// CPU seconds and peak memory against triangles, a line a case, both axes logarithmic.
-pub fn cost(path: &Path, rows: &[BakeRow]) -> Result<()> {
+/// A value at a place on the x axis, with the name of its line or dot.
+#[derive(Debug, Clone, Copy)]
+pub struct PlotPoint<'a> {
+    /// The line that it is on, or the label of the dot.
+    pub name: &'a str,
+    /// Place on the x axis.
+    pub x: f64,
+    /// Value.
+    pub y: f64,
+}
+
+/// A chart: its title and what it shows.
+pub type Panel<'a> = (&'a str, Vec<PlotPoint<'a>>);
+
+/// Writes two charts of values against triangles side by side: one line per name, both axes logarithmic.
+pub fn lines(path: &Path, panels: &[Panel<'_>; 2]) -> Result<()> {
     let bad = |e: String| Error::unsupported(path, format!("cannot be drawn: {e}"));
     let mut svg = String::new();
     {
         let area = SVGBackend::with_string(&mut svg, (1100, 460)).into_drawing_area();
         area.fill(&WHITE).map_err(|e| bad(e.to_string()))?;
         let (left, right) = area.split_horizontally(550);
-        let of = |value: fn(&BakeRow) -> f64| -> Vec<Point<'_>> {
-            rows.iter().map(|r| (r.case.as_str(), r.triangles as f64, value(r))).collect()
-        };
-        panel(&left, "CPU seconds", &of(|r| r.cpu_seconds)).map_err(bad)?;
-        panel(&right, "peak memory, MB", &of(|r| r.peak_bytes as f64 * 1e-6)).map_err(bad)?;
+        for (area, (title, points)) in [left, right].iter().zip(panels) {
+            line_chart(area, title, points).map_err(bad)?;
+        }
     }
     std::fs::write(path, svg).map_err(|e| Error::io(path, e))
 }
 
-/// Milliseconds a frame against triangles, a line a case and size, both axes logarithmic.
-#[cfg(feature = "gpu")]
-pub fn frames(path: &Path, rows: &[super::fps::FpsRow]) -> Result<()> {
+/// Writes charts of PSNR side by side, each against what its title says: one labelled dot per point.
+pub fn dots(path: &Path, panels: &[Panel<'_>; 3]) -> Result<()> {
     let bad = |e: String| Error::unsupported(path, format!("cannot be drawn: {e}"));
-    let names: Vec<String> = rows.iter().map(|r| format!("{}, {}x{}", r.case, r.width, r.height)).collect();
-    let points = |value: fn(&super::fps::FpsRow) -> f64| -> Vec<Point<'_>> {
-        rows.iter().zip(&names).map(|(r, name)| (name.as_str(), r.triangles as f64, value(r))).collect()
-    };
     let mut svg = String::new();
     {
-        let area = SVGBackend::with_string(&mut svg, (1100, 460)).into_drawing_area();
+        let area = SVGBackend::with_string(&mut svg, (1350, 420)).into_drawing_area();
         area.fill(&WHITE).map_err(|e| bad(e.to_string()))?;
-        let (left, right) = area.split_horizontally(550);
-        panel(&left, "ms a frame, median", &points(|r| r.cost.frame_ms)).map_err(bad)?;
-        panel(&right, "processor ms a frame", &points(|r| r.cost.cpu_ms)).map_err(bad)?;
+        for (area, (title, points)) in area.split_evenly((1, 3)).iter().zip(panels) {
+            dot_chart(area, title, points).map_err(bad)?;
+        }
     }
     std::fs::write(path, svg).map_err(|e| Error::io(path, e))
 }
 
-/// Case, triangles and a value.
-type Point<'a> = (&'a str, f64, f64);
-
-/// One chart: values against triangles, a line a case.
-fn panel(
+/// One chart: values against triangles, one line per name.
+fn line_chart(
     area: &DrawingArea<SVGBackend<'_>, Shift>,
     title: &str,
-    points: &[Point<'_>],
+    points: &[PlotPoint<'_>],
 ) -> std::result::Result<(), String> {
     let range = |values: Vec<f64>| {
         let low = values.iter().copied().fold(f64::INFINITY, f64::min);
         let high = values.iter().copied().fold(0.0, f64::max);
         (low.max(1e-4) * 0.8, high.max(1e-3) * 1.25)
     };
-    let (x0, x1) = range(points.iter().map(|p| p.1).collect());
-    let (y0, y1) = range(points.iter().map(|p| p.2).collect());
+    let (x0, x1) = range(points.iter().map(|p| p.x).collect());
+    let (y0, y1) = range(points.iter().map(|p| p.y).collect());
     let mut chart = ChartBuilder::on(area)
         .caption(title, ("sans-serif", 18))
         .margin(12)
@@ -74,19 +76,19 @@ fn panel(
         .light_line_style(WHITE)
         .draw()
         .map_err(|e| e.to_string())?;
-    let mut cases: Vec<&str> = Vec::new();
-    for (case, ..) in points {
-        if !cases.contains(case) {
-            cases.push(case);
+    let mut names: Vec<&str> = Vec::new();
+    for point in points {
+        if !names.contains(&point.name) {
+            names.push(point.name);
         }
     }
-    for (i, case) in cases.iter().enumerate() {
+    for (i, name) in names.iter().enumerate() {
         let style = Palette99::pick(i).stroke_width(2);
-        let line: Vec<(f64, f64)> = points.iter().filter(|p| p.0 == *case).map(|p| (p.1, p.2)).collect();
+        let line: Vec<(f64, f64)> = points.iter().filter(|p| p.name == *name).map(|p| (p.x, p.y)).collect();
         chart
             .draw_series(LineSeries::new(line, style).point_size(3))
             .map_err(|e| e.to_string())?
-            .label(*case)
+            .label(*name)
             .legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], style));
     }
     chart
@@ -107,49 +109,16 @@ fn short(value: f64) -> String {
     }
 }
 
-/// What a dot's place is read from: its name and value.
-type Axis = (&'static str, fn(&FidelityRow) -> f64);
-
-/// PSNR on held-out photos against triangles, bytes and seconds of the bake, a dot a case, at the highest
-/// sampling.
-pub fn fidelity(path: &Path, rows: &[FidelityRow]) -> Result<()> {
-    let bad = |e: String| Error::unsupported(path, format!("cannot be drawn: {e}"));
-    let highest = rows.iter().map(|r| r.ssaa).max().unwrap_or(1);
-    let mut shown: Vec<&FidelityRow> = Vec::new();
-    for row in rows.iter().filter(|r| r.ssaa == highest && r.case != "soft") {
-        // A dot a case: its targets differ by less than a dot.
-        if !shown.iter().any(|other| other.case == row.case) {
-            shown.push(row);
-        }
-    }
-    let mut svg = String::new();
-    {
-        let area = SVGBackend::with_string(&mut svg, (1350, 420)).into_drawing_area();
-        area.fill(&WHITE).map_err(|e| bad(e.to_string()))?;
-        let parts = area.split_evenly((1, 3));
-        let axes: [Axis; 3] = [
-            ("thousand triangles", |r| r.triangles as f64 * 1e-3),
-            ("megabytes", |r| r.bytes as f64 * 1e-6),
-            ("seconds of baking", |r| r.bake_secs),
-        ];
-        for (part, (name, x)) in parts.iter().zip(axes) {
-            dots(part, name, &shown, x).map_err(bad)?;
-        }
-    }
-    std::fs::write(path, svg).map_err(|e| Error::io(path, e))
-}
-
-/// One chart: PSNR of every case against `x`.
-fn dots(
+/// One chart: the PSNR of every dot.
+fn dot_chart(
     area: &DrawingArea<SVGBackend<'_>, Shift>,
-    name: &str,
-    rows: &[&FidelityRow],
-    x: fn(&FidelityRow) -> f64,
+    title: &str,
+    points: &[PlotPoint<'_>],
 ) -> std::result::Result<(), String> {
     let least = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::INFINITY, f64::min);
     let most = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::NEG_INFINITY, f64::max);
-    let right = most(&mut rows.iter().map(|r| x(r))).max(1e-6) * 1.25;
-    let (low, high) = (least(&mut rows.iter().map(|r| r.psnr)), most(&mut rows.iter().map(|r| r.psnr)));
+    let right = most(&mut points.iter().map(|p| p.x)).max(1e-6) * 1.25;
+    let (low, high) = (least(&mut points.iter().map(|p| p.y)), most(&mut points.iter().map(|p| p.y)));
     let mut chart = ChartBuilder::on(area)
         .margin(12)
         .x_label_area_size(36)
@@ -158,7 +127,7 @@ fn dots(
         .map_err(|e| e.to_string())?;
     chart
         .configure_mesh()
-        .x_desc(name)
+        .x_desc(title)
         .y_desc("PSNR, dB")
         .x_label_formatter(&|v| short(*v))
         .y_label_formatter(&|v| short(*v))
@@ -166,23 +135,23 @@ fn dots(
         .draw()
         .map_err(|e| e.to_string())?;
     let mut taken: Vec<[i32; 4]> = Vec::new();
-    for (i, row) in rows.iter().enumerate() {
-        let (at, color) = ((x(row), row.psnr), Palette99::pick(i).to_rgba());
+    for (i, point) in points.iter().enumerate() {
+        let (at, color) = ((point.x, point.y), Palette99::pick(i).to_rgba());
         let (px, py) = chart.backend_coord(&at);
-        let [dx, dy] = free(&taken, [px, py], row.case.len() as i32 * LETTER[0]);
-        taken.push([px + dx, py + dy, row.case.len() as i32 * LETTER[0], LETTER[1]]);
-        let label = Text::new(row.case.clone(), (dx, dy), ("sans-serif", 12).into_font());
+        let [dx, dy] = free_offset(&taken, [px, py], point.name.len() as i32 * LETTER[0]);
+        taken.push([px + dx, py + dy, point.name.len() as i32 * LETTER[0], LETTER[1]]);
+        let label = Text::new(point.name.to_owned(), (dx, dy), ("sans-serif", 12).into_font());
         let dot = EmptyElement::at(at) + Circle::new((0, 0), 4, color.filled()) + label;
         chart.draw_series([dot]).map_err(|e| e.to_string())?;
     }
     Ok(())
 }
 
-/// Room a letter of a label takes, px.
+/// Width and height of a letter of a label, px.
 const LETTER: [i32; 2] = [7, 13];
 
-/// How far from its dot a label of this width stands clear of those that are `taken` (x, y, width, height), px.
-fn free(taken: &[[i32; 4]], dot: [i32; 2], width: i32) -> [i32; 2] {
+/// Offset from its dot at which a label of this width does not overlap those `taken` (x, y, width, height), px.
+fn free_offset(taken: &[[i32; 4]], dot: [i32; 2], width: i32) -> [i32; 2] {
     let clear = |dy: i32| {
         let [x, y] = [dot[0] + 7, dot[1] + dy];
         !taken.iter().any(|t| x < t[0] + t[2] && t[0] < x + width && y < t[1] + t[3] && t[1] < y + LETTER[1])

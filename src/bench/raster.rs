@@ -1,26 +1,23 @@
 //! `trisplat bench raster`: what a frame costs on this CPU, soft and solid, and how that grows with threads,
 //! pixels and triangles.
 //!
-//! Soft steps are drawn forward and backward, as training does; solid frames as evaluation does, with a colour
-//! a corner.
+//! Soft steps are drawn forward and backward, as training does; solid frames as evaluation does, with one
+//! colour per corner.
 
 mod soft;
 mod solid;
+mod timing;
 
 use super::machine::Machine;
-use crate::camera::Camera;
 use crate::error::{Error, Result};
-use crate::raster::soft::SoftOptions;
-use crate::raster::solid::SolidOptions;
-use crate::train::clock::cpu_secs;
-use glam::{Mat3, UVec2, Vec2, Vec3};
+use glam::UVec2;
 use serde::{Deserialize, Serialize};
-use std::time::Instant;
+use timing::{CaseCost, RasterCase};
 
 /// What to measure.
 #[derive(Debug, Clone, clap::Args)]
 pub struct RasterBenchArgs {
-    /// Frames of every case; the least of each figure counts.
+    /// Frames of every case; the least of each figure is kept.
     #[arg(long, default_value_t = 10, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub frames: u32,
     /// Numbers of threads, beside one and all cores.
@@ -52,7 +49,7 @@ pub struct RasterRow {
     pub wall_ms: f64,
     /// User and system time of the frame that used least, ms; on a loaded machine the figure to compare.
     pub cpu_ms: f64,
-    /// Frames a second, from `wall_ms`.
+    /// Frames per second, from `wall_ms`.
     pub per_second: f64,
     /// Where the time goes, in order of work.
     pub parts: Vec<PartRow>,
@@ -67,40 +64,24 @@ pub struct PartRow {
     pub share: f64,
 }
 
-/// What a case costs: least wall time and least CPU time of a frame, ms; least wall time of every part, ms.
-#[derive(Debug, Clone, Default, PartialEq)]
-struct Cost {
-    wall_ms: f64,
-    cpu_ms: f64,
-    parts: Vec<(&'static str, f64)>,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Case {
-    solid: bool,
-    threads: usize,
-    triangles: usize,
-    size: UVec2,
-}
-
-/// Measures every case; `hear` gets each row as soon as it is there.
-pub fn run(args: &RasterBenchArgs, mut hear: impl FnMut(&RasterRow)) -> Result<Vec<RasterRow>> {
+/// Measures every case; calls `on_row` with each row as soon as it is there.
+pub fn run(args: &RasterBenchArgs, mut on_row: impl FnMut(&RasterRow)) -> Result<Vec<RasterRow>> {
     let machine = Machine::here();
     let mut rows = Vec::new();
     for case in cases(args) {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(case.threads).build();
-        let pool = pool.map_err(|e| Error::invalid("--thread-counts", case.threads, e.to_string()))?;
+        let pool = pool.map_err(|e| Error::invalid("thread_counts", case.threads, e.to_string()))?;
         let frames = args.frames as usize;
         let cost =
             pool.install(|| if case.solid { solid::cost(&case, frames) } else { soft::cost(&case, frames) });
         let row = row(&machine, &case, &cost);
-        hear(&row);
+        on_row(&row);
         rows.push(row);
     }
     Ok(rows)
 }
 
-fn row(machine: &Machine, case: &Case, cost: &Cost) -> RasterRow {
+fn row(machine: &Machine, case: &RasterCase, cost: &CaseCost) -> RasterRow {
     let total: f64 = cost.parts.iter().map(|(_, ms)| ms).sum();
     let part = |(name, ms): &(&'static str, f64)| PartRow { name: (*name).to_owned(), share: ms / total };
     RasterRow {
@@ -116,53 +97,29 @@ fn row(machine: &Machine, case: &Case, cost: &Cost) -> RasterRow {
     }
 }
 
-/// A usual case, and each of threads, pixels and triangles changed by itself.
-fn cases(args: &RasterBenchArgs) -> Vec<Case> {
+/// A base case, and variants of it that differ in threads, pixels or triangles alone.
+fn cases(args: &RasterBenchArgs) -> Vec<RasterCase> {
     let all = std::thread::available_parallelism().map_or(1, |n| n.get());
     let mut counts = [&[1, all][..], &args.thread_counts].concat();
     counts.sort_unstable();
     counts.dedup();
     counts.retain(|n| *n > 0);
     let small = |n: u32| (n / args.smaller).max(16);
-    let usual = |solid: bool| Case {
+    let base = |solid: bool| RasterCase {
         solid,
         threads: all,
         triangles: small(if solid { 1_000_000 } else { 50_000 }) as usize,
         size: if solid { UVec2::new(small(1280), small(720)) } else { UVec2::new(small(480), small(270)) },
     };
     let mut cases = Vec::new();
-    for base in [usual(false), usual(true)] {
-        cases.extend(counts.iter().map(|&threads| Case { threads, ..base }));
-        cases.extend([base.size / 2, base.size * 2].map(|size| Case { size, ..base }));
-        cases.extend([base.triangles / 4, base.triangles * 4].map(|triangles| Case { triangles, ..base }));
+    for base in [base(false), base(true)] {
+        cases.extend(counts.iter().map(|&threads| RasterCase { threads, ..base }));
+        cases.extend([base.size / 2, base.size * 2].map(|size| RasterCase { size, ..base }));
+        cases.extend(
+            [base.triangles / 4, base.triangles * 4].map(|triangles| RasterCase { triangles, ..base }),
+        );
     }
     cases
-}
-
-/// A camera at the origin, focal length 0.9 times the width.
-fn camera(size: UVec2) -> Camera {
-    Camera {
-        rotation: Mat3::IDENTITY,
-        translation: Vec3::ZERO,
-        focal: Vec2::splat(0.9 * size.x as f32),
-        center: size.as_vec2() / 2.0,
-        size,
-    }
-}
-
-/// Runs `frame`, which returns the wall time of its parts, so many times, and once before to warm up.
-fn time(frames: usize, mut frame: impl FnMut() -> Vec<(&'static str, f64)>) -> Cost {
-    let mut cost = Cost { wall_ms: f64::INFINITY, cpu_ms: f64::INFINITY, parts: frame() };
-    for _ in 0..frames {
-        let (clock, before) = (Instant::now(), cpu_secs());
-        let parts = frame();
-        cost.wall_ms = cost.wall_ms.min(clock.elapsed().as_secs_f64() * 1e3);
-        cost.cpu_ms = cost.cpu_ms.min((cpu_secs() - before) * 1e3);
-        for (least, now) in cost.parts.iter_mut().zip(parts) {
-            least.1 = least.1.min(now.1);
-        }
-    }
-    cost
 }
 
 #[cfg(test)]
@@ -172,11 +129,11 @@ mod tests {
     #[test]
     fn rows_are_what_they_say() {
         let args = RasterBenchArgs { frames: 1, thread_counts: vec![2], smaller: 20, json: false };
-        let mut heard = 0;
-        let rows = run(&args, |_| heard += 1).unwrap();
-        assert_eq!(rows.len(), heard);
-        for way in ["soft", "solid"] {
-            let rows: Vec<&RasterRow> = rows.iter().filter(|r| r.rasteriser == way).collect();
+        let mut called = 0;
+        let rows = run(&args, |_| called += 1).unwrap();
+        assert_eq!(rows.len(), called);
+        for rasteriser in ["soft", "solid"] {
+            let rows: Vec<&RasterRow> = rows.iter().filter(|r| r.rasteriser == rasteriser).collect();
             assert!(rows.iter().any(|r| r.threads == 1) && rows.iter().any(|r| r.threads == 2));
             for row in rows {
                 assert!((row.parts.iter().map(|p| p.share).sum::<f64>() - 1.0).abs() < 1e-9, "{row:?}");

@@ -1,6 +1,6 @@
-//! Soups made from nothing: seeded samples of an analytic scene, any size, same seed same bits on any
-//! number of threads. They stand in for trained scenes wherever size and statistics matter more than
-//! the subject: samples, tests, benchmarks.
+//! Synthetic soups: seeded samples of an analytic scene, of any size; the same seed gives the same bits on any
+//! number of threads. They replace trained scenes wherever size and statistics matter more than the subject:
+//! samples, tests, benchmarks.
 
 pub use super::degenerate::degenerate;
 use super::studio::{Studio, Surface};
@@ -13,11 +13,11 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// Which soup to make.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SampleScene {
     /// Balls, a ring, a chest, poles and a colour chart on a chequered stage under a dome.
     Studio,
-    /// Every nasty triangle a reader may accept; it has a count of its own.
+    /// Every degenerate triangle that a reader may accept; its number of triangles is fixed.
     Degenerate,
 }
 
@@ -28,12 +28,12 @@ const FLOATING: f64 = 0.01;
 const CORE: f64 = 0.4;
 /// How much larger a triangle of the core is than its half of the cell.
 const GROWN: f64 = 1.3;
-/// How far it may cross the border of its field, in cells.
+/// How far it may cross the border of its patch, in cells.
 const SLACK: f64 = 0.06;
-/// Area of all loose triangles of a surface over the area of the surface, per share of loose ones.
+/// Area of all scattered triangles of a surface over the area of the surface, per share of scattered ones.
 const OVERLAP: f64 = 10.0;
-/// Random numbers kept for one triangle.
-const DRAWS: u64 = 32;
+/// Random numbers reserved for one triangle.
+const RANDOM_NUMBERS: u64 = 32;
 
 /// `triangles` samples of a scene, SH degree 0, in no particular order; -y is up.
 ///
@@ -79,14 +79,14 @@ pub fn raise_sh(soup: &mut Soup, degree: u8, seed: u64) {
 
 /// A camera that sees the whole studio, for pictures of `size` px.
 pub fn viewpoint(size: UVec2) -> Camera {
-    let (eye, target) = (vec3(1.5, -2.5, -5.8), vec3(0.0, -0.35, 0.1));
-    let forward = (target - eye).normalize();
+    let (position, target) = (vec3(1.5, -2.5, -5.8), vec3(0.0, -0.35, 0.1));
+    let forward = (target - position).normalize();
     let right = Vec3::Y.cross(forward).normalize();
     let rotation = Mat3::from_cols(right, forward.cross(right), forward).transpose();
     let center = size.as_vec2() / 2.0;
     Camera {
         rotation,
-        translation: -(rotation * eye),
+        translation: -(rotation * position),
         focal: Vec2::splat(1.25 * size.x as f32),
         center,
         size,
@@ -94,7 +94,7 @@ pub fn viewpoint(size: UVec2) -> Camera {
 }
 
 /// One triangle with its attributes; rgb is sRGB-encoded.
-struct Sample {
+struct SoupTriangle {
     corners: [DVec3; 3],
     rgb: DVec3,
     opacity: f64,
@@ -114,20 +114,20 @@ fn sample(studio: &Studio, triangles: usize, seed: u64) -> Soup {
     let slots = soup.vertices.par_iter_mut().zip(&mut soup.opacity).zip(&mut soup.sigma).zip(&mut soup.sh);
     slots.enumerate().for_each(|(slot, (((vertices, opacity), sigma), sh))| {
         let i = shuffled(slot, n);
-        let draw = Draw { rng: Rng::new(seed, "sample", 0), first: i as u64 * DRAWS };
+        let random = TriangleRng { rng: Rng::new(seed, "sample", 0), first: i as u64 * RANDOM_NUMBERS };
         let owner = shares.partition_point(|&end| end <= i);
         let first = if owner == 0 { 0 } else { shares[owner - 1] };
         let made = match studio.surfaces.get(owner) {
             Some(on) => {
                 let (i, count) = (i - first, shares[owner] - first);
-                let grid = Grid::new(on, count, Rng::new(seed, "sample grid", owner as u64));
+                let grid = CoreGrid::new(on, count, Rng::new(seed, "sample grid", owner as u64));
                 if i < grid.len() {
-                    grid.triangle(studio, on, i, &draw)
+                    grid.triangle(studio, on, i, &random)
                 } else {
-                    loose(studio, on, i, count, &draw)
+                    scattered(studio, on, i, count, &random)
                 }
             }
-            None => in_air(&draw),
+            None => floating(&random),
         };
         *vertices = made.corners.map(DVec3::as_vec3);
         *opacity = made.opacity.clamp(0.0, 1.0) as f32;
@@ -137,7 +137,7 @@ fn sample(studio: &Studio, triangles: usize, seed: u64) -> Soup {
     soup
 }
 
-/// Where the triangles of each surface end, in order; what is left floats in the air.
+/// Where the triangles of each surface end, in order; the rest float in the air.
 fn shares(surfaces: &[Surface], n: usize) -> Vec<usize> {
     let weight = |s: &Surface| s.density * s.shape.area();
     let near: f64 = surfaces.iter().map(weight).sum();
@@ -150,19 +150,19 @@ fn shares(surfaces: &[Surface], n: usize) -> Vec<usize> {
     surfaces.iter().map(share).collect()
 }
 
-/// A fixed permutation of 0..n: neighbours in the file are strangers in space, as in a trained soup.
+/// A fixed permutation of 0..n: neighbours in the file are far apart in space, as in a trained soup.
 fn shuffled(slot: usize, n: usize) -> usize {
     const STEP: u64 = 2_654_435_761; // prime, so coprime to every n it does not divide
     ((slot as u64).wrapping_mul(STEP) % n as u64) as usize
 }
 
 /// The random numbers of one triangle.
-struct Draw {
+struct TriangleRng {
     rng: Rng,
     first: u64,
 }
 
-impl Draw {
+impl TriangleRng {
     fn uniform(&self, which: u64) -> f64 {
         self.rng.uniform_f64(self.first + which)
     }
@@ -171,130 +171,130 @@ impl Draw {
         f64::from(self.rng.normal(self.first + which))
     }
 
-    /// A unit-area triangle about the origin: equilateral, shaken, turned.
+    /// A unit-area triangle about the origin: equilateral, jittered, rotated.
     fn unit_triangle(&self, which: u64) -> [DVec2; 3] {
-        let turn = self.uniform(which);
+        let rotation = self.uniform(which);
         let corner = |k: u64| {
-            let angle = TAU * (turn + (k as f64 + 0.5 * (self.uniform(which + 1 + k) - 0.5)) / 3.0);
+            let angle = TAU * (rotation + (k as f64 + 0.5 * (self.uniform(which + 1 + k) - 0.5)) / 3.0);
             DVec2::from_angle(angle) * 0.877_382_675 // circumradius of the unit-area equilateral triangle
         };
         [corner(0), corner(1), corner(2)]
     }
 }
 
-/// The core of a surface: nearly solid triangles that tile it, as training leaves them. A grid with shaken
-/// corners, two triangles a cell, aligned with the fields of the paint; empty when there are too few for that.
-struct Grid {
-    fields: UVec2,
-    cells: UVec2, // of one field
+/// The core of a surface: nearly solid triangles that tile it, as training leaves them. A grid with jittered
+/// corners, two triangles per cell, aligned with the patches of the texture; empty when there are too few for that.
+struct CoreGrid {
+    patches: UVec2,
+    cells: UVec2, // of one patch
     rng: Rng,
 }
 
-impl Grid {
+impl CoreGrid {
     fn new(on: &Surface, count: usize, rng: Rng) -> Self {
         let pairs = (CORE * count as f64 / 2.0).floor();
-        let of = |fields: UVec2| f64::from(fields.x) * f64::from(fields.y);
-        let fields = on.paint.fields();
-        let room = pairs / of(fields);
+        let of = |patches: UVec2| f64::from(patches.x) * f64::from(patches.y);
+        let patches = on.texture.patches();
+        let room = pairs / of(patches);
         if room < 1.0 {
-            return Self { fields: UVec2::ZERO, cells: UVec2::ONE, rng };
+            return Self { patches: UVec2::ZERO, cells: UVec2::ONE, rng };
         }
-        let side = on.shape.stretch(DVec2::splat(0.5)) / fields.as_dvec2();
+        let side = on.shape.stretch(DVec2::splat(0.5)) / patches.as_dvec2();
         let x = (room * side.x / side.y).sqrt().floor().clamp(1.0, room.floor());
-        Self { fields, cells: DVec2::new(x, (room / x).floor()).as_uvec2(), rng }
+        Self { patches, cells: DVec2::new(x, (room / x).floor()).as_uvec2(), rng }
     }
 
     fn len(&self) -> usize {
-        (2 * u64::from(self.fields.x * self.cells.x) * u64::from(self.fields.y * self.cells.y)) as usize
+        (2 * u64::from(self.patches.x * self.cells.x) * u64::from(self.patches.y * self.cells.y)) as usize
     }
 
-    /// Corner (x, y) of the grid in the unit square; those on the border of a field stay on it.
+    /// Corner (x, y) of the grid in the unit square; those on the border of a patch stay on it.
     fn corner(&self, at: UVec2) -> DVec2 {
-        let size = self.fields * self.cells;
-        let shake = |axis: u64, on_border: bool| {
+        let size = self.patches * self.cells;
+        let jitter = |axis: u64, on_border: bool| {
             let entry = 2 * (u64::from(at.y) * (u64::from(size.x) + 1) + u64::from(at.x)) + axis;
             if on_border { 0.0 } else { 0.6 * (self.rng.uniform_f64(entry) - 0.5) }
         };
         let border = at % self.cells;
-        (at.as_dvec2() + DVec2::new(shake(0, border.x == 0), shake(1, border.y == 0))) / size.as_dvec2()
+        (at.as_dvec2() + DVec2::new(jitter(0, border.x == 0), jitter(1, border.y == 0))) / size.as_dvec2()
     }
 
     /// Triangle `i`: a little larger than its half cell, so that it still closes the surface when its soft
-    /// rim is cut away, but hardly across the border of its field.
-    fn triangle(&self, studio: &Studio, on: &Surface, i: usize, draw: &Draw) -> Sample {
-        let (cell, width) = (i as u32 / 2, self.fields.x * self.cells.x);
+    /// rim is cut away, but hardly across the border of its patch.
+    fn triangle(&self, studio: &Studio, on: &Surface, i: usize, random: &TriangleRng) -> SoupTriangle {
+        let (cell, width) = (i as u32 / 2, self.patches.x * self.cells.x);
         let cell = UVec2::new(cell % width, cell / width);
         let ring = [UVec2::ZERO, UVec2::X, UVec2::ONE, UVec2::Y].map(|step| self.corner(cell + step));
-        let turn = (cell.x + cell.y) as usize % 2;
-        let half = [0, 1, 2].map(|k| ring[(turn + 2 * (i % 2) + k) % 4]);
+        let diagonal = (cell.x + cell.y) as usize % 2;
+        let half = [0, 1, 2].map(|k| ring[(diagonal + 2 * (i % 2) + k) % 4]);
         let middle = (half[0] + half[1] + half[2]) / 3.0;
-        let (field, slack) = ((cell / self.cells).as_dvec2(), SLACK / self.cells.as_dvec2());
-        let low = (field - slack) / self.fields.as_dvec2();
-        let high = (field + 1.0 + slack) / self.fields.as_dvec2();
+        let (patch, slack) = ((cell / self.cells).as_dvec2(), SLACK / self.cells.as_dvec2());
+        let low = (patch - slack) / self.patches.as_dvec2();
+        let high = (patch + 1.0 + slack) / self.patches.as_dvec2();
         let corners = half.map(|corner| (middle + (corner - middle) * GROWN).clamp(low, high));
-        let lift = on.shape.normal(middle) * (0.001 * draw.normal(0));
-        Sample {
+        let lift = on.shape.normal(middle) * (0.001 * random.normal(0));
+        SoupTriangle {
             corners: corners.map(|corner| on.shape.point(corner) + lift),
-            rgb: studio.color(on, middle) + 0.012 * DVec3::from([1, 2, 3].map(|k| draw.normal(k))),
-            opacity: 1.02 - 0.3 * draw.uniform(4).powi(2),
-            sigma: 0.15 * (0.45 * draw.normal(5)).exp(),
+            rgb: studio.color(on, middle) + 0.012 * DVec3::from([1, 2, 3].map(|k| random.normal(k))),
+            opacity: 1.02 - 0.3 * random.uniform(4).powi(2),
+            sigma: 0.15 * (0.45 * random.normal(5)).exp(),
         }
     }
 }
 
-/// Triangle `i` of `count` on a surface, soft and of any size. Centres follow the R2 sequence (Roberts
+/// Triangle `i` of `count` scattered on a surface, soft and of any size. Centres follow the R2 sequence (Roberts
 /// 2018), which covers evenly at any count.
-fn loose(studio: &Studio, on: &Surface, i: usize, count: usize, draw: &Draw) -> Sample {
+fn scattered(studio: &Studio, on: &Surface, i: usize, count: usize, random: &TriangleRng) -> SoupTriangle {
     let at = DVec2::new(
         (0.5 + i as f64 * 0.754_877_666_246_692_7).fract(),
         (0.5 + i as f64 * 0.569_840_290_998_053_2).fract(),
     );
-    let area = OVERLAP * on.shape.area() / count as f64 * (1.6 * draw.normal(1) - 1.28).exp();
-    let corners = loose_corners(on, at, area, draw);
+    let area = OVERLAP * on.shape.area() / count as f64 * (1.6 * random.normal(1) - 1.28).exp();
+    let corners = scattered_corners(on, at, area, random);
     let tilt = 0.04 * area.sqrt().min(0.3);
-    let lift = |k: u64| on.shape.normal(at) * (tilt * (draw.normal(16) + draw.normal(17 + k)));
-    Sample {
+    let lift = |k: u64| on.shape.normal(at) * (tilt * (random.normal(16) + random.normal(17 + k)));
+    SoupTriangle {
         corners: [0, 1, 2].map(|k| on.shape.point(corners[k]) + lift(k as u64)),
-        rgb: studio.color(on, at) + 0.02 * DVec3::from([20, 21, 22].map(|k| draw.normal(k))),
-        opacity: faint(draw.uniform(23)),
-        sigma: 0.45 * (0.75 * draw.normal(24)).exp(),
+        rgb: studio.color(on, at) + 0.02 * DVec3::from([20, 21, 22].map(|k| random.normal(k))),
+        opacity: faint(random.uniform(23)),
+        sigma: 0.45 * (0.75 * random.normal(24)).exp(),
     }
 }
 
-/// Corners in the unit square of a surface: mostly slivers along one of its axes, a little across the
-/// border of their field at most.
-fn loose_corners(on: &Surface, at: DVec2, area: f64, draw: &Draw) -> [DVec2; 3] {
-    let long = (1.9 + 1.0 * draw.normal(2)).exp().clamp(1.0, 60.0).sqrt();
-    let along = match draw.uniform(3) {
-        u if u < 0.4 => 0.1 * draw.normal(4),
-        u if u < 0.8 => 0.25 * TAU + 0.1 * draw.normal(4),
-        _ => TAU * draw.uniform(5),
+/// Corners in the unit square of a surface: mostly slivers along one of its axes, at most a little across the
+/// border of their patch.
+fn scattered_corners(on: &Surface, at: DVec2, area: f64, random: &TriangleRng) -> [DVec2; 3] {
+    let long = (1.9 + 1.0 * random.normal(2)).exp().clamp(1.0, 60.0).sqrt();
+    let along = match random.uniform(3) {
+        u if u < 0.4 => 0.1 * random.normal(4),
+        u if u < 0.8 => 0.25 * TAU + 0.1 * random.normal(4),
+        _ => TAU * random.uniform(5),
     };
     let (stretch, reach) = (on.shape.stretch(at), on.shape.reach());
-    let fields = on.paint.fields().as_dvec2();
-    let low = ((at * fields).floor() - 0.05) / fields;
-    let high = ((at * fields).floor() + 1.05) / fields;
-    draw.unit_triangle(6).map(|corner| {
+    let patches = on.texture.patches().as_dvec2();
+    let low = ((at * patches).floor() - 0.05) / patches;
+    let high = ((at * patches).floor() + 1.05) / patches;
+    random.unit_triangle(6).map(|corner| {
         let shaped = DVec2::from_angle(along).rotate(corner * DVec2::new(long, 1.0 / long)) * area.sqrt();
         let offset = shaped.clamp(-reach, reach) / stretch;
         (at + offset).clamp(low, high).clamp(DVec2::ZERO, DVec2::ONE)
     })
 }
 
-/// A faint triangle where nothing is: every optimised scene has some.
-fn in_air(draw: &Draw) -> Sample {
-    let place = DVec3::from([0, 1, 2].map(|k| draw.uniform(k) - 0.5)) * 7.0 - DVec3::Y * 2.0;
-    let corner = |k: u64| DVec3::from([3, 4, 5].map(|axis| draw.normal(3 * k + axis)));
-    let size = 0.15 * draw.normal(12).exp();
-    Sample {
+/// A faint floating triangle: every optimised scene has some.
+fn floating(random: &TriangleRng) -> SoupTriangle {
+    let place = DVec3::from([0, 1, 2].map(|k| random.uniform(k) - 0.5)) * 7.0 - DVec3::Y * 2.0;
+    let corner = |k: u64| DVec3::from([3, 4, 5].map(|axis| random.normal(3 * k + axis)));
+    let size = 0.15 * random.normal(12).exp();
+    SoupTriangle {
         corners: [0, 1, 2].map(|k| place + size * corner(k)),
-        rgb: DVec3::from([13, 14, 15].map(|k| draw.uniform(k))),
-        opacity: 0.2 * faint(draw.uniform(23)),
-        sigma: 0.8 * (0.5 * draw.normal(24)).exp(),
+        rgb: DVec3::from([13, 14, 15].map(|k| random.uniform(k))),
+        opacity: 0.2 * faint(random.uniform(23)),
+        sigma: 0.8 * (0.5 * random.normal(24)).exp(),
     }
 }
 
-/// Opacity of a triangle that is not solid: more of them near 0 than near 0.7.
+/// Opacity of a triangle that is not solid: values near 0 are more frequent than those near 0.7.
 fn faint(uniform: f64) -> f64 {
     0.02 + 0.7 * uniform * uniform.sqrt()
 }

@@ -1,13 +1,12 @@
-//! What becomes of a trained soup on its way into a file, each step ready to be drawn.
+//! The forms that a trained soup takes on its way into a file, each ready to be drawn.
 //!
 //! ```text
 //! soft (as trained) ──► solid (baked, in memory) ──► file (quantised, written, read back)
 //! ```
 
-use super::paint::{DrawOptions, Painter, Way};
+use super::scene_renderer::{RenderMode, RenderOptions, SceneRenderer};
 use crate::asset::{Asset, Provenance};
-use crate::bake::bake;
-use crate::bake::options::{BakeOptions, Preset};
+use crate::bake::{BakeOptions, bake};
 use crate::dataset::Dataset;
 use crate::error::{Error, Result};
 use crate::formats::output::{self, Output, OutputOptions};
@@ -18,9 +17,9 @@ use crate::scene::{Loaded, Scene};
 use crate::soup::Soup;
 use std::path::Path;
 
-/// A scene at one step of its way.
+/// A scene at one step of its way into a file.
 #[derive(Debug)]
-pub struct Step {
+pub struct EvalStep {
     /// "soft", "solid" or "file".
     pub name: &'static str,
     /// Number of triangles.
@@ -28,36 +27,36 @@ pub struct Step {
     /// Size of the file, where one was written.
     pub bytes: Option<u64>,
     /// Draws it.
-    pub painter: Painter,
+    pub renderer: SceneRenderer,
 }
 
-/// The steps to be judged of what was read from `path`: of a mesh itself, solid; of a soup what `draw` asks for,
-/// all three unless it says.
+/// The steps to evaluate of what was read from `path`. A mesh has one, solid; of a soup those that `options` ask
+/// for, all three by default.
 pub fn steps(
     path: &Path,
     loaded: Loaded,
-    draw: &DrawOptions,
+    options: &RenderOptions,
     dataset: &Dataset,
     background: [f32; 3],
-) -> Result<Vec<Step>> {
+) -> Result<Vec<EvalStep>> {
     let Loaded { scene, provenance, .. } = loaded;
-    let place = Place { dataset, background, samples: draw.ssaa };
-    match (scene, draw.way) {
-        (Scene::Mesh(_), Some(Way::Soft)) => Err(no_soup(path)),
+    let factory = StepFactory { dataset, background, samples: options.ssaa };
+    match (scene, options.mode) {
+        (Scene::Mesh(_), Some(RenderMode::Soft)) => Err(no_soup(path)),
         (Scene::Mesh(mesh), _) => {
-            Ok(vec![place.solid("solid", Asset { mesh, provenance, ..Asset::default() }, None)])
+            Ok(vec![factory.solid("solid", Asset { mesh, provenance, ..Asset::default() }, None)])
         }
-        (Scene::Soup(soup), Some(Way::Soft)) => Ok(vec![place.soft(soup, &provenance)]),
-        (Scene::Soup(soup), Some(Way::Solid)) => {
-            Ok(vec![place.solid("solid", baked(soup, provenance)?, None)])
+        (Scene::Soup(soup), Some(RenderMode::Soft)) => Ok(vec![factory.soft(soup, &provenance)]),
+        (Scene::Soup(soup), Some(RenderMode::Solid)) => {
+            Ok(vec![factory.solid("solid", baked(soup, provenance)?, None)])
         }
         (Scene::Soup(soup), None) => {
             let solid = baked(soup.clone(), provenance.clone())?;
             let (file, bytes) = reread(&solid, &SMALLEST)?;
             Ok(vec![
-                place.soft(soup, &provenance),
-                place.solid("solid", solid, None),
-                place.solid("file", file, Some(bytes)),
+                factory.soft(soup, &provenance),
+                factory.solid("solid", solid, None),
+                factory.solid("file", file, Some(bytes)),
             ])
         }
     }
@@ -66,7 +65,7 @@ pub fn steps(
 /// A mesh was given where only a soup can be drawn.
 pub fn no_soup(path: &Path) -> Error {
     let reason =
-        "is a mesh, baked already; give the trained soup it was baked from (.ply or .pt), or --as solid";
+        "is a mesh, baked already; give the trained soup it was baked from (.ply or .pt), or `as` solid";
     Error::unsupported(path, reason)
 }
 
@@ -74,7 +73,7 @@ pub fn no_soup(path: &Path) -> Error {
 pub fn baked(mut soup: Soup, provenance: Provenance) -> Result<Asset> {
     soup.truncate_sh(0);
     let loaded = Loaded { scene: Scene::Soup(soup), provenance, warnings: Vec::new(), cameras: Vec::new() };
-    bake(vec![loaded], &BakeOptions::preset(Preset::Default), None, &mut Report::default(), &mut ())
+    bake(loaded, &BakeOptions::DEFAULT)
 }
 
 /// The smallest file we write: 16-bit positions, 8-bit colours, meshopt.
@@ -93,24 +92,25 @@ pub fn reread(asset: &Asset, options: &OutputOptions) -> Result<(Asset, u64)> {
     Ok((Asset { mesh, provenance, ..Asset::default() }, bytes))
 }
 
-/// What painters of all steps have in common.
-struct Place<'a> {
+/// What the renderers of all steps have in common.
+struct StepFactory<'a> {
     dataset: &'a Dataset,
     background: [f32; 3],
     samples: u32,
 }
 
-impl Place<'_> {
-    fn soft(&self, soup: Soup, provenance: &Provenance) -> Step {
+impl StepFactory<'_> {
+    fn soft(&self, soup: Soup, provenance: &Provenance) -> EvalStep {
         let triangles = soup.len() as u64;
-        let painter = Painter::soft(soup, &provenance.placement, Some(self.dataset), self.background);
-        Step { name: "soft", triangles, bytes: None, painter }
+        let renderer = SceneRenderer::soft(soup, &provenance.placement, Some(self.dataset), self.background);
+        EvalStep { name: "soft", triangles, bytes: None, renderer }
     }
 
-    fn solid(&self, name: &'static str, asset: Asset, bytes: Option<u64>) -> Step {
+    fn solid(&self, name: &'static str, asset: Asset, bytes: Option<u64>) -> EvalStep {
         let (mesh, placement) = (asset.mesh, asset.provenance.placement);
         let triangles = mesh.face_count() as u64;
-        let painter = Painter::solid(mesh, &placement, Some(self.dataset), self.background, self.samples);
-        Step { name, triangles, bytes, painter }
+        let renderer =
+            SceneRenderer::solid(mesh, &placement, Some(self.dataset), self.background, self.samples);
+        EvalStep { name, triangles, bytes, renderer }
     }
 }

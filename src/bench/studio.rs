@@ -4,10 +4,10 @@
 use glam::{DMat3, DVec2, DVec3, UVec2, dvec3};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// One textured sheet of the scene, mapped from the unit square.
+/// One textured surface of the scene, mapped from the unit square.
 pub(super) struct Surface {
     pub(super) shape: Shape,
-    pub(super) paint: Paint,
+    pub(super) texture: Texture,
     /// Triangles per area, relative to the stage.
     pub(super) density: f64,
     /// Strength of the highlight.
@@ -17,7 +17,7 @@ pub(super) struct Surface {
 /// A map from the unit square to the world.
 pub(super) enum Shape {
     /// A parallelogram; its normal is u × v.
-    Sheet { origin: DVec3, u: DVec3, v: DVec3 },
+    Parallelogram { origin: DVec3, u: DVec3, v: DVec3 },
     /// A sixth of a sphere, above one face of the cube inside it; `axes` are the face's u, v and normal.
     Cap { center: DVec3, radius: f64, axes: DMat3 },
     /// A torus lying flat.
@@ -27,10 +27,10 @@ pub(super) enum Shape {
 }
 
 /// Colour over the unit square. Colours are linear light.
-pub(super) enum Paint {
+pub(super) enum Texture {
     /// One colour.
     Flat(DVec3),
-    /// A chequerboard of so many fields a side.
+    /// A chequerboard of so many squares per side.
     Check(u32, DVec3, DVec3),
     /// Bands along u in two colours.
     Stripes(u32, DVec3, DVec3),
@@ -50,9 +50,9 @@ impl Shape {
             dvec3(cos, 0.0, sin)
         };
         match self {
-            Shape::Sheet { origin, u, v } => origin + u * at.x + v * at.y,
+            Shape::Parallelogram { origin, u, v } => origin + u * at.x + v * at.y,
             Shape::Cap { center, radius, axes } => {
-                // Equal steps are equal angles, which keeps the fields of a sphere alike in size.
+                // Equal steps are equal angles, which keeps the patches of a sphere alike in size.
                 let angle = (at - 0.5) * FRAC_PI_2;
                 center + *axes * dvec3(angle.x.tan(), angle.y.tan(), 1.0).normalize() * *radius
             }
@@ -71,7 +71,7 @@ impl Shape {
         let point = self.point(at);
         let flat = |v: DVec3| dvec3(v.x, 0.0, v.z).normalize();
         match self {
-            Shape::Sheet { u, v, .. } => u.cross(*v).normalize(),
+            Shape::Parallelogram { u, v, .. } => u.cross(*v).normalize(),
             Shape::Cap { center, .. } => (point - center).normalize(),
             Shape::Ring { center, major, .. } => (point - center - flat(point - center) * *major).normalize(),
             Shape::Pole { foot, .. } => flat(point - foot),
@@ -88,7 +88,7 @@ impl Shape {
     /// How far along u and v a flat triangle may reach, in world units, and still follow the curve.
     pub(super) fn reach(&self) -> DVec2 {
         match self {
-            Shape::Sheet { .. } => DVec2::INFINITY,
+            Shape::Parallelogram { .. } => DVec2::INFINITY,
             Shape::Cap { radius, .. } => DVec2::splat(0.6 * radius),
             Shape::Ring { minor, .. } => DVec2::splat(0.8 * minor),
             Shape::Pole { radius, height, .. } => DVec2::new(0.8 * radius, *height),
@@ -98,7 +98,7 @@ impl Shape {
     /// Surface in square world units.
     pub(super) fn area(&self) -> f64 {
         match self {
-            Shape::Sheet { u, v, .. } => u.cross(*v).length(),
+            Shape::Parallelogram { u, v, .. } => u.cross(*v).length(),
             Shape::Cap { radius, .. } => 2.0 * TAU * radius * radius / 6.0,
             Shape::Ring { major, minor, .. } => TAU * major * TAU * minor,
             Shape::Pole { radius, height, .. } => TAU * radius * height,
@@ -106,33 +106,33 @@ impl Shape {
     }
 }
 
-impl Paint {
-    /// Fields along u and v; no solid triangle crosses their borders.
-    pub(super) fn fields(&self) -> UVec2 {
+impl Texture {
+    /// Patches of uniform colour along u and v; no solid triangle crosses their borders.
+    pub(super) fn patches(&self) -> UVec2 {
         match self {
-            Paint::Flat(_) | Paint::Sky => UVec2::ONE,
-            Paint::Check(n, ..) => UVec2::splat(*n),
-            Paint::Stripes(n, ..) => UVec2::new(*n, 1),
-            Paint::Planks(n, _) => UVec2::new(1, *n),
-            Paint::Chart => CHART,
+            Texture::Flat(_) | Texture::Sky => UVec2::ONE,
+            Texture::Check(n, ..) => UVec2::splat(*n),
+            Texture::Stripes(n, ..) => UVec2::new(*n, 1),
+            Texture::Planks(n, _) => UVec2::new(1, *n),
+            Texture::Chart => CHART,
         }
     }
 
     /// Linear colour at (u, v), where the surface faces `normal`, before any light falls on it.
     fn color(&self, at: DVec2, normal: DVec3) -> DVec3 {
-        let field = (at * self.fields().as_dvec2()).floor();
+        let patch = (at * self.patches().as_dvec2()).floor();
         let odd = |x: f64| (x as i64).rem_euclid(2) == 1;
         match self {
-            Paint::Flat(color) => *color,
-            Paint::Check(_, a, b) => *if odd(field.x + field.y) { b } else { a },
-            Paint::Stripes(_, a, b) => *if odd(field.x) { b } else { a },
-            Paint::Planks(_, color) => {
-                let tone = 0.8 + 0.35 * (field.y * 2.4 + 0.7).sin().abs();
-                let grain = (at.x * 9.0 + 3.0 * (at.y * 40.0 + field.y).sin()).sin();
+            Texture::Flat(color) => *color,
+            Texture::Check(_, a, b) => *if odd(patch.x + patch.y) { b } else { a },
+            Texture::Stripes(_, a, b) => *if odd(patch.x) { b } else { a },
+            Texture::Planks(_, color) => {
+                let tone = 0.8 + 0.35 * (patch.y * 2.4 + 0.7).sin().abs();
+                let grain = (at.x * 9.0 + 3.0 * (at.y * 40.0 + patch.y).sin()).sin();
                 *color * (tone + 0.1 * grain)
             }
-            Paint::Chart => chart(field),
-            Paint::Sky => {
+            Texture::Chart => chart(patch),
+            Texture::Sky => {
                 let haze = (1.0 - 2.5 * normal.y.abs()).max(0.0);
                 let high = 0.5 - 0.5 * normal.y;
                 dvec3(0.16, 0.20, 0.27).lerp(dvec3(0.30, 0.45, 0.68), high) + haze * dvec3(0.34, 0.27, 0.18)
@@ -141,12 +141,12 @@ impl Paint {
     }
 }
 
-/// Fields of the colour chart, frame included.
+/// Patches of the colour chart, frame included.
 const CHART: UVec2 = UVec2::new(8, 6);
 
-/// Linear colour of one field of the chart: three rows of the colour circle, one of greys.
-fn chart(field: DVec2) -> DVec3 {
-    let (column, row) = (field.x - 1.0, field.y - 1.0);
+/// Linear colour of one patch of the chart: three rows of the colour circle, one of greys.
+fn chart(patch: DVec2) -> DVec3 {
+    let (column, row) = (patch.x - 1.0, patch.y - 1.0);
     if !(0.0..6.0).contains(&column) || !(0.0..4.0).contains(&row) {
         return DVec3::splat(0.012);
     }
@@ -158,7 +158,7 @@ fn chart(field: DVec2) -> DVec3 {
     pure * pure * (0.95 - 0.28 * row) + 0.02
 }
 
-/// Something that stands on the stage and throws a shadow.
+/// Something that stands on the stage and casts a shadow.
 enum Body {
     Ball { center: DVec3, radius: f64 },
     Block { center: DVec3, half: DVec3 },
@@ -171,7 +171,7 @@ impl Body {
     fn shapes(&self) -> Vec<Shape> {
         match *self {
             Body::Ball { center, radius } => caps(center, radius),
-            Body::Block { center, half } => sheets(center, half),
+            Body::Block { center, half } => faces(center, half),
             Body::Ring { center, major, minor } => vec![Shape::Ring { center, major, minor }],
             Body::Pole { foot, radius, height } => vec![Shape::Pole { foot, radius, height }],
         }
@@ -207,73 +207,74 @@ fn caps(center: DVec3, radius: f64) -> Vec<Shape> {
 }
 
 /// The faces of a box but its underside, normals outward: -z (the front), top, +z, -x, +x.
-fn sheets(center: DVec3, half: DVec3) -> Vec<Shape> {
+fn faces(center: DVec3, half: DVec3) -> Vec<Shape> {
     let (x, y, z) = (DVec3::X * 2.0 * half.x, DVec3::Y * 2.0 * half.y, DVec3::Z * 2.0 * half.z);
     let (low, high) = (center - half, center + half);
-    let sheet = |origin, u, v| Shape::Sheet { origin, u, v };
+    let face = |origin, u, v| Shape::Parallelogram { origin, u, v };
     vec![
-        sheet(low + x, -x, y),
-        sheet(low, x, z),
-        sheet(low + z, x, y),
-        sheet(low, z, y),
-        sheet(high - y - z, z, y),
+        face(low + x, -x, y),
+        face(low, x, z),
+        face(low + z, x, y),
+        face(low, z, y),
+        face(high - y - z, z, y),
     ]
 }
 
-/// The scene: sheets to sample, and the bodies that shade them.
+/// The scene: surfaces to sample, and the bodies that cast shadows on them.
 pub(super) struct Studio {
     pub(super) surfaces: Vec<Surface>,
     bodies: Vec<Body>,
 }
 
 impl Studio {
-    /// Puts everything in its place.
+    /// Builds the scene.
     pub(super) fn new() -> Self {
         let (ivory, ink, blue) = (dvec3(0.78, 0.74, 0.66), dvec3(0.05, 0.07, 0.10), dvec3(0.03, 0.14, 0.50));
         let (red, gold, teal) = (dvec3(0.62, 0.04, 0.03), dvec3(0.80, 0.46, 0.06), dvec3(0.02, 0.34, 0.36));
         let wood = dvec3(0.36, 0.17, 0.07);
         let mut studio = Self { surfaces: Vec::new(), bodies: Vec::new() };
         for shape in caps(DVec3::ZERO, 14.0) {
-            studio.surfaces.push(Surface { shape, paint: Paint::Sky, density: 0.0, gloss: 0.0 });
+            studio.surfaces.push(Surface { shape, texture: Texture::Sky, density: 0.0, gloss: 0.0 });
         }
         let stage = Body::Block { center: dvec3(0.0, 0.1, 0.0), half: dvec3(2.5, 0.1, 2.5) };
         for (i, shape) in stage.shapes().into_iter().enumerate() {
-            let paint = if i == 1 { Paint::Check(10, ivory, ink) } else { Paint::Planks(1, wood) };
-            studio.surfaces.push(Surface { shape, paint, density: 1.0, gloss: 0.0 });
+            let texture = if i == 1 { Texture::Check(10, ivory, ink) } else { Texture::Planks(1, wood) };
+            studio.surfaces.push(Surface { shape, texture, density: 1.0, gloss: 0.0 });
         }
 
         let ball = |x, z, radius: f64| Body::Ball { center: dvec3(x, -radius, z), radius };
-        studio.stand(ball(-0.15, 0.1, 0.62), 3.0, 0.5, |_| Paint::Flat(red));
-        studio.stand(ball(1.05, -0.75, 0.34), 3.0, 0.3, |_| Paint::Check(3, ivory, blue));
-        studio.stand(ball(-1.0, -1.05, 0.24), 3.0, 0.6, |_| Paint::Flat(gold));
+        studio.place(ball(-0.15, 0.1, 0.62), 3.0, 0.5, |_| Texture::Flat(red));
+        studio.place(ball(1.05, -0.75, 0.34), 3.0, 0.3, |_| Texture::Check(3, ivory, blue));
+        studio.place(ball(-1.0, -1.05, 0.24), 3.0, 0.6, |_| Texture::Flat(gold));
         let ring = Body::Ring { center: dvec3(0.25, -0.13, -1.25), major: 0.36, minor: 0.13 };
-        studio.stand(ring, 4.0, 0.3, |_| Paint::Stripes(12, teal, ivory));
+        studio.place(ring, 4.0, 0.3, |_| Texture::Stripes(12, teal, ivory));
         let chest = Body::Block { center: dvec3(-1.35, -0.4, 0.25), half: DVec3::splat(0.4) };
-        studio.stand(chest, 2.5, 0.0, |_| Paint::Planks(4, wood));
+        studio.place(chest, 2.5, 0.0, |_| Texture::Planks(4, wood));
         let board = Body::Block { center: dvec3(1.0, -0.65, 1.2), half: dvec3(0.8, 0.65, 0.03) };
-        studio.stand(board, 4.0, 0.0, |i| if i == 0 { Paint::Chart } else { Paint::Flat(ink) });
+        studio.place(board, 4.0, 0.0, |i| if i == 0 { Texture::Chart } else { Texture::Flat(ink) });
         for (x, z, height) in [(-1.75, 1.3, 1.45), (-1.3, 1.65, 1.15), (2.0, 0.2, 1.0)] {
             let foot = dvec3(x, 0.0, z);
-            studio
-                .stand(Body::Pole { foot, radius: 0.025, height }, 9.0, 0.2, |_| Paint::Stripes(4, ink, ink));
+            studio.place(Body::Pole { foot, radius: 0.025, height }, 9.0, 0.2, |_| {
+                Texture::Stripes(4, ink, ink)
+            });
             let center = foot - DVec3::Y * height;
-            studio.stand(Body::Ball { center, radius: 0.09 }, 5.0, 0.6, |_| Paint::Flat(gold));
+            studio.place(Body::Ball { center, radius: 0.09 }, 5.0, 0.6, |_| Texture::Flat(gold));
         }
         studio
     }
 
-    /// Adds a body whose face `i` is painted `paint(i)`.
-    fn stand(&mut self, body: Body, density: f64, gloss: f64, paint: impl Fn(usize) -> Paint) {
+    /// Adds a body whose face `i` has the texture `texture(i)`.
+    fn place(&mut self, body: Body, density: f64, gloss: f64, texture: impl Fn(usize) -> Texture) {
         let shapes = body.shapes().into_iter().enumerate();
-        self.surfaces.extend(shapes.map(|(i, shape)| Surface { shape, paint: paint(i), density, gloss }));
+        self.surfaces.extend(shapes.map(|(i, shape)| Surface { shape, texture: texture(i), density, gloss }));
         self.bodies.push(body);
     }
 
     /// Colour at (u, v) of a surface, sRGB-encoded, with sun, shadow, skylight and highlight.
     pub(super) fn color(&self, surface: &Surface, at: DVec2) -> DVec3 {
         let (point, normal) = (surface.shape.point(at), surface.shape.normal(at));
-        let albedo = surface.paint.color(at, normal);
-        if matches!(surface.paint, Paint::Sky) {
+        let albedo = surface.texture.color(at, normal);
+        if matches!(surface.texture, Texture::Sky) {
             return encode(albedo);
         }
         let sun = dvec3(-0.55, -1.0, -0.65).normalize();

@@ -1,5 +1,5 @@
-// Draws a GLB with three.js in headless Chromium along a path of cameras; the job comes on standard input, the
-// answer goes to standard output. Every frame ends when a pixel of it has been read back.
+// Draws a GLB with three.js in headless Chromium along a path of cameras; the input comes as JSON on standard input,
+// the result goes to standard output. Every frame ends when a pixel of it has been read back.
 import { readFileSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { join } from "node:path";
@@ -69,7 +69,7 @@ const shown = await page.evaluate(() => document.querySelector("canvas").toDataU
 writeFileSync(job.picture, Buffer.from(shown.split(",")[1], "base64"));
 await page.evaluate((count) => window.time(0, count), job.warmup);
 const before = await cpu();
-const told = await page.evaluate(([first, count]) => window.time(first, count), [job.warmup, job.frames]);
-told.cpu_ms = ((await cpu()) - before) / job.frames;
+const result = await page.evaluate(([first, count]) => window.time(first, count), [job.warmup, job.frames]);
+result.cpu_ms = ((await cpu()) - before) / job.frames;
 await browser.close();
-console.log(JSON.stringify(told));
+console.log(JSON.stringify(result));

@@ -1,6 +1,6 @@
 //! The same frames with three.js in headless Chromium, for comparison.
 
-use super::frames::{BACKGROUND, Cost, Count, quantile};
+use super::frames::{BACKGROUND, FrameCost, FrameCount, quantile};
 use crate::asset::Asset;
 use crate::bake::options::BakeOptions;
 use crate::camera::Camera;
@@ -16,7 +16,7 @@ use std::process::{Command, Stdio};
 
 /// What the script gets on standard input.
 #[derive(Debug, Serialize)]
-struct Job<'a> {
+struct PageInput<'a> {
     folder: &'a Path,
     chromium: &'a Path,
     glb: &'a Path,
@@ -32,7 +32,7 @@ struct Job<'a> {
 
 /// What the script prints.
 #[derive(Debug, Deserialize)]
-struct Told {
+struct PageOutput {
     frames_ms: Vec<f64>,
     adapter: String,
     drawn: f64,
@@ -40,10 +40,10 @@ struct Told {
     cpu_ms: f64,
 }
 
-/// What three.js did.
+/// Cost and picture of three.js.
 #[derive(Debug)]
-pub(super) struct Seen {
-    pub(super) cost: Cost,
+pub(super) struct ThreeResult {
+    pub(super) cost: FrameCost,
     pub(super) picture: Pixels,
     pub(super) adapter: String,
 }
@@ -57,8 +57,8 @@ pub(super) fn time(
     asset: &Asset,
     path: &[Camera],
     msaa: u32,
-    count: Count,
-) -> Result<Seen> {
+    count: FrameCount,
+) -> Result<ThreeResult> {
     let temporary = tempfile::tempdir().map_err(|e| Error::io("temporary folder", e))?;
     let (glb, picture) = (temporary.path().join("scene.glb"), temporary.path().join("frame.png"));
     let script = temporary.path().join("three.mjs");
@@ -66,7 +66,7 @@ pub(super) fn time(
     let options = BakeOptions::default();
     let plan = Output::plan(&glb, None, &options.output, false)?;
     output::write(asset, &plan, &options.output, false, &mut Report::new("bench fps"), &mut ())?;
-    let job = Job {
+    let input = PageInput {
         folder: &std::path::absolute(folder).map_err(|e| Error::io(folder, e))?,
         chromium,
         glb: &glb,
@@ -78,21 +78,21 @@ pub(super) fn time(
         background: BACKGROUND,
         cameras: path.iter().map(matrices).collect(),
     };
-    let told = ask(&script, &job)?;
-    let mut times = told.frames_ms;
-    let cost = Cost {
+    let output = run_script(&script, &input)?;
+    let mut times = output.frames_ms;
+    let cost = FrameCost {
         frame_ms: quantile(&mut times, 0.5),
         frame_p99_ms: quantile(&mut times, 0.99),
         frame_min_ms: quantile(&mut times, 0.0),
         gpu_ms: None,
-        cpu_ms: told.cpu_ms,
-        drawn: told.drawn,
-        draws: told.draws,
+        cpu_ms: output.cpu_ms,
+        drawn: output.drawn,
+        draws: output.draws,
     };
-    Ok(Seen { cost, picture: Pixels::load(&picture)?, adapter: told.adapter })
+    Ok(ThreeResult { cost, picture: Pixels::load(&picture)?, adapter: output.adapter })
 }
 
-fn ask(script: &Path, job: &Job<'_>) -> Result<Told> {
+fn run_script(script: &Path, input: &PageInput<'_>) -> Result<PageOutput> {
     let io = |e| Error::io("node", e);
     let mut node = Command::new("node")
         .arg(script)
@@ -101,9 +101,9 @@ fn ask(script: &Path, job: &Job<'_>) -> Result<Told> {
         .stderr(Stdio::piped())
         .spawn()
         .map_err(io)?;
-    if let Some(mut input) = node.stdin.take() {
-        let job = serde_json::to_vec(job).map_err(|e| Error::malformed(script, "job", e.to_string()))?;
-        input.write_all(&job).map_err(io)?;
+    if let Some(mut stdin) = node.stdin.take() {
+        let json = serde_json::to_vec(input).map_err(|e| Error::malformed(script, "input", e.to_string()))?;
+        stdin.write_all(&json).map_err(io)?;
     }
     let done = node.wait_with_output().map_err(io)?;
     if !done.status.success() {
@@ -111,17 +111,17 @@ fn ask(script: &Path, job: &Job<'_>) -> Result<Told> {
         let last = said.lines().rfind(|l| l.contains("rror")).unwrap_or("said nothing").trim().to_owned();
         return Err(Error::unsupported(
             "three.js",
-            format!("{last}; --three wants npm i three playwright-core"),
+            format!("{last}; `three` wants npm i three playwright-core"),
         ));
     }
     serde_json::from_slice(&done.stdout)
-        .map_err(|e| Error::malformed("three.js", "its answer", e.to_string()))
+        .map_err(|e| Error::malformed("three.js", "its output", e.to_string()))
 }
 
 /// Camera to world and projection as three.js has them: y up, looking along -z, depth from -1 to 1.
 fn matrices(camera: &Camera) -> [[f32; 16]; 2] {
-    let turned = Mat3::from_diagonal(glam::Vec3::new(1.0, -1.0, -1.0));
-    let mut to_world = Mat4::from_mat3(camera.rotation.transpose() * turned);
+    let flipped = Mat3::from_diagonal(glam::Vec3::new(1.0, -1.0, -1.0));
+    let mut to_world = Mat4::from_mat3(camera.rotation.transpose() * flipped);
     to_world.w_axis = camera.position().extend(1.0);
     let (f, c, s) = (camera.focal, camera.center, camera.size.as_vec2());
     let (near, far) = (0.01f32, 1e5f32);

@@ -2,11 +2,9 @@
 
 use super::Global;
 use super::files;
-use super::layers::{self, Config};
+use super::layers::Layers;
 use super::progress::Progress;
-use crate::bake;
-use crate::bake::options::{BakeOptions, Preset};
-use crate::bake::views::Views;
+use crate::bake::{Bake, BakeOptions, Views};
 use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
 use crate::formats::output::{self, Output, OutputFormat};
@@ -60,21 +58,24 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()>
         .with_levels(options.lod.lod.len(), &options.output)?;
     guard(args, &output)?;
 
-    let mut progress = Progress::new(global);
+    let mut progress = Progress::new(global).with_flags_of(command());
     let mut report = Report::new("bake");
     report.inputs = args.inputs.iter().map(|p| p.display().to_string()).collect();
     report.options = serde_json::to_value(&options).unwrap_or_default();
     report.dry_run = args.dry_run;
 
     let mut views = photos(args, &mut report)?;
-    let loaded = read_all(&args.inputs)?;
-    let asset = bake::bake(loaded, &options, views.as_mut(), &mut report, &mut progress)?;
+    let asset = Bake::new(&options)
+        .photos(views.as_mut())
+        .report(&mut report)
+        .observer(&mut progress)
+        .run(read_all(&args.inputs)?)?;
     output::write(&asset, &output, &options.output, args.dry_run, &mut report, &mut progress)?;
     report.seconds = clock.elapsed().as_secs_f64();
 
     progress.done();
     for warning in &report.warnings {
-        progress.line(&format!("warning: {warning}"));
+        progress.warn(warning);
     }
     for file in &report.outputs {
         let verb = if args.dry_run { "would write" } else { "wrote" };
@@ -85,6 +86,11 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()>
         Some(path) => files::save_json(&report, path),
         None => Ok(()),
     }
+}
+
+/// The command, for the names of its flags.
+fn command() -> clap::Command {
+    <BakeArgs as clap::Args>::augment_args(clap::Command::new("bake"))
 }
 
 /// The training photos of `--dataset`.
@@ -100,13 +106,8 @@ fn photos(args: &BakeArgs, report: &mut Report) -> Result<Option<Views>> {
 
 /// Preset, then config file, then the flags really typed.
 fn resolve(args: &BakeArgs, matches: &ArgMatches) -> Result<BakeOptions> {
-    let config = args.config.as_deref().map(Config::read::<BakeOptions>).transpose()?;
-    let preset = if layers::is_typed(matches, "preset") {
-        args.options.preset
-    } else {
-        config.as_ref().and_then(|c| c.field::<Preset>("preset")).unwrap_or_default()
-    };
-    let options = layers::layer(&BakeOptions::preset(preset), config.as_ref(), &args.options, matches)?;
+    let layers = Layers { config: args.config.as_deref(), sets: &[], typed: &args.options, matches };
+    let options = layers.resolve(args.options.preset, BakeOptions::preset)?;
     options.validate()?;
     Ok(options)
 }

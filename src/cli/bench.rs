@@ -1,4 +1,4 @@
-//! `trisplat bench …`: speed claims, made by the tool itself.
+//! `trisplat bench …`: benchmarks of the tool by itself.
 
 use super::Global;
 use super::files;
@@ -7,7 +7,7 @@ use super::progress::{Progress, thousands};
 use crate::bench::fps;
 use crate::bench::{bake, fidelity, measure, raster};
 use crate::error::{Error, Result};
-use crate::train::progress::{Sample, Watcher};
+use crate::train::{TrainObserver, TrainSample};
 use std::ffi::OsString;
 use std::path::PathBuf;
 
@@ -16,23 +16,23 @@ use std::path::PathBuf;
 pub struct BenchArgs {
     /// The benchmark.
     #[command(subcommand)]
-    pub bench: Bench,
+    pub bench: BenchCommand,
 }
 
 /// The benchmarks.
 #[derive(Debug, clap::Subcommand)]
-pub enum Bench {
-    /// Time and memory of the bake, beside the floor and other tools.
+pub enum BenchCommand {
+    /// Time and memory of the bake, next to the floor and other tools.
     Bake(bake::BakeBenchArgs),
-    /// Frames a second at the paper's sizes, checked against the CPU.
+    /// Frames per second at the paper's sizes, checked against the CPU.
     #[cfg(feature = "gpu")]
     Fps(Box<fps::FpsArgs>),
-    /// Frames a second at the paper's sizes (not in this build).
+    /// Frames per second at the paper's sizes (not in this build).
     #[cfg(not(feature = "gpu"))]
     Fps(super::missing::MissingArgs),
     /// Quality of the file in an ordinary mesh renderer, step by step, on held-out photos.
     Fidelity(fidelity::FidelityBenchArgs),
-    /// Steps and frames a second of the rasterisers on this CPU, and where the time goes.
+    /// Steps and frames per second of the rasterisers on this CPU, and where the time goes.
     Raster(raster::RasterBenchArgs),
     /// Print the cost of one command as JSON (the other benchmarks run themselves through this).
     #[command(hide = true)]
@@ -41,7 +41,7 @@ pub enum Bench {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true, required = true)]
         command: Vec<OsString>,
     },
-    /// Read INPUT and write as many bytes as LIKE has: what no converter can beat.
+    /// Read INPUT and write as many bytes as LIKE has: the least that any converter must do.
     #[command(hide = true)]
     Floor {
         /// File to read.
@@ -56,15 +56,15 @@ pub enum Bench {
 /// Runs a benchmark; rows go to standard output.
 pub fn run(args: &BenchArgs, global: &Global) -> Result<()> {
     match &args.bench {
-        Bench::Bake(bake_args) => run_bake(bake_args, global),
+        BenchCommand::Bake(bake_args) => run_bake(bake_args, global),
         #[cfg(feature = "gpu")]
-        Bench::Fps(fps_args) => run_fps(fps_args, global),
+        BenchCommand::Fps(fps_args) => run_fps(fps_args, global),
         #[cfg(not(feature = "gpu"))]
-        Bench::Fps(_) => Err(super::missing::error("gpu")),
-        Bench::Fidelity(fidelity_args) => run_fidelity(fidelity_args, global),
-        Bench::Raster(raster_args) => run_raster(raster_args, global),
-        Bench::Measure { command } => print_json(&measure::run_only_child(command)?),
-        Bench::Floor { input, like, output } => bake::floor(input, like, output),
+        BenchCommand::Fps(_) => Err(super::missing::error("gpu")),
+        BenchCommand::Fidelity(fidelity_args) => run_fidelity(fidelity_args, global),
+        BenchCommand::Raster(raster_args) => run_raster(raster_args, global),
+        BenchCommand::Measure { command } => print_json(&measure::run_only_child(command)?),
+        BenchCommand::Floor { input, like, output } => bake::floor(input, like, output),
     }
 }
 
@@ -91,7 +91,7 @@ fn run_bake(args: &bake::BakeBenchArgs, global: &Global) -> Result<()> {
 fn run_fps(args: &fps::FpsArgs, global: &Global) -> Result<()> {
     let progress = Progress::new(global);
     progress.line(
-        "case                  triangles        size      FPS   median ms   p99 ms   card ms    cpu ms      drawn  B/tri  dB",
+        "case                  triangles        size      FPS   median ms   p99 ms    gpu ms    cpu ms      drawn  B/tri  dB",
     );
     let rows = fps::run(args, |row| {
         let optional =
@@ -143,11 +143,11 @@ fn run_fidelity(args: &fidelity::FidelityBenchArgs, global: &Global) -> Result<(
     if args.json { print_json(&rows) } else { Ok(()) }
 }
 
-/// Tells now and then how a training goes.
+/// Prints the progress of a training now and then.
 struct TrainLines<'a>(&'a Progress);
 
-impl Watcher for TrainLines<'_> {
-    fn sampled(&mut self, sample: &Sample) {
+impl TrainObserver for TrainLines<'_> {
+    fn sampled(&mut self, sample: &TrainSample) {
         if sample.test_psnr.is_some() || sample.step.is_multiple_of(500) {
             let held_out = sample.test_psnr.map_or(String::new(), |p| format!(", {p:.2} held out"));
             let (step, triangles) = (sample.step, thousands(sample.triangles));
@@ -158,8 +158,9 @@ impl Watcher for TrainLines<'_> {
 
 fn run_raster(args: &raster::RasterBenchArgs, global: &Global) -> Result<()> {
     let progress = Progress::new(global);
-    progress
-        .line("way    threads  triangles   pixels     wall ms    cpu ms   a second   share of each part, %");
+    progress.line(
+        "        threads  triangles   pixels     wall ms    cpu ms   per second   share of each part, %",
+    );
     let rows = raster::run(args, |row| {
         let parts: Vec<String> =
             row.parts.iter().map(|p| format!("{} {:.0}", p.name, 100.0 * p.share)).collect();

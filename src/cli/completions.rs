@@ -1,8 +1,7 @@
 //! `trisplat completions SHELL`.
 
-use super::Cli;
 use crate::error::{Error, Result};
-use clap::CommandFactory;
+use clap::Command;
 use std::io::Write;
 
 /// Which shell.
@@ -12,9 +11,9 @@ pub struct CompletionsArgs {
     pub shell: clap_complete::Shell,
 }
 
-/// Prints the completion script to standard output.
-pub fn run(args: &CompletionsArgs) -> Result<()> {
+/// Prints the completion script of `program` to standard output.
+pub fn run(args: &CompletionsArgs, program: &mut Command) -> Result<()> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut Cli::command(), "trisplat", &mut script);
+    clap_complete::generate(args.shell, program, "trisplat", &mut script);
     std::io::stdout().write_all(&script).map_err(|e| Error::io("-", e))
 }

@@ -4,9 +4,9 @@ use super::Global;
 use super::files;
 use super::progress::{Progress, thousands};
 use super::render::{prepare_folder, save_picture};
-use crate::bench::judge::{self, Drawn, Fidelity, Score, StepScore};
-use crate::bench::paint::DrawOptions;
-use crate::bench::sheet::{Sheet, is_shown};
+use crate::bench::contact_sheet::{ContactSheet, is_shown};
+use crate::bench::evaluate::{self, EvalReport, ScoredPicture, Scores, StepScore};
+use crate::bench::scene_renderer::RenderOptions;
 use crate::bench::steps;
 use crate::dataset::{Dataset, DatasetOptions, Split, View};
 use crate::error::{Error, Result};
@@ -15,14 +15,14 @@ use crate::image::Pixels;
 use crate::view::show;
 use std::path::{Path, PathBuf};
 
-/// What to compare.
+/// What to evaluate.
 #[derive(Debug, clap::Args)]
 pub struct EvalArgs {
     /// Trained soup (.ply .pt) or mesh (.glb .gltf .obj .ply .off).
     ///
     /// A mesh is drawn as an engine does. A soup is drawn soft, as it was trained; solid, as the bake with its
-    /// default options makes it; and once more from a quantised and compressed file, so that what each step
-    /// costs can be read off.
+    /// default options makes it; and once more from a quantised and compressed file, which shows what each step
+    /// costs.
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
     /// Folder of posed photos, or a transforms.json.
@@ -30,7 +30,7 @@ pub struct EvalArgs {
     pub dataset: PathBuf,
     /// How it is drawn.
     #[command(flatten)]
-    pub draw: DrawOptions,
+    pub render: RenderOptions,
     /// Which photos.
     #[arg(long, value_enum, default_value_t)]
     pub split: Split,
@@ -38,8 +38,8 @@ pub struct EvalArgs {
     /// solid and file when a soup is drawn at every step.
     #[arg(long, value_name = "DIR")]
     pub save_renders: Option<PathBuf>,
-    /// Write a PNG to look at: a row a photo (12 at most), the photo, then each drawing and a map of its FLIP
-    /// error, black for none.
+    /// Write a contact sheet as PNG: one row per photo (12 at most) with the photo, then each drawing and a map of its
+    /// FLIP error, black for none.
     #[arg(long, value_name = "FILE")]
     pub sheet: Option<PathBuf>,
     /// Write all scores as JSON (schema: trisplat schema eval).
@@ -53,7 +53,7 @@ pub struct EvalArgs {
     pub dataset_options: DatasetOptions,
 }
 
-/// Draws, measures, prints a line a photo and step, and the means.
+/// Draws, measures, prints one line per photo and step, and the means.
 pub fn run(args: &EvalArgs, global: &Global) -> Result<()> {
     for (option, path) in [("--report", &args.report), ("--sheet", &args.sheet)] {
         if let Some(path) = path.as_deref().filter(|p| p.exists() && !args.force) {
@@ -72,28 +72,28 @@ pub fn run(args: &EvalArgs, global: &Global) -> Result<()> {
         warnings.push("masked pixels were left out of the scores".into());
     }
     let background = args.dataset_options.background.to_f32();
-    let mut steps = steps::steps(&args.file, loaded, &args.draw, &dataset, background)?;
-    let mut output = Output::new(args, steps.iter().map(|s| s.name).collect(), &views)?;
+    let mut steps = steps::steps(&args.file, loaded, &args.render, &dataset, background)?;
+    let mut pictures = EvalPictures::new(args, steps.iter().map(|s| s.name).collect(), &views)?;
 
     let progress = Progress::new(global);
     let width = views.iter().map(|v| v.name.len()).max().unwrap_or(0).max(4);
     let photo_bytes = u64::from(args.dataset_options.photo_memory_mib) << 20;
-    let scores = judge::judge(&mut steps, &views, photo_bytes, |view, photo, drawn| {
+    let scores = evaluate::evaluate(&mut steps, &views, photo_bytes, |view, photo, drawn| {
         for one in drawn {
             progress.line(&row(&view.name, width, one.step, &one.score.score));
         }
-        output.add(view, photo, drawn)
+        pictures.add(view, photo, drawn)
     })?;
     progress.done();
-    output.save_sheet(args.sheet.as_deref())?;
-    let report = Fidelity::new(&args.file, &args.dataset, args.split.name(), args.draw.ssaa, scores);
-    let report = Fidelity { warnings, ..report };
+    pictures.save_sheet(args.sheet.as_deref())?;
+    let report = EvalReport::new(&args.file, &args.dataset, args.split.name(), args.render.ssaa, scores);
+    let report = EvalReport { warnings, ..report };
     print(&report, width, views.len(), &progress);
     args.report.as_deref().map_or(Ok(()), |path| files::save_json(&report, path))
 }
 
 /// Warnings and means.
-fn print(report: &Fidelity, width: usize, count: usize, progress: &Progress) {
+fn print(report: &EvalReport, width: usize, count: usize, progress: &Progress) {
     for warning in &report.warnings {
         progress.line(&format!("warning: {warning}"));
     }
@@ -102,7 +102,7 @@ fn print(report: &Fidelity, width: usize, count: usize, progress: &Progress) {
     }
 }
 
-/// What is to be said of a step beside its means.
+/// What is printed of a step beside its means.
 fn remark(step: &StepScore, count: usize) -> String {
     let mut remark = format!("{count} photos, {} triangles", thousands(step.triangles));
     if let Some(bytes) = step.bytes {
@@ -114,21 +114,22 @@ fn remark(step: &StepScore, count: usize) -> String {
     remark
 }
 
-fn row(name: &str, width: usize, step: &str, score: &Score) -> String {
-    let Score { psnr, ssim, flip } = score;
+fn row(name: &str, width: usize, step: &str, score: &Scores) -> String {
+    let Scores { psnr, ssim, flip } = score;
     format!("{name:<width$}  {step:<5}  PSNR {psnr:7.3} dB  SSIM {ssim:.4}  FLIP {flip:.4}")
 }
 
 /// The pictures that are written.
-struct Output {
-    /// A folder a step; none when no drawings are kept.
+struct EvalPictures {
+    /// One folder per step; none when no drawings are kept.
     folders: Vec<PathBuf>,
-    sheet: Option<Sheet>,
+    sheet: Option<ContactSheet>,
     views: usize,
-    heard: usize,
+    /// Views added so far.
+    added: usize,
 }
 
-impl Output {
+impl EvalPictures {
     /// Refuses to replace pictures before any is drawn.
     fn new(args: &EvalArgs, steps: Vec<&str>, views: &[&View]) -> Result<Self> {
         let folders: Vec<PathBuf> = match &args.save_renders {
@@ -139,20 +140,20 @@ impl Output {
         for folder in &folders {
             prepare_folder(folder, views.iter().map(|v| v.name.as_str()), args.force)?;
         }
-        let sheet = args.sheet.is_some().then(Sheet::default);
-        Ok(Self { folders, sheet, views: views.len(), heard: 0 })
+        let sheet = args.sheet.is_some().then(ContactSheet::default);
+        Ok(Self { folders, sheet, views: views.len(), added: 0 })
     }
 
-    fn add(&mut self, view: &View, photo: &Pixels, drawn: &[Drawn]) -> Result<()> {
+    fn add(&mut self, view: &View, photo: &Pixels, drawn: &[ScoredPicture]) -> Result<()> {
         for (folder, one) in self.folders.iter().zip(drawn) {
             save_picture(folder, &view.name, &one.picture)?;
         }
-        if let Some(sheet) = self.sheet.as_mut().filter(|_| is_shown(self.heard, self.views)) {
+        if let Some(sheet) = self.sheet.as_mut().filter(|_| is_shown(self.added, self.views)) {
             let maps: Vec<Pixels> = drawn.iter().map(|d| show::heat(d.picture.size, &d.flip)).collect();
             let pairs = drawn.iter().zip(&maps).flat_map(|(d, map)| [&d.picture, map]);
             sheet.add(std::iter::once(photo).chain(pairs));
         }
-        self.heard += 1;
+        self.added += 1;
         Ok(())
     }
 

@@ -1,4 +1,4 @@
-//! What commands do alike with the files they write: JSON, and the refusal to replace.
+//! What commands share about the files they write: JSON, and the refusal to replace.
 
 use crate::atomic::AtomicFile;
 use crate::error::{Error, Result};
@@ -19,7 +19,7 @@ pub fn save_json(value: &impl Serialize, path: &Path) -> Result<()> {
     file.commit().map(drop)
 }
 
-/// The error of a file that is there and may not be replaced.
+/// The error of a file that exists and may not be replaced.
 pub fn is_there(option: &str, path: &Path) -> Error {
     Error::invalid(option, path.display(), "a new file, or --force to replace it")
 }

@@ -1,16 +1,17 @@
 //! `trisplat info FILE`: what is in a file of any format, or in a data set.
 
+use super::progress::thousands;
 use super::{files, info_dataset};
-use crate::bake::prune::{PruneOptions, prune};
+use crate::bake::prune::{PruneDetails, PruneOptions, prune};
 use crate::dataset::DatasetOptions;
 use crate::error::{Error, Result};
 use crate::formats::info::{BakeInfo, Distribution, HistogramBin, Info, SceneKind, info};
-use crate::report::Outcome;
+use crate::report::{self, Outcome};
 use crate::scene::Loaded;
 use std::io::{self, Write};
 use std::path::PathBuf;
 
-/// What to look at.
+/// What to describe.
 #[derive(Debug, clap::Args)]
 pub struct InfoArgs {
     /// Soup or mesh to describe: .ply, .pt, .off, .obj, .glb or .gltf; "-" is standard input.
@@ -39,9 +40,10 @@ pub fn run(args: &InfoArgs, out: &mut dyn Write) -> Result<()> {
 /// What the default bake would keep; none when its first stage fails.
 fn would_bake(loaded: Loaded) -> Option<BakeInfo> {
     let mut scene = loaded.scene;
-    let mut dropped = serde_json::Map::new();
-    match prune(&mut scene, &PruneOptions::DEFAULT, &mut dropped) {
+    let mut details = PruneDetails::default();
+    match prune(&mut scene, &PruneOptions::DEFAULT, &mut details) {
         Ok(Outcome::Changed(()) | Outcome::Unneeded(_)) => {
+            let mut dropped = report::to_json(&details);
             dropped.retain(|_, count| count.as_u64() != Some(0));
             Some(BakeInfo { kept: scene.triangle_count() as u64, dropped })
         }
@@ -50,7 +52,7 @@ fn would_bake(loaded: Loaded) -> Option<BakeInfo> {
 }
 
 fn print(info: &Info, out: &mut dyn Write) -> io::Result<()> {
-    writeln!(out, "{}: {}, {} bytes", info.path, info.format.name(), grouped(info.bytes))?;
+    writeln!(out, "{}: {}, {} bytes", info.path, info.format.name(), thousands(info.bytes))?;
     let kind = match (info.kind, info.sh_degree) {
         (SceneKind::Soup, Some(degree)) => format!("soup, spherical harmonics of degree {degree}"),
         (SceneKind::Soup, None) => "soup".to_owned(),
@@ -58,10 +60,10 @@ fn print(info: &Info, out: &mut dyn Write) -> io::Result<()> {
         (SceneKind::Mesh, _) => "mesh".to_owned(),
     };
     line(out, "kind", &kind)?;
-    line(out, "triangles", &grouped(info.triangles))?;
-    line(out, "vertices", &grouped(info.vertices))?;
+    line(out, "triangles", &thousands(info.triangles))?;
+    line(out, "vertices", &thousands(info.vertices))?;
     if info.cameras > 0 {
-        line(out, "cameras", &grouped(info.cameras))?;
+        line(out, "cameras", &thousands(info.cameras))?;
     }
     let [min, max] = [info.bounds.min, info.bounds.max].map(|p| p.map(|x| format!("{x:.4}")).join(" "));
     line(out, "bounds", &format!("{min}  to  {max}"))?;
@@ -70,7 +72,7 @@ fn print(info: &Info, out: &mut dyn Write) -> io::Result<()> {
     let colors = &info.colors;
     let outside = match colors.outside {
         0 => String::new(),
-        n => format!("; {} outside 0 to 1", grouped(n)),
+        n => format!("; {} outside 0 to 1", thousands(n)),
     };
     let colors = format!("mean #{}, #{} to #{}{outside}", hex(colors.mean), hex(colors.min), hex(colors.max));
     line(out, "colors", &colors)?;
@@ -129,7 +131,7 @@ fn bake_line(info: &Info) -> String {
     }
     let causes: Vec<String> = bake.dropped.iter().map(|(cause, count)| format!("{cause} {count}")).collect();
     let share = 100.0 * dropped as f64 / info.triangles.max(1) as f64;
-    format!("would drop {} triangles ({share:.1}%: {})", grouped(dropped), causes.join(", "))
+    format!("would drop {} triangles ({share:.1}%: {})", thousands(dropped), causes.join(", "))
 }
 
 /// A histogram of text bars; the longest is 40 characters.
@@ -143,24 +145,11 @@ fn print_spread(out: &mut dyn Write, name: &str, spread: &Distribution) -> io::R
             None => format!("{low} and more"),
         };
         let bar = "#".repeat((40 * count).div_ceil(most) as usize);
-        writeln!(out, "  {range:>14}  {:>11}  {bar}", grouped(*count))?;
+        writeln!(out, "  {range:>14}  {:>11}  {bar}", thousands(*count))?;
     }
     Ok(())
 }
 
 fn line(out: &mut dyn Write, name: &str, value: &str) -> io::Result<()> {
     writeln!(out, "{name:<10} {value}")
-}
-
-/// 1234567 as "1,234,567".
-fn grouped(number: u64) -> String {
-    let digits = number.to_string();
-    let mut text = String::with_capacity(digits.len() + digits.len() / 3);
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
 }

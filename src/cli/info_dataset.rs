@@ -25,7 +25,7 @@ pub fn run(path: &Path, options: &DatasetOptions, json: bool, out: &mut dyn Writ
     out.write_all(text.as_bytes()).map_err(|e| Error::io("-", e))
 }
 
-/// The table, one figure a line.
+/// The table, one figure per line.
 pub fn table(d: &Description) -> String {
     let mut rows = vec![("kind", d.kind.to_string())];
     let photos = d.train + d.test;

@@ -1,4 +1,4 @@
-//! Options laid over each other: preset < config file < flags really typed.
+//! Layers of options: preset < config file < `--set` < flags really typed.
 //!
 //! A flag typed with its default value still wins over the config file, because what counts is that
 //! it was typed ([`clap::ArgMatches::value_source`]), not what it says.
@@ -11,14 +11,14 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::path::Path;
 
-/// A config file: the options it names, checked against `T` already.
+/// A config file: the options that it names, already checked.
 #[derive(Debug)]
 pub struct Config {
     value: Value,
 }
 
 impl Config {
-    /// Reads `path` and proves that it holds only keys and types of `T`; a misspelt key is an error
+    /// Reads `path` and checks that it holds only keys and types of `T`; a misspelt key is an error
     /// that lists the right ones. `$schema` is allowed and ignored.
     pub fn read<T: DeserializeOwned>(path: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
@@ -41,9 +41,44 @@ impl Config {
     }
 }
 
-/// `config` with `KEY=VALUE` settings laid over it; keys are those of `base`, groups joined by dots.
+/// The layers of one command.
+#[derive(Debug, Clone, Copy)]
+pub struct Layers<'a, T> {
+    /// The config file, if any.
+    pub config: Option<&'a Path>,
+    /// `KEY=VALUE` settings, which win over the config file.
+    pub sets: &'a [String],
+    /// The options as clap parsed them; only those really typed count, and win over everything.
+    pub typed: &'a T,
+    /// Says what was typed.
+    pub matches: &'a ArgMatches,
+}
+
+impl<T: Serialize + DeserializeOwned> Layers<'_, T> {
+    /// The options over those of the preset, which comes from a typed `--preset` (its value is `typed_preset`), else
+    /// from the config file, else is the default.
+    ///
+    /// Errors: the config file or a setting has a key or a value that `T` does not have.
+    pub fn resolve<P: DeserializeOwned + Default>(
+        &self,
+        typed_preset: P,
+        options_of: impl Fn(P) -> T,
+    ) -> Result<T> {
+        let config = self.config.map(Config::read::<T>).transpose()?;
+        let preset = if is_typed(self.matches, "preset") {
+            typed_preset
+        } else {
+            config.as_ref().and_then(|c| c.field::<P>("preset")).unwrap_or_default()
+        };
+        let base = options_of(preset);
+        let config = with_sets(&base, config, self.sets)?;
+        layer(&base, config.as_ref(), self.typed, self.matches)
+    }
+}
+
+/// `config` overlaid with `KEY=VALUE` settings; keys are those of `base`, groups joined by dots.
 /// A key that does not exist is an error that lists the right ones.
-pub fn with_sets<T: Serialize>(base: &T, config: Option<Config>, sets: &[String]) -> Result<Option<Config>> {
+fn with_sets<T: Serialize>(base: &T, config: Option<Config>, sets: &[String]) -> Result<Option<Config>> {
     if sets.is_empty() {
         return Ok(config);
     }
@@ -73,9 +108,9 @@ fn names(group: &Value) -> String {
     format!("one of {}", keys.join(", "))
 }
 
-/// Lays `config`, then the flags of `typed` that were really typed, over `base`.
+/// `base` overlaid with `config`, then with the flags of `typed` that were really typed.
 /// Flags are matched by the name of their field, which is unique over all option groups.
-pub fn layer<T: Serialize + DeserializeOwned>(
+fn layer<T: Serialize + DeserializeOwned>(
     base: &T,
     config: Option<&Config>,
     typed: &T,

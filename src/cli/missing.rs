@@ -1,13 +1,13 @@
-//! Commands that this build was made without.
+//! Commands that this build lacks.
 
 use crate::error::Error;
 use std::ffi::OsString;
 
-/// Anything: it is not looked at.
+/// Any arguments; they are ignored.
 #[derive(Debug, clap::Args)]
 #[command(disable_help_flag = true)]
 pub struct MissingArgs {
-    /// Whatever a build with the feature takes.
+    /// The arguments of a build with the feature.
     #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
     pub rest: Vec<OsString>,
 }

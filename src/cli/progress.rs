@@ -1,8 +1,8 @@
 //! What the terminal shows while stages run: a spinner on a TTY, and the stage table.
 
-use super::Global;
+use super::{Global, flags};
 use crate::report::{Observer, StageReport};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{HumanCount, ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::Duration;
 
@@ -12,10 +12,12 @@ pub struct Progress {
     quiet: bool,
     verbose: bool,
     spinner: Option<ProgressBar>,
+    /// Spells the fields named in reasons and warnings as flags.
+    command: clap::Command,
 }
 
 impl Progress {
-    /// Heeds `-q` and `-v`.
+    /// Follows `-q` and `-v`.
     pub fn new(global: &Global) -> Self {
         let spinner = (!global.quiet && std::io::stderr().is_terminal()).then(|| {
             let bar = ProgressBar::new_spinner();
@@ -25,7 +27,12 @@ impl Progress {
             bar.enable_steady_tick(Duration::from_millis(100));
             bar
         });
-        Self { quiet: global.quiet, verbose: global.verbose, spinner }
+        Self { quiet: global.quiet, verbose: global.verbose, spinner, command: clap::Command::default() }
+    }
+
+    /// Spells the fields named in reasons and warnings as the flags of `command`.
+    pub fn with_flags_of(self, command: clap::Command) -> Self {
+        Self { command, ..self }
     }
 
     /// Prints a line, above the spinner when there is one; nothing when quiet.
@@ -37,7 +44,12 @@ impl Progress {
         }
     }
 
-    /// Takes the spinner away.
+    /// Prints a warning of the library.
+    pub fn warn(&self, warning: &str) {
+        self.line(&format!("warning: {}", flags::spell(warning, &self.command)));
+    }
+
+    /// Removes the spinner.
     pub fn done(&self) {
         if let Some(bar) = &self.spinner {
             bar.finish_and_clear();
@@ -53,7 +65,7 @@ impl Observer for Progress {
     }
 
     fn finished(&mut self, stage: &StageReport) {
-        self.line(&row(stage));
+        self.line(&flags::spell(&row(stage), &self.command));
         if self.verbose {
             for (key, value) in &stage.details {
                 self.line(&format!("           {key}: {value}"));
@@ -78,17 +90,9 @@ fn row(stage: &StageReport) -> String {
     format!("{name:<11}{counts:<36}{:>8.2} s", stage.seconds)
 }
 
-/// 1234567 as "1,234,567".
+/// 1234567 as "1,234,567", to be padded like any text.
 pub fn thousands(number: u64) -> String {
-    let digits = number.to_string();
-    let mut out = String::with_capacity(digits.len() + digits.len() / 3);
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            out.push(',');
-        }
-        out.push(digit);
-    }
-    out
+    HumanCount(number).to_string()
 }
 
 #[cfg(test)]

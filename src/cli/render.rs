@@ -1,9 +1,9 @@
-//! `trisplat render FILE -o DIR`: pictures of a soup or a mesh, as photos' cameras see it or from around it.
+//! `trisplat render FILE -o DIR`: pictures of a soup or a mesh, from the photos' cameras or from a circle around it.
 
 use super::Global;
 use super::progress::Progress;
 use crate::asset::{Placement, UpAxis};
-use crate::bench::paint::{DrawOptions, Painter, Way};
+use crate::bench::scene_renderer::{RenderMode, RenderOptions, SceneRenderer};
 use crate::bench::steps;
 use crate::camera::Camera;
 use crate::dataset::{Dataset, DatasetOptions, Split};
@@ -16,7 +16,7 @@ use crate::view::orbit;
 use glam::{DVec3, Vec3};
 use std::path::{Path, PathBuf};
 
-/// What to draw, from where.
+/// What to draw, and from which cameras.
 #[derive(Debug, clap::Args)]
 pub struct RenderArgs {
     /// Trained soup (.ply .pt), drawn soft unless --as says otherwise, or mesh (.glb .gltf .obj .ply .off).
@@ -24,7 +24,7 @@ pub struct RenderArgs {
     pub file: PathBuf,
     /// How it is drawn.
     #[command(flatten)]
-    pub draw: DrawOptions,
+    pub render: RenderOptions,
     /// Folder for the pictures; made when it is not there.
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
@@ -42,7 +42,7 @@ pub struct RenderArgs {
     pub width: u32,
     /// What the pictures show.
     #[arg(long, value_enum, default_value_t)]
-    pub show: Show,
+    pub show: PictureKind,
     /// Share of the triangles that --show random-subset draws, of 1.
     #[arg(long, value_name = "SHARE", default_value_t = 0.1)]
     pub share: f64,
@@ -59,15 +59,15 @@ pub struct RenderArgs {
 
 /// What a picture shows of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
-pub enum Show {
+pub enum PictureKind {
     /// Colour.
     #[default]
     Color,
     /// Expected depth, near bright.
     Depth,
-    /// Normals in the camera's axes.
+    /// Normals in camera space.
     Normal,
-    /// Layers that make up each pixel.
+    /// Number of layers of each pixel.
     Contributions,
     /// Colour of some triangles only, so that their shapes can be seen.
     RandomSubset,
@@ -81,36 +81,36 @@ pub fn run(args: &RenderArgs, global: &Global) -> Result<()> {
     let loaded = formats::read(&args.file, &ReadOptions { sh_degree: 3 })?;
     let Loaded { scene, provenance, .. } = solid_if_asked(args, loaded)?;
     let dataset = args.dataset.as_ref().map(|path| Dataset::load(path, &args.dataset_options)).transpose()?;
-    let shots = match &dataset {
-        Some(dataset) => dataset_shots(args, dataset)?,
+    let cameras = match &dataset {
+        Some(dataset) => dataset_cameras(args, dataset)?,
         None => {
             let up = up_vector(provenance.up.unwrap_or_default());
-            orbit_shots(orbit::around_scene(&scene, up, args.width, args.orbit.unwrap_or(0)))
+            orbit_cameras(orbit::around_scene(&scene, up, args.width, args.orbit.unwrap_or(0)))
         }
     };
-    let mut painter = painter(args, scene, &provenance.placement, dataset.as_ref());
-    shots.iter().try_for_each(|(_, camera)| painter.validate(camera.size))?;
-    prepare_folder(&args.output, shots.iter().map(|(name, _)| name.as_str()), args.force)?;
+    let mut renderer = renderer(args, scene, &provenance.placement, dataset.as_ref());
+    cameras.iter().try_for_each(|(_, camera)| renderer.validate(camera.size))?;
+    prepare_folder(&args.output, cameras.iter().map(|(name, _)| name.as_str()), args.force)?;
     let progress = Progress::new(global);
-    for (name, camera) in &shots {
+    for (name, camera) in &cameras {
         let picture = match args.show {
-            Show::Color | Show::RandomSubset => painter.color(camera),
-            Show::Depth => painter.depth(camera),
-            Show::Normal => painter.normal(camera),
-            Show::Contributions => painter.contributions(camera)?,
+            PictureKind::Color | PictureKind::RandomSubset => renderer.color(camera),
+            PictureKind::Depth => renderer.depth(camera),
+            PictureKind::Normal => renderer.normal(camera),
+            PictureKind::Contributions => renderer.contributions(camera)?,
         };
         save_picture(&args.output, name, &picture)?;
     }
     progress.done();
-    progress.line(&format!("wrote {} pictures to {}", shots.len(), args.output.display()));
+    progress.line(&format!("wrote {} pictures to {}", cameras.len(), args.output.display()));
     Ok(())
 }
 
-/// What was read; of a soup what the bake makes of it, if that is wanted.
+/// What was read; a soup that is to be drawn solid is baked.
 fn solid_if_asked(args: &RenderArgs, loaded: Loaded) -> Result<Loaded> {
-    match (loaded.scene, args.draw.way) {
-        (Scene::Mesh(_), Some(Way::Soft)) => Err(steps::no_soup(&args.file)),
-        (Scene::Soup(soup), Some(Way::Solid)) => {
+    match (loaded.scene, args.render.mode) {
+        (Scene::Mesh(_), Some(RenderMode::Soft)) => Err(steps::no_soup(&args.file)),
+        (Scene::Soup(soup), Some(RenderMode::Solid)) => {
             let asset = steps::baked(soup, loaded.provenance)?;
             Ok(Loaded {
                 scene: Scene::Mesh(asset.mesh),
@@ -123,34 +123,38 @@ fn solid_if_asked(args: &RenderArgs, loaded: Loaded) -> Result<Loaded> {
     }
 }
 
-/// Draws the scene, or the share of it that is asked for.
-fn painter(args: &RenderArgs, scene: Scene, placement: &Placement, dataset: Option<&Dataset>) -> Painter {
+/// The renderer of the scene, or of the random subset of it.
+fn renderer(
+    args: &RenderArgs,
+    scene: Scene,
+    placement: &Placement,
+    dataset: Option<&Dataset>,
+) -> SceneRenderer {
     let background = args.dataset_options.background.to_f32();
     let rng = Rng::new(args.seed, "random subset", 0);
-    // The same ones for the same seed.
     let kept = |i: usize| rng.uniform_f64(i as u64) < args.share;
-    let subset = args.show == Show::RandomSubset;
+    let subset = args.show == PictureKind::RandomSubset;
     match scene {
         Scene::Soup(mut soup) => {
             if subset {
                 soup.retain(kept);
             }
-            Painter::soft(soup, placement, dataset, background)
+            SceneRenderer::soft(soup, placement, dataset, background)
         }
         Scene::Mesh(mut mesh) => {
             if subset {
                 mesh.retain(kept);
             }
-            Painter::solid(mesh, placement, dataset, background, args.draw.ssaa)
+            SceneRenderer::solid(mesh, placement, dataset, background, args.render.ssaa)
         }
     }
 }
 
 /// Names and cameras: the photos' or a circle around what they look at.
-fn dataset_shots(args: &RenderArgs, dataset: &Dataset) -> Result<Vec<(String, Camera)>> {
+fn dataset_cameras(args: &RenderArgs, dataset: &Dataset) -> Result<Vec<(String, Camera)>> {
     if let Some(count) = args.orbit {
         let cameras: Vec<Camera> = dataset.views.iter().map(|v| v.camera).collect();
-        return Ok(orbit_shots(orbit::around_cameras(&cameras, count)));
+        return Ok(orbit_cameras(orbit::around_cameras(&cameras, count)));
     }
     let views = args.split.of(dataset);
     if views.is_empty() {
@@ -160,7 +164,7 @@ fn dataset_shots(args: &RenderArgs, dataset: &Dataset) -> Result<Vec<(String, Ca
     Ok(views.iter().map(|v| (v.name.clone(), v.camera)).collect())
 }
 
-fn orbit_shots(cameras: Vec<Camera>) -> Vec<(String, Camera)> {
+fn orbit_cameras(cameras: Vec<Camera>) -> Vec<(String, Camera)> {
     cameras.into_iter().enumerate().map(|(i, camera)| (format!("orbit_{i:04}.png"), camera)).collect()
 }
 
@@ -169,7 +173,7 @@ fn up_vector(up: UpAxis) -> Vec3 {
     (up.to_y_up().transpose() * DVec3::Y).as_vec3()
 }
 
-/// Makes the folder and refuses to replace a picture in it without `force`: before any work.
+/// Makes the folder; refuses to replace a picture in it without `force`, before any work.
 pub(super) fn prepare_folder<'a>(
     folder: &Path,
     names: impl Iterator<Item = &'a str>,

@@ -1,4 +1,4 @@
-//! `trisplat sample NAME -o OUT`: soups and data sets made from nothing, to try things on.
+//! `trisplat sample NAME -o OUT`: synthetic soups and data sets to try things on.
 
 use super::files;
 use crate::atomic::AtomicFile;
@@ -13,15 +13,15 @@ use std::path::PathBuf;
 pub struct SampleArgs {
     /// The sample.
     #[command(subcommand)]
-    pub sample: Sample,
+    pub sample: SampleCommand,
 }
 
-/// The samples there are.
+/// The samples.
 #[derive(Debug, clap::Subcommand)]
-pub enum Sample {
+pub enum SampleCommand {
     /// Soup of balls, a ring, a chest, poles and a colour chart on a chequered stage under a dome.
     Studio(SoupArgs),
-    /// Soup of every nasty triangle a reader may accept; it has a count of its own.
+    /// Soup of every degenerate triangle that a reader may accept; its number of triangles is fixed.
     Degenerate(SoupArgs),
     /// Posed photos of an analytic scene, in COLMAP's layout.
     Dataset(DatasetArgs),
@@ -33,7 +33,7 @@ pub struct SoupArgs {
     /// Soup to write; "-" is standard output.
     #[arg(short, long, value_name = "FILE.ply")]
     pub output: PathBuf,
-    /// Number of triangles (degenerate has its own).
+    /// Number of triangles (fixed for degenerate).
     #[arg(long, default_value_t = 8000, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
     pub triangles: u32,
     /// Highest degree of the spherical harmonics.
@@ -64,9 +64,9 @@ pub struct DatasetArgs {
 /// Makes the sample and writes it.
 pub fn run(args: &SampleArgs) -> Result<()> {
     match &args.sample {
-        Sample::Studio(args) => write_soup(SampleScene::Studio, args),
-        Sample::Degenerate(args) => write_soup(SampleScene::Degenerate, args),
-        Sample::Dataset(args) => write_dataset(args),
+        SampleCommand::Studio(args) => write_soup(SampleScene::Studio, args),
+        SampleCommand::Degenerate(args) => write_soup(SampleScene::Degenerate, args),
+        SampleCommand::Dataset(args) => write_dataset(args),
     }
 }
 

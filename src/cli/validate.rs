@@ -6,7 +6,7 @@ use crate::formats::check::{Checked, Severity, check};
 use std::io::{self, Write};
 use std::path::PathBuf;
 
-/// What to look at.
+/// What to check.
 #[derive(Debug, clap::Args)]
 pub struct ValidateArgs {
     /// File to check: .ply, .pt, .off, .obj, .glb or .gltf, and the .bvh beside it; "-" is standard input.

@@ -1,41 +1,41 @@
 //! `trisplat view FILE`: a window to fly through a scene.
 
 use crate::asset::{Asset, Placement};
-use crate::bake::{self, bvh, bvh::BvhOptions};
-use crate::bench::baked::Baked;
-use crate::bench::paint::Painter;
+use crate::bake::bvh::{BvhDetails, BvhOptions, bvh};
+use crate::bench::baked_scene::BakedScene;
+use crate::bench::scene_renderer::SceneRenderer;
 use crate::camera::Camera;
 use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
 use crate::formats::{self, ReadOptions};
 use crate::gpu::AdapterOptions;
 use crate::placed;
-use crate::view::window::{self, Loader, Photo, Scene, Source, WindowOptions};
+use crate::view::window::{self, SceneLoader, SoupSource, WindowOptions, WindowPhoto, WindowScene};
 use glam::{DVec3, UVec2, Vec3};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// What to look at, and how.
+/// What to show, and how.
 #[derive(Debug, Clone, clap::Args)]
 pub struct ViewArgs {
     /// Scene to show: .glb .gltf .obj .off .ply .pt; a soup is baked in memory.
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
-    /// Data set whose cameras can be jumped to, with the photos beside or over the picture.
+    /// Data set whose cameras can be visited, with the photos beside or over the picture.
     #[arg(long, value_name = "DATASET")]
     pub dataset: Option<PathBuf>,
     /// Width and height of the window, px.
     #[arg(long, default_value = "1280x720", value_name = "WxH", value_parser = crate::bench::fps::size)]
     pub size: UVec2,
-    /// Samples of edges: 1 or 4 a pixel.
+    /// Samples per pixel at edges (MSAA): 1 or 4.
     #[arg(long, default_value_t = 4, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4))]
     pub msaa: u32,
-    /// Show pictures as soon as they are drawn, for the largest FPS.
+    /// Show pictures as soon as they are drawn, for the highest FPS.
     #[arg(long)]
     pub no_vsync: bool,
     /// Folder for the screenshots that F12 takes.
     #[arg(long, default_value = ".", value_name = "DIR")]
-    pub shots: PathBuf,
+    pub screenshots: PathBuf,
     /// Which graphics card draws.
     #[command(flatten, next_help_heading = "Graphics card")]
     pub adapter: AdapterOptions,
@@ -49,7 +49,7 @@ pub fn run(args: &ViewArgs) -> Result<()> {
     if ![1, 4].contains(&args.msaa) {
         return Err(Error::invalid("--msaa", args.msaa, "1 or 4"));
     }
-    // A misspelt name is told before a window opens.
+    // A misspelt name is reported before a window opens.
     for path in [Some(&args.file), args.dataset.as_ref()].into_iter().flatten() {
         std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
     }
@@ -60,47 +60,49 @@ pub fn run(args: &ViewArgs) -> Result<()> {
         background: args.dataset_options.background.to_f32(),
         msaa: args.msaa,
         vsync: !args.no_vsync,
-        shots: args.shots.clone(),
+        screenshots: args.screenshots.clone(),
         adapter: args.adapter.clone(),
     };
     let args = args.clone();
-    let load = Box::new(move |say: &dyn Fn(&str)| load(&args, say));
-    window::open(options, Loader { load, index })
+    let load = Box::new(move |progress: &dyn Fn(&str)| load(&args, progress));
+    window::open(options, SceneLoader { load, add_bvh })
 }
 
-fn load(args: &ViewArgs, say: &dyn Fn(&str)) -> Result<Scene> {
-    say("reading");
+fn load(args: &ViewArgs, progress: &dyn Fn(&str)) -> Result<WindowScene> {
+    progress("reading");
     let loaded = formats::read(&args.file, &ReadOptions { sh_degree: 3 })?;
     let dataset = match &args.dataset {
         Some(path) => {
-            say("reading the data set");
+            progress("reading the data set");
             Some(Dataset::load(path, &args.dataset_options)?)
         }
         None => None,
     };
-    say("baking");
+    progress("baking");
     let background = args.dataset_options.background.to_f32();
-    let baked = Baked::new(loaded)?;
+    let baked = BakedScene::new(loaded)?;
     let photos = dataset.map_or(Vec::new(), |dataset| {
         let photo = |view: &crate::dataset::View| {
             let photo = view.photo.clone();
             let camera = baked.place(&view.camera, dataset.origin);
-            Photo { name: view.name.clone(), camera, load: Arc::new(move || photo.decode()) }
+            WindowPhoto { name: view.name.clone(), camera, load: Arc::new(move || photo.decode()) }
         };
         dataset.views.iter().map(photo).collect()
     });
-    let Baked { asset, soup, step, .. } = baked;
+    let BakedScene { asset, soup, bake_placement, .. } = baked;
     let source = soup.map(|soup| {
-        let mut painter = Painter::soft(soup.clone(), &Placement::IDENTITY, None, background);
-        let paint =
-            Box::new(move |camera: &Camera| painter.color(&placed::to_world(camera, &step, DVec3::ZERO)));
-        Source { soup: Arc::new(soup), to_soup: Arc::new(move |v: Vec3| step.to_world(v)), paint }
+        let mut scene = SceneRenderer::soft(soup.clone(), &Placement::IDENTITY, None, background);
+        let renderer = Box::new(move |camera: &Camera| {
+            scene.color(&placed::to_world(camera, &bake_placement, DVec3::ZERO))
+        });
+        let to_soup = Arc::new(move |v: Vec3| bake_placement.to_world(v));
+        SoupSource { soup: Arc::new(soup), to_soup, renderer }
     });
-    Ok(Scene { asset, up: Vec3::Y, photos, source })
+    Ok(WindowScene { asset, up: Vec3::Y, photos, source })
 }
 
-/// Adds the hierarchy that picking needs.
-fn index(mut asset: Asset) -> Result<Asset> {
-    bvh::bvh(&mut asset, &BvhOptions { bvh: true }, &mut bake::Details::new())?;
+/// Adds the BVH that picking needs.
+fn add_bvh(mut asset: Asset) -> Result<Asset> {
+    bvh(&mut asset, &BvhOptions { bvh: true }, &mut BvhDetails::default())?;
     Ok(asset)
 }

@@ -2,7 +2,7 @@
 
 use super::read_options::ReadOptions;
 use super::source::Source;
-use super::{gltf_read, html, obj, off, ply, pt};
+use super::{gltf, html, obj, off, ply, pt};
 use crate::error::{Error, Result};
 use crate::scene::Loaded;
 use serde::{Deserialize, Serialize};
@@ -144,7 +144,7 @@ pub(super) fn read_as(format: Format, source: Source, options: &ReadOptions) -> 
         Format::Pt => pt::read(source, options),
         Format::Off => off::read(source, options),
         Format::Obj => obj::read(source, options),
-        Format::Glb | Format::Gltf | Format::Html => gltf_read::read(source, options),
+        Format::Glb | Format::Gltf | Format::Html => gltf::read(source, options),
     }
 }
 

@@ -1,8 +1,8 @@
 //! What is in a file: counts, bounds, distributions, origin.
 
 use super::detect::{Format, detect, read_as};
-use super::gltf_read::container::Container;
-use super::gltf_read::document::{self, Document};
+use super::gltf::container::ContainerFile;
+use super::gltf::document::{self, Document};
 use super::html;
 use super::read_options::ReadOptions;
 use super::source::Source;
@@ -208,7 +208,7 @@ fn mesh_info(mesh: &Mesh) -> Info {
 }
 
 fn gltf_info(mut source: Source) -> Result<GltfInfo> {
-    let container = Container::read(&mut source)?;
+    let container = ContainerFile::read(&mut source)?;
     let document: Document = document::parse(&source.path, &container.json)?;
     Ok(GltfInfo {
         nodes: document.nodes.len() as u64,

@@ -1,6 +1,5 @@
 //! Files in and out. The types of a scene do not know them.
 
-mod base64;
 mod blocks;
 pub mod bvh;
 mod channel;
@@ -9,7 +8,6 @@ pub mod detect;
 mod faces;
 mod finish;
 pub mod gltf;
-pub mod gltf_read;
 pub mod html;
 pub mod info;
 mod limits;

@@ -1,17 +1,16 @@
 //! Writes an asset to whichever files its format needs: planned first, then written, then renamed at once.
 
 use super::gltf::GltfOptions;
-use super::gltf::document::uri;
+use super::gltf::uri;
 use super::target::OutputTarget;
-use super::tileset::{self, Level};
+use super::tileset::{self, TilesetLevel};
 use super::{bvh, gltf, html, obj, ply};
 use crate::asset::Asset;
 use crate::atomic::AtomicFile;
 use crate::error::{Error, Result};
-use crate::report::{Observer, Outcome, OutputReport, Report};
+use crate::report::{Observer, Outcome, OutputReport, Report, StageDetails};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -45,22 +44,40 @@ impl OutputOptions {
     pub const SMALL: Self = Self { compress: true, ..Self::DEFAULT };
 
     /// How the target wants its glTF; what the user should know goes into `details`.
-    fn encoding(&self, details: &mut Map<String, Value>) -> GltfOptions {
+    fn encoding(&self, details: &mut WriteDetails) -> GltfOptions {
         let encoding = self.target.encoding(self.compress);
-        details.insert("notes".into(), encoding.notes.into());
+        details.notes = Some(encoding.notes);
         GltfOptions { allow_huge: self.allow_huge, ..encoding.options }
     }
 
     /// How our own page wants its glTF: it reads everything, so it is compressed, without loss unless
     /// asked for.
-    fn page_encoding(&self, details: &mut Map<String, Value>) -> GltfOptions {
+    fn page_encoding(&self, details: &mut WriteDetails) -> GltfOptions {
         let other = !matches!(self.target, OutputTarget::Gltf | OutputTarget::Web);
         let notes =
             other.then_some("html: the page is its own viewer; `target` is for files that engines read");
-        details.insert("notes".into(), notes.into_iter().collect());
+        details.notes = Some(notes.into_iter().map(str::to_owned).collect());
         let web = OutputTarget::Web.encoding(self.compress).options;
         GltfOptions { meshopt: true, allow_huge: self.allow_huge, ..web }
     }
+}
+
+/// What was written of the scene itself; levels are not counted.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct WriteDetails {
+    /// What the target needs from whoever opens the file, one sentence each; absent for formats without targets.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub notes: Option<Vec<String>>,
+    /// Largest distance of a written position from its own, in units of the file; absent when none moved.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub worst_position_error: Option<f32>,
+    /// Triangles whose corners fell together on the grid of positions; absent when no position moved.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub collapsed_triangles: Option<u64>,
+}
+
+impl StageDetails for WriteDetails {
+    const STAGE: &'static str = "write";
 }
 
 impl Default for OutputOptions {
@@ -206,13 +223,12 @@ pub fn write(
     let counts = asset.counts();
     report.stage(
         observer,
-        "write",
         (),
         |()| counts,
         |(), details| {
             warnings = write_one(asset, output, options, &create, &mut files, details)?;
             for (asset, output) in asset.levels.iter().zip(&output.levels) {
-                let mut quiet = Map::new();
+                let mut quiet = WriteDetails::default();
                 warnings.extend(write_one(asset, output, options, &create, &mut files, &mut quiet)?);
             }
             if let Some(path) = &output.tileset {
@@ -238,7 +254,7 @@ fn write_one(
     options: &OutputOptions,
     create: Create,
     files: &mut Vec<AtomicFile>,
-    details: &mut Map<String, Value>,
+    details: &mut WriteDetails,
 ) -> Result<Vec<String>> {
     let mut main = create(&output.main)?;
     let mut second = output.second.as_deref().map(create).transpose()?;
@@ -265,12 +281,12 @@ fn write_text(path: &Path, text: &str, create: Create) -> Result<AtomicFile> {
 /// The tileset of an asset and its levels.
 fn tileset_of(asset: &Asset, output: &Output) -> String {
     let pairs = std::iter::once((asset, output)).chain(asset.levels.iter().zip(&output.levels));
-    let levels: Vec<Level> = pairs
+    let levels: Vec<TilesetLevel> = pairs
         .enumerate()
         .map(|(i, (asset, output))| {
             let name = output.main.file_name().unwrap_or_default().to_string_lossy();
             let error = if i == 0 { 0.0 } else { asset.mesh.detail() };
-            Level { uri: uri(&name), mesh: &asset.mesh, error }
+            TilesetLevel { uri: uri::from_file_name(&name), mesh: &asset.mesh, error }
         })
         .collect();
     tileset::json(&levels, &crate::report::generator())
@@ -283,7 +299,7 @@ fn encode(
     options: &OutputOptions,
     main: &mut AtomicFile,
     second: Option<&mut AtomicFile>,
-    details: &mut Map<String, Value>,
+    details: &mut WriteDetails,
 ) -> Result<Vec<String>> {
     let path = output.main.as_path();
     let io = |e| Error::io(path, e);
@@ -317,8 +333,8 @@ fn encode(
         }
     };
     if written.worst_position_error > 0.0 {
-        details.insert("worst_position_error".into(), written.worst_position_error.into());
-        details.insert("collapsed_triangles".into(), written.collapsed.into());
+        details.worst_position_error = Some(written.worst_position_error);
+        details.collapsed_triangles = Some(written.collapsed);
     }
     Ok(written.warnings)
 }

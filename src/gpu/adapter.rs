@@ -3,22 +3,22 @@
 use crate::error::{Error, Result};
 use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor, InstanceFlags, Surface};
 
-/// Which graphics card draws, and through which interface.
+/// Which graphics card draws, and through which graphics API.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct AdapterOptions {
-    /// Interface to the graphics card [default: the best there is]
+    /// Graphics API [default: the best there is]
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "NAME"))]
-    pub backend: Option<Backend>,
+    pub graphics_api: Option<GraphicsApi>,
     /// Use the graphics card whose name holds TEXT, in any case of letters [default: the fastest kind]
     #[cfg_attr(feature = "cli", arg(long, value_name = "TEXT"))]
     pub adapter: Option<String>,
 }
 
-/// An interface to graphics cards.
+/// A graphics API.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-pub enum Backend {
+pub enum GraphicsApi {
     /// Vulkan: Linux, Windows, Android.
     Vulkan,
     /// Metal: macOS, iOS.
@@ -29,38 +29,38 @@ pub enum Backend {
     Gl,
 }
 
-impl Backend {
-    fn flag(self) -> Backends {
+impl GraphicsApi {
+    fn backends(self) -> Backends {
         match self {
-            Backend::Vulkan => Backends::VULKAN,
-            Backend::Metal => Backends::METAL,
-            Backend::Dx12 => Backends::DX12,
-            Backend::Gl => Backends::GL,
+            GraphicsApi::Vulkan => Backends::VULKAN,
+            GraphicsApi::Metal => Backends::METAL,
+            GraphicsApi::Dx12 => Backends::DX12,
+            GraphicsApi::Gl => Backends::GL,
         }
     }
 }
 
-/// Ours among the backends, the preferred first.
+/// The graphics APIs in use, the preferred first.
 const PREFERRED: [wgpu::Backend; 4] =
     [wgpu::Backend::Vulkan, wgpu::Backend::Metal, wgpu::Backend::Dx12, wgpu::Backend::Gl];
 
 impl AdapterOptions {
-    /// The entry to the drivers. `display` is where windows will be shown; `None` needs no display.
+    /// The entry to the drivers. `display` is where windows will be shown; without windows none is needed.
     pub fn instance(&self, display: Option<Box<dyn wgpu::wgt::WgpuHasDisplayHandle>>) -> Instance {
         let mut descriptor = InstanceDescriptor::new_without_display_handle();
         descriptor.display = display;
-        // Every indirect draw would be checked by a compute pass of its own; ours are right.
+        // It would check every indirect draw with a compute pass.
         descriptor.flags.remove(InstanceFlags::VALIDATION_INDIRECT_CALL);
         let mut descriptor = descriptor.with_env();
-        if let Some(backend) = self.backend {
-            descriptor.backends = backend.flag();
+        if let Some(api) = self.graphics_api {
+            descriptor.backends = api.backends();
         }
         Instance::new(descriptor)
     }
 
-    /// The best adapter that was asked for; one that can show pictures on `surface` when it is given.
+    /// The best adapter that fits the options; one that can present to `surface` when it is given.
     ///
-    /// Errors: there is none; the message names those there are.
+    /// Errors: there is none; the message names those that were found.
     pub fn choose(&self, instance: &Instance, surface: Option<&Surface<'_>>) -> Result<Adapter> {
         let mut found = pollster::block_on(instance.enumerate_adapters(Backends::all()));
         found.sort_by_key(rank);
@@ -70,10 +70,8 @@ impl AdapterOptions {
             found.into_iter().filter(|a| a.get_info().name.to_lowercase().contains(&wanted)).collect();
         if named.is_empty() {
             return Err(match names.as_slice() {
-                [] => Error::Gpu(nothing_found(self.backend)),
-                names => {
-                    Error::invalid("--adapter", &wanted, format!("part of one of: {}", names.join(", ")))
-                }
+                [] => Error::Gpu(nothing_found(self.graphics_api)),
+                names => Error::invalid("adapter", &wanted, format!("part of one of: {}", names.join(", "))),
             });
         }
         if let Some(surface) = surface {
@@ -85,15 +83,15 @@ impl AdapterOptions {
     }
 }
 
-fn nothing_found(backend: Option<Backend>) -> String {
-    let asked = match backend {
-        Some(backend) => format!("no graphics card answers through {backend:?}; try another --backend, or"),
+fn nothing_found(api: Option<GraphicsApi>) -> String {
+    let asked = match api {
+        Some(api) => format!("no graphics card answers through {api:?}; try another `graphics_api`, or"),
         None => "no graphics card answers;".to_owned(),
     };
     format!("{asked} install its driver, or Mesa's software Vulkan (Debian: mesa-vulkan-drivers)")
 }
 
-/// Real cards before software, the preferred interface first.
+/// Rank of an adapter: hardware before software, then the preferred graphics API first.
 fn rank(adapter: &Adapter) -> (u8, usize) {
     let info = adapter.get_info();
     let kind = match info.device_type {

@@ -1,4 +1,4 @@
-//! Buffers, their elements made in parallel.
+//! Buffers, filled in parallel.
 
 use super::device::Gpu;
 use crate::error::{Error, Result};
@@ -6,12 +6,12 @@ use bytemuck::NoUninit;
 use rayon::prelude::*;
 use wgpu::{Buffer, BufferDescriptor, BufferUsages};
 
-/// Elements that are made before they are copied.
+/// Elements that are computed before they are copied.
 const BATCH: usize = 1 << 20;
 
 /// A buffer of `count` elements, element i being `element(i)`. An empty one has room for one.
 ///
-/// Errors: more bytes than the card allows a buffer, or than it has left. `what` names it there.
+/// Errors: more bytes than the card allows in one buffer, or than it has left; `what` names the buffer there.
 pub fn filled<T: NoUninit + Send>(
     gpu: &Gpu,
     what: &str,
@@ -23,11 +23,11 @@ pub fn filled<T: NoUninit + Send>(
     let size = (count.max(1) * width) as u64;
     let limit = gpu.device.limits().max_buffer_size;
     if size > limit {
-        let remedy = "bake it with --max-triangles, or choose another --adapter".into();
+        let remedy = "bake fewer triangles (`max_triangles`), or choose another `adapter`".into();
         let what = format!("gpu: {what} for {}", gpu.info.name);
         return Err(Error::TooLarge { what, bytes: size, limit, remedy });
     }
-    // Buffers mapped at their creation are sized in fours.
+    // The size of a buffer that is mapped at creation is a multiple of four.
     let buffer = gpu.device.create_buffer(&BufferDescriptor {
         label: Some(what),
         size: size.next_multiple_of(4),

@@ -5,20 +5,20 @@ use crate::error::{Error, Result};
 use std::sync::{Arc, Mutex, PoisonError};
 use wgpu::{Adapter, AdapterInfo, Device, DeviceDescriptor, Features, PollType, Queue, SubmissionIndex};
 
-/// What we make use of where it is there; nothing here is needed.
-const WELCOME: Features = Features::TIMESTAMP_QUERY.union(Features::POLYGON_MODE_LINE);
+/// Features that are used where the card has them; none is required.
+const OPTIONAL_FEATURES: Features = Features::TIMESTAMP_QUERY.union(Features::POLYGON_MODE_LINE);
 
-/// An open graphics card. What goes wrong on it is kept until [`Gpu::check`] is asked.
+/// An open graphics card. Its first error is kept until [`Gpu::check`] returns it.
 #[derive(Debug)]
 pub struct Gpu {
     /// Makes buffers, textures and pipelines.
     pub device: Device,
     /// Takes work.
     pub queue: Queue,
-    /// Its name, driver and backend.
+    /// Its name, driver and graphics API.
     pub info: AdapterInfo,
-    /// The first thing that went wrong since the last check.
-    fault: Arc<Mutex<Option<String>>>,
+    /// The first error since the last check.
+    first_error: Arc<Mutex<Option<String>>>,
 }
 
 impl Gpu {
@@ -35,32 +35,32 @@ impl Gpu {
         let info = adapter.get_info();
         let request = adapter.request_device(&DeviceDescriptor {
             label: Some("trisplat"),
-            required_features: adapter.features() & WELCOME,
+            required_features: adapter.features() & OPTIONAL_FEATURES,
             required_limits: adapter.limits(),
             ..DeviceDescriptor::default()
         });
         let (device, queue) = pollster::block_on(request)
             .map_err(|e| Error::Gpu(format!("{} ({}) cannot be opened: {e}", info.name, info.backend)))?;
-        let fault = Arc::new(Mutex::new(None));
-        let keep = |fault: &Arc<Mutex<Option<String>>>| {
-            let fault = fault.clone();
+        let first_error = Arc::new(Mutex::new(None));
+        let keep = |first: &Arc<Mutex<Option<String>>>| {
+            let first = first.clone();
             move |what: String| {
-                fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(what);
+                first.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(what);
             }
         };
-        let (error, lost) = (keep(&fault), keep(&fault));
+        let (error, lost) = (keep(&first_error), keep(&first_error));
         device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| error(one_line(&e.to_string()))));
         device.set_device_lost_callback(move |reason, message| {
             if reason != wgpu::DeviceLostReason::Destroyed {
                 lost(format!("the graphics card was lost ({}); start again", one_line(&message)));
             }
         });
-        Ok(Self { device, queue, info, fault })
+        Ok(Self { device, queue, info, first_error })
     }
 
-    /// An error when anything went wrong since the last check: lost, out of memory, refused.
+    /// An error when anything has failed since the last check: device lost, out of memory, validation.
     pub fn check(&self) -> Result<()> {
-        match self.fault.lock().unwrap_or_else(PoisonError::into_inner).take() {
+        match self.first_error.lock().unwrap_or_else(PoisonError::into_inner).take() {
             Some(what) => Err(Error::Gpu(format!("{}: {what}", self.info.name))),
             None => Ok(()),
         }
@@ -73,13 +73,13 @@ impl Gpu {
         waited.map(drop).map_err(|e| Error::Gpu(format!("{}: {e}", self.info.name)))
     }
 
-    /// "llvmpipe (LLVM 15.0.6, 256 bits), vulkan, llvmpipe Mesa 22.3.6 (LLVM 15.0.6)": card, interface, driver.
+    /// "llvmpipe (LLVM 15.0.6, 256 bits), vulkan, llvmpipe Mesa 22.3.6 (LLVM 15.0.6)": card, graphics API, driver.
     pub fn describe(&self) -> String {
         let AdapterInfo { name, backend, driver, driver_info, .. } = &self.info;
         format!("{name}, {backend}, {driver} {driver_info}").trim_end().to_owned()
     }
 
-    /// True for software on the processor.
+    /// True for a software renderer on the CPU.
     pub fn is_software(&self) -> bool {
         self.info.device_type == wgpu::DeviceType::Cpu
     }

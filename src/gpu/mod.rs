@@ -1,4 +1,4 @@
-//! The graphics card: finding one, filling its buffers, reading back, timing. Knows no triangle.
+//! The graphics card: finding one, filling its buffers, reading back, timing. Knows nothing of triangles.
 
 pub mod adapter;
 pub mod buffer;
@@ -6,5 +6,5 @@ pub mod device;
 pub mod readback;
 pub mod timer;
 
-pub use adapter::{AdapterOptions, Backend};
+pub use adapter::{AdapterOptions, GraphicsApi};
 pub use device::Gpu;

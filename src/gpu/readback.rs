@@ -1,11 +1,11 @@
-//! Textures and buffers back into memory.
+//! Reads textures and buffers back into main memory.
 
 use super::device::Gpu;
 use crate::error::{Error, Result};
 use wgpu::{Buffer, BufferDescriptor, BufferUsages, Extent3d, MapMode, TexelCopyBufferInfo};
 use wgpu::{TexelCopyBufferLayout, Texture};
 
-/// The texels of a texture of four bytes a texel, rows from the top. `[H * W]`
+/// The texels of a texture of four bytes per texel, rows from the top. `[H * W]`
 pub fn texels(gpu: &Gpu, texture: &Texture) -> Result<Vec<[u8; 4]>> {
     let Extent3d { width, height, .. } = texture.size();
     let pitch = (4 * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
@@ -28,16 +28,16 @@ pub fn texels(gpu: &Gpu, texture: &Texture) -> Result<Vec<[u8; 4]>> {
         .collect())
 }
 
-/// What is in a mappable buffer when all work is done.
+/// The contents of a mappable buffer when all work is done.
 fn bytes(gpu: &Gpu, buffer: &Buffer) -> Result<Vec<u8>> {
-    let (tell, told) = std::sync::mpsc::channel();
+    let (sender, receiver) = std::sync::mpsc::channel();
     buffer.slice(..).map_async(MapMode::Read, move |result| {
-        // Nobody listens any more when the wait below failed.
-        let _ = tell.send(result);
+        // The receiver is gone when the wait below has failed.
+        let _ = sender.send(result);
     });
     gpu.wait(None)?;
     let lost = |e: &dyn std::fmt::Display| Error::Gpu(format!("{}: cannot read back: {e}", gpu.info.name));
-    told.recv().map_err(|e| lost(&e))?.map_err(|e| lost(&e))?;
+    receiver.recv().map_err(|e| lost(&e))?.map_err(|e| lost(&e))?;
     let view = buffer.slice(..).get_mapped_range().map_err(|e| lost(&e))?;
     Ok(view.to_vec())
 }

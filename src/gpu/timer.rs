@@ -1,4 +1,4 @@
-//! How long the card itself works on a pass, by its own clock. Never waits for it.
+//! How long the graphics card works on a pass, by its own timestamps. Never waits for it.
 
 use super::device::Gpu;
 use std::sync::Arc;
@@ -6,28 +6,28 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use wgpu::{Buffer, BufferDescriptor, BufferUsages, CommandEncoder, Features, MapMode};
 use wgpu::{QuerySet, QuerySetDescriptor, QueryType, RenderPassTimestampWrites};
 
-/// Passes that may be on their way at the same time; more are not timed.
+/// Passes that can be in flight at the same time; more are not timed.
 const SLOTS: usize = 4;
 const BYTES: u64 = 16;
 
 /// Times passes by timestamps written at their beginning and end.
 #[derive(Debug)]
 pub struct Timer {
-    slots: Vec<Slot>,
+    slots: Vec<TimerSlot>,
     period_ns: f64,
 }
 
 #[derive(Debug)]
-struct Slot {
+struct TimerSlot {
     queries: QuerySet,
     resolved: Buffer,
     readable: Buffer,
-    state: State,
+    state: SlotState,
     ready: Arc<AtomicBool>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum State {
+enum SlotState {
     Free,
     Recorded,
     Mapping,
@@ -47,7 +47,7 @@ impl Timer {
                 mapped_at_creation: false,
             })
         };
-        let slot = |_| Slot {
+        let slot = |_| TimerSlot {
             queries: gpu.device.create_query_set(&QuerySetDescriptor {
                 label: Some("timestamps"),
                 ty: QueryType::Timestamp,
@@ -55,19 +55,19 @@ impl Timer {
             }),
             resolved: buffer(BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC),
             readable: buffer(BufferUsages::COPY_DST | BufferUsages::MAP_READ),
-            state: State::Free,
+            state: SlotState::Free,
             ready: Arc::default(),
         };
         let period_ns = f64::from(gpu.queue.get_timestamp_period());
         Some(Self { slots: (0..SLOTS).map(slot).collect(), period_ns })
     }
 
-    /// A slot for the next pass; `None` while all are on their way.
+    /// A slot for the next pass; `None` while all are in flight.
     pub fn begin(&mut self) -> Option<usize> {
-        self.slots.iter().position(|s| s.state == State::Free)
+        self.slots.iter().position(|s| s.state == SlotState::Free)
     }
 
-    /// What the pass of a slot must write.
+    /// The timestamps that the pass of a slot must write.
     pub fn writes(&self, slot: usize) -> RenderPassTimestampWrites<'_> {
         RenderPassTimestampWrites {
             query_set: &self.slots[slot].queries,
@@ -76,29 +76,29 @@ impl Timer {
         }
     }
 
-    /// Records the way back, behind the pass of a slot.
+    /// Records the readback, behind the pass of a slot.
     pub fn end(&mut self, slot: usize, encoder: &mut CommandEncoder) {
         let slot = &mut self.slots[slot];
         encoder.resolve_query_set(&slot.queries, 0..2, &slot.resolved, 0);
         encoder.copy_buffer_to_buffer(&slot.resolved, 0, &slot.readable, 0, BYTES);
-        slot.state = State::Recorded;
+        slot.state = SlotState::Recorded;
     }
 
-    /// Asks for what was recorded; to be called after the work was submitted.
+    /// Starts to map what was recorded; to be called after the work was submitted.
     pub fn submitted(&mut self) {
-        for slot in self.slots.iter_mut().filter(|s| s.state == State::Recorded) {
+        for slot in self.slots.iter_mut().filter(|s| s.state == SlotState::Recorded) {
             let ready = slot.ready.clone();
             slot.readable.slice(..).map_async(MapMode::Read, move |result| {
                 ready.store(result.is_ok(), Ordering::Release);
             });
-            slot.state = State::Mapping;
+            slot.state = SlotState::Mapping;
         }
     }
 
-    /// Milliseconds of the passes that have come back since the last call.
+    /// Milliseconds of the passes that have finished since the last call.
     pub fn collect(&mut self) -> Vec<f64> {
         let mut times = Vec::new();
-        for slot in self.slots.iter_mut().filter(|s| s.state == State::Mapping) {
+        for slot in self.slots.iter_mut().filter(|s| s.state == SlotState::Mapping) {
             if !slot.ready.swap(false, Ordering::Acquire) {
                 continue;
             }
@@ -107,7 +107,7 @@ impl Timer {
                 times.push(stamps[1].saturating_sub(stamps[0]) as f64 * self.period_ns * 1e-6);
             }
             slot.readable.unmap();
-            slot.state = State::Free;
+            slot.state = SlotState::Free;
         }
         times
     }

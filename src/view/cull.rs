@@ -1,6 +1,6 @@
-//! What a camera cannot see, left out: whole chunks by their boxes.
+//! Frustum culling of whole chunks by their bounding boxes.
 
-use super::layout::Bounds;
+use super::layout::BoundingBox;
 use crate::camera::Camera;
 use glam::{DVec3, DVec4, Vec3};
 
@@ -30,12 +30,12 @@ impl Frustum {
     }
 
     /// False only when nothing of the box can be seen.
-    pub fn sees(&self, bounds: &Bounds) -> bool {
+    pub fn sees(&self, bounds: &BoundingBox) -> bool {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         self.planes.iter().all(|plane| {
             let normal = plane.truncate();
             let farthest = DVec3::select(normal.cmpge(DVec3::ZERO), max, min);
-            // A box that touches the plane is kept, in whichever way the sums were rounded.
+            // A box that touches the plane is kept, however the sums were rounded.
             let slack = 1e-6 * (normal.abs().dot(farthest.abs()) + plane.w.abs());
             normal.dot(farthest) + plane.w >= -slack
         })
@@ -43,9 +43,9 @@ impl Frustum {
 }
 
 /// Distance from a camera to the nearest point of a box.
-pub fn distance(camera: &Camera, bounds: &Bounds) -> f32 {
-    let eye: Vec3 = camera.position();
-    eye.distance(eye.clamp(bounds.min, bounds.max))
+pub fn distance(camera: &Camera, bounds: &BoundingBox) -> f32 {
+    let position: Vec3 = camera.position();
+    position.distance(position.clamp(bounds.min, bounds.max))
 }
 
 #[cfg(test)]
@@ -71,7 +71,7 @@ mod tests {
             let camera = base.looking(vec(k * 100, 4.0), vec(k * 100 + 3, 4.0), Vec3::NEG_Y);
             let frustum = Frustum::new(&camera, 0.1);
             let (a, b) = (vec(k * 100 + 6, 6.0), vec(k * 100 + 9, 1.0));
-            let bounds = Bounds { min: a.min(a + b), max: a.max(a + b) };
+            let bounds = BoundingBox { min: a.min(a + b), max: a.max(a + b) };
             let visible = (0..27u32).any(|i| {
                 let at = Vec3::new((i % 3) as f32, (i / 3 % 3) as f32, (i / 9) as f32) / 2.0;
                 let seen =
@@ -85,6 +85,8 @@ mod tests {
             dropped += u32::from(!sees);
         }
         assert!(kept > 300 && dropped > 1500, "{kept} kept, {dropped} dropped");
-        assert!(!Frustum::new(&base, 0.1).sees(&Bounds { min: Vec3::splat(-2.0), max: Vec3::splat(-1.0) }));
+        assert!(
+            !Frustum::new(&base, 0.1).sees(&BoundingBox { min: Vec3::splat(-2.0), max: Vec3::splat(-1.0) })
+        );
     }
 }

@@ -1,8 +1,8 @@
-//! Pictures without a window or a display.
+//! Pictures drawn on a graphics card without a window or a display.
 
-use super::layout::Layout;
+use super::layout::VertexLayout;
 use super::model::{ChunkOrder, Model};
-use super::renderer::{Drawn, Look, Onto, Renderer, Shot, Target, texture};
+use super::renderer::{Attachments, DisplayMode, DrawStats, FrameOutput, FrameParams, Renderer, texture};
 use crate::asset::Asset;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
@@ -11,27 +11,27 @@ use crate::image::Pixels;
 use glam::UVec2;
 use wgpu::*;
 
-/// The format of pictures: four bytes a pixel, encoded by the card.
+/// The format of pictures: four bytes per pixel, sRGB-encoded by the card.
 pub const FORMAT: TextureFormat = TextureFormat::Rgba8UnormSrgb;
 
-/// How a picture is sampled and what is behind it.
+/// How a picture is drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HeadlessOptions {
-    /// sRGB-encoded colour where nothing is.
+    /// sRGB-encoded background colour.
     pub background: [f32; 3],
-    /// Samples per axis of a pixel, averaged in linear light: 1 = none, 4 = 16 a pixel.
+    /// Samples per pixel along each axis, averaged in linear light: 4 = 16 per pixel.
     pub samples: u32,
-    /// The card's own multisampling: 1 or 4 samples of the edges.
+    /// The card's multisampling: 1 or 4 samples per pixel at edges.
     pub msaa: u32,
     /// Depth in front of which nothing is drawn, world units.
     pub near: f32,
     /// What the triangles show.
-    pub look: Look,
+    pub display: DisplayMode,
 }
 
 impl Default for HeadlessOptions {
     fn default() -> Self {
-        Self { background: [0.0; 3], samples: 1, msaa: 1, near: 0.01, look: Look::Color }
+        Self { background: [0.0; 3], samples: 1, msaa: 1, near: 0.01, display: DisplayMode::Color }
     }
 }
 
@@ -51,8 +51,8 @@ impl Headless {
         Ok(Self { gpu, renderer })
     }
 
-    /// Puts an asset into the card's memory; `None` chooses the layout.
-    pub fn upload(&self, asset: &Asset, layout: Option<Layout>) -> Result<Model> {
+    /// Uploads an asset to GPU memory; `None` chooses the layout.
+    pub fn upload(&self, asset: &Asset, layout: Option<VertexLayout>) -> Result<Model> {
         self.renderer.upload(&self.gpu, asset, layout)
     }
 
@@ -64,7 +64,7 @@ impl Headless {
         model: &Model,
         camera: &Camera,
         options: &HeadlessOptions,
-    ) -> Result<(Pixels, Drawn)> {
+    ) -> Result<(Pixels, DrawStats)> {
         camera.validate()?;
         if !(1..=16).contains(&options.samples) {
             return Err(Error::invalid("samples", options.samples, "1 to 16 per axis"));
@@ -74,24 +74,24 @@ impl Headless {
         }
         let fine = camera.resized(camera.size * options.samples);
         let canvas = Canvas::new(&self.gpu, fine.size, options.msaa)?;
-        let shot = Shot {
+        let params = FrameParams {
             camera: fine,
             near: options.near,
             background: options.background,
-            look: options.look,
-            wire: false,
+            display: options.display,
+            wireframe: false,
             subset: None,
             order: ChunkOrder::File,
         };
         let mut encoder = self.gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
-        let drawn = canvas.draw(&self.gpu, &mut self.renderer, &mut encoder, model, &shot, None)?;
+        let stats = canvas.draw(&self.gpu, &mut self.renderer, &mut encoder, model, &params, None)?;
         let picture = if options.samples > 1 {
             averaged(&self.gpu, &mut encoder, &canvas, camera.size, options.samples)
         } else {
             canvas.picture
         };
         self.gpu.queue.submit([encoder.finish()]);
-        Ok((pixels(&self.gpu, &picture)?, drawn))
+        Ok((pixels(&self.gpu, &picture)?, stats))
     }
 
     /// Records one frame into `canvas`.
@@ -100,31 +100,31 @@ impl Headless {
         encoder: &mut CommandEncoder,
         canvas: &Canvas,
         model: &Model,
-        shot: &Shot<'_>,
-        times: Option<RenderPassTimestampWrites<'_>>,
-    ) -> Result<Drawn> {
-        canvas.draw(&self.gpu, &mut self.renderer, encoder, model, shot, times)
+        params: &FrameParams<'_>,
+        timestamps: Option<RenderPassTimestampWrites<'_>>,
+    ) -> Result<DrawStats> {
+        canvas.draw(&self.gpu, &mut self.renderer, encoder, model, params, timestamps)
     }
 }
 
-/// A picture in the card's memory and what is needed to draw it.
+/// A picture in GPU memory and what is needed to draw it.
 #[derive(Debug)]
 pub struct Canvas {
     picture: Texture,
     view: TextureView,
-    target: Target,
+    attachments: Attachments,
 }
 
 impl Canvas {
     /// Of `size` pixels, with `msaa` samples each.
     pub fn new(gpu: &Gpu, size: UVec2, msaa: u32) -> Result<Self> {
-        let target = Target::new(gpu, size, FORMAT, msaa)?;
+        let attachments = Attachments::new(gpu, size, FORMAT, msaa)?;
         let usage =
             TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC | TextureUsages::TEXTURE_BINDING;
         let picture = texture(gpu, "picture", size, FORMAT, 1, usage);
         gpu.check()?;
         let view = picture.create_view(&TextureViewDescriptor::default());
-        Ok(Self { picture, view, target })
+        Ok(Self { picture, view, attachments })
     }
 
     /// Records one frame.
@@ -134,11 +134,11 @@ impl Canvas {
         renderer: &mut Renderer,
         encoder: &mut CommandEncoder,
         model: &Model,
-        shot: &Shot<'_>,
-        times: Option<RenderPassTimestampWrites<'_>>,
-    ) -> Result<Drawn> {
-        let onto = Onto { picture: &self.view, target: &self.target, times };
-        renderer.draw(gpu, encoder, onto, model, shot)
+        params: &FrameParams<'_>,
+        timestamps: Option<RenderPassTimestampWrites<'_>>,
+    ) -> Result<DrawStats> {
+        let output = FrameOutput { picture: &self.view, attachments: &self.attachments, timestamps };
+        renderer.draw(gpu, encoder, output, model, params)
     }
 
     /// The picture as it was last drawn.
@@ -153,7 +153,7 @@ fn pixels(gpu: &Gpu, picture: &Texture) -> Result<Pixels> {
     Ok(Pixels { size: UVec2::new(width, height), rgb, alpha: None })
 }
 
-/// Records the averaging of `samples` x `samples` texels a pixel.
+/// Records the averaging of `samples` x `samples` texels per pixel.
 fn averaged(gpu: &Gpu, encoder: &mut CommandEncoder, canvas: &Canvas, size: UVec2, samples: u32) -> Texture {
     let pipeline = average_pipeline(gpu, samples);
     let usage = TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC;

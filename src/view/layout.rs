@@ -1,13 +1,13 @@
-//! How corners lie in the card's memory: as small as they can be drawn from.
+//! How vertices are stored in GPU memory: as small as the shaders can read them.
 //!
-//! | layout | bytes a triangle | what is stored |
+//! | layout | bytes per triangle | what is stored |
 //! |---|---|---|
-//! | corner | 48, or 16 a vertex and 12 a face with indices | f32 position and colour a corner |
-//! | face | 40 | f32 position a corner, colour a face |
-//! | grid | 28 | position of 21 bits an axis on the chunk's grid, colour a face |
+//! | corner | 48, or 16 per vertex and 12 per face with indices | f32 position and colour per corner |
+//! | face | 40 | f32 position per corner, colour per face |
+//! | grid | 28 | position of 21 bits per axis on the chunk's grid, colour per face |
 //!
-//! Colours are linear light in 10 bits a channel, stored as their square root: within 0.2 of an 8-bit sRGB
-//! code of what they were, and decoded by one multiplication.
+//! Colours are linear light in 10 bits per channel, stored as their square root: off by at most 0.2 of an 8-bit sRGB
+//! code, and decoded by one multiplication.
 
 use crate::asset::{Asset, Chunk};
 use crate::mesh::{Colors, Mesh};
@@ -15,44 +15,44 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// How corners are stored.
+/// How vertices are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-pub enum Layout {
-    /// Position and colour a corner: what indexed and vertex-coloured meshes need.
+pub enum VertexLayout {
+    /// Position and colour per corner: what indexed and vertex-coloured meshes need.
     Corner,
-    /// Position a corner, colour a face.
+    /// Position per corner, colour per face.
     Face,
-    /// Position on a grid of the chunk, colour a face.
+    /// Position on a grid of the chunk, colour per face.
     Grid,
 }
 
-impl Layout {
-    /// The smallest layout that holds every position as it is.
+impl VertexLayout {
+    /// The smallest layout that stores every position exactly.
     pub fn exact(mesh: &Mesh) -> Self {
-        if Layout::Face.fits(mesh) { Layout::Face } else { Layout::Corner }
+        if VertexLayout::Face.fits(mesh) { VertexLayout::Face } else { VertexLayout::Corner }
     }
 
     /// Whether a mesh can be stored this way.
     pub fn fits(self, mesh: &Mesh) -> bool {
-        self == Layout::Corner || (mesh.indices.is_empty() && matches!(mesh.colors, Colors::Face(_)))
+        self == VertexLayout::Corner || (mesh.indices.is_empty() && matches!(mesh.colors, Colors::Face(_)))
     }
 }
 
-/// Position and colour.
+/// A corner of the layout [`VertexLayout::Corner`].
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Corner {
+pub struct CornerVertex {
     /// World position.
     pub position: [f32; 3],
     /// See [`pack_color`].
     pub color: u32,
 }
 
-/// The positions a chunk can name: `origin + step * (0..2^21)` on each axis.
+/// The positions that a chunk can store: `origin + step * (0..2^21)` on each axis.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Grid {
+pub struct ChunkGrid {
     /// Multiples of the step.
     pub origin: [f32; 3],
     /// A power of two.
@@ -61,59 +61,59 @@ pub struct Grid {
 
 const GRID_BITS: i32 = 21;
 
-/// Linear light to 10 bits a channel, red lowest, stored as the square root.
+/// Linear light to 10 bits per channel, red lowest, stored as the square root.
 pub fn pack_color(linear: [f32; 3]) -> u32 {
     let [r, g, b] = linear.map(|c| (c.clamp(0.0, 1.0).sqrt() * 1023.0 + 0.5) as u32);
     r | g << 10 | b << 20
 }
 
 /// The grid of a chunk whose corners lie in a box.
-pub fn grid(bounds: &Bounds) -> Grid {
+pub fn grid(bounds: &BoundingBox) -> ChunkGrid {
     let extent = f64::from((bounds.max - bounds.min).max_element()).max(f64::MIN_POSITIVE);
     // One step is kept for the origin, which is rounded down to a multiple of the step.
     let exponent = (extent / f64::from((1 << GRID_BITS) - 2)).log2().ceil().clamp(-120.0, 120.0);
     let step = exponent.exp2();
     let origin = (bounds.min.as_dvec3() / step).floor() * step;
-    Grid { origin: origin.as_vec3().to_array(), step: step as f32 }
+    ChunkGrid { origin: origin.as_vec3().to_array(), step: step as f32 }
 }
 
-/// The point of a grid nearest to a position: 21 bits an axis, x lowest.
-pub fn pack_position(grid: &Grid, position: Vec3) -> [u32; 2] {
+/// The point of a grid nearest to a position: 21 bits per axis, x lowest.
+pub fn pack_position(grid: &ChunkGrid, position: Vec3) -> [u32; 2] {
     let steps = (position.as_dvec3() - DVec3::from(grid.origin.map(f64::from))) / f64::from(grid.step);
     let [x, y, z] = (steps + 0.5).to_array().map(|s| (s as u32).min((1 << GRID_BITS) - 1));
     [x | y << 21, y >> 11 | z << 10]
 }
 
-/// The box around a chunk's corners.
+/// An axis-aligned box.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bounds {
+pub struct BoundingBox {
     /// Least coordinates.
     pub min: Vec3,
     /// Largest coordinates.
     pub max: Vec3,
 }
 
-impl Bounds {
-    /// Holds nothing.
-    pub const EMPTY: Bounds = Bounds { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+impl BoundingBox {
+    /// The empty box.
+    pub const EMPTY: BoundingBox = BoundingBox { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
     /// The box around both.
     pub fn union(self, other: Self) -> Self {
-        Bounds { min: self.min.min(other.min), max: self.max.max(other.max) }
+        BoundingBox { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
     /// The box around the corners of a run of faces.
     pub fn of(mesh: &Mesh, chunk: &Chunk) -> Self {
         let faces = chunk.first as usize..(chunk.first + chunk.count) as usize;
-        faces.flat_map(|f| mesh.corners(f)).fold(Self::EMPTY, |b, v| b.union(Bounds { min: v, max: v }))
+        faces.flat_map(|f| mesh.corners(f)).fold(Self::EMPTY, |b, v| b.union(BoundingBox { min: v, max: v }))
     }
 }
 
 /// The chunks of an asset and their boxes; one chunk of everything when it has none. `[chunks]`
-pub fn bounds(asset: &Asset) -> Vec<(Chunk, Bounds)> {
+pub fn bounds(asset: &Asset) -> Vec<(Chunk, BoundingBox)> {
     let whole = [Chunk { first: 0, count: asset.mesh.face_count() as u32 }];
     let chunks = if asset.chunks.is_empty() { &whole[..] } else { &asset.chunks };
-    chunks.par_iter().map(|chunk| (*chunk, Bounds::of(&asset.mesh, chunk))).collect()
+    chunks.par_iter().map(|chunk| (*chunk, BoundingBox::of(&asset.mesh, chunk))).collect()
 }
 
 #[cfg(test)]
@@ -142,7 +142,7 @@ mod tests {
             (Vec3::splat(-1e-9), Vec3::splat(1e-9)),
             (Vec3::splat(5.0), Vec3::splat(5.0)),
         ] {
-            let grid = grid(&Bounds { min, max });
+            let grid = grid(&BoundingBox { min, max });
             assert_eq!(grid.step.log2().fract(), 0.0);
             for corner in [min, max, min.lerp(max, 0.37)] {
                 let [low, high] = pack_position(&grid, corner);

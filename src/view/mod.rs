@@ -1,5 +1,5 @@
-//! Looking at scenes: cameras that go around them, pictures of what is not colour, and drawing on a
-//! graphics card as an engine does.
+//! Viewing scenes: camera orbits, pictures of depth, normals and layers, and drawing on a graphics card as an
+//! engine does.
 
 #[cfg(feature = "gpu")]
 pub mod cull;

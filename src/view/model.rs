@@ -1,7 +1,7 @@
-//! An asset in the card's memory.
+//! An asset in GPU memory.
 
 use super::cull::{Frustum, distance};
-use super::layout::{self, Bounds, Corner, Grid, Layout};
+use super::layout::{self, BoundingBox, ChunkGrid, CornerVertex, VertexLayout};
 use crate::asset::{Asset, Chunk};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
@@ -13,15 +13,15 @@ use std::ops::Range;
 use wgpu::{BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, Buffer, BufferUsages};
 use wgpu::{IndexFormat, RenderPass};
 
-/// An asset in the card's memory.
+/// An asset in GPU memory.
 #[derive(Debug)]
 pub struct Model {
-    /// How its corners are stored.
-    pub layout: Layout,
-    /// Bytes it takes there.
+    /// How its vertices are stored.
+    pub layout: VertexLayout,
+    /// Bytes of GPU memory that it takes.
     pub bytes: u64,
     /// Runs of faces that are drawn or skipped as a whole, and their boxes.
-    pub chunks: Vec<(Chunk, Bounds)>,
+    pub chunks: Vec<(Chunk, BoundingBox)>,
     vertices: Buffer,
     indices: Option<Buffer>,
     /// Face colours and grids.
@@ -31,46 +31,46 @@ pub struct Model {
 /// Some of a model's faces.
 #[derive(Debug)]
 pub struct Subset {
-    /// Three vertices a face.
+    /// Three vertices per face.
     indices: Buffer,
-    /// The part of the indices that each chunk owns, counted in faces. `[chunks]`
+    /// The part of the indices that belongs to each chunk, counted in faces. `[chunks]`
     ranges: Vec<Range<u32>>,
 }
 
-/// In which order the chunks that are seen are drawn.
+/// In which order visible chunks are drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum ChunkOrder {
-    /// As in the file; neighbours become one draw.
+    /// As in the file; neighbours become one draw call.
     #[default]
     File,
-    /// The nearest first, so that it hides what lies behind before that is shaded.
+    /// Front to back, so that early depth tests reject what lies behind.
     Near,
 }
 
-/// One draw: a run of faces, and the chunk it is (the first of) in.
-pub type Draw = (Range<u32>, u32);
+/// One draw call: a run of faces, and the chunk that it (or its first face) is in.
+pub type DrawCall = (Range<u32>, u32);
 
 impl Model {
     /// Uploads the faces of `asset`. `groups` is the layout of the bind group of face colours and grids.
     ///
     /// Errors: the layout does not fit the mesh, or the card has no room.
-    pub fn upload(gpu: &Gpu, groups: &BindGroupLayout, asset: &Asset, layout: Layout) -> Result<Self> {
+    pub fn upload(gpu: &Gpu, groups: &BindGroupLayout, asset: &Asset, layout: VertexLayout) -> Result<Self> {
         let mesh = &asset.mesh;
         mesh.validate_shape()?;
         if !layout.fits(mesh) {
-            let wants = "corner for a mesh with indices or colours a vertex";
-            return Err(Error::invalid("--layout", format!("{layout:?}"), wants));
+            let wants = "corner for a mesh with indices or one colour per vertex";
+            return Err(Error::invalid("layout", format!("{layout:?}"), wants));
         }
         let chunks = layout::bounds(asset);
         let indexed = !mesh.indices.is_empty();
         let vertices = match layout {
-            Layout::Corner => corners(gpu, mesh)?,
-            Layout::Face => {
+            VertexLayout::Corner => corners(gpu, mesh)?,
+            VertexLayout::Face => {
                 let at = |v: usize| mesh.positions[v].to_array();
                 buffer::filled(gpu, "corners", BufferUsages::VERTEX, mesh.vertex_count(), at)?
             }
-            Layout::Grid => grid_corners(gpu, mesh, &chunks)?,
+            VertexLayout::Grid => grid_corners(gpu, mesh, &chunks)?,
         };
         let usage = BufferUsages::INDEX;
         let index = |i: usize| mesh.indices[i];
@@ -78,7 +78,7 @@ impl Model {
             indexed.then(|| buffer::filled(gpu, "indices", usage, mesh.indices.len(), index)).transpose()?;
         let mut bytes = vertices.size() + indices.as_ref().map_or(0, Buffer::size);
         let faces = match &mesh.colors {
-            Colors::Face(colors) if layout != Layout::Corner => {
+            Colors::Face(colors) if layout != VertexLayout::Corner => {
                 let (group, size) = face_group(gpu, groups, colors, &chunks)?;
                 bytes += size;
                 Some(group)
@@ -93,9 +93,9 @@ impl Model {
         self.chunks.iter().map(|(chunk, _)| u64::from(chunk.count)).sum()
     }
 
-    /// The box around everything.
-    pub fn bounds(&self) -> Bounds {
-        self.chunks.iter().fold(Bounds::EMPTY, |all, (_, bounds)| all.union(*bounds))
+    /// The box around all chunks.
+    pub fn bounds(&self) -> BoundingBox {
+        self.chunks.iter().fold(BoundingBox::EMPTY, |all, (_, bounds)| all.union(*bounds))
     }
 
     /// A subset of about `share` of the faces, the same ones for the same seed.
@@ -113,20 +113,29 @@ impl Model {
         Ok(Subset { indices, ranges })
     }
 
-    /// The draws for what `camera` sees. `whole` keeps every chunk a draw of its own.
-    pub fn draws(&self, camera: &Camera, near: f32, order: ChunkOrder, whole: bool) -> Vec<Draw> {
+    /// The draw calls for what `camera` sees; with `per_chunk` one for every chunk.
+    pub fn draw_calls(
+        &self,
+        camera: &Camera,
+        near: f32,
+        order: ChunkOrder,
+        per_chunk: bool,
+    ) -> Vec<DrawCall> {
         let frustum = Frustum::new(camera, near);
-        let seen = |(_, (chunk, bounds)): &(usize, &(Chunk, Bounds))| chunk.count > 0 && frustum.sees(bounds);
+        let seen =
+            |(_, (chunk, bounds)): &(usize, &(Chunk, BoundingBox))| chunk.count > 0 && frustum.sees(bounds);
         let mut visible: Vec<usize> = self.chunks.iter().enumerate().filter(seen).map(|(i, _)| i).collect();
         if order == ChunkOrder::Near {
             visible.sort_by_cached_key(|&i| distance(camera, &self.chunks[i].1).to_bits());
         }
-        let mut draws: Vec<Draw> = Vec::with_capacity(visible.len());
+        let mut draws: Vec<DrawCall> = Vec::with_capacity(visible.len());
         for i in visible {
             let chunk = self.chunks[i].0;
             let faces = chunk.first..chunk.first + chunk.count;
             match draws.last_mut() {
-                Some((run, _)) if run.end == faces.start && !whole && self.layout != Layout::Grid => {
+                Some((run, _))
+                    if run.end == faces.start && !per_chunk && self.layout != VertexLayout::Grid =>
+                {
                     run.end = faces.end;
                 }
                 _ => draws.push((faces, i as u32)),
@@ -136,7 +145,7 @@ impl Model {
     }
 
     /// Draws with a pipeline of this model's layout; returns the number of triangles.
-    pub fn draw(&self, pass: &mut RenderPass<'_>, draws: &[Draw]) -> u64 {
+    pub fn draw(&self, pass: &mut RenderPass<'_>, draws: &[DrawCall]) -> u64 {
         self.bind(pass);
         for (faces, chunk) in draws {
             let corners = 3 * faces.start..3 * faces.end;
@@ -149,7 +158,7 @@ impl Model {
     }
 
     /// Draws the faces of `subset` in the chunks that `draws` name one by one.
-    pub fn draw_subset(&self, pass: &mut RenderPass<'_>, draws: &[Draw], subset: &Subset) -> u64 {
+    pub fn draw_subset(&self, pass: &mut RenderPass<'_>, draws: &[DrawCall], subset: &Subset) -> u64 {
         self.bind(pass);
         pass.set_index_buffer(subset.indices.slice(..), IndexFormat::Uint32);
         let mut triangles = 0;
@@ -172,10 +181,12 @@ impl Model {
     }
 }
 
-/// Position and colour of every vertex, or of every corner where colours are a face's.
+/// Position and colour of every vertex, or of every corner where there is one colour per face.
 fn corners(gpu: &Gpu, mesh: &Mesh) -> Result<Buffer> {
-    let corner =
-        |position: Vec3, linear| Corner { position: position.to_array(), color: layout::pack_color(linear) };
+    let corner = |position: Vec3, linear| CornerVertex {
+        position: position.to_array(),
+        color: layout::pack_color(linear),
+    };
     let usage = BufferUsages::VERTEX;
     match &mesh.colors {
         Colors::Vertex(colors) => buffer::filled(gpu, "corners", usage, mesh.vertex_count(), |v| {
@@ -187,15 +198,15 @@ fn corners(gpu: &Gpu, mesh: &Mesh) -> Result<Buffer> {
             })
         }
         Colors::Face(_) => {
-            let wants = "colours a vertex where there are indices (bake it first)";
-            Err(Error::invalid("mesh colors", "a face", wants))
+            let wants = "one colour per vertex where there are indices (bake it first)";
+            Err(Error::invalid("mesh colors", "one per face", wants))
         }
     }
 }
 
 /// Every corner on the grid of its chunk.
-fn grid_corners(gpu: &Gpu, mesh: &Mesh, chunks: &[(Chunk, Bounds)]) -> Result<Buffer> {
-    let grids: Vec<Grid> = chunks.iter().map(|(_, bounds)| layout::grid(bounds)).collect();
+fn grid_corners(gpu: &Gpu, mesh: &Mesh, chunks: &[(Chunk, BoundingBox)]) -> Result<Buffer> {
+    let grids: Vec<ChunkGrid> = chunks.iter().map(|(_, bounds)| layout::grid(bounds)).collect();
     let at = |v: usize| {
         let chunk = chunks.partition_point(|(chunk, _)| 3 * chunk.first as usize <= v) - 1;
         layout::pack_position(&grids[chunk], mesh.positions[v])
@@ -208,7 +219,7 @@ fn face_group(
     gpu: &Gpu,
     groups: &BindGroupLayout,
     colors: &[[f32; 3]],
-    chunks: &[(Chunk, Bounds)],
+    chunks: &[(Chunk, BoundingBox)],
 ) -> Result<(BindGroup, u64)> {
     let usage = BufferUsages::STORAGE;
     let colors = buffer::filled(gpu, "face colours", usage, colors.len(), |f| layout::pack_color(colors[f]))?;

@@ -5,8 +5,8 @@ use crate::scene::Scene;
 use glam::{UVec2, Vec2, Vec3};
 use std::f32::consts::TAU;
 
-/// `count` cameras on a circle around what `cameras` look at, at their median height and distance,
-/// beginning beside the first of them. Empty when there are no cameras.
+/// `count` cameras on a circle around what `cameras` look at, at their median height and distance; the circle
+/// begins beside the first of them. Empty when there are no cameras.
 pub fn around_cameras(cameras: &[Camera], count: u32) -> Vec<Camera> {
     let Some(first) = cameras.first() else { return Vec::new() };
     let up = cameras.iter().map(|c| -c.rotation.row(1)).sum::<Vec3>().normalize_or(Vec3::NEG_Y);
@@ -71,7 +71,7 @@ fn circle(camera: &Camera, circle: Circle, count: u32) -> Vec<Camera> {
     (0..count).map(place).collect()
 }
 
-/// A point in front of cameras whose axes do not meet: as far from their middle as they are spread.
+/// A point in front of cameras whose axes do not meet, at twice their mean distance from their centre.
 fn ahead(cameras: &[Camera], positions: &[Vec3]) -> Vec3 {
     let middle = positions.iter().sum::<Vec3>() / positions.len() as f32;
     let forward = cameras.iter().map(|c| c.rotation.row(2)).sum::<Vec3>().normalize_or(Vec3::Z);
@@ -101,12 +101,12 @@ mod tests {
             size: UVec2::new(120, 80),
         };
         let target = Vec3::new(2.0, -1.0, 5.0);
-        let eyes =
+        let positions =
             [0.0, 0.8, 1.9, 3.0, 5.5].map(|a: f32| target + Vec3::new(4.0 * a.cos(), -1.5, 4.0 * a.sin()));
-        let cameras = eyes.map(|eye| camera.looking(eye, target, Vec3::NEG_Y));
+        let cameras = positions.map(|position| camera.looking(position, target, Vec3::NEG_Y));
         let orbit = around_cameras(&cameras, 12);
         assert_eq!(orbit.len(), 12);
-        assert!(orbit[0].position().distance(eyes[0]) < 0.2, "begins beside the first photo");
+        assert!(orbit[0].position().distance(positions[0]) < 0.2, "begins beside the first photo");
         for camera in &orbit {
             let seen = camera.rotation * target + camera.translation;
             assert!(seen.truncate().length() < 0.2 * seen.z && seen.z > 3.0, "{seen}");

@@ -1,4 +1,4 @@
-// Averages N x N samples a pixel in linear light, as engines resolve supersampling.
+// Averages N x N samples per pixel in linear light, as engines resolve supersampling.
 
 @group(0) @binding(0) var samples: texture_2d<f32>;
 override PER_AXIS: u32 = 1u;

@@ -1,7 +1,7 @@
 // Draws triangles as an engine does: opaque, double-sided, perspective-correct colours in linear light.
 //
-// One vertex stage a layout of corners (view/layout.rs). `_color` writes nothing but what colour needs;
-// `_look` also what the other looks need.
+// One vertex stage per vertex layout (view/layout.rs). `_color` writes only what colour needs; `_display` also what
+// the other display modes need.
 
 struct Frame {
     clip: mat4x4<f32>, // world to clip space: x right, y up, w = depth, z = near
@@ -16,7 +16,7 @@ struct Grid {
 @group(1) @binding(0) var<storage, read> face_colors: array<u32>;
 @group(1) @binding(1) var<storage, read> grids: array<Grid>;
 
-override LOOK: u32 = 0u;
+override DISPLAY: u32 = 0u;
 const NORMALS: u32 = 1u;
 const CHUNKS: u32 = 2u;
 // 1 where the target does not encode by itself.
@@ -30,19 +30,19 @@ struct Flat {
     @builtin(position) clip: vec4<f32>,
     @location(0) @interpolate(flat) color: vec3<f32>,
 }
-struct Looked {
+struct Displayed {
     @builtin(position) clip: vec4<f32>,
     @location(0) color: vec3<f32>,
     @location(1) view: vec3<f32>,
 }
 
-// Linear light of 10 bits a channel, stored as its square root.
+// Linear light of 10 bits per channel, stored as its square root.
 fn unpack_color(bits: u32) -> vec3<f32> {
     let root = vec3<f32>(vec3<u32>(bits, bits >> 10u, bits >> 20u) & vec3<u32>(1023u)) / 1023.0;
     return root * root;
 }
 
-// 21 bits an axis on the grid of the chunk.
+// 21 bits per axis on the grid of the chunk.
 fn unpack_position(bits: vec2<u32>, chunk: u32) -> vec3<f32> {
     let x = bits.x & 0x1fffffu;
     let y = (bits.x >> 21u) | ((bits.y & 0x3ffu) << 11u);
@@ -51,20 +51,20 @@ fn unpack_position(bits: vec2<u32>, chunk: u32) -> vec3<f32> {
     return grid.origin + grid.step * vec3<f32>(vec3<u32>(x, y, z));
 }
 
-fn looked(position: vec3<f32>, color: vec3<f32>, chunk: u32) -> Looked {
+fn displayed(position: vec3<f32>, color: vec3<f32>, chunk: u32) -> Displayed {
     let at = vec4<f32>(position, 1.0);
     var shown = color;
-    if LOOK == CHUNKS {
+    if DISPLAY == CHUNKS {
         let brightness = dot(color, vec3<f32>(0.2126, 0.7152, 0.0722));
         shown = hue(chunk) * (0.25 + 0.75 * brightness);
     }
-    return Looked(frame.clip * at, shown, (frame.view * at).xyz);
+    return Displayed(frame.clip * at, shown, (frame.view * at).xyz);
 }
 
-// Chunk colours far from their neighbours': hues a golden angle apart.
+// Chunk colours that differ from their neighbours': hues a golden angle apart.
 fn hue(chunk: u32) -> vec3<f32> {
-    let turn = fract(f32(chunk) * 0.61803399) * 6.0;
-    return clamp(abs((vec3<f32>(turn) + vec3<f32>(0.0, 4.0, 2.0)) % vec3<f32>(6.0) - 3.0) - 1.0, vec3<f32>(0.05), vec3<f32>(1.0));
+    let hue6 = fract(f32(chunk) * 0.61803399) * 6.0;
+    return clamp(abs((vec3<f32>(hue6) + vec3<f32>(0.0, 4.0, 2.0)) % vec3<f32>(6.0) - 3.0) - 1.0, vec3<f32>(0.05), vec3<f32>(1.0));
 }
 
 @vertex
@@ -73,8 +73,8 @@ fn corner_color(@location(0) position: vec3<f32>, @location(1) root: vec4<f32>) 
 }
 
 @vertex
-fn corner_look(@location(0) position: vec3<f32>, @location(1) root: vec4<f32>, @builtin(instance_index) chunk: u32) -> Looked {
-    return looked(position, root.rgb * root.rgb, chunk);
+fn corner_display(@location(0) position: vec3<f32>, @location(1) root: vec4<f32>, @builtin(instance_index) chunk: u32) -> Displayed {
+    return displayed(position, root.rgb * root.rgb, chunk);
 }
 
 @vertex
@@ -83,8 +83,8 @@ fn face_color(@location(0) position: vec3<f32>, @builtin(vertex_index) vertex: u
 }
 
 @vertex
-fn face_look(@location(0) position: vec3<f32>, @builtin(vertex_index) vertex: u32, @builtin(instance_index) chunk: u32) -> Looked {
-    return looked(position, unpack_color(face_colors[vertex / 3u]), chunk);
+fn face_display(@location(0) position: vec3<f32>, @builtin(vertex_index) vertex: u32, @builtin(instance_index) chunk: u32) -> Displayed {
+    return displayed(position, unpack_color(face_colors[vertex / 3u]), chunk);
 }
 
 @vertex
@@ -94,8 +94,8 @@ fn grid_color(@location(0) bits: vec2<u32>, @builtin(vertex_index) vertex: u32, 
 }
 
 @vertex
-fn grid_look(@location(0) bits: vec2<u32>, @builtin(vertex_index) vertex: u32, @builtin(instance_index) chunk: u32) -> Looked {
-    return looked(unpack_position(bits, chunk), unpack_color(face_colors[vertex / 3u]), chunk);
+fn grid_display(@location(0) bits: vec2<u32>, @builtin(vertex_index) vertex: u32, @builtin(instance_index) chunk: u32) -> Displayed {
+    return displayed(unpack_position(bits, chunk), unpack_color(face_colors[vertex / 3u]), chunk);
 }
 
 fn srgb_from_linear(linear: vec3<f32>) -> vec3<f32> {
@@ -125,8 +125,8 @@ fn flat_light(seen: Flat) -> @location(0) vec4<f32> {
 }
 
 @fragment
-fn look_light(seen: Looked) -> @location(0) vec4<f32> {
-    if LOOK == NORMALS {
+fn display_light(seen: Displayed) -> @location(0) vec4<f32> {
+    if DISPLAY == NORMALS {
         // Towards the viewer; red to the right, green up, blue to the viewer, as `render --show normal`.
         let across = cross(dpdx(seen.view), dpdy(seen.view));
         let normal = across * select(1.0, -1.0, dot(across, seen.view) > 0.0) / max(length(across), 1e-30);

@@ -2,7 +2,7 @@
 //! z-buffer, both sides, clipped at the near plane, colours interpolated perspective-correctly in linear
 //! light and sRGB-encoded when written.
 
-use super::layout::{Corner, Layout};
+use super::layout::{CornerVertex, VertexLayout};
 use super::model::{ChunkOrder, Model, Subset};
 use crate::asset::Asset;
 use crate::camera::Camera;
@@ -14,85 +14,85 @@ use glam::{DMat4, DVec4, Mat4};
 use std::collections::HashMap;
 use wgpu::*;
 
-/// What is drawn, and how.
+/// How one frame is drawn.
 #[derive(Debug, Clone, Copy)]
-pub struct Shot<'a> {
-    /// Where from, at the size of the target.
+pub struct FrameParams<'a> {
+    /// The camera, at the size of the picture.
     pub camera: Camera,
     /// Depth in front of which nothing is drawn, world units.
     pub near: f32,
-    /// sRGB-encoded colour where nothing is.
+    /// sRGB-encoded background colour.
     pub background: [f32; 3],
     /// What the triangles show.
-    pub look: Look,
+    pub display: DisplayMode,
     /// Edges only.
-    pub wire: bool,
+    pub wireframe: bool,
     /// Some of the faces only.
     pub subset: Option<&'a Subset>,
     /// The order of chunks.
     pub order: ChunkOrder,
 }
 
-/// What triangles show.
+/// What the triangles show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum Look {
+pub enum DisplayMode {
     /// Their colour.
     #[default]
     Color,
-    /// Their side: red to the right, green up, blue to the viewer.
+    /// Their normal: red to the right, green up, blue to the viewer.
     Normals,
     /// Which chunk they are in.
     Chunks,
 }
 
-/// What a frame took.
+/// What was drawn for a frame.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Drawn {
+pub struct DrawStats {
     /// Triangles in the chunks that were drawn.
     pub triangles: u64,
     /// Draw calls.
     pub draws: u32,
 }
 
-/// Depth and samples to draw to; the picture is whoever's.
+/// The depth buffer and, with multisampling, the samples of a frame; the picture comes from elsewhere.
 #[derive(Debug)]
-pub struct Target {
+pub struct Attachments {
     /// Width and height, px.
     pub size: glam::UVec2,
     format: TextureFormat,
     samples: u32,
     depth: TextureView,
-    many: Option<TextureView>,
+    multisampled: Option<TextureView>,
 }
 
-impl Target {
-    /// For pictures of `size` and `format`, with `samples` (1 or 4) a pixel.
+impl Attachments {
+    /// For pictures of `size` and `format`, with `samples` (1 or 4) per pixel.
     ///
     /// Errors: larger than the card can draw, or more memory than it has.
     pub fn new(gpu: &Gpu, size: glam::UVec2, format: TextureFormat, samples: u32) -> Result<Self> {
         let limit = gpu.device.limits().max_texture_dimension_2d;
         if size.min_element() == 0 || size.max_element() > limit {
-            let wants = format!("1 to {limit} px a side on {}", gpu.info.name);
+            let wants = format!("1 to {limit} px per side on {}", gpu.info.name);
             return Err(Error::invalid("picture size", format!("{}x{}", size.x, size.y), wants));
         }
         let usage = TextureUsages::RENDER_ATTACHMENT;
         let depth = texture(gpu, "depth", size, TextureFormat::Depth32Float, samples, usage);
-        let many = (samples > 1).then(|| texture(gpu, "samples", size, format, samples, usage));
+        let multisampled = (samples > 1).then(|| texture(gpu, "samples", size, format, samples, usage));
         gpu.check()?;
         let view = |t: Texture| t.create_view(&TextureViewDescriptor::default());
-        Ok(Self { size, format, samples, depth: view(depth), many: many.map(view) })
+        Ok(Self { size, format, samples, depth: view(depth), multisampled: multisampled.map(view) })
     }
 }
 
 /// Where a frame goes.
 #[derive(Debug)]
-pub struct Onto<'a> {
-    /// The picture, of the target's size and format.
+pub struct FrameOutput<'a> {
+    /// The picture, of the attachments' size and format.
     pub picture: &'a TextureView,
     /// Its depth and samples.
-    pub target: &'a Target,
-    /// Where the card writes its times.
-    pub times: Option<RenderPassTimestampWrites<'a>>,
+    pub attachments: &'a Attachments,
+    /// Where the card writes its timestamps.
+    pub timestamps: Option<RenderPassTimestampWrites<'a>>,
 }
 
 /// A texture to draw to.
@@ -116,7 +116,7 @@ pub fn texture(
     })
 }
 
-/// The first group of the shader.
+/// The first bind group of the shader.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct FrameUniform {
@@ -124,12 +124,12 @@ struct FrameUniform {
     view: Mat4,
 }
 
-/// One way to draw.
+/// What a pipeline is made for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-struct Way {
-    layout: Layout,
-    look: Look,
-    wire: bool,
+struct PipelineKey {
+    layout: VertexLayout,
+    display: DisplayMode,
+    wireframe: bool,
     format: TextureFormat,
     samples: u32,
 }
@@ -142,11 +142,11 @@ pub struct Renderer {
     frame_group: BindGroup,
     frame_layout: BindGroupLayout,
     face_layout: BindGroupLayout,
-    pipelines: HashMap<Way, RenderPipeline>,
+    pipelines: HashMap<PipelineKey, RenderPipeline>,
 }
 
 impl Renderer {
-    /// A renderer on `gpu`, with which all calls must be made.
+    /// A renderer on `gpu`; all calls must pass the same `gpu`.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         let source = ShaderSource::Wgsl(include_str!("pass_mesh.wgsl").into());
         let shader =
@@ -175,80 +175,83 @@ impl Renderer {
     }
 
     /// The layout that `asset` is best drawn from on this card.
-    pub fn best_layout(gpu: &Gpu, asset: &Asset) -> Layout {
+    pub fn best_layout(gpu: &Gpu, asset: &Asset) -> VertexLayout {
         let limits = gpu.device.limits();
         let color_bytes = 4 * asset.mesh.face_count() as u64;
         let room = limits.max_storage_buffers_per_shader_stage >= 2
             && color_bytes <= limits.max_storage_buffer_binding_size;
-        if room { Layout::exact(&asset.mesh) } else { Layout::Corner }
+        if room { VertexLayout::exact(&asset.mesh) } else { VertexLayout::Corner }
     }
 
-    /// Puts an asset into the card's memory; `None` chooses the layout. Errors: see [`Model::upload`].
-    pub fn upload(&self, gpu: &Gpu, asset: &Asset, layout: Option<Layout>) -> Result<Model> {
+    /// Uploads an asset to GPU memory; `None` chooses the layout. Errors: see [`Model::upload`].
+    pub fn upload(&self, gpu: &Gpu, asset: &Asset, layout: Option<VertexLayout>) -> Result<Model> {
         let layout = layout.unwrap_or_else(|| Self::best_layout(gpu, asset));
         Model::upload(gpu, &self.face_layout, asset, layout)
     }
 
     /// Records the drawing of `model` onto a picture, which is cleared first.
     ///
-    /// Errors: a look that the card cannot draw.
+    /// Errors: a display mode that the card cannot draw.
     pub fn draw(
         &mut self,
         gpu: &Gpu,
         encoder: &mut CommandEncoder,
-        onto: Onto<'_>,
+        output: FrameOutput<'_>,
         model: &Model,
-        shot: &Shot<'_>,
-    ) -> Result<Drawn> {
-        let Target { format, samples, .. } = *onto.target;
-        let way = Way { layout: model.layout, look: shot.look, wire: shot.wire, format, samples };
-        self.prepare(gpu, way)?;
-        let uniform = frame_uniform(&shot.camera, shot.near);
+        params: &FrameParams<'_>,
+    ) -> Result<DrawStats> {
+        let Attachments { format, samples, .. } = *output.attachments;
+        let FrameParams { display, wireframe, .. } = *params;
+        let key = PipelineKey { layout: model.layout, display, wireframe, format, samples };
+        self.prepare(gpu, key)?;
+        let uniform = frame_uniform(&params.camera, params.near);
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&uniform));
-        let whole = shot.look == Look::Chunks || shot.subset.is_some();
-        let draws = model.draws(&shot.camera, shot.near, shot.order, whole);
-        let mut pass = begin(encoder, onto, shot.background);
-        let Some(pipeline) = self.pipelines.get(&way) else { return Ok(Drawn::default()) };
+        let per_chunk = display == DisplayMode::Chunks || params.subset.is_some();
+        let draws = model.draw_calls(&params.camera, params.near, params.order, per_chunk);
+        let mut pass = begin(encoder, output, params.background);
+        let Some(pipeline) = self.pipelines.get(&key) else { return Ok(DrawStats::default()) };
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &self.frame_group, &[]);
-        let triangles = match shot.subset {
+        let triangles = match params.subset {
             Some(subset) => model.draw_subset(&mut pass, &draws, subset),
             None => model.draw(&mut pass, &draws),
         };
-        Ok(Drawn { triangles, draws: draws.len() as u32 })
+        Ok(DrawStats { triangles, draws: draws.len() as u32 })
     }
 
-    /// Makes the pipeline of a way of drawing, once.
-    fn prepare(&mut self, gpu: &Gpu, way: Way) -> Result<()> {
-        if self.pipelines.contains_key(&way) {
+    /// Makes the pipeline for a key, once.
+    fn prepare(&mut self, gpu: &Gpu, key: PipelineKey) -> Result<()> {
+        if self.pipelines.contains_key(&key) {
             return Ok(());
         }
-        if way.wire && !gpu.device.features().contains(Features::POLYGON_MODE_LINE) {
-            return Err(Error::Gpu(format!("{} draws no wireframes", gpu.info.name)));
+        if key.wireframe && !gpu.device.features().contains(Features::POLYGON_MODE_LINE) {
+            return Err(Error::Gpu(format!("{} cannot draw wireframes", gpu.info.name)));
         }
-        let pipeline = self.pipeline(gpu, way);
+        let pipeline = self.pipeline(gpu, key);
         gpu.check()?;
-        self.pipelines.insert(way, pipeline);
+        self.pipelines.insert(key, pipeline);
         Ok(())
     }
 
-    fn pipeline(&self, gpu: &Gpu, way: Way) -> RenderPipeline {
-        let plain = way.look == Look::Color;
-        let (vertex, light) = match (way.layout, plain) {
-            (Layout::Corner, true) => ("corner_color", "smooth_light"),
-            (Layout::Corner, false) => ("corner_look", "look_light"),
-            (Layout::Face, true) => ("face_color", "flat_light"),
-            (Layout::Face, false) => ("face_look", "look_light"),
-            (Layout::Grid, true) => ("grid_color", "flat_light"),
-            (Layout::Grid, false) => ("grid_look", "look_light"),
+    fn pipeline(&self, gpu: &Gpu, key: PipelineKey) -> RenderPipeline {
+        let plain = key.display == DisplayMode::Color;
+        let (vertex, light) = match (key.layout, plain) {
+            (VertexLayout::Corner, true) => ("corner_color", "smooth_light"),
+            (VertexLayout::Corner, false) => ("corner_display", "display_light"),
+            (VertexLayout::Face, true) => ("face_color", "flat_light"),
+            (VertexLayout::Face, false) => ("face_display", "display_light"),
+            (VertexLayout::Grid, true) => ("grid_color", "flat_light"),
+            (VertexLayout::Grid, false) => ("grid_display", "display_light"),
         };
-        let constants =
-            [("LOOK", f64::from(way.look as u8)), ("ENCODE", f64::from(u8::from(!way.format.is_srgb())))];
+        let constants = [
+            ("DISPLAY", f64::from(key.display as u8)),
+            ("ENCODE", f64::from(u8::from(!key.format.is_srgb()))),
+        ];
         let compilation_options =
             PipelineCompilationOptions { constants: &constants, ..PipelineCompilationOptions::default() };
-        let groups: &[Option<&BindGroupLayout>] = match way.layout {
-            Layout::Corner => &[Some(&self.frame_layout)],
-            Layout::Face | Layout::Grid => &[Some(&self.frame_layout), Some(&self.face_layout)],
+        let groups: &[Option<&BindGroupLayout>] = match key.layout {
+            VertexLayout::Corner => &[Some(&self.frame_layout)],
+            VertexLayout::Face | VertexLayout::Grid => &[Some(&self.frame_layout), Some(&self.face_layout)],
         };
         let layout = gpu.device.create_pipeline_layout(&PipelineLayoutDescriptor {
             label: Some("mesh"),
@@ -262,10 +265,10 @@ impl Renderer {
                 module: &self.shader,
                 entry_point: Some(vertex),
                 compilation_options: compilation_options.clone(),
-                buffers: &[Some(vertex_buffer(way.layout))],
+                buffers: &[Some(vertex_buffer(key.layout))],
             },
             primitive: PrimitiveState {
-                polygon_mode: if way.wire { PolygonMode::Line } else { PolygonMode::Fill },
+                polygon_mode: if key.wireframe { PolygonMode::Line } else { PolygonMode::Fill },
                 ..PrimitiveState::default()
             },
             depth_stencil: Some(DepthStencilState {
@@ -276,12 +279,12 @@ impl Renderer {
                 stencil: StencilState::default(),
                 bias: DepthBiasState::default(),
             }),
-            multisample: MultisampleState { count: way.samples, ..MultisampleState::default() },
+            multisample: MultisampleState { count: key.samples, ..MultisampleState::default() },
             fragment: Some(FragmentState {
                 module: &self.shader,
                 entry_point: Some(light),
                 compilation_options,
-                targets: &[Some(way.format.into())],
+                targets: &[Some(key.format.into())],
             }),
             multiview_mask: None,
             cache: None,
@@ -290,16 +293,20 @@ impl Renderer {
 }
 
 /// A pass that clears picture and depth.
-fn begin<'e>(encoder: &'e mut CommandEncoder, onto: Onto<'_>, background: [f32; 3]) -> RenderPass<'e> {
-    let Onto { picture, target, times } = onto;
-    let encoded = !target.format.is_srgb();
+fn begin<'e>(
+    encoder: &'e mut CommandEncoder,
+    output: FrameOutput<'_>,
+    background: [f32; 3],
+) -> RenderPass<'e> {
+    let FrameOutput { picture, attachments, timestamps } = output;
+    let encoded = !attachments.format.is_srgb();
     let [r, g, b] = background.map(|c| f64::from(if encoded { c } else { linear_from_srgb(c) }));
-    let (view, resolve_target) = match &target.many {
-        Some(many) => (many, Some(picture)),
+    let (view, resolve_target) = match &attachments.multisampled {
+        Some(samples) => (samples, Some(picture)),
         None => (picture, None),
     };
-    // The samples are of no use once they are averaged.
-    let store = if target.many.is_some() { StoreOp::Discard } else { StoreOp::Store };
+    // The samples are not needed once they are averaged.
+    let store = if attachments.multisampled.is_some() { StoreOp::Discard } else { StoreOp::Store };
     encoder.begin_render_pass(&RenderPassDescriptor {
         label: Some("mesh"),
         color_attachments: &[Some(RenderPassColorAttachment {
@@ -309,19 +316,24 @@ fn begin<'e>(encoder: &'e mut CommandEncoder, onto: Onto<'_>, background: [f32; 
             ops: Operations { load: LoadOp::Clear(Color { r, g, b, a: 1.0 }), store },
         })],
         depth_stencil_attachment: Some(RenderPassDepthStencilAttachment {
-            view: &target.depth,
+            view: &attachments.depth,
             depth_ops: Some(Operations { load: LoadOp::Clear(0.0), store: StoreOp::Discard }),
             stencil_ops: None,
         }),
-        timestamp_writes: times,
+        timestamp_writes: timestamps,
         occlusion_query_set: None,
         multiview_mask: None,
     })
 }
 
-/// Records a picture of nothing but background.
-pub fn clear(encoder: &mut CommandEncoder, picture: &TextureView, target: &Target, background: [f32; 3]) {
-    drop(begin(encoder, Onto { picture, target, times: None }, background));
+/// Records a picture that shows only background.
+pub fn clear(
+    encoder: &mut CommandEncoder,
+    picture: &TextureView,
+    attachments: &Attachments,
+    background: [f32; 3],
+) {
+    drop(begin(encoder, FrameOutput { picture, attachments, timestamps: None }, background));
 }
 
 /// A group of buffers that the vertex stage reads.
@@ -336,14 +348,14 @@ fn group_layout(gpu: &Gpu, label: &str, kinds: &[BufferBindingType]) -> BindGrou
     gpu.device.create_bind_group_layout(&BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
 }
 
-fn vertex_buffer(layout: Layout) -> VertexBufferLayout<'static> {
+fn vertex_buffer(layout: VertexLayout) -> VertexBufferLayout<'static> {
     const CORNER: [VertexAttribute; 2] = vertex_attr_array![0 => Float32x3, 1 => Unorm10_10_10_2];
     const FACE: [VertexAttribute; 1] = vertex_attr_array![0 => Float32x3];
     const GRID: [VertexAttribute; 1] = vertex_attr_array![0 => Uint32x2];
     let (stride, attributes): (usize, &[VertexAttribute]) = match layout {
-        Layout::Corner => (size_of::<Corner>(), &CORNER),
-        Layout::Face => (size_of::<[f32; 3]>(), &FACE),
-        Layout::Grid => (size_of::<[u32; 2]>(), &GRID),
+        VertexLayout::Corner => (size_of::<CornerVertex>(), &CORNER),
+        VertexLayout::Face => (size_of::<[f32; 3]>(), &FACE),
+        VertexLayout::Grid => (size_of::<[u32; 2]>(), &GRID),
     };
     VertexBufferLayout { array_stride: stride as u64, step_mode: VertexStepMode::Vertex, attributes }
 }

@@ -1,11 +1,11 @@
-//! Pictures of what is not colour: depth, normals, layers a pixel.
+//! Pictures of depth, normals, layers per pixel and errors.
 
 use crate::image::Pixels;
 use crate::raster::soft::Frame;
 use glam::UVec2;
 
-/// Below this cover a pixel shows nothing but background.
-const LEAST_COVER: f32 = 0.05;
+/// Below this coverage a pixel counts as background.
+const LEAST_COVERAGE: f32 = 0.05;
 
 /// The frame's colours in 8 bits, clamped and rounded.
 pub fn color(frame: &Frame) -> Pixels {
@@ -13,11 +13,11 @@ pub fn color(frame: &Frame) -> Pixels {
 }
 
 /// Expected depth, near bright and far dark, stretched over the middle 98% of the picture's inverse
-/// depths; black where nothing is. The frame must have been drawn with geometry.
+/// depths; black for background. The frame must have been drawn with geometry.
 pub fn depth(frame: &Frame) -> Pixels {
     let inverse = |i: usize| {
-        let cover = 1.0 - frame.transmittance[i];
-        (cover > LEAST_COVER && frame.depth[i] > 0.0).then(|| cover / frame.depth[i])
+        let coverage = 1.0 - frame.transmittance[i];
+        (coverage > LEAST_COVERAGE && frame.depth[i] > 0.0).then(|| coverage / frame.depth[i])
     };
     let mut seen: Vec<f32> = (0..frame.depth.len()).filter_map(inverse).collect();
     seen.sort_by(f32::total_cmp);
@@ -25,23 +25,23 @@ pub fn depth(frame: &Frame) -> Pixels {
     let at = |i: usize| seen.get(i).copied().unwrap_or(0.0);
     let (far, near) = (at(last / 100), at(last - last / 100));
     let stretched = |x: f32| if near > far { (x - far) / (near - far) } else { 0.5 };
-    // A touch above black, so that the farthest thing differs from nothing.
+    // Slightly above black, so that the farthest surface differs from the background.
     picture(frame, |i| inverse(i).map_or([0.0; 3], |x| ramp(0.08 + 0.92 * stretched(x).clamp(0.0, 1.0))))
 }
 
-/// Normals towards the camera: red to the right, green up, blue to the viewer; black where nothing is.
+/// Normals towards the camera: red to the right, green up, blue to the viewer; black for background.
 /// The frame must have been drawn with geometry.
 pub fn normal(frame: &Frame) -> Pixels {
     picture(frame, |i| {
         let [x, y, z] = frame.normal[i];
         let length = (x * x + y * y + z * z).sqrt();
-        let seen = length > 0.0 && 1.0 - frame.transmittance[i] > LEAST_COVER;
+        let seen = length > 0.0 && 1.0 - frame.transmittance[i] > LEAST_COVERAGE;
         // The camera's axes are x right, y down, z forward.
         if seen { [x, -y, -z].map(|c| 0.5 + 0.5 * c / length) } else { [0.0; 3] }
     })
 }
 
-/// Layers a pixel, black for none to white for the 99th hundredth of the pixels that have any.
+/// Layers per pixel, from black for none to white for the 99th percentile of the pixels that have any.
 pub fn contributions(frame: &Frame, layers: &[u32]) -> Pixels {
     let mut seen: Vec<u32> = layers.iter().copied().filter(|&n| n > 0).collect();
     seen.sort_unstable();
@@ -62,7 +62,7 @@ fn picture(frame: &Frame, at: impl Fn(usize) -> [f32; 3]) -> Pixels {
     Pixels { size: frame.size, rgb: (0..count).map(|i| at(i).map(code)).collect(), alpha: None }
 }
 
-/// Magma, as FLIP's maps have it: black, violet, orange, white; for values in [0, 1].
+/// The colour map magma, as FLIP uses it: black, violet, orange, white; for values in [0, 1].
 fn ramp(value: f32) -> [f32; 3] {
     flip_rs::MAGMA[(value * 255.0).round() as usize]
 }

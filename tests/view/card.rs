@@ -3,19 +3,18 @@
 
 use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
 use trisplat::asset::{Asset, Chunk};
-use trisplat::bake::options::{BakeOptions, Preset};
+use trisplat::bake::{BakeOptions, BakePreset, bake};
 use trisplat::camera::Camera;
 use trisplat::error::Error;
 use trisplat::gpu::AdapterOptions;
 use trisplat::image::Pixels;
 use trisplat::math::color::{linear_from_srgb, srgb_from_linear};
 use trisplat::mesh::{Colors, Mesh};
-use trisplat::report::Report;
 use trisplat::rng::Rng;
 use trisplat::scene::{Loaded, Scene};
 use trisplat::view::headless::{Headless, HeadlessOptions};
-use trisplat::view::layout::Layout;
-use trisplat::view::renderer::Look;
+use trisplat::view::layout::VertexLayout;
+use trisplat::view::renderer::DisplayMode;
 
 /// A card, or `None` after saying loudly that there is none.
 fn card() -> Option<Headless> {
@@ -153,9 +152,10 @@ fn every_layout_draws_what_rays_meet() {
     let Some(mut card) = card() else { return };
     let camera = camera();
     let faces = triangles(600, 3);
-    for (mesh, layouts) in
-        [(faces, &[Layout::Corner, Layout::Face, Layout::Grid][..]), (indexed(300), &[Layout::Corner])]
-    {
+    for (mesh, layouts) in [
+        (faces, &[VertexLayout::Corner, VertexLayout::Face, VertexLayout::Grid][..]),
+        (indexed(300), &[VertexLayout::Corner]),
+    ] {
         let (ids, wants) = reference(&mesh, &camera);
         let seen: std::collections::BTreeSet<_> = ids.iter().collect();
         assert!(seen.len() > 80, "only {} faces are in view", seen.len());
@@ -174,13 +174,13 @@ fn layouts_take_the_bytes_they_promise() {
     let Some(card) = card() else { return };
     let faces = asset(triangles(1000, 3));
     let bytes = |layout| card.upload(&faces, layout).unwrap().bytes;
-    assert_eq!(bytes(Some(Layout::Corner)), 48_000);
-    assert_eq!(bytes(Some(Layout::Face)), 40_000 + 16);
-    assert_eq!(bytes(Some(Layout::Grid)), 28_000 + 16);
-    assert_eq!(bytes(None), bytes(Some(Layout::Face)));
+    assert_eq!(bytes(Some(VertexLayout::Corner)), 48_000);
+    assert_eq!(bytes(Some(VertexLayout::Face)), 40_000 + 16);
+    assert_eq!(bytes(Some(VertexLayout::Grid)), 28_000 + 16);
+    assert_eq!(bytes(None), bytes(Some(VertexLayout::Face)));
     let shared = asset(indexed(1000));
     assert_eq!(card.upload(&shared, None).unwrap().bytes, 3000 * 16 + 1000 * 12);
-    assert!(matches!(card.upload(&shared, Some(Layout::Grid)), Err(Error::Invalid { .. })));
+    assert!(matches!(card.upload(&shared, Some(VertexLayout::Grid)), Err(Error::Invalid { .. })));
 }
 
 #[test]
@@ -223,23 +223,26 @@ fn chunks_out_of_view_are_left_out_and_nobody_sees_it() {
     let Some(mut card) = card() else { return };
     let scene = Scene::Mesh(triangles(4000, 11));
     let loaded = Loaded { scene, provenance: Default::default(), warnings: Vec::new(), cameras: Vec::new() };
-    let mut baked = BakeOptions::preset(Preset::Fast);
+    let mut baked = BakeOptions::preset(BakePreset::Fast);
     baked.chunk.chunk_triangles = 64;
-    let chunked =
-        trisplat::bake::bake(vec![loaded], &baked, None, &mut Report::new("test"), &mut ()).unwrap();
+    let chunked = bake(loaded, &baked).unwrap();
     assert!(chunked.chunks.len() > 50);
     let camera = Camera { focal: Vec2::splat(500.0), ..camera() };
     let whole = asset(chunked.mesh.clone());
-    for layout in [Layout::Corner, Layout::Face, Layout::Grid] {
+    for layout in [VertexLayout::Corner, VertexLayout::Face, VertexLayout::Grid] {
         let model = card.upload(&chunked, Some(layout)).unwrap();
         let (few, drawn) = card.render(&model, &camera, &options()).unwrap();
         assert!(drawn.triangles < 3000, "{} triangles drawn", drawn.triangles);
-        let model =
-            card.upload(&whole, Some(if layout == Layout::Grid { Layout::Face } else { layout })).unwrap();
+        let model = card
+            .upload(&whole, Some(if layout == VertexLayout::Grid { VertexLayout::Face } else { layout }))
+            .unwrap();
         let (all, _) = card.render(&model, &camera, &options()).unwrap();
         let differ = few.rgb.iter().zip(&all.rgb).filter(|(a, b)| off(**a, **b) > 1).count();
         // On their grids corners move by 1/2,000,000 of a chunk: an edge may pass a pixel's centre.
-        assert!(differ <= if layout == Layout::Grid { 10 } else { 0 }, "{layout:?}: {differ} pixels differ");
+        assert!(
+            differ <= if layout == VertexLayout::Grid { 10 } else { 0 },
+            "{layout:?}: {differ} pixels differ"
+        );
     }
 }
 
@@ -255,10 +258,11 @@ fn normals_face_the_viewer() {
     let size = UVec2::new(40, 40);
     let (rotation, translation) = (Mat3::IDENTITY, Vec3::ZERO);
     let camera = Camera { rotation, translation, focal: Vec2::splat(40.0), center: Vec2::splat(20.0), size };
-    for layout in [Layout::Corner, Layout::Face, Layout::Grid] {
+    for layout in [VertexLayout::Corner, VertexLayout::Face, VertexLayout::Grid] {
         let model = card.upload(&asset(mesh.clone()), Some(layout)).unwrap();
-        let (got, _) =
-            card.render(&model, &camera, &HeadlessOptions { look: Look::Normals, ..options() }).unwrap();
+        let (got, _) = card
+            .render(&model, &camera, &HeadlessOptions { display: DisplayMode::Normals, ..options() })
+            .unwrap();
         let at = |x: usize, y: usize| got.rgb[y * 40 + x];
         assert!(off(at(17, 8), [128, 128, 255]) <= 1, "{:?}", at(17, 8));
         assert!(off(at(23, 8), [218, 128, 218]) <= 1, "{:?}", at(23, 8));
@@ -270,7 +274,7 @@ fn what_a_card_cannot_do_is_an_error_that_says_so() {
     let Some(mut card) = card() else { return };
     let nobody = AdapterOptions { adapter: Some("no such card".into()), ..AdapterOptions::default() };
     let said = Headless::new(&nobody).unwrap_err().to_string();
-    assert!(said.contains("--adapter is no such card") && said.contains(&card.gpu.info.name), "{said}");
+    assert!(said.contains("adapter is no such card") && said.contains(&card.gpu.info.name), "{said}");
     let model = card.upload(&asset(triangles(3, 1)), None).unwrap();
     let huge = camera().resized(UVec2::new(100_000, 10));
     let said = card.render(&model, &huge, &options()).unwrap_err().to_string();

@@ -181,8 +181,18 @@ fn a_window_shows_what_the_cpu_draws_and_follows_mouse_and_keys() {
         "--split",
         "all",
     ]);
-    let view =
-        ["view", "studio.ply", "--dataset", "photos", "--size", PHOTO, "--msaa", "1", "--shots", "shots"];
+    let view = [
+        "view",
+        "studio.ply",
+        "--dataset",
+        "photos",
+        "--size",
+        PHOTO,
+        "--msaa",
+        "1",
+        "--screenshots",
+        "shots",
+    ];
     desk.open(&view);
 
     // Without the panel the window is the first photo's picture, as the CPU draws it.

@@ -1,7 +1,7 @@
 //! A synthetic scene for the soft rasteriser.
 
-use super::{Case, Cost, SoftOptions, camera, time};
-use crate::raster::soft::{FrameGrad, Soft, SoupGrad, SoupRef};
+use super::timing::{CaseCost, RasterCase, camera, time};
+use crate::raster::soft::{FrameGrad, Soft, SoftOptions, SoupGrad, SoupRef};
 use crate::rng::Rng;
 use crate::soup::Soup;
 use glam::Vec3;
@@ -9,8 +9,8 @@ use glam::Vec3;
 /// Size of the triangles, relative to their distance.
 const SIZE: f32 = 0.027;
 
-/// `count` triangles with SH of degree 3 that fill the view of [`camera`]; of 50,000 about 16 layers lie on
-/// every pixel.
+/// `count` triangles with SH of degree 3 that fill the view of [`camera`]; with 50,000 of them every
+/// pixel has about 16 layers.
 fn soup(count: usize) -> Soup {
     let mut soup = Soup { sh_degree: 3, ..Soup::default() };
     for i in 0..count {
@@ -29,7 +29,7 @@ fn soup(count: usize) -> Soup {
 }
 
 /// What a step costs: a frame forward and backward.
-pub(super) fn cost(case: &Case, frames: usize) -> Cost {
+pub(super) fn cost(case: &RasterCase, frames: usize) -> CaseCost {
     let (soup, camera) = (soup(case.triangles), camera(case.size));
     let (mut soft, mut grad) = (Soft::new(), SoupGrad::default());
     let (scene, options) = (SoupRef::from(&soup), SoftOptions::default());
@@ -45,7 +45,7 @@ pub(super) fn cost(case: &Case, frames: usize) -> Cost {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::raster::importance::Importance;
+    use crate::raster::soft::Importance;
     use glam::UVec2;
 
     #[test]

@@ -1,16 +1,16 @@
-//! Small triangles for the solid rasteriser, the case that engines find hard.
+//! Small triangles for the solid rasteriser, which are hard for engines.
 
-use super::{Case, Cost, SolidOptions, camera, time};
+use super::timing::{CaseCost, RasterCase, camera, time};
 use crate::mesh::{Colors, Mesh};
-use crate::raster::solid::Solid;
+use crate::raster::solid::{Solid, SolidRasterOptions};
 use crate::rng::Rng;
 use glam::{UVec2, Vec3};
 
 /// Corners lie within this distance of a triangle's middle, px of a picture 1280 px wide.
 const REACH_PX: f32 = 2.0;
 
-/// `count` triangles a few px large, unconnected and in no order, that fill the view of [`camera`]; a colour a
-/// corner.
+/// `count` triangles a few px large, unconnected and in no order, that fill the view of [`camera`]; with one
+/// colour per corner.
 pub(super) fn mesh(count: usize, size: UVec2) -> Mesh {
     let focal = 0.9 * size.x as f32;
     let half = size.as_vec2() / 2.0 / focal;
@@ -30,11 +30,11 @@ pub(super) fn mesh(count: usize, size: UVec2) -> Mesh {
 }
 
 /// What a frame costs.
-pub(super) fn cost(case: &Case, frames: usize) -> Cost {
+pub(super) fn cost(case: &RasterCase, frames: usize) -> CaseCost {
     let (mesh, camera) = (mesh(case.triangles, case.size), camera(case.size));
     let mut solid = Solid::new();
     time(frames, || {
-        solid.render(&mesh, &camera, &SolidOptions::default());
+        solid.render(&mesh, &camera, &SolidRasterOptions::default());
         solid.timings().to_vec()
     })
 }
@@ -49,9 +49,9 @@ mod tests {
         let size = UVec2::new(1280, 720);
         let (mesh, camera) = (mesh(200_000, size), camera(size));
         let mut solid = Solid::new();
-        let seen = solid.visibility(&mesh, &camera, &SolidOptions::default());
+        let seen = solid.visibility(&mesh, &camera, &SolidRasterOptions::default());
         let covered = seen.face.iter().filter(|f| **f != NO_FACE).count() as f64 / seen.face.len() as f64;
-        // Mean area 2.4 px, so 200,000 cover at most 0.53 of 921,600 px; chance lays some over others.
+        // Mean area 2.4 px, so 200,000 cover at most 0.53 of 921,600 px; some of them overlap by chance.
         assert!((0.2..0.5).contains(&covered), "{covered}");
     }
 }

@@ -1,12 +1,13 @@
 //! Events in, pictures out.
 
-use super::background::{self, Message, ShotOf};
+use super::background::{self, Message, Screenshot};
+use super::options::WindowOptions;
 use super::pick::pick;
+use super::scene::SceneLoader;
 use super::screen::Screen;
-use super::session::{self, PhotoPlace, Session};
-use super::{Loader, WindowOptions};
+use super::session::{self, PhotoPlacement, Session};
 use crate::error::{Error, Result};
-use crate::view::renderer::Look;
+use crate::view::renderer::DisplayMode;
 use glam::{UVec2, Vec2};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -21,8 +22,10 @@ const CLICK: f32 = 4.0;
 /// Widest soft picture, px: a second or less on a processor.
 const SOFT_WIDTH: f32 = 480.0;
 
-/// Runs the window until it is closed.
-pub(super) fn run(options: WindowOptions, loader: Loader) -> Result<()> {
+/// Opens a window and returns when it is closed.
+///
+/// Errors: no display, no graphics card, the scene cannot be loaded, the device is lost.
+pub fn open(options: WindowOptions, loader: SceneLoader) -> Result<()> {
     let no_window = |e: &dyn std::fmt::Display| {
         let remedy = "`trisplat render` makes pictures without a window";
         Error::Gpu(format!("no window can be opened: {e}; {remedy}"))
@@ -30,16 +33,16 @@ pub(super) fn run(options: WindowOptions, loader: Loader) -> Result<()> {
     let events = EventLoop::<Message>::with_user_event().build().map_err(|e| no_window(&e))?;
     let proxy = events.create_proxy();
     let mut app =
-        App { options, loader: Some(loader), proxy, open: None, failure: None, mouse: Mouse::default() };
+        App { options, loader: Some(loader), proxy, window: None, failure: None, mouse: Mouse::default() };
     events.run_app(&mut app).map_err(|e| no_window(&e))?;
     app.failure.map_or(Ok(()), Err)
 }
 
 struct App {
     options: WindowOptions,
-    loader: Option<Loader>,
+    loader: Option<SceneLoader>,
     proxy: EventLoopProxy<Message>,
-    open: Option<(Screen, Session)>,
+    window: Option<(Screen, Session)>,
     failure: Option<Error>,
     mouse: Mouse,
 }
@@ -59,16 +62,16 @@ impl ApplicationHandler<Message> for App {
                 background::load(&self.proxy, screen.gpu.clone(), screen.face_layout(), loader);
                 let session = Session::new(screen.gpu.describe());
                 screen.window.request_redraw();
-                self.open = Some((screen, session));
+                self.window = Some((screen, session));
             }
             Err(error) => self.fail(events, error),
         }
     }
 
     fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
-        let Some((screen, _)) = &mut self.open else { return };
-        let heard = screen.input.on_window_event(&screen.window, &event);
-        if heard.repaint {
+        let Some((screen, _)) = &mut self.window else { return };
+        let response = screen.input.on_window_event(&screen.window, &event);
+        if response.repaint {
             screen.window.request_redraw();
         }
         let result = match event {
@@ -83,7 +86,7 @@ impl ApplicationHandler<Message> for App {
                 Ok(())
             }
             other => {
-                self.pointer(&other, heard.consumed);
+                self.pointer(&other, response.consumed);
                 Ok(())
             }
         };
@@ -93,11 +96,11 @@ impl ApplicationHandler<Message> for App {
     }
 
     fn user_event(&mut self, events: &ActiveEventLoop, message: Message) {
-        let Some((screen, session)) = &mut self.open else { return };
+        let Some((screen, session)) = &mut self.window else { return };
         screen.window.request_redraw();
         let context = screen.input.egui_ctx().clone();
         match message {
-            Message::Progress(what) => session.tell(what),
+            Message::Progress(what) => session.notify(what),
             Message::Loaded(Ok(loaded)) => session.show(*loaded),
             Message::Loaded(Err(error)) => self.fail(events, error),
             Message::Indexed(Ok(asset)) => {
@@ -112,28 +115,28 @@ impl ApplicationHandler<Message> for App {
                         session.photo = Some((index, session::texture(&context, "photo", &picture)))
                     }
                     Err(error) => {
-                        session.choices.photo = PhotoPlace::Off;
-                        session.tell(error.to_string());
+                        session.settings.photo = PhotoPlacement::Off;
+                        session.notify(error.to_string());
                     }
                 }
             }
-            Message::Soft(painter, camera, picture) => {
+            Message::Soft(renderer, camera, picture) => {
                 let texture = session::texture(&context, "soft", &picture);
                 session.soft = Some((camera, texture, picture));
                 if let Some(shown) = &mut session.shown {
-                    shown.painter = Some(painter);
+                    shown.soft_renderer = Some(renderer);
                 }
             }
             Message::Picked(picked) => {
                 if let Some(picked) = &picked {
-                    session.controls.reach_to(picked.depth);
+                    session.controls.set_pivot_distance(picked.depth);
                 }
                 session.picked = picked;
             }
             Message::Subset(Ok(subset)) => session.subset = Some(Arc::new(subset)),
-            Message::Saved(Ok(path)) => session.tell(format!("saved {}", path.display())),
+            Message::Saved(Ok(path)) => session.notify(format!("saved {}", path.display())),
             Message::Indexed(Err(error)) | Message::Subset(Err(error)) | Message::Saved(Err(error)) => {
-                session.tell(error.to_string());
+                session.notify(error.to_string());
             }
         }
     }
@@ -146,13 +149,13 @@ impl App {
     }
 
     fn redraw(&mut self, events: &ActiveEventLoop) -> Result<()> {
-        let Some((screen, session)) = &mut self.open else { return Ok(()) };
+        let Some((screen, session)) = &mut self.window else { return Ok(()) };
         let moving = session.is_moving();
         let secs = session.meter.tick(moving || self.mouse.down.is_some());
         session.controls.fly(&session.keys, secs as f32);
         let again = screen.draw(session)?;
         self.start_work();
-        let Some((screen, session)) = &self.open else { return Ok(()) };
+        let Some((screen, session)) = &self.window else { return Ok(()) };
         if session.is_moving() || again.is_zero() {
             screen.window.request_redraw();
             events.set_control_flow(ControlFlow::Wait);
@@ -164,12 +167,12 @@ impl App {
         Ok(())
     }
 
-    /// Starts what the picture now needs and is not there yet.
+    /// Starts the background work that the picture needs now.
     fn start_work(&mut self) {
-        let Some((screen, session)) = &mut self.open else { return };
+        let Some((screen, session)) = &mut self.window else { return };
         let Some(shown) = &mut session.shown else { return };
         if let Some(index) = session.current
-            && session.choices.photo != PhotoPlace::Off
+            && session.settings.photo != PhotoPlacement::Off
             && session.decoding.is_none()
             && session.photo.as_ref().is_none_or(|(shown, _)| *shown != index)
             && let Some(photo) = shown.photos.get(index)
@@ -178,7 +181,7 @@ impl App {
             let load = photo.load.clone();
             background::spawn(&self.proxy, move || Message::Photo(index, load()));
         }
-        if session.choices.soft
+        if session.settings.soft
             && let Some(camera) = session.camera
         {
             let scale = (SOFT_WIDTH / session.pane.size.x).min(1.0);
@@ -188,20 +191,20 @@ impl App {
             of_pane.size = session.pane.size.round().as_uvec2().max(UVec2::ONE);
             let wanted = of_pane.resized(small.as_uvec2());
             if session.soft.as_ref().is_none_or(|(drawn, ..)| *drawn != wanted)
-                && let Some(mut painter) = shown.painter.take()
+                && let Some(mut renderer) = shown.soft_renderer.take()
             {
                 background::spawn(&self.proxy, move || {
-                    let picture = painter(&wanted);
-                    Message::Soft(painter, wanted, picture)
+                    let picture = renderer(&wanted);
+                    Message::Soft(renderer, wanted, picture)
                 });
             }
         }
-        if session.choices.some
-            && session.subset_wanted != Some(session.choices.share)
+        if session.settings.subset
+            && session.subset_share != Some(session.settings.share)
             && let Some(asset) = shown.asset.clone()
         {
-            let (gpu, model, share) = (screen.gpu.clone(), shown.model.clone(), session.choices.share);
-            session.subset_wanted = Some(share);
+            let (gpu, model, share) = (screen.gpu.clone(), shown.model.clone(), session.settings.share);
+            session.subset_share = Some(share);
             background::spawn(&self.proxy, move || {
                 Message::Subset(model.subset(&gpu, &asset.mesh, share, 0))
             });
@@ -209,7 +212,7 @@ impl App {
     }
 
     fn key(&mut self, events: &ActiveEventLoop, event: &KeyEvent) {
-        let Some((screen, session)) = &mut self.open else { return };
+        let Some((screen, session)) = &mut self.window else { return };
         let PhysicalKey::Code(code) = event.physical_key else { return };
         let down = if event.state == ElementState::Pressed { 1.0 } else { 0.0 };
         screen.window.request_redraw();
@@ -228,23 +231,23 @@ impl App {
     }
 
     fn press(&mut self, events: &ActiveEventLoop, code: KeyCode) {
-        let Some((_, session)) = &mut self.open else { return };
-        let choices = &mut session.choices;
+        let Some((_, session)) = &mut self.window else { return };
+        let settings = &mut session.settings;
         match code {
             KeyCode::Escape => events.exit(),
             KeyCode::KeyF => session.frame(),
             KeyCode::KeyN => session.step(1),
             KeyCode::KeyP => session.step(-1),
-            KeyCode::KeyO => session.next_photo_place(),
-            KeyCode::KeyC => choices.cameras = !choices.cameras,
-            KeyCode::KeyH => choices.panel = !choices.panel,
-            KeyCode::Digit1 => choices.look = Look::Color,
-            KeyCode::Digit2 => choices.look = Look::Normals,
-            KeyCode::Digit3 => choices.look = Look::Chunks,
-            KeyCode::Digit4 => choices.wire = !choices.wire,
-            KeyCode::Digit5 => choices.some = !choices.some,
+            KeyCode::KeyO => session.next_photo_placement(),
+            KeyCode::KeyC => settings.cameras = !settings.cameras,
+            KeyCode::KeyH => settings.panel = !settings.panel,
+            KeyCode::Digit1 => settings.display = DisplayMode::Color,
+            KeyCode::Digit2 => settings.display = DisplayMode::Normals,
+            KeyCode::Digit3 => settings.display = DisplayMode::Chunks,
+            KeyCode::Digit4 => settings.wireframe = !settings.wireframe,
+            KeyCode::Digit5 => settings.subset = !settings.subset,
             KeyCode::Digit6 => {
-                choices.soft = !choices.soft && session.shown.as_ref().is_some_and(|s| s.has_painter)
+                settings.soft = !settings.soft && session.shown.as_ref().is_some_and(|s| s.has_soft)
             }
             KeyCode::F12 => self.screenshot(),
             _ => {}
@@ -252,7 +255,7 @@ impl App {
     }
 
     fn pointer(&mut self, event: &WindowEvent, consumed: bool) {
-        let Some((screen, session)) = &mut self.open else { return };
+        let Some((screen, session)) = &mut self.window else { return };
         let height = screen.window.inner_size().height.max(1) as f32;
         match *event {
             WindowEvent::CursorMoved { position, .. } => {
@@ -264,7 +267,7 @@ impl App {
                     if *moved {
                         match *button {
                             MouseButton::Left => session.controls.orbit(drag),
-                            MouseButton::Right => session.controls.look(drag),
+                            MouseButton::Right => session.controls.turn(drag),
                             _ => session.controls.pan(drag),
                         }
                         screen.window.request_redraw();
@@ -295,9 +298,9 @@ impl App {
         }
     }
 
-    /// Finds out what lies under the mouse.
+    /// Picks the triangle under the mouse.
     fn click(&mut self) {
-        let Some((_, session)) = &self.open else { return };
+        let Some((_, session)) = &self.window else { return };
         let (Some(shown), Some(camera)) = (&session.shown, session.camera) else { return };
         let Some(asset) = shown.asset.clone() else { return };
         let (soup, to_soup, pixel) = (shown.soup.clone(), shown.to_soup.clone(), self.mouse.at);
@@ -312,32 +315,34 @@ impl App {
         });
     }
 
-    /// Saves the picture without the panel.
+    /// Saves a picture without the panel.
     fn screenshot(&mut self) {
-        let Some((screen, session)) = &self.open else { return };
+        let Some((screen, session)) = &self.window else { return };
         let Some(shown) = &session.shown else { return };
-        // Where the viewer stands now, which the last picture need not show yet.
+        // The current camera: the last picture may still show the one before.
         let size = screen.window.inner_size();
         let camera = session.controls.camera(UVec2::new(size.width, size.height), session.pane);
-        let folder = self.options.shots.clone();
-        if let (true, Some((_, _, soft))) = (session.choices.soft, &session.soft) {
+        let folder = self.options.screenshots.clone();
+        if let (true, Some((_, _, soft))) = (session.settings.soft, &session.soft) {
             let picture = soft.clone();
             background::spawn(&self.proxy, move || Message::Saved(background::save(&folder, &picture)));
             return;
         }
-        let of = ShotOf {
+        let screenshot = Screenshot {
             model: shown.model.clone(),
-            subset: session.subset.clone().filter(|_| session.choices.some),
+            subset: session.subset.clone().filter(|_| session.settings.subset),
             camera,
             near: session.controls.near(),
             background: self.options.background,
-            look: session.choices.look,
-            wire: session.choices.wire,
+            display: session.settings.display,
+            wireframe: session.settings.wireframe,
             msaa: self.options.msaa,
         };
         let gpu = screen.gpu.clone();
         background::spawn(&self.proxy, move || {
-            Message::Saved(background::photograph(&gpu, &of).and_then(|p| background::save(&folder, &p)))
+            Message::Saved(
+                background::draw_screenshot(&gpu, &screenshot).and_then(|p| background::save(&folder, &p)),
+            )
         });
     }
 }

@@ -1,10 +1,10 @@
-//! Work beside the window's thread, and the messages it sends.
+//! Work on other threads than the window's, and the messages that they send.
 
-use super::super::layout::{Bounds, Layout};
+use super::super::layout::{BoundingBox, VertexLayout};
 use super::super::model::{ChunkOrder, Model, Subset};
-use super::super::renderer::{Look, Renderer, Shot};
+use super::super::renderer::{DisplayMode, FrameParams, Renderer};
 use super::pick::Picked;
-use super::{Loader, Painter, Scene};
+use super::scene::{SceneLoader, SoftRenderer, WindowScene};
 use crate::asset::Asset;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
@@ -17,73 +17,73 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use winit::event_loop::EventLoopProxy;
 
-/// What a thread tells the window.
+/// What a thread sends to the window.
 pub(super) enum Message {
-    /// What the loader is at.
+    /// What the loader is doing.
     Progress(String),
-    /// The scene is there, and in the card's memory.
-    Loaded(Result<Box<Loaded>>),
+    /// The scene is loaded and in GPU memory.
+    Loaded(Result<Box<LoadedScene>>),
     /// The scene can be picked from.
     Indexed(Result<Box<Asset>>),
     /// A photo is decoded.
     Photo(usize, Result<Pixels>),
-    /// A soft picture is drawn; the painter comes back.
-    Soft(Painter, Camera, Pixels),
+    /// A soft picture is drawn; the renderer is given back.
+    Soft(SoftRenderer, Camera, Pixels),
     /// What a click has hit.
     Picked(Option<Box<Picked>>),
-    /// A random subset is in the card's memory.
+    /// A random subset is in GPU memory.
     Subset(Result<Subset>),
     /// A screenshot is saved.
     Saved(Result<PathBuf>),
 }
 
 /// A scene ready to be drawn.
-pub(super) struct Loaded {
-    pub(super) scene: Scene,
+pub(super) struct LoadedScene {
+    pub(super) scene: WindowScene,
     pub(super) model: Model,
-    /// The box of most of it: strays far away are left out.
-    pub(super) bounds: Bounds,
+    /// The box of most of it, without outliers.
+    pub(super) bounds: BoundingBox,
 }
 
-/// Runs `work` on a thread of its own and sends what it makes.
+/// Runs `work` on a thread of its own and sends its message.
 pub(super) fn spawn(proxy: &EventLoopProxy<Message>, work: impl FnOnce() -> Message + Send + 'static) {
     let proxy = proxy.clone();
-    // Nobody listens any more when the window was closed meanwhile.
+    // The receiver is gone when the window was closed meanwhile.
     std::thread::spawn(move || drop(proxy.send_event(work())));
 }
 
-/// Loads the scene, puts it into the card's memory, then makes it pickable.
+/// Loads the scene, uploads it to GPU memory, then adds what picking needs.
 pub(super) fn load(
     proxy: &EventLoopProxy<Message>,
     gpu: Arc<Gpu>,
     groups: wgpu::BindGroupLayout,
-    loader: Loader,
+    loader: SceneLoader,
 ) {
-    let tell = proxy.clone();
-    let index = loader.index;
+    let sender = proxy.clone();
+    let add_bvh = loader.add_bvh;
     spawn(proxy, move || {
-        let say = |what: &str| drop(tell.send_event(Message::Progress(what.to_owned())));
+        let progress = |what: &str| drop(sender.send_event(Message::Progress(what.to_owned())));
         let load = || {
-            let scene = (loader.load)(&say)?;
-            say("to the graphics card");
-            let layout: Layout = Renderer::best_layout(&gpu, &scene.asset);
+            let scene = (loader.load)(&progress)?;
+            progress("uploading to the graphics card");
+            let layout: VertexLayout = Renderer::best_layout(&gpu, &scene.asset);
             let model = Model::upload(&gpu, &groups, &scene.asset, layout)?;
-            let bounds = most(&scene.asset.mesh);
-            Ok(Box::new(Loaded { scene, model, bounds }))
+            let bounds = central_box(&scene.asset.mesh);
+            Ok(Box::new(LoadedScene { scene, model, bounds }))
         };
         match load() {
             Ok(mut loaded) => {
                 let asset = std::mem::take(&mut loaded.scene.asset);
-                let _ = tell.send_event(Message::Loaded(Ok(loaded)));
-                Message::Indexed(index(asset).map(Box::new))
+                let _ = sender.send_event(Message::Loaded(Ok(loaded)));
+                Message::Indexed(add_bvh(asset).map(Box::new))
             }
             Err(error) => Message::Loaded(Err(error)),
         }
     });
 }
 
-/// The box that holds the middle 96% of the corners on each axis, of a sample of them.
-fn most(mesh: &Mesh) -> Bounds {
+/// The box that holds the middle 96% of the corners on each axis, estimated from a sample of them.
+fn central_box(mesh: &Mesh) -> BoundingBox {
     let step = (mesh.positions.len() / 100_000).max(1);
     let axis = |axis: usize| {
         let mut values: Vec<f32> = mesh.positions.iter().step_by(step).map(|p| p[axis]).collect();
@@ -93,36 +93,36 @@ fn most(mesh: &Mesh) -> Bounds {
         (at(last / 50), at(last - last / 50))
     };
     let [x, y, z] = [0, 1, 2].map(axis);
-    Bounds { min: Vec3::new(x.0, y.0, z.0), max: Vec3::new(x.1, y.1, z.1) }
+    BoundingBox { min: Vec3::new(x.0, y.0, z.0), max: Vec3::new(x.1, y.1, z.1) }
 }
 
 /// What a screenshot shows.
-pub(super) struct ShotOf {
+pub(super) struct Screenshot {
     pub(super) model: Arc<Model>,
     pub(super) subset: Option<Arc<Subset>>,
     pub(super) camera: Camera,
     pub(super) near: f32,
     pub(super) background: [f32; 3],
-    pub(super) look: Look,
-    pub(super) wire: bool,
+    pub(super) display: DisplayMode,
+    pub(super) wireframe: bool,
     pub(super) msaa: u32,
 }
 
-/// Draws the shot once more, without the panel.
-pub(super) fn photograph(gpu: &Gpu, of: &ShotOf) -> Result<Pixels> {
+/// Draws the scene once more, without the panel.
+pub(super) fn draw_screenshot(gpu: &Gpu, of: &Screenshot) -> Result<Pixels> {
     let mut renderer = Renderer::new(gpu)?;
     let canvas = Canvas::new(gpu, of.camera.size, of.msaa)?;
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    let shot = Shot {
+    let params = FrameParams {
         camera: of.camera,
         near: of.near,
         background: of.background,
-        look: of.look,
-        wire: of.wire,
+        display: of.display,
+        wireframe: of.wireframe,
         subset: of.subset.as_deref(),
         order: ChunkOrder::File,
     };
-    canvas.draw(gpu, &mut renderer, &mut encoder, &of.model, &shot, None)?;
+    canvas.draw(gpu, &mut renderer, &mut encoder, &of.model, &params, None)?;
     gpu.queue.submit([encoder.finish()]);
     canvas.pixels(gpu)
 }
@@ -131,8 +131,8 @@ pub(super) fn photograph(gpu: &Gpu, of: &ShotOf) -> Result<Pixels> {
 pub(super) fn save(folder: &Path, picture: &Pixels) -> Result<PathBuf> {
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     let free = (1..10_000).map(|i| folder.join(format!("trisplat-{i:04}.png"))).find(|p| !p.exists());
-    let path =
-        free.ok_or_else(|| Error::invalid("--shots", folder.display(), "a folder with fewer screenshots"))?;
+    let path = free
+        .ok_or_else(|| Error::invalid("screenshots", folder.display(), "a folder with fewer screenshots"))?;
     picture.save_png(&path)?;
     Ok(path)
 }

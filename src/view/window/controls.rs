@@ -1,28 +1,28 @@
-//! Where the viewer stands and looks: orbit around a point, or fly.
+//! The camera that the user controls: orbit around a pivot, or fly.
 
-use super::super::layout::Bounds;
+use super::super::layout::BoundingBox;
 use crate::camera::Camera;
 use glam::{Mat3, Quat, UVec2, Vec2, Vec3};
 use std::f32::consts::FRAC_PI_2;
 
-/// A full drag across the window's height turns by this, rad.
-const TURN: f32 = 3.0;
-/// How near to straight up and down the view may come, rad.
-const POLE: f32 = 0.02;
-/// Height of view when no photo's camera is used, rad.
-const HEIGHT_OF_VIEW: f32 = 0.9;
+/// A drag across the whole height of the window turns the camera by this, rad.
+const DRAG_ANGLE: f32 = 3.0;
+/// Least angle between the view and straight up or down, rad.
+const POLE_MARGIN: f32 = 0.02;
+/// Vertical field of view when no photo's camera is used, rad.
+const FIELD_OF_VIEW: f32 = 0.9;
 
-/// The viewer's place, direction and lens.
+/// Position, direction and intrinsics of the camera.
 #[derive(Debug, Clone)]
-pub struct Controls {
+pub struct CameraControls {
     /// World to camera rotation: rows are right, down and forward.
     rotation: Mat3,
-    eye: Vec3,
-    /// How far ahead the point is that an orbit turns about.
-    reach: f32,
+    position: Vec3,
+    /// Distance to the pivot, the point ahead that an orbit goes around.
+    pivot_distance: f32,
     up: Vec3,
-    /// Focal lengths, centre and size to be fitted into the window.
-    lens: Camera,
+    /// Focal lengths, centre and size, to be scaled to the window.
+    intrinsics: Camera,
     /// Size of the scene: the unit of speed and of the near plane.
     extent: f32,
 }
@@ -41,124 +41,127 @@ pub struct Keys {
 }
 
 impl Keys {
-    /// Whether a key moves the viewer.
+    /// Whether a key moves the camera.
     pub fn any(&self) -> bool {
         self.right != 0.0 || self.up != 0.0 || self.forward != 0.0
     }
 }
 
-impl Controls {
-    /// A viewer who has `bounds` in view from a little above; `up` is the world's axis that points up.
-    pub fn new(bounds: &Bounds, up: Vec3) -> Self {
+impl CameraControls {
+    /// A camera that sees `bounds` from a little above; `up` is the world's axis that points up.
+    pub fn new(bounds: &BoundingBox, up: Vec3) -> Self {
         let size = UVec2::splat(1000);
-        let focal = Vec2::splat(500.0 / (HEIGHT_OF_VIEW / 2.0).tan());
+        let focal = Vec2::splat(500.0 / (FIELD_OF_VIEW / 2.0).tan());
         let (rotation, translation) = (Mat3::IDENTITY, Vec3::ZERO);
-        let lens = Camera { rotation, translation, focal, center: size.as_vec2() / 2.0, size };
+        let intrinsics = Camera { rotation, translation, focal, center: size.as_vec2() / 2.0, size };
         let up = up.normalize_or(Vec3::Y);
-        let mut controls = Self { rotation, eye: Vec3::ZERO, reach: 1.0, up, lens, extent: 1.0 };
+        let mut controls =
+            Self { rotation, position: Vec3::ZERO, pivot_distance: 1.0, up, intrinsics, extent: 1.0 };
         let ahead = up.any_orthonormal_vector();
-        controls.turn_to(ahead - 0.45 * up);
+        controls.look_towards(ahead - 0.45 * up);
         controls.frame(bounds);
         controls
     }
 
-    /// Steps back along the view until `bounds` is in it, with the lens of no photo.
-    pub fn frame(&mut self, bounds: &Bounds) {
+    /// Moves back along the view until `bounds` is visible, with the default field of view.
+    pub fn frame(&mut self, bounds: &BoundingBox) {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let radius = (0.5 * (max - min).length()) as f32;
         let finite = radius.is_finite() && radius > 0.0;
         self.extent = if finite { radius } else { 1.0 };
         let target = if finite { (0.5 * (min + max)).as_vec3() } else { Vec3::ZERO };
         let size = UVec2::splat(1000);
-        let focal = Vec2::splat(500.0 / (HEIGHT_OF_VIEW / 2.0).tan());
-        self.lens = Camera { focal, center: size.as_vec2() / 2.0, size, ..self.lens };
-        self.reach = self.extent / (HEIGHT_OF_VIEW / 2.0).sin();
-        self.eye = target - self.forward() * self.reach;
+        let focal = Vec2::splat(500.0 / (FIELD_OF_VIEW / 2.0).tan());
+        self.intrinsics = Camera { focal, center: size.as_vec2() / 2.0, size, ..self.intrinsics };
+        self.pivot_distance = self.extent / (FIELD_OF_VIEW / 2.0).sin();
+        self.position = target - self.forward() * self.pivot_distance;
     }
 
-    /// Stands where a camera stands, looks as it looks, through its lens.
-    pub fn jump(&mut self, camera: &Camera) {
+    /// Takes the pose and the intrinsics of a camera.
+    pub fn move_to(&mut self, camera: &Camera) {
         self.rotation = camera.rotation;
-        self.eye = camera.position();
-        self.lens = *camera;
+        self.position = camera.position();
+        self.intrinsics = *camera;
         // What photos look at is usually about as far away as the scene is large.
-        self.reach = self.reach.min(self.extent).max(0.1 * self.extent);
+        self.pivot_distance = self.pivot_distance.min(self.extent).max(0.1 * self.extent);
     }
 
-    /// Sets the distance to what a click has hit: the next orbit turns about it.
-    pub fn reach_to(&mut self, distance: f32) {
+    /// Sets the distance to the pivot, such as a point that was clicked.
+    pub fn set_pivot_distance(&mut self, distance: f32) {
         if distance.is_finite() && distance > 0.0 {
-            self.reach = distance;
+            self.pivot_distance = distance;
         }
     }
 
-    /// The camera for a window of `size`: the whole lens is in view, in the middle of `pane`.
+    /// The camera for a window of `size`: its whole picture is visible, in the middle of `pane`.
     pub fn camera(&self, size: UVec2, pane: Pane) -> Camera {
-        let scale = (pane.size / self.lens.size.as_vec2()).min_element();
-        let off_center = self.lens.center - 0.5 * self.lens.size.as_vec2();
+        let scale = (pane.size / self.intrinsics.size.as_vec2()).min_element();
+        let off_center = self.intrinsics.center - 0.5 * self.intrinsics.size.as_vec2();
         Camera {
             rotation: self.rotation,
-            translation: -(self.rotation * self.eye),
-            focal: self.lens.focal * scale,
+            translation: -(self.rotation * self.position),
+            focal: self.intrinsics.focal * scale,
             center: pane.min + 0.5 * pane.size + off_center * scale,
             size,
         }
     }
 
-    /// Where the lens' picture lies in the window.
+    /// The part of the window that the picture takes.
     pub fn picture(&self, pane: Pane) -> Pane {
-        let size = self.lens.size.as_vec2() * (pane.size / self.lens.size.as_vec2()).min_element();
+        let size =
+            self.intrinsics.size.as_vec2() * (pane.size / self.intrinsics.size.as_vec2()).min_element();
         Pane { min: pane.min + 0.5 * (pane.size - size), size }
     }
 
     /// Depth in front of which nothing is drawn.
     pub fn near(&self) -> f32 {
-        (1e-3 * self.extent.min(self.reach)).max(f32::MIN_POSITIVE)
+        (1e-3 * self.extent.min(self.pivot_distance)).max(f32::MIN_POSITIVE)
     }
 
-    /// Turns about the point ahead by a drag, in heights of the window.
+    /// Orbits around the pivot by a drag, in heights of the window.
     pub fn orbit(&mut self, drag: Vec2) {
-        let pivot = self.eye + self.forward() * self.reach;
-        self.look(-drag);
-        self.eye = pivot - self.forward() * self.reach;
+        let pivot = self.position + self.forward() * self.pivot_distance;
+        self.turn(-drag);
+        self.position = pivot - self.forward() * self.pivot_distance;
     }
 
-    /// Turns on the spot by a drag, in heights of the window.
-    pub fn look(&mut self, drag: Vec2) {
+    /// Turns in place by a drag, in heights of the window.
+    pub fn turn(&mut self, drag: Vec2) {
         let forward = self.forward();
         let elevation = forward.dot(self.up).clamp(-1.0, 1.0).asin();
-        let rise = (elevation + TURN * drag.y).clamp(POLE - FRAC_PI_2, FRAC_PI_2 - POLE) - elevation;
-        let yaw = Quat::from_axis_angle(self.up, TURN * drag.x);
+        let rise = (elevation + DRAG_ANGLE * drag.y).clamp(POLE_MARGIN - FRAC_PI_2, FRAC_PI_2 - POLE_MARGIN)
+            - elevation;
+        let yaw = Quat::from_axis_angle(self.up, DRAG_ANGLE * drag.x);
         let pitch = Quat::from_axis_angle(self.right(), rise);
         self.rotation = orthonormal(
             self.rotation * Mat3::from_quat(pitch).transpose() * Mat3::from_quat(yaw).transpose(),
         );
     }
 
-    /// Moves across the view by a drag, in heights of the window, so that the point ahead follows it.
+    /// Pans by a drag, in heights of the window, so that the pivot follows it.
     pub fn pan(&mut self, drag: Vec2) {
-        let height = self.reach * self.lens.size.y as f32 / self.lens.focal.y;
-        self.eye -= (self.right() * drag.x + self.down() * drag.y) * height;
+        let height = self.pivot_distance * self.intrinsics.size.y as f32 / self.intrinsics.focal.y;
+        self.position -= (self.right() * drag.x + self.down() * drag.y) * height;
     }
 
-    /// Comes nearer by steps of the wheel.
+    /// Moves towards the pivot by steps of the wheel.
     pub fn zoom(&mut self, steps: f32) {
-        let nearer = self.reach * (1.0 - 0.85f32.powf(steps));
-        self.eye += self.forward() * nearer;
-        // Close to the point ahead the wheel pushes it on, so that one is never stuck before it.
-        self.reach = (self.reach - nearer).max(0.02 * self.extent);
+        let nearer = self.pivot_distance * (1.0 - 0.85f32.powf(steps));
+        self.position += self.forward() * nearer;
+        // Close to the pivot, the wheel pushes it ahead, so that one can always move on.
+        self.pivot_distance = (self.pivot_distance - nearer).max(0.02 * self.extent);
     }
 
     /// Flies for `secs`.
     pub fn fly(&mut self, keys: &Keys, secs: f32) {
-        let way = self.right() * keys.right + self.up * keys.up + self.forward() * keys.forward;
+        let direction = self.right() * keys.right + self.up * keys.up + self.forward() * keys.forward;
         let speed = if keys.fast { 2.0 } else { 0.5 } * self.extent;
-        self.eye += way.normalize_or_zero() * speed * secs.min(0.1);
+        self.position += direction.normalize_or_zero() * speed * secs.min(0.1);
     }
 
-    /// Where the viewer stands.
-    pub fn eye(&self) -> Vec3 {
-        self.eye
+    /// Position of the camera.
+    pub fn position(&self) -> Vec3 {
+        self.position
     }
 
     fn right(&self) -> Vec3 {
@@ -173,8 +176,8 @@ impl Controls {
         self.rotation.row(2)
     }
 
-    fn turn_to(&mut self, forward: Vec3) {
-        self.rotation = self.lens.looking(Vec3::ZERO, forward, self.up).rotation;
+    fn look_towards(&mut self, forward: Vec3) {
+        self.rotation = self.intrinsics.looking(Vec3::ZERO, forward, self.up).rotation;
     }
 }
 
@@ -187,7 +190,7 @@ pub struct Pane {
     pub size: Vec2,
 }
 
-/// The rotation nearest to a product of rotations that has gathered rounding.
+/// The rotation nearest to a product of rotations with rounding errors.
 fn orthonormal(rotation: Mat3) -> Mat3 {
     Mat3::from_quat(Quat::from_mat3(&rotation).normalize())
 }
@@ -196,7 +199,7 @@ fn orthonormal(rotation: Mat3) -> Mat3 {
 mod tests {
     use super::*;
 
-    const BOX: Bounds = Bounds { min: Vec3::new(-1.0, 0.0, 2.0), max: Vec3::new(3.0, 1.0, 4.0) };
+    const BOX: BoundingBox = BoundingBox { min: Vec3::new(-1.0, 0.0, 2.0), max: Vec3::new(3.0, 1.0, 4.0) };
     const PANE: Pane = Pane { min: Vec2::ZERO, size: Vec2::new(800.0, 600.0) };
     const SIZE: UVec2 = UVec2::new(800, 600);
 
@@ -209,7 +212,7 @@ mod tests {
     #[test]
     fn framing_has_every_corner_of_the_box_in_view() {
         for up in [Vec3::Y, Vec3::NEG_Y, Vec3::Z] {
-            let camera = Controls::new(&BOX, up).camera(SIZE, PANE);
+            let camera = CameraControls::new(&BOX, up).camera(SIZE, PANE);
             camera.validate().unwrap();
             for i in 0..8 {
                 let pick =
@@ -219,12 +222,12 @@ mod tests {
             }
             assert!((camera.rotation * up).y < 0.0, "up is up");
         }
-        Controls::new(&Bounds::EMPTY, Vec3::Y).camera(SIZE, PANE).validate().unwrap();
+        CameraControls::new(&BoundingBox::EMPTY, Vec3::Y).camera(SIZE, PANE).validate().unwrap();
     }
 
     #[test]
-    fn an_orbit_keeps_the_point_ahead_in_the_middle_and_never_turns_over() {
-        let mut controls = Controls::new(&BOX, Vec3::Y);
+    fn an_orbit_keeps_the_pivot_in_the_middle_and_never_turns_over() {
+        let mut controls = CameraControls::new(&BOX, Vec3::Y);
         let target = 0.5 * (BOX.min + BOX.max);
         for i in 0..400 {
             controls.orbit(Vec2::new(0.03, if i < 200 { 0.05 } else { -0.07 }));
@@ -237,13 +240,13 @@ mod tests {
 
     #[test]
     fn dragging_to_the_right_shows_what_was_on_the_left() {
-        let mut controls = Controls::new(&BOX, Vec3::Y);
+        let mut controls = CameraControls::new(&BOX, Vec3::Y);
         let (before, point) = (controls.camera(SIZE, PANE), BOX.min);
         controls.orbit(Vec2::new(0.01, 0.0));
-        let near = controls.eye() + (0.5 * (BOX.min + BOX.max) - controls.eye()) * 0.5;
+        let near = controls.position() + (0.5 * (BOX.min + BOX.max) - controls.position()) * 0.5;
         let moved = pixel(&controls.camera(SIZE, PANE), near).x - pixel(&before, near).x;
         assert!(moved > 0.0, "what is in front follows the mouse, not {moved}");
-        let mut panned = Controls::new(&BOX, Vec3::Y);
+        let mut panned = CameraControls::new(&BOX, Vec3::Y);
         panned.pan(Vec2::new(0.1, 0.05));
         let target = 0.5 * (BOX.min + BOX.max);
         let at = pixel(&panned.camera(SIZE, PANE), target) - SIZE.as_vec2() / 2.0;
@@ -252,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn a_jump_shows_the_photos_picture_in_the_pane() {
+    fn a_photos_camera_shows_its_picture_in_the_pane() {
         let lens = Camera {
             rotation: Mat3::IDENTITY,
             translation: Vec3::new(0.1, 0.2, 3.0),
@@ -260,8 +263,8 @@ mod tests {
             center: Vec2::new(310.0, 250.0),
             size: UVec2::new(640, 480),
         };
-        let mut controls = Controls::new(&BOX, Vec3::Y);
-        controls.jump(&lens);
+        let mut controls = CameraControls::new(&BOX, Vec3::Y);
+        controls.move_to(&lens);
         let pane = Pane { min: Vec2::new(200.0, 0.0), size: Vec2::new(600.0, 600.0) };
         let camera = controls.camera(SIZE, pane);
         let picture = controls.picture(pane);
@@ -270,23 +273,23 @@ mod tests {
             let wants = picture.min + pixel(&lens, point) * (600.0 / 640.0);
             assert!(pixel(&camera, point).distance(wants) < 1e-3);
         }
-        let before = controls.eye();
+        let before = controls.position();
         controls.fly(&Keys { forward: 1.0, ..Keys::default() }, 0.05);
-        assert!((controls.eye() - before).dot(Vec3::Z) > 0.0);
+        assert!((controls.position() - before).dot(Vec3::Z) > 0.0);
         assert!(!Keys::default().any());
     }
 
     #[test]
     fn the_wheel_never_stops_or_passes_infinity() {
-        let mut controls = Controls::new(&BOX, Vec3::Y);
-        let start = controls.eye();
+        let mut controls = CameraControls::new(&BOX, Vec3::Y);
+        let start = controls.position();
         for _ in 0..100 {
             controls.zoom(1.0);
         }
-        assert!(controls.eye().distance(start) > 4.0);
+        assert!(controls.position().distance(start) > 4.0);
         for _ in 0..100 {
             controls.zoom(-1.0);
         }
-        assert!(controls.eye().is_finite() && controls.near() > 0.0);
+        assert!(controls.position().is_finite() && controls.near() > 0.0);
     }
 }

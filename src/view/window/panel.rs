@@ -1,27 +1,28 @@
-//! What is written over the picture: figures, choices, photos, cameras, the picked triangle.
+//! What is drawn over the picture: figures, settings, photos, cameras, the picked triangle.
 
 use super::controls::Pane;
-use super::session::{Choices, PhotoPlace, Session};
+use super::session::{PhotoPlacement, Session, Settings};
 use crate::camera::Camera;
-use crate::view::renderer::Look;
+use crate::view::renderer::DisplayMode;
 use egui::{Color32, Pos2, Rect, Stroke, Ui};
 use glam::{Vec2, Vec3};
+use indicatif::HumanCount;
 
 const KEYS: &str = "\
-drag  orbit · right drag  look · middle drag  pan
-wheel  nearer · WASD QE  fly (Shift faster)
+drag  orbit · right drag  turn · middle drag  pan
+wheel  zoom · WASD QE  fly (Shift faster)
 F  all in view · N / P  next / previous photo
 O  photo beside, over · C  cameras
 1  colour  2  normals  3  chunks
-4  wireframe  5  some triangles  6  soft
+4  wireframe  5  random subset  6  soft
 F12  screenshot · H  hide this · Esc  quit";
 const EVERYTHING: Rect = Rect { min: Pos2::ZERO, max: Pos2::new(1.0, 1.0) };
 const ORANGE: Color32 = Color32::from_rgb(255, 160, 40);
 
-/// Draws it all and takes choices; sets the session's pane, in pixels.
+/// Draws everything and takes input; sets the session's pane, in pixels.
 pub(super) fn draw(ui: &mut Ui, session: &mut Session) {
     let scale = ui.ctx().pixels_per_point();
-    if session.choices.panel {
+    if session.settings.panel {
         egui::Panel::left("panel").exact_size(250.0).resizable(false).show(ui, |ui| side(ui, session));
     }
     let free = ui.available_rect_before_wrap();
@@ -32,11 +33,11 @@ pub(super) fn draw(ui: &mut Ui, session: &mut Session) {
     session.pane = session.picture_pane(pane);
     let painter = ui.painter().clone();
     photo(&painter, session, pane, scale);
-    if session.choices.cameras {
+    if session.settings.cameras {
         cameras(&painter, session, scale);
     }
     picked(&painter, session, scale);
-    if let Some(left) = session.forget() {
+    if let Some(left) = session.expire_note() {
         ui.ctx().request_repaint_after(left);
     }
     if let Some((note, _)) = &session.note {
@@ -52,7 +53,7 @@ fn side(ui: &mut Ui, session: &mut Session) {
     egui::ScrollArea::vertical().show(ui, |ui| {
         figures(ui, session);
         ui.separator();
-        choices(ui, session);
+        settings(ui, session);
         photos(ui, session);
         if let Some(picked) = &session.picked {
             ui.separator();
@@ -65,38 +66,38 @@ fn side(ui: &mut Ui, session: &mut Session) {
 
 fn figures(ui: &mut Ui, session: &Session) {
     let fps = session.meter.fps().map_or("at rest".to_owned(), |fps| format!("{fps:.0} FPS"));
-    let gpu = session.meter.gpu_ms.map_or(String::new(), |ms| format!(" · card {ms:.2} ms"));
+    let gpu = session.meter.gpu_ms.map_or(String::new(), |ms| format!(" · GPU {ms:.2} ms"));
     ui.strong(format!("{fps}{gpu}"));
     if let Some(shown) = &session.shown {
         let (drawn, all) = (session.drawn.triangles, shown.model.triangles());
-        ui.label(format!("{} of {} triangles drawn", grouped(drawn), grouped(all)));
+        ui.label(format!("{} of {} triangles drawn", HumanCount(drawn), HumanCount(all)));
         let chunks = shown.model.chunks.len();
         let bytes = shown.model.bytes as f64;
         ui.label(format!(
-            "{} draws, {chunks} chunks, {:.1} MB, {:.0} B a triangle",
+            "{} draws, {chunks} chunks, {:.1} MB, {:.0} B per triangle",
             session.drawn.draws,
             bytes * 1e-6,
             bytes / all.max(1) as f64
         ));
     }
-    ui.label(egui::RichText::new(&session.card).small().weak());
+    ui.label(egui::RichText::new(&session.gpu_name).small().weak());
 }
 
-fn choices(ui: &mut Ui, session: &mut Session) {
-    let can_paint = session.shown.as_ref().is_some_and(|s| s.has_painter);
-    let Choices { soft, look, wire, some, share, always, .. } = &mut session.choices;
+fn settings(ui: &mut Ui, session: &mut Session) {
+    let has_soft = session.shown.as_ref().is_some_and(|s| s.has_soft);
+    let Settings { soft, display, wireframe, subset, share, continuous, .. } = &mut session.settings;
     ui.horizontal(|ui| {
-        ui.radio_value(look, Look::Color, "colour");
-        ui.radio_value(look, Look::Normals, "normals");
-        ui.radio_value(look, Look::Chunks, "chunks");
+        ui.radio_value(display, DisplayMode::Color, "colour");
+        ui.radio_value(display, DisplayMode::Normals, "normals");
+        ui.radio_value(display, DisplayMode::Chunks, "chunks");
     });
-    ui.checkbox(wire, "wireframe");
+    ui.checkbox(wireframe, "wireframe");
     ui.horizontal(|ui| {
-        ui.checkbox(some, "some");
-        ui.add_enabled(*some, egui::Slider::new(share, 0.001..=1.0).logarithmic(true));
+        ui.checkbox(subset, "random subset");
+        ui.add_enabled(*subset, egui::Slider::new(share, 0.001..=1.0).logarithmic(true));
     });
-    ui.add_enabled(can_paint, egui::Checkbox::new(soft, "soft, as trained (slow)"));
-    ui.checkbox(always, "draw without pause");
+    ui.add_enabled(has_soft, egui::Checkbox::new(soft, "soft, as trained (slow)"));
+    ui.checkbox(continuous, "draw continuously");
 }
 
 fn photos(ui: &mut Ui, session: &mut Session) {
@@ -112,17 +113,17 @@ fn photos(ui: &mut Ui, session: &mut Session) {
     ui.horizontal(|ui| {
         step -= isize::from(ui.button("previous").clicked());
         step += isize::from(ui.button("next").clicked());
-        ui.checkbox(&mut session.choices.cameras, "cameras");
+        ui.checkbox(&mut session.settings.cameras, "cameras");
     });
     ui.horizontal(|ui| {
         ui.label("photo");
-        let photo = &mut session.choices.photo;
-        ui.radio_value(photo, PhotoPlace::Off, "off");
-        ui.radio_value(photo, PhotoPlace::Beside, "beside");
-        ui.radio_value(photo, PhotoPlace::Over, "over");
+        let photo = &mut session.settings.photo;
+        ui.radio_value(photo, PhotoPlacement::Off, "off");
+        ui.radio_value(photo, PhotoPlacement::Beside, "beside");
+        ui.radio_value(photo, PhotoPlacement::Over, "over");
     });
-    if session.choices.photo == PhotoPlace::Over {
-        ui.add(egui::Slider::new(&mut session.choices.cover, 0.0..=1.0).text("cover"));
+    if session.settings.photo == PhotoPlacement::Over {
+        ui.add(egui::Slider::new(&mut session.settings.photo_opacity, 0.0..=1.0).text("opacity"));
     }
     if step != 0 {
         session.step(step);
@@ -131,7 +132,7 @@ fn photos(ui: &mut Ui, session: &mut Session) {
 
 /// The soft picture and the photo, in their places.
 fn photo(painter: &egui::Painter, session: &Session, pane: Pane, scale: f32) {
-    if session.choices.soft
+    if session.settings.soft
         && let Some((_, soft, _)) = &session.soft
     {
         painter.image(soft.id(), rect(session.pane, scale), EVERYTHING, Color32::WHITE);
@@ -140,13 +141,13 @@ fn photo(painter: &egui::Painter, session: &Session, pane: Pane, scale: f32) {
     if session.current != Some(*index) {
         return;
     }
-    match session.choices.photo {
-        PhotoPlace::Off => {}
-        PhotoPlace::Over => {
-            let tint = Color32::WHITE.gamma_multiply(session.choices.cover);
+    match session.settings.photo {
+        PhotoPlacement::Off => {}
+        PhotoPlacement::Over => {
+            let tint = Color32::WHITE.gamma_multiply(session.settings.photo_opacity);
             painter.image(photo.id(), rect(session.controls.picture(session.pane), scale), EVERYTHING, tint);
         }
-        PhotoPlace::Beside => {
+        PhotoPlacement::Beside => {
             let half = Vec2::new(0.5 * pane.size.x, 0.0);
             let right = Pane { min: pane.min + half, size: pane.size - half };
             painter.rect_filled(rect(right, scale), 0.0, Color32::BLACK);
@@ -160,7 +161,7 @@ fn photo(painter: &egui::Painter, session: &Session, pane: Pane, scale: f32) {
     }
 }
 
-/// Where every photo was taken, as a small pyramid.
+/// The cameras of the photos, each as a small pyramid.
 fn cameras(painter: &egui::Painter, session: &Session, scale: f32) {
     let (Some(shown), Some(camera)) = (&session.shown, &session.camera) else { return };
     let length = 0.025 * (shown.bounds.max - shown.bounds.min).length();
@@ -170,15 +171,15 @@ fn cameras(painter: &egui::Painter, session: &Session, scale: f32) {
         let color = if is_current { ORANGE } else { Color32::from_rgb(90, 200, 255) };
         let stroke = Stroke::new(if is_current { 2.0 } else { 1.0 }, color);
         let from = &photo.camera;
-        let (eye, to_world) = (from.position(), from.rotation.transpose());
+        let (position, to_world) = (from.position(), from.rotation.transpose());
         let corner = |x: f32, y: f32| {
             let pixel = from.size.as_vec2() * Vec2::new(x, y);
-            eye + to_world * ((pixel - from.center) / from.focal).extend(1.0) * length
+            position + to_world * ((pixel - from.center) / from.focal).extend(1.0) * length
         };
         let ring = [corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)];
         for k in 0..4 {
             line(&painter, camera, session.controls.near(), [ring[k], ring[(k + 1) % 4]], stroke, scale);
-            line(&painter, camera, session.controls.near(), [eye, ring[k]], stroke, scale);
+            line(&painter, camera, session.controls.near(), [position, ring[k]], stroke, scale);
         }
     }
 }
@@ -193,7 +194,7 @@ fn picked(painter: &egui::Painter, session: &Session, scale: f32) {
     }
 }
 
-/// A line of the world, cut off at the near plane.
+/// A line of the world, clipped at the near plane.
 fn line(painter: &egui::Painter, camera: &Camera, near: f32, ends: [Vec3; 2], stroke: Stroke, scale: f32) {
     let [a, b] = ends.map(|p| camera.rotation * p + camera.translation);
     if a.z.max(b.z) <= near {
@@ -215,7 +216,7 @@ fn described(picked: &super::pick::Picked) -> String {
     if let Some(origin) = picked.source {
         text = format!(
             "triangle {}\nσ {:.4} · opacity {:.4}\n{text}",
-            grouped(origin.triangle as u64),
+            HumanCount(origin.triangle as u64),
             origin.sigma,
             origin.opacity
         );
@@ -229,12 +230,4 @@ fn described(picked: &super::pick::Picked) -> String {
 fn rect(pane: Pane, scale: f32) -> Rect {
     let (min, size) = (pane.min / scale, pane.size / scale);
     Rect::from_min_size(Pos2::new(min.x, min.y), egui::vec2(size.x, size.y))
-}
-
-/// 1234567 as "1,234,567".
-fn grouped(number: u64) -> String {
-    let digits = number.to_string();
-    let groups: Vec<&str> =
-        digits.as_bytes().rchunks(3).rev().filter_map(|g| std::str::from_utf8(g).ok()).collect();
-    groups.join(",")
 }

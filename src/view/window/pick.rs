@@ -1,4 +1,4 @@
-//! What lies under the mouse.
+//! Finds the triangle under the mouse.
 
 use crate::asset::Asset;
 use crate::camera::Camera;
@@ -29,7 +29,7 @@ pub(super) struct Origin {
     pub(super) opacity: f32,
 }
 
-/// The triangle that the ray through `pixel` meets first.
+/// The triangle that the ray through `pixel` hits first.
 pub(super) fn pick(
     asset: &Asset,
     camera: &Camera,
@@ -51,14 +51,14 @@ pub(super) fn pick(
 /// the edges.
 fn origin(soup: &Soup, corners: [Vec3; 3]) -> Option<Origin> {
     let (center, normal) = incenter(&corners);
-    let miss = |triangle: usize| {
+    let mismatch = |triangle: usize| {
         let (other, across) = incenter(&soup.vertices[triangle]);
-        // Twins about one incenter are told apart by where they face.
+        // Triangles with the same incenter are distinguished by their normals.
         (other - center).length() * (2.0 - normal.dot(across).abs())
     };
     let nearest = (0..soup.len())
         .into_par_iter()
-        .map(|i| (miss(i), i))
+        .map(|i| (mismatch(i), i))
         .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))?;
     let (distance, triangle) = nearest;
     let size = corners[0].distance(corners[1]).max(corners[0].distance(corners[2]));
@@ -78,10 +78,8 @@ fn incenter(corners: &[Vec3; 3]) -> (DVec3, DVec3) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bake;
-    use crate::bake::options::{BakeOptions, Preset};
+    use crate::bake::{BakeOptions, bake};
     use crate::bench::scenes::{self, SampleScene};
-    use crate::report::Report;
     use crate::scene::{Loaded, Scene};
 
     #[test]
@@ -93,9 +91,9 @@ mod tests {
             warnings: vec![],
             cameras: vec![],
         };
-        let mut options = BakeOptions::preset(Preset::Default);
+        let mut options = BakeOptions::DEFAULT;
         options.bvh.bvh = true;
-        let asset = bake::bake(vec![loaded], &options, None, &mut Report::new("test"), &mut ()).unwrap();
+        let asset = bake(loaded, &options).unwrap();
         let placement = asset.provenance.placement;
         let to_soup = |v: Vec3| placement.to_world(v);
         let from = scenes::viewpoint(glam::UVec2::new(320, 240));

@@ -1,9 +1,10 @@
 //! The window's surface: pictures of the scene with the panel over them.
 
 use super::super::model::ChunkOrder;
-use super::super::renderer::{Onto, Renderer, Shot, Target, clear};
+use super::super::renderer::{Attachments, FrameOutput, FrameParams, Renderer, clear};
+use super::options::WindowOptions;
+use super::panel;
 use super::session::Session;
-use super::{WindowOptions, panel};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::gpu::timer::Timer;
@@ -23,14 +24,11 @@ pub(super) struct Screen {
     timer: Option<Timer>,
     surface: Surface<'static>,
     config: SurfaceConfiguration,
-    target: Target,
+    attachments: Attachments,
     panel: egui_wgpu::Renderer,
     msaa: u32,
     background: [f32; 3],
 }
-
-/// When the panel wants to be drawn again.
-pub(super) type Again = Duration;
 
 impl Screen {
     /// Opens a window. Errors: no window, or no card that can draw in it.
@@ -46,7 +44,8 @@ impl Screen {
         let config = configuration(&surface, &adapter, &window, options.vsync)?;
         surface.configure(&gpu.device, &config);
         gpu.check()?;
-        let target = Target::new(&gpu, UVec2::new(config.width, config.height), config.format, options.msaa)?;
+        let attachments =
+            Attachments::new(&gpu, UVec2::new(config.width, config.height), config.format, options.msaa)?;
         let context = egui::Context::default();
         let limit = gpu.device.limits().max_texture_dimension_2d as usize;
         let input = egui_winit::State::new(
@@ -61,7 +60,19 @@ impl Screen {
             egui_wgpu::Renderer::new(&gpu.device, config.format, egui_wgpu::RendererOptions::default());
         let (renderer, timer) = (Renderer::new(&gpu)?, Timer::new(&gpu));
         let (msaa, background) = (options.msaa, options.background);
-        Ok(Self { window, gpu, input, renderer, timer, surface, config, target, panel, msaa, background })
+        Ok(Self {
+            window,
+            gpu,
+            input,
+            renderer,
+            timer,
+            surface,
+            config,
+            attachments,
+            panel,
+            msaa,
+            background,
+        })
     }
 
     /// The layout of the bind group that models need.
@@ -78,12 +89,12 @@ impl Screen {
         (self.config.width, self.config.height) = (size.x.min(limit), size.y.min(limit));
         self.surface.configure(&self.gpu.device, &self.config);
         let size = UVec2::new(self.config.width, self.config.height);
-        self.target = Target::new(&self.gpu, size, self.config.format, self.msaa)?;
+        self.attachments = Attachments::new(&self.gpu, size, self.config.format, self.msaa)?;
         self.gpu.check()
     }
 
-    /// Draws a picture and shows it. Returns when the panel wants the next.
-    pub(super) fn draw(&mut self, session: &mut Session) -> Result<Again> {
+    /// Draws a picture and shows it. Returns how long the panel can wait for the next.
+    pub(super) fn draw(&mut self, session: &mut Session) -> Result<Duration> {
         let mut output = self.run_panel(session);
         for (id, deltas) in output.textures_delta.set.drain() {
             for delta in deltas {
@@ -91,7 +102,7 @@ impl Screen {
             }
         }
         let unused = std::mem::take(&mut output.textures_delta.free);
-        let again = output.viewport_output.values().map(|v| v.repaint_delay).min().unwrap_or(Again::MAX);
+        let again = output.viewport_output.values().map(|v| v.repaint_delay).min().unwrap_or(Duration::MAX);
         let frame = match self.surface.get_current_texture() {
             CurrentSurfaceTexture::Success(frame) | CurrentSurfaceTexture::Suboptimal(frame) => Some(frame),
             CurrentSurfaceTexture::Outdated | CurrentSurfaceTexture::Lost => {
@@ -136,32 +147,32 @@ impl Screen {
         output
     }
 
-    /// The scene as it is chosen, or background; returns whether it is timed.
+    /// Draws the scene with the session's settings, or background; returns whether it is timed.
     fn draw_scene(
         &mut self,
         encoder: &mut CommandEncoder,
         view: &TextureView,
         session: &mut Session,
     ) -> Result<bool> {
-        let camera = session.controls.camera(self.target.size, session.pane);
+        let camera = session.controls.camera(self.attachments.size, session.pane);
         session.camera = Some(camera);
-        let shot = Shot {
+        let params = FrameParams {
             camera,
             near: session.controls.near(),
             background: self.background,
-            look: session.choices.look,
-            wire: session.choices.wire,
-            subset: session.subset.as_deref().filter(|_| session.choices.some),
+            display: session.settings.display,
+            wireframe: session.settings.wireframe,
+            subset: session.subset.as_deref().filter(|_| session.settings.subset),
             order: ChunkOrder::File,
         };
         let Some(shown) = &session.shown else {
-            clear(encoder, view, &self.target, self.background);
+            clear(encoder, view, &self.attachments, self.background);
             return Ok(false);
         };
         let slot = self.timer.as_mut().and_then(Timer::begin);
-        let times = slot.and_then(|slot| self.timer.as_ref().map(|t| t.writes(slot)));
-        let onto = Onto { picture: view, target: &self.target, times };
-        session.drawn = self.renderer.draw(&self.gpu, encoder, onto, &shown.model, &shot)?;
+        let timestamps = slot.and_then(|slot| self.timer.as_ref().map(|t| t.writes(slot)));
+        let output = FrameOutput { picture: view, attachments: &self.attachments, timestamps };
+        session.drawn = self.renderer.draw(&self.gpu, encoder, output, &shown.model, &params)?;
         if let (Some(timer), Some(slot)) = (&mut self.timer, slot) {
             timer.end(slot, encoder);
         }

@@ -1,65 +1,65 @@
-//! What the window shows at the moment, and what was chosen.
+//! What the window shows now, and its settings.
 
 use super::super::model::{Model, Subset};
-use super::super::renderer::{Drawn, Look};
-use super::background::Loaded;
-use super::controls::{Controls, Keys, Pane};
+use super::super::renderer::{DisplayMode, DrawStats};
+use super::background::LoadedScene;
+use super::controls::{CameraControls, Keys, Pane};
 use super::pick::Picked;
-use super::{Painter, Photo, Source};
+use super::scene::{SoftRenderer, SoupSource, WindowPhoto};
 use crate::asset::Asset;
 use crate::camera::Camera;
 use crate::image::Pixels;
 use crate::soup::Soup;
-use crate::view::layout::Bounds;
+use crate::view::layout::BoundingBox;
 use egui::{ColorImage, Context, TextureHandle, TextureOptions};
 use glam::{UVec2, Vec2, Vec3};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How long something told is to be seen.
-const READING: Duration = Duration::from_secs(4);
+/// How long a note is shown.
+const NOTE_TIME: Duration = Duration::from_secs(4);
 
-/// What can be chosen.
+/// What the user can set.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Choices {
+pub(super) struct Settings {
     /// The soup as it was trained instead of the solid triangles.
     pub(super) soft: bool,
-    pub(super) look: Look,
-    pub(super) wire: bool,
+    pub(super) display: DisplayMode,
+    pub(super) wireframe: bool,
     /// Only a random share of the triangles.
-    pub(super) some: bool,
+    pub(super) subset: bool,
     /// That share, of 1.
     pub(super) share: f64,
-    /// Draw where the photos were taken.
+    /// Draw the cameras of the photos.
     pub(super) cameras: bool,
-    pub(super) photo: PhotoPlace,
-    /// How much of the photo is seen when it lies over.
-    pub(super) cover: f32,
+    pub(super) photo: PhotoPlacement,
+    /// Opacity of the photo over the picture.
+    pub(super) photo_opacity: f32,
     pub(super) panel: bool,
-    /// Draw without pause.
-    pub(super) always: bool,
+    /// Draw continuously.
+    pub(super) continuous: bool,
 }
 
-impl Default for Choices {
+impl Default for Settings {
     fn default() -> Self {
         Self {
             soft: false,
-            look: Look::Color,
-            wire: false,
-            some: false,
+            display: DisplayMode::Color,
+            wireframe: false,
+            subset: false,
             share: 0.1,
             cameras: false,
-            photo: PhotoPlace::Off,
-            cover: 0.5,
+            photo: PhotoPlacement::Off,
+            photo_opacity: 0.5,
             panel: true,
-            always: false,
+            continuous: false,
         }
     }
 }
 
 /// Where a photo is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum PhotoPlace {
+pub(super) enum PhotoPlacement {
     Off,
     Beside,
     Over,
@@ -68,39 +68,39 @@ pub(super) enum PhotoPlace {
 /// The scene that is shown.
 pub(super) struct Shown {
     pub(super) model: Arc<Model>,
-    pub(super) bounds: Bounds,
-    pub(super) photos: Vec<Photo>,
+    pub(super) bounds: BoundingBox,
+    pub(super) photos: Vec<WindowPhoto>,
     pub(super) soup: Option<Arc<Soup>>,
     pub(super) to_soup: Option<Arc<dyn Fn(Vec3) -> Vec3 + Send + Sync>>,
-    /// Away while it paints.
-    pub(super) painter: Option<Painter>,
-    pub(super) has_painter: bool,
-    /// The asset with its hierarchy, once it is built.
+    /// Not here while it draws.
+    pub(super) soft_renderer: Option<SoftRenderer>,
+    pub(super) has_soft: bool,
+    /// The asset with its BVH, once that is built.
     pub(super) asset: Option<Arc<Asset>>,
 }
 
-/// Everything about the picture but the card.
+/// The state of the window, except what is on the graphics card.
 pub(super) struct Session {
-    pub(super) choices: Choices,
-    pub(super) controls: Controls,
+    pub(super) settings: Settings,
+    pub(super) controls: CameraControls,
     pub(super) keys: Keys,
     pub(super) shown: Option<Shown>,
-    /// What the loader is at, or what there is to tell, and since when.
+    /// The note that is shown, and since when.
     pub(super) note: Option<(String, Instant)>,
-    /// The photo jumped to.
+    /// The photo whose camera was taken last.
     pub(super) current: Option<usize>,
     /// The photo that is decoded.
     pub(super) photo: Option<(usize, TextureHandle)>,
     /// The photo being decoded.
     pub(super) decoding: Option<usize>,
-    /// The soft picture, and for which camera it was drawn.
+    /// The soft picture and the camera it was drawn for.
     pub(super) soft: Option<(Camera, TextureHandle, Pixels)>,
     pub(super) subset: Option<Arc<Subset>>,
-    pub(super) subset_wanted: Option<f64>,
+    pub(super) subset_share: Option<f64>,
     pub(super) picked: Option<Box<Picked>>,
     pub(super) meter: Meter,
-    pub(super) drawn: Drawn,
-    pub(super) card: String,
+    pub(super) drawn: DrawStats,
+    pub(super) gpu_name: String,
     /// The camera of the last picture.
     pub(super) camera: Option<Camera>,
     /// The part of the window that the picture is in.
@@ -108,11 +108,11 @@ pub(super) struct Session {
 }
 
 impl Session {
-    pub(super) fn new(card: String) -> Self {
-        let bounds = Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE };
+    pub(super) fn new(gpu_name: String) -> Self {
+        let bounds = BoundingBox { min: Vec3::NEG_ONE, max: Vec3::ONE };
         Self {
-            choices: Choices::default(),
-            controls: Controls::new(&bounds, Vec3::Y),
+            settings: Settings::default(),
+            controls: CameraControls::new(&bounds, Vec3::Y),
             keys: Keys::default(),
             shown: None,
             note: Some(("loading".into(), Instant::now())),
@@ -121,22 +121,22 @@ impl Session {
             decoding: None,
             soft: None,
             subset: None,
-            subset_wanted: None,
+            subset_share: None,
             picked: None,
             meter: Meter::default(),
-            drawn: Drawn::default(),
-            card,
+            drawn: DrawStats::default(),
+            gpu_name,
             camera: None,
             pane: Pane { min: Vec2::ZERO, size: Vec2::ONE },
         }
     }
 
-    /// Shows a scene: from its first photo, or as a whole.
-    pub(super) fn show(&mut self, loaded: Loaded) {
-        let Loaded { scene, model, bounds } = loaded;
-        self.controls = Controls::new(&bounds, scene.up);
-        let (soup, to_soup, painter) = match scene.source {
-            Some(Source { soup, to_soup, paint }) => (Some(soup), Some(to_soup), Some(paint)),
+    /// Shows a scene: from the camera of its first photo, or as a whole.
+    pub(super) fn show(&mut self, loaded: LoadedScene) {
+        let LoadedScene { scene, model, bounds } = loaded;
+        self.controls = CameraControls::new(&bounds, scene.up);
+        let (soup, to_soup, soft_renderer) = match scene.source {
+            Some(SoupSource { soup, to_soup, renderer }) => (Some(soup), Some(to_soup), Some(renderer)),
             None => (None, None, None),
         };
         self.shown = Some(Shown {
@@ -145,8 +145,8 @@ impl Session {
             photos: scene.photos,
             soup,
             to_soup,
-            has_painter: painter.is_some(),
-            painter,
+            has_soft: soft_renderer.is_some(),
+            soft_renderer,
             asset: None,
         });
         self.note = None;
@@ -155,29 +155,29 @@ impl Session {
         }
     }
 
-    /// Tells something.
-    pub(super) fn tell(&mut self, what: String) {
+    /// Shows a note for a while.
+    pub(super) fn notify(&mut self, what: String) {
         self.note = Some((what, Instant::now()));
     }
 
-    /// Forgets what has been told for long enough; returns how long the rest is to be seen.
-    pub(super) fn forget(&mut self) -> Option<Duration> {
+    /// Removes a note that was shown for long enough; returns how long it is still shown.
+    pub(super) fn expire_note(&mut self) -> Option<Duration> {
         let (_, since) = self.note.as_ref().filter(|_| self.shown.is_some())?;
-        let left = READING.checked_sub(since.elapsed());
+        let left = NOTE_TIME.checked_sub(since.elapsed());
         if left.is_none() {
             self.note = None;
         }
         left
     }
 
-    /// Stands where photo `index` was taken.
+    /// Takes the camera of photo `index`.
     pub(super) fn jump(&mut self, index: usize) {
         let Some(photo) = self.shown.as_ref().and_then(|s| s.photos.get(index)) else { return };
-        self.controls.jump(&photo.camera);
+        self.controls.move_to(&photo.camera);
         self.current = Some(index);
     }
 
-    /// Jumps to the next photo, or with -1 to the one before.
+    /// Jumps to the next photo, or with -1 to the previous one.
     pub(super) fn step(&mut self, by: isize) {
         let count = self.shown.as_ref().map_or(0, |s| s.photos.len());
         if count > 0 {
@@ -186,7 +186,7 @@ impl Session {
         }
     }
 
-    /// Has the whole scene in view.
+    /// Brings the whole scene into view.
     pub(super) fn frame(&mut self) {
         if let Some(shown) = &self.shown {
             self.controls.frame(&shown.bounds);
@@ -194,29 +194,29 @@ impl Session {
         }
     }
 
-    /// The photo place after this one.
-    pub(super) fn next_photo_place(&mut self) {
-        self.choices.photo = match self.choices.photo {
-            PhotoPlace::Off => PhotoPlace::Beside,
-            PhotoPlace::Beside => PhotoPlace::Over,
-            PhotoPlace::Over => PhotoPlace::Off,
+    /// Switches to the next placement of the photo.
+    pub(super) fn next_photo_placement(&mut self) {
+        self.settings.photo = match self.settings.photo {
+            PhotoPlacement::Off => PhotoPlacement::Beside,
+            PhotoPlacement::Beside => PhotoPlacement::Over,
+            PhotoPlacement::Over => PhotoPlacement::Off,
         };
     }
 
-    /// The part of a pane that is left for the picture when a photo stands beside it.
+    /// The part of a pane that is left for the picture when a photo is beside it.
     pub(super) fn picture_pane(&self, pane: Pane) -> Pane {
-        let beside = self.choices.photo == PhotoPlace::Beside && self.current.is_some();
+        let beside = self.settings.photo == PhotoPlacement::Beside && self.current.is_some();
         let share = if beside { Vec2::new(0.5, 1.0) } else { Vec2::ONE };
         Pane { size: pane.size * share, ..pane }
     }
 
     /// Whether the next picture will differ from this one.
     pub(super) fn is_moving(&self) -> bool {
-        self.choices.always || self.keys.any()
+        self.settings.continuous || self.keys.any()
     }
 }
 
-/// A picture as a texture of the panel's.
+/// Uploads a picture as a texture of the panel.
 pub(super) fn texture(context: &Context, name: &str, picture: &Pixels) -> TextureHandle {
     let limit = context.input(|i| i.max_texture_side) as u32;
     let shrink = picture.size.max_element().div_ceil(limit.clamp(1, 4096));
@@ -226,7 +226,7 @@ pub(super) fn texture(context: &Context, name: &str, picture: &Pixels) -> Textur
     context.load_texture(name, image, TextureOptions::LINEAR)
 }
 
-/// Pictures a second, and the card's own time.
+/// Pictures per second, and the time by the timestamps of the card.
 #[derive(Debug, Default)]
 pub(super) struct Meter {
     last: Option<Instant>,
@@ -236,7 +236,7 @@ pub(super) struct Meter {
 }
 
 impl Meter {
-    /// A picture was drawn; `moving` when it follows the last one without pause. Returns the seconds since.
+    /// To be called for each picture; `moving` when it follows the last one without pause. Returns the seconds since.
     pub(super) fn tick(&mut self, moving: bool) -> f64 {
         let now = Instant::now();
         let secs = self.last.replace(now).map_or(0.0, |last| (now - last).as_secs_f64());
@@ -248,7 +248,7 @@ impl Meter {
         secs
     }
 
-    /// Pictures a second; `None` while nothing moves.
+    /// Pictures per second; `None` while nothing moves.
     pub(super) fn fps(&self) -> Option<f64> {
         self.frame_secs.map(|secs| 1.0 / secs)
     }

@@ -1,0 +1,75 @@
+//! A soup trained for a benchmark, in a file like any other.
+
+use crate::asset::{Placement, Provenance};
+use crate::camera::{self, Camera};
+use crate::dataset::{Dataset, DatasetOptions};
+use crate::error::{Error, Result};
+use crate::formats::ply;
+use crate::train::{TrainObserver, TrainOptions, TrainPreset, TrainRun};
+use std::io::Write;
+use std::path::PathBuf;
+
+/// How much is trained.
+#[derive(Debug, Clone, PartialEq, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct TrainBudget {
+    /// Steps of each training, when no soup is given [default: the preset's own].
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
+    pub steps: Option<u64>,
+    /// Most triangles of each training, when no soup is given [default: the preset's own].
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
+    pub max_triangles: Option<u64>,
+}
+
+impl TrainBudget {
+    /// Fails when a budget is given and nothing `trains`.
+    pub fn check(&self, trains: bool) -> Result<()> {
+        for (option, value) in [("steps", self.steps), ("max_triangles", self.max_triangles)] {
+            if let Some(value) = value.filter(|_| !trains) {
+                return Err(Error::invalid(option, value, "no `soup`: nothing is trained"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A trained soup.
+#[derive(Debug)]
+pub struct TrainedSoup {
+    /// Where it is, for as long as this lives.
+    pub path: PathBuf,
+    /// How it was trained: "solid 5000 steps".
+    pub name: String,
+    /// Keeps the file.
+    _folder: tempfile::TempDir,
+}
+
+/// Trains a soup on the training photos of `dataset`.
+///
+/// Errors: a budget out of range, photos that cannot be decoded, no room for the file.
+pub fn train(
+    dataset: &Dataset,
+    preset: TrainPreset,
+    budget: &TrainBudget,
+    dataset_options: &DatasetOptions,
+    observer: &mut dyn TrainObserver,
+) -> Result<TrainedSoup> {
+    let mut options = TrainOptions::preset(preset);
+    options.steps = budget.steps.unwrap_or(options.steps);
+    options.max_triangles = budget.max_triangles.unwrap_or(options.max_triangles);
+    let trained = TrainRun::new(dataset, &options).with_dataset_options(dataset_options).run(observer)?;
+
+    let cameras: Vec<Camera> = dataset.train().map(|view| view.camera).collect();
+    let placement = Placement { center: dataset.origin.to_array(), ..Placement::IDENTITY };
+    let provenance =
+        Provenance { placement, viewpoint: camera::viewpoint(&cameras), ..Provenance::default() };
+    let folder = tempfile::tempdir().map_err(|e| Error::io(std::env::temp_dir(), e))?;
+    let path = folder.path().join("soup.ply");
+    let io = |e| Error::io(&path, e);
+    let mut file = std::io::BufWriter::new(std::fs::File::create(&path).map_err(io)?);
+    ply::write_soup(&mut file, &trained.soup, &provenance, &cameras).map_err(io)?;
+    file.flush().map_err(io)?;
+    let kind = serde_json::to_value(preset).unwrap_or_default();
+    let name = format!("{} {} steps", kind.as_str().unwrap_or_default(), trained.steps);
+    Ok(TrainedSoup { path, name, _folder: folder })
+}

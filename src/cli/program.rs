@@ -1,0 +1,92 @@
+//! The program: its commands, and the run of one of them.
+
+#[cfg(not(all(feature = "gpu", feature = "view")))]
+use super::missing;
+#[cfg(feature = "view")]
+use super::view;
+use super::{Global, bake, bench, completions, eval, flags, info, render, sample, schema, train, train_args, validate};
+use crate::error::Result;
+use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Turns posed photographs into triangle scenes a game engine draws as they are.
+#[derive(Debug, Parser)]
+#[command(name = "trisplat", version, max_term_width = 100, arg_required_else_help = true)]
+pub struct Cli {
+    /// What is common to all commands.
+    #[command(flatten)]
+    pub global: Global,
+    /// The command.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Turn a trained soup or a coloured mesh into a file an engine draws.
+    Bake(Box<bake::BakeArgs>),
+    /// Describe a file and what a bake would make of it.
+    Info(info::InfoArgs),
+    /// Check a file for errors, whoever wrote it.
+    Validate(validate::ValidateArgs),
+    /// Make a synthetic soup or data set to try things on.
+    Sample(sample::SampleArgs),
+    /// Train a soup of triangles on posed photos.
+    Train(Box<train_args::TrainArgs>),
+    /// Measure how close a soup or mesh comes to photos it was not trained on.
+    Eval(Box<eval::EvalArgs>),
+    /// Draw a soup or mesh from the photos' cameras, or from a circle around it.
+    Render(Box<render::RenderArgs>),
+    /// Fly through a scene in a window.
+    #[cfg(feature = "view")]
+    View(Box<view::ViewArgs>),
+    /// Fly through a scene in a window (not in this build).
+    #[cfg(not(feature = "view"))]
+    View(missing::MissingArgs),
+    /// Measure what commands cost.
+    Bench(bench::BenchArgs),
+    /// Print a JSON Schema.
+    Schema(schema::SchemaArgs),
+    /// Print a completion script for a shell.
+    Completions(completions::CompletionsArgs),
+}
+
+/// Parses the arguments of this process and runs the command.
+pub fn main() -> ExitCode {
+    let mut program = Cli::command();
+    let matches = program.get_matches_mut();
+    let cli = match Cli::from_arg_matches(&matches) {
+        Ok(cli) => cli,
+        Err(error) => error.exit(),
+    };
+    match run(&cli, &matches) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {}", flags::message(&error, flags::innermost(&program, &matches)));
+            ExitCode::from(1)
+        }
+    }
+}
+
+fn run(cli: &Cli, matches: &ArgMatches) -> Result<()> {
+    // Fails only when a pool exists already: then the number of threads was chosen by the caller.
+    let _ = rayon::ThreadPoolBuilder::new().num_threads(cli.global.threads).build_global();
+    let typed = matches.subcommand().map_or(matches, |(_, typed)| typed);
+    match &cli.command {
+        Command::Bake(args) => bake::run(args, typed, &cli.global),
+        Command::Train(args) => train::run(args, typed, &cli.global),
+        Command::Eval(args) => eval::run(args, &cli.global),
+        Command::Render(args) => render::run(args, &cli.global),
+        #[cfg(feature = "view")]
+        Command::View(args) => view::run(args),
+        #[cfg(not(feature = "view"))]
+        Command::View(_) => Err(missing::error("view")),
+        Command::Bench(args) => bench::run(args, &cli.global),
+        Command::Info(args) => info::run(args, &mut std::io::stdout().lock()),
+        Command::Validate(args) => validate::run(args, &mut std::io::stdout().lock()),
+        Command::Sample(args) => sample::run(args),
+        Command::Schema(args) => schema::run(args),
+        Command::Completions(args) => completions::run(args, &mut Cli::command()),
+    }
+}

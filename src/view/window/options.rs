@@ -1,0 +1,24 @@
+//! Options of the window.
+
+use crate::gpu::AdapterOptions;
+use glam::UVec2;
+use std::path::PathBuf;
+
+/// How a window looks.
+#[derive(Debug, Clone)]
+pub struct WindowOptions {
+    /// Title of the window.
+    pub title: String,
+    /// Initial width and height, px.
+    pub size: UVec2,
+    /// sRGB-encoded background colour.
+    pub background: [f32; 3],
+    /// Samples per pixel at edges (MSAA): 1 or 4.
+    pub msaa: u32,
+    /// Wait for the vertical blank of the screen before a picture is shown.
+    pub vsync: bool,
+    /// Folder for screenshots.
+    pub screenshots: PathBuf,
+    /// Which graphics card draws.
+    pub adapter: AdapterOptions,
+}

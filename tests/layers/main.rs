@@ -1,0 +1,108 @@
+//! Who may import whom (docs/architecture.md): folders only what the table says, files never in a circle.
+
+mod graph;
+mod source;
+
+use graph::{Edges, Graph, circles, name};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// A folder or single file of `src`, and those that it imports from: no others, and each of them.
+const MAY: &[(&str, &str)] = &[
+    ("error", ""),
+    ("atomic", "error"),
+    ("report", "error"),
+    ("rng", ""),
+    ("math", ""),
+    ("camera", "error"),
+    ("image", "atomic error"),
+    ("soup", "error math"),
+    ("mesh", "error math"),
+    ("bvh", "mesh error"),
+    ("asset", "mesh bvh camera report"),
+    ("scene", "soup mesh asset camera error"),
+    ("placed", "asset camera"),
+    ("kernel", "math"),
+    ("gpu", "error"),
+    ("dataset", "formats asset camera image rng error math"),
+    ("formats", "soup mesh scene bvh asset camera report error math atomic"),
+    ("raster", "kernel soup mesh camera image math error"),
+    ("train", "raster kernel dataset soup mesh camera image rng report error math"),
+    ("bake", "raster dataset formats soup mesh scene placed bvh asset camera image rng report error math"),
+    ("view", "asset rng mesh soup scene raster camera image gpu error math"),
+    (
+        "bench",
+        "asset atomic bake camera dataset error formats gpu image math mesh placed raster report rng scene soup train view",
+    ),
+    (
+        "cli",
+        "asset atomic bake bench camera dataset error formats gpu image placed report rng scene train view",
+    ),
+    ("main", "cli"),
+    ("lib", ""),
+];
+
+fn edges() -> Edges {
+    Graph::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src")).edges()
+}
+
+#[test]
+fn folders_import_what_the_table_says() {
+    let top = |module: &graph::Module| module.first().map_or("lib".to_owned(), String::clone);
+    let mut imports: BTreeMap<(String, String), Vec<String>> = BTreeMap::new();
+    for ((from, to), paths) in edges() {
+        if top(&from) != top(&to) {
+            let paths = paths.into_iter().map(|path| format!("{} names {path}", name(&from)));
+            imports.entry((top(&from), top(&to))).or_default().extend(paths);
+        }
+    }
+    let may =
+        |from: &str, to: &str| MAY.iter().any(|(f, list)| *f == from && list.split(' ').any(|t| t == to));
+    let mut wrong = Vec::new();
+    for ((from, to), paths) in imports.iter().filter(|((from, to), _)| !may(from, to)) {
+        wrong.push(format!("{from} may not import {to}: {}", paths.join(", ")));
+    }
+    for (from, list) in MAY {
+        let unused =
+            |to: &&str| !to.is_empty() && !imports.contains_key(&((*from).to_owned(), (*to).to_owned()));
+        wrong.extend(
+            list.split(' ').filter(unused).map(|to| format!("{from} imports nothing of {to}: forbid it")),
+        );
+    }
+    assert!(
+        wrong.is_empty(),
+        "layers broken:\n{}\nimports as they are:\n{}",
+        wrong.join("\n"),
+        table(&imports)
+    );
+}
+
+/// The rows of the table, as the imports would have them.
+fn table(imports: &BTreeMap<(String, String), Vec<String>>) -> String {
+    let row = |(from, old): &(&str, &str)| {
+        let now: Vec<&str> = imports.keys().filter(|(f, _)| f == from).map(|(_, to)| to.as_str()).collect();
+        let (stay, new): (Vec<&str>, Vec<&str>) = (
+            old.split(' ').filter(|to| now.contains(to)).collect(),
+            now.iter().copied().filter(|to| !old.split(' ').any(|o| o == *to)).collect(),
+        );
+        format!("    (\"{from}\", \"{}\"),\n", [stay, new].concat().join(" "))
+    };
+    MAY.iter().map(row).collect()
+}
+
+#[test]
+fn no_files_import_each_other_in_a_circle() {
+    let edges = edges();
+    let mut report = String::new();
+    for group in circles(&edges) {
+        report +=
+            &format!("{} files: {}\n", group.len(), group.iter().map(name).collect::<Vec<_>>().join(", "));
+        for ((from, to), paths) in
+            edges.iter().filter(|((from, to), _)| group.contains(from) && group.contains(to))
+        {
+            let paths: Vec<&str> = paths.iter().map(String::as_str).collect();
+            report += &format!("    {} → {}: {}\n", name(from), name(to), paths.join(", "));
+        }
+    }
+    assert!(report.is_empty(), "files import each other:\n{report}");
+}
