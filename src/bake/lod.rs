@@ -36,7 +36,11 @@ impl LodOptions {
         let falls = self.lod.windows(2).all(|pair| pair[0] > pair[1]);
         if !falls || self.lod.iter().any(|share| !(*share > 0.0 && *share < 1.0)) {
             let value = self.lod.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
-            return Err(Error::invalid("lod", value, "shares between 0 and 1 that fall, as in 0.5,0.25,0.125"));
+            return Err(Error::invalid(
+                "lod",
+                value,
+                "shares between 0 and 1 that fall, as in 0.5,0.25,0.125",
+            ));
         }
         if self.lod.len() > MOST_LEVELS {
             return Err(Error::invalid("lod", self.lod.len(), format!("at most {MOST_LEVELS} levels")));
@@ -59,7 +63,9 @@ impl StageDetails for LodDetails {
 }
 
 /// How the triangles of levels are ranked.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum LodRanking {
     /// By opacity times area: there were no cameras.

@@ -165,8 +165,7 @@ impl Recipe<'_> {
         };
 
         // First, because every later stage costs per triangle and relies on finite geometry.
-        let scene =
-            self.report.stage(self.observer, scene, count, |scene, d| prune(scene, &pruning, d))?;
+        let scene = self.report.stage(self.observer, scene, count, |scene, d| prune(scene, &pruning, d))?;
 
         // On the soup, as it needs opacity and σ, which colours throw away.
         let scene = self.report.stage(self.observer, scene, count, |scene, details| match scene {
@@ -222,9 +221,9 @@ impl Recipe<'_> {
     fn package(&mut self, mesh: Mesh, mut provenance: Provenance) -> Result<Asset> {
         let options = self.options;
         // Before placing, while equal corners are still equal to the bit.
-        let mesh = self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
-            weld(mesh, &options.weld, details)
-        })?;
+        let mesh = self
+            .report
+            .stage(self.observer, mesh, count_mesh, |mesh, details| weld(mesh, &options.weld, details))?;
 
         // Before anything with boxes in it, whose numbers must be those of the file.
         let placed = &mut self.placement;
@@ -240,9 +239,9 @@ impl Recipe<'_> {
         let asset = self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
             chunk(asset, &options.chunk, details)
         })?;
-        let asset = self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
-            bvh(asset, &options.bvh, details)
-        })?;
+        let asset = self
+            .report
+            .stage(self.observer, asset, Asset::counts, |asset, details| bvh(asset, &options.bvh, details))?;
         // Last: it leaves the leaf order of a hierarchy alone.
         let asset = self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
             order(asset, &options.order, details)

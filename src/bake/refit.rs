@@ -115,8 +115,7 @@ pub fn refit(
         return Ok(Outcome::Unneeded("a mesh with shared vertices keeps its colours"));
     }
     let every = EVALUATION_EVERY.max(views.len().div_ceil(MOST_EVALUATION_VIEWS));
-    let (held_out, others): (Vec<usize>, Vec<usize>) =
-        (0..views.len()).partition(|v| v % every == every / 2);
+    let (held_out, others): (Vec<usize>, Vec<usize>) = (0..views.len()).partition(|v| v % every == every / 2);
 
     let mut accumulator = Accumulator::new(mesh, views);
     let mut fit = Fit::new(mesh, options.refit_flatness as f32);
@@ -190,7 +189,8 @@ impl Accumulator {
             let camera = views.camera(view);
             let visibility = self.solid.visibility(mesh, camera, &self.drawing);
             let background = self.drawing.background;
-            let seen = Observation { mesh, camera, photo: &photo, visibility, background, coupling: self.coupling };
+            let seen =
+                Observation { mesh, camera, photo: &photo, visibility, background, coupling: self.coupling };
             self.errors[view] = self.gatherer.gather(&seen, fit, sign);
         }
         Ok(())

@@ -151,8 +151,7 @@ fn rank(mesh: &Mesh, seen: &[f32]) -> Vec<u32> {
 }
 
 fn check(options: &UnseenOptions) -> Result<()> {
-    for (option, value) in [("min_seen_px", Some(options.min_seen_px)), ("max_error", options.max_error)]
-    {
+    for (option, value) in [("min_seen_px", Some(options.min_seen_px)), ("max_error", options.max_error)] {
         if let Some(value) = value.filter(|v| !(*v >= 0.0 && v.is_finite())) {
             return Err(Error::invalid(option, value, "0 or more"));
         }
@@ -161,7 +160,13 @@ fn check(options: &UnseenOptions) -> Result<()> {
 }
 
 /// How many of `ranked` must stay so that the photos are met at most `db` worse than by all of them.
-fn cut(mesh: &Mesh, views: &mut Views, ranked: &[u32], db: f64, details: &mut UnseenDetails) -> Result<usize> {
+fn cut(
+    mesh: &Mesh,
+    views: &mut Views,
+    ranked: &[u32],
+    db: f64,
+    details: &mut UnseenDetails,
+) -> Result<usize> {
     let chosen = views.evenly_spaced(CURVE_VIEWS);
     let mut curve = Vec::new();
     let mut psnr = |keep: usize| -> Result<f64> {

@@ -4,7 +4,9 @@
 use super::missing;
 #[cfg(feature = "view")]
 use super::view;
-use super::{Global, bake, bench, completions, eval, flags, info, render, sample, schema, train, train_args, validate};
+use super::{
+    Global, bake, bench, completions, eval, flags, info, render, sample, schema, train, train_args, validate,
+};
 use crate::error::Result;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::process::ExitCode;

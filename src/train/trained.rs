@@ -117,4 +117,3 @@ pub(super) fn provenance(dataset: &Dataset, cameras: &[Camera]) -> Provenance {
         viewpoint: camera::viewpoint(cameras),
     }
 }
-

@@ -61,7 +61,8 @@ fn a_small_scene_is_one_chunk_and_stays_as_it_is() {
     for limit in [0, 1000] {
         let mesh = mesh_of(&soup(SampleScene::Studio, 1000, 1));
         let mut asset = Asset { mesh: mesh.clone(), ..Asset::default() };
-        let outcome = chunk(&mut asset, &ChunkOptions { chunk_triangles: limit }, &mut ChunkDetails::default());
+        let outcome =
+            chunk(&mut asset, &ChunkOptions { chunk_triangles: limit }, &mut ChunkDetails::default());
         assert!(matches!(outcome, Ok(Outcome::Unneeded(_))));
         assert!(asset.mesh == mesh && asset.chunks.len() == 1 && asset.chunks[0].count == 1000);
     }

@@ -204,7 +204,10 @@ fn hidden_triangles_go_and_nothing_is_seen_of_it() {
 
     let keep = UnseenOptions { keep_unseen: true, ..UnseenOptions::DEFAULT };
     let mut all = mesh.clone();
-    assert!(matches!(cull(&mut all, &dataset, &keep, None, &mut UnseenDetails::default()), Ok(Outcome::Unneeded(_))));
+    assert!(matches!(
+        cull(&mut all, &dataset, &keep, None, &mut UnseenDetails::default()),
+        Ok(Outcome::Unneeded(_))
+    ));
     cull(&mut all, &dataset, &keep, Some(20), &mut UnseenDetails::default()).unwrap();
     assert_eq!(all.face_count(), 20);
 }
@@ -248,7 +251,8 @@ fn cameras_of_the_file_show_what_photos_would() {
     for most in [None, Some(9)] {
         let (mut by_photos, mut by_cameras) = (mesh.clone(), mesh.clone());
         cull(&mut by_photos, &dataset, &options, most, &mut UnseenDetails::default()).unwrap();
-        let alone = unseen(&mut by_cameras, &cameras, None, &options, most, &mut UnseenDetails::default()).unwrap();
+        let alone =
+            unseen(&mut by_cameras, &cameras, None, &options, most, &mut UnseenDetails::default()).unwrap();
         assert_eq!(alone, Outcome::Changed(()));
         assert_eq!(by_photos, by_cameras);
     }

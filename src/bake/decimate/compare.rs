@@ -99,13 +99,7 @@ impl<'a> Comparison<'a> {
 
     /// What each face's change does: `base` holds the faces `kept` unchanged, variant g those of group g changed.
     /// `[kept]`
-    pub(super) fn effects(
-        &self,
-        base: &Mesh,
-        kept: &[u32],
-        variants: &[Variant],
-        round: u32,
-    ) -> Vec<Effect> {
+    pub(super) fn effects(&self, base: &Mesh, kept: &[u32], variants: &[Variant], round: u32) -> Vec<Effect> {
         let stride = self.cameras.len().div_ceil(ROUND_VIEWS).max(1);
         let groups: Vec<u32> = kept.iter().map(|&f| group_of(f, round)).collect();
         let mut effects = vec![Effect::default(); kept.len()];

@@ -152,11 +152,13 @@ impl Fit {
     pub(super) fn improve(&mut self, which: RefitColors) {
         let flatness = self.flatness;
         let sought = self.encoded.par_iter_mut().zip(&mut self.linear);
-        self.sums.par_iter_mut().zip(sought).with_min_len(TASK_FACES).for_each(|(sums, (encoded, linear))| {
-            *encoded = sums.colors(which, encoded, flatness);
-            *linear = encoded.map(|corner| corner.map(linear_from_srgb));
-            *sums = Equations::default();
-        });
+        self.sums.par_iter_mut().zip(sought).with_min_len(TASK_FACES).for_each(
+            |(sums, (encoded, linear))| {
+                *encoded = sums.colors(which, encoded, flatness);
+                *linear = encoded.map(|corner| corner.map(linear_from_srgb));
+                *sums = Equations::default();
+            },
+        );
     }
 
     /// Better colours for the mesh of [`Fit::new`].

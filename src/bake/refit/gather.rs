@@ -1,6 +1,6 @@
 //! Equations what one photo shows of every triangle it sees.
 
-use super::fit::{Fit, Equations};
+use super::fit::{Equations, Fit};
 use crate::camera::Camera;
 use crate::image::Pixels;
 use crate::math::color::linear_from_srgb;
@@ -96,7 +96,14 @@ impl<'a> Pass<'a> {
     fn new(observation: &'a Observation<'a>, fit: &'a Fit, band: &'a mut Band) -> Self {
         let samples = observation.visibility.size.x / observation.camera.size.x;
         let barycentrics = Barycentrics::new(observation.mesh, observation.camera, samples);
-        Self { observation, fit, band, barycentrics, samples, background: observation.background.map(linear_from_srgb) }
+        Self {
+            observation,
+            fit,
+            band,
+            barycentrics,
+            samples,
+            background: observation.background.map(linear_from_srgb),
+        }
     }
 
     fn row(&mut self, y: u32) {
