@@ -28,7 +28,7 @@ use std::sync::LazyLock;
 /// Errors: `Malformed` with the line for broken numbers, corners that name no vertex, and faces of fewer than three corners.
 pub fn read(source: Source, _options: &ReadOptions) -> Result<Loaded> {
     let mut lines = Lines::new(&source)?;
-    let mut draft = Draft::default();
+    let mut draft = ObjDraft::default();
     while lines.advance()? {
         draft.take_line(&lines).map_err(|reason| lines.error(reason))?;
     }
@@ -49,7 +49,7 @@ pub fn read(source: Source, _options: &ReadOptions) -> Result<Loaded> {
 
 /// A mesh as far as it has been read.
 #[derive(Default)]
-struct Draft {
+struct ObjDraft {
     positions: Vec<Vec3>,
     /// sRGB-encoded. Empty until the first vertex that has a colour.
     colors: Vec<[f32; 3]>,
@@ -62,7 +62,7 @@ struct Draft {
     comments: Vec<String>,
 }
 
-impl Draft {
+impl ObjDraft {
     fn take_line(&mut self, lines: &Lines) -> std::result::Result<(), String> {
         let mut words = lines.words();
         match words.next() {

@@ -61,7 +61,7 @@ const RESAVE: &str = "load it in PyTorch 1.6 or later and torch.save it again";
 /// that do not fit each other or the file.
 pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     check_archive(&mut source)?;
-    let file = Checkpoint::open(&mut source)?;
+    let file = TorchFile::open(&mut source)?;
     let loaded = match file.shape("triangles_points")? {
         &[n, 3, 3] => read_soup(&file, n, options)?,
         &[v, 3] => read_mesh(&file, v)?,
@@ -75,7 +75,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     finish(&source.path, loaded)
 }
 
-fn read_soup(file: &Checkpoint, n: usize, options: &ReadOptions) -> Result<Loaded> {
+fn read_soup(file: &TorchFile, n: usize, options: &ReadOptions) -> Result<Loaded> {
     file.check_count("triangles_points", n)?;
     let vertices: Vec<[Vec3; 3]> = file.values("triangles_points", DType::F32, &[&[n, 3, 3]])?;
     let mut sigma: Vec<f32> = file.values("sigma", DType::F32, &[&[n, 1], &[n]])?;
@@ -92,7 +92,7 @@ fn read_soup(file: &Checkpoint, n: usize, options: &ReadOptions) -> Result<Loade
 
 /// Coefficients of every triangle, degree 0 first, and the degree: the lowest of what was asked for,
 /// what the training had reached and what the file holds.
-fn read_sh(file: &Checkpoint, n: usize, wanted: u8) -> Result<(Vec<[f32; 3]>, u8)> {
+fn read_sh(file: &TorchFile, n: usize, wanted: u8) -> Result<(Vec<[f32; 3]>, u8)> {
     let dc: Vec<[f32; 3]> = file.values("features_dc", DType::F32, &[&[n, 1, 3], &[n, 3]])?;
     if wanted == 0 || file.shape("features_rest").is_err() {
         return Ok((dc, 0));
@@ -127,7 +127,7 @@ fn read_sh(file: &Checkpoint, n: usize, wanted: u8) -> Result<(Vec<[f32; 3]>, u8
     Ok((sh, degree))
 }
 
-fn read_mesh(file: &Checkpoint, v: usize) -> Result<Loaded> {
+fn read_mesh(file: &TorchFile, v: usize) -> Result<Loaded> {
     file.check_count("triangles_points", v)?;
     let positions: Vec<Vec3> = file.values("triangles_points", DType::F32, &[&[v, 3]])?;
     let dc: Vec<[f32; 3]> = file.values("features_dc", DType::F32, &[&[v, 1, 3], &[v, 3]])?;
@@ -155,7 +155,7 @@ fn read_mesh(file: &Checkpoint, v: usize) -> Result<Loaded> {
 }
 
 /// Vertex numbers, three per face, each below `v`.
-fn read_indices(file: &Checkpoint, v: usize) -> Result<Vec<u32>> {
+fn read_indices(file: &TorchFile, v: usize) -> Result<Vec<u32>> {
     let key = "_triangle_indices";
     let &[faces, 3] = file.shape(key)? else {
         return Err(file.malformed(key, format!("has shape {:?}; wants [T, 3]", file.shape(key)?)));
@@ -176,7 +176,7 @@ fn read_indices(file: &Checkpoint, v: usize) -> Result<Vec<u32>> {
 }
 
 /// An opened checkpoint: tensors by name, their bytes still on disk.
-struct Checkpoint {
+struct TorchFile {
     /// What the user called it.
     label: PathBuf,
     /// Where it is: the same, or a copy of standard input.
@@ -187,7 +187,7 @@ struct Checkpoint {
     tensors: PytorchReader,
 }
 
-impl Checkpoint {
+impl TorchFile {
     fn open(source: &mut Source) -> Result<Self> {
         let label = source.path.clone();
         let (file, copy) = if label.as_os_str() == "-" {

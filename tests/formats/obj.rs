@@ -158,7 +158,7 @@ fn polygons_become_triangles_of_the_same_outline() {
                     (b - a).cross(c - a).z
                 })
                 .collect();
-            let sign = areas[0].signum();
+            let sign = f32::signum(areas[0]);
             assert!(
                 doubled.iter().all(|area| area * sign >= 0.0),
                 "{text}: no triangle is turned over: {doubled:?}"

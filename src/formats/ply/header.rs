@@ -117,7 +117,7 @@ pub(crate) fn read(source: &mut Source) -> Result<Header> {
     let io = |e| Error::io(&path, e);
     source.file.seek(SeekFrom::Start(0)).map_err(io)?;
     let mut reader = BufReader::with_capacity(1 << 14, &source.file).take(LONGEST);
-    let mut draft = Draft::default();
+    let mut draft = HeaderDraft::default();
     let (mut line, mut number) = (Vec::new(), 0);
     loop {
         line.clear();
@@ -141,14 +141,14 @@ pub(crate) fn read(source: &mut Source) -> Result<Header> {
 
 /// A header as far as it has been read.
 #[derive(Default)]
-struct Draft {
+struct HeaderDraft {
     magic: bool,
     encoding: Option<Encoding>,
     elements: Vec<Element>,
     comments: Vec<String>,
 }
 
-impl Draft {
+impl HeaderDraft {
     fn why_cut_short(&self, too_long: bool, line: &[u8]) -> String {
         if !self.magic && line.is_empty() {
             "the file is empty".into()
