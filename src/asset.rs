@@ -28,7 +28,7 @@ pub struct Asset {
     pub bvh: Option<Bvh>,
     /// Where it came from and how it was placed.
     pub provenance: Provenance,
-    /// The same scene with fewer triangles, finest first; without levels of their own.
+    /// The same scene with fewer triangles, finest first; these have no levels themselves.
     pub levels: Vec<Asset>,
 }
 
@@ -36,6 +36,14 @@ impl Asset {
     /// Triangles and vertices, for the report.
     pub fn counts(&self) -> Counts {
         Counts { triangles: self.mesh.face_count() as u64, vertices: self.mesh.vertex_count() as u64 }
+    }
+}
+
+impl From<Mesh> for Asset {
+    /// A mesh as it is: one chunk, no BVH, nothing known of its origin.
+    fn from(mesh: Mesh) -> Self {
+        let chunks = vec![Chunk { first: 0, count: mesh.face_count() as u32 }];
+        Self { mesh, chunks, ..Self::default() }
     }
 }
 
@@ -104,11 +112,11 @@ impl Placement {
 
     /// Source world to file, in f64, rounded once.
     pub fn to_file(&self, world: Vec3) -> Vec3 {
-        self.mover()(world)
+        self.transform()(world)
     }
 
-    /// [`Placement::to_file`] for many points: the matrix is made once.
-    pub fn mover(&self) -> impl Fn(Vec3) -> Vec3 + Sync + use<> {
+    /// [`Placement::to_file`] for many points: the matrix is computed once.
+    pub fn transform(&self) -> impl Fn(Vec3) -> Vec3 + Sync + use<> {
         let (matrix, center) = (self.up.to_y_up() * self.scale, DVec3::from(self.center));
         move |world| (matrix * (world.as_dvec3() - center)).as_vec3()
     }
@@ -118,11 +126,11 @@ impl Placement {
         self.to_world_f64(file).as_vec3()
     }
 
-    /// A view of the source's world, as seen in the file.
+    /// A viewpoint in the source's world, in the frame of the file.
     pub fn viewpoint_to_file(&self, viewpoint: &Viewpoint) -> Viewpoint {
-        let (turn, center) = (self.up.to_y_up(), DVec3::from(self.center));
-        let point = |p: [f64; 3]| (turn * self.scale * (DVec3::from(p) - center)).to_array();
-        let up = (turn * DVec3::from(viewpoint.up)).to_array();
+        let (rotation, center) = (self.up.to_y_up(), DVec3::from(self.center));
+        let point = |p: [f64; 3]| (rotation * self.scale * (DVec3::from(p) - center)).to_array();
+        let up = (rotation * DVec3::from(viewpoint.up)).to_array();
         Viewpoint { eye: point(viewpoint.eye), target: point(viewpoint.target), up, fov: viewpoint.fov }
     }
 

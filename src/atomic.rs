@@ -65,6 +65,17 @@ impl AtomicFile {
         }
         Ok(self.bytes)
     }
+
+    /// As [`AtomicFile::commit`], but the bytes are on the disk before the file has its name: after a power cut there
+    /// is the file that was there before, or this one whole.
+    pub fn commit_synced(mut self) -> Result<u64> {
+        let io = |e| Error::io(&self.path, e);
+        self.to.flush().map_err(io)?;
+        if let Destination::Temporary(file) = &self.to {
+            file.get_ref().as_file().sync_all().map_err(io)?;
+        }
+        self.commit()
+    }
 }
 
 impl Write for AtomicFile {

@@ -1,8 +1,8 @@
 //! The bounding volume hierarchy over an asset's faces: an eight-wide tree of 80-byte nodes (Ylitie,
 //! Karras, Laine 2017, *Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs*).
 //!
-//! A node stores the boxes of its children in 8 bits an axis on a grid of its own. The arithmetic here is
-//! f64 on exact f32 inputs, so boxes hold what they should at any scale, from denormals to 1e38.
+//! A node stores the boxes of its children in 8 bits per axis on its own grid. The arithmetic here is f64 on exact
+//! f32 inputs, so boxes enclose their contents at any scale, from denormals to 1e38.
 
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
@@ -22,9 +22,9 @@ pub struct Bvh {
     pub face_count: u32,
 }
 
-/// Where a ray meets a face.
+/// Where a ray hits a face.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Hit {
+pub struct RayHit {
     /// The face.
     pub face: u32,
     /// Distance in lengths of the ray's direction, 0 or more.
@@ -42,7 +42,7 @@ pub enum Child {
     Faces(Range<u32>),
 }
 
-/// What slot 0..8 of a node holds; an error when the node's bits make no sense.
+/// What slot 0..8 of a node holds; an error when the node's bits are invalid.
 pub fn child(node: &CwBvhNode, slot: usize) -> Result<Child> {
     let (meta, is_node) = (node.child_meta[slot], node.imask >> slot & 1 == 1);
     let broken = || {
@@ -73,7 +73,7 @@ pub fn steps(node: &CwBvhNode) -> [f64; 3] {
 }
 
 /// The lower and upper grid lines of the children's boxes on each axis. `[3]`[8]
-fn lines(node: &CwBvhNode) -> [(&[u8; 8], &[u8; 8]); 3] {
+fn grid_lines(node: &CwBvhNode) -> [(&[u8; 8], &[u8; 8]); 3] {
     [
         (&node.child_min_x, &node.child_max_x),
         (&node.child_min_y, &node.child_max_y),
@@ -81,7 +81,7 @@ fn lines(node: &CwBvhNode) -> [(&[u8; 8], &[u8; 8]); 3] {
     ]
 }
 
-/// A ray made ready for boxes.
+/// A ray prepared for intersection tests.
 struct Ray {
     origin: DVec3,
     direction: DVec3,
@@ -101,10 +101,10 @@ impl Ray {
     }
 
     /// Where the ray enters the boxes of a node's eight slots; infinite where it misses.
-    fn enter(&self, node: &CwBvhNode) -> [f64; 8] {
+    fn intersect_boxes(&self, node: &CwBvhNode) -> [f64; 8] {
         let (mut near, mut far) = ([0.0f64; 8], [f64::INFINITY; 8]);
         let steps = steps(node);
-        for (axis, (lower, upper)) in lines(node).into_iter().enumerate() {
+        for (axis, (lower, upper)) in grid_lines(node).into_iter().enumerate() {
             let inverse = self.inverse[axis];
             let (first, last) = if inverse < 0.0 { (upper, lower) } else { (lower, upper) };
             let scale = steps[axis] * inverse;
@@ -120,7 +120,7 @@ impl Ray {
     }
 
     /// Distance to a triangle seen from either side (Möller and Trumbore 1997), edges included.
-    fn meet(&self, corners: [Vec3; 3]) -> Option<f64> {
+    fn intersect(&self, corners: [Vec3; 3]) -> Option<f64> {
         let [a, b, c] = corners.map(|v| v.as_dvec3());
         let (ab, ac, from_a) = (b - a, c - a, self.origin - a);
         let normal = self.direction.cross(ac);
@@ -135,11 +135,11 @@ impl Ray {
 }
 
 impl Bvh {
-    /// The first face of `mesh` that the ray from `origin` along `direction` meets, from either side; of
+    /// The first face of `mesh` that the ray from `origin` along `direction` hits, from either side; of
     /// faces at the same distance the one with the lowest number. `mesh` is the one it was built for.
-    pub fn cast(&self, mesh: &Mesh, origin: Vec3, direction: Vec3) -> Option<Hit> {
+    pub fn cast(&self, mesh: &Mesh, origin: Vec3, direction: Vec3) -> Option<RayHit> {
         let ray = Ray::new(origin, direction)?;
-        let mut best: Option<Hit> = None;
+        let mut best: Option<RayHit> = None;
         let mut stack = Vec::with_capacity(64);
         if !self.nodes.is_empty() {
             stack.push((0.0, 0));
@@ -150,7 +150,7 @@ impl Bvh {
             }
             let node: &CwBvhNode = &self.nodes[index as usize];
             let bottom = stack.len();
-            for (slot, near) in ray.enter(node).into_iter().enumerate() {
+            for (slot, near) in ray.intersect_boxes(node).into_iter().enumerate() {
                 if near > best.map_or(f64::MAX, |hit| hit.t) {
                     continue;
                 }
@@ -165,15 +165,15 @@ impl Bvh {
         best
     }
 
-    /// Checks the tree by itself: every node and every face is reached once, children come after their
-    /// parents, faces below a node are consecutive. Readers call it, so it allocates no more than the
-    /// nodes warrant and trusts no number.
+    /// Checks the tree without its mesh: every node and every face is reached once, children come after their
+    /// parents, faces below a node are consecutive. Readers call it, so it allocates in
+    /// proportion to the nodes and trusts no number.
     pub fn validate(&self) -> Result<()> {
         let wrong = |what: String, value: String, wants: &str| Err(Error::invalid(what, value, wants));
         let faces = self.face_count as usize;
         if faces.div_ceil(24) > self.nodes.len() || (faces == 0 && !self.nodes.is_empty()) {
             let count = format!("{} for {faces} faces", self.nodes.len());
-            return wrong("bvh node count".into(), count, "1 to 24 faces a node");
+            return wrong("bvh node count".into(), count, "1 to 24 faces per node");
         }
         let ranges = self.face_ranges()?;
         if ranges.first().is_some_and(|all| *all != (0..self.face_count)) {
@@ -187,7 +187,7 @@ impl Bvh {
 
     /// The faces below every node, after checking that nodes form a tree and faces are consecutive. `[nodes]`
     pub fn face_ranges(&self) -> Result<Vec<Range<u32>>> {
-        let at = |node: usize, e: Error| Error::invalid(format!("bvh node {node}"), e, "a sound tree");
+        let at = |node: usize, e: Error| Error::invalid(format!("bvh node {node}"), e, "a valid tree");
         let wrong = |node: usize, value: String, wants: &str| {
             Err(Error::invalid(format!("bvh node {node}"), value, wants))
         };
@@ -243,7 +243,7 @@ impl Bvh {
                     Child::Node(below) => ranges[below as usize].clone(),
                 };
                 let (min, max) = slot_box(node, slot);
-                // f64 rounds off a corner that is next to nothing beside the node; `cast` allows for ten times that.
+                // f64 rounds a corner that is tiny relative to the node; `cast` allows for ten times that.
                 let slack = 1e-13 * 255.0 * DVec3::from(steps(node));
                 let inside = |v: Vec3| {
                     let v = v.as_dvec3();
@@ -265,18 +265,18 @@ impl Bvh {
 /// The box of a slot.
 fn slot_box(node: &CwBvhNode, slot: usize) -> (DVec3, DVec3) {
     let (p, steps) = (node.p.as_dvec3(), DVec3::from(steps(node)));
-    let [x, y, z] = lines(node);
+    let [x, y, z] = grid_lines(node);
     let line = |x: u8, y: u8, z: u8| p + steps * DVec3::new(x.into(), y.into(), z.into());
     (line(x.0[slot], y.0[slot], z.0[slot]), line(x.1[slot], y.1[slot], z.1[slot]))
 }
 
-/// The nearer of `best` and what the ray meets among `faces`.
-fn nearest(ray: &Ray, mesh: &Mesh, faces: Range<u32>, mut best: Option<Hit>) -> Option<Hit> {
+/// The nearer of `best` and the ray's hits among `faces`.
+fn nearest(ray: &Ray, mesh: &Mesh, faces: Range<u32>, mut best: Option<RayHit>) -> Option<RayHit> {
     for face in faces {
-        if let Some(t) = ray.meet(mesh.corners(face as usize))
+        if let Some(t) = ray.intersect(mesh.corners(face as usize))
             && best.is_none_or(|hit| t < hit.t || (t == hit.t && face < hit.face))
         {
-            best = Some(Hit { face, t });
+            best = Some(RayHit { face, t });
         }
     }
     best

@@ -21,7 +21,7 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// The camera's place in the world: -R^T t.
+    /// The camera's position in the world: -R^T t.
     pub fn position(&self) -> Vec3 {
         -(self.rotation.transpose() * self.translation)
     }
@@ -53,7 +53,7 @@ impl Camera {
     }
 }
 
-/// The world point nearest to the axes of all cameras, in the least-squares sense: what they look at.
+/// The world point nearest to the optical axes of all cameras, in the least-squares sense: what they look at.
 /// `None` when the axes are nearly parallel, or when half of the cameras have it behind them.
 pub fn focus<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Option<Vec3> {
     let count = cameras.clone().count() as f32;
@@ -78,17 +78,17 @@ pub fn focus<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Option<Ve
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Viewpoint {
-    /// Where one stands.
+    /// Position of the viewer.
     pub eye: [f64; 3],
-    /// What one looks at and turns about.
+    /// What the viewer looks at and orbits.
     pub target: [f64; 3],
-    /// What points up for those who took the photos; a unit vector.
+    /// Up direction of the photos; a unit vector.
     pub up: [f64; 3],
     /// Vertical field of view, degrees.
     pub fov: f64,
 }
 
-/// The view of the first camera, turning about what all of them look at. `None` of no cameras.
+/// The view of the first camera, orbiting what all of them look at. `None` of no cameras.
 pub fn viewpoint(cameras: &[Camera]) -> Option<Viewpoint> {
     let first = cameras.first()?;
     let (eye, forward) = (first.position(), first.rotation.row(2));

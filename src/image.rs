@@ -3,6 +3,7 @@
 //! Colours are sRGB-encoded throughout, and averages are taken on the encoded values: that is what
 //! the field trains and measures on (3DGS, Held et al. 2025).
 
+use crate::atomic::AtomicFile;
 use crate::error::{Error, Result};
 use glam::UVec2;
 use std::io::{BufReader, Cursor, Read, Seek, SeekFrom, Write};
@@ -149,21 +150,12 @@ impl Pixels {
         Ok(bytes.into_inner())
     }
 
-    /// Writes a PNG file: to a temporary file beside it first, then renamed, so that nobody ever sees
-    /// half a picture.
+    /// Writes a PNG file that appears whole or not at all.
     pub fn save_png(&self, path: &Path) -> Result<()> {
         let bytes = self.to_png()?;
-        let io = |e| Error::io(path, e);
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".trisplat-").suffix(".tmp");
-        // Ordinary permissions less the umask, as any tool's output has; temporary files are private.
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let mut file = builder.tempfile_in(folder).map_err(io)?;
-        file.write_all(&bytes).map_err(io)?;
-        file.persist(path).map_err(|e| Error::io(path, e.error))?;
-        Ok(())
+        let mut file = AtomicFile::create(path)?;
+        file.write_all(&bytes).map_err(|e| Error::io(path, e))?;
+        file.commit().map(drop)
     }
 }
 

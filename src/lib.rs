@@ -15,7 +15,8 @@
 //!
 //! ```
 //! use glam::Vec3;
-//! use trisplat::{bake, report::Report, scene::Loaded, soup::Soup};
+//! use trisplat::bake::{BakeOptions, bake};
+//! use trisplat::soup::Soup;
 //!
 //! let soup = Soup {
 //!     vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]],
@@ -24,8 +25,7 @@
 //!     sh: vec![[0.5, 0.0, -0.5]],  // one SH coefficient: the same colour from everywhere
 //!     sh_degree: 0,
 //! };
-//! let mut report = Report::new("bake");
-//! let asset = bake::bake(vec![Loaded::from(soup)], &Default::default(), None, &mut report, &mut ())?;
+//! let asset = bake(soup, &BakeOptions::default())?;
 //! assert_eq!(asset.mesh.face_count(), 1);
 //! # Ok::<(), trisplat::error::Error>(())
 //! ```
@@ -48,6 +48,7 @@ pub mod kernel;
 pub mod math;
 pub mod mesh;
 pub mod placed;
+pub mod process;
 pub mod raster;
 pub mod report;
 pub mod rng;

@@ -6,12 +6,12 @@ use crate::math::median::median;
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Linear-light RGB, one entry a face or one a vertex. Values in [0, 1]; alpha is always 1.
+/// Linear-light RGB per face or per vertex. Values in [0, 1]; alpha is always 1.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Colors {
-    /// One colour a face. `[F]`
+    /// One colour per face. `[F]`
     Face(Vec<[f32; 3]>),
-    /// One colour a vertex. `[V]`
+    /// One colour per vertex. `[V]`
     Vertex(Vec<[f32; 3]>),
 }
 
@@ -22,7 +22,7 @@ pub struct Mesh {
     pub positions: Vec<Vec3>,
     /// Linear-light colours.
     pub colors: Colors,
-    /// Vertex numbers, three a face; empty = non-indexed. `[F * 3]`
+    /// Vertex indices, three per face; empty = non-indexed. `[F * 3]`
     pub indices: Vec<u32>,
     /// Opacity of every face in [0, 1]; empty = all opaque. `[F]`
     pub opacity: Vec<f32>,
@@ -50,7 +50,7 @@ impl Mesh {
         self.positions.len()
     }
 
-    /// Vertex numbers of a face.
+    /// Vertex indices of a face.
     #[inline]
     pub fn face(&self, face: usize) -> [u32; 3] {
         if self.indices.is_empty() {
@@ -73,7 +73,7 @@ impl Mesh {
         (b - a).cross(c - a).length() / 2.0
     }
 
-    /// The size of what the mesh can show: the side of a square as large as its median face.
+    /// The size of the mesh's detail: the side of a square with the area of its median face.
     pub fn detail(&self) -> f64 {
         let areas = (0..self.face_count()).map(|f| self.area(f)).collect();
         median(areas, f64::total_cmp).unwrap_or(0.0).sqrt()
@@ -104,14 +104,14 @@ impl Mesh {
         }
     }
 
-    /// Keeps `faces`, named in any order, in the order they have, and drops vertices that no face uses any more.
+    /// Keeps `faces`, given in any order, in the mesh's order, and drops vertices that no face uses any more.
     pub fn keep(&mut self, faces: &[u32]) {
         let mut kept = vec![false; self.face_count()];
         faces.iter().for_each(|&f| kept[f as usize] = true);
         self.retain(|f| kept[f]);
     }
 
-    /// Keeps the faces for which `keep` says so, in order, and drops vertices that no face uses any more.
+    /// Keeps the faces for which `keep` returns true, in order, and drops vertices that no face uses any more.
     pub fn retain(&mut self, keep: impl Fn(usize) -> bool) {
         let indexed = !self.indices.is_empty();
         let faces: Vec<u32> = (0..self.face_count()).filter(|&f| keep(f)).map(|f| f as u32).collect();
@@ -158,14 +158,14 @@ impl Mesh {
     }
 
     /// Checks shapes and ranges: whole faces, indices in range, finite positions, colours in [0, 1].
-    /// A sound mesh costs one parallel scan.
+    /// A valid mesh costs one parallel scan.
     pub fn validate(&self) -> Result<()> {
         self.validate_shape()?;
         let (Colors::Face(colors) | Colors::Vertex(colors)) = &self.colors;
-        let sound = all_finite(bytemuck::cast_slice(&self.positions))
+        let valid = all_finite(bytemuck::cast_slice(&self.positions))
             && all_in_unit(bytemuck::cast_slice(colors))
             && all_in_unit(&self.opacity);
-        if sound {
+        if valid {
             return Ok(());
         }
         if let Some(i) = self.positions.iter().position(|p| !p.is_finite()) {
@@ -188,7 +188,7 @@ fn gather<T: Copy + Send + Sync>(values: &[T], order: &[u32]) -> Vec<T> {
     order.par_iter().with_min_len(1 << 13).map(|&i| values[i as usize]).collect()
 }
 
-/// The same for three values a face.
+/// [`gather`] for three values per face.
 fn gather_corners<T: Copy + Send + Sync>(values: &[T], faces: &[u32]) -> Vec<T> {
     gather(values.as_chunks::<3>().0, faces).into_flattened()
 }

@@ -1,11 +1,11 @@
-//! Cameras of the source's world in the frame of a file made from it, and back.
+//! Transforms cameras between a source's world and the frame of a file made from it.
 
 use crate::asset::Placement;
 use crate::camera::Camera;
 use glam::DVec3;
 
-/// A camera of a world whose point `origin` is its zero, in the frame of a file placed by `placement`. Depths are
-/// measured in the file's units.
+/// A camera of a world whose coordinates are relative to `origin`, in the frame of a file placed by `placement`.
+/// Depths are in the file's units.
 ///
 /// ```text
 /// q = R (w - origin) + t,   f = U s (w - center)   gives   s q = R U^T f + s (R (center - origin) + t)

@@ -1,8 +1,13 @@
-//! What happened: one entry a stage, printed by the CLI and written by `--report`.
+//! What happened: one entry per stage, printed by the command line and written by `--report`.
+//!
+//! A stage describes what it measured in a type of its own, which implements [`StageDetails`]. The report holds it
+//! as JSON, because it knows no stage; [`Report::details`] gives it back typed.
 
 use crate::error::Result;
-use schemars::JsonSchema;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 use std::time::Instant;
 
 /// What a stage did. "Skip what a scene doesn't need" is in the type and in the report.
@@ -10,7 +15,7 @@ use std::time::Instant;
 pub enum Outcome<T> {
     /// The stage did its work; the value holds what it made.
     Changed(T),
-    /// There was nothing to do, and why; the input stands.
+    /// There was nothing to do, and why; the input is unchanged. Options are named by their fields, in backticks.
     Unneeded(&'static str),
 }
 
@@ -21,6 +26,12 @@ pub struct Counts {
     pub triangles: u64,
     /// Vertices.
     pub vertices: u64,
+}
+
+/// What a stage measured: counts by cause, errors, sizes. Fields that do not apply are `None` and absent in JSON.
+pub trait StageDetails: Default + PartialEq + Serialize + DeserializeOwned + JsonSchema {
+    /// The name of the stage: that of its file, its option group, its test and its entry in the report.
+    const STAGE: &'static str;
 }
 
 /// One line of the stage table.
@@ -34,15 +45,23 @@ pub struct StageReport {
     pub before: Counts,
     /// Sizes when it ended.
     pub after: Counts,
-    /// Why there was nothing to do, when there was nothing to do.
+    /// Why there was nothing to do, when there was nothing to do. Options are named by their fields, in backticks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unneeded: Option<String>,
-    /// Figures of this stage: counts by cause, errors, sizes.
-    #[serde(default, skip_serializing_if = "serde_json::Map::is_empty")]
-    pub details: serde_json::Map<String, serde_json::Value>,
+    /// What this stage measured, as JSON; [`StageReport::details_as`] gives it typed.
+    #[serde(default, skip_serializing_if = "Map::is_empty")]
+    pub details: Map<String, Value>,
 }
 
-/// Hears of every stage as it starts and ends: the CLI's progress bar and table.
+impl StageReport {
+    /// What this stage measured; `None` if `D` belongs to another stage or nothing was measured.
+    pub fn details_as<D: StageDetails>(&self) -> Option<D> {
+        let own = self.name == D::STAGE && !self.details.is_empty();
+        own.then(|| serde_json::from_value(Value::Object(self.details.clone())).ok()).flatten()
+    }
+}
+
+/// Is notified when a stage starts and ends: the progress bar and the table of the command line.
 pub trait Observer {
     /// A stage starts.
     fn started(&mut self, _name: &str) {}
@@ -50,7 +69,7 @@ pub trait Observer {
     fn finished(&mut self, _stage: &StageReport) {}
 }
 
-/// Hears nothing.
+/// Ignores everything.
 impl Observer for () {}
 
 /// Everything one run did, in the shape of `schemas/report.schema.json`.
@@ -73,7 +92,7 @@ pub struct Report {
     pub warnings: Vec<String>,
     /// The options the run used, after preset, config file and flags were laid over each other.
     #[serde(default)]
-    pub options: serde_json::Value,
+    pub options: Value,
     /// Wall-clock seconds of the whole run.
     pub seconds: f64,
 }
@@ -93,34 +112,40 @@ impl Report {
         Self { generator: generator(), command: command.to_owned(), ..Self::default() }
     }
 
-    /// Runs one stage, times it and records what it did. `measure` counts a value's triangles and
-    /// vertices; `run` gets the value and a map for its own figures.
+    /// What a stage measured, if it ran and measured anything.
+    pub fn details<D: StageDetails>(&self) -> Option<D> {
+        self.stages.iter().rev().find_map(StageReport::details_as)
+    }
+
+    /// Runs the stage that `D` belongs to, times it and records what it did. `measure` counts a value's triangles and
+    /// vertices; `run` gets the value and empty details. They are recorded when the stage changed or measured
+    /// something.
     ///
     /// Returns the changed value, or the input when there was nothing to do.
-    pub fn stage<T>(
+    pub fn stage<T, D: StageDetails>(
         &mut self,
         observer: &mut dyn Observer,
-        name: &str,
         input: T,
         measure: impl Fn(&T) -> Counts,
-        run: impl FnOnce(&mut T, &mut serde_json::Map<String, serde_json::Value>) -> Result<Outcome<()>>,
+        run: impl FnOnce(&mut T, &mut D) -> Result<Outcome<()>>,
     ) -> Result<T> {
-        observer.started(name);
+        observer.started(D::STAGE);
         let clock = Instant::now();
         let mut value = input;
         let before = measure(&value);
-        let mut details = serde_json::Map::new();
+        let mut details = D::default();
         let unneeded = match run(&mut value, &mut details)? {
             Outcome::Changed(()) => None,
             Outcome::Unneeded(why) => Some(why.to_owned()),
         };
+        let measured = unneeded.is_none() || details != D::default();
         let stage = StageReport {
-            name: name.to_owned(),
+            name: D::STAGE.to_owned(),
             seconds: clock.elapsed().as_secs_f64(),
             before,
             after: measure(&value),
             unneeded,
-            details,
+            details: if measured { to_json(&details) } else { Map::new() },
         };
         observer.finished(&stage);
         self.stages.push(stage);
@@ -128,7 +153,21 @@ impl Report {
     }
 }
 
-/// "trisplat 0.1.0": what we sign files with.
+/// The details of a stage in the shape of [`StageReport::details`].
+pub fn to_json<D: StageDetails>(details: &D) -> Map<String, Value> {
+    match serde_json::to_value(details) {
+        Ok(Value::Object(map)) => map,
+        _ => Map::new(),
+    }
+}
+
+/// What JSON Schema demands of the entry of the stage that `D` belongs to.
+pub fn stage_schema<D: StageDetails>(generator: &mut SchemaGenerator) -> Schema {
+    let details = generator.subschema_for::<D>();
+    json_schema!({ "properties": { "name": { "const": D::STAGE }, "details": details } })
+}
+
+/// "trisplat 0.1.0": the generator named in files.
 pub fn generator() -> String {
     format!("trisplat {}", env!("CARGO_PKG_VERSION"))
 }

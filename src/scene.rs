@@ -40,20 +40,27 @@ pub struct Loaded {
     pub scene: Scene,
     /// Where they came from and how they were placed.
     pub provenance: Provenance,
-    /// Things that were mended or dropped while reading, one sentence each.
+    /// Things that were repaired or dropped while reading, one sentence each.
     pub warnings: Vec<String>,
     /// Cameras of the photos it was trained on, in the frame of the file; empty when it does not say.
     pub cameras: Vec<Camera>,
 }
 
+impl From<Scene> for Loaded {
+    /// A scene that was made here, not read.
+    fn from(scene: Scene) -> Self {
+        Loaded { scene, provenance: Provenance::default(), warnings: Vec::new(), cameras: Vec::new() }
+    }
+}
+
 impl From<Soup> for Loaded {
-    /// A soup that was made here, not read.
     fn from(soup: Soup) -> Self {
-        Loaded {
-            scene: Scene::Soup(soup),
-            provenance: Provenance::default(),
-            warnings: Vec::new(),
-            cameras: Vec::new(),
-        }
+        Scene::Soup(soup).into()
+    }
+}
+
+impl From<Mesh> for Loaded {
+    fn from(mesh: Mesh) -> Self {
+        Scene::Mesh(mesh).into()
     }
 }

@@ -4,7 +4,8 @@ use crate::error::{Error, Result};
 use crate::math::finite::{all_finite, all_in_unit, all_positive};
 use glam::Vec3;
 
-/// The SH degree 0 basis function, 1 / (2 sqrt(pi)).
+/// The SH degree 0 basis function, 1 / (2 sqrt(pi)), in eight digits: one unit in the last place below
+/// [`crate::kernel::constants::SH_C0`] in f32, and part of the bits of every baked colour.
 pub const SH_C0: f32 = 0.282_094_79;
 
 /// N unconnected triangles. Values are physical, never logits.
@@ -18,7 +19,7 @@ pub struct Soup {
     pub sigma: Vec<f32>,
     /// Spherical harmonics, degree 0 first; rgb = `0.5 + C0 * sh[0]`, sRGB-encoded. `[N * K]`
     pub sh: Vec<[f32; 3]>,
-    /// Degree 0..=3; K = (degree + 1)^2 coefficients a triangle.
+    /// Degree 0..=3; K = (degree + 1)^2 coefficients per triangle.
     pub sh_degree: u8,
 }
 
@@ -28,7 +29,7 @@ impl Soup {
         self.vertices.len()
     }
 
-    /// True when there is nothing in it.
+    /// True when it has no triangles.
     pub fn is_empty(&self) -> bool {
         self.vertices.is_empty()
     }
@@ -71,7 +72,7 @@ impl Soup {
         self.sh_degree = degree;
     }
 
-    /// Keeps the triangles for which `keep` says so, in order.
+    /// Keeps the triangles for which `keep` returns true, in order.
     pub fn retain(&mut self, keep: impl Fn(usize) -> bool) {
         let k = self.sh_count();
         let mut to = 0;
@@ -90,7 +91,7 @@ impl Soup {
         self.sh.truncate(to * k);
     }
 
-    /// Checks that there are as many values of each kind as the triangles and the degree want.
+    /// Checks that the numbers of values agree with the numbers of triangles and coefficients.
     pub fn validate_shape(&self) -> Result<()> {
         let n = self.len();
         if self.sh_degree > 3 {
@@ -107,41 +108,41 @@ impl Soup {
     }
 
     /// Checks shapes and ranges: equal lengths, finite values, opacity in [0, 1], σ > 0.
-    /// Readers call it always, stages in debug builds; a sound soup costs one parallel scan.
+    /// Readers call it always, stages in debug builds; a valid soup costs one parallel scan.
     pub fn validate(&self) -> Result<()> {
         self.validate_shape()?;
-        let sound = all_finite(bytemuck::cast_slice(&self.vertices))
+        let valid = all_finite(bytemuck::cast_slice(&self.vertices))
             && all_in_unit(&self.opacity)
             && all_positive(&self.sigma)
             && all_finite(bytemuck::cast_slice(&self.sh));
-        if sound { Ok(()) } else { Err(self.first_fault()) }
+        if valid { Ok(()) } else { Err(self.first_error()) }
     }
 
-    /// What is wrong with the first triangle that is not sound.
-    fn first_fault(&self) -> Error {
+    /// The error of the first triangle that is not valid.
+    fn first_error(&self) -> Error {
         let k = self.sh_count();
         for (i, corners) in self.vertices.iter().enumerate() {
             let (opacity, sigma, sh) = (self.opacity[i], self.sigma[i], &self.sh[i * k..(i + 1) * k]);
-            let fault = |what: &str, value: String, wants: &str| {
+            let error = |what: &str, value: String, wants: &str| {
                 Error::invalid(format!("soup {what} of triangle {i}"), value, wants)
             };
             if !corners.iter().all(|v| v.is_finite()) {
-                return fault("vertex", format!("{corners:?}"), "finite numbers");
+                return error("vertex", format!("{corners:?}"), "finite numbers");
             }
             if !(0.0..=1.0).contains(&opacity) {
                 let wants = "0 to 1 (if these are raw logits, apply the sigmoid first)";
-                return fault("opacity", opacity.to_string(), wants);
+                return error("opacity", opacity.to_string(), wants);
             }
             if !(sigma > 0.0 && sigma.is_finite()) {
                 let wants =
                     "a finite number above 0 (if these are raw parameters, apply 0.01 + exp(raw) first)";
-                return fault("sigma", sigma.to_string(), wants);
+                return error("sigma", sigma.to_string(), wants);
             }
             if !sh.iter().flatten().all(|x| x.is_finite()) {
-                return fault("SH coefficients", format!("{sh:?}"), "finite numbers");
+                return error("SH coefficients", format!("{sh:?}"), "finite numbers");
             }
         }
-        Error::invalid("soup", "unsound", "finite values in range")
+        Error::invalid("soup", "invalid values", "finite values in range")
     }
 }
 
@@ -153,4 +154,13 @@ pub fn rgb_from_sh0(coefficient: f32) -> f32 {
 /// The SH degree 0 coefficient of an sRGB-encoded channel.
 pub fn sh0_from_rgb(channel: f32) -> f32 {
     (channel - 0.5) / SH_C0
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_constant_is_the_kernels_to_one_unit_in_the_last_place() {
+        let exact = crate::kernel::constants::SH_C0 as f32;
+        assert!(super::SH_C0 == exact || super::SH_C0.next_up() == exact);
+    }
 }

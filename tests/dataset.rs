@@ -9,7 +9,7 @@ use trisplat::camera::Camera;
 use trisplat::dataset::lens::{Distortion, Lens};
 use trisplat::dataset::synthetic::{self, SyntheticOptions};
 use trisplat::dataset::synthetic_scene::{Ray, trace};
-use trisplat::dataset::{Dataset, DatasetOptions, Masks, View, cloud};
+use trisplat::dataset::{Dataset, DatasetKind, DatasetOptions, Masks, View, cloud};
 use trisplat::image::{Image, Pixels};
 use trisplat::math::metric;
 
@@ -81,7 +81,7 @@ fn real_scenes_have_the_views_and_errors_their_makers_measured() {
     for (name, views, held_out, size, error) in SCENES {
         let Some(path) = real(name) else { continue };
         let dataset = load(&path);
-        assert!(dataset.kind.starts_with("COLMAP"), "{name}: COLMAP goes before transforms.json");
+        assert!(dataset.kind.to_string().starts_with("COLMAP"), "{name}: COLMAP goes before transforms.json");
         assert_eq!((dataset.views.len(), dataset.test().count()), (views, held_out), "{name}");
         assert_eq!(dataset.warnings, [""; 0], "{name}");
         assert_eq!(dataset.origin, DVec3::ZERO, "{name}");
@@ -624,7 +624,7 @@ fn every_cut_and_every_flipped_byte_of_a_binary_model_is_survived() {
         std::fs::write(sparse.join(name), bytes).unwrap();
     }
     let whole = load(folder.path());
-    assert_eq!((whole.kind, whole.views.len(), whole.points.len()), ("COLMAP model (binary)", 2, 2));
+    assert_eq!((whole.kind, whole.views.len(), whole.points.len()), (DatasetKind::ColmapBinary, 2, 2));
     assert_eq!(whole.points[0].rgb, [10, 20, 30]);
     assert_eq!(whole.reprojection.unwrap().sightings, 4, "the sighting without a point does not count");
     for (name, bytes) in &model {

@@ -3,7 +3,7 @@
 mod common;
 
 use common::dual::Dual;
-use trisplat::kernel::splat::{Corners, PlaneGrad, SplatGrad};
+use trisplat::kernel::splat::{CameraTriangle, DepthPlaneGrad, SplatGrad};
 use trisplat::kernel::{clip, composite, sh, splat, window};
 use trisplat::math::lanes::{LANES, Lanes, Level, Work, dispatch_at};
 use trisplat::math::real::{Mask, Real};
@@ -37,12 +37,12 @@ fn triangle(case: u64) -> [f64; 9] {
     out
 }
 
-fn corners<R: Real>(x: [R; 9]) -> Corners<R> {
+fn corners<R: Real>(x: [R; 9]) -> CameraTriangle<R> {
     let v = |i: usize| V3::new(x[i], x[i + 1], x[i + 2]);
-    Corners { first: v(0), edges: [v(3), v(6)] }
+    CameraTriangle { first: v(0), edges: [v(3), v(6)] }
 }
 
-fn flat(c: &Corners<f64>) -> Vec<f64> {
+fn flat(c: &CameraTriangle<f64>) -> Vec<f64> {
     [c.first, c.edges[0], c.edges[1]].iter().flat_map(|v| [v.x, v.y, v.z]).collect()
 }
 
@@ -120,15 +120,15 @@ fn plane_grad_is_exact() {
         let x = triangle(case);
         let (focal, center) = camera::<f64>();
         let plain = splat::splat(&corners(x), focal, center);
-        let sheet = splat::plane(&corners(x), focal);
+        let plain_plane = splat::depth_plane(&corners(x), focal);
         let d_normal = [0.3, -0.8, 0.5];
-        let mut d = PlaneGrad {
+        let mut d = DepthPlaneGrad {
             inv_depth: 0.0,
             slope: V2::zero(),
             normal: V3::new(d_normal[0], d_normal[1], d_normal[2]),
         };
         let dual = splat::splat(&corners(duals(x)), camera().0, camera().1);
-        let plane = splat::plane(&corners(duals(x)), camera().0);
+        let plane = splat::depth_plane(&corners(duals(x)), camera().0);
         let n = plane.normal;
         let mut loss =
             n.x * Dual::of(d_normal[0]) + n.y * Dual::of(d_normal[1]) + n.z * Dual::of(d_normal[2]);
@@ -139,7 +139,7 @@ fn plane_grad_is_exact() {
             let to = V2::new(Dual::of(p[0]), Dual::of(p[1])) - dual.origin;
             loss = loss + (plane.inv_depth + plane.slope.dot(to)) * Dual::of(weight);
         }
-        let got = splat::plane_grad(&corners(x), focal, &plain, &sheet, &d);
+        let got = splat::depth_plane_grad(&corners(x), focal, &plain, &plain_plane, &d);
         let error = difference(&loss.d, &flat(&got));
         assert!(error < 1e-9, "case {case}: {error:e}");
     }
@@ -150,15 +150,15 @@ fn plane_is_the_ray_plane_intersection() {
     for case in 0..CASES {
         let c = corners(triangle(case));
         let (focal, center) = camera::<f64>();
-        let (s, sheet) = (splat::splat(&c, focal, center), splat::plane(&c, focal));
+        let (s, plane) = (splat::splat(&c, focal, center), splat::depth_plane(&c, focal));
         let n = c.edges[0].cross(c.edges[1]);
         for (p, _, _) in pixels(case, [s.origin.x, s.origin.y]) {
             let ray = V3::new((p[0] - center.x) / focal.x, (p[1] - center.y) / focal.y, 1.0);
             let inv_z = n.dot(ray) / n.dot(c.first);
-            let got = sheet.inv_depth + sheet.slope.dot(V2::new(p[0], p[1]) - s.origin);
+            let got = plane.inv_depth + plane.slope.dot(V2::new(p[0], p[1]) - s.origin);
             assert!((got - inv_z).abs() < 1e-9 * inv_z.abs().max(1.0), "case {case}");
         }
-        assert!(sheet.normal.dot(c.first) < 0.0 && (sheet.normal.length() - 1.0).abs() < 1e-12);
+        assert!(plane.normal.dot(c.first) < 0.0 && (plane.normal.length() - 1.0).abs() < 1e-12);
     }
 }
 
@@ -359,7 +359,8 @@ fn sh_grad_is_exact() {
         let rng = Rng::new(case, "sh", 0);
         let degree = (case % 4) as u8;
         let x: [f64; 3] = std::array::from_fn(|i| between(rng, i as u64, -2.0, 2.0));
-        let weights: [f64; sh::MOST] = std::array::from_fn(|i| between(rng, 10 + i as u64, -1.0, 1.0));
+        let weights: [f64; sh::MAX_COEFFICIENTS] =
+            std::array::from_fn(|i| between(rng, 10 + i as u64, -1.0, 1.0));
         let [a, b, c] = duals(x);
         let v = V3::new(a, b, c);
         let unit = v.scale(Dual::of(1.0) / v.length());
@@ -380,14 +381,14 @@ fn sh_grad_is_exact() {
 fn sh_basis_is_orthonormal() {
     // Fibonacci sphere: an equal-weight quadrature.
     let n = 20_000;
-    let mut gram = [[0.0f64; sh::MOST]; sh::MOST];
+    let mut gram = [[0.0f64; sh::MAX_COEFFICIENTS]; sh::MAX_COEFFICIENTS];
     for i in 0..n {
         let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(n);
         let (s, c) = (2.399_963_229_728_653 * f64::from(i)).sin_cos();
         let r = (1.0 - z * z).sqrt();
         let y = sh::basis(3, V3::new(r * c, r * s, z));
-        for a in 0..sh::MOST {
-            for b in 0..sh::MOST {
+        for a in 0..sh::MAX_COEFFICIENTS {
+            for b in 0..sh::MAX_COEFFICIENTS {
                 gram[a][b] += y[a] * y[b] * 4.0 * std::f64::consts::PI / f64::from(n);
             }
         }
@@ -442,7 +443,7 @@ impl Work for Functions<'_> {
             (-x).abs(),
             x.min(two),
             x.max(two),
-            x.only(mask),
+            x.masked(mask),
             two.add_where(mask, x, x),
             L::select(mask.not(), x, two),
             x / two - x * two,
@@ -453,7 +454,7 @@ impl Work for Functions<'_> {
             v.store(out);
         }
         let many: [L; LANES] = std::array::from_fn(|i| x * L::splat(i as f32 + 1.0));
-        (L::bits(mask), L::sums(&many), x.largest())
+        (L::bits(mask), L::sums(&many), x.max_lane())
     }
 }
 

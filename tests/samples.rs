@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use trisplat::bake::{bake, options::BakeOptions, views::Views};
+use trisplat::bake::{Bake, BakeOptions, Views};
 use trisplat::bench::evaluate::evaluate;
 use trisplat::bench::scene_renderer::SceneRenderer;
 use trisplat::bench::scenes::{SampleScene, provenance, soup};
@@ -11,7 +11,6 @@ use trisplat::bench::steps::{EvalStep, SMALLEST, reread};
 use trisplat::dataset::{Dataset, DatasetOptions};
 use trisplat::formats::ply::write_soup;
 use trisplat::formats::{self, ReadOptions};
-use trisplat::report::Report;
 use trisplat::scene::Loaded;
 
 fn check(name: SampleScene, triangles: usize, seed: u64, file: &str) {
@@ -95,8 +94,7 @@ fn samples() -> PathBuf {
 /// PSNR of the smallest file of a scene on the held-out photos, dB.
 fn file_psnr(loaded: &Loaded, dataset: &Dataset, mut views: Option<Views>) -> f64 {
     let options = BakeOptions::default();
-    let asset =
-        bake(vec![loaded.clone()], &options, views.as_mut(), &mut Report::default(), &mut ()).unwrap();
+    let asset = Bake::new(&options).photos(views.as_mut()).run([loaded.clone()]).unwrap();
     let (file, bytes) = reread(&asset, &SMALLEST).unwrap();
     let (triangles, placement) = (file.mesh.face_count() as u64, file.provenance.placement);
     let renderer = SceneRenderer::solid(file.mesh, &placement, Some(dataset), [0.0; 3], 4);

@@ -4,11 +4,11 @@
 use std::path::Path;
 use trisplat::dataset::synthetic::{self, SyntheticOptions};
 use trisplat::dataset::{Dataset, DatasetOptions};
-use trisplat::raster::soft::SoftOptions;
 use trisplat::soup::Soup;
-use trisplat::train::cpu::Cpu;
-use trisplat::train::progress::Watcher;
-use trisplat::train::{RunOptions, TrainOptions, Trained, Trainer, checkpoint, run};
+use trisplat::train::options::{RefineOptions, SampleWeight};
+use trisplat::train::{
+    RunOptions, TrainObserver, TrainOptions, TrainPreset, TrainRun, Trained, checkpoint, train,
+};
 
 fn scene(folder: &Path, options: &SyntheticOptions) -> Dataset {
     synthetic::write(folder, options).unwrap();
@@ -28,17 +28,16 @@ fn options(steps: u64) -> TrainOptions {
     TrainOptions { steps, max_triangles: 1200, ..TrainOptions::default() }
 }
 
-fn train(dataset: &Dataset, options: &TrainOptions) -> Trained {
-    let drawing = options.drawing([0.0; 3]);
-    let trainer = Trainer::start(dataset, options, 64 << 20, Cpu::new(drawing)).unwrap();
-    run(trainer, dataset, &drawing, &RunOptions::default(), Vec::new(), 0.0, &mut ()).unwrap()
+/// As [`trisplat::train::train`], and panics when that fails.
+fn trained(dataset: &Dataset, options: &TrainOptions) -> Trained {
+    train(dataset, options).unwrap()
 }
 
 fn psnr(trained: &Trained) -> f64 {
     trained.scores.iter().map(|s| s.psnr).sum::<f64>() / trained.scores.len() as f64
 }
 
-fn assert_sound(soup: &Soup) {
+fn assert_valid(soup: &Soup) {
     soup.validate().unwrap();
     assert!(!soup.is_empty());
 }
@@ -47,8 +46,8 @@ fn assert_sound(soup: &Soup) {
 fn a_synthetic_scene_reaches_a_psnr() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &dense());
-    let trained = train(&dataset, &TrainOptions { max_triangles: 3000, ..options(800) });
-    assert_sound(&trained.soup);
+    let trained = trained(&dataset, &TrainOptions { max_triangles: 3000, ..options(800) });
+    assert_valid(&trained.soup);
     assert_eq!(trained.dropped, 0);
     // 17.46 dB when this was written; 20.7 on the training photos.
     let psnr = psnr(&trained);
@@ -62,8 +61,8 @@ fn the_same_bits_for_any_number_of_threads() {
     let soups: Vec<[Soup; 2]> = [1, 2, 5]
         .map(|threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let solid = TrainOptions { steps: 120, ..TrainOptions::preset(trisplat::train::Preset::Solid) };
-            pool.install(|| [&options(120), &solid].map(|o| train(&dataset, o).soup))
+            let solid = TrainOptions { steps: 120, ..TrainOptions::preset(TrainPreset::Solid) };
+            pool.install(|| [&options(120), &solid].map(|o| trained(&dataset, o).soup))
         })
         .into();
     assert_eq!(soups[0], soups[1]);
@@ -73,7 +72,7 @@ fn the_same_bits_for_any_number_of_threads() {
 /// Stops after a number of steps.
 struct StopAfter(u64);
 
-impl Watcher for StopAfter {
+impl TrainObserver for StopAfter {
     fn wants_to_stop(&mut self) -> bool {
         self.0 -= 1;
         self.0 == 0
@@ -87,31 +86,26 @@ fn a_resumed_run_is_the_straight_one_bit_for_bit() {
 
 #[test]
 fn a_resumed_run_that_turns_solid_is_the_straight_one_too() {
-    let solid = TrainOptions::preset(trisplat::train::Preset::Solid);
+    let solid = TrainOptions::preset(TrainPreset::Solid);
     // Error-driven growth too: sums of errors have to survive the stop.
-    let refine = trisplat::train::options::RefineOptions {
-        lottery: trisplat::train::options::Lottery::Error,
-        ..solid.refine.clone()
-    };
+    let refine = RefineOptions { sample_by: SampleWeight::Error, ..solid.refine.clone() };
     resumes(&TrainOptions { steps: 200, max_triangles: 1200, refine, ..solid });
 }
 
 fn resumes(options: &TrainOptions) {
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &small());
-    let straight = train(&dataset, options);
+    let straight = trained(&dataset, options);
     // In the middle of an epoch, before, at and after refinements, and at a change of resolution.
     for stop in [1, 37, 66, 100, 167, 199] {
         let path = folder.path().join("a.checkpoint");
-        let drawing = options.drawing([0.0; 3]);
-        let plan = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
-        let first = Trainer::start(&dataset, options, 64 << 20, Cpu::new(drawing)).unwrap();
-        let half = run(first, &dataset, &drawing, &plan, Vec::new(), 0.0, &mut StopAfter(stop)).unwrap();
+        let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
+        let first = TrainRun { outputs: outputs.clone(), ..TrainRun::new(&dataset, options) };
+        let half = first.run(&mut StopAfter(stop)).unwrap();
         assert!(half.stopped && half.steps == stop);
 
-        let point = checkpoint::read(&path).unwrap();
-        let second = Trainer::resume(&dataset, point, 64 << 20, Cpu::new(drawing)).unwrap();
-        let whole = run(second, &dataset, &drawing, &plan, Vec::new(), 0.0, &mut ()).unwrap();
+        let second = TrainRun::from_checkpoint(&dataset, checkpoint::read(&path).unwrap());
+        let whole = TrainRun { outputs, ..second }.run(&mut ()).unwrap();
         assert_eq!(whole.soup, straight.soup, "stopped after {stop}");
         assert_eq!(whole.scores, straight.scores);
     }
@@ -121,11 +115,13 @@ fn resumes(options: &TrainOptions) {
 fn a_checkpoint_of_other_photos_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &small());
-    let drawing = options(10).drawing([0.0; 3]);
-    let mut trainer = Trainer::start(&dataset, &options(10), 64 << 20, Cpu::new(drawing)).unwrap();
-    let mut point = trainer.checkpoint(&[], 0.0).unwrap();
-    point.meta.photos[0].push('x');
-    assert!(Trainer::resume(&dataset, point, 64 << 20, Cpu::new(drawing)).is_err());
+    let path = folder.path().join("a.checkpoint");
+    let outputs = RunOptions { checkpoint: Some(path.clone()), checkpoint_every: 1, ..RunOptions::default() };
+    TrainRun { outputs, ..TrainRun::new(&dataset, &options(1)) }.run(&mut ()).unwrap();
+    let mut checkpoint = checkpoint::read(&path).unwrap();
+    checkpoint.meta.photos[0].push('x');
+    let error = TrainRun::from_checkpoint(&dataset, checkpoint).start().unwrap_err().to_string();
+    assert!(error.contains("resume is of 14 other photos"), "{error}");
 }
 
 /// The data set with every camera and point moved by `world -> world * scale + shift`.
@@ -146,11 +142,11 @@ fn a_moved_or_scaled_scene_trains_as_well() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &small());
     let options = options(400);
-    let unmoved = psnr(&train(&dataset, &options));
+    let unmoved = psnr(&trained(&dataset, &options));
     for (scale, shift) in [(1e4, glam::Vec3::ZERO), (1e-4, glam::Vec3::ZERO), (1.0, glam::Vec3::splat(50.0))]
     {
-        let trained = train(&moved(&dataset, scale, shift), &options);
-        assert_sound(&trained.soup);
+        let trained = trained(&moved(&dataset, scale, shift), &options);
+        assert_valid(&trained.soup);
         let psnr = psnr(&trained);
         assert!((psnr - unmoved).abs() < 0.1, "x{scale} + {shift}: {psnr:.3} dB, unmoved {unmoved:.3}");
     }
@@ -160,12 +156,12 @@ fn a_moved_or_scaled_scene_trains_as_well() {
 fn a_scene_a_million_units_away_trains_as_well() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &small());
-    let unmoved = psnr(&train(&dataset, &options(400)));
+    let unmoved = psnr(&trained(&dataset, &options(400)));
     let far = tempfile::tempdir().unwrap();
     move_files(folder.path(), far.path(), 1e6);
     let dataset = Dataset::load(far.path(), &DatasetOptions::default()).unwrap();
     assert!(dataset.origin.length() > 1e5, "the reader moves the origin: {}", dataset.origin);
-    let psnr = psnr(&train(&dataset, &options(400)));
+    let psnr = psnr(&trained(&dataset, &options(400)));
     assert!((psnr - unmoved).abs() < 0.1, "{psnr:.3} dB, unmoved {unmoved:.3}");
 }
 
@@ -231,13 +227,13 @@ fn black_photos_train_to_black() {
     synthetic::write(folder.path(), &small()).unwrap();
     repaint(folder.path(), [0; 3]);
     let dataset = Dataset::load(folder.path(), &DatasetOptions::default()).unwrap();
-    let trained = train(&dataset, &options(150));
-    assert_sound(&trained.soup);
+    let trained = trained(&dataset, &options(150));
+    assert_valid(&trained.soup);
     assert!(psnr(&trained) > 25.0, "{:.1} dB", psnr(&trained));
 }
 
 #[test]
-fn odd_data_sets_train_without_a_word() {
+fn odd_data_sets_train_without_errors() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &small());
     let photos = |count: usize, points: usize| {
@@ -261,7 +257,7 @@ fn odd_data_sets_train_without_a_word() {
         ("duplicate cameras", doubled),
         ("points in one place", coincident),
     ] {
-        let trained = train(&odd, &options(130));
+        let trained = trained(&odd, &options(130));
         trained.soup.validate().unwrap_or_else(|e| panic!("{name}: {e}"));
         assert!(!trained.soup.is_empty(), "{name}");
         assert!(trained.curve.iter().all(|s| s.loss.is_finite()), "{name}");
@@ -274,8 +270,8 @@ fn a_photo_of_one_pixel_trains() {
     synthetic::write(folder.path(), &small()).unwrap();
     let options_of_data = DatasetOptions { max_size: Some(1), ..DatasetOptions::default() };
     let dataset = Dataset::load(folder.path(), &options_of_data).unwrap();
-    let trained = train(&dataset, &options(60));
-    assert_sound(&trained.soup);
+    let trained = trained(&dataset, &options(60));
+    assert_valid(&trained.soup);
 }
 
 #[test]
@@ -283,21 +279,20 @@ fn a_data_set_without_training_photos_is_an_error_that_says_so() {
     let folder = tempfile::tempdir().unwrap();
     let mut dataset = scene(folder.path(), &small());
     dataset.views.clear();
-    let error = Trainer::start(&dataset, &options(10), 64 << 20, Cpu::new(SoftOptions::default()));
-    assert!(error.err().unwrap().to_string().contains("training photos"));
+    let error = train(&dataset, &options(10)).unwrap_err().to_string();
+    assert!(error.contains("training photos"), "{error}");
 }
 
 #[test]
 fn solid_ends_opaque_and_of_one_colour() {
-    use trisplat::train::Preset;
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &dense());
     let run = |preset| {
-        train(&dataset, &TrainOptions { steps: 800, max_triangles: 3000, ..TrainOptions::preset(preset) })
+        trained(&dataset, &TrainOptions { steps: 800, max_triangles: 3000, ..TrainOptions::preset(preset) })
     };
-    let (solid, paper) = (run(Preset::Solid), run(Preset::PaperEngine));
+    let (solid, paper) = (run(TrainPreset::Solid), run(TrainPreset::PaperEngine));
     for trained in [&solid, &paper] {
-        assert_sound(&trained.soup);
+        assert_valid(&trained.soup);
         assert_eq!(trained.soup.sh_degree, 0);
         assert!(trained.soup.opacity.iter().all(|&o| o == 1.0));
         assert!(trained.soup.sigma.iter().all(|&s| s <= trisplat::bake::solid::SOLID_SIGMA));

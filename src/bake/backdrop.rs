@@ -3,13 +3,12 @@
 //!
 //! A soft scene hides its holes under haze; a solid one shows the background of the engine through them.
 
-use super::Details;
 use super::views::Views;
 use crate::error::Result;
 use crate::math::color::linear_from_srgb;
 use crate::mesh::{Colors, Mesh};
 use crate::raster::solid::{NO_FACE, Solid};
-use crate::report::Outcome;
+use crate::report::{Outcome, StageDetails};
 use glam::Vec3;
 
 /// Photos that are searched for holes.
@@ -63,6 +62,18 @@ impl Default for BackdropOptions {
     }
 }
 
+/// What was found out about holes.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct BackdropDetails {
+    /// Share of the photos' pixels at which no triangle is; absent when photos were not searched.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub holes: Option<f64>,
+}
+
+impl StageDetails for BackdropDetails {
+    const STAGE: &'static str = "backdrop";
+}
+
 /// Puts a sphere behind `mesh` when `views` see holes in it.
 ///
 /// Errors: a photo that cannot be decoded.
@@ -70,25 +81,25 @@ pub fn backdrop(
     mesh: &mut Mesh,
     views: Option<&mut Views>,
     options: &BackdropOptions,
-    details: &mut Details,
+    details: &mut BackdropDetails,
 ) -> Result<Outcome<()>> {
     let Some(views) = views.filter(|v| !v.is_empty()) else {
-        return Ok(Outcome::Unneeded("it needs photos: --dataset"));
+        return Ok(Outcome::Unneeded("it needs photos: `dataset`"));
     };
     if options.backdrop == BackdropWhen::Off {
-        return Ok(Outcome::Unneeded("--backdrop off"));
+        return Ok(Outcome::Unneeded("`backdrop` off"));
     }
     if !mesh.indices.is_empty() {
         return Ok(Outcome::Unneeded("a mesh with shared vertices is left as it is"));
     }
-    let holes = look(mesh, views)?;
-    details.insert("holes".into(), holes.share.into());
+    let holes = find_holes(mesh, views)?;
+    details.holes = Some(holes.share);
     if holes.share < LEAST_HOLES {
         return Ok(Outcome::Unneeded("triangles cover the photos"));
     }
-    let center = views.middle();
+    let center = views.center();
     let far = mesh.positions.iter().map(|v| v.distance_squared(center)).fold(0.0, f32::max).sqrt();
-    let radius = far.max(views.reach()) * BEHIND;
+    let radius = far.max(views.radius()) * BEHIND;
     let sphere = sphere(levels(mesh.face_count()));
     let count = sphere.len();
     mesh.positions.extend(sphere.into_iter().flatten().map(|v| center + v * radius));
@@ -110,12 +121,12 @@ struct Holes {
     color: [f32; 3],
 }
 
-fn look(mesh: &Mesh, views: &mut Views) -> Result<Holes> {
+fn find_holes(mesh: &Mesh, views: &mut Views) -> Result<Holes> {
     let drawing = views.drawing(mesh, 1);
     let mut solid = Solid::new();
     let (mut open, mut all, mut color) = (0.0, 0.0, [0.0f64; 3]);
-    let chosen = views.spread(VIEWS);
-    views.expect(&chosen);
+    let chosen = views.evenly_spaced(VIEWS);
+    views.prefetch(&chosen);
     for view in chosen {
         let photo = views.photo(view)?;
         let seen = solid.visibility(mesh, views.camera(view), &drawing);

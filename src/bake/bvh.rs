@@ -1,13 +1,12 @@
 //! Builds the hierarchy for picking and visibility, and puts the faces of every chunk in its leaf order, so
 //! that primitive i of the hierarchy is face i of the file.
 
-use super::Details;
 use super::chunk::cut;
 use crate::asset::{Asset, Chunk};
 use crate::bvh::{Bvh, Child, child};
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
-use crate::report::Outcome;
+use crate::report::{Outcome, StageDetails};
 use crate::rng::Rng;
 use glam::Vec3A;
 use obvhs::BvhBuildParams;
@@ -41,13 +40,26 @@ impl Default for BvhOptions {
     }
 }
 
+/// The size of the hierarchy.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct BvhDetails {
+    /// Nodes of the hierarchy, each with up to eight children.
+    pub nodes: u64,
+    /// Size of the nodes in bytes.
+    pub bytes: u64,
+}
+
+impl StageDetails for BvhDetails {
+    const STAGE: &'static str = "bvh";
+}
+
 /// Sets `asset.bvh` and puts the faces in its leaf order, each within its chunk. A scene in one chunk is
 /// built in parts as well, which joins better trees in less time and memory than one build would.
 ///
 /// Errors: a position that is not finite.
-pub fn bvh(asset: &mut Asset, options: &BvhOptions, details: &mut Details) -> Result<Outcome<()>> {
+pub fn bvh(asset: &mut Asset, options: &BvhOptions, details: &mut BvhDetails) -> Result<Outcome<()>> {
     if !options.bvh {
-        return Ok(Outcome::Unneeded("it was not asked for (--bvh)"));
+        return Ok(Outcome::Unneeded("it was not asked for (`bvh`)"));
     }
     if asset.bvh.is_some() {
         return Ok(Outcome::Unneeded("the scene has a hierarchy already"));
@@ -82,8 +94,8 @@ pub fn bvh(asset: &mut Asset, options: &BvhOptions, details: &mut Details) -> Re
     } else {
         bvh.roots = vec![0; asset.chunks.len()];
     }
-    details.insert("nodes".into(), bvh.nodes.len().into());
-    details.insert("bytes".into(), (bvh.nodes.len() * size_of::<CwBvhNode>()).into());
+    details.nodes = bvh.nodes.len() as u64;
+    details.bytes = (bvh.nodes.len() * size_of::<CwBvhNode>()) as u64;
     asset.bvh = Some(bvh);
     Ok(Outcome::Changed(()))
 }
@@ -165,7 +177,7 @@ impl Tree {
         ReinsertionOptimizer::default().run(&mut binary, params.reinsertion_batch_ratio, None);
         let wide = bvh2_to_cwbvh(&binary, params.max_prims_per_leaf.clamp(1, 3), true, false);
         let (mut nodes, order) = (wide.nodes, wide.primitive_indices);
-        nodes.shrink_to_fit(); // obvhs takes room for a node a face, six times what it fills
+        nodes.shrink_to_fit(); // obvhs takes room for one node per face, six times what it fills
         let bounds = fit(&mut nodes, |primitive| boxes[order[primitive as usize] as usize]);
         Self { nodes, order, bounds }
     }

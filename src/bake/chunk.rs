@@ -1,11 +1,10 @@
 //! Cuts the faces into compact runs, each its own mesh and node, so that engines can skip the ones out of
 //! view. Cut by surface area, costed in chunks.
 
-use super::Details;
 use crate::asset::{Asset, Chunk};
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
-use crate::report::Outcome;
+use crate::report::{Outcome, StageDetails};
 use glam::{Vec3, Vec3A, Vec4};
 use rayon::prelude::*;
 
@@ -38,13 +37,26 @@ impl Default for ChunkOptions {
     }
 }
 
+/// How the scene was cut.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct ChunkDetails {
+    /// Number of chunks.
+    pub chunks: u64,
+    /// Triangles per chunk on average, rounded down.
+    pub mean_triangles: u64,
+}
+
+impl StageDetails for ChunkDetails {
+    const STAGE: &'static str = "chunk";
+}
+
 /// Sets `asset.chunks` and puts the faces in their order. A scene of one chunk is left as it is.
 ///
 /// Errors: `chunk_triangles` above [`MAX_CHUNK_TRIANGLES`].
-pub fn chunk(asset: &mut Asset, options: &ChunkOptions, details: &mut Details) -> Result<Outcome<()>> {
+pub fn chunk(asset: &mut Asset, options: &ChunkOptions, details: &mut ChunkDetails) -> Result<Outcome<()>> {
     if options.chunk_triangles > MAX_CHUNK_TRIANGLES {
         let wants = format!("at most {MAX_CHUNK_TRIANGLES}, the most that 16-bit indices reach");
-        return Err(Error::invalid("--chunk-triangles", options.chunk_triangles, wants));
+        return Err(Error::invalid("chunk_triangles", options.chunk_triangles, wants));
     }
     let (faces, limit) = (asset.mesh.face_count(), options.chunk_triangles as usize);
     if asset.chunks.len() > 1 {
@@ -60,8 +72,8 @@ pub fn chunk(asset: &mut Asset, options: &ChunkOptions, details: &mut Details) -
     }
     let (order, chunks) = cut(&asset.mesh, limit);
     asset.mesh.select(&order);
-    details.insert("chunks".into(), chunks.len().into());
-    details.insert("mean_triangles".into(), (faces / chunks.len()).into());
+    details.chunks = chunks.len() as u64;
+    details.mean_triangles = (faces / chunks.len()) as u64;
     asset.chunks = chunks;
     asset.bvh = None; // it was built for the faces in another order
     Ok(Outcome::Changed(()))
@@ -151,12 +163,12 @@ fn partition(items: &mut [Item], is_left: impl Fn(&Item) -> bool) -> usize {
 
 /// The bins of all four axes between the least and the largest place.
 #[derive(Debug, Clone, Copy)]
-struct Grid {
+struct BinGrid {
     origin: Vec4,
     scale: Vec4,
 }
 
-impl Grid {
+impl BinGrid {
     fn around<'a>(items: impl Iterator<Item = &'a Item>) -> Self {
         let none = (Vec4::INFINITY, Vec4::NEG_INFINITY);
         let (lo, hi) = items.map(Item::place).fold(none, |(lo, hi), p| (lo.min(p), hi.max(p)));
@@ -172,7 +184,7 @@ impl Grid {
 
 /// A cut: bins up to and including `bin` on `axis` are left.
 struct Cut {
-    grid: Grid,
+    grid: BinGrid,
     axis: usize,
     bin: usize,
 }
@@ -208,7 +220,7 @@ impl Bin {
 /// The cheapest cut with something on both sides, if there is one.
 fn best_cut(items: &[Item], limit: usize) -> Option<Cut> {
     let step = items.len().div_ceil(SAMPLE);
-    let grid = Grid::around(items.iter().step_by(step));
+    let grid = BinGrid::around(items.iter().step_by(step));
     let bins = fill(items.iter().step_by(step), step, &grid);
     let few = (limit / 4).max(1);
     let mut best = (true, f64::INFINITY, usize::MAX);
@@ -238,7 +250,7 @@ fn best_cut(items: &[Item], limit: usize) -> Option<Cut> {
 }
 
 /// The bins of all axes, each item standing for `weight` of them.
-fn fill<'a>(items: impl Iterator<Item = &'a Item>, weight: usize, grid: &Grid) -> [[Bin; BINS]; 4] {
+fn fill<'a>(items: impl Iterator<Item = &'a Item>, weight: usize, grid: &BinGrid) -> [[Bin; BINS]; 4] {
     let mut bins = [[Bin::EMPTY; BINS]; 4];
     for item in items {
         let one = Bin { min: item.min.into(), max: item.max.into(), count: weight };

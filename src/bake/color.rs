@@ -1,20 +1,31 @@
 //! Turns spherical harmonics of degree 0 into linear face colours: what engines multiply and blend.
 
-use super::Details;
 use crate::error::Result;
 use crate::math::color::linear_from_srgb;
 use crate::mesh::{Colors, Mesh};
+use crate::report::StageDetails;
 use crate::soup::{Soup, rgb_from_sh0};
 use rayon::prelude::*;
 
-/// A non-indexed mesh with one linear colour a face. Opacity and σ are dropped, vertices move without
+/// What the conversion clamped.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct ColorDetails {
+    /// Colour channels, three per triangle, that lay outside [0, 1] and were clamped.
+    pub clamped_channels: u64,
+}
+
+impl StageDetails for ColorDetails {
+    const STAGE: &'static str = "color";
+}
+
+/// A non-indexed mesh with one linear colour per face. Opacity and σ are dropped, vertices move without
 /// a copy. `details` says how many channels lay outside [0, 1] and were clamped.
-pub fn color(mut soup: Soup, details: &mut Details) -> Result<Mesh> {
+pub fn color(mut soup: Soup, details: &mut ColorDetails) -> Result<Mesh> {
     soup.truncate_sh(0);
     let Soup { vertices, mut sh, opacity, sigma, .. } = soup;
     drop((opacity, sigma));
     let clamped: u64 = sh.par_iter_mut().with_min_len(1 << 14).map(linearise).sum();
-    details.insert("clamped_channels".into(), clamped.into());
+    details.clamped_channels = clamped;
     Ok(Mesh {
         positions: vertices.into_flattened(),
         colors: Colors::Face(sh),

@@ -1,22 +1,18 @@
 //! Levels of detail: the same scene with fewer triangles, for an engine to draw where it is small on the screen.
 //!
-//! Triangles are ordered once, by what would be missed of them, so that the triangles of a level are also those of
-//! every finer one. In each level they are then enlarged until they cover what those that are gone had covered, and
-//! take their colours from the photos anew if there are any. A level is finished like the scene itself.
+//! Triangles are ranked once, by importance, so that the triangles of a level are also those of every finer one. In
+//! each level they are then enlarged until they cover what the dropped ones had covered. The recipe finishes a level
+//! like the scene itself: colours from the photos if there are any, then the stages that make a file.
 
-use super::options::BakeOptions;
-use super::unseen::{self, mean_psnr};
-use super::views::Views;
-use super::{Details, package, paint, thin};
-use crate::asset::{Asset, Placement, Provenance};
+use super::decimate;
+use super::views::SAMPLES;
+use super::visibility::visible_px;
+use crate::asset::Asset;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
-use crate::report::{Outcome, Report};
-use serde_json::json;
+use crate::report::{Outcome, StageDetails};
 
-/// Photos that a level is held against.
-const JUDGES: usize = 12;
 /// Most levels beside the scene itself.
 const MOST_LEVELS: usize = 8;
 
@@ -41,70 +37,126 @@ impl LodOptions {
         if !falls || self.lod.iter().any(|share| !(*share > 0.0 && *share < 1.0)) {
             let value = self.lod.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
             return Err(Error::invalid(
-                "--lod",
+                "lod",
                 value,
                 "shares between 0 and 1 that fall, as in 0.5,0.25,0.125",
             ));
         }
         if self.lod.len() > MOST_LEVELS {
-            return Err(Error::invalid("--lod", self.lod.len(), format!("at most {MOST_LEVELS} levels")));
+            return Err(Error::invalid("lod", self.lod.len(), format!("at most {MOST_LEVELS} levels")));
         }
         Ok(())
     }
 }
 
-/// Makes the levels of `mesh`, coarser and coarser, into `levels`. `provenance` is that of the mesh, `step` where the
-/// scene itself was moved.
+/// The levels, finest first.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct LodDetails {
+    /// How triangles were ranked.
+    pub ordered_by: LodRanking,
+    /// One entry per level.
+    pub levels: Vec<LevelDetails>,
+}
+
+impl StageDetails for LodDetails {
+    const STAGE: &'static str = "lod";
+}
+
+/// How the triangles of levels are ranked.
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
+#[serde(rename_all = "lowercase")]
+pub enum LodRanking {
+    /// By opacity times area: there were no cameras.
+    #[default]
+    Size,
+    /// By what their absence changes in the cameras' pictures.
+    Importance,
+}
+
+/// One level.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct LevelDetails {
+    /// Share of the triangles, as asked for.
+    pub share: f64,
+    /// Triangles.
+    pub triangles: u64,
+    /// Mean PSNR against some of the photos, dB; null without photos.
+    pub psnr: Option<f64>,
+    /// Side of a square as large as the median triangle, in units of the output.
+    pub detail: f64,
+}
+
+/// What levels are made of.
+#[derive(Debug, Clone, Copy)]
+pub struct LevelSource<'a> {
+    /// All triangles, before those of the finest level are coloured and placed.
+    pub mesh: &'a Mesh,
+    /// Cameras whose pictures say which triangles are important; may be empty.
+    pub cameras: &'a [Camera],
+    /// Whether triangles that stay are enlarged.
+    pub enlarge: bool,
+}
+
+/// A level that went through the stages behind this one.
+#[derive(Debug)]
+pub struct FinishedLevel {
+    /// As it is written.
+    pub asset: Asset,
+    /// Mean PSNR against some of the photos, dB, if there are any.
+    pub psnr: Option<f64>,
+}
+
+/// Makes the levels of `source`, coarser and coarser, into `levels`, each finished by `finish`.
 ///
-/// Errors: those of the stages that a level goes through.
+/// Errors: those of `finish`.
 pub fn lod(
     levels: &mut Vec<Asset>,
-    mesh: &Mesh,
-    cameras: &[Camera],
-    mut views: Option<&mut Views>,
-    (provenance, mut step): (&Provenance, Option<Placement>),
-    options: &BakeOptions,
-    details: &mut Details,
+    source: &LevelSource<'_>,
+    options: &LodOptions,
+    mut finish: impl FnMut(Mesh) -> Result<FinishedLevel>,
+    details: &mut LodDetails,
 ) -> Result<Outcome<()>> {
-    if options.lod.lod.is_empty() {
-        return Ok(Outcome::Unneeded("--lod was not given"));
+    if options.lod.is_empty() {
+        return Ok(Outcome::Unneeded("`lod` was not given"));
     }
-    let count = |share: f64| ((mesh.face_count() as f64 * share) as usize).max(1);
-    let fewest = options.lod.lod.last().map_or(1, |share| count(*share));
-    let order = match cameras.is_empty() {
-        true => thin::by_size(mesh),
-        false => {
-            let seen = unseen::seen_px(mesh, cameras, unseen::SAMPLES);
-            let ranked: Vec<u32> = (0..mesh.face_count() as u32).collect();
-            thin::order(mesh, cameras, &seen, &ranked, fewest)
-        }
-    };
-    details.insert("ordered_by".into(), if cameras.is_empty() { "size" } else { "sight" }.into());
-    let mut told = Vec::new();
-    for share in &options.lod.lod {
-        let level = level(mesh, &order[..count(*share)], cameras, options.unseen.enlarge);
-        let mut quiet = Report::default();
-        let level = paint(level, views.as_deref_mut(), options, &mut quiet, &mut ())?;
-        let psnr = match views.as_deref_mut().filter(|v| !v.is_empty()) {
-            Some(views) => Some(mean_psnr(&level, views, &views.spread(JUDGES))?),
-            None => None,
-        };
-        let asset = package(level, provenance.clone(), &mut step, options, &mut quiet, &mut ())?;
-        told.push(json!({
-            "share": share, "triangles": asset.mesh.face_count(), "psnr": psnr, "detail": asset.mesh.detail(),
-        }));
+    if !levels.is_empty() {
+        return Ok(Outcome::Unneeded("the scene has levels already"));
+    }
+    let faces = source.mesh.face_count();
+    let count = |share: f64| ((faces as f64 * share) as usize).max(1);
+    let fewest = options.lod.last().map_or(1, |share| count(*share));
+    let ranked = rank(source, fewest);
+    if !source.cameras.is_empty() {
+        details.ordered_by = LodRanking::Importance;
+    }
+    for &share in &options.lod {
+        let FinishedLevel { asset, psnr } = finish(level(source, &ranked[..count(share).min(faces)]))?;
+        let (triangles, detail) = (asset.mesh.face_count() as u64, asset.mesh.detail());
+        details.levels.push(LevelDetails { share, triangles, psnr, detail });
         levels.push(asset);
     }
-    details.insert("levels".into(), told.into());
     Ok(Outcome::Changed(()))
 }
 
-/// `mesh` with only some of its faces, in their old order, enlarged to cover for the others.
-fn level(mesh: &Mesh, faces: &[u32], cameras: &[Camera], enlarge: bool) -> Mesh {
-    let mut level = mesh.clone();
-    match enlarge {
-        true if cameras.is_empty() => thin::cover(&mut level, faces),
-        true => _ = thin::grow(&mut level, cameras, faces),
+/// All faces, ordered so that a level is the first n of them, for every n from `fewest` on. `[F]`
+fn rank(source: &LevelSource<'_>, fewest: usize) -> Vec<u32> {
+    let LevelSource { mesh, cameras, .. } = *source;
+    if cameras.is_empty() {
+        return decimate::rank_by_size(mesh);
+    }
+    let visible = visible_px(mesh, cameras, SAMPLES);
+    let all: Vec<u32> = (0..mesh.face_count() as u32).collect();
+    decimate::rank_by_importance(mesh, cameras, &visible, &all, fewest)
+}
+
+/// The mesh with only some of its faces, in their old order, enlarged to cover for the others.
+fn level(source: &LevelSource<'_>, faces: &[u32]) -> Mesh {
+    let mut level = source.mesh.clone();
+    match source.enlarge {
+        true if source.cameras.is_empty() => decimate::enlarge(&mut level, faces),
+        true => _ = decimate::move_corners(&mut level, source.cameras, faces),
         false => {}
     }
     level.keep(faces);

@@ -12,7 +12,7 @@ use crate::scene::{Loaded, Scene};
 pub fn merge(inputs: Vec<Loaded>) -> Result<Loaded> {
     let mut inputs = inputs.into_iter();
     let Some(mut all) = inputs.next() else {
-        return Err(Error::invalid("IN", "nothing", "at least one file"));
+        return Err(Error::invalid("inputs", "nothing", "at least one file"));
     };
     for next in inputs {
         all.scene = match (all.scene, next.scene) {
@@ -23,7 +23,7 @@ pub fn merge(inputs: Vec<Loaded>) -> Result<Loaded> {
             (Scene::Mesh(a), Scene::Mesh(b)) => Scene::Mesh(append(a, b)?),
             _ => {
                 return Err(Error::invalid(
-                    "IN",
+                    "inputs",
                     "a soup and a mesh",
                     "inputs of one sort: bake the soup to .glb first, then merge the meshes",
                 ));
@@ -43,9 +43,9 @@ pub fn merge(inputs: Vec<Loaded>) -> Result<Loaded> {
 fn merge_provenance(a: Provenance, b: Provenance) -> Result<Provenance> {
     if a.up != b.up {
         return Err(Error::invalid(
-            "IN",
+            "inputs",
             format!("files of different up axes ({:?}, {:?})", a.up, b.up),
-            "files of one frame: bake each with --up, then merge the results",
+            "files of one frame: bake each with `up`, then merge the results",
         ));
     }
     let join = |a: Option<String>, b: Option<String>| match (a, b) {
@@ -77,7 +77,7 @@ fn append(mut a: Mesh, mut b: Mesh) -> Result<Mesh> {
         number(&mut b);
     }
     if a.vertex_count() + b.vertex_count() > u32::MAX as usize {
-        return Err(Error::invalid("IN", "more than 4,294,967,295 vertices", "fewer or smaller files"));
+        return Err(Error::invalid("inputs", "more than 4,294,967,295 vertices", "fewer or smaller files"));
     }
     let first = a.vertex_count() as u32;
     a.indices.extend(b.indices.iter().map(|i| i + first));

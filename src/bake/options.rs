@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
-pub enum Preset {
+pub enum BakePreset {
     /// Read, prune, make solid, write: one mesh in the order of the input.
     Fast,
     /// Chunks that an engine can skip, in an order that its caches like.
@@ -30,7 +30,7 @@ pub enum Preset {
     Small,
 }
 
-/// The options of the stages, in the order they run.
+/// The options of the stages.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
@@ -38,7 +38,7 @@ pub enum Preset {
 pub struct BakeOptions {
     /// Complete set of options to start from; config file and flags are laid over it.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
-    pub preset: Preset,
+    pub preset: BakePreset,
     /// Which triangles are dropped.
     #[cfg_attr(
         feature = "cli",
@@ -96,54 +96,37 @@ pub struct BakeOptions {
 }
 
 impl BakeOptions {
-    /// The complete literal of a preset.
-    pub const fn preset(preset: Preset) -> Self {
+    /// Every option at its default.
+    pub const DEFAULT: Self = Self {
+        preset: BakePreset::Default,
+        prune: PruneOptions::DEFAULT,
+        solid: SolidOptions::DEFAULT,
+        unseen: UnseenOptions::DEFAULT,
+        lod: LodOptions::DEFAULT,
+        backdrop: BackdropOptions::DEFAULT,
+        refit: RefitOptions::DEFAULT,
+        weld: WeldOptions::DEFAULT,
+        place: PlaceOptions::DEFAULT,
+        chunk: ChunkOptions::DEFAULT,
+        bvh: BvhOptions::DEFAULT,
+        order: OrderOptions::DEFAULT,
+        output: OutputOptions::DEFAULT,
+    };
+
+    /// The options of a preset: how it differs from the default.
+    pub fn preset(preset: BakePreset) -> Self {
         match preset {
-            Preset::Fast => Self {
+            BakePreset::Fast => Self {
                 preset,
-                prune: PruneOptions::FAST,
-                solid: SolidOptions::DEFAULT,
-                unseen: UnseenOptions::DEFAULT,
-                lod: LodOptions::DEFAULT,
-                backdrop: BackdropOptions::DEFAULT,
-                refit: RefitOptions::DEFAULT,
                 weld: WeldOptions::FAST,
-                place: PlaceOptions::DEFAULT,
                 chunk: ChunkOptions::FAST,
-                bvh: BvhOptions::DEFAULT,
                 order: OrderOptions::FAST,
-                output: OutputOptions::DEFAULT,
+                ..Self::DEFAULT
             },
-            Preset::Default => Self {
-                preset,
-                prune: PruneOptions::DEFAULT,
-                solid: SolidOptions::DEFAULT,
-                unseen: UnseenOptions::DEFAULT,
-                lod: LodOptions::DEFAULT,
-                backdrop: BackdropOptions::DEFAULT,
-                refit: RefitOptions::DEFAULT,
-                weld: WeldOptions::DEFAULT,
-                place: PlaceOptions::DEFAULT,
-                chunk: ChunkOptions::DEFAULT,
-                bvh: BvhOptions::DEFAULT,
-                order: OrderOptions::DEFAULT,
-                output: OutputOptions::DEFAULT,
-            },
-            Preset::Small => Self {
-                preset,
-                prune: PruneOptions::SMALL,
-                solid: SolidOptions::DEFAULT,
-                unseen: UnseenOptions::DEFAULT,
-                lod: LodOptions::DEFAULT,
-                backdrop: BackdropOptions::DEFAULT,
-                refit: RefitOptions::DEFAULT,
-                weld: WeldOptions::DEFAULT,
-                place: PlaceOptions::DEFAULT,
-                chunk: ChunkOptions::DEFAULT,
-                bvh: BvhOptions::DEFAULT,
-                order: OrderOptions::DEFAULT,
-                output: OutputOptions::SMALL,
-            },
+            BakePreset::Default => Self::DEFAULT,
+            BakePreset::Small => {
+                Self { preset, prune: PruneOptions::SMALL, output: OutputOptions::SMALL, ..Self::DEFAULT }
+            }
         }
     }
 

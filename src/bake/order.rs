@@ -1,11 +1,10 @@
 //! Puts faces that are near in space near in the file, each within its chunk: compresses better and keeps
 //! an engine's caches warm.
 
-use super::Details;
 use crate::asset::{Asset, Chunk};
 use crate::error::Result;
 use crate::mesh::Mesh;
-use crate::report::Outcome;
+use crate::report::{Outcome, StageDetails};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -43,8 +42,19 @@ impl Default for OrderOptions {
     }
 }
 
+/// What ordering did.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct OrderDetails {
+    /// Faces that changed their place in the file.
+    pub moved: u64,
+}
+
+impl StageDetails for OrderDetails {
+    const STAGE: &'static str = "order";
+}
+
 /// Orders the faces of every chunk. Runs after the hierarchy, whose leaf order it leaves alone.
-pub fn order(asset: &mut Asset, options: &OrderOptions, details: &mut Details) -> Result<Outcome<()>> {
+pub fn order(asset: &mut Asset, options: &OrderOptions, details: &mut OrderDetails) -> Result<Outcome<()>> {
     if asset.bvh.is_some() {
         return Ok(Outcome::Unneeded("faces are in the order of the hierarchy's leaves"));
     }
@@ -59,7 +69,7 @@ pub fn order(asset: &mut Asset, options: &OrderOptions, details: &mut Details) -
         return Ok(Outcome::Unneeded("near faces are near in the file already"));
     }
     asset.mesh.select(&order);
-    details.insert("moved".into(), moved.into());
+    details.moved = moved as u64;
     Ok(Outcome::Changed(()))
 }
 

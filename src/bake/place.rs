@@ -1,19 +1,18 @@
 //! Moves the scene into the frame of a game engine: right-handed, Y up, its middle at the origin if
 //! wanted.
 //!
-//! Stands after `color`, so that it runs once over plain positions, and before `bvh`, whose boxes must
+//! Runs after `color`, so that it runs once over plain positions, and before `bvh`, whose boxes must
 //! be those of the file.
 
 use crate::asset::{Placement, Provenance, UpAxis};
 use crate::error::{Error, Result};
 use crate::math::median::median;
 use crate::mesh::Mesh;
-use crate::report::Outcome;
+use crate::report::{Outcome, StageDetails};
 use glam::Vec3;
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
 
 /// Options of the stage.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -40,7 +39,7 @@ impl PlaceOptions {
     /// Checks ranges.
     pub fn validate(&self) -> Result<()> {
         if !(self.scale > 0.0 && self.scale.is_finite()) {
-            return Err(Error::invalid("--scale", self.scale, "a positive number"));
+            return Err(Error::invalid("scale", self.scale, "a positive number"));
         }
         Ok(())
     }
@@ -52,38 +51,68 @@ impl Default for PlaceOptions {
     }
 }
 
-/// How `mesh` will be moved.
-pub fn step(mesh: &Mesh, provenance: &Provenance, options: &PlaceOptions) -> Placement {
+/// What became of the placement that the input had.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum EarlierPlacement {
+    /// It was forgotten: the output says how to get back to the input, not to the input's source.
+    Replaced,
+}
+
+/// How the scene was moved.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PlaceDetails {
+    /// The axis of the input that points up.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub up: Option<UpAxis>,
+    /// Present when the input was placed by an earlier bake.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub earlier_placement: Option<EarlierPlacement>,
+    /// Output units per input unit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale: Option<f64>,
+    /// The point of the input that became the origin.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub center: Option<[f64; 3]>,
+}
+
+impl StageDetails for PlaceDetails {
+    const STAGE: &'static str = "place";
+}
+
+/// The placement that `options` ask for.
+pub fn placement(mesh: &Mesh, provenance: &Provenance, options: &PlaceOptions) -> Placement {
     let up = options.up.or(provenance.up).unwrap_or_default();
     let center = if options.center { middle(&mesh.positions).as_dvec3().to_array() } else { [0.0; 3] };
     Placement { up, scale: options.scale, center }
 }
 
-/// Moves `mesh` by `step` and writes into `provenance` how, so that it can be undone.
-pub fn move_by(
+/// Moves `mesh` by `placement` and writes into `provenance` how, so that it can be undone.
+///
+/// Errors: a scale that takes a position out of the range of an f32.
+pub fn place(
     mesh: &mut Mesh,
     provenance: &mut Provenance,
-    step: Placement,
-    details: &mut Map<String, Value>,
+    placement: Placement,
+    details: &mut PlaceDetails,
 ) -> Result<Outcome<()>> {
     provenance.up = Some(UpAxis::Y);
-    details.insert("up".into(), serde_json::to_value(step.up).unwrap_or_default());
-    if step == Placement::IDENTITY {
+    details.up = Some(placement.up);
+    if placement == Placement::IDENTITY {
         return Ok(Outcome::Unneeded("the input is Y-up already and no scale or center was asked for"));
     }
     if provenance.placement != Placement::IDENTITY {
         // Two placements do not compose into one of the six axes; what is kept is the way back to
         // the file we were given.
-        details.insert("earlier_placement".into(), "replaced".into());
+        details.earlier_placement = Some(EarlierPlacement::Replaced);
     }
-    provenance.placement = step;
-    provenance.viewpoint = provenance.viewpoint.map(|viewpoint| step.viewpoint_to_file(&viewpoint));
-    details.insert("scale".into(), step.scale.into());
-    details.insert("center".into(), step.center.to_vec().into());
-    let mover = step.mover();
-    mesh.positions.par_iter_mut().with_min_len(1 << 14).for_each(|p| *p = mover(*p));
+    provenance.placement = placement;
+    provenance.viewpoint = provenance.viewpoint.map(|viewpoint| placement.viewpoint_to_file(&viewpoint));
+    (details.scale, details.center) = (Some(placement.scale), Some(placement.center));
+    let transform = placement.transform();
+    mesh.positions.par_iter_mut().with_min_len(1 << 14).for_each(|p| *p = transform(*p));
     match mesh.positions.par_iter().position_any(|p| !p.is_finite()) {
-        Some(_) => Err(Error::invalid("--scale", step.scale, "a factor that keeps every position finite")),
+        Some(_) => Err(Error::invalid("scale", placement.scale, "a factor that keeps every position finite")),
         None => Ok(Outcome::Changed(())),
     }
 }
@@ -133,16 +162,16 @@ mod tests {
         let viewpoint = Viewpoint { eye: [1.0, 2.0, 3.0], target: [0.0; 3], up: [0.0, -1.0, 0.0], fov: 40.0 };
         let (mut mesh, mut provenance) =
             (triangle(), Provenance { viewpoint: Some(viewpoint), ..Provenance::default() });
-        let place = |mesh: &mut Mesh, provenance: &mut Provenance| {
-            let step = step(mesh, provenance, &PlaceOptions::DEFAULT);
-            move_by(mesh, provenance, step, &mut Map::new()).unwrap()
+        let run = |mesh: &mut Mesh, provenance: &mut Provenance| {
+            let placement = placement(mesh, provenance, &PlaceOptions::DEFAULT);
+            place(mesh, provenance, placement, &mut PlaceDetails::default()).unwrap()
         };
-        let first = place(&mut mesh, &mut provenance);
+        let first = run(&mut mesh, &mut provenance);
         assert_eq!(first, Outcome::Changed(()));
         assert_eq!(mesh.positions[0], Vec3::new(1.0, -2.0, -3.0));
         let placed = Viewpoint { eye: [1.0, -2.0, -3.0], up: [0.0, 1.0, 0.0], ..viewpoint };
         assert_eq!(provenance.viewpoint, Some(placed));
-        let again = place(&mut mesh, &mut provenance);
+        let again = run(&mut mesh, &mut provenance);
         assert!(matches!(again, Outcome::Unneeded(_)));
         assert_eq!(provenance.placement.up, UpAxis::NegY);
     }

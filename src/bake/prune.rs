@@ -3,11 +3,10 @@
 //! It comes first because every later stage costs per triangle, and because geometry after it is finite
 //! and within ±[`REACH`], which the hierarchy and engines' culling rely on.
 
-use super::Details;
 use crate::error::{Error, Result};
 use crate::math::median::median;
 use crate::mesh::Mesh;
-use crate::report::Outcome;
+use crate::report::{Outcome, StageDetails};
 use crate::scene::Scene;
 use crate::soup::Soup;
 use glam::{DVec3, Vec3};
@@ -57,13 +56,11 @@ pub struct PruneOptions {
 }
 
 impl PruneOptions {
-    /// A triangle of opacity 0.014 is dead to the authors' trainer (`opacity_dead`); at σ = 10 an opaque
+    /// A triangle of opacity 0.014 is dropped by the authors' trainer (`opacity_dead`); at σ = 10 an opaque
     /// one covers as little, 2 / ((σ + 1)(σ + 2)) = 0.015 of its area. Neither costs a soft scene anything
     /// that can be seen.
     pub const DEFAULT: Self =
         Self { min_opacity: 0.014, max_sigma: 10.0, max_edge: 0.0, crop: None, max_triangles: None };
-    /// The same: pruning pays for itself.
-    pub const FAST: Self = Self::DEFAULT;
     /// Spends no bytes on what is hardly seen.
     pub const SMALL: Self = Self { min_opacity: 0.05, max_sigma: 5.0, ..Self::DEFAULT };
 }
@@ -74,6 +71,29 @@ impl Default for PruneOptions {
     }
 }
 
+/// Triangles dropped, by cause.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct PruneDetails {
+    /// Triangles with a number that is NaN, infinite or out of reach.
+    pub non_finite: u64,
+    /// Triangles whose corners lie on a line or a point.
+    pub degenerate: u64,
+    /// Triangles below `min_opacity`.
+    pub faint: u64,
+    /// Triangles above `max_sigma`.
+    pub soft: u64,
+    /// Triangles outside `crop`.
+    pub outside: u64,
+    /// Triangles with an edge above `max_edge`.
+    pub huge: u64,
+    /// Triangles beyond `max_triangles`.
+    pub over_budget: u64,
+}
+
+impl StageDetails for PruneDetails {
+    const STAGE: &'static str = "prune";
+}
+
 /// Drops triangles by the rules of `options` and counts them by cause in `details`.
 ///
 /// The rules look at one triangle at a time, but for two: *huge* is measured by the scene's radius and is
@@ -81,11 +101,11 @@ impl Default for PruneOptions {
 /// what all other rules leave. So a second run finds nothing to drop.
 ///
 /// Errors: an option out of range; nothing left.
-pub fn prune(scene: &mut Scene, options: &PruneOptions, details: &mut Details) -> Result<Outcome<()>> {
+pub fn prune(scene: &mut Scene, options: &PruneOptions, details: &mut PruneDetails) -> Result<Outcome<()>> {
     check(options)?;
     let verdicts = match &*scene {
-        Scene::Soup(soup) => judge(soup.len(), |i| soup_face(soup, i), options),
-        Scene::Mesh(mesh) => judge(mesh.face_count(), |i| mesh_face(mesh, i), options),
+        Scene::Soup(soup) => classify(soup.len(), |i| soup_face(soup, i), options),
+        Scene::Mesh(mesh) => classify(mesh.face_count(), |i| mesh_face(mesh, i), options),
     };
     let counts = count(&verdicts);
     if counts[Verdict::Keep as usize] == 0 {
@@ -94,15 +114,29 @@ pub fn prune(scene: &mut Scene, options: &PruneOptions, details: &mut Details) -
     if counts[Verdict::Keep as usize] == verdicts.len() {
         return Ok(Outcome::Unneeded("every triangle can be seen"));
     }
-    for cause in Verdict::CAUSES {
-        details.insert(cause.key().into(), counts[cause as usize].into());
-    }
+    *details = PruneDetails::new(&counts);
     let keep = |i: usize| verdicts[i] == Verdict::Keep;
     match scene {
         Scene::Soup(soup) => soup.retain(keep),
         Scene::Mesh(mesh) => mesh.retain(keep),
     }
     Ok(Outcome::Changed(()))
+}
+
+impl PruneDetails {
+    /// From the number of triangles of each [`Verdict`].
+    fn new(counts: &[usize; 8]) -> Self {
+        let of = |verdict: Verdict| counts[verdict as usize] as u64;
+        Self {
+            non_finite: of(Verdict::NonFinite),
+            degenerate: of(Verdict::Degenerate),
+            faint: of(Verdict::Faint),
+            soft: of(Verdict::Soft),
+            outside: of(Verdict::Outside),
+            huge: of(Verdict::Huge),
+            over_budget: of(Verdict::OverBudget),
+        }
+    }
 }
 
 /// What happens to a triangle, and why.
@@ -130,6 +164,7 @@ impl Verdict {
         Self::OverBudget,
     ];
 
+    /// The field of [`PruneDetails`] that counts it.
     fn key(self) -> &'static str {
         match self {
             Self::Keep => "kept",
@@ -167,9 +202,9 @@ fn mesh_face(mesh: &Mesh, i: usize) -> Face {
 }
 
 /// The verdict on every face. `[N]`
-fn judge(count: usize, face: impl Fn(usize) -> Face + Sync, options: &PruneOptions) -> Vec<Verdict> {
+fn classify(count: usize, face: impl Fn(usize) -> Face + Sync, options: &PruneOptions) -> Vec<Verdict> {
     let mut verdicts: Vec<Verdict> =
-        (0..count).into_par_iter().with_min_len(1 << 12).map(|i| alone(&face(i), options)).collect();
+        (0..count).into_par_iter().with_min_len(1 << 12).map(|i| classify_alone(&face(i), options)).collect();
     drop_huge(&mut verdicts, &face, options);
     if drop_over_budget(&mut verdicts, &face, options) {
         drop_huge(&mut verdicts, &face, options);
@@ -178,7 +213,7 @@ fn judge(count: usize, face: impl Fn(usize) -> Face + Sync, options: &PruneOptio
 }
 
 /// The verdict on a face that needs no other face to be known.
-fn alone(face: &Face, options: &PruneOptions) -> Verdict {
+fn classify_alone(face: &Face, options: &PruneOptions) -> Verdict {
     let reachable = |v: &Vec3| v.abs().max_element() <= REACH && !v.is_nan();
     let finite = face.corners.iter().all(reachable)
         && face.opacity.is_finite()
@@ -273,18 +308,18 @@ fn drop_over_budget(
     let Some(budget) = options.max_triangles.and_then(|n| usize::try_from(n).ok()) else {
         return false;
     };
-    let mut worth: Vec<(f32, u32)> = (0..verdicts.len())
+    let mut contributions: Vec<(f32, u32)> = (0..verdicts.len())
         .into_par_iter()
         .with_min_len(1 << 12)
         .filter(|&i| verdicts[i] == Verdict::Keep)
         .map(|i| (contribution(&face(i)) as f32, i as u32))
         .collect();
-    if worth.len() <= budget {
+    if contributions.len() <= budget {
         return false;
     }
-    let best_first = |a: &(f32, u32), b: &(f32, u32)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
-    worth.select_nth_unstable_by(budget, best_first);
-    for &(_, i) in &worth[budget..] {
+    let largest_first = |a: &(f32, u32), b: &(f32, u32)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
+    contributions.select_nth_unstable_by(budget, largest_first);
+    for &(_, i) in &contributions[budget..] {
         verdicts[i as usize] = Verdict::OverBudget;
     }
     true
@@ -319,22 +354,22 @@ fn count(verdicts: &[Verdict]) -> [usize; 8] {
 
 fn check(options: &PruneOptions) -> Result<()> {
     if !(0.0..=1.0).contains(&options.min_opacity) {
-        return Err(Error::invalid("--min-opacity", options.min_opacity, "a number from 0 to 1"));
+        return Err(Error::invalid("min_opacity", options.min_opacity, "a number from 0 to 1"));
     }
     if !(options.max_sigma >= 0.0) {
-        return Err(Error::invalid("--max-sigma", options.max_sigma, "0 or more"));
+        return Err(Error::invalid("max_sigma", options.max_sigma, "0 or more"));
     }
     if !(options.max_edge >= 0.0) {
-        return Err(Error::invalid("--max-edge", options.max_edge, "0 or more"));
+        return Err(Error::invalid("max_edge", options.max_edge, "0 or more"));
     }
     if let Some(b) = options.crop
         && !(0..3).all(|k| b[k] <= b[k + 3])
     {
         let wants = "x0,y0,z0,x1,y1,z1 with x0 <= x1, y0 <= y1 and z0 <= z1";
-        return Err(Error::invalid("--crop", format!("{b:?}"), wants));
+        return Err(Error::invalid("crop", format!("{b:?}"), wants));
     }
     if options.max_triangles == Some(0) {
-        return Err(Error::invalid("--max-triangles", 0, "1 or more; leave it out to keep all"));
+        return Err(Error::invalid("max_triangles", 0, "1 or more; leave it out to keep all"));
     }
     Ok(())
 }
@@ -349,17 +384,17 @@ fn nothing_left(options: &PruneOptions, counts: &[usize; 8], total: usize) -> Er
     let dropped = format!("it drops {} of {total} triangles and nothing is left", counts[worst as usize]);
     match worst {
         Verdict::Faint => {
-            Error::invalid("--min-opacity", options.min_opacity, format!("a lower value: {dropped}"))
+            Error::invalid("min_opacity", options.min_opacity, format!("a lower value: {dropped}"))
         }
         Verdict::Soft => {
-            Error::invalid("--max-sigma", options.max_sigma, format!("a higher value, or 0: {dropped}"))
+            Error::invalid("max_sigma", options.max_sigma, format!("a higher value, or 0: {dropped}"))
         }
         Verdict::Huge => {
-            Error::invalid("--max-edge", options.max_edge, format!("a higher value, or 0: {dropped}"))
+            Error::invalid("max_edge", options.max_edge, format!("a higher value, or 0: {dropped}"))
         }
         Verdict::Outside => {
             let b = options.crop.unwrap_or_default();
-            Error::invalid("--crop", format!("{b:?}"), format!("a box that overlaps the scene: {dropped}"))
+            Error::invalid("crop", format!("{b:?}"), format!("a box that overlaps the scene: {dropped}"))
         }
         cause => {
             let what = format!("{} of {total} triangles {}", counts[cause as usize], cause.key());

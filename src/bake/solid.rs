@@ -3,10 +3,9 @@
 //! The level sets of the window function are copies of the triangle shrunk about its incenter (Held et
 //! al. 2025, eq. 1), so no meshing is needed.
 
-use super::Details;
 use super::prune::is_degenerate;
 use crate::error::{Error, Result};
-use crate::report::Outcome;
+use crate::report::{Outcome, StageDetails};
 use crate::soup::Soup;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -54,60 +53,77 @@ impl Default for SolidOptions {
     }
 }
 
+/// What shrinking did.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct SolidDetails {
+    /// Triangles dropped because opacity times window nowhere reaches `contour`.
+    pub no_contour: u64,
+    /// Triangles dropped because they shrank to a line or a point.
+    pub collapsed: u64,
+    /// Area of all triangles after, as a share of that before.
+    pub area_ratio: f64,
+}
+
+impl StageDetails for SolidDetails {
+    const STAGE: &'static str = "solid";
+}
+
 /// Shrinks every triangle about its incenter and makes it opaque. Triangles that shrink to nothing an f32
 /// can hold are dropped, and so are those without a contour when `contour` is asked for.
 ///
 /// Errors: `contour` outside (0, 1); nothing left.
-pub fn solid(soup: &mut Soup, options: &SolidOptions, details: &mut Details) -> Result<Outcome<()>> {
+pub fn solid(soup: &mut Soup, options: &SolidOptions, details: &mut SolidDetails) -> Result<Outcome<()>> {
     if !(options.contour > 0.0 && options.contour < 1.0) {
-        return Err(Error::invalid("--contour", options.contour, "a number above 0 and below 1"));
+        return Err(Error::invalid("contour", options.contour, "a number above 0 and below 1"));
     }
     let is_solid = |(o, s): (&f32, &f32)| *o >= 1.0 && *s <= SOLID_SIGMA;
     if soup.opacity.par_iter().zip(&soup.sigma).with_min_len(1 << 14).all(is_solid) {
         return Ok(Outcome::Unneeded("every triangle is solid already"));
     }
     let area_before = total_area(soup);
-    let fates: Vec<Fate> = (&mut soup.vertices, &soup.opacity, &soup.sigma)
+    let results: Vec<Shrunk> = (&mut soup.vertices, &soup.opacity, &soup.sigma)
         .into_par_iter()
         .with_min_len(1 << 12)
         .map(|(corners, &opacity, &sigma)| harden(corners, opacity.into(), sigma.into(), options))
         .collect();
     soup.opacity.fill(1.0);
     soup.sigma.fill(SOLID_SIGMA);
-    let lost = |fate| fates.iter().filter(|&&f| f == fate).count();
-    let (no_contour, collapsed) = (lost(Fate::NoContour), lost(Fate::Collapsed));
-    if no_contour + collapsed == fates.len() {
-        return Err(nothing_left(options, no_contour, fates.len()));
+    let lost = |result| results.iter().filter(|&&r| r == result).count();
+    let (no_contour, collapsed) = (lost(Shrunk::NoContour), lost(Shrunk::Collapsed));
+    if no_contour + collapsed == results.len() {
+        return Err(nothing_left(options, no_contour, results.len()));
     }
     if no_contour + collapsed > 0 {
-        soup.retain(|i| fates[i] == Fate::Solid);
+        soup.retain(|i| results[i] == Shrunk::Solid);
     }
-    details.insert("no_contour".into(), no_contour.into());
-    details.insert("collapsed".into(), collapsed.into());
-    details.insert("area_ratio".into(), (total_area(soup) / area_before).into());
+    *details = SolidDetails {
+        no_contour: no_contour as u64,
+        collapsed: collapsed as u64,
+        area_ratio: total_area(soup) / area_before,
+    };
     Ok(Outcome::Changed(()))
 }
 
 fn nothing_left(options: &SolidOptions, no_contour: usize, total: usize) -> Error {
     if no_contour > 0 {
         let wants =
-            format!("a lower value, or --solid auto: {no_contour} of {total} triangles never reach it");
-        return Error::invalid("--contour", options.contour, wants);
+            format!("a lower value, or `solid` auto: {no_contour} of {total} triangles never reach it");
+        return Error::invalid("contour", options.contour, wants);
     }
     let what = format!("{total} triangles that shrink to nothing");
     Error::invalid("the scene", what, "triangles of some size (the prune stage drops lines and points)")
 }
 
-/// What became of a triangle.
+/// What shrinking made of a triangle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Fate {
+enum Shrunk {
     Solid,
     NoContour,
     Collapsed,
 }
 
 /// Shrinks one triangle in place.
-fn harden(corners: &mut [Vec3; 3], opacity: f64, sigma: f64, options: &SolidOptions) -> Fate {
+fn harden(corners: &mut [Vec3; 3], opacity: f64, sigma: f64, options: &SolidOptions) -> Shrunk {
     let factor = match options.solid {
         Solidify::Auto => contour_factor(opacity, sigma, options.contour).max(area_factor(opacity, sigma)),
         Solidify::Contour => contour_factor(opacity, sigma, options.contour),
@@ -115,13 +131,13 @@ fn harden(corners: &mut [Vec3; 3], opacity: f64, sigma: f64, options: &SolidOpti
         Solidify::None => 1.0,
     };
     if factor >= 1.0 {
-        return Fate::Solid;
+        return Shrunk::Solid;
     }
     if !(factor > 0.0) {
-        return Fate::NoContour;
+        return Shrunk::NoContour;
     }
     *corners = shrink(corners, factor);
-    if is_degenerate(corners) { Fate::Collapsed } else { Fate::Solid }
+    if is_degenerate(corners) { Shrunk::Collapsed } else { Shrunk::Solid }
 }
 
 /// The scale about the incenter at which opacity times window is `contour`; 0 when it never is.

@@ -3,25 +3,21 @@
 //! What a triangle is worth is the area it covers in all photos together, after everything in front of it:
 //! the integral of its visibility, in pixels. A triangle behind others is worth nothing to an engine.
 
-use super::Details;
-use super::thin;
-use super::views::{self, Views};
+use super::decimate;
+use super::views::{SAMPLES, Views};
+use super::visibility::visible_px;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
-use crate::math::metric;
 use crate::mesh::Mesh;
-use crate::raster::solid::{NO_FACE, Solid, SolidOptions};
-use crate::report::Outcome;
+use crate::report::{Outcome, StageDetails};
 use rayon::prelude::*;
-use serde_json::json;
 
-/// Samples a pixel along each axis when visibility is counted to choose by it.
-pub const SAMPLES: u32 = 2;
-/// The same when only what nobody sees goes: a plain bake of our own soup must not take long.
+/// Samples per pixel along each axis when only what no camera sees is dropped: a plain bake of our own soup must not
+/// take long.
 const SAMPLES_AT_LEAST: u32 = 1;
 /// Photos that the curve of error against triangles is measured on.
 const CURVE_VIEWS: usize = 12;
-/// With `--max-error` at least one triangle in so many stays, about.
+/// With `max_error` at least one triangle in so many stays, about.
 const FEWEST: usize = 64;
 /// Halvings of the interval in which the cut lies.
 const CURVE_STEPS: usize = 9;
@@ -59,6 +55,33 @@ impl Default for UnseenOptions {
     }
 }
 
+/// What was found out about visibility; empty without cameras.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct UnseenDetails {
+    /// Triangles that no camera sees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seen_by_none: Option<u64>,
+    /// PSNR against the number of triangles, in the order tried; only with `max_error`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub curve: Option<Vec<CurvePoint>>,
+    /// Moves of corners of triangles that stay; only when visible triangles were dropped and `enlarge` is on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub corners_moved: Option<u64>,
+}
+
+impl StageDetails for UnseenDetails {
+    const STAGE: &'static str = "unseen";
+}
+
+/// How well some of the triangles match the photos.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct CurvePoint {
+    /// Triangles kept, the most important ones.
+    pub triangles: u64,
+    /// Mean PSNR against some of the photos, dB.
+    pub psnr: f64,
+}
+
 /// Drops what `cameras`, those of `views` if there are photos, do not see of `mesh`; at most `max_triangles` stay,
 /// those seen most.
 ///
@@ -69,38 +92,38 @@ pub fn unseen(
     views: Option<&mut Views>,
     options: &UnseenOptions,
     max_triangles: Option<u64>,
-    details: &mut Details,
+    details: &mut UnseenDetails,
 ) -> Result<Outcome<()>> {
     check(options)?;
     if let (None, Some(db)) = (&views, options.max_error) {
-        return Err(Error::invalid("--max-error", db, "--dataset: error is measured on photos"));
+        return Err(Error::invalid("max_error", db, "`dataset`: error is measured on photos"));
     }
     if cameras.is_empty() {
-        return Ok(Outcome::Unneeded("it needs cameras: of photos (--dataset), or in a soup we trained"));
+        return Ok(Outcome::Unneeded("it needs cameras: of photos (`dataset`), or in a soup we trained"));
     }
     let most = max_triangles.map_or(usize::MAX, |most| usize::try_from(most).unwrap_or(usize::MAX).max(1));
     if options.keep_unseen && options.max_error.is_none() && mesh.face_count() <= most {
-        return Ok(Outcome::Unneeded("--keep-unseen"));
+        return Ok(Outcome::Unneeded("`keep_unseen`"));
     }
     let chooses = views.is_some() || mesh.face_count() > most;
-    let seen = seen_px(mesh, cameras, if chooses { SAMPLES } else { SAMPLES_AT_LEAST });
+    let seen = visible_px(mesh, cameras, if chooses { SAMPLES } else { SAMPLES_AT_LEAST });
     let mut ranked = rank(mesh, &seen);
     let visible = ranked.partition_point(|&f| seen[f as usize] > 0.0);
     if visible == 0 && views.is_some() {
         let wants = "photos of this scene: none of its triangles is in any view; was it moved or scaled?";
-        return Err(Error::invalid("--dataset", "its cameras", wants));
+        return Err(Error::invalid("dataset", "its cameras", wants));
     }
     let needed = match options.keep_unseen || visible == 0 {
         true => ranked.len(),
         false => ranked.partition_point(|&f| f64::from(seen[f as usize]) >= options.min_seen_px).max(1),
     };
-    details.insert("seen_by_none".into(), (ranked.len() - visible).into());
+    details.seen_by_none = Some((ranked.len() - visible) as u64);
     let mut keep = needed.min(most);
     let thins = keep < needed.min(visible) || options.max_error.is_some();
     if thins {
         let fewest = if options.max_error.is_some() { visible / FEWEST } else { keep };
         let seen_at_all = needed.min(visible);
-        let best = thin::order(mesh, cameras, &seen, &ranked[..seen_at_all], fewest.max(1));
+        let best = decimate::rank_by_importance(mesh, cameras, &seen, &ranked[..seen_at_all], fewest.max(1));
         ranked[..seen_at_all].copy_from_slice(&best);
     }
     if let (Some(db), Some(views)) = (options.max_error, views) {
@@ -110,7 +133,7 @@ pub fn unseen(
         return Ok(Outcome::Unneeded("every triangle is seen"));
     }
     if thins && options.enlarge {
-        details.insert("corners_moved".into(), thin::grow(mesh, cameras, &ranked[..keep]).into());
+        details.corners_moved = Some(decimate::move_corners(mesh, cameras, &ranked[..keep]) as u64);
     }
     mesh.keep(&ranked[..keep]);
     Ok(Outcome::Changed(()))
@@ -128,8 +151,7 @@ fn rank(mesh: &Mesh, seen: &[f32]) -> Vec<u32> {
 }
 
 fn check(options: &UnseenOptions) -> Result<()> {
-    for (option, value) in [("--min-seen-px", Some(options.min_seen_px)), ("--max-error", options.max_error)]
-    {
+    for (option, value) in [("min_seen_px", Some(options.min_seen_px)), ("max_error", options.max_error)] {
         if let Some(value) = value.filter(|v| !(*v >= 0.0 && v.is_finite())) {
             return Err(Error::invalid(option, value, "0 or more"));
         }
@@ -137,31 +159,21 @@ fn check(options: &UnseenOptions) -> Result<()> {
     Ok(())
 }
 
-/// The area of each face that all cameras together see, px. `[F]`
-pub fn seen_px(mesh: &Mesh, cameras: &[Camera], samples_along: u32) -> Vec<f32> {
-    let options = views::drawing(cameras, mesh, samples_along);
-    let mut solid = Solid::new();
-    let mut samples = vec![0u64; mesh.face_count()];
-    for camera in cameras {
-        for &face in &solid.visibility(mesh, camera, &options).face {
-            if face != NO_FACE {
-                samples[face as usize] += 1;
-            }
-        }
-    }
-    let per_sample = 1.0 / f64::from(samples_along * samples_along);
-    samples.into_iter().map(|n| (n as f64 * per_sample) as f32).collect()
-}
-
 /// How many of `ranked` must stay so that the photos are met at most `db` worse than by all of them.
-fn cut(mesh: &Mesh, views: &mut Views, ranked: &[u32], db: f64, details: &mut Details) -> Result<usize> {
-    let judges = views.spread(CURVE_VIEWS);
+fn cut(
+    mesh: &Mesh,
+    views: &mut Views,
+    ranked: &[u32],
+    db: f64,
+    details: &mut UnseenDetails,
+) -> Result<usize> {
+    let chosen = views.evenly_spaced(CURVE_VIEWS);
     let mut curve = Vec::new();
     let mut psnr = |keep: usize| -> Result<f64> {
         let mut part = mesh.clone();
         part.keep(&ranked[..keep]);
-        let psnr = mean_psnr(&part, views, &judges)?;
-        curve.push(json!({ "triangles": keep, "psnr": psnr }));
+        let psnr = views.mean_psnr(&part, &chosen)?;
+        curve.push(CurvePoint { triangles: keep as u64, psnr });
         Ok(psnr)
     };
     let best = psnr(ranked.len())?;
@@ -173,20 +185,6 @@ fn cut(mesh: &Mesh, views: &mut Views, ranked: &[u32], db: f64, details: &mut De
         }
         if psnr(middle)? >= best - db { enough = middle } else { too_few = middle }
     }
-    details.insert("curve".into(), curve.into());
+    details.curve = Some(curve);
     Ok(enough)
-}
-
-/// How well a mesh meets some of the photos, dB.
-pub(super) fn mean_psnr(mesh: &Mesh, views: &mut Views, judges: &[usize]) -> Result<f64> {
-    let options: SolidOptions = views.drawing(mesh, SAMPLES);
-    let mut solid = Solid::new();
-    let mut sum = 0.0;
-    views.expect(judges);
-    for &view in judges {
-        let photo = views.photo(view)?;
-        let drawn = solid.render(mesh, views.camera(view), &options);
-        sum += metric::psnr(&photo.rgb, &drawn.rgb, photo.alpha.as_deref());
-    }
-    Ok(sum / judges.len().max(1) as f64)
 }

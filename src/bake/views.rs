@@ -1,4 +1,4 @@
-//! The photos a bake may look at: what they show decides what a triangle is worth and which colour it has.
+//! The photos a bake may look at: what they show decides how important a triangle is and which colour it has.
 
 use crate::asset::Placement;
 use crate::camera::{self, Camera, Viewpoint};
@@ -6,14 +6,17 @@ use crate::dataset::{Dataset, Photos};
 use crate::error::Result;
 use crate::image::Pixels;
 use crate::math::median::median;
+use crate::math::metric;
 use crate::mesh::Mesh;
 use crate::placed;
-use crate::raster::solid::SolidOptions;
+use crate::raster::solid::{Solid, SolidRasterOptions};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
 /// Near plane as a share of the median distance from the cameras to the middle of the scene, as in training.
 const NEAR: f32 = 0.01;
+/// Samples per pixel along each axis when a choice depends on what is seen.
+pub const SAMPLES: u32 = 2;
 
 /// Training photos of a data set with their cameras in the frame of the scene that is baked.
 #[derive(Debug)]
@@ -26,7 +29,7 @@ pub struct Views {
 
 impl Views {
     /// The training photos of `dataset`; held-out ones are never looked at. `photo_bytes` is the memory for
-    /// decoded photos, `background` (sRGB-encoded) what stands where no triangle is.
+    /// decoded photos, `background` (sRGB-encoded) the colour where no triangle is.
     pub fn new(dataset: &Dataset, photo_bytes: u64, background: [f32; 3]) -> Self {
         Self {
             cameras: dataset.train().map(|v| v.camera).collect(),
@@ -57,24 +60,24 @@ impl Views {
     }
 
     /// How the photos' cameras draw `mesh`: see [`drawing`].
-    pub fn drawing(&self, mesh: &Mesh, samples: u32) -> SolidOptions {
-        SolidOptions { background: self.background, ..drawing(&self.cameras, mesh, samples) }
+    pub fn drawing(&self, mesh: &Mesh, samples: u32) -> SolidRasterOptions {
+        SolidRasterOptions { background: self.background, ..drawing(&self.cameras, mesh, samples) }
     }
 
-    /// The middle of the places the photos were taken from.
-    pub fn middle(&self) -> Vec3 {
+    /// The mean of the places the photos were taken from.
+    pub fn center(&self) -> Vec3 {
         let sum: DVec3 = self.cameras.iter().map(|c| c.position().as_dvec3()).sum();
         (sum / self.len().max(1) as f64).as_vec3()
     }
 
-    /// How far from [`Views::middle`] photos were taken at most.
-    pub fn reach(&self) -> f32 {
-        let middle = self.middle();
-        self.cameras.iter().map(|c| c.position().distance(middle)).fold(0.0, f32::max)
+    /// The largest distance of a camera from [`Views::center`].
+    pub fn radius(&self) -> f32 {
+        let center = self.center();
+        self.cameras.iter().map(|c| c.position().distance(center)).fold(0.0, f32::max)
     }
 
-    /// Moves the cameras from the world into a file that was placed somewhere else in it.
-    pub fn enter(&mut self, placement: &Placement) {
+    /// Transforms the cameras from the world of the photos into the frame of a file that was placed in it.
+    pub fn transform(&mut self, placement: &Placement) {
         for camera in &mut self.cameras {
             *camera = placed::to_file(camera, placement, self.origin);
         }
@@ -86,9 +89,9 @@ impl Views {
         &self.cameras[view]
     }
 
-    /// Says which photos will be asked for next, so that they are decoded meanwhile.
-    pub fn expect(&mut self, views: &[usize]) {
-        self.photos.expect(views.iter().copied());
+    /// Starts decoding the photos that will be asked for next, in this order.
+    pub fn prefetch(&mut self, views: &[usize]) {
+        self.photos.prefetch(views.iter().copied());
     }
 
     /// A photo. Fails when its file cannot be decoded.
@@ -96,19 +99,33 @@ impl Views {
         self.photos.take(view)
     }
 
-    /// At most `count` photos, spread evenly over all.
-    pub fn spread(&self, count: usize) -> Vec<usize> {
+    /// At most `count` photos, evenly spaced in their order.
+    pub fn evenly_spaced(&self, count: usize) -> Vec<usize> {
         let count = count.min(self.len());
         (0..count).map(|i| i * self.len() / count).collect()
+    }
+
+    /// Mean PSNR of `mesh`, drawn solid, against the photos `chosen`, dB. Fails when a photo cannot be decoded.
+    pub fn mean_psnr(&mut self, mesh: &Mesh, chosen: &[usize]) -> Result<f64> {
+        let options = self.drawing(mesh, SAMPLES);
+        let mut solid = Solid::new();
+        let mut sum = 0.0;
+        self.prefetch(chosen);
+        for &view in chosen {
+            let photo = self.photo(view)?;
+            let drawn = solid.render(mesh, self.camera(view), &options);
+            sum += metric::psnr(&photo.rgb, &drawn.rgb, photo.alpha.as_deref());
+        }
+        Ok(sum / chosen.len().max(1) as f64)
     }
 }
 
 /// How `cameras` draw `mesh`: the near plane is a hundredth of the way to its middle, the background black.
-pub fn drawing(cameras: &[Camera], mesh: &Mesh, samples: u32) -> SolidOptions {
+pub fn drawing(cameras: &[Camera], mesh: &Mesh, samples: u32) -> SolidRasterOptions {
     let count = mesh.vertex_count().max(1);
     let middle = mesh.positions.iter().map(|v| v.as_dvec3()).sum::<DVec3>() / count as f64;
     let away = cameras.iter().map(|c| c.position().distance(middle.as_vec3())).collect();
     let near = median(away, f32::total_cmp).unwrap_or(1.0) * NEAR;
     let near = if near > 0.0 && near.is_finite() { near } else { NEAR };
-    SolidOptions { background: [0.0; 3], samples, near }
+    SolidRasterOptions { background: [0.0; 3], samples, near }
 }

@@ -1,9 +1,8 @@
 //! Shares vertices where position and colour agree bit for bit, when that makes the file smaller.
 
-use super::Details;
 use crate::error::Result;
 use crate::mesh::{Colors, Mesh};
-use crate::report::Outcome;
+use crate::report::{Outcome, StageDetails};
 use rayon::prelude::*;
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -43,9 +42,21 @@ impl Default for WeldOptions {
     }
 }
 
+/// What was found out about corners.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct WeldDetails {
+    /// Distinct corners as a share of all, of a sample when there are many; only when `weld` is auto.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unique_corners: Option<f64>,
+}
+
+impl StageDetails for WeldDetails {
+    const STAGE: &'static str = "weld";
+}
+
 /// Welds `mesh`. Afterwards, whatever the options, the mesh is one an engine can draw: without indices,
-/// or with indices and colours a vertex. A mesh whose faces share vertices already keeps its indices.
-pub fn weld(mesh: &mut Mesh, options: &WeldOptions, details: &mut Details) -> Result<Outcome<()>> {
+/// or with indices and colours per vertex. A mesh whose faces share vertices already keeps its indices.
+pub fn weld(mesh: &mut Mesh, options: &WeldOptions, details: &mut WeldDetails) -> Result<Outcome<()>> {
     if mesh.positions.is_empty() {
         return Ok(Outcome::Unneeded("there are no corners"));
     }
@@ -77,7 +88,7 @@ const SAMPLED_ABOVE: usize = 1 << 16;
 ///
 /// Looks at the corners that hash to a 64th of all values: equal corners are all in the sample or all
 /// out of it, so their share is measured without bias and without welding first.
-fn pays(mesh: &Mesh, options: &WeldOptions, details: &mut Details) -> bool {
+fn pays(mesh: &Mesh, options: &WeldOptions, details: &mut WeldDetails) -> bool {
     match options.weld {
         WeldWhen::On => return true,
         WeldWhen::Off => return false,
@@ -95,7 +106,7 @@ fn pays(mesh: &Mesh, options: &WeldOptions, details: &mut Details) -> bool {
     sample.par_sort_unstable();
     sample.dedup();
     let unique = if seen == 0 { 1.0 } else { sample.len() as f64 / seen as f64 };
-    details.insert("unique_corners".into(), unique.into());
+    details.unique_corners = Some(unique);
     unique * VERTEX_BYTES + INDEX_BYTES < VERTEX_BYTES
 }
 

@@ -1,12 +1,10 @@
 //! A file as an engine would draw it, baked in memory.
 
 use crate::asset::{Asset, Placement, UpAxis};
-use crate::bake;
-use crate::bake::options::{BakeOptions, Preset};
+use crate::bake::{BakeOptions, bake};
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::placed;
-use crate::report::Report;
 use crate::scene::{Loaded, Scene};
 use crate::soup::Soup;
 use glam::DVec3;
@@ -25,7 +23,7 @@ pub struct BakedScene {
 }
 
 impl BakedScene {
-    /// Bakes with the default preset. Errors: see [`bake::bake`].
+    /// Bakes with the default preset. Errors: see [`bake()`].
     pub fn new(loaded: Loaded) -> Result<Self> {
         let file_placement = loaded.provenance.placement;
         let is_y_up = loaded.provenance.up.unwrap_or_default() == UpAxis::Y;
@@ -33,8 +31,7 @@ impl BakedScene {
             Scene::Soup(soup) => Some(soup.clone()),
             Scene::Mesh(_) => None,
         };
-        let options = BakeOptions::preset(Preset::Default);
-        let asset = bake::bake(vec![loaded], &options, None, &mut Report::new("view"), &mut ())?;
+        let asset = bake(loaded, &BakeOptions::DEFAULT)?;
         let bake_placement = if is_y_up { Placement::IDENTITY } else { asset.provenance.placement };
         Ok(Self { asset, soup, file_placement, bake_placement })
     }

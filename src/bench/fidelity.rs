@@ -11,19 +11,16 @@ use super::scene_renderer::SceneRenderer;
 use super::steps::{EvalStep, no_soup, reread};
 use super::training::{self, TrainBudget, TrainedSoup};
 use crate::asset::Asset;
-use crate::bake::bake;
-use crate::bake::options::{BakeOptions, Preset};
+use crate::bake::options::{BakeOptions, BakePreset};
 use crate::bake::refit::RefitColors;
-use crate::bake::views::Views;
+use crate::bake::{Bake, Views};
 use crate::dataset::{Dataset, DatasetOptions, View};
 use crate::error::{Error, Result};
 use crate::formats::output::OutputOptions;
-use crate::formats::target::{Encoding, Target};
+use crate::formats::target::{OutputTarget, TargetEncoding};
 use crate::formats::{self, ReadOptions};
-use crate::report::Report;
 use crate::scene::{Loaded, Scene};
-use crate::train::options::Preset as TrainPreset;
-use crate::train::progress::Watcher;
+use crate::train::{TrainObserver, TrainPreset};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -91,7 +88,7 @@ pub struct FidelityRow {
 /// A bake to measure.
 struct FidelityCase {
     name: &'static str,
-    preset: Preset,
+    preset: BakePreset,
     photos: bool,
     refit: RefitColors,
     /// Share of the triangles seen by photos that is kept.
@@ -99,18 +96,18 @@ struct FidelityCase {
     /// At every sampling, or only at the highest.
     everywhere: bool,
     /// For every target, or only for any viewer.
-    targets: &'static [Target],
+    targets: &'static [OutputTarget],
 }
 
 const fn case(name: &'static str) -> FidelityCase {
     FidelityCase {
         name,
-        preset: Preset::Default,
+        preset: BakePreset::Default,
         photos: true,
         refit: RefitColors::Auto,
         share: 1.0,
         everywhere: false,
-        targets: &[Target::Gltf],
+        targets: &[OutputTarget::Gltf],
     }
 }
 
@@ -120,9 +117,9 @@ const CASES: [FidelityCase; 11] = [
     FidelityCase { refit: RefitColors::Off, everywhere: true, ..case("unseen") },
     FidelityCase { everywhere: true, ..case("refit") },
     FidelityCase { refit: RefitColors::Flat, ..case("flat") },
-    FidelityCase { preset: Preset::Fast, targets: &TARGETS, ..case("fast") },
+    FidelityCase { preset: BakePreset::Fast, targets: &TARGETS, ..case("fast") },
     FidelityCase { targets: &TARGETS, ..case("default") },
-    FidelityCase { preset: Preset::Small, targets: &TARGETS, ..case("small") },
+    FidelityCase { preset: BakePreset::Small, targets: &TARGETS, ..case("small") },
     FidelityCase { share: 0.75, ..case("three quarters") },
     FidelityCase { share: 0.5, ..case("half") },
     FidelityCase { share: 0.25, ..case("quarter") },
@@ -130,25 +127,25 @@ const CASES: [FidelityCase; 11] = [
 ];
 
 /// The targets of a GLB.
-const TARGETS: [Target; 8] = [
-    Target::Gltf,
-    Target::Godot,
-    Target::Godot3,
-    Target::Unity,
-    Target::Unreal,
-    Target::Blender,
-    Target::Web,
-    Target::Playcanvas,
+const TARGETS: [OutputTarget; 8] = [
+    OutputTarget::Gltf,
+    OutputTarget::Godot,
+    OutputTarget::Godot3,
+    OutputTarget::Unity,
+    OutputTarget::Unreal,
+    OutputTarget::Blender,
+    OutputTarget::Web,
+    OutputTarget::Playcanvas,
 ];
 
 /// Samplings, the highest last.
 const SAMPLINGS: [u32; 3] = [1, 2, 4];
 
 /// Bakes and measures every case; rows in order of case, target and sampling. Calls `on_row` with each row as soon
-/// as it is there, and `watcher` during the training.
+/// as it is there, and `observer` during the training.
 pub fn run(
     args: &FidelityBenchArgs,
-    watcher: &mut dyn Watcher,
+    observer: &mut dyn TrainObserver,
     on_row: &mut dyn FnMut(&FidelityRow),
 ) -> Result<Vec<FidelityRow>> {
     let dataset_options = &args.dataset_options;
@@ -158,7 +155,7 @@ pub fn run(
         return Err(Error::invalid("DATASET", args.dataset.display(), "held-out photos; see `test_every`"));
     }
     args.budget.check(args.soup.is_none() || args.soft.is_none())?;
-    let soups = soups(args, &dataset, watcher)?;
+    let soups = soups(args, &dataset, observer)?;
     let mut bench = FidelityBench {
         args,
         dataset: &dataset,
@@ -204,9 +201,9 @@ struct Soups {
 }
 
 /// The soups that are given; those that are not are trained.
-fn soups(args: &FidelityBenchArgs, dataset: &Dataset, watcher: &mut dyn Watcher) -> Result<Soups> {
+fn soups(args: &FidelityBenchArgs, dataset: &Dataset, observer: &mut dyn TrainObserver) -> Result<Soups> {
     let mut train =
-        |preset| training::train(dataset, preset, &args.budget, &args.dataset_options, &mut *watcher);
+        |preset| training::train(dataset, preset, &args.budget, &args.dataset_options, &mut *observer);
     if let Some(soup) = &args.soup {
         let reference = args.soft.clone().unwrap_or_else(|| soup.clone());
         let name = soup.display().to_string();
@@ -284,9 +281,9 @@ impl FidelityBench<'_> {
         let clock = Instant::now();
         let (asset, output) = self.bake(loaded, case, seen)?;
         let baked = clock.elapsed().as_secs_f64();
-        let mut written: Vec<(Encoding, Vec<FidelityRow>)> = Vec::new();
+        let mut written: Vec<(TargetEncoding, Vec<FidelityRow>)> = Vec::new();
         for &target in case.targets {
-            let encoding = Encoding { notes: Vec::new(), ..target.encoding(output.compress) };
+            let encoding = TargetEncoding { notes: Vec::new(), ..target.encoding(output.compress) };
             let name = serde_json::to_value(target).unwrap_or_default();
             let name = name.as_str().unwrap_or_default();
             // Engines that read the same file get the same numbers.
@@ -312,7 +309,7 @@ impl FidelityBench<'_> {
         }
         let mut views = case.photos.then(|| Views::new(self.dataset, self.photo_bytes(), self.background));
         let inputs = vec![loaded.clone()];
-        let asset = bake(inputs, &options, views.as_mut(), &mut Report::default(), &mut ())?;
+        let asset = Bake::new(&options).photos(views.as_mut()).run(inputs)?;
         Ok((asset, options.output))
     }
 

@@ -5,8 +5,8 @@ use crate::error::{Error, Result};
 use crate::gpu::timer::Timer;
 use crate::image::Pixels;
 use crate::mesh::Mesh;
-use crate::raster::solid::{Solid, SolidOptions};
-use crate::train::clock;
+use crate::process;
+use crate::raster::solid::{Solid, SolidRasterOptions};
 use crate::view::headless::{Canvas, Headless};
 use crate::view::model::{ChunkOrder, Model};
 use crate::view::renderer::{DisplayMode, DrawStats, FrameParams};
@@ -63,7 +63,7 @@ pub(super) fn time(
     let canvas = Canvas::new(&card.gpu, first.size, msaa)?;
     let mut timer = Timer::new(&card.gpu);
     let mut times = FrameTimes::default();
-    let (mut last, mut mark, mut cpu) = (None, Instant::now(), clock::cpu_secs());
+    let (mut last, mut mark, mut cpu) = (None, Instant::now(), process::cpu_secs());
     for i in 0..count.warmup + count.frames + 1 {
         let params = params(&path[i % path.len()], order);
         let mut encoder = card.gpu.device.create_command_encoder(&Default::default());
@@ -83,7 +83,7 @@ pub(super) fn time(
         }
         let now = Instant::now();
         if i == count.warmup {
-            cpu = clock::cpu_secs();
+            cpu = process::cpu_secs();
         }
         let gpu_ms = timer.as_mut().map_or(Vec::new(), Timer::collect);
         if i > count.warmup {
@@ -91,7 +91,7 @@ pub(super) fn time(
         }
         mark = now;
     }
-    let cpu_ms = (clock::cpu_secs() - cpu) * 1e3;
+    let cpu_ms = (process::cpu_secs() - cpu) * 1e3;
     card.gpu.wait(None)?;
     Ok(times.cost(cpu_ms))
 }
@@ -161,7 +161,7 @@ pub struct Agreement {
 
 /// Compares a frame with the CPU's. Errors: they are not the same picture.
 pub(super) fn check(name: &str, frame: &Pixels, mesh: &Mesh, camera: &Camera) -> Result<Agreement> {
-    let options = SolidOptions { background: BACKGROUND, samples: 1, near: NEAR };
+    let options = SolidRasterOptions { background: BACKGROUND, samples: 1, near: NEAR };
     options.validate(camera.size)?;
     let wants = Solid::new().render(mesh, camera, &options);
     let agreement = agreement(frame, &wants);

@@ -5,7 +5,7 @@
 //! this program (`trisplat bench measure -- COMMAND`), which prints the figures.
 
 use crate::error::{Error, Result};
-use crate::train::clock::RSS_UNIT_BYTES;
+use crate::process::RSS_UNIT_BYTES;
 use nix::sys::resource::{UsageWho, getrusage};
 use nix::sys::time::TimeValLike;
 use serde::{Deserialize, Serialize};

@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::image::Pixels;
 use crate::mesh::Mesh;
 use crate::raster::soft::{Frame, Soft, SoftOptions, SoupRef};
-use crate::raster::solid::{NO_FACE, Solid, SolidOptions};
+use crate::raster::solid::{NO_FACE, Solid, SolidRasterOptions};
 use crate::soup::Soup;
 use crate::train::space::Space;
 use crate::view::show;
@@ -69,7 +69,7 @@ pub struct SoftScene {
 #[derive(Debug)]
 pub struct SolidScene {
     mesh: Mesh,
-    options: SolidOptions,
+    options: SolidRasterOptions,
     solid: Solid,
     frame: Frame,
 }
@@ -93,7 +93,7 @@ impl SceneRenderer {
             }
             None => space_around(soup.vertices.as_flattened()),
         };
-        space.enter_soup(&mut soup);
+        space.soup_to_training(&mut soup);
         // The alpha cap rises with the least opacity, as it does at the end of training: a soup that is
         // solid throughout is drawn without a leak.
         let least = soup.opacity.iter().copied().fold(1.0, f32::min);
@@ -118,7 +118,7 @@ impl SceneRenderer {
             }
             None => space_around(&mesh.positions),
         };
-        let options = SolidOptions { background, samples, near: NEAR / space.scale };
+        let options = SolidRasterOptions { background, samples, near: NEAR / space.scale };
         Self::Solid(Box::new(SolidScene { mesh, options, solid: Solid::new(), frame: Frame::default() }))
     }
 
@@ -169,7 +169,7 @@ impl SceneRenderer {
 
 impl SoftScene {
     fn draw(&mut self, camera: &Camera, geometry: bool) -> &Frame {
-        let camera = self.space.enter_camera(camera);
+        let camera = self.space.camera_to_training(camera);
         self.options.geometry = geometry;
         self.soft.render(&SoupRef::from(&self.soup), &camera, &self.options)
     }
@@ -178,7 +178,7 @@ impl SoftScene {
 impl SolidScene {
     /// Depth and normals at the centres of pixels; no colours.
     fn geometry(&mut self, camera: &Camera) -> &Frame {
-        let options = SolidOptions { samples: 1, ..self.options };
+        let options = SolidRasterOptions { samples: 1, ..self.options };
         let seen = self.solid.visibility(&self.mesh, camera, &options);
         let normal = |face: u32| {
             let [a, b, c] = self.mesh.corners(face as usize);

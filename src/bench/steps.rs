@@ -6,12 +6,11 @@
 
 use super::scene_renderer::{RenderMode, RenderOptions, SceneRenderer};
 use crate::asset::{Asset, Provenance};
-use crate::bake::bake;
-use crate::bake::options::{BakeOptions, Preset};
+use crate::bake::{BakeOptions, bake};
 use crate::dataset::Dataset;
 use crate::error::{Error, Result};
 use crate::formats::output::{self, Output, OutputOptions};
-use crate::formats::target::Target;
+use crate::formats::target::OutputTarget;
 use crate::formats::{self, ReadOptions};
 use crate::report::Report;
 use crate::scene::{Loaded, Scene};
@@ -74,11 +73,11 @@ pub fn no_soup(path: &Path) -> Error {
 pub fn baked(mut soup: Soup, provenance: Provenance) -> Result<Asset> {
     soup.truncate_sh(0);
     let loaded = Loaded { scene: Scene::Soup(soup), provenance, warnings: Vec::new(), cameras: Vec::new() };
-    bake(vec![loaded], &BakeOptions::preset(Preset::Default), None, &mut Report::default(), &mut ())
+    bake(loaded, &BakeOptions::DEFAULT)
 }
 
 /// The smallest file we write: 16-bit positions, 8-bit colours, meshopt.
-pub const SMALLEST: OutputOptions = OutputOptions { target: Target::Web, ..OutputOptions::SMALL };
+pub const SMALLEST: OutputOptions = OutputOptions { target: OutputTarget::Web, ..OutputOptions::SMALL };
 
 /// The asset after it was written as GLB and read back; and the size of that file.
 pub fn reread(asset: &Asset, options: &OutputOptions) -> Result<(Asset, u64)> {

@@ -5,10 +5,7 @@ use crate::camera::{self, Camera};
 use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
 use crate::formats::ply;
-use crate::train::cpu::Cpu;
-use crate::train::options::{Preset, TrainOptions};
-use crate::train::progress::Watcher;
-use crate::train::{RunOptions, Trainer, run};
+use crate::train::{TrainObserver, TrainOptions, TrainPreset, TrainRun};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -52,19 +49,15 @@ pub struct TrainedSoup {
 /// Errors: a budget out of range, photos that cannot be decoded, no room for the file.
 pub fn train(
     dataset: &Dataset,
-    preset: Preset,
+    preset: TrainPreset,
     budget: &TrainBudget,
     dataset_options: &DatasetOptions,
-    watcher: &mut dyn Watcher,
+    observer: &mut dyn TrainObserver,
 ) -> Result<TrainedSoup> {
     let mut options = TrainOptions::preset(preset);
     options.steps = budget.steps.unwrap_or(options.steps);
     options.max_triangles = budget.max_triangles.unwrap_or(options.max_triangles);
-    options.validate()?;
-    let drawing = options.drawing(dataset_options.background.to_f32());
-    let photo_bytes = u64::from(dataset_options.photo_memory_mib) << 20;
-    let trainer = Trainer::start(dataset, &options, photo_bytes, Cpu::new(drawing))?;
-    let trained = run(trainer, dataset, &drawing, &RunOptions::default(), Vec::new(), 0.0, watcher)?;
+    let trained = TrainRun::new(dataset, &options).with_dataset_options(dataset_options).run(observer)?;
 
     let cameras: Vec<Camera> = dataset.train().map(|view| view.camera).collect();
     let placement = Placement { center: dataset.origin.to_array(), ..Placement::IDENTITY };

@@ -4,12 +4,10 @@ use super::Global;
 use super::files;
 use super::layers::Layers;
 use super::progress::Progress;
-use crate::bake;
-use crate::bake::options::BakeOptions;
-use crate::bake::views::Views;
+use crate::bake::{Bake, BakeOptions, Views};
 use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
-use crate::formats::output::{self, Kind, Output};
+use crate::formats::output::{self, Output, OutputFormat};
 use crate::formats::{self, ReadOptions};
 use crate::report::Report;
 use crate::scene::Loaded;
@@ -28,7 +26,7 @@ pub struct BakeArgs {
     pub output: PathBuf,
     /// Kind of file to write, when the name of OUT does not say.
     #[arg(long, value_enum)]
-    pub format: Option<Kind>,
+    pub format: Option<OutputFormat>,
     /// Replace OUT if it is there.
     #[arg(short, long)]
     pub force: bool,
@@ -60,21 +58,24 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()>
         .with_levels(options.lod.lod.len(), &options.output)?;
     guard(args, &output)?;
 
-    let mut progress = Progress::new(global);
+    let mut progress = Progress::new(global).with_flags_of(command());
     let mut report = Report::new("bake");
     report.inputs = args.inputs.iter().map(|p| p.display().to_string()).collect();
     report.options = serde_json::to_value(&options).unwrap_or_default();
     report.dry_run = args.dry_run;
 
     let mut views = photos(args, &mut report)?;
-    let loaded = read_all(&args.inputs)?;
-    let asset = bake::bake(loaded, &options, views.as_mut(), &mut report, &mut progress)?;
+    let asset = Bake::new(&options)
+        .photos(views.as_mut())
+        .report(&mut report)
+        .observer(&mut progress)
+        .run(read_all(&args.inputs)?)?;
     output::write(&asset, &output, &options.output, args.dry_run, &mut report, &mut progress)?;
     report.seconds = clock.elapsed().as_secs_f64();
 
     progress.done();
     for warning in &report.warnings {
-        progress.line(&format!("warning: {warning}"));
+        progress.warn(warning);
     }
     for file in &report.outputs {
         let verb = if args.dry_run { "would write" } else { "wrote" };
@@ -85,6 +86,11 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()>
         Some(path) => files::save_json(&report, path),
         None => Ok(()),
     }
+}
+
+/// The command, for the names of its flags.
+fn command() -> clap::Command {
+    <BakeArgs as clap::Args>::augment_args(clap::Command::new("bake"))
 }
 
 /// The training photos of `--dataset`.

@@ -7,7 +7,7 @@ use super::progress::{Progress, thousands};
 use crate::bench::fps;
 use crate::bench::{bake, fidelity, measure, raster};
 use crate::error::{Error, Result};
-use crate::train::progress::{Sample, Watcher};
+use crate::train::{TrainObserver, TrainSample};
 use std::ffi::OsString;
 use std::path::PathBuf;
 
@@ -146,8 +146,8 @@ fn run_fidelity(args: &fidelity::FidelityBenchArgs, global: &Global) -> Result<(
 /// Prints the progress of a training now and then.
 struct TrainLines<'a>(&'a Progress);
 
-impl Watcher for TrainLines<'_> {
-    fn sampled(&mut self, sample: &Sample) {
+impl TrainObserver for TrainLines<'_> {
+    fn sampled(&mut self, sample: &TrainSample) {
         if sample.test_psnr.is_some() || sample.step.is_multiple_of(500) {
             let held_out = sample.test_psnr.map_or(String::new(), |p| format!(", {p:.2} held out"));
             let (step, triangles) = (sample.step, thousands(sample.triangles));

@@ -13,34 +13,38 @@ pub fn innermost<'a>(command: &'a Command, matches: &ArgMatches) -> &'a Command 
 pub fn message(error: &Error, command: &Command) -> String {
     let text = error.to_string();
     match error {
-        Error::Invalid { option, .. } if is_flag(command, option) => {
-            format!("{}{}", typed(option), spell(&text[option.len()..], command))
+        Error::Invalid { option, .. } => {
+            let name = typed(command, option).unwrap_or_else(|| option.clone());
+            format!("{name}{}", spell(&text[option.len()..], command))
         }
         _ => spell(&text, command),
     }
 }
 
-/// `text` with every field in backticks that is a flag of `command` spelt as it is typed.
+/// `text` with every field in backticks that is a flag of `command` spelt as it is typed. Two backticks stand for one
+/// that is printed.
 pub fn spell(text: &str, command: &Command) -> String {
     let mut parts = text.split('`').peekable();
     let mut out = parts.next().unwrap_or_default().to_owned();
     // Between an odd backtick and the next stands a quoted word, if there is a next.
     while let Some(word) = parts.next() {
-        match parts.next() {
-            Some(rest) if is_flag(command, word) => out += &(typed(word) + rest),
-            Some(rest) => out += &format!("`{word}`{rest}"),
-            None => out += &format!("`{word}"),
+        match (parts.next(), typed(command, word)) {
+            (Some(rest), _) if word.is_empty() => out += &format!("`{rest}"),
+            (Some(rest), Some(typed)) => out += &(typed + rest),
+            (Some(rest), None) => out += &format!("`{word}`{rest}"),
+            (None, _) => out += &format!("`{word}"),
         }
     }
     out
 }
 
-fn is_flag(command: &Command, field: &str) -> bool {
-    command.get_arguments().any(|a| a.get_long().is_some() && a.get_id() == field)
-}
-
-fn typed(field: &str) -> String {
-    format!("--{}", field.replace('_', "-"))
+/// How a field is typed: `--max-edge`, or `IN` when it has no flag; `None` when it is no argument of `command`.
+fn typed(command: &Command, field: &str) -> Option<String> {
+    let argument = command.get_arguments().find(|a| a.get_id() == field)?;
+    match argument.get_long() {
+        Some(long) => Some(format!("--{long}")),
+        None => argument.get_value_names()?.first().map(ToString::to_string),
+    }
 }
 
 #[cfg(test)]
@@ -48,7 +52,8 @@ mod tests {
     use super::*;
 
     fn command() -> Command {
-        Command::new("bake").arg(clap::Arg::new("max_edge").long("max-edge"))
+        let edge = clap::Arg::new("max_edge").long("max-edge");
+        Command::new("bake").arg(edge).arg(clap::Arg::new("inputs").value_name("IN"))
     }
 
     #[test]
@@ -56,7 +61,9 @@ mod tests {
         let error = Error::invalid("max_edge", -1, "0 or more; see `max_edge`, `photo` and `trisplat bake`");
         let wants = "--max-edge is -1: wants 0 or more; see --max-edge, `photo` and `trisplat bake`";
         assert_eq!(message(&error, &command()), wants);
+        assert_eq!(message(&Error::invalid("inputs", "-", "a file"), &command()), "IN is -: wants a file");
         assert_eq!(message(&Error::invalid("draw.near", 0, "> 0"), &command()), "draw.near is 0: wants > 0");
         assert_eq!(spell("a lone ` stays, `max_edge` too", &command()), "a lone ` stays, `max_edge` too");
+        assert_eq!(spell("the key ``max_edge``, `max_edge`", &command()), "the key `max_edge`, --max-edge");
     }
 }

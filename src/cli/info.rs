@@ -2,11 +2,11 @@
 
 use super::progress::thousands;
 use super::{files, info_dataset};
-use crate::bake::prune::{PruneOptions, prune};
+use crate::bake::prune::{PruneDetails, PruneOptions, prune};
 use crate::dataset::DatasetOptions;
 use crate::error::{Error, Result};
-use crate::formats::info::{BakeInfo, Bin, Distribution, Info, Kind, info};
-use crate::report::Outcome;
+use crate::formats::info::{BakeInfo, Distribution, HistogramBin, Info, SceneKind, info};
+use crate::report::{self, Outcome};
 use crate::scene::Loaded;
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -40,9 +40,10 @@ pub fn run(args: &InfoArgs, out: &mut dyn Write) -> Result<()> {
 /// What the default bake would keep; none when its first stage fails.
 fn would_bake(loaded: Loaded) -> Option<BakeInfo> {
     let mut scene = loaded.scene;
-    let mut dropped = serde_json::Map::new();
-    match prune(&mut scene, &PruneOptions::DEFAULT, &mut dropped) {
+    let mut details = PruneDetails::default();
+    match prune(&mut scene, &PruneOptions::DEFAULT, &mut details) {
         Ok(Outcome::Changed(()) | Outcome::Unneeded(_)) => {
+            let mut dropped = report::to_json(&details);
             dropped.retain(|_, count| count.as_u64() != Some(0));
             Some(BakeInfo { kept: scene.triangle_count() as u64, dropped })
         }
@@ -53,10 +54,10 @@ fn would_bake(loaded: Loaded) -> Option<BakeInfo> {
 fn print(info: &Info, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "{}: {}, {} bytes", info.path, info.format.name(), thousands(info.bytes))?;
     let kind = match (info.kind, info.sh_degree) {
-        (Kind::Soup, Some(degree)) => format!("soup, spherical harmonics of degree {degree}"),
-        (Kind::Soup, None) => "soup".to_owned(),
-        (Kind::Mesh, _) if info.indexed => "mesh with shared vertices".to_owned(),
-        (Kind::Mesh, _) => "mesh".to_owned(),
+        (SceneKind::Soup, Some(degree)) => format!("soup, spherical harmonics of degree {degree}"),
+        (SceneKind::Soup, None) => "soup".to_owned(),
+        (SceneKind::Mesh, _) if info.indexed => "mesh with shared vertices".to_owned(),
+        (SceneKind::Mesh, _) => "mesh".to_owned(),
     };
     line(out, "kind", &kind)?;
     line(out, "triangles", &thousands(info.triangles))?;
@@ -138,7 +139,7 @@ fn print_spread(out: &mut dyn Write, name: &str, spread: &Distribution) -> io::R
     let Distribution { min, median, mean, max, bins } = spread;
     line(out, name, &format!("{min:.4} to {max:.4}, mean {mean:.4}, median {median:.4}"))?;
     let most = bins.iter().map(|bin| bin.count).max().unwrap_or(0).max(1);
-    for Bin { low, high, count } in bins {
+    for HistogramBin { low, high, count } in bins {
         let range = match high {
             Some(high) => format!("{low} to {high}"),
             None => format!("{low} and more"),

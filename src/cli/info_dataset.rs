@@ -27,7 +27,7 @@ pub fn run(path: &Path, options: &DatasetOptions, json: bool, out: &mut dyn Writ
 
 /// The table, one figure per line.
 pub fn table(d: &Description) -> String {
-    let mut rows = vec![("kind", d.kind.clone())];
+    let mut rows = vec![("kind", d.kind.to_string())];
     let photos = d.train + d.test;
     rows.push(("photos", format!("{photos}: {} to train on, {} held out", d.train, d.test)));
     for group in d.cameras.iter().take(LISTED) {

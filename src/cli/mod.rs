@@ -23,6 +23,8 @@ mod resume;
 pub mod sample;
 pub mod schema;
 pub mod train;
+pub mod train_args;
+mod train_curve;
 pub mod train_progress;
 pub mod validate;
 #[cfg(feature = "view")]

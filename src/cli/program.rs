@@ -4,7 +4,9 @@
 use super::missing;
 #[cfg(feature = "view")]
 use super::view;
-use super::{Global, bake, bench, completions, eval, flags, info, render, sample, schema, train, validate};
+use super::{
+    Global, bake, bench, completions, eval, flags, info, render, sample, schema, train, train_args, validate,
+};
 use crate::error::Result;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::process::ExitCode;
@@ -33,7 +35,7 @@ pub enum Command {
     /// Make a synthetic soup or data set to try things on.
     Sample(sample::SampleArgs),
     /// Train a soup of triangles on posed photos.
-    Train(Box<train::TrainArgs>),
+    Train(Box<train_args::TrainArgs>),
     /// Measure how close a soup or mesh comes to photos it was not trained on.
     Eval(Box<eval::EvalArgs>),
     /// Draw a soup or mesh from the photos' cameras, or from a circle around it.

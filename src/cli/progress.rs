@@ -1,6 +1,6 @@
 //! What the terminal shows while stages run: a spinner on a TTY, and the stage table.
 
-use super::Global;
+use super::{Global, flags};
 use crate::report::{Observer, StageReport};
 use indicatif::{HumanCount, ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
@@ -12,6 +12,8 @@ pub struct Progress {
     quiet: bool,
     verbose: bool,
     spinner: Option<ProgressBar>,
+    /// Spells the fields named in reasons and warnings as flags.
+    command: clap::Command,
 }
 
 impl Progress {
@@ -25,7 +27,12 @@ impl Progress {
             bar.enable_steady_tick(Duration::from_millis(100));
             bar
         });
-        Self { quiet: global.quiet, verbose: global.verbose, spinner }
+        Self { quiet: global.quiet, verbose: global.verbose, spinner, command: clap::Command::default() }
+    }
+
+    /// Spells the fields named in reasons and warnings as the flags of `command`.
+    pub fn with_flags_of(self, command: clap::Command) -> Self {
+        Self { command, ..self }
     }
 
     /// Prints a line, above the spinner when there is one; nothing when quiet.
@@ -35,6 +42,11 @@ impl Progress {
             Some(bar) => bar.suspend(|| eprintln!("{text}")),
             None => eprintln!("{text}"),
         }
+    }
+
+    /// Prints a warning of the library.
+    pub fn warn(&self, warning: &str) {
+        self.line(&format!("warning: {}", flags::spell(warning, &self.command)));
     }
 
     /// Removes the spinner.
@@ -53,7 +65,7 @@ impl Observer for Progress {
     }
 
     fn finished(&mut self, stage: &StageReport) {
-        self.line(&row(stage));
+        self.line(&flags::spell(&row(stage), &self.command));
         if self.verbose {
             for (key, value) in &stage.details {
                 self.line(&format!("           {key}: {value}"));

@@ -1,7 +1,7 @@
 //! The command that goes on with a training that was stopped.
 
-use super::train::TrainArgs;
-use crate::train::options::TrainOptions;
+use super::train_args::TrainArgs;
+use crate::train::TrainOptions;
 use clap::{ArgMatches, Args, Command};
 use std::path::Path;
 

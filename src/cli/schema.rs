@@ -1,6 +1,10 @@
 //! `trisplat schema NAME`: JSON Schemas, generated from the types they describe.
 
-use crate::bake::options::BakeOptions;
+use crate::bake::{
+    BakeOptions, backdrop::BackdropDetails, bvh::BvhDetails, chunk::ChunkDetails, color::ColorDetails,
+    lod::LodDetails, order::OrderDetails, place::PlaceDetails, prune::PruneDetails, refit::RefitDetails,
+    solid::SolidDetails, unseen::UnseenDetails, weld::WeldDetails,
+};
 use crate::bench::bake::BakeRow;
 use crate::bench::evaluate::EvalReport;
 use crate::dataset::Description;
@@ -8,7 +12,8 @@ use crate::error::{Error, Result};
 use crate::formats::bvh::BvhHeader;
 use crate::formats::check::Checked;
 use crate::formats::info::Info;
-use crate::report::Report;
+use crate::formats::output::WriteDetails;
+use crate::report::{Report, stage_schema};
 use crate::train::options::TrainOptions;
 use std::io::Write;
 
@@ -52,7 +57,7 @@ impl SchemaName {
         let schema = match self {
             SchemaName::Bake => config_schema(schemars::schema_for!(BakeOptions)),
             SchemaName::Train => config_schema(schemars::schema_for!(TrainOptions)),
-            SchemaName::Report => schemars::schema_for!(Report),
+            SchemaName::Report => report_schema(),
             SchemaName::Info => schemars::schema_for!(Info),
             SchemaName::Dataset => schemars::schema_for!(Description),
             SchemaName::Eval => schemars::schema_for!(EvalReport),
@@ -75,6 +80,33 @@ fn config_schema(mut schema: schemars::Schema) -> schemars::Schema {
             "$schema".to_owned(),
             serde_json::json!({ "type": "string", "description": "Where this schema is; for editors." }),
         );
+    }
+    schema
+}
+
+/// A report, in which the details of a stage are those of that stage.
+fn report_schema() -> schemars::Schema {
+    let mut generator = schemars::generate::SchemaSettings::draft2020_12().into_generator();
+    let g = &mut generator;
+    let stages = [
+        stage_schema::<PruneDetails>(g),
+        stage_schema::<SolidDetails>(g),
+        stage_schema::<ColorDetails>(g),
+        stage_schema::<UnseenDetails>(g),
+        stage_schema::<BackdropDetails>(g),
+        stage_schema::<RefitDetails>(g),
+        stage_schema::<WeldDetails>(g),
+        stage_schema::<PlaceDetails>(g),
+        stage_schema::<ChunkDetails>(g),
+        stage_schema::<BvhDetails>(g),
+        stage_schema::<OrderDetails>(g),
+        stage_schema::<LodDetails>(g),
+        stage_schema::<WriteDetails>(g),
+        schemars::json_schema!({ "properties": { "name": { "const": "train" } } }),
+    ];
+    let mut schema = generator.into_root_schema_for::<Report>();
+    if let Some(stage) = schema.pointer_mut("/$defs/StageReport").and_then(|s| s.as_object_mut()) {
+        stage.insert("oneOf".to_owned(), serde_json::json!(stages));
     }
     schema
 }

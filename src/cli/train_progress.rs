@@ -1,18 +1,17 @@
 //! What the terminal shows while a run trains: a bar on a TTY, the log, and Ctrl-C.
 
 use super::Global;
-use super::progress::thousands;
 use crate::error::{Error, Result};
-use crate::train::progress::{Sample, Watcher};
 use crate::train::refine::Refined;
-use indicatif::{ProgressBar, ProgressStyle};
+use crate::train::{TrainObserver, TrainSample};
+use indicatif::{HumanCount, ProgressBar, ProgressStyle};
 use std::fs::File;
 use std::io::{BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Shows PSNR, triangles and time left; writes the log; hears Ctrl-C.
+/// Shows PSNR, triangles and time left; writes the log; stops on Ctrl-C.
 pub struct Bar {
     quiet: bool,
     verbose: bool,
@@ -31,7 +30,7 @@ impl Bar {
         steps: u64,
         done: u64,
         log: Option<&Path>,
-        before: &[Sample],
+        before: &[TrainSample],
     ) -> Result<Self> {
         let bar = (!global.quiet && std::io::stderr().is_terminal()).then(|| {
             let bar = ProgressBar::new(steps).with_position(done);
@@ -43,10 +42,10 @@ impl Bar {
         });
         let log = log.map(|path| open_log(path, before)).transpose()?;
         let stop = Arc::new(AtomicBool::new(false));
-        let heard = Arc::clone(&stop);
+        let asked = Arc::clone(&stop);
         // The second Ctrl-C does not wait for the checkpoint. Without a handler Ctrl-C just ends the run.
         let _ = ctrlc::set_handler(move || {
-            if heard.swap(true, Ordering::Relaxed) {
+            if asked.swap(true, Ordering::Relaxed) {
                 std::process::exit(130);
             }
         });
@@ -74,7 +73,7 @@ impl Bar {
     }
 }
 
-fn open_log(path: &Path, before: &[Sample]) -> Result<(PathBuf, Box<dyn Write>)> {
+fn open_log(path: &Path, before: &[TrainSample]) -> Result<(PathBuf, Box<dyn Write>)> {
     if path.as_os_str() == "-" {
         return Ok((path.to_owned(), Box::new(std::io::stdout())));
     }
@@ -85,23 +84,23 @@ fn open_log(path: &Path, before: &[Sample]) -> Result<(PathBuf, Box<dyn Write>)>
 }
 
 /// One line of the log.
-fn write_line(log: &mut dyn Write, sample: &Sample) -> std::io::Result<()> {
+fn write_line(log: &mut dyn Write, sample: &TrainSample) -> std::io::Result<()> {
     serde_json::to_writer(&mut *log, sample)?;
     writeln!(log)?;
     log.flush()
 }
 
-impl Watcher for Bar {
-    fn stepped(&mut self, sample: &Sample) {
+impl TrainObserver for Bar {
+    fn stepped(&mut self, sample: &TrainSample) {
         if let Some(bar) = &self.bar {
             bar.set_position(sample.step);
-            let triangles = thousands(sample.triangles);
+            let triangles = HumanCount(sample.triangles);
             let held_out = self.psnr.map_or(String::new(), |p| format!(" ({p:.2} held out)"));
             bar.set_message(format!("{:.2} dB{held_out}  {triangles} triangles", sample.psnr));
         }
     }
 
-    fn sampled(&mut self, sample: &Sample) {
+    fn sampled(&mut self, sample: &TrainSample) {
         self.psnr = sample.test_psnr.or(self.psnr);
         if let Some((path, log)) = &mut self.log
             && let Err(e) = write_line(log, sample)
@@ -114,7 +113,7 @@ impl Watcher for Bar {
         if self.verbose {
             self.line(&format!(
                 "step {step}: {} triangles; +{} cloned, +{} split, -{} faint, -{} unimportant, -{} unseen",
-                thousands(r.triangles as u64),
+                HumanCount(r.triangles as u64),
                 r.cloned,
                 3 * r.split,
                 r.faint,

@@ -1,7 +1,7 @@
 //! `trisplat view FILE`: a window to fly through a scene.
 
 use crate::asset::{Asset, Placement};
-use crate::bake::{self, bvh, bvh::BvhOptions};
+use crate::bake::bvh::{BvhDetails, BvhOptions, bvh};
 use crate::bench::baked_scene::BakedScene;
 use crate::bench::scene_renderer::SceneRenderer;
 use crate::camera::Camera;
@@ -103,6 +103,6 @@ fn load(args: &ViewArgs, progress: &dyn Fn(&str)) -> Result<WindowScene> {
 
 /// Adds the BVH that picking needs.
 fn add_bvh(mut asset: Asset) -> Result<Asset> {
-    bvh::bvh(&mut asset, &BvhOptions { bvh: true }, &mut bake::Details::new())?;
+    bvh(&mut asset, &BvhOptions { bvh: true }, &mut BvhDetails::default())?;
     Ok(asset)
 }

@@ -1,6 +1,6 @@
 //! A random cloud of points where the cameras look, for data sets without points of their own.
 
-use super::{Point, View};
+use super::posed::{Point, View};
 use crate::camera;
 use crate::math::median::median;
 use crate::rng::Rng;

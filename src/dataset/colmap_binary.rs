@@ -2,7 +2,7 @@
 //!
 //! Every count is compared with the bytes that are left before anything is allocated for it.
 
-use super::colmap::{self, ImageRow, Model, PointRow};
+use super::colmap_model::{self, ImageRow, Model, PointRow};
 use crate::error::{Error, Result};
 use glam::{DVec3, Vec2};
 use std::fs::File;
@@ -32,13 +32,13 @@ fn read_cameras(bytes: &mut Bytes, model: &mut Model) -> Result<()> {
         let id = u32::from_le_bytes(bytes.take()?);
         let number = i32::from_le_bytes(bytes.take()?);
         let size = [u64::from_le_bytes(bytes.take()?), u64::from_le_bytes(bytes.take()?)];
-        let Some(name) = colmap::camera_model_name(number) else {
+        let Some(name) = colmap_model::camera_model_name(number) else {
             return Err(bytes.malformed(format!("camera {id} has model {number}, which does not exist")));
         };
-        let params: Vec<f64> = (0..colmap::parameter_count(&bytes.path, name)?)
+        let params: Vec<f64> = (0..colmap_model::parameter_count(&bytes.path, name)?)
             .map(|_| Ok(f64::from_le_bytes(bytes.take()?)))
             .collect::<Result<_>>()?;
-        model.cameras.insert(id, colmap::lens(&bytes.path, name, size, &params)?);
+        model.cameras.insert(id, colmap_model::lens(&bytes.path, name, size, &params)?);
     }
     bytes.end()
 }
@@ -51,9 +51,10 @@ fn read_images(bytes: &mut Bytes, model: &mut Model) -> Result<()> {
         let translation = DVec3::from(bytes.floats::<3>()?);
         let camera = u32::from_le_bytes(bytes.take()?);
         let name = bytes.name()?;
-        let rotation = colmap::rotation(quaternion).filter(|_| translation.is_finite()).ok_or_else(|| {
-            bytes.malformed(format!("image {id} `{name}` has no pose: {quaternion:?}, {translation}"))
-        })?;
+        let rotation =
+            colmap_model::rotation(quaternion).filter(|_| translation.is_finite()).ok_or_else(|| {
+                bytes.malformed(format!("image {id} `{name}` has no pose: {quaternion:?}, {translation}"))
+            })?;
         let seen = bytes.count("2D points", 24)?;
         let mut sightings = Vec::new();
         for _ in 0..seen {

@@ -1,6 +1,6 @@
 //! COLMAP's text model: cameras.txt, images.txt, points3D.txt.
 
-use super::colmap::{self, ImageRow, Model, PointRow};
+use super::colmap_model::{self, ImageRow, Model, PointRow};
 use super::lens::Distortion;
 use crate::error::{Error, Result};
 use glam::{DQuat, DVec3, Vec2};
@@ -32,7 +32,7 @@ fn read_cameras(lines: &mut Lines, model: &mut Model) -> Result<()> {
         let name = words.word("camera model")?.to_owned();
         let size = [words.number("width")?, words.number("height")?];
         let params: Vec<f64> = words.rest("parameter")?;
-        let lens = colmap::lens(&lines.path, &name, size, &params)?;
+        let lens = colmap_model::lens(&lines.path, &name, size, &params)?;
         model.cameras.insert(id, lens);
     }
     Ok(())
@@ -50,9 +50,10 @@ fn read_images(lines: &mut Lines, model: &mut Model) -> Result<()> {
         if name.is_empty() {
             return Err(lines.malformed(format!("image {id} has no name")));
         }
-        let rotation = colmap::rotation(quaternion).filter(|_| translation.is_finite()).ok_or_else(|| {
-            lines.malformed(format!("image {id} `{name}` has no pose: {quaternion:?}, {translation}"))
-        })?;
+        let rotation =
+            colmap_model::rotation(quaternion).filter(|_| translation.is_finite()).ok_or_else(|| {
+                lines.malformed(format!("image {id} `{name}` has no pose: {quaternion:?}, {translation}"))
+            })?;
         let mut sightings = Vec::new();
         if lines.next_line()? {
             let mut words = lines.words();

@@ -1,6 +1,7 @@
 //! A data set in figures: what `trisplat info` prints.
 
-use super::{Dataset, Reprojection, View};
+use super::kind::DatasetKind;
+use super::posed::{Dataset, Reprojection, View};
 use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -9,8 +10,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(title = "trisplat data set")]
 pub struct Description {
-    /// What it was read as: "COLMAP model (binary)".
-    pub kind: String,
+    /// What it was read as.
+    pub kind: DatasetKind,
     /// Photos to train on.
     pub train: u64,
     /// Photos held out.
@@ -68,7 +69,7 @@ pub fn describe(dataset: &Dataset) -> Description {
     let pixels = |v: &View| u64::from(v.camera.size.x) * u64::from(v.camera.size.y);
     let origin = dataset.origin;
     Description {
-        kind: dataset.kind.to_owned(),
+        kind: dataset.kind,
         train: count(&|v| !v.test),
         test: count(&|v| v.test),
         cameras: cameras(views),

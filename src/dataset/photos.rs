@@ -1,9 +1,9 @@
 //! All photos of a run, decoded in the background under a memory budget.
 //!
-//! Every file is decoded once. What does not fit the budget waits, already shrunk, in a temporary file
-//! without a name, from which it comes back at the speed of a copy.
+//! Every file is decoded once. What does not fit the budget is kept, already shrunk, in a cache on disk (a temporary file without a name),
+//! from which it comes back at the speed of a copy.
 
-use super::Photo;
+use super::photo::Photo;
 use crate::error::{Error, Result};
 use crate::image::Pixels;
 use std::collections::VecDeque;
@@ -12,7 +12,7 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
-/// Photos fetched ahead even when the budget is used up, so that training does not wait for the disk.
+/// Photos prefetched even when the budget is used up, so that training does not wait for the disk.
 const AHEAD: usize = 4;
 /// Threads that decode: each may hold one photo at full size.
 const WORKERS: usize = 2;
@@ -29,45 +29,48 @@ struct Shared {
     photos: Vec<Photo>,
     budget_bytes: u64,
     state: Mutex<State>,
+    /// A worker may have something to do.
     work: Condvar,
-    news: Condvar,
+    /// A photo has been decoded.
+    decoded: Condvar,
 }
 
 #[derive(Debug, Default)]
 struct State {
     slots: Vec<Slot>,
     /// What will be taken next, in order.
-    expected: VecDeque<usize>,
-    /// What is being waited for now.
+    queue: VecDeque<usize>,
+    /// What `take` is waiting for now.
     wanted: Option<usize>,
     resident_bytes: u64,
-    /// Counts takes: the age of a photo is when it was last taken.
+    /// Counts takes, to know which photo was taken least recently.
     clock: u64,
-    shelf: Shelf,
-    decoded: u64,
+    cache: DiskCache,
+    decode_count: u64,
     stop: bool,
 }
 
 #[derive(Debug, Default)]
 struct Slot {
     pixels: Option<Result<Arc<Pixels>>>,
-    shelved: Option<Shelved>,
+    cached: Option<CachedPhoto>,
     loading: bool,
+    /// When it was last taken.
     taken: u64,
 }
 
 impl Photos {
-    /// Photos to be taken by their index; nothing is decoded before [`Photos::expect`] or
+    /// Photos to be taken by their index; nothing is decoded before [`Photos::prefetch`] or
     /// [`Photos::take`].
     pub fn new(photos: Vec<Photo>, budget_bytes: u64) -> Self {
         let slots = photos.iter().map(|_| Slot::default()).collect();
         let state = Mutex::new(State { slots, ..State::default() });
         let shared =
-            Arc::new(Shared { photos, budget_bytes, state, work: Condvar::new(), news: Condvar::new() });
+            Arc::new(Shared { photos, budget_bytes, state, work: Condvar::new(), decoded: Condvar::new() });
         let workers = (0..WORKERS)
             .map(|_| {
                 let shared = Arc::clone(&shared);
-                std::thread::spawn(move || shared.serve())
+                std::thread::spawn(move || shared.work_until_stopped())
             })
             .collect();
         Self { shared, workers }
@@ -83,10 +86,10 @@ impl Photos {
         self.shared.photos.is_empty()
     }
 
-    /// Says what will be taken next, in order, after what was said before; the background fetches it.
-    pub fn expect(&mut self, order: impl IntoIterator<Item = usize>) {
+    /// Queues what will be taken next, in order, behind what is queued already; the background decodes it as far as memory goes.
+    pub fn prefetch(&mut self, order: impl IntoIterator<Item = usize>) {
         let count = self.len();
-        self.shared.lock().expected.extend(order.into_iter().filter(|&i| i < count));
+        self.shared.lock().queue.extend(order.into_iter().filter(|&i| i < count));
         self.shared.work.notify_all();
     }
 
@@ -104,21 +107,21 @@ impl Photos {
                 state.clock += 1;
                 state.slots[i].taken = state.clock;
                 state.slots[i].pixels = Some(Ok(Arc::clone(&found)));
-                if let Some(at) = state.expected.iter().take(2 * AHEAD).position(|&next| next == i) {
-                    state.expected.remove(at);
+                if let Some(at) = state.queue.iter().take(2 * AHEAD).position(|&next| next == i) {
+                    state.queue.remove(at);
                 }
                 self.shared.work.notify_all();
                 return Ok(found);
             }
             state.wanted = Some(i);
             self.shared.work.notify_all();
-            state = self.shared.news.wait(state).unwrap_or_else(PoisonError::into_inner);
+            state = self.shared.decoded.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
     }
 
     /// How many files have been decoded so far.
     pub fn decoded(&self) -> u64 {
-        self.shared.lock().decoded
+        self.shared.lock().decode_count
     }
 }
 
@@ -138,8 +141,8 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What a worker does all its life.
-    fn serve(&self) {
+    /// The loop of a worker thread.
+    fn work_until_stopped(&self) {
         let mut state = self.lock();
         while !state.stop {
             let Some(i) = self.next_job(&state) else {
@@ -147,14 +150,14 @@ impl Shared {
                 continue;
             };
             state.slots[i].loading = true;
-            let shelved = state.slots[i].shelved.and_then(|place| state.shelf.fetch(place));
-            let pixels = match shelved {
+            let cached = state.slots[i].cached.and_then(|place| state.cache.get(place));
+            let pixels = match cached {
                 Some(pixels) => Ok(pixels),
                 None => {
                     drop(state);
                     let decoded = self.photos[i].decode();
                     state = self.lock();
-                    state.decoded += 1;
+                    state.decode_count += 1;
                     decoded
                 }
             };
@@ -163,8 +166,8 @@ impl Shared {
             let bytes = pixels.as_ref().map_or(0, Pixels::bytes);
             slot.pixels = Some(pixels.map(Arc::new));
             state.resident_bytes += bytes;
-            self.make_room(&mut state, i);
-            self.news.notify_all();
+            self.evict(&mut state, i);
+            self.decoded.notify_all();
         }
     }
 
@@ -175,7 +178,7 @@ impl Shared {
             return Some(i);
         }
         let mut bytes = state.resident_bytes;
-        for (ahead, &i) in state.expected.iter().enumerate() {
+        for (ahead, &i) in state.queue.iter().enumerate() {
             let size = self.photos[i].size;
             let fits = bytes + 4 * u64::from(size.x) * u64::from(size.y) <= self.budget_bytes;
             if ahead >= AHEAD && !fits {
@@ -191,12 +194,11 @@ impl Shared {
         None
     }
 
-    /// Shelves the photos that were not used for longest until the budget is kept, but none that is
-    /// needed at once.
-    fn make_room(&self, state: &mut State, newest: usize) {
+    /// Moves the least recently taken photos to the disk cache until the budget is kept, but none that is needed at once.
+    fn evict(&self, state: &mut State, newest: usize) {
         while state.resident_bytes > self.budget_bytes {
             let soon = |i: usize| {
-                i == newest || state.wanted == Some(i) || state.expected.iter().take(AHEAD).any(|&e| e == i)
+                i == newest || state.wanted == Some(i) || state.queue.iter().take(AHEAD).any(|&e| e == i)
             };
             let resident = |slot: &Slot| matches!(slot.pixels, Some(Ok(_)));
             let oldest = (0..state.slots.len())
@@ -205,31 +207,31 @@ impl Shared {
             let Some(i) = oldest else { return };
             let Some(Ok(pixels)) = state.slots[i].pixels.take() else { return };
             state.resident_bytes -= pixels.bytes();
-            if state.slots[i].shelved.is_none() {
+            if state.slots[i].cached.is_none() {
                 // Without room on the disk either, the file is decoded again when its turn comes.
-                state.slots[i].shelved = state.shelf.put(&pixels).ok();
+                state.slots[i].cached = state.cache.put(&pixels).ok();
             }
         }
     }
 }
 
-/// The temporary file of decoded photos.
+/// Decoded photos in a temporary file.
 #[derive(Debug, Default)]
-struct Shelf {
+struct DiskCache {
     file: Option<File>,
     end: u64,
 }
 
-/// Where a photo stands on the shelf.
+/// Where a photo is in the cache.
 #[derive(Debug, Clone, Copy)]
-struct Shelved {
+struct CachedPhoto {
     at: u64,
     size: glam::UVec2,
     alpha: bool,
 }
 
-impl Shelf {
-    fn put(&mut self, pixels: &Pixels) -> std::io::Result<Shelved> {
+impl DiskCache {
+    fn put(&mut self, pixels: &Pixels) -> std::io::Result<CachedPhoto> {
         let file = match &mut self.file {
             Some(file) => file,
             empty => empty.insert(tempfile::tempfile()?),
@@ -239,10 +241,10 @@ impl Shelf {
         file.write_all(bytemuck::cast_slice(&pixels.rgb))?;
         file.write_all(pixels.alpha.as_deref().unwrap_or_default())?;
         self.end = at + pixels.bytes();
-        Ok(Shelved { at, size: pixels.size, alpha: pixels.alpha.is_some() })
+        Ok(CachedPhoto { at, size: pixels.size, alpha: pixels.alpha.is_some() })
     }
 
-    fn fetch(&mut self, place: Shelved) -> Option<Pixels> {
+    fn get(&mut self, place: CachedPhoto) -> Option<Pixels> {
         let file = self.file.as_mut()?;
         let count = place.size.x as usize * place.size.y as usize;
         let mut rgb = vec![[0u8; 3]; count];
@@ -288,7 +290,7 @@ mod tests {
             let mut photos = Photos::new(photos(folder.path(), 20), budget);
             for epoch in 0..4 {
                 let order: Vec<usize> = (0..20).map(|k| (k * 7 + epoch * 3) % 20).collect();
-                photos.expect(order.iter().copied());
+                photos.prefetch(order.iter().copied());
                 for i in order {
                     assert_eq!(*photos.take(i).unwrap(), pixels(i), "budget {budget}");
                 }
@@ -303,10 +305,10 @@ mod tests {
     }
 
     #[test]
-    fn taking_without_expecting_works_and_expectations_may_be_wrong() {
+    fn taking_without_prefetching_works_and_the_queue_may_be_wrong() {
         let folder = tempfile::tempdir().unwrap();
         let mut photos = Photos::new(photos(folder.path(), 5), 0);
-        photos.expect([4, 3, 99]);
+        photos.prefetch([4, 3, 99]);
         for i in [0, 1, 1, 4, 0, 2] {
             assert_eq!(*photos.take(i).unwrap(), pixels(i));
         }
@@ -318,7 +320,7 @@ mod tests {
         let list = photos(folder.path(), 3);
         std::fs::write(folder.path().join("1.png"), b"\x89PNG\r\n\x1a\nnothing").unwrap();
         let mut photos = Photos::new(list, 1 << 20);
-        photos.expect(0..3);
+        photos.prefetch(0..3);
         assert!(photos.take(0).is_ok());
         let message = photos.take(1).unwrap_err().to_string();
         assert!(message.contains("1.png"), "{message}");

@@ -1,7 +1,7 @@
 //! Which photos are held out: `test.txt`, else what the data set marks, else every Nth by name.
 
 use super::options::DatasetOptions;
-use super::{Dataset, View};
+use super::posed::{Dataset, View};
 use crate::error::{Error, Result};
 use std::collections::HashSet;
 use std::path::Path;
@@ -77,7 +77,7 @@ fn by_list(dataset: &mut Dataset, list: &Path, text: &str) -> Result<()> {
         let count = named.len() - matched.len();
         if matched.is_empty() {
             let reason = format!("none of its {count} names is a photo of the data set (`{missing}`)");
-            return Err(Error::malformed(list, "names", format!("{reason}; mend or remove the file")));
+            return Err(Error::malformed(list, "names", format!("{reason}; correct or remove the file")));
         }
         let of = named.len();
         dataset.warnings.push(format!("test.txt: {count} of {of} names are no photos (`{missing}`)"));
@@ -96,7 +96,8 @@ fn spellings(view: &View) -> [Option<&str>; 4] {
 
 fn all_held_out(dataset: &Dataset, source: &Path) -> Result<()> {
     if dataset.views.iter().all(|view| view.test) {
-        let reason = "every photo is held out, none is left to train on; name fewer, or give --test-every 0";
+        let reason =
+            "every photo is held out, none is left to train on; name fewer, or set `test_every` to 0";
         return Err(Error::unsupported(source, reason));
     }
     Ok(())

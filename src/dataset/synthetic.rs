@@ -2,7 +2,7 @@
 //!
 //! Nothing in it comes from a camera, so it may be given away, and every number in it can be checked.
 
-use super::colmap::{ImageRow, Model, PointRow};
+use super::colmap_model::{ImageRow, Model, PointRow};
 use super::colmap_text;
 use super::lens::{Distortion, Lens};
 use super::synthetic_scene::{Hit, Ray, trace, visible};

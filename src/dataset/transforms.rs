@@ -7,7 +7,8 @@
 //! R = (M diag(1, -1, -1))^T        t = -R c        M, c: rotation and column 3 of transform_matrix
 //! ```
 
-use super::found::{Found, FoundPoint, Frame, LensClaim};
+use super::found::{Found, FoundPhoto, FoundPoint, LensClaim};
+use super::kind::DatasetKind;
 use super::lens::Distortion;
 use super::options::DatasetOptions;
 use super::point_ply;
@@ -82,7 +83,8 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<Found> {
         return Err(Error::malformed(file, "frames", "is empty; a data set wants at least one photo"));
     }
     let (list, reprojection) = (file.to_owned(), None);
-    Ok(Found { kind: "transforms.json", root, list, frames, points, reprojection, warnings: Vec::new() })
+    let (kind, photos) = (DatasetKind::Transforms, frames);
+    Ok(Found { kind, root, list, photos, points, reprojection, warnings: Vec::new() })
 }
 
 /// The cloud that `file` names.
@@ -106,7 +108,12 @@ fn parse(file: &Path) -> Result<Transforms> {
 }
 
 /// Adds the frames of another file, held out; a photo in both files is held out too.
-fn add_held_out(frames: &mut Vec<Frame>, file: &Path, root: &Path, options: &DatasetOptions) -> Result<()> {
+fn add_held_out(
+    frames: &mut Vec<FoundPhoto>,
+    file: &Path,
+    root: &Path,
+    options: &DatasetOptions,
+) -> Result<()> {
     let transforms = parse(file)?;
     let mut known: HashMap<String, usize> =
         frames.iter().enumerate().map(|(i, f)| (f.name.clone(), i)).collect();
@@ -116,7 +123,7 @@ fn add_held_out(frames: &mut Vec<Frame>, file: &Path, root: &Path, options: &Dat
             Some(&i) => frames[i].held_out = true,
             None => {
                 known.insert(held.name.clone(), frames.len());
-                frames.push(Frame { held_out: true, ..held });
+                frames.push(FoundPhoto { held_out: true, ..held });
             }
         }
     }
@@ -130,14 +137,14 @@ fn frame(
     row: &FrameRow,
     shared: &Intrinsics,
     options: &DatasetOptions,
-) -> Result<Frame> {
+) -> Result<FoundPhoto> {
     let relative = row.file_path.replace('\\', "/");
     let relative = relative.strip_prefix("./").unwrap_or(&relative);
     let bad = |reason: String| Error::malformed(file, format!("frame {index} `{relative}`"), reason);
-    let photo = with_extension(root.join(relative));
+    let path = with_extension(root.join(relative));
     let mut name = relative.to_owned();
-    if Path::new(relative).extension() != photo.extension()
-        && let Some(extension) = photo.extension().and_then(|e| e.to_str())
+    if Path::new(relative).extension() != path.extension()
+        && let Some(extension) = path.extension().and_then(|e| e.to_str())
     {
         name = format!("{relative}.{extension}");
     }
@@ -147,7 +154,7 @@ fn frame(
     let (rotation, translation) = pose(&row.transform_matrix).map_err(bad)?;
     let lens = row.own.over(shared).lens().map_err(|reason| Error::unsupported(file, reason))?;
     let mask = row.mask_path.as_ref().map(|mask| root.join(mask.replace('\\', "/")));
-    Ok(Frame { name, photo, mask, rotation, translation, lens, held_out: false })
+    Ok(FoundPhoto { name, path, mask, rotation, translation, lens, held_out: false })
 }
 
 /// Blender writes names without their extension.

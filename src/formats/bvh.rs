@@ -142,7 +142,7 @@ pub fn belongs(path: &Path, header: &BvhHeader, mesh: &Mesh) -> Result<()> {
     let hash = format!("{:016x}", position_hash(mesh));
     if header.faces as usize != mesh.face_count() || header.position_hash != hash {
         let reason = format!(
-            "belongs to another scene ({} faces, hash {}, the scene has {} and {hash}); bake again with --bvh",
+            "belongs to another scene ({} faces, hash {}, the scene has {} and {hash}); bake again with `bvh`",
             header.faces,
             header.position_hash,
             mesh.face_count()

@@ -3,40 +3,21 @@
 //! Readers stop at the first fault; here every fault is a finding with its place. Faults of one kind are
 //! one finding with their number and the first few places.
 
+mod findings;
 mod gltf;
 mod scene;
+
+pub use findings::{Finding, Severity};
 
 use super::detect::{detect, read_as};
 use super::{Format, ReadOptions, Source, bvh, html};
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
 use crate::scene::{Loaded, Scene};
+use findings::{Findings, Positions};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-
-/// How bad a finding is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Severity {
-    /// Worth knowing; nothing need be done.
-    Note,
-    /// The file works, but less well than it could.
-    Warning,
-    /// The file breaks its format's rules or cannot be drawn.
-    Error,
-}
-
-/// One thing found.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct Finding {
-    /// How bad it is.
-    pub severity: Severity,
-    /// Where: "accessor 3", "triangles 5, 17, 230 and 12 more".
-    pub place: String,
-    /// What is wrong and what would be right.
-    pub what: String,
-}
 
 /// Everything found in one file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -59,35 +40,6 @@ impl Checked {
     }
 }
 
-/// Collects findings.
-#[derive(Debug, Default)]
-struct Findings(Vec<Finding>);
-
-impl Findings {
-    fn add(&mut self, severity: Severity, place: impl Into<String>, what: impl Into<String>) {
-        self.0.push(Finding { severity, place: place.into(), what: what.into() });
-    }
-
-    fn error(&mut self, place: impl Into<String>, what: impl Into<String>) {
-        self.add(Severity::Error, place, what);
-    }
-
-    fn warning(&mut self, place: impl Into<String>, what: impl Into<String>) {
-        self.add(Severity::Warning, place, what);
-    }
-
-    /// A finding of its own for a file that is broken; what the system refused stays an error.
-    fn take(&mut self, error: Error) -> Result<()> {
-        match error {
-            Error::Io { .. } => return Err(error),
-            Error::Malformed { at, reason, .. } => self.error(at, reason),
-            Error::Unsupported { reason, .. } => self.error("file", reason),
-            other => self.error("file", other.to_string()),
-        }
-        Ok(())
-    }
-}
-
 /// Everything found in the file at `path` and in the hierarchy beside it.
 ///
 /// # Errors
@@ -95,28 +47,26 @@ impl Findings {
 pub fn check(path: &Path) -> Result<Checked> {
     let mut source = Source::open(path)?;
     let format = detect(&mut source)?;
+    // No engine reads a page, and its own viewer reads everything.
+    let for_engines = format != Format::Html;
     let mut findings = Findings::default();
     let (inner, mut source) = html::inside(format, source)?;
     if matches!(inner, Format::Glb | Format::Gltf) {
-        gltf::check(source.again()?, &mut findings)?;
+        gltf::check(source.again()?, for_engines, &mut findings)?;
     }
     let mut triangles = None;
-    // All of it is proven, so all of it is read.
+    // All of it is checked, so all of it is read.
     match read_as(inner, source.again()?, &ReadOptions { sh_degree: 3 }) {
         Ok(loaded) => {
             triangles = Some(loaded.scene.triangle_count() as u64);
             check_loaded(path, inner, &loaded, &mut findings)?;
         }
-        // The same fault may have been found by the closer look already.
-        Err(Error::Malformed { at, .. }) if findings.0.iter().any(|f| f.place == at) => {}
+        // The checks of glTF files may have found the same fault.
+        Err(Error::Malformed { at, .. }) if findings.has_place(&at) => {}
         Err(error) => findings.take(error)?,
     }
-    if format == Format::Html {
-        // No engine reads a page, and its own viewer reads everything.
-        findings.0.retain(|finding| finding.place != gltf::LOSSY);
-    }
     let path = path.display().to_string();
-    Ok(Checked { path, format, triangles, findings: findings.0 })
+    Ok(Checked { path, format, triangles, findings: findings.list })
 }
 
 fn check_loaded(path: &Path, format: Format, loaded: &Loaded, findings: &mut Findings) -> Result<()> {
@@ -150,8 +100,8 @@ fn check_hierarchy(path: &Path, mesh: &Mesh, findings: &mut Findings) -> Result<
         }
         Err(error) => return findings.take(error),
     };
-    // 16-bit positions and reordered corners change the hash, not the hierarchy's worth.
-    let exact = !findings.0.iter().any(|finding| finding.place == gltf::LOSSY);
+    // 16-bit positions and reordered corners change the hash, but the hierarchy is still right.
+    let exact = findings.positions == Positions::AsBaked;
     match bvh::belongs(&beside, &header, mesh) {
         Err(Error::Unsupported { reason, .. }) if exact => findings.error(place, reason),
         Err(Error::Unsupported { .. }) if header.faces as usize == mesh.face_count() => findings.add(

@@ -1,6 +1,8 @@
-//! Which format a file has: told by its first bytes, by its name only where the bytes leave it open.
+//! Which format a file has: decided by its first bytes, by its name only where the bytes leave it open.
 
-use super::{ReadOptions, Source, gltf_read, html, obj, off, ply, pt};
+use super::read_options::ReadOptions;
+use super::source::Source;
+use super::{gltf, html, obj, off, ply, pt};
 use crate::error::{Error, Result};
 use crate::scene::Loaded;
 use serde::{Deserialize, Serialize};
@@ -34,7 +36,7 @@ impl Format {
     /// The format of a file that begins with `head` (64 bytes are enough) and is called `path`.
     ///
     /// Bytes win over the name, because people rename files; the name decides between text formats
-    /// that begin alike. `None` when neither tells.
+    /// that begin alike. `None` when neither decides.
     pub fn detect(head: &[u8], path: &Path) -> Option<Format> {
         let by_name = Self::by_extension(path);
         match head {
@@ -57,7 +59,7 @@ impl Format {
         if word.ends_with(b"OFF") && word.len() <= 7 {
             return Some(Format::Off);
         }
-        // Only comments so far, or a bare number list: the name must tell.
+        // Only comments so far, or a bare number list: the name must decide.
         let plain = line.is_empty() || line[0] == b'#';
         match by_name {
             Some(Format::Obj) => Some(Format::Obj),
@@ -114,6 +116,18 @@ pub fn detect(source: &mut Source) -> Result<Format> {
 
 /// The scene in the file at `path`, whatever its format; "-" is standard input.
 ///
+/// ```
+/// use trisplat::formats::{self, ReadOptions};
+///
+/// # let folder = tempfile::tempdir().unwrap();
+/// # let path = folder.path().join("square.obj");
+/// std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n").unwrap();
+/// let loaded = formats::read(&path, &ReadOptions::default())?;
+/// assert_eq!(loaded.scene.triangle_count(), 2); // polygons come as triangles
+/// assert_eq!(loaded.warnings, ["the file has no colours: every triangle is white"]);
+/// # Ok::<(), trisplat::error::Error>(())
+/// ```
+///
 /// # Errors
 /// What the format's reader reports, or that no reader knows the file.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded> {
@@ -130,7 +144,7 @@ pub(super) fn read_as(format: Format, source: Source, options: &ReadOptions) -> 
         Format::Pt => pt::read(source, options),
         Format::Off => off::read(source, options),
         Format::Obj => obj::read(source, options),
-        Format::Glb | Format::Gltf | Format::Html => gltf_read::read(source, options),
+        Format::Glb | Format::Gltf | Format::Html => gltf::read(source, options),
     }
 }
 

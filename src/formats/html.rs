@@ -3,16 +3,18 @@
 //! ```text
 //! <!doctype html><!-- trisplat page 1 -->
 //! ... style, viewer (page/ in the repository) ...
-//! <script type="model/gltf-binary;base64">...</script><script>trisplat.block()</script>    a line a block
+//! <script type="model/gltf-binary;base64">...</script><script>trisplat.block()</script>    one line per block
 //! ...
 //! ```
 //!
-//! The blocks are the GLB in order. A browser decodes each while it still reads the next, and so do we.
+//! The blocks are the GLB in order. A browser decodes each while it still reads the next, and so does the reader.
 
 use super::gltf::{self, GltfOptions, Written};
-use super::{Format, Source, base64};
+use super::{Format, Source};
 use crate::asset::Asset;
 use crate::error::{Error, Result};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD as BASE64;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
@@ -22,7 +24,7 @@ const OPEN: &str = "<script type=\"model/gltf-binary;base64\">";
 const CLOSE: &str = "</script><script>trisplat.block()</script>\n";
 /// Bytes of the GLB in a block: a multiple of 3, so that no block but the last is padded.
 const BLOCK_BYTES: usize = 3 << 20;
-/// Longer lines are not ours.
+/// Longer lines are not of this format.
 const MAX_LINE_BYTES: u64 = 1 << 25;
 
 /// Writes the page of `asset` and returns what was written; `path` is for messages.
@@ -40,7 +42,7 @@ pub fn write(
     let (head, tail) = PAGE.split_once("@SCENE@\n").unwrap_or((PAGE, ""));
     let head = head.replace("@TITLE@", &escaped(title)).replace("@GENERATOR@", &crate::report::generator());
     out.write_all(head.as_bytes()).map_err(io)?;
-    let mut blocks = Blocks { out, pending: Vec::with_capacity(BLOCK_BYTES), text: Vec::new() };
+    let mut blocks = BlockWriter { out, pending: Vec::with_capacity(BLOCK_BYTES), text: String::new() };
     let written = gltf::write_glb(&mut blocks, path, asset, options)?;
     blocks.end().map_err(io)?;
     out.write_all(tail.as_bytes()).map_err(io)?;
@@ -54,27 +56,27 @@ fn escaped(text: &str) -> String {
 }
 
 /// Cuts bytes into blocks and writes each as a line of HTML. Holds one block.
-struct Blocks<'a> {
+struct BlockWriter<'a> {
     out: &'a mut dyn Write,
     pending: Vec<u8>,
-    text: Vec<u8>,
+    text: String,
 }
 
-impl Blocks<'_> {
+impl BlockWriter<'_> {
     fn end(&mut self) -> io::Result<()> {
         if self.pending.is_empty() {
             return Ok(());
         }
         self.text.clear();
-        self.text.extend(OPEN.as_bytes());
-        base64::encode(&self.pending, &mut self.text);
-        self.text.extend(CLOSE.as_bytes());
+        self.text.push_str(OPEN);
+        BASE64.encode_string(&self.pending, &mut self.text);
+        self.text.push_str(CLOSE);
         self.pending.clear();
-        self.out.write_all(&self.text)
+        self.out.write_all(self.text.as_bytes())
     }
 }
 
-impl Write for Blocks<'_> {
+impl Write for BlockWriter<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let taken = bytes.len().min(BLOCK_BYTES - self.pending.len());
         self.pending.extend(&bytes[..taken]);
@@ -111,7 +113,7 @@ fn unpack(mut source: Source) -> Result<Source> {
         }
         number += 1;
         let Some(rest) = line.strip_prefix(OPEN.as_bytes()) else { continue };
-        let bytes = rest.strip_suffix(CLOSE.as_bytes()).and_then(base64::decode);
+        let bytes = rest.strip_suffix(CLOSE.as_bytes()).and_then(|text| BASE64.decode(text).ok());
         let Some(bytes) = bytes else {
             let reason = "this block of the scene is cut short or is not base64; bake the page again";
             return Err(Error::malformed(&source.path, format!("line {number}"), reason));
@@ -156,7 +158,7 @@ mod tests {
     fn blocks_hold_every_byte_in_order() {
         let bytes: Vec<u8> = (0..BLOCK_BYTES + 10_001).map(|i| (i % 251) as u8).collect();
         let mut out = Vec::new();
-        let mut blocks = Blocks { out: &mut out, pending: Vec::new(), text: Vec::new() };
+        let mut blocks = BlockWriter { out: &mut out, pending: Vec::new(), text: String::new() };
         for part in bytes.chunks(70_000) {
             blocks.write_all(part).unwrap();
             blocks.flush().unwrap();
@@ -165,7 +167,7 @@ mod tests {
         let lines = out.split(|b| *b == b'\n').filter(|line| !line.is_empty());
         let decoded = lines.map(|line| {
             let text = &line[OPEN.len()..line.len() + 1 - CLOSE.len()];
-            base64::decode(text).unwrap()
+            BASE64.decode(text).unwrap()
         });
         let blocks: Vec<Vec<u8>> = decoded.collect();
         assert_eq!(blocks.len(), 2);

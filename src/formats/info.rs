@@ -1,9 +1,11 @@
 //! What is in a file: counts, bounds, distributions, origin.
 
-use super::detect::{detect, read_as};
-use super::gltf_read::container::Container;
-use super::gltf_read::document::{self, Document};
-use super::{Format, ReadOptions, Source, html};
+use super::detect::{Format, detect, read_as};
+use super::gltf::container::ContainerFile;
+use super::gltf::document::{self, Document};
+use super::html;
+use super::read_options::ReadOptions;
+use super::source::Source;
 use crate::asset::Provenance;
 use crate::error::Result;
 use crate::math::color::srgb_from_linear;
@@ -32,10 +34,10 @@ pub struct Info {
     /// Its size in bytes.
     pub bytes: u64,
     /// A soup of soft triangles or a mesh of solid ones.
-    pub kind: Kind,
+    pub kind: SceneKind,
     /// Number of triangles.
     pub triangles: u64,
-    /// Number of vertices; three a triangle when they are not shared.
+    /// Number of vertices; three per triangle when they are not shared.
     pub vertices: u64,
     /// True when triangles share vertices.
     pub indexed: bool,
@@ -46,7 +48,7 @@ pub struct Info {
     #[serde(default, skip_serializing_if = "is_zero")]
     pub cameras: u64,
     /// The box around all triangles.
-    pub bounds: Bounds,
+    pub bounds: BoundingBox,
     /// σ of a soup.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sigma: Option<Distribution>,
@@ -60,7 +62,7 @@ pub struct Info {
     pub gltf: Option<GltfInfo>,
     /// Where the scene comes from, as far as the file says.
     pub provenance: Provenance,
-    /// What was mended while reading.
+    /// What was repaired or left out while reading.
     pub warnings: Vec<String>,
     /// What `trisplat bake` would draw of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -70,7 +72,7 @@ pub struct Info {
 /// The two kinds of scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum Kind {
+pub enum SceneKind {
     /// Unconnected triangles with opacity, σ and spherical harmonics.
     Soup,
     /// Coloured triangles.
@@ -79,7 +81,7 @@ pub enum Kind {
 
 /// A box along the axes, in file units.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Bounds {
+pub struct BoundingBox {
     /// Lowest corner.
     pub min: [f32; 3],
     /// Highest corner.
@@ -98,12 +100,12 @@ pub struct Distribution {
     /// Largest.
     pub max: f32,
     /// Histogram, in order.
-    pub bins: Vec<Bin>,
+    pub bins: Vec<HistogramBin>,
 }
 
 /// One bar of a histogram: low ≤ x < high; the last bin holds its end too.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Bin {
+pub struct HistogramBin {
     /// Lower end.
     pub low: f32,
     /// Upper end; none for the open last bin.
@@ -178,14 +180,14 @@ pub fn info(path: &Path) -> Result<(Info, Loaded)> {
 }
 
 fn soup_info(soup: &Soup) -> Info {
-    let bounds = Bounds::of(soup.vertices.iter().flatten().copied());
+    let bounds = BoundingBox::of(soup.vertices.iter().flatten().copied());
     let colors = ColorStats::of((0..soup.len()).map(|i| soup.rgb(i)), 1);
     Info {
-        kind: Kind::Soup,
+        kind: SceneKind::Soup,
         sh_degree: Some(soup.sh_degree),
         sigma: Distribution::of(soup.sigma.clone(), &SIGMA_BINS),
         opacity: Distribution::of(soup.opacity.clone(), &OPACITY_BINS),
-        ..Info::new(Kind::Soup, soup.len(), 3 * soup.len(), bounds, colors)
+        ..Info::new(SceneKind::Soup, soup.len(), 3 * soup.len(), bounds, colors)
     }
 }
 
@@ -201,12 +203,12 @@ fn mesh_info(mesh: &Mesh) -> Info {
     Info {
         indexed: !mesh.indices.is_empty(),
         opacity: Distribution::of(mesh.opacity.clone(), &OPACITY_BINS),
-        ..Info::new(Kind::Mesh, mesh.face_count(), mesh.vertex_count(), Bounds::of(used), colors)
+        ..Info::new(SceneKind::Mesh, mesh.face_count(), mesh.vertex_count(), BoundingBox::of(used), colors)
     }
 }
 
 fn gltf_info(mut source: Source) -> Result<GltfInfo> {
-    let container = Container::read(&mut source)?;
+    let container = ContainerFile::read(&mut source)?;
     let document: Document = document::parse(&source.path, &container.json)?;
     Ok(GltfInfo {
         nodes: document.nodes.len() as u64,
@@ -220,7 +222,13 @@ fn gltf_info(mut source: Source) -> Result<GltfInfo> {
 }
 
 impl Info {
-    fn new(kind: Kind, triangles: usize, vertices: usize, bounds: Bounds, colors: ColorStats) -> Self {
+    fn new(
+        kind: SceneKind,
+        triangles: usize,
+        vertices: usize,
+        bounds: BoundingBox,
+        colors: ColorStats,
+    ) -> Self {
         Self {
             path: String::new(),
             format: Format::Ply,
@@ -247,7 +255,7 @@ fn is_zero(number: &u64) -> bool {
     *number == 0
 }
 
-impl Bounds {
+impl BoundingBox {
     fn of(points: impl Iterator<Item = Vec3>) -> Self {
         let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         let (min, max) = points.fold(empty, |(min, max), p| (min.min(p), max.max(p)));
@@ -266,7 +274,7 @@ impl Distribution {
             counts[ends.partition_point(|end| end <= value).min(ends.len() - 1)] += 1;
         }
         let low = std::iter::once(0.0).chain(ends.iter().copied());
-        let bins = low.zip(ends).zip(counts).map(|((low, &end), count)| Bin {
+        let bins = low.zip(ends).zip(counts).map(|((low, &end), count)| HistogramBin {
             low,
             high: (end < f32::MAX).then_some(end),
             count,

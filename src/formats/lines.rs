@@ -1,6 +1,6 @@
 //! A text file line by line, with line numbers for messages.
 
-use super::Source;
+use super::source::Source;
 use crate::error::{Error, Result};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek};

@@ -1,13 +1,17 @@
 //! Wavefront OBJ with vertex colours: `v x y z r g b`, sRGB by habit, read and written.
 //!
-//! Only `v` and `f` lines matter to us, and both need checks that general readers leave out: the
-//! crate `tobj` shifts colours when only some vertices have one and does not say which line is wrong.
-//! Our tests use it as the judge of what we write and read.
+//! Only `v` and `f` lines matter to us, and both need what the crate `tobj` does not give: it shifts colours when only some vertices have
+//! one, cuts every polygon as if it were convex, and does not say which line is wrong. Our tests compare with it, and one of them fails
+//! when its colours are fixed.
 
 use super::blocks::write_blocks;
 use super::channel::Clamped;
+use super::faces::Faces;
+use super::finish::finish;
 use super::lines::{Lines, clip, number};
-use super::{MAX_TRIANGLES, ReadOptions, Source, finish, not_a_triangle, provenance};
+use super::provenance;
+use super::read_options::ReadOptions;
+use super::source::Source;
 use crate::asset::Asset;
 use crate::error::{Error, Result};
 use crate::math::color::{linear_from_srgb, linear_of_srgb8, srgb_from_linear};
@@ -19,10 +23,9 @@ use std::io::{self, Write};
 use std::sync::LazyLock;
 
 /// The mesh in an OBJ file: all objects and groups as one, vertex colours made linear, white where a
-/// vertex has none. Normals, texture coordinates, materials, lines and points are passed over.
+/// vertex has none, polygons as triangles. Normals, texture coordinates, materials, lines and points are skipped.
 ///
-/// Errors: `Malformed` with the line for broken numbers, corners that name no vertex, and faces that
-/// are no triangles.
+/// Errors: `Malformed` with the line for broken numbers, corners that name no vertex, and faces of fewer than three corners.
 pub fn read(source: Source, _options: &ReadOptions) -> Result<Loaded> {
     let mut lines = Lines::new(&source)?;
     let mut draft = Draft::default();
@@ -30,7 +33,7 @@ pub fn read(source: Source, _options: &ReadOptions) -> Result<Loaded> {
         draft.take_line(&lines).map_err(|reason| lines.error(reason))?;
     }
     let path = &source.path;
-    if draft.indices.is_empty() {
+    if draft.faces.len() == 0 {
         return Err(Error::malformed(path, "the file", "has no faces: there are no triangles in it"));
     }
     if let Some((line, vertex)) = draft.ahead.filter(|(_, vertex)| *vertex > draft.positions.len() as i64) {
@@ -51,7 +54,9 @@ struct Draft {
     /// sRGB-encoded. Empty until the first vertex that has a colour.
     colors: Vec<[f32; 3]>,
     uncolored: usize,
-    indices: Vec<u32>,
+    faces: Faces,
+    /// The corners of the face being read.
+    corners: Vec<u32>,
     /// The largest vertex number (from 1) named before that vertex was there, and its line.
     ahead: Option<(u64, i64)>,
     comments: Vec<String>,
@@ -99,22 +104,13 @@ impl Draft {
         words: impl Iterator<Item = &'w str>,
         line: u64,
     ) -> std::result::Result<(), String> {
-        let face = self.indices.len() / 3;
-        if face as u64 >= MAX_TRIANGLES {
-            return Err(format!("more than {MAX_TRIANGLES} triangles: split the file"));
-        }
-        let (mut corners, mut count) = ([0; 3], 0);
+        let in_face = |face: usize, reason: String| format!("face {face} {reason}");
+        self.corners.clear();
         for word in words {
-            if let Some(corner) = corners.get_mut(count as usize) {
-                *corner = self.corner(word, line).map_err(|reason| format!("face {face} {reason}"))?;
-            }
-            count += 1;
+            let corner = self.corner(word, line).map_err(|reason| in_face(self.faces.len(), reason))?;
+            self.corners.push(corner);
         }
-        if count != 3 {
-            return Err(format!("face {face} {}", not_a_triangle(count)));
-        }
-        self.indices.extend(corners);
-        Ok(())
+        self.faces.push(&self.corners).map_err(|reason| in_face(self.faces.len(), reason))
     }
 
     /// Vertex number from 0 of `5`, `5/1`, `5//1`, `5/1/1`, or `-1` for the latest vertex.
@@ -133,7 +129,9 @@ impl Draft {
     }
 
     fn mesh(self, path: &std::path::Path, warnings: &mut Vec<String>) -> Result<Mesh> {
-        let mut mesh = Mesh { positions: self.positions, indices: self.indices, ..Mesh::default() };
+        let triangles = self.faces.triangulate(&self.positions);
+        let mut mesh = Mesh { positions: self.positions, ..Mesh::default() };
+        mesh.indices = triangles.into_indices(mesh.positions.len());
         if self.colors.is_empty() {
             warnings.push("the file has no colours: every triangle is white".into());
             mesh.colors = Colors::Face(vec![[1.0; 3]; mesh.face_count()]);
@@ -148,10 +146,6 @@ impl Draft {
             }
             clamped.report(path, warnings)?;
             mesh.colors = Colors::Vertex(colors);
-        }
-        let own = mesh.indices.len() == mesh.positions.len();
-        if own && mesh.indices.iter().enumerate().all(|(i, v)| i == *v as usize) {
-            mesh.indices = Vec::new();
         }
         Ok(mesh)
     }

@@ -4,15 +4,19 @@
 //! COFF
 //! 225171 75057 0
 //! -0.475 -4.081 -0.177            x y z, or x y z r g b [a]
-//! 3 0 1 2 62 51 51 255            corners, or corners r g b [a]
+//! 3 0 1 2 62 51 51 255            number of corners, corners, and perhaps r g b [a]
 //! ```
 //!
 //! The format knows no σ and its exporter drops opacity, so triangles are taken as solid; an alpha
 //! below 1 at a face is kept as opacity.
 
 use super::channel::Clamped;
+use super::faces::{Faces, check_corners};
+use super::finish::finish;
+use super::limits::MAX_TRIANGLES;
 use super::lines::{Lines, clip, number};
-use super::{MAX_TRIANGLES, ReadOptions, Source, finish, not_a_triangle};
+use super::read_options::ReadOptions;
+use super::source::Source;
 use crate::asset::Provenance;
 use crate::error::{Error, Result};
 use crate::math::color::linear_from_srgb;
@@ -23,10 +27,10 @@ use glam::Vec3;
 /// Bytes of the shortest lines: `0 0 0` and `3 0 1 2`.
 const SHORTEST: (u64, u64) = (6, 8);
 
-/// The mesh in an OFF or COFF file, indexed as the file has it, its sRGB colours made linear.
+/// The mesh in an OFF or COFF file, indexed as the file has it, its sRGB colours made linear and its polygons cut into triangles.
 ///
-/// Errors: `Malformed` with the line for broken text, bad corner numbers and faces that are no
-/// triangles; `Unsupported` for binary OFF and the variants with normals, texture or four dimensions.
+/// Errors: `Malformed` with the line for broken text, bad corner numbers and faces of fewer than three corners; `Unsupported` for binary
+/// OFF and the variants with normals, texture or four dimensions.
 pub fn read(source: Source, _options: &ReadOptions) -> Result<Loaded> {
     let mut lines = Lines::new(&source)?;
     let (vertices, faces) = read_counts(&source, &mut lines)?;
@@ -37,12 +41,15 @@ pub fn read(source: Source, _options: &ReadOptions) -> Result<Loaded> {
         advance(&mut lines, || format!("vertex {vertex} of {vertices}"))?;
         mesh.positions.push(position(&lines, &mut of_vertices).map_err(|reason| lines.error(reason))?);
     }
-    mesh.indices.reserve_exact(3 * faces);
+    let (mut read, mut corners) = (Faces::default(), Vec::new());
+    read.reserve(faces);
     for face in 0..faces {
         advance(&mut lines, || format!("face {face} of {faces}"))?;
-        let corners = corners(&lines, vertices, &mut of_faces);
-        mesh.indices.extend(corners.map_err(|reason| lines.error(format!("face {face} {reason}")))?);
+        read_corners(&lines, vertices, &mut corners, &mut of_faces)
+            .and_then(|()| read.push(&corners))
+            .map_err(|reason| lines.error(format!("face {face} {reason}")))?;
     }
+    let triangles = read.triangulate(&mesh.positions);
     let mut warnings = Vec::new();
     if of_vertices.any && of_faces.any {
         warnings.push("vertices and faces both have colours: those of the vertices are used".into());
@@ -54,8 +61,10 @@ pub fn read(source: Source, _options: &ReadOptions) -> Result<Loaded> {
         mesh.colors = Colors::Vertex(of_vertices.linear(&source, &mut warnings)?.0);
     } else {
         let (colors, alpha) = of_faces.linear(&source, &mut warnings)?;
-        (mesh.colors, mesh.opacity) = (Colors::Face(colors), alpha);
+        mesh.colors = Colors::Face(triangles.repeat(colors));
+        mesh.opacity = if alpha.is_empty() { alpha } else { triangles.repeat(alpha) };
     }
+    mesh.indices = triangles.indices;
     finish(
         &source.path,
         Loaded { scene: Scene::Mesh(mesh), provenance: Provenance::default(), warnings, cameras: Vec::new() },
@@ -121,22 +130,29 @@ fn position(lines: &Lines, tints: &mut Tints) -> std::result::Result<Vec3, Strin
     Ok(position)
 }
 
-fn corners(lines: &Lines, vertices: usize, tints: &mut Tints) -> std::result::Result<[u32; 3], String> {
+/// Reads a face's corners, and its colour into `tints`.
+fn read_corners(
+    lines: &Lines,
+    vertices: usize,
+    corners: &mut Vec<u32>,
+    tints: &mut Tints,
+) -> std::result::Result<(), String> {
     let mut words = lines.words();
     let count = words.next().unwrap_or_default();
-    match count.parse::<i64>() {
-        Ok(3) => {}
-        Ok(count) => return Err(not_a_triangle(count)),
-        Err(_) => return Err(format!("starts with {:?}; wants the number of its corners", clip(count))),
-    }
-    let mut corner = || {
-        let word = words.next().ok_or("has fewer than 3 corners")?;
+    let count = count
+        .parse::<i64>()
+        .map_err(|_| format!("starts with {:?}; wants the number of its corners", clip(count)))?;
+    let count = check_corners(count)?;
+    corners.clear();
+    for _ in 0..count {
+        let word = words.next().ok_or_else(|| format!("has fewer than {count} corners"))?;
         let index = word.parse::<u32>().ok().filter(|v| (*v as usize) < vertices);
-        index.ok_or_else(|| format!("names vertex {:?}, but there are {vertices} vertices", clip(word)))
-    };
-    let corners = [corner()?, corner()?, corner()?];
-    tints.push(words)?;
-    Ok(corners)
+        corners
+            .push(index.ok_or_else(|| {
+                format!("names vertex {:?}, but there are {vertices} vertices", clip(word))
+            })?);
+    }
+    tints.push(words)
 }
 
 /// Colours as the file has them. Whether they are 0 to 255 or 0 to 1 is known only at the end: `1 1 0`

@@ -1,17 +1,16 @@
-//! Writes an asset to whichever files its kind needs: planned first, then written, then named at once.
+//! Writes an asset to whichever files its format needs: planned first, then written, then renamed at once.
 
 use super::gltf::GltfOptions;
-use super::gltf::document::uri;
-use super::target::Target;
-use super::tileset::{self, Level};
+use super::gltf::uri;
+use super::target::OutputTarget;
+use super::tileset::{self, TilesetLevel};
 use super::{bvh, gltf, html, obj, ply};
 use crate::asset::Asset;
 use crate::atomic::AtomicFile;
 use crate::error::{Error, Result};
-use crate::report::{Observer, Outcome, OutputReport, Report};
+use crate::report::{Observer, Outcome, OutputReport, Report, StageDetails};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -21,8 +20,8 @@ use std::path::{Path, PathBuf};
 #[serde(deny_unknown_fields, default)]
 pub struct OutputOptions {
     /// Engine or viewer to write for: decides colour encoding, compression and files beside.
-    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = Target::Gltf))]
-    pub target: Target,
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = OutputTarget::Gltf))]
+    pub target: OutputTarget,
     /// Quantise positions per chunk and compress with meshopt, where the target reads it.
     #[cfg_attr(feature = "cli", arg(long, default_value_t = OutputOptions::DEFAULT.compress, num_args = 0..=1, require_equals = true,
           default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL"))]
@@ -40,27 +39,45 @@ pub struct OutputOptions {
 impl OutputOptions {
     /// Plain glTF for every viewer.
     pub const DEFAULT: Self =
-        Self { target: Target::Gltf, compress: false, ply_face_colors: false, allow_huge: false };
+        Self { target: OutputTarget::Gltf, compress: false, ply_face_colors: false, allow_huge: false };
     /// Quantised and compressed where the target reads it.
     pub const SMALL: Self = Self { compress: true, ..Self::DEFAULT };
 
     /// How the target wants its glTF; what the user should know goes into `details`.
-    fn encoding(&self, details: &mut Map<String, Value>) -> GltfOptions {
+    fn encoding(&self, details: &mut WriteDetails) -> GltfOptions {
         let encoding = self.target.encoding(self.compress);
-        details.insert("notes".into(), encoding.notes.into());
+        details.notes = Some(encoding.notes);
         GltfOptions { allow_huge: self.allow_huge, ..encoding.options }
     }
 
     /// How our own page wants its glTF: it reads everything, so it is compressed, without loss unless
     /// asked for.
-    fn page_encoding(&self, details: &mut Map<String, Value>) -> GltfOptions {
-        let other = !matches!(self.target, Target::Gltf | Target::Web);
+    fn page_encoding(&self, details: &mut WriteDetails) -> GltfOptions {
+        let other = !matches!(self.target, OutputTarget::Gltf | OutputTarget::Web);
         let notes =
-            other.then_some("html: the page is its own viewer; --target is for files that engines read");
-        details.insert("notes".into(), notes.into_iter().collect());
-        let web = Target::Web.encoding(self.compress).options;
+            other.then_some("html: the page is its own viewer; `target` is for files that engines read");
+        details.notes = Some(notes.into_iter().map(str::to_owned).collect());
+        let web = OutputTarget::Web.encoding(self.compress).options;
         GltfOptions { meshopt: true, allow_huge: self.allow_huge, ..web }
     }
+}
+
+/// What was written of the scene itself; levels are not counted.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct WriteDetails {
+    /// What the target needs from whoever opens the file, one sentence each; absent for formats without targets.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub notes: Option<Vec<String>>,
+    /// Largest distance of a written position from its own, in units of the file; absent when none moved.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub worst_position_error: Option<f32>,
+    /// Triangles whose corners fell together on the grid of positions; absent when no position moved.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub collapsed_triangles: Option<u64>,
+}
+
+impl StageDetails for WriteDetails {
+    const STAGE: &'static str = "write";
 }
 
 impl Default for OutputOptions {
@@ -69,10 +86,10 @@ impl Default for OutputOptions {
     }
 }
 
-/// The kinds of file an asset can become.
+/// The formats that are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-pub enum Kind {
+pub enum OutputFormat {
     /// glTF 2.0 in one binary file.
     Glb,
     /// glTF 2.0 as JSON with a .bin beside it.
@@ -85,7 +102,7 @@ pub enum Kind {
     Html,
 }
 
-impl Kind {
+impl OutputFormat {
     /// By the ending of `path`.
     fn of(path: &Path) -> Result<Self> {
         let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
@@ -97,9 +114,9 @@ impl Kind {
             "html" | "htm" => Ok(Self::Html),
             _ if path.as_os_str() == "-" || is_device(path) => Ok(Self::Glb),
             _ => Err(Error::invalid(
-                "--output",
+                "output",
                 path.display(),
-                "a name ending in .glb, .gltf, .obj, .ply or .html, or --format",
+                "a name ending in .glb, .gltf, .obj, .ply or .html, or `format`",
             )),
         }
     }
@@ -112,7 +129,7 @@ fn is_device(path: &Path) -> bool {
 /// The files one asset becomes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Output {
-    kind: Kind,
+    format: OutputFormat,
     main: PathBuf,
     /// .bin or .mtl.
     second: Option<PathBuf>,
@@ -127,26 +144,31 @@ pub struct Output {
 
 impl Output {
     /// Names every file before any work is done. Standard output carries one file only.
-    pub fn plan(path: &Path, kind: Option<Kind>, options: &OutputOptions, bvh: bool) -> Result<Self> {
-        let kind = kind.map_or_else(|| Kind::of(path), Ok)?;
-        let second = match kind {
-            Kind::Gltf => Some(path.with_extension("bin")),
-            Kind::Obj => Some(path.with_extension("mtl")),
-            Kind::Glb | Kind::Ply | Kind::Html => None,
+    pub fn plan(
+        path: &Path,
+        format: Option<OutputFormat>,
+        options: &OutputOptions,
+        bvh: bool,
+    ) -> Result<Self> {
+        let format = format.map_or_else(|| OutputFormat::of(path), Ok)?;
+        let second = match format {
+            OutputFormat::Gltf => Some(path.with_extension("bin")),
+            OutputFormat::Obj => Some(path.with_extension("mtl")),
+            OutputFormat::Glb | OutputFormat::Ply | OutputFormat::Html => None,
         };
         let stream = path.as_os_str() == "-" || is_device(path);
         if stream && (second.is_some() || bvh) {
-            let what = if bvh { "--bvh" } else { "this kind" };
+            let what = if bvh { "`bvh`" } else { "this kind" };
             let wants = format!("a file name: {what} writes a second file beside the first");
-            return Err(Error::invalid("--output", path.display(), wants));
+            return Err(Error::invalid("output", path.display(), wants));
         }
         let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("scene.glb");
-        let sidecar = match kind {
-            Kind::Glb | Kind::Gltf if !stream => options.target.sidecar(name),
+        let sidecar = match format {
+            OutputFormat::Glb | OutputFormat::Gltf if !stream => options.target.sidecar(name),
             _ => None,
         };
         Ok(Self {
-            kind,
+            format,
             main: path.to_owned(),
             second,
             sidecar: sidecar.map(|(name, text)| (path.with_file_name(name), text)),
@@ -161,17 +183,17 @@ impl Output {
         if levels == 0 {
             return Ok(self);
         }
-        if self.main.as_os_str() == "-" || is_device(&self.main) || self.kind == Kind::Html {
-            let wants = "a .glb, .gltf, .obj or .ply file: --lod writes more files beside the first";
-            return Err(Error::invalid("--output", self.main.display(), wants));
+        if self.main.as_os_str() == "-" || is_device(&self.main) || self.format == OutputFormat::Html {
+            let wants = "a .glb, .gltf, .obj or .ply file: `lod` writes more files beside the first";
+            return Err(Error::invalid("output", self.main.display(), wants));
         }
         let ending = self.main.extension().and_then(|e| e.to_str()).unwrap_or("glb").to_owned();
         let level = |i: usize| {
             let path = self.main.with_extension(format!("lod{i}.{ending}"));
-            Self::plan(&path, Some(self.kind), options, self.bvh.is_some())
+            Self::plan(&path, Some(self.format), options, self.bvh.is_some())
         };
         self.levels = (1..=levels).map(level).collect::<Result<_>>()?;
-        let gltf = matches!(self.kind, Kind::Glb | Kind::Gltf);
+        let gltf = matches!(self.format, OutputFormat::Glb | OutputFormat::Gltf);
         self.tileset = gltf.then(|| self.main.with_extension("tileset.json"));
         Ok(self)
     }
@@ -201,13 +223,12 @@ pub fn write(
     let counts = asset.counts();
     report.stage(
         observer,
-        "write",
         (),
         |()| counts,
         |(), details| {
             warnings = write_one(asset, output, options, &create, &mut files, details)?;
             for (asset, output) in asset.levels.iter().zip(&output.levels) {
-                let mut quiet = Map::new();
+                let mut quiet = WriteDetails::default();
                 warnings.extend(write_one(asset, output, options, &create, &mut files, &mut quiet)?);
             }
             if let Some(path) = &output.tileset {
@@ -233,7 +254,7 @@ fn write_one(
     options: &OutputOptions,
     create: Create,
     files: &mut Vec<AtomicFile>,
-    details: &mut Map<String, Value>,
+    details: &mut WriteDetails,
 ) -> Result<Vec<String>> {
     let mut main = create(&output.main)?;
     let mut second = output.second.as_deref().map(create).transpose()?;
@@ -260,25 +281,25 @@ fn write_text(path: &Path, text: &str, create: Create) -> Result<AtomicFile> {
 /// The tileset of an asset and its levels.
 fn tileset_of(asset: &Asset, output: &Output) -> String {
     let pairs = std::iter::once((asset, output)).chain(asset.levels.iter().zip(&output.levels));
-    let levels: Vec<Level> = pairs
+    let levels: Vec<TilesetLevel> = pairs
         .enumerate()
         .map(|(i, (asset, output))| {
             let name = output.main.file_name().unwrap_or_default().to_string_lossy();
             let error = if i == 0 { 0.0 } else { asset.mesh.detail() };
-            Level { uri: uri(&name), mesh: &asset.mesh, error }
+            TilesetLevel { uri: uri::from_file_name(&name), mesh: &asset.mesh, error }
         })
         .collect();
     tileset::json(&levels, &crate::report::generator())
 }
 
-/// Encodes the asset as its kind; returns warnings for the user.
+/// Encodes the asset in its format; returns warnings for the user.
 fn encode(
     asset: &Asset,
     output: &Output,
     options: &OutputOptions,
     main: &mut AtomicFile,
     second: Option<&mut AtomicFile>,
-    details: &mut Map<String, Value>,
+    details: &mut WriteDetails,
 ) -> Result<Vec<String>> {
     let path = output.main.as_path();
     let io = |e| Error::io(path, e);
@@ -286,22 +307,22 @@ fn encode(
         p.as_ref().and_then(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
     };
     let name = name_of(&output.second);
-    let written = match (output.kind, second) {
-        (Kind::Obj, Some(mtl)) => {
+    let written = match (output.format, second) {
+        (OutputFormat::Obj, Some(mtl)) => {
             obj::write(main, mtl, &name, asset).map_err(io)?;
             return Ok(vec![
                 "OBJ is text (about 3x a GLB) and Godot, Unity and Unreal drop or cull parts of it; prefer GLB".into(),
             ]);
         }
-        (Kind::Ply, _) => {
+        (OutputFormat::Ply, _) => {
             ply::write_mesh(main, asset, options.ply_face_colors).map_err(io)?;
             return Ok(Vec::new());
         }
-        (Kind::Gltf, Some(bin)) => {
+        (OutputFormat::Gltf, Some(bin)) => {
             let encoding = options.encoding(details);
             gltf::write_gltf(main, bin, &name, path, asset, &encoding)?
         }
-        (Kind::Html, _) => {
+        (OutputFormat::Html, _) => {
             let title = path.file_stem().filter(|name| *name != "-").unwrap_or("trisplat".as_ref());
             let encoding = options.page_encoding(details);
             html::write(main, path, &title.to_string_lossy(), asset, &encoding)?
@@ -312,8 +333,8 @@ fn encode(
         }
     };
     if written.worst_position_error > 0.0 {
-        details.insert("worst_position_error".into(), written.worst_position_error.into());
-        details.insert("collapsed_triangles".into(), written.collapsed.into());
+        details.worst_position_error = Some(written.worst_position_error);
+        details.collapsed_triangles = Some(written.collapsed);
     }
     Ok(written.warnings)
 }

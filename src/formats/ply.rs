@@ -1,26 +1,34 @@
 //! PLY: our soup PLY, and triangle meshes with vertex or face colours.
 
+mod column;
 mod corners;
-mod header;
+mod encode;
+pub(crate) mod header;
 mod mesh;
 mod soup;
 mod table;
+mod tables;
 mod transcode;
 mod views;
+mod wanted;
 
+pub(crate) use column::Column;
 pub use mesh::write_mesh;
 pub use soup::write_soup;
+pub(crate) use tables::points;
 
-use super::blocks::write_blocks;
-use super::{ReadOptions, Source, finish, provenance};
+use super::finish::finish;
+use super::provenance;
+use super::read_options::ReadOptions;
+use super::source::Source;
 use crate::error::{Error, Result};
 use crate::scene::{Loaded, Scene};
 use header::{Element, Header};
-use std::io::{self, Write};
 use std::path::Path;
+use wanted::Wanted;
 
 /// The scene in a PLY file: a soup when its faces have a `sigma`, else a mesh with its sRGB colours
-/// made linear, alpha (at a face, or the least of its corners) as opacity.
+/// made linear, alpha (at a face, or the least of its corners) as opacity, polygons as triangles.
 ///
 /// Only what `options` asks for is kept. Errors: `Malformed` for a broken file, naming the place;
 /// `Unsupported` for Gaussians and point clouds.
@@ -31,8 +39,11 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     let mut warnings = Vec::new();
     let comments = header.comments.iter().map(String::as_str);
     let provenance = provenance::from_comments(comments, &mut warnings);
-    let tables = table::locate(&source, &header)?;
-    let scene = if soup::is_soup(faces) {
+    let is_soup = soup::is_soup(faces);
+    // A triangle of a soup has an opacity and a σ of its own: there is no other face in one.
+    let wanted = if is_soup { Wanted::Triangles } else { Wanted::Polygons };
+    let tables = tables::locate(&source, &header, wanted)?;
+    let scene = if is_soup {
         Scene::Soup(soup::read(path, faces, &tables, options.sh_degree)?)
     } else {
         Scene::Mesh(mesh::read(path, &tables, &mut warnings)?)
@@ -64,27 +75,5 @@ fn faces<'h>(path: &Path, header: &'h Header) -> Result<&'h Element> {
             path,
             "is a point cloud: it has no element face; give a triangle mesh or a trained scene",
         )),
-    }
-}
-
-/// Floats as they stand in a binary little-endian file.
-fn write_floats(out: &mut dyn Write, floats: &[f32]) -> io::Result<()> {
-    if cfg!(target_endian = "little") {
-        return out.write_all(bytemuck::cast_slice(floats));
-    }
-    write_blocks(out, floats.len(), |i, block| block.extend_from_slice(&floats[i].to_le_bytes()))
-}
-
-/// A triangle's `list uchar int vertex_indices`.
-fn push_corners(block: &mut Vec<u8>, corners: [u32; 3]) {
-    block.push(3);
-    for corner in corners {
-        block.extend_from_slice(&corner.to_le_bytes());
-    }
-}
-
-fn push_comment(header: &mut String, comment: &str) {
-    if !comment.is_empty() {
-        *header += &format!("comment {comment}\n");
     }
 }

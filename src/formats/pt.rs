@@ -23,7 +23,10 @@
 //! Unpickling executes nothing: `pytorch-reader` interprets the calls that rebuild tensors and keeps
 //! every other one as an opaque name. What it leaves open, `check_archive` closes.
 
-use super::{MAX_TRIANGLES, ReadOptions, Source, finish};
+use super::finish::finish;
+use super::limits::MAX_TRIANGLES;
+use super::read_options::ReadOptions;
+use super::source::Source;
 use crate::asset::Provenance;
 use crate::error::{Error, Result};
 use crate::math::color::linear_from_srgb;

@@ -1,4 +1,4 @@
-//! Who will read the file: one row a target, from what each engine was found to need.
+//! Who will read the file: one row per target, from what each engine was found to need.
 //!
 //! `docs/engines.md` gives the reasons and the steps to take in each engine.
 
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(feature = "cli", value(rename_all = "lowercase"))]
-pub enum Target {
+pub enum OutputTarget {
     /// Any viewer that follows the glTF specification.
     #[default]
     Gltf,
@@ -33,7 +33,7 @@ pub enum Target {
 
 /// How to write the file for a target, and what the user should know about it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Encoding {
+pub struct TargetEncoding {
     /// For [`crate::formats::gltf`].
     pub options: GltfOptions,
     /// One sentence each, starting with the target's name.
@@ -41,7 +41,7 @@ pub struct Encoding {
 }
 
 /// What a target can do with a small file.
-enum Small {
+enum SmallFile {
     /// Nothing smaller is read: positions stay f32; why.
     No(&'static str),
     /// Reads 16-bit positions (KHR_mesh_quantization).
@@ -51,11 +51,11 @@ enum Small {
 }
 
 /// One row of the table.
-struct Row {
+struct TargetRow {
     name: &'static str,
     colors: ColorEncoding,
     material: &'static str,
-    small: Small,
+    small: SmallFile,
     notes: &'static [&'static str],
     /// Added when the file is made small.
     small_notes: &'static [&'static str],
@@ -65,9 +65,9 @@ const LINEAR: ColorEncoding = ColorEncoding::U16Linear;
 /// Godot takes vertex colours of a material of such a name as sRGB, and drops the ending on import.
 const GODOT_MATERIAL: &str = "trisplat-vcol";
 
-impl Target {
-    fn row(self) -> Row {
-        let plain = |name, small| Row {
+impl OutputTarget {
+    fn row(self) -> TargetRow {
+        let plain = |name, small| TargetRow {
             name,
             colors: LINEAR,
             material: "trisplat",
@@ -76,64 +76,64 @@ impl Target {
             small_notes: &[],
         };
         match self {
-            Target::Gltf => plain(
+            OutputTarget::Gltf => plain(
                 "gltf",
-                Small::No(
+                SmallFile::No(
                     "not every viewer reads 16-bit positions (Godot and assimp do not); \
                      web, unity, blender and playcanvas do",
                 ),
             ),
-            Target::Godot => Row {
+            OutputTarget::Godot => TargetRow {
                 colors: ColorEncoding::U8Srgb,
                 material: GODOT_MATERIAL,
                 notes: &["vertex colours are sRGB codes; other viewers show this file washed out"],
-                ..plain("godot", Small::No("its importer refuses quantised and compressed meshes"))
+                ..plain("godot", SmallFile::No("its importer refuses quantised and compressed meshes"))
             },
-            Target::Godot3 => Row {
+            OutputTarget::Godot3 => TargetRow {
                 colors: ColorEncoding::F32Srgb,
                 material: GODOT_MATERIAL,
                 notes: &[
                     "vertex colours are sRGB codes; other viewers show this file washed out",
                     "the importer ignores 'unlit': tick Unshaded in the material's flags",
                 ],
-                ..plain("godot3", Small::No("a compressed mesh comes in empty"))
+                ..plain("godot3", SmallFile::No("a compressed mesh comes in empty"))
             },
-            Target::Unity => Row {
+            OutputTarget::Unity => TargetRow {
                 small_notes: &["meshopt is left out: it needs one more Unity package"],
-                ..plain("unity", Small::Quantised)
+                ..plain("unity", SmallFile::Quantised)
             },
-            Target::Unreal => Row {
+            OutputTarget::Unreal => TargetRow {
                 notes: &["the material needs a Vertex Color node (docs/engines.md)"],
                 ..plain(
                     "unreal",
-                    Small::No("its importer does not read meshopt, and 16-bit positions are untried"),
+                    SmallFile::No("its importer does not read meshopt, and 16-bit positions are untried"),
                 )
             },
-            Target::Blender => Row {
+            OutputTarget::Blender => TargetRow {
                 small_notes: &[
                     "objects get a scale of their own; meshopt is left out, Blender reads it from 5.2 on",
                 ],
-                ..plain("blender", Small::Quantised)
+                ..plain("blender", SmallFile::Quantised)
             },
-            Target::Web => Row {
+            OutputTarget::Web => TargetRow {
                 small_notes: &["the page must set a meshopt decoder (docs/engines.md)"],
-                ..plain("web", Small::Compressed)
+                ..plain("web", SmallFile::Compressed)
             },
-            Target::Playcanvas => Row {
+            OutputTarget::Playcanvas => TargetRow {
                 notes: &["needs engine 2.14 or later: before, vertex colours show too bright"],
                 small_notes: &["meshopt is left out: the engine does not read it"],
-                ..plain("playcanvas", Small::Quantised)
+                ..plain("playcanvas", SmallFile::Quantised)
             },
         }
     }
 
     /// How to write a GLB for this target; `small` asks for the fewest bytes it can read.
-    pub fn encoding(self, small: bool) -> Encoding {
+    pub fn encoding(self, small: bool) -> TargetEncoding {
         let row = self.row();
         let mut notes: Vec<&str> = row.notes.to_vec();
         let kept = match row.small {
-            Small::No(why) => Some(format!("positions stay f32: {why}")),
-            Small::Quantised | Small::Compressed => None,
+            SmallFile::No(why) => Some(format!("positions stay f32: {why}")),
+            SmallFile::Quantised | SmallFile::Compressed => None,
         };
         if small {
             notes.extend(kept.as_deref());
@@ -141,11 +141,11 @@ impl Target {
         }
         let positions =
             if small && kept.is_none() { PositionEncoding::ChunkU16 } else { PositionEncoding::F32 };
-        Encoding {
+        TargetEncoding {
             options: GltfOptions {
                 colors: row.colors,
                 positions,
-                meshopt: small && matches!(row.small, Small::Compressed),
+                meshopt: small && matches!(row.small, SmallFile::Compressed),
                 material_name: row.material.to_owned(),
                 allow_huge: false,
             },
@@ -159,7 +159,7 @@ impl Target {
     /// turns off what harms triangle soups: level-of-detail meshes (they delete triangles), tangents,
     /// shadow meshes, lightmap coordinates and vertex compression.
     pub fn sidecar(self, glb_file_name: &str) -> Option<(String, String)> {
-        (self == Target::Godot).then(|| {
+        (self == OutputTarget::Godot).then(|| {
             let source = glb_file_name.replace('\\', "\\\\").replace('"', "\\\"");
             (format!("{glb_file_name}.import"), GODOT_IMPORT.replace("{source}", &source))
         })
@@ -193,7 +193,7 @@ mod tests {
 
     #[test]
     fn only_godot_files_break_the_color_rule_and_they_carry_the_name_that_says_so() {
-        for &target in Target::value_variants() {
+        for &target in OutputTarget::value_variants() {
             for small in [false, true] {
                 let options = target.encoding(small).options;
                 assert_eq!(
@@ -201,7 +201,7 @@ mod tests {
                     !options.material_name.ends_with("-vcol"),
                     "{target:?}"
                 );
-                let godot = matches!(target, Target::Godot | Target::Godot3);
+                let godot = matches!(target, OutputTarget::Godot | OutputTarget::Godot3);
                 assert_eq!(options.colors.is_linear(), !godot, "{target:?}");
             }
         }
@@ -209,20 +209,23 @@ mod tests {
 
     #[test]
     fn nothing_is_quantised_or_compressed_unless_small_is_asked_for_and_read() {
-        for &target in Target::value_variants() {
+        for &target in OutputTarget::value_variants() {
             let options = target.encoding(false).options;
             assert!(options.positions == PositionEncoding::F32 && !options.meshopt, "{target:?}");
             let small = target.encoding(true);
-            let reads = matches!(target, Target::Unity | Target::Blender | Target::Web | Target::Playcanvas);
+            let reads = matches!(
+                target,
+                OutputTarget::Unity | OutputTarget::Blender | OutputTarget::Web | OutputTarget::Playcanvas
+            );
             assert_eq!(small.options.positions == PositionEncoding::ChunkU16, reads, "{target:?}");
-            assert_eq!(small.options.meshopt, target == Target::Web, "{target:?}");
+            assert_eq!(small.options.meshopt, target == OutputTarget::Web, "{target:?}");
             assert!(!small.notes.is_empty(), "{target:?} says what small means");
         }
     }
 
     #[test]
     fn notes_start_with_the_name_the_user_typed() {
-        for target in Target::value_variants() {
+        for target in OutputTarget::value_variants() {
             let name = target.to_possible_value().map(|v| v.get_name().to_owned()).unwrap_or_default();
             assert_eq!(serde_json::to_value(target).ok(), Some(name.clone().into()));
             for note in target.encoding(true).notes {
@@ -233,10 +236,10 @@ mod tests {
 
     #[test]
     fn godot_gets_an_import_file_and_nobody_else() {
-        for &target in Target::value_variants() {
-            assert_eq!(target.sidecar("scene.glb").is_some(), target == Target::Godot);
+        for &target in OutputTarget::value_variants() {
+            assert_eq!(target.sidecar("scene.glb").is_some(), target == OutputTarget::Godot);
         }
-        let (name, content) = Target::Godot.sidecar("a \"b\".glb").unwrap_or_default();
+        let (name, content) = OutputTarget::Godot.sidecar("a \"b\".glb").unwrap_or_default();
         assert_eq!(name, "a \"b\".glb.import");
         assert!(content.contains("source_file=\"res://a \\\"b\\\".glb\"\n"));
         assert!(content.contains("meshes/generate_lods=false\n"));

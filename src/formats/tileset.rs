@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 /// One level, the finest first.
 #[derive(Debug, Clone)]
-pub struct Level<'a> {
+pub struct TilesetLevel<'a> {
     /// Name of its file, beside the tileset.
     pub uri: String,
     /// Its triangles.
@@ -15,7 +15,7 @@ pub struct Level<'a> {
 }
 
 /// The text of the file: the coarsest level is the root, every finer one the only child of the next.
-pub fn json(levels: &[Level], generator: &str) -> String {
+pub fn json(levels: &[TilesetLevel], generator: &str) -> String {
     let mut tile = Value::Null;
     let (mut error, mut bounds) = (0.0f64, None);
     for level in levels {
@@ -43,9 +43,10 @@ pub fn json(levels: &[Level], generator: &str) -> String {
     serde_json::to_string_pretty(&set).unwrap_or_default() + "\n"
 }
 
-type Bounds = Option<[glam::DVec3; 2]>;
+/// Lowest and highest corner of a box; none when it is empty.
+type BoxCorners = Option<[glam::DVec3; 2]>;
 
-fn extend(bounds: Bounds, mesh: &Mesh) -> Bounds {
+fn extend(bounds: BoxCorners, mesh: &Mesh) -> BoxCorners {
     mesh.positions.iter().map(|p| p.as_dvec3()).fold(bounds, |bounds, p| match bounds {
         Some([low, high]) => Some([low.min(p), high.max(p)]),
         None => Some([p, p]),
@@ -53,7 +54,7 @@ fn extend(bounds: Bounds, mesh: &Mesh) -> Bounds {
 }
 
 /// Middle and half axes of a box. Tiles are Z-up, glTF in them is Y-up: (x, y, z) becomes (x, -z, y).
-fn volume(bounds: Bounds) -> [f64; 12] {
+fn volume(bounds: BoxCorners) -> [f64; 12] {
     let [low, high] = bounds.unwrap_or_default();
     let (middle, half) = ((low + high) / 2.0, ((high - low) / 2.0).max(glam::DVec3::splat(1e-9)));
     [middle.x, -middle.z, middle.y, half.x, 0.0, 0.0, 0.0, half.z, 0.0, 0.0, 0.0, half.y]
@@ -71,7 +72,7 @@ mod tests {
             ..Mesh::default()
         };
         let (fine, coarse) = (mesh(2.0), mesh(1.0));
-        let level = |uri: &str, mesh, error| Level { uri: uri.into(), mesh, error };
+        let level = |uri: &str, mesh, error| TilesetLevel { uri: uri.into(), mesh, error };
         let text = json(&[level("a.glb", &fine, 0.0), level("a.lod1.glb", &coarse, 0.25)], "me");
         let set: Value = serde_json::from_str(&text).unwrap();
         let (root, child) = (&set["root"], &set["root"]["children"][0]);

@@ -1,4 +1,4 @@
-//! Cuts a triangle at the near plane, as an engine does: the part in front is one or two triangles.
+//! Clips a triangle at the near plane, as an engine does: the part in front is one or two triangles.
 //!
 //! ```text
 //! all in front       one behind               two behind
@@ -12,8 +12,7 @@
 use crate::math::real::Real;
 use crate::math::vec::V3;
 
-/// A corner of a piece: the point on the way from one corner of the triangle to another, or the corner itself
-/// when both are the same.
+/// A corner of a piece: the point between two corners of the triangle, or the corner itself when both are the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Corner {
     /// The corner in front of the plane.
@@ -22,20 +21,20 @@ pub struct Corner {
     pub to: u8,
 }
 
-/// A piece of a triangle, corners in the triangle's own sense of rotation; the first is always a true corner.
+/// A piece of a triangle, corners in the triangle's own winding; the first is always a corner of the triangle.
 pub type Piece = [Corner; 3];
 
 const fn corner(from: u8, to: u8) -> Corner {
     Corner { from, to }
 }
 
-/// The uncut triangle.
+/// The whole triangle.
 pub const WHOLE: Piece = [corner(0, 0), corner(1, 1), corner(2, 2)];
 
 /// The pieces in front of the plane: none, one or two. `front[i]` says whether corner i is in front of it.
 pub fn pieces(front: [bool; 3]) -> ([Piece; 2], usize) {
-    // i is the odd one out, j and k follow it.
-    let odd = |i: u8| (i, (i + 1) % 3, (i + 2) % 3);
+    // Corner i is alone on its side, j and k follow it.
+    let from = |i: u8| (i, (i + 1) % 3, (i + 2) % 3);
     let tip = |(i, j, k): (u8, u8, u8)| ([[corner(i, i), corner(i, j), corner(i, k)], WHOLE], 1);
     let stump = |(i, j, k): (u8, u8, u8)| {
         let (near_j, near_k) = (corner(j, i), corner(k, i));
@@ -44,12 +43,12 @@ pub fn pieces(front: [bool; 3]) -> ([Piece; 2], usize) {
     match front {
         [true, true, true] => ([WHOLE, WHOLE], 1),
         [false, false, false] => ([WHOLE, WHOLE], 0),
-        [true, false, false] => tip(odd(0)),
-        [false, true, false] => tip(odd(1)),
-        [false, false, true] => tip(odd(2)),
-        [false, true, true] => stump(odd(0)),
-        [true, false, true] => stump(odd(1)),
-        [true, true, false] => stump(odd(2)),
+        [true, false, false] => tip(from(0)),
+        [false, true, false] => tip(from(1)),
+        [false, false, true] => tip(from(2)),
+        [false, true, true] => stump(from(0)),
+        [true, false, true] => stump(from(1)),
+        [true, true, false] => stump(from(2)),
     }
 }
 
@@ -57,17 +56,17 @@ pub fn pieces(front: [bool; 3]) -> ([Piece; 2], usize) {
 #[inline(always)]
 pub fn near_point<R: Real>(from: V3<R>, to: V3<R>, near: R) -> V3<R> {
     let t = (near - from.z) / (to.z - from.z);
-    let way = to - from;
-    V3 { x: way.x.mul_add(t, from.x), y: way.y.mul_add(t, from.y), z: near }
+    let edge = to - from;
+    V3 { x: edge.x.mul_add(t, from.x), y: edge.y.mul_add(t, from.y), z: near }
 }
 
 /// Gradients of `from` and `to` for a gradient `d` of [`near_point`].
 #[inline(always)]
 pub fn near_point_grad<R: Real>(from: V3<R>, to: V3<R>, near: R, d: V3<R>) -> (V3<R>, V3<R>) {
-    let way = to - from;
-    let t = (near - from.z) / way.z;
+    let edge = to - from;
+    let t = (near - from.z) / edge.z;
     let rest = R::of(1.0) - t;
-    let d_t = d.x.mul_add(way.x, d.y * way.y) / way.z;
+    let d_t = d.x.mul_add(edge.x, d.y * edge.y) / edge.z;
     let zero = R::of(0.0);
     let flat = V3::new(d.x, d.y, zero);
     (flat.scale(rest) - V3::new(zero, zero, d_t * rest), flat.scale(t) - V3::new(zero, zero, d_t * t))

@@ -4,7 +4,7 @@
 //! w_k = T_k alpha_k,   T_{k+1} = T_k (1 - alpha_k),   C = Σ w_k c_k + T background
 //! ```
 
-use crate::math::real::Real;
+use crate::math::real::{Mask, Real};
 
 /// Weight of a layer and the transmittance behind it.
 #[inline(always)]
@@ -32,8 +32,15 @@ pub fn blend_grad<R: Real>(
     transmittance.mul_add(value, -through)
 }
 
-/// Pairwise depth distortion (Huang et al. 2024, 2DGS, eq. 13), Σ_{j<k} w_j w_k (m_j - m_k)², grown by a layer:
-/// what it adds, given Σ w, Σ w m and Σ w m² of the layers in front.
+/// Whether a layer takes the transmittance from 1/2 or more to less: it holds the median depth.
+#[inline(always)]
+pub fn is_median<R: Real>(before: R, after: R) -> R::Mask {
+    let half = R::of(0.5);
+    half.le(before).and(after.lt(half))
+}
+
+/// Pairwise depth distortion (Huang et al. 2024, 2DGS, eq. 13), Σ_{j<k} w_j w_k (m_j - m_k)², extended by a layer:
+/// what the layer adds, given Σ w, Σ w m and Σ w m² of the layers in front.
 #[inline(always)]
 pub fn distortion<R: Real>(weight: R, m: R, sums: [R; 3]) -> R {
     weight * pair_cost(m, sums)

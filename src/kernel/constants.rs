@@ -1,7 +1,7 @@
 //! Numbers the kernels share.
 #![allow(clippy::excessive_precision, reason = "as published")]
 
-/// Smallest window ratio that is drawn. A solid triangle (σ towards 0) loses a rim of this part of its inradius;
+/// Smallest window ratio that is drawn. A solid triangle (σ towards 0) loses a rim of this fraction of its inradius;
 /// in exchange no logarithm or quotient of a ratio can overflow.
 pub const RATIO_FLOOR: f64 = 1.0 / 1_048_576.0;
 

@@ -1,5 +1,5 @@
 //! The photometric loss (1 - λ) L1 + λ (1 - SSIM) and its exact gradient (Held et al. 2025, eq. 3; SSIM as
-//! in 3DGS: 11-tap gaussian of deviation 1.5, zeros outside the picture, mean over pixels and channels).
+//! [`crate::math::ssim`] defines it, mean over pixels and channels).
 //!
 //! ```text
 //! S = (2 mx my + C1)(2 sxy + C2) / ((mx² + my² + C1)(sxx + syy + C2))
@@ -8,47 +8,19 @@
 //! ```
 //!
 //! Rows stay interleaved: a blur along x is the same loop with a stride of three. Three passes, each
-//! parallel over rows that no other job writes; sums run over rows in order, so the bits do not depend on
+//! parallel over rows, each written by one task; sums run over rows in order, so the bits do not depend on
 //! the number of threads.
 
-use crate::math::lanes::{Lanes, Work, dispatch};
-use rayon::prelude::*;
-use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
+mod combine;
+mod number;
+mod rows;
+mod ssim;
 
-/// What the loss needs of a number; f32 trains, f64 proves the gradient.
-pub trait Number:
-    Copy
-    + Default
-    + Send
-    + Sync
-    + PartialOrd
-    + From<f32>
-    + Into<f64>
-    + Add<Output = Self>
-    + Sub<Output = Self>
-    + Mul<Output = Self>
-    + Div<Output = Self>
-    + Neg<Output = Self>
-    + AddAssign
-{
-}
-impl Number for f32 {}
-impl Number for f64 {}
+pub use number::LossNumber;
 
-/// Taps of the SSIM window.
-const TAPS: usize = 11;
-/// Taps on each side of the middle one.
-const REACH: usize = TAPS / 2;
-/// Floats of padding on each side of an interleaved row.
-const PAD: usize = REACH * 3;
-/// Blurred maps of the forward pass: x, y, x², y², xy.
-const MAPS: usize = 5;
-/// Blurred maps of the backward pass: ∂S/∂mx, ∂S/∂Gx², ∂S/∂Gxy.
-const GRADS: usize = 3;
-/// (0.01)², SSIM's luminance constant for values in [0, 1].
-const C1: f32 = 0.0001;
-/// (0.03)², SSIM's contrast constant for values in [0, 1].
-const C2: f32 = 0.0009;
+use crate::math::ssim::{TAPS, window};
+use combine::combine_rows;
+use ssim::{GRADS, MAPS, blur_maps, ssim_rows};
 
 /// Means over pixels and channels.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -86,7 +58,7 @@ pub struct Scratch<R> {
 ///
 /// `rendered`, `photo` and `d_rendered` are `[H * W]`, rows from the top; `weight`, when given, scales what
 /// each pixel counts (a mask), `[H * W]`. The loss is a mean over all H * W pixels whatever the weights.
-pub fn photometric_grad<R: Number>(
+pub fn photometric_grad<R: LossNumber>(
     width: usize,
     rendered: &[[R; 3]],
     photo: &[[R; 3]],
@@ -104,289 +76,15 @@ pub fn photometric_grad<R: Number>(
     let height = x.len() / row;
     scratch.maps.resize(height * MAPS * row, R::default());
     scratch.grads.resize(height * GRADS * row, R::default());
-    let taps = window::<R>();
-    let scale = R::from((-lambda_dssim / count) as f32);
+    let taps: [R; TAPS] = window().map(R::of);
+    let scale = R::of(-lambda_dssim / count);
 
     blur_maps(&taps, row, x, y, &mut scratch.maps);
     let ssim = ssim_rows(&taps, row, &scratch.maps, weight, scale, &mut scratch.grads);
-    let l1_scale = R::from(((1.0 - lambda_dssim) / count) as f32);
+    let l1_scale = R::of((1.0 - lambda_dssim) / count);
     let sums =
         combine_rows(&taps, row, x, y, weight, l1_scale, &scratch.grads, d_rendered.as_flattened_mut());
     Photometric { l1: sums.0 / count, mse: sums.1 / count, ssim: ssim / count }
-}
-
-/// The normalised gaussian window.
-fn window<R: Number>() -> [R; TAPS] {
-    let raw: [f64; TAPS] = std::array::from_fn(|i| (-(i as f64 - REACH as f64).powi(2) / 4.5).exp());
-    let sum: f64 = raw.iter().sum();
-    raw.map(|t| R::from((t / sum) as f32))
-}
-
-/// Values worked on at a time: what fits the registers of any CPU.
-const BLOCK: usize = 32;
-
-/// The weighted sum of rows that start at the same place: `out[i] = Σ tap_k · row_k[i]`.
-#[inline(always)]
-fn weigh<R: Number>(rows: &[(R, &[R])], out: &mut [R]) {
-    let whole = out.len() / BLOCK * BLOCK;
-    let (blocks, rest) = out.split_at_mut(whole);
-    for (b, out) in blocks.chunks_exact_mut(BLOCK).enumerate() {
-        let mut sums = [R::default(); BLOCK];
-        for &(tap, row) in rows {
-            for (sum, &value) in sums.iter_mut().zip(&row[b * BLOCK..][..BLOCK]) {
-                *sum += tap * value;
-            }
-        }
-        out.copy_from_slice(&sums);
-    }
-    for (i, out) in rest.iter_mut().enumerate() {
-        *out = R::default();
-        for &(tap, row) in rows {
-            *out += tap * row[whole + i];
-        }
-    }
-}
-
-/// Blurs a row along x; `padded` has [`PAD`] zeros on both sides of it.
-#[inline(always)]
-fn blur_row<R: Number>(taps: &[R; TAPS], padded: &[R], out: &mut [R]) {
-    let n = out.len();
-    let rows: [(R, &[R]); TAPS] = std::array::from_fn(|k| (taps[k], &padded[3 * k..3 * k + n]));
-    weigh(&rows, out);
-}
-
-/// Blurs along y at row `at`: the sum of `taps` times the rows around it that exist.
-#[inline(always)]
-fn blur_column<R: Number>(taps: &[R; TAPS], rows: &[R], at: usize, out: &mut [R]) {
-    let stride = out.len();
-    let height = rows.len() / stride;
-    let first = REACH.saturating_sub(at);
-    let last = TAPS.min(height + REACH - at);
-    let mut near = [(R::default(), &rows[..0]); TAPS];
-    for (k, near) in near[first..last].iter_mut().enumerate() {
-        let k = first + k;
-        *near = (taps[k], &rows[(at + k - REACH) * stride..][..stride]);
-    }
-    weigh(&near[first..last], out);
-}
-
-/// The sum in eight strands, which the compiler can keep side by side.
-#[inline(always)]
-fn strand_sum<R: Number>(values: &[R]) -> f64 {
-    let mut strands = [0.0; 8];
-    for chunk in values.chunks(8) {
-        for (strand, &value) in strands.iter_mut().zip(chunk) {
-            *strand += value.into();
-        }
-    }
-    strands.iter().sum()
-}
-
-/// Multiplies every channel by its pixel's weight.
-#[inline(always)]
-fn weight_by<R: Number>(values: &mut [R], weight: Option<&[R]>) {
-    if let Some(weight) = weight {
-        for (pixel, &w) in values.chunks_exact_mut(3).zip(weight) {
-            pixel.iter_mut().for_each(|v| *v = *v * w);
-        }
-    }
-}
-
-/// Pass 1: x, y, x², y², xy blurred along x.
-fn blur_maps<R: Number>(taps: &[R; TAPS], row: usize, x: &[R], y: &[R], maps: &mut [R]) {
-    maps.par_chunks_mut(MAPS * row).enumerate().for_each_init(
-        || vec![R::default(); row + 2 * PAD],
-        |padded, (at, out)| {
-            let (x, y) = (&x[at * row..][..row], &y[at * row..][..row]);
-            dispatch(MapsRow { taps, x, y, padded, out });
-        },
-    );
-}
-
-/// One row of pass 1.
-struct MapsRow<'a, R> {
-    taps: &'a [R; TAPS],
-    x: &'a [R],
-    y: &'a [R],
-    padded: &'a mut [R],
-    out: &'a mut [R],
-}
-
-impl<R: Number> Work for MapsRow<'_, R> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<L: Lanes>(self) {
-        let row = self.x.len();
-        for (map, out) in self.out.chunks_exact_mut(row).enumerate() {
-            let inner = &mut self.padded[PAD..PAD + row];
-            let pairs = inner.iter_mut().zip(self.x.iter().zip(self.y));
-            match map {
-                0 => pairs.for_each(|(p, (&a, _))| *p = a),
-                1 => pairs.for_each(|(p, (_, &b))| *p = b),
-                2 => pairs.for_each(|(p, (&a, _))| *p = a * a),
-                3 => pairs.for_each(|(p, (_, &b))| *p = b * b),
-                _ => pairs.for_each(|(p, (&a, &b))| *p = a * b),
-            }
-            blur_row(self.taps, self.padded, out);
-        }
-    }
-}
-
-/// Pass 2: SSIM per value, its derivatives by the blurred maps, and those blurred along x.
-/// Returns the weighted sum of SSIM.
-fn ssim_rows<R: Number>(
-    taps: &[R; TAPS],
-    row: usize,
-    maps: &[R],
-    weight: Option<&[R]>,
-    scale: R,
-    grads: &mut [R],
-) -> f64 {
-    let sums: Vec<f64> = grads
-        .par_chunks_mut(GRADS * row)
-        .enumerate()
-        .map_init(
-            || (vec![R::default(); (MAPS + 1) * row], vec![R::default(); GRADS * (row + 2 * PAD)]),
-            |(blurred, padded), (at, out)| {
-                let weight = weight.map(|w| &w[at * (row / 3)..][..row / 3]);
-                let (blurred, values) = blurred.split_at_mut(MAPS * row);
-                dispatch(SsimRow { taps, maps, at, weight, scale, blurred, values, padded, out })
-            },
-        )
-        .collect();
-    sums.iter().sum()
-}
-
-/// One row of pass 2.
-struct SsimRow<'a, R> {
-    taps: &'a [R; TAPS],
-    maps: &'a [R],
-    at: usize,
-    weight: Option<&'a [R]>,
-    scale: R,
-    blurred: &'a mut [R],
-    values: &'a mut [R],
-    padded: &'a mut [R],
-    out: &'a mut [R],
-}
-
-impl<R: Number> Work for SsimRow<'_, R> {
-    type Output = f64;
-
-    #[inline(always)]
-    fn run<L: Lanes>(self) -> f64 {
-        let row = self.values.len();
-        blur_column(self.taps, self.maps, self.at, self.blurred);
-        ssim_row(self.blurred, self.scale, self.values, self.padded);
-        weight_by(self.values, self.weight);
-        for (padded, out) in self.padded.chunks_exact_mut(row + 2 * PAD).zip(self.out.chunks_exact_mut(row)) {
-            weight_by(&mut padded[PAD..PAD + row], self.weight);
-            blur_row(self.taps, padded, out);
-        }
-        strand_sum(self.values)
-    }
-}
-
-/// SSIM of one row, and `scale` times its derivatives in the padded rows.
-#[inline(always)]
-fn ssim_row<R: Number>(blurred: &[R], scale: R, values: &mut [R], padded: &mut [R]) {
-    let row = values.len();
-    let map = |m: usize| &blurred[m * row..][..row];
-    let (mx, my, exx, eyy, exy) = (map(0), map(1), map(2), map(3), map(4));
-    let (d_mean, rest) = padded.split_at_mut(row + 2 * PAD);
-    let (d_square, d_cross) = rest.split_at_mut(row + 2 * PAD);
-    let (d_mean, d_square, d_cross) =
-        (&mut d_mean[PAD..][..row], &mut d_square[PAD..][..row], &mut d_cross[PAD..][..row]);
-    let (c1, c2, one, two) = (R::from(C1), R::from(C2), R::from(1.0), R::from(2.0));
-    for i in 0..row {
-        let (a, b) = (mx[i], my[i]);
-        let luminance = two * a * b + c1;
-        let structure = two * (exy[i] - a * b) + c2;
-        let inverse_means = one / (a * a + b * b + c1);
-        let inverse_variances = one / (exx[i] - a * a + eyy[i] - b * b + c2);
-        let inverse = inverse_means * inverse_variances;
-        let s = luminance * structure * inverse;
-        values[i] = s;
-        d_mean[i] = scale
-            * two
-            * (b * (structure - luminance) * inverse + s * a * (inverse_variances - inverse_means));
-        d_square[i] = -(scale * s * inverse_variances);
-        d_cross[i] = scale * two * luminance * inverse;
-    }
-}
-
-/// Pass 3: the gradient maps blurred along y, put together with the pictures and the L1 sign.
-/// Returns the weighted sums of |x - y| and (x - y)².
-#[allow(clippy::too_many_arguments)]
-fn combine_rows<R: Number>(
-    taps: &[R; TAPS],
-    row: usize,
-    x: &[R],
-    y: &[R],
-    weight: Option<&[R]>,
-    l1_scale: R,
-    grads: &[R],
-    d_x: &mut [R],
-) -> (f64, f64) {
-    let sums: Vec<(f64, f64)> = d_x
-        .par_chunks_mut(row)
-        .enumerate()
-        .map_init(
-            || vec![R::default(); (GRADS + 3) * row],
-            |memory, (at, out)| {
-                let (x, y) = (&x[at * row..][..row], &y[at * row..][..row]);
-                let weight = weight.map(|w| &w[at * (row / 3)..][..row / 3]);
-                let (blurred, parts) = memory.split_at_mut(GRADS * row);
-                dispatch(CombineRow { taps, grads, at, x, y, weight, l1_scale, blurred, parts, out })
-            },
-        )
-        .collect();
-    sums.iter().fold((0.0, 0.0), |total, s| (total.0 + s.0, total.1 + s.1))
-}
-
-/// One row of pass 3.
-struct CombineRow<'a, R> {
-    taps: &'a [R; TAPS],
-    grads: &'a [R],
-    at: usize,
-    x: &'a [R],
-    y: &'a [R],
-    weight: Option<&'a [R]>,
-    l1_scale: R,
-    blurred: &'a mut [R],
-    /// |x - y|, (x - y)² and the L1 gradient.
-    parts: &'a mut [R],
-    out: &'a mut [R],
-}
-
-impl<R: Number> Work for CombineRow<'_, R> {
-    type Output = (f64, f64);
-
-    #[inline(always)]
-    fn run<L: Lanes>(self) -> (f64, f64) {
-        let (x, y, zero) = (self.x, self.y, R::default());
-        let row = x.len();
-        blur_column(self.taps, self.grads, self.at, self.blurred);
-        let (absolute, rest) = self.parts.split_at_mut(row);
-        let (square, d_absolute) = rest.split_at_mut(row);
-        for i in 0..row {
-            let difference = x[i] - y[i];
-            let above = if difference > zero { self.l1_scale } else { zero };
-            d_absolute[i] = if difference < zero { -self.l1_scale } else { above };
-            absolute[i] = if difference < zero { -difference } else { difference };
-            square[i] = difference * difference;
-        }
-        for values in [&mut *absolute, &mut *square, &mut *d_absolute] {
-            weight_by(values, self.weight);
-        }
-        let blur = |m: usize| &self.blurred[m * row..][..row];
-        let (d_mean, d_square, d_cross) = (blur(0), blur(1), blur(2));
-        for i in 0..row {
-            self.out[i] = d_absolute[i] + d_mean[i] + R::from(2.0) * x[i] * d_square[i] + y[i] * d_cross[i];
-        }
-        (strand_sum(absolute), strand_sum(square))
-    }
 }
 
 #[cfg(test)]

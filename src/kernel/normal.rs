@@ -5,19 +5,19 @@
 //! N = -(∂P/∂x × ∂P/∂y) normalised, by central differences
 //! loss = mean over pixels of A (1 - n · N), the factor A held constant;  n: Σ w n as drawn
 //! ```
-//! Pixels on the border, or next to one the scene covers less than [`COVER_LEAST`], have no N and no loss.
+//! Pixels on the border, or next to one whose coverage is below [`MIN_COVERAGE`], have no N and no loss.
 
 use crate::math::real::Real;
 use crate::math::vec::V3;
 use rayon::prelude::*;
 
-/// The least cover A at which a pixel has a depth.
-pub const COVER_LEAST: f64 = 0.1;
+/// The smallest coverage A at which a pixel has a depth.
+pub const MIN_COVERAGE: f64 = 0.1;
 
 /// The maps this loss reads, rows from the top. // each [H * W]
 #[derive(Debug, Clone, Copy)]
 pub struct Maps<'a, R> {
-    /// Pixels a row.
+    /// Pixels per row.
     pub width: usize,
     /// Focal lengths, px.
     pub focal: [R; 2],
@@ -61,8 +61,8 @@ pub fn normal_grad<R: Real<Mask = bool> + Send + Sync + Into<f64>>(
         .into_par_iter()
         .with_min_len(4096)
         .map(|i| {
-            let cover = R::of(1.0) - maps.transmittance[i];
-            if !R::of(COVER_LEAST).lt(cover) {
+            let coverage = R::of(1.0) - maps.transmittance[i];
+            if !R::of(MIN_COVERAGE).lt(coverage) {
                 return (R::of(0.0), R::of(0.0));
             }
             // A pixel is the right neighbour of the one before it and the left one of the one after it.
@@ -79,8 +79,8 @@ pub fn normal_grad<R: Real<Mask = bool> + Send + Sync + Into<f64>>(
             if i + w < count {
                 d_point = d_point - slopes(i + w, 1);
             }
-            let d_depth = d_point.dot(maps.ray(i)) / cover;
-            (d_depth, d_depth * maps.depth[i] / cover)
+            let d_depth = d_point.dot(maps.ray(i)) / coverage;
+            (d_depth, d_depth * maps.depth[i] / coverage)
         })
         .collect();
     out.d_depth = rows.iter().map(|r| r.0).collect();
@@ -96,14 +96,14 @@ impl<R: Real<Mask = bool>> Maps<'_, R> {
         V3::new(at(0, i % self.width), at(1, i / self.width), R::of(1.0))
     }
 
-    fn cover(&self, i: usize) -> R {
+    fn coverage(&self, i: usize) -> R {
         R::of(1.0) - self.transmittance[i]
     }
 
     /// P, where the scene covers the pixel.
     fn point(&self, i: usize) -> Option<V3<R>> {
-        let cover = self.cover(i);
-        R::of(COVER_LEAST).lt(cover).then(|| self.ray(i).scale(self.depth[i] / cover))
+        let coverage = self.coverage(i);
+        R::of(MIN_COVERAGE).lt(coverage).then(|| self.ray(i).scale(self.depth[i] / coverage))
     }
 
     /// ∂P/∂x and ∂P/∂y, where all four neighbours have a point.
@@ -119,7 +119,7 @@ impl<R: Real<Mask = bool>> Maps<'_, R> {
     /// The loss of a pixel, its ∂L/∂n and its ∂L/∂ slopes, all times `scale`.
     fn pixel(&self, i: usize, scale: R) -> (R, [R; 3], Slopes<R>) {
         let nothing = (R::of(0.0), [R::of(0.0); 3], [V3::zero(); 2]);
-        let Some([dx, dy]) = self.slopes(i).filter(|_| R::of(COVER_LEAST).lt(self.cover(i))) else {
+        let Some([dx, dy]) = self.slopes(i).filter(|_| R::of(MIN_COVERAGE).lt(self.coverage(i))) else {
             return nothing;
         };
         let cross = dx.cross(dy);
@@ -129,10 +129,10 @@ impl<R: Real<Mask = bool>> Maps<'_, R> {
         }
         let n = V3::new(self.normal[i][0], self.normal[i][1], self.normal[i][2]);
         let surface = -cross.scale(R::of(1.0) / length);
-        let weight = scale * self.cover(i);
+        let weight = scale * self.coverage(i);
         let agreement = n.dot(surface);
         let d_n = -surface.scale(weight);
-        // ∂L/∂N = -weight n, brought through the normalisation of -cross.
+        // ∂L/∂N = -weight n, passed through the normalisation of -cross.
         let d_cross = (n - surface.scale(agreement)).scale(weight / length);
         let slopes = [dy.cross(d_cross), d_cross.cross(dx)];
         (weight * (R::of(1.0) - agreement), [d_n.x, d_n.y, d_n.z], slopes)
@@ -178,10 +178,10 @@ mod tests {
             }
         }
 
-        /// The loss with the factor A taken from `covers`.
-        fn loss(&self, covers: &[f64]) -> f64 {
+        /// The loss with the factor A taken from `coverages`.
+        fn loss(&self, coverages: &[f64]) -> f64 {
             let maps = self.maps();
-            let pixel = |i: usize| maps.pixel(i, 1.0).0 / maps.cover(i) * covers[i];
+            let pixel = |i: usize| maps.pixel(i, 1.0).0 / maps.coverage(i) * coverages[i];
             (0..COUNT).map(pixel).sum::<f64>() / COUNT as f64
         }
     }
@@ -189,16 +189,16 @@ mod tests {
     #[test]
     fn gradient_is_the_derivative() {
         let scene = Scene::new();
-        let covers: Vec<f64> = scene.transmittance.iter().map(|t| 1.0 - t).collect();
+        let coverages: Vec<f64> = scene.transmittance.iter().map(|t| 1.0 - t).collect();
         let mut grad = MapsGrad::default();
         let loss = normal_grad(&scene.maps(), 1.0, &mut grad);
-        assert!((loss - scene.loss(&covers)).abs() < 1e-12 && loss > 0.0);
+        assert!((loss - scene.loss(&coverages)).abs() < 1e-12 && loss > 0.0);
         let h = 1e-6;
         let check = |name: &str, i: usize, g: f64, change: &dyn Fn(&mut Scene, f64)| {
             let at = |h: f64| {
                 let mut moved = Scene::new();
                 change(&mut moved, h);
-                moved.loss(&covers)
+                moved.loss(&coverages)
             };
             let difference = (at(h) - at(-h)) / (2.0 * h);
             assert!((difference - g).abs() < 1e-8, "{name} {i}: {difference} {g}");

@@ -5,13 +5,13 @@ use crate::math::real::Real;
 use crate::math::vec::V3;
 
 /// Largest number of coefficients, (3 + 1)².
-pub const MOST: usize = 16;
+pub const MAX_COEFFICIENTS: usize = 16;
 
 /// The basis functions in unit direction `v`, as many as `degree` has; the rest is 0.
 #[inline(always)]
-pub fn basis<R: Real>(degree: u8, v: V3<R>) -> [R; MOST] {
+pub fn basis<R: Real>(degree: u8, v: V3<R>) -> [R; MAX_COEFFICIENTS] {
     let of = R::of;
-    let mut out = [of(0.0); MOST];
+    let mut out = [of(0.0); MAX_COEFFICIENTS];
     out[0] = of(SH_C0);
     if degree < 1 {
         return out;
@@ -45,7 +45,7 @@ pub fn basis<R: Real>(degree: u8, v: V3<R>) -> [R; MOST] {
 
 /// Σ d_k ∂basis_k/∂v: the gradient of the direction for gradients `d` of the basis.
 #[inline(always)]
-pub fn basis_grad<R: Real>(degree: u8, v: V3<R>, d: &[R; MOST]) -> V3<R> {
+pub fn basis_grad<R: Real>(degree: u8, v: V3<R>, d: &[R; MAX_COEFFICIENTS]) -> V3<R> {
     let of = R::of;
     let mut out = V3::zero();
     if degree < 1 {

@@ -3,9 +3,9 @@
 use crate::math::real::{Mask, Real};
 use crate::math::vec::{V2, V3};
 
-/// A triangle in camera space as a corner and two differences, so that a small far triangle keeps its digits.
+/// A triangle in camera space as a corner and two differences, so that a small far triangle keeps its precision.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Corners<R> {
+pub struct CameraTriangle<R> {
     /// v0.
     pub first: V3<R>,
     /// v1 - v0 and v2 - v0.
@@ -34,7 +34,7 @@ pub struct Splat<R> {
 
 /// Depth plane and normal of a [`Splat`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Plane<R> {
+pub struct DepthPlane<R> {
     /// 1 / z at the origin.
     pub inv_depth: R,
     /// Gradient of 1 / z, 1/px.
@@ -43,22 +43,22 @@ pub struct Plane<R> {
     pub normal: V3<R>,
 }
 
-/// What the pixels ask of a [`Splat`]: sums over them of the gradient d of ratio_i, of d · (p - origin), and more.
+/// ∂L of a [`Splat`] as the pixels see it: sums over them of the gradient d of ratio_i and of d · (p - origin).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SplatGrad<R> {
     /// Sum of ∂L/∂ratio over the pixels whose nearest edge is i.
     pub ratio: [R; 3],
     /// Sum of ∂L/∂ratio · (p - origin) over them.
     pub moment: [V2<R>; 3],
-    /// ∂L/∂inradius from elsewhere (the fade of tiny triangles).
+    /// ∂L/∂inradius through the fade of tiny triangles.
     pub inradius: R,
     /// Whether the gradient passes through the normaliser φ(s); the reference code holds it constant.
     pub exact_incenter: R,
 }
 
-/// ∂L of a [`Plane`] as seen from pixels; `inv_depth` sums ∂L/∂(1/z), `slope` sums it times (p - origin).
+/// ∂L of a [`DepthPlane`] as seen from pixels; `inv_depth` sums ∂L/∂(1/z), `slope` sums it times (p - origin).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PlaneGrad<R> {
+pub struct DepthPlaneGrad<R> {
     /// Sum of ∂L/∂(1/z).
     pub inv_depth: R,
     /// Sum of ∂L/∂(1/z) · (p - origin).
@@ -67,30 +67,30 @@ pub struct PlaneGrad<R> {
     pub normal: V3<R>,
 }
 
-/// v0's direction and the screen differences: q_k - q_0 = f (e_k.xy - u e_k.z) / z_k with u = v0.xy / v0.z.
+/// A screen difference: q_k - q_0 = f (e_k.xy - u e_k.z) / z_k with `u` = v0.xy / v0.z.
 #[inline(always)]
 fn side<R: Real>(u: V2<R>, first_z: R, e: V3<R>, focal: V2<R>) -> V2<R> {
-    (e.xy() - u.scale(e.z)).times(focal).scale(R::of(1.0) / (first_z + e.z))
+    (e.xy() - u.scale(e.z)).mul_components(focal).scale(R::of(1.0) / (first_z + e.z))
 }
 
 /// The splat of a triangle wholly in front of the camera. Degenerate triangles give inradius 0 or NaN and
 /// edges that must not be used.
 #[inline(always)]
-pub fn splat<R: Real>(corners: &Corners<R>, focal: V2<R>, center: V2<R>) -> Splat<R> {
-    let Corners { first, edges } = *corners;
+pub fn splat<R: Real>(corners: &CameraTriangle<R>, focal: V2<R>, center: V2<R>) -> Splat<R> {
+    let CameraTriangle { first, edges } = *corners;
     let u = first.xy().scale(R::of(1.0) / first.z);
     let (a, b) = (side(u, first.z, edges[0], focal), side(u, first.z, edges[1], focal));
-    let ways = [a, b - a, -b];
-    let lengths = [ways[0].length(), ways[1].length(), ways[2].length()];
+    let outline = [a, b - a, -b];
+    let lengths = [outline[0].length(), outline[1].length(), outline[2].length()];
     let perimeter = lengths[0] + lengths[1] + lengths[2];
     let cross = a.cross(b);
     let scale = perimeter / cross;
     let mut edge = [V2::zero(); 3];
     for i in 0..3 {
-        edge[i] = ways[i].turn().scale(scale / lengths[i]);
+        edge[i] = outline[i].perp().scale(scale / lengths[i]);
     }
     Splat {
-        origin: u.times(focal) + center,
+        origin: u.mul_components(focal) + center,
         sides: [a, b],
         edge,
         shift: edge[1].dot(a),
@@ -101,18 +101,18 @@ pub fn splat<R: Real>(corners: &Corners<R>, focal: V2<R>, center: V2<R>) -> Spla
 /// Gradient of the corners for the gradient `d` of their [`splat`].
 ///
 /// ```text
-/// edge_i = c_i turn(w_i),  c_i = P / (cross l_i),  w = (a, b - a, -b),  l_i = |w_i|,  P = Σ l_i
+/// edge_i = c_i perp(w_i),  c_i = P / (cross l_i),  w = (a, b - a, -b),  l_i = |w_i|,  P = Σ l_i
 /// ```
 #[inline(always)]
 pub fn splat_grad<R: Real>(
-    corners: &Corners<R>,
+    corners: &CameraTriangle<R>,
     focal: V2<R>,
     splat: &Splat<R>,
     d: &SplatGrad<R>,
-) -> Corners<R> {
+) -> CameraTriangle<R> {
     let [a, b] = splat.sides;
-    let ways = [a, b - a, -b];
-    let lengths = [ways[0].length(), ways[1].length(), ways[2].length()];
+    let outline = [a, b - a, -b];
+    let lengths = [outline[0].length(), outline[1].length(), outline[2].length()];
     let perimeter = lengths[0] + lengths[1] + lengths[2];
     let cross = a.cross(b);
     let mut d_edge = d.moment;
@@ -121,11 +121,11 @@ pub fn splat_grad<R: Real>(
     let mut d_perimeter = R::of(0.0);
     let mut d_cross = R::of(0.0);
     let mut d_lengths = [R::of(0.0); 3];
-    let mut d_ways = [V2::zero(); 3];
+    let mut d_outline = [V2::zero(); 3];
     for i in 0..3 {
         let along = d_edge[i].dot(splat.edge[i]);
         let c = perimeter / (cross * lengths[i]);
-        d_ways[i] = -d_edge[i].turn().scale(c);
+        d_outline[i] = -d_edge[i].perp().scale(c);
         d_lengths[i] = -along / lengths[i];
         d_perimeter = d_perimeter + along / perimeter;
         d_cross = d_cross - along / cross;
@@ -134,10 +134,10 @@ pub fn splat_grad<R: Real>(
     d_perimeter = (d_perimeter - d.inradius * splat.inradius / perimeter) * d.exact_incenter;
     d_cross = (d_cross + d.inradius * sign / perimeter) * d.exact_incenter;
     for i in 0..3 {
-        d_ways[i] = d_ways[i] + ways[i].scale((d_lengths[i] + d_perimeter) / lengths[i]);
+        d_outline[i] = d_outline[i] + outline[i].scale((d_lengths[i] + d_perimeter) / lengths[i]);
     }
-    let d_a = d_ways[0] - d_ways[1] - b.turn().scale(d_cross) + splat.edge[1].scale(d_shift);
-    let d_b = d_ways[1] - d_ways[2] + a.turn().scale(d_cross);
+    let d_a = d_outline[0] - d_outline[1] - b.perp().scale(d_cross) + splat.edge[1].scale(d_shift);
+    let d_b = d_outline[1] - d_outline[2] + a.perp().scale(d_cross);
     let d_origin = -(splat.edge[0].scale(d.ratio[0])
         + splat.edge[1].scale(d.ratio[1])
         + splat.edge[2].scale(d.ratio[2]));
@@ -147,28 +147,28 @@ pub fn splat_grad<R: Real>(
 /// Gradient of the corners for gradients of the origin and the two sides on the screen.
 #[inline(always)]
 fn screen_grad<R: Real>(
-    corners: &Corners<R>,
+    corners: &CameraTriangle<R>,
     focal: V2<R>,
     splat: &Splat<R>,
     d_origin: V2<R>,
     d_sides: [V2<R>; 2],
-) -> Corners<R> {
-    let Corners { first, edges } = *corners;
+) -> CameraTriangle<R> {
+    let CameraTriangle { first, edges } = *corners;
     let inv_z = R::of(1.0) / first.z;
     let u = first.xy().scale(inv_z);
-    let mut d_u = d_origin.times(focal);
+    let mut d_u = d_origin.mul_components(focal);
     let mut d_first_z = R::of(0.0);
     let mut d_edges = [V3::zero(); 2];
     for k in 0..2 {
         let inv_k = R::of(1.0) / (first.z + edges[k].z);
-        let g = d_sides[k].times(focal).scale(inv_k);
+        let g = d_sides[k].mul_components(focal).scale(inv_k);
         d_u = d_u - g.scale(edges[k].z);
         let d_z = -(d_sides[k].dot(splat.sides[k])) * inv_k;
         d_first_z = d_first_z + d_z;
         d_edges[k] = V3::new(g.x, g.y, d_z - g.dot(u));
     }
     let d_xy = d_u.scale(inv_z);
-    Corners { first: V3::new(d_xy.x, d_xy.y, d_first_z - d_u.dot(u) * inv_z), edges: d_edges }
+    CameraTriangle { first: V3::new(d_xy.x, d_xy.y, d_first_z - d_u.dot(u) * inv_z), edges: d_edges }
 }
 
 /// Depth plane and normal of a triangle wholly in front of the camera.
@@ -177,24 +177,24 @@ fn screen_grad<R: Real>(
 /// n = e1 × e2,  1 / z(p) = n · K⁻¹(p, 1) / (n · v0)
 /// ```
 #[inline(always)]
-pub fn plane<R: Real>(corners: &Corners<R>, focal: V2<R>) -> Plane<R> {
-    let (n, _) = face(corners);
+pub fn depth_plane<R: Real>(corners: &CameraTriangle<R>, focal: V2<R>) -> DepthPlane<R> {
+    let (n, _) = scaled_normal(corners);
     let offset = n.dot(corners.first);
     let inv_offset = R::of(1.0) / offset;
     let slope = V2::new(n.x / focal.x, n.y / focal.y).scale(inv_offset);
     let inv_length = R::of(1.0) / n.length();
-    Plane {
+    DepthPlane {
         inv_depth: R::of(1.0) / corners.first.z,
         slope,
         normal: n.scale(towards_camera(offset, inv_length)),
     }
 }
 
-/// Normal of any length of the edges scaled to a size of one, and that scale: no square can overflow.
+/// The normal, not normalised, of the edges scaled to a size of one, and that scale: no square can overflow.
 #[inline(always)]
-fn face<R: Real>(corners: &Corners<R>) -> (V3<R>, R) {
+fn scaled_normal<R: Real>(corners: &CameraTriangle<R>) -> (V3<R>, R) {
     let [e1, e2] = corners.edges;
-    let scale = R::of(1.0) / e1.largest().max(e2.largest());
+    let scale = R::of(1.0) / e1.max_abs().max(e2.max_abs());
     (e1.scale(scale).cross(e2.scale(scale)), scale)
 }
 
@@ -203,16 +203,16 @@ fn towards_camera<R: Real>(offset: R, inv_length: R) -> R {
     R::select(offset.lt(R::of(0.0)), inv_length, -inv_length)
 }
 
-/// Gradient of the corners for the gradient `d` of their [`plane`] and of the origin it is measured from.
+/// Gradient of the corners for the gradient `d` of their [`depth_plane`] and of the origin it is measured from.
 #[inline(always)]
-pub fn plane_grad<R: Real>(
-    corners: &Corners<R>,
+pub fn depth_plane_grad<R: Real>(
+    corners: &CameraTriangle<R>,
     focal: V2<R>,
     splat: &Splat<R>,
-    plane: &Plane<R>,
-    d: &PlaneGrad<R>,
-) -> Corners<R> {
-    let (n, scale) = face(corners);
+    plane: &DepthPlane<R>,
+    d: &DepthPlaneGrad<R>,
+) -> CameraTriangle<R> {
+    let (n, scale) = scaled_normal(corners);
     let (e1, e2) = (corners.edges[0].scale(scale), corners.edges[1].scale(scale));
     let inv_offset = R::of(1.0) / n.dot(corners.first);
     let inv_length = R::of(1.0) / n.length();
@@ -226,7 +226,7 @@ pub fn plane_grad<R: Real>(
     d_first.z = d_first.z - d.inv_depth * plane.inv_depth * plane.inv_depth;
     let moved = screen_grad(corners, focal, splat, -plane.slope.scale(d.inv_depth), [V2::zero(), V2::zero()]);
     let d_n = d_n.scale(scale);
-    Corners { first: d_first + moved.first, edges: [e2.cross(d_n), d_n.cross(e1)] }
+    CameraTriangle { first: d_first + moved.first, edges: [e2.cross(d_n), d_n.cross(e1)] }
 }
 
 /// Opacity factor of tiny triangles: 0 at inradius 0, 1 from `full_px` on, smooth between; 1 for `full_px` = 0.

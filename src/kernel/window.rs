@@ -4,16 +4,16 @@
 //! I(p) = ReLU(φ(p) / φ(s))^σ,   alpha(p) = min(cap, o · I(p)),   drawn where o · I(p) >= cutoff
 //! ```
 //!
-//! And what an engine makes of a triangle in its place: the part of each pixel it covers.
+//! And what an engine draws in its place: the part of each pixel that a triangle covers.
 
 use crate::kernel::constants::{LN_2, RATIO_FLOOR};
 use crate::math::real::{Mask, Real};
 use crate::math::vec::V2;
 
-/// The three ratios of which the smallest is φ(p) / φ(s); `to` is p - origin.
+/// The three ratios of which the smallest is φ(p) / φ(s); `offset` is p - origin.
 #[inline(always)]
-pub fn ratios<R: Real>(edge: &[V2<R>; 3], shift: R, to: V2<R>) -> [R; 3] {
-    [edge[0].dot(to), edge[1].dot(to) - shift, edge[2].dot(to)]
+pub fn ratios<R: Real>(edge: &[V2<R>; 3], shift: R, offset: V2<R>) -> [R; 3] {
+    [edge[0].dot(offset), edge[1].dot(offset) - shift, edge[2].dot(offset)]
 }
 
 /// φ(p) / φ(s): 1 at the incenter, 0 on the boundary, negative outside.

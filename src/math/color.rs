@@ -15,7 +15,7 @@ pub fn srgb_from_linear(linear: f32) -> f32 {
     if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// The linear light of an encoded channel >= 0 and its slope there. The curve goes on beyond 1.
+/// The linear light of an encoded channel >= 0 and its slope there. The curve extends beyond 1.
 #[inline(always)]
 pub fn decode<R: Real>(encoded: R) -> (R, R) {
     let c = R::of;
@@ -26,7 +26,7 @@ pub fn decode<R: Real>(encoded: R) -> (R, R) {
     (R::select(low, encoded * c(1.0 / 12.92), linear), R::select(low, c(1.0 / 12.92), slope))
 }
 
-/// The sRGB encoding of a linear channel >= 0 and its slope there. The curve goes on beyond 1.
+/// The sRGB encoding of a linear channel >= 0 and its slope there. The curve extends beyond 1.
 #[inline(always)]
 pub fn encode<R: Real>(linear: R) -> (R, R) {
     let c = R::of;

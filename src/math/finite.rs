@@ -1,4 +1,4 @@
-//! Is every number of a long list sound? Parallel, and fast enough to ask always.
+//! Range checks of long lists of numbers, in parallel.
 
 use rayon::prelude::*;
 
@@ -7,7 +7,7 @@ const EXPONENT: u32 = 0x7f80_0000;
 
 /// True when no value is NaN or infinite.
 pub fn all_finite(values: &[f32]) -> bool {
-    // No early exit inside a chunk: the loop then runs many values at once.
+    // No early exit inside a chunk, so that the loop is vectorised.
     all_chunks(values, |chunk| chunk.iter().fold(true, |all, x| all & (x.to_bits() & EXPONENT != EXPONENT)))
 }
 
@@ -21,8 +21,8 @@ pub fn all_positive(values: &[f32]) -> bool {
     all_chunks(values, |chunk| chunk.iter().fold(true, |all, x| all & (*x > 0.0) & (*x <= f32::MAX)))
 }
 
-fn all_chunks(values: &[f32], sound: impl Fn(&[f32]) -> bool + Sync + Send) -> bool {
-    values.par_chunks(CHUNK).all(sound)
+fn all_chunks(values: &[f32], valid: impl Fn(&[f32]) -> bool + Sync + Send) -> bool {
+    values.par_chunks(CHUNK).all(valid)
 }
 
 #[cfg(test)]
@@ -30,7 +30,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_bad_value_is_found_wherever_it_stands() {
+    fn one_bad_value_is_found_at_any_index() {
         let good = vec![0.5f32; 3 * CHUNK + 7];
         for at in [0, 1, CHUNK - 1, CHUNK, 3 * CHUNK + 6] {
             for bad in

@@ -1,6 +1,6 @@
-//! Sixteen f32 side by side, and the choice of the fastest such type this CPU has.
+//! SIMD values of sixteen f32, and the choice of the fastest such type of this CPU.
 //!
-//! All `unsafe` of the crate is here: vector instructions may run only where [`dispatch`] has found them.
+//! All `unsafe` of the crate is here: vector instructions may run only where [`dispatch`] has detected them.
 
 mod poly;
 mod portable;
@@ -27,16 +27,16 @@ pub trait Lanes: Real {
     /// Sum of the lanes in a fixed order.
     fn sum(self) -> f32;
     /// Largest lane.
-    fn largest(self) -> f32;
+    fn max_lane(self) -> f32;
     /// `self` where the mask is set, else 0.
     #[inline(always)]
-    fn only(self, mask: Self::Mask) -> Self {
+    fn masked(self, mask: Self::Mask) -> Self {
         Self::select(mask, self, Self::splat(0.0))
     }
     /// `self + value * factor` where the mask is set, else `self`.
     #[inline(always)]
     fn add_where(self, mask: Self::Mask, value: Self, factor: Self) -> Self {
-        value.only(mask).mul_add(factor, self)
+        value.masked(mask).mul_add(factor, self)
     }
     /// Sums of the lanes of sixteen values.
     #[inline(always)]
@@ -49,7 +49,7 @@ pub trait Lanes: Real {
     }
 }
 
-/// Asks the memory for `value`, which will be read soon.
+/// Prefetches `value`, which will be read soon.
 #[inline(always)]
 pub fn prefetch<T>(value: &T) {
     #[cfg(target_arch = "x86_64")]
@@ -59,15 +59,15 @@ pub fn prefetch<T>(value: &T) {
 }
 
 /// Work that runs on any [`Lanes`]. `run` and all it calls must be `#[inline(always)]` to be compiled for each CPU
-/// level; closures and `[T; N]::map` over lanes may stay calls and cost ten times their work.
+/// level; closures and `[T; N]::map` over lanes may not be inlined and then cost ten times their work.
 pub trait Work {
-    /// What it gives.
+    /// Its result.
     type Output;
     /// Does the work.
     fn run<L: Lanes>(self) -> Self::Output;
 }
 
-/// Instruction sets with code of their own.
+/// Instruction sets that have their own code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Level {
     /// What every CPU of the target has.

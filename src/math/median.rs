@@ -1,8 +1,8 @@
-//! The middle of some numbers.
+//! The median.
 
 use std::cmp::Ordering;
 
-/// The middle value, the upper of two; none of none. `order` is `f32::total_cmp` or `f64::total_cmp`.
+/// The median, the upper of two middle values; `None` of no values. `order` is `f32::total_cmp` or `f64::total_cmp`.
 pub fn median<T: Copy>(mut values: Vec<T>, order: fn(&T, &T) -> Ordering) -> Option<T> {
     let middle = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, order).1)

@@ -1,18 +1,13 @@
-//! How far a picture is from a photo: PSNR, SSIM and FLIP on 8-bit sRGB pixels.
+//! Image metrics between a picture and a photo: PSNR, SSIM and FLIP on 8-bit sRGB pixels.
 //!
 //! The conventions are those of 3DGS and everything measured against it: PSNR over all channels of one
 //! image, SSIM of Wang et al. 2004 with an 11x11 Gaussian, σ 1.5, zero padding, mean over channels.
-//! A weight a pixel (255 counts fully) leaves out what a mask hides; `None` counts everything.
+//! A weight per pixel (255 counts fully) excludes what a mask hides; `None` counts everything.
 
+use crate::math::ssim::{Factors, TAPS, factors, window};
 use glam::UVec2;
 use rayon::prelude::*;
 
-/// Taps of the SSIM window.
-const WINDOW: usize = 11;
-/// Standard deviation of the SSIM window, px.
-const WINDOW_SIGMA: f64 = 1.5;
-/// (0.01)² and (0.03)²: the stabilisers of SSIM for values in [0, 1].
-const SSIM_C: [f64; 2] = [1e-4, 9e-4];
 /// Below this mean squared error two pictures count as equal: 120 dB.
 const LEAST_SQUARED_ERROR: f64 = 1e-12;
 
@@ -28,21 +23,18 @@ pub fn psnr(a: &[[u8; 3]], b: &[[u8; 3]], weights: Option<&[u8]>) -> f64 {
 }
 
 /// Structural similarity in [-1, 1], 1 for equal pictures.
-///
-/// ```text
-/// ssim = (2 μa μb + C1) (2 σab + C2) / ((μa² + μb² + C1) (σa² + σb² + C2)), averaged over pixels and channels
-/// ```
+/// The mean over pixels and channels of what [`crate::math::ssim`] defines.
 pub fn ssim(size: UVec2, a: &[[u8; 3]], b: &[[u8; 3]], weights: Option<&[u8]>) -> f64 {
     let width = size.x as usize;
     assert_eq!(a.len(), width * size.y as usize, "the size is not the picture's");
     assert_eq!(a.len(), b.len(), "pictures of different sizes");
-    let window = gaussian_window();
+    let window = window();
     let rows: Vec<Vec<f64>> =
         (0..size.y as usize).into_par_iter().map(|y| ssim_row(width, a, b, y, &window)).collect();
     weighted_mean(rows.into_iter().flatten(), weights)
 }
 
-/// Mean FLIP error in [0, 1], 0 for equal pictures (Andersson et al. 2020, LDR, 67 pixels a degree).
+/// Mean FLIP error in [0, 1], 0 for equal pictures (Andersson et al. 2020, LDR, 67 pixels per degree).
 /// Not symmetric: the photo is the reference. NaN when the size is not the pictures'.
 pub fn flip(size: UVec2, reference: &[[u8; 3]], test: &[[u8; 3]], weights: Option<&[u8]>) -> f64 {
     mean_error(&flip_map(size, reference, test), weights)
@@ -59,14 +51,14 @@ pub fn flip_map(size: UVec2, reference: &[[u8; 3]], test: &[[u8; 3]]) -> Vec<f32
         .map_or_else(|_| unknown(), |map| map.into_pixels())
 }
 
-/// The mean of an error of every pixel; a weight a pixel as for the other measures.
+/// The mean of an error of every pixel; weights per pixel as for the other metrics.
 pub fn mean_error(errors: &[f32], weights: Option<&[u8]>) -> f64 {
     weighted_mean(errors.iter().map(|&error| f64::from(error)), weights)
 }
 
 /// The SSIM of every pixel of row `y`, mean over channels. `[W]`
-fn ssim_row(width: usize, a: &[[u8; 3]], b: &[[u8; 3]], y: usize, window: &[f64; WINDOW]) -> Vec<f64> {
-    let half = WINDOW / 2;
+fn ssim_row(width: usize, a: &[[u8; 3]], b: &[[u8; 3]], y: usize, window: &[f64; TAPS]) -> Vec<f64> {
+    let half = TAPS / 2;
     let height = a.len() / width;
     // Per channel: a, b, a², b², ab, filtered down the column. // [W][3][5]
     let mut columns = vec![[[0.0f64; 5]; 3]; width];
@@ -100,18 +92,9 @@ fn ssim_row(width: usize, a: &[[u8; 3]], b: &[[u8; 3]], y: usize, window: &[f64;
 
 /// SSIM from the filtered a, b, a², b², ab.
 fn ssim_of_moments(&[ma, mb, aa, bb, ab]: &[f64; 5]) -> f64 {
-    let [c1, c2] = SSIM_C;
-    let (variance_a, variance_b, covariance) = (aa - ma * ma, bb - mb * mb, ab - ma * mb);
-    ((2.0 * ma * mb + c1) * (2.0 * covariance + c2))
-        / ((ma * ma + mb * mb + c1) * (variance_a + variance_b + c2))
-}
-
-/// The taps of the window, summing to 1.
-fn gaussian_window() -> [f64; WINDOW] {
-    let half = (WINDOW / 2) as f64;
-    let tap = |i: usize| (-(i as f64 - half).powi(2) / (2.0 * WINDOW_SIGMA * WINDOW_SIGMA)).exp();
-    let sum: f64 = (0..WINDOW).map(tap).sum();
-    std::array::from_fn(|i| tap(i) / sum)
+    let Factors { luminance, structure, means, variances } =
+        factors(ma, mb, ab, (aa - ma * ma) + (bb - mb * mb));
+    (luminance * structure) / (means * variances)
 }
 
 /// Mean of `values`, each counted by its weight; 0 when nothing counts.
@@ -139,8 +122,8 @@ mod tests {
         (0..count).map(|i| [0, 1, 2].map(|c| (rng.bits(3 * i + c) >> 56) as u8)).collect()
     }
 
-    /// SSIM as the paper's formula reads: 121 taps at every pixel, moments about nothing.
-    fn ssim_by_the_book(size: UVec2, a: &[[u8; 3]], b: &[[u8; 3]]) -> f64 {
+    /// SSIM straight from the paper's formula: 121 taps at every pixel, raw moments.
+    fn ssim_by_definition(size: UVec2, a: &[[u8; 3]], b: &[[u8; 3]]) -> f64 {
         let (w, h) = (size.x as i64, size.y as i64);
         let g = |d: i64| (-(d * d) as f64 / 4.5).exp();
         let norm: f64 = (-5..=5).map(g).sum();
@@ -174,7 +157,7 @@ mod tests {
     fn ssim_is_the_formula_of_the_paper_at_any_size() {
         for size in [(1, 1), (1, 9), (5, 3), (11, 11), (23, 17)].map(UVec2::from) {
             let (a, b) = (noise(size, "a"), noise(size, "b"));
-            let difference = ssim(size, &a, &b, None) - ssim_by_the_book(size, &a, &b);
+            let difference = ssim(size, &a, &b, None) - ssim_by_definition(size, &a, &b);
             assert!(difference.abs() < 1e-12, "{size}: {difference}");
             assert!((ssim(size, &a, &a, None) - 1.0).abs() < 1e-12);
         }
@@ -185,7 +168,7 @@ mod tests {
         let black = [[0u8; 3]; 4];
         assert_eq!(psnr(&black, &black, None), 120.0);
         assert_eq!(psnr(&black, &[[255; 3]; 4], None), 0.0);
-        let tenth = [[0; 3], [0; 3], [0; 3], [51, 51, 51]]; // a fifth off in a quarter of the pixels
+        let tenth = [[0; 3], [0; 3], [0; 3], [51, 51, 51]]; // off by a fifth in a quarter of the pixels
         assert!((psnr(&black, &tenth, None) - 20.0).abs() < 1e-9);
     }
 

@@ -1,4 +1,4 @@
-//! Numbers: knows no triangle.
+//! Numbers, vectors, colours and metrics; nothing here depends on triangles.
 
 pub mod color;
 pub mod finite;
@@ -7,4 +7,5 @@ pub mod median;
 pub mod metric;
 pub mod real;
 pub mod srgb8;
+pub mod ssim;
 pub mod vec;

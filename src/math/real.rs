@@ -5,7 +5,7 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A yes or no per lane.
+/// A boolean per lane.
 pub trait Mask: Copy {
     /// Lane-wise conjunction.
     fn and(self, other: Self) -> Self;
@@ -27,11 +27,11 @@ impl Mask for bool {
     }
 }
 
-/// A real number, or several side by side.
+/// A real number, or a SIMD value of several.
 pub trait Real:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {
-    /// What a comparison gives.
+    /// Result of a comparison.
     type Mask: Mask;
 
     /// The constant `value`, rounded, in every lane.
@@ -40,9 +40,9 @@ pub trait Real:
     fn mul_add(self, factor: Self, term: Self) -> Self;
     /// Square root.
     fn sqrt(self) -> Self;
-    /// 2 to the power of self; lanes promise it on [-126, 126] only.
+    /// 2 to the power of self; lanes are accurate on [-126, 126] only.
     fn exp2(self) -> Self;
-    /// Logarithm to base 2; lanes promise it for positive normal numbers only.
+    /// Logarithm to base 2; lanes are accurate for positive normal numbers only.
     fn log2(self) -> Self;
     /// Absolute value.
     fn abs(self) -> Self;

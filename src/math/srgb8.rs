@@ -17,7 +17,7 @@ pub fn srgb8_from_linear(linear: f32) -> u8 {
 
 /// A bucket holds the values that share sign, exponent and 7 bits of mantissa: 1/128 wide relative to
 /// its start. Neighbouring codes lie more than that apart (0.0088 at white, more below), so a bucket
-/// holds at most one step and a single comparison decides.
+/// holds at most one step and a single comparison suffices.
 const BUCKET_SHIFT: u32 = 16;
 const BUCKETS: usize = (1.0f32.to_bits() >> BUCKET_SHIFT) as usize + 1;
 

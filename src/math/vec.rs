@@ -34,14 +34,14 @@ impl<R: Real> V2<R> {
     pub fn zero() -> Self {
         Self { x: R::of(0.0), y: R::of(0.0) }
     }
-    /// Every coordinate times `factor`.
+    /// Every component times `factor`.
     #[inline(always)]
     pub fn scale(self, factor: R) -> Self {
         Self { x: self.x * factor, y: self.y * factor }
     }
-    /// Coordinate by coordinate product.
+    /// Component-wise product.
     #[inline(always)]
-    pub fn times(self, other: Self) -> Self {
+    pub fn mul_components(self, other: Self) -> Self {
         Self { x: self.x * other.x, y: self.y * other.y }
     }
     /// Scalar product.
@@ -54,9 +54,9 @@ impl<R: Real> V2<R> {
     pub fn cross(self, other: Self) -> R {
         self.x * other.y - self.y * other.x
     }
-    /// (-y, x), so that `a.turn().dot(b) == a.cross(b)`.
+    /// The perpendicular (-y, x): `a.perp().dot(b) == a.cross(b)`.
     #[inline(always)]
-    pub fn turn(self) -> Self {
+    pub fn perp(self) -> Self {
         Self { x: -self.y, y: self.x }
     }
     /// Euclidean length.
@@ -77,7 +77,7 @@ impl<R: Real> V3<R> {
     pub fn zero() -> Self {
         Self { x: R::of(0.0), y: R::of(0.0), z: R::of(0.0) }
     }
-    /// Every coordinate times `factor`.
+    /// Every component times `factor`.
     #[inline(always)]
     pub fn scale(self, factor: R) -> Self {
         Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
@@ -101,12 +101,12 @@ impl<R: Real> V3<R> {
     pub fn length(self) -> R {
         self.dot(self).sqrt()
     }
-    /// Largest absolute coordinate.
+    /// Largest absolute component.
     #[inline(always)]
-    pub fn largest(self) -> R {
+    pub fn max_abs(self) -> R {
         self.x.abs().max(self.y.abs()).max(self.z.abs())
     }
-    /// The first two coordinates.
+    /// The first two components.
     #[inline(always)]
     pub fn xy(self) -> V2<R> {
         V2 { x: self.x, y: self.y }

@@ -1,26 +1,29 @@
-//! Where the soup lives while it trains. Only the inner loop has several homes: refinement takes the
-//! state out, runs the one implementation there is, and puts it back.
+//! Where the scene is stored and optimised while it trains.
+//!
+//! There is one backend, [`CpuBackend`](super::cpu::CpuBackend); the trait is the line along which a second one, on
+//! a graphics card, can be added. Only the inner loop belongs to a backend: refinement takes the state out, runs the
+//! one implementation there is, and puts it back.
 
-use super::params::State;
+use super::params::TrainState;
 use super::schedule::Rates;
 use crate::camera::Camera;
 use crate::error::Result;
-use crate::raster::importance::Importance;
+use crate::raster::soft::Importance;
 
 /// A photo as one step sees it.
 #[derive(Debug, Clone, Copy)]
-pub struct Shot<'a> {
+pub struct StepPhoto<'a> {
     /// The camera, in training space, at the photo's size.
     pub camera: &'a Camera,
-    /// The photo, sRGB-encoded. `[H * W]`
-    pub photo: &'a [[f32; 3]],
+    /// The pixels, sRGB-encoded. `[H * W]`
+    pub rgb: &'a [[f32; 3]],
     /// How much each pixel counts; `None` when all do. `[H * W]`
     pub weight: Option<&'a [f32]>,
-    /// The photo is drawn for the first time since [`Backend::sightings`] was reset.
+    /// The photo is drawn for the first time since the visibility statistics were reset.
     pub first: bool,
 }
 
-/// What one step found.
+/// Figures of one step.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct StepStats {
     /// The photometric loss.
@@ -33,9 +36,9 @@ pub struct StepStats {
     pub touched: u64,
 }
 
-/// What was seen of every triangle since the last reset.
+/// How visible every triangle was since [`TrainBackend::take_visibility`] was last called.
 #[derive(Debug, Clone, Default)]
-pub struct Sightings {
+pub struct BackendVisibility {
     /// In photos drawn for the first time.
     pub first: Importance,
     /// In photos drawn again.
@@ -45,16 +48,16 @@ pub struct Sightings {
     pub error: Vec<u64>,
 }
 
-/// One home of the training scene. After k steps two homes agree.
-pub trait Backend {
+/// Stores a training scene and makes its steps.
+pub trait TrainBackend {
     /// Moves a state in.
-    fn load(&mut self, state: State) -> Result<()>;
-    /// Draws, compares, differentiates and moves the parameters once.
-    fn step(&mut self, shot: &Shot<'_>, rates: &Rates) -> Result<StepStats>;
-    /// Hands out what was seen since the last call and begins anew.
-    fn sightings(&mut self) -> Result<Sightings>;
-    /// Moves the state out; [`Backend::load`] must follow before the next step.
-    fn store(&mut self) -> Result<State>;
+    fn load(&mut self, state: TrainState) -> Result<()>;
+    /// Draws, compares, differentiates and updates the parameters once.
+    fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<StepStats>;
+    /// The visibility of the steps since the last call, which is reset.
+    fn take_visibility(&mut self) -> Result<BackendVisibility>;
+    /// Moves the state out; [`TrainBackend::load`] must follow before the next step.
+    fn store(&mut self) -> Result<TrainState>;
     /// Triangles held.
     fn len(&self) -> usize;
     /// True when it holds none.

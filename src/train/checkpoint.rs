@@ -1,39 +1,41 @@
 //! Checkpoints: everything a run needs to go on bit for bit, in one safetensors file.
 //!
-//! ```text
-//! u64 LE header length · JSON header {name: {dtype, shape, data_offsets}, __metadata__} · tensors, LE
-//! ```
-//! Tensors are the raw parameters, both Adam moments and the watch; `__metadata__.trisplat` is a JSON text
-//! with the step, the options and what else is not an array.
+//! Tensors are the raw parameters, both Adam moments and the visibility statistics, little-endian;
+//! `__metadata__.trisplat` is a JSON text with the step, the options and what else is not an array.
 
 use super::options::TrainOptions;
-use super::params::{Params, State};
-use super::progress::Sample;
+use super::params::{Params, TrainState};
+use super::progress::TrainSample;
 use super::space::Space;
-use super::watch::Watch;
+use super::visibility::VisibilityStats;
+use crate::atomic::AtomicFile;
 use crate::error::{Error, Result};
-use bytemuck::Pod;
+use bytemuck::{NoUninit, Pod};
 use glam::Vec3;
+use safetensors::tensor::{Dtype, SafeTensorError, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use std::collections::HashMap;
 use std::io::Write;
 use std::path::Path;
 
-/// A run at rest between two steps.
+/// The layout written and read; it changes whenever a key or an array does.
+const FORMAT: u32 = 2;
+
+/// A run between two steps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checkpoint {
     /// Parameters and moments.
-    pub state: State,
-    /// What the photos have seen since the last judgement.
-    pub watch: Watch,
+    pub state: TrainState,
+    /// Visibility of the triangles since the last pruning.
+    pub visibility: VisibilityStats,
     /// What is not an array.
-    pub meta: Meta,
+    pub meta: CheckpointMeta,
 }
 
 /// What is not an array.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Meta {
+pub struct CheckpointMeta {
     /// Program and version.
     pub generator: String,
     /// Steps made.
@@ -47,171 +49,189 @@ pub struct Meta {
     /// Gradients dropped because they were not finite.
     pub dropped: u64,
     /// The curve so far.
-    pub curve: Vec<Sample>,
+    pub curve: Vec<TrainSample>,
     /// CPU seconds used so far.
     pub cpu_secs: f64,
 }
 
-impl Meta {
+impl CheckpointMeta {
     /// Training space.
     pub fn space(&self) -> Space {
         Space { center: Vec3::from_array(self.space.0), scale: self.space.1 }
     }
 }
 
-/// Writes `checkpoint` to a temporary file beside `path` and renames it.
+/// The text of `__metadata__.trisplat`.
+#[derive(Serialize, Deserialize)]
+struct MetaText<T> {
+    format: u32,
+    run: T,
+}
+
+/// The part of it that every format has, but for the first, which has no number.
+#[derive(Deserialize)]
+struct FormatText {
+    format: Option<u32>,
+}
+
+/// Writes `checkpoint` as a file that appears whole or not at all, even when the power fails.
+///
+/// Errors: what the operating system refuses.
 pub fn write(path: &Path, checkpoint: &Checkpoint) -> Result<()> {
-    let mut tensors = Tensors::default();
-    for (prefix, params) in [
-        ("params", &checkpoint.state.params),
-        ("first", &checkpoint.state.first),
-        ("second", &checkpoint.state.second),
-    ] {
-        let (n, k) = (params.len(), params.sh_count());
-        tensors.add(&format!("{prefix}.vertices"), "F32", &[n, 3, 3], &params.vertices);
-        tensors.add(&format!("{prefix}.opacity"), "F32", &[n], &params.opacity);
-        tensors.add(&format!("{prefix}.sigma"), "F32", &[n], &params.sigma);
-        tensors.add(&format!("{prefix}.sh"), "F32", &[n, k, 3], &params.sh);
-    }
-    let watch = &checkpoint.watch;
-    let n = watch.len();
+    let io = |e| Error::io(path, e);
+    let unwritable = |e: &dyn std::fmt::Display| Error::invalid("checkpoint", e, "numbers JSON can hold");
+    let visibility = &checkpoint.visibility;
     let bytes = |flags: &[bool]| flags.iter().map(|f| u8::from(*f)).collect::<Vec<u8>>();
-    tensors.add("watch.max_weight", "F32", &[n], &watch.max_weight);
-    tensors.add("watch.views", "U32", &[n], &watch.views);
-    tensors.add("watch.radius_px", "F32", &[n], &watch.radius_px);
-    tensors.add("watch.error", "U64", &[n], &watch.error);
-    tensors.add("watch.exempt", "U8", &[n], &bytes(&watch.exempt));
-    tensors.add("watch.seen", "U8", &[watch.seen.len()], &bytes(&watch.seen));
-
-    let meta = serde_json::to_string(&checkpoint.meta)
-        .map_err(|e| Error::invalid("checkpoint", e, "numbers JSON can hold"))?;
-    tensors.header.insert("__metadata__".into(), json!({ "trisplat": meta }));
-    tensors.write(path)
+    let (exempt, drawn) = (bytes(&visibility.exempt), bytes(&visibility.drawn));
+    let tensors = tensors(checkpoint, &exempt, &drawn).map_err(|e| unwritable(&e))?;
+    let meta = MetaText { format: FORMAT, run: &checkpoint.meta };
+    let meta = serde_json::to_string(&meta).map_err(|e| unwritable(&e))?;
+    let metadata = HashMap::from([("trisplat".to_owned(), meta)]);
+    let bytes = safetensors::serialize(tensors, Some(metadata)).map_err(|e| unwritable(&e))?;
+    let mut file = AtomicFile::create(path)?;
+    file.write_all(&bytes).map_err(io)?;
+    file.commit_synced().map(drop)
 }
 
-/// Arrays on their way into a file.
-#[derive(Default)]
-struct Tensors {
-    header: serde_json::Map<String, Value>,
-    data: Vec<u8>,
+type Named<'a> = Vec<(String, TensorView<'a>)>;
+
+/// Every array under its name.
+fn tensors<'a>(
+    checkpoint: &'a Checkpoint,
+    exempt: &'a [u8],
+    drawn: &'a [u8],
+) -> std::result::Result<Named<'a>, SafeTensorError> {
+    let mut tensors = Vec::new();
+    let mut add = |name: String, dtype, shape: &[usize], data| {
+        TensorView::new(dtype, shape.to_vec(), data).map(|view| tensors.push((name, view)))
+    };
+    let state = &checkpoint.state;
+    for (prefix, params) in [("params", &state.params), ("first", &state.first), ("second", &state.second)] {
+        let (n, k) = (params.len(), params.sh_count());
+        add(format!("{prefix}.vertices"), Dtype::F32, &[n, 3, 3], raw(&params.vertices))?;
+        add(format!("{prefix}.opacity"), Dtype::F32, &[n], raw(&params.opacity))?;
+        add(format!("{prefix}.sigma"), Dtype::F32, &[n], raw(&params.sigma))?;
+        add(format!("{prefix}.sh"), Dtype::F32, &[n, k, 3], raw(&params.sh))?;
+    }
+    let visibility = &checkpoint.visibility;
+    let n = visibility.len();
+    add("visibility.max_weight".into(), Dtype::F32, &[n], raw(&visibility.max_weight))?;
+    add("visibility.views".into(), Dtype::U32, &[n], raw(&visibility.views))?;
+    add("visibility.radius_px".into(), Dtype::F32, &[n], raw(&visibility.radius_px))?;
+    add("visibility.error".into(), Dtype::U64, &[n], raw(&visibility.error))?;
+    add("visibility.exempt".into(), Dtype::U8, &[n], exempt)?;
+    add("visibility.drawn".into(), Dtype::U8, &[drawn.len()], drawn)?;
+    Ok(tensors)
 }
 
-impl Tensors {
-    fn add<T: bytemuck::NoUninit>(&mut self, name: &str, dtype: &str, shape: &[usize], values: &[T]) {
-        let from = self.data.len();
-        self.data.extend_from_slice(bytemuck::cast_slice(values));
-        let offsets = [from, self.data.len()];
-        self.header.insert(name.into(), json!({"dtype": dtype, "shape": shape, "data_offsets": offsets}));
-    }
-
-    fn write(&self, path: &Path) -> Result<()> {
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let io = |e| Error::io(path, e);
-        let mut file = tempfile::NamedTempFile::new_in(folder).map_err(io)?;
-        let mut header = Value::Object(self.header.clone()).to_string();
-        // Tensors start at a multiple of eight bytes.
-        header.extend(std::iter::repeat_n(' ', header.len().next_multiple_of(8) - header.len()));
-        file.write_all(&(header.len() as u64).to_le_bytes()).map_err(io)?;
-        file.write_all(header.as_bytes()).map_err(io)?;
-        file.write_all(&self.data).map_err(io)?;
-        file.as_file().sync_all().map_err(io)?;
-        file.persist(path).map(drop).map_err(|e| io(e.error))
-    }
+fn raw<T: NoUninit>(values: &[T]) -> &[u8] {
+    bytemuck::cast_slice(values)
 }
 
 /// Reads a checkpoint and proves that its arrays fit together.
+///
+/// Errors: a file that is broken, not a checkpoint, or of another version of trisplat.
 pub fn read(path: &Path) -> Result<Checkpoint> {
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-    let file = File::parse(path, &bytes)?;
-    let meta = file.header.get("__metadata__").and_then(|m| m.get("trisplat")).and_then(Value::as_str);
-    let meta = meta.ok_or_else(|| Error::malformed(path, "__metadata__", "is not a trisplat checkpoint"))?;
-    let meta: Meta =
-        serde_json::from_str(meta).map_err(|e| Error::malformed(path, "__metadata__", e.to_string()))?;
+    let meta = read_meta(path, &bytes)?;
+    let tensors = SafeTensors::deserialize(&bytes).map_err(|e| broken(path, &e))?;
+    let file = Arrays { path, tensors };
     let params = file.params("params", None)?;
-    let state = State {
+    let state = TrainState {
         first: file.params("first", Some(&params))?,
         second: file.params("second", Some(&params))?,
         params,
     };
-    let watch = Watch {
-        max_weight: file.array("watch.max_weight")?,
-        views: file.array("watch.views")?,
-        radius_px: file.array("watch.radius_px")?,
-        error: file.array("watch.error")?,
-        exempt: file.array::<u8>("watch.exempt")?.iter().map(|b| *b != 0).collect(),
-        seen: file.array::<u8>("watch.seen")?.iter().map(|b| *b != 0).collect(),
-    };
     let n = state.params.len();
-    let lengths = [
-        watch.max_weight.len(),
-        watch.views.len(),
-        watch.radius_px.len(),
-        watch.error.len(),
-        watch.exempt.len(),
-    ];
-    if lengths.iter().any(|l| *l != n) || watch.seen.len() != meta.photos.len() {
-        return Err(Error::malformed(path, "watch", format!("wants {n} triangles, holds {lengths:?}")));
-    }
-    Ok(Checkpoint { state, watch, meta })
+    let flags = |name: &str, count: usize| -> Result<Vec<bool>> {
+        Ok(file.array::<u8>(name, Dtype::U8, &[count])?.iter().map(|b| *b != 0).collect())
+    };
+    let visibility = VisibilityStats {
+        max_weight: file.array("visibility.max_weight", Dtype::F32, &[n])?,
+        views: file.array("visibility.views", Dtype::U32, &[n])?,
+        radius_px: file.array("visibility.radius_px", Dtype::F32, &[n])?,
+        error: file.array("visibility.error", Dtype::U64, &[n])?,
+        exempt: flags("visibility.exempt", n)?,
+        drawn: flags("visibility.drawn", meta.photos.len())?,
+    };
+    Ok(Checkpoint { state, visibility, meta })
 }
 
-/// A parsed file; arrays are copied out on demand.
-struct File<'a> {
+/// What is not an array, once the file is known to be a checkpoint of this format.
+fn read_meta(path: &Path, bytes: &[u8]) -> Result<CheckpointMeta> {
+    let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| broken(path, &e))?;
+    let bad = |reason: String| Error::malformed(path, "__metadata__", reason);
+    let text = metadata.metadata().as_ref().and_then(|map| map.get("trisplat"));
+    let text = text.ok_or_else(|| bad("is not a trisplat checkpoint".into()))?;
+    let json = |e: serde_json::Error| bad(e.to_string());
+    let format = serde_json::from_str::<FormatText>(text).map_err(json)?.format.unwrap_or(1);
+    if format != FORMAT {
+        let reason = format!(
+            "is a checkpoint of format {format}, this version reads {FORMAT}: go on with the version that wrote it, \
+             or train anew"
+        );
+        return Err(Error::unsupported(path, reason));
+    }
+    serde_json::from_str::<MetaText<CheckpointMeta>>(text).map(|meta| meta.run).map_err(json)
+}
+
+/// An error of the container, with its place.
+fn broken(path: &Path, error: &SafeTensorError) -> Error {
+    let at = match error {
+        SafeTensorError::HeaderTooSmall
+        | SafeTensorError::HeaderTooLarge
+        | SafeTensorError::InvalidHeaderLength => "byte 0".into(),
+        SafeTensorError::TensorNotFound(name) | SafeTensorError::InvalidOffset(name) => name.clone(),
+        _ => "header".into(),
+    };
+    Error::malformed(path, at, error.to_string())
+}
+
+/// The arrays of a file; they are copied out on demand.
+struct Arrays<'a> {
     path: &'a Path,
-    header: serde_json::Map<String, Value>,
-    data: &'a [u8],
+    tensors: SafeTensors<'a>,
 }
 
-impl<'a> File<'a> {
-    fn parse(path: &'a Path, bytes: &'a [u8]) -> Result<Self> {
-        let broken = |at: &str, reason: &str| Error::malformed(path, at, reason);
-        let (length, rest) =
-            bytes.split_first_chunk::<8>().ok_or_else(|| broken("byte 0", "ends within the header"))?;
-        let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
-        if length > rest.len() {
-            return Err(broken("byte 0", "promises a longer header than the file holds"));
+impl Arrays<'_> {
+    /// The values of `name`, which must have this type and shape.
+    fn array<T: Pod>(&self, name: &str, dtype: Dtype, shape: &[usize]) -> Result<Vec<T>> {
+        let view = self.tensors.tensor(name).map_err(|e| broken(self.path, &e))?;
+        if view.dtype() != dtype || view.shape() != shape {
+            let reason = format!("is {} {:?}, wants {dtype} {shape:?}", view.dtype(), view.shape());
+            return Err(Error::malformed(self.path, name.to_owned(), reason));
         }
-        let (header, data) = rest.split_at(length);
-        let header = serde_json::from_slice(header).map_err(|e| broken("header", &e.to_string()))?;
-        Ok(Self { path, header, data })
+        Ok(bytemuck::pod_collect_to_vec(view.data()))
     }
 
-    /// The values of `name`, checked against its shape.
-    fn array<T: Pod>(&self, name: &str) -> Result<Vec<T>> {
-        let broken = |reason: &str| Error::malformed(self.path, name.to_owned(), reason);
-        let entry = self.header.get(name).ok_or_else(|| broken("is missing"))?;
-        let offset = |i: usize| {
-            let value = entry.get("data_offsets").and_then(|o| o.get(i)).and_then(Value::as_u64);
-            value.and_then(|v| usize::try_from(v).ok())
-        };
-        let range = offset(0).zip(offset(1)).and_then(|(from, to)| self.data.get(from..to));
-        let bytes = range.ok_or_else(|| broken("lies outside the file"))?;
-        if bytes.len() % size_of::<T>() != 0 {
-            return Err(broken("is not a whole number of entries"));
-        }
-        Ok(bytemuck::pod_collect_to_vec(bytes))
+    /// The size of `name` along each axis.
+    fn shape(&self, name: &str) -> Result<Vec<usize>> {
+        Ok(self.tensors.tensor(name).map_err(|e| broken(self.path, &e))?.shape().to_vec())
     }
 
+    /// Parameters as large as `like`, or of any size.
     fn params(&self, prefix: &str, like: Option<&Params>) -> Result<Params> {
-        let vertices: Vec<[[f32; 3]; 3]> = self.array(&format!("{prefix}.vertices"))?;
-        let params = Params {
-            vertices: vertices.into_iter().map(|t| t.map(Vec3::from_array)).collect(),
-            opacity: self.array(&format!("{prefix}.opacity"))?,
-            sigma: self.array(&format!("{prefix}.sigma"))?,
-            sh: self.array(&format!("{prefix}.sh"))?,
-            sh_degree: 0,
-        };
-        let (n, rows) = (params.len(), params.sh.len());
-        let degree = match like {
-            Some(like) => (like.len() == n && like.sh.len() == rows).then_some(like.sh_degree),
-            None => (0..=3u8).find(|d| n * (usize::from(*d) + 1).pow(2) == rows),
-        };
-        match degree {
-            Some(sh_degree) if params.opacity.len() == n && params.sigma.len() == n => {
-                Ok(Params { sh_degree, ..params })
+        let sh = format!("{prefix}.sh");
+        let (n, k) = match (like, &self.shape(&sh)?[..]) {
+            (Some(like), _) => (like.len(), like.sh_count()),
+            (None, &[n, k, _]) => (n, k),
+            (None, shape) => {
+                return Err(Error::malformed(self.path, sh, format!("is {shape:?}, wants three axes")));
             }
-            _ => Err(Error::malformed(self.path, prefix.to_owned(), "arrays are not equally long")),
-        }
+        };
+        let degree = (0..=3u8).find(|degree| (usize::from(*degree) + 1).pow(2) == k);
+        let sh_degree = degree.ok_or_else(|| {
+            Error::malformed(self.path, sh.clone(), format!("has {k} coefficients, wants 1, 4, 9 or 16"))
+        })?;
+        let vertices: Vec<[[f32; 3]; 3]> =
+            self.array(&format!("{prefix}.vertices"), Dtype::F32, &[n, 3, 3])?;
+        Ok(Params {
+            vertices: vertices.into_iter().map(|t| t.map(Vec3::from_array)).collect(),
+            opacity: self.array(&format!("{prefix}.opacity"), Dtype::F32, &[n])?,
+            sigma: self.array(&format!("{prefix}.sigma"), Dtype::F32, &[n])?,
+            sh: self.array(&sh, Dtype::F32, &[n, k, 3])?,
+            sh_degree,
+        })
     }
 }
 
@@ -228,19 +248,19 @@ mod tests {
             sh: vec![[0.1, -0.2, 0.3]; 3],
             sh_degree: 0,
         };
-        let mut watch = Watch::new(3, 2);
-        watch.meet(1);
-        let meta = Meta {
+        let mut visibility = VisibilityStats::new(3, 2);
+        visibility.record_photo(1);
+        let meta = CheckpointMeta {
             generator: "test".into(),
             step: 17,
             options: TrainOptions::default(),
             space: ([1.0, 2.0, 3.5], 0.123),
             photos: vec!["a".into(), "b".into()],
             dropped: 2,
-            curve: vec![Sample::default()],
+            curve: vec![TrainSample::default()],
             cpu_secs: 1.5,
         };
-        Checkpoint { state: State::new(Params::from_soup(&soup, 2)), watch, meta }
+        Checkpoint { state: TrainState::new(Params::from_soup(&soup, 2)), visibility, meta }
     }
 
     #[test]
@@ -261,5 +281,39 @@ mod tests {
             std::fs::write(&path, &bytes[..cut]).unwrap();
             assert!(read(&path).is_err(), "{cut}");
         }
+    }
+
+    #[test]
+    fn errors_name_the_place_and_the_version() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.safetensors");
+        write(&path, &sample()).unwrap();
+        let file = String::from_utf8_lossy(&std::fs::read(&path).unwrap()).into_owned();
+        assert!(file.contains("visibility.views"));
+        let whole = std::fs::read(&path).unwrap();
+        let replaced = |from: &str, to: &str| {
+            let at = whole.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
+            let mut bytes = whole.clone();
+            bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
+            std::fs::write(&path, bytes).unwrap();
+            read(&path).unwrap_err().to_string()
+        };
+        let missing = replaced("visibility.views", "visibility.vista");
+        assert!(missing.contains("visibility.views: "), "{missing}");
+        let old = replaced("format\\\":2", "format\\\":1");
+        assert!(old.contains("is a checkpoint of format 1, this version reads 2"), "{old}");
+        let other = replaced("\"trisplat\":", "\"somebody\":");
+        assert!(other.contains("is not a trisplat checkpoint"), "{other}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_checkpoint_has_the_permissions_of_any_output() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let mode = |name: &str| std::fs::metadata(folder.path().join(name)).unwrap().permissions().mode();
+        write(&folder.path().join("a.checkpoint"), &sample()).unwrap();
+        std::fs::write(folder.path().join("plain"), b"").unwrap();
+        assert_eq!(mode("a.checkpoint"), mode("plain"));
     }
 }

@@ -1,8 +1,8 @@
 //! The training scene in main memory, on all cores.
 
-use super::backend::{Backend, Shot, Sightings, StepStats};
-use super::params::{Params, State};
-use super::samples::{Samples, Sampling};
+use super::backend::{BackendVisibility, StepPhoto, StepStats, TrainBackend};
+use super::frame_loss::{FrameLoss, Supersampling};
+use super::params::{Params, TrainState};
 use super::schedule::Rates;
 use super::update::{Regularisers, update};
 use crate::camera::Camera;
@@ -11,35 +11,35 @@ use crate::kernel::normal::{Maps, MapsGrad, normal_grad};
 use crate::raster::soft::{Frame, FrameGrad, Soft, SoftOptions, SoupGrad, SoupRef};
 use rayon::prelude::*;
 
-/// The CPU's home of a training scene.
+/// A training scene in main memory.
 #[derive(Debug, Default)]
-pub struct Cpu {
+pub struct CpuBackend {
     options: SoftOptions,
-    state: State,
+    state: TrainState,
     soft: Soft,
-    samples: Samples,
+    frame_loss: FrameLoss,
     d_maps: MapsGrad<f32>,
     d_frame: FrameGrad,
     d_soup: SoupGrad,
     opacity: Vec<f32>,
     sigma: Vec<f32>,
-    sightings: Sightings,
+    visibility: BackendVisibility,
 }
 
-impl Cpu {
-    /// An empty home that draws with `options`.
+impl CpuBackend {
+    /// Without a scene yet; draws with `options`.
     pub fn new(options: SoftOptions) -> Self {
         Self { options: SoftOptions { importance: true, ..options }, ..Self::default() }
     }
 }
 
-impl Backend for Cpu {
-    fn load(&mut self, state: State) -> Result<()> {
+impl TrainBackend for CpuBackend {
+    fn load(&mut self, state: TrainState) -> Result<()> {
         self.state = state;
         Ok(())
     }
 
-    fn store(&mut self) -> Result<State> {
+    fn store(&mut self) -> Result<TrainState> {
         Ok(std::mem::take(&mut self.state))
     }
 
@@ -47,11 +47,11 @@ impl Backend for Cpu {
         self.state.params.len()
     }
 
-    fn sightings(&mut self) -> Result<Sightings> {
-        Ok(std::mem::take(&mut self.sightings))
+    fn take_visibility(&mut self) -> Result<BackendVisibility> {
+        Ok(std::mem::take(&mut self.visibility))
     }
 
-    fn step(&mut self, shot: &Shot<'_>, rates: &Rates) -> Result<StepStats> {
+    fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<StepStats> {
         activate(&self.state.params, rates, &mut self.opacity, &mut self.sigma);
         let params = &self.state.params;
         let soup = SoupRef {
@@ -64,22 +64,24 @@ impl Backend for Cpu {
         };
         let mut options = rates.drawing(&self.options);
         options.geometry = rates.beta_normal > 0.0 || rates.beta_distortion > 0.0;
-        let sampling =
-            Sampling { samples: rates.hard.map_or(1, |hard| hard.samples), linear: options.linear };
-        let camera = shot.camera.resized(shot.camera.size * sampling.samples);
+        let sampling = Supersampling {
+            samples: rates.engine_shading.map_or(1, |shading| shading.samples),
+            linear: options.linear,
+        };
+        let camera = photo.camera.resized(photo.camera.size * sampling.samples);
         let frame = self.soft.render(&soup, &camera, &options);
         let d_rgb = &mut self.d_frame.d_rgb;
-        let means = self.samples.photometric_grad(shot, rates.dssim, sampling, &frame.rgb, d_rgb);
-        self.samples.errors(shot, sampling, &mut self.d_frame.error);
+        let means = self.frame_loss.photometric_grad(photo, rates.dssim, sampling, &frame.rgb, d_rgb);
+        self.frame_loss.errors(photo, sampling, &mut self.d_frame.error);
         let geometry = geometry_grad(frame, &camera, rates, &mut self.d_maps, &mut self.d_frame);
         self.soft.backward(&soup, &camera, &options, &self.d_frame, &mut self.d_soup);
         let n = params.len();
-        let sighting = if shot.first { &mut self.sightings.first } else { &mut self.sightings.again };
-        if sighting.max_weight.len() != n {
-            sighting.reset(n);
+        let importance = if photo.first { &mut self.visibility.first } else { &mut self.visibility.again };
+        if importance.max_weight.len() != n {
+            importance.reset(n);
         }
-        self.soft.accumulate_importance(sighting);
-        add_errors(&self.d_soup, &mut self.sightings.error);
+        self.soft.accumulate_importance(importance);
+        add_errors(&self.d_soup, &mut self.visibility.error);
         let regularisers = Regularisers::new(&self.state.params, rates);
         let (touched, broken) = update(&mut self.state, &self.d_soup, rates, &regularisers);
         Ok(StepStats {
@@ -139,7 +141,7 @@ fn add_errors(d_soup: &SoupGrad, errors: &mut Vec<u64>) {
     }
 }
 
-/// Units of [`Sightings::error`] in a pixel.
+/// Units of [`BackendVisibility::error`] per pixel.
 const ERROR_UNITS: f32 = 1_048_576.0;
 
 /// Opacity and σ of the raw parameters.

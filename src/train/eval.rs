@@ -1,4 +1,4 @@
-//! How good a scene is on the held-out photos, while it trains.
+//! How close a scene comes to the held-out photos, while it trains.
 
 use super::space::Space;
 use crate::camera::Camera;
@@ -8,21 +8,43 @@ use crate::image::Pixels;
 use crate::math::color::linear_from_srgb;
 use crate::math::metric;
 use crate::mesh::{Colors, Mesh};
-use crate::raster::soft::{Soft, SoftOptions, SoupRef, Window};
-use crate::raster::solid::{Solid, SolidOptions};
+use crate::raster::soft::{Frame, Soft, SoftOptions, SoupRef, Window};
+use crate::raster::solid::{Solid, SolidRasterOptions};
 use crate::soup::{Soup, rgb_from_sh0};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Photos to be judged on, decoded once.
-#[derive(Debug, Default)]
-pub struct Judge {
-    shots: Vec<(String, Camera, Arc<Pixels>)>,
-    soft: Soft,
+/// How close a picture comes to a photo, both in 8 bits.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Quality {
+    /// Peak signal-to-noise ratio, dB.
+    pub psnr: f64,
+    /// Structural similarity in the convention of 3DGS.
+    pub ssim: f64,
 }
 
-/// How close one picture comes to its photo.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct Score {
+impl Quality {
+    /// Compares `picture` with `photo`, of the same size; the photo's alpha says how much each pixel counts.
+    pub fn of(picture: &Pixels, photo: &Pixels) -> Self {
+        let weights = photo.alpha.as_deref();
+        Self {
+            psnr: metric::psnr(&picture.rgb, &photo.rgb, weights),
+            ssim: metric::ssim(picture.size, &picture.rgb, &photo.rgb, weights),
+        }
+    }
+
+    /// Means over photos; `None` of none.
+    pub fn mean(scores: &[PhotoScore]) -> Option<Self> {
+        let n = scores.len() as f64;
+        let sum = scores.iter().fold((0.0, 0.0), |sum, s| (sum.0 + s.psnr, sum.1 + s.ssim));
+        (!scores.is_empty()).then(|| Self { psnr: sum.0 / n, ssim: sum.1 / n })
+    }
+}
+
+/// How close a picture comes to a held-out photo.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PhotoScore {
     /// The photo.
     pub name: String,
     /// PSNR of the 8-bit picture, dB.
@@ -31,80 +53,77 @@ pub struct Score {
     pub ssim: f64,
 }
 
-impl Judge {
+/// Draws held-out photos, which are decoded once, and compares.
+#[derive(Debug, Default)]
+pub struct Evaluator {
+    photos: Vec<HeldOut>,
+    soft: Soft,
+}
+
+#[derive(Debug)]
+struct HeldOut {
+    name: String,
+    camera: Camera,
+    pixels: Arc<Pixels>,
+}
+
+impl Evaluator {
     /// Decodes the photos of `views`.
     pub fn new<'a>(views: impl Iterator<Item = &'a View>) -> Result<Self> {
-        let shots = views
-            .map(|v| Ok((v.name.clone(), v.camera, Arc::new(v.photo.decode()?))))
+        let photos = views
+            .map(|v| {
+                Ok(HeldOut { name: v.name.clone(), camera: v.camera, pixels: Arc::new(v.photo.decode()?) })
+            })
             .collect::<Result<_>>()?;
-        Ok(Self { shots, soft: Soft::new() })
+        Ok(Self { photos, soft: Soft::new() })
     }
 
-    /// True when there is nothing to judge on.
+    /// True when no photo is held out.
     pub fn is_empty(&self) -> bool {
-        self.shots.is_empty()
+        self.photos.is_empty()
     }
 
     /// Draws every photo of a soup of the world; in training space, where f32 has digits to spare.
-    pub fn pictures(&mut self, soup: &Soup, space: &Space, options: &SoftOptions) -> Vec<(String, Pixels)> {
+    pub fn pictures(&mut self, soup: &Soup, space: &Space, options: &SoftOptions) -> Vec<Pixels> {
         let mut soup = soup.clone();
-        space.enter_soup(&mut soup);
+        space.soup_to_training(&mut soup);
+        let cameras = self.photos.iter().map(|photo| space.camera_to_training(&photo.camera));
         if matches!(options.window, Window::Coverage { .. }) {
-            return self.solid_pictures(soup, space, options);
+            return solid_pictures(soup, cameras, options);
         }
-        let soft = &mut self.soft;
-        let draw = |(name, camera, _): &(String, Camera, Arc<Pixels>)| {
-            let camera = space.enter_camera(camera);
-            let frame = soft.render(&SoupRef::from(&soup), &camera, options);
-            (name.clone(), to_pixels(frame))
-        };
-        self.shots.iter().map(draw).collect()
+        let soup = SoupRef::from(&soup);
+        cameras.map(|camera| to_pixels(self.soft.render(&soup, &camera, options))).collect()
     }
 
-    /// Draws every photo of a solid soup in training space as an engine does, with 4 x 4 samples a pixel.
-    fn solid_pictures(
-        &mut self,
-        mut soup: Soup,
-        space: &Space,
-        options: &SoftOptions,
-    ) -> Vec<(String, Pixels)> {
-        soup.truncate_sh(0);
-        let light = |sh: &[f32; 3]| sh.map(|c| linear_from_srgb(rgb_from_sh0(c)));
-        let mesh = Mesh {
-            positions: soup.vertices.into_flattened(),
-            colors: Colors::Face(soup.sh.iter().map(light).collect()),
-            ..Mesh::default()
+    /// Compares the [`Evaluator::pictures`] with their photos.
+    pub fn scores(&self, pictures: &[Pixels]) -> Vec<PhotoScore> {
+        let score = |(picture, photo): (&Pixels, &HeldOut)| {
+            let Quality { psnr, ssim } = Quality::of(picture, &photo.pixels);
+            PhotoScore { name: photo.name.clone(), psnr, ssim }
         };
-        let drawing = SolidOptions { background: options.background, samples: 4, near: options.near };
-        let mut solid = Solid::new();
-        let mut draw = |(name, camera, _): &(String, Camera, Arc<Pixels>)| {
-            (name.clone(), solid.render(&mesh, &space.enter_camera(camera), &drawing))
-        };
-        self.shots.iter().map(&mut draw).collect()
-    }
-
-    /// Judges pictures of [`Judge::pictures`].
-    pub fn scores(&self, pictures: &[(String, Pixels)]) -> Vec<Score> {
-        let judge = |((name, drawn), (_, _, photo)): (&(String, Pixels), &(String, Camera, Arc<Pixels>))| {
-            let weights = photo.alpha.as_deref();
-            Score {
-                name: name.clone(),
-                psnr: metric::psnr(&drawn.rgb, &photo.rgb, weights),
-                ssim: metric::ssim(drawn.size, &drawn.rgb, &photo.rgb, weights),
-            }
-        };
-        pictures.iter().zip(&self.shots).map(judge).collect()
+        pictures.iter().zip(&self.photos).map(score).collect()
     }
 }
 
-fn to_pixels(frame: &crate::raster::soft::Frame) -> Pixels {
+/// Draws a solid soup in training space as an engine does, with 4 x 4 samples per pixel.
+fn solid_pictures(
+    mut soup: Soup,
+    cameras: impl Iterator<Item = Camera>,
+    options: &SoftOptions,
+) -> Vec<Pixels> {
+    soup.truncate_sh(0);
+    let light = |sh: &[f32; 3]| sh.map(|c| linear_from_srgb(rgb_from_sh0(c)));
+    let mesh = Mesh {
+        positions: soup.vertices.into_flattened(),
+        colors: Colors::Face(soup.sh.iter().map(light).collect()),
+        ..Mesh::default()
+    };
+    let drawing = SolidRasterOptions { background: options.background, samples: 4, near: options.near };
+    let mut solid = Solid::new();
+    cameras.map(|camera| solid.render(&mesh, &camera, &drawing)).collect()
+}
+
+fn to_pixels(frame: &Frame) -> Pixels {
     let code = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
     Pixels { size: frame.size, rgb: frame.rgb.iter().map(|p| p.map(code)).collect(), alpha: None }
-}
-
-/// Mean PSNR and SSIM; `None` of nothing.
-pub fn mean(scores: &[Score]) -> Option<(f64, f64)> {
-    let n = scores.len() as f64;
-    let sum = scores.iter().fold((0.0, 0.0), |sum, s| (sum.0 + s.psnr, sum.1 + s.ssim));
-    (!scores.is_empty()).then(|| (sum.0 / n, sum.1 / n))
 }

@@ -1,4 +1,4 @@
-//! The first triangles: one a point of the sparse cloud, as large as the gap to its neighbours
+//! The first triangles: one per point of the sparse cloud, as large as the gap to its neighbours
 //! (Held et al. 2025, section 3.3), and a sky dome on request.
 //!
 //! ```text
@@ -14,39 +14,39 @@ use glam::Vec3;
 
 /// A coloured point of the sparse cloud, in training space.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Seed {
-    /// Place.
+pub struct InitPoint {
+    /// Position.
     pub position: Vec3,
     /// Colour, sRGB-encoded, in [0, 1].
     pub rgb: [f32; 3],
 }
 
 /// The first soup, SH degree 0. Points that are not finite are left out.
-pub fn first_soup(seeds: &[Seed], options: &InitOptions, seed: u64) -> Soup {
-    let mut seeds: Vec<Seed> = seeds.iter().copied().filter(|s| s.position.is_finite()).collect();
-    let distances = mean_distances(&seeds.iter().map(|s| s.position).collect::<Vec<_>>());
-    // A point with neighbours in its own place, or with none at all, gets the median size.
+pub fn first_soup(points: &[InitPoint], options: &InitOptions, seed: u64) -> Soup {
+    let mut points: Vec<InitPoint> = points.iter().copied().filter(|p| p.position.is_finite()).collect();
+    let distances = mean_distances(&points.iter().map(|p| p.position).collect::<Vec<_>>());
+    // A point whose neighbours coincide with it, or that has none, gets the median size.
     let typical =
         median(distances.iter().copied().filter(|d| *d > 0.0).collect(), f32::total_cmp).unwrap_or(0.05);
     let mut radii: Vec<f32> = distances
         .iter()
         .map(|&d| options.size as f32 * if d > 1e-4 * typical { d } else { typical })
         .collect();
-    let dome = dome(&seeds, options);
+    let dome = dome(&points, options);
     radii.extend(dome.iter().map(|(_, radius)| *radius));
-    seeds.extend(dome.iter().map(|(seed, _)| *seed));
+    points.extend(dome.iter().map(|(point, _)| *point));
 
     let rng = Rng::new(seed, "init", 0);
-    let n = seeds.len();
+    let n = points.len();
     Soup {
         vertices: (0..n)
             .map(|i| {
-                std::array::from_fn(|c| seeds[i].position + radii[i] * on_sphere(rng, (3 * i + c) as u64))
+                std::array::from_fn(|c| points[i].position + radii[i] * on_sphere(rng, (3 * i + c) as u64))
             })
             .collect(),
         opacity: vec![options.opacity as f32; n],
         sigma: vec![options.sigma as f32; n],
-        sh: seeds.iter().map(|s| s.rgb.map(sh0_from_rgb)).collect(),
+        sh: points.iter().map(|p| p.rgb.map(sh0_from_rgb)).collect(),
         sh_degree: 0,
     }
 }
@@ -60,9 +60,9 @@ fn on_sphere(rng: Rng, index: u64) -> Vec3 {
 }
 
 /// White triangles on a Fibonacci sphere around everything, each with the radius that lets them touch.
-fn dome(seeds: &[Seed], options: &InitOptions) -> Vec<(Seed, f32)> {
-    let count = (options.dome * seeds.len() as f64).ceil() as usize;
-    let mut reach: Vec<f32> = seeds.iter().map(|s| s.position.length()).collect();
+fn dome(points: &[InitPoint], options: &InitOptions) -> Vec<(InitPoint, f32)> {
+    let count = (options.dome_share * points.len() as f64).ceil() as usize;
+    let mut reach: Vec<f32> = points.iter().map(|p| p.position.length()).collect();
     if count == 0 || reach.is_empty() {
         return Vec::new();
     }
@@ -76,7 +76,7 @@ fn dome(seeds: &[Seed], options: &InitOptions) -> Vec<(Seed, f32)> {
             let y = 1.0 - 2.0 * (i as f32 + 0.5) / count as f32;
             let (r, angle) = ((1.0 - y * y).max(0.0).sqrt(), golden * i as f32);
             let position = radius * Vec3::new(r * angle.cos(), y, r * angle.sin());
-            (Seed { position, rgb: [1.0; 3] }, size)
+            (InitPoint { position, rgb: [1.0; 3] }, size)
         })
         .collect()
 }
@@ -85,10 +85,10 @@ fn dome(seeds: &[Seed], options: &InitOptions) -> Vec<(Seed, f32)> {
 mod tests {
     use super::*;
 
-    fn grid(n: u64) -> Vec<Seed> {
+    fn grid(n: u64) -> Vec<InitPoint> {
         let rng = Rng::new(9, "grid", 0);
         (0..n)
-            .map(|i| Seed {
+            .map(|i| InitPoint {
                 position: Vec3::new(rng.uniform(3 * i), rng.uniform(3 * i + 1), rng.uniform(3 * i + 2)),
                 rgb: [0.5, 0.25, 1.0],
             })
@@ -97,30 +97,30 @@ mod tests {
 
     #[test]
     fn corners_lie_on_spheres_around_the_points() {
-        let (seeds, options) = (grid(200), InitOptions::default());
-        let distances = mean_distances(&seeds.iter().map(|s| s.position).collect::<Vec<_>>());
-        let soup = first_soup(&seeds, &options, 1);
+        let (points, options) = (grid(200), InitOptions::default());
+        let distances = mean_distances(&points.iter().map(|p| p.position).collect::<Vec<_>>());
+        let soup = first_soup(&points, &options, 1);
         soup.validate().unwrap();
         assert_eq!(soup.len(), 200);
         for (i, corners) in soup.vertices.iter().enumerate() {
             for corner in corners {
-                let radius = corner.distance(seeds[i].position);
+                let radius = corner.distance(points[i].position);
                 assert!((radius / (2.2 * distances[i]) - 1.0).abs() < 1e-3, "{radius}");
             }
         }
         assert!((soup.rgb(0)[1] - 0.25).abs() < 1e-6);
-        assert_eq!(soup, first_soup(&seeds, &options, 1));
-        assert_ne!(soup, first_soup(&seeds, &options, 2));
+        assert_eq!(soup, first_soup(&points, &options, 1));
+        assert_ne!(soup, first_soup(&points, &options, 2));
     }
 
     #[test]
-    fn odd_clouds_give_sound_soups() {
-        let options = InitOptions { dome: 0.5, ..InitOptions::default() };
-        let same = vec![Seed { position: Vec3::ONE, rgb: [0.0; 3] }; 5];
+    fn odd_clouds_give_valid_soups() {
+        let options = InitOptions { dome_share: 0.5, ..InitOptions::default() };
+        let same = vec![InitPoint { position: Vec3::ONE, rgb: [0.0; 3] }; 5];
         let mut broken = grid(10);
         broken[3].position.x = f32::NAN;
-        for (seeds, least) in [(vec![], 0), (grid(1), 1), (grid(2), 2), (same, 5), (broken, 9)] {
-            let soup = first_soup(&seeds, &options, 0);
+        for (points, least) in [(vec![], 0), (grid(1), 1), (grid(2), 2), (same, 5), (broken, 9)] {
+            let soup = first_soup(&points, &options, 0);
             soup.validate().unwrap();
             assert!(soup.len() >= least);
         }

@@ -2,33 +2,45 @@
 //!
 //! ```text
 //! init ──► state ──► [ backend.step(photo, rates) … ] ──► refine ──► … ──► soup
-//!                        schedule: rates, sizes, SH      watch: complete passes
+//!                        schedule: rates, sizes, SH      visibility: complete passes
 //! ```
+//!
+//! [`train()`] is the plain case; [`TrainRun`] resumes runs and leaves checkpoints, previews and a curve behind.
+//!
+//! Sources, as the docs of this folder name them:
+//! * *the paper*: Held et al. 2025, *Triangle Splatting for Real-Time Radiance Field Rendering*; *supplement*: its
+//!   supplementary material.
+//! * *TS*: the paper's code, `train.py`, `train_game_engine.py` and `arguments/__init__.py`.
+//! * *TS+*: Held et al. 2025, *Triangle Splatting+: Differentiable Rendering with Opaque Triangles*, and its code.
+//! * *3DGS*: Kerbl et al. 2023, *3D Gaussian Splatting for Real-Time Radiance Field Rendering*, and its code.
 
 pub mod backend;
 pub mod checkpoint;
-pub mod clock;
 pub mod cpu;
-#[cfg(feature = "cli")]
-pub mod curve;
 pub mod eval;
+mod frame_loss;
 pub mod init;
 pub mod neighbours;
 pub mod options;
+pub mod outputs;
 pub mod params;
 pub mod presets;
 pub mod progress;
 pub mod pyramid;
 pub mod refine;
 pub mod run;
-mod samples;
 pub mod schedule;
 pub mod space;
+pub mod trained;
 pub mod trainer;
 pub mod update;
-pub mod watch;
+pub mod visibility;
 
-pub use backend::Backend;
-pub use options::{Preset, TrainOptions};
-pub use run::{RunOptions, Trained, run};
+pub use backend::TrainBackend;
+pub use checkpoint::Checkpoint;
+pub use options::{TrainOptions, TrainPreset};
+pub use outputs::{Preview, RunOptions};
+pub use progress::{TrainObserver, TrainSample};
+pub use run::{TrainRun, train};
+pub use trained::{TrainDetails, Trained};
 pub use trainer::Trainer;

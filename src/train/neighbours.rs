@@ -1,5 +1,5 @@
-//! Distances to the nearest neighbours: a k-d tree over points that may lie anywhere, twice in one place,
-//! or a million units from the rest, as SfM clouds do.
+//! Distances to the nearest neighbours: a k-d tree over points that may lie anywhere, coincide, or be
+//! a million units from the rest, as SfM clouds do.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -12,21 +12,21 @@ const LEAF: usize = 8;
 pub fn mean_distances(points: &[Vec3]) -> Vec<f32> {
     let mut order: Vec<u32> = (0..points.len() as u32).collect();
     let mut axes = vec![0; points.len()];
-    arrange(points, &mut order, &mut axes);
-    let tree = Tree { points, order: &order, axes: &axes };
+    build(points, &mut order, &mut axes);
+    let tree = KdTree { points, order: &order, axes: &axes };
     points.par_iter().enumerate().map(|(i, &p)| tree.mean_distance(i as u32, p)).collect()
 }
 
 /// A node is a run of `order`: its middle entry splits the rest along the axis stored at the same place.
 #[derive(Clone, Copy)]
-struct Tree<'a> {
+struct KdTree<'a> {
     points: &'a [Vec3],
     order: &'a [u32],
     axes: &'a [u8],
 }
 
 /// Puts the median along the widest axis in the middle, then does the same to both halves.
-fn arrange(points: &[Vec3], order: &mut [u32], axes: &mut [u8]) {
+fn build(points: &[Vec3], order: &mut [u32], axes: &mut [u8]) {
     if order.len() <= LEAF {
         return;
     }
@@ -40,8 +40,8 @@ fn arrange(points: &[Vec3], order: &mut [u32], axes: &mut [u8]) {
     let (left, right) = order.split_at_mut(middle);
     let (left_axes, right_axes) = axes.split_at_mut(middle);
     right_axes[0] = axis as u8;
-    arrange(points, left, left_axes);
-    arrange(points, &mut right[1..], &mut right_axes[1..]);
+    build(points, left, left_axes);
+    build(points, &mut right[1..], &mut right_axes[1..]);
 }
 
 /// The axis along which these points spread most.
@@ -61,7 +61,7 @@ fn widest_axis(points: &[Vec3], order: &[u32]) -> usize {
     }
 }
 
-impl Tree<'_> {
+impl KdTree<'_> {
     fn mean_distance(self, me: u32, p: Vec3) -> f32 {
         let mut best = [f32::INFINITY; 3];
         self.search(me, p, &mut best);

@@ -2,8 +2,9 @@
 //!
 //! Positions in the run ("steps of a 30,000-step run") are scaled by `steps / 30,000`, so that a short
 //! preview and a long run follow one schedule. Lengths are in units of the scene: the median distance
-//! from the cameras to what they see. "TS" is the paper's code, `train.py` and `arguments/__init__.py`.
-//! Where the default is not the number in brackets, `docs/benchmarks/training.md` has the runs that chose it.
+//! from the cameras to what they see. Numbers in brackets are those of the paper, its supplement and its code (TS),
+//! or of Triangle Splatting+ (TS+): see [`train`](crate::train). Where the default is another,
+//! `docs/benchmarks/training.md` has the runs that chose it.
 
 use crate::error::{Error, Result};
 use crate::raster::soft::{SoftOptions, Sort, Window};
@@ -21,7 +22,7 @@ const DEPTH_RANGE: [f32; 2] = [0.05, 25.0];
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
-pub enum Preset {
+pub enum TrainPreset {
     /// Open scenes with a far background.
     #[default]
     Outdoor,
@@ -41,7 +42,7 @@ pub enum Preset {
 pub struct TrainOptions {
     /// Start from the numbers of this kind of scene.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
-    pub preset: Preset,
+    pub preset: TrainPreset,
     /// Steps, one photo each; every schedule stretches with it.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 5000))]
     pub steps: u64,
@@ -56,14 +57,14 @@ pub struct TrainOptions {
     pub seed: u64,
     /// How the scene is drawn.
     #[cfg_attr(feature = "cli", arg(skip))]
-    pub draw: DrawOptions,
+    pub draw: TrainDrawOptions,
     /// What the first triangles look like.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub init: InitOptions,
     /// What is minimised.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub loss: LossOptions,
-    /// How fast each group of parameters moves.
+    /// The learning rates of each group of parameters.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub rates: RateOptions,
     /// How triangles are added and removed.
@@ -74,19 +75,19 @@ pub struct TrainOptions {
     pub warmup: WarmupOptions,
     /// How the scene becomes solid in the last part of the run.
     #[cfg_attr(feature = "cli", arg(skip))]
-    pub solid: SolidOptions,
+    pub solid: SolidifyOptions,
 }
 
 /// How the scene is drawn.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct DrawOptions {
+pub struct TrainDrawOptions {
     /// Blend the layers of a pixel by their depth there, not by their centres': exact, and slower.
     pub sort_per_pixel: bool,
     /// Pass gradients through the incenter's distance φ(s); TS holds it constant.
     pub exact_incenter: bool,
-    /// Soft triangles end in a sigmoid of the distance from their edges, as in earlier work; for the ablation of
-    /// the paper's window, which is bounded by the edges.
+    /// The window is a sigmoid of the distance from the edges, as in earlier work; for the ablation of the paper's
+    /// window, which is bounded by the edges.
     pub sigmoid_window: bool,
     /// Depth at which triangles are cut, scene units (TS 0.2, in COLMAP's arbitrary units).
     pub near: f64,
@@ -105,7 +106,7 @@ pub struct InitOptions {
     /// First opacity (0.28, supplement).
     pub opacity: f64,
     /// Triangles of the sky dome, as a share of the points; 0 for none (TS 0.05, not in the paper).
-    pub dome: f64,
+    pub dome_share: f64,
     /// Radius of the dome, in distances from the centre to the farthest point of the inner 99% (TS 1).
     pub dome_radius: f64,
     /// Points drawn at random inside the cameras' views when the data set has none.
@@ -132,14 +133,14 @@ pub struct LossOptions {
     pub size_until: f64,
 }
 
-/// How fast each group of parameters moves.
+/// The learning rates of each group of parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct RateOptions {
     /// First rate of the corners, scene units (0.0018 outdoor, 0.0015 indoor, in COLMAP's arbitrary units).
     pub vertices: f64,
     /// Last rate of the corners as a share of the first, reached log-linearly (TS 0.01).
-    pub vertices_final: f64,
+    pub vertices_final_share: f64,
     /// Rate of the opacity's logit (0.014, supplement).
     pub opacity: f64,
     /// Rate of the logarithm of σ (0.0008, supplement).
@@ -156,11 +157,11 @@ pub struct RateOptions {
     pub sh_every: f64,
 }
 
-/// Whose turn it is in the lottery that picks the triangles to grow (Held et al. 2025, section 3.2).
+/// By what weight the triangles that grow are sampled (Held et al. 2025, section 3.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum Lottery {
-    /// By opacity and by 1/σ in turn.
+pub enum SampleWeight {
+    /// By opacity and by 1/σ, alternately.
     #[default]
     Alternating,
     /// Always by opacity.
@@ -186,17 +187,17 @@ pub struct RefineOptions {
     /// Triangles added at a refinement, as a share of those there (0.3, supplement).
     pub growth: f64,
     /// What a triangle's chance to grow is in proportion to.
-    pub lottery: Lottery,
+    pub sample_by: SampleWeight,
     /// τ_small: larger triangles are split into four, smaller ones cloned; distance of the farthest corner
     /// from the centre, px of the full photo (24, supplement: split_size).
     pub split_px: f64,
     /// Largest shift of a clone, in halves of the triangle's box (1.5, supplement: max_noise_factor).
-    pub noise: f64,
-    /// τ_prune: triangles that nowhere reach this blending weight go (0.022 outdoor, 0.0256 indoor, supplement).
+    pub clone_shift: f64,
+    /// τ_prune: triangles that reach this blending weight at no pixel are pruned (0.022 outdoor, 0.0256 indoor, supplement).
     pub prune_weight: f64,
-    /// Triangles fainter than this go (0.014, supplement: opacity_dead).
+    /// Triangles fainter than this are pruned (0.014, supplement: opacity_dead).
     pub prune_opacity: f64,
-    /// Triangles seen by fewer photos than this go (2, Held et al. 2025, section 3.2).
+    /// Triangles visible in fewer photos than this are pruned (2, Held et al. 2025, section 3.2).
     pub min_views: u32,
 }
 
@@ -215,61 +216,101 @@ pub struct WarmupOptions {
 /// How the scene becomes solid in the last part of the run (supplement: the final 5,000 of 30,000 steps).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct SolidOptions {
-    /// Make it solid at all.
+pub struct SolidifyOptions {
+    /// Whether it becomes solid at all.
     pub enabled: bool,
-    /// The opacity's floor starts to rise, steps of a 30,000-step run (TS+ 5000).
-    pub from: f64,
-    /// The floor is reached, steps of a 30,000-step run (TS+ 24,000).
-    pub until: f64,
-    /// The opacity no triangle is below at the end of the rise, reached linearly (TS+ 0.9999).
-    pub opacity: f64,
-    /// How many times steeper the opacity's sigmoid has become at the end of the rise, log-linearly: it drives
-    /// triangles to opaque or gone, whichever serves the picture.
-    pub gain: f64,
-    /// Triangles fainter than this go at the end of the rise, reached linearly (TS 0.7).
+    /// The opacity's anneal starts, steps of a 30,000-step run (TS+ 5000).
+    pub opacity_from: f64,
+    /// The opacity's anneal ends, steps of a 30,000-step run (TS+ 24,000).
+    pub opacity_until: f64,
+    /// The opacity no triangle is below at the end of its anneal, reached linearly (TS+ 0.9999).
+    pub opacity_floor: f64,
+    /// How many times steeper the opacity's sigmoid has become at the end of its anneal, log-linearly: it drives
+    /// each opacity to 0 or 1, whichever lowers the loss.
+    pub opacity_gain: f64,
+    /// Triangles fainter than this are pruned at the end of the opacity's anneal, reached linearly (TS 0.7).
     pub prune_opacity: f64,
-    /// From each first number on, steps of a 30,000-step run, triangles fainter than the second go (TS 0.1 from
-    /// 25,000 and 0.7 from 29,000 on).
-    pub dead: [[f64; 2]; 2],
-    /// Weight of the mean σ in the loss from `from` on (TS 1).
+    /// Prunes faint triangles (TS: below 0.1 from 25,000 on and below 0.7 from 29,000 on).
+    pub prune_faint: [PruneFaint; 2],
+    /// Weight of the mean σ in the loss from `opacity_from` on (TS 1).
     pub loss_sigma: f64,
-    /// Weight of 1 / mean opacity in the loss from `from` on (TS 20).
+    /// Weight of 1 / mean opacity in the loss from `opacity_from` on (TS 20).
     pub loss_opacity: f64,
-    /// Rate of the logarithm of σ from `from` on, for a 30,000-step run; shorter ones move faster, as far (TS
+    /// Rate of the logarithm of σ from `opacity_from` on, for a 30,000-step run; shorter ones get a higher rate, so that σ changes as much (TS
     /// 0.0008); 0 keeps `rates.sigma`.
     pub rate_sigma: f64,
-    /// From the first number on, steps of a 30,000-step run, triangles of at least the second as σ go (TS 1 from
-    /// 28,000 on).
-    pub soft: [f64; 2],
+    /// Prunes soft triangles (TS: of σ 1 and more from 28,000 on).
+    pub prune_soft: PruneSoft,
     /// σ starts to fall, steps of a 30,000-step run (TS+ 0).
     pub sigma_from: f64,
     /// σ has fallen, steps of a 30,000-step run (TS+ 30,000).
     pub sigma_until: f64,
     /// What σ has been multiplied by then, reached log-linearly (TS+ 0.0001, linearly).
     pub sigma_scale: f64,
-    /// τ_prune at the end of the opacity's rise, reached linearly (TS+ 0.235).
+    /// τ_prune at the end of the opacity's anneal, reached linearly (TS+ 0.235).
     pub prune_weight: f64,
     /// From here on the scene is drawn as an engine draws it, but for the opacity: in the order of the depths
-    /// at each pixel, with antialiased edges and one colour a triangle; steps of a 30,000-step run.
-    pub firm_from: f64,
+    /// at each pixel, with antialiased edges and one colour per triangle; steps of a 30,000-step run.
+    pub engine_shading_from: f64,
     /// Every triangle is opaque from here on, steps of a 30,000-step run.
-    pub hard_from: f64,
-    /// Samples per pixel and axis from `firm_from` on (TS+ 4).
-    pub samples: u32,
-    /// Width of an edge's ramp from `firm_from` on, samples.
-    pub edge_px: f64,
-    /// Mix the colours of a pixel's triangles in linear light from `firm_from` on, as engines do.
-    pub linear: bool,
-    /// Rate of the corners at `firm_from`, as a share of what it was just before.
-    pub vertices: f64,
-    /// Last rate of the corners as a share of that at `firm_from`, reached log-linearly.
-    pub vertices_final: f64,
+    pub opaque_from: f64,
+    /// Samples per pixel along each axis from `engine_shading_from` on (TS+ 4).
+    pub samples_per_axis: u32,
+    /// Width of an edge's antialiasing ramp from `engine_shading_from` on, samples.
+    pub edge_width_samples: f64,
+    /// Mix the colours of a pixel's triangles in linear light from `engine_shading_from` on, as engines do.
+    pub linear_blending: bool,
+    /// Rate of the corners at `engine_shading_from`, as a share of what it was just before.
+    pub vertices_rate_scale: f64,
+    /// Last rate of the corners as a share of that at `engine_shading_from`, reached log-linearly.
+    pub vertices_final_share: f64,
+}
+
+/// Prunes triangles that are too faint, from some step on.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct PruneFaint {
+    /// From here on, steps of a 30,000-step run.
+    pub from_step: f64,
+    /// Fainter triangles are pruned.
+    pub min_opacity: f64,
+}
+
+impl PruneFaint {
+    /// Prunes nothing.
+    pub const NEVER: Self = Self { from_step: REFERENCE_STEPS, min_opacity: 0.0 };
+}
+
+impl Default for PruneFaint {
+    fn default() -> Self {
+        Self::NEVER
+    }
+}
+
+/// Prunes triangles that are too soft, from some step on.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct PruneSoft {
+    /// From here on, steps of a 30,000-step run.
+    pub from_step: f64,
+    /// Triangles of this σ and more are pruned.
+    pub max_sigma: f64,
+}
+
+impl PruneSoft {
+    /// Prunes nothing.
+    pub const NEVER: Self = Self { from_step: REFERENCE_STEPS, max_sigma: 1000.0 };
+}
+
+impl Default for PruneSoft {
+    fn default() -> Self {
+        Self::NEVER
+    }
 }
 
 impl Default for TrainOptions {
     fn default() -> Self {
-        Self::preset(Preset::default())
+        Self::preset(TrainPreset::default())
     }
 }
 
@@ -277,19 +318,19 @@ macro_rules! default_is_outdoor {
     ($($options:ident . $field:ident),*) => {$(
         impl Default for $options {
             fn default() -> Self {
-                TrainOptions::preset(Preset::default()).$field
+                TrainOptions::preset(TrainPreset::default()).$field
             }
         }
     )*};
 }
 default_is_outdoor!(
-    DrawOptions.draw,
+    TrainDrawOptions.draw,
     InitOptions.init,
     LossOptions.loss,
     RateOptions.rates,
     RefineOptions.refine,
     WarmupOptions.warmup,
-    SolidOptions.solid
+    SolidifyOptions.solid
 );
 
 impl TrainOptions {
@@ -317,11 +358,12 @@ impl TrainOptions {
         let at_least_zero =
             |option, value: f64| wants(value >= 0.0 && value.is_finite(), option, value, ">= 0");
         let share = |option, value: f64| wants((0.0..=1.0).contains(&value), option, value, "0 to 1");
-        wants(self.steps >= 1, "--steps", self.steps as f64, "1 or more")?;
-        wants(self.max_triangles >= 1, "--max-triangles", self.max_triangles as f64, "1 or more")?;
-        wants(self.sh_degree <= 3, "--sh-degree", f64::from(self.sh_degree), "0, 1, 2 or 3")?;
+        wants(self.steps >= 1, "steps", self.steps as f64, "1 or more")?;
+        wants(self.max_triangles >= 1, "max_triangles", self.max_triangles as f64, "1 or more")?;
+        wants(self.sh_degree <= 3, "sh_degree", f64::from(self.sh_degree), "0, 1, 2 or 3")?;
         positive("draw.near", self.draw.near)?;
-        // Outside its edges a triangle has no depth and no normal worth a gradient.
+        let (faint, soft) = (&self.solid.prune_faint, &self.solid.prune_soft);
+        // Outside its edges a triangle has no depth and no normal to take a gradient of.
         let geometry = self.loss.normal + self.loss.distortion;
         let ok = !self.draw.sigmoid_window || geometry == 0.0;
         wants(ok, "draw.sigmoid_window", 1.0, "loss.normal and loss.distortion of 0")?;
@@ -334,7 +376,7 @@ impl TrainOptions {
             self.init.opacity,
             "0 to 1",
         )?;
-        at_least_zero("init.dome", self.init.dome)?;
+        at_least_zero("init.dome_share", self.init.dome_share)?;
         positive("init.dome_radius", self.init.dome_radius)?;
         wants(self.init.random_points >= 1, "init.random_points", 0.0, "1 or more")?;
         share("loss.dssim", self.loss.dssim)?;
@@ -355,38 +397,39 @@ impl TrainOptions {
             ("refine.until", self.refine.until),
             ("refine.growth", self.refine.growth),
             ("refine.split_px", self.refine.split_px),
-            ("refine.noise", self.refine.noise),
+            ("refine.clone_shift", self.refine.clone_shift),
             ("warmup.quarter_until", self.warmup.quarter_until),
             ("warmup.half_until", self.warmup.half_until),
-            ("solid.from", self.solid.from),
-            ("solid.until", self.solid.until),
+            ("solid.opacity_from", self.solid.opacity_from),
+            ("solid.opacity_until", self.solid.opacity_until),
             ("solid.sigma_from", self.solid.sigma_from),
             ("solid.sigma_until", self.solid.sigma_until),
-            ("solid.firm_from", self.solid.firm_from),
-            ("solid.hard_from", self.solid.hard_from),
-            ("solid.vertices", self.solid.vertices),
-            ("solid.dead", self.solid.dead[0][0].min(self.solid.dead[1][0])),
+            ("solid.engine_shading_from", self.solid.engine_shading_from),
+            ("solid.opaque_from", self.solid.opaque_from),
+            ("solid.vertices_rate_scale", self.solid.vertices_rate_scale),
+            ("solid.prune_faint", faint[0].from_step.min(faint[1].from_step)),
             ("solid.loss_sigma", self.solid.loss_sigma),
             ("solid.loss_opacity", self.solid.loss_opacity),
             ("solid.rate_sigma", self.solid.rate_sigma),
-            ("solid.soft", self.solid.soft[0].min(self.solid.soft[1])),
+            ("solid.prune_soft", soft.from_step.min(soft.max_sigma)),
         ] {
             at_least_zero(option, value)?;
         }
-        positive("rates.vertices_final", self.rates.vertices_final)?;
+        positive("rates.vertices_final_share", self.rates.vertices_final_share)?;
         positive("rates.final_share", self.rates.final_share)?;
         positive("refine.every", self.refine.every)?;
         share("refine.prune_weight", self.refine.prune_weight)?;
         share("refine.prune_opacity", self.refine.prune_opacity)?;
         positive("solid.sigma_scale", self.solid.sigma_scale)?;
-        wants(self.solid.gain >= 1.0, "solid.gain", self.solid.gain, "1 or more")?;
+        wants(self.solid.opacity_gain >= 1.0, "solid.opacity_gain", self.solid.opacity_gain, "1 or more")?;
         share("solid.prune_opacity", self.solid.prune_opacity)?;
-        share("solid.dead", self.solid.dead[0][1])?;
-        share("solid.dead", self.solid.dead[1][1])?;
-        positive("solid.vertices_final", self.solid.vertices_final)?;
-        positive("solid.edge_px", self.solid.edge_px)?;
-        wants((1..=8).contains(&self.solid.samples), "solid.samples", self.solid.samples.into(), "1 to 8")?;
-        share("solid.opacity", self.solid.opacity)?;
+        share("solid.prune_faint", faint[0].min_opacity)?;
+        share("solid.prune_faint", faint[1].min_opacity)?;
+        positive("solid.vertices_final_share", self.solid.vertices_final_share)?;
+        positive("solid.edge_width_samples", self.solid.edge_width_samples)?;
+        let samples = self.solid.samples_per_axis;
+        wants((1..=8).contains(&samples), "solid.samples_per_axis", samples.into(), "1 to 8")?;
+        share("solid.opacity_floor", self.solid.opacity_floor)?;
         share("solid.prune_weight", self.solid.prune_weight)
     }
 }

@@ -4,7 +4,7 @@
 //! opacity = floor + (1 - floor) · sigmoid(gain · x)  floor 0 and gain 1, but for the solid anneal
 //! sigma   = scale · (0.01 + exp(x))                 scale 1, but for the solid anneal
 //! ```
-//! (Held et al.'s code, `triangle_model.py`; the floor is Triangle Splatting+'s way to become opaque.)
+//! (Held et al.'s code, `triangle_model.py`; the floor is that of TS+.)
 
 use crate::soup::Soup;
 use glam::Vec3;
@@ -158,7 +158,7 @@ impl Params {
 
 /// Parameters with Adam's moments: everything the optimiser remembers.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct State {
+pub struct TrainState {
     /// The parameters.
     pub params: Params,
     /// First moments, shaped like the parameters.
@@ -167,7 +167,7 @@ pub struct State {
     pub second: Params,
 }
 
-impl State {
+impl TrainState {
     /// Fresh moments for `params`.
     pub fn new(params: Params) -> Self {
         let zero = Params {
@@ -181,7 +181,7 @@ impl State {
     }
 
     /// Appends triangle `i` of `from` with its moments.
-    pub fn push(&mut self, from: &State, i: usize) {
+    pub fn push(&mut self, from: &TrainState, i: usize) {
         self.params.push(&from.params, i);
         self.first.push(&from.first, i);
         self.second.push(&from.second, i);

@@ -1,12 +1,12 @@
-//! What a run tells while it runs, and the curve it leaves behind.
+//! What a run reports while it runs, and the samples of its curve.
 
 use super::refine::Refined;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The state of a run after some step; one line of `--log`.
+/// The state of a run after some step: one point of its curve.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Sample {
+pub struct TrainSample {
     /// Steps made.
     pub step: u64,
     /// Triangles.
@@ -28,12 +28,12 @@ pub struct Sample {
     pub dropped: u64,
 }
 
-/// Hears what happens during a run.
-pub trait Watcher {
+/// Called during a run; every method does nothing unless implemented.
+pub trait TrainObserver {
     /// A step was made; called for every one.
-    fn stepped(&mut self, _sample: &Sample) {}
-    /// The figures of the last `--log-every` steps.
-    fn sampled(&mut self, _sample: &Sample) {}
+    fn stepped(&mut self, _sample: &TrainSample) {}
+    /// A sample of the curve is due; its loss and PSNR are means since the last one.
+    fn sampled(&mut self, _sample: &TrainSample) {}
     /// The scene was refined.
     fn refined(&mut self, _step: u64, _refined: &Refined) {}
     /// Asked between steps: true stops the run after a checkpoint.
@@ -42,5 +42,5 @@ pub trait Watcher {
     }
 }
 
-/// Hears nothing.
-impl Watcher for () {}
+/// Observes nothing.
+impl TrainObserver for () {}

@@ -37,11 +37,11 @@ impl Pyramid {
         (full / (1 << level)).max(UVec2::ONE)
     }
 
-    /// Tells the decoder what an epoch at `level` will take.
-    pub fn expect(&mut self, order: &[usize], level: u32) {
+    /// Fetches in the background what an epoch at `level` will take.
+    pub fn prefetch(&mut self, order: &[usize], level: u32) {
         let cached = |i: usize| level > 0 && level == self.level && self.small[i].is_some();
         let missing: Vec<usize> = order.iter().copied().filter(|&i| !cached(i)).collect();
-        self.photos.expect(missing);
+        self.photos.prefetch(missing);
     }
 
     /// Photo `i` at `level`.

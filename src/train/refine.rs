@@ -1,20 +1,20 @@
 //! Adding and removing triangles (Held et al. 2025, section 3.2), every few hundred steps.
 //!
-//! Dead triangles go. Then a lottery, by opacity and by 1/σ in turn, picks triangles to grow: a large one
-//! becomes the four of its midpoint subdivision, a small one is doubled within its plane. The scene looks
-//! the same before and after: four children cover what their parent did with the same mean window
+//! Useless triangles are pruned. Then weighted sampling, by opacity and by 1/σ alternately, picks triangles to
+//! grow: a large one is split into the four of its midpoint subdivision, a small one is cloned within its plane.
+//! The scene looks the same before and after: four children cover what their parent did with the same mean window
 //! 2/((σ+1)(σ+2)), and the two of a clone get 1 - sqrt(1 - o), whose blend is o again.
 
-use super::options::{Lottery, RefineOptions};
-use super::params::{Anneal, Params, State};
-use super::watch::Watch;
+use super::options::{RefineOptions, SampleWeight};
+use super::params::{Anneal, Params, TrainState};
+use super::visibility::VisibilityStats;
 use crate::rng::Rng;
 use glam::Vec3;
 use rayon::prelude::*;
 
 /// What one refinement works with.
 #[derive(Debug, Clone, Copy)]
-pub struct Plan<'a> {
+pub struct RefinePlan<'a> {
     /// The constants.
     pub options: &'a RefineOptions,
     /// Never more triangles than this.
@@ -23,12 +23,12 @@ pub struct Plan<'a> {
     pub grow: bool,
     /// τ_prune of this refinement.
     pub prune_weight: f32,
-    /// Triangles fainter than this go.
+    /// Triangles fainter than this are pruned.
     pub prune_opacity: f64,
-    /// Triangles of at least this σ go.
+    /// Triangles of at least this σ are pruned.
     pub prune_sigma: f64,
-    /// Which refinement of the run this is; it decides whose turn it is in an alternating lottery.
-    pub turn: u64,
+    /// Which refinement of the run this is: an alternating sampling is by opacity at odd ones.
+    pub refinement: u64,
     /// Grow by cutting triangles in two where the picture is wrong, which leaves a solid scene as it is.
     pub bisect: bool,
     /// How solid the scene is.
@@ -48,37 +48,37 @@ pub struct Refined {
     pub faint: usize,
     /// Removed: too soft for a solid scene.
     pub soft: usize,
-    /// Removed: never important to a pixel.
+    /// Removed: of too little weight at every pixel.
     pub unimportant: usize,
-    /// Removed: seen by too few photos.
+    /// Removed: visible in too few photos.
     pub unseen: usize,
     /// Split into four.
     pub split: usize,
-    /// Doubled.
+    /// Cloned.
     pub cloned: usize,
     /// Triangles afterwards.
     pub triangles: usize,
 }
 
-/// Refines `state` and `watch` together; the watch begins anew when it was complete.
+/// Refines `state` and `visibility` together; the statistics are reset when they were complete.
 /// A scene never loses its last triangle: when all would go, the most important stays.
-pub fn refine(state: &mut State, watch: &mut Watch, plan: &Plan<'_>) -> Refined {
+pub fn refine(state: &mut TrainState, visibility: &mut VisibilityStats, plan: &RefinePlan<'_>) -> Refined {
     let mut done = Refined::default();
-    let complete = watch.is_complete();
-    let alive = judge(state, watch, complete, plan, &mut done);
+    let complete = visibility.is_complete();
+    let alive = prune(state, visibility, complete, plan, &mut done);
     let grown = match plan.grow {
-        true => lottery(state, &alive, watch, plan),
+        true => sample_growth(state, &alive, visibility, plan),
         false => vec![false; alive.len()],
     };
 
-    let (mut next, mut next_watch) = (state.empty_like(), watch.emptied());
+    let (mut next, mut next_visibility) = (state.empty_like(), visibility.without_triangles());
     for i in (0..alive.len()).filter(|&i| alive[i] && !grown[i]) {
         next.push(state, i);
-        next_watch.push(watch, i);
+        next_visibility.push(visibility, i);
     }
     let rng = Rng::new(plan.seed, "clone", plan.step);
     for i in (0..alive.len()).filter(|&i| grown[i]) {
-        let children = match (plan.bisect, is_large(watch, i, plan)) {
+        let children = match (plan.bisect, is_large(visibility, i, plan)) {
             (true, _) => {
                 done.split += 1;
                 bisect(&state.params, i)
@@ -94,32 +94,38 @@ pub fn refine(state: &mut State, watch: &mut Watch, plan: &Plan<'_>) -> Refined 
         };
         for child in 0..children.len() {
             next.push_fresh(&children, child);
-            next_watch.push_exempt();
+            next_visibility.push_exempt();
         }
     }
     done.triangles = next.params.len();
     if complete {
-        next_watch = Watch::new(done.triangles, watch.seen.len());
+        next_visibility = VisibilityStats::new(done.triangles, visibility.drawn.len());
     }
-    (*state, *watch) = (next, next_watch);
+    (*state, *visibility) = (next, next_visibility);
     done
 }
 
 /// Which triangles stay, by the rules in order.
-fn judge(state: &State, watch: &Watch, complete: bool, plan: &Plan<'_>, done: &mut Refined) -> Vec<bool> {
+fn prune(
+    state: &TrainState,
+    visibility: &VisibilityStats,
+    complete: bool,
+    plan: &RefinePlan<'_>,
+    done: &mut Refined,
+) -> Vec<bool> {
     let (params, o) = (&state.params, plan.options);
     let mut alive = vec![true; params.len()];
     for (i, alive) in alive.iter_mut().enumerate() {
-        let judged = complete && !watch.exempt[i];
+        let observed = complete && !visibility.exempt[i];
         let cause = if !params.is_finite(i) {
             &mut done.broken
         } else if f64::from(plan.anneal.opacity(params.opacity[i])) < plan.prune_opacity {
             &mut done.faint
         } else if f64::from(plan.anneal.sigma(params.sigma[i])) >= plan.prune_sigma {
             &mut done.soft
-        } else if judged && watch.max_weight[i] < plan.prune_weight {
+        } else if observed && visibility.max_weight[i] < plan.prune_weight {
             &mut done.unimportant
-        } else if judged && watch.views[i] < o.min_views.min(watch.seen.len() as u32) {
+        } else if observed && visibility.views[i] < o.min_views.min(visibility.drawn.len() as u32) {
             &mut done.unseen
         } else {
             continue;
@@ -129,39 +135,47 @@ fn judge(state: &State, watch: &Watch, complete: bool, plan: &Plan<'_>, done: &m
     }
     if !alive.iter().any(|a| *a) {
         let finite = (0..alive.len()).filter(|&i| params.is_finite(i));
-        if let Some(best) = finite.max_by(|&a, &b| watch.max_weight[a].total_cmp(&watch.max_weight[b])) {
+        if let Some(best) =
+            finite.max_by(|&a, &b| visibility.max_weight[a].total_cmp(&visibility.max_weight[b]))
+        {
             alive[best] = true;
         }
     }
     alive
 }
 
-/// Draws triangles without replacement until the growth is spent: a split adds three, a clone one.
-fn lottery(state: &State, alive: &[bool], watch: &Watch, plan: &Plan<'_>) -> Vec<bool> {
+/// Samples triangles by weight, without replacement, until the growth is spent: a split adds three, a clone one.
+fn sample_growth(
+    state: &TrainState,
+    alive: &[bool],
+    visibility: &VisibilityStats,
+    plan: &RefinePlan<'_>,
+) -> Vec<bool> {
     let count = alive.iter().filter(|a| **a).count();
     let target = ((count as f64 * (1.0 + plan.options.growth)) as usize).min(plan.max_triangles);
     let mut budget = target.saturating_sub(count);
     let mut grown = vec![false; alive.len()];
-    // The exponential race: the smallest of -ln(u) / weight wins with a chance in proportion to its weight.
+    // Efraimidis and Spirakis 2006: the smallest of -ln(u) / weight is a sample in proportion to the weights.
+    // The purpose's name is part of the random numbers.
     let rng = Rng::new(plan.seed, "lottery", plan.step);
     let opacity = |i: usize| f64::from(plan.anneal.opacity(state.params.opacity[i]));
     let softness = |i: usize| f64::from(plan.anneal.sigma(state.params.sigma[i]));
-    let rule = if plan.bisect { Lottery::Error } else { plan.options.lottery };
+    let rule = if plan.bisect { SampleWeight::Error } else { plan.options.sample_by };
     let weight = |i: usize| match rule {
-        Lottery::Alternating if plan.turn % 2 == 1 => opacity(i),
-        Lottery::Alternating | Lottery::Sigma => 1.0 / softness(i),
-        Lottery::Opacity => opacity(i),
-        Lottery::Uniform => 1.0,
-        Lottery::Error => watch.error[i] as f64,
+        SampleWeight::Alternating if plan.refinement % 2 == 1 => opacity(i),
+        SampleWeight::Alternating | SampleWeight::Sigma => 1.0 / softness(i),
+        SampleWeight::Opacity => opacity(i),
+        SampleWeight::Uniform => 1.0,
+        SampleWeight::Error => visibility.error[i] as f64,
     };
-    let mut race: Vec<(f64, u32)> = (0..alive.len())
+    let mut keys: Vec<(f64, u32)> = (0..alive.len())
         .into_par_iter()
         .filter(|&i| alive[i] && weight(i) > 0.0)
         .map(|i| (-(1.0 - rng.uniform_f64(i as u64)).ln() / weight(i), i as u32))
         .collect();
-    race.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    for &(_, i) in &race {
-        let cost = if is_large(watch, i as usize, plan) && !plan.bisect { 3 } else { 1 };
+    keys.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    for &(_, i) in &keys {
+        let cost = if is_large(visibility, i as usize, plan) && !plan.bisect { 3 } else { 1 };
         if cost <= budget {
             budget -= cost;
             grown[i as usize] = true;
@@ -173,8 +187,8 @@ fn lottery(state: &State, alive: &[bool], watch: &Watch, plan: &Plan<'_>) -> Vec
     grown
 }
 
-fn is_large(watch: &Watch, i: usize, plan: &Plan<'_>) -> bool {
-    f64::from(watch.radius_px[i]) > plan.options.split_px
+fn is_large(visibility: &VisibilityStats, i: usize, plan: &RefinePlan<'_>) -> bool {
+    f64::from(visibility.radius_px[i]) > plan.options.split_px
 }
 
 /// The four triangles of the midpoint subdivision, with their parent's opacity, σ and colour.
@@ -209,11 +223,11 @@ fn bisect(params: &Params, i: usize) -> Params {
 }
 
 /// The triangle and a copy shifted within its plane.
-fn clone(params: &Params, i: usize, plan: &Plan<'_>, rng: Rng) -> Params {
+fn clone(params: &Params, i: usize, plan: &RefinePlan<'_>, rng: Rng) -> Params {
     let corners = params.vertices[i];
     let size = corners[0].max(corners[1]).max(corners[2]) - corners[0].min(corners[1]).min(corners[2]);
     let at = |axis: u64| rng.uniform(3 * i as u64 + axis) - 0.5;
-    let noise = Vec3::new(at(0), at(1), at(2)) * size * plan.options.noise as f32;
+    let noise = Vec3::new(at(0), at(1), at(2)) * size * plan.options.clone_shift as f32;
     let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
     let shift = noise - normal * normal.dot(noise);
 
@@ -238,7 +252,7 @@ mod tests {
     use crate::soup::Soup;
     use crate::train::params::logit;
 
-    fn state(n: usize) -> State {
+    fn state(n: usize) -> TrainState {
         let rng = Rng::new(5, "soup", 0);
         let corner = |i: usize, c: usize| {
             let at = |k: usize| rng.uniform((9 * i + 3 * c + k) as u64);
@@ -251,28 +265,28 @@ mod tests {
             sh: vec![[0.1, 0.2, 0.3]; n],
             sh_degree: 0,
         };
-        State::new(Params::from_soup(&soup, 1))
+        TrainState::new(Params::from_soup(&soup, 1))
     }
 
-    /// A watch in which everything was seen well by `photos` photos.
-    fn seen(n: usize, photos: usize) -> Watch {
-        let mut watch = Watch::new(n, photos);
-        watch.max_weight.fill(0.5);
-        watch.views.fill(photos as u32);
-        watch.radius_px.fill(10.0);
-        watch.seen.fill(true);
-        watch
+    /// Statistics in which every triangle was visible in all `photos` photos.
+    fn visible(n: usize, photos: usize) -> VisibilityStats {
+        let mut visibility = VisibilityStats::new(n, photos);
+        visibility.max_weight.fill(0.5);
+        visibility.views.fill(photos as u32);
+        visibility.radius_px.fill(10.0);
+        visibility.drawn.fill(true);
+        visibility
     }
 
-    fn plan(options: &RefineOptions) -> Plan<'_> {
-        Plan {
+    fn plan(options: &RefineOptions) -> RefinePlan<'_> {
+        RefinePlan {
             options,
             max_triangles: 1000,
             grow: true,
             prune_weight: 0.022,
             prune_opacity: 0.014,
             prune_sigma: f64::INFINITY,
-            turn: 1,
+            refinement: 1,
             bisect: false,
             anneal: Anneal::NONE,
             seed: 1,
@@ -283,39 +297,41 @@ mod tests {
     #[test]
     fn grows_by_thirty_per_cent_and_never_above_the_limit() {
         let options = RefineOptions::default();
-        let (mut s, mut w) = (state(100), seen(100, 3));
+        let (mut s, mut w) = (state(100), visible(100, 3));
         let done = refine(&mut s, &mut w, &plan(&options));
         assert_eq!((done.cloned, done.split, s.params.len(), w.len()), (30, 0, 130, 130));
-        let (mut s, mut w) = (state(100), seen(100, 3));
-        refine(&mut s, &mut w, &Plan { max_triangles: 111, ..plan(&options) });
+        let (mut s, mut w) = (state(100), visible(100, 3));
+        refine(&mut s, &mut w, &RefinePlan { max_triangles: 111, ..plan(&options) });
         assert_eq!(s.params.len(), 111);
-        let (mut s, mut w) = (state(100), seen(100, 3));
+        let (mut s, mut w) = (state(100), visible(100, 3));
         w.radius_px.fill(100.0);
         let done = refine(&mut s, &mut w, &plan(&options));
         assert_eq!((done.cloned, done.split, s.params.len()), (0, 10, 130));
     }
 
     #[test]
-    fn the_lottery_follows_its_rule() {
-        let grown_opaque = |rule: Lottery, turn: u64| {
-            let options = RefineOptions { lottery: rule, ..RefineOptions::default() };
+    fn triangles_are_sampled_by_their_weight() {
+        let grown_opaque = |weight: SampleWeight, refinement: u64| {
+            let options = RefineOptions { sample_by: weight, ..RefineOptions::default() };
             let mut s = state(1000);
             s.params.opacity[..500].fill(logit(0.9));
             s.params.opacity[500..].fill(logit(0.03));
-            let grown = lottery(
+            let grown = sample_growth(
                 &s,
                 &[true; 1000],
-                &seen(1000, 3),
-                &Plan { turn, max_triangles: 5000, ..plan(&options) },
+                &visible(1000, 3),
+                &RefinePlan { refinement, max_triangles: 5000, ..plan(&options) },
             );
             assert_eq!(grown.iter().filter(|g| **g).count(), 300);
             grown[..500].iter().filter(|g| **g).count()
         };
-        assert!(grown_opaque(Lottery::Opacity, 2) > 270);
-        assert!(grown_opaque(Lottery::Alternating, 1) > 270);
-        for (rule, turn) in [(Lottery::Alternating, 2), (Lottery::Sigma, 1), (Lottery::Uniform, 1)] {
-            let opaque = grown_opaque(rule, turn);
-            assert!((110..190).contains(&opaque), "{rule:?}: {opaque}");
+        assert!(grown_opaque(SampleWeight::Opacity, 2) > 270);
+        assert!(grown_opaque(SampleWeight::Alternating, 1) > 270);
+        for (weight, refinement) in
+            [(SampleWeight::Alternating, 2), (SampleWeight::Sigma, 1), (SampleWeight::Uniform, 1)]
+        {
+            let opaque = grown_opaque(weight, refinement);
+            assert!((110..190).contains(&opaque), "{weight:?}: {opaque}");
         }
     }
 
@@ -329,10 +345,10 @@ mod tests {
             let total: f32 = children.vertices.iter().map(area).sum();
             assert!((total / area(&parent) - 1.0).abs() < 1e-4);
             let options = RefineOptions::default();
-            let twins = clone(&s.params, i, &plan(&options), Rng::new(1, "clone", 0));
+            let cloned = clone(&s.params, i, &plan(&options), Rng::new(1, "clone", 0));
             let normal = (parent[1] - parent[0]).cross(parent[2] - parent[0]).normalize();
-            assert!(twins.vertices[1].iter().all(|v| normal.dot(*v - parent[0]).abs() < 1e-4));
-            let o = Anneal::NONE.opacity(twins.opacity[0]);
+            assert!(cloned.vertices[1].iter().all(|v| normal.dot(*v - parent[0]).abs() < 1e-4));
+            let o = Anneal::NONE.opacity(cloned.opacity[0]);
             assert!((1.0 - (1.0 - o) * (1.0 - o) - 0.5).abs() < 1e-5);
         }
     }
@@ -340,15 +356,15 @@ mod tests {
     #[test]
     fn a_solid_scene_is_cut_in_two_where_it_is_wrong() {
         let options = RefineOptions::default();
-        let (mut s, mut w) = (state(10), seen(10, 3));
+        let (mut s, mut w) = (state(10), visible(10, 3));
         let parent = s.params.vertices[3];
         w.error[3] = 7;
-        let solid = Plan { bisect: true, anneal: Anneal::SOLID, ..plan(&options) };
+        let solid = RefinePlan { bisect: true, anneal: Anneal::SOLID, ..plan(&options) };
         let done = refine(&mut s, &mut w, &solid);
         assert_eq!((done.split, done.cloned, s.params.len()), (1, 0, 11));
         let area = |v: &[Vec3; 3]| (v[1] - v[0]).cross(v[2] - v[0]);
         for half in &s.params.vertices[9..] {
-            // The same plane and sense of rotation, and half of the area.
+            // The same plane and winding, and half of the area.
             assert!((2.0 * area(half) - area(&parent)).length() < 1e-5 * area(&parent).length().max(1.0));
         }
     }
@@ -356,44 +372,44 @@ mod tests {
     #[test]
     fn rules_count_what_they_remove() {
         let options = RefineOptions::default();
-        let (mut s, mut w) = (state(10), seen(10, 5));
+        let (mut s, mut w) = (state(10), visible(10, 5));
         s.params.vertices[0][1].x = f32::NAN;
         s.params.opacity[1] = logit(0.001);
         w.max_weight[2] = 0.01;
         w.views[3] = 1;
-        let done = refine(&mut s, &mut w, &Plan { grow: false, ..plan(&options) });
+        let done = refine(&mut s, &mut w, &RefinePlan { grow: false, ..plan(&options) });
         assert_eq!((done.broken, done.faint, done.unimportant, done.unseen), (1, 1, 1, 1));
         assert_eq!((done.triangles, w.len()), (6, 6));
-        assert!(!w.is_complete(), "a complete watch begins anew");
+        assert!(!w.is_complete(), "complete statistics are reset");
     }
 
     #[test]
-    fn nothing_is_judged_on_an_incomplete_pass_of_five_thousand_photos() {
+    fn nothing_is_pruned_on_an_incomplete_pass_of_five_thousand_photos() {
         let options = RefineOptions::default();
-        let (mut s, mut w) = (state(50), Watch::new(50, 5000));
+        let (mut s, mut w) = (state(50), VisibilityStats::new(50, 5000));
         for photo in 0..500 {
-            w.meet(photo);
+            w.record_photo(photo);
         }
         let done = refine(&mut s, &mut w, &plan(&options));
         assert_eq!((done.unimportant, done.unseen, s.params.len()), (0, 0, 65));
         (500..5000).for_each(|photo| {
-            w.meet(photo);
+            w.record_photo(photo);
         });
-        // The 15 clones and their 15 twins are younger than the watch; the other 35 were truly never seen.
-        let done = refine(&mut s, &mut w, &Plan { grow: false, ..plan(&options) });
+        // The 15 clones and their 15 originals are younger than the statistics; the other 35 were visible in no photo.
+        let done = refine(&mut s, &mut w, &RefinePlan { grow: false, ..plan(&options) });
         assert_eq!((done.unimportant, s.params.len()), (35, 30));
     }
 
     #[test]
-    fn one_photo_and_hopeless_scenes_keep_something() {
+    fn one_photo_and_scenes_of_useless_triangles_keep_something() {
         let options = RefineOptions::default();
-        let (mut s, mut w) = (state(4), seen(4, 1));
-        refine(&mut s, &mut w, &Plan { grow: false, ..plan(&options) });
-        assert_eq!(s.params.len(), 4, "one photo can only see things once");
-        let (mut s, mut w) = (state(4), Watch::new(4, 2));
-        w.seen.fill(true);
+        let (mut s, mut w) = (state(4), visible(4, 1));
+        refine(&mut s, &mut w, &RefinePlan { grow: false, ..plan(&options) });
+        assert_eq!(s.params.len(), 4, "one photo shows every triangle at most once");
+        let (mut s, mut w) = (state(4), VisibilityStats::new(4, 2));
+        w.drawn.fill(true);
         w.max_weight[2] = 0.001;
-        refine(&mut s, &mut w, &Plan { grow: false, ..plan(&options) });
+        refine(&mut s, &mut w, &RefinePlan { grow: false, ..plan(&options) });
         assert_eq!(s.params.len(), 1);
     }
 }

@@ -1,229 +1,217 @@
-//! A whole run: steps, checkpoints, judgements on the held-out photos, previews and the curve.
+//! A whole run, from a data set or a checkpoint to a trained scene.
 
-use super::backend::Backend;
-use super::checkpoint;
-use super::clock::cpu_secs;
-use super::eval::{self, Judge, Score};
-use super::progress::{Sample, Watcher};
-use super::trainer::{Stepped, Trainer};
-use crate::dataset::Dataset;
-use crate::error::{Error, Result};
+use super::backend::TrainBackend;
+use super::checkpoint::Checkpoint;
+use super::cpu::CpuBackend;
+use super::options::TrainOptions;
+use super::outputs::{Recorded, Recorder, RunOptions};
+use super::progress::{TrainObserver, TrainSample};
+use super::trained::{Trained, provenance};
+use super::trainer::Trainer;
+use crate::camera::Camera;
+use crate::dataset::{Dataset, DatasetOptions};
+use crate::error::Result;
 use crate::raster::soft::SoftOptions;
-use crate::soup::Soup;
-use std::path::PathBuf;
-use std::time::{Duration, Instant};
 
-/// What a run leaves behind on the way; nothing here changes the result.
-#[derive(Debug, Clone, Default)]
-pub struct RunOptions {
-    /// Where checkpoints go.
-    pub checkpoint: Option<PathBuf>,
-    /// Steps between checkpoints; 0 writes one only when the run is stopped.
-    pub checkpoint_every: u64,
-    /// Steps between samples of the curve; 0 chooses 100 samples a run.
-    pub sample_every: u64,
-    /// Steps between judgements on the held-out photos; 0 judges once, at the end.
-    pub test_every_steps: u64,
-    /// Folder of preview pictures and the time between them.
-    pub preview: Option<(PathBuf, Duration)>,
-    /// Stop, as if asked to, after this many CPU seconds; 0 never.
-    pub max_cpu_secs: f64,
+/// Trains a soup on the photos of `dataset` that are not held out.
+///
+/// Errors: options out of range, no training photos, photos that cannot be decoded.
+///
+/// ```no_run
+/// use std::path::Path;
+/// use trisplat::dataset::{Dataset, DatasetOptions};
+/// use trisplat::train::{TrainOptions, train};
+///
+/// let dataset = Dataset::load(Path::new("photos"), &DatasetOptions::default())?;
+/// let trained = train(&dataset, &TrainOptions::default())?;
+/// trained.save(Path::new("scene.ply"))?;
+/// # Ok::<(), trisplat::error::Error>(())
+/// ```
+pub fn train(dataset: &Dataset, options: &TrainOptions) -> Result<Trained> {
+    TrainRun::new(dataset, options).run(&mut ())
 }
 
-/// What came out of a run.
+/// Everything a run starts with. [`TrainRun::new`] has the plain values; any field can be set before the start.
+///
+/// ```
+/// use trisplat::dataset::synthetic::{self, SyntheticOptions};
+/// use trisplat::dataset::{Dataset, DatasetOptions};
+/// use trisplat::train::{RunOptions, TrainOptions, TrainRun, checkpoint};
+///
+/// let folder = tempfile::tempdir().unwrap();
+/// synthetic::write(folder.path(), &SyntheticOptions { views: 8, width: 24, points: 50, seed: 0 })?;
+/// let dataset = Dataset::load(folder.path(), &DatasetOptions::default())?;
+/// let options = TrainOptions { steps: 20, max_triangles: 100, ..TrainOptions::default() };
+///
+/// // A run that writes checkpoints ...
+/// let path = folder.path().join("scene.checkpoint");
+/// let outputs = RunOptions { checkpoint: Some(path.clone()), checkpoint_every: 10, ..RunOptions::default() };
+/// let trained = TrainRun { outputs, ..TrainRun::new(&dataset, &options) }.run(&mut ())?;
+///
+/// // ... and one that goes on from the last of them: the same bits, since it was made after the last step.
+/// let resumed = TrainRun::from_checkpoint(&dataset, checkpoint::read(&path)?).run(&mut ())?;
+/// assert_eq!(trained.soup, resumed.soup);
+/// # Ok::<(), trisplat::error::Error>(())
+/// ```
 #[derive(Debug, Clone)]
-pub struct Trained {
-    /// The scene, in the data set's world.
-    pub soup: Soup,
-    /// Steps made; fewer than planned when the run was stopped.
-    pub steps: u64,
-    /// The curve.
-    pub curve: Vec<Sample>,
-    /// The held-out photos at the end.
-    pub scores: Vec<Score>,
-    /// Gradients dropped because they were not finite.
-    pub dropped: u64,
-    /// CPU seconds of the training, judgements excluded.
-    pub cpu_secs: f64,
-    /// The run was stopped before its last step.
-    pub stopped: bool,
+pub struct TrainRun<'a> {
+    /// The photos; those held out evaluate the scene.
+    pub dataset: &'a Dataset,
+    /// How the soup is trained; a resumed run has the options of its checkpoint.
+    pub options: TrainOptions,
+    /// The colour behind everything, sRGB-encoded in [0, 1]: that which the data set was read with.
+    pub background: [f32; 3],
+    /// Memory for decoded photos, bytes; what does not fit is kept on disk.
+    pub photo_bytes: u64,
+    /// What the run leaves behind on the way.
+    pub outputs: RunOptions,
+    /// The checkpoint to go on from.
+    pub resume: Option<Checkpoint>,
 }
 
-/// Runs `trainer` to its end or until `watcher` wants to stop.
-/// `curve` and `cpu_secs_before` are those of the run this one resumes.
-pub fn run<B: Backend>(
-    mut trainer: Trainer<B>,
+impl<'a> TrainRun<'a> {
+    /// A run from its beginning that leaves nothing behind, with the background and the memory for photos of
+    /// [`DatasetOptions::default`].
+    pub fn new(dataset: &'a Dataset, options: &TrainOptions) -> Self {
+        let run = Self {
+            dataset,
+            options: options.clone(),
+            background: [0.0; 3],
+            photo_bytes: 0,
+            outputs: RunOptions::default(),
+            resume: None,
+        };
+        run.with_dataset_options(&DatasetOptions::default())
+    }
+
+    /// The rest of the run that `checkpoint` was made of.
+    pub fn from_checkpoint(dataset: &'a Dataset, checkpoint: Checkpoint) -> Self {
+        let run = Self::new(dataset, &checkpoint.meta.options);
+        Self { resume: Some(checkpoint), ..run }
+    }
+
+    /// With the background and the memory for photos that the data set was read with.
+    pub fn with_dataset_options(self, options: &DatasetOptions) -> Self {
+        let photo_bytes = u64::from(options.photo_memory_mib) << 20;
+        Self { background: options.background.to_f32(), photo_bytes, ..self }
+    }
+
+    /// Sets the run up on the CPU: the first triangles are there, no step is made.
+    ///
+    /// Errors: options out of range, no training photos, a checkpoint of other photos.
+    pub fn start(self) -> Result<StartedRun<'a, CpuBackend>> {
+        let (dataset, photo_bytes) = (self.dataset, self.photo_bytes);
+        let options = self.resume.as_ref().map_or(&self.options, |checkpoint| &checkpoint.meta.options);
+        let drawing = options.drawing(self.background);
+        let backend = CpuBackend::new(drawing);
+        let (curve, cpu_secs) = match &self.resume {
+            Some(checkpoint) => (checkpoint.meta.curve.clone(), checkpoint.meta.cpu_secs),
+            None => (Vec::new(), 0.0),
+        };
+        let trainer = match self.resume {
+            Some(checkpoint) => Trainer::resume(dataset, checkpoint, photo_bytes, backend)?,
+            None => Trainer::start(dataset, &self.options, photo_bytes, backend)?,
+        };
+        Ok(StartedRun { trainer, dataset, drawing, outputs: self.outputs, curve, cpu_secs })
+    }
+
+    /// Runs to the end, or until `observer` wants to stop.
+    ///
+    /// Errors: those of [`TrainRun::start`], photos that cannot be decoded, outputs that cannot be written.
+    pub fn run(self, observer: &mut dyn TrainObserver) -> Result<Trained> {
+        self.start()?.finish(observer)
+    }
+}
+
+/// A run that is set up.
+#[derive(Debug)]
+pub struct StartedRun<'a, B> {
+    trainer: Trainer<B>,
+    dataset: &'a Dataset,
+    drawing: SoftOptions,
+    outputs: RunOptions,
+    curve: Vec<TrainSample>,
+    cpu_secs: f64,
+}
+
+impl<B: TrainBackend> StartedRun<'_, B> {
+    /// The options of the run.
+    pub fn options(&self) -> &TrainOptions {
+        self.trainer.options()
+    }
+
+    /// Steps made before, by the run this one resumes.
+    pub fn steps(&self) -> u64 {
+        self.trainer.steps()
+    }
+
+    /// Triangles in the scene.
+    pub fn triangles(&self) -> usize {
+        self.trainer.triangles()
+    }
+
+    /// The curve so far, of the run this one resumes.
+    pub fn curve(&self) -> &[TrainSample] {
+        &self.curve
+    }
+
+    /// Makes the steps, until the last or until `observer` wants to stop.
+    ///
+    /// Errors: photos that cannot be decoded, outputs that cannot be written.
+    pub fn finish(self, observer: &mut dyn TrainObserver) -> Result<Trained> {
+        let outputs = &self.outputs;
+        let total = self.trainer.options().steps;
+        let every = if outputs.sample_every == 0 { total.div_ceil(100) } else { outputs.sample_every };
+        let mut trainer = self.trainer;
+        let mut record = Recorder::new(self.dataset, self.drawing, self.curve, self.cpu_secs)?;
+        let (mut stopped, mut last) = (false, None);
+        while !trainer.is_done() {
+            let outcome = trainer.step()?;
+            let now = record.sample(&trainer, &outcome);
+            observer.stepped(&now);
+            if let Some(refined) = &outcome.refined {
+                observer.refined(now.step, refined);
+            }
+            let spent = outputs.max_cpu_secs > 0.0 && now.cpu_secs >= outputs.max_cpu_secs;
+            stopped = !trainer.is_done() && (spent || observer.wants_to_stop());
+            let due = |every: u64| every > 0 && now.step.is_multiple_of(every);
+            // The last sample is kept by `finish`, which evaluates it.
+            if !trainer.is_done() && (due(every) || due(outputs.evaluate_every)) {
+                let kept = record.keep(now, &mut trainer, due(outputs.evaluate_every))?;
+                if !stopped {
+                    observer.sampled(&kept);
+                }
+            }
+            if stopped || due(outputs.checkpoint_every) {
+                record.checkpoint(&mut trainer, outputs)?;
+            }
+            record.preview(&mut trainer, outputs)?;
+            last = Some(now);
+            if stopped {
+                break;
+            }
+        }
+        let recorded = record.finish(&mut trainer, last, observer)?;
+        trained(self.dataset, &mut trainer, recorded, stopped)
+    }
+}
+
+fn trained<B: TrainBackend>(
     dataset: &Dataset,
-    drawing: &SoftOptions,
-    options: &RunOptions,
-    curve: Vec<Sample>,
-    cpu_secs_before: f64,
-    watcher: &mut dyn Watcher,
+    trainer: &mut Trainer<B>,
+    recorded: Recorded,
+    stopped: bool,
 ) -> Result<Trained> {
-    let total = trainer.options().steps;
-    let every = if options.sample_every == 0 { total.div_ceil(100) } else { options.sample_every };
-    let mut run = Run {
-        judge: Judge::new(dataset.test())?,
-        drawing,
-        curve,
-        means: Means::default(),
-        // Decoding the held-out photos is not training.
-        cpu_start: cpu_secs() - cpu_secs_before,
-        wall: Instant::now(),
-        preview: Instant::now(),
-    };
-    let (mut stopped, mut last) = (false, None);
-    while !trainer.is_done() {
-        let stepped = trainer.step()?;
-        let now = run.sample(&trainer, &stepped);
-        watcher.stepped(&now);
-        if let Some(refined) = &stepped.refined {
-            watcher.refined(now.step, refined);
-        }
-        let spent = options.max_cpu_secs > 0.0 && now.cpu_secs >= options.max_cpu_secs;
-        stopped = !trainer.is_done() && (spent || watcher.wants_to_stop());
-        let due = |every: u64| every > 0 && now.step.is_multiple_of(every);
-        // The last sample is kept by `finish`, which judges it.
-        if !trainer.is_done() && (due(every) || due(options.test_every_steps)) {
-            let kept = run.keep(now, &mut trainer, due(options.test_every_steps))?;
-            if !stopped {
-                watcher.sampled(&kept);
-            }
-        }
-        if stopped || due(options.checkpoint_every) {
-            run.checkpoint(&mut trainer, options)?;
-        }
-        run.preview(&mut trainer, options)?;
-        last = Some(now);
-        if stopped {
-            break;
-        }
-    }
-    run.finish(&mut trainer, last, stopped, watcher)
-}
-
-/// Averages since the last sample.
-#[derive(Default)]
-struct Means {
-    loss: f64,
-    mse: f64,
-    steps: u64,
-}
-
-struct Run<'a> {
-    judge: Judge,
-    drawing: &'a SoftOptions,
-    curve: Vec<Sample>,
-    means: Means,
-    cpu_start: f64,
-    wall: Instant,
-    preview: Instant,
-}
-
-impl Run<'_> {
-    /// The state after a step, averaged since the last sample.
-    fn sample<B: Backend>(&mut self, trainer: &Trainer<B>, stepped: &Stepped) -> Sample {
-        self.means.loss += stepped.stats.loss;
-        self.means.mse += stepped.stats.mse;
-        self.means.steps += 1;
-        let n = self.means.steps as f64;
-        Sample {
-            step: trainer.steps(),
-            triangles: trainer.triangles() as u64,
-            loss: self.means.loss / n,
-            psnr: -10.0 * (self.means.mse / n).max(1e-12).log10(),
-            test_psnr: None,
-            width_px: stepped.width_px,
-            cpu_secs: cpu_secs() - self.cpu_start,
-            wall_secs: self.wall.elapsed().as_secs_f64(),
-            dropped: trainer.dropped(),
-        }
-    }
-
-    /// Runs `work` without counting its CPU time as training.
-    fn aside<T>(&mut self, work: impl FnOnce(&mut Self) -> T) -> T {
-        let before = cpu_secs();
-        let value = work(self);
-        self.cpu_start += cpu_secs() - before;
-        value
-    }
-
-    fn keep<B: Backend>(
-        &mut self,
-        mut now: Sample,
-        trainer: &mut Trainer<B>,
-        judged: bool,
-    ) -> Result<Sample> {
-        if judged {
-            let scores = self.aside(|run| run.scores(trainer))?;
-            now.test_psnr = eval::mean(&scores).map(|m| m.0);
-        }
-        self.means = Means::default();
-        self.curve.push(now);
-        Ok(now)
-    }
-
-    fn scores<B: Backend>(&mut self, trainer: &mut Trainer<B>) -> Result<Vec<Score>> {
-        if self.judge.is_empty() {
-            return Ok(Vec::new());
-        }
-        let (soup, space) = (trainer.soup()?, trainer.space());
-        let pictures = self.judge.pictures(&soup, &space, &trainer.drawing(self.drawing));
-        Ok(self.judge.scores(&pictures))
-    }
-
-    fn checkpoint<B: Backend>(&mut self, trainer: &mut Trainer<B>, options: &RunOptions) -> Result<()> {
-        let Some(path) = &options.checkpoint else { return Ok(()) };
-        let spent = cpu_secs() - self.cpu_start;
-        let curve = std::mem::take(&mut self.curve);
-        let checkpoint = trainer.checkpoint(&curve, spent)?;
-        self.curve = curve;
-        checkpoint::write(path, &checkpoint)
-    }
-
-    fn preview<B: Backend>(&mut self, trainer: &mut Trainer<B>, options: &RunOptions) -> Result<()> {
-        let Some((folder, pause)) = &options.preview else { return Ok(()) };
-        if self.preview.elapsed() < *pause || self.judge.is_empty() {
-            return Ok(());
-        }
-        self.preview = Instant::now();
-        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-        let step = trainer.steps();
-        self.aside(|run| {
-            let (soup, space) = (trainer.soup()?, trainer.space());
-            let pictures = run.judge.pictures(&soup, &space, &trainer.drawing(run.drawing));
-            match pictures.first() {
-                Some((_, picture)) => picture.save_png(&folder.join(format!("step-{step:06}.png"))),
-                None => Ok(()),
-            }
-        })
-    }
-
-    /// Judges the scene as it is now; the curve ends with the `last` step made, whether a sample was due or not.
-    fn finish<B: Backend>(
-        mut self,
-        trainer: &mut Trainer<B>,
-        last: Option<Sample>,
-        stopped: bool,
-        watcher: &mut dyn Watcher,
-    ) -> Result<Trained> {
-        let spent = cpu_secs() - self.cpu_start;
-        let scores = self.scores(trainer)?;
-        if let Some(last) = last {
-            let now = Sample { test_psnr: eval::mean(&scores).map(|mean| mean.0), ..last };
-            let again = self.curve.last().is_some_and(|kept| kept.step == now.step);
-            self.curve.truncate(self.curve.len() - usize::from(again));
-            self.curve.push(now);
-            watcher.sampled(&now);
-        }
-        Ok(Trained {
-            soup: trainer.soup()?,
-            steps: trainer.steps(),
-            curve: self.curve,
-            scores,
-            dropped: trainer.dropped(),
-            cpu_secs: spent,
-            stopped,
-        })
-    }
+    let cameras: Vec<Camera> = dataset.train().map(|view| view.camera).collect();
+    Ok(Trained {
+        soup: trainer.soup()?,
+        provenance: provenance(dataset, &cameras),
+        cameras,
+        steps: trainer.steps(),
+        curve: recorded.curve,
+        scores: recorded.scores,
+        dropped: trainer.dropped(),
+        cpu_secs: recorded.cpu_secs,
+        stopped,
+    })
 }

@@ -1,15 +1,15 @@
 //! What changes from step to step: rates, resolution, SH degree, regularisers, refinements, the anneal.
 
-use super::options::{REFERENCE_STEPS, TrainOptions};
+use super::options::{PruneFaint, PruneSoft, REFERENCE_STEPS, TrainOptions};
 use super::params::Anneal;
 use crate::raster::soft::{SoftOptions, Sort, Window};
 
 /// Largest alpha of a layer of the soft scene (3DGS).
 pub const ALPHA_CAP: f32 = 0.99;
 
-/// Largest alpha of a layer of a scene that is drawn hard before it is opaque: what lies behind a layer has to
-/// show a little, so that the loss knows whether it were better without.
-pub const FIRM_CAP: f32 = 0.995;
+/// Largest alpha of a layer of a scene that is drawn as an engine does before it is opaque: what lies behind a layer
+/// has to show a little, or the loss has no gradient towards removing it.
+pub const ENGINE_ALPHA_CAP: f32 = 0.995;
 
 /// Everything of one step that is not the scene or the photo.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,19 +48,19 @@ pub struct Rates {
     pub alpha_cap: f32,
     /// How solid the scene is.
     pub anneal: Anneal,
-    /// How it is drawn once it is solid; `None` before.
-    pub hard: Option<Hard>,
+    /// How it is drawn once it is drawn as an engine does; `None` before.
+    pub engine_shading: Option<EngineShading>,
 }
 
 impl Rates {
     /// How the rasteriser draws the scene at this step.
     pub fn drawing(&self, options: &SoftOptions) -> SoftOptions {
         let soft = SoftOptions { alpha_cap: self.alpha_cap, ..*options };
-        match self.hard {
-            Some(hard) => SoftOptions {
-                window: Window::Coverage { width_px: hard.edge_px },
+        match self.engine_shading {
+            Some(shading) => SoftOptions {
+                window: Window::Coverage { width_px: shading.edge_width_samples },
                 sort: Sort::Pixel,
-                linear: hard.linear,
+                linear: shading.linear,
                 ..soft
             },
             None => soft,
@@ -68,13 +68,13 @@ impl Rates {
     }
 }
 
-/// How a solid scene is drawn.
+/// How a scene is drawn as an engine does.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Hard {
+pub struct EngineShading {
     /// Samples per pixel and axis.
     pub samples: u32,
-    /// Width of an edge's ramp, samples.
-    pub edge_px: f32,
+    /// Width of an edge's antialiasing ramp, samples.
+    pub edge_width_samples: f32,
     /// Blend in linear light.
     pub linear: bool,
 }
@@ -101,8 +101,8 @@ impl<'a> Schedule<'a> {
         let (o, r, l) = (self.options, &self.options.rates, &self.options.loss);
         let done = step as f64 / o.steps.max(1) as f64;
         let others = r.final_share.powf(done);
-        let hard = self.is_drawn_hard(step);
-        let driven = self.annealed(step) > 0.0;
+        let engine = self.is_engine_shaded(step);
+        let annealing = self.annealed(step) > 0.0;
         let geometry = step >= self.scaled(l.geometry_from);
         Rates {
             time: step + 1,
@@ -117,23 +117,23 @@ impl<'a> Schedule<'a> {
             beta_distortion: if geometry { l.distortion } else { 0.0 },
             beta_normal: if geometry { l.normal } else { 0.0 },
             beta_size: if step < self.scaled(l.size_until) { l.size } else { 0.0 },
-            beta_sigma: if driven { o.solid.loss_sigma } else { 0.0 },
-            beta_opaque: if driven { o.solid.loss_opacity } else { 0.0 },
-            sparse: r.sparse && !(driven && o.solid.loss_sigma + o.solid.loss_opacity > 0.0),
-            alpha_cap: if hard { FIRM_CAP } else { ALPHA_CAP }.max(self.anneal(step).opacity_floor),
+            beta_sigma: if annealing { o.solid.loss_sigma } else { 0.0 },
+            beta_opaque: if annealing { o.solid.loss_opacity } else { 0.0 },
+            sparse: r.sparse && !(annealing && o.solid.loss_sigma + o.solid.loss_opacity > 0.0),
+            alpha_cap: if engine { ENGINE_ALPHA_CAP } else { ALPHA_CAP }.max(self.anneal(step).opacity_floor),
             anneal: self.anneal(step),
-            hard: hard.then_some(Hard {
-                samples: o.solid.samples,
-                edge_px: o.solid.edge_px as f32,
-                linear: o.solid.linear,
+            engine_shading: engine.then_some(EngineShading {
+                samples: o.solid.samples_per_axis,
+                edge_width_samples: o.solid.edge_width_samples as f32,
+                linear: o.solid.linear_blending,
             }),
         }
     }
 
-    /// Degrees of view-dependent colour in use: one more every `sh_every`, none once the scene turns solid.
+    /// Degrees of view-dependent colour in use: one more every `sh_every`, none once the scene is drawn as an engine does.
     pub fn sh_degree(&self, step: u64) -> u8 {
         let o = self.options;
-        if self.is_drawn_hard(step) {
+        if self.is_engine_shaded(step) {
             return 0;
         }
         let every = self.scaled(o.rates.sh_every).max(1);
@@ -147,13 +147,13 @@ impl<'a> Schedule<'a> {
     }
 
     /// True once the scene is drawn as an engine draws it, but for the opacity.
-    pub fn is_drawn_hard(&self, step: u64) -> bool {
-        self.is_hard(step) || self.is_past(step, self.options.solid.firm_from)
+    pub fn is_engine_shaded(&self, step: u64) -> bool {
+        self.is_opaque(step) || self.is_past(step, self.options.solid.engine_shading_from)
     }
 
     /// True once every triangle is opaque.
-    pub fn is_hard(&self, step: u64) -> bool {
-        self.is_past(step, self.options.solid.hard_from)
+    pub fn is_opaque(&self, step: u64) -> bool {
+        self.is_past(step, self.options.solid.opaque_from)
     }
 
     /// How much of the way from one position to another is done after `step`: 0 to 1, linearly.
@@ -167,25 +167,25 @@ impl<'a> Schedule<'a> {
 
     /// How much of the opacity's rise is done after `step`.
     fn annealed(&self, step: u64) -> f64 {
-        self.done(step, [self.options.solid.from, self.options.solid.until])
+        self.done(step, [self.options.solid.opacity_from, self.options.solid.opacity_until])
     }
 
     /// How solid triangles are at `step`: the floor rises linearly, σ falls log-linearly.
     pub fn anneal(&self, step: u64) -> Anneal {
         let s = &self.options.solid;
-        if self.is_hard(step) {
+        if self.is_opaque(step) {
             return Anneal::SOLID;
         }
         let sigma = self.done(step, [s.sigma_from, s.sigma_until]);
         Anneal {
-            opacity_floor: (s.opacity * self.annealed(step)) as f32,
-            opacity_gain: s.gain.powf(self.annealed(step)) as f32,
+            opacity_floor: (s.opacity_floor * self.annealed(step)) as f32,
+            opacity_gain: s.opacity_gain.powf(self.annealed(step)) as f32,
             sigma_scale: s.sigma_scale.powf(sigma) as f32,
         }
     }
 
-    /// τ_prune after `step`. It rises with the anneal: a soft scene is made of small weights, and the solid
-    /// threshold would delete it at once.
+    /// τ_prune after `step`. It rises with the anneal: a soft scene is made of small weights, and the threshold of a
+    /// solid one would delete it at once.
     pub fn prune_weight(&self, step: u64) -> f64 {
         let (soft, solid) = (self.options.refine.prune_weight, self.options.solid.prune_weight);
         soft + (solid - soft) * self.annealed(step)
@@ -196,14 +196,17 @@ impl<'a> Schedule<'a> {
         let s = &self.options.solid;
         let soft = self.options.refine.prune_opacity;
         let risen = soft + (s.prune_opacity - soft).max(0.0) * self.annealed(step);
-        let reached = |[from, least]: [f64; 2]| if self.is_past(step, from) { least } else { 0.0 };
-        risen.max(reached(s.dead[0])).max(reached(s.dead[1]))
+        let reached = |prune: PruneFaint| match self.is_past(step, prune.from_step) {
+            true => prune.min_opacity,
+            false => 0.0,
+        };
+        risen.max(reached(s.prune_faint[0])).max(reached(s.prune_faint[1]))
     }
 
     /// The σ from which triangles go after `step`.
     pub fn prune_sigma(&self, step: u64) -> f64 {
-        let [from, least] = self.options.solid.soft;
-        if self.is_past(step, from) { least } else { f64::INFINITY }
+        let PruneSoft { from_step, max_sigma } = self.options.solid.prune_soft;
+        if self.is_past(step, from_step) { max_sigma } else { f64::INFINITY }
     }
 
     /// True when the scene becomes solid, and `step` is at or beyond a position.
@@ -211,16 +214,17 @@ impl<'a> Schedule<'a> {
         self.options.solid.enabled && step >= self.scaled(position)
     }
 
-    /// Rate of the corners: log-linear over the run, and anew from where the scene is drawn hard.
+    /// Rate of the corners: log-linear over the run, and again from where the scene is drawn as an engine does.
     fn vertices_rate(&self, step: u64) -> f64 {
         let (o, s, steps) = (self.options, &self.options.solid, self.options.steps.max(1));
-        let soft = |step: u64| o.rates.vertices * o.rates.vertices_final.powf(step as f64 / steps as f64);
-        if !self.is_drawn_hard(step) {
+        let soft =
+            |step: u64| o.rates.vertices * o.rates.vertices_final_share.powf(step as f64 / steps as f64);
+        if !self.is_engine_shaded(step) {
             return soft(step);
         }
-        let from = self.scaled(s.firm_from.min(s.hard_from));
+        let from = self.scaled(s.engine_shading_from.min(s.opaque_from));
         let done = (step - from) as f64 / steps.saturating_sub(from).max(1) as f64;
-        soft(from) * s.vertices * s.vertices_final.powf(done)
+        soft(from) * s.vertices_rate_scale * s.vertices_final_share.powf(done)
     }
 
     /// Rate of the logarithm of σ.
@@ -253,12 +257,12 @@ impl<'a> Schedule<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::train::options::Preset;
+    use crate::train::options::TrainPreset;
 
     #[test]
     fn positions_scale_with_the_run() {
         for steps in [300u64, 3000, 30_000] {
-            let options = TrainOptions { steps, ..TrainOptions::preset(Preset::Indoor) };
+            let options = TrainOptions { steps, ..TrainOptions::preset(TrainPreset::Indoor) };
             let plan = Schedule::new(&options);
             let share = |f: &dyn Fn(u64) -> bool| (0..steps).filter(|&s| f(s)).count() as f64 / steps as f64;
             assert!((share(&|s| plan.level(s) == 2) - 0.4).abs() < 0.01);
@@ -271,10 +275,10 @@ mod tests {
     }
 
     #[test]
-    fn solid_ends_solid_without_view_dependence() {
-        let options = TrainOptions::preset(Preset::Solid);
+    fn the_solid_preset_ends_opaque_without_view_dependence() {
+        let options = TrainOptions::preset(TrainPreset::Solid);
         let plan = Schedule::new(&options);
-        let before = plan.scaled(options.solid.from) - 1;
+        let before = plan.scaled(options.solid.opacity_from) - 1;
         assert_eq!((plan.anneal(before).opacity_floor, plan.anneal(before).opacity_gain), (0.0, 1.0));
         assert_eq!(plan.prune_weight(before), options.refine.prune_weight);
         let last = options.steps - 1;
@@ -284,25 +288,30 @@ mod tests {
         let drawing = rates.drawing(&SoftOptions::default());
         assert!(drawing.sort == Sort::Pixel && drawing.window != Window::Soft);
         assert!((plan.prune_weight(last) - options.solid.prune_weight).abs() < 1e-12);
-        let soft = 0..plan.scaled(options.solid.hard_from);
+        let soft = 0..plan.scaled(options.solid.opaque_from);
         let gains: Vec<f32> = soft.clone().map(|s| plan.anneal(s).opacity_gain).collect();
-        assert!(gains.is_sorted() && gains.last().is_some_and(|g| *g > 0.95 * options.solid.gain as f32));
+        assert!(
+            gains.is_sorted() && gains.last().is_some_and(|g| *g > 0.95 * options.solid.opacity_gain as f32)
+        );
         let sigmas: Vec<f32> = soft.rev().map(|s| plan.anneal(s).sigma_scale).collect();
         assert!(sigmas.is_sorted());
     }
 
     #[test]
     fn the_papers_engine_mode_follows_its_script() {
-        let options = TrainOptions { steps: 30_000, ..TrainOptions::preset(Preset::PaperEngine) };
+        let options = TrainOptions { steps: 30_000, ..TrainOptions::preset(TrainPreset::PaperEngine) };
         let plan = Schedule::new(&options);
         let at = |step| (plan.rates(step).beta_sigma, plan.rates(step).beta_opaque);
         assert_eq!((at(24_999), at(25_000)), ((0.0, 0.0), (1.0, 20.0)));
-        let dead = [24_999, 25_000, 28_999, 29_000].map(|step| plan.prune_opacity(step));
-        assert_eq!(dead, [0.014, 0.1, 0.1, 0.7]);
+        let faintest = [24_999, 25_000, 28_999, 29_000].map(|step| plan.prune_opacity(step));
+        assert_eq!(faintest, [0.014, 0.1, 0.1, 0.7]);
         assert_eq!((plan.prune_sigma(27_999), plan.prune_sigma(28_000)), (f64::INFINITY, 1.0));
         assert_eq!(plan.rates(29_999).sigma, 0.0008);
-        assert!((0..30_000).all(|step| plan.anneal(step) == Anneal::NONE && plan.rates(step).hard.is_none()));
-        // A tenth of the steps moves σ as far.
+        assert!(
+            (0..30_000)
+                .all(|step| plan.anneal(step) == Anneal::NONE && plan.rates(step).engine_shading.is_none())
+        );
+        // A tenth of the steps changes σ as much.
         let short = TrainOptions { steps: 3000, ..options };
         assert!((Schedule::new(&short).rates(2999).sigma - 0.008).abs() < 1e-12);
     }
@@ -310,7 +319,7 @@ mod tests {
     #[test]
     fn runs_of_any_length_have_a_plan() {
         for steps in [1u64, 2, 7, 59] {
-            let options = TrainOptions { steps, ..TrainOptions::preset(Preset::Solid) };
+            let options = TrainOptions { steps, ..TrainOptions::preset(TrainPreset::Solid) };
             let plan = Schedule::new(&options);
             for step in 0..steps {
                 assert!(plan.rates(step).vertices > 0.0);

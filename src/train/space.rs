@@ -37,18 +37,18 @@ impl Space {
     }
 
     /// A world point in training space.
-    pub fn enter(&self, world: Vec3) -> Vec3 {
+    pub fn to_training(&self, world: Vec3) -> Vec3 {
         (world - self.center) * self.scale
     }
 
     /// A camera in training space: it sees the same picture of the moved scene.
-    pub fn enter_camera(&self, camera: &Camera) -> Camera {
+    pub fn camera_to_training(&self, camera: &Camera) -> Camera {
         let translation = (camera.rotation * self.center + camera.translation) * self.scale;
         Camera { translation, ..*camera }
     }
 
     /// Moves a soup of training space back into the world.
-    pub fn leave(&self, soup: &mut Soup) {
+    pub fn soup_to_world(&self, soup: &mut Soup) {
         let inverse = 1.0 / self.scale;
         for corner in soup.vertices.iter_mut().flatten() {
             *corner = *corner * inverse + self.center;
@@ -56,9 +56,9 @@ impl Space {
     }
 
     /// Moves a soup of the world into training space.
-    pub fn enter_soup(&self, soup: &mut Soup) {
+    pub fn soup_to_training(&self, soup: &mut Soup) {
         for corner in soup.vertices.iter_mut().flatten() {
-            *corner = self.enter(*corner);
+            *corner = self.to_training(*corner);
         }
     }
 }
@@ -103,7 +103,7 @@ mod tests {
             let moved: Vec<Vec3> = points.iter().map(|&p| place(p)).collect();
             let space = Space::new(&[camera(place(Vec3::ZERO)), camera(place(Vec3::X))], &moved);
             for (a, b) in points.iter().zip(&moved) {
-                assert!(base.enter(*a).distance(space.enter(*b)) < 2e-4);
+                assert!(base.to_training(*a).distance(space.to_training(*b)) < 2e-4);
             }
         }
     }
@@ -119,8 +119,8 @@ mod tests {
         let space = Space { center: Vec3::new(1.0, 2.0, 3.0), scale: 0.25 };
         let corners = [Vec3::X, Vec3::Y, Vec3::new(9.0, -4.0, 2.0)];
         let mut soup = Soup { vertices: vec![corners], ..Soup::default() };
-        space.enter_soup(&mut soup);
-        space.leave(&mut soup);
+        space.soup_to_training(&mut soup);
+        space.soup_to_world(&mut soup);
         assert!(soup.vertices[0].iter().zip(&corners).all(|(a, b)| a.distance(*b) < 1e-6));
     }
 }

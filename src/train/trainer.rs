@@ -1,18 +1,18 @@
-//! One run: photos in a random order, a step each, refinements between them.
+//! One run: photos in a random order, one step per photo, refinements between them.
 
-use super::backend::{Backend, Shot, StepStats};
-use super::checkpoint::{Checkpoint, Meta};
-use super::init::{Seed, first_soup};
+use super::backend::{StepPhoto, StepStats, TrainBackend};
+use super::checkpoint::{Checkpoint, CheckpointMeta};
+use super::init::{InitPoint, first_soup};
 use super::options::TrainOptions;
-use super::params::{Anneal, Params, State};
-use super::progress::Sample;
+use super::params::{Anneal, Params, TrainState};
+use super::progress::TrainSample;
 use super::pyramid::{Pyramid, order};
 use super::refine::{self, Refined, refine};
 use super::schedule::Schedule;
 use super::space::Space;
-use super::watch::{Sighting, Watch};
+use super::visibility::{PhotoVisibility, VisibilityStats};
 use crate::camera::Camera;
-use crate::dataset::{Dataset, View, cloud};
+use crate::dataset::{Dataset, Point, View, cloud};
 use crate::error::{Error, Result};
 use crate::raster::soft::{SoftOptions, Window};
 use crate::soup::Soup;
@@ -29,103 +29,87 @@ pub struct Trainer<B> {
     photos: Pyramid,
     order: Vec<usize>,
     backend: B,
-    watch: Watch,
+    visibility: VisibilityStats,
     step: u64,
     dropped: u64,
     level: u32,
     /// Pixels of the full photo per pixel of those drawn at this level.
     full_px: f32,
-    photo: Vec<[f32; 3]>,
+    /// The photo of the step, sRGB-encoded. `[H * W]`
+    rgb: Vec<[f32; 3]>,
+    /// How much each of its pixels counts; empty when all do. `[H * W]`
     weight: Vec<f32>,
 }
 
 /// What [`Trainer::step`] did.
 #[derive(Debug, Clone, Copy)]
-pub struct Stepped {
-    /// What the backend found.
+pub struct StepOutcome {
+    /// Figures of the step.
     pub stats: StepStats,
-    /// The refinement after the step, when there was one.
+    /// The refinement after the step, if one was due.
     pub refined: Option<Refined>,
     /// Width of the photo, px.
     pub width_px: u32,
 }
 
-impl<B: Backend> Trainer<B> {
+/// Where a run stands between two steps.
+struct Position {
+    options: TrainOptions,
+    space: Space,
+    state: TrainState,
+    visibility: VisibilityStats,
+    step: u64,
+    dropped: u64,
+}
+
+impl<B: TrainBackend> Trainer<B> {
     /// A run from its beginning. `photo_bytes` is the memory for decoded photos.
+    ///
+    /// Errors: options out of range, no training photos.
     pub fn start(dataset: &Dataset, options: &TrainOptions, photo_bytes: u64, backend: B) -> Result<Self> {
         options.validate()?;
         let views: Vec<&View> = dataset.train().collect();
-        let cloud;
-        let points = if dataset.points.is_empty() {
-            cloud = cloud::random(&views, options.init.random_points as usize, options.seed);
-            &cloud
-        } else {
-            &dataset.points
-        };
-        let cameras: Vec<Camera> = views.iter().map(|v| v.camera).collect();
-        let positions: Vec<Vec3> = points.iter().map(|p| p.position).collect();
-        let space = Space::new(&cameras, &positions);
-        let seeds: Vec<Seed> = points
-            .iter()
-            .map(|p| Seed { position: space.enter(p.position), rgb: p.rgb.map(|c| f32::from(c) / 255.0) })
-            .collect();
-        let mut soup = first_soup(&seeds, &options.init, options.seed);
-        let most = usize::try_from(options.max_triangles).unwrap_or(usize::MAX);
-        let points = soup.len();
-        if points > most {
-            // Evenly over the cloud, which files store in no order that matters.
-            soup.retain(|i| (i + 1) * most / points > i * most / points);
-        }
-        let state = State::new(Params::from_soup(&soup, options.sh_degree));
-        let watch = Watch::new(soup.len(), views.len());
-        Self::assemble(&views, options, photo_bytes, backend, space, state, watch, 0)
+        let position = first_position(&views, &dataset.points, options);
+        Self::assemble(&views, position, photo_bytes, backend)
     }
 
-    /// The run a checkpoint was taken of. Fails when the data set's training photos are not the same.
+    /// The run a checkpoint was made of.
+    ///
+    /// Errors: the data set's training photos are not the same.
     pub fn resume(dataset: &Dataset, checkpoint: Checkpoint, photo_bytes: u64, backend: B) -> Result<Self> {
         let views: Vec<&View> = dataset.train().collect();
-        let Checkpoint { state, watch, meta } = checkpoint;
+        let Checkpoint { state, visibility, meta } = checkpoint;
         if !views.iter().map(|v| v.name.as_str()).eq(meta.photos.iter().map(String::as_str)) {
             let value = format!("of {} other photos", meta.photos.len());
-            return Err(Error::invalid("--resume", value, "a checkpoint of this data set with this split"));
+            return Err(Error::invalid("resume", value, "a checkpoint of this data set with this split"));
         }
         let space = meta.space();
-        let mut run =
-            Self::assemble(&views, &meta.options, photo_bytes, backend, space, state, watch, meta.step)?;
-        run.dropped = meta.dropped;
-        Ok(run)
+        let CheckpointMeta { step, options, dropped, .. } = meta;
+        let position = Position { options, space, state, visibility, step, dropped };
+        Self::assemble(&views, position, photo_bytes, backend)
     }
 
-    #[allow(clippy::too_many_arguments)]
-    fn assemble(
-        views: &[&View],
-        options: &TrainOptions,
-        photo_bytes: u64,
-        mut backend: B,
-        space: Space,
-        state: State,
-        watch: Watch,
-        step: u64,
-    ) -> Result<Self> {
+    fn assemble(views: &[&View], position: Position, photo_bytes: u64, mut backend: B) -> Result<Self> {
         if views.is_empty() {
-            return Err(Error::invalid("data set", "0 training photos", "one or more; see --test-every"));
+            return Err(Error::invalid("data set", "0 training photos", "one or more; see `test_every`"));
         }
+        let Position { options, space, state, visibility, step, dropped } = position;
         backend.load(state)?;
         let mut run = Self {
-            options: options.clone(),
             space,
-            cameras: views.iter().map(|v| space.enter_camera(&v.camera)).collect(),
+            cameras: views.iter().map(|v| space.camera_to_training(&v.camera)).collect(),
             names: views.iter().map(|v| v.name.clone()).collect(),
             photos: Pyramid::new(views, photo_bytes, options.warmup.min_px),
             order: Vec::new(),
             backend,
-            watch,
+            visibility,
             step,
-            dropped: 0,
-            level: Schedule::new(options).level(step),
+            dropped,
+            level: Schedule::new(&options).level(step),
             full_px: 1.0,
-            photo: Vec::new(),
+            rgb: Vec::new(),
             weight: Vec::new(),
+            options,
         };
         run.plan_epoch();
         Ok(run)
@@ -170,7 +154,7 @@ impl<B: Backend> Trainer<B> {
     }
 
     /// Makes one step, and the refinement that follows it.
-    pub fn step(&mut self) -> Result<Stepped> {
+    pub fn step(&mut self) -> Result<StepOutcome> {
         let count = self.cameras.len() as u64;
         if self.step.is_multiple_of(count) {
             self.plan_epoch();
@@ -178,74 +162,74 @@ impl<B: Backend> Trainer<B> {
         let index = self.order[(self.step % count) as usize];
         let level = Schedule::new(&self.options).level(self.step);
         let pixels = self.photos.take(index, level)?;
-        self.photo.clear();
-        self.photo.extend(pixels.rgb.iter().map(|p| p.map(|c| f32::from(c) * (1.0 / 255.0))));
+        self.rgb.clear();
+        self.rgb.extend(pixels.rgb.iter().map(|p| p.map(|c| f32::from(c) * (1.0 / 255.0))));
         self.weight.clear();
         self.weight.extend(pixels.alpha.iter().flatten().map(|&a| f32::from(a) * (1.0 / 255.0)));
 
         let camera = self.cameras[index].resized(pixels.size);
         if level != self.level {
-            // What was seen so far was seen at another size.
-            self.gather()?;
+            // The visibility so far is that at another size.
+            self.collect_visibility()?;
             self.level = level;
         }
         self.full_px = self.photos.size(index, 0).x as f32 / pixels.size.x as f32;
-        let shot = Shot {
+        let photo = StepPhoto {
             camera: &camera,
-            photo: &self.photo,
+            rgb: &self.rgb,
             weight: pixels.alpha.is_some().then_some(&self.weight),
-            first: self.watch.meet(index),
+            first: self.visibility.record_photo(index),
         };
         let rates = Schedule::new(&self.options).rates(self.step);
-        let stats = self.backend.step(&shot, &rates)?;
+        let stats = self.backend.step(&photo, &rates)?;
         self.step += 1;
         self.dropped += stats.dropped;
         let refined = match Schedule::new(&self.options).refines_after(self.step) {
             true => Some(self.refine()?),
             false => None,
         };
-        Ok(Stepped { stats, refined, width_px: pixels.size.x })
+        Ok(StepOutcome { stats, refined, width_px: pixels.size.x })
     }
 
     fn refine(&mut self) -> Result<Refined> {
-        self.gather()?;
+        self.collect_visibility()?;
         let (o, schedule) = (&self.options, Schedule::new(&self.options));
-        // Judged as it was drawn last.
+        // The scene is pruned as it was drawn last.
         let last = self.step - 1;
-        let plan = refine::Plan {
+        let plan = refine::RefinePlan {
             options: &o.refine,
             max_triangles: usize::try_from(o.max_triangles).unwrap_or(usize::MAX),
             grow: schedule.grows_after(self.step),
             prune_weight: schedule.prune_weight(last) as f32,
             prune_opacity: schedule.prune_opacity(last),
             prune_sigma: schedule.prune_sigma(last),
-            turn: schedule.refinement(self.step),
-            bisect: schedule.is_drawn_hard(last),
+            refinement: schedule.refinement(self.step),
+            bisect: schedule.is_engine_shaded(last),
             anneal: schedule.anneal(last),
             seed: o.seed,
             step: self.step,
         };
         let mut state = self.backend.store()?;
-        let refined = refine(&mut state, &mut self.watch, &plan);
+        let refined = refine(&mut state, &mut self.visibility, &plan);
         self.backend.load(state)?;
         Ok(refined)
     }
 
-    /// Moves what the backend has seen into the watch.
-    fn gather(&mut self) -> Result<()> {
-        let seen = self.backend.sightings()?;
-        let zeros = vec![0; self.watch.len()];
-        for (importance, counts) in [(&seen.first, true), (&seen.again, false)] {
-            if importance.max_weight.len() == self.watch.len() {
-                let sighting = Sighting {
+    /// Moves the visibility of the last steps out of the backend.
+    fn collect_visibility(&mut self) -> Result<()> {
+        let recent = self.backend.take_visibility()?;
+        let zeros = vec![0; self.visibility.len()];
+        for (importance, counts) in [(&recent.first, true), (&recent.again, false)] {
+            if importance.max_weight.len() == self.visibility.len() {
+                let frames = PhotoVisibility {
                     max_weight: &importance.max_weight,
                     views: if counts { &importance.views } else { &zeros },
                     radius_px: &importance.max_radius_px,
                 };
-                self.watch.add(&sighting, self.full_px);
+                self.visibility.merge(&frames, self.full_px);
             }
         }
-        self.watch.add_errors(&seen.error);
+        self.visibility.add_errors(&recent.error);
         Ok(())
     }
 
@@ -256,7 +240,7 @@ impl<B: Backend> Trainer<B> {
         self.order = order(count, self.options.seed, epoch);
         let level = Schedule::new(&self.options).level(self.step);
         let left = &self.order[(self.step % count as u64) as usize..];
-        self.photos.expect(left, level);
+        self.photos.prefetch(left, level);
     }
 
     /// The scene as it is, in the data set's world.
@@ -270,7 +254,7 @@ impl<B: Backend> Trainer<B> {
         };
         let mut soup = state.params.to_soup(&anneal, degree);
         self.backend.load(state)?;
-        self.space.leave(&mut soup);
+        self.space.soup_to_world(&mut soup);
         Ok(soup)
     }
 
@@ -280,11 +264,11 @@ impl<B: Backend> Trainer<B> {
     }
 
     /// Everything needed to go on elsewhere.
-    pub fn checkpoint(&mut self, curve: &[Sample], cpu_secs: f64) -> Result<Checkpoint> {
-        self.gather()?;
+    pub fn checkpoint(&mut self, curve: &[TrainSample], cpu_secs: f64) -> Result<Checkpoint> {
+        self.collect_visibility()?;
         let state = self.backend.store()?;
         self.backend.load(state.clone())?;
-        let meta = Meta {
+        let meta = CheckpointMeta {
             generator: crate::report::generator(),
             step: self.step,
             options: self.options.clone(),
@@ -294,6 +278,42 @@ impl<B: Backend> Trainer<B> {
             curve: curve.to_vec(),
             cpu_secs,
         };
-        Ok(Checkpoint { state, watch: self.watch.clone(), meta })
+        Ok(Checkpoint { state, visibility: self.visibility.clone(), meta })
+    }
+}
+
+/// The first triangles, one per point of the sparse cloud or of a random one.
+fn first_position(views: &[&View], points: &[Point], options: &TrainOptions) -> Position {
+    let random;
+    let points = if points.is_empty() {
+        random = cloud::random(views, options.init.random_points as usize, options.seed);
+        &random
+    } else {
+        points
+    };
+    let cameras: Vec<Camera> = views.iter().map(|v| v.camera).collect();
+    let positions: Vec<Vec3> = points.iter().map(|p| p.position).collect();
+    let space = Space::new(&cameras, &positions);
+    let init_points: Vec<InitPoint> = points
+        .iter()
+        .map(|p| InitPoint {
+            position: space.to_training(p.position),
+            rgb: p.rgb.map(|c| f32::from(c) / 255.0),
+        })
+        .collect();
+    let mut soup = first_soup(&init_points, &options.init, options.seed);
+    let most = usize::try_from(options.max_triangles).unwrap_or(usize::MAX);
+    let count = soup.len();
+    if count > most {
+        // Evenly over the cloud, which files store in no order that matters.
+        soup.retain(|i| (i + 1) * most / count > i * most / count);
+    }
+    Position {
+        options: options.clone(),
+        space,
+        visibility: VisibilityStats::new(soup.len(), views.len()),
+        state: TrainState::new(Params::from_soup(&soup, options.sh_degree)),
+        step: 0,
+        dropped: 0,
     }
 }

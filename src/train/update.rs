@@ -1,13 +1,13 @@
-//! One move of all parameters: chain rules, regularisers of single triangles, Adam.
+//! One update of all parameters: chain rules, regularisers of single triangles, Adam.
 
-use super::params::{Params, State};
+use super::params::{Params, TrainState};
 use super::schedule::Rates;
 use crate::kernel::adam::{Rate, adam};
 use crate::raster::soft::SoupGrad;
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Triangles a job moves at a time.
+/// Triangles per parallel job.
 const CHUNK: usize = 512;
 
 /// Gradients that do not come through pixels (Held et al. 2025, eq. 3: β1 and β4; the other two are those of its
@@ -48,17 +48,17 @@ fn cross(v: &[Vec3; 3]) -> Vec3 {
     (v[1] - v[0]).cross(v[2] - v[0])
 }
 
-/// ∂area/∂corners, area = |cross| / 2; nothing for a triangle without area.
+/// ∂area/∂corners, area = |cross| / 2; zero for a triangle without area.
 fn area_grad(v: &[Vec3; 3], d_area: f32) -> [Vec3; 3] {
     let normal = cross(v).normalize_or_zero() * (0.5 * d_area);
     let (d1, d2) = ((v[2] - v[0]).cross(normal), normal.cross(v[1] - v[0]));
     [-(d1 + d2), d1, d2]
 }
 
-/// Moves `state` along `gradient`. Returns how many triangles had a gradient, and how many of those
-/// gradients were not finite: such a triangle stays where it is for this step.
+/// Updates `state` by `gradient`. Returns how many triangles had a gradient, and how many of those
+/// gradients were not finite: such a triangle keeps its parameters in this step.
 pub fn update(
-    state: &mut State,
+    state: &mut TrainState,
     gradient: &SoupGrad,
     rates: &Rates,
     regularisers: &Regularisers,
@@ -202,7 +202,7 @@ mod tests {
             sh: vec![[0.0; 3]; 4],
             sh_degree: 0,
         };
-        let mut state = State::new(params);
+        let mut state = TrainState::new(params);
         let mut gradient = SoupGrad {
             vertices: vec![[Vec3::ONE; 3]; 4],
             opacity: vec![1.0; 4],

@@ -3,15 +3,14 @@
 use crate::hostile::{finite, grid, mesh_of};
 use glam::Vec3;
 use trisplat::asset::Asset;
-use trisplat::bake::Details;
-use trisplat::bake::chunk::{ChunkOptions, MAX_CHUNK_TRIANGLES, chunk};
+use trisplat::bake::chunk::{ChunkDetails, ChunkOptions, MAX_CHUNK_TRIANGLES, chunk};
 use trisplat::bench::scenes::{SampleScene, soup};
 use trisplat::mesh::Mesh;
 use trisplat::report::Outcome;
 
 fn chunked(mesh: Mesh, limit: u32) -> Asset {
     let mut asset = Asset { mesh, ..Asset::default() };
-    chunk(&mut asset, &ChunkOptions { chunk_triangles: limit }, &mut Details::new()).unwrap();
+    chunk(&mut asset, &ChunkOptions { chunk_triangles: limit }, &mut ChunkDetails::default()).unwrap();
     asset
 }
 
@@ -62,7 +61,8 @@ fn a_small_scene_is_one_chunk_and_stays_as_it_is() {
     for limit in [0, 1000] {
         let mesh = mesh_of(&soup(SampleScene::Studio, 1000, 1));
         let mut asset = Asset { mesh: mesh.clone(), ..Asset::default() };
-        let outcome = chunk(&mut asset, &ChunkOptions { chunk_triangles: limit }, &mut Details::new());
+        let outcome =
+            chunk(&mut asset, &ChunkOptions { chunk_triangles: limit }, &mut ChunkDetails::default());
         assert!(matches!(outcome, Ok(Outcome::Unneeded(_))));
         assert!(asset.mesh == mesh && asset.chunks.len() == 1 && asset.chunks[0].count == 1000);
     }
@@ -71,8 +71,8 @@ fn a_small_scene_is_one_chunk_and_stays_as_it_is() {
 #[test]
 fn a_chunk_fits_16_bit_indices() {
     let options = ChunkOptions { chunk_triangles: MAX_CHUNK_TRIANGLES + 1 };
-    let error = chunk(&mut Asset::default(), &options, &mut Details::new()).unwrap_err();
-    assert!(error.to_string().starts_with("--chunk-triangles is 21846"), "{error}");
+    let error = chunk(&mut Asset::default(), &options, &mut ChunkDetails::default()).unwrap_err();
+    assert!(error.to_string().starts_with("chunk_triangles is 21846"), "{error}");
     const { assert!(3 * MAX_CHUNK_TRIANGLES <= 65_535) };
 }
 

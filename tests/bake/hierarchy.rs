@@ -5,11 +5,10 @@ use glam::{DVec3, Vec3, vec3};
 use std::io::Write;
 use std::path::PathBuf;
 use trisplat::asset::Asset;
-use trisplat::bake::Details;
-use trisplat::bake::bvh::{BvhOptions, bvh};
-use trisplat::bake::chunk::{ChunkOptions, chunk};
+use trisplat::bake::bvh::{BvhDetails, BvhOptions, bvh};
+use trisplat::bake::chunk::{ChunkDetails, ChunkOptions, chunk};
 use trisplat::bench::scenes::{SampleScene, soup};
-use trisplat::bvh::{Bvh, Hit};
+use trisplat::bvh::{Bvh, RayHit};
 use trisplat::error::{Error, Result};
 use trisplat::formats::bvh::{BvhHeader, belongs, position_hash, read, write};
 use trisplat::formats::{ReadOptions, Source, ply};
@@ -19,15 +18,15 @@ use trisplat::scene::Scene;
 
 fn built(mesh: Mesh, limit: u32) -> Asset {
     let mut asset = Asset { mesh, ..Asset::default() };
-    chunk(&mut asset, &ChunkOptions { chunk_triangles: limit }, &mut Details::new()).unwrap();
-    bvh(&mut asset, &BvhOptions { bvh: true }, &mut Details::new()).unwrap();
+    chunk(&mut asset, &ChunkOptions { chunk_triangles: limit }, &mut ChunkDetails::default()).unwrap();
+    bvh(&mut asset, &BvhOptions { bvh: true }, &mut BvhDetails::default()).unwrap();
     asset
 }
 
 /// The nearest hit by looking at every face; the plane equation and three edge tests, unlike the library.
-fn brute_force(mesh: &Mesh, origin: Vec3, direction: Vec3) -> Option<Hit> {
+fn brute_force(mesh: &Mesh, origin: Vec3, direction: Vec3) -> Option<RayHit> {
     let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3());
-    let mut best: Option<Hit> = None;
+    let mut best: Option<RayHit> = None;
     for face in 0..mesh.face_count() {
         let [a, b, c] = mesh.corners(face).map(|v| v.as_dvec3());
         let normal = (b - a).cross(c - a);
@@ -36,7 +35,7 @@ fn brute_force(mesh: &Mesh, origin: Vec3, direction: Vec3) -> Option<Hit> {
         let left = |from: DVec3, to: DVec3| (to - from).cross(p - from).dot(normal) >= 0.0;
         if t >= 0.0 && t.is_finite() && left(a, b) && left(b, c) && left(c, a) && best.is_none_or(|h| t < h.t)
         {
-            best = Some(Hit { face: face as u32, t });
+            best = Some(RayHit { face: face as u32, t });
         }
     }
     best
@@ -140,7 +139,7 @@ fn of_equal_distances_the_first_face_is_hit() {
     soup.vertices.iter_mut().for_each(|t| t.copy_from_slice(&one));
     let asset = built(mesh_of(&soup), 7);
     let hit = asset.bvh.unwrap().cast(&asset.mesh, vec3(0.25, 0.25, 0.0), Vec3::Z);
-    assert_eq!(hit, Some(Hit { face: 0, t: 1.0 }));
+    assert_eq!(hit, Some(RayHit { face: 0, t: 1.0 }));
 }
 
 fn source(bytes: &[u8]) -> Source {

@@ -2,14 +2,14 @@
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat::asset::Asset;
-use trisplat::bake::bake;
-use trisplat::bake::lod::LodOptions;
-use trisplat::bake::options::{BakeOptions, Preset};
-use trisplat::bake::thin;
-use trisplat::bake::unseen::{SAMPLES, seen_px};
+use trisplat::bake::decimate::rank_by_importance;
+use trisplat::bake::lod::{LodDetails, LodOptions, LodRanking};
+use trisplat::bake::views::SAMPLES;
+use trisplat::bake::visibility::visible_px;
+use trisplat::bake::{Bake, BakeOptions, BakePreset};
 use trisplat::camera::Camera;
 use trisplat::mesh::{Colors, Mesh};
-use trisplat::raster::solid::{NO_FACE, Solid, SolidOptions};
+use trisplat::raster::solid::{NO_FACE, Solid, SolidRasterOptions};
 use trisplat::report::Report;
 use trisplat::scene::{Loaded, Scene};
 
@@ -48,11 +48,11 @@ fn loaded(cameras: Vec<Camera>) -> Loaded {
 }
 
 fn baked(cameras: Vec<Camera>, shares: &[f64], change: impl Fn(&mut BakeOptions)) -> (Asset, Report) {
-    let mut options = BakeOptions::preset(Preset::Fast);
+    let mut options = BakeOptions::preset(BakePreset::Fast);
     options.lod = LodOptions { lod: shares.to_vec() };
     change(&mut options);
     let mut report = Report::default();
-    let asset = bake(vec![loaded(cameras)], &options, None, &mut report, &mut ()).unwrap();
+    let asset = Bake::new(&options).report(&mut report).run([loaded(cameras)]).unwrap();
     (asset, report)
 }
 
@@ -65,7 +65,7 @@ fn faces(mesh: &Mesh) -> Vec<[[u32; 3]; 3]> {
 fn holes(mesh: &Mesh) -> f64 {
     let (mut holes, mut all) = (0, 0);
     for camera in cameras() {
-        let options = SolidOptions::default();
+        let options = SolidRasterOptions::default();
         let whole = Solid::new().visibility(&wall(), &camera, &options).face.clone();
         let mut solid = Solid::new();
         let seen = solid.visibility(mesh, &camera, &options);
@@ -81,16 +81,16 @@ fn holes(mesh: &Mesh) -> f64 {
 #[test]
 fn every_prefix_of_the_order_is_a_level() {
     let (mesh, cameras) = (wall(), cameras());
-    let seen = seen_px(&mesh, &cameras, SAMPLES);
+    let visible_area = visible_px(&mesh, &cameras, SAMPLES);
     let visible: Vec<u32> = (0..512).collect();
-    let order = thin::order(&mesh, &cameras, &seen, &visible, 60);
+    let order = rank_by_importance(&mesh, &cameras, &visible_area, &visible, 60);
     let mut sorted = order.clone();
     sorted.sort_unstable();
     assert_eq!(sorted, visible, "every face once");
     let serial = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    assert_eq!(serial.install(|| thin::order(&mesh, &cameras, &seen, &visible, 60)), order);
+    assert_eq!(serial.install(|| rank_by_importance(&mesh, &cameras, &visible_area, &visible, 60)), order);
     // Stopping earlier changes nothing above: one order serves all levels.
-    let above = thin::order(&mesh, &cameras, &seen, &visible, 300);
+    let above = rank_by_importance(&mesh, &cameras, &visible_area, &visible, 300);
     let set = |order: &[u32]| order[..362].iter().copied().collect::<std::collections::BTreeSet<u32>>();
     assert_eq!(set(&above), set(&order));
 }
@@ -110,9 +110,9 @@ fn finer_levels_hold_the_triangles_of_coarser_ones() {
             assert!(these.iter().all(|face| finer.contains(face)));
             finer = these;
         }
-        let told = report.stages.iter().find(|s| s.name == "lod").unwrap();
-        assert_eq!(told.details["ordered_by"], if seeing { "sight" } else { "size" });
-        assert_eq!(told.details["levels"][2]["triangles"], counts[2]);
+        let details = report.details::<LodDetails>().unwrap();
+        assert_eq!(details.ordered_by, if seeing { LodRanking::Importance } else { LodRanking::Size });
+        assert_eq!(details.levels[2].triangles, counts[2] as u64);
     }
 }
 
@@ -141,6 +141,6 @@ fn levels_stand_where_the_scene_stands() {
 fn shares_must_fall() {
     for shares in [&[0.5, 0.5][..], &[1.0], &[0.0], &[f64::NAN], &[0.2, 0.4], &[0.5; 9]] {
         let error = LodOptions { lod: shares.to_vec() }.validate().unwrap_err().to_string();
-        assert!(error.contains("--lod"), "{error}");
+        assert!(error.starts_with("lod "), "{error}");
     }
 }

@@ -7,5 +7,5 @@ mod hierarchy;
 mod hostile;
 mod levels;
 mod photos;
+mod robustness;
 mod stages;
-mod sturdy;

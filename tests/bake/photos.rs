@@ -6,16 +6,15 @@ use std::fmt::Write;
 use std::path::Path;
 use tempfile::TempDir;
 use trisplat::asset::{Placement, UpAxis};
-use trisplat::bake::Details;
-use trisplat::bake::backdrop::{BackdropOptions, backdrop};
-use trisplat::bake::refit::{RefitColors, RefitOptions, refit};
-use trisplat::bake::unseen::{UnseenOptions, unseen};
+use trisplat::bake::backdrop::{BackdropDetails, BackdropOptions, backdrop};
+use trisplat::bake::refit::{RefitColors, RefitDetails, RefitOptions, refit};
+use trisplat::bake::unseen::{UnseenDetails, UnseenOptions, unseen};
 use trisplat::bake::views::Views;
 use trisplat::camera::Camera;
 use trisplat::dataset::{Dataset, DatasetOptions};
 use trisplat::image::Pixels;
 use trisplat::mesh::{Colors, Mesh};
-use trisplat::raster::solid::{Solid, SolidOptions};
+use trisplat::raster::solid::{Solid, SolidRasterOptions};
 use trisplat::report::Outcome;
 
 const VIEWS: usize = 24;
@@ -57,7 +56,7 @@ fn photograph_at(mesh: &Mesh, samples: u32, develop: impl Fn(usize, Pixels) -> P
     let (model, images) = (folder.path().join("sparse/0"), folder.path().join("images"));
     std::fs::create_dir_all(&model).unwrap();
     std::fs::create_dir_all(&images).unwrap();
-    let options = SolidOptions { samples, ..SolidOptions::default() };
+    let options = SolidRasterOptions { samples, ..SolidRasterOptions::default() };
     let mut list = String::new();
     for view in 0..VIEWS {
         let c = camera(view);
@@ -85,7 +84,7 @@ fn views(dataset: &Dataset) -> Views {
 
 /// Root of the mean squared difference of the pictures that two meshes give, codes.
 fn difference(a: &Mesh, b: &Mesh) -> f64 {
-    let options = SolidOptions { samples: 4, ..SolidOptions::default() };
+    let options = SolidRasterOptions { samples: 4, ..SolidRasterOptions::default() };
     let (mut sum, mut count) = (0.0, 0.0);
     for view in 0..VIEWS {
         let c = camera(view);
@@ -98,8 +97,8 @@ fn difference(a: &Mesh, b: &Mesh) -> f64 {
     f64::sqrt(sum / count)
 }
 
-fn fitted(dataset: &Dataset, start: &Mesh, options: &RefitOptions) -> (Mesh, Details) {
-    let (mut mesh, mut details) = (start.clone(), Details::new());
+fn fitted(dataset: &Dataset, start: &Mesh, options: &RefitOptions) -> (Mesh, RefitDetails) {
+    let (mut mesh, mut details) = (start.clone(), RefitDetails::default());
     let outcome = refit(&mut mesh, Some(&mut views(dataset)), options, &mut details).unwrap();
     assert_eq!(outcome, Outcome::Changed(()), "{details:?}");
     mesh.validate().unwrap();
@@ -112,7 +111,7 @@ fn refit_finds_the_colours_the_photos_were_drawn_with() {
     let (_folder, dataset) = photograph(&truth, |_, photo| photo);
     let many = RefitOptions { refit_passes: 10, refit_flatness: 0.1, ..RefitOptions::DEFAULT };
     let (mesh, details) = fitted(&dataset, &grey(&truth), &many);
-    assert_eq!(details["colors"], "corner");
+    assert_eq!(details.colors, Some(RefitColors::Corner));
     let error = difference(&mesh, &truth);
     assert!(error < 1.5, "{error} codes with corners");
     let (flat, _) = fitted(&dataset, &grey(&truth), &RefitOptions { refit: RefitColors::Flat, ..many });
@@ -139,7 +138,7 @@ fn colours_that_are_right_stay() {
     let flat = Mesh { colors: Colors::Face((0..100).map(|i| truth.corner_colors(i)[0]).collect()), ..truth };
     // Sampled as the stage samples, so that they are right to the last code.
     let (_folder, dataset) = photograph_at(&flat, 2, |_, photo| photo);
-    let (mut mesh, mut details) = (flat.clone(), Details::new());
+    let (mut mesh, mut details) = (flat.clone(), RefitDetails::default());
     refit(&mut mesh, Some(&mut views(&dataset)), &RefitOptions::DEFAULT, &mut details).unwrap();
     assert!(difference(&mesh, &flat) < 0.5, "{details:?}");
 }
@@ -156,7 +155,7 @@ fn a_photo_of_another_exposure_is_left_out() {
     let (_folder, dataset) = photograph(&truth, brighten);
     let options = RefitOptions { refit_passes: 4, refit_flatness: 0.1, ..RefitOptions::DEFAULT };
     let (mesh, details) = fitted(&dataset, &grey(&truth), &options);
-    assert_eq!(details["photos_out_of_line"], 1);
+    assert_eq!(details.photos_out_of_line, Some(1));
     let error = difference(&mesh, &truth);
     assert!(error < 3.0, "{error}");
 }
@@ -169,20 +168,20 @@ fn a_placed_scene_meets_the_same_photos() {
     let mut placed = grey(&truth);
     placed.positions.iter_mut().for_each(|v| *v = placement.to_file(*v));
     let mut views = views(&dataset);
-    views.enter(&placement);
-    refit(&mut placed, Some(&mut views), &RefitOptions::DEFAULT, &mut Details::new()).unwrap();
+    views.transform(&placement);
+    refit(&mut placed, Some(&mut views), &RefitOptions::DEFAULT, &mut RefitDetails::default()).unwrap();
     let here = fitted(&dataset, &grey(&truth), &RefitOptions::DEFAULT).0;
     placed.positions = truth.positions.clone();
     assert!(difference(&placed, &here) < 0.5);
 }
 
 /// The stage with all photos of a data set.
-fn look(
+fn cull(
     mesh: &mut Mesh,
     dataset: &Dataset,
     options: &UnseenOptions,
     most: Option<u64>,
-    details: &mut Details,
+    details: &mut UnseenDetails,
 ) -> trisplat::error::Result<Outcome<()>> {
     let mut views = views(dataset);
     let cameras = views.cameras().to_vec();
@@ -196,17 +195,20 @@ fn hidden_triangles_go_and_nothing_is_seen_of_it() {
     mesh.positions.extend(room(1.35));
     mesh.colors = Colors::Face((0..mesh.face_count()).map(|f| [f as f32 / 200.0; 3]).collect());
     let (_folder, dataset) = photograph(&mesh, |_, photo| photo);
-    let (mut left, mut details) = (mesh.clone(), Details::new());
-    look(&mut left, &dataset, &UnseenOptions::DEFAULT, None, &mut details).unwrap();
+    let (mut left, mut details) = (mesh.clone(), UnseenDetails::default());
+    cull(&mut left, &dataset, &UnseenOptions::DEFAULT, None, &mut details).unwrap();
     assert!((8..20).contains(&left.face_count()), "{} of {core}: the sides of the box", left.face_count());
     assert!(difference(&left, &mesh) < 1.0);
-    let again = look(&mut left, &dataset, &UnseenOptions::DEFAULT, None, &mut details);
+    let again = cull(&mut left, &dataset, &UnseenOptions::DEFAULT, None, &mut details);
     assert!(matches!(again, Ok(Outcome::Unneeded(_))));
 
     let keep = UnseenOptions { keep_unseen: true, ..UnseenOptions::DEFAULT };
     let mut all = mesh.clone();
-    assert!(matches!(look(&mut all, &dataset, &keep, None, &mut Details::new()), Ok(Outcome::Unneeded(_))));
-    look(&mut all, &dataset, &keep, Some(20), &mut Details::new()).unwrap();
+    assert!(matches!(
+        cull(&mut all, &dataset, &keep, None, &mut UnseenDetails::default()),
+        Ok(Outcome::Unneeded(_))
+    ));
+    cull(&mut all, &dataset, &keep, Some(20), &mut UnseenDetails::default()).unwrap();
     assert_eq!(all.face_count(), 20);
 }
 
@@ -226,12 +228,12 @@ fn holes_are_closed_with_what_photos_show_through_them() {
     let sky = [0.1, 0.4, 0.6];
     truth.colors = Colors::Face((0..100).map(|_| [0.2; 3]).chain([sky; 12]).collect());
     let (_folder, dataset) = photograph(&truth, |_, photo| photo);
-    let (mut closed, mut details) = (mesh.clone(), Details::new());
+    let (mut closed, mut details) = (mesh.clone(), BackdropDetails::default());
     let mut views = views(&dataset);
     backdrop(&mut closed, Some(&mut views), &BackdropOptions::DEFAULT, &mut details).unwrap();
-    assert!(details["holes"].as_f64().unwrap() > 0.3, "{details:?}");
+    assert!(details.holes.unwrap() > 0.3, "{details:?}");
     assert_eq!(closed.face_count(), 100 + 128);
-    refit(&mut closed, Some(&mut views), &RefitOptions::DEFAULT, &mut details).unwrap();
+    refit(&mut closed, Some(&mut views), &RefitOptions::DEFAULT, &mut RefitDetails::default()).unwrap();
     let (open, shut) = (difference(&mesh, &truth), difference(&closed, &truth));
     assert!(shut < 0.05 * open, "{open} codes with holes, {shut} without: {details:?}");
     let again = backdrop(&mut closed, Some(&mut views), &BackdropOptions::DEFAULT, &mut details).unwrap();
@@ -248,16 +250,17 @@ fn cameras_of_the_file_show_what_photos_would() {
     let options = UnseenOptions::DEFAULT;
     for most in [None, Some(9)] {
         let (mut by_photos, mut by_cameras) = (mesh.clone(), mesh.clone());
-        look(&mut by_photos, &dataset, &options, most, &mut Details::new()).unwrap();
-        let alone = unseen(&mut by_cameras, &cameras, None, &options, most, &mut Details::new()).unwrap();
+        cull(&mut by_photos, &dataset, &options, most, &mut UnseenDetails::default()).unwrap();
+        let alone =
+            unseen(&mut by_cameras, &cameras, None, &options, most, &mut UnseenDetails::default()).unwrap();
         assert_eq!(alone, Outcome::Changed(()));
         assert_eq!(by_photos, by_cameras);
     }
     let away = Camera { translation: Vec3::Z * -1e6, ..cameras[0] };
     let mut left = mesh.clone();
-    let nothing = unseen(&mut left, &[away], None, &options, None, &mut Details::new()).unwrap();
+    let nothing = unseen(&mut left, &[away], None, &options, None, &mut UnseenDetails::default()).unwrap();
     assert!(matches!(nothing, Outcome::Unneeded(_)), "cameras that see nothing say nothing");
-    unseen(&mut left, &[away], None, &options, Some(9), &mut Details::new()).unwrap();
+    unseen(&mut left, &[away], None, &options, Some(9), &mut UnseenDetails::default()).unwrap();
     assert_eq!(left.face_count(), 9, "the largest");
 }
 
@@ -267,9 +270,9 @@ fn a_greater_error_allows_fewer_triangles() {
     let (_folder, dataset) = photograph(&mesh, |_, photo| photo);
     let left: Vec<usize> = [0.0, 3.0, 40.0]
         .map(|db| {
-            let (mut mesh, mut details) = (mesh.clone(), Details::new());
+            let (mut mesh, mut details) = (mesh.clone(), UnseenDetails::default());
             let options = UnseenOptions { max_error: Some(db), ..UnseenOptions::DEFAULT };
-            look(&mut mesh, &dataset, &options, None, &mut details).unwrap();
+            cull(&mut mesh, &dataset, &options, None, &mut details).unwrap();
             mesh.face_count()
         })
         .to_vec();
@@ -279,17 +282,17 @@ fn a_greater_error_allows_fewer_triangles() {
 #[test]
 fn without_photos_nothing_is_needed_and_errors_name_the_remedy() {
     let mut mesh = scene();
-    let mut details = Details::new();
-    let none = refit(&mut mesh, None, &RefitOptions::DEFAULT, &mut details).unwrap();
+    let mut details = UnseenDetails::default();
+    let none = refit(&mut mesh, None, &RefitOptions::DEFAULT, &mut RefitDetails::default()).unwrap();
     assert_eq!(none, Outcome::Unneeded("no photos were given"));
     let none = unseen(&mut mesh, &[], None, &UnseenOptions::DEFAULT, None, &mut details).unwrap();
-    assert!(matches!(none, Outcome::Unneeded(why) if why.contains("--dataset")));
+    assert!(matches!(none, Outcome::Unneeded(why) if why.contains("`dataset`")));
     let options = UnseenOptions { max_error: Some(0.1), ..UnseenOptions::DEFAULT };
     let error = unseen(&mut mesh, &[], None, &options, None, &mut details).unwrap_err().to_string();
-    assert!(error.contains("--max-error") && error.contains("--dataset"), "{error}");
+    assert!(error.starts_with("max_error ") && error.contains("`dataset`"), "{error}");
     let (_folder, dataset) = photograph(&mesh, |_, photo| photo);
     mesh.positions.iter_mut().for_each(|v| *v = Vec3::new(v.x, v.y + 1000.0, v.z));
     let error =
-        look(&mut mesh, &dataset, &UnseenOptions::DEFAULT, None, &mut details).unwrap_err().to_string();
-    assert!(error.contains("--dataset"), "{error}");
+        cull(&mut mesh, &dataset, &UnseenOptions::DEFAULT, None, &mut details).unwrap_err().to_string();
+    assert!(error.starts_with("dataset "), "{error}");
 }

@@ -3,29 +3,23 @@
 use crate::hostile::{grid, mesh_of, random, random_triangle, soup_of};
 use glam::Vec3;
 use trisplat::asset::Asset;
-use trisplat::bake::Details;
-use trisplat::bake::chunk::{ChunkOptions, chunk};
-use trisplat::bake::color::color;
-use trisplat::bake::order::{FaceOrder, OrderOptions, order};
-use trisplat::bake::prune::{PruneOptions, prune};
-use trisplat::bake::solid::{SolidOptions, Solidify, solid};
-use trisplat::bake::weld::{WeldOptions, WeldWhen, weld};
+use trisplat::bake::chunk::{ChunkDetails, ChunkOptions, chunk};
+use trisplat::bake::color::{ColorDetails, color};
+use trisplat::bake::order::{FaceOrder, OrderDetails, OrderOptions, order};
+use trisplat::bake::prune::{PruneDetails, PruneOptions, prune};
+use trisplat::bake::solid::{SolidDetails, SolidOptions, Solidify, solid};
+use trisplat::bake::weld::{WeldDetails, WeldOptions, WeldWhen, weld};
 use trisplat::mesh::{Colors, Mesh};
 use trisplat::report::Outcome;
 use trisplat::scene::Scene;
 use trisplat::soup::Soup;
 
 /// Prunes; returns what is left and the figures.
-fn pruned(soup: Soup, options: &PruneOptions) -> (Soup, Details) {
-    let (mut scene, mut details) = (Scene::Soup(soup), Details::new());
+fn pruned(soup: Soup, options: &PruneOptions) -> (Soup, PruneDetails) {
+    let (mut scene, mut details) = (Scene::Soup(soup), PruneDetails::default());
     prune(&mut scene, options, &mut details).unwrap();
     let Scene::Soup(soup) = scene else { panic!("prune turned a soup into a mesh") };
     (soup, details)
-}
-
-fn causes(details: &Details) -> Vec<(&str, u64)> {
-    let count = |(key, value): (_, &serde_json::Value)| (key, value.as_u64().unwrap());
-    details.iter().map(|(k, v)| count((k.as_str(), v))).filter(|(_, n)| *n > 0).collect()
 }
 
 #[test]
@@ -51,16 +45,16 @@ fn prune_counts_by_cause() {
     soup.vertices[10] = soup.vertices[10].map(|v| v - middle);
     let (left, details) = pruned(soup, &options);
     assert_eq!(left.len(), 80);
-    let wants = [
-        ("non_finite", 2),
-        ("degenerate", 1),
-        ("faint", 3),
-        ("soft", 1),
-        ("outside", 1),
-        ("huge", 1),
-        ("over_budget", 11),
-    ];
-    assert_eq!(causes(&details), wants);
+    let wants = PruneDetails {
+        non_finite: 2,
+        degenerate: 1,
+        faint: 3,
+        soft: 1,
+        outside: 1,
+        huge: 1,
+        over_budget: 11,
+    };
+    assert_eq!(details, wants);
 }
 
 #[test]
@@ -96,19 +90,19 @@ fn prune_of_a_soft_scene_keeps_most_of_it() {
 #[test]
 fn prune_says_which_option_left_nothing() {
     let cases = [
-        (PruneOptions { min_opacity: 1.0, ..PruneOptions::DEFAULT }, "--min-opacity"),
-        (PruneOptions { max_sigma: 1e-3, ..PruneOptions::DEFAULT }, "--max-sigma"),
-        (PruneOptions { max_edge: 1e-9, ..PruneOptions::DEFAULT }, "--max-edge"),
-        (PruneOptions { crop: Some([9.0, 9.0, 9.0, 10.0, 10.0, 10.0]), ..PruneOptions::DEFAULT }, "--crop"),
-        (PruneOptions { min_opacity: f64::NAN, ..PruneOptions::DEFAULT }, "--min-opacity"),
-        (PruneOptions { max_sigma: -1.0, ..PruneOptions::DEFAULT }, "--max-sigma"),
-        (PruneOptions { crop: Some([1.0, 0.0, 0.0, 0.0, 1.0, 1.0]), ..PruneOptions::DEFAULT }, "--crop"),
-        (PruneOptions { max_triangles: Some(0), ..PruneOptions::DEFAULT }, "--max-triangles"),
+        (PruneOptions { min_opacity: 1.0, ..PruneOptions::DEFAULT }, "min_opacity is"),
+        (PruneOptions { max_sigma: 1e-3, ..PruneOptions::DEFAULT }, "max_sigma is"),
+        (PruneOptions { max_edge: 1e-9, ..PruneOptions::DEFAULT }, "max_edge is"),
+        (PruneOptions { crop: Some([9.0, 9.0, 9.0, 10.0, 10.0, 10.0]), ..PruneOptions::DEFAULT }, "crop is"),
+        (PruneOptions { min_opacity: f64::NAN, ..PruneOptions::DEFAULT }, "min_opacity is"),
+        (PruneOptions { max_sigma: -1.0, ..PruneOptions::DEFAULT }, "max_sigma is"),
+        (PruneOptions { crop: Some([1.0, 0.0, 0.0, 0.0, 1.0, 1.0]), ..PruneOptions::DEFAULT }, "crop is"),
+        (PruneOptions { max_triangles: Some(0), ..PruneOptions::DEFAULT }, "max_triangles is"),
     ];
     for (options, names) in cases {
         let mut soup = random(20, 0.2);
         soup.opacity.fill(0.9);
-        let error = prune(&mut Scene::Soup(soup), &options, &mut Details::new()).unwrap_err();
+        let error = prune(&mut Scene::Soup(soup), &options, &mut PruneDetails::default()).unwrap_err();
         assert!(error.to_string().starts_with(names), "{options:?}: {error}");
     }
 }
@@ -120,7 +114,7 @@ fn prune_drops_faces_and_their_vertices_from_a_mesh() {
     mesh.opacity[0] = 0.0;
     mesh.positions[24] = mesh.positions[23]; // makes the last two faces a line and a thinner triangle
     let (before, mut scene) = (mesh.clone(), Scene::Mesh(mesh));
-    prune(&mut scene, &PruneOptions::DEFAULT, &mut Details::new()).unwrap();
+    prune(&mut scene, &PruneOptions::DEFAULT, &mut PruneDetails::default()).unwrap();
     let Scene::Mesh(after) = scene else { panic!("prune turned a mesh into a soup") };
     after.validate().unwrap();
     let keeps: Vec<usize> = (0..32).filter(|&f| before.opacity[f] > 0.0 && f != 31).collect();
@@ -139,7 +133,7 @@ fn solid_keeps_solid_triangles_and_drops_none_by_default() {
         soup_of([(corners, 1.0, 1e-5), (corners, 1.0, 0.01), (corners, 0.3, 1.16), (corners, 0.02, 9.0)]);
     let area = |t: &[Vec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).length();
     let run = |how| {
-        let (mut soup, mut details) = (soup.clone(), Details::new());
+        let (mut soup, mut details) = (soup.clone(), SolidDetails::default());
         solid(&mut soup, &SolidOptions { solid: how, ..SolidOptions::DEFAULT }, &mut details).unwrap();
         assert!(soup.opacity.iter().all(|&o| o == 1.0));
         let shares: Vec<f32> = soup.vertices.iter().map(|t| area(t) / area(&corners)).collect();
@@ -155,18 +149,18 @@ fn solid_keeps_solid_triangles_and_drops_none_by_default() {
     close(&run(Solidify::None).0, &[1.0; 4]);
     let (shares, details) = run(Solidify::Contour);
     close(&shares, &[1.0, 1.0]);
-    assert_eq!(details["no_contour"], 2);
+    assert_eq!(details.no_contour, 2);
 }
 
 #[test]
 fn solid_names_the_option_that_left_nothing() {
     let mut soup = soup_of([(random_triangle(0, Vec3::ZERO, 1.0), 0.4, 0.5)]);
     let options = SolidOptions { solid: Solidify::Contour, ..SolidOptions::DEFAULT };
-    let error = solid(&mut soup, &options, &mut Details::new()).unwrap_err().to_string();
-    assert!(error.starts_with("--contour is 0.5") && error.contains("--solid auto"), "{error}");
+    let error = solid(&mut soup, &options, &mut SolidDetails::default()).unwrap_err().to_string();
+    assert!(error.starts_with("contour is 0.5") && error.contains("`solid` auto"), "{error}");
     for contour in [0.0, 1.0, f64::NAN] {
         let options = SolidOptions { contour, ..SolidOptions::DEFAULT };
-        assert!(solid(&mut soup, &options, &mut Details::new()).is_err());
+        assert!(solid(&mut soup, &options, &mut SolidDetails::default()).is_err());
     }
 }
 
@@ -177,7 +171,7 @@ fn color_is_linear_and_clamped() {
     let sh0 = |rgb: [f32; 3]| rgb.map(|c| (c - 0.5) / 0.282_094_79);
     let row = |rgb| [sh0(rgb), [9.0; 3], [9.0; 3], [9.0; 3]];
     soup.sh = [row([0.0, 0.5, 1.0]), row([-0.2, 1.7, 0.04]), row([0.25, 0.75, 0.9])].concat();
-    let mut details = Details::new();
+    let mut details = ColorDetails::default();
     let mesh = color(soup.clone(), &mut details).unwrap();
     let Colors::Face(colors) = &mesh.colors else { panic!("colours are not a face") };
     let wants = [[0.0, 0.214_041, 1.0], [0.0, 1.0, 0.003_095_98], [0.050_876, 0.522_522, 0.787_412]];
@@ -185,7 +179,7 @@ fn color_is_linear_and_clamped() {
         assert!((0..3).all(|c| (got[c] - wants[c]).abs() < 2e-6), "{got:?}, wants {wants:?}");
     }
     // The ends of the range may round to either side of it.
-    assert!((2..=4).contains(&details["clamped_channels"].as_u64().unwrap()), "{details:?}");
+    assert!((2..=4).contains(&details.clamped_channels), "{details:?}");
     assert_eq!(mesh.positions, soup.vertices.concat());
 }
 
@@ -193,7 +187,7 @@ fn color_is_linear_and_clamped() {
 fn weld_shares_corners_only_where_it_pays() {
     let soup = random(500, 0.1);
     let mut mesh = mesh_of(&soup);
-    let mut details = Details::new();
+    let mut details = WeldDetails::default();
     assert!(matches!(weld(&mut mesh, &WeldOptions::DEFAULT, &mut details), Ok(Outcome::Unneeded(_))));
     assert!(mesh.indices.is_empty());
 
@@ -204,7 +198,7 @@ fn weld_shares_corners_only_where_it_pays() {
     let unshared =
         Mesh { positions: at(&flat.positions), colors: one_color, indices: Vec::new(), opacity: Vec::new() };
     let mut welded = unshared.clone();
-    weld(&mut welded, &WeldOptions::DEFAULT, &mut Details::new()).unwrap();
+    weld(&mut welded, &WeldOptions::DEFAULT, &mut WeldDetails::default()).unwrap();
     welded.validate().unwrap();
     assert_eq!(welded.vertex_count(), 21 * 21);
     for face in 0..unshared.face_count() {
@@ -216,9 +210,9 @@ fn weld_shares_corners_only_where_it_pays() {
 #[test]
 fn weld_estimates_large_scenes_from_a_sample() {
     let mut mesh = mesh_of(&random(60_000, 0.01));
-    let mut details = Details::new();
+    let mut details = WeldDetails::default();
     weld(&mut mesh, &WeldOptions::DEFAULT, &mut details).unwrap();
-    assert_eq!(details["unique_corners"], 1.0);
+    assert_eq!(details.unique_corners, Some(1.0));
     // Every corner three times: a third is unique.
     let mut positions = mesh.positions.clone();
     positions.extend_from_slice(&mesh.positions);
@@ -226,7 +220,7 @@ fn weld_estimates_large_scenes_from_a_sample() {
     let Colors::Face(colors) = &mesh.colors else { panic!("colours are not a face") };
     let mut tripled = Mesh { colors: Colors::Face(colors.repeat(3)), positions, ..Mesh::default() };
     weld(&mut tripled, &WeldOptions::DEFAULT, &mut details).unwrap();
-    let share = details["unique_corners"].as_f64().unwrap();
+    let share = details.unique_corners.unwrap();
     assert!((share - 1.0 / 3.0).abs() < 1e-12, "equal corners are sampled together: {share}");
     assert_eq!(tripled.vertex_count(), mesh.vertex_count());
 }
@@ -237,7 +231,7 @@ fn weld_unshares_face_colours_of_connected_meshes() {
         let mut mesh = grid(5);
         mesh.colors = Colors::Face((0..mesh.face_count()).map(|f| [f as f32 / 50.0; 3]).collect());
         let before = mesh.clone();
-        weld(&mut mesh, &WeldOptions { weld: when }, &mut Details::new()).unwrap();
+        weld(&mut mesh, &WeldOptions { weld: when }, &mut WeldDetails::default()).unwrap();
         mesh.validate().unwrap();
         assert!(mesh.indices.is_empty() || matches!(mesh.colors, Colors::Vertex(_)));
         for face in 0..before.face_count() {
@@ -247,21 +241,21 @@ fn weld_unshares_face_colours_of_connected_meshes() {
     }
     let mut mesh = grid(5);
     let before = mesh.clone();
-    let outcome = weld(&mut mesh, &WeldOptions { weld: WeldWhen::On }, &mut Details::new());
+    let outcome = weld(&mut mesh, &WeldOptions { weld: WeldWhen::On }, &mut WeldDetails::default());
     assert!(matches!(outcome, Ok(Outcome::Unneeded(_))) && mesh == before);
 }
 
 #[test]
 fn order_brings_near_faces_together() {
     let mut asset = Asset { mesh: mesh_of(&random(4000, 0.01)), ..Asset::default() };
-    chunk(&mut asset, &ChunkOptions { chunk_triangles: 1500 }, &mut Details::new()).unwrap();
+    chunk(&mut asset, &ChunkOptions { chunk_triangles: 1500 }, &mut ChunkDetails::default()).unwrap();
     let step = |mesh: &Mesh| {
         let hop = |f: usize| mesh.corners(f)[0].distance(mesh.corners(f + 1)[0]);
         (0..mesh.face_count() - 1).map(hop).sum::<f32>() / mesh.face_count() as f32
     };
     let (before, chunks) = (asset.mesh.clone(), asset.chunks.clone());
     let options = OrderOptions { order: FaceOrder::Spatial };
-    order(&mut asset, &options, &mut Details::new()).unwrap();
+    order(&mut asset, &options, &mut OrderDetails::default()).unwrap();
     assert_eq!(asset.chunks, chunks);
     assert!(step(&asset.mesh) < 0.25 * step(&before), "{} was {}", step(&asset.mesh), step(&before));
     for chunk in chunks {

@@ -1,4 +1,4 @@
-//! `trisplat train` as a user meets it: what it leaves behind, and how a run that was stopped goes on.
+//! `trisplat train` at the command line: the files it writes, and how a run that was stopped is resumed.
 
 use super::{fails, stderr};
 use std::path::{Path, PathBuf};
@@ -28,10 +28,10 @@ fn succeed(command: &mut Command) -> Output {
 }
 
 /// The command after "to go on: ", run by a shell as a user would.
-fn go_on(folder: &Path, said: &str) -> Output {
-    let command = said.lines().find_map(|line| line.split_once("to go on: ")).map(|found| found.1);
+fn resume(folder: &Path, printed: &str) -> Output {
+    let command = printed.lines().find_map(|line| line.split_once("to go on: ")).map(|found| found.1);
     let words =
-        command.and_then(|command| command.strip_prefix("trisplat ")).unwrap_or_else(|| panic!("{said}"));
+        command.and_then(|command| command.strip_prefix("trisplat ")).unwrap_or_else(|| panic!("{printed}"));
     let script = format!("'{}' {words}", env!("CARGO_BIN_EXE_trisplat"));
     succeed(Command::new("sh").arg("-c").arg(script).current_dir(folder).stdin(Stdio::null()))
 }
@@ -45,7 +45,7 @@ fn steps(log: &Path) -> Vec<u64> {
 
 #[cfg(unix)]
 #[test]
-fn a_run_that_goes_on_as_it_was_told_ends_as_one_that_never_stopped() {
+fn a_run_resumed_by_the_printed_command_ends_as_one_that_never_stopped() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     succeed(&mut train(folder.path(), &["-o", "straight.ply", "--log", "straight.log"]));
@@ -53,7 +53,7 @@ fn a_run_that_goes_on_as_it_was_told_ends_as_one_that_never_stopped() {
     let stopped = succeed(&mut train(folder.path(), &flags));
     assert!(path("a b.ply").exists() && path("a b.checkpoint").exists());
     assert_ne!(std::fs::read(path("a b.ply")).unwrap(), std::fs::read(path("straight.ply")).unwrap());
-    go_on(folder.path(), &stderr(&stopped));
+    resume(folder.path(), &stderr(&stopped));
     assert!(std::fs::read(path("a b.ply")).unwrap() == std::fs::read(path("straight.ply")).unwrap());
     assert_eq!(steps(&path("it's.log")), steps(&path("straight.log")));
     assert_eq!(steps(&path("straight.log")).last(), Some(&30));
@@ -94,7 +94,10 @@ fn the_curve_and_the_report_are_files_of_their_own() {
     let report = std::fs::read_to_string(folder.path().join("report.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     assert_eq!(last["step"], 30);
-    assert_eq!(last["test_psnr"], report["stages"][0]["details"]["psnr"], "the log ends with the verdict");
+    assert_eq!(
+        last["test_psnr"], report["stages"][0]["details"]["psnr"],
+        "the log ends with the last evaluation"
+    );
     let outputs: Vec<&str> =
         report["outputs"].as_array().unwrap().iter().filter_map(|o| o["path"].as_str()).collect();
     assert_eq!(outputs, ["a.ply", "curve.svg"]);

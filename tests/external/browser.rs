@@ -14,7 +14,7 @@ use trisplat::formats::{ReadOptions, read};
 use trisplat::image::Pixels;
 use trisplat::math::metric;
 use trisplat::mesh::Mesh;
-use trisplat::raster::solid::{Solid, SolidOptions};
+use trisplat::raster::solid::{Solid, SolidRasterOptions};
 use trisplat::scene::Scene;
 
 /// The browser, when it and what drives it are there.
@@ -100,7 +100,7 @@ fn a_page_shows_what_our_renderer_draws() {
         assert_eq!((&visit["errors"], &visit["state"]), (&json!([]), &json!("ready")), "{visit}");
         for (i, camera) in cameras.iter().enumerate() {
             let background = [0x20, 0x40, 0x60].map(|code| f32::from(code as u8) / 255.0);
-            let options = SolidOptions { background, samples, near: 0.01 };
+            let options = SolidRasterOptions { background, samples, near: 0.01 };
             let ours = Solid::new().render(&mesh, camera, &options);
             let theirs = Pixels::load(&screenshot(samples, i)).unwrap();
             assert_eq!(theirs.size, size);

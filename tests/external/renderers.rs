@@ -15,7 +15,7 @@ use trisplat::dataset::{Dataset, DatasetOptions, View};
 use trisplat::image::Pixels;
 use trisplat::math::color::{linear_from_srgb, srgb_from_linear};
 use trisplat::math::metric;
-use trisplat::raster::solid::{Solid, SolidOptions};
+use trisplat::raster::solid::{Solid, SolidRasterOptions};
 
 /// Samples along an axis of a pixel.
 const FINE: u32 = 4;
@@ -120,7 +120,7 @@ const AS_IT_IS: [&str; 4] = ["--preset", "fast", "--solid", "none"];
 fn ours(job: &Job) -> Vec<Pixels> {
     let (mesh, _) = mesh(&job.file);
     let background = BACKGROUND.map(|code| f32::from(code) / 255.0);
-    let options = SolidOptions { background, samples: FINE, near: NEAR };
+    let options = SolidRasterOptions { background, samples: FINE, near: NEAR };
     let mut solid = Solid::new();
     job.cameras.iter().map(|camera| solid.render(&mesh, camera, &options)).collect()
 }

@@ -13,8 +13,8 @@ use trisplat::asset::{Asset, Chunk, Placement, Provenance, UpAxis};
 use trisplat::camera::Viewpoint;
 use trisplat::error::{Error, Result};
 use trisplat::formats::gltf::{
-    ColorEncoding, Container, GltfOptions, PositionEncoding, Written, check_size, glb_bytes, place,
-    write_glb, write_gltf,
+    ColorEncoding, Container, GltfOptions, PositionEncoding, Written, check_size, glb_size, stream_offsets,
+    to_glb_bytes, write_glb, write_gltf,
 };
 use trisplat::mesh::{Colors, Mesh};
 
@@ -30,6 +30,7 @@ fn glb(asset: &Asset, options: &GltfOptions) -> Result<(Vec<u8>, Written)> {
     let mut bytes = Vec::new();
     let written = write_glb(&mut bytes, Path::new("scene.glb"), asset, options)?;
     assert_eq!(written.bytes, bytes.len() as u64);
+    assert!(to_glb_bytes(asset, options)? == bytes);
     Ok((bytes, written))
 }
 
@@ -78,8 +79,14 @@ fn the_material_is_unlit_double_sided_and_opaque() {
     let parsed = parse(&glb(&ramp(3), &options).unwrap().0);
     let wants = json!([{
         "name": "soup-vcol",
+        "alphaMode": "OPAQUE",
         "doubleSided": true,
-        "pbrMetallicRoughness": { "metallicFactor": 0.0, "roughnessFactor": 1.0 },
+        "emissiveFactor": [0.0, 0.0, 0.0],
+        "pbrMetallicRoughness": {
+            "baseColorFactor": [1.0, 1.0, 1.0, 1.0],
+            "metallicFactor": 0.0,
+            "roughnessFactor": 1.0,
+        },
         "extensions": { "KHR_materials_unlit": {} },
     }]);
     assert_eq!(parsed.json["materials"], wants);
@@ -209,8 +216,8 @@ fn shared_vertices_are_indexed_within_their_chunk() {
             if meshopt {
                 // The codec may start a triangle at another corner; winding stays.
                 for (got, wants) in indices.chunks(3).zip(asset.mesh.indices.chunks(3)) {
-                    let turn = got.iter().position(|i| *i == wants[0]).unwrap();
-                    assert_eq!([got[turn], got[(turn + 1) % 3], got[(turn + 2) % 3]], wants);
+                    let first = got.iter().position(|i| *i == wants[0]).unwrap();
+                    assert_eq!([got[first], got[(first + 1) % 3], got[(first + 2) % 3]], wants);
                 }
             } else {
                 assert!(indices == asset.mesh.indices);
@@ -314,7 +321,7 @@ fn a_gltf_and_its_bin_hold_what_the_glb_holds() {
 }
 
 #[test]
-fn the_bytes_do_not_hang_on_the_number_of_threads() {
+fn the_bytes_are_the_same_for_any_number_of_threads() {
     let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     for asset in [cut(ramp(70_000), 5), cut(ramp(70_000), 1), cut(strip(3000), 4)] {
         for positions in [PositionEncoding::F32, PositionEncoding::ChunkU16] {
@@ -334,13 +341,13 @@ fn the_bytes_do_not_hang_on_the_number_of_threads() {
 fn sizes_are_known_before_a_byte_is_written() {
     let path = Path::new("big.glb");
     let size = |triangles: u64| {
-        let (starts, bin) = place([3 * 12 * triangles, 3 * 8 * triangles].into_iter());
+        let (starts, bin) = stream_offsets([3 * 12 * triangles, 3 * 8 * triangles].into_iter());
         assert_eq!(starts, [0, 36 * triangles]);
-        glb_bytes(900, bin)
+        glb_size(900, bin)
     };
     let check = |container, triangles, allow| check_size(path, container, size(triangles), allow);
     let refused = |r: Result<Option<String>>, limit: u64| match r {
-        Err(Error::TooLarge { limit: l, remedy, .. }) => l == limit && remedy.contains("--max-triangles"),
+        Err(Error::TooLarge { limit: l, remedy, .. }) => l == limit && remedy.contains("`max_triangles`"),
         _ => false,
     };
     let (gib1, gib2, gib4) = ((1u64 << 30) / 60, (1u64 << 31) / 60, (1u64 << 32) / 60);
@@ -358,8 +365,8 @@ fn sizes_are_known_before_a_byte_is_written() {
 
 #[test]
 fn streams_start_on_multiples_of_four() {
-    assert_eq!(place([6, 4, 1, 0, 8].into_iter()), (vec![0, 8, 12, 16, 16], 24));
-    assert_eq!(place(std::iter::empty()), (vec![], 0));
+    assert_eq!(stream_offsets([6, 4, 1, 0, 8].into_iter()), (vec![0, 8, 12, 16, 16], 24));
+    assert_eq!(stream_offsets(std::iter::empty()), (vec![], 0));
 }
 
 #[test]
@@ -453,8 +460,8 @@ proptest! {
         prop_assert_eq!(got.len(), wants.len());
         // Compressed indices may start a triangle at another corner: compare without order there.
         for (got, wants) in got.chunks(3).zip(wants.chunks(3)) {
-            let fits = |turn: usize| (0..3).all(|i| {
-                let ((p, c), (q, d)) = (&got[(i + turn) % 3], &wants[i]);
+            let fits = |first: usize| (0..3).all(|i| {
+                let ((p, c), (q, d)) = (&got[(i + first) % 3], &wants[i]);
                 let error = p.as_dvec3().distance(q.as_dvec3());
                 c == d && error <= f64::from(written.worst_position_error.next_up())
             });

@@ -6,7 +6,7 @@ use trisplat::asset::{Asset, Chunk};
 use trisplat::math::color::linear_from_srgb;
 use trisplat::mesh::{Colors, Mesh};
 
-/// Every 8-bit code in every channel, one colour a face; positions with awkward decimals.
+/// Every 8-bit code in every channel, one colour per face; positions with awkward decimals.
 pub(crate) fn ramp(faces: usize) -> Asset {
     let code = |i: usize| linear_from_srgb((i % 256) as f32 / 255.0);
     let colors = (0..faces).map(|i| [code(i), code(255 - i % 256), code(i * 7)]).collect();
@@ -33,14 +33,14 @@ pub(crate) fn cut(mut asset: Asset, chunks: u32) -> Asset {
     asset
 }
 
-/// A closed strip of faces that share their vertices, one colour a vertex.
+/// A closed strip of faces that share their vertices, one colour per vertex.
 pub(crate) fn strip(vertices: u32) -> Asset {
     let color = |i: u32| [0.0, i as f32 / vertices as f32, 1.0];
     let indices = (0..vertices).flat_map(|i| [i, (i + 1) % vertices, (i + 2) % vertices]).collect();
     asset(positions(vertices as usize), Colors::Vertex((0..vertices).map(color).collect()), indices)
 }
 
-/// Any sound mesh: coordinates from denormal to 1e12, shared vertices or not, cut anywhere.
+/// Any valid mesh: coordinates from denormal to 1e12, shared vertices or not, cut anywhere.
 pub(crate) fn any_asset() -> impl Strategy<Value = Asset> {
     let float = prop_oneof![4 => -10.0f32..10.0, 1 => -1e-40f32..1e-40, 1 => -1e12f32..1e12];
     let vertices = proptest::collection::vec((float.clone(), float.clone(), float), 3..60);

@@ -5,13 +5,13 @@ use glam::Vec3;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use trisplat::asset::{Asset, Provenance};
-use trisplat::bake::bvh::{BvhOptions, bvh};
+use trisplat::bake::bvh::{BvhDetails, BvhOptions, bvh};
 use trisplat::bench::scenes::{SampleScene, soup};
 use trisplat::cli::info::InfoArgs;
 use trisplat::cli::validate::ValidateArgs;
 use trisplat::formats::check::{Checked, Severity, check};
 use trisplat::formats::gltf::{GltfOptions, PositionEncoding, write_glb};
-use trisplat::formats::info::{Info, Kind, info};
+use trisplat::formats::info::{Info, SceneKind, info};
 use trisplat::formats::{Format, bvh as bvh_file, ply};
 use trisplat::mesh::{Colors, Mesh};
 
@@ -39,7 +39,7 @@ fn lines(checked: &Checked) -> Vec<String> {
 }
 
 /// A triangle as careful writers make it: with bounds.
-fn sound() -> Builder {
+fn valid() -> Builder {
     let mut b = Builder::triangle();
     b.json["accessors"][0]["min"] = json!([0, 0, 0]);
     b.json["accessors"][0]["max"] = json!([1, 1, 0]);
@@ -63,7 +63,7 @@ fn written(asset: &Asset, options: &GltfOptions) -> Vec<u8> {
 }
 
 #[test]
-fn what_we_write_is_faultless() {
+fn what_we_write_is_valid() {
     for positions in [PositionEncoding::F32, PositionEncoding::ChunkU16] {
         for meshopt in [false, true] {
             let options = GltfOptions { positions, meshopt, ..GltfOptions::default() };
@@ -90,18 +90,18 @@ fn faults_of_the_document_are_found_with_their_place() {
         ("/buffers/0/byteLength", json!(500), "truncated"),
     ];
     for (pointer, value, wants) in cases {
-        let mut b = sound();
+        let mut b = valid();
         let (parent, key) = pointer.rsplit_once('/').expect("a pointer");
         b.json.pointer_mut(parent).expect("it is there")[key] = value;
         let found = lines(&check_bytes("a.glb", &b.glb()));
         assert!(found.iter().any(|line| line.contains(wants)), "{pointer}: {found:#?}");
     }
-    assert_eq!(lines(&check_bytes("a.glb", &sound().glb())), Vec::<String>::new());
+    assert_eq!(lines(&check_bytes("a.glb", &valid().glb())), Vec::<String>::new());
 }
 
 #[test]
 fn faults_of_the_data_are_found_with_their_place() {
-    let mut b = sound();
+    let mut b = valid();
     let bright = b.floats("VEC3", &[1., 2., 0., 0., 0., 0., 0., 0., f32::NAN]);
     b.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = bright.into();
     let found = lines(&check_bytes("a.glb", &b.glb()));
@@ -110,7 +110,7 @@ fn faults_of_the_data_are_found_with_their_place() {
         "{found:#?}"
     );
 
-    let mut b = sound();
+    let mut b = valid();
     let infinite = b.floats("VEC3", &[0., 0., 0., f32::INFINITY, 0., 0., 0., 1., 0.]);
     b.json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = infinite.into();
     let found = lines(&check_bytes("a.glb", &b.glb()));
@@ -134,7 +134,7 @@ fn faults_of_the_data_are_found_with_their_place() {
 
     // Shorts at an odd byte; floats two bytes off.
     for (component, offset, wants) in [(UNSIGNED_SHORT, 1, "multiples of 2"), (FLOAT, 2, "multiples of 4")] {
-        let mut b = sound();
+        let mut b = valid();
         b.json["extensionsUsed"] = json!(["KHR_mesh_quantization"]);
         let view = b.view(&[0; 40]);
         b.json["bufferViews"][view]["byteStride"] = 12.into();
@@ -148,10 +148,10 @@ fn faults_of_the_data_are_found_with_their_place() {
 
 #[test]
 fn faults_of_the_container_are_found() {
-    let sound = sound();
-    let json = sound.json.to_string();
+    let valid = valid();
+    let json = valid.json.to_string();
     let json_length = json.len().next_multiple_of(4);
-    let file = sound.glb();
+    let file = valid.glb();
     let edit = |change: &dyn Fn(&mut Vec<u8>)| {
         let mut bad = file.clone();
         change(&mut bad);
@@ -165,8 +165,8 @@ fn faults_of_the_container_are_found() {
     has(edit(&|f| f[4] = 1), "binary glTF 1");
     has(edit(&|f| f[20 + json_length + 4] = b'X'), "Warning chunk 1: is of a kind");
     let zeros = format!("{json}\0\0\0\0");
-    has(lines(&check_bytes("a.glb", &glb(zeros.as_bytes(), &sound.bin))), "Error chunk 0: is JSON padded");
-    let mut odd = Builder { json: sound.json.clone(), bin: sound.bin.clone() };
+    has(lines(&check_bytes("a.glb", &glb(zeros.as_bytes(), &valid.bin))), "Error chunk 0: is JSON padded");
+    let mut odd = Builder { json: valid.json.clone(), bin: valid.bin.clone() };
     odd.bin.extend([0, 7]);
     odd.json["buffers"][0]["byteLength"] = (odd.bin.len() - 1).into();
     has(lines(&check_bytes("a.glb", &odd.glb())), "Error chunk 1: is padded with something other");
@@ -196,7 +196,7 @@ fn degenerate_triangles_are_counted_with_the_first_few() {
 fn the_hierarchy_beside_a_scene_must_be_its_own() {
     let folder = Folder::new();
     let mut scene = asset(200);
-    bvh(&mut scene, &BvhOptions { bvh: true }, &mut serde_json::Map::new()).expect("built");
+    bvh(&mut scene, &BvhOptions { bvh: true }, &mut BvhDetails::default()).expect("built");
     let mut sidecar = Vec::new();
     bvh_file::write(&mut sidecar, &scene).expect("written");
     let file = written(&scene, &GltfOptions::default());
@@ -253,9 +253,9 @@ fn sample(folder: &Folder) -> PathBuf {
 #[test]
 fn info_counts_what_is_there() {
     let folder = Folder::new();
-    let (found, loaded) = info(&sample(&folder)).expect("sound");
+    let (found, loaded) = info(&sample(&folder)).expect("valid");
     let triangles = loaded.scene.triangle_count() as u64;
-    assert_eq!((found.kind, found.format, found.triangles), (Kind::Soup, Format::Ply, triangles));
+    assert_eq!((found.kind, found.format, found.triangles), (SceneKind::Soup, Format::Ply, triangles));
     for spread in [found.sigma.as_ref(), found.opacity.as_ref()] {
         let spread = spread.expect("a soup has it");
         assert_eq!(spread.bins.iter().map(|bin| bin.count).sum::<u64>(), triangles);
@@ -264,8 +264,11 @@ fn info_counts_what_is_there() {
     assert!(found.bounds.min.iter().zip(found.bounds.max).all(|(a, b)| *a < b));
 
     let path = folder.write("scene.glb", &written(&asset(50), &GltfOptions::default()));
-    let (found, _) = info(&path).expect("sound");
-    assert_eq!((found.kind, found.triangles, found.vertices, found.indexed), (Kind::Mesh, 50, 150, false));
+    let (found, _) = info(&path).expect("valid");
+    assert_eq!(
+        (found.kind, found.triangles, found.vertices, found.indexed),
+        (SceneKind::Mesh, 50, 150, false)
+    );
     let gltf = found.gltf.expect("a glTF");
     assert_eq!((gltf.meshes, gltf.primitives, gltf.materials), (1, 1, 1));
     assert_eq!(gltf.extensions_used, ["KHR_materials_unlit"]);
@@ -282,7 +285,7 @@ fn info_is_printed_as_text_and_as_json() {
             &InfoArgs { input: input.clone(), json, dataset_options: Default::default() },
             &mut out,
         )
-        .expect("sound");
+        .expect("valid");
         String::from_utf8(out).expect("text")
     };
     let text = print(false);

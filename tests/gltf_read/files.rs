@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use trisplat::error::Result;
-use trisplat::formats::{ReadOptions, Source, gltf_read};
+use trisplat::formats::{ReadOptions, Source, gltf};
 use trisplat::mesh::Mesh;
 use trisplat::scene::{Loaded, Scene};
 
@@ -31,7 +31,7 @@ impl Builder {
         Self { json, bin: Vec::new() }
     }
 
-    /// One triangle with a colour a corner and no node transform.
+    /// One triangle with a colour per corner and no node transform.
     pub(crate) fn triangle() -> Self {
         let mut b = Self::new();
         let position = b.floats("VEC3", &[0., 0., 0., 1., 0., 0., 0., 1., 0.]);
@@ -107,7 +107,7 @@ impl Builder {
 
     /// The mesh, with no warnings.
     pub(crate) fn mesh_of(&self) -> Mesh {
-        let loaded = self.read().expect("sound");
+        let loaded = self.read().expect("valid");
         assert_eq!(loaded.warnings, Vec::<String>::new());
         mesh(loaded)
     }
@@ -132,7 +132,7 @@ pub(crate) fn glb(json: &[u8], bin: &[u8]) -> Vec<u8> {
 }
 
 pub(crate) fn read(path: &Path) -> Result<Loaded> {
-    gltf_read::read(Source::open(path)?, &ReadOptions { sh_degree: 0 })
+    gltf::read(Source::open(path)?, &ReadOptions { sh_degree: 0 })
 }
 
 /// Reads bytes through an unnamed file, which is cheaper to make ten thousand times.
@@ -141,7 +141,7 @@ pub(crate) fn read_bytes(bytes: &[u8]) -> Result<Loaded> {
     std::io::Write::write_all(&mut file, bytes).expect("written");
     std::io::Seek::rewind(&mut file).expect("seekable");
     let source = Source { path: PathBuf::from("scene.glb"), file, len: bytes.len() as u64 };
-    gltf_read::read(source, &ReadOptions { sh_degree: 0 })
+    gltf::read(source, &ReadOptions { sh_degree: 0 })
 }
 
 pub(crate) fn mesh(loaded: Loaded) -> Mesh {

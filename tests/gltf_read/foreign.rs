@@ -123,33 +123,33 @@ fn strips_and_fans_become_triangles() {
 }
 
 #[test]
-fn points_lines_and_odd_corners_are_left_out_with_a_word() {
+fn points_lines_and_odd_corners_are_left_out_with_a_warning() {
     let mut b = Builder::triangle();
     let position = b.floats("VEC3", &[9.0; 12]);
     for mode in 0..4 {
         let mesh = b.mesh(json!({ "attributes": { "POSITION": position }, "mode": mode }));
         b.node(json!({ "mesh": mesh }));
     }
-    let loaded = b.read().expect("sound");
+    let loaded = b.read().expect("valid");
     assert_eq!(loaded.warnings, ["points and lines are not read"]);
     assert_eq!(mesh(loaded).face_count(), 1);
-    // Four vertices: one face and one too many, before a sound one.
+    // Four vertices: one face and one too many, before a valid one.
     let mut b = Builder::new();
     let position = b.floats("VEC3", &(0..12).map(|i| i as f32).collect::<Vec<_>>());
     let color = b.floats("VEC3", &[0.5; 12]);
     let odd = b.mesh(json!({ "attributes": { "POSITION": position, "COLOR_0": color } }));
     b.node(json!({ "mesh": odd }));
     b.node(json!({ "mesh": odd, "translation": [100, 0, 0] }));
-    let loaded = b.read().expect("sound");
+    let loaded = b.read().expect("valid");
     assert!(loaded.warnings[0].contains("4 corners"), "{:?}", loaded.warnings);
     let got = mesh(loaded);
     assert_eq!((got.face_count(), got.corners(1)[0]), (2, Vec3::new(100., 1., 2.)));
-    let Colors::Face(colors) = got.colors else { panic!("wants a colour a face") };
+    let Colors::Face(colors) = got.colors else { panic!("wants a colour per face") };
     assert_eq!(colors.len(), 2);
 }
 
 #[test]
-fn integer_positions_stand_on_their_grid() {
+fn integer_positions_are_placed_by_their_grid() {
     let mut b = Builder::triangle();
     let transform = json!({ "mesh": 0, "scale": [0.5, 0.25, 2], "translation": [1, 2, 3] });
     b.json["nodes"][0] = transform;
@@ -279,7 +279,7 @@ fn materials_tint_and_uncover() {
 }
 
 #[test]
-fn what_is_not_read_is_told() {
+fn what_is_not_read_is_warned_of() {
     let mut b = Builder::triangle();
     b.push("materials", json!({ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 }, "baseColorFactor": [0.5, 1, 1, 1] } }));
     b.json["nodes"][0]["skin"] = 0.into();
@@ -288,10 +288,10 @@ fn what_is_not_read_is_told() {
     primitive["material"] = 0.into();
     primitive["targets"] = json!([{}]);
     primitive["attributes"].as_object_mut().expect("an object").remove("COLOR_0");
-    let loaded = b.read().expect("sound");
+    let loaded = b.read().expect("valid");
     for word in ["skins", "INSTANCING", "morph", "textures", "COLOR_0"] {
-        let told = loaded.warnings.iter().any(|w| w.to_lowercase().contains(&word.to_lowercase()));
-        assert!(told, "{word}: {:?}", loaded.warnings);
+        let warned = loaded.warnings.iter().any(|w| w.to_lowercase().contains(&word.to_lowercase()));
+        assert!(warned, "{word}: {:?}", loaded.warnings);
     }
     assert_eq!(mesh(loaded).colors, Colors::Face(vec![[0.5, 1.0, 1.0]]));
 }
@@ -301,7 +301,7 @@ fn colours_out_of_range_are_clamped_and_counted() {
     let mut b = Builder::triangle();
     let colors = b.floats("VEC3", &[1.5, -1., 0., f32::NAN, 0.5, 0.5, 0.5, 0.5, 0.5]);
     b.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = colors.into();
-    let loaded = b.read().expect("sound");
+    let loaded = b.read().expect("valid");
     assert_eq!(loaded.warnings, ["2 colours lay outside 0 to 1 and were clamped"]);
     assert_eq!(mesh(loaded).corner_colors(0), [[1., 0., 0.], [0., 0.5, 0.5], [0.5; 3]]);
 }
@@ -324,7 +324,7 @@ fn a_material_named_for_godot_has_srgb_colours() {
 fn provenance_of_others_is_their_name_alone() {
     let mut b = Builder::triangle();
     b.json["asset"]["extras"] = json!({ "source": "https://example.org", "color_encoding": "u8-srgb" });
-    let loaded = b.read().expect("sound");
+    let loaded = b.read().expect("valid");
     assert_eq!(loaded.provenance.generator.as_deref(), Some("by hand"));
     assert_eq!(
         (loaded.provenance.source.as_deref(), loaded.provenance.up),
@@ -347,7 +347,7 @@ fn buffers_may_be_inline() {
         .collect();
     json["buffers"][0]["uri"] = format!("data:application/octet-stream;base64,{base64}").into();
     let text = serde_json::to_vec_pretty(&json).expect("JSON");
-    assert_eq!(mesh(read_bytes(&text).expect("sound")), b.mesh_of());
+    assert_eq!(mesh(read_bytes(&text).expect("valid")), b.mesh_of());
     for uri in ["data:;base64,AAAA", "data:;base64,A!AA", "data:,abc", "data:;base64"] {
         json["buffers"][0]["uri"] = uri.into();
         assert!(read_bytes(&serde_json::to_vec(&json).expect("JSON")).is_err(), "{uri}");
@@ -389,7 +389,7 @@ fn another_reader_sees_the_same() {
     b.json["nodes"][0]["rotation"] = json!([0.18257419, 0.36514837, 0.5477226, 0.73029674]);
     b.push("nodes", json!({ "mesh": mesh, "translation": [0.1, 0.2, 0.3], "scale": [1, 2, 3] }));
     let ours = b.mesh_of();
-    let theirs = gltf::Gltf::from_slice_without_validation(&b.glb()).expect("sound");
+    let theirs = gltf::Gltf::from_slice_without_validation(&b.glb()).expect("valid");
     let blob = theirs.blob.clone().expect("a binary chunk");
     let mut face = 0;
     let mut stack: Vec<_> =

@@ -1,4 +1,4 @@
-//! Files made to hurt: each fails with one clear error or reads, and never panics or fills the memory.
+//! Hostile files: each fails with one clear error or reads, and never panics or fills the memory.
 
 use crate::files::{Builder, FLOAT, UNSIGNED_INT, glb, read, read_bytes};
 use proptest::prelude::*;
@@ -9,7 +9,7 @@ use trisplat::asset::{Asset, Chunk};
 use trisplat::formats::gltf::{GltfOptions, PositionEncoding, write_glb};
 use trisplat::mesh::{Colors, Mesh};
 
-/// What each edit of a sound file must be refused with.
+/// What each edit of a valid file must be refused with.
 #[test]
 fn every_broken_promise_is_named() {
     let max = json!(u64::MAX);
@@ -47,7 +47,7 @@ fn every_broken_promise_is_named() {
         ("/accessors/0/count", max.clone(), "promises 18446744073709551615 elements"),
         ("/accessors/0/count", json!(1u64 << 24), "promises 16777216 elements"),
         ("/accessors/1/count", json!(2), "3 positions and 2 colours"),
-        ("/bufferViews/0/byteStride", json!(8), "12 bytes an element, 8 bytes apart"),
+        ("/bufferViews/0/byteStride", json!(8), "12 bytes per element, 8 bytes apart"),
         ("/bufferViews/0/byteStride", json!(0), "byteStride 0"),
         ("/bufferViews/0/byteStride", max.clone(), "byteStride"),
         ("/bufferViews/0/byteLength", json!(35), "promises 3 elements"),
@@ -97,17 +97,17 @@ fn draco_is_refused_with_a_remedy() {
 
 #[test]
 fn containers_must_hold_what_they_say() {
-    let sound = Builder::triangle().glb();
+    let valid = Builder::triangle().glb();
     let edit = |at: usize, bytes: &[u8]| {
-        let mut file = sound.clone();
+        let mut file = valid.clone();
         file[at..at + bytes.len()].copy_from_slice(bytes);
         file
     };
-    let json_length = u32::from_le_bytes([sound[12], sound[13], sound[14], sound[15]]);
+    let json_length = u32::from_le_bytes([valid[12], valid[13], valid[14], valid[15]]);
     let bin = 20 + json_length as usize;
     let cases: Vec<(&str, Vec<u8>)> = vec![
         ("binary glTF 1", edit(4, &1u32.to_le_bytes())),
-        ("truncated", edit(8, &(sound.len() as u32 + 1).to_le_bytes())),
+        ("truncated", edit(8, &(valid.len() as u32 + 1).to_le_bytes())),
         ("truncated", edit(8, &u32::MAX.to_le_bytes())),
         ("chunk 0", edit(8, &12u32.to_le_bytes())),
         ("truncated", edit(12, &u32::MAX.to_le_bytes())),
@@ -183,7 +183,7 @@ fn small_files_do_not_become_large_scenes() {
 /// A compressed triangle: edits of what the extension promises.
 #[test]
 fn compressed_views_are_checked() {
-    let sound = compressed(3);
+    let valid = compressed(3);
     let at = "/bufferViews/0/extensions/EXT_meshopt_compression";
     let cases: Vec<(&str, Value)> = vec![
         ("count", json!(u64::MAX)),
@@ -205,7 +205,7 @@ fn compressed_views_are_checked() {
         ("filter", json!("OCTAHEDRAL")),
         ("filter", json!("OTHER")),
     ];
-    let (json, bin) = parts(&sound);
+    let (json, bin) = parts(&valid);
     assert!(read_bytes(&glb(json.to_string().as_bytes(), &bin)).is_ok());
     for (key, value) in cases {
         let mut bad = json.clone();

@@ -33,7 +33,7 @@ fn soup(faces: usize) -> Asset {
     Asset { mesh, ..Asset::default() }
 }
 
-/// A connected grid with a colour a vertex.
+/// A connected grid with a colour per vertex.
 fn sheet(side: u32) -> Asset {
     let vertex = |i: u32| Vec3::new((i % side) as f32 * 0.1, (i / side) as f32 * 0.3, (i as f32).sin());
     let quad = |i: u32| [i, i + 1, i + side, i + 1, i + side + 1, i + side];
@@ -79,7 +79,7 @@ fn soups_come_back_as_soups_in_every_encoding() {
                 assert_eq!(back.positions, asset.mesh.positions, "{options:?}");
                 assert!(back.indices.is_empty() && back.opacity.is_empty());
                 let (Colors::Face(got), Colors::Face(wants)) = (&back.colors, &asset.mesh.colors) else {
-                    panic!("wants a colour a face");
+                    panic!("wants a colour per face");
                 };
                 let worst = got.iter().zip(wants).map(|(a, b)| codes_apart(*a, *b)).fold(0.0, f32::max);
                 let limit = if colors == ColorEncoding::U8Linear { 7.0 } else { 0.03 };
@@ -115,7 +115,7 @@ fn chunk_local_positions_come_back_where_an_engine_puts_them() {
             let back = mesh(read_bytes(&bytes).expect("read back"));
             let worst = (0..asset.mesh.face_count())
                 .flat_map(|f| asset.mesh.corners(f).map(|p| (p, back.corners(f))))
-                // meshopt may turn a face's corners around.
+                // meshopt may start a face at another corner.
                 .map(|(p, corners)| corners.map(|q| p.distance(q)).into_iter().fold(f32::MAX, f32::min))
                 .fold(0.0, f32::max);
             // The writer reports the error in the engine's f32 arithmetic; ours rounds once.
@@ -133,7 +133,7 @@ fn connected_meshes_stay_connected() {
         let back = round_trip(&sheet, &options);
         assert_eq!(back.positions, sheet.mesh.positions);
         assert_eq!(back.colors, sheet.mesh.colors);
-        // meshopt may turn a face's corners around.
+        // meshopt may start a face at another corner.
         let turned = |face: [u32; 3]| {
             let first = (0..3).min_by_key(|&i| face[i]).expect("three");
             [face[first], face[(first + 1) % 3], face[(first + 2) % 3]]

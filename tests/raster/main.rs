@@ -12,7 +12,7 @@ use common::oracle::{self, Eye, Number, Pixel, Rules, Triangle};
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat::camera::Camera;
 use trisplat::math::real::Real;
-use trisplat::raster::importance::Importance;
+use trisplat::raster::soft::Importance;
 use trisplat::raster::soft::{Frame, FrameGrad, Soft, SoftOptions, Sort, SoupGrad, SoupRef, Window};
 use trisplat::rng::Rng;
 use trisplat::soup::Soup;

@@ -9,7 +9,7 @@ use trisplat::camera::Camera;
 use trisplat::math::color::linear_from_srgb;
 use trisplat::math::srgb8::srgb8_from_linear;
 use trisplat::mesh::{Colors, Mesh};
-use trisplat::raster::solid::{NO_FACE, Solid, SolidOptions, Visibility};
+use trisplat::raster::solid::{NO_FACE, Solid, SolidRasterOptions, Visibility};
 use trisplat::rng::Rng;
 
 /// Snapping, in samples: half of 1/256 along both axes, and as much again for rounding.
@@ -80,7 +80,7 @@ impl Seen {
 }
 
 /// Holds a frame against the oracle; returns the share of samples on which the two differ.
-fn hold(name: &str, mesh: &Mesh, camera: &Camera, options: &SolidOptions) -> f64 {
+fn hold(name: &str, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) -> f64 {
     let mut solid = Solid::new();
     let drawn = solid.visibility(mesh, camera, options).clone();
     assert_eq!(drawn.size, camera.size * options.samples);
@@ -174,7 +174,7 @@ fn scenes() -> Vec<(&'static str, Vec<[Vec3; 3]>)> {
 fn every_sample_sees_what_the_oracle_sees() {
     for (name, corners) in scenes() {
         for (samples, size) in [(1, UVec2::new(57, 38)), (2, UVec2::new(27, 17)), (4, UVec2::new(14, 8))] {
-            let options = SolidOptions { samples, near: 0.05, ..SolidOptions::default() };
+            let options = SolidRasterOptions { samples, near: 0.05, ..SolidRasterOptions::default() };
             let differ = hold(name, &mesh(corners.clone()), &camera(size), &options);
             eprintln!("{name}, {samples} samples: {:.3}% differ", 100.0 * differ);
             // The band is narrow: where edges are not everywhere, hardly a sample lies in it.
@@ -195,7 +195,7 @@ fn a_world_far_from_its_origin_is_drawn_as_sharply() {
         let corners = cloud(14, 200, 40.0, 2.0, 30.0).into_iter();
         let corners = corners.map(|t| t.map(|v| rotation.transpose() * v + offset)).collect();
         let camera = Camera { rotation, translation: -(rotation * offset), ..camera(size) };
-        let options = SolidOptions { near: 0.5, ..SolidOptions::default() };
+        let options = SolidRasterOptions { near: 0.5, ..SolidRasterOptions::default() };
         let differ = hold("far", &mesh(corners), &camera, &options);
         assert!(differ < 0.005, "{differ}");
     }
@@ -235,7 +235,7 @@ fn neighbours_neither_gap_nor_overlap() {
     ];
     for (mesh, focal) in scenes {
         let camera = Camera { focal, center: Vec2::new(43.25, 38.25), ..camera(UVec2::new(96, 64)) };
-        let options = SolidOptions { near: 1e-5, samples: 2, ..SolidOptions::default() };
+        let options = SolidRasterOptions { near: 1e-5, samples: 2, ..SolidRasterOptions::default() };
         let mut solid = Solid::new();
         let mut covers = vec![0; 4 * 96 * 64];
         for face in 0..mesh.face_count() {
@@ -258,7 +258,7 @@ fn samples_on_an_edge_belong_to_the_triangle_on_their_lower_right() {
         vec![[a, b, c], [a, d, c]]
     };
     let mut solid = Solid::new();
-    let drawn = solid.visibility(&mesh(square(1.0)), &camera, &SolidOptions::default()).clone();
+    let drawn = solid.visibility(&mesh(square(1.0)), &camera, &SolidRasterOptions::default()).clone();
     for y in 0..10 {
         for x in 0..10 {
             let inside = (2..6).contains(&x) && (2..6).contains(&y);
@@ -269,10 +269,10 @@ fn samples_on_an_edge_belong_to_the_triangle_on_their_lower_right() {
     }
     // Equal triangles at equal depths: the lower index.
     let twice = [square(1.0), square(1.0), square(0.5)].concat();
-    let drawn = solid.visibility(&mesh(twice), &camera, &SolidOptions::default());
+    let drawn = solid.visibility(&mesh(twice), &camera, &SolidRasterOptions::default());
     assert!(drawn.face.iter().all(|f| [NO_FACE, 4, 5].contains(f)), "those of half the depth");
     let same = [square(1.0), square(1.0)].concat();
-    let drawn = solid.visibility(&mesh(same), &camera, &SolidOptions::default());
+    let drawn = solid.visibility(&mesh(same), &camera, &SolidRasterOptions::default());
     assert!(drawn.face.iter().all(|f| [NO_FACE, 0, 1].contains(f)));
 }
 
@@ -283,7 +283,7 @@ fn the_picture_is_the_mean_of_its_samples_in_linear_light() {
     for mesh in meshes {
         for samples in [1, 2, 4] {
             let camera = camera(UVec2::new(75, 37));
-            let options = SolidOptions { background, samples, near: 0.1 };
+            let options = SolidRasterOptions { background, samples, near: 0.1 };
             let mut solid = Solid::new();
             let picture = solid.render(&mesh, &camera, &options);
             assert_eq!((picture.size, picture.alpha.as_ref()), (camera.size, None));
@@ -334,7 +334,7 @@ fn the_number_of_threads_does_not_show() {
     // Twice, so that there are ties.
     corners.extend_from_within(..);
     let (mesh, camera) = (mesh(corners), camera(UVec2::new(150, 100)));
-    let options = SolidOptions { samples: 2, ..SolidOptions::default() };
+    let options = SolidRasterOptions { samples: 2, ..SolidRasterOptions::default() };
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
@@ -350,7 +350,7 @@ fn the_number_of_threads_does_not_show() {
 
 #[test]
 fn scratch_memory_leaves_no_trace() {
-    let options = SolidOptions { near: 0.05, ..SolidOptions::default() };
+    let options = SolidRasterOptions { near: 0.05, ..SolidRasterOptions::default() };
     let mut used = Solid::new();
     for (name, corners) in scenes() {
         for size in [UVec2::new(40, 90), UVec2::new(130, 20), UVec2::ONE] {
@@ -363,15 +363,15 @@ fn scratch_memory_leaves_no_trace() {
 
 #[test]
 fn options_out_of_range_are_refused() {
-    let sound = SolidOptions::default();
+    let sound = SolidRasterOptions::default();
     let size = UVec2::new(9000, 20);
     assert!(sound.validate(size).is_ok());
     for wrong in [
-        SolidOptions { samples: 3, ..sound },
-        SolidOptions { samples: 0, ..sound },
-        SolidOptions { samples: 4, ..sound },
-        SolidOptions { near: 0.0, ..sound },
-        SolidOptions { near: f32::NAN, ..sound },
+        SolidRasterOptions { samples: 3, ..sound },
+        SolidRasterOptions { samples: 0, ..sound },
+        SolidRasterOptions { samples: 4, ..sound },
+        SolidRasterOptions { near: 0.0, ..sound },
+        SolidRasterOptions { near: f32::NAN, ..sound },
     ] {
         assert!(wrong.validate(size).is_err(), "{wrong:?}");
     }

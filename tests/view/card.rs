@@ -3,14 +3,13 @@
 
 use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
 use trisplat::asset::{Asset, Chunk};
-use trisplat::bake::options::{BakeOptions, Preset};
+use trisplat::bake::{BakeOptions, BakePreset, bake};
 use trisplat::camera::Camera;
 use trisplat::error::Error;
 use trisplat::gpu::AdapterOptions;
 use trisplat::image::Pixels;
 use trisplat::math::color::{linear_from_srgb, srgb_from_linear};
 use trisplat::mesh::{Colors, Mesh};
-use trisplat::report::Report;
 use trisplat::rng::Rng;
 use trisplat::scene::{Loaded, Scene};
 use trisplat::view::headless::{Headless, HeadlessOptions};
@@ -224,10 +223,9 @@ fn culling_chunks_does_not_change_the_picture() {
     let Some(mut card) = card() else { return };
     let scene = Scene::Mesh(triangles(4000, 11));
     let loaded = Loaded { scene, provenance: Default::default(), warnings: Vec::new(), cameras: Vec::new() };
-    let mut baked = BakeOptions::preset(Preset::Fast);
+    let mut baked = BakeOptions::preset(BakePreset::Fast);
     baked.chunk.chunk_triangles = 64;
-    let chunked =
-        trisplat::bake::bake(vec![loaded], &baked, None, &mut Report::new("test"), &mut ()).unwrap();
+    let chunked = bake(loaded, &baked).unwrap();
     assert!(chunked.chunks.len() > 50);
     let camera = Camera { focal: Vec2::splat(500.0), ..camera() };
     let whole = asset(chunked.mesh.clone());

@@ -1,56 +1,56 @@
-//! The 3 x 3 systems, one a triangle, and the colours that solve them.
+//! The normal equations, 3 x 3 per triangle, and the colours that solve them.
 
-use super::RefitColors;
+use super::options::RefitColors;
 use crate::math::color::{linear_from_srgb, srgb_from_linear};
 use crate::mesh::{Colors, Mesh};
 use rayon::prelude::*;
 
-/// Colours move as if they had been seen to be right on this many pixels more.
-const TRUST_PX: f32 = 0.25;
-/// Less than this is what rounding leaves of photos taken back, px.
+/// Colours change as if they had been right on this many more pixels (damping).
+const DAMPING_PX: f32 = 0.25;
+/// An area below this is what rounding leaves of photos that were taken back, px.
 const LEAST_PX: f32 = 1e-3;
-/// Faces a task of the thread pool.
-const AT_ONCE: usize = 1 << 12;
+/// Faces per task of the thread pool.
+const TASK_FACES: usize = 1 << 12;
 
-/// What photos say about one triangle.
+/// The normal equations of one triangle, summed over samples of photos.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Sums {
+pub(super) struct Equations {
     /// Σ b_i b_j over samples, px: 00 01 02 11 12 22.
-    mass: [f32; 6],
-    /// Σ b_k times what the sample is pulled to. `[corner][channel]`
-    pull: [[f32; 3]; 3],
+    matrix: [f32; 6],
+    /// Σ b_k times the residual of the sample. `[corner][channel]`
+    right: [[f32; 3]; 3],
 }
 
-impl Sums {
+impl Equations {
     /// Adds a sample that counts as `share` of a pixel.
     #[inline(always)]
-    pub(super) fn add(&mut self, weights: &[f32; 3], pull: &[f32; 3], share: f32) {
+    pub(super) fn add(&mut self, weights: &[f32; 3], residual: &[f32; 3], share: f32) {
         let [a, b, c] = *weights;
         let products = [a * a, a * b, a * c, b * b, b * c, c * c];
-        for (sum, product) in self.mass.iter_mut().zip(products) {
+        for (sum, product) in self.matrix.iter_mut().zip(products) {
             *sum += share * product;
         }
-        for (sums, weight) in self.pull.iter_mut().zip(weights) {
-            for (sum, pull) in sums.iter_mut().zip(pull) {
-                *sum += share * weight * pull;
+        for (sums, weight) in self.right.iter_mut().zip(weights) {
+            for (sum, residual) in sums.iter_mut().zip(residual) {
+                *sum += share * weight * residual;
             }
         }
     }
 
-    fn plus(&mut self, other: &Self, times: f32) {
+    fn plus(&mut self, other: &Self, sign: f32) {
         for i in 0..6 {
-            self.mass[i] += times * other.mass[i];
+            self.matrix[i] += sign * other.matrix[i];
         }
         for k in 0..3 {
             for c in 0..3 {
-                self.pull[k][c] += times * other.pull[k][c];
+                self.right[k][c] += sign * other.right[k][c];
             }
         }
     }
 
-    /// Pixels on which the triangle is seen: the corners' weights sum to 1.
+    /// Pixels on which the triangle is visible: the weights of the corners sum to 1.
     fn area(&self) -> f32 {
-        let [a, b, c, d, e, f] = self.mass;
+        let [a, b, c, d, e, f] = self.matrix;
         a + d + f + 2.0 * (b + c + e)
     }
 
@@ -70,22 +70,22 @@ impl Sums {
     fn improved(&self, which: RefitColors, corners: [f32; 3], channel: usize, flatness: f32) -> [f32; 3] {
         let (area, mean) = (self.area(), (corners[0] + corners[1] + corners[2]) / 3.0);
         if which != RefitColors::Corner {
-            let pull = self.pull[0][channel] + self.pull[1][channel] + self.pull[2][channel];
-            return [mean + pull / (area.max(0.0) + TRUST_PX); 3];
+            let sum = self.right[0][channel] + self.right[1][channel] + self.right[2][channel];
+            return [mean + sum / (area.max(0.0) + DAMPING_PX); 3];
         }
         if !(area > LEAST_PX) {
             return corners;
         }
-        let right = [0, 1, 2].map(|k| self.pull[k][channel] + flatness * (mean - corners[k]));
-        let step = self.solve(flatness, TRUST_PX / 3.0, right);
+        let right = [0, 1, 2].map(|k| self.right[k][channel] + flatness * (mean - corners[k]));
+        let step = self.solve(flatness, DAMPING_PX / 3.0, right);
         [0, 1, 2].map(|k| corners[k] + step[k])
     }
 
-    /// Solves (mass + λ (1 - J/3) + τ) x = right for the three corners, J all ones: λ holds corners together,
-    /// τ > 0 holds them where they are. Positive definite.
-    fn solve(&self, flatness: f32, trust: f32, right: [f32; 3]) -> [f32; 3] {
-        let [a, b, c, d, e, f] = self.mass.map(f64::from);
-        let (own, other) = (f64::from(flatness * 2.0 / 3.0 + trust), f64::from(flatness / 3.0));
+    /// Solves (matrix + λ (1 - J/3) + τ) x = right for the three corners, J all ones: λ holds corners together,
+    /// τ > 0, the damping, holds them where they are. Positive definite.
+    fn solve(&self, flatness: f32, damping: f32, right: [f32; 3]) -> [f32; 3] {
+        let [a, b, c, d, e, f] = self.matrix.map(f64::from);
+        let (own, other) = (f64::from(flatness * 2.0 / 3.0 + damping), f64::from(flatness / 3.0));
         let (a, d, f) = (a + own, d + own, f + own);
         let (b, c, e) = (b - other, c - other, e - other);
         let (m00, m01, m02) = (d * f - e * e, c * e - b * f, b * e - c * d);
@@ -103,29 +103,29 @@ impl Sums {
 /// All systems and the colours they start from.
 #[derive(Debug, Clone)]
 pub(super) struct Fit {
-    sums: Vec<Sums>,
+    sums: Vec<Equations>,
     /// λ, px.
     flatness: f32,
-    /// Colours that photos are held against, sRGB-encoded. `[F][corner][channel]`
+    /// Colours that photos are compared with, sRGB-encoded. `[F][corner][channel]`
     encoded: Vec<[[f32; 3]; 3]>,
     /// The same in linear light.
     linear: Vec<[[f32; 3]; 3]>,
 }
 
 impl Fit {
-    /// Nothing seen yet. `flatness` is λ, px.
+    /// Empty sums. `flatness` is λ, px.
     pub(super) fn new(mesh: &Mesh, flatness: f32) -> Self {
         let encode = |f: usize| mesh.corner_colors(f).map(|corner| corner.map(srgb_from_linear));
         let encoded: Vec<[[f32; 3]; 3]> = (0..mesh.face_count()).into_par_iter().map(encode).collect();
         Self {
-            sums: vec![Sums::default(); encoded.len()],
+            sums: vec![Equations::default(); encoded.len()],
             flatness,
             encoded,
             linear: (0..mesh.face_count()).map(|f| mesh.corner_colors(f)).collect(),
         }
     }
 
-    /// Linear colour of a face where its corners have these weights.
+    /// Linear colour of a face where its corners have these barycentric weights.
     #[inline(always)]
     pub(super) fn linear(&self, face: u32, weights: &[f32; 3]) -> [f32; 3] {
         let [a, b, c] = &self.linear[face as usize];
@@ -136,35 +136,37 @@ impl Fit {
         mixed
     }
 
-    /// Adds sums of some faces, each named once, so many times: -1 takes them back.
-    pub(super) fn add(&mut self, sums: &[(u32, Sums)], times: f32) {
+    /// Adds the sums of some faces, each listed once, with this sign: -1 takes them back.
+    pub(super) fn add(&mut self, sums: &[(u32, Equations)], sign: f32) {
         for (face, sums) in sums {
-            self.sums[*face as usize].plus(sums, times);
+            self.sums[*face as usize].plus(sums, sign);
         }
     }
 
-    /// Number of triangles that photos saw.
+    /// Number of triangles that photos see.
     pub(super) fn fitted(&self) -> usize {
         self.sums.iter().filter(|s| s.area() > LEAST_PX).count()
     }
 
-    /// Starts again from better colours; what photos said of the old ones is forgotten.
+    /// Starts again from better colours, with empty sums.
     pub(super) fn improve(&mut self, which: RefitColors) {
         let flatness = self.flatness;
         let sought = self.encoded.par_iter_mut().zip(&mut self.linear);
-        self.sums.par_iter_mut().zip(sought).with_min_len(AT_ONCE).for_each(|(sums, (encoded, linear))| {
-            *encoded = sums.colors(which, encoded, flatness);
-            *linear = encoded.map(|corner| corner.map(linear_from_srgb));
-            *sums = Sums::default();
-        });
+        self.sums.par_iter_mut().zip(sought).with_min_len(TASK_FACES).for_each(
+            |(sums, (encoded, linear))| {
+                *encoded = sums.colors(which, encoded, flatness);
+                *linear = encoded.map(|corner| corner.map(linear_from_srgb));
+                *sums = Equations::default();
+            },
+        );
     }
 
-    /// Better colours for the mesh this was made for.
+    /// Better colours for the mesh of [`Fit::new`].
     pub(super) fn colors(&self, which: RefitColors) -> Colors {
-        let solved = |(sums, encoded): (&Sums, &[[f32; 3]; 3])| {
+        let solved = |(sums, encoded): (&Equations, &[[f32; 3]; 3])| {
             sums.colors(which, encoded, self.flatness).map(|corner| corner.map(linear_from_srgb))
         };
-        let all = self.sums.par_iter().zip(&self.encoded).with_min_len(AT_ONCE).map(solved);
+        let all = self.sums.par_iter().zip(&self.encoded).with_min_len(TASK_FACES).map(solved);
         match which {
             RefitColors::Corner => Colors::Vertex(all.collect::<Vec<_>>().into_flattened()),
             _ => Colors::Face(all.map(|corners| corners[0]).collect()),

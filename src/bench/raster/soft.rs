@@ -45,7 +45,7 @@ pub(super) fn cost(case: &RasterCase, frames: usize) -> CaseCost {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::raster::importance::Importance;
+    use crate::raster::soft::Importance;
     use glam::UVec2;
 
     #[test]

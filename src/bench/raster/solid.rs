@@ -2,7 +2,7 @@
 
 use super::timing::{CaseCost, RasterCase, camera, time};
 use crate::mesh::{Colors, Mesh};
-use crate::raster::solid::{Solid, SolidOptions};
+use crate::raster::solid::{Solid, SolidRasterOptions};
 use crate::rng::Rng;
 use glam::{UVec2, Vec3};
 
@@ -34,7 +34,7 @@ pub(super) fn cost(case: &RasterCase, frames: usize) -> CaseCost {
     let (mesh, camera) = (mesh(case.triangles, case.size), camera(case.size));
     let mut solid = Solid::new();
     time(frames, || {
-        solid.render(&mesh, &camera, &SolidOptions::default());
+        solid.render(&mesh, &camera, &SolidRasterOptions::default());
         solid.timings().to_vec()
     })
 }
@@ -49,7 +49,7 @@ mod tests {
         let size = UVec2::new(1280, 720);
         let (mesh, camera) = (mesh(200_000, size), camera(size));
         let mut solid = Solid::new();
-        let seen = solid.visibility(&mesh, &camera, &SolidOptions::default());
+        let seen = solid.visibility(&mesh, &camera, &SolidRasterOptions::default());
         let covered = seen.face.iter().filter(|f| **f != NO_FACE).count() as f64 / seen.face.len() as f64;
         // Mean area 2.4 px, so 200,000 cover at most 0.53 of 921,600 px; some of them overlap by chance.
         assert!((0.2..0.5).contains(&covered), "{covered}");

@@ -1,7 +1,7 @@
 //! A case of the benchmark, its camera, and the clock.
 
 use crate::camera::Camera;
-use crate::train::clock::cpu_secs;
+use crate::process::cpu_secs;
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use std::time::Instant;
 

@@ -1,27 +1,23 @@
 //! What glTF 2.0 asks of a file beyond what reading it proves: container lengths and padding, alignment,
-//! bounds that equal the data, ranges, declared extensions; and the sizes engines are at ease with.
+//! bounds that equal the data, ranges, declared extensions; and the sizes engines handle well.
 
-use super::{Findings, Severity};
+use super::findings::{Findings, Positions, Severity};
 use crate::error::Result;
 use crate::formats::Source;
-use crate::formats::gltf_read::accessor::{Accessors, Component};
-use crate::formats::gltf_read::buffers::Buffers;
-use crate::formats::gltf_read::container::{BIN_CHUNK, ChunkPlace, Container};
-use crate::formats::gltf_read::document::{self, Document, Primitive};
+use crate::formats::gltf::accessor::Accessors;
+use crate::formats::gltf::buffers::Buffers;
+use crate::formats::gltf::container::{ContainerFile, GlbChunk};
+use crate::formats::gltf::document::{self, Document, Primitive};
+use crate::formats::gltf::extensions::{MESHOPT, MESHOPT_KHR, QUANTIZATION};
+use crate::formats::gltf::limits::{MAX_SHORT_VERTICES, READABLE_BYTES};
+use gltf_json::accessor::ComponentType;
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::io::{Read, Seek, SeekFrom};
 
-/// The place of the note that positions are not stored as they were.
-pub(super) const LOSSY: &str = "extensionsUsed";
-
-/// 65,535 itself means "restart" to many drawing interfaces.
-const MAX_SHORT_VERTICES: u64 = 65_535;
-/// The largest signed 32-bit number: Unity's glTFast, JavaScript buffers and older Godot stop here.
-const READABLE_BYTES: u64 = i32::MAX as u64;
-
-pub(super) fn check(mut source: Source, findings: &mut Findings) -> Result<()> {
-    let container = match Container::read(&mut source) {
+/// Adds what is wrong with a glTF file; `for_engines` is false for a scene that only its own page reads.
+pub(super) fn check(mut source: Source, for_engines: bool, findings: &mut Findings) -> Result<()> {
+    let container = match ContainerFile::read(&mut source) {
         Ok(container) => container,
         Err(error) => return findings.take(error),
     };
@@ -30,13 +26,16 @@ pub(super) fn check(mut source: Source, findings: &mut Findings) -> Result<()> {
         Err(error) => return findings.take(error),
     };
     check_container(&mut source, &container, &document, findings)?;
-    check_extensions(&document, findings);
+    check_extensions(&document, for_engines, findings);
     let buffers = Buffers::new(source, &container, &document.buffers);
-    let mut look =
-        Look { accessors: Accessors::new(&document, buffers), document: &document, seen: BTreeSet::new() };
+    let mut checker = AccessorChecker {
+        accessors: Accessors::new(&document, buffers),
+        document: &document,
+        seen: BTreeSet::new(),
+    };
     for (m, mesh) in document.meshes.iter().enumerate() {
         for (p, primitive) in mesh.primitives.iter().enumerate() {
-            look.primitive(&format!("mesh {m} primitive {p}"), primitive, findings)?;
+            checker.primitive(&format!("mesh {m} primitive {p}"), primitive, findings)?;
         }
     }
     Ok(())
@@ -44,7 +43,7 @@ pub(super) fn check(mut source: Source, findings: &mut Findings) -> Result<()> {
 
 fn check_container(
     source: &mut Source,
-    container: &Container,
+    container: &ContainerFile,
     document: &Document,
     findings: &mut Findings,
 ) -> Result<()> {
@@ -60,10 +59,10 @@ fn check_container(
         findings.error("header", what);
     }
     for (i, chunk) in container.chunks.iter().enumerate() {
-        if chunk.length % 4 != 0 {
+        if !chunk.is_aligned() {
             findings.error(format!("chunk {i}"), format!("has {} bytes, no multiple of 4", chunk.length));
         }
-        if i > 0 && (i > 1 || chunk.kind != BIN_CHUNK) {
+        if i > 0 && (i > 1 || !chunk.is_bin()) {
             findings.warning(format!("chunk {i}"), "is of a kind that glTF 2.0 does not know");
         }
     }
@@ -72,7 +71,7 @@ fn check_container(
     }
     let buffer = document.buffers.first().filter(|buffer| buffer.uri.is_none());
     match (container.bin(), buffer) {
-        (Some(bin), Some(buffer)) => check_padding(source, bin, buffer.byte_length, findings)?,
+        (Some(bin), Some(buffer)) => check_padding(source, bin, buffer.byte_length.0, findings)?,
         (Some(_), None) => findings.warning("chunk 1", "is used by no buffer"),
         (None, _) => {}
     }
@@ -80,7 +79,7 @@ fn check_container(
 }
 
 /// The binary chunk may end with up to three zeros more than its buffer has.
-fn check_padding(source: &mut Source, bin: ChunkPlace, used: u64, findings: &mut Findings) -> Result<()> {
+fn check_padding(source: &mut Source, bin: GlbChunk, used: u64, findings: &mut Findings) -> Result<()> {
     let Some(rest) = bin.length.checked_sub(used) else { return Ok(()) };
     if rest > 3 {
         findings.warning("chunk 1", format!("has {rest} bytes more than buffer 0; wants at most 3"));
@@ -98,37 +97,37 @@ fn check_padding(source: &mut Source, bin: ChunkPlace, used: u64, findings: &mut
     Ok(())
 }
 
-fn check_extensions(document: &Document, findings: &mut Findings) {
+fn check_extensions(document: &Document, for_engines: bool, findings: &mut Findings) {
     let used = |name: &str| document.extensions_used.iter().any(|used| used == name);
     for name in document.extensions_required.iter().filter(|name| !used(name)) {
         findings.error("extensionsRequired", format!("names {name}, which extensionsUsed does not"));
     }
     let compressed = document.buffer_views.iter().any(|view| view.extensions.meshopt.is_some());
-    let declared = used("EXT_meshopt_compression") || used("KHR_meshopt_compression");
+    let declared = used(MESHOPT) || used(MESHOPT_KHR);
     if compressed && !declared {
-        findings.error("extensionsUsed", "lacks EXT_meshopt_compression, which a bufferView uses");
+        findings.error("extensionsUsed", format!("lacks {MESHOPT}, which a bufferView uses"));
     }
-    if compressed || used("KHR_mesh_quantization") {
-        findings.add(
-            Severity::Note,
-            LOSSY,
-            "positions are quantised or compressed: some engines refuse the file",
-        );
+    if compressed || used(QUANTIZATION) {
+        findings.positions = Positions::Encoded;
+        if for_engines {
+            let what = "positions are quantised or compressed: some engines refuse the file";
+            findings.add(Severity::Note, "extensionsUsed", what);
+        }
     }
 }
 
 /// Walks the accessors of triangles, each once.
-struct Look<'a> {
+struct AccessorChecker<'a> {
     accessors: Accessors<'a>,
     document: &'a Document,
     seen: BTreeSet<usize>,
 }
 
-impl Look<'_> {
+impl AccessorChecker<'_> {
     fn primitive(&mut self, place: &str, primitive: &Primitive, findings: &mut Findings) -> Result<()> {
         let Some(position) = primitive.attributes.position else { return Ok(()) };
-        let sound = self.positions(position, findings)?;
-        if let Some(vertices) = sound.filter(|count| *count > MAX_SHORT_VERTICES) {
+        let count = self.positions(position, findings)?;
+        if let Some(vertices) = count.filter(|count| *count > MAX_SHORT_VERTICES) {
             let what = format!(
                 "has {vertices} vertices: above {MAX_SHORT_VERTICES} engines need 32-bit indices, and they cull \
                  it only as a whole"
@@ -144,8 +143,8 @@ impl Look<'_> {
         Ok(())
     }
 
-    /// True the first time; alignment is looked at then.
-    fn first_look(&mut self, index: usize, is_vertex: bool, findings: &mut Findings) -> Result<bool> {
+    /// True the first time an accessor comes up; its alignment is checked then.
+    fn is_first_check(&mut self, index: usize, is_vertex: bool, findings: &mut Findings) -> Result<bool> {
         if !self.seen.insert(index) {
             return Ok(false);
         }
@@ -161,7 +160,7 @@ impl Look<'_> {
             view if view.extensions.meshopt.is_some() => 0,
             view => view.byte_offset,
         };
-        let size = layout.component.bytes();
+        let size = layout.component.size() as u64;
         if (start + layout.offset) % size != 0 || layout.offset % size != 0 || layout.stride % size != 0 {
             findings.error(
                 format!("accessor {index}"),
@@ -185,14 +184,14 @@ impl Look<'_> {
 
     /// Positions must be finite and within bounds that they touch. Returns their number when readable.
     fn positions(&mut self, index: usize, findings: &mut Findings) -> Result<Option<u64>> {
-        if !self.first_look(index, true, findings)? {
+        if !self.is_first_check(index, true, findings)? {
             return Ok(None);
         }
         let layout = self.accessors.layout(index)?;
         let place = format!("accessor {index}");
-        let declared = self.document.extensions_used.iter().any(|name| name == "KHR_mesh_quantization");
-        if layout.component != Component::F32 && !declared {
-            findings.error(&place, "has integer positions without KHR_mesh_quantization");
+        let declared = self.document.extensions_used.iter().any(|name| name == QUANTIZATION);
+        if layout.component != ComponentType::F32 && !declared {
+            findings.error(&place, format!("has integer positions without {QUANTIZATION}"));
         }
         let (mut low, mut high, mut bad) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3], Vec::new());
         let read = self.accessors.for_each_stored(index, |i, position: [f64; 3]| {
@@ -231,7 +230,7 @@ impl Look<'_> {
     }
 
     fn colors(&mut self, index: usize, findings: &mut Findings) -> Result<()> {
-        if !self.first_look(index, true, findings)? {
+        if !self.is_first_check(index, true, findings)? {
             return Ok(());
         }
         let (mut bad, mut first) = (0u64, None);
@@ -252,12 +251,12 @@ impl Look<'_> {
     }
 
     fn indices(&mut self, index: usize, findings: &mut Findings) -> Result<()> {
-        if !self.first_look(index, false, findings)? {
+        if !self.is_first_check(index, false, findings)? {
             return Ok(());
         }
         let restart = match self.accessors.layout(index)?.component {
-            Component::U8 => 255.0,
-            Component::U16 => 65_535.0,
+            ComponentType::U8 => 255.0,
+            ComponentType::U16 => 65_535.0,
             _ => f64::from(u32::MAX),
         };
         let mut found = None;

@@ -1,6 +1,6 @@
 //! Triangles that an engine draws badly or not at all, whatever the format.
 
-use super::{Findings, Severity};
+use super::findings::{Findings, Severity};
 use crate::mesh::{Colors, Mesh};
 use crate::soup::Soup;
 use glam::Vec3;
@@ -31,7 +31,7 @@ pub(super) fn check_mesh(mesh: &Mesh, findings: &mut Findings) {
     }
 }
 
-/// Degenerate triangles. A hidden kind: glTF validators look at equal indices, not at equal positions.
+/// Degenerate triangles. glTF validators miss them: they look at equal indices, not at equal positions.
 fn check_corners(count: usize, corners: impl Fn(usize) -> [Vec3; 3] + Sync, findings: &mut Findings) {
     let is_coincident = |[a, b, c]: [Vec3; 3]| a == b || b == c || a == c;
     let coincident = list(count, |i| is_coincident(corners(i)));

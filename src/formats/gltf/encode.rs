@@ -1,26 +1,26 @@
 //! The bytes of a stream: positions, colours and indices as glTF stores them, little-endian.
 
-use super::chunk::{Part, Stream, Vertices};
-use super::{ColorEncoding, GltfOptions};
+use super::options::{ColorEncoding, GltfOptions};
+use super::part::{PartVertices, ScenePart, Stream};
 use crate::math::srgb8::srgb8_from_linear;
 use crate::mesh::{Colors, Mesh};
 use std::io::{self, Write};
 use std::ops::Range;
 use std::sync::LazyLock;
 
-/// Bytes encoded before they are handed on.
+/// Bytes encoded before they are written.
 const BLOCK_BYTES: u64 = 1 << 20;
 
 /// Writes one stream in blocks of about 1 MiB; `scratch` is reused from call to call.
 pub(super) fn write(
     out: &mut dyn Write,
     mesh: &Mesh,
-    part: &Part,
+    part: &ScenePart,
     stream: Stream,
     options: &GltfOptions,
     scratch: &mut Vec<u8>,
 ) -> io::Result<()> {
-    if let Some(bytes) = as_it_lies(mesh, part, stream) {
+    if let Some(bytes) = contiguous_bytes(mesh, part, stream) {
         return out.write_all(bytes);
     }
     let stride = part.stride(stream, options);
@@ -37,16 +37,16 @@ pub(super) fn write(
 }
 
 /// All bytes of one stream.
-pub(super) fn bytes(mesh: &Mesh, part: &Part, stream: Stream, options: &GltfOptions) -> Vec<u8> {
+pub(super) fn bytes(mesh: &Mesh, part: &ScenePart, stream: Stream, options: &GltfOptions) -> Vec<u8> {
     let mut bytes = vec![0; part.bytes(stream, options) as usize];
     fill(&mut bytes, mesh, part, stream, 0..part.count(stream), options);
     bytes
 }
 
 /// The stream's bytes when memory holds them already: float positions of a run of vertices.
-fn as_it_lies<'a>(mesh: &'a Mesh, part: &Part, stream: Stream) -> Option<&'a [u8]> {
+fn contiguous_bytes<'a>(mesh: &'a Mesh, part: &ScenePart, stream: Stream) -> Option<&'a [u8]> {
     match (&part.vertices, stream, part.grid) {
-        (Vertices::Run(run), Stream::Positions, None) if cfg!(target_endian = "little") => {
+        (PartVertices::Run(run), Stream::Positions, None) if cfg!(target_endian = "little") => {
             Some(bytemuck::cast_slice(&mesh.positions[run.clone()]))
         }
         _ => None,
@@ -57,7 +57,7 @@ fn as_it_lies<'a>(mesh: &'a Mesh, part: &Part, stream: Stream) -> Option<&'a [u8
 fn fill(
     out: &mut [u8],
     mesh: &Mesh,
-    part: &Part,
+    part: &ScenePart,
     stream: Stream,
     range: Range<usize>,
     options: &GltfOptions,
@@ -85,7 +85,7 @@ fn fill(
     }
 }
 
-fn fill_colors(out: &mut [u8], mesh: &Mesh, part: &Part, range: Range<usize>, encoding: ColorEncoding) {
+fn fill_colors(out: &mut [u8], mesh: &Mesh, part: &ScenePart, range: Range<usize>, encoding: ColorEncoding) {
     match encoding {
         ColorEncoding::U16Linear => colors(out, mesh, part, range, |c| -> [u8; 8] {
             let [r, g, b] = c.map(|x| nearest(x, 65535.0) as u16);
@@ -119,7 +119,7 @@ fn nearest(x: f32, steps: f64) -> f64 {
 fn colors<const N: usize>(
     out: &mut [u8],
     mesh: &Mesh,
-    part: &Part,
+    part: &ScenePart,
     range: Range<usize>,
     code: impl Fn([f32; 3]) -> [u8; N],
 ) {
@@ -139,15 +139,15 @@ fn colors<const N: usize>(
 fn vertices<T: Copy, const N: usize>(
     out: &mut [u8],
     values: &[T],
-    part: &Part,
+    part: &ScenePart,
     range: Range<usize>,
     code: impl Fn(T) -> [u8; N],
 ) {
     match &part.vertices {
-        Vertices::Run(run) => {
+        PartVertices::Run(run) => {
             cells(out, values[run.start + range.start..run.start + range.end].iter().copied(), code);
         }
-        Vertices::Picked(ids) => cells(out, ids[range].iter().map(|&id| values[id as usize]), code),
+        PartVertices::Picked(ids) => cells(out, ids[range].iter().map(|&id| values[id as usize]), code),
     }
 }
 

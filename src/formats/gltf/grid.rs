@@ -8,40 +8,39 @@
 //! triangles with a far shell, a global 14-bit grid (the usual default of optimisers) flattens 20 % of
 //! them to zero area, a global 16-bit grid 0.6 %, chunks of 16 thousand triangles about 0.1 %.
 
-use super::chunk::Bounds;
 use glam::{DVec3, I64Vec3, U16Vec3, Vec3};
 
 /// The largest code.
 const STEPS: f64 = u16::MAX as f64;
 
-/// Where the codes of a chunk stand: the scale and translation of its node.
+/// From codes to positions: the scale and translation of a chunk's node.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Grid {
-    /// File units a step.
+pub(super) struct PositionGrid {
+    /// File units per step.
     pub(super) scale: Vec3,
     /// Position of code 0.
     pub(super) origin: Vec3,
-    /// Steps a file unit.
+    /// Steps per file unit.
     density: DVec3,
 }
 
 /// What quantisation costs.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Loss {
+pub(super) struct QuantizationLoss {
     /// Largest distance between a vertex and where an engine puts it, in file units.
     pub(super) worst: f32,
     /// Triangles with an area before and none after.
     pub(super) collapsed: u64,
 }
 
-impl Grid {
-    /// The finest grid that covers `bounds`; an axis without extent gets steps of 1.
-    pub(super) fn new(bounds: Bounds) -> Self {
-        let step = (bounds.max.as_dvec3() - bounds.min.as_dvec3()) / STEPS;
+impl PositionGrid {
+    /// The finest grid that covers the box from `min` to `max`; an axis without extent gets steps of 1.
+    pub(super) fn new(min: Vec3, max: Vec3) -> Self {
+        let step = (max.as_dvec3() - min.as_dvec3()) / STEPS;
         // A step below the smallest normal number would be zero in an engine that flushes denormals.
         let scale = step.to_array().map(|s| if s > 0.0 { (s as f32).max(f32::MIN_POSITIVE) } else { 1.0 });
         let scale = Vec3::from(scale);
-        Self { scale, origin: bounds.min, density: scale.as_dvec3().recip() }
+        Self { scale, origin: min, density: scale.as_dvec3().recip() }
     }
 
     /// The code nearest to `position`.
@@ -57,7 +56,7 @@ impl Grid {
     }
 
     /// What putting these triangles on the grid costs.
-    pub(super) fn loss(&self, triangles: impl Iterator<Item = [Vec3; 3]>) -> Loss {
+    pub(super) fn loss(&self, triangles: impl Iterator<Item = [Vec3; 3]>) -> QuantizationLoss {
         let mut worst = 0.0f64;
         let mut collapsed = 0;
         for corners in triangles {
@@ -67,14 +66,14 @@ impl Grid {
             }
             collapsed += u64::from(is_flat(codes) && has_area(corners));
         }
-        Loss { worst: worst.sqrt() as f32, collapsed }
+        QuantizationLoss { worst: worst.sqrt() as f32, collapsed }
     }
 }
 
-impl Loss {
+impl QuantizationLoss {
     /// The loss of two sets of triangles.
-    pub(super) fn and(self, other: Loss) -> Loss {
-        Loss { worst: self.worst.max(other.worst), collapsed: self.collapsed + other.collapsed }
+    pub(super) fn and(self, other: QuantizationLoss) -> QuantizationLoss {
+        QuantizationLoss { worst: self.worst.max(other.worst), collapsed: self.collapsed + other.collapsed }
     }
 }
 
@@ -92,8 +91,8 @@ fn has_area(corners: [Vec3; 3]) -> bool {
 mod tests {
     use super::*;
 
-    fn grid(min: [f32; 3], max: [f32; 3]) -> Grid {
-        Grid::new(Bounds { min: min.into(), max: max.into() })
+    fn grid(min: [f32; 3], max: [f32; 3]) -> PositionGrid {
+        PositionGrid::new(min.into(), max.into())
     }
 
     #[test]
@@ -136,8 +135,8 @@ mod tests {
         let grid = grid([0.0; 3], [65535.0; 3]);
         let tiny = [Vec3::new(10.1, 10.0, 10.0), Vec3::new(10.2, 10.0, 10.0), Vec3::new(10.1, 10.2, 10.0)];
         let line = [Vec3::ZERO, Vec3::ONE, Vec3::splat(2.0)];
-        let sound = [Vec3::ZERO, Vec3::X * 9.0, Vec3::Y * 9.0];
-        let loss = grid.loss([tiny, line, sound].into_iter());
+        let large = [Vec3::ZERO, Vec3::X * 9.0, Vec3::Y * 9.0];
+        let loss = grid.loss([tiny, line, large].into_iter());
         assert_eq!(loss.collapsed, 1);
         assert!((loss.worst - (0.2f32).hypot(0.0)).abs() < 0.03, "{}", loss.worst);
     }

@@ -1,9 +1,10 @@
-//! Vertices and corner numbers of a PLY, checked, in the shape the rest wants.
+//! Vertices and corner numbers of a PLY, checked.
 
+use super::column::Column;
 use super::header::Scalar;
-use super::table::{Column, Table};
+use super::table::Table;
 use crate::error::Result;
-use crate::formats::not_a_triangle;
+use crate::formats::faces::{Faces, not_a_triangle};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -62,8 +63,8 @@ impl Corners {
             return Err(faces.error(face, not_a_triangle(self.count.int(row))));
         }
         let corners = self.raw(row);
-        match corners.iter().find(|c| **c < 0 || **c >= vertices as i64) {
-            Some(c) => Err(faces.error(face, format!("names vertex {c}, but there are {vertices} vertices"))),
+        match corners.iter().find(|c| !is_vertex(**c, vertices)) {
+            Some(c) => Err(faces.error(face, no_vertex(*c, vertices))),
             None => Ok(corners.map(|c| c as u32)),
         }
     }
@@ -75,8 +76,41 @@ impl Corners {
     }
 }
 
-/// The corner numbers of all faces, or nothing when they are 0, 1, 2, 3, … `[F * 3]`
-pub(super) fn read_indices(faces: &Table, vertices: usize) -> Result<Vec<u32>> {
+/// All faces, their corner numbers below `vertices`.
+pub(super) fn read_faces(faces: &Table, vertices: usize) -> Result<Faces> {
+    let indices = read_triangles(faces, vertices)?;
+    let mut polygons = faces.polygons().iter().peekable();
+    if polygons.peek().is_none() {
+        return Ok(Faces::from_triangles(indices));
+    }
+    let (mut out, mut corners) = (Faces::default(), Vec::new());
+    for (face, triangle) in indices.chunks_exact(3).enumerate() {
+        corners.clear();
+        match polygons.next_if(|(polygon, _)| *polygon == face) {
+            Some((_, listed)) => {
+                if let Some(c) = listed.iter().find(|c| !is_vertex(**c, vertices)) {
+                    return Err(faces.error(face, no_vertex(*c, vertices)));
+                }
+                corners.extend(listed.iter().map(|c| *c as u32));
+            }
+            None => corners.extend_from_slice(triangle),
+        }
+        out.push(&corners).map_err(|reason| faces.error(face, reason))?;
+    }
+    Ok(out)
+}
+
+#[inline]
+fn is_vertex(corner: i64, vertices: usize) -> bool {
+    0 <= corner && corner < vertices as i64
+}
+
+fn no_vertex(corner: i64, vertices: usize) -> String {
+    format!("names vertex {corner}, but there are {vertices} vertices")
+}
+
+/// The first three corner numbers of all faces. `[F * 3]`
+fn read_triangles(faces: &Table, vertices: usize) -> Result<Vec<u32>> {
     let corners = Corners::of(faces)?;
     let mut indices = vec![0u32; faces.rows() * 3];
     let per_block = faces.rows_per_block();
@@ -89,10 +123,6 @@ pub(super) fn read_indices(faces: &Table, vertices: usize) -> Result<Vec<u32>> {
         Ok(())
     };
     first_error(indices.par_chunks_mut(3 * per_block).enumerate().map_init(Vec::new, read).collect())?;
-    let unshared = vertices == indices.len() && indices.iter().enumerate().all(|(i, v)| i == *v as usize);
-    if unshared {
-        indices = Vec::new();
-    }
     Ok(indices)
 }
 

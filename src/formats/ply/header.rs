@@ -1,8 +1,8 @@
 //! The header of a PLY file: elements, their properties, and comments.
 
 use crate::error::{Error, Result};
-use crate::formats::Source;
 use crate::formats::lines::clip;
+use crate::formats::source::Source;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 
 /// More than any real header; what is longer is not a PLY file or is broken.
@@ -64,7 +64,7 @@ impl Scalar {
 
 /// One number, or a count followed by that many numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum PropertyType {
     Scalar(Scalar),
     List { count: Scalar, item: Scalar },
 }
@@ -72,7 +72,14 @@ pub(super) enum Kind {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Property {
     pub(super) name: String,
-    pub(super) kind: Kind,
+    pub(super) kind: PropertyType,
+}
+
+impl Property {
+    /// True for the list of a face's corners, by the two names in use for it.
+    pub(super) fn is_corner_list(&self) -> bool {
+        self.name == "vertex_indices" || self.name == "vertex_index"
+    }
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -90,7 +97,7 @@ impl Element {
 }
 
 #[derive(Debug)]
-pub(super) struct Header {
+pub(crate) struct Header {
     pub(super) encoding: Encoding,
     pub(super) elements: Vec<Element>,
     pub(super) comments: Vec<String>,
@@ -105,7 +112,7 @@ impl Header {
 }
 
 /// Reads up to and including `end_header`.
-pub(super) fn read(source: &mut Source) -> Result<Header> {
+pub(crate) fn read(source: &mut Source) -> Result<Header> {
     let path = source.path.clone();
     let io = |e| Error::io(&path, e);
     source.file.seek(SeekFrom::Start(0)).map_err(io)?;
@@ -234,9 +241,9 @@ fn parse_property(rest: &str) -> std::result::Result<Property, String> {
             if !count.is_integer() {
                 return Err(format!("the list {} counts in floats; wants an integer type", clip(name)));
             }
-            Ok(Property { name: name.to_owned(), kind: Kind::List { count, item } })
+            Ok(Property { name: name.to_owned(), kind: PropertyType::List { count, item } })
         }
-        [kind, name] => Ok(Property { name: name.to_owned(), kind: Kind::Scalar(scalar(kind)?) }),
+        [kind, name] => Ok(Property { name: name.to_owned(), kind: PropertyType::Scalar(scalar(kind)?) }),
         _ => {
             Err(format!("wants `property TYPE NAME` or `property list TYPE TYPE NAME`, not {:?}", clip(rest)))
         }

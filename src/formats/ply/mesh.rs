@@ -1,8 +1,11 @@
 //! Triangle mesh PLY with vertex or face colours, read and written.
 
-use super::corners::{read_indices, read_positions};
+use super::column::Column;
+use super::corners::{read_faces, read_positions};
+use super::encode;
 use super::header::Scalar;
-use super::table::{Column, Table, Tables};
+use super::table::Table;
+use super::tables::Tables;
 use crate::asset::Asset;
 use crate::error::{Error, Result};
 use crate::formats::blocks::write_blocks;
@@ -16,17 +19,18 @@ use rayon::prelude::*;
 use std::io::{self, Write};
 use std::path::Path;
 
-/// The mesh; what had to be guessed or mended is added to `warnings`.
+/// The mesh; what had to be guessed or repaired is added to `warnings`.
 pub(super) fn read(path: &Path, tables: &Tables, warnings: &mut Vec<String>) -> Result<Mesh> {
     let Tables { vertices, faces, .. } = tables;
     for axis in ["x", "y", "z"] {
         vertices.column(axis)?;
     }
     let channels = (Channels::of(path, vertices)?, Channels::of(path, faces)?);
-    let indices = read_indices(faces, vertices.rows())?;
+    let read = read_faces(faces, vertices.rows())?;
     let mut positions = bytemuck::zeroed_vec::<Vec3>(vertices.rows());
     read_positions(vertices, &mut positions)?;
-    let mut mesh = Mesh { positions, indices, ..Mesh::default() };
+    let triangles = read.triangulate(&positions);
+    let mut mesh = Mesh { positions, ..Mesh::default() };
     match channels {
         (Some(of_vertices), of_faces) => {
             if of_faces.is_some() {
@@ -34,6 +38,7 @@ pub(super) fn read(path: &Path, tables: &Tables, warnings: &mut Vec<String>) -> 
             }
             let (colors, alpha) = of_vertices.read(path, vertices, warnings)?;
             mesh.colors = Colors::Vertex(colors);
+            mesh.indices = triangles.into_indices(mesh.positions.len());
             if !alpha.is_empty() {
                 let least = |face| least(mesh.face(face).map(|v| alpha[v as usize]));
                 mesh.opacity = (0..mesh.face_count()).into_par_iter().map(least).collect();
@@ -41,10 +46,13 @@ pub(super) fn read(path: &Path, tables: &Tables, warnings: &mut Vec<String>) -> 
         }
         (None, Some(of_faces)) => {
             let (colors, alpha) = of_faces.read(path, faces, warnings)?;
-            (mesh.colors, mesh.opacity) = (Colors::Face(colors), alpha);
+            mesh.colors = Colors::Face(triangles.repeat(colors));
+            mesh.opacity = if alpha.is_empty() { alpha } else { triangles.repeat(alpha) };
+            mesh.indices = triangles.into_indices(mesh.positions.len());
         }
         (None, None) => {
             warnings.push("the file has no colours: every triangle is white".into());
+            mesh.indices = triangles.into_indices(mesh.positions.len());
             mesh.colors = Colors::Face(vec![[1.0; 3]; mesh.face_count()]);
         }
     }
@@ -148,7 +156,7 @@ pub fn write_mesh(out: &mut dyn Write, asset: &Asset, face_colors: bool) -> io::
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "too many vertices for a PLY file"));
     }
     let mut header = String::from("ply\nformat binary_little_endian 1.0\n");
-    super::push_comment(&mut header, &to_comment(&asset.provenance));
+    encode::push_comment(&mut header, &to_comment(&asset.provenance));
     let channels = "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty uchar alpha\n";
     header += &format!("element vertex {vertices}\nproperty float x\nproperty float y\nproperty float z\n");
     header += if face_colors { "" } else { channels };
@@ -159,7 +167,7 @@ pub fn write_mesh(out: &mut dyn Write, asset: &Asset, face_colors: bool) -> io::
     write_vertices(out, mesh, own, face_colors)?;
     write_blocks(out, mesh.face_count(), |face, block| {
         let corners = if own { [0, 1, 2].map(|i| 3 * face as u32 + i) } else { mesh.face(face) };
-        super::push_corners(block, corners);
+        encode::push_corners(block, corners);
         if face_colors {
             block.extend_from_slice(&rgba(mean(mesh.corner_colors(face)), opacity(mesh, face)));
         }

@@ -1,8 +1,11 @@
 //! The soup PLY: our own file of a trained scene, and a legal triangle mesh. See `docs/formats.md`.
 
+use super::column::Column;
 use super::corners::{Corners, read_positions};
+use super::encode;
 use super::header::{Element, Scalar};
-use super::table::{Column, Table, Tables};
+use super::table::Table;
+use super::tables::Tables;
 use super::views;
 use crate::asset::Provenance;
 use crate::camera::Camera;
@@ -168,12 +171,12 @@ pub fn write_soup(
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "too many triangles for a PLY file"));
     }
     out.write_all(header(soup, provenance, cameras).as_bytes())?;
-    super::write_floats(out, bytemuck::cast_slice(&soup.vertices))?;
+    encode::write_floats(out, bytemuck::cast_slice(&soup.vertices))?;
     let k = soup.sh_count();
     write_blocks(out, soup.len(), |i, block| {
         let sh = &soup.sh[i * k..(i + 1) * k];
         let first = 3 * i as u32;
-        super::push_corners(block, [first, first + 1, first + 2]);
+        encode::push_corners(block, [first, first + 1, first + 2]);
         let rest = (0..3).flat_map(|channel| sh[1..].iter().map(move |c| c[channel]));
         for value in [soup.opacity[i], soup.sigma[i]].into_iter().chain(sh[0]).chain(rest) {
             block.extend_from_slice(&value.to_le_bytes());
@@ -185,7 +188,7 @@ pub fn write_soup(
 
 fn header(soup: &Soup, provenance: &Provenance, cameras: &[Camera]) -> String {
     let mut header = String::from("ply\nformat binary_little_endian 1.0\ncomment trisplat soup 1\n");
-    super::push_comment(&mut header, &to_comment(provenance));
+    encode::push_comment(&mut header, &to_comment(provenance));
     header += &format!("element vertex {}\n", 3 * soup.len());
     for axis in ["x", "y", "z"] {
         header += &format!("property float {axis}\n");

@@ -1,30 +1,50 @@
-//! Ascii, big-endian and ragged rows, rewritten as fixed-stride little-endian ones.
+//! Rows in ascii, big-endian or of changing length, rewritten as little-endian ones of a fixed stride.
 //!
 //! Nothing is allocated on the word of the header: memory grows with the rows really read.
 
-use super::header::{Element, Encoding, Kind, Scalar};
-use super::table::is_corner_list;
+use super::column::Column;
+use super::header::{Element, Encoding, PropertyType, Scalar};
+use super::wanted::Wanted;
 use crate::error::{Error, Result};
-use crate::formats::{Source, not_a_triangle};
+use crate::formats::faces::{check_corners, not_a_triangle};
+use crate::formats::source::Source;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 
 /// What came of the rows of one element.
-pub(super) struct Rows {
-    /// All single numbers and the corner list; empty when the element was only skipped.
+#[derive(Debug, Default)]
+pub(super) struct Transcoded {
+    /// All single numbers and the first three corners; empty when the element was only skipped.
     pub(super) bytes: Vec<u8>,
+    pub(super) polygons: Polygons,
     /// The byte after the last row.
     pub(super) end: u64,
 }
 
-/// Reads the rows of `element`, which start at byte `at`; `keep` says whether they are wanted.
+/// All corners of the faces that have more than three.
+#[derive(Debug, Default)]
+pub(super) struct Polygons {
+    /// Face, and where its corners end in `corners`; in order.
+    faces: Vec<(usize, usize)>,
+    corners: Vec<i64>,
+}
+
+impl Polygons {
+    /// Faces and their corners, in order of the faces.
+    pub(super) fn iter(&self) -> impl Iterator<Item = (usize, &[i64])> {
+        let starts = std::iter::once(0).chain(self.faces.iter().map(|(_, end)| *end));
+        self.faces.iter().zip(starts).map(|(&(face, end), start)| (face, &self.corners[start..end]))
+    }
+}
+
+/// Reads the rows of `element`, which start at byte `at`.
 pub(super) fn rows(
     source: &Source,
     encoding: Encoding,
     element: &Element,
     at: u64,
-    keep: bool,
-) -> Result<Rows> {
-    let mut out = Rows { bytes: Vec::new(), end: at };
+    wanted: Wanted,
+) -> Result<Transcoded> {
+    let mut out = Transcoded { end: at, ..Transcoded::default() };
     // Rows without properties take no bytes, so any number of them may be promised.
     if element.properties.is_empty() {
         return Ok(out);
@@ -33,7 +53,7 @@ pub(super) fn rows(
     file.seek(SeekFrom::Start(at)).map_err(|e| Error::io(&source.path, e))?;
     let mut input = Input { reader: BufReader::with_capacity(1 << 16, file), encoding, at, len: source.len };
     for row in 0..element.rows {
-        input.row(element, keep, &mut out.bytes).map_err(|fault| match fault {
+        input.row(element, row as usize, wanted, &mut out).map_err(|fault| match fault {
             Fault::Io(e) => Error::io(&source.path, e),
             Fault::Text(reason) => Error::malformed(&source.path, format!("{} {row}", element.name), reason),
             Fault::End => Error::malformed(
@@ -73,45 +93,66 @@ struct Input<'a> {
 }
 
 impl Input<'_> {
-    fn row(&mut self, element: &Element, keep: bool, out: &mut Vec<u8>) -> Step<()> {
+    fn row(&mut self, element: &Element, row: usize, wanted: Wanted, out: &mut Transcoded) -> Step<()> {
         for property in &element.properties {
             match property.kind {
-                Kind::Scalar(scalar) => {
+                PropertyType::Scalar(scalar) => {
                     let number = self.number(scalar)?;
-                    if keep {
-                        out.extend_from_slice(&number[..scalar.size()]);
+                    if wanted != Wanted::Nothing {
+                        out.bytes.extend_from_slice(&number[..scalar.size()]);
                     }
                 }
-                Kind::List { count, item } => {
-                    let number = self.number(count)?;
-                    let corners = keep && is_corner_list(&property.name);
-                    let length = integer(number, count);
-                    if corners && length != 3 {
-                        return Err(Fault::Text(not_a_triangle(length)));
-                    }
-                    if corners {
-                        out.extend_from_slice(&number[..count.size()]);
-                    }
-                    self.items(length, item, corners.then_some(&mut *out))?;
+                PropertyType::List { count, item }
+                    if wanted != Wanted::Nothing && property.is_corner_list() =>
+                {
+                    self.corners(count, item, row, wanted, out)?;
+                }
+                PropertyType::List { count, item } => {
+                    let length = self.number(count)?;
+                    self.skip_list(integer(length, count), item)?;
                 }
             }
         }
         Ok(())
     }
 
-    /// The items of a list, appended to `out` or skipped.
-    fn items(&mut self, length: i64, item: Scalar, mut out: Option<&mut Vec<u8>>) -> Step<()> {
-        let length = u64::try_from(length).map_err(|_| Fault::Text(format!("a list of {length} numbers")))?;
-        if out.is_none() && self.encoding != Encoding::Ascii {
-            return self.skip(length * item.size() as u64);
+    /// A face's corners: three go into its row, and all of a polygon beside.
+    fn corners(
+        &mut self,
+        count: Scalar,
+        item: Scalar,
+        row: usize,
+        wanted: Wanted,
+        out: &mut Transcoded,
+    ) -> Step<()> {
+        let length = integer(self.number(count)?, count);
+        if wanted == Wanted::Triangles && length != 3 {
+            return Err(Fault::Text(not_a_triangle(length)));
         }
-        for _ in 0..length {
+        let length = check_corners(length).map_err(Fault::Text)?;
+        // Three, in any integer type.
+        out.bytes.extend_from_slice(&3u64.to_le_bytes()[..count.size()]);
+        for corner in 0..length {
             let number = self.number(item)?;
-            if let Some(out) = &mut out {
-                out.extend_from_slice(&number[..item.size()]);
+            if corner < 3 {
+                out.bytes.extend_from_slice(&number[..item.size()]);
+            }
+            if length > 3 {
+                out.polygons.corners.push(integer(number, item));
             }
         }
+        if length > 3 {
+            out.polygons.faces.push((row, out.polygons.corners.len()));
+        }
         Ok(())
+    }
+
+    fn skip_list(&mut self, length: i64, item: Scalar) -> Step<()> {
+        let length = u64::try_from(length).map_err(|_| Fault::Text(format!("a list of {length} numbers")))?;
+        if self.encoding != Encoding::Ascii {
+            return self.skip(length * item.size() as u64);
+        }
+        (0..length).try_for_each(|_| self.number(item).map(drop))
     }
 
     /// The next number as little-endian bytes.
@@ -175,25 +216,31 @@ impl Input<'_> {
     }
 }
 
+/// The number as its type stores it, little-endian; whole numbers may be written with a point.
 fn parse(text: &str, scalar: Scalar) -> Option<[u8; 8]> {
-    fn wide<const N: usize>(bytes: [u8; N]) -> [u8; 8] {
+    fn widen<const N: usize>(bytes: [u8; N]) -> [u8; 8] {
         let mut out = [0; 8];
         out[..N].copy_from_slice(&bytes);
         out
     }
-    Some(match scalar {
-        Scalar::I8 => wide(text.parse::<i8>().ok()?.to_le_bytes()),
-        Scalar::U8 => wide(text.parse::<u8>().ok()?.to_le_bytes()),
-        Scalar::I16 => wide(text.parse::<i16>().ok()?.to_le_bytes()),
-        Scalar::U16 => wide(text.parse::<u16>().ok()?.to_le_bytes()),
-        Scalar::I32 => wide(text.parse::<i32>().ok()?.to_le_bytes()),
-        Scalar::U32 => wide(text.parse::<u32>().ok()?.to_le_bytes()),
-        Scalar::F32 => wide(text.parse::<f32>().ok()?.to_le_bytes()),
-        Scalar::F64 => wide(text.parse::<f64>().ok()?.to_le_bytes()),
-    })
+    let whole = |low: i64, high: i64| {
+        let float = || text.parse::<f64>().ok().filter(|x| x.fract() == 0.0).map(|x| x as i64);
+        let number = text.parse::<i64>().ok().or_else(float)?;
+        (low..=high).contains(&number).then_some(number.to_le_bytes())
+    };
+    match scalar {
+        Scalar::I8 => whole(i8::MIN.into(), i8::MAX.into()),
+        Scalar::U8 => whole(0, u8::MAX.into()),
+        Scalar::I16 => whole(i16::MIN.into(), i16::MAX.into()),
+        Scalar::U16 => whole(0, u16::MAX.into()),
+        Scalar::I32 => whole(i32::MIN.into(), i32::MAX.into()),
+        Scalar::U32 => whole(0, u32::MAX.into()),
+        Scalar::F32 => Some(widen(text.parse::<f32>().ok()?.to_le_bytes())),
+        Scalar::F64 => Some(widen(text.parse::<f64>().ok()?.to_le_bytes())),
+    }
 }
 
-/// A list count, from its little-endian bytes.
+/// A list's count or item, from its little-endian bytes.
 fn integer(number: [u8; 8], scalar: Scalar) -> i64 {
-    super::table::Column { offset: 0, scalar }.int(&number)
+    Column { offset: 0, scalar }.int(&number)
 }

@@ -2,15 +2,16 @@
 //!
 //! Named so that MeshLab, which has a `camera` of its own with other properties, passes over it.
 
+use super::column::Column;
 use super::header::{Element, Header};
-use super::table::{Column, Table};
+use super::table::Table;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::formats::blocks::write_blocks;
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use std::io::{self, Write};
 
-const NAME: &str = "view";
+pub(super) const NAME: &str = "view";
 /// R by rows, t, focal lengths and principal point; then the size, in whole numbers.
 const FLOATS: [&str; 16] =
     ["r00", "r01", "r02", "r10", "r11", "r12", "r20", "r21", "r22", "tx", "ty", "tz", "fx", "fy", "cx", "cy"];

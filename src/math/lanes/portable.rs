@@ -172,7 +172,7 @@ impl Lanes for Portable {
         v[0]
     }
     #[inline(always)]
-    fn largest(self) -> f32 {
+    fn max_lane(self) -> f32 {
         self.0.iter().copied().fold(f32::NEG_INFINITY, f32::max)
     }
 }

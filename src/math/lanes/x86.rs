@@ -197,12 +197,12 @@ impl Lanes for Avx512 {
         unsafe { _mm512_reduce_add_ps(self.0) }
     }
     #[inline(always)]
-    fn largest(self) -> f32 {
+    fn max_lane(self) -> f32 {
         // SAFETY: see the top of this section.
         unsafe { _mm512_reduce_max_ps(self.0) }
     }
     #[inline(always)]
-    fn only(self, mask: u16) -> Self {
+    fn masked(self, mask: u16) -> Self {
         // SAFETY: see the top of this section.
         Self(unsafe { _mm512_maskz_mov_ps(mask, self.0) })
     }
@@ -444,13 +444,13 @@ impl Lanes for Avx2 {
         }
     }
     #[inline(always)]
-    fn largest(self) -> f32 {
+    fn max_lane(self) -> f32 {
         let mut lanes = [0.0; LANES];
         self.store(&mut lanes);
         lanes.into_iter().fold(f32::NEG_INFINITY, f32::max)
     }
     #[inline(always)]
-    fn only(self, mask: Mask2) -> Self {
+    fn masked(self, mask: Mask2) -> Self {
         // SAFETY: see the top of this section.
         unsafe { Self(_mm256_and_ps(self.0, mask.0), _mm256_and_ps(self.1, mask.1)) }
     }

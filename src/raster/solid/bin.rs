@@ -1,99 +1,38 @@
-//! Faces to the screen, and into the tiles that they touch.
+//! Projects faces and puts them into the bins of the tiles that they touch.
 
+use super::bins::{
+    Batch, LargeTriangle, SnappedTriangle, TILE_HEIGHT, TILE_WIDTH, TINY, TinyTriangle, extent,
+    samples_between, tile_count,
+};
 use super::clip;
-use super::eye::{Eye, GRID, GUARD, snap};
+use super::projector::{GUARD, Projector, snap};
 use crate::math::lanes::{Lanes, Work, dispatch};
 use crate::mesh::Mesh;
-use glam::{UVec2, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
-/// Width of a tile, samples.
-pub(super) const TILE_WIDTH: usize = 64;
-/// Height of a tile, samples.
-pub(super) const TILE_HEIGHT: usize = 32;
 /// Faces that are projected together.
 const GROUP: usize = 16;
-/// Fewest faces that are worth a batch of their own.
+/// Smallest number of faces in a batch.
 const LEAST_BATCH: usize = 4096;
-/// A triangle that reaches at most this far, units of the grid, is tiny: single precision holds its edge
-/// functions exactly.
-pub(super) const TINY: i32 = 8 * GRID;
-
-/// A triangle on the grid: corners and their 1/z.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Snapped {
-    pub(super) x: [i32; 3],
-    pub(super) y: [i32; 3],
-    pub(super) w: [f32; 3],
-}
-
-/// A tiny triangle; its corners are counted from the corner of its tile.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Tiny {
-    pub(super) x: [i16; 3],
-    pub(super) y: [i16; 3],
-    pub(super) w: [f32; 3],
-    pub(super) face: u32,
-}
-
-/// A triangle that is not tiny.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Big {
-    pub(super) at: Snapped,
-    pub(super) face: u32,
-}
-
-/// The triangles of a batch that touch a tile.
-#[derive(Debug, Default)]
-pub(super) struct Bin {
-    pub(super) tiny: Vec<Tiny>,
-    /// Places in the batch's list.
-    pub(super) big: Vec<u32>,
-}
-
-/// The triangles of some of the faces.
-#[derive(Debug, Default)]
-pub(super) struct Batch {
-    /// One a tile, row by row.
-    pub(super) bins: Vec<Bin>,
-    pub(super) big: Vec<Big>,
-}
-
-impl Batch {
-    /// Makes so many empty bins.
-    pub(super) fn empty(&mut self, tiles: usize) {
-        self.big.clear();
-        self.bins.resize_with(tiles, Bin::default);
-        for bin in &mut self.bins {
-            bin.tiny.clear();
-            bin.big.clear();
-        }
-    }
-}
-
-/// Tiles across and down.
-pub(super) fn tile_count(size: UVec2) -> UVec2 {
-    UVec2::new(size.x.div_ceil(TILE_WIDTH as u32), size.y.div_ceil(TILE_HEIGHT as u32))
-}
-
-/// Fills the bins. How many batches there are does not show in the picture.
-pub(super) fn bin(batches: &mut Vec<Batch>, mesh: &Mesh, eye: &Eye) {
+/// Fills the bins. The picture does not depend on the number of batches.
+pub(super) fn bin(batches: &mut Vec<Batch>, mesh: &Mesh, projector: &Projector) {
     let faces = mesh.face_count();
-    let tiles = tile_count(eye.size);
+    let tiles = tile_count(projector.size);
     let count = (4 * rayon::current_num_threads()).min(faces.div_ceil(LEAST_BATCH));
     let each = faces.div_ceil(count.max(1)).next_multiple_of(GROUP);
     batches.resize_with(count, Batch::default);
     batches.par_iter_mut().enumerate().for_each(|(i, batch)| {
         batch.empty((tiles.x * tiles.y) as usize);
         let (first, last) = ((i * each).min(faces), ((i + 1) * each).min(faces));
-        dispatch(Faces { mesh, eye, first, last, batch, across: tiles.x as i32 });
+        dispatch(BinFaces { mesh, projector, first, last, batch, across: tiles.x as i32 });
     });
 }
 
 /// Puts the faces `first..last` into the bins of a batch.
-pub(super) struct Faces<'a> {
+pub(super) struct BinFaces<'a> {
     pub(super) mesh: &'a Mesh,
-    pub(super) eye: &'a Eye,
+    pub(super) projector: &'a Projector,
     pub(super) first: usize,
     pub(super) last: usize,
     pub(super) batch: &'a mut Batch,
@@ -101,22 +40,24 @@ pub(super) struct Faces<'a> {
     pub(super) across: i32,
 }
 
-impl Work for Faces<'_> {
+impl Work for BinFaces<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let Self { mesh, eye, first, last, batch, across } = self;
-        let mut out = Sorter { batch, across, size: eye.size.as_ivec2().to_array() };
-        let mut group = Group::new();
+        let Self { mesh, projector, first, last, batch, across } = self;
+        let mut out = BinWriter { batch, across, size: projector.size.as_ivec2().to_array() };
+        let mut group = FaceGroup::new();
         for start in (first..last).step_by(GROUP) {
             let count = GROUP.min(last - start);
             group.load(mesh, start, count);
-            group.project(eye);
+            group.project(projector);
             for lane in 0..count {
                 let face = start + lane;
-                match group.fate[lane] {
-                    Fate::DRAW => out.sort(&group.snapped(lane), face as u32),
-                    Fate::CUT => clip::clip(eye, mesh.corners(face), |piece| out.sort(&piece, face as u32)),
+                match group.action[lane] {
+                    Action::DRAW => out.insert(&group.snapped(lane), face as u32),
+                    Action::CLIP => {
+                        clip::clip(projector, mesh.corners(face), |piece| out.insert(&piece, face as u32))
+                    }
                     _ => {}
                 }
             }
@@ -124,28 +65,28 @@ impl Work for Faces<'_> {
     }
 }
 
-/// What becomes of a face; a number, so that sixteen are decided at once.
-struct Fate;
+/// What is done with a face; a number, so that sixteen are decided at once.
+struct Action;
 
-impl Fate {
+impl Action {
     const SKIP: u32 = 0;
     const DRAW: u32 = 1;
-    const CUT: u32 = 2;
+    const CLIP: u32 = 2;
 }
 
-type Sixteen = [f32; GROUP];
+type LaneValues = [f32; GROUP];
 
-/// Sixteen faces, number by number.
-struct Group {
+/// Sixteen faces as a structure of arrays.
+struct FaceGroup {
     /// Corner by corner, axis by axis.
-    world: [[Sixteen; 3]; 3],
+    world: [[LaneValues; 3]; 3],
     x: [[i32; GROUP]; 3],
     y: [[i32; GROUP]; 3],
-    w: [Sixteen; 3],
-    fate: [u32; GROUP],
+    w: [LaneValues; 3],
+    action: [u32; GROUP],
 }
 
-impl Group {
+impl FaceGroup {
     fn new() -> Self {
         let zero = [0; GROUP];
         Self {
@@ -153,11 +94,11 @@ impl Group {
             x: [zero; 3],
             y: [zero; 3],
             w: [[0.0; GROUP]; 3],
-            fate: [Fate::SKIP; GROUP],
+            action: [Action::SKIP; GROUP],
         }
     }
 
-    /// Loops instead of `map`, which stays a call.
+    /// Loops instead of `map`, which is not inlined.
     #[inline(always)]
     fn load(&mut self, mesh: &Mesh, start: usize, count: usize) {
         if mesh.indices.is_empty() {
@@ -184,7 +125,7 @@ impl Group {
     }
 
     #[inline(always)]
-    fn project(&mut self, eye: &Eye) {
+    fn project(&mut self, projector: &Projector) {
         // Corners in front of the near plane; box of the corners.
         let mut front = [0u32; GROUP];
         let mut low = [[f32::INFINITY; GROUP]; 2];
@@ -192,9 +133,9 @@ impl Group {
         for corner in 0..3 {
             let world = &self.world[corner];
             for lane in 0..GROUP {
-                let seen = eye.see([world[0][lane], world[1][lane], world[2][lane]]);
-                let at = eye.project(seen);
-                front[lane] += u32::from(seen[2] > eye.near);
+                let seen = projector.to_camera([world[0][lane], world[1][lane], world[2][lane]]);
+                let at = projector.project(seen);
+                front[lane] += u32::from(seen[2] > projector.near);
                 low[0][lane] = low[0][lane].min(at[0]);
                 low[1][lane] = low[1][lane].min(at[1]);
                 high[0][lane] = high[0][lane].max(at[0]);
@@ -204,7 +145,7 @@ impl Group {
                 self.w[corner][lane] = at[2];
             }
         }
-        let [right, bottom] = eye.size.as_vec2().to_array();
+        let [right, bottom] = projector.size.as_vec2().to_array();
         for lane in 0..GROUP {
             let within = (low[0][lane] > -GUARD)
                 & (low[1][lane] > -GUARD)
@@ -217,14 +158,14 @@ impl Group {
                 | (low[1][lane] > bottom + 1.0);
             let all = front[lane] == 3;
             let out = (front[lane] == 0) | (all & beside);
-            let drawn = if all & within { Fate::DRAW } else { Fate::CUT };
-            self.fate[lane] = if out { Fate::SKIP } else { drawn };
+            let drawn = if all & within { Action::DRAW } else { Action::CLIP };
+            self.action[lane] = if out { Action::SKIP } else { drawn };
         }
     }
 
     #[inline(always)]
-    fn snapped(&self, lane: usize) -> Snapped {
-        Snapped {
+    fn snapped(&self, lane: usize) -> SnappedTriangle {
+        SnappedTriangle {
             x: [self.x[0][lane], self.x[1][lane], self.x[2][lane]],
             y: [self.y[0][lane], self.y[1][lane], self.y[2][lane]],
             w: [self.w[0][lane], self.w[1][lane], self.w[2][lane]],
@@ -232,27 +173,16 @@ impl Group {
     }
 }
 
-/// Samples `first..=last` whose centres lie in [low, high] on the grid.
-#[inline(always)]
-pub(super) fn samples_between(low: i32, high: i32) -> (i32, i32) {
-    ((low + GRID / 2 - 1) >> 8, (high - GRID / 2) >> 8)
-}
-
-#[inline(always)]
-pub(super) fn extent(values: [i32; 3]) -> (i32, i32) {
-    (values[0].min(values[1]).min(values[2]), values[0].max(values[1]).max(values[2]))
-}
-
 /// Puts triangles into bins.
-struct Sorter<'a> {
+struct BinWriter<'a> {
     batch: &'a mut Batch,
     across: i32,
     size: [i32; 2],
 }
 
-impl Sorter<'_> {
+impl BinWriter<'_> {
     #[inline(always)]
-    fn sort(&mut self, at: &Snapped, face: u32) {
+    fn insert(&mut self, at: &SnappedTriangle, face: u32) {
         let ((left, right), (top, bottom)) = (extent(at.x), extent(at.y));
         let (x0, x1) = samples_between(left, right);
         let (y0, y1) = samples_between(top, bottom);
@@ -263,28 +193,18 @@ impl Sorter<'_> {
         }
         let tiny = right - left <= TINY && bottom - top <= TINY;
         if !tiny {
-            self.batch.big.push(Big { at: *at, face });
+            self.batch.large.push(LargeTriangle { at: *at, face });
         }
-        let index = self.batch.big.len() as u32;
+        let index = self.batch.large.len() as u32;
         for row in y0 / TILE_HEIGHT as i32..=y1 / TILE_HEIGHT as i32 {
             for column in x0 / TILE_WIDTH as i32..=x1 / TILE_WIDTH as i32 {
                 let bin = &mut self.batch.bins[(row * self.across + column) as usize];
                 if tiny {
-                    bin.tiny.push(Tiny::new(at, face, column, row));
+                    bin.tiny.push(TinyTriangle::new(at, face, column, row));
                 } else {
-                    bin.big.push(index - 1);
+                    bin.large.push(index - 1);
                 }
             }
         }
-    }
-}
-
-impl Tiny {
-    #[inline(always)]
-    fn new(at: &Snapped, face: u32, column: i32, row: i32) -> Self {
-        let (left, top) = (column * TILE_WIDTH as i32 * GRID, row * TILE_HEIGHT as i32 * GRID);
-        let x = [(at.x[0] - left) as i16, (at.x[1] - left) as i16, (at.x[2] - left) as i16];
-        let y = [(at.y[0] - top) as i16, (at.y[1] - top) as i16, (at.y[2] - top) as i16];
-        Self { x, y, w: at.w, face }
     }
 }

@@ -1,61 +1,29 @@
-//! Which face every sample of a tile sees; tiny triangles here, the others in `spans`.
+//! Finds which face every sample of a tile sees; tiny triangles here, the others in `spans`.
 
-use super::bin::{Batch, TILE_HEIGHT, TILE_WIDTH, Tiny, extent, samples_between};
-use super::eye::GRID;
-use super::spans::draw_big;
+use super::bins::{
+    Batch, CENTER, TILE_HEIGHT, TILE_WIDTH, TinyTriangle, extent, least_inside, samples_between,
+};
+use super::keys::{STRIDE, SampleKeys, key};
+use super::projector::GRID;
+use super::spans::draw_large;
 use crate::math::lanes::{LANES, Lanes, Work, dispatch};
 use crate::math::real::Mask;
 
-/// Samples that a block may reach beyond its tile on the right and below; as many as keep runs of `spans` within
-/// the keys.
-const RIM: usize = 3;
-/// Places from one row of a tile to the next.
-pub(super) const STRIDE: usize = TILE_WIDTH + RIM;
-/// Half a sample on the grid: where its centre is.
-pub(super) const CENTER: i32 = GRID / 2;
-
-/// What a sample of a tile sees: 1/z above, the complement of the face below, so that of two the larger is the
-/// nearer, and at the same depth the face of the lower index. Zero is nothing, and below zero is below it.
-pub(super) type Key = i64;
-
-/// The samples of a tile and a rim that nobody reads.
-pub(super) type Keys = [Key; STRIDE * (TILE_HEIGHT + RIM)];
-
-/// A tile that sees nothing.
-pub(super) static EMPTY: Keys = [0; STRIDE * (TILE_HEIGHT + RIM)];
-
-/// The face a key stands for; [`super::NO_FACE`] for none.
-#[inline(always)]
-pub(super) fn face_of(key: Key) -> u32 {
-    !(key as u32)
-}
-
-/// The 1/z a key stands for.
-#[inline(always)]
-pub(super) fn inverse_depth_of(key: Key) -> f32 {
-    f32::from_bits((key >> 32) as u32)
-}
-
-#[inline(always)]
-pub(super) fn key(w: f32, face: u32) -> Key {
-    (i64::from(w.to_bits().cast_signed()) << 32) | i64::from(!face)
-}
-
 /// Fills the keys of tile `tile`, at `column` and `row`, from all batches.
-pub(super) fn fill(keys: &mut Keys, batches: &[Batch], tile: usize, column: u32, row: u32) {
-    dispatch(Tile { keys, batches, tile, column: column as i32, row: row as i32 });
+pub(super) fn fill(keys: &mut SampleKeys, batches: &[Batch], tile: usize, column: u32, row: u32) {
+    dispatch(FillTile { keys, batches, tile, column: column as i32, row: row as i32 });
 }
 
 /// Fills the keys of a tile.
-pub(super) struct Tile<'a> {
-    pub(super) keys: &'a mut Keys,
+pub(super) struct FillTile<'a> {
+    pub(super) keys: &'a mut SampleKeys,
     pub(super) batches: &'a [Batch],
     pub(super) tile: usize,
     pub(super) column: i32,
     pub(super) row: i32,
 }
 
-impl Work for Tile<'_> {
+impl Work for FillTile<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
@@ -66,18 +34,11 @@ impl Work for Tile<'_> {
             for tiny in &bin.tiny {
                 draw_tiny::<L>(self.keys, tiny);
             }
-            for place in &bin.big {
-                draw_big::<L>(self.keys, &batch.big[*place as usize], corner);
+            for place in &bin.large {
+                draw_large::<L>(self.keys, &batch.large[*place as usize], corner);
             }
         }
     }
-}
-
-/// 1 for an edge whose samples belong to the neighbour, 0 for one on the top or the left: the least value of
-/// the edge function that is inside.
-#[inline(always)]
-pub(super) fn least_inside(dx: i32, dy: i32) -> i32 {
-    i32::from(!(dy < 0 || (dy == 0 && dx > 0)))
 }
 
 /// x and y of the samples of a block, units of the grid.
@@ -94,9 +55,9 @@ const fn grid(x: f32, y: f32) -> [f32; LANES] {
     out
 }
 
-/// Draws a tiny triangle in blocks of 4 x 4 samples. All numbers are whole and below 2^24 but for the depth.
+/// Draws a tiny triangle in blocks of 4 x 4 samples. All numbers but the depth are integers below 2^24.
 #[inline(always)]
-fn draw_tiny<L: Lanes>(keys: &mut Keys, tiny: &Tiny) {
+fn draw_tiny<L: Lanes>(keys: &mut SampleKeys, tiny: &TinyTriangle) {
     let [x0, mut x1, mut x2] = [i32::from(tiny.x[0]), i32::from(tiny.x[1]), i32::from(tiny.x[2])];
     let [y0, mut y1, mut y2] = [i32::from(tiny.y[0]), i32::from(tiny.y[1]), i32::from(tiny.y[2])];
     let [w0, mut w1, mut w2] = tiny.w;

@@ -1,74 +1,45 @@
 //! Colours of samples, and their mean in each pixel.
 
-use super::NO_FACE;
-use super::bin::{TILE_HEIGHT, TILE_WIDTH};
-use super::eye::Eye;
-use super::fill::{Keys, STRIDE, face_of};
+use super::bins::{TILE_HEIGHT, TILE_WIDTH};
+use super::keys::{STRIDE, SampleKeys, face_of};
+use super::projector::Projector;
+use super::visibility::NO_FACE;
 use crate::math::lanes::{LANES, Lanes, Work, dispatch, prefetch};
 use crate::math::real::{Mask, Real};
 use crate::math::srgb8::srgb8_from_linear;
 use crate::mesh::{Colors, Mesh};
-use glam::{DVec3, Vec3};
 
-/// A face as barycentric coordinates need it.
-#[derive(Debug, Clone, Copy)]
-pub struct Corners {
-    /// Corner i's weight is in proportion to the i-th times the ray.
-    opposite: [DVec3; 3],
-}
-
-impl Corners {
-    pub(super) fn new(eye: &Eye, corners: [Vec3; 3]) -> Self {
-        let [a, b, c] = corners.map(|v| eye.see_exactly(v));
-        Self { opposite: [b.cross(c), c.cross(a), a.cross(b)] }
-    }
-
-    /// Weights of the corners where a ray meets the face's plane; at least 0, sum 1.
-    #[inline(always)]
-    pub(super) fn weights(&self, ray: DVec3) -> [f32; 3] {
-        let parts = self.opposite.map(|n| n.dot(ray));
-        let per = 1.0 / (parts[0] + parts[1] + parts[2]);
-        // A sample may lie outside by what corners were moved when they were snapped.
-        let kept = parts.map(|p| (p * per).max(0.0));
-        let sum = kept[0] + kept[1] + kept[2];
-        if !(sum > 0.0 && sum.is_finite()) {
-            return [1.0 / 3.0; 3];
-        }
-        kept.map(|p| (p / sum) as f32)
-    }
-}
-
-/// A tile whose pixels are wanted.
-pub(super) struct Shade<'a, 'b> {
+/// A tile to be shaded.
+pub(super) struct ShadeTile<'a, 'b> {
     pub(super) mesh: &'a Mesh,
-    pub(super) eye: &'a Eye,
+    pub(super) projector: &'a Projector,
     /// Linear.
     pub(super) background: [f32; 3],
     /// First sample of the tile.
     pub(super) corner: [u32; 2],
-    pub(super) keys: &'a Keys,
+    pub(super) keys: &'a SampleKeys,
     pub(super) rows: &'a mut [&'b mut [[u8; 3]]],
 }
 
 /// Writes the pixels of a tile.
-pub(super) fn shade(tile: Shade) {
+pub(super) fn shade(tile: ShadeTile) {
     dispatch(tile);
 }
 
 /// Linear colours of a row of samples, channel by channel.
-type Row = [[f32; TILE_WIDTH]; 3];
+type SampleRow = [[f32; TILE_WIDTH]; 3];
 
-impl Work for Shade<'_, '_> {
+impl Work for ShadeTile<'_, '_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(mut self) {
-        let samples = self.eye.samples as usize;
+        let samples = self.projector.samples as usize;
         let share = 1.0 / (samples * samples) as f32;
-        let mut row: Row = [[0.0; TILE_WIDTH]; 3];
+        let mut row: SampleRow = [[0.0; TILE_WIDTH]; 3];
         for y in 0..self.rows.len() {
-            let mut sums: Row = [[0.0; TILE_WIDTH]; 3];
+            let mut sums: SampleRow = [[0.0; TILE_WIDTH]; 3];
             for sample in 0..samples {
-                self.light::<L>(y * samples + sample, &mut row);
+                self.shade_row::<L>(y * samples + sample, &mut row);
                 for (sums, row) in sums.iter_mut().zip(&row) {
                     for (sum, part) in sums.iter_mut().zip(row.chunks_exact(samples)) {
                         for value in part {
@@ -86,10 +57,10 @@ impl Work for Shade<'_, '_> {
     }
 }
 
-impl Shade<'_, '_> {
+impl ShadeTile<'_, '_> {
     /// The colours of row `y` of the tile's samples.
     #[inline(always)]
-    fn light<L: Lanes>(&mut self, y: usize, row: &mut Row) {
+    fn shade_row<L: Lanes>(&mut self, y: usize, row: &mut SampleRow) {
         if self.keys[y * STRIDE..y * STRIDE + TILE_WIDTH].iter().fold(0, |any, key| any | key) == 0 {
             *row = [
                 [self.background[0]; TILE_WIDTH],
@@ -99,10 +70,10 @@ impl Shade<'_, '_> {
             return;
         }
         match &self.mesh.colors {
-            Colors::Face(colors) => self.flat(y, colors, row),
+            Colors::Face(colors) => self.shade_flat(y, colors, row),
             Colors::Vertex(colors) => {
                 for x in (0..TILE_WIDTH).step_by(LANES) {
-                    self.blend::<L>(x, y, colors, row);
+                    self.shade_vertices::<L>(x, y, colors, row);
                 }
             }
         }
@@ -119,7 +90,7 @@ impl Shade<'_, '_> {
     }
 
     #[inline(always)]
-    fn flat(&self, y: usize, colors: &[[f32; 3]], row: &mut Row) {
+    fn shade_flat(&self, y: usize, colors: &[[f32; 3]], row: &mut SampleRow) {
         if y + 1 < TILE_HEIGHT {
             for face in self.faces::<TILE_WIDTH>(0, y + 1) {
                 if let Some(color) = colors.get(face as usize) {
@@ -135,30 +106,30 @@ impl Shade<'_, '_> {
         }
     }
 
-    /// Sixteen samples with colours of their faces' corners.
+    /// Shades sixteen samples with the interpolated colours of their faces' corners.
     #[inline(always)]
-    fn blend<L: Lanes>(&self, x: usize, y: usize, colors: &[[f32; 3]], row: &mut Row) {
+    fn shade_vertices<L: Lanes>(&self, x: usize, y: usize, colors: &[[f32; 3]], row: &mut SampleRow) {
         if y + 1 < TILE_HEIGHT {
             for face in self.faces::<LANES>(x, y + 1) {
-                self.fetch(face, colors);
+                self.prefetch_face(face, colors);
             }
         }
-        let mut seen = Seen::default();
+        let mut faces_seen = SampleFaces::default();
         for (lane, face) in self.faces::<LANES>(x, y).into_iter().enumerate() {
-            self.put(&mut seen, lane, face, colors);
+            self.load_face(&mut faces_seen, lane, face, colors);
         }
-        let weights = seen.weights::<L>(self.ray::<L>(x, y));
+        let weights = faces_seen.weights::<L>(self.ray::<L>(x, y));
         for (c, row) in row.iter_mut().enumerate() {
-            let corner = |i: usize| L::load(&seen.color[i][c]) * weights[i];
+            let corner = |i: usize| L::load(&faces_seen.color[i][c]) * weights[i];
             let mut mixed = [0.0; LANES];
             (corner(0) + corner(1) + corner(2)).store(&mut mixed);
             row[x..x + LANES].copy_from_slice(&mixed);
         }
     }
 
-    /// Asks for what [`Shade::put`] will read.
+    /// Prefetches what [`ShadeTile::load_face`] will read.
     #[inline(always)]
-    fn fetch(&self, face: u32, colors: &[[f32; 3]]) {
+    fn prefetch_face(&self, face: u32, colors: &[[f32; 3]]) {
         if face == NO_FACE {
             return;
         }
@@ -174,11 +145,11 @@ impl Shade<'_, '_> {
     }
 
     #[inline(always)]
-    fn put(&self, seen: &mut Seen, lane: usize, face: u32, colors: &[[f32; 3]]) {
+    fn load_face(&self, faces_seen: &mut SampleFaces, lane: usize, face: u32, colors: &[[f32; 3]]) {
         if face == NO_FACE {
             for c in 0..3 {
                 for corner in 0..3 {
-                    seen.color[corner][c][lane] = self.background[c];
+                    faces_seen.color[corner][c][lane] = self.background[c];
                 }
             }
             return;
@@ -186,22 +157,22 @@ impl Shade<'_, '_> {
         let vertices = self.mesh.face(face as usize);
         let (a, b, c) = (vertices[0] as usize, vertices[1] as usize, vertices[2] as usize);
         let [p, q, r] = [self.mesh.positions[a], self.mesh.positions[b], self.mesh.positions[c]];
-        let (along, beside, way) = (q - p, r - p, self.eye.way_to(p));
+        let (edge1, edge2, to_first) = (q - p, r - p, self.projector.from_camera(p));
         for axis in 0..3 {
-            seen.along[axis][lane] = along[axis];
-            seen.beside[axis][lane] = beside[axis];
-            seen.way[axis][lane] = way[axis];
-            seen.color[0][axis][lane] = colors[a][axis];
-            seen.color[1][axis][lane] = colors[b][axis];
-            seen.color[2][axis][lane] = colors[c][axis];
+            faces_seen.edge1[axis][lane] = edge1[axis];
+            faces_seen.edge2[axis][lane] = edge2[axis];
+            faces_seen.to_first[axis][lane] = to_first[axis];
+            faces_seen.color[0][axis][lane] = colors[a][axis];
+            faces_seen.color[1][axis][lane] = colors[b][axis];
+            faces_seen.color[2][axis][lane] = colors[c][axis];
         }
     }
 
-    /// The rays of sixteen samples, in the world's axes.
+    /// The rays of sixteen samples, in world axes.
     #[inline(always)]
     fn ray<L: Lanes>(&self, x: usize, y: usize) -> [L; 3] {
-        let at = self.eye.ray(self.corner[0] + x as u32, self.corner[1] + y as u32);
-        let (start, step) = self.eye.turn_back(at);
+        let at = self.projector.ray(self.corner[0] + x as u32, self.corner[1] + y as u32);
+        let (start, step) = self.projector.ray_to_world(at);
         let mut lane = [0.0; LANES];
         for (i, lane) in lane.iter_mut().enumerate() {
             *lane = i as f32;
@@ -212,43 +183,43 @@ impl Shade<'_, '_> {
     }
 }
 
-type Sixteen = [f32; LANES];
+type LaneValues = [f32; LANES];
 
-/// The faces that sixteen samples see, number by number. Zeros have weights that do not matter.
+/// The faces that sixteen samples see, as a structure of arrays. The weights of an empty sample do not matter.
 #[derive(Default)]
-struct Seen {
-    /// From the eye to the first corner, in the world's axes.
-    way: [Sixteen; 3],
+struct SampleFaces {
+    /// From the camera to the first corner, in world axes.
+    to_first: [LaneValues; 3],
     /// From the first corner to the second.
-    along: [Sixteen; 3],
+    edge1: [LaneValues; 3],
     /// From the first corner to the third.
-    beside: [Sixteen; 3],
+    edge2: [LaneValues; 3],
     /// Corner by corner, channel by channel.
-    color: [[Sixteen; 3]; 3],
+    color: [[LaneValues; 3]; 3],
 }
 
-impl Seen {
+impl SampleFaces {
     /// Perspective-correct weights of the corners where the rays meet the faces (Möller and Trumbore 1997).
     #[inline(always)]
     fn weights<L: Lanes>(&self, ray: [L; 3]) -> [L; 3] {
-        let load = |v: &[Sixteen; 3]| [L::load(&v[0]), L::load(&v[1]), L::load(&v[2])];
-        let (way, along, beside) = (load(&self.way), load(&self.along), load(&self.beside));
-        let p = cross(ray, beside);
-        let per = L::splat(1.0) / dot(along, p);
+        let load = |v: &[LaneValues; 3]| [L::load(&v[0]), L::load(&v[1]), L::load(&v[2])];
+        let (to_first, edge1, edge2) = (load(&self.to_first), load(&self.edge1), load(&self.edge2));
+        let p = cross(ray, edge2);
+        let per = L::splat(1.0) / dot(edge1, p);
         let (zero, one) = (L::splat(0.0), L::splat(1.0));
-        let second = -dot(way, p) * per;
-        let third = -dot(ray, cross(way, along)) * per;
+        let second = -dot(to_first, p) * per;
+        let third = -dot(ray, cross(to_first, edge1)) * per;
         let first = one - second - third;
-        // A sample may lie outside by what corners were moved when they were snapped.
+        // Snapping moved the corners, so a sample may lie slightly outside.
         let kept = [first.max(zero), second.max(zero), third.max(zero)];
         let sum = kept[0] + kept[1] + kept[2];
-        let sound = zero.lt(sum).and(sum.lt(L::splat(f32::INFINITY)));
+        let valid = zero.lt(sum).and(sum.lt(L::splat(f32::INFINITY)));
         let third = L::splat(1.0 / 3.0);
         let per = one / sum;
         [
-            L::select(sound, kept[0] * per, third),
-            L::select(sound, kept[1] * per, third),
-            L::select(sound, kept[2] * per, third),
+            L::select(valid, kept[0] * per, third),
+            L::select(valid, kept[1] * per, third),
+            L::select(valid, kept[2] * per, third),
         ]
     }
 }
@@ -265,27 +236,32 @@ fn cross<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::bin::{self, Batch};
-    use super::super::fill::{self, EMPTY};
+    use super::super::bin;
+    use super::super::bins::Batch;
+    use super::super::fill;
+    use super::super::keys::EMPTY;
     use super::*;
     use crate::camera::Camera;
     use crate::math::lanes::{Level, dispatch_at};
     use crate::rng::Rng;
-    use glam::{Mat3, UVec2, Vec2};
+    use glam::{Mat3, UVec2, Vec2, Vec3};
 
     /// Keys and pixels of the one tile that the camera sees, by the instructions of `level`.
-    fn drawn(level: Level, mesh: &Mesh, eye: &Eye) -> (Box<Keys>, Vec<[u8; 3]>) {
+    fn drawn(level: Level, mesh: &Mesh, projector: &Projector) -> (Box<SampleKeys>, Vec<[u8; 3]>) {
         let mut batch = Batch::default();
         batch.empty(1);
         let last = mesh.face_count();
-        dispatch_at(level, bin::Faces { mesh, eye, first: 0, last, batch: &mut batch, across: 1 });
+        dispatch_at(level, bin::BinFaces { mesh, projector, first: 0, last, batch: &mut batch, across: 1 });
         let mut keys = Box::new(EMPTY);
         let batches = [batch];
-        dispatch_at(level, fill::Tile { keys: &mut keys, batches: &batches, tile: 0, column: 0, row: 0 });
+        dispatch_at(level, fill::FillTile { keys: &mut keys, batches: &batches, tile: 0, column: 0, row: 0 });
         let mut pixels = vec![[0; 3]; TILE_WIDTH * TILE_HEIGHT];
         let mut rows: Vec<&mut [[u8; 3]]> = pixels.chunks_mut(TILE_WIDTH).collect();
         let background = [0.1, 0.2, 0.3];
-        dispatch_at(level, Shade { mesh, eye, background, corner: [0, 0], keys: &keys, rows: &mut rows });
+        dispatch_at(
+            level,
+            ShadeTile { mesh, projector, background, corner: [0, 0], keys: &keys, rows: &mut rows },
+        );
         (keys, pixels)
     }
 
@@ -299,7 +275,7 @@ mod tests {
             center: size.as_vec2() * 0.45,
             size,
         };
-        let eye = Eye::new(&camera, 1, 0.1);
+        let projector = Projector::new(&camera, 1, 0.1);
         let rng = Rng::new(5, "levels", 0);
         let mut mesh = Mesh::default();
         let mut colors = Vec::new();
@@ -313,10 +289,10 @@ mod tests {
             colors.push([at(3).abs(), at(4).abs(), at(5).abs()]);
         }
         mesh.colors = Colors::Vertex(colors);
-        let portable = drawn(Level::Portable, &mesh, &eye);
+        let portable = drawn(Level::Portable, &mesh, &projector);
         assert!(portable.0.iter().filter(|key| **key != 0).count() > 1000);
         for level in [Level::Avx2, Level::Avx512] {
-            assert!(drawn(level, &mesh, &eye) == portable, "{level:?}");
+            assert!(drawn(level, &mesh, &projector) == portable, "{level:?}");
         }
     }
 }

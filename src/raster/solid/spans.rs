@@ -1,13 +1,13 @@
 //! Draws triangles of any size within the guard band: the ends of each row exactly, then the row between them.
 
-use super::bin::{Big, TILE_HEIGHT, TILE_WIDTH, extent, samples_between};
-use super::eye::GRID;
-use super::fill::{CENTER, Keys, STRIDE, key, least_inside};
+use super::bins::{CENTER, LargeTriangle, TILE_HEIGHT, TILE_WIDTH, extent, least_inside, samples_between};
+use super::keys::{STRIDE, SampleKeys, key};
+use super::projector::GRID;
 use crate::math::lanes::{LANES, Lanes};
 
 /// Rows whose ends are found together.
 const ROWS: usize = 8;
-/// An edge function of a big triangle. Its values at samples are whole and below 2^53: f64 holds them exactly.
+/// An edge function of a big triangle. Its values at samples are integers below 2^53: f64 holds them exactly.
 #[derive(Clone, Copy)]
 struct Edge {
     /// Value at the first sample.
@@ -16,7 +16,7 @@ struct Edge {
     right: f64,
     /// Change from a sample to the next below it.
     down: f64,
-    /// Least value inside.
+    /// Smallest value inside.
     least: f64,
 }
 
@@ -34,7 +34,7 @@ impl Edge {
         }
     }
 
-    /// Narrows the spans of some rows to what is inside this edge. Quotients are rounded, so the samples beside
+    /// Narrows the spans of some rows to what is inside this edge. Quotients are rounded, so the samples next to
     /// each end are tried. Plain loops over arrays: they become vector instructions.
     #[inline(always)]
     fn narrow(&self, row: i32, spans: &mut Spans) {
@@ -65,17 +65,17 @@ impl Edge {
     }
 }
 
-/// The samples of some rows that are inside, counted from the first of the triangle's in the tile.
+/// The samples of some rows that are inside, relative to the triangle's first in the tile.
 struct Spans {
     first: [f64; ROWS],
     last: [f64; ROWS],
 }
 
 /// A triangle in a tile.
-struct Triangle {
+struct TileTriangle {
     /// Edge i lies opposite corner i.
     edges: [Edge; 3],
-    /// 1/z of the first corner, and what a unit of the second and the third edge function adds.
+    /// 1/z of the first corner, and its change per unit of the second and the third edge function.
     start: f64,
     second: f64,
     third: f64,
@@ -87,14 +87,14 @@ struct Triangle {
 
 /// Draws a triangle where it covers the tile whose first sample is `corner`.
 #[inline(always)]
-pub(super) fn draw_big<L: Lanes>(keys: &mut Keys, big: &Big, corner: [i32; 2]) {
-    let at = &big.at;
+pub(super) fn draw_large<L: Lanes>(keys: &mut SampleKeys, large: &LargeTriangle, corner: [i32; 2]) {
+    let at = &large.at;
     let ((left, right), (top, bottom)) = (extent(at.x), extent(at.y));
     let (first_x, last_x) = samples_between(left, right);
     let (first_y, last_y) = samples_between(top, bottom);
     let (first_x, last_x) = (first_x.max(corner[0]), last_x.min(corner[0] + TILE_WIDTH as i32 - 1));
     let (first_y, last_y) = (first_y.max(corner[1]), last_y.min(corner[1] + TILE_HEIGHT as i32 - 1));
-    let Some(triangle) = Triangle::new(big, [first_x, first_y]) else { return };
+    let Some(triangle) = TileTriangle::new(large, [first_x, first_y]) else { return };
     let place = (first_y - corner[1]) as usize * STRIDE + (first_x - corner[0]) as usize;
     let (width, rows) = (last_x - first_x, last_y - first_y + 1);
     let mut row = 0;
@@ -109,11 +109,11 @@ pub(super) fn draw_big<L: Lanes>(keys: &mut Keys, big: &Big, corner: [i32; 2]) {
     }
 }
 
-impl Triangle {
+impl TileTriangle {
     /// The triangle seen from sample `start`; `None` when it has no area.
     #[inline(always)]
-    fn new(big: &Big, start: [i32; 2]) -> Option<Self> {
-        let at = &big.at;
+    fn new(large: &LargeTriangle, start: [i32; 2]) -> Option<Self> {
+        let at = &large.at;
         let far = |p: i32, q: i32| i64::from(p) - i64::from(q);
         let area =
             far(at.x[1], at.x[0]) * far(at.y[2], at.y[0]) - far(at.x[2], at.x[0]) * far(at.y[1], at.y[0]);
@@ -131,13 +131,13 @@ impl Triangle {
             third: (f64::from(at.w[c]) - first) * per,
             least: at.w[0].min(at.w[1]).min(at.w[2]),
             most: at.w[0].max(at.w[1]).max(at.w[2]),
-            face: big.face,
+            face: large.face,
         })
     }
 
-    /// Fills `count` rows from `row` on; its first sample has the key at `place`.
+    /// Fills `count` rows from `row` on; the first sample has the key at index `place`.
     #[inline(always)]
-    fn fill<L: Lanes>(&self, keys: &mut Keys, place: usize, row: i32, count: usize, spans: &Spans) {
+    fn fill<L: Lanes>(&self, keys: &mut SampleKeys, place: usize, row: i32, count: usize, spans: &Spans) {
         let mut starts = [0.0f32; ROWS];
         for (r, (start, first)) in starts.iter_mut().zip(&spans.first).enumerate() {
             let value = |e: &Edge| e.start + e.down * f64::from(row + r as i32) + e.right * first;
@@ -168,9 +168,9 @@ impl Triangle {
     }
 }
 
-/// Lets sixteen samples from a place on see a face, where it is nearer.
+/// Writes a face to sixteen samples from `place` on, where it is nearer.
 #[inline(always)]
-fn put<L: Lanes>(keys: &mut Keys, place: usize, w: L, face: u32) {
+fn put<L: Lanes>(keys: &mut SampleKeys, place: usize, w: L, face: u32) {
     let mut depths = [0.0; LANES];
     w.store(&mut depths);
     if let Some(run) = keys[place..].first_chunk_mut::<LANES>() {

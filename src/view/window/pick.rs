@@ -78,10 +78,8 @@ fn incenter(corners: &[Vec3; 3]) -> (DVec3, DVec3) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bake;
-    use crate::bake::options::{BakeOptions, Preset};
+    use crate::bake::{BakeOptions, bake};
     use crate::bench::scenes::{self, SampleScene};
-    use crate::report::Report;
     use crate::scene::{Loaded, Scene};
 
     #[test]
@@ -93,9 +91,9 @@ mod tests {
             warnings: vec![],
             cameras: vec![],
         };
-        let mut options = BakeOptions::preset(Preset::Default);
+        let mut options = BakeOptions::DEFAULT;
         options.bvh.bvh = true;
-        let asset = bake::bake(vec![loaded], &options, None, &mut Report::new("test"), &mut ()).unwrap();
+        let asset = bake(loaded, &options).unwrap();
         let placement = asset.provenance.placement;
         let to_soup = |v: Vec3| placement.to_world(v);
         let from = scenes::viewpoint(glam::UVec2::new(320, 240));

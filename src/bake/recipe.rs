@@ -1,0 +1,299 @@
+//! The recipe: every stage in its place, and why it stands there.
+
+use super::backdrop::backdrop;
+use super::bvh::bvh;
+use super::chunk::chunk;
+use super::color::color;
+use super::lod::{FinishedLevel, LevelSource, lod};
+use super::merge::merge;
+use super::options::BakeOptions;
+use super::order::order;
+use super::place::{place, placement};
+use super::prune::{PruneOptions, prune};
+use super::refit::refit;
+use super::solid::solid;
+use super::unseen::unseen;
+use super::views::Views;
+use super::weld::weld;
+use crate::asset::{Asset, Placement, Provenance};
+use crate::camera::Camera;
+use crate::error::Result;
+use crate::mesh::Mesh;
+use crate::report::{Counts, Observer, Outcome, Report, generator};
+use crate::scene::{Loaded, Scene};
+
+/// Photos that a level of detail is evaluated on.
+const EVALUATION_VIEWS: usize = 12;
+
+/// What an engine draws of a scene: the whole recipe, without photos. [`Bake`] takes photos, several inputs, a
+/// report and an observer.
+///
+/// Errors: options out of range, nothing left to draw.
+///
+/// ```
+/// use glam::Vec3;
+/// use trisplat::bake::{BakeOptions, BakePreset, bake};
+/// use trisplat::soup::Soup;
+///
+/// let soup = Soup {
+///     vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]],
+///     opacity: vec![1.0],
+///     sigma: vec![0.01],
+///     sh: vec![[0.5, 0.0, -0.5]],
+///     sh_degree: 0,
+/// };
+/// let asset = bake(soup, &BakeOptions::preset(BakePreset::Fast))?;
+/// assert_eq!(asset.mesh.face_count(), 1);
+/// # Ok::<(), trisplat::error::Error>(())
+/// ```
+pub fn bake(scene: impl Into<Loaded>, options: &BakeOptions) -> Result<Asset> {
+    Bake::new(options).run([scene])
+}
+
+/// A bake with everything it can take beside a scene.
+///
+/// ```
+/// # use glam::Vec3;
+/// use trisplat::bake::{Bake, BakeOptions, prune::PruneDetails};
+/// use trisplat::report::Report;
+/// # use trisplat::soup::Soup;
+/// # let triangle = Soup {
+/// #     vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]],
+/// #     opacity: vec![1.0],
+/// #     sigma: vec![0.01],
+/// #     sh: vec![[0.5, 0.0, -0.5]],
+/// #     sh_degree: 0,
+/// # };
+/// # let faint = Soup { opacity: vec![0.001], ..triangle.clone() };
+///
+/// let mut report = Report::new("bake");
+/// let asset = Bake::new(&BakeOptions::default()).report(&mut report).run([triangle, faint])?;
+/// assert_eq!(asset.mesh.face_count(), 1);
+/// assert_eq!(report.details::<PruneDetails>().map(|d| d.faint), Some(1));
+/// # Ok::<(), trisplat::error::Error>(())
+/// ```
+#[must_use = "nothing happens before `run`"]
+pub struct Bake<'a> {
+    options: &'a BakeOptions,
+    views: Option<&'a mut Views>,
+    report: Option<&'a mut Report>,
+    observer: Option<&'a mut dyn Observer>,
+}
+
+impl<'a> Bake<'a> {
+    /// A bake with these options.
+    pub fn new(options: &'a BakeOptions) -> Self {
+        Self { options, views: None, report: None, observer: None }
+    }
+
+    /// Photos of the scene, if there are any; without them the cameras that came with the scene, if any, decide what
+    /// is visible. Their cameras are left in the frame of the scene.
+    pub fn photos(self, views: impl Into<Option<&'a mut Views>>) -> Self {
+        Self { views: views.into(), ..self }
+    }
+
+    /// Where to record what every stage did.
+    pub fn report(self, report: &'a mut Report) -> Self {
+        Self { report: Some(report), ..self }
+    }
+
+    /// What is notified when stages start and end.
+    pub fn observer(self, observer: &'a mut dyn Observer) -> Self {
+        Self { observer: Some(observer), ..self }
+    }
+
+    /// Bakes `inputs`, merged, into what an engine draws.
+    ///
+    /// Errors: options out of range, inputs that do not merge, nothing left to draw, photos that cannot be read or do
+    /// not show the scene.
+    pub fn run<S: Into<Loaded>>(self, inputs: impl IntoIterator<Item = S>) -> Result<Asset> {
+        self.options.validate()?;
+        let (mut own_report, mut no_observer) = (Report::default(), ());
+        let recipe = Recipe {
+            options: self.options,
+            views: self.views,
+            report: self.report.unwrap_or(&mut own_report),
+            observer: match self.observer {
+                Some(observer) => observer,
+                None => &mut no_observer,
+            },
+            placement: None,
+        };
+        recipe.run(merge(inputs.into_iter().map(Into::into).collect())?)
+    }
+}
+
+/// The stages, and what they share.
+struct Recipe<'a> {
+    options: &'a BakeOptions,
+    views: Option<&'a mut Views>,
+    report: &'a mut Report,
+    observer: &'a mut dyn Observer,
+    /// How the scene was placed: its levels are placed alike.
+    placement: Option<Placement>,
+}
+
+impl Recipe<'_> {
+    fn run(mut self, loaded: Loaded) -> Result<Asset> {
+        let Loaded { scene, mut provenance, warnings, mut cameras } = loaded;
+        self.report.warnings.extend(warnings);
+        if let Some(views) = self.views.as_deref_mut() {
+            views.transform(&provenance.placement);
+            provenance.viewpoint = provenance.viewpoint.or_else(|| views.viewpoint());
+            cameras = views.cameras().to_vec();
+        }
+        let mesh = self.solidify(scene, &cameras)?;
+        let mesh = self.cull(mesh, &cameras)?;
+
+        // Levels are made of what is left here, but are placed like the scene.
+        let unpainted = if self.options.lod.lod.is_empty() { Mesh::default() } else { mesh.clone() };
+        let mesh = self.paint(mesh)?;
+        let asset = self.package(mesh, provenance.clone())?;
+        let source =
+            LevelSource { mesh: &unpainted, cameras: &cameras, enlarge: self.options.unseen.enlarge };
+        let levels = self.levels(&source, &provenance)?;
+        Ok(Asset { levels, ..asset })
+    }
+
+    /// The part of the recipe that turns what was read into opaque, coloured triangles.
+    fn solidify(&mut self, scene: Scene, cameras: &[Camera]) -> Result<Mesh> {
+        let options = self.options;
+        // What cameras see says better which triangles matter most than their size does.
+        let pruning = match cameras.is_empty() {
+            true => options.prune.clone(),
+            false => PruneOptions { max_triangles: None, ..options.prune.clone() },
+        };
+
+        // First, because every later stage costs per triangle and relies on finite geometry.
+        let scene = self.report.stage(self.observer, scene, count, |scene, d| prune(scene, &pruning, d))?;
+
+        // On the soup, as it needs opacity and σ, which colours throw away.
+        let scene = self.report.stage(self.observer, scene, count, |scene, details| match scene {
+            Scene::Soup(soup) => solid(soup, &options.solid, details),
+            Scene::Mesh(_) => Ok(Outcome::Unneeded("the input is a mesh: its triangles are solid")),
+        })?;
+
+        // From here on an ordinary mesh in linear light.
+        let scene = self.report.stage(self.observer, scene, count, |scene, details| {
+            let Scene::Soup(soup) = scene else {
+                return Ok(Outcome::Unneeded("the input is a mesh: it has colours"));
+            };
+            *scene = Scene::Mesh(color(std::mem::take(soup), details)?);
+            Ok(Outcome::Changed(()))
+        })?;
+        match scene {
+            Scene::Mesh(mesh) => Ok(mesh),
+            Scene::Soup(_) => unreachable!("the color stage makes a mesh of every soup"),
+        }
+    }
+
+    /// As soon as there are opaque triangles that hide each other, and before work is done on those hidden.
+    fn cull(&mut self, mesh: Mesh, cameras: &[Camera]) -> Result<Mesh> {
+        let options = self.options;
+        let views = self.views.as_deref_mut();
+        let budget = match &views {
+            Some(_) => options.backdrop.scene_budget(options.prune.max_triangles),
+            None => options.prune.max_triangles,
+        };
+        self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
+            unseen(mesh, cameras, views, &options.unseen, budget, details)
+        })
+    }
+
+    /// The part of the recipe that takes colours from photos.
+    fn paint(&mut self, mesh: Mesh) -> Result<Mesh> {
+        let options = self.options;
+
+        // Behind what is left, and before colours are taken from the photos: those of holes are its own.
+        let views = self.views.as_deref_mut();
+        let mesh = self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
+            backdrop(mesh, views, &options.backdrop, details)
+        })?;
+
+        // On what is left: a colour belongs to what a triangle shows when the others are gone.
+        let views = self.views.as_deref_mut();
+        self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
+            refit(mesh, views, &options.refit, details)
+        })
+    }
+
+    /// The part of the recipe that prepares a mesh for a file.
+    fn package(&mut self, mesh: Mesh, mut provenance: Provenance) -> Result<Asset> {
+        let options = self.options;
+        // Before placing, while equal corners are still equal to the bit.
+        let mesh = self
+            .report
+            .stage(self.observer, mesh, count_mesh, |mesh, details| weld(mesh, &options.weld, details))?;
+
+        // Before anything with boxes in it, whose numbers must be those of the file.
+        let placed = &mut self.placement;
+        let mesh = self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
+            let how = *placed.get_or_insert_with(|| placement(mesh, &provenance, &options.place));
+            place(mesh, &mut provenance, how, details)
+        })?;
+
+        provenance.generator = Some(generator());
+        let asset = Asset { mesh, provenance, ..Asset::default() };
+
+        // Cuts first: a hierarchy and an order are only useful inside the runs that an engine skips.
+        let asset = self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
+            chunk(asset, &options.chunk, details)
+        })?;
+        let asset = self
+            .report
+            .stage(self.observer, asset, Asset::counts, |asset, details| bvh(asset, &options.bvh, details))?;
+        // Last: it leaves the leaf order of a hierarchy alone.
+        let asset = self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
+            order(asset, &options.order, details)
+        })?;
+        debug_assert!(asset.mesh.validate().is_ok(), "{:?}", asset.mesh.validate());
+        Ok(asset)
+    }
+
+    /// Coarser copies of the scene, each painted and packaged as the scene was.
+    fn levels(&mut self, source: &LevelSource<'_>, provenance: &Provenance) -> Result<Vec<Asset>> {
+        let options = self.options;
+        let mut unread = Report::default();
+        let mut of_level = Recipe {
+            options,
+            views: self.views.as_deref_mut(),
+            report: &mut unread,
+            observer: &mut (),
+            placement: self.placement,
+        };
+        let finish = |level: Mesh| {
+            let level = of_level.paint(level)?;
+            let psnr = of_level.evaluate(&level)?;
+            Ok(FinishedLevel { asset: of_level.package(level, provenance.clone())?, psnr })
+        };
+        self.report.stage(self.observer, Vec::new(), count_levels, |levels, details| {
+            lod(levels, source, &options.lod, finish, details)
+        })
+    }
+
+    /// Mean PSNR of `mesh` on some of the photos, dB, if there are any.
+    fn evaluate(&mut self, mesh: &Mesh) -> Result<Option<f64>> {
+        let views = self.views.as_deref_mut().filter(|views| !views.is_empty());
+        views.map(|views| views.mean_psnr(mesh, &views.evenly_spaced(EVALUATION_VIEWS))).transpose()
+    }
+}
+
+fn count(scene: &Scene) -> Counts {
+    match scene {
+        Scene::Soup(soup) => Counts { triangles: soup.len() as u64, vertices: 3 * soup.len() as u64 },
+        Scene::Mesh(mesh) => count_mesh(mesh),
+    }
+}
+
+#[expect(clippy::ptr_arg, reason = "the signature that a report measures a list of levels by")]
+fn count_levels(levels: &Vec<Asset>) -> Counts {
+    let counts = levels.iter().map(Asset::counts);
+    counts.fold(Counts::default(), |a, b| Counts {
+        triangles: a.triangles + b.triangles,
+        vertices: a.vertices + b.vertices,
+    })
+}
+
+fn count_mesh(mesh: &Mesh) -> Counts {
+    Counts { triangles: mesh.face_count() as u64, vertices: mesh.vertex_count() as u64 }
+}

@@ -1,0 +1,48 @@
+//! How well colours match photos that the fit has not seen, and which colours are best.
+
+use super::fit::Fit;
+use super::options::RefitColors;
+use crate::bake::views::Views;
+use crate::error::Result;
+use crate::mesh::{Colors, Mesh};
+
+/// PSNR on held-out photos, dB.
+pub(super) struct Evaluation {
+    /// Of the colours that are there, whose trainer has usually seen these photos.
+    pub(super) before: f64,
+    /// Of one fitted colour per triangle.
+    pub(super) flat: f64,
+    /// Of three fitted colours per triangle.
+    pub(super) corner: f64,
+}
+
+impl Evaluation {
+    /// Evaluates what `fit`, which has not seen the photos `held_out`, makes of them.
+    pub(super) fn new(mesh: &mut Mesh, views: &mut Views, held_out: &[usize], fit: &Fit) -> Result<Self> {
+        Ok(Self {
+            before: views.mean_psnr(mesh, held_out)?,
+            flat: psnr_of(mesh, views, held_out, fit.colors(RefitColors::Flat))?,
+            corner: psnr_of(mesh, views, held_out, fit.colors(RefitColors::Corner))?,
+        })
+    }
+
+    pub(super) fn best(&self) -> RefitColors {
+        if self.flat > self.corner { RefitColors::Flat } else { RefitColors::Corner }
+    }
+
+    /// What the best fitted colours gain on photos that neither training nor fitting has seen, estimated. `flat_seen`
+    /// is the PSNR of flat colours on the held-out photos once they were fitted to those as well: the colours that
+    /// are there are taken to owe as much to having seen them.
+    pub(super) fn gain(&self, flat_seen: f64) -> f64 {
+        let unseen_before = self.before - (flat_seen - self.flat).max(0.0);
+        self.flat.max(self.corner) - unseen_before
+    }
+}
+
+/// PSNR of `colors` on the photos `held_out`, dB.
+pub(super) fn psnr_of(mesh: &mut Mesh, views: &mut Views, held_out: &[usize], colors: Colors) -> Result<f64> {
+    let kept = std::mem::replace(&mut mesh.colors, colors);
+    let psnr = views.mean_psnr(mesh, held_out);
+    mesh.colors = kept;
+    psnr
+}

@@ -1,0 +1,64 @@
+//! The flags of `trisplat train`.
+
+use crate::dataset::DatasetOptions;
+use crate::train::TrainOptions;
+use std::path::PathBuf;
+
+/// Files, what to leave behind, and the options of the training.
+#[derive(Debug, clap::Args)]
+pub struct TrainArgs {
+    /// Folder of posed photos (COLMAP model or transforms.json).
+    #[arg(value_name = "DATASET")]
+    pub dataset: PathBuf,
+    /// Soup to write, .ply.
+    #[arg(short, long, value_name = "OUT")]
+    pub output: PathBuf,
+    /// Replace files that are there.
+    #[arg(short, long)]
+    pub force: bool,
+    /// JSON file with training options; --set and flags win over it.
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Set any training option by its key, as in refine.every=500; may be given often.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub sets: Vec<String>,
+    /// Go on from a checkpoint, with the options it was made with.
+    #[arg(long, value_name = "FILE")]
+    pub resume: Option<PathBuf>,
+    /// Where checkpoints go; OUT with the ending .checkpoint unless given.
+    #[arg(long, value_name = "FILE")]
+    pub checkpoint: Option<PathBuf>,
+    /// Write a checkpoint every N steps; 0: only when stopped with Ctrl-C.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub checkpoint_every: u64,
+    /// Write one JSON line per sample of the curve; "-" is standard output.
+    #[arg(long, value_name = "FILE")]
+    pub log: Option<PathBuf>,
+    /// Steps between samples; 0: a hundred samples per run.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub log_every: u64,
+    /// Evaluate on the held-out photos every N steps, not counted as training; 0: only at the end.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub eval_every: u64,
+    /// Write what the run did as JSON (schema: trisplat schema report).
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// Draw PSNR and triangles over CPU seconds, as SVG.
+    #[arg(long, value_name = "FILE")]
+    pub curve: Option<PathBuf>,
+    /// Folder for pictures of the first held-out photo while training.
+    #[arg(long, value_name = "FOLDER")]
+    pub preview: Option<PathBuf>,
+    /// Seconds between preview pictures.
+    #[arg(long, value_name = "SECS", default_value_t = 10.0)]
+    pub preview_every: f64,
+    /// Stop as Ctrl-C does after this many CPU seconds; 0: never.
+    #[arg(long, value_name = "SECS", default_value_t = 0.0)]
+    pub max_cpu_secs: f64,
+    /// The photos.
+    #[command(flatten)]
+    pub dataset_options: DatasetOptions,
+    /// The training.
+    #[command(flatten)]
+    pub options: TrainOptions,
+}

@@ -1,0 +1,238 @@
+//! From the path of a data set to cameras and photos: finds its reader, then takes the steps that are the same for all of them: check the
+//! photos, plan their undistortion, shrink, split.
+
+use super::found::{Found, FoundPhoto, FoundPoint};
+use super::lens::Lens;
+use super::options::{DatasetOptions, Masks};
+use super::photo::Photo;
+use super::posed::{Dataset, Point, View};
+use super::undistort::Undistort;
+use super::{colmap, split, transforms};
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+use crate::image::Pixels;
+use crate::math::median::median;
+use glam::{DVec3, UVec2};
+use rayon::prelude::*;
+use std::path::Path;
+
+impl Dataset {
+    /// Reads a data set: a folder with a COLMAP model or a `transforms.json`, or such a file itself.
+    /// A folder with both is read as COLMAP.
+    ///
+    /// ```no_run
+    /// use trisplat::dataset::{Dataset, DatasetOptions};
+    ///
+    /// let dataset = Dataset::load("garden".as_ref(), &DatasetOptions::default())?;
+    /// println!("{}: {} photos to train on, {} held out", dataset.kind, dataset.train().count(), dataset.test().count());
+    /// # Ok::<(), trisplat::error::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// `Unsupported` for a folder without posed photos or a camera model that is not read, `Malformed` for broken files. Photos are opened
+    /// as far as their header; a missing or broken one is an error unless `skip_broken` says to go on without it.
+    pub fn load(path: &Path, options: &DatasetOptions) -> Result<Self> {
+        finish(path, find(path, options)?, options)
+    }
+}
+
+/// Reads the files at `path`, whichever kind they are.
+fn find(path: &Path, options: &DatasetOptions) -> Result<Found> {
+    let meta = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
+    if meta.is_file() {
+        if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
+            return transforms::read(path, options);
+        }
+        return Err(Error::unsupported(path, "is not a data set; give its folder or its transforms.json"));
+    }
+    if let Some(model) = colmap::locate(path) {
+        return colmap::read(path, &model, options);
+    }
+    if let Some(file) = transforms::locate(path) {
+        return transforms::read(&file, options);
+    }
+    Err(Error::unsupported(
+        path,
+        "holds no posed photos: wants a COLMAP model (sparse/0 with cameras, images and points3D as .bin or \
+         .txt) or a transforms.json; run COLMAP on the photos first",
+    ))
+}
+
+/// Makes a data set of what was found.
+fn finish(path: &Path, mut found: Found, options: &DatasetOptions) -> Result<Dataset> {
+    found.photos.sort_by(|a, b| a.name.cmp(&b.name));
+    if let Some(pair) = found.photos.windows(2).find(|pair| pair[0].name == pair[1].name) {
+        let reason = "is listed twice; remove one of the two";
+        return Err(Error::malformed(&found.list, format!("photo `{}`", pair[0].name), reason));
+    }
+    find_masks(&mut found, options);
+    let origin = far_origin(&found);
+    let views = open_views(&mut found, origin, options)?;
+    let mut dataset = Dataset {
+        path: path.to_owned(),
+        kind: found.kind,
+        views,
+        points: Vec::new(),
+        origin,
+        reprojection: found.reprojection,
+        warnings: found.warnings,
+    };
+    dataset.points = keep_points(&found.points, origin, &mut dataset.warnings);
+    split::apply(&mut dataset, &found.root, options)?;
+    Ok(dataset)
+}
+
+/// Opens every photo as far as its header and makes it a view.
+fn open_views(found: &mut Found, origin: DVec3, options: &DatasetOptions) -> Result<Vec<View>> {
+    let opened: Vec<Result<(View, Option<String>)>> =
+        found.photos.par_iter().map(|photo| open_view(photo, origin, options)).collect();
+    let total = opened.len();
+    let mut views = Vec::with_capacity(total);
+    let mut resized = Vec::new();
+    let mut broken = Vec::new();
+    for (photo, result) in found.photos.iter().zip(opened) {
+        match result {
+            Ok((view, warning)) => {
+                views.push(view);
+                resized.extend(warning);
+            }
+            Err(error @ (Error::Io { .. } | Error::Malformed { .. } | Error::Unsupported { .. })) => {
+                broken.push((photo, error));
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    let count = |n: usize| format!("{n} of {total} photos {}", if n == 1 { "is" } else { "are" });
+    let also = |n: usize| if n > 1 { format!(" (and {} more)", n - 1) } else { String::new() };
+    if let Some(first) = resized.first() {
+        found.warnings.push(format!("{first}{}", also(resized.len())));
+    }
+    if let Some((photo, error)) = broken.first() {
+        let broken = format!("{} missing or broken", count(broken.len()));
+        if !options.skip_broken {
+            let reason = format!("{error}; {broken}: repair them, or go on without with `skip_broken`");
+            return Err(Error::malformed(&found.list, format!("photo `{}`", photo.name), reason));
+        }
+        found.warnings.push(format!("{broken} and left out, first {error}"));
+    }
+    if views.is_empty() {
+        return Err(Error::unsupported(&found.list, "no photo is left; a data set wants at least one"));
+    }
+    Ok(views)
+}
+
+/// One view, and a warning when its photo has another size than its camera.
+fn open_view(found: &FoundPhoto, origin: DVec3, options: &DatasetOptions) -> Result<(View, Option<String>)> {
+    let stored = Pixels::size_of(&found.path)?;
+    let at_fault = |reason: String| Error::malformed(&found.path, "camera", reason);
+    let claimed = found.lens.resolve(stored).map_err(at_fault)?;
+    let warning = check_shape(&claimed, stored).map_err(at_fault)?;
+    let lens = claimed.resized(stored);
+    let undistort =
+        if lens.distortion.is_none() { None } else { Some(Undistort::new(&lens).map_err(at_fault)?) };
+    let pinhole = undistort.map_or(lens, |plan| plan.pinhole());
+    let size = shrunk(pinhole.size, options.max_size);
+    let pinhole = pinhole.resized(size);
+    let camera = Camera {
+        rotation: found.rotation.as_mat3(),
+        translation: (found.translation + found.rotation * origin).as_vec3(),
+        focal: pinhole.focal.as_vec2(),
+        center: pinhole.center.as_vec2(),
+        size,
+    };
+    camera.validate().map_err(|e| at_fault(e.to_string()))?;
+    let photo = Photo {
+        path: found.path.clone(),
+        mask: found.mask.clone(),
+        size,
+        stored,
+        undistort,
+        background: options.background,
+        masks: options.masks,
+    };
+    if options.skip_broken {
+        photo.decode()?;
+    }
+    let view = View { name: found.name.clone(), camera, photo, test: found.held_out };
+    Ok((view, warning.map(|w| format!("photo `{}`: {w}", found.name))))
+}
+
+/// A camera may have been calibrated on the same photos at another size, but not at another shape.
+fn check_shape(lens: &Lens, stored: UVec2) -> std::result::Result<Option<String>, String> {
+    if lens.size == stored {
+        return Ok(None);
+    }
+    let sizes = format!("the photo is {}x{}, its camera {}x{}", stored.x, stored.y, lens.size.x, lens.size.y);
+    let ratio = stored.as_dvec2() / lens.size.as_dvec2();
+    // Shrinking rounds each side to whole pixels.
+    let rounding = 1.0 / f64::from(stored.min_element()) + 0.005;
+    if (ratio.x / ratio.y - 1.0).abs() > rounding {
+        return Err(format!("{sizes}: give the photos the poses were made from, not rotated or cropped"));
+    }
+    Ok(Some(format!("{sizes}; the camera was scaled")))
+}
+
+/// The size of a photo whose longer side may be at most `max_size`.
+fn shrunk(size: UVec2, max_size: Option<u32>) -> UVec2 {
+    let longest = size.max_element();
+    match max_size {
+        Some(limit) if limit < longest => {
+            let ratio = f64::from(limit) / f64::from(longest);
+            (size.as_dvec2() * ratio).round().as_uvec2().max(UVec2::ONE)
+        }
+        _ => size,
+    }
+}
+
+/// Looks for `masks/NAME.png` and `masks/NAME.jpg.png` (COLMAP's habit) where no mask is named.
+fn find_masks(found: &mut Found, options: &DatasetOptions) {
+    if options.masks == Masks::Off {
+        found.photos.iter_mut().for_each(|photo| photo.mask = None);
+        return;
+    }
+    let folder = found.root.join("masks");
+    if !folder.is_dir() {
+        return;
+    }
+    let mut without = 0;
+    for photo in found.photos.iter_mut().filter(|photo| photo.mask.is_none()) {
+        let beside = folder.join(&photo.name);
+        let appended = folder.join(format!("{}.png", photo.name));
+        photo.mask = [beside.with_extension("png"), appended].into_iter().find(|path| path.is_file());
+        without += usize::from(photo.mask.is_none());
+    }
+    if without > 0 {
+        let total = found.photos.len();
+        found.warnings.push(format!("{without} of {total} photos have no picture in {}", folder.display()));
+    }
+}
+
+/// Zero, or the middle of the cameras when the scene is so far from the world's origin that f32 could
+/// not tell its detail apart: beyond 100 times its extent a millionth of the extent is lost.
+fn far_origin(found: &Found) -> DVec3 {
+    let centers: Vec<DVec3> =
+        found.photos.iter().map(|f| -(f.rotation.transpose() * f.translation)).collect();
+    let count = centers.len().max(1) as f64;
+    let middle = centers.iter().sum::<DVec3>() / count;
+    let mut extent = (centers.iter().map(|c| c.distance_squared(middle)).sum::<f64>() / count).sqrt();
+    let distances = found.points.iter().map(|p| p.position.distance(middle)).collect();
+    extent = extent.max(median(distances, f64::total_cmp).unwrap_or(0.0));
+    // Whole numbers, so that adding the origin back is exact in a file that stores it.
+    if middle.is_finite() && middle.length() > 100.0 * extent { middle.round() } else { DVec3::ZERO }
+}
+
+/// Points with finite positions, relative to the origin.
+fn keep_points(points: &[FoundPoint], origin: DVec3, warnings: &mut Vec<String>) -> Vec<Point> {
+    let kept: Vec<Point> = points
+        .iter()
+        .map(|p| Point { position: (p.position - origin).as_vec3(), rgb: p.rgb, error: p.error })
+        .filter(|p| p.position.is_finite())
+        .collect();
+    if kept.len() < points.len() {
+        warnings.push(format!("dropped {} points that are not finite", points.len() - kept.len()));
+    }
+    if kept.is_empty() {
+        warnings.push("no points: training starts from a random cloud in front of the cameras".into());
+    }
+    kept
+}

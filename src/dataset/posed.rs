@@ -1,0 +1,87 @@
+//! A data set in memory: posed photos of one scene and the sparse cloud of its points.
+
+use super::kind::DatasetKind;
+use super::photo::Photo;
+use crate::asset::UpAxis;
+use crate::camera::Camera;
+use glam::{DVec3, Vec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// Posed photos of one scene.
+#[derive(Debug, Clone)]
+pub struct Dataset {
+    /// The folder or file it was read from, as given.
+    pub path: PathBuf,
+    /// What it was read as.
+    pub kind: DatasetKind,
+    /// All photos, sorted by name.
+    pub views: Vec<View>,
+    /// The sparse cloud; may be empty.
+    pub points: Vec<Point>,
+    /// The world point that became (0, 0, 0) here: zero, unless the scene lies so far from the origin
+    /// that f32 would lose its detail. world = origin + position.
+    pub origin: DVec3,
+    /// How well cameras and points fit each other, where the data set says which photo shows which
+    /// point.
+    pub reprojection: Option<Reprojection>,
+    /// What was repaired, left out or is odd, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// A posed photo.
+#[derive(Debug, Clone)]
+pub struct View {
+    /// Path below the folder of photos: "0001.jpg".
+    pub name: String,
+    /// The pinhole that took it, at the size the photo is delivered in.
+    pub camera: Camera,
+    /// The photo; nothing is decoded before it is asked for.
+    pub photo: Photo,
+    /// Held out: judged on, never trained on.
+    pub test: bool,
+}
+
+/// A point of the sparse cloud.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Point {
+    /// World position less the data set's origin.
+    pub position: Vec3,
+    /// sRGB-encoded colour.
+    pub rgb: [u8; 3],
+    /// Mean reprojection error that the file states, px.
+    pub error: Option<f32>,
+}
+
+/// The distance between where points were seen and where the cameras put them, in the photos' full size.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Reprojection {
+    /// Mean over all sightings, px.
+    pub mean_px: f64,
+    /// Sightings measured.
+    pub sightings: u64,
+    /// Sightings of points behind the camera that claims to see them; not in the mean.
+    pub behind: u64,
+}
+
+impl Dataset {
+    /// The photos to train on, in order of name.
+    pub fn train(&self) -> impl Iterator<Item = &View> {
+        self.views.iter().filter(|v| !v.test)
+    }
+
+    /// The held-out photos, in order of name.
+    pub fn test(&self) -> impl Iterator<Item = &View> {
+        self.views.iter().filter(|v| v.test)
+    }
+
+    /// The world axis that usually points up in this kind of data set: -Y in COLMAP's models, which begin with an upright photo, +Z in
+    /// `transforms.json`.
+    pub fn up_axis(&self) -> UpAxis {
+        match self.kind {
+            DatasetKind::ColmapBinary | DatasetKind::ColmapText => UpAxis::NegY,
+            DatasetKind::Transforms => UpAxis::Z,
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! Faces with any number of corners, cut into triangles.
+//!
+//! A convex polygon becomes a fan around its first corner. Any other is projected onto its mean plane (Newell's normal, "Triangulating
+//! Polygons", Graphics Gems III) and its ears are clipped by the crate `earcut`, so that concave polygons of a plane keep their outline.
+
+use super::limits::{MAX_CORNERS, MAX_TRIANGLES};
+use earcut::Earcut;
+use glam::{DVec2, DVec3, Vec3};
+
+/// The sentence about a face that is no triangle, where nothing else can be.
+pub(super) fn not_a_triangle(corners: i64) -> String {
+    format!("has {corners} corners; wants triangles only: triangulate the mesh where it was made")
+}
+
+/// Whether a face may have so many corners; the sentence about it otherwise.
+pub(super) fn check_corners(corners: i64) -> Result<usize, String> {
+    match usize::try_from(corners) {
+        Ok(count @ 3..=MAX_CORNERS) => Ok(count),
+        Ok(count @ 3..) => Err(format!(
+            "has {count} corners; the most we take is {MAX_CORNERS}: triangulate the mesh where it was made"
+        )),
+        _ => Err(format!("has {corners} corners; wants 3 or more")),
+    }
+}
+
+/// The faces of a file, in its order. Polygons are cut at the end, when all vertices are known.
+#[derive(Debug, Default)]
+pub(super) struct Faces {
+    /// Three corners per triangle; a polygon is a fan so far. `[T * 3]`
+    indices: Vec<u32>,
+    /// The faces with more than three corners.
+    polygons: Vec<Polygon>,
+}
+
+#[derive(Debug)]
+struct Polygon {
+    face: usize,
+    /// Its first triangle.
+    first: usize,
+    triangles: usize,
+}
+
+/// Faces after they were cut.
+pub(super) struct Triangles {
+    /// Three corners per triangle. `[T * 3]`
+    pub(super) indices: Vec<u32>,
+    /// The faces that had more than three corners, in order, and the number of triangles each became.
+    polygons: Vec<(usize, usize)>,
+}
+
+impl Faces {
+    /// Faces that are all triangles. `[T * 3]`
+    pub(super) fn from_triangles(indices: Vec<u32>) -> Self {
+        Self { indices, polygons: Vec::new() }
+    }
+
+    /// Makes room for so many triangles.
+    pub(super) fn reserve(&mut self, triangles: usize) {
+        self.indices.reserve_exact(3 * triangles);
+    }
+
+    /// Number of faces.
+    pub(super) fn len(&self) -> usize {
+        let last = self.polygons.last().map_or(0, |p| p.first + p.triangles - (p.face + 1));
+        self.indices.len() / 3 - last
+    }
+
+    /// Adds a face. Fails, with the reason, when it has too few or too many corners, or when the file has too many triangles.
+    pub(super) fn push(&mut self, corners: &[u32]) -> Result<(), String> {
+        let count = check_corners(i64::try_from(corners.len()).unwrap_or(i64::MAX))?;
+        let first = self.indices.len() / 3;
+        if (first + count - 2) as u64 > MAX_TRIANGLES {
+            return Err(format!("more than {MAX_TRIANGLES} triangles: split the file"));
+        }
+        if count > 3 {
+            self.polygons.push(Polygon { face: self.len(), first, triangles: count - 2 });
+        }
+        self.indices.extend(corners[1..].windows(2).flat_map(|pair| [corners[0], pair[0], pair[1]]));
+        Ok(())
+    }
+
+    /// The triangles; every corner must be below `positions.len()`.
+    pub(super) fn triangulate(self, positions: &[Vec3]) -> Triangles {
+        let Self { mut indices, mut polygons } = self;
+        let mut cutter = Cutter::default();
+        let concave: Vec<(usize, Vec<u32>)> = polygons
+            .iter()
+            .enumerate()
+            .filter_map(|(i, p)| Some((i, cutter.cut(&p.corners(&indices), positions)?)))
+            .collect();
+        if !concave.is_empty() {
+            let mut cut = Vec::with_capacity(indices.len());
+            let mut copied = 0;
+            for (i, triangles) in &concave {
+                let polygon = &mut polygons[*i];
+                cut.extend_from_slice(&indices[copied..3 * polygon.first]);
+                copied = 3 * (polygon.first + polygon.triangles);
+                cut.extend_from_slice(triangles);
+                polygon.triangles = triangles.len() / 3;
+            }
+            cut.extend_from_slice(&indices[copied..]);
+            indices = cut;
+        }
+        Triangles { indices, polygons: polygons.iter().map(|p| (p.face, p.triangles)).collect() }
+    }
+}
+
+impl Polygon {
+    /// Its corners, out of the fan.
+    fn corners(&self, indices: &[u32]) -> Vec<u32> {
+        let fan = &indices[3 * self.first..3 * (self.first + self.triangles)];
+        fan[..2].iter().copied().chain(fan.chunks_exact(3).map(|triangle| triangle[2])).collect()
+    }
+}
+
+impl Triangles {
+    /// What belongs to the faces, repeated for every triangle of each. `[F]` to `[T]`
+    pub(super) fn repeat<T: Copy>(&self, of_faces: Vec<T>) -> Vec<T> {
+        if self.polygons.is_empty() {
+            return of_faces;
+        }
+        let mut out = Vec::with_capacity(self.indices.len() / 3);
+        let mut copied = 0;
+        for &(face, triangles) in &self.polygons {
+            out.extend_from_slice(&of_faces[copied..face]);
+            out.resize(out.len() + triangles, of_faces[face]);
+            copied = face + 1;
+        }
+        out.extend_from_slice(&of_faces[copied..]);
+        out
+    }
+
+    /// The corners of a mesh of so many vertices: nothing where they are 0, 1, 2, 3, ... and shared by no two triangles.
+    pub(super) fn into_indices(self, vertices: usize) -> Vec<u32> {
+        let unshared =
+            self.indices.len() == vertices && self.indices.iter().enumerate().all(|(i, v)| i == *v as usize);
+        if unshared { Vec::new() } else { self.indices }
+    }
+}
+
+/// Cuts polygons one after the other, in the same memory.
+#[derive(Default)]
+struct Cutter {
+    plane: Vec<[f64; 2]>,
+    ears: Vec<u32>,
+    earcut: Earcut<f64>,
+}
+
+impl Cutter {
+    /// The triangles of a polygon, or none when a fan is as good: it is convex, has no area, is not finite, or crosses itself beyond repair.
+    fn cut(&mut self, corners: &[u32], positions: &[Vec3]) -> Option<Vec<u32>> {
+        self.project(corners, positions)?;
+        if self.is_convex() {
+            return None;
+        }
+        self.earcut.earcut_slice(&self.plane, &[], &mut self.ears);
+        let indices: Vec<u32> = self.ears.iter().map(|&ear| corners[ear as usize]).collect();
+        (!indices.is_empty()).then_some(indices)
+    }
+
+    /// Lays the corners into their mean plane, counter-clockwise, in units of their extent; none without such a plane.
+    fn project(&mut self, corners: &[u32], positions: &[Vec3]) -> Option<()> {
+        let points = corners.iter().map(|&v| positions[v as usize].as_dvec3());
+        let first = points.clone().next()?;
+        let extent = points.clone().map(|p| (p - first).abs().max_element()).fold(0.0, f64::max);
+        let points = points.map(|p| (p - first) / extent);
+        let next = points.clone().skip(1).chain([DVec3::ZERO]);
+        let normal = points.clone().zip(next).map(|(a, b)| a.cross(b)).sum::<DVec3>().try_normalize()?;
+        let (right, up) = normal.any_orthonormal_pair();
+        self.plane.clear();
+        self.plane.extend(points.map(|p| [right.dot(p), up.dot(p)]));
+        Some(())
+    }
+
+    /// True when no corner turns clockwise, but for rounding, and the outline goes around once.
+    fn is_convex(&self) -> bool {
+        let at = |i: usize| DVec2::from(self.plane[i % self.plane.len()]);
+        let edges = (0..self.plane.len()).map(|i| at(i + 1) - at(i)).filter(|e| *e != DVec2::ZERO);
+        let edges: Vec<DVec2> = edges.collect();
+        let turns = || edges.iter().zip(edges.iter().cycle().skip(1));
+        let around: f64 = turns().map(|(a, b)| a.angle_to(*b)).sum();
+        turns().all(|(a, b)| a.perp_dot(*b) > -1e-6) && around < 1.5 * std::f64::consts::TAU
+    }
+}

@@ -1,0 +1,163 @@
+//! The bytes behind buffers: the binary chunk, files beside the document, data URIs.
+//!
+//! A binary chunk is never held in memory: elements are read from the file into their final place.
+
+use super::container::{ContainerFile, GlbChunk};
+use super::limits::{FREE_UNPACKED_BYTES, MAX_UNPACK_RATIO};
+use super::uri;
+use crate::error::{Error, Result};
+use crate::formats::Source;
+use gltf_json::Buffer;
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+/// Every buffer of a document, opened on first use.
+pub(crate) struct Buffers<'a> {
+    path: PathBuf,
+    /// The glTF file itself.
+    file: File,
+    bin: Option<GlbChunk>,
+    declared: &'a [Buffer],
+    opened: Vec<Option<OpenBuffer>>,
+    /// Bytes that may still be unpacked.
+    budget: u64,
+}
+
+/// Where the bytes of a buffer are.
+enum OpenBuffer {
+    /// A part of the glTF file.
+    Chunk { start: u64 },
+    /// A file beside it.
+    Beside(File),
+    /// In the document.
+    Inline(Vec<u8>),
+}
+
+impl<'a> Buffers<'a> {
+    pub(crate) fn new(source: Source, container: &ContainerFile, declared: &'a [Buffer]) -> Self {
+        Self {
+            budget: FREE_UNPACKED_BYTES + MAX_UNPACK_RATIO * source.len,
+            path: source.path,
+            file: source.file,
+            bin: container.bin(),
+            declared,
+            opened: (0..declared.len()).map(|_| None).collect(),
+        }
+    }
+
+    /// The file the buffers belong to, for messages.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Length that the document gives a buffer.
+    pub(crate) fn length(&self, buffer: usize) -> Result<u64> {
+        match self.declared.get(buffer) {
+            Some(buffer) => Ok(buffer.byte_length.0),
+            None => Err(Error::malformed(
+                &self.path,
+                format!("buffer {buffer}"),
+                format!("is not there: the file has {}", self.declared.len()),
+            )),
+        }
+    }
+
+    /// Takes `bytes` from what the file may unpack to.
+    pub(crate) fn spend(&mut self, bytes: u64) -> Result<()> {
+        match self.budget.checked_sub(bytes) {
+            Some(rest) => {
+                self.budget = rest;
+                Ok(())
+            }
+            None => Err(Error::unsupported(
+                &self.path,
+                format!(
+                    "unpacks to more than {MAX_UNPACK_RATIO} times its size, which no valid file does; \
+                     if it shows one mesh many times, bake that mesh alone"
+                ),
+            )),
+        }
+    }
+
+    /// Fills `bytes` from `offset` of a buffer; both must lie within it.
+    pub(crate) fn read(&mut self, buffer: usize, offset: u64, bytes: &mut [u8]) -> Result<()> {
+        let length = self.length(buffer)?;
+        let end = offset.checked_add(bytes.len() as u64).filter(|end| *end <= length);
+        if end.is_none() {
+            return Err(Error::malformed(
+                &self.path,
+                format!("buffer {buffer}"),
+                format!("has {length} bytes, but {} are wanted from byte {offset}", bytes.len()),
+            ));
+        }
+        self.open(buffer)?;
+        let (file, start) = match &mut self.opened[buffer] {
+            Some(OpenBuffer::Chunk { start }) => (&mut self.file, *start),
+            Some(OpenBuffer::Beside(file)) => (file, 0),
+            Some(OpenBuffer::Inline(inline)) => {
+                bytes.copy_from_slice(&inline[offset as usize..offset as usize + bytes.len()]);
+                return Ok(());
+            }
+            None => return Ok(()),
+        };
+        let read = file.seek(SeekFrom::Start(start + offset)).and_then(|_| file.read_exact(bytes));
+        read.map_err(|e| Error::io(&self.path, e))
+    }
+
+    /// Opens a buffer; every byte of the length it is given is there.
+    pub(crate) fn open(&mut self, buffer: usize) -> Result<()> {
+        self.length(buffer)?;
+        if self.opened[buffer].is_none() {
+            self.opened[buffer] = Some(self.find(buffer)?);
+        }
+        Ok(())
+    }
+
+    fn find(&self, buffer: usize) -> Result<OpenBuffer> {
+        let wanted = self.length(buffer)?;
+        let place = format!("buffer {buffer}");
+        let (opened, has) = match &self.declared[buffer].uri {
+            None => {
+                let bin = self.bin.filter(|_| buffer == 0).ok_or_else(|| {
+                    Error::malformed(&self.path, &place, "has no uri and is not the binary chunk")
+                })?;
+                (OpenBuffer::Chunk { start: bin.start }, bin.length)
+            }
+            Some(uri) if uri::is_data(uri) => {
+                let inline = uri::data(uri).map_err(|reason| Error::malformed(&self.path, &place, reason))?;
+                let has = inline.len() as u64;
+                (OpenBuffer::Inline(inline), has)
+            }
+            Some(uri) => self.open_beside(uri, &place)?,
+        };
+        if has < wanted {
+            return Err(Error::malformed(
+                &self.path,
+                place,
+                format!("promises {wanted} bytes, but only {has} are there: truncated?"),
+            ));
+        }
+        Ok(opened)
+    }
+
+    fn open_beside(&self, uri: &str, place: &str) -> Result<(OpenBuffer, u64)> {
+        let refuse = |why: &str| Err(Error::unsupported(&self.path, format!("{place} is at {uri:?}, {why}")));
+        if self.path.as_os_str() == "-" {
+            return refuse("which standard input cannot reach; give the file by name, or a .glb");
+        }
+        let name = uri::unescaped(uri);
+        let outside = uri.contains(':') || uri.starts_with("//") || Path::new(&name).is_absolute();
+        if outside || name.contains('\0') {
+            return refuse("which is not beside it; download it and name it by a relative path");
+        }
+        let path = self.path.parent().unwrap_or(Path::new("")).join(name);
+        // A pipe would wait for ever, a device has no end.
+        let meta = std::fs::metadata(&path).map_err(|e| Error::io(&path, e))?;
+        if !meta.is_file() {
+            return refuse("which is not a file");
+        }
+        let file = File::open(&path).map_err(|e| Error::io(&path, e))?;
+        Ok((OpenBuffer::Beside(file), meta.len()))
+    }
+}

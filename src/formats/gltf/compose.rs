@@ -1,0 +1,243 @@
+//! The JSON document of a scene, composed of `gltf-json`'s types.
+
+use super::container::stream_offsets;
+use super::content::Content;
+use super::extensions::{CompressedView, CompressionMode, FallbackBuffer, MESHOPT, QUANTIZATION, UNLIT};
+use super::extras::SceneExtras;
+use super::options::{ColorEncoding, GltfOptions, PositionEncoding};
+use super::part::{ScenePart, Stream, all_streams};
+use super::uri;
+use gltf_json::accessor::{ComponentType, GenericComponentType, Type};
+use gltf_json::buffer::{Stride, Target, View};
+use gltf_json::extensions::material::Unlit;
+use gltf_json::material::{PbrMetallicRoughness, StrengthFactor};
+use gltf_json::mesh::{Mode, Primitive, Semantic};
+use gltf_json::validation::Checked::Valid;
+use gltf_json::validation::USize64;
+use gltf_json::{Accessor, Asset, Buffer, Index, Material, Mesh, Node, Root, Scene, Value, extensions};
+use serde::Serialize;
+use serde_json::value::{RawValue, to_raw_value};
+use serde_json::{Map, Result};
+
+/// The text of the document for `content`: compact in a GLB, indented beside a buffer of the name `bin_name`.
+pub(super) fn json(content: &Content, bin_name: Option<&str>) -> Result<Vec<u8>> {
+    let root = root(content, bin_name)?;
+    if bin_name.is_some() { root.to_vec_pretty() } else { root.to_vec() }
+}
+
+fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
+    let Content { options, parts, .. } = content;
+    let quantised = options.positions == PositionEncoding::ChunkU16;
+    let needed = [(quantised, QUANTIZATION), (options.meshopt, MESHOPT)];
+    let required = needed.into_iter().filter(|(used, _)| *used).map(|(_, name)| name.to_owned());
+    let required: Vec<String> = required.collect();
+    let (buffer_views, buffers) = buffers(content, bin_name)?;
+    let mut accessors = Vec::with_capacity(buffer_views.len());
+    let meshes = parts.iter().map(|part| mesh(part, options, &mut accessors)).collect::<Result<_>>()?;
+    Ok(Root {
+        asset: Asset {
+            generator: Some(crate::report::generator()),
+            extras: Some(extras(content, bin_name.is_some())?),
+            ..Asset::default()
+        },
+        extensions_used: std::iter::once(UNLIT.to_owned()).chain(required.iter().cloned()).collect(),
+        extensions_required: required,
+        scene: Some(index(0)),
+        scenes: vec![Scene {
+            extensions: None,
+            extras: None,
+            name: None,
+            nodes: (0..parts.len()).map(index).collect(),
+        }],
+        nodes: parts.iter().enumerate().map(|(i, part)| node(i, part)).collect(),
+        meshes,
+        materials: vec![material(&options.material_name)],
+        accessors,
+        buffer_views,
+        buffers,
+        ..Root::default()
+    })
+}
+
+/// glTF counts in 32 bits, and so do the faces of a mesh.
+fn index<T>(number: usize) -> Index<T> {
+    Index::new(number as u32)
+}
+
+fn extras(content: &Content, pretty: bool) -> Result<Box<RawValue>> {
+    let Content { asset, options, .. } = content;
+    let extras = SceneExtras {
+        provenance: &asset.provenance,
+        color_encoding: options.colors,
+        position_encoding: options.positions,
+        note: (!options.colors.is_linear())
+            .then_some("COLOR_0 is sRGB-encoded, not linear as glTF 2.0 wants: for Godot only"),
+    };
+    if !pretty {
+        return to_raw_value(&extras);
+    }
+    // Text that is there already is not indented again; it is two levels deep.
+    RawValue::from_string(serde_json::to_string_pretty(&extras)?.replace('\n', "\n    "))
+}
+
+fn material(name: &str) -> Material {
+    Material {
+        name: Some(name.to_owned()),
+        double_sided: true,
+        // For viewers that do not know unlit: as matt as can be.
+        pbr_metallic_roughness: PbrMetallicRoughness {
+            metallic_factor: StrengthFactor(0.0),
+            roughness_factor: StrengthFactor(1.0),
+            ..PbrMetallicRoughness::default()
+        },
+        extensions: Some(extensions::material::Material {
+            unlit: Some(Unlit {}),
+            ..extensions::material::Material::default()
+        }),
+        ..Material::default()
+    }
+}
+
+fn node(mesh: usize, part: &ScenePart) -> Node {
+    Node {
+        name: Some(part.name.clone()),
+        mesh: Some(index(mesh)),
+        translation: part.grid.map(|grid| grid.origin.to_array()),
+        scale: part.grid.map(|grid| grid.scale.to_array()),
+        ..Node::default()
+    }
+}
+
+/// The mesh of a part; its accessors are appended, one per buffer view.
+fn mesh(part: &ScenePart, options: &GltfOptions, accessors: &mut Vec<Accessor>) -> Result<Mesh> {
+    let mut primitive = Primitive {
+        attributes: Default::default(),
+        extensions: None,
+        extras: None,
+        indices: None,
+        material: Some(index(0)),
+        mode: Valid(Mode::Triangles),
+        targets: None,
+    };
+    for stream in part.streams() {
+        let number = index(accessors.len());
+        match stream {
+            Stream::Positions => {
+                primitive.attributes.insert(Valid(Semantic::Positions), number);
+            }
+            Stream::Colors => {
+                primitive.attributes.insert(Valid(Semantic::Colors(0)), number);
+            }
+            Stream::Indices => primitive.indices = Some(number),
+        }
+        accessors.push(accessor(accessors.len(), part, stream, options)?);
+    }
+    let name = Some(part.name.clone());
+    Ok(Mesh { extensions: None, extras: None, name, primitives: vec![primitive], weights: None })
+}
+
+fn accessor(view: usize, part: &ScenePart, stream: Stream, options: &GltfOptions) -> Result<Accessor> {
+    let (component_type, shape) = match (stream, options.colors) {
+        (Stream::Positions, _) if part.grid.is_some() => (ComponentType::U16, Type::Vec3),
+        (Stream::Positions, _) => (ComponentType::F32, Type::Vec3),
+        (Stream::Colors, ColorEncoding::U16Linear) => (ComponentType::U16, Type::Vec4),
+        (Stream::Colors, ColorEncoding::U8Linear | ColorEncoding::U8Srgb) => (ComponentType::U8, Type::Vec4),
+        (Stream::Colors, ColorEncoding::F32Linear | ColorEncoding::F32Srgb) => {
+            (ComponentType::F32, Type::Vec4)
+        }
+        (Stream::Indices, _) if part.has_short_indices() => (ComponentType::U16, Type::Scalar),
+        (Stream::Indices, _) => (ComponentType::U32, Type::Scalar),
+    };
+    let bound = |corner: glam::Vec3| match part.grid {
+        Some(grid) => serde_json::to_value(grid.code(corner).to_array()),
+        None => corner.to_array().into_iter().map(shortest).collect(),
+    };
+    let bounds = (stream == Stream::Positions).then_some(part.bounds);
+    Ok(Accessor {
+        buffer_view: Some(index(view)),
+        byte_offset: None,
+        count: USize64::from(part.count(stream)),
+        component_type: Valid(GenericComponentType(component_type)),
+        extensions: None,
+        extras: None,
+        type_: Valid(shape),
+        min: bounds.map(|b| bound(b.min)).transpose()?,
+        max: bounds.map(|b| bound(b.max)).transpose()?,
+        name: None,
+        normalized: stream == Stream::Colors && component_type != ComponentType::F32,
+        sparse: None,
+    })
+}
+
+/// A number that prints as the shortest text that reads back as the same f32. JSON numbers are 64 bits wide:
+/// 0.1 itself would print as 0.10000000149011612.
+fn shortest(x: f32) -> Result<Value> {
+    serde_json::from_str(&serde_json::to_string(&x)?)
+}
+
+/// The views, one per stream, and the buffers: the file's own and, when compressed, the one that exists
+/// only once it is decoded.
+fn buffers(content: &Content, bin_name: Option<&str>) -> Result<(Vec<View>, Vec<Buffer>)> {
+    let Content { options, parts, .. } = content;
+    let (starts, decoded_bytes) =
+        stream_offsets(all_streams(parts).map(|(part, stream)| part.bytes(stream, options)));
+    let mut views = Vec::with_capacity(starts.len());
+    for (i, (part, stream)) in all_streams(parts).enumerate() {
+        let strided = stream == Stream::Positions && part.grid.is_some();
+        views.push(View {
+            buffer: index(usize::from(content.compressed.is_some())),
+            byte_length: USize64(part.bytes(stream, options)),
+            byte_offset: Some(USize64(starts[i])),
+            byte_stride: strided.then(|| Stride(part.stride(stream, options) as usize)),
+            name: None,
+            target: Some(Valid(match stream {
+                Stream::Positions | Stream::Colors => Target::ArrayBuffer,
+                Stream::Indices => Target::ElementArrayBuffer,
+            })),
+            extensions: compressed_view(content, i, part, stream)?,
+            extras: None,
+        });
+    }
+    let buffer = |bytes: u64| Buffer {
+        byte_length: USize64(bytes),
+        name: None,
+        uri: None,
+        extensions: None,
+        extras: None,
+    };
+    let mut buffers = vec![Buffer { uri: bin_name.map(uri::from_file_name), ..buffer(content.bin_bytes) }];
+    if options.meshopt {
+        let others = meshopt(&FallbackBuffer { fallback: true })?;
+        let extensions = Some(extensions::buffer::Buffer { others });
+        buffers.push(Buffer { extensions, ..buffer(decoded_bytes) });
+    }
+    Ok((views, buffers))
+}
+
+/// Where the compressed bytes of stream number `i` are.
+fn compressed_view(
+    content: &Content,
+    i: usize,
+    part: &ScenePart,
+    stream: Stream,
+) -> Result<Option<extensions::buffer::View>> {
+    let Some(streams) = &content.compressed else { return Ok(None) };
+    let mode = match stream {
+        Stream::Positions | Stream::Colors => CompressionMode::Attributes,
+        Stream::Indices => CompressionMode::Triangles,
+    };
+    let others = meshopt(&CompressedView {
+        buffer: 0,
+        byte_offset: content.starts[i],
+        byte_length: streams[i].len() as u64,
+        byte_stride: part.stride(stream, content.options),
+        count: part.count(stream) as u64,
+        mode: mode.name().to_owned(),
+        filter: None,
+    })?;
+    Ok(Some(extensions::buffer::View { others }))
+}
+
+fn meshopt(object: &impl Serialize) -> Result<Map<String, Value>> {
+    Ok(std::iter::once((MESHOPT.to_owned(), serde_json::to_value(object)?)).collect())
+}

@@ -1,0 +1,60 @@
+//! What goes where in the binary buffer: the streams of all parts, compressed or not.
+
+use super::container::{stream_offsets, write_padding};
+use super::encode;
+use super::meshopt;
+use super::options::GltfOptions;
+use super::part::{ScenePart, all_streams, parts};
+use crate::asset::Asset;
+use crate::error::{Error, Result};
+use std::io::{self, Write};
+use std::path::Path;
+
+/// Everything a file holds but the bytes themselves.
+pub(super) struct Content<'a> {
+    pub(super) asset: &'a Asset,
+    pub(super) options: &'a GltfOptions,
+    pub(super) parts: Vec<ScenePart<'a>>,
+    /// Compressed streams in file order, when compressing.
+    pub(super) compressed: Option<Vec<Vec<u8>>>,
+    /// Where each stream starts in the file's buffer, in file order.
+    pub(super) starts: Vec<u64>,
+    pub(super) bin_bytes: u64,
+}
+
+impl<'a> Content<'a> {
+    pub(super) fn new(path: &Path, asset: &'a Asset, options: &'a GltfOptions) -> Result<Self> {
+        let parts = parts(path, asset, options)?;
+        let compressed = if options.meshopt {
+            Some(meshopt::compress(&asset.mesh, &parts, options).map_err(|e| Error::unsupported(path, e))?)
+        } else {
+            None
+        };
+        let (starts, bin_bytes) = match &compressed {
+            Some(streams) => stream_offsets(streams.iter().map(|s| s.len() as u64)),
+            None => stream_offsets(all_streams(&parts).map(|(part, stream)| part.bytes(stream, options))),
+        };
+        Ok(Self { asset, options, parts, compressed, starts, bin_bytes })
+    }
+
+    /// Streams the binary buffer, padding between the streams included.
+    pub(super) fn write_bin(&self, out: &mut dyn Write) -> io::Result<()> {
+        let mut at = 0;
+        let mut scratch = Vec::new();
+        for (i, (part, stream)) in all_streams(&self.parts).enumerate() {
+            write_padding(out, at)?;
+            at = self.starts[i];
+            at += match &self.compressed {
+                Some(streams) => {
+                    out.write_all(&streams[i])?;
+                    streams[i].len() as u64
+                }
+                None => {
+                    encode::write(out, &self.asset.mesh, part, stream, self.options, &mut scratch)?;
+                    part.bytes(stream, self.options)
+                }
+            };
+        }
+        Ok(())
+    }
+}

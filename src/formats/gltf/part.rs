@@ -1,0 +1,259 @@
+//! Chunks of a scene as they are written: vertices, bounds, grid and streams of each.
+
+use super::grid::{PositionGrid, QuantizationLoss};
+use super::limits::MAX_SHORT_VERTICES;
+use super::options::{GltfOptions, PositionEncoding};
+use crate::asset::{Asset, Chunk};
+use crate::error::{Error, Result};
+use crate::mesh::{Colors, Mesh};
+use glam::Vec3;
+use rayon::prelude::*;
+use std::borrow::Cow;
+use std::ops::Range;
+use std::path::Path;
+
+/// A chunk of faces with its own vertices: one glTF mesh and node.
+#[derive(Debug)]
+pub(super) struct ScenePart<'a> {
+    pub(super) name: String,
+    pub(super) faces: Range<usize>,
+    pub(super) vertices: PartVertices<'a>,
+    /// True when faces share vertices and an index stream is written.
+    pub(super) indexed: bool,
+    pub(super) bounds: PartBounds,
+    /// The grid of 16-bit positions; none when positions are floats.
+    pub(super) grid: Option<PositionGrid>,
+    pub(super) loss: QuantizationLoss,
+}
+
+/// Which of the mesh's vertices a part holds, in order.
+#[derive(Debug)]
+pub(super) enum PartVertices<'a> {
+    /// Consecutive ones.
+    Run(Range<usize>),
+    /// Those of these numbers.
+    Picked(Cow<'a, [u32]>),
+}
+
+/// The smallest box around some vertices.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct PartBounds {
+    pub(super) min: Vec3,
+    pub(super) max: Vec3,
+}
+
+/// One array of a part, in its own buffer view.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Stream {
+    Positions,
+    Colors,
+    Indices,
+}
+
+impl ScenePart<'_> {
+    /// Number of vertices written.
+    pub(super) fn vertex_count(&self) -> usize {
+        match &self.vertices {
+            PartVertices::Run(run) => run.len(),
+            PartVertices::Picked(ids) => ids.len(),
+        }
+    }
+
+    /// The arrays it writes, in file order.
+    pub(super) fn streams(&self) -> impl Iterator<Item = Stream> + use<> {
+        let indices = self.indexed.then_some(Stream::Indices);
+        [Stream::Positions, Stream::Colors].into_iter().chain(indices)
+    }
+
+    /// Number of elements of a stream.
+    pub(super) fn count(&self, stream: Stream) -> usize {
+        match stream {
+            Stream::Positions | Stream::Colors => self.vertex_count(),
+            Stream::Indices => 3 * self.faces.len(),
+        }
+    }
+
+    /// Bytes of an element of a stream.
+    pub(super) fn stride(&self, stream: Stream, options: &GltfOptions) -> u64 {
+        match stream {
+            Stream::Positions => options.positions.bytes(),
+            Stream::Colors => options.colors.bytes(),
+            Stream::Indices if self.has_short_indices() => 2,
+            Stream::Indices => 4,
+        }
+    }
+
+    /// Bytes of a stream before compression.
+    pub(super) fn bytes(&self, stream: Stream, options: &GltfOptions) -> u64 {
+        self.count(stream) as u64 * self.stride(stream, options)
+    }
+
+    /// True when 16 bits hold every index.
+    pub(super) fn has_short_indices(&self) -> bool {
+        self.vertex_count() as u64 <= MAX_SHORT_VERTICES
+    }
+
+    /// Number of a vertex of the mesh within this part.
+    pub(super) fn local(&self, vertex: u32) -> usize {
+        match &self.vertices {
+            PartVertices::Run(run) => vertex as usize - run.start,
+            PartVertices::Picked(ids) => ids.partition_point(|&id| id < vertex),
+        }
+    }
+}
+
+impl PartBounds {
+    const EMPTY: PartBounds = PartBounds { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+
+    /// PartBounds of `points`; not finite when any of them is not.
+    fn of(points: impl Iterator<Item = Vec3>) -> Self {
+        points.fold(Self::EMPTY, |b, p| {
+            let p = if p.is_finite() { p } else { Vec3::INFINITY };
+            b.and(Self { min: p, max: p })
+        })
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+}
+
+/// Cuts an asset into parts; faces that share vertices but not colours get vertices of their own,
+/// because glTF cannot draw a flat colour otherwise.
+pub(super) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) -> Result<Vec<ScenePart<'a>>> {
+    let mesh = &asset.mesh;
+    mesh.validate_shape()?;
+    if mesh.face_count() == 0 {
+        return Err(Error::unsupported(
+            path,
+            "there is no triangle to write, and a glTF mesh may not be empty; \
+             give a scene with triangles or loosen the prune options",
+        ));
+    }
+    let ranges = face_ranges(&asset.chunks, mesh.face_count())?;
+    let single = ranges.len() == 1;
+    ranges
+        .into_par_iter()
+        .enumerate()
+        .map(|(i, faces)| {
+            let name = if single { "scene".to_owned() } else { format!("chunk_{i:04}") };
+            part(name, mesh, faces, options)
+        })
+        // Of several errors always the first, whichever thread is faster.
+        .collect::<Vec<_>>()
+        .into_iter()
+        .collect()
+}
+
+fn part<'a>(
+    name: String,
+    mesh: &'a Mesh,
+    faces: Range<usize>,
+    options: &GltfOptions,
+) -> Result<ScenePart<'a>> {
+    let corners = 3 * faces.start..3 * faces.end;
+    let indexed = !mesh.indices.is_empty() && matches!(mesh.colors, Colors::Vertex(_));
+    let vertices = if mesh.indices.is_empty() {
+        PartVertices::Run(corners)
+    } else if indexed {
+        used(&mesh.indices[corners])
+    } else {
+        PartVertices::Picked(Cow::Borrowed(&mesh.indices[corners]))
+    };
+    let bounds = bounds(mesh, &vertices);
+    if !bounds.min.is_finite() || !bounds.max.is_finite() {
+        return Err(Error::invalid(
+            format!("position of a vertex in {name}"),
+            "not finite",
+            "finite numbers",
+        ));
+    }
+    let mut part =
+        ScenePart { name, faces, vertices, indexed, bounds, grid: None, loss: QuantizationLoss::default() };
+    if options.positions == PositionEncoding::ChunkU16 {
+        quantise(&mut part, mesh)?;
+    }
+    Ok(part)
+}
+
+fn quantise(part: &mut ScenePart, mesh: &Mesh) -> Result<()> {
+    let extent = part.bounds.max - part.bounds.min;
+    if !extent.is_finite() {
+        return Err(Error::invalid(
+            format!("extent of {}", part.name),
+            extent,
+            "a box that f32 can measure; crop the scene or write f32 positions",
+        ));
+    }
+    let grid = PositionGrid::new(part.bounds.min, part.bounds.max);
+    const BLOCK: usize = 1 << 14;
+    part.loss = part
+        .faces
+        .clone()
+        .into_par_iter()
+        .with_min_len(BLOCK)
+        .fold(QuantizationLoss::default, |loss, face| {
+            loss.and(grid.loss(std::iter::once(mesh.corners(face))))
+        })
+        .reduce(QuantizationLoss::default, QuantizationLoss::and);
+    part.grid = Some(grid);
+    Ok(())
+}
+
+/// The vertices that some faces use, each once, in the order of the mesh.
+fn used<'a>(indices: &[u32]) -> PartVertices<'a> {
+    let mut ids = indices.to_vec();
+    ids.sort_unstable();
+    ids.dedup();
+    let whole_run = match (ids.first(), ids.last()) {
+        (Some(&first), Some(&last)) if (last - first) as usize + 1 == ids.len() => Some(first..last + 1),
+        _ => None,
+    };
+    match whole_run {
+        Some(run) => PartVertices::Run(run.start as usize..run.end as usize),
+        None => PartVertices::Picked(Cow::Owned(ids)),
+    }
+}
+
+fn bounds(mesh: &Mesh, vertices: &PartVertices) -> PartBounds {
+    const BLOCK: usize = 1 << 16;
+    let bounds = match vertices {
+        PartVertices::Run(run) => mesh.positions[run.clone()]
+            .par_chunks(BLOCK)
+            .map(|block| PartBounds::of(block.iter().copied()))
+            .reduce(|| PartBounds::EMPTY, PartBounds::and),
+        PartVertices::Picked(ids) => ids
+            .par_chunks(BLOCK)
+            .map(|block| PartBounds::of(block.iter().map(|&id| mesh.positions[id as usize])))
+            .reduce(|| PartBounds::EMPTY, PartBounds::and),
+    };
+    // -0.0 and 0.0 are equal, so which of them is the minimum depends on the order: adding zero makes
+    // both 0.0 and the file the same for any number of threads.
+    PartBounds { min: bounds.min + Vec3::ZERO, max: bounds.max + Vec3::ZERO }
+}
+
+/// The faces of each chunk that has any; the chunks must hold every face once and in order.
+fn face_ranges(chunks: &[Chunk], faces: usize) -> Result<Vec<Range<usize>>> {
+    if chunks.is_empty() {
+        return Ok(std::iter::once(0..faces).collect());
+    }
+    let mut next = 0;
+    for (i, chunk) in chunks.iter().enumerate() {
+        if chunk.first as usize != next {
+            return Err(Error::invalid(format!("first face of chunk {i}"), chunk.first, next.to_string()));
+        }
+        next += chunk.count as usize;
+    }
+    if next != faces {
+        return Err(Error::invalid("faces in all chunks", next, faces.to_string()));
+    }
+    let range = |c: &Chunk| c.first as usize..c.first as usize + c.count as usize;
+    Ok(chunks.iter().filter(|c| c.count > 0).map(range).collect())
+}
+
+/// Every stream of every part, in file order.
+pub(super) fn all_streams<'a, 'b>(
+    parts: &'b [ScenePart<'a>],
+) -> impl Iterator<Item = (&'b ScenePart<'a>, Stream)> {
+    parts.iter().flat_map(|part| part.streams().map(move |stream| (part, stream)))
+}

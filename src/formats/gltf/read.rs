@@ -1,0 +1,76 @@
+//! Reads a file: the triangles of its default scene as one mesh.
+//!
+//! The document is taken as hostile: every number is checked where it is followed, nothing is allocated
+//! before the bytes behind it are known to be there, and no file unpacks to more than 1024 times its size.
+
+use super::accessor::Accessors;
+use super::buffers::Buffers;
+use super::container::ContainerFile;
+use super::document::{self, Document};
+use super::extensions::{INSTANCING, is_readable};
+use super::extras;
+use super::merge::MergedMesh;
+use super::nodes;
+use crate::error::{Error, Result};
+use crate::formats::{ReadOptions, Source, finish};
+use crate::scene::{Loaded, Scene};
+use std::path::Path;
+
+/// The triangles of the default scene as one mesh: all nodes placed, all primitives merged, colours
+/// linear.
+///
+/// Colours are one per face when no faces share vertices and each has one colour, so that our own files
+/// come back as they were.
+///
+/// # Errors
+/// `Malformed` for broken containers, JSON and accessors; `Unsupported` for glTF 1.0, Draco, unknown
+/// required extensions and scenes without triangles.
+pub fn read(mut source: Source, _options: &ReadOptions) -> Result<Loaded> {
+    let path = source.path.clone();
+    let container = ContainerFile::read(&mut source)?;
+    let document: Document = document::parse(&path, &container.json)?;
+    check_support(&path, &document)?;
+    let instances = nodes::instances(&path, &document)?;
+    let buffers = Buffers::new(source, &container, &document.buffers);
+    drop(container);
+    let srgb = extras::has_srgb_colors(&document.asset);
+    let mut merged = MergedMesh::new(&document, Accessors::new(&document, buffers), srgb);
+    for node in &document.nodes {
+        if node.skin.is_some() {
+            merged.warn("skins are not applied");
+        }
+        if node.extensions.contains_key(INSTANCING) {
+            merged.warn(format!("{INSTANCING} is not read: its meshes are drawn once"));
+        }
+    }
+    merged.reserve(&instances)?;
+    for instance in &instances {
+        merged.add(instance)?;
+    }
+    let (mesh, warnings) = merged.finish()?;
+    finish(
+        &path,
+        Loaded {
+            scene: Scene::Mesh(mesh),
+            provenance: extras::provenance(&document.asset),
+            warnings,
+            cameras: Vec::new(),
+        },
+    )
+}
+
+fn check_support(path: &Path, document: &Document) -> Result<()> {
+    if !document.asset.version.starts_with("2.") {
+        return Err(Error::unsupported(
+            path,
+            format!("is glTF {:?}; convert it to glTF 2.0", document.asset.version),
+        ));
+    }
+    let unknown = document.extensions_required.iter().find(|name| !is_readable(name));
+    match unknown {
+        Some(name) => {
+            Err(Error::unsupported(path, format!("requires the extension {name}; export it again without")))
+        }
+        None => Ok(()),
+    }
+}

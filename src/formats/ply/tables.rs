@@ -1,0 +1,70 @@
+//! Which elements of a PLY are read, and where their rows are.
+
+use super::header::{Element, Header};
+use super::table::Table;
+use super::views;
+use super::wanted::Wanted;
+use crate::error::{Error, Result};
+use crate::formats::limits::MAX_TRIANGLES;
+use crate::formats::source::Source;
+
+/// The two elements every kind of triangle PLY has, and the cameras that a soup may come with.
+pub(super) struct Tables<'a> {
+    pub(super) vertices: Table<'a>,
+    pub(super) faces: Table<'a>,
+    pub(super) views: Option<Table<'a>>,
+}
+
+/// Finds the rows of `vertex`, `face` and `view`, checking that the file is as long as they need. `faces` says what may be a face.
+pub(super) fn locate<'a>(source: &'a Source, header: &'a Header, faces: Wanted) -> Result<Tables<'a>> {
+    if let Some(face) = header.element("face").filter(|face| face.rows > MAX_TRIANGLES) {
+        let reason =
+            format!("promises {} triangles; the most we take is {MAX_TRIANGLES}: split it", face.rows);
+        return Err(Error::unsupported(&source.path, reason));
+    }
+    let cameras = views::element(header);
+    let wanted = |element: &Element| match element.name.as_str() {
+        "vertex" => Wanted::Triangles,
+        "face" => faces,
+        _ if cameras == Some(element) => Wanted::Triangles,
+        _ => Wanted::Nothing,
+    };
+    let missing = |name: &str| Error::malformed(&source.path, "header", format!("has no element {name}"));
+    let [vertices, faces, views] = open(source, header, wanted, ["vertex", "face", views::NAME])?;
+    Ok(Tables {
+        vertices: vertices.ok_or_else(|| missing("vertex"))?,
+        faces: faces.ok_or_else(|| missing("face"))?,
+        views,
+    })
+}
+
+/// The rows of `vertex` alone: a cloud of points.
+pub(crate) fn points<'a>(source: &'a Source, header: &'a Header) -> Result<Table<'a>> {
+    let wanted =
+        |element: &Element| if element.name == "vertex" { Wanted::Triangles } else { Wanted::Nothing };
+    let [vertices] = open(source, header, wanted, ["vertex"])?;
+    vertices.ok_or_else(|| Error::malformed(&source.path, "header", "has no element vertex"))
+}
+
+/// Walks the elements of a file up to the last that is wanted; those of `names`, where they are there.
+fn open<'a, const N: usize>(
+    source: &'a Source,
+    header: &'a Header,
+    wanted: impl Fn(&Element) -> Wanted,
+    names: [&str; N],
+) -> Result<[Option<Table<'a>>; N]> {
+    let mut tables = [const { None }; N];
+    let mut at = header.body;
+    let last = header.elements.iter().rposition(|e| wanted(e) != Wanted::Nothing).map_or(0, |last| last + 1);
+    for element in &header.elements[..last] {
+        let used = wanted(element);
+        let (table, end) = Table::open(source, header.encoding, element, at, used)?;
+        at = end;
+        if used != Wanted::Nothing
+            && let Some(slot) = names.iter().position(|name| *name == element.name)
+        {
+            tables[slot] = Some(table);
+        }
+    }
+    Ok(tables)
+}

@@ -1,0 +1,51 @@
+//! The plain case of writing: an asset and a file name.
+
+use super::output::{self, Output, OutputOptions};
+use crate::asset::Asset;
+use crate::error::Result;
+use crate::report::{OutputReport, Report};
+use std::path::Path;
+
+/// What [`write()`] wrote.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WrittenFiles {
+    /// Every file and its size: the one asked for first, then those beside it.
+    pub files: Vec<OutputReport>,
+    /// What the user should know, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Writes an asset in the format that the name of `path` ends in: .glb, .gltf, .obj, .ply or .html.
+///
+/// Files that belong to it go beside it: the .bin of a glTF, the .mtl of an OBJ, a BVH, levels of detail and their tileset. All of them
+/// appear, whole, or none does. Existing files are replaced.
+///
+/// ```
+/// use trisplat::asset::Asset;
+/// use trisplat::formats::{self, OutputOptions, ReadOptions};
+/// use trisplat::mesh::{Colors, Mesh};
+///
+/// let mesh = Mesh {
+///     positions: vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y],
+///     colors: Colors::Face(vec![[1.0, 0.5, 0.0]]), // linear RGB
+///     ..Mesh::default()
+/// };
+/// # let folder = tempfile::tempdir().unwrap();
+/// # let path = folder.path().join("triangle.glb");
+/// let written = formats::write(&Asset::from(mesh), &path, &OutputOptions::default())?;
+/// assert_eq!(written.files.len(), 1);
+/// let back = formats::read(&path, &ReadOptions::default())?;
+/// assert_eq!(back.scene.triangle_count(), 1);
+/// # Ok::<(), trisplat::error::Error>(())
+/// ```
+///
+/// # Errors
+/// `Invalid` for a name without a known ending, or standard output for what needs several files; `TooLarge` for what the format cannot
+/// hold; `Io`.
+pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<WrittenFiles> {
+    let output =
+        Output::plan(path, None, options, asset.bvh.is_some())?.with_levels(asset.levels.len(), options)?;
+    let mut report = Report::new("write");
+    output::write(asset, &output, options, false, &mut report, &mut ())?;
+    Ok(WrittenFiles { files: report.outputs, warnings: report.warnings })
+}

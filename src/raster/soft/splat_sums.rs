@@ -1,0 +1,61 @@
+//! The gradients of a splat, summed over its tiles in a fixed order.
+
+use super::slots::{DRAWN, GEOMETRY_SUMS, GradSlots};
+use super::splats::ProjectedSplat;
+use super::tiles::Tiles;
+use crate::math::lanes::{LANES, prefetch};
+
+/// The gradients of all pairs of a splat, summed.
+#[derive(Clone, Copy)]
+pub(super) struct SplatSums {
+    pub(super) base: [f32; LANES],
+    pub(super) geometry: [f32; GEOMETRY_SUMS],
+}
+
+impl SplatSums {
+    /// The sums of every splat of a chunk. In a separate loop, so that its many scattered reads overlap.
+    pub(super) fn of_chunk(
+        tiles: &Tiles,
+        slots: &GradSlots,
+        projected: &[ProjectedSplat],
+        geometry: bool,
+    ) -> Vec<Self> {
+        let entries = |splat: &ProjectedSplat| tiles.entries_of_splat(splat.rank);
+        let mut out = Vec::with_capacity(projected.len());
+        for (i, s) in projected.iter().enumerate() {
+            if let Some(ahead) = projected.get(i + SLOTS_AHEAD) {
+                entries(ahead).iter().for_each(|entry| prefetch(&slots.base[*entry as usize]));
+            }
+            if let Some(entry) = projected.get(i + 3 * SLOTS_AHEAD).and_then(|ahead| entries(ahead).first()) {
+                prefetch(entry);
+            }
+            out.push(Self::of(slots, entries(s), geometry));
+        }
+        out
+    }
+
+    #[inline]
+    fn of(slots: &GradSlots, entries: &[u32], geometry: bool) -> Self {
+        let mut out = Self { base: [0.0; LANES], geometry: [0.0; GEOMETRY_SUMS] };
+        for entry in entries {
+            let slot = &slots.base[*entry as usize].0;
+            for (sum, value) in out.base.iter_mut().zip(slot) {
+                *sum += value;
+            }
+            if geometry && slot[DRAWN] > 0.0 {
+                for (sum, value) in out.geometry.iter_mut().zip(&slots.geometry[*entry as usize]) {
+                    *sum += value;
+                }
+            }
+        }
+        out
+    }
+
+    /// Whether the splat was drawn at all.
+    pub(super) fn drawn(&self) -> bool {
+        self.base[DRAWN] > 0.0
+    }
+}
+
+/// How many splats ahead their slots are prefetched.
+const SLOTS_AHEAD: usize = 8;

@@ -1,0 +1,228 @@
+//! Bins splats into the tiles they touch, and in each tile the 4x4-pixel blocks.
+
+use super::options::Window;
+use super::splats::{ScreenBox, SplatRecord, Splats};
+use super::tile_grid::{BLOCK_X, BLOCK_Y, TILE};
+use crate::math::lanes::{Lanes, Work, dispatch};
+use crate::math::real::Mask;
+use glam::UVec2;
+use rayon::prelude::*;
+
+/// Splats that one task bins.
+const SPLATS_PER_RANGE: usize = 2048;
+/// Margin of every test, px: larger than any rounding, so that a test never decides what a pixel sees.
+const MARGIN: f32 = 0.01;
+
+/// A splat in a tile: one (splat, tile) pair.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct TileEntry {
+    /// Index of the splat in depth order.
+    pub(super) splat: u32,
+    /// Blocks it may touch; after the forward pass, blocks in which it was drawn.
+    pub(super) blocks: u32,
+}
+
+#[derive(Debug, Default)]
+struct BinnedRange {
+    /// (tile, blocks) of every pair, splat by splat.
+    pairs: Vec<(u32, u32)>,
+    /// Pairs up to each splat, its own included.
+    ends: Vec<u32>,
+}
+
+/// The pairs of splats and tiles.
+#[derive(Debug, Default)]
+pub(super) struct Tiles {
+    /// Image size, px.
+    pub(super) size: UVec2,
+    /// Tiles across and down.
+    pub(super) count: UVec2,
+    /// First entry of every tile, and the end. `[tiles + 1]`
+    pub(super) starts: Vec<u32>,
+    /// Tile by tile, front to back.
+    pub(super) entries: Vec<TileEntry>,
+    /// First pair of every splat, and the end. `[splats + 1]`
+    pub(super) pairs: Vec<u32>,
+    /// Entry of every pair.
+    pub(super) entry_of_pair: Vec<u32>,
+    ranges: Vec<BinnedRange>,
+}
+
+impl Tiles {
+    /// Number of tiles.
+    pub(super) fn len(&self) -> usize {
+        (self.count.x * self.count.y) as usize
+    }
+
+    /// The entries of a tile, front to back.
+    pub(super) fn entries_of(&self, tile: usize) -> &[TileEntry] {
+        &self.entries[self.starts[tile] as usize..self.starts[tile + 1] as usize]
+    }
+
+    /// The entries of the splat of index `rank` in depth order.
+    #[inline]
+    pub(super) fn entries_of_splat(&self, rank: u32) -> &[u32] {
+        let rank = rank as usize;
+        &self.entry_of_pair[self.pairs[rank] as usize..self.pairs[rank + 1] as usize]
+    }
+
+    /// Top left pixel of a tile.
+    pub(super) fn corner(&self, tile: usize) -> UVec2 {
+        UVec2::new(tile as u32 % self.count.x, tile as u32 / self.count.x) * TILE
+    }
+
+    /// Fills the lists.
+    pub(super) fn bin(&mut self, splats: &Splats, size: UVec2, window: Window) {
+        self.size = size;
+        self.count = UVec2::new(size.x.div_ceil(TILE), size.y.div_ceil(TILE));
+        self.ranges.resize_with(splats.len().div_ceil(SPLATS_PER_RANGE), BinnedRange::default);
+        let (count, size) = (self.count, size.as_vec2().to_array());
+        // Where something is drawn, every edge alone is at least this far from the floor.
+        let slack = if matches!(window, Window::Coverage { .. }) { 0.5 } else { 0.0 };
+        self.ranges.par_iter_mut().enumerate().for_each(|(r, range)| {
+            range.pairs.clear();
+            range.ends.clear();
+            let (from, to) = (r * SPLATS_PER_RANGE, ((r + 1) * SPLATS_PER_RANGE).min(splats.len()));
+            let (records, bounds) = (&splats.records[from..to], &splats.bounds[from..to]);
+            dispatch(Emit { records, bounds, range, size, across: count.x, slack });
+        });
+        self.scatter(splats.len());
+    }
+
+    /// Moves the pairs to their tiles; the order within a tile is that of the splats.
+    fn scatter(&mut self, splats: usize) {
+        self.starts.clear();
+        self.starts.resize(self.len() + 1, 0);
+        let mut total = 0;
+        for range in &self.ranges {
+            total += range.pairs.len();
+            for (tile, _) in &range.pairs {
+                self.starts[*tile as usize + 1] += 1;
+            }
+        }
+        for tile in 0..self.len() {
+            self.starts[tile + 1] += self.starts[tile];
+        }
+        self.entries.resize(total, TileEntry::default());
+        self.entry_of_pair.resize(total, 0);
+        self.pairs.clear();
+        self.pairs.reserve(splats + 1);
+        self.pairs.push(0);
+        let mut next = self.starts.clone();
+        let (mut splat, mut base) = (0, 0);
+        for range in &self.ranges {
+            let mut from = 0;
+            for end in &range.ends {
+                for pair in from..*end {
+                    let (tile, blocks) = range.pairs[pair as usize];
+                    let to = &mut next[tile as usize];
+                    self.entries[*to as usize] = TileEntry { splat, blocks };
+                    self.entry_of_pair[(base + pair) as usize] = *to;
+                    *to += 1;
+                }
+                from = *end;
+                splat += 1;
+                self.pairs.push(base + from);
+            }
+            base += from;
+        }
+    }
+}
+
+/// Splits `values`, one per pair, by tile; `starts` as in [`Tiles::starts`].
+pub(super) fn split_by_tile<'a, T>(mut values: &'a mut [T], starts: &[u32]) -> Vec<&'a mut [T]> {
+    starts
+        .windows(2)
+        .map(|w| {
+            let (head, tail) = std::mem::take(&mut values).split_at_mut((w[1] - w[0]) as usize);
+            values = tail;
+            head
+        })
+        .collect()
+}
+
+/// Counts and emits at once: two copies of these tests would drift apart in the last bit.
+struct Emit<'a> {
+    records: &'a [SplatRecord],
+    bounds: &'a [ScreenBox],
+    range: &'a mut BinnedRange,
+    size: [f32; 2],
+    across: u32,
+    slack: f32,
+}
+
+impl Work for Emit<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        for (record, bounds) in self.records.iter().zip(self.bounds) {
+            emit::<L>(record, bounds, (self.size, self.across, self.slack), &mut self.range.pairs);
+            self.range.ends.push(self.range.pairs.len() as u32);
+        }
+    }
+}
+
+/// Tiles `from..=to` that hold a pixel centre in [lo, hi]; none when from > to.
+#[inline(always)]
+fn tiles_between(lo: f32, hi: f32, size: f32) -> (u32, u32) {
+    let first = (lo - 0.5 - MARGIN).ceil().max(0.0);
+    let last = (hi - 0.5 + MARGIN).floor().min(size - 1.0);
+    if first <= last { (first as u32 / TILE, last as u32 / TILE) } else { (1, 0) }
+}
+
+/// Emits the tiles a splat touches. A block is left out when one of the five separating axes of the shrunk
+/// triangle and the box of the block's pixel centres (three edges, two of the box) shows a gap: an exact test.
+#[inline(always)]
+fn emit<L: Lanes>(
+    record: &SplatRecord,
+    bounds: &ScreenBox,
+    (size, across, slack): ([f32; 2], u32, f32),
+    out: &mut Vec<(u32, u32)>,
+) {
+    let floor = record.floor - slack;
+    let (x0, x1) = tiles_between(bounds.lo[0], bounds.hi[0], size[0]);
+    let (y0, y1) = tiles_between(bounds.lo[1], bounds.hi[1], size[1]);
+    let (block_x, block_y) = (L::load(&BLOCK_X), L::load(&BLOCK_Y));
+    let reaches = [
+        reach(record.edge[0], -floor, block_x, block_y),
+        reach(record.edge[1], -floor - record.shift, block_x, block_y),
+        reach(record.edge[2], -floor, block_x, block_y),
+    ];
+    for ty in y0..=y1 {
+        for tx in x0..=x1 {
+            let corner = [(tx * TILE) as f32, (ty * TILE) as f32];
+            let offset = [corner[0] - record.origin[0], corner[1] - record.origin[1]];
+            let all = touches(reaches[0], record.edge[0], offset)
+                .and(touches(reaches[1], record.edge[1], offset))
+                .and(touches(reaches[2], record.edge[2], offset))
+                .and(overlaps(block_x, bounds.lo[0] - corner[0], bounds.hi[0] - corner[0]))
+                .and(overlaps(block_y, bounds.lo[1] - corner[1], bounds.hi[1] - corner[1]));
+            let blocks = L::bits(all);
+            if blocks != 0 {
+                out.push((ty * across + tx, u32::from(blocks)));
+            }
+        }
+    }
+}
+
+/// Half the side of the box of a block's pixel centres, plus the margin.
+const HALF: f32 = 1.5 + MARGIN;
+
+/// For every block the largest ratio to one edge, plus `constant`, were the tile at the splat's origin.
+#[inline(always)]
+fn reach<L: Lanes>([ex, ey]: [f32; 2], constant: f32, block_x: L, block_y: L) -> L {
+    let constant = L::splat(HALF * (ex.abs() + ey.abs()) + constant);
+    L::splat(ex).mul_add(block_x, L::splat(ey).mul_add(block_y, constant))
+}
+
+/// Whether each block of the tile at `offset` from the origin is not wholly outside the edge.
+#[inline(always)]
+fn touches<L: Lanes>(reach: L, [ex, ey]: [f32; 2], offset: [f32; 2]) -> L::Mask {
+    L::splat(0.0).le(reach + L::splat(ex * offset[0] + ey * offset[1]))
+}
+
+/// Whether [lo, hi] overlaps the blocks along one axis.
+#[inline(always)]
+fn overlaps<L: Lanes>(block: L, lo: f32, hi: f32) -> L::Mask {
+    L::splat(lo - HALF).le(block).and(block.le(L::splat(hi + HALF)))
+}

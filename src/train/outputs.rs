@@ -1,0 +1,195 @@
+//! What a run leaves behind on the way: the curve, evaluations on the held-out photos, checkpoints and previews.
+
+use super::backend::TrainBackend;
+use super::checkpoint;
+use super::eval::{Evaluator, PhotoScore, Quality};
+use super::progress::{TrainObserver, TrainSample};
+use super::trainer::{StepOutcome, Trainer};
+use crate::dataset::Dataset;
+use crate::error::{Error, Result};
+use crate::image::Pixels;
+use crate::process::cpu_secs;
+use crate::raster::soft::SoftOptions;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// What a run leaves behind on the way; nothing here changes the result.
+#[derive(Debug, Clone, Default)]
+pub struct RunOptions {
+    /// Where checkpoints go.
+    pub checkpoint: Option<PathBuf>,
+    /// Steps between checkpoints; 0 writes one only when the run is stopped.
+    pub checkpoint_every: u64,
+    /// Steps between samples of the curve; 0 chooses 100 samples per run.
+    pub sample_every: u64,
+    /// Steps between evaluations on the held-out photos; 0 evaluates once, at the end.
+    pub evaluate_every: u64,
+    /// Pictures of the first held-out photo.
+    pub preview: Option<Preview>,
+    /// Stop, as if asked to, after this many CPU seconds; 0 never.
+    pub max_cpu_secs: f64,
+}
+
+/// Pictures of the first held-out photo while a scene trains.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Preview {
+    /// The folder they go to, as `step-000500.png`.
+    pub folder: PathBuf,
+    /// Time between two of them.
+    pub pause: Duration,
+}
+
+/// Averages since the last sample.
+#[derive(Default)]
+struct Means {
+    loss: f64,
+    mse: f64,
+    steps: u64,
+}
+
+/// What a run has recorded at its end.
+pub(super) struct Recorded {
+    pub(super) curve: Vec<TrainSample>,
+    pub(super) scores: Vec<PhotoScore>,
+    pub(super) cpu_secs: f64,
+}
+
+/// Keeps the curve of a run and writes its checkpoints and previews.
+pub(super) struct Recorder {
+    evaluator: Evaluator,
+    drawing: SoftOptions,
+    curve: Vec<TrainSample>,
+    means: Means,
+    cpu_start: f64,
+    wall: Instant,
+    previewed: Instant,
+}
+
+impl Recorder {
+    /// Goes on with the `curve` of a run that has taken `cpu_secs_before`. Decodes the held-out photos.
+    pub(super) fn new(
+        dataset: &Dataset,
+        drawing: SoftOptions,
+        curve: Vec<TrainSample>,
+        cpu_secs_before: f64,
+    ) -> Result<Self> {
+        Ok(Self {
+            evaluator: Evaluator::new(dataset.test())?,
+            drawing,
+            curve,
+            means: Means::default(),
+            // Decoding the held-out photos is not training.
+            cpu_start: cpu_secs() - cpu_secs_before,
+            wall: Instant::now(),
+            previewed: Instant::now(),
+        })
+    }
+
+    /// The state after a step, averaged since the last sample.
+    pub(super) fn sample<B: TrainBackend>(
+        &mut self,
+        trainer: &Trainer<B>,
+        outcome: &StepOutcome,
+    ) -> TrainSample {
+        self.means.loss += outcome.stats.loss;
+        self.means.mse += outcome.stats.mse;
+        self.means.steps += 1;
+        let n = self.means.steps as f64;
+        TrainSample {
+            step: trainer.steps(),
+            triangles: trainer.triangles() as u64,
+            loss: self.means.loss / n,
+            psnr: -10.0 * (self.means.mse / n).max(1e-12).log10(),
+            test_psnr: None,
+            width_px: outcome.width_px,
+            cpu_secs: cpu_secs() - self.cpu_start,
+            wall_secs: self.wall.elapsed().as_secs_f64(),
+            dropped: trainer.dropped(),
+        }
+    }
+
+    /// Runs `work` without counting its CPU time as training.
+    fn uncounted<T>(&mut self, work: impl FnOnce(&mut Self) -> T) -> T {
+        let before = cpu_secs();
+        let value = work(self);
+        self.cpu_start += cpu_secs() - before;
+        value
+    }
+
+    pub(super) fn keep<B: TrainBackend>(
+        &mut self,
+        mut now: TrainSample,
+        trainer: &mut Trainer<B>,
+        evaluate: bool,
+    ) -> Result<TrainSample> {
+        if evaluate {
+            let scores = self.uncounted(|run| run.scores(trainer))?;
+            now.test_psnr = Quality::mean(&scores).map(|quality| quality.psnr);
+        }
+        self.means = Means::default();
+        self.curve.push(now);
+        Ok(now)
+    }
+
+    /// Draws the held-out photos.
+    fn pictures<B: TrainBackend>(&mut self, trainer: &mut Trainer<B>) -> Result<Vec<Pixels>> {
+        let (soup, space) = (trainer.soup()?, trainer.space());
+        Ok(self.evaluator.pictures(&soup, &space, &trainer.drawing(&self.drawing)))
+    }
+
+    fn scores<B: TrainBackend>(&mut self, trainer: &mut Trainer<B>) -> Result<Vec<PhotoScore>> {
+        if self.evaluator.is_empty() {
+            return Ok(Vec::new());
+        }
+        let pictures = self.pictures(trainer)?;
+        Ok(self.evaluator.scores(&pictures))
+    }
+
+    pub(super) fn checkpoint<B: TrainBackend>(
+        &mut self,
+        trainer: &mut Trainer<B>,
+        outputs: &RunOptions,
+    ) -> Result<()> {
+        let Some(path) = &outputs.checkpoint else { return Ok(()) };
+        let spent = cpu_secs() - self.cpu_start;
+        checkpoint::write(path, &trainer.checkpoint(&self.curve, spent)?)
+    }
+
+    pub(super) fn preview<B: TrainBackend>(
+        &mut self,
+        trainer: &mut Trainer<B>,
+        outputs: &RunOptions,
+    ) -> Result<()> {
+        let Some(Preview { folder, pause }) = &outputs.preview else { return Ok(()) };
+        if self.previewed.elapsed() < *pause || self.evaluator.is_empty() {
+            return Ok(());
+        }
+        self.previewed = Instant::now();
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+        let step = trainer.steps();
+        self.uncounted(|run| match run.pictures(trainer)?.first() {
+            Some(picture) => picture.save_png(&folder.join(format!("step-{step:06}.png"))),
+            None => Ok(()),
+        })
+    }
+
+    /// Evaluates the scene as it is now; the curve ends with the `last` step made, whether a sample was due or not.
+    pub(super) fn finish<B: TrainBackend>(
+        mut self,
+        trainer: &mut Trainer<B>,
+        last: Option<TrainSample>,
+        observer: &mut dyn TrainObserver,
+    ) -> Result<Recorded> {
+        let spent = cpu_secs() - self.cpu_start;
+        let scores = self.scores(trainer)?;
+        if let Some(last) = last {
+            let test_psnr = Quality::mean(&scores).map(|quality| quality.psnr);
+            let now = TrainSample { test_psnr, ..last };
+            let again = self.curve.last().is_some_and(|kept| kept.step == now.step);
+            self.curve.truncate(self.curve.len() - usize::from(again));
+            self.curve.push(now);
+            observer.sampled(&now);
+        }
+        Ok(Recorded { curve: self.curve, scores, cpu_secs: spent })
+    }
+}

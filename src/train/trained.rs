@@ -1,0 +1,119 @@
+//! What comes out of a run: the scene, its figures, and the file that holds it.
+
+use super::eval::{PhotoScore, Quality};
+use super::progress::TrainSample;
+use crate::asset::{Placement, Provenance};
+use crate::atomic::AtomicFile;
+use crate::camera::{self, Camera};
+use crate::dataset::Dataset;
+use crate::error::{Error, Result};
+use crate::formats::ply;
+use crate::process;
+use crate::report::{Counts, StageReport, generator};
+use crate::soup::Soup;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// A trained scene.
+#[derive(Debug, Clone)]
+pub struct Trained {
+    /// The scene, in the data set's world.
+    pub soup: Soup,
+    /// The cameras of the training photos, in the same world.
+    pub cameras: Vec<Camera>,
+    /// Where the scene came from, and how the data set's world lies in that of its files.
+    pub provenance: Provenance,
+    /// Steps made; fewer than planned when the run was stopped.
+    pub steps: u64,
+    /// The curve.
+    pub curve: Vec<TrainSample>,
+    /// The held-out photos at the end.
+    pub scores: Vec<PhotoScore>,
+    /// Gradients dropped because they were not finite.
+    pub dropped: u64,
+    /// CPU seconds of the training, evaluations excluded.
+    pub cpu_secs: f64,
+    /// The run was stopped before its last step.
+    pub stopped: bool,
+}
+
+/// Figures of a training, as its report holds them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct TrainDetails {
+    /// Steps made.
+    pub steps: u64,
+    /// The run was stopped before its last step.
+    pub stopped: bool,
+    /// CPU seconds of the training, evaluations excluded.
+    pub cpu_secs: f64,
+    /// The most memory the process has held, bytes.
+    pub peak_bytes: u64,
+    /// Gradients dropped because they were not finite.
+    pub dropped_gradients: u64,
+    /// Mean PSNR over the held-out photos, dB; null when there are none.
+    pub psnr: Option<f64>,
+    /// Mean SSIM over the held-out photos; null when there are none.
+    pub ssim: Option<f64>,
+    /// The held-out photos one by one.
+    pub held_out: Vec<PhotoScore>,
+}
+
+impl Trained {
+    /// Means over the held-out photos; `None` when there are none.
+    pub fn quality(&self) -> Option<Quality> {
+        Quality::mean(&self.scores)
+    }
+
+    /// Writes the soup with its cameras and provenance as a PLY that appears whole or not at all; "-" is standard
+    /// output. Returns its size in bytes.
+    ///
+    /// Errors: what the operating system refuses.
+    pub fn save(&self, path: &Path) -> Result<u64> {
+        let mut file = AtomicFile::create(path)?;
+        ply::write_soup(&mut file, &self.soup, &self.provenance, &self.cameras)
+            .map_err(|e| Error::io(path, e))?;
+        file.commit()
+    }
+
+    /// The figures of the run so far as this process knows them.
+    pub fn details(&self) -> TrainDetails {
+        let quality = self.quality();
+        TrainDetails {
+            steps: self.steps,
+            stopped: self.stopped,
+            cpu_secs: self.cpu_secs,
+            peak_bytes: process::peak_bytes(),
+            dropped_gradients: self.dropped,
+            psnr: quality.map(|q| q.psnr),
+            ssim: quality.map(|q| q.ssim),
+            held_out: self.scores.clone(),
+        }
+    }
+
+    /// The run as the one stage of its report; it began with `triangles` and took `seconds`.
+    pub fn stage(&self, triangles: usize, seconds: f64) -> StageReport {
+        let counts = |count: usize| Counts { triangles: count as u64, vertices: 3 * count as u64 };
+        let details = serde_json::to_value(self.details()).unwrap_or_default();
+        StageReport {
+            name: "train".into(),
+            seconds,
+            before: counts(triangles),
+            after: counts(self.soup.len()),
+            unneeded: None,
+            details: details.as_object().cloned().unwrap_or_default(),
+        }
+    }
+}
+
+/// Where a scene trained on `dataset` comes from; `cameras` are those of its training photos.
+pub(super) fn provenance(dataset: &Dataset, cameras: &[Camera]) -> Provenance {
+    Provenance {
+        generator: Some(generator()),
+        source: dataset.path.file_name().map(|name| name.to_string_lossy().into_owned()),
+        trainer: Some(generator()),
+        up: Some(dataset.up_axis()),
+        placement: Placement { center: dataset.origin.to_array(), ..Placement::IDENTITY },
+        viewpoint: camera::viewpoint(cameras),
+    }
+}

@@ -1,0 +1,123 @@
+//! How visible every triangle was in the training photos since the last pruning.
+//!
+//! A triangle is pruned only after *complete* passes: every training photo was drawn since the statistics began
+//! and the triangle was there all the time. Photos are counted, not epochs: a counter that resets at the
+//! wrong moment deletes whole scenes of many photos (the paper's code does, above some 520 of them).
+
+/// Visibility statistics per triangle and per photo.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct VisibilityStats {
+    /// Largest blending weight alpha·T at any pixel. `[N]`
+    pub max_weight: Vec<f32>,
+    /// Different photos that showed the triangle. `[N]`
+    pub views: Vec<u32>,
+    /// Largest distance of a corner from the centre, px of the full photo. `[N]`
+    pub radius_px: Vec<f32>,
+    /// Squared error of the pixels since the last refinement, shared out by weight. `[N]`
+    pub error: Vec<u64>,
+    /// Triangles younger than the statistics: not pruned by them. `[N]`
+    pub exempt: Vec<bool>,
+    /// Training photos drawn since the statistics began. `[V]`
+    pub drawn: Vec<bool>,
+}
+
+/// How visible every triangle was in a number of frames.
+#[derive(Debug, Clone, Copy)]
+pub struct PhotoVisibility<'a> {
+    /// Largest alpha·T. `[N]`
+    pub max_weight: &'a [f32],
+    /// Photos that showed the triangle and are not counted yet. `[N]`
+    pub views: &'a [u32],
+    /// Largest radius, px of the frames. `[N]`
+    pub radius_px: &'a [f32],
+}
+
+impl VisibilityStats {
+    /// Nothing drawn yet, of `triangles` and `photos`.
+    pub fn new(triangles: usize, photos: usize) -> Self {
+        Self {
+            max_weight: vec![0.0; triangles],
+            views: vec![0; triangles],
+            radius_px: vec![0.0; triangles],
+            error: vec![0; triangles],
+            exempt: vec![false; triangles],
+            drawn: vec![false; photos],
+        }
+    }
+
+    /// Records that `photo` is drawn; true when it is the first time since the statistics began.
+    pub fn record_photo(&mut self, photo: usize) -> bool {
+        match self.drawn.get_mut(photo) {
+            Some(drawn) => !std::mem::replace(drawn, true),
+            None => false,
+        }
+    }
+
+    /// True when every photo was drawn since the statistics began.
+    pub fn is_complete(&self) -> bool {
+        self.drawn.iter().all(|drawn| *drawn)
+    }
+
+    /// Merges the visibility in some frames; `full_px` is the size of a frame's pixel in pixels of the full photo.
+    pub fn merge(&mut self, frames: &PhotoVisibility<'_>, full_px: f32) {
+        for i in 0..self.max_weight.len() {
+            self.max_weight[i] = self.max_weight[i].max(frames.max_weight[i]);
+            self.views[i] += frames.views[i];
+            self.radius_px[i] = self.radius_px[i].max(full_px * frames.radius_px[i]);
+        }
+    }
+
+    /// Adds errors of the same triangles.
+    pub fn add_errors(&mut self, errors: &[u64]) {
+        self.error.iter_mut().zip(errors).for_each(|(sum, e)| *sum = sum.saturating_add(*e));
+    }
+
+    /// Appends triangle `i` of `from`, its error reset.
+    pub fn push(&mut self, from: &Self, i: usize) {
+        self.max_weight.push(from.max_weight[i]);
+        self.views.push(from.views[i]);
+        self.radius_px.push(from.radius_px[i]);
+        self.error.push(0);
+        self.exempt.push(from.exempt[i]);
+    }
+
+    /// Appends a triangle that was not there when the statistics began.
+    pub fn push_exempt(&mut self) {
+        self.max_weight.push(0.0);
+        self.views.push(0);
+        self.radius_px.push(0.0);
+        self.error.push(0);
+        self.exempt.push(true);
+    }
+
+    /// The same photos drawn, without triangles.
+    pub fn without_triangles(&self) -> Self {
+        Self { drawn: self.drawn.clone(), ..Self::default() }
+    }
+
+    /// Number of triangles.
+    pub fn len(&self) -> usize {
+        self.max_weight.len()
+    }
+
+    /// True when there is no triangle.
+    pub fn is_empty(&self) -> bool {
+        self.max_weight.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn five_thousand_photos_are_complete_only_after_all_of_them() {
+        let mut visibility = VisibilityStats::new(1, 5000);
+        for photo in 0..5000 {
+            assert!(!visibility.is_complete());
+            assert!(visibility.record_photo(photo));
+            assert!(!visibility.record_photo(photo));
+        }
+        assert!(visibility.is_complete());
+    }
+}
