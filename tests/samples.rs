@@ -105,7 +105,7 @@ fn file_psnr(loaded: &Loaded, dataset: &Dataset, mut views: Option<Views>) -> f6
 
 /// The README's commands after the training.
 #[test]
-fn the_trained_sample_matches_held_out_photos_as_a_file() {
+fn the_trained_sample_meets_held_out_photos_as_a_file() {
     let dataset = Dataset::load(&samples().join("dataset"), &DatasetOptions::default()).unwrap();
     let loaded = formats::read(&samples().join("soups/trained.ply"), &ReadOptions { sh_degree: 0 }).unwrap();
     let views = Views::new(&dataset, &DatasetOptions::default());
