@@ -244,7 +244,7 @@ mod tests {
         let place = |i: usize| match i {
             0 => Vec3::new(count as f32, -1.0, 0.0),
             1 => Vec3::new(0.0, -1.0, 0.0),
-            _ => Vec3::new(i as f32, if i % 2 == 0 { 0.0 } else { 50.0 }, 0.0),
+            _ => Vec3::new(i as f32, if i.is_multiple_of(2) { 0.0 } else { 50.0 }, 0.0),
         };
         let positions: Vec<Vec3> = (0..count).map(place).collect();
         let mut faces = Faces::default();

@@ -17,8 +17,8 @@ pub struct WrittenFiles {
 
 /// Writes an asset in the format that the name of `path` ends in: .glb, .gltf, .obj, .ply or .html.
 ///
-/// Files that belong to it go beside it: the .bin of a glTF, the .mtl of an OBJ, a BVH, levels of detail and their tileset. All of them
-/// appear, whole, or none does. Existing files are replaced.
+/// Files that belong to it go beside it: the .bin of a glTF, the .mtl of an OBJ, a BVH, levels of detail and their tileset. They get their
+/// names when all of them are complete. Existing files are replaced.
 ///
 /// ```
 /// use trisplat::asset::Asset;

@@ -175,7 +175,7 @@ fn polygons_anywhere_in_space_keep_their_outline_and_colors() {
     let turn = glam::Quat::from_euler(glam::EulerRot::XYZ, 0.3, 1.2, -0.7);
     let place = |i: usize| {
         let (angle, radius) =
-            (std::f32::consts::TAU * i as f32 / corners as f32, if i % 2 == 0 { 2.0 } else { 0.7 });
+            (std::f32::consts::TAU * i as f32 / corners as f32, if i.is_multiple_of(2) { 2.0 } else { 0.7 });
         turn * glam::Vec3::new(radius * angle.cos(), radius * angle.sin(), 0.0)
             + glam::Vec3::new(300.0, -40.0, 7.0)
     };
