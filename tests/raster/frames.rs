@@ -6,15 +6,15 @@ use super::scenes::{camera, engine, options, random_soup};
 use trisplat::raster::soft::{Soft, SoftOptions, Sort, SoupRef, Window};
 
 /// Largest error of a frame.
-const FRAME: f64 = 2e-4;
+const FRAME: f64 = 1.5e-4;
 /// Largest error of a frame of clipped triangles.
-const CLIPPED_FRAME: f64 = 2e-3;
+const CLIPPED_FRAME: f64 = 5e-5;
 /// Largest error of a frame of covered pixels.
-const COVERED_FRAME: f64 = 5e-4;
+const COVERED_FRAME: f64 = 2.5e-5;
 /// Largest error of a frame with a sigmoid window.
-const SIGMOID_FRAME: f64 = 5e-4;
+const SIGMOID_FRAME: f64 = 5e-6;
 /// Largest share of the pixels that lie near a jump and are left out.
-const LEFT_OUT: f64 = 0.15;
+const LEFT_OUT: f64 = 0.005;
 
 #[test]
 fn frames_equal_the_oracle() {
