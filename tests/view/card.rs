@@ -10,7 +10,6 @@ use trisplat::gpu::AdapterOptions;
 use trisplat::image::Pixels;
 use trisplat::math::color::{linear_from_srgb, srgb_from_linear};
 use trisplat::mesh::{Colors, Mesh};
-use trisplat::report::Report;
 use trisplat::rng::Rng;
 use trisplat::scene::{Loaded, Scene};
 use trisplat::view::headless::{Headless, HeadlessOptions};
