@@ -2,6 +2,8 @@
 //!
 //! `cargo run --release --example bake_bytes` prints what the bake did.
 
+#![allow(clippy::print_stdout, reason = "a program talks to its user")]
+
 use glam::Vec3;
 use trisplat::formats::gltf::{GltfOptions, to_glb_bytes};
 use trisplat::{Bake, BakeOptions, BakePreset, Report, Result, Soup};

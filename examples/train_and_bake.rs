@@ -3,6 +3,8 @@
 //! `cargo run --release --example train_and_bake [PHOTOS] [OUT.glb] [STEPS]`; without arguments a short run on the sample
 //! photos.
 
+#![allow(clippy::print_stdout, reason = "a program talks to its user")]
+
 use std::path::Path;
 use trisplat::train::{TrainObserver, TrainSample};
 use trisplat::{
