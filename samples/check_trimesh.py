@@ -22,7 +22,7 @@ def load(path):
 def colors(mesh):
     if mesh.visual.kind == "face":
         return np.repeat(mesh.visual.face_colors[:, None, :3] / 255.0, 3, 1)
-    # Beside a material trimesh leaves colours as stored, in one of two places: integers are not normalised.
+    # With a material trimesh keeps colours as stored, in one of two attributes; integers are not normalised.
     places = [getattr(mesh.visual, "vertex_attributes", {}), mesh.vertex_attributes]
     stored = next((place["color"] for place in places if "color" in place), None)
     stored = mesh.visual.vertex_colors if stored is None else stored

@@ -1,6 +1,6 @@
 """What check_trimesh.py and check_open3d.py share: the source, read without trisplat, and the comparison.
 
-A triangle set is two arrays: corners [N, 3, 3] and rgb [N, 3, 3], one sRGB-encoded colour in [0, 1] a corner.
+A triangle set is two arrays: corners [N, 3, 3] and rgb [N, 3, 3], one sRGB-encoded colour in [0, 1] per corner.
 """
 
 import argparse
@@ -62,7 +62,7 @@ def read_ply(data):
 
 
 def ply_triangles(data):
-    """A soup PLY (f_dc_* a face), or a mesh PLY with red, green and blue a vertex or a face."""
+    """A soup PLY (f_dc_* per face), or a mesh PLY with red, green and blue per vertex or per face."""
     found = read_ply(data)
     vertex, face = found["vertex"], found["face"]
     indices = face["vertex_indices"]
@@ -76,7 +76,7 @@ def ply_triangles(data):
 
 
 def off_triangles(data):
-    """A COFF file with a colour a face, as the authors' exporter writes it."""
+    """A COFF file with one colour per face, as the authors' exporter writes it."""
     magic, counts, *rest = data.decode().split("\n", 2)
     vertices, faces = (int(n) for n in counts.split()[:2])
     numbers = np.array(rest[0].split(), float)
@@ -157,9 +157,9 @@ def compare_exact(wants, got):
 def sorted_triangles(corners, rgb):
     corners = np.asarray(corners, np.float32) + np.float32(0)  # -0 becomes 0
     first = np.lexsort(corners.transpose(2, 0, 1)[::-1])[:, :1]
-    turn = (first + np.arange(3)) % 3
-    corners = np.take_along_axis(corners, turn[..., None], 1)
-    rgb = np.take_along_axis(rgb, turn[..., None], 1)
+    rotated = (first + np.arange(3)) % 3
+    corners = np.take_along_axis(corners, rotated[..., None], 1)
+    rgb = np.take_along_axis(rgb, rotated[..., None], 1)
     keys = np.concatenate([corners.reshape(-1, 9), np.round(rgb.reshape(-1, 9), 2)], 1)
     order = np.lexsort(keys.T[::-1])
     return corners[order], rgb[order]

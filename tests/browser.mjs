@@ -2,9 +2,9 @@
 // Usage: node browser.mjs JUDGES CHROMIUM < PAGES   (JUDGES holds node_modules)
 //
 // PAGES is a JSON list of { page, fragment, size: [w, h], touch, steps }. A step is one of
-//   { show: FRAGMENT }  { shot: FILE }  { drag: [x, y, dx, dy] }  { pinch: [x, y, from, to] }
+//   { show: FRAGMENT }  { screenshot: FILE }  { drag: [x, y, dx, dy] }  { pinch: [x, y, from, to] }
 //   { double: [x, y] }  { press: KEY, ms }  { click: ID }  { wheel: dy }
-// and then waits for the picture to be at rest; a shot is taken after that. The line tells { views, errors, state, ms }: the page's
+// and then waits for the picture to be at rest; a screenshot is taken after that. The line holds { views, errors, state, ms }: the page's
 // own words for the view after every step, and all that the console complained of.
 import { createRequire } from "node:module";
 import { join, resolve } from "node:path";
@@ -42,7 +42,7 @@ async function visit({ page: file, fragment = "", size, touch = false, steps = [
     // Two frames: what was done has been heard, and the picture has begun again.
     await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
     await rest();
-    if (step.shot) await page.screenshot({ path: step.shot });
+    if (step.screenshot) await page.screenshot({ path: step.screenshot });
     views.push(await page.evaluate(() => window.trisplat.view?.()));
   }
   const state = await page.evaluate(() => ({

@@ -39,8 +39,8 @@ fn inputs() -> (String, String, tempfile::TempDir) {
     (text(sample("soups/studio.ply")), text(sample("dataset")), tempfile::tempdir().unwrap())
 }
 
-/// Judges `file` on the sample's held-out photos: the report, and the folder the drawings are in.
-fn judged(file: &str, folder: &Path, name: &str, more: &[&str]) -> (EvalReport, PathBuf) {
+/// Evaluates `file` on the sample's held-out photos: the report, and the folder the drawings are in.
+fn evaluated(file: &str, folder: &Path, name: &str, more: &[&str]) -> (EvalReport, PathBuf) {
     let (renders, report) = (folder.join(name), folder.join(name).with_extension("json"));
     let [renders_text, report_text] = [&renders, &report].map(|p| p.to_str().unwrap());
     let dataset = sample("dataset");
@@ -49,8 +49,8 @@ fn judged(file: &str, folder: &Path, name: &str, more: &[&str]) -> (EvalReport, 
     (serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap(), renders)
 }
 
-/// Scores the files written once more, with our metrics and with a program that shares no code with ours.
-fn hold(step: &StepScore, renders: &Path) {
+/// Scores the written files once more, with our metrics and with a program that shares no code with ours.
+fn check_scores(step: &StepScore, renders: &Path) {
     let dataset = Dataset::load(&sample("dataset"), &DatasetOptions::default()).unwrap();
     assert_eq!(step.images.len(), 5);
     let mut sum = [0.0; 3];
@@ -75,12 +75,12 @@ fn hold(step: &StepScore, renders: &Path) {
 #[test]
 fn the_scores_are_those_of_the_files_written() {
     let (soup, _, folder) = inputs();
-    let (report, renders) = judged(&soup, folder.path(), "all", &[]);
+    let (report, renders) = evaluated(&soup, folder.path(), "all", &[]);
     assert_eq!((report.split.as_str(), report.ssaa), ("test", 1));
     let names: Vec<&str> = report.steps.iter().map(|s| s.name.as_str()).collect();
     assert_eq!(names, ["soft", "solid", "file"]);
     for step in &report.steps {
-        hold(step, &renders.join(&step.name));
+        check_scores(step, &renders.join(&step.name));
     }
     let [soft, solid, file] = &report.steps[..] else { unreachable!() };
     assert!(soft.change.is_none() && file.bytes.is_some_and(|b| b > 1000));
@@ -90,7 +90,7 @@ fn the_scores_are_those_of_the_files_written() {
 
     // One step alone is that step.
     for step in [soft, solid] {
-        let (alone, renders) = judged(&soup, folder.path(), &step.name, &["--as", &step.name]);
+        let (alone, renders) = evaluated(&soup, folder.path(), &step.name, &["--as", &step.name]);
         assert_eq!(alone.steps.len(), 1);
         assert_eq!(alone.steps[0].images, step.images);
         assert!(renders.join(&step.images[0].name).is_file());
@@ -112,14 +112,14 @@ fn alike(a: &Path, b: &Path) -> f64 {
 #[test]
 fn a_file_is_drawn_like_the_scene_it_was_made_from() {
     let (soup, _, folder) = inputs();
-    let (whole, renders) = judged(&soup, folder.path(), "all", &["--ssaa", "2"]);
+    let (whole, renders) = evaluated(&soup, folder.path(), "all", &["--ssaa", "2"]);
     let drawn = |name: &str, step: &str, more: &[&str]| {
         let path = folder.path().join(name).to_str().unwrap().to_owned();
         succeed(&[&["bake", &soup, "-o", &path, "-q"], more].concat());
-        let (report, own) = judged(&path, folder.path(), &format!("of_{name}"), &["--ssaa", "2"]);
+        let (report, own) = evaluated(&path, folder.path(), &format!("of_{name}"), &["--ssaa", "2"]);
         assert_eq!((report.steps.len(), report.steps[0].name.as_str()), (1, "solid"));
         assert_eq!(report.steps[0].triangles, whole.steps[1].triangles);
-        hold(&report.steps[0], &own);
+        check_scores(&report.steps[0], &own);
         alike(&renders.join(step), &own)
     };
     // Turned, scaled and moved on the way out: the cameras still fit. What stays apart is how a format rounds
@@ -319,7 +319,7 @@ fn bench(more: &[&str]) -> Vec<FidelityRow> {
 }
 
 #[test]
-fn the_way_of_a_soup_into_files_is_measured() {
+fn every_step_from_a_soup_to_files_is_measured() {
     let (soup, _, folder) = inputs();
     let [csv, plot] = ["rows.csv", "rows.svg"].map(|n| folder.path().join(n).to_str().unwrap().to_owned());
     let rows = bench(&["--soup", &soup, "--csv", &csv, "--plot", &plot]);

@@ -11,12 +11,12 @@ export class SceneFile {
   #end = 0;
   #report;
 
-  /** `report(share)` hears how much of the work is done, 0 to 1. */
+  /** Calls `report(share)` with the share of the work that is done, 0 to 1. */
   constructor(report) {
     this.#report = report;
   }
 
-  /** Takes the text of one block; the first one tells the length of all. */
+  /** Takes the text of one block; the first one holds the length of all. */
   block(text) {
     const first = this.#bytes === null;
     if (first) this.#bytes = new Uint8Array(lengthOf(decoded(text.slice(0, 16))));
@@ -24,7 +24,7 @@ export class SceneFile {
     this.#report((0.5 * this.#end) / this.#bytes.length);
   }
 
-  /** The scene, its meshes and where to look from first, when all blocks are there. Can be called once. */
+  /** The scene, its meshes and its initial viewpoint, once all blocks are there. Can be called once. */
   async meshes() {
     const bytes = this.#bytes;
     this.#bytes = null;
@@ -42,15 +42,15 @@ export class SceneFile {
     return { scene, meshes, viewpoint: asset.extras?.viewpoint ?? null };
   }
 
-  // One array after the other, with a rest in between, so that the bar moves and the page stays awake.
+  // One array after the other, yielding to the event loop in between, so that the bar moves and the page responds.
   #decoder(count) {
     let queue = Promise.resolve();
-    let rested = performance.now();
+    let yielded = performance.now();
     let done = 0;
     const one = async (...task) => {
-      if (performance.now() - rested > FRAME_MS) {
-        await new Promise((awake) => setTimeout(awake));
-        rested = performance.now();
+      if (performance.now() - yielded > FRAME_MS) {
+        await new Promise((resume) => setTimeout(resume));
+        yielded = performance.now();
       }
       const array = await MeshoptDecoder.decodeGltfBufferAsync(...task);
       this.#report(0.5 + (0.5 * ++done) / count);
@@ -64,7 +64,7 @@ export class SceneFile {
   }
 }
 
-/** Length in bytes that the header of a GLB tells. */
+/** Length of a GLB in bytes, from its header. */
 function lengthOf(header) {
   const view = new DataView(header.buffer);
   if (header.length < HEADER_BYTES || view.getUint32(0, true) !== 0x46546c67) throw new Error('there is no GLB in this page');

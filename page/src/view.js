@@ -1,14 +1,14 @@
-// Where one looks from, and its text in the address: docs/formats.md says what the words mean.
+// The view, and its text in the address: docs/formats.md says what the words mean.
 import { MathUtils, Vector3 } from 'three';
 
 const FOV = 50;
-/** Without a viewpoint: from the front, a little from the right and from above. */
-const BACK = new Vector3(0.45, 0.3, 1);
+/** Direction towards the camera without a viewpoint: from the front, a little from the right and from above. */
+const DEFAULT_DIRECTION = new Vector3(0.45, 0.3, 1);
 const SAMPLES = 20000;
-/** Shares of the vertices that the start view leaves out on each side: far shells and strays. */
+/** Share of the vertices that the initial view ignores on each side: far shells and outliers. */
 const TRIM = 0.1;
 
-/** What the address asks for: numbers by word, null where a word is missing or no list of that many numbers. */
+/** What the address requests: numbers by word, null where a word is missing or no list of that many numbers. */
 export function parse(fragment) {
   const words = new URLSearchParams(fragment.replace(/^#/, ''));
   const numbers = (word, count) => {
@@ -36,24 +36,24 @@ export function format({ eye, target, up, fov, pinhole }) {
   return `#eye=${list(eye)}&target=${list(target)}&up=${list(up)}&${lens}`;
 }
 
-/** The view to begin with: what the file says, or all of it. */
-export function first(viewpoint, bounds, aspect) {
-  if (!viewpoint) return whole(viewpoint, bounds, aspect);
+/** The initial view: the viewpoint of the file, or all of the scene. */
+export function initial(viewpoint, bounds, aspect) {
+  if (!viewpoint) return fitted(viewpoint, bounds, aspect);
   const [eye, target, up] = [viewpoint.eye, viewpoint.target, viewpoint.up].map((v) => new Vector3(...v));
   return { eye, target, up, fov: viewpoint.fov, pinhole: null };
 }
 
-/** A view of everything but strays, from the side where viewpoint is. */
-export function whole(viewpoint, bounds, aspect) {
-  const back = viewpoint ? new Vector3(...viewpoint.eye).sub(new Vector3(...viewpoint.target)) : BACK.clone();
+/** A view of everything but outliers, from the direction of the viewpoint. */
+export function fitted(viewpoint, bounds, aspect) {
+  const direction = viewpoint ? new Vector3(...viewpoint.eye).sub(new Vector3(...viewpoint.target)) : DEFAULT_DIRECTION.clone();
   const up = viewpoint ? new Vector3(...viewpoint.up) : new Vector3(0, 1, 0);
   const narrow = Math.min(1, aspect);
   const distance = bounds.radius / Math.sin(Math.atan(narrow * Math.tan(MathUtils.degToRad(FOV / 2))));
-  const eye = bounds.center.clone().addScaledVector(back.normalize(), distance);
+  const eye = bounds.center.clone().addScaledVector(direction.normalize(), distance);
   return { eye, target: bounds.center.clone(), up, fov: FOV, pinhole: null };
 }
 
-/** Centre and radius of what most vertices are in, and the radius around it that holds all. */
+/** Centre and radius of what contains most vertices, and the radius around it that contains all. */
 export function boundsOf(meshes) {
   const total = meshes.reduce((sum, mesh) => sum + mesh.geometry.attributes.position.count, 0);
   const step = Math.max(1, Math.floor(total / SAMPLES));
@@ -81,16 +81,16 @@ export function boundsOf(meshes) {
 }
 
 /** Sets a three.js camera to a view, for a picture of these many pixels; `shift` moves the samples, in pixels. */
-export function aim(camera, view, width, height, shift = [0, 0]) {
+export function applyView(camera, view, width, height, shift = [0, 0]) {
   const { fx, fy, cx, cy } = lens(view, width, height);
   camera.fov = MathUtils.radToDeg(2 * Math.atan(height / (2 * fy)));
   camera.setViewOffset(width, height, width / 2 - cx + shift[0], height / 2 - cy + shift[1], width, height);
-  // After the offset, which takes pixels for square.
+  // After the offset, which assumes square pixels.
   camera.aspect = width / fx / (height / fy);
   camera.updateProjectionMatrix();
 }
 
-/** Focal lengths and principal point, px: the whole pinhole picture is in sight whatever the window's shape. */
+/** Focal lengths and principal point, px: the whole pinhole picture is visible whatever the window's shape. */
 function lens({ fov, pinhole }, width, height) {
   if (!pinhole) {
     const f = height / (2 * Math.tan(MathUtils.degToRad(fov / 2)));

@@ -122,7 +122,7 @@ fn plot(path: &Path, rows: &[BakeRow]) -> Result<()> {
 fn cases(args: &BakeBenchArgs, folder: &Path, triangles: usize) -> Result<Vec<BakeCase>> {
     let this = std::env::current_exe().map_err(|e| Error::io("trisplat", e))?;
     let at = |name: &str| folder.join(name);
-    let (sh0, sh3, mesh) = (at("sh0.ply"), at("sh3.ply"), at("mesh.ply"));
+    let (sh0, sh3) = (at("sh0.ply"), at("sh3.ply"));
     write_inputs(&sh0, &sh3, triangles)?;
 
     let bake = |name: &str, input: &Path, output: &str, floor, flags: &[&str]| {
@@ -133,19 +133,12 @@ fn cases(args: &BakeBenchArgs, folder: &Path, triangles: usize) -> Result<Vec<Ba
         command.extend(flags.iter().map(OsString::from));
         BakeCase { name: name.to_owned(), command, input: input.to_owned(), output, floor }
     };
-    let floor = |name: &str, input: &Path, like: &str| BakeCase {
-        name: name.to_owned(),
-        command: vec![
-            this.clone().into(),
-            "bench".into(),
-            "floor".into(),
-            input.into(),
-            at(like).into(),
-            at("floor.bin").into(),
-        ],
-        input: input.to_owned(),
-        output: at("floor.bin"),
-        floor: if name == "floor" { "floor" } else { "floor-sh3" },
+    let floor = |name: &'static str, input: &Path, like: &str| {
+        let output = at("floor.bin");
+        let words = [this.as_os_str(), "bench".as_ref(), "floor".as_ref(), input.as_ref()];
+        let files = [at(like).into_os_string(), output.clone().into_os_string()];
+        let command = words.into_iter().map(OsString::from).chain(files).collect();
+        BakeCase { name: name.to_owned(), command, input: input.to_owned(), output, floor: name }
     };
     let mut cases = vec![
         bake("fast", &sh0, "fast.glb", "floor", &["--preset", "fast"]),
@@ -157,38 +150,32 @@ fn cases(args: &BakeBenchArgs, folder: &Path, triangles: usize) -> Result<Vec<Ba
         floor("floor-sh3", &sh3, "sh3.glb"),
         bake("mesh-ply", &sh0, "mesh.ply", "floor", &["--preset", "fast"]),
     ];
+    cases.extend(other_tools(args, folder));
+    Ok(cases)
+}
+
+/// The same work by other tools, on the outputs of our own cases.
+fn other_tools(args: &BakeBenchArgs, folder: &Path) -> Vec<BakeCase> {
+    let mut cases = Vec::new();
+    let mut case = |name: &str, input: &str, program: PathBuf, words: &[&str]| {
+        let (input, output) = (folder.join(input), folder.join(name).with_extension("glb"));
+        let mut command = vec![program.into_os_string()];
+        command.extend(words.iter().map(|word| match *word {
+            "IN" => input.clone().into_os_string(),
+            "OUT" => output.clone().into_os_string(),
+            word => word.into(),
+        }));
+        cases.push(BakeCase { name: name.to_owned(), command, input, output, floor: "floor" });
+    };
     if let Some(python) = &args.python {
         let script = "import sys,trimesh; trimesh.load(sys.argv[1],process=False).export(sys.argv[2])";
-        let output = at("trimesh.glb");
-        cases.push(BakeCase {
-            name: "trimesh".into(),
-            command: vec![
-                python.into(),
-                "-c".into(),
-                script.into(),
-                mesh.clone().into(),
-                output.clone().into(),
-            ],
-            input: mesh,
-            output,
-            floor: "floor",
-        });
+        case("trimesh", "mesh.ply", python.clone(), &["-c", script, "IN", "OUT"]);
     }
     if let Some(bin) = &args.node_bin {
-        let input = at("fast.glb");
-        for (name, arguments) in [("gltfpack", ["-noq", "-i", "-o"]), ("gltf-transform", ["copy", "", ""])] {
-            let output = at(&format!("{name}.glb"));
-            let mut command: Vec<OsString> = vec![bin.join(name).into()];
-            if name == "gltfpack" {
-                let [noq, i, o] = arguments;
-                command.extend([noq.into(), i.into(), input.clone().into(), o.into(), output.clone().into()]);
-            } else {
-                command.extend([arguments[0].into(), input.clone().into(), output.clone().into()]);
-            }
-            cases.push(BakeCase { name: name.into(), command, input: input.clone(), output, floor: "floor" });
-        }
+        case("gltfpack", "fast.glb", bin.join("gltfpack"), &["-noq", "-i", "IN", "-o", "OUT"]);
+        case("gltf-transform", "fast.glb", bin.join("gltf-transform"), &["copy", "IN", "OUT"]);
     }
-    Ok(cases)
+    cases
 }
 
 /// The same scene as SH degree 0 and as degree 3 (45 coefficients that the bake does not use).

@@ -6,6 +6,7 @@ use crate::error::Result;
 use crate::image::Pixels;
 use crate::math::metric;
 use crate::report::generator;
+use crate::train::eval::Quality;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -23,7 +24,7 @@ pub struct EvalReport {
     pub dataset: String,
     /// Which photos: "test", "train" or "all".
     pub split: String,
-    /// Samples a pixel along each axis of solid drawings.
+    /// Samples per pixel along each axis of solid drawings.
     pub ssaa: u32,
     /// The scene at each step of its way into a file, in order. A mesh has one: "solid".
     pub steps: Vec<StepScore>,
@@ -127,13 +128,9 @@ pub fn evaluate(
 }
 
 fn measure(step: &'static str, name: &str, photo: &Pixels, picture: Pixels) -> ScoredPicture {
-    let weights = photo.alpha.as_deref();
+    let Quality { psnr, ssim } = Quality::of(&picture, photo);
     let flip = metric::flip_map(photo.size, &photo.rgb, &picture.rgb);
-    let score = Scores {
-        psnr: metric::psnr(&photo.rgb, &picture.rgb, weights),
-        ssim: metric::ssim(photo.size, &photo.rgb, &picture.rgb, weights),
-        flip: metric::mean_error(&flip, weights),
-    };
+    let score = Scores { psnr, ssim, flip: metric::mean_error(&flip, photo.alpha.as_deref()) };
     let score = ImageScore { name: name.to_owned(), size: photo.size.to_array(), score };
     ScoredPicture { step, picture, flip, score }
 }

@@ -1,7 +1,7 @@
 //! `trisplat bench fidelity`: what each step from photos to a file costs, measured on held-out photos.
 //!
 //! A soup is trained, or given; every case is baked, written, *read back from the file* and drawn by the solid
-//! rasteriser with one, four and sixteen samples a pixel. It plots PSNR against the number of
+//! rasteriser with 1, 4 and 16 samples per pixel. It plots PSNR against the number of
 //! triangles, the size of the file and the seconds of the bake.
 
 use super::evaluate::{self, StepScore};
@@ -9,7 +9,7 @@ use super::machine::{Machine, append_csv};
 use super::plot::{self, PlotPoint};
 use super::scene_renderer::SceneRenderer;
 use super::steps::{EvalStep, no_soup, reread};
-use super::training::{self, TrainBudget};
+use super::training::{self, TrainBudget, TrainedSoup};
 use crate::asset::Asset;
 use crate::bake::options::{BakeOptions, BakePreset};
 use crate::bake::refit::RefitColors;
@@ -32,7 +32,7 @@ pub struct FidelityBenchArgs {
     /// Posed photos; the files are measured on those held out.
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
-    /// Trained soup to bake (.ply .pt); without it one is trained with the solid preset, and a soft one beside it.
+    /// Trained soup to bake (.ply .pt); without it one is trained with the solid preset, and a soft one too.
     #[arg(long, value_name = "FILE")]
     pub soup: Option<PathBuf>,
     /// Soup that was trained to stay soft on the same budget: the file is compared with it instead of --soup.
@@ -67,7 +67,7 @@ pub struct FidelityRow {
     pub case: String,
     /// What the file was written for: "gltf", "web", …; empty for "soft".
     pub target: String,
-    /// Samples a pixel along each axis.
+    /// Samples per pixel along each axis.
     pub ssaa: u32,
     /// Triangles of the file.
     pub triangles: u64,
@@ -142,10 +142,10 @@ const TARGETS: [OutputTarget; 8] = [
 const SAMPLINGS: [u32; 3] = [1, 2, 4];
 
 /// Bakes and measures every case; rows in order of case, target and sampling. Calls `on_row` with each row as soon
-/// as it is there, and `watcher` during the training.
+/// as it is there, and `observer` during the training.
 pub fn run(
     args: &FidelityBenchArgs,
-    watcher: &mut dyn TrainObserver,
+    observer: &mut dyn TrainObserver,
     on_row: &mut dyn FnMut(&FidelityRow),
 ) -> Result<Vec<FidelityRow>> {
     let dataset_options = &args.dataset_options;
@@ -155,31 +155,21 @@ pub fn run(
         return Err(Error::invalid("DATASET", args.dataset.display(), "held-out photos; see `test_every`"));
     }
     args.budget.check(args.soup.is_none() || args.soft.is_none())?;
-    let mut train = |preset| training::train(&dataset, preset, &args.budget, dataset_options, &mut *watcher);
-    let solid = args.soup.is_none().then(|| train(TrainPreset::Solid)).transpose()?;
-    let soft =
-        (args.soup.is_none() && args.soft.is_none()).then(|| train(TrainPreset::Outdoor)).transpose()?;
-    let soup = solid.as_ref().map(|t| t.path.as_path()).or(args.soup.as_deref()).unwrap_or(Path::new(""));
-    let reference = soft.as_ref().map(|t| t.path.as_path()).or(args.soft.as_deref()).unwrap_or(soup);
-
-    let name = match (&args.soup, &solid) {
-        (Some(path), _) => path.display().to_string(),
-        (None, trained) => trained.as_ref().map_or(String::new(), |t| t.name.clone()),
-    };
+    let soups = soups(args, &dataset, observer)?;
     let mut bench = FidelityBench {
         args,
         dataset: &dataset,
         views,
-        name,
+        name: soups.name.clone(),
         background: dataset_options.background.to_f32(),
         best: 0.0,
     };
-    let step = bench.soft(reference)?;
+    let step = bench.soft(&soups.reference)?;
     let score = bench.evaluate(step)?;
     bench.best = score.mean.psnr;
     let mut rows = vec![bench.row(&score, "", 1, 0.0)];
     rows.iter().for_each(&mut *on_row);
-    let mut flat = formats::read(soup, &ReadOptions { sh_degree: 0 })?;
+    let mut flat = formats::read(&soups.soup, &ReadOptions { sh_degree: 0 })?;
     // A soup by another trainer comes without cameras: the plain bake knows nothing of photos.
     flat.cameras.clear();
     let mut seen = 0;
@@ -196,6 +186,39 @@ pub fn run(
         plot(path, &rows)?;
     }
     Ok(rows)
+}
+
+/// The files that are measured.
+struct Soups {
+    /// What is baked.
+    soup: PathBuf,
+    /// What it is called in the rows.
+    name: String,
+    /// What the files are compared with.
+    reference: PathBuf,
+    /// Keeps the files that were trained here.
+    _trained: Vec<TrainedSoup>,
+}
+
+/// The soups that are given; those that are not are trained.
+fn soups(args: &FidelityBenchArgs, dataset: &Dataset, observer: &mut dyn TrainObserver) -> Result<Soups> {
+    let mut train =
+        |preset| training::train(dataset, preset, &args.budget, &args.dataset_options, &mut *observer);
+    if let Some(soup) = &args.soup {
+        let reference = args.soft.clone().unwrap_or_else(|| soup.clone());
+        let name = soup.display().to_string();
+        return Ok(Soups { soup: soup.clone(), name, reference, _trained: Vec::new() });
+    }
+    let mut trained = vec![train(TrainPreset::Solid)?];
+    let (soup, name) = (trained[0].path.clone(), trained[0].name.clone());
+    let reference = match &args.soft {
+        Some(soft) => soft.clone(),
+        None => {
+            trained.push(train(TrainPreset::Outdoor)?);
+            trained[1].path.clone()
+        }
+    };
+    Ok(Soups { soup, name, reference, _trained: trained })
 }
 
 /// Plots PSNR at the highest sampling against triangles, bytes and seconds of the bake, one dot per case.
@@ -231,10 +254,6 @@ struct FidelityBench<'a> {
 }
 
 impl FidelityBench<'_> {
-    fn photo_bytes(&self) -> u64 {
-        u64::from(self.args.dataset_options.photo_memory_mib) << 20
-    }
-
     /// A soup as it was trained.
     fn soft(&self, path: &Path) -> Result<EvalStep> {
         let loaded = formats::read(path, &ReadOptions { sh_degree: 3 })?;
@@ -284,7 +303,7 @@ impl FidelityBench<'_> {
         if case.share < 1.0 {
             options.prune.max_triangles = Some(((seen as f64 * case.share) as u64).max(1));
         }
-        let mut views = case.photos.then(|| Views::new(self.dataset, self.photo_bytes(), self.background));
+        let mut views = case.photos.then(|| Views::new(self.dataset, &self.args.dataset_options));
         let inputs = vec![loaded.clone()];
         let asset = Bake::new(&options).photos(views.as_mut()).run(inputs)?;
         Ok((asset, options.output))
@@ -317,7 +336,7 @@ impl FidelityBench<'_> {
     }
 
     fn evaluate(&self, step: EvalStep) -> Result<StepScore> {
-        let scores = evaluate::evaluate(&mut [step], &self.views, self.photo_bytes(), |_, _, _| Ok(()))?;
+        let scores = evaluate::evaluate(&mut [step], &self.views, self.args.dataset_options.photo_bytes(), |_, _, _| Ok(()))?;
         scores.into_iter().next().ok_or_else(|| Error::invalid("DATASET", "no score", "held-out photos"))
     }
 

@@ -9,7 +9,7 @@ use crate::process;
 use crate::raster::solid::{Solid, SolidRasterOptions};
 use crate::view::headless::{Canvas, Headless};
 use crate::view::model::{ChunkOrder, Model};
-use crate::view::renderer::{DisplayMode, FrameParams};
+use crate::view::renderer::{DisplayMode, DrawStats, FrameParams};
 use glam::UVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -62,15 +62,14 @@ pub(super) fn time(
     };
     let canvas = Canvas::new(&card.gpu, first.size, msaa)?;
     let mut timer = Timer::new(&card.gpu);
-    let (mut frames, mut gpu) = (Vec::new(), Vec::new());
-    let (mut drawn, mut draws) = (0, 0);
+    let mut times = FrameTimes::default();
     let (mut last, mut mark, mut cpu) = (None, Instant::now(), process::cpu_secs());
     for i in 0..count.warmup + count.frames + 1 {
         let params = params(&path[i % path.len()], order);
         let mut encoder = card.gpu.device.create_command_encoder(&Default::default());
         let slot = timer.as_mut().and_then(Timer::begin);
-        let times = slot.and_then(|slot| timer.as_ref().map(|t| t.writes(slot)));
-        let stats = card.draw(&mut encoder, &canvas, model, &params, times)?;
+        let timestamps = slot.and_then(|slot| timer.as_ref().map(|t| t.writes(slot)));
+        let stats = card.draw(&mut encoder, &canvas, model, &params, timestamps)?;
         if let (Some(timer), Some(slot)) = (&mut timer, slot) {
             timer.end(slot, &mut encoder);
         }
@@ -86,29 +85,48 @@ pub(super) fn time(
         if i == count.warmup {
             cpu = process::cpu_secs();
         }
+        let gpu_ms = timer.as_mut().map_or(Vec::new(), Timer::collect);
         if i > count.warmup {
-            frames.push((now - mark).as_secs_f64() * 1e3);
-            drawn += stats.triangles;
-            draws += u64::from(stats.draws);
+            times.add((now - mark).as_secs_f64() * 1e3, gpu_ms, stats);
         }
         mark = now;
-        let finished = timer.as_mut().map_or(Vec::new(), Timer::collect);
-        if i > count.warmup {
-            gpu.extend(finished);
+    }
+    let cpu_ms = (process::cpu_secs() - cpu) * 1e3;
+    card.gpu.wait(None)?;
+    Ok(times.cost(cpu_ms))
+}
+
+/// What was measured of each frame.
+#[derive(Debug, Default)]
+struct FrameTimes {
+    frame_ms: Vec<f64>,
+    gpu_ms: Vec<f64>,
+    drawn: u64,
+    draws: u64,
+}
+
+impl FrameTimes {
+    fn add(&mut self, frame_ms: f64, gpu_ms: Vec<f64>, stats: DrawStats) {
+        self.frame_ms.push(frame_ms);
+        self.gpu_ms.extend(gpu_ms);
+        self.drawn += stats.triangles;
+        self.draws += u64::from(stats.draws);
+    }
+
+    /// The cost per frame; `cpu_ms` is that of all frames.
+    fn cost(mut self, cpu_ms: f64) -> FrameCost {
+        let count = self.frame_ms.len() as f64;
+        let gpu_ms = (!self.gpu_ms.is_empty()).then(|| quantile(&mut self.gpu_ms, 0.5));
+        FrameCost {
+            frame_ms: quantile(&mut self.frame_ms, 0.5),
+            frame_p99_ms: quantile(&mut self.frame_ms, 0.99),
+            frame_min_ms: quantile(&mut self.frame_ms, 0.0),
+            gpu_ms,
+            cpu_ms: cpu_ms / count,
+            drawn: self.drawn as f64 / count,
+            draws: self.draws as f64 / count,
         }
     }
-    let cpu_ms = (process::cpu_secs() - cpu) * 1e3 / count.frames as f64;
-    card.gpu.wait(None)?;
-    let mean = |sum: u64| sum as f64 / count.frames as f64;
-    Ok(FrameCost {
-        frame_ms: quantile(&mut frames, 0.5),
-        frame_p99_ms: quantile(&mut frames, 0.99),
-        frame_min_ms: quantile(&mut frames, 0.0),
-        gpu_ms: (!gpu.is_empty()).then(|| quantile(&mut gpu, 0.5)),
-        cpu_ms,
-        drawn: mean(drawn),
-        draws: mean(draws),
-    })
 }
 
 fn params(camera: &Camera, order: ChunkOrder) -> FrameParams<'static> {

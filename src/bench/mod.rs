@@ -10,7 +10,7 @@ pub mod evaluate;
 pub mod fidelity;
 #[cfg(all(feature = "cli", feature = "gpu"))]
 pub mod fps;
-#[cfg(feature = "gpu")]
+#[cfg(all(feature = "cli", feature = "gpu"))]
 mod frames;
 pub mod machine;
 pub mod measure;

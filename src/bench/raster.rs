@@ -20,7 +20,7 @@ pub struct RasterBenchArgs {
     /// Frames of every case; the least of each figure is kept.
     #[arg(long, default_value_t = 10, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub frames: u32,
-    /// Numbers of threads, beside one and all cores.
+    /// Numbers of threads, in addition to one and all cores.
     #[arg(long, value_delimiter = ',', value_name = "N,N,…")]
     pub thread_counts: Vec<usize>,
     /// Divide triangles and pixels by this, for a quick look.

@@ -23,7 +23,7 @@ await page.route("http://bench/**", (route) => {
   return route.fulfill({ contentType: "text/javascript", body: readFileSync(join(three, path.slice("/three/".length))) });
 });
 await page.goto("http://bench/");
-// Processor time of the whole browser: what software drawing costs, whoever else is on the machine.
+// CPU time of the whole browser: what software rendering costs, whatever else the machine does.
 const client = await browser.newBrowserCDPSession();
 const cpu = async () => (await client.send("SystemInfo.getProcessInfo")).processInfo.reduce((sum, p) => sum + p.cpuTime, 0) * 1e3;
 await page.evaluate(async (job) => {

@@ -21,13 +21,15 @@ pub fn message(error: &Error, command: &Command) -> String {
     }
 }
 
-/// `text` with every field in backticks that is a flag of `command` spelt as it is typed.
+/// `text` with every field in backticks that is a flag of `command` spelt as it is typed. Two backticks stand for one
+/// that is printed.
 pub fn spell(text: &str, command: &Command) -> String {
     let mut parts = text.split('`').peekable();
     let mut out = parts.next().unwrap_or_default().to_owned();
     // Between an odd backtick and the next stands a quoted word, if there is a next.
     while let Some(word) = parts.next() {
         match (parts.next(), typed(command, word)) {
+            (Some(rest), _) if word.is_empty() => out += &format!("`{rest}"),
             (Some(rest), Some(typed)) => out += &(typed + rest),
             (Some(rest), None) => out += &format!("`{word}`{rest}"),
             (None, _) => out += &format!("`{word}"),
@@ -62,5 +64,6 @@ mod tests {
         assert_eq!(message(&Error::invalid("inputs", "-", "a file"), &command()), "IN is -: wants a file");
         assert_eq!(message(&Error::invalid("draw.near", 0, "> 0"), &command()), "draw.near is 0: wants > 0");
         assert_eq!(spell("a lone ` stays, `max_edge` too", &command()), "a lone ` stays, `max_edge` too");
+        assert_eq!(spell("the key ``max_edge``, `max_edge`", &command()), "the key `max_edge`, --max-edge");
     }
 }

@@ -24,7 +24,8 @@ impl Config {
         let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
         let broken = |e: serde_json::Error| {
             let reason = e.to_string();
-            let reason = reason.split(" at line ").next().unwrap_or(&reason).to_owned();
+            // Keys of the file are no flags: see `flags::spell`.
+            let reason = reason.split(" at line ").next().unwrap_or(&reason).replace('`', "``");
             Error::malformed(path, format!("line {} column {}", e.line(), e.column()), reason)
         };
         let mut value: Value = serde_json::from_str(&text).map_err(broken)?;

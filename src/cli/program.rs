@@ -30,7 +30,7 @@ pub enum Command {
     Bake(Box<bake::BakeArgs>),
     /// Describe a file and what a bake would make of it.
     Info(info::InfoArgs),
-    /// Check a file for errors, whoever wrote it.
+    /// Check a file for errors, written by trisplat or by another tool.
     Validate(validate::ValidateArgs),
     /// Make a synthetic soup or data set to try things on.
     Sample(sample::SampleArgs),

@@ -189,7 +189,7 @@ pub(super) fn prepare_folder<'a>(
     Ok(())
 }
 
-/// Writes a drawing beside the others, named like its photo.
+/// Writes a drawing into the folder, named like its photo.
 pub(super) fn save_picture(folder: &Path, name: &str, picture: &Pixels) -> Result<()> {
     let path = picture_path(folder, name);
     if let Some(parent) = path.parent() {

@@ -37,6 +37,13 @@ pub struct DatasetOptions {
     pub photo_memory_mib: u32,
 }
 
+impl DatasetOptions {
+    /// Memory for decoded photos, bytes.
+    pub fn photo_bytes(&self) -> u64 {
+        u64::from(self.photo_memory_mib) << 20
+    }
+}
+
 impl Default for DatasetOptions {
     fn default() -> Self {
         Self {

@@ -19,7 +19,7 @@ struct Grid {
 override DISPLAY: u32 = 0u;
 const NORMALS: u32 = 1u;
 const CHUNKS: u32 = 2u;
-// 1 where the target does not encode by itself.
+// 1 where the format of the target is not sRGB.
 override ENCODE: u32 = 0u;
 
 struct Smooth {

@@ -79,9 +79,9 @@ fn levels_of_detail_are_written_together_or_not_at_all() {
     assert!(output.status.success(), "{}", stderr(&output));
     let report: serde_json::Value = serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
     let names = ["scene.glb", "scene.lod1.glb", "scene.lod2.glb", "scene.tileset.json"];
-    for (name, told) in names.iter().zip(report["outputs"].as_array().unwrap()) {
+    for (name, output) in names.iter().zip(report["outputs"].as_array().unwrap()) {
         let bytes = std::fs::metadata(folder.path().join(name)).unwrap().len();
-        assert!(told["path"].as_str().unwrap().ends_with(name) && told["bytes"] == bytes, "{told}");
+        assert!(output["path"].as_str().unwrap().ends_with(name) && output["bytes"] == bytes, "{output}");
     }
     let set = std::fs::read(folder.path().join("scene.tileset.json")).unwrap();
     let set: serde_json::Value = serde_json::from_slice(&set).unwrap();

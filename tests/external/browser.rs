@@ -86,11 +86,11 @@ fn a_page_shows_what_our_renderer_draws() {
     let (mesh, provenance) = mesh(&page);
     let size = UVec2::new(480, 360);
     let cameras = cameras(&provenance, size);
-    let shot = |samples: u32, i: usize| folder.path().join(format!("{samples}-{i}.png"));
+    let screenshot = |samples: u32, i: usize| folder.path().join(format!("{samples}-{i}.png"));
     // Pixel centres only, then as users see it once all is at rest.
     let pages: Vec<Value> = [(1, "&ssaa=1"), (4, "")]
         .map(|(samples, words)| {
-            let step = |(i, c): (usize, &Camera)| json!({ "show": fragment(c), "shot": shot(samples, i) });
+            let step = |(i, c): (usize, &Camera)| json!({ "show": fragment(c), "screenshot": screenshot(samples, i) });
             let steps: Vec<Value> = cameras.iter().enumerate().map(step).collect();
             let fragment = format!("#bare&near=0.01&background=204060{words}");
             json!({ "page": page, "fragment": fragment, "size": [size.x, size.y], "steps": steps })
@@ -102,7 +102,7 @@ fn a_page_shows_what_our_renderer_draws() {
             let background = [0x20, 0x40, 0x60].map(|code| f32::from(code as u8) / 255.0);
             let options = SolidRasterOptions { background, samples, near: 0.01 };
             let ours = Solid::new().render(&mesh, camera, &options);
-            let theirs = Pixels::load(&shot(samples, i)).unwrap();
+            let theirs = Pixels::load(&screenshot(samples, i)).unwrap();
             assert_eq!(theirs.size, size);
             let psnr = metric::psnr(&ours.rgb, &theirs.rgb, None);
             let far = |(a, b): &(&[u8; 3], &[u8; 3])| (0..3).any(|c| a[c].abs_diff(b[c]) > 2);

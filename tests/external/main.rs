@@ -24,7 +24,7 @@ use trisplat::scene::Scene;
 use trisplat::soup::Soup;
 
 const TARGETS: [&str; 8] = ["gltf", "godot", "godot3", "unity", "unreal", "blender", "web", "playcanvas"];
-/// Flags under which the output holds every triangle of a sound source as it is.
+/// Flags under which the output holds every triangle of a valid source unchanged.
 const EVERYTHING: [&str; 6] = ["--solid", "none", "--min-opacity", "0", "--max-sigma", "0"];
 
 /// A path below the package.
@@ -313,7 +313,7 @@ impl Drop for Editor {
     }
 }
 
-/// Lets Godot 3's editor import what is in `folder`. It never comes back by itself without a screen, so it
+/// Lets Godot 3's editor import what is in `folder`. Without a screen it never exits by itself, so it
 /// is ended once the checksum of the import is there, which is what it writes last.
 fn import(folder: &Path) {
     let log = fs::File::create(folder.join("editor.log")).unwrap();

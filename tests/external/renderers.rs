@@ -1,4 +1,4 @@
-//! One file in renderers by others, from a data set's cameras: they must come as near to the photos as ours.
+//! One file in other renderers, from a data set's cameras: they must come as close to the photos as trisplat's.
 //!
 //! Every renderer draws four times the width and height with one sample a pixel, and each 4 x 4 pixels are
 //! averaged in linear light here: equal sampling, whatever antialiasing a renderer has of its own.
@@ -19,9 +19,9 @@ use trisplat::raster::solid::{Solid, SolidRasterOptions};
 
 /// Samples along an axis of a pixel.
 const FINE: u32 = 4;
-/// Depth of the near plane, where a renderer can be told.
+/// Depth of the near plane, for renderers that have the setting.
 const NEAR: f32 = 0.01;
-/// What nothing in the file covers, sRGB codes.
+/// Background, sRGB codes.
 const BACKGROUND: [u8; 3] = [0; 3];
 /// Largest difference of PSNR against the photos, dB.
 const AGREE_DB: f64 = 0.3;
@@ -34,14 +34,14 @@ struct Job {
 }
 
 impl Job {
-    fn shot(&self, renderer: &str, i: usize) -> PathBuf {
+    fn picture(&self, renderer: &str, i: usize) -> PathBuf {
         self.folder.path().join(format!("{renderer}-{i}.png"))
     }
 
     /// The coarse pictures of a renderer's fine ones.
     fn coarse(&self, renderer: &str) -> Vec<Pixels> {
         let load = |(i, camera): (usize, &Camera)| {
-            let fine = Pixels::load(&self.shot(renderer, i)).unwrap();
+            let fine = Pixels::load(&self.picture(renderer, i)).unwrap();
             averaged(&fine, camera.size)
         };
         self.cameras.iter().enumerate().map(load).collect()
@@ -67,13 +67,14 @@ pub(super) fn averaged(fine: &Pixels, size: UVec2) -> Pixels {
     Pixels { size, rgb: (0..size.x * size.y).map(pixel).collect(), alpha: None }
 }
 
-/// three.js in Chromium, through our page.
+/// three.js in Chromium, through trisplat's page.
 fn three(job: &Job) -> Option<Vec<Pixels>> {
     let chromium = chromium()?;
     let page = job.folder.path().join("scene.html");
     bake(&job.file, &page, &AS_IT_IS);
     let size = job.cameras[0].size * FINE;
-    let step = |(i, c): (usize, &Camera)| json!({ "show": fragment(c), "shot": job.shot("three", i) });
+    let step =
+        |(i, c): (usize, &Camera)| json!({ "show": fragment(c), "screenshot": job.picture("three", i) });
     let steps: Vec<Value> = job.cameras.iter().enumerate().map(step).collect();
     let background = BACKGROUND.map(|code| format!("{code:02x}")).concat();
     let fragment = format!("#bare&ssaa=1&near={NEAR}&background={background}");
@@ -89,25 +90,25 @@ fn f3d(job: &Job) -> Option<Vec<Pixels>> {
     let file = job.folder.path().join("codes.glb");
     bake(&job.file, &file, &[&AS_IT_IS[..], &["--target", "godot"]].concat());
     let size = job.cameras[0].size * FINE;
-    let shot = |(i, camera): (usize, &Camera)| {
+    let view = |(i, camera): (usize, &Camera)| {
         let middle = camera.center - camera.size.as_vec2() / 2.0;
         assert!(middle.length() < 1.0, "f3d has the principal point in the middle");
         // Pixels are square there: the mean of two focal lengths that hardly differ.
         let focal = (camera.focal.x * camera.focal.y).sqrt();
         let axes = camera.rotation.transpose();
-        let eye = camera.position();
+        let position = camera.position();
         json!({
-            "eye": eye.to_array(),
-            "target": (eye + axes * Vec3::Z).to_array(),
+            "eye": position.to_array(),
+            "target": (position + axes * Vec3::Z).to_array(),
             "up": (axes * Vec3::NEG_Y).to_array(),
             "fov": 2.0 * (camera.size.y as f32 / (2.0 * focal)).atan().to_degrees(),
-            "out": job.shot("f3d", i),
+            "out": job.picture("f3d", i),
         })
     };
-    let shots: Vec<Value> = job.cameras.iter().enumerate().map(shot).collect();
+    let views: Vec<Value> = job.cameras.iter().enumerate().map(view).collect();
     let background = BACKGROUND.map(|code| f32::from(code) / 255.0);
-    let words = json!({ "file": file, "size": [size.x, size.y], "background": background, "shots": shots });
-    let done = runs_with(command.arg(here("tests/f3d_shots.py")), words.to_string().as_bytes());
+    let words = json!({ "file": file, "size": [size.x, size.y], "background": background, "views": views });
+    let done = runs_with(command.arg(here("tests/f3d_views.py")), words.to_string().as_bytes());
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     Some(job.coarse("f3d"))
 }
@@ -124,14 +125,14 @@ fn ours(job: &Job) -> Vec<Pixels> {
     job.cameras.iter().map(|camera| solid.render(&mesh, camera, &options)).collect()
 }
 
-/// Draws `file` with all renderers that are there; prints a row each and asserts that they agree.
+/// Draws `file` with all renderers that are there; prints one row each and asserts that they agree.
 fn compare(file: &Path, dataset: &Path, keep: Option<&Path>, square: bool) {
     let dataset = Dataset::load(dataset, &DatasetOptions::default()).unwrap();
     let provenance = mesh(file).1;
     let views: Vec<&View> = dataset.test().collect();
     let camera = |view: &&View| {
         let camera = in_file(&view.camera, dataset.origin, &provenance);
-        // The sample's odd lens is only for renderers that can be told of it.
+        // The sample's principal point is not in the middle, which f3d does not support.
         let middle = camera.size.as_vec2() / 2.0;
         if square { Camera { center: middle, ..camera } } else { camera }
     };
@@ -151,10 +152,10 @@ fn compare(file: &Path, dataset: &Path, keep: Option<&Path>, square: bool) {
         psnr.sum::<f64>() / pictures.len() as f64
     };
     let head = if square { "" } else { "PSNR against photos, dB" };
-    println!("| renderer | {head} | PSNR against ours, dB |\n|---|---|---|");
+    println!("| renderer | {head} | PSNR against trisplat, dB |\n|---|---|---|");
     let own = mean(&truth, &photos);
     println!("| trisplat, solid on the CPU | {own:.3} | |");
-    // f3d has a 24-bit depth buffer: more of the sample's coplanar triangles fall the other way.
+    // f3d has a 24-bit depth buffer: more of the sample's coplanar triangles are ordered differently.
     let others = [("three.js in Chromium", three(&job), 40.0), ("f3d (VTK)", f3d(&job), 33.0)];
     for (name, pictures, close_db) in others {
         let Some(pictures) = pictures else { continue };

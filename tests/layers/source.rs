@@ -168,7 +168,7 @@ impl Reader<'_> {
         self.tokens.get(at).map_or("", String::as_str)
     }
 
-    /// Items and child modules, wherever they stand: they are in scope above themselves too.
+    /// Items and child modules: they are in scope in the whole file, also above themselves.
     fn declarations(&mut self) {
         const ITEMS: [&str; 8] = ["struct", "enum", "fn", "const", "static", "type", "trait", "mod"];
         for at in 0..self.tokens.len() {

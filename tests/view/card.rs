@@ -1,5 +1,5 @@
-//! The card's pictures against a ray caster in f64. On a machine without any graphics card, software Vulkan
-//! does (Debian: mesa-vulkan-drivers); without that too, tests say so and pass, unless TRISPLAT_REQUIRE_GPU=1.
+//! The graphics card's pictures against a ray caster in f64. Without a card, software Vulkan serves (Debian:
+//! mesa-vulkan-drivers); without that too, tests say so and pass, unless TRISPLAT_REQUIRE_GPU=1.
 
 use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
 use trisplat::asset::{Asset, Chunk};
@@ -43,7 +43,7 @@ fn camera() -> Camera {
     }
 }
 
-/// `count` triangles of all sizes about the origin, some through the near plane, a colour each.
+/// `count` triangles of all sizes about the origin, some through the near plane, one colour each.
 fn triangles(count: usize, seed: u64) -> Mesh {
     let rng = Rng::new(seed, "view test", 0);
     let draw = |i: usize| rng.uniform_f64(i as u64) as f32;
@@ -219,7 +219,7 @@ fn multisampling_comes_nearer_to_the_average() {
 }
 
 #[test]
-fn chunks_out_of_view_are_left_out_and_nobody_sees_it() {
+fn culling_chunks_does_not_change_the_picture() {
     let Some(mut card) = card() else { return };
     let scene = Scene::Mesh(triangles(4000, 11));
     let loaded = Loaded { scene, provenance: Default::default(), warnings: Vec::new(), cameras: Vec::new() };
@@ -250,7 +250,7 @@ fn chunks_out_of_view_are_left_out_and_nobody_sees_it() {
 fn normals_face_the_viewer() {
     let Some(mut card) = card() else { return };
     let mut mesh = Mesh { positions: vec![], colors: Colors::Face(vec![[0.5; 3]; 2]), ..Mesh::default() };
-    // Left half faces the camera, right half leans back: wound either way.
+    // Left half faces the camera, right half leans back: with either winding order.
     let flat = [Vec3::new(-9.0, -9.0, 2.0), Vec3::new(0.0, -9.0, 2.0), Vec3::new(0.0, 9.0, 2.0)];
     let lean = [Vec3::new(0.0, -9.0, 2.0), Vec3::new(9.0, -9.0, 11.0), Vec3::new(0.0, 9.0, 2.0)];
     mesh.positions.extend(flat);
@@ -272,8 +272,8 @@ fn normals_face_the_viewer() {
 #[test]
 fn what_a_card_cannot_do_is_an_error_that_says_so() {
     let Some(mut card) = card() else { return };
-    let nobody = AdapterOptions { adapter: Some("no such card".into()), ..AdapterOptions::default() };
-    let said = Headless::new(&nobody).unwrap_err().to_string();
+    let missing = AdapterOptions { adapter: Some("no such card".into()), ..AdapterOptions::default() };
+    let said = Headless::new(&missing).unwrap_err().to_string();
     assert!(said.contains("adapter is no such card") && said.contains(&card.gpu.info.name), "{said}");
     let model = card.upload(&asset(triangles(3, 1)), None).unwrap();
     let huge = camera().resized(UVec2::new(100_000, 10));

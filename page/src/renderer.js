@@ -1,20 +1,20 @@
 // Draws as a game engine does: depth buffer, opaque, no tone mapping, colours kept in linear light until the end.
 //
 // Samples are averaged in linear light (the target is SRGB8_ALPHA8, so the GPU encodes after blending), not in
-// encoded values as a canvas with antialiasing would. While something moves, the GPU takes four samples a pixel.
-// Then pictures with shifted samples are added up, one a frame, and the sum is shown once it is whole: N x N
+// encoded values as a canvas with antialiasing would. While something moves, the GPU takes four samples per pixel.
+// Then pictures with shifted samples are accumulated, one per frame, and the sum is shown once it is complete: N x N
 // samples on a regular grid, as trisplat's own renderer takes them.
 import {
   AddEquation, Color, CustomBlending, DepthTexture, FloatType, HalfFloatType, Mesh, NearestFilter, OneFactor,
   OrthographicCamera, PerspectiveCamera, PlaneGeometry, Scene, ShaderMaterial, SRGBColorSpace, UnsignedByteType,
   WebGLRenderer, WebGLRenderTarget,
 } from 'three';
-import { aim } from './view.js';
+import { applyView } from './view.js';
 
-/** Samples a pixel that the GPU takes while something moves. */
+/** Samples per pixel that the GPU takes while something moves. */
 const MOVING = 4;
 
-export class Picture {
+export class Renderer {
   #renderer;
   #scene = new Scene();
   #camera = new PerspectiveCamera();
@@ -27,7 +27,7 @@ export class Picture {
   #passes = 0;
   #size = [0, 0];
 
-  /** Fails where there is no WebGL 2. `grid`: samples along each axis of a pixel once all is at rest. */
+  /** Fails without WebGL 2. `grid`: samples per pixel along each axis once nothing moves. */
   constructor(canvas, grid, background) {
     this.#renderer = new WebGLRenderer({ canvas, antialias: false, reversedDepthBuffer: true, powerPreference: 'high-performance' });
     this.#renderer.autoClear = false;
@@ -69,34 +69,34 @@ export class Picture {
     return true;
   }
 
-  /** Something moved: the next picture is a new one. */
+  /** Discards the accumulated samples, as something moved. */
   restart() {
     this.#passes = 0;
   }
 
-  /** True while more samples are to come. */
+  /** True while samples are missing. */
   get unfinished() {
     return this.#passes < 1 + (this.#sum ? this.#grid ** 2 : 0);
   }
 
-  /** Draws from `view`: at once what can be seen while moving, then, call by call, the picture at rest. */
+  /** Draws `view`: first with the samples for movement, then, call by call, with one more sample each. */
   draw(view) {
     const pass = this.#passes++;
     if (pass === 0) {
       const drawn = this.#moving ?? this.#resting;
-      this.#take(view, drawn, [0, 0]);
+      this.#sample(view, drawn, [0, 0]);
       this.#blit(drawn, null, 1, false);
       return;
     }
     const shift = (i) => (i + 0.5) / this.#grid - 0.5;
-    this.#take(view, this.#resting, [shift((pass - 1) % this.#grid), shift(Math.floor((pass - 1) / this.#grid))]);
+    this.#sample(view, this.#resting, [shift((pass - 1) % this.#grid), shift(Math.floor((pass - 1) / this.#grid))]);
     if (pass === 1) this.#clear(this.#sum, 0);
     this.#blit(this.#resting, this.#sum, 1 / this.#grid ** 2, true);
     if (!this.unfinished) this.#blit(this.#sum, null, 1, false);
   }
 
-  #take(view, into, shift) {
-    aim(this.#camera, view, this.width, this.height, shift);
+  #sample(view, into, shift) {
+    applyView(this.#camera, view, this.width, this.height, shift);
     this.#clear(into, this.#background);
     this.#renderer.render(this.#scene, this.#camera);
   }
@@ -107,11 +107,11 @@ export class Picture {
     this.#renderer.clear();
   }
 
-  #blit(from, into, share, add) {
+  #blit(from, into, weight, add) {
     const { quad, camera } = this.#copy;
     const material = add ? this.#copy.add : this.#copy.put;
     material.uniforms.picture.value = from.texture;
-    material.uniforms.share.value = share;
+    material.uniforms.weight.value = weight;
     quad.material = material;
     this.#renderer.setRenderTarget(into);
     this.#renderer.render(quad, camera);
@@ -134,11 +134,11 @@ function adder() {
 function copier() {
   const material = (blending) =>
     new ShaderMaterial({
-      uniforms: { picture: { value: null }, share: { value: 1 } },
+      uniforms: { picture: { value: null }, weight: { value: 1 } },
       vertexShader: 'void main() { gl_Position = vec4(position.xy, 0.0, 1.0); }',
-      fragmentShader: `uniform sampler2D picture; uniform float share;
+      fragmentShader: `uniform sampler2D picture; uniform float weight;
         void main() {
-          gl_FragColor = vec4(texelFetch(picture, ivec2(gl_FragCoord.xy), 0).rgb * share, 1.0);
+          gl_FragColor = vec4(texelFetch(picture, ivec2(gl_FragCoord.xy), 0).rgb * weight, 1.0);
           #include <colorspace_fragment>
         }`,
       depthTest: false, depthWrite: false, toneMapped: false, ...blending,

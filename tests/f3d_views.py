@@ -1,6 +1,6 @@
 """Draws a GLB with f3d from given cameras: tests/external/renderers.rs says what for.
 
-Standard input: {"file", "size": [w, h], "background": [r, g, b], "shots": [{"eye", "target", "up", "fov", "out"}]},
+Standard input: {"file", "size": [w, h], "background": [r, g, b], "views": [{"eye", "target", "up", "fov", "out"}]},
 fov vertical, in degrees. f3d has square pixels, one centred sample a pixel here, and no word for the near plane.
 It shows the numbers of COLOR_0 as they are, so the file has to hold sRGB codes.
 """
@@ -16,8 +16,8 @@ engine.options["render.grid.enable"] = False
 engine.options["render.background.color"] = job["background"]
 engine.options["ui.axis"] = False
 engine.scene.add(job["file"])
-for shot in job["shots"]:
+for view in job["views"]:
     camera = engine.window.camera
-    camera.position, camera.focal_point, camera.view_up = shot["eye"], shot["target"], shot["up"]
-    camera.view_angle = shot["fov"]
-    engine.window.render_to_image().save(shot["out"])
+    camera.position, camera.focal_point, camera.view_up = view["eye"], view["target"], view["up"]
+    camera.view_angle = view["fov"]
+    engine.window.render_to_image().save(view["out"])
