@@ -184,7 +184,7 @@ fn shrunk(size: UVec2, max_size: Option<u32>) -> UVec2 {
     }
 }
 
-/// Looks for `masks/NAME.png` and `masks/NAME.jpg.png` (COLMAP's habit) where no mask is named.
+/// Looks for `masks/NAME.png` and `masks/NAME.jpg.png` (as COLMAP names them) where no mask is named.
 fn find_masks(found: &mut Found, options: &DatasetOptions) {
     if options.masks == Masks::Off {
         found.photos.iter_mut().for_each(|photo| photo.mask = None);

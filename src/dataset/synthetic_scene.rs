@@ -36,11 +36,11 @@ enum Shape {
         center: DVec3,
         radius: f64,
     },
-    /// A box; `turn` takes world axes to its own.
+    /// A box; `rotation` takes world axes to its own.
     Block {
         center: DVec3,
         half: DVec3,
-        turn: DMat3,
+        rotation: DMat3,
     },
     /// A cylinder with flat ends.
     Pole {
@@ -159,7 +159,7 @@ const OBJECTS: [Object; 12] = {
         ball([0.35, -0.32, -0.95], 0.32, Paint::Plain(TEAL), 0.35),
         ball([-0.35, -0.2, -1.35], 0.2, Paint::Stripes(YELLOW, DARK), 0.0),
         matt(
-            Shape::Block { center: at(0.95, -0.4, 0.45), half: at(0.45, 0.4, 0.35), turn: TURN },
+            Shape::Block { center: at(0.95, -0.4, 0.45), half: at(0.45, 0.4, 0.35), rotation: TURN },
             Paint::Wood,
         ),
         matt(
@@ -175,7 +175,7 @@ const OBJECTS: [Object; 12] = {
 };
 
 impl Shape {
-    /// The nearest intersect in front of the ray's origin.
+    /// The nearest intersection in front of the ray's origin.
     fn intersect(&self, ray: Ray) -> Option<Intersection> {
         match *self {
             Shape::Ground => {
@@ -193,7 +193,7 @@ impl Shape {
                 let n = -(ray.origin + ray.direction * far) / radius;
                 (far > 0.0).then(|| (far, n, around(n)))
             }
-            Shape::Block { center, half, turn } => touch_block(ray, center, half, turn),
+            Shape::Block { center, half, rotation } => touch_block(ray, center, half, rotation),
             Shape::Pole { from, to, radius } => touch_pole(ray, from, to, radius),
             Shape::Card { corner, right, down } => {
                 let normal = right.cross(down).normalize();
@@ -223,8 +223,8 @@ fn ball_span(ray: Ray, center: DVec3, radius: f64) -> Option<(f64, f64)> {
     (root >= 0.0).then(|| ((-b - root.sqrt()) / a, (-b + root.sqrt()) / a))
 }
 
-fn touch_block(ray: Ray, center: DVec3, half: DVec3, turn: DMat3) -> Option<Intersection> {
-    let (o, d) = (turn * (ray.origin - center), turn * ray.direction);
+fn touch_block(ray: Ray, center: DVec3, half: DVec3, rotation: DMat3) -> Option<Intersection> {
+    let (o, d) = (rotation * (ray.origin - center), rotation * ray.direction);
     let (a, b) = ((-half - o) / d, (half - o) / d);
     let (near, far) = (a.min(b), a.max(b));
     let t = near.max_element();
@@ -239,7 +239,7 @@ fn touch_block(ray: Ray, center: DVec3, half: DVec3, turn: DMat3) -> Option<Inte
     } else {
         (DVec3::Z * -d.z.signum(), DVec2::new(p.x, p.y))
     };
-    Some((t, turn.transpose() * axis, uv))
+    Some((t, rotation.transpose() * axis, uv))
 }
 
 fn touch_pole(ray: Ray, from: DVec3, to: DVec3, radius: f64) -> Option<Intersection> {

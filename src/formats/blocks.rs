@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use std::io::{self, Write};
 
-/// Rows a thread formats at a time.
+/// Rows that a thread formats at a time.
 const ROWS: usize = 1 << 13;
 
 /// Writes rows 0 to `count`; `push` appends one to the bytes it is given.

@@ -1,4 +1,4 @@
-//! Files in and out. The types of a scene do not know them.
+//! Files in and out. The types of a scene do not depend on them.
 
 mod blocks;
 pub mod bvh;

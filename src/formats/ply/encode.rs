@@ -1,4 +1,4 @@
-//! What both writers write alike.
+//! What both PLY writers share.
 
 use crate::formats::blocks::write_blocks;
 use std::io::{self, Write};

@@ -89,7 +89,7 @@ impl Channels {
         Err(Error::unsupported(path, reason))
     }
 
-    /// Linear colours, and alpha if any of it is below 1. `[rows]`, [rows] or []
+    /// Linear colours, and alpha if any of it is below 1. `[rows]`, `[rows]` or `[]`
     fn read(
         &self,
         path: &Path,

@@ -1,6 +1,6 @@
 //! Rows in ascii, big-endian or of changing length, rewritten as little-endian ones of a fixed stride.
 //!
-//! Nothing is allocated on the word of the header: memory grows with the rows really read.
+//! Nothing is allocated because the header promises it: memory grows with the rows really read.
 
 use super::column::Column;
 use super::header::{Element, Encoding, PropertyType, Scalar};

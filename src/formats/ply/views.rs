@@ -1,6 +1,6 @@
 //! The element `view` of a soup PLY: the cameras of the photos that a scene was trained on, after its faces.
 //!
-//! Named so that MeshLab, which has a `camera` of its own with other properties, passes over it.
+//! Named so that MeshLab, which has a `camera` of its own with other properties, skips it.
 
 use super::column::Column;
 use super::header::{Element, Header};
