@@ -10,8 +10,6 @@ use trisplat::raster::soft::{
 use trisplat::rng::Rng;
 use trisplat::soup::Soup;
 
-/// Largest relative error of a gradient.
-pub(crate) const GRADIENT: f64 = 2.5e-4;
 /// Pixels nearer than this to a jump or kink of the oracle are not compared.
 pub(crate) const MARGIN: f64 = 2e-4;
 

@@ -57,14 +57,14 @@ impl Projector {
 
     /// The vector from the camera to a world point, in world axes.
     #[inline(always)]
-    pub(super) fn from_camera(&self, v: Vec3) -> Vec3 {
+    pub(super) fn offset_from_camera(&self, v: Vec3) -> Vec3 {
         (v - self.high) - self.low
     }
 
     /// A world point in camera space, single precision.
     #[inline(always)]
     pub(super) fn to_camera(&self, v: [f32; 3]) -> [f32; 3] {
-        let d = self.from_camera(Vec3::from_array(v)).to_array();
+        let d = self.offset_from_camera(Vec3::from_array(v)).to_array();
         let row = |r: &[f32; 3]| r[0] * d[0] + r[1] * d[1] + r[2] * d[2];
         [row(&self.rows[0]), row(&self.rows[1]), row(&self.rows[2])]
     }

@@ -157,7 +157,7 @@ impl ShadeTile<'_, '_> {
         let vertices = self.mesh.face(face as usize);
         let (a, b, c) = (vertices[0] as usize, vertices[1] as usize, vertices[2] as usize);
         let [p, q, r] = [self.mesh.positions[a], self.mesh.positions[b], self.mesh.positions[c]];
-        let (edge1, edge2, to_first) = (q - p, r - p, self.projector.from_camera(p));
+        let (edge1, edge2, to_first) = (q - p, r - p, self.projector.offset_from_camera(p));
         for axis in 0..3 {
             faces_seen.edge1[axis][lane] = edge1[axis];
             faces_seen.edge2[axis][lane] = edge2[axis];
