@@ -6,7 +6,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// One textured surface of the scene, mapped from the unit square.
 pub(super) struct Surface {
-    pub(super) shape: Shape,
+    pub(super) shape: SurfaceShape,
     pub(super) texture: Texture,
     /// Triangles per area, relative to the stage.
     pub(super) density: f64,
@@ -15,7 +15,7 @@ pub(super) struct Surface {
 }
 
 /// A map from the unit square to the world.
-pub(super) enum Shape {
+pub(super) enum SurfaceShape {
     /// A parallelogram; its normal is u × v.
     Parallelogram { origin: DVec3, u: DVec3, v: DVec3 },
     /// A sixth of a sphere, above one face of the cube inside it; `axes` are the face's u, v and normal.
@@ -42,7 +42,7 @@ pub(super) enum Texture {
     Sky,
 }
 
-impl Shape {
+impl SurfaceShape {
     /// World point of (u, v) in the unit square.
     pub(super) fn point(&self, at: DVec2) -> DVec3 {
         let around = || {
@@ -50,17 +50,17 @@ impl Shape {
             dvec3(cos, 0.0, sin)
         };
         match self {
-            Shape::Parallelogram { origin, u, v } => origin + u * at.x + v * at.y,
-            Shape::Cap { center, radius, axes } => {
+            SurfaceShape::Parallelogram { origin, u, v } => origin + u * at.x + v * at.y,
+            SurfaceShape::Cap { center, radius, axes } => {
                 // Equal steps are equal angles, which keeps the patches of a sphere alike in size.
                 let angle = (at - 0.5) * FRAC_PI_2;
                 center + *axes * dvec3(angle.x.tan(), angle.y.tan(), 1.0).normalize() * *radius
             }
-            Shape::Ring { center, major, minor } => {
+            SurfaceShape::Ring { center, major, minor } => {
                 let (sin, cos) = (TAU * at.y).sin_cos();
                 center + around() * (major + minor * cos) + DVec3::Y * (minor * sin)
             }
-            Shape::Pole { foot, radius, height } => {
+            SurfaceShape::Pole { foot, radius, height } => {
                 foot + around() * *radius + DVec3::NEG_Y * (height * at.y)
             }
         }
@@ -71,10 +71,12 @@ impl Shape {
         let point = self.point(at);
         let flat = |v: DVec3| dvec3(v.x, 0.0, v.z).normalize();
         match self {
-            Shape::Parallelogram { u, v, .. } => u.cross(*v).normalize(),
-            Shape::Cap { center, .. } => (point - center).normalize(),
-            Shape::Ring { center, major, .. } => (point - center - flat(point - center) * *major).normalize(),
-            Shape::Pole { foot, .. } => flat(point - foot),
+            SurfaceShape::Parallelogram { u, v, .. } => u.cross(*v).normalize(),
+            SurfaceShape::Cap { center, .. } => (point - center).normalize(),
+            SurfaceShape::Ring { center, major, .. } => {
+                (point - center - flat(point - center) * *major).normalize()
+            }
+            SurfaceShape::Pole { foot, .. } => flat(point - foot),
         }
     }
 
@@ -88,20 +90,20 @@ impl Shape {
     /// How far along u and v a flat triangle may reach, in world units, and still follow the curve.
     pub(super) fn reach(&self) -> DVec2 {
         match self {
-            Shape::Parallelogram { .. } => DVec2::INFINITY,
-            Shape::Cap { radius, .. } => DVec2::splat(0.6 * radius),
-            Shape::Ring { minor, .. } => DVec2::splat(0.8 * minor),
-            Shape::Pole { radius, height, .. } => DVec2::new(0.8 * radius, *height),
+            SurfaceShape::Parallelogram { .. } => DVec2::INFINITY,
+            SurfaceShape::Cap { radius, .. } => DVec2::splat(0.6 * radius),
+            SurfaceShape::Ring { minor, .. } => DVec2::splat(0.8 * minor),
+            SurfaceShape::Pole { radius, height, .. } => DVec2::new(0.8 * radius, *height),
         }
     }
 
     /// Surface in square world units.
     pub(super) fn area(&self) -> f64 {
         match self {
-            Shape::Parallelogram { u, v, .. } => u.cross(*v).length(),
-            Shape::Cap { radius, .. } => 2.0 * TAU * radius * radius / 6.0,
-            Shape::Ring { major, minor, .. } => TAU * major * TAU * minor,
-            Shape::Pole { radius, height, .. } => TAU * radius * height,
+            SurfaceShape::Parallelogram { u, v, .. } => u.cross(*v).length(),
+            SurfaceShape::Cap { radius, .. } => 2.0 * TAU * radius * radius / 6.0,
+            SurfaceShape::Ring { major, minor, .. } => TAU * major * TAU * minor,
+            SurfaceShape::Pole { radius, height, .. } => TAU * radius * height,
         }
     }
 }
@@ -168,12 +170,12 @@ enum Body {
 
 impl Body {
     /// Its outside, as maps from the unit square; a block has no underside.
-    fn shapes(&self) -> Vec<Shape> {
+    fn shapes(&self) -> Vec<SurfaceShape> {
         match *self {
             Body::Ball { center, radius } => caps(center, radius),
             Body::Block { center, half } => faces(center, half),
-            Body::Ring { center, major, minor } => vec![Shape::Ring { center, major, minor }],
-            Body::Pole { foot, radius, height } => vec![Shape::Pole { foot, radius, height }],
+            Body::Ring { center, major, minor } => vec![SurfaceShape::Ring { center, major, minor }],
+            Body::Pole { foot, radius, height } => vec![SurfaceShape::Pole { foot, radius, height }],
         }
     }
 
@@ -198,19 +200,19 @@ impl Body {
 }
 
 /// A sphere in six parts.
-fn caps(center: DVec3, radius: f64) -> Vec<Shape> {
+fn caps(center: DVec3, radius: f64) -> Vec<SurfaceShape> {
     let cap = |n: DVec3| {
         let u = n.any_orthonormal_vector();
-        Shape::Cap { center, radius, axes: DMat3::from_cols(u, n.cross(u), n) }
+        SurfaceShape::Cap { center, radius, axes: DMat3::from_cols(u, n.cross(u), n) }
     };
     [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z].map(cap).into()
 }
 
 /// The faces of a box but its underside, normals outward: -z (the front), top, +z, -x, +x.
-fn faces(center: DVec3, half: DVec3) -> Vec<Shape> {
+fn faces(center: DVec3, half: DVec3) -> Vec<SurfaceShape> {
     let (x, y, z) = (DVec3::X * 2.0 * half.x, DVec3::Y * 2.0 * half.y, DVec3::Z * 2.0 * half.z);
     let (low, high) = (center - half, center + half);
-    let face = |origin, u, v| Shape::Parallelogram { origin, u, v };
+    let face = |origin, u, v| SurfaceShape::Parallelogram { origin, u, v };
     vec![
         face(low + x, -x, y),
         face(low, x, z),

@@ -4,50 +4,13 @@
 
 mod poly;
 mod portable;
+mod vector;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-use crate::math::real::{Mask, Real};
+pub use vector::{LANES, Lanes, Work};
 
-/// Lanes in a [`Lanes`] value.
-pub const LANES: usize = 16;
-
-/// Sixteen f32.
-pub trait Lanes: Real {
-    /// `value` in every lane.
-    fn splat(value: f32) -> Self;
-    /// The sixteen numbers of an array.
-    fn load(from: &[f32; LANES]) -> Self;
-    /// Writes the sixteen numbers.
-    fn store(self, to: &mut [f32; LANES]);
-    /// One bit per lane of a mask, lane 0 lowest.
-    fn bits(mask: Self::Mask) -> u16;
-    /// The mask of the bits, lane 0 lowest.
-    fn from_bits(bits: u16) -> Self::Mask;
-    /// Sum of the lanes in a fixed order.
-    fn sum(self) -> f32;
-    /// Largest lane.
-    fn max_lane(self) -> f32;
-    /// `self` where the mask is set, else 0.
-    #[inline(always)]
-    fn masked(self, mask: Self::Mask) -> Self {
-        Self::select(mask, self, Self::splat(0.0))
-    }
-    /// `self + value * factor` where the mask is set, else `self`.
-    #[inline(always)]
-    fn add_where(self, mask: Self::Mask, value: Self, factor: Self) -> Self {
-        value.masked(mask).mul_add(factor, self)
-    }
-    /// Sums of the lanes of sixteen values.
-    #[inline(always)]
-    fn sums(values: &[Self; LANES]) -> [f32; LANES] {
-        let mut out = [0.0; LANES];
-        for (out, value) in out.iter_mut().zip(values) {
-            *out = value.sum();
-        }
-        out
-    }
-}
+use crate::math::real::Mask;
 
 /// Prefetches `value`, which will be read soon.
 #[inline(always)]
@@ -56,15 +19,6 @@ pub fn prefetch<T>(value: &T) {
     x86::prefetch(value);
     #[cfg(not(target_arch = "x86_64"))]
     let _ = value;
-}
-
-/// Work that runs on any [`Lanes`]. `run` and all it calls must be `#[inline(always)]` to be compiled for each CPU
-/// level; closures and `[T; N]::map` over lanes may not be inlined and then cost ten times their work.
-pub trait Work {
-    /// Its result.
-    type Output;
-    /// Does the work.
-    fn run<L: Lanes>(self) -> Self::Output;
 }
 
 /// Instruction sets that have their own code.

@@ -1,6 +1,6 @@
 //! Frustum culling of whole chunks by their bounding boxes.
 
-use super::layout::BoundingBox;
+use super::layout::Aabb;
 use crate::camera::Camera;
 use glam::{DVec3, DVec4, Vec3};
 
@@ -30,7 +30,7 @@ impl Frustum {
     }
 
     /// False only when nothing of the box can be seen.
-    pub fn sees(&self, bounds: &BoundingBox) -> bool {
+    pub fn sees(&self, bounds: &Aabb) -> bool {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         self.planes.iter().all(|plane| {
             let normal = plane.truncate();
@@ -43,7 +43,7 @@ impl Frustum {
 }
 
 /// Distance from a camera to the nearest point of a box.
-pub fn distance(camera: &Camera, bounds: &BoundingBox) -> f32 {
+pub fn distance(camera: &Camera, bounds: &Aabb) -> f32 {
     let position: Vec3 = camera.position();
     position.distance(position.clamp(bounds.min, bounds.max))
 }
@@ -71,7 +71,7 @@ mod tests {
             let camera = base.looking(vec(k * 100, 4.0), vec(k * 100 + 3, 4.0), Vec3::NEG_Y);
             let frustum = Frustum::new(&camera, 0.1);
             let (a, b) = (vec(k * 100 + 6, 6.0), vec(k * 100 + 9, 1.0));
-            let bounds = BoundingBox { min: a.min(a + b), max: a.max(a + b) };
+            let bounds = Aabb { min: a.min(a + b), max: a.max(a + b) };
             let visible = (0..27u32).any(|i| {
                 let at = Vec3::new((i % 3) as f32, (i / 3 % 3) as f32, (i / 9) as f32) / 2.0;
                 let seen =
@@ -85,8 +85,6 @@ mod tests {
             dropped += u32::from(!sees);
         }
         assert!(kept > 300 && dropped > 1500, "{kept} kept, {dropped} dropped");
-        assert!(
-            !Frustum::new(&base, 0.1).sees(&BoundingBox { min: Vec3::splat(-2.0), max: Vec3::splat(-1.0) })
-        );
+        assert!(!Frustum::new(&base, 0.1).sees(&Aabb { min: Vec3::splat(-2.0), max: Vec3::splat(-1.0) }));
     }
 }

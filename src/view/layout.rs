@@ -68,7 +68,7 @@ pub fn pack_color(linear: [f32; 3]) -> u32 {
 }
 
 /// The grid of a chunk whose corners lie in a box.
-pub fn grid(bounds: &BoundingBox) -> ChunkGrid {
+pub fn grid(bounds: &Aabb) -> ChunkGrid {
     let extent = f64::from((bounds.max - bounds.min).max_element()).max(f64::MIN_POSITIVE);
     // One step is kept for the origin, which is rounded down to a multiple of the step.
     let exponent = (extent / f64::from((1 << GRID_BITS) - 2)).log2().ceil().clamp(-120.0, 120.0);
@@ -84,36 +84,36 @@ pub fn pack_position(grid: &ChunkGrid, position: Vec3) -> [u32; 2] {
     [x | y << 21, y >> 11 | z << 10]
 }
 
-/// An axis-aligned box.
+/// An axis-aligned bounding box.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BoundingBox {
+pub struct Aabb {
     /// Least coordinates.
     pub min: Vec3,
     /// Largest coordinates.
     pub max: Vec3,
 }
 
-impl BoundingBox {
+impl Aabb {
     /// The empty box.
-    pub const EMPTY: BoundingBox = BoundingBox { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+    pub const EMPTY: Aabb = Aabb { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
     /// The box around both.
     pub fn union(self, other: Self) -> Self {
-        BoundingBox { min: self.min.min(other.min), max: self.max.max(other.max) }
+        Aabb { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
     /// The box around the corners of a run of faces.
     pub fn of(mesh: &Mesh, chunk: &Chunk) -> Self {
         let faces = chunk.first as usize..(chunk.first + chunk.count) as usize;
-        faces.flat_map(|f| mesh.corners(f)).fold(Self::EMPTY, |b, v| b.union(BoundingBox { min: v, max: v }))
+        faces.flat_map(|f| mesh.corners(f)).fold(Self::EMPTY, |b, v| b.union(Aabb { min: v, max: v }))
     }
 }
 
 /// The chunks of an asset and their boxes; one chunk of everything when it has none. `[chunks]`
-pub fn bounds(asset: &Asset) -> Vec<(Chunk, BoundingBox)> {
+pub fn bounds(asset: &Asset) -> Vec<(Chunk, Aabb)> {
     let whole = [Chunk { first: 0, count: asset.mesh.face_count() as u32 }];
     let chunks = if asset.chunks.is_empty() { &whole[..] } else { &asset.chunks };
-    chunks.par_iter().map(|chunk| (*chunk, BoundingBox::of(&asset.mesh, chunk))).collect()
+    chunks.par_iter().map(|chunk| (*chunk, Aabb::of(&asset.mesh, chunk))).collect()
 }
 
 #[cfg(test)]
@@ -142,7 +142,7 @@ mod tests {
             (Vec3::splat(-1e-9), Vec3::splat(1e-9)),
             (Vec3::splat(5.0), Vec3::splat(5.0)),
         ] {
-            let grid = grid(&BoundingBox { min, max });
+            let grid = grid(&Aabb { min, max });
             assert_eq!(grid.step.log2().fract(), 0.0);
             for corner in [min, max, min.lerp(max, 0.37)] {
                 let [low, high] = pack_position(&grid, corner);

@@ -1,7 +1,7 @@
 //! An asset in GPU memory.
 
 use super::cull::{Frustum, distance};
-use super::layout::{self, BoundingBox, ChunkGrid, CornerVertex, VertexLayout};
+use super::layout::{self, Aabb, ChunkGrid, CornerVertex, VertexLayout};
 use crate::asset::{Asset, Chunk};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
@@ -21,7 +21,7 @@ pub struct Model {
     /// Bytes of GPU memory that it takes.
     pub bytes: u64,
     /// Runs of faces that are drawn or skipped as a whole, and their boxes.
-    pub chunks: Vec<(Chunk, BoundingBox)>,
+    pub chunks: Vec<(Chunk, Aabb)>,
     vertices: Buffer,
     indices: Option<Buffer>,
     /// Face colours and grids.
@@ -94,8 +94,8 @@ impl Model {
     }
 
     /// The box around all chunks.
-    pub fn bounds(&self) -> BoundingBox {
-        self.chunks.iter().fold(BoundingBox::EMPTY, |all, (_, bounds)| all.union(*bounds))
+    pub fn bounds(&self) -> Aabb {
+        self.chunks.iter().fold(Aabb::EMPTY, |all, (_, bounds)| all.union(*bounds))
     }
 
     /// A subset of about `share` of the faces, the same ones for the same seed.
@@ -122,8 +122,7 @@ impl Model {
         per_chunk: bool,
     ) -> Vec<DrawCall> {
         let frustum = Frustum::new(camera, near);
-        let seen =
-            |(_, (chunk, bounds)): &(usize, &(Chunk, BoundingBox))| chunk.count > 0 && frustum.sees(bounds);
+        let seen = |(_, (chunk, bounds)): &(usize, &(Chunk, Aabb))| chunk.count > 0 && frustum.sees(bounds);
         let mut visible: Vec<usize> = self.chunks.iter().enumerate().filter(seen).map(|(i, _)| i).collect();
         if order == ChunkOrder::Near {
             visible.sort_by_cached_key(|&i| distance(camera, &self.chunks[i].1).to_bits());
@@ -205,7 +204,7 @@ fn corners(gpu: &Gpu, mesh: &Mesh) -> Result<Buffer> {
 }
 
 /// Every corner on the grid of its chunk.
-fn grid_corners(gpu: &Gpu, mesh: &Mesh, chunks: &[(Chunk, BoundingBox)]) -> Result<Buffer> {
+fn grid_corners(gpu: &Gpu, mesh: &Mesh, chunks: &[(Chunk, Aabb)]) -> Result<Buffer> {
     let grids: Vec<ChunkGrid> = chunks.iter().map(|(_, bounds)| layout::grid(bounds)).collect();
     let at = |v: usize| {
         let chunk = chunks.partition_point(|(chunk, _)| 3 * chunk.first as usize <= v) - 1;
@@ -219,7 +218,7 @@ fn face_group(
     gpu: &Gpu,
     groups: &BindGroupLayout,
     colors: &[[f32; 3]],
-    chunks: &[(Chunk, BoundingBox)],
+    chunks: &[(Chunk, Aabb)],
 ) -> Result<(BindGroup, u64)> {
     let usage = BufferUsages::STORAGE;
     let colors = buffer::filled(gpu, "face colours", usage, colors.len(), |f| layout::pack_color(colors[f]))?;

@@ -11,6 +11,7 @@ use std::path::Path;
 const MAY: &[(&str, &str)] = &[
     ("error", ""),
     ("atomic", "error"),
+    ("process", ""),
     ("report", "error"),
     ("rng", ""),
     ("math", ""),
@@ -27,12 +28,15 @@ const MAY: &[(&str, &str)] = &[
     ("dataset", "formats asset camera image rng error math"),
     ("formats", "soup mesh scene bvh asset camera report error math atomic"),
     ("raster", "kernel soup mesh camera image math error"),
-    ("train", "raster kernel dataset soup mesh camera image rng report error math"),
+    (
+        "train",
+        "raster kernel dataset formats asset atomic process soup mesh camera image rng report error math",
+    ),
     ("bake", "raster dataset formats soup mesh scene placed bvh asset camera image rng report error math"),
     ("view", "asset rng mesh soup scene raster camera image gpu error math"),
     (
         "bench",
-        "asset atomic bake camera dataset error formats gpu image math mesh placed raster report rng scene soup train view",
+        "asset atomic process bake camera dataset error formats gpu image math mesh placed raster report rng scene soup train view",
     ),
     (
         "cli",

@@ -1,6 +1,6 @@
 //! Work on other threads than the window's, and the messages that they send.
 
-use super::super::layout::{BoundingBox, VertexLayout};
+use super::super::layout::{Aabb, VertexLayout};
 use super::super::model::{ChunkOrder, Model, Subset};
 use super::super::renderer::{DisplayMode, FrameParams, Renderer};
 use super::pick::Picked;
@@ -42,7 +42,7 @@ pub(super) struct LoadedScene {
     pub(super) scene: WindowScene,
     pub(super) model: Model,
     /// The box of most of it, without outliers.
-    pub(super) bounds: BoundingBox,
+    pub(super) bounds: Aabb,
 }
 
 /// Runs `work` on a thread of its own and sends its message.
@@ -83,7 +83,7 @@ pub(super) fn load(
 }
 
 /// The box that holds the middle 96% of the corners on each axis, estimated from a sample of them.
-fn central_box(mesh: &Mesh) -> BoundingBox {
+fn central_box(mesh: &Mesh) -> Aabb {
     let step = (mesh.positions.len() / 100_000).max(1);
     let axis = |axis: usize| {
         let mut values: Vec<f32> = mesh.positions.iter().step_by(step).map(|p| p[axis]).collect();
@@ -93,7 +93,7 @@ fn central_box(mesh: &Mesh) -> BoundingBox {
         (at(last / 50), at(last - last / 50))
     };
     let [x, y, z] = [0, 1, 2].map(axis);
-    BoundingBox { min: Vec3::new(x.0, y.0, z.0), max: Vec3::new(x.1, y.1, z.1) }
+    Aabb { min: Vec3::new(x.0, y.0, z.0), max: Vec3::new(x.1, y.1, z.1) }
 }
 
 /// What a screenshot shows.

@@ -1,6 +1,6 @@
 //! The camera that the user controls: orbit around a pivot, or fly.
 
-use super::super::layout::BoundingBox;
+use super::super::layout::Aabb;
 use crate::camera::Camera;
 use glam::{Mat3, Quat, UVec2, Vec2, Vec3};
 use std::f32::consts::FRAC_PI_2;
@@ -49,7 +49,7 @@ impl Keys {
 
 impl CameraControls {
     /// A camera that sees `bounds` from a little above; `up` is the world's axis that points up.
-    pub fn new(bounds: &BoundingBox, up: Vec3) -> Self {
+    pub fn new(bounds: &Aabb, up: Vec3) -> Self {
         let size = UVec2::splat(1000);
         let focal = Vec2::splat(500.0 / (FIELD_OF_VIEW / 2.0).tan());
         let (rotation, translation) = (Mat3::IDENTITY, Vec3::ZERO);
@@ -64,7 +64,7 @@ impl CameraControls {
     }
 
     /// Moves back along the view until `bounds` is visible, with the default field of view.
-    pub fn frame(&mut self, bounds: &BoundingBox) {
+    pub fn frame(&mut self, bounds: &Aabb) {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let radius = (0.5 * (max - min).length()) as f32;
         let finite = radius.is_finite() && radius > 0.0;
@@ -199,7 +199,7 @@ fn orthonormal(rotation: Mat3) -> Mat3 {
 mod tests {
     use super::*;
 
-    const BOX: BoundingBox = BoundingBox { min: Vec3::new(-1.0, 0.0, 2.0), max: Vec3::new(3.0, 1.0, 4.0) };
+    const BOX: Aabb = Aabb { min: Vec3::new(-1.0, 0.0, 2.0), max: Vec3::new(3.0, 1.0, 4.0) };
     const PANE: Pane = Pane { min: Vec2::ZERO, size: Vec2::new(800.0, 600.0) };
     const SIZE: UVec2 = UVec2::new(800, 600);
 
@@ -222,7 +222,7 @@ mod tests {
             }
             assert!((camera.rotation * up).y < 0.0, "up is up");
         }
-        CameraControls::new(&BoundingBox::EMPTY, Vec3::Y).camera(SIZE, PANE).validate().unwrap();
+        CameraControls::new(&Aabb::EMPTY, Vec3::Y).camera(SIZE, PANE).validate().unwrap();
     }
 
     #[test]

@@ -10,7 +10,7 @@ use crate::asset::Asset;
 use crate::camera::Camera;
 use crate::image::Pixels;
 use crate::soup::Soup;
-use crate::view::layout::BoundingBox;
+use crate::view::layout::Aabb;
 use egui::{ColorImage, Context, TextureHandle, TextureOptions};
 use glam::{UVec2, Vec2, Vec3};
 use std::sync::Arc;
@@ -68,7 +68,7 @@ pub(super) enum PhotoPlacement {
 /// The scene that is shown.
 pub(super) struct Shown {
     pub(super) model: Arc<Model>,
-    pub(super) bounds: BoundingBox,
+    pub(super) bounds: Aabb,
     pub(super) photos: Vec<WindowPhoto>,
     pub(super) soup: Option<Arc<Soup>>,
     pub(super) to_soup: Option<Arc<dyn Fn(Vec3) -> Vec3 + Send + Sync>>,
@@ -109,7 +109,7 @@ pub(super) struct Session {
 
 impl Session {
     pub(super) fn new(gpu_name: String) -> Self {
-        let bounds = BoundingBox { min: Vec3::NEG_ONE, max: Vec3::ONE };
+        let bounds = Aabb { min: Vec3::NEG_ONE, max: Vec3::ONE };
         Self {
             settings: Settings::default(),
             controls: CameraControls::new(&bounds, Vec3::Y),
