@@ -82,14 +82,14 @@ fn grid_lines(node: &CwBvhNode) -> [(&[u8; 8], &[u8; 8]); 3] {
 }
 
 /// A ray prepared for intersection tests.
-struct Ray {
+struct PreparedRay {
     origin: DVec3,
     direction: DVec3,
     /// 1 / direction, and huge where that would be infinite.
     inverse: [f64; 3],
 }
 
-impl Ray {
+impl PreparedRay {
     /// None when a number is not finite or the direction is zero.
     fn new(origin: Vec3, direction: Vec3) -> Option<Self> {
         if !origin.is_finite() || !direction.is_finite() || direction == Vec3::ZERO {
@@ -138,7 +138,7 @@ impl Bvh {
     /// The first face of `mesh` that the ray from `origin` along `direction` hits, from either side; of
     /// faces at the same distance the one with the lowest number. `mesh` is the one it was built for.
     pub fn cast(&self, mesh: &Mesh, origin: Vec3, direction: Vec3) -> Option<RayHit> {
-        let ray = Ray::new(origin, direction)?;
+        let ray = PreparedRay::new(origin, direction)?;
         let mut best: Option<RayHit> = None;
         let mut stack = Vec::with_capacity(64);
         if !self.nodes.is_empty() {
@@ -271,7 +271,7 @@ fn slot_box(node: &CwBvhNode, slot: usize) -> (DVec3, DVec3) {
 }
 
 /// The nearer of `best` and the ray's hits among `faces`.
-fn nearest(ray: &Ray, mesh: &Mesh, faces: Range<u32>, mut best: Option<RayHit>) -> Option<RayHit> {
+fn nearest(ray: &PreparedRay, mesh: &Mesh, faces: Range<u32>, mut best: Option<RayHit>) -> Option<RayHit> {
     for face in faces {
         if let Some(t) = ray.intersect(mesh.corners(face as usize))
             && best.is_none_or(|hit| t < hit.t || (t == hit.t && face < hit.face))

@@ -1,7 +1,7 @@
 //! Pictures in memory and on disk.
 //!
 //! Colours are sRGB-encoded throughout, and averages are taken on the encoded values: that is what
-//! the field trains and measures on (3DGS, Held et al. 2025).
+//! the literature trains and measures on (3DGS, Held et al. 2025).
 
 use crate::atomic::AtomicFile;
 use crate::error::{Error, Result};
@@ -36,7 +36,7 @@ impl Image {
     }
 }
 
-/// An RGB picture of 8 bits a channel, sRGB-encoded, perhaps with a share for every pixel.
+/// An RGB picture of 8 bits per channel, sRGB-encoded, perhaps with a weight per pixel.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Pixels {
     /// Width and height, px.
@@ -77,7 +77,7 @@ impl Pixels {
         Ok(Self { size, rgb, alpha: if opaque { None } else { Some(alpha) } })
     }
 
-    /// Reads a mask: one channel a pixel, rows from the top; colours become their luma.
+    /// Reads a mask: one channel per pixel, rows from the top; colours become their luma.
     pub fn load_mask(path: &Path) -> Result<(UVec2, Vec<u8>)> {
         let picture = decode(path)?;
         let size = UVec2::new(picture.width(), picture.height());
@@ -102,7 +102,7 @@ impl Pixels {
         Ok(UVec2::new(width, height))
     }
 
-    /// The picture laid over `background`; alpha is used up.
+    /// The picture blended with `background` by its alpha, which is then gone.
     pub fn over(mut self, background: [u8; 3]) -> Self {
         if let Some(alpha) = self.alpha.take() {
             for (pixel, &a) in self.rgb.iter_mut().zip(&alpha) {
@@ -164,7 +164,7 @@ fn area(size: UVec2) -> usize {
     size.x as usize * size.y as usize
 }
 
-/// Decodes a picture; the format is told by its first bytes, not by its name.
+/// Decodes a picture; its first bytes decide the format, not its name.
 fn decode(path: &Path) -> Result<image::DynamicImage> {
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
     if bytes.starts_with(&JPEG_START) && !jpeg_is_whole(&bytes) {
@@ -316,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn alpha_is_laid_over_the_background() {
+    fn alpha_blends_with_the_background() {
         let picture =
             Pixels { size: UVec2::new(3, 1), rgb: vec![[200; 3]; 3], alpha: Some(vec![255, 0, 51]) };
         let flat = picture.over([100, 0, 255]);

@@ -13,10 +13,24 @@
 //! chunks, BVH and provenance. The maths follow Held et al. 2025, *Triangle Splatting for Real-Time
 //! Radiance Field Rendering*.
 //!
+//! From a file, as `trisplat bake scene.ply -o scene.glb` does:
+//!
+//! ```no_run
+//! use std::path::Path;
+//! use trisplat::{BakeOptions, OutputOptions, ReadOptions, bake, read, write};
+//!
+//! let scene = read(Path::new("scene.ply"), &ReadOptions::default())?;
+//! let asset = bake(scene, &BakeOptions::default())?;
+//! write(&asset, Path::new("scene.glb"), &OutputOptions::default())?;
+//! # Ok::<(), trisplat::Error>(())
+//! ```
+//!
+//! From memory to memory:
+//!
 //! ```
 //! use glam::Vec3;
-//! use trisplat::bake::{BakeOptions, bake};
-//! use trisplat::soup::Soup;
+//! use trisplat::formats::gltf::{GltfOptions, to_glb_bytes};
+//! use trisplat::{BakeOptions, Soup, bake};
 //!
 //! let soup = Soup {
 //!     vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]],
@@ -26,9 +40,14 @@
 //!     sh_degree: 0,
 //! };
 //! let asset = bake(soup, &BakeOptions::default())?;
-//! assert_eq!(asset.mesh.face_count(), 1);
-//! # Ok::<(), trisplat::error::Error>(())
+//! let glb: Vec<u8> = to_glb_bytes(&asset, &GltfOptions::default())?;
+//! assert!(glb.starts_with(b"glTF"));
+//! # Ok::<(), trisplat::Error>(())
 //! ```
+//!
+//! From photos with poses: [`Dataset::load`], then [`train()`], then [`Bake`] with the photos. The folder `examples` has whole
+//! programs. The command line, its progress bars and its plots are behind the feature `cli`, drawing on a graphics card behind
+//! `gpu`, the window behind `view`; all three are on unless `default-features = false`.
 
 pub mod asset;
 pub mod atomic;
@@ -56,3 +75,15 @@ pub mod scene;
 pub mod soup;
 pub mod train;
 pub mod view;
+
+pub use asset::Asset;
+pub use bake::{Bake, BakeOptions, BakePreset, Views, bake};
+pub use camera::Camera;
+pub use dataset::{Dataset, DatasetOptions};
+pub use error::{Error, Result};
+pub use formats::{OutputOptions, ReadOptions, read, write};
+pub use mesh::Mesh;
+pub use report::Report;
+pub use scene::{Loaded, Scene};
+pub use soup::Soup;
+pub use train::{TrainOptions, TrainPreset, TrainRun, Trained, train};

@@ -78,7 +78,7 @@ impl Observer for () {}
 pub struct Report {
     /// Program and version.
     pub generator: String,
-    /// The command: "bake".
+    /// The command: "bake" or "train".
     pub command: String,
     /// Files read.
     pub inputs: Vec<String>,

@@ -1,4 +1,4 @@
-//! What a file holds before the bake: a soup or a mesh, and where it came from.
+//! The input of the bake: a soup or a mesh, and where it came from.
 
 use crate::asset::Provenance;
 use crate::camera::Camera;

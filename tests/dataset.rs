@@ -1,4 +1,4 @@
-//! Data sets: the same scene told in several formats, real photos, and files that lie.
+//! Data sets: the same scene in several formats, real photos, and broken files.
 
 #![allow(clippy::print_stderr, reason = "a skipped test says so")]
 
@@ -69,7 +69,7 @@ fn project(camera: &Camera, point: glam::Vec3) -> Option<Vec2> {
 // ---- real photos
 
 #[test]
-fn colmap_and_transforms_tell_the_same_cameras() {
+fn colmap_and_transforms_give_the_same_cameras() {
     for (name, ..) in SCENES {
         let Some(path) = real(name) else { continue };
         assert_same_views(&load(&path), &load(&path.join("transforms.json")));
@@ -176,7 +176,7 @@ fn the_sample_loads_without_complaint() {
     let measured = dataset.reprojection.unwrap();
     // Rayleigh mean of the noise that was added: 0.25 sqrt(pi / 2).
     assert!((measured.mean_px - 0.3133).abs() < 0.01, "{measured:?}");
-    assert!(measured.sightings > 8000 && measured.behind == 0);
+    assert!(measured.observations > 8000 && measured.behind == 0);
 }
 
 #[test]
@@ -343,13 +343,13 @@ fn the_originals_of_a_phone_are_understood() {
     // The file as instant-ngp ships it names 1080x1920 photos; here only its small copies lie.
     let file = path.join("transforms_original.json");
     let error = Dataset::load(&file, &DatasetOptions::default()).unwrap_err().to_string();
-    assert!(error.contains("--skip-broken"), "{error}");
+    assert!(error.contains("`skip_broken`"), "{error}");
 }
 
 // ---- lenses
 
 #[test]
-fn photos_of_a_bent_lens_become_photos_of_a_pinhole() {
+fn photos_of_a_distorted_lens_become_photos_of_a_pinhole() {
     let options = SyntheticOptions { width: 160, views: 3, ..SyntheticOptions::default() };
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir_all(folder.path().join("images")).unwrap();
@@ -363,7 +363,7 @@ fn photos_of_a_bent_lens_become_photos_of_a_pinhole() {
             center: camera.center.as_dvec2(),
             distortion,
         };
-        bent_photo(&camera, &lens)
+        distorted_photo(&camera, &lens)
             .save_png(&folder.path().join(format!("images/view_{index:04}.png")))
             .unwrap();
     }
@@ -373,10 +373,10 @@ fn photos_of_a_bent_lens_become_photos_of_a_pinhole() {
     std::fs::write(folder.path().join("sparse/0/cameras.txt"), line).unwrap();
     let dataset = load(folder.path());
     for view in &dataset.views {
-        let straight = view.photo.decode().unwrap();
-        assert_eq!(straight.size, view.camera.size);
+        let undistorted = view.photo.decode().unwrap();
+        assert_eq!(undistorted.size, view.camera.size);
         let want = synthetic::render(&view.camera).to_pixels();
-        let psnr = metric::psnr(&straight.rgb, &want.rgb, None);
+        let psnr = metric::psnr(&undistorted.rgb, &want.rgb, None);
         // What is left is the blur of resampling sharp edges; half a pixel of shift would give 22 dB.
         assert!(psnr > 27.0, "{}: {psnr} dB at {}", view.name, view.camera.size);
         let bent = Pixels::load(&view.photo.path).unwrap().downscaled(view.camera.size);
@@ -385,7 +385,7 @@ fn photos_of_a_bent_lens_become_photos_of_a_pinhole() {
 }
 
 /// The scene through a distorting lens, 16 rays a pixel.
-fn bent_photo(camera: &Camera, lens: &Lens) -> Image {
+fn distorted_photo(camera: &Camera, lens: &Lens) -> Image {
     let to_world = camera.rotation.as_dmat3().transpose();
     let origin = -(to_world * camera.translation.as_dvec3());
     let pixel = |i: u32| {
@@ -511,7 +511,7 @@ fn missing_and_broken_photos_are_errors_unless_skipped() {
     let bytes = std::fs::read(photo(7)).unwrap();
     std::fs::write(photo(7), &bytes[..bytes.len() / 2]).unwrap();
     let error = error_of(folder.path());
-    for part in ["images.txt", "view_0003.png", "2 of 40", "--skip-broken"] {
+    for part in ["images.txt", "view_0003.png", "2 of 40", "`skip_broken`"] {
         assert!(error.contains(part), "`{part}` is missing from: {error}");
     }
     let options = DatasetOptions { skip_broken: true, ..DatasetOptions::default() };
@@ -566,7 +566,7 @@ fn a_test_list_may_be_wrong_in_part_but_not_in_whole() {
     assert!(error_of(folder.path()).contains("test.txt"));
     let everything: String = dataset.views.iter().map(|v| v.name.clone() + "\n").collect();
     std::fs::write(&list, everything).unwrap();
-    assert!(error_of(folder.path()).contains("--test-every 0"));
+    assert!(error_of(folder.path()).contains("`test_every` 0"));
     std::fs::remove_file(&list).unwrap();
     let every = |n| DatasetOptions { test_every: n, ..DatasetOptions::default() };
     for (n, count) in [(8, 5), (3, 14), (0, 0), (100, 1)] {
@@ -626,7 +626,7 @@ fn every_cut_and_every_flipped_byte_of_a_binary_model_is_survived() {
     let whole = load(folder.path());
     assert_eq!((whole.kind, whole.views.len(), whole.points.len()), (DatasetKind::ColmapBinary, 2, 2));
     assert_eq!(whole.points[0].rgb, [10, 20, 30]);
-    assert_eq!(whole.reprojection.unwrap().sightings, 4, "the sighting without a point does not count");
+    assert_eq!(whole.reprojection.unwrap().observations, 4, "the observation without a point does not count");
     for (name, bytes) in &model {
         let file = sparse.join(name);
         for len in 0..bytes.len() {
@@ -641,7 +641,7 @@ fn every_cut_and_every_flipped_byte_of_a_binary_model_is_survived() {
                 let mut spoilt = bytes.clone();
                 spoilt[at] ^= flip;
                 std::fs::write(&file, &spoilt).unwrap();
-                // Either it still is a data set, and then a sound one, or it says what is wrong.
+                // Either it still is a data set, and then a valid one, or it says what is wrong.
                 if let Ok(dataset) = Dataset::load(folder.path(), &DatasetOptions::default()) {
                     assert!(dataset.views.iter().all(|v| v.camera.validate().is_ok()), "{name} {at}");
                     assert!(dataset.points.iter().all(|p| p.position.is_finite()), "{name} {at}");

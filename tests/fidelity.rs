@@ -259,7 +259,7 @@ fn info_prints_a_table_of_a_data_set() {
         "40: 35 to train on, 5 held out",
         "160x120",
         "1,500",
-        "0.313 px mean error over 8,833 sightings",
+        "0.313 px mean error over 8,833 observations",
     ] {
         assert!(table.contains(part), "`{part}` is missing from:\n{table}");
     }

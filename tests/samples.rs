@@ -108,7 +108,7 @@ fn file_psnr(loaded: &Loaded, dataset: &Dataset, mut views: Option<Views>) -> f6
 fn the_trained_sample_meets_held_out_photos_as_a_file() {
     let dataset = Dataset::load(&samples().join("dataset"), &DatasetOptions::default()).unwrap();
     let loaded = formats::read(&samples().join("soups/trained.ply"), &ReadOptions { sh_degree: 0 }).unwrap();
-    let views = Views::new(&dataset, 1 << 26, [0.0; 3]);
+    let views = Views::new(&dataset, &DatasetOptions::default());
     let (plain, with_photos) =
         (file_psnr(&loaded, &dataset, None), file_psnr(&loaded, &dataset, Some(views)));
     // Measured 24.1 and 26.7 dB: the photos must improve the bake.

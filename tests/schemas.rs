@@ -1,6 +1,6 @@
 //! The checked-in schemas are those of the code; samples and real reports satisfy them.
 
-#![allow(clippy::print_stderr, reason = "a test that cannot judge says so")]
+#![allow(clippy::print_stderr, reason = "a skipped test says so")]
 
 use clap::ValueEnum;
 use serde_json::Value;
@@ -26,9 +26,9 @@ fn schemas_are_current() {
     }
 }
 
-/// What the jsonschema package of the judges' Python says: one line an error, none when all is well.
-/// `None` without that Python, loudly; a failure where the judges are required.
-fn judge(name: SchemaName, value: &Value) -> Option<String> {
+/// What Python's jsonschema package finds: one line per error, none when the value is valid. Without that Python
+/// `None` and a message, or a failure where the external tools are required.
+fn validate(name: SchemaName, value: &Value) -> Option<String> {
     const SCRIPT: &str = "import json, sys, jsonschema
 schema, value = json.load(sys.stdin)
 jsonschema.Draft202012Validator.check_schema(schema)
@@ -49,12 +49,12 @@ for e in jsonschema.Draft202012Validator(schema).iter_errors(value): print(e.jso
     let question = serde_json::to_vec(&serde_json::json!([schema, value])).unwrap();
     child.stdin.take().unwrap().write_all(&question).unwrap();
     let output = child.wait_with_output().unwrap();
-    assert!(output.status.success(), "the schema judge failed");
+    assert!(output.status.success(), "the schema validator failed");
     Some(String::from_utf8(output.stdout).unwrap())
 }
 
 fn satisfies(name: SchemaName, value: &Value) {
-    if let Some(errors) = judge(name, value) {
+    if let Some(errors) = validate(name, value) {
         assert_eq!(errors, "");
     }
 }
@@ -83,7 +83,7 @@ fn a_real_report_satisfies_its_schema() {
 }
 
 #[test]
-fn a_training_s_report_has_the_same_shape() {
+fn the_report_of_a_training_has_the_same_shape() {
     let folder = tempfile::tempdir().unwrap();
     let report = folder.path().join("report.json");
     let status = Command::new(env!("CARGO_BIN_EXE_trisplat"))
@@ -106,7 +106,7 @@ fn a_training_s_report_has_the_same_shape() {
 }
 
 #[test]
-fn what_eval_and_info_say_satisfies_their_schemas() {
+fn what_eval_and_info_write_satisfies_their_schemas() {
     let folder = tempfile::tempdir().unwrap();
     let report = folder.path().join("eval.json");
     let (soup, dataset) = (root().join("samples/soups/studio.ply"), root().join("samples/dataset"));
@@ -129,6 +129,6 @@ fn a_wrong_config_does_not_satisfy_the_schema() {
         serde_json::json!({ "prune": { "min_opacty": 0.5 } }),
         serde_json::json!({ "output": { "target": "quake" } }),
     ] {
-        assert_ne!(judge(SchemaName::Bake, &wrong), Some(String::new()), "{wrong}");
+        assert_ne!(validate(SchemaName::Bake, &wrong), Some(String::new()), "{wrong}");
     }
 }

@@ -13,13 +13,13 @@ use glam::Vec3;
 
 /// Photos that are searched for holes.
 const VIEWS: usize = 16;
-/// Holes below this share of the photos are left alone.
+/// Holes below this share of the photos are not closed.
 const LEAST_HOLES: f64 = 0.001;
-/// Radius of the sphere in distances of the farthest corner or camera.
-const BEHIND: f32 = 1.2;
-/// Most halvings of the octahedron's edges: 8 · 4⁴ triangles.
-const MOST_LEVELS: u32 = 4;
-/// The sphere has at most one triangle for so many of the scene, and at least 8 · 4².
+/// Radius of the sphere as a multiple of the distance of the farthest vertex or camera.
+const RADIUS_FACTOR: f32 = 1.2;
+/// Most subdivisions of the octahedron: 8 · 4⁴ triangles.
+const MOST_SUBDIVISIONS: u32 = 4;
+/// The sphere has at most one triangle per this many of the scene, and at least 8 · 4².
 const SCENE_PER_BACKDROP: usize = 20;
 
 /// Whether holes are closed.
@@ -33,7 +33,7 @@ pub enum BackdropWhen {
     Off,
 }
 
-/// What stands behind the scene.
+/// What is put behind the scene.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
@@ -44,7 +44,7 @@ pub struct BackdropOptions {
 }
 
 impl BackdropOptions {
-    /// Looks whether there are holes.
+    /// Closes holes if there are any.
     pub const DEFAULT: Self = Self { backdrop: BackdropWhen::Auto };
 
     /// What is left of a budget of triangles for the scene itself.
@@ -99,8 +99,8 @@ pub fn backdrop(
     }
     let center = views.center();
     let far = mesh.positions.iter().map(|v| v.distance_squared(center)).fold(0.0, f32::max).sqrt();
-    let radius = far.max(views.radius()) * BEHIND;
-    let sphere = sphere(levels(mesh.face_count()));
+    let radius = far.max(views.radius()) * RADIUS_FACTOR;
+    let sphere = sphere(subdivisions(mesh.face_count()));
     let count = sphere.len();
     mesh.positions.extend(sphere.into_iter().flatten().map(|v| center + v * radius));
     match &mut mesh.colors {
@@ -145,25 +145,25 @@ fn find_holes(mesh: &Mesh, views: &mut Views) -> Result<Holes> {
     Ok(Holes { share: open / f64::max(all, 1e-9), color: mean })
 }
 
-/// Halvings for a scene of so many triangles.
-fn levels(faces: usize) -> u32 {
-    (3..=MOST_LEVELS).rev().find(|l| (8 << (2 * l)) * SCENE_PER_BACKDROP <= faces).unwrap_or(2)
+/// Subdivisions of the octahedron for a scene of so many triangles.
+fn subdivisions(faces: usize) -> u32 {
+    (3..=MOST_SUBDIVISIONS).rev().find(|l| (8 << (2 * l)) * SCENE_PER_BACKDROP <= faces).unwrap_or(2)
 }
 
 /// Triangles of the sphere behind a scene of so many.
 fn backdrop_triangles(faces: usize) -> u64 {
-    8 << (2 * levels(faces))
+    8 << (2 * subdivisions(faces))
 }
 
-/// Triangles of an octahedron, each cut into four so many times, moved out to the unit sphere. `[8 · 4^levels]`
-fn sphere(levels: u32) -> Vec<[Vec3; 3]> {
+/// Triangles of an octahedron, subdivided into four so many times, on the unit sphere. `[8 · 4^subdivisions]`
+fn sphere(subdivisions: u32) -> Vec<[Vec3; 3]> {
     let mut faces: Vec<[Vec3; 3]> = (0..8)
         .map(|octant| {
             let side = |bit: u32, axis: Vec3| if octant >> bit & 1 == 0 { axis } else { -axis };
             [side(0, Vec3::X), side(1, Vec3::Y), side(2, Vec3::Z)]
         })
         .collect();
-    for _ in 0..levels {
+    for _ in 0..subdivisions {
         faces = faces
             .into_iter()
             .flat_map(|[a, b, c]| {

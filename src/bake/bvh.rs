@@ -100,7 +100,7 @@ pub fn bvh(asset: &mut Asset, options: &BvhOptions, details: &mut BvhDetails) ->
     Ok(Outcome::Changed(()))
 }
 
-/// Faces in a part when the scene has no chunks: a part and its build fit a core's cache.
+/// Faces in a part when the scene has no chunks: a part and its build fit the cache of a core.
 const PART_TRIANGLES: usize = 16_384;
 
 /// A hierarchy and what it is over.
@@ -121,10 +121,10 @@ pub fn build(mesh: &Mesh, parts: &[Chunk]) -> Built {
     let over_part = |part: &Chunk| {
         let boxes: Vec<Aabb> =
             (part.first..part.first + part.count).map(|f| face_box(mesh, f as usize)).collect();
-        Tree::over(&boxes, PART_BUILD)
+        PartTree::over(&boxes, PART_BUILD)
     };
-    let trees: Vec<Tree> = parts.par_iter().map(over_part).collect();
-    let top = Tree::over(&trees.iter().map(|tree| tree.bounds).collect::<Vec<_>>(), TOP_BUILD);
+    let trees: Vec<PartTree> = parts.par_iter().map(over_part).collect();
+    let top = PartTree::over(&trees.iter().map(|tree| tree.bounds).collect::<Vec<_>>(), TOP_BUILD);
     let mut built = Built { bvh: Bvh::default(), order: Vec::new(), parts: Vec::new() };
     let mut leaves = Vec::with_capacity(trees.len());
     for &i in &top.order {
@@ -141,7 +141,7 @@ pub fn build(mesh: &Mesh, parts: &[Chunk]) -> Built {
 
 /// How parts are built: obvhs' `very_fast_build`, half the time of its next better tree.
 const PART_BUILD: BvhBuildParams = BvhBuildParams::very_fast_build();
-/// How the parts are put together: there are few, and every ray passes here.
+/// How the parts are put together: there are few, and every ray passes through them.
 const TOP_BUILD: BvhBuildParams = BvhBuildParams {
     ploc_search_distance: PlocSearchDistance::VeryHigh,
     reinsertion_batch_ratio: 1.0,
@@ -155,14 +155,14 @@ fn face_box(mesh: &Mesh, face: usize) -> Aabb {
 }
 
 /// A tree over some boxes.
-struct Tree {
+struct PartTree {
     nodes: Vec<CwBvhNode>,
     /// The box each primitive of the tree stands for. `[boxes]`
     order: Vec<u32>,
     bounds: Aabb,
 }
 
-impl Tree {
+impl PartTree {
     /// Builds the tree: topology by obvhs on boxes moved to the unit cube, boxes by [`fit`].
     fn over(boxes: &[Aabb], params: BvhBuildParams) -> Self {
         let unit = to_unit_cube(boxes);
@@ -255,7 +255,7 @@ fn grid_step(extent: f64) -> (u8, f64) {
 
 /// One tree of all: leaf i of `top` becomes the root of tree i of `leaves`, whose first face is given with
 /// it. Returns the nodes and where the roots are.
-fn join(top: &Tree, leaves: &[(&Tree, u32)]) -> (Vec<CwBvhNode>, Vec<u32>) {
+fn join(top: &PartTree, leaves: &[(&PartTree, u32)]) -> (Vec<CwBvhNode>, Vec<u32>) {
     let total = top.nodes.len() + leaves.iter().map(|(tree, _)| tree.nodes.len()).sum::<usize>();
     let mut nodes = Vec::with_capacity(total);
     let mut roots = vec![0; leaves.len()];
@@ -294,7 +294,7 @@ fn join(top: &Tree, leaves: &[(&Tree, u32)]) -> (Vec<CwBvhNode>, Vec<u32>) {
 }
 
 /// Puts the root of `tree` at `place` and its other nodes at the end.
-fn graft(nodes: &mut Vec<CwBvhNode>, place: usize, (tree, first_face): (&Tree, u32)) {
+fn graft(nodes: &mut Vec<CwBvhNode>, place: usize, (tree, first_face): (&PartTree, u32)) {
     let shift = nodes.len() as u32 - 1; // node 1 of the tree goes to the end
     let mut moved = tree.nodes.iter().map(|node| CwBvhNode {
         child_base_idx: node.child_base_idx + shift,

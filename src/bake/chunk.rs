@@ -197,13 +197,13 @@ impl Cut {
 
 /// What lies in a bin, or in several.
 #[derive(Debug, Clone, Copy)]
-struct Bin {
+struct BinBox {
     min: Vec3A,
     max: Vec3A,
     count: usize,
 }
 
-impl Bin {
+impl BinBox {
     const EMPTY: Self = Self { min: Vec3A::INFINITY, max: Vec3A::NEG_INFINITY, count: 0 };
 
     fn union(self, other: Self) -> Self {
@@ -226,13 +226,13 @@ fn best_cut(items: &[Item], limit: usize) -> Option<Cut> {
     let mut best = (true, f64::INFINITY, usize::MAX);
     let mut cut = None;
     for (axis, bins) in bins.iter().enumerate() {
-        let mut from_right = [Bin::EMPTY; BINS];
-        let mut right = Bin::EMPTY;
+        let mut from_right = [BinBox::EMPTY; BINS];
+        let mut right = BinBox::EMPTY;
         for bin in (1..BINS).rev() {
             right = right.union(bins[bin]);
             from_right[bin] = right;
         }
-        let mut left = Bin::EMPTY;
+        let mut left = BinBox::EMPTY;
         for bin in 0..BINS - 1 {
             left = left.union(bins[bin]);
             let right = from_right[bin + 1];
@@ -250,10 +250,10 @@ fn best_cut(items: &[Item], limit: usize) -> Option<Cut> {
 }
 
 /// The bins of all axes, each item standing for `weight` of them.
-fn fill<'a>(items: impl Iterator<Item = &'a Item>, weight: usize, grid: &BinGrid) -> [[Bin; BINS]; 4] {
-    let mut bins = [[Bin::EMPTY; BINS]; 4];
+fn fill<'a>(items: impl Iterator<Item = &'a Item>, weight: usize, grid: &BinGrid) -> [[BinBox; BINS]; 4] {
+    let mut bins = [[BinBox::EMPTY; BINS]; 4];
     for item in items {
-        let one = Bin { min: item.min.into(), max: item.max.into(), count: weight };
+        let one = BinBox { min: item.min.into(), max: item.max.into(), count: weight };
         for (axis, bin) in grid.bins(item).into_iter().enumerate() {
             bins[axis][bin] = bins[axis][bin].union(one);
         }

@@ -1,7 +1,7 @@
 //! Several inputs become one scene.
 //!
 //! Soups make a soup and meshes a mesh. A soup cannot join a mesh before it is solid, so a mixture is
-//! refused with the way round it.
+//! refused with a workaround.
 
 use crate::asset::{Placement, Provenance};
 use crate::error::{Error, Result};

@@ -8,6 +8,10 @@
 //! or says why there was nothing to do. The order and its reasons are in the recipe, which calls the stages; no stage
 //! knows the recipe. [`bake()`] is the plain case, [`Bake`] takes photos and writes a report.
 //!
+//! Run twice, a stage has nothing to do the second time. The exceptions: `color` cannot run twice, as it turns a soup
+//! into a mesh; `refit` comes closer to the photos with every pass; `place` scales again if it is asked for a scale;
+//! `unseen`, where it moves corners to meet a budget, may find that they hide others.
+//!
 //! [`StageDetails`]: crate::report::StageDetails
 
 pub mod backdrop;

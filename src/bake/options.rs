@@ -60,7 +60,7 @@ pub struct BakeOptions {
     /// Which levels of detail are made.
     #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "LOD: levels of detail"))]
     pub lod: LodOptions,
-    /// What stands behind the scene.
+    /// What is put behind the scene.
     #[cfg_attr(
         feature = "cli",
         command(flatten, next_help_heading = "Backdrop, with --dataset: close holes")

@@ -24,7 +24,7 @@ pub enum FaceOrder {
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct OrderOptions {
-    /// Order of the triangles within a chunk; with --bvh it is always the order of its leaves
+    /// Order of the triangles within a chunk; with a hierarchy it is always the order of its leaves
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = OrderOptions::DEFAULT.order, value_name = "HOW"))]
     pub order: FaceOrder,
 }

@@ -1,5 +1,5 @@
-//! Moves the scene into the frame of a game engine: right-handed, Y up, its middle at the origin if
-//! wanted.
+//! Moves the scene into the frame of a game engine: right-handed, Y up, its median at the origin if
+//! asked for.
 //!
 //! Runs after `color`, so that it runs once over plain positions, and before `bvh`, whose boxes must
 //! be those of the file.
@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Options of the stage.
+/// The frame of the output.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
@@ -33,7 +33,7 @@ pub struct PlaceOptions {
 }
 
 impl PlaceOptions {
-    /// Only the up axis is turned.
+    /// Only turns the up axis.
     pub const DEFAULT: Self = Self { up: None, scale: 1.0, center: false };
 
     /// Checks ranges.

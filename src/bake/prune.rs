@@ -13,13 +13,13 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// Largest coordinate that may stay. Squares and areas of larger ones overflow an f32 once an engine
-/// or a hierarchy adds a few million of them, so such a triangle is as undrawable as an infinite one.
+/// or a hierarchy adds a few million of them, so such a triangle cannot be drawn any more than an infinite one.
 pub const REACH: f32 = 1e15;
 
 /// Height over longest edge at or below which a triangle is a line: the rounding error of that edge.
 const FLAT: f64 = f32::EPSILON as f64;
 
-/// Times the huge triangles are looked for again, each time among the ones left.
+/// Most passes over the huge triangles, each among those that are left.
 const HUGE_PASSES: usize = 32;
 
 /// Which triangles to drop.
@@ -96,8 +96,8 @@ impl StageDetails for PruneDetails {
 
 /// Drops triangles by the rules of `options` and counts them by cause in `details`.
 ///
-/// The rules look at one triangle at a time, but for two: *huge* is measured by the scene's radius and is
-/// looked for again among those left until none is found, and the budget of `max_triangles` is spent on
+/// Most rules need one triangle only. The two others are *huge*, which is relative to the scene's radius and is
+/// applied again to what is left until nothing more is dropped, and the budget of `max_triangles`, which is applied to
 /// what all other rules leave. So a second run finds nothing to drop.
 ///
 /// Errors: an option out of range; nothing left.
@@ -179,7 +179,7 @@ impl Verdict {
     }
 }
 
-/// What the rules look at.
+/// What the rules depend on.
 struct Face {
     corners: [Vec3; 3],
     opacity: f32,
@@ -212,7 +212,7 @@ fn classify(count: usize, face: impl Fn(usize) -> Face + Sync, options: &PruneOp
     verdicts
 }
 
-/// The verdict on a face that needs no other face to be known.
+/// The verdict by the rules that need one face only.
 fn classify_alone(face: &Face, options: &PruneOptions) -> Verdict {
     let reachable = |v: &Vec3| v.abs().max_element() <= REACH && !v.is_nan();
     let finite = face.corners.iter().all(reachable)
@@ -242,7 +242,7 @@ fn classify_alone(face: &Face, options: &PruneOptions) -> Verdict {
 pub(super) fn is_degenerate(corners: &[Vec3; 3]) -> bool {
     let [a, b, c] = *corners;
     let longest2 = (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
-    // Well clear of the limit in f32 is enough; NaN, overflow and underflow fail this and are looked at again.
+    // Far from the limit f32 is enough; NaN, overflow and underflow fail this and are tested again in f64.
     if (b - a).cross(c - a).length_squared() > 1e-6 * longest2 * longest2 {
         return false;
     }

@@ -1,4 +1,4 @@
-//! The recipe: every stage in its place, and why it stands there.
+//! The recipe: the stages in their order, and the reason for it.
 
 use super::backdrop::backdrop;
 use super::bvh::bvh;

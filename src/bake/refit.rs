@@ -22,6 +22,7 @@
 //! colour per triangle gains from seeing them is subtracted from the PSNR of the colours that are there. If they are
 //! better even then, they stay.
 
+mod accumulator;
 mod evaluation;
 mod fit;
 mod gather;
@@ -29,24 +30,18 @@ mod options;
 
 pub use options::{RefitColors, RefitOptions};
 
-use super::views::{SAMPLES, Views};
+use super::views::Views;
 use crate::error::Result;
 use crate::math::median::median;
 use crate::mesh::Mesh;
-use crate::raster::solid::{Solid, SolidRasterOptions};
 use crate::report::{Outcome, StageDetails};
+use accumulator::Accumulator;
 use evaluation::{Evaluation, psnr_of};
-use fit::Fit;
-use gather::{Gatherer, Observation};
 
 /// One photo in so many is held out at first, to evaluate on.
 const EVALUATION_EVERY: usize = 8;
 /// At most so many are held out.
 const MOST_EVALUATION_VIEWS: usize = 24;
-/// With so many photos the first pass is half coupled. Neighbours that share a pixel share its residual: with many
-/// photos that is sharper; with few of them one triangle makes up for the error of another, which looks wrong from
-/// elsewhere.
-const HALF_COUPLED: f32 = 40.0;
 /// A photo is out of line when its mean error is this far from the others', sRGB-encoded, and ...
 const OUTLIER: f32 = 0.02;
 /// ... this many times as far as half of them are.
@@ -114,87 +109,53 @@ pub fn refit(
     if !mesh.indices.is_empty() {
         return Ok(Outcome::Unneeded("a mesh with shared vertices keeps its colours"));
     }
-    let every = EVALUATION_EVERY.max(views.len().div_ceil(MOST_EVALUATION_VIEWS));
-    let (held_out, others): (Vec<usize>, Vec<usize>) = (0..views.len()).partition(|v| v % every == every / 2);
-
-    let mut accumulator = Accumulator::new(mesh, views);
-    let mut fit = Fit::new(mesh, options.refit_flatness as f32);
-    let mut which =
-        if options.refit == RefitColors::Corner { RefitColors::Corner } else { RefitColors::Flat };
-    accumulator.add(mesh, views, &others, &mut fit, 1.0)?;
-    let evaluation = match options.refit {
-        RefitColors::Auto if !held_out.is_empty() => Some(Evaluation::new(mesh, views, &held_out, &fit)?),
-        _ => None,
+    let mut accumulator = Accumulator::new(mesh, views, options.refit_flatness as f32);
+    let Some(which) = first_pass(mesh, views, options.refit, &mut accumulator, details)? else {
+        return Ok(Outcome::Unneeded("held-out photos match the colours that are there better"));
     };
-    accumulator.add(mesh, views, &held_out, &mut fit, 1.0)?;
-    if let Some(evaluation) = &evaluation {
-        which = evaluation.best();
-        let flat_seen = psnr_of(mesh, views, &held_out, fit.colors(RefitColors::Flat))?;
-        details.record(evaluation, flat_seen);
-        if evaluation.gain(flat_seen) < 0.0 {
-            return Ok(Outcome::Unneeded("held-out photos match the colours that are there better"));
-        }
-    }
     let outliers = outliers(&accumulator.errors);
     if !outliers.is_empty() {
         // Photos of another exposure.
-        accumulator.add(mesh, views, &outliers, &mut fit, -1.0)?;
+        accumulator.add(mesh, views, &outliers, -1.0)?;
         details.photos_out_of_line = Some(outliers.len() as u64);
     }
-    details.fitted = Some(fit.fitted() as u64);
+    details.fitted = Some(accumulator.fit.fitted() as u64);
     let used: Vec<usize> = (0..views.len()).filter(|v| !outliers.contains(v)).collect();
     for _ in 1..options.refit_passes {
-        fit.improve(which);
+        accumulator.fit.improve(which);
         accumulator.coupling = 1.0;
-        accumulator.add(mesh, views, &used, &mut fit, 1.0)?;
+        accumulator.add(mesh, views, &used, 1.0)?;
     }
-    mesh.colors = fit.colors(which);
+    mesh.colors = accumulator.fit.colors(which);
     details.colors = Some(which);
     Ok(Outcome::Changed(()))
 }
 
-/// Renders the scene from one photo's place after the other, and adds what the photo shows to the normal equations.
-struct Accumulator {
-    solid: Solid,
-    drawing: SolidRasterOptions,
-    gatherer: Gatherer,
-    coupling: f32,
-    /// Mean error of each photo when it was last added, sRGB-encoded.
-    errors: Vec<[f32; 3]>,
-}
-
-impl Accumulator {
-    fn new(mesh: &Mesh, views: &Views) -> Self {
-        Self {
-            solid: Solid::new(),
-            drawing: views.drawing(mesh, SAMPLES),
-            gatherer: Gatherer::new(mesh.face_count()),
-            coupling: views.len() as f32 / (views.len() as f32 + HALF_COUPLED),
-            errors: vec![[0.0; 3]; views.len()],
+/// Adds all photos, held-out ones last. Returns which colours to fit; `None` when those that are there are better.
+fn first_pass(
+    mesh: &mut Mesh,
+    views: &mut Views,
+    colors: RefitColors,
+    accumulator: &mut Accumulator,
+    details: &mut RefitDetails,
+) -> Result<Option<RefitColors>> {
+    let every = EVALUATION_EVERY.max(views.len().div_ceil(MOST_EVALUATION_VIEWS));
+    let (held_out, others): (Vec<usize>, Vec<usize>) = (0..views.len()).partition(|v| v % every == every / 2);
+    accumulator.add(mesh, views, &others, 1.0)?;
+    let evaluation = match colors {
+        RefitColors::Auto if !held_out.is_empty() => {
+            Some(Evaluation::new(mesh, views, &held_out, &accumulator.fit)?)
         }
-    }
-
-    /// Adds the photos `chosen` to the sums of `fit`, in their order, with this sign: -1 takes them back.
-    fn add(
-        &mut self,
-        mesh: &Mesh,
-        views: &mut Views,
-        chosen: &[usize],
-        fit: &mut Fit,
-        sign: f32,
-    ) -> Result<()> {
-        views.prefetch(chosen);
-        for &view in chosen {
-            let photo = views.photo(view)?;
-            let camera = views.camera(view);
-            let visibility = self.solid.visibility(mesh, camera, &self.drawing);
-            let background = self.drawing.background;
-            let seen =
-                Observation { mesh, camera, photo: &photo, visibility, background, coupling: self.coupling };
-            self.errors[view] = self.gatherer.gather(&seen, fit, sign);
-        }
-        Ok(())
-    }
+        _ => None,
+    };
+    accumulator.add(mesh, views, &held_out, 1.0)?;
+    let Some(evaluation) = evaluation else {
+        return Ok(Some(if colors == RefitColors::Corner { colors } else { RefitColors::Flat }));
+    };
+    let flat_seen = psnr_of(mesh, views, &held_out, accumulator.fit.colors(RefitColors::Flat))?;
+    details.record(&evaluation, flat_seen);
+    let is_better = !(evaluation.gain(flat_seen) < 0.0);
+    Ok(is_better.then(|| evaluation.best()))
 }
 
 /// Photos whose mean error is far from what is usual: taken with another exposure, or of something else. None

@@ -84,7 +84,7 @@ pub fn solid(soup: &mut Soup, options: &SolidOptions, details: &mut SolidDetails
     let results: Vec<Shrunk> = (&mut soup.vertices, &soup.opacity, &soup.sigma)
         .into_par_iter()
         .with_min_len(1 << 12)
-        .map(|(corners, &opacity, &sigma)| harden(corners, opacity.into(), sigma.into(), options))
+        .map(|(corners, &opacity, &sigma)| solidify(corners, opacity.into(), sigma.into(), options))
         .collect();
     soup.opacity.fill(1.0);
     soup.sigma.fill(SOLID_SIGMA);
@@ -123,7 +123,7 @@ enum Shrunk {
 }
 
 /// Shrinks one triangle in place.
-fn harden(corners: &mut [Vec3; 3], opacity: f64, sigma: f64, options: &SolidOptions) -> Shrunk {
+fn solidify(corners: &mut [Vec3; 3], opacity: f64, sigma: f64, options: &SolidOptions) -> Shrunk {
     let factor = match options.solid {
         Solidify::Auto => contour_factor(opacity, sigma, options.contour).max(area_factor(opacity, sigma)),
         Solidify::Contour => contour_factor(opacity, sigma, options.contour),

@@ -1,7 +1,7 @@
-//! Drops the triangles that no photo needs: those that the solid rasteriser shows in no view.
+//! Visibility culling: drops the triangles that the solid rasteriser shows in no photo, or hardly.
 //!
-//! What a triangle is worth is the area it covers in all photos together, after everything in front of it:
-//! the integral of its visibility, in pixels. A triangle behind others is worth nothing to an engine.
+//! Triangles are ranked by the area they cover in all photos together, after everything in front of them, in pixels.
+//! With a budget of triangles, those that are visible are then ranked by importance (see [`decimate`]).
 
 use super::decimate;
 use super::views::{SAMPLES, Views};
@@ -34,7 +34,7 @@ pub struct UnseenOptions {
     #[cfg_attr(feature = "cli", arg(long, default_value_t = UnseenOptions::DEFAULT.min_seen_px, value_name = "PX"))]
     #[schemars(range(min = 0.0))]
     pub min_seen_px: f64,
-    /// Drop the triangles least seen for as long as the photos are met at most this much worse, dB
+    /// Drop the least important triangles as long as the PSNR on the photos falls by at most this much, dB
     #[cfg_attr(feature = "cli", arg(long, value_name = "DB"))]
     #[schemars(range(min = 0.0))]
     pub max_error: Option<f64>,
@@ -45,7 +45,7 @@ pub struct UnseenOptions {
 }
 
 impl UnseenOptions {
-    /// Half a pixel in all photos together cannot be told from noise.
+    /// Half a pixel in all photos together cannot be distinguished from noise.
     pub const DEFAULT: Self = Self { keep_unseen: false, min_seen_px: 0.5, max_error: None, enlarge: true };
 }
 
@@ -83,7 +83,7 @@ pub struct CurvePoint {
 }
 
 /// Drops what `cameras`, those of `views` if there are photos, do not see of `mesh`; at most `max_triangles` stay,
-/// those seen most.
+/// the most important ones.
 ///
 /// Errors: an option out of range, a photo that cannot be decoded, no triangle in any view.
 pub fn unseen(
@@ -98,54 +98,67 @@ pub fn unseen(
     if let (None, Some(db)) = (&views, options.max_error) {
         return Err(Error::invalid("max_error", db, "`dataset`: error is measured on photos"));
     }
-    if cameras.is_empty() {
-        return Ok(Outcome::Unneeded("it needs cameras: of photos (`dataset`), or in a soup we trained"));
-    }
     let most = max_triangles.map_or(usize::MAX, |most| usize::try_from(most).unwrap_or(usize::MAX).max(1));
-    if options.keep_unseen && options.max_error.is_none() && mesh.face_count() <= most {
-        return Ok(Outcome::Unneeded("`keep_unseen`"));
+    if let Some(why) = nothing_to_do(mesh, cameras, options, most) {
+        return Ok(Outcome::Unneeded(why));
     }
     let chooses = views.is_some() || mesh.face_count() > most;
-    let seen = visible_px(mesh, cameras, if chooses { SAMPLES } else { SAMPLES_AT_LEAST });
-    let mut ranked = rank(mesh, &seen);
-    let visible = ranked.partition_point(|&f| seen[f as usize] > 0.0);
+    let visible_area = visible_px(mesh, cameras, if chooses { SAMPLES } else { SAMPLES_AT_LEAST });
+    let mut ranked = rank_by_visibility(mesh, &visible_area);
+    let visible = ranked.partition_point(|&f| visible_area[f as usize] > 0.0);
     if visible == 0 && views.is_some() {
         let wants = "photos of this scene: none of its triangles is in any view; was it moved or scaled?";
         return Err(Error::invalid("dataset", "its cameras", wants));
     }
     let needed = match options.keep_unseen || visible == 0 {
         true => ranked.len(),
-        false => ranked.partition_point(|&f| f64::from(seen[f as usize]) >= options.min_seen_px).max(1),
+        false => {
+            ranked.partition_point(|&f| f64::from(visible_area[f as usize]) >= options.min_seen_px).max(1)
+        }
     };
     details.seen_by_none = Some((ranked.len() - visible) as u64);
     let mut keep = needed.min(most);
-    let thins = keep < needed.min(visible) || options.max_error.is_some();
-    if thins {
+    let decimates = keep < needed.min(visible) || options.max_error.is_some();
+    if decimates {
         let fewest = if options.max_error.is_some() { visible / FEWEST } else { keep };
-        let seen_at_all = needed.min(visible);
-        let best = decimate::rank_by_importance(mesh, cameras, &seen, &ranked[..seen_at_all], fewest.max(1));
-        ranked[..seen_at_all].copy_from_slice(&best);
+        let candidates = &mut ranked[..needed.min(visible)];
+        let best = decimate::rank_by_importance(mesh, cameras, &visible_area, candidates, fewest.max(1));
+        candidates.copy_from_slice(&best);
     }
     if let (Some(db), Some(views)) = (options.max_error, views) {
-        keep = cut(mesh, views, &ranked[..keep], db, details)?;
+        keep = fewest_within(mesh, views, &ranked[..keep], db, details)?;
     }
     if keep == ranked.len() {
         return Ok(Outcome::Unneeded("every triangle is seen"));
     }
-    if thins && options.enlarge {
+    if decimates && options.enlarge {
         details.corners_moved = Some(decimate::move_corners(mesh, cameras, &ranked[..keep]) as u64);
     }
     mesh.keep(&ranked[..keep]);
     Ok(Outcome::Changed(()))
 }
 
-/// All faces, those seen most first; among those seen equally little the larger first. `[F]`
-fn rank(mesh: &Mesh, seen: &[f32]) -> Vec<u32> {
+/// Why there is nothing to do, as far as that is known before anything is drawn. At most `most` triangles may stay.
+fn nothing_to_do(
+    mesh: &Mesh,
+    cameras: &[Camera],
+    options: &UnseenOptions,
+    most: usize,
+) -> Option<&'static str> {
+    if cameras.is_empty() {
+        return Some("it needs cameras: of photos (`dataset`), or in a soup we trained");
+    }
+    let keeps_all = options.keep_unseen && options.max_error.is_none() && mesh.face_count() <= most;
+    keeps_all.then_some("`keep_unseen`")
+}
+
+/// All faces, those of the largest visible area first; of equals the larger first. `[F]`
+fn rank_by_visibility(mesh: &Mesh, visible_area: &[f32]) -> Vec<u32> {
     let area = |f: u32| mesh.area(f as usize);
-    let mut ranked: Vec<u32> = (0..seen.len() as u32).collect();
+    let mut ranked: Vec<u32> = (0..visible_area.len() as u32).collect();
     ranked.par_sort_unstable_by(|&a, &b| {
         let by_area = || area(b).total_cmp(&area(a));
-        seen[b as usize].total_cmp(&seen[a as usize]).then_with(by_area).then(a.cmp(&b))
+        visible_area[b as usize].total_cmp(&visible_area[a as usize]).then_with(by_area).then(a.cmp(&b))
     });
     ranked
 }
@@ -159,8 +172,8 @@ fn check(options: &UnseenOptions) -> Result<()> {
     Ok(())
 }
 
-/// How many of `ranked` must stay so that the photos are met at most `db` worse than by all of them.
-fn cut(
+/// How many of `ranked` must stay so that the PSNR on the photos is at most `db` below that of all of them.
+fn fewest_within(
     mesh: &Mesh,
     views: &mut Views,
     ranked: &[u32],

@@ -2,7 +2,7 @@
 
 use crate::asset::Placement;
 use crate::camera::{self, Camera, Viewpoint};
-use crate::dataset::{Dataset, Photos};
+use crate::dataset::{Dataset, DatasetOptions, Photos};
 use crate::error::Result;
 use crate::image::Pixels;
 use crate::math::median::median;
@@ -28,18 +28,17 @@ pub struct Views {
 }
 
 impl Views {
-    /// The training photos of `dataset`; held-out ones are never looked at. `photo_bytes` is the memory for
-    /// decoded photos, `background` (sRGB-encoded) the colour where no triangle is.
-    pub fn new(dataset: &Dataset, photo_bytes: u64, background: [f32; 3]) -> Self {
+    /// The training photos of `dataset`, which was read with `options`; held-out ones are never used.
+    pub fn new(dataset: &Dataset, options: &DatasetOptions) -> Self {
         Self {
             cameras: dataset.train().map(|v| v.camera).collect(),
             origin: dataset.origin,
-            photos: Photos::new(dataset.train().map(|v| v.photo.clone()).collect(), photo_bytes),
-            background,
+            photos: Photos::new(dataset.train().map(|v| v.photo.clone()).collect(), options.photo_bytes()),
+            background: options.background.to_f32(),
         }
     }
 
-    /// Where to look from first, in the frame of the cameras.
+    /// The initial viewpoint, in the frame of the cameras.
     pub fn viewpoint(&self) -> Option<Viewpoint> {
         camera::viewpoint(&self.cameras)
     }

@@ -30,9 +30,9 @@ pub struct WeldOptions {
 }
 
 impl WeldOptions {
-    /// Looks whether it pays.
+    /// When it makes the file smaller.
     pub const DEFAULT: Self = Self { weld: WeldWhen::Auto };
-    /// Does not look: a trained soup never has shared corners.
+    /// Does not try: a trained soup never has shared corners.
     pub const FAST: Self = Self { weld: WeldWhen::Off };
 }
 
@@ -64,7 +64,7 @@ pub fn weld(mesh: &mut Mesh, options: &WeldOptions, details: &mut WeldDetails) -
         if matches!(mesh.colors, Colors::Vertex(_)) {
             return Ok(Outcome::Unneeded("faces share their vertices already"));
         }
-        unshare(mesh);
+        unweld(mesh);
         if !pays(mesh, options, details) {
             return Ok(Outcome::Changed(()));
         }
@@ -81,12 +81,12 @@ pub fn weld(mesh: &mut Mesh, options: &WeldOptions, details: &mut WeldDetails) -
 const VERTEX_BYTES: f64 = 20.0;
 /// Bytes of an index in a GLB of more than 65,535 vertices.
 const INDEX_BYTES: f64 = 4.0;
-/// Corners below which all are looked at; of more, the ones whose hash starts with six zero bits.
+/// Up to this many corners are all counted; of more, those whose hash starts with six zero bits.
 const SAMPLED_ABOVE: usize = 1 << 16;
 
 /// True when `mesh`, which has no indices, gets smaller with them or welding was asked for.
 ///
-/// Looks at the corners that hash to a 64th of all values: equal corners are all in the sample or all
+/// Counts the corners that hash to a 64th of all values: equal corners are all in the sample or all
 /// out of it, so their share is measured without bias and without welding first.
 fn pays(mesh: &Mesh, options: &WeldOptions, details: &mut WeldDetails) -> bool {
     match options.weld {
@@ -111,7 +111,7 @@ fn pays(mesh: &Mesh, options: &WeldOptions, details: &mut WeldDetails) -> bool {
 }
 
 /// Gives every face its own three vertices.
-fn unshare(mesh: &mut Mesh) {
+fn unweld(mesh: &mut Mesh) {
     let indices = std::mem::take(&mut mesh.indices);
     let positions = &mesh.positions;
     mesh.positions = indices.par_iter().with_min_len(1 << 13).map(|&v| positions[v as usize]).collect();

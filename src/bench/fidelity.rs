@@ -254,10 +254,6 @@ struct FidelityBench<'a> {
 }
 
 impl FidelityBench<'_> {
-    fn photo_bytes(&self) -> u64 {
-        u64::from(self.args.dataset_options.photo_memory_mib) << 20
-    }
-
     /// A soup as it was trained.
     fn soft(&self, path: &Path) -> Result<EvalStep> {
         let loaded = formats::read(path, &ReadOptions { sh_degree: 3 })?;
@@ -307,7 +303,7 @@ impl FidelityBench<'_> {
         if case.share < 1.0 {
             options.prune.max_triangles = Some(((seen as f64 * case.share) as u64).max(1));
         }
-        let mut views = case.photos.then(|| Views::new(self.dataset, self.photo_bytes(), self.background));
+        let mut views = case.photos.then(|| Views::new(self.dataset, &self.args.dataset_options));
         let inputs = vec![loaded.clone()];
         let asset = Bake::new(&options).photos(views.as_mut()).run(inputs)?;
         Ok((asset, options.output))
@@ -340,7 +336,7 @@ impl FidelityBench<'_> {
     }
 
     fn evaluate(&self, step: EvalStep) -> Result<StepScore> {
-        let scores = evaluate::evaluate(&mut [step], &self.views, self.photo_bytes(), |_, _, _| Ok(()))?;
+        let scores = evaluate::evaluate(&mut [step], &self.views, self.args.dataset_options.photo_bytes(), |_, _, _| Ok(()))?;
         scores.into_iter().next().ok_or_else(|| Error::invalid("DATASET", "no score", "held-out photos"))
     }
 

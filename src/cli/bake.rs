@@ -50,7 +50,7 @@ pub struct BakeArgs {
     pub dataset_options: DatasetOptions,
 }
 
-/// Bakes; `matches` tells which flags were typed.
+/// Bakes; `matches` says which flags were typed.
 pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()> {
     let clock = Instant::now();
     let options = resolve(args, matches)?;
@@ -100,8 +100,7 @@ fn photos(args: &BakeArgs, report: &mut Report) -> Result<Option<Views>> {
     let dataset = Dataset::load(path, how)?;
     report.inputs.push(path.display().to_string());
     report.warnings.extend(dataset.warnings.iter().cloned());
-    let bytes = u64::from(how.photo_memory_mib) << 20;
-    Ok(Some(Views::new(&dataset, bytes, how.background.to_f32())))
+    Ok(Some(Views::new(&dataset, how)))
 }
 
 /// Preset, then config file, then the flags really typed.

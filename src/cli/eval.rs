@@ -77,7 +77,7 @@ pub fn run(args: &EvalArgs, global: &Global) -> Result<()> {
 
     let progress = Progress::new(global);
     let width = views.iter().map(|v| v.name.len()).max().unwrap_or(0).max(4);
-    let photo_bytes = u64::from(args.dataset_options.photo_memory_mib) << 20;
+    let photo_bytes = args.dataset_options.photo_bytes();
     let scores = evaluate::evaluate(&mut steps, &views, photo_bytes, |view, photo, drawn| {
         for one in drawn {
             progress.line(&row(&view.name, width, one.step, &one.score.score));

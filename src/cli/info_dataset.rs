@@ -43,8 +43,8 @@ pub fn table(d: &Description) -> String {
     if d.masks > 0 {
         rows.push(("masks", format!("{} photos", d.masks)));
     }
-    if d.straightened > 0 {
-        rows.push(("lens", format!("{} photos are straightened while they are read", d.straightened)));
+    if d.undistorted > 0 {
+        rows.push(("lens", format!("{} photos are undistorted while they are read", d.undistorted)));
     }
     rows.push(("decoded", format!("{:.1} MiB", d.decoded_bytes as f64 / f64::from(1 << 20))));
     rows.push(("cameras", format!("within {:.3} world units", d.camera_extent)));
@@ -59,8 +59,8 @@ pub fn table(d: &Description) -> String {
     if let Some(fit) = d.reprojection {
         let behind =
             if fit.behind > 0 { format!(", {} behind the camera", fit.behind) } else { String::new() };
-        let seen = thousands(fit.sightings);
-        rows.push(("measured", format!("{:.3} px mean error over {seen} sightings{behind}", fit.mean_px)));
+        let seen = thousands(fit.observations);
+        rows.push(("measured", format!("{:.3} px mean error over {seen} observations{behind}", fit.mean_px)));
     }
     if let Some([x, y, z]) = d.origin {
         rows.push(("origin", format!("{x} {y} {z} is taken off every position")));

@@ -14,7 +14,7 @@ use crate::formats::check::Checked;
 use crate::formats::info::Info;
 use crate::formats::output::WriteDetails;
 use crate::report::{Report, stage_schema};
-use crate::train::options::TrainOptions;
+use crate::train::{TrainDetails, TrainOptions};
 use std::io::Write;
 
 /// Which schema.
@@ -102,7 +102,7 @@ fn report_schema() -> schemars::Schema {
         stage_schema::<OrderDetails>(g),
         stage_schema::<LodDetails>(g),
         stage_schema::<WriteDetails>(g),
-        schemars::json_schema!({ "properties": { "name": { "const": "train" } } }),
+        stage_schema::<TrainDetails>(g),
     ];
     let mut schema = generator.into_root_schema_for::<Report>();
     if let Some(stage) = schema.pointer_mut("/$defs/StageReport").and_then(|s| s.as_object_mut()) {

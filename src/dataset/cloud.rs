@@ -11,7 +11,7 @@ const TRIES: u64 = 16;
 
 /// `count` grey points inside the views' frusta, the same ones for the same seed.
 ///
-/// Each lies on a random ray of one camera, log-uniformly between 0.3 and 3 times the distance at which
+/// Each is on a random ray of one camera, log-uniformly between 0.3 and 3 times the distance at which
 /// the cameras look, and where possible inside another camera's frustum: a point that only one photo
 /// shows has no certain place.
 pub fn random(views: &[&View], count: usize, seed: u64) -> Vec<Point> {

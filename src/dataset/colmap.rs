@@ -101,21 +101,21 @@ fn found_point(row: &PointRow) -> FoundPoint {
 /// Projects every point into every photo that saw it.
 fn reprojection(model: &Model) -> Option<Reprojection> {
     let places: HashMap<u64, DVec3> = model.points.iter().map(|p| (p.id, p.position)).collect();
-    let (mut sum, mut sightings, mut behind) = (0.0, 0u64, 0u64);
+    let (mut sum, mut observations, mut behind) = (0.0, 0u64, 0u64);
     for image in &model.images {
         let Some(lens) = model.cameras.get(&image.camera) else { continue };
-        for (id, seen) in &image.sightings {
+        for (id, seen) in &image.observations {
             let Some(&place) = places.get(id) else { continue };
             let v = image.rotation * place + image.translation;
             let error = lens.project(DVec2::new(v.x, v.y) / v.z).distance(seen.as_dvec2());
             if v.z > 0.0 && error.is_finite() {
                 sum += error;
-                sightings += 1;
+                observations += 1;
             } else {
                 behind += 1;
             }
         }
     }
-    let mean_px = if sightings > 0 { sum / sightings as f64 } else { 0.0 };
-    (sightings + behind > 0).then_some(Reprojection { mean_px, sightings, behind })
+    let mean_px = if observations > 0 { sum / observations as f64 } else { 0.0 };
+    (observations + behind > 0).then_some(Reprojection { mean_px, observations, behind })
 }

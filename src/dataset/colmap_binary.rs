@@ -15,18 +15,18 @@ const NO_POINT: u64 = u64::MAX;
 /// Reads the three files of a folder; the points may be missing.
 pub(super) fn read(folder: &Path, warnings: &mut Vec<String>) -> Result<Model> {
     let mut model = Model::default();
-    read_cameras(&mut Bytes::open(folder.join("cameras.bin"))?, &mut model)?;
-    read_images(&mut Bytes::open(folder.join("images.bin"))?, &mut model)?;
+    read_cameras(&mut BinaryFile::open(folder.join("cameras.bin"))?, &mut model)?;
+    read_images(&mut BinaryFile::open(folder.join("images.bin"))?, &mut model)?;
     let points = folder.join("points3D.bin");
     if points.is_file() {
-        read_points(&mut Bytes::open(points)?, &mut model)?;
+        read_points(&mut BinaryFile::open(points)?, &mut model)?;
     } else {
         warnings.push(format!("{} is missing", points.display()));
     }
     Ok(model)
 }
 
-fn read_cameras(bytes: &mut Bytes, model: &mut Model) -> Result<()> {
+fn read_cameras(bytes: &mut BinaryFile, model: &mut Model) -> Result<()> {
     let count = bytes.count("cameras", 24 + 3 * 8)?;
     for _ in 0..count {
         let id = u32::from_le_bytes(bytes.take()?);
@@ -43,7 +43,7 @@ fn read_cameras(bytes: &mut Bytes, model: &mut Model) -> Result<()> {
     bytes.end()
 }
 
-fn read_images(bytes: &mut Bytes, model: &mut Model) -> Result<()> {
+fn read_images(bytes: &mut BinaryFile, model: &mut Model) -> Result<()> {
     let count = bytes.count("images", 4 + 7 * 8 + 4 + 1 + 8)?;
     for _ in 0..count {
         let id = u32::from_le_bytes(bytes.take()?);
@@ -56,22 +56,22 @@ fn read_images(bytes: &mut Bytes, model: &mut Model) -> Result<()> {
                 bytes.malformed(format!("image {id} `{name}` has no pose: {quaternion:?}, {translation}"))
             })?;
         let seen = bytes.count("2D points", 24)?;
-        let mut sightings = Vec::new();
+        let mut observations = Vec::new();
         for _ in 0..seen {
             let row: [u8; 24] = bytes.take()?;
             let number = |at: usize| row[at..at + 8].try_into().unwrap_or([0; 8]);
             let point = u64::from_le_bytes(number(16));
             if point != NO_POINT {
                 let (x, y) = (f64::from_le_bytes(number(0)), f64::from_le_bytes(number(8)));
-                sightings.push((point, Vec2::new(x as f32, y as f32)));
+                observations.push((point, Vec2::new(x as f32, y as f32)));
             }
         }
-        model.images.push(ImageRow { name, camera, rotation, translation, sightings });
+        model.images.push(ImageRow { name, camera, rotation, translation, observations });
     }
     bytes.end()
 }
 
-fn read_points(bytes: &mut Bytes, model: &mut Model) -> Result<()> {
+fn read_points(bytes: &mut BinaryFile, model: &mut Model) -> Result<()> {
     let count = bytes.count("points", 8 + 3 * 8 + 3 + 8 + 8)?;
     model.points.reserve(count);
     for _ in 0..count {
@@ -87,14 +87,14 @@ fn read_points(bytes: &mut Bytes, model: &mut Model) -> Result<()> {
 }
 
 /// A file read front to back that knows how much is left.
-struct Bytes {
+struct BinaryFile {
     path: PathBuf,
     reader: BufReader<File>,
     at: u64,
     len: u64,
 }
 
-impl Bytes {
+impl BinaryFile {
     fn open(path: PathBuf) -> Result<Self> {
         let file = File::open(&path).map_err(|e| Error::io(&path, e))?;
         let len = file.metadata().map_err(|e| Error::io(&path, e))?.len();

@@ -22,7 +22,7 @@ pub(super) struct ImageRow {
     pub(super) rotation: DMat3,
     pub(super) translation: DVec3,
     /// Which points were seen where, px.
-    pub(super) sightings: Vec<(u64, Vec2)>,
+    pub(super) observations: Vec<(u64, Vec2)>,
 }
 
 /// A row of points3D.bin or points3D.txt.
@@ -45,7 +45,7 @@ pub(super) fn rotation(wxyz: [f64; 4]) -> Option<DMat3> {
 const CAMERA_MODELS: [(&str, usize); 5] =
     [("SIMPLE_PINHOLE", 3), ("PINHOLE", 4), ("SIMPLE_RADIAL", 4), ("RADIAL", 5), ("OPENCV", 8)];
 
-/// Models whose straightening is left to COLMAP.
+/// Models whose undistortion is left to COLMAP.
 const OTHER_MODELS: [&str; 7] = [
     "OPENCV_FISHEYE",
     "FULL_OPENCV",
@@ -62,7 +62,7 @@ pub(super) fn camera_model_name(number: i32) -> Option<&'static str> {
     usize::try_from(number).ok().and_then(|n| names.into_iter().nth(n))
 }
 
-/// How many parameters a camera model has. Fails for those we do not straighten.
+/// How many parameters a camera model has. Fails for those we do not undistort.
 pub(super) fn parameter_count(path: &Path, model: &str) -> Result<usize> {
     CAMERA_MODELS.iter().find(|(name, _)| *name == model).map(|(_, count)| *count).ok_or_else(|| {
         let ours = CAMERA_MODELS.map(|(name, _)| name).join(", ");
@@ -106,7 +106,7 @@ mod tests {
     use glam::DVec2;
 
     #[test]
-    fn parameters_land_where_colmap_means_them() {
+    fn parameters_have_the_order_of_colmap() {
         let path = Path::new("cameras.txt");
         let read = |model: &str, params: &[f64]| lens(path, model, [8, 6], params).unwrap();
         let pinhole = read("PINHOLE", &[1.0, 2.0, 3.0, 4.0]);

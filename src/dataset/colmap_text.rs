@@ -13,11 +13,11 @@ use std::str::FromStr;
 /// Reads the three files of a folder; the points may be missing.
 pub(super) fn read(folder: &Path, warnings: &mut Vec<String>) -> Result<Model> {
     let mut model = Model::default();
-    read_cameras(&mut Lines::open(folder.join("cameras.txt"))?, &mut model)?;
-    read_images(&mut Lines::open(folder.join("images.txt"))?, &mut model)?;
+    read_cameras(&mut TextFile::open(folder.join("cameras.txt"))?, &mut model)?;
+    read_images(&mut TextFile::open(folder.join("images.txt"))?, &mut model)?;
     let points = folder.join("points3D.txt");
     if points.is_file() {
-        read_points(&mut Lines::open(points)?, &mut model)?;
+        read_points(&mut TextFile::open(points)?, &mut model)?;
     } else {
         warnings.push(format!("{} is missing", points.display()));
     }
@@ -25,7 +25,7 @@ pub(super) fn read(folder: &Path, warnings: &mut Vec<String>) -> Result<Model> {
 }
 
 /// `CAMERA_ID MODEL WIDTH HEIGHT PARAMS...`
-fn read_cameras(lines: &mut Lines, model: &mut Model) -> Result<()> {
+fn read_cameras(lines: &mut TextFile, model: &mut Model) -> Result<()> {
     while lines.next_entry()? {
         let mut words = lines.words();
         let id = words.number("camera id")?;
@@ -39,7 +39,7 @@ fn read_cameras(lines: &mut Lines, model: &mut Model) -> Result<()> {
 }
 
 /// `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME`, then a line of `X Y POINT3D_ID` triples, perhaps empty.
-fn read_images(lines: &mut Lines, model: &mut Model) -> Result<()> {
+fn read_images(lines: &mut TextFile, model: &mut Model) -> Result<()> {
     while lines.next_entry()? {
         let mut words = lines.words();
         let id: u32 = words.number("image id")?;
@@ -54,24 +54,24 @@ fn read_images(lines: &mut Lines, model: &mut Model) -> Result<()> {
             colmap_model::rotation(quaternion).filter(|_| translation.is_finite()).ok_or_else(|| {
                 lines.malformed(format!("image {id} `{name}` has no pose: {quaternion:?}, {translation}"))
             })?;
-        let mut sightings = Vec::new();
+        let mut observations = Vec::new();
         if lines.next_line()? {
             let mut words = lines.words();
             while !words.text.is_empty() {
                 let [x, y] = words.numbers("2D point")?;
                 let point: i64 = words.number("3D point id")?;
                 if let Ok(point) = u64::try_from(point) {
-                    sightings.push((point, Vec2::new(x as f32, y as f32)));
+                    observations.push((point, Vec2::new(x as f32, y as f32)));
                 }
             }
         }
-        model.images.push(ImageRow { name, camera, rotation, translation, sightings });
+        model.images.push(ImageRow { name, camera, rotation, translation, observations });
     }
     Ok(())
 }
 
 /// `POINT3D_ID X Y Z R G B ERROR TRACK...`
-fn read_points(lines: &mut Lines, model: &mut Model) -> Result<()> {
+fn read_points(lines: &mut TextFile, model: &mut Model) -> Result<()> {
     while lines.next_entry()? {
         let mut words = lines.words();
         let id = words.number("point id")?;
@@ -84,14 +84,14 @@ fn read_points(lines: &mut Lines, model: &mut Model) -> Result<()> {
 }
 
 /// A file read line by line that knows where it is.
-struct Lines {
+struct TextFile {
     path: PathBuf,
     reader: BufReader<File>,
     line: String,
     number: u64,
 }
 
-impl Lines {
+impl TextFile {
     fn open(path: PathBuf) -> Result<Self> {
         let file = File::open(&path).map_err(|e| Error::io(&path, e))?;
         Ok(Self { reader: BufReader::with_capacity(1 << 18, file), path, line: String::new(), number: 0 })
@@ -130,7 +130,7 @@ impl Lines {
 
 /// What is left of a line.
 struct Words<'a> {
-    lines: &'a Lines,
+    lines: &'a TextFile,
     text: &'a str,
 }
 
@@ -196,7 +196,7 @@ pub(super) fn write(folder: &Path, model: &Model) -> Result<()> {
             *tracks.entry(*point).or_default() += &format!(" {id} {k}");
             format!("{} {} {point}", at.x, at.y)
         };
-        images += &image.sightings.iter().enumerate().map(seen).collect::<Vec<_>>().join(" ");
+        images += &image.observations.iter().enumerate().map(seen).collect::<Vec<_>>().join(" ");
         images.push('\n');
     }
     let mut points =

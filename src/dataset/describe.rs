@@ -20,8 +20,8 @@ pub struct Description {
     pub cameras: Vec<CameraGroup>,
     /// Photos with a mask.
     pub masks: u64,
-    /// Photos that are straightened while they are read.
-    pub straightened: u64,
+    /// Photos whose lens distortion is removed while they are read.
+    pub undistorted: u64,
     /// Bytes of all photos once decoded.
     pub decoded_bytes: u64,
     /// Diagonal of the box around the cameras, world units.
@@ -74,7 +74,7 @@ pub fn describe(dataset: &Dataset) -> Description {
         test: count(&|v| v.test),
         cameras: cameras(views),
         masks: count(&|v| v.photo.mask.is_some()),
-        straightened: count(&|v| v.photo.undistort.is_some()),
+        undistorted: count(&|v| v.photo.undistort.is_some()),
         decoded_bytes: views.iter().map(|v| pixels(v) * if v.photo.mask.is_some() { 4 } else { 3 }).sum(),
         camera_extent: extent(views.iter().map(|v| v.camera.position())),
         points: dataset.points.len() as u64,
@@ -115,7 +115,7 @@ fn extent(positions: impl Iterator<Item = Vec3> + Clone) -> f64 {
     f64::from(low.distance(high))
 }
 
-/// From the first to the 99th hundredth along each axis: a few stray points say nothing of a scene.
+/// From the 1st to the 99th percentile along each axis: a few outliers say nothing about a scene.
 fn bounds(dataset: &Dataset) -> Option<[[f64; 3]; 2]> {
     let last = dataset.points.len().checked_sub(1)?;
     let axis = |axis: usize| {

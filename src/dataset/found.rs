@@ -28,7 +28,7 @@ pub(super) struct FoundPhoto {
     pub(super) rotation: DMat3,
     pub(super) translation: DVec3,
     pub(super) lens: LensClaim,
-    /// Named as held out by the file itself.
+    /// Held out by the file itself.
     pub(super) held_out: bool,
 }
 

@@ -11,7 +11,7 @@ pub struct Lens {
     pub focal: DVec2,
     /// Principal point, px; anywhere.
     pub center: DVec2,
-    /// What bends straight lines.
+    /// How it bends straight lines.
     pub distortion: Distortion,
 }
 
@@ -41,7 +41,7 @@ impl Lens {
         self.focal * self.distortion.distort(direction) + self.center
     }
 
-    /// Which direction (x / z, y / z) lands on a pixel; `None` where the model folds over itself.
+    /// Which direction (x / z, y / z) lands on a pixel; `None` where the model folds over (two directions reach one pixel).
     pub fn direction(&self, pixel: DVec2) -> Option<DVec2> {
         self.distortion.undistort((pixel - self.center) / self.focal)
     }

@@ -29,12 +29,19 @@ pub struct DatasetOptions {
     /// What to do with the pictures in the folder `masks`, and with the `mask_path` of a frame.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub masks: Masks,
-    /// What stands behind transparent pixels: black, white or #rrggbb.
+    /// What is behind transparent pixels: black, white or #rrggbb.
     #[cfg_attr(feature = "cli", arg(long, value_name = "COLOR", default_value_t))]
     pub background: Background,
-    /// Memory for decoded photos, MiB; photos that do not fit wait in a temporary file.
+    /// Memory for decoded photos, MiB; photos that do not fit go into a temporary file.
     #[cfg_attr(feature = "cli", arg(long, value_name = "MIB", default_value_t = 1024))]
     pub photo_memory_mib: u32,
+}
+
+impl DatasetOptions {
+    /// Memory for decoded photos, bytes.
+    pub fn photo_bytes(&self) -> u64 {
+        u64::from(self.photo_memory_mib) << 20
+    }
 }
 
 impl Default for DatasetOptions {

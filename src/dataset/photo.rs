@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 pub struct Photo {
     /// The picture file.
     pub path: PathBuf,
-    /// The picture of what counts, as large as the photo.
+    /// The mask: which of its pixels count, as large as the photo.
     pub mask: Option<PathBuf>,
     /// Width and height as delivered, px.
     pub size: UVec2,
@@ -24,7 +24,7 @@ pub struct Photo {
 }
 
 impl Photo {
-    /// The photo as training wants it: laid over the background, masked, straightened, shrunk.
+    /// The photo as training wants it: blended with the background, masked, undistorted, shrunk.
     /// `alpha` is then the weight of each pixel in the loss, `None` where all count.
     pub fn decode(&self) -> Result<Pixels> {
         let mut pixels = Pixels::load(&self.path)?;

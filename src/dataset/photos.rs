@@ -20,15 +20,15 @@ const WORKERS: usize = 2;
 /// Decoded photos by index.
 #[derive(Debug)]
 pub struct Photos {
-    shared: Arc<Shared>,
+    shared: Arc<Loader>,
     workers: Vec<JoinHandle<()>>,
 }
 
 #[derive(Debug)]
-struct Shared {
+struct Loader {
     photos: Vec<Photo>,
     budget_bytes: u64,
-    state: Mutex<State>,
+    state: Mutex<LoaderState>,
     /// A worker may have something to do.
     work: Condvar,
     /// A photo has been decoded.
@@ -36,8 +36,8 @@ struct Shared {
 }
 
 #[derive(Debug, Default)]
-struct State {
-    slots: Vec<Slot>,
+struct LoaderState {
+    slots: Vec<PhotoSlot>,
     /// What will be taken next, in order.
     queue: VecDeque<usize>,
     /// What `take` is waiting for now.
@@ -51,7 +51,7 @@ struct State {
 }
 
 #[derive(Debug, Default)]
-struct Slot {
+struct PhotoSlot {
     pixels: Option<Result<Arc<Pixels>>>,
     cached: Option<CachedPhoto>,
     loading: bool,
@@ -63,10 +63,10 @@ impl Photos {
     /// Photos to be taken by their index; nothing is decoded before [`Photos::prefetch`] or
     /// [`Photos::take`].
     pub fn new(photos: Vec<Photo>, budget_bytes: u64) -> Self {
-        let slots = photos.iter().map(|_| Slot::default()).collect();
-        let state = Mutex::new(State { slots, ..State::default() });
+        let slots = photos.iter().map(|_| PhotoSlot::default()).collect();
+        let state = Mutex::new(LoaderState { slots, ..LoaderState::default() });
         let shared =
-            Arc::new(Shared { photos, budget_bytes, state, work: Condvar::new(), decoded: Condvar::new() });
+            Arc::new(Loader { photos, budget_bytes, state, work: Condvar::new(), decoded: Condvar::new() });
         let workers = (0..WORKERS)
             .map(|_| {
                 let shared = Arc::clone(&shared);
@@ -136,8 +136,8 @@ impl Drop for Photos {
     }
 }
 
-impl Shared {
-    fn lock(&self) -> MutexGuard<'_, State> {
+impl Loader {
+    fn lock(&self) -> MutexGuard<'_, LoaderState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -172,7 +172,7 @@ impl Shared {
     }
 
     /// What is most urgent: what somebody waits for, then what comes next, as far as memory goes.
-    fn next_job(&self, state: &State) -> Option<usize> {
+    fn next_job(&self, state: &LoaderState) -> Option<usize> {
         let idle = |i: usize| state.slots[i].pixels.is_none() && !state.slots[i].loading;
         if let Some(i) = state.wanted.filter(|&i| idle(i)) {
             return Some(i);
@@ -195,12 +195,12 @@ impl Shared {
     }
 
     /// Moves the least recently taken photos to the disk cache until the budget is kept, but none that is needed at once.
-    fn evict(&self, state: &mut State, newest: usize) {
+    fn evict(&self, state: &mut LoaderState, newest: usize) {
         while state.resident_bytes > self.budget_bytes {
             let soon = |i: usize| {
                 i == newest || state.wanted == Some(i) || state.queue.iter().take(AHEAD).any(|&e| e == i)
             };
-            let resident = |slot: &Slot| matches!(slot.pixels, Some(Ok(_)));
+            let resident = |slot: &PhotoSlot| matches!(slot.pixels, Some(Ok(_)));
             let oldest = (0..state.slots.len())
                 .filter(|&i| resident(&state.slots[i]) && !soon(i))
                 .min_by_key(|&i| state.slots[i].taken);

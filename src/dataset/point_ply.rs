@@ -85,6 +85,26 @@ mod tests {
     }
 
     #[test]
+    fn points_may_follow_other_elements_and_have_lists_or_no_color() {
+        let text = "ply\nformat ascii 1.0\nelement face 2\nproperty list uchar int vertex_indices\nelement vertex 2\n\
+                    property float x\nproperty list uchar int views\nproperty float y\nproperty float z\n\
+                    property uchar red\nproperty uchar green\nproperty float blue\nend_header\n\
+                    3 0 1 0\n4 0 1 0 1\n1 2 7 8 2 3 9 9 9\n4 0 5 6 9 9 9\n";
+        let points = read_bytes(text.as_bytes()).unwrap();
+        assert_eq!(points.iter().map(|p| p.rgb).collect::<Vec<_>>(), [GREY; 2]);
+        assert_eq!(points[0].position, DVec3::new(1.0, 2.0, 3.0));
+        assert_eq!(points[1].position, DVec3::new(4.0, 5.0, 6.0));
+        let whole = text.replace("float blue", "uchar blue").replace("9 9 9", "255.0 0 17");
+        assert_eq!(
+            read_bytes(whole.as_bytes()).unwrap()[1].rgb,
+            [255, 0, 17],
+            "bytes may be written with a point"
+        );
+        let error = read_bytes(text.replace("float z", "float w").as_bytes()).err().unwrap().to_string();
+        assert!(error.contains("element vertex") && error.contains("no property z"), "{error}");
+    }
+
+    #[test]
     fn every_prefix_fails_cleanly() {
         let whole = [header("binary_little_endian").into_bytes(), body(false)].concat();
         for len in 0..whole.len() {

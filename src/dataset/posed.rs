@@ -20,7 +20,7 @@ pub struct Dataset {
     pub views: Vec<View>,
     /// The sparse cloud; may be empty.
     pub points: Vec<Point>,
-    /// The world point that became (0, 0, 0) here: zero, unless the scene lies so far from the origin
+    /// The world point that became (0, 0, 0) here: zero, unless the scene is so far from the origin
     /// that f32 would lose its detail. world = origin + position.
     pub origin: DVec3,
     /// How well cameras and points fit each other, where the data set says which photo shows which
@@ -35,11 +35,11 @@ pub struct Dataset {
 pub struct View {
     /// Path below the folder of photos: "0001.jpg".
     pub name: String,
-    /// The pinhole that took it, at the size the photo is delivered in.
+    /// The pinhole that took it, at the size of the decoded photo.
     pub camera: Camera,
     /// The photo; nothing is decoded before it is asked for.
     pub photo: Photo,
-    /// Held out: judged on, never trained on.
+    /// Held out: for evaluation, never trained on.
     pub test: bool,
 }
 
@@ -57,11 +57,11 @@ pub struct Point {
 /// The distance between where points were seen and where the cameras put them, in the photos' full size.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Reprojection {
-    /// Mean over all sightings, px.
+    /// Mean over all observations, px.
     pub mean_px: f64,
-    /// Sightings measured.
-    pub sightings: u64,
-    /// Sightings of points behind the camera that claims to see them; not in the mean.
+    /// Observations measured.
+    pub observations: u64,
+    /// Observations of points behind the camera that claims to see them; not in the mean.
     pub behind: u64,
 }
 

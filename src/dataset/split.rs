@@ -64,7 +64,7 @@ pub(super) fn apply(dataset: &mut Dataset, root: &Path, options: &DatasetOptions
     all_held_out(dataset, root)
 }
 
-/// Holds out the photos named in `text`, one a line, with or without their file extension.
+/// Holds out the photos named in `text`, one per line, with or without their file extension.
 fn by_list(dataset: &mut Dataset, list: &Path, text: &str) -> Result<()> {
     let named: HashSet<&str> = text.lines().map(str::trim).filter(|name| !name.is_empty()).collect();
     let mut matched = HashSet::new();
@@ -96,8 +96,7 @@ fn spellings(view: &View) -> [Option<&str>; 4] {
 
 fn all_held_out(dataset: &Dataset, source: &Path) -> Result<()> {
     if dataset.views.iter().all(|view| view.test) {
-        let reason =
-            "every photo is held out, none is left to train on; name fewer, or set `test_every` to 0";
+        let reason = "every photo is held out, none is left to train on; name fewer, or give `test_every` 0";
         return Err(Error::unsupported(source, reason));
     }
     Ok(())

@@ -5,7 +5,7 @@
 use super::colmap_model::{ImageRow, Model, PointRow};
 use super::colmap_text;
 use super::lens::{Distortion, Lens};
-use super::synthetic_scene::{Hit, Ray, trace, visible};
+use super::synthetic_scene::{Ray, SurfaceHit, trace, visible};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::image::Image;
@@ -49,7 +49,7 @@ const SHORTEST_TRACK: usize = 3;
 /// Colour difference within a pixel that counts as an edge.
 const EDGE: f64 = 0.1;
 /// Standard deviation of where a point was seen, px.
-const SIGHTING_NOISE_PX: f64 = 0.25;
+const OBSERVATION_NOISE_PX: f64 = 0.25;
 
 /// Writes the data set in COLMAP's layout: `images/view_0000.png`..., `sparse/0/*.txt`, and `test.txt`
 /// with every 8th photo. Other files in `folder` are left alone.
@@ -92,20 +92,20 @@ pub fn camera(options: &SyntheticOptions, index: u32) -> Camera {
 /// What a camera sees, averaged over every pixel's square: 16 rays where the colour runs smoothly, 256
 /// where there is an edge in the pixel or beside it.
 pub fn render(camera: &Camera) -> Image {
-    let eye = Eye::new(camera);
+    let rays = RayCamera::new(camera);
     let [width, height] = camera.size.to_array();
     let places = (0..width * height).into_par_iter().map(|i| (i % width, i / width));
-    let coarse: Vec<Average> = places.clone().map(|(x, y)| eye.average(x, y, 4)).collect();
+    let coarse: Vec<Average> = places.clone().map(|(x, y)| rays.average(x, y, 4)).collect();
     let smooth_around = |x: u32, y: u32| {
         let own = &coarse[(y * width + x) as usize];
         let rows = y.saturating_sub(1)..(y + 2).min(height);
         let mut around =
             rows.flat_map(|y| (x.saturating_sub(1)..(x + 2).min(width)).map(move |x| y * width + x));
-        around.all(|i| coarse[i as usize].smooth && coarse[i as usize].thing == own.thing)
+        around.all(|i| coarse[i as usize].smooth && coarse[i as usize].object == own.object)
     };
     let pixel = |(x, y)| {
         let own = &coarse[(y * width + x) as usize];
-        let rgb = if smooth_around(x, y) { own.rgb } else { eye.average(x, y, 16).rgb };
+        let rgb = if smooth_around(x, y) { own.rgb } else { rays.average(x, y, 16).rgb };
         rgb.as_vec3().to_array()
     };
     Image { size: camera.size, pixels: places.map(pixel).collect() }
@@ -114,21 +114,21 @@ pub fn render(camera: &Camera) -> Image {
 /// What a pixel's rays saw.
 struct Average {
     rgb: DVec3,
-    /// They all saw one thing, in much the same colour.
+    /// They all saw one object, in much the same colour.
     smooth: bool,
     /// What the first of them saw.
-    thing: Option<usize>,
+    object: Option<usize>,
 }
 
-/// A camera in f64 that asks the scene.
-struct Eye {
+/// A camera in f64 that traces rays.
+struct RayCamera {
     to_world: DMat3,
     position: DVec3,
     focal: DVec2,
     center: DVec2,
 }
 
-impl Eye {
+impl RayCamera {
     fn new(camera: &Camera) -> Self {
         let rotation = camera.rotation.as_dmat3();
         Self {
@@ -139,7 +139,7 @@ impl Eye {
         }
     }
 
-    fn look(&self, pixel: DVec2) -> Option<Hit> {
+    fn trace(&self, pixel: DVec2) -> Option<SurfaceHit> {
         let direction = self.to_world * ((pixel - self.center) / self.focal).extend(1.0);
         trace(Ray { origin: self.position, direction })
     }
@@ -148,19 +148,19 @@ impl Eye {
     /// share a row or a column: an upright edge is then resolved to 1/grid² of a pixel, not to 1/grid.
     fn average(&self, x: u32, y: u32, grid: u32) -> Average {
         let (mut sum, mut low, mut high) = (DVec3::ZERO, DVec3::ONE, DVec3::ZERO);
-        let (mut first, mut one_thing) = (None, true);
+        let (mut first, mut one_object) = (None, true);
         for k in 0..grid * grid {
             let (i, j, n) = (f64::from(k % grid), f64::from(k / grid), f64::from(grid));
             let offset = DVec2::new(i + (j + 0.5) / n, j + (i + 0.5) / n) / n;
-            let hit = self.look(DVec2::new(f64::from(x), f64::from(y)) + offset);
+            let hit = self.trace(DVec2::new(f64::from(x), f64::from(y)) + offset);
             let rgb = hit.map_or(DVec3::ZERO, |hit| hit.rgb);
             sum += rgb;
             (low, high) = (low.min(rgb), high.max(rgb));
-            let thing = hit.map(|hit| hit.thing);
-            one_thing &= *first.get_or_insert(thing) == thing;
+            let object = hit.map(|hit| hit.object);
+            one_object &= *first.get_or_insert(object) == object;
         }
-        let smooth = one_thing && (high - low).max_element() < EDGE;
-        Average { rgb: sum / f64::from(grid * grid), smooth, thing: first.flatten() }
+        let smooth = one_object && (high - low).max_element() < EDGE;
+        Average { rgb: sum / f64::from(grid * grid), smooth, object: first.flatten() }
     }
 }
 
@@ -194,21 +194,21 @@ fn pose(options: &SyntheticOptions, index: u32) -> (DMat3, DVec3) {
     (rotation, -(rotation * position))
 }
 
-/// Cameras, poses, points and who saw them.
+/// Cameras, poses, points and the photos that show them.
 fn model(options: &SyntheticOptions) -> Model {
     let lens = lens(options);
     let image = |index| {
         let (rotation, translation) = pose(options, index);
-        ImageRow { name: photo_name(index), camera: 1, rotation, translation, sightings: Vec::new() }
+        ImageRow { name: photo_name(index), camera: 1, rotation, translation, observations: Vec::new() }
     };
     let mut model = Model { images: (0..options.views).map(image).collect(), ..Model::default() };
     let tracks: Vec<Track> = (0..options.points)
         .into_par_iter()
         .filter_map(|id| track(options, &lens, &model.images, id))
         .collect();
-    for Track { point, sightings } in tracks {
-        for (image, place) in sightings {
-            model.images[image].sightings.push((point.id, place));
+    for Track { point, observations } in tracks {
+        for (image, place) in observations {
+            model.images[image].observations.push((point.id, place));
         }
         model.points.push(point);
     }
@@ -218,7 +218,7 @@ fn model(options: &SyntheticOptions) -> Model {
 
 struct Track {
     point: PointRow,
-    sightings: Vec<(usize, Vec2)>,
+    observations: Vec<(usize, Vec2)>,
 }
 
 /// A point that some photo shows, and the photos that show it. Attempts are repeated until enough
@@ -229,36 +229,36 @@ fn track(options: &SyntheticOptions, lens: &Lens, images: &[ImageRow], id: u32) 
         let rng = Rng::new(options.seed, "point", u64::from(id) * 64 + attempt);
         let first = (rng.bits(0) % u64::from(options.views)) as usize;
         let pixel = DVec2::new(rng.uniform_f64(1), rng.uniform_f64(2)) * size;
-        let eye = Eye::new(&camera(options, first as u32));
+        let rays = RayCamera::new(&camera(options, first as u32));
         // The sky fills much of every photo, but a reconstruction finds few points there.
-        let hit = eye.look(pixel).filter(|hit| !hit.sky || rng.uniform(3) < 0.15)?;
+        let hit = rays.trace(pixel).filter(|hit| !hit.sky || rng.uniform(3) < 0.15)?;
         let position = (hit.position * 1e6).round() / 1e6;
-        let mut sightings = Vec::new();
+        let mut observations = Vec::new();
         let mut error = 0.0;
         // Neighbours first, on either side: 0, 1, -1, 2, -2, ...
         for k in 0..images.len() {
             let aside = if k % 2 == 1 { k.div_ceil(2) } else { images.len() - k / 2 };
             let at = (first + aside) % images.len();
             let image = &images[at];
-            if sightings.len() == LONGEST_TRACK {
+            if observations.len() == LONGEST_TRACK {
                 break;
             }
             let v = image.rotation * position + image.translation;
             let place = lens.project(v.truncate() / v.z);
             let eye = -(image.rotation.transpose() * image.translation);
             let inside = v.z > 0.0 && place.cmpge(DVec2::ZERO).all() && place.cmplt(size).all();
-            // A hair towards the eye, so that the rounded point does not hide behind its own surface.
+            // Slightly towards the eye, so that the rounded point does not hide behind its own surface.
             if inside && visible(position.lerp(eye, 1e-4), eye) {
                 let noise = Rng::new(options.seed, "sighting", u64::from(id));
                 let noise = |axis| f64::from(noise.normal(2 * at as u64 + axis));
-                let off = SIGHTING_NOISE_PX * DVec2::new(noise(0), noise(1));
+                let off = OBSERVATION_NOISE_PX * DVec2::new(noise(0), noise(1));
                 error += off.length();
-                sightings.push((at, ((place + off) * 100.0).round().as_vec2() / 100.0));
+                observations.push((at, ((place + off) * 100.0).round().as_vec2() / 100.0));
             }
         }
         let rgb = (hit.rgb * 255.0).round().as_u8vec3().to_array();
-        let error = (error / sightings.len() as f64 * 1e4).round() / 1e4;
+        let error = (error / observations.len() as f64 * 1e4).round() / 1e4;
         let point = PointRow { id: u64::from(id) + 1, position, rgb, error };
-        (sightings.len() >= SHORTEST_TRACK.min(images.len())).then_some(Track { point, sightings })
+        (observations.len() >= SHORTEST_TRACK.min(images.len())).then_some(Track { point, observations })
     })
 }

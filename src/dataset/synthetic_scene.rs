@@ -1,20 +1,20 @@
 //! A small outdoor scene with a known answer at every ray: checkered floor, balls, a box, a card, thin
-//! poles, a sky. World axes are COLMAP's habit: -Y is up. Colours are sRGB-encoded.
+//! poles, a sky. World axes as COLMAP usually has them: -Y is up. Colours are sRGB-encoded.
 
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 
-/// Where a ray meets something.
+/// Where a ray meets an object.
 #[derive(Debug, Clone, Copy)]
-pub struct Hit {
+pub struct SurfaceHit {
     /// Distance along the ray, in lengths of its direction.
     pub distance: f64,
     /// World position.
     pub position: DVec3,
     /// sRGB-encoded colour towards the ray's origin, in [0, 1].
     pub rgb: DVec3,
-    /// Index of the thing; things differ in colour along their outlines.
-    pub thing: usize,
+    /// Index of the object; objects differ in colour along their outlines.
+    pub object: usize,
     /// True for the sky, which is painted on the inside of a large ball.
     pub sky: bool,
 }
@@ -71,7 +71,7 @@ enum Paint {
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Thing {
+struct Object {
     shape: Shape,
     paint: Paint,
     /// Strength of the highlight.
@@ -79,7 +79,7 @@ struct Thing {
 }
 
 /// Distance, outward normal and surface coordinates.
-type Touch = (f64, DVec3, DVec2);
+type Intersection = (f64, DVec3, DVec2);
 
 /// Half the side of the checkered floor; sand lies around it.
 const FLOOR_HALF: f64 = 3.0;
@@ -89,15 +89,15 @@ const SUN: DVec3 = DVec3::new(0.48, -0.8, -0.36);
 /// Light that reaches shadows, of 1.
 const AMBIENT: f64 = 0.5;
 
-/// What the nearest thing on a ray looks like. Every ray meets at least the ground or the sky when it
+/// What the nearest object on a ray looks like. Every ray meets at least the ground or the sky when it
 /// starts between them.
-pub fn trace(ray: Ray) -> Option<Hit> {
-    let (thing, (distance, outward, uv)) = nearest(ray)?;
+pub fn trace(ray: Ray) -> Option<SurfaceHit> {
+    let (object, (distance, outward, uv)) = nearest(ray)?;
     let position = ray.origin + ray.direction * distance;
-    let Thing { shape, paint, gloss } = THINGS[thing];
+    let Object { shape, paint, gloss } = OBJECTS[object];
     if matches!(shape, Shape::Sky { .. }) {
         let rgb = albedo(paint, uv, position);
-        return Some(Hit { distance, position, rgb, thing, sky: true });
+        return Some(SurfaceHit { distance, position, rgb, object, sky: true });
     }
     let normal = if outward.dot(ray.direction) > 0.0 { -outward } else { outward };
     let lit = normal.dot(SUN) > 0.0 && !shadowed(position + normal * 1e-6);
@@ -107,42 +107,44 @@ pub fn trace(ray: Ray) -> Option<Hit> {
         let mirrored = ray.direction.normalize().reflect(normal);
         rgb += DVec3::splat(gloss * mirrored.dot(SUN).max(0.0).powi(16));
     }
-    Some(Hit { distance, position, rgb: rgb.min(DVec3::ONE), thing, sky: false })
+    Some(SurfaceHit { distance, position, rgb: rgb.min(DVec3::ONE), object, sky: false })
 }
 
-/// True when nothing stands between a point and an eye.
+/// True when nothing is between a point and an eye.
 pub fn visible(point: DVec3, eye: DVec3) -> bool {
     let ray = Ray { origin: eye, direction: point - eye };
     nearest(ray).is_some_and(|(_, (distance, ..))| distance > 1.0 - 1e-6)
 }
 
-fn nearest(ray: Ray) -> Option<(usize, Touch)> {
-    let touches = THINGS.iter().enumerate().filter_map(|(i, thing)| Some((i, thing.shape.touch(ray)?)));
-    touches.min_by(|a, b| a.1.0.total_cmp(&b.1.0))
+fn nearest(ray: Ray) -> Option<(usize, Intersection)> {
+    let hits = OBJECTS.iter().enumerate().filter_map(|(i, object)| Some((i, object.shape.intersect(ray)?)));
+    hits.min_by(|a, b| a.1.0.total_cmp(&b.1.0))
 }
 
 fn shadowed(from: DVec3) -> bool {
     let ray = Ray { origin: from, direction: SUN };
-    THINGS.iter().any(|thing| !matches!(thing.shape, Shape::Sky { .. }) && thing.shape.touch(ray).is_some())
+    OBJECTS
+        .iter()
+        .any(|object| !matches!(object.shape, Shape::Sky { .. }) && object.shape.intersect(ray).is_some())
 }
 
-/// The scene. -Y is up: things stand on y = 0 and reach into negative y.
-const THINGS: [Thing; 12] = {
+/// The scene. -Y is up: objects stand on y = 0 and reach into negative y.
+const OBJECTS: [Object; 12] = {
     const RED: DVec3 = DVec3::new(0.82, 0.16, 0.13);
     const CREAM: DVec3 = DVec3::new(0.95, 0.91, 0.78);
     const TEAL: DVec3 = DVec3::new(0.1, 0.55, 0.58);
     const YELLOW: DVec3 = DVec3::new(0.93, 0.76, 0.18);
     const STEEL: DVec3 = DVec3::new(0.42, 0.45, 0.5);
     const DARK: DVec3 = DVec3::new(0.13, 0.14, 0.18);
-    const fn matt(shape: Shape, paint: Paint) -> Thing {
-        Thing { shape, paint, gloss: 0.0 }
+    const fn matt(shape: Shape, paint: Paint) -> Object {
+        Object { shape, paint, gloss: 0.0 }
     }
-    const fn pole(from: [f64; 3], to: [f64; 3], radius: f64, color: DVec3) -> Thing {
+    const fn pole(from: [f64; 3], to: [f64; 3], radius: f64, color: DVec3) -> Object {
         let (from, to) = (DVec3::from_array(from), DVec3::from_array(to));
         matt(Shape::Pole { from, to, radius }, Paint::Plain(color))
     }
-    const fn ball(center: [f64; 3], radius: f64, paint: Paint, gloss: f64) -> Thing {
-        Thing { shape: Shape::Ball { center: DVec3::from_array(center), radius }, paint, gloss }
+    const fn ball(center: [f64; 3], radius: f64, paint: Paint, gloss: f64) -> Object {
+        Object { shape: Shape::Ball { center: DVec3::from_array(center), radius }, paint, gloss }
     }
     const fn at(x: f64, y: f64, z: f64) -> DVec3 {
         DVec3::new(x, y, z)
@@ -173,8 +175,8 @@ const THINGS: [Thing; 12] = {
 };
 
 impl Shape {
-    /// The nearest touch in front of the ray's origin.
-    fn touch(&self, ray: Ray) -> Option<Touch> {
+    /// The nearest intersect in front of the ray's origin.
+    fn intersect(&self, ray: Ray) -> Option<Intersection> {
         match *self {
             Shape::Ground => {
                 let t = -ray.origin.y / ray.direction.y;
@@ -221,7 +223,7 @@ fn ball_span(ray: Ray, center: DVec3, radius: f64) -> Option<(f64, f64)> {
     (root >= 0.0).then(|| ((-b - root.sqrt()) / a, (-b + root.sqrt()) / a))
 }
 
-fn touch_block(ray: Ray, center: DVec3, half: DVec3, turn: DMat3) -> Option<Touch> {
+fn touch_block(ray: Ray, center: DVec3, half: DVec3, turn: DMat3) -> Option<Intersection> {
     let (o, d) = (turn * (ray.origin - center), turn * ray.direction);
     let (a, b) = ((-half - o) / d, (half - o) / d);
     let (near, far) = (a.min(b), a.max(b));
@@ -240,7 +242,7 @@ fn touch_block(ray: Ray, center: DVec3, half: DVec3, turn: DMat3) -> Option<Touc
     Some((t, turn.transpose() * axis, uv))
 }
 
-fn touch_pole(ray: Ray, from: DVec3, to: DVec3, radius: f64) -> Option<Touch> {
+fn touch_pole(ray: Ray, from: DVec3, to: DVec3, radius: f64) -> Option<Intersection> {
     let length = from.distance(to);
     let axis = (to - from) / length;
     let (o, d) = (ray.origin - from, ray.direction);

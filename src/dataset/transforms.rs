@@ -18,7 +18,7 @@ use serde::Deserialize;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// The whole file; keys we do not know are left alone.
+/// The whole file; keys we do not know are ignored.
 #[derive(Debug, Deserialize)]
 struct Transforms {
     #[serde(flatten)]
@@ -36,7 +36,7 @@ struct FrameRow {
     own: Intrinsics,
 }
 
-/// Numbers that stand at the top, for all frames, or at a frame, for itself.
+/// Numbers at the top of the file, for all frames, or in a frame, for itself.
 #[derive(Debug, Clone, Default, Deserialize)]
 struct Intrinsics {
     w: Option<f64>,
@@ -185,23 +185,23 @@ fn pose(matrix: &[Vec<f64>]) -> std::result::Result<(DMat3, DVec3), String> {
     }
     let column = |c: usize| DVec3::new(matrix[0][c], matrix[1][c], matrix[2][c]);
     let axes = DMat3::from_cols(column(0), column(1), column(2));
-    // Some writers scale the scene by scaling the matrix; the camera only turns.
+    // Some writers scale the scene by scaling the matrix; the camera only rotates.
     let scale = axes.determinant().cbrt();
     let proper = scale > 1e-9;
     if !proper {
         return Err("transform_matrix is mirrored or singular".into());
     }
-    let turn = axes * (1.0 / scale);
-    let skew = turn.transpose() * turn - DMat3::IDENTITY;
+    let rotation = axes * (1.0 / scale);
+    let skew = rotation.transpose() * rotation - DMat3::IDENTITY;
     if skew.to_cols_array().iter().any(|x| x.abs() > 1e-3) {
         return Err("transform_matrix is not a rotation: its columns are not at right angles".into());
     }
-    let gl = orthonormal(turn);
+    let gl = orthonormal(rotation);
     let rotation = DMat3::from_cols(gl.x_axis, -gl.y_axis, -gl.z_axis).transpose();
     Ok((rotation, -(rotation * column(3))))
 }
 
-/// The nearest rotation, for a matrix that is almost one: what rounding in the file took is put back.
+/// The nearest rotation, for a matrix that is almost one: undoes the rounding of the file.
 /// Newton's iteration for the polar decomposition (Higham 1986).
 fn orthonormal(mut m: DMat3) -> DMat3 {
     for _ in 0..6 {
@@ -213,7 +213,7 @@ fn orthonormal(mut m: DMat3) -> DMat3 {
 impl Intrinsics {
     /// These, and where they are silent, those of `shared`.
     fn over(&self, shared: &Self) -> Self {
-        // A frame with its own focal length does not inherit somebody else's angle, nor the reverse.
+        // A frame with its own focal length does not inherit the shared angle, nor the reverse.
         let own_focal = self.fl_x.or(self.camera_angle_x).is_some();
         let angle = |own: Option<f64>, shared: Option<f64>| own.or(shared.filter(|_| !own_focal));
         Self {
@@ -237,7 +237,7 @@ impl Intrinsics {
     }
 
     fn lens(&self) -> std::result::Result<LensClaim, String> {
-        let remedy = "straighten the photos first, with `colmap image_undistorter` or `ns-process-data`";
+        let remedy = "undistort the photos first, with `colmap image_undistorter` or `ns-process-data`";
         match self.camera_model.as_deref() {
             None
             | Some("OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "perspective") => {}

@@ -59,28 +59,28 @@ impl Undistort {
     }
 }
 
-/// The largest upright rectangle whose pixels all lie inside the photo, in the pixels of a pinhole with
+/// The largest upright rectangle whose pixels are all inside the photo, in the pixels of a pinhole with
 /// the same focal lengths and principal point; at most twice the photo's size around that point.
 fn inner_rectangle(lens: &Lens) -> Option<(DVec2, DVec2)> {
     let size = lens.size.as_dvec2();
     let (mut low, mut high) = (lens.center - size, lens.center + size);
-    let straight = |pixel: DVec2| lens.direction(pixel).map(|d| lens.focal * d + lens.center);
+    let undistorted = |pixel: DVec2| lens.direction(pixel).map(|d| lens.focal * d + lens.center);
     // The outermost pixel centres can still be sampled; their pixels reach half a pixel further.
     let (first, last) = (DVec2::splat(0.5), size - 0.5);
     for y in 0..lens.size.y {
         let y = f64::from(y) + 0.5;
-        low.x = low.x.max(straight(DVec2::new(first.x, y))?.x - 0.5);
-        high.x = high.x.min(straight(DVec2::new(last.x, y))?.x + 0.5);
+        low.x = low.x.max(undistorted(DVec2::new(first.x, y))?.x - 0.5);
+        high.x = high.x.min(undistorted(DVec2::new(last.x, y))?.x + 0.5);
     }
     for x in 0..lens.size.x {
         let x = f64::from(x) + 0.5;
-        low.y = low.y.max(straight(DVec2::new(x, first.y))?.y - 0.5);
-        high.y = high.y.min(straight(DVec2::new(x, last.y))?.y + 0.5);
+        low.y = low.y.max(undistorted(DVec2::new(x, first.y))?.y - 0.5);
+        high.y = high.y.min(undistorted(DVec2::new(x, last.y))?.y + 0.5);
     }
     Some((low, high))
 }
 
-/// Four neighbouring pixels and their weights, in 1/256.
+/// Bilinear interpolation: four neighbouring pixels and their weights, in 1/256.
 struct Bilinear {
     at: [usize; 4],
     weight: [u32; 4],
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn straightened_pixels_show_what_the_pinhole_sees() {
+    fn undistorted_pixels_show_what_the_pinhole_sees() {
         for radial in [[-0.15, 0.02, 0.0, 0.0], [0.12, 0.01, 0.0, 0.0], [-0.1, 0.3, 0.0, 0.0]] {
             let lens = lens(radial);
             let pixel = |i: u32| DVec2::new(f64::from(i % 200) + 0.5, f64::from(i / 200) + 0.5);
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn a_straight_lens_changes_nothing() {
+    fn a_lens_without_distortion_changes_nothing() {
         let lens = Lens { distortion: Distortion::default(), ..lens([0.0; 4]) };
         let plan = Undistort::new(&lens).unwrap();
         assert_eq!(plan.pinhole(), lens);

@@ -9,7 +9,7 @@ mod scene;
 
 pub use findings::{Finding, Severity};
 
-use super::detect::{detect, read_as};
+use super::read::{detect, read_as};
 use super::{Format, ReadOptions, Source, bvh, html};
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;

@@ -7,12 +7,12 @@ use super::limits::{MAX_CORNERS, MAX_TRIANGLES};
 use earcut::Earcut;
 use glam::{DVec2, DVec3, Vec3};
 
-/// The sentence about a face that is no triangle, where nothing else can be.
+/// The message about a face that is no triangle, where only triangles make sense.
 pub(super) fn not_a_triangle(corners: i64) -> String {
     format!("has {corners} corners; wants triangles only: triangulate the mesh where it was made")
 }
 
-/// Whether a face may have so many corners; the sentence about it otherwise.
+/// The number of corners of a face, if a face may have so many; the message about it otherwise.
 pub(super) fn check_corners(corners: i64) -> Result<usize, String> {
     match usize::try_from(corners) {
         Ok(count @ 3..=MAX_CORNERS) => Ok(count),
@@ -180,5 +180,77 @@ impl Cutter {
         let turns = || edges.iter().zip(edges.iter().cycle().skip(1));
         let around: f64 = turns().map(|(a, b)| a.angle_to(*b)).sum();
         turns().all(|(a, b)| a.perp_dot(*b) > -1e-6) && around < 1.5 * std::f64::consts::TAU
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn area(triangles: &Triangles, positions: &[Vec3]) -> f32 {
+        let doubled = |t: &[u32]| {
+            let [a, b, c] = [0, 1, 2].map(|i| positions[t[i] as usize]);
+            (b - a).cross(c - a).z
+        };
+        triangles.indices.chunks_exact(3).map(doubled).sum::<f32>() / 2.0
+    }
+
+    proptest! {
+        /// Any polygon around a point, however far its corners are from it, has the area of its triangles.
+        #[test]
+        fn a_polygon_keeps_its_area(radii in prop::collection::vec(0.1f32..1.0, 4..60), reversed: bool) {
+            let count = radii.len();
+            let place = |(i, r): (usize, &f32)| {
+                let angle = std::f32::consts::TAU * i as f32 / count as f32;
+                Vec3::new(r * angle.cos(), r * angle.sin(), 0.0)
+            };
+            let positions: Vec<Vec3> = radii.iter().enumerate().map(place).collect();
+            let mut corners: Vec<u32> = (0..count as u32).collect();
+            if reversed {
+                corners.reverse();
+            }
+            let mut faces = Faces::default();
+            faces.push(&corners).unwrap();
+            let triangles = faces.triangulate(&positions);
+            let sign = if reversed { -1.0 } else { 1.0 };
+            let flat = |i: usize| positions[i % count].truncate();
+            let wanted = (0..count).map(|i| flat(i).perp_dot(flat(i + 1))).sum::<f32>() / 2.0;
+            prop_assert!((area(&triangles, &positions) - sign * wanted).abs() < 1e-4 * wanted.abs().max(1.0));
+        }
+
+        #[test]
+        fn nothing_is_lost_or_panics_whatever_the_positions(bits in prop::collection::vec(any::<u32>(), 3 * 12)) {
+            let values: Vec<f32> = bits.into_iter().map(f32::from_bits).collect();
+            let positions: Vec<Vec3> = values.chunks_exact(3).map(Vec3::from_slice).collect();
+            let mut faces = Faces::default();
+            faces.push(&[0, 1, 2]).unwrap();
+            faces.push(&(0..12).collect::<Vec<u32>>()).unwrap();
+            faces.push(&[3, 4, 5, 6]).unwrap();
+            faces.push(&[7, 8, 9]).unwrap();
+            prop_assert_eq!(faces.len(), 4);
+            let triangles = faces.triangulate(&positions);
+            let of_triangles = triangles.repeat(vec!['a', 'b', 'c', 'd']);
+            prop_assert_eq!(of_triangles.len(), triangles.indices.len() / 3);
+            prop_assert!(of_triangles.first() == Some(&'a') && of_triangles.last() == Some(&'d'));
+            prop_assert!(of_triangles.contains(&'b') && of_triangles.contains(&'c'));
+        }
+    }
+
+    #[test]
+    fn the_largest_polygon_is_cut_in_a_moment() {
+        // A comb: every second corner is a tooth.
+        let count = MAX_CORNERS;
+        let place = |i: usize| match i {
+            0 => Vec3::new(count as f32, -1.0, 0.0),
+            1 => Vec3::new(0.0, -1.0, 0.0),
+            _ => Vec3::new(i as f32, if i % 2 == 0 { 0.0 } else { 50.0 }, 0.0),
+        };
+        let positions: Vec<Vec3> = (0..count).map(place).collect();
+        let mut faces = Faces::default();
+        faces.push(&(0..count as u32).collect::<Vec<_>>()).unwrap();
+        assert_eq!(faces.triangulate(&positions).indices.len(), 3 * (count - 2));
+        let error = Faces::default().push(&vec![0; count + 1]).unwrap_err();
+        assert!(error.contains("4097"), "{error}");
     }
 }

@@ -1,4 +1,4 @@
-//! What every reader ends with: nothing that is not finite passes, and the rest is proven sound.
+//! What every reader ends with: nothing that is not finite passes, and the rest is proven valid.
 
 use crate::error::{Error, Result};
 use crate::mesh::{Colors, Mesh};
@@ -8,7 +8,7 @@ use std::path::Path;
 
 /// The scene without its triangles that are not finite; they are counted in a warning.
 ///
-/// A sound scene costs one parallel look at its numbers. Errors: `Malformed` when opacity, σ or
+/// A valid scene costs one parallel pass over its numbers. Errors: `Malformed` when opacity, σ or
 /// colours are out of range, when a corner names a vertex that is not there, or when no triangle
 /// is left.
 pub fn finish(path: &Path, loaded: Loaded) -> Result<Loaded> {
@@ -33,7 +33,7 @@ pub fn finish(path: &Path, loaded: Loaded) -> Result<Loaded> {
     Ok(Loaded { scene, provenance, warnings, cameras })
 }
 
-/// Drops what is not finite and proves the rest; the first triangle that was dropped.
+/// Drops what is not finite and validates the rest; the first triangle that was dropped.
 fn drop_from_soup(soup: &mut Soup) -> Result<Option<usize>> {
     soup.validate_shape()?;
     let k = soup.sh_count();
@@ -49,7 +49,7 @@ fn drop_from_soup(soup: &mut Soup) -> Result<Option<usize>> {
     Ok(keep.iter().position(|keep| !keep))
 }
 
-/// Drops what is not finite, and vertices no face uses, and proves the rest; the first face dropped.
+/// Drops what is not finite, and vertices no face uses, and validates the rest; the first face dropped.
 fn drop_from_mesh(mesh: &mut Mesh) -> Result<Option<usize>> {
     mesh.validate_shape()?;
     let finite = |face: usize| {
@@ -98,18 +98,18 @@ mod tests {
 
     #[test]
     fn a_soup_loses_what_is_not_finite() {
-        type Spoil = fn(&mut Soup, f32);
-        let spoils: [Spoil; 5] = [
+        type Damage = fn(&mut Soup, f32);
+        let damages: [Damage; 5] = [
             |s, x| s.vertices[2][1].z = x,
             |s, x| s.opacity[2] = x,
             |s, x| s.sigma[2] = x,
             |s, x| s.sh[8][0] = x,
             |s, x| s.sh[11][2] = x,
         ];
-        for spoil in spoils {
+        for damage in damages {
             for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
                 let mut broken = soup(4);
-                spoil(&mut broken, bad);
+                damage(&mut broken, bad);
                 let out = finish(Path::new("a"), loaded(Scene::Soup(broken))).expect("three are left");
                 assert_eq!(out.scene, Scene::Soup(soup(3)));
                 assert_eq!(out.warnings.len(), 1);
@@ -120,15 +120,15 @@ mod tests {
 
     #[test]
     fn a_mesh_loses_faces_and_the_vertices_only_they_used() {
-        type Spoil = fn(&mut Mesh);
-        let spoils: [Spoil; 3] = [
+        type Damage = fn(&mut Mesh);
+        let damages: [Damage; 3] = [
             |m| m.positions[3].x = f32::NAN,
             |m| m.opacity[1] = f32::INFINITY,
             |m| m.colors = Colors::Vertex(vec![[0.1; 3], [0.2; 3], [0.3; 3], [f32::NAN; 3]]),
         ];
-        for spoil in spoils {
+        for damage in damages {
             let mut broken = mesh();
-            spoil(&mut broken);
+            damage(&mut broken);
             let out = finish(Path::new("a"), loaded(Scene::Mesh(broken))).expect("one is left");
             let mut wanted = mesh();
             wanted.retain(|face| face == 0);

@@ -100,7 +100,7 @@ pub(super) fn inside(format: Format, source: Source) -> Result<(Format, Source)>
 /// The GLB out of a page, in a temporary file.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for a page without a scene of ours, [`Error::Malformed`] for one that is damaged.
+/// [`Error::Unsupported`] for a page that does not hold a scene, [`Error::Malformed`] for one that is damaged.
 fn unpack(mut source: Source) -> Result<Source> {
     let io = |e| Error::io(&source.path, e);
     let mut page = BufReader::with_capacity(1 << 20, &mut source.file);

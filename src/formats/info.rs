@@ -1,9 +1,10 @@
 //! What is in a file: counts, bounds, distributions, origin.
 
-use super::detect::{Format, detect, read_as};
+use super::format::Format;
 use super::gltf::container::ContainerFile;
 use super::gltf::document::{self, Document};
 use super::html;
+use super::read::{detect, read_as};
 use super::read_options::ReadOptions;
 use super::source::Source;
 use crate::asset::Provenance;

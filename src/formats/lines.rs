@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek};
 use std::path::Path;
 
-/// No line of a triangle mesh is near this long.
+/// Lines of meshes are far shorter; a longer one is a broken file, and costs no more memory than this.
 const LONGEST: u64 = 1 << 16;
 
 pub(super) struct Lines<'a> {
@@ -72,7 +72,7 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// A word as a number, or a sentence about it.
+/// A word as a number, or a message about it.
 pub(super) fn number(word: &str) -> std::result::Result<f32, String> {
     word.parse().map_err(|_| format!("{:?} is not a number", clip(word)))
 }

@@ -1,4 +1,4 @@
-//! Wavefront OBJ with vertex colours: `v x y z r g b`, sRGB by habit, read and written.
+//! Wavefront OBJ with vertex colours: `v x y z r g b`, sRGB-encoded as programs write them, read and written.
 //!
 //! Only `v` and `f` lines matter to us, and both need what the crate `tobj` does not give: it shifts colours when only some vertices have
 //! one, cuts every polygon as if it were convex, and does not say which line is wrong. Our tests compare with it, and one of them fails
@@ -28,7 +28,7 @@ use std::sync::LazyLock;
 /// Errors: `Malformed` with the line for broken numbers, corners that name no vertex, and faces of fewer than three corners.
 pub fn read(source: Source, _options: &ReadOptions) -> Result<Loaded> {
     let mut lines = Lines::new(&source)?;
-    let mut draft = Draft::default();
+    let mut draft = ObjDraft::default();
     while lines.advance()? {
         draft.take_line(&lines).map_err(|reason| lines.error(reason))?;
     }
@@ -49,7 +49,7 @@ pub fn read(source: Source, _options: &ReadOptions) -> Result<Loaded> {
 
 /// A mesh as far as it has been read.
 #[derive(Default)]
-struct Draft {
+struct ObjDraft {
     positions: Vec<Vec3>,
     /// sRGB-encoded. Empty until the first vertex that has a colour.
     colors: Vec<[f32; 3]>,
@@ -62,7 +62,7 @@ struct Draft {
     comments: Vec<String>,
 }
 
-impl Draft {
+impl ObjDraft {
     fn take_line(&mut self, lines: &Lines) -> std::result::Result<(), String> {
         let mut words = lines.words();
         match words.next() {
@@ -154,7 +154,7 @@ impl Draft {
 /// Writes an OBJ with sRGB vertex colours to `out` and its material to `mtl`, which `out` names as
 /// `mtl_name`. Numbers are the shortest that read back equal.
 ///
-/// A triangle gets its own three vertices where colour belongs to the face. OBJ has no opacity at
+/// A triangle gets three vertices shared with no other where colour belongs to the face. OBJ has no opacity at
 /// vertices: it is not written. Errors are those of `out` and `mtl`.
 pub fn write(out: &mut dyn Write, mtl: &mut dyn Write, mtl_name: &str, asset: &Asset) -> io::Result<()> {
     mtl.write_all(b"newmtl trisplat\nKd 1 1 1\nillum 0\n")?;

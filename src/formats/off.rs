@@ -35,7 +35,7 @@ pub fn read(source: Source, _options: &ReadOptions) -> Result<Loaded> {
     let mut lines = Lines::new(&source)?;
     let (vertices, faces) = read_counts(&source, &mut lines)?;
     let mut mesh = Mesh::default();
-    let (mut of_vertices, mut of_faces) = (Tints::default(), Tints::default());
+    let (mut of_vertices, mut of_faces) = (FileColors::default(), FileColors::default());
     mesh.positions.reserve_exact(vertices);
     for vertex in 0..vertices {
         advance(&mut lines, || format!("vertex {vertex} of {vertices}"))?;
@@ -71,7 +71,7 @@ pub fn read(source: Source, _options: &ReadOptions) -> Result<Loaded> {
     )
 }
 
-/// Understands the head of the file: the numbers of vertices and of faces, neither more than it can hold.
+/// Parses the head of the file: the numbers of vertices and of faces, neither more than it can hold.
 fn read_counts(source: &Source, lines: &mut Lines) -> Result<(usize, usize)> {
     if !lines.advance_to_text()? {
         return Err(Error::malformed(&source.path, "line 1", "the file is empty"));
@@ -122,20 +122,20 @@ fn advance(lines: &mut Lines, what: impl Fn() -> String) -> Result<()> {
     Err(lines.error(format!("the file ends before {}: it was cut short", what())))
 }
 
-fn position(lines: &Lines, tints: &mut Tints) -> std::result::Result<Vec3, String> {
+fn position(lines: &Lines, colors: &mut FileColors) -> std::result::Result<Vec3, String> {
     let mut words = lines.words();
     let mut axis = || number(words.next().ok_or("wants x y z")?);
     let position = Vec3::new(axis()?, axis()?, axis()?);
-    tints.push(words)?;
+    colors.push(words)?;
     Ok(position)
 }
 
-/// Reads a face's corners, and its colour into `tints`.
+/// Reads a face's corners, and its colour into `colors`.
 fn read_corners(
     lines: &Lines,
     vertices: usize,
     corners: &mut Vec<u32>,
-    tints: &mut Tints,
+    colors: &mut FileColors,
 ) -> std::result::Result<(), String> {
     let mut words = lines.words();
     let count = words.next().unwrap_or_default();
@@ -152,24 +152,24 @@ fn read_corners(
                 format!("names vertex {:?}, but there are {vertices} vertices", clip(word))
             })?);
     }
-    tints.push(words)
+    colors.push(words)
 }
 
 /// Colours as the file has them. Whether they are 0 to 255 or 0 to 1 is known only at the end: `1 1 0`
 /// is yellow in a file of floats and nearly black in one of integers.
 #[derive(Default)]
-struct Tints {
-    rows: Vec<Option<Tint>>,
+struct FileColors {
+    rows: Vec<Option<FileColor>>,
     any: bool,
     floats: bool,
 }
 
-struct Tint {
+struct FileColor {
     rgb: [f32; 3],
     alpha: Option<f32>,
 }
 
-impl Tints {
+impl FileColors {
     fn push<'w>(&mut self, words: impl Iterator<Item = &'w str>) -> std::result::Result<(), String> {
         let (mut row, mut count) = ([0.0; 4], 0);
         for word in words {
@@ -181,7 +181,7 @@ impl Tints {
         let [r, g, b, a] = row;
         match count {
             0 => self.rows.push(None),
-            3 | 4 => self.rows.push(Some(Tint { rgb: [r, g, b], alpha: (count == 4).then_some(a) })),
+            3 | 4 => self.rows.push(Some(FileColor { rgb: [r, g, b], alpha: (count == 4).then_some(a) })),
             _ => return Err(format!("has {count} numbers for its colour; wants r g b or r g b a")),
         }
         self.any |= count > 0;
@@ -198,7 +198,7 @@ impl Tints {
         let (mut colors, mut alphas) = (Vec::new(), Vec::new());
         colors.reserve_exact(self.rows.len());
         for (at, row) in self.rows.iter().enumerate() {
-            let Some(Tint { rgb, alpha }) = row else {
+            let Some(FileColor { rgb, alpha }) = row else {
                 colors.push([1.0; 3]);
                 continue;
             };

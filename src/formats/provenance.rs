@@ -21,7 +21,7 @@ pub(super) fn to_comment(provenance: &Provenance) -> String {
 }
 
 /// What the comments say. A comment of ours that does not parse becomes a warning, not an error:
-/// the triangles are sound without it.
+/// the triangles are valid without it.
 pub(super) fn from_comments<'a>(
     comments: impl Iterator<Item = &'a str>,
     warnings: &mut Vec<String>,

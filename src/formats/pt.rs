@@ -1,6 +1,6 @@
 //! Training checkpoints written by `torch.save` (read only).
 //!
-//! Two families share the key `triangles_points` and are told apart by its rank:
+//! Two families share the key `triangles_points` and are distinguished by its rank:
 //!
 //! ```text
 //! Held et al. 2025       triangles_points [N, 3, 3]   a soup
@@ -18,7 +18,7 @@
 //!
 //! A successor's mesh is taken as solid: the floor under `vertex_weight` rises to 0.9999 while
 //! training, so every face of a finished run is opaque, and of an unfinished one the floor is not
-//! known. An unfinished run is told by its σ and reported as a warning.
+//! known. An unfinished run is recognised by its σ and reported as a warning.
 //!
 //! Unpickling executes nothing: `pytorch-reader` interprets the calls that rebuild tensors and keeps
 //! every other one as an opaque name. What it leaves open, `check_archive` closes.
@@ -61,7 +61,7 @@ const RESAVE: &str = "load it in PyTorch 1.6 or later and torch.save it again";
 /// that do not fit each other or the file.
 pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     check_archive(&mut source)?;
-    let file = Checkpoint::open(&mut source)?;
+    let file = TorchFile::open(&mut source)?;
     let loaded = match file.shape("triangles_points")? {
         &[n, 3, 3] => read_soup(&file, n, options)?,
         &[v, 3] => read_mesh(&file, v)?,
@@ -75,7 +75,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     finish(&source.path, loaded)
 }
 
-fn read_soup(file: &Checkpoint, n: usize, options: &ReadOptions) -> Result<Loaded> {
+fn read_soup(file: &TorchFile, n: usize, options: &ReadOptions) -> Result<Loaded> {
     file.check_count("triangles_points", n)?;
     let vertices: Vec<[Vec3; 3]> = file.values("triangles_points", DType::F32, &[&[n, 3, 3]])?;
     let mut sigma: Vec<f32> = file.values("sigma", DType::F32, &[&[n, 1], &[n]])?;
@@ -92,7 +92,7 @@ fn read_soup(file: &Checkpoint, n: usize, options: &ReadOptions) -> Result<Loade
 
 /// Coefficients of every triangle, degree 0 first, and the degree: the lowest of what was asked for,
 /// what the training had reached and what the file holds.
-fn read_sh(file: &Checkpoint, n: usize, wanted: u8) -> Result<(Vec<[f32; 3]>, u8)> {
+fn read_sh(file: &TorchFile, n: usize, wanted: u8) -> Result<(Vec<[f32; 3]>, u8)> {
     let dc: Vec<[f32; 3]> = file.values("features_dc", DType::F32, &[&[n, 1, 3], &[n, 3]])?;
     if wanted == 0 || file.shape("features_rest").is_err() {
         return Ok((dc, 0));
@@ -127,7 +127,7 @@ fn read_sh(file: &Checkpoint, n: usize, wanted: u8) -> Result<(Vec<[f32; 3]>, u8
     Ok((sh, degree))
 }
 
-fn read_mesh(file: &Checkpoint, v: usize) -> Result<Loaded> {
+fn read_mesh(file: &TorchFile, v: usize) -> Result<Loaded> {
     file.check_count("triangles_points", v)?;
     let positions: Vec<Vec3> = file.values("triangles_points", DType::F32, &[&[v, 3]])?;
     let dc: Vec<[f32; 3]> = file.values("features_dc", DType::F32, &[&[v, 1, 3], &[v, 3]])?;
@@ -154,8 +154,8 @@ fn read_mesh(file: &Checkpoint, v: usize) -> Result<Loaded> {
     Ok(Loaded { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() })
 }
 
-/// Vertex numbers, three a face, each below `v`.
-fn read_indices(file: &Checkpoint, v: usize) -> Result<Vec<u32>> {
+/// Vertex numbers, three per face, each below `v`.
+fn read_indices(file: &TorchFile, v: usize) -> Result<Vec<u32>> {
     let key = "_triangle_indices";
     let &[faces, 3] = file.shape(key)? else {
         return Err(file.malformed(key, format!("has shape {:?}; wants [T, 3]", file.shape(key)?)));
@@ -176,28 +176,28 @@ fn read_indices(file: &Checkpoint, v: usize) -> Result<Vec<u32>> {
 }
 
 /// An opened checkpoint: tensors by name, their bytes still on disk.
-struct Checkpoint {
+struct TorchFile {
     /// What the user called it.
     label: PathBuf,
-    /// Where it lies: the same, or a copy of standard input.
-    place: PathBuf,
+    /// Where it is: the same, or a copy of standard input.
+    file: PathBuf,
     /// Keeps that copy alive.
     _copy: Option<NamedTempFile>,
     bytes: u64,
     tensors: PytorchReader,
 }
 
-impl Checkpoint {
+impl TorchFile {
     fn open(source: &mut Source) -> Result<Self> {
         let label = source.path.clone();
-        let (place, copy) = if label.as_os_str() == "-" {
+        let (file, copy) = if label.as_os_str() == "-" {
             let copy = spool(&mut source.file).map_err(|e| Error::io(&label, e))?;
             (copy.path().to_owned(), Some(copy))
         } else {
             (label.clone(), None)
         };
-        let tensors = PytorchReader::new(&place).map_err(|e| torch_error(&label, e))?;
-        Ok(Self { label, place, _copy: copy, bytes: source.len, tensors })
+        let tensors = PytorchReader::new(&file).map_err(|e| torch_error(&label, e))?;
+        Ok(Self { label, file, _copy: copy, bytes: source.len, tensors })
     }
 
     fn malformed(&self, key: &str, reason: String) -> Error {
@@ -268,7 +268,7 @@ impl Checkpoint {
 
     /// A plain Python value beside the tensors.
     fn scalar(&self, key: &str) -> Result<Option<PickleValue>> {
-        match PytorchReader::read_pickle_data(&self.place, None).map_err(|e| torch_error(&self.label, e))? {
+        match PytorchReader::read_pickle_data(&self.file, None).map_err(|e| torch_error(&self.label, e))? {
             PickleValue::Dict(mut dict) => Ok(dict.remove(key)),
             _ => Ok(None),
         }

@@ -14,7 +14,7 @@ use crate::math::vec::V3;
 
 /// A corner of a piece: the point between two corners of the triangle, or the corner itself when both are the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Corner {
+pub struct PieceCorner {
     /// The corner in front of the plane.
     pub from: u8,
     /// The corner behind it, or `from`.
@@ -22,10 +22,10 @@ pub struct Corner {
 }
 
 /// A piece of a triangle, corners in the triangle's own winding; the first is always a corner of the triangle.
-pub type Piece = [Corner; 3];
+pub type Piece = [PieceCorner; 3];
 
-const fn corner(from: u8, to: u8) -> Corner {
-    Corner { from, to }
+const fn corner(from: u8, to: u8) -> PieceCorner {
+    PieceCorner { from, to }
 }
 
 /// The whole triangle.
@@ -33,7 +33,7 @@ pub const WHOLE: Piece = [corner(0, 0), corner(1, 1), corner(2, 2)];
 
 /// The pieces in front of the plane: none, one or two. `front[i]` says whether corner i is in front of it.
 pub fn pieces(front: [bool; 3]) -> ([Piece; 2], usize) {
-    // Corner i is alone on its side, j and k follow it.
+    // PieceCorner i is alone on its side, j and k follow it.
     let from = |i: u8| (i, (i + 1) % 3, (i + 2) % 3);
     let tip = |(i, j, k): (u8, u8, u8)| ([[corner(i, i), corner(i, j), corner(i, k)], WHOLE], 1);
     let stump = |(i, j, k): (u8, u8, u8)| {

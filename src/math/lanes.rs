@@ -23,7 +23,7 @@ pub fn prefetch<T>(value: &T) {
 
 /// Instruction sets that have their own code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Level {
+pub enum SimdLevel {
     /// What every CPU of the target has.
     Portable,
     /// AVX2 and FMA, two registers.
@@ -33,17 +33,17 @@ pub enum Level {
 }
 
 /// The best level of this CPU.
-pub fn level() -> Level {
+pub fn level() -> SimdLevel {
     #[cfg(target_arch = "x86_64")]
     {
         if x86::has_avx512() {
-            return Level::Avx512;
+            return SimdLevel::Avx512;
         }
         if x86::has_avx2() {
-            return Level::Avx2;
+            return SimdLevel::Avx2;
         }
     }
-    Level::Portable
+    SimdLevel::Portable
 }
 
 /// Runs `work` on the best lanes of this CPU.
@@ -54,13 +54,13 @@ pub fn dispatch<W: Work>(work: W) -> W::Output {
 
 /// Runs `work` on the lanes of `wanted`, or on the best this CPU has below it.
 #[inline]
-pub fn dispatch_at<W: Work>(wanted: Level, work: W) -> W::Output {
+pub fn dispatch_at<W: Work>(wanted: SimdLevel, work: W) -> W::Output {
     #[cfg(target_arch = "x86_64")]
     {
-        if wanted == Level::Avx512 && x86::has_avx512() {
+        if wanted == SimdLevel::Avx512 && x86::has_avx512() {
             return x86::run_avx512(work);
         }
-        if wanted != Level::Portable && x86::has_avx2() {
+        if wanted != SimdLevel::Portable && x86::has_avx2() {
             return x86::run_avx2(work);
         }
     }

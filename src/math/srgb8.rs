@@ -21,14 +21,14 @@ pub fn srgb8_from_linear(linear: f32) -> u8 {
 const BUCKET_SHIFT: u32 = 16;
 const BUCKETS: usize = (1.0f32.to_bits() >> BUCKET_SHIFT) as usize + 1;
 
-struct Table {
+struct CodeTable {
     /// Code at the start of each bucket.
     bucket: [u8; BUCKETS],
     /// The smallest value that has a code above this one.
     next: [f32; 256],
 }
 
-static TABLE: LazyLock<Box<Table>> = LazyLock::new(|| {
+static TABLE: LazyLock<Box<CodeTable>> = LazyLock::new(|| {
     let mut next = [f32::INFINITY; 256];
     for (code, step) in next.iter_mut().take(255).enumerate() {
         *step = at_least(linear((code as f64 + 0.5) / 255.0));
@@ -38,7 +38,7 @@ static TABLE: LazyLock<Box<Table>> = LazyLock::new(|| {
         let start = f32::from_bits((i as u32) << BUCKET_SHIFT);
         *code = next.partition_point(|&step| step <= start) as u8;
     }
-    Box::new(Table { bucket, next })
+    Box::new(CodeTable { bucket, next })
 });
 
 /// The sRGB decoding function (IEC 61966-2-1) in f64.

@@ -24,7 +24,7 @@ pub mod neighbours;
 pub mod options;
 pub mod outputs;
 pub mod params;
-pub mod presets;
+mod presets;
 pub mod progress;
 pub mod pyramid;
 pub mod refine;

@@ -3,7 +3,7 @@
 //! Positions in the run ("steps of a 30,000-step run") are scaled by `steps / 30,000`, so that a short
 //! preview and a long run follow one schedule. Lengths are in units of the scene: the median distance
 //! from the cameras to what they see. Numbers in brackets are those of the paper, its supplement and its code (TS),
-//! or of Triangle Splatting+ (TS+): see [`train`](crate::train). Where the default is another,
+//! or of Triangle Splatting+ (TS+): see [`train`](mod@crate::train). Where the default is another,
 //! `docs/benchmarks/training.md` has the runs that chose it.
 
 use crate::error::{Error, Result};
@@ -362,7 +362,7 @@ impl TrainOptions {
         wants(self.max_triangles >= 1, "max_triangles", self.max_triangles as f64, "1 or more")?;
         wants(self.sh_degree <= 3, "sh_degree", f64::from(self.sh_degree), "0, 1, 2 or 3")?;
         positive("draw.near", self.draw.near)?;
-        let (faint, soft) = (&self.solid.prune_faint, &self.solid.prune_soft);
+        let faint = &self.solid.prune_faint;
         // Outside its edges a triangle has no depth and no normal to take a gradient of.
         let geometry = self.loss.normal + self.loss.distortion;
         let ok = !self.draw.sigmoid_window || geometry == 0.0;
@@ -380,7 +380,31 @@ impl TrainOptions {
         positive("init.dome_radius", self.init.dome_radius)?;
         wants(self.init.random_points >= 1, "init.random_points", 0.0, "1 or more")?;
         share("loss.dssim", self.loss.dssim)?;
-        for (option, value) in [
+        for (option, value) in self.non_negative() {
+            at_least_zero(option, value)?;
+        }
+        positive("rates.vertices_final_share", self.rates.vertices_final_share)?;
+        positive("rates.final_share", self.rates.final_share)?;
+        positive("refine.every", self.refine.every)?;
+        share("refine.prune_weight", self.refine.prune_weight)?;
+        share("refine.prune_opacity", self.refine.prune_opacity)?;
+        positive("solid.sigma_scale", self.solid.sigma_scale)?;
+        wants(self.solid.opacity_gain >= 1.0, "solid.opacity_gain", self.solid.opacity_gain, "1 or more")?;
+        share("solid.prune_opacity", self.solid.prune_opacity)?;
+        share("solid.prune_faint", faint[0].min_opacity)?;
+        share("solid.prune_faint", faint[1].min_opacity)?;
+        positive("solid.vertices_final_share", self.solid.vertices_final_share)?;
+        positive("solid.edge_width_samples", self.solid.edge_width_samples)?;
+        let samples = self.solid.samples_per_axis;
+        wants((1..=8).contains(&samples), "solid.samples_per_axis", samples.into(), "1 to 8")?;
+        share("solid.opacity_floor", self.solid.opacity_floor)?;
+        share("solid.prune_weight", self.solid.prune_weight)
+    }
+
+    /// The numbers that may be anything from 0 on, by their keys.
+    fn non_negative(&self) -> [(&'static str, f64); 31] {
+        let (faint, soft) = (&self.solid.prune_faint, &self.solid.prune_soft);
+        [
             ("loss.opacity", self.loss.opacity),
             ("loss.distortion", self.loss.distortion),
             ("loss.normal", self.loss.normal),
@@ -412,24 +436,6 @@ impl TrainOptions {
             ("solid.loss_opacity", self.solid.loss_opacity),
             ("solid.rate_sigma", self.solid.rate_sigma),
             ("solid.prune_soft", soft.from_step.min(soft.max_sigma)),
-        ] {
-            at_least_zero(option, value)?;
-        }
-        positive("rates.vertices_final_share", self.rates.vertices_final_share)?;
-        positive("rates.final_share", self.rates.final_share)?;
-        positive("refine.every", self.refine.every)?;
-        share("refine.prune_weight", self.refine.prune_weight)?;
-        share("refine.prune_opacity", self.refine.prune_opacity)?;
-        positive("solid.sigma_scale", self.solid.sigma_scale)?;
-        wants(self.solid.opacity_gain >= 1.0, "solid.opacity_gain", self.solid.opacity_gain, "1 or more")?;
-        share("solid.prune_opacity", self.solid.prune_opacity)?;
-        share("solid.prune_faint", faint[0].min_opacity)?;
-        share("solid.prune_faint", faint[1].min_opacity)?;
-        positive("solid.vertices_final_share", self.solid.vertices_final_share)?;
-        positive("solid.edge_width_samples", self.solid.edge_width_samples)?;
-        let samples = self.solid.samples_per_axis;
-        wants((1..=8).contains(&samples), "solid.samples_per_axis", samples.into(), "1 to 8")?;
-        share("solid.opacity_floor", self.solid.opacity_floor)?;
-        share("solid.prune_weight", self.solid.prune_weight)
+        ]
     }
 }

@@ -92,7 +92,7 @@ impl<'a> TrainRun<'a> {
 
     /// With the background and the memory for photos that the data set was read with.
     pub fn with_dataset_options(self, options: &DatasetOptions) -> Self {
-        let photo_bytes = u64::from(options.photo_memory_mib) << 20;
+        let photo_bytes = options.photo_bytes();
         Self { background: options.background.to_f32(), photo_bytes, ..self }
     }
 

@@ -165,7 +165,7 @@ impl<'a> Schedule<'a> {
         ((step - from + 1) as f64 / (until - from) as f64).min(1.0)
     }
 
-    /// How much of the opacity's rise is done after `step`.
+    /// How much of the opacity's anneal is done after `step`.
     fn annealed(&self, step: u64) -> f64 {
         self.done(step, [self.options.solid.opacity_from, self.options.solid.opacity_until])
     }
@@ -191,7 +191,7 @@ impl<'a> Schedule<'a> {
         soft + (solid - soft) * self.annealed(step)
     }
 
-    /// The opacity below which triangles go after `step`; it rises with the anneal.
+    /// The opacity below which triangles are pruned after `step`; it rises with the anneal.
     pub fn prune_opacity(&self, step: u64) -> f64 {
         let s = &self.options.solid;
         let soft = self.options.refine.prune_opacity;
@@ -203,7 +203,7 @@ impl<'a> Schedule<'a> {
         risen.max(reached(s.prune_faint[0])).max(reached(s.prune_faint[1]))
     }
 
-    /// The σ from which triangles go after `step`.
+    /// The σ from which triangles are pruned after `step`.
     pub fn prune_sigma(&self, step: u64) -> f64 {
         let PruneSoft { from_step, max_sigma } = self.options.solid.prune_soft;
         if self.is_past(step, from_step) { max_sigma } else { f64::INFINITY }

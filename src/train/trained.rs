@@ -9,7 +9,8 @@ use crate::dataset::Dataset;
 use crate::error::{Error, Result};
 use crate::formats::ply;
 use crate::process;
-use crate::report::{Counts, StageReport, generator};
+use crate::report::{Counts, StageDetails, StageReport, generator, to_json};
+use crate::scene::Loaded;
 use crate::soup::Soup;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -39,7 +40,7 @@ pub struct Trained {
 }
 
 /// Figures of a training, as its report holds them.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TrainDetails {
     /// Steps made.
     pub steps: u64,
@@ -57,6 +58,18 @@ pub struct TrainDetails {
     pub ssim: Option<f64>,
     /// The held-out photos one by one.
     pub held_out: Vec<PhotoScore>,
+}
+
+impl StageDetails for TrainDetails {
+    const STAGE: &str = "train";
+}
+
+impl From<Trained> for Loaded {
+    /// The scene as [`Trained::save`] writes it and a reader gives it back.
+    fn from(trained: Trained) -> Self {
+        let Trained { soup, cameras, provenance, .. } = trained;
+        Loaded { provenance, cameras, ..Loaded::from(soup) }
+    }
 }
 
 impl Trained {
@@ -94,14 +107,13 @@ impl Trained {
     /// The run as the one stage of its report; it began with `triangles` and took `seconds`.
     pub fn stage(&self, triangles: usize, seconds: f64) -> StageReport {
         let counts = |count: usize| Counts { triangles: count as u64, vertices: 3 * count as u64 };
-        let details = serde_json::to_value(self.details()).unwrap_or_default();
         StageReport {
-            name: "train".into(),
+            name: TrainDetails::STAGE.into(),
             seconds,
             before: counts(triangles),
             after: counts(self.soup.len()),
             unneeded: None,
-            details: details.as_object().cloned().unwrap_or_default(),
+            details: to_json(&self.details()),
         }
     }
 }

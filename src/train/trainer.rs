@@ -263,7 +263,7 @@ impl<B: TrainBackend> Trainer<B> {
         self.is_done() && self.options.solid.enabled
     }
 
-    /// Everything needed to go on elsewhere.
+    /// Everything needed to resume elsewhere.
     pub fn checkpoint(&mut self, curve: &[TrainSample], cpu_secs: f64) -> Result<Checkpoint> {
         self.collect_visibility()?;
         let state = self.backend.store()?;

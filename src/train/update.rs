@@ -64,7 +64,7 @@ pub fn update(
     regularisers: &Regularisers,
 ) -> (u64, u64) {
     let k = state.params.sh_count();
-    let step = Step {
+    let step = UpdateStep {
         k,
         used: (usize::from(rates.sh_degree.min(state.params.sh_degree)) + 1).pow(2),
         rates,
@@ -85,21 +85,22 @@ pub fn update(
         (chunks(&mut state.params, k), chunks(&mut state.first, k), chunks(&mut state.second, k), d)
             .into_par_iter()
             .map(|(x, m, v, d)| {
-                step.chunk(x, m, v, Grads { vertices: d.0, opacity: d.1, sigma: d.2, sh: d.3 })
+                step.chunk(x, m, v, GradChunk { vertices: d.0, opacity: d.1, sigma: d.2, sh: d.3 })
             })
             .collect();
     counts.iter().fold((0, 0), |sum, c| (sum.0 + c.0, sum.1 + c.1))
 }
 
-type Part<'a> = (&'a mut [[Vec3; 3]], &'a mut [f32], &'a mut [f32], &'a mut [[f32; 3]]);
+/// Corners, opacities, σ and SH of consecutive triangles.
+type ParamChunk<'a> = (&'a mut [[Vec3; 3]], &'a mut [f32], &'a mut [f32], &'a mut [[f32; 3]]);
 
-fn chunks(params: &mut Params, k: usize) -> impl IndexedParallelIterator<Item = Part<'_>> {
+fn chunks(params: &mut Params, k: usize) -> impl IndexedParallelIterator<Item = ParamChunk<'_>> {
     let (a, b) = (params.vertices.par_chunks_mut(CHUNK), params.opacity.par_chunks_mut(CHUNK));
     (a, b, params.sigma.par_chunks_mut(CHUNK), params.sh.par_chunks_mut(CHUNK * k)).into_par_iter()
 }
 
-/// The gradient of a run of triangles.
-struct Grads<'a> {
+/// The gradient of consecutive triangles.
+struct GradChunk<'a> {
     vertices: &'a [[Vec3; 3]],
     opacity: &'a [f32],
     sigma: &'a [f32],
@@ -107,7 +108,7 @@ struct Grads<'a> {
 }
 
 /// One step's constants.
-struct Step<'a> {
+struct UpdateStep<'a> {
     k: usize,
     used: usize,
     rates: &'a Rates,
@@ -119,8 +120,8 @@ struct Step<'a> {
     sh_rest: Rate,
 }
 
-impl Step<'_> {
-    fn chunk(&self, x: Part<'_>, m: Part<'_>, v: Part<'_>, d: Grads<'_>) -> (u64, u64) {
+impl UpdateStep<'_> {
+    fn chunk(&self, x: ParamChunk<'_>, m: ParamChunk<'_>, v: ParamChunk<'_>, d: GradChunk<'_>) -> (u64, u64) {
         let (mut touched, mut dropped) = (0, 0);
         for i in 0..x.0.len() {
             let sh = i * self.k..i * self.k + self.used;

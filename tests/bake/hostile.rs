@@ -131,7 +131,7 @@ pub(crate) fn mesh_of(soup: &Soup) -> Mesh {
     trisplat::bake::color::color(soup.clone(), &mut Default::default()).unwrap()
 }
 
-/// A connected `side` x `side` grid of quads in the plane z = 0 with colours a vertex.
+/// A connected `side` x `side` grid of quads in the plane z = 0 with colours per vertex.
 pub(crate) fn grid(side: u32) -> Mesh {
     let row = side + 1;
     let at = |x: u32, y: u32| y * row + x;

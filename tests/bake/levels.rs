@@ -98,10 +98,10 @@ fn every_prefix_of_the_order_is_a_level() {
 #[test]
 fn finer_levels_hold_the_triangles_of_coarser_ones() {
     for cameras in [cameras(), Vec::new()] {
-        let seeing = !cameras.is_empty();
+        let has_cameras = !cameras.is_empty();
         let (asset, report) = baked(cameras, &[0.5, 0.25, 0.1], |o| o.unseen.enlarge = false);
         let total = asset.mesh.face_count();
-        assert_eq!(total, if seeing { 512 } else { 1024 });
+        assert_eq!(total, if has_cameras { 512 } else { 1024 });
         let counts: Vec<usize> = asset.levels.iter().map(|l| l.mesh.face_count()).collect();
         assert_eq!(counts, [0.5, 0.25, 0.1].map(|share| (total as f64 * share) as usize));
         let mut finer = faces(&asset.mesh);
@@ -111,13 +111,13 @@ fn finer_levels_hold_the_triangles_of_coarser_ones() {
             finer = these;
         }
         let details = report.details::<LodDetails>().unwrap();
-        assert_eq!(details.ordered_by, if seeing { LodRanking::Importance } else { LodRanking::Size });
+        assert_eq!(details.ordered_by, if has_cameras { LodRanking::Importance } else { LodRanking::Size });
         assert_eq!(details.levels[2].triangles, counts[2] as u64);
     }
 }
 
 #[test]
-fn triangles_that_stay_cover_for_those_that_go() {
+fn kept_triangles_cover_for_dropped_ones() {
     for (cameras, most) in [(cameras(), 0.45), (Vec::new(), 0.8)] {
         let open = baked(cameras.clone(), &[0.5], |o| o.unseen.enlarge = false).0;
         let closed = baked(cameras, &[0.5], |_| ()).0;
@@ -128,7 +128,7 @@ fn triangles_that_stay_cover_for_those_that_go() {
 }
 
 #[test]
-fn levels_stand_where_the_scene_stands() {
+fn levels_are_placed_like_the_scene() {
     let (asset, _) = baked(cameras(), &[0.3], |o| {
         (o.place.center, o.place.scale, o.unseen.enlarge) = (true, 3.0, false);
     });

@@ -1,4 +1,4 @@
-//! The stages that look at photos: `unseen` and `refit`. The photos are drawn from a scene with known colours.
+//! The stages that use photos: `unseen`, `backdrop` and `refit`. The photos are drawn from a scene with known colours.
 
 use crate::hostile::random_triangle;
 use glam::{UVec2, Vec2, Vec3};
@@ -19,7 +19,7 @@ use trisplat::report::Outcome;
 
 const VIEWS: usize = 24;
 
-/// Triangles of some size around the origin, a colour at every corner.
+/// Triangles of some size around the origin, with a colour per corner.
 fn scene() -> Mesh {
     let place =
         |i: u64| Vec3::new((i % 5) as f32 - 2.0, (i / 5 % 5) as f32 - 2.0, (i / 25) as f32 - 1.5) * 0.5;
@@ -42,11 +42,11 @@ fn camera(view: usize) -> Camera {
         center: Vec2::new(50.0, 37.0),
         size: UVec2::new(96, 72),
     };
-    let (turn, height) = (view as f32 * 2.4, (view % 7) as f32 * 0.5 - 1.5);
-    lens.looking(Vec3::new(3.0 * turn.cos(), height, 3.0 * turn.sin()), Vec3::ZERO, Vec3::NEG_Y)
+    let (angle, height) = (view as f32 * 2.4, (view % 7) as f32 * 0.5 - 1.5);
+    lens.looking(Vec3::new(3.0 * angle.cos(), height, 3.0 * angle.sin()), Vec3::ZERO, Vec3::NEG_Y)
 }
 
-/// Photographs `mesh` into a data set on disk, as finely sampled as photos are; `develop` may spoil a photo.
+/// Photographs `mesh` into a data set on disk, as finely sampled as photos are; `develop` may change a photo.
 fn photograph(mesh: &Mesh, develop: impl Fn(usize, Pixels) -> Pixels) -> (TempDir, Dataset) {
     photograph_at(mesh, 4, develop)
 }
@@ -79,7 +79,7 @@ fn load(folder: &Path) -> Dataset {
 }
 
 fn views(dataset: &Dataset) -> Views {
-    Views::new(dataset, 1 << 26, [0.0; 3])
+    Views::new(dataset, &DatasetOptions::default())
 }
 
 /// Root of the mean squared difference of the pictures that two meshes give, codes.
@@ -161,7 +161,7 @@ fn a_photo_of_another_exposure_is_left_out() {
 }
 
 #[test]
-fn a_placed_scene_meets_the_same_photos() {
+fn a_placed_scene_matches_the_same_photos() {
     let truth = scene();
     let (_folder, dataset) = photograph(&truth, |_, photo| photo);
     let placement = Placement { up: UpAxis::NegY, scale: 2.5, center: [0.5, -1.0, 3.0] };
@@ -189,7 +189,7 @@ fn cull(
 }
 
 #[test]
-fn hidden_triangles_go_and_nothing_is_seen_of_it() {
+fn hidden_triangles_are_dropped_and_pictures_stay_the_same() {
     let mut mesh = scene();
     let core = mesh.face_count();
     mesh.positions.extend(room(1.35));
@@ -212,7 +212,7 @@ fn hidden_triangles_go_and_nothing_is_seen_of_it() {
     assert_eq!(all.face_count(), 20);
 }
 
-/// A closed box around the origin, two triangles a side.
+/// A closed box around the origin, two triangles per side.
 fn room(half: f32) -> Vec<Vec3> {
     let corner =
         |i: usize| Vec3::from([i & 1, i >> 1 & 1, i >> 2 & 1].map(|b| half * (2.0 * b as f32 - 1.0)));
@@ -241,7 +241,7 @@ fn holes_are_closed_with_what_photos_show_through_them() {
 }
 
 #[test]
-fn cameras_of_the_file_show_what_photos_would() {
+fn cameras_of_the_file_drop_what_photos_would() {
     let mut mesh = scene();
     mesh.positions.extend(room(1.35));
     mesh.colors = Colors::Face((0..mesh.face_count()).map(|f| [f as f32 / 200.0; 3]).collect());
@@ -259,7 +259,7 @@ fn cameras_of_the_file_show_what_photos_would() {
     let away = Camera { translation: Vec3::Z * -1e6, ..cameras[0] };
     let mut left = mesh.clone();
     let nothing = unseen(&mut left, &[away], None, &options, None, &mut UnseenDetails::default()).unwrap();
-    assert!(matches!(nothing, Outcome::Unneeded(_)), "cameras that see nothing say nothing");
+    assert!(matches!(nothing, Outcome::Unneeded(_)), "cameras that see nothing drop nothing");
     unseen(&mut left, &[away], None, &options, Some(9), &mut UnseenDetails::default()).unwrap();
     assert_eq!(left.face_count(), 9, "the largest");
 }

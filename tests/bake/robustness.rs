@@ -153,7 +153,7 @@ fn every_stage_survives_every_soup_with_every_preset() {
     }
 }
 
-/// Stages do not lean on the prune stage: what is finite stays finite, and nothing panics.
+/// Stages do not rely on the prune stage: what is finite stays finite, and nothing panics.
 #[test]
 fn every_stage_survives_soups_that_were_not_pruned() {
     for preset in presets() {
@@ -172,8 +172,8 @@ fn every_stage_survives_soups_that_were_not_pruned() {
 fn the_default_preset_bakes_whatever_can_be_drawn() {
     for (name, soup) in hostile::finite().into_iter().chain(hostile::poison()) {
         let outcome = prune(&mut Scene::Soup(soup), &PruneOptions::DEFAULT, &mut PruneDetails::default());
-        let hopeless = ["empty", "all points", "all lines", "1e38", "invisible", "softest"].contains(&name);
-        assert_eq!(outcome.is_err(), hopeless, "{name}: {outcome:?}");
+        let refused = ["empty", "all points", "all lines", "1e38", "invisible", "softest"].contains(&name);
+        assert_eq!(outcome.is_err(), refused, "{name}: {outcome:?}");
     }
 }
 

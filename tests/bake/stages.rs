@@ -14,7 +14,7 @@ use trisplat::report::Outcome;
 use trisplat::scene::Scene;
 use trisplat::soup::Soup;
 
-/// Prunes; returns what is left and the figures.
+/// Prunes; returns what is left and the counts.
 fn pruned(soup: Soup, options: &PruneOptions) -> (Soup, PruneDetails) {
     let (mut scene, mut details) = (Scene::Soup(soup), PruneDetails::default());
     prune(&mut scene, options, &mut details).unwrap();
@@ -40,7 +40,7 @@ fn prune_counts_by_cause() {
         max_triangles: Some(80),
         ..PruneOptions::DEFAULT
     };
-    // The huge one's centroid is outside the box; move it in, so that only its size speaks against it.
+    // The huge one's centroid is outside the box; move it in, so that only its size counts.
     let middle = (soup.vertices[10][0] + soup.vertices[10][1] + soup.vertices[10][2]) / 3.0;
     soup.vertices[10] = soup.vertices[10].map(|v| v - middle);
     let (left, details) = pruned(soup, &options);
@@ -173,7 +173,7 @@ fn color_is_linear_and_clamped() {
     soup.sh = [row([0.0, 0.5, 1.0]), row([-0.2, 1.7, 0.04]), row([0.25, 0.75, 0.9])].concat();
     let mut details = ColorDetails::default();
     let mesh = color(soup.clone(), &mut details).unwrap();
-    let Colors::Face(colors) = &mesh.colors else { panic!("colours are not a face") };
+    let Colors::Face(colors) = &mesh.colors else { panic!("colours are not per face") };
     let wants = [[0.0, 0.214_041, 1.0], [0.0, 1.0, 0.003_095_98], [0.050_876, 0.522_522, 0.787_412]];
     for (got, wants) in colors.iter().zip(wants) {
         assert!((0..3).all(|c| (got[c] - wants[c]).abs() < 2e-6), "{got:?}, wants {wants:?}");
@@ -217,7 +217,7 @@ fn weld_estimates_large_scenes_from_a_sample() {
     let mut positions = mesh.positions.clone();
     positions.extend_from_slice(&mesh.positions);
     positions.extend_from_slice(&mesh.positions);
-    let Colors::Face(colors) = &mesh.colors else { panic!("colours are not a face") };
+    let Colors::Face(colors) = &mesh.colors else { panic!("colours are not per face") };
     let mut tripled = Mesh { colors: Colors::Face(colors.repeat(3)), positions, ..Mesh::default() };
     weld(&mut tripled, &WeldOptions::DEFAULT, &mut details).unwrap();
     let share = details.unique_corners.unwrap();

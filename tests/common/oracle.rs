@@ -1,10 +1,10 @@
-//! The paper's equations, brute force: every pixel looks at every triangle, in absolute pixel coordinates, with
+//! The paper's equations, brute force: every pixel tests every triangle, in absolute pixel coordinates, with
 //! outward edge normals and the true maximum. Shares no formula with the kernels; runs on f64 and dual numbers.
 
 use super::dual::Dual;
 use trisplat::math::real::Real;
 
-/// A number whose value can be looked at.
+/// A number with a readable value.
 pub(crate) trait Number: Real {
     fn value(self) -> f64;
 }
@@ -30,7 +30,7 @@ pub(crate) struct Triangle<R> {
 }
 
 #[derive(Clone, Copy)]
-pub(crate) struct Eye {
+pub(crate) struct OracleCamera {
     pub(crate) rotation: [[f64; 3]; 3],
     pub(crate) translation: [f64; 3],
     pub(crate) focal: [f64; 2],
@@ -56,7 +56,7 @@ pub(crate) struct Rules {
 }
 
 /// sRGB to linear light, for a number in [0, 1]; beyond, its value at 1.
-fn light<R: Number>(x: R) -> R {
+fn linear_from_srgb<R: Number>(x: R) -> R {
     if x.value() > 1.0 {
         R::of(1.0)
     } else if x.value() > 0.04045 {
@@ -118,13 +118,13 @@ struct Piece<R> {
     plane_d: R,
 }
 
-fn to_camera<R: Number>(eye: &Eye, v: P3<R>) -> P3<R> {
-    [0, 1, 2].map(|i| dot(eye.rotation[i].map(R::of), v) + R::of(eye.translation[i]))
+fn to_camera<R: Number>(camera: &OracleCamera, v: P3<R>) -> P3<R> {
+    [0, 1, 2].map(|i| dot(camera.rotation[i].map(R::of), v) + R::of(camera.translation[i]))
 }
 
-/// Corners in front of the near plane, in order (Sutherland-Hodgman), starting with a true corner that follows
-/// the cut, if there is one.
-fn cut<R: Number>(v: [P3<R>; 3], near: f64) -> Vec<P3<R>> {
+/// Corners in front of the near plane, in order (Sutherland-Hodgman), starting with a corner of the triangle that
+/// follows the cut, if there is one.
+fn clip<R: Number>(v: [P3<R>; 3], near: f64) -> Vec<P3<R>> {
     let mut out: Vec<(P3<R>, bool)> = Vec::new();
     for i in 0..3 {
         let (a, b) = (v[i], v[(i + 1) % 3]);
@@ -173,13 +173,14 @@ fn sh_color<R: Number>(sh: &[[R; 3]], d: P3<R>) -> [R; 3] {
 }
 
 fn piece<R: Number>(
-    eye: &Eye,
+    camera: &OracleCamera,
     rules: &Rules,
     t: &Triangle<R>,
     triangle: usize,
     v: [P3<R>; 3],
 ) -> Option<Piece<R>> {
-    let q: [[R; 2]; 3] = v.map(|p| [0, 1].map(|i| R::of(eye.focal[i]) * p[i] / p[2] + R::of(eye.center[i])));
+    let q: [[R; 2]; 3] =
+        v.map(|p| [0, 1].map(|i| R::of(camera.focal[i]) * p[i] / p[2] + R::of(camera.center[i])));
     let distance = |a: [R; 2], b: [R; 2]| {
         let (x, y) = (b[0] - a[0], b[1] - a[1]);
         (x * x + y * y).sqrt()
@@ -214,9 +215,10 @@ fn piece<R: Number>(
         opacity = opacity * x * x * (R::of(3.0) - R::of(2.0) * x);
     }
     let centroid = mul(add(add(t.vertices[0], t.vertices[1]), t.vertices[2]), R::of(1.0 / 3.0));
-    let position = [0, 1, 2].map(|i| -(0..3).map(|j| eye.rotation[j][i] * eye.translation[j]).sum::<f64>());
-    let way = sub(centroid, position.map(R::of));
-    let unit = mul(way, R::of(1.0) / dot(way, way).sqrt());
+    let position =
+        [0, 1, 2].map(|i| -(0..3).map(|j| camera.rotation[j][i] * camera.translation[j]).sum::<f64>());
+    let offset = sub(centroid, position.map(R::of));
+    let unit = mul(offset, R::of(1.0) / dot(offset, offset).sqrt());
     let plane = cross(sub(v[1], v[0]), sub(v[2], v[0]));
     Some(Piece {
         triangle,
@@ -224,7 +226,7 @@ fn piece<R: Number>(
         phi_s,
         opacity,
         sigma: t.sigma,
-        rgb: if rules.linear { sh_color(&t.sh, unit).map(light) } else { sh_color(&t.sh, unit) },
+        rgb: if rules.linear { sh_color(&t.sh, unit).map(linear_from_srgb) } else { sh_color(&t.sh, unit) },
         depth: (v[0][2] + v[1][2] + v[2][2]) / R::of(3.0),
         plane,
         plane_d: dot(plane, v[0]),
@@ -239,19 +241,23 @@ fn phi<R: Number>(lines: &[[R; 3]; 3], p: [R; 2]) -> (R, f64) {
 }
 
 /// All pixels, row by row.
-pub(crate) fn render<R: Number>(triangles: &[Triangle<R>], eye: &Eye, rules: &Rules) -> Vec<Pixel<R>> {
+pub(crate) fn render<R: Number>(
+    triangles: &[Triangle<R>],
+    camera: &OracleCamera,
+    rules: &Rules,
+) -> Vec<Pixel<R>> {
     let mut pieces = Vec::new();
     for (i, t) in triangles.iter().enumerate() {
-        let corners = cut(t.vertices.map(|v| to_camera(eye, v)), rules.near);
+        let corners = clip(t.vertices.map(|v| to_camera(camera, v)), rules.near);
         for k in 2..corners.len() {
-            pieces.extend(piece(eye, rules, t, i, [corners[0], corners[k - 1], corners[k]]));
+            pieces.extend(piece(camera, rules, t, i, [corners[0], corners[k - 1], corners[k]]));
         }
     }
     pieces.sort_by(|a, b| a.depth.value().total_cmp(&b.depth.value()));
     let mut out = Vec::new();
-    for y in 0..eye.size[1] {
-        for x in 0..eye.size[0] {
-            out.push(pixel(&pieces, triangles.len(), eye, rules, [x as f64 + 0.5, y as f64 + 0.5]));
+    for y in 0..camera.size[1] {
+        for x in 0..camera.size[0] {
+            out.push(pixel(&pieces, triangles.len(), camera, rules, [x as f64 + 0.5, y as f64 + 0.5]));
         }
     }
     out
@@ -265,15 +271,22 @@ struct Layer<R> {
 }
 
 /// Depth of the piece's plane at p, and its unit normal towards the camera.
-fn plane_at<R: Number>(piece: &Piece<R>, eye: &Eye, p: [f64; 2]) -> (R, P3<R>) {
-    let ray = [(p[0] - eye.center[0]) / eye.focal[0], (p[1] - eye.center[1]) / eye.focal[1], 1.0].map(R::of);
+fn plane_at<R: Number>(piece: &Piece<R>, camera: &OracleCamera, p: [f64; 2]) -> (R, P3<R>) {
+    let ray = [(p[0] - camera.center[0]) / camera.focal[0], (p[1] - camera.center[1]) / camera.focal[1], 1.0]
+        .map(R::of);
     let z = piece.plane_d / dot(piece.plane, ray);
     let n = mul(piece.plane, R::of(1.0) / dot(piece.plane, piece.plane).sqrt());
     (z, if dot(n, ray).value() > 0.0 { n.map(|x| -x) } else { n })
 }
 
 /// Opacity times the part of the pixel that is inside: 1 less the parts beyond each edge's line.
-fn covered<R: Number>(piece: &Piece<R>, p: [f64; 2], width: f64, cutoff: f64, margin: &mut f64) -> Option<R> {
+fn coverage_alpha<R: Number>(
+    piece: &Piece<R>,
+    p: [f64; 2],
+    width: f64,
+    cutoff: f64,
+    margin: &mut f64,
+) -> Option<R> {
     let mut inside = R::of(1.0);
     for [a, b, d] in piece.lines {
         let beyond = (a * R::of(p[0]) + b * R::of(p[1]) + d) / R::of(width) + R::of(0.5);
@@ -287,10 +300,10 @@ fn covered<R: Number>(piece: &Piece<R>, p: [f64; 2], width: f64, cutoff: f64, ma
     (alpha.value() >= cutoff).then_some(alpha)
 }
 
-/// The layers that show at p, in blending order.
+/// The layers drawn at p, in blending order.
 fn layers<R: Number>(
     pieces: &[Piece<R>],
-    eye: &Eye,
+    camera: &OracleCamera,
     rules: &Rules,
     p: [f64; 2],
     margin: &mut f64,
@@ -298,9 +311,9 @@ fn layers<R: Number>(
     let mut out: Vec<Layer<R>> = Vec::new();
     for (index, piece) in pieces.iter().enumerate() {
         if let Some(width) = rules.coverage {
-            let alpha = covered(piece, p, width, rules.cutoff, margin);
+            let alpha = coverage_alpha(piece, p, width, rules.cutoff, margin);
             if let Some(alpha) = alpha {
-                let (z, normal) = plane_at(piece, eye, p);
+                let (z, normal) = plane_at(piece, camera, p);
                 out.push(Layer { alpha, z, normal, piece: index });
             }
             continue;
@@ -313,7 +326,7 @@ fn layers<R: Number>(
             *margin = margin.min(short).min(gap).min((alpha.value() - rules.cap).abs());
             if alpha.value() >= rules.cutoff {
                 let alpha = if alpha.value() > rules.cap { R::of(rules.cap) } else { alpha };
-                let (z, normal) = plane_at(piece, eye, p);
+                let (z, normal) = plane_at(piece, camera, p);
                 out.push(Layer { alpha, z, normal, piece: index });
             }
             continue;
@@ -335,7 +348,7 @@ fn layers<R: Number>(
         }
         *margin = margin.min(from_floor).min(gap).min((value.value() - rules.cap).abs());
         let alpha = if value.value() > rules.cap { R::of(rules.cap) } else { value };
-        let (z, normal) = plane_at(piece, eye, p);
+        let (z, normal) = plane_at(piece, camera, p);
         out.push(Layer { alpha, z, normal, piece: index });
     }
     if rules.per_pixel {
@@ -347,7 +360,13 @@ fn layers<R: Number>(
     out
 }
 
-fn pixel<R: Number>(pieces: &[Piece<R>], count: usize, eye: &Eye, rules: &Rules, p: [f64; 2]) -> Pixel<R> {
+fn pixel<R: Number>(
+    pieces: &[Piece<R>],
+    count: usize,
+    camera: &OracleCamera,
+    rules: &Rules,
+    p: [f64; 2],
+) -> Pixel<R> {
     let zero = R::of(0.0);
     let mut out = Pixel {
         rgb: [zero; 3],
@@ -360,7 +379,7 @@ fn pixel<R: Number>(pieces: &[Piece<R>], count: usize, eye: &Eye, rules: &Rules,
         weights: vec![0.0; count],
     };
     let mut margin = f64::INFINITY;
-    let layers = layers(pieces, eye, rules, p, &mut margin);
+    let layers = layers(pieces, camera, rules, p, &mut margin);
     let mut front: Vec<(R, R)> = Vec::new();
     for layer in layers {
         if out.transmittance.value() < rules.min_transmittance {
@@ -386,7 +405,7 @@ fn pixel<R: Number>(pieces: &[Piece<R>], count: usize, eye: &Eye, rules: &Rules,
         out.weights[pieces[layer.piece].triangle] += w.value();
     }
     let background = rules.background.map(R::of);
-    let background = if rules.linear { background.map(light) } else { background };
+    let background = if rules.linear { background.map(linear_from_srgb) } else { background };
     out.rgb = add(out.rgb, mul(background, out.transmittance));
     out.margin = margin;
     out

@@ -20,7 +20,7 @@ pub(crate) fn source(bytes: &[u8]) -> Source {
     Source { path: "test".into(), file, len: bytes.len() as u64 }
 }
 
-/// A file of the shared folder, or nothing (said aloud) where there is none.
+/// A file of the shared folder, or nothing (and a message) where there is none.
 pub(crate) fn shared(name: &str) -> Option<Source> {
     let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/soups")).join(name);
     if !path.exists() {
@@ -30,7 +30,7 @@ pub(crate) fn shared(name: &str) -> Option<Source> {
     Some(Source::open(&path).expect("readable"))
 }
 
-/// A random soup with sound values.
+/// A random soup with valid values.
 pub(crate) fn soup(count: usize, sh_degree: u8, seed: u64) -> Soup {
     let k = (sh_degree as usize + 1).pow(2);
     let (place, shade) = (Rng::new(seed, "place", 0), Rng::new(seed, "shade", 0));
@@ -190,7 +190,7 @@ pub(crate) fn face(mesh: &Mesh, face: usize) -> ([Vec3; 3], [[f32; 3]; 3], f32) 
 
 /// The mesh a reader found, and its warnings.
 pub(crate) fn loaded_mesh(loaded: Result<Loaded>) -> (Mesh, Provenance, Vec<String>) {
-    match loaded.expect("a sound file") {
+    match loaded.expect("a valid file") {
         Loaded { scene: Scene::Mesh(mesh), provenance, warnings, .. } => (mesh, provenance, warnings),
         other => panic!("{other:?}"),
     }

@@ -117,7 +117,7 @@ fn a_face_is_as_opaque_as_its_faintest_corner() {
 }
 
 #[test]
-fn guesses_are_said_aloud() {
+fn guesses_are_warnings() {
     let red = ["float red", "float green", "float blue"];
     let mild = [Cell::F32(1.25), Cell::F32(-0.1), Cell::F32(0.5)];
     let cases: [([Element; 2], &str, [f32; 3]); 3] = [
@@ -129,5 +129,87 @@ fn guesses_are_said_aloud() {
         let (mesh, _, warnings) = loaded_mesh(read(source(&ply(Encoding::Little, &elements)), &OPTIONS));
         assert!(warnings.len() == 1 && warnings[0].contains(says), "{warnings:?}");
         assert_eq!(mesh.corner_colors(1), [color; 3]);
+    }
+}
+
+/// Four corners of a square and a fifth inside it; a triangle, an arrowhead (concave at the fifth corner), a triangle, a square.
+fn polygons(at_vertex: &[(&str, Cell)], at_face: &[&str], colors: &[[u8; 4]; 4]) -> [Element; 2] {
+    let place = |x: f32, y: f32| {
+        [x, y, 0.0].map(Cell::F32).into_iter().chain(at_vertex.iter().map(|(_, c)| *c)).collect()
+    };
+    let vertices = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0), (1.0, 0.5)].map(|(x, y)| place(x, y));
+    let names: Vec<&str> =
+        ["float x", "float y", "float z"].into_iter().chain(at_vertex.iter().map(|v| v.0)).collect();
+    let corners: [&[i32]; 4] = [&[0, 1, 2], &[0, 4, 1, 2, 3], &[0, 1, 3], &[0, 1, 2, 3]];
+    let row = |(corners, color): (&&[i32], &[u8; 4])| {
+        let list =
+            std::iter::once(Cell::U8(corners.len() as u8)).chain(corners.iter().map(|c| Cell::I32(*c)));
+        let color = color.iter().take(at_face.len()).map(|c| Cell::U8(*c));
+        list.chain(color).collect::<Vec<Cell>>()
+    };
+    let rows = corners.iter().zip(colors).map(row).collect();
+    let properties = [&["list uchar int vertex_indices"], at_face].concat();
+    [Element::new("vertex", &names, vertices.to_vec()), Element::new("face", &properties, rows)]
+}
+
+#[test]
+fn polygons_become_triangles_with_the_colors_of_their_face() {
+    let colors = [[0, 0, 0, 255], [51, 102, 153, 51], [255, 0, 0, 255], [7, 8, 9, 102]];
+    let linear = |c: [u8; 4]| [0, 1, 2].map(|i| linear_from_srgb(f32::from(c[i]) / 255.0));
+    for encoding in ENCODINGS {
+        let at_face = ["uchar red", "uchar green", "uchar blue", "uchar alpha"];
+        let mut elements = polygons(&[], &at_face, &colors);
+        for flipped in [false, true] {
+            if flipped {
+                elements.reverse();
+            }
+            let (mesh, _, warnings) = loaded_mesh(read(source(&ply(encoding, &elements)), &OPTIONS));
+            assert_eq!((mesh.face_count(), warnings.len()), (7, 0), "{encoding:?}");
+            let of_face = [0, 1, 1, 1, 2, 3, 3];
+            for (triangle, face) in of_face.into_iter().enumerate() {
+                assert_eq!(mesh.corner_colors(triangle)[0], linear(colors[face]), "{encoding:?}: {triangle}");
+                assert_eq!(mesh.opacity[triangle], f32::from(colors[face][3]) / 255.0);
+            }
+            let doubled: Vec<f32> = (0..7)
+                .map(|face| {
+                    let [a, b, c] = mesh.corners(face);
+                    (b - a).cross(c - a).z
+                })
+                .collect();
+            assert!(doubled.iter().all(|area| *area > 0.0), "{doubled:?}");
+            assert_eq!(
+                [doubled[1..4].iter().sum::<f32>(), doubled[5] + doubled[6]],
+                [7.0, 8.0],
+                "{doubled:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn polygons_share_the_colors_of_their_vertices() {
+    let red = [("uchar red", Cell::U8(255)), ("uchar green", Cell::U8(0)), ("uchar blue", Cell::U8(0))];
+    for encoding in ENCODINGS {
+        let (mesh, ..) =
+            loaded_mesh(read(source(&ply(encoding, &polygons(&red, &[], &[[0; 4]; 4]))), &OPTIONS));
+        assert_eq!((mesh.face_count(), mesh.vertex_count(), mesh.opacity.len()), (7, 5, 0), "{encoding:?}");
+        assert_eq!(mesh.corner_colors(6), [[1.0, 0.0, 0.0]; 3]);
+    }
+}
+
+#[test]
+fn damaged_polygons_are_named() {
+    for encoding in ENCODINGS {
+        let mut elements = polygons(&[], &[], &[[0; 4]; 4]);
+        elements[1].rows[1][4] = Cell::I32(5);
+        let message = read(source(&ply(encoding, &elements)), &OPTIONS).expect_err("no vertex 5").to_string();
+        assert!(
+            message.contains("face 1: names vertex 5, but there are 5 vertices"),
+            "{encoding:?}: {message}"
+        );
+        let whole = ply(encoding, &polygons(&[], &[], &[[0; 4]; 4]));
+        for end in (0..whole.len() - 4).rev() {
+            assert!(read(source(&whole[..end]), &OPTIONS).is_err(), "{encoding:?} cut at {end}");
+        }
     }
 }

@@ -120,6 +120,88 @@ fn vertices_without_a_color_do_not_shift_the_others() {
     assert_eq!((mesh.corner_colors(0), warnings.len()), ([white; 3], 1));
 }
 
+/// The first vertex has no colour, the others are red, green and blue.
+const PARTLY_COLORED: &str = "v 0 0 0\nv 1 0 0 1 0 0\nv 0 1 0 0 1 0\nv 1 1 0 0 0 1\nf 1 2 3\n";
+
+#[test]
+fn tobj_shifts_colors_when_only_some_vertices_have_one() {
+    let [red, green, blue] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let (_, colors) = judged(PARTLY_COLORED)[0];
+    assert_eq!(
+        colors.as_slice(),
+        [red, green, blue].as_flattened(),
+        "tobj shifts colours when only some vertices have one: if this fails, tobj was fixed: look again whether it can read OBJ for us"
+    );
+    let (mesh, ..) = loaded_mesh(read(source(PARTLY_COLORED.as_bytes()), &OPTIONS));
+    assert_eq!(mesh.corner_colors(0), [[1.0; 3], red, green]);
+}
+
+#[test]
+fn polygons_become_triangles_of_the_same_outline() {
+    // A quad, an L of six corners (concave at its last), a line's midpoint as a corner, and a triangle between them.
+    let vertices = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 1 1 0\nv 1 2 0\nv 0 2 0\nv 1 0 0\n";
+    for (faces, areas) in [
+        ("f 1 2 3 6\n", vec![3.0]),
+        ("f 1/1 2/2 3/3 4/4 5/5 6/6\n", vec![3.0]),
+        ("f 6 5 4 3 2 1\n", vec![-3.0]),
+        ("f 4 5 6 1 2 3\n", vec![3.0]),
+        ("f 1 7 2 3 6\n", vec![3.0]),
+        ("f 1 2 3\nf 1 2 3 4 5 6\nf -4 -3 -2\n", vec![1.0, 3.0, 0.5]),
+    ] {
+        for text in
+            [format!("{vertices}{faces}"), format!("{faces}{vertices}").replace("f -4 -3 -2", "f 4 5 6")]
+        {
+            let (mesh, ..) = loaded_mesh(read(source(text.as_bytes()), &OPTIONS));
+            let doubled: Vec<f32> = (0..mesh.face_count())
+                .map(|face| {
+                    let [a, b, c] = mesh.corners(face);
+                    (b - a).cross(c - a).z
+                })
+                .collect();
+            let sign = f32::signum(areas[0]);
+            assert!(
+                doubled.iter().all(|area| area * sign >= 0.0),
+                "{text}: no triangle is turned over: {doubled:?}"
+            );
+            assert_eq!(doubled.iter().sum::<f32>(), 2.0 * areas.iter().sum::<f32>(), "{text}: {doubled:?}");
+        }
+    }
+}
+
+#[test]
+fn polygons_anywhere_in_space_keep_their_outline_and_colors() {
+    // A star: its inner corners are concave. Tilted, far from the origin.
+    let corners = 2 * 9;
+    let turn = glam::Quat::from_euler(glam::EulerRot::XYZ, 0.3, 1.2, -0.7);
+    let place = |i: usize| {
+        let (angle, radius) =
+            (std::f32::consts::TAU * i as f32 / corners as f32, if i % 2 == 0 { 2.0 } else { 0.7 });
+        turn * glam::Vec3::new(radius * angle.cos(), radius * angle.sin(), 0.0)
+            + glam::Vec3::new(300.0, -40.0, 7.0)
+    };
+    let mut text = String::new();
+    for i in 0..corners {
+        let v = place(i);
+        text += &format!("v {} {} {} {} 0.5 0\n", v.x, v.y, v.z, i as f32 / 32.0);
+    }
+    text += &format!("f {}\n", (1..=corners).map(|i| i.to_string()).collect::<Vec<_>>().join(" "));
+    let (mesh, ..) = loaded_mesh(read(source(text.as_bytes()), &OPTIONS));
+    assert_eq!(mesh.face_count(), corners - 2);
+    let normal = turn * glam::Vec3::Z;
+    let area: f32 = (0..mesh.face_count())
+        .map(|face| {
+            let [a, b, c] = mesh.corners(face);
+            let doubled = (b - a).cross(c - a).dot(normal);
+            assert!(doubled > 0.0, "face {face} is turned over");
+            doubled / 2.0
+        })
+        .sum();
+    let wanted = 9.0 * 2.0 * 0.7 * (std::f32::consts::PI / 9.0).sin();
+    assert!((area - wanted).abs() < 1e-3, "{area} for {wanted}");
+    let Colors::Vertex(colors) = &mesh.colors else { panic!("colours of vertices") };
+    assert_eq!(colors[16], [0.5, 0.5, 0.0].map(linear_from_srgb));
+}
+
 proptest! {
     #[test]
     fn any_finite_position_reads_back_bit_equal(bits in prop::collection::vec(any::<u32>(), 9)) {

@@ -64,10 +64,27 @@ fn alpha_is_opacity_and_a_missing_color_is_white() {
 }
 
 #[test]
-fn no_color_at_all_and_overshoot_are_said_aloud() {
+fn no_color_at_all_and_overshoot_are_warnings() {
     let corners = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n";
     for (face, says) in [("3 0 1 2", "white"), ("3 0 1 2 1.2 0.5 -0.1", "2 colour values")] {
         let (_, warnings) = mesh(&format!("{corners}{face}\n"));
         assert!(warnings.len() == 1 && warnings[0].contains(says), "{warnings:?}");
     }
+}
+
+#[test]
+fn every_triangle_of_a_polygon_has_its_color_and_opacity() {
+    let vertices = "0 0 0\n2 0 0\n2 2 0\n1 0.5 0\n0 2 0\n";
+    let faces = "3 0 1 2 0 0 0 255\n5 0 1 2 3 4 51 51 51 102\n3 0 1 4 255 255 255\n";
+    let (mesh, warnings) = mesh(&format!("OFF\n5 3 0\n{vertices}{faces}"));
+    assert_eq!((mesh.face_count(), warnings.len()), (5, 0));
+    assert_eq!(mesh.opacity, [1.0, 0.4, 0.4, 0.4, 1.0]);
+    let [black, dark, white] = [gray(0.0), gray(51.0), gray(255.0)];
+    assert_eq!(mesh.colors, Colors::Face(vec![black, dark, dark, dark, white]));
+    let doubled = |face| {
+        let [a, b, c] = mesh.corners(face);
+        (b - a).cross(c - a).z
+    };
+    let areas: Vec<f32> = (1..4).map(doubled).collect();
+    assert!(areas.iter().all(|a| *a > 0.0) && areas.iter().sum::<f32>() == 5.0, "{areas:?}");
 }

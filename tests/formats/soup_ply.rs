@@ -16,7 +16,7 @@ fn written(soup: &Soup, provenance: &Provenance) -> Vec<u8> {
 }
 
 fn read_soup(source: Source, sh_degree: u8) -> Soup {
-    match read(source, &ReadOptions { sh_degree }).expect("a sound file") {
+    match read(source, &ReadOptions { sh_degree }).expect("a valid file") {
         Loaded { scene: Scene::Soup(soup), warnings, .. } if warnings.is_empty() => soup,
         other => panic!("{other:?}"),
     }
@@ -42,7 +42,7 @@ fn every_degree_reads_back_bit_equal() {
 #[test]
 fn provenance_reads_back_equal() {
     let bytes = written(&soup(3, 0, 1), &provenance());
-    let loaded = read(source(&bytes), &ReadOptions { sh_degree: 0 }).expect("sound");
+    let loaded = read(source(&bytes), &ReadOptions { sh_degree: 0 }).expect("valid");
     assert_eq!(loaded.provenance, provenance());
 }
 
@@ -58,7 +58,7 @@ fn cameras_read_back_bit_equal() {
     let cameras: Vec<Camera> = (0..20_000).map(camera).collect();
     let (soup, mut bytes) = (soup(100, 1, 3), Vec::new());
     write_soup(&mut bytes, &soup, &provenance(), &cameras).expect("writes to memory");
-    let loaded = read(source(&bytes), &ReadOptions { sh_degree: 3 }).expect("sound");
+    let loaded = read(source(&bytes), &ReadOptions { sh_degree: 3 }).expect("valid");
     assert_eq!((loaded.scene, loaded.provenance), (Scene::Soup(soup), provenance()));
     assert_eq!(loaded.cameras, cameras);
 
@@ -95,7 +95,7 @@ fn every_encoding_gives_the_same_soup() {
 }
 
 #[test]
-fn order_types_and_strangers_do_not_matter() {
+fn order_types_and_unknown_properties_do_not_matter() {
     let soup = soup(50, 1, 9);
     for encoding in ENCODINGS {
         let [mut vertices, mut faces] = soup_elements(&soup);

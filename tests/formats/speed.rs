@@ -75,7 +75,7 @@ fn speed() {
         for sh_degree in if degree == 0 { vec![0] } else { vec![0, 3] } {
             let options = ReadOptions { sh_degree };
             measure(&format!("  ply::read, SH {sh_degree}"), || {
-                ply::read(open(&file), &options).expect("sound")
+                ply::read(open(&file), &options).expect("valid")
             });
         }
         measure("  validate", || soup.validate().is_ok());
@@ -85,7 +85,7 @@ fn speed() {
     let file = path("mesh.ply");
     measure("mesh ply write", || create(&file, |out| ply::write_mesh(out, &asset, false)));
     measure("  plain read, kept", || std::fs::read(&file));
-    measure("mesh ply read", || ply::read(open(&file), &options).expect("sound"));
+    measure("mesh ply read", || ply::read(open(&file), &options).expect("valid"));
     let file = path("mesh.obj");
     measure("obj write", || create(&file, |out| obj::write(out, &mut Vec::new(), "a.mtl", &asset)));
     let mut between = asset.clone();
@@ -96,13 +96,13 @@ fn speed() {
         create(&path("b.obj"), |out| obj::write(out, &mut Vec::new(), "a.mtl", &between))
     });
     measure("  plain read, kept", || std::fs::read(&file));
-    measure("obj read", || obj::read(open(&file), &options).expect("sound"));
-    measure("obj read by tobj", || tobj::load_obj(&file, &tobj::LoadOptions::default()).expect("sound"));
+    measure("obj read", || obj::read(open(&file), &options).expect("valid"));
+    measure("obj read by tobj", || tobj::load_obj(&file, &tobj::LoadOptions::default()).expect("valid"));
     let file = path("mesh.off");
     create(&file, |out| {
         writeln!(out, "COFF\n{} {count} 0", 3 * count)?;
         asset.mesh.positions.iter().try_for_each(|v| writeln!(out, "{} {} {}", v.x, v.y, v.z))?;
         (0..count).try_for_each(|f| writeln!(out, "3 {} {} {} 1 128 255 255", 3 * f, 3 * f + 1, 3 * f + 2))
     });
-    measure("off read", || off::read(open(&file), &options).expect("sound"));
+    measure("off read", || off::read(open(&file), &options).expect("valid"));
 }

@@ -1,4 +1,4 @@
-//! GLB and glTF as written: read back by the `gltf` crate and by a parser of our own.
+//! GLB and glTF as written: read back by the `gltf` crate and by a parser of these tests.
 
 mod parse;
 mod scenes;

@@ -1,4 +1,4 @@
-//! glTF read back: our own files in every variant, others' files, and hostile files.
+//! glTF read back: files of this program in every variant, files of others, and hostile files.
 #![allow(clippy::print_stderr)]
 
 mod check;

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use std::io::{Seek, SeekFrom, Write};
 use trisplat::error::Error;
 
-/// Pickles that would run something in Python. Beside sound tensors they are ignored or refused; the
+/// Pickles that would run something in Python. Beside valid tensors they are ignored or refused; the
 /// proof is that their file does not appear.
 #[test]
 fn unpickling_runs_nothing() {
@@ -54,7 +54,7 @@ fn unpickling_runs_nothing() {
 fn bombs_are_refused_before_anything_is_allocated() {
     let ten_gib = 10u64 << 30;
     let pickle = |byte: u8, count: usize| [b"\x80\x02".to_vec(), vec![byte; count], b".".to_vec()].concat();
-    let sound = checkpoint(&soup_tensors(2, 0), b"");
+    let valid = checkpoint(&soup_tensors(2, 0), b"");
     let bomb = |method: u16, claims: u64, name: &str| {
         let mut bad = entry(name, b"tiny");
         (bad.method, bad.claims) = (method, Some(claims));
@@ -79,7 +79,7 @@ fn bombs_are_refused_before_anything_is_allocated() {
         ("promises", expanded(vec![1 << 28, 3, 3])),
         ("checkpoint", expanded(vec![1 << 40, 3, 3])),
         ("before PyTorch 1.6", b"\x80\x02}q\x00.".to_vec()),
-        ("zip directory", sound[..sound.len() - 22].to_vec()),
+        ("zip directory", valid[..valid.len() - 22].to_vec()),
     ];
     for (place, bytes) in cases {
         let error = read_bytes(&bytes, 0).expect_err(place);

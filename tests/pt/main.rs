@@ -15,7 +15,7 @@ use trisplat::mesh::Colors;
 fn the_authors_layout_is_a_soup_at_any_degree() {
     let bytes = checkpoint(&soup_tensors(5, 15), &int_item("active_sh_degree", 3));
     for degree in 0..=3u8 {
-        let soup = soup(read_bytes(&bytes, degree).expect("sound"));
+        let soup = soup(read_bytes(&bytes, degree).expect("valid"));
         assert_eq!((soup.len(), soup.sh_degree), (5, degree));
         assert_eq!(soup.vertices[1][2], Vec3::new(7.5, 8.0, 8.5));
         for i in 0..5 {
@@ -35,7 +35,7 @@ fn the_authors_layout_is_a_soup_at_any_degree() {
 #[test]
 fn the_degree_is_the_lowest_of_asked_reached_and_stored() {
     let degree = |rest, active: &[u8]| {
-        soup(read_bytes(&checkpoint(&soup_tensors(2, rest), active), 3).expect("sound")).sh_degree
+        soup(read_bytes(&checkpoint(&soup_tensors(2, rest), active), 3).expect("valid")).sh_degree
     };
     assert_eq!(degree(15, &int_item("active_sh_degree", 1)), 1);
     assert_eq!(degree(8, &int_item("active_sh_degree", 3)), 2);
@@ -56,7 +56,7 @@ fn higher_coefficients_are_not_touched_unless_asked_for() {
 #[test]
 fn a_successors_layout_is_a_connected_mesh() {
     let loaded =
-        read_bytes(&checkpoint(&mesh_tensors(), &float_item("sigma", 1e-4f64.ln())), 3).expect("sound");
+        read_bytes(&checkpoint(&mesh_tensors(), &float_item("sigma", 1e-4f64.ln())), 3).expect("valid");
     let mesh = mesh(&loaded);
     assert_eq!(mesh.indices, [0, 1, 2, 0, 2, 3]);
     assert_eq!(mesh.positions[2], Vec3::new(1.0, 1.0, 0.0));
@@ -72,7 +72,7 @@ fn a_successors_layout_is_a_connected_mesh() {
 #[test]
 fn an_unfinished_run_of_a_successor_is_warned_of() {
     let loaded =
-        read_bytes(&checkpoint(&mesh_tensors(), &float_item("sigma", 0.4f64.ln())), 0).expect("sound");
+        read_bytes(&checkpoint(&mesh_tensors(), &float_item("sigma", 0.4f64.ln())), 0).expect("valid");
     assert!(loaded.warnings.iter().any(|w| w.contains("sigma is 0.400")), "{:?}", loaded.warnings);
 }
 
@@ -80,7 +80,7 @@ fn an_unfinished_run_of_a_successor_is_warned_of() {
 fn strided_views_are_gathered() {
     let mut tensors = soup_tensors(2, 0);
     tensors[3].stride = Some(vec![1, 1, 2]); // column-major: channel c of row i at i + 2 c
-    let soup = soup(read_bytes(&checkpoint(&tensors, b""), 0).expect("sound"));
+    let soup = soup(read_bytes(&checkpoint(&tensors, b""), 0).expect("valid"));
     assert_eq!(soup.sh, [[0.0, 0.25, 0.5], [0.125, 0.375, 0.625]]);
 }
 
@@ -88,14 +88,14 @@ fn strided_views_are_gathered() {
 fn non_finite_rows_are_dropped_with_a_warning() {
     let mut tensors = soup_tensors(4, 0);
     tensors[1] = floats("sigma", &[4, 1], [0.0, 1e9, f32::NEG_INFINITY, f32::NAN]);
-    let loaded = read_bytes(&checkpoint(&tensors, b""), 0).expect("sound");
+    let loaded = read_bytes(&checkpoint(&tensors, b""), 0).expect("valid");
     assert!(loaded.warnings[0].contains("dropped 2"), "{:?}", loaded.warnings);
     assert_eq!(soup(loaded).sigma, [1.01, 0.01]);
 }
 
 /// Shapes, types and sizes that do not fit; each must name the tensor.
 #[test]
-fn misfits_are_named() {
+fn mismatched_tensors_are_named() {
     let change = |at: usize, edit: &dyn Fn(&mut Tensor)| {
         let mut tensors = soup_tensors(4, 3);
         edit(&mut tensors[at]);
@@ -137,7 +137,7 @@ fn pipes_are_read_from_a_copy() {
     let folder = Folder::new();
     let mut source = Source::open(&folder.write(&checkpoint(&soup_tensors(2, 0), b""))).expect("opens");
     source.path = PathBuf::from("-");
-    assert_eq!(pt::read(source, &ReadOptions { sh_degree: 0 }).expect("sound").scene.triangle_count(), 2);
+    assert_eq!(pt::read(source, &ReadOptions { sh_degree: 0 }).expect("valid").scene.triangle_count(), 2);
 }
 
 /// Bytes of an array in an uncompressed .npz.
@@ -169,7 +169,7 @@ fn the_guitar_checkpoint_has_its_known_values() {
         eprintln!("SKIPPED (no ../shared/soups)");
         return;
     };
-    let soup = soup(read(Path::new(&format!("{folder}/guitar_20k.pt")), 3).expect("sound"));
+    let soup = soup(read(Path::new(&format!("{folder}/guitar_20k.pt")), 3).expect("valid"));
     assert_eq!((soup.len(), soup.sh_degree, soup.sh.len()), (20_000, 3, 320_000));
     let worst = |got: &[f32], name: &str| {
         let wants = npz_floats(&expected, name);

@@ -1,7 +1,7 @@
-//! The solid rasteriser against a caster of rays in double precision that tries every face for every sample.
+//! The solid rasteriser against a ray caster in double precision that tests every face for every sample.
 //!
 //! The two may differ only in a band that is stated here: corners are snapped to 1/256 of a sample, so a face is
-//! undecided within [`Seen::band`] of its edges, and so is the order of two faces whose 1/z differ by less than
+//! undecided within [`OracleFace::band`] of its edges, and so is the order of two faces whose 1/z differ by less than
 //! what that distance makes of them.
 
 use glam::{DVec2, DVec3, Mat3, Quat, UVec2, Vec2, Vec3};
@@ -14,7 +14,7 @@ use trisplat::rng::Rng;
 
 /// Snapping, in samples: half of 1/256 along both axes, and as much again for rounding.
 const SNAP: f64 = 1.0 / 256.0;
-/// Single precision on the way to the screen, relative to the distance from the principal point.
+/// Rounding of the projection in single precision, relative to the distance from the principal point.
 const ROUNDING: f64 = 1e-6;
 
 fn camera(size: UVec2) -> Camera {
@@ -33,26 +33,26 @@ fn mesh(corners: Vec<[Vec3; 3]>) -> Mesh {
     Mesh { positions: corners.into_flattened(), colors, ..Mesh::default() }
 }
 
-/// What the oracle knows of a face at a sample.
-struct Seen {
+/// A face at a sample, as the oracle computes it.
+struct OracleFace {
     /// Distance to each edge's line, samples, positive inside.
     inside: [f64; 3],
-    /// How far edges may have been moved.
+    /// Distance by which edges may have been moved.
     band: f64,
-    /// 1/z of the face's plane, and how far it may be off.
+    /// 1/z of the face's plane, and its tolerance.
     w: f64,
     slack: f64,
     weights: [f64; 3],
 }
 
-impl Seen {
+impl OracleFace {
     /// `None` for a face that covers nothing anywhere near.
     fn new(camera: &Camera, samples: u32, near: f64, corners: [Vec3; 3], x: u32, y: u32) -> Option<Self> {
         let scale = f64::from(samples);
         let rotation = camera.rotation.as_dmat3();
-        let eye = -(rotation.inverse() * camera.translation.as_dvec3());
+        let position = -(rotation.inverse() * camera.translation.as_dvec3());
         let (focal, center) = (camera.focal.as_dvec2() * scale, camera.center.as_dvec2() * scale);
-        let q = corners.map(|v| rotation * (v.as_dvec3() - eye));
+        let q = corners.map(|v| rotation * (v.as_dvec3() - position));
         let ray = ((DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) - center) / focal).extend(1.0);
         let normals = [q[1].cross(q[2]), q[2].cross(q[0]), q[0].cross(q[1])];
         let volume = q[0].dot(normals[0]);
@@ -79,8 +79,8 @@ impl Seen {
     }
 }
 
-/// Holds a frame against the oracle; returns the share of samples on which the two differ.
-fn hold(name: &str, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) -> f64 {
+/// Compares a frame with the oracle; returns the share of samples on which the two differ.
+fn compare(name: &str, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) -> f64 {
     let mut solid = Solid::new();
     let drawn = solid.visibility(mesh, camera, options).clone();
     assert_eq!(drawn.size, camera.size * options.samples);
@@ -89,9 +89,9 @@ fn hold(name: &str, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) 
     for y in 0..drawn.size.y {
         for x in 0..drawn.size.x {
             let at = (y * drawn.size.x + x) as usize;
-            let seen: Vec<(u32, Seen)> = (0..mesh.face_count())
+            let seen: Vec<(u32, OracleFace)> = (0..mesh.face_count())
                 .filter_map(|f| {
-                    let seen = Seen::new(camera, options.samples, near, mesh.corners(f), x, y)?;
+                    let seen = OracleFace::new(camera, options.samples, near, mesh.corners(f), x, y)?;
                     Some((f as u32, seen))
                 })
                 .collect();
@@ -104,7 +104,7 @@ fn hold(name: &str, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) 
             let limit = match mine {
                 Some((_, mine)) => mine.w + mine.slack,
                 None => {
-                    assert_eq!(got, NO_FACE, "{place} is not there");
+                    assert_eq!(got, NO_FACE, "{place} is not hit by the oracle");
                     assert_eq!(drawn.depth[at], f32::INFINITY);
                     0.0
                 }
@@ -114,7 +114,7 @@ fn hold(name: &str, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) 
                 assert!(*face == got || !before, "{place} hides {face}: {} {limit}", other.w);
             }
             if let Some((_, mine)) = mine {
-                hold_sample(&place, mesh, camera, &drawn, [x, y], mine);
+                compare_sample(&place, mesh, camera, &drawn, [x, y], mine);
             }
         }
     }
@@ -122,7 +122,14 @@ fn hold(name: &str, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) 
 }
 
 /// Depth and weights of a sample.
-fn hold_sample(place: &str, mesh: &Mesh, camera: &Camera, drawn: &Visibility, [x, y]: [u32; 2], mine: &Seen) {
+fn compare_sample(
+    place: &str,
+    mesh: &Mesh,
+    camera: &Camera,
+    drawn: &Visibility,
+    [x, y]: [u32; 2],
+    mine: &OracleFace,
+) {
     let depth = f64::from(drawn.depth[(y * drawn.size.x + x) as usize]);
     assert!(depth > 0.0 && depth.is_finite(), "{place}: depth {depth}");
     let off = (1.0 / depth - mine.w).abs();
@@ -175,7 +182,7 @@ fn every_sample_sees_what_the_oracle_sees() {
     for (name, corners) in scenes() {
         for (samples, size) in [(1, UVec2::new(57, 38)), (2, UVec2::new(27, 17)), (4, UVec2::new(14, 8))] {
             let options = SolidRasterOptions { samples, near: 0.05, ..SolidRasterOptions::default() };
-            let differ = hold(name, &mesh(corners.clone()), &camera(size), &options);
+            let differ = compare(name, &mesh(corners.clone()), &camera(size), &options);
             eprintln!("{name}, {samples} samples: {:.3}% differ", 100.0 * differ);
             // The band is narrow: where edges are not everywhere, hardly a sample lies in it.
             let most = if name.contains("sliver") || name == "subpixel" { 0.005 } else { 0.002 };
@@ -187,21 +194,21 @@ fn every_sample_sees_what_the_oracle_sees() {
 #[test]
 fn a_world_far_from_its_origin_is_drawn_as_sharply() {
     let size = UVec2::new(60, 40);
-    for (far, turn) in [(1e6, 0.0), (1e6, 1.2), (3e4, 2.5)] {
+    for (far, angle) in [(1e6, 0.0), (1e6, 1.2), (3e4, 2.5)] {
         let offset = Vec3::new(far, -far, 0.5 * far);
-        let rotation = Mat3::from_quat(Quat::from_axis_angle(Vec3::new(1.0, 2.0, -0.5).normalize(), turn));
-        // Numbers are 1/16 apart out there, so everything is larger; but near enough for the eye to matter to
-        // less than that.
+        let rotation = Mat3::from_quat(Quat::from_axis_angle(Vec3::new(1.0, 2.0, -0.5).normalize(), angle));
+        // Single-precision coordinates are 1/16 apart there, so everything is larger, but the camera is near enough
+        // for its position to matter to less than that.
         let corners = cloud(14, 200, 40.0, 2.0, 30.0).into_iter();
         let corners = corners.map(|t| t.map(|v| rotation.transpose() * v + offset)).collect();
         let camera = Camera { rotation, translation: -(rotation * offset), ..camera(size) };
         let options = SolidRasterOptions { near: 0.5, ..SolidRasterOptions::default() };
-        let differ = hold("far", &mesh(corners), &camera, &options);
+        let differ = compare("far", &mesh(corners), &camera, &options);
         assert!(differ < 0.005, "{differ}");
     }
 }
 
-/// A net of jittered points that covers the picture and more.
+/// A grid of jittered points that covers the picture and more.
 fn net(depth: impl Fn(f32, f32) -> f32) -> Mesh {
     const SIDE: usize = 23;
     let rng = Rng::new(1, "net", 0);
@@ -328,7 +335,7 @@ fn mean(
 }
 
 #[test]
-fn the_number_of_threads_does_not_show() {
+fn the_picture_does_not_depend_on_the_number_of_threads() {
     let mut corners = cloud(16, 30_000, 4.0, 0.01, 0.1);
     corners.extend(cloud(17, 300, 4.0, 0.1, 4.0));
     // Twice, so that there are ties.
@@ -349,7 +356,7 @@ fn the_number_of_threads_does_not_show() {
 }
 
 #[test]
-fn scratch_memory_leaves_no_trace() {
+fn reused_scratch_memory_changes_nothing() {
     let options = SolidRasterOptions { near: 0.05, ..SolidRasterOptions::default() };
     let mut used = Solid::new();
     for (name, corners) in scenes() {
@@ -363,15 +370,15 @@ fn scratch_memory_leaves_no_trace() {
 
 #[test]
 fn options_out_of_range_are_refused() {
-    let sound = SolidRasterOptions::default();
+    let valid = SolidRasterOptions::default();
     let size = UVec2::new(9000, 20);
-    assert!(sound.validate(size).is_ok());
+    assert!(valid.validate(size).is_ok());
     for wrong in [
-        SolidRasterOptions { samples: 3, ..sound },
-        SolidRasterOptions { samples: 0, ..sound },
-        SolidRasterOptions { samples: 4, ..sound },
-        SolidRasterOptions { near: 0.0, ..sound },
-        SolidRasterOptions { near: f32::NAN, ..sound },
+        SolidRasterOptions { samples: 3, ..valid },
+        SolidRasterOptions { samples: 0, ..valid },
+        SolidRasterOptions { samples: 4, ..valid },
+        SolidRasterOptions { near: 0.0, ..valid },
+        SolidRasterOptions { near: f32::NAN, ..valid },
     ] {
         assert!(wrong.validate(size).is_err(), "{wrong:?}");
     }

@@ -44,8 +44,10 @@ pub fn enlarge(mesh: &mut Mesh, kept: &[u32]) {
         let [all, left] = [&all, &left].map(|sums| sums.get(&cell).copied().unwrap_or(0.0));
         if left > 0.0 {
             let factor = (all / left).sqrt().clamp(1.0, MOST_ENLARGED) as f32;
-            let corners = &mut mesh.positions[3 * f as usize..3 * f as usize + 3];
-            corners.iter_mut().for_each(|v| *v = centroid + (*v - centroid) * factor);
+            let enlarged = mesh.corners(f as usize).map(|v| centroid + (v - centroid) * factor);
+            if enlarged.iter().all(|v| v.is_finite()) {
+                mesh.positions[3 * f as usize..3 * f as usize + 3].copy_from_slice(&enlarged);
+            }
         }
     }
 }

@@ -81,7 +81,7 @@ impl Gatherer {
 }
 
 /// A sample of the current pixel: the slot of its face and the barycentric weights of the face's corners.
-type Sample = (u32, [f32; 3]);
+type PixelSample = (u32, [f32; 3]);
 
 struct Pass<'a> {
     observation: &'a Observation<'a>,
@@ -132,7 +132,7 @@ impl<'a> Pass<'a> {
             }
             return;
         }
-        let mut seen: [Sample; MOST_SAMPLES] = [(NO_SLOT, [0.0; 3]); MOST_SAMPLES];
+        let mut seen: [PixelSample; MOST_SAMPLES] = [(NO_SLOT, [0.0; 3]); MOST_SAMPLES];
         for i in 0..n * n {
             let (sx, sy) = (x * n + i % n, y * n + i / n);
             let face = self.observation.visibility.face[self.sample(sx, sy)];
@@ -150,7 +150,7 @@ impl<'a> Pass<'a> {
     }
 
     /// Adds to the sums of the faces seen at a pixel's samples.
-    fn spread(&mut self, seen: &[Sample], photo: [u8; 3], weight: f32) {
+    fn spread(&mut self, seen: &[PixelSample], photo: [u8; 3], weight: f32) {
         let mut colors = [[0.0f32; 3]; MOST_SAMPLES];
         let mut mean = [0.0f32; 3];
         for (color, (slot, weights)) in colors.iter_mut().zip(seen) {

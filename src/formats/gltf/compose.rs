@@ -59,7 +59,7 @@ fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
     })
 }
 
-/// glTF counts in 32 bits, and so do the faces of a mesh.
+/// `gltf-json` counts in 32 bits, and so does a mesh.
 fn index<T>(number: usize) -> Index<T> {
     Index::new(number as u32)
 }

@@ -95,7 +95,7 @@ pub(crate) struct Primitive {
     pub(crate) extensions: Names,
 }
 
-/// Accessor numbers of the attributes we use.
+/// Accessor numbers of the attributes that are read.
 #[derive(Debug, Default, Deserialize)]
 pub(crate) struct Attributes {
     #[serde(rename = "POSITION")]

@@ -248,16 +248,7 @@ impl<'a> MergedMesh<'a> {
         count: usize,
     ) -> Result<()> {
         let default = Material::default();
-        let document = self.document;
-        let material = match primitive.material {
-            Some(index) => document.materials.get(index).ok_or_else(|| {
-                self.malformed(
-                    place,
-                    format!("has material {index}, but the file has {}", document.materials.len()),
-                )
-            })?,
-            None => &default,
-        };
+        let material = self.material(primitive, place)?.unwrap_or(&default);
         if material.pbr_metallic_roughness.base_color_texture.is_some() {
             self.warn("textures are not read: bake them to vertex colours first");
         }
@@ -268,20 +259,7 @@ impl<'a> MergedMesh<'a> {
             self.push_opacity(part, material, |_| alpha);
             return Ok(());
         };
-        let layout = self.accessors.layout(accessor)?;
-        let readable = matches!(
-            (layout.component, layout.normalized),
-            (ComponentType::F32, _) | (ComponentType::U8 | ComponentType::U16, true)
-        );
-        if !readable || !(3..=4).contains(&layout.width) {
-            return Err(self.malformed(
-                place,
-                "has a COLOR_0 that is not VEC3 or VEC4 of floats or normalised integers",
-            ));
-        }
-        if layout.count != count as u64 {
-            return Err(self.malformed(place, format!("has {count} positions and {} colours", layout.count)));
-        }
+        self.check_colors(accessor, place, count)?;
         let mut colors = vec![[0.0; 3]; count];
         if material.is_opaque() {
             self.accessors.for_each(accessor, 1.0, |i, c: [f64; 3]| colors[i] = c.map(|x| x as f32))?;
@@ -296,6 +274,34 @@ impl<'a> MergedMesh<'a> {
             self.push_opacity(part, material, |face| alpha * mean(face));
         }
         self.push_colors(colors, part, self.srgb || material.is_srgb(), factor);
+        Ok(())
+    }
+
+    /// The material of a primitive; none when it names none.
+    fn material(&self, primitive: &Primitive, place: &str) -> Result<Option<&'a Material>> {
+        let materials = &self.document.materials;
+        let Some(index) = primitive.material else { return Ok(None) };
+        materials.get(index).map(Some).ok_or_else(|| {
+            self.malformed(place, format!("has material {index}, but the file has {}", materials.len()))
+        })
+    }
+
+    /// Checks that an accessor holds a colour for each of `count` positions.
+    fn check_colors(&mut self, accessor: usize, place: &str, count: usize) -> Result<()> {
+        let layout = self.accessors.layout(accessor)?;
+        let readable = matches!(
+            (layout.component, layout.normalized),
+            (ComponentType::F32, _) | (ComponentType::U8 | ComponentType::U16, true)
+        );
+        if !readable || !(3..=4).contains(&layout.width) {
+            return Err(self.malformed(
+                place,
+                "has a COLOR_0 that is not VEC3 or VEC4 of floats or normalised integers",
+            ));
+        }
+        if layout.count != count as u64 {
+            return Err(self.malformed(place, format!("has {count} positions and {} colours", layout.count)));
+        }
         Ok(())
     }
 

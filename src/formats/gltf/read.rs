@@ -19,8 +19,8 @@ use std::path::Path;
 /// The triangles of the default scene as one mesh: all nodes placed, all primitives merged, colours
 /// linear.
 ///
-/// Colours are one per face when no faces share vertices and each has one colour, so that our own files
-/// come back as they were.
+/// Colours are one per face when no faces share vertices and each has one colour, so that files of
+/// this program come back as they were.
 ///
 /// # Errors
 /// `Malformed` for broken containers, JSON and accessors; `Unsupported` for glTF 1.0, Draco, unknown

@@ -2,7 +2,7 @@
 
 use super::header::Scalar;
 
-/// Where a number stands in a row.
+/// Where a number is in a row.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Column {
     pub(super) offset: usize,

@@ -12,10 +12,10 @@ use rayon::prelude::*;
 pub(super) fn read_positions(vertices: &Table, out: &mut [Vec3]) -> Result<()> {
     let axes = [vertices.column("x")?, vertices.column("y")?, vertices.column("z")?];
     let float = |i: usize| axes[i].scalar == Scalar::F32 && axes[i].offset == 4 * i;
-    let as_they_are = cfg!(target_endian = "little") && vertices.stride() == 12 && (0..3).all(float);
+    let in_place = cfg!(target_endian = "little") && vertices.stride() == 12 && (0..3).all(float);
     let per_block = vertices.rows_per_block();
     let read = |buffer: &mut Vec<u8>, (block, out): (usize, &mut [Vec3])| {
-        if as_they_are {
+        if in_place {
             return vertices.fill(block * per_block, bytemuck::cast_slice_mut(out));
         }
         let rows = vertices.block(block * per_block, out.len(), buffer)?;
@@ -27,7 +27,7 @@ pub(super) fn read_positions(vertices: &Table, out: &mut [Vec3]) -> Result<()> {
     first_error(out.par_chunks_mut(per_block).enumerate().map_init(Vec::new, read).collect())
 }
 
-/// Where the corner numbers of a face stand in its row.
+/// Where the corner numbers of a face are in its row.
 #[derive(Clone, Copy)]
 pub(super) struct Corners {
     count: Column,

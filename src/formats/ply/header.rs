@@ -85,7 +85,7 @@ impl Property {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Element {
     pub(super) name: String,
-    /// Rows promised; not to be believed before the file's length was seen.
+    /// Rows promised; not to be trusted before the file's length was seen.
     pub(super) rows: u64,
     pub(super) properties: Vec<Property>,
 }
@@ -117,7 +117,7 @@ pub(crate) fn read(source: &mut Source) -> Result<Header> {
     let io = |e| Error::io(&path, e);
     source.file.seek(SeekFrom::Start(0)).map_err(io)?;
     let mut reader = BufReader::with_capacity(1 << 14, &source.file).take(LONGEST);
-    let mut draft = Draft::default();
+    let mut draft = HeaderDraft::default();
     let (mut line, mut number) = (Vec::new(), 0);
     loop {
         line.clear();
@@ -141,14 +141,14 @@ pub(crate) fn read(source: &mut Source) -> Result<Header> {
 
 /// A header as far as it has been read.
 #[derive(Default)]
-struct Draft {
+struct HeaderDraft {
     magic: bool,
     encoding: Option<Encoding>,
     elements: Vec<Element>,
     comments: Vec<String>,
 }
 
-impl Draft {
+impl HeaderDraft {
     fn why_cut_short(&self, too_long: bool, line: &[u8]) -> String {
         if !self.magic && line.is_empty() {
             "the file is empty".into()
@@ -161,7 +161,7 @@ impl Draft {
         }
     }
 
-    /// Understands one line; true when it was `end_header`.
+    /// Parses one line; true when it was `end_header`.
     fn take_line(&mut self, line: &str) -> std::result::Result<bool, String> {
         if !self.magic {
             self.magic = line == "ply";
@@ -180,7 +180,7 @@ impl Draft {
             "element" => {
                 let element = parse_element(rest)?;
                 if self.elements.iter().any(|e| e.name == element.name) {
-                    return Err(format!("element {} stands twice", clip(&element.name)));
+                    return Err(format!("element {} is declared twice", clip(&element.name)));
                 }
                 if self.elements.len() == MOST {
                     return Err(format!("more than {MOST} elements"));
@@ -191,7 +191,7 @@ impl Draft {
                 let property = parse_property(rest)?;
                 let element = self.elements.last_mut().ok_or("a property before the first element")?;
                 if element.has(&property.name) {
-                    return Err(format!("property {} stands twice", clip(&property.name)));
+                    return Err(format!("property {} is declared twice", clip(&property.name)));
                 }
                 if element.properties.len() == MOST {
                     return Err(format!("more than {MOST} properties in one element"));

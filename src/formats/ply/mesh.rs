@@ -64,7 +64,7 @@ fn least(alpha: [f32; 3]) -> f32 {
     if alpha.iter().any(|a| a.is_nan()) { f32::NAN } else { alpha[0].min(alpha[1]).min(alpha[2]) }
 }
 
-/// Where red, green, blue and perhaps alpha stand in a row.
+/// Where red, green, blue and perhaps alpha are in a row.
 struct Channels {
     rgb: [Column; 3],
     alpha: Option<Column>,
@@ -143,9 +143,9 @@ fn channel(column: Column, row: &[u8], clamped: &mut Clamped) -> f32 {
 
 /// Writes a mesh PLY: binary little-endian, sRGB colours and alpha in 8 bits.
 ///
-/// By default the colours stand at the vertices, which every reader understands; where colour or
-/// opacity belongs to a face, each triangle gets its own three vertices. With `face_colors` they
-/// stand at the faces, vertices stay shared, and a face with different corner colours gets their
+/// By default the colours are at the vertices, which every reader understands; where colour or
+/// opacity belongs to a face, each triangle gets three vertices shared with no other. With `face_colors` they
+/// are at the faces, vertices stay shared, and a face with different corner colours gets their
 /// linear mean. Errors are those of `out`, and `InvalidInput` above 2,147,483,647 vertices.
 pub fn write_mesh(out: &mut dyn Write, asset: &Asset, face_colors: bool) -> io::Result<()> {
     let mesh = &asset.mesh;

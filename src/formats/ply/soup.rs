@@ -23,7 +23,7 @@ pub(super) fn is_soup(faces: &Element) -> bool {
     faces.has("sigma")
 }
 
-/// The soup, with SH up to `sh_degree`; what lies above is stepped over.
+/// The soup, with SH up to `sh_degree`; higher degrees are skipped.
 pub(super) fn read(path: &Path, element: &Element, tables: &Tables, sh_degree: u8) -> Result<Soup> {
     let Tables { vertices, faces, .. } = tables;
     let columns = Columns::of(path, element, faces, sh_degree)?;
@@ -70,7 +70,7 @@ fn gather(vertices: &Table, faces: &Table) -> Result<Vec<[Vec3; 3]>> {
     Ok(own)
 }
 
-/// Where the numbers of a soup stand in a face's row.
+/// Where the numbers of a soup are in a face's row.
 struct Columns {
     corners: Corners,
     opacity: Column,
@@ -156,7 +156,7 @@ fn sh_count(degree: u8) -> usize {
     (degree as usize + 1).pow(2)
 }
 
-/// Writes a soup PLY: binary little-endian, three own vertices a triangle. `cameras` are those of the photos it
+/// Writes a soup PLY: binary little-endian, three vertices per triangle, shared with no other. `cameras` are those of the photos it
 /// was made from, in its own frame; there may be none.
 ///
 /// Errors are those of `out`, and `InvalidInput` above 715,827,882 triangles, where PLY's `int`

@@ -18,7 +18,7 @@ use std::path::Path;
 /// Bytes read at once: fits the second-level cache, large against the cost of a system call.
 const BLOCK: usize = 1 << 19;
 
-/// Where everything stands in a row of an element.
+/// Where everything is in a row of an element.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Layout {
     pub(super) stride: usize,

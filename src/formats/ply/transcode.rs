@@ -73,7 +73,7 @@ enum Fault {
     Text(String),
 }
 
-type Step<T> = std::result::Result<T, Fault>;
+type ReadResult<T> = std::result::Result<T, Fault>;
 
 impl From<std::io::Error> for Fault {
     fn from(error: std::io::Error) -> Self {
@@ -93,7 +93,7 @@ struct Input<'a> {
 }
 
 impl Input<'_> {
-    fn row(&mut self, element: &Element, row: usize, wanted: Wanted, out: &mut Transcoded) -> Step<()> {
+    fn row(&mut self, element: &Element, row: usize, wanted: Wanted, out: &mut Transcoded) -> ReadResult<()> {
         for property in &element.properties {
             match property.kind {
                 PropertyType::Scalar(scalar) => {
@@ -116,7 +116,7 @@ impl Input<'_> {
         Ok(())
     }
 
-    /// A face's corners: three go into its row, and all of a polygon beside.
+    /// A face's corners: three go into its row, and those of a polygon into `polygons` too.
     fn corners(
         &mut self,
         count: Scalar,
@@ -124,7 +124,7 @@ impl Input<'_> {
         row: usize,
         wanted: Wanted,
         out: &mut Transcoded,
-    ) -> Step<()> {
+    ) -> ReadResult<()> {
         let length = integer(self.number(count)?, count);
         if wanted == Wanted::Triangles && length != 3 {
             return Err(Fault::Text(not_a_triangle(length)));
@@ -147,7 +147,7 @@ impl Input<'_> {
         Ok(())
     }
 
-    fn skip_list(&mut self, length: i64, item: Scalar) -> Step<()> {
+    fn skip_list(&mut self, length: i64, item: Scalar) -> ReadResult<()> {
         let length = u64::try_from(length).map_err(|_| Fault::Text(format!("a list of {length} numbers")))?;
         if self.encoding != Encoding::Ascii {
             return self.skip(length * item.size() as u64);
@@ -156,7 +156,7 @@ impl Input<'_> {
     }
 
     /// The next number as little-endian bytes.
-    fn number(&mut self, scalar: Scalar) -> Step<[u8; 8]> {
+    fn number(&mut self, scalar: Scalar) -> ReadResult<[u8; 8]> {
         if self.encoding == Encoding::Ascii {
             return self.ascii(scalar);
         }
@@ -170,7 +170,7 @@ impl Input<'_> {
         Ok(bytes)
     }
 
-    fn skip(&mut self, bytes: u64) -> Step<()> {
+    fn skip(&mut self, bytes: u64) -> ReadResult<()> {
         if bytes > self.len.saturating_sub(self.at) {
             return Err(Fault::End);
         }
@@ -179,7 +179,7 @@ impl Input<'_> {
         Ok(self.reader.seek_relative(bytes as i64)?)
     }
 
-    fn ascii(&mut self, scalar: Scalar) -> Step<[u8; 8]> {
+    fn ascii(&mut self, scalar: Scalar) -> ReadResult<[u8; 8]> {
         let mut buffer = [0; 64];
         let word = self.word(&mut buffer)?;
         let text = std::str::from_utf8(word).unwrap_or("?");
@@ -188,7 +188,7 @@ impl Input<'_> {
     }
 
     /// The next word between white space.
-    fn word<'b>(&mut self, buffer: &'b mut [u8; 64]) -> Step<&'b [u8]> {
+    fn word<'b>(&mut self, buffer: &'b mut [u8; 64]) -> ReadResult<&'b [u8]> {
         let mut length = 0;
         loop {
             let chunk = self.reader.fill_buf()?;

@@ -1,4 +1,4 @@
-//! Lanes as a plain array: the compiler turns the loops into whatever vectors the target has.
+//! Lanes as a plain array: the compiler vectorises the loops for the target.
 #![allow(clippy::needless_range_loop, reason = "the plain form is the one that is vectorised")]
 
 use super::poly::{EXP2, LOG2, SQRT_HALF_BITS};
@@ -75,7 +75,7 @@ fn log2(x: f32) -> f32 {
 
 #[inline(always)]
 fn exp2(x: f32) -> f32 {
-    // Adding and taking away 1.5 * 2^23 rounds to the nearest whole number.
+    // Adding and subtracting 1.5 * 2^23 rounds to the nearest integer.
     const ROUND: f32 = 12_582_912.0;
     let whole = x + ROUND;
     let f = x - (whole - ROUND);

@@ -31,25 +31,25 @@ pub(super) fn prefetch<T>(value: &T) {
     unsafe { _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(value).cast()) }
 }
 
-/// Runs `work` on AVX-512 lanes; the caller has seen [`has_avx512`] say yes.
+/// Runs `work` on AVX-512 lanes; only where [`has_avx512`] is true.
 pub(super) fn run_avx512<W: Work>(work: W) -> W::Output {
     #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma")]
     fn enter<W: Work>(work: W) -> W::Output {
         work.run::<Avx512>()
     }
     assert!(has_avx512());
-    // SAFETY: the features were just found.
+    // SAFETY: the features were just detected.
     unsafe { enter(work) }
 }
 
-/// Runs `work` on AVX2 lanes; the caller has seen [`has_avx2`] say yes.
+/// Runs `work` on AVX2 lanes; only where [`has_avx2`] is true.
 pub(super) fn run_avx2<W: Work>(work: W) -> W::Output {
     #[target_feature(enable = "avx2,fma")]
     fn enter<W: Work>(work: W) -> W::Output {
         work.run::<Avx2>()
     }
     assert!(has_avx2());
-    // SAFETY: the features were just found.
+    // SAFETY: the features were just detected.
     unsafe { enter(work) }
 }
 
@@ -175,12 +175,12 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn load(from: &[f32; LANES]) -> Self {
-        // SAFETY: see the top of this section; sixteen floats are there to read.
+        // SAFETY: see the top of this section; the array holds sixteen floats.
         Self(unsafe { _mm512_loadu_ps(from.as_ptr()) })
     }
     #[inline(always)]
     fn store(self, to: &mut [f32; LANES]) {
-        // SAFETY: see the top of this section; sixteen floats are there to write.
+        // SAFETY: see the top of this section; the array holds sixteen floats.
         unsafe { _mm512_storeu_ps(to.as_mut_ptr(), self.0) }
     }
     #[inline(always)]
@@ -405,12 +405,12 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn load(from: &[f32; LANES]) -> Self {
-        // SAFETY: see the top of this section; sixteen floats are there to read.
+        // SAFETY: see the top of this section; the array holds sixteen floats.
         unsafe { Self(_mm256_loadu_ps(from.as_ptr()), _mm256_loadu_ps(from.as_ptr().add(8))) }
     }
     #[inline(always)]
     fn store(self, to: &mut [f32; LANES]) {
-        // SAFETY: see the top of this section; sixteen floats are there to write.
+        // SAFETY: see the top of this section; the array holds sixteen floats.
         unsafe {
             _mm256_storeu_ps(to.as_mut_ptr(), self.0);
             _mm256_storeu_ps(to.as_mut_ptr().add(8), self.1);

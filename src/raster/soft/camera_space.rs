@@ -1,7 +1,7 @@
 //! World triangles in camera space, clipped at the near plane.
 
 use crate::camera::Camera;
-use crate::kernel::clip::{self, Corner, Piece};
+use crate::kernel::clip::{self, Piece, PieceCorner};
 use crate::kernel::splat::CameraTriangle;
 use crate::math::vec::{V2, V3};
 use glam::{Mat3, Vec3};
@@ -55,7 +55,7 @@ impl UnclippedTriangle {
     }
 
     #[inline]
-    fn corner(&self, corner: Corner, near: f32) -> V3<f32> {
+    fn corner(&self, corner: PieceCorner, near: f32) -> V3<f32> {
         let (from, to) = (self.corners[corner.from as usize], self.corners[corner.to as usize]);
         if corner.from == corner.to { from } else { clip::near_point(from, to, near) }
     }

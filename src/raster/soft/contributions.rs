@@ -11,12 +11,12 @@ use glam::UVec2;
 use rayon::prelude::*;
 
 /// Layers drawn on each pixel of a tile, block by block.
-type Counts = [[u32; LANES]; BLOCKS];
+type LayerCounts = [[u32; LANES]; BLOCKS];
 
 /// Layers drawn on each pixel, by drawing the tiles again after the forward pass. `[height * width]`
 pub(super) fn contributions(splats: &Splats, tiles: &Tiles, options: &SoftOptions) -> Vec<u32> {
     let size = tiles.size;
-    let counted: Vec<Counts> = (0..tiles.len())
+    let counted: Vec<LayerCounts> = (0..tiles.len())
         .into_par_iter()
         .map(|tile| {
             let entries = tiles.entries_of(tile);
@@ -43,10 +43,10 @@ struct CountTile<'a> {
 }
 
 impl Work for CountTile<'_> {
-    type Output = Counts;
+    type Output = LayerCounts;
 
     #[inline(always)]
-    fn run<L: Lanes>(self) -> Counts {
+    fn run<L: Lanes>(self) -> LayerCounts {
         let limits = PixelLimits::new(self.options);
         let mut counts = [[0; LANES]; BLOCKS];
         let mut transmittance = [[0.0; LANES]; BLOCKS];

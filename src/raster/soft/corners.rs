@@ -31,15 +31,15 @@ struct CornerGrads<'a> {
 const CORNER_NUMBERS: usize = 9;
 const SUM_NUMBERS: usize = RATIO + 9 - OPACITY;
 
-type Columns<const N: usize> = [[f32; LANES]; N];
+type LaneColumns<const N: usize> = [[f32; LANES]; N];
 
 impl Work for CornerGrads<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let mut corners: Columns<CORNER_NUMBERS> = [[0.0; LANES]; CORNER_NUMBERS];
-        let mut base: Columns<SUM_NUMBERS> = [[0.0; LANES]; SUM_NUMBERS];
-        let mut geometry: Columns<GEOMETRY_SUMS> = [[0.0; LANES]; GEOMETRY_SUMS];
+        let mut corners: LaneColumns<CORNER_NUMBERS> = [[0.0; LANES]; CORNER_NUMBERS];
+        let mut base: LaneColumns<SUM_NUMBERS> = [[0.0; LANES]; SUM_NUMBERS];
+        let mut geometry: LaneColumns<GEOMETRY_SUMS> = [[0.0; LANES]; GEOMETRY_SUMS];
         for (some, sums) in self.corners.chunks(LANES).zip(self.sums.chunks(LANES)) {
             for (lane, (c, s)) in some.iter().zip(sums).enumerate() {
                 put(&mut corners, lane, &flat(c));
@@ -61,7 +61,7 @@ fn flat(c: &CameraTriangle<f32>) -> [f32; CORNER_NUMBERS] {
 }
 
 #[inline(always)]
-fn put<const N: usize>(columns: &mut Columns<N>, lane: usize, values: &[f32]) {
+fn put<const N: usize>(columns: &mut LaneColumns<N>, lane: usize, values: &[f32]) {
     for (column, value) in columns.iter_mut().zip(values) {
         column[lane] = *value;
     }
@@ -80,9 +80,9 @@ fn v3<L: Lanes>(columns: &[[f32; LANES]], i: usize) -> V3<L> {
 /// Replaces the corners by their gradients.
 #[inline(always)]
 fn grads<L: Lanes>(
-    columns: &mut Columns<CORNER_NUMBERS>,
-    base: &Columns<SUM_NUMBERS>,
-    geometry: &Columns<GEOMETRY_SUMS>,
+    columns: &mut LaneColumns<CORNER_NUMBERS>,
+    base: &LaneColumns<SUM_NUMBERS>,
+    geometry: &LaneColumns<GEOMETRY_SUMS>,
     focal: V2<f32>,
     options: &SoftOptions,
 ) {

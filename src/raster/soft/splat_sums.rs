@@ -5,6 +5,9 @@ use super::splats::ProjectedSplat;
 use super::tiles::Tiles;
 use crate::math::lanes::{LANES, prefetch};
 
+/// How many splats ahead their slots are prefetched.
+const SLOTS_AHEAD: usize = 8;
+
 /// The gradients of all pairs of a splat, summed.
 #[derive(Clone, Copy)]
 pub(super) struct SplatSums {
@@ -56,6 +59,3 @@ impl SplatSums {
         self.base[DRAWN] > 0.0
     }
 }
-
-/// How many splats ahead their slots are prefetched.
-const SLOTS_AHEAD: usize = 8;

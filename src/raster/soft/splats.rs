@@ -7,6 +7,9 @@ use crate::kernel::splat::DepthPlane;
 /// Triangles that one task projects; also the unit of the gradient gather.
 pub(super) const CHUNK: usize = 1024;
 
+/// How many splats ahead of its use a record is prefetched.
+pub(super) const PREFETCH_AHEAD: usize = 6;
+
 /// What the pixels read of a splat: one cache line. With `Window::Coverage` `edge` and `shift` are in widths
 /// of its ramp and `floor` is the smallest coverage drawn; else they are in inradii, and the smallest ratio.
 #[derive(Debug, Clone, Copy, Default)]
@@ -65,9 +68,6 @@ pub(super) struct Splats {
     pub(super) bounds: Vec<ScreenBox>,
     pub(super) planes: Vec<DepthPlane<f32>>,
 }
-
-/// How many splats ahead of its use a record is prefetched.
-pub(super) const PREFETCH_AHEAD: usize = 6;
 
 impl Splats {
     pub(super) fn len(&self) -> usize {

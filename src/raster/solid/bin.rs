@@ -74,15 +74,15 @@ impl Action {
     const CLIP: u32 = 2;
 }
 
-type LaneValues = [f32; GROUP];
+type FaceValues = [f32; GROUP];
 
 /// Sixteen faces as a structure of arrays.
 struct FaceGroup {
     /// Corner by corner, axis by axis.
-    world: [[LaneValues; 3]; 3],
+    world: [[FaceValues; 3]; 3],
     x: [[i32; GROUP]; 3],
     y: [[i32; GROUP]; 3],
-    w: [LaneValues; 3],
+    w: [FaceValues; 3],
     action: [u32; GROUP],
 }
 

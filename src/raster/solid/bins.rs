@@ -29,6 +29,17 @@ pub(super) struct TinyTriangle {
     pub(super) face: u32,
 }
 
+impl TinyTriangle {
+    /// For the tile at `column` and `row`.
+    #[inline(always)]
+    pub(super) fn new(at: &SnappedTriangle, face: u32, column: i32, row: i32) -> Self {
+        let (left, top) = (column * TILE_WIDTH as i32 * GRID, row * TILE_HEIGHT as i32 * GRID);
+        let x = [(at.x[0] - left) as i16, (at.x[1] - left) as i16, (at.x[2] - left) as i16];
+        let y = [(at.y[0] - top) as i16, (at.y[1] - top) as i16, (at.y[2] - top) as i16];
+        Self { x, y, w: at.w, face }
+    }
+}
+
 /// A triangle that is not tiny.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LargeTriangle {
@@ -44,7 +55,7 @@ pub(super) struct TileBin {
     pub(super) large: Vec<u32>,
 }
 
-/// The triangles of some of the faces.
+/// The triangles of a range of faces.
 #[derive(Debug, Default)]
 pub(super) struct Batch {
     /// One per tile, row by row.
@@ -75,19 +86,10 @@ pub(super) fn samples_between(low: i32, high: i32) -> (i32, i32) {
     ((low + GRID / 2 - 1) >> 8, (high - GRID / 2) >> 8)
 }
 
+/// Smallest and largest of three.
 #[inline(always)]
 pub(super) fn extent(values: [i32; 3]) -> (i32, i32) {
     (values[0].min(values[1]).min(values[2]), values[0].max(values[1]).max(values[2]))
-}
-
-impl TinyTriangle {
-    #[inline(always)]
-    pub(super) fn new(at: &SnappedTriangle, face: u32, column: i32, row: i32) -> Self {
-        let (left, top) = (column * TILE_WIDTH as i32 * GRID, row * TILE_HEIGHT as i32 * GRID);
-        let x = [(at.x[0] - left) as i16, (at.x[1] - left) as i16, (at.x[2] - left) as i16];
-        let y = [(at.y[0] - top) as i16, (at.y[1] - top) as i16, (at.y[2] - top) as i16];
-        Self { x, y, w: at.w, face }
-    }
 }
 
 /// The smallest value of an edge function that counts as inside (the top-left rule): 0 for a top or left edge, 1

@@ -8,8 +8,8 @@ const RIM: usize = 3;
 /// Keys from one row of a tile to the next.
 pub(super) const STRIDE: usize = TILE_WIDTH + RIM;
 
-/// What a sample of a tile sees: 1/z above, the complement of the face below, so that of two the larger is the
-/// nearer, and at the same depth the face of the lower index. Zero is nothing, and below zero is below it.
+/// What a sample of a tile sees: 1/z in the upper half, the complement of the face in the lower, so that of two the
+/// larger is the nearer, and at the same depth the face of the lower index. Zero is nothing; negative keys lose to it.
 pub(super) type SampleKey = i64;
 
 /// The samples of a tile and a rim that is never read.

@@ -242,12 +242,12 @@ mod tests {
     use super::super::keys::EMPTY;
     use super::*;
     use crate::camera::Camera;
-    use crate::math::lanes::{Level, dispatch_at};
+    use crate::math::lanes::{SimdLevel, dispatch_at};
     use crate::rng::Rng;
     use glam::{Mat3, UVec2, Vec2, Vec3};
 
     /// Keys and pixels of the one tile that the camera sees, by the instructions of `level`.
-    fn drawn(level: Level, mesh: &Mesh, projector: &Projector) -> (Box<SampleKeys>, Vec<[u8; 3]>) {
+    fn drawn(level: SimdLevel, mesh: &Mesh, projector: &Projector) -> (Box<SampleKeys>, Vec<[u8; 3]>) {
         let mut batch = Batch::default();
         batch.empty(1);
         let last = mesh.face_count();
@@ -289,9 +289,9 @@ mod tests {
             colors.push([at(3).abs(), at(4).abs(), at(5).abs()]);
         }
         mesh.colors = Colors::Vertex(colors);
-        let portable = drawn(Level::Portable, &mesh, &projector);
+        let portable = drawn(SimdLevel::Portable, &mesh, &projector);
         assert!(portable.0.iter().filter(|key| **key != 0).count() > 1000);
-        for level in [Level::Avx2, Level::Avx512] {
+        for level in [SimdLevel::Avx2, SimdLevel::Avx512] {
             assert!(drawn(level, &mesh, &projector) == portable, "{level:?}");
         }
     }

@@ -1,0 +1,54 @@
+//! Adds photos to a fit.
+
+use super::fit::Fit;
+use super::gather::{Gatherer, Observation};
+use crate::bake::views::{SAMPLES, Views};
+use crate::error::Result;
+use crate::mesh::Mesh;
+use crate::raster::solid::{Solid, SolidRasterOptions};
+
+/// With so many photos the first pass is half coupled. Neighbours that share a pixel share its residual: with many
+/// photos that is sharper; with few of them one triangle makes up for the error of another, which looks wrong from
+/// elsewhere.
+const HALF_COUPLED: f32 = 40.0;
+
+/// Renders the scene from one photo's place after the other, and adds what the photo shows to the normal equations.
+pub(super) struct Accumulator {
+    solid: Solid,
+    drawing: SolidRasterOptions,
+    gatherer: Gatherer,
+    pub(super) fit: Fit,
+    /// See [`Observation::coupling`].
+    pub(super) coupling: f32,
+    /// Mean error of each photo when it was last added, sRGB-encoded.
+    pub(super) errors: Vec<[f32; 3]>,
+}
+
+impl Accumulator {
+    /// Nothing added yet. `flatness` is λ, px.
+    pub(super) fn new(mesh: &Mesh, views: &Views, flatness: f32) -> Self {
+        Self {
+            solid: Solid::new(),
+            drawing: views.drawing(mesh, SAMPLES),
+            gatherer: Gatherer::new(mesh.face_count()),
+            fit: Fit::new(mesh, flatness),
+            coupling: views.len() as f32 / (views.len() as f32 + HALF_COUPLED),
+            errors: vec![[0.0; 3]; views.len()],
+        }
+    }
+
+    /// Adds the photos `chosen` to the sums of the fit, in their order, with this sign: -1 takes them back.
+    pub(super) fn add(&mut self, mesh: &Mesh, views: &mut Views, chosen: &[usize], sign: f32) -> Result<()> {
+        views.prefetch(chosen);
+        for &view in chosen {
+            let photo = views.photo(view)?;
+            let camera = views.camera(view);
+            let visibility = self.solid.visibility(mesh, camera, &self.drawing);
+            let background = self.drawing.background;
+            let seen =
+                Observation { mesh, camera, photo: &photo, visibility, background, coupling: self.coupling };
+            self.errors[view] = self.gatherer.gather(&seen, &mut self.fit, sign);
+        }
+        Ok(())
+    }
+}

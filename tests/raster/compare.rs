@@ -1,0 +1,221 @@
+//! Compares frames and gradients with the brute-force oracle.
+
+use super::common::dual::Dual;
+use super::common::oracle::{self, Number, OracleCamera, Pixel, Rules, Triangle};
+use trisplat::camera::Camera;
+use trisplat::math::real::Real;
+use trisplat::raster::soft::{
+    Frame, FrameGrad, Importance, Soft, SoftOptions, Sort, SoupGrad, SoupRef, Window,
+};
+use trisplat::rng::Rng;
+use trisplat::soup::Soup;
+
+/// Largest relative error of a gradient.
+pub(crate) const GRADIENT: f64 = 2e-3;
+/// Pixels nearer than this to a jump or kink of the oracle are not compared.
+pub(crate) const MARGIN: f64 = 2e-4;
+
+pub(crate) fn oracle_camera(c: &Camera) -> OracleCamera {
+    let d = |x: f32| f64::from(x);
+    let m = c.rotation;
+    OracleCamera {
+        rotation: [0, 1, 2].map(|i| [0, 1, 2].map(|j| d(m.col(j)[i]))),
+        translation: c.translation.to_array().map(d),
+        focal: c.focal.to_array().map(d),
+        center: c.center.to_array().map(d),
+        size: [c.size.x as usize, c.size.y as usize],
+    }
+}
+
+pub(crate) fn rules(o: &SoftOptions) -> Rules {
+    Rules {
+        background: o.background.map(f64::from),
+        per_pixel: o.sort == Sort::Pixel,
+        cap: f64::from(o.alpha_cap),
+        cutoff: f64::from(o.cutoff),
+        min_transmittance: f64::from(o.min_transmittance),
+        near: f64::from(o.near),
+        fade_px: f64::from(o.fade_px),
+        depth_range: o.depth_range.map(f64::from),
+        coverage: match o.window {
+            Window::Soft | Window::Sigmoid => None,
+            Window::Coverage { width_px } => Some(f64::from(width_px)),
+        },
+        sigmoid: o.window == Window::Sigmoid,
+        linear: o.linear,
+    }
+}
+
+/// The triangles of a soup as numbers of the oracle; parameters of triangle `seeded` are variables.
+pub(crate) fn triangles<R: Real>(
+    soup: &Soup,
+    seeded: usize,
+    variable: impl Fn(f64, usize) -> R,
+) -> Vec<Triangle<R>> {
+    let k = soup.sh_count();
+    (0..soup.len())
+        .map(|i| {
+            let of =
+                |x: f32, n: usize| if i == seeded { variable(f64::from(x), n) } else { R::of(f64::from(x)) };
+            let v = soup.vertices[i];
+            Triangle {
+                vertices: [0, 1, 2].map(|c| [0, 1, 2].map(|a| of(v[c][a], 3 * c + a))),
+                opacity: of(soup.opacity[i], 9),
+                sigma: of(soup.sigma[i], 10),
+                sh: (0..k).map(|n| [0, 1, 2].map(|c| of(soup.sh[i * k + n][c], 11 + 3 * n + c))).collect(),
+            }
+        })
+        .collect()
+}
+
+pub(crate) fn plain(soup: &Soup) -> Vec<Triangle<f64>> {
+    triangles(soup, usize::MAX, |x, _| x)
+}
+
+/// What a frame and the oracle both have, pixel by pixel: rgb, T, depth, median, normal, distortion.
+pub(crate) fn frame_values(f: &Frame, i: usize) -> [f64; 10] {
+    let [r, g, b] = f.rgb[i];
+    let [x, y, z] = f.normal[i];
+    [r, g, b, f.transmittance[i], f.depth[i], f.median_depth[i], x, y, z, f.distortion[i]].map(f64::from)
+}
+
+pub(crate) fn pixel_values<R: Number>(p: &Pixel<R>) -> [R; 10] {
+    let ([r, g, b], [x, y, z]) = (p.rgb, p.normal);
+    [r, g, b, p.transmittance, p.depth, p.median, x, y, z, p.distortion]
+}
+
+pub(crate) const NAMES: [&str; 10] = ["r", "g", "b", "T", "depth", "median", "nx", "ny", "nz", "distortion"];
+
+/// Compares a frame with the oracle; returns the largest error, relative to the value or to 1, and the share of pixels
+/// left out.
+pub(crate) fn compare(soup: &Soup, camera: &Camera, options: &SoftOptions, tolerance: f64) -> (f64, f64) {
+    let mut soft = Soft::new();
+    let frame = soft.render(&SoupRef::from(soup), camera, options).clone();
+    let picture = oracle::render(&plain(soup), &oracle_camera(camera), &rules(options));
+    let (mut worst, mut left_out) = (0.0f64, 0);
+    for (i, pixel) in picture.iter().enumerate() {
+        if pixel.margin < MARGIN {
+            left_out += 1;
+            continue;
+        }
+        for ((got, want), name) in frame_values(&frame, i).into_iter().zip(pixel_values(pixel)).zip(NAMES) {
+            let error = (got - want).abs() / want.abs().max(1.0);
+            assert!(error < tolerance, "{name} of pixel {i}: {got} instead of {want}");
+            worst = worst.max(error);
+        }
+    }
+    compare_importance(soup, &soft, &picture);
+    (worst, f64::from(left_out) / picture.len() as f64)
+}
+
+pub(crate) fn compare_importance(soup: &Soup, soft: &Soft, picture: &[Pixel<f64>]) {
+    let mut importance = Importance::new(soup.len());
+    soft.accumulate_importance(&mut importance);
+    for t in 0..soup.len() {
+        let weights = || picture.iter().map(|p| p.weights[t]);
+        let (sum, max) = (weights().sum::<f64>(), weights().fold(0.0, f64::max));
+        assert!(
+            (f64::from(importance.sum_weight[t]) - sum).abs() < 1e-3 * sum.max(1.0) + 0.02,
+            "triangle {t}"
+        );
+        assert!((f64::from(importance.max_weight[t]) - max).abs() < 5e-3, "triangle {t}");
+        let pixels = weights().filter(|w| *w > 0.0).count() as i64;
+        assert!((i64::from(importance.pixels[t]) - pixels).abs() <= 1 + pixels / 100, "triangle {t}");
+    }
+}
+
+/// A random gradient of a frame, zero near jumps.
+pub(crate) fn random_grad(seed: u64, picture: &[Pixel<f64>], geometry: bool) -> FrameGrad {
+    let mut d = FrameGrad::default();
+    for (i, pixel) in picture.iter().enumerate() {
+        let rng = Rng::new(seed, "grad", i as u64);
+        let keep = if pixel.margin < MARGIN { 0.0 } else { 1.0 };
+        let at = |n: u64| (rng.uniform(n) - 0.5) * keep;
+        d.d_rgb.push([at(0), at(1), at(2)]);
+        d.d_transmittance.push(at(3));
+        if geometry {
+            d.d_depth.push(at(4));
+            d.d_median_depth.push(at(5));
+            d.d_normal.push([at(6), at(7), at(8)]);
+            d.d_distortion.push(at(9));
+        }
+    }
+    d
+}
+
+pub(crate) fn grad_values(d: &FrameGrad, i: usize) -> [f64; 10] {
+    let scalar = |v: &[f32]| v.get(i).copied().unwrap_or(0.0);
+    let [r, g, b] = d.d_rgb[i];
+    let [x, y, z] = d.d_normal.get(i).copied().unwrap_or_default();
+    let (t, depth) = (scalar(&d.d_transmittance), scalar(&d.d_depth));
+    [r, g, b, t, depth, scalar(&d.d_median_depth), x, y, z, scalar(&d.d_distortion)].map(f64::from)
+}
+
+/// Parameters of a triangle of SH degree 3.
+pub(crate) const PARAMETERS: usize = 11 + 48;
+
+/// The gradient of triangle `t` by dual numbers.
+pub(crate) fn exact_grad(
+    soup: &Soup,
+    t: usize,
+    camera: &Camera,
+    options: &SoftOptions,
+    d: &FrameGrad,
+) -> Vec<f64> {
+    let scene = triangles(soup, t, Dual::<PARAMETERS>::variable);
+    let picture = oracle::render(&scene, &oracle_camera(camera), &rules(options));
+    let mut out = vec![0.0; 11 + 3 * soup.sh_count()];
+    for (i, pixel) in picture.iter().enumerate() {
+        for (value, weight) in pixel_values(pixel).into_iter().zip(grad_values(d, i)) {
+            for (out, slope) in out.iter_mut().zip(value.d) {
+                *out += slope * weight;
+            }
+        }
+    }
+    out
+}
+
+pub(crate) fn soup_grad(g: &SoupGrad, t: usize, k: usize) -> Vec<f64> {
+    let vertices = g.vertices[t].iter().flat_map(|v| v.to_array());
+    let sh = g.sh[t * k..(t + 1) * k].iter().flatten().copied();
+    vertices.chain([g.opacity[t], g.sigma[t]]).chain(sh).map(f64::from).collect()
+}
+
+/// Largest error of a gradient, each group (vertices, opacity, σ, SH) relative to its largest entry in the triangle,
+/// or to 2% of its largest in all triangles.
+pub(crate) fn compare_grads(
+    soup: &Soup,
+    camera: &Camera,
+    options: &SoftOptions,
+    seed: u64,
+    tolerance: f64,
+) -> f64 {
+    let picture = oracle::render(&plain(soup), &oracle_camera(camera), &rules(options));
+    let d = random_grad(seed, &picture, options.geometry);
+    let mut soft = Soft::new();
+    let mut grad = SoupGrad::default();
+    soft.render(&SoupRef::from(soup), camera, options);
+    soft.backward(&SoupRef::from(soup), camera, options, &d, &mut grad);
+    assert_eq!(grad.dropped, 0);
+    let k = soup.sh_count();
+    let all: Vec<_> =
+        (0..soup.len()).map(|t| (exact_grad(soup, t, camera, options, &d), soup_grad(&grad, t, k))).collect();
+    let mut worst = 0.0f64;
+    for (name, range) in [("vertices", 0..9), ("opacity", 9..10), ("sigma", 10..11), ("sh", 11..11 + 3 * k)] {
+        if name == "sigma" && matches!(options.window, Window::Coverage { .. }) {
+            assert!(all.iter().all(|(_, got)| got[10] == 0.0));
+            continue;
+        }
+        let size = all.iter().flat_map(|(e, _)| &e[range.clone()]).fold(0.0f64, |m, x| m.max(x.abs()));
+        assert!(size > 0.0, "nothing to compare");
+        for (t, (exact, got)) in all.iter().enumerate() {
+            for n in range.clone() {
+                let own = exact[range.clone()].iter().fold(0.0f64, |m, x| m.max(x.abs()));
+                let error = (exact[n] - got[n]).abs() / own.max(0.02 * size);
+                assert!(error < tolerance, "{name} of {t}, entry {n}: {} instead of {}", got[n], exact[n]);
+                worst = worst.max(error);
+            }
+        }
+    }
+    worst
+}
