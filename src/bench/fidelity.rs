@@ -336,7 +336,12 @@ impl FidelityBench<'_> {
     }
 
     fn evaluate(&self, step: EvalStep) -> Result<StepScore> {
-        let scores = evaluate::evaluate(&mut [step], &self.views, self.args.dataset_options.photo_bytes(), |_, _, _| Ok(()))?;
+        let scores = evaluate::evaluate(
+            &mut [step],
+            &self.views,
+            self.args.dataset_options.photo_bytes(),
+            |_, _, _| Ok(()),
+        )?;
         scores.into_iter().next().ok_or_else(|| Error::invalid("DATASET", "no score", "held-out photos"))
     }
 
