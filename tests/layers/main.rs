@@ -30,7 +30,7 @@ const MAY: &[(&str, &str)] = &[
     ("raster", "kernel soup mesh camera image math error"),
     (
         "train",
-        "raster kernel dataset formats asset atomic process soup mesh camera image rng report error math",
+        "raster kernel dataset formats asset scene atomic process soup mesh camera image rng report error math",
     ),
     ("bake", "raster dataset formats soup mesh scene placed bvh asset camera image rng report error math"),
     ("view", "asset rng mesh soup scene raster camera image gpu error math"),

@@ -265,7 +265,9 @@ impl Reader<'_> {
     /// Reads one token, or a whole path where one begins, and returns the place after it.
     fn expression(&mut self, at: usize) -> usize {
         let word = self.token(at).to_owned();
-        self.words.insert(word.clone());
+        if at == 0 || self.token(at - 1) != "mod" {
+            self.words.insert(word.clone());
+        }
         if self.token(at + 1) != "::" || (at > 0 && self.token(at - 1) == "::") {
             return at + 1;
         }
@@ -336,10 +338,11 @@ mod tests {
 
     #[test]
     fn re_exports_count_where_the_file_works_with_them() {
-        let text = "mod a; pub use a::{B, C}; pub(crate) use crate::d::*; fn f(b: B) {}";
+        let text =
+            "mod a; pub mod g; pub use a::{B, C}; pub use g::g; pub(crate) use crate::d::*; fn f(b: B) {}";
         let source = Source::parse(text);
         let names: Vec<&str> = source.exports.iter().map(|(name, _)| name.as_str()).collect();
-        assert_eq!(names, ["B", "C", "*"]);
+        assert_eq!(names, ["B", "C", "g", "*"]);
         assert_eq!(paths(text), ["self::a::B"]);
         assert!(source.defines.contains("f") && !source.defines.contains("a"));
     }
