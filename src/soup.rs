@@ -4,8 +4,8 @@ use crate::error::{Error, Result};
 use crate::math::finite::{all_finite, all_in_unit, all_positive};
 use glam::Vec3;
 
-/// The SH degree 0 basis function, 1 / (2 sqrt(pi)), in eight digits: one unit in the last place below
-/// [`crate::kernel::constants::SH_C0`] in f32, and part of the bits of every baked colour.
+/// The SH degree 0 basis function, 1 / (2 sqrt(pi)), in eight digits: one unit in the last place below the
+/// kernels' constant in f32, and part of the bits of every baked colour.
 pub const SH_C0: f32 = 0.282_094_79;
 
 /// N unconnected triangles. Values are physical, never logits.
