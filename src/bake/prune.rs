@@ -404,6 +404,7 @@ fn nothing_left(options: &PruneOptions, counts: &[usize; 8], total: usize) -> Er
 }
 
 /// Six numbers "x0,y0,z0,x1,y1,z1".
+#[cfg(feature = "cli")]
 fn parse_box(text: &str) -> std::result::Result<[f64; 6], String> {
     let number = |n: &str| n.trim().parse::<f64>().map_err(|e| format!("{n:?}: {e}"));
     let numbers = text.split(',').map(number).collect::<std::result::Result<Vec<_>, _>>()?;
