@@ -297,7 +297,7 @@ fn solid_ends_opaque_and_of_one_colour() {
         assert!(trained.soup.opacity.iter().all(|&o| o == 1.0));
         assert!(trained.soup.sigma.iter().all(|&s| s <= trisplat::bake::solid::SOLID_SIGMA));
     }
-    // As an engine draws them, 4 x 4 samples a pixel.
+    // As an engine draws them, 4 x 4 samples per pixel.
     let (solid, paper) = (psnr(&solid), psnr(&paper));
     assert!(solid > 14.0 && solid > paper + 1.0, "{solid:.2} dB, {paper:.2} dB");
 }

@@ -178,7 +178,7 @@ fn the_guitar_checkpoint_has_its_known_values() {
     };
     let (sigma, opacity) = (worst(&soup.sigma, "sigma.npy"), worst(&soup.opacity, "opacity.npy"));
     assert!(sigma <= 3 && opacity <= 2, "sigma {sigma} ulp, opacity {opacity} ulp");
-    // The same triangles as a mesh: 16 bytes a vertex, x y z f32 and rgba u8.
+    // The same triangles as a mesh: 16 bytes per vertex, x y z f32 and rgba u8.
     let ply = std::fs::read(format!("{folder}/guitar_tri.ply")).expect("beside it");
     let first = ply.windows(11).position(|w| w == b"end_header\n").expect("a header") + 11;
     for (i, triangle) in soup.vertices.iter().enumerate() {

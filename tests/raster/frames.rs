@@ -118,7 +118,7 @@ fn frames_and_gradients_with_a_sigmoid_window_equal_the_oracle() {
 
 #[test]
 fn coverage_approaches_the_share_of_samples() {
-    // Large and small triangles, and slivers, against 16 x 16 point samples a pixel.
+    // Large and small triangles, and slivers, against 16 x 16 point samples per pixel.
     let mut soup = random_soup(44, 60, 0);
     soup.opacity.fill(1.0);
     soup.sigma.fill(1e-4);
