@@ -18,7 +18,8 @@ pub(super) fn fixed() -> Vec<String> {
 /// What to type: every flag that was typed, but for those that the checkpoint holds.
 pub(super) fn command(matches: &ArgMatches, args: &TrainArgs, checkpoint: &Path) -> String {
     let fixed = fixed();
-    let mut words = vec!["trisplat train".to_owned(), quoted(&args.dataset.to_string_lossy())];
+    let mut words = vec!["trisplat train".to_owned()];
+    words.extend(args.dataset.iter().map(|path| quoted(&path.to_string_lossy())));
     for arg in TrainArgs::augment_args(Command::new("train")).get_arguments() {
         let id = arg.get_id().as_str();
         let kept = !ONCE.contains(&id) && !fixed.iter().any(|name| name == id);

@@ -10,8 +10,10 @@ use super::train_progress::Bar;
 use crate::atomic::AtomicFile;
 use crate::dataset::Dataset;
 use crate::error::{Error, Result};
+use crate::formats::{self, ReadOptions};
 use crate::report::{OutputReport, Report};
-use crate::train::{Preview, RunOptions, TrainOptions, TrainRun, Trained, checkpoint};
+use crate::scene::Loaded;
+use crate::train::{Checkpoint, Preview, RunOptions, TrainOptions, TrainRun, Trained, checkpoint, teacher};
 use clap::ArgMatches;
 use indicatif::HumanCount;
 use std::io::Write;
@@ -23,20 +25,29 @@ pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<()
     let clock = Instant::now();
     let outputs = outputs(args);
     guard(args, &outputs)?;
-    let checkpoint = outputs.checkpoint.clone();
-    let dataset = Dataset::load(&args.dataset, &args.dataset_options)?;
-    let run = set_up(args, matches, &dataset, outputs)?.start()?;
-    let (options, triangles) = (run.options().clone(), run.triangles());
+    let (checkpoint, point) = (outputs.checkpoint.clone(), checkpoint_to_resume(args, matches)?);
+    let options = match &point {
+        Some(point) => point.meta.options.clone(),
+        None => resolve(args, matches)?,
+    };
+    let read = |path| formats::read(path, &ReadOptions::default());
+    let from = args.from.as_deref().map(read).transpose()?;
+    let dataset = dataset(args, from.as_ref(), &options)?;
+    let warnings: Vec<String> =
+        from.iter().flat_map(|scene| &scene.warnings).chain(&dataset.warnings).cloned().collect();
+    let run = TrainRun::new(&dataset, &options).with_dataset_options(&args.dataset_options);
+    let run = TrainRun { outputs, from, resume: point, ..run }.start()?;
+    let triangles = run.triangles();
     let mut bar = Bar::new(global, options.steps, run.steps(), args.log.as_deref(), run.curve())?;
-    for warning in &dataset.warnings {
+    for warning in &warnings {
         bar.line(&format!("warning: {warning}"));
     }
     let trained = run.finish(&mut bar)?;
     bar.done()?;
     let mut report = Report::new("train");
-    report.inputs = vec![args.dataset.display().to_string()];
+    report.inputs = args.from.iter().chain(&args.dataset).map(|path| path.display().to_string()).collect();
     report.options = serde_json::to_value(&options).unwrap_or_default();
-    report.warnings.clone_from(&dataset.warnings);
+    report.warnings = warnings;
     report.stages.push(trained.stage(triangles, clock.elapsed().as_secs_f64()));
     report.outputs = write(args, &trained)?;
     report.seconds = clock.elapsed().as_secs_f64();
@@ -51,22 +62,28 @@ pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<()
     Ok(())
 }
 
-/// The run these flags describe.
-fn set_up<'a>(
-    args: &TrainArgs,
-    matches: &ArgMatches,
-    dataset: &'a Dataset,
-    outputs: RunOptions,
-) -> Result<TrainRun<'a>> {
-    let run = match &args.resume {
-        Some(path) => {
-            let checkpoint = checkpoint::read(path)?;
-            refuse_changes(matches)?;
-            TrainRun::from_checkpoint(dataset, checkpoint)
+/// The checkpoint of `--resume`. Its run keeps the options it began with: anything else would not be the same run.
+fn checkpoint_to_resume(args: &TrainArgs, matches: &ArgMatches) -> Result<Option<Checkpoint>> {
+    let Some(path) = &args.resume else { return Ok(None) };
+    let checkpoint = checkpoint::read(path)?;
+    match resume::fixed().into_iter().find(|id| layers::is_typed(matches, id)) {
+        Some(id) => {
+            let flag = if id == "sets" { "--set".into() } else { format!("--{}", id.replace('_', "-")) };
+            Err(Error::invalid(flag, "given with --resume", "the options of the checkpoint, or a new run"))
         }
-        None => TrainRun::new(dataset, &resolve(args, matches)?),
-    };
-    Ok(TrainRun { outputs, ..run.with_dataset_options(&args.dataset_options) })
+        None => Ok(Some(checkpoint)),
+    }
+}
+
+/// The photos, or pictures of the scene that teaches itself.
+fn dataset(args: &TrainArgs, from: Option<&Loaded>, options: &TrainOptions) -> Result<Dataset> {
+    let how = &args.dataset_options;
+    match (&args.dataset, &args.from, from) {
+        (None, Some(path), Some(scene)) => {
+            teacher::dataset(path, scene, options, how.background.to_f32(), how.photo_bytes())
+        }
+        (path, ..) => Dataset::load(path.as_deref().unwrap_or(Path::new("")), how),
+    }
 }
 
 /// What the run leaves behind.
@@ -86,21 +103,11 @@ fn outputs(args: &TrainArgs) -> RunOptions {
 /// Preset, then config file, then `--set`, then the flags really typed.
 fn resolve(args: &TrainArgs, matches: &ArgMatches) -> Result<TrainOptions> {
     let config = args.config.as_deref();
+    let preset = if args.from.is_some() { TrainOptions::from_scene } else { TrainOptions::preset };
     let layers = Layers { config, sets: &args.sets, typed: &args.options, matches };
-    let options = layers.resolve(args.options.preset, TrainOptions::preset)?;
+    let options = layers.resolve(args.options.preset, preset)?;
     options.validate()?;
     Ok(options)
-}
-
-/// A resumed run has the options it began with: anything else would not be the same run.
-fn refuse_changes(matches: &ArgMatches) -> Result<()> {
-    match resume::fixed().into_iter().find(|id| layers::is_typed(matches, id)) {
-        Some(id) => {
-            let flag = if id == "sets" { "--set".into() } else { format!("--{}", id.replace('_', "-")) };
-            Err(Error::invalid(flag, "given with --resume", "the options of the checkpoint, or a new run"))
-        }
-        None => Ok(()),
-    }
 }
 
 /// Refuses what would fail, or replace a file, only after the training.

@@ -7,9 +7,10 @@ use std::path::PathBuf;
 /// Files, what to leave behind, and the options of the training.
 #[derive(Debug, clap::Args)]
 pub struct TrainArgs {
-    /// Folder of posed photos (COLMAP model or transforms.json).
-    #[arg(value_name = "DATASET")]
-    pub dataset: PathBuf,
+    /// Folder of posed photos (COLMAP model or transforms.json). Without it the scene of --from teaches itself:
+    /// it is drawn from its stored cameras and from between them.
+    #[arg(value_name = "DATASET", required_unless_present = "from")]
+    pub dataset: Option<PathBuf>,
     /// Soup to write, .ply.
     #[arg(short, long, value_name = "OUT")]
     pub output: PathBuf,
@@ -22,6 +23,10 @@ pub struct TrainArgs {
     /// Set any training option by its key, as in refine.every=500; may be given often.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub sets: Vec<String>,
+    /// Start from a scene in place of points: a soup (.ply .pt), soft or not, or a mesh (.glb .gltf .obj .ply .off);
+    /// with --preset solid it is hardened.
+    #[arg(long, value_name = "SCENE")]
+    pub from: Option<PathBuf>,
     /// Go on from a checkpoint, with the options it was made with.
     #[arg(long, value_name = "FILE")]
     pub resume: Option<PathBuf>,

@@ -16,6 +16,9 @@ pub enum DatasetKind {
     /// `transforms.json` as nerfstudio, instant-ngp and Blender write it.
     #[serde(rename = "transforms.json")]
     Transforms,
+    /// Pictures that a scene was drawn for, not photos.
+    #[serde(rename = "drawn pictures")]
+    Drawn,
 }
 
 impl fmt::Display for DatasetKind {
@@ -24,6 +27,7 @@ impl fmt::Display for DatasetKind {
             DatasetKind::ColmapBinary => "COLMAP model (binary)",
             DatasetKind::ColmapText => "COLMAP model (text)",
             DatasetKind::Transforms => "transforms.json",
+            DatasetKind::Drawn => "drawn pictures",
         })
     }
 }

@@ -149,6 +149,7 @@ fn open_view(found: &FoundPhoto, origin: DVec3, options: &DatasetOptions) -> Res
         undistort,
         background: options.background,
         masks: options.masks,
+        drawn: None,
     };
     if options.skip_broken {
         photo.decode()?;

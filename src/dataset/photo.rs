@@ -1,4 +1,4 @@
-//! One photo on disk and what to do to it on the way in.
+//! One photo, on disk with what to do to it on the way in, or drawn and in memory.
 
 use super::options::{Background, Masks};
 use super::undistort::Undistort;
@@ -6,11 +6,12 @@ use crate::error::{Error, Result};
 use crate::image::Pixels;
 use glam::UVec2;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-/// A photo that is decoded when asked for.
+/// A photo that is decoded when asked for, or a picture that is there already.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Photo {
-    /// The picture file.
+    /// The picture file; empty for a picture in memory.
     pub path: PathBuf,
     /// The mask: which of its pixels count, as large as the photo.
     pub mask: Option<PathBuf>,
@@ -21,12 +22,30 @@ pub struct Photo {
     pub(super) undistort: Option<Undistort>,
     pub(super) background: Background,
     pub(super) masks: Masks,
+    pub(super) drawn: Option<Arc<Pixels>>,
 }
 
 impl Photo {
+    /// A picture in memory, as if it had been decoded.
+    pub fn drawn(pixels: Pixels) -> Self {
+        Self {
+            path: PathBuf::new(),
+            mask: None,
+            size: pixels.size,
+            stored: pixels.size,
+            undistort: None,
+            background: Background([0; 3]),
+            masks: Masks::Off,
+            drawn: Some(Arc::new(pixels)),
+        }
+    }
+
     /// The photo as training wants it: blended with the background, masked, undistorted, shrunk.
     /// `alpha` is then the weight of each pixel in the loss, `None` where all count.
     pub fn decode(&self) -> Result<Pixels> {
+        if let Some(drawn) = &self.drawn {
+            return Ok(Pixels::clone(drawn));
+        }
         let mut pixels = Pixels::load(&self.path)?;
         self.check_size(&self.path, pixels.size)?;
         pixels = pixels.over(self.background.0);

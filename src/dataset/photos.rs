@@ -277,7 +277,16 @@ mod tests {
             let path = folder.join(format!("{i}.png"));
             pixels(i).save_png(&path).unwrap();
             let (background, masks) = (Background::default(), Masks::Off);
-            Photo { path, mask: None, size: SIZE, stored: SIZE, undistort: None, background, masks }
+            Photo {
+                path,
+                mask: None,
+                size: SIZE,
+                stored: SIZE,
+                undistort: None,
+                background,
+                masks,
+                drawn: None,
+            }
         };
         (0..count).map(photo).collect()
     }

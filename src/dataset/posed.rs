@@ -82,6 +82,7 @@ impl Dataset {
         match self.kind {
             DatasetKind::ColmapBinary | DatasetKind::ColmapText => UpAxis::NegY,
             DatasetKind::Transforms => UpAxis::Z,
+            DatasetKind::Drawn => UpAxis::Y,
         }
     }
 }

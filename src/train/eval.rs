@@ -8,7 +8,7 @@ use crate::image::Pixels;
 use crate::math::color::linear_from_srgb;
 use crate::math::metric;
 use crate::mesh::{Colors, Mesh};
-use crate::raster::soft::{Frame, Soft, SoftOptions, SoupRef, Window};
+use crate::raster::soft::{Soft, SoftOptions, SoupRef, Window};
 use crate::raster::solid::{Solid, SolidRasterOptions};
 use crate::soup::{Soup, rgb_from_sh0};
 use schemars::JsonSchema;
@@ -92,7 +92,7 @@ impl Evaluator {
             return solid_pictures(soup, cameras, options);
         }
         let soup = SoupRef::from(&soup);
-        cameras.map(|camera| to_pixels(self.soft.render(&soup, &camera, options))).collect()
+        cameras.map(|camera| self.soft.render(&soup, &camera, options).to_pixels()).collect()
     }
 
     /// Compares the [`Evaluator::pictures`] with their photos.
@@ -121,9 +121,4 @@ fn solid_pictures(
     let drawing = SolidRasterOptions { background: options.background, samples: 4, near: options.near };
     let mut solid = Solid::new();
     cameras.map(|camera| solid.render(&mesh, &camera, &drawing)).collect()
-}
-
-fn to_pixels(frame: &Frame) -> Pixels {
-    let code = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
-    Pixels { size: frame.size, rgb: frame.rgb.iter().map(|p| p.map(code)).collect(), alpha: None }
 }

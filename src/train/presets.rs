@@ -17,6 +17,41 @@ impl TrainOptions {
     }
 }
 
+impl TrainOptions {
+    /// The options of a preset for a run that starts from a trained scene in place of points: no small photos first,
+    /// all degrees of view-dependent colour at once, corners that move less, and the anneal from the first step on.
+    pub fn from_scene(preset: TrainPreset) -> Self {
+        let base = Self::preset(preset);
+        let rates = RateOptions { vertices: 0.3 * base.rates.vertices, sh_every: 0.0, ..base.rates };
+        let warmup = WarmupOptions { quarter_until: 0.0, half_until: 0.0, ..base.warmup };
+        match preset {
+            TrainPreset::Solid => Self {
+                steps: 4000,
+                sh_degree: 3,
+                rates,
+                warmup,
+                solid: SolidifyOptions {
+                    opacity_from: 0.0,
+                    opacity_until: HARDENED,
+                    prune_faint: [
+                        PruneFaint { from_step: 0.97 * HARDENED, min_opacity: 0.4 },
+                        PruneFaint::NEVER,
+                    ],
+                    sigma_until: HARDENED,
+                    engine_shading_from: HARDENED,
+                    opaque_from: HARDENED,
+                    ..base.solid
+                },
+                ..base
+            },
+            _ => Self { rates, warmup, ..base },
+        }
+    }
+}
+
+/// Where a scene that was soft has become opaque, steps of a 30,000-step run.
+const HARDENED: f64 = 12_000.0;
+
 const OUTDOOR: TrainOptions = TrainOptions {
     preset: TrainPreset::Outdoor,
     steps: 5000,

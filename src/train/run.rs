@@ -3,15 +3,19 @@
 use super::backend::TrainBackend;
 use super::checkpoint::Checkpoint;
 use super::cpu::CpuBackend;
+use super::from_scene;
 use super::options::TrainOptions;
-use super::outputs::{Recorded, Recorder, RunOptions};
+use super::outputs::{Recorder, RunOptions};
 use super::progress::{TrainObserver, TrainSample};
 use super::trained::{Trained, provenance};
 use super::trainer::Trainer;
+use crate::asset::Provenance;
 use crate::camera::Camera;
-use crate::dataset::{Dataset, DatasetOptions};
+use crate::dataset::{Dataset, DatasetKind, DatasetOptions};
 use crate::error::Result;
 use crate::raster::soft::SoftOptions;
+use crate::report::generator;
+use crate::scene::Loaded;
 
 /// Trains a soup on the photos of `dataset` that are not held out.
 ///
@@ -65,6 +69,9 @@ pub struct TrainRun<'a> {
     pub photo_bytes: u64,
     /// What the run leaves behind on the way.
     pub outputs: RunOptions,
+    /// The scene to start from in place of the data set's points, as a reader gives it; its options are best those
+    /// of [`TrainOptions::from_scene`].
+    pub from: Option<Loaded>,
     /// The checkpoint to go on from.
     pub resume: Option<Checkpoint>,
 }
@@ -79,6 +86,7 @@ impl<'a> TrainRun<'a> {
             background: [0.0; 3],
             photo_bytes: 0,
             outputs: RunOptions::default(),
+            from: None,
             resume: None,
         };
         run.with_dataset_options(&DatasetOptions::default())
@@ -108,11 +116,14 @@ impl<'a> TrainRun<'a> {
             Some(checkpoint) => (checkpoint.meta.curve.clone(), checkpoint.meta.cpu_secs),
             None => (Vec::new(), 0.0),
         };
+        // A scene that teaches itself stays in the frame of its file, and what its file says of itself stays true.
+        let taught = (dataset.kind == DatasetKind::Drawn).then(|| self.from.clone()).flatten();
+        let from = taught.as_ref().map(from_scene::in_its_own_frame).or(self.from);
         let trainer = match self.resume {
             Some(checkpoint) => Trainer::resume(dataset, checkpoint, photo_bytes, backend)?,
-            None => Trainer::start(dataset, &self.options, photo_bytes, backend)?,
+            None => Trainer::start(dataset, from.as_ref(), &self.options, photo_bytes, backend)?,
         };
-        Ok(StartedRun { trainer, dataset, drawing, outputs: self.outputs, curve, cpu_secs })
+        Ok(StartedRun { trainer, dataset, taught, drawing, outputs: self.outputs, curve, cpu_secs })
     }
 
     /// Runs to the end, or until `observer` wants to stop.
@@ -128,6 +139,8 @@ impl<'a> TrainRun<'a> {
 pub struct StartedRun<'a, B> {
     trainer: Trainer<B>,
     dataset: &'a Dataset,
+    /// The scene whose pictures are the photos.
+    taught: Option<Loaded>,
     drawing: SoftOptions,
     outputs: RunOptions,
     curve: Vec<TrainSample>,
@@ -192,26 +205,26 @@ impl<B: TrainBackend> StartedRun<'_, B> {
             }
         }
         let recorded = record.finish(&mut trainer, last, observer)?;
-        trained(self.dataset, &mut trainer, recorded, stopped)
+        let (provenance, cameras) = match self.taught {
+            Some(scene) => {
+                let [generator, trainer] = [(); 2].map(|()| Some(generator()));
+                (Provenance { generator, trainer, ..scene.provenance }, scene.cameras)
+            }
+            None => {
+                let cameras: Vec<Camera> = self.dataset.train().map(|view| view.camera).collect();
+                (provenance(self.dataset, &cameras), cameras)
+            }
+        };
+        Ok(Trained {
+            soup: trainer.soup()?,
+            provenance,
+            cameras,
+            steps: trainer.steps(),
+            curve: recorded.curve,
+            scores: recorded.scores,
+            dropped: trainer.dropped(),
+            cpu_secs: recorded.cpu_secs,
+            stopped,
+        })
     }
-}
-
-fn trained<B: TrainBackend>(
-    dataset: &Dataset,
-    trainer: &mut Trainer<B>,
-    recorded: Recorded,
-    stopped: bool,
-) -> Result<Trained> {
-    let cameras: Vec<Camera> = dataset.train().map(|view| view.camera).collect();
-    Ok(Trained {
-        soup: trainer.soup()?,
-        provenance: provenance(dataset, &cameras),
-        cameras,
-        steps: trainer.steps(),
-        curve: recorded.curve,
-        scores: recorded.scores,
-        dropped: trainer.dropped(),
-        cpu_secs: recorded.cpu_secs,
-        stopped,
-    })
 }

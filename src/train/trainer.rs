@@ -2,6 +2,7 @@
 
 use super::backend::{StepPhoto, StepStats, TrainBackend};
 use super::checkpoint::{Checkpoint, CheckpointMeta};
+use super::from_scene;
 use super::init::{InitPoint, first_soup};
 use super::options::TrainOptions;
 use super::params::{Anneal, Params, TrainState};
@@ -15,6 +16,7 @@ use crate::camera::Camera;
 use crate::dataset::{Dataset, Point, View, cloud};
 use crate::error::{Error, Result};
 use crate::raster::soft::{SoftOptions, Window};
+use crate::scene::Loaded;
 use crate::soup::Soup;
 use glam::Vec3;
 
@@ -63,13 +65,23 @@ struct Position {
 }
 
 impl<B: TrainBackend> Trainer<B> {
-    /// A run from its beginning. `photo_bytes` is the memory for decoded photos.
+    /// A run from its beginning: from the triangles of `scene`, or from the points of the data set.
+    /// `photo_bytes` is the memory for decoded photos.
     ///
-    /// Errors: options out of range, no training photos.
-    pub fn start(dataset: &Dataset, options: &TrainOptions, photo_bytes: u64, backend: B) -> Result<Self> {
+    /// Errors: options out of range, no training photos, a scene of more triangles than the options permit.
+    pub fn start(
+        dataset: &Dataset,
+        scene: Option<&Loaded>,
+        options: &TrainOptions,
+        photo_bytes: u64,
+        backend: B,
+    ) -> Result<Self> {
         options.validate()?;
         let views: Vec<&View> = dataset.train().collect();
-        let position = first_position(&views, &dataset.points, options);
+        let position = match scene {
+            Some(scene) => scene_position(&views, scene, dataset, options)?,
+            None => first_position(&views, &dataset.points, options),
+        };
         Self::assemble(&views, position, photo_bytes, backend)
     }
 
@@ -308,11 +320,32 @@ fn first_position(views: &[&View], points: &[Point], options: &TrainOptions) -> 
         // Evenly over the cloud, which files store in no order that matters.
         soup.retain(|i| (i + 1) * most / count > i * most / count);
     }
+    at_first_step(views, options, space, &soup)
+}
+
+/// The triangles of a scene that is there already.
+fn scene_position(
+    views: &[&View],
+    scene: &Loaded,
+    dataset: &Dataset,
+    options: &TrainOptions,
+) -> Result<Position> {
+    let cameras: Vec<Camera> = views.iter().map(|v| v.camera).collect();
+    let positions: Vec<Vec3> = match dataset.points.is_empty() {
+        true => from_scene::centers(scene, dataset.origin),
+        false => dataset.points.iter().map(|p| p.position).collect(),
+    };
+    let space = Space::new(&cameras, &positions);
+    let soup = from_scene::first_soup(scene, dataset.origin, &space, options.max_triangles)?;
+    Ok(at_first_step(views, options, space, &soup))
+}
+
+fn at_first_step(views: &[&View], options: &TrainOptions, space: Space, soup: &Soup) -> Position {
     Position {
         options: options.clone(),
         space,
         visibility: VisibilityStats::new(soup.len(), views.len()),
-        state: TrainState::new(Params::from_soup(&soup, options.sh_degree)),
+        state: TrainState::new(Params::from_soup(soup, options.sh_degree)),
         step: 0,
         dropped: 0,
     }

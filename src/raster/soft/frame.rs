@@ -1,5 +1,6 @@
 //! What the soft rasteriser draws, and the gradient of a loss with respect to it.
 
+use crate::image::Pixels;
 use glam::UVec2;
 
 /// What a camera sees. `[height * width]`, row by row
@@ -19,6 +20,14 @@ pub struct Frame {
     pub normal: Vec<[f32; 3]>,
     /// Σ_{j<k} w_j w_k (m_j - m_k)², m the mapped depth. Empty unless asked for.
     pub distortion: Vec<f32>,
+}
+
+impl Frame {
+    /// The colours in 8 bits: clamped to [0, 1] and rounded. They must be sRGB-encoded.
+    pub fn to_pixels(&self) -> Pixels {
+        let code = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
+        Pixels { size: self.size, rgb: self.rgb.iter().map(|p| p.map(code)).collect(), alpha: None }
+    }
 }
 
 /// Gradient of a loss L with respect to a [`Frame`]; empty means zero, except `d_rgb`, which is always needed.

@@ -1,0 +1,140 @@
+//! A soft scene teaches its own solid twin: pictures of it, from its cameras and from between them, in place of
+//! photos.
+
+use super::space::Space;
+use super::{from_scene, options::TrainOptions};
+use crate::camera::Camera;
+use crate::dataset::{Dataset, DatasetKind, Photo, View};
+use crate::error::{Error, Result};
+use crate::raster::soft::{Soft, SoftOptions, SoupRef};
+use crate::scene::Loaded;
+use glam::{DVec3, Mat3, Quat};
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+/// Cameras are only mixed with one of their nearest neighbours: between far ones may stand a wall.
+const NEIGHBOURS: usize = 2;
+/// Views that look this much apart do not show the same, cosine of the angle.
+const MIN_COSINE: f32 = 0.5;
+/// One picture in so many is held out, to measure the twin on.
+const HELD_OUT: usize = 8;
+
+/// Draws `scene` as it was trained and makes a data set of the pictures, in the frame of its file. Pictures take at most
+/// `max_bytes`: with many cameras, fewer are drawn from between them.
+///
+/// Errors: a scene without cameras.
+pub fn dataset(
+    path: &Path,
+    scene: &Loaded,
+    options: &TrainOptions,
+    background: [f32; 3],
+    max_bytes: u64,
+) -> Result<Dataset> {
+    if scene.cameras.is_empty() {
+        let wants = "photos of it, as it stores no cameras: only soups that `trisplat train` wrote do";
+        return Err(Error::invalid("from", path.display(), wants));
+    }
+    let cameras = viewpoints(&scene.cameras, max_bytes);
+    let scene = from_scene::in_its_own_frame(scene);
+    let space = Space::new(&scene.cameras, &from_scene::centers(&scene, DVec3::ZERO));
+    let soup = from_scene::first_soup(&scene, DVec3::ZERO, &space, u64::MAX)?;
+    // What is opaque already does not leak.
+    let least = soup.opacity.iter().copied().fold(1.0, f32::min);
+    let drawing = options.drawing(background);
+    let drawing = SoftOptions { alpha_cap: drawing.alpha_cap.max(least), ..drawing };
+    let mut soft = Soft::new();
+    let view = |(i, camera): (usize, &Camera)| {
+        let frame = soft.render(&SoupRef::from(&soup), &space.camera_to_training(camera), &drawing);
+        View {
+            name: format!("teacher_{i:05}"),
+            camera: *camera,
+            photo: Photo::drawn(frame.to_pixels()),
+            test: i % HELD_OUT == HELD_OUT / 2,
+        }
+    };
+    Ok(Dataset {
+        path: PathBuf::from(path),
+        kind: DatasetKind::Drawn,
+        views: cameras.iter().enumerate().map(view).collect(),
+        points: Vec::new(),
+        origin: DVec3::ZERO,
+        reprojection: None,
+        warnings: Vec::new(),
+    })
+}
+
+/// The cameras themselves, then those half way to each one's nearest neighbours, as many as fit.
+fn viewpoints(cameras: &[Camera], max_bytes: u64) -> Vec<Camera> {
+    let bytes = |camera: &Camera| 3 * u64::from(camera.size.x) * u64::from(camera.size.y);
+    let mut all = cameras.to_vec();
+    let mut left = max_bytes.saturating_sub(cameras.iter().map(bytes).sum());
+    // A pair may be each other's nearest: it has one middle.
+    let mut seen = HashSet::new();
+    for (rank, i) in (0..NEIGHBOURS).flat_map(|rank| (0..cameras.len()).map(move |i| (rank, i))) {
+        let Some(other) = neighbour(cameras, i, rank) else { continue };
+        let needed = bytes(&cameras[i]);
+        if needed <= left && seen.insert((i.min(other), i.max(other))) {
+            left -= needed;
+            all.push(middle(&cameras[i], &cameras[other]));
+        }
+    }
+    all
+}
+
+/// The camera that is `rank`-th nearest to camera `i` among those that look the same way.
+fn neighbour(cameras: &[Camera], i: usize, rank: usize) -> Option<usize> {
+    let (position, forward) = (cameras[i].position(), cameras[i].rotation.row(2));
+    let alike = |j: &usize| *j != i && cameras[*j].rotation.row(2).dot(forward) >= MIN_COSINE;
+    let mut others: Vec<usize> = (0..cameras.len()).filter(alike).collect();
+    let distance = |j: &usize| cameras[*j].position().distance_squared(position);
+    others.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+    others.get(rank).copied()
+}
+
+/// A camera half way between two, with the lens of the first.
+fn middle(a: &Camera, b: &Camera) -> Camera {
+    let rotation = Mat3::from_quat(Quat::from_mat3(&a.rotation).slerp(Quat::from_mat3(&b.rotation), 0.5));
+    let position = (a.position() + b.position()) / 2.0;
+    Camera { rotation, translation: -(rotation * position), ..*a }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{UVec2, Vec2, Vec3};
+
+    /// Cameras on a line that look ahead, one step apart, and a last one that looks back.
+    fn line(count: usize) -> Vec<Camera> {
+        let camera = |i: usize| Camera {
+            rotation: if i + 1 == count {
+                Mat3::from_rotation_y(std::f32::consts::PI)
+            } else {
+                Mat3::IDENTITY
+            },
+            translation: Vec3::X * -(i as f32),
+            focal: Vec2::splat(10.0),
+            center: Vec2::splat(5.0),
+            size: UVec2::splat(10),
+        };
+        (0..count).map(camera).collect()
+    }
+
+    #[test]
+    fn pictures_lie_between_neighbours_that_look_the_same_way() {
+        let cameras = line(5);
+        let all = viewpoints(&cameras, u64::MAX);
+        assert_eq!(all[..5], cameras[..]);
+        let mut between: Vec<f32> = all[5..].iter().map(|camera| camera.position().x).collect();
+        between.sort_by(f32::total_cmp);
+        // Nearest neighbours one step apart, and at the ends two; none beside the one that looks back.
+        assert_eq!(between, [0.5, 1.0, 1.5, 2.0, 2.5]);
+        assert!(all[5..].iter().all(|camera| camera.validate().is_ok()));
+    }
+
+    #[test]
+    fn no_more_pictures_than_fit() {
+        let cameras = line(5);
+        assert_eq!(viewpoints(&cameras, 7 * 300).len(), 7);
+        assert_eq!(viewpoints(&cameras, 0).len(), 5, "its own cameras always");
+    }
+}
