@@ -24,6 +24,7 @@ fn prepare(folder: &Path) {
     copy_folder(&root.join("samples/dataset"), &folder.join("photos"));
     std::fs::create_dir(folder.join("samples/soups")).unwrap();
     std::fs::copy(root.join("samples/soups/studio.ply"), folder.join("samples/soups/studio.ply")).unwrap();
+    std::fs::copy(root.join("samples/soups/trained.ply"), folder.join("soft.ply")).unwrap();
     let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]];
     let triangles = (0..20).flat_map(|i| corners.map(|[x, y, z]| [x + i as f32, y, z])).flatten();
     let tensors = [
