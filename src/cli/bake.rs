@@ -120,11 +120,7 @@ fn guard(args: &BakeArgs, output: &Output) -> Result<()> {
         if meta.is_dir() {
             return Err(Error::invalid("--output", target.display(), "a file name; this is a folder"));
         }
-        let same = |input: &PathBuf| match (std::fs::canonicalize(input), std::fs::canonicalize(target)) {
-            (Ok(input), Ok(target)) => input == target,
-            _ => false,
-        };
-        if args.inputs.iter().any(same) {
+        if args.inputs.iter().any(|input| files::is_same(input, target)) {
             return Err(Error::invalid("--output", target.display(), "a file that is not also an input"));
         }
         if meta.is_file() && !args.force && !args.dry_run {

@@ -19,6 +19,11 @@ pub fn save_json(value: &impl Serialize, path: &Path) -> Result<()> {
     file.commit().map(drop)
 }
 
+/// True when both names lead to one file.
+pub fn is_same(a: &Path, b: &Path) -> bool {
+    matches!((std::fs::canonicalize(a), std::fs::canonicalize(b)), (Ok(a), Ok(b)) if a == b)
+}
+
 /// The error of a file that exists and may not be replaced.
 pub fn is_there(option: &str, path: &Path) -> Error {
     Error::invalid(option, path.display(), "a new file, or --force to replace it")

@@ -131,6 +131,13 @@ fn guard(args: &TrainArgs, outputs: &RunOptions) -> Result<()> {
     ];
     for (option, path) in targets {
         let Some(path) = path.filter(|path| path.as_os_str() != "-") else { continue };
+        if args.from.as_deref().is_some_and(|from| files::is_same(from, &path)) {
+            return Err(Error::invalid(
+                option,
+                path.display(),
+                "a file that is not also the scene to start from",
+            ));
+        }
         if path.is_file() && !args.force {
             return Err(files::is_there(option, &path));
         }

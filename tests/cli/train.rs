@@ -121,3 +121,24 @@ fn nothing_is_replaced_without_force() {
     let missing = folder.path().join("no/where.json");
     fails(folder.path(), &[&"train", &data, &"-o", &out, &"--force", &"--report", &missing], &["where.json"]);
 }
+
+#[test]
+fn a_scene_that_teaches_itself_is_not_overwritten_and_needs_cameras() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+        stderr(&command.current_dir(folder.path()).arg("train").args(arguments).output().unwrap())
+    };
+    let samples = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/soups");
+    let before = std::fs::read(samples.join("trained.ply")).unwrap();
+    std::fs::write(folder.path().join("soft.ply"), &before).unwrap();
+    std::fs::copy(samples.join("studio.ply"), folder.path().join("no cameras.ply")).unwrap();
+    let said = run(&["--from", "soft.ply", "-o", "soft.ply", "--force", "--steps", "1"]);
+    assert!(said.contains("--output is soft.ply: wants a file that is not also the scene"), "{said}");
+    assert!(std::fs::read(folder.path().join("soft.ply")).unwrap() == before);
+    let said = run(&["--from", "no cameras.ply", "-o", "solid.ply"]);
+    assert!(said.contains("--from is no cameras.ply: wants photos of it, as it stores no cameras"), "{said}");
+    let said = run(&["-o", "solid.ply"]);
+    assert!(said.contains("<DATASET>"), "{said}");
+    assert!(!folder.path().join("solid.ply").exists());
+}
