@@ -11,7 +11,7 @@
 //!
 //! Written are unlit, double-sided, opaque triangles with a colour per vertex; read are these files in all their
 //! variants, and those of other programs with vertex colours. The document is composed of `gltf-json`'s types;
-//! The module `document` says why it is read into types of this crate.
+//! the module `document` says why it is read into types of this crate.
 
 pub(super) mod accessor;
 pub(super) mod buffers;
