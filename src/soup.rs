@@ -1,9 +1,12 @@
 //! The trained scene: N unconnected triangles in the world.
 
 use crate::error::{Error, Result};
-use crate::math::color::SH_C0;
 use crate::math::finite::{all_finite, all_in_unit, all_positive};
 use glam::Vec3;
+
+/// The SH degree 0 basis function, 1 / (2 sqrt(pi)), in eight digits: one unit in the last place below the
+/// kernels' constant in f32, and part of the bits of every baked colour.
+pub const SH_C0: f32 = 0.282_094_79;
 
 /// N unconnected triangles. Values are physical, never logits.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -145,10 +148,19 @@ impl Soup {
 
 /// sRGB-encoded channel of an SH degree 0 coefficient.
 pub fn rgb_from_sh0(coefficient: f32) -> f32 {
-    0.5 + SH_C0 as f32 * coefficient
+    0.5 + SH_C0 * coefficient
 }
 
 /// The SH degree 0 coefficient of an sRGB-encoded channel.
 pub fn sh0_from_rgb(channel: f32) -> f32 {
-    (channel - 0.5) / SH_C0 as f32
+    (channel - 0.5) / SH_C0
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_constant_is_the_kernels_to_one_unit_in_the_last_place() {
+        let exact = crate::kernel::constants::SH_C0 as f32;
+        assert!(super::SH_C0 == exact || super::SH_C0.next_up() == exact);
+    }
 }

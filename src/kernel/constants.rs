@@ -8,8 +8,9 @@ pub const RATIO_FLOOR: f64 = 1.0 / 1_048_576.0;
 /// ln 2.
 pub const LN_2: f64 = std::f64::consts::LN_2;
 
-pub use crate::math::color::SH_C0;
-/// Real spherical harmonics of degree 1: sqrt(3 / (4 pi)).
+/// Real spherical harmonics, degree 0: 1 / (2 sqrt(pi)).
+pub const SH_C0: f64 = 0.282_094_791_773_878_14;
+/// Degree 1: sqrt(3 / (4 pi)).
 pub const SH_C1: f64 = 0.488_602_511_902_919_9;
 /// Degree 2: xy, yz, 3z²-1, xz, x²-y².
 pub const SH_C2: [f64; 5] = [

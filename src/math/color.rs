@@ -1,11 +1,7 @@
-//! sRGB transfer functions (IEC 61966-2-1), and the harmonic that colours are stored in.
+//! sRGB transfer functions (IEC 61966-2-1).
 
 use crate::math::real::Real;
 use std::sync::LazyLock;
-
-/// The real spherical harmonic of degree 0, 1 / (2 sqrt(pi)): a colour that is the same from everywhere is
-/// 0.5 + SH_C0 · coefficient.
-pub const SH_C0: f64 = 0.282_094_791_773_878_14;
 
 /// sRGB-encoded channel in [0, 1] to linear light; values outside are clamped first.
 pub fn linear_from_srgb(encoded: f32) -> f32 {
