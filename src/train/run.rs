@@ -207,8 +207,8 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         let recorded = record.finish(&mut trainer, last, observer)?;
         let (provenance, cameras) = match self.taught {
             Some(scene) => {
-                let [generator, trainer] = [(); 2].map(|()| Some(generator()));
-                (Provenance { generator, trainer, ..scene.provenance }, scene.cameras)
+                let ours = Some(generator());
+                (Provenance { generator: ours.clone(), trainer: ours, ..scene.provenance }, scene.cameras)
             }
             None => {
                 let cameras: Vec<Camera> = self.dataset.train().map(|view| view.camera).collect();
