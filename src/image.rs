@@ -26,8 +26,7 @@ impl Image {
 
     /// The picture in 8 bits: clamped to [0, 1] and rounded to the nearest code; NaN becomes 0.
     pub fn to_pixels(&self) -> Pixels {
-        let code = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
-        Pixels { size: self.size, rgb: self.pixels.iter().map(|p| p.map(code)).collect(), alpha: None }
+        Pixels::from_rgb(self.size, &self.pixels)
     }
 
     /// Writes an 8-bit PNG; see [`Pixels::save_png`].
@@ -49,6 +48,12 @@ pub struct Pixels {
 }
 
 impl Pixels {
+    /// sRGB-encoded colours in 8 bits: clamped to [0, 1] and rounded to the nearest code; NaN becomes 0. `[H * W]`
+    pub fn from_rgb(size: UVec2, rgb: &[[f32; 3]]) -> Self {
+        let code = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
+        Self { size, rgb: rgb.iter().map(|p| p.map(code)).collect(), alpha: None }
+    }
+
     /// The picture as floats in [0, 1]; alpha is left out.
     pub fn to_image(&self) -> Image {
         let pixels = self.rgb.iter().map(|p| p.map(|c| f32::from(c) * (1.0 / 255.0))).collect();

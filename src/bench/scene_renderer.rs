@@ -94,12 +94,8 @@ impl SceneRenderer {
             None => space_around(soup.vertices.as_flattened()),
         };
         space.soup_to_training(&mut soup);
-        // The alpha cap rises with the least opacity, as it does at the end of training: a soup that is
-        // solid throughout is drawn without a leak.
-        let least = soup.opacity.iter().copied().fold(1.0, f32::min);
-        let defaults = SoftOptions::default();
-        let alpha_cap = defaults.alpha_cap.max(least);
-        let options = SoftOptions { background, alpha_cap, near: NEAR, ..defaults };
+        let options = SoftOptions { background, near: NEAR, ..SoftOptions::default() };
+        let options = options.with_cap_for(&soup.opacity);
         Self::Soft(Box::new(SoftScene { soup, space, options, soft: Soft::new() }))
     }
 

@@ -1,12 +1,9 @@
 //! A soup trained for a benchmark, in a file like any other.
 
-use crate::asset::{Placement, Provenance};
-use crate::camera::{self, Camera};
+use crate::asset::Provenance;
 use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
-use crate::formats::ply;
-use crate::train::{TrainObserver, TrainOptions, TrainPreset, TrainRun};
-use std::io::Write;
+use crate::train::{TrainObserver, TrainOptions, TrainPreset, TrainRun, Trained};
 use std::path::PathBuf;
 
 /// How much is trained.
@@ -58,18 +55,15 @@ pub fn train(
     options.steps = budget.steps.unwrap_or(options.steps);
     options.max_triangles = budget.max_triangles.unwrap_or(options.max_triangles);
     let trained = TrainRun::new(dataset, &options).with_dataset_options(dataset_options).run(observer)?;
+    let steps = trained.steps;
 
-    let cameras: Vec<Camera> = dataset.train().map(|view| view.camera).collect();
-    let placement = Placement { center: dataset.origin.to_array(), ..Placement::IDENTITY };
-    let provenance =
-        Provenance { placement, viewpoint: camera::viewpoint(&cameras), ..Provenance::default() };
     let folder = tempfile::tempdir().map_err(|e| Error::io(std::env::temp_dir(), e))?;
     let path = folder.path().join("soup.ply");
-    let io = |e| Error::io(&path, e);
-    let mut file = std::io::BufWriter::new(std::fs::File::create(&path).map_err(io)?);
-    ply::write_soup(&mut file, &trained.soup, &provenance, &cameras).map_err(io)?;
-    file.flush().map_err(io)?;
+    // Only what moves cameras: benchmarks do not depend on names and axes.
+    let Provenance { placement, viewpoint, .. } = trained.provenance;
+    let provenance = Provenance { placement, viewpoint, ..Provenance::default() };
+    Trained { provenance, ..trained }.save(&path)?;
     let kind = serde_json::to_value(preset).unwrap_or_default();
-    let name = format!("{} {} steps", kind.as_str().unwrap_or_default(), trained.steps);
+    let name = format!("{} {steps} steps", kind.as_str().unwrap_or_default());
     Ok(TrainedSoup { path, name, _folder: folder })
 }

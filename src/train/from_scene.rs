@@ -1,7 +1,7 @@
 //! A run that starts from a scene in place of points: a soft soup to be hardened, or any mesh.
 
 use super::space::Space;
-use crate::asset::{Placement, Provenance};
+use crate::asset::Placement;
 use crate::error::{Error, Result};
 use crate::math::color::srgb_from_linear;
 use crate::mesh::Mesh;
@@ -14,11 +14,17 @@ const MESH_SIGMA: f32 = 0.05;
 /// Opacity of a mesh's triangles: high, but below 1, where the logit has no slope.
 const MESH_OPACITY: f32 = 0.95;
 
-/// The triangles of `scene` in training space. Its file may have been placed anew, and the data set moved near its
-/// origin: both are undone, `origin` is the world point that is (0, 0, 0) in the data set.
+/// The triangles of `scene` in training space. Its file may have been placed anew, by `placement`, and the data set moved
+/// near its origin: both are undone, `origin` is the world point that is (0, 0, 0) in the data set.
 ///
 /// Errors: more triangles than `max_triangles`, none at all.
-pub(super) fn first_soup(scene: &Loaded, origin: DVec3, space: &Space, max_triangles: u64) -> Result<Soup> {
+pub(super) fn first_soup(
+    scene: &Loaded,
+    placement: &Placement,
+    origin: DVec3,
+    space: &Space,
+    max_triangles: u64,
+) -> Result<Soup> {
     let mut soup = match &scene.scene {
         Scene::Soup(soup) => soup.clone(),
         Scene::Mesh(mesh) => solid_soup(mesh),
@@ -30,7 +36,6 @@ pub(super) fn first_soup(scene: &Loaded, origin: DVec3, space: &Space, max_trian
         let wants = format!("{} or more, as many as the scene to start from has", soup.len());
         return Err(Error::invalid("max_triangles", max_triangles, wants));
     }
-    let placement = &scene.provenance.placement;
     for corner in soup.vertices.iter_mut().flatten() {
         let world: Vec3 = (placement.to_world_f64(*corner) - origin).as_vec3();
         *corner = space.to_training(world);
@@ -38,15 +43,8 @@ pub(super) fn first_soup(scene: &Loaded, origin: DVec3, space: &Space, max_trian
     Ok(soup)
 }
 
-/// The same scene as if the frame of its file were the world.
-pub(super) fn in_its_own_frame(scene: &Loaded) -> Loaded {
-    let provenance = Provenance { placement: Placement::IDENTITY, ..scene.provenance.clone() };
-    Loaded { provenance, ..scene.clone() }
-}
-
 /// What stands for the points of a data set that has none: where the triangles of `scene` are, in its world.
-pub(super) fn centers(scene: &Loaded, origin: DVec3) -> Vec<Vec3> {
-    let placement = &scene.provenance.placement;
+pub(super) fn centers(scene: &Loaded, placement: &Placement, origin: DVec3) -> Vec<Vec3> {
     let center = |corners: [Vec3; 3]| {
         let sum: DVec3 = corners.iter().map(|corner| placement.to_world_f64(*corner)).sum();
         (sum / 3.0 - origin).as_vec3()

@@ -3,7 +3,6 @@
 use super::backend::TrainBackend;
 use super::checkpoint::Checkpoint;
 use super::cpu::CpuBackend;
-use super::from_scene;
 use super::options::TrainOptions;
 use super::outputs::{Recorder, RunOptions};
 use super::progress::{TrainObserver, TrainSample};
@@ -117,11 +116,15 @@ impl<'a> TrainRun<'a> {
             None => (Vec::new(), 0.0),
         };
         // A scene that teaches itself stays in the frame of its file, and what its file says of itself stays true.
-        let taught = (dataset.kind == DatasetKind::Drawn).then(|| self.from.clone()).flatten();
-        let from = taught.as_ref().map(from_scene::in_its_own_frame).or(self.from);
+        let taught = match &self.from {
+            Some(scene) if dataset.kind == DatasetKind::Drawn => {
+                Some((scene.provenance.clone(), scene.cameras.clone()))
+            }
+            _ => None,
+        };
         let trainer = match self.resume {
             Some(checkpoint) => Trainer::resume(dataset, checkpoint, photo_bytes, backend)?,
-            None => Trainer::start(dataset, from.as_ref(), &self.options, photo_bytes, backend)?,
+            None => Trainer::start(dataset, self.from.as_ref(), &self.options, photo_bytes, backend)?,
         };
         Ok(StartedRun { trainer, dataset, taught, drawing, outputs: self.outputs, curve, cpu_secs })
     }
@@ -139,8 +142,8 @@ impl<'a> TrainRun<'a> {
 pub struct StartedRun<'a, B> {
     trainer: Trainer<B>,
     dataset: &'a Dataset,
-    /// The scene whose pictures are the photos.
-    taught: Option<Loaded>,
+    /// Where the scene whose pictures are the photos came from, and its own cameras.
+    taught: Option<(Provenance, Vec<Camera>)>,
     drawing: SoftOptions,
     outputs: RunOptions,
     curve: Vec<TrainSample>,
@@ -206,9 +209,9 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         }
         let recorded = record.finish(&mut trainer, last, observer)?;
         let (provenance, cameras) = match self.taught {
-            Some(scene) => {
+            Some((provenance, cameras)) => {
                 let ours = Some(generator());
-                (Provenance { generator: ours.clone(), trainer: ours, ..scene.provenance }, scene.cameras)
+                (Provenance { generator: ours.clone(), trainer: ours, ..provenance }, cameras)
             }
             None => {
                 let cameras: Vec<Camera> = self.dataset.train().map(|view| view.camera).collect();

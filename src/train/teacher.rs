@@ -3,10 +3,11 @@
 
 use super::space::Space;
 use super::{from_scene, options::TrainOptions};
+use crate::asset::Placement;
 use crate::camera::Camera;
 use crate::dataset::{Dataset, DatasetKind, Photo, View};
 use crate::error::{Error, Result};
-use crate::raster::soft::{Soft, SoftOptions, SoupRef};
+use crate::raster::soft::{Soft, SoupRef};
 use crate::scene::Loaded;
 use glam::{DVec3, Mat3, Quat};
 use std::collections::HashSet;
@@ -35,13 +36,10 @@ pub fn dataset(
         return Err(Error::invalid("from", path.display(), wants));
     }
     let cameras = viewpoints(&scene.cameras, max_bytes);
-    let scene = from_scene::in_its_own_frame(scene);
-    let space = Space::new(&scene.cameras, &from_scene::centers(&scene, DVec3::ZERO));
-    let soup = from_scene::first_soup(&scene, DVec3::ZERO, &space, u64::MAX)?;
-    // What is opaque already does not leak.
-    let least = soup.opacity.iter().copied().fold(1.0, f32::min);
-    let drawing = options.drawing(background);
-    let drawing = SoftOptions { alpha_cap: drawing.alpha_cap.max(least), ..drawing };
+    let (placement, origin) = (Placement::IDENTITY, DVec3::ZERO);
+    let space = Space::new(&scene.cameras, &from_scene::centers(scene, &placement, origin));
+    let soup = from_scene::first_soup(scene, &placement, origin, &space, u64::MAX)?;
+    let drawing = options.drawing(background).with_cap_for(&soup.opacity);
     let mut soft = Soft::new();
     let view = |(i, camera): (usize, &Camera)| {
         let frame = soft.render(&SoupRef::from(&soup), &space.camera_to_training(camera), &drawing);
@@ -57,7 +55,7 @@ pub fn dataset(
         kind: DatasetKind::Drawn,
         views: cameras.iter().enumerate().map(view).collect(),
         points: Vec::new(),
-        origin: DVec3::ZERO,
+        origin,
         reprojection: None,
         warnings: Vec::new(),
     })

@@ -12,8 +12,9 @@ use super::refine::{self, Refined, refine};
 use super::schedule::Schedule;
 use super::space::Space;
 use super::visibility::{PhotoVisibility, VisibilityStats};
+use crate::asset::Placement;
 use crate::camera::Camera;
-use crate::dataset::{Dataset, Point, View, cloud};
+use crate::dataset::{Dataset, DatasetKind, Point, View, cloud};
 use crate::error::{Error, Result};
 use crate::raster::soft::{SoftOptions, Window};
 use crate::scene::Loaded;
@@ -331,12 +332,17 @@ fn scene_position(
     options: &TrainOptions,
 ) -> Result<Position> {
     let cameras: Vec<Camera> = views.iter().map(|v| v.camera).collect();
+    // Pictures drawn of the scene are in the frame of its file.
+    let placement = match dataset.kind {
+        DatasetKind::Drawn => Placement::IDENTITY,
+        _ => scene.provenance.placement,
+    };
     let positions: Vec<Vec3> = match dataset.points.is_empty() {
-        true => from_scene::centers(scene, dataset.origin),
+        true => from_scene::centers(scene, &placement, dataset.origin),
         false => dataset.points.iter().map(|p| p.position).collect(),
     };
     let space = Space::new(&cameras, &positions);
-    let soup = from_scene::first_soup(scene, dataset.origin, &space, options.max_triangles)?;
+    let soup = from_scene::first_soup(scene, &placement, dataset.origin, &space, options.max_triangles)?;
     Ok(at_first_step(views, options, space, &soup))
 }
 

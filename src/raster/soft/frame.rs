@@ -25,8 +25,7 @@ pub struct Frame {
 impl Frame {
     /// The colours in 8 bits: clamped to [0, 1] and rounded. They must be sRGB-encoded.
     pub fn to_pixels(&self) -> Pixels {
-        let code = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
-        Pixels { size: self.size, rgb: self.rgb.iter().map(|p| p.map(code)).collect(), alpha: None }
+        Pixels::from_rgb(self.size, &self.rgb)
     }
 }
 

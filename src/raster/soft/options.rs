@@ -95,6 +95,13 @@ impl Default for SoftOptions {
 }
 
 impl SoftOptions {
+    /// With the alpha cap raised to the least of these opacities, as it is at the end of training: a soup that is solid
+    /// throughout is drawn without a leak. `[N]`
+    pub fn with_cap_for(self, opacity: &[f32]) -> Self {
+        let least = opacity.iter().copied().fold(1.0, f32::min);
+        Self { alpha_cap: self.alpha_cap.max(least), ..self }
+    }
+
     /// The background as it is blended.
     pub(super) fn blended_background(&self) -> [f32; 3] {
         if self.linear { self.background.map(linear_from_srgb) } else { self.background }

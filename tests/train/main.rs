@@ -1,6 +1,8 @@
 //! Runs on small scenes: they reach a PSNR, resume bit for bit, survive odd data sets, and do not care
 //! where a scene lies or how large it is.
 
+mod from_scene;
+
 use std::path::Path;
 use trisplat::dataset::synthetic::{self, SyntheticOptions};
 use trisplat::dataset::{Dataset, DatasetOptions};

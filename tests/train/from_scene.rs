@@ -1,10 +1,11 @@
 //! Training that starts from a scene: with photos, and taught by its own soft pictures.
 
+use super::StopAfter;
 use glam::{DVec3, Vec3};
 use std::path::Path;
 use trisplat::asset::{Placement, UpAxis};
 use trisplat::dataset::synthetic::{self, SyntheticOptions};
-use trisplat::train::{RunOptions, TrainObserver, checkpoint, teacher};
+use trisplat::train::{RunOptions, checkpoint, teacher};
 use trisplat::{Bake, BakeOptions, Dataset, DatasetOptions, Loaded, Scene, Soup, placed, train};
 use trisplat::{TrainOptions, TrainPreset, TrainRun, Trained};
 
@@ -81,16 +82,6 @@ fn a_soft_scene_teaches_itself_without_photos() {
     let Scene::Soup(before) = &soft.scene else { panic!("a soup") };
     let (before, after) = (solid_psnr(before, &pictures), hardened.quality().unwrap().psnr);
     assert!(after > before + 2.0, "{after:.2} dB, {before:.2} dB before");
-}
-
-/// Stops after a number of steps.
-struct StopAfter(u64);
-
-impl TrainObserver for StopAfter {
-    fn wants_to_stop(&mut self) -> bool {
-        self.0 -= 1;
-        self.0 == 0
-    }
 }
 
 #[test]
