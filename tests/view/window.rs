@@ -73,15 +73,22 @@ impl Desk {
         assert!(done.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&done.stderr));
     }
 
-    /// Opens a window and waits until it is there.
+    /// Opens a window and waits until it has the focus and has drawn something: keys pressed before are lost.
     fn open(&mut self, arguments: &[&str]) {
         let child = self.trisplat(arguments).stderr(Stdio::piped()).spawn().unwrap();
         let id = wait_for("a window", || {
-            let ids = self.xdotool("search --name trisplat");
+            let ids = self.xdotool("search --onlyvisible --name trisplat");
             ids.lines().next().map(str::to_owned)
         });
-        self.xdotool(&format!("windowfocus {id}"));
+        wait_for("the focus", || {
+            self.xdotool(&format!("windowfocus {id}"));
+            (self.xdotool("getwindowfocus").trim() == id).then_some(())
+        });
         self.window = Some((child, id));
+        wait_for("a first picture", || {
+            let seen = self.seen().rgb;
+            seen.iter().any(|pixel| *pixel != seen[0]).then_some(())
+        });
     }
 
     /// What xdotool prints.

@@ -12,7 +12,7 @@ use glam::{UVec2, Vec2};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
-use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, WindowEvent};
+use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
 use winit::keyboard::{KeyCode, PhysicalKey};
 use winit::window::WindowId;
@@ -55,6 +55,13 @@ struct Mouse {
 }
 
 impl ApplicationHandler<Message> for App {
+    /// A wait that ended by time ended to draw again: a note has been shown for long enough.
+    fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
+        if let (StartCause::ResumeTimeReached { .. }, Some((screen, _))) = (cause, &self.window) {
+            screen.window.request_redraw();
+        }
+    }
+
     fn resumed(&mut self, events: &ActiveEventLoop) {
         let Some(loader) = self.loader.take() else { return };
         match Screen::open(events, &self.options) {
@@ -81,7 +88,8 @@ impl ApplicationHandler<Message> for App {
             }
             WindowEvent::Resized(size) => screen.resize(UVec2::new(size.width, size.height)),
             WindowEvent::RedrawRequested => self.redraw(events),
-            WindowEvent::KeyboardInput { event, .. } => {
+            // Keys that were held when the window got the focus are no commands to it.
+            WindowEvent::KeyboardInput { event, is_synthetic: false, .. } => {
                 self.key(events, &event);
                 Ok(())
             }
