@@ -5,6 +5,7 @@ pub mod finite;
 pub mod lanes;
 pub mod median;
 pub mod metric;
+pub mod octasphere;
 pub mod real;
 pub mod srgb8;
 pub mod ssim;

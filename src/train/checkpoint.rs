@@ -19,7 +19,7 @@ use std::io::Write;
 use std::path::Path;
 
 /// The layout written and read; it changes whenever a key or an array does.
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 
 /// A run between two steps.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,6 +44,8 @@ pub struct CheckpointMeta {
     pub options: TrainOptions,
     /// Centre and scale of training space.
     pub space: ([f32; 3], f32),
+    /// The first so many triangles are pinned: see [`TrainState::pinned`].
+    pub pinned: usize,
     /// Names of the training photos, in order.
     pub photos: Vec<String>,
     /// Gradients dropped because they were not finite.
@@ -140,9 +142,14 @@ pub fn read(path: &Path) -> Result<Checkpoint> {
     let state = TrainState {
         first: file.params("first", Some(&params))?,
         second: file.params("second", Some(&params))?,
+        pinned: meta.pinned,
         params,
     };
     let n = state.params.len();
+    if state.pinned > n {
+        let reason = format!("{} pinned triangles of {n}", state.pinned);
+        return Err(Error::malformed(path, "__metadata__", reason));
+    }
     let flags = |name: &str, count: usize| -> Result<Vec<bool>> {
         Ok(file.array::<u8>(name, Dtype::U8, &[count])?.iter().map(|b| *b != 0).collect())
     };
@@ -255,12 +262,14 @@ mod tests {
             step: 17,
             options: TrainOptions::default(),
             space: ([1.0, 2.0, 3.5], 0.123),
+            pinned: 1,
             photos: vec!["a".into(), "b".into()],
             dropped: 2,
             curve: vec![TrainSample::default()],
             cpu_secs: 1.5,
         };
-        Checkpoint { state: TrainState::new(Params::from_soup(&soup, 2)), visibility, meta }
+        let state = TrainState { pinned: 1, ..TrainState::new(Params::from_soup(&soup, 2)) };
+        Checkpoint { state, visibility, meta }
     }
 
     #[test]

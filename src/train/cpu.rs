@@ -82,7 +82,7 @@ impl TrainBackend for CpuBackend {
         }
         self.soft.accumulate_importance(importance);
         add_errors(&self.d_soup, &mut self.visibility.error);
-        let regularisers = Regularisers::new(&self.state.params, rates);
+        let regularisers = Regularisers::new(&self.state, rates);
         let (touched, broken) = update(&mut self.state, &self.d_soup, rates, &regularisers);
         Ok(StepStats {
             loss: means.value(rates.dssim) + geometry,

@@ -109,6 +109,9 @@ pub struct InitOptions {
     pub dome_share: f64,
     /// Radius of the dome, in distances from the centre to the farthest point of the inner 99% (TS 1).
     pub dome_radius: f64,
+    /// Subdivisions of the shell that closes the scene where it has no points: 8 · 4^n triangles at most, 0 for none
+    /// (not in the paper). Small runs have fewer, photos with masks none.
+    pub shell_subdivisions: u32,
     /// Points drawn at random inside the cameras' views when the data set has none.
     pub random_points: u64,
 }
@@ -378,6 +381,8 @@ impl TrainOptions {
         )?;
         at_least_zero("init.dome_share", self.init.dome_share)?;
         positive("init.dome_radius", self.init.dome_radius)?;
+        let shell = self.init.shell_subdivisions;
+        wants(shell <= 6, "init.shell_subdivisions", shell.into(), "0 to 6")?;
         wants(self.init.random_points >= 1, "init.random_points", 0.0, "1 or more")?;
         share("loss.dssim", self.loss.dssim)?;
         for (option, value) in self.non_negative() {

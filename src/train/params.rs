@@ -165,6 +165,9 @@ pub struct TrainState {
     pub first: Params,
     /// Second moments, shaped like the parameters.
     pub second: Params,
+    /// The first so many triangles only change their colour, which is the same from all sides, and are neither pruned
+    /// nor grown.
+    pub pinned: usize,
 }
 
 impl TrainState {
@@ -177,7 +180,7 @@ impl TrainState {
             sh: vec![[0.0; 3]; params.sh.len()],
             sh_degree: params.sh_degree,
         };
-        Self { first: zero.clone(), second: zero, params }
+        Self { first: zero.clone(), second: zero, params, pinned: 0 }
     }
 
     /// Appends triangle `i` of `from` with its moments.
@@ -201,7 +204,7 @@ impl TrainState {
     /// An empty state for the same SH degree.
     pub fn empty_like(&self) -> Self {
         let empty = Params { sh_degree: self.params.sh_degree, ..Params::default() };
-        Self { params: empty.clone(), first: empty.clone(), second: empty }
+        Self { params: empty.clone(), first: empty.clone(), second: empty, pinned: self.pinned }
     }
 }
 

@@ -71,6 +71,7 @@ const OUTDOOR: TrainOptions = TrainOptions {
         opacity: 0.28,
         dome_share: 0.0,
         dome_radius: 1.0,
+        shell_subdivisions: 4,
         random_points: 10_000,
     },
     loss: LossOptions {
@@ -167,6 +168,7 @@ const SOLID: TrainOptions = TrainOptions {
 const PAPER_ENGINE: TrainOptions = TrainOptions {
     preset: TrainPreset::PaperEngine,
     sh_degree: 0,
+    init: InitOptions { shell_subdivisions: 0, ..OUTDOOR.init },
     loss: LossOptions { normal: 0.0001, ..OUTDOOR.loss },
     solid: SolidifyOptions {
         enabled: true,

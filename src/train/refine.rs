@@ -115,7 +115,7 @@ fn prune(
 ) -> Vec<bool> {
     let (params, o) = (&state.params, plan.options);
     let mut alive = vec![true; params.len()];
-    for (i, alive) in alive.iter_mut().enumerate() {
+    for (i, alive) in alive.iter_mut().enumerate().skip(state.pinned) {
         let observed = complete && !visibility.exempt[i];
         let cause = if !params.is_finite(i) {
             &mut done.broken
@@ -170,7 +170,7 @@ fn sample_growth(
     };
     let mut keys: Vec<(f64, u32)> = (0..alive.len())
         .into_par_iter()
-        .filter(|&i| alive[i] && weight(i) > 0.0)
+        .filter(|&i| i >= state.pinned && alive[i] && weight(i) > 0.0)
         .map(|i| (-(1.0 - rng.uniform_f64(i as u64)).ln() / weight(i), i as u32))
         .collect();
     keys.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -367,6 +367,20 @@ mod tests {
             // The same plane and winding, and half of the area.
             assert!((2.0 * area(half) - area(&parent)).length() < 1e-5 * area(&parent).length().max(1.0));
         }
+    }
+
+    #[test]
+    fn pinned_triangles_stay_as_they_are() {
+        let options = RefineOptions { growth: 5.0, ..RefineOptions::default() };
+        let (mut s, mut w) = (state(10), visible(10, 3));
+        s.pinned = 4;
+        let before = s.params.clone();
+        w.max_weight.fill(0.0);
+        w.max_weight[9] = 0.5;
+        let done = refine(&mut s, &mut w, &plan(&options));
+        assert_eq!((done.unimportant, done.cloned), (5, 1));
+        assert_eq!((s.params.len(), s.pinned), (6, 4));
+        assert_eq!(s.params.vertices[..4], before.vertices[..4]);
     }
 
     #[test]

@@ -2,24 +2,21 @@
 
 use super::backend::{StepPhoto, StepStats, TrainBackend};
 use super::checkpoint::{Checkpoint, CheckpointMeta};
-use super::from_scene;
-use super::init::{InitPoint, first_soup};
 use super::options::TrainOptions;
-use super::params::{Anneal, Params, TrainState};
+use super::params::Anneal;
 use super::progress::TrainSample;
 use super::pyramid::{Pyramid, order};
 use super::refine::{self, Refined, refine};
 use super::schedule::Schedule;
 use super::space::Space;
+use super::start::{self, Position};
 use super::visibility::{PhotoVisibility, VisibilityStats};
-use crate::asset::Placement;
 use crate::camera::Camera;
-use crate::dataset::{Dataset, DatasetKind, Point, View, cloud};
+use crate::dataset::{Dataset, View};
 use crate::error::{Error, Result};
 use crate::raster::soft::{SoftOptions, Window};
 use crate::scene::Loaded;
 use crate::soup::Soup;
-use glam::Vec3;
 
 /// A run between two steps. A pure function of the data set, the options and the steps made: stopping,
 /// writing a checkpoint and resuming elsewhere changes no bit.
@@ -35,6 +32,7 @@ pub struct Trainer<B> {
     visibility: VisibilityStats,
     step: u64,
     dropped: u64,
+    pinned: usize,
     level: u32,
     /// Pixels of the full photo per pixel of those drawn at this level.
     full_px: f32,
@@ -55,16 +53,6 @@ pub struct StepOutcome {
     pub width_px: u32,
 }
 
-/// Where a run stands between two steps.
-struct Position {
-    options: TrainOptions,
-    space: Space,
-    state: TrainState,
-    visibility: VisibilityStats,
-    step: u64,
-    dropped: u64,
-}
-
 impl<B: TrainBackend> Trainer<B> {
     /// A run from its beginning: from the triangles of `scene`, or from the points of the data set.
     /// `photo_bytes` is the memory for decoded photos.
@@ -78,19 +66,20 @@ impl<B: TrainBackend> Trainer<B> {
         backend: B,
     ) -> Result<Self> {
         options.validate()?;
-        let views: Vec<&View> = dataset.train().collect();
+        let views = training_views(dataset)?;
+        let mut photos = Pyramid::new(&views, photo_bytes, options.warmup.min_px);
         let position = match scene {
-            Some(scene) => scene_position(&views, scene, dataset, options)?,
-            None => first_position(&views, &dataset.points, options),
+            Some(scene) => start::from_scene(&views, scene, dataset, options)?,
+            None => start::from_points(&views, &dataset.points, &mut photos, options)?,
         };
-        Self::assemble(&views, position, photo_bytes, backend)
+        Self::assemble(&views, position, photos, backend)
     }
 
     /// The run a checkpoint was made of.
     ///
     /// Errors: the data set's training photos are not the same.
     pub fn resume(dataset: &Dataset, checkpoint: Checkpoint, photo_bytes: u64, backend: B) -> Result<Self> {
-        let views: Vec<&View> = dataset.train().collect();
+        let views = training_views(dataset)?;
         let Checkpoint { state, visibility, meta } = checkpoint;
         if !views.iter().map(|v| v.name.as_str()).eq(meta.photos.iter().map(String::as_str)) {
             let value = format!("of {} other photos", meta.photos.len());
@@ -98,26 +87,26 @@ impl<B: TrainBackend> Trainer<B> {
         }
         let space = meta.space();
         let CheckpointMeta { step, options, dropped, .. } = meta;
+        let photos = Pyramid::new(&views, photo_bytes, options.warmup.min_px);
         let position = Position { options, space, state, visibility, step, dropped };
-        Self::assemble(&views, position, photo_bytes, backend)
+        Self::assemble(&views, position, photos, backend)
     }
 
-    fn assemble(views: &[&View], position: Position, photo_bytes: u64, mut backend: B) -> Result<Self> {
-        if views.is_empty() {
-            return Err(Error::invalid("data set", "0 training photos", "one or more; see `test_every`"));
-        }
+    fn assemble(views: &[&View], position: Position, photos: Pyramid, mut backend: B) -> Result<Self> {
         let Position { options, space, state, visibility, step, dropped } = position;
+        let pinned = state.pinned;
         backend.load(state)?;
         let mut run = Self {
             space,
             cameras: views.iter().map(|v| space.camera_to_training(&v.camera)).collect(),
             names: views.iter().map(|v| v.name.clone()).collect(),
-            photos: Pyramid::new(views, photo_bytes, options.warmup.min_px),
+            photos,
             order: Vec::new(),
             backend,
             visibility,
             step,
             dropped,
+            pinned,
             level: Schedule::new(&options).level(step),
             full_px: 1.0,
             rgb: Vec::new(),
@@ -151,6 +140,11 @@ impl<B: TrainBackend> Trainer<B> {
     /// Gradients dropped so far because they were not finite.
     pub fn dropped(&self) -> u64 {
         self.dropped
+    }
+
+    /// Triangles of the shell that closes the scene.
+    pub fn pinned(&self) -> usize {
+        self.pinned
     }
 
     /// Training space.
@@ -286,6 +280,7 @@ impl<B: TrainBackend> Trainer<B> {
             step: self.step,
             options: self.options.clone(),
             space: (self.space.center.to_array(), self.space.scale),
+            pinned: self.pinned,
             photos: self.names.clone(),
             dropped: self.dropped,
             curve: curve.to_vec(),
@@ -295,64 +290,11 @@ impl<B: TrainBackend> Trainer<B> {
     }
 }
 
-/// The first triangles, one per point of the sparse cloud or of a random one.
-fn first_position(views: &[&View], points: &[Point], options: &TrainOptions) -> Position {
-    let random;
-    let points = if points.is_empty() {
-        random = cloud::random(views, options.init.random_points as usize, options.seed);
-        &random
-    } else {
-        points
-    };
-    let cameras: Vec<Camera> = views.iter().map(|v| v.camera).collect();
-    let positions: Vec<Vec3> = points.iter().map(|p| p.position).collect();
-    let space = Space::new(&cameras, &positions);
-    let init_points: Vec<InitPoint> = points
-        .iter()
-        .map(|p| InitPoint {
-            position: space.to_training(p.position),
-            rgb: p.rgb.map(|c| f32::from(c) / 255.0),
-        })
-        .collect();
-    let mut soup = first_soup(&init_points, &options.init, options.seed);
-    let most = usize::try_from(options.max_triangles).unwrap_or(usize::MAX);
-    let count = soup.len();
-    if count > most {
-        // Evenly over the cloud, which files store in no order that matters.
-        soup.retain(|i| (i + 1) * most / count > i * most / count);
-    }
-    at_first_step(views, options, space, &soup)
-}
-
-/// The triangles of a scene that is there already.
-fn scene_position(
-    views: &[&View],
-    scene: &Loaded,
-    dataset: &Dataset,
-    options: &TrainOptions,
-) -> Result<Position> {
-    let cameras: Vec<Camera> = views.iter().map(|v| v.camera).collect();
-    // Pictures drawn of the scene are in the frame of its file.
-    let placement = match dataset.kind {
-        DatasetKind::Drawn => Placement::IDENTITY,
-        _ => scene.provenance.placement,
-    };
-    let positions: Vec<Vec3> = match dataset.points.is_empty() {
-        true => from_scene::centers(scene, &placement, dataset.origin),
-        false => dataset.points.iter().map(|p| p.position).collect(),
-    };
-    let space = Space::new(&cameras, &positions);
-    let soup = from_scene::first_soup(scene, &placement, dataset.origin, &space, options.max_triangles)?;
-    Ok(at_first_step(views, options, space, &soup))
-}
-
-fn at_first_step(views: &[&View], options: &TrainOptions, space: Space, soup: &Soup) -> Position {
-    Position {
-        options: options.clone(),
-        space,
-        visibility: VisibilityStats::new(soup.len(), views.len()),
-        state: TrainState::new(Params::from_soup(soup, options.sh_degree)),
-        step: 0,
-        dropped: 0,
+/// The photos to train on.
+fn training_views(dataset: &Dataset) -> Result<Vec<&View>> {
+    let views: Vec<&View> = dataset.train().collect();
+    match views.is_empty() {
+        true => Err(Error::invalid("data set", "0 training photos", "one or more; see `test_every`")),
+        false => Ok(views),
     }
 }

@@ -24,10 +24,13 @@ pub struct Regularisers {
 
 impl Regularisers {
     /// The gradients at these parameters.
-    pub fn new(params: &Params, rates: &Rates) -> Self {
-        let n = params.len().max(1) as f64;
+    pub fn new(state: &TrainState, rates: &Rates) -> Self {
+        // Pinned triangles do not change: they do not count.
+        let (params, pinned) = (&state.params, state.pinned);
+        let n = (params.len() - pinned).max(1) as f64;
         let d_area = if rates.beta_size > 0.0 {
-            let total: f64 = params.vertices.iter().map(|v| f64::from(0.5 * cross(v).length())).sum();
+            let total: f64 =
+                params.vertices[pinned..].iter().map(|v| f64::from(0.5 * cross(v).length())).sum();
             let mean = (total / n).max(1e-12);
             -rates.beta_size / (mean * mean * n)
         } else {
@@ -36,7 +39,7 @@ impl Regularisers {
         let mut d_opacity = rates.beta_opacity / n;
         if rates.beta_opaque > 0.0 {
             let opacity = |x: &f32| f64::from(rates.anneal.opacity(*x));
-            let mean = (params.opacity.iter().map(opacity).sum::<f64>() / n).max(1e-6);
+            let mean = (params.opacity[pinned..].iter().map(opacity).sum::<f64>() / n).max(1e-6);
             d_opacity -= rates.beta_opaque / (mean * mean * n);
         }
         let d_sigma = (rates.beta_sigma / n) as f32;
@@ -66,6 +69,7 @@ pub fn update(
     let k = state.params.sh_count();
     let step = UpdateStep {
         k,
+        pinned: state.pinned,
         used: (usize::from(rates.sh_degree.min(state.params.sh_degree)) + 1).pow(2),
         rates,
         regularisers,
@@ -84,8 +88,15 @@ pub fn update(
     let counts: Vec<(u64, u64)> =
         (chunks(&mut state.params, k), chunks(&mut state.first, k), chunks(&mut state.second, k), d)
             .into_par_iter()
-            .map(|(x, m, v, d)| {
-                step.chunk(x, m, v, GradChunk { vertices: d.0, opacity: d.1, sigma: d.2, sh: d.3 })
+            .enumerate()
+            .map(|(at, (x, m, v, d))| {
+                step.chunk(
+                    at * CHUNK,
+                    x,
+                    m,
+                    v,
+                    GradChunk { vertices: d.0, opacity: d.1, sigma: d.2, sh: d.3 },
+                )
             })
             .collect();
     counts.iter().fold((0, 0), |sum, c| (sum.0 + c.0, sum.1 + c.1))
@@ -110,6 +121,7 @@ struct GradChunk<'a> {
 /// One step's constants.
 struct UpdateStep<'a> {
     k: usize,
+    pinned: usize,
     used: usize,
     rates: &'a Rates,
     regularisers: &'a Regularisers,
@@ -121,7 +133,14 @@ struct UpdateStep<'a> {
 }
 
 impl UpdateStep<'_> {
-    fn chunk(&self, x: ParamChunk<'_>, m: ParamChunk<'_>, v: ParamChunk<'_>, d: GradChunk<'_>) -> (u64, u64) {
+    fn chunk(
+        &self,
+        from: usize,
+        x: ParamChunk<'_>,
+        m: ParamChunk<'_>,
+        v: ParamChunk<'_>,
+        d: GradChunk<'_>,
+    ) -> (u64, u64) {
         let (mut touched, mut dropped) = (0, 0);
         for i in 0..x.0.len() {
             let sh = i * self.k..i * self.k + self.used;
@@ -138,6 +157,11 @@ impl UpdateStep<'_> {
                 continue;
             }
             touched += 1;
+            if from + i < self.pinned {
+                let (x, m, v) = (&mut x.3[sh.start], &mut m.3[sh.start], &mut v.3[sh.start]);
+                adam(self.sh, x, &d_sh[..3], m, v);
+                continue;
+            }
             self.corners(&mut x.0[i], d_vertices, &mut m.0[i], &mut v.0[i]);
             let anneal = self.rates.anneal;
             let d_opacity = anneal.opacity_grad(x.1[i], d.opacity[i] + self.regularisers.d_opacity);
@@ -191,31 +215,58 @@ mod tests {
         }
     }
 
-    #[test]
-    fn a_gradient_that_is_not_finite_is_dropped_and_counted() {
-        let options = crate::train::TrainOptions::default();
-        let rates = crate::train::schedule::Schedule::new(&options).rates(0);
-        let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    /// Four equal triangles of SH degree 1, a gradient for each of their numbers, and the rates of a first step.
+    fn four_triangles() -> (TrainState, SoupGrad, Rates) {
         let params = Params {
-            vertices: vec![corners; 4],
+            vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]; 4],
             opacity: vec![0.0; 4],
             sigma: vec![0.0; 4],
-            sh: vec![[0.0; 3]; 4],
-            sh_degree: 0,
+            sh: vec![[0.0; 3]; 16],
+            sh_degree: 1,
         };
-        let mut state = TrainState::new(params);
-        let mut gradient = SoupGrad {
+        let gradient = SoupGrad {
             vertices: vec![[Vec3::ONE; 3]; 4],
             opacity: vec![1.0; 4],
             sigma: vec![1.0; 4],
-            sh: vec![[1.0; 3]; 4],
+            sh: vec![[1.0; 3]; 16],
             ..SoupGrad::default()
         };
+        let options = crate::train::TrainOptions::default();
+        let rates = crate::train::schedule::Schedule::new(&options).rates(0);
+        (TrainState::new(params), gradient, Rates { sh_degree: 1, ..rates })
+    }
+
+    #[test]
+    fn pinned_triangles_change_their_colour_alone() {
+        let (mut state, gradient, rates) = four_triangles();
+        state.pinned = 2;
+        let before = state.params.clone();
+        let regularisers = Regularisers::new(&state, &rates);
+        assert_eq!(update(&mut state, &gradient, &rates, &regularisers), (4, 0));
+        let (now, k) = (&state.params, before.sh_count());
+        for i in 0..2 {
+            assert_eq!(now.vertices[i], before.vertices[i]);
+            assert_eq!((now.opacity[i], now.sigma[i]), (before.opacity[i], before.sigma[i]));
+            assert_ne!(now.sh[i * k], before.sh[i * k]);
+            assert_eq!(
+                now.sh[i * k + 1..(i + 1) * k],
+                before.sh[i * k + 1..(i + 1) * k],
+                "from all sides the same"
+            );
+        }
+        assert_ne!(now.vertices[2], before.vertices[2]);
+        assert_ne!(now.sh[2 * k + 1], before.sh[2 * k + 1]);
+    }
+
+    #[test]
+    fn a_gradient_that_is_not_finite_is_dropped_and_counted() {
+        let (mut state, mut gradient, rates) = four_triangles();
         gradient.vertices[0][2].y = f32::NAN;
-        gradient.sh[1][0] = f32::INFINITY;
+        gradient.sh[4][0] = f32::INFINITY;
         gradient.vertices[2] = [Vec3::ZERO; 3];
-        (gradient.opacity[2], gradient.sigma[2], gradient.sh[2]) = (0.0, 0.0, [0.0; 3]);
-        let regularisers = Regularisers::new(&state.params, &rates);
+        (gradient.opacity[2], gradient.sigma[2]) = (0.0, 0.0);
+        gradient.sh[8..12].fill([0.0; 3]);
+        let regularisers = Regularisers::new(&state, &rates);
         let before = state.clone();
         assert_eq!(update(&mut state, &gradient, &rates, &regularisers), (3, 2));
         for still in 0..3 {

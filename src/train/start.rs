@@ -1,0 +1,111 @@
+//! Where a run stands before its first step: triangles at the points of a data set, or those of a scene.
+
+use super::from_scene;
+use super::init::{InitPoint, first_soup};
+use super::options::TrainOptions;
+use super::params::{Params, TrainState};
+use super::pyramid::Pyramid;
+use super::shell;
+use super::space::Space;
+use super::visibility::VisibilityStats;
+use crate::asset::Placement;
+use crate::camera::Camera;
+use crate::dataset::{Dataset, DatasetKind, Point, View, cloud};
+use crate::error::Result;
+use crate::scene::Loaded;
+use crate::soup::Soup;
+use glam::Vec3;
+
+/// Where a run stands between two steps.
+pub(super) struct Position {
+    pub(super) options: TrainOptions,
+    pub(super) space: Space,
+    pub(super) state: TrainState,
+    pub(super) visibility: VisibilityStats,
+    pub(super) step: u64,
+    pub(super) dropped: u64,
+}
+
+/// The first triangles, one per point of the sparse cloud or of a random one, and the shell around a cloud.
+///
+/// Errors: photos that cannot be decoded.
+pub(super) fn from_points(
+    views: &[&View],
+    points: &[Point],
+    photos: &mut Pyramid,
+    options: &TrainOptions,
+) -> Result<Position> {
+    let random;
+    let cloud = if points.is_empty() {
+        random = cloud::random(views, options.init.random_points as usize, options.seed);
+        &random
+    } else {
+        points
+    };
+    let cameras: Vec<Camera> = views.iter().map(|v| v.camera).collect();
+    let positions: Vec<Vec3> = cloud.iter().map(|p| p.position).collect();
+    let space = Space::new(&cameras, &positions);
+    let init_points: Vec<InitPoint> = cloud
+        .iter()
+        .map(|p| InitPoint {
+            position: space.to_training(p.position),
+            rgb: p.rgb.map(|c| f32::from(c) / 255.0),
+        })
+        .collect();
+    // Random points do not say where the scene ends.
+    let mut soup = match shell::subdivisions(options).filter(|_| !points.is_empty()) {
+        Some(subdivisions) => {
+            let cameras: Vec<Camera> = cameras.iter().map(|c| space.camera_to_training(c)).collect();
+            let positions: Vec<Vec3> = init_points.iter().map(|p| p.position).collect();
+            shell::shell(&positions, &cameras, photos, subdivisions)?
+        }
+        None => Soup::default(),
+    };
+    let pinned = soup.len();
+    let mut first = first_soup(&init_points, &options.init, options.seed);
+    let most = usize::try_from(options.max_triangles).unwrap_or(usize::MAX) - pinned;
+    let count = first.len();
+    if count > most {
+        // Evenly over the cloud, which files store in no order that matters.
+        first.retain(|i| (i + 1) * most / count > i * most / count);
+    }
+    soup.append(first);
+    let mut position = at_first_step(views, options, space, &soup);
+    position.state.pinned = pinned;
+    Ok(position)
+}
+
+/// The triangles of a scene that is there already.
+///
+/// Errors: more triangles than the options permit, none at all.
+pub(super) fn from_scene(
+    views: &[&View],
+    scene: &Loaded,
+    dataset: &Dataset,
+    options: &TrainOptions,
+) -> Result<Position> {
+    let cameras: Vec<Camera> = views.iter().map(|v| v.camera).collect();
+    // Pictures drawn of the scene are in the frame of its file.
+    let placement = match dataset.kind {
+        DatasetKind::Drawn => Placement::IDENTITY,
+        _ => scene.provenance.placement,
+    };
+    let positions: Vec<Vec3> = match dataset.points.is_empty() {
+        true => from_scene::centers(scene, &placement, dataset.origin),
+        false => dataset.points.iter().map(|p| p.position).collect(),
+    };
+    let space = Space::new(&cameras, &positions);
+    let soup = from_scene::first_soup(scene, &placement, dataset.origin, &space, options.max_triangles)?;
+    Ok(at_first_step(views, options, space, &soup))
+}
+
+fn at_first_step(views: &[&View], options: &TrainOptions, space: Space, soup: &Soup) -> Position {
+    Position {
+        options: options.clone(),
+        space,
+        visibility: VisibilityStats::new(soup.len(), views.len()),
+        state: TrainState::new(Params::from_soup(soup, options.sh_degree)),
+        step: 0,
+        dropped: 0,
+    }
+}
