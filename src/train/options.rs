@@ -23,13 +23,13 @@ const DEPTH_RANGE: [f32; 2] = [0.05, 25.0];
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum TrainPreset {
-    /// Open scenes with a far background.
-    #[default]
-    Outdoor,
-    /// Rooms: more SSIM, flatter surfaces.
-    Indoor,
     /// Opaque triangles of one colour each, as a game engine draws them.
+    #[default]
     Solid,
+    /// Soft, as in the paper, for research: open scenes with a far background.
+    Outdoor,
+    /// Soft, as in the paper, for research: rooms, with more SSIM and flatter surfaces.
+    Indoor,
     /// The paper's own way to opaque triangles, for comparison.
     PaperEngine,
 }
@@ -44,13 +44,13 @@ pub struct TrainOptions {
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub preset: TrainPreset,
     /// Steps, one photo each; every schedule stretches with it.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 5000))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = TrainOptions::default().steps))]
     pub steps: u64,
     /// The scene never holds more triangles than this.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 60_000))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = TrainOptions::default().max_triangles))]
     pub max_triangles: u64,
     /// Highest degree of the view-dependent colour, 0 to 3; it is reached one degree at a time.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "D", default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=3)))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "D", default_value_t = TrainOptions::default().sh_degree, value_parser = clap::value_parser!(u8).range(0..=3)))]
     pub sh_degree: u8,
     /// Seed of every random choice; the same seed gives the same bits on any number of threads.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 0))]
@@ -317,7 +317,7 @@ impl Default for TrainOptions {
     }
 }
 
-macro_rules! default_is_outdoor {
+macro_rules! default_of_default_preset {
     ($($options:ident . $field:ident),*) => {$(
         impl Default for $options {
             fn default() -> Self {
@@ -326,7 +326,7 @@ macro_rules! default_is_outdoor {
         }
     )*};
 }
-default_is_outdoor!(
+default_of_default_preset!(
     TrainDrawOptions.draw,
     InitOptions.init,
     LossOptions.loss,

@@ -192,6 +192,7 @@ impl UpdateStep<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::train::{TrainOptions, TrainPreset};
 
     #[test]
     fn area_grad_is_the_derivative() {
@@ -231,7 +232,7 @@ mod tests {
             sh: vec![[1.0; 3]; 16],
             ..SoupGrad::default()
         };
-        let options = crate::train::TrainOptions::default();
+        let options = TrainOptions::preset(TrainPreset::Outdoor);
         let rates = crate::train::schedule::Schedule::new(&options).rates(0);
         (TrainState::new(params), gradient, Rates { sh_degree: 1, ..rates })
     }

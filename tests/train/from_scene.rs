@@ -18,7 +18,11 @@ fn photos(folder: &Path) -> Dataset {
 }
 
 fn soft_scene(dataset: &Dataset) -> Trained {
-    train(dataset, &TrainOptions { steps: 400, max_triangles: 1500, ..TrainOptions::default() }).unwrap()
+    train(
+        dataset,
+        &TrainOptions { steps: 400, max_triangles: 1500, ..TrainOptions::preset(TrainPreset::Outdoor) },
+    )
+    .unwrap()
 }
 
 fn hardening(steps: u64) -> TrainOptions {

@@ -27,7 +27,7 @@ fn dense() -> SyntheticOptions {
 }
 
 fn options(steps: u64) -> TrainOptions {
-    TrainOptions { steps, max_triangles: 1200, ..TrainOptions::default() }
+    TrainOptions { steps, max_triangles: 1200, ..TrainOptions::preset(TrainPreset::Outdoor) }
 }
 
 /// As [`trisplat::train::train`], and panics when that fails.
