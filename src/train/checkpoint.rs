@@ -309,8 +309,8 @@ mod tests {
         };
         let missing = replaced("visibility.views", "visibility.vista");
         assert!(missing.contains("visibility.views: "), "{missing}");
-        let old = replaced("format\\\":2", "format\\\":1");
-        assert!(old.contains("is a checkpoint of format 1, this version reads 2"), "{old}");
+        let old = replaced(&format!("format\\\":{FORMAT}"), "format\\\":1");
+        assert!(old.contains(&format!("is a checkpoint of format 1, this version reads {FORMAT}")), "{old}");
         let other = replaced("\"trisplat\":", "\"somebody\":");
         assert!(other.contains("is not a trisplat checkpoint"), "{other}");
     }
