@@ -190,7 +190,12 @@ fn a_browser_that_cannot_draw_gets_advice() {
             { "page": page, "size": [300, 200], "script": false },
         ]),
     );
-    assert_eq!((&visits[0]["state"], &visits[0]["loading"]), (&json!("failed"), &json!(true)), "{}", visits[0]);
+    assert_eq!(
+        (&visits[0]["state"], &visits[0]["loading"]),
+        (&json!("failed"), &json!(true)),
+        "{}",
+        visits[0]
+    );
     let says = visits[0]["says"].as_str().unwrap();
     assert!(says.contains("WebGL 2") && says.contains("hardware acceleration"), "{says}");
     let text = visits[1]["text"].as_str().unwrap();
