@@ -17,7 +17,7 @@ fn stdout(output: &Output) -> String {
 fn a_setting_of_the_wrong_type_is_named_with_what_it_wants() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("a.ply");
-    let mut refused = |setting: &str, wants: &[&str]| {
+    let refused = |setting: &str, wants: &[&str]| {
         fails(folder.path(), &[&"train", &dataset(), &"-o", &out, &"--set", &setting], wants);
     };
     refused("steps=abc", &["--set is steps=abc: wants a whole number, 0 or more"]);
@@ -179,7 +179,10 @@ fn copy(from: &Path, to: &Path) {
     for entry in std::fs::read_dir(from).unwrap() {
         let path = entry.unwrap().path();
         let target = to.join(path.file_name().unwrap());
-        if path.is_dir() { copy(&path, &target) } else { drop(std::fs::copy(&path, &target).unwrap()) }
+        match path.is_dir() {
+            true => copy(&path, &target),
+            false => assert!(std::fs::copy(&path, &target).is_ok()),
+        }
     }
 }
 
