@@ -81,7 +81,7 @@ pub fn run(args: &EvalArgs, global: &Global, out: &mut dyn Write) -> Result<()> 
 
     let progress = Progress::new(global);
     let table = Table::new(views.iter().map(|v| v.name.as_str()), global, args.json);
-    table.header(out)?;
+    progress.suspend(|| table.header(out))?;
     let photo_bytes = args.dataset_options.photo_bytes();
     let scores = evaluate::evaluate(&mut steps, &views, photo_bytes, |view, photo, drawn| {
         progress.suspend(|| drawn.iter().try_for_each(|one| table.photo(out, one)))?;
