@@ -47,7 +47,7 @@
 //!
 //! From photos with poses: [`Dataset::load`], then [`train()`], then [`Bake`] with the photos. The folder `examples` has whole
 //! programs. The command line, its progress bars and its plots are behind the feature `cli`, drawing on a graphics card behind
-//! `gpu`, the window behind `view`; all three are on unless `default-features = false`.
+//! `gpu`, the window behind `view`; only `cli` is on unless `default-features = false`.
 
 pub mod asset;
 pub mod atomic;

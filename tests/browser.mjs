@@ -1,7 +1,8 @@
 // Opens pages in headless Chromium and does what standard input asks for; prints one JSON line a page.
 // Usage: node browser.mjs JUDGES CHROMIUM < PAGES   (JUDGES holds node_modules)
 //
-// PAGES is a JSON list of { page, fragment, size: [w, h], touch, steps }. A step is one of
+// PAGES is a JSON list of { page, fragment, size: [w, h], touch, steps, webgl, script }; webgl and script are false for a browser without
+// them, and of a page without script the line holds { text }: what is seen of it. A step is one of
 //   { show: FRAGMENT }  { screenshot: FILE }  { drag: [x, y, dx, dy] }  { pinch: [x, y, from, to] }
 //   { double: [x, y] }  { press: KEY, ms }  { click: ID }  { wheel: dy }
 // and then waits for the picture to be at rest; a screenshot is taken after that. The line holds { views, errors, state, ms }: the page's
@@ -21,10 +22,17 @@ const browser = await chromium.launch({ executablePath, args });
 for (const wanted of JSON.parse(await text(process.stdin))) console.log(JSON.stringify(await visit(wanted)));
 await browser.close();
 
-async function visit({ page: file, fragment = "", size, touch = false, steps = [] }) {
+async function visit({ page: file, fragment = "", size, touch = false, steps = [], webgl = true, script = true }) {
   const [width, height] = size;
-  const context = await browser.newContext({ viewport: { width, height }, hasTouch: touch });
+  const context = await browser.newContext({ viewport: { width, height }, hasTouch: touch, javaScriptEnabled: script });
   const page = await context.newPage();
+  if (!webgl) await page.addInitScript(() => (HTMLCanvasElement.prototype.getContext = () => null));
+  if (!script) {
+    await page.goto(pathToFileURL(resolve(file)).href);
+    const seen = await page.locator("body > *:visible, noscript > p").allInnerTexts();
+    await context.close();
+    return { text: seen.join(" ") };
+  }
   const errors = [];
   page.on("console", (m) => ["error", "warning"].includes(m.type()) && errors.push(m.text()));
   page.on("pageerror", (e) => errors.push(String(e)));

@@ -76,7 +76,7 @@ fn check_scores(step: &StepScore, renders: &Path) {
 fn the_scores_are_those_of_the_files_written() {
     let (soup, _, folder) = inputs();
     let (report, renders) = evaluated(&soup, folder.path(), "all", &[]);
-    assert_eq!((report.split.as_str(), report.ssaa), ("test", 1));
+    assert_eq!((report.split.as_str(), report.ssaa), ("test", 4));
     let names: Vec<&str> = report.steps.iter().map(|s| s.name.as_str()).collect();
     assert_eq!(names, ["soft", "solid", "file"]);
     for step in &report.steps {

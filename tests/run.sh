@@ -148,13 +148,13 @@ fi
 if [ -x "$judges/godot4" ]; then required=$required,godot4; fi # by tests/godot4.sh
 
 section 'examples in the documentation'
-cargo test --doc || fail 'examples failed'
+cargo test --doc --all-features || fail 'examples failed'
 section 'suite'
 export TRISPLAT_REQUIRE_JUDGES=$required
 if cargo nextest --version >/dev/null 2>&1; then
-    cargo nextest run "$@" || fail 'tests failed'
+    cargo nextest run --all-features "$@" || fail 'tests failed'
 else
     echo 'cargo-nextest is not installed: cargo test does the same, slower'
-    cargo test --lib --bins --tests "$@" || fail 'tests failed'
+    cargo test --all-features --lib --bins --tests "$@" || fail 'tests failed'
 fi
 printf '\nall passed; judges: %s\n' "$required"

@@ -114,3 +114,27 @@ fn the_trained_sample_meets_held_out_photos_as_a_file() {
     // Measured 24.1 and 26.7 dB: the photos must improve the bake.
     assert!(plain > 23.5 && with_photos > 26.0 && with_photos > plain + 1.5, "{plain:.2} {with_photos:.2}");
 }
+
+#[test]
+fn the_package_holds_what_a_build_needs_and_nothing_else() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut cargo = Command::new(env!("CARGO"));
+    let done =
+        cargo.args(["package", "--list", "--allow-dirty", "--offline"]).current_dir(root).output().unwrap();
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let files = String::from_utf8(done.stdout).unwrap();
+    for needed in [
+        "src/main.rs",
+        "page/dist/page.html",
+        "schemas/bake.schema.json",
+        "samples/soups/studio.ply",
+        "LICENSE-MIT",
+    ] {
+        assert!(files.lines().any(|file| file == needed), "{needed} is missing from\n{files}");
+    }
+    let strays = files.lines().filter(|file| file.contains("node_modules") || file.contains("target/"));
+    assert_eq!(strays.collect::<Vec<_>>(), Vec::<&str>::new());
+    let bytes: u64 =
+        files.lines().filter_map(|file| std::fs::metadata(root.join(file)).ok()).map(|m| m.len()).sum();
+    assert!(bytes < 6_000_000, "{bytes} bytes");
+}

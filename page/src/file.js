@@ -33,7 +33,7 @@ export class SceneFile {
     }
     await MeshoptDecoder.ready;
     const loader = new GLTFLoader();
-    loader.setMeshoptDecoder(this.#decoder(viewsOf(bytes)));
+    loader.setMeshoptDecoder(this.#decoder(packedBytes(bytes)));
     const { scene, asset } = await loader.parseAsync(bytes.buffer, '');
     scene.updateMatrixWorld(true);
     const meshes = [];
@@ -43,7 +43,7 @@ export class SceneFile {
   }
 
   // One array after the other, yielding to the event loop in between, so that the bar moves and the page responds.
-  #decoder(count) {
+  #decoder(total) {
     let queue = Promise.resolve();
     let yielded = performance.now();
     let done = 0;
@@ -53,7 +53,8 @@ export class SceneFile {
         yielded = performance.now();
       }
       const array = await MeshoptDecoder.decodeGltfBufferAsync(...task);
-      this.#report(0.5 + (0.5 * ++done) / count);
+      done += array.length;
+      this.#report(0.5 + (0.5 * done) / total);
       return array;
     };
     return {
@@ -71,11 +72,12 @@ function lengthOf(header) {
   return view.getUint32(8, true);
 }
 
-/** Number of buffer views in a GLB. */
-function viewsOf(bytes) {
+/** Bytes that the compressed arrays of a GLB decode to. */
+function packedBytes(bytes) {
   const length = new DataView(bytes.buffer).getUint32(HEADER_BYTES, true);
   const json = new TextDecoder().decode(bytes.subarray(HEADER_BYTES + 8, HEADER_BYTES + 8 + length));
-  return JSON.parse(json).bufferViews.length;
+  const packed = JSON.parse(json).bufferViews.map((view) => view.extensions?.EXT_meshopt_compression);
+  return packed.reduce((sum, array) => sum + (array ? array.count * array.byteStride : 0), 0);
 }
 
 function decodeInto(bytes, at, text) {

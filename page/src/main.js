@@ -15,6 +15,15 @@ const element = (id) => document.getElementById(id);
 const requested = parse(location.hash);
 const file = new SceneFile((share) => (element('bar').value = share));
 
+/** Says what to do where the browser cannot draw, before a library says less. */
+function demandWebGL() {
+  if (document.createElement('canvas').getContext('webgl2')) return;
+  throw new Error(
+    'This browser does not draw in three dimensions: WebGL 2 is off or not there. Turn on hardware acceleration in its ' +
+      'settings, update it or the graphics driver, or open this page in another browser.',
+  );
+}
+
 /** Shows an error instead of a renderer. */
 function fail(error) {
   element('what').textContent = error?.message ?? String(error);
@@ -26,6 +35,7 @@ function fail(error) {
 
 /** Shows the scene; docs/formats.md describes the returned object. */
 async function open() {
+  demandWebGL();
   const canvas = element('picture');
   const renderer = new Renderer(canvas, requested.ssaa ?? GRID, `#${requested.background ?? BACKGROUND}`);
   const { scene, meshes, viewpoint } = await file.meshes();

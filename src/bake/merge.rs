@@ -1,14 +1,15 @@
 //! Several inputs become one scene.
 //!
-//! Soups make a soup and meshes a mesh. A soup cannot join a mesh before it is solid, so a mixture is
-//! refused with a workaround.
+//! Soups make a soup and meshes a mesh. A soup cannot join a mesh before it is solid; the recipe sees to that.
 
 use crate::asset::{Placement, Provenance};
 use crate::error::{Error, Result};
 use crate::mesh::{Colors, Mesh};
 use crate::scene::{Loaded, Scene};
 
-/// One scene out of `inputs`, in their order. Empty inputs give an empty soup.
+/// One scene out of `inputs`, in their order.
+///
+/// Errors: no input, soups and meshes together, files with different axes up.
 pub fn merge(inputs: Vec<Loaded>) -> Result<Loaded> {
     let mut inputs = inputs.into_iter();
     let Some(mut all) = inputs.next() else {
@@ -25,7 +26,7 @@ pub fn merge(inputs: Vec<Loaded>) -> Result<Loaded> {
                 return Err(Error::invalid(
                     "inputs",
                     "a soup and a mesh",
-                    "inputs of one sort: bake the soup to .glb first, then merge the meshes",
+                    "inputs of one kind: bake the soup first, then merge the meshes",
                 ));
             }
         };
@@ -38,6 +39,25 @@ pub fn merge(inputs: Vec<Loaded>) -> Result<Loaded> {
         all.warnings.extend(next.warnings);
     }
     Ok(all)
+}
+
+/// Takes the soups and baked meshes of `inputs` to one frame: the world of the soups, which the meshes were placed in
+/// when they were baked. A soup that does not say which of its axes points up takes the axis of the meshes.
+pub(super) fn share_world(inputs: &mut [Loaded]) {
+    let mut up = None;
+    for loaded in inputs.iter_mut() {
+        let placement = std::mem::take(&mut loaded.provenance.placement);
+        if let (Scene::Mesh(mesh), false) = (&mut loaded.scene, placement == Placement::IDENTITY) {
+            mesh.positions.iter_mut().for_each(|point| *point = placement.to_world(*point));
+            loaded.provenance.up = Some(placement.up);
+            // It is in the frame of the file.
+            loaded.provenance.viewpoint = None;
+            up = Some(placement.up);
+        }
+    }
+    for loaded in inputs.iter_mut().filter(|loaded| matches!(loaded.scene, Scene::Soup(_))) {
+        loaded.provenance.up = loaded.provenance.up.or(up);
+    }
 }
 
 fn merge_provenance(a: Provenance, b: Provenance) -> Result<Provenance> {

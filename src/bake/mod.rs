@@ -19,6 +19,7 @@ pub mod bvh;
 pub mod chunk;
 pub mod color;
 pub mod decimate;
+pub mod fit;
 pub mod lod;
 pub mod merge;
 pub mod options;

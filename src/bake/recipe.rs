@@ -4,8 +4,9 @@ use super::backdrop::backdrop;
 use super::bvh::bvh;
 use super::chunk::chunk;
 use super::color::color;
+use super::fit;
 use super::lod::{FinishedLevel, LevelSource, lod};
-use super::merge::merge;
+use super::merge::{merge, share_world};
 use super::options::BakeOptions;
 use super::order::order;
 use super::place::{place, placement};
@@ -119,7 +120,7 @@ impl<'a> Bake<'a> {
             },
             placement: None,
         };
-        recipe.run(merge(inputs.into_iter().map(Into::into).collect())?)
+        recipe.run(inputs.into_iter().map(Into::into).collect())
     }
 }
 
@@ -134,8 +135,9 @@ struct Recipe<'a> {
 }
 
 impl Recipe<'_> {
-    fn run(mut self, loaded: Loaded) -> Result<Asset> {
-        let Loaded { scene, mut provenance, warnings, mut cameras } = loaded;
+    fn run(mut self, inputs: Vec<Loaded>) -> Result<Asset> {
+        let inputs = self.of_one_kind(inputs)?;
+        let Loaded { scene, mut provenance, warnings, mut cameras } = merge(inputs)?;
         self.report.warnings.extend(warnings);
         if let Some(views) = self.views.as_deref_mut() {
             views.transform(&provenance.placement);
@@ -144,6 +146,9 @@ impl Recipe<'_> {
         }
         let mesh = self.solidify(scene, &cameras)?;
         let mesh = self.cull(mesh, &cameras)?;
+        if let Some(views) = self.views.as_deref_mut() {
+            self.report.warnings.extend(fit::warning(&mesh, views)?);
+        }
 
         // Levels are made of what is left here, but are placed like the scene.
         let unpainted = if self.options.lod.lod.is_empty() { Mesh::default() } else { mesh.clone() };
@@ -153,6 +158,33 @@ impl Recipe<'_> {
             LevelSource { mesh: &unpainted, cameras: &cameras, enlarge: self.options.unseen.enlarge };
         let levels = self.levels(&source, &provenance)?;
         Ok(Asset { levels, ..asset })
+    }
+
+    /// Soups among meshes become meshes, as nothing else can be merged with one; a budget of triangles is for all.
+    fn of_one_kind(&mut self, mut inputs: Vec<Loaded>) -> Result<Vec<Loaded>> {
+        let is_soup = |loaded: &Loaded| matches!(loaded.scene, Scene::Soup(_));
+        let soups = inputs.iter().filter(|loaded| is_soup(loaded)).count();
+        if soups == 0 || soups == inputs.len() {
+            return Ok(inputs);
+        }
+        if inputs.iter().any(|loaded| loaded.provenance.placement != inputs[0].provenance.placement) {
+            share_world(&mut inputs);
+        }
+        let mut options = self.options.clone();
+        options.prune.max_triangles = None;
+        let mut unread = Report::default();
+        let mut of_soup = Recipe {
+            options: &options,
+            views: None,
+            report: &mut unread,
+            observer: &mut (),
+            placement: None,
+        };
+        let mut solidified = |loaded: Loaded| match is_soup(&loaded) {
+            true => Ok(Loaded { scene: Scene::Mesh(of_soup.solidify(loaded.scene, &[])?), ..loaded }),
+            false => Ok(loaded),
+        };
+        inputs.into_iter().map(&mut solidified).collect()
     }
 
     /// The part of the recipe that turns what was read into opaque, coloured triangles.

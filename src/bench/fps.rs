@@ -84,8 +84,15 @@ pub struct FpsArgs {
 pub fn size(text: &str) -> std::result::Result<UVec2, String> {
     let sides = text.split_once(['x', 'X']);
     let parsed = sides.and_then(|(w, h)| Some(UVec2::new(w.parse().ok()?, h.parse().ok()?)));
-    parsed.filter(|s| s.min_element() > 0).ok_or_else(|| "wants WIDTHxHEIGHT, such as 1280x720".into())
+    let parsed = parsed.ok_or("wants WIDTHxHEIGHT, such as 1280x720")?;
+    if parsed.min_element() == 0 || parsed.max_element() > LARGEST_SIDE {
+        return Err(format!("wants 1 to {LARGEST_SIDE} px each way, such as 1280x720"));
+    }
+    Ok(parsed)
 }
+
+/// The widest and highest picture that every graphics card of today can draw, px.
+const LARGEST_SIDE: u32 = 8192;
 
 /// One case at one size.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -1,15 +1,14 @@
 //! What a command costs: wall time, CPU time and peak memory of one whole process.
 //!
-//! The kernel's accounting of finished children ([`getrusage`]) is exact, but its memory figure is the
+//! The system's accounting of finished children is exact, but on Unix its memory figure is the
 //! largest over *all* children so far. So every command is run as the only child of a fresh copy of
 //! this program (`trisplat bench measure -- COMMAND`), which prints the figures.
 
 use crate::error::{Error, Result};
-use crate::process::RSS_UNIT_BYTES;
-use nix::sys::resource::{UsageWho, getrusage};
-use nix::sys::time::TimeValLike;
+use crate::process::{self, ProcessUsage};
 use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
+use std::io::Read;
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
@@ -31,21 +30,24 @@ pub fn run_only_child(command: &[OsString]) -> Result<Usage> {
         return Err(Error::invalid("COMMAND", "nothing", "a program and its arguments"));
     };
     let clock = Instant::now();
-    let done = Command::new(program)
+    let io = |e| Error::io(program, e);
+    let mut child = Command::new(program)
         .args(arguments)
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
-        .output()
-        .map_err(|e| Error::io(program, e))?;
+        .spawn()
+        .map_err(io)?;
+    let mut said = Vec::new();
+    child.stderr.take().map_or(Ok(0), |mut pipe| pipe.read_to_end(&mut said)).map_err(io)?;
+    let status = child.wait().map_err(io)?;
     let wall_seconds = clock.elapsed().as_secs_f64();
-    if !done.status.success() {
-        let said = String::from_utf8_lossy(&done.stderr).trim().to_owned();
-        return Err(Error::unsupported(program, format!("ended with {}: {said}", done.status)));
+    if !status.success() {
+        let said = String::from_utf8_lossy(&said).trim().to_owned();
+        return Err(Error::unsupported(program, format!("ended with {status}: {said}")));
     }
-    let usage = getrusage(UsageWho::RUSAGE_CHILDREN).map_err(|e| Error::io("getrusage", e.into()))?;
-    let cpu_seconds = (usage.user_time() + usage.system_time()).num_microseconds() as f64 * 1e-6;
-    Ok(Usage { wall_seconds, cpu_seconds, peak_bytes: usage.max_rss() as u64 * RSS_UNIT_BYTES })
+    let ProcessUsage { cpu_secs, peak_bytes } = process::of_only_child(&child);
+    Ok(Usage { wall_seconds, cpu_seconds: cpu_secs, peak_bytes })
 }
 
 /// The cost of `command`, measured by a fresh copy of this program.

@@ -9,6 +9,7 @@ use crate::mesh::Mesh;
 use crate::raster::soft::{Frame, Soft, SoftOptions, SoupRef};
 use crate::raster::solid::{NO_FACE, Solid, SolidRasterOptions};
 use crate::soup::Soup;
+use crate::train::eval::SOLID_SAMPLES;
 use crate::train::space::Space;
 use crate::view::show;
 use glam::{DVec3, UVec2, Vec3};
@@ -33,7 +34,7 @@ pub struct RenderOptions {
     #[cfg_attr(feature = "cli", arg(id = "as", long = "as", value_enum, value_name = "MODE"))]
     pub mode: Option<RenderMode>,
     /// Samples per pixel along each axis of solid drawings: 1, 2 or 4.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 1, value_parser = samples))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = SOLID_SAMPLES, value_parser = samples))]
     pub ssaa: u32,
 }
 

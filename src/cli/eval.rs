@@ -13,6 +13,7 @@ use crate::error::{Error, Result};
 use crate::formats::{self, ReadOptions};
 use crate::image::Pixels;
 use crate::view::show;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// What to evaluate.
@@ -45,6 +46,9 @@ pub struct EvalArgs {
     /// Write all scores as JSON (schema: trisplat schema eval).
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
+    /// Print all scores as JSON in place of a table.
+    #[arg(long)]
+    pub json: bool,
     /// Replace files that are there.
     #[arg(short, long)]
     pub force: bool,
@@ -53,8 +57,8 @@ pub struct EvalArgs {
     pub dataset_options: DatasetOptions,
 }
 
-/// Draws, measures, prints one line per photo and step, and the means.
-pub fn run(args: &EvalArgs, global: &Global) -> Result<()> {
+/// Draws, measures, and prints a row per photo and step and the means on `out`; only the means when quiet.
+pub fn run(args: &EvalArgs, global: &Global, out: &mut dyn Write) -> Result<()> {
     for (option, path) in [("--report", &args.report), ("--sheet", &args.sheet)] {
         if let Some(path) = path.as_deref().filter(|p| p.exists() && !args.force) {
             return Err(files::is_there(option, path));
@@ -76,47 +80,83 @@ pub fn run(args: &EvalArgs, global: &Global) -> Result<()> {
     let mut pictures = EvalPictures::new(args, steps.iter().map(|s| s.name).collect(), &views)?;
 
     let progress = Progress::new(global);
-    let width = views.iter().map(|v| v.name.len()).max().unwrap_or(0).max(4);
+    let table = Table::new(views.iter().map(|v| v.name.as_str()), global, args.json);
+    progress.suspend(|| table.header(out))?;
     let photo_bytes = args.dataset_options.photo_bytes();
     let scores = evaluate::evaluate(&mut steps, &views, photo_bytes, |view, photo, drawn| {
-        for one in drawn {
-            progress.line(&row(&view.name, width, one.step, &one.score.score));
-        }
+        progress.suspend(|| drawn.iter().try_for_each(|one| table.photo(out, one)))?;
         pictures.add(view, photo, drawn)
     })?;
     progress.done();
     pictures.save_sheet(args.sheet.as_deref())?;
     let report = EvalReport::new(&args.file, &args.dataset, args.split.name(), args.render.ssaa, scores);
     let report = EvalReport { warnings, ..report };
-    print(&report, width, views.len(), &progress);
+    for warning in &report.warnings {
+        progress.warn(warning);
+    }
+    match args.json {
+        true => files::print_json(&report, out).map_err(|e| Error::io("-", e))?,
+        false => report.steps.iter().try_for_each(|step| table.mean(out, step, report.ssaa))?,
+    }
     args.report.as_deref().map_or(Ok(()), |path| files::save_json(&report, path))
 }
 
-/// Warnings and means.
-fn print(report: &EvalReport, width: usize, count: usize, progress: &Progress) {
-    for warning in &report.warnings {
-        progress.line(&format!("warning: {warning}"));
+/// Scores as text, in columns.
+struct Table {
+    /// Width of the column of names.
+    width: usize,
+    /// Whether photos have rows.
+    photos: bool,
+    /// Whether there is a table at all.
+    shown: bool,
+}
+
+impl Table {
+    fn new<'a>(names: impl Iterator<Item = &'a str>, global: &Global, json: bool) -> Self {
+        let width = names.map(|name| name.chars().count()).max().unwrap_or(0).max("photo".len());
+        Self { width, photos: !global.quiet && !json, shown: !json }
     }
-    for step in &report.steps {
-        progress.line(&format!("{}   ({})", row("mean", width, &step.name, &step.mean), remark(step, count)));
+
+    fn line(&self, out: &mut dyn Write, text: &str) -> Result<()> {
+        writeln!(out, "{}", text.trim_end()).and_then(|()| out.flush()).map_err(|e| Error::io("-", e))
+    }
+
+    fn row(&self, out: &mut dyn Write, name: &str, step: &str, scores: &Scores, remark: &str) -> Result<()> {
+        let (width, Scores { psnr, ssim, flip }) = (self.width, scores);
+        let cells = format!("{name:<width$}  {step:<5} {psnr:>8.3} {ssim:>7.4} {flip:>7.4}");
+        self.line(out, &format!("{cells}  {remark}"))
+    }
+
+    fn header(&self, out: &mut dyn Write) -> Result<()> {
+        let width = self.width;
+        let header =
+            format!("{:<width$}  {:<5} {:>8} {:>7} {:>7}", "photo", "step", "PSNR dB", "SSIM", "FLIP");
+        if self.shown { self.line(out, &header) } else { Ok(()) }
+    }
+
+    fn photo(&self, out: &mut dyn Write, drawn: &ScoredPicture) -> Result<()> {
+        let score = &drawn.score;
+        if self.photos { self.row(out, &score.name, drawn.step, &score.score, "") } else { Ok(()) }
+    }
+
+    fn mean(&self, out: &mut dyn Write, step: &StepScore, samples: u32) -> Result<()> {
+        self.row(out, "mean", &step.name, &step.mean, &remark(step, samples))
     }
 }
 
 /// What is printed after the means of a step.
-fn remark(step: &StepScore, count: usize) -> String {
-    let mut remark = format!("{count} photos, {} triangles", thousands(step.triangles));
+fn remark(step: &StepScore, samples: u32) -> String {
+    let mut remark = format!("{} photos, {} triangles", step.images.len(), thousands(step.triangles));
     if let Some(bytes) = step.bytes {
         remark += &format!(", {} bytes", thousands(bytes));
+    }
+    if step.name != "soft" {
+        remark += &format!(", {samples}×{samples} samples per pixel");
     }
     if let Some(change) = &step.change {
         remark += &format!("; {:+.3} dB by this step", change.psnr);
     }
     remark
-}
-
-fn row(name: &str, width: usize, step: &str, score: &Scores) -> String {
-    let Scores { psnr, ssim, flip } = score;
-    format!("{name:<width$}  {step:<5}  PSNR {psnr:7.3} dB  SSIM {ssim:.4}  FLIP {flip:.4}")
 }
 
 /// The pictures that are written.

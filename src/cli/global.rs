@@ -11,6 +11,6 @@ pub struct Global {
     #[arg(short, long, global = true)]
     pub verbose: bool,
     /// Worker threads; 0 = one per core. The output is the same bytes for any number.
-    #[arg(long, global = true, default_value_t = 0, value_name = "N")]
-    pub threads: usize,
+    #[arg(long, global = true, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=1024))]
+    pub threads: u16,
 }

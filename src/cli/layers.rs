@@ -79,7 +79,11 @@ impl<T: Serialize + DeserializeOwned> Layers<'_, T> {
 
 /// `config` overlaid with `KEY=VALUE` settings; keys are those of `base`, groups joined by dots.
 /// A key that does not exist is an error that lists the right ones.
-fn with_sets<T: Serialize>(base: &T, config: Option<Config>, sets: &[String]) -> Result<Option<Config>> {
+fn with_sets<T: Serialize + DeserializeOwned>(
+    base: &T,
+    config: Option<Config>,
+    sets: &[String],
+) -> Result<Option<Config>> {
     if sets.is_empty() {
         return Ok(config);
     }
@@ -98,9 +102,25 @@ fn with_sets<T: Serialize>(base: &T, config: Option<Config>, sets: &[String]) ->
         }
         let new = serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.to_owned()));
         let nested = key.rsplit('.').fold(new, |inner, part| serde_json::json!({ part: inner }));
+        let mut tried = known.clone();
+        overlay(&mut tried, &nested);
+        if let Err(error) = serde_json::from_value::<T>(tried) {
+            return Err(Error::invalid("--set", set, expected(&error.to_string())));
+        }
         overlay(&mut value, &nested);
     }
     Ok(Some(Config { value }))
+}
+
+/// What serde would have taken, as said to people: "a whole number, 0 or more".
+fn expected(error: &str) -> String {
+    match error.rsplit_once("expected ").map_or(error, |(_, expected)| expected) {
+        "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number, 0 or more".to_owned(),
+        "f32" | "f64" => "a number".to_owned(),
+        "a boolean" => "true or false".to_owned(),
+        // The names are values, not options: see `flags::spell`.
+        other => other.replace('`', ""),
+    }
 }
 
 /// "one of a, b, c": the keys of a group.

@@ -17,6 +17,6 @@ pub fn error(feature: &str) -> Error {
     Error::invalid(
         "this trisplat",
         format!("built without the feature `{feature}`"),
-        format!("a build with it: cargo install trisplat --features {feature}"),
+        format!("a build with it: cargo install --path . --features {feature}, in the folder of its sources"),
     )
 }

@@ -2,8 +2,6 @@
 //!
 //! Exit codes: 0 done, 1 failed (one error on stderr), 2 wrong usage.
 
-#![allow(clippy::print_stderr, reason = "the command line is what prints")]
-
 pub mod bake;
 pub mod bench;
 pub mod completions;
@@ -14,6 +12,8 @@ pub mod global;
 pub mod info;
 pub mod info_dataset;
 pub mod layers;
+pub mod man;
+pub mod messages;
 #[cfg(not(all(feature = "gpu", feature = "view")))]
 pub mod missing;
 pub mod program;

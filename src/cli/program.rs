@@ -5,9 +5,10 @@ use super::missing;
 #[cfg(feature = "view")]
 use super::view;
 use super::{
-    Global, bake, bench, completions, eval, flags, info, render, sample, schema, train, train_args, validate,
+    Global, bake, bench, completions, eval, flags, info, man, messages, render, sample, schema, train,
+    train_args, validate,
 };
-use crate::error::Result;
+use crate::error::{Error, Result};
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -52,6 +53,8 @@ pub enum Command {
     Schema(schema::SchemaArgs),
     /// Print a completion script for a shell.
     Completions(completions::CompletionsArgs),
+    /// Write manual pages.
+    Man(man::ManArgs),
 }
 
 /// Parses the arguments of this process and runs the command.
@@ -65,20 +68,23 @@ pub fn main() -> ExitCode {
     match run(&cli, &matches) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", flags::message(&error, flags::innermost(&program, &matches)));
+            let command = flags::innermost(&program, &matches);
+            messages::print(&format!("error: {}", flags::message(&error, command)));
             ExitCode::from(1)
         }
     }
 }
 
 fn run(cli: &Cli, matches: &ArgMatches) -> Result<()> {
-    // Fails only when a pool exists already: then the number of threads was chosen by the caller.
-    let _ = rayon::ThreadPoolBuilder::new().num_threads(cli.global.threads).build_global();
+    let threads = usize::from(cli.global.threads);
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().map_err(|e| {
+        Error::invalid("--threads", threads, format!("a number that the system can start ({e})"))
+    })?;
     let typed = matches.subcommand().map_or(matches, |(_, typed)| typed);
     match &cli.command {
         Command::Bake(args) => bake::run(args, typed, &cli.global),
         Command::Train(args) => train::run(args, typed, &cli.global),
-        Command::Eval(args) => eval::run(args, &cli.global),
+        Command::Eval(args) => eval::run(args, &cli.global, &mut std::io::stdout()),
         Command::Render(args) => render::run(args, &cli.global),
         #[cfg(feature = "view")]
         Command::View(args) => view::run(args),
@@ -90,5 +96,6 @@ fn run(cli: &Cli, matches: &ArgMatches) -> Result<()> {
         Command::Sample(args) => sample::run(args),
         Command::Schema(args) => schema::run(args),
         Command::Completions(args) => completions::run(args, &mut Cli::command()),
+        Command::Man(args) => man::run(args, Cli::command()),
     }
 }

@@ -1,6 +1,6 @@
 //! What the terminal shows while stages run: a spinner on a TTY, and the stage table.
 
-use super::{Global, flags};
+use super::{Global, flags, messages};
 use crate::report::{Observer, StageReport};
 use indicatif::{HumanCount, ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
@@ -39,8 +39,16 @@ impl Progress {
     pub fn line(&self, text: &str) {
         match &self.spinner {
             _ if self.quiet => {}
-            Some(bar) => bar.suspend(|| eprintln!("{text}")),
-            None => eprintln!("{text}"),
+            Some(bar) => bar.suspend(|| messages::print(text)),
+            None => messages::print(text),
+        }
+    }
+
+    /// Runs what prints on standard output, without the spinner in its way.
+    pub fn suspend<T>(&self, print: impl FnOnce() -> T) -> T {
+        match &self.spinner {
+            Some(bar) => bar.suspend(print),
+            None => print(),
         }
     }
 

@@ -78,6 +78,7 @@ pub fn run(args: &RenderArgs, global: &Global) -> Result<()> {
     if !(0.0..=1.0).contains(&args.share) {
         return Err(Error::invalid("--share", args.share, "a number from 0 to 1"));
     }
+    check_folder(&args.output)?;
     let loaded = formats::read(&args.file, &ReadOptions { sh_degree: 3 })?;
     let Loaded { scene, provenance, .. } = solid_if_asked(args, loaded)?;
     let dataset = args.dataset.as_ref().map(|path| Dataset::load(path, &args.dataset_options)).transpose()?;
@@ -103,6 +104,20 @@ pub fn run(args: &RenderArgs, global: &Global) -> Result<()> {
     }
     progress.done();
     progress.line(&format!("wrote {} pictures to {}", cameras.len(), args.output.display()));
+    Ok(())
+}
+
+/// Refuses a name that was meant for a file, before a folder of that name is made.
+fn check_folder(folder: &Path) -> Result<()> {
+    let ends_as_file = folder.extension().is_some_and(|end| {
+        let end = end.to_string_lossy();
+        end.len() <= 5 && end.chars().all(|c| c.is_ascii_alphabetic())
+    });
+    let meant_for_a_file = ends_as_file && !folder.to_string_lossy().ends_with(['/', '\\']);
+    if folder.is_file() || (meant_for_a_file && !folder.is_dir()) {
+        let wants = "a folder for the pictures, such as pictures; a folder whose name ends like a file's is given with / behind";
+        return Err(Error::invalid("output", folder.display(), wants));
+    }
     Ok(())
 }
 

@@ -36,13 +36,27 @@ pub(super) fn command(matches: &ArgMatches, args: &TrainArgs, checkpoint: &Path)
     words.join(" ")
 }
 
-/// A word as a POSIX shell takes it unchanged.
+/// A word as the shells of this system take it unchanged.
 fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,+@%".contains(c);
-    if !word.is_empty() && word.chars().all(plain) {
-        return word.to_owned();
+    if cfg!(windows) { quoted_for_windows(word) } else { quoted_for_posix(word) }
+}
+
+/// True of a word that no shell changes; `more` are characters that are plain on one system only.
+fn is_plain(word: &str, more: &str) -> bool {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=+".contains(c) || more.contains(c);
+    !word.is_empty() && word.chars().all(plain)
+}
+
+fn quoted_for_posix(word: &str) -> String {
+    match is_plain(word, ",@%") {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', "'\\''")),
     }
-    format!("'{}'", word.replace('\'', "'\\''"))
+}
+
+/// For `cmd` and PowerShell, which both know double quotes; names of files hold none.
+fn quoted_for_windows(word: &str) -> String {
+    if is_plain(word, "\\") { word.to_owned() } else { format!("\"{word}\"") }
 }
 
 #[cfg(test)]
@@ -57,6 +71,7 @@ mod tests {
         command(&matches, &args, Path::new("x.checkpoint"))
     }
 
+    #[cfg(unix)]
     #[test]
     fn the_command_repeats_what_the_checkpoint_does_not_hold() {
         assert_eq!(after(&[]), "trisplat train photos --output x.ply --force --resume x.checkpoint");
@@ -77,6 +92,13 @@ mod tests {
             "trisplat train photos --output x.ply --log 'a log.jsonl' --max-size 300 --test-every 4 --skip-broken \
              --images 'it'\\''s' --background '#ffffff' --force --resume x.checkpoint"
         );
+    }
+
+    #[test]
+    fn words_for_windows_are_in_double_quotes() {
+        assert_eq!(quoted_for_windows(r"C:\scans\a.log"), r"C:\scans\a.log");
+        assert_eq!(quoted_for_windows(r"C:\my scans\it's.log"), r#""C:\my scans\it's.log""#);
+        assert_eq!(quoted_for_windows(""), r#""""#);
     }
 
     #[test]

@@ -13,6 +13,7 @@ use crate::error::{Error, Result};
 use crate::formats::{self, ReadOptions};
 use crate::report::{OutputReport, Report};
 use crate::scene::Loaded;
+use crate::train::eval::Quality;
 use crate::train::{Checkpoint, Preview, RunOptions, TrainOptions, TrainRun, Trained, checkpoint, teacher};
 use clap::ArgMatches;
 use indicatif::HumanCount;
@@ -166,7 +167,13 @@ fn summary(args: &TrainArgs, trained: &Trained, bar: &Bar) {
     let out = args.output.display();
     let triangles = HumanCount(trained.soup.len() as u64);
     let held_out = match trained.quality() {
-        Some(quality) => format!(", held out {:.2} dB / {:.4}", quality.psnr, quality.ssim),
+        Some(Quality { psnr, ssim }) => {
+            let drawn = match trained.samples {
+                Some(n) => format!("solid, {n}×{n} samples per pixel"),
+                None => "soft".to_owned(),
+            };
+            format!(", held out {psnr:.2} dB / {ssim:.4} ({drawn})")
+        }
         None => String::new(),
     };
     bar.line(&format!(

@@ -1,6 +1,6 @@
 //! What the terminal shows while a run trains: a bar on a TTY, the log, and Ctrl-C.
 
-use super::Global;
+use super::{Global, messages};
 use crate::error::{Error, Result};
 use crate::train::refine::Refined;
 use crate::train::{TrainObserver, TrainSample};
@@ -20,6 +20,9 @@ pub struct Bar {
     log_error: Option<Error>,
     stop: Arc<AtomicBool>,
     psnr: Option<f64>,
+    steps: u64,
+    /// What of the run was printed last; only where there is no bar to watch.
+    percent: Option<u64>,
 }
 
 impl Bar {
@@ -49,15 +52,17 @@ impl Bar {
                 std::process::exit(130);
             }
         });
-        Ok(Self { quiet: global.quiet, verbose: global.verbose, bar, log, log_error: None, stop, psnr: None })
+        let (quiet, verbose) = (global.quiet, global.verbose);
+        let percent = (verbose && bar.is_none()).then(|| percent(done, steps));
+        Ok(Self { quiet, verbose, bar, log, log_error: None, stop, psnr: None, steps, percent })
     }
 
     /// Prints a line above the bar; nothing when quiet.
     pub fn line(&self, text: &str) {
         match &self.bar {
             _ if self.quiet => {}
-            Some(bar) => bar.suspend(|| eprintln!("{text}")),
-            None => eprintln!("{text}"),
+            Some(bar) => bar.suspend(|| messages::print(text)),
+            None => messages::print(text),
         }
     }
 
@@ -71,6 +76,11 @@ impl Bar {
         }
         self.log_error.take().map_or(Ok(()), Err)
     }
+}
+
+/// How much of the run is done, rounded down.
+fn percent(step: u64, steps: u64) -> u64 {
+    100 * step / steps.max(1)
 }
 
 fn open_log(path: &Path, before: &[TrainSample]) -> Result<(PathBuf, Box<dyn Write>)> {
@@ -92,11 +102,16 @@ fn write_line(log: &mut dyn Write, sample: &TrainSample) -> std::io::Result<()> 
 
 impl TrainObserver for Bar {
     fn stepped(&mut self, sample: &TrainSample) {
+        let triangles = HumanCount(sample.triangles);
+        let held_out = self.psnr.map_or(String::new(), |p| format!(" ({p:.2} held out)"));
+        let status = || format!("{:.2} dB{held_out}  {triangles} triangles", sample.psnr);
+        let now = percent(sample.step, self.steps);
         if let Some(bar) = &self.bar {
             bar.set_position(sample.step);
-            let triangles = HumanCount(sample.triangles);
-            let held_out = self.psnr.map_or(String::new(), |p| format!(" ({p:.2} held out)"));
-            bar.set_message(format!("{:.2} dB{held_out}  {triangles} triangles", sample.psnr));
+            bar.set_message(status());
+        } else if self.percent.is_some_and(|before| now > before) {
+            self.percent = Some(now);
+            self.line(&format!("{now:>3}%  step {}/{}  {}", sample.step, self.steps, status()));
         }
     }
 

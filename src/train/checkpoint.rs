@@ -135,6 +135,10 @@ fn raw<T: NoUninit>(values: &[T]) -> &[u8] {
 /// Errors: a file that is broken, not a checkpoint, or of another version of trisplat.
 pub fn read(path: &Path) -> Result<Checkpoint> {
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    if !bytes.is_empty() && !looks_like_safetensors(&bytes) {
+        let reason = "is not a checkpoint of a training run; to start from a scene, give it as `from`";
+        return Err(Error::unsupported(path, reason));
+    }
     let meta = read_meta(path, &bytes)?;
     let tensors = SafeTensors::deserialize(&bytes).map_err(|e| broken(path, &e))?;
     let file = Arrays { path, tensors };
@@ -162,6 +166,11 @@ pub fn read(path: &Path) -> Result<Checkpoint> {
         drawn: flags("visibility.drawn", meta.photos.len())?,
     };
     Ok(Checkpoint { state, visibility, meta })
+}
+
+/// True of every safetensors file, and of next to no other: 8 bytes of length, then a JSON object.
+fn looks_like_safetensors(bytes: &[u8]) -> bool {
+    bytes.get(8).is_none_or(|first| *first == b'{')
 }
 
 /// What is not an array, once the file is known to be a checkpoint of this format.

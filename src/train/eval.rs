@@ -15,6 +15,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
+/// Samples per pixel along each axis wherever solid drawings are compared with photos.
+pub const SOLID_SAMPLES: u32 = 4;
+
 /// How close a picture comes to a photo, both in 8 bits.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Quality {
@@ -88,8 +91,8 @@ impl Evaluator {
         let mut soup = soup.clone();
         space.soup_to_training(&mut soup);
         let cameras = self.photos.iter().map(|photo| space.camera_to_training(&photo.camera));
-        if matches!(options.window, Window::Coverage { .. }) {
-            return solid_pictures(soup, cameras, options);
+        if let Some(samples) = solid_samples(options) {
+            return solid_pictures(soup, cameras, options, samples);
         }
         let soup = SoupRef::from(&soup);
         cameras.map(|camera| self.soft.render(&soup, &camera, options).to_pixels()).collect()
@@ -105,11 +108,17 @@ impl Evaluator {
     }
 }
 
-/// Draws a solid soup in training space as an engine does, with 4 x 4 samples per pixel.
+/// Samples per pixel along each axis of a scene that is trained with `options`, where it is drawn solid to be compared.
+pub(super) fn solid_samples(options: &SoftOptions) -> Option<u32> {
+    matches!(options.window, Window::Coverage { .. }).then_some(SOLID_SAMPLES)
+}
+
+/// Draws a solid soup in training space as an engine does.
 fn solid_pictures(
     mut soup: Soup,
     cameras: impl Iterator<Item = Camera>,
     options: &SoftOptions,
+    samples: u32,
 ) -> Vec<Pixels> {
     soup.truncate_sh(0);
     let light = |sh: &[f32; 3]| sh.map(|c| linear_from_srgb(rgb_from_sh0(c)));
@@ -118,7 +127,7 @@ fn solid_pictures(
         colors: Colors::Face(soup.sh.iter().map(light).collect()),
         ..Mesh::default()
     };
-    let drawing = SolidRasterOptions { background: options.background, samples: 4, near: options.near };
+    let drawing = SolidRasterOptions { background: options.background, samples, near: options.near };
     let mut solid = Solid::new();
     cameras.map(|camera| solid.render(&mesh, &camera, &drawing)).collect()
 }

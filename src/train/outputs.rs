@@ -2,7 +2,7 @@
 
 use super::backend::TrainBackend;
 use super::checkpoint;
-use super::eval::{Evaluator, PhotoScore, Quality};
+use super::eval::{self, Evaluator, PhotoScore, Quality};
 use super::progress::{TrainObserver, TrainSample};
 use super::trainer::{StepOutcome, Trainer};
 use crate::dataset::Dataset;
@@ -51,6 +51,7 @@ struct Means {
 pub(super) struct Recorded {
     pub(super) curve: Vec<TrainSample>,
     pub(super) scores: Vec<PhotoScore>,
+    pub(super) samples: Option<u32>,
     pub(super) cpu_secs: f64,
 }
 
@@ -190,6 +191,7 @@ impl Recorder {
             self.curve.push(now);
             observer.sampled(&now);
         }
-        Ok(Recorded { curve: self.curve, scores, cpu_secs: spent })
+        let samples = eval::solid_samples(&trainer.drawing(&self.drawing));
+        Ok(Recorded { curve: self.curve, scores, samples, cpu_secs: spent })
     }
 }

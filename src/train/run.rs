@@ -225,6 +225,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
             steps: trainer.steps(),
             curve: recorded.curve,
             scores: recorded.scores,
+            samples: recorded.samples,
             dropped: trainer.dropped(),
             cpu_secs: recorded.cpu_secs,
             stopped,

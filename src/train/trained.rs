@@ -31,6 +31,8 @@ pub struct Trained {
     pub curve: Vec<TrainSample>,
     /// The held-out photos at the end.
     pub scores: Vec<PhotoScore>,
+    /// Samples per pixel along each axis of the drawings that were compared with them; `None`: they were drawn soft.
+    pub samples: Option<u32>,
     /// Gradients dropped because they were not finite.
     pub dropped: u64,
     /// CPU seconds of the training, evaluations excluded.
@@ -56,6 +58,9 @@ pub struct TrainDetails {
     pub psnr: Option<f64>,
     /// Mean SSIM over the held-out photos; null when there are none.
     pub ssim: Option<f64>,
+    /// Samples per pixel along each axis of the solid drawings these scores are of; null when they are of soft ones.
+    #[serde(default)]
+    pub samples: Option<u32>,
     /// The held-out photos one by one.
     pub held_out: Vec<PhotoScore>,
 }
@@ -100,6 +105,7 @@ impl Trained {
             dropped_gradients: self.dropped,
             psnr: quality.map(|q| q.psnr),
             ssim: quality.map(|q| q.ssim),
+            samples: self.samples,
             held_out: self.scores.clone(),
         }
     }

@@ -177,6 +177,31 @@ fn a_page_that_is_cut_short_says_so() {
     assert_eq!(visits[0]["loading"], json!(true), "the message is in sight");
 }
 
+#[test]
+fn a_browser_that_cannot_draw_gets_advice() {
+    let Some(chromium) = chromium() else { return };
+    let folder = TempDir::new().unwrap();
+    let page = folder.path().join("scene.html");
+    bake(&studio(), &page, &[]);
+    let visits = visit(
+        &chromium,
+        &json!([
+            { "page": page, "size": [300, 200], "webgl": false },
+            { "page": page, "size": [300, 200], "script": false },
+        ]),
+    );
+    assert_eq!(
+        (&visits[0]["state"], &visits[0]["loading"]),
+        (&json!("failed"), &json!(true)),
+        "{}",
+        visits[0]
+    );
+    let says = visits[0]["says"].as_str().unwrap();
+    assert!(says.contains("WebGL 2") && says.contains("hardware acceleration"), "{says}");
+    let text = visits[1]["text"].as_str().unwrap();
+    assert!(text.contains("turn on JavaScript") && !text.contains("loading"), "{text}");
+}
+
 /// The page that the program carries is the one that its sources make.
 #[test]
 fn the_page_is_built_from_its_sources() {

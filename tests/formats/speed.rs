@@ -3,30 +3,21 @@
 //! because time on a shared machine proves nothing.
 
 use crate::files::{mesh, provenance, soup};
-use nix::sys::resource::{UsageWho, getrusage};
 use std::fs::File;
 use std::io::{BufWriter, Read, Write};
 use std::path::Path;
 use std::time::Instant;
 use trisplat::asset::Asset;
 use trisplat::formats::{ReadOptions, Source, obj, off, ply};
-
-/// User and system seconds of this process.
-fn cpu() -> f64 {
-    let usage = getrusage(UsageWho::RUSAGE_SELF).expect("usage");
-    [usage.user_time(), usage.system_time()]
-        .map(|t| t.tv_sec() as f64 + t.tv_usec() as f64 * 1e-6)
-        .iter()
-        .sum()
-}
+use trisplat::process::cpu_secs;
 
 /// The least CPU and wall seconds of seven runs.
 fn measure<T>(name: &str, run: impl Fn() -> T) {
     let mut best = [f64::INFINITY; 2];
     for _ in 0..7 {
-        let (wall, before) = (Instant::now(), cpu());
+        let (wall, before) = (Instant::now(), cpu_secs());
         let value = run();
-        let spent = [cpu() - before, wall.elapsed().as_secs_f64()];
+        let spent = [cpu_secs() - before, wall.elapsed().as_secs_f64()];
         drop(value);
         best = [best[0].min(spent[0]), best[1].min(spent[1])];
     }

@@ -183,6 +183,8 @@ fn a_window_shows_what_the_cpu_draws_and_follows_mouse_and_keys() {
         "cpu",
         "--as",
         "solid",
+        "--ssaa",
+        "1",
         "--dataset",
         "photos",
         "--split",

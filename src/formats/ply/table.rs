@@ -245,7 +245,7 @@ fn read_at(file: &File, mut out: &mut [u8], mut offset: u64) -> std::io::Result<
     while !out.is_empty() {
         let read = std::os::windows::fs::FileExt::seek_read(file, out, offset)?;
         if read == 0 {
-            return Err(std::io::ErrorPropertyType::UnexpectedEof.into());
+            return Err(std::io::ErrorKind::UnexpectedEof.into());
         }
         out = &mut out[read..];
         offset += read as u64;

@@ -12,6 +12,7 @@ use glam::{UVec2, Vec2};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
+use winit::error::EventLoopError;
 use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
 use winit::keyboard::{KeyCode, PhysicalKey};
@@ -26,9 +27,9 @@ const SOFT_WIDTH: f32 = 480.0;
 ///
 /// Errors: no display, no graphics card, the scene cannot be loaded, the device is lost.
 pub fn open(options: WindowOptions, loader: SceneLoader) -> Result<()> {
-    let no_window = |e: &dyn std::fmt::Display| {
+    let no_window = |e: &EventLoopError| {
         let remedy = "`trisplat render` makes pictures without a window";
-        Error::Gpu(format!("no window can be opened: {e}; {remedy}"))
+        Error::Gpu(format!("no window can be opened: {}; {remedy}", without_place(&e.to_string())))
     };
     let events = EventLoop::<Message>::with_user_event().build().map_err(|e| no_window(&e))?;
     let proxy = events.create_proxy();
@@ -36,6 +37,13 @@ pub fn open(options: WindowOptions, loader: SceneLoader) -> Result<()> {
         App { options, loader: Some(loader), proxy, window: None, failure: None, mouse: Mouse::default() };
     events.run_app(&mut app).map_err(|e| no_window(&e))?;
     app.failure.map_or(Ok(()), Err)
+}
+
+/// What the windowing library says, less the file and line of its own source.
+fn without_place(said: &str) -> &str {
+    let reason =
+        said.split_once(".rs:").and_then(|(_, place)| place.split_once(": ")).map_or(said, |(_, why)| why);
+    reason.trim_end_matches('.')
 }
 
 struct App {

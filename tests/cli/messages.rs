@@ -1,0 +1,230 @@
+//! What the command line says: errors that name the remedy, scores, percents, colours.
+
+use super::{fails, sample, stderr, trisplat};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+fn dataset() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/dataset")
+}
+
+fn stdout(output: &Output) -> String {
+    assert!(output.status.success(), "{}", stderr(output));
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+#[test]
+fn a_setting_of_the_wrong_type_is_named_with_what_it_wants() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("a.ply");
+    let refused = |setting: &str, wants: &[&str]| {
+        fails(folder.path(), &[&"train", &dataset(), &"-o", &out, &"--set", &setting], wants);
+    };
+    refused("steps=abc", &["--set is steps=abc: wants a whole number, 0 or more"]);
+    refused("steps=-3", &["--set is steps=-3: wants a whole number"]);
+    refused("solid.enabled=maybe", &["--set is solid.enabled=maybe: wants true or false"]);
+    refused("rates.sigma=x", &["--set is rates.sigma=x: wants a number"]);
+    refused("preset=best", &["--set is preset=best: wants one of", "solid"]);
+}
+
+#[test]
+fn a_scene_is_no_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("a.ply");
+    let resume = [&"train" as &dyn AsRef<std::ffi::OsStr>, &dataset(), &"-o", &out, &"--resume"];
+    let wants = ["studio.ply", "not a checkpoint", "give it as --from"];
+    fails(folder.path(), &[&resume[..], &[&sample("studio.ply")]].concat(), &wants);
+}
+
+#[test]
+fn pictures_go_into_a_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let draw =
+        [&"render" as &dyn AsRef<std::ffi::OsStr>, &sample("studio.ply"), &"--orbit", &"1", &"--width", &"8"];
+    for name in ["a.txt", "a.png"] {
+        let out = folder.path().join(name);
+        fails(folder.path(), &[&draw[..], &[&"-o", &out]].concat(), &["--output", name, "a folder"]);
+    }
+    std::fs::write(folder.path().join("file"), b"").unwrap();
+    fails(
+        folder.path(),
+        &[&draw[..], &[&"-o", &folder.path().join("file")]].concat(),
+        &["--output", "a folder"],
+    );
+    for name in ["pictures", "v1.2", "a.txt/"] {
+        let output = trisplat(&[&draw[..], &[&"-o", &folder.path().join(name)]].concat());
+        assert!(output.status.success(), "{name}: {}", stderr(&output));
+        assert!(folder.path().join(name).join("orbit_0000.png").is_file());
+    }
+}
+
+#[cfg(feature = "view")]
+#[test]
+fn a_window_that_cannot_be_is_refused() {
+    let output = trisplat(&[&"view", &sample("studio.ply"), &"--size", &"99999x99999"]);
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    assert!(
+        stderr(&output).contains("--size") && stderr(&output).contains("1 to 8192 px"),
+        "{}",
+        stderr(&output)
+    );
+    if cfg!(target_os = "linux") {
+        let mut view = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+        for display in ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"] {
+            view.env_remove(display);
+        }
+        let output = view.arg("view").arg(sample("studio.ply")).output().unwrap();
+        let text = stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{text}");
+        assert!(text.contains("DISPLAY is set; `trisplat render`") && !text.contains(".rs:"), "{text}");
+    }
+}
+
+#[test]
+fn threads_have_a_limit() {
+    let output = trisplat(&[&"info", &sample("studio.ply"), &"--threads", &"5000"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("--threads"), "{}", stderr(&output));
+}
+
+#[test]
+fn errors_are_coloured_when_asked_for_and_never_with_no_color() {
+    let run = |variables: &[(&str, &str)], argument: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+        command.env_remove("NO_COLOR").env_remove("CLICOLOR_FORCE").envs(variables.iter().copied());
+        stderr(&command.args(["info", argument]).stdin(Stdio::null()).output().unwrap())
+    };
+    // An error of ours, and one of the parser.
+    for argument in ["missing.ply", "--misspelt"] {
+        assert!(run(&[("CLICOLOR_FORCE", "1")], argument).contains("\u{1b}[31m"), "{argument}");
+        assert!(run(&[], argument).starts_with("error: "), "{argument}");
+        assert!(!run(&[("NO_COLOR", "1")], argument).contains('\u{1b}'), "{argument}");
+    }
+}
+
+#[test]
+fn eval_prints_a_table_or_json_on_standard_output() {
+    let eval =
+        [&"eval" as &dyn AsRef<std::ffi::OsStr>, &sample("trained.ply"), &dataset(), &"--as", &"solid"];
+    let table = stdout(&trisplat(&eval));
+    let rows: Vec<Vec<&str>> = table.lines().map(|line| line.split_whitespace().collect()).collect();
+    assert_eq!(rows[0], ["photo", "step", "PSNR", "dB", "SSIM", "FLIP"]);
+    assert_eq!(rows.len(), 7, "a header, 5 photos and a mean: {table}");
+    let psnr = |row: &[&str]| row[2].parse::<f64>().unwrap();
+    let mean = rows[1..6].iter().map(|row| psnr(row)).sum::<f64>() / 5.0;
+    assert!(rows[6][0] == "mean" && (psnr(&rows[6]) - mean).abs() < 2e-3, "{table}");
+    assert!(table.contains("5 photos, ") && table.contains("4×4 samples per pixel"), "{table}");
+
+    let quiet = trisplat(&[&eval[..], &[&"--quiet"]].concat());
+    assert!(quiet.stderr.is_empty());
+    assert_eq!(stdout(&quiet).lines().count(), 2, "the header and the mean");
+
+    let json: serde_json::Value =
+        serde_json::from_str(&stdout(&trisplat(&[&eval[..], &[&"--json"]].concat()))).unwrap();
+    assert!((json["steps"][0]["mean"]["psnr"].as_f64().unwrap() - mean).abs() < 2e-3);
+    assert_eq!(json["ssaa"], 4);
+}
+
+#[test]
+fn training_and_evaluation_say_the_same_of_a_solid_soup() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("a.ply");
+    let train = ["--preset", "solid", "--steps", "120", "--max-triangles", "2000", "--max-size", "80", "-v"];
+    let train: Vec<&dyn AsRef<std::ffi::OsStr>> = train.iter().map(|word| word as _).collect();
+    let output =
+        trisplat(&[&[&"train" as &dyn AsRef<std::ffi::OsStr>, &dataset(), &"-o", &out], &train[..]].concat());
+    let said = stderr(&output);
+    assert!(output.status.success(), "{said}");
+    let percents: Vec<u32> =
+        said.lines().filter_map(|line| line.split_once("%  step ")?.0.trim().parse().ok()).collect();
+    assert_eq!(percents, (1..=100).collect::<Vec<u32>>(), "{said}");
+    let held_out = said.lines().find_map(|line| line.split_once("held out ")).map(|(_, rest)| rest).unwrap();
+    let train_psnr: f64 = held_out.split(' ').next().unwrap().parse().unwrap();
+    assert!(held_out.ends_with("(solid, 4×4 samples per pixel)"), "{held_out}");
+    let eval =
+        stdout(&trisplat(&[&"eval", &out, &dataset(), &"--max-size", &"80", &"--as", &"solid", &"-q"]));
+    let eval_psnr: f64 = eval.lines().last().unwrap().split_whitespace().nth(2).unwrap().parse().unwrap();
+    assert!((train_psnr - eval_psnr).abs() < 0.1, "{train_psnr} while training, {eval_psnr} after: {eval}");
+}
+
+#[test]
+fn photos_of_another_place_are_noticed() {
+    let folder = tempfile::tempdir().unwrap();
+    let other = folder.path().join("other");
+    let (sparse, images) = (dataset().join("sparse"), dataset().join("images"));
+    copy(&sparse, &other.join("sparse"));
+    // Every photo under the name of one from the other side.
+    let mut names: Vec<_> =
+        std::fs::read_dir(&images).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    names.sort();
+    std::fs::create_dir_all(other.join("images")).unwrap();
+    for (i, name) in names.iter().enumerate() {
+        let from = images.join(&names[(i + names.len() / 2) % names.len()]);
+        std::fs::copy(from, other.join("images").join(name)).unwrap();
+    }
+    let bake = |dataset: &Path| {
+        let out = folder.path().join("a.glb");
+        let output = trisplat(&[&"bake", &sample("trained.ply"), &"--dataset", &dataset, &"-o", &out, &"-f"]);
+        assert!(output.status.success(), "{}", stderr(&output));
+        stderr(&output)
+    };
+    let warning = "warning: the photos of --dataset do not seem to show this scene";
+    let (right, wrong) = (bake(&dataset()), bake(&other));
+    assert!(!right.contains(warning), "{right}");
+    assert!(wrong.contains(warning), "{wrong}");
+}
+
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let path = entry.unwrap().path();
+        let target = to.join(path.file_name().unwrap());
+        match path.is_dir() {
+            true => copy(&path, &target),
+            false => assert!(std::fs::copy(&path, &target).is_ok()),
+        }
+    }
+}
+
+#[test]
+fn a_soup_and_a_mesh_that_was_baked_from_one_merge_in_their_world() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let bake = |arguments: &[&dyn AsRef<std::ffi::OsStr>]| {
+        let output = trisplat(&[&[&"bake" as &dyn AsRef<std::ffi::OsStr>], arguments].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+    };
+    let (soup, other) = (sample("trained.ply"), sample("studio.ply"));
+    bake(&[&soup, &"-o", &path("plain.glb")]);
+    bake(&[&soup, &"--center", &"--scale", &"2", &"-o", &path("placed.glb")]);
+    bake(&[&other, &path("placed.glb"), &"-o", &path("both.glb")]);
+    bake(&[&other, &"-o", &path("other.glb")]);
+    let info = |name: &str| -> serde_json::Value {
+        serde_json::from_str(&stdout(&trisplat(&[&"info", &path(name), &"--json"]))).unwrap()
+    };
+    let count = |name: &str| info(name)["triangles"].as_u64().unwrap();
+    assert_eq!(count("both.glb"), count("plain.glb") + count("other.glb"));
+    for (end, outer) in [("min", f64::min as fn(f64, f64) -> f64), ("max", f64::max)] {
+        for axis in 0..3 {
+            let bound = |name: &str| info(name)["bounds"][end][axis].as_f64().unwrap();
+            let wanted = outer(bound("plain.glb"), bound("other.glb"));
+            assert!(
+                (bound("both.glb") - wanted).abs() < 1e-3,
+                "{end} {axis}: {} for {wanted}",
+                bound("both.glb")
+            );
+        }
+    }
+}
+
+#[test]
+fn every_command_has_a_manual_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let man = folder.path().join("man");
+    assert!(trisplat(&[&"man", &man]).status.success());
+    for name in ["trisplat.1", "trisplat-bake.1", "trisplat-train.1", "trisplat-bench-fps.1"] {
+        let page = std::fs::read_to_string(man.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert!(page.contains(".TH "), "{name}");
+    }
+    assert!(std::fs::read_to_string(man.join("trisplat-bake.1")).unwrap().contains("max\\-triangles"));
+}
