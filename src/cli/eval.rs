@@ -5,9 +5,10 @@ use super::files;
 use super::progress::{Progress, thousands};
 use super::render::{prepare_folder, save_picture};
 use crate::bench::contact_sheet::{ContactSheet, is_shown};
+use crate::bench::coverage;
 use crate::bench::evaluate::{self, EvalReport, ScoredPicture, Scores, StepScore};
 use crate::bench::scene_renderer::RenderOptions;
-use crate::bench::steps;
+use crate::bench::steps::{self, EvalStep};
 use crate::dataset::{Dataset, DatasetOptions, Split, View};
 use crate::error::{Error, Result};
 use crate::formats::{self, ReadOptions};
@@ -45,6 +46,10 @@ pub struct EvalArgs {
     /// Write all scores as JSON (schema: trisplat schema eval).
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
+    /// Do not measure coverage, the share of the pixels that show what at least two training photos see: that draws
+    /// the scene once for every training photo.
+    #[arg(long)]
+    pub no_coverage: bool,
     /// Replace files that are there.
     #[arg(short, long)]
     pub force: bool,
@@ -78,7 +83,8 @@ pub fn run(args: &EvalArgs, global: &Global) -> Result<()> {
     let progress = Progress::new(global);
     let width = views.iter().map(|v| v.name.len()).max().unwrap_or(0).max(4);
     let photo_bytes = args.dataset_options.photo_bytes();
-    let scores = evaluate::evaluate(&mut steps, &views, photo_bytes, |view, photo, drawn| {
+    let covered = covered(args, &dataset, &views, &mut steps);
+    let scores = evaluate::evaluate(&mut steps, &views, photo_bytes, &covered, |view, photo, drawn| {
         for one in drawn {
             progress.line(&row(&view.name, width, one.step, &one.score.score));
         }
@@ -92,6 +98,17 @@ pub fn run(args: &EvalArgs, global: &Global) -> Result<()> {
     args.report.as_deref().map_or(Ok(()), |path| files::save_json(&report, path))
 }
 
+/// The pixels of each view that show what training photos see, by the scene as it was given; none when not asked for.
+fn covered(args: &EvalArgs, dataset: &Dataset, views: &[&View], steps: &mut [EvalStep]) -> Vec<Vec<bool>> {
+    match steps.first_mut().filter(|_| !args.no_coverage) {
+        Some(step) => {
+            let training: Vec<&View> = dataset.train().collect();
+            coverage::covered(views, &training, |camera| step.renderer.surface_depth(camera))
+        }
+        None => Vec::new(),
+    }
+}
+
 /// Warnings and means.
 fn print(report: &EvalReport, width: usize, count: usize, progress: &Progress) {
     for warning in &report.warnings {
@@ -100,6 +117,17 @@ fn print(report: &EvalReport, width: usize, count: usize, progress: &Progress) {
     for step in &report.steps {
         progress.line(&format!("{}   ({})", row("mean", width, &step.name, &step.mean), remark(step, count)));
     }
+    if let Some(coverage) = report.coverage {
+        progress.line(&coverage_line(coverage, &report.steps));
+    }
+}
+
+/// How much of the photos others have seen, and how good that part is.
+fn coverage_line(coverage: f64, steps: &[StepScore]) -> String {
+    let psnr = |step: &StepScore| step.psnr_covered.map(|psnr| format!("{} {psnr:.3} dB", step.name));
+    let psnr: Vec<String> = steps.iter().filter_map(psnr).collect();
+    let seen = format!("{:.1}% of the pixels show what at least two training photos see", 100.0 * coverage);
+    if psnr.is_empty() { seen } else { format!("{seen}; PSNR there: {}", psnr.join(", ")) }
 }
 
 /// What is printed after the means of a step.
