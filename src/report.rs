@@ -65,12 +65,47 @@ impl StageReport {
 pub trait Observer {
     /// A stage starts.
     fn started(&mut self, _name: &str) {}
+    /// The stage that runs has come so far: a fraction from 0 to 1. Only stages that may take long say so.
+    fn progressed(&mut self, _fraction: f64) {}
     /// A stage ended.
     fn finished(&mut self, _stage: &StageReport) {}
 }
 
 /// Ignores everything.
 impl Observer for () {}
+
+/// Tells an observer how far a stage has come. As an observer itself, of stages that run within that stage, it passes
+/// their fractions on.
+pub struct StageProgress<'a> {
+    observer: &'a mut dyn Observer,
+    /// What this part is of the stage: where it begins and how long it is.
+    part: (f64, f64),
+}
+
+impl<'a> StageProgress<'a> {
+    /// Of the whole stage.
+    pub fn new(observer: &'a mut dyn Observer) -> Self {
+        Self { observer, part: (0.0, 1.0) }
+    }
+
+    /// Part of what this is the progress of, from one fraction of it to another.
+    pub fn part(&mut self, from: f64, to: f64) -> StageProgress<'_> {
+        let (start, length) = self.part;
+        StageProgress { observer: &mut *self.observer, part: (start + length * from, length * (to - from)) }
+    }
+
+    /// `done` of `all` is done.
+    pub fn set(&mut self, done: usize, all: usize) {
+        self.progressed(done as f64 / all.max(1) as f64);
+    }
+}
+
+impl Observer for StageProgress<'_> {
+    fn progressed(&mut self, fraction: f64) {
+        let (start, length) = self.part;
+        self.observer.progressed(start + length * fraction.clamp(0.0, 1.0));
+    }
+}
 
 /// Everything one run did, in the shape of `schemas/report.schema.json`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -129,12 +164,23 @@ impl Report {
         measure: impl Fn(&T) -> Counts,
         run: impl FnOnce(&mut T, &mut D) -> Result<Outcome<()>>,
     ) -> Result<T> {
+        self.long_stage(observer, input, measure, |value, details, _| run(value, details))
+    }
+
+    /// [`Report::stage`] for one that may take long: `run` also gets what tells the observer how far it has come.
+    pub fn long_stage<T, D: StageDetails>(
+        &mut self,
+        observer: &mut dyn Observer,
+        input: T,
+        measure: impl Fn(&T) -> Counts,
+        run: impl FnOnce(&mut T, &mut D, &mut StageProgress<'_>) -> Result<Outcome<()>>,
+    ) -> Result<T> {
         observer.started(D::STAGE);
         let clock = Instant::now();
         let mut value = input;
         let before = measure(&value);
         let mut details = D::default();
-        let unneeded = match run(&mut value, &mut details)? {
+        let unneeded = match run(&mut value, &mut details, &mut StageProgress::new(observer))? {
             Outcome::Changed(()) => None,
             Outcome::Unneeded(why) => Some(why.to_owned()),
         };

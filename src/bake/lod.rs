@@ -4,14 +4,14 @@
 //! each level they are then enlarged until they cover what the dropped ones had covered. The recipe finishes a level
 //! like the scene itself: colours from the photos if there are any, then the stages that make a file.
 
-use super::decimate;
+use super::decimate::{self, Decimation};
 use super::views::SAMPLES;
 use super::visibility::visible_px;
 use crate::asset::Asset;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
-use crate::report::{Outcome, StageDetails};
+use crate::report::{Outcome, StageDetails, StageProgress};
 
 /// Most levels beside the scene itself.
 const MOST_LEVELS: usize = 8;
@@ -108,6 +108,11 @@ pub struct FinishedLevel {
     pub psnr: Option<f64>,
 }
 
+/// What of the stage's time goes into ranking; each level then takes an equal part of the rest, and ...
+const RANKING_PART: f64 = 0.2;
+/// ... this much of its part before it is finished.
+const MOVING_PART: f64 = 0.5;
+
 /// Makes the levels of `source`, coarser and coarser, into `levels`, each finished by `finish`.
 ///
 /// Errors: those of `finish`.
@@ -115,8 +120,9 @@ pub fn lod(
     levels: &mut Vec<Asset>,
     source: &LevelSource<'_>,
     options: &LodOptions,
-    mut finish: impl FnMut(Mesh) -> Result<FinishedLevel>,
+    mut finish: impl FnMut(Mesh, StageProgress<'_>) -> Result<FinishedLevel>,
     details: &mut LodDetails,
+    progress: &mut StageProgress<'_>,
 ) -> Result<Outcome<()>> {
     if options.lod.is_empty() {
         return Ok(Outcome::Unneeded("`lod` was not given"));
@@ -127,12 +133,17 @@ pub fn lod(
     let faces = source.mesh.face_count();
     let count = |share: f64| ((faces as f64 * share) as usize).max(1);
     let fewest = options.lod.last().map_or(1, |share| count(*share));
-    let ranked = rank(source, fewest);
+    let mut decimation = Decimation::new(source.mesh, source.cameras);
+    let ranked = rank(source, &mut decimation, fewest, progress.part(0.0, RANKING_PART));
     if !source.cameras.is_empty() {
         details.ordered_by = LodRanking::Importance;
     }
-    for &share in &options.lod {
-        let FinishedLevel { asset, psnr } = finish(level(source, &ranked[..count(share).min(faces)]))?;
+    let start = |i: usize| RANKING_PART + (1.0 - RANKING_PART) * i as f64 / options.lod.len() as f64;
+    for (i, &share) in options.lod.iter().enumerate() {
+        let mut progress = progress.part(start(i), start(i + 1));
+        let faces = &ranked[..count(share).min(faces)];
+        let level = level(source, &mut decimation, faces, progress.part(0.0, MOVING_PART));
+        let FinishedLevel { asset, psnr } = finish(level, progress.part(MOVING_PART, 1.0))?;
         let (triangles, detail) = (asset.mesh.face_count() as u64, asset.mesh.detail());
         details.levels.push(LevelDetails { share, triangles, psnr, detail });
         levels.push(asset);
@@ -141,22 +152,32 @@ pub fn lod(
 }
 
 /// All faces, ordered so that a level is the first n of them, for every n from `fewest` on. `[F]`
-fn rank(source: &LevelSource<'_>, fewest: usize) -> Vec<u32> {
+fn rank(
+    source: &LevelSource<'_>,
+    decimation: &mut Decimation<'_>,
+    fewest: usize,
+    mut progress: StageProgress<'_>,
+) -> Vec<u32> {
     let LevelSource { mesh, cameras, .. } = *source;
     if cameras.is_empty() {
         return decimate::rank_by_size(mesh);
     }
-    let visible = visible_px(mesh, cameras, SAMPLES);
+    let visible = visible_px(mesh, cameras, SAMPLES, progress.part(0.0, 0.3));
     let all: Vec<u32> = (0..mesh.face_count() as u32).collect();
-    decimate::rank_by_importance(mesh, cameras, &visible, &all, fewest)
+    decimation.rank_by_importance(&visible, &all, fewest, progress.part(0.3, 1.0))
 }
 
 /// The mesh with only some of its faces, in their old order, enlarged to cover for the others.
-fn level(source: &LevelSource<'_>, faces: &[u32]) -> Mesh {
+fn level(
+    source: &LevelSource<'_>,
+    decimation: &mut Decimation<'_>,
+    faces: &[u32],
+    progress: StageProgress<'_>,
+) -> Mesh {
     let mut level = source.mesh.clone();
     match source.enlarge {
         true if source.cameras.is_empty() => decimate::enlarge(&mut level, faces),
-        true => _ = decimate::move_corners(&mut level, source.cameras, faces),
+        true => decimation.move_corners(faces, progress).apply(&mut level),
         false => {}
     }
     level.keep(faces);

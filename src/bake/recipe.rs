@@ -20,7 +20,7 @@ use crate::asset::{Asset, Placement, Provenance};
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::mesh::Mesh;
-use crate::report::{Counts, Observer, Outcome, Report, generator};
+use crate::report::{Counts, Observer, Outcome, Report, StageProgress, generator};
 use crate::scene::{Loaded, Scene};
 
 /// Photos that a level of detail is evaluated on.
@@ -227,8 +227,8 @@ impl Recipe<'_> {
             Some(_) => options.backdrop.scene_budget(options.prune.max_triangles),
             None => options.prune.max_triangles,
         };
-        self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
-            unseen(mesh, cameras, views, &options.unseen, budget, details)
+        self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
+            unseen(mesh, cameras, views, &options.unseen, budget, details, progress)
         })
     }
 
@@ -244,8 +244,8 @@ impl Recipe<'_> {
 
         // On what is left: a colour belongs to what a triangle shows when the others are gone.
         let views = self.views.as_deref_mut();
-        self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
-            refit(mesh, views, &options.refit, details)
+        self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
+            refit(mesh, views, &options.refit, details, progress)
         })
     }
 
@@ -285,21 +285,21 @@ impl Recipe<'_> {
     /// Coarser copies of the scene, each painted and packaged as the scene was.
     fn levels(&mut self, source: &LevelSource<'_>, provenance: &Provenance) -> Result<Vec<Asset>> {
         let options = self.options;
-        let mut unread = Report::default();
-        let mut of_level = Recipe {
-            options,
-            views: self.views.as_deref_mut(),
-            report: &mut unread,
-            observer: &mut (),
-            placement: self.placement,
-        };
-        let finish = |level: Mesh| {
+        let (views, placement) = (&mut self.views, self.placement);
+        let finish = |level: Mesh, mut progress: StageProgress<'_>| {
+            let mut of_level = Recipe {
+                options,
+                views: views.as_deref_mut(),
+                report: &mut Report::default(),
+                observer: &mut progress,
+                placement,
+            };
             let level = of_level.paint(level)?;
             let psnr = of_level.evaluate(&level)?;
             Ok(FinishedLevel { asset: of_level.package(level, provenance.clone())?, psnr })
         };
-        self.report.stage(self.observer, Vec::new(), count_levels, |levels, details| {
-            lod(levels, source, &options.lod, finish, details)
+        self.report.long_stage(self.observer, Vec::new(), count_levels, |levels, details, progress| {
+            lod(levels, source, &options.lod, finish, details, progress)
         })
     }
 

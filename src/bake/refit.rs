@@ -34,7 +34,7 @@ use super::views::Views;
 use crate::error::Result;
 use crate::math::median::median;
 use crate::mesh::Mesh;
-use crate::report::{Outcome, StageDetails};
+use crate::report::{Outcome, StageDetails, StageProgress};
 use accumulator::Accumulator;
 use evaluation::{Evaluation, psnr_of};
 
@@ -42,6 +42,10 @@ use evaluation::{Evaluation, psnr_of};
 const EVALUATION_EVERY: usize = 8;
 /// At most so many are held out.
 const MOST_EVALUATION_VIEWS: usize = 24;
+/// Where in the progress of the first pass all but the held-out photos are added, and ...
+const OTHERS_PART: f64 = 0.7;
+/// ... where those are evaluated.
+const EVALUATED_PART: f64 = 0.85;
 /// A photo is out of line when its mean error is this far from the others', sRGB-encoded, and ...
 const OUTLIER: f32 = 0.02;
 /// ... this many times as far as half of them are.
@@ -98,6 +102,7 @@ pub fn refit(
     views: Option<&mut Views>,
     options: &RefitOptions,
     details: &mut RefitDetails,
+    progress: &mut StageProgress<'_>,
 ) -> Result<Outcome<()>> {
     options.validate()?;
     let Some(views) = views.filter(|v| !v.is_empty()) else {
@@ -110,21 +115,24 @@ pub fn refit(
         return Ok(Outcome::Unneeded("a mesh with shared vertices keeps its colours"));
     }
     let mut accumulator = Accumulator::new(mesh, views, options.refit_flatness as f32);
-    let Some(which) = first_pass(mesh, views, options.refit, &mut accumulator, details)? else {
+    let end_of_pass = |pass: u32| f64::from(pass) / f64::from(options.refit_passes);
+    let mut first = progress.part(0.0, end_of_pass(1));
+    let Some(which) = first_pass(mesh, views, options.refit, &mut accumulator, details, &mut first)? else {
         return Ok(Outcome::Unneeded("held-out photos match the colours that are there better"));
     };
     let outliers = outliers(&accumulator.errors);
     if !outliers.is_empty() {
         // Photos of another exposure.
-        accumulator.add(mesh, views, &outliers, -1.0)?;
+        accumulator.add(mesh, views, &outliers, -1.0, first.part(1.0, 1.0))?;
         details.photos_out_of_line = Some(outliers.len() as u64);
     }
     details.fitted = Some(accumulator.fit.fitted() as u64);
     let used: Vec<usize> = (0..views.len()).filter(|v| !outliers.contains(v)).collect();
-    for _ in 1..options.refit_passes {
+    for pass in 1..options.refit_passes {
         accumulator.fit.improve(which);
         accumulator.coupling = 1.0;
-        accumulator.add(mesh, views, &used, 1.0)?;
+        let progress = progress.part(end_of_pass(pass), end_of_pass(pass + 1));
+        accumulator.add(mesh, views, &used, 1.0, progress)?;
     }
     mesh.colors = accumulator.fit.colors(which);
     details.colors = Some(which);
@@ -138,17 +146,18 @@ fn first_pass(
     colors: RefitColors,
     accumulator: &mut Accumulator,
     details: &mut RefitDetails,
+    progress: &mut StageProgress<'_>,
 ) -> Result<Option<RefitColors>> {
     let every = EVALUATION_EVERY.max(views.len().div_ceil(MOST_EVALUATION_VIEWS));
     let (held_out, others): (Vec<usize>, Vec<usize>) = (0..views.len()).partition(|v| v % every == every / 2);
-    accumulator.add(mesh, views, &others, 1.0)?;
+    accumulator.add(mesh, views, &others, 1.0, progress.part(0.0, OTHERS_PART))?;
     let evaluation = match colors {
         RefitColors::Auto if !held_out.is_empty() => {
             Some(Evaluation::new(mesh, views, &held_out, &accumulator.fit)?)
         }
         _ => None,
     };
-    accumulator.add(mesh, views, &held_out, 1.0)?;
+    accumulator.add(mesh, views, &held_out, 1.0, progress.part(EVALUATED_PART, 1.0))?;
     let Some(evaluation) = evaluation else {
         return Ok(Some(if colors == RefitColors::Corner { colors } else { RefitColors::Flat }));
     };

@@ -1,15 +1,15 @@
 //! Visibility culling: drops the triangles that the solid rasteriser shows in no photo, or hardly.
 //!
 //! Triangles are ranked by the area they cover in all photos together, after everything in front of them, in pixels.
-//! With a budget of triangles, those that are visible are then ranked by importance (see [`decimate`]).
+//! With a budget of triangles, those that are visible are then ranked by importance (see [`super::decimate`]).
 
-use super::decimate;
+use super::decimate::Decimation;
 use super::views::{SAMPLES, Views};
 use super::visibility::visible_px;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
-use crate::report::{Outcome, StageDetails};
+use crate::report::{Outcome, StageDetails, StageProgress};
 use rayon::prelude::*;
 
 /// Samples per pixel along each axis when only what no camera sees is dropped: a plain bake of our own soup must not
@@ -19,6 +19,10 @@ const SAMPLES_AT_LEAST: u32 = 1;
 const CURVE_VIEWS: usize = 12;
 /// With `max_error` at least one triangle in so many stays, about.
 const FEWEST: usize = 64;
+/// Where in a decimation's progress everything was drawn, and ...
+const DRAWING_PART: f64 = 0.1;
+/// ... where corners begin to move.
+const MOVING_PART: f64 = 0.3;
 /// Halvings of the interval in which the cut lies.
 const CURVE_STEPS: usize = 9;
 
@@ -93,6 +97,7 @@ pub fn unseen(
     options: &UnseenOptions,
     max_triangles: Option<u64>,
     details: &mut UnseenDetails,
+    progress: &mut StageProgress<'_>,
 ) -> Result<Outcome<()>> {
     check(options)?;
     if let (None, Some(db)) = (&views, options.max_error) {
@@ -103,7 +108,9 @@ pub fn unseen(
         return Ok(Outcome::Unneeded(why));
     }
     let chooses = views.is_some() || mesh.face_count() > most;
-    let visible_area = visible_px(mesh, cameras, if chooses { SAMPLES } else { SAMPLES_AT_LEAST });
+    let samples = if chooses { SAMPLES } else { SAMPLES_AT_LEAST };
+    let decides_at = if mesh.face_count() > most || options.max_error.is_some() { DRAWING_PART } else { 1.0 };
+    let visible_area = visible_px(mesh, cameras, samples, progress.part(0.0, decides_at));
     let mut ranked = rank_by_visibility(mesh, &visible_area);
     let visible = ranked.partition_point(|&f| visible_area[f as usize] > 0.0);
     if visible == 0 && views.is_some() {
@@ -119,10 +126,12 @@ pub fn unseen(
     details.seen_by_none = Some((ranked.len() - visible) as u64);
     let mut keep = needed.min(most);
     let decimates = keep < needed.min(visible) || options.max_error.is_some();
-    if decimates {
-        let fewest = if options.max_error.is_some() { visible / FEWEST } else { keep };
+    let mut decimation = decimates.then(|| Decimation::new(mesh, cameras));
+    if let Some(decimation) = &mut decimation {
+        let fewest = if options.max_error.is_some() { visible / FEWEST } else { keep }.max(1);
         let candidates = &mut ranked[..needed.min(visible)];
-        let best = decimate::rank_by_importance(mesh, cameras, &visible_area, candidates, fewest.max(1));
+        let progress = progress.part(DRAWING_PART, MOVING_PART);
+        let best = decimation.rank_by_importance(&visible_area, candidates, fewest, progress);
         candidates.copy_from_slice(&best);
     }
     if let (Some(db), Some(views)) = (options.max_error, views) {
@@ -131,8 +140,11 @@ pub fn unseen(
     if keep == ranked.len() {
         return Ok(Outcome::Unneeded("every triangle is seen"));
     }
-    if decimates && options.enlarge {
-        details.corners_moved = Some(decimate::move_corners(mesh, cameras, &ranked[..keep]) as u64);
+    let enlarging = decimation.filter(|_| options.enlarge);
+    let moved = enlarging.map(|mut d| d.move_corners(&ranked[..keep], progress.part(MOVING_PART, 1.0)));
+    if let Some(moved) = moved {
+        moved.apply(mesh);
+        details.corners_moved = Some(moved.moves);
     }
     mesh.keep(&ranked[..keep]);
     Ok(Outcome::Changed(()))

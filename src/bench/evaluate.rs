@@ -28,6 +28,10 @@ pub struct EvalReport {
     pub ssaa: u32,
     /// The scene at each step of its way into a file, in order. A mesh has one: "solid".
     pub steps: Vec<StepScore>,
+    /// Share of the pixels that show what at least two training photos see, a photo not counting for itself; mean over
+    /// the photos. The surface is that of the scene at its first step. Absent when it was not measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coverage: Option<f64>,
     /// What the user should know, one sentence each.
     pub warnings: Vec<String>,
 }
@@ -45,6 +49,9 @@ pub struct StepScore {
     pub bytes: Option<u64>,
     /// Means over the photos, each photo counting once.
     pub mean: Scores,
+    /// PSNR of the covered pixels alone, mean over the photos that have any, dB.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr_covered: Option<f64>,
     /// The mean minus that of the step before: what this step cost.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub change: Option<Scores>,
@@ -75,6 +82,12 @@ pub struct ImageScore {
     /// How close the drawing comes.
     #[serde(flatten)]
     pub score: Scores,
+    /// Share of the pixels that show what at least two training photos see.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coverage: Option<f64>,
+    /// PSNR of those pixels alone, dB; absent when there are none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr_covered: Option<f64>,
 }
 
 /// The drawing of a view at one step, and its scores.
@@ -91,11 +104,13 @@ pub struct ScoredPicture {
 }
 
 /// Draws and measures `views` at every step. Calls `on_view` with each view, its photo and its drawings as soon as
-/// they are there. Returns the scores, step by step.
+/// they are there. `covered` says which pixels of each view are covered; empty if that is not asked for. Returns the
+/// scores, step by step.
 pub fn evaluate(
     steps: &mut [EvalStep],
     views: &[&View],
     photo_bytes: u64,
+    covered: &[Vec<bool>],
     mut on_view: impl FnMut(&View, &Pixels, &[ScoredPicture]) -> Result<()>,
 ) -> Result<Vec<StepScore>> {
     for step in &*steps {
@@ -112,7 +127,11 @@ pub fn evaluate(
             let clock = Instant::now();
             let picture = step.renderer.color(&view.camera);
             *secs += clock.elapsed().as_secs_f64();
-            drawn.push(measure(step.name, &view.name, &photo, picture));
+            let mut drawing = measure(step.name, &view.name, &photo, picture);
+            if let Some(covered) = covered.get(i) {
+                drawing.measure_covered(&photo, covered);
+            }
+            drawn.push(drawing);
         }
         on_view(view, &photo, &drawn)?;
         images.iter_mut().zip(drawn).for_each(|(images, drawn)| images.push(drawn.score));
@@ -121,8 +140,9 @@ pub fn evaluate(
     for ((step, images), draw_secs) in steps.iter().zip(images).zip(secs) {
         let mean = mean(&images);
         let change = scores.last().map(|before| mean.minus(&before.mean));
+        let psnr_covered = mean_of(images.iter().filter_map(|image| image.psnr_covered));
         let (name, triangles, bytes) = (step.name.to_owned(), step.triangles, step.bytes);
-        scores.push(StepScore { name, triangles, bytes, mean, change, images, draw_secs });
+        scores.push(StepScore { name, triangles, bytes, mean, psnr_covered, change, images, draw_secs });
     }
     Ok(scores)
 }
@@ -131,8 +151,30 @@ fn measure(step: &'static str, name: &str, photo: &Pixels, picture: Pixels) -> S
     let Quality { psnr, ssim } = Quality::of(&picture, photo);
     let flip = metric::flip_map(photo.size, &photo.rgb, &picture.rgb);
     let score = Scores { psnr, ssim, flip: metric::mean_error(&flip, photo.alpha.as_deref()) };
-    let score = ImageScore { name: name.to_owned(), size: photo.size.to_array(), score };
+    let (name, size) = (name.to_owned(), photo.size.to_array());
+    let score = ImageScore { name, size, score, coverage: None, psnr_covered: None };
     ScoredPicture { step, picture, flip, score }
+}
+
+impl ScoredPicture {
+    /// Adds the scores of the covered pixels; the photo's alpha says how much each pixel counts.
+    fn measure_covered(&mut self, photo: &Pixels, covered: &[bool]) {
+        let weight = |i: usize| photo.alpha.as_ref().map_or(u8::MAX, |alpha| alpha[i]);
+        let weights: Vec<u8> =
+            covered.iter().enumerate().map(|(i, covered)| if *covered { weight(i) } else { 0 }).collect();
+        let sum = |weights: &mut dyn Iterator<Item = u8>| weights.map(u64::from).sum::<u64>() as f64;
+        let all = sum(&mut (0..covered.len()).map(weight));
+        let share = sum(&mut weights.iter().copied()) / all.max(1.0);
+        self.score.coverage = Some(share);
+        self.score.psnr_covered =
+            (share > 0.0).then(|| metric::psnr(&self.picture.rgb, &photo.rgb, Some(&weights)));
+    }
+}
+
+/// `None` of none.
+fn mean_of(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
+    (count > 0).then(|| sum / f64::from(count))
 }
 
 /// The mean of some scores; zeros of none.
@@ -151,12 +193,15 @@ impl Scores {
 impl EvalReport {
     /// A report of scores.
     pub fn new(file: &Path, dataset: &Path, split: &str, ssaa: u32, steps: Vec<StepScore>) -> Self {
+        let images = steps.first().map_or(&[][..], |step| &step.images);
+        let coverage = mean_of(images.iter().filter_map(|image| image.coverage));
         Self {
             generator: generator(),
             file: file.display().to_string(),
             dataset: dataset.display().to_string(),
             split: split.to_owned(),
             ssaa,
+            coverage,
             steps,
             warnings: Vec::new(),
         }

@@ -340,6 +340,7 @@ impl FidelityBench<'_> {
             &mut [step],
             &self.views,
             self.args.dataset_options.photo_bytes(),
+            &[],
             |_, _, _| Ok(()),
         )?;
         scores.into_iter().next().ok_or_else(|| Error::invalid("DATASET", "no score", "held-out photos"))

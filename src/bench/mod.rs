@@ -4,6 +4,7 @@
 pub mod bake;
 pub mod baked_scene;
 pub mod contact_sheet;
+pub mod coverage;
 mod degenerate;
 pub mod evaluate;
 #[cfg(feature = "cli")]

@@ -156,6 +156,22 @@ impl SceneRenderer {
         Ok(show::contributions(scene.soft.frame(), &layers))
     }
 
+    /// Depth z of the surface at every pixel, in units of the cameras' world; 0 where there is none. The surface of a
+    /// soup is where half of the light is stopped. `[H * W]`
+    pub fn surface_depth(&mut self, camera: &Camera) -> Vec<f32> {
+        match self {
+            Self::Soft(scene) => {
+                let unit = 1.0 / scene.space.scale;
+                scene.draw(camera, true).median_depth.iter().map(|depth| depth * unit).collect()
+            }
+            Self::Solid(scene) => {
+                let options = SolidRasterOptions { samples: 1, ..scene.options };
+                let seen = scene.solid.visibility(&scene.mesh, camera, &options);
+                seen.depth.iter().map(|depth| if depth.is_finite() { *depth } else { 0.0 }).collect()
+            }
+        }
+    }
+
     fn geometry(&mut self, camera: &Camera) -> &Frame {
         match self {
             Self::Soft(scene) => scene.draw(camera, true),

@@ -5,9 +5,10 @@ use super::files;
 use super::progress::{Progress, thousands};
 use super::render::{prepare_folder, save_picture};
 use crate::bench::contact_sheet::{ContactSheet, is_shown};
+use crate::bench::coverage;
 use crate::bench::evaluate::{self, EvalReport, ScoredPicture, Scores, StepScore};
 use crate::bench::scene_renderer::RenderOptions;
-use crate::bench::steps;
+use crate::bench::steps::{self, EvalStep};
 use crate::dataset::{Dataset, DatasetOptions, Split, View};
 use crate::error::{Error, Result};
 use crate::formats::{self, ReadOptions};
@@ -49,6 +50,10 @@ pub struct EvalArgs {
     /// Print all scores as JSON in place of a table.
     #[arg(long)]
     pub json: bool,
+    /// Do not measure coverage, the share of the pixels that show what at least two training photos see: that draws
+    /// the scene once for every training photo.
+    #[arg(long)]
+    pub no_coverage: bool,
     /// Replace files that are there.
     #[arg(short, long)]
     pub force: bool,
@@ -83,7 +88,8 @@ pub fn run(args: &EvalArgs, global: &Global, out: &mut dyn Write) -> Result<()> 
     let table = Table::new(views.iter().map(|v| v.name.as_str()), global, args.json);
     progress.suspend(|| table.header(out))?;
     let photo_bytes = args.dataset_options.photo_bytes();
-    let scores = evaluate::evaluate(&mut steps, &views, photo_bytes, |view, photo, drawn| {
+    let covered = covered(args, &dataset, &views, &mut steps);
+    let scores = evaluate::evaluate(&mut steps, &views, photo_bytes, &covered, |view, photo, drawn| {
         progress.suspend(|| drawn.iter().try_for_each(|one| table.photo(out, one)))?;
         pictures.add(view, photo, drawn)
     })?;
@@ -96,9 +102,20 @@ pub fn run(args: &EvalArgs, global: &Global, out: &mut dyn Write) -> Result<()> 
     }
     match args.json {
         true => files::print_json(&report, out).map_err(|e| Error::io("-", e))?,
-        false => report.steps.iter().try_for_each(|step| table.mean(out, step, report.ssaa))?,
+        false => table.end(out, &report)?,
     }
     args.report.as_deref().map_or(Ok(()), |path| files::save_json(&report, path))
+}
+
+/// The pixels of each view that show what training photos see, by the scene as it was given; none when not asked for.
+fn covered(args: &EvalArgs, dataset: &Dataset, views: &[&View], steps: &mut [EvalStep]) -> Vec<Vec<bool>> {
+    match steps.first_mut().filter(|_| !args.no_coverage) {
+        Some(step) => {
+            let training: Vec<&View> = dataset.train().collect();
+            coverage::covered(views, &training, |camera| step.renderer.surface_depth(camera))
+        }
+        None => Vec::new(),
+    }
 }
 
 /// Scores as text, in columns.
@@ -142,6 +159,22 @@ impl Table {
     fn mean(&self, out: &mut dyn Write, step: &StepScore, samples: u32) -> Result<()> {
         self.row(out, "mean", &step.name, &step.mean, &remark(step, samples))
     }
+
+    fn end(&self, out: &mut dyn Write, report: &EvalReport) -> Result<()> {
+        report.steps.iter().try_for_each(|step| self.mean(out, step, report.ssaa))?;
+        match report.coverage {
+            Some(coverage) => self.line(out, &coverage_line(coverage, &report.steps)),
+            None => Ok(()),
+        }
+    }
+}
+
+/// How much of the photos others have seen, and how good that part is.
+fn coverage_line(coverage: f64, steps: &[StepScore]) -> String {
+    let psnr = |step: &StepScore| step.psnr_covered.map(|psnr| format!("{} {psnr:.3} dB", step.name));
+    let psnr: Vec<String> = steps.iter().filter_map(psnr).collect();
+    let seen = format!("{:.1}% of the pixels show what at least two training photos see", 100.0 * coverage);
+    if psnr.is_empty() { seen } else { format!("{seen}; PSNR there: {}", psnr.join(", ")) }
 }
 
 /// What is printed after the means of a step.

@@ -1,17 +1,31 @@
-//! What the terminal shows while stages run: a spinner on a TTY, and the stage table.
+//! What the terminal shows while stages run: a spinner on a TTY, a bar for stages that say how far they have come, and
+//! the stage table.
 
 use super::{Global, flags, messages};
 use crate::report::{Observer, StageReport};
-use indicatif::{HumanCount, ProgressBar, ProgressStyle};
+use indicatif::{HumanCount, HumanDuration, ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-/// Prints the stage table to stderr; shows a spinner for the running stage when stderr is a TTY.
+/// What is shown of a stage that does not say how far it has come.
+const SPINNER: &str = "{spinner} {prefix} {elapsed}";
+/// What is shown of one that does.
+const BAR: &str = "{spinner} {prefix:<10} {bar:30} {percent:>3}%  {msg}";
+/// The fraction of a bar is shown in so many parts.
+const PARTS: u64 = 1000;
+/// Time left is shown when so much of a stage is done and ...
+const LEAST_FRACTION: f64 = 0.02;
+/// ... it has run for so long.
+const LEAST_TIME: Duration = Duration::from_millis(500);
+
+/// Prints the stage table to stderr; shows a spinner or a bar for the running stage when stderr is a TTY.
 #[derive(Debug)]
 pub struct Progress {
     quiet: bool,
     verbose: bool,
-    spinner: Option<ProgressBar>,
+    bar: Option<ProgressBar>,
+    /// When the running stage started, and how far it has come if it says.
+    running: (Instant, Option<f64>),
     /// Spells the fields named in reasons and warnings as flags.
     command: clap::Command,
 }
@@ -19,15 +33,14 @@ pub struct Progress {
 impl Progress {
     /// Follows `-q` and `-v`.
     pub fn new(global: &Global) -> Self {
-        let spinner = (!global.quiet && std::io::stderr().is_terminal()).then(|| {
-            let bar = ProgressBar::new_spinner();
-            if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} {elapsed}") {
-                bar.set_style(style);
-            }
+        let bar = (!global.quiet && std::io::stderr().is_terminal()).then(|| {
+            let bar = ProgressBar::new(PARTS);
+            set_template(&bar, SPINNER);
             bar.enable_steady_tick(Duration::from_millis(100));
             bar
         });
-        Self { quiet: global.quiet, verbose: global.verbose, spinner, command: clap::Command::default() }
+        let (quiet, verbose) = (global.quiet, global.verbose);
+        Self { quiet, verbose, bar, running: (Instant::now(), None), command: clap::Command::default() }
     }
 
     /// Spells the fields named in reasons and warnings as the flags of `command`.
@@ -35,9 +48,9 @@ impl Progress {
         Self { command, ..self }
     }
 
-    /// Prints a line, above the spinner when there is one; nothing when quiet.
+    /// Prints a line, above the bar when there is one; nothing when quiet.
     pub fn line(&self, text: &str) {
-        match &self.spinner {
+        match &self.bar {
             _ if self.quiet => {}
             Some(bar) => bar.suspend(|| messages::print(text)),
             None => messages::print(text),
@@ -57,9 +70,9 @@ impl Progress {
         self.line(&format!("warning: {}", flags::spell(warning, &self.command)));
     }
 
-    /// Removes the spinner.
+    /// Removes the bar.
     pub fn done(&self) {
-        if let Some(bar) = &self.spinner {
+        if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
     }
@@ -67,8 +80,23 @@ impl Progress {
 
 impl Observer for Progress {
     fn started(&mut self, name: &str) {
-        if let Some(bar) = &self.spinner {
-            bar.set_message(name.to_owned());
+        self.running = (Instant::now(), None);
+        if let Some(bar) = &self.bar {
+            set_template(bar, SPINNER);
+            bar.set_prefix(name.to_owned());
+        }
+    }
+
+    fn progressed(&mut self, fraction: f64) {
+        let (start, before) = self.running;
+        let fraction = fraction.max(before.unwrap_or(0.0));
+        self.running.1 = Some(fraction);
+        if let Some(bar) = &self.bar {
+            if before.is_none() {
+                set_template(bar, BAR);
+            }
+            bar.set_position((fraction * PARTS as f64) as u64);
+            bar.set_message(time_left(start.elapsed(), fraction).unwrap_or_default());
         }
     }
 
@@ -80,6 +108,21 @@ impl Observer for Progress {
             }
         }
     }
+}
+
+fn set_template(bar: &ProgressBar, template: &str) {
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+}
+
+/// "12s left", if it goes on as it did; `None` when it is too early to tell.
+fn time_left(elapsed: Duration, fraction: f64) -> Option<String> {
+    let tells = fraction >= LEAST_FRACTION && elapsed >= LEAST_TIME;
+    tells.then(|| {
+        let seconds = elapsed.as_secs_f64() * (1.0 - fraction.min(1.0)) / fraction;
+        format!("{} left", HumanDuration(Duration::from_secs_f64(seconds.ceil())))
+    })
 }
 
 /// One row of the stage table: `prune      2,012,345 → 1,720,011  (-14.5%)   0.04 s`.
@@ -106,6 +149,27 @@ pub fn thousands(number: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn time_left_is_in_proportion_to_what_is_left() {
+        let left = |elapsed, fraction| time_left(Duration::from_secs(elapsed), fraction);
+        assert_eq!(left(10, 0.25).as_deref(), Some("30 seconds left"));
+        assert_eq!(left(100, 1.0).as_deref(), Some("0 seconds left"));
+        assert_eq!(left(100, 0.001), None, "too little is done");
+        assert_eq!(left(0, 0.5), None, "too early");
+    }
+
+    #[test]
+    fn a_bar_never_goes_back() {
+        let mut progress = Progress::new(&Global { quiet: true, verbose: false, threads: 0 });
+        progress.started("refit");
+        for fraction in [0.1, 0.4, 0.3] {
+            progress.progressed(fraction);
+        }
+        assert_eq!(progress.running.1, Some(0.4));
+        progress.started("lod");
+        assert_eq!(progress.running.1, None);
+    }
 
     #[test]
     fn thousands_are_grouped() {

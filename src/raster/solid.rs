@@ -24,6 +24,7 @@ mod clip;
 mod fill;
 mod keys;
 mod options;
+mod planes;
 mod projector;
 mod resolve;
 mod shade;
@@ -33,6 +34,7 @@ mod visibility;
 
 pub use barycentric::{Barycentrics, FaceBarycentrics};
 pub use options::{MAX_SAMPLES, SolidRasterOptions};
+pub use planes::{Nearest, PlaneTile};
 pub use visibility::{NO_FACE, Visibility};
 
 use crate::camera::Camera;
@@ -81,6 +83,21 @@ impl Solid {
         resolve::export(&self.batches, &projector, &mut self.visibility, &parts);
         self.timings = parts.split(binned, clock.elapsed());
         &self.visibility
+    }
+
+    /// What every sample sees of the faces of each plane: face f belongs to plane `plane_of[f]` of `planes`. Tiles are
+    /// given to `on_tile` several at a time and in any order. `[F]`
+    pub fn planes(
+        &mut self,
+        mesh: &Mesh,
+        camera: &Camera,
+        options: &SolidRasterOptions,
+        (planes, plane_of): (usize, &[u8]),
+        on_tile: impl Fn(&PlaneTile<'_>) + Sync,
+    ) {
+        let projector = Projector::new(camera, options.samples, options.near);
+        bin::bin(&mut self.batches, mesh, &projector);
+        planes::planes(&self.batches, &projector, (planes, plane_of), on_tile);
     }
 
     /// Wall time of every part of the last frame, ms: "bin", "fill", "resolve". The last two alternate, tile

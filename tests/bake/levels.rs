@@ -2,7 +2,7 @@
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat::asset::Asset;
-use trisplat::bake::decimate::rank_by_importance;
+use trisplat::bake::decimate::Decimation;
 use trisplat::bake::lod::{LodDetails, LodOptions, LodRanking};
 use trisplat::bake::views::SAMPLES;
 use trisplat::bake::visibility::visible_px;
@@ -10,7 +10,7 @@ use trisplat::bake::{Bake, BakeOptions, BakePreset};
 use trisplat::camera::Camera;
 use trisplat::mesh::{Colors, Mesh};
 use trisplat::raster::solid::{NO_FACE, Solid, SolidRasterOptions};
-use trisplat::report::Report;
+use trisplat::report::{Observer, Report, StageProgress};
 use trisplat::scene::{Loaded, Scene};
 
 /// A wall of 2 · 16 · 16 triangles that shade into each other, and as many hidden behind it.
@@ -81,16 +81,21 @@ fn holes(mesh: &Mesh) -> f64 {
 #[test]
 fn every_prefix_of_the_order_is_a_level() {
     let (mesh, cameras) = (wall(), cameras());
-    let visible_area = visible_px(&mesh, &cameras, SAMPLES);
+    let visible_area = visible_px(&mesh, &cameras, SAMPLES, StageProgress::new(&mut ()));
     let visible: Vec<u32> = (0..512).collect();
-    let order = rank_by_importance(&mesh, &cameras, &visible_area, &visible, 60);
+    let ranked = |fewest: usize| {
+        let (mut decimation, mut nobody) = (Decimation::new(&mesh, &cameras), ());
+        let progress = StageProgress::new(&mut nobody);
+        decimation.rank_by_importance(&visible_area, &visible, fewest, progress)
+    };
+    let order = ranked(60);
     let mut sorted = order.clone();
     sorted.sort_unstable();
     assert_eq!(sorted, visible, "every face once");
     let serial = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    assert_eq!(serial.install(|| rank_by_importance(&mesh, &cameras, &visible_area, &visible, 60)), order);
+    assert_eq!(serial.install(|| ranked(60)), order);
     // Stopping earlier changes nothing above: one order serves all levels.
-    let above = rank_by_importance(&mesh, &cameras, &visible_area, &visible, 300);
+    let above = ranked(300);
     let set = |order: &[u32]| order[..362].iter().copied().collect::<std::collections::BTreeSet<u32>>();
     assert_eq!(set(&above), set(&order));
 }
@@ -143,4 +148,53 @@ fn shares_must_fall() {
         let error = LodOptions { lod: shares.to_vec() }.validate().unwrap_err().to_string();
         assert!(error.starts_with("lod "), "{error}");
     }
+}
+
+/// Every fraction that a stage has told.
+#[derive(Default)]
+struct Fractions(Vec<(String, Vec<f64>)>);
+
+impl Observer for Fractions {
+    fn started(&mut self, name: &str) {
+        self.0.push((name.to_owned(), Vec::new()));
+    }
+
+    fn progressed(&mut self, fraction: f64) {
+        self.0.last_mut().expect("a stage has started").1.push(fraction);
+    }
+}
+
+#[test]
+fn long_stages_say_how_far_they_have_come() {
+    let mut options = BakeOptions::preset(BakePreset::Fast);
+    options.lod = LodOptions { lod: vec![0.5, 0.25] };
+    options.prune.max_triangles = Some(300);
+    let mut fractions = Fractions::default();
+    Bake::new(&options).observer(&mut fractions).run([loaded(cameras())]).unwrap();
+    for stage in ["unseen", "lod"] {
+        let (_, told) = fractions.0.iter().find(|(name, _)| name == stage).unwrap();
+        assert!(told.is_sorted(), "{stage}: {told:?}");
+        assert!(told.len() >= 20, "{stage}: {told:?}");
+        assert!(told[0] < 0.05 && told[told.len() - 1] > 0.7, "{stage}: {told:?}");
+        assert!(told.iter().all(|f| (0.0..=1.0).contains(f)), "{stage}: {told:?}");
+    }
+}
+
+#[test]
+fn corners_move_alike_on_any_number_of_threads() {
+    let (mesh, cameras) = (wall(), cameras());
+    let kept: Vec<u32> = (0..512).step_by(3).collect();
+    let moved = || {
+        let (mut decimation, mut nobody) = (Decimation::new(&mesh, &cameras), ());
+        decimation.move_corners(&kept, StageProgress::new(&mut nobody))
+    };
+    let serial = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let parallel = rayon::ThreadPoolBuilder::new().num_threads(4).build().unwrap();
+    let moves = serial.install(moved);
+    assert!(moves.moves > 50, "{}", moves.moves);
+    assert_eq!(parallel.install(moved), moves);
+    let mut after = mesh.clone();
+    moves.apply(&mut after);
+    let changed = |f: usize| after.corners(f) != mesh.corners(f);
+    assert!((0..1024).filter(|f| changed(*f)).all(|f| kept.contains(&(f as u32))), "only those that stay");
 }

@@ -7,17 +7,38 @@ use std::path::Path;
 use tempfile::TempDir;
 use trisplat::asset::{Placement, UpAxis};
 use trisplat::bake::backdrop::{BackdropDetails, BackdropOptions, backdrop};
-use trisplat::bake::refit::{RefitColors, RefitDetails, RefitOptions, refit};
-use trisplat::bake::unseen::{UnseenDetails, UnseenOptions, unseen};
+use trisplat::bake::refit::{self, RefitColors, RefitDetails, RefitOptions};
+use trisplat::bake::unseen::{self, UnseenDetails, UnseenOptions};
 use trisplat::bake::views::Views;
 use trisplat::camera::Camera;
 use trisplat::dataset::{Dataset, DatasetOptions};
+use trisplat::error::Result;
 use trisplat::image::Pixels;
 use trisplat::mesh::{Colors, Mesh};
 use trisplat::raster::solid::{Solid, SolidRasterOptions};
-use trisplat::report::Outcome;
+use trisplat::report::{Outcome, StageProgress};
 
 const VIEWS: usize = 24;
+
+fn refit(
+    mesh: &mut Mesh,
+    views: Option<&mut Views>,
+    options: &RefitOptions,
+    details: &mut RefitDetails,
+) -> Result<Outcome<()>> {
+    refit::refit(mesh, views, options, details, &mut StageProgress::new(&mut ()))
+}
+
+fn unseen(
+    mesh: &mut Mesh,
+    cameras: &[Camera],
+    views: Option<&mut Views>,
+    options: &UnseenOptions,
+    most: Option<u64>,
+    details: &mut UnseenDetails,
+) -> Result<Outcome<()>> {
+    unseen::unseen(mesh, cameras, views, options, most, details, &mut StageProgress::new(&mut ()))
+}
 
 /// Triangles of some size around the origin, with a colour per corner.
 fn scene() -> Mesh {
@@ -182,7 +203,7 @@ fn cull(
     options: &UnseenOptions,
     most: Option<u64>,
     details: &mut UnseenDetails,
-) -> trisplat::error::Result<Outcome<()>> {
+) -> Result<Outcome<()>> {
     let mut views = views(dataset);
     let cameras = views.cameras().to_vec();
     unseen(mesh, &cameras, Some(&mut views), options, most, details)

@@ -14,7 +14,7 @@ use trisplat::bake::solid::{SolidOptions, Solidify, solid};
 use trisplat::bake::weld::{WeldOptions, WeldWhen, weld};
 use trisplat::error::{Error, Result};
 use trisplat::mesh::Mesh;
-use trisplat::report::{Outcome, StageDetails};
+use trisplat::report::{Outcome, StageDetails, StageProgress};
 use trisplat::scene::Scene;
 use trisplat::soup::Soup;
 
@@ -100,9 +100,14 @@ fn twice<T, D: StageDetails>(
 fn levels(mesh: &Mesh, what: &str) -> Result<Vec<Asset>> {
     let source = LevelSource { mesh, cameras: &[], enlarge: true };
     let options = LodOptions { lod: vec![0.5, 0.1] };
-    let unfinished = |mesh| Ok(FinishedLevel { asset: Asset { mesh, ..Asset::default() }, psnr: None });
+    let unfinished = |mesh, _: StageProgress<'_>| {
+        Ok(FinishedLevel { asset: Asset { mesh, ..Asset::default() }, psnr: None })
+    };
     let mut levels = Vec::new();
-    twice(|levels, d| lod(levels, &source, &options, unfinished, d), &mut levels, what)?;
+    let run = |levels: &mut Vec<Asset>, details: &mut _| {
+        lod(levels, &source, &options, unfinished, details, &mut StageProgress::new(&mut ()))
+    };
+    twice(run, &mut levels, what)?;
     Ok(levels)
 }
 

@@ -1,12 +1,16 @@
-//! Renders variants of a scene and compares them with the whole scene, face by face.
+//! Compares variants of a scene with the whole scene, face by face.
+//!
+//! A camera draws a scene once, with a z-buffer for each group of faces. The nearest of some groups' faces is what a
+//! scene of only those groups looks like, so that one drawing stands for the scene and for all its variants.
 
 use super::super::views;
+use super::effect::{Effect, EffectSums};
 use crate::camera::Camera;
 use crate::math::color::srgb_from_linear;
 use crate::mesh::Mesh;
-use crate::raster::solid::{NO_FACE, Solid, SolidRasterOptions};
+use crate::raster::solid::{NO_FACE, Nearest, PlaneTile, Solid, SolidRasterOptions};
 use crate::rng::Rng;
-use glam::UVec2;
+use glam::{UVec2, Vec3};
 use rayon::prelude::*;
 
 /// Samples per pixel along each axis.
@@ -16,40 +20,13 @@ const ROUND_VIEWS: usize = 48;
 /// Longest side of their pictures, px: finer detail does not matter here.
 const LONGEST_SIDE: u32 = 960;
 /// Faces change in so many groups: the effect of one shows while most of the others are unchanged.
-pub(super) const GROUPS: u32 = 4;
+const GROUPS: usize = 4;
 /// The squared difference between a face and none, sRGB-encoded and summed over channels.
 const HOLE_ERROR: f32 = 0.75;
 /// A face's mean effect per sample is estimated as if it had been average on this many samples more.
 const PRIOR_SAMPLES: f64 = 2.0;
-
-/// The faces of one mesh alone.
-pub(super) fn part(mesh: &Mesh, faces: &[u32]) -> Mesh {
-    let mut part = mesh.clone();
-    part.select(faces);
-    part
-}
-
-/// The group in which a face changes: another one every round.
-pub(super) fn group_of(face: u32, round: u32) -> u32 {
-    // The purpose is part of the random sequence, so of the output: it keeps its old name.
-    (Rng::new(0, "thin", round.into()).bits(face.into()) % u64::from(GROUPS)) as u32
-}
-
-/// A scene in which the faces of one group were changed or are missing.
-pub(super) struct Variant {
-    pub(super) mesh: Mesh,
-    /// Which of the kept faces its faces are; `None` if they are the same.
-    pub(super) faces: Option<Vec<u32>>,
-}
-
-/// What changing one face does.
-#[derive(Clone, Copy, Default)]
-pub(super) struct Effect {
-    /// By how much it changes the squared error.
-    pub(super) error_change: f64,
-    /// Samples that the face covers unchanged.
-    samples: f64,
-}
+/// Memory that pictures of the whole scene may take, bytes; those that do not fit are drawn again every round.
+const MOST_TARGET_BYTES: usize = 256 << 20;
 
 /// The whole scene, and how it is rendered.
 pub(super) struct Comparison<'a> {
@@ -58,6 +35,9 @@ pub(super) struct Comparison<'a> {
     colors: Vec<[f32; 3]>,
     cameras: Vec<Camera>,
     drawing: SolidRasterOptions,
+    solid: Solid,
+    /// The faces that a camera sees of the whole scene, once it was used, if they fit in memory. `[cameras]`
+    targets: Vec<Option<Vec<u32>>>,
 }
 
 impl<'a> Comparison<'a> {
@@ -66,24 +46,21 @@ impl<'a> Comparison<'a> {
             let [a, b, c] = whole.corner_colors(f);
             [0, 1, 2].map(|k| srgb_from_linear((a[k] + b[k] + c[k]) / 3.0))
         };
-        let colors = (0..whole.face_count()).into_par_iter().map(color).collect();
-        let drawing = views::drawing(cameras, whole, SAMPLES);
-        let cameras = cameras.iter().map(smaller).collect();
-        Self { whole, colors, cameras, drawing }
+        Self {
+            whole,
+            colors: (0..whole.face_count()).into_par_iter().map(color).collect(),
+            drawing: views::drawing(cameras, whole, SAMPLES),
+            cameras: cameras.iter().map(smaller).collect(),
+            solid: Solid::new(),
+            targets: vec![None; cameras.len()],
+        }
     }
 
-    /// How much worse the scene looks without each of the faces `kept`. `[kept]`
+    /// How much worse the scene `kept` looks without each of its faces. `[kept]`
     ///
     /// `visible_px`: the visible area of every face of the whole scene. `[F]`
-    pub(super) fn importance(&self, kept: &[u32], visible_px: &[f32], round: u32) -> Vec<f64> {
-        let without = |group: u32| {
-            let left = |i: &u32| group_of(kept[*i as usize], round) != group;
-            let left: Vec<u32> = (0..kept.len() as u32).filter(left).collect();
-            let faces: Vec<u32> = left.iter().map(|&i| kept[i as usize]).collect();
-            Variant { mesh: part(self.whole, &faces), faces: Some(left) }
-        };
-        let variants: Vec<Variant> = (0..GROUPS).map(without).collect();
-        let effects = self.effects(&part(self.whole, kept), kept, &variants, round);
+    pub(super) fn importance(&mut self, kept: &[u32], visible_px: &[f32], round: u32) -> Vec<f64> {
+        let effects = self.effects_of_removing(kept, round);
         let sum = effects.iter().fold(Effect::default(), |sum, e| Effect {
             error_change: sum.error_change + e.error_change,
             samples: sum.samples + e.samples,
@@ -97,46 +74,139 @@ impl<'a> Comparison<'a> {
         effects.iter().zip(kept).map(importance).collect()
     }
 
-    /// What each face's change does: `base` holds the faces `kept` unchanged, variant g those of group g changed.
-    /// `[kept]`
-    pub(super) fn effects(&self, base: &Mesh, kept: &[u32], variants: &[Variant], round: u32) -> Vec<Effect> {
-        let stride = self.cameras.len().div_ceil(ROUND_VIEWS).max(1);
-        let groups: Vec<u32> = kept.iter().map(|&f| group_of(f, round)).collect();
-        let mut effects = vec![Effect::default(); kept.len()];
-        let mut solid = Solid::new();
-        for camera in self.cameras.iter().skip(round as usize % stride).step_by(stride) {
-            let target = solid.visibility(self.whole, camera, &self.drawing).face.clone();
-            let before = solid.visibility(base, camera, &self.drawing).face.clone();
-            before.iter().filter(|f| **f != NO_FACE).for_each(|f| effects[*f as usize].samples += 1.0);
-            for (group, variant) in (0..).zip(variants) {
-                let drawn = solid.visibility(&variant.mesh, camera, &self.drawing);
-                for ((&before, &after), &target) in before.iter().zip(&drawn.face).zip(&target) {
-                    let after = match &variant.faces {
-                        Some(faces) if after != NO_FACE => faces[after as usize],
-                        _ => after,
-                    };
-                    let changed = |face: u32| face != NO_FACE && groups[face as usize] == group;
-                    if before == after || !(changed(before) || changed(after)) {
-                        continue;
-                    }
-                    let of = |face: u32| if face == NO_FACE { NO_FACE } else { kept[face as usize] };
-                    let change = self.error(of(after), target) - self.error(of(before), target);
-                    let whose = if changed(after) { after } else { before };
-                    effects[whose as usize].error_change += f64::from(change);
-                }
+    /// What taking a face away does, while a quarter of the others is gone as well. `[kept]`
+    fn effects_of_removing(&mut self, kept: &[u32], round: u32) -> Vec<Effect> {
+        let positions = kept.iter().flat_map(|&f| self.whole.corners(f as usize)).collect();
+        let scene = Mesh { positions, ..Mesh::default() };
+        let planes: Vec<u8> = kept.iter().map(|&f| group_of(f, round)).collect();
+        let sums = EffectSums::new(kept.len());
+        self.draw_round(round, &scene, (GROUPS, &planes), |tile, x, y, target| {
+            let [before, after] = nearest_two([0, 1, 2, 3].map(|group| tile.nearest(group, x, y)));
+            let face = before.face();
+            if face != NO_FACE {
+                sums.add_sample(face);
+                sums.add_change(face, target.error_of(kept, after.face()) - target.error_of(kept, face));
             }
-        }
-        effects
+        });
+        sums.into_effects()
     }
 
-    /// The squared difference between the colours of two faces of the whole scene.
-    fn error(&self, face: u32, target: u32) -> f32 {
-        if face == NO_FACE || target == NO_FACE {
-            return if face == target { 0.0 } else { HOLE_ERROR };
+    /// What moving the corners of a face of the scene `kept` from `corners` to those of each candidate does, while a
+    /// quarter of the others is moved as well. `[candidates][kept]`
+    pub(super) fn effects_of_moving(
+        &mut self,
+        kept: &[u32],
+        corners: &[[Vec3; 3]],
+        candidates: &[Vec<[Vec3; 3]>],
+        round: u32,
+    ) -> Vec<Vec<Effect>> {
+        let count = kept.len() as u32;
+        let all = std::iter::once(corners).chain(candidates.iter().map(Vec::as_slice));
+        let scene = Mesh { positions: all.flatten().flatten().copied().collect(), ..Mesh::default() };
+        let groups: Vec<u8> = kept.iter().map(|&f| group_of(f, round)).collect();
+        let plane_of = |set: usize| groups.iter().map(move |g| g + (set * GROUPS) as u8);
+        let planes: Vec<u8> = (0..=candidates.len()).flat_map(plane_of).collect();
+        let sums: Vec<EffectSums> = candidates.iter().map(|_| EffectSums::new(kept.len())).collect();
+        let planes = (GROUPS * (1 + candidates.len()), &planes[..]);
+        self.draw_round(round, &scene, planes, |tile, x, y, target| {
+            let unmoved = [0, 1, 2, 3].map(|group| tile.nearest(group, x, y));
+            let before = unmoved.into_iter().fold(Nearest::NONE, Nearest::max);
+            let face_of = |nearest: Nearest| match nearest.face() {
+                NO_FACE => NO_FACE,
+                face => face % count,
+            };
+            let old = face_of(before);
+            for (sums, set) in sums.iter().zip(1..) {
+                for group in 0..GROUPS {
+                    let others = (0..GROUPS).filter(|g| *g != group).map(|g| unmoved[g]);
+                    let after = others.fold(tile.nearest(set * GROUPS + group, x, y), Nearest::max);
+                    if after == before {
+                        continue;
+                    }
+                    let new = face_of(after);
+                    if new != old {
+                        let whose = if after.face() >= count && new != NO_FACE { new } else { old };
+                        sums.add_change(whose, target.error_of(kept, new) - target.error_of(kept, old));
+                    }
+                }
+            }
+        });
+        sums.into_iter().map(EffectSums::into_effects).collect()
+    }
+
+    /// Draws `scene` from the cameras of a round with a z-buffer per plane, and calls `on_sample` with every sample
+    /// and what the whole scene shows there.
+    fn draw_round(
+        &mut self,
+        round: u32,
+        scene: &Mesh,
+        planes: (usize, &[u8]),
+        on_sample: impl Fn(&PlaneTile<'_>, u32, u32, Target<'_>) + Sync,
+    ) {
+        let stride = self.cameras.len().div_ceil(ROUND_VIEWS).max(1);
+        for view in (round as usize % stride..self.cameras.len()).step_by(stride) {
+            let (targets, camera) = (self.take_targets(view), self.cameras[view]);
+            let colors = &self.colors;
+            self.solid.planes(scene, &camera, &self.drawing, planes, |tile| {
+                for y in 0..tile.size.y {
+                    let first = (tile.corner.y + y) * camera.size.x * SAMPLES + tile.corner.x;
+                    for x in 0..tile.size.x {
+                        let face = targets[(first + x) as usize];
+                        on_sample(tile, x, y, Target { colors, face });
+                    }
+                }
+            });
+            self.put_targets(view, targets);
         }
-        let (a, b) = (self.colors[face as usize], self.colors[target as usize]);
+    }
+
+    /// The faces that a camera sees of the whole scene.
+    fn take_targets(&mut self, view: usize) -> Vec<u32> {
+        self.targets[view].take().unwrap_or_else(|| {
+            self.solid.visibility(self.whole, &self.cameras[view], &self.drawing).face.clone()
+        })
+    }
+
+    /// Keeps what [`Self::take_targets`] gave for the next round, if it fits in memory.
+    fn put_targets(&mut self, view: usize, faces: Vec<u32>) {
+        let kept: usize = self.targets.iter().flatten().map(|faces| size_of_val(&faces[..])).sum();
+        if kept + size_of_val(&faces[..]) <= MOST_TARGET_BYTES {
+            self.targets[view] = Some(faces);
+        }
+    }
+}
+
+/// What the whole scene shows at a sample.
+#[derive(Clone, Copy)]
+struct Target<'a> {
+    /// Mean colour of each face of the whole scene. `[F]`
+    colors: &'a [[f32; 3]],
+    face: u32,
+}
+
+impl Target<'_> {
+    /// The squared difference of the colours if face `face` of `kept` is seen in its place.
+    #[inline(always)]
+    fn error_of(&self, kept: &[u32], face: u32) -> f32 {
+        if face == NO_FACE || self.face == NO_FACE {
+            return if face == self.face { 0.0 } else { HOLE_ERROR };
+        }
+        let (a, b) = (self.colors[kept[face as usize] as usize], self.colors[self.face as usize]);
         (0..3).map(|k| (a[k] - b[k]) * (a[k] - b[k])).sum()
     }
+}
+
+/// The nearest and the second nearest.
+#[inline(always)]
+fn nearest_two([a, b, c, d]: [Nearest; GROUPS]) -> [Nearest; 2] {
+    let (near, far) = ([a.max(b), c.max(d)], [a.min(b), c.min(d)]);
+    [near[0].max(near[1]), near[0].min(near[1]).max(far[0]).max(far[1])]
+}
+
+/// The group in which a face changes: another one every round.
+fn group_of(face: u32, round: u32) -> u8 {
+    // The purpose is part of the random sequence, so of the output: it keeps its old name.
+    (Rng::new(0, "thin", round.into()).bits(face.into()) % GROUPS as u64) as u8
 }
 
 /// The same camera for a picture whose sides are at most [`LONGEST_SIDE`].

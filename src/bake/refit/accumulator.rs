@@ -6,6 +6,7 @@ use crate::bake::views::{SAMPLES, Views};
 use crate::error::Result;
 use crate::mesh::Mesh;
 use crate::raster::solid::{Solid, SolidRasterOptions};
+use crate::report::StageProgress;
 
 /// With so many photos the first pass is half coupled. Neighbours that share a pixel share its residual: with many
 /// photos that is sharper; with few of them one triangle makes up for the error of another, which looks wrong from
@@ -38,9 +39,17 @@ impl Accumulator {
     }
 
     /// Adds the photos `chosen` to the sums of the fit, in their order, with this sign: -1 takes them back.
-    pub(super) fn add(&mut self, mesh: &Mesh, views: &mut Views, chosen: &[usize], sign: f32) -> Result<()> {
+    pub(super) fn add(
+        &mut self,
+        mesh: &Mesh,
+        views: &mut Views,
+        chosen: &[usize],
+        sign: f32,
+        mut progress: StageProgress<'_>,
+    ) -> Result<()> {
         views.prefetch(chosen);
-        for &view in chosen {
+        for (done, &view) in chosen.iter().enumerate() {
+            progress.set(done, chosen.len());
             let photo = views.photo(view)?;
             let camera = views.camera(view);
             let visibility = self.solid.visibility(mesh, camera, &self.drawing);

@@ -57,7 +57,7 @@ const fn grid(x: f32, y: f32) -> [f32; LANES] {
 
 /// Draws a tiny triangle in blocks of 4 x 4 samples. All numbers but the depth are integers below 2^24.
 #[inline(always)]
-fn draw_tiny<L: Lanes>(keys: &mut SampleKeys, tiny: &TinyTriangle) {
+pub(super) fn draw_tiny<L: Lanes>(keys: &mut SampleKeys, tiny: &TinyTriangle) {
     let [x0, mut x1, mut x2] = [i32::from(tiny.x[0]), i32::from(tiny.x[1]), i32::from(tiny.x[2])];
     let [y0, mut y1, mut y2] = [i32::from(tiny.y[0]), i32::from(tiny.y[1]), i32::from(tiny.y[2])];
     let [w0, mut w1, mut w2] = tiny.w;
