@@ -1,6 +1,6 @@
 //! The recipe: the stages in their order, and the reason for it.
 
-use super::backdrop::backdrop;
+use super::backdrop::{backdrop, keep_backdrop};
 use super::bvh::bvh;
 use super::chunk::chunk;
 use super::color::color;
@@ -8,7 +8,7 @@ use super::lod::{FinishedLevel, LevelSource, lod};
 use super::merge::merge;
 use super::options::BakeOptions;
 use super::order::order;
-use super::place::{place, placement};
+use super::place::{PlaceDetails, place, placement};
 use super::prune::{PruneOptions, prune};
 use super::refit::refit;
 use super::solid::solid;
@@ -117,6 +117,8 @@ impl<'a> Bake<'a> {
                 Some(observer) => observer,
                 None => &mut no_observer,
             },
+            cameras: Vec::new(),
+            backdrop: None,
             placement: None,
         };
         recipe.run(merge(inputs.into_iter().map(Into::into).collect())?)
@@ -129,12 +131,17 @@ struct Recipe<'a> {
     views: Option<&'a mut Views>,
     report: &'a mut Report,
     observer: &'a mut dyn Observer,
+    /// Cameras that look at the scene, in the frame of what was read.
+    cameras: Vec<Camera>,
+    /// The backdrop: that of the input, then that of the output before it is placed.
+    backdrop: Option<Mesh>,
     /// How the scene was placed: its levels are placed alike.
     placement: Option<Placement>,
 }
 
 impl Recipe<'_> {
-    fn run(mut self, loaded: Loaded) -> Result<Asset> {
+    fn run(mut self, mut loaded: Loaded) -> Result<Asset> {
+        self.backdrop = loaded.take_backdrop();
         let Loaded { scene, mut provenance, warnings, mut cameras } = loaded;
         self.report.warnings.extend(warnings);
         if let Some(views) = self.views.as_deref_mut() {
@@ -144,11 +151,18 @@ impl Recipe<'_> {
         }
         let mesh = self.solidify(scene, &cameras)?;
         let mesh = self.cull(mesh, &cameras)?;
+        self.cameras = cameras.clone();
 
         // Levels are made of what is left here, but are placed like the scene.
         let unpainted = if self.options.lod.lod.is_empty() { Mesh::default() } else { mesh.clone() };
+        let faces = mesh.face_count();
+        let mesh = self.back(mesh)?;
         let mesh = self.paint(mesh)?;
-        let asset = self.package(mesh, provenance.clone())?;
+        let behind = mesh.face_count() - faces;
+        if behind > 0 && !self.options.lod.lod.is_empty() {
+            self.backdrop = Some(mesh.clone().split_off(faces));
+        }
+        let asset = self.package(mesh, Provenance { backdrop: behind as u32, ..provenance.clone() })?;
         let source =
             LevelSource { mesh: &unpainted, cameras: &cameras, enlarge: self.options.unseen.enlarge };
         let levels = self.levels(&source, &provenance)?;
@@ -200,21 +214,21 @@ impl Recipe<'_> {
         })
     }
 
-    /// The part of the recipe that takes colours from photos.
-    fn paint(&mut self, mesh: Mesh) -> Result<Mesh> {
-        let options = self.options;
-
-        // Behind what is left, and before colours are taken from the photos: those of holes are its own.
-        let views = self.views.as_deref_mut();
-        let mesh = self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
-            backdrop(mesh, views, &options.backdrop, details)
-        })?;
-
-        // On what is left: a colour belongs to what a triangle shows when the others are gone.
-        let views = self.views.as_deref_mut();
-        self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
-            refit(mesh, views, &options.refit, details)
+    /// Behind what is left, and before colours are taken from the photos: those of holes are its own.
+    fn back(&mut self, mesh: Mesh) -> Result<Mesh> {
+        let options = &self.options.backdrop;
+        let (given, views) = (self.backdrop.take(), self.views.as_deref_mut());
+        self.report.stage(self.observer, mesh, count_mesh, |mesh, details| match given {
+            Some(given) => keep_backdrop(mesh, given, options, details),
+            None => backdrop(mesh, views, options, details),
         })
+    }
+
+    /// On what is left: a colour belongs to what a triangle shows when the others are gone.
+    fn paint(&mut self, mesh: Mesh) -> Result<Mesh> {
+        let (views, options) = (self.views.as_deref_mut(), &self.options.refit);
+        self.report
+            .stage(self.observer, mesh, count_mesh, |mesh, details| refit(mesh, views, options, details))
     }
 
     /// The part of the recipe that prepares a mesh for a file.
@@ -226,11 +240,14 @@ impl Recipe<'_> {
             .stage(self.observer, mesh, count_mesh, |mesh, details| weld(mesh, &options.weld, details))?;
 
         // Before anything with boxes in it, whose numbers must be those of the file.
-        let placed = &mut self.placement;
+        let (placed, cameras) = (&mut self.placement, &self.cameras);
         let mesh = self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
-            let how = *placed.get_or_insert_with(|| placement(mesh, &provenance, &options.place));
+            let how = *placed
+                .get_or_insert_with(|| placement(mesh, &provenance, cameras, &options.place, details));
             place(mesh, &mut provenance, how, details)
         })?;
+        let warning = self.report.details::<PlaceDetails>().and_then(|details| details.warning());
+        self.report.warnings.extend(warning);
 
         provenance.generator = Some(generator());
         let asset = Asset { mesh, provenance, ..Asset::default() };
@@ -259,11 +276,18 @@ impl Recipe<'_> {
             views: self.views.as_deref_mut(),
             report: &mut unread,
             observer: &mut (),
+            cameras: Vec::new(),
+            backdrop: None,
             placement: self.placement,
         };
-        let finish = |level: Mesh| {
-            let level = of_level.paint(level)?;
+        let behind = self.backdrop.take();
+        let finish = |mut level: Mesh| {
+            // Photos show the backdrop too, but there is one for all levels.
+            let faces = level.face_count();
+            behind.clone().map_or(Ok(()), |backdrop| level.append(backdrop))?;
+            let mut level = of_level.paint(level)?;
             let psnr = of_level.evaluate(&level)?;
+            level.split_off(faces);
             Ok(FinishedLevel { asset: of_level.package(level, provenance.clone())?, psnr })
         };
         self.report.stage(self.observer, Vec::new(), count_levels, |levels, details| {

@@ -164,7 +164,7 @@ fn a_photo_of_another_exposure_is_left_out() {
 fn a_placed_scene_matches_the_same_photos() {
     let truth = scene();
     let (_folder, dataset) = photograph(&truth, |_, photo| photo);
-    let placement = Placement { up: UpAxis::NegY, scale: 2.5, center: [0.5, -1.0, 3.0] };
+    let placement = Placement { up: UpAxis::NegY.into(), rotate: 0.0, scale: 2.5, center: [0.5, -1.0, 3.0] };
     let mut placed = grey(&truth);
     placed.positions.iter_mut().for_each(|v| *v = placement.to_file(*v));
     let mut views = views(&dataset);

@@ -118,7 +118,7 @@ fn bake(mut soup: Soup, preset: &Preset, what: &str) -> Result<Asset> {
     mesh.validate().unwrap_or_else(|e| panic!("{what}, weld: {e}"));
     let mut provenance = Provenance::default();
     let turn_up = |mesh: &mut Mesh, details: &mut _| {
-        let how = placement(mesh, &provenance, &PlaceOptions::DEFAULT);
+        let how = placement(mesh, &provenance, &[], &PlaceOptions::DEFAULT, details);
         place(mesh, &mut provenance, how, details)
     };
     twice(turn_up, &mut mesh, &format!("{what}, place"))?;

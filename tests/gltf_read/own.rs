@@ -170,13 +170,14 @@ fn the_provenance_comes_back() {
         source: Some("room.ply".into()),
         trainer: Some("someone".into()),
         up: Some(UpAxis::Y),
-        placement: Placement { up: UpAxis::NegY, scale: 0.1, center: [1.0, 2.5, -3.25] },
+        placement: Placement { up: UpAxis::NegY.into(), rotate: 0.0, scale: 0.1, center: [1.0, 2.5, -3.25] },
         viewpoint: Some(Viewpoint {
             eye: [1.5, 2.0, -3.0],
             target: [0.1, 0.0, 7.0],
             up: [0.0, 1.0, 0.0],
             fov: 48.25,
         }),
+        backdrop: 0,
     };
     let mut bytes = Vec::new();
     write_glb(&mut bytes, Path::new("scene.glb"), &asset, &GltfOptions::default()).expect("written");
