@@ -49,7 +49,8 @@ impl Asset {
         let behind = mesh.split_off(faces);
         let provenance = |backdrop| Provenance { backdrop, ..self.provenance.clone() };
         let chunks = self.chunks.iter().filter(|chunk| (chunk.first as usize) < faces).copied().collect();
-        let scene = Asset { mesh, chunks, bvh: self.bvh.clone(), provenance: provenance(0), levels: Vec::new() };
+        let scene =
+            Asset { mesh, chunks, bvh: self.bvh.clone(), provenance: provenance(0), levels: Vec::new() };
         let backdrop = Asset { provenance: provenance(self.provenance.backdrop), ..Asset::from(behind) };
         Some((scene, backdrop))
     }
@@ -100,8 +101,7 @@ pub enum UpAxis {
 }
 
 impl UpAxis {
-    const ALL: [UpAxis; 6] =
-        [UpAxis::X, UpAxis::NegX, UpAxis::Y, UpAxis::NegY, UpAxis::Z, UpAxis::NegZ];
+    const ALL: [UpAxis; 6] = [UpAxis::X, UpAxis::NegX, UpAxis::Y, UpAxis::NegY, UpAxis::Z, UpAxis::NegZ];
 
     /// The unit vector along this axis.
     pub fn vector(self) -> DVec3 {

@@ -52,7 +52,8 @@ mod tests {
             (q.truncate() / q.z * c.focal + c.center, q.z)
         };
         for up in [UpAxis::Y, UpAxis::NegY, UpAxis::Z, UpAxis::NegZ, UpAxis::X, UpAxis::NegX] {
-            let placement = Placement { up: up.into(), rotate: 33.0, scale: 2.5, center: [999.0, -49.0, 5.0] };
+            let placement =
+                Placement { up: up.into(), rotate: 33.0, scale: 2.5, center: [999.0, -49.0, 5.0] };
             let placed = to_file(&camera, &placement, origin);
             assert!((placed.rotation.determinant() - 1.0).abs() < 1e-5);
             for point in [Vec3::new(0.5, 1.0, 2.0), Vec3::new(-1.0, 0.25, 0.0)] {

@@ -70,4 +70,3 @@ fn merge_provenance(a: Provenance, b: Provenance) -> Result<Provenance> {
         backdrop: 0,
     })
 }
-

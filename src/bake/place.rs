@@ -10,10 +10,9 @@ pub mod up;
 pub mod words;
 
 use self::samples::Foreground;
-use self::up::{Confidence, UpEstimate};
+use self::up::{Confidence, Evidence, UpEstimate};
 use self::words::{KnownLength, UpChoice};
 use crate::asset::{Placement, Provenance, UpAxis, UpDirection};
-use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::math::median::median;
 use crate::mesh::Mesh;
@@ -42,7 +41,10 @@ pub struct PlaceOptions {
     pub scale: f64,
     /// Scale so that the output is in metres, by a known length: two points of the input, as `trisplat view` shows
     /// them, or their distance, and the metres between them, as in 0,1.5,2,0.4,1.5,2=0.25 or 0.4=0.25.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "A,B=METRES", allow_hyphen_values = true, conflicts_with = "scale"))]
+    #[cfg_attr(
+        feature = "cli",
+        arg(long, value_name = "A,B=METRES", allow_hyphen_values = true, conflicts_with = "scale")
+    )]
     #[schemars(with = "Option<String>")]
     pub scale_by: Option<KnownLength>,
     /// Put the middle of the scene (the median of its vertices) at the origin.
@@ -123,11 +125,11 @@ impl PlaceDetails {
     }
 }
 
-/// The placement that `options` ask for. `cameras` look at `mesh`, in its frame.
+/// The placement that `options` ask for; what is `known` beside `mesh` is in its frame.
 pub fn placement(
     mesh: &Mesh,
     provenance: &Provenance,
-    cameras: &[Camera],
+    known: Evidence,
     options: &PlaceOptions,
     details: &mut PlaceDetails,
 ) -> Placement {
@@ -137,15 +139,15 @@ pub fn placement(
         // glTF is Y-up, and so is what an earlier bake has placed.
         (UpChoice::Auto, Some(UpAxis::Y)) => UpAxis::Y.into(),
         (UpChoice::Auto, said) => {
-            details.estimate = up::estimate(scene, cameras);
-            let known = details.estimate.as_ref().filter(|e| e.confidence != Confidence::None);
-            known.map_or(said.unwrap_or_default().into(), |e| UpDirection::near(DVec3::from(e.direction)))
+            details.estimate = up::estimate(scene, known);
+            let usable = details.estimate.as_ref().filter(|e| e.confidence != Confidence::None);
+            usable.map_or(said.unwrap_or_default().into(), |e| UpDirection::near(DVec3::from(e.direction)))
         }
     };
     let mut center = if options.center { middle(scene.vertices()).as_dvec3() } else { DVec3::ZERO };
     if options.ground {
         let axis = up.vector();
-        details.ground = ground::ground(scene, cameras, axis);
+        details.ground = ground::ground(scene, known.cameras, axis);
         center += axis * (details.ground.unwrap_or(0.0) - center.dot(axis));
     }
     let scale = options.scale_by.map_or(options.scale, |length| length.scale());
@@ -164,7 +166,9 @@ pub fn place(
     provenance.up = Some(UpAxis::Y);
     details.up = Some(placement.up);
     if placement == Placement::IDENTITY {
-        return Ok(Outcome::Unneeded("the input is Y-up already and no other change of its frame was asked for"));
+        return Ok(Outcome::Unneeded(
+            "the input is Y-up already and no other change of its frame was asked for",
+        ));
     }
     // What is kept is the way back to the source, not to the file that was read.
     provenance.placement = provenance.placement.then(&placement);
@@ -226,7 +230,8 @@ mod tests {
             (triangle(), Provenance { viewpoint: Some(viewpoint), ..Provenance::default() });
         let run = |mesh: &mut Mesh, provenance: &mut Provenance| {
             let mut details = PlaceDetails::default();
-            let placement = placement(mesh, provenance, &[], &PlaceOptions::DEFAULT, &mut details);
+            let placement =
+                placement(mesh, provenance, Evidence::default(), &PlaceOptions::DEFAULT, &mut details);
             place(mesh, provenance, placement, &mut details).unwrap()
         };
         let first = run(&mut mesh, &mut provenance);
@@ -278,7 +283,7 @@ mod tests {
             ..PlaceOptions::DEFAULT
         };
         let (mut details, mut provenance) = (PlaceDetails::default(), Provenance::default());
-        let how = placement(&mesh, &provenance, &[], &options, &mut details);
+        let how = placement(&mesh, &provenance, Evidence::default(), &options, &mut details);
         place(&mut mesh, &mut provenance, how, &mut details).unwrap();
         assert!(details.ground.is_some_and(|height| (height + 3.0).abs() < 1e-3), "{details:?}");
         assert!(mesh.positions.iter().all(|p| p.y.abs() < 1e-3 && p.x.abs() < 0.6 && p.z.abs() < 0.6));

@@ -1,13 +1,15 @@
 //! The recipe: the stages in their order, and the reason for it.
 
-use super::backdrop::{backdrop, keep_backdrop};
+use super::backdrop::{BackdropWhen, backdrop, keep_backdrop};
 use super::bvh::bvh;
 use super::chunk::chunk;
 use super::color::color;
+use super::crop::crop;
 use super::lod::{FinishedLevel, LevelSource, lod};
 use super::merge::merge;
 use super::options::BakeOptions;
 use super::order::order;
+use super::place::up::Evidence;
 use super::place::{PlaceDetails, place, placement};
 use super::prune::{PruneOptions, prune};
 use super::refit::refit;
@@ -178,7 +180,12 @@ impl Recipe<'_> {
             false => PruneOptions { max_triangles: None, ..options.prune.clone() },
         };
 
-        // First, because every later stage costs per triangle and relies on finite geometry.
+        // First of all: a budget of triangles is for what stays.
+        let scene = self.report.stage(self.observer, scene, count, |scene, details| {
+            crop(scene, cameras, &options.crop, details)
+        })?;
+
+        // Early, because every later stage costs per triangle and relies on finite geometry.
         let scene = self.report.stage(self.observer, scene, count, |scene, d| prune(scene, &pruning, d))?;
 
         // On the soup, as it needs opacity and σ, which colours throw away.
@@ -218,7 +225,9 @@ impl Recipe<'_> {
     fn back(&mut self, mesh: Mesh) -> Result<Mesh> {
         let options = &self.options.backdrop;
         let (given, views) = (self.backdrop.take(), self.views.as_deref_mut());
+        let cropped = !self.options.crop.crop.is_empty() && options.backdrop == BackdropWhen::Auto;
         self.report.stage(self.observer, mesh, count_mesh, |mesh, details| match given {
+            _ if cropped => Ok(Outcome::Unneeded("the scene is cropped: what was around it is not wanted")),
             Some(given) => keep_backdrop(mesh, given, options, details),
             None => backdrop(mesh, views, options, details),
         })
@@ -240,10 +249,12 @@ impl Recipe<'_> {
             .stage(self.observer, mesh, count_mesh, |mesh, details| weld(mesh, &options.weld, details))?;
 
         // Before anything with boxes in it, whose numbers must be those of the file.
-        let (placed, cameras) = (&mut self.placement, &self.cameras);
+        let placed = &mut self.placement;
+        let points = self.views.as_deref().map_or(&[][..], |views| views.points());
+        let known = Evidence { cameras: &self.cameras, points };
         let mesh = self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
-            let how = *placed
-                .get_or_insert_with(|| placement(mesh, &provenance, cameras, &options.place, details));
+            let how =
+                *placed.get_or_insert_with(|| placement(mesh, &provenance, known, &options.place, details));
             place(mesh, &mut provenance, how, details)
         })?;
         let warning = self.report.details::<PlaceDetails>().and_then(|details| details.warning());

@@ -1,51 +1,32 @@
 //! How high the ground is.
 
-use super::samples::{self, FaceSample, Foreground};
+use super::samples::{self, Foreground};
 use crate::camera::Camera;
 use glam::DVec3;
 
-/// Level triangles are within this of the level (cosine of 26°).
-const LEVEL: f64 = 0.9;
 /// Thickness of a layer as a share of the region's radius.
 const LAYER: f64 = 0.02;
-/// The ground is the lowest layer with this share of the area of the largest: a floor beside a larger table.
+/// The ground is the lowest layer with this share of the area of the largest: a floor beside a larger table, but no
+/// stray triangles below it.
 const LEAST_OF_LARGEST: f64 = 0.25;
-/// Below this share of all area, no layer is a ground, and the lowest triangles are.
-const LEAST_OF_ALL: f64 = 0.05;
-/// Share of the area below which triangles are floaters, when there is no ground.
-const FLOATERS: f64 = 0.01;
 
-/// The height along `up` of the floor of a scene: that of its lowest large level surface, or, without one, that of its
-/// lowest triangles. `None` of a scene without extent.
+/// The height along `up` of the floor of a scene: where its lowest large layer of triangles is. `None` of a scene
+/// without extent.
 pub fn ground(scene: Foreground, cameras: &[Camera], up: DVec3) -> Option<f64> {
     let region = samples::region(scene, cameras)?;
     let faces = samples::faces(scene, &region);
-    let mut heights: Vec<(f64, FaceSample)> = faces.iter().map(|f| (f.center.dot(up), *f)).collect();
+    let mut heights: Vec<(f64, f64)> = faces.iter().map(|f| (f.position.dot(up), f.weight)).collect();
     heights.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let area: f64 = faces.iter().map(|f| f.area).sum();
-    let level: Vec<(f64, f64)> = heights
-        .iter()
-        .filter(|(_, f)| f.normal.dot(up).abs() > LEVEL)
-        .map(|(height, f)| (*height, f.area))
-        .collect();
-    let layers = layers(&level, LAYER * region.radius);
+    let layers = layers(&heights, LAYER * region.radius);
     let largest = layers.iter().map(|layer| layer.area).fold(0.0, f64::max);
-    if largest >= LEAST_OF_ALL * area && largest > 0.0 {
-        // The first layer large enough begins below the floor; the floor is where its neighbourhood is largest.
-        let first = layers.iter().position(|layer| layer.area >= LEAST_OF_LARGEST * largest)?;
-        let end = layers[first].height + 2.0 * LAYER * region.radius;
-        let near = layers[first..].iter().take_while(|layer| layer.height <= end);
-        return near.max_by(|a, b| a.area.total_cmp(&b.area)).map(|layer| layer.height);
-    }
-    let mut below = 0.0;
-    let lowest = heights.iter().find(|(_, f)| {
-        below += f.area;
-        below >= FLOATERS * area
-    });
-    lowest.map(|(height, _)| *height)
+    // The first layer large enough begins below the floor; the floor is where its neighbourhood is largest.
+    let first = layers.iter().position(|layer| layer.area >= LEAST_OF_LARGEST * largest)?;
+    let end = layers[first].height + 2.0 * LAYER * region.radius;
+    let near = layers[first..].iter().take_while(|layer| layer.height <= end);
+    near.max_by(|a, b| a.area.total_cmp(&b.area)).map(|layer| layer.height)
 }
 
-/// Level area around a height.
+/// Area around a height.
 struct Layer {
     /// Mean height by area.
     height: f64,
@@ -53,13 +34,13 @@ struct Layer {
 }
 
 /// The layer of `thickness` that begins at each of the heights, which are sorted. `[heights]`
-fn layers(level: &[(f64, f64)], thickness: f64) -> Vec<Layer> {
+fn layers(heights: &[(f64, f64)], thickness: f64) -> Vec<Layer> {
     let (mut end, mut area, mut moment) = (0, 0.0, 0.0);
-    let mut layers = Vec::with_capacity(level.len());
-    for (first, weight) in level {
-        while end < level.len() && level[end].0 <= first + thickness {
-            area += level[end].1;
-            moment += level[end].0 * level[end].1;
+    let mut layers = Vec::with_capacity(heights.len());
+    for (first, weight) in heights {
+        while end < heights.len() && heights[end].0 <= first + thickness {
+            area += heights[end].1;
+            moment += heights[end].0 * heights[end].1;
             end += 1;
         }
         layers.push(Layer { height: if area > 0.0 { moment / area } else { *first }, area });
@@ -95,7 +76,8 @@ mod tests {
         level(&mut mesh, -2.0, 0.2, 20);
         let found = ground(Foreground::new(&mesh, 0), &[], DVec3::Y).expect("a floor");
         assert!((found + 0.5).abs() < 0.01, "{found}");
-        let found = ground(Foreground::new(&mesh, 0), &[], DVec3::NEG_Y).expect("the other way around the table is the lowest");
+        let found = ground(Foreground::new(&mesh, 0), &[], DVec3::NEG_Y)
+            .expect("the other way around the table is the lowest");
         assert!((found + 0.8).abs() < 0.01, "{found}");
     }
 
@@ -106,7 +88,8 @@ mod tests {
         let upright = |i: u64| [at(i), at(i) + Vec3::Y * 0.02, at(i) + Vec3::new(0.002, 0.01, 0.0)];
         let positions: Vec<Vec3> = (0..5000).flat_map(upright).collect();
         let colors = Colors::Face(vec![[0.5; 3]; 5000]);
-        let found = ground(Foreground::new(&Mesh { positions, colors, ..Mesh::default() }, 0), &[], DVec3::Y).expect("an end");
+        let found = ground(Foreground::new(&Mesh { positions, colors, ..Mesh::default() }, 0), &[], DVec3::Y)
+            .expect("an end");
         assert!((-1.0..-0.93).contains(&found), "{found}");
         assert_eq!(ground(Foreground::new(&Mesh::default(), 0), &[], DVec3::Y), None);
     }

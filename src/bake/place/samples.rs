@@ -1,4 +1,5 @@
-//! Triangles around the middle of a scene, for finding surfaces among them.
+//! What is around the middle of a scene, for finding surfaces there. Triangles count with their middles only: those of a
+//! trained soup lie every way, whatever surface they make up.
 
 use crate::camera::{self, Camera};
 use crate::math::median::median;
@@ -21,15 +22,13 @@ pub struct Region {
     pub radius: f64,
 }
 
-/// A triangle.
+/// A point on a surface.
 #[derive(Debug, Clone, Copy)]
-pub struct FaceSample {
-    /// Its centroid.
-    pub center: DVec3,
-    /// Its unit normal, either way.
-    pub normal: DVec3,
-    /// Its area, up to a limit.
-    pub area: f64,
+pub struct Sample {
+    /// Where it is.
+    pub position: DVec3,
+    /// How much of the surface it stands for.
+    pub weight: f64,
 }
 
 /// A mesh whose last faces may be a backdrop.
@@ -71,15 +70,21 @@ pub fn region(scene: Foreground, cameras: &[Camera]) -> Option<Region> {
     Some(Region { center, radius })
 }
 
-/// Triangles of a scene in the region, evenly chosen.
-pub fn faces(scene: Foreground, region: &Region) -> Vec<FaceSample> {
+/// Points of a cloud in the region, evenly chosen.
+pub fn points(points: &[Vec3], region: &Region) -> Vec<Sample> {
+    let chosen = points.iter().step_by(step(points.len())).map(|p| p.as_dvec3());
+    let near = chosen.filter(|p| p.distance(region.center) < REACH * region.radius);
+    near.map(|position| Sample { position, weight: 1.0 }).collect()
+}
+
+/// Triangles of a scene in the region, evenly chosen, with their areas up to a limit.
+pub fn faces(scene: Foreground, region: &Region) -> Vec<Sample> {
     let most = (MOST_SIDE * region.radius).powi(2);
     let sample = |face: usize| {
         let [a, b, c] = scene.mesh.corners(face).map(|v| v.as_dvec3());
-        let (center, across) = ((a + b + c) / 3.0, (b - a).cross(c - a));
-        let near = center.distance(region.center) < REACH * region.radius;
-        let normal = across.try_normalize().filter(|_| near)?;
-        Some(FaceSample { center, normal, area: (across.length() / 2.0).min(most) })
+        let (position, area) = ((a + b + c) / 3.0, (b - a).cross(c - a).length() / 2.0);
+        let near = position.distance(region.center) < REACH * region.radius;
+        (near && area > 0.0).then(|| Sample { position, weight: area.min(most) })
     };
     (0..scene.faces).step_by(step(scene.faces)).filter_map(sample).collect()
 }

@@ -1,11 +1,11 @@
 //! Which way is up: what the cameras say, whose rows people hold level, and the largest level surface.
 
-use super::samples::{self, FaceSample, Foreground};
+use super::samples::{self, Foreground, Sample};
 use crate::camera::Camera;
 use crate::math::eigen::symmetric_eigen;
 use crate::math::median::median;
 use crate::rng::Rng;
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -29,12 +29,14 @@ const WIDEST_CONE: f64 = 20.0;
 const NARROWEST_CONE: f64 = 5.0;
 /// Thickness of a surface as a share of the distance of the cameras.
 const THICKNESS: f64 = 0.01;
-/// Share of the area around the middle of the scene that a clear surface has.
-const CLEAR_SHARE: f64 = 0.1;
+/// Share of the points around the middle of the scene that lie on a clear surface.
+const CLEAR_OF_POINTS: f64 = 0.05;
+/// Share of the triangles' area there: they scatter about their surfaces, so that slices through anything have some.
+const CLEAR_OF_FACES: f64 = 0.15;
 /// Standard deviation of a clear surface along its narrow side, as a share of the distance of the cameras.
 const CLEAR_WIDTH: f64 = 0.05;
-/// Samples that a surface is searched among.
-const MOST_LEVEL: usize = 4000;
+/// Samples by which surfaces are compared.
+const MOST_COMPARED: usize = 4000;
 
 /// How far an estimate of the up axis can be trusted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -67,21 +69,30 @@ pub struct UpEstimate {
 /// The largest surface that is about level.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LevelSurface {
-    /// Share of the triangles' area around the middle of the scene.
+    /// Share of the photos' points around the middle of the scene, or, without them, of the triangles' area there.
     pub share: f64,
     /// Angle to what the cameras alone say, degrees.
     pub degrees: f64,
+}
+
+/// What is known of a scene beside its triangles, all in its frame.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Evidence<'a> {
+    /// Cameras that look at it.
+    pub cameras: &'a [Camera],
+    /// Points that the photos' poses were found with; may be empty.
+    pub points: &'a [Vec3],
 }
 
 /// Estimates the up axis of a scene from the cameras that look at it; `None` without cameras.
 ///
 /// People hold cameras level, so up is at right angles to the rows of the photos: the direction in which the right
 /// vectors vary least. A table or floor near that direction is flatter than hands are steady, and is taken instead.
-pub fn estimate(scene: Foreground, cameras: &[Camera]) -> Option<UpEstimate> {
-    let held = from_cameras(cameras)?;
+pub fn estimate(scene: Foreground, known: Evidence) -> Option<UpEstimate> {
+    let held = from_cameras(known.cameras)?;
     let cone = if held.open { WIDEST_CONE } else { (4.0 * held.tilt).clamp(NARROWEST_CONE, WIDEST_CONE) };
     let surface = match held.tilt < RANDOM_TILT {
-        true => surface(scene, cameras, held.up, cone),
+        true => surface(scene, known, held.up, cone),
         false => None,
     };
     let confidence = match &surface {
@@ -93,7 +104,7 @@ pub fn estimate(scene: Foreground, cameras: &[Camera]) -> Option<UpEstimate> {
     let up = surface.as_ref().map_or(held.up, |s| s.normal);
     let surface = surface
         .map(|s| LevelSurface { share: s.share, degrees: s.normal.angle_between(held.up).to_degrees() });
-    let cameras = cameras.len() as u64;
+    let cameras = known.cameras.len() as u64;
     Some(UpEstimate { direction: up.to_array(), cameras, tilt: held.tilt, surface, confidence })
 }
 
@@ -168,61 +179,61 @@ fn scatter(vectors: impl Iterator<Item = (DVec3, f64)>) -> DMat3 {
 struct Surface {
     /// Points up; a unit vector.
     normal: DVec3,
-    /// Share of all area.
+    /// Share of all samples by weight.
     share: f64,
 }
 
 /// The largest flat surface whose normal is within `cone` degrees of `up`, when there is a clear one.
-fn surface(scene: Foreground, cameras: &[Camera], up: DVec3, cone: f64) -> Option<Surface> {
-    let region = samples::region(scene, cameras)?;
-    let faces = samples::faces(scene, &region);
-    let area: f64 = faces.iter().map(|f| f.area).sum();
+fn surface(scene: Foreground, known: Evidence, up: DVec3, cone: f64) -> Option<Surface> {
+    let region = samples::region(scene, known.cameras)?;
+    let (samples, clear_share) = match known.points.is_empty() {
+        true => (samples::faces(scene, &region), CLEAR_OF_FACES),
+        false => (samples::points(known.points, &region), CLEAR_OF_POINTS),
+    };
     let least = cone.to_radians().cos();
-    // Triangles of a trained scene are bumpy, so their own normals count for little.
-    let facing = (cone + 25.0).to_radians().cos();
-    let level: Vec<FaceSample> = faces.into_iter().filter(|f| f.normal.dot(up).abs() > facing).collect();
-    let few: Vec<FaceSample> = level.iter().step_by(level.len().div_ceil(MOST_LEVEL).max(1)).copied().collect();
     let thickness = THICKNESS * region.radius;
-    let near = |f: &&FaceSample, point: DVec3, normal: DVec3| (f.center - point).dot(normal).abs() < thickness;
+    let near = |s: &Sample, point: DVec3, normal: DVec3| (s.position - point).dot(normal).abs() < thickness;
+    let few: Vec<Sample> =
+        samples.iter().step_by(samples.len().div_ceil(MOST_COMPARED).max(1)).copied().collect();
     let supported = |(point, normal): (DVec3, DVec3)| {
-        few.iter().filter(|f| near(f, point, normal)).map(|f| f.area).sum::<f64>()
+        few.iter().filter(|s| near(s, point, normal)).map(|s| s.weight).sum::<f64>()
     };
     let planes = planes(&few).filter(|(_, normal)| normal.dot(up).abs() > least);
     let best = planes.map(|plane| (supported(plane), plane)).max_by(|a, b| a.0.total_cmp(&b.0))?;
     let (mut point, mut normal) = best.1;
     let (mut width, mut support) = (0.0, 0.0);
     for _ in 0..PASSES {
-        let on: Vec<&FaceSample> = level.iter().filter(|f| near(f, point, normal)).collect();
-        support = on.iter().map(|f| f.area).sum::<f64>();
+        let on: Vec<&Sample> = samples.iter().filter(|s| near(s, point, normal)).collect();
+        support = on.iter().map(|s| s.weight).sum::<f64>();
         if support <= 0.0 {
             return None;
         }
-        point = on.iter().map(|f| f.center * f.area).sum::<DVec3>() / support;
-        let [thin, narrow, _] = symmetric_eigen(scatter(on.iter().map(|f| (f.center - point, f.area))));
+        point = on.iter().map(|s| s.position * s.weight).sum::<DVec3>() / support;
+        let [thin, narrow, _] = symmetric_eigen(scatter(on.iter().map(|s| (s.position - point, s.weight))));
         (normal, width) = (thin.1, narrow.0.max(0.0).sqrt());
     }
     let normal = if normal.dot(up) < 0.0 { -normal } else { normal };
-    let share = support / area;
-    let clear = share >= CLEAR_SHARE && width >= CLEAR_WIDTH * region.radius && normal.dot(up) > least;
+    let share = support / samples.iter().map(|s| s.weight).sum::<f64>();
+    let clear = share >= clear_share && width >= CLEAR_WIDTH * region.radius && normal.dot(up) > least;
     clear.then_some(Surface { normal, share })
 }
 
-/// Planes through three of the samples, chosen by area: a point and a unit normal each.
-fn planes(faces: &[FaceSample]) -> impl Iterator<Item = (DVec3, DVec3)> {
+/// Planes through three of the samples, chosen by weight: a point and a unit normal each.
+fn planes(samples: &[Sample]) -> impl Iterator<Item = (DVec3, DVec3)> {
     let mut sum = 0.0;
-    let sums: Vec<f64> = faces
+    let sums: Vec<f64> = samples
         .iter()
-        .map(|f| {
-            sum += f.area;
+        .map(|s| {
+            sum += s.weight;
             sum
         })
         .collect();
     let rng = Rng::new(0, "level surface", 0);
-    let tries = if faces.len() < 3 { 0 } else { 4 * TRIES };
+    let tries = if samples.len() < 3 { 0 } else { 4 * TRIES };
     (0..tries).filter_map(move |i| {
         let [a, b, c] = [0, 1, 2].map(|k| {
             let at = sums.partition_point(|s| *s <= rng.uniform_f64(3 * i + k) * sum);
-            faces[at.min(faces.len() - 1)].center
+            samples[at.min(samples.len() - 1)].position
         });
         let normal = (b - a).cross(c - a).try_normalize()?;
         Some((a, normal))
@@ -233,7 +244,7 @@ fn planes(faces: &[FaceSample]) -> impl Iterator<Item = (DVec3, DVec3)> {
 mod tests {
     use super::*;
     use crate::mesh::{Colors, Mesh};
-    use glam::{Mat3, UVec2, Vec2, Vec3};
+    use glam::{Mat3, UVec2, Vec2};
 
     const CAMERA: Camera = Camera {
         rotation: Mat3::IDENTITY,
@@ -278,6 +289,10 @@ mod tests {
         Mesh { colors: Colors::Face(vec![[0.5; 3]; count as usize]), positions, ..Mesh::default() }
     }
 
+    fn estimate_of(mesh: &Mesh, cameras: &[Camera]) -> Option<UpEstimate> {
+        estimate(Foreground::new(mesh, 0), Evidence { cameras, points: &[] })
+    }
+
     fn degrees(estimate: &UpEstimate, up: Vec3) -> f64 {
         DVec3::from(estimate.direction).angle_between(up.as_dvec3()).to_degrees()
     }
@@ -286,18 +301,18 @@ mod tests {
     fn level_cameras_give_the_axis_that_their_rows_are_at_right_angles_to() {
         for up in [Vec3::NEG_Y, Vec3::Z, Vec3::new(0.3, -0.8, 0.5).normalize()] {
             let wobble = |i: usize| 0.05 * ((i * 7 % 11) as f32 - 5.0) / 5.0;
-            let found = estimate(Foreground::new(&Mesh::default(), 0), &ring(40, up, wobble)).expect("there are cameras");
+            let found = estimate_of(&Mesh::default(), &ring(40, up, wobble)).expect("there are cameras");
             assert!(degrees(&found, up) < 1.0, "{up}: {found:?}");
             assert!((0.5..3.0).contains(&found.tilt) && found.confidence == Confidence::High, "{found:?}");
         }
-        assert_eq!(estimate(Foreground::new(&Mesh::default(), 0), &[]), None);
+        assert_eq!(estimate_of(&Mesh::default(), &[]), None);
     }
 
     #[test]
     fn pictures_taken_with_the_camera_on_its_side_do_not_count() {
         let up = Vec3::new(0.1, -0.9, 0.2).normalize();
         let quarter = |i: usize| if i % 3 == 0 { 1.57 } else { 0.01 * (i % 5) as f32 };
-        let found = estimate(Foreground::new(&Mesh::default(), 0), &ring(30, up, quarter)).expect("there are cameras");
+        let found = estimate_of(&Mesh::default(), &ring(30, up, quarter)).expect("there are cameras");
         assert!(degrees(&found, up) < 1.5 && found.confidence == Confidence::High, "{found:?}");
     }
 
@@ -306,12 +321,12 @@ mod tests {
         let up = Vec3::NEG_Y;
         let tilted = |degrees: f32| Mat3::from_rotation_x(degrees.to_radians()) * up;
         let cameras = ring(24, up, |i| 0.06 * (i % 5) as f32 - 0.12);
-        let corrected = estimate(Foreground::new(&table(tilted(4.0), 6000), 0), &cameras).expect("cameras");
+        let corrected = estimate_of(&table(tilted(4.0), 6000), &cameras).expect("cameras");
         assert!(degrees(&corrected, tilted(4.0)) < 0.5, "{corrected:?}");
         let surface = corrected.surface.expect("a clear surface");
         assert!(surface.share > 0.2 && (3.0..5.5).contains(&surface.degrees), "{surface:?}");
         for other in [table(tilted(40.0), 6000), table(tilted(4.0), 0)] {
-            let alone = estimate(Foreground::new(&other, 0), &cameras).expect("cameras");
+            let alone = estimate_of(&other, &cameras).expect("cameras");
             assert!(alone.surface.is_none() && degrees(&alone, up) < 1.5, "{alone:?}");
         }
     }
@@ -319,13 +334,13 @@ mod tests {
     #[test]
     fn doubt_is_named() {
         let up = Vec3::NEG_Y;
-        let one = estimate(Foreground::new(&Mesh::default(), 0), &ring(1, up, |_| 0.0)).expect("a camera");
+        let one = estimate_of(&Mesh::default(), &ring(1, up, |_| 0.0)).expect("a camera");
         assert_eq!(one.confidence, Confidence::Low);
         let alike: Vec<Camera> = (0..9).map(|_| CAMERA).collect();
-        let alike = estimate(Foreground::new(&Mesh::default(), 0), &alike).expect("cameras");
+        let alike = estimate_of(&Mesh::default(), &alike).expect("cameras");
         assert_eq!(alike.confidence, Confidence::Low);
         assert!(degrees(&alike, up) < 1e-6, "the columns decide: {alike:?}");
-        let random = estimate(Foreground::new(&Mesh::default(), 0), &ring(60, up, |i| i as f32 * 1.7)).expect("cameras");
+        let random = estimate_of(&Mesh::default(), &ring(60, up, |i| i as f32 * 1.7)).expect("cameras");
         assert_eq!(random.confidence, Confidence::None, "{random:?}");
     }
 
@@ -337,7 +352,99 @@ mod tests {
             CAMERA.looking(eye(i), toward, Vec3::Y)
         };
         let cameras: Vec<Camera> = (0..16).map(down).collect();
-        let found = estimate(Foreground::new(&table(Vec3::Z, 6000), 0), &cameras).expect("cameras");
+        let found = estimate_of(&table(Vec3::Z, 6000), &cameras).expect("cameras");
         assert!(degrees(&found, Vec3::Z) < 1.0 && found.confidence == Confidence::High, "{found:?}");
+    }
+
+    #[test]
+    fn points_of_the_photos_show_a_surface_that_triangles_do_not() {
+        let up = Vec3::NEG_Y;
+        let slab = Mat3::from_rotation_z(0.08) * up;
+        let points = table(slab, 3000).positions;
+        let cameras = ring(24, up, |i| 0.06 * (i % 5) as f32 - 0.12);
+        let known = Evidence { cameras: &cameras, points: &points };
+        let found = estimate(Foreground::new(&Mesh::default(), 0), known).expect("cameras");
+        assert!(found.surface.is_some() && degrees(&found, slab) < 0.5, "{found:?}");
+    }
+
+    #[test]
+    fn a_capture_in_another_frame_has_the_same_up() {
+        let up = Vec3::new(0.1, -0.95, 0.2).normalize();
+        let cameras = ring(30, up, |i| 0.04 * (i % 7) as f32 - 0.1);
+        let turn = Mat3::from_rotation_y(2.0) * Mat3::from_rotation_x(-1.3);
+        let moved: Vec<Camera> = cameras
+            .iter()
+            .map(|c| {
+                let rotation = c.rotation * turn.transpose();
+                let eye = turn * c.position() + Vec3::new(5.0, -3.0, 20.0);
+                Camera { rotation, translation: -(rotation * eye), ..*c }
+            })
+            .collect();
+        let (here, there) = (estimate_of(&Mesh::default(), &cameras), estimate_of(&Mesh::default(), &moved));
+        let (here, there) = (here.expect("cameras"), there.expect("cameras"));
+        let turned = turn.as_dmat3() * DVec3::from(here.direction);
+        let off = turned.angle_between(DVec3::from(there.direction)).to_degrees();
+        assert!(off < 0.01, "{off}°: {here:?} {there:?}");
+    }
+
+    /// Up of a real capture, as a vector of its world: by the model of a folder and by its `transforms.json`.
+    #[test]
+    fn colmap_and_transforms_of_a_folder_agree_and_stand_upright() {
+        use crate::dataset::{Dataset, DatasetOptions};
+        let data = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data"));
+        // Up as picked by hand in the photos: the edge of a picture frame on the wall, walls of a house, a carpet, a
+        // table.
+        let picked = [
+            ("fox480", [0.051, -0.090, 0.994]),
+            ("dtu_scan24", [0.092, -0.377, -0.922]),
+            ("banana", [0.025, -0.881, -0.473]),
+            ("bonsai", [-0.160, -0.826, -0.540]),
+        ];
+        for (name, truth) in picked {
+            if !data.join(name).is_dir() {
+                eprintln!("SKIPPED (no ../shared/data/{name})");
+                continue;
+            }
+            let options = DatasetOptions::default();
+            let up = |path: &std::path::Path, with_points: bool| {
+                let dataset = Dataset::load(path, &options).expect(name);
+                let cameras: Vec<Camera> = dataset.views.iter().map(|v| v.camera).collect();
+                let points: Vec<Vec3> = dataset.points.iter().map(|p| p.position).collect();
+                let points = if with_points { points } else { Vec::new() };
+                let known = Evidence { cameras: &cameras, points: &points };
+                let found = estimate(Foreground::new(&Mesh::default(), 0), known).expect("cameras");
+                let mut named: Vec<_> = dataset.views.iter().map(|v| (v.name.clone(), v.camera)).collect();
+                named.sort_by(|a, b| a.0.cmp(&b.0));
+                (found, named)
+            };
+            let (by_points, named) = up(&data.join(name), true);
+            let (by_cameras, _) = up(&data.join(name), false);
+            let angle = |found: &UpEstimate| degrees(found, Vec3::from(truth.map(|x| x as f32)));
+            eprintln!(
+                "{name}: {:.2}° with points, {:.2}° by cameras: {by_points:?}",
+                angle(&by_points),
+                angle(&by_cameras)
+            );
+            assert!(angle(&by_points) < 5.0, "{name}: {}°", angle(&by_points));
+            assert!(angle(&by_cameras) < 6.0, "{name}: {}°", angle(&by_cameras));
+            // The same photos seen from the other file: the turn between the worlds is that of any camera.
+            let (other, others) = up(&data.join(name).join("transforms.json"), false);
+            let same: Vec<_> = named
+                .iter()
+                .filter_map(|(name, c)| {
+                    others.iter().find(|(n, _)| n.ends_with(name.as_str())).map(|(_, o)| (c, o))
+                })
+                .collect();
+            assert!(
+                same.len() == others.len() && same.len() > 10,
+                "{name}: {} of {}",
+                same.len(),
+                others.len()
+            );
+            let turn = (same[0].1.rotation.transpose() * same[0].0.rotation).as_dmat3();
+            let turned = turn * DVec3::from(by_cameras.direction);
+            let off = turned.angle_between(DVec3::from(other.direction)).to_degrees();
+            assert!(off < 0.5, "{name}: {off}° between the two files");
+        }
     }
 }

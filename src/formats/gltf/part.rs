@@ -179,8 +179,16 @@ fn part<'a>(
             "finite numbers",
         ));
     }
-    let mut part =
-        ScenePart { name, backdrop: false, faces, vertices, indexed, bounds, grid: None, loss: QuantizationLoss::default() };
+    let mut part = ScenePart {
+        name,
+        backdrop: false,
+        faces,
+        vertices,
+        indexed,
+        bounds,
+        grid: None,
+        loss: QuantizationLoss::default(),
+    };
     if options.positions == PositionEncoding::ChunkU16 {
         quantise(&mut part, mesh)?;
     }
