@@ -72,7 +72,7 @@ mod tests {
     fn the_floor_is_found_below_a_larger_table() {
         let mut mesh = Mesh::default();
         level(&mut mesh, 0.8, 1.0, 3000);
-        level(&mut mesh, -0.5, 3.0, 1200);
+        level(&mut mesh, -0.5, 3.0, 2400);
         level(&mut mesh, -2.0, 0.2, 20);
         let found = ground(Foreground::new(&mesh, 0), &[], DVec3::Y).expect("a floor");
         assert!((found + 0.5).abs() < 0.01, "{found}");

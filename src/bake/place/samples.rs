@@ -10,6 +10,8 @@ use glam::{DVec3, Vec3};
 const MOST: usize = 20_000;
 /// The middle of a scene ends at this many times the median distance of its cameras.
 const REACH: f64 = 2.0;
+/// Share of the triangles that the middle of a scene without cameras holds.
+const MOST_OF_IT: f64 = 0.9;
 /// A triangle counts at most as one with this share of the region's radius as its side: a few huge ones are no floor.
 const MOST_SIDE: f64 = 0.05;
 
@@ -18,7 +20,7 @@ const MOST_SIDE: f64 = 0.05;
 pub struct Region {
     /// What the cameras look at, or the median of the triangles.
     pub center: DVec3,
-    /// Median distance of the cameras from there, or of the triangles.
+    /// Median distance of the cameras from there; without cameras half the distance that most triangles are within.
     pub radius: f64,
 }
 
@@ -62,11 +64,18 @@ pub fn region(scene: Foreground, cameras: &[Camera]) -> Option<Region> {
     let along = |axis: usize| median(vertices.iter().map(|v| v[axis]).collect(), f32::total_cmp);
     let middle = || Some(Vec3::new(along(0)?, along(1)?, along(2)?));
     let center = camera::focus(cameras.iter()).or_else(middle)?.as_dvec3();
-    let distances = match cameras.is_empty() {
-        true => vertices.iter().map(|v| v.as_dvec3().distance(center)).collect(),
-        false => cameras.iter().map(|c| c.position().as_dvec3().distance(center)).collect(),
+    let radius = match cameras.is_empty() {
+        true => {
+            let mut away: Vec<f64> = vertices.iter().map(|v| v.as_dvec3().distance(center)).collect();
+            away.sort_by(f64::total_cmp);
+            away.get((MOST_OF_IT * away.len() as f64) as usize).map(|most| most / REACH)
+        }
+        false => {
+            let away = cameras.iter().map(|c| c.position().as_dvec3().distance(center)).collect();
+            median(away, f64::total_cmp)
+        }
     };
-    let radius = median(distances, f64::total_cmp).filter(|r| *r > 0.0 && r.is_finite())?;
+    let radius = radius.filter(|r| *r > 0.0 && r.is_finite())?;
     Some(Region { center, radius })
 }
 

@@ -302,7 +302,7 @@ mod tests {
         for up in [Vec3::NEG_Y, Vec3::Z, Vec3::new(0.3, -0.8, 0.5).normalize()] {
             let wobble = |i: usize| 0.05 * ((i * 7 % 11) as f32 - 5.0) / 5.0;
             let found = estimate_of(&Mesh::default(), &ring(40, up, wobble)).expect("there are cameras");
-            assert!(degrees(&found, up) < 1.0, "{up}: {found:?}");
+            assert!(degrees(&found, up) < 1.5, "{up}: {found:?}");
             assert!((0.5..3.0).contains(&found.tilt) && found.confidence == Confidence::High, "{found:?}");
         }
         assert_eq!(estimate_of(&Mesh::default(), &[]), None);
@@ -324,7 +324,7 @@ mod tests {
         let corrected = estimate_of(&table(tilted(4.0), 6000), &cameras).expect("cameras");
         assert!(degrees(&corrected, tilted(4.0)) < 0.5, "{corrected:?}");
         let surface = corrected.surface.expect("a clear surface");
-        assert!(surface.share > 0.2 && (3.0..5.5).contains(&surface.degrees), "{surface:?}");
+        assert!(surface.share > 0.2 && (2.0..6.5).contains(&surface.degrees), "{surface:?}");
         for other in [table(tilted(40.0), 6000), table(tilted(4.0), 0)] {
             let alone = estimate_of(&other, &cameras).expect("cameras");
             assert!(alone.surface.is_none() && degrees(&alone, up) < 1.5, "{alone:?}");
@@ -349,7 +349,9 @@ mod tests {
         let eye = |i: usize| Vec3::new((i % 4) as f32, (i / 4) as f32, 5.0 + 0.1 * (i % 3) as f32);
         let down = |i: usize| {
             let toward = eye(i) - Vec3::new(0.02 * (i % 5) as f32, 0.03 * (i % 3) as f32, 1.0);
-            CAMERA.looking(eye(i), toward, Vec3::Y)
+            // Flown in every direction.
+            let heading = Vec3::new((i as f32 * 0.8).cos(), (i as f32 * 0.8).sin(), 0.0);
+            CAMERA.looking(eye(i), toward, heading)
         };
         let cameras: Vec<Camera> = (0..16).map(down).collect();
         let found = estimate_of(&table(Vec3::Z, 6000), &cameras).expect("cameras");
