@@ -136,9 +136,26 @@ def srgb_from_linear(linear):
 
 
 def place(corners, placement):
-    """Source world to file: file = up_to_y * (scale * (world - center)), rounded once."""
+    """Source world to file: file = turn(rotate) * up_to_y * (scale * (world - center)), rounded once."""
     world = corners.astype(float) - np.array(placement["center"])
-    return (placement["scale"] * world @ np.array(UP[placement["up"]], float).T).astype(np.float32)
+    angle = np.radians(placement.get("rotate", 0.0))
+    cos, sin = np.cos(angle), np.sin(angle)
+    turn = np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]]) if angle else np.eye(3)
+    rotation = turn @ up_to_y(placement["up"])
+    return (placement["scale"] * world @ rotation.T).astype(np.float32)
+
+
+def up_to_y(up):
+    """The rotation that takes an axis, or any direction by way of the nearest axis, to +y."""
+    if isinstance(up, str):
+        return np.array(UP[up], float)
+    up = np.array(up) / np.linalg.norm(up)
+    nearest = np.zeros(3)
+    nearest[np.argmax(np.abs(up))] = np.sign(up[np.argmax(np.abs(up))])
+    name = ("-" if nearest.min() < 0 else "") + "xyz"[np.argmax(np.abs(nearest))]
+    axis, cosine = np.cross(up, nearest), up @ nearest
+    across = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.array(UP[name], float) @ (np.eye(3) + across + across @ across / (1 + cosine))
 
 
 # --- the comparison -------------------------------------------------------------------------------------

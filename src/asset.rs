@@ -4,7 +4,7 @@ use crate::bvh::Bvh;
 use crate::camera::Viewpoint;
 use crate::mesh::Mesh;
 use crate::report::Counts;
-use glam::{DMat3, DVec3, Vec3};
+use glam::{DMat3, DQuat, DVec3, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -22,9 +22,10 @@ pub struct Chunk {
 pub struct Asset {
     /// What an engine draws.
     pub mesh: Mesh,
-    /// Consecutive runs that together hold every face once; a single one when not chunked.
+    /// Consecutive runs that together hold every face once; a single one when not chunked. A backdrop is one of its
+    /// own, the last.
     pub chunks: Vec<Chunk>,
-    /// Hierarchy over the faces; primitive i is face i.
+    /// Hierarchy over the faces of the scene, without its backdrop; primitive i is face i.
     pub bvh: Option<Bvh>,
     /// Where it came from and how it was placed.
     pub provenance: Provenance,
@@ -33,6 +34,27 @@ pub struct Asset {
 }
 
 impl Asset {
+    /// Number of faces of the scene itself; those behind them are the backdrop.
+    pub fn scene_faces(&self) -> usize {
+        self.mesh.face_count().saturating_sub(self.provenance.backdrop as usize)
+    }
+
+    /// The scene and its backdrop as two assets without levels; `None` when it has none.
+    pub fn apart(&self) -> Option<(Asset, Asset)> {
+        let faces = self.scene_faces();
+        if faces == 0 || faces == self.mesh.face_count() {
+            return None;
+        }
+        let mut mesh = self.mesh.clone();
+        let behind = mesh.split_off(faces);
+        let provenance = |backdrop| Provenance { backdrop, ..self.provenance.clone() };
+        let chunks = self.chunks.iter().filter(|chunk| (chunk.first as usize) < faces).copied().collect();
+        let scene =
+            Asset { mesh, chunks, bvh: self.bvh.clone(), provenance: provenance(0), levels: Vec::new() };
+        let backdrop = Asset { provenance: provenance(self.provenance.backdrop), ..Asset::from(behind) };
+        Some((scene, backdrop))
+    }
+
     /// Triangles and vertices, for the report.
     pub fn counts(&self) -> Counts {
         Counts { triangles: self.mesh.face_count() as u64, vertices: self.mesh.vertex_count() as u64 }
@@ -79,6 +101,20 @@ pub enum UpAxis {
 }
 
 impl UpAxis {
+    const ALL: [UpAxis; 6] = [UpAxis::X, UpAxis::NegX, UpAxis::Y, UpAxis::NegY, UpAxis::Z, UpAxis::NegZ];
+
+    /// The unit vector along this axis.
+    pub fn vector(self) -> DVec3 {
+        match self {
+            UpAxis::X => DVec3::X,
+            UpAxis::NegX => DVec3::NEG_X,
+            UpAxis::Y => DVec3::Y,
+            UpAxis::NegY => DVec3::NEG_Y,
+            UpAxis::Z => DVec3::Z,
+            UpAxis::NegZ => DVec3::NEG_Z,
+        }
+    }
+
     /// The proper rotation (determinant +1) that takes this axis to +Y.
     pub fn to_y_up(self) -> DMat3 {
         let rows = |x: DVec3, y: DVec3, z: DVec3| DMat3::from_cols(x, y, z).transpose();
@@ -94,21 +130,86 @@ impl UpAxis {
     }
 }
 
-/// How the source's world became the file's: `file = up_to_y * (scale * (world - center))`.
+/// Which direction of a world points up: an axis or any other direction.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum UpDirection {
+    /// One of the six axes, exactly.
+    Axis(UpAxis),
+    /// A vector, not zero; its length does not matter.
+    Vector([f64; 3]),
+}
+
+impl UpDirection {
+    /// The axis when `direction` is one to within rounding, else the direction as a unit vector.
+    pub fn near(direction: DVec3) -> Self {
+        let unit = direction.normalize_or(DVec3::NEG_Y);
+        match UpAxis::ALL.into_iter().find(|axis| axis.vector().distance(unit) < 1e-12) {
+            Some(axis) => Self::Axis(axis),
+            None => Self::Vector(unit.to_array()),
+        }
+    }
+
+    /// The direction as a unit vector.
+    pub fn vector(self) -> DVec3 {
+        match self {
+            Self::Axis(axis) => axis.vector(),
+            Self::Vector(v) => DVec3::from(v).normalize_or(DVec3::NEG_Y),
+        }
+    }
+
+    /// The proper rotation that takes this direction to +Y: first to the nearest axis on the shortest way, then as
+    /// that axis goes, so that a scene a few degrees off an axis is turned by a few degrees more, not around.
+    pub fn to_y_up(self) -> DMat3 {
+        if let Self::Axis(axis) = self {
+            return axis.to_y_up();
+        }
+        let up = self.vector();
+        let nearest = |best: UpAxis, axis: UpAxis| {
+            if axis.vector().dot(up) > best.vector().dot(up) { axis } else { best }
+        };
+        let axis = UpAxis::ALL.into_iter().fold(UpAxis::X, nearest);
+        axis.to_y_up() * DMat3::from_quat(DQuat::from_rotation_arc(up, axis.vector()))
+    }
+}
+
+impl From<UpAxis> for UpDirection {
+    fn from(axis: UpAxis) -> Self {
+        Self::Axis(axis)
+    }
+}
+
+/// How the source's world became the file's: `file = turn(rotate) * up_to_y * (scale * (world - center))`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Placement {
-    /// The axis of the source world that points up; the file is Y-up.
-    pub up: UpAxis,
+    /// The direction of the source world that points up; the file is Y-up.
+    pub up: UpDirection,
+    /// Turn about the file's up axis, degrees, counter-clockwise as seen from above; absent when 0.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub rotate: f64,
     /// File units per world unit.
     pub scale: f64,
     /// World point that became the file's origin.
     pub center: [f64; 3],
 }
 
+fn is_zero(x: &f64) -> bool {
+    *x == 0.0
+}
+
 impl Placement {
     /// Nothing was moved: the file is in the frame of its source.
-    pub const IDENTITY: Placement = Placement { up: UpAxis::Y, scale: 1.0, center: [0.0; 3] };
+    pub const IDENTITY: Placement =
+        Placement { up: UpDirection::Axis(UpAxis::Y), rotate: 0.0, scale: 1.0, center: [0.0; 3] };
+
+    /// From directions of the source's world to those of the file.
+    pub fn rotation(&self) -> DMat3 {
+        match self.rotate {
+            0.0 => self.up.to_y_up(),
+            degrees => DMat3::from_rotation_y(degrees.to_radians()) * self.up.to_y_up(),
+        }
+    }
 
     /// Source world to file, in f64, rounded once.
     pub fn to_file(&self, world: Vec3) -> Vec3 {
@@ -117,7 +218,7 @@ impl Placement {
 
     /// [`Placement::to_file`] for many points: the matrix is computed once.
     pub fn transform(&self) -> impl Fn(Vec3) -> Vec3 + Sync + use<> {
-        let (matrix, center) = (self.up.to_y_up() * self.scale, DVec3::from(self.center));
+        let (matrix, center) = (self.rotation() * self.scale, DVec3::from(self.center));
         move |world| (matrix * (world.as_dvec3() - center)).as_vec3()
     }
 
@@ -126,19 +227,55 @@ impl Placement {
         self.to_world_f64(file).as_vec3()
     }
 
-    /// A viewpoint in the source's world, in the frame of the file.
+    /// A viewpoint in the source's world, in the frame of the file. The file's up axis is up in it, unless it looks
+    /// along that axis.
     pub fn viewpoint_to_file(&self, viewpoint: &Viewpoint) -> Viewpoint {
-        let (rotation, center) = (self.up.to_y_up(), DVec3::from(self.center));
-        let point = |p: [f64; 3]| (rotation * self.scale * (DVec3::from(p) - center)).to_array();
-        let up = (rotation * DVec3::from(viewpoint.up)).to_array();
-        Viewpoint { eye: point(viewpoint.eye), target: point(viewpoint.target), up, fov: viewpoint.fov }
+        let (rotation, center) = (self.rotation(), DVec3::from(self.center));
+        let point = |p: [f64; 3]| rotation * self.scale * (DVec3::from(p) - center);
+        let (eye, target) = (point(viewpoint.eye), point(viewpoint.target));
+        let level = (target - eye).normalize_or_zero().y.abs() < ALONG_UP;
+        let up = if level { DVec3::Y } else { rotation * DVec3::from(viewpoint.up) };
+        Viewpoint { eye: eye.to_array(), target: target.to_array(), up: up.to_array(), fov: viewpoint.fov }
     }
 
     /// [`Placement::to_world`] without the last rounding, for worlds far from their origin.
     pub fn to_world_f64(&self, file: Vec3) -> DVec3 {
-        self.up.to_y_up().transpose() * file.as_dvec3() / self.scale + DVec3::from(self.center)
+        self.rotation().transpose() * file.as_dvec3() / self.scale + DVec3::from(self.center)
+    }
+
+    /// This placement and then `next`, which moves the file once more.
+    pub fn then(&self, next: &Placement) -> Placement {
+        if *self == Self::IDENTITY {
+            return *next;
+        }
+        if *next == Self::IDENTITY {
+            return *self;
+        }
+        let back = self.rotation().transpose() * DVec3::from(next.center) / self.scale;
+        let center = DVec3::from(self.center) + back;
+        Self::from_rotation(next.rotation() * self.rotation(), self.scale * next.scale, center)
+    }
+
+    /// From the file back to its source.
+    pub fn inverse(&self) -> Placement {
+        if *self == Self::IDENTITY {
+            return *self;
+        }
+        let center = self.rotation() * DVec3::from(self.center) * -self.scale;
+        Self::from_rotation(self.rotation().transpose(), self.scale.recip(), center)
+    }
+
+    fn from_rotation(rotation: DMat3, scale: f64, center: DVec3) -> Self {
+        let up = UpDirection::near(rotation.transpose() * DVec3::Y);
+        let turn = rotation * up.to_y_up().transpose() * DVec3::X;
+        let degrees = f64::atan2(-turn.z, turn.x).to_degrees();
+        let rotate = if degrees.abs() < 1e-10 { 0.0 } else { degrees };
+        Self { up, rotate, scale, center: center.to_array() }
     }
 }
+
+/// Views this close to the up axis (cosine) keep the up direction of the photos.
+const ALONG_UP: f64 = 0.995;
 
 impl Default for Placement {
     fn default() -> Self {
@@ -167,4 +304,11 @@ pub struct Provenance {
     /// Where to look at this file from first.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub viewpoint: Option<Viewpoint>,
+    /// How many of its last triangles are the backdrop: a far sphere, no part of the scene. Absent when 0.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub backdrop: u32,
+}
+
+fn is_none(count: &u32) -> bool {
+    *count == 0
 }

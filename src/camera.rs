@@ -1,7 +1,7 @@
 //! The pinhole camera.
 
 use crate::error::{Error, Result};
-use glam::{Mat3, UVec2, Vec2, Vec3};
+use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -88,6 +88,27 @@ pub struct Viewpoint {
     pub fov: f64,
 }
 
+impl Viewpoint {
+    /// The camera there, for a picture of so many pixels.
+    pub fn camera(&self, size: UVec2) -> Camera {
+        let focal = size.y as f32 / (2.0 * (self.fov.to_radians() / 2.0).tan() as f32);
+        let lens = Camera {
+            rotation: Mat3::IDENTITY,
+            translation: Vec3::ZERO,
+            focal: Vec2::splat(focal),
+            center: size.as_vec2() / 2.0,
+            size,
+        };
+        let [eye, target, up] = [self.eye, self.target, self.up].map(|v| DVec3::from(v).as_vec3());
+        lens.looking(eye, target, up)
+    }
+
+    /// Distance from the viewer to what is looked at.
+    pub fn distance(&self) -> f32 {
+        DVec3::from(self.eye).distance(DVec3::from(self.target)) as f32
+    }
+}
+
 /// The view of the first camera, orbiting what all of them look at. `None` of no cameras.
 pub fn viewpoint(cameras: &[Camera]) -> Option<Viewpoint> {
     let first = cameras.first()?;
@@ -137,6 +158,13 @@ mod tests {
         let near = |a: [f64; 3], b: Vec3| (0..3).all(|i| (a[i] - f64::from(b[i])).abs() < 1e-4);
         assert!(near(viewpoint.eye, eyes[0]) && near(viewpoint.target, target), "{viewpoint:?}");
         assert!(viewpoint.up[1] < -0.5 && (viewpoint.fov - 53.130_102).abs() < 1e-4, "{viewpoint:?}");
+        let there = viewpoint.camera(CAMERA.size);
+        assert!(
+            there.rotation.row(2).distance(cameras[0].rotation.row(2)) < 1e-4
+                && near(viewpoint.eye, there.position())
+        );
+        assert!((there.focal - CAMERA.focal).length() < 1e-3, "{there:?}");
+        assert!((viewpoint.distance() - eyes[0].distance(target)).abs() < 1e-4);
         assert_eq!(super::viewpoint(&[]), None);
         assert!(near(super::viewpoint(&[CAMERA; 2]).expect("parallel").target, Vec3::Z));
     }

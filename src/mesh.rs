@@ -131,6 +131,65 @@ impl Mesh {
         }
     }
 
+    /// Takes the faces from `first` on out of the mesh, as a mesh of their own.
+    pub fn split_off(&mut self, first: usize) -> Mesh {
+        let mut rest = self.clone();
+        rest.retain(|face| face >= first);
+        self.retain(|face| face < first);
+        rest
+    }
+
+    /// Puts the faces of `other` behind those of this mesh. The result has indices when either has, and colours on
+    /// faces only when both have them there.
+    ///
+    /// Errors: more vertices than 32 bits count.
+    pub fn append(&mut self, mut other: Mesh) -> Result<()> {
+        if !self.opacity.is_empty() || !other.opacity.is_empty() {
+            self.opacity.resize(self.face_count(), 1.0);
+            other.opacity.resize(other.face_count(), 1.0);
+        }
+        if matches!(self.colors, Colors::Vertex(_)) || matches!(other.colors, Colors::Vertex(_)) {
+            self.spread();
+            other.spread();
+        }
+        if self.indices.is_empty() != other.indices.is_empty() {
+            self.number();
+            other.number();
+        }
+        if self.vertex_count() + other.vertex_count() > u32::MAX as usize {
+            let wants = "fewer or smaller files";
+            return Err(Error::invalid("inputs", "more than 4,294,967,295 vertices", wants));
+        }
+        let first = self.vertex_count() as u32;
+        self.indices.extend(other.indices.iter().map(|i| i + first));
+        self.positions.append(&mut other.positions);
+        self.opacity.append(&mut other.opacity);
+        if let (Colors::Face(a), Colors::Face(b)) | (Colors::Vertex(a), Colors::Vertex(b)) =
+            (&mut self.colors, &mut other.colors)
+        {
+            a.append(b);
+        }
+        Ok(())
+    }
+
+    /// Writes out the indices 0, 1, 2, … of a mesh that has none.
+    fn number(&mut self) {
+        if self.indices.is_empty() {
+            self.indices = (0..self.vertex_count() as u32).collect();
+        }
+    }
+
+    /// Gives every corner its own vertex where colours are per face, so that they become per vertex.
+    fn spread(&mut self) {
+        if let Colors::Face(colors) = &self.colors {
+            let corners: Vec<_> = (0..self.face_count()).flat_map(|f| self.corners(f)).collect();
+            let colors = colors.iter().flat_map(|c| [*c; 3]).collect();
+            self.positions = corners;
+            self.colors = Colors::Vertex(colors);
+            self.indices.clear();
+        }
+    }
+
     /// Checks that there are whole faces, colours and opacities for all, and no index out of range.
     pub fn validate_shape(&self) -> Result<()> {
         let (v, f) = (self.vertex_count(), self.face_count());

@@ -14,7 +14,7 @@ pub fn to_file(camera: &Camera, placement: &Placement, origin: DVec3) -> Camera 
     let rotation = camera.rotation.as_dmat3();
     let moved = rotation * (DVec3::from(placement.center) - origin) + camera.translation.as_dvec3();
     Camera {
-        rotation: (rotation * placement.up.to_y_up().transpose()).as_mat3(),
+        rotation: (rotation * placement.rotation().transpose()).as_mat3(),
         translation: (moved * placement.scale).as_vec3(),
         ..*camera
     }
@@ -22,7 +22,7 @@ pub fn to_file(camera: &Camera, placement: &Placement, origin: DVec3) -> Camera 
 
 /// Undoes [`to_file`].
 pub fn to_world(camera: &Camera, placement: &Placement, origin: DVec3) -> Camera {
-    let rotation = camera.rotation.as_dmat3() * placement.up.to_y_up();
+    let rotation = camera.rotation.as_dmat3() * placement.rotation();
     let moved = camera.translation.as_dvec3() / placement.scale;
     Camera {
         rotation: rotation.as_mat3(),
@@ -52,7 +52,8 @@ mod tests {
             (q.truncate() / q.z * c.focal + c.center, q.z)
         };
         for up in [UpAxis::Y, UpAxis::NegY, UpAxis::Z, UpAxis::NegZ, UpAxis::X, UpAxis::NegX] {
-            let placement = Placement { up, scale: 2.5, center: [999.0, -49.0, 5.0] };
+            let placement =
+                Placement { up: up.into(), rotate: 33.0, scale: 2.5, center: [999.0, -49.0, 5.0] };
             let placed = to_file(&camera, &placement, origin);
             assert!((placed.rotation.determinant() - 1.0).abs() < 1e-5);
             for point in [Vec3::new(0.5, 1.0, 2.0), Vec3::new(-1.0, 0.25, 0.0)] {

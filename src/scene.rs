@@ -46,6 +46,30 @@ pub struct Loaded {
     pub cameras: Vec<Camera>,
 }
 
+impl Loaded {
+    /// Takes the backdrop out of the mesh, when it has one.
+    pub fn take_backdrop(&mut self) -> Option<Mesh> {
+        let count = std::mem::take(&mut self.provenance.backdrop) as usize;
+        match &mut self.scene {
+            Scene::Mesh(mesh) if (1..mesh.face_count()).contains(&count) => {
+                Some(mesh.split_off(mesh.face_count() - count))
+            }
+            _ => None,
+        }
+    }
+
+    /// Puts a backdrop behind the mesh; a soup has none.
+    ///
+    /// Errors: more vertices than 32 bits count.
+    pub fn put_backdrop(&mut self, backdrop: Mesh) -> Result<()> {
+        if let Scene::Mesh(mesh) = &mut self.scene {
+            self.provenance.backdrop += backdrop.face_count() as u32;
+            mesh.append(backdrop)?;
+        }
+        Ok(())
+    }
+}
+
 impl From<Scene> for Loaded {
     /// A scene that was made here, not read.
     fn from(scene: Scene) -> Self {

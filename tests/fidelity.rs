@@ -300,7 +300,7 @@ fn a_soup_of_a_far_world_is_drawn_where_its_file_says() {
     let moved = Placement { center: far, ..Placement::IDENTITY };
     assert_eq!(soft(&soup, &moved, &dataset), near);
     // The same soup in a file that was turned Y up.
-    let turned = Placement { up: UpAxis::NegY, scale: 2.0, center: far };
+    let turned = Placement { up: UpAxis::NegY.into(), rotate: 0.0, scale: 2.0, center: far };
     let mut file = soup;
     for corner in file.vertices.iter_mut().flatten() {
         *corner = 2.0 * glam::Vec3::new(corner.x, -corner.y, -corner.z);

@@ -53,8 +53,11 @@ export function fitted(viewpoint, bounds, aspect) {
   return { eye, target: bounds.center.clone(), up, fov: FOV, pinhole: null };
 }
 
-/** Centre and radius of what contains most vertices, and the radius around it that contains all. */
-export function boundsOf(meshes) {
+/** Name of the node that is the backdrop. */
+const BACKDROP = 'backdrop';
+
+/** Some vertices of the meshes, evenly chosen. */
+function sampled(meshes) {
   const total = meshes.reduce((sum, mesh) => sum + mesh.geometry.attributes.position.count, 0);
   const step = Math.max(1, Math.floor(total / SAMPLES));
   const points = [];
@@ -64,6 +67,13 @@ export function boundsOf(meshes) {
       points.push(new Vector3().fromBufferAttribute(position, i).applyMatrix4(mesh.matrixWorld));
     }
   }
+  return points;
+}
+
+/** Centre and radius of what contains most vertices of the scene, and the radius around it that contains all, the backdrop's too. */
+export function boundsOf(meshes) {
+  const scene = meshes.filter((mesh) => mesh.name !== BACKDROP);
+  const points = sampled(scene.length > 0 ? scene : meshes);
   const [low, high] = ['x', 'y', 'z'].reduce(
     ([low, high], axis) => {
       const sorted = Float64Array.from(points, (point) => point[axis]).sort();
@@ -76,7 +86,7 @@ export function boundsOf(meshes) {
   );
   const center = low.clone().add(high).multiplyScalar(0.5);
   const radius = Math.max(low.distanceTo(high) / 2, 1e-6);
-  const reach = points.reduce((far, point) => Math.max(far, point.distanceTo(center)), radius);
+  const reach = [...points, ...sampled(meshes)].reduce((far, point) => Math.max(far, point.distanceTo(center)), radius);
   return { center, radius, reach };
 }
 

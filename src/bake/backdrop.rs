@@ -1,7 +1,11 @@
 //! Closes the holes through which photos show what no triangle covers: a far sphere behind everything, whose
 //! colours the next stage takes from the photos.
 //!
-//! A soft scene hides its holes under haze; a solid one shows the background of the engine through them.
+//! A soft scene hides its holes under haze; a solid one shows the background of the engine through them. The sphere is
+//! no part of the scene: its triangles come last, [`Provenance::backdrop`] counts them, and files hold them apart. They
+//! are visible from inside only, so that a viewer that steps back to show everything looks through the near side.
+//!
+//! [`Provenance::backdrop`]: crate::asset::Provenance::backdrop
 
 use super::views::Views;
 use crate::error::Result;
@@ -27,9 +31,13 @@ const SCENE_PER_BACKDROP: usize = 20;
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum BackdropWhen {
-    /// When photos show something where no triangle is
+    /// When photos show something where no triangle is, as the node `backdrop` of the output
     Auto,
-    /// Never
+    /// Always with photos, as the node `backdrop` of the output
+    Sphere,
+    /// Always with photos, in a file of its own: OUT.backdrop.glb
+    File,
+    /// Never; that of an input is left out
     Off,
 }
 
@@ -50,8 +58,8 @@ impl BackdropOptions {
     /// What is left of a budget of triangles for the scene itself.
     pub fn scene_budget(&self, budget: Option<u64>) -> Option<u64> {
         match self.backdrop {
-            BackdropWhen::Auto => budget.map(|most| most - backdrop_triangles(most as usize).min(most / 2)),
             BackdropWhen::Off => budget,
+            _ => budget.map(|most| most - backdrop_triangles(most as usize).min(most / 2)),
         }
     }
 }
@@ -68,6 +76,9 @@ pub struct BackdropDetails {
     /// Share of the photos' pixels at which no triangle is; absent when photos were not searched.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub holes: Option<f64>,
+    /// True when it is that of the input.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub kept: bool,
 }
 
 impl StageDetails for BackdropDetails {
@@ -94,7 +105,7 @@ pub fn backdrop(
     }
     let holes = find_holes(mesh, views)?;
     details.holes = Some(holes.share);
-    if holes.share < LEAST_HOLES {
+    if options.backdrop == BackdropWhen::Auto && holes.share < LEAST_HOLES {
         return Ok(Outcome::Unneeded("triangles cover the photos"));
     }
     let center = views.center();
@@ -102,14 +113,26 @@ pub fn backdrop(
     let radius = far.max(views.radius()) * RADIUS_FACTOR;
     let sphere = sphere(subdivisions(mesh.face_count()));
     let count = sphere.len();
-    mesh.positions.extend(sphere.into_iter().flatten().map(|v| center + v * radius));
-    match &mut mesh.colors {
-        Colors::Face(colors) => colors.resize(colors.len() + count, holes.color),
-        Colors::Vertex(colors) => colors.resize(colors.len() + 3 * count, holes.color),
+    let positions = sphere.into_iter().flatten().map(|v| center + v * radius).collect();
+    let colors = Colors::Face(vec![holes.color; count]);
+    mesh.append(Mesh { positions, colors, ..Mesh::default() })?;
+    Ok(Outcome::Changed(()))
+}
+
+/// Puts the backdrop of the input, `given`, behind `mesh` again, unless none is wanted.
+///
+/// Errors: more vertices than 32 bits count.
+pub fn keep_backdrop(
+    mesh: &mut Mesh,
+    given: Mesh,
+    options: &BackdropOptions,
+    details: &mut BackdropDetails,
+) -> Result<Outcome<()>> {
+    if options.backdrop == BackdropWhen::Off {
+        return Ok(Outcome::Unneeded("`backdrop` off: that of the input is left out"));
     }
-    if !mesh.opacity.is_empty() {
-        mesh.opacity.resize(mesh.opacity.len() + count, 1.0);
-    }
+    mesh.append(given)?;
+    details.kept = true;
     Ok(Outcome::Changed(()))
 }
 
@@ -155,12 +178,15 @@ fn backdrop_triangles(faces: usize) -> u64 {
     8 << (2 * subdivisions(faces))
 }
 
-/// Triangles of an octahedron, subdivided into four so many times, on the unit sphere. `[8 · 4^subdivisions]`
+/// Triangles of an octahedron, subdivided into four so many times, on the unit sphere, their fronts inside.
+/// `[8 · 4^subdivisions]`
 fn sphere(subdivisions: u32) -> Vec<[Vec3; 3]> {
     let mut faces: Vec<[Vec3; 3]> = (0..8)
-        .map(|octant| {
+        .map(|octant: u32| {
             let side = |bit: u32, axis: Vec3| if octant >> bit & 1 == 0 { axis } else { -axis };
-            [side(0, Vec3::X), side(1, Vec3::Y), side(2, Vec3::Z)]
+            let [a, b, c] = [side(0, Vec3::X), side(1, Vec3::Y), side(2, Vec3::Z)];
+            // Every mirrored axis turns the corner order around.
+            if u32::count_ones(octant) % 2 == 0 { [a, c, b] } else { [a, b, c] }
         })
         .collect();
     for _ in 0..subdivisions {
@@ -190,6 +216,8 @@ mod tests {
             let exact = 4.0 * std::f32::consts::PI;
             assert!(area < exact && (levels < 3 || area > 0.98 * exact), "{levels}: {area}");
             assert!(faces.iter().flatten().all(|v| (v.length() - 1.0).abs() < 1e-5));
+            let inward = |[a, b, c]: &[Vec3; 3]| (*b - *a).cross(*c - *a).dot(*a + *b + *c) < 0.0;
+            assert!(faces.iter().all(inward), "every front is inside");
         }
     }
 

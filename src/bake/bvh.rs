@@ -64,7 +64,8 @@ pub fn bvh(asset: &mut Asset, options: &BvhOptions, details: &mut BvhDetails) ->
     if asset.bvh.is_some() {
         return Ok(Outcome::Unneeded("the scene has a hierarchy already"));
     }
-    if asset.mesh.face_count() == 0 {
+    let faces = asset.scene_faces();
+    if faces == 0 {
         return Ok(Outcome::Unneeded("there are no faces"));
     }
     if let Some(v) = asset.mesh.positions.iter().position(|p| !p.is_finite()) {
@@ -77,23 +78,29 @@ pub fn bvh(asset: &mut Asset, options: &BvhOptions, details: &mut BvhDetails) ->
     if asset.chunks.is_empty() {
         asset.chunks = vec![Chunk { first: 0, count: asset.mesh.face_count() as u32 }];
     }
+    // Rays should hit the scene, not the sphere behind it.
+    let behind: Vec<Chunk> = asset.chunks.extract_if(.., |chunk| chunk.first as usize >= faces).collect();
+    let rest = faces as u32..asset.mesh.face_count() as u32;
     let chunked = asset.chunks.len() > 1;
     let parts = if chunked {
         asset.chunks.clone()
     } else {
-        let (order, parts) = cut(&asset.mesh, PART_TRIANGLES);
+        let (mut order, parts) = cut(&asset.mesh, faces, PART_TRIANGLES);
         if parts.len() > 1 {
+            order.extend(rest.clone());
             asset.mesh.select(&order);
         }
         parts
     };
-    let Built { mut bvh, order, parts } = build(&asset.mesh, &parts);
+    let Built { mut bvh, mut order, parts } = build(&asset.mesh, &parts);
+    order.extend(rest);
     asset.mesh.select(&order);
     if chunked {
         asset.chunks = parts;
     } else {
         bvh.roots = vec![0; asset.chunks.len()];
     }
+    asset.chunks.extend(behind);
     details.nodes = bvh.nodes.len() as u64;
     details.bytes = (bvh.nodes.len() * size_of::<CwBvhNode>()) as u64;
     asset.bvh = Some(bvh);

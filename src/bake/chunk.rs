@@ -50,7 +50,8 @@ impl StageDetails for ChunkDetails {
     const STAGE: &'static str = "chunk";
 }
 
-/// Sets `asset.chunks` and puts the faces in their order. A scene of one chunk is left as it is.
+/// Sets `asset.chunks` and puts the faces in their order. A scene of one chunk is left as it is. A backdrop becomes
+/// the last chunk: its box, around everything, would keep any other from being skipped.
 ///
 /// Errors: `chunk_triangles` above [`MAX_CHUNK_TRIANGLES`].
 pub fn chunk(asset: &mut Asset, options: &ChunkOptions, details: &mut ChunkDetails) -> Result<Outcome<()>> {
@@ -58,28 +59,33 @@ pub fn chunk(asset: &mut Asset, options: &ChunkOptions, details: &mut ChunkDetai
         let wants = format!("at most {MAX_CHUNK_TRIANGLES}, the most that 16-bit indices reach");
         return Err(Error::invalid("chunk_triangles", options.chunk_triangles, wants));
     }
-    let (faces, limit) = (asset.mesh.face_count(), options.chunk_triangles as usize);
-    if asset.chunks.len() > 1 {
+    let (faces, limit) = (asset.scene_faces(), options.chunk_triangles as usize);
+    let backdrop = (faces < asset.mesh.face_count())
+        .then(|| Chunk { first: faces as u32, count: (asset.mesh.face_count() - faces) as u32 });
+    if asset.chunks.len() > 1 + usize::from(backdrop.is_some()) {
         return Ok(Outcome::Unneeded("the scene is in chunks already"));
     }
     if limit == 0 || faces <= limit {
         asset.chunks = vec![Chunk { first: 0, count: faces as u32 }];
+        asset.chunks.extend(backdrop);
         return Ok(Outcome::Unneeded(if limit == 0 {
             "one chunk was asked for"
         } else {
             "it fits one chunk"
         }));
     }
-    let (order, chunks) = cut(&asset.mesh, limit);
+    let (mut order, chunks) = cut(&asset.mesh, faces, limit);
+    order.extend(faces as u32..asset.mesh.face_count() as u32);
     asset.mesh.select(&order);
     details.chunks = chunks.len() as u64;
     details.mean_triangles = (faces / chunks.len()) as u64;
     asset.chunks = chunks;
+    asset.chunks.extend(backdrop);
     asset.bvh = None; // it was built for the faces in another order
     Ok(Outcome::Changed(()))
 }
 
-/// Cuts the faces into runs of at most `limit`. Returns the order of faces and the runs in that order;
+/// Cuts the first `faces` into runs of at most `limit`. Returns the order of faces and the runs in that order;
 /// within a run, faces stay in the order they had.
 ///
 /// Top-down, each time at the plane (or size) where the two sides cost least:
@@ -91,9 +97,9 @@ pub fn chunk(asset: &mut Asset, options: &ChunkOptions, details: &mut ChunkDetai
 /// that is the surface area heuristic (MacDonald and Booth 1990) counting what an engine draws or skips: whole
 /// chunks. The fourth axis, size, takes triangles that are large for their neighbourhood out of it when that
 /// lets the rest be compact.
-pub(super) fn cut(mesh: &Mesh, limit: usize) -> (Vec<u32>, Vec<Chunk>) {
+pub(super) fn cut(mesh: &Mesh, faces: usize, limit: usize) -> (Vec<u32>, Vec<Chunk>) {
     let mut items: Vec<Item> =
-        (0..mesh.face_count()).into_par_iter().with_min_len(1 << 12).map(|f| Item::new(mesh, f)).collect();
+        (0..faces).into_par_iter().with_min_len(1 << 12).map(|f| Item::new(mesh, f)).collect();
     let counts = split(&mut items, limit);
     let mut chunks = Vec::with_capacity(counts.len());
     let mut first = 0;

@@ -1,7 +1,7 @@
 //! The bake: a recipe of stages from a scene to an asset.
 //!
 //! ```text
-//! prune → solid → color → unseen → backdrop → refit → weld → place → chunk → bvh → order → lod
+//! crop → prune → solid → color → unseen → backdrop → refit → weld → place → chunk → bvh → order → lod
 //! ```
 //!
 //! Each stage is a file with its options, its function and what it measures ([`StageDetails`]); it changes its input
@@ -18,6 +18,7 @@ pub mod backdrop;
 pub mod bvh;
 pub mod chunk;
 pub mod color;
+pub mod crop;
 pub mod decimate;
 pub mod fit;
 pub mod lod;

@@ -3,6 +3,7 @@
 use super::backdrop::BackdropOptions;
 use super::bvh::BvhOptions;
 use super::chunk::ChunkOptions;
+use super::crop::CropOptions;
 use super::lod::LodOptions;
 use super::order::OrderOptions;
 use super::place::PlaceOptions;
@@ -39,6 +40,9 @@ pub struct BakeOptions {
     /// Complete set of options to start from; config file and flags are laid over it.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub preset: BakePreset,
+    /// Which part of the scene is kept.
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Crop: keep a region"))]
+    pub crop: CropOptions,
     /// Which triangles are dropped.
     #[cfg_attr(
         feature = "cli",
@@ -99,6 +103,7 @@ impl BakeOptions {
     /// Every option at its default.
     pub const DEFAULT: Self = Self {
         preset: BakePreset::Default,
+        crop: CropOptions::DEFAULT,
         prune: PruneOptions::DEFAULT,
         solid: SolidOptions::DEFAULT,
         unseen: UnseenOptions::DEFAULT,

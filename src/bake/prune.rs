@@ -40,14 +40,6 @@ pub struct PruneOptions {
     #[cfg_attr(feature = "cli", arg(long, default_value_t = PruneOptions::DEFAULT.max_edge, value_name = "R"))]
     #[schemars(range(min = 0.0))]
     pub max_edge: f64,
-    /// Keep only triangles whose centroid is in this box, in the coordinates of the input file
-    #[cfg_attr(feature = "cli", arg(
-        long,
-        value_name = "X0,Y0,Z0,X1,Y1,Z1",
-        value_parser = parse_box,
-        allow_hyphen_values = true
-    ))]
-    pub crop: Option<[f64; 6]>,
     /// Keep at most this many triangles: those that add most to the picture, opacity times area times
     /// mean softness
     #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
@@ -60,7 +52,7 @@ impl PruneOptions {
     /// one covers as little, 2 / ((σ + 1)(σ + 2)) = 0.015 of its area. Neither costs a soft scene anything
     /// that can be seen.
     pub const DEFAULT: Self =
-        Self { min_opacity: 0.014, max_sigma: 10.0, max_edge: 0.0, crop: None, max_triangles: None };
+        Self { min_opacity: 0.014, max_sigma: 10.0, max_edge: 0.0, max_triangles: None };
     /// Spends no bytes on what is hardly seen.
     pub const SMALL: Self = Self { min_opacity: 0.05, max_sigma: 5.0, ..Self::DEFAULT };
 }
@@ -82,8 +74,6 @@ pub struct PruneDetails {
     pub faint: u64,
     /// Triangles above `max_sigma`.
     pub soft: u64,
-    /// Triangles outside `crop`.
-    pub outside: u64,
     /// Triangles with an edge above `max_edge`.
     pub huge: u64,
     /// Triangles beyond `max_triangles`.
@@ -125,14 +115,13 @@ pub fn prune(scene: &mut Scene, options: &PruneOptions, details: &mut PruneDetai
 
 impl PruneDetails {
     /// From the number of triangles of each [`Verdict`].
-    fn new(counts: &[usize; 8]) -> Self {
+    fn new(counts: &[usize; 7]) -> Self {
         let of = |verdict: Verdict| counts[verdict as usize] as u64;
         Self {
             non_finite: of(Verdict::NonFinite),
             degenerate: of(Verdict::Degenerate),
             faint: of(Verdict::Faint),
             soft: of(Verdict::Soft),
-            outside: of(Verdict::Outside),
             huge: of(Verdict::Huge),
             over_budget: of(Verdict::OverBudget),
         }
@@ -148,21 +137,13 @@ enum Verdict {
     Degenerate,
     Faint,
     Soft,
-    Outside,
     Huge,
     OverBudget,
 }
 
 impl Verdict {
-    const CAUSES: [Self; 7] = [
-        Self::NonFinite,
-        Self::Degenerate,
-        Self::Faint,
-        Self::Soft,
-        Self::Outside,
-        Self::Huge,
-        Self::OverBudget,
-    ];
+    const CAUSES: [Self; 6] =
+        [Self::NonFinite, Self::Degenerate, Self::Faint, Self::Soft, Self::Huge, Self::OverBudget];
 
     /// The field of [`PruneDetails`] that counts it.
     fn key(self) -> &'static str {
@@ -172,7 +153,6 @@ impl Verdict {
             Self::Degenerate => "degenerate",
             Self::Faint => "faint",
             Self::Soft => "soft",
-            Self::Outside => "outside",
             Self::Huge => "huge",
             Self::OverBudget => "over_budget",
         }
@@ -227,8 +207,6 @@ fn classify_alone(face: &Face, options: &PruneOptions) -> Verdict {
         Verdict::Faint
     } else if options.max_sigma > 0.0 && f64::from(face.sigma) > options.max_sigma {
         Verdict::Soft
-    } else if options.crop.is_some_and(|b| !in_box(centroid(&face.corners), &b)) {
-        Verdict::Outside
     } else {
         Verdict::Keep
     }
@@ -340,12 +318,8 @@ fn centroid(corners: &[Vec3; 3]) -> DVec3 {
     (corners[0].as_dvec3() + corners[1].as_dvec3() + corners[2].as_dvec3()) / 3.0
 }
 
-fn in_box(p: DVec3, b: &[f64; 6]) -> bool {
-    (0..3).all(|k| b[k] <= p[k] && p[k] <= b[k + 3])
-}
-
-fn count(verdicts: &[Verdict]) -> [usize; 8] {
-    let mut counts = [0; 8];
+fn count(verdicts: &[Verdict]) -> [usize; 7] {
+    let mut counts = [0; 7];
     for &verdict in verdicts {
         counts[verdict as usize] += 1;
     }
@@ -362,12 +336,6 @@ fn check(options: &PruneOptions) -> Result<()> {
     if !(options.max_edge >= 0.0) {
         return Err(Error::invalid("max_edge", options.max_edge, "0 or more"));
     }
-    if let Some(b) = options.crop
-        && !(0..3).all(|k| b[k] <= b[k + 3])
-    {
-        let wants = "x0,y0,z0,x1,y1,z1 with x0 <= x1, y0 <= y1 and z0 <= z1";
-        return Err(Error::invalid("crop", format!("{b:?}"), wants));
-    }
     if options.max_triangles == Some(0) {
         return Err(Error::invalid("max_triangles", 0, "1 or more; leave it out to keep all"));
     }
@@ -375,7 +343,7 @@ fn check(options: &PruneOptions) -> Result<()> {
 }
 
 /// Names the rule that dropped most and what to do about it.
-fn nothing_left(options: &PruneOptions, counts: &[usize; 8], total: usize) -> Error {
+fn nothing_left(options: &PruneOptions, counts: &[usize; 7], total: usize) -> Error {
     if total == 0 {
         return Error::invalid("the scene", "empty", "at least one triangle");
     }
@@ -392,21 +360,9 @@ fn nothing_left(options: &PruneOptions, counts: &[usize; 8], total: usize) -> Er
         Verdict::Huge => {
             Error::invalid("max_edge", options.max_edge, format!("a higher value, or 0: {dropped}"))
         }
-        Verdict::Outside => {
-            let b = options.crop.unwrap_or_default();
-            Error::invalid("crop", format!("{b:?}"), format!("a box that overlaps the scene: {dropped}"))
-        }
         cause => {
             let what = format!("{} of {total} triangles {}", counts[cause as usize], cause.key());
             Error::invalid("the scene", what, "at least one triangle of finite, non-zero size")
         }
     }
-}
-
-/// Six numbers "x0,y0,z0,x1,y1,z1".
-#[cfg(feature = "cli")]
-fn parse_box(text: &str) -> std::result::Result<[f64; 6], String> {
-    let number = |n: &str| n.trim().parse::<f64>().map_err(|e| format!("{n:?}: {e}"));
-    let numbers = text.split(',').map(number).collect::<std::result::Result<Vec<_>, _>>()?;
-    numbers.try_into().map_err(|n: Vec<f64>| format!("wants 6 numbers x0,y0,z0,x1,y1,z1, got {}", n.len()))
 }

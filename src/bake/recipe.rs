@@ -1,15 +1,17 @@
 //! The recipe: the stages in their order, and the reason for it.
 
-use super::backdrop::backdrop;
+use super::backdrop::{BackdropWhen, backdrop, keep_backdrop};
 use super::bvh::bvh;
 use super::chunk::chunk;
 use super::color::color;
+use super::crop::crop;
 use super::fit;
 use super::lod::{FinishedLevel, LevelSource, lod};
 use super::merge::{merge, share_world};
 use super::options::BakeOptions;
 use super::order::order;
-use super::place::{place, placement};
+use super::place::up::Evidence;
+use super::place::{PlaceDetails, place, placement};
 use super::prune::{PruneOptions, prune};
 use super::refit::refit;
 use super::solid::solid;
@@ -118,6 +120,8 @@ impl<'a> Bake<'a> {
                 Some(observer) => observer,
                 None => &mut no_observer,
             },
+            cameras: Vec::new(),
+            backdrop: None,
             placement: None,
         };
         recipe.run(inputs.into_iter().map(Into::into).collect())
@@ -130,6 +134,10 @@ struct Recipe<'a> {
     views: Option<&'a mut Views>,
     report: &'a mut Report,
     observer: &'a mut dyn Observer,
+    /// Cameras that look at the scene, in the frame of what was read.
+    cameras: Vec<Camera>,
+    /// The backdrop: that of the input, then that of the output before it is placed.
+    backdrop: Option<Mesh>,
     /// How the scene was placed: its levels are placed alike.
     placement: Option<Placement>,
 }
@@ -137,7 +145,9 @@ struct Recipe<'a> {
 impl Recipe<'_> {
     fn run(mut self, inputs: Vec<Loaded>) -> Result<Asset> {
         let inputs = self.of_one_kind(inputs)?;
-        let Loaded { scene, mut provenance, warnings, mut cameras } = merge(inputs)?;
+        let mut loaded = merge(inputs)?;
+        self.backdrop = loaded.take_backdrop();
+        let Loaded { scene, mut provenance, warnings, mut cameras } = loaded;
         self.report.warnings.extend(warnings);
         if let Some(views) = self.views.as_deref_mut() {
             views.transform(&provenance.placement);
@@ -149,11 +159,18 @@ impl Recipe<'_> {
         if let Some(views) = self.views.as_deref_mut() {
             self.report.warnings.extend(fit::warning(&mesh, views)?);
         }
+        self.cameras = cameras.clone();
 
         // Levels are made of what is left here, but are placed like the scene.
         let unpainted = if self.options.lod.lod.is_empty() { Mesh::default() } else { mesh.clone() };
+        let faces = mesh.face_count();
+        let mesh = self.back(mesh)?;
         let mesh = self.paint(mesh)?;
-        let asset = self.package(mesh, provenance.clone())?;
+        let behind = mesh.face_count() - faces;
+        if behind > 0 && !self.options.lod.lod.is_empty() {
+            self.backdrop = Some(mesh.clone().split_off(faces));
+        }
+        let asset = self.package(mesh, Provenance { backdrop: behind as u32, ..provenance.clone() })?;
         let source =
             LevelSource { mesh: &unpainted, cameras: &cameras, enlarge: self.options.unseen.enlarge };
         let levels = self.levels(&source, &provenance)?;
@@ -178,6 +195,8 @@ impl Recipe<'_> {
             views: None,
             report: &mut unread,
             observer: &mut (),
+            cameras: Vec::new(),
+            backdrop: None,
             placement: None,
         };
         let mut solidified = |loaded: Loaded| match is_soup(&loaded) {
@@ -196,7 +215,12 @@ impl Recipe<'_> {
             false => PruneOptions { max_triangles: None, ..options.prune.clone() },
         };
 
-        // First, because every later stage costs per triangle and relies on finite geometry.
+        // First of all: a budget of triangles is for what stays.
+        let scene = self.report.stage(self.observer, scene, count, |scene, details| {
+            crop(scene, cameras, &options.crop, details)
+        })?;
+
+        // Early, because every later stage costs per triangle and relies on finite geometry.
         let scene = self.report.stage(self.observer, scene, count, |scene, d| prune(scene, &pruning, d))?;
 
         // On the soup, as it needs opacity and σ, which colours throw away.
@@ -232,20 +256,23 @@ impl Recipe<'_> {
         })
     }
 
-    /// The part of the recipe that takes colours from photos.
+    /// Behind what is left, and before colours are taken from the photos: those of holes are its own.
+    fn back(&mut self, mesh: Mesh) -> Result<Mesh> {
+        let options = &self.options.backdrop;
+        let (given, views) = (self.backdrop.take(), self.views.as_deref_mut());
+        let cropped = !self.options.crop.crop.is_empty() && options.backdrop == BackdropWhen::Auto;
+        self.report.stage(self.observer, mesh, count_mesh, |mesh, details| match given {
+            _ if cropped => Ok(Outcome::Unneeded("the scene is cropped: what was around it is not wanted")),
+            Some(given) => keep_backdrop(mesh, given, options, details),
+            None => backdrop(mesh, views, options, details),
+        })
+    }
+
+    /// On what is left: a colour belongs to what a triangle shows when the others are gone.
     fn paint(&mut self, mesh: Mesh) -> Result<Mesh> {
-        let options = self.options;
-
-        // Behind what is left, and before colours are taken from the photos: those of holes are its own.
-        let views = self.views.as_deref_mut();
-        let mesh = self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
-            backdrop(mesh, views, &options.backdrop, details)
-        })?;
-
-        // On what is left: a colour belongs to what a triangle shows when the others are gone.
-        let views = self.views.as_deref_mut();
+        let (views, options) = (self.views.as_deref_mut(), &self.options.refit);
         self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
-            refit(mesh, views, &options.refit, details, progress)
+            refit(mesh, views, options, details, progress)
         })
     }
 
@@ -259,10 +286,15 @@ impl Recipe<'_> {
 
         // Before anything with boxes in it, whose numbers must be those of the file.
         let placed = &mut self.placement;
+        let points = self.views.as_deref().map_or(&[][..], |views| views.points());
+        let known = Evidence { cameras: &self.cameras, points };
         let mesh = self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
-            let how = *placed.get_or_insert_with(|| placement(mesh, &provenance, &options.place));
+            let how =
+                *placed.get_or_insert_with(|| placement(mesh, &provenance, known, &options.place, details));
             place(mesh, &mut provenance, how, details)
         })?;
+        let warning = self.report.details::<PlaceDetails>().and_then(|details| details.warning());
+        self.report.warnings.extend(warning);
 
         provenance.generator = Some(generator());
         let asset = Asset { mesh, provenance, ..Asset::default() };
@@ -285,17 +317,23 @@ impl Recipe<'_> {
     /// Coarser copies of the scene, each painted and packaged as the scene was.
     fn levels(&mut self, source: &LevelSource<'_>, provenance: &Provenance) -> Result<Vec<Asset>> {
         let options = self.options;
-        let (views, placement) = (&mut self.views, self.placement);
-        let finish = |level: Mesh, mut progress: StageProgress<'_>| {
+        let (views, placement, behind) = (&mut self.views, self.placement, self.backdrop.take());
+        let finish = |mut level: Mesh, mut progress: StageProgress<'_>| {
             let mut of_level = Recipe {
                 options,
                 views: views.as_deref_mut(),
                 report: &mut Report::default(),
                 observer: &mut progress,
+                cameras: Vec::new(),
+                backdrop: None,
                 placement,
             };
-            let level = of_level.paint(level)?;
+            // Photos show the backdrop too, but there is one for all levels.
+            let faces = level.face_count();
+            behind.clone().map_or(Ok(()), |backdrop| level.append(backdrop))?;
+            let mut level = of_level.paint(level)?;
             let psnr = of_level.evaluate(&level)?;
+            level.split_off(faces);
             Ok(FinishedLevel { asset: of_level.package(level, provenance.clone())?, psnr })
         };
         self.report.long_stage(self.observer, Vec::new(), count_levels, |levels, details, progress| {

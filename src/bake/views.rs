@@ -22,6 +22,7 @@ pub const SAMPLES: u32 = 2;
 #[derive(Debug)]
 pub struct Views {
     cameras: Vec<Camera>,
+    points: Vec<Vec3>,
     origin: DVec3,
     photos: Photos,
     background: [f32; 3],
@@ -32,6 +33,7 @@ impl Views {
     pub fn new(dataset: &Dataset, options: &DatasetOptions) -> Self {
         Self {
             cameras: dataset.train().map(|v| v.camera).collect(),
+            points: dataset.points.iter().map(|p| p.position).collect(),
             origin: dataset.origin,
             photos: Photos::new(dataset.train().map(|v| v.photo.clone()).collect(), options.photo_bytes()),
             background: options.background.to_f32(),
@@ -58,6 +60,11 @@ impl Views {
         &self.cameras
     }
 
+    /// The points that the poses were found with, if the data set has any.
+    pub fn points(&self) -> &[Vec3] {
+        &self.points
+    }
+
     /// How the photos' cameras draw `mesh`: see [`drawing`].
     pub fn drawing(&self, mesh: &Mesh, samples: u32) -> SolidRasterOptions {
         SolidRasterOptions { background: self.background, ..drawing(&self.cameras, mesh, samples) }
@@ -75,11 +82,13 @@ impl Views {
         self.cameras.iter().map(|c| c.position().distance(center)).fold(0.0, f32::max)
     }
 
-    /// Transforms the cameras from the world of the photos into the frame of a file that was placed in it.
+    /// Transforms cameras and points from the world of the photos into the frame of a file that was placed in it.
     pub fn transform(&mut self, placement: &Placement) {
         for camera in &mut self.cameras {
             *camera = placed::to_file(camera, placement, self.origin);
         }
+        let (transform, origin) = (placement.transform(), self.origin);
+        self.points.iter_mut().for_each(|p| *p = transform((p.as_dvec3() + origin).as_vec3()));
         self.origin = DVec3::ZERO;
     }
 

@@ -1,6 +1,6 @@
 //! A file as an engine would draw it, baked in memory.
 
-use crate::asset::{Asset, Placement, UpAxis};
+use crate::asset::{Asset, Placement};
 use crate::bake::{BakeOptions, bake};
 use crate::camera::Camera;
 use crate::error::Result;
@@ -16,8 +16,6 @@ pub struct BakedScene {
     pub asset: Asset,
     /// What was read, when it was a soup.
     pub soup: Option<Soup>,
-    /// How the file was placed in the world of its source.
-    pub file_placement: Placement,
     /// How the bake placed the asset in the file's frame.
     pub bake_placement: Placement,
 }
@@ -26,22 +24,17 @@ impl BakedScene {
     /// Bakes with the default preset. Errors: see [`bake()`].
     pub fn new(loaded: Loaded) -> Result<Self> {
         let file_placement = loaded.provenance.placement;
-        let is_y_up = loaded.provenance.up.unwrap_or_default() == UpAxis::Y;
         let soup = match &loaded.scene {
             Scene::Soup(soup) => Some(soup.clone()),
             Scene::Mesh(_) => None,
         };
         let asset = bake(loaded, &BakeOptions::DEFAULT)?;
-        let bake_placement = if is_y_up { Placement::IDENTITY } else { asset.provenance.placement };
-        Ok(Self { asset, soup, file_placement, bake_placement })
+        let bake_placement = file_placement.inverse().then(&asset.provenance.placement);
+        Ok(Self { asset, soup, bake_placement })
     }
 
     /// A camera of the source's world, given relative to its point `origin`, in the frame of the asset.
     pub fn place(&self, camera: &Camera, origin: DVec3) -> Camera {
-        placed::to_file(
-            &placed::to_file(camera, &self.file_placement, origin),
-            &self.bake_placement,
-            DVec3::ZERO,
-        )
+        placed::to_file(camera, &self.asset.provenance.placement, origin)
     }
 }

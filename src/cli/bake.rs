@@ -4,6 +4,7 @@ use super::Global;
 use super::files;
 use super::layers::Layers;
 use super::progress::Progress;
+use crate::bake::backdrop::BackdropWhen;
 use crate::bake::{Bake, BakeOptions, Views};
 use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
@@ -56,6 +57,10 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()>
     let options = resolve(args, matches)?;
     let output = Output::plan(&args.output, args.format, &options.output, options.bvh.bvh)?
         .with_levels(options.lod.lod.len(), &options.output)?;
+    let output = match options.backdrop.backdrop {
+        BackdropWhen::File => output.with_backdrop_file(&options.output)?,
+        _ => output,
+    };
     guard(args, &output)?;
 
     let mut progress = Progress::new(global).with_flags_of(command());

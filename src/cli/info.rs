@@ -101,12 +101,16 @@ fn print_origin(info: &Info, out: &mut dyn Write) -> io::Result<()> {
     let placement = &origin.placement;
     if *placement != crate::asset::Placement::IDENTITY {
         let [x, y, z] = placement.center;
-        let up = serde_json::to_string(&placement.up).unwrap_or_default();
-        line(
-            out,
-            "placed",
-            &format!("up {}, scale {}, center {x} {y} {z}", up.trim_matches('"'), placement.scale),
-        )?;
+        let up = crate::bake::place::words::UpChoice::Given(placement.up);
+        let turned = match placement.rotate {
+            0.0 => String::new(),
+            degrees => format!("rotate {degrees}, "),
+        };
+        let how = format!("up {up}, {turned}scale {}, center {x} {y} {z}", placement.scale);
+        line(out, "placed", &how)?;
+    }
+    if origin.backdrop > 0 {
+        line(out, "backdrop", &format!("the last {} triangles", origin.backdrop))?;
     }
     if let Some(gltf) = &info.gltf {
         let counts = format!(

@@ -57,9 +57,9 @@ impl Progress {
         }
     }
 
-    /// Runs what prints on standard output, without the spinner in its way.
+    /// Runs what prints on standard output, without the bar in its way.
     pub fn suspend<T>(&self, print: impl FnOnce() -> T) -> T {
-        match &self.spinner {
+        match &self.bar {
             Some(bar) => bar.suspend(print),
             None => print(),
         }

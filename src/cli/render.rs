@@ -2,7 +2,7 @@
 
 use super::Global;
 use super::progress::Progress;
-use crate::asset::{Placement, UpAxis};
+use crate::asset::Placement;
 use crate::bench::scene_renderer::{RenderMode, RenderOptions, SceneRenderer};
 use crate::bench::steps;
 use crate::camera::Camera;
@@ -13,7 +13,6 @@ use crate::image::Pixels;
 use crate::rng::Rng;
 use crate::scene::{Loaded, Scene};
 use crate::view::orbit;
-use glam::{DVec3, Vec3};
 use std::path::{Path, PathBuf};
 
 /// What to draw, and from which cameras.
@@ -34,7 +33,8 @@ pub struct RenderArgs {
     /// Which photos' cameras.
     #[arg(long, value_enum, default_value_t, conflicts_with = "orbit")]
     pub split: Split,
-    /// Draw N pictures on a circle instead: around what the photos look at, or around the scene.
+    /// Draw N pictures on a circle instead: around what the photos look at; without a data set the circle begins at the
+    /// initial viewpoint of the file, or goes around the middle of the scene.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub orbit: Option<u32>,
     /// Width of an orbit's pictures when no data set is given, px; the height is three quarters of it.
@@ -85,8 +85,12 @@ pub fn run(args: &RenderArgs, global: &Global) -> Result<()> {
     let cameras = match &dataset {
         Some(dataset) => dataset_cameras(args, dataset)?,
         None => {
-            let up = up_vector(provenance.up.unwrap_or_default());
-            orbit_cameras(orbit::around_scene(&scene, up, args.width, args.orbit.unwrap_or(0)))
+            let up = provenance.up.unwrap_or_default().vector().as_vec3();
+            let count = args.orbit.unwrap_or(0);
+            orbit_cameras(match &provenance.viewpoint {
+                Some(viewpoint) => orbit::around_viewpoint(viewpoint, up, args.width, count),
+                None => orbit::around_scene(&scene, up, args.width, count),
+            })
         }
     };
     let mut renderer = renderer(args, scene, &provenance.placement, dataset.as_ref());
@@ -181,11 +185,6 @@ fn dataset_cameras(args: &RenderArgs, dataset: &Dataset) -> Result<Vec<(String, 
 
 fn orbit_cameras(cameras: Vec<Camera>) -> Vec<(String, Camera)> {
     cameras.into_iter().enumerate().map(|(i, camera)| (format!("orbit_{i:04}.png"), camera)).collect()
-}
-
-/// The axis of a file that points up, as a vector of the file.
-fn up_vector(up: UpAxis) -> Vec3 {
-    (up.to_y_up().transpose() * DVec3::Y).as_vec3()
 }
 
 /// Makes the folder; refuses to replace a picture in it without `force`, before any work.

@@ -41,7 +41,7 @@ pub struct BvhHeader {
     pub generator: String,
     /// Number of nodes of 80 bytes that follow; node 0 is the root, children come after their parents.
     pub nodes: u32,
-    /// Number of faces of the scene; primitive i is face i, counted through its chunks.
+    /// Number of faces of the scene without its backdrop; primitive i is face i, counted through its chunks.
     pub faces: u32,
     /// Runs of faces that are a mesh of their own in the scene file, and the node that holds each.
     pub chunks: Vec<BvhChunk>,
@@ -65,13 +65,13 @@ pub struct BvhChunk {
     pub node: u32,
 }
 
-/// XXH3-64 over the positions of all faces in order, three corners of three little-endian f32 each.
-pub fn position_hash(mesh: &Mesh) -> u64 {
+/// XXH3-64 over the positions of the first `faces` in order, three corners of three little-endian f32 each.
+pub fn position_hash(mesh: &Mesh, faces: usize) -> u64 {
     let mut hash = Xxh3Default::new();
     if mesh.indices.is_empty() {
-        hash.update(bytemuck::cast_slice(&mesh.positions));
+        hash.update(bytemuck::cast_slice(&mesh.positions[..3 * faces]));
     } else {
-        for face in 0..mesh.face_count() {
+        for face in 0..faces {
             hash.update(bytemuck::cast_slice(&mesh.corners(face)));
         }
     }
@@ -89,7 +89,7 @@ pub fn write(out: &mut dyn Write, asset: &Asset) -> std::io::Result<()> {
         nodes: bvh.nodes.len() as u32,
         faces: bvh.face_count,
         chunks: asset.chunks.iter().zip(&bvh.roots).map(chunk).collect(),
-        position_hash: format!("{:016x}", position_hash(&asset.mesh)),
+        position_hash: format!("{:016x}", position_hash(&asset.mesh, asset.scene_faces())),
         placement: asset.provenance.placement,
     };
     let mut json = serde_json::to_vec(&header)?;
@@ -137,9 +137,9 @@ pub fn read(mut source: Source) -> Result<(BvhHeader, Bvh)> {
     Ok((header, bvh))
 }
 
-/// Checks that a hierarchy is the one of `mesh`, by the hash of the positions.
+/// Checks that a hierarchy is the one of `mesh`, a scene without its backdrop, by the hash of the positions.
 pub fn belongs(path: &Path, header: &BvhHeader, mesh: &Mesh) -> Result<()> {
-    let hash = format!("{:016x}", position_hash(mesh));
+    let hash = format!("{:016x}", position_hash(mesh, mesh.face_count()));
     if header.faces as usize != mesh.face_count() || header.position_hash != hash {
         let reason = format!(
             "belongs to another scene ({} faces, hash {}, the scene has {} and {hash}); bake again with `bvh`",

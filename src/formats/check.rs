@@ -78,7 +78,11 @@ fn check_loaded(path: &Path, format: Format, loaded: &Loaded, findings: &mut Fin
         Scene::Mesh(mesh) => {
             scene::check_mesh(mesh, findings);
             if matches!(format, Format::Glb | Format::Gltf) {
-                check_hierarchy(path, mesh, findings)?;
+                let mut scene = loaded.clone();
+                scene.take_backdrop();
+                if let Scene::Mesh(mesh) = &scene.scene {
+                    check_hierarchy(path, mesh, findings)?;
+                }
             }
         }
     }

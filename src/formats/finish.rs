@@ -12,7 +12,7 @@ use std::path::Path;
 /// colours are out of range, when a corner names a vertex that is not there, or when no triangle
 /// is left.
 pub fn finish(path: &Path, loaded: Loaded) -> Result<Loaded> {
-    let Loaded { mut scene, provenance, mut warnings, cameras } = loaded;
+    let Loaded { mut scene, mut provenance, mut warnings, cameras } = loaded;
     let total = scene.triangle_count();
     let error = |e: Error| Error::malformed(path, "values", e.to_string());
     let first = match &mut scene {
@@ -25,6 +25,10 @@ pub fn finish(path: &Path, loaded: Loaded) -> Result<Loaded> {
     if dropped == total {
         let reason = format!("none of the {total} triangles is finite: they hold NaN or infinite numbers");
         return Err(Error::malformed(path, "values", reason));
+    }
+    // A count that no longer fits counts nothing.
+    if dropped > 0 || provenance.backdrop as usize > scene.triangle_count() {
+        provenance.backdrop = 0;
     }
     if let Some(first) = first {
         warnings

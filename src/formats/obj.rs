@@ -155,7 +155,7 @@ impl ObjDraft {
 /// `mtl_name`. Numbers are the shortest that read back equal.
 ///
 /// A triangle gets three vertices shared with no other where colour belongs to the face. OBJ has no opacity at
-/// vertices: it is not written. Errors are those of `out` and `mtl`.
+/// vertices: it is not written. The faces of a backdrop come last, in a group of that name. Errors are those of `out` and `mtl`.
 pub fn write(out: &mut dyn Write, mtl: &mut dyn Write, mtl_name: &str, asset: &Asset) -> io::Result<()> {
     mtl.write_all(b"newmtl trisplat\nKd 1 1 1\nillum 0\n")?;
     let mesh = &asset.mesh;
@@ -181,7 +181,15 @@ pub fn write(out: &mut dyn Write, mtl: &mut dyn Write, mtl_name: &str, asset: &A
         }
     };
     out.write_all(b"usemtl trisplat\n")?;
+    let behind = asset.scene_faces();
+    let grouped = behind < mesh.face_count();
+    if grouped && behind > 0 {
+        out.write_all(b"g scene\n")?;
+    }
     write_blocks(out, mesh.face_count(), |face, block| {
+        if grouped && face == behind {
+            block.extend_from_slice(b"g backdrop\n");
+        }
         let corners = if own { [0, 1, 2].map(|c| 3 * face as u32 + c) } else { mesh.face(face) };
         block.push(b'f');
         for corner in corners {

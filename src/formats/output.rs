@@ -136,6 +136,8 @@ pub struct Output {
     /// Name and content of the engine's import settings.
     sidecar: Option<(PathBuf, String)>,
     bvh: Option<PathBuf>,
+    /// The file of the backdrop, when it has one of its own.
+    backdrop: Option<Box<Output>>,
     /// One for each level of detail.
     levels: Vec<Output>,
     /// Names all levels.
@@ -173,9 +175,22 @@ impl Output {
             second,
             sidecar: sidecar.map(|(name, text)| (path.with_file_name(name), text)),
             bvh: bvh.then(|| path.with_extension("bvh")),
+            backdrop: None,
             levels: Vec::new(),
             tileset: None,
         })
+    }
+
+    /// The same with the backdrop in a file of its own: OUT.backdrop.glb.
+    pub fn with_backdrop_file(mut self, options: &OutputOptions) -> Result<Self> {
+        if self.main.as_os_str() == "-" || is_device(&self.main) || self.format == OutputFormat::Html {
+            let wants = "a .glb, .gltf, .obj or .ply file: `backdrop` file writes one beside the first";
+            return Err(Error::invalid("output", self.main.display(), wants));
+        }
+        let ending = self.main.extension().and_then(|e| e.to_str()).unwrap_or("glb").to_owned();
+        let path = self.main.with_extension(format!("backdrop.{ending}"));
+        self.backdrop = Some(Box::new(Self::plan(&path, Some(self.format), options, false)?));
+        Ok(self)
     }
 
     /// The same with so many levels of detail beside it: OUT.lod1.glb and so on, and for glTF a tileset of all.
@@ -200,7 +215,7 @@ impl Output {
 
     /// Every file that will be written.
     pub fn paths(&self) -> impl Iterator<Item = &Path> {
-        std::iter::once(self).chain(&self.levels).flat_map(|output| {
+        std::iter::once(self).chain(self.backdrop.as_deref()).chain(&self.levels).flat_map(|output| {
             let sidecar = output.sidecar.as_ref().map(|s| s.0.as_path());
             let rest = [output.second.as_deref(), sidecar, output.bvh.as_deref(), output.tileset.as_deref()];
             std::iter::once(output.main.as_path()).chain(rest.into_iter().flatten())
@@ -226,7 +241,14 @@ pub fn write(
         (),
         |()| counts,
         |(), details| {
-            warnings = write_one(asset, output, options, &create, &mut files, details)?;
+            match (&output.backdrop, asset.apart()) {
+                (Some(beside), Some((scene, backdrop))) => {
+                    warnings = write_one(&scene, output, options, &create, &mut files, details)?;
+                    let mut quiet = WriteDetails::default();
+                    warnings.extend(write_one(&backdrop, beside, options, &create, &mut files, &mut quiet)?);
+                }
+                _ => warnings = write_one(asset, output, options, &create, &mut files, details)?,
+            }
             for (asset, output) in asset.levels.iter().zip(&output.levels) {
                 let mut quiet = WriteDetails::default();
                 warnings.extend(write_one(asset, output, options, &create, &mut files, &mut quiet)?);
@@ -286,7 +308,8 @@ fn tileset_of(asset: &Asset, output: &Output) -> String {
         .map(|(i, (asset, output))| {
             let name = output.main.file_name().unwrap_or_default().to_string_lossy();
             let error = if i == 0 { 0.0 } else { asset.mesh.detail() };
-            TilesetLevel { uri: uri::from_file_name(&name), mesh: &asset.mesh, error }
+            let faces = asset.scene_faces();
+            TilesetLevel { uri: uri::from_file_name(&name), mesh: &asset.mesh, faces, error }
         })
         .collect();
     tileset::json(&levels, &crate::report::generator())

@@ -55,8 +55,9 @@ mod tests {
                 source: Some(format!("{source}\r\n{source}")),
                 trainer: None,
                 up: Some(UpAxis::NegY),
-                placement: Placement { up: UpAxis::Z, scale, center },
+                placement: Placement { up: UpAxis::Z.into(), rotate: -scale, scale, center },
                 viewpoint: Some(Viewpoint { eye: center, target: [0.0; 3], up: [0.0, 1.0, 0.0], fov: scale }),
+                backdrop: seed as u32,
             };
             let comment = to_comment(&provenance);
             prop_assert!(!comment.contains(['\n', '\r']));

@@ -8,8 +8,10 @@ use serde_json::{Value, json};
 pub struct TilesetLevel<'a> {
     /// Name of its file, beside the tileset.
     pub uri: String,
-    /// Its triangles.
+    /// Its triangles, a backdrop behind them.
     pub mesh: &'a Mesh,
+    /// Number of triangles that are no backdrop.
+    pub faces: usize,
     /// The size of what it leaves out, in units of the file; 0 for the scene itself.
     pub error: f64,
 }
@@ -21,7 +23,7 @@ pub fn json(levels: &[TilesetLevel], generator: &str) -> String {
     for level in levels {
         // What is drawn when a finer level is not has at least its error and encloses it.
         error = error.max(level.error);
-        bounds = extend(bounds, level.mesh);
+        bounds = extend(bounds, level);
         let mut coarser = json!({
             "boundingVolume": { "box": volume(bounds) },
             "geometricError": error,
@@ -46,8 +48,9 @@ pub fn json(levels: &[TilesetLevel], generator: &str) -> String {
 /// Lowest and highest corner of a box; none when it is empty.
 type BoxCorners = Option<[glam::DVec3; 2]>;
 
-fn extend(bounds: BoxCorners, mesh: &Mesh) -> BoxCorners {
-    mesh.positions.iter().map(|p| p.as_dvec3()).fold(bounds, |bounds, p| match bounds {
+fn extend(bounds: BoxCorners, level: &TilesetLevel) -> BoxCorners {
+    let corners = (0..level.faces).flat_map(|face| level.mesh.corners(face));
+    corners.map(|p| p.as_dvec3()).fold(bounds, |bounds, p| match bounds {
         Some([low, high]) => Some([low.min(p), high.max(p)]),
         None => Some([p, p]),
     })
@@ -72,7 +75,7 @@ mod tests {
             ..Mesh::default()
         };
         let (fine, coarse) = (mesh(2.0), mesh(1.0));
-        let level = |uri: &str, mesh, error| TilesetLevel { uri: uri.into(), mesh, error };
+        let level = |uri: &str, mesh, error| TilesetLevel { uri: uri.into(), mesh, faces: 1, error };
         let text = json(&[level("a.glb", &fine, 0.0), level("a.lod1.glb", &coarse, 0.25)], "me");
         let set: Value = serde_json::from_str(&text).unwrap();
         let (root, child) = (&set["root"], &set["root"]["children"][0]);

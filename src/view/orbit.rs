@@ -1,6 +1,6 @@
 //! Cameras on a circle around a scene.
 
-use crate::camera::{self, Camera};
+use crate::camera::{self, Camera, Viewpoint};
 use crate::scene::Scene;
 use glam::{UVec2, Vec2, Vec3};
 use std::f32::consts::TAU;
@@ -17,6 +17,16 @@ pub fn around_cameras(cameras: &[Camera], count: u32) -> Vec<Camera> {
     let radius = median(positions.iter().map(|p| (*p - target).reject_from(up).length()).collect());
     let start = (positions[0] - target).reject_from(up);
     circle(first, Circle { target, up, height, radius, start }, count)
+}
+
+/// `count` cameras of `width` px on the circle that begins at `viewpoint` and goes around what it looks at. `up` is the
+/// axis that points up.
+pub fn around_viewpoint(viewpoint: &Viewpoint, up: Vec3, width: u32, count: u32) -> Vec<Camera> {
+    let camera = viewpoint.camera(UVec2::new(width, (width * 3 / 4).max(1)));
+    let target = glam::DVec3::from(viewpoint.target).as_vec3();
+    let from = camera.position() - target;
+    let (height, start) = (from.dot(up), from.reject_from(up));
+    circle(&camera, Circle { target, up, height, radius: start.length(), start }, count)
 }
 
 /// `count` cameras of `width` px on a circle around the middle of a scene, looking down a little.
@@ -115,6 +125,17 @@ mod tests {
         }
         assert_eq!(around_cameras(&[], 3), []);
         assert!(around_cameras(&[camera; 2], 3).iter().all(|c| c.validate().is_ok()), "parallel axes");
+    }
+
+    #[test]
+    fn an_orbit_of_a_viewpoint_begins_there() {
+        let viewpoint =
+            Viewpoint { eye: [3.0, 2.0, 1.0], target: [1.0, 0.5, 0.0], up: [0.0, 1.0, 0.0], fov: 60.0 };
+        let orbit = around_viewpoint(&viewpoint, Vec3::Y, 400, 4);
+        assert_eq!((orbit.len(), orbit[0].size), (4, UVec2::new(400, 300)));
+        assert!(orbit[0].position().distance(Vec3::new(3.0, 2.0, 1.0)) < 1e-5);
+        assert!(orbit[2].position().distance(Vec3::new(-1.0, 2.0, -1.0)) < 1e-5, "opposite, as high");
+        assert!(orbit.iter().all(|c| (c.rotation * Vec3::Y).x.abs() < 1e-6), "the horizon is level");
     }
 
     #[test]

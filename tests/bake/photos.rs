@@ -6,10 +6,11 @@ use std::fmt::Write;
 use std::path::Path;
 use tempfile::TempDir;
 use trisplat::asset::{Placement, UpAxis};
-use trisplat::bake::backdrop::{BackdropDetails, BackdropOptions, backdrop};
+use trisplat::bake::backdrop::{BackdropDetails, BackdropOptions, BackdropWhen, backdrop};
 use trisplat::bake::refit::{self, RefitColors, RefitDetails, RefitOptions};
 use trisplat::bake::unseen::{self, UnseenDetails, UnseenOptions};
 use trisplat::bake::views::Views;
+use trisplat::bake::{Bake, BakeOptions};
 use trisplat::camera::Camera;
 use trisplat::dataset::{Dataset, DatasetOptions};
 use trisplat::error::Result;
@@ -17,6 +18,7 @@ use trisplat::image::Pixels;
 use trisplat::mesh::{Colors, Mesh};
 use trisplat::raster::solid::{Solid, SolidRasterOptions};
 use trisplat::report::{Outcome, StageProgress};
+use trisplat::scene::Loaded;
 
 const VIEWS: usize = 24;
 
@@ -185,7 +187,7 @@ fn a_photo_of_another_exposure_is_left_out() {
 fn a_placed_scene_matches_the_same_photos() {
     let truth = scene();
     let (_folder, dataset) = photograph(&truth, |_, photo| photo);
-    let placement = Placement { up: UpAxis::NegY, scale: 2.5, center: [0.5, -1.0, 3.0] };
+    let placement = Placement { up: UpAxis::NegY.into(), rotate: 0.0, scale: 2.5, center: [0.5, -1.0, 3.0] };
     let mut placed = grey(&truth);
     placed.positions.iter_mut().for_each(|v| *v = placement.to_file(*v));
     let mut views = views(&dataset);
@@ -259,6 +261,48 @@ fn holes_are_closed_with_what_photos_show_through_them() {
     assert!(shut < 0.05 * open, "{open} codes with holes, {shut} without: {details:?}");
     let again = backdrop(&mut closed, Some(&mut views), &BackdropOptions::DEFAULT, &mut details).unwrap();
     assert_eq!(again, Outcome::Unneeded("triangles cover the photos"));
+}
+
+#[test]
+fn the_backdrop_stays_apart_from_the_scene_and_through_another_bake() {
+    let mesh = grey(&scene());
+    let mut truth = mesh.clone();
+    truth.positions.extend(room(20.0));
+    truth.colors = Colors::Face(vec![[0.3; 3]; 112]);
+    let (_folder, dataset) = photograph(&truth, |_, photo| photo);
+    let mut options = BakeOptions::DEFAULT;
+    (options.chunk.chunk_triangles, options.bvh.bvh, options.lod.lod) = (30, true, vec![0.5]);
+    let baked = |input: Loaded, options: &BakeOptions, views: Option<&mut Views>| {
+        Bake::new(options).photos(views).run([input]).unwrap()
+    };
+    let first = baked(mesh.clone().into(), &options, Some(&mut views(&dataset)));
+    let scene = first.scene_faces();
+    assert_eq!((first.provenance.backdrop, first.mesh.face_count() - scene), (128, 128));
+    let last = *first.chunks.last().unwrap();
+    assert_eq!((last.first as usize, last.count), (scene, 128));
+    assert!(first.chunks.len() > 3 && first.chunks[..first.chunks.len() - 1].iter().all(|c| c.count <= 30));
+    let bvh = first.bvh.as_ref().unwrap();
+    assert_eq!((bvh.face_count as usize, bvh.roots.len()), (scene, first.chunks.len() - 1));
+    assert_eq!((first.levels[0].provenance.backdrop, first.levels[0].mesh.face_count()), (0, scene / 2));
+    let far = |mesh: &Mesh, face: usize| mesh.corners(face).into_iter().all(|v| v.length() > 3.0);
+    assert!(
+        (scene..scene + 128).all(|face| far(&first.mesh, face)) && !(0..scene).any(|f| far(&first.mesh, f))
+    );
+    let (front, behind) = first.apart().unwrap();
+    assert_eq!((front.mesh.face_count(), behind.mesh.face_count()), (scene, 128));
+    assert_eq!((front.provenance.backdrop, behind.scene_faces()), (0, 0));
+
+    let again = |options: &BakeOptions| {
+        let input = Loaded { provenance: first.provenance.clone(), ..Loaded::from(first.mesh.clone()) };
+        baked(input, options, None)
+    };
+    let kept = again(&BakeOptions::DEFAULT);
+    assert_eq!((kept.provenance.backdrop, kept.mesh.face_count()), (128, scene + 128));
+    assert!((scene..scene + 128).all(|face| far(&kept.mesh, face)));
+    let mut off = BakeOptions::DEFAULT;
+    off.backdrop.backdrop = BackdropWhen::Off;
+    let without = again(&off);
+    assert_eq!((without.provenance.backdrop, without.mesh.face_count()), (0, scene));
 }
 
 #[test]

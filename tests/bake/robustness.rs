@@ -8,6 +8,7 @@ use trisplat::bake::chunk::{ChunkOptions, chunk};
 use trisplat::bake::color::{ColorDetails, color};
 use trisplat::bake::lod::{FinishedLevel, LevelSource, LodOptions, lod};
 use trisplat::bake::order::{FaceOrder, OrderOptions, order};
+use trisplat::bake::place::up::Evidence;
 use trisplat::bake::place::{PlaceOptions, place, placement};
 use trisplat::bake::prune::{PruneDetails, PruneOptions, prune};
 use trisplat::bake::solid::{SolidOptions, Solidify, solid};
@@ -41,12 +42,7 @@ fn presets() -> Vec<Preset> {
     };
     let with = |solid, order| Preset {
         name: "everything on",
-        prune: PruneOptions {
-            max_edge: 20.0,
-            crop: Some([-1e6, -1e6, -1e6, 1e6, 1e6, 1e6]),
-            max_triangles: Some(200),
-            ..PruneOptions::DEFAULT
-        },
+        prune: PruneOptions { max_edge: 20.0, max_triangles: Some(200), ..PruneOptions::DEFAULT },
         solid: SolidOptions { solid, ..SolidOptions::DEFAULT },
         weld: WeldOptions { weld: WeldWhen::On },
         chunk: ChunkOptions { chunk_triangles: 7 },
@@ -123,7 +119,7 @@ fn bake(mut soup: Soup, preset: &Preset, what: &str) -> Result<Asset> {
     mesh.validate().unwrap_or_else(|e| panic!("{what}, weld: {e}"));
     let mut provenance = Provenance::default();
     let turn_up = |mesh: &mut Mesh, details: &mut _| {
-        let how = placement(mesh, &provenance, &PlaceOptions::DEFAULT);
+        let how = placement(mesh, &provenance, Evidence::default(), &PlaceOptions::DEFAULT, details);
         place(mesh, &mut provenance, how, details)
     };
     twice(turn_up, &mut mesh, &format!("{what}, place"))?;

@@ -49,7 +49,7 @@ pub(super) fn in_file(camera: &Camera, origin: DVec3, provenance: &Provenance) -
     let rotation = camera.rotation.as_dmat3();
     let center = rotation * (DVec3::from(placement.center) - origin) + camera.translation.as_dvec3();
     Camera {
-        rotation: (rotation * placement.up.to_y_up().transpose()).as_mat3(),
+        rotation: (rotation * placement.rotation().transpose()).as_mat3(),
         translation: (center * placement.scale).as_vec3(),
         ..*camera
     }

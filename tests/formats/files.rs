@@ -51,13 +51,19 @@ pub(crate) fn provenance() -> Provenance {
         source: Some("a room, \"zweiter\" Versuch.pt".into()),
         trainer: Some("triangle-splatting".into()),
         up: Some(UpAxis::NegY),
-        placement: Placement { up: UpAxis::Z, scale: 0.1, center: [1.0 / 3.0, -2e-9, 7e20] },
+        placement: Placement {
+            up: UpAxis::Z.into(),
+            rotate: 0.0,
+            scale: 0.1,
+            center: [1.0 / 3.0, -2e-9, 7e20],
+        },
         viewpoint: Some(Viewpoint {
             eye: [1.5, 2.0, -3.0],
             target: [0.1, 0.0, 7.0],
             up: [0.0, 1.0, 0.0],
             fov: 48.25,
         }),
+        backdrop: 0,
     }
 }
 

@@ -119,13 +119,14 @@ fn extras_hold_the_provenance_and_the_encodings() {
         source: Some("größe.ply".into()),
         trainer: None,
         up: Some(UpAxis::Y),
-        placement: Placement { up: UpAxis::NegY, scale: 0.1, center: [1.0, 2.5, -3.0] },
+        placement: Placement { up: UpAxis::NegY.into(), rotate: 0.0, scale: 0.1, center: [1.0, 2.5, -3.0] },
         viewpoint: Some(Viewpoint {
             eye: [1.5, 2.0, -3.0],
             target: [0.1, 0.0, 7.0],
             up: [0.0, 1.0, 0.0],
             fov: 48.25,
         }),
+        backdrop: 0,
     };
     for colors in COLORS {
         let parsed = parse(&glb(&asset, &GltfOptions { colors, ..GltfOptions::default() }).unwrap().0);

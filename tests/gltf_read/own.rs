@@ -170,17 +170,64 @@ fn the_provenance_comes_back() {
         source: Some("room.ply".into()),
         trainer: Some("someone".into()),
         up: Some(UpAxis::Y),
-        placement: Placement { up: UpAxis::NegY, scale: 0.1, center: [1.0, 2.5, -3.25] },
+        placement: Placement { up: UpAxis::NegY.into(), rotate: 0.0, scale: 0.1, center: [1.0, 2.5, -3.25] },
         viewpoint: Some(Viewpoint {
             eye: [1.5, 2.0, -3.0],
             target: [0.1, 0.0, 7.0],
             up: [0.0, 1.0, 0.0],
             fov: 48.25,
         }),
+        backdrop: 0,
     };
     let mut bytes = Vec::new();
     write_glb(&mut bytes, Path::new("scene.glb"), &asset, &GltfOptions::default()).expect("written");
     assert_eq!(read_bytes(&bytes).expect("read back").provenance, asset.provenance);
+}
+
+#[test]
+fn a_backdrop_is_a_node_of_its_own_and_comes_back_last() {
+    let cuts = [
+        vec![],
+        vec![Chunk { first: 0, count: 7 }, Chunk { first: 7, count: 2 }],
+        vec![Chunk { first: 0, count: 4 }, Chunk { first: 4, count: 3 }, Chunk { first: 7, count: 2 }],
+    ];
+    for chunks in cuts {
+        let mut asset = soup(9);
+        asset.provenance.backdrop = 2;
+        asset.chunks = chunks;
+        for (material_name, wants) in [("trisplat", "backdrop"), ("trisplat-vcol", "backdrop-vcol")] {
+            let options = GltfOptions {
+                material_name: material_name.into(),
+                colors: ColorEncoding::U16Linear,
+                ..GltfOptions::default()
+            };
+            let mut bytes = Vec::new();
+            write_glb(&mut bytes, Path::new("scene.glb"), &asset, &options).expect("written");
+            let length = u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]) as usize;
+            let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).expect("JSON");
+            let last = |list: &str| json[list].as_array().and_then(|l| l.last().cloned()).expect("some");
+            assert_eq!(
+                (&last("nodes")["name"], &last("meshes")["name"]),
+                (&"backdrop".into(), &"backdrop".into())
+            );
+            let material = last("meshes")["primitives"][0]["material"].as_u64().expect("a material");
+            assert_eq!((material, json["materials"].as_array().map(Vec::len)), (1, Some(2)));
+            assert_eq!(json["materials"][1]["name"], wants);
+            let sides = [0, 1].map(|i| json["materials"][i]["doubleSided"].as_bool().unwrap_or(false));
+            assert_eq!(sides, [true, false]);
+            let others = json["meshes"].as_array().map_or(0, Vec::len) - 1;
+            assert!((0..others).all(|i| json["meshes"][i]["primitives"][0]["material"] == 0));
+            if material_name == "trisplat" {
+                let back = read_bytes(&bytes).expect("read back");
+                assert_eq!((back.provenance.backdrop, &mesh(back)), (2, &asset.mesh));
+            }
+        }
+    }
+    let mut across = soup(9);
+    across.provenance.backdrop = 2;
+    across.chunks = vec![Chunk { first: 0, count: 8 }, Chunk { first: 8, count: 1 }];
+    let error = write_glb(&mut Vec::new(), Path::new("scene.glb"), &across, &GltfOptions::default());
+    assert!(error.is_err_and(|e| e.to_string().contains("part backdrop")));
 }
 
 proptest! {

@@ -113,7 +113,7 @@ fn a_scene_placed_anew_starts_where_it_was() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = photos(folder.path());
     let soft = soft_scene(&dataset);
-    let placement = Placement { up: UpAxis::NegY, scale: 4.0, center: [1.0, -2.0, 0.5] };
+    let placement = Placement { up: UpAxis::NegY.into(), rotate: 0.0, scale: 4.0, center: [1.0, -2.0, 0.5] };
     let mut moved: Loaded = soft.clone().into();
     moved.provenance.placement = placement;
     moved.cameras = soft.cameras.iter().map(|c| placed::to_file(c, &placement, DVec3::ZERO)).collect();

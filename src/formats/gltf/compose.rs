@@ -5,7 +5,7 @@ use super::content::Content;
 use super::extensions::{CompressedView, CompressionMode, FallbackBuffer, MESHOPT, QUANTIZATION, UNLIT};
 use super::extras::SceneExtras;
 use super::options::{ColorEncoding, GltfOptions, PositionEncoding};
-use super::part::{ScenePart, Stream, all_streams};
+use super::part::{BACKDROP, ScenePart, Stream, all_streams};
 use super::uri;
 use gltf_json::accessor::{ComponentType, GenericComponentType, Type};
 use gltf_json::buffer::{Stride, Target, View};
@@ -33,7 +33,15 @@ fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
     let required: Vec<String> = required.collect();
     let (buffer_views, buffers) = buffers(content, bin_name)?;
     let mut accessors = Vec::with_capacity(buffer_views.len());
-    let meshes = parts.iter().map(|part| mesh(part, options, &mut accessors)).collect::<Result<_>>()?;
+    let materials = materials(content);
+    let meshes = parts
+        .iter()
+        .map(|part| {
+            // The backdrop's material is the last.
+            let material = if part.backdrop { materials.len() - 1 } else { 0 };
+            mesh(part, material, options, &mut accessors)
+        })
+        .collect::<Result<_>>()?;
     Ok(Root {
         asset: Asset {
             generator: Some(crate::report::generator()),
@@ -51,7 +59,7 @@ fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
         }],
         nodes: parts.iter().enumerate().map(|(i, part)| node(i, part)).collect(),
         meshes,
-        materials: vec![material(&options.material_name)],
+        materials,
         accessors,
         buffer_views,
         buffers,
@@ -80,10 +88,21 @@ fn extras(content: &Content, pretty: bool) -> Result<Box<RawValue>> {
     RawValue::from_string(serde_json::to_string_pretty(&extras)?.replace('\n', "\n    "))
 }
 
-fn material(name: &str) -> Material {
+/// The scene's material, seen from both sides, and the backdrop's, seen from its front.
+fn materials(content: &Content) -> Vec<Material> {
+    let name = &content.options.material_name;
+    // Godot takes the end of a material's name as a hint.
+    let hint = name.rfind('-').map_or("", |at| &name[at..]);
+    let scene = content.parts.iter().any(|part| !part.backdrop).then(|| material(name, true));
+    let backdrop = content.parts.iter().any(|part| part.backdrop);
+    let backdrop = backdrop.then(|| material(&format!("{BACKDROP}{hint}"), false));
+    scene.into_iter().chain(backdrop).collect()
+}
+
+fn material(name: &str, double_sided: bool) -> Material {
     Material {
         name: Some(name.to_owned()),
-        double_sided: true,
+        double_sided,
         // For viewers that do not know unlit: as matt as can be.
         pbr_metallic_roughness: PbrMetallicRoughness {
             metallic_factor: StrengthFactor(0.0),
@@ -109,13 +128,18 @@ fn node(mesh: usize, part: &ScenePart) -> Node {
 }
 
 /// The mesh of a part; its accessors are appended, one per buffer view.
-fn mesh(part: &ScenePart, options: &GltfOptions, accessors: &mut Vec<Accessor>) -> Result<Mesh> {
+fn mesh(
+    part: &ScenePart,
+    material: usize,
+    options: &GltfOptions,
+    accessors: &mut Vec<Accessor>,
+) -> Result<Mesh> {
     let mut primitive = Primitive {
         attributes: Default::default(),
         extensions: None,
         extras: None,
         indices: None,
-        material: Some(index(0)),
+        material: Some(index(material)),
         mode: Valid(Mode::Triangles),
         targets: None,
     };

@@ -63,6 +63,7 @@ pub(crate) struct Scene {
 
 #[derive(Debug, Deserialize)]
 pub(crate) struct Node {
+    pub(crate) name: Option<String>,
     #[serde(default, deserialize_with = "limited")]
     pub(crate) children: Vec<usize>,
     pub(crate) mesh: Option<usize>,

@@ -63,6 +63,11 @@ impl<'a> MergedMesh<'a> {
         }
     }
 
+    /// Number of faces so far.
+    pub(super) fn face_count(&self) -> usize {
+        self.faces
+    }
+
     fn malformed(&self, place: impl Into<String>, reason: impl Into<String>) -> Error {
         Error::malformed(self.accessors.buffers.path(), place, reason)
     }

@@ -12,10 +12,15 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::path::Path;
 
+/// Name of the node, the mesh and the material of the backdrop.
+pub(super) const BACKDROP: &str = "backdrop";
+
 /// A chunk of faces with its own vertices: one glTF mesh and node.
 #[derive(Debug)]
 pub(super) struct ScenePart<'a> {
     pub(super) name: String,
+    /// True when it is the backdrop: a far sphere that is seen from inside.
+    pub(super) backdrop: bool,
     pub(super) faces: Range<usize>,
     pub(super) vertices: PartVertices<'a>,
     /// True when faces share vertices and an index stream is written.
@@ -130,14 +135,20 @@ pub(super) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) ->
              give a scene with triangles or loosen the prune options",
         ));
     }
-    let ranges = face_ranges(&asset.chunks, mesh.face_count())?;
-    let single = ranges.len() == 1;
+    let scene = asset.scene_faces();
+    let ranges = face_ranges(&asset.chunks, mesh.face_count(), scene)?;
+    let single = ranges.iter().filter(|faces| faces.start < scene).count() == 1;
     ranges
         .into_par_iter()
         .enumerate()
         .map(|(i, faces)| {
-            let name = if single { "scene".to_owned() } else { format!("chunk_{i:04}") };
-            part(name, mesh, faces, options)
+            let backdrop = faces.start >= scene;
+            let name = match (backdrop, single) {
+                (true, _) => BACKDROP.to_owned(),
+                (false, true) => "scene".to_owned(),
+                (false, false) => format!("chunk_{i:04}"),
+            };
+            Ok(ScenePart { backdrop, ..part(name, mesh, faces, options)? })
         })
         // Of several errors always the first, whichever thread is faster.
         .collect::<Vec<_>>()
@@ -168,8 +179,16 @@ fn part<'a>(
             "finite numbers",
         ));
     }
-    let mut part =
-        ScenePart { name, faces, vertices, indexed, bounds, grid: None, loss: QuantizationLoss::default() };
+    let mut part = ScenePart {
+        name,
+        backdrop: false,
+        faces,
+        vertices,
+        indexed,
+        bounds,
+        grid: None,
+        loss: QuantizationLoss::default(),
+    };
     if options.positions == PositionEncoding::ChunkU16 {
         quantise(&mut part, mesh)?;
     }
@@ -232,10 +251,11 @@ fn bounds(mesh: &Mesh, vertices: &PartVertices) -> PartBounds {
     PartBounds { min: bounds.min + Vec3::ZERO, max: bounds.max + Vec3::ZERO }
 }
 
-/// The faces of each chunk that has any; the chunks must hold every face once and in order.
-fn face_ranges(chunks: &[Chunk], faces: usize) -> Result<Vec<Range<usize>>> {
+/// The faces of each chunk that has any; the chunks must hold every face once and in order. Those from `scene` on are
+/// the backdrop, and no chunk holds faces of both.
+fn face_ranges(chunks: &[Chunk], faces: usize, scene: usize) -> Result<Vec<Range<usize>>> {
     if chunks.is_empty() {
-        return Ok(std::iter::once(0..faces).collect());
+        return Ok([0..scene, scene..faces].into_iter().filter(|range| !range.is_empty()).collect());
     }
     let mut next = 0;
     for (i, chunk) in chunks.iter().enumerate() {
@@ -248,6 +268,10 @@ fn face_ranges(chunks: &[Chunk], faces: usize) -> Result<Vec<Range<usize>>> {
         return Err(Error::invalid("faces in all chunks", next, faces.to_string()));
     }
     let range = |c: &Chunk| c.first as usize..c.first as usize + c.count as usize;
+    let across = |range: &Range<usize>| range.start < scene && scene < range.end;
+    if let Some(chunk) = chunks.iter().map(range).position(|range| across(&range)) {
+        return Err(Error::invalid(format!("chunk {chunk}"), "part scene, part backdrop", "one of them"));
+    }
     Ok(chunks.iter().filter(|c| c.count > 0).map(range).collect())
 }
 

@@ -10,7 +10,9 @@ use super::document::{self, Document};
 use super::extensions::{INSTANCING, is_readable};
 use super::extras;
 use super::merge::MergedMesh;
-use super::nodes;
+use super::nodes::{self, MeshInstance};
+use super::part::BACKDROP;
+use crate::asset::Provenance;
 use crate::error::{Error, Result};
 use crate::formats::{ReadOptions, Source, finish};
 use crate::scene::{Loaded, Scene};
@@ -44,15 +46,22 @@ pub fn read(mut source: Source, _options: &ReadOptions) -> Result<Loaded> {
         }
     }
     merged.reserve(&instances)?;
-    for instance in &instances {
+    // The backdrop comes last, wherever another program has moved it.
+    let is_backdrop = |i: &&MeshInstance| document.nodes[i.node].name.as_deref() == Some(BACKDROP);
+    for instance in instances.iter().filter(|i| !is_backdrop(i)) {
         merged.add(instance)?;
     }
+    let scene_faces = merged.face_count();
+    for instance in instances.iter().filter(is_backdrop) {
+        merged.add(instance)?;
+    }
+    let backdrop = (merged.face_count() - scene_faces) as u32;
     let (mesh, warnings) = merged.finish()?;
     finish(
         &path,
         Loaded {
             scene: Scene::Mesh(mesh),
-            provenance: extras::provenance(&document.asset),
+            provenance: Provenance { backdrop, ..extras::provenance(&document.asset) },
             warnings,
             cameras: Vec::new(),
         },

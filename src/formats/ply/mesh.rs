@@ -146,7 +146,7 @@ fn channel(column: Column, row: &[u8], clamped: &mut Clamped) -> f32 {
 /// By default the colours are at the vertices, which every reader understands; where colour or
 /// opacity belongs to a face, each triangle gets three vertices shared with no other. With `face_colors` they
 /// are at the faces, vertices stay shared, and a face with different corner colours gets their
-/// linear mean. Errors are those of `out`, and `InvalidInput` above 2,147,483,647 vertices.
+/// linear mean. The faces of a backdrop are the last; `backdrop` in the comment counts them. Errors are those of `out`, and `InvalidInput` above 2,147,483,647 vertices.
 pub fn write_mesh(out: &mut dyn Write, asset: &Asset, face_colors: bool) -> io::Result<()> {
     let mesh = &asset.mesh;
     let own = mesh.indices.is_empty()

@@ -6,11 +6,10 @@ use super::super::renderer::{DisplayMode, FrameParams, Renderer};
 use super::pick::Picked;
 use super::scene::{SceneLoader, SoftRenderer, WindowScene};
 use crate::asset::Asset;
-use crate::camera::Camera;
+use crate::camera::{Camera, Viewpoint};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::image::Pixels;
-use crate::mesh::Mesh;
 use crate::view::headless::Canvas;
 use glam::Vec3;
 use std::path::{Path, PathBuf};
@@ -43,6 +42,8 @@ pub(super) struct LoadedScene {
     pub(super) model: Model,
     /// The box of most of it, without outliers.
     pub(super) bounds: Aabb,
+    /// Where to look from first, when the file says so.
+    pub(super) viewpoint: Option<Viewpoint>,
 }
 
 /// Runs `work` on a thread of its own and sends its message.
@@ -68,8 +69,9 @@ pub(super) fn load(
             progress("uploading to the graphics card");
             let layout: VertexLayout = Renderer::best_layout(&gpu, &scene.asset);
             let model = Model::upload(&gpu, &groups, &scene.asset, layout)?;
-            let bounds = central_box(&scene.asset.mesh);
-            Ok(Box::new(LoadedScene { scene, model, bounds }))
+            let bounds = central_box(&scene.asset);
+            let viewpoint = scene.asset.provenance.viewpoint;
+            Ok(Box::new(LoadedScene { scene, model, bounds, viewpoint }))
         };
         match load() {
             Ok(mut loaded) => {
@@ -82,11 +84,13 @@ pub(super) fn load(
     });
 }
 
-/// The box that holds the middle 96% of the corners on each axis, estimated from a sample of them.
-fn central_box(mesh: &Mesh) -> Aabb {
-    let step = (mesh.positions.len() / 100_000).max(1);
+/// The box that holds the middle 96% of the scene's corners on each axis, without the backdrop, estimated from a sample of them.
+fn central_box(asset: &Asset) -> Aabb {
+    let faces = asset.scene_faces();
+    let step = (faces / 33_333).max(1);
+    let corners = || (0..faces).step_by(step).flat_map(|face| asset.mesh.corners(face));
     let axis = |axis: usize| {
-        let mut values: Vec<f32> = mesh.positions.iter().step_by(step).map(|p| p[axis]).collect();
+        let mut values: Vec<f32> = corners().map(|p| p[axis]).collect();
         values.sort_unstable_by(f32::total_cmp);
         let last = values.len().saturating_sub(1);
         let at = |i: usize| values.get(i).copied().unwrap_or(0.0);

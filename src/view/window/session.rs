@@ -131,9 +131,9 @@ impl Session {
         }
     }
 
-    /// Shows a scene: from the camera of its first photo, or as a whole.
+    /// Shows a scene: from the camera of its first photo, from its initial viewpoint, or as a whole.
     pub(super) fn show(&mut self, loaded: LoadedScene) {
-        let LoadedScene { scene, model, bounds } = loaded;
+        let LoadedScene { scene, model, bounds, viewpoint } = loaded;
         self.controls = CameraControls::new(&bounds, scene.up);
         let (soup, to_soup, soft_renderer) = match scene.source {
             Some(SoupSource { soup, to_soup, renderer }) => (Some(soup), Some(to_soup), Some(renderer)),
@@ -152,6 +152,9 @@ impl Session {
         self.note = None;
         if self.shown.as_ref().is_some_and(|s| !s.photos.is_empty()) {
             self.jump(0);
+        } else if let Some(viewpoint) = viewpoint {
+            self.controls.move_to(&viewpoint.camera(UVec2::new(1600, 1000)));
+            self.controls.set_pivot_distance(viewpoint.distance());
         }
     }
 

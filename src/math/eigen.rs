@@ -1,0 +1,63 @@
+//! Eigenvectors of a symmetric 3×3 matrix.
+
+use glam::{DMat3, DVec3};
+
+/// Sweeps over the three off-diagonal elements; each squares the error, so that five are enough for an f64.
+const SWEEPS: usize = 12;
+
+/// Eigenvalues, smallest first, and their orthonormal eigenvectors, by Jacobi's rotations. The signs of the vectors
+/// mean nothing.
+pub fn symmetric_eigen(matrix: DMat3) -> [(f64, DVec3); 3] {
+    let mut a = matrix.to_cols_array_2d();
+    let mut v = DMat3::IDENTITY.to_cols_array_2d();
+    for _ in 0..SWEEPS {
+        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+            if a[p][q] == 0.0 {
+                continue;
+            }
+            let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+            let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
+            let c = 1.0 / t.hypot(1.0);
+            let s = t * c;
+            for row in &mut a {
+                (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
+            }
+            for k in 0..3 {
+                (a[p][k], a[q][k]) = (c * a[p][k] - s * a[q][k], s * a[p][k] + c * a[q][k]);
+            }
+            for k in 0..3 {
+                (v[p][k], v[q][k]) = (c * v[p][k] - s * v[q][k], s * v[p][k] + c * v[q][k]);
+            }
+        }
+    }
+    let mut pairs = [0, 1, 2].map(|i| (a[i][i], DVec3::from(v[i])));
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    pairs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn outer(v: DVec3) -> DMat3 {
+        DMat3::from_cols(v * v.x, v * v.y, v * v.z)
+    }
+
+    #[test]
+    fn a_matrix_is_put_together_again_from_its_eigenvectors() {
+        let axes = DMat3::from_rotation_y(0.7) * DMat3::from_rotation_x(-1.9);
+        for values in [[1.0, 2.0, 5.0], [0.0, 0.0, 3.0], [-2.0, 1e-9, 1e6], [4.0, 4.0, 4.0]] {
+            let parts = [0, 1, 2].map(|i| outer(axes.col(i)) * values[i]);
+            let matrix = parts[0] + parts[1] + parts[2];
+            let found = symmetric_eigen(matrix);
+            let scale = values[2].abs();
+            for (found, value) in found.iter().zip(values) {
+                assert!((found.0 - value).abs() < 1e-12 * scale, "{found:?} is not {value}");
+                assert!((matrix * found.1 - found.1 * found.0).length() < 1e-12 * scale);
+            }
+            let basis = DMat3::from_cols(found[0].1, found[1].1, found[2].1);
+            assert!((basis.transpose() * basis).abs_diff_eq(DMat3::IDENTITY, 1e-12));
+        }
+        assert_eq!(symmetric_eigen(DMat3::ZERO).map(|pair| pair.0), [0.0; 3]);
+    }
+}
