@@ -194,8 +194,8 @@ pub struct Placement {
     pub center: [f64; 3],
 }
 
-fn is_zero(x: &f64) -> bool {
-    *x == 0.0
+fn is_zero<T: Default + PartialEq>(x: &T) -> bool {
+    *x == T::default()
 }
 
 impl Placement {
@@ -304,11 +304,11 @@ pub struct Provenance {
     /// Where to look at this file from first.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub viewpoint: Option<Viewpoint>,
+    /// How many of its first triangles are the shell that closes a trained soup where it has no points; only their colour
+    /// is trained. Absent when 0.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub shell: u32,
     /// How many of its last triangles are the backdrop: a far sphere, no part of the scene. Absent when 0.
-    #[serde(default, skip_serializing_if = "is_none")]
+    #[serde(default, skip_serializing_if = "is_zero")]
     pub backdrop: u32,
-}
-
-fn is_none(count: &u32) -> bool {
-    *count == 0
 }

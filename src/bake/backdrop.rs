@@ -10,6 +10,7 @@
 use super::views::Views;
 use crate::error::Result;
 use crate::math::color::linear_from_srgb;
+use crate::math::octasphere::{face_count, octasphere};
 use crate::mesh::{Colors, Mesh};
 use crate::raster::solid::{NO_FACE, Solid};
 use crate::report::{Outcome, StageDetails};
@@ -170,36 +171,18 @@ fn find_holes(mesh: &Mesh, views: &mut Views) -> Result<Holes> {
 
 /// Subdivisions of the octahedron for a scene of so many triangles.
 fn subdivisions(faces: usize) -> u32 {
-    (3..=MOST_SUBDIVISIONS).rev().find(|l| (8 << (2 * l)) * SCENE_PER_BACKDROP <= faces).unwrap_or(2)
+    (3..=MOST_SUBDIVISIONS).rev().find(|l| face_count(*l) as usize * SCENE_PER_BACKDROP <= faces).unwrap_or(2)
 }
 
 /// Triangles of the sphere behind a scene of so many.
 fn backdrop_triangles(faces: usize) -> u64 {
-    8 << (2 * subdivisions(faces))
+    face_count(subdivisions(faces))
 }
 
-/// Triangles of an octahedron, subdivided into four so many times, on the unit sphere, their fronts inside.
-/// `[8 · 4^subdivisions]`
+/// Triangles of the unit sphere, their fronts inside. `[8 · 4^subdivisions]`
 fn sphere(subdivisions: u32) -> Vec<[Vec3; 3]> {
-    let mut faces: Vec<[Vec3; 3]> = (0..8)
-        .map(|octant: u32| {
-            let side = |bit: u32, axis: Vec3| if octant >> bit & 1 == 0 { axis } else { -axis };
-            let [a, b, c] = [side(0, Vec3::X), side(1, Vec3::Y), side(2, Vec3::Z)];
-            // Every mirrored axis turns the corner order around.
-            if u32::count_ones(octant) % 2 == 0 { [a, c, b] } else { [a, b, c] }
-        })
-        .collect();
-    for _ in 0..subdivisions {
-        faces = faces
-            .into_iter()
-            .flat_map(|[a, b, c]| {
-                let middle = |p: Vec3, q: Vec3| (p + q).normalize();
-                let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
-                [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
-            })
-            .collect();
-    }
-    faces
+    let (corners, faces) = octasphere(subdivisions);
+    faces.into_iter().map(|[a, b, c]| [a, c, b].map(|corner| corners[corner as usize])).collect()
 }
 
 #[cfg(test)]

@@ -148,6 +148,8 @@ impl Recipe<'_> {
         let mut loaded = merge(inputs)?;
         self.backdrop = loaded.take_backdrop();
         let Loaded { scene, mut provenance, warnings, mut cameras } = loaded;
+        // Of no use to an engine, and untrue as soon as triangles are left out.
+        provenance.shell = 0;
         self.report.warnings.extend(warnings);
         if let Some(views) = self.views.as_deref_mut() {
             views.transform(&provenance.placement);

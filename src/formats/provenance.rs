@@ -57,6 +57,7 @@ mod tests {
                 up: Some(UpAxis::NegY),
                 placement: Placement { up: UpAxis::Z.into(), rotate: -scale, scale, center },
                 viewpoint: Some(Viewpoint { eye: center, target: [0.0; 3], up: [0.0, 1.0, 0.0], fov: scale }),
+                shell: (seed >> 32) as u32,
                 backdrop: seed as u32,
             };
             let comment = to_comment(&provenance);

@@ -218,9 +218,10 @@ impl<B: TrainBackend> StartedRun<'_, B> {
                 (provenance(self.dataset, &cameras), cameras)
             }
         };
+        let shell = u32::try_from(trainer.pinned()).unwrap_or(u32::MAX);
         Ok(Trained {
             soup: trainer.soup()?,
-            provenance,
+            provenance: Provenance { shell, ..provenance },
             cameras,
             steps: trainer.steps(),
             curve: recorded.curve,

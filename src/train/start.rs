@@ -12,7 +12,7 @@ use crate::asset::Placement;
 use crate::camera::Camera;
 use crate::dataset::{Dataset, DatasetKind, Point, View, cloud};
 use crate::error::Result;
-use crate::scene::Loaded;
+use crate::scene::{Loaded, Scene};
 use crate::soup::Soup;
 use glam::Vec3;
 
@@ -96,7 +96,12 @@ pub(super) fn from_scene(
     };
     let space = Space::new(&cameras, &positions);
     let soup = from_scene::first_soup(scene, &placement, dataset.origin, &space, options.max_triangles)?;
-    Ok(at_first_step(views, options, space, &soup))
+    let mut position = at_first_step(views, options, space, &soup);
+    // A mesh's triangles are in another order than those of the soup it was baked from.
+    if matches!(scene.scene, Scene::Soup(_)) {
+        position.state.pinned = (scene.provenance.shell as usize).min(soup.len());
+    }
+    Ok(position)
 }
 
 fn at_first_step(views: &[&View], options: &TrainOptions, space: Space, soup: &Soup) -> Position {

@@ -133,6 +133,7 @@ pub(super) fn provenance(dataset: &Dataset, cameras: &[Camera]) -> Provenance {
         up: Some(dataset.up_axis()),
         placement: Placement { center: dataset.origin.to_array(), ..Placement::IDENTITY },
         viewpoint: camera::viewpoint(cameras),
+        shell: 0,
         backdrop: 0,
     }
 }

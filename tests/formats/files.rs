@@ -63,6 +63,7 @@ pub(crate) fn provenance() -> Provenance {
             up: [0.0, 1.0, 0.0],
             fov: 48.25,
         }),
+        shell: 0,
         backdrop: 0,
     }
 }

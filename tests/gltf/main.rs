@@ -126,6 +126,7 @@ fn extras_hold_the_provenance_and_the_encodings() {
             up: [0.0, 1.0, 0.0],
             fov: 48.25,
         }),
+        shell: 0,
         backdrop: 0,
     };
     for colors in COLORS {
