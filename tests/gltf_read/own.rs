@@ -177,6 +177,7 @@ fn the_provenance_comes_back() {
             up: [0.0, 1.0, 0.0],
             fov: 48.25,
         }),
+        shell: 0,
         backdrop: 0,
     };
     let mut bytes = Vec::new();
