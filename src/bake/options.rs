@@ -9,6 +9,7 @@ use super::place::PlaceOptions;
 use super::prune::PruneOptions;
 use super::refit::RefitOptions;
 use super::solid::SolidOptions;
+use super::teacher::TeacherOptions;
 use super::unseen::UnseenOptions;
 use super::weld::WeldOptions;
 use crate::error::Result;
@@ -39,6 +40,12 @@ pub struct BakeOptions {
     /// Complete set of options to start from; config file and flags are laid over it.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub preset: BakePreset,
+    /// Whether pictures of the soft scene take the place of photos.
+    #[cfg_attr(
+        feature = "cli",
+        command(flatten, next_help_heading = "Teacher, without --dataset: pictures in place of photos")
+    )]
+    pub teacher: TeacherOptions,
     /// Which triangles are dropped.
     #[cfg_attr(
         feature = "cli",
@@ -99,6 +106,7 @@ impl BakeOptions {
     /// Every option at its default.
     pub const DEFAULT: Self = Self {
         preset: BakePreset::Default,
+        teacher: TeacherOptions::DEFAULT,
         prune: PruneOptions::DEFAULT,
         solid: SolidOptions::DEFAULT,
         unseen: UnseenOptions::DEFAULT,
@@ -118,6 +126,7 @@ impl BakeOptions {
         match preset {
             BakePreset::Fast => Self {
                 preset,
+                teacher: TeacherOptions::OFF,
                 weld: WeldOptions::FAST,
                 chunk: ChunkOptions::FAST,
                 order: OrderOptions::FAST,

@@ -9,10 +9,11 @@ use super::merge::merge;
 use super::options::BakeOptions;
 use super::order::order;
 use super::place::{place, placement};
-use super::prune::{PruneOptions, prune};
+use super::prune::{PruneDetails, PruneOptions, prune};
 use super::refit::refit;
 use super::solid::solid;
-use super::unseen::unseen;
+use super::teacher::teacher;
+use super::unseen::{UnseenOptions, unseen};
 use super::views::Views;
 use super::weld::weld;
 use crate::asset::{Asset, Placement, Provenance};
@@ -117,6 +118,7 @@ impl<'a> Bake<'a> {
                 Some(observer) => observer,
                 None => &mut no_observer,
             },
+            taught: None,
             placement: None,
         };
         recipe.run(merge(inputs.into_iter().map(Into::into).collect())?)
@@ -129,21 +131,34 @@ struct Recipe<'a> {
     views: Option<&'a mut Views>,
     report: &'a mut Report,
     observer: &'a mut dyn Observer,
+    /// Pictures of the soft scene, in place of photos.
+    taught: Option<Views>,
     /// How the scene was placed: its levels are placed alike.
     placement: Option<Placement>,
 }
 
 impl Recipe<'_> {
     fn run(mut self, loaded: Loaded) -> Result<Asset> {
-        let Loaded { scene, mut provenance, warnings, mut cameras } = loaded;
+        self.teach(&loaded)?;
+        let Loaded { mut scene, mut provenance, warnings, mut cameras } = loaded;
         self.report.warnings.extend(warnings);
         if let Some(views) = self.views.as_deref_mut() {
             views.transform(&provenance.placement);
             provenance.viewpoint = provenance.viewpoint.or_else(|| views.viewpoint());
             cameras = views.cameras().to_vec();
         }
+        // Cameras that were chosen by us have not seen everything there is: they rank triangles, but drop none as unseen.
+        let chosen = cameras.is_empty();
+        if let Some(taught) = self.taught.as_ref().filter(|_| chosen) {
+            provenance.viewpoint = provenance.viewpoint.or_else(|| taught.viewpoint());
+            cameras = taught.cameras().to_vec();
+        }
+        if let Scene::Soup(soup) = &mut scene {
+            // Only the teacher draws more.
+            soup.truncate_sh(0);
+        }
         let mesh = self.solidify(scene, &cameras)?;
-        let mesh = self.cull(mesh, &cameras)?;
+        let mesh = self.cull(mesh, &cameras, chosen)?;
 
         // Levels are made of what is left here, but are placed like the scene.
         let unpainted = if self.options.lod.lod.is_empty() { Mesh::default() } else { mesh.clone() };
@@ -153,6 +168,19 @@ impl Recipe<'_> {
             LevelSource { mesh: &unpainted, cameras: &cameras, enlarge: self.options.unseen.enlarge };
         let levels = self.levels(&source, &provenance)?;
         Ok(Asset { levels, ..asset })
+    }
+
+    /// First, on the scene as it was trained: what it looks like is what all other stages try to keep.
+    fn teach(&mut self, loaded: &Loaded) -> Result<()> {
+        let (options, photos) = (self.options, self.views.is_some());
+        // What is cut off must not stand in the pictures before what stays.
+        let cropped = options.prune.crop.map(|_| crop(loaded, &options.prune)).transpose()?;
+        let loaded = cropped.as_ref().unwrap_or(loaded);
+        let measure = |_: &Option<Views>| count(&loaded.scene);
+        self.taught = self.report.stage(self.observer, None, measure, |views, details| {
+            teacher(views, loaded, photos, &options.teacher, &options.solid, details)
+        })?;
+        Ok(())
     }
 
     /// The part of the recipe that turns what was read into opaque, coloured triangles.
@@ -188,15 +216,18 @@ impl Recipe<'_> {
     }
 
     /// As soon as there are opaque triangles that hide each other, and before work is done on those hidden.
-    fn cull(&mut self, mesh: Mesh, cameras: &[Camera]) -> Result<Mesh> {
+    fn cull(&mut self, mesh: Mesh, cameras: &[Camera], chosen: bool) -> Result<Mesh> {
         let options = self.options;
-        let views = self.views.as_deref_mut();
+        let views = either(&mut self.views, &mut self.taught);
         let budget = match &views {
             Some(_) => options.backdrop.scene_budget(options.prune.max_triangles),
             None => options.prune.max_triangles,
         };
+        let unseen_options =
+            UnseenOptions { keep_unseen: options.unseen.keep_unseen || chosen, ..options.unseen.clone() };
+        let cameras = if chosen && budget.is_none() { &[] } else { cameras };
         self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
-            unseen(mesh, cameras, views, &options.unseen, budget, details)
+            unseen(mesh, cameras, views, &unseen_options, budget, details)
         })
     }
 
@@ -205,13 +236,13 @@ impl Recipe<'_> {
         let options = self.options;
 
         // Behind what is left, and before colours are taken from the photos: those of holes are its own.
-        let views = self.views.as_deref_mut();
+        let views = either(&mut self.views, &mut self.taught);
         let mesh = self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
             backdrop(mesh, views, &options.backdrop, details)
         })?;
 
         // On what is left: a colour belongs to what a triangle shows when the others are gone.
-        let views = self.views.as_deref_mut();
+        let views = either(&mut self.views, &mut self.taught);
         self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
             refit(mesh, views, &options.refit, details)
         })
@@ -256,7 +287,8 @@ impl Recipe<'_> {
         let mut unread = Report::default();
         let mut of_level = Recipe {
             options,
-            views: self.views.as_deref_mut(),
+            views: either(&mut self.views, &mut self.taught),
+            taught: None,
             report: &mut unread,
             observer: &mut (),
             placement: self.placement,
@@ -273,9 +305,22 @@ impl Recipe<'_> {
 
     /// Mean PSNR of `mesh` on some of the photos, dB, if there are any.
     fn evaluate(&mut self, mesh: &Mesh) -> Result<Option<f64>> {
-        let views = self.views.as_deref_mut().filter(|views| !views.is_empty());
+        let views = either(&mut self.views, &mut self.taught).filter(|views| !views.is_empty());
         views.map(|views| views.mean_psnr(mesh, &views.evenly_spaced(EVALUATION_VIEWS))).transpose()
     }
+}
+
+/// A copy of `loaded` without what lies outside the box of `options`.
+fn crop(loaded: &Loaded, options: &PruneOptions) -> Result<Loaded> {
+    let only = PruneOptions { min_opacity: 0.0, max_sigma: 0.0, max_edge: 0.0, max_triangles: None, ..options.clone() };
+    let mut cropped = loaded.clone();
+    prune(&mut cropped.scene, &only, &mut PruneDetails::default())?;
+    Ok(cropped)
+}
+
+/// The photos, or the pictures in their place.
+fn either<'v>(photos: &'v mut Option<&mut Views>, taught: &'v mut Option<Views>) -> Option<&'v mut Views> {
+    photos.as_deref_mut().or(taught.as_mut())
 }
 
 fn count(scene: &Scene) -> Counts {

@@ -9,7 +9,7 @@ use crate::mesh::Mesh;
 use crate::raster::soft::{Frame, Soft, SoftOptions, SoupRef};
 use crate::raster::solid::{NO_FACE, Solid, SolidRasterOptions};
 use crate::soup::Soup;
-use crate::train::space::Space;
+use crate::space::Space;
 use crate::view::show;
 use glam::{DVec3, UVec2, Vec3};
 use serde::{Deserialize, Serialize};

@@ -3,7 +3,7 @@
 use crate::bake::{
     BakeOptions, backdrop::BackdropDetails, bvh::BvhDetails, chunk::ChunkDetails, color::ColorDetails,
     lod::LodDetails, order::OrderDetails, place::PlaceDetails, prune::PruneDetails, refit::RefitDetails,
-    solid::SolidDetails, unseen::UnseenDetails, weld::WeldDetails,
+    solid::SolidDetails, teacher::TeacherDetails, unseen::UnseenDetails, weld::WeldDetails,
 };
 use crate::bench::bake::BakeRow;
 use crate::bench::evaluate::EvalReport;
@@ -89,6 +89,7 @@ fn report_schema() -> schemars::Schema {
     let mut generator = schemars::generate::SchemaSettings::draft2020_12().into_generator();
     let g = &mut generator;
     let stages = [
+        stage_schema::<TeacherDetails>(g),
         stage_schema::<PruneDetails>(g),
         stage_schema::<SolidDetails>(g),
         stage_schema::<ColorDetails>(g),

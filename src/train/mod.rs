@@ -31,8 +31,6 @@ pub mod pyramid;
 pub mod refine;
 pub mod run;
 pub mod schedule;
-pub mod space;
-pub mod teacher;
 pub mod trained;
 pub mod trainer;
 pub mod update;

@@ -10,7 +10,6 @@ use super::progress::TrainSample;
 use super::pyramid::{Pyramid, order};
 use super::refine::{self, Refined, refine};
 use super::schedule::Schedule;
-use super::space::Space;
 use super::visibility::{PhotoVisibility, VisibilityStats};
 use crate::asset::Placement;
 use crate::camera::Camera;
@@ -18,6 +17,7 @@ use crate::dataset::{Dataset, DatasetKind, Point, View, cloud};
 use crate::error::{Error, Result};
 use crate::raster::soft::{SoftOptions, Window};
 use crate::scene::Loaded;
+use crate::space::Space;
 use crate::soup::Soup;
 use glam::Vec3;
 
