@@ -12,7 +12,7 @@ use super::place::{place, placement};
 use super::prune::{PruneDetails, PruneOptions, prune};
 use super::refit::refit;
 use super::solid::solid;
-use super::teacher::teacher;
+use super::teacher::{TeacherWhen, teacher};
 use super::unseen::{UnseenOptions, unseen};
 use super::views::Views;
 use super::weld::weld;
@@ -145,7 +145,10 @@ impl Recipe<'_> {
         if let Some(views) = self.views.as_deref_mut() {
             views.transform(&provenance.placement);
             provenance.viewpoint = provenance.viewpoint.or_else(|| views.viewpoint());
-            cameras = views.cameras().to_vec();
+            // Pictures may be drawn for some of the cameras only.
+            if cameras.is_empty() || !views.is_drawn() {
+                cameras = views.cameras().to_vec();
+            }
         }
         // Cameras that were chosen by us have not seen everything there is: they rank triangles, but drop none as unseen.
         let chosen = cameras.is_empty();
@@ -174,7 +177,9 @@ impl Recipe<'_> {
     fn teach(&mut self, loaded: &Loaded) -> Result<()> {
         let (options, photos) = (self.options, self.views.is_some());
         // What is cut off must not stand in the pictures before what stays.
-        let cropped = options.prune.crop.map(|_| crop(loaded, &options.prune)).transpose()?;
+        let draws = !photos && options.teacher.teacher == TeacherWhen::Auto;
+        let cropped =
+            options.prune.crop.filter(|_| draws).map(|_| crop(loaded, &options.prune)).transpose()?;
         let loaded = cropped.as_ref().unwrap_or(loaded);
         let measure = |_: &Option<Views>| count(&loaded.scene);
         self.taught = self.report.stage(self.observer, None, measure, |views, details| {
@@ -312,7 +317,13 @@ impl Recipe<'_> {
 
 /// A copy of `loaded` without what lies outside the box of `options`.
 fn crop(loaded: &Loaded, options: &PruneOptions) -> Result<Loaded> {
-    let only = PruneOptions { min_opacity: 0.0, max_sigma: 0.0, max_edge: 0.0, max_triangles: None, ..options.clone() };
+    let only = PruneOptions {
+        min_opacity: 0.0,
+        max_sigma: 0.0,
+        max_edge: 0.0,
+        max_triangles: None,
+        ..options.clone()
+    };
     let mut cropped = loaded.clone();
     prune(&mut cropped.scene, &only, &mut PruneDetails::default())?;
     Ok(cropped)

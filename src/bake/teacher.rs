@@ -27,6 +27,8 @@ const MOST_PIXELS: u64 = 12_000_000;
 const SOFTNESS_VIEWS: usize = 4;
 /// Their longer side, px.
 const SOFTNESS_PX: u32 = 240;
+/// Pictures that show less of the scene, as a share of their pixels, teach nothing.
+const LEAST_COVERED: f64 = 0.001;
 /// A scene is solid when its triangles cover this share of their area.
 const SOLID_COVER: f64 = 0.95;
 
@@ -119,6 +121,9 @@ pub fn teacher(
     details.softness = softness_from(soup, &viewpoints.cameras, solidly)?;
     details.viewpoints = Some(viewpoints.kind);
     let drawn = pictures(scene, viewpoints.cameras);
+    if drawn.covered() < LEAST_COVERED {
+        return Ok(Outcome::Unneeded("the scene's cameras see nothing of it"));
+    }
     details.pictures = Some(drawn.len() as u64);
     details.size_px = drawn.cameras().first().map(|camera| camera.size.to_array());
     details.covered = Some(drawn.covered());

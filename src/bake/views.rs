@@ -62,6 +62,11 @@ impl Views {
         }
     }
 
+    /// True when these are drawn pictures, not photos.
+    pub fn is_drawn(&self) -> bool {
+        self.drawn.is_some()
+    }
+
     /// Share of the pictures that is scene, 0 to 1; photos show it everywhere.
     pub fn covered(&self) -> f64 {
         self.drawn.unwrap_or(1.0)

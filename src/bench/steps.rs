@@ -41,7 +41,8 @@ pub fn steps(
 ) -> Result<Vec<EvalStep>> {
     let Loaded { scene, provenance, cameras, .. } = loaded;
     let factory = StepFactory { dataset, background, samples: options.ssaa };
-    let whole = |soup: Soup| Loaded { provenance: provenance.clone(), cameras: cameras.clone(), ..soup.into() };
+    let whole =
+        |soup: Soup| Loaded { provenance: provenance.clone(), cameras: cameras.clone(), ..soup.into() };
     match (scene, options.mode) {
         (Scene::Mesh(_), Some(RenderMode::Soft)) => Err(no_soup(path)),
         (Scene::Mesh(mesh), _) => {

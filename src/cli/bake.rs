@@ -65,27 +65,16 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()>
         .with_levels(options.lod.lod.len(), &options.output)?;
     guard(args, &output)?;
 
-    let mut progress = Progress::new(global).with_flags_of(command());
     let mut report = Report::new("bake");
     report.inputs = args.inputs.iter().map(|p| p.display().to_string()).collect();
     report.options = serde_json::to_value(&options).unwrap_or_default();
     report.dry_run = args.dry_run;
 
-    let dataset = photos(args, &mut report)?;
-    let mut views = dataset.as_ref().map(|dataset| Views::new(dataset, &args.dataset_options));
-    let mut inputs = read_all(&args.inputs, sh_degree(args, &options))?;
-    if args.harden.harden {
-        let hardened = harden_inputs(args, &options, inputs, dataset.as_ref(), global)?;
-        progress.finished(&hardened.stage);
-        report.stages.push(hardened.stage);
-        views = views.or(hardened.taught);
-        inputs = vec![hardened.scene];
-    }
-    let asset = Bake::new(&options)
-        .photos(views.as_mut())
-        .report(&mut report)
-        .observer(&mut progress)
-        .run(inputs)?;
+    let (scenes, mut views) = scenes(args, &options, &mut report, global)?;
+    let mut progress = Progress::new(global).with_flags_of(command());
+    report.stages.iter().for_each(|stage| progress.finished(stage));
+    let asset =
+        Bake::new(&options).photos(views.as_mut()).report(&mut report).observer(&mut progress).run(scenes)?;
     output::write(&asset, &output, &options.output, args.dry_run, &mut report, &mut progress)?;
     report.seconds = clock.elapsed().as_secs_f64();
 
@@ -121,21 +110,31 @@ fn soft_note(softness: &Softness) -> String {
     )
 }
 
-/// The inputs, merged and trained solid.
-fn harden_inputs(
+/// What is baked, and the photos or pictures that the bake may look at: the inputs, or with `--harden` what training
+/// made of them, which is a stage of `report`.
+fn scenes(
     args: &BakeArgs,
     options: &BakeOptions,
-    inputs: Vec<Loaded>,
-    photos: Option<&Dataset>,
+    report: &mut Report,
     global: &Global,
-) -> Result<Hardened> {
-    let soft = merge(inputs)?;
-    if let Some(why) = harden::needless(&soft) {
-        return Ok(Hardened::needless(soft, why));
+) -> Result<(Vec<Loaded>, Option<Views>)> {
+    let dataset = photos(args, report)?;
+    let views = dataset.as_ref().map(|dataset| Views::new(dataset, &args.dataset_options));
+    let inputs = read_all(&args.inputs, sh_degree(args, options))?;
+    if !args.harden.harden {
+        return Ok((inputs, views));
     }
-    let training =
-        harden::options(&args.harden, soft.scene.triangle_count(), options.prune.max_triangles);
-    harden::harden(&args.inputs[0], soft, photos, &args.dataset_options, &training, global)
+    let soft = merge(inputs)?;
+    let hardened = match harden::needless(&soft) {
+        Some(why) => Hardened::needless(soft, why),
+        None => {
+            let most = options.prune.max_triangles;
+            let training = harden::options(&args.harden, soft.scene.triangle_count(), most);
+            harden::harden(&args.inputs[0], soft, dataset.as_ref(), &args.dataset_options, &training, global)?
+        }
+    };
+    report.stages.push(hardened.stage);
+    Ok((vec![hardened.scene], views.or(hardened.taught)))
 }
 
 /// The photos of `--dataset`.

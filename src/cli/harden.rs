@@ -3,8 +3,8 @@
 use super::Global;
 use super::progress::Progress;
 use super::train_progress::Bar;
-use crate::bake::teacher::{is_solid, pictures};
 use crate::bake::Views;
+use crate::bake::teacher::{is_solid, pictures};
 use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
 use crate::report::{Counts, StageDetails, StageReport};
@@ -79,12 +79,18 @@ pub(super) fn harden(
     global: &Global,
 ) -> Result<Hardened> {
     let clock = Instant::now();
-    let drawn = match photos {
-        Some(_) => None,
-        None => Some(draw(path, &soft, options, how, global)?),
+    let (drawn, taught);
+    let dataset = match photos {
+        Some(photos) => {
+            taught = None;
+            photos
+        }
+        None => {
+            drawn = draw(path, &soft, options, how, global)?;
+            taught = Some(pictures(&soft, drawn.views.iter().map(|view| view.camera).collect()));
+            &drawn
+        }
     };
-    let taught = drawn.as_ref().map(|drawn| pictures(&soft, drawn.views.iter().map(|v| v.camera).collect()));
-    let Some(dataset) = photos.or(drawn.as_ref()) else { unreachable!("photos, or pictures in their place") };
     let run = TrainRun::new(dataset, options).with_dataset_options(how);
     let run = TrainRun { from: Some(soft), ..run }.start()?;
     let triangles = run.triangles();

@@ -86,9 +86,7 @@ fn dataset(
 ) -> Result<Dataset> {
     let how = &args.dataset_options;
     match (&args.dataset, &args.from, from) {
-        (None, Some(path), Some(scene)) => {
-            harden::draw(path, scene, options, how, global)
-        }
+        (None, Some(path), Some(scene)) => harden::draw(path, scene, options, how, global),
         (path, ..) => Dataset::load(path.as_deref().unwrap_or(Path::new("")), how),
     }
 }
@@ -181,7 +179,9 @@ fn summary(args: &TrainArgs, trained: &Trained, bar: &Bar) {
         trained.steps, trained.cpu_secs
     ));
     if !is_solid(&trained.soup) {
-        bar.line("the scene is soft, for research; `trisplat bake --harden` makes a file of it that looks like it");
+        bar.line(
+            "the scene is soft, for research; `trisplat bake --harden` makes a file of it that looks like it",
+        );
     }
     if trained.dropped > 0 {
         bar.line(&format!("warning: {} gradients were not finite and were dropped", trained.dropped));

@@ -4,8 +4,7 @@
 //! set that sees more of the scene's triangles wins. What no good candidate sees is not looked at: a scene is only known
 //! where it was photographed.
 
-use super::survey::{Survey, camera};
-use super::viewpoints::{ViewpointKind, Viewpoints};
+use super::survey::{Sight, Survey, camera};
 use crate::camera::Camera;
 use crate::scene::Loaded;
 use crate::soup::Soup;
@@ -23,13 +22,15 @@ const INSIDE_FOV: f32 = 75.0;
 const RINGS: [f32; 5] = [-20.0, 5.0, 25.0, 45.0, 70.0];
 /// Distances of the eyes within from the middle, in units of the scene, and directions they lie in.
 const INSIDE_RADII: [f32; 4] = [0.0, 0.6, 1.2, 2.0];
-const INSIDE_DIRECTIONS: usize = 14;
+const INSIDE_DIRECTIONS: usize = 12;
 /// Directions in which an eye within looks.
-const LOOKS: usize = 12;
+const LOOKS: usize = 10;
 /// Nothing may be nearer to an eye than this, in units of the scene, ...
 const CLEARANCE: f32 = 0.25;
 /// ... but for this share of its picture.
 const MOST_CROWDED: f32 = 0.1;
+/// Share of the triangles that may be that near.
+const MOST_NEAR: f32 = 1e-3;
 /// A picture from within shows something in this share of it.
 const LEAST_COVERED: f32 = 0.9;
 /// A picture from around shows something in this share of it.
@@ -42,8 +43,16 @@ const LEAST_INSIDE: usize = 8;
 /// The quantile of the distances from the middle that the rings hold in view.
 const IN_VIEW: f32 = 0.95;
 
+/// Chosen cameras.
+pub(super) struct Chosen {
+    /// They stand within the scene, not around it.
+    pub(super) inside: bool,
+    /// In the frame of the scene's file.
+    pub(super) cameras: Vec<Camera>,
+}
+
 /// Where to look at `scene` from; `None` when it shows nothing from anywhere.
-pub(super) fn viewpoints(scene: &Loaded) -> Option<Viewpoints> {
+pub(super) fn viewpoints(scene: &Loaded) -> Option<Chosen> {
     let mut soup = scene.scene.to_soup();
     soup.truncate_sh(0);
     let unit = Unit::of(&soup)?;
@@ -54,17 +63,24 @@ pub(super) fn viewpoints(scene: &Loaded) -> Option<Viewpoints> {
     let around = good_views(&mut survey, &middles, around(unit.reach, up.as_vec3()), |sight| {
         sight.covered >= LEAST_SHOWN && sight.crowded <= MOST_CROWDED
     });
-    let candidates = inside(&middles, up.as_vec3());
-    let inside = good_views(&mut survey, &middles, candidates, |sight| {
-        sight.covered >= LEAST_COVERED && sight.crowded <= MOST_CROWDED
-    });
+    let mut inside = Vec::new();
+    for eye in free_eyes(&middles) {
+        let looks =
+            (0..LOOKS).map(|i| camera(eye, eye + direction(i, LOOKS), up.as_vec3(), INSIDE_FOV, SIDE));
+        let mut surrounded = 0;
+        let views = good_views(&mut survey, &middles, looks.collect(), |sight| {
+            surrounded += usize::from(sight.covered >= LEAST_COVERED);
+            sight.covered >= LEAST_COVERED && sight.crowded <= MOST_CROWDED
+        });
+        // An eye before the back of a wall sees nothing elsewhere.
+        if 2 * surrounded > LOOKS {
+            inside.extend(views);
+        }
+    }
     let surrounded = inside.len() >= LEAST_INSIDE && union(&inside) > MORE_INSIDE * union(&around);
-    let (kind, views) = match surrounded {
-        true => (ViewpointKind::Inside, inside),
-        false => (ViewpointKind::Around, around),
-    };
+    let views = if surrounded { inside } else { around };
     let cameras: Vec<Camera> = most_telling(views).iter().map(|c| unit.to_scene(c)).collect();
-    (!cameras.is_empty()).then_some(Viewpoints { kind, cameras })
+    (!cameras.is_empty()).then_some(Chosen { inside: surrounded, cameras })
 }
 
 /// The middle of a scene, and its unit: the median distance from it.
@@ -124,18 +140,17 @@ fn around(reach: f32, up: Vec3) -> Vec<Camera> {
     (0..RINGS.len()).flat_map(|ring| (0..per_ring).map(move |k| (ring, k))).map(place).collect()
 }
 
-/// Cameras that look everywhere from places around the middle that are free of `middles` of triangles.
-fn inside(middles: &[Vec3], up: Vec3) -> Vec<Camera> {
+/// Places around the middle that are free of `middles` of triangles.
+fn free_eyes(middles: &[Vec3]) -> Vec<Vec3> {
     let free = |eye: &Vec3| {
         let near = middles.iter().filter(|m| m.distance_squared(*eye) < CLEARANCE * CLEARANCE).count();
-        (near as f32) < 1e-3 * middles.len() as f32
+        (near as f32) < MOST_NEAR * middles.len() as f32
     };
     let eyes = INSIDE_RADII.iter().flat_map(|&radius| {
         let count = if radius == 0.0 { 1 } else { INSIDE_DIRECTIONS };
         (0..count).map(move |i| direction(i, count) * radius)
     });
-    let looks = |eye: Vec3| (0..LOOKS).map(move |i| camera(eye, eye + direction(i, LOOKS), up, INSIDE_FOV, SIDE));
-    eyes.filter(free).flat_map(looks).collect()
+    eyes.filter(free).collect()
 }
 
 /// One of `count` directions that are spread evenly over the sphere.
@@ -158,7 +173,7 @@ fn good_views(
     survey: &mut Survey,
     middles: &[Vec3],
     candidates: Vec<Camera>,
-    good: impl Fn(&super::survey::Sight) -> bool,
+    mut good: impl FnMut(&Sight) -> bool,
 ) -> Vec<GoodView> {
     let look = |camera: Camera| {
         let sight = survey.look(&camera, CLEARANCE);
@@ -190,4 +205,60 @@ fn most_telling(mut views: Vec<GoodView>) -> Vec<Camera> {
         chosen.push(view.camera);
     }
     chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::Rng;
+
+    /// Opaque triangles of about `size` at `places`.
+    fn soup(places: impl Iterator<Item = Vec3>, size: f32) -> Soup {
+        let rng = Rng::new(3, "test triangle", 0);
+        let corner =
+            |i: u64| Vec3::new(rng.uniform(3 * i), rng.uniform(3 * i + 1), rng.uniform(3 * i + 2)) - 0.5;
+        let vertices: Vec<[Vec3; 3]> =
+            places.zip(0u64..).map(|(p, i)| [0, 1, 2].map(|k| p + size * corner(3 * i + k))).collect();
+        let n = vertices.len();
+        Soup { vertices, opacity: vec![0.95; n], sigma: vec![0.1; n], sh: vec![[0.3; 3]; n], sh_degree: 0 }
+    }
+
+    /// A closed room of ±3 with things that stand around its middle.
+    fn room() -> Soup {
+        let wall = |i: usize| {
+            let (side, at) = (i / 400, Vec3::new((i % 20) as f32, (i / 20 % 20) as f32, 20.0) * 0.3 - 3.0);
+            let at = if side % 2 == 0 { at } else { Vec3::new(at.x, at.y, -at.z) };
+            [at, Vec3::new(at.y, at.z, at.x), Vec3::new(at.z, at.x, at.y)][side / 2]
+        };
+        let mut room = soup((0..2400).map(wall), 1.2);
+        let thing = |i: usize| {
+            let (sin, cos) = ((i % 6) as f32 * std::f32::consts::FRAC_PI_3).sin_cos();
+            let spread = direction(i / 6, 500) * 0.4;
+            Vec3::new(2.2 * cos, 2.0, 2.2 * sin) + spread
+        };
+        room.append(soup((0..3000).map(thing), 0.1));
+        room
+    }
+
+    #[test]
+    fn a_room_is_seen_from_within_and_a_thing_from_around() {
+        let Some(chosen) = viewpoints(&room().into()) else { panic!("a room can be looked at") };
+        assert!(chosen.inside && chosen.cameras.len() >= LEAST_INSIDE);
+        let within = |camera: &Camera| camera.position().abs().max_element() < 3.0;
+        assert!(chosen.cameras.iter().all(|c| within(c) && c.validate().is_ok()), "an eye behind a wall");
+        let thing = soup((0..2000).map(|i| direction(i, 2000) * Vec3::new(1.0, 2.0, 0.5) + 7.0), 0.2);
+        let Some(chosen) = viewpoints(&thing.into()) else { panic!("a thing can be looked at") };
+        assert!(!chosen.inside && chosen.cameras.len() == PICTURES);
+        assert!(chosen.cameras.iter().all(|c| c.position().distance(Vec3::splat(7.0)) > 2.0));
+        // All of it is in every picture.
+        let in_view = |c: &Camera| (c.rotation * Vec3::new(7.0, 9.0, 7.0) + c.translation).z > 0.0;
+        assert!(chosen.cameras.iter().all(in_view));
+    }
+
+    #[test]
+    fn nothing_can_be_seen_of_points() {
+        let points = Soup { vertices: vec![[Vec3::ONE; 3]; 5], ..soup((0..5).map(|_| Vec3::ZERO), 1.0) };
+        assert!(viewpoints(&points.into()).is_none());
+        assert!(viewpoints(&Soup::default().into()).is_none());
+    }
 }

@@ -7,7 +7,7 @@ mod chosen;
 pub mod dataset;
 pub mod drawing;
 mod stored;
-pub mod survey;
+mod survey;
 pub mod viewpoints;
 
 pub use dataset::dataset;

@@ -33,7 +33,9 @@ impl Viewpoints {
     /// chosen ones. `None` when it stores none and shows nothing from anywhere.
     pub fn of(scene: &Loaded, max_bytes: u64) -> Option<Self> {
         if scene.cameras.is_empty() {
-            return chosen::viewpoints(scene);
+            let chosen = chosen::viewpoints(scene)?;
+            let kind = if chosen.inside { ViewpointKind::Inside } else { ViewpointKind::Around };
+            return Some(Self { kind, cameras: chosen.cameras });
         }
         Some(Self { kind: ViewpointKind::Stored, cameras: stored::viewpoints(&scene.cameras, max_bytes) })
     }

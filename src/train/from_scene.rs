@@ -3,8 +3,8 @@
 use crate::asset::Placement;
 use crate::error::{Error, Result};
 use crate::scene::Loaded;
-use crate::space::Space;
 use crate::soup::Soup;
+use crate::space::Space;
 use glam::{DVec3, Vec3};
 
 /// The triangles of `scene` in training space. Its file may have been placed anew, by `placement`, and the data set moved

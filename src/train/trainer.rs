@@ -17,8 +17,8 @@ use crate::dataset::{Dataset, DatasetKind, Point, View, cloud};
 use crate::error::{Error, Result};
 use crate::raster::soft::{SoftOptions, Window};
 use crate::scene::Loaded;
-use crate::space::Space;
 use crate::soup::Soup;
+use crate::space::Space;
 use glam::Vec3;
 
 /// A run between two steps. A pure function of the data set, the options and the steps made: stopping,

@@ -4,13 +4,14 @@ use crate::hostile::{random_triangle, soup_of};
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat::asset::Asset;
 use trisplat::bake::solid::{SOLID_SIGMA, SolidOptions};
-use trisplat::bake::teacher::{TeacherDetails, TeacherOptions, is_solid, softness};
+use trisplat::bake::teacher::{TeacherDetails, TeacherOptions, is_solid, softness, teacher};
 use trisplat::bake::{Bake, BakeOptions, BakePreset, Views};
 use trisplat::camera::Camera;
+use trisplat::error::Error;
 use trisplat::math::metric;
 use trisplat::raster::soft::SoftOptions;
 use trisplat::raster::solid::{Solid, SolidRasterOptions};
-use trisplat::report::Report;
+use trisplat::report::{Outcome, Report};
 use trisplat::scene::{Loaded, Scene};
 use trisplat::soup::Soup;
 use trisplat::teacher::{Teacher, ViewpointKind};
@@ -65,7 +66,8 @@ fn psnr(asset: &Asset) -> f64 {
         eyes[0].looking(eye, Vec3::ZERO, Vec3::NEG_Y)
     };
     let one = |i| {
-        let (soft, solid) = (teacher.picture(&between(i)), Solid::new().render(&asset.mesh, &between(i), &drawing));
+        let (soft, solid) =
+            (teacher.picture(&between(i)), Solid::new().render(&asset.mesh, &between(i), &drawing));
         metric::psnr(&soft.rgb, &solid.rgb, None)
     };
     (0..15).map(one).sum::<f64>() / 15.0
@@ -137,4 +139,32 @@ fn what_a_crop_cuts_off_is_not_in_the_pictures() {
     let cropped = Bake::new(&options).run([loaded]).unwrap();
     let (alone, _) = baked(soft(cameras()), TeacherOptions::DEFAULT);
     assert!((psnr(&cropped) - psnr(&alone)).abs() < 0.2, "{} {}", psnr(&cropped), psnr(&alone));
+}
+
+#[test]
+fn hostile_scenes_are_drawn_or_refused_with_an_error() {
+    for (name, soup) in crate::hostile::finite().into_iter().chain(crate::hostile::poison()) {
+        for stored in [cameras(), Vec::new()] {
+            let scene = Loaded { cameras: stored, ..Loaded::from(soup.clone()) };
+            let (mut views, mut details) = (None, TeacherDetails::default());
+            let options = TeacherOptions::DEFAULT;
+            match teacher(&mut views, &scene, false, &options, &SolidOptions::DEFAULT, &mut details) {
+                Ok(Outcome::Changed(())) => {
+                    assert!(views.is_some_and(|views| views.covered() > 0.0), "{name}")
+                }
+                Ok(Outcome::Unneeded(_)) => assert!(views.is_none(), "{name}"),
+                Err(Error::Invalid { .. }) => {}
+                Err(error) => panic!("{name}: {error}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn any_number_of_threads_draws_the_same_pictures() {
+    let bake = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| baked(soft(Vec::new()), TeacherOptions::DEFAULT).0.mesh)
+    };
+    assert!(bake(1) == bake(3));
 }

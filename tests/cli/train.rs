@@ -161,7 +161,10 @@ fn a_soft_scene_is_hardened_and_baked_by_one_command() {
     assert!(stderr(&trained).is_empty());
     let bake = |flags: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
-        command.current_dir(folder.path()).args(["bake", "soft.ply", "--force", "--report", "r.json"]).args(flags);
+        command
+            .current_dir(folder.path())
+            .args(["bake", "soft.ply", "--force", "--report", "r.json"])
+            .args(flags);
         stderr(&succeed(&mut command))
     };
     let said = bake(&["-o", "plain.glb"]);
@@ -175,15 +178,29 @@ fn a_soft_scene_is_hardened_and_baked_by_one_command() {
     assert!(stage(&report, "refit").get("details").is_some(), "the soft pictures are there still");
     // With photos these are what it is trained on.
     let photos = dataset();
-    let said = bake(&["-o", "photos.glb", "--harden", "--harden-steps", "10", "--dataset", photos.to_str().unwrap()]);
-    assert!(stage(&report, "train")["details"]["held_out"][0]["name"].as_str().unwrap().contains('.'), "{said}");
+    let said = bake(&[
+        "-o",
+        "photos.glb",
+        "--harden",
+        "--harden-steps",
+        "10",
+        "--dataset",
+        photos.to_str().unwrap(),
+    ]);
+    assert!(
+        stage(&report, "train")["details"]["held_out"][0]["name"].as_str().unwrap().contains('.'),
+        "{said}"
+    );
     // A mesh is solid: nothing to train.
     std::fs::copy(path("hard.glb"), path("soft.ply")).unwrap();
     std::fs::rename(path("soft.ply"), path("mesh.glb")).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
     command.current_dir(folder.path()).args(["bake", "mesh.glb", "--harden", "-o", "again.glb"]);
     let said = stderr(&succeed(&mut command));
-    assert!(said.lines().any(|l| l.starts_with("train") && l.contains("not needed: the input is a mesh")), "{said}");
+    assert!(
+        said.lines().any(|l| l.starts_with("train") && l.contains("not needed: the input is a mesh")),
+        "{said}"
+    );
 }
 
 #[test]

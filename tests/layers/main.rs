@@ -34,7 +34,10 @@ const MAY: &[(&str, &str)] = &[
         "train",
         "raster kernel dataset formats asset scene atomic process soup mesh space camera image rng report error math",
     ),
-    ("bake", "raster teacher dataset formats soup mesh scene placed bvh asset camera image rng report error math"),
+    (
+        "bake",
+        "raster teacher dataset formats soup mesh scene placed bvh asset camera image rng report error math",
+    ),
     ("view", "asset rng mesh soup scene raster camera image gpu error math"),
     (
         "bench",

@@ -146,7 +146,8 @@ fn what_cannot_be_started_from_is_an_error_that_names_the_remedy() {
     assert!(error.contains("max_triangles is 2: wants 3 or more"), "{error}");
     let points = Soup { vertices: vec![[Vec3::ONE; 3]; 3], ..triangle };
     let drawing = options.drawing([0.0; 3]);
-    let error = teacher::dataset(Path::new("soft.ply"), &points.into(), &drawing, PHOTO_BYTES, &mut |_, _| {});
+    let error =
+        teacher::dataset(Path::new("soft.ply"), &points.into(), &drawing, PHOTO_BYTES, &mut |_, _| {});
     let error = error.unwrap_err().to_string();
     assert!(error.contains("soft.ply") && error.contains("shows nothing"), "{error}");
 }
