@@ -23,6 +23,8 @@ use glam::UVec2;
 
 /// Pixels of all pictures together; with many or large cameras not all are drawn.
 const MOST_PIXELS: u64 = 12_000_000;
+/// Pictures from chosen viewpoints, the most telling ones: enough for colours, few enough for every bake.
+const CHOSEN_PICTURES: usize = 32;
 /// Pictures that softness is measured on.
 const SOFTNESS_VIEWS: usize = 4;
 /// Their longer side, px.
@@ -115,7 +117,7 @@ pub fn teacher(
         details.softness = softness_from(soup, &scene.cameras, solidly)?;
         return Ok(Outcome::Unneeded("there are photos, or pictures already"));
     }
-    let Some(viewpoints) = Viewpoints::of(scene, 3 * MOST_PIXELS) else {
+    let Some(viewpoints) = viewpoints(scene) else {
         return Ok(Outcome::Unneeded("the scene stores no cameras and shows nothing from anywhere"));
     };
     details.softness = softness_from(soup, &viewpoints.cameras, solidly)?;
@@ -129,6 +131,15 @@ pub fn teacher(
     details.covered = Some(drawn.covered());
     *views = Some(drawn);
     Ok(Outcome::Changed(()))
+}
+
+/// Where pictures for a bake are drawn from.
+fn viewpoints(scene: &Loaded) -> Option<Viewpoints> {
+    let mut viewpoints = Viewpoints::of(scene, 3 * MOST_PIXELS)?;
+    if viewpoints.kind != ViewpointKind::Stored {
+        viewpoints.cameras.truncate(CHOSEN_PICTURES);
+    }
+    Some(viewpoints)
 }
 
 /// The soft pictures of `scene` from `cameras` in its frame, or from evenly spaced ones of them when all would be too
@@ -173,7 +184,7 @@ pub fn softness(scene: &Loaded, solidly: &SolidOptions) -> Result<Option<Softnes
     if is_solid(soup) {
         return Ok(None);
     }
-    match Viewpoints::of(scene, 0) {
+    match viewpoints(scene) {
         Some(viewpoints) => softness_from(soup, &viewpoints.cameras, solidly),
         None => Ok(None),
     }

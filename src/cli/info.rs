@@ -34,7 +34,7 @@ pub fn run(args: &InfoArgs, out: &mut dyn Write) -> Result<()> {
         return info_dataset::run(&args.input, &args.dataset_options, args.json, out);
     }
     let (mut info, loaded) = info(&args.input)?;
-    info.softness = softness(&loaded, &SolidOptions::DEFAULT)?;
+    info.softness = softness(&loaded, &SolidOptions::DEFAULT).ok().flatten();
     info.bake = would_bake(loaded);
     let printed = if args.json { files::print_json(&info, out) } else { print(&info, out) };
     printed.map_err(|e| Error::io("-", e))
