@@ -73,6 +73,8 @@ pub mod report;
 pub mod rng;
 pub mod scene;
 pub mod soup;
+pub mod space;
+pub mod teacher;
 pub mod train;
 pub mod view;
 

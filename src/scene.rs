@@ -3,8 +3,15 @@
 use crate::asset::Provenance;
 use crate::camera::Camera;
 use crate::error::Result;
+use crate::math::color::srgb_from_linear;
 use crate::mesh::Mesh;
-use crate::soup::Soup;
+use crate::soup::{Soup, sh0_from_rgb};
+use glam::Vec3;
+
+/// σ of a mesh's triangles in a soup: solid, but with a slope that gradients pass.
+const MESH_SIGMA: f32 = 0.05;
+/// Opacity of a mesh's triangles in a soup: high, but below 1, where the logit has no slope.
+const MESH_OPACITY: f32 = 0.95;
 
 /// Either of the two things the bake takes.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,12 +31,46 @@ impl Scene {
         }
     }
 
+    /// The corners of a triangle.
+    pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
+        match self {
+            Scene::Soup(soup) => soup.vertices[triangle],
+            Scene::Mesh(mesh) => mesh.corners(triangle),
+        }
+    }
+
+    /// A copy as a soup; the triangles of a mesh are nearly solid in it, each of the mean colour of its corners.
+    pub fn to_soup(&self) -> Soup {
+        match self {
+            Scene::Soup(soup) => soup.clone(),
+            Scene::Mesh(mesh) => nearly_solid(mesh),
+        }
+    }
+
     /// Checks what it holds: see [`Soup::validate`] and [`Mesh::validate`].
     pub fn validate(&self) -> Result<()> {
         match self {
             Scene::Soup(soup) => soup.validate(),
             Scene::Mesh(mesh) => mesh.validate(),
         }
+    }
+}
+
+/// A mesh as nearly solid triangles.
+fn nearly_solid(mesh: &Mesh) -> Soup {
+    let count = mesh.face_count();
+    let sh = |face: usize| {
+        let corners = mesh.corner_colors(face).map(Vec3::from);
+        let mean = (corners[0] + corners[1] + corners[2]) / 3.0;
+        mean.to_array().map(|channel| sh0_from_rgb(srgb_from_linear(channel)))
+    };
+    let opacity = |face: usize| mesh.opacity.get(face).map_or(MESH_OPACITY, |o| o.min(MESH_OPACITY));
+    Soup {
+        vertices: (0..count).map(|face| mesh.corners(face)).collect(),
+        opacity: (0..count).map(opacity).collect(),
+        sigma: vec![MESH_SIGMA; count],
+        sh: (0..count).map(sh).collect(),
+        sh_degree: 0,
     }
 }
 

@@ -40,6 +40,9 @@ fn prepare(folder: &Path) {
 /// What is added to a command so that it takes seconds and may replace the file of an earlier one.
 fn additions(arguments: &[&str]) -> &'static [&'static str] {
     match *arguments {
+        ["bake", .., "--harden"] | ["bake", .., "--harden", "--dataset", _] => {
+            &["--force", "--harden-steps", "20"]
+        }
         ["bake", ..] => &["--force"],
         // Enough steps to have something to bake, in place of those that the README asks for.
         ["train", ..] => &["--force", "--steps", "60"],

@@ -20,6 +20,8 @@ use glam::Vec3;
 const VIEWS: usize = 16;
 /// Holes below this share of the photos are not closed.
 const LEAST_HOLES: f64 = 0.001;
+/// Pictures that a scene covers less of show an object before nothing.
+const LEAST_COVERED: f64 = 0.8;
 /// Radius of the sphere as a multiple of the distance of the farthest vertex or camera.
 const RADIUS_FACTOR: f32 = 1.2;
 /// Most subdivisions of the octahedron: 8 · 4⁴ triangles.
@@ -96,13 +98,16 @@ pub fn backdrop(
     details: &mut BackdropDetails,
 ) -> Result<Outcome<()>> {
     let Some(views) = views.filter(|v| !v.is_empty()) else {
-        return Ok(Outcome::Unneeded("it needs photos: `dataset`"));
+        return Ok(Outcome::Unneeded("it needs photos (`dataset`) or a soft scene (`teacher`)"));
     };
     if options.backdrop == BackdropWhen::Off {
         return Ok(Outcome::Unneeded("`backdrop` off"));
     }
     if !mesh.indices.is_empty() {
         return Ok(Outcome::Unneeded("a mesh with shared vertices is left as it is"));
+    }
+    if views.covered() < LEAST_COVERED {
+        return Ok(Outcome::Unneeded("the scene is an object: there is nothing behind it"));
     }
     let holes = find_holes(mesh, views)?;
     details.holes = Some(holes.share);

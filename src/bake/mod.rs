@@ -1,7 +1,7 @@
 //! The bake: a recipe of stages from a scene to an asset.
 //!
 //! ```text
-//! crop → prune → solid → color → unseen → backdrop → refit → weld → place → chunk → bvh → order → lod
+//! crop → teacher → prune → solid → color → unseen → backdrop → refit → weld → place → chunk → bvh → order → lod
 //! ```
 //!
 //! Each stage is a file with its options, its function and what it measures ([`StageDetails`]); it changes its input
@@ -30,6 +30,7 @@ pub mod prune;
 mod recipe;
 pub mod refit;
 pub mod solid;
+pub mod teacher;
 pub mod unseen;
 pub mod views;
 pub mod visibility;

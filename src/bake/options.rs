@@ -10,6 +10,7 @@ use super::place::PlaceOptions;
 use super::prune::PruneOptions;
 use super::refit::RefitOptions;
 use super::solid::SolidOptions;
+use super::teacher::TeacherOptions;
 use super::unseen::UnseenOptions;
 use super::weld::WeldOptions;
 use crate::error::Result;
@@ -43,6 +44,12 @@ pub struct BakeOptions {
     /// Which part of the scene is kept.
     #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Crop: keep a region"))]
     pub crop: CropOptions,
+    /// Whether pictures of the soft scene take the place of photos.
+    #[cfg_attr(
+        feature = "cli",
+        command(flatten, next_help_heading = "Teacher, without --dataset: pictures in place of photos")
+    )]
+    pub teacher: TeacherOptions,
     /// Which triangles are dropped.
     #[cfg_attr(
         feature = "cli",
@@ -104,6 +111,7 @@ impl BakeOptions {
     pub const DEFAULT: Self = Self {
         preset: BakePreset::Default,
         crop: CropOptions::DEFAULT,
+        teacher: TeacherOptions::DEFAULT,
         prune: PruneOptions::DEFAULT,
         solid: SolidOptions::DEFAULT,
         unseen: UnseenOptions::DEFAULT,
@@ -123,6 +131,7 @@ impl BakeOptions {
         match preset {
             BakePreset::Fast => Self {
                 preset,
+                teacher: TeacherOptions::OFF,
                 weld: WeldOptions::FAST,
                 chunk: ChunkOptions::FAST,
                 order: OrderOptions::FAST,

@@ -51,7 +51,7 @@ pub struct PlaceOptions {
     #[cfg_attr(feature = "cli", arg(long, default_value_t = PlaceOptions::DEFAULT.center, num_args = 0..=1, require_equals = true,
           default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL"))]
     pub center: bool,
-    /// Put the floor, the lowest large level surface, at y = 0.
+    /// Put the floor, the lowest large layer of triangles, at y = 0.
     #[cfg_attr(feature = "cli", arg(long, default_value_t = PlaceOptions::DEFAULT.ground, num_args = 0..=1, require_equals = true,
           default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL"))]
     pub ground: bool,

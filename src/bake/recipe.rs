@@ -15,7 +15,8 @@ use super::place::{PlaceDetails, place, placement};
 use super::prune::{PruneOptions, prune};
 use super::refit::refit;
 use super::solid::solid;
-use super::unseen::unseen;
+use super::teacher::teacher;
+use super::unseen::{UnseenOptions, unseen};
 use super::views::Views;
 use super::weld::weld;
 use crate::asset::{Asset, Placement, Provenance};
@@ -120,6 +121,7 @@ impl<'a> Bake<'a> {
                 Some(observer) => observer,
                 None => &mut no_observer,
             },
+            taught: None,
             cameras: Vec::new(),
             backdrop: None,
             placement: None,
@@ -134,7 +136,9 @@ struct Recipe<'a> {
     views: Option<&'a mut Views>,
     report: &'a mut Report,
     observer: &'a mut dyn Observer,
-    /// Cameras that look at the scene, in the frame of what was read.
+    /// Pictures of the soft scene, in place of photos.
+    taught: Option<Views>,
+    /// Cameras of photos, in the frame of what was read.
     cameras: Vec<Camera>,
     /// The backdrop: that of the input, then that of the output before it is placed.
     backdrop: Option<Mesh>,
@@ -147,21 +151,38 @@ impl Recipe<'_> {
         let inputs = self.of_one_kind(inputs)?;
         let mut loaded = merge(inputs)?;
         self.backdrop = loaded.take_backdrop();
-        let Loaded { scene, mut provenance, warnings, mut cameras } = loaded;
+        if let Some(views) = self.views.as_deref_mut() {
+            views.transform(&loaded.provenance.placement);
+        }
+        let loaded = self.crop(loaded)?;
+        self.teach(&loaded)?;
+        let Loaded { mut scene, mut provenance, warnings, mut cameras } = loaded;
         // Of no use to an engine, and untrue as soon as triangles are left out.
         provenance.shell = 0;
         self.report.warnings.extend(warnings);
-        if let Some(views) = self.views.as_deref_mut() {
-            views.transform(&provenance.placement);
+        if let Some(views) = self.views.as_deref() {
             provenance.viewpoint = provenance.viewpoint.or_else(|| views.viewpoint());
-            cameras = views.cameras().to_vec();
+            // Pictures may be drawn for some of the cameras only.
+            if cameras.is_empty() || !views.is_drawn() {
+                cameras = views.cameras().to_vec();
+            }
+        }
+        self.cameras = cameras.clone();
+        // Cameras that were chosen by us have not seen everything there is: they rank triangles, but drop none as unseen.
+        let chosen = cameras.is_empty();
+        if let Some(taught) = self.taught.as_ref().filter(|_| chosen) {
+            provenance.viewpoint = provenance.viewpoint.or_else(|| taught.viewpoint());
+            cameras = taught.cameras().to_vec();
+        }
+        if let Scene::Soup(soup) = &mut scene {
+            // Only the teacher draws more.
+            soup.truncate_sh(0);
         }
         let mesh = self.solidify(scene, &cameras)?;
-        let mesh = self.cull(mesh, &cameras)?;
+        let mesh = self.cull(mesh, &cameras, chosen)?;
         if let Some(views) = self.views.as_deref_mut() {
             self.report.warnings.extend(fit::warning(&mesh, views)?);
         }
-        self.cameras = cameras.clone();
 
         // Levels are made of what is left here, but are placed like the scene.
         let unpainted = if self.options.lod.lod.is_empty() { Mesh::default() } else { mesh.clone() };
@@ -197,15 +218,40 @@ impl Recipe<'_> {
             views: None,
             report: &mut unread,
             observer: &mut (),
+            taught: None,
             cameras: Vec::new(),
             backdrop: None,
             placement: None,
         };
-        let mut solidified = |loaded: Loaded| match is_soup(&loaded) {
-            true => Ok(Loaded { scene: Scene::Mesh(of_soup.solidify(loaded.scene, &[])?), ..loaded }),
-            false => Ok(loaded),
+        let mut solidified = |mut loaded: Loaded| match &mut loaded.scene {
+            Scene::Soup(soup) => {
+                soup.truncate_sh(0);
+                Ok(Loaded { scene: Scene::Mesh(of_soup.solidify(loaded.scene, &[])?), ..loaded })
+            }
+            Scene::Mesh(_) => Ok(loaded),
         };
         inputs.into_iter().map(&mut solidified).collect()
+    }
+
+    /// First of all: a budget of triangles is for what stays, and what is cut off must not stand in pictures before it.
+    fn crop(&mut self, loaded: Loaded) -> Result<Loaded> {
+        let Loaded { scene, provenance, warnings, cameras } = loaded;
+        let options = &self.options.crop;
+        let seen_by = self.views.as_deref().map_or(&cameras[..], Views::cameras);
+        let scene = self
+            .report
+            .stage(self.observer, scene, count, |scene, details| crop(scene, seen_by, options, details))?;
+        Ok(Loaded { scene, provenance, warnings, cameras })
+    }
+
+    /// On the scene as it was trained: what it looks like is what all other stages try to keep.
+    fn teach(&mut self, loaded: &Loaded) -> Result<()> {
+        let (options, photos) = (self.options, self.views.is_some());
+        let measure = |_: &Option<Views>| count(&loaded.scene);
+        self.taught = self.report.stage(self.observer, None, measure, |views, details| {
+            teacher(views, loaded, photos, &options.teacher, &options.solid, details)
+        })?;
+        Ok(())
     }
 
     /// The part of the recipe that turns what was read into opaque, coloured triangles.
@@ -216,11 +262,6 @@ impl Recipe<'_> {
             true => options.prune.clone(),
             false => PruneOptions { max_triangles: None, ..options.prune.clone() },
         };
-
-        // First of all: a budget of triangles is for what stays.
-        let scene = self.report.stage(self.observer, scene, count, |scene, details| {
-            crop(scene, cameras, &options.crop, details)
-        })?;
 
         // Early, because every later stage costs per triangle and relies on finite geometry.
         let scene = self.report.stage(self.observer, scene, count, |scene, d| prune(scene, &pruning, d))?;
@@ -246,22 +287,25 @@ impl Recipe<'_> {
     }
 
     /// As soon as there are opaque triangles that hide each other, and before work is done on those hidden.
-    fn cull(&mut self, mesh: Mesh, cameras: &[Camera]) -> Result<Mesh> {
+    fn cull(&mut self, mesh: Mesh, cameras: &[Camera], chosen: bool) -> Result<Mesh> {
         let options = self.options;
-        let views = self.views.as_deref_mut();
+        let views = either(&mut self.views, &mut self.taught);
         let budget = match &views {
             Some(_) => options.backdrop.scene_budget(options.prune.max_triangles),
             None => options.prune.max_triangles,
         };
+        let unseen_options =
+            UnseenOptions { keep_unseen: options.unseen.keep_unseen || chosen, ..options.unseen.clone() };
+        let cameras = if chosen && budget.is_none() { &[] } else { cameras };
         self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
-            unseen(mesh, cameras, views, &options.unseen, budget, details, progress)
+            unseen(mesh, cameras, views, &unseen_options, budget, details, progress)
         })
     }
 
     /// Behind what is left, and before colours are taken from the photos: those of holes are its own.
     fn back(&mut self, mesh: Mesh) -> Result<Mesh> {
         let options = &self.options.backdrop;
-        let (given, views) = (self.backdrop.take(), self.views.as_deref_mut());
+        let (given, views) = (self.backdrop.take(), either(&mut self.views, &mut self.taught));
         let cropped = !self.options.crop.crop.is_empty() && options.backdrop == BackdropWhen::Auto;
         self.report.stage(self.observer, mesh, count_mesh, |mesh, details| match given {
             _ if cropped => Ok(Outcome::Unneeded("the scene is cropped: what was around it is not wanted")),
@@ -272,7 +316,7 @@ impl Recipe<'_> {
 
     /// On what is left: a colour belongs to what a triangle shows when the others are gone.
     fn paint(&mut self, mesh: Mesh) -> Result<Mesh> {
-        let (views, options) = (self.views.as_deref_mut(), &self.options.refit);
+        let (views, options) = (either(&mut self.views, &mut self.taught), &self.options.refit);
         self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
             refit(mesh, views, options, details, progress)
         })
@@ -319,13 +363,15 @@ impl Recipe<'_> {
     /// Coarser copies of the scene, each painted and packaged as the scene was.
     fn levels(&mut self, source: &LevelSource<'_>, provenance: &Provenance) -> Result<Vec<Asset>> {
         let options = self.options;
-        let (views, placement, behind) = (&mut self.views, self.placement, self.backdrop.take());
+        let (mut views, placement) = (either(&mut self.views, &mut self.taught), self.placement);
+        let behind = self.backdrop.take();
         let finish = |mut level: Mesh, mut progress: StageProgress<'_>| {
             let mut of_level = Recipe {
                 options,
                 views: views.as_deref_mut(),
                 report: &mut Report::default(),
                 observer: &mut progress,
+                taught: None,
                 cameras: Vec::new(),
                 backdrop: None,
                 placement,
@@ -345,9 +391,14 @@ impl Recipe<'_> {
 
     /// Mean PSNR of `mesh` on some of the photos, dB, if there are any.
     fn evaluate(&mut self, mesh: &Mesh) -> Result<Option<f64>> {
-        let views = self.views.as_deref_mut().filter(|views| !views.is_empty());
+        let views = either(&mut self.views, &mut self.taught).filter(|views| !views.is_empty());
         views.map(|views| views.mean_psnr(mesh, &views.evenly_spaced(EVALUATION_VIEWS))).transpose()
     }
+}
+
+/// The photos, or the pictures in their place.
+fn either<'v>(photos: &'v mut Option<&mut Views>, taught: &'v mut Option<Views>) -> Option<&'v mut Views> {
+    photos.as_deref_mut().or(taught.as_mut())
 }
 
 fn count(scene: &Scene) -> Counts {

@@ -113,7 +113,7 @@ pub fn unseen(
     let visible_area = visible_px(mesh, cameras, samples, progress.part(0.0, decides_at));
     let mut ranked = rank_by_visibility(mesh, &visible_area);
     let visible = ranked.partition_point(|&f| visible_area[f as usize] > 0.0);
-    if visible == 0 && views.is_some() {
+    if visible == 0 && views.as_ref().is_some_and(|views| !views.is_drawn()) {
         let wants = "photos of this scene: none of its triangles is in any view; was it moved or scaled?";
         return Err(Error::invalid("dataset", "its cameras", wants));
     }

@@ -1,8 +1,9 @@
-//! The photos a bake may look at: what they show decides how important a triangle is and which colour it has.
+//! The photos a bake may look at, or pictures in their place: what they show decides how important a triangle is and
+//! which colour it has.
 
 use crate::asset::Placement;
 use crate::camera::{self, Camera, Viewpoint};
-use crate::dataset::{Dataset, DatasetOptions, Photos};
+use crate::dataset::{Dataset, DatasetOptions, Photo, Photos};
 use crate::error::Result;
 use crate::image::Pixels;
 use crate::math::median::median;
@@ -18,7 +19,7 @@ const NEAR: f32 = 0.01;
 /// Samples per pixel along each axis when a choice depends on what is seen.
 pub const SAMPLES: u32 = 2;
 
-/// Training photos of a data set with their cameras in the frame of the scene that is baked.
+/// Training photos of a data set, or drawn pictures, with their cameras in the frame of the scene that is baked.
 #[derive(Debug)]
 pub struct Views {
     cameras: Vec<Camera>,
@@ -26,6 +27,8 @@ pub struct Views {
     origin: DVec3,
     photos: Photos,
     background: [f32; 3],
+    /// Share of the pictures that is scene, when they are not photos.
+    drawn: Option<f64>,
 }
 
 impl Views {
@@ -37,7 +40,39 @@ impl Views {
             origin: dataset.origin,
             photos: Photos::new(dataset.train().map(|v| v.photo.clone()).collect(), options.photo_bytes()),
             background: options.background.to_f32(),
+            drawn: None,
         }
+    }
+
+    /// Pictures that were drawn for `cameras` in the frame of the scene, over black; their alpha is the part of each
+    /// pixel that triangles cover.
+    pub fn drawn(cameras: Vec<Camera>, pictures: Vec<Pixels>) -> Self {
+        let (mut covered, mut all) = (0, 0);
+        for picture in &pictures {
+            all += 255 * picture.rgb.len() as u64;
+            covered += match &picture.alpha {
+                Some(alpha) => alpha.iter().map(|a| u64::from(*a)).sum(),
+                None => 255 * picture.rgb.len() as u64,
+            };
+        }
+        Self {
+            cameras,
+            points: Vec::new(),
+            origin: DVec3::ZERO,
+            photos: Photos::new(pictures.into_iter().map(Photo::drawn).collect(), 0),
+            background: [0.0; 3],
+            drawn: Some(covered as f64 / (all as f64).max(1.0)),
+        }
+    }
+
+    /// True when these are drawn pictures, not photos.
+    pub fn is_drawn(&self) -> bool {
+        self.drawn.is_some()
+    }
+
+    /// Share of the pictures that is scene, 0 to 1; photos show it everywhere.
+    pub fn covered(&self) -> f64 {
+        self.drawn.unwrap_or(1.0)
     }
 
     /// The initial viewpoint, in the frame of the cameras.
@@ -82,8 +117,12 @@ impl Views {
         self.cameras.iter().map(|c| c.position().distance(center)).fold(0.0, f32::max)
     }
 
-    /// Transforms cameras and points from the world of the photos into the frame of a file that was placed in it.
+    /// Transforms cameras and points from the world of the photos into the frame of a file that was placed in it. Those of
+    /// drawn pictures are there already.
     pub fn transform(&mut self, placement: &Placement) {
+        if self.drawn.is_some() {
+            return;
+        }
         for camera in &mut self.cameras {
             *camera = placed::to_file(camera, placement, self.origin);
         }

@@ -1,6 +1,7 @@
 //! A file as an engine would draw it, baked in memory.
 
 use crate::asset::{Asset, Placement};
+use crate::bake::teacher::TeacherOptions;
 use crate::bake::{BakeOptions, bake};
 use crate::camera::Camera;
 use crate::error::Result;
@@ -21,14 +22,15 @@ pub struct BakedScene {
 }
 
 impl BakedScene {
-    /// Bakes with the default preset. Errors: see [`bake()`].
+    /// Bakes with the default preset, at once: colours stay as they are. Errors: see [`bake()`].
     pub fn new(loaded: Loaded) -> Result<Self> {
         let file_placement = loaded.provenance.placement;
         let soup = match &loaded.scene {
             Scene::Soup(soup) => Some(soup.clone()),
             Scene::Mesh(_) => None,
         };
-        let asset = bake(loaded, &BakeOptions::DEFAULT)?;
+        let options = BakeOptions { teacher: TeacherOptions::OFF, ..BakeOptions::DEFAULT };
+        let asset = bake(loaded, &options)?;
         let bake_placement = file_placement.inverse().then(&asset.provenance.placement);
         Ok(Self { asset, soup, bake_placement })
     }

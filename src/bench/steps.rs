@@ -39,19 +39,22 @@ pub fn steps(
     dataset: &Dataset,
     background: [f32; 3],
 ) -> Result<Vec<EvalStep>> {
-    let Loaded { scene, provenance, .. } = loaded;
+    let Loaded { scene, provenance, cameras, .. } = loaded;
     let factory = StepFactory { dataset, background, samples: options.ssaa };
+    let whole =
+        |soup: Soup| Loaded { provenance: provenance.clone(), cameras: cameras.clone(), ..soup.into() };
     match (scene, options.mode) {
         (Scene::Mesh(_), Some(RenderMode::Soft)) => Err(no_soup(path)),
         (Scene::Mesh(mesh), _) => {
+            let provenance = provenance.clone();
             Ok(vec![factory.solid("solid", Asset { mesh, provenance, ..Asset::default() }, None)])
         }
         (Scene::Soup(soup), Some(RenderMode::Soft)) => Ok(vec![factory.soft(soup, &provenance)]),
         (Scene::Soup(soup), Some(RenderMode::Solid)) => {
-            Ok(vec![factory.solid("solid", baked(soup, provenance)?, None)])
+            Ok(vec![factory.solid("solid", baked(whole(soup))?, None)])
         }
         (Scene::Soup(soup), None) => {
-            let solid = baked(soup.clone(), provenance.clone())?;
+            let solid = baked(whole(soup.clone()))?;
             let (file, bytes) = reread(&solid, &SMALLEST)?;
             Ok(vec![
                 factory.soft(soup, &provenance),
@@ -70,9 +73,7 @@ pub fn no_soup(path: &Path) -> Error {
 }
 
 /// What the bake makes of a soup with default options.
-pub fn baked(mut soup: Soup, provenance: Provenance) -> Result<Asset> {
-    soup.truncate_sh(0);
-    let loaded = Loaded { scene: Scene::Soup(soup), provenance, warnings: Vec::new(), cameras: Vec::new() };
+pub fn baked(loaded: Loaded) -> Result<Asset> {
     bake(loaded, &BakeOptions::DEFAULT)
 }
 

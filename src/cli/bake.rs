@@ -2,15 +2,19 @@
 
 use super::Global;
 use super::files;
+use super::harden::{self, HardenArgs, Hardened};
 use super::layers::Layers;
 use super::progress::Progress;
 use crate::bake::backdrop::BackdropWhen;
+use crate::bake::merge::merge;
+use crate::bake::teacher::{TeacherDetails, TeacherWhen};
 use crate::bake::{Bake, BakeOptions, Views};
 use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
+use crate::formats::info::Softness;
 use crate::formats::output::{self, Output, OutputFormat};
 use crate::formats::{self, ReadOptions};
-use crate::report::Report;
+use crate::report::{Observer, Report};
 use crate::scene::Loaded;
 use clap::ArgMatches;
 use std::path::{Path, PathBuf};
@@ -43,6 +47,9 @@ pub struct BakeArgs {
     /// Posed photos of the scene: triangles that none sees go, and colours are fitted to them
     #[arg(long, value_name = "DATASET")]
     pub dataset: Option<PathBuf>,
+    /// Whether the scene is trained solid first.
+    #[command(flatten)]
+    pub harden: HardenArgs,
     /// The options of the stages.
     #[command(flatten)]
     pub options: BakeOptions,
@@ -63,24 +70,25 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()>
     };
     guard(args, &output)?;
 
-    let mut progress = Progress::new(global).with_flags_of(command());
     let mut report = Report::new("bake");
     report.inputs = args.inputs.iter().map(|p| p.display().to_string()).collect();
     report.options = serde_json::to_value(&options).unwrap_or_default();
     report.dry_run = args.dry_run;
 
-    let mut views = photos(args, &mut report)?;
-    let asset = Bake::new(&options)
-        .photos(views.as_mut())
-        .report(&mut report)
-        .observer(&mut progress)
-        .run(read_all(&args.inputs)?)?;
+    let (scenes, mut views) = scenes(args, &options, &mut report, global)?;
+    let mut progress = Progress::new(global).with_flags_of(command());
+    report.stages.iter().for_each(|stage| progress.finished(stage));
+    let asset =
+        Bake::new(&options).photos(views.as_mut()).report(&mut report).observer(&mut progress).run(scenes)?;
     output::write(&asset, &output, &options.output, args.dry_run, &mut report, &mut progress)?;
     report.seconds = clock.elapsed().as_secs_f64();
 
     progress.done();
     for warning in &report.warnings {
         progress.warn(warning);
+    }
+    if let Some(softness) = report.details::<TeacherDetails>().and_then(|details| details.softness) {
+        progress.line(&soft_note(&softness));
     }
     for file in &report.outputs {
         let verb = if args.dry_run { "would write" } else { "wrote" };
@@ -98,14 +106,50 @@ fn command() -> clap::Command {
     <BakeArgs as clap::Args>::augment_args(clap::Command::new("bake"))
 }
 
-/// The training photos of `--dataset`.
-fn photos(args: &BakeArgs, report: &mut Report) -> Result<Option<Views>> {
+/// How soft the scene was, and what to do about it.
+fn soft_note(softness: &Softness) -> String {
+    let Softness { psnr, pictures } = softness;
+    format!(
+        "soft scene: as solid triangles {psnr:.1} dB from how it was trained to look ({pictures} pictures), before \
+         colours were fitted; --harden trains it solid first"
+    )
+}
+
+/// What is baked, and the photos or pictures that the bake may look at: the inputs, or with `--harden` what training
+/// made of them, which is a stage of `report`.
+fn scenes(
+    args: &BakeArgs,
+    options: &BakeOptions,
+    report: &mut Report,
+    global: &Global,
+) -> Result<(Vec<Loaded>, Option<Views>)> {
+    let dataset = photos(args, report)?;
+    let views = dataset.as_ref().map(|dataset| Views::new(dataset, &args.dataset_options));
+    let inputs = read_all(&args.inputs, sh_degree(args, options))?;
+    if !args.harden.harden {
+        return Ok((inputs, views));
+    }
+    let soft = merge(inputs)?;
+    let hardened = match harden::needless(&soft) {
+        Some(why) => Hardened::needless(soft, why),
+        None => {
+            let most = options.prune.max_triangles;
+            let training = harden::options(&args.harden, soft.scene.triangle_count(), most);
+            harden::harden(&args.inputs[0], soft, dataset.as_ref(), &args.dataset_options, &training, global)?
+        }
+    };
+    report.stages.push(hardened.stage);
+    Ok((vec![hardened.scene], views.or(hardened.taught)))
+}
+
+/// The photos of `--dataset`.
+fn photos(args: &BakeArgs, report: &mut Report) -> Result<Option<Dataset>> {
     let Some(path) = &args.dataset else { return Ok(None) };
     let how = &args.dataset_options;
     let dataset = Dataset::load(path, how)?;
     report.inputs.push(path.display().to_string());
     report.warnings.extend(dataset.warnings.iter().cloned());
-    Ok(Some(Views::new(&dataset, how)))
+    Ok(Some(dataset))
 }
 
 /// Preset, then config file, then the flags really typed.
@@ -135,11 +179,17 @@ fn guard(args: &BakeArgs, output: &Output) -> Result<()> {
     Ok(())
 }
 
-/// Reads every input; only SH degree 0, as the bake uses no more. Readers run one after the other, so
-/// that memory holds one file's spare buffers at a time.
-fn read_all(inputs: &[PathBuf]) -> Result<Vec<Loaded>> {
+/// The degree of the colours that are read: only the teacher draws more than the constant one.
+fn sh_degree(args: &BakeArgs, options: &BakeOptions) -> u8 {
+    let teaches = args.dataset.is_none() && options.teacher.teacher == TeacherWhen::Auto;
+    if teaches || args.harden.harden { 3 } else { 0 }
+}
+
+/// Reads every input, with colours up to `sh_degree`. Readers run one after the other, so that memory holds one file's
+/// spare buffers at a time.
+fn read_all(inputs: &[PathBuf], sh_degree: u8) -> Result<Vec<Loaded>> {
     if inputs.iter().filter(|p| p.as_os_str() == "-").count() > 1 {
         return Err(Error::invalid("IN", "- -", "standard input once"));
     }
-    inputs.iter().map(|path| formats::read(path, &ReadOptions { sh_degree: 0 })).collect()
+    inputs.iter().map(|path| formats::read(path, &ReadOptions { sh_degree })).collect()
 }

@@ -3,9 +3,11 @@
 use super::progress::thousands;
 use super::{files, info_dataset};
 use crate::bake::prune::{PruneDetails, PruneOptions, prune};
+use crate::bake::solid::SolidOptions;
+use crate::bake::teacher::softness;
 use crate::dataset::DatasetOptions;
 use crate::error::{Error, Result};
-use crate::formats::info::{BakeInfo, Distribution, HistogramBin, Info, SceneKind, info};
+use crate::formats::info::{BakeInfo, Distribution, HistogramBin, Info, SceneKind, Softness, info};
 use crate::report::{self, Outcome};
 use crate::scene::Loaded;
 use std::io::{self, Write};
@@ -32,6 +34,7 @@ pub fn run(args: &InfoArgs, out: &mut dyn Write) -> Result<()> {
         return info_dataset::run(&args.input, &args.dataset_options, args.json, out);
     }
     let (mut info, loaded) = info(&args.input)?;
+    info.softness = softness(&loaded, &SolidOptions::DEFAULT).ok().flatten();
     info.bake = would_bake(loaded);
     let printed = if args.json { files::print_json(&info, out) } else { print(&info, out) };
     printed.map_err(|e| Error::io("-", e))
@@ -82,6 +85,9 @@ fn print(info: &Info, out: &mut dyn Write) -> io::Result<()> {
         }
     }
     line(out, "bake", &bake_line(info))?;
+    if let Some(softness) = &info.softness {
+        line(out, "soft", &soft_line(softness))?;
+    }
     info.warnings.iter().try_for_each(|warning| line(out, "warning", warning))
 }
 
@@ -136,6 +142,13 @@ fn bake_line(info: &Info) -> String {
     let causes: Vec<String> = bake.dropped.iter().map(|(cause, count)| format!("{cause} {count}")).collect();
     let share = 100.0 * dropped as f64 / info.triangles.max(1) as f64;
     format!("would drop {} triangles ({share:.1}%: {})", thousands(dropped), causes.join(", "))
+}
+
+fn soft_line(softness: &Softness) -> String {
+    let Softness { psnr, pictures } = softness;
+    format!(
+        "as solid triangles {psnr:.1} dB from how it was trained to look ({pictures} pictures); `bake --harden` trains it solid"
+    )
 }
 
 /// A histogram of text bars; the longest is 40 characters.

@@ -9,6 +9,7 @@ pub mod eval;
 pub mod files;
 pub mod flags;
 pub mod global;
+mod harden;
 pub mod info;
 pub mod info_dataset;
 pub mod layers;

@@ -2,6 +2,7 @@
 //! the stage table.
 
 use super::{Global, flags, messages};
+use crate::bake::teacher::TeacherDetails;
 use crate::report::{Observer, StageReport};
 use indicatif::{HumanCount, HumanDuration, ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
@@ -70,6 +71,13 @@ impl Progress {
         self.line(&format!("warning: {}", flags::spell(warning, &self.command)));
     }
 
+    /// Shows beside the spinner what is being done.
+    pub fn note(&self, text: &str) {
+        if let Some(bar) = &self.bar {
+            bar.set_message(text.to_owned());
+        }
+    }
+
     /// Removes the bar.
     pub fn done(&self) {
         if let Some(bar) = &self.bar {
@@ -132,13 +140,22 @@ fn row(stage: &StageReport) -> String {
         return format!("{name:<11}not needed: {why}");
     }
     let (before, after) = (stage.before.triangles, stage.after.triangles);
-    let counts = if before == after || before == 0 {
+    let counts = if let Some(teacher) = stage.details_as::<TeacherDetails>() {
+        pictures(&teacher)
+    } else if before == after || before == 0 {
         format!("{} triangles", thousands(after))
     } else {
         let change = 100.0 * (after as f64 - before as f64) / before as f64;
         format!("{} → {} ({change:+.1}%)", thousands(before), thousands(after))
     };
     format!("{name:<11}{counts:<36}{:>8.2} s", stage.seconds)
+}
+
+/// What the teacher drew: `106 pictures of 270x480 px`.
+fn pictures(details: &TeacherDetails) -> String {
+    let count = thousands(details.pictures.unwrap_or(0));
+    let [width, height] = details.size_px.unwrap_or_default();
+    format!("{count} pictures of {width}x{height} px")
 }
 
 /// 1234567 as "1,234,567", to be padded like any text.

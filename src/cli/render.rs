@@ -127,10 +127,10 @@ fn check_folder(folder: &Path) -> Result<()> {
 
 /// What was read; a soup that is to be drawn solid is baked.
 fn solid_if_asked(args: &RenderArgs, loaded: Loaded) -> Result<Loaded> {
-    match (loaded.scene, args.render.mode) {
+    match (&loaded.scene, args.render.mode) {
         (Scene::Mesh(_), Some(RenderMode::Soft)) => Err(steps::no_soup(&args.file)),
-        (Scene::Soup(soup), Some(RenderMode::Solid)) => {
-            let asset = steps::baked(soup, loaded.provenance)?;
+        (Scene::Soup(_), Some(RenderMode::Solid)) => {
+            let asset = steps::baked(loaded)?;
             Ok(Loaded {
                 scene: Scene::Mesh(asset.mesh),
                 provenance: asset.provenance,
@@ -138,7 +138,7 @@ fn solid_if_asked(args: &RenderArgs, loaded: Loaded) -> Result<Loaded> {
                 cameras: Vec::new(),
             })
         }
-        (scene, _) => Ok(Loaded { scene, ..loaded }),
+        _ => Ok(loaded),
     }
 }
 

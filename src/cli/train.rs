@@ -2,19 +2,21 @@
 
 use super::Global;
 use super::files;
+use super::harden;
 use super::layers::{self, Layers};
 use super::resume;
 use super::train_args::TrainArgs;
 use super::train_curve;
 use super::train_progress::Bar;
 use crate::atomic::AtomicFile;
+use crate::bake::teacher::is_solid;
 use crate::dataset::Dataset;
 use crate::error::{Error, Result};
 use crate::formats::{self, ReadOptions};
 use crate::report::{OutputReport, Report};
 use crate::scene::Loaded;
 use crate::train::eval::Quality;
-use crate::train::{Checkpoint, Preview, RunOptions, TrainOptions, TrainRun, Trained, checkpoint, teacher};
+use crate::train::{Checkpoint, Preview, RunOptions, TrainOptions, TrainRun, Trained, checkpoint};
 use clap::ArgMatches;
 use indicatif::HumanCount;
 use std::io::Write;
@@ -33,7 +35,7 @@ pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<()
     };
     let read = |path| formats::read(path, &ReadOptions::default());
     let from = args.from.as_deref().map(read).transpose()?;
-    let dataset = dataset(args, from.as_ref(), &options)?;
+    let dataset = dataset(args, from.as_ref(), &options, global)?;
     let warnings: Vec<String> =
         from.iter().flat_map(|scene| &scene.warnings).chain(&dataset.warnings).cloned().collect();
     let run = TrainRun::new(&dataset, &options).with_dataset_options(&args.dataset_options);
@@ -77,12 +79,15 @@ fn checkpoint_to_resume(args: &TrainArgs, matches: &ArgMatches) -> Result<Option
 }
 
 /// The photos, or pictures of the scene that teaches itself.
-fn dataset(args: &TrainArgs, from: Option<&Loaded>, options: &TrainOptions) -> Result<Dataset> {
+fn dataset(
+    args: &TrainArgs,
+    from: Option<&Loaded>,
+    options: &TrainOptions,
+    global: &Global,
+) -> Result<Dataset> {
     let how = &args.dataset_options;
     match (&args.dataset, &args.from, from) {
-        (None, Some(path), Some(scene)) => {
-            teacher::dataset(path, scene, options, how.background.to_f32(), how.photo_bytes())
-        }
+        (None, Some(path), Some(scene)) => harden::draw(path, scene, options, how, global),
         (path, ..) => Dataset::load(path.as_deref().unwrap_or(Path::new("")), how),
     }
 }
@@ -180,6 +185,11 @@ fn summary(args: &TrainArgs, trained: &Trained, bar: &Bar) {
         "wrote {out}: {triangles} triangles, {} steps, {:.1} CPU s{held_out}",
         trained.steps, trained.cpu_secs
     ));
+    if !is_solid(&trained.soup) {
+        bar.line(
+            "the scene is soft, for research; `trisplat bake --harden` makes a file of it that looks like it",
+        );
+    }
     if trained.dropped > 0 {
         bar.line(&format!("warning: {} gradients were not finite and were dropped", trained.dropped));
     }

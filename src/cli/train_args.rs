@@ -8,7 +8,7 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 pub struct TrainArgs {
     /// Folder of posed photos (COLMAP model or transforms.json). Without it the scene of --from teaches itself:
-    /// it is drawn from its stored cameras and from between them.
+    /// it is drawn from its stored cameras and from between them, or from where it can be seen.
     #[arg(value_name = "DATASET", required_unless_present = "from")]
     pub dataset: Option<PathBuf>,
     /// Soup to write, .ply.

@@ -66,8 +66,9 @@ impl Bar {
         }
     }
 
-    /// Takes the bar away; fails when the log could not be written.
+    /// Takes the bar away; fails when the log could not be written. From here on the first Ctrl-C ends the program.
     pub fn done(&mut self) -> Result<()> {
+        self.stop.store(true, Ordering::Relaxed);
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }

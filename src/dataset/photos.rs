@@ -207,7 +207,7 @@ impl Loader {
             let Some(i) = oldest else { return };
             let Some(Ok(pixels)) = state.slots[i].pixels.take() else { return };
             state.resident_bytes -= pixels.bytes();
-            if state.slots[i].cached.is_none() {
+            if state.slots[i].cached.is_none() && self.photos[i].drawn.is_none() {
                 // Without room on the disk either, the file is decoded again when its turn comes.
                 state.slots[i].cached = state.cache.put(&pixels).ok();
             }

@@ -6,10 +6,10 @@
 use super::options::TrainOptions;
 use super::params::{Params, TrainState};
 use super::progress::TrainSample;
-use super::space::Space;
 use super::visibility::VisibilityStats;
 use crate::atomic::AtomicFile;
 use crate::error::{Error, Result};
+use crate::space::Space;
 use bytemuck::{NoUninit, Pod};
 use glam::Vec3;
 use safetensors::tensor::{Dtype, SafeTensorError, SafeTensors, TensorView};

@@ -1,6 +1,5 @@
 //! How close a scene comes to the held-out photos, while it trains.
 
-use super::space::Space;
 use crate::camera::Camera;
 use crate::dataset::View;
 use crate::error::Result;
@@ -11,6 +10,7 @@ use crate::mesh::{Colors, Mesh};
 use crate::raster::soft::{Soft, SoftOptions, SoupRef, Window};
 use crate::raster::solid::{Solid, SolidRasterOptions};
 use crate::soup::{Soup, rgb_from_sh0};
+use crate::space::Space;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;

@@ -175,7 +175,7 @@ mod tests {
     use super::*;
     use crate::dataset::synthetic::{self, SyntheticOptions};
     use crate::dataset::{Dataset, DatasetOptions, View};
-    use crate::train::space::Space;
+    use crate::space::Space;
 
     /// Points on a wall 4 units ahead, and cameras before it.
     fn wall() -> Vec<Vec3> {

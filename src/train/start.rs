@@ -6,7 +6,6 @@ use super::options::TrainOptions;
 use super::params::{Params, TrainState};
 use super::pyramid::Pyramid;
 use super::shell;
-use super::space::Space;
 use super::visibility::VisibilityStats;
 use crate::asset::Placement;
 use crate::camera::Camera;
@@ -14,6 +13,7 @@ use crate::dataset::{Dataset, DatasetKind, Point, View, cloud};
 use crate::error::Result;
 use crate::scene::{Loaded, Scene};
 use crate::soup::Soup;
+use crate::space::Space;
 use glam::Vec3;
 
 /// Where a run stands between two steps.

@@ -8,7 +8,6 @@ use super::progress::TrainSample;
 use super::pyramid::{Pyramid, order};
 use super::refine::{self, Refined, refine};
 use super::schedule::Schedule;
-use super::space::Space;
 use super::start::{self, Position};
 use super::visibility::{PhotoVisibility, VisibilityStats};
 use crate::camera::Camera;
@@ -17,6 +16,7 @@ use crate::error::{Error, Result};
 use crate::raster::soft::{SoftOptions, Window};
 use crate::scene::Loaded;
 use crate::soup::Soup;
+use crate::space::Space;
 
 /// A run between two steps. A pure function of the data set, the options and the steps made: stopping,
 /// writing a checkpoint and resuming elsewhere changes no bit.

@@ -9,3 +9,4 @@ mod levels;
 mod photos;
 mod robustness;
 mod stages;
+mod teacher;

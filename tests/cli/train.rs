@@ -123,7 +123,7 @@ fn nothing_is_replaced_without_force() {
 }
 
 #[test]
-fn a_scene_that_teaches_itself_is_not_overwritten_and_needs_cameras() {
+fn a_scene_that_teaches_itself_is_not_overwritten_and_needs_something_to_show() {
     let folder = tempfile::tempdir().unwrap();
     let run = |arguments: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
@@ -132,13 +132,89 @@ fn a_scene_that_teaches_itself_is_not_overwritten_and_needs_cameras() {
     let samples = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/soups");
     let before = std::fs::read(samples.join("trained.ply")).unwrap();
     std::fs::write(folder.path().join("soft.ply"), &before).unwrap();
-    std::fs::copy(samples.join("studio.ply"), folder.path().join("no cameras.ply")).unwrap();
+    let header = "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\n\
+                  element face 0\nproperty list uchar int vertex_indices\nproperty float opacity\nproperty float sigma\n\
+                  property float f_dc_0\nproperty float f_dc_1\nproperty float f_dc_2\nend_header\n";
+    std::fs::write(folder.path().join("empty.ply"), header).unwrap();
     let said = run(&["--from", "soft.ply", "-o", "soft.ply", "--force", "--steps", "1"]);
     assert!(said.contains("--output is soft.ply: wants a file that is not also the scene"), "{said}");
     assert!(std::fs::read(folder.path().join("soft.ply")).unwrap() == before);
-    let said = run(&["--from", "no cameras.ply", "-o", "solid.ply"]);
-    assert!(said.contains("--from is no cameras.ply: wants photos of it, as it stores no cameras"), "{said}");
+    let said = run(&["--from", "empty.ply", "-o", "solid.ply"]);
+    assert!(said.contains("empty.ply") && said.contains("photos of it"), "{said}");
     let said = run(&["-o", "solid.ply"]);
     assert!(said.contains("<DATASET>"), "{said}");
     assert!(!folder.path().join("solid.ply").exists());
+}
+
+/// What a report says of a stage.
+fn stage(report: &Path, name: &str) -> serde_json::Value {
+    let report: serde_json::Value = serde_json::from_slice(&std::fs::read(report).unwrap()).unwrap();
+    let found = report["stages"].as_array().unwrap().iter().find(|stage| stage["name"] == name);
+    found.unwrap_or_else(|| panic!("no {name} in {report}")).clone()
+}
+
+#[test]
+fn a_soft_scene_is_hardened_and_baked_by_one_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let trained = succeed(&mut train(folder.path(), &["-o", "soft.ply", "--max-triangles", "1500", "-q"]));
+    assert!(stderr(&trained).is_empty());
+    let bake = |flags: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+        command
+            .current_dir(folder.path())
+            .args(["bake", "soft.ply", "--force", "--report", "r.json"])
+            .args(flags);
+        stderr(&succeed(&mut command))
+    };
+    let said = bake(&["-o", "plain.glb"]);
+    assert!(said.contains("soft scene: as solid triangles") && said.contains("--harden"), "{said}");
+    assert!(said.lines().any(|l| l.starts_with("teacher") && l.contains(" pictures of ")), "{said}");
+    let said = bake(&["-o", "hard.glb", "--harden", "--harden-steps", "40"]);
+    assert!(!said.contains("soft scene:"), "{said}");
+    let report = path("r.json");
+    assert_eq!(stage(&report, "train")["details"]["steps"], 40);
+    assert_eq!(stage(&report, "solid")["unneeded"], "every triangle is solid already");
+    assert!(stage(&report, "refit").get("details").is_some(), "the soft pictures are there still");
+    // With photos these are what it is trained on.
+    let photos = dataset();
+    let said = bake(&[
+        "-o",
+        "photos.glb",
+        "--harden",
+        "--harden-steps",
+        "10",
+        "--dataset",
+        photos.to_str().unwrap(),
+    ]);
+    assert!(
+        stage(&report, "train")["details"]["held_out"][0]["name"].as_str().unwrap().contains('.'),
+        "{said}"
+    );
+    // A mesh is solid: nothing to train.
+    std::fs::copy(path("hard.glb"), path("soft.ply")).unwrap();
+    std::fs::rename(path("soft.ply"), path("mesh.glb")).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+    command.current_dir(folder.path()).args(["bake", "mesh.glb", "--harden", "-o", "again.glb"]);
+    let said = stderr(&succeed(&mut command));
+    assert!(
+        said.lines().any(|l| l.starts_with("train") && l.contains("not needed: the input is a mesh")),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_soft_training_says_that_it_is_soft_and_info_how_soft() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = stderr(&succeed(&mut train(folder.path(), &["-o", "soft.ply"])));
+    assert!(said.contains("the scene is soft") && said.contains("bake --harden"), "{said}");
+    let said = stderr(&succeed(&mut train(folder.path(), &["-o", "solid.ply", "--preset", "solid"])));
+    assert!(!said.contains("the scene is soft"), "{said}");
+    let info = |file: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+        let output = succeed(command.current_dir(folder.path()).args(["info", "--json", file]));
+        serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()
+    };
+    assert!(info("soft.ply")["softness"]["psnr"].as_f64().unwrap() < 40.0);
+    assert!(info("solid.ply").get("softness").is_none());
 }

@@ -5,7 +5,8 @@ use glam::{DVec3, Vec3};
 use std::path::Path;
 use trisplat::asset::{Placement, UpAxis};
 use trisplat::dataset::synthetic::{self, SyntheticOptions};
-use trisplat::train::{RunOptions, checkpoint, teacher};
+use trisplat::teacher;
+use trisplat::train::{RunOptions, checkpoint};
 use trisplat::{Bake, BakeOptions, Dataset, DatasetOptions, Loaded, Scene, Soup, placed, train};
 use trisplat::{TrainOptions, TrainPreset, TrainRun, Trained};
 
@@ -37,7 +38,8 @@ fn assert_solid(soup: &Soup) {
 }
 
 fn taught(scene: &Loaded, options: &TrainOptions) -> Dataset {
-    teacher::dataset(Path::new("soft.ply"), scene, options, [0.0; 3], PHOTO_BYTES).unwrap()
+    let drawing = options.drawing([0.0; 3]);
+    teacher::dataset(Path::new("soft.ply"), scene, &drawing, PHOTO_BYTES, &mut |_, _| {}).unwrap()
 }
 
 /// PSNR on the held-out pictures of `dataset` of a soup as an engine draws it.
@@ -146,7 +148,10 @@ fn what_cannot_be_started_from_is_an_error_that_names_the_remedy() {
     let run = TrainRun { from: Some(triangle.clone().into()), ..TrainRun::new(&dataset, &options) };
     let error = run.run(&mut ()).unwrap_err().to_string();
     assert!(error.contains("max_triangles is 2: wants 3 or more"), "{error}");
-    let error = teacher::dataset(Path::new("soft.ply"), &triangle.into(), &options, [0.0; 3], PHOTO_BYTES);
+    let points = Soup { vertices: vec![[Vec3::ONE; 3]; 3], ..triangle };
+    let drawing = options.drawing([0.0; 3]);
+    let error =
+        teacher::dataset(Path::new("soft.ply"), &points.into(), &drawing, PHOTO_BYTES, &mut |_, _| {});
     let error = error.unwrap_err().to_string();
-    assert!(error.contains("soft.ply") && error.contains("stores no cameras"), "{error}");
+    assert!(error.contains("soft.ply") && error.contains("shows nothing"), "{error}");
 }

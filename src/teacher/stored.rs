@@ -1,68 +1,16 @@
-//! A soft scene teaches its own solid twin: pictures of it, from its cameras and from between them, in place of
-//! photos.
+//! The cameras that a scene stores, and cameras between them.
 
-use super::space::Space;
-use super::{from_scene, options::TrainOptions};
-use crate::asset::Placement;
 use crate::camera::Camera;
-use crate::dataset::{Dataset, DatasetKind, Photo, View};
-use crate::error::{Error, Result};
-use crate::raster::soft::{Soft, SoupRef};
-use crate::scene::Loaded;
-use glam::{DVec3, Mat3, Quat};
+use glam::{Mat3, Quat};
 use std::collections::HashSet;
-use std::path::{Path, PathBuf};
 
 /// Cameras are only mixed with one of their nearest neighbours: between far ones may stand a wall.
 const NEIGHBOURS: usize = 2;
 /// Views that look this much apart do not show the same, cosine of the angle.
 const MIN_COSINE: f32 = 0.5;
-/// One picture in so many is held out, to measure the twin on.
-const HELD_OUT: usize = 8;
-
-/// Draws `scene` as it was trained and makes a data set of the pictures, in the frame of its file. Pictures take at most
-/// `max_bytes`: with many cameras, fewer are drawn from between them.
-///
-/// Errors: a scene without cameras.
-pub fn dataset(
-    path: &Path,
-    scene: &Loaded,
-    options: &TrainOptions,
-    background: [f32; 3],
-    max_bytes: u64,
-) -> Result<Dataset> {
-    if scene.cameras.is_empty() {
-        let wants = "photos of it, as it stores no cameras: only soups that `trisplat train` wrote do";
-        return Err(Error::invalid("from", path.display(), wants));
-    }
-    let cameras = viewpoints(&scene.cameras, max_bytes);
-    let (placement, origin) = (Placement::IDENTITY, DVec3::ZERO);
-    let space = Space::new(&scene.cameras, &from_scene::centers(scene, &placement, origin));
-    let soup = from_scene::first_soup(scene, &placement, origin, &space, u64::MAX)?;
-    let drawing = options.drawing(background).with_cap_for(&soup.opacity);
-    let mut soft = Soft::new();
-    let view = |(i, camera): (usize, &Camera)| {
-        let frame = soft.render(&SoupRef::from(&soup), &space.camera_to_training(camera), &drawing);
-        View {
-            name: format!("teacher_{i:05}"),
-            camera: *camera,
-            photo: Photo::drawn(frame.to_pixels()),
-            test: i % HELD_OUT == HELD_OUT / 2,
-        }
-    };
-    Ok(Dataset {
-        path: PathBuf::from(path),
-        kind: DatasetKind::Drawn,
-        views: cameras.iter().enumerate().map(view).collect(),
-        points: Vec::new(),
-        origin,
-        reprojection: None,
-        warnings: Vec::new(),
-    })
-}
 
 /// The cameras themselves, then those half way to each one's nearest neighbours, as many as fit.
-fn viewpoints(cameras: &[Camera], max_bytes: u64) -> Vec<Camera> {
+pub(super) fn viewpoints(cameras: &[Camera], max_bytes: u64) -> Vec<Camera> {
     let bytes = |camera: &Camera| 3 * u64::from(camera.size.x) * u64::from(camera.size.y);
     let mut all = cameras.to_vec();
     let mut left = max_bytes.saturating_sub(cameras.iter().map(bytes).sum());

@@ -1,0 +1,229 @@
+//! Pictures in place of photos: a soft scene is drawn as it was trained, and later stages use its pictures as they use
+//! photos.
+//!
+//! Made solid, each triangle keeps its own colour, but the picture was made of many that blended. What the scene was
+//! trained to look like is known without photos: it is what the soft rasteriser draws.
+
+use super::color::color;
+use super::prune::{PruneDetails, PruneOptions, prune};
+use super::solid::{SolidOptions, area_factor, solid};
+use super::views::{SAMPLES, Views, drawing};
+use crate::camera::Camera;
+use crate::error::Result;
+use crate::formats::info::Softness;
+use crate::math::metric;
+use crate::mesh::Mesh;
+use crate::raster::soft::SoftOptions;
+use crate::raster::solid::Solid;
+use crate::report::{Outcome, StageDetails};
+use crate::scene::{Loaded, Scene};
+use crate::soup::Soup;
+use crate::teacher::{Teacher, ViewpointKind, Viewpoints};
+use glam::UVec2;
+
+/// Pixels of all pictures together; with many or large cameras not all are drawn.
+const MOST_PIXELS: u64 = 12_000_000;
+/// Pictures from chosen viewpoints, the most telling ones: enough for colours, few enough for every bake.
+const CHOSEN_PICTURES: usize = 32;
+/// Pictures that softness is measured on.
+const SOFTNESS_VIEWS: usize = 4;
+/// Their longer side, px.
+const SOFTNESS_PX: u32 = 240;
+/// Pictures that show less of the scene, as a share of their pixels, teach nothing.
+const LEAST_COVERED: f64 = 0.001;
+/// A scene is solid when its triangles cover this share of their area.
+const SOLID_COVER: f64 = 0.95;
+
+/// Whether a soft scene teaches its solid twin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum TeacherWhen {
+    /// When the scene is soft and no photos are given
+    Auto,
+    /// Never
+    Off,
+}
+
+/// Whether pictures of the soft scene take the place of photos.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+#[serde(deny_unknown_fields, default)]
+pub struct TeacherOptions {
+    /// When the soft scene is drawn as it was trained, and its pictures take the place of photos
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = TeacherOptions::DEFAULT.teacher, value_name = "WHEN"))]
+    pub teacher: TeacherWhen,
+}
+
+impl TeacherOptions {
+    /// Draws pictures if there are no photos.
+    pub const DEFAULT: Self = Self { teacher: TeacherWhen::Auto };
+    /// Draws none.
+    pub const OFF: Self = Self { teacher: TeacherWhen::Off };
+}
+
+impl Default for TeacherOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// What was drawn, and how soft the scene is; empty when it is solid.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct TeacherDetails {
+    /// How close the scene comes to its soft pictures when each triangle is made solid as it is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub softness: Option<Softness>,
+    /// Where it was drawn from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub viewpoints: Option<ViewpointKind>,
+    /// Pictures drawn.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pictures: Option<u64>,
+    /// Width and height of the first of them, px.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub size_px: Option<[u32; 2]>,
+    /// Share of the pictures that triangles cover.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub covered: Option<f64>,
+}
+
+impl StageDetails for TeacherDetails {
+    const STAGE: &'static str = "teacher";
+}
+
+/// Draws the pictures of a soft scene into `views`, unless there are `photos`.
+///
+/// Errors: options of the stages that make a scene solid out of range.
+pub fn teacher(
+    views: &mut Option<Views>,
+    scene: &Loaded,
+    photos: bool,
+    options: &TeacherOptions,
+    solidly: &SolidOptions,
+    details: &mut TeacherDetails,
+) -> Result<Outcome<()>> {
+    if options.teacher == TeacherWhen::Off {
+        return Ok(Outcome::Unneeded("`teacher` off"));
+    }
+    let soup = match &scene.scene {
+        Scene::Mesh(_) => return Ok(Outcome::Unneeded("the input is a mesh: its triangles are solid")),
+        Scene::Soup(soup) if is_solid(soup) => {
+            return Ok(Outcome::Unneeded("the scene is solid already"));
+        }
+        Scene::Soup(soup) => soup,
+    };
+    if photos {
+        details.softness = softness_from(soup, &scene.cameras, solidly)?;
+        return Ok(Outcome::Unneeded("there are photos, or pictures already"));
+    }
+    let Some(viewpoints) = viewpoints(scene) else {
+        return Ok(Outcome::Unneeded("the scene stores no cameras and shows nothing from anywhere"));
+    };
+    details.softness = softness_from(soup, &viewpoints.cameras, solidly)?;
+    details.viewpoints = Some(viewpoints.kind);
+    let drawn = pictures(scene, viewpoints.cameras);
+    if drawn.covered() < LEAST_COVERED {
+        return Ok(Outcome::Unneeded("the scene's cameras see nothing of it"));
+    }
+    details.pictures = Some(drawn.len() as u64);
+    details.size_px = drawn.cameras().first().map(|camera| camera.size.to_array());
+    details.covered = Some(drawn.covered());
+    *views = Some(drawn);
+    Ok(Outcome::Changed(()))
+}
+
+/// Where pictures for a bake are drawn from.
+fn viewpoints(scene: &Loaded) -> Option<Viewpoints> {
+    let mut viewpoints = Viewpoints::of(scene, 3 * MOST_PIXELS)?;
+    if viewpoints.kind != ViewpointKind::Stored {
+        viewpoints.cameras.truncate(CHOSEN_PICTURES);
+    }
+    Some(viewpoints)
+}
+
+/// The soft pictures of `scene` from `cameras` in its frame, or from evenly spaced ones of them when all would be too
+/// many.
+pub fn pictures(scene: &Loaded, cameras: Vec<Camera>) -> Views {
+    let cameras = within_budget(cameras);
+    let mut teacher = Teacher::new(scene.scene.to_soup(), &cameras, &SoftOptions::default());
+    let pictures = cameras.iter().map(|camera| teacher.weighted_picture(camera)).collect();
+    Views::drawn(cameras, pictures)
+}
+
+/// Evenly spaced ones of `cameras` when their pictures would be too many.
+fn within_budget(cameras: Vec<Camera>) -> Vec<Camera> {
+    let pixels: u64 = cameras.iter().map(|c| u64::from(c.size.x) * u64::from(c.size.y)).sum();
+    if pixels <= MOST_PIXELS {
+        return cameras;
+    }
+    let share = MOST_PIXELS as f64 / pixels as f64;
+    let count = ((cameras.len() as f64 * share) as usize).max(1);
+    (0..count).map(|i| cameras[i * cameras.len() / count]).collect()
+}
+
+/// True when nothing is lost by making the triangles of `soup` solid: nearly all of their area is opaque.
+pub fn is_solid(soup: &Soup) -> bool {
+    let (mut all, mut covered) = (0.0, 0.0);
+    for (i, [a, b, c]) in soup.vertices.iter().enumerate() {
+        let area = f64::from((*b - *a).cross(*c - *a).length());
+        if area.is_finite() {
+            all += area;
+            covered += area * area_factor(soup.opacity[i].into(), soup.sigma[i].into()).powi(2);
+        }
+    }
+    !(covered < SOLID_COVER * all)
+}
+
+/// How much `scene` loses when its triangles are made solid as they are, on a few small pictures; `None` when it is
+/// solid, or when there is nothing to look at.
+///
+/// Errors: options out of range.
+pub fn softness(scene: &Loaded, solidly: &SolidOptions) -> Result<Option<Softness>> {
+    let Scene::Soup(soup) = &scene.scene else { return Ok(None) };
+    if is_solid(soup) {
+        return Ok(None);
+    }
+    match viewpoints(scene) {
+        Some(viewpoints) => softness_from(soup, &viewpoints.cameras, solidly),
+        None => Ok(None),
+    }
+}
+
+fn softness_from(soup: &Soup, cameras: &[Camera], solidly: &SolidOptions) -> Result<Option<Softness>> {
+    if cameras.is_empty() {
+        return Ok(None);
+    }
+    let Some(mesh) = solid_mesh(soup, solidly)? else { return Ok(None) };
+    let mut teacher = Teacher::new(soup.clone(), cameras, &SoftOptions::default());
+    let (drawing, mut solid) = (drawing(cameras, &mesh, SAMPLES), Solid::new());
+    let count = SOFTNESS_VIEWS.min(cameras.len());
+    let psnr = |i: usize| {
+        let camera = small(&cameras[i * cameras.len() / count]);
+        let (soft, solid) = (teacher.picture(&camera), solid.render(&mesh, &camera, &drawing));
+        metric::psnr(&soft.rgb, &solid.rgb, None)
+    };
+    let psnr = (0..count).map(psnr).sum::<f64>() / count as f64;
+    Ok(Some(Softness { psnr, pictures: count as u64 }))
+}
+
+/// The triangles of `soup`, solid; `None` when nothing is left to draw.
+fn solid_mesh(soup: &Soup, options: &SolidOptions) -> Result<Option<Mesh>> {
+    let mut scene = Scene::Soup(soup.clone());
+    if prune(&mut scene, &PruneOptions::DEFAULT, &mut PruneDetails::default()).is_err() {
+        return Ok(None);
+    }
+    let Scene::Soup(mut soup) = scene else { return Ok(None) };
+    soup.truncate_sh(0);
+    solid(&mut soup, options, &mut Default::default())?;
+    Ok(Some(color(soup, &mut Default::default())?))
+}
+
+/// The same camera with a small picture.
+fn small(camera: &Camera) -> Camera {
+    let longer = camera.size.max_element();
+    if longer <= SOFTNESS_PX {
+        return *camera;
+    }
+    camera.resized((camera.size * SOFTNESS_PX / longer).max(UVec2::ONE))
+}

@@ -1,0 +1,115 @@
+//! What a scene shows from somewhere, measured on a small picture.
+
+use crate::camera::Camera;
+use crate::raster::soft::{Soft, SoftOptions, SoupRef};
+use crate::soup::Soup;
+use glam::{Mat3, UVec2, Vec2, Vec3};
+
+/// Width and height of the pictures that a scene is surveyed with, px.
+const SIDE: u32 = 32;
+/// A soup of more triangles is thinned: every k-th is drawn, as large as k.
+const MOST_TRIANGLES: usize = 20_000;
+/// Most middles of triangles that are looked for in pictures.
+const MOST_MIDDLES: usize = 8000;
+/// A triangle this many times as far as the surface before it is hidden.
+const BEHIND: f32 = 1.1;
+/// A pixel that is covered less shows no depth.
+const LEAST_COVER: f32 = 0.1;
+/// Near plane in units of the scene.
+const NEAR: f32 = 0.01;
+
+/// Takes small pictures of a soup whose unit is the scene's.
+#[derive(Debug)]
+pub(super) struct Survey {
+    soup: Soup,
+    soft: Soft,
+}
+
+/// What a camera sees.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Sight {
+    /// Share of the picture that triangles cover.
+    pub(super) covered: f32,
+    /// Share of the picture in which something is nearer than `clearance`.
+    pub(super) crowded: f32,
+}
+
+impl Survey {
+    /// Of `soup`, which is thinned if it is large.
+    pub(super) fn new(mut soup: Soup) -> Self {
+        soup.truncate_sh(0);
+        let k = soup.len().div_ceil(MOST_TRIANGLES).max(1);
+        if k > 1 {
+            soup.retain(|i| i % k == 0);
+            let grown = (k as f32).sqrt();
+            for corners in &mut soup.vertices {
+                let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+                *corners = corners.map(|v| middle + (v - middle) * grown);
+            }
+        }
+        Self { soup, soft: Soft::new() }
+    }
+
+    /// Middles of some of the triangles.
+    pub(super) fn middles(&self) -> Vec<Vec3> {
+        let step = self.soup.len().div_ceil(MOST_MIDDLES).max(1);
+        self.soup.vertices.iter().step_by(step).map(|[a, b, c]| (*a + *b + *c) / 3.0).collect()
+    }
+
+    /// Which of `middles` the camera of the last look has in its picture and before it.
+    pub(super) fn seen(&self, camera: &Camera, middles: &[Vec3]) -> Vec<bool> {
+        let camera = camera.resized(UVec2::splat(SIDE));
+        let frame = self.soft.frame();
+        let is_seen = |middle: &Vec3| {
+            let q = camera.rotation * *middle + camera.translation;
+            if !(q.z > NEAR) {
+                return false;
+            }
+            let pixel = (q.truncate() / q.z * camera.focal + camera.center).floor();
+            let side = SIDE as f32;
+            if !(pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < side && pixel.y < side) {
+                return false;
+            }
+            let depth = frame.median_depth[(pixel.y * side + pixel.x) as usize];
+            depth == 0.0 || q.z < depth * BEHIND
+        };
+        middles.iter().map(is_seen).collect()
+    }
+
+    /// What `camera` sees, whatever the size of its picture; `clearance` is the depth below which something stands in
+    /// the way.
+    pub(super) fn look(&mut self, camera: &Camera, clearance: f32) -> Sight {
+        let camera = camera.resized(UVec2::splat(SIDE));
+        let options = SoftOptions {
+            near: NEAR,
+            // A thinned triangle may be as small as a pixel and still count.
+            fade_px: 0.0,
+            geometry: true,
+            ..SoftOptions::default()
+        };
+        let frame = self.soft.render(&SoupRef::from(&self.soup), &camera, &options);
+        let (mut covered, mut crowded) = (0.0, 0.0);
+        for (transmittance, depth) in frame.transmittance.iter().zip(&frame.depth) {
+            let cover = 1.0 - transmittance;
+            covered += cover;
+            if cover > LEAST_COVER && depth / cover < clearance {
+                crowded += cover;
+            }
+        }
+        let pixels = frame.transmittance.len() as f32;
+        Sight { covered: covered / pixels, crowded: crowded / pixels }
+    }
+}
+
+/// A square camera at `eye` that looks at `target`.
+pub(super) fn camera(eye: Vec3, target: Vec3, up: Vec3, fov_degrees: f32, side: u32) -> Camera {
+    let focal = side as f32 / 2.0 / (fov_degrees.to_radians() / 2.0).tan();
+    let lens = Camera {
+        rotation: Mat3::IDENTITY,
+        translation: Vec3::ZERO,
+        focal: Vec2::splat(focal),
+        center: Vec2::splat(side as f32 / 2.0),
+        size: UVec2::splat(side),
+    };
+    lens.looking(eye, target, up)
+}

@@ -1,0 +1,42 @@
+//! Where a scene is looked at from.
+
+use super::{chosen, stored};
+use crate::camera::Camera;
+use crate::scene::Loaded;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Where viewpoints come from.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum ViewpointKind {
+    /// The cameras that the scene stores, and cameras between them.
+    #[default]
+    Stored,
+    /// Chosen around an object.
+    Around,
+    /// Chosen inside a scene that has surroundings.
+    Inside,
+}
+
+/// Where a scene is looked at from, in the frame of its file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Viewpoints {
+    /// Where they come from.
+    pub kind: ViewpointKind,
+    /// One camera per picture.
+    pub cameras: Vec<Camera>,
+}
+
+impl Viewpoints {
+    /// Those of `scene`: all cameras that it stores and as many others as fit into `max_bytes` of 8-bit pictures, or
+    /// chosen ones. `None` when it stores none and shows nothing from anywhere.
+    pub fn of(scene: &Loaded, max_bytes: u64) -> Option<Self> {
+        if scene.cameras.is_empty() {
+            let chosen = chosen::viewpoints(scene)?;
+            let kind = if chosen.inside { ViewpointKind::Inside } else { ViewpointKind::Around };
+            return Some(Self { kind, cameras: chosen.cameras });
+        }
+        Some(Self { kind: ViewpointKind::Stored, cameras: stored::viewpoints(&scene.cameras, max_bytes) })
+    }
+}
