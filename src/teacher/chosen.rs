@@ -223,29 +223,8 @@ mod tests {
         Soup { vertices, opacity: vec![0.95; n], sigma: vec![0.1; n], sh: vec![[0.3; 3]; n], sh_degree: 0 }
     }
 
-    /// A closed room of ±3 with things that stand around its middle.
-    fn room() -> Soup {
-        let wall = |i: usize| {
-            let (side, at) = (i / 400, Vec3::new((i % 20) as f32, (i / 20 % 20) as f32, 20.0) * 0.3 - 3.0);
-            let at = if side % 2 == 0 { at } else { Vec3::new(at.x, at.y, -at.z) };
-            [at, Vec3::new(at.y, at.z, at.x), Vec3::new(at.z, at.x, at.y)][side / 2]
-        };
-        let mut room = soup((0..2400).map(wall), 1.2);
-        let thing = |i: usize| {
-            let (sin, cos) = ((i % 6) as f32 * std::f32::consts::FRAC_PI_3).sin_cos();
-            let spread = direction(i / 6, 500) * 0.4;
-            Vec3::new(2.2 * cos, 2.0, 2.2 * sin) + spread
-        };
-        room.append(soup((0..3000).map(thing), 0.1));
-        room
-    }
-
     #[test]
-    fn a_room_is_seen_from_within_and_a_thing_from_around() {
-        let Some(chosen) = viewpoints(&room().into()) else { panic!("a room can be looked at") };
-        assert!(chosen.inside && chosen.cameras.len() >= LEAST_INSIDE);
-        let within = |camera: &Camera| camera.position().abs().max_element() < 3.0;
-        assert!(chosen.cameras.iter().all(|c| within(c) && c.validate().is_ok()), "an eye behind a wall");
+    fn a_thing_is_seen_from_around() {
         let thing = soup((0..2000).map(|i| direction(i, 2000) * Vec3::new(1.0, 2.0, 0.5) + 7.0), 0.2);
         let Some(chosen) = viewpoints(&thing.into()) else { panic!("a thing can be looked at") };
         assert!(!chosen.inside && chosen.cameras.len() == PICTURES);
