@@ -27,7 +27,7 @@ fn bake_bytes_drops_the_faint_and_makes_a_glb() {
 fn train_and_bake_writes_a_glb_that_reads_back() {
     let folder = tempfile::tempdir().unwrap();
     let samples = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/dataset");
-    let printed = run("train_and_bake", folder.path(), &[samples.to_str().unwrap(), "out.glb", "30"]);
+    let printed = run("train_and_bake", folder.path(), &[samples.to_str().unwrap(), "out.glb", "200"]);
     let scene = read(&folder.path().join("out.glb"), &ReadOptions::default()).unwrap().scene;
     assert!(
         scene.triangle_count() > 100 && printed.contains(&format!("{} triangles", scene.triangle_count())),

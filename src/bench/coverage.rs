@@ -159,7 +159,7 @@ mod tests {
 
     #[test]
     fn the_synthetic_scene_is_covered_as_its_rays_say() {
-        let options = SyntheticOptions { views: 12, width: 64, ..SyntheticOptions::default() };
+        let options = SyntheticOptions { views: 12, width: 160, ..SyntheticOptions::default() };
         let all: Vec<View> = (0..12).map(|i| view(&i.to_string(), synthetic::camera(&options, i))).collect();
         let (held_out, training): (Vec<&View>, Vec<&View>) = all.iter().partition(|v| v.name == "5");
         let ray = |camera: &Camera, x: u32, y: u32| {

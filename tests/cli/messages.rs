@@ -109,15 +109,16 @@ fn eval_prints_a_table_or_json_on_standard_output() {
     let table = stdout(&trisplat(&eval));
     let rows: Vec<Vec<&str>> = table.lines().map(|line| line.split_whitespace().collect()).collect();
     assert_eq!(rows[0], ["photo", "step", "PSNR", "dB", "SSIM", "FLIP"]);
-    assert_eq!(rows.len(), 7, "a header, 5 photos and a mean: {table}");
+    assert_eq!(rows.len(), 8, "a header, 5 photos, a mean and the coverage: {table}");
     let psnr = |row: &[&str]| row[2].parse::<f64>().unwrap();
     let mean = rows[1..6].iter().map(|row| psnr(row)).sum::<f64>() / 5.0;
     assert!(rows[6][0] == "mean" && (psnr(&rows[6]) - mean).abs() < 2e-3, "{table}");
+    assert!(table.lines().last().unwrap().contains("show what at least two training photos see"), "{table}");
     assert!(table.contains("5 photos, ") && table.contains("4×4 samples per pixel"), "{table}");
 
     let quiet = trisplat(&[&eval[..], &[&"--quiet"]].concat());
     assert!(quiet.stderr.is_empty());
-    assert_eq!(stdout(&quiet).lines().count(), 2, "the header and the mean");
+    assert_eq!(stdout(&quiet).lines().count(), 3, "the header, the mean and the coverage");
 
     let json: serde_json::Value =
         serde_json::from_str(&stdout(&trisplat(&[&eval[..], &[&"--json"]].concat()))).unwrap();
@@ -143,7 +144,8 @@ fn training_and_evaluation_say_the_same_of_a_solid_soup() {
     assert!(held_out.ends_with("(solid, 4×4 samples per pixel)"), "{held_out}");
     let eval =
         stdout(&trisplat(&[&"eval", &out, &dataset(), &"--max-size", &"80", &"--as", &"solid", &"-q"]));
-    let eval_psnr: f64 = eval.lines().last().unwrap().split_whitespace().nth(2).unwrap().parse().unwrap();
+    let mean = eval.lines().find(|line| line.starts_with("mean")).unwrap();
+    let eval_psnr: f64 = mean.split_whitespace().nth(2).unwrap().parse().unwrap();
     assert!((train_psnr - eval_psnr).abs() < 0.1, "{train_psnr} while training, {eval_psnr} after: {eval}");
 }
 
