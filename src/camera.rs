@@ -160,7 +160,8 @@ mod tests {
         assert!(viewpoint.up[1] < -0.5 && (viewpoint.fov - 53.130_102).abs() < 1e-4, "{viewpoint:?}");
         let there = viewpoint.camera(CAMERA.size);
         assert!(
-            there.rotation.row(2).distance(cameras[0].rotation.row(2)) < 1e-4 && near(viewpoint.eye, there.position())
+            there.rotation.row(2).distance(cameras[0].rotation.row(2)) < 1e-4
+                && near(viewpoint.eye, there.position())
         );
         assert!((there.focal - CAMERA.focal).length() < 1e-3, "{there:?}");
         assert!((viewpoint.distance() - eyes[0].distance(target)).abs() < 1e-4);

@@ -264,7 +264,9 @@ fn the_backdrop_stays_apart_from_the_scene_and_through_another_bake() {
     assert_eq!((bvh.face_count as usize, bvh.roots.len()), (scene, first.chunks.len() - 1));
     assert_eq!((first.levels[0].provenance.backdrop, first.levels[0].mesh.face_count()), (0, scene / 2));
     let far = |mesh: &Mesh, face: usize| mesh.corners(face).into_iter().all(|v| v.length() > 3.0);
-    assert!((scene..scene + 128).all(|face| far(&first.mesh, face)) && !(0..scene).any(|f| far(&first.mesh, f)));
+    assert!(
+        (scene..scene + 128).all(|face| far(&first.mesh, face)) && !(0..scene).any(|f| far(&first.mesh, f))
+    );
     let (front, behind) = first.apart().unwrap();
     assert_eq!((front.mesh.face_count(), behind.mesh.face_count()), (scene, 128));
     assert_eq!((front.provenance.backdrop, behind.scene_faces()), (0, 0));

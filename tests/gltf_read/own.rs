@@ -206,7 +206,10 @@ fn a_backdrop_is_a_node_of_its_own_and_comes_back_last() {
             let length = u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]) as usize;
             let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).expect("JSON");
             let last = |list: &str| json[list].as_array().and_then(|l| l.last().cloned()).expect("some");
-            assert_eq!((&last("nodes")["name"], &last("meshes")["name"]), (&"backdrop".into(), &"backdrop".into()));
+            assert_eq!(
+                (&last("nodes")["name"], &last("meshes")["name"]),
+                (&"backdrop".into(), &"backdrop".into())
+            );
             let material = last("meshes")["primitives"][0]["material"].as_u64().expect("a material");
             assert_eq!((material, json["materials"].as_array().map(Vec::len)), (1, Some(2)));
             assert_eq!(json["materials"][1]["name"], wants);
