@@ -198,7 +198,7 @@ fn a_backdrop_is_a_node_of_its_own_and_comes_back_last() {
         for (material_name, wants) in [("trisplat", "backdrop"), ("trisplat-vcol", "backdrop-vcol")] {
             let options = GltfOptions {
                 material_name: material_name.into(),
-                colors: ColorEncoding::U16Linear,
+                colors: ColorEncoding::F32Linear,
                 ..GltfOptions::default()
             };
             let mut bytes = Vec::new();
