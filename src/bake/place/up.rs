@@ -327,7 +327,7 @@ mod tests {
         assert!(surface.share > 0.2 && (2.0..6.5).contains(&surface.degrees), "{surface:?}");
         for other in [table(tilted(40.0), 6000), table(tilted(4.0), 0)] {
             let alone = estimate_of(&other, &cameras).expect("cameras");
-            assert!(alone.surface.is_none() && degrees(&alone, up) < 1.5, "{alone:?}");
+            assert!(alone.surface.is_none() && degrees(&alone, up) < 3.0, "{alone:?}");
         }
     }
 
