@@ -132,15 +132,17 @@ fn a_scene_that_teaches_itself_is_not_overwritten_and_needs_something_to_show() 
     let samples = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/soups");
     let before = std::fs::read(samples.join("trained.ply")).unwrap();
     std::fs::write(folder.path().join("soft.ply"), &before).unwrap();
-    let header = "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\n\
-                  element face 0\nproperty list uchar int vertex_indices\nproperty float opacity\nproperty float sigma\n\
-                  property float f_dc_0\nproperty float f_dc_1\nproperty float f_dc_2\nend_header\n";
-    std::fs::write(folder.path().join("empty.ply"), header).unwrap();
+    // A triangle without extent, which nothing can be seen of.
+    let point = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                  element face 1\nproperty list uchar int vertex_indices\nproperty float opacity\nproperty float sigma\n\
+                  property float f_dc_0\nproperty float f_dc_1\nproperty float f_dc_2\nend_header\n\
+                 0 0 0\n0 0 0\n0 0 0\n3 0 1 2 0.5 1 0 0 0\n";
+    std::fs::write(folder.path().join("point.ply"), point).unwrap();
     let said = run(&["--from", "soft.ply", "-o", "soft.ply", "--force", "--steps", "1"]);
     assert!(said.contains("--output is soft.ply: wants a file that is not also the scene"), "{said}");
     assert!(std::fs::read(folder.path().join("soft.ply")).unwrap() == before);
-    let said = run(&["--from", "empty.ply", "-o", "solid.ply"]);
-    assert!(said.contains("empty.ply") && said.contains("photos of it"), "{said}");
+    let said = run(&["--from", "point.ply", "-o", "solid.ply"]);
+    assert!(said.contains("point.ply") && said.contains("photos of it"), "{said}");
     let said = run(&["-o", "solid.ply"]);
     assert!(said.contains("<DATASET>"), "{said}");
     assert!(!folder.path().join("solid.ply").exists());
@@ -157,7 +159,10 @@ fn stage(report: &Path, name: &str) -> serde_json::Value {
 fn a_soft_scene_is_hardened_and_baked_by_one_command() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
-    let trained = succeed(&mut train(folder.path(), &["-o", "soft.ply", "--max-triangles", "1500", "-q"]));
+    let trained = succeed(&mut train(
+        folder.path(),
+        &["-o", "soft.ply", "--preset", "outdoor", "--max-triangles", "1500", "-q"],
+    ));
     assert!(stderr(&trained).is_empty());
     let bake = |flags: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
@@ -206,9 +211,9 @@ fn a_soft_scene_is_hardened_and_baked_by_one_command() {
 #[test]
 fn a_soft_training_says_that_it_is_soft_and_info_how_soft() {
     let folder = tempfile::tempdir().unwrap();
-    let said = stderr(&succeed(&mut train(folder.path(), &["-o", "soft.ply"])));
+    let said = stderr(&succeed(&mut train(folder.path(), &["-o", "soft.ply", "--preset", "outdoor"])));
     assert!(said.contains("the scene is soft") && said.contains("bake --harden"), "{said}");
-    let said = stderr(&succeed(&mut train(folder.path(), &["-o", "solid.ply", "--preset", "solid"])));
+    let said = stderr(&succeed(&mut train(folder.path(), &["-o", "solid.ply"])));
     assert!(!said.contains("the scene is soft"), "{said}");
     let info = |file: &str| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));

@@ -78,6 +78,7 @@ fn incenter(corners: &[Vec3; 3]) -> (DVec3, DVec3) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bake::teacher::TeacherOptions;
     use crate::bake::{BakeOptions, bake};
     use crate::bench::scenes::{self, SampleScene};
     use crate::scene::{Loaded, Scene};
@@ -93,6 +94,8 @@ mod tests {
         };
         let mut options = BakeOptions::DEFAULT;
         options.bvh.bvh = true;
+        // Colours as they are.
+        options.teacher = TeacherOptions::OFF;
         let asset = bake(loaded, &options).unwrap();
         let placement = asset.provenance.placement;
         let to_soup = |v: Vec3| placement.to_world(v);
