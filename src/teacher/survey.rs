@@ -11,9 +11,8 @@ const SIDE: u32 = 32;
 const MOST_TRIANGLES: usize = 20_000;
 /// Most middles of triangles that are looked for in pictures.
 const MOST_MIDDLES: usize = 8000;
-/// A triangle this much farther than the surface before it is hidden, in units of the scene: a share of the depth would let
-/// cameras far outside a room see through its walls.
-const BEHIND: f32 = 0.15;
+/// A triangle this many times as far as the surface before it is hidden.
+const BEHIND: f32 = 1.1;
 /// A pixel that is covered less shows no depth.
 const LEAST_COVER: f32 = 0.1;
 /// Near plane in units of the scene.
@@ -72,7 +71,7 @@ impl Survey {
                 return false;
             }
             let depth = frame.median_depth[(pixel.y * side + pixel.x) as usize];
-            depth == 0.0 || q.z < depth + BEHIND
+            depth == 0.0 || q.z < depth * BEHIND
         };
         middles.iter().map(is_seen).collect()
     }

@@ -4,6 +4,7 @@ use super::StopAfter;
 use glam::{DVec3, Vec3};
 use std::path::Path;
 use trisplat::asset::{Placement, UpAxis};
+use trisplat::bake::teacher::TeacherOptions;
 use trisplat::dataset::synthetic::{self, SyntheticOptions};
 use trisplat::teacher;
 use trisplat::train::{RunOptions, checkpoint};
@@ -53,8 +54,13 @@ fn solid_psnr(soup: &Soup, dataset: &Dataset) -> f64 {
 fn a_soft_scene_hardened_by_photos_is_solid_and_better_than_its_plain_bake() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = photos(folder.path());
-    let soft = soft_scene(&dataset);
-    let plain = Bake::new(&BakeOptions::default()).run([soft.clone()]).unwrap();
+    // Without a shell, which is solid from the start, and with its colours as they are.
+    let mut soft_only =
+        TrainOptions { steps: 400, max_triangles: 1500, ..TrainOptions::preset(TrainPreset::Outdoor) };
+    soft_only.init.shell_subdivisions = 0;
+    let soft = train(&dataset, &soft_only).unwrap();
+    let no_teacher = BakeOptions { teacher: TeacherOptions::OFF, ..BakeOptions::default() };
+    let plain = Bake::new(&no_teacher).run([soft.clone()]).unwrap();
     let options = hardening(400);
     let run = TrainRun { from: Some(soft.clone().into()), ..TrainRun::new(&dataset, &options) };
     let hardened = run.run(&mut ()).unwrap();

@@ -175,24 +175,13 @@ fn write_photos(folder: &Path) {
 fn a_window_shows_what_the_cpu_draws_and_follows_mouse_and_keys() {
     let Some(mut desk) = Desk::new() else { return };
     desk.run(&["sample", "studio", "--triangles", "4000", "-o", "studio.ply"]);
+    // A file: `render` takes the colours of a soft soup from its soft pictures, the window shows them as they are.
+    desk.run(&["bake", "studio.ply", "-o", "studio.glb", "--teacher", "off"]);
     write_photos(&desk.at("photos"));
-    desk.run(&[
-        "render",
-        "studio.ply",
-        "-o",
-        "cpu",
-        "--as",
-        "solid",
-        "--ssaa",
-        "1",
-        "--dataset",
-        "photos",
-        "--split",
-        "all",
-    ]);
+    desk.run(&["render", "studio.glb", "-o", "cpu", "--ssaa", "1", "--dataset", "photos", "--split", "all"]);
     let view = [
         "view",
-        "studio.ply",
+        "studio.glb",
         "--dataset",
         "photos",
         "--size",
