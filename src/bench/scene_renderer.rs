@@ -10,6 +10,7 @@ use crate::raster::soft::{Frame, Soft, SoftOptions, SoupRef};
 use crate::raster::solid::{NO_FACE, Solid, SolidRasterOptions};
 use crate::soup::Soup;
 use crate::space::Space;
+#[cfg(feature = "cli")]
 use crate::train::eval::SOLID_SAMPLES;
 use crate::view::show;
 use glam::{DVec3, UVec2, Vec3};
