@@ -171,7 +171,6 @@ impl Recipe<'_> {
         // Cameras that were chosen by us have not seen everything there is: they rank triangles, but drop none as unseen.
         let chosen = cameras.is_empty();
         if let Some(taught) = self.taught.as_ref().filter(|_| chosen) {
-            provenance.viewpoint = provenance.viewpoint.or_else(|| taught.viewpoint());
             cameras = taught.cameras().to_vec();
         }
         if let Scene::Soup(soup) = &mut scene {
