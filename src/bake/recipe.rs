@@ -113,19 +113,12 @@ impl<'a> Bake<'a> {
     pub fn run<S: Into<Loaded>>(self, inputs: impl IntoIterator<Item = S>) -> Result<Asset> {
         self.options.validate()?;
         let (mut own_report, mut no_observer) = (Report::default(), ());
-        let recipe = Recipe {
-            options: self.options,
-            views: self.views,
-            report: self.report.unwrap_or(&mut own_report),
-            observer: match self.observer {
-                Some(observer) => observer,
-                None => &mut no_observer,
-            },
-            taught: None,
-            cameras: Vec::new(),
-            backdrop: None,
-            placement: None,
+        let observer = match self.observer {
+            Some(observer) => observer,
+            None => &mut no_observer,
         };
+        let report = self.report.unwrap_or(&mut own_report);
+        let recipe = Recipe::new(self.options, self.views, report, observer);
         recipe.run(inputs.into_iter().map(Into::into).collect())
     }
 }
@@ -146,7 +139,17 @@ struct Recipe<'a> {
     placement: Option<Placement>,
 }
 
-impl Recipe<'_> {
+impl<'a> Recipe<'a> {
+    fn new(
+        options: &'a BakeOptions,
+        views: Option<&'a mut Views>,
+        report: &'a mut Report,
+        observer: &'a mut dyn Observer,
+    ) -> Self {
+        let (taught, cameras, backdrop, placement) = (None, Vec::new(), None, None);
+        Self { options, views, report, observer, taught, cameras, backdrop, placement }
+    }
+
     fn run(mut self, inputs: Vec<Loaded>) -> Result<Asset> {
         let inputs = self.of_one_kind(inputs)?;
         let mut loaded = merge(inputs)?;
@@ -179,7 +182,8 @@ impl Recipe<'_> {
         }
         let mesh = self.solidify(scene, &cameras)?;
         let mesh = self.cull(mesh, &cameras, chosen)?;
-        if let Some(views) = self.views.as_deref_mut() {
+        // Drawn pictures show the scene they were drawn of.
+        if let Some(views) = self.views.as_deref_mut().filter(|views| !views.is_drawn()) {
             self.report.warnings.extend(fit::warning(&mesh, views)?);
         }
 
@@ -212,16 +216,8 @@ impl Recipe<'_> {
         let mut options = self.options.clone();
         options.prune.max_triangles = None;
         let mut unread = Report::default();
-        let mut of_soup = Recipe {
-            options: &options,
-            views: None,
-            report: &mut unread,
-            observer: &mut (),
-            taught: None,
-            cameras: Vec::new(),
-            backdrop: None,
-            placement: None,
-        };
+        let mut nobody = ();
+        let mut of_soup = Recipe::new(&options, None, &mut unread, &mut nobody);
         let mut solidified = |mut loaded: Loaded| match &mut loaded.scene {
             Scene::Soup(soup) => {
                 soup.truncate_sh(0);
@@ -365,16 +361,9 @@ impl Recipe<'_> {
         let (mut views, placement) = (either(&mut self.views, &mut self.taught), self.placement);
         let behind = self.backdrop.take();
         let finish = |mut level: Mesh, mut progress: StageProgress<'_>| {
-            let mut of_level = Recipe {
-                options,
-                views: views.as_deref_mut(),
-                report: &mut Report::default(),
-                observer: &mut progress,
-                taught: None,
-                cameras: Vec::new(),
-                backdrop: None,
-                placement,
-            };
+            let mut unread = Report::default();
+            let of_level = Recipe::new(options, views.as_deref_mut(), &mut unread, &mut progress);
+            let mut of_level = Recipe { placement, ..of_level };
             // Photos show the backdrop too, but there is one for all levels.
             let faces = level.face_count();
             behind.clone().map_or(Ok(()), |backdrop| level.append(backdrop))?;
