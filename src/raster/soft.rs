@@ -14,8 +14,10 @@ mod forward;
 mod frame;
 mod gather;
 mod importance;
+mod open_tiles;
 mod options;
 mod project;
+mod slabs;
 mod slots;
 mod sort;
 mod soup_grad;
@@ -33,7 +35,9 @@ pub use soup_grad::SoupGrad;
 pub use soup_ref::SoupRef;
 
 use crate::camera::Camera;
+use forward::Slab;
 use gather::PairGrads;
+use slabs::SlabTarget;
 use slots::{GradSlots, WeightSlot};
 use splats::Projection;
 use std::time::Instant;
@@ -41,7 +45,7 @@ use tile_pixels::TilePixels;
 use tiles::Tiles;
 
 /// The rasteriser: scratch memory that is reused from frame to frame.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Soft {
     projection: Projection,
     tiles: Tiles,
@@ -50,6 +54,23 @@ pub struct Soft {
     weights: Vec<WeightSlot>,
     frame: Frame,
     timings: Vec<(&'static str, f64)>,
+    /// Pairs of splats and tiles that are drawn at once; tests ask for few.
+    pairs_per_slab: u64,
+}
+
+impl Default for Soft {
+    fn default() -> Self {
+        Self {
+            projection: Projection::default(),
+            tiles: Tiles::default(),
+            pixels: Vec::new(),
+            slots: GradSlots::default(),
+            weights: Vec::new(),
+            frame: Frame::default(),
+            timings: Vec::new(),
+            pairs_per_slab: slabs::PAIRS_PER_SLAB,
+        }
+    }
 }
 
 /// A stopwatch for the parts of a frame.
@@ -62,7 +83,11 @@ impl Clock {
 
     fn lap(&mut self, part: &'static str, out: &mut Vec<(&'static str, f64)>) {
         let now = Instant::now();
-        out.push((part, (now - self.0).as_secs_f64() * 1e3));
+        let ms = (now - self.0).as_secs_f64() * 1e3;
+        match out.iter_mut().find(|(name, _)| *name == part) {
+            Some((_, sum)) => *sum += ms,
+            None => out.push((part, ms)),
+        }
         self.0 = now;
     }
 }
@@ -81,11 +106,17 @@ impl Soft {
         clock.lap("project", &mut self.timings);
         self.projection.order();
         clock.lap("sort", &mut self.timings);
-        self.tiles.bin(&self.projection.splats, camera.size, options.window);
-        clock.lap("bin", &mut self.timings);
-        let Self { projection, tiles, pixels, weights, .. } = self;
-        forward::draw(&projection.splats, tiles, pixels, weights, options);
-        clock.lap("forward", &mut self.timings);
+        let Self { projection, tiles, pixels, weights, timings, .. } = self;
+        let (splats, size) = (&projection.splats, camera.size);
+        if slabs::are_needed(splats, size, options, self.pairs_per_slab) {
+            let mut target = SlabTarget { tiles, pixels, weights };
+            target.draw(splats, size, options, self.pairs_per_slab, |part| clock.lap(part, timings));
+        } else {
+            tiles.bin(splats, size, options.window);
+            clock.lap("bin", timings);
+            forward::draw(splats, tiles, Slab::Whole, pixels, weights, options);
+            clock.lap("forward", timings);
+        }
         assemble::assemble(&mut self.frame, &self.pixels, &self.tiles, options);
         clock.lap("assemble", &mut self.timings);
         &self.frame

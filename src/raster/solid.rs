@@ -22,11 +22,14 @@ mod bin;
 mod bins;
 mod clip;
 mod fill;
+mod hidden;
 mod keys;
+mod layers;
 mod options;
 mod planes;
 mod projector;
 mod resolve;
+mod rounds;
 mod shade;
 mod spans;
 mod timing;
@@ -42,15 +45,29 @@ use crate::image::Pixels;
 use crate::mesh::Mesh;
 use bins::Batch;
 use projector::Projector;
+use rounds::{Faces, PAIRS_PER_ROUND, rounds};
 use std::time::Instant;
 use timing::PartTimes;
 
 /// The rasteriser: scratch memory that is reused from frame to frame.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Solid {
     batches: Vec<Batch>,
     visibility: Visibility,
     timings: Vec<(&'static str, f64)>,
+    /// Pairs of triangles and tiles that are in the bins at once; tests ask for few.
+    pairs_per_round: usize,
+}
+
+impl Default for Solid {
+    fn default() -> Self {
+        Self {
+            batches: Vec::new(),
+            visibility: Visibility::default(),
+            timings: Vec::new(),
+            pairs_per_round: PAIRS_PER_ROUND,
+        }
+    }
 }
 
 impl Solid {
@@ -65,10 +82,10 @@ impl Solid {
     pub fn render(&mut self, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) -> Pixels {
         let clock = Instant::now();
         let projector = Projector::new(camera, options.samples, options.near);
-        bin::bin(&mut self.batches, mesh, &projector);
+        let faces = binned(&mut self.batches, mesh, &projector, self.pairs_per_round);
         let binned = clock.elapsed();
         let parts = PartTimes::default();
-        let picture = resolve::picture(&self.batches, mesh, &projector, options, &parts);
+        let picture = resolve::picture(&faces, mesh, &projector, options, &parts);
         self.timings = parts.split(binned, clock.elapsed());
         picture
     }
@@ -77,10 +94,10 @@ impl Solid {
     pub fn visibility(&mut self, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) -> &Visibility {
         let clock = Instant::now();
         let projector = Projector::new(camera, options.samples, options.near);
-        bin::bin(&mut self.batches, mesh, &projector);
+        let faces = binned(&mut self.batches, mesh, &projector, self.pairs_per_round);
         let binned = clock.elapsed();
         let parts = PartTimes::default();
-        resolve::export(&self.batches, &projector, &mut self.visibility, &parts);
+        resolve::export(&faces, &projector, &mut self.visibility, &parts);
         self.timings = parts.split(binned, clock.elapsed());
         &self.visibility
     }
@@ -96,13 +113,81 @@ impl Solid {
         on_tile: impl Fn(&PlaneTile<'_>) + Sync,
     ) {
         let projector = Projector::new(camera, options.samples, options.near);
-        bin::bin(&mut self.batches, mesh, &projector);
-        planes::planes(&self.batches, &projector, (planes, plane_of), on_tile);
+        let pairs = self.pairs_per_round;
+        planes::planes(&mut self.batches, mesh, &projector, pairs, (planes, plane_of), on_tile);
     }
 
     /// Wall time of every part of the last frame, ms: "bin", "fill", "resolve". The last two alternate, tile
-    /// by tile; each gets its share.
+    /// by tile; each gets its share. Where faces need several rounds, these are part of "bin".
     pub fn timings(&self) -> &[(&'static str, f64)] {
         &self.timings
+    }
+}
+
+/// The faces of a mesh, ready for the tiles.
+fn binned<'a>(batches: &'a mut Vec<Batch>, mesh: &Mesh, projector: &Projector, pairs: usize) -> Faces<'a> {
+    rounds(batches, mesh, projector, (pairs, 1), |keys, batches, tile| {
+        fill::fill(&mut keys[0], batches, tile, projector.size);
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::Colors;
+    use crate::rng::Rng;
+    use glam::{Mat3, UVec2, Vec2, Vec3};
+
+    const SIZE: UVec2 = UVec2::new(300, 170);
+
+    fn camera() -> Camera {
+        let (rotation, translation) = (Mat3::IDENTITY, Vec3::ZERO);
+        Camera { rotation, translation, focal: Vec2::splat(200.0), center: SIZE.as_vec2() / 2.0, size: SIZE }
+    }
+
+    /// Triangles of all sizes, many of them across the picture, tilted and level, some through the near plane.
+    fn deep(faces: u64) -> Mesh {
+        let (mut positions, mut colors) = (Vec::new(), Vec::new());
+        for i in 0..faces {
+            let rng = Rng::new(5, "deep", i);
+            let point = |k: u64| Vec3::from([0, 1, 2].map(|c| 2.0 * rng.uniform(3 * k + c) - 1.0));
+            let depth = 6.0 - 5.9 * rng.uniform(30);
+            let (reach, tilt) = [(4.0, 0.0), (0.2, 0.5), (6.0, 0.3), (0.02, 1.0)][i as usize % 4];
+            let center = point(0) * depth * 0.4;
+            for k in 1..4 {
+                let corner = center + reach * depth * point(k);
+                positions.push(Vec3::new(corner.x, corner.y, depth + tilt * reach * point(k).z));
+            }
+            colors.push([31, 32, 33].map(|c| rng.uniform(c)));
+        }
+        Mesh { positions, colors: Colors::Face(colors), ..Mesh::default() }
+    }
+
+    #[test]
+    fn rounds_change_no_sample() {
+        let (mesh, camera) = (deep(6000), camera());
+        for samples in [1, 2] {
+            let options = SolidRasterOptions { samples, ..SolidRasterOptions::default() };
+            let mut whole = Solid { pairs_per_round: usize::MAX, ..Solid::default() };
+            let picture = whole.render(&mesh, &camera, &options);
+            whole.visibility(&mesh, &camera, &options);
+            for pairs_per_round in [1, 5000, 40_000] {
+                let mut rounds = Solid { pairs_per_round, ..Solid::default() };
+                assert!(rounds.render(&mesh, &camera, &options) == picture, "{pairs_per_round}");
+                assert!(*rounds.visibility(&mesh, &camera, &options) == whole.visibility);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_hidden_takes_no_memory() {
+        let flat = |z: f32| [Vec3::new(-30.0, -30.0, z), Vec3::new(30.0, -30.0, z), Vec3::new(0.0, 60.0, z)];
+        let positions = (0..20_000).flat_map(|i| flat(2.0 + 1e-4 * (i * 7919 % 20_000) as f32)).collect();
+        let mesh = Mesh { positions, colors: Colors::Face(vec![[0.5; 3]; 20_000]), ..Mesh::default() };
+        let mut solid = Solid { pairs_per_round: 2000, ..Solid::default() };
+        let seen = solid.visibility(&mesh, &camera(), &SolidRasterOptions::default());
+        assert!(seen.face.iter().all(|face| *face == 0));
+        let held: usize = solid.batches.iter().flat_map(|b| &b.bins).map(|bin| bin.large.capacity()).sum();
+        assert!(held < 40_000, "{held} pairs");
     }
 }

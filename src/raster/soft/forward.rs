@@ -14,11 +14,24 @@ use crate::math::real::Mask;
 use glam::UVec2;
 use rayon::prelude::*;
 
+/// Which of the splats are drawn at once.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Slab {
+    /// All of them.
+    Whole,
+    /// The nearest ones: the pixels are blank before.
+    First,
+    /// Those behind what the pixels show already.
+    Next,
+}
+
 /// Draws all tiles into `pixels`. Leaves in the entries the blocks in which each splat was drawn, and in `weights`,
-/// when the options ask for it, what each entry weighs.
+/// when the options ask for it, what each entry weighs. The background follows only behind the whole; else it is
+/// left to [`background`].
 pub(super) fn draw(
     splats: &Splats,
     tiles: &mut Tiles,
+    slab: Slab,
     pixels: &mut Vec<TilePixels>,
     weights: &mut Vec<WeightSlot>,
     options: &SoftOptions,
@@ -35,8 +48,27 @@ pub(super) fn draw(
     let work: Vec<_> = entries.into_iter().map(|e| (e, weights.next().unwrap_or_default())).collect();
     pixels.par_iter_mut().zip(work).enumerate().for_each(|(tile, (pixels, (entries, weights)))| {
         let corner = UVec2::new(tile as u32 % across, tile as u32 / across) * TILE;
-        dispatch(DrawTile { splats, entries, weights, pixels, corner, size, options });
+        dispatch(DrawTile { splats, entries, weights, pixels, corner, size, slab, options });
     });
+}
+
+/// Blends the background behind all slabs.
+pub(super) fn background(pixels: &mut [TilePixels], options: &SoftOptions) {
+    pixels.par_iter_mut().for_each(|pixels| dispatch(DrawBackground { pixels, options }));
+}
+
+/// The background of one tile.
+struct DrawBackground<'a> {
+    pixels: &'a mut TilePixels,
+    options: &'a SoftOptions,
+}
+
+impl Work for DrawBackground<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        self.pixels.background::<L>(self.options);
+    }
 }
 
 /// One tile.
@@ -48,6 +80,7 @@ struct DrawTile<'a> {
     pixels: &'a mut TilePixels,
     corner: UVec2,
     size: UVec2,
+    slab: Slab,
     options: &'a SoftOptions,
 }
 
@@ -87,16 +120,21 @@ impl DrawTile<'_> {
 
     #[inline(always)]
     fn tile<L: Lanes, const GEOMETRY: bool, const WEIGHTS: bool>(mut self) {
-        let alive = self.clear();
-        match self.options.sort {
-            Sort::Tile => self.by_tile::<L, GEOMETRY, WEIGHTS>(alive),
-            Sort::Pixel => self.by_pixel::<L, GEOMETRY, WEIGHTS>(alive),
+        if self.slab != Slab::Next {
+            self.pixels.alive = self.clear();
         }
-        self.background::<L>();
+        match self.options.sort {
+            Sort::Tile => self.by_tile::<L, GEOMETRY, WEIGHTS>(),
+            Sort::Pixel => self.by_pixel::<L, GEOMETRY, WEIGHTS>(),
+        }
+        if self.slab == Slab::Whole {
+            self.pixels.background::<L>(self.options);
+        }
     }
 
     #[inline(always)]
-    fn by_tile<L: Lanes, const GEOMETRY: bool, const WEIGHTS: bool>(&mut self, mut alive: u32) {
+    fn by_tile<L: Lanes, const GEOMETRY: bool, const WEIGHTS: bool>(&mut self) {
+        let mut alive = self.pixels.alive;
         let limits = PixelLimits::<L>::new(self.options);
         for k in 0..self.entries.len() {
             if let Some(ahead) = self.entries.get(k + PREFETCH_AHEAD) {
@@ -129,10 +167,12 @@ impl DrawTile<'_> {
                 self.weights[k].add(&stats.finish());
             }
         }
+        self.pixels.alive = alive;
     }
 
     #[inline(always)]
-    fn by_pixel<L: Lanes, const GEOMETRY: bool, const WEIGHTS: bool>(&mut self, alive: u32) {
+    fn by_pixel<L: Lanes, const GEOMETRY: bool, const WEIGHTS: bool>(&mut self) {
+        let alive = self.pixels.alive;
         let mut layers = BlockLayers::default();
         for b in (0..BLOCKS).filter(|b| alive >> b & 1 == 1) {
             layers.find::<L>(self.entries, self.splats, self.corner, b, self.options);
@@ -165,16 +205,6 @@ impl DrawTile<'_> {
             if GEOMETRY { Some(BroadcastPlane::new(&self.splats.planes[splat as usize])) } else { None };
         let map = DepthMap::new(self.options.depth_range);
         ForwardSplat { broadcast: BroadcastSplat::new(&self.splats.records[splat as usize]), plane, map }
-    }
-
-    #[inline(always)]
-    fn background<L: Lanes>(&mut self) {
-        let TilePixels { transmittance, rgb, .. } = self.pixels;
-        for (channel, color) in rgb.iter_mut().zip(self.options.blended_background()) {
-            for (out, t) in channel.iter_mut().zip(transmittance.iter()) {
-                L::load(t).mul_add(L::splat(color), L::load(out)).store(out);
-            }
-        }
     }
 }
 
@@ -212,6 +242,16 @@ impl<L: Lanes> WeightStats<L> {
 }
 
 impl TilePixels {
+    #[inline(always)]
+    fn background<L: Lanes>(&mut self, options: &SoftOptions) {
+        let Self { transmittance, rgb, .. } = self;
+        for (channel, color) in rgb.iter_mut().zip(options.blended_background()) {
+            for (out, t) in channel.iter_mut().zip(transmittance.iter()) {
+                L::load(t).mul_add(L::splat(color), L::load(out)).store(out);
+            }
+        }
+    }
+
     /// Adds a layer to all but the transmittance; returns its weight and the transmittance behind it.
     #[inline(always)]
     fn blend<L: Lanes>(

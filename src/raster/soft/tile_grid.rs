@@ -25,6 +25,11 @@ const fn grid(x: f32, y: f32, offset: f32) -> [f32; LANES] {
     out
 }
 
+/// Tiles across and down a picture.
+pub(super) fn tile_count(size: UVec2) -> UVec2 {
+    UVec2::new(size.x.div_ceil(TILE), size.y.div_ceil(TILE))
+}
+
 /// Top left pixel of block `block` of the tile at `corner`.
 #[inline(always)]
 pub(super) fn block_corner(corner: UVec2, block: usize) -> [f32; 2] {

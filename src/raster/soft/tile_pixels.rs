@@ -12,6 +12,8 @@ pub(super) type TileChannel = [[f32; LANES]; BLOCKS];
 pub(super) struct TilePixels {
     pub(super) transmittance: TileChannel,
     pub(super) rgb: [TileChannel; 3],
+    /// Blocks with a pixel that has not terminated, one bit each.
+    pub(super) alive: u32,
     pub(super) geometry: Option<Box<TileGeometry>>,
 }
 
@@ -33,7 +35,7 @@ pub(super) const BLANK: TileChannel = [[0.0; LANES]; BLOCKS];
 
 impl Default for TilePixels {
     fn default() -> Self {
-        Self { transmittance: BLANK, rgb: [BLANK; 3], geometry: None }
+        Self { transmittance: BLANK, rgb: [BLANK; 3], alive: 0, geometry: None }
     }
 }
 

@@ -1,12 +1,14 @@
 //! Bins splats into the tiles they touch, and in each tile the 4x4-pixel blocks.
 
+use super::open_tiles::OpenTiles;
 use super::options::Window;
 use super::splats::{ScreenBox, SplatRecord, Splats};
-use super::tile_grid::{BLOCK_X, BLOCK_Y, TILE};
+use super::tile_grid::{BLOCK_X, BLOCK_Y, TILE, tile_count};
 use crate::math::lanes::{Lanes, Work, dispatch};
 use crate::math::real::Mask;
 use glam::UVec2;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Splats that one task bins.
 const SPLATS_PER_RANGE: usize = 2048;
@@ -71,26 +73,48 @@ impl Tiles {
         UVec2::new(tile as u32 % self.count.x, tile as u32 / self.count.x) * TILE
     }
 
-    /// Fills the lists.
+    /// Fills the lists with the pairs of all splats.
     pub(super) fn bin(&mut self, splats: &Splats, size: UVec2, window: Window) {
+        self.bin_some(splats, 0..splats.len(), size, window, None);
+    }
+
+    /// Fills the lists with the pairs of some splats and the tiles that are open, or all tiles.
+    pub(super) fn bin_some(
+        &mut self,
+        splats: &Splats,
+        some: Range<usize>,
+        size: UVec2,
+        window: Window,
+        open: Option<&OpenTiles>,
+    ) {
         self.size = size;
-        self.count = UVec2::new(size.x.div_ceil(TILE), size.y.div_ceil(TILE));
-        self.ranges.resize_with(splats.len().div_ceil(SPLATS_PER_RANGE), BinnedRange::default);
+        self.count = tile_count(size);
+        self.ranges.resize_with(some.len().div_ceil(SPLATS_PER_RANGE), BinnedRange::default);
         let (count, size) = (self.count, size.as_vec2().to_array());
         // Where something is drawn, every edge alone is at least this far from the floor.
         let slack = if matches!(window, Window::Coverage { .. }) { 0.5 } else { 0.0 };
         self.ranges.par_iter_mut().enumerate().for_each(|(r, range)| {
             range.pairs.clear();
             range.ends.clear();
-            let (from, to) = (r * SPLATS_PER_RANGE, ((r + 1) * SPLATS_PER_RANGE).min(splats.len()));
+            let from = some.start + r * SPLATS_PER_RANGE;
+            let to = (from + SPLATS_PER_RANGE).min(some.end);
             let (records, bounds) = (&splats.records[from..to], &splats.bounds[from..to]);
-            dispatch(Emit { records, bounds, range, size, across: count.x, slack });
+            dispatch(Emit { records, bounds, range, size, across: count.x, slack, open });
         });
-        self.scatter(splats.len());
+        self.scatter(some.start as u32, some.len());
     }
 
-    /// Moves the pairs to their tiles; the order within a tile is that of the splats.
-    fn scatter(&mut self, splats: usize) {
+    /// Fills the lists with pairs that were kept of earlier ones, those of the first splats.
+    pub(super) fn restore(&mut self, kept: KeptPairs) {
+        let splats = kept.0.ends.len();
+        self.ranges.clear();
+        self.ranges.push(kept.0);
+        self.scatter(0, splats);
+    }
+
+    /// Moves the pairs to their tiles; the order within a tile is that of the splats, of which the first has rank
+    /// `first`.
+    fn scatter(&mut self, first: u32, splats: usize) {
         self.starts.clear();
         self.starts.resize(self.len() + 1, 0);
         let mut total = 0;
@@ -109,7 +133,7 @@ impl Tiles {
         self.pairs.reserve(splats + 1);
         self.pairs.push(0);
         let mut next = self.starts.clone();
-        let (mut splat, mut base) = (0, 0);
+        let (mut splat, mut base) = (first, 0);
         for range in &self.ranges {
             let mut from = 0;
             for end in &range.ends {
@@ -126,6 +150,36 @@ impl Tiles {
             }
             base += from;
         }
+    }
+}
+
+/// The pairs that are left of several lists, splat by splat: those that were drawn.
+#[derive(Debug, Default)]
+pub(super) struct KeptPairs(BinnedRange);
+
+impl KeptPairs {
+    /// Adds what was drawn of lists whose splats follow those added before; `on_pair` gets the entry of each pair kept.
+    pub(super) fn add(&mut self, tiles: &Tiles, mut on_pair: impl FnMut(usize)) {
+        let Self(kept) = self;
+        let mut tile_of_entry = vec![0; tiles.entries.len()];
+        for (tile, ends) in tiles.starts.windows(2).enumerate() {
+            tile_of_entry[ends[0] as usize..ends[1] as usize].fill(tile as u32);
+        }
+        for pairs in tiles.pairs.windows(2) {
+            for &entry in &tiles.entry_of_pair[pairs[0] as usize..pairs[1] as usize] {
+                let blocks = tiles.entries[entry as usize].blocks;
+                if blocks != 0 {
+                    kept.pairs.push((tile_of_entry[entry as usize], blocks));
+                    on_pair(entry as usize);
+                }
+            }
+            kept.ends.push(kept.pairs.len() as u32);
+        }
+    }
+
+    /// Adds splats of which nothing was drawn, up to `splats` in all.
+    pub(super) fn add_undrawn(&mut self, splats: usize) {
+        self.0.ends.resize(splats, self.0.pairs.len() as u32);
     }
 }
 
@@ -149,14 +203,18 @@ struct Emit<'a> {
     size: [f32; 2],
     across: u32,
     slack: f32,
+    open: Option<&'a OpenTiles>,
 }
 
 impl Work for Emit<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
+        let Self { size, across, slack, .. } = self;
         for (record, bounds) in self.records.iter().zip(self.bounds) {
-            emit::<L>(record, bounds, (self.size, self.across, self.slack), &mut self.range.pairs);
+            if self.open.is_none_or(|open| open.count(bounds) > 0) {
+                emit::<L>(record, bounds, (size, across, slack), self.open, &mut self.range.pairs);
+            }
             self.range.ends.push(self.range.pairs.len() as u32);
         }
     }
@@ -164,7 +222,7 @@ impl Work for Emit<'_> {
 
 /// Tiles `from..=to` that hold a pixel centre in [lo, hi]; none when from > to.
 #[inline(always)]
-fn tiles_between(lo: f32, hi: f32, size: f32) -> (u32, u32) {
+pub(super) fn tiles_between(lo: f32, hi: f32, size: f32) -> (u32, u32) {
     let first = (lo - 0.5 - MARGIN).ceil().max(0.0);
     let last = (hi - 0.5 + MARGIN).floor().min(size - 1.0);
     if first <= last { (first as u32 / TILE, last as u32 / TILE) } else { (1, 0) }
@@ -177,6 +235,7 @@ fn emit<L: Lanes>(
     record: &SplatRecord,
     bounds: &ScreenBox,
     (size, across, slack): ([f32; 2], u32, f32),
+    open: Option<&OpenTiles>,
     out: &mut Vec<(u32, u32)>,
 ) {
     let floor = record.floor - slack;
@@ -190,6 +249,9 @@ fn emit<L: Lanes>(
     ];
     for ty in y0..=y1 {
         for tx in x0..=x1 {
+            if open.is_some_and(|open| !open.is_open(tx, ty)) {
+                continue;
+            }
             let corner = [(tx * TILE) as f32, (ty * TILE) as f32];
             let offset = [corner[0] - record.origin[0], corner[1] - record.origin[1]];
             let all = touches(reaches[0], record.edge[0], offset)

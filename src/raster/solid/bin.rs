@@ -5,6 +5,7 @@ use super::bins::{
     samples_between, tile_count,
 };
 use super::clip;
+use super::hidden::TileDepths;
 use super::projector::{GUARD, Projector, snap};
 use crate::math::lanes::{Lanes, Work, dispatch};
 use crate::mesh::Mesh;
@@ -15,40 +16,59 @@ use rayon::prelude::*;
 const GROUP: usize = 16;
 /// Smallest number of faces in a batch.
 const LEAST_BATCH: usize = 4096;
-/// Fills the bins. The picture does not depend on the number of batches.
-pub(super) fn bin(batches: &mut Vec<Batch>, mesh: &Mesh, projector: &Projector) {
+
+/// Splits the faces into batches; [`bin`] fills their bins. The picture does not depend on the number of batches.
+pub(super) fn start(batches: &mut Vec<Batch>, mesh: &Mesh) {
     let faces = mesh.face_count();
-    let tiles = tile_count(projector.size);
     let count = (4 * rayon::current_num_threads()).min(faces.div_ceil(LEAST_BATCH));
     let each = faces.div_ceil(count.max(1)).next_multiple_of(GROUP);
     batches.resize_with(count, Batch::default);
-    batches.par_iter_mut().enumerate().for_each(|(i, batch)| {
-        batch.empty((tiles.x * tiles.y) as usize);
-        let (first, last) = ((i * each).min(faces), ((i + 1) * each).min(faces));
-        dispatch(BinFaces { mesh, projector, first, last, batch, across: tiles.x as i32 });
-    });
+    for (i, batch) in batches.iter_mut().enumerate() {
+        batch.left = (i * each).min(faces)..((i + 1) * each).min(faces);
+    }
 }
 
-/// Puts the faces `first..last` into the bins of a batch.
+/// Empties the bins and fills them with faces that were in none yet, about `pairs` pairs of triangles and tiles; what
+/// is `hidden` is left out. Returns whether no face is left.
+pub(super) fn bin(
+    batches: &mut [Batch],
+    mesh: &Mesh,
+    projector: &Projector,
+    hidden: Option<&TileDepths>,
+    pairs: usize,
+) -> bool {
+    let tiles = tile_count(projector.size);
+    let pairs = pairs / batches.len().max(1);
+    batches.par_iter_mut().for_each(|batch| {
+        batch.empty((tiles.x * tiles.y) as usize);
+        dispatch(BinFaces { mesh, projector, batch, across: tiles.x as i32, hidden, pairs });
+    });
+    batches.iter().all(|batch| batch.left.is_empty())
+}
+
+/// Puts faces of a batch into its bins.
 pub(super) struct BinFaces<'a> {
     pub(super) mesh: &'a Mesh,
     pub(super) projector: &'a Projector,
-    pub(super) first: usize,
-    pub(super) last: usize,
     pub(super) batch: &'a mut Batch,
     /// Tiles in a row.
     pub(super) across: i32,
+    pub(super) hidden: Option<&'a TileDepths>,
+    /// Pairs of triangles and tiles after which the rest has to wait.
+    pub(super) pairs: usize,
 }
 
 impl Work for BinFaces<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let Self { mesh, projector, first, last, batch, across } = self;
-        let mut out = BinWriter { batch, across, size: projector.size.as_ivec2().to_array() };
+        let Self { mesh, projector, batch, across, hidden, pairs } = self;
+        let mut out = BinWriter { batch, across, size: projector.size.as_ivec2().to_array(), hidden };
         let mut group = FaceGroup::new();
-        for start in (first..last).step_by(GROUP) {
-            let count = GROUP.min(last - start);
+        while !out.batch.left.is_empty() && out.batch.pairs <= pairs {
+            let start = out.batch.left.start;
+            let count = GROUP.min(out.batch.left.len());
+            out.batch.left.start += count;
             group.load(mesh, start, count);
             group.project(projector);
             for lane in 0..count {
@@ -178,6 +198,7 @@ struct BinWriter<'a> {
     batch: &'a mut Batch,
     across: i32,
     size: [i32; 2],
+    hidden: Option<&'a TileDepths>,
 }
 
 impl BinWriter<'_> {
@@ -191,14 +212,27 @@ impl BinWriter<'_> {
         if x0 > x1 || y0 > y1 {
             return;
         }
+        let (rows, columns) = (
+            y0 / TILE_HEIGHT as i32..=y1 / TILE_HEIGHT as i32,
+            x0 / TILE_WIDTH as i32..=x1 / TILE_WIDTH as i32,
+        );
+        let nearest = at.w[0].max(at.w[1]).max(at.w[2]);
+        if self.hidden.is_some_and(|hidden| hidden.hides_all(&rows, nearest)) {
+            return;
+        }
         let tiny = right - left <= TINY && bottom - top <= TINY;
         if !tiny {
             self.batch.large.push(LargeTriangle { at: *at, face });
         }
         let index = self.batch.large.len() as u32;
-        for row in y0 / TILE_HEIGHT as i32..=y1 / TILE_HEIGHT as i32 {
-            for column in x0 / TILE_WIDTH as i32..=x1 / TILE_WIDTH as i32 {
-                let bin = &mut self.batch.bins[(row * self.across + column) as usize];
+        for row in rows {
+            for column in columns.clone() {
+                let tile = (row * self.across + column) as usize;
+                if self.hidden.is_some_and(|hidden| hidden.hides(tile, nearest)) {
+                    continue;
+                }
+                self.batch.pairs += 1;
+                let bin = &mut self.batch.bins[tile];
                 if tiny {
                     bin.tiny.push(TinyTriangle::new(at, face, column, row));
                 } else {

@@ -2,6 +2,7 @@
 
 use super::projector::GRID;
 use glam::UVec2;
+use std::ops::Range;
 
 /// Width of a tile, samples.
 pub(super) const TILE_WIDTH: usize = 64;
@@ -55,18 +56,23 @@ pub(super) struct TileBin {
     pub(super) large: Vec<u32>,
 }
 
-/// The triangles of a range of faces.
+/// The triangles of a range of faces, or as many of them as fit.
 #[derive(Debug, Default)]
 pub(super) struct Batch {
     /// One per tile, row by row.
     pub(super) bins: Vec<TileBin>,
     pub(super) large: Vec<LargeTriangle>,
+    /// Pairs of triangles and tiles in the bins.
+    pub(super) pairs: usize,
+    /// Faces that are not in the bins yet.
+    pub(super) left: Range<usize>,
 }
 
 impl Batch {
     /// Empties the batch, with a bin for each of `tiles` tiles.
     pub(super) fn empty(&mut self, tiles: usize) {
         self.large.clear();
+        self.pairs = 0;
         self.bins.resize_with(tiles, TileBin::default);
         for bin in &mut self.bins {
             bin.tiny.clear();

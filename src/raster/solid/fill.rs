@@ -1,42 +1,44 @@
 //! Finds which face every sample of a tile sees; tiny triangles here, the others in `spans`.
 
 use super::bins::{
-    Batch, CENTER, TILE_HEIGHT, TILE_WIDTH, TinyTriangle, extent, least_inside, samples_between,
+    Batch, CENTER, TILE_HEIGHT, TILE_WIDTH, TinyTriangle, extent, least_inside, samples_between, tile_count,
 };
+use super::hidden::tile_size;
 use super::keys::{STRIDE, SampleKeys, key};
+use super::layers::TileLayers;
 use super::projector::GRID;
-use super::spans::draw_large;
 use crate::math::lanes::{LANES, Lanes, Work, dispatch};
 use crate::math::real::Mask;
+use glam::UVec2;
 
-/// Fills the keys of tile `tile`, at `column` and `row`, from all batches.
-pub(super) fn fill(keys: &mut SampleKeys, batches: &[Batch], tile: usize, column: u32, row: u32) {
-    dispatch(FillTile { keys, batches, tile, column: column as i32, row: row as i32 });
+/// Draws what is in the bins of tile `tile` of a picture of `size` samples into its keys.
+pub(super) fn fill(keys: &mut SampleKeys, batches: &[Batch], tile: usize, size: UVec2) {
+    let across = tile_count(size).x;
+    dispatch(FillTile { keys, batches, tile, column: tile as u32 % across, row: tile as u32 / across, size });
 }
 
-/// Fills the keys of a tile.
+/// Draws into the keys of a tile.
 pub(super) struct FillTile<'a> {
     pub(super) keys: &'a mut SampleKeys,
     pub(super) batches: &'a [Batch],
     pub(super) tile: usize,
-    pub(super) column: i32,
-    pub(super) row: i32,
+    pub(super) column: u32,
+    pub(super) row: u32,
+    pub(super) size: UVec2,
 }
 
 impl Work for FillTile<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let corner = [self.column * TILE_WIDTH as i32, self.row * TILE_HEIGHT as i32];
-        self.keys.fill(0);
+        let corner = [(self.column as usize * TILE_WIDTH) as i32, (self.row as usize * TILE_HEIGHT) as i32];
+        let mut layers = TileLayers::new(tile_size(self.size, self.column, self.row));
         for batch in self.batches {
             let bin = &batch.bins[self.tile];
             for tiny in &bin.tiny {
                 draw_tiny::<L>(self.keys, tiny);
             }
-            for place in &bin.large {
-                draw_large::<L>(self.keys, &batch.large[*place as usize], corner);
-            }
+            layers.draw::<L>(self.keys, batch, &bin.large, corner);
         }
     }
 }

@@ -5,10 +5,13 @@
 
 use super::bins::{Batch, TILE_HEIGHT, TILE_WIDTH, tile_count};
 use super::fill::draw_tiny;
+use super::hidden::tile_size;
 use super::keys::{EMPTY, STRIDE, SampleKey, SampleKeys, face_of};
 use super::projector::Projector;
+use super::rounds::rounds;
 use super::spans::draw_large;
 use crate::math::lanes::{Lanes, Work, dispatch};
+use crate::mesh::Mesh;
 use glam::UVec2;
 use rayon::prelude::*;
 
@@ -48,25 +51,31 @@ impl PlaneTile<'_> {
 
 /// Draws all tiles and gives them to `on_tile`, several at a time and in any order.
 pub(super) fn planes(
-    batches: &[Batch],
+    batches: &mut Vec<Batch>,
+    mesh: &Mesh,
     projector: &Projector,
+    pairs: usize,
     (planes, plane_of): (usize, &[u8]),
     on_tile: impl Fn(&PlaneTile<'_>) + Sync,
 ) {
     let tiles = tile_count(projector.size);
-    let tile_size = UVec2::new(TILE_WIDTH as u32, TILE_HEIGHT as u32);
+    let fill = |keys: &mut [SampleKeys], batches: &[Batch], tile: usize| {
+        let (column, row) = (tile as u32 % tiles.x, tile as u32 / tiles.x);
+        dispatch(FillPlanes { keys, batches, plane_of, tile, column, row });
+    };
+    let faces = rounds(batches, mesh, projector, (pairs, planes), fill);
     (0..tiles.x * tiles.y).into_par_iter().for_each_init(
         || vec![EMPTY; planes],
         |keys, tile| {
             let (column, row) = (tile % tiles.x, tile / tiles.x);
-            dispatch(FillPlanes { keys, batches, plane_of, tile: tile as usize, column, row });
-            let corner = UVec2::new(column, row) * tile_size;
-            on_tile(&PlaneTile { keys, corner, size: tile_size.min(projector.size - corner) });
+            let keys = faces.keys(keys, tile as usize, fill);
+            let corner = UVec2::new(column * TILE_WIDTH as u32, row * TILE_HEIGHT as u32);
+            on_tile(&PlaneTile { keys, corner, size: tile_size(projector.size, column, row) });
         },
     );
 }
 
-/// Fills the keys of a tile in all planes.
+/// Draws into the keys of a tile in all planes.
 struct FillPlanes<'a> {
     keys: &'a mut [SampleKeys],
     batches: &'a [Batch],
@@ -81,7 +90,6 @@ impl Work for FillPlanes<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self) {
         let corner = [(self.column as usize * TILE_WIDTH) as i32, (self.row as usize * TILE_HEIGHT) as i32];
-        self.keys.iter_mut().for_each(|keys| keys.fill(0));
         for batch in self.batches {
             let bin = &batch.bins[self.tile];
             for tiny in &bin.tiny {

@@ -1,17 +1,20 @@
 //! Turns the faces that samples see into pixels, or into lists of faces and depths.
 
-use super::bins::{Batch, TILE_HEIGHT, TILE_WIDTH, tile_count};
+use super::bins::{TILE_HEIGHT, TILE_WIDTH, tile_count};
 use super::fill::fill;
-use super::keys::{EMPTY, STRIDE, face_of, inverse_depth_of};
+use super::keys::{EMPTY, STRIDE, SampleKeys, face_of, inverse_depth_of};
 use super::options::SolidRasterOptions;
 use super::projector::Projector;
+use super::rounds::Faces;
 use super::shade::{ShadeTile, shade};
 use super::timing::PartTimes;
 use super::visibility::{NO_FACE, Visibility};
 use crate::image::Pixels;
 use crate::math::color::linear_from_srgb;
 use crate::mesh::Mesh;
+use glam::UVec2;
 use rayon::prelude::*;
+use std::slice;
 use std::time::Instant;
 
 /// The rows of a picture split into tiles of `columns` by `rows`, tile by tile. `[tiles][rows]`
@@ -29,9 +32,14 @@ fn split_tiles<T>(values: &mut [T], width: usize, columns: usize, rows: usize) -
     tiles
 }
 
+/// What the samples of a tile see; `keys` is scratch memory.
+fn tile_keys<'a>(faces: &'a Faces<'_>, keys: &'a mut SampleKeys, tile: usize, size: UVec2) -> &'a SampleKeys {
+    &faces.keys(slice::from_mut(keys), tile, |keys, batches, tile| fill(&mut keys[0], batches, tile, size))[0]
+}
+
 /// The picture, sRGB-encoded.
 pub(super) fn picture(
-    batches: &[Batch],
+    faces: &Faces<'_>,
     mesh: &Mesh,
     projector: &Projector,
     options: &SolidRasterOptions,
@@ -48,7 +56,7 @@ pub(super) fn picture(
         |keys, (tile, mut rows)| {
             let (column, row) = (tile as u32 % across, tile as u32 / across);
             let start = Instant::now();
-            fill(keys, batches, tile, column, row);
+            let keys = tile_keys(faces, keys, tile, projector.size);
             let filled = PartTimes::lap(&parts.fill, start);
             let corner = [column * TILE_WIDTH as u32, row * TILE_HEIGHT as u32];
             shade(ShadeTile { mesh, projector, background, corner, keys, rows: &mut rows });
@@ -59,21 +67,21 @@ pub(super) fn picture(
 }
 
 /// Faces and depths of all samples.
-pub(super) fn export(batches: &[Batch], projector: &Projector, out: &mut Visibility, parts: &PartTimes) {
+pub(super) fn export(faces: &Faces<'_>, projector: &Projector, out: &mut Visibility, parts: &PartTimes) {
     let count = projector.size.x as usize * projector.size.y as usize;
     out.size = projector.size;
     out.face.resize(count, NO_FACE);
     out.depth.resize(count, f32::INFINITY);
-    let (width, across) = (projector.size.x as usize, tile_count(projector.size).x);
-    let faces = split_tiles(&mut out.face, width, TILE_WIDTH, TILE_HEIGHT);
+    let width = projector.size.x as usize;
+    let seen = split_tiles(&mut out.face, width, TILE_WIDTH, TILE_HEIGHT);
     let depths = split_tiles(&mut out.depth, width, TILE_WIDTH, TILE_HEIGHT);
-    faces.into_par_iter().zip(depths).enumerate().for_each_init(
+    seen.into_par_iter().zip(depths).enumerate().for_each_init(
         || Box::new(EMPTY),
-        |keys, (tile, (faces, depths))| {
+        |keys, (tile, (seen, depths))| {
             let start = Instant::now();
-            fill(keys, batches, tile, tile as u32 % across, tile as u32 / across);
+            let keys = tile_keys(faces, keys, tile, projector.size);
             let filled = PartTimes::lap(&parts.fill, start);
-            for ((faces, depths), keys) in faces.into_iter().zip(depths).zip(keys.chunks(STRIDE)) {
+            for ((faces, depths), keys) in seen.into_iter().zip(depths).zip(keys.chunks(STRIDE)) {
                 for ((face, depth), key) in faces.iter_mut().zip(depths).zip(keys) {
                     *face = face_of(*key);
                     *depth = 1.0 / inverse_depth_of(*key);

@@ -250,11 +250,24 @@ mod tests {
     fn drawn(level: SimdLevel, mesh: &Mesh, projector: &Projector) -> (Box<SampleKeys>, Vec<[u8; 3]>) {
         let mut batch = Batch::default();
         batch.empty(1);
-        let last = mesh.face_count();
-        dispatch_at(level, bin::BinFaces { mesh, projector, first: 0, last, batch: &mut batch, across: 1 });
+        batch.left = 0..mesh.face_count();
+        dispatch_at(
+            level,
+            bin::BinFaces { mesh, projector, batch: &mut batch, across: 1, hidden: None, pairs: usize::MAX },
+        );
         let mut keys = Box::new(EMPTY);
         let batches = [batch];
-        dispatch_at(level, fill::FillTile { keys: &mut keys, batches: &batches, tile: 0, column: 0, row: 0 });
+        dispatch_at(
+            level,
+            fill::FillTile {
+                keys: &mut keys,
+                batches: &batches,
+                tile: 0,
+                column: 0,
+                row: 0,
+                size: projector.size,
+            },
+        );
         let mut pixels = vec![[0; 3]; TILE_WIDTH * TILE_HEIGHT];
         let mut rows: Vec<&mut [[u8; 3]]> = pixels.chunks_mut(TILE_WIDTH).collect();
         let background = [0.1, 0.2, 0.3];

@@ -1,0 +1,57 @@
+//! What lies behind everything that some samples see already, and need not be drawn.
+
+use super::bins::{TILE_HEIGHT, TILE_WIDTH, tile_count};
+use super::keys::{STRIDE, SampleKeys, inverse_depth_of};
+use glam::UVec2;
+use rayon::prelude::*;
+use std::ops::RangeInclusive;
+
+/// The least 1/z that a sample of a tile sees: 0 where one sees nothing. `size` are the samples of the tile that lie in
+/// the picture.
+pub(super) fn farthest(keys: &SampleKeys, size: UVec2) -> f32 {
+    let rows = keys.chunks(STRIDE).take(size.y as usize);
+    let least = rows.map(|row| row[..size.x as usize].iter().copied().min().unwrap_or(0));
+    inverse_depth_of(least.min().unwrap_or(0))
+}
+
+/// Samples of the tile at `column`, `row` that lie in a picture of `size` samples.
+pub(super) fn tile_size(size: UVec2, column: u32, row: u32) -> UVec2 {
+    let tile = UVec2::new(TILE_WIDTH as u32, TILE_HEIGHT as u32);
+    tile.min(size - UVec2::new(column, row) * tile)
+}
+
+/// The farthest that the samples of each tile see, as 1/z.
+#[derive(Debug)]
+pub(super) struct TileDepths {
+    tiles: Vec<f32>,
+    /// The least of each row of tiles.
+    rows: Vec<f32>,
+}
+
+impl TileDepths {
+    /// Of the keys of all tiles, `planes` of them for each; what is hidden is hidden in all planes. `[tiles * planes]`
+    pub(super) fn new(keys: &[SampleKeys], planes: usize, size: UVec2) -> Self {
+        let across = tile_count(size).x;
+        let of_tile = |(tile, planes): (usize, &[SampleKeys])| {
+            let size = tile_size(size, tile as u32 % across, tile as u32 / across);
+            planes.iter().map(|keys| farthest(keys, size)).fold(f32::INFINITY, f32::min)
+        };
+        let tiles: Vec<f32> = keys.par_chunks(planes).enumerate().map(of_tile).collect();
+        let least = |row: &[f32]| row.iter().copied().fold(f32::INFINITY, f32::min);
+        let rows = tiles.chunks(across as usize).map(least).collect();
+        Self { tiles, rows }
+    }
+
+    /// Whether nothing of a triangle whose nearest corner has the 1/z `nearest` is seen in a tile. What is as near as
+    /// what is there is not hidden: the face of the lower index wins.
+    #[inline(always)]
+    pub(super) fn hides(&self, tile: usize, nearest: f32) -> bool {
+        nearest < self.tiles[tile]
+    }
+
+    /// Whether nothing of it is seen in whole rows of tiles.
+    #[inline(always)]
+    pub(super) fn hides_all(&self, rows: &RangeInclusive<i32>, nearest: f32) -> bool {
+        self.rows[*rows.start() as usize..=*rows.end() as usize].iter().all(|least| nearest < *least)
+    }
+}

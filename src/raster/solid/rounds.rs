@@ -1,0 +1,68 @@
+//! Bins and fills in rounds, so that memory grows with the picture and not with the layers behind each other.
+//!
+//! The bins of all faces at once have no bound: 100,000 triangles that fill the picture are in every tile. When they have
+//! more than some number of pairs of triangles and tiles, the tiles are filled with these, and what then lies behind
+//! everything that a tile shows is left out of the bins of the next round. The samples are the same, as the nearest
+//! face wins in any order.
+
+use super::bin;
+use super::bins::{Batch, tile_count};
+use super::hidden::TileDepths;
+use super::keys::{EMPTY, SampleKeys};
+use super::projector::Projector;
+use crate::mesh::Mesh;
+use rayon::prelude::*;
+
+/// Pairs of triangles and tiles in the bins at once; 4 to 28 bytes each.
+pub(super) const PAIRS_PER_ROUND: usize = 1 << 24;
+
+/// The faces of a mesh, ready for the tiles.
+pub(super) enum Faces<'a> {
+    /// All are in the bins.
+    Binned(&'a [Batch]),
+    /// Tiles are filled already. `[tiles * planes]`
+    Filled(Vec<SampleKeys>),
+}
+
+/// Bins the faces of a mesh; if these are too many for one round, `fill` draws those in the bins into the keys of a tile.
+pub(super) fn rounds<'a>(
+    batches: &'a mut Vec<Batch>,
+    mesh: &Mesh,
+    projector: &Projector,
+    (pairs, planes): (usize, usize),
+    fill: impl Fn(&mut [SampleKeys], &[Batch], usize) + Sync,
+) -> Faces<'a> {
+    bin::start(batches, mesh);
+    if bin::bin(batches, mesh, projector, None, pairs) {
+        return Faces::Binned(batches);
+    }
+    let tiles = tile_count(projector.size);
+    let mut keys = vec![EMPTY; (tiles.x * tiles.y) as usize * planes];
+    loop {
+        keys.par_chunks_mut(planes).enumerate().for_each(|(tile, keys)| fill(keys, batches, tile));
+        if batches.iter().all(|batch| batch.left.is_empty()) {
+            return Faces::Filled(keys);
+        }
+        let hidden = TileDepths::new(&keys, planes, projector.size);
+        bin::bin(batches, mesh, projector, Some(&hidden), pairs);
+    }
+}
+
+impl Faces<'_> {
+    /// The keys of tile `tile`: drawn into `keys` by `fill`, unless they are there. `[planes]`
+    pub(super) fn keys<'a>(
+        &'a self,
+        keys: &'a mut [SampleKeys],
+        tile: usize,
+        fill: impl FnOnce(&mut [SampleKeys], &[Batch], usize),
+    ) -> &'a [SampleKeys] {
+        match self {
+            Faces::Filled(filled) => &filled[tile * keys.len()..][..keys.len()],
+            Faces::Binned(batches) => {
+                keys.iter_mut().for_each(|keys| keys.fill(0));
+                fill(keys, batches, tile);
+                keys
+            }
+        }
+    }
+}
