@@ -31,6 +31,32 @@ pub struct Asset {
     pub provenance: Provenance,
     /// The same scene with fewer triangles, finest first; these have no levels themselves.
     pub levels: Vec<Asset>,
+    /// The same scene, without its backdrop, in tiles; the root shows all of it.
+    pub tiles: Option<Box<Tile>>,
+}
+
+/// A piece of a scene at one level of detail; those below it show the same piece with more triangles.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tile {
+    /// What is drawn as long as the tiles below are not; may be empty.
+    pub mesh: Mesh,
+    /// The size of what it leaves out, units of the file; 0 for all there is.
+    pub error: f64,
+    /// What replaces it: each its own piece of it.
+    pub children: Vec<Tile>,
+}
+
+impl Tile {
+    /// Whether there is nothing in it or below it.
+    pub fn is_empty(&self) -> bool {
+        self.mesh.face_count() == 0 && self.children.is_empty()
+    }
+
+    /// Calls `visit` with this tile and all below it, each before its children.
+    pub fn visit<'a>(&'a self, visit: &mut impl FnMut(&'a Tile)) {
+        visit(self);
+        self.children.iter().for_each(|child| child.visit(visit));
+    }
 }
 
 impl Asset {
@@ -49,8 +75,8 @@ impl Asset {
         let behind = mesh.split_off(faces);
         let provenance = |backdrop| Provenance { backdrop, ..self.provenance.clone() };
         let chunks = self.chunks.iter().filter(|chunk| (chunk.first as usize) < faces).copied().collect();
-        let scene =
-            Asset { mesh, chunks, bvh: self.bvh.clone(), provenance: provenance(0), levels: Vec::new() };
+        let bvh = self.bvh.clone();
+        let scene = Asset { mesh, chunks, bvh, provenance: provenance(0), ..Asset::default() };
         let backdrop = Asset { provenance: provenance(self.provenance.backdrop), ..Asset::from(behind) };
         Some((scene, backdrop))
     }

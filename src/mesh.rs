@@ -104,6 +104,25 @@ impl Mesh {
         }
     }
 
+    /// Some of the faces as a mesh of their own, with the vertices that they use. `faces` ascend. `[F']`
+    pub fn part(&self, faces: &[u32]) -> Mesh {
+        let opacity = if self.opacity.is_empty() { Vec::new() } else { gather(&self.opacity, faces) };
+        let mut vertices: Vec<u32> = faces.iter().flat_map(|face| self.face(*face as usize)).collect();
+        let mut indices = Vec::new();
+        if !self.indices.is_empty() {
+            let corners = vertices.clone();
+            vertices.par_sort_unstable();
+            vertices.dedup();
+            let renamed = |v: &u32| vertices.partition_point(|other| other < v) as u32;
+            indices = corners.par_iter().map(renamed).collect();
+        }
+        let colors = match &self.colors {
+            Colors::Face(colors) => Colors::Face(gather(colors, faces)),
+            Colors::Vertex(colors) => Colors::Vertex(gather(colors, &vertices)),
+        };
+        Mesh { positions: gather(&self.positions, &vertices), colors, indices, opacity }
+    }
+
     /// Keeps `faces`, given in any order, in the mesh's order, and drops vertices that no face uses any more.
     pub fn keep(&mut self, faces: &[u32]) {
         let mut kept = vec![false; self.face_count()];

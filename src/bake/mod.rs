@@ -1,7 +1,7 @@
 //! The bake: a recipe of stages from a scene to an asset.
 //!
 //! ```text
-//! crop → teacher → prune → solid → color → unseen → backdrop → refit → weld → place → chunk → bvh → order → lod
+//! crop → teacher → prune → solid → color → unseen → backdrop → refit → weld → place → chunk → bvh → order → lod → tiles
 //! ```
 //!
 //! Each stage is a file with its options, its function and what it measures ([`StageDetails`]); it changes its input
@@ -16,6 +16,7 @@
 
 pub mod backdrop;
 pub mod bvh;
+mod cells;
 pub mod chunk;
 pub mod color;
 pub mod crop;
@@ -31,6 +32,7 @@ mod recipe;
 pub mod refit;
 pub mod solid;
 pub mod teacher;
+pub mod tiles;
 pub mod unseen;
 pub mod views;
 pub mod visibility;

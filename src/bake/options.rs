@@ -11,9 +11,10 @@ use super::prune::PruneOptions;
 use super::refit::RefitOptions;
 use super::solid::SolidOptions;
 use super::teacher::TeacherOptions;
+use super::tiles::TilesOptions;
 use super::unseen::UnseenOptions;
 use super::weld::WeldOptions;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::formats::output::OutputOptions;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -71,6 +72,9 @@ pub struct BakeOptions {
     /// Which levels of detail are made.
     #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "LOD: levels of detail"))]
     pub lod: LodOptions,
+    /// How the scene is cut into tiles.
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Tiles: pieces that stream"))]
+    pub tiles: TilesOptions,
     /// What is put behind the scene.
     #[cfg_attr(
         feature = "cli",
@@ -116,6 +120,7 @@ impl BakeOptions {
         solid: SolidOptions::DEFAULT,
         unseen: UnseenOptions::DEFAULT,
         lod: LodOptions::DEFAULT,
+        tiles: TilesOptions::DEFAULT,
         backdrop: BackdropOptions::DEFAULT,
         refit: RefitOptions::DEFAULT,
         weld: WeldOptions::DEFAULT,
@@ -147,6 +152,11 @@ impl BakeOptions {
     /// Checks the ranges that need no scene; stages check the rest.
     pub fn validate(&self) -> Result<()> {
         self.lod.validate()?;
+        self.tiles.validate()?;
+        if self.tiles.tiles && !self.lod.lod.is_empty() {
+            let wants = "nothing: `tiles` makes levels of its own";
+            return Err(Error::invalid("lod", "given with `tiles`", wants));
+        }
         self.place.validate()
     }
 }

@@ -1,12 +1,12 @@
 //! The recipe: the stages in their order, and the reason for it.
 
 use super::backdrop::{BackdropWhen, backdrop, keep_backdrop};
-use super::bvh::bvh;
-use super::chunk::chunk;
+use super::bvh::{BvhOptions, bvh};
+use super::chunk::{ChunkOptions, chunk};
 use super::color::color;
 use super::crop::crop;
 use super::fit;
-use super::lod::{FinishedLevel, LevelSource, lod};
+use super::lod::{FinishedLevel, LevelSource, LodOptions, lod};
 use super::merge::{merge, share_world};
 use super::options::BakeOptions;
 use super::order::order;
@@ -16,6 +16,7 @@ use super::prune::{PruneOptions, prune};
 use super::refit::refit;
 use super::solid::solid;
 use super::teacher::teacher;
+use super::tiles::tiles;
 use super::unseen::{UnseenOptions, unseen};
 use super::views::Views;
 use super::weld::weld;
@@ -188,19 +189,26 @@ impl<'a> Recipe<'a> {
         }
 
         // Levels are made of what is left here, but are placed like the scene.
-        let unpainted = if self.options.lod.lod.is_empty() { Mesh::default() } else { mesh.clone() };
         let faces = mesh.face_count();
+        let lod = match self.options.tiles.tiles {
+            true => LodOptions { lod: self.options.tiles.shares(faces) },
+            false => self.options.lod.clone(),
+        };
+        let unpainted = if lod.lod.is_empty() { Mesh::default() } else { mesh.clone() };
         let mesh = self.back(mesh)?;
         let mesh = self.paint(mesh)?;
         let behind = mesh.face_count() - faces;
-        if behind > 0 && !self.options.lod.lod.is_empty() {
+        if behind > 0 && !lod.lod.is_empty() {
             self.backdrop = Some(mesh.clone().split_off(faces));
         }
         let asset = self.package(mesh, Provenance { backdrop: behind as u32, ..provenance.clone() })?;
         let source =
             LevelSource { mesh: &unpainted, cameras: &cameras, enlarge: self.options.unseen.enlarge };
-        let levels = self.levels(&source, &provenance)?;
-        Ok(Asset { levels, ..asset })
+        let levels = self.levels(&source, &lod, &provenance)?;
+        // Of the finished scene: every tile holds triangles as they are written.
+        let (asset, options) = (Asset { levels, ..asset }, &self.options.tiles);
+        self.report
+            .stage(self.observer, asset, Asset::counts, |asset, details| tiles(asset, options, details))
     }
 
     /// Soups among meshes become meshes, as nothing else can be merged with one; a budget of triangles is for all.
@@ -356,13 +364,22 @@ impl<'a> Recipe<'a> {
     }
 
     /// Coarser copies of the scene, each painted and packaged as the scene was.
-    fn levels(&mut self, source: &LevelSource<'_>, provenance: &Provenance) -> Result<Vec<Asset>> {
-        let options = self.options;
+    fn levels(
+        &mut self,
+        source: &LevelSource<'_>,
+        options: &LodOptions,
+        provenance: &Provenance,
+    ) -> Result<Vec<Asset>> {
+        let of_levels = match self.options.tiles.tiles {
+            // They are cut once more, so chunks and a hierarchy would be of no use.
+            true => BakeOptions { chunk: ChunkOptions::FAST, bvh: BvhOptions::DEFAULT, ..self.options.clone() },
+            false => self.options.clone(),
+        };
         let (mut views, placement) = (either(&mut self.views, &mut self.taught), self.placement);
         let behind = self.backdrop.take();
         let finish = |mut level: Mesh, mut progress: StageProgress<'_>| {
             let mut unread = Report::default();
-            let of_level = Recipe::new(options, views.as_deref_mut(), &mut unread, &mut progress);
+            let of_level = Recipe::new(&of_levels, views.as_deref_mut(), &mut unread, &mut progress);
             let mut of_level = Recipe { placement, ..of_level };
             // Photos show the backdrop too, but there is one for all levels.
             let faces = level.face_count();
@@ -373,7 +390,7 @@ impl<'a> Recipe<'a> {
             Ok(FinishedLevel { asset: of_level.package(level, provenance.clone())?, psnr })
         };
         self.report.long_stage(self.observer, Vec::new(), count_levels, |levels, details, progress| {
-            lod(levels, source, &options.lod, finish, details, progress)
+            lod(levels, source, options, finish, details, progress)
         })
     }
 

@@ -3,7 +3,7 @@
 use crate::bake::{
     BakeOptions, backdrop::BackdropDetails, bvh::BvhDetails, chunk::ChunkDetails, color::ColorDetails,
     crop::CropDetails, lod::LodDetails, order::OrderDetails, place::PlaceDetails, prune::PruneDetails,
-    refit::RefitDetails, solid::SolidDetails, teacher::TeacherDetails, unseen::UnseenDetails,
+    refit::RefitDetails, solid::SolidDetails, teacher::TeacherDetails, tiles::TilesDetails, unseen::UnseenDetails,
     weld::WeldDetails,
 };
 use crate::bench::bake::BakeRow;

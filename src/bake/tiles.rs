@@ -1,0 +1,157 @@
+//! Tiles: the scene cut into pieces that a viewer loads as it comes near, each at several levels of detail.
+//!
+//! ```text
+//!        root               level k: 1/4^k of the triangles
+//!      ┌──┬┴─┬──┐
+//!      ▢  ▢  ▢  ▢           level k - 1: each replaced by the four below it
+//!     ▢▢▢▢ …                level 0: all triangles
+//! ```
+//!
+//! Levels are those of [`lod`](super::lod), made of the whole scene, so that a triangle of a tile is also in the tiles
+//! below it and neighbours agree along their border. Space is cut by the finest level: twice in halves of equal count
+//! for each step down, so that all tiles hold about as many triangles. Triangles belong to the tile of their centroid.
+
+use super::cells::Cells;
+use crate::asset::{Asset, Tile};
+use crate::error::{Error, Result};
+use crate::mesh::Mesh;
+use crate::report::{Outcome, StageDetails};
+use rayon::prelude::*;
+
+/// A tile of a coarser level is replaced when its median triangle is this many times smaller than the error that a
+/// viewer permits; with the 16 px that viewers ask for, when it is 4 px wide. Chosen by comparing pictures of levels
+/// with those of the whole scene (docs/benchmarks/tiles.md).
+pub const ERROR_PER_DETAIL: f64 = 4.0;
+/// Most levels below the root: 4^12 tiles of the least size hold more triangles than 32 bits count.
+const MOST_LEVELS: u32 = 12;
+
+/// How the scene is cut into tiles.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+#[serde(deny_unknown_fields, default)]
+pub struct TilesOptions {
+    /// Write 3D Tiles 1.1 that stream: OUT.tileset.json and a folder OUT.tiles of GLB files; what -o OUT.tileset.json
+    /// does by itself
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub tiles: bool,
+    /// Most triangles in a tile, 1000 or more
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = TilesOptions::DEFAULT.tile_triangles, value_name = "N"))]
+    #[schemars(range(min = 1000))]
+    pub tile_triangles: u32,
+}
+
+impl TilesOptions {
+    /// No tiles; when there are, about a megabyte each.
+    pub const DEFAULT: Self = Self { tiles: false, tile_triangles: 32_768 };
+
+    /// Checks the range.
+    pub fn validate(&self) -> Result<()> {
+        match self.tile_triangles {
+            0..1000 => Err(Error::invalid("tile_triangles", self.tile_triangles, "1000 or more")),
+            _ => Ok(()),
+        }
+    }
+
+    /// Shares of the triangles that the levels below the finest have, for a scene of `faces` triangles.
+    pub fn shares(&self, faces: usize) -> Vec<f64> {
+        let most = f64::from(self.tile_triangles);
+        let fits = |levels: u32| faces as f64 / 4f64.powi(levels as i32) <= most;
+        let levels = (0..MOST_LEVELS).find(|levels| fits(*levels)).unwrap_or(MOST_LEVELS);
+        (1..=levels).map(|level| 0.25f64.powi(level as i32)).collect()
+    }
+}
+
+impl Default for TilesOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// The tree of tiles.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct TilesDetails {
+    /// Tiles that hold triangles.
+    pub tiles: u64,
+    /// Levels, the root among them.
+    pub levels: u64,
+    /// Most triangles in a tile.
+    pub most_triangles: u64,
+}
+
+impl StageDetails for TilesDetails {
+    const STAGE: &'static str = "tiles";
+}
+
+/// Cuts the scene and its levels into `asset.tiles`, and takes the levels out. A backdrop is a tile of its own.
+pub fn tiles(
+    asset: &mut Asset,
+    options: &TilesOptions,
+    details: &mut TilesDetails,
+) -> Result<Outcome<()>> {
+    if !options.tiles {
+        return Ok(Outcome::Unneeded("`tiles` was not asked for"));
+    }
+    if asset.tiles.is_some() {
+        return Ok(Outcome::Unneeded("the scene has tiles already"));
+    }
+    let levels = std::mem::take(&mut asset.levels);
+    let mut finest = asset.mesh.clone();
+    finest.split_off(asset.scene_faces());
+    let cells = Cells::new(&centroids(&finest), 2 * levels.len() as u32);
+    let meshes = std::iter::once(finest).chain(levels.into_iter().map(|level| level.mesh));
+    let levels: Vec<Level> = meshes.enumerate().map(|(i, mesh)| Level::new(mesh, &cells, i as u32)).collect();
+    let root = tile(&levels, levels.len() - 1, 0);
+    details.levels = levels.len() as u64;
+    root.visit(&mut |tile| {
+        details.tiles += u64::from(tile.mesh.face_count() > 0);
+        details.most_triangles = details.most_triangles.max(tile.mesh.face_count() as u64);
+    });
+    asset.tiles = Some(Box::new(root));
+    Ok(Outcome::Changed(()))
+}
+
+/// A level, its faces sorted by the cell they are in.
+struct Level {
+    mesh: Mesh,
+    /// Cell and index of every face.
+    faces: Vec<(u64, u32)>,
+}
+
+impl Level {
+    fn new(mesh: Mesh, cells: &Cells, level: u32) -> Self {
+        let cell = |(face, centroid)| (cells.of(centroid) >> (2 * level), face);
+        let mut faces: Vec<(u64, u32)> = (0..).zip(centroids(&mesh)).map(cell).collect();
+        faces.par_sort_unstable();
+        Self { mesh, faces }
+    }
+
+    /// The part of the mesh in a cell, in the order of the mesh, which an engine's caches like.
+    fn part(&self, cell: u64) -> Mesh {
+        let from = self.faces.partition_point(|(other, _)| *other < cell);
+        let to = self.faces.partition_point(|(other, _)| *other <= cell);
+        let faces: Vec<u32> = self.faces[from..to].iter().map(|(_, face)| *face).collect();
+        self.mesh.part(&faces)
+    }
+}
+
+/// The tile of a cell, and those below it; the finest level is 0.
+fn tile(levels: &[Level], level: usize, cell: u64) -> Tile {
+    let mesh = levels[level].part(cell);
+    let children: Vec<Tile> = match level {
+        0 => Vec::new(),
+        _ => (0..4).map(|i| tile(levels, level - 1, 4 * cell + i)).filter(|tile| !tile.is_empty()).collect(),
+    };
+    // What is drawn in place of finer tiles leaves out at least as much as these do.
+    let below = children.iter().map(|tile| tile.error).fold(0.0, f64::max);
+    let error = if level == 0 { 0.0 } else { (ERROR_PER_DETAIL * mesh.detail()).max(below) };
+    Tile { mesh, error, children }
+}
+
+/// The middle of every face. `[F]`
+fn centroids(mesh: &Mesh) -> Vec<[f32; 3]> {
+    let centroid = |face| {
+        let [a, b, c] = mesh.corners(face).map(|v| v.as_dvec3());
+        ((a + b + c) / 3.0).as_vec3().to_array()
+    };
+    (0..mesh.face_count()).into_par_iter().map(centroid).collect()
+}
