@@ -122,7 +122,7 @@ fn a_checkpoint_of_other_photos_is_refused() {
     let outputs = RunOptions { checkpoint: Some(path.clone()), checkpoint_every: 1, ..RunOptions::default() };
     TrainRun { outputs, ..TrainRun::new(&dataset, &options(1)) }.run(&mut ()).unwrap();
     let mut checkpoint = checkpoint::read(&path).unwrap();
-    checkpoint.meta.photos[0].push('x');
+    checkpoint.meta.identity.photos[0].name.push('x');
     let error = TrainRun::from_checkpoint(&dataset, checkpoint).start().unwrap_err().to_string();
     assert!(error.contains("resume is of 14 other photos"), "{error}");
 }
