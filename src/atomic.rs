@@ -5,11 +5,13 @@
 //! swept by the next that writes the same target. Symbolic links are followed: what they lead to is replaced. Devices and pipes
 //! cannot be replaced by renaming, so they (and standard output) are written directly.
 
-mod publish;
+mod live;
+mod names;
+mod place;
 mod temporary;
 
-pub use publish::{publish, remove_temporaries};
-pub use temporary::{resolved, temporary_name};
+pub use live::remove_temporaries;
+pub use names::{resolved, temporary_name};
 
 use crate::error::{Error, Result};
 use std::fs::File;
@@ -50,10 +52,10 @@ impl AtomicFile {
     /// Errors: those of [`AtomicFile::create`].
     pub fn create_all(paths: &[&Path]) -> Result<Vec<Self>> {
         let Some(last) = paths.last() else { return Ok(Vec::new()) };
-        let interrupted = publish::was_interrupted(last);
+        let interrupted = place::was_interrupted(last);
         // The last first: who has it has them all.
         let mut files = paths.iter().rev().map(|path| Self::start(path)).collect::<Result<Vec<_>>>()?;
-        publish::recover(paths, interrupted).map_err(|e| Error::io(last, e))?;
+        place::recover(paths, interrupted).map_err(|e| Error::io(last, e))?;
         files.reverse();
         Ok(files)
     }
@@ -103,6 +105,21 @@ impl AtomicFile {
         };
         finished.map_err(|e| Error::io(&self.path, e))
     }
+}
+
+/// Gives files that belong together their names, in this order, the one that names the others last, once all their bytes are
+/// on the disk. On an error each name has what it had before. Returns the sizes, bytes.
+///
+/// Errors: what the operating system refuses; a file that has appeared under a name since its successor was started.
+pub fn publish(mut files: Vec<AtomicFile>) -> Result<Vec<u64>> {
+    files.iter_mut().try_for_each(AtomicFile::finish)?;
+    let sizes = files.iter().map(|file| file.bytes).collect();
+    let temporaries = files.into_iter().filter_map(|file| match file.to {
+        Destination::Temporary(temporary) => Some((file.path, temporary)),
+        _ => None,
+    });
+    place::place(temporaries.collect())?;
+    Ok(sizes)
 }
 
 impl Write for AtomicFile {
@@ -251,15 +268,15 @@ mod tests {
         let [data, main] = ["a.bin", "a.gltf"].map(|name| folder.path().join(name));
         // As a kill leaves them between the two renames: the data are new, the file that names them is not there.
         std::fs::write(&data, "new").unwrap();
-        std::fs::write(publish::aside_name(&data), "old").unwrap();
-        std::fs::write(publish::aside_name(&main), "old").unwrap();
+        std::fs::write(names::aside_name(&data), "old").unwrap();
+        std::fs::write(names::aside_name(&main), "old").unwrap();
         std::fs::write(temporary_name(&main), "new").unwrap();
         drop(AtomicFile::create_all(&[&data, &main]).unwrap());
         let texts = [&data, &main].map(|path| std::fs::read_to_string(path).unwrap());
         assert_eq!(texts, ["old", "old"]);
         assert_eq!(names(folder.path()), ["a.bin", "a.gltf"]);
         // And after the last rename, before the old ones were removed.
-        std::fs::write(publish::aside_name(&data), "older").unwrap();
+        std::fs::write(names::aside_name(&data), "older").unwrap();
         drop(AtomicFile::create_all(&[&data, &main]).unwrap());
         assert_eq!(std::fs::read_to_string(&data).unwrap(), "old");
         assert_eq!(names(folder.path()), ["a.bin", "a.gltf"]);

@@ -1,15 +1,11 @@
 //! The temporary file of a target: one name, one owner.
 
-use super::publish;
+use super::live;
+use super::names::{aside_name, temporary_name};
 use std::fs::{File, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use xxhash_rust::xxh3::xxh3_64;
 
-/// Names of files may be so long everywhere, bytes.
-const MAX_NAME_BYTES: usize = 255;
-/// Links that are followed, as many as Linux follows.
-const MAX_LINKS: usize = 40;
 /// Others that sweep the same name at the same time get out of the way after a try or two.
 const TRIES: usize = 16;
 
@@ -31,9 +27,9 @@ impl Temporary {
         for _ in 0..TRIES {
             match File::options().write(true).create_new(true).open(&path) {
                 Ok(file) if lock(&file) && is_at(&file, &path) => {
-                    publish::register(&path);
+                    live::register(&path);
                     // An older one that was moved aside counts: it is put back.
-                    let is_new = !target.exists() && !publish::aside_name(target).exists();
+                    let is_new = !target.exists() && !aside_name(target).exists();
                     return Ok(Self { file, path, target: target.to_owned(), is_new, published: false });
                 }
                 // Somebody swept it before it was locked.
@@ -67,7 +63,7 @@ impl Drop for Temporary {
             // What cannot be removed is swept by the next run.
             let _ = std::fs::remove_file(&self.path);
         }
-        publish::unregister(&self.path);
+        live::unregister(&self.path);
     }
 }
 
@@ -112,32 +108,4 @@ fn is_at(file: &File, path: &Path) -> bool {
 #[cfg(not(unix))]
 fn is_at(_: &File, path: &Path) -> bool {
     path.exists()
-}
-
-/// The temporary file of `target`: `.NAME.trisplat.tmp` beside it.
-pub fn temporary_name(target: &Path) -> PathBuf {
-    beside(target, "tmp")
-}
-
-/// `.NAME.trisplat.ENDING` beside `target`; a name too long for that is replaced by its hash.
-pub(super) fn beside(target: &Path, ending: &str) -> PathBuf {
-    let name = target.file_name().unwrap_or_default();
-    let ending = format!(".trisplat.{ending}");
-    let mut whole = std::ffi::OsString::from(".");
-    match name.len() + 1 + ending.len() <= MAX_NAME_BYTES {
-        true => whole.push(name),
-        false => whole.push(format!("{:016x}", xxh3_64(name.as_encoded_bytes()))),
-    }
-    whole.push(ending);
-    target.with_file_name(whole)
-}
-
-/// Where `path` leads when its last part is a symbolic link, to a file that may not be there yet.
-pub fn resolved(path: &Path) -> PathBuf {
-    let mut path = path.to_owned();
-    for _ in 0..MAX_LINKS {
-        let Ok(to) = std::fs::read_link(&path) else { break };
-        path = path.parent().unwrap_or(Path::new("")).join(to);
-    }
-    path
 }

@@ -49,9 +49,14 @@ impl Outputs {
         self
     }
 
-    /// A file that is read as well, and that what was planned so far may replace.
+    /// A file that is read as well.
     pub(super) fn add_input(&mut self, path: &Path) {
         self.inputs.insert(FileId::of(path));
+    }
+
+    /// A file that may be replaced by what is planned from now on, although it is read.
+    pub(super) fn remove_input(&mut self, path: &Path) {
+        self.inputs.remove(&FileId::of(path));
     }
 
     /// A folder of pictures, which is made when it is not there; it may not be that of the photos.
@@ -63,7 +68,7 @@ impl Outputs {
         Ok(())
     }
 
-    /// The same, with files that the command itself has written before and goes on with.
+    /// Whether what is planned from now on may replace files that are there.
     pub(super) fn replacing(&mut self, replace: bool) {
         self.replace = replace;
     }

@@ -151,9 +151,16 @@ fn guard(args: &TrainArgs, outputs: &RunOptions) -> Result<Outputs> {
         ));
     }
     let inputs = args.from.iter().chain(&args.config).map(PathBuf::as_path);
+    let mut files = Outputs::new(inputs, args.force).with_dataset(args.dataset.as_deref());
+    args.resume.iter().for_each(|path| files.add_input(path));
+    files.claim("--output", out)?;
+    for (option, path) in [("--report", &args.report), ("--curve", &args.curve)] {
+        path.as_deref().map_or(Ok(()), |path| files.claim(option, path))?;
+    }
     // A run that goes on adds to its log and replaces its own checkpoint.
+    args.resume.iter().for_each(|path| files.remove_input(path));
     let goes_on = args.force || args.resume.is_some();
-    let mut files = Outputs::new(inputs, goes_on).with_dataset(args.dataset.as_deref());
+    files.replacing(goes_on);
     if let Some(path) = &outputs.checkpoint {
         if let (false, true, Some((_, old))) = (goes_on, args.keep > 1, rotation::kept(path).first()) {
             let wants = "a name without checkpoints of an earlier run, or --force to replace them";
@@ -162,12 +169,6 @@ fn guard(args: &TrainArgs, outputs: &RunOptions) -> Result<Outputs> {
         files.probe("--checkpoint", path)?;
     }
     args.log.as_deref().map_or(Ok(()), |path| files.probe("--log", path))?;
-    args.resume.iter().for_each(|path| files.add_input(path));
-    files.replacing(args.force);
-    files.claim("--output", out)?;
-    for (option, path) in [("--report", &args.report), ("--curve", &args.curve)] {
-        path.as_deref().map_or(Ok(()), |path| files.claim(option, path))?;
-    }
     args.preview.as_deref().map_or(Ok(()), |folder| files.plan_folder("--preview", folder))?;
     Ok(files)
 }

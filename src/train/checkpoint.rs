@@ -4,6 +4,8 @@
 //! `__metadata__.trisplat` is a JSON text with the step, the options and what else is not an array. It begins with the format
 //! and the XXH3 checksum of the whole file, as sixteen hexadecimal digits, taken with zeros in their place.
 
+mod checksum;
+
 use super::identity::RunIdentity;
 use super::options::TrainOptions;
 use super::params::{Params, TrainState};
@@ -18,14 +20,10 @@ use safetensors::tensor::{Dtype, SafeTensorError, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::io::Write;
-use std::ops::Range;
 use std::path::Path;
-use xxhash_rust::xxh3::xxh3_64;
 
 /// The layout written and read; it changes whenever a key or an array does.
 const FORMAT: u32 = 4;
-/// What stands in place of the checksum while it is taken, and how long it is.
-const NO_CHECKSUM: &str = "0000000000000000";
 
 /// A run between two steps.
 #[derive(Debug, Clone, PartialEq)]
@@ -107,37 +105,14 @@ pub fn write(path: &Path, checkpoint: &Checkpoint) -> Result<()> {
     let bytes = |flags: &[bool]| flags.iter().map(|f| u8::from(*f)).collect::<Vec<u8>>();
     let (exempt, drawn) = (bytes(&visibility.exempt), bytes(&visibility.drawn));
     let tensors = tensors(checkpoint, &exempt, &drawn).map_err(|e| unwritable(&e))?;
-    let meta = MetaText { format: FORMAT, checksum: NO_CHECKSUM.into(), run: &checkpoint.meta };
+    let meta = MetaText { format: FORMAT, checksum: checksum::NONE.into(), run: &checkpoint.meta };
     let meta = serde_json::to_string(&meta).map_err(|e| unwritable(&e))?;
     let metadata = HashMap::from([("trisplat".to_owned(), meta)]);
     let mut bytes = safetensors::serialize(tensors, Some(metadata)).map_err(|e| unwritable(&e))?;
-    let place = checksum_place(&bytes).ok_or_else(|| unwritable(&"no place for its checksum"))?;
-    let checksum = format!("{:016x}", xxh3_64(&bytes));
-    bytes[place].copy_from_slice(checksum.as_bytes());
+    checksum::fill_in(&mut bytes, FORMAT).ok_or_else(|| unwritable(&"no place for its checksum"))?;
     let mut file = AtomicFile::create(path)?;
     file.write_all(&bytes).map_err(io)?;
     file.commit().map(drop)
-}
-
-/// Where the checksum is in the file.
-fn checksum_place(bytes: &[u8]) -> Option<Range<usize>> {
-    let before = format!("\"trisplat\":\"{{\\\"format\\\":{FORMAT},\\\"checksum\\\":\\\"");
-    let start = bytes.windows(before.len()).position(|window| window == before.as_bytes())? + before.len();
-    let place = start..start + NO_CHECKSUM.len();
-    (place.end <= bytes.len()).then_some(place)
-}
-
-/// Fails unless every byte is as it was written.
-fn check_sum(path: &Path, mut bytes: Vec<u8>) -> Result<Vec<u8>> {
-    let damaged = || {
-        let reason = "does not fit: the file is damaged; go on from another checkpoint, or train anew";
-        Error::malformed(path, "checksum", reason)
-    };
-    let place = checksum_place(&bytes).ok_or_else(damaged)?;
-    let found = bytes[place.clone()].to_vec();
-    bytes[place].copy_from_slice(NO_CHECKSUM.as_bytes());
-    let wanted = format!("{:016x}", xxh3_64(&bytes));
-    if found == wanted.as_bytes() { Ok(bytes) } else { Err(damaged()) }
 }
 
 type Named<'a> = Vec<(String, TensorView<'a>)>;
@@ -179,13 +154,24 @@ fn raw<T: NoUninit>(values: &[T]) -> &[u8] {
 ///
 /// Errors: a file that is broken, not a checkpoint, or of another version of trisplat.
 pub fn read(path: &Path) -> Result<Checkpoint> {
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let mut bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
     if !bytes.is_empty() && !looks_like_safetensors(&bytes) {
         let reason = "is not a checkpoint of a training run; to start from a scene, give it as `from`";
         return Err(Error::unsupported(path, reason));
     }
+    let damaged = || {
+        let reason = "does not fit: the file is damaged; go on from another checkpoint, or train anew";
+        Error::malformed(path, "checksum", reason)
+    };
+    // Before anything is read of it; files of other formats have none in this place.
+    let fits = checksum::fits(&mut bytes, FORMAT);
+    if fits == Some(false) {
+        return Err(damaged());
+    }
     let meta = read_meta(path, &bytes)?;
-    let bytes = check_sum(path, bytes)?;
+    if fits.is_none() {
+        return Err(damaged());
+    }
     meta.validate(path)?;
     let tensors = SafeTensors::deserialize(&bytes).map_err(|e| broken(path, &e))?;
     let file = Arrays { path, tensors };

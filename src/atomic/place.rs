@@ -5,49 +5,12 @@
 //! come in the order given, the naming file last. An error puts the old ones back. After a kill, the next run with these names
 //! does: the last temporary file is still there if and only if the set was not complete.
 
-use super::temporary::{Temporary, beside, resolved, temporary_name};
-use super::{AtomicFile, Destination};
+use super::live;
+use super::names::{aside_name, resolved, temporary_name};
+use super::temporary::Temporary;
 use crate::error::{Error, Result};
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
-/// The temporary files of this process. Locked while files get their names, so that a signal does not come between.
-static TEMPORARY: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
-
-fn list() -> MutexGuard<'static, Vec<PathBuf>> {
-    TEMPORARY.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-pub(super) fn register(path: &Path) {
-    list().push(path.to_owned());
-}
-
-pub(super) fn unregister(path: &Path) {
-    forget(&mut list(), path);
-}
-
-fn forget(list: &mut Vec<PathBuf>, path: &Path) {
-    if let Some(at) = list.iter().position(|one| one == path) {
-        list.swap_remove(at);
-    }
-}
-
-/// Removes every temporary file of this process and keeps files from getting names: for a process that is about to end
-/// without dropping its values. It must end then.
-pub fn remove_temporaries() {
-    let mut list = list();
-    for path in list.drain(..) {
-        // The next run sweeps it.
-        let _ = std::fs::remove_file(path);
-    }
-    std::mem::forget(list);
-}
-
-/// Where the file that `target` replaces is while its set is published.
-pub(super) fn aside_name(target: &Path) -> PathBuf {
-    beside(target, "old")
-}
 
 /// True when a temporary file of `last`, the naming file of a set, is there.
 pub(super) fn was_interrupted(last: &Path) -> bool {
@@ -69,23 +32,13 @@ pub(super) fn recover(paths: &[&Path], interrupted: bool) -> io::Result<()> {
     Ok(())
 }
 
-/// Gives files that belong together their names, in this order, the one that names the others last, once all their bytes are
-/// on the disk. On an error each name has what it had before. Returns the sizes, bytes.
-///
-/// Errors: what the operating system refuses; a file that has appeared under a name since its successor was started.
-pub fn publish(mut files: Vec<AtomicFile>) -> Result<Vec<u64>> {
-    files.iter_mut().try_for_each(AtomicFile::finish)?;
-    let sizes = files.iter().map(|file| file.bytes).collect();
-    let mut temporaries: Vec<(PathBuf, BufWriter<Temporary>)> = files
-        .into_iter()
-        .filter_map(|file| match file.to {
-            Destination::Temporary(temporary) => Some((file.path, temporary)),
-            _ => None,
-        })
-        .collect();
+/// Gives files that belong together the names of their targets, in this order, the one that names the others last. Each comes
+/// with its path as the user gave it, for messages.
+pub(super) fn place(mut set: Vec<(PathBuf, BufWriter<Temporary>)>) -> Result<()> {
     let mut set: Vec<(&Path, &mut Temporary)> =
-        temporaries.iter_mut().map(|(path, file)| (path.as_path(), file.get_mut())).collect();
-    let mut list = list();
+        set.iter_mut().map(|(path, file)| (path.as_path(), file.get_mut())).collect();
+    // Locked while files get their names: a signal waits.
+    let mut list = live::list();
     for (path, file) in &set {
         if file.is_new && file.target.exists() {
             return Err(Error::io(path, appeared()));
@@ -98,11 +51,10 @@ pub fn publish(mut files: Vec<AtomicFile>) -> Result<Vec<u64>> {
     }
     for (_, file) in &mut set {
         file.published = true;
-        forget(&mut list, &file.path);
+        live::forget(&mut list, &file.path);
     }
-    sync_folders(&set)?;
     drop(list);
-    Ok(sizes)
+    sync_folders(&set)
 }
 
 fn appeared() -> io::Error {
