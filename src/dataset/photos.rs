@@ -314,6 +314,7 @@ mod tests {
                 }
             }
             assert_eq!(photos.decoded(), 20, "budget {budget}");
+            assert!((0..20).all(|i| photos.digest(i) == Some(pixels(i).digest())), "budget {budget}");
             let resident = photos.shared.lock().resident_bytes;
             assert!(
                 resident <= budget.max((AHEAD as u64 + 1 + WORKERS as u64) * one),

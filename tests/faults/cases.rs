@@ -245,13 +245,17 @@ impl Case {
         for (name, bytes) in self.before.iter().filter(|(name, _)| name.starts_with("in/")) {
             assert!(found.get(name) == Some(bytes), "{name} was changed: {context}");
         }
+        // Of checkpoints the last are kept, whichever run wrote them.
+        let rotates = |name: &str| name.ends_with(".checkpoint");
         let complete = found.keys().all(|name| !tree::is_leftover(name));
         let lost: Vec<&String> = self
             .before
             .keys()
-            .filter(|name| !found.contains_key(*name) && new.out.contains_key(*name))
+            .filter(|name| !found.contains_key(*name) && new.out.contains_key(*name) && !rotates(name))
             .collect();
         assert!(lost.is_empty() || !complete, "{lost:?} are gone: {context}");
+        let has_one = |tree: &Tree| tree.keys().any(|name| rotates(name));
+        assert!(has_one(found) || !has_one(&self.before), "no checkpoint is left: {context}");
     }
 }
 

@@ -12,6 +12,7 @@ mod tree;
 
 use cases::Case;
 use run::{Fault, Injector, Kind};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Calls of each command that a plain run of the suite visits with each kind of fault.
 const VISITS: u64 = 12;
@@ -25,16 +26,19 @@ fn visit(case: &Case) {
     let new = case.outcome(&injector);
     let all = std::env::var_os("TRISPLAT_FAULTS").is_some_and(|value| value == "all");
     let step = if all { 1 } else { new.calls.div_ceil(VISITS).max(1) };
-    let mut visited = 0;
+    let (mut visited, mut failed) = (0, 0);
     for kind in [Kind::Error, Kind::Full, Kind::Kill] {
         // Not the same calls for every kind.
         let first = 1 + kind as u64 % step;
         for at in (first..=new.calls).step_by(step as usize) {
-            case.check(&injector, &new, Fault { kind, at });
+            let fault = Fault { kind, at };
+            let checked = catch_unwind(AssertUnwindSafe(|| case.check(&injector, &new, fault)));
+            failed += u64::from(checked.is_err());
             visited += 1;
         }
     }
     println!("{}: {} calls, {visited} faults", case.name, new.calls);
+    assert_eq!(failed, 0, "faults of {visited} that broke a promise");
 }
 
 #[test]
