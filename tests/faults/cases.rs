@@ -7,8 +7,8 @@ use std::process::Command;
 use trisplat::train::checkpoint;
 
 /// A command, the files it finds and what it makes.
-pub struct Case {
-    pub name: &'static str,
+pub(crate) struct Case {
+    pub(crate) name: &'static str,
     arguments: &'static [&'static str],
     /// What is in `in` and, when outputs are replaced, in `out`.
     before: Tree,
@@ -19,9 +19,9 @@ pub struct Case {
 }
 
 /// What the command makes when nothing goes wrong.
-pub struct Outcome {
+pub(crate) struct Outcome {
     out: Tree,
-    pub calls: u64,
+    pub(crate) calls: u64,
 }
 
 /// Runs the program plainly in `folder`.
@@ -63,7 +63,7 @@ const BAKE: &[&str] = &[
     "off",
 ];
 
-pub fn bake_replaces() -> Case {
+pub(crate) fn bake_replaces() -> Case {
     let mut old = BAKE.to_vec();
     old.extend(["--scale-by", "0.4=0.25"]);
     Case {
@@ -75,7 +75,7 @@ pub fn bake_replaces() -> Case {
     }
 }
 
-pub fn bake_new() -> Case {
+pub(crate) fn bake_new() -> Case {
     Case {
         name: "bake of new files",
         arguments: BAKE,
@@ -85,7 +85,7 @@ pub fn bake_new() -> Case {
     }
 }
 
-pub fn train() -> Case {
+pub(crate) fn train() -> Case {
     const TRAIN: &[&str] = &[
         "train",
         "in/photos",
@@ -126,7 +126,7 @@ pub fn train() -> Case {
     }
 }
 
-pub fn eval() -> Case {
+pub(crate) fn eval() -> Case {
     const EVAL: &[&str] = &[
         "eval",
         "in/a.ply",
@@ -139,6 +139,7 @@ pub fn eval() -> Case {
         "out/renders",
         "--split",
         "all",
+        "--no-coverage",
         "--force",
     ];
     let mut old = EVAL.to_vec();
@@ -146,7 +147,7 @@ pub fn eval() -> Case {
     Case { name: "eval", arguments: EVAL, before: before(&old), together: &[], kept: None }
 }
 
-pub fn render() -> Case {
+pub(crate) fn render() -> Case {
     const RENDER: &[&str] =
         &["render", "in/a.ply", "--orbit", "3", "--width", "24", "-o", "out/pictures", "--force"];
     let mut old = RENDER.to_vec();
@@ -156,7 +157,7 @@ pub fn render() -> Case {
 
 impl Case {
     /// The outcome when nothing goes wrong.
-    pub fn outcome(&self, injector: &Injector) -> Outcome {
+    pub(crate) fn outcome(&self, injector: &Injector) -> Outcome {
         let (folder, run) = self.run(injector, None);
         assert!(run.output.status.success(), "{}", run.stderr());
         assert!(!run.calls.is_empty(), "no call was caught");
@@ -172,7 +173,7 @@ impl Case {
     }
 
     /// Runs with a fault and checks everything; then once more without, which must make everything as if nothing had been.
-    pub fn check(&self, injector: &Injector, new: &Outcome, fault: Fault) {
+    pub(crate) fn check(&self, injector: &Injector, new: &Outcome, fault: Fault) {
         let (folder, run) = self.run(injector, Some(fault));
         let call = run.calls.get(fault.at as usize - 1).cloned().unwrap_or_default();
         let context = format!("{}, {fault:?}, {call}:\n{}", self.name, run.stderr());

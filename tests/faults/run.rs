@@ -5,7 +5,7 @@ use std::process::{Command, Output, Stdio};
 
 /// What goes wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub(crate) enum Kind {
     /// One call fails (EIO).
     Error,
     /// The disk is full from this call on.
@@ -16,28 +16,28 @@ pub enum Kind {
 
 /// What goes wrong, and at which call, from 1.
 #[derive(Debug, Clone, Copy)]
-pub struct Fault {
-    pub kind: Kind,
-    pub at: u64,
+pub(crate) struct Fault {
+    pub(crate) kind: Kind,
+    pub(crate) at: u64,
 }
 
 /// The library that catches system calls.
-pub struct Injector {
+pub(crate) struct Injector {
     folder: tempfile::TempDir,
 }
 
 /// A run of the program and the calls it made.
-pub struct Run {
-    pub output: Output,
+pub(crate) struct Run {
+    pub(crate) output: Output,
     /// "write /full/path", by number.
-    pub calls: Vec<String>,
+    pub(crate) calls: Vec<String>,
     /// Holds what the program keeps in the system's folder for temporary files.
-    pub temporary: tempfile::TempDir,
+    pub(crate) temporary: tempfile::TempDir,
 }
 
 impl Injector {
     /// Compiles it; `None` where that is not possible.
-    pub fn build() -> Option<Self> {
+    pub(crate) fn build() -> Option<Self> {
         let folder = tempfile::tempdir().unwrap();
         let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/faults/inject.c");
         let mut cc = Command::new("cc");
@@ -50,7 +50,7 @@ impl Injector {
     }
 
     /// Runs the program in `folder`, in which calls are caught.
-    pub fn run(&self, folder: &Path, arguments: &[&str], fault: Option<Fault>) -> Run {
+    pub(crate) fn run(&self, folder: &Path, arguments: &[&str], fault: Option<Fault>) -> Run {
         let temporary = tempfile::tempdir().unwrap();
         let log: PathBuf = temporary.path().join("calls");
         let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
@@ -80,12 +80,12 @@ impl Injector {
 }
 
 impl Run {
-    pub fn stderr(&self) -> String {
+    pub(crate) fn stderr(&self) -> String {
         String::from_utf8_lossy(&self.output.stderr).into_owned()
     }
 
     /// How many errors were printed.
-    pub fn errors(&self) -> usize {
+    pub(crate) fn errors(&self) -> usize {
         self.stderr().lines().filter(|line| line.starts_with("error: ")).count()
     }
 }

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Contents by name, relative to the folder.
-pub type Tree = BTreeMap<String, Vec<u8>>;
+pub(crate) type Tree = BTreeMap<String, Vec<u8>>;
 
-pub fn read(folder: &Path) -> Tree {
+pub(crate) fn read(folder: &Path) -> Tree {
     let mut tree = Tree::new();
     collect(folder, "", &mut tree);
     tree
@@ -24,7 +24,7 @@ fn collect(folder: &Path, prefix: &str, tree: &mut Tree) {
     }
 }
 
-pub fn write(folder: &Path, tree: &Tree) {
+pub(crate) fn write(folder: &Path, tree: &Tree) {
     for (name, bytes) in tree {
         let path = folder.join(name);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -33,7 +33,7 @@ pub fn write(folder: &Path, tree: &Tree) {
 }
 
 /// True of what a killed run may leave behind until the next one.
-pub fn is_leftover(name: &str) -> bool {
+pub(crate) fn is_leftover(name: &str) -> bool {
     let name = name.rsplit('/').next().unwrap_or(name);
     name.starts_with('.') && (name.ends_with(".trisplat.tmp") || name.ends_with(".trisplat.old"))
 }
