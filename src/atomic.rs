@@ -1,14 +1,23 @@
 //! Files that appear whole or not at all.
 //!
-//! Bytes go to a temporary file beside the target, which takes the target's name at
-//! [`AtomicFile::commit`]. A dropped, uncommitted file leaves nothing behind. Devices and pipes
+//! Bytes go to a temporary file beside the target, `.NAME.trisplat.tmp`, which is locked while this process has it and takes the
+//! target's name when all bytes are on the disk. A dropped file leaves nothing behind; one that a killed process left is
+//! swept by the next that writes the same target. Symbolic links are followed: what they lead to is replaced. Devices and pipes
 //! cannot be replaced by renaming, so they (and standard output) are written directly.
+
+mod live;
+mod names;
+mod place;
+mod temporary;
+
+pub use live::remove_temporaries;
+pub use names::{resolved, temporary_name};
 
 use crate::error::{Error, Result};
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
-use tempfile::NamedTempFile;
+use temporary::Temporary;
 
 /// Large enough that a write costs a copy and not a system call.
 const BUFFER_BYTES: usize = 1 << 20;
@@ -23,7 +32,7 @@ pub struct AtomicFile {
 
 #[derive(Debug)]
 enum Destination {
-    Temporary(BufWriter<NamedTempFile>),
+    Temporary(BufWriter<Temporary>),
     Direct(BufWriter<File>),
     Stdout(BufWriter<std::io::Stdout>),
     Nowhere,
@@ -31,15 +40,35 @@ enum Destination {
 
 impl AtomicFile {
     /// Starts a file that will be called `path`; "-" is standard output.
+    ///
+    /// Errors: what the operating system refuses; another program that is writing the same file.
     pub fn create(path: &Path) -> Result<Self> {
+        Self::create_all(&[path]).map(|mut files| files.remove(0))
+    }
+
+    /// Starts files that belong together, the one that names the others last. What a killed process left half published
+    /// under these names is put back first.
+    ///
+    /// Errors: those of [`AtomicFile::create`].
+    pub fn create_all(paths: &[&Path]) -> Result<Vec<Self>> {
+        let Some(last) = paths.last() else { return Ok(Vec::new()) };
+        let interrupted = place::was_interrupted(last);
+        // The last first: who has it has them all.
+        let mut files = paths.iter().rev().map(|path| Self::start(path)).collect::<Result<Vec<_>>>()?;
+        place::recover(paths, interrupted).map_err(|e| Error::io(last, e))?;
+        files.reverse();
+        Ok(files)
+    }
+
+    fn start(path: &Path) -> Result<Self> {
         let io = |e| Error::io(path, e);
         let to = if path.as_os_str() == "-" {
             Destination::Stdout(BufWriter::with_capacity(BUFFER_BYTES, std::io::stdout()))
-        } else if std::fs::metadata(path).is_ok_and(|m| !m.is_file()) {
+        } else if std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
             let file = File::options().write(true).open(path).map_err(io)?;
             Destination::Direct(BufWriter::with_capacity(BUFFER_BYTES, file))
         } else {
-            let file = temporary_beside(path).map_err(io)?;
+            let file = Temporary::create(&resolved(path)).map_err(io)?;
             Destination::Temporary(BufWriter::with_capacity(BUFFER_BYTES, file))
         };
         Ok(Self { path: path.to_owned(), bytes: 0, to })
@@ -50,32 +79,47 @@ impl AtomicFile {
         Self { path: path.to_owned(), bytes: 0, to: Destination::Nowhere }
     }
 
+    /// True of a file that keeps no bytes.
+    pub fn is_dry(&self) -> bool {
+        matches!(self.to, Destination::Nowhere)
+    }
+
     /// The name it will have.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Flushes, gives the file its name and returns its size in bytes.
-    pub fn commit(mut self) -> Result<u64> {
-        let io = |e| Error::io(&self.path, e);
-        self.to.flush().map_err(io)?;
-        if let Destination::Temporary(file) = self.to {
-            let file = file.into_inner().map_err(|e| Error::io(&self.path, e.into_error()))?;
-            file.persist(&self.path).map_err(|e| Error::io(&self.path, e.error))?;
-        }
-        Ok(self.bytes)
+    /// Gives the file its name, once its bytes are on the disk: after a power cut there is the file that was there before, or
+    /// this one whole. Returns its size in bytes.
+    ///
+    /// Errors: what the operating system refuses; a file of that name that has appeared since this one was started.
+    pub fn commit(self) -> Result<u64> {
+        publish(vec![self]).map(|sizes| sizes.iter().sum())
     }
 
-    /// As [`AtomicFile::commit`], but the bytes are on the disk before the file has its name: after a power cut there
-    /// is the file that was there before, or this one whole.
-    pub fn commit_synced(mut self) -> Result<u64> {
-        let io = |e| Error::io(&self.path, e);
-        self.to.flush().map_err(io)?;
-        if let Destination::Temporary(file) = &self.to {
-            file.get_ref().as_file().sync_all().map_err(io)?;
-        }
-        self.commit()
+    /// Writes what is buffered, and for a file on a disk waits until it is there.
+    fn finish(&mut self) -> Result<()> {
+        let finished = match &mut self.to {
+            Destination::Temporary(file) => file.flush().and_then(|()| file.get_ref().sync()),
+            other => other.flush(),
+        };
+        finished.map_err(|e| Error::io(&self.path, e))
     }
+}
+
+/// Gives files that belong together their names, in this order, the one that names the others last, once all their bytes are
+/// on the disk. On an error each name has what it had before. Returns the sizes, bytes.
+///
+/// Errors: what the operating system refuses; a file that has appeared under a name since its successor was started.
+pub fn publish(mut files: Vec<AtomicFile>) -> Result<Vec<u64>> {
+    files.iter_mut().try_for_each(AtomicFile::finish)?;
+    let sizes = files.iter().map(|file| file.bytes).collect();
+    let temporaries = files.into_iter().filter_map(|file| match file.to {
+        Destination::Temporary(temporary) => Some((file.path, temporary)),
+        _ => None,
+    });
+    place::place(temporaries.collect())?;
+    Ok(sizes)
 }
 
 impl Write for AtomicFile {
@@ -110,33 +154,142 @@ impl Write for Destination {
     }
 }
 
-fn temporary_beside(path: &Path) -> std::io::Result<NamedTempFile> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".trisplat-").suffix(".tmp");
-    // Ordinary permissions less the umask, as any tool's output has; temporary files are private.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.tempfile_in(folder)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn written(path: &Path, text: &str) -> AtomicFile {
+        let mut file = AtomicFile::create(path).unwrap();
+        file.write_all(text.as_bytes()).unwrap();
+        file
+    }
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = std::fs::read_dir(folder).unwrap();
+        let mut names: Vec<String> =
+            entries.map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect();
+        names.sort();
+        names
+    }
 
     #[test]
     fn a_dropped_file_leaves_nothing_and_a_committed_one_is_whole() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.glb");
-        let mut file = AtomicFile::create(&path).unwrap();
-        file.write_all(b"half").unwrap();
-        drop(file);
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        drop(written(&path, "half"));
+        assert!(names(folder.path()).is_empty());
 
-        let mut file = AtomicFile::create(&path).unwrap();
-        file.write_all(b"whole").unwrap();
-        assert_eq!(file.commit().unwrap(), 5);
+        assert_eq!(written(&path, "whole").commit().unwrap(), 5);
         assert_eq!(std::fs::read(&path).unwrap(), b"whole");
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+        assert_eq!(names(folder.path()), ["a.glb"]);
+    }
+
+    #[test]
+    fn one_of_two_writers_wins_and_the_other_says_so() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.glb");
+        let first = written(&path, "first");
+        let second = AtomicFile::create(&path).unwrap_err().to_string();
+        assert!(second.contains("a.glb") && second.contains("another program is writing"), "{second}");
+        first.commit().unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"first");
+    }
+
+    #[test]
+    fn a_file_that_appeared_meanwhile_is_not_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.glb");
+        let file = written(&path, "ours");
+        std::fs::write(&path, "theirs").unwrap();
+        let error = file.commit().unwrap_err().to_string();
+        assert!(error.contains("was written by another program"), "{error}");
+        assert_eq!(std::fs::read(&path).unwrap(), b"theirs");
+        assert_eq!(names(folder.path()), ["a.glb"]);
+    }
+
+    #[test]
+    fn what_a_killed_process_left_is_swept() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.glb");
+        std::fs::write(temporary_name(&path), "half").unwrap();
+        written(&path, "whole").commit().unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"whole");
+        assert_eq!(names(folder.path()), ["a.glb"]);
+    }
+
+    #[test]
+    fn long_names_have_temporary_files_too() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("n".repeat(251) + ".glb");
+        written(&path, "whole").commit().unwrap();
+        assert_eq!(names(folder.path()).len(), 1);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn symbolic_links_are_followed() {
+        let folder = tempfile::tempdir().unwrap();
+        let (link, inner) = (folder.path().join("link.glb"), folder.path().join("inner"));
+        std::fs::create_dir(&inner).unwrap();
+        std::os::unix::fs::symlink("inner/real.glb", &link).unwrap();
+        for text in ["new", "replaced"] {
+            written(&link, text).commit().unwrap();
+            assert_eq!(std::fs::read(inner.join("real.glb")).unwrap(), text.as_bytes());
+            assert!(link.is_symlink());
+        }
+        assert_eq!((names(folder.path()).len(), names(&inner).len()), (2, 1));
+    }
+
+    #[test]
+    fn files_that_belong_together_are_replaced_together_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let [data, main] = ["a.bin", "a.gltf"].map(|name| folder.path().join(name));
+        let both = |text: &str| {
+            let mut files = AtomicFile::create_all(&[&data, &main]).unwrap();
+            files.iter_mut().for_each(|file| file.write_all(text.as_bytes()).unwrap());
+            files
+        };
+        publish(both("old")).unwrap();
+        // The second file cannot be published: its temporary file is gone.
+        let files = both("new");
+        std::fs::remove_file(temporary_name(&main)).unwrap();
+        publish(files).unwrap_err();
+        let texts = || [&data, &main].map(|path| std::fs::read_to_string(path).unwrap());
+        assert_eq!(texts(), ["old", "old"]);
+        assert_eq!(names(folder.path()), ["a.bin", "a.gltf"]);
+        assert_eq!(publish(both("newer")).unwrap(), [5, 5]);
+        assert_eq!(texts(), ["newer", "newer"]);
+        assert_eq!(names(folder.path()), ["a.bin", "a.gltf"]);
+    }
+
+    #[test]
+    fn a_publication_that_was_cut_short_is_undone() {
+        let folder = tempfile::tempdir().unwrap();
+        let [data, main] = ["a.bin", "a.gltf"].map(|name| folder.path().join(name));
+        // As a kill leaves them between the two renames: the data are new, the file that names them is not there.
+        std::fs::write(&data, "new").unwrap();
+        std::fs::write(names::aside_name(&data), "old").unwrap();
+        std::fs::write(names::aside_name(&main), "old").unwrap();
+        std::fs::write(temporary_name(&main), "new").unwrap();
+        drop(AtomicFile::create_all(&[&data, &main]).unwrap());
+        let texts = [&data, &main].map(|path| std::fs::read_to_string(path).unwrap());
+        assert_eq!(texts, ["old", "old"]);
+        assert_eq!(names(folder.path()), ["a.bin", "a.gltf"]);
+        // And after the last rename, before the old ones were removed.
+        std::fs::write(names::aside_name(&data), "older").unwrap();
+        drop(AtomicFile::create_all(&[&data, &main]).unwrap());
+        assert_eq!(std::fs::read_to_string(&data).unwrap(), "old");
+        assert_eq!(names(folder.path()), ["a.bin", "a.gltf"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_file_has_the_permissions_of_any_output() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let mode = |name: &str| std::fs::metadata(folder.path().join(name)).unwrap().permissions().mode();
+        written(&folder.path().join("a"), "").commit().unwrap();
+        std::fs::write(folder.path().join("plain"), b"").unwrap();
+        assert_eq!(mode("a"), mode("plain"));
     }
 }

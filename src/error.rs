@@ -57,6 +57,9 @@ pub enum Error {
         /// What to do instead.
         remedy: String,
     },
+    /// The work is done and its result is there, but something beside it is not; the text says what.
+    #[error("{0}")]
+    Incomplete(String),
     /// The graphics device or its driver cannot do what is needed.
     #[error("gpu: {0}")]
     Gpu(String),

@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use glam::UVec2;
 use std::io::{BufReader, Cursor, Read, Seek, SeekFrom, Write};
 use std::path::Path;
+use xxhash_rust::xxh3::Xxh3Default;
 
 /// An RGB picture, sRGB-encoded, values usually in [0, 1].
 #[derive(Debug, Clone, PartialEq)]
@@ -155,11 +156,24 @@ impl Pixels {
         Ok(bytes.into_inner())
     }
 
+    /// The XXH3 hash of size, colours and alpha.
+    pub fn digest(&self) -> u64 {
+        let mut hash = Xxh3Default::new();
+        hash.update(bytemuck::bytes_of(&self.size));
+        hash.update(bytemuck::cast_slice(&self.rgb));
+        hash.update(self.alpha.as_deref().unwrap_or_default());
+        hash.digest()
+    }
+
     /// Writes a PNG file that appears whole or not at all.
     pub fn save_png(&self, path: &Path) -> Result<()> {
+        self.write_png(AtomicFile::create(path)?)
+    }
+
+    /// Writes a PNG into a file that was started.
+    pub fn write_png(&self, mut file: AtomicFile) -> Result<()> {
         let bytes = self.to_png()?;
-        let mut file = AtomicFile::create(path)?;
-        file.write_all(&bytes).map_err(|e| Error::io(path, e))?;
+        file.write_all(&bytes).map_err(|e| Error::io(file.path(), e))?;
         file.commit().map(drop)
     }
 }

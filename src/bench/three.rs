@@ -65,7 +65,7 @@ pub(super) fn time(
     std::fs::write(&script, include_str!("three.mjs")).map_err(|e| Error::io(&script, e))?;
     let options = BakeOptions::default();
     let plan = Output::plan(&glb, None, &options.output, false)?;
-    output::write(asset, &plan, &options.output, false, &mut Report::new("bench fps"), &mut ())?;
+    output::write(asset, &plan, plan.start()?, &options.output, &mut Report::new("bench fps"), &mut ())?;
     let input = PageInput {
         folder: &std::path::absolute(folder).map_err(|e| Error::io(folder, e))?,
         chromium,

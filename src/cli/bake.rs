@@ -4,6 +4,7 @@ use super::Global;
 use super::files;
 use super::harden::{self, HardenArgs, Hardened};
 use super::layers::Layers;
+use super::outputs::Outputs;
 use super::progress::Progress;
 use crate::bake::backdrop::BackdropWhen;
 use crate::bake::merge::merge;
@@ -17,7 +18,7 @@ use crate::formats::{self, ReadOptions};
 use crate::report::{Observer, Report};
 use crate::scene::Loaded;
 use clap::ArgMatches;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 /// Files, layers and the options of every stage.
@@ -68,19 +69,22 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()>
         BackdropWhen::File => output.with_backdrop_file(&options.output)?,
         _ => output,
     };
-    guard(args, &output)?;
+
+    let mut outputs = guard(args, &output)?;
+    let files = if args.dry_run { output.dry_run() } else { output.start()? };
+    outputs.confirm()?;
 
     let mut report = Report::new("bake");
     report.inputs = args.inputs.iter().map(|p| p.display().to_string()).collect();
     report.options = serde_json::to_value(&options).unwrap_or_default();
     report.dry_run = args.dry_run;
 
-    let (scenes, mut views) = scenes(args, &options, &mut report, global)?;
+    let (scenes, mut views) = scenes(args, &options, &mut outputs, &mut report, global)?;
     let mut progress = Progress::new(global).with_flags_of(command());
     report.stages.iter().for_each(|stage| progress.finished(stage));
     let asset =
         Bake::new(&options).photos(views.as_mut()).report(&mut report).observer(&mut progress).run(scenes)?;
-    output::write(&asset, &output, &options.output, args.dry_run, &mut report, &mut progress)?;
+    output::write(&asset, &output, files, &options.output, &mut report, &mut progress)?;
     report.seconds = clock.elapsed().as_secs_f64();
 
     progress.done();
@@ -96,7 +100,7 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()>
         progress.line(&format!("{verb} {} ({bytes} bytes, {:.2} s)", file.path, report.seconds));
     }
     match &args.report {
-        Some(path) => files::save_json(&report, path),
+        Some(path) => files::save_json(&report, outputs.take(path)?),
         None => Ok(()),
     }
 }
@@ -120,10 +124,12 @@ fn soft_note(softness: &Softness) -> String {
 fn scenes(
     args: &BakeArgs,
     options: &BakeOptions,
+    outputs: &mut Outputs,
     report: &mut Report,
     global: &Global,
 ) -> Result<(Vec<Loaded>, Option<Views>)> {
     let dataset = photos(args, report)?;
+    dataset.as_ref().map_or(Ok(()), |dataset| outputs.spare_photos(dataset))?;
     let views = dataset.as_ref().map(|dataset| Views::new(dataset, &args.dataset_options));
     let inputs = read_all(&args.inputs, sh_degree(args, options))?;
     if !args.harden.harden {
@@ -160,23 +166,14 @@ fn resolve(args: &BakeArgs, matches: &ArgMatches) -> Result<BakeOptions> {
     Ok(options)
 }
 
-/// Refuses to overwrite without `--force`, and never writes over an input: all before any work.
-fn guard(args: &BakeArgs, output: &Output) -> Result<()> {
-    let mut targets: Vec<&Path> = output.paths().collect();
-    targets.extend(args.report.as_deref());
-    for target in targets {
-        let Ok(meta) = std::fs::metadata(target) else { continue };
-        if meta.is_dir() {
-            return Err(Error::invalid("--output", target.display(), "a file name; this is a folder"));
-        }
-        if args.inputs.iter().any(|input| files::is_same(input, target)) {
-            return Err(Error::invalid("--output", target.display(), "a file that is not also an input"));
-        }
-        if meta.is_file() && !args.force && !args.dry_run {
-            return Err(files::is_there("--output", target));
-        }
-    }
-    Ok(())
+/// Refuses what cannot be written, or may not be, before any work. A dry run replaces nothing.
+fn guard(args: &BakeArgs, output: &Output) -> Result<Outputs> {
+    let inputs = args.inputs.iter().chain(&args.config).map(PathBuf::as_path);
+    let mut outputs = Outputs::new(inputs, args.force || args.dry_run).with_dataset(args.dataset.as_deref());
+    output.paths().try_for_each(|path| outputs.plan("--output", path))?;
+    outputs.replacing(args.force);
+    args.report.as_deref().map_or(Ok(()), |path| outputs.claim("--report", path))?;
+    Ok(outputs)
 }
 
 /// The degree of the colours that are read: only the teacher draws more than the constant one.

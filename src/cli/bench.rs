@@ -3,6 +3,7 @@
 use super::Global;
 use super::files;
 use super::progress::{Progress, thousands};
+use super::stdout::Stdout;
 #[cfg(feature = "gpu")]
 use crate::bench::fps;
 use crate::bench::{bake, fidelity, measure, raster};
@@ -181,5 +182,5 @@ fn run_raster(args: &raster::RasterBenchArgs, global: &Global) -> Result<()> {
 }
 
 fn print_json(value: &impl serde::Serialize) -> Result<()> {
-    files::print_json(value, &mut std::io::stdout().lock()).map_err(|e| Error::io("-", e))
+    files::print_json(value, &mut Stdout).map_err(|e| Error::io("-", e))
 }

@@ -1,5 +1,6 @@
 //! `trisplat completions SHELL`.
 
+use super::stdout::Stdout;
 use crate::error::{Error, Result};
 use clap::Command;
 use std::io::Write;
@@ -15,5 +16,5 @@ pub struct CompletionsArgs {
 pub fn run(args: &CompletionsArgs, program: &mut Command) -> Result<()> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, program, "trisplat", &mut script);
-    std::io::stdout().write_all(&script).map_err(|e| Error::io("-", e))
+    Stdout.write_all(&script).map_err(|e| Error::io("-", e))
 }

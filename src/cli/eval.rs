@@ -2,8 +2,9 @@
 
 use super::Global;
 use super::files;
+use super::outputs::Outputs;
+use super::pictures::Pictures;
 use super::progress::{Progress, thousands};
-use super::render::{prepare_folder, save_picture};
 use crate::bench::contact_sheet::{ContactSheet, is_shown};
 use crate::bench::coverage;
 use crate::bench::evaluate::{self, EvalReport, ScoredPicture, Scores, StepScore};
@@ -64,12 +65,12 @@ pub struct EvalArgs {
 
 /// Draws, measures, and prints a row per photo and step and the means on `out`; only the means when quiet.
 pub fn run(args: &EvalArgs, global: &Global, out: &mut dyn Write) -> Result<()> {
+    let mut outputs = Outputs::new([args.file.as_path()], args.force).with_dataset(Some(&args.dataset));
     for (option, path) in [("--report", &args.report), ("--sheet", &args.sheet)] {
-        if let Some(path) = path.as_deref().filter(|p| p.exists() && !args.force) {
-            return Err(files::is_there(option, path));
-        }
+        path.as_deref().map_or(Ok(()), |path| outputs.claim(option, path))?;
     }
     let dataset = Dataset::load(&args.dataset, &args.dataset_options)?;
+    outputs.spare_photos(&dataset)?;
     let views = args.split.of(&dataset);
     if views.is_empty() {
         let split = args.split.name();
@@ -82,19 +83,19 @@ pub fn run(args: &EvalArgs, global: &Global, out: &mut dyn Write) -> Result<()> 
     }
     let background = args.dataset_options.background.to_f32();
     let mut steps = steps::steps(&args.file, loaded, &args.render, &dataset, background)?;
-    let mut pictures = EvalPictures::new(args, steps.iter().map(|s| s.name).collect(), &views)?;
+    let mut pictures = EvalPictures::new(args, steps.iter().map(|s| s.name).collect(), &views, &mut outputs)?;
 
     let progress = Progress::new(global);
     let table = Table::new(views.iter().map(|v| v.name.as_str()), global, args.json);
     progress.suspend(|| table.header(out))?;
     let photo_bytes = args.dataset_options.photo_bytes();
     let covered = covered(args, &dataset, &views, &mut steps);
-    let scores = evaluate::evaluate(&mut steps, &views, photo_bytes, &covered, |view, photo, drawn| {
+    let scores = evaluate::evaluate(&mut steps, &views, photo_bytes, &covered, |_, photo, drawn| {
         progress.suspend(|| drawn.iter().try_for_each(|one| table.photo(out, one)))?;
-        pictures.add(view, photo, drawn)
+        pictures.add(photo, drawn)
     })?;
     progress.done();
-    pictures.save_sheet(args.sheet.as_deref())?;
+    pictures.save_sheet(args.sheet.as_deref(), &mut outputs)?;
     let report = EvalReport::new(&args.file, &args.dataset, args.split.name(), args.render.ssaa, scores);
     let report = EvalReport { warnings, ..report };
     for warning in &report.warnings {
@@ -104,7 +105,7 @@ pub fn run(args: &EvalArgs, global: &Global, out: &mut dyn Write) -> Result<()> 
         true => files::print_json(&report, out).map_err(|e| Error::io("-", e))?,
         false => table.end(out, &report)?,
     }
-    args.report.as_deref().map_or(Ok(()), |path| files::save_json(&report, path))
+    args.report.as_deref().map_or(Ok(()), |path| files::save_json(&report, outputs.take(path)?))
 }
 
 /// The pixels of each view that show what training photos see, by the scene as it was given; none when not asked for.
@@ -195,7 +196,7 @@ fn remark(step: &StepScore, samples: u32) -> String {
 /// The pictures that are written.
 struct EvalPictures {
     /// One folder per step; none when no drawings are kept.
-    folders: Vec<PathBuf>,
+    folders: Vec<Pictures>,
     sheet: Option<ContactSheet>,
     views: usize,
     /// Views added so far.
@@ -204,22 +205,24 @@ struct EvalPictures {
 
 impl EvalPictures {
     /// Refuses to replace pictures before any is drawn.
-    fn new(args: &EvalArgs, steps: Vec<&str>, views: &[&View]) -> Result<Self> {
+    fn new(args: &EvalArgs, steps: Vec<&str>, views: &[&View], outputs: &mut Outputs) -> Result<Self> {
         let folders: Vec<PathBuf> = match &args.save_renders {
             None => Vec::new(),
             Some(folder) if steps.len() == 1 => vec![folder.clone()],
             Some(folder) => steps.iter().map(|step| folder.join(step)).collect(),
         };
-        for folder in &folders {
-            prepare_folder(folder, views.iter().map(|v| v.name.as_str()), args.force)?;
-        }
+        let names = || views.iter().map(|v| v.name.as_str());
+        let folders = folders
+            .iter()
+            .map(|folder| Pictures::plan("--save-renders", folder, names(), outputs))
+            .collect::<Result<_>>()?;
         let sheet = args.sheet.is_some().then(ContactSheet::default);
         Ok(Self { folders, sheet, views: views.len(), added: 0 })
     }
 
-    fn add(&mut self, view: &View, photo: &Pixels, drawn: &[ScoredPicture]) -> Result<()> {
+    fn add(&mut self, photo: &Pixels, drawn: &[ScoredPicture]) -> Result<()> {
         for (folder, one) in self.folders.iter().zip(drawn) {
-            save_picture(folder, &view.name, &one.picture)?;
+            folder.save(self.added, &one.picture)?;
         }
         if let Some(sheet) = self.sheet.as_mut().filter(|_| is_shown(self.added, self.views)) {
             let maps: Vec<Pixels> = drawn.iter().map(|d| show::heat(d.picture.size, &d.flip)).collect();
@@ -230,9 +233,9 @@ impl EvalPictures {
         Ok(())
     }
 
-    fn save_sheet(&self, path: Option<&Path>) -> Result<()> {
+    fn save_sheet(&self, path: Option<&Path>, outputs: &mut Outputs) -> Result<()> {
         match (&self.sheet, path) {
-            (Some(sheet), Some(path)) => sheet.to_pixels().save_png(path),
+            (Some(sheet), Some(path)) => sheet.to_pixels().write_png(outputs.take(path)?),
             _ => Ok(()),
         }
     }

@@ -96,7 +96,7 @@ pub(super) fn harden(
     let triangles = run.triangles();
     let mut bar = Bar::new(global, options.steps, 0, None, &[])?;
     let trained = run.finish(&mut bar)?;
-    bar.done()?;
+    bar.done();
     if trained.stopped {
         let value = format!("stopped after {} of {} steps", trained.steps, options.steps);
         return Err(Error::invalid("harden", value, "all of its steps; nothing was written"));

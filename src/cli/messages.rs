@@ -2,13 +2,15 @@
 //! environment says otherwise (`NO_COLOR`, `CLICOLOR`, `CLICOLOR_FORCE`, `TERM=dumb`).
 
 use anstyle::{AnsiColor, Style};
+use std::io::Write;
 
 const ERROR: Style = AnsiColor::Red.on_default().bold();
 const WARNING: Style = AnsiColor::Yellow.on_default().bold();
 
 /// Prints a line; a leading "error:" or "warning:" is coloured.
 pub fn print(text: &str) {
-    anstream::eprintln!("{}", styled(text));
+    // Nobody may read it any more (`2>&1 | head`), and that is no reason to end the work.
+    let _ = writeln!(anstream::stderr(), "{}", styled(text));
 }
 
 /// The line with its colours, whatever it is printed on.

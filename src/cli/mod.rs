@@ -1,6 +1,6 @@
 //! The command line. Thin: options and work live in the library, this folder parses and prints.
 //!
-//! Exit codes: 0 done, 1 failed (one error on stderr), 2 wrong usage.
+//! Exit codes: 0 done, 1 failed (one error on stderr), 2 wrong usage, 130 stopped with Ctrl-C, 143 stopped with SIGTERM.
 
 pub mod bake;
 pub mod bench;
@@ -17,12 +17,16 @@ pub mod man;
 pub mod messages;
 #[cfg(not(all(feature = "gpu", feature = "view")))]
 pub mod missing;
+mod outputs;
+mod pictures;
 pub mod program;
 pub mod progress;
 pub mod render;
 mod resume;
 pub mod sample;
 pub mod schema;
+mod signals;
+mod stdout;
 pub mod train;
 pub mod train_args;
 mod train_curve;

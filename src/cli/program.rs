@@ -5,8 +5,8 @@ use super::missing;
 #[cfg(feature = "view")]
 use super::view;
 use super::{
-    Global, bake, bench, completions, eval, flags, info, man, messages, render, sample, schema, train,
-    train_args, validate,
+    Global, bake, bench, completions, eval, flags, info, man, messages, render, sample, schema, signals,
+    stdout::Stdout, train, train_args, validate,
 };
 use crate::error::{Error, Result};
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -59,6 +59,7 @@ pub enum Command {
 
 /// Parses the arguments of this process and runs the command.
 pub fn main() -> ExitCode {
+    signals::start();
     let mut program = Cli::command();
     let matches = program.get_matches_mut();
     let cli = match Cli::from_arg_matches(&matches) {
@@ -66,36 +67,38 @@ pub fn main() -> ExitCode {
         Err(error) => error.exit(),
     };
     match run(&cli, &matches) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(code) => code,
         Err(error) => {
             let command = flags::innermost(&program, &matches);
             messages::print(&format!("error: {}", flags::message(&error, command)));
-            ExitCode::from(1)
+            ExitCode::from(signals::exit_code().unwrap_or(1))
         }
     }
 }
 
-fn run(cli: &Cli, matches: &ArgMatches) -> Result<()> {
+fn run(cli: &Cli, matches: &ArgMatches) -> Result<ExitCode> {
     let threads = usize::from(cli.global.threads);
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().map_err(|e| {
         Error::invalid("--threads", threads, format!("a number that the system can start ({e})"))
     })?;
     let typed = matches.subcommand().map_or(matches, |(_, typed)| typed);
+    let out = &mut Stdout;
     match &cli.command {
         Command::Bake(args) => bake::run(args, typed, &cli.global),
-        Command::Train(args) => train::run(args, typed, &cli.global),
-        Command::Eval(args) => eval::run(args, &cli.global, &mut std::io::stdout()),
+        Command::Train(args) => return train::run(args, typed, &cli.global),
+        Command::Eval(args) => eval::run(args, &cli.global, out),
         Command::Render(args) => render::run(args, &cli.global),
         #[cfg(feature = "view")]
         Command::View(args) => view::run(args),
         #[cfg(not(feature = "view"))]
         Command::View(_) => Err(missing::error("view")),
         Command::Bench(args) => bench::run(args, &cli.global),
-        Command::Info(args) => info::run(args, &mut std::io::stdout().lock()),
-        Command::Validate(args) => validate::run(args, &mut std::io::stdout().lock()),
+        Command::Info(args) => info::run(args, out),
+        Command::Validate(args) => validate::run(args, out),
         Command::Sample(args) => sample::run(args),
         Command::Schema(args) => schema::run(args),
         Command::Completions(args) => completions::run(args, &mut Cli::command()),
         Command::Man(args) => man::run(args, Cli::command()),
-    }
+    }?;
+    Ok(ExitCode::SUCCESS)
 }

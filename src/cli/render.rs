@@ -1,6 +1,8 @@
 //! `trisplat render FILE -o DIR`: pictures of a soup or a mesh, from the photos' cameras or from a circle around it.
 
 use super::Global;
+use super::outputs::Outputs;
+use super::pictures::Pictures;
 use super::progress::Progress;
 use crate::asset::Placement;
 use crate::bench::scene_renderer::{RenderMode, RenderOptions, SceneRenderer};
@@ -9,7 +11,6 @@ use crate::camera::Camera;
 use crate::dataset::{Dataset, DatasetOptions, Split};
 use crate::error::{Error, Result};
 use crate::formats::{self, ReadOptions};
-use crate::image::Pixels;
 use crate::rng::Rng;
 use crate::scene::{Loaded, Scene};
 use crate::view::orbit;
@@ -95,16 +96,19 @@ pub fn run(args: &RenderArgs, global: &Global) -> Result<()> {
     };
     let mut renderer = renderer(args, scene, &provenance.placement, dataset.as_ref());
     cameras.iter().try_for_each(|(_, camera)| renderer.validate(camera.size))?;
-    prepare_folder(&args.output, cameras.iter().map(|(name, _)| name.as_str()), args.force)?;
+    let mut outputs = Outputs::new([args.file.as_path()], args.force).with_dataset(args.dataset.as_deref());
+    dataset.as_ref().map_or(Ok(()), |dataset| outputs.spare_photos(dataset))?;
+    let names = cameras.iter().map(|(name, _)| name.as_str());
+    let pictures = Pictures::plan("--output", &args.output, names, &mut outputs)?;
     let progress = Progress::new(global);
-    for (name, camera) in &cameras {
+    for (i, (_, camera)) in cameras.iter().enumerate() {
         let picture = match args.show {
             PictureKind::Color | PictureKind::RandomSubset => renderer.color(camera),
             PictureKind::Depth => renderer.depth(camera),
             PictureKind::Normal => renderer.normal(camera),
             PictureKind::Contributions => renderer.contributions(camera)?,
         };
-        save_picture(&args.output, name, &picture)?;
+        pictures.save(i, &picture)?;
     }
     progress.done();
     progress.line(&format!("wrote {} pictures to {}", cameras.len(), args.output.display()));
@@ -185,35 +189,4 @@ fn dataset_cameras(args: &RenderArgs, dataset: &Dataset) -> Result<Vec<(String, 
 
 fn orbit_cameras(cameras: Vec<Camera>) -> Vec<(String, Camera)> {
     cameras.into_iter().enumerate().map(|(i, camera)| (format!("orbit_{i:04}.png"), camera)).collect()
-}
-
-/// Makes the folder; refuses to replace a picture in it without `force`, before any work.
-pub(super) fn prepare_folder<'a>(
-    folder: &Path,
-    names: impl Iterator<Item = &'a str>,
-    force: bool,
-) -> Result<()> {
-    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-    for name in names {
-        let path = picture_path(folder, name);
-        if path.exists() && !force {
-            return Err(Error::invalid("DIR", path.display(), "a new picture, or --force to replace it"));
-        }
-    }
-    Ok(())
-}
-
-/// Writes a drawing into the folder, named like its photo.
-pub(super) fn save_picture(folder: &Path, name: &str, picture: &Pixels) -> Result<()> {
-    let path = picture_path(folder, name);
-    if let Some(parent) = path.parent() {
-        std::fs::create_dir_all(parent).map_err(|e| Error::io(parent, e))?;
-    }
-    picture.save_png(&path)
-}
-
-/// `photo.jpg` becomes DIR/photo.png; parts of a name that would lead out of DIR are left out.
-fn picture_path(folder: &Path, name: &str) -> PathBuf {
-    let inside = Path::new(name).components().filter(|c| matches!(c, std::path::Component::Normal(_)));
-    folder.join(inside.collect::<PathBuf>()).with_extension("png")
 }

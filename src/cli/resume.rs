@@ -6,7 +6,7 @@ use clap::{ArgMatches, Args, Command};
 use std::path::Path;
 
 /// Flags that belong to this part of the run only.
-const ONCE: [&str; 3] = ["resume", "force", "max_cpu_secs"];
+const ONCE: [&str; 4] = ["resume", "force_resume", "force", "max_cpu_secs"];
 
 /// Names of the options that a checkpoint holds: a run that goes on keeps them.
 pub(super) fn fixed() -> Vec<String> {

@@ -1,7 +1,6 @@
 //! `trisplat sample NAME -o OUT`: synthetic soups and data sets to try things on.
 
-use super::files;
-use crate::atomic::AtomicFile;
+use super::outputs::Outputs;
 use crate::bench::scenes::{self, SampleScene};
 use crate::dataset::synthetic::{self, SyntheticOptions};
 use crate::error::{Error, Result};
@@ -71,14 +70,13 @@ pub fn run(args: &SampleArgs) -> Result<()> {
 }
 
 fn write_soup(scene: SampleScene, args: &SoupArgs) -> Result<()> {
-    if args.output.is_file() && !args.force {
-        return Err(files::is_there("--output", &args.output));
-    }
+    let mut outputs = Outputs::new([], args.force);
+    outputs.claim("--output", &args.output)?;
     let triangles = args.triangles as usize;
     let mut soup = scenes::soup(scene, triangles, args.seed);
     scenes::raise_sh(&mut soup, args.sh_degree, args.seed);
     let provenance = scenes::provenance(scene, triangles, args.seed, args.sh_degree);
-    let mut file = AtomicFile::create(&args.output)?;
+    let mut file = outputs.take(&args.output)?;
     ply::write_soup(&mut file, &soup, &provenance, &[]).map_err(|e| Error::io(&args.output, e))?;
     file.commit().map(drop)
 }

@@ -1,5 +1,6 @@
 //! `trisplat schema NAME`: JSON Schemas, generated from the types they describe.
 
+use super::stdout::Stdout;
 use crate::bake::{
     BakeOptions, backdrop::BackdropDetails, bvh::BvhDetails, chunk::ChunkDetails, color::ColorDetails,
     crop::CropDetails, lod::LodDetails, order::OrderDetails, place::PlaceDetails, prune::PruneDetails,
@@ -116,5 +117,5 @@ fn report_schema() -> schemars::Schema {
 
 /// Prints the schema to standard output.
 pub fn run(args: &SchemaArgs) -> Result<()> {
-    std::io::stdout().write_all(args.name.text().as_bytes()).map_err(|e| Error::io("-", e))
+    Stdout.write_all(args.name.text().as_bytes()).map_err(|e| Error::io("-", e))
 }

@@ -2,9 +2,12 @@
 
 use super::Global;
 use super::files;
+use super::flags;
 use super::harden;
 use super::layers::{self, Layers};
+use super::outputs::Outputs;
 use super::resume;
+use super::signals;
 use super::train_args::TrainArgs;
 use super::train_curve;
 use super::train_progress::Bar;
@@ -16,19 +19,20 @@ use crate::formats::{self, ReadOptions};
 use crate::report::{OutputReport, Report};
 use crate::scene::Loaded;
 use crate::train::eval::Quality;
-use crate::train::{Checkpoint, Preview, RunOptions, TrainOptions, TrainRun, Trained, checkpoint};
+use crate::train::{Checkpoint, Preview, RunOptions, TrainOptions, TrainRun, Trained, checkpoint, rotation};
 use clap::ArgMatches;
 use indicatif::HumanCount;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-/// Trains; `matches` holds which flags were typed.
-pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<()> {
+/// Trains; `matches` holds which flags were typed. Returns the exit code of a run that was finished, or stopped in good order.
+pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<ExitCode> {
     let clock = Instant::now();
     let outputs = outputs(args);
-    guard(args, &outputs)?;
-    let (checkpoint, point) = (outputs.checkpoint.clone(), checkpoint_to_resume(args, matches)?);
+    let mut files = guard(args, &outputs)?;
+    let (point, mut warnings) = checkpoint_to_resume(args, matches)?;
     let options = match &point {
         Some(point) => point.meta.options.clone(),
         None => resolve(args, matches)?,
@@ -36,45 +40,64 @@ pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<()
     let read = |path| formats::read(path, &ReadOptions::default());
     let from = args.from.as_deref().map(read).transpose()?;
     let dataset = dataset(args, from.as_ref(), &options, global)?;
-    let warnings: Vec<String> =
-        from.iter().flat_map(|scene| &scene.warnings).chain(&dataset.warnings).cloned().collect();
+    files.spare_photos(&dataset)?;
+    warnings.extend(from.iter().flat_map(|scene| &scene.warnings).chain(&dataset.warnings).cloned());
     let run = TrainRun::new(&dataset, &options).with_dataset_options(&args.dataset_options);
-    let run = TrainRun { outputs, from, resume: point, ..run }.start()?;
+    let force_resume = args.force_resume;
+    let run = TrainRun { outputs, from, resume: point, force_resume, ..run }.start()?;
+    warnings.extend(run.differences().iter().map(|difference| format!("resumed although {difference}")));
     let triangles = run.triangles();
     let mut bar = Bar::new(global, options.steps, run.steps(), args.log.as_deref(), run.curve())?;
     for warning in &warnings {
-        bar.line(&format!("warning: {warning}"));
+        bar.line(&format!("warning: {}", flags::spell(warning, &command())));
     }
     let trained = run.finish(&mut bar)?;
-    bar.done()?;
     let mut report = Report::new("train");
     report.inputs = args.from.iter().chain(&args.dataset).map(|path| path.display().to_string()).collect();
     report.options = serde_json::to_value(&options).unwrap_or_default();
     report.warnings = warnings;
     report.stages.push(trained.stage(triangles, clock.elapsed().as_secs_f64()));
-    report.outputs = write(args, &trained)?;
-    report.seconds = clock.elapsed().as_secs_f64();
-    if let Some(path) = &args.report {
-        files::save_json(&report, path)?;
-    }
+    write(args, &trained, report, clock, &mut files, &mut bar)?;
+    let lost = bar.done();
     summary(args, &trained, &bar);
-    if let (true, Some(checkpoint)) = (trained.stopped, &checkpoint) {
+    if let (true, Some(checkpoint)) = (trained.stopped, &trained.checkpoint) {
         let command = resume::command(matches, args, checkpoint);
         bar.line(&format!("stopped early; to go on: {command}"));
     }
-    Ok(())
+    match lost.is_empty() {
+        true => {
+            Ok(signals::exit_code().filter(|_| trained.stopped).map_or(ExitCode::SUCCESS, ExitCode::from))
+        }
+        false => {
+            let (scene, lost) = (args.output.display(), lost.join("; "));
+            Err(Error::Incomplete(format!("{scene} is written, but not everything beside it: {lost}")))
+        }
+    }
 }
 
-/// The checkpoint of `--resume`. Its run keeps the options it began with: anything else would not be the same run.
-fn checkpoint_to_resume(args: &TrainArgs, matches: &ArgMatches) -> Result<Option<Checkpoint>> {
-    let Some(path) = &args.resume else { return Ok(None) };
-    let checkpoint = checkpoint::read(path)?;
+/// The command, for the names of its flags.
+fn command() -> clap::Command {
+    <TrainArgs as clap::Args>::augment_args(clap::Command::new("train"))
+}
+
+/// The checkpoint of `--resume`, and what is wrong with newer ones. Its run keeps the options it began with: anything else would
+/// not be the same run.
+fn checkpoint_to_resume(args: &TrainArgs, matches: &ArgMatches) -> Result<(Option<Checkpoint>, Vec<String>)> {
+    let Some(path) = &args.resume else { return Ok((None, Vec::new())) };
+    let (checkpoint, warnings) = match path.is_dir() {
+        true => {
+            let (newest, checkpoint, broken) = rotation::newest(path)?;
+            let broken = broken.iter().map(|error| format!("{error}; going on from {}", newest.display()));
+            (checkpoint, broken.collect())
+        }
+        false => (checkpoint::read(path)?, Vec::new()),
+    };
     match resume::fixed().into_iter().find(|id| layers::is_typed(matches, id)) {
         Some(id) => {
             let flag = if id == "sets" { "--set".into() } else { format!("--{}", id.replace('_', "-")) };
             Err(Error::invalid(flag, "given with --resume", "the options of the checkpoint, or a new run"))
         }
-        None => Ok(Some(checkpoint)),
+        None => Ok((Some(checkpoint), warnings)),
     }
 }
 
@@ -98,6 +121,7 @@ fn outputs(args: &TrainArgs) -> RunOptions {
     let pause = Duration::from_secs_f64(args.preview_every.clamp(0.0, 1e6));
     RunOptions {
         checkpoint: Some(checkpoint),
+        keep: args.keep,
         checkpoint_every: args.checkpoint_every,
         sample_every: args.log_every,
         evaluate_every: args.eval_every,
@@ -117,7 +141,7 @@ fn resolve(args: &TrainArgs, matches: &ArgMatches) -> Result<TrainOptions> {
 }
 
 /// Refuses what would fail, or replace a file, only after the training.
-fn guard(args: &TrainArgs, outputs: &RunOptions) -> Result<()> {
+fn guard(args: &TrainArgs, outputs: &RunOptions) -> Result<Outputs> {
     let out = &args.output;
     if out.extension().is_none_or(|e| !e.eq_ignore_ascii_case("ply")) {
         return Err(Error::invalid(
@@ -126,46 +150,72 @@ fn guard(args: &TrainArgs, outputs: &RunOptions) -> Result<()> {
             "a name that ends with .ply; bake turns it into .glb",
         ));
     }
+    let inputs = args.from.iter().chain(&args.config).map(PathBuf::as_path);
+    let mut files = Outputs::new(inputs, args.force).with_dataset(args.dataset.as_deref());
+    args.resume.iter().for_each(|path| files.add_input(path));
+    files.claim("--output", out)?;
+    for (option, path) in [("--report", &args.report), ("--curve", &args.curve)] {
+        path.as_deref().map_or(Ok(()), |path| files.claim(option, path))?;
+    }
     // A run that goes on adds to its log and replaces its own checkpoint.
-    let fresh = |path: &Option<PathBuf>| path.clone().filter(|_| args.resume.is_none());
-    let targets = [
-        ("--output", Some(out.clone())),
-        ("--report", args.report.clone()),
-        ("--curve", args.curve.clone()),
-        ("--log", fresh(&args.log)),
-        ("--checkpoint", fresh(&outputs.checkpoint)),
-    ];
-    for (option, path) in targets {
-        let Some(path) = path.filter(|path| path.as_os_str() != "-") else { continue };
-        if args.from.as_deref().is_some_and(|from| files::is_same(from, &path)) {
-            return Err(Error::invalid(
-                option,
-                path.display(),
-                "a file that is not also the scene to start from",
-            ));
+    args.resume.iter().for_each(|path| files.remove_input(path));
+    let goes_on = args.force || args.resume.is_some();
+    files.replacing(goes_on);
+    if let Some(path) = &outputs.checkpoint {
+        if let (false, true, Some((_, old))) = (goes_on, args.keep > 1, rotation::kept(path).first()) {
+            let wants = "a name without checkpoints of an earlier run, or --force to replace them";
+            return Err(Error::invalid("--checkpoint", old.display(), wants));
         }
-        if path.is_file() && !args.force {
-            return Err(files::is_there(option, &path));
+        files.probe("--checkpoint", path)?;
+    }
+    args.log.as_deref().map_or(Ok(()), |path| files.probe("--log", path))?;
+    args.preview.as_deref().map_or(Ok(()), |folder| files.plan_folder("--preview", folder))?;
+    Ok(files)
+}
+
+/// Writes the soup, then the curve and the report; what of these cannot be written is a warning.
+fn write(
+    args: &TrainArgs,
+    trained: &Trained,
+    mut report: Report,
+    clock: Instant,
+    files: &mut Outputs,
+    bar: &mut Bar,
+) -> Result<()> {
+    let written = |path: &Path, bytes: u64| OutputReport { path: path.display().to_string(), bytes };
+    let bytes = files.take(&args.output).and_then(|file| trained.save_to(file));
+    let bytes = bytes.map_err(|error| rescued(error, args, trained))?;
+    report.outputs.push(written(&args.output, bytes));
+    if let Some(path) = &args.curve {
+        match files.take(path).and_then(|file| save_curve(file, trained)) {
+            Ok(bytes) => report.outputs.push(written(path, bytes)),
+            Err(error) => bar.note_lost(&error, "the curve is missing"),
         }
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        if !folder.is_dir() {
-            return Err(Error::invalid(option, path.display(), "a file in a folder that exists"));
+    }
+    if let Some(path) = &args.report {
+        report.warnings.extend_from_slice(bar.lost_so_far());
+        report.seconds = clock.elapsed().as_secs_f64();
+        if let Err(error) = files.take(path).and_then(|file| files::save_json(&report, file)) {
+            bar.note_lost(&error, "the report is missing");
         }
     }
     Ok(())
 }
 
-/// Writes the soup and the curve.
-fn write(args: &TrainArgs, trained: &Trained) -> Result<Vec<OutputReport>> {
-    let written = |path: &Path, bytes: u64| OutputReport { path: path.display().to_string(), bytes };
-    let mut outputs = vec![written(&args.output, trained.save(&args.output)?)];
-    if let Some(path) = &args.curve {
-        let mut file = AtomicFile::create(path)?;
-        let svg = train_curve::svg(path, &trained.curve)?;
-        file.write_all(svg.as_bytes()).map_err(|e| Error::io(path, e))?;
-        outputs.push(written(path, file.commit()?));
+/// The error of a scene that could not be written: it is saved in the system's folder for temporary files, if that is possible.
+fn rescued(error: Error, args: &TrainArgs, trained: &Trained) -> Error {
+    let stem = args.output.file_stem().unwrap_or_default().to_string_lossy();
+    let path = std::env::temp_dir().join(format!("{stem}.rescued-{}.ply", std::process::id()));
+    match trained.save(&path) {
+        Ok(_) => Error::Incomplete(format!("{error}; the scene was saved as {}", path.display())),
+        Err(_) => error,
     }
-    Ok(outputs)
+}
+
+fn save_curve(mut file: AtomicFile, trained: &Trained) -> Result<u64> {
+    let svg = train_curve::svg(file.path(), &trained.curve)?;
+    file.write_all(svg.as_bytes()).map_err(|e| Error::io(file.path(), e))?;
+    file.commit()
 }
 
 fn summary(args: &TrainArgs, trained: &Trained, bar: &Bar) {

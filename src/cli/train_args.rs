@@ -27,15 +27,22 @@ pub struct TrainArgs {
     /// with --preset solid it is hardened.
     #[arg(long, value_name = "SCENE")]
     pub from: Option<PathBuf>,
-    /// Go on from a checkpoint, with the options it was made with.
-    #[arg(long, value_name = "FILE")]
+    /// Go on from a checkpoint, with the options it was made with; from the newest whole one of a folder. Photos, cameras and
+    /// --background must be as they were.
+    #[arg(long, value_name = "FILE|FOLDER")]
     pub resume: Option<PathBuf>,
+    /// Go on although photos, cameras or --background are not as they were.
+    #[arg(long, requires = "resume")]
+    pub force_resume: bool,
     /// Where checkpoints go; OUT with the ending .checkpoint unless given.
     #[arg(long, value_name = "FILE")]
     pub checkpoint: Option<PathBuf>,
-    /// Write a checkpoint every N steps; 0: only when stopped with Ctrl-C.
+    /// Write a checkpoint every N steps; 0: only when stopped with Ctrl-C or SIGTERM.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub checkpoint_every: u64,
+    /// Keep the last K checkpoints; above 1 each has its number of steps in its name, as in OUT.step-00000500.checkpoint.
+    #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub keep: u32,
     /// Write one JSON line per sample of the curve; "-" is standard output.
     #[arg(long, value_name = "FILE")]
     pub log: Option<PathBuf>,

@@ -1,5 +1,7 @@
 //! What the terminal shows while a run trains: a bar on a TTY, the log, and Ctrl-C.
 
+use super::signals::Listener;
+use super::stdout::Stdout;
 use super::{Global, messages};
 use crate::error::{Error, Result};
 use crate::train::refine::Refined;
@@ -8,8 +10,6 @@ use indicatif::{HumanCount, ProgressBar, ProgressStyle};
 use std::fs::File;
 use std::io::{BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Shows PSNR, triangles and time left; writes the log; stops on Ctrl-C.
 pub struct Bar {
@@ -17,8 +17,9 @@ pub struct Bar {
     verbose: bool,
     bar: Option<ProgressBar>,
     log: Option<(PathBuf, Box<dyn Write>)>,
-    log_error: Option<Error>,
-    stop: Arc<AtomicBool>,
+    /// What could not be written, and why.
+    lost: Vec<String>,
+    stop: Option<Listener>,
     psnr: Option<f64>,
     steps: u64,
     /// What of the run was printed last; only where there is no bar to watch.
@@ -44,17 +45,10 @@ impl Bar {
             bar
         });
         let log = log.map(|path| open_log(path, before)).transpose()?;
-        let stop = Arc::new(AtomicBool::new(false));
-        let asked = Arc::clone(&stop);
-        // The second Ctrl-C does not wait for the checkpoint. Without a handler Ctrl-C just ends the run.
-        let _ = ctrlc::set_handler(move || {
-            if asked.swap(true, Ordering::Relaxed) {
-                std::process::exit(130);
-            }
-        });
+        let stop = Some(Listener::new());
         let (quiet, verbose) = (global.quiet, global.verbose);
         let percent = (verbose && bar.is_none()).then(|| percent(done, steps));
-        Ok(Self { quiet, verbose, bar, log, log_error: None, stop, psnr: None, steps, percent })
+        Ok(Self { quiet, verbose, bar, log, lost: Vec::new(), stop, psnr: None, steps, percent })
     }
 
     /// Prints a line above the bar; nothing when quiet.
@@ -66,16 +60,24 @@ impl Bar {
         }
     }
 
-    /// Takes the bar away; fails when the log could not be written. From here on the first Ctrl-C ends the program.
-    pub fn done(&mut self) -> Result<()> {
-        self.stop.store(true, Ordering::Relaxed);
+    /// Takes the bar away and returns what could not be written on the way. From here on the first Ctrl-C ends the program.
+    pub fn done(&mut self) -> Vec<String> {
+        self.stop = None;
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
-        if let Some((path, log)) = &mut self.log {
-            log.flush().map_err(|e| Error::io(path, e))?;
-        }
-        self.log_error.take().map_or(Ok(()), Err)
+        std::mem::take(&mut self.lost)
+    }
+
+    /// What could not be written so far, and why.
+    pub fn lost_so_far(&self) -> &[String] {
+        &self.lost
+    }
+
+    /// Warns that something was not written.
+    pub fn note_lost(&mut self, error: &Error, what: &str) {
+        self.line(&format!("warning: {error}; {what}"));
+        self.lost.push(error.to_string());
     }
 }
 
@@ -86,7 +88,7 @@ fn percent(step: u64, steps: u64) -> u64 {
 
 fn open_log(path: &Path, before: &[TrainSample]) -> Result<(PathBuf, Box<dyn Write>)> {
     if path.as_os_str() == "-" {
-        return Ok((path.to_owned(), Box::new(std::io::stdout())));
+        return Ok((path.to_owned(), Box::new(Stdout)));
     }
     let io = |e| Error::io(path, e);
     let mut file = BufWriter::new(File::create(path).map_err(io)?);
@@ -121,8 +123,15 @@ impl TrainObserver for Bar {
         if let Some((path, log)) = &mut self.log
             && let Err(e) = write_line(log, sample)
         {
-            self.log_error.get_or_insert(Error::io(&*path, e));
+            // Once is enough, and half a log with holes in it is worth less than its first half.
+            let error = Error::io(&*path, e);
+            self.log = None;
+            self.note_lost(&error, "the training goes on without a log");
         }
+    }
+
+    fn lost(&mut self, error: &Error) {
+        self.note_lost(error, "the training goes on");
     }
 
     fn refined(&mut self, step: u64, r: &Refined) {
@@ -140,6 +149,6 @@ impl TrainObserver for Bar {
     }
 
     fn wants_to_stop(&mut self) -> bool {
-        self.stop.load(Ordering::Relaxed)
+        self.stop.as_ref().is_some_and(Listener::is_asked)
     }
 }

@@ -55,6 +55,8 @@ struct PhotoSlot {
     pixels: Option<Result<Arc<Pixels>>>,
     cached: Option<CachedPhoto>,
     loading: bool,
+    /// Of what was decoded.
+    digest: Option<u64>,
     /// When it was last taken.
     taken: u64,
 }
@@ -119,6 +121,11 @@ impl Photos {
         }
     }
 
+    /// The hash of photo `i` as decoded; `None` while it has not been.
+    pub fn digest(&self, i: usize) -> Option<u64> {
+        self.shared.lock().slots.get(i)?.digest
+    }
+
     /// How many files have been decoded so far.
     pub fn decoded(&self) -> u64 {
         self.shared.lock().decode_count
@@ -156,8 +163,10 @@ impl Loader {
                 None => {
                     drop(state);
                     let decoded = self.photos[i].decode();
+                    let digest = decoded.as_ref().ok().map(Pixels::digest);
                     state = self.lock();
                     state.decode_count += 1;
+                    state.slots[i].digest = digest;
                     decoded
                 }
             };
@@ -305,6 +314,7 @@ mod tests {
                 }
             }
             assert_eq!(photos.decoded(), 20, "budget {budget}");
+            assert!((0..20).all(|i| photos.digest(i) == Some(pixels(i).digest())), "budget {budget}");
             let resident = photos.shared.lock().resident_bytes;
             assert!(
                 resident <= budget.max((AHEAD as u64 + 1 + WORKERS as u64) * one),

@@ -1,12 +1,14 @@
 //! Writes an asset to whichever files its format needs: planned first, then written, then renamed at once.
 
+mod stale;
+
 use super::gltf::GltfOptions;
 use super::gltf::uri;
 use super::target::OutputTarget;
 use super::tileset::{self, TilesetLevel};
 use super::{bvh, gltf, html, obj, ply};
 use crate::asset::Asset;
-use crate::atomic::AtomicFile;
+use crate::atomic::{AtomicFile, publish};
 use crate::error::{Error, Result};
 use crate::report::{Observer, Outcome, OutputReport, Report, StageDetails};
 use schemars::JsonSchema;
@@ -215,25 +217,69 @@ impl Output {
 
     /// Every file that will be written.
     pub fn paths(&self) -> impl Iterator<Item = &Path> {
-        std::iter::once(self).chain(self.backdrop.as_deref()).chain(&self.levels).flat_map(|output| {
-            let sidecar = output.sidecar.as_ref().map(|s| s.0.as_path());
-            let rest = [output.second.as_deref(), sidecar, output.bvh.as_deref(), output.tileset.as_deref()];
+        self.parts().flat_map(|output| {
+            let rest =
+                [output.second.as_deref(), output.import(), output.bvh.as_deref(), output.tileset.as_deref()];
             std::iter::once(output.main.as_path()).chain(rest.into_iter().flatten())
         })
     }
+
+    /// The scene, its backdrop, its levels.
+    fn parts(&self) -> impl Iterator<Item = &Self> {
+        std::iter::once(self).chain(self.backdrop.as_deref()).chain(&self.levels)
+    }
+
+    fn import(&self) -> Option<&Path> {
+        self.sidecar.as_ref().map(|sidecar| sidecar.0.as_path())
+    }
+
+    /// Every file in the order in which they get their names: none before what it names.
+    fn publishing_order(&self) -> Vec<&Path> {
+        let beside =
+            self.parts().flat_map(|part| [part.second.as_deref(), part.import(), part.bvh.as_deref()]);
+        let parts = self.levels.iter().chain(self.backdrop.as_deref()).map(|part| Some(part.main.as_path()));
+        let last = [Some(self.main.as_path()), self.tileset.as_deref()];
+        beside.chain(parts).chain(last).flatten().collect()
+    }
+
+    /// Starts every file: from here on no other program writes them, and what cannot be written has failed.
+    ///
+    /// Errors: what the operating system refuses; another program that is writing one of them.
+    pub fn start(&self) -> Result<OutputFiles> {
+        AtomicFile::create_all(&self.publishing_order()).map(OutputFiles)
+    }
+
+    /// Files that count bytes and keep none.
+    pub fn dry_run(&self) -> OutputFiles {
+        OutputFiles(self.paths().map(AtomicFile::nowhere).collect())
+    }
 }
 
-/// Writes all files of `output` and names them only when all are whole. A dry run counts bytes only.
+/// The files of an output, started and not yet whole.
+#[derive(Debug)]
+pub struct OutputFiles(Vec<AtomicFile>);
+
+impl OutputFiles {
+    fn take(&mut self, path: &Path) -> Result<AtomicFile> {
+        match self.0.iter().position(|file| file.path() == path) {
+            Some(at) => Ok(self.0.swap_remove(at)),
+            None => AtomicFile::create(path),
+        }
+    }
+}
+
+/// Writes an asset into the files of `output` and names them only when all are whole.
+///
+/// Errors: those of the format, and what the operating system refuses; then every name has what it had before.
 pub fn write(
     asset: &Asset,
     output: &Output,
+    mut files: OutputFiles,
     options: &OutputOptions,
-    dry_run: bool,
     report: &mut Report,
     observer: &mut dyn Observer,
 ) -> Result<()> {
-    let create = |path: &Path| if dry_run { Ok(AtomicFile::nowhere(path)) } else { AtomicFile::create(path) };
-    let mut files = Vec::new();
+    let mut written = Vec::new();
     let mut warnings = Vec::new();
     let counts = asset.counts();
     report.stage(
@@ -241,61 +287,87 @@ pub fn write(
         (),
         |()| counts,
         |(), details| {
-            match (&output.backdrop, asset.apart()) {
-                (Some(beside), Some((scene, backdrop))) => {
-                    warnings = write_one(&scene, output, options, &create, &mut files, details)?;
-                    let mut quiet = WriteDetails::default();
-                    warnings.extend(write_one(&backdrop, beside, options, &create, &mut files, &mut quiet)?);
-                }
-                _ => warnings = write_one(asset, output, options, &create, &mut files, details)?,
-            }
-            for (asset, output) in asset.levels.iter().zip(&output.levels) {
-                let mut quiet = WriteDetails::default();
-                warnings.extend(write_one(asset, output, options, &create, &mut files, &mut quiet)?);
-            }
-            if let Some(path) = &output.tileset {
-                files.push(write_text(path, &tileset_of(asset, output), &create)?);
-            }
+            warnings = write_all(asset, output, options, &mut files, &mut written, details)?;
             Ok(Outcome::Changed(()))
         },
     )?;
     report.warnings.append(&mut warnings);
-    for file in files {
-        let path = file.path().display().to_string();
-        report.outputs.push(OutputReport { path, bytes: file.commit()? });
+    let kept = !written.iter().any(AtomicFile::is_dry);
+    let names: Vec<PathBuf> = written.iter().map(|file| file.path().to_owned()).collect();
+    let order = output.publishing_order();
+    written.sort_by_key(|file| order.iter().position(|path| *path == file.path()));
+    let published: Vec<PathBuf> = written.iter().map(|file| file.path().to_owned()).collect();
+    let sizes = publish(written)?;
+    for name in names {
+        let bytes = published.iter().position(|path| *path == name).map_or(0, |at| sizes[at]);
+        report.outputs.push(OutputReport { path: name.display().to_string(), bytes });
+    }
+    let stale: Vec<String> =
+        output.stale().iter().filter(|_| kept).map(|path| path.display().to_string()).collect();
+    if !stale.is_empty() {
+        let (files, verb) = (stale.join(", "), if stale.len() == 1 { "is" } else { "are" });
+        report
+            .warnings
+            .push(format!("{files} {verb} left of an earlier scene of this name: remove what is not needed"));
     }
     Ok(())
 }
 
-type Create<'a> = &'a dyn Fn(&Path) -> Result<AtomicFile>;
-
-/// Writes the files of one level into `files`; returns warnings for the user.
-fn write_one(
+/// Writes the scene, its backdrop, its levels and what names them; returns warnings for the user.
+fn write_all(
     asset: &Asset,
     output: &Output,
     options: &OutputOptions,
-    create: Create,
-    files: &mut Vec<AtomicFile>,
+    files: &mut OutputFiles,
+    written: &mut Vec<AtomicFile>,
     details: &mut WriteDetails,
 ) -> Result<Vec<String>> {
-    let mut main = create(&output.main)?;
-    let mut second = output.second.as_deref().map(create).transpose()?;
-    let warnings = encode(asset, output, options, &mut main, second.as_mut(), details)?;
-    files.push(main);
-    files.extend(second);
-    if let Some((path, text)) = &output.sidecar {
-        files.push(write_text(path, text, create)?);
+    let mut warnings;
+    let mut quiet = WriteDetails::default();
+    match (&output.backdrop, asset.apart()) {
+        (Some(beside), Some((scene, backdrop))) => {
+            warnings = write_one(&scene, output, options, files, written, details)?;
+            warnings.extend(write_one(&backdrop, beside, options, files, written, &mut quiet)?);
+        }
+        _ => warnings = write_one(asset, output, options, files, written, details)?,
     }
-    if let Some(path) = &output.bvh {
-        let mut file = create(path)?;
-        bvh::write(&mut file, asset).map_err(|e| Error::io(path, e))?;
-        files.push(file);
+    for (asset, output) in asset.levels.iter().zip(&output.levels) {
+        let mut quiet = WriteDetails::default();
+        warnings.extend(write_one(asset, output, options, files, written, &mut quiet)?);
+    }
+    if let Some(path) = &output.tileset {
+        written.push(write_text(path, &tileset_of(asset, output), files)?);
     }
     Ok(warnings)
 }
 
-fn write_text(path: &Path, text: &str, create: Create) -> Result<AtomicFile> {
-    let mut file = create(path)?;
+/// Writes the files of one level into `written`; returns warnings for the user.
+fn write_one(
+    asset: &Asset,
+    output: &Output,
+    options: &OutputOptions,
+    files: &mut OutputFiles,
+    written: &mut Vec<AtomicFile>,
+    details: &mut WriteDetails,
+) -> Result<Vec<String>> {
+    let mut main = files.take(&output.main)?;
+    let mut second = output.second.as_deref().map(|path| files.take(path)).transpose()?;
+    let warnings = encode(asset, output, options, &mut main, second.as_mut(), details)?;
+    written.push(main);
+    written.extend(second);
+    if let Some((path, text)) = &output.sidecar {
+        written.push(write_text(path, text, files)?);
+    }
+    if let Some(path) = &output.bvh {
+        let mut file = files.take(path)?;
+        bvh::write(&mut file, asset).map_err(|e| Error::io(path, e))?;
+        written.push(file);
+    }
+    Ok(warnings)
+}
+
+fn write_text(path: &Path, text: &str, files: &mut OutputFiles) -> Result<AtomicFile> {
+    let mut file = files.take(path)?;
     file.write_all(text.as_bytes()).map_err(|e| Error::io(path, e))?;
     Ok(file)
 }

@@ -46,6 +46,6 @@ pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<Writ
     let output =
         Output::plan(path, None, options, asset.bvh.is_some())?.with_levels(asset.levels.len(), options)?;
     let mut report = Report::new("write");
-    output::write(asset, &output, options, false, &mut report, &mut ())?;
+    output::write(asset, &output, output.start()?, options, &mut report, &mut ())?;
     Ok(WrittenFiles { files: report.outputs, warnings: report.warnings })
 }

@@ -1,8 +1,12 @@
 //! Checkpoints: everything a run needs to go on bit for bit, in one safetensors file.
 //!
 //! Tensors are the raw parameters, both Adam moments and the visibility statistics, little-endian;
-//! `__metadata__.trisplat` is a JSON text with the step, the options and what else is not an array.
+//! `__metadata__.trisplat` is a JSON text with the step, the options and what else is not an array. It begins with the format
+//! and the XXH3 checksum of the whole file, as sixteen hexadecimal digits, taken with zeros in their place.
 
+mod checksum;
+
+use super::identity::RunIdentity;
 use super::options::TrainOptions;
 use super::params::{Params, TrainState};
 use super::progress::TrainSample;
@@ -19,7 +23,7 @@ use std::io::Write;
 use std::path::Path;
 
 /// The layout written and read; it changes whenever a key or an array does.
-const FORMAT: u32 = 3;
+const FORMAT: u32 = 4;
 
 /// A run between two steps.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,8 +50,8 @@ pub struct CheckpointMeta {
     pub space: ([f32; 3], f32),
     /// The first so many triangles are pinned: see [`TrainState::pinned`].
     pub pinned: usize,
-    /// Names of the training photos, in order.
-    pub photos: Vec<String>,
+    /// The photos, cameras and points it is trained on.
+    pub identity: RunIdentity,
     /// Gradients dropped because they were not finite.
     pub dropped: u64,
     /// The curve so far.
@@ -61,12 +65,27 @@ impl CheckpointMeta {
     pub fn space(&self) -> Space {
         Space { center: Vec3::from_array(self.space.0), scale: self.space.1 }
     }
+
+    /// Fails unless a run could have been here.
+    fn validate(&self, path: &Path) -> Result<()> {
+        let bad = |reason: String| Error::malformed(path, "__metadata__", reason);
+        self.options.validate().map_err(|error| bad(error.to_string()))?;
+        if self.step > self.options.steps {
+            return Err(bad(format!("is after step {} of {}", self.step, self.options.steps)));
+        }
+        let (center, scale) = self.space;
+        if !all_finite(&center) || !(scale.is_finite() && scale > 0.0) {
+            return Err(bad(format!("has a scene of centre {center:?} and scale {scale}")));
+        }
+        Ok(())
+    }
 }
 
 /// The text of `__metadata__.trisplat`.
 #[derive(Serialize, Deserialize)]
 struct MetaText<T> {
     format: u32,
+    checksum: String,
     run: T,
 }
 
@@ -86,13 +105,14 @@ pub fn write(path: &Path, checkpoint: &Checkpoint) -> Result<()> {
     let bytes = |flags: &[bool]| flags.iter().map(|f| u8::from(*f)).collect::<Vec<u8>>();
     let (exempt, drawn) = (bytes(&visibility.exempt), bytes(&visibility.drawn));
     let tensors = tensors(checkpoint, &exempt, &drawn).map_err(|e| unwritable(&e))?;
-    let meta = MetaText { format: FORMAT, run: &checkpoint.meta };
+    let meta = MetaText { format: FORMAT, checksum: checksum::NONE.into(), run: &checkpoint.meta };
     let meta = serde_json::to_string(&meta).map_err(|e| unwritable(&e))?;
     let metadata = HashMap::from([("trisplat".to_owned(), meta)]);
-    let bytes = safetensors::serialize(tensors, Some(metadata)).map_err(|e| unwritable(&e))?;
+    let mut bytes = safetensors::serialize(tensors, Some(metadata)).map_err(|e| unwritable(&e))?;
+    checksum::fill_in(&mut bytes, FORMAT).ok_or_else(|| unwritable(&"no place for its checksum"))?;
     let mut file = AtomicFile::create(path)?;
     file.write_all(&bytes).map_err(io)?;
-    file.commit_synced().map(drop)
+    file.commit().map(drop)
 }
 
 type Named<'a> = Vec<(String, TensorView<'a>)>;
@@ -130,16 +150,29 @@ fn raw<T: NoUninit>(values: &[T]) -> &[u8] {
     bytemuck::cast_slice(values)
 }
 
-/// Reads a checkpoint and proves that its arrays fit together.
+/// Reads a checkpoint and proves that every byte is as it was written, that its options can be used and its arrays fit together.
 ///
 /// Errors: a file that is broken, not a checkpoint, or of another version of trisplat.
 pub fn read(path: &Path) -> Result<Checkpoint> {
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let mut bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
     if !bytes.is_empty() && !looks_like_safetensors(&bytes) {
         let reason = "is not a checkpoint of a training run; to start from a scene, give it as `from`";
         return Err(Error::unsupported(path, reason));
     }
+    let damaged = || {
+        let reason = "does not fit: the file is damaged; go on from another checkpoint, or train anew";
+        Error::malformed(path, "checksum", reason)
+    };
+    // Before anything is read of it; files of other formats have none in this place.
+    let fits = checksum::fits(&mut bytes, FORMAT);
+    if fits == Some(false) {
+        return Err(damaged());
+    }
     let meta = read_meta(path, &bytes)?;
+    if fits.is_none() {
+        return Err(damaged());
+    }
+    meta.validate(path)?;
     let tensors = SafeTensors::deserialize(&bytes).map_err(|e| broken(path, &e))?;
     let file = Arrays { path, tensors };
     let params = file.params("params", None)?;
@@ -163,9 +196,42 @@ pub fn read(path: &Path) -> Result<Checkpoint> {
         radius_px: file.array("visibility.radius_px", Dtype::F32, &[n])?,
         error: file.array("visibility.error", Dtype::U64, &[n])?,
         exempt: flags("visibility.exempt", n)?,
-        drawn: flags("visibility.drawn", meta.photos.len())?,
+        drawn: flags("visibility.drawn", meta.identity.photos.len())?,
     };
-    Ok(Checkpoint { state, visibility, meta })
+    let checkpoint = Checkpoint { state, visibility, meta };
+    checkpoint.check_finite(path)?;
+    Ok(checkpoint)
+}
+
+impl Checkpoint {
+    /// Refuses what would poison every step from here on.
+    fn check_finite(&self, path: &Path) -> Result<()> {
+        let TrainState { params, first, second, .. } = &self.state;
+        for (prefix, params) in [("params", params), ("first", first), ("second", second)] {
+            let corners = params.vertices.iter().all(|t| t.iter().all(|corner| corner.is_finite()));
+            let others = [&params.opacity[..], &params.sigma, params.sh.as_flattened()];
+            if !corners || !others.iter().all(|values| all_finite(values)) {
+                return Err(not_finite(path, prefix));
+            }
+        }
+        let visibility = [&self.visibility.max_weight[..], &self.visibility.radius_px];
+        match visibility.iter().all(|values| all_finite(values)) {
+            true => Ok(()),
+            false => Err(not_finite(path, "visibility")),
+        }
+    }
+}
+
+fn all_finite(values: &[f32]) -> bool {
+    values.iter().all(|value| value.is_finite())
+}
+
+fn not_finite(path: &Path, at: &str) -> Error {
+    Error::malformed(
+        path,
+        at,
+        "holds numbers that are not finite; go on from an earlier checkpoint, or train anew",
+    )
 }
 
 /// True of every safetensors file, and of next to no other: 8 bytes of length, then a JSON object.
@@ -255,6 +321,11 @@ impl Arrays<'_> {
 mod tests {
     use super::*;
     use crate::soup::Soup;
+    use crate::train::identity::PhotoIdentity;
+
+    fn photo(name: &str) -> PhotoIdentity {
+        PhotoIdentity { name: name.into(), size: [3, 2], pose: 7, pixels: Some(1 << 63) }
+    }
 
     fn sample() -> Checkpoint {
         let soup = Soup {
@@ -272,7 +343,12 @@ mod tests {
             options: TrainOptions::default(),
             space: ([1.0, 2.0, 3.5], 0.123),
             pinned: 1,
-            photos: vec!["a".into(), "b".into()],
+            identity: RunIdentity {
+                background: [0.5, 0.0, 1.0],
+                photos: ["a", "b"].map(|name| photo(name)).to_vec(),
+                points: u64::MAX,
+                from: None,
+            },
             dropped: 2,
             curve: vec![TrainSample::default()],
             cpu_secs: 1.5,
@@ -302,12 +378,10 @@ mod tests {
     }
 
     #[test]
-    fn errors_name_the_place_and_the_version() {
+    fn errors_name_the_version() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.safetensors");
         write(&path, &sample()).unwrap();
-        let file = String::from_utf8_lossy(&std::fs::read(&path).unwrap()).into_owned();
-        assert!(file.contains("visibility.views"));
         let whole = std::fs::read(&path).unwrap();
         let replaced = |from: &str, to: &str| {
             let at = whole.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
@@ -316,12 +390,78 @@ mod tests {
             std::fs::write(&path, bytes).unwrap();
             read(&path).unwrap_err().to_string()
         };
-        let missing = replaced("visibility.views", "visibility.vista");
-        assert!(missing.contains("visibility.views: "), "{missing}");
         let old = replaced(&format!("format\\\":{FORMAT}"), "format\\\":1");
         assert!(old.contains(&format!("is a checkpoint of format 1, this version reads {FORMAT}")), "{old}");
         let other = replaced("\"trisplat\":", "\"somebody\":");
         assert!(other.contains("is not a trisplat checkpoint"), "{other}");
+    }
+
+    #[test]
+    fn every_corruption_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.safetensors");
+        write(&path, &sample()).unwrap();
+        let whole = std::fs::read(&path).unwrap();
+        assert_eq!(read(&path).unwrap(), sample());
+        let rng = crate::rng::Rng::new(1, "corruption", 0);
+        let random = |i: u64, below: usize| (rng.bits(i) % below as u64) as usize;
+        let refused = |what: String, bytes: &[u8]| {
+            std::fs::write(&path, bytes).unwrap();
+            assert!(read(&path).is_err(), "{what}");
+        };
+        for i in 0..300 {
+            let mut bytes = whole.clone();
+            let at = random(3 * i, bytes.len());
+            bytes[at] ^= 1 << random(3 * i + 1, 8);
+            refused(format!("bit of byte {at}"), &bytes);
+        }
+        for i in 0..100 {
+            let mut bytes = whole.clone();
+            let at = random(5000 + 2 * i, bytes.len());
+            let end = bytes.len().min(at + 1 + random(5001 + 2 * i, 64));
+            bytes[at..end].fill(0);
+            if bytes != whole {
+                refused(format!("zeros from byte {at} to {end}"), &bytes);
+            }
+        }
+        refused("a byte more".into(), &[&whole[..], &[0]].concat());
+    }
+
+    #[test]
+    fn numbers_that_are_not_finite_are_refused() {
+        type Damage = fn(&mut Checkpoint);
+        let damages: [(&str, Damage); 6] = [
+            ("params", |c| c.state.params.vertices[1][2].y = f32::NAN),
+            ("params", |c| c.state.params.sh[2][0] = f32::INFINITY),
+            ("first", |c| c.state.first.opacity[0] = f32::NAN),
+            ("second", |c| c.state.second.sigma[2] = f32::NAN),
+            ("visibility", |c| c.visibility.radius_px[0] = f32::NAN),
+            ("__metadata__", |c| c.meta.space.1 = 0.0),
+        ];
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.safetensors");
+        for (at, damage) in damages {
+            let mut checkpoint = sample();
+            damage(&mut checkpoint);
+            write(&path, &checkpoint).unwrap();
+            let error = read(&path).unwrap_err().to_string();
+            assert!(error.contains(&format!("{at}: ")), "{error}");
+        }
+    }
+
+    #[test]
+    fn options_read_from_a_checkpoint_are_validated() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.safetensors");
+        let mut checkpoint = sample();
+        checkpoint.meta.options.refine.growth = -1.0;
+        write(&path, &checkpoint).unwrap();
+        let error = read(&path).unwrap_err().to_string();
+        assert!(error.contains("__metadata__: refine.growth is -1"), "{error}");
+        checkpoint = sample();
+        checkpoint.meta.step = checkpoint.meta.options.steps + 1;
+        write(&path, &checkpoint).unwrap();
+        assert!(read(&path).unwrap_err().to_string().contains("is after step"));
     }
 
     #[cfg(unix)]

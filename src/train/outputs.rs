@@ -1,9 +1,9 @@
 //! What a run leaves behind on the way: the curve, evaluations on the held-out photos, checkpoints and previews.
 
 use super::backend::TrainBackend;
-use super::checkpoint;
 use super::eval::{self, Evaluator, PhotoScore, Quality};
 use super::progress::{TrainObserver, TrainSample};
+use super::rotation;
 use super::trainer::{StepOutcome, Trainer};
 use crate::dataset::Dataset;
 use crate::error::{Error, Result};
@@ -18,6 +18,8 @@ use std::time::{Duration, Instant};
 pub struct RunOptions {
     /// Where checkpoints go.
     pub checkpoint: Option<PathBuf>,
+    /// How many of the last checkpoints stay, each in a file of its own when there are several; 0 is 1.
+    pub keep: u32,
     /// Steps between checkpoints; 0 writes one only when the run is stopped.
     pub checkpoint_every: u64,
     /// Steps between samples of the curve; 0 chooses 100 samples per run.
@@ -53,6 +55,9 @@ pub(super) struct Recorded {
     pub(super) scores: Vec<PhotoScore>,
     pub(super) samples: Option<u32>,
     pub(super) cpu_secs: f64,
+    /// The last checkpoint that was written, and its step.
+    pub(super) checkpoint: Option<(u64, PathBuf)>,
+    pub(super) lost: Vec<String>,
 }
 
 /// Keeps the curve of a run and writes its checkpoints and previews.
@@ -64,6 +69,8 @@ pub(super) struct Recorder {
     cpu_start: f64,
     wall: Instant,
     previewed: Instant,
+    checkpoint: Option<(u64, PathBuf)>,
+    lost: Vec<String>,
 }
 
 impl Recorder {
@@ -83,6 +90,8 @@ impl Recorder {
             cpu_start: cpu_secs() - cpu_secs_before,
             wall: Instant::now(),
             previewed: Instant::now(),
+            checkpoint: None,
+            lost: Vec::new(),
         })
     }
 
@@ -146,32 +155,51 @@ impl Recorder {
         Ok(self.evaluator.scores(&pictures))
     }
 
+    /// Writes a checkpoint, if the run is to leave any.
     pub(super) fn checkpoint<B: TrainBackend>(
         &mut self,
         trainer: &mut Trainer<B>,
         outputs: &RunOptions,
-    ) -> Result<()> {
-        let Some(path) = &outputs.checkpoint else { return Ok(()) };
+        observer: &mut dyn TrainObserver,
+    ) {
+        let Some(path) = &outputs.checkpoint else { return };
         let spent = cpu_secs() - self.cpu_start;
-        checkpoint::write(path, &trainer.checkpoint(&self.curve, spent)?)
+        let written = trainer
+            .checkpoint(&self.curve, spent)
+            .and_then(|checkpoint| rotation::write(path, &checkpoint, outputs.keep));
+        let written = written.map(|path| self.checkpoint = Some((trainer.steps(), path)));
+        self.note(written, observer);
     }
 
+    /// Draws a preview, if one is due.
     pub(super) fn preview<B: TrainBackend>(
         &mut self,
         trainer: &mut Trainer<B>,
         outputs: &RunOptions,
-    ) -> Result<()> {
-        let Some(Preview { folder, pause }) = &outputs.preview else { return Ok(()) };
+        observer: &mut dyn TrainObserver,
+    ) {
+        let Some(Preview { folder, pause }) = &outputs.preview else { return };
         if self.previewed.elapsed() < *pause || self.evaluator.is_empty() {
-            return Ok(());
+            return;
         }
         self.previewed = Instant::now();
-        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         let step = trainer.steps();
-        self.uncounted(|run| match run.pictures(trainer)?.first() {
-            Some(picture) => picture.save_png(&folder.join(format!("step-{step:06}.png"))),
-            None => Ok(()),
-        })
+        let written = self.uncounted(|run| {
+            std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+            match run.pictures(trainer)?.first() {
+                Some(picture) => picture.save_png(&folder.join(format!("step-{step:06}.png"))),
+                None => Ok(()),
+            }
+        });
+        self.note(written, observer);
+    }
+
+    /// What was not written is told and kept; the run goes on.
+    fn note(&mut self, written: Result<()>, observer: &mut dyn TrainObserver) {
+        if let Err(error) = written {
+            observer.lost(&error);
+            self.lost.push(error.to_string());
+        }
     }
 
     /// Evaluates the scene as it is now; the curve ends with the `last` step made, whether a sample was due or not.
@@ -192,6 +220,13 @@ impl Recorder {
             observer.sampled(&now);
         }
         let samples = eval::solid_samples(&trainer.drawing(&self.drawing));
-        Ok(Recorded { curve: self.curve, scores, samples, cpu_secs: spent })
+        Ok(Recorded {
+            curve: self.curve,
+            scores,
+            samples,
+            cpu_secs: spent,
+            checkpoint: self.checkpoint,
+            lost: self.lost,
+        })
     }
 }

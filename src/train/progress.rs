@@ -1,6 +1,7 @@
 //! What a run reports while it runs, and the samples of its curve.
 
 use super::refine::Refined;
+use crate::error::Error;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -36,6 +37,8 @@ pub trait TrainObserver {
     fn sampled(&mut self, _sample: &TrainSample) {}
     /// The scene was refined.
     fn refined(&mut self, _step: u64, _refined: &Refined) {}
+    /// A checkpoint or a preview could not be written; the run goes on.
+    fn lost(&mut self, _error: &Error) {}
     /// Asked between steps: true stops the run after a checkpoint.
     fn wants_to_stop(&mut self) -> bool {
         false

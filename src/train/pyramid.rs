@@ -44,6 +44,23 @@ impl Pyramid {
         self.photos.prefetch(missing);
     }
 
+    /// The hash of photo `i`, if it has been decoded.
+    pub fn digest(&self, i: usize) -> Option<u64> {
+        self.photos.digest(i)
+    }
+
+    /// Decodes the photos of `known` and returns the first whose hash is another. They are not decoded again later.
+    pub fn first_changed(&mut self, known: &[(usize, u64)]) -> Result<Option<usize>> {
+        self.photos.prefetch(known.iter().map(|(i, _)| *i));
+        for (i, digest) in known {
+            self.photos.take(*i)?;
+            if self.photos.digest(*i) != Some(*digest) {
+                return Ok(Some(*i));
+            }
+        }
+        Ok(None)
+    }
+
     /// Photo `i` at `level`.
     pub fn take(&mut self, i: usize, level: u32) -> Result<Arc<Pixels>> {
         if level != self.level {

@@ -3,6 +3,7 @@
 use super::backend::TrainBackend;
 use super::checkpoint::Checkpoint;
 use super::cpu::CpuBackend;
+use super::identity::RunIdentity;
 use super::options::TrainOptions;
 use super::outputs::{Recorder, RunOptions};
 use super::progress::{TrainObserver, TrainSample};
@@ -73,6 +74,8 @@ pub struct TrainRun<'a> {
     pub from: Option<Loaded>,
     /// The checkpoint to go on from.
     pub resume: Option<Checkpoint>,
+    /// Go on although photos, cameras, points or the background are not those the checkpoint was made with.
+    pub force_resume: bool,
 }
 
 impl<'a> TrainRun<'a> {
@@ -87,6 +90,7 @@ impl<'a> TrainRun<'a> {
             outputs: RunOptions::default(),
             from: None,
             resume: None,
+            force_resume: false,
         };
         run.with_dataset_options(&DatasetOptions::default())
     }
@@ -105,7 +109,7 @@ impl<'a> TrainRun<'a> {
 
     /// Sets the run up on the CPU: the first triangles are there, no step is made.
     ///
-    /// Errors: options out of range, no training photos, a checkpoint of other photos.
+    /// Errors: options out of range, no training photos, a checkpoint of another run.
     pub fn start(self) -> Result<StartedRun<'a, CpuBackend>> {
         let (dataset, photo_bytes) = (self.dataset, self.photo_bytes);
         let options = self.resume.as_ref().map_or(&self.options, |checkpoint| &checkpoint.meta.options);
@@ -122,16 +126,19 @@ impl<'a> TrainRun<'a> {
             }
             _ => None,
         };
+        let identity = RunIdentity::of(dataset, self.background, self.from.as_ref());
+        let (scene, force) = (self.from.as_ref(), self.force_resume);
         let trainer = match self.resume {
-            Some(checkpoint) => Trainer::resume(dataset, checkpoint, photo_bytes, backend)?,
-            None => Trainer::start(dataset, self.from.as_ref(), &self.options, photo_bytes, backend)?,
+            Some(checkpoint) => Trainer::resume(dataset, checkpoint, identity, force, photo_bytes, backend)?,
+            None => Trainer::start(dataset, scene, &self.options, identity, photo_bytes, backend)?,
         };
         Ok(StartedRun { trainer, dataset, taught, drawing, outputs: self.outputs, curve, cpu_secs })
     }
 
     /// Runs to the end, or until `observer` wants to stop.
     ///
-    /// Errors: those of [`TrainRun::start`], photos that cannot be decoded, outputs that cannot be written.
+    /// Errors: those of [`TrainRun::start`], photos that cannot be decoded. Checkpoints and previews that cannot be written are
+    /// in [`Trained::lost`].
     pub fn run(self, observer: &mut dyn TrainObserver) -> Result<Trained> {
         self.start()?.finish(observer)
     }
@@ -161,6 +168,11 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         self.trainer.steps()
     }
 
+    /// What is not as it was when the checkpoint of this run was made, one sentence each.
+    pub fn differences(&self) -> &[String] {
+        self.trainer.differences()
+    }
+
     /// Triangles in the scene.
     pub fn triangles(&self) -> usize {
         self.trainer.triangles()
@@ -173,7 +185,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
 
     /// Makes the steps, until the last or until `observer` wants to stop.
     ///
-    /// Errors: photos that cannot be decoded, outputs that cannot be written.
+    /// Errors: photos that cannot be decoded; then there is a checkpoint of the steps that were made.
     pub fn finish(self, observer: &mut dyn TrainObserver) -> Result<Trained> {
         let outputs = &self.outputs;
         let total = self.trainer.options().steps;
@@ -182,7 +194,14 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         let mut record = Recorder::new(self.dataset, self.drawing, self.curve, self.cpu_secs)?;
         let (mut stopped, mut last) = (false, None);
         while !trainer.is_done() {
-            let outcome = trainer.step()?;
+            let outcome = match trainer.step() {
+                Ok(outcome) => outcome,
+                Err(error) => {
+                    // A photo that cannot be read costs no step that was made.
+                    record.checkpoint(&mut trainer, outputs, observer);
+                    return Err(error);
+                }
+            };
             let now = record.sample(&trainer, &outcome);
             observer.stepped(&now);
             if let Some(refined) = &outcome.refined {
@@ -199,9 +218,9 @@ impl<B: TrainBackend> StartedRun<'_, B> {
                 }
             }
             if stopped || due(outputs.checkpoint_every) {
-                record.checkpoint(&mut trainer, outputs)?;
+                record.checkpoint(&mut trainer, outputs, observer);
             }
-            record.preview(&mut trainer, outputs)?;
+            record.preview(&mut trainer, outputs, observer);
             last = Some(now);
             if stopped {
                 break;
@@ -230,6 +249,11 @@ impl<B: TrainBackend> StartedRun<'_, B> {
             dropped: trainer.dropped(),
             cpu_secs: recorded.cpu_secs,
             stopped,
+            checkpoint: recorded
+                .checkpoint
+                .filter(|(step, _)| *step == trainer.steps())
+                .map(|(_, path)| path),
+            lost: recorded.lost,
         })
     }
 }

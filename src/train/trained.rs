@@ -14,7 +14,7 @@ use crate::scene::Loaded;
 use crate::soup::Soup;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A trained scene.
 #[derive(Debug, Clone)]
@@ -39,6 +39,10 @@ pub struct Trained {
     pub cpu_secs: f64,
     /// The run was stopped before its last step.
     pub stopped: bool,
+    /// The checkpoint of the last step, if one was written.
+    pub checkpoint: Option<PathBuf>,
+    /// Checkpoints and previews that could not be written, and why. The scene does not depend on them.
+    pub lost: Vec<String>,
 }
 
 /// Figures of a training, as its report holds them.
@@ -88,9 +92,13 @@ impl Trained {
     ///
     /// Errors: what the operating system refuses.
     pub fn save(&self, path: &Path) -> Result<u64> {
-        let mut file = AtomicFile::create(path)?;
+        self.save_to(AtomicFile::create(path)?)
+    }
+
+    /// [`Trained::save`] into a file that was started.
+    pub fn save_to(&self, mut file: AtomicFile) -> Result<u64> {
         ply::write_soup(&mut file, &self.soup, &self.provenance, &self.cameras)
-            .map_err(|e| Error::io(path, e))?;
+            .map_err(|e| Error::io(file.path(), e))?;
         file.commit()
     }
 

@@ -2,6 +2,7 @@
 
 use super::backend::{StepPhoto, StepStats, TrainBackend};
 use super::checkpoint::{Checkpoint, CheckpointMeta};
+use super::identity::RunIdentity;
 use super::options::TrainOptions;
 use super::params::Anneal;
 use super::progress::TrainSample;
@@ -25,7 +26,9 @@ pub struct Trainer<B> {
     options: TrainOptions,
     space: Space,
     cameras: Vec<Camera>,
-    names: Vec<String>,
+    identity: RunIdentity,
+    /// What is not as it was when the checkpoint was made.
+    differences: Vec<String>,
     photos: Pyramid,
     order: Vec<usize>,
     backend: B,
@@ -55,13 +58,14 @@ pub struct StepOutcome {
 
 impl<B: TrainBackend> Trainer<B> {
     /// A run from its beginning: from the triangles of `scene`, or from the points of the data set.
-    /// `photo_bytes` is the memory for decoded photos.
+    /// `identity` is what the run is made of, `photo_bytes` the memory for decoded photos.
     ///
     /// Errors: options out of range, no training photos, a scene of more triangles than the options permit.
     pub fn start(
         dataset: &Dataset,
         scene: Option<&Loaded>,
         options: &TrainOptions,
+        identity: RunIdentity,
         photo_bytes: u64,
         backend: B,
     ) -> Result<Self> {
@@ -72,34 +76,68 @@ impl<B: TrainBackend> Trainer<B> {
             Some(scene) => start::from_scene(&views, scene, dataset, options)?,
             None => start::from_points(&views, &dataset.points, &mut photos, options)?,
         };
-        Self::assemble(&views, position, photos, backend)
+        Self::assemble(&views, position, identity, photos, backend)
     }
 
-    /// The run a checkpoint was made of.
+    /// The run a checkpoint was made of. `identity` is what it goes on with; with `force` that may be something else, as long as
+    /// the photos have the same names. Photos that the run has looked at are decoded here, once.
     ///
-    /// Errors: the data set's training photos are not the same.
-    pub fn resume(dataset: &Dataset, checkpoint: Checkpoint, photo_bytes: u64, backend: B) -> Result<Self> {
+    /// Errors: training photos of other names; without `force`, anything that is not as it was; photos that cannot be decoded.
+    pub fn resume(
+        dataset: &Dataset,
+        checkpoint: Checkpoint,
+        identity: RunIdentity,
+        force: bool,
+        photo_bytes: u64,
+        backend: B,
+    ) -> Result<Self> {
         let views = training_views(dataset)?;
         let Checkpoint { state, visibility, meta } = checkpoint;
-        if !views.iter().map(|v| v.name.as_str()).eq(meta.photos.iter().map(String::as_str)) {
-            let value = format!("of {} other photos", meta.photos.len());
+        let before = &meta.identity;
+        if !views.iter().map(|v| v.name.as_str()).eq(before.photos.iter().map(|photo| photo.name.as_str())) {
+            let value = format!("of {} other photos", before.photos.len());
             return Err(Error::invalid("resume", value, "a checkpoint of this data set with this split"));
+        }
+        let refused = |difference: &String| {
+            let wants = "the photos and options of its run, or `force_resume` to go on with others";
+            Error::invalid("resume", format!("of another run: {difference}"), wants)
+        };
+        let mut differences: Vec<String> = before.difference(&identity).into_iter().collect();
+        if let Some(difference) = differences.first().filter(|_| !force) {
+            return Err(refused(difference));
+        }
+        let mut photos = Pyramid::new(&views, photo_bytes, meta.options.warmup.min_px);
+        let known = before.photos.iter().enumerate().filter_map(|(i, photo)| Some((i, photo.pixels?)));
+        if let Some(i) = photos.first_changed(&known.collect::<Vec<_>>())? {
+            let name = &views[i].name;
+            differences
+                .push(format!("its photo {name} holds other pixels (`masks` and `background` count too)"));
+        }
+        if let Some(difference) = differences.first().filter(|_| !force) {
+            return Err(refused(difference));
         }
         let space = meta.space();
         let CheckpointMeta { step, options, dropped, .. } = meta;
-        let photos = Pyramid::new(&views, photo_bytes, options.warmup.min_px);
         let position = Position { options, space, state, visibility, step, dropped };
-        Self::assemble(&views, position, photos, backend)
+        let run = Self::assemble(&views, position, identity, photos, backend)?;
+        Ok(Self { differences, ..run })
     }
 
-    fn assemble(views: &[&View], position: Position, photos: Pyramid, mut backend: B) -> Result<Self> {
+    fn assemble(
+        views: &[&View],
+        position: Position,
+        identity: RunIdentity,
+        photos: Pyramid,
+        mut backend: B,
+    ) -> Result<Self> {
         let Position { options, space, state, visibility, step, dropped } = position;
         let pinned = state.pinned;
         backend.load(state)?;
         let mut run = Self {
             space,
             cameras: views.iter().map(|v| space.camera_to_training(&v.camera)).collect(),
-            names: views.iter().map(|v| v.name.clone()).collect(),
+            identity,
+            differences: Vec::new(),
             photos,
             order: Vec::new(),
             backend,
@@ -115,6 +153,11 @@ impl<B: TrainBackend> Trainer<B> {
         };
         run.plan_epoch();
         Ok(run)
+    }
+
+    /// What is not as it was when the checkpoint of this run was made, one sentence each.
+    pub fn differences(&self) -> &[String] {
+        &self.differences
     }
 
     /// Steps made.
@@ -275,13 +318,17 @@ impl<B: TrainBackend> Trainer<B> {
         self.collect_visibility()?;
         let state = self.backend.store()?;
         self.backend.load(state.clone())?;
+        let mut identity = self.identity.clone();
+        for (i, photo) in identity.photos.iter_mut().enumerate() {
+            photo.pixels = self.photos.digest(i);
+        }
         let meta = CheckpointMeta {
             generator: crate::report::generator(),
             step: self.step,
             options: self.options.clone(),
             space: (self.space.center.to_array(), self.space.scale),
             pinned: self.pinned,
-            photos: self.names.clone(),
+            identity,
             dropped: self.dropped,
             curve: curve.to_vec(),
             cpu_secs,

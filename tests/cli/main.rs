@@ -1,6 +1,8 @@
 //! The command line as a user meets it: exit codes, messages, layers, files.
 
+mod checkpoints;
 mod messages;
+mod outputs;
 mod train;
 
 use std::io::Write;

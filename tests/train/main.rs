@@ -8,9 +8,9 @@ use std::path::Path;
 use trisplat::dataset::synthetic::{self, SyntheticOptions};
 use trisplat::dataset::{Dataset, DatasetOptions};
 use trisplat::soup::Soup;
-use trisplat::train::options::{RefineOptions, SampleWeight};
+use trisplat::train::options::{InitOptions, RefineOptions, SampleWeight};
 use trisplat::train::{
-    RunOptions, TrainObserver, TrainOptions, TrainPreset, TrainRun, Trained, checkpoint, train,
+    RunOptions, TrainObserver, TrainOptions, TrainPreset, TrainRun, TrainSample, Trained, checkpoint, train,
 };
 
 fn scene(folder: &Path, options: &SyntheticOptions) -> Dataset {
@@ -122,9 +122,39 @@ fn a_checkpoint_of_other_photos_is_refused() {
     let outputs = RunOptions { checkpoint: Some(path.clone()), checkpoint_every: 1, ..RunOptions::default() };
     TrainRun { outputs, ..TrainRun::new(&dataset, &options(1)) }.run(&mut ()).unwrap();
     let mut checkpoint = checkpoint::read(&path).unwrap();
-    checkpoint.meta.photos[0].push('x');
+    checkpoint.meta.identity.photos[0].name.push('x');
     let error = TrainRun::from_checkpoint(&dataset, checkpoint).start().unwrap_err().to_string();
     assert!(error.contains("resume is of 14 other photos"), "{error}");
+}
+
+/// Takes the photos away after a number of steps.
+struct TakePhotos<'a>(u64, &'a Path);
+
+impl TrainObserver for TakePhotos<'_> {
+    fn stepped(&mut self, sample: &TrainSample) {
+        if sample.step == self.0 {
+            std::fs::remove_dir_all(self.1.join("images")).unwrap();
+        }
+    }
+}
+
+#[test]
+fn a_photo_that_cannot_be_read_costs_no_step() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = scene(folder.path(), &SyntheticOptions { views: 40, ..small() });
+    let path = folder.path().join("a.checkpoint");
+    let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
+    // No memory for photos: only the next few are decoded ahead. A shell would look at all of them first.
+    let options =
+        TrainOptions { init: InitOptions { shell_subdivisions: 0, ..options(200).init }, ..options(200) };
+    let run = TrainRun { outputs, photo_bytes: 0, ..TrainRun::new(&dataset, &options) };
+    let error = run.run(&mut TakePhotos(3, folder.path())).unwrap_err().to_string();
+    assert!(error.contains("images"), "{error}");
+    let checkpoint = checkpoint::read(&path).unwrap();
+    assert!(checkpoint.meta.step >= 3 && checkpoint.meta.step < 40, "{}", checkpoint.meta.step);
+    // Only photos that were looked at are part of what the run was made of.
+    let seen = checkpoint.meta.identity.photos.iter().filter(|photo| photo.pixels.is_some()).count() as u64;
+    assert!(seen >= checkpoint.meta.step && seen < 35, "{seen}");
 }
 
 /// The data set with every camera and point moved by `world -> world * scale + shift`.

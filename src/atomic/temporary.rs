@@ -1,0 +1,111 @@
+//! The temporary file of a target: one name, one owner.
+
+use super::live;
+use super::names::{aside_name, temporary_name};
+use std::fs::{File, TryLockError};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// Others that sweep the same name at the same time get out of the way after a try or two.
+const TRIES: usize = 16;
+
+/// A file beside its target that is removed when dropped, unless it was given the target's name.
+#[derive(Debug)]
+pub(super) struct Temporary {
+    file: File,
+    pub(super) path: PathBuf,
+    pub(super) target: PathBuf,
+    /// No file had the target's name when this one was started.
+    pub(super) is_new: bool,
+    pub(super) published: bool,
+}
+
+impl Temporary {
+    /// Starts the file of `target`, removing what a killed process has left of it.
+    pub(super) fn create(target: &Path) -> io::Result<Self> {
+        let path = temporary_name(target);
+        for _ in 0..TRIES {
+            match File::options().write(true).create_new(true).open(&path) {
+                Ok(file) if lock(&file) && is_at(&file, &path) => {
+                    live::register(&path);
+                    // An older one that was moved aside counts: it is put back.
+                    let is_new = !target.exists() && !aside_name(target).exists();
+                    return Ok(Self { file, path, target: target.to_owned(), is_new, published: false });
+                }
+                // Somebody swept it before it was locked.
+                Ok(_) => {}
+                Err(e) if e.kind() == io::ErrorKind::AlreadyExists => sweep(&path)?,
+                Err(e) => return Err(e),
+            }
+        }
+        Err(busy())
+    }
+
+    /// Waits until every byte is on the disk.
+    pub(super) fn sync(&self) -> io::Result<()> {
+        self.file.sync_all()
+    }
+}
+
+impl Write for Temporary {
+    fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
+        self.file.write(buf)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        if !self.published {
+            // What cannot be removed is swept by the next run.
+            let _ = std::fs::remove_file(&self.path);
+        }
+        live::unregister(&self.path);
+    }
+}
+
+/// Removes a temporary file that nobody writes to.
+fn sweep(path: &Path) -> io::Result<()> {
+    let left = match File::options().read(true).write(true).open(path) {
+        Ok(file) => file,
+        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(()),
+        Err(e) => return Err(e),
+    };
+    if !lock(&left) {
+        return Err(busy());
+    }
+    if is_at(&left, path) {
+        std::fs::remove_file(path)?;
+    }
+    Ok(())
+}
+
+fn busy() -> io::Error {
+    io::Error::new(
+        io::ErrorKind::ResourceBusy,
+        "another program is writing this file; wait for it, or give another name",
+    )
+}
+
+/// False when another has the file; true where there are no locks.
+fn lock(file: &File) -> bool {
+    !matches!(file.try_lock(), Err(TryLockError::WouldBlock))
+}
+
+/// True when the file still has the name it was opened by.
+#[cfg(unix)]
+fn is_at(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    match (file.metadata(), std::fs::symlink_metadata(path)) {
+        (Ok(a), Ok(b)) => (a.dev(), a.ino()) == (b.dev(), b.ino()),
+        _ => false,
+    }
+}
+
+#[cfg(not(unix))]
+fn is_at(_: &File, path: &Path) -> bool {
+    path.exists()
+}

@@ -1,0 +1,223 @@
+//! The one guard of the files that a command writes: none is an input, a photo, another output or, without `--force`, there
+//! already; each can be written. All before any work.
+
+use crate::atomic::{AtomicFile, resolved};
+use crate::dataset::Dataset;
+use crate::error::{Error, Result};
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
+
+/// Files of a data set beside its photos, by the beginning of their names.
+const DATASET_FILES: [&str; 6] = ["transforms", "test.txt", "cameras.", "images.", "points3D.", "rigs."];
+/// Folders of a data set that hold such files.
+const DATASET_FOLDERS: [&str; 3] = ["", "sparse", "sparse/0"];
+
+/// What a command reads and writes.
+#[derive(Debug, Default)]
+pub(super) struct Outputs {
+    replace: bool,
+    inputs: HashSet<FileId>,
+    photos: HashSet<FileId>,
+    planned: Vec<Planned>,
+    /// The option that names each of them.
+    options: HashMap<FileId, &'static str>,
+    folders: Vec<(&'static str, PathBuf)>,
+    files: Vec<AtomicFile>,
+}
+
+/// A file that will be written.
+#[derive(Debug)]
+struct Planned {
+    option: &'static str,
+    path: PathBuf,
+    id: FileId,
+    /// It may not be there.
+    is_new: bool,
+}
+
+impl Outputs {
+    /// Of a command that reads `inputs`; with `replace` files that are there may be replaced.
+    pub(super) fn new<'a>(inputs: impl IntoIterator<Item = &'a Path>, replace: bool) -> Self {
+        let inputs = inputs.into_iter().filter(|path| !is_stream(path)).map(FileId::of).collect();
+        Self { replace, inputs, ..Self::default() }
+    }
+
+    /// The files of a data set are inputs too.
+    pub(super) fn with_dataset(mut self, dataset: Option<&Path>) -> Self {
+        let files = dataset.into_iter().flat_map(dataset_files);
+        self.inputs.extend(files.map(|path| FileId::of(&path)));
+        self
+    }
+
+    /// A file that is read as well.
+    pub(super) fn add_input(&mut self, path: &Path) {
+        self.inputs.insert(FileId::of(path));
+    }
+
+    /// A file that may be replaced by what is planned from now on, although it is read.
+    pub(super) fn remove_input(&mut self, path: &Path) {
+        self.inputs.remove(&FileId::of(path));
+    }
+
+    /// A folder of pictures, which is made when it is not there; it may not be that of the photos.
+    pub(super) fn plan_folder(&mut self, option: &'static str, folder: &Path) -> Result<()> {
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+        // Its pictures have names of this length.
+        AtomicFile::create(&folder.join("step-000000.png")).map(drop)?;
+        self.folders.push((option, folder.to_owned()));
+        Ok(())
+    }
+
+    /// Whether what is planned from now on may replace files that are there.
+    pub(super) fn replacing(&mut self, replace: bool) {
+        self.replace = replace;
+    }
+
+    /// Plans to write `path`, named by `option`.
+    ///
+    /// Errors: a folder, a file in none, one that is read or written already, one that is there.
+    pub(super) fn plan(&mut self, option: &'static str, path: &Path) -> Result<()> {
+        let refuse = |wants: String| Err(Error::invalid(option, path.display(), wants));
+        let (meta, id) = (std::fs::metadata(path).ok(), FileId::of(path));
+        if meta.as_ref().is_some_and(std::fs::Metadata::is_dir) {
+            return refuse("a file name; this is a folder".into());
+        }
+        if self.inputs.contains(&id) {
+            return refuse("a file that is not also an input".into());
+        }
+        if self.photos.contains(&id) {
+            return refuse("a file that is not also a photo".into());
+        }
+        // Devices take what several outputs have to say.
+        let device = path.as_os_str() != "-" && meta.as_ref().is_some_and(|meta| !meta.is_file());
+        if let Some(other) = self.options.get(&id).filter(|_| !device) {
+            return refuse(format!("a file that {other} does not write too"));
+        }
+        if !is_stream(path) && !folder(&resolved(path)).is_dir() {
+            return refuse("a file in a folder that exists".into());
+        }
+        let is_new = !self.replace && path.as_os_str() != "-" && !device;
+        self.options.insert(id.clone(), option);
+        let planned = Planned { option, path: path.to_owned(), id, is_new };
+        planned.check_new()?;
+        self.planned.push(planned);
+        Ok(())
+    }
+
+    /// Plans to write `path` and starts it, so that nobody else does.
+    pub(super) fn claim(&mut self, option: &'static str, path: &Path) -> Result<()> {
+        self.plan(option, path)?;
+        self.files.push(AtomicFile::create(path)?);
+        self.confirm()
+    }
+
+    /// Plans to write `path` now and then; fails when that cannot be done.
+    pub(super) fn probe(&mut self, option: &'static str, path: &Path) -> Result<()> {
+        self.plan(option, path)?;
+        AtomicFile::create(path).map(drop)
+    }
+
+    /// Nobody wrote a planned file before it was started.
+    pub(super) fn confirm(&self) -> Result<()> {
+        self.planned.iter().try_for_each(Planned::check_new)
+    }
+
+    /// No planned file is a photo of `dataset`, and none that is planned from now on.
+    pub(super) fn spare_photos(&mut self, dataset: &Dataset) -> Result<()> {
+        let photos = dataset.views.iter().flat_map(|v| std::iter::once(&v.photo.path).chain(&v.photo.mask));
+        self.photos.extend(photos.filter(|path| !path.as_os_str().is_empty()).map(|path| FileId::of(path)));
+        let of_photos: HashSet<FileId> =
+            dataset.views.iter().filter_map(|view| view.photo.path.parent()).map(FileId::of).collect();
+        if let Some((option, path)) =
+            self.folders.iter().find(|(_, path)| of_photos.contains(&FileId::of(path)))
+        {
+            return Err(Error::invalid(*option, path.display(), "a folder that does not hold the photos"));
+        }
+        match self.planned.iter().find(|planned| self.photos.contains(&planned.id)) {
+            Some(Planned { option, path, .. }) => {
+                Err(Error::invalid(*option, path.display(), "a file that is not also a photo"))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// The started file of a path that was claimed.
+    pub(super) fn take(&mut self, path: &Path) -> Result<AtomicFile> {
+        match self.files.iter().position(|file| file.path() == path) {
+            Some(at) => Ok(self.files.swap_remove(at)),
+            None => AtomicFile::create(path),
+        }
+    }
+}
+
+impl Planned {
+    fn check_new(&self) -> Result<()> {
+        match self.is_new && self.path.exists() {
+            true => {
+                Err(Error::invalid(self.option, self.path.display(), "a new file, or --force to replace it"))
+            }
+            false => Ok(()),
+        }
+    }
+}
+
+/// Which file a name leads to: equal for all names and links of one file, there or not.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+enum FileId {
+    /// Device and number of a file that is there.
+    #[cfg(unix)]
+    Number(u64, u64),
+    /// The full name of one that is not, or on systems that number none.
+    Name(PathBuf),
+}
+
+impl FileId {
+    fn of(path: &Path) -> Self {
+        let path = resolved(path);
+        #[cfg(unix)]
+        if let Ok(meta) = std::fs::metadata(&path) {
+            use std::os::unix::fs::MetadataExt;
+            return Self::Number(meta.dev(), meta.ino());
+        }
+        if let Ok(full) = std::fs::canonicalize(&path) {
+            return Self::Name(full);
+        }
+        let name = path.file_name().unwrap_or_default().to_owned();
+        // Names that differ only in case are one file on most disks of these systems.
+        let name = match cfg!(any(windows, target_os = "macos")) {
+            true => name.to_string_lossy().to_lowercase().into(),
+            false => name,
+        };
+        let folder = folder(&path);
+        Self::Name(std::fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned()).join(name))
+    }
+}
+
+fn is_stream(path: &Path) -> bool {
+    path.as_os_str() == "-" || std::fs::metadata(path).is_ok_and(|meta| !meta.is_file() && !meta.is_dir())
+}
+
+fn folder(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// The files of the data set at `path` that say where its photos were taken.
+fn dataset_files(path: &Path) -> Vec<PathBuf> {
+    let root = if path.is_dir() { path } else { folder(path) };
+    let is_one = |name: &str| DATASET_FILES.iter().any(|start| name.starts_with(start));
+    let mut files = vec![path.to_owned()];
+    for folder in DATASET_FOLDERS {
+        let Ok(entries) = std::fs::read_dir(root.join(folder)) else { continue };
+        let found = entries.flatten().filter(|entry| entry.file_name().to_str().is_some_and(is_one));
+        files.extend(found.map(|entry| entry.path()));
+    }
+    // The cloud of a transforms.json has any name.
+    let jsons = files.iter().filter(|path| path.extension().is_some_and(|ending| ending == "json"));
+    let cloud = |path: &PathBuf| -> Option<PathBuf> {
+        let value: serde_json::Value = serde_json::from_slice(&std::fs::read(path).ok()?).ok()?;
+        Some(root.join(value.get("ply_file_path")?.as_str()?))
+    };
+    let clouds: Vec<PathBuf> = jsons.filter_map(cloud).collect();
+    files.extend(clouds);
+    files
+}

@@ -1,0 +1,80 @@
+//! What asks the program to end: Ctrl-C (SIGINT) and SIGTERM on Unix; on Windows, where there is no SIGTERM, Ctrl-C, Ctrl-Break
+//! and the closing of the console, after which the system gives a program some seconds.
+//!
+//! While somebody listens, the first one is a request; otherwise, and the second time, it ends the program at once, without its
+//! temporary files.
+
+use crate::atomic;
+use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
+
+static LISTENED_TO: AtomicBool = AtomicBool::new(false);
+static RECEIVED: AtomicI32 = AtomicI32::new(0);
+/// What shells add to the number of a signal to make an exit code of it.
+const EXIT_BASE: i32 = 128;
+
+/// Begins to wait for signals. Must be called before there are threads.
+#[cfg(unix)]
+pub(super) fn start() {
+    use nix::sys::signal::{SigSet, Signal};
+    let set: SigSet = [Signal::SIGINT, Signal::SIGTERM].into_iter().collect();
+    if set.thread_block().is_err() {
+        return;
+    }
+    let wait = move || {
+        while let Ok(signal) = set.wait() {
+            receive(signal as i32);
+        }
+    };
+    if std::thread::Builder::new().name("signals".into()).spawn(wait).is_err() {
+        // Then they end the program as they end any.
+        let _ = set.thread_unblock();
+    }
+}
+
+/// Begins to wait for Ctrl-C, Ctrl-Break and the closing of the console.
+#[cfg(not(unix))]
+pub(super) fn start() {
+    /// The number of SIGINT.
+    const INTERRUPT: i32 = 2;
+    // Without a handler they end the program as they end any.
+    let _ = ctrlc::set_handler(|| receive(INTERRUPT));
+}
+
+fn receive(signal: i32) {
+    RECEIVED.store(signal, Ordering::Relaxed);
+    if !LISTENED_TO.swap(false, Ordering::Relaxed) {
+        atomic::remove_temporaries();
+        std::process::exit(EXIT_BASE + signal);
+    }
+}
+
+/// The exit code of a run that was asked to end: 130 after Ctrl-C, 143 after SIGTERM.
+pub(super) fn exit_code() -> Option<u8> {
+    match RECEIVED.load(Ordering::Relaxed) {
+        0 => None,
+        signal => u8::try_from(EXIT_BASE + signal).ok(),
+    }
+}
+
+/// Somebody who stops in good order when asked to.
+#[derive(Debug)]
+pub(super) struct Listener;
+
+impl Listener {
+    /// From here on the first request is for this one.
+    pub(super) fn new() -> Self {
+        LISTENED_TO.store(true, Ordering::Relaxed);
+        Self
+    }
+
+    /// True once it was asked to stop.
+    pub(super) fn is_asked(&self) -> bool {
+        exit_code().is_some()
+    }
+}
+
+impl Drop for Listener {
+    fn drop(&mut self) {
+        LISTENED_TO.store(false, Ordering::Relaxed);
+    }
+}

@@ -1,0 +1,272 @@
+//! Outputs at the command line: none is an input, a photo or another output; each is tried before work starts; what fails on the
+//! way costs nothing else.
+
+use super::{fails, sample, stderr, trisplat};
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+type Argument<'a> = &'a dyn AsRef<OsStr>;
+
+/// A folder with a soup `a.ply` and a data set `photos` of four small photos.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let small = ["--views", "4", "--width", "24", "--points", "40"];
+    succeed(run(folder.path(), &[&["sample", "dataset", "-o", "photos"], &small[..]].concat()));
+    succeed(run(folder.path(), &["sample", "studio", "--triangles", "60", "-o", "a.ply"]));
+    folder
+}
+
+fn run(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+    command.args(arguments).current_dir(folder).stdin(Stdio::null()).output().unwrap()
+}
+
+fn succeed(output: Output) -> Output {
+    assert!(output.status.success(), "{}", stderr(&output));
+    output
+}
+
+/// Exit code 1 and one error with all of `needles`.
+fn refused(folder: &Path, arguments: &[&str], needles: &[&str]) {
+    let output = run(folder, arguments);
+    let text = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{arguments:?}: {text}");
+    let errors: Vec<&str> = text.lines().filter(|line| line.starts_with("error: ")).collect();
+    assert_eq!(errors.len(), 1, "{text}");
+    needles.iter().for_each(|needle| assert!(errors[0].contains(needle), "{:?} lacks {needle:?}", errors[0]));
+}
+
+const TRAIN: [&str; 6] = ["train", "photos", "--steps", "6", "--max-triangles", "200"];
+
+fn train<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    [&TRAIN[..], more].concat()
+}
+
+/// Names, sizes and times of everything in a folder.
+fn state(folder: &Path) -> Vec<(PathBuf, u64, std::time::SystemTime)> {
+    let mut all = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap().map(Result::unwrap) {
+        let meta = entry.metadata().unwrap();
+        match meta.is_dir() {
+            true => all.extend(state(&entry.path())),
+            false => all.push((entry.path(), meta.len(), meta.modified().unwrap())),
+        }
+    }
+    all.sort();
+    all
+}
+
+#[test]
+fn what_cannot_be_written_is_refused_before_work_starts() {
+    let folder = folder();
+    let before = state(folder.path());
+    for option in ["--log", "--report", "--curve", "--checkpoint"] {
+        let flags = train(&["-o", "b.ply", option, "no/where"]);
+        refused(folder.path(), &flags, &[option, "no/where", "a file in a folder that exists"]);
+    }
+    refused(folder.path(), &train(&["-o", "no/b.ply"]), &["--output", "a file in a folder that exists"]);
+    // The input does not exist either: the output is looked at first.
+    refused(folder.path(), &["bake", "none.ply", "-o", "no/a.glb"], &["--output", "no/a.glb"]);
+    refused(
+        folder.path(),
+        &["bake", "a.ply", "-o", "b.glb", "--report", "photos"],
+        &["--report", "this is a folder"],
+    );
+    refused(folder.path(), &["eval", "a.ply", "photos", "--sheet", "no/a.png"], &["--sheet", "no/a.png"]);
+    assert_eq!(state(folder.path()), before);
+}
+
+#[test]
+fn no_output_is_an_input_or_another_output() {
+    let folder = folder();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::hard_link(at("a.ply"), at("hard.ply")).unwrap();
+    #[cfg(unix)]
+    std::os::unix::fs::symlink("a.ply", at("soft.ply")).unwrap();
+    std::fs::write(at("options.json"), "{}").unwrap();
+    let before = state(folder.path());
+    let check = |arguments: &[&str], needles: &[&str]| {
+        refused(folder.path(), arguments, needles);
+        assert_eq!(state(folder.path()), before, "{arguments:?}");
+    };
+    let forced = |more: &[&'static str]| [&["--force"], more].concat();
+    let input = "a file that is not also an input";
+    check(
+        &train(&forced(&["-o", "c.ply", "--report", "c.ply"])),
+        &["--report is c.ply", "--output does not write"],
+    );
+    check(&train(&forced(&["-o", "c.ply", "--report", "./c.checkpoint"])), &["--report", "--checkpoint"]);
+    check(&train(&forced(&["-o", "c.ply", "--log", "x", "--curve", "x"])), &["--curve is x", "--log"]);
+    check(&train(&forced(&["-o", "a.ply", "--from", "a.ply"])), &["--output is a.ply", input]);
+    check(
+        &train(&forced(&["-o", "c.ply", "--config", "options.json", "--log", "options.json"])),
+        &["--log", input],
+    );
+    check(&train(&forced(&["-o", "c.ply", "--curve", "photos/sparse/0/images.txt"])), &["--curve", input]);
+    check(
+        &train(&forced(&["-o", "c.ply", "--curve", "photos/images/view_0001.png"])),
+        &["--curve", "not also a photo"],
+    );
+    check(
+        &train(&forced(&["-o", "c.ply", "--preview", "photos/images"])),
+        &["--preview", "does not hold the photos"],
+    );
+    check(&["bake", "a.ply", "-o", "q.gltf", "--report", "q.bin"], &["--report is q.bin", "--output"]);
+    for name in ["hard.ply", if cfg!(unix) { "soft.ply" } else { "hard.ply" }] {
+        if cfg!(unix) {
+            check(&["bake", "a.ply", "-o", name, "--force"], &["--output is", input]);
+            check(&["eval", "a.ply", "photos", "--report", name, "--force"], &["--report is", input]);
+        }
+    }
+    check(&["eval", "a.ply", "photos", "--report", "photos/test.txt", "--force"], &["--report", input]);
+    let renders = ["--save-renders", "photos/images", "--split", "all", "--force", "--as", "solid"];
+    check(&[&["eval", "a.ply", "photos"], &renders[..]].concat(), &["--save-renders", "not also a photo"]);
+    let render =
+        ["render", "a.ply", "--dataset", "photos", "--split", "all", "-o", "photos/images", "--force"];
+    check(&render, &["--output", "not also a photo"]);
+}
+
+#[test]
+fn photos_that_differ_in_their_ending_have_renders_of_their_own() {
+    let folder = folder();
+    let images = folder.path().join("photos/images");
+    let model = folder.path().join("photos/sparse/0/images.txt");
+    let picture = trisplat::image::Pixels::load(&images.join("view_0001.png")).unwrap();
+    picture.save_png(&images.join("view_0000.jpg")).unwrap();
+    let text = std::fs::read_to_string(&model).unwrap();
+    std::fs::write(&model, text.replace("view_0001.png", "view_0000.jpg")).unwrap();
+    let render = ["render", "a.ply", "--dataset", "photos", "--split", "all", "-o", "out"];
+    let said = stderr(&succeed(run(folder.path(), &render)));
+    assert!(said.contains("wrote 4 pictures"), "{said}");
+    for name in ["view_0000.png.png", "view_0000.jpg.png", "view_0002.png", "view_0003.png"] {
+        assert!(folder.path().join("out").join(name).is_file(), "{name}");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_log_on_a_full_disk_costs_the_log_only() {
+    let folder = folder();
+    let output = run(folder.path(), &train(&["-o", "c.ply", "--log", "/dev/full", "--report", "r.json"]));
+    let said = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("warning: /dev/full: No space left on device"), "{said}");
+    assert!(said.contains("error: c.ply is written, but not everything beside it: /dev/full"), "{said}");
+    succeed(run(folder.path(), &["info", "c.ply"]));
+    let report: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.path().join("r.json")).unwrap()).unwrap();
+    assert!(report["warnings"][0].as_str().unwrap().contains("/dev/full"), "{report}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_folder_that_goes_away_costs_checkpoints_and_previews_only() {
+    let folder = folder();
+    std::fs::create_dir(folder.path().join("gone")).unwrap();
+    let flags = ["-o", "c.ply", "--checkpoint", "gone/c.checkpoint", "--checkpoint-every", "1", "--log", "-"];
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+    command.args(["train", "photos", "--steps", "3000", "--max-triangles", "200", "--log-every", "1"]);
+    command.args(flags).current_dir(folder.path()).stdin(Stdio::null());
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = std::io::BufRead::lines(std::io::BufReader::new(child.stdout.take().unwrap()));
+    lines.next().unwrap().unwrap();
+    while std::fs::remove_dir_all(folder.path().join("gone")).is_err() {}
+    lines.next().unwrap().unwrap();
+    succeed(Command::new("kill").args(["-TERM", &child.id().to_string()]).output().unwrap());
+    // Nobody reads the log any more.
+    drop(lines);
+    let output = child.wait_with_output().unwrap();
+    let said = stderr(&output);
+    assert!(said.contains("warning: gone/c.checkpoint: No such file"), "{said}");
+    assert!(!said.contains("to go on"), "there is no checkpoint: {said}");
+    assert_eq!(output.status.code(), Some(143), "{said}");
+    assert!(folder.path().join("c.ply").is_file(), "{said}");
+}
+
+/// Runs with standard error, or standard output, closed by its reader.
+fn unread(folder: &Path, arguments: &[&str], errors: bool) -> std::process::ExitStatus {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+    command.args(arguments).current_dir(folder).stdin(Stdio::null());
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    if errors {
+        drop(child.stderr.take());
+    } else {
+        drop(child.stdout.take());
+    }
+    child.wait_with_output().unwrap().status
+}
+
+#[test]
+fn a_closed_pipe_never_costs_a_file() {
+    let folder = folder();
+    let there = |name: &str| folder.path().join(name).is_file();
+    assert!(unread(folder.path(), &["bake", "a.ply", "-o", "a.glb", "-v"], true).success() && there("a.glb"));
+    assert!(unread(folder.path(), &train(&["-o", "c.ply", "-v"]), true).success() && there("c.ply"));
+    let log = train(&["-o", "d.ply", "--log", "-", "--log-every", "1"]);
+    assert!(unread(folder.path(), &log, false).success() && there("d.ply"));
+    let eval = ["eval", "a.ply", "photos", "--report", "r.json"];
+    assert!(unread(folder.path(), &eval, false).success() && there("r.json"));
+    for arguments in
+        [&["info", "a.ply"][..], &["validate", "a.glb"], &["schema", "bake"], &["completions", "bash"]]
+    {
+        assert!(unread(folder.path(), arguments, false).success(), "{arguments:?}");
+    }
+    // An error that nobody reads is an error all the same.
+    assert_eq!(unread(folder.path(), &["info", "none.ply"], true).code(), Some(1));
+    // And a scene that nobody reads is lost.
+    assert_eq!(unread(folder.path(), &["bake", "a.ply", "-o", "-"], false).code(), Some(1));
+}
+
+#[test]
+fn files_of_an_earlier_bake_are_named() {
+    let folder = folder();
+    let bake = |more: &[&str]| {
+        let output = run(folder.path(), &[&["bake", "a.ply", "-o", "s.glb", "--force"], more].concat());
+        stderr(&succeed(output))
+    };
+    let said = bake(&["--lod", "0.5,0.25", "--bvh", "--target", "godot"]);
+    assert!(!said.contains("earlier scene"), "{said}");
+    let said = bake(&["--lod", "0.5"]);
+    assert!(said.contains("warning: s.lod2.glb, s.lod1.bvh") || said.contains("s.lod2.glb"), "{said}");
+    for name in ["s.lod2.glb", "s.lod2.bvh", "s.bvh", "s.glb.import"] {
+        assert!(said.contains(name), "{name}: {said}");
+    }
+    assert!(!said.contains("s.tileset.json are") && !said.contains("s.lod1.glb,"), "{said}");
+    assert!(bake(&[]).contains("s.tileset.json"));
+}
+
+#[test]
+fn one_of_two_trainings_with_one_output_is_refused_at_once() {
+    let folder = folder();
+    let output = folder.path().join("c.ply");
+    let held = trisplat::atomic::AtomicFile::create(&output).unwrap();
+    refused(folder.path(), &train(&["-o", "c.ply"]), &["c.ply", "another program is writing"]);
+    drop(held);
+    succeed(run(folder.path(), &train(&["-o", "c.ply"])));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_symbolic_link_stays_one() {
+    let folder = folder();
+    std::fs::create_dir(folder.path().join("disk")).unwrap();
+    std::os::unix::fs::symlink("disk/real.glb", folder.path().join("link.glb")).unwrap();
+    for force in [&[][..], &["--force"]] {
+        succeed(run(folder.path(), &[&["bake", "a.ply", "-o", "link.glb"], force].concat()));
+        assert!(folder.path().join("link.glb").is_symlink());
+        assert!(folder.path().join("disk/real.glb").is_file());
+    }
+}
+
+#[test]
+fn an_existing_report_needs_force_in_a_dry_run_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("r.json");
+    std::fs::write(&report, "precious").unwrap();
+    let soup = sample("studio.ply");
+    let arguments: [Argument; 7] =
+        [&"bake", &"--dry-run", &soup, &"-o", &folder.path().join("a.glb"), &"--report", &report];
+    fails(folder.path(), &arguments, &["--report", "--force"]);
+    assert!(trisplat(&[&arguments[..], &[&"--force"]].concat()).status.success());
+}

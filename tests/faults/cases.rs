@@ -1,0 +1,287 @@
+//! The commands, and what must be true of their outputs after any fault.
+
+use super::run::{Fault, Injector, Kind, Run};
+use super::tree::{self, Tree};
+use std::path::Path;
+use std::process::Command;
+use trisplat::train::checkpoint;
+
+/// A command, the files it finds and what it makes.
+pub(crate) struct Case {
+    pub(crate) name: &'static str,
+    arguments: &'static [&'static str],
+    /// What is in `in` and, when outputs are replaced, in `out`.
+    before: Tree,
+    /// Files that are published together: none of them may be new while another is old.
+    together: &'static [&'static str],
+    /// The main output of a command that goes on when others cannot be written.
+    kept: Option<&'static str>,
+}
+
+/// What the command makes when nothing goes wrong.
+pub(crate) struct Outcome {
+    out: Tree,
+    pub(crate) calls: u64,
+}
+
+/// Runs the program plainly in `folder`.
+fn plain(folder: &Path, arguments: &[&str]) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+    let output = command.args(arguments).current_dir(folder).output().unwrap();
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// A small soup and a small data set, and what `arguments` make of them before the command of the case runs.
+fn before(arguments: &[&str]) -> Tree {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    std::fs::create_dir_all(path.join("in")).unwrap();
+    std::fs::create_dir_all(path.join("out")).unwrap();
+    plain(path, &["sample", "studio", "--triangles", "60", "-o", "in/a.ply"]);
+    let small = ["--views", "4", "--width", "24", "--points", "40"];
+    plain(path, &[&["sample", "dataset", "-o", "in/photos"], &small[..]].concat());
+    if !arguments.is_empty() {
+        plain(path, arguments);
+    }
+    tree::read(path)
+}
+
+const BAKE: &[&str] = &[
+    "bake",
+    "in/a.ply",
+    "-o",
+    "out/a.gltf",
+    "--lod",
+    "0.5",
+    "--bvh",
+    "--target",
+    "godot",
+    "--report",
+    "out/report.json",
+    "--force",
+    "--teacher",
+    "off",
+];
+
+pub(crate) fn bake_replaces() -> Case {
+    let mut old = BAKE.to_vec();
+    old.extend(["--scale-by", "0.4=0.25"]);
+    Case {
+        name: "bake of many files over old ones",
+        arguments: BAKE,
+        before: before(&old),
+        together: &["out/a.gltf", "out/a.bin", "out/a.bvh", "out/a.lod1", "out/a.tileset.json"],
+        kept: None,
+    }
+}
+
+pub(crate) fn bake_new() -> Case {
+    Case {
+        name: "bake of new files",
+        arguments: BAKE,
+        before: before(&[]),
+        together: &["out/a.gltf", "out/a.bin", "out/a.bvh", "out/a.lod1", "out/a.tileset.json"],
+        kept: None,
+    }
+}
+
+pub(crate) fn train() -> Case {
+    const TRAIN: &[&str] = &[
+        "train",
+        "in/photos",
+        "-o",
+        "out/a.ply",
+        "--log",
+        "out/log.jsonl",
+        "--report",
+        "out/report.json",
+        "--curve",
+        "out/curve.svg",
+        "--preview",
+        "out/preview",
+        "--preview-every",
+        "0",
+        "--checkpoint-every",
+        "2",
+        "--keep",
+        "2",
+        "--steps",
+        "6",
+        "--log-every",
+        "3",
+        "--max-triangles",
+        "200",
+        "--force",
+        "--preset",
+        "outdoor",
+    ];
+    let mut old = TRAIN.to_vec();
+    old.extend(["--seed", "7"]);
+    Case {
+        name: "train",
+        arguments: TRAIN,
+        before: before(&old),
+        together: &["out/a.ply"],
+        kept: Some("out/a.ply"),
+    }
+}
+
+pub(crate) fn eval() -> Case {
+    const EVAL: &[&str] = &[
+        "eval",
+        "in/a.ply",
+        "in/photos",
+        "--report",
+        "out/report.json",
+        "--sheet",
+        "out/sheet.png",
+        "--save-renders",
+        "out/renders",
+        "--split",
+        "all",
+        "--no-coverage",
+        "--force",
+    ];
+    let mut old = EVAL.to_vec();
+    old.extend(["--background", "white"]);
+    Case { name: "eval", arguments: EVAL, before: before(&old), together: &[], kept: None }
+}
+
+pub(crate) fn render() -> Case {
+    const RENDER: &[&str] =
+        &["render", "in/a.ply", "--orbit", "3", "--width", "24", "-o", "out/pictures", "--force"];
+    let mut old = RENDER.to_vec();
+    old.extend(["--show", "depth"]);
+    Case { name: "render", arguments: RENDER, before: before(&old), together: &[], kept: None }
+}
+
+impl Case {
+    /// The outcome when nothing goes wrong.
+    pub(crate) fn outcome(&self, injector: &Injector) -> Outcome {
+        let (folder, run) = self.run(injector, None);
+        assert!(run.output.status.success(), "{}", run.stderr());
+        assert!(!run.calls.is_empty(), "no call was caught");
+        Outcome { out: tree::read(folder.path()), calls: run.calls.len() as u64 }
+    }
+
+    fn run(&self, injector: &Injector, fault: Option<Fault>) -> (tempfile::TempDir, Run) {
+        let folder = tempfile::tempdir().unwrap();
+        tree::write(folder.path(), &self.before);
+        std::fs::create_dir_all(folder.path().join("out")).unwrap();
+        let run = injector.run(folder.path(), self.arguments, fault);
+        (folder, run)
+    }
+
+    /// Runs with a fault and checks everything; then once more without, which must make everything as if nothing had been.
+    pub(crate) fn check(&self, injector: &Injector, new: &Outcome, fault: Fault) {
+        let (folder, run) = self.run(injector, Some(fault));
+        let call = run.calls.get(fault.at as usize - 1).cloned().unwrap_or_default();
+        let context = format!("{}, {fault:?}, {call}:\n{}", self.name, run.stderr());
+        let found = tree::read(folder.path());
+        match fault.kind {
+            Kind::Kill => assert!(run.output.status.code().is_none(), "was not killed: {context}"),
+            _ => self.check_exit(&run, &found, new, &call, &context),
+        }
+        self.check_files(&found, new, &context);
+        if fault.kind == Kind::Kill {
+            let again = injector.run(folder.path(), self.arguments, None);
+            assert!(again.output.status.success(), "the next run: {}\nafter {context}", again.stderr());
+            let found = tree::read(folder.path());
+            let names = |tree: &Tree| tree.keys().cloned().collect::<Vec<_>>();
+            assert_eq!(names(&found), names(&new.out), "the next run, after {context}");
+            self.check_files(&found, new, &context);
+        }
+    }
+
+    /// Success with everything new, or one error; nothing left behind; work that was done is there.
+    fn check_exit(&self, run: &Run, found: &Tree, new: &Outcome, call: &str, context: &str) {
+        match run.output.status.code() {
+            Some(0) => {
+                assert_eq!(run.errors(), 0, "{context}");
+                for (name, bytes) in &new.out {
+                    assert!(
+                        is_volatile(name) || found.get(name) == Some(bytes),
+                        "{name} is not new: {context}"
+                    );
+                }
+            }
+            Some(1) => assert_eq!(run.errors(), 1, "{context}"),
+            code => panic!("exit code {code:?}: {context}"),
+        }
+        // What cannot be removed stays; the next run sweeps it.
+        let may_stay = call.starts_with("unlink");
+        let left: Vec<&String> = found.keys().filter(|name| tree::is_leftover(name)).collect();
+        assert!(left.is_empty() || may_stay, "left behind: {left:?}: {context}");
+        let Some(kept) = self.kept else { return };
+        let text = run.stderr();
+        if let Some((_, rescued)) = text.split_once("the scene was saved as ") {
+            let rescued = std::fs::read(rescued.lines().next().unwrap()).unwrap();
+            assert!(rescued == new.out[kept], "the rescued scene is another: {context}");
+        }
+        // Nothing is written beside the scene before the training starts.
+        let beside =
+            ["write", "fsync", "rename"].iter().any(|name| call.starts_with(name)) && !call.contains("a.ply");
+        if beside && !text.contains("the scene was saved as ") {
+            assert!(found.get(kept) == Some(&new.out[kept]), "the scene is not there: {context}");
+        }
+        assert!(run.temporary.path().exists());
+    }
+
+    /// Every file is as it was, or as it is to be.
+    fn check_files(&self, found: &Tree, new: &Outcome, context: &str) {
+        let (mut old_ones, mut new_ones) = (Vec::new(), Vec::new());
+        for (name, bytes) in found.iter().filter(|(name, _)| !tree::is_leftover(name)) {
+            let is_old = self.before.get(name) == Some(bytes);
+            let is_new = new.out.get(name) == Some(bytes);
+            let whole = is_old || is_new || (is_volatile(name) && is_whole(name, bytes));
+            assert!(whole, "{name} ({} bytes) is neither old nor new: {context}", bytes.len());
+            if self.together.iter().any(|one| name.starts_with(one)) && is_old != is_new {
+                if is_old { &mut old_ones } else { &mut new_ones }.push(name);
+            }
+        }
+        assert!(
+            old_ones.is_empty() || new_ones.is_empty(),
+            "{old_ones:?} are old, {new_ones:?} new: {context}"
+        );
+        for (name, bytes) in self.before.iter().filter(|(name, _)| name.starts_with("in/")) {
+            assert!(found.get(name) == Some(bytes), "{name} was changed: {context}");
+        }
+        // Of checkpoints the last are kept, whichever run wrote them.
+        let rotates = |name: &str| name.ends_with(".checkpoint");
+        let complete = found.keys().all(|name| !tree::is_leftover(name));
+        let lost: Vec<&String> = self
+            .before
+            .keys()
+            .filter(|name| !found.contains_key(*name) && new.out.contains_key(*name) && !rotates(name))
+            .collect();
+        assert!(lost.is_empty() || !complete, "{lost:?} are gone: {context}");
+        let has_one = |tree: &Tree| tree.keys().any(|name| rotates(name));
+        assert!(has_one(found) || !has_one(&self.before), "no checkpoint is left: {context}");
+    }
+}
+
+/// True of files with times in them: no two runs write the same.
+fn is_volatile(name: &str) -> bool {
+    [".json", ".jsonl", ".svg", ".checkpoint"].iter().any(|ending| name.ends_with(ending))
+        && !name.contains("tileset")
+}
+
+fn is_whole(name: &str, bytes: &[u8]) -> bool {
+    let json = |bytes: &[u8]| serde_json::from_slice::<serde_json::Value>(bytes).is_ok();
+    match name.rsplit('.').next().unwrap_or_default() {
+        "json" => json(bytes),
+        // A log grows line by line: its last may be cut.
+        "jsonl" => {
+            let mut lines: Vec<&[u8]> = bytes.split(|b| *b == b'\n').collect();
+            lines.pop();
+            lines.into_iter().all(json)
+        }
+        "svg" => bytes.starts_with(b"<svg") && bytes.ends_with(b"</svg>\n"),
+        "checkpoint" => {
+            let file = tempfile::NamedTempFile::new().unwrap();
+            std::fs::write(file.path(), bytes).unwrap();
+            checkpoint::read(file.path()).is_ok()
+        }
+        _ => false,
+    }
+}

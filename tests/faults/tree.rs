@@ -1,0 +1,39 @@
+//! The files of a folder and what is in them.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Contents by name, relative to the folder.
+pub(crate) type Tree = BTreeMap<String, Vec<u8>>;
+
+pub(crate) fn read(folder: &Path) -> Tree {
+    let mut tree = Tree::new();
+    collect(folder, "", &mut tree);
+    tree
+}
+
+fn collect(folder: &Path, prefix: &str, tree: &mut Tree) {
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    for entry in entries.map(Result::unwrap) {
+        let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
+        if entry.path().is_dir() {
+            collect(&entry.path(), &format!("{name}/"), tree);
+        } else {
+            tree.insert(name, std::fs::read(entry.path()).unwrap());
+        }
+    }
+}
+
+pub(crate) fn write(folder: &Path, tree: &Tree) {
+    for (name, bytes) in tree {
+        let path = folder.join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, bytes).unwrap();
+    }
+}
+
+/// True of what a killed run may leave behind until the next one.
+pub(crate) fn is_leftover(name: &str) -> bool {
+    let name = name.rsplit('/').next().unwrap_or(name);
+    name.starts_with('.') && (name.ends_with(".trisplat.tmp") || name.ends_with(".trisplat.old"))
+}
