@@ -47,6 +47,16 @@ pub struct Tile {
 }
 
 impl Tile {
+    /// A level of detail is replaced when its median triangle is this many times smaller than the error that a viewer
+    /// permits; with the 16 px that viewers of 3D Tiles permit, when it is 4 px wide. Chosen by comparing pictures of levels
+    /// with those of the whole scene (docs/benchmarks/tiles.md).
+    const ERROR_PER_DETAIL: f64 = 4.0;
+
+    /// The error of a level of detail of which `mesh` is all or a part, units of the mesh.
+    pub fn error_of(mesh: &Mesh) -> f64 {
+        Self::ERROR_PER_DETAIL * mesh.detail()
+    }
+
     /// Whether there is nothing in it or below it.
     pub fn is_empty(&self) -> bool {
         self.mesh.face_count() == 0 && self.children.is_empty()

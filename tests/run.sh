@@ -14,6 +14,7 @@ OPEN3D=0.20.0
 JSONSCHEMA=4.26.0
 PLAYWRIGHT=1.65.1
 F3D=4.0.0
+TILES=0.5.3
 judges=target/judges
 python=$judges/venv/bin/python
 
@@ -108,6 +109,13 @@ if has chromium; then
     if ! grep -qs "\"version\": \"$PLAYWRIGHT\"" "$judges/node_modules/playwright-core/package.json"; then
         npm install --silent --no-fund --no-audit --prefix "$judges" "playwright-core@$PLAYWRIGHT" ||
             fail 'npm could not install playwright-core'
+    fi
+    required=$required,3d-tiles-renderer
+    # As the judge it is asked for with the three.js that draws it.
+    three=$(sed -n 's/.*"three": "\(.*\)".*/\1/p' page/package.json)
+    if ! grep -qs "\"version\": \"$TILES\"" "$judges/node_modules/3d-tiles-renderer/package.json"; then
+        npm install --silent --no-fund --no-audit --prefix "$judges" "3d-tiles-renderer@$TILES" "three@$three" ||
+            fail 'npm could not install 3d-tiles-renderer'
     fi
     chromium --version 2>/dev/null
 else

@@ -59,8 +59,9 @@ mod tests {
     #[test]
     fn cells_hold_equal_counts_of_points_that_lie_apart() {
         let rng = Rng::new(2, "cells", 0);
-        let points: Vec<[f32; 3]> =
-            (0..4096).map(|i| [0, 1, 2].map(|k| rng.uniform(3 * i + k) * [5.0, 1.0, 0.1][k as usize])).collect();
+        let points: Vec<[f32; 3]> = (0..4096)
+            .map(|i| [0, 1, 2].map(|k| rng.uniform(3 * i + k) * [5.0, 1.0, 0.1][k as usize]))
+            .collect();
         let cells = Cells::new(&points, 4);
         let mut counts = [0; 16];
         points.iter().for_each(|point| counts[cells.of(*point) as usize] += 1);

@@ -372,7 +372,9 @@ impl<'a> Recipe<'a> {
     ) -> Result<Vec<Asset>> {
         let of_levels = match self.options.tiles.tiles {
             // They are cut once more, so chunks and a hierarchy would be of no use.
-            true => BakeOptions { chunk: ChunkOptions::FAST, bvh: BvhOptions::DEFAULT, ..self.options.clone() },
+            true => {
+                BakeOptions { chunk: ChunkOptions::FAST, bvh: BvhOptions::DEFAULT, ..self.options.clone() }
+            }
             false => self.options.clone(),
         };
         let (mut views, placement) = (either(&mut self.views, &mut self.taught), self.placement);

@@ -18,10 +18,6 @@ use crate::mesh::Mesh;
 use crate::report::{Outcome, StageDetails};
 use rayon::prelude::*;
 
-/// A tile of a coarser level is replaced when its median triangle is this many times smaller than the error that a
-/// viewer permits; with the 16 px that viewers ask for, when it is 4 px wide. Chosen by comparing pictures of levels
-/// with those of the whole scene (docs/benchmarks/tiles.md).
-pub const ERROR_PER_DETAIL: f64 = 4.0;
 /// Most levels below the root: 4^12 tiles of the least size hold more triangles than 32 bits count.
 const MOST_LEVELS: u32 = 12;
 
@@ -83,11 +79,7 @@ impl StageDetails for TilesDetails {
 }
 
 /// Cuts the scene and its levels into `asset.tiles`, and takes the levels out. A backdrop is a tile of its own.
-pub fn tiles(
-    asset: &mut Asset,
-    options: &TilesOptions,
-    details: &mut TilesDetails,
-) -> Result<Outcome<()>> {
+pub fn tiles(asset: &mut Asset, options: &TilesOptions, details: &mut TilesDetails) -> Result<Outcome<()>> {
     if !options.tiles {
         return Ok(Outcome::Unneeded("`tiles` was not asked for"));
     }
@@ -143,7 +135,7 @@ fn tile(levels: &[Level], level: usize, cell: u64) -> Tile {
     };
     // What is drawn in place of finer tiles leaves out at least as much as these do.
     let below = children.iter().map(|tile| tile.error).fold(0.0, f64::max);
-    let error = if level == 0 { 0.0 } else { (ERROR_PER_DETAIL * mesh.detail()).max(below) };
+    let error = if level == 0 { 0.0 } else { Tile::error_of(&mesh).max(below) };
     Tile { mesh, error, children }
 }
 

@@ -27,7 +27,7 @@ pub struct BakeArgs {
     /// Files to bake: .ply .pt .off .obj .glb .gltf .html; several are merged; "-" is standard input.
     #[arg(required = true, value_name = "IN")]
     pub inputs: Vec<PathBuf>,
-    /// File to write: .glb .gltf .obj .ply .html; "-" is standard output.
+    /// File to write: .glb .gltf .obj .ply .html .tileset.json; "-" is standard output.
     #[arg(short, long, value_name = "OUT")]
     pub output: PathBuf,
     /// Kind of file to write, when the name of OUT does not say.
@@ -161,7 +161,13 @@ fn photos(args: &BakeArgs, report: &mut Report) -> Result<Option<Dataset>> {
 /// Preset, then config file, then the flags really typed.
 fn resolve(args: &BakeArgs, matches: &ArgMatches) -> Result<BakeOptions> {
     let layers = Layers { config: args.config.as_deref(), sets: &[], typed: &args.options, matches };
-    let options = layers.resolve(args.options.preset, BakeOptions::preset)?;
+    let mut options = layers.resolve(args.options.preset, BakeOptions::preset)?;
+    let format = args.format.map_or_else(|| OutputFormat::of(&args.output), Ok)?;
+    if options.tiles.tiles && format != OutputFormat::Tiles {
+        let wants = "a name ending in .tileset.json, which `tiles` writes";
+        return Err(Error::invalid("--output", args.output.display(), wants));
+    }
+    options.tiles.tiles = format == OutputFormat::Tiles;
     options.validate()?;
     Ok(options)
 }

@@ -4,8 +4,8 @@ use super::stdout::Stdout;
 use crate::bake::{
     BakeOptions, backdrop::BackdropDetails, bvh::BvhDetails, chunk::ChunkDetails, color::ColorDetails,
     crop::CropDetails, lod::LodDetails, order::OrderDetails, place::PlaceDetails, prune::PruneDetails,
-    refit::RefitDetails, solid::SolidDetails, teacher::TeacherDetails, tiles::TilesDetails, unseen::UnseenDetails,
-    weld::WeldDetails,
+    refit::RefitDetails, solid::SolidDetails, teacher::TeacherDetails, tiles::TilesDetails,
+    unseen::UnseenDetails, weld::WeldDetails,
 };
 use crate::bench::bake::BakeRow;
 use crate::bench::evaluate::EvalReport;
@@ -93,6 +93,7 @@ fn report_schema() -> schemars::Schema {
     let stages = [
         stage_schema::<CropDetails>(g),
         stage_schema::<TeacherDetails>(g),
+        stage_schema::<TilesDetails>(g),
         stage_schema::<PruneDetails>(g),
         stage_schema::<SolidDetails>(g),
         stage_schema::<ColorDetails>(g),

@@ -22,6 +22,7 @@ mod read;
 mod read_options;
 mod source;
 pub mod target;
+pub mod tiles;
 pub mod tileset;
 mod write;
 

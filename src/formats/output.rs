@@ -5,9 +5,10 @@ mod stale;
 use super::gltf::GltfOptions;
 use super::gltf::uri;
 use super::target::OutputTarget;
-use super::tileset::{self, TilesetLevel};
+use super::tiles::{self, TileFiles};
+use super::tileset::{self, TilesetTile};
 use super::{bvh, gltf, html, obj, ply};
-use crate::asset::Asset;
+use crate::asset::{Asset, Tile};
 use crate::atomic::{AtomicFile, publish};
 use crate::error::{Error, Result};
 use crate::report::{Observer, Outcome, OutputReport, Report, StageDetails};
@@ -102,11 +103,15 @@ pub enum OutputFormat {
     Ply,
     /// One page with a viewer and the scene in it.
     Html,
+    /// 3D Tiles 1.1: a tileset.json and a folder of GLB files.
+    Tiles,
 }
 
 impl OutputFormat {
     /// By the ending of `path`.
-    fn of(path: &Path) -> Result<Self> {
+    ///
+    /// Errors: a name without a known ending.
+    pub fn of(path: &Path) -> Result<Self> {
         let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
         match ending.as_str() {
             "glb" => Ok(Self::Glb),
@@ -114,11 +119,12 @@ impl OutputFormat {
             "obj" => Ok(Self::Obj),
             "ply" => Ok(Self::Ply),
             "html" | "htm" => Ok(Self::Html),
+            "json" if tiles::is_tileset(path) => Ok(Self::Tiles),
             _ if path.as_os_str() == "-" || is_device(path) => Ok(Self::Glb),
             _ => Err(Error::invalid(
                 "output",
                 path.display(),
-                "a name ending in .glb, .gltf, .obj, .ply or .html, or `format`",
+                "a name ending in .glb, .gltf, .obj, .ply, .html or .tileset.json, or `format`",
             )),
         }
     }
@@ -158,12 +164,20 @@ impl Output {
         let second = match format {
             OutputFormat::Gltf => Some(path.with_extension("bin")),
             OutputFormat::Obj => Some(path.with_extension("mtl")),
-            OutputFormat::Glb | OutputFormat::Ply | OutputFormat::Html => None,
+            OutputFormat::Glb | OutputFormat::Ply | OutputFormat::Html | OutputFormat::Tiles => None,
         };
         let stream = path.as_os_str() == "-" || is_device(path);
-        if stream && (second.is_some() || bvh) {
+        if stream && (second.is_some() || bvh || format == OutputFormat::Tiles) {
             let what = if bvh { "`bvh`" } else { "this kind" };
             let wants = format!("a file name: {what} writes a second file beside the first");
+            return Err(Error::invalid("output", path.display(), wants));
+        }
+        if format == OutputFormat::Tiles && (bvh || !tiles::is_tileset(path)) {
+            let wants = if bvh {
+                "no `bvh`: a tileset is a hierarchy itself"
+            } else {
+                "a name ending in tileset.json"
+            };
             return Err(Error::invalid("output", path.display(), wants));
         }
         let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("scene.glb");
@@ -183,9 +197,15 @@ impl Output {
         })
     }
 
+    /// Whether a backdrop and levels may go into files beside it.
+    fn has_files_beside(&self) -> bool {
+        let alone = matches!(self.format, OutputFormat::Html | OutputFormat::Tiles);
+        !alone && self.main.as_os_str() != "-" && !is_device(&self.main)
+    }
+
     /// The same with the backdrop in a file of its own: OUT.backdrop.glb.
     pub fn with_backdrop_file(mut self, options: &OutputOptions) -> Result<Self> {
-        if self.main.as_os_str() == "-" || is_device(&self.main) || self.format == OutputFormat::Html {
+        if !self.has_files_beside() {
             let wants = "a .glb, .gltf, .obj or .ply file: `backdrop` file writes one beside the first";
             return Err(Error::invalid("output", self.main.display(), wants));
         }
@@ -200,7 +220,7 @@ impl Output {
         if levels == 0 {
             return Ok(self);
         }
-        if self.main.as_os_str() == "-" || is_device(&self.main) || self.format == OutputFormat::Html {
+        if !self.has_files_beside() {
             let wants = "a .glb, .gltf, .obj or .ply file: `lod` writes more files beside the first";
             return Err(Error::invalid("output", self.main.display(), wants));
         }
@@ -280,14 +300,18 @@ pub fn write(
     observer: &mut dyn Observer,
 ) -> Result<()> {
     let mut written = Vec::new();
-    let mut warnings = Vec::new();
+    let (mut warnings, mut tiles) = (Vec::new(), None);
     let counts = asset.counts();
     report.stage(
         observer,
         (),
         |()| counts,
         |(), details| {
-            warnings = write_all(asset, output, options, &mut files, &mut written, details)?;
+            if output.format == OutputFormat::Tiles {
+                tiles = Some(write_tiles(asset, output, options, &mut files, &mut written, details)?);
+            } else {
+                warnings = write_all(asset, output, options, &mut files, &mut written, details)?;
+            }
             Ok(Outcome::Changed(()))
         },
     )?;
@@ -302,6 +326,9 @@ pub fn write(
         let bytes = published.iter().position(|path| *path == name).map_or(0, |at| sizes[at]);
         report.outputs.push(OutputReport { path: name.display().to_string(), bytes });
     }
+    if let Some((folder, bytes)) = tiles.map(TileFiles::keep) {
+        report.outputs.push(OutputReport { path: folder.display().to_string(), bytes });
+    }
     let stale: Vec<String> =
         output.stale().iter().filter(|_| kept).map(|path| path.display().to_string()).collect();
     if !stale.is_empty() {
@@ -311,6 +338,23 @@ pub fn write(
             .push(format!("{files} {verb} left of an earlier scene of this name: remove what is not needed"));
     }
     Ok(())
+}
+
+/// Writes the tiles under names of their own, and the tileset, which gets its name with the other files.
+fn write_tiles(
+    asset: &Asset,
+    output: &Output,
+    options: &OutputOptions,
+    files: &mut OutputFiles,
+    written: &mut Vec<AtomicFile>,
+    details: &mut WriteDetails,
+) -> Result<TileFiles> {
+    let mut file = files.take(&output.main)?;
+    let encoding = options.encoding(details);
+    let (tiles, text) = TileFiles::write(&output.main, asset, &encoding, file.is_dry())?;
+    file.write_all(text.as_bytes()).map_err(|e| Error::io(&output.main, e))?;
+    written.push(file);
+    Ok(tiles)
 }
 
 /// Writes the scene, its backdrop, its levels and what names them; returns warnings for the user.
@@ -375,16 +419,15 @@ fn write_text(path: &Path, text: &str, files: &mut OutputFiles) -> Result<Atomic
 /// The tileset of an asset and its levels.
 fn tileset_of(asset: &Asset, output: &Output) -> String {
     let pairs = std::iter::once((asset, output)).chain(asset.levels.iter().zip(&output.levels));
-    let levels: Vec<TilesetLevel> = pairs
-        .enumerate()
-        .map(|(i, (asset, output))| {
-            let name = output.main.file_name().unwrap_or_default().to_string_lossy();
-            let error = if i == 0 { 0.0 } else { asset.mesh.detail() };
-            let faces = asset.scene_faces();
-            TilesetLevel { uri: uri::from_file_name(&name), mesh: &asset.mesh, faces, error }
-        })
-        .collect();
-    tileset::json(&levels, &crate::report::generator())
+    let level = |(i, (asset, output)): (usize, (&Asset, &Output))| {
+        let name = output.main.file_name().unwrap_or_default().to_string_lossy();
+        let bounds = tileset::bounds(&asset.mesh, asset.scene_faces());
+        let error = if i == 0 { 0.0 } else { Tile::error_of(&asset.mesh) };
+        let uri = Some(uri::from_file_name(&name));
+        TilesetTile { uri, bounds, error, replaced: true, children: Vec::new() }
+    };
+    let root = TilesetTile::chain(pairs.enumerate().map(level));
+    root.map_or_else(String::new, |root| tileset::json(&root, &crate::report::generator()))
 }
 
 /// Encodes the asset in its format; returns warnings for the user.

@@ -15,7 +15,7 @@ pub struct WrittenFiles {
     pub warnings: Vec<String>,
 }
 
-/// Writes an asset in the format that the name of `path` ends in: .glb, .gltf, .obj, .ply or .html.
+/// Writes an asset in the format that the name of `path` ends in: .glb, .gltf, .obj, .ply, .html or .tileset.json.
 ///
 /// Files that belong to it go beside it: the .bin of a glTF, the .mtl of an OBJ, a BVH, levels of detail and their tileset. They get their
 /// names when all of them are complete. Existing files are replaced.

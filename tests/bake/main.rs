@@ -10,3 +10,4 @@ mod photos;
 mod robustness;
 mod stages;
 mod teacher;
+mod tiles;

@@ -105,6 +105,65 @@ fn levels_of_detail_are_written_together_or_not_at_all() {
     fails(folder.path(), &rising, &["--lod", "fall"]);
 }
 
+/// Names in a folder, sorted.
+fn names_in(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).unwrap();
+    let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+/// The files that a tile and those below it name, relative to the tileset.
+fn uris(tile: &serde_json::Value, out: &mut Vec<String>) {
+    out.extend(tile["content"]["uri"].as_str().map(str::to_owned));
+    tile["children"].as_array().into_iter().flatten().for_each(|child| uris(child, out));
+}
+
+#[test]
+fn a_tileset_names_the_tiles_there_are_and_no_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("scene.tileset.json");
+    let bake = |args: &[&dyn AsRef<std::ffi::OsStr>]| {
+        let all: [&dyn AsRef<std::ffi::OsStr>; 4] = [&"bake", &sample("studio.ply"), &"-o", &out];
+        let output = trisplat(&[&all[..], args].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        let set: serde_json::Value = serde_json::from_slice(&std::fs::read(&out).unwrap()).unwrap();
+        let mut named = Vec::new();
+        uris(&set["root"], &mut named);
+        let mut there: Vec<String> =
+            names_in(&folder.path().join("scene.tiles")).iter().map(|n| format!("scene.tiles/{n}")).collect();
+        there.retain(|name| !name.ends_with("notes.txt"));
+        named.sort();
+        assert_eq!(named, there);
+        named
+    };
+    let coarse = bake(&[&"--tile-triangles", &"2000"]);
+    assert!(coarse.len() > 4, "{coarse:?}");
+    // What is not ours stays, tiles of before go, and equal tiles keep their names.
+    std::fs::write(folder.path().join("scene.tiles/notes.txt"), b"mine").unwrap();
+    let fine = bake(&[&"--tile-triangles", &"1000", &"-f"]);
+    assert!(fine.len() > coarse.len());
+    assert_eq!(std::fs::read(folder.path().join("scene.tiles/notes.txt")).unwrap(), b"mine");
+    assert_eq!(bake(&[&"--tile-triangles", &"1000", &"-f", &"--tiles"]), fine);
+    for name in &fine {
+        assert_eq!(&std::fs::read(folder.path().join(name)).unwrap()[..4], b"glTF", "{name}");
+    }
+}
+
+#[test]
+fn tiles_go_into_a_tileset_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let (glb, set) = (folder.path().join("a.glb"), folder.path().join("a.tileset.json"));
+    fails(folder.path(), &[&"bake", &sample("studio.ply"), &"-o", &glb, &"--tiles"], &[".tileset.json"]);
+    fails(folder.path(), &[&"bake", &sample("studio.ply"), &"-o", &set, &"--bvh"], &["--bvh"]);
+    fails(folder.path(), &[&"bake", &sample("studio.ply"), &"-o", &set, &"--lod", &"0.5"], &["--lod"]);
+    let json = folder.path().join("a.json");
+    fails(folder.path(), &[&"bake", &sample("studio.ply"), &"-o", &json], &[".tileset.json"]);
+    assert!(names_in(folder.path()).is_empty());
+    let dry = trisplat(&[&"bake", &sample("studio.ply"), &"-o", &set, &"--dry-run"]);
+    assert!(dry.status.success() && names_in(folder.path()).is_empty(), "{}", stderr(&dry));
+}
+
 #[test]
 fn an_input_is_never_overwritten() {
     let folder = tempfile::tempdir().unwrap();

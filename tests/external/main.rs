@@ -9,6 +9,7 @@
 
 mod browser;
 mod renderers;
+mod tiles;
 
 use serde_json::Value;
 use std::fs;

@@ -1,0 +1,170 @@
+//! The files of a scene in tiles: OUT.tileset.json, and a folder OUT.tiles with one GLB for each tile.
+//!
+//! A tile's name holds a hash of its bytes. So an old tileset keeps its tiles until the new one has its name, a tile that did
+//! not change keeps its name, and a cache may keep what it has for ever.
+
+use super::gltf::{GltfOptions, to_glb_bytes, uri};
+use super::tileset::{self, TilesetTile};
+use crate::asset::{Asset, Provenance, Tile};
+use crate::atomic::AtomicFile;
+use crate::error::{Error, Result};
+use crate::mesh::Mesh;
+use std::collections::BTreeSet;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use xxhash_rust::xxh3::xxh3_64;
+
+/// The ending of a tileset's name.
+pub const ENDING: &str = "tileset.json";
+
+/// Whether a file of this name is a tileset.
+pub fn is_tileset(path: &Path) -> bool {
+    let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default().to_ascii_lowercase();
+    name == ENDING || name.ends_with(&format!(".{ENDING}"))
+}
+
+/// The folder of the tiles: OUT.tiles beside OUT.tileset.json, or "tiles".
+fn folder_of(tileset: &Path) -> PathBuf {
+    let name = tileset.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+    let stem = name.len().saturating_sub(ENDING.len());
+    tileset.with_file_name(format!("{}tiles", &name[..stem]))
+}
+
+/// The files of the tiles. They are removed again unless the tileset that names them is published.
+#[derive(Debug)]
+pub(super) struct TileFiles {
+    folder: PathBuf,
+    /// Whether bytes are counted only.
+    dry: bool,
+    /// Names of all tiles.
+    names: BTreeSet<String>,
+    /// Those that were not there before.
+    new: Vec<PathBuf>,
+    bytes: u64,
+}
+
+impl TileFiles {
+    /// Writes all tiles of an asset; returns them and the text of the tileset.
+    ///
+    /// Errors: an asset that was not cut into tiles; what the operating system refuses.
+    pub(super) fn write(
+        tileset: &Path,
+        asset: &Asset,
+        options: &GltfOptions,
+        dry: bool,
+    ) -> Result<(Self, String)> {
+        let Some(root) = &asset.tiles else {
+            let wants = "a scene cut into tiles: the option `tiles`";
+            return Err(Error::invalid("output", tileset.display(), wants));
+        };
+        let folder = folder_of(tileset);
+        let mut files = Self { folder, dry, names: BTreeSet::new(), new: Vec::new(), bytes: 0 };
+        if !dry {
+            std::fs::create_dir_all(&files.folder).map_err(|e| Error::io(&files.folder, e))?;
+        }
+        let provenance = Provenance { backdrop: 0, ..asset.provenance.clone() };
+        let mut root = files.tile("r", root, &provenance, options)?;
+        if let Some((_, backdrop)) = asset.apart() {
+            // Beside the scene, always: its box holds everything, so that it would be replaced first.
+            let bounds = tileset::bounds(&backdrop.mesh, backdrop.mesh.face_count());
+            let uri = Some(files.save("backdrop", &backdrop, options)?);
+            let error = bounds.map_or(0.0, |[low, high]| (high - low).length());
+            root = TilesetTile { uri, bounds, error, replaced: false, children: vec![root] };
+        }
+        Ok((files, tileset::json(&root, &crate::report::generator())))
+    }
+
+    /// Writes a tile and those below it; children are called as their parent, with a digit more.
+    fn tile(
+        &mut self,
+        name: &str,
+        tile: &Tile,
+        provenance: &Provenance,
+        options: &GltfOptions,
+    ) -> Result<TilesetTile> {
+        let mut uri = None;
+        if tile.mesh.face_count() > 0 {
+            let asset = Asset { provenance: provenance.clone(), ..Asset::from(Mesh::clone(&tile.mesh)) };
+            uri = Some(self.save(name, &asset, options)?);
+        }
+        let below = tile.children.iter().enumerate();
+        let child = |(i, child)| self.tile(&format!("{name}{i}"), child, provenance, options);
+        let children = below.map(child).collect::<Result<_>>()?;
+        let bounds = tileset::bounds(&tile.mesh, tile.mesh.face_count());
+        Ok(TilesetTile { uri, bounds, error: tile.error, replaced: true, children })
+    }
+
+    /// Writes one file; returns its name relative to the tileset.
+    fn save(&mut self, name: &str, asset: &Asset, options: &GltfOptions) -> Result<String> {
+        let bytes = to_glb_bytes(asset, options)?;
+        let name = format!("{name}-{:016x}.glb", xxh3_64(&bytes));
+        let path = self.folder.join(&name);
+        self.bytes += bytes.len() as u64;
+        if !self.dry && !path.exists() {
+            let mut file = AtomicFile::create(&path)?;
+            file.write_all(&bytes).map_err(|e| Error::io(&path, e))?;
+            self.new.push(path);
+            file.commit()?;
+        }
+        let folder = self.folder.file_name().unwrap_or_default().to_string_lossy();
+        let uri = format!("{}/{name}", uri::from_file_name(&folder));
+        self.names.insert(name);
+        Ok(uri)
+    }
+
+    /// The tileset that names them is there: keeps them, and removes tiles of an earlier one. Returns their folder and
+    /// size, bytes.
+    pub(super) fn keep(mut self) -> (PathBuf, u64) {
+        self.new.clear();
+        if !self.dry {
+            let entries = std::fs::read_dir(&self.folder).into_iter().flatten().flatten();
+            let name = |entry: &std::fs::DirEntry| entry.file_name().to_string_lossy().into_owned();
+            for old in entries.filter(|entry| is_tile(&name(entry)) && !self.names.contains(&name(entry))) {
+                // What cannot be removed is only in the way of nothing.
+                let _ = std::fs::remove_file(old.path());
+            }
+        }
+        (self.folder.clone(), self.bytes)
+    }
+}
+
+impl Drop for TileFiles {
+    fn drop(&mut self) {
+        for path in self.new.drain(..) {
+            let _ = std::fs::remove_file(path);
+        }
+    }
+}
+
+/// Whether a file of this name is one of ours: its place in the tree and a hash.
+fn is_tile(name: &str) -> bool {
+    let Some((place, hash)) = name.strip_suffix(".glb").and_then(|name| name.rsplit_once('-')) else {
+        return false;
+    };
+    let in_tree =
+        place.strip_prefix('r').is_some_and(|digits| digits.bytes().all(|b| (b'0'..b'4').contains(&b)));
+    (in_tree || place == "backdrop") && hash.len() == 16 && hash.bytes().all(|b| b.is_ascii_hexdigit())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_say_what_is_a_tileset_and_what_a_tile() {
+        for (path, folder) in
+            [("a/tileset.json", "a/tiles"), ("b.tileset.json", "b.tiles"), ("C.TILESET.JSON", "C.tiles")]
+        {
+            assert!(is_tileset(Path::new(path)), "{path}");
+            assert_eq!(folder_of(Path::new(path)), Path::new(folder));
+        }
+        assert!(!is_tileset(Path::new("a.json")) && !is_tileset(Path::new("mytileset.json")));
+        assert!(is_tile("r-0123456789abcdef.glb") && is_tile("r0123-0123456789abcdef.glb"));
+        assert!(is_tile("backdrop-0123456789abcdef.glb"));
+        for other in
+            ["r-0123.glb", "r4-0123456789abcdef.glb", "robot.glb", "r0-0123456789abcdeg.glb", "r0.bin"]
+        {
+            assert!(!is_tile(other), "{other}");
+        }
+    }
+}
