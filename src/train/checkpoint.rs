@@ -74,7 +74,7 @@ impl CheckpointMeta {
             return Err(bad(format!("is after step {} of {}", self.step, self.options.steps)));
         }
         let (center, scale) = self.space;
-        if !all_finite(&center) || !(scale.is_finite() && scale > 0.0) {
+        if !(all_finite(&center) && scale.is_finite() && scale > 0.0) {
             return Err(bad(format!("has a scene of centre {center:?} and scale {scale}")));
         }
         Ok(())
@@ -345,7 +345,7 @@ mod tests {
             pinned: 1,
             identity: RunIdentity {
                 background: [0.5, 0.0, 1.0],
-                photos: ["a", "b"].map(|name| photo(name)).to_vec(),
+                photos: ["a", "b"].map(photo).to_vec(),
                 points: u64::MAX,
                 from: None,
             },

@@ -97,7 +97,10 @@ fn no_output_is_an_input_or_another_output() {
         &["--report is c.ply", "--output does not write"],
     );
     check(&train(&forced(&["-o", "c.ply", "--report", "./c.checkpoint"])), &["--report", "--checkpoint"]);
-    check(&train(&forced(&["-o", "c.ply", "--log", "x", "--curve", "x"])), &["--curve is x", "--log"]);
+    check(
+        &train(&forced(&["-o", "c.ply", "--log", "x", "--curve", "x"])),
+        &["is x: wants a file that", "--curve", "--log"],
+    );
     check(&train(&forced(&["-o", "a.ply", "--from", "a.ply"])), &["--output is a.ply", input]);
     check(
         &train(&forced(&["-o", "c.ply", "--config", "options.json", "--log", "options.json"])),

@@ -5,6 +5,11 @@
 //! The calls are caught by `inject.c`, a library that `cc` compiles and the system's loader puts before the C library. A plain
 //! run of the suite visits some calls of each command; `TRISPLAT_FAULTS=all` visits every one.
 #![cfg(target_os = "linux")]
+#![allow(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "a skipped test says so, and a visit what it visited"
+)]
 
 mod cases;
 mod run;
