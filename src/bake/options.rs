@@ -146,6 +146,7 @@ impl BakeOptions {
 
     /// Checks the ranges that need no scene; stages check the rest.
     pub fn validate(&self) -> Result<()> {
+        self.prune.validate()?;
         self.lod.validate()?;
         self.place.validate()
     }

@@ -125,7 +125,7 @@ fn scenes(
 ) -> Result<(Vec<Loaded>, Option<Views>)> {
     let dataset = photos(args, report)?;
     let views = dataset.as_ref().map(|dataset| Views::new(dataset, &args.dataset_options));
-    let inputs = read_all(&args.inputs, sh_degree(args, options))?;
+    let inputs = read_all(&args.inputs, &args.dataset_options.read_options(sh_degree(args, options)))?;
     if !args.harden.harden {
         return Ok((inputs, views));
     }
@@ -154,7 +154,8 @@ fn photos(args: &BakeArgs, report: &mut Report) -> Result<Option<Dataset>> {
 
 /// Preset, then config file, then the flags really typed.
 fn resolve(args: &BakeArgs, matches: &ArgMatches) -> Result<BakeOptions> {
-    let layers = Layers { config: args.config.as_deref(), sets: &[], typed: &args.options, matches };
+    let (config, limits) = (args.config.as_deref(), &args.dataset_options.limits);
+    let layers = Layers { config, limits, sets: &[], typed: &args.options, matches };
     let options = layers.resolve(args.options.preset, BakeOptions::preset)?;
     options.validate()?;
     Ok(options)
@@ -185,11 +186,10 @@ fn sh_degree(args: &BakeArgs, options: &BakeOptions) -> u8 {
     if teaches || args.harden.harden { 3 } else { 0 }
 }
 
-/// Reads every input, with colours up to `sh_degree`. Readers run one after the other, so that memory holds one file's
-/// spare buffers at a time.
-fn read_all(inputs: &[PathBuf], sh_degree: u8) -> Result<Vec<Loaded>> {
+/// Reads every input. Readers run one after the other, so that memory holds one file's spare buffers at a time.
+fn read_all(inputs: &[PathBuf], options: &ReadOptions) -> Result<Vec<Loaded>> {
     if inputs.iter().filter(|p| p.as_os_str() == "-").count() > 1 {
         return Err(Error::invalid("IN", "- -", "standard input once"));
     }
-    inputs.iter().map(|path| formats::read(path, &ReadOptions { sh_degree })).collect()
+    inputs.iter().map(|path| formats::read(path, options)).collect()
 }

@@ -8,7 +8,7 @@ use crate::bench::steps;
 use crate::camera::Camera;
 use crate::dataset::{Dataset, DatasetOptions, Split};
 use crate::error::{Error, Result};
-use crate::formats::{self, ReadOptions};
+use crate::formats;
 use crate::image::Pixels;
 use crate::rng::Rng;
 use crate::scene::{Loaded, Scene};
@@ -79,7 +79,7 @@ pub fn run(args: &RenderArgs, global: &Global) -> Result<()> {
         return Err(Error::invalid("--share", args.share, "a number from 0 to 1"));
     }
     check_folder(&args.output)?;
-    let loaded = formats::read(&args.file, &ReadOptions { sh_degree: 3 })?;
+    let loaded = formats::read(&args.file, &args.dataset_options.read_options(3))?;
     let Loaded { scene, provenance, .. } = solid_if_asked(args, loaded)?;
     let dataset = args.dataset.as_ref().map(|path| Dataset::load(path, &args.dataset_options)).transpose()?;
     let cameras = match &dataset {
@@ -94,7 +94,9 @@ pub fn run(args: &RenderArgs, global: &Global) -> Result<()> {
         }
     };
     let mut renderer = renderer(args, scene, &provenance.placement, dataset.as_ref());
-    cameras.iter().try_for_each(|(_, camera)| renderer.validate(camera.size))?;
+    cameras
+        .iter()
+        .try_for_each(|(_, camera)| renderer.validate(camera.size, &args.dataset_options.limits))?;
     prepare_folder(&args.output, cameras.iter().map(|(name, _)| name.as_str()), args.force)?;
     let progress = Progress::new(global);
     for (name, camera) in &cameras {

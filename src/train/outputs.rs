@@ -7,7 +7,6 @@ use super::progress::{TrainObserver, TrainSample};
 use super::trainer::{StepOutcome, Trainer};
 use crate::dataset::Dataset;
 use crate::error::{Error, Result};
-use crate::image::Pixels;
 use crate::process::cpu_secs;
 use crate::raster::soft::SoftOptions;
 use std::path::PathBuf;
@@ -67,15 +66,17 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    /// Goes on with the `curve` of a run that has taken `cpu_secs_before`. Decodes the held-out photos.
+    /// Goes on with the `curve` of a run that has taken `cpu_secs_before`. Decodes the held-out photos;
+    /// `photo_bytes` is the memory for them.
     pub(super) fn new(
         dataset: &Dataset,
         drawing: SoftOptions,
         curve: Vec<TrainSample>,
         cpu_secs_before: f64,
+        photo_bytes: u64,
     ) -> Result<Self> {
         Ok(Self {
-            evaluator: Evaluator::new(dataset.test())?,
+            evaluator: Evaluator::new(&dataset.test().collect::<Vec<_>>(), photo_bytes)?,
             drawing,
             curve,
             means: Means::default(),
@@ -132,18 +133,12 @@ impl Recorder {
         Ok(now)
     }
 
-    /// Draws the held-out photos.
-    fn pictures<B: TrainBackend>(&mut self, trainer: &mut Trainer<B>) -> Result<Vec<Pixels>> {
-        let (soup, space) = (trainer.soup()?, trainer.space());
-        Ok(self.evaluator.pictures(&soup, &space, &trainer.drawing(&self.drawing)))
-    }
-
     fn scores<B: TrainBackend>(&mut self, trainer: &mut Trainer<B>) -> Result<Vec<PhotoScore>> {
         if self.evaluator.is_empty() {
             return Ok(Vec::new());
         }
-        let pictures = self.pictures(trainer)?;
-        Ok(self.evaluator.scores(&pictures))
+        let (soup, space) = (trainer.soup()?, trainer.space());
+        self.evaluator.scores(&soup, &space, &trainer.drawing(&self.drawing))
     }
 
     pub(super) fn checkpoint<B: TrainBackend>(
@@ -168,9 +163,12 @@ impl Recorder {
         self.previewed = Instant::now();
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         let step = trainer.steps();
-        self.uncounted(|run| match run.pictures(trainer)?.first() {
-            Some(picture) => picture.save_png(&folder.join(format!("step-{step:06}.png"))),
-            None => Ok(()),
+        self.uncounted(|run| {
+            let (soup, space, drawing) = (trainer.soup()?, trainer.space(), trainer.drawing(&run.drawing));
+            match run.evaluator.first_picture(&soup, &space, &drawing) {
+                Some(picture) => picture.save_png(&folder.join(format!("step-{step:06}.png"))),
+                None => Ok(()),
+            }
         })
     }
 

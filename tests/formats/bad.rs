@@ -8,7 +8,7 @@ use trisplat::error::{Error, Result};
 use trisplat::formats::{ReadOptions, Source, obj, off, ply as format};
 use trisplat::scene::Loaded;
 
-const OPTIONS: ReadOptions = ReadOptions { sh_degree: 3 };
+const OPTIONS: ReadOptions = ReadOptions::with_degree(3);
 
 type Read = fn(Source, &ReadOptions) -> Result<Loaded>;
 
