@@ -112,7 +112,9 @@ fn covered(args: &EvalArgs, dataset: &Dataset, views: &[&View], steps: &mut [Eva
     match steps.first_mut().filter(|_| !args.no_coverage) {
         Some(step) => {
             let training: Vec<&View> = dataset.train().collect();
-            coverage::covered(views, &training, |camera| step.renderer.surface_depth(camera))
+            coverage::covered(views, &training, args.dataset_options.photo_bytes(), |camera| {
+                step.renderer.surface_depth(camera)
+            })
         }
         None => Vec::new(),
     }

@@ -163,7 +163,10 @@ impl<'a> Buffers<'a> {
             return refuse("outside the folder of the file; if that is right, give `allow_outside`");
         }
         let path = self.path.parent().unwrap_or(Path::new("")).join(name);
-        let (file, len) = input::open(&path, &self.options.limits)?;
-        Ok((OpenBuffer::Beside(file), len))
+        match input::open(&path, &self.options.limits) {
+            Ok((file, len)) => Ok((OpenBuffer::Beside(file), len)),
+            Err(Error::Unsupported { reason, .. }) => refuse(&format!("which {reason}")),
+            Err(error) => Err(error),
+        }
     }
 }
