@@ -144,7 +144,7 @@ fn mutants_of_photos_and_masks_are_survived() {
         mutate(name, &seed, 500, |bytes| {
             std::fs::write(&path, bytes).expect("writable");
             let size = Pixels::size_of(&path, &Limits::DEFAULT);
-            match (&size, Pixels::load(&path)) {
+            match (&size, &Pixels::load(&path)) {
                 (Ok(size), Ok(pixels)) => {
                     assert_eq!((pixels.size, pixels.rgb.len() as u32), (*size, size.x * size.y), "{name}");
                 }

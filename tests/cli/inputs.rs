@@ -169,8 +169,9 @@ fn what_a_shell_hands_over_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let script = "\"$0\" bake <(cat \"$1\") -o a.glb --config <(echo '{ \"preset\": \"fast\" }') && \
                   \"$0\" info - < \"$1\" && cat \"$1\" | \"$0\" info /dev/stdin && \"$0\" info /dev/stdin < \"$1\"";
-    let output = Command::new("bash").arg("-c").arg(script).arg(env!("CARGO_BIN_EXE_trisplat"));
-    let output = output.arg(sample("studio.ply")).current_dir(folder.path()).output().unwrap();
+    let mut bash = Command::new("bash");
+    bash.arg("-c").arg(script).arg(env!("CARGO_BIN_EXE_trisplat")).arg(sample("studio.ply"));
+    let output = bash.current_dir(folder.path()).output().unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
     assert!(folder.path().join("a.glb").is_file());
 }
