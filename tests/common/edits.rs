@@ -5,7 +5,7 @@ use proptest::test_runner::{Config, TestRunner};
 
 /// One change to a file; places are shares of its length, so that they shrink well.
 #[derive(Debug, Clone)]
-pub enum Edit {
+enum Edit {
     Flip { at: f64, bit: u8 },
     Put { at: f64, bytes: Vec<u8> },
     Insert { at: f64, bytes: Vec<u8> },
@@ -43,7 +43,7 @@ const NASTY: [&str; 24] = [
     "x",
 ];
 
-pub fn edits() -> impl Strategy<Value = Vec<Edit>> {
+fn edits() -> impl Strategy<Value = Vec<Edit>> {
     let at = || 0.0..1.0f64;
     let bytes = || {
         let poison = [f32::NAN, f32::INFINITY, f32::MAX, -1.0, 1e-45].map(|x| x.to_le_bytes().to_vec());
@@ -66,7 +66,7 @@ pub fn edits() -> impl Strategy<Value = Vec<Edit>> {
     prop::collection::vec(edit, 1..5)
 }
 
-pub fn apply(edit: &Edit, bytes: &mut Vec<u8>) {
+fn apply(edit: &Edit, bytes: &mut Vec<u8>) {
     let place = |at: f64| ((at * bytes.len() as f64) as usize).min(bytes.len().saturating_sub(1));
     let range = |at: f64, count: usize| place(at)..(place(at) + count).min(bytes.len());
     if bytes.is_empty() {
@@ -106,7 +106,7 @@ pub fn apply(edit: &Edit, bytes: &mut Vec<u8>) {
 
 /// Gives `count` mutants of `seed`, unless TRISPLAT_FUZZ_CASES says how many, to `survive`, which panics when one is not
 /// survived. A failure is shrunk to the fewest edits and named by them.
-pub fn mutate(name: &str, seed: &[u8], count: u32, survive: impl Fn(&[u8])) {
+pub(crate) fn mutate(name: &str, seed: &[u8], count: u32, survive: impl Fn(&[u8])) {
     let cases = std::env::var("TRISPLAT_FUZZ_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(count);
     let mut runner = TestRunner::new(Config { cases, failure_persistence: None, ..Config::default() });
     let result = runner.run(&edits(), |edits| {
