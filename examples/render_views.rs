@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         return Err("usage: render_views SOUP.ply FOLDER".into());
     };
     std::fs::create_dir_all(&folder)?;
-    let loaded = formats::read(&file, &ReadOptions { sh_degree: 3 })?;
+    let loaded = formats::read(&file, &ReadOptions::with_degree(3))?;
     let cameras: Vec<_> = loaded.cameras.iter().copied().step_by(EVERY).collect();
     let Scene::Soup(soup) = loaded.scene.clone() else { return Err("a mesh has no cameras".into()) };
 

@@ -1,6 +1,7 @@
 // Builds dist/page.html, which trisplat carries, from src and the packages of package-lock.json.
 // Usage: npm ci && npm run build [-- FOLDER]   (FOLDER: where to write; dist unless given)
 import { build, transform } from 'esbuild';
+import { createHash } from 'node:crypto';
 import { mkdir, readFile, writeFile } from 'node:fs/promises';
 import { dirname, join } from 'node:path';
 import { fileURLToPath } from 'node:url';
@@ -32,9 +33,26 @@ const bundle = await build({
   write: false,
 });
 const style = await transform(await text('src/style.css'), { loader: 'css', minify: true });
-const page = (await text('src/index.html'))
+const filled = (await text('src/index.html'))
   .replace('@STYLE@', () => style.code.trim())
   .replace('@SCRIPT@', () => bundle.outputFiles[0].text.trim());
+
+// What the page may run and load: its own script and style, known by their hashes, the calls that stand behind the blocks of
+// the scene (src/formats/html.rs writes them), and the decoder of compressed scenes, which is WebAssembly. Nothing from
+// anywhere else, whatever a title or a scene says.
+const BLOCK_CALL = 'trisplat.block()';
+const hash = (code) => `'sha256-${createHash('sha256').update(code).digest('base64')}'`;
+const inline = (tag) => [...filled.matchAll(new RegExp(`<${tag}>([^]*?)</${tag}>`, 'g'))].map((match) => hash(match[1]));
+const policy = [
+  `default-src 'none'`,
+  `script-src ${[...inline('script'), hash(BLOCK_CALL)].join(' ')} 'wasm-unsafe-eval'`,
+  `style-src ${inline('style').join(' ')}`,
+  `img-src data: blob:`,
+  `connect-src data: blob:`,
+  `base-uri 'none'`,
+  `form-action 'none'`,
+].join('; ');
+const page = filled.replace('@POLICY@', () => policy);
 await mkdir(out, { recursive: true });
 await writeFile(join(out, 'page.html'), page);
 await writeFile(join(out, 'LICENSES.txt'), licences);

@@ -1,6 +1,7 @@
 //! The pinhole camera.
 
 use crate::error::{Error, Result};
+use crate::limits::Limits;
 use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -40,8 +41,8 @@ impl Camera {
         Self { rotation, translation: -(rotation * eye), ..*self }
     }
 
-    /// Checks that everything is finite, the focal lengths are positive and the size is not zero.
-    pub fn validate(&self) -> Result<()> {
+    /// Checks that everything is finite, the focal lengths are positive, and the size is above zero and within `limits`.
+    pub fn validate(&self, limits: &Limits) -> Result<()> {
         let finite = self.rotation.is_finite()
             && self.translation.is_finite()
             && self.focal.is_finite()
@@ -49,7 +50,7 @@ impl Camera {
         if !finite || !(self.focal.min_element() > 0.0) || self.size.min_element() == 0 {
             return Err(Error::invalid("camera", format!("{self:?}"), "finite numbers, focal > 0, size > 0"));
         }
-        Ok(())
+        limits.camera("camera", self.size)
     }
 }
 
@@ -146,7 +147,19 @@ mod tests {
         let seen = camera.rotation * target + camera.translation;
         assert!(seen.truncate().length() < 1e-5 && seen.z > 0.0, "{seen}");
         assert!((camera.rotation * Vec3::NEG_Y).y < 0.0, "up is towards smaller rows");
-        assert!(CAMERA.looking(Vec3::ZERO, Vec3::NEG_Y, Vec3::NEG_Y).validate().is_ok(), "straight up");
+        assert!(
+            CAMERA.looking(Vec3::ZERO, Vec3::NEG_Y, Vec3::NEG_Y).validate(&Limits::DEFAULT).is_ok(),
+            "straight up"
+        );
+    }
+
+    #[test]
+    fn a_camera_of_too_many_pixels_is_refused() {
+        for size in [UVec2::splat(65_535), UVec2::splat(u32::MAX), UVec2::new(1, 70_000)] {
+            let message = Camera { size, ..CAMERA }.validate(&Limits::DEFAULT).unwrap_err().to_string();
+            assert!(message.starts_with("camera: ") && message.contains("`limit` "), "{message}");
+        }
+        assert!(Camera { size: UVec2::new(9504, 6336), ..CAMERA }.validate(&Limits::DEFAULT).is_ok());
     }
 
     #[test]

@@ -60,6 +60,28 @@ pub enum Error {
     /// The work is done and its result is there, but something beside it is not; the text says what.
     #[error("{0}")]
     Incomplete(String),
+    /// More of something than is taken from a file: see [`Limits`](crate::limits::Limits).
+    #[error("{place}: {value} {what}, the limit is {limit}; if that is right, give `limit` {key}={value}")]
+    Limit {
+        /// The file, and where in it.
+        place: String,
+        /// What there is too much of: "triangles".
+        what: &'static str,
+        /// The limit's key.
+        key: &'static str,
+        /// How much there is.
+        value: u64,
+        /// How much there may be.
+        limit: u64,
+    },
+    /// The machine has no memory for a large array.
+    #[error("{place}: there is no memory for {bytes} bytes; end other programs, or give a smaller file")]
+    Memory {
+        /// The file, and what of it.
+        place: String,
+        /// Size of the array.
+        bytes: u64,
+    },
     /// The graphics device or its driver cannot do what is needed.
     #[error("gpu: {0}")]
     Gpu(String),

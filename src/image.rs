@@ -5,8 +5,10 @@
 
 use crate::atomic::AtomicFile;
 use crate::error::{Error, Result};
+use crate::input;
+use crate::limits::Limits;
 use glam::UVec2;
-use std::io::{BufReader, Cursor, Read, Seek, SeekFrom, Write};
+use std::io::{BufRead, BufReader, Cursor, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 use xxhash_rust::xxh3::Xxh3Default;
 
@@ -70,11 +72,15 @@ impl Pixels {
     ///
     /// The pixels are taken as stored: an EXIF rotation is not applied, as COLMAP does not either.
     pub fn load(path: &Path) -> Result<Self> {
-        let picture = decode(path)?;
+        Self::load_within(path, &Limits::DEFAULT)
+    }
+
+    /// [`Pixels::load`] of a picture that is not larger than `limits` say.
+    pub fn load_within(path: &Path, limits: &Limits) -> Result<Self> {
+        let picture = decode(path, limits)?;
         let size = UVec2::new(picture.width(), picture.height());
         if !picture.color().has_alpha() {
-            let rgb = bytemuck::cast_slice(picture.into_rgb8().as_raw()).to_vec();
-            return Ok(Self { size, rgb, alpha: None });
+            return Ok(Self { size, rgb: triples(picture.into_rgb8().into_raw()), alpha: None });
         }
         let rgba = picture.into_rgba8();
         let rgb = rgba.pixels().map(|p| [p.0[0], p.0[1], p.0[2]]).collect();
@@ -83,29 +89,27 @@ impl Pixels {
         Ok(Self { size, rgb, alpha: if opaque { None } else { Some(alpha) } })
     }
 
-    /// Reads a mask: one channel per pixel, rows from the top; colours become their luma.
-    pub fn load_mask(path: &Path) -> Result<(UVec2, Vec<u8>)> {
-        let picture = decode(path)?;
+    /// Reads a mask that is not larger than `limits` say: one channel per pixel, rows from the top; colours become
+    /// their luma.
+    pub fn load_mask(path: &Path, limits: &Limits) -> Result<(UVec2, Vec<u8>)> {
+        let picture = decode(path, limits)?;
         let size = UVec2::new(picture.width(), picture.height());
         Ok((size, picture.into_luma8().into_raw()))
     }
 
-    /// Width and height of a picture file, from its first bytes. Its last bytes are looked at too: a
-    /// file that does not end as it should is decoded to see whether it is cut short.
-    pub fn size_of(path: &Path) -> Result<UVec2> {
+    /// Width and height of a picture file, from its first bytes; an error when they are not what `limits` permit, or
+    /// more than the file can hold. Its last bytes are looked at too: a file that does not end as it should is decoded
+    /// to see whether it is cut short.
+    pub fn size_of(path: &Path, limits: &Limits) -> Result<UVec2> {
         let io = |e| Error::io(path, e);
-        let mut file = std::fs::File::open(path).map_err(io)?;
+        let (mut file, len) = input::open(path, limits)?;
         let ends_well = ends_well(&mut file).map_err(io)?;
         file.rewind().map_err(io)?;
-        let reader = image::ImageReader::new(BufReader::new(file)).with_guessed_format().map_err(io)?;
-        let (width, height) = reader.into_dimensions().map_err(|e| broken(path, e))?;
-        if width == 0 || height == 0 {
-            return Err(Error::malformed(path, "picture header", format!("its size is {width}x{height}")));
-        }
+        let size = header_size(path, BufReader::new(file), len, limits)?;
         if !ends_well {
-            decode(path)?;
+            decode(path, limits)?;
         }
-        Ok(UVec2::new(width, height))
+        Ok(size)
     }
 
     /// The picture blended with `background` by its alpha, which is then gone.
@@ -183,15 +187,58 @@ fn area(size: UVec2) -> usize {
     size.x as usize * size.y as usize
 }
 
-/// Decodes a picture; its first bytes decide the format, not its name.
-fn decode(path: &Path) -> Result<image::DynamicImage> {
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+/// Bytes as triples of them; a copy only where memory cannot be taken over as it is.
+fn triples(bytes: Vec<u8>) -> Vec<[u8; 3]> {
+    bytemuck::allocation::try_cast_vec(bytes)
+        .unwrap_or_else(|(_, bytes)| bytemuck::cast_slice(&bytes).to_vec())
+}
+
+/// Decodes a picture; its first bytes decide the format, not its name. What they claim is checked before anything is
+/// allocated for it.
+fn decode(path: &Path, limits: &Limits) -> Result<image::DynamicImage> {
+    let bytes = input::read(path, limits)?;
     if bytes.starts_with(&JPEG_START) && !jpeg_is_whole(&bytes) {
         // The decoder would fill the rest with grey and say nothing.
         return Err(Error::malformed(path, "picture", "the JPEG is cut short; copy it again"));
     }
-    let reader = image::ImageReader::new(Cursor::new(bytes)).with_guessed_format();
-    reader.map_err(|e| Error::io(path, e))?.decode().map_err(|e| broken(path, e))
+    header_size(path, Cursor::new(&bytes), bytes.len() as u64, limits)?;
+    let reader = image::ImageReader::new(Cursor::new(&bytes)).with_guessed_format();
+    let mut reader = reader.map_err(|e| Error::io(path, e))?;
+    let mut held = image::Limits::no_limits();
+    held.max_alloc = Some(limits.array_bytes);
+    reader.limits(held);
+    reader.decode().map_err(|e| broken(path, e))
+}
+
+/// The size that the first bytes of a picture of `len` bytes claim, once it is known that it may be so.
+fn header_size(path: &Path, file: impl BufRead + Seek, len: u64, limits: &Limits) -> Result<UVec2> {
+    let reader = image::ImageReader::new(file).with_guessed_format().map_err(|e| Error::io(path, e))?;
+    let format = reader.format();
+    let (width, height) = reader.into_dimensions().map_err(|e| broken(path, e))?;
+    let malformed = |reason: String| Err(Error::malformed(path, "picture header", reason));
+    if width == 0 || height == 0 {
+        return malformed(format!("its size is {width}x{height}"));
+    }
+    limits.picture(path.display(), UVec2::new(width, height))?;
+    let pixels = u64::from(width) * u64::from(height);
+    if pixels > len.saturating_mul(most_pixels_per_byte(format)) {
+        return malformed(format!(
+            "claims {width}x{height} px, which {len} bytes cannot hold; copy it again"
+        ));
+    }
+    Ok(UVec2::new(width, height))
+}
+
+/// Pixels that a byte of a file can stand for at most.
+///
+/// Deflate reaches 1032 bytes per byte (zlib's technical details), and a PNG has one bit per pixel at least. A JPEG spends
+/// a bit on the mean of every block of 8x8 pixels. WebP can say "all of it is grey" in a few bytes.
+fn most_pixels_per_byte(format: Option<image::ImageFormat>) -> u64 {
+    match format {
+        Some(image::ImageFormat::Png) => 1032 * 8,
+        Some(image::ImageFormat::Jpeg) => 64 * 8,
+        _ => u64::MAX,
+    }
 }
 
 const JPEG_START: [u8; 2] = [0xff, 0xd8];
@@ -350,7 +397,7 @@ mod tests {
         let mut picture = ramp(UVec2::new(9, 5));
         picture.save_png(&path).unwrap();
         assert_eq!(Pixels::load(&path).unwrap(), picture);
-        assert_eq!(Pixels::size_of(&path).unwrap(), picture.size);
+        assert_eq!(Pixels::size_of(&path, &Limits::DEFAULT).unwrap(), picture.size);
         picture.alpha = Some((0..45).collect());
         picture.save_png(&path).unwrap();
         assert_eq!(Pixels::load(&path).unwrap(), picture);
@@ -384,17 +431,95 @@ mod tests {
         for (format, whole) in encoded() {
             std::fs::write(&path, &whole).unwrap();
             assert_eq!(Pixels::load(&path).unwrap().size, UVec2::new(32, 24), "{format}");
-            assert_eq!(Pixels::size_of(&path).unwrap(), UVec2::new(32, 24), "{format}");
+            assert_eq!(Pixels::size_of(&path, &Limits::DEFAULT).unwrap(), UVec2::new(32, 24), "{format}");
             // The last chunk of a PNG holds nothing: without it no pixel is lost.
             let needed = whole.len() - if format == "png" { PNG_END.len() } else { 0 };
             for len in (0..needed).step_by(37).chain([needed - 1]) {
                 std::fs::write(&path, &whole[..len]).unwrap();
                 assert!(Pixels::load(&path).is_err(), "{format} cut at {len} was read");
-                assert!(Pixels::size_of(&path).is_err(), "{format} cut at {len} passed for whole");
+                assert!(
+                    Pixels::size_of(&path, &Limits::DEFAULT).is_err(),
+                    "{format} cut at {len} passed for whole"
+                );
             }
             // Phones append a film, an editor its own data.
             std::fs::write(&path, [whole.as_slice(), b"something else"].concat()).unwrap();
-            assert!(Pixels::load(&path).is_ok() && Pixels::size_of(&path).is_ok(), "{format}");
+            assert!(
+                Pixels::load(&path).is_ok() && Pixels::size_of(&path, &Limits::DEFAULT).is_ok(),
+                "{format}"
+            );
+        }
+    }
+
+    /// A PNG whose header claims a size, with one row of pixels or none behind it.
+    fn claiming(width: u32, height: u32, data: &[u8]) -> Vec<u8> {
+        let mut png = b"\x89PNG\r\n\x1a\n".to_vec();
+        let header = [&width.to_be_bytes()[..], &height.to_be_bytes(), &[8, 2, 0, 0, 0]].concat();
+        for (name, data) in [(b"IHDR", header.as_slice()), (b"IDAT", data), (b"IEND", &[])] {
+            let body = [&name[..], data].concat();
+            png.extend((data.len() as u32).to_be_bytes());
+            png.extend(&body);
+            png.extend(crc32(&body).to_be_bytes());
+        }
+        png
+    }
+
+    fn crc32(bytes: &[u8]) -> u32 {
+        !bytes.iter().fold(!0u32, |crc, byte| {
+            (0..8)
+                .fold(crc ^ u32::from(*byte), |crc, _| (crc >> 1) ^ (0xedb8_8320 & (crc & 1).wrapping_neg()))
+        })
+    }
+
+    #[test]
+    fn a_png_of_57_bytes_that_claims_50000_squared_is_refused_by_its_header() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("picture.png");
+        let errors = |bytes: &[u8], limits: &Limits| {
+            std::fs::write(&path, bytes).unwrap();
+            let all = [
+                Pixels::size_of(&path, limits).unwrap_err(),
+                Pixels::load_within(&path, limits).unwrap_err(),
+                Pixels::load_mask(&path, limits).unwrap_err(),
+            ];
+            all.map(|error| error.to_string())
+        };
+        let png = claiming(50_000, 50_000, &[]);
+        assert_eq!(png.len(), 57);
+        for message in errors(&png, &Limits::DEFAULT) {
+            assert!(
+                message.contains("picture.png: 2500000000 pixels") && message.contains("`limit`"),
+                "{message}"
+            );
+        }
+        // Within the limit, but not within the file.
+        for message in errors(&claiming(16_000, 16_000, &[]), &Limits::DEFAULT) {
+            assert!(message.contains("claims 16000x16000 px, which 57 bytes cannot hold"), "{message}");
+        }
+        let small = Limits { picture_side: 31, ..Limits::DEFAULT };
+        for (format, bytes) in encoded() {
+            for message in errors(&bytes, &small) {
+                assert!(message.contains("picture_side=32"), "{format}: {message}");
+            }
+        }
+    }
+
+    #[test]
+    fn no_real_picture_has_more_pixels_per_byte_than_its_format_can_hold() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("picture.any");
+        let size = UVec2::splat(2048);
+        let black = vec![0u8; 3 * area(size)];
+        let mut jpeg = Vec::new();
+        let mut encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 1);
+        encoder.encode(&black, size.x, size.y, image::ExtendedColorType::Rgb8).unwrap();
+        let grey = image::GrayImage::new(size.x, size.y);
+        let mut png = Cursor::new(Vec::new());
+        grey.write_to(&mut png, image::ImageFormat::Png).unwrap();
+        for bytes in [jpeg, png.into_inner()] {
+            std::fs::write(&path, bytes).unwrap();
+            assert_eq!(Pixels::size_of(&path, &Limits::DEFAULT).unwrap(), size);
+            assert_eq!(Pixels::load(&path).unwrap().size, size);
         }
     }
 }

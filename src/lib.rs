@@ -63,7 +63,9 @@ pub mod formats;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod image;
+pub mod input;
 pub mod kernel;
+pub mod limits;
 pub mod math;
 pub mod mesh;
 pub mod placed;
@@ -84,6 +86,7 @@ pub use camera::Camera;
 pub use dataset::{Dataset, DatasetOptions};
 pub use error::{Error, Result};
 pub use formats::{OutputOptions, ReadOptions, read, write};
+pub use limits::Limits;
 pub use mesh::Mesh;
 pub use report::Report;
 pub use scene::{Loaded, Scene};

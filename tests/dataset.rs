@@ -643,7 +643,10 @@ fn every_cut_and_every_flipped_byte_of_a_binary_model_is_survived() {
                 std::fs::write(&file, &spoilt).unwrap();
                 // Either it still is a data set, and then a valid one, or it says what is wrong.
                 if let Ok(dataset) = Dataset::load(folder.path(), &DatasetOptions::default()) {
-                    assert!(dataset.views.iter().all(|v| v.camera.validate().is_ok()), "{name} {at}");
+                    assert!(
+                        dataset.views.iter().all(|v| v.camera.validate(&trisplat::Limits::DEFAULT).is_ok()),
+                        "{name} {at}"
+                    );
                     assert!(dataset.points.iter().all(|p| p.position.is_finite()), "{name} {at}");
                 }
             }

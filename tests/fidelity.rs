@@ -290,7 +290,7 @@ fn a_made_data_set_can_be_read() {
 fn a_soup_of_a_far_world_is_drawn_where_its_file_says() {
     use trisplat::asset::{Placement, UpAxis};
     use trisplat::formats::{self, ReadOptions};
-    let loaded = formats::read(&sample("soups/studio.ply"), &ReadOptions { sh_degree: 3 }).unwrap();
+    let loaded = formats::read(&sample("soups/studio.ply"), &ReadOptions::with_degree(3)).unwrap();
     let trisplat::scene::Scene::Soup(soup) = loaded.scene else { panic!("the sample is a soup") };
     let mut dataset = Dataset::load(&sample("dataset"), &DatasetOptions::default()).unwrap();
     let camera = dataset.views[0].camera;

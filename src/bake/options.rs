@@ -151,6 +151,7 @@ impl BakeOptions {
 
     /// Checks the ranges that need no scene; stages check the rest.
     pub fn validate(&self) -> Result<()> {
+        self.prune.validate()?;
         self.lod.validate()?;
         self.tiles.validate()?;
         if self.tiles.tiles && !self.lod.lod.is_empty() {

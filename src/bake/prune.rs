@@ -55,6 +55,23 @@ impl PruneOptions {
         Self { min_opacity: 0.014, max_sigma: 10.0, max_edge: 0.0, max_triangles: None };
     /// Spends no bytes on what is hardly seen.
     pub const SMALL: Self = Self { min_opacity: 0.05, max_sigma: 5.0, ..Self::DEFAULT };
+
+    /// Checks the ranges.
+    pub fn validate(&self) -> Result<()> {
+        if !(0.0..=1.0).contains(&self.min_opacity) {
+            return Err(Error::invalid("min_opacity", self.min_opacity, "a number from 0 to 1"));
+        }
+        if !(self.max_sigma >= 0.0) {
+            return Err(Error::invalid("max_sigma", self.max_sigma, "0 or more"));
+        }
+        if !(self.max_edge >= 0.0) {
+            return Err(Error::invalid("max_edge", self.max_edge, "0 or more"));
+        }
+        if self.max_triangles == Some(0) {
+            return Err(Error::invalid("max_triangles", 0, "1 or more; leave it out to keep all"));
+        }
+        Ok(())
+    }
 }
 
 impl Default for PruneOptions {
@@ -92,7 +109,7 @@ impl StageDetails for PruneDetails {
 ///
 /// Errors: an option out of range; nothing left.
 pub fn prune(scene: &mut Scene, options: &PruneOptions, details: &mut PruneDetails) -> Result<Outcome<()>> {
-    check(options)?;
+    options.validate()?;
     let verdicts = match &*scene {
         Scene::Soup(soup) => classify(soup.len(), |i| soup_face(soup, i), options),
         Scene::Mesh(mesh) => classify(mesh.face_count(), |i| mesh_face(mesh, i), options),
@@ -324,22 +341,6 @@ fn count(verdicts: &[Verdict]) -> [usize; 7] {
         counts[verdict as usize] += 1;
     }
     counts
-}
-
-fn check(options: &PruneOptions) -> Result<()> {
-    if !(0.0..=1.0).contains(&options.min_opacity) {
-        return Err(Error::invalid("min_opacity", options.min_opacity, "a number from 0 to 1"));
-    }
-    if !(options.max_sigma >= 0.0) {
-        return Err(Error::invalid("max_sigma", options.max_sigma, "0 or more"));
-    }
-    if !(options.max_edge >= 0.0) {
-        return Err(Error::invalid("max_edge", options.max_edge, "0 or more"));
-    }
-    if options.max_triangles == Some(0) {
-        return Err(Error::invalid("max_triangles", 0, "1 or more; leave it out to keep all"));
-    }
-    Ok(())
 }
 
 /// Names the rule that dropped most and what to do about it.

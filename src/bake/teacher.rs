@@ -159,7 +159,17 @@ fn within_budget(cameras: Vec<Camera>) -> Vec<Camera> {
     }
     let share = MOST_PIXELS as f64 / pixels as f64;
     let count = ((cameras.len() as f64 * share) as usize).max(1);
-    (0..count).map(|i| cameras[i * cameras.len() / count]).collect()
+    (0..count).map(|i| no_larger(&cameras[i * cameras.len() / count])).collect()
+}
+
+/// The camera, with a smaller picture where one of its own size would alone be too large.
+fn no_larger(camera: &Camera) -> Camera {
+    let pixels = u64::from(camera.size.x) * u64::from(camera.size.y);
+    if pixels <= MOST_PIXELS {
+        return *camera;
+    }
+    let ratio = (MOST_PIXELS as f64 / pixels as f64).sqrt();
+    camera.resized((camera.size.as_dvec2() * ratio).floor().as_uvec2().max(UVec2::ONE))
 }
 
 /// True when nothing is lost by making the triangles of `soup` solid: nearly all of their area is opaque.

@@ -12,15 +12,44 @@ use rayon::prelude::*;
 pub const LEAST_PHOTOS: u8 = 2;
 /// What is in front of a point by less than this share of its depth does not hide it.
 pub const DEPTH_TOLERANCE: f32 = 0.02;
+/// A depth and a count.
+const BYTES_PER_PIXEL: u64 = 5;
 
 /// True for the pixels of each of `views` that show what at least [`LEAST_PHOTOS`] of `training` see; a photo does not
 /// count for itself. `[views][H * W]`
 ///
 /// `depth` draws the scene for a camera: the depth z of its surface at every pixel, 0 where there is none. `[H * W]`
+/// The depths of the views take at most `max_bytes`, or those of one view: where all of them take more, the photos are
+/// drawn once for every group of views that fits.
 pub fn covered(
     views: &[&View],
     training: &[&View],
+    max_bytes: u64,
     mut depth: impl FnMut(&Camera) -> Vec<f32>,
+) -> Vec<Vec<bool>> {
+    let mut all = Vec::with_capacity(views.len());
+    while all.len() < views.len() {
+        let left = &views[all.len()..];
+        let group = &left[..fitting(left, max_bytes)];
+        all.extend(covered_together(group, training, &mut depth));
+    }
+    all
+}
+
+/// How many of `views` fit together, at least one.
+fn fitting(views: &[&View], max_bytes: u64) -> usize {
+    let mut bytes = 0;
+    let fits = |view: &&&View| {
+        bytes += BYTES_PER_PIXEL * u64::from(view.camera.size.x) * u64::from(view.camera.size.y);
+        bytes <= max_bytes
+    };
+    views.iter().take_while(fits).count().max(1)
+}
+
+fn covered_together(
+    views: &[&View],
+    training: &[&View],
+    depth: &mut impl FnMut(&Camera) -> Vec<f32>,
 ) -> Vec<Vec<bool>> {
     let depths: Vec<Vec<f32>> = views.iter().map(|view| depth(&view.camera)).collect();
     let mut seen_by: Vec<Vec<u8>> = depths.iter().map(|depths| vec![0; depths.len()]).collect();
@@ -123,13 +152,17 @@ mod tests {
         let photos = [view("a", camera(Vec3::X)), view("b", camera(Vec3::X * 0.5))];
         let photos: Vec<&View> = photos.iter().collect();
         // The held-out view shows x from -1 to 1, photo a from 0 to 2, photo b from -0.5 to 1.5.
-        let seen = covered(&held_out, &photos, wall(f32::NEG_INFINITY));
+        let seen = covered(&held_out, &photos, u64::MAX, wall(f32::NEG_INFINITY));
         assert_eq!(share(&seen[0]), 0.5);
         assert!(seen[0].iter().enumerate().all(|(i, c)| *c == (i % 100 >= 50)));
-        assert_eq!(share(&covered(&held_out, &photos[..1], wall(f32::NEG_INFINITY))[0]), 0.0, "one only");
+        assert_eq!(
+            share(&covered(&held_out, &photos[..1], u64::MAX, wall(f32::NEG_INFINITY))[0]),
+            0.0,
+            "one only"
+        );
         // The held-out view shows a screen that ends at x = 0.1 on the left of its column 60, of which photo a has
         // nothing and photo b only the end in view.
-        let seen = covered(&held_out, &photos, wall(0.1));
+        let seen = covered(&held_out, &photos, u64::MAX, wall(0.1));
         let columns: Vec<usize> = (0..100).filter(|x| seen[0][*x]).collect();
         assert_eq!(columns, (60..100).collect::<Vec<_>>());
     }
@@ -140,11 +173,12 @@ mod tests {
         let held_out = [view("held out", camera(Vec3::X))];
         let photos = [view("a", camera(Vec3::ZERO)), view("b", camera(Vec3::NEG_X * 0.5))];
         let [held_out, photos] = [held_out.iter().collect::<Vec<_>>(), photos.iter().collect::<Vec<_>>()];
-        let seen = covered(&held_out, &photos, wall(0.1));
+        let seen = covered(&held_out, &photos, u64::MAX, wall(0.1));
         // Photo b shows the wall up to x = 0.5, all of it behind the screen's end.
         assert_eq!(share(&seen[0]), 0.0);
         let same = [photos[0], photos[0]];
-        let columns: Vec<usize> = (0..100).filter(|x| covered(&held_out, &same, wall(0.1))[0][*x]).collect();
+        let columns: Vec<usize> =
+            (0..100).filter(|x| covered(&held_out, &same, u64::MAX, wall(0.1))[0][*x]).collect();
         // x from 0.2 to 1 in columns of 0.02, of which the first is at x = 0.
         assert_eq!(columns, (10..50).collect::<Vec<_>>());
     }
@@ -153,7 +187,14 @@ mod tests {
     fn a_photo_does_not_count_for_itself() {
         let photos = [view("a", camera(Vec3::ZERO)), view("b", camera(Vec3::ZERO))];
         let photos: Vec<&View> = photos.iter().collect();
-        let seen = covered(&photos, &photos, wall(f32::NEG_INFINITY));
+        // In groups of one view the pixels are the same.
+        for bytes in [0, 5000, 9999] {
+            assert_eq!(
+                covered(&photos, &photos, bytes, wall(0.1)),
+                covered(&photos, &photos, u64::MAX, wall(0.1))
+            );
+        }
+        let seen = covered(&photos, &photos, u64::MAX, wall(f32::NEG_INFINITY));
         assert_eq!(share(&seen[0]), 0.0);
     }
 
@@ -176,7 +217,7 @@ mod tests {
         let depth = |camera: &Camera| -> Vec<f32> {
             pixels(camera).into_iter().map(|(x, y)| ray(camera, x, y).distance as f32).collect()
         };
-        let seen = covered(&held_out, &training, depth);
+        let seen = covered(&held_out, &training, u64::MAX, depth);
         let sees = |camera: &Camera, point: DVec3| {
             let q = camera.rotation.as_dmat3() * point + camera.translation.as_dvec3();
             let at = q.truncate() / q.z * camera.focal.as_dvec2() + camera.center.as_dvec2();

@@ -114,7 +114,7 @@ pub fn evaluate(
     mut on_view: impl FnMut(&View, &Pixels, &[ScoredPicture]) -> Result<()>,
 ) -> Result<Vec<StepScore>> {
     for step in &*steps {
-        views.iter().try_for_each(|view| step.renderer.validate(view.camera.size))?;
+        views.iter().try_for_each(|view| step.renderer.validate(view.camera.size, &view.photo.limits))?;
     }
     let mut photos = Photos::new(views.iter().map(|v| v.photo.clone()).collect(), photo_bytes);
     photos.prefetch(0..views.len());

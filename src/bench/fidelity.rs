@@ -169,7 +169,7 @@ pub fn run(
     bench.best = score.mean.psnr;
     let mut rows = vec![bench.row(&score, "", 1, 0.0)];
     rows.iter().for_each(&mut *on_row);
-    let mut flat = formats::read(&soups.soup, &ReadOptions { sh_degree: 0 })?;
+    let mut flat = formats::read(&soups.soup, &ReadOptions::with_degree(0))?;
     // A soup by another trainer comes without cameras: the plain bake knows nothing of photos.
     flat.cameras.clear();
     let mut seen = 0;
@@ -256,7 +256,7 @@ struct FidelityBench<'a> {
 impl FidelityBench<'_> {
     /// A soup as it was trained.
     fn soft(&self, path: &Path) -> Result<EvalStep> {
-        let loaded = formats::read(path, &ReadOptions { sh_degree: 3 })?;
+        let loaded = formats::read(path, &ReadOptions::with_degree(3))?;
         let Scene::Soup(soup) = loaded.scene else { return Err(no_soup(path)) };
         let triangles = soup.len() as u64;
         let bytes = std::fs::metadata(path).ok().map(|m| m.len());

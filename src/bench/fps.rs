@@ -192,7 +192,7 @@ fn flythrough(args: &FpsArgs, triangles: Option<usize>) -> Result<Flythrough> {
     let (name, loaded) = match (&args.file, triangles) {
         (Some(file), _) => {
             let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            (name, formats::read(file, &ReadOptions { sh_degree: 0 })?)
+            (name, formats::read(file, &ReadOptions::with_degree(0))?)
         }
         (None, count) => {
             let soup = scenes::soup(SampleScene::Studio, count.unwrap_or(100_000), 1);

@@ -5,6 +5,7 @@ use crate::camera::Camera;
 use crate::dataset::Dataset;
 use crate::error::{Error, Result};
 use crate::image::Pixels;
+use crate::limits::Limits;
 use crate::mesh::Mesh;
 use crate::raster::soft::{Frame, Soft, SoftOptions, SoupRef};
 use crate::raster::solid::{NO_FACE, Solid, SolidRasterOptions};
@@ -120,8 +121,9 @@ impl SceneRenderer {
         Self::Solid(Box::new(SolidScene { mesh, options, solid: Solid::new(), frame: Frame::default() }))
     }
 
-    /// Checks that a picture of `size` can be drawn.
-    pub fn validate(&self, size: UVec2) -> Result<()> {
+    /// Checks that a picture of `size` can be drawn, and that it is within `limits`.
+    pub fn validate(&self, size: UVec2, limits: &Limits) -> Result<()> {
+        limits.camera("camera", size)?;
         match self {
             Self::Soft(_) => Ok(()),
             Self::Solid(scene) => scene.options.validate(size),

@@ -363,7 +363,7 @@ mod tests {
     #[test]
     fn the_viewpoint_looks_at_the_stage_from_above() {
         let camera = viewpoint(UVec2::new(960, 540));
-        camera.validate().unwrap();
+        camera.validate(&crate::limits::Limits::DEFAULT).unwrap();
         assert!(camera.position().y < -1.0);
         let seen = camera.rotation * vec3(0.0, -0.35, 0.1) + camera.translation;
         assert!(seen.z > 1.0 && seen.truncate().length() < 1e-5);

@@ -87,7 +87,7 @@ pub fn reread(asset: &Asset, options: &OutputOptions) -> Result<(Asset, u64)> {
     let output = Output::plan(&path, None, options, false)?;
     let mut report = Report::default();
     output::write(asset, &output, output.start()?, options, &mut report, &mut ())?;
-    let Loaded { scene, provenance, .. } = formats::read(&path, &ReadOptions { sh_degree: 0 })?;
+    let Loaded { scene, provenance, .. } = formats::read(&path, &ReadOptions::with_degree(0))?;
     let Scene::Mesh(mesh) = scene else { return Err(no_soup(&path)) };
     let bytes = report.outputs.iter().map(|file| file.bytes).sum();
     Ok((Asset { mesh, provenance, ..Asset::default() }, bytes))

@@ -131,7 +131,7 @@ fn scenes(
     let dataset = photos(args, report)?;
     dataset.as_ref().map_or(Ok(()), |dataset| outputs.spare_photos(dataset))?;
     let views = dataset.as_ref().map(|dataset| Views::new(dataset, &args.dataset_options));
-    let inputs = read_all(&args.inputs, sh_degree(args, options))?;
+    let inputs = read_all(&args.inputs, &args.dataset_options.read_options(sh_degree(args, options)))?;
     if !args.harden.harden {
         return Ok((inputs, views));
     }
@@ -160,7 +160,8 @@ fn photos(args: &BakeArgs, report: &mut Report) -> Result<Option<Dataset>> {
 
 /// Preset, then config file, then the flags really typed.
 fn resolve(args: &BakeArgs, matches: &ArgMatches) -> Result<BakeOptions> {
-    let layers = Layers { config: args.config.as_deref(), sets: &[], typed: &args.options, matches };
+    let (config, limits) = (args.config.as_deref(), &args.dataset_options.limits);
+    let layers = Layers { config, limits, sets: &[], typed: &args.options, matches };
     let mut options = layers.resolve(args.options.preset, BakeOptions::preset)?;
     let format = args.format.map_or_else(|| OutputFormat::of(&args.output), Ok)?;
     if options.tiles.tiles && format != OutputFormat::Tiles {
@@ -188,11 +189,10 @@ fn sh_degree(args: &BakeArgs, options: &BakeOptions) -> u8 {
     if teaches || args.harden.harden { 3 } else { 0 }
 }
 
-/// Reads every input, with colours up to `sh_degree`. Readers run one after the other, so that memory holds one file's
-/// spare buffers at a time.
-fn read_all(inputs: &[PathBuf], sh_degree: u8) -> Result<Vec<Loaded>> {
+/// Reads every input. Readers run one after the other, so that memory holds one file's spare buffers at a time.
+fn read_all(inputs: &[PathBuf], options: &ReadOptions) -> Result<Vec<Loaded>> {
     if inputs.iter().filter(|p| p.as_os_str() == "-").count() > 1 {
         return Err(Error::invalid("IN", "- -", "standard input once"));
     }
-    inputs.iter().map(|path| formats::read(path, &ReadOptions { sh_degree })).collect()
+    inputs.iter().map(|path| formats::read(path, options)).collect()
 }

@@ -1,10 +1,10 @@
 //! `trisplat eval FILE DATASET`: PSNR, SSIM and FLIP against the photos.
 
 use super::Global;
-use super::files;
 use super::outputs::Outputs;
 use super::pictures::Pictures;
 use super::progress::{Progress, thousands};
+use super::{files, messages};
 use crate::bench::contact_sheet::{ContactSheet, is_shown};
 use crate::bench::coverage;
 use crate::bench::evaluate::{self, EvalReport, ScoredPicture, Scores, StepScore};
@@ -12,7 +12,7 @@ use crate::bench::scene_renderer::RenderOptions;
 use crate::bench::steps::{self, EvalStep};
 use crate::dataset::{Dataset, DatasetOptions, Split, View};
 use crate::error::{Error, Result};
-use crate::formats::{self, ReadOptions};
+use crate::formats;
 use crate::image::Pixels;
 use crate::view::show;
 use std::io::Write;
@@ -76,7 +76,7 @@ pub fn run(args: &EvalArgs, global: &Global, out: &mut dyn Write) -> Result<()> 
         let split = args.split.name();
         return Err(Error::invalid("--split", split, "a part that holds photos: train or all"));
     }
-    let loaded = formats::read(&args.file, &ReadOptions { sh_degree: 3 })?;
+    let loaded = formats::read(&args.file, &args.dataset_options.read_options(3))?;
     let mut warnings = [dataset.warnings.clone(), loaded.warnings.clone()].concat();
     if views.iter().any(|view| view.photo.mask.is_some()) {
         warnings.push("masked pixels were left out of the scores".into());
@@ -113,7 +113,9 @@ fn covered(args: &EvalArgs, dataset: &Dataset, views: &[&View], steps: &mut [Eva
     match steps.first_mut().filter(|_| !args.no_coverage) {
         Some(step) => {
             let training: Vec<&View> = dataset.train().collect();
-            coverage::covered(views, &training, |camera| step.renderer.surface_depth(camera))
+            coverage::covered(views, &training, args.dataset_options.photo_bytes(), |camera| {
+                step.renderer.surface_depth(camera)
+            })
         }
         None => Vec::new(),
     }
@@ -136,7 +138,7 @@ impl Table {
     }
 
     fn line(&self, out: &mut dyn Write, text: &str) -> Result<()> {
-        writeln!(out, "{}", text.trim_end()).and_then(|()| out.flush()).map_err(|e| Error::io("-", e))
+        messages::write(out, text.trim_end()).and_then(|()| out.flush()).map_err(|e| Error::io("-", e))
     }
 
     fn row(&self, out: &mut dyn Write, name: &str, step: &str, scores: &Scores, remark: &str) -> Result<()> {

@@ -1,7 +1,10 @@
 //! Flags of all commands.
 
+use crate::error::Result;
+use crate::limits::Limits;
+
 /// Flags every command takes.
-#[derive(Debug, Clone, clap::Args)]
+#[derive(Debug, Clone, Default, clap::Args)]
 #[command(next_help_heading = "Everywhere")]
 pub struct Global {
     /// Print errors only.
@@ -10,7 +13,41 @@ pub struct Global {
     /// Print every figure of every stage.
     #[arg(short, long, global = true)]
     pub verbose: bool,
-    /// Worker threads; 0 = one per core. The output is the same bytes for any number.
-    #[arg(long, global = true, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=1024))]
+    /// Worker threads, at most four per core; 0 = one per core. The output is the same bytes for any number.
+    #[arg(long, global = true, default_value_t = 0, value_name = "N")]
     pub threads: u16,
+    /// Lift or lower a limit on what is read, as in triangles=100000000; may be given often. The keys: picture_side,
+    /// picture_pixels, camera_pixels, triangles, vertices, file_bytes, document_bytes, array_bytes, nodes, nesting,
+    /// threads_per_core.
+    #[arg(long, global = true, value_name = "KEY=VALUE")]
+    pub limit: Vec<String>,
+    /// Read files that a data set or a glTF document names outside of its own folder.
+    #[arg(long, global = true)]
+    pub allow_outside: bool,
+}
+
+impl Global {
+    /// The limits, with those lifted that `--limit` names. Errors: no such limit.
+    pub fn limits(&self) -> Result<Limits> {
+        let mut limits = Limits::DEFAULT;
+        self.limit.iter().try_for_each(|setting| limits.set(setting))?;
+        Ok(limits)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Args;
+
+    #[test]
+    fn the_help_lists_every_limit() {
+        let command = Global::augment_args(clap::Command::new("trisplat"));
+        let help = command.get_arguments().find(|a| a.get_id() == "limit").and_then(|a| a.get_help());
+        let help = help.map(ToString::to_string).unwrap_or_default();
+        let keys = serde_json::to_value(Limits::DEFAULT).unwrap();
+        for key in keys.as_object().unwrap().keys() {
+            assert!(help.contains(key.as_str()), "{key}: {help}");
+        }
+    }
 }

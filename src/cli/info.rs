@@ -1,7 +1,7 @@
 //! `trisplat info FILE`: what is in a file of any format, or in a data set.
 
 use super::progress::thousands;
-use super::{files, info_dataset};
+use super::{files, info_dataset, messages};
 use crate::bake::prune::{PruneDetails, PruneOptions, prune};
 use crate::bake::solid::SolidOptions;
 use crate::bake::teacher::softness;
@@ -33,7 +33,7 @@ pub fn run(args: &InfoArgs, out: &mut dyn Write) -> Result<()> {
     if info_dataset::is_dataset(&args.input) {
         return info_dataset::run(&args.input, &args.dataset_options, args.json, out);
     }
-    let (mut info, loaded) = info(&args.input)?;
+    let (mut info, loaded) = info(&args.input, &args.dataset_options.read_options(3))?;
     info.softness = softness(&loaded, &SolidOptions::DEFAULT).ok().flatten();
     info.bake = would_bake(loaded);
     let printed = if args.json { files::print_json(&info, out) } else { print(&info, out) };
@@ -55,7 +55,7 @@ fn would_bake(loaded: Loaded) -> Option<BakeInfo> {
 }
 
 fn print(info: &Info, out: &mut dyn Write) -> io::Result<()> {
-    writeln!(out, "{}: {}, {} bytes", info.path, info.format.name(), thousands(info.bytes))?;
+    messages::write(out, &format!("{}: {}, {} bytes", info.path, info.format.name(), thousands(info.bytes)))?;
     let kind = match (info.kind, info.sh_degree) {
         (SceneKind::Soup, Some(degree)) => format!("soup, spherical harmonics of degree {degree}"),
         (SceneKind::Soup, None) => "soup".to_owned(),
@@ -168,5 +168,5 @@ fn print_spread(out: &mut dyn Write, name: &str, spread: &Distribution) -> io::R
 }
 
 fn line(out: &mut dyn Write, name: &str, value: &str) -> io::Result<()> {
-    writeln!(out, "{name:<10} {value}")
+    messages::write(out, &format!("{name:<10} {value}"))
 }

@@ -1,5 +1,6 @@
 //! `trisplat info DATASET`: cameras, sizes, points, how well they fit, and what is odd.
 
+use super::messages;
 use super::progress::thousands;
 use crate::dataset::{Dataset, DatasetOptions, Description, describe};
 use crate::error::{Error, Result};
@@ -66,5 +67,5 @@ pub fn table(d: &Description) -> String {
         rows.push(("origin", format!("{x} {y} {z} is taken off every position")));
     }
     rows.extend(d.warnings.iter().map(|warning| ("warning", warning.clone())));
-    rows.iter().map(|(name, value)| format!("{name:<10}{value}\n")).collect()
+    rows.iter().map(|(name, value)| format!("{name:<10}{}\n", messages::visible(value))).collect()
 }

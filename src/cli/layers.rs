@@ -4,6 +4,8 @@
 //! it was typed ([`clap::ArgMatches::value_source`]), not what it says.
 
 use crate::error::{Error, Result};
+use crate::input;
+use crate::limits::Limits;
 use clap::ArgMatches;
 use clap::parser::ValueSource;
 use serde::Serialize;
@@ -20,8 +22,8 @@ pub struct Config {
 impl Config {
     /// Reads `path` and checks that it holds only keys and types of `T`; a misspelt key is an error
     /// that lists the right ones. `$schema` is allowed and ignored.
-    pub fn read<T: DeserializeOwned>(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
+    pub fn read<T: DeserializeOwned>(path: &Path, limits: &Limits) -> Result<Self> {
+        let text = input::read_text(path, limits)?;
         let broken = |e: serde_json::Error| {
             let reason = e.to_string();
             // Keys of the file are no flags: see `flags::spell`.
@@ -47,6 +49,8 @@ impl Config {
 pub struct Layers<'a, T> {
     /// The config file, if any.
     pub config: Option<&'a Path>,
+    /// How much of it is read.
+    pub limits: &'a Limits,
     /// `KEY=VALUE` settings, which win over the config file.
     pub sets: &'a [String],
     /// The options as clap parsed them; only those really typed count, and win over everything.
@@ -65,7 +69,7 @@ impl<T: Serialize + DeserializeOwned> Layers<'_, T> {
         typed_preset: P,
         options_of: impl Fn(P) -> T,
     ) -> Result<T> {
-        let config = self.config.map(Config::read::<T>).transpose()?;
+        let config = self.config.map(|path| Config::read::<T>(path, self.limits)).transpose()?;
         let preset = if is_typed(self.matches, "preset") {
             typed_preset
         } else {

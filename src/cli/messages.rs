@@ -1,16 +1,45 @@
-//! Lines on standard error. "error" and "warning" are coloured as clap colours its own: on a terminal, unless the
+//! Lines on standard error and standard output: the one place where text that may come from a file is printed. A control
+//! character in it is shown, not obeyed, so that a name can neither forge a line nor reach the terminal.
+//!
+//! "error" and "warning" are coloured as clap colours its own: on a terminal, unless the
 //! environment says otherwise (`NO_COLOR`, `CLICOLOR`, `CLICOLOR_FORCE`, `TERM=dumb`).
 
 use anstyle::{AnsiColor, Style};
-use std::io::Write;
+use std::borrow::Cow;
+use std::fmt::Write as _;
+use std::io::{self, Write};
 
 const ERROR: Style = AnsiColor::Red.on_default().bold();
 const WARNING: Style = AnsiColor::Yellow.on_default().bold();
 
-/// Prints a line; a leading "error:" or "warning:" is coloured.
+/// Prints a line on standard error; a leading "error:" or "warning:" is coloured.
 pub fn print(text: &str) {
     // Nobody may read it any more (`2>&1 | head`), and that is no reason to end the work.
-    let _ = writeln!(anstream::stderr(), "{}", styled(text));
+    let _ = writeln!(anstream::stderr(), "{}", styled(&visible(text)));
+}
+
+/// Writes a line of a table.
+pub fn write(out: &mut dyn Write, text: &str) -> io::Result<()> {
+    writeln!(out, "{}", visible(text))
+}
+
+/// `text` with its control characters, line breaks among them, and what turns the direction of writing as `\n` or `\u{1b}`.
+pub fn visible(text: &str) -> Cow<'_, str> {
+    if !text.contains(is_hidden) {
+        return Cow::Borrowed(text);
+    }
+    let mut shown = String::with_capacity(text.len() + 8);
+    for c in text.chars() {
+        // Writing to a string does not fail.
+        let _ = if is_hidden(c) { write!(shown, "{}", c.escape_default()) } else { shown.write_char(c) };
+    }
+    Cow::Owned(shown)
+}
+
+/// Control characters (Unicode's category Cc), line and paragraph separators, and the marks of bidirectional text.
+fn is_hidden(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{200e}' | '\u{200f}' | '\u{61c}')
 }
 
 /// The line with its colours, whatever it is printed on.
@@ -26,6 +55,17 @@ fn styled(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_would_reach_the_terminal_is_shown() {
+        assert_eq!(visible("größe 写真.jpg, 60% \\n"), "größe 写真.jpg, 60% \\n");
+        assert_eq!(visible("a\nerror: b\r\t\0"), "a\\nerror: b\\r\\t\\u{0}");
+        assert_eq!(visible("\u{1b}[31m\u{9b}2J\u{7f}"), "\\u{1b}[31m\\u{9b}2J\\u{7f}");
+        assert_eq!(visible("gpj.\u{202e}exe\u{2028}"), "gpj.\\u{202e}exe\\u{2028}");
+        let mut out = Vec::new();
+        write(&mut out, "photo\nerror: forged").expect("memory");
+        assert_eq!(out, b"photo\\nerror: forged\n");
+    }
 
     #[test]
     fn the_first_word_is_coloured_and_nothing_else() {

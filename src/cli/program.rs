@@ -8,7 +8,10 @@ use super::{
     Global, bake, bench, completions, eval, flags, info, man, messages, render, sample, schema, signals,
     stdout::Stdout, train, train_args, validate,
 };
+use crate::dataset::DatasetOptions;
 use crate::error::{Error, Result};
+use crate::formats::ReadOptions;
+use crate::limits::Limits;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -66,7 +69,7 @@ pub fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(error) => error.exit(),
     };
-    match run(&cli, &matches) {
+    match run(cli, &matches) {
         Ok(code) => code,
         Err(error) => {
             let command = flags::innermost(&program, &matches);
@@ -76,11 +79,12 @@ pub fn main() -> ExitCode {
     }
 }
 
-fn run(cli: &Cli, matches: &ArgMatches) -> Result<ExitCode> {
-    let threads = usize::from(cli.global.threads);
-    rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().map_err(|e| {
-        Error::invalid("--threads", threads, format!("a number that the system can start ({e})"))
-    })?;
+fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
+    let limits = cli.global.limits()?;
+    start_threads(&cli.global, &limits)?;
+    if let Some(options) = dataset_options(&mut cli.command) {
+        (options.limits, options.allow_outside) = (limits, cli.global.allow_outside);
+    }
     let typed = matches.subcommand().map_or(matches, |(_, typed)| typed);
     let out = &mut Stdout;
     match &cli.command {
@@ -94,11 +98,51 @@ fn run(cli: &Cli, matches: &ArgMatches) -> Result<ExitCode> {
         Command::View(_) => Err(missing::error("view")),
         Command::Bench(args) => bench::run(args, &cli.global),
         Command::Info(args) => info::run(args, out),
-        Command::Validate(args) => validate::run(args, out),
+        Command::Validate(args) => {
+            let options =
+                ReadOptions { limits, allow_outside: cli.global.allow_outside, ..ReadOptions::default() };
+            validate::run(args, &options, out)
+        }
         Command::Sample(args) => sample::run(args),
         Command::Schema(args) => schema::run(args),
         Command::Completions(args) => completions::run(args, &mut Cli::command()),
         Command::Man(args) => man::run(args, Cli::command()),
     }?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// How the command reads data sets, and scenes: with the limits and the trust that the flags of all commands say.
+fn dataset_options(command: &mut Command) -> Option<&mut DatasetOptions> {
+    match command {
+        Command::Bake(args) => Some(&mut args.dataset_options),
+        Command::Train(args) => Some(&mut args.dataset_options),
+        Command::Eval(args) => Some(&mut args.dataset_options),
+        Command::Render(args) => Some(&mut args.dataset_options),
+        Command::Info(args) => Some(&mut args.dataset_options),
+        #[cfg(feature = "view")]
+        Command::View(args) => Some(&mut args.dataset_options),
+        Command::Bench(args) => match &mut args.bench {
+            bench::BenchCommand::Fidelity(args) => Some(&mut args.dataset_options),
+            _ => None,
+        },
+        _ => None,
+    }
+}
+
+/// Starts the worker threads, no more than the limit says: each takes memory, and more than a few per core only cost.
+fn start_threads(global: &Global, limits: &Limits) -> Result<()> {
+    let wanted = usize::from(global.threads);
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let per_core = usize::try_from(limits.threads_per_core).unwrap_or(usize::MAX);
+    let threads = wanted.min(cores.saturating_mul(per_core).max(1));
+    if threads < wanted && !global.quiet {
+        let limit = format!("--limit threads_per_core={}", wanted.div_ceil(cores));
+        messages::print(&format!(
+            "warning: {wanted} threads are more than {per_core} for each of {cores} cores: {threads} are used; if {wanted} are \
+             wanted, give {limit}"
+        ));
+    }
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().map_err(|e| {
+        Error::invalid("--threads", threads, format!("a number that the system can start ({e})"))
+    })
 }

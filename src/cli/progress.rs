@@ -178,7 +178,7 @@ mod tests {
 
     #[test]
     fn a_bar_never_goes_back() {
-        let mut progress = Progress::new(&Global { quiet: true, verbose: false, threads: 0 });
+        let mut progress = Progress::new(&Global { quiet: true, ..Global::default() });
         progress.started("refit");
         for fraction in [0.1, 0.4, 0.3] {
             progress.progressed(fraction);

@@ -10,7 +10,7 @@ use crate::bench::steps;
 use crate::camera::Camera;
 use crate::dataset::{Dataset, DatasetOptions, Split};
 use crate::error::{Error, Result};
-use crate::formats::{self, ReadOptions};
+use crate::formats;
 use crate::rng::Rng;
 use crate::scene::{Loaded, Scene};
 use crate::view::orbit;
@@ -80,7 +80,7 @@ pub fn run(args: &RenderArgs, global: &Global) -> Result<()> {
         return Err(Error::invalid("--share", args.share, "a number from 0 to 1"));
     }
     check_folder(&args.output)?;
-    let loaded = formats::read(&args.file, &ReadOptions { sh_degree: 3 })?;
+    let loaded = formats::read(&args.file, &args.dataset_options.read_options(3))?;
     let Loaded { scene, provenance, .. } = solid_if_asked(args, loaded)?;
     let dataset = args.dataset.as_ref().map(|path| Dataset::load(path, &args.dataset_options)).transpose()?;
     let cameras = match &dataset {
@@ -95,7 +95,9 @@ pub fn run(args: &RenderArgs, global: &Global) -> Result<()> {
         }
     };
     let mut renderer = renderer(args, scene, &provenance.placement, dataset.as_ref());
-    cameras.iter().try_for_each(|(_, camera)| renderer.validate(camera.size))?;
+    cameras
+        .iter()
+        .try_for_each(|(_, camera)| renderer.validate(camera.size, &args.dataset_options.limits))?;
     let mut outputs = Outputs::new([args.file.as_path()], args.force).with_dataset(args.dataset.as_deref());
     dataset.as_ref().map_or(Ok(()), |dataset| outputs.spare_photos(dataset))?;
     let names = cameras.iter().map(|(name, _)| name.as_str());

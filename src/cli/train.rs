@@ -15,7 +15,7 @@ use crate::atomic::AtomicFile;
 use crate::bake::teacher::is_solid;
 use crate::dataset::Dataset;
 use crate::error::{Error, Result};
-use crate::formats::{self, ReadOptions};
+use crate::formats;
 use crate::report::{OutputReport, Report};
 use crate::scene::Loaded;
 use crate::train::eval::Quality;
@@ -37,7 +37,7 @@ pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<Ex
         Some(point) => point.meta.options.clone(),
         None => resolve(args, matches)?,
     };
-    let read = |path| formats::read(path, &ReadOptions::default());
+    let read = |path| formats::read(path, &args.dataset_options.read_options(3));
     let from = args.from.as_deref().map(read).transpose()?;
     let dataset = dataset(args, from.as_ref(), &options, global)?;
     files.spare_photos(&dataset)?;
@@ -118,7 +118,7 @@ fn dataset(
 /// What the run leaves behind.
 fn outputs(args: &TrainArgs) -> RunOptions {
     let checkpoint = args.checkpoint.clone().unwrap_or_else(|| args.output.with_extension("checkpoint"));
-    let pause = Duration::from_secs_f64(args.preview_every.clamp(0.0, 1e6));
+    let pause = Duration::from_secs_f64(args.preview_every);
     RunOptions {
         checkpoint: Some(checkpoint),
         keep: args.keep,
@@ -134,7 +134,8 @@ fn outputs(args: &TrainArgs) -> RunOptions {
 fn resolve(args: &TrainArgs, matches: &ArgMatches) -> Result<TrainOptions> {
     let config = args.config.as_deref();
     let preset = if args.from.is_some() { TrainOptions::from_scene } else { TrainOptions::preset };
-    let layers = Layers { config, sets: &args.sets, typed: &args.options, matches };
+    let limits = &args.dataset_options.limits;
+    let layers = Layers { config, limits, sets: &args.sets, typed: &args.options, matches };
     let options = layers.resolve(args.options.preset, preset)?;
     options.validate()?;
     Ok(options)

@@ -62,10 +62,10 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FOLDER")]
     pub preview: Option<PathBuf>,
     /// Seconds between preview pictures.
-    #[arg(long, value_name = "SECS", default_value_t = 10.0)]
+    #[arg(long, value_name = "SECS", default_value_t = 10.0, value_parser = seconds)]
     pub preview_every: f64,
     /// Stop as Ctrl-C does after this many CPU seconds; 0: never.
-    #[arg(long, value_name = "SECS", default_value_t = 0.0)]
+    #[arg(long, value_name = "SECS", default_value_t = 0.0, value_parser = seconds)]
     pub max_cpu_secs: f64,
     /// The photos.
     #[command(flatten)]
@@ -73,4 +73,12 @@ pub struct TrainArgs {
     /// The training.
     #[command(flatten)]
     pub options: TrainOptions,
+}
+
+/// The longest time that can be asked for, in seconds: thirty years.
+const LONGEST: f64 = 1e9;
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let wants = || format!("wants seconds, 0 to {LONGEST:.0}");
+    text.parse().ok().filter(|secs| (0.0..=LONGEST).contains(secs)).ok_or_else(wants)
 }

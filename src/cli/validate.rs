@@ -1,7 +1,8 @@
 //! `trisplat validate FILE`: what is wrong with a file, with its place.
 
-use super::files;
+use super::{files, messages};
 use crate::error::{Error, Result};
+use crate::formats::ReadOptions;
 use crate::formats::check::{Checked, Severity, check};
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -18,8 +19,8 @@ pub struct ValidateArgs {
 }
 
 /// Lists every finding on `out`; an error when any of them is one.
-pub fn run(args: &ValidateArgs, out: &mut dyn Write) -> Result<()> {
-    let checked = check(&args.input)?;
+pub fn run(args: &ValidateArgs, options: &ReadOptions, out: &mut dyn Write) -> Result<()> {
+    let checked = check(&args.input, options)?;
     let printed = if args.json { files::print_json(&checked, out) } else { print(&checked, out) };
     printed.map_err(|e| Error::io("-", e))?;
     match checked.count(Severity::Error) {
@@ -37,13 +38,13 @@ fn print(checked: &Checked, out: &mut dyn Write) -> io::Result<()> {
             Severity::Warning => "warning",
             Severity::Error => "error",
         };
-        writeln!(out, "{severity:<8} {}: {}", finding.place, finding.what)?;
+        messages::write(out, &format!("{severity:<8} {}: {}", finding.place, finding.what))?;
     }
     let triangles = checked.triangles.map_or(String::new(), |n| format!(", {n} triangles"));
     let counts = [(Severity::Error, "error"), (Severity::Warning, "warning"), (Severity::Note, "note")]
         .map(|(severity, name)| counted(checked.count(severity), name))
         .join(", ");
-    writeln!(out, "{}: {}{triangles}: {counts}", checked.path, checked.format.name())
+    messages::write(out, &format!("{}: {}{triangles}: {counts}", checked.path, checked.format.name()))
 }
 
 /// "1 error", "2 errors".

@@ -7,7 +7,7 @@ use crate::bench::scene_renderer::SceneRenderer;
 use crate::camera::Camera;
 use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
-use crate::formats::{self, ReadOptions};
+use crate::formats;
 use crate::gpu::AdapterOptions;
 use crate::placed;
 use crate::view::window::{self, SceneLoader, SoupSource, WindowOptions, WindowPhoto, WindowScene};
@@ -70,7 +70,7 @@ pub fn run(args: &ViewArgs) -> Result<()> {
 
 fn load(args: &ViewArgs, progress: &dyn Fn(&str)) -> Result<WindowScene> {
     progress("reading");
-    let loaded = formats::read(&args.file, &ReadOptions { sh_degree: 3 })?;
+    let loaded = formats::read(&args.file, &args.dataset_options.read_options(3))?;
     let dataset = match &args.dataset {
         Some(path) => {
             progress("reading the data set");

@@ -4,6 +4,7 @@ use super::colmap_model::{ImageRow, Model, PointRow};
 use super::found::{Found, FoundPhoto, FoundPoint, LensClaim};
 use super::kind::DatasetKind;
 use super::options::DatasetOptions;
+use super::paths::NamedFiles;
 use super::posed::Reprojection;
 use super::{colmap_binary, colmap_text};
 use crate::error::{Error, Result};
@@ -34,15 +35,16 @@ pub(super) fn locate(root: &Path) -> Option<ModelFiles> {
 pub(super) fn read(root: &Path, files: &ModelFiles, options: &DatasetOptions) -> Result<Found> {
     let read = if files.binary { colmap_binary::read } else { colmap_text::read };
     let mut warnings = Vec::new();
-    let model = read(&files.folder, &mut warnings)?;
+    let model = read(&files.folder, &options.limits, &mut warnings)?;
     let list = files.folder.join(if files.binary { "images.bin" } else { "images.txt" });
     if model.images.is_empty() {
         return Err(Error::malformed(&list, "images", "the model has no image; run COLMAP's mapper again"));
     }
     let root = photo_root(root, options)?;
     let folder = root.join(&options.images);
-    let photos =
-        model.images.iter().map(|image| photo(image, &model, &folder, &list)).collect::<Result<_>>()?;
+    let mut named = NamedFiles::new(&list, &folder, options.allow_outside);
+    let photos = model.images.iter().map(|image| photo(image, &model, &mut named)).collect::<Result<_>>()?;
+    warnings.extend(named.warning());
     if files.folder.parent().is_some_and(|sparse| sparse.join("1").is_dir()) {
         warnings.push("the reconstruction fell into several models; only sparse/0 is used".into());
     }
@@ -70,14 +72,15 @@ fn photo_root(root: &Path, options: &DatasetOptions) -> Result<PathBuf> {
     }
 }
 
-fn photo(image: &ImageRow, model: &Model, folder: &Path, list: &Path) -> Result<FoundPhoto> {
+fn photo(image: &ImageRow, model: &Model, files: &mut NamedFiles) -> Result<FoundPhoto> {
+    let place = format!("image `{}`", image.name);
     let lens = model.cameras.get(&image.camera).ok_or_else(|| {
         let reason = format!("its camera {} is not in the cameras file", image.camera);
-        Error::malformed(list, format!("image `{}`", image.name), reason)
+        Error::malformed(files.list, &place, reason)
     })?;
     Ok(FoundPhoto {
         name: image.name.replace('\\', "/"),
-        path: folder.join(&image.name),
+        path: files.find(&place, &image.name)?,
         mask: None,
         rotation: image.rotation,
         translation: image.translation,

@@ -4,6 +4,8 @@
 
 use super::colmap_model::{self, ImageRow, Model, PointRow};
 use crate::error::{Error, Result};
+use crate::input;
+use crate::limits::Limits;
 use glam::{DVec3, Vec2};
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -13,13 +15,13 @@ use std::path::{Path, PathBuf};
 const NO_POINT: u64 = u64::MAX;
 
 /// Reads the three files of a folder; the points may be missing.
-pub(super) fn read(folder: &Path, warnings: &mut Vec<String>) -> Result<Model> {
+pub(super) fn read(folder: &Path, limits: &Limits, warnings: &mut Vec<String>) -> Result<Model> {
     let mut model = Model::default();
-    read_cameras(&mut BinaryFile::open(folder.join("cameras.bin"))?, &mut model)?;
-    read_images(&mut BinaryFile::open(folder.join("images.bin"))?, &mut model)?;
+    read_cameras(&mut BinaryFile::open(folder.join("cameras.bin"), limits)?, &mut model)?;
+    read_images(&mut BinaryFile::open(folder.join("images.bin"), limits)?, &mut model)?;
     let points = folder.join("points3D.bin");
     if points.is_file() {
-        read_points(&mut BinaryFile::open(points)?, &mut model)?;
+        read_points(&mut BinaryFile::open(points, limits)?, &mut model, limits)?;
     } else {
         warnings.push(format!("{} is missing", points.display()));
     }
@@ -71,9 +73,10 @@ fn read_images(bytes: &mut BinaryFile, model: &mut Model) -> Result<()> {
     bytes.end()
 }
 
-fn read_points(bytes: &mut BinaryFile, model: &mut Model) -> Result<()> {
+fn read_points(bytes: &mut BinaryFile, model: &mut Model, limits: &Limits) -> Result<()> {
     let count = bytes.count("points", 8 + 3 * 8 + 3 + 8 + 8)?;
-    model.points.reserve(count);
+    limits.vertices(bytes.path.display(), count as u64)?;
+    limits.reserve(bytes.path.display(), &mut model.points, count)?;
     for _ in 0..count {
         let id = u64::from_le_bytes(bytes.take()?);
         let position = DVec3::from(bytes.floats::<3>()?);
@@ -95,9 +98,8 @@ struct BinaryFile {
 }
 
 impl BinaryFile {
-    fn open(path: PathBuf) -> Result<Self> {
-        let file = File::open(&path).map_err(|e| Error::io(&path, e))?;
-        let len = file.metadata().map_err(|e| Error::io(&path, e))?.len();
+    fn open(path: PathBuf, limits: &Limits) -> Result<Self> {
+        let (file, len) = input::open(&path, limits)?;
         Ok(Self { reader: BufReader::with_capacity(1 << 18, file), path, at: 0, len })
     }
 

@@ -3,21 +3,23 @@
 use super::colmap_model::{self, ImageRow, Model, PointRow};
 use super::lens::Distortion;
 use crate::error::{Error, Result};
+use crate::input;
+use crate::limits::Limits;
 use glam::{DQuat, DVec3, Vec2};
 use std::collections::HashMap;
 use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 /// Reads the three files of a folder; the points may be missing.
-pub(super) fn read(folder: &Path, warnings: &mut Vec<String>) -> Result<Model> {
+pub(super) fn read(folder: &Path, limits: &Limits, warnings: &mut Vec<String>) -> Result<Model> {
     let mut model = Model::default();
-    read_cameras(&mut TextFile::open(folder.join("cameras.txt"))?, &mut model)?;
-    read_images(&mut TextFile::open(folder.join("images.txt"))?, &mut model)?;
+    read_cameras(&mut TextFile::open(folder.join("cameras.txt"), limits)?, &mut model)?;
+    read_images(&mut TextFile::open(folder.join("images.txt"), limits)?, &mut model)?;
     let points = folder.join("points3D.txt");
     if points.is_file() {
-        read_points(&mut TextFile::open(points)?, &mut model)?;
+        read_points(&mut TextFile::open(points, limits)?, &mut model)?;
     } else {
         warnings.push(format!("{} is missing", points.display()));
     }
@@ -79,6 +81,7 @@ fn read_points(lines: &mut TextFile, model: &mut Model) -> Result<()> {
         let rgb = [words.number("red")?, words.number("green")?, words.number("blue")?];
         let error = words.number("error")?;
         model.points.push(PointRow { id, position, rgb, error });
+        lines.limits.vertices(lines.path.display(), model.points.len() as u64)?;
     }
     Ok(())
 }
@@ -89,23 +92,31 @@ struct TextFile {
     reader: BufReader<File>,
     line: String,
     number: u64,
+    limits: Limits,
 }
 
 impl TextFile {
-    fn open(path: PathBuf) -> Result<Self> {
-        let file = File::open(&path).map_err(|e| Error::io(&path, e))?;
-        Ok(Self { reader: BufReader::with_capacity(1 << 18, file), path, line: String::new(), number: 0 })
+    fn open(path: PathBuf, limits: &Limits) -> Result<Self> {
+        let (file, _) = input::open(&path, limits)?;
+        let reader = BufReader::with_capacity(1 << 18, file);
+        Ok(Self { reader, path, line: String::new(), number: 0, limits: *limits })
     }
 
     /// Goes to the next line; false at the end of the file.
     fn next_line(&mut self) -> Result<bool> {
         self.line.clear();
         self.number += 1;
-        let read = self.reader.read_line(&mut self.line);
-        read.map(|bytes| bytes > 0).map_err(|e| match e.kind() {
+        let most = self.limits.document_bytes.saturating_add(1);
+        let read = (&mut self.reader).take(most).read_line(&mut self.line);
+        let bytes = read.map_err(|e| match e.kind() {
             std::io::ErrorKind::InvalidData => self.malformed("is not text; a binary model ends in .bin"),
             _ => Error::io(&self.path, e),
-        })
+        })?;
+        self.limits.document(format_args!("{}: line {}", self.path.display(), self.number), bytes as u64)?;
+        if self.number == 1 && self.line.starts_with('\u{feff}') {
+            self.line.remove(0);
+        }
+        Ok(bytes > 0)
     }
 
     /// Goes to the next line that is neither empty nor a comment; false at the end of the file.

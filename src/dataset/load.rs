@@ -96,7 +96,12 @@ fn open_views(found: &mut Found, origin: DVec3, options: &DatasetOptions) -> Res
                 views.push(view);
                 resized.extend(warning);
             }
-            Err(error @ (Error::Io { .. } | Error::Malformed { .. } | Error::Unsupported { .. })) => {
+            Err(
+                error @ (Error::Io { .. }
+                | Error::Malformed { .. }
+                | Error::Unsupported { .. }
+                | Error::Limit { .. }),
+            ) => {
                 broken.push((photo, error));
             }
             Err(error) => return Err(error),
@@ -123,7 +128,8 @@ fn open_views(found: &mut Found, origin: DVec3, options: &DatasetOptions) -> Res
 
 /// One view, and a warning when its photo has another size than its camera.
 fn open_view(found: &FoundPhoto, origin: DVec3, options: &DatasetOptions) -> Result<(View, Option<String>)> {
-    let stored = Pixels::size_of(&found.path)?;
+    let stored = Pixels::size_of(&found.path, &options.limits)?;
+    check_memory(&found.path, stored, options)?;
     let at_fault = |reason: String| Error::malformed(&found.path, "camera", reason);
     let claimed = found.lens.resolve(stored).map_err(at_fault)?;
     let warning = check_shape(&claimed, stored).map_err(at_fault)?;
@@ -140,7 +146,7 @@ fn open_view(found: &FoundPhoto, origin: DVec3, options: &DatasetOptions) -> Res
         center: pinhole.center.as_vec2(),
         size,
     };
-    camera.validate().map_err(|e| at_fault(e.to_string()))?;
+    camera.validate(&options.limits).map_err(|e| at_fault(e.to_string()))?;
     let photo = Photo {
         path: found.path.clone(),
         mask: found.mask.clone(),
@@ -149,6 +155,7 @@ fn open_view(found: &FoundPhoto, origin: DVec3, options: &DatasetOptions) -> Res
         undistort,
         background: options.background,
         masks: options.masks,
+        limits: options.limits,
         drawn: None,
     };
     if options.skip_broken {
@@ -156,6 +163,18 @@ fn open_view(found: &FoundPhoto, origin: DVec3, options: &DatasetOptions) -> Res
     }
     let view = View { name: found.name.clone(), camera, photo, test: found.held_out };
     Ok((view, warning.map(|w| format!("photo `{}`: {w}", found.name))))
+}
+
+/// Refuses a photo that alone takes more than the memory for photos.
+fn check_memory(path: &Path, stored: UVec2, options: &DatasetOptions) -> Result<()> {
+    let bytes = 4 * u64::from(stored.x) * u64::from(stored.y);
+    if bytes <= options.photo_bytes() {
+        return Ok(());
+    }
+    let (has, wants) = (options.photo_memory_mib, bytes.div_ceil(1 << 20));
+    let reason =
+        format!("takes {wants} MiB to decode, and {has} may be used; give `photo_memory_mib` {wants}");
+    Err(Error::unsupported(path, reason))
 }
 
 /// A camera may have been calibrated on the same photos at another size, but not at another shape.

@@ -1,5 +1,7 @@
 //! What of a data set to use, and how: declared once for the library, the flags and the config file.
 
+use crate::formats::ReadOptions;
+use crate::limits::Limits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -32,15 +34,28 @@ pub struct DatasetOptions {
     /// What is behind transparent pixels: black, white or #rrggbb.
     #[cfg_attr(feature = "cli", arg(long, value_name = "COLOR", default_value_t))]
     pub background: Background,
-    /// Memory for decoded photos, MiB; photos that do not fit go into a temporary file.
+    /// Memory for decoded photos and drawn pictures, MiB; those that do not fit go into a temporary file. Each thread
+    /// may hold one more.
     #[cfg_attr(feature = "cli", arg(long, value_name = "MIB", default_value_t = 1024))]
     pub photo_memory_mib: u32,
+    /// How much is taken from its files.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    #[serde(default)]
+    pub limits: Limits,
+    /// Whether files outside its folder may be read because it names them.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub allow_outside: bool,
 }
 
 impl DatasetOptions {
     /// Memory for decoded photos, bytes.
     pub fn photo_bytes(&self) -> u64 {
         u64::from(self.photo_memory_mib) << 20
+    }
+
+    /// How a scene is read that belongs to the photos: colours up to `sh_degree`, with the same limits.
+    pub fn read_options(&self, sh_degree: u8) -> ReadOptions {
+        ReadOptions { sh_degree, limits: self.limits, allow_outside: self.allow_outside }
     }
 }
 
@@ -54,6 +69,8 @@ impl Default for DatasetOptions {
             masks: Masks::default(),
             background: Background::default(),
             photo_memory_mib: 1024,
+            limits: Limits::DEFAULT,
+            allow_outside: false,
         }
     }
 }

@@ -1,9 +1,11 @@
 //! One photo, on disk with what to do to it on the way in, or drawn and in memory.
 
 use super::options::{Background, Masks};
+use super::picture_file::{PictureFile, StoredPicture};
 use super::undistort::Undistort;
 use crate::error::{Error, Result};
 use crate::image::Pixels;
+use crate::limits::Limits;
 use glam::UVec2;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -22,35 +24,72 @@ pub struct Photo {
     pub(super) undistort: Option<Undistort>,
     pub(super) background: Background,
     pub(super) masks: Masks,
-    pub(super) drawn: Option<Arc<Pixels>>,
+    /// How much is taken from its files.
+    pub limits: Limits,
+    pub(super) drawn: Option<Drawn>,
+}
+
+/// A picture that needs no decoding.
+#[derive(Debug, Clone)]
+pub(super) enum Drawn {
+    /// In memory.
+    Held(Arc<Pixels>),
+    /// In a temporary file.
+    Stored(Arc<PictureFile>, StoredPicture),
+}
+
+impl PartialEq for Drawn {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Drawn::Held(a), Drawn::Held(b)) => a == b,
+            (Drawn::Stored(a, at), Drawn::Stored(b, other)) => Arc::ptr_eq(a, b) && at == other,
+            _ => false,
+        }
+    }
 }
 
 impl Photo {
     /// A picture in memory, as if it had been decoded.
     pub fn drawn(pixels: Pixels) -> Self {
+        Self::of(pixels.size, Drawn::Held(Arc::new(pixels)))
+    }
+
+    /// A picture that is put into `file` and comes back from there, as if it had been decoded. Fails when there is no
+    /// room on the disk.
+    pub fn stored(pixels: &Pixels, file: &Arc<PictureFile>) -> Result<Self> {
+        let place = file.put(pixels).map_err(|e| Error::io(std::env::temp_dir(), e))?;
+        Ok(Self::of(pixels.size, Drawn::Stored(Arc::clone(file), place)))
+    }
+
+    fn of(size: UVec2, drawn: Drawn) -> Self {
         Self {
             path: PathBuf::new(),
             mask: None,
-            size: pixels.size,
-            stored: pixels.size,
+            size,
+            stored: size,
             undistort: None,
             background: Background([0; 3]),
             masks: Masks::Off,
-            drawn: Some(Arc::new(pixels)),
+            limits: Limits::DEFAULT,
+            drawn: Some(drawn),
         }
     }
 
     /// The photo as training wants it: blended with the background, masked, undistorted, shrunk.
     /// `alpha` is then the weight of each pixel in the loss, `None` where all count.
     pub fn decode(&self) -> Result<Pixels> {
-        if let Some(drawn) = &self.drawn {
-            return Ok(Pixels::clone(drawn));
+        match &self.drawn {
+            Some(Drawn::Held(pixels)) => return Ok(Pixels::clone(pixels)),
+            Some(Drawn::Stored(file, place)) => {
+                return file.get(*place).map_err(|e| Error::io(std::env::temp_dir(), e));
+            }
+            None => {}
         }
-        let mut pixels = Pixels::load(&self.path)?;
+        let mut pixels = Pixels::load_within(&self.path, &self.limits)?;
         self.check_size(&self.path, pixels.size)?;
         pixels = pixels.over(self.background.0);
         if let Some(mask) = &self.mask {
-            let (size, weights) = Pixels::load_mask(mask)?;
+            let (size, weights) = Pixels::load_mask(mask, &self.limits)?;
             self.check_size(mask, size)?;
             pixels.alpha = Some(weights);
             if self.masks == Masks::Cut {
@@ -64,6 +103,24 @@ impl Photo {
             pixels = pixels.downscaled(self.size);
         }
         Ok(pixels)
+    }
+
+    /// The picture, where it is in memory already.
+    pub(super) fn held(&self) -> Option<Arc<Pixels>> {
+        match &self.drawn {
+            Some(Drawn::Held(pixels)) => Some(Arc::clone(pixels)),
+            _ => None,
+        }
+    }
+
+    /// True when its pixels are in a temporary file already.
+    pub(super) fn is_stored(&self) -> bool {
+        matches!(self.drawn, Some(Drawn::Stored(..)))
+    }
+
+    /// Bytes it may take in memory once it is decoded.
+    pub fn most_bytes(&self) -> u64 {
+        4 * u64::from(self.size.x) * u64::from(self.size.y)
     }
 
     fn check_size(&self, path: &Path, size: UVec2) -> Result<()> {

@@ -4,17 +4,15 @@
 //! from which it comes back at the speed of a copy.
 
 use super::photo::Photo;
+use super::picture_file::{PictureFile, StoredPicture};
 use crate::error::{Error, Result};
 use crate::image::Pixels;
 use std::collections::VecDeque;
-use std::fs::File;
-use std::io::{Read, Seek, SeekFrom, Write};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
-/// Photos prefetched even when the budget is used up, so that training does not wait for the disk.
-const AHEAD: usize = 4;
-/// Threads that decode: each may hold one photo at full size.
+/// Threads that decode. Each may hold one photo beyond the budget: that which it decodes, at full size, or has decoded and
+/// nobody has taken yet. So training does not wait for the disk, however small the budget is.
 const WORKERS: usize = 2;
 
 /// Decoded photos by index.
@@ -28,6 +26,7 @@ pub struct Photos {
 struct Loader {
     photos: Vec<Photo>,
     budget_bytes: u64,
+    cache: PictureFile,
     state: Mutex<LoaderState>,
     /// A worker may have something to do.
     work: Condvar,
@@ -45,7 +44,6 @@ struct LoaderState {
     resident_bytes: u64,
     /// Counts takes, to know which photo was taken least recently.
     clock: u64,
-    cache: DiskCache,
     decode_count: u64,
     stop: bool,
 }
@@ -53,7 +51,7 @@ struct LoaderState {
 #[derive(Debug, Default)]
 struct PhotoSlot {
     pixels: Option<Result<Arc<Pixels>>>,
-    cached: Option<CachedPhoto>,
+    cached: Option<StoredPicture>,
     loading: bool,
     /// Of what was decoded.
     digest: Option<u64>,
@@ -67,8 +65,8 @@ impl Photos {
     pub fn new(photos: Vec<Photo>, budget_bytes: u64) -> Self {
         let slots = photos.iter().map(|_| PhotoSlot::default()).collect();
         let state = Mutex::new(LoaderState { slots, ..LoaderState::default() });
-        let shared =
-            Arc::new(Loader { photos, budget_bytes, state, work: Condvar::new(), decoded: Condvar::new() });
+        let (cache, work, decoded) = (PictureFile::default(), Condvar::new(), Condvar::new());
+        let shared = Arc::new(Loader { photos, budget_bytes, cache, state, work, decoded });
         let workers = (0..WORKERS)
             .map(|_| {
                 let shared = Arc::clone(&shared);
@@ -91,7 +89,9 @@ impl Photos {
     /// Queues what will be taken next, in order, behind what is queued already; the background decodes it as far as memory goes.
     pub fn prefetch(&mut self, order: impl IntoIterator<Item = usize>) {
         let count = self.len();
-        self.shared.lock().queue.extend(order.into_iter().filter(|&i| i < count));
+        let photos = &self.shared.photos;
+        let wanted = order.into_iter().filter(|&i| i < count && photos[i].held().is_none());
+        self.shared.lock().queue.extend(wanted);
         self.shared.work.notify_all();
     }
 
@@ -101,6 +101,9 @@ impl Photos {
         if i >= self.len() {
             return Err(Error::invalid("photo", i, format!("an index below {}", self.len())));
         }
+        if let Some(held) = self.shared.photos[i].held() {
+            return Ok(held);
+        }
         let mut state = self.shared.lock();
         loop {
             if let Some(found) = state.slots[i].pixels.take() {
@@ -109,7 +112,7 @@ impl Photos {
                 state.clock += 1;
                 state.slots[i].taken = state.clock;
                 state.slots[i].pixels = Some(Ok(Arc::clone(&found)));
-                if let Some(at) = state.queue.iter().take(2 * AHEAD).position(|&next| next == i) {
+                if let Some(at) = state.queue.iter().take(8).position(|&next| next == i) {
                     state.queue.remove(at);
                 }
                 self.shared.work.notify_all();
@@ -157,19 +160,19 @@ impl Loader {
                 continue;
             };
             state.slots[i].loading = true;
-            let cached = state.slots[i].cached.and_then(|place| state.cache.get(place));
-            let pixels = match cached {
-                Some(pixels) => Ok(pixels),
-                None => {
-                    drop(state);
-                    let decoded = self.photos[i].decode();
-                    let digest = decoded.as_ref().ok().map(Pixels::digest);
-                    state = self.lock();
-                    state.decode_count += 1;
-                    state.slots[i].digest = digest;
-                    decoded
-                }
-            };
+            let cached = state.slots[i].cached;
+            drop(state);
+            let cached = cached.and_then(|place| self.cache.get(place).ok());
+            let decodes = cached.is_none() && !self.photos[i].is_stored();
+            let is_new = cached.is_none();
+            let pixels = cached.map_or_else(|| self.photos[i].decode(), Ok);
+            // Outside the lock: it reads every byte.
+            let digest = if is_new { pixels.as_ref().ok().map(Pixels::digest) } else { None };
+            state = self.lock();
+            state.decode_count += u64::from(decodes);
+            if is_new {
+                state.slots[i].digest = digest;
+            }
             let slot = &mut state.slots[i];
             slot.loading = false;
             let bytes = pixels.as_ref().map_or(0, Pixels::bytes);
@@ -186,18 +189,15 @@ impl Loader {
         if let Some(i) = state.wanted.filter(|&i| idle(i)) {
             return Some(i);
         }
-        let mut bytes = state.resident_bytes;
+        let loading = state.slots.iter().enumerate().filter(|(_, slot)| slot.loading);
+        let bytes = state.resident_bytes + loading.map(|(i, _)| self.photos[i].most_bytes()).sum::<u64>();
         for (ahead, &i) in state.queue.iter().enumerate() {
-            let size = self.photos[i].size;
-            let fits = bytes + 4 * u64::from(size.x) * u64::from(size.y) <= self.budget_bytes;
-            if ahead >= AHEAD && !fits {
+            let fits = bytes + self.photos[i].most_bytes() <= self.budget_bytes;
+            if ahead >= WORKERS && !fits {
                 return None;
             }
             if idle(i) {
                 return Some(i);
-            }
-            if state.slots[i].loading {
-                bytes += 4 * u64::from(size.x) * u64::from(size.y);
             }
         }
         None
@@ -207,7 +207,7 @@ impl Loader {
     fn evict(&self, state: &mut LoaderState, newest: usize) {
         while state.resident_bytes > self.budget_bytes {
             let soon = |i: usize| {
-                i == newest || state.wanted == Some(i) || state.queue.iter().take(AHEAD).any(|&e| e == i)
+                i == newest || state.wanted == Some(i) || state.queue.iter().take(WORKERS).any(|&e| e == i)
             };
             let resident = |slot: &PhotoSlot| matches!(slot.pixels, Some(Ok(_)));
             let oldest = (0..state.slots.len())
@@ -216,54 +216,11 @@ impl Loader {
             let Some(i) = oldest else { return };
             let Some(Ok(pixels)) = state.slots[i].pixels.take() else { return };
             state.resident_bytes -= pixels.bytes();
-            if state.slots[i].cached.is_none() && self.photos[i].drawn.is_none() {
+            if state.slots[i].cached.is_none() && !self.photos[i].is_stored() {
                 // Without room on the disk either, the file is decoded again when its turn comes.
-                state.slots[i].cached = state.cache.put(&pixels).ok();
+                state.slots[i].cached = self.cache.put(&pixels).ok();
             }
         }
-    }
-}
-
-/// Decoded photos in a temporary file.
-#[derive(Debug, Default)]
-struct DiskCache {
-    file: Option<File>,
-    end: u64,
-}
-
-/// Where a photo is in the cache.
-#[derive(Debug, Clone, Copy)]
-struct CachedPhoto {
-    at: u64,
-    size: glam::UVec2,
-    alpha: bool,
-}
-
-impl DiskCache {
-    fn put(&mut self, pixels: &Pixels) -> std::io::Result<CachedPhoto> {
-        let file = match &mut self.file {
-            Some(file) => file,
-            empty => empty.insert(tempfile::tempfile()?),
-        };
-        let at = self.end;
-        file.seek(SeekFrom::Start(at))?;
-        file.write_all(bytemuck::cast_slice(&pixels.rgb))?;
-        file.write_all(pixels.alpha.as_deref().unwrap_or_default())?;
-        self.end = at + pixels.bytes();
-        Ok(CachedPhoto { at, size: pixels.size, alpha: pixels.alpha.is_some() })
-    }
-
-    fn get(&mut self, place: CachedPhoto) -> Option<Pixels> {
-        let file = self.file.as_mut()?;
-        let count = place.size.x as usize * place.size.y as usize;
-        let mut rgb = vec![[0u8; 3]; count];
-        let mut alpha = place.alpha.then(|| vec![0u8; count]);
-        file.seek(SeekFrom::Start(place.at)).ok()?;
-        file.read_exact(bytemuck::cast_slice_mut(&mut rgb)).ok()?;
-        if let Some(alpha) = &mut alpha {
-            file.read_exact(alpha).ok()?;
-        }
-        Some(Pixels { size: place.size, rgb, alpha })
     }
 }
 
@@ -294,6 +251,7 @@ mod tests {
                 undistort: None,
                 background,
                 masks,
+                limits: crate::limits::Limits::DEFAULT,
                 drawn: None,
             }
         };
@@ -316,10 +274,7 @@ mod tests {
             assert_eq!(photos.decoded(), 20, "budget {budget}");
             assert!((0..20).all(|i| photos.digest(i) == Some(pixels(i).digest())), "budget {budget}");
             let resident = photos.shared.lock().resident_bytes;
-            assert!(
-                resident <= budget.max((AHEAD as u64 + 1 + WORKERS as u64) * one),
-                "{resident} of {budget}"
-            );
+            assert!(resident <= budget + (WORKERS as u64 + 1) * one, "{resident} of {budget}");
         }
     }
 

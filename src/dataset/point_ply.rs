@@ -4,6 +4,7 @@ use super::found::FoundPoint;
 use crate::error::Result;
 use crate::formats::Source;
 use crate::formats::ply::{self, Column};
+use crate::limits::Limits;
 use glam::DVec3;
 use std::path::Path;
 
@@ -11,17 +12,18 @@ use std::path::Path;
 const GREY: [u8; 3] = [128; 3];
 
 /// Reads x, y, z and, where they are bytes, red, green, blue of the element `vertex`.
-pub(super) fn read(path: &Path) -> Result<Vec<FoundPoint>> {
-    let mut source = Source::open(path)?;
+pub(super) fn read(path: &Path, limits: &Limits) -> Result<Vec<FoundPoint>> {
+    let mut source = Source::open(path, limits)?;
     let header = ply::header::read(&mut source)?;
-    let table = ply::points(&source, &header)?;
+    let table = ply::points(&source, &header, limits)?;
     let position = [table.column("x")?, table.column("y")?, table.column("z")?];
     let byte = |name| table.find(name).filter(|column| column.is_byte());
     let rgb = match ["red", "green", "blue"].map(byte) {
         [Some(r), Some(g), Some(b)] => Some([r, g, b]),
         _ => None,
     };
-    let (mut points, mut buffer) = (Vec::with_capacity(table.rows()), Vec::new());
+    let (mut points, mut buffer) = (Vec::new(), Vec::new());
+    limits.reserve(path.display(), &mut points, table.rows())?;
     for first in (0..table.rows()).step_by(table.rows_per_block()) {
         let count = table.rows_per_block().min(table.rows() - first);
         for row in table.block(first, count, &mut buffer)?.chunks_exact(table.stride()) {
@@ -41,7 +43,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("points.ply");
         std::fs::write(&path, bytes).unwrap();
-        read(&path)
+        read(&path, &Limits::DEFAULT)
     }
 
     fn header(format: &str) -> String {

@@ -3,6 +3,7 @@
 use super::options::DatasetOptions;
 use super::posed::{Dataset, View};
 use crate::error::{Error, Result};
+use crate::input;
 use std::collections::HashSet;
 use std::path::Path;
 
@@ -49,7 +50,7 @@ pub(super) fn apply(dataset: &mut Dataset, root: &Path, options: &DatasetOptions
         return Ok(());
     }
     if list.is_file() {
-        let text = std::fs::read_to_string(&list).map_err(|e| Error::io(&list, e))?;
+        let text = input::read_text(&list, &options.limits)?;
         return by_list(dataset, &list, &text);
     }
     if dataset.views.iter().any(|view| view.test) {

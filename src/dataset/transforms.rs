@@ -11,8 +11,11 @@ use super::found::{Found, FoundPhoto, FoundPoint, LensClaim};
 use super::kind::DatasetKind;
 use super::lens::Distortion;
 use super::options::DatasetOptions;
+use super::paths::NamedFiles;
 use super::point_ply;
 use crate::error::{Error, Result};
+use crate::input;
+use crate::limits::Limits;
 use glam::{DMat3, DVec3, UVec2};
 use serde::Deserialize;
 use std::collections::HashMap;
@@ -66,59 +69,65 @@ pub(super) fn locate(root: &Path) -> Option<PathBuf> {
 /// `transforms_val.json`.
 pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<Found> {
     let root = file.parent().unwrap_or(Path::new("")).to_owned();
-    let transforms = parse(file)?;
+    let transforms = parse(file, &options.limits)?;
+    let mut files = NamedFiles::new(file, &root, options.allow_outside);
     let points = match &transforms.ply_file_path {
-        Some(name) => read_points(file, &root.join(name.replace('\\', "/")))?,
+        Some(name) => {
+            let ply = files.find("ply_file_path", &name.replace('\\', "/"))?;
+            read_points(file, &ply, &options.limits)?
+        }
         None => Vec::<FoundPoint>::new(),
     };
     let mut frames = Vec::with_capacity(transforms.frames.len());
     for (index, row) in transforms.frames.iter().enumerate() {
-        frames.push(frame(file, &root, index, row, &transforms.shared, options)?);
+        frames.push(frame(&mut files, index, row, &transforms.shared, options)?);
     }
+    let mut warnings: Vec<String> = files.warning().into_iter().collect();
     let held_out = ["transforms_test.json", "transforms_val.json"].map(|name| root.join(name));
     if let Some(other) = held_out.iter().find(|other| other.is_file()).filter(|other| *other != file) {
-        add_held_out(&mut frames, other, &root, options)?;
+        warnings.extend(add_held_out(&mut frames, other, &root, options)?);
     }
     if frames.is_empty() {
         return Err(Error::malformed(file, "frames", "is empty; a data set wants at least one photo"));
     }
     let (list, reprojection) = (file.to_owned(), None);
     let (kind, photos) = (DatasetKind::Transforms, frames);
-    Ok(Found { kind, root, list, photos, points, reprojection, warnings: Vec::new() })
+    Ok(Found { kind, root, list, photos, points, reprojection, warnings })
 }
 
 /// The cloud that `file` names.
-fn read_points(file: &Path, ply: &Path) -> Result<Vec<FoundPoint>> {
-    if !ply.is_file() {
+fn read_points(file: &Path, ply: &Path, limits: &Limits) -> Result<Vec<FoundPoint>> {
+    if !ply.exists() {
         let reason = format!(
             "{} is not there; put it back, or remove the key to start from random points",
             ply.display()
         );
         return Err(Error::malformed(file, "ply_file_path", reason));
     }
-    point_ply::read(ply)
+    point_ply::read(ply, limits)
 }
 
-fn parse(file: &Path) -> Result<Transforms> {
-    let text = std::fs::read_to_string(file).map_err(|e| Error::io(file, e))?;
+fn parse(file: &Path, limits: &Limits) -> Result<Transforms> {
+    let text = input::read_text(file, limits)?;
     serde_json::from_str(&text).map_err(|e| {
         let at = format!("line {} column {}", e.line(), e.column());
         Error::malformed(file, at, format!("is not a transforms.json: {e}"))
     })
 }
 
-/// Adds the frames of another file, held out; a photo in both files is held out too.
+/// Adds the frames of another file, held out; a photo in both files is held out too. Returns what the user should know.
 fn add_held_out(
     frames: &mut Vec<FoundPhoto>,
     file: &Path,
     root: &Path,
     options: &DatasetOptions,
-) -> Result<()> {
-    let transforms = parse(file)?;
+) -> Result<Option<String>> {
+    let transforms = parse(file, &options.limits)?;
+    let mut files = NamedFiles::new(file, root, options.allow_outside);
     let mut known: HashMap<String, usize> =
         frames.iter().enumerate().map(|(i, f)| (f.name.clone(), i)).collect();
     for (index, row) in transforms.frames.iter().enumerate() {
-        let held = frame(file, root, index, row, &transforms.shared, options)?;
+        let held = frame(&mut files, index, row, &transforms.shared, options)?;
         match known.get(&held.name) {
             Some(&i) => frames[i].held_out = true,
             None => {
@@ -127,12 +136,11 @@ fn add_held_out(
             }
         }
     }
-    Ok(())
+    Ok(files.warning())
 }
 
 fn frame(
-    file: &Path,
-    root: &Path,
+    files: &mut NamedFiles,
     index: usize,
     row: &FrameRow,
     shared: &Intrinsics,
@@ -140,8 +148,10 @@ fn frame(
 ) -> Result<FoundPhoto> {
     let relative = row.file_path.replace('\\', "/");
     let relative = relative.strip_prefix("./").unwrap_or(&relative);
-    let bad = |reason: String| Error::malformed(file, format!("frame {index} `{relative}`"), reason);
-    let path = with_extension(root.join(relative));
+    let (file, place) = (files.list, format!("frame {index} `{relative}`"));
+    let path = with_extension(files.find(&place, relative)?);
+    let mask = row.mask_path.as_ref().map(|mask| files.find(&place, &mask.replace('\\', "/"))).transpose()?;
+    let bad = |reason: String| Error::malformed(file, &place, reason);
     let mut name = relative.to_owned();
     if Path::new(relative).extension() != path.extension()
         && let Some(extension) = path.extension().and_then(|e| e.to_str())
@@ -153,7 +163,6 @@ fn frame(
     }
     let (rotation, translation) = pose(&row.transform_matrix).map_err(bad)?;
     let lens = row.own.over(shared).lens().map_err(|reason| Error::unsupported(file, reason))?;
-    let mask = row.mask_path.as_ref().map(|mask| root.join(mask.replace('\\', "/")));
     Ok(FoundPhoto { name, path, mask, rotation, translation, lens, held_out: false })
 }
 

@@ -12,6 +12,7 @@ pub use findings::{Finding, Severity};
 use super::read::{detect, read_as};
 use super::{Format, ReadOptions, Source, bvh, html};
 use crate::error::{Error, Result};
+use crate::limits::Limits;
 use crate::mesh::Mesh;
 use crate::scene::{Loaded, Scene};
 use findings::{Findings, Positions};
@@ -40,26 +41,26 @@ impl Checked {
     }
 }
 
-/// Everything found in the file at `path` and in the hierarchy beside it.
+/// Everything found in the file at `path`, read with `options`, and in the hierarchy beside it.
 ///
 /// # Errors
 /// `Io`, and `Unsupported` for a file of no known format. A broken file is a finding.
-pub fn check(path: &Path) -> Result<Checked> {
-    let mut source = Source::open(path)?;
+pub fn check(path: &Path, options: &ReadOptions) -> Result<Checked> {
+    let mut source = Source::open(path, &options.limits)?;
     let format = detect(&mut source)?;
     // No engine reads a page, and its own viewer reads everything.
     let for_engines = format != Format::Html;
     let mut findings = Findings::default();
     let (inner, mut source) = html::inside(format, source)?;
     if matches!(inner, Format::Glb | Format::Gltf) {
-        gltf::check(source.again()?, for_engines, &mut findings)?;
+        gltf::check(source.again()?, options, for_engines, &mut findings)?;
     }
     let mut triangles = None;
-    // All of it is checked, so all of it is read.
-    match read_as(inner, source.again()?, &ReadOptions { sh_degree: 3 }) {
+    // All of it is checked, so all of it is read, whatever `options` want of it.
+    match read_as(inner, source.again()?, &ReadOptions { sh_degree: 3, ..*options }) {
         Ok(loaded) => {
             triangles = Some(loaded.scene.triangle_count() as u64);
-            check_loaded(path, inner, &loaded, &mut findings)?;
+            check_loaded(path, inner, &loaded, &options.limits, &mut findings)?;
         }
         // The checks of glTF files may have found the same fault.
         Err(Error::Malformed { at, .. }) if findings.has_place(&at) => {}
@@ -69,7 +70,13 @@ pub fn check(path: &Path) -> Result<Checked> {
     Ok(Checked { path, format, triangles, findings: findings.list })
 }
 
-fn check_loaded(path: &Path, format: Format, loaded: &Loaded, findings: &mut Findings) -> Result<()> {
+fn check_loaded(
+    path: &Path,
+    format: Format,
+    loaded: &Loaded,
+    limits: &Limits,
+    findings: &mut Findings,
+) -> Result<()> {
     for warning in &loaded.warnings {
         findings.warning("file", warning);
     }
@@ -81,7 +88,7 @@ fn check_loaded(path: &Path, format: Format, loaded: &Loaded, findings: &mut Fin
                 let mut scene = loaded.clone();
                 scene.take_backdrop();
                 if let Scene::Mesh(mesh) = &scene.scene {
-                    check_hierarchy(path, mesh, findings)?;
+                    check_hierarchy(path, mesh, limits, findings)?;
                 }
             }
         }
@@ -90,13 +97,13 @@ fn check_loaded(path: &Path, format: Format, loaded: &Loaded, findings: &mut Fin
 }
 
 /// The hierarchy that the bake leaves beside a scene, when there is one.
-fn check_hierarchy(path: &Path, mesh: &Mesh, findings: &mut Findings) -> Result<()> {
+fn check_hierarchy(path: &Path, mesh: &Mesh, limits: &Limits, findings: &mut Findings) -> Result<()> {
     let beside = path.with_extension("bvh");
     if path.as_os_str() == "-" || !beside.is_file() {
         return Ok(());
     }
     let place = beside.display().to_string();
-    let (header, tree) = match bvh::read(Source::open(&beside)?) {
+    let (header, tree) = match bvh::read(Source::open(&beside, limits)?) {
         Ok(read) => read,
         Err(Error::Malformed { at, reason, .. }) => {
             findings.error(format!("{place}: {at}"), reason);

@@ -3,9 +3,11 @@
 //! A convex polygon becomes a fan around its first corner. Any other is projected onto its mean plane (Newell's normal, "Triangulating
 //! Polygons", Graphics Gems III) and its ears are clipped by the crate `earcut`, so that concave polygons of a plane keep their outline.
 
-use super::limits::{MAX_CORNERS, MAX_TRIANGLES};
 use earcut::Earcut;
 use glam::{DVec2, DVec3, Vec3};
+
+/// The most corners of one face: cutting a polygon may cost up to the cube of its corners.
+pub const MAX_CORNERS: usize = 1 << 12;
 
 /// The message about a face that is no triangle, where only triangles make sense.
 pub(super) fn not_a_triangle(corners: i64) -> String {
@@ -49,14 +51,14 @@ pub(super) struct Triangles {
 }
 
 impl Faces {
-    /// Faces that are all triangles. `[T * 3]`
+    /// Faces that are all triangles, or none yet and room for them. `[T * 3]`
     pub(super) fn from_triangles(indices: Vec<u32>) -> Self {
         Self { indices, polygons: Vec::new() }
     }
 
-    /// Makes room for so many triangles.
-    pub(super) fn reserve(&mut self, triangles: usize) {
-        self.indices.reserve_exact(3 * triangles);
+    /// Number of triangles that the faces are cut into.
+    pub(super) fn triangles(&self) -> usize {
+        self.indices.len() / 3
     }
 
     /// Number of faces.
@@ -65,13 +67,10 @@ impl Faces {
         self.indices.len() / 3 - last
     }
 
-    /// Adds a face. Fails, with the reason, when it has too few or too many corners, or when the file has too many triangles.
+    /// Adds a face. Fails, with the reason, when it has too few or too many corners.
     pub(super) fn push(&mut self, corners: &[u32]) -> Result<(), String> {
         let count = check_corners(i64::try_from(corners.len()).unwrap_or(i64::MAX))?;
         let first = self.indices.len() / 3;
-        if (first + count - 2) as u64 > MAX_TRIANGLES {
-            return Err(format!("more than {MAX_TRIANGLES} triangles: split the file"));
-        }
         if count > 3 {
             self.polygons.push(Polygon { face: self.len(), first, triangles: count - 2 });
         }

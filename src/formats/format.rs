@@ -1,5 +1,6 @@
 //! The formats that are read: recognised by their first bytes, by their name only where the bytes leave it open.
 
+use crate::input::BYTE_ORDER_MARK;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -30,7 +31,8 @@ impl Format {
     /// that begin alike. `None` when neither decides.
     pub fn detect(head: &[u8], path: &Path) -> Option<Format> {
         let by_name = Self::by_extension(path);
-        match head {
+        let text = head.strip_prefix(BYTE_ORDER_MARK).unwrap_or(head);
+        match text {
             [b'g', b'l', b'T', b'F', ..] => return Some(Format::Glb),
             [b'P', b'K', 3 | 5, 4 | 6, ..] => return Some(Format::Pt),
             // Pickle protocol 2 and later: torch before 1.6, or a bare pickle.
@@ -38,7 +40,6 @@ impl Format {
             [b'p', b'l', b'y', b'\n' | b'\r', ..] => return Some(Format::Ply),
             _ => {}
         }
-        let text = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head);
         if text.get(..14).is_some_and(|start| start.eq_ignore_ascii_case(b"<!doctype html")) {
             return Some(Format::Html);
         }
@@ -108,7 +109,11 @@ mod tests {
 
     #[test]
     fn bytes_win_over_the_name() {
-        let cases: [(&[u8], &str, Option<Format>); 19] = [
+        let cases: [(&[u8], &str, Option<Format>); 23] = [
+            (b"\xef\xbb\xbfply\nformat", "a.obj", Some(Format::Ply)),
+            (b"\xef\xbb\xbfv 0 0 0\n", "-", Some(Format::Obj)),
+            (b"\xef\xbb\xbf# a\nv 0 0 0\n", "a.obj", Some(Format::Obj)),
+            (b"\xef\xbb\xbfCOFF\n3 1 0", "-", Some(Format::Off)),
             (b"glTF\x02\0\0\0", "a.ply", Some(Format::Glb)),
             (b"PK\x03\x04rest", "a", Some(Format::Pt)),
             (b"\x80\x02}q", "a.bin", Some(Format::Pt)),

@@ -150,6 +150,20 @@ mod tests {
     }
 
     #[test]
+    fn the_page_runs_its_own_script_and_nothing_else() {
+        let policy =
+            PAGE.split("Content-Security-Policy\" content=\"").nth(1).and_then(|rest| rest.split('"').next());
+        let policy = policy.expect("the page has a policy");
+        assert!(policy.starts_with("default-src 'none'; script-src 'sha256-"), "{policy}");
+        for word in ["unsafe-inline", "'unsafe-eval'", "*", "http", "'self'"] {
+            assert!(!policy.contains(word), "{word}: {policy}");
+        }
+        // SHA-256 of what CLOSE calls after each block.
+        assert!(CLOSE.contains("<script>trisplat.block()</script>"), "another call has another hash");
+        assert!(policy.contains("'sha256-ZQOv0Lu+eRhE+APYwZz0YBUx54qprr2YYea/uxYEggw='"), "{policy}");
+    }
+
+    #[test]
     fn titles_are_text() {
         assert_eq!(escaped("a<b>&\"c\""), "a&lt;b&gt;&amp;&quot;c&quot;");
     }

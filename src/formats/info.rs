@@ -9,6 +9,7 @@ use super::read_options::ReadOptions;
 use super::source::Source;
 use crate::asset::Provenance;
 use crate::error::Result;
+use crate::limits::Limits;
 use crate::math::color::srgb_from_linear;
 use crate::math::median::median;
 use crate::mesh::{Colors, Mesh};
@@ -169,17 +170,17 @@ pub struct BakeInfo {
     pub dropped: serde_json::Map<String, serde_json::Value>,
 }
 
-/// What the file at `path` holds, and the scene itself; `bake` is left to whoever can bake.
+/// What the file at `path` holds, and the scene itself, as far as `options` want it; `bake` is left to whoever can bake.
 ///
 /// # Errors
 /// What reading reports.
-pub fn info(path: &Path) -> Result<(Info, Loaded)> {
-    let mut source = Source::open(path)?;
+pub fn info(path: &Path, options: &ReadOptions) -> Result<(Info, Loaded)> {
+    let mut source = Source::open(path, &options.limits)?;
     let (format, bytes) = (detect(&mut source)?, source.len);
     let (inner, mut source) = html::inside(format, source)?;
     let is_gltf = matches!(inner, Format::Glb | Format::Gltf);
-    let gltf = if is_gltf { Some(gltf_info(source.again()?)?) } else { None };
-    let loaded = read_as(inner, source.again()?, &ReadOptions { sh_degree: 3 })?;
+    let gltf = if is_gltf { Some(gltf_info(source.again()?, &options.limits)?) } else { None };
+    let loaded = read_as(inner, source.again()?, options)?;
     let mut info = match &loaded.scene {
         Scene::Soup(soup) => soup_info(soup),
         Scene::Mesh(mesh) => mesh_info(mesh),
@@ -220,9 +221,9 @@ fn mesh_info(mesh: &Mesh) -> Info {
     }
 }
 
-fn gltf_info(mut source: Source) -> Result<GltfInfo> {
-    let container = ContainerFile::read(&mut source)?;
-    let document: Document = document::parse(&source.path, &container.json)?;
+fn gltf_info(mut source: Source, limits: &Limits) -> Result<GltfInfo> {
+    let container = ContainerFile::read(&mut source, limits)?;
+    let document: Document = document::parse(&source.path, &container.json, limits)?;
     Ok(GltfInfo {
         nodes: document.nodes.len() as u64,
         meshes: document.meshes.len() as u64,

@@ -2,6 +2,7 @@
 
 use super::source::Source;
 use crate::error::{Error, Result};
+use crate::input::BYTE_ORDER_MARK;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek};
 use std::path::Path;
@@ -33,6 +34,9 @@ impl<'a> Lines<'a> {
         let length = read.map_err(|e| Error::io(self.path, e))? as u64;
         if length == LONGEST && self.line.last() != Some(&b'\n') {
             return Err(self.error("is longer than 64 KiB: not a mesh, or a broken one"));
+        }
+        if self.number == 1 && self.line.starts_with(BYTE_ORDER_MARK) {
+            self.line.drain(..BYTE_ORDER_MARK.len());
         }
         if std::str::from_utf8(&self.line).is_err() {
             self.line = String::from_utf8_lossy(&self.line).into_owned().into_bytes();

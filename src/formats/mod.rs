@@ -10,7 +10,6 @@ mod format;
 pub mod gltf;
 pub mod html;
 pub mod info;
-mod limits;
 mod lines;
 pub mod obj;
 pub mod off;
@@ -26,9 +25,9 @@ pub mod tiles;
 pub mod tileset;
 mod write;
 
+pub use faces::MAX_CORNERS;
 pub use finish::finish;
 pub use format::Format;
-pub use limits::{MAX_CORNERS, MAX_TRIANGLES};
 pub use output::OutputOptions;
 pub use read::read;
 pub use read_options::ReadOptions;

@@ -26,13 +26,15 @@ use std::sync::LazyLock;
 /// vertex has none, polygons as triangles. Normals, texture coordinates, materials, lines and points are skipped.
 ///
 /// Errors: `Malformed` with the line for broken numbers, corners that name no vertex, and faces of fewer than three corners.
-pub fn read(source: Source, _options: &ReadOptions) -> Result<Loaded> {
+pub fn read(source: Source, options: &ReadOptions) -> Result<Loaded> {
+    let path = &source.path;
     let mut lines = Lines::new(&source)?;
     let mut draft = ObjDraft::default();
     while lines.advance()? {
         draft.take_line(&lines).map_err(|reason| lines.error(reason))?;
+        options.limits.triangles(path.display(), draft.faces.triangles() as u64)?;
+        options.limits.vertices(path.display(), draft.positions.len() as u64)?;
     }
-    let path = &source.path;
     if draft.faces.len() == 0 {
         return Err(Error::malformed(path, "the file", "has no faces: there are no triangles in it"));
     }

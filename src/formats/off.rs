@@ -13,12 +13,12 @@
 use super::channel::Clamped;
 use super::faces::{Faces, check_corners};
 use super::finish::finish;
-use super::limits::MAX_TRIANGLES;
 use super::lines::{Lines, clip, number};
 use super::read_options::ReadOptions;
 use super::source::Source;
 use crate::asset::Provenance;
 use crate::error::{Error, Result};
+use crate::limits::Limits;
 use crate::math::color::linear_from_srgb;
 use crate::mesh::{Colors, Mesh};
 use crate::scene::{Loaded, Scene};
@@ -31,23 +31,26 @@ const SHORTEST: (u64, u64) = (6, 8);
 ///
 /// Errors: `Malformed` with the line for broken text, bad corner numbers and faces of fewer than three corners; `Unsupported` for binary
 /// OFF and the variants with normals, texture or four dimensions.
-pub fn read(source: Source, _options: &ReadOptions) -> Result<Loaded> {
+pub fn read(source: Source, options: &ReadOptions) -> Result<Loaded> {
     let mut lines = Lines::new(&source)?;
-    let (vertices, faces) = read_counts(&source, &mut lines)?;
+    let limits = &options.limits;
+    let (vertices, faces) = read_counts(&source, &mut lines, limits)?;
     let mut mesh = Mesh::default();
     let (mut of_vertices, mut of_faces) = (FileColors::default(), FileColors::default());
-    mesh.positions.reserve_exact(vertices);
+    limits.reserve(source.path.display(), &mut mesh.positions, vertices)?;
     for vertex in 0..vertices {
         advance(&mut lines, || format!("vertex {vertex} of {vertices}"))?;
         mesh.positions.push(position(&lines, &mut of_vertices).map_err(|reason| lines.error(reason))?);
     }
-    let (mut read, mut corners) = (Faces::default(), Vec::new());
-    read.reserve(faces);
+    let (mut indices, mut corners) = (Vec::new(), Vec::new());
+    limits.reserve(source.path.display(), &mut indices, 3 * faces)?;
+    let mut read = Faces::from_triangles(indices);
     for face in 0..faces {
         advance(&mut lines, || format!("face {face} of {faces}"))?;
         read_corners(&lines, vertices, &mut corners, &mut of_faces)
             .and_then(|()| read.push(&corners))
             .map_err(|reason| lines.error(format!("face {face} {reason}")))?;
+        limits.triangles(source.path.display(), read.triangles() as u64)?;
     }
     let triangles = read.triangulate(&mesh.positions);
     let mut warnings = Vec::new();
@@ -72,13 +75,13 @@ pub fn read(source: Source, _options: &ReadOptions) -> Result<Loaded> {
 }
 
 /// Parses the head of the file: the numbers of vertices and of faces, neither more than it can hold.
-fn read_counts(source: &Source, lines: &mut Lines) -> Result<(usize, usize)> {
+fn read_counts(source: &Source, lines: &mut Lines, limits: &Limits) -> Result<(usize, usize)> {
     if !lines.advance_to_text()? {
         return Err(Error::malformed(&source.path, "line 1", "the file is empty"));
     }
     let mut words: Vec<String> = lines.words().map(str::to_owned).collect();
     let keyword = words.remove(0);
-    if keyword.trim_start_matches('\u{feff}') != "OFF" && keyword != "COFF" {
+    if keyword != "OFF" && keyword != "COFF" {
         return Err(if keyword.ends_with("OFF") {
             Error::unsupported(&source.path, format!("is {}; save it as OFF or COFF", clip(&keyword)))
         } else {
@@ -106,12 +109,11 @@ fn read_counts(source: &Source, lines: &mut Lines) -> Result<(usize, usize)> {
             "promises {vertices} vertices and {faces} faces, more than fit in the {len} bytes of the file"
         )));
     }
+    limits.triangles(source.path.display(), faces)?;
+    limits.vertices(source.path.display(), vertices)?;
     match (usize::try_from(vertices), usize::try_from(faces)) {
-        (Ok(v), Ok(f)) if faces <= MAX_TRIANGLES && u32::try_from(vertices).is_ok() => Ok((v, f)),
-        _ => Err(Error::unsupported(
-            &source.path,
-            format!("holds {faces} triangles; the most we take is {MAX_TRIANGLES}: split it"),
-        )),
+        (Ok(v), Ok(f)) if u32::try_from(vertices).is_ok() => Ok((v, f)),
+        _ => Err(Error::unsupported(&source.path, "has more vertices than 32-bit numbers reach: split it")),
     }
 }
 

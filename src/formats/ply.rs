@@ -42,13 +42,14 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     let is_soup = soup::is_soup(faces);
     // A triangle of a soup has an opacity and a σ of its own: there is no other face in one.
     let wanted = if is_soup { Wanted::Triangles } else { Wanted::Polygons };
-    let tables = tables::locate(&source, &header, wanted)?;
+    let tables = tables::locate(&source, &header, wanted, &options.limits)?;
     let scene = if is_soup {
-        Scene::Soup(soup::read(path, faces, &tables, options.sh_degree)?)
+        Scene::Soup(soup::read(path, faces, &tables, options)?)
     } else {
-        Scene::Mesh(mesh::read(path, &tables, &mut warnings)?)
+        Scene::Mesh(mesh::read(path, &tables, &options.limits, &mut warnings)?)
     };
-    let cameras = tables.views.as_ref().map(views::read).transpose()?.unwrap_or_default();
+    let cameras = tables.views.as_ref().map(|table| views::read(table, &options.limits));
+    let cameras = cameras.transpose()?.unwrap_or_default();
     finish(path, Loaded { scene, provenance, warnings, cameras })
 }
 

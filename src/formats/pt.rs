@@ -24,11 +24,11 @@
 //! every other one as an opaque name. What it leaves open, `check_archive` closes.
 
 use super::finish::finish;
-use super::limits::MAX_TRIANGLES;
 use super::read_options::ReadOptions;
 use super::source::Source;
 use crate::asset::Provenance;
 use crate::error::{Error, Result};
+use crate::limits::Limits;
 use crate::math::color::linear_from_srgb;
 use crate::mesh::{Colors, Mesh};
 use crate::scene::{Loaded, Scene};
@@ -61,7 +61,7 @@ const RESAVE: &str = "load it in PyTorch 1.6 or later and torch.save it again";
 /// that do not fit each other or the file.
 pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     check_archive(&mut source)?;
-    let file = TorchFile::open(&mut source)?;
+    let file = TorchFile::open(&mut source, options.limits)?;
     let loaded = match file.shape("triangles_points")? {
         &[n, 3, 3] => read_soup(&file, n, options)?,
         &[v, 3] => read_mesh(&file, v)?,
@@ -76,7 +76,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
 }
 
 fn read_soup(file: &TorchFile, n: usize, options: &ReadOptions) -> Result<Loaded> {
-    file.check_count("triangles_points", n)?;
+    file.limits.triangles(file.label.display(), n as u64)?;
     let vertices: Vec<[Vec3; 3]> = file.values("triangles_points", DType::F32, &[&[n, 3, 3]])?;
     let mut sigma: Vec<f32> = file.values("sigma", DType::F32, &[&[n, 1], &[n]])?;
     let mut opacity: Vec<f32> = file.values("opacity", DType::F32, &[&[n, 1], &[n]])?;
@@ -119,7 +119,8 @@ fn read_sh(file: &TorchFile, n: usize, wanted: u8) -> Result<(Vec<[f32; 3]>, u8)
     }
     let rest: Vec<[f32; 3]> = file.values("features_rest", DType::F32, &[&[n, stored, 3]])?;
     let used = (degree as usize + 1).pow(2) - 1;
-    let mut sh = Vec::with_capacity(n * (used + 1));
+    let mut sh = Vec::new();
+    file.limits.reserve(file.label.display(), &mut sh, n * (used + 1))?;
     for (dc, rest) in dc.iter().zip(rest.chunks_exact(stored)) {
         sh.push(*dc);
         sh.extend_from_slice(&rest[..used]);
@@ -128,7 +129,7 @@ fn read_sh(file: &TorchFile, n: usize, wanted: u8) -> Result<(Vec<[f32; 3]>, u8)
 }
 
 fn read_mesh(file: &TorchFile, v: usize) -> Result<Loaded> {
-    file.check_count("triangles_points", v)?;
+    file.limits.vertices(file.label.display(), v as u64)?;
     let positions: Vec<Vec3> = file.values("triangles_points", DType::F32, &[&[v, 3]])?;
     let dc: Vec<[f32; 3]> = file.values("features_dc", DType::F32, &[&[v, 1, 3], &[v, 3]])?;
     let mut warnings = Vec::new();
@@ -160,7 +161,7 @@ fn read_indices(file: &TorchFile, v: usize) -> Result<Vec<u32>> {
     let &[faces, 3] = file.shape(key)? else {
         return Err(file.malformed(key, format!("has shape {:?}; wants [T, 3]", file.shape(key)?)));
     };
-    file.check_count(key, faces)?;
+    file.limits.triangles(file.label.display(), faces as u64)?;
     let shape: &[usize] = &[faces, 3];
     let wide: Vec<i64> = match file.dtype(key)? {
         DType::I64 => file.values(key, DType::I64, &[shape])?,
@@ -185,10 +186,11 @@ struct TorchFile {
     _copy: Option<NamedTempFile>,
     bytes: u64,
     tensors: PytorchReader,
+    limits: Limits,
 }
 
 impl TorchFile {
-    fn open(source: &mut Source) -> Result<Self> {
+    fn open(source: &mut Source, limits: Limits) -> Result<Self> {
         let label = source.path.clone();
         let (file, copy) = if label.as_os_str() == "-" {
             let copy = spool(&mut source.file).map_err(|e| Error::io(&label, e))?;
@@ -197,7 +199,7 @@ impl TorchFile {
             (label.clone(), None)
         };
         let tensors = PytorchReader::new(&file).map_err(|e| torch_error(&label, e))?;
-        Ok(Self { label, file, _copy: copy, bytes: source.len, tensors })
+        Ok(Self { label, file, _copy: copy, bytes: source.len, tensors, limits })
     }
 
     fn malformed(&self, key: &str, reason: String) -> Error {
@@ -225,14 +227,6 @@ impl TorchFile {
 
     fn dtype(&self, key: &str) -> Result<DType> {
         Ok(self.tensor(key)?.dtype())
-    }
-
-    /// Refuses more rows than a scene can have, before any is read.
-    fn check_count(&self, key: &str, rows: usize) -> Result<()> {
-        if rows as u64 <= MAX_TRIANGLES {
-            return Ok(());
-        }
-        Err(self.malformed(key, format!("promises {rows} rows; the most we take is {MAX_TRIANGLES}")))
     }
 
     /// The numbers of a tensor in row-major order, when it has one of `shapes`.
@@ -263,7 +257,9 @@ impl TorchFile {
         if bytes.len() % size_of::<T>() != 0 {
             return Err(self.malformed(key, format!("has {} bytes, which is no whole row", bytes.len())));
         }
-        Ok(bytemuck::pod_collect_to_vec(&bytes))
+        let mut values = self.limits.zeroed::<T>(self.label.display(), bytes.len() / size_of::<T>())?;
+        bytemuck::cast_slice_mut(&mut values).copy_from_slice(&bytes);
+        Ok(values)
     }
 
     /// A plain Python value beside the tensors.

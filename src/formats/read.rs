@@ -45,7 +45,7 @@ pub(super) fn detect(source: &mut Source) -> Result<Format> {
 /// # Errors
 /// What the format's reader reports, or that no reader knows the file.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded> {
-    let mut source = Source::open(path)?;
+    let mut source = Source::open(path, &options.limits)?;
     let format = detect(&mut source)?;
     read_as(format, source, options)
 }
@@ -86,7 +86,7 @@ mod tests {
         let path = folder.path().join("scene.glb");
         for (content, seen) in [(&b""[..], "is empty"), (b"\0\x01rubbish", "named like binary glTF")] {
             std::fs::write(&path, content).expect("writable");
-            let message = read(&path, &ReadOptions { sh_degree: 0 }).expect_err("unknown").to_string();
+            let message = read(&path, &ReadOptions::with_degree(0)).expect_err("unknown").to_string();
             assert!(message.contains(seen) && message.contains(".gltf"), "{message}");
         }
     }

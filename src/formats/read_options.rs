@@ -1,14 +1,27 @@
-//! What the caller will use of a file.
+//! What the caller will use of a file, and how far it is trusted.
 
-/// What the caller will use of a file; the rest is skipped on disk. The default is everything.
+use crate::limits::Limits;
+
+/// What the caller will use of a file, and how far it is trusted. The default is everything, and not far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ReadOptions {
-    /// Highest degree of spherical harmonics to load, 0 to 3; the bake asks for 0.
+    /// Highest degree of spherical harmonics to load, 0 to 3; the bake asks for 0. The rest is skipped on disk.
     pub sh_degree: u8,
+    /// How much is taken from the file.
+    pub limits: Limits,
+    /// Whether files outside the folder of a glTF document may be read because it names them.
+    pub allow_outside: bool,
+}
+
+impl ReadOptions {
+    /// Spherical harmonics up to that degree, and the default limits.
+    pub const fn with_degree(sh_degree: u8) -> Self {
+        Self { sh_degree, limits: Limits::DEFAULT, allow_outside: false }
+    }
 }
 
 impl Default for ReadOptions {
     fn default() -> Self {
-        Self { sh_degree: 3 }
+        Self::with_degree(3)
     }
 }

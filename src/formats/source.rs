@@ -1,6 +1,8 @@
 //! A file to read: opened once, seekable, of known length.
 
 use crate::error::{Error, Result};
+use crate::input;
+use crate::limits::Limits;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -19,24 +21,17 @@ pub struct Source {
 }
 
 impl Source {
-    /// Opens `path`; "-" is standard input. A folder is an error that says so.
-    pub fn open(path: &Path) -> Result<Self> {
-        if path.as_os_str() == "-" {
-            let mut file = tempfile::tempfile().map_err(|e| Error::io(path, e))?;
-            let len =
-                std::io::copy(&mut std::io::stdin().lock(), &mut file).map_err(|e| Error::io(path, e))?;
-            file.seek(SeekFrom::Start(0)).map_err(|e| Error::io(path, e))?;
-            return Ok(Self { path: path.to_owned(), file, len });
-        }
-        let file = File::open(path).map_err(|e| Error::io(path, e))?;
-        let meta = file.metadata().map_err(|e| Error::io(path, e))?;
-        if meta.is_dir() {
-            return Err(Error::unsupported(
-                path,
-                "is a folder; give a .ply, .pt, .off, .obj, .glb, .gltf or .html file",
-            ));
-        }
-        Ok(Self { path: path.to_owned(), file, len: meta.len() })
+    /// Opens `path`; "-" is standard input. Folders, devices and pipes are errors that say so.
+    pub fn open(path: &Path, limits: &Limits) -> Result<Self> {
+        let (file, len) = match path.as_os_str() == "-" {
+            true => input::spool(path, &mut std::io::stdin().lock(), limits)?,
+            false if path.is_dir() => {
+                let reason = "is a folder; give a .ply, .pt, .off, .obj, .glb, .gltf or .html file";
+                return Err(Error::unsupported(path, reason));
+            }
+            false => input::open(path, limits)?,
+        };
+        Ok(Self { path: path.to_owned(), file, len })
     }
 
     /// The same open file once more, at byte 0. The two share their place in it: use one at a time.

@@ -74,7 +74,7 @@ mod tests {
         between.sort_by(f32::total_cmp);
         // Nearest neighbours one step apart, and at the ends two; none beside the one that looks back.
         assert_eq!(between, [0.5, 1.0, 1.5, 2.0, 2.5]);
-        assert!(all[5..].iter().all(|camera| camera.validate().is_ok()));
+        assert!(all[5..].iter().all(|camera| camera.validate(&crate::limits::Limits::DEFAULT).is_ok()));
     }
 
     #[test]

@@ -13,6 +13,8 @@ use super::progress::TrainSample;
 use super::visibility::VisibilityStats;
 use crate::atomic::AtomicFile;
 use crate::error::{Error, Result};
+use crate::input;
+use crate::limits::Limits;
 use crate::space::Space;
 use bytemuck::{NoUninit, Pod};
 use glam::Vec3;
@@ -154,7 +156,7 @@ fn raw<T: NoUninit>(values: &[T]) -> &[u8] {
 ///
 /// Errors: a file that is broken, not a checkpoint, or of another version of trisplat.
 pub fn read(path: &Path) -> Result<Checkpoint> {
-    let mut bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let mut bytes = input::read_large(path, &Limits::DEFAULT)?;
     if !bytes.is_empty() && !looks_like_safetensors(&bytes) {
         let reason = "is not a checkpoint of a training run; to start from a scene, give it as `from`";
         return Err(Error::unsupported(path, reason));

@@ -1,7 +1,7 @@
 //! How close a scene comes to the held-out photos, while it trains.
 
 use crate::camera::Camera;
-use crate::dataset::View;
+use crate::dataset::{Photos, View};
 use crate::error::Result;
 use crate::image::Pixels;
 use crate::math::color::linear_from_srgb;
@@ -13,7 +13,6 @@ use crate::soup::{Soup, rgb_from_sh0};
 use crate::space::Space;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::sync::Arc;
 
 /// Samples per pixel along each axis wherever solid drawings are compared with photos.
 pub const SOLID_SAMPLES: u32 = 4;
@@ -56,78 +55,85 @@ pub struct PhotoScore {
     pub ssim: f64,
 }
 
-/// Draws held-out photos, which are decoded once, and compares.
-#[derive(Debug, Default)]
-pub struct Evaluator {
-    photos: Vec<HeldOut>,
-    soft: Soft,
-}
-
+/// Draws held-out photos one by one and compares. Photos are decoded once; those that do not fit the memory for them are in a
+/// temporary file.
 #[derive(Debug)]
-struct HeldOut {
-    name: String,
-    camera: Camera,
-    pixels: Arc<Pixels>,
+pub struct Evaluator {
+    views: Vec<(String, Camera)>,
+    photos: Photos,
+    soft: Soft,
+    solid: Solid,
 }
 
 impl Evaluator {
-    /// Decodes the photos of `views`.
-    pub fn new<'a>(views: impl Iterator<Item = &'a View>) -> Result<Self> {
-        let photos = views
-            .map(|v| {
-                Ok(HeldOut { name: v.name.clone(), camera: v.camera, pixels: Arc::new(v.photo.decode()?) })
-            })
-            .collect::<Result<_>>()?;
-        Ok(Self { photos, soft: Soft::new() })
+    /// Decodes the photos of `views`, so that one that cannot be decoded is known now; `photo_bytes` is the memory for
+    /// them.
+    pub fn new(views: &[&View], photo_bytes: u64) -> Result<Self> {
+        let mut photos = Photos::new(views.iter().map(|v| v.photo.clone()).collect(), photo_bytes);
+        photos.prefetch(0..photos.len());
+        (0..photos.len()).try_for_each(|i| photos.take(i).map(drop))?;
+        let views = views.iter().map(|v| (v.name.clone(), v.camera)).collect();
+        Ok(Self { views, photos, soft: Soft::new(), solid: Solid::new() })
     }
 
     /// True when no photo is held out.
     pub fn is_empty(&self) -> bool {
-        self.photos.is_empty()
+        self.views.is_empty()
     }
 
-    /// Draws every photo of a soup of the world; in training space, where f32 has digits to spare.
-    pub fn pictures(&mut self, soup: &Soup, space: &Space, options: &SoftOptions) -> Vec<Pixels> {
+    /// Draws the first photo of a soup of the world; `None` when none is held out.
+    pub fn first_picture(&mut self, soup: &Soup, space: &Space, options: &SoftOptions) -> Option<Pixels> {
+        let camera = space.camera_to_training(&self.views.first()?.1);
+        let scene = EvalScene::new(soup, space, options);
+        Some(scene.draw(&camera, options, &mut self.soft, &mut self.solid))
+    }
+
+    /// Draws every photo of a soup of the world and compares. Fails when a photo cannot be decoded.
+    pub fn scores(&mut self, soup: &Soup, space: &Space, options: &SoftOptions) -> Result<Vec<PhotoScore>> {
+        let scene = EvalScene::new(soup, space, options);
+        self.photos.prefetch(0..self.views.len());
+        let mut scores = Vec::with_capacity(self.views.len());
+        for (i, (name, camera)) in self.views.iter().enumerate() {
+            let camera = space.camera_to_training(camera);
+            let picture = scene.draw(&camera, options, &mut self.soft, &mut self.solid);
+            let Quality { psnr, ssim } = Quality::of(&picture, &*self.photos.take(i)?);
+            scores.push(PhotoScore { name: name.clone(), psnr, ssim });
+        }
+        Ok(scores)
+    }
+}
+
+/// A scene in training space, where f32 has digits to spare, as it is drawn to be compared.
+enum EvalScene {
+    Soft(Soup),
+    Solid(Mesh, SolidRasterOptions),
+}
+
+impl EvalScene {
+    fn new(soup: &Soup, space: &Space, options: &SoftOptions) -> Self {
         let mut soup = soup.clone();
         space.soup_to_training(&mut soup);
-        let cameras = self.photos.iter().map(|photo| space.camera_to_training(&photo.camera));
-        if let Some(samples) = solid_samples(options) {
-            return solid_pictures(soup, cameras, options, samples);
-        }
-        let soup = SoupRef::from(&soup);
-        cameras.map(|camera| self.soft.render(&soup, &camera, options).to_pixels()).collect()
+        let Some(samples) = solid_samples(options) else { return Self::Soft(soup) };
+        soup.truncate_sh(0);
+        let light = |sh: &[f32; 3]| sh.map(|c| linear_from_srgb(rgb_from_sh0(c)));
+        let mesh = Mesh {
+            positions: soup.vertices.into_flattened(),
+            colors: Colors::Face(soup.sh.iter().map(light).collect()),
+            ..Mesh::default()
+        };
+        Self::Solid(mesh, SolidRasterOptions { background: options.background, samples, near: options.near })
     }
 
-    /// Compares the [`Evaluator::pictures`] with their photos.
-    pub fn scores(&self, pictures: &[Pixels]) -> Vec<PhotoScore> {
-        let score = |(picture, photo): (&Pixels, &HeldOut)| {
-            let Quality { psnr, ssim } = Quality::of(picture, &photo.pixels);
-            PhotoScore { name: photo.name.clone(), psnr, ssim }
-        };
-        pictures.iter().zip(&self.photos).map(score).collect()
+    /// What `camera`, in training space, sees; solid as an engine draws it.
+    fn draw(&self, camera: &Camera, options: &SoftOptions, soft: &mut Soft, solid: &mut Solid) -> Pixels {
+        match self {
+            Self::Soft(soup) => soft.render(&SoupRef::from(soup), camera, options).to_pixels(),
+            Self::Solid(mesh, drawing) => solid.render(mesh, camera, drawing),
+        }
     }
 }
 
 /// Samples per pixel along each axis of a scene that is trained with `options`, where it is drawn solid to be compared.
 pub(super) fn solid_samples(options: &SoftOptions) -> Option<u32> {
     matches!(options.window, Window::Coverage { .. }).then_some(SOLID_SAMPLES)
-}
-
-/// Draws a solid soup in training space as an engine does.
-fn solid_pictures(
-    mut soup: Soup,
-    cameras: impl Iterator<Item = Camera>,
-    options: &SoftOptions,
-    samples: u32,
-) -> Vec<Pixels> {
-    soup.truncate_sh(0);
-    let light = |sh: &[f32; 3]| sh.map(|c| linear_from_srgb(rgb_from_sh0(c)));
-    let mesh = Mesh {
-        positions: soup.vertices.into_flattened(),
-        colors: Colors::Face(soup.sh.iter().map(light).collect()),
-        ..Mesh::default()
-    };
-    let drawing = SolidRasterOptions { background: options.background, samples, near: options.near };
-    let mut solid = Solid::new();
-    cameras.map(|camera| solid.render(&mesh, &camera, &drawing)).collect()
 }

@@ -18,6 +18,11 @@ pub const REFERENCE_STEPS: f64 = 30_000.0;
 /// smaller).
 const DEPTH_RANGE: [f32; 2] = [0.05, 25.0];
 
+/// No number of a training makes sense above this.
+const LARGEST: f64 = 1e9;
+/// Points drawn at random at most: as many as a scene may have triangles.
+const MOST_POINTS: u64 = 1 << 26;
+
 /// A complete set of options for a kind of scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
@@ -357,9 +362,14 @@ impl TrainOptions {
             true => Ok(()),
             false => Err(Error::invalid(option, value, wants)),
         };
-        let positive = |option, value: f64| wants(value > 0.0 && value.is_finite(), option, value, "> 0");
-        let at_least_zero =
-            |option, value: f64| wants(value >= 0.0 && value.is_finite(), option, value, ">= 0");
+        // NaN is in no range.
+        let most = |option, value: f64, most: f64, range: &str| {
+            wants(value > 0.0 && value <= most, option, value, range)
+        };
+        let positive = |option, value: f64| most(option, value, LARGEST, "> 0, at most 1e9");
+        let at_least_zero = |option, value: f64| {
+            wants((0.0..=LARGEST).contains(&value), option, value, "0 or more, at most 1e9")
+        };
         let share = |option, value: f64| wants((0.0..=1.0).contains(&value), option, value, "0 to 1");
         wants(self.steps >= 1, "steps", self.steps as f64, "1 or more")?;
         wants(self.max_triangles >= 1, "max_triangles", self.max_triangles as f64, "1 or more")?;
@@ -371,7 +381,7 @@ impl TrainOptions {
         let ok = !self.draw.sigmoid_window || geometry == 0.0;
         wants(ok, "draw.sigmoid_window", 1.0, "loss.normal and loss.distortion of 0")?;
         at_least_zero("draw.fade_px", self.draw.fade_px)?;
-        positive("init.size", self.init.size)?;
+        most("init.size", self.init.size, 1000.0, "> 0, at most 1000")?;
         positive("init.sigma", self.init.sigma)?;
         wants(
             self.init.opacity > 0.0 && self.init.opacity < 1.0,
@@ -379,11 +389,13 @@ impl TrainOptions {
             self.init.opacity,
             "0 to 1",
         )?;
-        at_least_zero("init.dome_share", self.init.dome_share)?;
-        positive("init.dome_radius", self.init.dome_radius)?;
+        let dome = self.init.dome_share;
+        wants((0.0..=10.0).contains(&dome), "init.dome_share", dome, "0 to 10")?;
+        most("init.dome_radius", self.init.dome_radius, 1e6, "> 0, at most 1e6")?;
         let shell = self.init.shell_subdivisions;
         wants(shell <= 6, "init.shell_subdivisions", shell.into(), "0 to 6")?;
-        wants(self.init.random_points >= 1, "init.random_points", 0.0, "1 or more")?;
+        let random = self.init.random_points;
+        wants((1..=MOST_POINTS).contains(&random), "init.random_points", random as f64, "1 to 67108864")?;
         share("loss.dssim", self.loss.dssim)?;
         for (option, value) in self.non_negative() {
             at_least_zero(option, value)?;

@@ -7,7 +7,6 @@ use super::rotation;
 use super::trainer::{StepOutcome, Trainer};
 use crate::dataset::Dataset;
 use crate::error::{Error, Result};
-use crate::image::Pixels;
 use crate::process::cpu_secs;
 use crate::raster::soft::SoftOptions;
 use std::path::PathBuf;
@@ -74,15 +73,17 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    /// Goes on with the `curve` of a run that has taken `cpu_secs_before`. Decodes the held-out photos.
+    /// Goes on with the `curve` of a run that has taken `cpu_secs_before`. Decodes the held-out photos;
+    /// `photo_bytes` is the memory for them.
     pub(super) fn new(
         dataset: &Dataset,
         drawing: SoftOptions,
         curve: Vec<TrainSample>,
         cpu_secs_before: f64,
+        photo_bytes: u64,
     ) -> Result<Self> {
         Ok(Self {
-            evaluator: Evaluator::new(dataset.test())?,
+            evaluator: Evaluator::new(&dataset.test().collect::<Vec<_>>(), photo_bytes)?,
             drawing,
             curve,
             means: Means::default(),
@@ -141,18 +142,12 @@ impl Recorder {
         Ok(now)
     }
 
-    /// Draws the held-out photos.
-    fn pictures<B: TrainBackend>(&mut self, trainer: &mut Trainer<B>) -> Result<Vec<Pixels>> {
-        let (soup, space) = (trainer.soup()?, trainer.space());
-        Ok(self.evaluator.pictures(&soup, &space, &trainer.drawing(&self.drawing)))
-    }
-
     fn scores<B: TrainBackend>(&mut self, trainer: &mut Trainer<B>) -> Result<Vec<PhotoScore>> {
         if self.evaluator.is_empty() {
             return Ok(Vec::new());
         }
-        let pictures = self.pictures(trainer)?;
-        Ok(self.evaluator.scores(&pictures))
+        let (soup, space) = (trainer.soup()?, trainer.space());
+        self.evaluator.scores(&soup, &space, &trainer.drawing(&self.drawing))
     }
 
     /// Writes a checkpoint, if the run is to leave any.
@@ -186,7 +181,8 @@ impl Recorder {
         let step = trainer.steps();
         let written = self.uncounted(|run| {
             std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-            match run.pictures(trainer)?.first() {
+            let (soup, space, drawing) = (trainer.soup()?, trainer.space(), trainer.drawing(&run.drawing));
+            match run.evaluator.first_picture(&soup, &space, &drawing) {
                 Some(picture) => picture.save_png(&folder.join(format!("step-{step:06}.png"))),
                 None => Ok(()),
             }

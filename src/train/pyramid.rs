@@ -1,5 +1,6 @@
 //! The training photos at full, half and quarter size, in a fixed random order per epoch.
 
+use crate::dataset::picture_file::{PictureFile, StoredPicture};
 use crate::dataset::{Photos, View};
 use crate::error::Result;
 use crate::image::Pixels;
@@ -7,23 +8,42 @@ use crate::rng::Rng;
 use glam::UVec2;
 use std::sync::Arc;
 
-/// Photos by index and level; small ones stay in memory while their level is in use.
+/// Photos by index and level; small ones stay in memory while their level is in use, as far as memory goes, and in a
+/// temporary file beyond.
 #[derive(Debug)]
 pub struct Pyramid {
     photos: Photos,
     sizes: Vec<UVec2>,
-    small: Vec<Option<Arc<Pixels>>>,
+    small: Vec<Option<SmallPhoto>>,
+    small_bytes: u64,
+    small_budget: u64,
+    file: PictureFile,
     level: u32,
     min_px: u32,
 }
 
+/// A photo at the level in use.
+#[derive(Debug, Clone)]
+enum SmallPhoto {
+    Held(Arc<Pixels>),
+    Stored(StoredPicture),
+}
+
+/// Small photos take a quarter of the memory of the full ones, so they get a fifth of all.
+const SMALL_SHARE: u64 = 5;
+
 impl Pyramid {
     /// The photos of `views`, decoded under a budget; none is shrunk below `min_px` on its shorter side.
     pub fn new(views: &[&View], budget_bytes: u64, min_px: u32) -> Self {
+        let small_budget = budget_bytes / SMALL_SHARE;
+        let photos = views.iter().map(|v| v.photo.clone()).collect();
         Self {
-            photos: Photos::new(views.iter().map(|v| v.photo.clone()).collect(), budget_bytes),
+            photos: Photos::new(photos, budget_bytes - small_budget),
             sizes: views.iter().map(|v| v.photo.size).collect(),
             small: vec![None; views.len()],
+            small_bytes: 0,
+            small_budget,
+            file: PictureFile::default(),
             level: 0,
             min_px,
         }
@@ -65,10 +85,17 @@ impl Pyramid {
     pub fn take(&mut self, i: usize, level: u32) -> Result<Arc<Pixels>> {
         if level != self.level {
             self.small.fill(None);
+            (self.small_bytes, self.file) = (0, PictureFile::default());
             self.level = level;
         }
-        if let Some(pixels) = self.small.get(i).and_then(Option::as_ref) {
-            return Ok(Arc::clone(pixels));
+        match self.small.get(i).and_then(Option::as_ref) {
+            Some(SmallPhoto::Held(pixels)) => return Ok(Arc::clone(pixels)),
+            Some(SmallPhoto::Stored(place)) => {
+                if let Ok(pixels) = self.file.get(*place) {
+                    return Ok(Arc::new(pixels));
+                }
+            }
+            None => {}
         }
         let full = self.photos.take(i)?;
         let size = self.size(i, level);
@@ -76,8 +103,17 @@ impl Pyramid {
             return Ok(full);
         }
         let pixels = Arc::new(full.downscaled(size));
-        self.small[i] = Some(Arc::clone(&pixels));
+        self.small[i] = self.kept(&pixels);
         Ok(pixels)
+    }
+
+    /// Keeps a small photo; `None` when there is neither memory nor room on the disk: then it is made again.
+    fn kept(&mut self, pixels: &Arc<Pixels>) -> Option<SmallPhoto> {
+        if self.small_bytes + pixels.bytes() > self.small_budget {
+            return self.file.put(pixels).ok().map(SmallPhoto::Stored);
+        }
+        self.small_bytes += pixels.bytes();
+        Some(SmallPhoto::Held(Arc::clone(pixels)))
     }
 }
 

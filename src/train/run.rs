@@ -11,7 +11,7 @@ use super::trained::{Trained, provenance};
 use super::trainer::Trainer;
 use crate::asset::Provenance;
 use crate::camera::Camera;
-use crate::dataset::{Dataset, DatasetKind, DatasetOptions};
+use crate::dataset::{Dataset, DatasetKind, DatasetOptions, View};
 use crate::error::Result;
 use crate::raster::soft::SoftOptions;
 use crate::report::generator;
@@ -111,7 +111,8 @@ impl<'a> TrainRun<'a> {
     ///
     /// Errors: options out of range, no training photos, a checkpoint of another run.
     pub fn start(self) -> Result<StartedRun<'a, CpuBackend>> {
-        let (dataset, photo_bytes) = (self.dataset, self.photo_bytes);
+        let dataset = self.dataset;
+        let (photo_bytes, held_out_bytes) = shares(dataset, self.photo_bytes);
         let options = self.resume.as_ref().map_or(&self.options, |checkpoint| &checkpoint.meta.options);
         let drawing = options.drawing(self.background);
         let backend = CpuBackend::new(drawing);
@@ -132,7 +133,16 @@ impl<'a> TrainRun<'a> {
             Some(checkpoint) => Trainer::resume(dataset, checkpoint, identity, force, photo_bytes, backend)?,
             None => Trainer::start(dataset, scene, &self.options, identity, photo_bytes, backend)?,
         };
-        Ok(StartedRun { trainer, dataset, taught, drawing, outputs: self.outputs, curve, cpu_secs })
+        Ok(StartedRun {
+            trainer,
+            dataset,
+            taught,
+            drawing,
+            outputs: self.outputs,
+            curve,
+            cpu_secs,
+            held_out_bytes,
+        })
     }
 
     /// Runs to the end, or until `observer` wants to stop.
@@ -142,6 +152,15 @@ impl<'a> TrainRun<'a> {
     pub fn run(self, observer: &mut dyn TrainObserver) -> Result<Trained> {
         self.start()?.finish(observer)
     }
+}
+
+/// The memory for photos, shared between those to train on and those held out in proportion to their bytes.
+fn shares(dataset: &Dataset, photo_bytes: u64) -> (u64, u64) {
+    let bytes = |view: &View| u128::from(view.photo.most_bytes());
+    let (train, test): (u128, u128) = (dataset.train().map(bytes).sum(), dataset.test().map(bytes).sum());
+    let held_out = u128::from(photo_bytes) * test / (train + test).max(1);
+    let held_out = u64::try_from(held_out).unwrap_or(photo_bytes);
+    (photo_bytes - held_out, held_out)
 }
 
 /// A run that is set up.
@@ -155,6 +174,8 @@ pub struct StartedRun<'a, B> {
     outputs: RunOptions,
     curve: Vec<TrainSample>,
     cpu_secs: f64,
+    /// Memory for the held-out photos.
+    held_out_bytes: u64,
 }
 
 impl<B: TrainBackend> StartedRun<'_, B> {
@@ -191,7 +212,8 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         let total = self.trainer.options().steps;
         let every = if outputs.sample_every == 0 { total.div_ceil(100) } else { outputs.sample_every };
         let mut trainer = self.trainer;
-        let mut record = Recorder::new(self.dataset, self.drawing, self.curve, self.cpu_secs)?;
+        let mut record =
+            Recorder::new(self.dataset, self.drawing, self.curve, self.cpu_secs, self.held_out_bytes)?;
         let (mut stopped, mut last) = (false, None);
         while !trainer.is_done() {
             let outcome = match trainer.step() {

@@ -65,7 +65,7 @@ impl Headless {
         camera: &Camera,
         options: &HeadlessOptions,
     ) -> Result<(Pixels, DrawStats)> {
-        camera.validate()?;
+        camera.validate(&crate::limits::Limits::DEFAULT)?;
         if !(1..=16).contains(&options.samples) {
             return Err(Error::invalid("samples", options.samples, "1 to 16 per axis"));
         }

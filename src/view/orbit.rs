@@ -124,7 +124,12 @@ mod tests {
             assert_eq!((camera.focal, camera.size), (Vec2::splat(90.0), UVec2::new(120, 80)));
         }
         assert_eq!(around_cameras(&[], 3), []);
-        assert!(around_cameras(&[camera; 2], 3).iter().all(|c| c.validate().is_ok()), "parallel axes");
+        assert!(
+            around_cameras(&[camera; 2], 3)
+                .iter()
+                .all(|c| c.validate(&crate::limits::Limits::DEFAULT).is_ok()),
+            "parallel axes"
+        );
     }
 
     #[test]

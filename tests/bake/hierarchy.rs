@@ -108,11 +108,11 @@ fn rays_hit_what_brute_force_hits() {
 #[test]
 fn rays_hit_what_brute_force_hits_in_a_real_soup() {
     let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/soups/guitar_tri.ply"));
-    let Ok(source) = Source::open(&path) else {
+    let Ok(source) = Source::open(&path, &trisplat::Limits::DEFAULT) else {
         eprintln!("SKIPPED (no ../shared/soups/guitar_tri.ply)");
         return;
     };
-    let Scene::Mesh(mesh) = ply::read(source, &ReadOptions { sh_degree: 0 }).unwrap().scene else {
+    let Scene::Mesh(mesh) = ply::read(source, &ReadOptions::with_degree(0)).unwrap().scene else {
         panic!("guitar_tri.ply is a mesh")
     };
     let asset = built(mesh, 4096);

@@ -1,6 +1,7 @@
 //! The command line as a user meets it: exit codes, messages, layers, files.
 
 mod checkpoints;
+mod inputs;
 mod messages;
 mod outputs;
 mod train;

@@ -81,13 +81,6 @@ fn a_window_that_cannot_be_is_refused() {
 }
 
 #[test]
-fn threads_have_a_limit() {
-    let output = trisplat(&[&"info", &sample("studio.ply"), &"--threads", &"5000"]);
-    assert_eq!(output.status.code(), Some(2));
-    assert!(stderr(&output).contains("--threads"), "{}", stderr(&output));
-}
-
-#[test]
 fn errors_are_coloured_when_asked_for_and_never_with_no_color() {
     let run = |variables: &[(&str, &str)], argument: &str| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));

@@ -38,7 +38,7 @@ pub(super) fn visit(chromium: &Path, pages: &Value) -> Vec<Value> {
 
 /// Triangles and origin of a file that was written.
 pub(super) fn mesh(path: &Path) -> (Mesh, Provenance) {
-    let loaded = read(path, &ReadOptions { sh_degree: 0 }).unwrap();
+    let loaded = read(path, &ReadOptions::with_degree(0)).unwrap();
     let Scene::Mesh(mesh) = loaded.scene else { panic!("baked files hold meshes") };
     (mesh, loaded.provenance)
 }

@@ -156,7 +156,7 @@ fn small_files_are_valid_gltf() {
     let (web, _) = files.remove(at("web"));
     let (unity, _) = &files[at("unity")];
     assert!(fs::metadata(&web).unwrap().len() < fs::metadata(unity).unwrap().len());
-    let scene = |path: &Path| read(path, &ReadOptions { sh_degree: 0 }).unwrap().scene;
+    let scene = |path: &Path| read(path, &ReadOptions::with_degree(0)).unwrap().scene;
     assert_eq!(scene(&web), scene(unity));
     assert_valid(&files);
 }
@@ -263,7 +263,7 @@ fn judges_see_real_scenes() {
 
 /// The studio with one thing wrong, by name.
 fn damaged() -> Vec<(&'static str, Soup)> {
-    let Scene::Soup(whole) = read(&studio(), &ReadOptions { sh_degree: 0 }).unwrap().scene else {
+    let Scene::Soup(whole) = read(&studio(), &ReadOptions::with_degree(0)).unwrap().scene else {
         panic!("the sample is a soup");
     };
     let (mut color, mut vertex, mut missing) = (whole.clone(), whole.clone(), whole.clone());
@@ -344,7 +344,7 @@ fn project(scripts: &str, target: &str) -> TempDir {
 
 /// Asserts that the dump holds every node, vertex and colour of `scene.glb`; `said` is what the script said.
 fn assert_same_scene(folder: &Path, said: &str) {
-    let Scene::Mesh(mesh) = read(&folder.join("scene.glb"), &ReadOptions { sh_degree: 0 }).unwrap().scene
+    let Scene::Mesh(mesh) = read(&folder.join("scene.glb"), &ReadOptions::with_degree(0)).unwrap().scene
     else {
         panic!("a GLB is a mesh");
     };

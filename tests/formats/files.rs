@@ -27,7 +27,7 @@ pub(crate) fn shared(name: &str) -> Option<Source> {
         eprintln!("SKIPPED (no ../shared/soups/{name})");
         return None;
     }
-    Some(Source::open(&path).expect("readable"))
+    Some(Source::open(&path, &trisplat::Limits::DEFAULT).expect("readable"))
 }
 
 /// A random soup with valid values.

@@ -8,7 +8,7 @@ use trisplat::formats::ply::{read, write_mesh};
 use trisplat::math::color::linear_from_srgb;
 use trisplat::mesh::{Colors, Mesh};
 
-const OPTIONS: ReadOptions = ReadOptions { sh_degree: 0 };
+const OPTIONS: ReadOptions = ReadOptions::with_degree(0);
 
 fn written(mesh: &Mesh, face_colors: bool) -> Vec<u8> {
     let mut bytes = Vec::new();

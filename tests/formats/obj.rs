@@ -8,7 +8,7 @@ use trisplat::formats::obj::{read, write};
 use trisplat::math::color::{linear_from_srgb, srgb_from_linear};
 use trisplat::mesh::{Colors, Mesh};
 
-const OPTIONS: ReadOptions = ReadOptions { sh_degree: 0 };
+const OPTIONS: ReadOptions = ReadOptions::with_degree(0);
 
 fn written(mesh: &Mesh) -> (String, String) {
     let (mut obj, mut mtl) = (Vec::new(), Vec::new());

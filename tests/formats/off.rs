@@ -8,7 +8,7 @@ use trisplat::math::color::linear_from_srgb;
 use trisplat::mesh::{Colors, Mesh};
 
 fn mesh(text: &str) -> (Mesh, Vec<String>) {
-    let (mesh, _, warnings) = loaded_mesh(read(source(text.as_bytes()), &ReadOptions { sh_degree: 0 }));
+    let (mesh, _, warnings) = loaded_mesh(read(source(text.as_bytes()), &ReadOptions::with_degree(0)));
     (mesh, warnings)
 }
 

@@ -17,7 +17,7 @@ fn bake(output: &Path, flags: &[&str]) -> Output {
 }
 
 fn scene(path: &Path) -> Scene {
-    read(path, &ReadOptions { sh_degree: 0 }).unwrap().scene
+    read(path, &ReadOptions::with_degree(0)).unwrap().scene
 }
 
 #[test]
@@ -52,11 +52,11 @@ fn a_page_is_described_and_checked_like_any_scene() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.html");
     bake(&path, &["--bvh"]);
-    let (info, _) = info::info(&path).unwrap();
+    let (info, _) = info::info(&path, &trisplat::ReadOptions::default()).unwrap();
     assert_eq!((info.format, info.triangles), (Format::Html, 7_982));
     assert_eq!(info.bytes, std::fs::metadata(&path).unwrap().len());
     assert_eq!(info.gltf.unwrap().extensions_required, ["EXT_meshopt_compression"]);
-    let checked = check::check(&path).unwrap();
+    let checked = check::check(&path, &trisplat::ReadOptions::default()).unwrap();
     assert_eq!(checked.triangles, Some(7_982));
     let places: Vec<&str> = checked.findings.iter().map(|finding| finding.place.as_str()).collect();
     assert!(places.iter().all(|place| place.ends_with("scene.bvh")), "{:?}", checked.findings);
@@ -84,7 +84,7 @@ fn damaged_and_foreign_pages_fail_with_their_place() {
     let start = page.windows(6).position(|w| w == b"base64").unwrap();
     for cut in (start..page.len() - 200).step_by(page.len() / 97).chain([start + 8, start + 9]) {
         std::fs::write(&path, &page[..cut]).unwrap();
-        let error = read(&path, &ReadOptions { sh_degree: 0 }).unwrap_err().to_string();
+        let error = read(&path, &ReadOptions::with_degree(0)).unwrap_err().to_string();
         assert!(error.contains("cut short") || error.contains("page without a scene"), "{cut}: {error}");
     }
     let mut spoilt = page.clone();
@@ -93,7 +93,7 @@ fn damaged_and_foreign_pages_fail_with_their_place() {
         [(&spoilt[..], "line "), (b"<!DOCTYPE html><title>x</title>", "page without a scene")]
     {
         std::fs::write(&path, bytes).unwrap();
-        let error = read(&path, &ReadOptions { sh_degree: 0 }).unwrap_err().to_string();
+        let error = read(&path, &ReadOptions::with_degree(0)).unwrap_err().to_string();
         assert!(error.contains(needle) && error.contains("bake"), "{error}");
     }
 }

@@ -4,7 +4,7 @@ use crate::files::{face, loaded_mesh, shared};
 use trisplat::formats::{ReadOptions, off, ply};
 use trisplat::math::color::srgb_from_linear;
 
-const OPTIONS: ReadOptions = ReadOptions { sh_degree: 0 };
+const OPTIONS: ReadOptions = ReadOptions::with_degree(0);
 
 #[test]
 fn ply_and_off_of_the_guitar_agree() {

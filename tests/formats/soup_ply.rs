@@ -16,7 +16,7 @@ fn written(soup: &Soup, provenance: &Provenance) -> Vec<u8> {
 }
 
 fn read_soup(source: Source, sh_degree: u8) -> Soup {
-    match read(source, &ReadOptions { sh_degree }).expect("a valid file") {
+    match read(source, &ReadOptions::with_degree(sh_degree)).expect("a valid file") {
         Loaded { scene: Scene::Soup(soup), warnings, .. } if warnings.is_empty() => soup,
         other => panic!("{other:?}"),
     }
@@ -42,7 +42,7 @@ fn every_degree_reads_back_bit_equal() {
 #[test]
 fn provenance_reads_back_equal() {
     let bytes = written(&soup(3, 0, 1), &provenance());
-    let loaded = read(source(&bytes), &ReadOptions { sh_degree: 0 }).expect("valid");
+    let loaded = read(source(&bytes), &ReadOptions::with_degree(0)).expect("valid");
     assert_eq!(loaded.provenance, provenance());
 }
 
@@ -58,15 +58,15 @@ fn cameras_read_back_bit_equal() {
     let cameras: Vec<Camera> = (0..20_000).map(camera).collect();
     let (soup, mut bytes) = (soup(100, 1, 3), Vec::new());
     write_soup(&mut bytes, &soup, &provenance(), &cameras).expect("writes to memory");
-    let loaded = read(source(&bytes), &ReadOptions { sh_degree: 3 }).expect("valid");
+    let loaded = read(source(&bytes), &ReadOptions::with_degree(3)).expect("valid");
     assert_eq!((loaded.scene, loaded.provenance), (Scene::Soup(soup), provenance()));
     assert_eq!(loaded.cameras, cameras);
 
-    let cut = read(source(&bytes[..bytes.len() - 1]), &ReadOptions { sh_degree: 3 }).unwrap_err();
+    let cut = read(source(&bytes[..bytes.len() - 1]), &ReadOptions::with_degree(3)).unwrap_err();
     assert!(cut.to_string().contains("view"), "{cut}");
     let end = bytes.len() - 20_000 * 72;
     bytes[end + 72 + 48..end + 72 + 52].copy_from_slice(&f32::NAN.to_le_bytes());
-    let broken = read(source(&bytes), &ReadOptions { sh_degree: 3 }).unwrap_err().to_string();
+    let broken = read(source(&bytes), &ReadOptions::with_degree(3)).unwrap_err().to_string();
     assert!(broken.contains("view 1") && broken.contains("no camera"), "{broken}");
 }
 

@@ -25,7 +25,7 @@ fn measure<T>(name: &str, run: impl Fn() -> T) {
 }
 
 fn open(path: &Path) -> Source {
-    Source::open(path).expect("readable")
+    Source::open(path, &trisplat::Limits::DEFAULT).expect("readable")
 }
 
 /// Through a buffer that is used again: what a reader cannot avoid.
@@ -64,7 +64,7 @@ fn speed() {
         measure("  plain read, one buffer", || read_only(&file));
         measure("  plain read, kept (std::fs::read)", || std::fs::read(&file));
         for sh_degree in if degree == 0 { vec![0] } else { vec![0, 3] } {
-            let options = ReadOptions { sh_degree };
+            let options = ReadOptions::with_degree(sh_degree);
             measure(&format!("  ply::read, SH {sh_degree}"), || {
                 ply::read(open(&file), &options).expect("valid")
             });
@@ -72,7 +72,7 @@ fn speed() {
         measure("  validate", || soup.validate().is_ok());
     }
     let asset = Asset { mesh: mesh(count, false, false, false), ..Asset::default() };
-    let options = ReadOptions { sh_degree: 0 };
+    let options = ReadOptions::with_degree(0);
     let file = path("mesh.ply");
     measure("mesh ply write", || create(&file, |out| ply::write_mesh(out, &asset, false)));
     measure("  plain read, kept", || std::fs::read(&file));

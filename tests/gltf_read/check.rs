@@ -30,7 +30,7 @@ impl Folder {
 }
 
 fn check_bytes(name: &str, bytes: &[u8]) -> Checked {
-    check(&Folder::new().write(name, bytes)).expect("readable")
+    check(&Folder::new().write(name, bytes), &trisplat::ReadOptions::default()).expect("readable")
 }
 
 /// "error accessor 0: has min ..." of every finding.
@@ -202,22 +202,25 @@ fn the_hierarchy_beside_a_scene_must_be_its_own() {
     let file = written(&scene, &GltfOptions::default());
     let path = folder.write("scene.glb", &file);
     let beside = folder.write("scene.bvh", &sidecar);
-    assert_eq!(lines(&check(&path).expect("readable")), Vec::<String>::new());
+    assert_eq!(
+        lines(&check(&path, &trisplat::ReadOptions::default()).expect("readable")),
+        Vec::<String>::new()
+    );
     // Another scene of as many faces.
     let mut other = scene.clone();
     other.mesh.positions[17].x += 1.0;
     folder.write("scene.glb", &written(&other, &GltfOptions::default()));
-    let found = lines(&check(&path).expect("readable"));
+    let found = lines(&check(&path, &trisplat::ReadOptions::default()).expect("readable"));
     assert!(found.len() == 1 && found[0].contains("scene.bvh: belongs to another scene"), "{found:#?}");
     // Quantised positions cannot be held against the hash.
     let quantised = GltfOptions { positions: PositionEncoding::ChunkU16, ..GltfOptions::default() };
     folder.write("scene.glb", &written(&scene, &quantised));
-    let checked = check(&path).expect("readable");
+    let checked = check(&path, &trisplat::ReadOptions::default()).expect("readable");
     assert_eq!((checked.count(Severity::Error), checked.count(Severity::Note)), (0, 2), "{checked:#?}");
     // Damage.
     folder.write("scene.glb", &file);
     std::fs::write(&beside, &sidecar[..sidecar.len() - 1]).expect("written");
-    let found = lines(&check(&path).expect("readable"));
+    let found = lines(&check(&path, &trisplat::ReadOptions::default()).expect("readable"));
     assert!(found.len() == 1 && found[0].starts_with("Error") && found[0].contains("nodes"), "{found:#?}");
 }
 
@@ -232,14 +235,21 @@ fn a_broken_file_of_any_format_is_a_finding() {
         ("a.glb", b"glTF\x02\0\0\0"),
     ] {
         let path = folder.write(name, bytes);
-        let checked = check(&path).expect("a known format");
+        let checked = check(&path, &trisplat::ReadOptions::default()).expect("a known format");
         assert_eq!((checked.count(Severity::Error), checked.triangles), (1, None), "{name}: {checked:#?}");
         let mut out = Vec::new();
-        let error = trisplat::cli::validate::run(&ValidateArgs { input: path, json: false }, &mut out);
+        let error = trisplat::cli::validate::run(
+            &ValidateArgs { input: path, json: false },
+            &trisplat::ReadOptions::default(),
+            &mut out,
+        );
         assert!(error.is_err());
         assert!(String::from_utf8(out).expect("text").contains("1 error, 0 warnings, 0 notes"));
     }
-    assert!(check(&folder.write("a.txt", b"hello")).is_err(), "no format at all");
+    assert!(
+        check(&folder.write("a.txt", b"hello"), &trisplat::ReadOptions::default()).is_err(),
+        "no format at all"
+    );
 }
 
 /// A PLY soup of the sample generator.
@@ -253,7 +263,7 @@ fn sample(folder: &Folder) -> PathBuf {
 #[test]
 fn info_counts_what_is_there() {
     let folder = Folder::new();
-    let (found, loaded) = info(&sample(&folder)).expect("valid");
+    let (found, loaded) = info(&sample(&folder), &trisplat::ReadOptions::default()).expect("valid");
     let triangles = loaded.scene.triangle_count() as u64;
     assert_eq!((found.kind, found.format, found.triangles), (SceneKind::Soup, Format::Ply, triangles));
     for spread in [found.sigma.as_ref(), found.opacity.as_ref()] {
@@ -264,7 +274,7 @@ fn info_counts_what_is_there() {
     assert!(found.bounds.min.iter().zip(found.bounds.max).all(|(a, b)| *a < b));
 
     let path = folder.write("scene.glb", &written(&asset(50), &GltfOptions::default()));
-    let (found, _) = info(&path).expect("valid");
+    let (found, _) = info(&path, &trisplat::ReadOptions::default()).expect("valid");
     assert_eq!(
         (found.kind, found.triangles, found.vertices, found.indexed),
         (SceneKind::Mesh, 50, 150, false)

@@ -132,7 +132,7 @@ pub(crate) fn glb(json: &[u8], bin: &[u8]) -> Vec<u8> {
 }
 
 pub(crate) fn read(path: &Path) -> Result<Loaded> {
-    gltf::read(Source::open(path)?, &ReadOptions { sh_degree: 0 })
+    gltf::read(Source::open(path, &trisplat::Limits::DEFAULT)?, &ReadOptions::with_degree(0))
 }
 
 /// Reads bytes through an unnamed file, which is cheaper to make ten thousand times.
@@ -141,7 +141,7 @@ pub(crate) fn read_bytes(bytes: &[u8]) -> Result<Loaded> {
     std::io::Write::write_all(&mut file, bytes).expect("written");
     std::io::Seek::rewind(&mut file).expect("seekable");
     let source = Source { path: PathBuf::from("scene.glb"), file, len: bytes.len() as u64 };
-    gltf::read(source, &ReadOptions { sh_degree: 0 })
+    gltf::read(source, &ReadOptions::with_degree(0))
 }
 
 pub(crate) fn mesh(loaded: Loaded) -> Mesh {

@@ -240,7 +240,7 @@ impl Folder {
 }
 
 pub(crate) fn read(path: &Path, sh_degree: u8) -> Result<Loaded> {
-    pt::read(Source::open(path)?, &ReadOptions { sh_degree })
+    pt::read(Source::open(path, &trisplat::Limits::DEFAULT)?, &ReadOptions::with_degree(sh_degree))
 }
 
 pub(crate) fn read_bytes(bytes: &[u8], sh_degree: u8) -> Result<Loaded> {

@@ -135,9 +135,11 @@ fn mismatched_tensors_are_named() {
 #[test]
 fn pipes_are_read_from_a_copy() {
     let folder = Folder::new();
-    let mut source = Source::open(&folder.write(&checkpoint(&soup_tensors(2, 0), b""))).expect("opens");
+    let mut source =
+        Source::open(&folder.write(&checkpoint(&soup_tensors(2, 0), b"")), &trisplat::Limits::DEFAULT)
+            .expect("opens");
     source.path = PathBuf::from("-");
-    assert_eq!(pt::read(source, &ReadOptions { sh_degree: 0 }).expect("valid").scene.triangle_count(), 2);
+    assert_eq!(pt::read(source, &ReadOptions::with_degree(0)).expect("valid").scene.triangle_count(), 2);
 }
 
 /// Bytes of an array in an uncompressed .npz.

@@ -3,31 +3,36 @@
 
 use super::findings::{Findings, Positions, Severity};
 use crate::error::Result;
-use crate::formats::Source;
 use crate::formats::gltf::accessor::Accessors;
 use crate::formats::gltf::buffers::Buffers;
 use crate::formats::gltf::container::{ContainerFile, GlbChunk};
 use crate::formats::gltf::document::{self, Document, Primitive};
 use crate::formats::gltf::extensions::{MESHOPT, MESHOPT_KHR, QUANTIZATION};
 use crate::formats::gltf::limits::{MAX_SHORT_VERTICES, READABLE_BYTES};
+use crate::formats::{ReadOptions, Source};
 use gltf_json::accessor::ComponentType;
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::io::{Read, Seek, SeekFrom};
 
 /// Adds what is wrong with a glTF file; `for_engines` is false for a scene that only its own page reads.
-pub(super) fn check(mut source: Source, for_engines: bool, findings: &mut Findings) -> Result<()> {
-    let container = match ContainerFile::read(&mut source) {
+pub(super) fn check(
+    mut source: Source,
+    options: &ReadOptions,
+    for_engines: bool,
+    findings: &mut Findings,
+) -> Result<()> {
+    let container = match ContainerFile::read(&mut source, &options.limits) {
         Ok(container) => container,
         Err(error) => return findings.take(error),
     };
-    let document: Document = match document::parse(&source.path, &container.json) {
+    let document: Document = match document::parse(&source.path, &container.json, &options.limits) {
         Ok(document) => document,
         Err(error) => return findings.take(error),
     };
     check_container(&mut source, &container, &document, findings)?;
     check_extensions(&document, for_engines, findings);
-    let buffers = Buffers::new(source, &container, &document.buffers);
+    let buffers = Buffers::new(source, &container, &document.buffers, options);
     let mut checker = AccessorChecker {
         accessors: Accessors::new(&document, buffers),
         document: &document,

@@ -6,7 +6,8 @@ use super::container::{ContainerFile, GlbChunk};
 use super::limits::{FREE_UNPACKED_BYTES, MAX_UNPACK_RATIO};
 use super::uri;
 use crate::error::{Error, Result};
-use crate::formats::Source;
+use crate::formats::{ReadOptions, Source};
+use crate::input;
 use gltf_json::Buffer;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -22,6 +23,7 @@ pub(crate) struct Buffers<'a> {
     opened: Vec<Option<OpenBuffer>>,
     /// Bytes that may still be unpacked.
     budget: u64,
+    options: ReadOptions,
 }
 
 /// Where the bytes of a buffer are.
@@ -35,7 +37,12 @@ enum OpenBuffer {
 }
 
 impl<'a> Buffers<'a> {
-    pub(crate) fn new(source: Source, container: &ContainerFile, declared: &'a [Buffer]) -> Self {
+    pub(crate) fn new(
+        source: Source,
+        container: &ContainerFile,
+        declared: &'a [Buffer],
+        options: &ReadOptions,
+    ) -> Self {
         Self {
             budget: FREE_UNPACKED_BYTES + MAX_UNPACK_RATIO * source.len,
             path: source.path,
@@ -43,6 +50,7 @@ impl<'a> Buffers<'a> {
             bin: container.bin(),
             declared,
             opened: (0..declared.len()).map(|_| None).collect(),
+            options: *options,
         }
     }
 
@@ -151,13 +159,14 @@ impl<'a> Buffers<'a> {
         if outside || name.contains('\0') {
             return refuse("which is not beside it; download it and name it by a relative path");
         }
-        let path = self.path.parent().unwrap_or(Path::new("")).join(name);
-        // A pipe would wait for ever, a device has no end.
-        let meta = std::fs::metadata(&path).map_err(|e| Error::io(&path, e))?;
-        if !meta.is_file() {
-            return refuse("which is not a file");
+        if input::leaves_folder(Path::new(&name)) && !self.options.allow_outside {
+            return refuse("outside the folder of the file; if that is right, give `allow_outside`");
         }
-        let file = File::open(&path).map_err(|e| Error::io(&path, e))?;
-        Ok((OpenBuffer::Beside(file), meta.len()))
+        let path = self.path.parent().unwrap_or(Path::new("")).join(name);
+        match input::open(&path, &self.options.limits) {
+            Ok((file, len)) => Ok((OpenBuffer::Beside(file), len)),
+            Err(Error::Unsupported { reason, .. }) => refuse(&format!("which {reason}")),
+            Err(error) => Err(error),
+        }
     }
 }

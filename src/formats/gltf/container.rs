@@ -1,8 +1,9 @@
 //! The containers, written and read: a GLB's header and chunks, or a bare JSON file.
 
-use super::limits::{GLB_BYTES, MAX_GLB_CHUNKS, MAX_JSON_BYTES, READABLE_BYTES, WARN_BYTES};
+use super::limits::{GLB_BYTES, MAX_GLB_CHUNKS, READABLE_BYTES, WARN_BYTES};
 use crate::error::{Error, Result};
 use crate::formats::Source;
+use crate::limits::Limits;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
@@ -144,7 +145,7 @@ impl GlbChunk {
 
 impl ContainerFile {
     /// Reads the header and the JSON; the binary chunk stays on disk.
-    pub(crate) fn read(source: &mut Source) -> Result<Self> {
+    pub(crate) fn read(source: &mut Source, limits: &Limits) -> Result<Self> {
         let path = source.path.clone();
         let is_glb = source.head()?.starts_with(MAGIC);
         let (chunks, length) = if is_glb { chunks(source)? } else { (Vec::new(), source.len) };
@@ -152,15 +153,9 @@ impl ContainerFile {
             Some(chunk) => (chunk.start, chunk.length),
             None => (0, source.len),
         };
-        if bytes > MAX_JSON_BYTES {
-            return Err(Error::TooLarge {
-                what: format!("{}: JSON", path.display()),
-                bytes,
-                limit: MAX_JSON_BYTES,
-                remedy: "store the scene as .glb".into(),
-            });
-        }
-        let mut json = vec![0; bytes as usize];
+        // Buffers embedded as base64 count.
+        limits.document(format_args!("{}: JSON", path.display()), bytes)?;
+        let mut json = limits.zeroed(path.display(), bytes as usize)?;
         read_at(source, start, &mut json)?;
         Ok(Self { json, chunks, length })
     }

@@ -11,8 +11,9 @@
 //! - Three bytes of JSON (`{}` and a comma) make a material of 752 bytes, and no array has a limit.
 
 use super::extensions::{CompressedView, MESHOPT, MESHOPT_KHR};
-use super::limits::MAX_ENTRIES;
 use crate::error::{Error, Result};
+use crate::input::BYTE_ORDER_MARK;
+use crate::limits::Limits;
 use gltf_json::accessor::{self, ComponentType};
 use gltf_json::material::AlphaMode;
 use gltf_json::mesh;
@@ -21,6 +22,7 @@ use serde::Deserialize;
 use serde::de::{DeserializeOwned, Deserializer, Error as _, IgnoredAny, SeqAccess, Visitor};
 use serde_json::Value;
 use serde_json::value::RawValue;
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::marker::PhantomData;
@@ -209,15 +211,26 @@ pub(crate) fn component_type(code: u32) -> Option<ComponentType> {
     })
 }
 
-/// The document in `json`.
-pub(crate) fn parse<T: DeserializeOwned>(path: &Path, json: &[u8]) -> Result<T> {
-    // Writers pad with spaces, some with zeros.
-    let end = json.iter().rposition(|b| *b != 0).map_or(0, |last| last + 1);
-    let json = json[..end].strip_prefix(b"\xef\xbb\xbf").unwrap_or(&json[..end]);
-    serde_json::from_slice(json).map_err(|e| Error::malformed(path, "JSON", e.to_string()))
+thread_local! {
+    /// Entries that the arrays of the document being parsed may have, and the first number beyond that: serde hands
+    /// nothing to the functions that it calls.
+    static ENTRIES: Cell<(u64, Option<u64>)> = const { Cell::new((0, None)) };
 }
 
-/// An array of at most [`MAX_ENTRIES`].
+/// The document in `json`.
+pub(crate) fn parse<T: DeserializeOwned>(path: &Path, json: &[u8], limits: &Limits) -> Result<T> {
+    // Writers pad with spaces, some with zeros.
+    let end = json.iter().rposition(|b| *b != 0).map_or(0, |last| last + 1);
+    let json = json[..end].strip_prefix(BYTE_ORDER_MARK).unwrap_or(&json[..end]);
+    ENTRIES.set((limits.nodes, None));
+    let parsed = serde_json::from_slice(json);
+    if let (_, Some(beyond)) = ENTRIES.get() {
+        limits.nodes(format_args!("{}: JSON", path.display()), beyond)?;
+    }
+    parsed.map_err(|e| Error::malformed(path, "JSON", e.to_string()))
+}
+
+/// An array of at most as many entries as [`ENTRIES`] says.
 fn limited<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
     deserializer: D,
 ) -> std::result::Result<Vec<T>, D::Error> {
@@ -226,14 +239,16 @@ fn limited<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
         type Value = Vec<T>;
 
         fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-            write!(f, "an array of at most {MAX_ENTRIES} entries")
+            f.write_str("an array")
         }
 
         fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> std::result::Result<Vec<T>, A::Error> {
+            let (most, _) = ENTRIES.get();
             let mut entries = Vec::new();
             while let Some(entry) = seq.next_element()? {
-                if entries.len() == MAX_ENTRIES {
-                    return Err(A::Error::invalid_length(entries.len() + 1, &self));
+                if entries.len() as u64 == most {
+                    ENTRIES.set((most, Some(most + 1)));
+                    return Err(A::Error::custom("too many entries"));
                 }
                 entries.push(entry);
             }

@@ -8,12 +8,8 @@ pub(super) const WARN_BYTES: u64 = GIB;
 pub(crate) const READABLE_BYTES: u64 = i32::MAX as u64;
 /// GLB lengths are unsigned 32-bit numbers.
 pub(super) const GLB_BYTES: u64 = u32::MAX as u64;
-/// The largest JSON held in memory. Buffers embedded as base64 count.
-pub(super) const MAX_JSON_BYTES: u64 = GIB;
 /// Chunks of a GLB; glTF 2.0 knows two, and a file of empty chunks has one every 8 bytes.
 pub(super) const MAX_GLB_CHUNKS: usize = 64;
-/// Entries of any array of the document. Three bytes of JSON make a node of some 200 bytes.
-pub(super) const MAX_ENTRIES: usize = 1 << 20;
 /// No file unpacks to more than this many times its size. A block of 256 compressed vertices costs at least
 /// one byte for every four channels, so meshopt reaches about 1000; a mesh that many nodes show can promise
 /// any number.

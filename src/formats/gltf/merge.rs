@@ -5,7 +5,7 @@ use super::document::{Document, Material, Primitive};
 use super::extensions::DRACO;
 use super::nodes::MeshInstance;
 use crate::error::{Error, Result};
-use crate::formats::MAX_TRIANGLES;
+use crate::limits::Limits;
 use crate::math::color::linear_from_srgb;
 use crate::mesh::{Colors, Mesh};
 use glam::{DMat4, DVec3, Vec3};
@@ -35,6 +35,7 @@ pub(super) struct MergedMesh<'a> {
     faces: usize,
     clamped: usize,
     warnings: Vec<String>,
+    limits: Limits,
 }
 
 /// The faces of one primitive.
@@ -47,7 +48,7 @@ struct PrimitiveFaces {
 }
 
 impl<'a> MergedMesh<'a> {
-    pub(super) fn new(document: &'a Document, accessors: Accessors<'a>, srgb: bool) -> Self {
+    pub(super) fn new(document: &'a Document, accessors: Accessors<'a>, srgb: bool, limits: Limits) -> Self {
         Self {
             document,
             accessors,
@@ -60,6 +61,7 @@ impl<'a> MergedMesh<'a> {
             faces: 0,
             clamped: 0,
             warnings: Vec::new(),
+            limits,
         }
     }
 
@@ -90,10 +92,11 @@ impl<'a> MergedMesh<'a> {
                 }
             }
         }
-        self.check_limit(vertices / 3)?;
-        self.accessors.buffers.spend(24 * vertices)?;
-        self.positions.reserve_exact(vertices as usize);
-        Ok(())
+        let (limits, path) = (self.limits, self.accessors.buffers.path().to_owned());
+        limits.triangles(path.display(), vertices / 3)?;
+        limits.vertices(path.display(), vertices)?;
+        self.accessors.buffers.spend(vertices.saturating_mul(24))?;
+        limits.reserve(path.display(), &mut self.positions, vertices as usize)
     }
 
     /// The accessor of a primitive's positions; none, with a warning, when it holds no triangles.
@@ -118,13 +121,7 @@ impl<'a> MergedMesh<'a> {
     }
 
     fn check_limit(&self, triangles: u64) -> Result<()> {
-        if triangles <= MAX_TRIANGLES {
-            return Ok(());
-        }
-        Err(Error::unsupported(
-            self.accessors.buffers.path(),
-            format!("promises {triangles} triangles; the most we take is {MAX_TRIANGLES}: split the scene"),
-        ))
+        self.limits.triangles(self.accessors.buffers.path().display(), triangles)
     }
 
     fn primitives(&self, instance: &MeshInstance) -> Result<&'a [Primitive]> {

@@ -2,6 +2,7 @@
 
 use super::document::{Document, Node};
 use crate::error::{Error, Result};
+use crate::limits::Limits;
 use glam::{DMat4, DQuat, DVec3, Vec3};
 use std::path::Path;
 
@@ -21,12 +22,13 @@ pub(super) struct MeshInstance {
 /// # Errors
 /// `Malformed` for numbers that name nothing, for a node with two parents or in a cycle, and for
 /// transforms that are not finite.
-pub(super) fn instances(path: &Path, document: &Document) -> Result<Vec<MeshInstance>> {
+pub(super) fn instances(path: &Path, document: &Document, limits: &Limits) -> Result<Vec<MeshInstance>> {
     let mut seen = vec![false; document.nodes.len()];
     let mut instances = Vec::new();
-    let mut stack: Vec<(usize, Option<DMat4>)> =
-        roots(path, document)?.into_iter().rev().map(|n| (n, None)).collect();
-    while let Some((index, parent)) = stack.pop() {
+    let mut stack: Vec<(usize, Option<DMat4>, u64)> =
+        roots(path, document)?.into_iter().rev().map(|n| (n, None, 0)).collect();
+    while let Some((index, parent, depth)) = stack.pop() {
+        limits.nesting(format_args!("{}: node {index}", path.display()), depth)?;
         let place = || format!("node {index}");
         let has = document.nodes.len();
         let node = document
@@ -47,7 +49,7 @@ pub(super) fn instances(path: &Path, document: &Document) -> Result<Vec<MeshInst
         if let Some(mesh) = node.mesh {
             instances.push(MeshInstance { mesh, node: index, transform });
         }
-        stack.extend(node.children.iter().rev().map(|&child| (child, transform)));
+        stack.extend(node.children.iter().rev().map(|&child| (child, transform, depth + 1)));
     }
     Ok(instances)
 }

@@ -27,16 +27,17 @@ use std::path::Path;
 /// # Errors
 /// `Malformed` for broken containers, JSON and accessors; `Unsupported` for glTF 1.0, Draco, unknown
 /// required extensions and scenes without triangles.
-pub fn read(mut source: Source, _options: &ReadOptions) -> Result<Loaded> {
+pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     let path = source.path.clone();
-    let container = ContainerFile::read(&mut source)?;
-    let document: Document = document::parse(&path, &container.json)?;
+    let limits = &options.limits;
+    let container = ContainerFile::read(&mut source, limits)?;
+    let document: Document = document::parse(&path, &container.json, limits)?;
     check_support(&path, &document)?;
-    let instances = nodes::instances(&path, &document)?;
-    let buffers = Buffers::new(source, &container, &document.buffers);
+    let instances = nodes::instances(&path, &document, limits)?;
+    let buffers = Buffers::new(source, &container, &document.buffers, options);
     drop(container);
     let srgb = extras::has_srgb_colors(&document.asset);
-    let mut merged = MergedMesh::new(&document, Accessors::new(&document, buffers), srgb);
+    let mut merged = MergedMesh::new(&document, Accessors::new(&document, buffers), srgb, *limits);
     for node in &document.nodes {
         if node.skin.is_some() {
             merged.warn("skins are not applied");

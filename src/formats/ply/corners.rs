@@ -5,8 +5,10 @@ use super::header::Scalar;
 use super::table::Table;
 use crate::error::Result;
 use crate::formats::faces::{Faces, not_a_triangle};
+use crate::limits::Limits;
 use glam::Vec3;
 use rayon::prelude::*;
+use std::path::Path;
 
 /// Reads x, y, z of every vertex. // out: [V]
 pub(super) fn read_positions(vertices: &Table, out: &mut [Vec3]) -> Result<()> {
@@ -77,8 +79,8 @@ impl Corners {
 }
 
 /// All faces, their corner numbers below `vertices`.
-pub(super) fn read_faces(faces: &Table, vertices: usize) -> Result<Faces> {
-    let indices = read_triangles(faces, vertices)?;
+pub(super) fn read_faces(faces: &Table, vertices: usize, path: &Path, limits: &Limits) -> Result<Faces> {
+    let indices = read_triangles(faces, vertices, path, limits)?;
     let mut polygons = faces.polygons().iter().peekable();
     if polygons.peek().is_none() {
         return Ok(Faces::from_triangles(indices));
@@ -96,6 +98,7 @@ pub(super) fn read_faces(faces: &Table, vertices: usize) -> Result<Faces> {
             None => corners.extend_from_slice(triangle),
         }
         out.push(&corners).map_err(|reason| faces.error(face, reason))?;
+        limits.triangles(path.display(), out.triangles() as u64)?;
     }
     Ok(out)
 }
@@ -110,9 +113,9 @@ fn no_vertex(corner: i64, vertices: usize) -> String {
 }
 
 /// The first three corner numbers of all faces. `[F * 3]`
-fn read_triangles(faces: &Table, vertices: usize) -> Result<Vec<u32>> {
+fn read_triangles(faces: &Table, vertices: usize, path: &Path, limits: &Limits) -> Result<Vec<u32>> {
     let corners = Corners::of(faces)?;
-    let mut indices = vec![0u32; faces.rows() * 3];
+    let mut indices = limits.zeroed::<u32>(path.display(), faces.rows() * 3)?;
     let per_block = faces.rows_per_block();
     let read = |buffer: &mut Vec<u8>, (block, out): (usize, &mut [u32])| {
         let first = block * per_block;

@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::formats::lines::clip;
 use crate::formats::source::Source;
+use crate::input::BYTE_ORDER_MARK;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 
 /// More than any real header; what is longer is not a PLY file or is broken.
@@ -127,7 +128,8 @@ pub(crate) fn read(source: &mut Source) -> Result<Header> {
         if line.last() != Some(&b'\n') {
             return Err(Error::malformed(&path, at, draft.why_cut_short(reader.limit() == 0, &line)));
         }
-        let text = String::from_utf8_lossy(&line);
+        let mark = if number == 1 { BYTE_ORDER_MARK } else { &[] };
+        let text = String::from_utf8_lossy(line.strip_prefix(mark).unwrap_or(&line));
         if draft.take_line(text.trim()).map_err(|reason| Error::malformed(&path, at, reason))? {
             break;
         }

@@ -11,6 +11,7 @@ use crate::error::{Error, Result};
 use crate::formats::blocks::write_blocks;
 use crate::formats::channel::Clamped;
 use crate::formats::provenance::to_comment;
+use crate::limits::Limits;
 use crate::math::color::{linear_from_srgb, linear_of_srgb8};
 use crate::math::srgb8::srgb8_from_linear;
 use crate::mesh::{Colors, Mesh};
@@ -20,14 +21,19 @@ use std::io::{self, Write};
 use std::path::Path;
 
 /// The mesh; what had to be guessed or repaired is added to `warnings`.
-pub(super) fn read(path: &Path, tables: &Tables, warnings: &mut Vec<String>) -> Result<Mesh> {
+pub(super) fn read(
+    path: &Path,
+    tables: &Tables,
+    limits: &Limits,
+    warnings: &mut Vec<String>,
+) -> Result<Mesh> {
     let Tables { vertices, faces, .. } = tables;
     for axis in ["x", "y", "z"] {
         vertices.column(axis)?;
     }
     let channels = (Channels::of(path, vertices)?, Channels::of(path, faces)?);
-    let read = read_faces(faces, vertices.rows())?;
-    let mut positions = bytemuck::zeroed_vec::<Vec3>(vertices.rows());
+    let read = read_faces(faces, vertices.rows(), path, limits)?;
+    let mut positions = limits.zeroed::<Vec3>(path.display(), vertices.rows())?;
     read_positions(vertices, &mut positions)?;
     let triangles = read.triangulate(&positions);
     let mut mesh = Mesh { positions, ..Mesh::default() };

@@ -10,8 +10,10 @@ use super::views;
 use crate::asset::Provenance;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
+use crate::formats::ReadOptions;
 use crate::formats::blocks::write_blocks;
 use crate::formats::provenance::to_comment;
+use crate::limits::Limits;
 use crate::soup::{Soup, rgb_from_sh0};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -23,38 +25,38 @@ pub(super) fn is_soup(faces: &Element) -> bool {
     faces.has("sigma")
 }
 
-/// The soup, with SH up to `sh_degree`; higher degrees are skipped.
-pub(super) fn read(path: &Path, element: &Element, tables: &Tables, sh_degree: u8) -> Result<Soup> {
+/// The soup, with SH up to `options.sh_degree`; higher degrees are skipped.
+pub(super) fn read(path: &Path, element: &Element, tables: &Tables, options: &ReadOptions) -> Result<Soup> {
     let Tables { vertices, faces, .. } = tables;
-    let columns = Columns::of(path, element, faces, sh_degree)?;
+    let columns = Columns::of(path, element, faces, options.sh_degree)?;
     for axis in ["x", "y", "z"] {
         vertices.column(axis)?;
     }
-    let count = faces.rows();
+    let (count, limits) = (faces.rows(), &options.limits);
     let mut soup = Soup {
         vertices: Vec::new(),
-        opacity: vec![0.0; count],
-        sigma: vec![0.0; count],
-        sh: vec![[0.0; 3]; count * columns.sh.len()],
+        opacity: limits.zeroed(path.display(), count)?,
+        sigma: limits.zeroed(path.display(), count)?,
+        sh: limits.zeroed(path.display(), count * columns.sh.len())?,
         sh_degree: columns.sh_degree,
     };
     let unshared = columns.read(faces, &mut soup)?;
     soup.vertices = if unshared && vertices.rows() == 3 * count {
-        let mut own = bytemuck::zeroed_vec::<[Vec3; 3]>(count);
+        let mut own = limits.zeroed::<[Vec3; 3]>(path.display(), count)?;
         read_positions(vertices, bytemuck::cast_slice_mut(&mut own))?;
         own
     } else {
-        gather(vertices, faces)?
+        gather(vertices, faces, limits, path)?
     };
     Ok(soup)
 }
 
 /// The corners of every face, looked up among shared vertices.
-fn gather(vertices: &Table, faces: &Table) -> Result<Vec<[Vec3; 3]>> {
-    let mut shared = bytemuck::zeroed_vec::<Vec3>(vertices.rows());
+fn gather(vertices: &Table, faces: &Table, limits: &Limits, path: &Path) -> Result<Vec<[Vec3; 3]>> {
+    let mut shared = limits.zeroed::<Vec3>(path.display(), vertices.rows())?;
     read_positions(vertices, &mut shared)?;
     let corners = Corners::of(faces)?;
-    let mut own = bytemuck::zeroed_vec::<[Vec3; 3]>(faces.rows());
+    let mut own = limits.zeroed::<[Vec3; 3]>(path.display(), faces.rows())?;
     let per_block = faces.rows_per_block();
     let read = |buffer: &mut Vec<u8>, (block, out): (usize, &mut [[Vec3; 3]])| {
         let first = block * per_block;

@@ -199,6 +199,11 @@ impl<'a> Table<'a> {
         Ok(corners)
     }
 
+    /// The file and one of its rows, for messages.
+    pub(super) fn place(&self, row: usize) -> String {
+        format!("{}: {} {row}", self.path.display(), self.element.name)
+    }
+
     /// A broken row.
     pub(super) fn error(&self, row: usize, reason: impl Into<String>) -> Error {
         Error::malformed(self.path, format!("{} {row}", self.element.name), reason)

@@ -5,8 +5,8 @@ use super::table::Table;
 use super::views;
 use super::wanted::Wanted;
 use crate::error::{Error, Result};
-use crate::formats::limits::MAX_TRIANGLES;
 use crate::formats::source::Source;
+use crate::limits::Limits;
 
 /// The two elements every kind of triangle PLY has, and the cameras that a soup may come with.
 pub(super) struct Tables<'a> {
@@ -16,12 +16,13 @@ pub(super) struct Tables<'a> {
 }
 
 /// Finds the rows of `vertex`, `face` and `view`, checking that the file is as long as they need. `faces` says what may be a face.
-pub(super) fn locate<'a>(source: &'a Source, header: &'a Header, faces: Wanted) -> Result<Tables<'a>> {
-    if let Some(face) = header.element("face").filter(|face| face.rows > MAX_TRIANGLES) {
-        let reason =
-            format!("promises {} triangles; the most we take is {MAX_TRIANGLES}: split it", face.rows);
-        return Err(Error::unsupported(&source.path, reason));
-    }
+pub(super) fn locate<'a>(
+    source: &'a Source,
+    header: &'a Header,
+    faces: Wanted,
+    limits: &Limits,
+) -> Result<Tables<'a>> {
+    check_rows(source, header, limits)?;
     let cameras = views::element(header);
     let wanted = |element: &Element| match element.name.as_str() {
         "vertex" => Wanted::Triangles,
@@ -38,8 +39,16 @@ pub(super) fn locate<'a>(source: &'a Source, header: &'a Header, faces: Wanted) 
     })
 }
 
+/// Refuses more rows than a scene may have, before any is read.
+fn check_rows(source: &Source, header: &Header, limits: &Limits) -> Result<()> {
+    let place = |element: &Element| format!("{}: element {}", source.path.display(), element.name);
+    header.element("face").map_or(Ok(()), |face| limits.triangles(place(face), face.rows))?;
+    header.element("vertex").map_or(Ok(()), |vertex| limits.vertices(place(vertex), vertex.rows))
+}
+
 /// The rows of `vertex` alone: a cloud of points.
-pub(crate) fn points<'a>(source: &'a Source, header: &'a Header) -> Result<Table<'a>> {
+pub(crate) fn points<'a>(source: &'a Source, header: &'a Header, limits: &Limits) -> Result<Table<'a>> {
+    check_rows(source, header, limits)?;
     let wanted =
         |element: &Element| if element.name == "vertex" { Wanted::Triangles } else { Wanted::Nothing };
     let [vertices] = open(source, header, wanted, ["vertex"])?;

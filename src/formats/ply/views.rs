@@ -8,6 +8,7 @@ use super::table::Table;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::formats::blocks::write_blocks;
+use crate::limits::Limits;
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use std::io::{self, Write};
 
@@ -44,8 +45,8 @@ pub(super) fn write(out: &mut dyn Write, cameras: &[Camera]) -> io::Result<()> {
     })
 }
 
-/// The cameras. An error names the first row that is none.
-pub(super) fn read(table: &Table) -> Result<Vec<Camera>> {
+/// The cameras. An error names the first row that is none, or one whose pictures are too large.
+pub(super) fn read(table: &Table, limits: &Limits) -> Result<Vec<Camera>> {
     let columns = |names: &[&str]| names.iter().map(|n| table.column(n)).collect::<Result<Vec<Column>>>();
     let (floats, whole) = (columns(&FLOATS)?, columns(&WHOLE)?);
     let (mut cameras, mut buffer) = (Vec::new(), Vec::new());
@@ -65,8 +66,9 @@ pub(super) fn read(table: &Table) -> Result<Vec<Camera>> {
                 center: Vec2::new(cx, cy),
                 size: UVec2::from(size),
             };
+            limits.camera(table.place(first + i), camera.size)?;
             let turns = (camera.rotation.determinant() - 1.0).abs() < 0.01;
-            if camera.validate().is_err() || !turns {
+            if camera.validate(limits).is_err() || !turns {
                 let wants =
                     "is no camera: wants finite numbers, a rotation, focal lengths and a size above 0";
                 return Err(table.error(first + i, wants));

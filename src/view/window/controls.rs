@@ -213,7 +213,7 @@ mod tests {
     fn framing_has_every_corner_of_the_box_in_view() {
         for up in [Vec3::Y, Vec3::NEG_Y, Vec3::Z] {
             let camera = CameraControls::new(&BOX, up).camera(SIZE, PANE);
-            camera.validate().unwrap();
+            camera.validate(&crate::limits::Limits::DEFAULT).unwrap();
             for i in 0..8 {
                 let pick =
                     |bit: usize, axis: usize| if i >> bit & 1 == 0 { BOX.min[axis] } else { BOX.max[axis] };
@@ -222,7 +222,10 @@ mod tests {
             }
             assert!((camera.rotation * up).y < 0.0, "up is up");
         }
-        CameraControls::new(&Aabb::EMPTY, Vec3::Y).camera(SIZE, PANE).validate().unwrap();
+        CameraControls::new(&Aabb::EMPTY, Vec3::Y)
+            .camera(SIZE, PANE)
+            .validate(&crate::limits::Limits::DEFAULT)
+            .unwrap();
     }
 
     #[test]

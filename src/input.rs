@@ -1,0 +1,175 @@
+//! Files that are read: regular ones, of a size that is known and within the limits before the first byte is read.
+//!
+//! A pipe or a device may hold any number of bytes and may wait for ever, so neither is read by its name. What a shell
+//! hands over as `/dev/fd/63` (`<(...)`) is spooled into a temporary file, as standard input is.
+
+use crate::error::{Error, Result};
+use crate::limits::Limits;
+use std::fs::{File, Metadata};
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Component, Path};
+
+/// The mark that some editors put before a text in UTF-8.
+pub const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
+/// An open file at byte 0, and its length. Errors: no regular file; larger than `file_bytes`.
+pub fn open(path: &Path, limits: &Limits) -> Result<(File, u64)> {
+    let io = |e| Error::io(path, e);
+    // Before it is opened: opening a pipe waits for who writes into it.
+    let meta = std::fs::metadata(path).map_err(io)?;
+    if is_handed_over(path, &meta) {
+        return spool(path, &mut File::open(path).map_err(io)?, limits);
+    }
+    check_regular(path, &meta)?;
+    let file = File::open(path).map_err(io)?;
+    let meta = file.metadata().map_err(io)?;
+    check_regular(path, &meta)?;
+    limits.file(path, meta.len())?;
+    Ok((file, meta.len()))
+}
+
+/// All bytes of a stream in a temporary file at byte 0, and their number. `path` is for messages.
+pub fn spool(path: &Path, from: &mut dyn Read, limits: &Limits) -> Result<(File, u64)> {
+    let io = |e| Error::io(path, e);
+    let mut file = tempfile::tempfile().map_err(io)?;
+    let most = limits.file_bytes.saturating_add(1);
+    let len = std::io::copy(&mut from.take(most), &mut file).map_err(io)?;
+    limits.file(path, len)?;
+    file.seek(SeekFrom::Start(0)).map_err(io)?;
+    Ok((file, len))
+}
+
+/// All bytes of a file that fits into memory. Errors as for [`open`]; larger than `document_bytes`.
+pub fn read(path: &Path, limits: &Limits) -> Result<Vec<u8>> {
+    let (file, len) = open(path, limits)?;
+    limits.document(path.display(), len)?;
+    let bytes = read_all(path, file, len, limits.document_bytes, limits)?;
+    limits.document(path.display(), bytes.len() as u64)?;
+    Ok(bytes)
+}
+
+/// All bytes of a file of our own, which may be as large as memory. Errors as for [`open`].
+pub fn read_large(path: &Path, limits: &Limits) -> Result<Vec<u8>> {
+    let (file, len) = open(path, limits)?;
+    read_all(path, file, len, limits.file_bytes, limits)
+}
+
+fn read_all(path: &Path, file: File, len: u64, most: u64, limits: &Limits) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    limits.reserve(path.display(), &mut bytes, len as usize)?;
+    // It may grow while it is read.
+    file.take(most.saturating_add(1)).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
+    Ok(bytes)
+}
+
+/// A text in UTF-8, without its byte-order mark. Errors as for [`read`]; other encodings.
+pub fn read_text(path: &Path, limits: &Limits) -> Result<String> {
+    let mut bytes = read(path, limits)?;
+    if bytes.starts_with(BYTE_ORDER_MARK) {
+        bytes.drain(..BYTE_ORDER_MARK.len());
+    }
+    String::from_utf8(bytes).map_err(|e| {
+        let place = format!("byte {}", e.utf8_error().valid_up_to());
+        Error::malformed(path, place, "is not text in UTF-8; save it as such")
+    })
+}
+
+/// True of a relative path that leads out of the folder it is relative to.
+pub fn leaves_folder(relative: &Path) -> bool {
+    let mut depth = 0i64;
+    relative.components().any(|component| {
+        match component {
+            Component::Normal(_) => depth += 1,
+            Component::ParentDir => depth -= 1,
+            _ => {}
+        }
+        depth < 0
+    })
+}
+
+fn check_regular(path: &Path, meta: &Metadata) -> Result<()> {
+    if meta.is_dir() {
+        return Err(Error::unsupported(path, "is a folder; give a file"));
+    }
+    if !meta.is_file() {
+        let reason = "is a device or a pipe; give a file, or - where standard input may be given";
+        return Err(Error::unsupported(path, reason));
+    }
+    Ok(())
+}
+
+/// True of a pipe that this program was started with: somebody writes into it, and it ends.
+#[cfg(unix)]
+fn is_handed_over(path: &Path, meta: &Metadata) -> bool {
+    use std::os::unix::fs::FileTypeExt;
+    let named =
+        path.starts_with("/dev/fd") || path.starts_with("/proc/self/fd") || path == Path::new("/dev/stdin");
+    named && (meta.file_type().is_fifo() || meta.file_type().is_socket())
+}
+
+#[cfg(not(unix))]
+fn is_handed_over(_path: &Path, _meta: &Metadata) -> bool {
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_that_leave_a_folder_are_known() {
+        for inside in ["a", "a/b", "./a", "a/../b", "a/b/../../c", "", "a/.."] {
+            assert!(!leaves_folder(Path::new(inside)), "{inside}");
+        }
+        for outside in ["..", "../a", "a/../../b", "./../a", "a/../../a/b"] {
+            assert!(leaves_folder(Path::new(outside)), "{outside}");
+        }
+    }
+
+    #[test]
+    fn a_text_loses_its_mark_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        for (bytes, text) in [("\u{feff}a\n", "a\n"), ("a\u{feff}", "a\u{feff}"), ("", "")] {
+            std::fs::write(&path, bytes).unwrap();
+            assert_eq!(read_text(&path, &Limits::DEFAULT).unwrap(), text);
+        }
+        std::fs::write(&path, b"ab\xff").unwrap();
+        assert!(read_text(&path, &Limits::DEFAULT).unwrap_err().to_string().contains("byte 2"));
+    }
+
+    #[test]
+    fn sizes_are_limited() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        std::fs::write(&path, "0123456789").unwrap();
+        let message = |limits: Limits| read(&path, &limits).unwrap_err().to_string();
+        assert!(message(Limits { file_bytes: 9, ..Limits::DEFAULT }).contains("file_bytes=10"));
+        assert!(message(Limits { document_bytes: 9, ..Limits::DEFAULT }).contains("document_bytes=10"));
+        assert_eq!(read(&path, &Limits { document_bytes: 10, ..Limits::DEFAULT }).unwrap().len(), 10);
+        let limits = Limits { file_bytes: 3, ..Limits::DEFAULT };
+        assert!(spool(&path, &mut std::io::repeat(0), &limits).is_err(), "a stream without end");
+        assert!(open(folder.path(), &Limits::DEFAULT).unwrap_err().to_string().contains("is a folder"));
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn devices_and_pipes_are_refused_and_what_a_shell_hands_over_is_read() {
+        use std::io::Write;
+        use std::os::fd::AsRawFd;
+        for device in ["/dev/zero", "/dev/null", "/dev/full"] {
+            let message = read(Path::new(device), &Limits::DEFAULT).unwrap_err().to_string();
+            assert!(message.contains("device"), "{message}");
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let fifo = folder.path().join("fifo");
+        if std::process::Command::new("mkfifo").arg(&fifo).status().is_ok_and(|status| status.success()) {
+            assert!(open(&fifo, &Limits::DEFAULT).unwrap_err().to_string().contains("a pipe"));
+        }
+        let (reader, mut writer) = std::io::pipe().unwrap();
+        writer.write_all(b"handed over").unwrap();
+        drop(writer);
+        let path = format!("/dev/fd/{}", reader.as_raw_fd());
+        assert_eq!(read(Path::new(&path), &Limits::DEFAULT).unwrap(), b"handed over");
+    }
+}

@@ -1,0 +1,225 @@
+//! How much is taken from a file before it is refused: one value, given to everything that reads.
+
+use crate::error::{Error, Result};
+use bytemuck::Zeroable;
+use glam::UVec2;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::fmt::Display;
+use std::path::Path;
+
+/// How much is taken from files. What is beyond a limit is refused before anything is allocated for it; the error names
+/// the limit and what lifts it. The defaults are above everything in the literature.
+///
+/// ```
+/// use trisplat::limits::Limits;
+///
+/// let mut limits = Limits::default();
+/// limits.set("picture_pixels=400000000")?;
+/// assert_eq!(limits.picture_pixels, 400_000_000);
+/// assert!(limits.set("pixels=1").is_err(), "there is no such limit");
+/// # Ok::<(), trisplat::error::Error>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Longer side of a photo, mask or camera, px.
+    pub picture_side: u64,
+    /// Pixels of a photo or mask.
+    pub picture_pixels: u64,
+    /// Pixels of a camera. Drawing what it sees takes some 40 bytes per pixel.
+    pub camera_pixels: u64,
+    /// Triangles of a scene: by default ten times the largest one in the literature.
+    pub triangles: u64,
+    /// Vertices of a scene, points of a cloud.
+    pub vertices: u64,
+    /// Bytes of a file.
+    pub file_bytes: u64,
+    /// Bytes of a file that is read into memory whole (JSON, photos, masks, lists), and of a line of COLMAP's text.
+    pub document_bytes: u64,
+    /// Bytes of one array in memory.
+    pub array_bytes: u64,
+    /// Entries of an array in a glTF document: nodes, meshes, accessors.
+    pub nodes: u64,
+    /// Nodes of a glTF document between a root and its farthest descendant.
+    pub nesting: u64,
+    /// Worker threads per core.
+    pub threads_per_core: u64,
+}
+
+impl Limits {
+    /// The limits unless others are given.
+    pub const DEFAULT: Self = Self {
+        // The sides that JPEG has numbers for; the sharpest cameras take 200 million pixels.
+        picture_side: 65_535,
+        picture_pixels: 1 << 28,
+        camera_pixels: 1 << 27,
+        triangles: 1 << 26,
+        vertices: 1 << 28,
+        file_bytes: 1 << 38,
+        document_bytes: 1 << 30,
+        array_bytes: 1 << 34,
+        // Three bytes of JSON make a node of some 200 bytes.
+        nodes: 1 << 20,
+        nesting: 1 << 12,
+        threads_per_core: 4,
+    };
+
+    /// Sets one limit, given as `KEY=VALUE`.
+    ///
+    /// Errors: no such limit, or not a whole number.
+    pub fn set(&mut self, setting: &str) -> Result<()> {
+        let wrong = |wants: String| Error::invalid("limit", setting, wants);
+        let (key, value) = setting
+            .split_once('=')
+            .ok_or_else(|| wrong("KEY=VALUE, as in triangles=100000000".to_owned()))?;
+        let mut all = serde_json::to_value(*self).unwrap_or_default();
+        let known = |all: &serde_json::Value| {
+            let names = all.as_object().into_iter().flat_map(|map| map.keys().map(String::as_str));
+            format!("one of {}", names.collect::<Vec<_>>().join(", "))
+        };
+        let Some(slot) = all.get_mut(key) else { return Err(wrong(known(&all))) };
+        let value: u64 = value.parse().map_err(|_| wrong("a whole number, 0 or more".to_owned()))?;
+        *slot = value.into();
+        *self = serde_json::from_value(all).map_err(|e| wrong(e.to_string()))?;
+        Ok(())
+    }
+
+    /// Refuses a picture that is too large; `place` says which.
+    pub fn picture(&self, place: impl Display, size: UVec2) -> Result<()> {
+        self.side(&place, size)?;
+        check(place, "pixels", "picture_pixels", pixels(size), self.picture_pixels)
+    }
+
+    /// Refuses a camera whose pictures are too large to be drawn; `place` says which.
+    pub fn camera(&self, place: impl Display, size: UVec2) -> Result<()> {
+        self.side(&place, size)?;
+        check(place, "pixels", "camera_pixels", pixels(size), self.camera_pixels)
+    }
+
+    fn side(&self, place: impl Display, size: UVec2) -> Result<()> {
+        let side = u64::from(size.max_element());
+        check(place, "px on one side", "picture_side", side, self.picture_side)
+    }
+
+    /// Refuses a file with too many triangles; `place` is its path, or a place in it.
+    pub fn triangles(&self, place: impl Display, count: u64) -> Result<()> {
+        check(place, "triangles", "triangles", count, self.triangles)
+    }
+
+    /// Refuses a file with too many vertices or points.
+    pub fn vertices(&self, place: impl Display, count: u64) -> Result<()> {
+        check(place, "vertices", "vertices", count, self.vertices)
+    }
+
+    /// Refuses a file that is too large.
+    pub fn file(&self, path: &Path, bytes: u64) -> Result<()> {
+        check(path.display(), "bytes", "file_bytes", bytes, self.file_bytes)
+    }
+
+    /// Refuses a file, or a part of one, that is too large to be read into memory whole.
+    pub fn document(&self, place: impl Display, bytes: u64) -> Result<()> {
+        check(place, "bytes", "document_bytes", bytes, self.document_bytes)
+    }
+
+    /// Refuses too many entries of an array of a document.
+    pub fn nodes(&self, place: impl Display, count: u64) -> Result<()> {
+        check(place, "entries", "nodes", count, self.nodes)
+    }
+
+    /// Refuses a tree that is too deep.
+    pub fn nesting(&self, place: impl Display, depth: u64) -> Result<()> {
+        check(place, "levels of nodes", "nesting", depth, self.nesting)
+    }
+
+    /// Makes room for `additional` entries of `list`. An array beyond the limit, or one that the machine has no memory
+    /// for, is an error.
+    pub fn reserve<T>(&self, place: impl Display, list: &mut Vec<T>, additional: usize) -> Result<()> {
+        let bytes = self.array::<T>(&place, list.len().saturating_add(additional))?;
+        list.try_reserve_exact(additional).map_err(|_| Error::Memory { place: place.to_string(), bytes })
+    }
+
+    /// An array of `count` zeros. Errors as for [`Limits::reserve`].
+    pub fn zeroed<T: Zeroable>(&self, place: impl Display, count: usize) -> Result<Vec<T>> {
+        let bytes = self.array::<T>(&place, count)?;
+        let zeros = bytemuck::allocation::try_zeroed_vec(count);
+        zeros.map_err(|()| Error::Memory { place: place.to_string(), bytes })
+    }
+
+    /// Bytes of an array of so many entries, if it may have so many.
+    fn array<T>(&self, place: impl Display, count: usize) -> Result<u64> {
+        let bytes = (count as u64).saturating_mul(size_of::<T>() as u64);
+        check(place, "bytes in one array", "array_bytes", bytes, self.array_bytes)?;
+        Ok(bytes)
+    }
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+fn pixels(size: UVec2) -> u64 {
+    u64::from(size.x) * u64::from(size.y)
+}
+
+fn check(place: impl Display, what: &'static str, key: &'static str, value: u64, limit: u64) -> Result<()> {
+    if value <= limit {
+        return Ok(());
+    }
+    Err(Error::Limit { place: place.to_string(), what, key, value, limit })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_limit_can_be_set_by_its_key() {
+        let all = serde_json::to_value(Limits::DEFAULT).unwrap();
+        for key in all.as_object().unwrap().keys() {
+            let mut limits = Limits::DEFAULT;
+            limits.set(&format!("{key}=7")).unwrap();
+            assert_eq!(serde_json::to_value(limits).unwrap()[key], 7);
+            assert_ne!(limits, Limits::DEFAULT);
+        }
+        let mut limits = Limits::DEFAULT;
+        for (setting, wants) in [
+            ("triangles", "KEY=VALUE"),
+            ("Triangles=1", "picture_side, picture_pixels, camera_pixels"),
+            ("nodes=-1", "whole"),
+        ] {
+            let message = limits.set(setting).unwrap_err().to_string();
+            assert!(message.contains(wants) && message.starts_with("limit is "), "{message}");
+        }
+        assert_eq!(limits, Limits::DEFAULT);
+    }
+
+    #[test]
+    fn an_error_names_place_value_limit_and_what_lifts_it() {
+        let message = Limits::DEFAULT.picture("a.png", UVec2::splat(50_000)).unwrap_err().to_string();
+        let wants = "a.png: 2500000000 pixels, the limit is 268435456; if that is right, give `limit` \
+                     picture_pixels=2500000000";
+        assert_eq!(message, wants);
+        let mut lifted = Limits::DEFAULT;
+        lifted.set("picture_pixels=2500000000").unwrap();
+        assert!(lifted.picture("a.png", UVec2::splat(50_000)).is_ok());
+        assert!(
+            lifted.picture("a.png", UVec2::new(65_536, 1)).unwrap_err().to_string().contains("picture_side")
+        );
+    }
+
+    #[test]
+    fn what_cannot_be_had_is_an_error() {
+        let limits = Limits { array_bytes: u64::MAX, ..Limits::DEFAULT };
+        let mut list = vec![1u64];
+        let message = limits.reserve("a.ply", &mut list, usize::MAX / 32).unwrap_err().to_string();
+        assert!(message.starts_with("a.ply: ") && message.contains("memory"), "{message}");
+        assert!(limits.zeroed::<[u64; 4]>("a.ply", usize::MAX / 64).is_err());
+        let small = Limits { array_bytes: 64, ..Limits::DEFAULT };
+        assert!(small.zeroed::<u64>("a.ply", 8).is_ok());
+        assert!(small.zeroed::<u64>("a.ply", 9).unwrap_err().to_string().contains("array_bytes=72"));
+        assert!(small.reserve("a.ply", &mut list, 8).is_err(), "what is there counts");
+    }
+}
