@@ -7,6 +7,7 @@ use crate::bake::{
     weld::WeldDetails,
 };
 use crate::bench::bake::BakeRow;
+use crate::bench::cost::MeasuredRow;
 use crate::bench::evaluate::EvalReport;
 use crate::dataset::Description;
 use crate::error::{Error, Result};
@@ -47,6 +48,8 @@ pub enum SchemaName {
     Bvh,
     /// The rows of `trisplat bench bake --json`.
     Bench,
+    /// The rows of `trisplat bench cost --json`.
+    Cost,
     /// The rows of `trisplat bench fps --json`.
     #[cfg(feature = "gpu")]
     Fps,
@@ -65,6 +68,7 @@ impl SchemaName {
             SchemaName::Validate => schemars::schema_for!(Checked),
             SchemaName::Bvh => schemars::schema_for!(BvhHeader),
             SchemaName::Bench => schemars::schema_for!(Vec<BakeRow>),
+            SchemaName::Cost => schemars::schema_for!(Vec<MeasuredRow>),
             #[cfg(feature = "gpu")]
             SchemaName::Fps => schemars::schema_for!(Vec<crate::bench::fps::FpsRow>),
         };
