@@ -8,6 +8,7 @@ pub use fronts::DotPanel;
 use crate::error::{Error, Result};
 use labels::{Rect, place};
 use plotters::coord::Shift;
+use plotters::coord::combinators::{LogCoord, WithKeyPoints};
 use plotters::prelude::*;
 use std::path::Path;
 
@@ -87,7 +88,7 @@ fn line_chart(
         .margin(12)
         .x_label_area_size(36)
         .y_label_area_size(56)
-        .build_cartesian_2d((x0..x1).log_scale(), (y0..y1).log_scale())
+        .build_cartesian_2d(log_axis(x0, x1), log_axis(y0, y1))
         .map_err(|e| e.to_string())?;
     chart
         .configure_mesh()
@@ -119,6 +120,15 @@ fn line_chart(
         .border_style(BLACK.mix(0.3))
         .draw()
         .map_err(|e| e.to_string())
+}
+
+/// A logarithmic axis with ticks at 1, 2 and 5 times powers of ten, or at the powers alone when these would be many.
+fn log_axis(low: f64, high: f64) -> WithKeyPoints<LogCoord<f64>> {
+    let decades = low.log10().floor() as i32..=high.log10().ceil() as i32;
+    let steps: &[f64] = if decades.clone().count() > 5 { &[1.0] } else { &[1.0, 2.0, 5.0] };
+    let ticks = decades.flat_map(|power| steps.iter().map(move |step| step * 10f64.powi(power)));
+    let ticks: Vec<f64> = ticks.filter(|tick| (low..=high).contains(tick)).collect();
+    (low..high).log_scale().with_key_points(ticks)
 }
 
 /// A number as axes show it: three digits, then k, M or G. 20000 as "20k", 1234567 as "1.23M", 0.5 as "0.5".
@@ -219,7 +229,8 @@ mod tests {
         let path = folder.path().join("fronts.svg");
         fronts(&path, &[panel.clone(), DotPanel::default(), panel]).unwrap();
         let svg = std::fs::read_to_string(&path).unwrap();
-        for text in ["steps=500", "steps=2000", "default", "10k"] {
+        // A front from 1 to 20,000 seconds has a tick per decade.
+        for text in ["steps=500", "steps=2000", "default", ">10k<", ">100<", ">10<"] {
             assert!(svg.contains(text), "{text}");
         }
     }

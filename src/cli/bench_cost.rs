@@ -59,7 +59,8 @@ fn line(row: &CostRow) -> String {
 fn summary(rows: &[CostRow]) -> String {
     let Some(default) = rows.iter().find(|r| r.is_default) else { return String::new() };
     let beaten = default.beaten_by.as_ref().and_then(|by| rows.iter().find(|r| r.label() == *by));
-    let Some(better) = beaten else { return "   no setting beats the default\n".into() };
+    let once = if default.runs < 2 { " (one run each: small differences may be chance)" } else { "" };
+    let Some(better) = beaten else { return format!("   no setting beats the default{once}\n") };
     let percent = |ratio: f64| format!("{:+.1}%", 100.0 * (ratio - 1.0));
     let mut text =
         format!("   the default is off the front: {} costs {}", better.label(), percent(better.cpu_ratio));
@@ -75,7 +76,7 @@ fn summary(rows: &[CostRow]) -> String {
     if !better.buys.is_empty() {
         text += &format!("; the default buys {}", better.buys);
     }
-    text + "\n"
+    text + once + "\n"
 }
 
 #[cfg(test)]

@@ -81,9 +81,10 @@ function says() {
     const own = rows.filter((row) => group(row) === name);
     const ours = own.find((row) => row.is_default);
     const better = own.find((row) => ours && label(row) === ours.beaten_by);
-    if (!better) return `${name}: no setting beats the default.`;
+    const once = ours?.runs === 1 ? " One run each: small differences may be chance." : "";
+    if (!better) return `${name}: no setting beats the default.${once}`;
     const buys = better.buys ? ` The default buys ${better.buys}.` : "";
-    return `${name}: the default is off the front; ${label(better)} takes ${written(better, quantity("cpu_ratio"))} of its seconds.${buys}`;
+    return `${name}: the default is off the front; ${label(better)} takes ${written(better, quantity("cpu_ratio"))} of its seconds.${buys}${once}`;
   });
   at("says").textContent = sentences.join(" ");
 }

@@ -10,7 +10,7 @@ pub struct CostArgs {
     /// Posed photos; without them a synthetic scene is made, whose photos are exact.
     #[arg(value_name = "DATASET")]
     pub dataset: Option<PathBuf>,
-    /// Fewer values, shorter trainings, one run each: at most 3 minutes on two idle cores.
+    /// Fewer values and shorter trainings, each with one seed: at most 3 minutes on two idle cores.
     #[arg(long)]
     pub quick: bool,
     /// Only this stage.
@@ -19,13 +19,13 @@ pub struct CostArgs {
     /// Only this option, by its name in configs, as in refit or warmup.half_until; may be given often.
     #[arg(long, value_name = "NAME")]
     pub knob: Vec<String>,
-    /// Steps of a training at its default [default: 1000; with --quick 200].
+    /// Steps of a training at its default [default: 600; with --quick 200].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(8..))]
     pub steps: Option<u64>,
     /// Most triangles of a training at its default [default: 6000; with --quick 3000].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(8..))]
     pub max_triangles: Option<u64>,
-    /// Runs of every setting; those of a training have seeds 0, 1, 2, ... [default: 3; with --quick 1].
+    /// Runs of every setting; those of a training have seeds 0, 1, 2, ... [default: 3; trainings with --quick 1].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=99))]
     pub runs: Option<u64>,
     /// Print rows as JSON (schema: trisplat schema cost).
@@ -47,14 +47,15 @@ pub struct CostArgs {
 
 impl CostArgs {
     pub(super) fn steps(&self) -> u64 {
-        self.steps.unwrap_or(if self.quick { 200 } else { 1000 })
+        self.steps.unwrap_or(if self.quick { 200 } else { 600 })
     }
 
     pub(super) fn max_triangles(&self) -> u64 {
         self.max_triangles.unwrap_or(if self.quick { 3000 } else { 6000 })
     }
 
-    pub(super) fn runs(&self) -> usize {
-        self.runs.map_or(if self.quick { 1 } else { 3 }, |runs| runs as usize)
+    pub(super) fn runs(&self, stage: CostStage) -> usize {
+        let once = self.quick && stage == CostStage::Train;
+        self.runs.map_or(if once { 1 } else { 3 }, |runs| runs as usize)
     }
 }

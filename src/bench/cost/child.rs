@@ -59,18 +59,18 @@ impl Child {
         words
     }
 
-    /// Draws `scene` from the held-out photos' cameras so many times.
+    /// Draws `scene` from the held-out photos' cameras for so many seconds.
     pub(super) fn draw(
         &self,
         scene: &Path,
         figures: &Path,
-        rounds: usize,
+        seconds: f64,
         setting: &Setting,
     ) -> Vec<OsString> {
         let mut words = self.words(&["bench", "draw"]);
         words.retain(|word| word != "--force");
         words.extend([scene.into(), self.dataset.clone().into(), "--figures".into(), figures.into()]);
-        words.push(format!("--rounds={rounds}").into());
+        words.push(format!("--seconds={seconds}").into());
         words.extend(self.photos(setting));
         words.extend(flags(&arguments(CostStage::Draw), setting.changes.iter().cloned()));
         words

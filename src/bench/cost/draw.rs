@@ -72,9 +72,9 @@ pub struct DrawArgs {
     /// Where the figures go, as JSON.
     #[arg(long, value_name = "FILE")]
     figures: PathBuf,
-    /// How often every picture is drawn.
-    #[arg(long, default_value_t = 1, value_name = "N")]
-    rounds: usize,
+    /// Draw all pictures again and again for as long as this, seconds; once at least.
+    #[arg(long, default_value_t = 0.0, value_name = "SECS")]
+    seconds: f64,
     /// How it is drawn.
     #[command(flatten)]
     settings: DrawSettings,
@@ -92,7 +92,7 @@ pub(super) struct DrawFigures {
     pub(super) wall_seconds: f64,
 }
 
-/// Draws every held-out picture, once to warm up and then `rounds` times, and writes the mean cost of one.
+/// Draws every held-out picture, once to warm up and then for some time, and writes the mean cost of one.
 ///
 /// Errors: files that cannot be read, no held-out photos, a number of samples that there is not.
 pub fn draw(args: &DrawArgs) -> Result<()> {
@@ -104,8 +104,12 @@ pub fn draw(args: &DrawArgs) -> Result<()> {
     let mut round = || views.iter().for_each(|view| drop(renderer.color(&view.camera)));
     round();
     let (clock, before) = (Instant::now(), cpu_secs());
-    (0..args.rounds).for_each(|_| round());
-    let pictures = (args.rounds * views.len()).max(1) as f64;
+    let mut rounds = 0;
+    while rounds == 0 || clock.elapsed().as_secs_f64() < args.seconds {
+        round();
+        rounds += 1;
+    }
+    let pictures = (rounds * views.len()).max(1) as f64;
     let figures = DrawFigures {
         cpu_seconds: (cpu_secs() - before) / pictures,
         wall_seconds: clock.elapsed().as_secs_f64() / pictures,

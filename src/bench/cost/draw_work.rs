@@ -13,8 +13,8 @@ use crate::formats::{self, ReadOptions};
 use crate::image::Pixels;
 use std::path::Path;
 
-/// Pictures that a setting is timed over, about.
-const PICTURES: usize = 60;
+/// How long a run draws at least.
+const SECONDS: f64 = 0.4;
 
 /// Draws in processes of their own.
 pub(super) struct DrawWork<'a> {
@@ -56,8 +56,7 @@ impl<'a> DrawWork<'a> {
 impl Work for DrawWork<'_> {
     fn run(&mut self, setting: &Setting, run: usize) -> Result<Outcome> {
         let path = self.folder.join("figures.json");
-        let rounds = PICTURES.div_ceil(self.scorer.views.len());
-        let process = measure::measure(&self.child.draw(self.scene, &path, rounds, setting))?;
+        let process = measure::measure(&self.child.draw(self.scene, &path, SECONDS, setting))?;
         let DrawFigures { cpu_seconds, wall_seconds } = DrawFigures::read(&path)?;
         let usage = Usage { cpu_seconds, wall_seconds, ..process };
         let result = if run == 0 { Some(self.result(setting)?) } else { None };

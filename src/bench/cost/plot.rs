@@ -27,6 +27,7 @@ fn panel(rows: &[CostRow], (stage, input): (CostStage, CostInput)) -> DotPanel {
         title: format!("{} ({})", stage.name(), input.name()),
         x: if exact { "CPU seconds of a picture" } else { "CPU seconds" }.into(),
         y: if exact { "difference from exact, levels" } else { "PSNR, dB" }.into(),
+        less_is_better: exact,
         front: rows().filter(|r| r.on_front).map(point).collect(),
         default: rows().find(|r| r.is_default).map(point),
         others: rows().filter(|r| !r.on_front && !r.is_default).map(point).collect(),

@@ -17,7 +17,8 @@ pub struct CostRow {
     pub stage: CostStage,
     /// What it was given.
     pub input: CostInput,
-    /// The options that differ from the defaults, by their names, joined by "+"; "default" where none does.
+    /// The options that differ from the defaults, by their names, joined by "+"; "default" where none does. For "chain"
+    /// the stage comes first: "bake:max_triangles".
     pub knob: String,
     /// Their values, joined by "+".
     pub value: String,
@@ -173,23 +174,33 @@ pub(super) fn compare(rows: &mut [CostRow]) {
     }
 }
 
-/// The rows from photos to a file: every training with the default bake, and the default training with every bake.
-/// They have no spread of their own where a training ran once. Empty unless both stages ran.
-pub(super) fn chain_of_bakes(train: &CostRow, bakes: &[CostRow], chain_default: &CostRow) -> Vec<CostRow> {
+/// The rows from photos to a file with the default training and every bake: `chain`, which is the row of all defaults,
+/// changed by as much as each bake differs from the default one on the same soup. The first of `bakes` is the default.
+pub(super) fn chain_of_bakes(chain: &CostRow, bakes: &[CostRow]) -> Vec<CostRow> {
+    let Some((default, others)) = bakes.split_first() else { return Vec::new() };
+    let moved = |of: fn(&CostRow) -> f64, bake: &CostRow| of(chain) + of(bake) - of(default);
     let row = |bake: &CostRow| CostRow {
         stage: CostStage::Chain,
         input: CostInput::Photos,
-        runs: train.runs,
-        cpu_seconds: train.cpu_seconds + bake.cpu_seconds,
-        cpu_spread: train.cpu_spread.zip(bake.cpu_spread).map(|(a, b)| a + b),
-        wall_seconds: train.wall_seconds + bake.wall_seconds,
-        peak_bytes: train.peak_bytes.max(bake.peak_bytes),
-        // The soup that was baked is that of seed 0; over seeds the error varies as that of the default does.
-        psnr_spread: chain_default.psnr_spread,
+        knob: in_chain(CostStage::Bake, &bake.knob),
+        cpu_seconds: moved(|r| r.cpu_seconds, bake),
+        wall_seconds: moved(|r| r.wall_seconds, bake),
+        peak_bytes: chain.peak_bytes.max(bake.peak_bytes),
+        psnr: moved(|r| r.psnr, bake),
+        ssim: moved(|r| r.ssim, bake),
+        flip: moved(|r| r.flip, bake),
+        runs: chain.runs,
+        cpu_spread: chain.cpu_spread,
+        psnr_spread: chain.psnr_spread,
         exact_rms: None,
         ..bake.clone()
     };
-    bakes.iter().filter(|bake| !bake.is_default).map(row).collect()
+    others.iter().map(row).collect()
+}
+
+/// Options of different stages are called alike: "bake:max_triangles".
+pub(super) fn in_chain(stage: CostStage, knob: &str) -> String {
+    format!("{}:{knob}", stage.name())
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -267,13 +278,13 @@ mod tests {
     }
 
     #[test]
-    fn a_chain_costs_its_training_and_its_bake() {
-        let train = rows(&[("", &[(10.0, 20.0), (11.0, 20.2)])]).remove(0);
+    fn a_chain_changes_by_what_its_bake_changes() {
+        let chain = rows(&[("", &[(10.0, 20.0), (11.0, 20.2)])]).remove(0);
         let bakes = rows(&[("", &[(1.0, 22.0)]), ("refit", &[(3.0, 23.0)])]);
-        let chain = chain_of_bakes(&train, &bakes, &train);
-        assert_eq!(chain.len(), 1);
-        assert_eq!((chain[0].cpu_seconds, chain[0].psnr), (13.5, 23.0));
-        assert_eq!((chain[0].stage, chain[0].label()), (CostStage::Chain, "refit=x".to_owned()));
-        assert_eq!(chain[0].psnr_spread, train.psnr_spread);
+        let rows = chain_of_bakes(&chain, &bakes);
+        assert_eq!(rows.len(), 1);
+        assert!((rows[0].cpu_seconds - 12.5).abs() < 1e-9 && (rows[0].psnr - 21.1).abs() < 1e-9);
+        assert_eq!((rows[0].stage, rows[0].label()), (CostStage::Chain, "bake:refit=x".to_owned()));
+        assert_eq!(rows[0].psnr_spread, chain.psnr_spread);
     }
 }

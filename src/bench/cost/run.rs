@@ -8,7 +8,7 @@ use super::draw_work::DrawWork;
 use super::knobs::{CostInput, CostStage};
 use super::page;
 use super::plot;
-use super::row::{CostRow, MeasuredRow, chain_of_bakes, compare};
+use super::row::{CostRow, MeasuredRow, chain_of_bakes, compare, in_chain};
 use super::score::Scorer;
 use super::setting::{Setting, check_names, settings};
 use super::sweep::{Outcome, Work, sweep};
@@ -40,7 +40,7 @@ pub fn run(args: &CostArgs, threads: u16, observer: &mut dyn CostObserver) -> Re
         Some(path) => (path.clone(), path.display().to_string()),
         None => {
             let photos = folder.path().join("photos");
-            synthetic::write(&photos, &SyntheticOptions::default())?;
+            synthetic::write(&photos, &SyntheticOptions { width: WIDTH, ..SyntheticOptions::default() })?;
             (photos, "synthetic".to_owned())
         }
     };
@@ -58,6 +58,9 @@ pub fn run(args: &CostArgs, threads: u16, observer: &mut dyn CostObserver) -> Re
     let groups = bench.all(observer)?;
     bench.write(groups)
 }
+
+/// Width of the synthetic photos, px: half of their height is above what the warm-up of training leaves as it is.
+const WIDTH: u32 = 192;
 
 /// What all stages share.
 struct CostBench<'a> {
@@ -96,11 +99,12 @@ impl CostBench<'_> {
         }
         for (input, soup) in BAKES.into_iter().zip([&solid, &soft]).zip(bakes).filter(|b| b.1).map(|b| b.0) {
             groups.push(self.bake(input, soup, observer)?);
-            if let (CostInput::SolidSoup, Some((default, _))) = (input, chain.first().cloned()) {
-                let (train, bakes) = (&groups[0][0].0, &groups[1]);
+            if let (CostInput::SolidSoup, Some((default, _)), Some(bakes)) =
+                (input, chain.first().cloned(), groups.last())
+            {
                 let rows: Vec<CostRow> = bakes.iter().map(|(row, _)| row.clone()).collect();
                 let pictures = bakes.iter().skip(1).map(|(_, picture)| picture.clone());
-                chain.extend(chain_of_bakes(train, &rows, &default).into_iter().zip(pictures));
+                chain.extend(chain_of_bakes(&default, &rows).into_iter().zip(pictures));
             }
         }
         let file = BakeWork::default_file(self.folder);
@@ -144,7 +148,11 @@ impl CostBench<'_> {
         let chains = settings.iter().zip(&outcomes).filter(|_| whole);
         let chain = chains.map(|(setting, outcomes)| {
             let setting = Setting { stage: CostStage::Chain, ..setting.clone() };
-            row(&self.scene, &setting, &chain_of(outcomes))
+            let (mut row, picture) = row(&self.scene, &setting, &chain_of(outcomes));
+            if !row.is_default {
+                row.knob = in_chain(CostStage::Train, &row.knob);
+            }
+            (row, picture)
         });
         let chain = chain.collect();
         let trained = settings.iter().zip(&outcomes).map(|(s, o)| row(&self.scene, s, o)).collect();
@@ -183,7 +191,8 @@ impl CostBench<'_> {
         work: &mut dyn Work,
         observer: &mut dyn CostObserver,
     ) -> Result<Vec<Vec<Outcome>>> {
-        sweep(settings, self.args.runs(), work, |done, all, setting| {
+        let runs = settings.first().map_or(0, |s| self.args.runs(s.stage));
+        sweep(settings, runs, work, |done, all, setting| {
             observer.running(setting.stage, done, all, &setting.label());
         })
     }

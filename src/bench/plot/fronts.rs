@@ -2,9 +2,9 @@
 
 use super::PlotPoint;
 use super::labels::{Rect, place};
-use super::short;
+use super::{log_axis, short};
 use plotters::coord::Shift;
-use plotters::coord::combinators::LogCoord;
+use plotters::coord::combinators::{LogCoord, WithKeyPoints};
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
@@ -17,7 +17,9 @@ pub struct DotPanel {
     pub x: String,
     /// What y is.
     pub y: String,
-    /// What no other beats, in any order.
+    /// Whether y is an error, not a quality.
+    pub less_is_better: bool,
+    /// What no other beats, in any order; it may be by a third quantity.
     pub front: Vec<PlotPoint>,
     /// The default, which may be on the front too.
     pub default: Option<PlotPoint>,
@@ -32,7 +34,8 @@ const DEFAULT: RGBColor = RGBColor(200, 70, 40);
 /// Colour of everything else.
 const OTHERS: RGBColor = RGBColor(150, 150, 150);
 
-type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<LogCoord<f64>, RangedCoordf64>>;
+type Chart<'a, 'b> =
+    ChartContext<'a, SVGBackend<'b>, Cartesian2d<WithKeyPoints<LogCoord<f64>>, RangedCoordf64>>;
 
 impl DotPanel {
     /// Without what cannot be drawn on a logarithmic axis.
@@ -45,6 +48,20 @@ impl DotPanel {
 
     fn all(&self) -> impl Iterator<Item = &PlotPoint> {
         self.front.iter().chain(&self.default).chain(&self.others)
+    }
+
+    /// The points of the front that no other beats in x and y, from left to right.
+    fn line(&self) -> Vec<(f64, f64)> {
+        let better = |a: f64, b: f64| if self.less_is_better { a < b } else { a > b };
+        let mut sorted: Vec<(f64, f64)> = self.front.iter().map(|p| (p.x, p.y)).collect();
+        sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut line: Vec<(f64, f64)> = Vec::new();
+        for point in sorted {
+            if line.last().is_none_or(|last| better(point.1, last.1)) {
+                line.push(point);
+            }
+        }
+        line
     }
 
     /// What has a label: the default and the front, each point once.
@@ -71,13 +88,12 @@ pub(super) fn chart(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &DotPanel)
         .margin(12)
         .x_label_area_size(36)
         .y_label_area_size(52)
-        .build_cartesian_2d((x0 / wide..x1 * wide).log_scale(), y0 - pad..y1 + pad)
+        .build_cartesian_2d(log_axis(x0 / wide, x1 * wide), y0 - pad..y1 + pad)
         .map_err(|e| e.to_string())?;
     chart
         .configure_mesh()
         .x_desc(&panel.x)
         .y_desc(&panel.y)
-        .x_labels(5)
         .x_label_formatter(&|v| short(*v))
         .y_label_formatter(&|v| short(*v))
         .light_line_style(WHITE)
@@ -91,11 +107,9 @@ type Drawn = Result<(), Box<dyn std::error::Error>>;
 /// The front joined, the default as a ring, the rest as small dots.
 fn dots(chart: &mut Chart<'_, '_>, panel: &DotPanel) -> Drawn {
     let at = |p: &PlotPoint| (p.x, p.y);
-    let mut front: Vec<(f64, f64)> = panel.front.iter().map(at).collect();
-    front.sort_by(|a, b| a.0.total_cmp(&b.0));
     chart.draw_series(panel.others.iter().map(|p| Circle::new(at(p), 3, OTHERS.filled())))?;
-    chart.draw_series([PathElement::new(front.clone(), FRONT.mix(0.5))])?;
-    chart.draw_series(front.iter().map(|at| Circle::new(*at, 4, FRONT.filled())))?;
+    chart.draw_series([PathElement::new(panel.line(), FRONT.mix(0.5))])?;
+    chart.draw_series(panel.front.iter().map(|p| Circle::new(at(p), 4, FRONT.filled())))?;
     chart.draw_series(panel.default.iter().map(|p| Circle::new(at(p), 6, DEFAULT.stroke_width(2))))?;
     Ok(())
 }
@@ -114,4 +128,19 @@ fn labels(chart: &mut Chart<'_, '_>, panel: &DotPanel) -> Drawn {
         chart.draw_series([EmptyElement::at((point.x, point.y)) + text])?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_line_joins_what_improves() {
+        let point = |x: f64, y: f64| PlotPoint { name: String::new(), x, y };
+        let front = vec![point(3.0, 5.0), point(1.0, 2.0), point(2.0, 1.0), point(4.0, 4.0)];
+        let more = DotPanel { front, ..DotPanel::default() };
+        assert_eq!(more.line(), [(1.0, 2.0), (3.0, 5.0)]);
+        let less = DotPanel { less_is_better: true, ..more };
+        assert_eq!(less.line(), [(1.0, 2.0), (2.0, 1.0)]);
+    }
 }
