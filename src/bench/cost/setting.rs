@@ -78,7 +78,11 @@ pub(super) fn settings(
     }
     let pairs = PAIRS.iter().filter(|p| (p.stage, p.input) == (stage, input) && !quick);
     let pairs = pairs.filter(|p| p.changes.iter().all(|(name, _)| wanted(name)));
-    settings.extend(pairs.map(|pair| setting(&pair.changes, false, "")));
+    let same_scene = |name: &str| KNOBS.iter().any(|k| k.name == name && k.stage == stage && k.same_scene);
+    settings.extend(pairs.map(|pair| {
+        let same_scene = pair.changes.iter().all(|(name, _)| same_scene(name));
+        setting(&pair.changes, same_scene, "")
+    }));
     settings
 }
 
@@ -155,6 +159,9 @@ mod tests {
             assert_eq!(quick.len(), 1 + knobs);
             assert!(all.len() > quick.len() || stage == CostStage::Draw);
         }
+        let bakes = settings(CostStage::Bake, CostInput::SolidSoup, &base(), false, &[]);
+        let same = |knob: &str| bakes.iter().find(|s| s.knob() == knob).map(|s| s.same_scene);
+        assert_eq!([same("compress+target"), same("max_triangles+enlarge")], [Some(true), Some(false)]);
         let only = ["steps".to_owned()];
         let steps = settings(CostStage::Train, CostInput::Photos, &base(), false, &only);
         let names: Vec<(String, String)> = steps.iter().map(|s| (s.knob(), s.value())).collect();
