@@ -27,7 +27,7 @@ impl CostObserver for CostTable<'_> {
         self.0.line(&format!("{} ({})", first.stage.name(), first.input.name()));
         self.0.line(HEADER);
         rows.iter().for_each(|row| self.0.line(&line(row)));
-        self.0.line(&summary(rows));
+        self.0.line(&(summary(rows) + &as_dear_and_closer(rows)));
     }
 }
 
@@ -79,6 +79,19 @@ fn summary(rows: &[CostRow]) -> String {
     text + once + "\n"
 }
 
+/// What costs as much as the default, as far as the runs can say, and comes closer by more than their spread.
+fn as_dear_and_closer(rows: &[CostRow]) -> String {
+    let closer = |r: &&CostRow| {
+        let as_dear = r.cpu_within_spread == Some(true);
+        as_dear && r.psnr_change > 0.0 && r.psnr_within_spread == Some(false)
+    };
+    let named = rows.iter().filter(closer).map(|r| format!("{} ({:+.3} dB)", r.label(), r.psnr_change));
+    match named.collect::<Vec<_>>() {
+        none if none.is_empty() => String::new(),
+        all => format!("   within the spread of its seconds, and closer: {}\n", all.join(", ")),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -124,6 +137,15 @@ mod tests {
             "{text}"
         );
         assert_eq!(text.chars().count(), HEADER.chars().count(), "{text}");
+    }
+
+    #[test]
+    fn what_is_closer_at_the_same_cost_is_named() {
+        let dearer = CostRow { cpu_within_spread: Some(false), ..row("dear", false) };
+        let chance = CostRow { psnr_within_spread: Some(true), ..row("chance", false) };
+        let text = as_dear_and_closer(&[dearer.clone(), row("refit", false), chance]);
+        assert_eq!(text, "   within the spread of its seconds, and closer: refit=off (+0.250 dB)\n");
+        assert_eq!(as_dear_and_closer(&[dearer]), "");
     }
 
     #[test]

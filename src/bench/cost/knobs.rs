@@ -116,10 +116,13 @@ pub const KNOBS: &[Knob] = &[
     train("refine.growth", &[Is("0.15"), Is("0.6")]),
     train("refine.prune_weight", &[Is("0.05"), Is("0.01")]),
     train("init.shell_subdivisions", &[Is("0"), Is("2")]),
-    train("solid.engine_shading_from", &[Is("24000")]),
+    train("solid.engine_shading_from", &[Is("14000")]),
     train("solid.samples_per_axis", &[Is("2")]),
     bake("preset", &[Is("fast"), Is("small")]),
-    bake("refit", &[Is("flat"), Is("off"), Is("corner")]),
+    Knob {
+        buys: "the choice of what is best on held-out photos",
+        ..bake("refit", &[Is("flat"), Is("off"), Is("corner")])
+    },
     bake("refit_passes", &[Is("2"), Is("4")]),
     bake("refit_flatness", &[Is("0"), Is("16")]),
     bake("keep_unseen", &[Is("true")]),
