@@ -1,8 +1,7 @@
 //! Charts of settings: seconds against an error, what is on the front joined and labelled.
 
-use super::PlotPoint;
+use super::axis::{PlotPoint, log_axis, short};
 use super::labels::{Rect, place};
-use super::{log_axis, short};
 use plotters::coord::Shift;
 use plotters::coord::combinators::{LogCoord, WithKeyPoints};
 use plotters::coord::types::RangedCoordf64;
