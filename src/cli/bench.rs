@@ -1,12 +1,13 @@
 //! `trisplat bench …`: benchmarks of the tool by itself.
 
 use super::Global;
+use super::bench_cost;
 use super::files;
 use super::progress::{Progress, thousands};
 use super::stdout::Stdout;
 #[cfg(feature = "gpu")]
 use crate::bench::fps;
-use crate::bench::{bake, fidelity, measure, raster};
+use crate::bench::{bake, cost, fidelity, measure, raster};
 use crate::error::{Error, Result};
 use crate::train::{TrainObserver, TrainSample};
 use std::ffi::OsString;
@@ -35,6 +36,11 @@ pub enum BenchCommand {
     Fidelity(fidelity::FidelityBenchArgs),
     /// Steps and frames per second of the rasterisers on this CPU, and where the time goes.
     Raster(raster::RasterBenchArgs),
+    /// Seconds against error: every option that trades one for the other, one at a time.
+    Cost(Box<cost::CostArgs>),
+    /// Draw a scene and write what that cost (bench cost runs itself through this).
+    #[command(hide = true)]
+    Draw(Box<cost::DrawArgs>),
     /// Print the cost of one command as JSON (the other benchmarks run themselves through this).
     #[command(hide = true)]
     Measure {
@@ -64,6 +70,8 @@ pub fn run(args: &BenchArgs, global: &Global) -> Result<()> {
         BenchCommand::Fps(_) => Err(super::missing::error("gpu")),
         BenchCommand::Fidelity(fidelity_args) => run_fidelity(fidelity_args, global),
         BenchCommand::Raster(raster_args) => run_raster(raster_args, global),
+        BenchCommand::Cost(cost_args) => bench_cost::run(cost_args, global),
+        BenchCommand::Draw(draw_args) => cost::draw(draw_args),
         BenchCommand::Measure { command } => print_json(&measure::run_only_child(command)?),
         BenchCommand::Floor { input, like, output } => bake::floor(input, like, output),
     }

@@ -8,6 +8,7 @@ use crate::bake::{
     unseen::UnseenDetails, weld::WeldDetails,
 };
 use crate::bench::bake::BakeRow;
+use crate::bench::cost::MeasuredRow;
 use crate::bench::evaluate::EvalReport;
 use crate::dataset::Description;
 use crate::error::{Error, Result};
@@ -48,6 +49,8 @@ pub enum SchemaName {
     Bvh,
     /// The rows of `trisplat bench bake --json`.
     Bench,
+    /// The rows of `trisplat bench cost --json`.
+    Cost,
     /// The rows of `trisplat bench fps --json`.
     #[cfg(feature = "gpu")]
     Fps,
@@ -66,6 +69,7 @@ impl SchemaName {
             SchemaName::Validate => schemars::schema_for!(Checked),
             SchemaName::Bvh => schemars::schema_for!(BvhHeader),
             SchemaName::Bench => schemars::schema_for!(Vec<BakeRow>),
+            SchemaName::Cost => schemars::schema_for!(Vec<MeasuredRow>),
             #[cfg(feature = "gpu")]
             SchemaName::Fps => schemars::schema_for!(Vec<crate::bench::fps::FpsRow>),
         };
