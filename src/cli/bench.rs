@@ -4,8 +4,10 @@ use super::Global;
 use super::files;
 use super::progress::{Progress, thousands};
 use super::stdout::Stdout;
+use super::stress;
 #[cfg(feature = "gpu")]
 use crate::bench::fps;
+use crate::bench::stress::StressArgs;
 use crate::bench::{bake, fidelity, measure, raster};
 use crate::error::{Error, Result};
 use crate::train::{TrainObserver, TrainSample};
@@ -35,6 +37,8 @@ pub enum BenchCommand {
     Fidelity(fidelity::FidelityBenchArgs),
     /// Steps and frames per second of the rasterisers on this CPU, and where the time goes.
     Raster(raster::RasterBenchArgs),
+    /// How exact the rasterisers and the files are when a scene is stretched, checked against the promises.
+    Stress(StressArgs),
     /// Print the cost of one command as JSON (the other benchmarks run themselves through this).
     #[command(hide = true)]
     Measure {
@@ -64,6 +68,7 @@ pub fn run(args: &BenchArgs, global: &Global) -> Result<()> {
         BenchCommand::Fps(_) => Err(super::missing::error("gpu")),
         BenchCommand::Fidelity(fidelity_args) => run_fidelity(fidelity_args, global),
         BenchCommand::Raster(raster_args) => run_raster(raster_args, global),
+        BenchCommand::Stress(stress_args) => stress::run(stress_args, global),
         BenchCommand::Measure { command } => print_json(&measure::run_only_child(command)?),
         BenchCommand::Floor { input, like, output } => bake::floor(input, like, output),
     }

@@ -9,6 +9,7 @@ use crate::bake::{
 };
 use crate::bench::bake::BakeRow;
 use crate::bench::evaluate::EvalReport;
+use crate::bench::stress::StressReport;
 use crate::dataset::Description;
 use crate::error::{Error, Result};
 use crate::formats::bvh::BvhHeader;
@@ -48,6 +49,8 @@ pub enum SchemaName {
     Bvh,
     /// The rows of `trisplat bench bake --json`.
     Bench,
+    /// What `trisplat bench stress --json` prints.
+    Stress,
     /// The rows of `trisplat bench fps --json`.
     #[cfg(feature = "gpu")]
     Fps,
@@ -66,6 +69,7 @@ impl SchemaName {
             SchemaName::Validate => schemars::schema_for!(Checked),
             SchemaName::Bvh => schemars::schema_for!(BvhHeader),
             SchemaName::Bench => schemars::schema_for!(Vec<BakeRow>),
+            SchemaName::Stress => schemars::schema_for!(StressReport),
             #[cfg(feature = "gpu")]
             SchemaName::Fps => schemars::schema_for!(Vec<crate::bench::fps::FpsRow>),
         };
