@@ -21,28 +21,38 @@ pub(super) fn run(args: &StressArgs, global: &Global) -> Result<()> {
     } else {
         print(&report, &Progress::new(global));
     }
+    verdict(&report, &args.worst)
+}
+
+/// An error when a promise is broken; its worst case is written to `worst`.
+fn verdict(report: &StressReport, worst: &Path) -> Result<()> {
     let broken = |name: &str, found: f64, at_most: f64| {
-        Error::Incomplete(format!("the promise \"{name}\" is broken: {found:.3e}, at most {at_most:.1e}"))
+        format!("the promise \"{name}\" is broken: {found:.3e}, at most {at_most:.1e}")
     };
     if let Some(row) = report.invariances.iter().find(|row| !row.kept) {
-        return Err(broken(&row.name, row.value.p999, row.at_most));
+        return Err(Error::Incomplete(broken(&row.name, row.value.p999, row.at_most)));
     }
     let Some(promise) = report.promises.iter().find(|p| !p.kept) else { return Ok(()) };
-    let error = broken(&promise.name, promise.found, promise.at_most);
-    let Some(case) = &promise.worst else { return Err(error) };
-    files::save_json(case, AtomicFile::create(&args.worst)?)?;
-    let file = args.worst.display();
-    Err(Error::Incomplete(format!("{error}; the worst case is in {file}: bench stress --replay {file}")))
+    let what = broken(&promise.name, promise.found, promise.at_most);
+    let Some(case) = &promise.worst else { return Err(Error::Incomplete(what)) };
+    files::save_json(case, AtomicFile::create(worst)?)?;
+    let file = worst.display();
+    let remedy = format!("`trisplat bench stress --replay {file}` draws it again");
+    Err(Error::Incomplete(format!("{what}; the worst case is in {file}: {remedy}")))
 }
 
 /// Prints what a case from a file gives.
 fn replay(path: &Path) -> Result<()> {
+    let found = stress::replay(&read_case(path)?)?;
+    files::print_json(&found, &mut Stdout).map_err(|e| Error::io("-", e))
+}
+
+fn read_case(path: &Path) -> Result<StressCase> {
     let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
-    let case: StressCase = serde_json::from_str(&text).map_err(|e| {
+    serde_json::from_str(&text).map_err(|e| {
         let at = format!("line {}, column {}", e.line(), e.column());
         Error::malformed(path, at, format!("{e}; a case is {{\"seed\": 1, \"axes\": {{\"sigma\": 0.5}}}}"))
-    })?;
-    files::print_json(&stress::replay(&case)?, &mut Stdout).map_err(|e| Error::io("-", e))
+    })
 }
 
 fn print(report: &StressReport, progress: &Progress) {
@@ -109,4 +119,39 @@ fn invariance_line(row: &InvarianceRow) -> String {
 fn promise_line(row: &PromiseResult) -> String {
     let kept = if row.kept { "" } else { "  BROKEN" };
     format!("{:<18}{:>9.2e}{:>10.1e}{kept}", row.name, row.found, row.at_most)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::PathBuf;
+
+    #[test]
+    fn a_broken_promise_is_an_error_and_its_case_can_be_drawn_again() {
+        let args =
+            StressArgs { cases: 200, seed: 3, climb: 10, worst: PathBuf::new(), replay: None, json: false };
+        let mut report = stress::run(&args).unwrap();
+        report.promises.retain(|p| p.name == "worst_frame");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("worst.json");
+        assert!(verdict(&report, &path).is_ok() && !path.exists());
+        report.promises[0].kept = false;
+        let message = verdict(&report, &path).unwrap_err().to_string();
+        assert!(message.starts_with("the promise \"worst_frame\" is broken: "), "{message}");
+        assert!(message.contains("--replay"), "{message}");
+        let found = stress::replay(&read_case(&path).unwrap()).unwrap();
+        assert_eq!(found["worst_frame"], report.promises[0].found);
+        report.invariances[0].kept = false;
+        let message = verdict(&report, &path).unwrap_err().to_string();
+        assert!(message.starts_with("the promise \"rotation\" is broken: "), "{message}");
+    }
+
+    #[test]
+    fn a_file_that_holds_no_case_is_named_with_its_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("case.json");
+        std::fs::write(&path, "{\"seed\": 1,\n \"axes\": {\"sigmas\": 1}}").unwrap();
+        let message = read_case(&path).unwrap_err().to_string();
+        assert!(message.contains("case.json: line 2") && message.contains("a case is"), "{message}");
+    }
 }

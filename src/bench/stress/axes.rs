@@ -27,7 +27,8 @@ pub enum Axis {
     Behind,
     /// Triangles face the camera, each this share of its depth behind the one before; 1 is a random slant and depth.
     Gap,
-    /// Triangles, all of them over the middle of the picture when there are more than eight.
+    /// Triangles, all of them over the middle of the picture when there are more than eight. Alone, one case in
+    /// [`DEEP_EVERY`] has more than a pair may have.
     Layers,
     /// Size of the SH coefficients, degrees 0 to 3.
     Sh,
@@ -53,6 +54,10 @@ pub struct AxisRow {
     /// Whether values are spread evenly by their logarithm.
     pub log: bool,
 }
+
+/// Of so many cases that are stretched along the layers alone, one goes to the end of the axis: it costs as much as
+/// thousands of others.
+pub const DEEP_EVERY: u64 = 256;
 
 /// Smallest opacity: the cutoff of the soft rasteriser.
 const CUTOFF: f64 = 1.0 / 255.0;

@@ -1,6 +1,6 @@
 //! A case: a seed and a value on every axis. From it follow a scene and everything that is drawn.
 
-use super::axes::{AXES, Axis};
+use super::axes::{AXES, Axis, DEEP_EVERY};
 use super::promises::domain;
 use crate::error::{Error, Result};
 use crate::rng::Rng;
@@ -65,9 +65,11 @@ impl StressCase {
             _ => Stretch::Promised,
         };
         let at = |axis: Axis| rng.uniform_f64(10 + axis as u64);
+        let deep = rng.bits(3).is_multiple_of(DEEP_EVERY);
         let full = |axis: Axis, alone: bool| {
             let row = axis.row();
-            (axis, row.between(row.least, if alone { row.most } else { row.most_in_pairs }, at(axis)))
+            let most = if alone && (axis != Axis::Layers || deep) { row.most } else { row.most_in_pairs };
+            (axis, row.between(row.least, most, at(axis)))
         };
         let promised = |axis: Axis| {
             let (least, most) = domain(axis);

@@ -3,7 +3,7 @@
 use super::axes::{AXES, Axis};
 use super::case::{StressCase, Stretch};
 use super::histogram::Histogram;
-use super::promises::{On, PROMISES, Promise};
+use super::promises::{On, PROMISES, Promise, REACH};
 use super::rig::{Outcome, Rig, layers_over_ordinary};
 use super::rows::{ErrorSummary, Part, StressRow};
 
@@ -81,6 +81,16 @@ fn pair(a: Axis, b: Axis) -> usize {
     SINGLES + a.min(b) as usize * AXIS_COUNT + a.max(b) as usize
 }
 
+/// Whether a promise on such cases holds on a random one; `promised` says whether it was drawn from the promises' domain.
+fn holds(on: On, case: &StressCase, promised: bool) -> bool {
+    let side = || case.value(Axis::Aspect) * case.value(Axis::Inradius).max(1.0);
+    match on {
+        On::Domain => promised,
+        On::Reach => side() / case.value(Axis::Focal) <= REACH,
+        On::Everything => true,
+    }
+}
+
 impl Tally {
     /// Adds random case number `index`, just run on `rig`; `stored` is the error of its positions in a file.
     pub(super) fn add(
@@ -99,7 +109,7 @@ impl Tally {
         self.parts[part].add(outcome, rig);
         let promised = part == SINGLES + PAIRS;
         for (row, worst) in PROMISES.iter().zip(&mut self.worst) {
-            if row.on == On::Domain && !promised {
+            if !holds(row.on, case, promised) {
                 continue;
             }
             let found = match row.promise {
@@ -141,11 +151,6 @@ impl Tally {
     /// The cases of the promises' domain.
     pub(super) fn domain(&self) -> &PartSums {
         &self.parts[SINGLES + PAIRS]
-    }
-
-    /// Numbers that are not finite and wrong samples, over all cases.
-    pub(super) fn counts(&self) -> (u64, u64) {
-        self.parts.iter().fold((0, 0), |(n, w), part| (n + part.non_finite, w + part.solid_wrong))
     }
 
     /// A row for every part that has cases.
