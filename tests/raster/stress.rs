@@ -3,9 +3,10 @@
 
 use super::common::oracle;
 use super::compare::{exact_grad, oracle_camera, plain, rules};
-use trisplat::bench::stress::axes::Axis;
+use trisplat::bench::stress::axes::{AXES, Axis};
 use trisplat::bench::stress::case::StressCase;
 use trisplat::bench::stress::exact::ExactFrame;
+use trisplat::bench::stress::promises::{PROMISES, domain};
 use trisplat::bench::stress::scene::StressScene;
 use trisplat::raster::soft::{FrameGrad, SoftOptions};
 use trisplat::rng::Rng;
@@ -95,5 +96,34 @@ fn the_gradient_of_the_reference_equals_dual_numbers_through_the_oracle() {
                 }
             }
         }
+    }
+}
+
+#[test]
+fn the_docs_state_the_promises_of_the_code() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/numerics.md");
+    let docs = std::fs::read_to_string(path).unwrap();
+    let states = |name: &str, cells: &[String]| {
+        let row = docs.lines().find(|line| line.starts_with(&format!("| `{name}` |")));
+        let row = row.unwrap_or_else(|| panic!("no row for {name}"));
+        for cell in cells {
+            assert!(row.contains(&format!("| {cell} |")), "the row of {name} does not say {cell}: {row}");
+        }
+    };
+    for row in &PROMISES {
+        let at_most = if row.at_most == 0.0 { "0".to_owned() } else { format!("{:e}", row.at_most) };
+        states(row.name, &[format!("{:?}", row.on).to_lowercase(), at_most]);
+    }
+    let number = |x: f64| if (1e-3..1e3).contains(&x) || x == 0.0 { format!("{x:.3}") } else { format!("{x:e}") };
+    let number = |x: f64| match number(x) {
+        text if text.contains('.') && !text.contains('e') => {
+            text.trim_end_matches('0').trim_end_matches('.').to_owned()
+        }
+        text => text,
+    };
+    for row in &AXES {
+        let (least, most) = domain(row.axis);
+        let range = |from: f64, to: f64| format!("{} to {}", number(from), number(to));
+        states(row.name, &[range(row.least, row.most), range(least, most)]);
     }
 }
