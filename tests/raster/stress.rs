@@ -114,7 +114,8 @@ fn the_docs_state_the_promises_of_the_code() {
         let at_most = if row.at_most == 0.0 { "0".to_owned() } else { format!("{:e}", row.at_most) };
         states(row.name, &[format!("{:?}", row.on).to_lowercase(), at_most]);
     }
-    let number = |x: f64| if (1e-3..1e3).contains(&x) || x == 0.0 { format!("{x:.3}") } else { format!("{x:e}") };
+    let number =
+        |x: f64| if (1e-3..1e3).contains(&x) || x == 0.0 { format!("{x:.3}") } else { format!("{x:e}") };
     let number = |x: f64| match number(x) {
         text if text.contains('.') && !text.contains('e') => {
             text.trim_end_matches('0').trim_end_matches('.').to_owned()

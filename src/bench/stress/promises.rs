@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub fn domain(axis: Axis) -> (f64, f64) {
     let row = axis.row();
     match axis {
-        Axis::Scale => (1e-24, 1e24),
+        Axis::Scale => (row.least, row.most),
         Axis::Distance => (1.0, 10.0),
         Axis::Aspect => (1.0, 10.0),
         Axis::Inradius => (0.5, 100.0),
@@ -77,7 +77,7 @@ pub struct PromiseRow {
 /// All promises.
 pub const PROMISES: [PromiseRow; 7] = [
     PromiseRow { promise: Promise::Frames, name: "frames", on: On::Domain, at_most: 1e-4 },
-    PromiseRow { promise: Promise::WorstFrame, name: "worst_frame", on: On::Domain, at_most: 1e-2 },
+    PromiseRow { promise: Promise::WorstFrame, name: "worst_frame", on: On::Domain, at_most: 1e-1 },
     PromiseRow { promise: Promise::Gradients, name: "gradients", on: On::Domain, at_most: 1e-3 },
     PromiseRow { promise: Promise::NonFinite, name: "non_finite", on: On::Everything, at_most: 0.0 },
     PromiseRow { promise: Promise::SolidSamples, name: "solid_samples", on: On::Reach, at_most: 0.0 },

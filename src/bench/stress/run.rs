@@ -58,9 +58,9 @@ pub fn run(args: &StressArgs) -> Result<StressReport> {
     let clock = Instant::now();
     let folder = tempfile::tempdir().map_err(|e| Error::io("temporary folder", e))?;
     let ordinary = StressCase { seed: args.seed, axes: BTreeMap::new() };
-    let ordinary_seconds = Rig::default().least_seconds(&ordinary, 4 * TIMED_RUNS);
+    let ordinary_seconds = alone(|| Ok(Rig::default().least_seconds(&ordinary, 4 * TIMED_RUNS)))?;
     let tally = random_cases(args, folder.path())?;
-    let promises = results(args, &tally, ordinary_seconds);
+    let promises = alone(|| Ok(results(args, &tally, ordinary_seconds)))?;
     Ok(StressReport {
         machine: Machine::here(),
         seed: args.seed,
@@ -169,8 +169,15 @@ fn slowest(rig: &mut Rig, tally: &Tally, ordinary_seconds: f64) -> (Option<Stres
 }
 
 /// What one case gives: every figure by its promise's name.
+///
+/// # Errors
+/// [`Error::Invalid`] for a value outside its axis, [`Error::Io`] when its file cannot be written.
 pub fn replay(case: &StressCase) -> Result<BTreeMap<String, f64>> {
     case.validate()?;
+    alone(|| figures(case))
+}
+
+fn figures(case: &StressCase) -> Result<BTreeMap<String, f64>> {
     let folder = tempfile::tempdir().map_err(|e| Error::io("temporary folder", e))?;
     let mut rig = Rig::default();
     let outcome: Outcome = rig.run(case);
@@ -209,7 +216,7 @@ mod tests {
     }
 
     /// As many as take 20 s of a build without optimisation on two cores.
-    const CASES: u64 = 50_000;
+    const CASES: u64 = 100_000;
 
     #[test]
     fn a_report_does_not_depend_on_the_number_of_threads() {
