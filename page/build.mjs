@@ -1,4 +1,4 @@
-// Builds dist/page.html, which trisplat carries, from src and the packages of package-lock.json.
+// Builds dist/page.html and dist/cost.html, which trisplat carries, from src and the packages of package-lock.json.
 // Usage: npm ci && npm run build [-- FOLDER]   (FOLDER: where to write; dist unless given)
 import { build, transform } from 'esbuild';
 import { createHash } from 'node:crypto';
@@ -9,51 +9,70 @@ import { fileURLToPath } from 'node:url';
 const here = dirname(fileURLToPath(import.meta.url));
 const out = process.argv[2] ?? join(here, 'dist');
 const text = (path) => readFile(join(here, path), 'utf8');
+const version = async (name) => JSON.parse(await text(`node_modules/${name}/package.json`)).version;
 
 const three = await text('node_modules/three/LICENSE');
 const decoder = await text('node_modules/three/examples/jsm/libs/meshopt_decoder.module.js');
 const meshopt = decoder.match(/Copyright \(C\) .*Kapoulkine.*/)[0];
-const { version } = JSON.parse(await text('node_modules/three/package.json'));
-const licences = [
-  `This page holds software by others, under the MIT licence:\n`,
-  `three.js ${version} (https://threejs.org)\n\n${three.trim()}\n`,
+const opening = `This page holds software by others, under the MIT licence:\n`;
+const licencesOfPage = [
+  opening,
+  `three.js ${await version('three')} (https://threejs.org)\n\n${three.trim()}\n`,
   `The decoder of meshoptimizer (https://github.com/zeux/meshoptimizer)\n${meshopt}\nunder the same terms.\n`,
 ].join('\n');
+const chart = await text('node_modules/chart.js/LICENSE.md');
+const color = await text('node_modules/@kurkle/color/LICENSE.md');
+const licencesOfCost = [
+  opening,
+  `Chart.js ${await version('chart.js')} (https://www.chartjs.org)\n\n${chart.trim()}\n`,
+  `@kurkle/color ${await version('@kurkle/color')} (https://github.com/kurkle/color)\n\n${color.trim()}\n`,
+].join('\n');
 
-const bundle = await build({
-  absWorkingDir: here,
-  entryPoints: ['src/main.js'],
-  bundle: true,
-  minify: true,
-  format: 'iife',
-  target: ['chrome100', 'firefox100', 'safari15.4'],
-  charset: 'ascii',
-  legalComments: 'none',
-  banner: { js: `/*\n${licences}*/` },
-  write: false,
-});
-const style = await transform(await text('src/style.css'), { loader: 'css', minify: true });
-const filled = (await text('src/index.html'))
-  .replace('@STYLE@', () => style.code.trim())
-  .replace('@SCRIPT@', () => bundle.outputFiles[0].text.trim());
+/**
+ * What a page may run and load: its own script and style, known by their hashes, the calls that stand behind the blocks of
+ * the scene (src/formats/html.rs writes them), and the decoder of compressed scenes, which is WebAssembly. Nothing from
+ * anywhere else, whatever a title or a scene says.
+ */
+function policy(filled) {
+  const BLOCK_CALL = 'trisplat.block()';
+  const hash = (code) => `'sha256-${createHash('sha256').update(code).digest('base64')}'`;
+  const inline = (tag) => [...filled.matchAll(new RegExp(`<${tag}>([^]*?)</${tag}>`, 'g'))].map((match) => hash(match[1]));
+  return [
+    `default-src 'none'`,
+    `script-src ${[...inline('script'), hash(BLOCK_CALL)].join(' ')} 'wasm-unsafe-eval'`,
+    `style-src ${inline('style').join(' ')}`,
+    `img-src data: blob:`,
+    `connect-src data: blob:`,
+    `base-uri 'none'`,
+    `form-action 'none'`,
+  ].join('; ');
+}
 
-// What the page may run and load: its own script and style, known by their hashes, the calls that stand behind the blocks of
-// the scene (src/formats/html.rs writes them), and the decoder of compressed scenes, which is WebAssembly. Nothing from
-// anywhere else, whatever a title or a scene says.
-const BLOCK_CALL = 'trisplat.block()';
-const hash = (code) => `'sha256-${createHash('sha256').update(code).digest('base64')}'`;
-const inline = (tag) => [...filled.matchAll(new RegExp(`<${tag}>([^]*?)</${tag}>`, 'g'))].map((match) => hash(match[1]));
-const policy = [
-  `default-src 'none'`,
-  `script-src ${[...inline('script'), hash(BLOCK_CALL)].join(' ')} 'wasm-unsafe-eval'`,
-  `style-src ${inline('style').join(' ')}`,
-  `img-src data: blob:`,
-  `connect-src data: blob:`,
-  `base-uri 'none'`,
-  `form-action 'none'`,
-].join('; ');
-const page = filled.replace('@POLICY@', () => policy);
+/** Puts the script of `source`/main.js and its style into its index.html, and writes that as `name`. */
+async function page(source, name, licences) {
+  const bundle = await build({
+    absWorkingDir: here,
+    entryPoints: [`${source}/main.js`],
+    bundle: true,
+    minify: true,
+    format: 'iife',
+    target: ['chrome100', 'firefox100', 'safari15.4'],
+    charset: 'ascii',
+    legalComments: 'none',
+    banner: { js: `/*\n${licences}*/` },
+    write: false,
+  });
+  const style = await transform(await text(`${source}/style.css`), { loader: 'css', minify: true });
+  const filled = (await text(`${source}/index.html`))
+    .replace('@STYLE@', () => style.code.trim())
+    .replace('@SCRIPT@', () => bundle.outputFiles[0].text.trim());
+  const page = filled.replace('@POLICY@', () => policy(filled));
+  await writeFile(join(out, name), page);
+  console.log(`${join(out, name)}: ${page.length} bytes`);
+}
+
 await mkdir(out, { recursive: true });
-await writeFile(join(out, 'page.html'), page);
-await writeFile(join(out, 'LICENSES.txt'), licences);
-console.log(`${join(out, 'page.html')}: ${page.length} bytes, three.js ${version}`);
+await page('src', 'page.html', licencesOfPage);
+await page('src/cost', 'cost.html', licencesOfCost);
+const both = [`page.html\n\n${licencesOfPage}`, `cost.html\n\n${licencesOfCost}`];
+await writeFile(join(out, 'LICENSES.txt'), both.join('\n'));

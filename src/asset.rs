@@ -48,9 +48,9 @@ pub struct Tile {
 
 impl Tile {
     /// A level of detail is replaced when its median triangle is this many times smaller than the error that a viewer
-    /// permits; with the 16 px that viewers of 3D Tiles permit, when it is 4 px wide. Chosen by comparing pictures of levels
+    /// permits; with the 16 px that viewers of 3D Tiles permit, when it is 2 px wide. Chosen by comparing pictures of levels
     /// with those of the whole scene (docs/benchmarks/tiles.md).
-    const ERROR_PER_DETAIL: f64 = 4.0;
+    const ERROR_PER_DETAIL: f64 = 8.0;
 
     /// The error of a level of detail of which `mesh` is all or a part, units of the mesh.
     pub fn error_of(mesh: &Mesh) -> f64 {

@@ -240,6 +240,8 @@ fn what_cannot_be_drawn_says_why() {
     let layers = ["--orbit", "1", "--show", "contributions"];
     fail(&[&["render", &mesh, "-o", &out][..], &layers].concat(), &["--show", "one layer"]);
     let large = ["--orbit", "1", "--width", "16384", "--ssaa", "4"];
+    fail(&[&["render", &mesh, "-o", &out][..], &large].concat(), &["--limit camera_pixels="]);
+    let large = [&large[..], &["--limit", "camera_pixels=300000000"]].concat();
     fail(&[&["render", &mesh, "-o", &out][..], &large].concat(), &["samples", "8192 px"]);
     fail(&["eval", &soup, &mesh], &["mesh.glb", "not a data set"]);
     fail(&["eval", &soup, &dataset, "--test-every", "0"], &["--split", "train or all"]);

@@ -124,6 +124,18 @@ fn what_eval_and_info_write_satisfies_their_schemas() {
 }
 
 #[test]
+fn rows_of_costs_satisfy_their_schema() {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+    command.args(["bench", "cost", "-q", "--json", "--quick", "--max-size", "64", "--steps", "10"]);
+    command.args(["--knob", "compress", "--knob", "ssaa"]).arg(root().join("samples/dataset"));
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let rows: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(rows.as_array().map(Vec::len), Some(4));
+    satisfies(SchemaName::Cost, &rows);
+}
+
+#[test]
 fn a_wrong_config_does_not_satisfy_the_schema() {
     for wrong in [
         serde_json::json!({ "prune": { "min_opacty": 0.5 } }),

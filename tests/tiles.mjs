@@ -23,6 +23,7 @@ page.on("console", (m) => m.type() === "error" && errors.push(m.text()));
 page.on("pageerror", (e) => errors.push(String(e)));
 const imports = {
   three: "/modules/three/build/three.module.js",
+  "three/addons/": "/modules/three/examples/jsm/",
   "three/": "/modules/three/",
   "3d-tiles-renderer": "/modules/3d-tiles-renderer/build/index.three.js",
 };

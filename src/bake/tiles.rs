@@ -128,11 +128,12 @@ impl Level {
 
 /// The tile of a cell, and those below it; the finest level is 0.
 fn tile(levels: &[Level], level: usize, cell: u64) -> Tile {
-    let mesh = levels[level].part(cell);
     let children: Vec<Tile> = match level {
         0 => Vec::new(),
         _ => (0..4).map(|i| tile(levels, level - 1, 4 * cell + i)).filter(|tile| !tile.is_empty()).collect(),
     };
+    // A triangle that grew may have its centroid where the scene itself has none: nothing would ever replace it.
+    let mesh = if level > 0 && children.is_empty() { Mesh::default() } else { levels[level].part(cell) };
     // What is drawn in place of finer tiles leaves out at least as much as these do.
     let below = children.iter().map(|tile| tile.error).fold(0.0, f64::max);
     let error = if level == 0 { 0.0 } else { Tile::error_of(&mesh).max(below) };

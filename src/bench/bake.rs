@@ -111,8 +111,8 @@ pub fn run(args: &BakeBenchArgs, mut on_row: impl FnMut(&BakeRow)) -> Result<Vec
 
 /// Plots CPU seconds and peak memory against triangles, one line per case.
 fn plot(path: &Path, rows: &[BakeRow]) -> Result<()> {
-    let points = |value: fn(&BakeRow) -> f64| -> Vec<PlotPoint<'_>> {
-        rows.iter().map(|r| PlotPoint { name: &r.case, x: r.triangles as f64, y: value(r) }).collect()
+    let points = |value: fn(&BakeRow) -> f64| -> Vec<PlotPoint> {
+        rows.iter().map(|r| PlotPoint { name: r.case.clone(), x: r.triangles as f64, y: value(r) }).collect()
     };
     let memory = points(|r| r.peak_bytes as f64 * 1e-6);
     plot::lines(path, &[("CPU seconds", points(|r| r.cpu_seconds)), ("peak memory, MB", memory)])

@@ -231,12 +231,12 @@ fn plot(path: &Path, rows: &[FidelityRow]) -> Result<()> {
             shown.push(row);
         }
     }
-    let dots = |x: fn(&FidelityRow) -> f64| -> Vec<PlotPoint<'_>> {
-        shown.iter().map(|row| PlotPoint { name: &row.case, x: x(row), y: row.psnr }).collect()
+    let dots = |x: fn(&FidelityRow) -> f64| -> Vec<PlotPoint> {
+        shown.iter().map(|row| PlotPoint { name: row.case.clone(), x: x(row), y: row.psnr }).collect()
     };
     let panels = [
-        ("thousand triangles", dots(|r| r.triangles as f64 * 1e-3)),
-        ("megabytes", dots(|r| r.bytes as f64 * 1e-6)),
+        ("triangles", dots(|r| r.triangles as f64)),
+        ("bytes", dots(|r| r.bytes as f64)),
         ("seconds of baking", dots(|r| r.bake_secs)),
     ];
     plot::dots(path, &panels)

@@ -173,12 +173,9 @@ pub fn run(args: &FpsArgs, mut on_row: impl FnMut(&FpsRow)) -> Result<Vec<FpsRow
 
 /// Plots milliseconds per frame against triangles, one line per case and size.
 fn plot(path: &Path, rows: &[FpsRow]) -> Result<()> {
-    let names: Vec<String> = rows.iter().map(|r| format!("{}, {}x{}", r.case, r.width, r.height)).collect();
-    let points = |value: fn(&FpsRow) -> f64| -> Vec<PlotPoint<'_>> {
-        rows.iter()
-            .zip(&names)
-            .map(|(r, name)| PlotPoint { name, x: r.triangles as f64, y: value(r) })
-            .collect()
+    let name = |r: &FpsRow| format!("{}, {}x{}", r.case, r.width, r.height);
+    let points = |value: fn(&FpsRow) -> f64| -> Vec<PlotPoint> {
+        rows.iter().map(|r| PlotPoint { name: name(r), x: r.triangles as f64, y: value(r) }).collect()
     };
     let processor = points(|r| r.cost.cpu_ms);
     plot::lines(

@@ -4,6 +4,8 @@
 pub mod bake;
 pub mod baked_scene;
 pub mod contact_sheet;
+#[cfg(feature = "cli")]
+pub mod cost;
 pub mod coverage;
 mod degenerate;
 pub mod evaluate;

@@ -1,23 +1,21 @@
 //! Plots of benchmarks as SVG.
 
+mod axis;
+mod fronts;
+mod labels;
+
+pub use axis::{PlotPoint, short};
+pub use fronts::DotPanel;
+
 use crate::error::{Error, Result};
+use axis::log_axis;
+use labels::{Rect, place};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use std::path::Path;
 
-/// A value at a place on the x axis, with the name of its line or dot.
-#[derive(Debug, Clone, Copy)]
-pub struct PlotPoint<'a> {
-    /// The line that it is on, or the label of the dot.
-    pub name: &'a str,
-    /// Place on the x axis.
-    pub x: f64,
-    /// Value.
-    pub y: f64,
-}
-
 /// A chart: its title and what it shows.
-pub type Panel<'a> = (&'a str, Vec<PlotPoint<'a>>);
+pub type Panel<'a> = (&'a str, Vec<PlotPoint>);
 
 /// Writes two charts of values against triangles side by side: one line per name, both axes logarithmic.
 pub fn lines(path: &Path, panels: &[Panel<'_>; 2]) -> Result<()> {
@@ -48,11 +46,26 @@ pub fn dots(path: &Path, panels: &[Panel<'_>; 3]) -> Result<()> {
     std::fs::write(path, svg).map_err(|e| Error::io(path, e))
 }
 
+/// Writes charts of settings, two side by side: what a setting costs against how close it comes.
+pub fn fronts(path: &Path, panels: &[DotPanel]) -> Result<()> {
+    let bad = |e: String| Error::unsupported(path, format!("cannot be drawn: {e}"));
+    let rows = panels.len().div_ceil(2).max(1);
+    let mut svg = String::new();
+    {
+        let area = SVGBackend::with_string(&mut svg, (1200, 440 * rows as u32)).into_drawing_area();
+        area.fill(&WHITE).map_err(|e| bad(e.to_string()))?;
+        for (area, panel) in area.split_evenly((rows, 2)).iter().zip(panels) {
+            fronts::chart(area, panel).map_err(bad)?;
+        }
+    }
+    std::fs::write(path, svg).map_err(|e| Error::io(path, e))
+}
+
 /// One chart: values against triangles, one line per name.
 fn line_chart(
     area: &DrawingArea<SVGBackend<'_>, Shift>,
     title: &str,
-    points: &[PlotPoint<'_>],
+    points: &[PlotPoint],
 ) -> std::result::Result<(), String> {
     let range = |values: Vec<f64>| {
         let low = values.iter().copied().fold(f64::INFINITY, f64::min);
@@ -66,7 +79,7 @@ fn line_chart(
         .margin(12)
         .x_label_area_size(36)
         .y_label_area_size(56)
-        .build_cartesian_2d((x0..x1).log_scale(), (y0..y1).log_scale())
+        .build_cartesian_2d(log_axis(x0, x1), log_axis(y0, y1))
         .map_err(|e| e.to_string())?;
     chart
         .configure_mesh()
@@ -78,8 +91,8 @@ fn line_chart(
         .map_err(|e| e.to_string())?;
     let mut names: Vec<&str> = Vec::new();
     for point in points {
-        if !names.contains(&point.name) {
-            names.push(point.name);
+        if !names.contains(&point.name.as_str()) {
+            names.push(&point.name);
         }
     }
     for (i, name) in names.iter().enumerate() {
@@ -100,20 +113,11 @@ fn line_chart(
         .map_err(|e| e.to_string())
 }
 
-/// 20000 as "20k", 0.5 as "0.5", 12 as "12".
-fn short(value: f64) -> String {
-    match value.abs() {
-        size if size >= 1e6 => format!("{}M", (value * 1e-4).round() * 1e-2),
-        size if size >= 1e4 => format!("{}k", (value * 1e-1).round() * 1e-2),
-        _ => format!("{}", (value * 1e3).round() * 1e-3),
-    }
-}
-
 /// One chart: the PSNR of every dot.
 fn dot_chart(
     area: &DrawingArea<SVGBackend<'_>, Shift>,
     title: &str,
-    points: &[PlotPoint<'_>],
+    points: &[PlotPoint],
 ) -> std::result::Result<(), String> {
     let least = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::INFINITY, f64::min);
     let most = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::NEG_INFINITY, f64::max);
@@ -134,28 +138,45 @@ fn dot_chart(
         .light_line_style(WHITE)
         .draw()
         .map_err(|e| e.to_string())?;
-    let mut taken: Vec<[i32; 4]> = Vec::new();
-    for (i, point) in points.iter().enumerate() {
+    let names: Vec<&str> = points.iter().map(|p| p.name.as_str()).collect();
+    let dots: Vec<[i32; 2]> = points.iter().map(|p| chart.backend_coord(&(p.x, p.y)).into()).collect();
+    let (across, down) = chart.plotting_area().get_pixel_range();
+    let frame = Rect { at: [across.start, down.start], size: [across.len() as i32, down.len() as i32] };
+    let labels = place(&names, &dots, frame);
+    for (i, ((point, dot), label)) in points.iter().zip(&dots).zip(labels).enumerate() {
         let (at, color) = ((point.x, point.y), Palette99::pick(i).to_rgba());
-        let (px, py) = chart.backend_coord(&at);
-        let [dx, dy] = free_offset(&taken, [px, py], point.name.len() as i32 * LETTER[0]);
-        taken.push([px + dx, py + dy, point.name.len() as i32 * LETTER[0], LETTER[1]]);
-        let label = Text::new(point.name.to_owned(), (dx, dy), ("sans-serif", 12).into_font());
-        let dot = EmptyElement::at(at) + Circle::new((0, 0), 4, color.filled()) + label;
-        chart.draw_series([dot]).map_err(|e| e.to_string())?;
+        let mark = EmptyElement::at(at) + Circle::new((0, 0), 4, color.filled());
+        chart.draw_series([mark]).map_err(|e| e.to_string())?;
+        if let Some(Rect { at: [x, y], .. }) = label {
+            let text =
+                Text::new(point.name.clone(), (x - dot[0], y - dot[1]), ("sans-serif", 12).into_font());
+            chart.draw_series([EmptyElement::at(at) + text]).map_err(|e| e.to_string())?;
+        }
     }
     Ok(())
 }
 
-/// Width and height of a letter of a label, px.
-const LETTER: [i32; 2] = [7, 13];
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// Offset from its dot at which a label of this width does not overlap those `taken` (x, y, width, height), px.
-fn free_offset(taken: &[[i32; 4]], dot: [i32; 2], width: i32) -> [i32; 2] {
-    let clear = |dy: i32| {
-        let [x, y] = [dot[0] + 7, dot[1] + dy];
-        !taken.iter().any(|t| x < t[0] + t[2] && t[0] < x + width && y < t[1] + t[3] && t[1] < y + LETTER[1])
-    };
-    let rows = (0..40).map(|i: i32| LETTER[1] * (if i % 2 == 0 { i / 2 } else { -(i + 1) / 2 }) - 6);
-    [7, rows.into_iter().find(|dy| clear(*dy)).unwrap_or(-6)]
+    #[test]
+    fn every_chart_is_written() {
+        let point = |name: &str, x: f64, y: f64| PlotPoint { name: name.into(), x, y };
+        let panel = DotPanel {
+            title: "bake".into(),
+            front: vec![point("steps=500", 1.0, 20.0), point("steps=2000", 20_000.0, 30.0)],
+            default: Some(point("default", 3.0, 24.0)),
+            others: vec![point("x", 4.0, f64::NAN), point("y", 5.0, 23.0)],
+            ..DotPanel::default()
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("fronts.svg");
+        fronts(&path, &[panel.clone(), DotPanel::default(), panel]).unwrap();
+        let svg = std::fs::read_to_string(&path).unwrap();
+        // A front from 1 to 20,000 seconds has a tick per decade.
+        for text in ["steps=500", "steps=2000", "default", "10k", "100", "10"] {
+            assert!(svg.lines().any(|line| line == text), "{text}");
+        }
+    }
 }

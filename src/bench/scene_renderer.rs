@@ -121,6 +121,14 @@ impl SceneRenderer {
         Self::Solid(Box::new(SolidScene { mesh, options, solid: Solid::new(), frame: Frame::default() }))
     }
 
+    /// How a soup is drawn, to change it; `None` of a mesh.
+    pub fn soft_options(&mut self) -> Option<&mut SoftOptions> {
+        match self {
+            Self::Soft(scene) => Some(&mut scene.options),
+            Self::Solid(_) => None,
+        }
+    }
+
     /// Checks that a picture of `size` can be drawn, and that it is within `limits`.
     pub fn validate(&self, size: UVec2, limits: &Limits) -> Result<()> {
         limits.camera("camera", size)?;

@@ -1,6 +1,7 @@
 //! `trisplat bench …`: benchmarks of the tool by itself.
 
 use super::Global;
+use super::bench_cost;
 use super::files;
 use super::progress::{Progress, thousands};
 use super::stdout::Stdout;
@@ -8,7 +9,7 @@ use super::stress;
 #[cfg(feature = "gpu")]
 use crate::bench::fps;
 use crate::bench::stress::StressArgs;
-use crate::bench::{bake, fidelity, measure, raster};
+use crate::bench::{bake, cost, fidelity, measure, raster};
 use crate::error::{Error, Result};
 use crate::train::{TrainObserver, TrainSample};
 use std::ffi::OsString;
@@ -39,6 +40,11 @@ pub enum BenchCommand {
     Raster(raster::RasterBenchArgs),
     /// How exact the rasterisers and the files are when a scene is stretched, checked against the promises.
     Stress(StressArgs),
+    /// Seconds against error: every option that trades one for the other, one at a time.
+    Cost(Box<cost::CostArgs>),
+    /// Draw a scene and write what that cost (bench cost runs itself through this).
+    #[command(hide = true)]
+    Draw(Box<cost::DrawArgs>),
     /// Print the cost of one command as JSON (the other benchmarks run themselves through this).
     #[command(hide = true)]
     Measure {
@@ -69,6 +75,8 @@ pub fn run(args: &BenchArgs, global: &Global) -> Result<()> {
         BenchCommand::Fidelity(fidelity_args) => run_fidelity(fidelity_args, global),
         BenchCommand::Raster(raster_args) => run_raster(raster_args, global),
         BenchCommand::Stress(stress_args) => stress::run(stress_args, global),
+        BenchCommand::Cost(cost_args) => bench_cost::run(cost_args, global),
+        BenchCommand::Draw(draw_args) => cost::draw(draw_args),
         BenchCommand::Measure { command } => print_json(&measure::run_only_child(command)?),
         BenchCommand::Floor { input, like, output } => bake::floor(input, like, output),
     }

@@ -4,6 +4,7 @@
 
 pub mod bake;
 pub mod bench;
+mod bench_cost;
 pub mod completions;
 pub mod eval;
 pub mod files;

@@ -123,6 +123,7 @@ fn dataset_options(command: &mut Command) -> Option<&mut DatasetOptions> {
         Command::View(args) => Some(&mut args.dataset_options),
         Command::Bench(args) => match &mut args.bench {
             bench::BenchCommand::Fidelity(args) => Some(&mut args.dataset_options),
+            bench::BenchCommand::Cost(args) => Some(&mut args.dataset_options),
             _ => None,
         },
         _ => None,

@@ -8,6 +8,7 @@ use crate::bake::{
     unseen::UnseenDetails, weld::WeldDetails,
 };
 use crate::bench::bake::BakeRow;
+use crate::bench::cost::MeasuredRow;
 use crate::bench::evaluate::EvalReport;
 use crate::bench::stress::StressReport;
 use crate::dataset::Description;
@@ -51,6 +52,8 @@ pub enum SchemaName {
     Bench,
     /// What `trisplat bench stress --json` prints.
     Stress,
+    /// The rows of `trisplat bench cost --json`.
+    Cost,
     /// The rows of `trisplat bench fps --json`.
     #[cfg(feature = "gpu")]
     Fps,
@@ -70,6 +73,7 @@ impl SchemaName {
             SchemaName::Bvh => schemars::schema_for!(BvhHeader),
             SchemaName::Bench => schemars::schema_for!(Vec<BakeRow>),
             SchemaName::Stress => schemars::schema_for!(StressReport),
+            SchemaName::Cost => schemars::schema_for!(Vec<MeasuredRow>),
             #[cfg(feature = "gpu")]
             SchemaName::Fps => schemars::schema_for!(Vec<crate::bench::fps::FpsRow>),
         };

@@ -1,5 +1,6 @@
 //! The curve of a run as a picture: PSNR and triangles over CPU seconds.
 
+use crate::bench::plot::short;
 use crate::error::{Error, Result};
 use crate::train::TrainSample;
 use plotters::prelude::*;
@@ -18,7 +19,7 @@ fn draw(svg: &mut String, samples: &[TrainSample]) -> std::result::Result<(), Bo
     };
     let train = points(&|s| Some(s.psnr));
     let test = points(&|s| s.test_psnr);
-    let triangles = points(&|s| Some(s.triangles as f64 / 1000.0));
+    let triangles = points(&|s| Some(s.triangles as f64));
     let end = samples.iter().map(|s| s.cpu_secs).fold(1e-3, f64::max);
     let (low, high) = value_range(train.iter().chain(&test));
     let (_, most) = value_range(triangles.iter());
@@ -38,7 +39,7 @@ fn draw(svg: &mut String, samples: &[TrainSample]) -> std::result::Result<(), Bo
         .y_desc("PSNR, dB")
         .light_line_style(WHITE.mix(0.0))
         .draw()?;
-    chart.configure_secondary_axes().y_desc("thousand triangles").draw()?;
+    chart.configure_secondary_axes().y_desc("triangles").y_label_formatter(&|v| short(*v)).draw()?;
     chart
         .draw_secondary_series(LineSeries::new(triangles, RGBColor(170, 170, 170)))?
         .label("triangles")

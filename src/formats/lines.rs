@@ -6,6 +6,7 @@ use crate::input::BYTE_ORDER_MARK;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek};
 use std::path::Path;
+use std::str::FromStr;
 
 /// Lines of meshes are far shorter; a longer one is a broken file, and costs no more memory than this.
 const LONGEST: u64 = 1 << 16;
@@ -77,7 +78,7 @@ impl<'a> Lines<'a> {
 }
 
 /// A word as a number, or a message about it.
-pub(super) fn number(word: &str) -> std::result::Result<f32, String> {
+pub(super) fn number<T: FromStr>(word: &str) -> std::result::Result<T, String> {
     word.parse().map_err(|_| format!("{:?} is not a number", clip(word)))
 }
 

@@ -7,6 +7,7 @@
 use super::blocks::write_blocks;
 use super::channel::Clamped;
 use super::faces::Faces;
+use super::far::{FarPositions, note_origin};
 use super::finish::finish;
 use super::lines::{Lines, clip, number};
 use super::provenance;
@@ -18,7 +19,7 @@ use crate::math::color::{linear_from_srgb, linear_of_srgb8, srgb_from_linear};
 use crate::math::srgb8::srgb8_from_linear;
 use crate::mesh::{Colors, Mesh};
 use crate::scene::{Loaded, Scene};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use std::io::{self, Write};
 use std::sync::LazyLock;
 
@@ -45,14 +46,16 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<Loaded> {
     let mut warnings = Vec::new();
     let comments = draft.comments.iter().map(String::as_str);
     let provenance = provenance::from_comments(comments, &mut warnings);
-    let mesh = draft.mesh(path, &mut warnings)?;
-    finish(path, Loaded { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() })
+    let (mesh, origin) = draft.mesh(path, &mut warnings)?;
+    let mut loaded = Loaded { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
+    note_origin(&mut loaded, origin);
+    finish(path, loaded)
 }
 
 /// A mesh as far as it has been read.
 #[derive(Default)]
 struct ObjDraft {
-    positions: Vec<Vec3>,
+    positions: FarPositions,
     /// sRGB-encoded. Empty until the first vertex that has a colour.
     colors: Vec<[f32; 3]>,
     uncolored: usize,
@@ -80,7 +83,7 @@ impl ObjDraft {
 
     /// `x y z`, then nothing, a weight (which only curves use), a colour, or a colour and its alpha.
     fn take_vertex<'w>(&mut self, words: impl Iterator<Item = &'w str>) -> std::result::Result<(), String> {
-        let (mut row, mut count) = ([0.0; 7], 0);
+        let (mut row, mut count) = ([0.0f64; 7], 0);
         for word in words {
             *row.get_mut(count).ok_or("has more numbers than x y z r g b a")? = number(word)?;
             count += 1;
@@ -92,9 +95,9 @@ impl ObjDraft {
             6 | 7 => {}
             _ => return Err(format!("has {count} numbers; wants x y z or x y z r g b")),
         }
-        self.positions.push(Vec3::new(x, y, z));
+        self.positions.push(DVec3::new(x, y, z));
         if count >= 6 {
-            self.colors.push([r, g, b]);
+            self.colors.push([r, g, b].map(|channel| channel as f32));
         } else if !self.colors.is_empty() {
             self.colors.push([1.0; 3]);
         }
@@ -130,9 +133,11 @@ impl ObjDraft {
         }
     }
 
-    fn mesh(self, path: &std::path::Path, warnings: &mut Vec<String>) -> Result<Mesh> {
-        let triangles = self.faces.triangulate(&self.positions);
-        let mut mesh = Mesh { positions: self.positions, ..Mesh::default() };
+    /// The mesh, and what was taken off every position.
+    fn mesh(self, path: &std::path::Path, warnings: &mut Vec<String>) -> Result<(Mesh, DVec3)> {
+        let (positions, origin) = self.positions.relative();
+        let triangles = self.faces.triangulate(&positions);
+        let mut mesh = Mesh { positions, ..Mesh::default() };
         mesh.indices = triangles.into_indices(mesh.positions.len());
         if self.colors.is_empty() {
             warnings.push("the file has no colours: every triangle is white".into());
@@ -149,7 +154,7 @@ impl ObjDraft {
             clamped.report(path, warnings)?;
             mesh.colors = Colors::Vertex(colors);
         }
-        Ok(mesh)
+        Ok((mesh, origin))
     }
 }
 

@@ -17,12 +17,14 @@ pub use mesh::write_mesh;
 pub use soup::write_soup;
 pub(crate) use tables::points;
 
+use super::far::note_origin;
 use super::finish::finish;
 use super::provenance;
 use super::read_options::ReadOptions;
 use super::source::Source;
 use crate::error::{Error, Result};
 use crate::scene::{Loaded, Scene};
+use glam::DVec3;
 use header::{Element, Header};
 use std::path::Path;
 use wanted::Wanted;
@@ -43,14 +45,18 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     // A triangle of a soup has an opacity and a σ of its own: there is no other face in one.
     let wanted = if is_soup { Wanted::Triangles } else { Wanted::Polygons };
     let tables = tables::locate(&source, &header, wanted, &options.limits)?;
-    let scene = if is_soup {
-        Scene::Soup(soup::read(path, faces, &tables, options)?)
-    } else {
-        Scene::Mesh(mesh::read(path, &tables, &options.limits, &mut warnings)?)
-    };
     let cameras = tables.views.as_ref().map(|table| views::read(table, &options.limits));
     let cameras = cameras.transpose()?.unwrap_or_default();
-    finish(path, Loaded { scene, provenance, warnings, cameras })
+    // Cameras are single precision: what has some is near its origin already.
+    let origin = if cameras.is_empty() { corners::origin(&tables.vertices)? } else { DVec3::ZERO };
+    let scene = if is_soup {
+        Scene::Soup(soup::read(path, faces, &tables, origin, options)?)
+    } else {
+        Scene::Mesh(mesh::read(path, &tables, origin, &options.limits, &mut warnings)?)
+    };
+    let mut loaded = Loaded { scene, provenance, warnings, cameras };
+    note_origin(&mut loaded, origin);
+    finish(path, loaded)
 }
 
 /// The face element, or why the file has no triangles for us.

@@ -206,7 +206,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
 
     /// Makes the steps, until the last or until `observer` wants to stop.
     ///
-    /// Errors: photos that cannot be decoded; then there is a checkpoint of the steps that were made.
+    /// Errors: photos that cannot be decoded; then there is a checkpoint of the steps that were made, if any were.
     pub fn finish(self, observer: &mut dyn TrainObserver) -> Result<Trained> {
         let outputs = &self.outputs;
         let total = self.trainer.options().steps;
@@ -215,12 +215,15 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         let mut record =
             Recorder::new(self.dataset, self.drawing, self.curve, self.cpu_secs, self.held_out_bytes)?;
         let (mut stopped, mut last) = (false, None);
+        let before = trainer.steps();
         while !trainer.is_done() {
             let outcome = match trainer.step() {
                 Ok(outcome) => outcome,
                 Err(error) => {
                     // A photo that cannot be read costs no step that was made.
-                    record.checkpoint(&mut trainer, outputs, observer);
+                    if trainer.steps() > before {
+                        record.checkpoint(&mut trainer, outputs, observer);
+                    }
                     return Err(error);
                 }
             };

@@ -12,6 +12,7 @@ use trisplat::bake::place::up::Evidence;
 use trisplat::bake::place::{PlaceOptions, place, placement};
 use trisplat::bake::prune::{PruneDetails, PruneOptions, prune};
 use trisplat::bake::solid::{SolidOptions, Solidify, solid};
+use trisplat::bake::tiles::{TilesOptions, tiles};
 use trisplat::bake::weld::{WeldOptions, WeldWhen, weld};
 use trisplat::error::{Error, Result};
 use trisplat::mesh::Mesh;
@@ -107,6 +108,22 @@ fn levels(mesh: &Mesh, what: &str) -> Result<Vec<Asset>> {
     Ok(levels)
 }
 
+/// Cuts an asset with these levels into tiles, which together hold as many triangles.
+fn cut(mut asset: Asset, levels: Vec<Asset>, what: &str) -> Result<()> {
+    asset.levels = levels;
+    let options = TilesOptions { tiles: true, ..TilesOptions::DEFAULT };
+    twice(|a, d| tiles(a, &options, d), &mut asset, &format!("{what}, tiles"))?;
+    let mut finest = 0;
+    asset.tiles.iter().for_each(|root| {
+        root.visit(&mut |tile| {
+            tile.mesh.validate().unwrap_or_else(|e| panic!("{what}, tiles: {e}"));
+            finest += if tile.children.is_empty() { tile.mesh.face_count() } else { 0 };
+        });
+    });
+    assert_eq!(finest, asset.mesh.face_count(), "{what}, tiles");
+    Ok(())
+}
+
 /// The stages after pruning; an error only where a stage may drop everything.
 fn bake(mut soup: Soup, preset: &Preset, what: &str) -> Result<Asset> {
     twice(|s, d| solid(s, &preset.solid, d), &mut soup, &format!("{what}, solid"))?;
@@ -131,6 +148,7 @@ fn bake(mut soup: Soup, preset: &Preset, what: &str) -> Result<Asset> {
     if let Some(bvh) = &asset.bvh {
         bvh.validate_with(&asset.mesh).unwrap_or_else(|e| panic!("{what}, bvh: {e}"));
     }
+    cut(asset.clone(), levels, what)?;
     Ok(asset)
 }
 

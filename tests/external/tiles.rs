@@ -39,6 +39,6 @@ fn fewer_triangles_are_loaded_from_farther_away() {
     assert!(drawn[0] > triangles / 2, "{drawn:?} of {triangles}");
     let root = seen.last().unwrap();
     assert!(root["tiles"] == 1 && root["triangles"].as_u64().unwrap() <= 1000, "{root}");
-    let different = drawn.iter().collect::<std::collections::BTreeSet<_>>().len();
-    assert!(different >= 4, "{drawn:?}");
+    // Every level is drawn from somewhere.
+    assert!(drawn.iter().any(|some| (1000..triangles / 2).contains(some)), "{drawn:?} of {triangles}");
 }

@@ -3,6 +3,7 @@
 #![allow(clippy::print_stderr)] // what is skipped, and the times of `speed`
 
 mod bad;
+mod far;
 mod files;
 mod mesh_ply;
 mod obj;

@@ -5,14 +5,41 @@ use super::header::Scalar;
 use super::table::Table;
 use crate::error::Result;
 use crate::formats::faces::{Faces, not_a_triangle};
+use crate::formats::far::{FarBounds, is_far};
 use crate::limits::Limits;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::path::Path;
 
-/// Reads x, y, z of every vertex. // out: [V]
-pub(super) fn read_positions(vertices: &Table, out: &mut [Vec3]) -> Result<()> {
-    let axes = [vertices.column("x")?, vertices.column("y")?, vertices.column("z")?];
+/// What to take off every position: zero, but for a scene far from the origin whose positions are doubles.
+pub(super) fn origin(vertices: &Table) -> Result<DVec3> {
+    let axes = axes(vertices)?;
+    let position = |row: &[u8]| DVec3::from(axes.map(|axis| axis.f64(row)));
+    let doubles = axes.iter().any(|axis| axis.scalar == Scalar::F64);
+    if !doubles || vertices.rows() == 0 || !is_far(position(vertices.block(0, 1, &mut Vec::new())?)) {
+        return Ok(DVec3::ZERO);
+    }
+    let (rows, per_block) = (vertices.rows(), vertices.rows_per_block());
+    let of_block = |buffer: &mut Vec<u8>, block: usize| {
+        let count = per_block.min(rows - block * per_block);
+        let mut bounds = FarBounds::default();
+        let block = vertices.block(block * per_block, count, buffer)?;
+        block.chunks_exact(vertices.stride()).for_each(|row| bounds.add(position(row)));
+        Ok(bounds)
+    };
+    let blocks: Vec<Result<FarBounds>> =
+        (0..rows.div_ceil(per_block)).into_par_iter().map_init(Vec::new, of_block).collect();
+    let bounds = blocks.into_iter().try_fold(FarBounds::default(), |all, block| Ok(all.merge(block?)))?;
+    Ok(bounds.origin())
+}
+
+fn axes(vertices: &Table) -> Result<[Column; 3]> {
+    Ok([vertices.column("x")?, vertices.column("y")?, vertices.column("z")?])
+}
+
+/// Reads x, y, z of every vertex, relative to `origin`. // out: [V]
+pub(super) fn read_positions(vertices: &Table, origin: DVec3, out: &mut [Vec3]) -> Result<()> {
+    let axes = axes(vertices)?;
     let float = |i: usize| axes[i].scalar == Scalar::F32 && axes[i].offset == 4 * i;
     let in_place = cfg!(target_endian = "little") && vertices.stride() == 12 && (0..3).all(float);
     let per_block = vertices.rows_per_block();
@@ -22,7 +49,10 @@ pub(super) fn read_positions(vertices: &Table, out: &mut [Vec3]) -> Result<()> {
         }
         let rows = vertices.block(block * per_block, out.len(), buffer)?;
         for (row, out) in rows.chunks_exact(vertices.stride()).zip(out) {
-            *out = Vec3::from(axes.map(|axis| axis.f32(row)));
+            *out = match origin {
+                DVec3::ZERO => Vec3::from(axes.map(|axis| axis.f32(row))),
+                _ => (DVec3::from(axes.map(|axis| axis.f64(row))) - origin).as_vec3(),
+            };
         }
         Ok(())
     };

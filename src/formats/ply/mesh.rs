@@ -15,15 +15,16 @@ use crate::limits::Limits;
 use crate::math::color::{linear_from_srgb, linear_of_srgb8};
 use crate::math::srgb8::srgb8_from_linear;
 use crate::mesh::{Colors, Mesh};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::io::{self, Write};
 use std::path::Path;
 
-/// The mesh; what had to be guessed or repaired is added to `warnings`.
+/// The mesh, relative to `origin`; what had to be guessed or repaired is added to `warnings`.
 pub(super) fn read(
     path: &Path,
     tables: &Tables,
+    origin: DVec3,
     limits: &Limits,
     warnings: &mut Vec<String>,
 ) -> Result<Mesh> {
@@ -34,7 +35,7 @@ pub(super) fn read(
     let channels = (Channels::of(path, vertices)?, Channels::of(path, faces)?);
     let read = read_faces(faces, vertices.rows(), path, limits)?;
     let mut positions = limits.zeroed::<Vec3>(path.display(), vertices.rows())?;
-    read_positions(vertices, &mut positions)?;
+    read_positions(vertices, origin, &mut positions)?;
     let triangles = read.triangulate(&positions);
     let mut mesh = Mesh { positions, ..Mesh::default() };
     match channels {

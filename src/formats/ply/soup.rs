@@ -15,7 +15,7 @@ use crate::formats::blocks::write_blocks;
 use crate::formats::provenance::to_comment;
 use crate::limits::Limits;
 use crate::soup::{Soup, rgb_from_sh0};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::io::{self, Write};
 use std::path::Path;
@@ -25,8 +25,14 @@ pub(super) fn is_soup(faces: &Element) -> bool {
     faces.has("sigma")
 }
 
-/// The soup, with SH up to `options.sh_degree`; higher degrees are skipped.
-pub(super) fn read(path: &Path, element: &Element, tables: &Tables, options: &ReadOptions) -> Result<Soup> {
+/// The soup, relative to `origin`, with SH up to `options.sh_degree`; higher degrees are skipped.
+pub(super) fn read(
+    path: &Path,
+    element: &Element,
+    tables: &Tables,
+    origin: DVec3,
+    options: &ReadOptions,
+) -> Result<Soup> {
     let Tables { vertices, faces, .. } = tables;
     let columns = Columns::of(path, element, faces, options.sh_degree)?;
     for axis in ["x", "y", "z"] {
@@ -43,18 +49,24 @@ pub(super) fn read(path: &Path, element: &Element, tables: &Tables, options: &Re
     let unshared = columns.read(faces, &mut soup)?;
     soup.vertices = if unshared && vertices.rows() == 3 * count {
         let mut own = limits.zeroed::<[Vec3; 3]>(path.display(), count)?;
-        read_positions(vertices, bytemuck::cast_slice_mut(&mut own))?;
+        read_positions(vertices, origin, bytemuck::cast_slice_mut(&mut own))?;
         own
     } else {
-        gather(vertices, faces, limits, path)?
+        gather(vertices, origin, faces, limits, path)?
     };
     Ok(soup)
 }
 
 /// The corners of every face, looked up among shared vertices.
-fn gather(vertices: &Table, faces: &Table, limits: &Limits, path: &Path) -> Result<Vec<[Vec3; 3]>> {
+fn gather(
+    vertices: &Table,
+    origin: DVec3,
+    faces: &Table,
+    limits: &Limits,
+    path: &Path,
+) -> Result<Vec<[Vec3; 3]>> {
     let mut shared = limits.zeroed::<Vec3>(path.display(), vertices.rows())?;
-    read_positions(vertices, &mut shared)?;
+    read_positions(vertices, origin, &mut shared)?;
     let corners = Corners::of(faces)?;
     let mut own = limits.zeroed::<[Vec3; 3]>(path.display(), faces.rows())?;
     let per_block = faces.rows_per_block();

@@ -1,9 +1,8 @@
 //! Which tiles still let light through, while splats are drawn slab by slab.
 
 use super::splats::ScreenBox;
-use super::tile_grid::tile_count;
+use super::tile_grid::{tile_count, tiles_between};
 use super::tile_pixels::TilePixels;
-use super::tiles::tiles_between;
 use glam::UVec2;
 
 /// The tiles in which some pixel has not terminated.

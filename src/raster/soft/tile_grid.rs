@@ -8,6 +8,9 @@ pub(super) const TILE: u32 = 16;
 /// Blocks in a tile: as many as [`LANES`], so that all are tested at once.
 pub(super) const BLOCKS: usize = LANES;
 
+/// Margin of every test, px: larger than any rounding, so that a test never decides what a pixel sees.
+pub(super) const MARGIN: f32 = 0.01;
+
 /// x and y of the lanes in a block, px.
 pub(super) const LANE_X: [f32; LANES] = grid(1.0, 0.0, 0.0);
 pub(super) const LANE_Y: [f32; LANES] = grid(0.0, 1.0, 0.0);
@@ -28,6 +31,14 @@ const fn grid(x: f32, y: f32, offset: f32) -> [f32; LANES] {
 /// Tiles across and down a picture.
 pub(super) fn tile_count(size: UVec2) -> UVec2 {
     UVec2::new(size.x.div_ceil(TILE), size.y.div_ceil(TILE))
+}
+
+/// Tiles `from..=to` that hold a pixel centre in [lo, hi]; none when from > to.
+#[inline(always)]
+pub(super) fn tiles_between(lo: f32, hi: f32, size: f32) -> (u32, u32) {
+    let first = (lo - 0.5 - MARGIN).ceil().max(0.0);
+    let last = (hi - 0.5 + MARGIN).floor().min(size - 1.0);
+    if first <= last { (first as u32 / TILE, last as u32 / TILE) } else { (1, 0) }
 }
 
 /// Top left pixel of block `block` of the tile at `corner`.

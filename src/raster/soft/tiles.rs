@@ -3,7 +3,7 @@
 use super::open_tiles::OpenTiles;
 use super::options::Window;
 use super::splats::{ScreenBox, SplatRecord, Splats};
-use super::tile_grid::{BLOCK_X, BLOCK_Y, TILE, tile_count};
+use super::tile_grid::{BLOCK_X, BLOCK_Y, MARGIN, TILE, tile_count, tiles_between};
 use crate::math::lanes::{Lanes, Work, dispatch};
 use crate::math::real::Mask;
 use glam::UVec2;
@@ -12,9 +12,6 @@ use std::ops::Range;
 
 /// Splats that one task bins.
 const SPLATS_PER_RANGE: usize = 2048;
-/// Margin of every test, px: larger than any rounding, so that a test never decides what a pixel sees.
-const MARGIN: f32 = 0.01;
-
 /// A splat in a tile: one (splat, tile) pair.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct TileEntry {
@@ -218,14 +215,6 @@ impl Work for Emit<'_> {
             self.range.ends.push(self.range.pairs.len() as u32);
         }
     }
-}
-
-/// Tiles `from..=to` that hold a pixel centre in [lo, hi]; none when from > to.
-#[inline(always)]
-pub(super) fn tiles_between(lo: f32, hi: f32, size: f32) -> (u32, u32) {
-    let first = (lo - 0.5 - MARGIN).ceil().max(0.0);
-    let last = (hi - 0.5 + MARGIN).floor().min(size - 1.0);
-    if first <= last { (first as u32 / TILE, last as u32 / TILE) } else { (1, 0) }
 }
 
 /// Emits the tiles a splat touches. A block is left out when one of the five separating axes of the shrunk

@@ -1,0 +1,163 @@
+//! The command lines of the settings: this program, with the flags that differ.
+
+use super::draw::DrawArgs;
+use super::knobs::CostStage;
+use super::setting::Setting;
+use crate::bake::BakeOptions;
+use crate::dataset::DatasetOptions;
+use crate::error::{Error, Result};
+use crate::train::TrainOptions;
+use clap::{Args, Command};
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+/// What the commands of all settings have in common.
+#[derive(Debug, Clone)]
+pub(super) struct Child {
+    program: PathBuf,
+    dataset: PathBuf,
+    dataset_options: DatasetOptions,
+    threads: u16,
+}
+
+impl Child {
+    /// Commands of this program on a data set.
+    pub(super) fn new(dataset: &Path, dataset_options: &DatasetOptions, threads: u16) -> Result<Self> {
+        let program = std::env::current_exe().map_err(|e| Error::io("trisplat", e))?;
+        Ok(Self { program, dataset: dataset.into(), dataset_options: dataset_options.clone(), threads })
+    }
+
+    /// Trains with the options of `setting` over `steps` and `max_triangles`, and with more flags.
+    pub(super) fn train(&self, output: &Path, setting: &Setting, more: &[(&str, String)]) -> Vec<OsString> {
+        let mut words = self.words(&["train"]);
+        words.push(self.dataset.clone().into());
+        words.extend(self.photos(setting));
+        words.extend(["-o".into(), output.into()]);
+        let of_setting = |name: &str| setting.changes.iter().any(|(changed, _)| *changed == name);
+        let more = more.iter().filter(|(name, _)| !of_setting(name)).cloned();
+        let changes = more.chain(setting.changes.iter().cloned());
+        words.extend(flags(&arguments(CostStage::Train), changes));
+        words
+    }
+
+    /// Bakes `soup` with the options of `setting`, with the photos if wanted.
+    pub(super) fn bake(
+        &self,
+        soup: &Path,
+        output: &Path,
+        report: &Path,
+        setting: &Setting,
+        photos: bool,
+    ) -> Vec<OsString> {
+        let mut words = self.words(&["bake"]);
+        words.extend([soup.into(), "-o".into(), output.into(), "--report".into(), report.into()]);
+        if photos {
+            words.extend(["--dataset".into(), self.dataset.clone().into()]);
+            words.extend(self.photos(setting));
+        }
+        words.extend(flags(&arguments(CostStage::Bake), setting.changes.iter().cloned()));
+        words
+    }
+
+    /// Draws `scene` from the held-out photos' cameras for so many seconds.
+    pub(super) fn draw(
+        &self,
+        scene: &Path,
+        figures: &Path,
+        seconds: f64,
+        setting: &Setting,
+    ) -> Vec<OsString> {
+        let mut words = self.words(&["bench", "draw"]);
+        words.retain(|word| word != "--force");
+        words.extend([scene.into(), self.dataset.clone().into(), "--figures".into(), figures.into()]);
+        words.push(format!("--seconds={seconds}").into());
+        words.extend(self.photos(setting));
+        words.extend(flags(&arguments(CostStage::Draw), setting.changes.iter().cloned()));
+        words
+    }
+
+    fn words(&self, command: &[&str]) -> Vec<OsString> {
+        let mut words = vec![self.program.clone().into_os_string()];
+        words.extend(command.iter().map(OsString::from));
+        words.extend(["--quiet".into(), "--force".into()]);
+        if self.threads > 0 {
+            words.push(format!("--threads={}", self.threads).into());
+        }
+        words
+    }
+
+    /// How the data set is read: what differs from the defaults and is not changed by `setting`.
+    fn photos(&self, setting: &Setting) -> Vec<OsString> {
+        let as_json = |options: &DatasetOptions| serde_json::to_value(options).unwrap_or_default();
+        let (own, default) = (as_json(&self.dataset_options), as_json(&DatasetOptions::default()));
+        let fields = own.as_object().into_iter().flatten();
+        let differ = fields.filter(|(name, value)| {
+            default.get(name.as_str()) != Some(value) && !setting.changes.iter().any(|(k, _)| k == name)
+        });
+        let changes = differ.map(|(name, value)| {
+            let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+            (name.as_str(), text)
+        });
+        flags(&DatasetOptions::augment_args(Command::new("photos")), changes)
+    }
+}
+
+/// The arguments that a stage's command has.
+fn arguments(stage: CostStage) -> Command {
+    let command = Command::new(stage.name()).no_binary_name(true);
+    match stage {
+        CostStage::Train | CostStage::Chain => {
+            let sets = clap::Arg::new("sets").long("set").action(clap::ArgAction::Append);
+            TrainOptions::augment_args(DatasetOptions::augment_args(command)).arg(sets)
+        }
+        CostStage::Bake => BakeOptions::augment_args(DatasetOptions::augment_args(command)),
+        CostStage::Draw => DrawArgs::augment_args(command),
+    }
+}
+
+/// Flags for changes: `--refit-passes=2`, `--keep-unseen`, and for what is no argument `--set refine.every=500`.
+fn flags<'a>(arguments: &Command, changes: impl Iterator<Item = (&'a str, String)>) -> Vec<OsString> {
+    let mut words = Vec::new();
+    for (name, value) in changes {
+        match arguments.get_arguments().find(|a| a.get_id() == name).and_then(|a| Some((a, a.get_long()?))) {
+            Some((argument, long)) if argument.get_action().takes_values() => {
+                words.push(format!("--{long}={value}").into());
+            }
+            Some((_, long)) if value == "true" => words.push(format!("--{long}").into()),
+            Some(_) => (),
+            None => words.extend(["--set".into(), format!("{name}={value}").into()]),
+        }
+    }
+    words
+}
+
+/// Why the command of a setting would refuse its options, if it would.
+#[cfg(test)]
+pub(super) fn refused(setting: &Setting) -> Option<String> {
+    let arguments = arguments(setting.stage);
+    let mut words = flags(&arguments, setting.changes.iter().cloned());
+    if setting.stage == CostStage::Draw {
+        words.extend(["scene.glb", "photos", "--figures", "f.json"].map(OsString::from));
+    }
+    let matches = match arguments.try_get_matches_from(words) {
+        Ok(matches) => matches,
+        Err(error) => return Some(error.to_string()),
+    };
+    if setting.stage != CostStage::Train {
+        return None;
+    }
+    // What `--set` sets must be a key of the training's options, and of its type.
+    let mut options = serde_json::to_value(TrainOptions::default()).ok()?;
+    for set in matches.get_many::<String>("sets").into_iter().flatten() {
+        let (key, value) = set.split_once('=')?;
+        let value = serde_json::from_str(value).unwrap_or_else(|_| value.into());
+        match options.pointer_mut(&format!("/{}", key.replace('.', "/"))) {
+            Some(there) => *there = value,
+            None => return Some(format!("{key} is no option")),
+        }
+    }
+    match serde_json::from_value::<TrainOptions>(options) {
+        Ok(options) => options.validate().err().map(|e| e.to_string()),
+        Err(error) => Some(error.to_string()),
+    }
+}

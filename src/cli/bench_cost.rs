@@ -1,0 +1,159 @@
+//! `trisplat bench cost`: prints rows as they come, and what lies on the front.
+
+use super::Global;
+use super::files;
+use super::progress::{Progress, thousands};
+use crate::bench::cost::{self, CostArgs, CostObserver, CostRow, CostStage};
+use crate::error::{Error, Result};
+
+/// Runs the sweep.
+pub(super) fn run(args: &CostArgs, global: &Global) -> Result<()> {
+    let progress = Progress::new(global);
+    let rows = cost::run(args, global.threads, &mut CostTable(&progress))?;
+    progress.done();
+    let print = |e| Error::io("-", e);
+    if args.json { files::print_json(&rows, &mut std::io::stdout().lock()).map_err(print) } else { Ok(()) }
+}
+
+struct CostTable<'a>(&'a Progress);
+
+impl CostObserver for CostTable<'_> {
+    fn running(&mut self, stage: CostStage, done: usize, all: usize, setting: &str) {
+        self.0.note(&format!("{}: {done} of {all} runs; now {setting}", stage.name()));
+    }
+
+    fn measured(&mut self, rows: &[CostRow]) {
+        let Some(first) = rows.first() else { return };
+        self.0.line(&format!("{} ({})", first.stage.name(), first.input.name()));
+        self.0.line(HEADER);
+        rows.iter().for_each(|row| self.0.line(&line(row)));
+        self.0.line(&(summary(rows) + &as_dear_and_closer(rows)));
+    }
+}
+
+const HEADER: &str = "   setting                                    CPU s  x default  peak MB       bytes  PSNR dB   change    SSIM    FLIP  exact";
+
+/// A row: `*` before what is on the front, `~` behind what is within the spread.
+fn line(row: &CostRow) -> String {
+    let mark = |within: Option<bool>| if within == Some(true) { '~' } else { ' ' };
+    let optional = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
+    format!(
+        " {} {:<38}{:>10.4}{:>10.2}{}{:>9.1}{:>12}{:>9.3}{:>+8.3}{}{:>8.4}{:>8.4}{:>7}",
+        if row.on_front { '*' } else { ' ' },
+        row.label(),
+        row.cpu_seconds,
+        row.cpu_ratio,
+        mark(row.cpu_within_spread),
+        row.peak_bytes as f64 * 1e-6,
+        optional(row.bytes.map(thousands)),
+        row.psnr,
+        row.psnr_change,
+        mark(row.psnr_within_spread),
+        row.ssim,
+        row.flip,
+        optional(row.exact_rms.map(|rms| format!("{rms:.2}"))),
+    )
+}
+
+/// Whether the default is on the front, and what beats it if not.
+fn summary(rows: &[CostRow]) -> String {
+    let Some(default) = rows.iter().find(|r| r.is_default) else { return String::new() };
+    let beaten = default.beaten_by.as_ref().and_then(|by| rows.iter().find(|r| r.label() == *by));
+    let once = if default.runs < 2 { " (one run each: small differences may be chance)" } else { "" };
+    let Some(better) = beaten else { return format!("   no setting beats the default{once}\n") };
+    let percent = |ratio: f64| format!("{:+.1}%", 100.0 * (ratio - 1.0));
+    let mut text =
+        format!("   the default is off the front: {} costs {}", better.label(), percent(better.cpu_ratio));
+    if let (Some(bytes), Some(of)) = (better.bytes, default.bytes) {
+        text += &format!(", takes {} bytes", percent(bytes as f64 / of.max(1) as f64));
+    }
+    text += &match (better.stage, better.exact_rms.zip(default.exact_rms)) {
+        (CostStage::Draw, Some((exact, of))) => {
+            format!(" and differs by {exact:.2} levels in place of {of:.2}")
+        }
+        _ => format!(" and comes {:+.3} dB closer", better.psnr_change),
+    };
+    if !better.buys.is_empty() {
+        text += &format!("; the default buys {}", better.buys);
+    }
+    text + once + "\n"
+}
+
+/// What costs as much as the default, as far as the runs can say, and comes closer by more than their spread.
+fn as_dear_and_closer(rows: &[CostRow]) -> String {
+    let closer = |r: &&CostRow| {
+        let as_dear = r.cpu_within_spread == Some(true);
+        as_dear && r.psnr_change > 0.0 && r.psnr_within_spread == Some(false)
+    };
+    let named = rows.iter().filter(closer).map(|r| format!("{} ({:+.3} dB)", r.label(), r.psnr_change));
+    match named.collect::<Vec<_>>() {
+        none if none.is_empty() => String::new(),
+        all => format!("   within the spread of its seconds, and closer: {}\n", all.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::cost::CostInput;
+
+    fn row(knob: &str, is_default: bool) -> CostRow {
+        CostRow {
+            scene: "synthetic".into(),
+            stage: CostStage::Bake,
+            input: CostInput::SolidSoup,
+            knob: knob.into(),
+            value: "off".into(),
+            default_value: "on".into(),
+            is_default,
+            runs: 3,
+            cpu_seconds: 0.5,
+            cpu_spread: Some(0.1),
+            wall_seconds: 0.3,
+            peak_bytes: 20_000_000,
+            bytes: Some(1000),
+            triangles: 10,
+            psnr: 28.0,
+            psnr_spread: Some(0.0),
+            ssim: 0.9,
+            flip: 0.1,
+            exact_rms: None,
+            cpu_ratio: 0.5,
+            cpu_within_spread: Some(true),
+            psnr_change: 0.25,
+            psnr_within_spread: Some(false),
+            on_front: !is_default,
+            beaten_by: is_default.then(|| "order=off".into()),
+            buys: "order".into(),
+            skipped: "lod".into(),
+        }
+    }
+
+    #[test]
+    fn lines_are_as_wide_as_their_header_and_marked() {
+        let text = line(&row("order", false));
+        assert!(
+            text.starts_with(" * order=off ") && text.contains("0.50~") && text.contains("+0.250 "),
+            "{text}"
+        );
+        assert_eq!(text.chars().count(), HEADER.chars().count(), "{text}");
+    }
+
+    #[test]
+    fn what_is_closer_at_the_same_cost_is_named() {
+        let dearer = CostRow { cpu_within_spread: Some(false), ..row("dear", false) };
+        let chance = CostRow { psnr_within_spread: Some(true), ..row("chance", false) };
+        let text = as_dear_and_closer(&[dearer.clone(), row("refit", false), chance]);
+        assert_eq!(text, "   within the spread of its seconds, and closer: refit=off (+0.250 dB)\n");
+        assert_eq!(as_dear_and_closer(&[dearer]), "");
+    }
+
+    #[test]
+    fn the_summary_says_what_beats_the_default() {
+        let text = summary(&[row("default", true), row("order", false)]);
+        let wants = "   the default is off the front: order=off costs -50.0%, takes +0.0% bytes and comes +0.250 dB closer; the default buys order\n";
+        assert_eq!(text, wants);
+        let alone = CostRow { beaten_by: None, ..row("default", true) };
+        assert!(summary(&[alone]).contains("no setting beats"));
+    }
+}

@@ -1,0 +1,140 @@
+//! Scenes far from the origin of their world, as georeferenced ones are: 500 km from it f32 counts in steps of 3 cm.
+//!
+//! Files that hold more digits are read relative to an origin of their own, which the placement keeps: what is baked of such a scene is what
+//! would be baked of the scene at the origin, bit for bit.
+
+use crate::asset::Placement;
+use crate::scene::Loaded;
+use glam::{DVec3, Vec3};
+
+/// Below this distance along every axis positions are read as they are.
+const NEAR: f64 = 4096.0;
+/// So many times its own size a scene must be away from the origin: a millionth of the size is lost then.
+const TIMES_SIZE: f64 = 100.0;
+
+/// Bounds of positions that may be far from the origin.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FarBounds {
+    low: DVec3,
+    high: DVec3,
+}
+
+impl Default for FarBounds {
+    fn default() -> Self {
+        Self { low: DVec3::INFINITY, high: DVec3::NEG_INFINITY }
+    }
+}
+
+impl FarBounds {
+    /// Takes in a position; one that is not finite is left to whoever drops it.
+    pub(super) fn add(&mut self, position: DVec3) {
+        if position.is_finite() {
+            (self.low, self.high) = (self.low.min(position), self.high.max(position));
+        }
+    }
+
+    /// Takes in other bounds.
+    pub(super) fn merge(self, other: Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+
+    /// What to take off every position: zero, unless the scene is far away; whole numbers, so that adding it back
+    /// is exact.
+    pub(super) fn origin(self) -> DVec3 {
+        let (middle, size) = ((self.low + self.high) / 2.0, (self.high - self.low).length());
+        let far = middle.is_finite() && middle.length() > TIMES_SIZE * size;
+        if far && is_far(middle) { middle.round() } else { DVec3::ZERO }
+    }
+}
+
+/// Whether a position is so far from the origin that f32 may not hold it well enough.
+pub(super) fn is_far(position: DVec3) -> bool {
+    position.abs().max_element() >= NEAR
+}
+
+/// Positions with the digits that f32 leaves out, where a file has them.
+#[derive(Debug, Default)]
+pub(super) struct FarPositions {
+    rounded: Vec<Vec3>,
+    /// What rounding left out, from the first far position on. Empty, or as long as the other.
+    rest: Vec<Vec3>,
+    bounds: FarBounds,
+}
+
+impl FarPositions {
+    /// Number of positions.
+    pub(super) fn len(&self) -> usize {
+        self.rounded.len()
+    }
+
+    /// Adds a position.
+    pub(super) fn push(&mut self, position: DVec3) {
+        let rounded = position.as_vec3();
+        if !self.rest.is_empty() || is_far(position) {
+            self.rest.resize(self.rounded.len(), Vec3::ZERO);
+            let rest = position - rounded.as_dvec3();
+            self.rest.push(if rest.is_finite() { rest.as_vec3() } else { Vec3::ZERO });
+        }
+        self.rounded.push(rounded);
+        self.bounds.add(position);
+    }
+
+    /// The positions, and what was taken off every one.
+    pub(super) fn relative(self) -> (Vec<Vec3>, DVec3) {
+        let origin = self.bounds.origin();
+        if self.rest.is_empty() || origin == DVec3::ZERO {
+            return (self.rounded, DVec3::ZERO);
+        }
+        let near = |(rounded, rest): (Vec3, Vec3)| (rounded.as_dvec3() - origin + rest.as_dvec3()).as_vec3();
+        (self.rounded.into_iter().zip(self.rest).map(near).collect(), origin)
+    }
+}
+
+/// Notes what was taken off every position of a scene.
+pub(super) fn note_origin(loaded: &mut Loaded, origin: DVec3) {
+    if origin == DVec3::ZERO {
+        return;
+    }
+    let moved = Placement { center: origin.to_array(), ..Placement::IDENTITY };
+    loaded.provenance.placement = loaded.provenance.placement.then(&moved);
+    let [x, y, z] = origin.to_array();
+    loaded.warnings.push(format!(
+        "the scene is far from the origin of its world: {x} {y} {z} is taken off every position, and kept in the file's placement"
+    ));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(offset: DVec3) -> (Vec<Vec3>, DVec3) {
+        let mut positions = FarPositions::default();
+        for p in [DVec3::new(0.125, 0.0, -0.5), DVec3::new(1.0, 2.0, 0.1), DVec3::new(-1.0, -2.0, 0.3)] {
+            positions.push(p + offset);
+        }
+        positions.relative()
+    }
+
+    #[test]
+    fn a_scene_far_away_is_the_scene_at_the_origin() {
+        let (near, none) = read(DVec3::ZERO);
+        assert_eq!(none, DVec3::ZERO);
+        let (far, origin) = read(DVec3::new(500_123.0, 5_412_345.0, 321.0));
+        assert_eq!(origin, DVec3::new(500_123.0, 5_412_345.0, 321.0));
+        for (near, far) in near.iter().zip(far) {
+            assert!(near.distance(far) < 1e-7, "{near} {far}");
+        }
+    }
+
+    #[test]
+    fn a_large_scene_and_one_a_little_off_stay_where_they_are() {
+        assert_eq!(read(DVec3::splat(4000.0)).1, DVec3::ZERO);
+        let mut large = FarPositions::default();
+        for p in [DVec3::splat(-90_000.0), DVec3::new(100_000.3, 5.0, 5.0), DVec3::NAN] {
+            large.push(p);
+        }
+        assert_eq!(large.len(), 3);
+        let (positions, origin) = large.relative();
+        assert_eq!((positions[1], origin), (Vec3::new(100_000.3, 5.0, 5.0), DVec3::ZERO));
+    }
+}
