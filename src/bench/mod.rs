@@ -24,6 +24,7 @@ pub mod raster;
 pub mod scene_renderer;
 pub mod scenes;
 pub mod steps;
+pub mod stress;
 mod studio;
 #[cfg(all(feature = "cli", feature = "gpu"))]
 mod three;

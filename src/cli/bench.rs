@@ -5,8 +5,10 @@ use super::bench_cost;
 use super::files;
 use super::progress::{Progress, thousands};
 use super::stdout::Stdout;
+use super::stress;
 #[cfg(feature = "gpu")]
 use crate::bench::fps;
+use crate::bench::stress::StressArgs;
 use crate::bench::{bake, cost, fidelity, measure, raster};
 use crate::error::{Error, Result};
 use crate::train::{TrainObserver, TrainSample};
@@ -36,6 +38,8 @@ pub enum BenchCommand {
     Fidelity(fidelity::FidelityBenchArgs),
     /// Steps and frames per second of the rasterisers on this CPU, and where the time goes.
     Raster(raster::RasterBenchArgs),
+    /// How exact the rasterisers and the files are when a scene is stretched, checked against the promises.
+    Stress(StressArgs),
     /// Seconds against error: every option that trades one for the other, one at a time.
     Cost(Box<cost::CostArgs>),
     /// Draw a scene and write what that cost (bench cost runs itself through this).
@@ -70,6 +74,7 @@ pub fn run(args: &BenchArgs, global: &Global) -> Result<()> {
         BenchCommand::Fps(_) => Err(super::missing::error("gpu")),
         BenchCommand::Fidelity(fidelity_args) => run_fidelity(fidelity_args, global),
         BenchCommand::Raster(raster_args) => run_raster(raster_args, global),
+        BenchCommand::Stress(stress_args) => stress::run(stress_args, global),
         BenchCommand::Cost(cost_args) => bench_cost::run(cost_args, global),
         BenchCommand::Draw(draw_args) => cost::draw(draw_args),
         BenchCommand::Measure { command } => print_json(&measure::run_only_child(command)?),

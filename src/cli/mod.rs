@@ -28,6 +28,7 @@ pub mod sample;
 pub mod schema;
 mod signals;
 mod stdout;
+mod stress;
 pub mod train;
 pub mod train_args;
 mod train_curve;

@@ -10,6 +10,7 @@ use crate::bake::{
 use crate::bench::bake::BakeRow;
 use crate::bench::cost::MeasuredRow;
 use crate::bench::evaluate::EvalReport;
+use crate::bench::stress::StressReport;
 use crate::dataset::Description;
 use crate::error::{Error, Result};
 use crate::formats::bvh::BvhHeader;
@@ -49,6 +50,8 @@ pub enum SchemaName {
     Bvh,
     /// The rows of `trisplat bench bake --json`.
     Bench,
+    /// What `trisplat bench stress --json` prints.
+    Stress,
     /// The rows of `trisplat bench cost --json`.
     Cost,
     /// The rows of `trisplat bench fps --json`.
@@ -69,6 +72,7 @@ impl SchemaName {
             SchemaName::Validate => schemars::schema_for!(Checked),
             SchemaName::Bvh => schemars::schema_for!(BvhHeader),
             SchemaName::Bench => schemars::schema_for!(Vec<BakeRow>),
+            SchemaName::Stress => schemars::schema_for!(StressReport),
             SchemaName::Cost => schemars::schema_for!(Vec<MeasuredRow>),
             #[cfg(feature = "gpu")]
             SchemaName::Fps => schemars::schema_for!(Vec<crate::bench::fps::FpsRow>),

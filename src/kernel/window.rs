@@ -39,9 +39,12 @@ pub fn ratio_floor<R: Real>(log2_opacity: R, sigma: R, log2_cutoff: R) -> R {
 }
 
 /// Alpha before the cap, o · ratio^σ. Domain: ratio >= [`RATIO_FLOOR`].
+///
+/// On a needle rounding may bring the ratio above 1, which a large σ makes a power beyond the domain of exp2: no alpha
+/// is above 1, so the exponent is held where it changes none.
 #[inline(always)]
 pub fn alpha<R: Real>(log2_ratio: R, log2_opacity: R, sigma: R) -> R {
-    sigma.mul_add(log2_ratio, log2_opacity).exp2()
+    sigma.mul_add(log2_ratio, log2_opacity).min(R::of(1.0)).exp2()
 }
 
 /// ∂L/∂σ and ∂L/∂ratio for `d_log` = ∂L/∂alpha · alpha (which is also ∂L/∂o · o). `ratio_least` bounds

@@ -11,6 +11,7 @@ mod x86;
 pub use vector::{LANES, Lanes, Work};
 
 use crate::math::real::Mask;
+use std::cell::Cell;
 
 /// Prefetches `value`, which will be read soon.
 #[inline(always)]
@@ -22,7 +23,7 @@ pub fn prefetch<T>(value: &T) {
 }
 
 /// Instruction sets that have their own code.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum SimdLevel {
     /// What every CPU of the target has.
     Portable,
@@ -32,8 +33,26 @@ pub enum SimdLevel {
     Avx512,
 }
 
+thread_local! {
+    /// The best level that this thread may use.
+    static MOST: Cell<SimdLevel> = const { Cell::new(SimdLevel::Avx512) };
+}
+
+/// Does `work` with [`level`] at most `most` on this thread: to compare instruction sets. Other threads, those of a pool
+/// that `work` uses among them, are not held to it.
+pub fn with_at_most<T>(most: SimdLevel, work: impl FnOnce() -> T) -> T {
+    let before = MOST.replace(most);
+    let out = work();
+    MOST.set(before);
+    out
+}
+
 /// The best level of this CPU.
 pub fn level() -> SimdLevel {
+    MOST.get().min(best())
+}
+
+fn best() -> SimdLevel {
     #[cfg(target_arch = "x86_64")]
     {
         if x86::has_avx512() {

@@ -43,7 +43,7 @@ const MAY: &[(&str, &str)] = &[
     ("view", "asset rng mesh soup scene raster camera image gpu error math limits"),
     (
         "bench",
-        "asset atomic process bake camera dataset error formats gpu image math mesh placed raster report rng scene soup space train view limits",
+        "asset atomic process bake camera dataset error formats gpu image kernel math mesh placed raster report rng scene soup space train view limits",
     ),
     (
         "cli",

@@ -136,7 +136,7 @@ fn a_scaled_scene_looks_the_same() {
     let camera = camera([64, 48]);
     let o = SoftOptions { geometry: false, ..options() };
     let frame = Soft::new().render(&SoupRef::from(&soup), &camera, &o).clone();
-    for scale in [1e-4f32, 1e4, 1.0 / 1024.0] {
+    for scale in [1e-4f32, 1e4, 1.0 / 1024.0, 1e-25, 1e25] {
         let mut moved = soup.clone();
         moved.vertices.iter_mut().for_each(|v| *v = v.map(|p| p * scale));
         let camera = Camera { translation: camera.translation * scale, ..camera };

@@ -12,3 +12,4 @@ mod gradients;
 mod hostile;
 mod scenes;
 mod solid;
+mod stress;

@@ -1,21 +1,14 @@
-//! The solid rasteriser against a ray caster in double precision that tests every face for every sample.
-//!
-//! The two may differ only in a band that is stated here: corners are snapped to 1/256 of a sample, so a face is
-//! undecided within [`OracleFace::band`] of its edges, and so is the order of two faces whose 1/z differ by less than
-//! what that distance makes of them.
+//! The solid rasteriser against a ray caster in double precision that tests every face for every sample; it states
+//! where the two may differ.
 
-use glam::{DVec2, DVec3, Mat3, Quat, UVec2, Vec2, Vec3};
+use glam::{Mat3, Quat, UVec2, Vec2, Vec3};
+use trisplat::bench::stress::ray_caster::{FaceAt, RayFace, ray};
 use trisplat::camera::Camera;
 use trisplat::math::color::linear_from_srgb;
 use trisplat::math::srgb8::srgb8_from_linear;
 use trisplat::mesh::{Colors, Mesh};
 use trisplat::raster::solid::{NO_FACE, Solid, SolidRasterOptions, Visibility};
 use trisplat::rng::Rng;
-
-/// Snapping, in samples: half of 1/256 along both axes, and as much again for rounding.
-const SNAP: f64 = 1.0 / 256.0;
-/// Rounding of the projection in single precision, relative to the distance from the principal point.
-const ROUNDING: f64 = 1e-6;
 
 fn camera(size: UVec2) -> Camera {
     Camera {
@@ -33,68 +26,21 @@ fn mesh(corners: Vec<[Vec3; 3]>) -> Mesh {
     Mesh { positions: corners.into_flattened(), colors, ..Mesh::default() }
 }
 
-/// A face at a sample, as the oracle computes it.
-struct OracleFace {
-    /// Distance to each edge's line, samples, positive inside.
-    inside: [f64; 3],
-    /// Distance by which edges may have been moved.
-    band: f64,
-    /// 1/z of the face's plane, and its tolerance.
-    w: f64,
-    slack: f64,
-    weights: [f64; 3],
-}
-
-impl OracleFace {
-    /// `None` for a face that covers nothing anywhere near.
-    fn new(camera: &Camera, samples: u32, near: f64, corners: [Vec3; 3], x: u32, y: u32) -> Option<Self> {
-        let scale = f64::from(samples);
-        let rotation = camera.rotation.as_dmat3();
-        let position = -(rotation.inverse() * camera.translation.as_dvec3());
-        let (focal, center) = (camera.focal.as_dvec2() * scale, camera.center.as_dvec2() * scale);
-        let q = corners.map(|v| rotation * (v.as_dvec3() - position));
-        let ray = ((DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) - center) / focal).extend(1.0);
-        let normals = [q[1].cross(q[2]), q[2].cross(q[0]), q[0].cross(q[1])];
-        let volume = q[0].dot(normals[0]);
-        let sum: DVec3 = normals.iter().sum();
-        let steep = |n: DVec3| (n.truncate() / focal).length();
-        let w = sum.dot(ray) / volume;
-        let reach = |q: &DVec3| (q.truncate() / q.z * focal).length().min(65536.0);
-        let farthest = q.iter().filter(|q| q.z > near).map(reach).fold(focal.max_element(), f64::max);
-        let band = SNAP + ROUNDING * farthest;
-        let slack = steep(sum) / volume.abs() * band + 1e-6 * w.abs();
-        let side = sum.dot(ray).signum();
-        let inside = normals.map(|n| side * n.dot(ray) / steep(n));
-        let out = inside.iter().any(|d| *d < -band) || w < -slack || w - slack > 1.0 / near;
-        let weights = normals.map(|n| n.dot(ray) / sum.dot(ray));
-        (!out).then_some(Self { inside, band, w, slack, weights })
-    }
-
-    fn covers(&self) -> bool {
-        self.inside.iter().all(|d| *d >= 0.0) && self.w > 0.0
-    }
-
-    fn certainly_covers(&self, near: f64) -> bool {
-        self.inside.iter().all(|d| *d > self.band) && self.w > self.slack && self.w + self.slack < 1.0 / near
-    }
-}
-
-/// Compares a frame with the oracle; returns the share of samples on which the two differ.
+/// Compares a frame with the ray caster; returns the share of samples on which the two differ.
 fn compare(name: &str, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) -> f64 {
     let mut solid = Solid::new();
     let drawn = solid.visibility(mesh, camera, options).clone();
     assert_eq!(drawn.size, camera.size * options.samples);
     let near = f64::from(options.near);
+    let face = |f: usize| RayFace::new(camera, options.samples, near, mesh.corners(f));
+    let faces: Vec<RayFace> = (0..mesh.face_count()).map(face).collect();
     let mut differ = 0;
     for y in 0..drawn.size.y {
         for x in 0..drawn.size.x {
             let at = (y * drawn.size.x + x) as usize;
-            let seen: Vec<(u32, OracleFace)> = (0..mesh.face_count())
-                .filter_map(|f| {
-                    let seen = OracleFace::new(camera, options.samples, near, mesh.corners(f), x, y)?;
-                    Some((f as u32, seen))
-                })
-                .collect();
+            let ray = ray(camera, options.samples, x, y);
+            let seen = faces.iter().enumerate().filter_map(|(f, face)| Some((f as u32, face.at(ray)?)));
+            let seen: Vec<(u32, FaceAt)> = seen.collect();
             let nearest = seen.iter().filter(|(_, s)| s.covers() && s.w < 1.0 / near);
             let nearest = nearest.max_by(|a, b| a.1.w.total_cmp(&b.1.w).then(b.0.cmp(&a.0)));
             let got = drawn.face[at];
@@ -128,7 +74,7 @@ fn compare_sample(
     camera: &Camera,
     drawn: &Visibility,
     [x, y]: [u32; 2],
-    mine: &OracleFace,
+    mine: &FaceAt,
 ) {
     let depth = f64::from(drawn.depth[(y * drawn.size.x + x) as usize]);
     assert!(depth > 0.0 && depth.is_finite(), "{place}: depth {depth}");

@@ -75,7 +75,10 @@ impl UnclippedTriangle {
 #[inline]
 pub(super) fn direction(camera: &KernelCamera, [v0, v1, v2]: &[Vec3; 3]) -> (V3<f32>, f32) {
     let offset = (*v0 - camera.position) + ((*v1 - *v0) + (*v2 - *v0)) * (1.0 / 3.0);
-    let length = offset.length();
+    let size = offset.abs().max_element();
+    // The squares of much smaller or larger numbers leave the range of f32.
+    let usual = (1e-15..1e15).contains(&size);
+    let length = if usual || size == 0.0 { offset.length() } else { (offset / size).length() * size };
     let unit = if length > 0.0 { offset / length } else { Vec3::Z };
     (v3(unit), length)
 }

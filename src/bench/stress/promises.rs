@@ -1,0 +1,92 @@
+//! What is promised of the rasterisers and the files, in numbers: the one table, which `trisplat bench stress` checks and
+//! docs/numerics.md repeats.
+
+use super::axes::Axis;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// The range of an axis on which the promises of accuracy hold, all axes at once.
+pub fn domain(axis: Axis) -> (f64, f64) {
+    let row = axis.row();
+    match axis {
+        Axis::Scale => (row.least, row.most),
+        Axis::Distance => (1.0, 10.0),
+        Axis::Aspect => (1.0, 10.0),
+        Axis::Inradius => (0.5, 100.0),
+        Axis::Sigma => (1e-2, 10.0),
+        Axis::Opacity => (0.05, 1.0),
+        Axis::DepthRatio => (1.0, 1e4),
+        Axis::Focal => (4.0, 1e3),
+        Axis::Behind => (0.0, 0.45),
+        Axis::Gap => (1e-3, 1.0),
+        Axis::Layers => (1.0, row.most_in_pairs),
+        Axis::Sh => (1e-3, 10.0),
+    }
+}
+
+/// What is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Promise {
+    /// 99.9% of the values of soft frames: error relative to 1 or to the largest sum of magnitudes in a colour.
+    Frames,
+    /// The largest such error, the search for the worst case included: single precision may take a pixel to the other side
+    /// of a jump, but nothing is worse.
+    WorstFrame,
+    /// 99.9% of the entries of gradients: error relative to the largest entry of the triangle's group (vertices, opacity,
+    /// σ, SH), or to 2% of the largest of all triangles.
+    Gradients,
+    /// Numbers of a case's frame and gradients that are not finite, gradients that were dropped for it included.
+    NonFinite,
+    /// Samples of a case on which the solid rasteriser shows a face that it cannot, or misses one.
+    SolidSamples,
+    /// Positions read back from a GLB, plain and quantised: error in half steps of the format.
+    StoredPositions,
+    /// Time of the soft rasteriser, forward and backward, over that of the ordinary case and its layers.
+    Time,
+}
+
+/// Cases on which a promise holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum On {
+    /// Those whose values lie in [`domain`].
+    Domain,
+    /// All of them, to the ends of the axes, whose triangles are no longer than [`REACH`] times their depth.
+    Reach,
+    /// All of them, to the ends of the axes.
+    Everything,
+}
+
+/// Longest side of a triangle over its depth, up to which the solid rasteriser's promise holds: its corners' depths are
+/// differences of coordinates of that size in single precision.
+pub const REACH: f64 = 100.0;
+
+/// A row of the table.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PromiseRow {
+    /// What is measured.
+    pub promise: Promise,
+    /// Its name in reports.
+    pub name: &'static str,
+    /// Where it holds.
+    pub on: On,
+    /// The largest value that keeps it.
+    pub at_most: f64,
+}
+
+/// All promises.
+pub const PROMISES: [PromiseRow; 7] = [
+    PromiseRow { promise: Promise::Frames, name: "frames", on: On::Domain, at_most: 1e-4 },
+    PromiseRow { promise: Promise::WorstFrame, name: "worst_frame", on: On::Domain, at_most: 1.0 },
+    PromiseRow { promise: Promise::Gradients, name: "gradients", on: On::Domain, at_most: 1e-3 },
+    PromiseRow { promise: Promise::NonFinite, name: "non_finite", on: On::Everything, at_most: 0.0 },
+    PromiseRow { promise: Promise::SolidSamples, name: "solid_samples", on: On::Reach, at_most: 0.0 },
+    PromiseRow {
+        promise: Promise::StoredPositions,
+        name: "stored_positions",
+        on: On::Everything,
+        at_most: 1.0,
+    },
+    PromiseRow { promise: Promise::Time, name: "time", on: On::Everything, at_most: 4.0 },
+];

@@ -1,0 +1,157 @@
+//! `trisplat bench stress`, printed.
+
+use super::Global;
+use super::files;
+use super::progress::{Progress, thousands};
+use super::stdout::Stdout;
+use crate::atomic::AtomicFile;
+use crate::bench::stress::case::StressCase;
+use crate::bench::stress::{self, InvarianceRow, Part, PromiseResult, StressArgs, StressReport, StressRow};
+use crate::error::{Error, Result};
+use std::path::Path;
+
+/// Measures and prints; an error when a promise is broken.
+pub(super) fn run(args: &StressArgs, global: &Global) -> Result<()> {
+    if let Some(path) = &args.replay {
+        return replay(path);
+    }
+    let report = stress::run(args)?;
+    if args.json {
+        files::print_json(&report, &mut Stdout).map_err(|e| Error::io("-", e))?;
+    } else {
+        print(&report, &Progress::new(global));
+    }
+    verdict(&report, &args.worst)
+}
+
+/// An error when a promise is broken; its worst case is written to `worst`.
+fn verdict(report: &StressReport, worst: &Path) -> Result<()> {
+    let broken = |name: &str, found: f64, at_most: f64| {
+        format!("the promise \"{name}\" is broken: {found:.3e}, at most {at_most:.1e}")
+    };
+    if let Some(row) = report.invariances.iter().find(|row| !row.kept) {
+        return Err(Error::Incomplete(broken(&row.name, row.value.p999, row.at_most)));
+    }
+    let Some(promise) = report.promises.iter().find(|p| !p.kept) else { return Ok(()) };
+    let what = broken(&promise.name, promise.found, promise.at_most);
+    let Some(case) = &promise.worst else { return Err(Error::Incomplete(what)) };
+    files::save_json(case, AtomicFile::create(worst)?)?;
+    let file = worst.display();
+    let remedy = format!("`trisplat bench stress --replay {file}` draws it again");
+    Err(Error::Incomplete(format!("{what}; the worst case is in {file}: {remedy}")))
+}
+
+/// Prints what a case from a file gives.
+fn replay(path: &Path) -> Result<()> {
+    let found = stress::replay(&read_case(path)?)?;
+    files::print_json(&found, &mut Stdout).map_err(|e| Error::io("-", e))
+}
+
+fn read_case(path: &Path) -> Result<StressCase> {
+    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
+    serde_json::from_str(&text).map_err(|e| {
+        let at = format!("line {}, column {}", e.line(), e.column());
+        Error::malformed(path, at, format!("{e}; a case is {{\"seed\": 1, \"axes\": {{\"sigma\": 0.5}}}}"))
+    })
+}
+
+fn print(report: &StressReport, progress: &Progress) {
+    progress.line(
+        "axis            from        to      cases   drawn  undecided    value p50    p99.9      max   gradient p50    p99.9      max  non-finite  solid  time",
+    );
+    for row in report.rows.iter().filter(|row| !matches!(row.part, Part::Pair { .. })) {
+        progress.line(&row_line(row));
+    }
+    progress.line("");
+    progress.line("must not change     cases    p50      p99.9      max   at most   other faces");
+    report.invariances.iter().for_each(|row| progress.line(&invariance_line(row)));
+    progress.line("");
+    progress.line("promise               found   at most");
+    report.promises.iter().for_each(|row| progress.line(&promise_line(row)));
+    progress.line(&format!(
+        "{} cases in {:.1} s; the ordinary one takes {:.1} µs",
+        thousands(report.cases),
+        report.wall_seconds,
+        report.ordinary_seconds * 1e6,
+    ));
+    progress.done();
+}
+
+fn row_line(row: &StressRow) -> String {
+    let part = match &row.part {
+        Part::Single { axis, from, to } => format!("{:<12}{from:>9.1e}{to:>10.1e}", axis.row().name),
+        Part::Pair { axis, with } => format!("{:<12}{:>19}", axis.row().name, with.row().name),
+        Part::Domain => format!("{:<31}", "domain, all axes"),
+    };
+    let (v, g) = (&row.value, &row.gradient);
+    format!(
+        "{part}{:>11}{:>8}{:>10.2}%{:>13.1e}{:>9.1e}{:>9.1e}{:>15.1e}{:>9.1e}{:>9.1e}{:>12}{:>7}{:>6.1}",
+        thousands(row.cases),
+        thousands(row.drawn),
+        100.0 * row.undecided,
+        v.p50,
+        v.p999,
+        v.max,
+        g.p50,
+        g.p999,
+        g.max,
+        row.non_finite,
+        row.solid_wrong,
+        row.time_ratio,
+    )
+}
+
+fn invariance_line(row: &InvarianceRow) -> String {
+    let v = &row.value;
+    let kept = if row.kept { "" } else { "  BROKEN" };
+    format!(
+        "{:<15}{:>10}{:>9.1e}{:>9.1e}{:>9.1e}{:>9.1e}{:>13.3}%{kept}",
+        row.name,
+        thousands(row.cases),
+        v.p50,
+        v.p999,
+        v.max,
+        row.at_most,
+        100.0 * row.solid_changed,
+    )
+}
+
+fn promise_line(row: &PromiseResult) -> String {
+    let kept = if row.kept { "" } else { "  BROKEN" };
+    format!("{:<18}{:>9.2e}{:>10.1e}{kept}", row.name, row.found, row.at_most)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::PathBuf;
+
+    #[test]
+    fn a_broken_promise_is_an_error_and_its_case_can_be_drawn_again() {
+        let args =
+            StressArgs { cases: 200, seed: 3, climb: 10, worst: PathBuf::new(), replay: None, json: false };
+        let mut report = stress::run(&args).unwrap();
+        report.promises.retain(|p| p.name == "worst_frame");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("worst.json");
+        assert!(verdict(&report, &path).is_ok() && !path.exists());
+        report.promises[0].kept = false;
+        let message = verdict(&report, &path).unwrap_err().to_string();
+        assert!(message.starts_with("the promise \"worst_frame\" is broken: "), "{message}");
+        assert!(message.contains("--replay"), "{message}");
+        let found = stress::replay(&read_case(&path).unwrap()).unwrap();
+        assert_eq!(found["worst_frame"], report.promises[0].found);
+        report.invariances[0].kept = false;
+        let message = verdict(&report, &path).unwrap_err().to_string();
+        assert!(message.starts_with("the promise \"rotation\" is broken: "), "{message}");
+    }
+
+    #[test]
+    fn a_file_that_holds_no_case_is_named_with_its_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("case.json");
+        std::fs::write(&path, "{\"seed\": 1,\n \"axes\": {\"sigmas\": 1}}").unwrap();
+        let message = read_case(&path).unwrap_err().to_string();
+        assert!(message.contains("case.json: line 2") && message.contains("a case is"), "{message}");
+    }
+}
