@@ -31,7 +31,7 @@ pub(super) fn climb(
 /// A case with two values moved, or in one of four with its triangles elsewhere.
 fn neighbour(case: &StressCase, rng: Rng) -> StressCase {
     let mut out = case.clone();
-    if rng.bits(0) % 4 == 0 {
+    if rng.bits(0).is_multiple_of(4) {
         out.seed = rng.bits(1) >> 11;
     }
     for n in 0..2 {
