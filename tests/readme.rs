@@ -47,7 +47,7 @@ fn additions(arguments: &[&str]) -> &'static [&'static str] {
         // Enough steps to have something to bake, in place of those that the README asks for.
         ["train", ..] => &["--force", "--steps", "60"],
         ["bench", "bake"] => &["--triangles", "2000", "--runs", "1"],
-        ["bench", "stress"] => &["--cases", "500", "--climb", "20"],
+        ["bench", "stress"] => &["--cases", "20000", "--climb", "50"],
         ["bench", "cost", ..] => &["--steps", "20", "--max-size", "64"],
         _ => &[],
     }
