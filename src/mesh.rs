@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::math::finite::{all_finite, all_in_unit};
 use crate::math::median::median;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// Linear-light RGB per face or per vertex. Values in [0, 1]; alpha is always 1.
@@ -65,6 +65,11 @@ impl Mesh {
     #[inline]
     pub fn corners(&self, face: usize) -> [Vec3; 3] {
         self.face(face).map(|v| self.positions[v as usize])
+    }
+
+    /// Middle of a face.
+    pub fn centroid(&self, face: usize) -> Vec3 {
+        (self.corners(face).iter().map(|v| v.as_dvec3()).sum::<DVec3>() / 3.0).as_vec3()
     }
 
     /// Area of a face.

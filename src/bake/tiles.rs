@@ -142,9 +142,5 @@ fn tile(levels: &[Level], level: usize, cell: u64) -> Tile {
 
 /// The middle of every face. `[F]`
 fn centroids(mesh: &Mesh) -> Vec<[f32; 3]> {
-    let centroid = |face| {
-        let [a, b, c] = mesh.corners(face).map(|v| v.as_dvec3());
-        ((a + b + c) / 3.0).as_vec3().to_array()
-    };
-    (0..mesh.face_count()).into_par_iter().map(centroid).collect()
+    (0..mesh.face_count()).into_par_iter().map(|face| mesh.centroid(face).to_array()).collect()
 }

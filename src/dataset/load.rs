@@ -10,6 +10,7 @@ use super::undistort::Undistort;
 use super::{colmap, split, transforms};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
+use crate::formats::far::far_origin;
 use crate::image::Pixels;
 use crate::math::median::median;
 use glam::{DVec3, UVec2};
@@ -66,7 +67,7 @@ fn finish(path: &Path, mut found: Found, options: &DatasetOptions) -> Result<Dat
         return Err(Error::malformed(&found.list, format!("photo `{}`", pair[0].name), reason));
     }
     find_masks(&mut found, options);
-    let origin = far_origin(&found);
+    let origin = origin_of(&found);
     let views = open_views(&mut found, origin, options)?;
     let mut dataset = Dataset {
         path: path.to_owned(),
@@ -227,9 +228,8 @@ fn find_masks(found: &mut Found, options: &DatasetOptions) {
     }
 }
 
-/// Zero, or the middle of the cameras when the scene is so far from the world's origin that f32 could
-/// not tell its detail apart: beyond 100 times its extent a millionth of the extent is lost.
-fn far_origin(found: &Found) -> DVec3 {
+/// What is taken off every position: by the middle of the cameras, and the extent of these and the points.
+fn origin_of(found: &Found) -> DVec3 {
     let centers: Vec<DVec3> =
         found.photos.iter().map(|f| -(f.rotation.transpose() * f.translation)).collect();
     let count = centers.len().max(1) as f64;
@@ -237,8 +237,7 @@ fn far_origin(found: &Found) -> DVec3 {
     let mut extent = (centers.iter().map(|c| c.distance_squared(middle)).sum::<f64>() / count).sqrt();
     let distances = found.points.iter().map(|p| p.position.distance(middle)).collect();
     extent = extent.max(median(distances, f64::total_cmp).unwrap_or(0.0));
-    // Whole numbers, so that adding the origin back is exact in a file that stores it.
-    if middle.is_finite() && middle.length() > 100.0 * extent { middle.round() } else { DVec3::ZERO }
+    far_origin(middle, extent)
 }
 
 /// Points with finite positions, relative to the origin.

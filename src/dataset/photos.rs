@@ -14,6 +14,8 @@ use std::thread::JoinHandle;
 /// Threads that decode. Each may hold one photo beyond the budget: that which it decodes, at full size, or has decoded and
 /// nobody has taken yet. So training does not wait for the disk, however small the budget is.
 const WORKERS: usize = 2;
+/// So near the front of the queue a photo that is taken is looked for: it is wanted once more later.
+const SOON: usize = 8;
 
 /// Decoded photos by index.
 #[derive(Debug)]
@@ -112,7 +114,7 @@ impl Photos {
                 state.clock += 1;
                 state.slots[i].taken = state.clock;
                 state.slots[i].pixels = Some(Ok(Arc::clone(&found)));
-                if let Some(at) = state.queue.iter().take(8).position(|&next| next == i) {
+                if let Some(at) = state.queue.iter().take(SOON).position(|&next| next == i) {
                     state.queue.remove(at);
                 }
                 self.shared.work.notify_all();
@@ -160,19 +162,16 @@ impl Loader {
                 continue;
             };
             state.slots[i].loading = true;
-            let cached = state.slots[i].cached;
+            let (cached, digest) = (state.slots[i].cached, state.slots[i].digest);
             drop(state);
             let cached = cached.and_then(|place| self.cache.get(place).ok());
             let decodes = cached.is_none() && !self.photos[i].is_stored();
-            let is_new = cached.is_none();
             let pixels = cached.map_or_else(|| self.photos[i].decode(), Ok);
-            // Outside the lock: it reads every byte.
-            let digest = if is_new { pixels.as_ref().ok().map(Pixels::digest) } else { None };
+            // Once, and outside the lock: it reads every byte.
+            let digest = digest.or_else(|| pixels.as_ref().ok().map(Pixels::digest));
             state = self.lock();
             state.decode_count += u64::from(decodes);
-            if is_new {
-                state.slots[i].digest = digest;
-            }
+            state.slots[i].digest = digest;
             let slot = &mut state.slots[i];
             slot.loading = false;
             let bytes = pixels.as_ref().map_or(0, Pixels::bytes);

@@ -38,13 +38,17 @@ impl FarBounds {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
-    /// What to take off every position: zero, unless the scene is far away; whole numbers, so that adding it back
-    /// is exact.
+    /// What to take off every position: see [`far_origin`].
     pub(super) fn origin(self) -> DVec3 {
         let (middle, size) = ((self.low + self.high) / 2.0, (self.high - self.low).length());
-        let far = middle.is_finite() && middle.length() > TIMES_SIZE * size;
-        if far && is_far(middle) { middle.round() } else { DVec3::ZERO }
+        if is_far(middle) { far_origin(middle, size) } else { DVec3::ZERO }
     }
+}
+
+/// What to take off every position of a scene of this middle and size: zero, unless it is so far from the origin of its
+/// world that f32 could not tell its detail apart. Whole numbers, so that adding it back is exact in a file that stores it.
+pub(crate) fn far_origin(middle: DVec3, size: f64) -> DVec3 {
+    if middle.is_finite() && middle.length() > TIMES_SIZE * size { middle.round() } else { DVec3::ZERO }
 }
 
 /// Whether a position is so far from the origin that f32 may not hold it well enough.

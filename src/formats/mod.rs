@@ -5,7 +5,7 @@ pub mod bvh;
 mod channel;
 pub mod check;
 mod faces;
-mod far;
+pub(crate) mod far;
 mod finish;
 mod format;
 pub mod gltf;

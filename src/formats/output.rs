@@ -294,12 +294,12 @@ impl OutputFiles {
 pub fn write(
     asset: &Asset,
     output: &Output,
-    mut files: OutputFiles,
+    files: OutputFiles,
     options: &OutputOptions,
     report: &mut Report,
     observer: &mut dyn Observer,
 ) -> Result<()> {
-    let mut written = Vec::new();
+    let mut writer = SetWriter { options, started: files, written: Vec::new() };
     let (mut warnings, mut tiles) = (Vec::new(), None);
     let counts = asset.counts();
     report.stage(
@@ -308,14 +308,15 @@ pub fn write(
         |()| counts,
         |(), details| {
             if output.format == OutputFormat::Tiles {
-                tiles = Some(write_tiles(asset, output, options, &mut files, &mut written, details)?);
+                tiles = Some(writer.tiles(asset, output, details)?);
             } else {
-                warnings = write_all(asset, output, options, &mut files, &mut written, details)?;
+                warnings = writer.all(asset, output, details)?;
             }
             Ok(Outcome::Changed(()))
         },
     )?;
     report.warnings.append(&mut warnings);
+    let mut written = writer.written;
     let kept = !written.iter().any(AtomicFile::is_dry);
     let names: Vec<PathBuf> = written.iter().map(|file| file.path().to_owned()).collect();
     let order = output.publishing_order();
@@ -329,8 +330,8 @@ pub fn write(
     if let Some((folder, bytes)) = tiles.map(TileFiles::keep) {
         report.outputs.push(OutputReport { path: folder.display().to_string(), bytes });
     }
-    let stale: Vec<String> =
-        output.stale().iter().filter(|_| kept).map(|path| path.display().to_string()).collect();
+    let stale = if kept { output.stale() } else { Vec::new() };
+    let stale: Vec<String> = stale.iter().map(|path| path.display().to_string()).collect();
     if !stale.is_empty() {
         let (files, verb) = (stale.join(", "), if stale.len() == 1 { "is" } else { "are" });
         report
@@ -340,80 +341,68 @@ pub fn write(
     Ok(())
 }
 
-/// Writes the tiles under names of their own, and the tileset, which gets its name with the other files.
-fn write_tiles(
-    asset: &Asset,
-    output: &Output,
-    options: &OutputOptions,
-    files: &mut OutputFiles,
-    written: &mut Vec<AtomicFile>,
-    details: &mut WriteDetails,
-) -> Result<TileFiles> {
-    let mut file = files.take(&output.main)?;
-    let encoding = options.encoding(details);
-    let (tiles, text) = TileFiles::write(&output.main, asset, &encoding, file.is_dry())?;
-    file.write_all(text.as_bytes()).map_err(|e| Error::io(&output.main, e))?;
-    written.push(file);
-    Ok(tiles)
+/// The files of an output on their way to being whole.
+struct SetWriter<'a> {
+    options: &'a OutputOptions,
+    started: OutputFiles,
+    written: Vec<AtomicFile>,
 }
 
-/// Writes the scene, its backdrop, its levels and what names them; returns warnings for the user.
-fn write_all(
-    asset: &Asset,
-    output: &Output,
-    options: &OutputOptions,
-    files: &mut OutputFiles,
-    written: &mut Vec<AtomicFile>,
-    details: &mut WriteDetails,
-) -> Result<Vec<String>> {
-    let mut warnings;
-    let mut quiet = WriteDetails::default();
-    match (&output.backdrop, asset.apart()) {
-        (Some(beside), Some((scene, backdrop))) => {
-            warnings = write_one(&scene, output, options, files, written, details)?;
-            warnings.extend(write_one(&backdrop, beside, options, files, written, &mut quiet)?);
-        }
-        _ => warnings = write_one(asset, output, options, files, written, details)?,
+impl SetWriter<'_> {
+    /// The tiles under names of their own, and the tileset, which gets its name with the other files.
+    fn tiles(&mut self, asset: &Asset, output: &Output, details: &mut WriteDetails) -> Result<TileFiles> {
+        let mut file = self.started.take(&output.main)?;
+        let encoding = self.options.encoding(details);
+        let (tiles, text) = TileFiles::write(&output.main, asset, &encoding, file.is_dry())?;
+        file.write_all(text.as_bytes()).map_err(|e| Error::io(&output.main, e))?;
+        self.written.push(file);
+        Ok(tiles)
     }
-    for (asset, output) in asset.levels.iter().zip(&output.levels) {
+
+    /// The scene, its backdrop, its levels and what names them; returns warnings for the user.
+    fn all(&mut self, asset: &Asset, output: &Output, details: &mut WriteDetails) -> Result<Vec<String>> {
+        let mut warnings;
         let mut quiet = WriteDetails::default();
-        warnings.extend(write_one(asset, output, options, files, written, &mut quiet)?);
+        match (&output.backdrop, asset.apart()) {
+            (Some(beside), Some((scene, backdrop))) => {
+                warnings = self.one(&scene, output, details)?;
+                warnings.extend(self.one(&backdrop, beside, &mut quiet)?);
+            }
+            _ => warnings = self.one(asset, output, details)?,
+        }
+        for (asset, output) in asset.levels.iter().zip(&output.levels) {
+            warnings.extend(self.one(asset, output, &mut quiet)?);
+        }
+        if let Some(path) = &output.tileset {
+            self.text(path, &tileset_of(asset, output))?;
+        }
+        Ok(warnings)
     }
-    if let Some(path) = &output.tileset {
-        written.push(write_text(path, &tileset_of(asset, output), files)?);
-    }
-    Ok(warnings)
-}
 
-/// Writes the files of one level into `written`; returns warnings for the user.
-fn write_one(
-    asset: &Asset,
-    output: &Output,
-    options: &OutputOptions,
-    files: &mut OutputFiles,
-    written: &mut Vec<AtomicFile>,
-    details: &mut WriteDetails,
-) -> Result<Vec<String>> {
-    let mut main = files.take(&output.main)?;
-    let mut second = output.second.as_deref().map(|path| files.take(path)).transpose()?;
-    let warnings = encode(asset, output, options, &mut main, second.as_mut(), details)?;
-    written.push(main);
-    written.extend(second);
-    if let Some((path, text)) = &output.sidecar {
-        written.push(write_text(path, text, files)?);
+    /// The files of one level; returns warnings for the user.
+    fn one(&mut self, asset: &Asset, output: &Output, details: &mut WriteDetails) -> Result<Vec<String>> {
+        let mut main = self.started.take(&output.main)?;
+        let mut second = output.second.as_deref().map(|path| self.started.take(path)).transpose()?;
+        let warnings = encode(asset, output, self.options, &mut main, second.as_mut(), details)?;
+        self.written.push(main);
+        self.written.extend(second);
+        if let Some((path, text)) = &output.sidecar {
+            self.text(path, text)?;
+        }
+        if let Some(path) = &output.bvh {
+            let mut file = self.started.take(path)?;
+            bvh::write(&mut file, asset).map_err(|e| Error::io(path, e))?;
+            self.written.push(file);
+        }
+        Ok(warnings)
     }
-    if let Some(path) = &output.bvh {
-        let mut file = files.take(path)?;
-        bvh::write(&mut file, asset).map_err(|e| Error::io(path, e))?;
-        written.push(file);
-    }
-    Ok(warnings)
-}
 
-fn write_text(path: &Path, text: &str, files: &mut OutputFiles) -> Result<AtomicFile> {
-    let mut file = files.take(path)?;
-    file.write_all(text.as_bytes()).map_err(|e| Error::io(path, e))?;
-    Ok(file)
+    fn text(&mut self, path: &Path, text: &str) -> Result<()> {
+        let mut file = self.started.take(path)?;
+        file.write_all(text.as_bytes()).map_err(|e| Error::io(path, e))?;
+        self.written.push(file);
+        Ok(())
+    }
 }
 
 /// The tileset of an asset and its levels.

@@ -11,10 +11,6 @@ const PER_CELL: u32 = 24;
 /// Largest factor by which a triangle is enlarged.
 const MOST_ENLARGED: f64 = 2.0;
 
-fn centroid(mesh: &Mesh, face: usize) -> Vec3 {
-    mesh.corners(face).iter().sum::<Vec3>() / 3.0
-}
-
 /// All faces, those of the largest opacity times area first. Equal ones come in random order, because the order of the
 /// file would clear whole corners of the scene. `[F]`
 pub fn rank_by_size(mesh: &Mesh) -> Vec<u32> {
@@ -35,7 +31,7 @@ pub fn enlarge(mesh: &mut Mesh, kept: &[u32]) {
     if !mesh.indices.is_empty() {
         return;
     }
-    let centroids: Vec<Vec3> = kept.iter().map(|&f| centroid(mesh, f as usize)).collect();
+    let centroids: Vec<Vec3> = kept.iter().map(|&f| mesh.centroid(f as usize)).collect();
     let grid = CellGrid::new(&centroids);
     let all = grid.areas(mesh, 0..mesh.face_count());
     let left = grid.areas(mesh, kept.iter().map(|&f| f as usize));
@@ -79,7 +75,7 @@ impl CellGrid {
     /// Area of some faces in every cell.
     fn areas(&self, mesh: &Mesh, faces: impl Iterator<Item = usize>) -> HashMap<[i32; 3], f64> {
         let mut sums = HashMap::new();
-        faces.for_each(|f| *sums.entry(self.of(centroid(mesh, f))).or_default() += mesh.area(f));
+        faces.for_each(|f| *sums.entry(self.of(mesh.centroid(f))).or_default() += mesh.area(f));
         sums
     }
 }

@@ -216,7 +216,7 @@ impl BinWriter<'_> {
             y0 / TILE_HEIGHT as i32..=y1 / TILE_HEIGHT as i32,
             x0 / TILE_WIDTH as i32..=x1 / TILE_WIDTH as i32,
         );
-        let nearest = at.w[0].max(at.w[1]).max(at.w[2]);
+        let nearest = at.nearest();
         if self.hidden.is_some_and(|hidden| hidden.hides_all(&rows, nearest)) {
             return;
         }

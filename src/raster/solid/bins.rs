@@ -21,6 +21,14 @@ pub(super) struct SnappedTriangle {
     pub(super) w: [f32; 3],
 }
 
+impl SnappedTriangle {
+    /// 1/z of the nearest corner: nothing of the triangle is nearer.
+    #[inline(always)]
+    pub(super) fn nearest(&self) -> f32 {
+        self.w[0].max(self.w[1]).max(self.w[2])
+    }
+}
+
 /// A tiny triangle; its corners are relative to the corner of its tile.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TinyTriangle {

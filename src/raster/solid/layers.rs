@@ -54,7 +54,7 @@ impl TileLayers {
     /// Draws the nearest of some triangles, drops what is hidden then, and goes on with twice as many.
     #[inline(always)]
     fn draw_deep<L: Lanes>(&self, keys: &mut SampleKeys, batch: &Batch, large: &[u32], corner: [i32; 2]) {
-        let nearest = |place: u32| batch.large[place as usize].at.w.into_iter().fold(0.0, f32::max);
+        let nearest = |place: u32| batch.large[place as usize].at.nearest();
         let mut left: Vec<(f32, u32)> = large.iter().map(|place| (nearest(*place), *place)).collect();
         let mut count = NEAREST;
         loop {

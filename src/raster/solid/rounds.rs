@@ -33,18 +33,19 @@ pub(super) fn rounds<'a>(
     fill: impl Fn(&mut [SampleKeys], &[Batch], usize) + Sync,
 ) -> Faces<'a> {
     bin::start(batches, mesh);
-    if bin::bin(batches, mesh, projector, None, pairs) {
+    let mut all = bin::bin(batches, mesh, projector, None, pairs);
+    if all {
         return Faces::Binned(batches);
     }
     let tiles = tile_count(projector.size);
     let mut keys = vec![EMPTY; (tiles.x * tiles.y) as usize * planes];
     loop {
         keys.par_chunks_mut(planes).enumerate().for_each(|(tile, keys)| fill(keys, batches, tile));
-        if batches.iter().all(|batch| batch.left.is_empty()) {
+        if all {
             return Faces::Filled(keys);
         }
         let hidden = TileDepths::new(&keys, planes, projector.size);
-        bin::bin(batches, mesh, projector, Some(&hidden), pairs);
+        all = bin::bin(batches, mesh, projector, Some(&hidden), pairs);
     }
 }
 

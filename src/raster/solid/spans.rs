@@ -130,7 +130,7 @@ impl TileTriangle {
             second: (f64::from(at.w[b]) - first) * per,
             third: (f64::from(at.w[c]) - first) * per,
             least: at.w[0].min(at.w[1]).min(at.w[2]),
-            most: at.w[0].max(at.w[1]).max(at.w[2]),
+            most: at.nearest(),
             face: large.face,
         })
     }
