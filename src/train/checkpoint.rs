@@ -6,6 +6,7 @@
 
 mod checksum;
 
+use super::budget::Pace;
 use super::identity::RunIdentity;
 use super::options::TrainOptions;
 use super::params::{Params, TrainState};
@@ -25,7 +26,7 @@ use std::io::Write;
 use std::path::Path;
 
 /// The layout written and read; it changes whenever a key or an array does.
-const FORMAT: u32 = 4;
+const FORMAT: u32 = 5;
 
 /// A run between two steps.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,6 +61,8 @@ pub struct CheckpointMeta {
     pub curve: Vec<TrainSample>,
     /// CPU seconds used so far.
     pub cpu_secs: f64,
+    /// What a run under a budget knows of its costs.
+    pub pace: Option<Pace>,
 }
 
 impl CheckpointMeta {
@@ -354,6 +357,7 @@ mod tests {
             dropped: 2,
             curve: vec![TrainSample::default()],
             cpu_secs: 1.5,
+            pace: None,
         };
         let state = TrainState { pinned: 1, ..TrainState::new(Params::from_soup(&soup, 2)) };
         Checkpoint { state, visibility, meta }

@@ -15,6 +15,7 @@
 //! * *3DGS*: Kerbl et al. 2023, *3D Gaussian Splatting for Real-Time Radiance Field Rendering*, and its code.
 
 pub mod backend;
+pub mod budget;
 pub mod checkpoint;
 pub mod cpu;
 pub mod eval;
@@ -35,6 +36,7 @@ pub mod run;
 pub mod schedule;
 mod shell;
 mod start;
+pub mod timeline;
 pub mod trained;
 pub mod trainer;
 pub mod update;

@@ -1,6 +1,7 @@
 //! What a run leaves behind on the way: the curve, evaluations on the held-out photos, checkpoints and previews.
 
 use super::backend::TrainBackend;
+use super::budget::Pace;
 use super::eval::{self, Evaluator, PhotoScore, Quality};
 use super::progress::{TrainObserver, TrainSample};
 use super::rotation;
@@ -156,12 +157,14 @@ impl Recorder {
         trainer: &mut Trainer<B>,
         outputs: &RunOptions,
         observer: &mut dyn TrainObserver,
+        pace: Option<Pace>,
     ) {
         let Some(path) = &outputs.checkpoint else { return };
         let spent = cpu_secs() - self.cpu_start;
-        let written = trainer
-            .checkpoint(&self.curve, spent)
-            .and_then(|checkpoint| rotation::write(path, &checkpoint, outputs.keep));
+        let written = trainer.checkpoint(&self.curve, spent).and_then(|mut checkpoint| {
+            checkpoint.meta.pace = pace;
+            rotation::write(path, &checkpoint, outputs.keep)
+        });
         let written = written.map(|path| self.checkpoint = Some((trainer.steps(), path)));
         self.note(written, observer);
     }

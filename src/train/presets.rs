@@ -58,6 +58,7 @@ const OUTDOOR: TrainOptions = TrainOptions {
     max_triangles: 60_000,
     sh_degree: 3,
     seed: 0,
+    milestones: [0; 4],
     draw: TrainDrawOptions {
         sort_per_pixel: false,
         exact_incenter: true,

@@ -1,5 +1,6 @@
 //! What a run reports while it runs, and the samples of its curve.
 
+use super::budget::Correction;
 use super::refine::Refined;
 use crate::error::Error;
 use schemars::JsonSchema;
@@ -37,6 +38,8 @@ pub trait TrainObserver {
     fn sampled(&mut self, _sample: &TrainSample) {}
     /// The scene was refined.
     fn refined(&mut self, _step: u64, _refined: &Refined) {}
+    /// The run will have other steps than planned, because it has a budget.
+    fn corrected(&mut self, _correction: &Correction) {}
     /// A checkpoint or a preview could not be written; the run goes on.
     fn lost(&mut self, _error: &Error) {}
     /// Asked between steps: true stops the run after a checkpoint.

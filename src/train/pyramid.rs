@@ -51,10 +51,7 @@ impl Pyramid {
 
     /// The size photo `i` has at `level`.
     pub fn size(&self, i: usize, level: u32) -> UVec2 {
-        let full = self.sizes[i];
-        let shorter = full.min_element();
-        let level = (0..=level).rev().find(|l| shorter >> l >= self.min_px).unwrap_or(0);
-        (full / (1 << level)).max(UVec2::ONE)
+        size_at(self.sizes[i], level, self.min_px)
     }
 
     /// Fetches in the background what an epoch at `level` will take.
@@ -115,6 +112,13 @@ impl Pyramid {
         self.small_bytes += pixels.bytes();
         Some(SmallPhoto::Held(Arc::clone(pixels)))
     }
+}
+
+/// The size that a photo of size `full` has at `level`; it is not shrunk below `min_px` on its shorter side.
+pub fn size_at(full: UVec2, level: u32, min_px: u32) -> UVec2 {
+    let shorter = full.min_element();
+    let level = (0..=level).rev().find(|l| shorter >> l >= min_px).unwrap_or(0);
+    (full / (1 << level)).max(UVec2::ONE)
 }
 
 /// The order in which epoch `epoch` visits `count` photos: every one once.

@@ -1,6 +1,7 @@
 //! A whole run, from a data set or a checkpoint to a trained scene.
 
 use super::backend::TrainBackend;
+use super::budget::{Pace, Paced, Spending};
 use super::checkpoint::Checkpoint;
 use super::cpu::CpuBackend;
 use super::identity::RunIdentity;
@@ -16,6 +17,7 @@ use crate::error::Result;
 use crate::raster::soft::SoftOptions;
 use crate::report::generator;
 use crate::scene::Loaded;
+use std::time::Instant;
 
 /// Trains a soup on the photos of `dataset` that are not held out.
 ///
@@ -74,6 +76,11 @@ pub struct TrainRun<'a> {
     pub from: Option<Loaded>,
     /// The checkpoint to go on from.
     pub resume: Option<Checkpoint>,
+    /// Keeps the run to a budget; `None` makes the steps that the options say. A resumed run has the pace of its checkpoint, and
+    /// what it spends is counted from here.
+    pub paced: Option<Paced>,
+    /// When the process began that resumes a run with a budget; `None`: now.
+    pub began: Option<Instant>,
     /// Go on although photos, cameras, points or the background are not those the checkpoint was made with.
     pub force_resume: bool,
 }
@@ -90,6 +97,8 @@ impl<'a> TrainRun<'a> {
             outputs: RunOptions::default(),
             from: None,
             resume: None,
+            paced: None,
+            began: None,
             force_resume: false,
         };
         run.with_dataset_options(&DatasetOptions::default())
@@ -127,14 +136,19 @@ impl<'a> TrainRun<'a> {
             }
             _ => None,
         };
+        let mut paced = self.paced.or_else(|| goes_on(self.resume.as_ref()?.meta.pace.clone()?, self.began));
         let identity = RunIdentity::of(dataset, self.background, self.from.as_ref());
         let (scene, force) = (self.from.as_ref(), self.force_resume);
         let trainer = match self.resume {
             Some(checkpoint) => Trainer::resume(dataset, checkpoint, identity, force, photo_bytes, backend)?,
             None => Trainer::start(dataset, scene, &self.options, identity, photo_bytes, backend)?,
         };
+        if let Some(Paced { pace, spending }) = &mut paced {
+            pace.resume(spending.seconds());
+        }
         Ok(StartedRun {
             trainer,
+            paced,
             dataset,
             taught,
             drawing,
@@ -154,6 +168,14 @@ impl<'a> TrainRun<'a> {
     }
 }
 
+/// The pace of a checkpoint, and a clock that goes on counting.
+fn goes_on(pace: Pace, began: Option<Instant>) -> Option<Paced> {
+    let clock = pace.budget.clock;
+    let spending = began.map_or_else(|| Spending::new(clock), |began| Spending::of_process(clock, began));
+    let spending = spending.after(pace.stored_secs());
+    Some(Paced { pace, spending })
+}
+
 /// The memory for photos, shared between those to train on and those held out in proportion to their bytes.
 fn shares(dataset: &Dataset, photo_bytes: u64) -> (u64, u64) {
     let bytes = |view: &View| u128::from(view.photo.most_bytes());
@@ -167,6 +189,7 @@ fn shares(dataset: &Dataset, photo_bytes: u64) -> (u64, u64) {
 #[derive(Debug)]
 pub struct StartedRun<'a, B> {
     trainer: Trainer<B>,
+    paced: Option<Paced>,
     dataset: &'a Dataset,
     /// Where the scene whose pictures are the photos came from, and its own cameras.
     taught: Option<(Provenance, Vec<Camera>)>,
@@ -211,7 +234,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         let outputs = &self.outputs;
         let total = self.trainer.options().steps;
         let every = if outputs.sample_every == 0 { total.div_ceil(100) } else { outputs.sample_every };
-        let mut trainer = self.trainer;
+        let (mut trainer, mut paced) = (self.trainer, self.paced);
         let mut record =
             Recorder::new(self.dataset, self.drawing, self.curve, self.cpu_secs, self.held_out_bytes)?;
         let (mut stopped, mut last) = (false, None);
@@ -222,7 +245,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
                 Err(error) => {
                     // A photo that cannot be read costs no step that was made.
                     if trainer.steps() > before {
-                        record.checkpoint(&mut trainer, outputs, observer);
+                        record.checkpoint(&mut trainer, outputs, observer, stored(&paced));
                     }
                     return Err(error);
                 }
@@ -232,6 +255,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
             if let Some(refined) = &outcome.refined {
                 observer.refined(now.step, refined);
             }
+            keep_pace(&mut trainer, paced.as_mut(), observer);
             let spent = outputs.max_cpu_secs > 0.0 && now.cpu_secs >= outputs.max_cpu_secs;
             stopped = !trainer.is_done() && (spent || observer.wants_to_stop());
             let due = |every: u64| every > 0 && now.step.is_multiple_of(every);
@@ -243,7 +267,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
                 }
             }
             if stopped || due(outputs.checkpoint_every) {
-                record.checkpoint(&mut trainer, outputs, observer);
+                record.checkpoint(&mut trainer, outputs, observer, stored(&paced));
             }
             record.preview(&mut trainer, outputs, observer);
             last = Some(now);
@@ -268,6 +292,8 @@ impl<B: TrainBackend> StartedRun<'_, B> {
             provenance: Provenance { shell, ..provenance },
             cameras,
             steps: trainer.steps(),
+            options: trainer.options().clone(),
+            paced,
             curve: recorded.curve,
             scores: recorded.scores,
             samples: recorded.samples,
@@ -281,4 +307,25 @@ impl<B: TrainBackend> StartedRun<'_, B> {
             lost: recorded.lost,
         })
     }
+}
+
+/// At a milestone, chooses the steps that are left anew.
+fn keep_pace<B: TrainBackend>(
+    trainer: &mut Trainer<B>,
+    paced: Option<&mut Paced>,
+    observer: &mut dyn TrainObserver,
+) {
+    let Some(Paced { pace, spending }) = paced else { return };
+    let (step, triangles) = (trainer.steps(), trainer.triangles() as u64);
+    if let Some(options) = pace.corrected(step, spending.seconds(), triangles, trainer.options()) {
+        trainer.stretch(&options);
+        if let Some(correction) = pace.corrections.last() {
+            observer.corrected(correction);
+        }
+    }
+}
+
+/// What a checkpoint keeps of a budget.
+fn stored(paced: &Option<Paced>) -> Option<Pace> {
+    paced.as_ref().map(|paced| paced.pace.stored(paced.spending.seconds()))
 }

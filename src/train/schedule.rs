@@ -2,6 +2,7 @@
 
 use super::options::{PruneFaint, PruneSoft, REFERENCE_STEPS, TrainOptions};
 use super::params::Anneal;
+use super::timeline::Timeline;
 use crate::raster::soft::{SoftOptions, Sort, Window};
 
 /// Largest alpha of a layer of the soft scene (3DGS).
@@ -83,24 +84,41 @@ pub struct EngineShading {
 #[derive(Debug, Clone, Copy)]
 pub struct Schedule<'a> {
     options: &'a TrainOptions,
+    timeline: Timeline,
 }
 
 impl<'a> Schedule<'a> {
     /// The plan these options describe.
     pub fn new(options: &'a TrainOptions) -> Self {
-        Self { options }
+        Self { options, timeline: Timeline::new(options) }
     }
 
     /// A position in a 30,000-step run as a step of this run.
     pub fn scaled(&self, position: f64) -> u64 {
-        (position * self.options.steps as f64 / REFERENCE_STEPS).round() as u64
+        self.timeline.step_at(position)
+    }
+
+    /// How much of the run is done after `step`.
+    fn share(&self, step: u64) -> f64 {
+        match self.timeline.has_milestones() {
+            true => self.timeline.position(step) / REFERENCE_STEPS,
+            false => step as f64 / self.options.steps.max(1) as f64,
+        }
+    }
+
+    /// How often `every`, in steps of a 30,000-step run, has passed after `step` steps.
+    fn passed(&self, step: u64, every: f64) -> u64 {
+        match self.timeline.has_milestones() {
+            // In a run this short a step is longer than `every`.
+            true => (self.timeline.position(step) / every.max(1.0)).floor() as u64,
+            false => step / self.scaled(every).max(1),
+        }
     }
 
     /// What step `step` (from 0) works with.
     pub fn rates(&self, step: u64) -> Rates {
         let (o, r, l) = (self.options, &self.options.rates, &self.options.loss);
-        let done = step as f64 / o.steps.max(1) as f64;
-        let others = r.final_share.powf(done);
+        let others = r.final_share.powf(self.share(step));
         let engine = self.is_engine_shaded(step);
         let annealing = self.annealed(step) > 0.0;
         let geometry = step >= self.scaled(l.geometry_from);
@@ -136,8 +154,7 @@ impl<'a> Schedule<'a> {
         if self.is_engine_shaded(step) {
             return 0;
         }
-        let every = self.scaled(o.rates.sh_every).max(1);
-        u8::try_from(step / every).unwrap_or(u8::MAX).min(o.sh_degree)
+        u8::try_from(self.passed(step, o.rates.sh_every)).unwrap_or(u8::MAX).min(o.sh_degree)
     }
 
     /// Times the photo is halved at this step: 2, 1 or 0.
@@ -157,8 +174,12 @@ impl<'a> Schedule<'a> {
     }
 
     /// How much of the way from one position to another is done after `step`: 0 to 1, linearly.
-    fn done(&self, step: u64, [from, until]: [f64; 2]) -> f64 {
-        let (from, until) = (self.scaled(from), self.scaled(until).max(self.scaled(from) + 1));
+    fn done(&self, step: u64, [start, end]: [f64; 2]) -> f64 {
+        if self.timeline.has_milestones() && self.options.solid.enabled {
+            let length = (end - start).max(1.0);
+            return ((self.timeline.position(step + 1) - start) / length).clamp(0.0, 1.0);
+        }
+        let (from, until) = (self.scaled(start), self.scaled(end).max(self.scaled(start) + 1));
         if !self.options.solid.enabled || step < from {
             return 0.0;
         }
@@ -217,13 +238,15 @@ impl<'a> Schedule<'a> {
     /// Rate of the corners: log-linear over the run, and again from where the scene is drawn as an engine does.
     fn vertices_rate(&self, step: u64) -> f64 {
         let (o, s, steps) = (self.options, &self.options.solid, self.options.steps.max(1));
-        let soft =
-            |step: u64| o.rates.vertices * o.rates.vertices_final_share.powf(step as f64 / steps as f64);
+        let soft = |step: u64| o.rates.vertices * o.rates.vertices_final_share.powf(self.share(step));
         if !self.is_engine_shaded(step) {
             return soft(step);
         }
         let from = self.scaled(s.engine_shading_from.min(s.opaque_from));
-        let done = (step - from) as f64 / steps.saturating_sub(from).max(1) as f64;
+        let done = match self.timeline.has_milestones() {
+            true => (self.share(step) - self.share(from)) / (1.0 - self.share(from)).max(1e-6),
+            false => (step - from) as f64 / steps.saturating_sub(from).max(1) as f64,
+        };
         soft(from) * s.vertices_rate_scale * s.vertices_final_share.powf(done)
     }
 
@@ -231,7 +254,7 @@ impl<'a> Schedule<'a> {
     fn sigma_rate(&self, step: u64) -> f64 {
         let (o, s) = (self.options, &self.options.solid);
         match s.rate_sigma > 0.0 && self.annealed(step) > 0.0 {
-            true => s.rate_sigma * REFERENCE_STEPS / o.steps.max(1) as f64,
+            true => s.rate_sigma * REFERENCE_STEPS / self.timeline.density(step),
             false => o.rates.sigma,
         }
     }
@@ -239,8 +262,11 @@ impl<'a> Schedule<'a> {
     /// True when the scene is refined after `step` steps have been made.
     pub fn refines_after(&self, step: u64) -> bool {
         let r = &self.options.refine;
-        let every = self.scaled(r.every).max(1);
-        step >= self.scaled(r.from).max(1) && step.is_multiple_of(every) && step < self.options.steps
+        let due = match self.timeline.has_milestones() {
+            true => step > 0 && self.passed(step, r.every) > self.passed(step - 1, r.every),
+            false => step.is_multiple_of(self.scaled(r.every).max(1)),
+        };
+        due && step >= self.scaled(r.from).max(1) && step < self.options.steps
     }
 
     /// True while a refinement after `step` steps may add triangles.
@@ -250,7 +276,7 @@ impl<'a> Schedule<'a> {
 
     /// Which refinement the one after `step` steps is, counted over the whole run.
     pub fn refinement(&self, step: u64) -> u64 {
-        step / self.scaled(self.options.refine.every).max(1)
+        self.passed(step, self.options.refine.every)
     }
 }
 

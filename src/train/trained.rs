@@ -1,6 +1,8 @@
 //! What comes out of a run: the scene, its figures, and the file that holds it.
 
+use super::budget::{BudgetDetails, Pace, Paced};
 use super::eval::{PhotoScore, Quality};
+use super::options::TrainOptions;
 use super::progress::TrainSample;
 use crate::asset::{Placement, Provenance};
 use crate::atomic::AtomicFile;
@@ -27,6 +29,10 @@ pub struct Trained {
     pub provenance: Provenance,
     /// Steps made; fewer than planned when the run was stopped.
     pub steps: u64,
+    /// The options of the run. One with a budget has the steps and milestones that it ended with.
+    pub options: TrainOptions,
+    /// What kept the run to its budget, if it had one.
+    pub paced: Option<Paced>,
     /// The curve.
     pub curve: Vec<TrainSample>,
     /// The held-out photos at the end.
@@ -65,6 +71,9 @@ pub struct TrainDetails {
     /// Samples per pixel along each axis of the solid drawings these scores are of; null when they are of soft ones.
     #[serde(default)]
     pub samples: Option<u32>,
+    /// What became of the budget; absent when there was none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub budget: Option<BudgetDetails>,
     /// The held-out photos one by one.
     pub held_out: Vec<PhotoScore>,
 }
@@ -114,8 +123,18 @@ impl Trained {
             psnr: quality.map(|q| q.psnr),
             ssim: quality.map(|q| q.ssim),
             samples: self.samples,
+            budget: self.paced.as_ref().map(|Paced { pace, spending }| {
+                pace.details(spending.seconds(), self.repeat(pace))
+            }),
             held_out: self.scores.clone(),
         }
+    }
+
+    /// The options that make the same run without a budget.
+    fn repeat(&self, pace: &Pace) -> String {
+        let TrainOptions { steps, max_triangles, milestones: [a, b, c, d], .. } = self.options;
+        let size = pace.plan.max_size.map_or(String::new(), |px| format!(" --max-size {px}"));
+        format!("--steps {steps} --max-triangles {max_triangles}{size} --set milestones=[{a},{b},{c},{d}]")
     }
 
     /// The run as the one stage of its report; it began with `triangles` and took `seconds`.

@@ -241,6 +241,11 @@ impl<B: TrainBackend> Trainer<B> {
         Ok(StepOutcome { stats, refined, width_px: pixels.size.x })
     }
 
+    /// Goes on with `options` that differ in what is left of the schedule only: their steps and milestones.
+    pub(super) fn stretch(&mut self, options: &TrainOptions) {
+        (self.options.steps, self.options.milestones) = (options.steps, options.milestones);
+    }
+
     fn refine(&mut self) -> Result<Refined> {
         self.collect_visibility()?;
         let (o, schedule) = (&self.options, Schedule::new(&self.options));
@@ -332,6 +337,7 @@ impl<B: TrainBackend> Trainer<B> {
             dropped: self.dropped,
             curve: curve.to_vec(),
             cpu_secs,
+            pace: None,
         };
         Ok(Checkpoint { state, visibility: self.visibility.clone(), meta })
     }

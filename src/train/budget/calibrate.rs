@@ -1,0 +1,118 @@
+//! How fast this machine trains this scene: a few steps of a run that is thrown away.
+
+use super::amount::Spending;
+use super::cost::{Calibration, CostModel, StepLoad};
+use crate::dataset::photo::Photo;
+use crate::dataset::{Dataset, View};
+use crate::error::Result;
+use crate::raster::soft::{SoftOptions, Window};
+use crate::scene::Loaded;
+use crate::train::cpu::CpuBackend;
+use crate::train::eval::Evaluator;
+use crate::train::identity::RunIdentity;
+use crate::train::options::{REFERENCE_STEPS, SolidifyOptions, TrainOptions, WarmupOptions};
+use crate::train::pyramid::size_at;
+use crate::train::trainer::Trainer;
+
+/// Photos that are tried, at most.
+const PHOTOS: usize = 4;
+
+/// The part of the budget that may be spent on decoding before fewer photos have to do.
+const MOST_SHARE: f64 = 0.02;
+
+/// Scenes at their beginning, of large triangles, cost more per triangle and pixel than those the model was fitted to.
+const BEGINNING: [f64; 2] = [1.0, 1.0];
+
+/// Measures on a few photos of `dataset`, as long as `spending` has not spent too much of `budget_secs`.
+///
+/// Errors: those of [`Trainer::start`], photos that cannot be decoded.
+pub fn calibrate(
+    dataset: &Dataset,
+    from: Option<&Loaded>,
+    options: &TrainOptions,
+    background: [f32; 3],
+    spending: &Spending,
+    budget_secs: f64,
+) -> Result<Calibration> {
+    let (tried, decode_secs) = few_photos(dataset, spending, MOST_SHARE * budget_secs)?;
+    let trial = Trial { dataset: &tried, from, background, spending };
+    let (soft, triangles) = trial.run(options, false)?;
+    let engine = match options.solid.enabled {
+        true => trial.run(options, true)?.0,
+        false => soft,
+    };
+    let evaluate_secs = trial.evaluate(dataset, options)?;
+    let model = CostModel { scale: [soft / BEGINNING[0], engine / BEGINNING[1]] };
+    Ok(Calibration { model, triangles, decode_secs, evaluate_secs })
+}
+
+/// The data set with a few of its training photos, which are in memory, and the seconds that each took.
+fn few_photos(dataset: &Dataset, spending: &Spending, most_secs: f64) -> Result<(Dataset, f64)> {
+    let views: Vec<&View> = dataset.train().collect();
+    let clock = spending.seconds();
+    let mut few = Vec::new();
+    for i in 0..PHOTOS.min(views.len()) {
+        let view = views[i * views.len() / PHOTOS.min(views.len())];
+        few.push(View { photo: Photo::drawn(view.photo.decode()?), ..view.clone() });
+        if spending.seconds() - clock > most_secs {
+            break;
+        }
+    }
+    let secs = (spending.seconds() - clock) / few.len().max(1) as f64;
+    Ok((Dataset { views: few, ..dataset.clone() }, secs))
+}
+
+/// Steps that are thrown away.
+struct Trial<'a> {
+    dataset: &'a Dataset,
+    from: Option<&'a Loaded>,
+    background: [f32; 3],
+    spending: &'a Spending,
+}
+
+impl Trial<'_> {
+    fn start(&self, options: &TrainOptions) -> Result<Trainer<CpuBackend>> {
+        let identity = RunIdentity::of(self.dataset, self.background, self.from);
+        let backend = CpuBackend::new(options.drawing(self.background));
+        Trainer::start(self.dataset, self.from, options, identity, u64::MAX, backend)
+    }
+
+    /// Seconds of steps over those of the model, and the triangles there are: photos at half their size, one step each
+    /// after one that allocates.
+    fn run(&self, options: &TrainOptions, engine_shading: bool) -> Result<(f64, u64)> {
+        let from = if engine_shading { 0.0 } else { REFERENCE_STEPS };
+        let trial = TrainOptions {
+            // The positions of a schedule are steps of this run: nothing but steps happens in its first few.
+            steps: REFERENCE_STEPS as u64,
+            milestones: [0; 4],
+            warmup: WarmupOptions { quarter_until: 0.0, half_until: REFERENCE_STEPS, ..options.warmup },
+            solid: SolidifyOptions { engine_shading_from: from, opaque_from: from, ..options.solid.clone() },
+            ..options.clone()
+        };
+        let mut trainer = self.start(&trial)?;
+        let triangles = trainer.triangles() as u64;
+        trainer.step()?;
+        let before = self.spending.seconds();
+        let mut expected = 0.0;
+        for view in &self.dataset.views {
+            trainer.step()?;
+            let pixels = size_at(view.photo.size, 1, options.warmup.min_px).as_dvec2().element_product();
+            let load = StepLoad { pixels, triangles: triangles as f64, engine_shading, geometry: false };
+            expected += CostModel::FITTED.step_secs(&load);
+        }
+        Ok(((self.spending.seconds() - before) / expected, triangles))
+    }
+
+    /// Seconds to draw a held-out photo of the first scene and to compare it; 0 when none is held out.
+    fn evaluate(&self, dataset: &Dataset, options: &TrainOptions) -> Result<f64> {
+        let Some(view) = dataset.test().next() else { return Ok(0.0) };
+        let mut evaluator = Evaluator::new(&[view], u64::MAX)?;
+        let mut trainer = self.start(options)?;
+        let (soup, space) = (trainer.soup()?, trainer.space());
+        let soft = options.drawing(self.background);
+        let window = if options.solid.enabled { Window::Coverage { width_px: 1.0 } } else { soft.window };
+        let before = self.spending.seconds();
+        evaluator.scores(&soup, &space, &SoftOptions { window, ..soft })?;
+        Ok(self.spending.seconds() - before)
+    }
+}

@@ -1,0 +1,168 @@
+//! What a step costs: seconds from the pixels of its photo, the triangles of the scene and how it is drawn.
+//!
+//! The coefficients were fitted to the curves of runs on four scenes (docs/benchmarks/budget.md). How fast this machine draws
+//! this scene is one factor for soft steps and one for those with engine shading; a few steps at the start of a run measure both,
+//! and the run itself corrects them.
+
+use crate::train::options::{REFERENCE_STEPS, TrainOptions};
+use crate::train::pyramid::size_at;
+use crate::train::schedule::Schedule;
+use crate::train::timeline::{MILESTONES, Timeline};
+use glam::UVec2;
+use serde::{Deserialize, Serialize};
+
+/// What a step works on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StepLoad {
+    /// Pixels of the photo.
+    pub pixels: f64,
+    /// Triangles of the scene.
+    pub triangles: f64,
+    /// Drawn as an engine draws.
+    pub engine_shading: bool,
+    /// Depth and normals are drawn as well.
+    pub geometry: bool,
+}
+
+/// CPU seconds of a step on the machine of the fit: a constant, per triangle and per pixel, soft and with engine shading.
+const FITTED: [[f64; 3]; 2] = [[1.0e-3, 0.53e-6, 0.12e-6], [2.0e-3, 0.80e-6, 0.20e-6]];
+
+/// How much longer a step takes that draws depth and normals, too (docs/numerics.md, *Cost*).
+const GEOMETRY: f64 = 1.5;
+
+/// Triangles that are there after a refinement, as a share of those that would be without pruning.
+const KEPT: f64 = 0.96;
+
+/// What steps cost, in seconds of the budget's clock.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CostModel {
+    /// Seconds per second of the fit: of soft steps, and of those with engine shading.
+    pub scale: [f64; 2],
+}
+
+impl CostModel {
+    /// A machine and a scene as those of the fit.
+    pub const FITTED: Self = Self { scale: [1.0; 2] };
+
+    /// Seconds of a step.
+    pub fn step_secs(&self, load: &StepLoad) -> f64 {
+        let kind = usize::from(load.engine_shading);
+        let [constant, per_triangle, per_pixel] = FITTED[kind];
+        let geometry = if load.geometry { GEOMETRY } else { 1.0 };
+        self.scale[kind] * geometry * (constant + per_triangle * load.triangles + per_pixel * load.pixels)
+    }
+}
+
+/// What was measured before a run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Calibration {
+    /// What steps cost.
+    pub model: CostModel,
+    /// Triangles at the beginning.
+    pub triangles: u64,
+    /// Seconds to decode a photo.
+    pub decode_secs: f64,
+    /// Seconds to draw a held-out photo and to compare it.
+    pub evaluate_secs: f64,
+}
+
+/// The scene and the photos whose steps are to be foretold.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Workload {
+    /// The median size of the training photos, px.
+    pub photo: UVec2,
+    /// Triangles there are.
+    pub triangles: u64,
+    /// The position, of a 30,000-step run, at which they are counted.
+    pub position: f64,
+}
+
+/// Positions per cell that is taken as one load.
+const CELL: f64 = 250.0;
+
+/// Seconds of the steps of each part between two milestones, from `workload.position` on.
+pub fn part_secs(model: &CostModel, workload: &Workload, options: &TrainOptions) -> [f64; 5] {
+    let mut secs = [0.0; 5];
+    // Where the schedule of a whole run is, positions and steps are the same.
+    let reference = TrainOptions { steps: REFERENCE_STEPS as u64, milestones: [0; 4], ..options.clone() };
+    let (schedule, timeline) = (Schedule::new(&reference), Timeline::new(options));
+    let mut position = workload.position;
+    while position < REFERENCE_STEPS {
+        let end = next_cell(position);
+        let middle = 0.5 * (position + end);
+        let step = middle as u64;
+        let size = size_at(workload.photo, schedule.level(step), options.warmup.min_px);
+        let rates = schedule.rates(step);
+        let load = StepLoad {
+            pixels: size.as_dvec2().element_product(),
+            triangles: triangles_at(middle, workload, options),
+            engine_shading: rates.engine_shading.is_some(),
+            geometry: rates.beta_normal > 0.0 || rates.beta_distortion > 0.0,
+        };
+        let part = MILESTONES.iter().filter(|milestone| **milestone <= position).count();
+        let density = timeline.density(timeline.step_at(position)) / REFERENCE_STEPS;
+        secs[part] += (end - position) * density * model.step_secs(&load);
+        position = end;
+    }
+    secs
+}
+
+/// The end of the cell that begins at `position`; no cell reaches beyond a milestone.
+fn next_cell(position: f64) -> f64 {
+    let end = ((position / CELL).floor() + 1.0) * CELL;
+    MILESTONES.into_iter().filter(|milestone| *milestone > position).fold(end.min(REFERENCE_STEPS), f64::min)
+}
+
+/// How many triangles there will be: they grow at each refinement until as many are there as may be.
+fn triangles_at(position: f64, workload: &Workload, options: &TrainOptions) -> f64 {
+    let refine = &options.refine;
+    let most = options.max_triangles as f64;
+    let from = workload.position.max(refine.from - refine.every);
+    let refinements = ((position.min(refine.until) - from) / refine.every).max(0.0).floor();
+    let factor = ((1.0 + refine.growth) * KEPT).max(1.0);
+    (workload.triangles as f64 * factor.powf(refinements.min(1e3))).min(most)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn workload(position: f64) -> Workload {
+        Workload { photo: UVec2::new(480, 270), triangles: 10_000, position }
+    }
+
+    fn options(steps: u64) -> TrainOptions {
+        TrainOptions { steps, max_triangles: 40_000, ..TrainOptions::default() }
+    }
+
+    #[test]
+    fn twice_the_steps_cost_twice_as_much() {
+        let secs = |steps| part_secs(&CostModel::FITTED, &workload(0.0), &options(steps)).iter().sum::<f64>();
+        assert!((secs(2000) / secs(1000) - 2.0).abs() < 1e-9);
+        assert!(secs(1000) > 1.0);
+    }
+
+    #[test]
+    fn a_part_costs_what_its_own_steps_do() {
+        let plain = part_secs(&CostModel::FITTED, &workload(0.0), &options(1000));
+        let milestones = [400, 667, 800, 1100];
+        let longer = TrainOptions { milestones, ..options(1200) };
+        let longer = part_secs(&CostModel::FITTED, &workload(0.0), &longer);
+        for (part, factor) in [(0, 1.0), (1, 1.0), (2, 1.0), (3, 3.0), (4, 1.0)] {
+            assert!((longer[part] / plain[part] / factor - 1.0).abs() < 0.01, "{part}: {plain:?} {longer:?}");
+        }
+        let late = part_secs(&CostModel::FITTED, &workload(24_000.0), &options(1000));
+        assert_eq!(late[..3], [0.0; 3]);
+        assert!(late[3] > 0.0 && late[3] <= plain[3]);
+    }
+
+    #[test]
+    fn full_photos_with_engine_shading_cost_most() {
+        let step = |pixels, engine_shading| {
+            let load = StepLoad { pixels, triangles: 4e4, engine_shading, geometry: false };
+            CostModel { scale: [2.0, 3.0] }.step_secs(&load)
+        };
+        assert!(step(130e3, true) > step(32e3, true));
+        assert!(step(130e3, true) > step(130e3, false));
+    }
+}

@@ -1,0 +1,303 @@
+//! Keeps a run to its budget: at each milestone the steps that are left are chosen anew, from what those so far have cost.
+
+use super::amount::{Budget, Seconds, Spending};
+use super::cost::{CostModel, Workload, part_secs};
+use super::plan::{Plan, PlanInput};
+use crate::train::options::TrainOptions;
+use crate::train::schedule::Schedule;
+use crate::train::timeline::MILESTONES;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A run takes at most so many times the steps that were planned for the rest of it.
+const MOST_STRETCH: f64 = 10.0;
+
+/// What a run under a budget knows of its costs; a part of its checkpoints.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pace {
+    /// The budget.
+    pub budget: Budget,
+    /// What was chosen before the first step.
+    pub plan: Plan,
+    /// The changes since.
+    pub corrections: Vec<Correction>,
+    model: CostModel,
+    workload: Workload,
+    /// Seconds spent when the part that runs began, and when its state was last stored.
+    began_secs: f64,
+    stored_secs: f64,
+    /// Seconds that the part that runs is expected to take.
+    expected_secs: f64,
+}
+
+/// A pace, and the clock that tells what is spent.
+#[derive(Debug, Clone)]
+pub struct Paced {
+    /// What is known of the costs.
+    pub pace: Pace,
+    /// What is spent.
+    pub spending: Spending,
+}
+
+/// A change of the steps that are left.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Correction {
+    /// Steps made.
+    pub step: u64,
+    /// Seconds of the budget spent.
+    pub spent_secs: f64,
+    /// Steps of the whole run from here on.
+    pub steps: u64,
+}
+
+/// What a run under a budget did with it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct BudgetDetails {
+    /// The budget.
+    pub budget: Budget,
+    /// What was chosen before the first step.
+    pub plan: Plan,
+    /// The changes since.
+    pub corrections: Vec<Correction>,
+    /// Seconds spent of it when the report was made.
+    pub spent_secs: f64,
+    /// Options that make the same run without a budget.
+    pub repeat: String,
+}
+
+impl Pace {
+    /// Of a run that is about to begin, `spent_secs` of its budget being spent.
+    pub fn new(input: &PlanInput<'_>, plan: &Plan, spent_secs: f64) -> Self {
+        let options = plan.apply(input.options);
+        let triangles = input.calibration.triangles.min(plan.max_triangles);
+        let workload = Workload { photo: input.photo_of(plan.max_size), triangles, position: 0.0 };
+        let model = input.calibration.model;
+        // Photos are decoded while the first part runs.
+        let parts = part_secs(&model, &workload, &options);
+        let decoding = (plan.step_secs - parts.iter().sum::<f64>()).max(0.0);
+        Self {
+            budget: input.budget,
+            plan: plan.clone(),
+            corrections: Vec::new(),
+            model,
+            workload,
+            began_secs: spent_secs,
+            stored_secs: spent_secs,
+            expected_secs: parts[0] + decoding,
+        }
+    }
+
+    /// After `step` steps, `spent_secs` being spent: the options of the rest of the run, when this is a milestone. Those before it
+    /// are as they were.
+    pub fn corrected(
+        &mut self,
+        step: u64,
+        spent_secs: f64,
+        triangles: u64,
+        options: &TrainOptions,
+    ) -> Option<TrainOptions> {
+        let part = options.milestones.iter().position(|milestone| *milestone == step)?;
+        self.learn(part, spent_secs, options);
+        self.workload = Workload { triangles, position: MILESTONES[part], ..self.workload };
+        let left = self.budget.seconds.0 - self.plan.reserve_secs - spent_secs;
+        let expected: f64 = part_secs(&self.model, &self.workload, options).iter().sum();
+        let stretch = (left / expected.max(1e-9)).clamp(0.0, MOST_STRETCH);
+        let corrected = stretched(options, part, stretch);
+        self.began_secs = spent_secs;
+        self.expected_secs = part_secs(&self.model, &self.workload, &corrected)[part + 1];
+        self.corrections.push(Correction { step, spent_secs, steps: corrected.steps });
+        Some(corrected)
+    }
+
+    /// Takes over what the steps of a part have cost.
+    fn learn(&mut self, part: usize, spent_secs: f64, options: &TrainOptions) {
+        let ratio = (spent_secs - self.began_secs) / self.expected_secs.max(1e-9);
+        if !(ratio.is_finite() && ratio > 0.0) {
+            return;
+        }
+        let [soft, engine] = &mut self.model.scale;
+        let last = options.milestones[part].saturating_sub(1);
+        match Schedule::new(options).is_engine_shaded(last) {
+            true => *engine *= ratio,
+            // What is true of soft steps is likely of those to come.
+            false => (*soft, *engine) = (*soft * ratio, *engine * ratio),
+        }
+    }
+
+    /// What a checkpoint holds, `spent_secs` being spent.
+    pub fn stored(&self, spent_secs: f64) -> Self {
+        Self { stored_secs: spent_secs, ..self.clone() }
+    }
+
+    /// Seconds that were spent when this was stored.
+    pub fn stored_secs(&self) -> f64 {
+        self.stored_secs
+    }
+
+    /// Goes on in another process, `spent_secs` being spent: reading everything again was no work on steps.
+    pub fn resume(&mut self, spent_secs: f64) {
+        self.began_secs += spent_secs - self.stored_secs;
+        self.stored_secs = spent_secs;
+    }
+
+    /// What became of the budget. `repeat` are the options that make the same run without it.
+    pub fn details(&self, spent_secs: f64, repeat: String) -> BudgetDetails {
+        let (plan, corrections) = (self.plan.clone(), self.corrections.clone());
+        BudgetDetails { budget: self.budget, plan, corrections, spent_secs, repeat }
+    }
+
+    /// "budget 60s of CPU time: 1500 steps, 21,000 triangles at most, photos as they are; ..." for the terminal.
+    pub fn summary(&self) -> String {
+        let Plan { steps, max_triangles, max_size, step_secs, reserve_secs } = &self.plan;
+        let photos = max_size.map_or_else(
+            || "photos as they are".to_owned(),
+            |px| format!("photos of {px} px, because larger ones leave too few steps"),
+        );
+        let (steps_take, rest) = (Seconds(*step_secs), Seconds(*reserve_secs));
+        format!(
+            "budget {}: {steps} steps of at most {max_triangles} triangles, {photos}; steps should take {steps_take}, what \
+             follows {rest}",
+            self.budget
+        )
+    }
+}
+
+/// `options` with `stretch` times the steps of each part after milestone `part`, one at least.
+fn stretched(options: &TrainOptions, part: usize, stretch: f64) -> TrainOptions {
+    let [a, b, c, d] = options.milestones;
+    let before = [a, b, c, d, options.steps];
+    let mut after = before;
+    for next in part + 1..before.len() {
+        let steps = (before[next] - before[next - 1]) as f64 * stretch;
+        after[next] = after[next - 1] + (steps.round() as u64).max(1);
+    }
+    let [a, b, c, d, steps] = after;
+    TrainOptions { steps, milestones: [a, b, c, d], ..options.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::train::budget::cost::Calibration;
+    use crate::train::budget::plan::plan;
+    use crate::train::timeline::Timeline;
+    use glam::UVec2;
+
+    fn input(options: &TrainOptions, seconds: f64) -> PlanInput<'_> {
+        PlanInput {
+            options,
+            budget: Budget::cpu(Seconds(seconds)),
+            spent_secs: 0.5,
+            calibration: Calibration {
+                model: CostModel::FITTED,
+                triangles: 10_000,
+                decode_secs: 0.01,
+                evaluate_secs: 0.05,
+            },
+            photos: 40,
+            held_out: 6,
+            photo: UVec2::new(480, 270),
+            triangles_given: false,
+            size_given: false,
+            from_scene: false,
+        }
+    }
+
+    /// Runs a plan on a machine whose steps cost what `actual` says, and returns the seconds spent and the options at the end.
+    fn run(seconds: f64, actual: CostModel, resume_at: Option<usize>) -> (f64, TrainOptions) {
+        let base = TrainOptions::default();
+        let input = input(&base, seconds);
+        let plan = plan(&input).unwrap();
+        let (mut options, mut spent) = (plan.apply(&base), input.spent_secs);
+        let mut pace = Pace::new(&input, &plan, spent);
+        spent += plan.step_secs - part_secs(&CostModel::FITTED, &workload(&plan, 0.0), &options).iter().sum::<f64>();
+        for part in 0..5 {
+            let position = if part == 0 { 0.0 } else { MILESTONES[part - 1] };
+            if resume_at == Some(part) {
+                pace = pace.stored(spent);
+                // The scene and the photos are read again.
+                spent += 3.0;
+                pace.resume(spent);
+            }
+            spent += part_secs(&actual, &workload(&plan, position), &options)[part];
+            if part < 4 {
+                let step = options.milestones[part];
+                options = pace.corrected(step, spent, plan.max_triangles, &options).unwrap();
+                options.validate().unwrap();
+            }
+        }
+        (spent + plan.reserve_secs, options)
+    }
+
+    fn workload(plan: &Plan, position: f64) -> Workload {
+        let triangles = if position > 0.0 { plan.max_triangles } else { 10_000.min(plan.max_triangles) };
+        Workload { photo: UVec2::new(480, 270), triangles, position }
+    }
+
+    #[test]
+    fn plans_fill_the_budget_they_are_made_for() {
+        let base = TrainOptions::default();
+        let mut before = 0;
+        for seconds in [20.0, 60.0, 300.0] {
+            let plan = plan(&input(&base, seconds)).unwrap();
+            let total = 0.5 + plan.step_secs + plan.reserve_secs;
+            assert!(total <= seconds && total > 0.97 * seconds, "{total} of {seconds}");
+            assert!(plan.steps > before);
+            before = plan.steps;
+        }
+    }
+
+    #[test]
+    fn a_run_ends_with_its_budget_on_a_machine_that_is_not_as_measured() {
+        for scale in [[1.0, 1.0], [0.5, 0.6], [1.6, 1.2], [1.0, 2.0]] {
+            let (spent, options) = run(60.0, CostModel { scale }, None);
+            assert!((spent / 60.0 - 1.0).abs() < 0.05, "{scale:?}: {spent}");
+            assert!(options.milestones.is_sorted() && options.milestones[3] < options.steps);
+        }
+    }
+
+    #[test]
+    fn a_resumed_run_has_what_is_left() {
+        let (spent, _) = run(60.0, CostModel { scale: [1.1, 1.1] }, Some(2));
+        assert!((spent / 60.0 - 1.0).abs() < 0.05, "{spent}");
+    }
+
+    #[test]
+    fn a_run_too_slow_for_its_budget_still_passes_every_part() {
+        let (_, options) = run(20.0, CostModel { scale: [40.0, 40.0] }, None);
+        let [a, b, c, d] = options.milestones;
+        assert!([b - a, c - b, d - c, options.steps - d].iter().all(|steps| *steps >= 1));
+        let schedule = Schedule::new(&options);
+        assert!(schedule.is_opaque(options.steps - 1) && !schedule.is_opaque(0));
+    }
+
+    #[test]
+    fn what_is_given_is_kept() {
+        let options = TrainOptions { max_triangles: 7000, ..TrainOptions::default() };
+        let given = PlanInput { triangles_given: true, ..input(&options, 60.0) };
+        assert_eq!(plan(&given).unwrap().max_triangles, 7000);
+        let large = PlanInput { photo: UVec2::new(6000, 4000), ..input(&options, 30.0) };
+        assert!(plan(&large).unwrap().max_size.is_some());
+        assert_eq!(plan(&PlanInput { size_given: true, ..large.clone() }).map_or(None, |p| p.max_size), None);
+    }
+
+    #[test]
+    fn a_budget_too_small_for_anything_is_an_error() {
+        let options = TrainOptions::default();
+        let error = plan(&input(&options, 0.6)).unwrap_err().to_string();
+        assert!(error.starts_with("budget is 0.6s: wants ") && error.contains("or more"), "{error}");
+    }
+
+    #[test]
+    fn steps_between_milestones_change_nothing() {
+        let base = TrainOptions::default();
+        let input = input(&base, 60.0);
+        let plan = plan(&input).unwrap();
+        let options = plan.apply(&base);
+        assert_eq!(options.milestones, Timeline::proportional(plan.steps));
+        let mut pace = Pace::new(&input, &plan, 0.5);
+        assert_eq!(pace.corrected(options.milestones[0] - 1, 5.0, 9000, &options), None);
+        assert!(pace.corrections.is_empty());
+    }
+}

@@ -1,0 +1,149 @@
+//! Where a run stands in its schedule: between steps, and positions in a run of 30,000 of them.
+//!
+//! Without milestones both are proportional. With them each part of the schedule between two milestones is stretched by
+//! itself, so that a run can change how many steps are left without changing what it has done: nothing before a
+//! milestone depends on a later one.
+
+use super::options::{REFERENCE_STEPS, TrainOptions};
+
+/// The positions at which a run may change how many steps are left, steps of a 30,000-step run: where the presets go from
+/// photos of a quarter of the size to half, where solid runs begin engine shading, where photos have their full size, and
+/// once more before the end.
+pub const MILESTONES: [f64; 4] = [12_000.0, 20_000.0, 24_000.0, 27_000.0];
+
+/// How the steps of a run are spread over its schedule.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Timeline {
+    steps: u64,
+    /// Steps at which [`MILESTONES`] are reached; `None`: in proportion.
+    milestones: Option<[u64; 4]>,
+}
+
+/// A part of a schedule between two milestones.
+struct Part {
+    /// First and last position.
+    positions: [f64; 2],
+    /// First and last step.
+    steps: [u64; 2],
+}
+
+impl Timeline {
+    /// The timeline that these options describe.
+    pub fn new(options: &TrainOptions) -> Self {
+        let milestones = Some(options.milestones).filter(|milestones| *milestones != [0; 4]);
+        Self { steps: options.steps, milestones }
+    }
+
+    /// The milestones of a run of `steps` steps that is in proportion.
+    pub fn proportional(steps: u64) -> [u64; 4] {
+        let plain = Self { steps, milestones: None };
+        MILESTONES.map(|position| plain.step_at(position))
+    }
+
+    /// True when its milestones are steps of its own.
+    pub fn has_milestones(&self) -> bool {
+        self.milestones.is_some()
+    }
+
+    /// The step at which `position`, of a 30,000-step run, is reached.
+    pub fn step_at(&self, position: f64) -> u64 {
+        let in_proportion = |steps: u64| (position * steps as f64 / REFERENCE_STEPS).round() as u64;
+        if position > REFERENCE_STEPS {
+            return in_proportion(self.steps).max(self.steps + 1);
+        }
+        match self.parts().into_iter().flatten().find(|part| position <= part.positions[1]) {
+            Some(Part { positions: [from, until], steps: [first, last] }) => {
+                let done = (position - from) / (until - from);
+                first + (done * (last - first) as f64).round() as u64
+            }
+            None => in_proportion(self.steps),
+        }
+    }
+
+    /// The position, of a 30,000-step run, that is reached after `step` steps.
+    pub fn position(&self, step: u64) -> f64 {
+        let in_proportion = step as f64 * REFERENCE_STEPS / self.steps.max(1) as f64;
+        match self.part_of(step) {
+            Some(Part { positions: [from, until], steps: [first, last] }) if last > first => {
+                from + (step - first) as f64 * (until - from) / (last - first) as f64
+            }
+            Some(part) => part.positions[1],
+            None => in_proportion,
+        }
+    }
+
+    /// The steps of a whole run that is as dense as this one is at `step`.
+    pub fn density(&self, step: u64) -> f64 {
+        match self.part_of(step) {
+            Some(Part { positions: [from, until], steps: [first, last] }) => {
+                (last - first).max(1) as f64 * REFERENCE_STEPS / (until - from)
+            }
+            None => self.steps.max(1) as f64,
+        }
+    }
+
+    /// The part that step `step` belongs to; `None` when all is in proportion.
+    fn part_of(&self, step: u64) -> Option<Part> {
+        self.parts()?.into_iter().find(|part| step < part.steps[1]).or_else(|| {
+            let last = self.parts()?.into_iter().next_back()?;
+            Some(Part { steps: last.steps, positions: last.positions })
+        })
+    }
+
+    fn parts(&self) -> Option<[Part; 5]> {
+        let [a, b, c, d] = MILESTONES;
+        let positions = [[0.0, a], [a, b], [b, c], [c, d], [d, REFERENCE_STEPS]];
+        let [a, b, c, d] = self.milestones?;
+        let steps = [[0, a], [a, b], [b, c], [c, d], [d, self.steps]];
+        let part = |i: usize| Part { positions: positions[i], steps: steps[i] };
+        Some([part(0), part(1), part(2), part(3), part(4)])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn timeline(steps: u64, milestones: [u64; 4]) -> Timeline {
+        Timeline::new(&TrainOptions { steps, milestones, ..TrainOptions::default() })
+    }
+
+    #[test]
+    fn without_milestones_positions_are_in_proportion() {
+        let plain = timeline(3000, [0; 4]);
+        assert_eq!(plain.step_at(12_000.0), 1200);
+        assert_eq!(plain.position(1500), 15_000.0);
+        assert_eq!(plain.density(7), 3000.0);
+        assert_eq!(Timeline::proportional(1000), [400, 667, 800, 900]);
+    }
+
+    #[test]
+    fn each_part_is_stretched_by_itself() {
+        let line = timeline(1000, [100, 500, 600, 800]);
+        assert_eq!(MILESTONES.map(|position| line.step_at(position)), [100, 500, 600, 800]);
+        assert_eq!([100, 500, 600, 800, 1000].map(|step| line.position(step)), [12e3, 20e3, 24e3, 27e3, 30e3]);
+        assert_eq!((line.step_at(6000.0), line.position(50)), (50, 6000.0));
+        assert_eq!((line.step_at(30_000.0), line.step_at(16_000.0)), (1000, 300));
+        assert!(line.step_at(40_000.0) > 1000);
+    }
+
+    #[test]
+    fn nothing_before_a_milestone_depends_on_a_later_one() {
+        let (before, after) = (timeline(1003, [401, 669, 802, 903]), timeline(77, [401, 669, 670, 680]));
+        for step in 0..669 {
+            assert_eq!(before.position(step), after.position(step));
+            assert_eq!(before.density(step), after.density(step));
+        }
+        for position in 0..20_000 {
+            assert_eq!(before.step_at(position.into()), after.step_at(position.into()));
+        }
+    }
+
+    #[test]
+    fn parts_without_steps_are_passed() {
+        let line = timeline(10, [3, 3, 3, 10]);
+        assert_eq!(line.position(3), 24_000.0);
+        assert_eq!(line.position(10), 30_000.0);
+        assert_eq!(line.step_at(20_000.0), 3);
+    }
+}
