@@ -31,6 +31,7 @@ mod stdout;
 mod stress;
 pub mod train;
 pub mod train_args;
+mod train_budget;
 mod train_curve;
 pub mod train_progress;
 pub mod validate;

@@ -12,7 +12,7 @@ const ONCE: [&str; 4] = ["resume", "force_resume", "force", "max_cpu_secs"];
 pub(super) fn fixed() -> Vec<String> {
     let options = TrainOptions::augment_args(Command::new("options"));
     let named = options.get_arguments().map(|arg| arg.get_id().to_string());
-    named.chain(["config", "sets"].map(String::from)).collect()
+    named.chain(["config", "sets", "budget", "budget_wall"].map(String::from)).collect()
 }
 
 /// What to type: every flag that was typed, but for those that the checkpoint holds.

@@ -9,15 +9,17 @@ use super::outputs::Outputs;
 use super::resume;
 use super::signals;
 use super::train_args::TrainArgs;
+use super::train_budget::{self, Planned};
 use super::train_curve;
 use super::train_progress::Bar;
 use crate::atomic::AtomicFile;
 use crate::bake::teacher::is_solid;
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
 use crate::formats;
 use crate::report::{OutputReport, Report};
 use crate::scene::Loaded;
+use crate::train::budget::{BudgetDetails, Seconds};
 use crate::train::eval::Quality;
 use crate::train::{Checkpoint, Preview, RunOptions, TrainOptions, TrainRun, Trained, checkpoint, rotation};
 use clap::ArgMatches;
@@ -30,6 +32,7 @@ use std::time::{Duration, Instant};
 /// Trains; `matches` holds which flags were typed. Returns the exit code of a run that was finished, or stopped in good order.
 pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<ExitCode> {
     let clock = Instant::now();
+    train_budget::check(args)?;
     let outputs = outputs(args);
     let mut files = guard(args, &outputs)?;
     let (point, mut warnings) = checkpoint_to_resume(args, matches)?;
@@ -37,24 +40,32 @@ pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<Ex
         Some(point) => point.meta.options.clone(),
         None => resolve(args, matches)?,
     };
-    let read = |path| formats::read(path, &args.dataset_options.read_options(3));
+    let mut how = args.dataset_options.clone();
+    // A budget may have chosen the size of the photos.
+    let chosen = point.as_ref().and_then(|point| point.meta.pace.as_ref()?.plan.max_size);
+    how.max_size = how.max_size.or(chosen);
+    let read = |path| formats::read(path, &how.read_options(3));
     let from = args.from.as_deref().map(read).transpose()?;
-    let dataset = dataset(args, from.as_ref(), &options, global)?;
+    let dataset = dataset(args, &how, from.as_ref(), &options, global)?;
     files.spare_photos(&dataset)?;
+    let Planned { dataset, options, paced } =
+        train_budget::planned(args, matches, dataset, from.as_ref(), options, &mut how, clock)?;
+    let plan = paced.as_ref().map(|paced| paced.pace.summary());
     warnings.extend(from.iter().flat_map(|scene| &scene.warnings).chain(&dataset.warnings).cloned());
-    let run = TrainRun::new(&dataset, &options).with_dataset_options(&args.dataset_options);
-    let force_resume = args.force_resume;
-    let run = TrainRun { outputs, from, resume: point, force_resume, ..run }.start()?;
+    let run = TrainRun::new(&dataset, &options).with_dataset_options(&how);
+    let (force_resume, began) = (args.force_resume, Some(clock));
+    let run = TrainRun { outputs, from, resume: point, paced, began, force_resume, ..run }.start()?;
     warnings.extend(run.differences().iter().map(|difference| format!("resumed although {difference}")));
     let triangles = run.triangles();
     let mut bar = Bar::new(global, options.steps, run.steps(), args.log.as_deref(), run.curve())?;
     for warning in &warnings {
         bar.line(&format!("warning: {}", flags::spell(warning, &command())));
     }
+    plan.iter().for_each(|plan| bar.line(plan));
     let trained = run.finish(&mut bar)?;
     let mut report = Report::new("train");
     report.inputs = args.from.iter().chain(&args.dataset).map(|path| path.display().to_string()).collect();
-    report.options = serde_json::to_value(&options).unwrap_or_default();
+    report.options = serde_json::to_value(&trained.options).unwrap_or_default();
     report.warnings = warnings;
     report.stages.push(trained.stage(triangles, clock.elapsed().as_secs_f64()));
     write(args, &trained, report, clock, &mut files, &mut bar)?;
@@ -104,11 +115,11 @@ fn checkpoint_to_resume(args: &TrainArgs, matches: &ArgMatches) -> Result<(Optio
 /// The photos, or pictures of the scene that teaches itself.
 fn dataset(
     args: &TrainArgs,
+    how: &DatasetOptions,
     from: Option<&Loaded>,
     options: &TrainOptions,
     global: &Global,
 ) -> Result<Dataset> {
-    let how = &args.dataset_options;
     match (&args.dataset, &args.from, from) {
         (None, Some(path), Some(scene)) => harden::draw(path, scene, options, how, global),
         (path, ..) => Dataset::load(path.as_deref().unwrap_or(Path::new("")), how),
@@ -240,6 +251,10 @@ fn summary(args: &TrainArgs, trained: &Trained, bar: &Bar) {
         bar.line(
             "the scene is soft, for research; `trisplat bake --harden` makes a file of it that looks like it",
         );
+    }
+    if let (Some(BudgetDetails { budget, spent_secs, repeat, .. }), false) = (trained.budget(), trained.stopped) {
+        let spent = Seconds(spent_secs);
+        bar.line(&format!("spent {spent} of the budget {budget}; the same run without it: {repeat}"));
     }
     if trained.dropped > 0 {
         bar.line(&format!("warning: {} gradients were not finite and were dropped", trained.dropped));

@@ -2,6 +2,7 @@
 
 use crate::dataset::DatasetOptions;
 use crate::train::TrainOptions;
+use crate::train::budget::Seconds;
 use std::path::PathBuf;
 
 /// Files, what to leave behind, and the options of the training.
@@ -67,6 +68,13 @@ pub struct TrainArgs {
     /// Stop as Ctrl-C does after this many CPU seconds; 0: never.
     #[arg(long, value_name = "SECS", default_value_t = 0.0, value_parser = seconds)]
     pub max_cpu_secs: f64,
+    /// Choose steps, triangles and the size of photos so that the command takes this much CPU time, on all cores together: 90, 30s, 2m or
+    /// 1.5h. --max-triangles and --max-size are kept where given.
+    #[arg(long, value_name = "TIME", conflicts_with_all = ["steps", "budget_wall"])]
+    pub budget: Option<Seconds>,
+    /// As --budget, by the clock on the wall.
+    #[arg(long, value_name = "TIME", conflicts_with = "steps")]
+    pub budget_wall: Option<Seconds>,
     /// The photos.
     #[command(flatten)]
     pub dataset_options: DatasetOptions,

@@ -4,6 +4,7 @@ use super::signals::Listener;
 use super::stdout::Stdout;
 use super::{Global, messages};
 use crate::error::{Error, Result};
+use crate::train::budget::Correction;
 use crate::train::refine::Refined;
 use crate::train::{TrainObserver, TrainSample};
 use indicatif::{HumanCount, ProgressBar, ProgressStyle};
@@ -145,6 +146,17 @@ impl TrainObserver for Bar {
                 r.unimportant,
                 r.unseen
             ));
+        }
+    }
+
+    fn corrected(&mut self, correction: &Correction) {
+        let Correction { step, spent_secs, steps } = *correction;
+        self.steps = steps;
+        if let Some(bar) = &self.bar {
+            bar.set_length(steps);
+        }
+        if self.verbose {
+            self.line(&format!("step {step}: {spent_secs:.1} s spent, {steps} steps in all"));
         }
     }
 

@@ -123,11 +123,15 @@ impl Trained {
             psnr: quality.map(|q| q.psnr),
             ssim: quality.map(|q| q.ssim),
             samples: self.samples,
-            budget: self.paced.as_ref().map(|Paced { pace, spending }| {
-                pace.details(spending.seconds(), self.repeat(pace))
-            }),
+            budget: self.budget(),
             held_out: self.scores.clone(),
         }
+    }
+
+    /// What became of the budget so far; `None` when there was none.
+    pub fn budget(&self) -> Option<BudgetDetails> {
+        let Paced { pace, spending } = self.paced.as_ref()?;
+        Some(pace.details(spending.seconds(), self.repeat(pace)))
     }
 
     /// The options that make the same run without a budget.
