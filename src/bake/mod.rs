@@ -23,6 +23,7 @@ pub mod crop;
 pub mod decimate;
 pub mod fit;
 pub mod lod;
+pub mod max_bytes;
 pub mod merge;
 pub mod options;
 pub mod order;

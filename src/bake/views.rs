@@ -24,6 +24,8 @@ pub const SAMPLES: u32 = 2;
 pub struct Views {
     cameras: Vec<Camera>,
     points: Vec<Vec3>,
+    /// Cameras and points as they were read, in the world of the photos less `origin`.
+    read: (Vec<Camera>, Vec<Vec3>),
     origin: DVec3,
     photos: Photos,
     background: [f32; 3],
@@ -34,9 +36,12 @@ pub struct Views {
 impl Views {
     /// The training photos of `dataset`, which was read with `options`; held-out ones are never used.
     pub fn new(dataset: &Dataset, options: &DatasetOptions) -> Self {
+        let cameras: Vec<Camera> = dataset.train().map(|v| v.camera).collect();
+        let points: Vec<Vec3> = dataset.points.iter().map(|p| p.position).collect();
         Self {
-            cameras: dataset.train().map(|v| v.camera).collect(),
-            points: dataset.points.iter().map(|p| p.position).collect(),
+            read: (cameras.clone(), points.clone()),
+            cameras,
+            points,
             origin: dataset.origin,
             photos: Photos::new(dataset.train().map(|v| v.photo.clone()).collect(), options.photo_bytes()),
             background: options.background.to_f32(),
@@ -58,6 +63,7 @@ impl Views {
         Self {
             cameras,
             points: Vec::new(),
+            read: (Vec::new(), Vec::new()),
             origin: DVec3::ZERO,
             photos: Photos::new(pictures.into_iter().map(Photo::drawn).collect(), 0),
             background: [0.0; 3],
@@ -118,17 +124,15 @@ impl Views {
     }
 
     /// Transforms cameras and points from the world of the photos into the frame of a file that was placed in it. Those of
-    /// drawn pictures are there already.
+    /// drawn pictures are there already. They may serve several bakes, one after the other.
     pub fn transform(&mut self, placement: &Placement) {
         if self.drawn.is_some() {
             return;
         }
-        for camera in &mut self.cameras {
-            *camera = placed::to_file(camera, placement, self.origin);
-        }
+        let (cameras, points) = &self.read;
+        self.cameras = cameras.iter().map(|camera| placed::to_file(camera, placement, self.origin)).collect();
         let (transform, origin) = (placement.transform(), self.origin);
-        self.points.iter_mut().for_each(|p| *p = transform((p.as_dvec3() + origin).as_vec3()));
-        self.origin = DVec3::ZERO;
+        self.points = points.iter().map(|p| transform((p.as_dvec3() + origin).as_vec3())).collect();
     }
 
     /// The camera of a photo.

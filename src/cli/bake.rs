@@ -1,6 +1,7 @@
 //! `trisplat bake IN... -o OUT`.
 
 use super::Global;
+use super::bake_bytes::{self, ByteSize};
 use super::files;
 use super::harden::{self, HardenArgs, Hardened};
 use super::layers::Layers;
@@ -45,6 +46,9 @@ pub struct BakeArgs {
     /// Write what every stage did as JSON (schema: trisplat schema report).
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
+    /// Write at most this many bytes, all files together, as in 5MB: with as many triangles as that takes. Bakes several times.
+    #[arg(long, value_name = "SIZE")]
+    pub max_bytes: Option<ByteSize>,
     /// Posed photos of the scene: triangles that none sees go, and colours are fitted to them
     #[arg(long, value_name = "DATASET")]
     pub dataset: Option<PathBuf>,
@@ -62,7 +66,7 @@ pub struct BakeArgs {
 /// Bakes; `matches` says which flags were typed.
 pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()> {
     let clock = Instant::now();
-    let options = resolve(args, matches)?;
+    let mut options = resolve(args, matches)?;
     let output = Output::plan(&args.output, args.format, &options.output, options.bvh.bvh)?
         .with_levels(options.lod.lod.len(), &options.output)?;
     let output = match options.backdrop.backdrop {
@@ -76,10 +80,13 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()>
 
     let mut report = Report::new("bake");
     report.inputs = args.inputs.iter().map(|p| p.display().to_string()).collect();
-    report.options = serde_json::to_value(&options).unwrap_or_default();
     report.dry_run = args.dry_run;
 
     let (scenes, mut views) = scenes(args, &options, &mut outputs, &mut report, global)?;
+    if let Some(limit) = args.max_bytes {
+        options = bake_bytes::fitted(limit, &scenes, views.as_mut(), &options, &output)?;
+    }
+    report.options = serde_json::to_value(&options).unwrap_or_default();
     let mut progress = Progress::new(global).with_flags_of(command());
     report.stages.iter().for_each(|stage| progress.finished(stage));
     let asset =

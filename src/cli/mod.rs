@@ -3,6 +3,7 @@
 //! Exit codes: 0 done, 1 failed (one error on stderr), 2 wrong usage, 130 stopped with Ctrl-C, 143 stopped with SIGTERM.
 
 pub mod bake;
+mod bake_bytes;
 pub mod bench;
 mod bench_cost;
 pub mod completions;

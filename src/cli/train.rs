@@ -252,7 +252,9 @@ fn summary(args: &TrainArgs, trained: &Trained, bar: &Bar) {
             "the scene is soft, for research; `trisplat bake --harden` makes a file of it that looks like it",
         );
     }
-    if let (Some(BudgetDetails { budget, spent_secs, repeat, .. }), false) = (trained.budget(), trained.stopped) {
+    if let (Some(BudgetDetails { budget, spent_secs, repeat, .. }), false) =
+        (trained.budget(), trained.stopped)
+    {
         let spent = Seconds(spent_secs);
         bar.line(&format!("spent {spent} of the budget {budget}; the same run without it: {repeat}"));
     }

@@ -121,7 +121,10 @@ mod tests {
     fn each_part_is_stretched_by_itself() {
         let line = timeline(1000, [100, 500, 600, 800]);
         assert_eq!(MILESTONES.map(|position| line.step_at(position)), [100, 500, 600, 800]);
-        assert_eq!([100, 500, 600, 800, 1000].map(|step| line.position(step)), [12e3, 20e3, 24e3, 27e3, 30e3]);
+        assert_eq!(
+            [100, 500, 600, 800, 1000].map(|step| line.position(step)),
+            [12e3, 20e3, 24e3, 27e3, 30e3]
+        );
         assert_eq!((line.step_at(6000.0), line.position(50)), (50, 6000.0));
         assert_eq!((line.step_at(30_000.0), line.step_at(16_000.0)), (1000, 300));
         assert!(line.step_at(40_000.0) > 1000);

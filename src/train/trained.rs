@@ -138,7 +138,9 @@ impl Trained {
     fn repeat(&self, pace: &Pace) -> String {
         let TrainOptions { steps, max_triangles, milestones: [a, b, c, d], .. } = self.options;
         let size = pace.plan.max_size.map_or(String::new(), |px| format!(" --max-size {px}"));
-        format!("--steps {steps} --max-triangles {max_triangles}{size} --set milestones=[{a},{b},{c},{d}]")
+        format!(
+            "--steps {steps} --max-triangles {max_triangles}{size} --set \"milestones=[{a},{b},{c},{d}]\""
+        )
     }
 
     /// The run as the one stage of its report; it began with `triangles` and took `seconds`.

@@ -1,7 +1,9 @@
 //! The command line as a user meets it: exit codes, messages, layers, files.
 
+mod budget;
 mod checkpoints;
 mod inputs;
+mod max_bytes;
 mod messages;
 mod outputs;
 mod train;

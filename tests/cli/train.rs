@@ -5,30 +5,30 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-fn dataset() -> PathBuf {
+pub fn dataset() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/dataset")
 }
 
 /// A short training of small photos in `folder`.
-fn train(folder: &Path, flags: &[&str]) -> Command {
+pub fn train(folder: &Path, flags: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
     command.current_dir(folder).arg("train").arg(dataset()).stdin(Stdio::null());
     command.args(["--max-size", "80", "--background", "#203040", "--set", "refine.every=10"]);
-    if !flags.contains(&"--steps") {
+    if !flags.contains(&"--steps") && !flags.contains(&"--budget") {
         command.args(["--steps", "30"]);
     }
     command.args(flags);
     command
 }
 
-fn succeed(command: &mut Command) -> Output {
+pub fn succeed(command: &mut Command) -> Output {
     let output = command.output().unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
     output
 }
 
 /// The command after "to go on: ", run by a shell as a user would.
-fn resume(folder: &Path, printed: &str) -> Output {
+pub fn resume(folder: &Path, printed: &str) -> Output {
     let command = printed.lines().find_map(|line| line.split_once("to go on: ")).map(|found| found.1);
     let words =
         command.and_then(|command| command.strip_prefix("trisplat ")).unwrap_or_else(|| panic!("{printed}"));

@@ -19,7 +19,8 @@ impl FromStr for Seconds {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let unit = [('s', 1.0), ('m', 60.0), ('h', 3600.0)].into_iter().find(|(unit, _)| text.ends_with(*unit));
+        let unit =
+            [('s', 1.0), ('m', 60.0), ('h', 3600.0)].into_iter().find(|(unit, _)| text.ends_with(*unit));
         let (number, factor) = match unit {
             Some((_, factor)) => (&text[..text.len() - 1], factor),
             None => (text, 1.0),
@@ -148,7 +149,9 @@ mod tests {
             let parsed: Seconds = text.parse().unwrap();
             assert_eq!((parsed.0, parsed.to_string().as_str()), (seconds, shown), "{text}");
         }
-        for bad in ["", "0", "0s", "-1", "-1m", "nan", "NaNs", "inf", "1e10", "abc", "m", "2 m", "2d", "2m-wall"] {
+        for bad in
+            ["", "0", "0s", "-1", "-1m", "nan", "NaNs", "inf", "1e10", "abc", "m", "2 m", "2d", "2m-wall"]
+        {
             assert!(bad.parse::<Seconds>().is_err(), "{bad}");
         }
     }

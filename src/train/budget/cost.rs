@@ -25,7 +25,7 @@ pub struct StepLoad {
 }
 
 /// CPU seconds of a step on the machine of the fit: a constant, per triangle and per pixel, soft and with engine shading.
-const FITTED: [[f64; 3]; 2] = [[1.0e-3, 0.53e-6, 0.12e-6], [2.0e-3, 0.80e-6, 0.20e-6]];
+const FITTED: [[f64; 3]; 2] = [[1.1e-3, 0.52e-6, 0.067e-6], [0.0, 0.76e-6, 0.143e-6]];
 
 /// How much longer a step takes that draws depth and normals, too (docs/numerics.md, *Cost*).
 const GEOMETRY: f64 = 1.5;

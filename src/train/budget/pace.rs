@@ -211,7 +211,8 @@ mod tests {
         let plan = plan(&input).unwrap();
         let (mut options, mut spent) = (plan.apply(&base), input.spent_secs);
         let mut pace = Pace::new(&input, &plan, spent);
-        spent += plan.step_secs - part_secs(&CostModel::FITTED, &workload(&plan, 0.0), &options).iter().sum::<f64>();
+        spent += plan.step_secs
+            - part_secs(&CostModel::FITTED, &workload(&plan, 0.0), &options).iter().sum::<f64>();
         for part in 0..5 {
             let position = if part == 0 { 0.0 } else { MILESTONES[part - 1] };
             if resume_at == Some(part) {

@@ -1,0 +1,66 @@
+//! `trisplat train --budget`: a plan that is told, and a run that can be repeated without one.
+
+use super::train::{dataset, resume, succeed, train};
+use super::{fails, stderr};
+use serde_json::Value;
+use std::path::Path;
+
+fn budget(report: &Path) -> Value {
+    let report: Value = serde_json::from_slice(&std::fs::read(report).unwrap()).unwrap();
+    let train = report["stages"].as_array().unwrap().iter().find(|stage| stage["name"] == "train").unwrap();
+    train["details"]["budget"].clone()
+}
+
+#[test]
+fn a_run_with_a_budget_is_repeated_without_it_to_the_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let flags = ["-o", "budget.ply", "--budget", "4s", "--report", "report.json"];
+    let text = stderr(&succeed(&mut train(folder.path(), &flags)));
+    assert!(text.lines().any(|line| line.starts_with("budget 4s of CPU time: ")), "{text}");
+    let details = budget(&folder.path().join("report.json"));
+    assert_eq!(details["corrections"].as_array().unwrap().len(), 4, "{details}");
+    assert!(details["spent_secs"].as_f64().unwrap() > 0.0);
+    let repeat = details["repeat"].as_str().unwrap();
+    assert!(text.contains(repeat), "{text}");
+    let words: Vec<String> = repeat.split(' ').map(|word| word.replace('"', "")).collect();
+    let again: Vec<&str> = words.iter().map(String::as_str).chain(["-o", "again.ply"]).collect();
+    succeed(&mut train(folder.path(), &again));
+    let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    assert!(read("budget.ply") == read("again.ply"), "{repeat}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_run_with_a_budget_goes_on_with_what_is_left_of_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let flags = ["-o", "a.ply", "--budget", "4s", "--max-cpu-secs", "0.000001", "--report", "report.json"];
+    let stopped = succeed(&mut train(folder.path(), &flags));
+    let before = budget(&folder.path().join("report.json"));
+    resume(folder.path(), &stderr(&stopped));
+    let after = budget(&folder.path().join("report.json"));
+    assert_eq!(before["plan"], after["plan"]);
+    assert_eq!(after["corrections"].as_array().unwrap().len(), 4, "{after}");
+    assert!(after["spent_secs"].as_f64() > before["spent_secs"].as_f64());
+}
+
+#[test]
+fn budgets_that_cannot_be_kept_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (photos, out) = (dataset(), folder.path().join("a.ply"));
+    let base: [&dyn AsRef<std::ffi::OsStr>; 4] = [&"train", &photos, &"-o", &out];
+    let with = |more: &[&'static str]| {
+        let more: Vec<&dyn AsRef<std::ffi::OsStr>> = more.iter().map(|word| word as _).collect();
+        [&base[..], &more[..]].concat()
+    };
+    fails(folder.path(), &with(&["--budget", "0.000001s"]), &["--budget is ", "wants ", "or more"]);
+    fails(folder.path(), &with(&["--budget-wall", "0.000001s"]), &["--budget-wall is ", "or more"]);
+    fails(folder.path(), &with(&["--budget", "9s", "--set", "steps=7"]), &["--set", "--budget"]);
+    for bad in ["0", "-1", "nan", "abc", "2m-wall"] {
+        let value = format!("--budget={bad}");
+        let output = super::trisplat(&[&base[..], &[&value]].concat());
+        let text = stderr(&output);
+        assert!(output.status.code() == Some(2) && text.contains("30s, 2m or 1.5h"), "{bad}: {text}");
+    }
+    let both = super::trisplat(&with(&["--budget", "9s", "--steps", "7"]));
+    assert!(both.status.code() == Some(2) && stderr(&both).contains("--steps"), "{}", stderr(&both));
+}
