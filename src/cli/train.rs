@@ -63,10 +63,7 @@ pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<Ex
     }
     plan.iter().for_each(|plan| bar.line(plan));
     let trained = run.finish(&mut bar)?;
-    let mut report = Report::new("train");
-    report.inputs = args.from.iter().chain(&args.dataset).map(|path| path.display().to_string()).collect();
-    report.options = serde_json::to_value(&trained.options).unwrap_or_default();
-    report.warnings = warnings;
+    let mut report = report(args, &trained, warnings);
     report.stages.push(trained.stage(triangles, clock.elapsed().as_secs_f64()));
     write(args, &trained, report, clock, &mut files, &mut bar)?;
     let lost = bar.done();
@@ -75,6 +72,19 @@ pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<Ex
         let command = resume::command(matches, args, checkpoint);
         bar.line(&format!("stopped early; to go on: {command}"));
     }
+    ended(args, &trained, &lost)
+}
+
+/// What the run did, but for its one stage.
+fn report(args: &TrainArgs, trained: &Trained, warnings: Vec<String>) -> Report {
+    let mut report = Report::new("train");
+    report.inputs = args.from.iter().chain(&args.dataset).map(|path| path.display().to_string()).collect();
+    report.options = serde_json::to_value(&trained.options).unwrap_or_default();
+    Report { warnings, ..report }
+}
+
+/// How the program ends: with success, as one that was stopped, or with what is missing beside the scene.
+fn ended(args: &TrainArgs, trained: &Trained, lost: &[String]) -> Result<ExitCode> {
     match lost.is_empty() {
         true => {
             Ok(signals::exit_code().filter(|_| trained.stopped).map_or(ExitCode::SUCCESS, ExitCode::from))

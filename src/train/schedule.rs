@@ -343,6 +343,40 @@ mod tests {
     }
 
     #[test]
+    fn what_follows_a_milestone_changes_nothing_before_it() {
+        for preset in [TrainPreset::Solid, TrainPreset::Indoor, TrainPreset::PaperEngine] {
+            let options =
+                |steps, milestones| TrainOptions { steps, milestones, ..TrainOptions::preset(preset) };
+            let (planned, corrected) =
+                (options(1003, [401, 669, 802, 903]), options(700, [401, 669, 670, 680]));
+            let at = |options: &TrainOptions, step: u64| {
+                let plan = Schedule::new(options);
+                let refines =
+                    (plan.refines_after(step + 1), plan.refinement(step + 1), plan.grows_after(step + 1));
+                let pruned = (plan.prune_weight(step), plan.prune_opacity(step), plan.prune_sigma(step));
+                (plan.rates(step), plan.level(step), refines, pruned)
+            };
+            assert!((0..669).all(|step| at(&planned, step) == at(&corrected, step)), "{preset:?}");
+        }
+    }
+
+    #[test]
+    fn a_stretched_run_passes_what_a_plain_one_passes() {
+        let options = TrainOptions {
+            steps: 2000,
+            milestones: [300, 900, 950, 1900],
+            ..TrainOptions::preset(TrainPreset::Solid)
+        };
+        let plan = Schedule::new(&options);
+        assert_eq!((0..2000).filter(|&s| plan.refines_after(s)).count(), 59);
+        assert_eq!([299, 300, 899, 900].map(|s| plan.level(s)), [2, 1, 1, 1]);
+        assert_eq!([899, 900].map(|s| plan.is_opaque(s)), [false, true]);
+        assert_eq!([949, 950].map(|s| plan.level(s)), [1, 0]);
+        let last = plan.rates(1999).vertices / plan.rates(900).vertices;
+        assert!((last / options.solid.vertices_final_share - 1.0).abs() < 0.01, "{last}");
+    }
+
+    #[test]
     fn runs_of_any_length_have_a_plan() {
         for steps in [1u64, 2, 7, 59] {
             let options = TrainOptions { steps, ..TrainOptions::preset(TrainPreset::Solid) };
