@@ -41,7 +41,8 @@ impl fmt::Display for Seconds {
             seconds if seconds < 7200.0 => (seconds / 60.0, "m"),
             seconds => (seconds / 3600.0, "h"),
         };
-        write!(f, "{}{unit}", (number * 100.0).round() / 100.0)
+        let shown = if number < 0.01 { number } else { (number * 100.0).round() / 100.0 };
+        write!(f, "{shown}{unit}")
     }
 }
 
