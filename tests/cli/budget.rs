@@ -48,7 +48,7 @@ fn budgets_that_cannot_be_kept_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let (photos, out) = (dataset(), folder.path().join("a.ply"));
     let base: [&dyn AsRef<std::ffi::OsStr>; 4] = [&"train", &photos, &"-o", &out];
-    let with = |more: &[&'static str]| {
+    let with = |more: &'static [&'static str]| {
         let more: Vec<&dyn AsRef<std::ffi::OsStr>> = more.iter().map(|word| word as _).collect();
         [&base[..], &more[..]].concat()
     };

@@ -111,7 +111,9 @@ impl Trial<'_> {
         }
         match taken > 0.0 {
             true => Ok((taken / expected, triangles)),
-            false => Err(Error::invalid("budget", "in CPU time", "a system that counts it, or `budget_wall`")),
+            false => {
+                Err(Error::invalid("budget", "in CPU time", "a system that counts it, or `budget_wall`"))
+            }
         }
     }
 
