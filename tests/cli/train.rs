@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-pub fn dataset() -> PathBuf {
+pub(super) fn dataset() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/dataset")
 }
 
 /// A short training of small photos in `folder`.
-pub fn train(folder: &Path, flags: &[&str]) -> Command {
+pub(super) fn train(folder: &Path, flags: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
     command.current_dir(folder).arg("train").arg(dataset()).stdin(Stdio::null());
     command.args(["--max-size", "80", "--background", "#203040", "--set", "refine.every=10"]);
@@ -21,14 +21,14 @@ pub fn train(folder: &Path, flags: &[&str]) -> Command {
     command
 }
 
-pub fn succeed(command: &mut Command) -> Output {
+pub(super) fn succeed(command: &mut Command) -> Output {
     let output = command.output().unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
     output
 }
 
 /// The command after "to go on: ", run by a shell as a user would.
-pub fn resume(folder: &Path, printed: &str) -> Output {
+pub(super) fn resume(folder: &Path, printed: &str) -> Output {
     let command = printed.lines().find_map(|line| line.split_once("to go on: ")).map(|found| found.1);
     let words =
         command.and_then(|command| command.strip_prefix("trisplat ")).unwrap_or_else(|| panic!("{printed}"));
