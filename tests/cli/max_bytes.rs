@@ -9,15 +9,24 @@ fn files_take_no_more_bytes_than_they_may() {
     let path = |name: &str| folder.path().join(name);
     let bytes = |name: &str| std::fs::metadata(path(name)).unwrap().len();
     let studio = sample("studio.ply");
-    assert!(trisplat(&[&"bake", &studio, &"-o", &path("whole.glb")]).status.success());
+    assert!(trisplat(&[&"bake", &studio, &"-o", &path("whole.glb"), &"--preset", &"fast"]).status.success());
     let whole = bytes("whole.glb");
 
     let limit = whole / 2;
     let size = format!("{limit}B");
     let (out, report) = (path("half.glb"), path("report.json"));
-    let flags: [&dyn AsRef<std::ffi::OsStr>; 8] =
-        [&"bake", &studio, &"-o", &out, &"--max-bytes", &size, &"--report", &report];
-    let output = trisplat(&flags);
+    let output = trisplat(&[
+        &"bake",
+        &studio,
+        &"-o",
+        &out,
+        &"--preset",
+        &"fast",
+        &"--max-bytes",
+        &size,
+        &"--report",
+        &report,
+    ]);
     assert!(output.status.success(), "{}", stderr(&output));
     assert!(bytes("half.glb") <= limit && bytes("half.glb") as f64 > 0.95 * limit as f64);
 
@@ -25,12 +34,27 @@ fn files_take_no_more_bytes_than_they_may() {
     let report: Value = serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
     let most = report["options"]["prune"]["max_triangles"].as_u64().unwrap().to_string();
     assert!(
-        trisplat(&[&"bake", &studio, &"-o", &path("again.glb"), &"--max-triangles", &most]).status.success()
+        trisplat(&[
+            &"bake",
+            &studio,
+            &"-o",
+            &path("again.glb"),
+            &"--max-triangles",
+            &most,
+            &"--preset",
+            &"fast"
+        ])
+        .status
+        .success()
     );
     assert!(std::fs::read(path("again.glb")).unwrap() == std::fs::read(&out).unwrap());
 
     // What fits anyway is the file that it would be without a limit.
-    assert!(trisplat(&[&"bake", &studio, &"-o", &path("all.glb"), &"--max-bytes", &"1GB"]).status.success());
+    assert!(
+        trisplat(&[&"bake", &studio, &"-o", &path("all.glb"), &"--max-bytes", &"1GB", &"--preset", &"fast"])
+            .status
+            .success()
+    );
     assert!(std::fs::read(path("all.glb")).unwrap() == std::fs::read(path("whole.glb")).unwrap());
 }
 
@@ -52,7 +76,7 @@ fn sizes_that_hold_nothing_are_refused() {
     let (studio, out) = (sample("studio.ply"), folder.path().join("scene.glb"));
     fails(
         folder.path(),
-        &[&"bake", &studio, &"-o", &out, &"--max-bytes", &"100"],
+        &[&"bake", &studio, &"-o", &out, &"--max-bytes", &"100", &"--preset", &"fast"],
         &["--max-bytes is 100: wants ", "or more"],
     );
     for bad in ["0", "-5MB", "nan", "abc", "5TB"] {
