@@ -62,8 +62,18 @@ fn files_take_no_more_bytes_than_they_may() {
 fn the_files_beside_it_count_too() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("scene.gltf");
-    let output =
-        trisplat(&[&"bake", &sample("studio.ply"), &"-o", &out, &"--lod", &"0.5", &"--max-bytes", &"200kB"]);
+    let output = trisplat(&[
+        &"bake",
+        &sample("studio.ply"),
+        &"-o",
+        &out,
+        &"--preset",
+        &"fast",
+        &"--lod",
+        &"0.5",
+        &"--max-bytes",
+        &"200kB",
+    ]);
     assert!(output.status.success(), "{}", stderr(&output));
     let files = std::fs::read_dir(folder.path()).unwrap();
     let sum: u64 = files.map(|file| file.unwrap().metadata().unwrap().len()).sum();
