@@ -33,6 +33,16 @@ impl Camera {
         Self { focal: self.focal * ratio, center: self.center * ratio, size, ..*self }
     }
 
+    /// The same camera for a picture whose sides are at most `longest`, px.
+    pub fn within(&self, longest: u32) -> Self {
+        let share = f64::from(longest) / f64::from(self.size.max_element());
+        if share >= 1.0 {
+            *self
+        } else {
+            self.resized((self.size.as_dvec2() * share).as_uvec2().max(UVec2::ONE))
+        }
+    }
+
     /// The same camera moved to `eye`, with `target` in the middle of its view and `up` upwards in it.
     pub fn looking(&self, eye: Vec3, target: Vec3, up: Vec3) -> Self {
         let forward = (target - eye).normalize_or(Vec3::Z);
