@@ -33,6 +33,24 @@ impl Camera {
         Self { focal: self.focal * ratio, center: self.center * ratio, size, ..*self }
     }
 
+    /// Whether a point of the world lies within the picture, whatever stands before it.
+    pub fn frames(&self, point: Vec3) -> bool {
+        let [x, y, z] = (self.rotation * point + self.translation).to_array();
+        let [u, v] = [self.focal.x * x + self.center.x * z, self.focal.y * y + self.center.y * z];
+        let within = |at: f32, size: u32| at >= 0.0 && at <= size as f32 * z;
+        z > 0.0 && within(u, self.size.x) && within(v, self.size.y)
+    }
+
+    /// The same camera for a picture whose sides are at most `longest`, px.
+    pub fn within(&self, longest: u32) -> Self {
+        let share = f64::from(longest) / f64::from(self.size.max_element());
+        if share >= 1.0 {
+            *self
+        } else {
+            self.resized((self.size.as_dvec2() * share).as_uvec2().max(UVec2::ONE))
+        }
+    }
+
     /// The same camera moved to `eye`, with `target` in the middle of its view and `up` upwards in it.
     pub fn looking(&self, eye: Vec3, target: Vec3, up: Vec3) -> Self {
         let forward = (target - eye).normalize_or(Vec3::Z);

@@ -16,10 +16,10 @@ mod size;
 
 pub use size::{enlarge, rank_by_size};
 
+use super::moved_corner::with_moved_corner;
 use crate::camera::Camera;
 use crate::mesh::Mesh;
 use crate::report::StageProgress;
-use crate::rng::Rng;
 use compare::Comparison;
 use glam::Vec3;
 
@@ -30,10 +30,6 @@ const MOVE_ROUNDS: u32 = 12;
 /// Moves that are tried of each face in a round; the best of them is made. Three in a third of the rounds cost two
 /// thirds and lose 0.16 dB with an eighth of the triangles (few photos a round).
 const MOVES_TRIED: u32 = 1;
-/// How far a corner is moved outwards and inwards, as shares of its distance from the middle of the opposite edge.
-const MOVES: [f32; 3] = [0.3, 0.3, -0.18];
-/// How far it is moved aside at most, as a share of the opposite edge.
-const ASIDE: f32 = 0.25;
 
 /// Decides by what cameras see. One decimation serves all levels of a scene: it keeps what the whole scene looks like.
 pub struct Decimation<'a> {
@@ -127,16 +123,4 @@ impl MovedCorners {
             }
         }
     }
-}
-
-/// A triangle with one of its corners moved, at random.
-fn with_moved_corner(mut corners: [Vec3; 3], face: u32, round: u32) -> [Vec3; 3] {
-    let which = (Rng::new(0, "corner", 0).bits(face.into()) % 3 + u64::from(round)) as usize % 3;
-    let across = (corners[(which + 1) % 3] + corners[(which + 2) % 3]) / 2.0;
-    let edge = corners[(which + 1) % 3] - corners[(which + 2) % 3];
-    let draw = Rng::new(0, "move", round.into());
-    let [out, aside] = [0, 1].map(|k| draw.uniform(2 * u64::from(face) + k));
-    let out = MOVES[((out * MOVES.len() as f32) as usize).min(MOVES.len() - 1)];
-    corners[which] += (corners[which] - across) * out + edge * (ASIDE * (2.0 * aside - 1.0));
-    corners
 }

@@ -1,7 +1,8 @@
 //! The bake: a recipe of stages from a scene to an asset.
 //!
 //! ```text
-//! crop → teacher → prune → solid → color → unseen → backdrop → refit → weld → place → chunk → bvh → order → lod → tiles
+//! crop → teacher → prune → solid → color → unseen → reshape → backdrop → refit → weld → place → chunk → bvh → order → lod
+//! → tiles
 //! ```
 //!
 //! Each stage is a file with its options, its function and what it measures ([`StageDetails`]); it changes its input
@@ -9,7 +10,7 @@
 //! knows the recipe. [`bake()`] is the plain case, [`Bake`] takes photos and writes a report.
 //!
 //! Run twice, a stage has nothing to do the second time. The exceptions: `color` cannot run twice, as it turns a soup
-//! into a mesh; `refit` comes closer to the photos with every pass; `place` scales again if it is asked for a scale;
+//! into a mesh; `reshape` and `refit` come closer to the photos with every pass; `place` scales again if it is asked for a scale;
 //! `unseen`, where it moves corners to meet a budget, may find that they hide others.
 //!
 //! [`StageDetails`]: crate::report::StageDetails
@@ -25,12 +26,14 @@ pub mod fit;
 pub mod lod;
 pub mod max_bytes;
 pub mod merge;
+mod moved_corner;
 pub mod options;
 pub mod order;
 pub mod place;
 pub mod prune;
 mod recipe;
 pub mod refit;
+pub mod reshape;
 pub mod solid;
 pub mod teacher;
 pub mod tiles;

@@ -9,6 +9,7 @@ use super::order::OrderOptions;
 use super::place::PlaceOptions;
 use super::prune::PruneOptions;
 use super::refit::RefitOptions;
+use super::reshape::ReshapeOptions;
 use super::solid::SolidOptions;
 use super::teacher::TeacherOptions;
 use super::tiles::TilesOptions;
@@ -69,6 +70,15 @@ pub struct BakeOptions {
         )
     )]
     pub unseen: UnseenOptions,
+    /// Which triangles are fitted to pictures.
+    #[cfg_attr(
+        feature = "cli",
+        command(
+            flatten,
+            next_help_heading = "Reshape: fit opaque triangles to the soft scene or the photos"
+        )
+    )]
+    pub reshape: ReshapeOptions,
     /// Which levels of detail are made.
     #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "LOD: levels of detail"))]
     pub lod: LodOptions,
@@ -119,6 +129,7 @@ impl BakeOptions {
         prune: PruneOptions::DEFAULT,
         solid: SolidOptions::DEFAULT,
         unseen: UnseenOptions::DEFAULT,
+        reshape: ReshapeOptions::DEFAULT,
         lod: LodOptions::DEFAULT,
         tiles: TilesOptions::DEFAULT,
         backdrop: BackdropOptions::DEFAULT,
@@ -137,6 +148,7 @@ impl BakeOptions {
             BakePreset::Fast => Self {
                 preset,
                 teacher: TeacherOptions::OFF,
+                reshape: ReshapeOptions::OFF,
                 weld: WeldOptions::FAST,
                 chunk: ChunkOptions::FAST,
                 order: OrderOptions::FAST,

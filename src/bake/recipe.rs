@@ -14,8 +14,9 @@ use super::place::up::Evidence;
 use super::place::{PlaceDetails, place, placement};
 use super::prune::{PruneOptions, prune};
 use super::refit::refit;
+use super::reshape::reshape;
 use super::solid::solid;
-use super::teacher::teacher;
+use super::teacher::{is_solid, teacher};
 use super::tiles::tiles;
 use super::unseen::{UnseenOptions, unseen};
 use super::views::Views;
@@ -160,6 +161,7 @@ impl<'a> Recipe<'a> {
         }
         let loaded = self.crop(loaded)?;
         self.teach(&loaded)?;
+        let is_soft = matches!(&loaded.scene, Scene::Soup(soup) if !is_solid(soup));
         let Loaded { mut scene, mut provenance, warnings, mut cameras } = loaded;
         // Of no use to an engine, and untrue as soon as triangles are left out.
         provenance.shell = 0;
@@ -187,6 +189,7 @@ impl<'a> Recipe<'a> {
         if let Some(views) = self.views.as_deref_mut().filter(|views| !views.is_drawn()) {
             self.report.warnings.extend(fit::warning(&mesh, views)?);
         }
+        let mesh = self.reshape(mesh, is_soft)?;
 
         // Levels are made of what is left here, but are placed like the scene.
         let faces = mesh.face_count();
@@ -302,6 +305,14 @@ impl<'a> Recipe<'a> {
         let cameras = if chosen && budget.is_none() { &[] } else { cameras };
         self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
             unseen(mesh, cameras, views, &unseen_options, budget, details, progress)
+        })
+    }
+
+    /// Of what is left, on what cameras see: before anything is put behind it, and before its colours are fitted exactly.
+    fn reshape(&mut self, mesh: Mesh, is_soft: bool) -> Result<Mesh> {
+        let (views, options) = (either(&mut self.views, &mut self.taught), &self.options.reshape);
+        self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
+            reshape(mesh, views, is_soft, options, details, progress)
         })
     }
 

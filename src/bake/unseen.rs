@@ -1,6 +1,7 @@
 //! Visibility culling: drops the triangles that the solid rasteriser shows in no photo, or hardly.
 //!
 //! Triangles are ranked by the area they cover in all photos together, after everything in front of them, in pixels.
+//! Those that lie outside every picture are kept, as nothing is known to hide them: who turns around sees them.
 //! With a budget of triangles, those that are visible are then ranked by importance (see [`super::decimate`]).
 
 use super::decimate::Decimation;
@@ -31,7 +32,7 @@ const CURVE_STEPS: usize = 9;
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct UnseenOptions {
-    /// Keep triangles that no photo sees: fewer holes far from where the photos were taken
+    /// Keep triangles that something hides in every photo: fewer holes far from where the photos were taken
     #[cfg_attr(feature = "cli", arg(long))]
     pub keep_unseen: bool,
     /// Drop triangles that show less than this in all photos together, px
@@ -65,6 +66,9 @@ pub struct UnseenDetails {
     /// Triangles that no camera sees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seen_by_none: Option<u64>,
+    /// How many of those lie outside every picture.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outside: Option<u64>,
     /// PSNR against the number of triangles, in the order tried; only with `max_error`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curve: Option<Vec<CurvePoint>>,
@@ -117,19 +121,27 @@ pub fn unseen(
         let wants = "photos of this scene: none of its triangles is in any view; was it moved or scaled?";
         return Err(Error::invalid("dataset", "its cameras", wants));
     }
-    let needed = match options.keep_unseen || visible == 0 {
-        true => ranked.len(),
-        false => {
-            ranked.partition_point(|&f| f64::from(visible_area[f as usize]) >= options.min_seen_px).max(1)
-        }
-    };
     details.seen_by_none = Some((ranked.len() - visible) as u64);
+    let outside = outside_first(mesh, cameras, &mut ranked[visible..]);
+    details.outside = Some(outside as u64);
+    // Seen enough, of all that are seen.
+    let seen = match options.keep_unseen {
+        true => visible,
+        false => ranked[..visible]
+            .partition_point(|&f| f64::from(visible_area[f as usize]) >= options.min_seen_px)
+            .max(1),
+    };
+    let needed = if options.keep_unseen || visible == 0 { ranked.len() } else { seen + outside };
+    if needed < ranked.len() {
+        // Those outside come before those hardly seen.
+        ranked[seen..visible + outside].rotate_left(visible - seen);
+    }
     let mut keep = needed.min(most);
-    let decimates = keep < needed.min(visible) || options.max_error.is_some();
+    let decimates = keep < seen || options.max_error.is_some();
     let mut decimation = decimates.then(|| Decimation::new(mesh, cameras));
     if let Some(decimation) = &mut decimation {
         let fewest = if options.max_error.is_some() { visible / FEWEST } else { keep }.max(1);
-        let candidates = &mut ranked[..needed.min(visible)];
+        let candidates = &mut ranked[..seen];
         let progress = progress.part(DRAWING_PART, MOVING_PART);
         let best = decimation.rank_by_importance(&visible_area, candidates, fewest, progress);
         candidates.copy_from_slice(&best);
@@ -138,7 +150,7 @@ pub fn unseen(
         keep = fewest_within(mesh, views, &ranked[..keep], db, details)?;
     }
     if keep == ranked.len() {
-        return Ok(Outcome::Unneeded("every triangle is seen"));
+        return Ok(Outcome::Unneeded("no triangle is hidden from every camera"));
     }
     let enlarging = decimation.filter(|_| options.enlarge);
     let moved = enlarging.map(|mut d| d.move_corners(&ranked[..keep], progress.part(MOVING_PART, 1.0)));
@@ -148,6 +160,22 @@ pub fn unseen(
     }
     mesh.keep(&ranked[..keep]);
     Ok(Outcome::Changed(()))
+}
+
+/// Puts those of `faces` first that lie outside every picture, the order unchanged otherwise; returns how many.
+fn outside_first(mesh: &Mesh, cameras: &[Camera], faces: &mut [u32]) -> usize {
+    let is_outside = |&face: &u32| {
+        let [a, b, c] = mesh.corners(face as usize);
+        let points = [a, b, c, mesh.centroid(face as usize)];
+        !cameras.iter().any(|camera| points.iter().any(|point| camera.frames(*point)))
+    };
+    let outside: Vec<bool> = faces.par_iter().map(is_outside).collect();
+    let of = |which: bool| {
+        faces.iter().zip(&outside).filter(move |(_, out)| **out == which).map(|(face, _)| *face)
+    };
+    let ordered: Vec<u32> = of(true).chain(of(false)).collect();
+    faces.copy_from_slice(&ordered);
+    outside.iter().filter(|out| **out).count()
 }
 
 /// Why there is nothing to do, as far as that is known before anything is drawn. At most `most` triangles may stay.

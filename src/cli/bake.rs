@@ -9,6 +9,7 @@ use super::outputs::Outputs;
 use super::progress::Progress;
 use crate::bake::backdrop::BackdropWhen;
 use crate::bake::merge::merge;
+use crate::bake::reshape::ReshapeDetails;
 use crate::bake::teacher::{TeacherDetails, TeacherWhen};
 use crate::bake::{Bake, BakeOptions, Views};
 use crate::dataset::{Dataset, DatasetOptions};
@@ -99,7 +100,7 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()>
         progress.warn(warning);
     }
     if let Some(softness) = report.details::<TeacherDetails>().and_then(|details| details.softness) {
-        progress.line(&soft_note(&softness));
+        progress.line(&soft_note(&softness, report.details().as_ref()));
     }
     for file in &report.outputs {
         let verb = if args.dry_run { "would write" } else { "wrote" };
@@ -117,12 +118,16 @@ fn command() -> clap::Command {
     <BakeArgs as clap::Args>::augment_args(clap::Command::new("bake"))
 }
 
-/// How soft the scene was, and what to do about it.
-fn soft_note(softness: &Softness) -> String {
+/// How soft the scene was, how close its solid triangles came, and what to do about it.
+fn soft_note(softness: &Softness, reshaped: Option<&ReshapeDetails>) -> String {
     let Softness { psnr, pictures } = softness;
+    let fitted = match reshaped.and_then(|details| details.psnr_last) {
+        Some(psnr) => format!("fitted, {psnr:.1} dB from the pictures they were fitted to"),
+        None => "and they were not fitted (`reshape`)".to_owned(),
+    };
     format!(
-        "soft scene: as solid triangles {psnr:.1} dB from how it was trained to look ({pictures} pictures), before \
-         colours were fitted; --harden trains it solid first"
+        "soft scene: as solid triangles {psnr:.1} dB from how it was trained to look ({pictures} pictures); {fitted}; \
+         --harden trains it solid, which takes longer and comes closer"
     )
 }
 

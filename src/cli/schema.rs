@@ -4,8 +4,8 @@ use super::stdout::Stdout;
 use crate::bake::{
     BakeOptions, backdrop::BackdropDetails, bvh::BvhDetails, chunk::ChunkDetails, color::ColorDetails,
     crop::CropDetails, lod::LodDetails, order::OrderDetails, place::PlaceDetails, prune::PruneDetails,
-    refit::RefitDetails, solid::SolidDetails, teacher::TeacherDetails, tiles::TilesDetails,
-    unseen::UnseenDetails, weld::WeldDetails,
+    refit::RefitDetails, reshape::ReshapeDetails, solid::SolidDetails, teacher::TeacherDetails,
+    tiles::TilesDetails, unseen::UnseenDetails, weld::WeldDetails,
 };
 use crate::bench::bake::BakeRow;
 use crate::bench::cost::MeasuredRow;
@@ -107,6 +107,7 @@ fn report_schema() -> schemars::Schema {
         stage_schema::<ColorDetails>(g),
         stage_schema::<UnseenDetails>(g),
         stage_schema::<BackdropDetails>(g),
+        stage_schema::<ReshapeDetails>(g),
         stage_schema::<RefitDetails>(g),
         stage_schema::<WeldDetails>(g),
         stage_schema::<PlaceDetails>(g),

@@ -7,6 +7,7 @@ mod hierarchy;
 mod hostile;
 mod levels;
 mod photos;
+mod reshape;
 mod robustness;
 mod stages;
 mod teacher;

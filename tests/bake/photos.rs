@@ -235,6 +235,20 @@ fn hidden_triangles_are_dropped_and_pictures_stay_the_same() {
     assert_eq!(all.face_count(), 20);
 }
 
+#[test]
+fn triangles_outside_every_picture_are_kept() {
+    let mut mesh = scene();
+    let (_folder, dataset) = photograph(&mesh, |_, photo| photo);
+    let far = [Vec3::new(0.0, 1e4, 0.0), Vec3::new(1.0, 1e4, 0.0), Vec3::new(0.0, 1e4, 1.0)];
+    mesh.positions.extend(far);
+    mesh.colors = Colors::Face(vec![[0.2; 3]; mesh.face_count()]);
+    let mut details = UnseenDetails::default();
+    let outcome = cull(&mut mesh, &dataset, &UnseenOptions::DEFAULT, None, &mut details);
+    assert!(outcome.is_ok() && details.seen_by_none >= Some(1));
+    assert_eq!(details.outside, Some(1));
+    assert!((0..mesh.face_count()).any(|face| mesh.corners(face) == far));
+}
+
 /// A closed box around the origin, two triangles per side.
 fn room(half: f32) -> Vec<Vec3> {
     let corner =

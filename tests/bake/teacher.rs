@@ -5,6 +5,7 @@ use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat::asset::{Asset, UpAxis, UpDirection};
 use trisplat::bake::crop::Region;
 use trisplat::bake::place::words::UpChoice;
+use trisplat::bake::reshape::ReshapeOptions;
 use trisplat::bake::solid::{SOLID_SIGMA, SolidOptions};
 use trisplat::bake::teacher::{TeacherDetails, TeacherOptions, is_solid, softness, teacher};
 use trisplat::bake::{Bake, BakeOptions, BakePreset, Views};
@@ -19,7 +20,7 @@ use trisplat::soup::Soup;
 use trisplat::teacher::{Teacher, ViewpointKind};
 
 /// Many faint triangles on a ball: blended they have the colours of their neighbours, not their own.
-fn ball() -> Soup {
+pub(crate) fn ball() -> Soup {
     let place = |i: u64| {
         let y = 1.0 - 2.0 * (i as f32 + 0.5) / 3000.0;
         let angle = i as f32 * 2.399_963;
@@ -29,7 +30,7 @@ fn ball() -> Soup {
     soup_of((0..3000).map(|i| (random_triangle(i, place(i), 0.4), 0.5, 0.8)))
 }
 
-fn cameras() -> Vec<Camera> {
+pub(crate) fn cameras() -> Vec<Camera> {
     let lens = Camera {
         rotation: Mat3::IDENTITY,
         translation: Vec3::ZERO,
@@ -41,12 +42,16 @@ fn cameras() -> Vec<Camera> {
     (0..16).map(|i| lens.looking(eye(i), Vec3::ZERO, Vec3::NEG_Y)).collect()
 }
 
-fn soft(cameras: Vec<Camera>) -> Loaded {
+pub(crate) fn soft(cameras: Vec<Camera>) -> Loaded {
     Loaded { cameras, ..Loaded::from(ball()) }
 }
 
 fn baked(scene: Loaded, teacher: TeacherOptions) -> (Asset, Report) {
-    let mut options = BakeOptions { teacher, ..BakeOptions::default() };
+    // Fitting triangles has tests of its own.
+    baked_with(scene, BakeOptions { teacher, reshape: ReshapeOptions::OFF, ..BakeOptions::default() })
+}
+
+pub(crate) fn baked_with(scene: Loaded, mut options: BakeOptions) -> (Asset, Report) {
     // The frame of the input, so that its cameras see the output.
     options.place.up = UpChoice::Given(UpDirection::Axis(UpAxis::Y));
     let mut report = Report::default();
@@ -54,12 +59,12 @@ fn baked(scene: Loaded, teacher: TeacherOptions) -> (Asset, Report) {
     (asset, report)
 }
 
-fn unneeded<'r>(report: &'r Report, stage: &str) -> Option<&'r str> {
+pub(crate) fn unneeded<'r>(report: &'r Report, stage: &str) -> Option<&'r str> {
     report.stages.iter().find(|s| s.name == stage).unwrap_or_else(|| panic!("no {stage}")).unneeded.as_deref()
 }
 
 /// PSNR of the baked scene against soft pictures from cameras between those it was taught from, dB.
-fn psnr(asset: &Asset) -> f64 {
+pub(crate) fn psnr(asset: &Asset) -> f64 {
     let eyes: Vec<Camera> = cameras();
     let mut teacher = Teacher::new(ball(), &eyes, &SoftOptions::default());
     let drawing = SolidRasterOptions { samples: 4, ..SolidRasterOptions::default() };
@@ -135,7 +140,7 @@ fn what_a_crop_cuts_off_is_not_in_the_pictures() {
     let wall = [[Vec3::new(-9.0, -9.0, 2.0), Vec3::new(9.0, -9.0, 2.0), Vec3::new(0.0, 9.0, 2.0)]];
     soup.append(soup_of(wall.map(|corners| (corners, 1.0, SOLID_SIGMA))));
     let loaded = Loaded { cameras: cameras(), ..Loaded::from(soup) };
-    let mut options = BakeOptions::default();
+    let mut options = BakeOptions { reshape: ReshapeOptions::OFF, ..BakeOptions::default() };
     options.crop.crop = vec![Region::Box([-1.5; 3], [1.5; 3])];
     options.place.up = UpChoice::Given(UpDirection::Axis(UpAxis::Y));
     let cropped = Bake::new(&options).run([loaded]).unwrap();

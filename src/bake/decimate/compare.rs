@@ -10,7 +10,7 @@ use crate::math::color::srgb_from_linear;
 use crate::mesh::Mesh;
 use crate::raster::solid::{NO_FACE, Nearest, PlaneTile, Solid, SolidRasterOptions};
 use crate::rng::Rng;
-use glam::{UVec2, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
 /// Samples per pixel along each axis.
@@ -50,7 +50,7 @@ impl<'a> Comparison<'a> {
             whole,
             colors: (0..whole.face_count()).into_par_iter().map(color).collect(),
             drawing: views::drawing(cameras, whole, SAMPLES),
-            cameras: cameras.iter().map(smaller).collect(),
+            cameras: cameras.iter().map(|camera| camera.within(LONGEST_SIDE)).collect(),
             solid: Solid::new(),
             targets: vec![None; cameras.len()],
         }
@@ -81,7 +81,7 @@ impl<'a> Comparison<'a> {
         let planes: Vec<u8> = kept.iter().map(|&f| group_of(f, round)).collect();
         let sums = EffectSums::new(kept.len());
         self.draw_round(round, &scene, (GROUPS, &planes), |tile, x, y, target| {
-            let [before, after] = nearest_two([0, 1, 2, 3].map(|group| tile.nearest(group, x, y)));
+            let [before, after] = Nearest::two_of([0, 1, 2, 3].map(|group| tile.nearest(group, x, y)));
             let face = before.face();
             if face != NO_FACE {
                 sums.add_sample(face);
@@ -196,25 +196,8 @@ impl Target<'_> {
     }
 }
 
-/// The nearest and the second nearest.
-#[inline(always)]
-fn nearest_two([a, b, c, d]: [Nearest; GROUPS]) -> [Nearest; 2] {
-    let (near, far) = ([a.max(b), c.max(d)], [a.min(b), c.min(d)]);
-    [near[0].max(near[1]), near[0].min(near[1]).max(far[0]).max(far[1])]
-}
-
 /// The group in which a face changes: another one every round.
 fn group_of(face: u32, round: u32) -> u8 {
     // The purpose is part of the random sequence, so of the output: it keeps its old name.
     (Rng::new(0, "thin", round.into()).bits(face.into()) % GROUPS as u64) as u8
-}
-
-/// The same camera for a picture whose sides are at most [`LONGEST_SIDE`].
-fn smaller(camera: &Camera) -> Camera {
-    let share = f64::from(LONGEST_SIDE) / f64::from(camera.size.max_element());
-    if share >= 1.0 {
-        *camera
-    } else {
-        camera.resized((camera.size.as_dvec2() * share).as_uvec2().max(UVec2::ONE))
-    }
 }

@@ -142,6 +142,8 @@ pub const KNOBS: &[Knob] = &[
     ),
     format("order", &[Is("none")], "near triangles near in the file, for the caches of the card"),
     soft("teacher", &[Is("off")]),
+    soft("reshape", &[Is("off")]),
+    soft("reshape_rounds", &[Is("8"), Is("32")]),
     soft("solid", &[Is("contour"), Is("area"), Is("none")]),
     soft("contour", &[Is("0.25"), Is("0.75")]),
     soft("min_opacity", &[Is("0.1"), Is("0"), Is("0.3")]),

@@ -24,6 +24,13 @@ impl Nearest {
     /// No face at all: farther than any.
     pub const NONE: Self = Self(0);
 
+    /// The nearest and the second nearest of four.
+    #[inline(always)]
+    pub fn two_of([a, b, c, d]: [Self; 4]) -> [Self; 2] {
+        let (near, far) = ([a.max(b), c.max(d)], [a.min(b), c.min(d)]);
+        [near[0].max(near[1]), near[0].min(near[1]).max(far[0]).max(far[1])]
+    }
+
     /// The face, or `NO_FACE`.
     #[inline(always)]
     pub fn face(self) -> u32 {

@@ -1,0 +1,227 @@
+//! One round: what dropping or moving each triangle would change in the pictures.
+
+use super::faces::ReshapedFaces;
+use crate::bake::views::Views;
+use crate::camera::Camera;
+use crate::error::Result;
+use crate::image::Pixels;
+use crate::mesh::Mesh;
+use crate::raster::solid::{NO_FACE, Nearest, PlaneTile, Solid, SolidRasterOptions};
+use crate::rng::Rng;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicI64, Ordering::Relaxed};
+
+/// Faces change in so many groups: what one does shows while most of the others are unchanged.
+const GROUPS: usize = 4;
+/// Samples per pixel along each axis.
+const SAMPLES: u32 = 1;
+/// Longest side of the pictures, px: finer detail than this is not fitted.
+const LONGEST_SIDE: u32 = 960;
+/// Units per squared difference in integer sums. Integers, because their sums do not depend on the order.
+const UNITS: f64 = (1u64 << 24) as f64;
+
+/// The camera of a picture as a round looks at it.
+pub(super) fn smaller(camera: &Camera) -> Camera {
+    camera.within(LONGEST_SIDE)
+}
+
+/// Draws the rounds.
+pub(super) struct Rounds<'v> {
+    views: &'v mut Views,
+    drawing: SolidRasterOptions,
+    solid: Solid,
+}
+
+impl<'v> Rounds<'v> {
+    /// Of a scene that starts as `mesh`.
+    pub(super) fn new(mesh: &Mesh, views: &'v mut Views) -> Self {
+        Self { drawing: views.drawing(mesh, SAMPLES), views, solid: Solid::new() }
+    }
+
+    /// Looks at one picture in `stride`, in every round at others: at the scene, and at the scene with its faces in the
+    /// places of `candidates`.
+    ///
+    /// Errors: a photo that cannot be decoded.
+    pub(super) fn draw(
+        &mut self,
+        round: u32,
+        stride: usize,
+        faces: &ReshapedFaces,
+        candidates: &[[glam::Vec3; 3]],
+    ) -> Result<Found> {
+        let mut found = Found::new(faces.len());
+        let groups: Vec<u8> = faces.ids().iter().map(|&id| group_of(id, round)).collect();
+        let planes: Vec<u8> = groups.iter().copied().chain(groups.iter().map(|g| g + GROUPS as u8)).collect();
+        let both = faces.corners.iter().chain(candidates).flatten().copied().collect();
+        let scene = Mesh { positions: both, ..Mesh::default() };
+        let (colors, background) = (faces.encoded_colors(), self.drawing.background);
+        let chosen: Vec<usize> = (round as usize % stride..self.views.len()).step_by(stride).collect();
+        self.views.prefetch(&chosen);
+        for view in chosen {
+            let camera = smaller(self.views.camera(view));
+            let photo = self.views.photo(view)?;
+            let picture = match photo.size == camera.size {
+                true => photo,
+                false => Arc::new(photo.downscaled(camera.size)),
+            };
+            let sums = PictureSums { picture: &picture, colors: &colors, background, rows: &found.rows };
+            let totals = [AtomicI64::new(0), AtomicI64::new(0)];
+            self.solid.planes(&scene, &camera, &self.drawing, (2 * GROUPS, &planes), |tile| {
+                let of_tile = sums.add_tile(tile);
+                totals.iter().zip(of_tile).for_each(|(total, sum)| add(total, sum));
+            });
+            let [error, weight] = totals.map(|total| total.into_inner() as f64 / UNITS);
+            found.error += error;
+            found.weight += weight;
+        }
+        Ok(found)
+    }
+}
+
+/// The group in which a face changes: another one every round.
+fn group_of(id: u32, round: u32) -> u8 {
+    (Rng::new(0, "reshape", round.into()).bits(id.into()) % GROUPS as u64) as u8
+}
+
+/// What a round found out about all faces.
+pub(super) struct Found {
+    rows: Vec<FaceRow>,
+    /// Squared error of all samples.
+    error: f64,
+    /// Samples, by weight.
+    weight: f64,
+}
+
+/// What a round found out about a face.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct FoundFace {
+    /// Samples that show it.
+    pub(super) samples: f64,
+    /// Sum of the pictures' sRGB-encoded colours there.
+    pub(super) rgb: [f64; 3],
+    /// Sum of the squared errors there.
+    pub(super) error: f64,
+    /// By how much the squared error changes without the face.
+    pub(super) removing: f64,
+    /// By how much it changes when the face moves.
+    pub(super) moving: f64,
+}
+
+impl Found {
+    fn new(faces: usize) -> Self {
+        Self { rows: (0..faces).map(|_| FaceRow::default()).collect(), error: 0.0, weight: 0.0 }
+    }
+
+    /// Faces it knows.
+    pub(super) fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// About one face.
+    pub(super) fn face(&self, face: usize) -> FoundFace {
+        let [samples, r, g, b, error, removing, moving, _] =
+            self.rows[face].0.each_ref().map(|sum| sum.load(Relaxed) as f64 / UNITS);
+        FoundFace { samples, rgb: [r, g, b], error, removing, moving }
+    }
+
+    /// PSNR of the scene as it was drawn, dB, if anything was looked at.
+    pub(super) fn psnr(&self) -> Option<f64> {
+        let mse = self.error / (3.0 * self.weight);
+        (self.weight > 0.0).then(|| -10.0 * mse.max(1e-10).log10())
+    }
+}
+
+/// The sums of one face, a cache line.
+#[derive(Debug, Default)]
+#[repr(align(64))]
+struct FaceRow([AtomicI64; 8]);
+
+const COUNT: usize = 0;
+const RGB: usize = 1;
+const ERROR: usize = 4;
+const REMOVING: usize = 5;
+const MOVING: usize = 6;
+
+impl FaceRow {
+    #[inline(always)]
+    fn add(&self, which: usize, value: f32) {
+        add(&self.0[which], value.into());
+    }
+}
+
+#[inline(always)]
+fn add(sum: &AtomicI64, value: f64) {
+    sum.fetch_add((value * UNITS) as i64, Relaxed);
+}
+
+/// One picture, and the sums that its samples are added to.
+struct PictureSums<'a> {
+    picture: &'a Pixels,
+    /// sRGB-encoded. `[F]`
+    colors: &'a [[f32; 3]],
+    /// sRGB-encoded.
+    background: [f32; 3],
+    rows: &'a [FaceRow],
+}
+
+impl PictureSums<'_> {
+    /// Adds the samples of a tile; returns the sums of squared errors and weights.
+    fn add_tile(&self, tile: &PlaneTile<'_>) -> [f64; 2] {
+        let mut totals = [0.0; 2];
+        for y in 0..tile.size.y {
+            let first = (tile.corner.y + y) * self.picture.size.x + tile.corner.x;
+            for x in 0..tile.size.x {
+                let pixel = (first + x) as usize;
+                let weight = self.picture.alpha.as_ref().map_or(1.0, |alpha| f32::from(alpha[pixel]) / 255.0);
+                if weight > 0.0 {
+                    totals[0] += f64::from(self.add_sample(tile, x, y, pixel, weight));
+                    totals[1] += f64::from(weight);
+                }
+            }
+        }
+        totals
+    }
+
+    /// Adds a sample; returns its squared error.
+    #[inline(always)]
+    fn add_sample(&self, tile: &PlaneTile<'_>, x: u32, y: u32, pixel: usize, weight: f32) -> f32 {
+        let target = self.picture.rgb[pixel].map(|c| f32::from(c) / 255.0);
+        let error = |face: u32| {
+            let shown = if face == NO_FACE { self.background } else { self.colors[face as usize] };
+            weight * (0..3).map(|k| (shown[k] - target[k]) * (shown[k] - target[k])).sum::<f32>()
+        };
+        let groups = [0, 1, 2, 3].map(|group| tile.nearest(group, x, y));
+        let [before, behind] = Nearest::two_of(groups);
+        let old = self.face_of(before);
+        let old_error = error(old);
+        if old != NO_FACE {
+            let row = &self.rows[old as usize];
+            row.add(COUNT, weight);
+            (0..3).for_each(|k| row.add(RGB + k, weight * target[k]));
+            row.add(ERROR, old_error);
+            row.add(REMOVING, error(self.face_of(behind)) - old_error);
+        }
+        for (group, &unmoved) in groups.iter().enumerate() {
+            // What is nearest when this group has moved.
+            let others = if unmoved == before { behind } else { before };
+            let after = others.max(tile.nearest(GROUPS + group, x, y));
+            let new = self.face_of(after);
+            if new != old {
+                // A face that moved in, or the one that moved away.
+                let moved_in = new != NO_FACE && after.face() as usize >= self.colors.len();
+                let whose = if moved_in { new } else { old };
+                self.rows[whose as usize].add(MOVING, error(new) - old_error);
+            }
+        }
+        old_error
+    }
+
+    /// The face, whether moved or not.
+    #[inline(always)]
+    fn face_of(&self, nearest: Nearest) -> u32 {
+        match nearest.face() {
+            NO_FACE => NO_FACE,
+            face => face % self.colors.len() as u32,
+        }
+    }
+}

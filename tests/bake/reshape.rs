@@ -1,0 +1,113 @@
+//! Opaque triangles that are fitted to the pictures of a soft scene, or to photos.
+
+use crate::teacher::{baked_with, ball, cameras, psnr, soft, unneeded};
+use trisplat::bake::reshape::{ReshapeDetails, ReshapeOptions, ReshapeWhen, reshape};
+use trisplat::bake::{BakeOptions, BakePreset, Views};
+use trisplat::mesh::{Colors, Mesh};
+use trisplat::raster::soft::SoftOptions;
+use trisplat::report::{Outcome, StageProgress};
+use trisplat::scene::Loaded;
+use trisplat::teacher::Teacher;
+
+fn options(reshape: ReshapeOptions) -> BakeOptions {
+    BakeOptions { reshape, ..BakeOptions::default() }
+}
+
+/// Soft pictures of the ball.
+fn pictures() -> Views {
+    let eyes = cameras();
+    let mut teacher = Teacher::new(ball(), &eyes, &SoftOptions::default());
+    let pictures = eyes.iter().map(|camera| teacher.weighted_picture(camera)).collect();
+    Views::drawn(eyes, pictures)
+}
+
+/// The triangles of the ball, opaque.
+fn opaque() -> Mesh {
+    let soup = ball();
+    let colors = soup.sh.iter().map(|rgb| rgb.map(|c| (0.5 + 0.28 * c).clamp(0.0, 1.0))).collect();
+    Mesh {
+        positions: soup.vertices.into_iter().flatten().collect(),
+        colors: Colors::Face(colors),
+        ..Mesh::default()
+    }
+}
+
+/// The stage alone.
+fn reshaped(mesh: &mut Mesh, is_soft: bool, options: &ReshapeOptions) -> (Outcome<()>, ReshapeDetails) {
+    let mut details = ReshapeDetails::default();
+    let mut nobody = ();
+    let mut progress = StageProgress::new(&mut nobody);
+    let outcome = reshape(mesh, Some(&mut pictures()), is_soft, options, &mut details, &mut progress);
+    (outcome.unwrap(), details)
+}
+
+#[test]
+fn fitted_triangles_come_closer_to_pictures_they_were_not_fitted_to() {
+    let (without, report) = baked_with(soft(cameras()), options(ReshapeOptions::OFF));
+    assert_eq!(unneeded(&report, "reshape"), Some("`reshape` off"));
+    let (with, report) = baked_with(soft(cameras()), options(ReshapeOptions::DEFAULT));
+    let (before, after) = (psnr(&without), psnr(&with));
+    assert!(after > before + 0.5, "{before:.2} dB, fitted {after:.2} dB");
+    assert!(with.mesh.face_count() <= without.mesh.face_count());
+    let details: ReshapeDetails = report.details().unwrap();
+    assert!(details.psnr_last.unwrap() > details.psnr_first.unwrap() + 3.0, "{details:?}");
+    assert_eq!(details.rounds, Some(16));
+    assert!(
+        [details.dropped, details.corners_moved, details.cut].iter().all(|n| n.unwrap() > 100),
+        "{details:?}"
+    );
+}
+
+#[test]
+fn what_no_picture_shows_stays_as_it_is() {
+    let mut mesh = opaque();
+    let far = [[1e3, 0.0, 0.0], [1e3, 1.0, 0.0], [1e3, 0.0, 1.0]].map(glam::Vec3::from);
+    mesh.positions.extend(far);
+    let Colors::Face(colors) = &mut mesh.colors else { unreachable!() };
+    colors.push([0.1, 0.7, 0.3]);
+    let (outcome, _) = reshaped(&mut mesh, true, &ReshapeOptions::DEFAULT);
+    assert_eq!(outcome, Outcome::Changed(()));
+    let face = (0..mesh.face_count()).find(|&f| mesh.corners(f) == far).expect("it is still there");
+    assert_eq!(mesh.corner_colors(face)[0], [0.1, 0.7, 0.3]);
+}
+
+#[test]
+fn solid_scenes_and_shared_vertices_are_left_alone() {
+    let always = ReshapeOptions { reshape: ReshapeWhen::Always, ..ReshapeOptions::DEFAULT };
+    let before = opaque();
+    let mut mesh = before.clone();
+    let (outcome, details) = reshaped(&mut mesh, false, &ReshapeOptions::DEFAULT);
+    assert_eq!(outcome, Outcome::Unneeded("the scene is solid already"));
+    assert!(mesh == before && details == ReshapeDetails::default());
+    assert_eq!(reshaped(&mut mesh, false, &always).0, Outcome::Changed(()));
+    assert!(mesh != before);
+
+    let mut shared = before.clone();
+    shared.indices = (0..shared.positions.len() as u32).collect();
+    assert!(
+        matches!(reshaped(&mut shared, true, &always).0, Outcome::Unneeded(why) if why.contains("shared"))
+    );
+    let loaded = Loaded { cameras: cameras(), ..Loaded::from(before) };
+    let (_, report) = baked_with(loaded, BakeOptions::default());
+    assert_eq!(unneeded(&report, "reshape"), Some("the scene is solid already"));
+    assert_eq!(BakeOptions::preset(BakePreset::Fast).reshape, ReshapeOptions::OFF);
+}
+
+#[test]
+fn no_rounds_are_refused_with_the_remedy() {
+    let options = ReshapeOptions { reshape_rounds: 0, ..ReshapeOptions::DEFAULT };
+    let (mut mesh, mut details, mut nobody) = (opaque(), ReshapeDetails::default(), ());
+    let mut progress = StageProgress::new(&mut nobody);
+    let error =
+        reshape(&mut mesh, None, true, &options, &mut details, &mut progress).unwrap_err().to_string();
+    assert!(error.starts_with("reshape_rounds ") && error.contains("`reshape` off"), "{error}");
+}
+
+#[test]
+fn any_number_of_threads_fits_the_same_triangles() {
+    let fit = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| baked_with(soft(cameras()), options(ReshapeOptions::DEFAULT)).0.mesh)
+    };
+    assert!(fit(1) == fit(3));
+}
