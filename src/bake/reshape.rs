@@ -28,7 +28,9 @@ use round::Rounds;
 
 /// Pictures that a round looks at, if it can; the next round looks at others.
 const ROUND_VIEWS: u64 = 48;
-/// With fewer, triangles would be fitted to a few pictures only.
+/// Samples of a round per triangle: with more, its effect is known no better.
+const ENOUGH_SAMPLES: u64 = 192;
+/// With fewer pictures, triangles would be fitted to a few of them only.
 const FEWEST_VIEWS: u64 = 12;
 /// With fewer, nothing would be gained.
 const FEWEST_ROUNDS: u32 = 4;
@@ -179,15 +181,16 @@ struct Effort {
 }
 
 impl Effort {
-    /// For so many faces: first the pictures of a round become fewer, then the rounds.
+    /// For so many faces: as many pictures a round as show enough of each, fewer when they are many, and then fewer rounds.
     fn new(faces: usize, cameras: &[Camera], rounds: u32) -> Self {
-        let views = cameras.len() as u64;
-        let pixels: u64 =
-            cameras.iter().map(|camera| round::smaller(camera).size.as_u64vec2().element_product()).sum();
+        let (faces, views) = (faces as u64, cameras.len() as u64);
+        let pixels = |camera| round::smaller(camera).size.as_u64vec2().element_product();
+        let pixels = (cameras.iter().map(pixels).sum::<u64>() / views.max(1)).max(1);
         // Every face twice, as it is and moved.
-        let per_view = 2 * faces as u64 + pixels / views.max(1);
+        let per_view = 2 * faces + pixels;
+        let enough = (ENOUGH_SAMPLES * faces).div_ceil(pixels);
         let affordable = MOST_DRAWN / (u64::from(rounds) * per_view).max(1);
-        let per_round = affordable.clamp(FEWEST_VIEWS, ROUND_VIEWS).min(views).max(1);
+        let per_round = enough.min(affordable).clamp(FEWEST_VIEWS, ROUND_VIEWS).min(views).max(1);
         let affordable = MOST_DRAWN / (per_round * per_view).max(1);
         let affordable = u32::try_from(affordable).unwrap_or(u32::MAX).max(FEWEST_ROUNDS);
         Self { rounds: affordable.min(rounds), stride: views.div_ceil(per_round) as usize }
@@ -213,8 +216,8 @@ mod tests {
     #[test]
     fn large_scenes_get_fewer_pictures_and_then_fewer_rounds() {
         let effort = |faces, count, side| Effort::new(faces, &cameras(count, side), 16);
-        assert_eq!(effort(10_000, 40, 300), Effort { rounds: 16, stride: 1 });
-        assert_eq!(effort(40_000, 96, 360), Effort { rounds: 16, stride: 2 });
+        assert_eq!(effort(40_000, 40, 300), Effort { rounds: 16, stride: 1 });
+        assert_eq!(effort(10_000, 96, 360), Effort { rounds: 16, stride: 8 }, "a few pictures show enough");
         let large = effort(1_000_000, 96, 360);
         assert!(large.stride == 8 && (FEWEST_ROUNDS..16).contains(&large.rounds), "{large:?}");
         assert_eq!(effort(50_000_000, 96, 360), Effort { rounds: FEWEST_ROUNDS, stride: 8 });
