@@ -12,36 +12,22 @@
 //! own, and what a sample shows without a triangle, or with it moved, is the nearest of the other groups and of the
 //! moved one.
 //!
-//! The cost of a round is that of its drawings, so large scenes get fewer pictures in a round, and fewer rounds: see
-//! [`Effort`].
+//! The cost of a round is that of its drawings, so large scenes get fewer pictures in a round, and fewer rounds.
 
+mod effort;
 mod faces;
 mod round;
 
 use super::views::Views;
-use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
 use crate::report::{Outcome, StageDetails, StageProgress};
+use effort::Effort;
 use faces::ReshapedFaces;
 use round::Rounds;
 
-/// Pictures that a round looks at, if it can; the next round looks at others.
-const ROUND_VIEWS: u64 = 48;
-/// Samples of a round per triangle: with more, its effect is known no better.
-const ENOUGH_SAMPLES: u64 = 192;
-/// With fewer pictures, triangles would be fitted to a few of them only.
-const FEWEST_VIEWS: u64 = 12;
-/// With fewer, nothing would be gained.
-const FEWEST_ROUNDS: u32 = 4;
-/// Triangles and samples that all rounds together may draw.
-const MOST_DRAWN: u64 = 200_000_000;
-/// Triangles are cut after every so many rounds, ...
-const CUT_EVERY: u32 = 3;
-/// ... so many of those there are at most, as a share, ...
+/// So many triangles are cut in a round at most, as a share.
 const MOST_CUT: f64 = 0.2;
-/// ... and not in the last rounds, as the halves want to move: at most this share of the rounds is over.
-const CUT_UNTIL: f64 = 0.8;
 
 /// When triangles are fitted to pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -151,7 +137,7 @@ pub fn reshape(
     for round in 0..effort.rounds {
         progress.set(round as usize, effort.rounds as usize);
         let candidates = faces.with_moved_corners(round);
-        let found = rounds.draw(round, effort.stride, &faces, &candidates)?;
+        let found = rounds.draw(round, effort, &faces, &candidates)?;
         details.psnr_first = details.psnr_first.or(found.psnr());
         details.psnr_last = found.psnr();
         faces.recolor(&found);
@@ -170,64 +156,4 @@ pub fn reshape(
     (details.dropped, details.corners_moved, details.cut) = (Some(dropped), Some(moved), Some(cut));
     *mesh = faces.into_mesh();
     Ok(Outcome::Changed(()))
-}
-
-/// How many rounds there are, and which pictures each looks at.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Effort {
-    rounds: u32,
-    /// A round looks at one picture in so many.
-    stride: usize,
-}
-
-impl Effort {
-    /// For so many faces: as many pictures a round as show enough of each, fewer when they are many, and then fewer rounds.
-    fn new(faces: usize, cameras: &[Camera], rounds: u32) -> Self {
-        let (faces, views) = (faces as u64, cameras.len() as u64);
-        let pixels = |camera| round::smaller(camera).size.as_u64vec2().element_product();
-        let pixels = (cameras.iter().map(pixels).sum::<u64>() / views.max(1)).max(1);
-        // Every face twice, as it is and moved.
-        let per_view = 2 * faces + pixels;
-        let enough = (ENOUGH_SAMPLES * faces).div_ceil(pixels);
-        let affordable = MOST_DRAWN / (u64::from(rounds) * per_view).max(1);
-        let per_round = enough.min(affordable).clamp(FEWEST_VIEWS, ROUND_VIEWS).min(views).max(1);
-        let affordable = MOST_DRAWN / (per_round * per_view).max(1);
-        let affordable = u32::try_from(affordable).unwrap_or(u32::MAX).max(FEWEST_ROUNDS);
-        Self { rounds: affordable.min(rounds), stride: views.div_ceil(per_round) as usize }
-    }
-
-    /// Whether triangles are cut after this round.
-    fn cuts(self, round: u32) -> bool {
-        round.is_multiple_of(CUT_EVERY) && f64::from(round) < CUT_UNTIL * f64::from(self.rounds)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use glam::{Mat3, UVec2, Vec2, Vec3};
-
-    fn cameras(count: usize, side: u32) -> Vec<Camera> {
-        let size = UVec2::splat(side);
-        let (rotation, translation) = (Mat3::IDENTITY, Vec3::ZERO);
-        vec![Camera { rotation, translation, focal: Vec2::ONE, center: size.as_vec2() / 2.0, size }; count]
-    }
-
-    #[test]
-    fn large_scenes_get_fewer_pictures_and_then_fewer_rounds() {
-        let effort = |faces, count, side| Effort::new(faces, &cameras(count, side), 16);
-        assert_eq!(effort(40_000, 40, 300), Effort { rounds: 16, stride: 1 });
-        assert_eq!(effort(10_000, 96, 360), Effort { rounds: 16, stride: 8 }, "a few pictures show enough");
-        let large = effort(1_000_000, 96, 360);
-        assert!(large.stride == 8 && (FEWEST_ROUNDS..16).contains(&large.rounds), "{large:?}");
-        assert_eq!(effort(50_000_000, 96, 360), Effort { rounds: FEWEST_ROUNDS, stride: 8 });
-        assert_eq!(effort(1, 1, 1), Effort { rounds: 16, stride: 1 });
-    }
-
-    #[test]
-    fn the_last_rounds_cut_nothing() {
-        let effort = Effort { rounds: 16, stride: 1 };
-        let cut: Vec<u32> = (1..16).filter(|&round| effort.cuts(round)).collect();
-        assert_eq!(cut, [3, 6, 9, 12]);
-    }
 }

@@ -77,7 +77,9 @@ fn runs_with(command: &mut Command, input: &[u8]) -> Output {
 fn bake(input: &Path, output: &Path, flags: &[&str]) -> u64 {
     let report = PathBuf::from(format!("{}.report.json", output.display()));
     let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
-    command.arg("bake").arg(input).arg("-o").arg(output).arg("--report").arg(&report).args(flags).arg("-q");
+    // What is written is checked here, not how it is fitted.
+    let flags = [&["--reshape", "off", "-q"], flags].concat();
+    command.arg("bake").arg(input).arg("-o").arg(output).arg("--report").arg(&report).args(flags);
     let done = runs(&mut command);
     assert!(done.status.success(), "{command:?}: {}", String::from_utf8_lossy(&done.stderr));
     let report: Value = serde_json::from_slice(&fs::read(&report).unwrap()).unwrap();

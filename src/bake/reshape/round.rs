@@ -1,8 +1,8 @@
 //! One round: what dropping or moving each triangle would change in the pictures.
 
+use super::effort::Effort;
 use super::faces::ReshapedFaces;
 use crate::bake::views::Views;
-use crate::camera::Camera;
 use crate::error::Result;
 use crate::image::Pixels;
 use crate::mesh::Mesh;
@@ -15,15 +15,8 @@ use std::sync::atomic::{AtomicI64, Ordering::Relaxed};
 const GROUPS: usize = 4;
 /// Samples per pixel along each axis.
 const SAMPLES: u32 = 1;
-/// Longest side of the pictures, px: finer detail than this is not fitted.
-const LONGEST_SIDE: u32 = 960;
 /// Units per squared difference in integer sums. Integers, because their sums do not depend on the order.
 const UNITS: f64 = (1u64 << 24) as f64;
-
-/// The camera of a picture as a round looks at it.
-pub(super) fn smaller(camera: &Camera) -> Camera {
-    camera.within(LONGEST_SIDE)
-}
 
 /// Draws the rounds.
 pub(super) struct Rounds<'v> {
@@ -38,14 +31,14 @@ impl<'v> Rounds<'v> {
         Self { drawing: views.drawing(mesh, SAMPLES), views, solid: Solid::new() }
     }
 
-    /// Looks at one picture in `stride`, in every round at others: at the scene, and at the scene with its faces in the
-    /// places of `candidates`.
+    /// Looks at some of the pictures, in every round at others: at the scene, and at the scene with its faces in the places
+    /// of `candidates`.
     ///
     /// Errors: a photo that cannot be decoded.
     pub(super) fn draw(
         &mut self,
         round: u32,
-        stride: usize,
+        effort: Effort,
         faces: &ReshapedFaces,
         candidates: &[[glam::Vec3; 3]],
     ) -> Result<Found> {
@@ -55,10 +48,11 @@ impl<'v> Rounds<'v> {
         let both = faces.corners.iter().chain(candidates).flatten().copied().collect();
         let scene = Mesh { positions: both, ..Mesh::default() };
         let (colors, background) = (faces.encoded_colors(), self.drawing.background);
-        let chosen: Vec<usize> = (round as usize % stride..self.views.len()).step_by(stride).collect();
+        let chosen: Vec<usize> =
+            (round as usize % effort.stride..self.views.len()).step_by(effort.stride).collect();
         self.views.prefetch(&chosen);
         for view in chosen {
-            let camera = smaller(self.views.camera(view));
+            let camera = self.views.camera(view).within(effort.side);
             let photo = self.views.photo(view)?;
             let picture = match photo.size == camera.size {
                 true => photo,
