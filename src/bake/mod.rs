@@ -1,7 +1,7 @@
 //! The bake: a recipe of stages from a scene to an asset.
 //!
 //! ```text
-//! crop → teacher → prune → solid → color → unseen → backdrop → refit → weld → place → chunk → bvh → order → lod → tiles
+//! crop → teacher → collision → prune → solid → color → unseen → backdrop → refit → weld → place → chunk → bvh → order → lod → tiles
 //! ```
 //!
 //! Each stage is a file with its options, its function and what it measures ([`StageDetails`]); it changes its input
@@ -18,12 +18,14 @@ pub mod backdrop;
 pub mod bvh;
 mod cells;
 pub mod chunk;
+pub mod collision;
 pub mod color;
 pub mod crop;
 pub mod decimate;
 pub mod fit;
 pub mod lod;
 pub mod merge;
+pub mod mesh;
 pub mod options;
 pub mod order;
 pub mod place;

@@ -1,12 +1,16 @@
 //! What the making of a surface measured.
 
 use crate::report::StageDetails;
+use crate::teacher::ViewpointKind;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What a surface was made of, and what was dropped.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SurfaceDetails {
+    /// Where the scene was looked at from; absent when cameras were given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub viewpoints: Option<ViewpointKind>,
     /// Depth pictures that were drawn, one a camera.
     pub pictures: u64,
     /// Side of a cell, units of the input.

@@ -18,12 +18,13 @@ use crate::limits::Limits;
 use crate::mesh::Mesh;
 use crate::report::StageProgress;
 use crate::scene::Loaded;
+use crate::teacher::Viewpoints;
 use rayon::prelude::*;
 
 /// What of the time goes into drawing.
 const DRAWING: f64 = 0.5;
 
-/// The surface that `cameras`, in the frame of `scene`, see of it: connected, with shared vertices, indices and a colour per vertex, in the
+/// The surface that `cameras`, in the frame of `scene`, see of it; without cameras those that it stores, or chosen ones: connected, with shared vertices, indices and a colour per vertex, in the
 /// frame of the scene. Its fronts face the cameras. `None` when they see nothing. The same bits for any number of threads.
 ///
 /// The shell of a soup is left out unless the options ask for it; a backdrop must have been taken out before.
@@ -38,6 +39,15 @@ pub fn surface(
     progress: &mut StageProgress<'_>,
 ) -> Result<Option<Mesh>> {
     options.validate()?;
+    let chosen = match cameras.is_empty() {
+        true => Viewpoints::of(scene, 0),
+        false => None,
+    };
+    let cameras = chosen.as_ref().map_or(cameras, |viewpoints| &viewpoints.cameras);
+    if cameras.is_empty() {
+        return Ok(None);
+    }
+    details.viewpoints = chosen.as_ref().map(|viewpoints| viewpoints.kind);
     let shell = if options.shell { 0 } else { scene.provenance.shell as usize };
     let pictures = pictures(&scene.scene, shell, cameras, progress.part(0.0, DRAWING));
     let Some(grid) = Grid::over(&pictures, options)? else { return Ok(None) };
@@ -57,12 +67,7 @@ pub fn surface(
 }
 
 /// The distance field of what the pictures show.
-fn fused(
-    pictures: &[DepthPicture],
-    grid: Grid,
-    options: &SurfaceOptions,
-    limits: &Limits,
-) -> Result<Field> {
+fn fused(pictures: &[DepthPicture], grid: Grid, options: &SurfaceOptions, limits: &Limits) -> Result<Field> {
     let fusion = Fusion {
         grid,
         truncation: options.truncation as f32 * grid.voxel,

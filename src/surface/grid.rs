@@ -61,8 +61,7 @@ impl Grid {
         let high = (at + reach).floor().as_ivec3().min(self.blocks - 1);
         let run = |a: i32, b: i32| a..=b;
         run(low.z, high.z).flat_map(move |z| {
-            run(low.y, high.y)
-                .flat_map(move |y| run(low.x, high.x).map(move |x| number(IVec3::new(x, y, z))))
+            run(low.y, high.y).flat_map(move |y| run(low.x, high.x).map(move |x| number(IVec3::new(x, y, z))))
         })
     }
 }
