@@ -9,6 +9,9 @@ use crate::math::srgb8::srgb8_from_linear;
 use glam::Vec3;
 use std::sync::LazyLock;
 
+/// Weight of rays that pass far before a surface, as a share: at outlines they pass near the surface that they do not hit, and full
+/// weight would eat it away.
+const PASSING: f32 = 0.2;
 /// Linear light of every code.
 static LINEAR: LazyLock<[f32; 256]> =
     LazyLock::new(|| std::array::from_fn(|code| linear_from_srgb(code as f32 / 255.0)));
@@ -56,8 +59,7 @@ impl Fusion {
         if distance < -self.truncation {
             return;
         }
-        // A surface that is seen at a grazing angle is seen badly.
-        let weight = seen.slant;
+        let weight = if distance < self.truncation { seen.weight } else { seen.weight * PASSING };
         sums.distance += weight * distance.min(self.truncation);
         sums.weight += weight;
         sums.views += 1;

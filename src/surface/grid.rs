@@ -3,6 +3,7 @@
 use super::options::SurfaceOptions;
 use super::picture::DepthPicture;
 use crate::error::{Error, Result};
+use crate::math::median::median;
 use glam::{IVec3, Vec3};
 
 /// Samples along a side of a block.
@@ -11,10 +12,12 @@ pub(super) const SIDE: i32 = 8;
 pub(super) const SAMPLES: usize = (SIDE * SIDE * SIDE) as usize;
 /// Points that the size of the scene is measured on.
 const POINTS: usize = 200_000;
-/// The box is that between these quantiles of the points along each axis, ...
-const INSIDE: f32 = 0.05;
-/// ... grown on each side by this share of its own.
-const MARGIN: f32 = 0.2;
+/// Points this many times as far from their camera as the median one are surroundings.
+const FAR: f32 = 2.0;
+/// The box is that between these quantiles of the others along each axis, ...
+const INSIDE: f32 = 0.03;
+/// ... grown on each side by this share of its longest side.
+const MARGIN: f32 = 0.1;
 /// Bits of a block's number along an axis.
 const BITS: u32 = 21;
 
@@ -90,14 +93,17 @@ pub(super) fn within(local: usize) -> IVec3 {
     IVec3::new(local % SIDE, local / SIDE % SIDE, local / (SIDE * SIDE))
 }
 
-/// The box around most of what is seen.
+/// The box around most of what is seen near by.
 fn extent(pictures: &[DepthPicture]) -> Option<(Vec3, Vec3)> {
     let pixels: usize = pictures.iter().map(|picture| picture.depth.len()).sum();
     let step = (pixels / POINTS).max(1) | 1;
-    let of_picture = |picture: &DepthPicture| -> Vec<Vec3> {
-        (0..picture.depth.len()).step_by(step).filter_map(|i| picture.point(i)).collect()
+    let of_picture = |picture: &DepthPicture| -> Vec<(f32, Vec3)> {
+        let seen = |pixel: usize| Some((picture.depth[pixel], picture.point(pixel)?));
+        (0..picture.depth.len()).step_by(step).filter_map(seen).collect()
     };
-    let points: Vec<Vec3> = pictures.iter().flat_map(of_picture).collect();
+    let seen: Vec<(f32, Vec3)> = pictures.iter().flat_map(of_picture).collect();
+    let far = FAR * median(seen.iter().map(|(depth, _)| *depth).collect(), f32::total_cmp)?;
+    let points: Vec<Vec3> = seen.into_iter().filter(|(depth, _)| *depth <= far).map(|(_, p)| p).collect();
     let last = points.len().checked_sub(1)?;
     let (mut low, mut high) = (Vec3::ZERO, Vec3::ZERO);
     for axis in 0..3 {

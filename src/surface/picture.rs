@@ -9,6 +9,10 @@ pub(super) const FREE: f32 = f32::INFINITY;
 pub(super) const UNKNOWN: f32 = 0.0;
 /// Least share of the full distance that an observation at a grazing angle keeps.
 const LEAST_SLANT: f32 = 0.1;
+/// Weight of an observation beside an outline, where it is not sure which pixel a ray belongs to.
+const OUTLINE_WEIGHT: f32 = 0.05;
+/// Weight of an observation that nothing is there: it says nothing of how near the surface is.
+const FREE_WEIGHT: f32 = 0.5;
 
 /// A picture of depths.
 #[derive(Debug)]
@@ -27,6 +31,8 @@ pub(super) struct Sighting {
     pub(super) depth: f32,
     /// Distance from the surface's plane per difference of depth: small where the surface is seen at a grazing angle.
     pub(super) slant: f32,
+    /// How much it counts.
+    pub(super) weight: f32,
     /// The pixel nearest to it.
     pub(super) pixel: usize,
 }
@@ -67,10 +73,7 @@ impl DepthPicture {
         if depth == UNKNOWN {
             return None;
         }
-        let nearest = Sighting { depth, slant: 1.0, pixel };
-        if depth == FREE {
-            return Some(nearest);
-        }
+        let nearest = Sighting { depth, slant: 1.0, weight: OUTLINE_WEIGHT, pixel };
         let corner = (at - 0.5).floor();
         let inside = corner.cmpge(Vec2::ZERO).all() && (corner + 1.0).cmplt(size.as_vec2()).all();
         if !inside {
@@ -79,7 +82,11 @@ impl DepthPicture {
         let first = corner.y as usize * width + corner.x as usize;
         let around = [first, first + 1, first + width, first + width + 1].map(|i| self.depth[i]);
         let smooth = around.iter().all(|d| (*d - depth).abs() < step);
-        Some(if smooth { self.on_plane(around, at, at - 0.5 - corner, pixel) } else { nearest })
+        Some(match depth {
+            FREE if around == [FREE; 4] => Sighting { weight: FREE_WEIGHT, ..nearest },
+            _ if smooth => self.on_plane(around, at, at - 0.5 - corner, pixel),
+            _ => nearest,
+        })
     }
 
     /// The plane through four pixels, at a place between them.
@@ -97,7 +104,8 @@ impl DepthPicture {
         let normal = Vec3::new(across, down, inverse - across * ray.x - down * ray.y);
         let depth = inverse.recip();
         let slant = (inverse / normal.length()).clamp(LEAST_SLANT, ray.extend(1.0).length());
-        Sighting { depth, slant, pixel }
+        // A surface that is seen at a grazing angle is seen badly.
+        Sighting { depth, slant, weight: slant, pixel }
     }
 }
 

@@ -19,13 +19,14 @@ pub(super) fn simplify(mesh: &mut Mesh, most: usize) -> Option<f64> {
     let vertices = VertexDataAdapter::new(bytes, size_of::<glam::Vec3>(), 0).ok()?;
     let scale = meshopt::simplify_scale(&vertices);
     let mut error = 0.0;
+    // No vertex is locked. An empty list would be read beyond its end.
     let mut indices = meshopt::simplify_with_attributes_and_locks(
         &mesh.indices,
         &vertices,
         &codes,
         &[COLOR_WEIGHT; 3],
         3 * size_of::<f32>(),
-        &[] as &[bool],
+        &vec![false; mesh.vertex_count()],
         3 * most,
         f32::MAX,
         SimplifyOptions::Prune,

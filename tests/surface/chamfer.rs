@@ -2,6 +2,7 @@
 
 use crate::closed_form::made;
 use glam::{DVec3, IVec3, Vec3};
+use rayon::prelude::*;
 use std::collections::HashMap;
 use std::path::Path;
 use trisplat::camera::Camera;
@@ -13,6 +14,8 @@ use trisplat::surface::SurfaceOptions;
 
 /// Side of the cells in which nearest points are looked for; also the largest distance.
 const CELL: f32 = 0.25;
+/// Points that distances are measured from.
+const ASKED: usize = 10_000;
 /// The scene without its far floor and sky.
 const LOW: Vec3 = Vec3::new(-2.5, -2.0, -2.5);
 const HIGH: Vec3 = Vec3::new(2.5, 0.1, 2.5);
@@ -68,10 +71,10 @@ fn samples(mesh: &Mesh, spacing: f32) -> Vec<Vec3> {
     points
 }
 
-/// Mean and median of the distances from `points` to `others`.
+/// Mean and median of the distances from about [`ASKED`] of `points` to `others`.
 fn distances(points: &[Vec3], others: &[Vec3]) -> (f64, f64) {
-    let others = Points::new(others);
-    let mut all: Vec<f32> = points.iter().map(|p| others.distance(*p)).collect();
+    let (others, step) = (Points::new(others), (points.len() / ASKED).max(1));
+    let mut all: Vec<f32> = points.par_iter().step_by(step).map(|p| others.distance(*p)).collect();
     all.sort_unstable_by(f32::total_cmp);
     (all.iter().map(|d| f64::from(*d)).sum::<f64>() / all.len() as f64, all[all.len() / 2].into())
 }
@@ -84,8 +87,10 @@ fn the_trained_sample_is_near_the_truth() {
     assert_eq!(dataset.origin, DVec3::ZERO);
     let cameras: Vec<Camera> = dataset.train().map(|view| view.camera).collect();
     let scene = read(&here.join("samples/soups/trained.ply"), &ReadOptions::with_degree(0)).unwrap();
-    let (coarse, fine) = (truth(&cameras, 2.0), truth(&cameras, 0.4));
-    for (resolution, bound) in [(128, 1.0), (256, 2.0)] {
+    let (coarse, fine) = (truth(&cameras, 2.0), truth(&cameras, 0.5));
+    // More in a longer run: TRISPLAT_RESOLUTIONS=128,256,512.
+    let asked = std::env::var("TRISPLAT_RESOLUTIONS").unwrap_or("128".into());
+    for resolution in asked.split(',').map(|n| n.parse().unwrap()) {
         let options = SurfaceOptions { resolution, ..SurfaceOptions::DEFAULT };
         let (mesh, details) = made(&scene, &cameras, &options);
         let (mesh, voxel) = (mesh.unwrap(), details.voxel);
@@ -102,6 +107,7 @@ fn the_trained_sample_is_near_the_truth() {
             completeness.1,
             chamfer / voxel
         );
-        assert!(chamfer < bound * voxel, "{chamfer} of {voxel}");
+        // Finer than the triangles of the soup it is their error, not that of the voxels.
+        assert!(chamfer < (0.75 * voxel).max(0.02), "{chamfer} of {voxel}");
     }
 }

@@ -2,7 +2,8 @@
 
     blender --python import_scene.py -- scene.glb [scene.blend]
 
-With a second name the result is saved there. Run with Blender 3.4 and `--background`: TESTED.
+With a second name the result is saved there. Run headless (`--background`) with Blender 3.4.1 as Debian packages it, whose importer wants an
+older numpy: there `--python-expr "import numpy; numpy.bool = bool"` goes before `--python`.
 """
 
 import sys
