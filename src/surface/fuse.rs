@@ -59,7 +59,7 @@ impl Fusion {
         if distance < -self.truncation {
             return;
         }
-        let weight = if distance < self.truncation { seen.weight } else { seen.weight * PASSING };
+        let weight = seen.weight * self.trust(distance);
         sums.distance += weight * distance.min(self.truncation);
         sums.weight += weight;
         sums.views += 1;
@@ -68,6 +68,17 @@ impl Fusion {
             sums.color += weight * Vec3::from(color);
             sums.color_weight += weight;
         }
+    }
+
+    /// How much a distance counts, from 0 to 1, by what a ray can know: that it is free up to where it ends, less and less of what is
+    /// behind, and that it passes a surface it does not hit.
+    fn trust(&self, distance: f32) -> f32 {
+        if distance >= self.truncation {
+            return PASSING;
+        }
+        // Behind an edge is soon free space again, which other rays see.
+        let behind = (1.0 + distance.min(0.0) / self.truncation).powi(2);
+        behind * behind
     }
 
     fn finish(&self, sums: &[Sums; SAMPLES]) -> Block {

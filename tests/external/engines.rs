@@ -1,6 +1,6 @@
 //! The samples for engines, opened by the engines that run here.
 
-use super::browser::chromium;
+use super::browser::{chromium, mesh};
 use super::{bake, have, here, runs, runs_with};
 use serde_json::{Value, json};
 use std::fs;
@@ -62,12 +62,7 @@ fn the_page_sample_draws_the_scene_and_hits_its_surface() {
     let said: Value = serde_json::from_slice(&done.stdout)
         .unwrap_or_else(|_| panic!("{}", String::from_utf8_lossy(&done.stderr)));
     assert_eq!(said["errors"], json!([]), "{said}");
-    let scene = gltf::Gltf::open(folder.path().join("scene.glb")).unwrap();
-    let corners = scene.meshes().flat_map(|mesh| mesh.primitives().collect::<Vec<_>>()).map(|primitive| {
-        let positions = primitive.get(&gltf::Semantic::Positions).unwrap().count();
-        primitive.indices().map_or(positions, |indices| indices.count())
-    });
-    let triangles = corners.sum::<usize>() as u64 / 3;
+    let triangles = mesh(&folder.path().join("scene.glb")).0.face_count() as u64;
     let drawn = said["triangles"].as_u64().unwrap();
     // What is out of view is not drawn; the surface never is.
     assert!(drawn > triangles / 3 && drawn <= triangles, "{drawn} of {triangles}");

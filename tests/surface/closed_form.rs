@@ -103,7 +103,8 @@ fn small_pieces_go() {
     let all = SurfaceOptions { min_component: 0, ..OPTIONS };
     let (_, details) = made(&scene.clone().into(), &cameras, &all);
     assert_eq!((details.components, details.small), (2, 0));
-    let (mesh, details) = made(&scene.into(), &cameras, &OPTIONS);
+    let options = SurfaceOptions { min_component: 2000, ..OPTIONS };
+    let (mesh, details) = made(&scene.into(), &cameras, &options);
     assert!(details.components == 1 && details.small > 0, "{details:?}");
     assert!(mesh.unwrap().positions.iter().all(|p| p.length() < 1.1));
 }
@@ -114,6 +115,11 @@ fn a_soup_has_the_surface_of_its_triangles_without_its_shell() {
     let mut soup = mesh.to_soup();
     soup.opacity.fill(1.0);
     soup.sigma.fill(0.01);
+    // Their windows end at their edges: they overlap a little, as trained ones do, so that nothing shows between them.
+    for corners in &mut soup.vertices {
+        let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+        *corners = corners.map(|corner| middle + (corner - middle) * 1.2);
+    }
     // A shell before everything else: without it the ball is seen, with it only the shell.
     let mut shell = soup.clone();
     shell.vertices.iter_mut().flatten().for_each(|p| *p *= 1.5);

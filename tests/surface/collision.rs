@@ -194,7 +194,7 @@ fn mesh_writes_a_surface_and_refuses_what_bake_refuses() {
     refuses(&["mesh", "a.ply", "-o", "s.ply"], &["--output is s.ply", "--force"]);
     refuses(&["mesh", "a.ply", "-o", "a.ply", "--force"], &["a file that is not also an input"]);
     refuses(&["mesh", "a.ply", "-o", "s.html"], &["a name ending in .ply, .glb, .gltf or .obj"]);
-    refuses(&["mesh", "a.ply", "-o", "t.ply", "--voxel", "-1"], &["--voxel is -1"]);
+    refuses(&["mesh", "a.ply", "-o", "t.ply", "--voxel=-1"], &["--voxel is -1"]);
     let none = ["mesh", "a.ply", "-o", "t.ply", "--resolution", "8", "--min-component", "4000000000"];
     refuses(&none, &["the surface is empty", "--min-component"]);
     refuses(&["mesh", "a.ply", "-o", "t.ply", "--limit", "array_bytes=1000000"], &["the distance field"]);
