@@ -12,6 +12,8 @@ use std::sync::LazyLock;
 /// Weight of rays that pass far before a surface, as a share: at outlines they pass near the surface that they do not hit, and full
 /// weight would eat it away.
 const PASSING: f32 = 0.2;
+/// Distances behind a surface count fully up to this share of the truncation.
+const BEHIND: f32 = 0.25;
 /// Linear light of every code.
 static LINEAR: LazyLock<[f32; 256]> =
     LazyLock::new(|| std::array::from_fn(|code| linear_from_srgb(code as f32 / 255.0)));
@@ -76,9 +78,9 @@ impl Fusion {
         if distance >= self.truncation {
             return PASSING;
         }
-        // Behind an edge is soon free space again, which other rays see.
-        let behind = (1.0 + distance.min(0.0) / self.truncation).powi(2);
-        behind * behind
+        // Behind an edge is soon free space again, which other rays see; depths that differ from picture to picture must count alike.
+        let left = (1.0 + distance / self.truncation) / (1.0 - BEHIND);
+        left.min(1.0).powi(4)
     }
 
     fn finish(&self, sums: &[Sums; SAMPLES]) -> Block {

@@ -107,7 +107,7 @@ fn the_trained_sample_is_near_the_truth() {
             completeness.1,
             chamfer / voxel
         );
-        // Finer than the triangles of the soup it is their error, not that of the voxels.
-        assert!(chamfer < (0.75 * voxel).max(0.02), "{chamfer} of {voxel}");
+        // A pixel of the photos is about that wide, in the middle of the scene: finer voxels show the soup's own error.
+        assert!(chamfer < (0.75 * voxel).max(0.03), "{chamfer} of {voxel}");
     }
 }

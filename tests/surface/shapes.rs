@@ -36,7 +36,12 @@ pub(crate) fn two_colors(at: Vec3) -> [f32; 3] {
 
 /// A ball around `center`, so finely cut that it is round to a thousandth.
 pub(crate) fn ball(center: Vec3) -> Mesh {
-    patches(48, |p| center + RADIUS * p.normalize(), |p| two_colors(p - center))
+    coarse_ball(center, 48)
+}
+
+/// A ball around `center` of 12 n² triangles.
+pub(crate) fn coarse_ball(center: Vec3, n: usize) -> Mesh {
+    patches(n, |p| center + RADIUS * p.normalize(), |p| two_colors(p - center))
 }
 
 /// A cube around the origin.
