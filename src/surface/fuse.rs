@@ -67,6 +67,8 @@ impl Fusion {
         sums.views += 1;
         if distance < self.truncation {
             let color = picture.rgb[seen.pixel].map(|code| LINEAR[usize::from(code)]);
+            // Where a ray is slanted, its colour is that of a place beside the sample.
+            let weight = weight * seen.weight;
             sums.color += weight * Vec3::from(color);
             sums.color_weight += weight;
         }
