@@ -33,6 +33,8 @@ pub struct Asset {
     pub levels: Vec<Asset>,
     /// The same scene, without its backdrop, in tiles; the root shows all of it.
     pub tiles: Option<Box<Tile>>,
+    /// What to collide with in place of the scene's triangles: a connected surface, in the same frame. Not drawn.
+    pub collision: Option<Mesh>,
 }
 
 /// A piece of a scene at one level of detail; those below it show the same piece with more triangles.
@@ -86,7 +88,8 @@ impl Asset {
         let provenance = |backdrop| Provenance { backdrop, ..self.provenance.clone() };
         let chunks = self.chunks.iter().filter(|chunk| (chunk.first as usize) < faces).copied().collect();
         let bvh = self.bvh.clone();
-        let scene = Asset { mesh, chunks, bvh, provenance: provenance(0), ..Asset::default() };
+        let collision = self.collision.clone();
+        let scene = Asset { mesh, chunks, bvh, provenance: provenance(0), collision, ..Asset::default() };
         let backdrop = Asset { provenance: provenance(self.provenance.backdrop), ..Asset::from(behind) };
         Some((scene, backdrop))
     }

@@ -76,6 +76,7 @@ pub mod rng;
 pub mod scene;
 pub mod soup;
 pub mod space;
+pub mod surface;
 pub mod teacher;
 pub mod train;
 pub mod view;

@@ -133,15 +133,8 @@ pub fn crop(
         let wants = "a box or a sphere, or photos: `dataset`, as the file stores no cameras";
         return Err(Error::invalid("crop", words(), wants));
     }
-    let corners = |i: usize| match &*scene {
-        Scene::Soup(soup) => soup.vertices[i],
-        Scene::Mesh(mesh) => mesh.corners(i),
-    };
-    let inside = |i: usize| {
-        let centroid = corners(i).map(|v| v.as_dvec3()).into_iter().sum::<DVec3>() / 3.0;
-        options.crop.iter().all(|region| region.holds(centroid, cameras))
-    };
     let total = scene.triangle_count();
+    let inside = |i: usize| is_inside(scene, i, cameras, options);
     let keep: Vec<bool> = (0..total).into_par_iter().with_min_len(1 << 12).map(inside).collect();
     let kept = keep.iter().filter(|keep| **keep).count();
     if kept == 0 {
@@ -157,6 +150,16 @@ pub fn crop(
     }
     details.outside = (total - kept) as u64;
     Ok(Outcome::Changed(()))
+}
+
+/// How many of the first `count` triangles [`crop`] keeps.
+pub(super) fn count_inside(scene: &Scene, count: usize, cameras: &[Camera], options: &CropOptions) -> usize {
+    (0..count.min(scene.triangle_count())).filter(|i| is_inside(scene, *i, cameras, options)).count()
+}
+
+fn is_inside(scene: &Scene, triangle: usize, cameras: &[Camera], options: &CropOptions) -> bool {
+    let centroid = scene.corners(triangle).map(|v| v.as_dvec3()).into_iter().sum::<DVec3>() / 3.0;
+    options.crop.iter().all(|region| region.holds(centroid, cameras))
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! The bake: a recipe of stages from a scene to an asset.
 //!
 //! ```text
-//! crop → teacher → prune → solid → color → unseen → reshape → backdrop → refit → weld → place → chunk → bvh → order → lod
-//! → tiles
+//! crop → teacher → collision → prune → solid → color → unseen → reshape → backdrop → refit → weld → place → chunk → bvh
+//! → order → lod → tiles
 //! ```
 //!
 //! Each stage is a file with its options, its function and what it measures ([`StageDetails`]); it changes its input
@@ -19,6 +19,7 @@ pub mod backdrop;
 pub mod bvh;
 mod cells;
 pub mod chunk;
+pub mod collision;
 pub mod color;
 pub mod crop;
 pub mod decimate;
@@ -26,6 +27,7 @@ pub mod fit;
 pub mod lod;
 pub mod max_bytes;
 pub mod merge;
+pub mod mesh;
 mod moved_corner;
 pub mod options;
 pub mod order;

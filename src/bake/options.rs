@@ -3,6 +3,7 @@
 use super::backdrop::BackdropOptions;
 use super::bvh::BvhOptions;
 use super::chunk::ChunkOptions;
+use super::collision::CollisionOptions;
 use super::crop::CropOptions;
 use super::lod::LodOptions;
 use super::order::OrderOptions;
@@ -52,6 +53,9 @@ pub struct BakeOptions {
         command(flatten, next_help_heading = "Teacher, without --dataset: pictures in place of photos")
     )]
     pub teacher: TeacherOptions,
+    /// Whether there is something to collide with.
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Collision: something to walk on"))]
+    pub collision: CollisionOptions,
     /// Which triangles are dropped.
     #[cfg_attr(
         feature = "cli",
@@ -126,6 +130,7 @@ impl BakeOptions {
         preset: BakePreset::Default,
         crop: CropOptions::DEFAULT,
         teacher: TeacherOptions::DEFAULT,
+        collision: CollisionOptions::DEFAULT,
         prune: PruneOptions::DEFAULT,
         solid: SolidOptions::DEFAULT,
         unseen: UnseenOptions::DEFAULT,
@@ -163,6 +168,7 @@ impl BakeOptions {
 
     /// Checks the ranges that need no scene; stages check the rest.
     pub fn validate(&self) -> Result<()> {
+        self.collision.validate()?;
         self.prune.validate()?;
         self.lod.validate()?;
         self.tiles.validate()?;

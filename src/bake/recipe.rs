@@ -3,8 +3,9 @@
 use super::backdrop::{BackdropWhen, backdrop, keep_backdrop};
 use super::bvh::{BvhOptions, bvh};
 use super::chunk::{ChunkOptions, chunk};
+use super::collision::collision;
 use super::color::color;
-use super::crop::crop;
+use super::crop::{count_inside, crop};
 use super::fit;
 use super::lod::{FinishedLevel, LevelSource, LodOptions, lod};
 use super::merge::{merge, share_world};
@@ -162,6 +163,7 @@ impl<'a> Recipe<'a> {
         let loaded = self.crop(loaded)?;
         self.teach(&loaded)?;
         let is_soft = matches!(&loaded.scene, Scene::Soup(soup) if !is_solid(soup));
+        let collision = self.collide(&loaded)?;
         let Loaded { mut scene, mut provenance, warnings, mut cameras } = loaded;
         // Of no use to an engine, and untrue as soon as triangles are left out.
         provenance.shell = 0;
@@ -209,7 +211,8 @@ impl<'a> Recipe<'a> {
             LevelSource { mesh: &unpainted, cameras: &cameras, enlarge: self.options.unseen.enlarge };
         let levels = self.levels(&source, &lod, &provenance)?;
         // Of the finished scene: every tile holds triangles as they are written.
-        let (asset, options) = (Asset { levels, ..asset }, &self.options.tiles);
+        let collision = collision.map(|mesh| self.placed(mesh));
+        let (asset, options) = (Asset { levels, collision, ..asset }, &self.options.tiles);
         self.report
             .stage(self.observer, asset, Asset::counts, |asset, details| tiles(asset, options, details))
     }
@@ -241,9 +244,10 @@ impl<'a> Recipe<'a> {
 
     /// First of all: a budget of triangles is for what stays, and what is cut off must not stand in pictures before it.
     fn crop(&mut self, loaded: Loaded) -> Result<Loaded> {
-        let Loaded { scene, provenance, warnings, cameras } = loaded;
+        let Loaded { scene, mut provenance, warnings, cameras } = loaded;
         let options = &self.options.crop;
         let seen_by = self.views.as_deref().map_or(&cameras[..], Views::cameras);
+        provenance.shell = count_inside(&scene, provenance.shell as usize, seen_by, options) as u32;
         let scene = self
             .report
             .stage(self.observer, scene, count, |scene, details| crop(scene, seen_by, options, details))?;
@@ -258,6 +262,23 @@ impl<'a> Recipe<'a> {
             teacher(views, loaded, photos, &options.teacher, &options.solid, details)
         })?;
         Ok(())
+    }
+
+    /// On the scene as it was trained, too: depths of all its triangles say more than those of fewer.
+    fn collide(&mut self, loaded: &Loaded) -> Result<Option<Mesh>> {
+        let (options, observer) = (&self.options.collision, &mut *self.observer);
+        let cameras = self.views.as_deref().map_or(&[][..], Views::cameras);
+        let measure = |found: &Option<Mesh>| found.as_ref().map_or(count(&loaded.scene), count_mesh);
+        self.report.long_stage(observer, None, measure, |found, details, progress| {
+            collision(found, loaded, cameras, options, details, progress)
+        })
+    }
+
+    /// What was made of the scene before it was placed, where the scene is now.
+    fn placed(&self, mut mesh: Mesh) -> Mesh {
+        let transform = self.placement.unwrap_or_default().transform();
+        mesh.positions.iter_mut().for_each(|position| *position = transform(*position));
+        mesh
     }
 
     /// The part of the recipe that turns what was read into opaque, coloured triangles.

@@ -74,6 +74,10 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()>
         BackdropWhen::File => output.with_backdrop_file(&options.output)?,
         _ => output,
     };
+    let output = match options.collision.collision {
+        true => output.with_collision(&options.output)?,
+        false => output,
+    };
 
     let mut outputs = guard(args, &output)?;
     let files = if args.dry_run { output.dry_run() } else { output.start()? };

@@ -16,6 +16,7 @@ pub mod info;
 pub mod info_dataset;
 pub mod layers;
 pub mod man;
+pub mod mesh;
 pub mod messages;
 #[cfg(not(all(feature = "gpu", feature = "view")))]
 pub mod missing;

@@ -5,8 +5,8 @@ use super::missing;
 #[cfg(feature = "view")]
 use super::view;
 use super::{
-    Global, bake, bench, completions, eval, flags, info, man, messages, render, sample, schema, signals,
-    stdout::Stdout, train, train_args, validate,
+    Global, bake, bench, completions, eval, flags, info, man, mesh, messages, render, sample, schema,
+    signals, stdout::Stdout, train, train_args, validate,
 };
 use crate::dataset::DatasetOptions;
 use crate::error::{Error, Result};
@@ -32,6 +32,8 @@ pub struct Cli {
 pub enum Command {
     /// Turn a trained soup or a coloured mesh into a file an engine draws.
     Bake(Box<bake::BakeArgs>),
+    /// Make one connected surface of a scene: something to walk on, to collide with, to print.
+    Mesh(Box<mesh::MeshArgs>),
     /// Describe a file and what a bake would make of it.
     Info(info::InfoArgs),
     /// Check a file for errors, written by trisplat or by another tool.
@@ -89,6 +91,7 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
     let out = &mut Stdout;
     match &cli.command {
         Command::Bake(args) => bake::run(args, typed, &cli.global),
+        Command::Mesh(args) => mesh::run(args, &cli.global),
         Command::Train(args) => return train::run(args, typed, &cli.global),
         Command::Eval(args) => eval::run(args, &cli.global, out),
         Command::Render(args) => render::run(args, &cli.global),
@@ -115,6 +118,7 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
 fn dataset_options(command: &mut Command) -> Option<&mut DatasetOptions> {
     match command {
         Command::Bake(args) => Some(&mut args.dataset_options),
+        Command::Mesh(args) => Some(&mut args.dataset_options),
         Command::Train(args) => Some(&mut args.dataset_options),
         Command::Eval(args) => Some(&mut args.dataset_options),
         Command::Render(args) => Some(&mut args.dataset_options),

@@ -2,10 +2,11 @@
 
 use super::stdout::Stdout;
 use crate::bake::{
-    BakeOptions, backdrop::BackdropDetails, bvh::BvhDetails, chunk::ChunkDetails, color::ColorDetails,
-    crop::CropDetails, lod::LodDetails, order::OrderDetails, place::PlaceDetails, prune::PruneDetails,
-    refit::RefitDetails, reshape::ReshapeDetails, solid::SolidDetails, teacher::TeacherDetails,
-    tiles::TilesDetails, unseen::UnseenDetails, weld::WeldDetails,
+    BakeOptions, backdrop::BackdropDetails, bvh::BvhDetails, chunk::ChunkDetails,
+    collision::CollisionDetails, color::ColorDetails, crop::CropDetails, lod::LodDetails,
+    order::OrderDetails, place::PlaceDetails, prune::PruneDetails, refit::RefitDetails,
+    reshape::ReshapeDetails, solid::SolidDetails, teacher::TeacherDetails, tiles::TilesDetails,
+    unseen::UnseenDetails, weld::WeldDetails,
 };
 use crate::bench::bake::BakeRow;
 use crate::bench::cost::MeasuredRow;
@@ -18,6 +19,7 @@ use crate::formats::check::Checked;
 use crate::formats::info::Info;
 use crate::formats::output::WriteDetails;
 use crate::report::{Report, stage_schema};
+use crate::surface::SurfaceDetails;
 use crate::train::{TrainDetails, TrainOptions};
 use std::io::Write;
 
@@ -101,6 +103,8 @@ fn report_schema() -> schemars::Schema {
     let stages = [
         stage_schema::<CropDetails>(g),
         stage_schema::<TeacherDetails>(g),
+        stage_schema::<CollisionDetails>(g),
+        stage_schema::<SurfaceDetails>(g),
         stage_schema::<TilesDetails>(g),
         stage_schema::<PruneDetails>(g),
         stage_schema::<SolidDetails>(g),

@@ -1,5 +1,6 @@
 //! Writes an asset to whichever files its format needs: planned first, then written, then renamed at once.
 
+mod beside;
 mod stale;
 
 use super::gltf::GltfOptions;
@@ -8,7 +9,7 @@ use super::target::OutputTarget;
 use super::tiles::{self, TileFiles};
 use super::tileset::{self, TilesetTile};
 use super::{bvh, gltf, html, obj, ply};
-use crate::asset::{Asset, Tile};
+use crate::asset::{Asset, Provenance, Tile};
 use crate::atomic::{AtomicFile, publish};
 use crate::error::{Error, Result};
 use crate::report::{Observer, Outcome, OutputReport, Report, StageDetails};
@@ -130,6 +131,9 @@ impl OutputFormat {
     }
 }
 
+/// Name of a scene's node when it is a single one.
+const SCENE_NODE: &str = "scene";
+
 fn is_device(path: &Path) -> bool {
     std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
 }
@@ -144,8 +148,12 @@ pub struct Output {
     /// Name and content of the engine's import settings.
     sidecar: Option<(PathBuf, String)>,
     bvh: Option<PathBuf>,
+    /// Name of the scene's node, where the format has nodes.
+    node: &'static str,
     /// The file of the backdrop, when it has one of its own.
     backdrop: Option<Box<Output>>,
+    /// The file of what to collide with, when it has one of its own.
+    collision: Option<Box<Output>>,
     /// One for each level of detail.
     levels: Vec<Output>,
     /// Names all levels.
@@ -191,48 +199,12 @@ impl Output {
             second,
             sidecar: sidecar.map(|(name, text)| (path.with_file_name(name), text)),
             bvh: bvh.then(|| path.with_extension("bvh")),
+            node: SCENE_NODE,
             backdrop: None,
+            collision: None,
             levels: Vec::new(),
             tileset: None,
         })
-    }
-
-    /// Whether a backdrop and levels may go into files beside it.
-    fn has_files_beside(&self) -> bool {
-        let alone = matches!(self.format, OutputFormat::Html | OutputFormat::Tiles);
-        !alone && self.main.as_os_str() != "-" && !is_device(&self.main)
-    }
-
-    /// The same with the backdrop in a file of its own: OUT.backdrop.glb.
-    pub fn with_backdrop_file(mut self, options: &OutputOptions) -> Result<Self> {
-        if !self.has_files_beside() {
-            let wants = "a .glb, .gltf, .obj or .ply file: `backdrop` file writes one beside the first";
-            return Err(Error::invalid("output", self.main.display(), wants));
-        }
-        let ending = self.main.extension().and_then(|e| e.to_str()).unwrap_or("glb").to_owned();
-        let path = self.main.with_extension(format!("backdrop.{ending}"));
-        self.backdrop = Some(Box::new(Self::plan(&path, Some(self.format), options, false)?));
-        Ok(self)
-    }
-
-    /// The same with so many levels of detail beside it: OUT.lod1.glb and so on, and for glTF a tileset of all.
-    pub fn with_levels(mut self, levels: usize, options: &OutputOptions) -> Result<Self> {
-        if levels == 0 {
-            return Ok(self);
-        }
-        if !self.has_files_beside() {
-            let wants = "a .glb, .gltf, .obj or .ply file: `lod` writes more files beside the first";
-            return Err(Error::invalid("output", self.main.display(), wants));
-        }
-        let ending = self.main.extension().and_then(|e| e.to_str()).unwrap_or("glb").to_owned();
-        let level = |i: usize| {
-            let path = self.main.with_extension(format!("lod{i}.{ending}"));
-            Self::plan(&path, Some(self.format), options, self.bvh.is_some())
-        };
-        self.levels = (1..=levels).map(level).collect::<Result<_>>()?;
-        let gltf = matches!(self.format, OutputFormat::Glb | OutputFormat::Gltf);
-        self.tileset = gltf.then(|| self.main.with_extension("tileset.json"));
-        Ok(self)
     }
 
     /// Every file that will be written.
@@ -244,9 +216,10 @@ impl Output {
         })
     }
 
-    /// The scene, its backdrop, its levels.
+    /// The scene, its backdrop, what to collide with, its levels.
     fn parts(&self) -> impl Iterator<Item = &Self> {
-        std::iter::once(self).chain(self.backdrop.as_deref()).chain(&self.levels)
+        let beside = self.backdrop.as_deref().into_iter().chain(self.collision.as_deref());
+        std::iter::once(self).chain(beside).chain(&self.levels)
     }
 
     fn import(&self) -> Option<&Path> {
@@ -257,7 +230,7 @@ impl Output {
     fn publishing_order(&self) -> Vec<&Path> {
         let beside =
             self.parts().flat_map(|part| [part.second.as_deref(), part.import(), part.bvh.as_deref()]);
-        let parts = self.levels.iter().chain(self.backdrop.as_deref()).map(|part| Some(part.main.as_path()));
+        let parts = self.parts().skip(1).map(|part| Some(part.main.as_path()));
         let last = [Some(self.main.as_path()), self.tileset.as_deref()];
         beside.chain(parts).chain(last).flatten().collect()
     }
@@ -359,7 +332,7 @@ impl SetWriter<'_> {
         Ok(tiles)
     }
 
-    /// The scene, its backdrop, its levels and what names them; returns warnings for the user.
+    /// The scene, its backdrop, what to collide with, its levels and what names them; returns warnings for the user.
     fn all(&mut self, asset: &Asset, output: &Output, details: &mut WriteDetails) -> Result<Vec<String>> {
         let mut warnings;
         let mut quiet = WriteDetails::default();
@@ -369,6 +342,11 @@ impl SetWriter<'_> {
                 warnings.extend(self.one(&backdrop, beside, &mut quiet)?);
             }
             _ => warnings = self.one(asset, output, details)?,
+        }
+        if let (Some(beside), Some(mesh)) = (&output.collision, &asset.collision) {
+            let provenance = Provenance { backdrop: 0, ..asset.provenance.clone() };
+            let collision = Asset { provenance, ..Asset::from(mesh.clone()) };
+            warnings.extend(self.one(&collision, beside, &mut quiet)?);
         }
         for (asset, output) in asset.levels.iter().zip(&output.levels) {
             warnings.extend(self.one(asset, output, &mut quiet)?);
@@ -434,6 +412,7 @@ fn encode(
         p.as_ref().and_then(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
     };
     let name = name_of(&output.second);
+    let named = |encoding| GltfOptions { node_name: output.node.to_owned(), ..encoding };
     let written = match (output.format, second) {
         (OutputFormat::Obj, Some(mtl)) => {
             obj::write(main, mtl, &name, asset).map_err(io)?;
@@ -446,7 +425,7 @@ fn encode(
             return Ok(Vec::new());
         }
         (OutputFormat::Gltf, Some(bin)) => {
-            let encoding = options.encoding(details);
+            let encoding = named(options.encoding(details));
             gltf::write_gltf(main, bin, &name, path, asset, &encoding)?
         }
         (OutputFormat::Html, _) => {
@@ -455,7 +434,7 @@ fn encode(
             html::write(main, path, &title.to_string_lossy(), asset, &encoding)?
         }
         _ => {
-            let encoding = options.encoding(details);
+            let encoding = named(options.encoding(details));
             gltf::write_glb(main, path, asset, &encoding)?
         }
     };

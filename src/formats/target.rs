@@ -55,6 +55,8 @@ struct TargetRow {
     name: &'static str,
     colors: ColorEncoding,
     material: &'static str,
+    /// Name of a node that is collided with and not drawn, where a name can say so.
+    collision: Option<&'static str>,
     small: SmallFile,
     notes: &'static [&'static str],
     /// Added when the file is made small.
@@ -64,6 +66,8 @@ struct TargetRow {
 const LINEAR: ColorEncoding = ColorEncoding::U16Linear;
 /// Godot takes vertex colours of a material of such a name as sRGB, and drops the ending on import.
 const GODOT_MATERIAL: &str = "trisplat-vcol";
+/// Godot makes a static body of the mesh of a node of such a name, and draws nothing.
+const GODOT_COLLISION: &str = "collision-colonly";
 
 impl OutputTarget {
     fn row(self) -> TargetRow {
@@ -71,6 +75,7 @@ impl OutputTarget {
             name,
             colors: LINEAR,
             material: "trisplat",
+            collision: None,
             small,
             notes: &[],
             small_notes: &[],
@@ -86,12 +91,14 @@ impl OutputTarget {
             OutputTarget::Godot => TargetRow {
                 colors: ColorEncoding::U8Srgb,
                 material: GODOT_MATERIAL,
+                collision: Some(GODOT_COLLISION),
                 notes: &["vertex colours are sRGB codes; other viewers show this file washed out"],
                 ..plain("godot", SmallFile::No("its importer refuses quantised and compressed meshes"))
             },
             OutputTarget::Godot3 => TargetRow {
                 colors: ColorEncoding::F32Srgb,
                 material: GODOT_MATERIAL,
+                collision: Some(GODOT_COLLISION),
                 notes: &[
                     "vertex colours are sRGB codes; other viewers show this file washed out",
                     "the importer ignores 'unlit': tick Unshaded in the material's flags",
@@ -147,10 +154,16 @@ impl OutputTarget {
                 positions,
                 meshopt: small && matches!(row.small, SmallFile::Compressed),
                 material_name: row.material.to_owned(),
-                allow_huge: false,
+                collision_name: row.collision.map(str::to_owned),
+                ..GltfOptions::default()
             },
             notes: notes.iter().map(|note| format!("{}: {note}", row.name)).collect(),
         }
+    }
+
+    /// Whether the target's glTF has a node for what to collide with; for others it is a file beside the scene.
+    pub fn has_collision_node(self) -> bool {
+        self.row().collision.is_some()
     }
 
     /// Name and content of the file that goes beside `glb_file_name`, where the engine wants one.

@@ -17,7 +17,8 @@ pub struct WrittenFiles {
 
 /// Writes an asset in the format that the name of `path` ends in: .glb, .gltf, .obj, .ply, .html or .tileset.json.
 ///
-/// Files that belong to it go beside it: the .bin of a glTF, the .mtl of an OBJ, a BVH, levels of detail and their tileset. They get their
+/// Files that belong to it go beside it: the .bin of a glTF, the .mtl of an OBJ, a BVH, what to collide with, levels of detail and their
+/// tileset. They get their
 /// names when all of them are complete. Existing files are replaced.
 ///
 /// ```
@@ -43,8 +44,11 @@ pub struct WrittenFiles {
 /// `Invalid` for a name without a known ending, or standard output for what needs several files; `TooLarge` for what the format cannot
 /// hold; `Io`.
 pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<WrittenFiles> {
-    let output =
+    let mut output =
         Output::plan(path, None, options, asset.bvh.is_some())?.with_levels(asset.levels.len(), options)?;
+    if asset.collision.is_some() {
+        output = output.with_collision(options)?;
+    }
     let mut report = Report::new("write");
     output::write(asset, &output, output.start()?, options, &mut report, &mut ())?;
     Ok(WrittenFiles { files: report.outputs, warnings: report.warnings })

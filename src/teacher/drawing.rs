@@ -35,6 +35,11 @@ impl Teacher {
         Self { soup, space, options, soft: Soft::new() }
     }
 
+    /// Units of the soup in a unit of a frame's depths.
+    pub fn depth_unit(&self) -> f32 {
+        1.0 / self.space.scale
+    }
+
     /// What `camera`, in the frame of the soup, sees.
     pub fn frame(&mut self, camera: &Camera) -> &Frame {
         let camera = self.space.camera_to_training(camera);

@@ -8,6 +8,7 @@
 )]
 
 mod browser;
+mod engines;
 mod renderers;
 mod tiles;
 
@@ -340,7 +341,7 @@ fn project(scripts: &str, target: &str) -> TempDir {
         fs::copy(here(scripts).join(file), folder.path().join(file)).unwrap();
     }
     let scene = folder.path().join("scene.glb");
-    bake(&studio(), &scene, &["--target", target, "--chunk-triangles", "3000"]);
+    bake(&studio(), &scene, &["--target", target, "--chunk-triangles", "3000", "--collision"]);
     folder
 }
 
@@ -354,6 +355,8 @@ fn assert_same_scene(folder: &Path, said: &str) {
         said.lines().filter(|line| line.starts_with("node ")).map(|line| line.split(' ').collect()).collect();
     assert!(nodes.len() >= 3, "{said}");
     assert!(nodes.iter().all(|node| node[2] == node[3] && node[4].eq_ignore_ascii_case("true")), "{said}");
+    let body = format!("body collision {}", engines::collision_faces(&folder.join("scene.glb")));
+    assert!(said.lines().any(|line| line == body), "{body} is not in {said}");
     let vertices: usize = nodes.iter().map(|node| node[2].parse::<usize>().unwrap()).sum();
     assert_eq!(vertices, mesh.vertex_count());
 

@@ -1,5 +1,6 @@
 # Writes what Godot 3 made of scene.glb to dump.bin, one record a vertex in the order of the file: position as
-# three floats, colour as three bytes. Prints one line a mesh node: name, vertices, colours and material flags.
+# three floats, colour as three bytes. Prints one line a mesh node: name, vertices, colours and material flags; and one a body: name and
+# triangles of its shape.
 extends SceneTree
 
 func _init():
@@ -7,6 +8,8 @@ func _init():
 	out.open("res://dump.bin", File.WRITE)
 	var root = load("res://scene.glb").instance()
 	for node in root.get_children():
+		if node is StaticBody:
+			print("body ", node.name, " ", node.get_child(0).shape.get_faces().size() / 3)
 		if not node is MeshInstance:
 			continue
 		var arrays = node.mesh.surface_get_arrays(0)

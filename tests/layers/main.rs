@@ -32,13 +32,14 @@ const MAY: &[(&str, &str)] = &[
     ("formats", "soup mesh scene bvh asset camera report error math atomic input limits"),
     ("raster", "kernel soup mesh camera image math error"),
     ("teacher", "raster dataset scene soup space camera image error"),
+    ("surface", "teacher raster scene soup space mesh camera report error math limits"),
     (
         "train",
         "raster kernel dataset formats asset scene atomic process soup mesh space camera image rng report error math input limits",
     ),
     (
         "bake",
-        "raster teacher dataset formats soup mesh scene placed bvh asset camera image rng report error math",
+        "surface raster teacher dataset formats soup mesh scene placed bvh asset camera image rng report error math limits",
     ),
     ("view", "asset rng mesh soup scene raster camera image gpu error math limits"),
     (
@@ -47,7 +48,7 @@ const MAY: &[(&str, &str)] = &[
     ),
     (
         "cli",
-        "asset atomic bake bench camera dataset error formats gpu image placed report rng scene teacher train view input limits",
+        "asset atomic bake bench camera dataset error formats gpu image placed report rng scene surface teacher train view input limits",
     ),
     ("main", "cli"),
     ("lib", ""),

@@ -5,7 +5,7 @@ use super::content::Content;
 use super::extensions::{CompressedView, CompressionMode, FallbackBuffer, MESHOPT, QUANTIZATION, UNLIT};
 use super::extras::SceneExtras;
 use super::options::{ColorEncoding, GltfOptions, PositionEncoding};
-use super::part::{BACKDROP, ScenePart, Stream, all_streams};
+use super::part::{BACKDROP, PartKind, ScenePart, Stream, all_streams};
 use super::uri;
 use gltf_json::accessor::{ComponentType, GenericComponentType, Type};
 use gltf_json::buffer::{Stride, Target, View};
@@ -37,8 +37,12 @@ fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
     let meshes = parts
         .iter()
         .map(|part| {
-            // The backdrop's material is the last.
-            let material = if part.backdrop { materials.len() - 1 } else { 0 };
+            let material = match part.kind {
+                PartKind::Scene => Some(0),
+                // The backdrop's material is the last.
+                PartKind::Backdrop => Some(materials.len() - 1),
+                PartKind::Collision => None,
+            };
             mesh(part, material, options, &mut accessors)
         })
         .collect::<Result<_>>()?;
@@ -93,9 +97,9 @@ fn materials(content: &Content) -> Vec<Material> {
     let name = &content.options.material_name;
     // Godot takes the end of a material's name as a hint.
     let hint = name.rfind('-').map_or("", |at| &name[at..]);
-    let scene = content.parts.iter().any(|part| !part.backdrop).then(|| material(name, true));
-    let backdrop = content.parts.iter().any(|part| part.backdrop);
-    let backdrop = backdrop.then(|| material(&format!("{BACKDROP}{hint}"), false));
+    let has = |kind| content.parts.iter().any(|part| part.kind == kind);
+    let scene = has(PartKind::Scene).then(|| material(name, true));
+    let backdrop = has(PartKind::Backdrop).then(|| material(&format!("{BACKDROP}{hint}"), false));
     scene.into_iter().chain(backdrop).collect()
 }
 
@@ -130,7 +134,7 @@ fn node(mesh: usize, part: &ScenePart) -> Node {
 /// The mesh of a part; its accessors are appended, one per buffer view.
 fn mesh(
     part: &ScenePart,
-    material: usize,
+    material: Option<usize>,
     options: &GltfOptions,
     accessors: &mut Vec<Accessor>,
 ) -> Result<Mesh> {
@@ -139,7 +143,7 @@ fn mesh(
         extensions: None,
         extras: None,
         indices: None,
-        material: Some(index(material)),
+        material: material.map(index),
         mode: Valid(Mode::Triangles),
         targets: None,
     };

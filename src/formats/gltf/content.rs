@@ -26,7 +26,7 @@ impl<'a> Content<'a> {
     pub(super) fn new(path: &Path, asset: &'a Asset, options: &'a GltfOptions) -> Result<Self> {
         let parts = parts(path, asset, options)?;
         let compressed = if options.meshopt {
-            Some(meshopt::compress(&asset.mesh, &parts, options).map_err(|e| Error::unsupported(path, e))?)
+            Some(meshopt::compress(&parts, options).map_err(|e| Error::unsupported(path, e))?)
         } else {
             None
         };
@@ -50,7 +50,7 @@ impl<'a> Content<'a> {
                     streams[i].len() as u64
                 }
                 None => {
-                    encode::write(out, &self.asset.mesh, part, stream, self.options, &mut scratch)?;
+                    encode::write(out, part, stream, self.options, &mut scratch)?;
                     part.bytes(stream, self.options)
                 }
             };

@@ -3,7 +3,7 @@
 use super::options::{ColorEncoding, GltfOptions};
 use super::part::{PartVertices, ScenePart, Stream};
 use crate::math::srgb8::srgb8_from_linear;
-use crate::mesh::{Colors, Mesh};
+use crate::mesh::Colors;
 use std::io::{self, Write};
 use std::ops::Range;
 use std::sync::LazyLock;
@@ -14,13 +14,12 @@ const BLOCK_BYTES: u64 = 1 << 20;
 /// Writes one stream in blocks of about 1 MiB; `scratch` is reused from call to call.
 pub(super) fn write(
     out: &mut dyn Write,
-    mesh: &Mesh,
     part: &ScenePart,
     stream: Stream,
     options: &GltfOptions,
     scratch: &mut Vec<u8>,
 ) -> io::Result<()> {
-    if let Some(bytes) = contiguous_bytes(mesh, part, stream) {
+    if let Some(bytes) = contiguous_bytes(part, stream) {
         return out.write_all(bytes);
     }
     let stride = part.stride(stream, options);
@@ -30,38 +29,32 @@ pub(super) fn write(
     for start in (0..count).step_by(step) {
         let range = start..count.min(start + step);
         scratch.resize(range.len() * stride as usize, 0);
-        fill(scratch, mesh, part, stream, range, options);
+        fill(scratch, part, stream, range, options);
         out.write_all(scratch)?;
     }
     Ok(())
 }
 
 /// All bytes of one stream.
-pub(super) fn bytes(mesh: &Mesh, part: &ScenePart, stream: Stream, options: &GltfOptions) -> Vec<u8> {
+pub(super) fn bytes(part: &ScenePart, stream: Stream, options: &GltfOptions) -> Vec<u8> {
     let mut bytes = vec![0; part.bytes(stream, options) as usize];
-    fill(&mut bytes, mesh, part, stream, 0..part.count(stream), options);
+    fill(&mut bytes, part, stream, 0..part.count(stream), options);
     bytes
 }
 
 /// The stream's bytes when memory holds them already: float positions of a run of vertices.
-fn contiguous_bytes<'a>(mesh: &'a Mesh, part: &ScenePart, stream: Stream) -> Option<&'a [u8]> {
+fn contiguous_bytes<'a>(part: &ScenePart<'a>, stream: Stream) -> Option<&'a [u8]> {
     match (&part.vertices, stream, part.grid) {
         (PartVertices::Run(run), Stream::Positions, None) if cfg!(target_endian = "little") => {
-            Some(bytemuck::cast_slice(&mesh.positions[run.clone()]))
+            Some(bytemuck::cast_slice(&part.mesh.positions[run.clone()]))
         }
         _ => None,
     }
 }
 
 /// Fills `out` with the elements `range` of a stream; a range of vertices starts with a face.
-fn fill(
-    out: &mut [u8],
-    mesh: &Mesh,
-    part: &ScenePart,
-    stream: Stream,
-    range: Range<usize>,
-    options: &GltfOptions,
-) {
+fn fill(out: &mut [u8], part: &ScenePart, stream: Stream, range: Range<usize>, options: &GltfOptions) {
+    let mesh = part.mesh;
     match stream {
         Stream::Positions => match part.grid {
             Some(grid) => vertices(out, &mesh.positions, part, range, |p| -> [u8; 8] {
@@ -72,7 +65,7 @@ fn fill(
                 bytes_of(p.to_array().map(f32::to_le_bytes))
             }),
         },
-        Stream::Colors => fill_colors(out, mesh, part, range, options.colors),
+        Stream::Colors => fill_colors(out, part, range, options.colors),
         Stream::Indices => {
             let first = 3 * part.faces.start;
             let local = mesh.indices[first + range.start..first + range.end].iter().map(|&v| part.local(v));
@@ -85,25 +78,25 @@ fn fill(
     }
 }
 
-fn fill_colors(out: &mut [u8], mesh: &Mesh, part: &ScenePart, range: Range<usize>, encoding: ColorEncoding) {
+fn fill_colors(out: &mut [u8], part: &ScenePart, range: Range<usize>, encoding: ColorEncoding) {
     match encoding {
-        ColorEncoding::U16Linear => colors(out, mesh, part, range, |c| -> [u8; 8] {
+        ColorEncoding::U16Linear => colors(out, part, range, |c| -> [u8; 8] {
             let [r, g, b] = c.map(|x| nearest(x, 65535.0) as u16);
             bytes_of([r, g, b, u16::MAX].map(u16::to_le_bytes))
         }),
-        ColorEncoding::U8Linear => colors(out, mesh, part, range, |c| {
+        ColorEncoding::U8Linear => colors(out, part, range, |c| {
             let [r, g, b] = c.map(|x| nearest(x, 255.0) as u8);
             [r, g, b, u8::MAX]
         }),
-        ColorEncoding::U8Srgb => colors(out, mesh, part, range, |c| {
+        ColorEncoding::U8Srgb => colors(out, part, range, |c| {
             let [r, g, b] = c.map(srgb8_from_linear);
             [r, g, b, u8::MAX]
         }),
-        ColorEncoding::F32Linear => colors(out, mesh, part, range, |c| -> [u8; 16] {
+        ColorEncoding::F32Linear => colors(out, part, range, |c| -> [u8; 16] {
             let [r, g, b] = c.map(|x| if x > 0.0 { x.min(1.0) } else { 0.0 });
             bytes_of([r, g, b, 1.0].map(f32::to_le_bytes))
         }),
-        ColorEncoding::F32Srgb => colors(out, mesh, part, range, |c| -> [u8; 16] {
+        ColorEncoding::F32Srgb => colors(out, part, range, |c| -> [u8; 16] {
             let [r, g, b] = c.map(|x| CODES[usize::from(srgb8_from_linear(x))]);
             bytes_of([r, g, b, 1.0].map(f32::to_le_bytes))
         }),
@@ -118,12 +111,11 @@ fn nearest(x: f32, steps: f64) -> f64 {
 /// Encodes a colour once and stores it for every vertex that has it.
 fn colors<const N: usize>(
     out: &mut [u8],
-    mesh: &Mesh,
     part: &ScenePart,
     range: Range<usize>,
     code: impl Fn([f32; 3]) -> [u8; N],
 ) {
-    match &mesh.colors {
+    match &part.mesh.colors {
         Colors::Face(colors) => {
             let faces = part.faces.start + range.start / 3..part.faces.start + range.end / 3;
             for (triangle, &color) in out.chunks_exact_mut(3 * N).zip(&colors[faces]) {

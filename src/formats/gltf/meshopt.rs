@@ -8,7 +8,6 @@ use super::extensions::{CompressedView, CompressionMode, Filter};
 use super::limits::MAX_UNPACK_RATIO;
 use super::options::GltfOptions;
 use super::part::{ScenePart, Stream, all_streams};
-use crate::mesh::Mesh;
 use rayon::prelude::*;
 
 /// EXT_meshopt_compression knows vertex codec version 0 only; the crate's own default is 1.
@@ -20,24 +19,20 @@ const VERTEX_CODEC: i32 = 0;
 ///
 /// # Errors
 /// What the encoder could not do, with the remedy.
-pub(super) fn compress(
-    mesh: &Mesh,
-    parts: &[ScenePart],
-    options: &GltfOptions,
-) -> Result<Vec<Vec<u8>>, String> {
+pub(super) fn compress(parts: &[ScenePart], options: &GltfOptions) -> Result<Vec<Vec<u8>>, String> {
     let streams: Vec<(&ScenePart, Stream)> = all_streams(parts).collect();
     streams
         .into_par_iter()
         .map(|(part, stream)| {
             let encoded = match stream {
                 Stream::Positions | Stream::Colors => {
-                    let bytes = encode::bytes(mesh, part, stream, options);
+                    let bytes = encode::bytes(part, stream, options);
                     encode_vertices(&bytes, part.stride(stream, options))
                 }
                 Stream::Indices => {
                     let corners = 3 * part.faces.start..3 * part.faces.end;
                     let local: Vec<u32> =
-                        mesh.indices[corners].iter().map(|&v| part.local(v) as u32).collect();
+                        part.mesh.indices[corners].iter().map(|&v| part.local(v) as u32).collect();
                     ::meshopt::encode_index_buffer(&local, part.vertex_count()).map_err(|e| e.to_string())
                 }
             };

@@ -17,7 +17,7 @@ pub(super) struct MeshInstance {
     pub(super) transform: Option<DMat4>,
 }
 
-/// Every mesh of the default scene in the order of the tree, with its transform multiplied up in f64.
+/// Every mesh of the default scene that is drawn, in the order of the tree, with its transform multiplied up in f64.
 ///
 /// # Errors
 /// `Malformed` for numbers that name nothing, for a node with two parents or in a cycle, and for
@@ -46,12 +46,19 @@ pub(super) fn instances(path: &Path, document: &Document, limits: &Limits) -> Re
         if transform.is_some_and(|t| !t.is_finite()) {
             return Err(Error::malformed(path, place(), "has a transform that is not finite"));
         }
-        if let Some(mesh) = node.mesh {
+        if let Some(mesh) = node.mesh
+            && !is_for_collision(node)
+        {
             instances.push(MeshInstance { mesh, node: index, transform });
         }
         stack.extend(node.children.iter().rev().map(|&child| (child, transform, depth + 1)));
     }
     Ok(instances)
+}
+
+/// Whether the mesh of a node is there to collide with only, as Godot's importer takes it.
+fn is_for_collision(node: &Node) -> bool {
+    node.name.as_deref().is_some_and(|name| name.ends_with("-colonly") || name.ends_with("-convcolonly"))
 }
 
 /// The nodes the walk starts from: those of the default scene, or all that are nobody's child.

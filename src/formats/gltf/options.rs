@@ -87,6 +87,11 @@ pub struct GltfOptions {
     pub meshopt: bool,
     /// Name of the only material; Godot reads hints from its end.
     pub material_name: String,
+    /// Name of the scene's node when it is a single one.
+    pub node_name: String,
+    /// Name of a node for what to collide with, for engines that know from its name that it is not to be drawn; without one it
+    /// is left out.
+    pub collision_name: Option<String>,
     /// Write a GLB above 2 GiB although most readers fail on it.
     pub allow_huge: bool,
 }
@@ -98,6 +103,8 @@ impl Default for GltfOptions {
             positions: PositionEncoding::default(),
             meshopt: false,
             material_name: "trisplat".to_owned(),
+            node_name: "scene".to_owned(),
+            collision_name: None,
             allow_huge: false,
         }
     }

@@ -15,12 +15,24 @@ use std::path::Path;
 /// Name of the node, the mesh and the material of the backdrop.
 pub(super) const BACKDROP: &str = "backdrop";
 
+/// What a part is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum PartKind {
+    /// The scene, or a chunk of it.
+    Scene,
+    /// A far sphere that is seen from inside.
+    Backdrop,
+    /// What an engine collides with and does not draw.
+    Collision,
+}
+
 /// A chunk of faces with its own vertices: one glTF mesh and node.
 #[derive(Debug)]
 pub(super) struct ScenePart<'a> {
     pub(super) name: String,
-    /// True when it is the backdrop: a far sphere that is seen from inside.
-    pub(super) backdrop: bool,
+    pub(super) kind: PartKind,
+    /// The mesh that the faces are of.
+    pub(super) mesh: &'a Mesh,
     pub(super) faces: Range<usize>,
     pub(super) vertices: PartVertices<'a>,
     /// True when faces share vertices and an index stream is written.
@@ -66,8 +78,9 @@ impl ScenePart<'_> {
 
     /// The arrays it writes, in file order.
     pub(super) fn streams(&self) -> impl Iterator<Item = Stream> + use<> {
+        let colors = (self.kind != PartKind::Collision).then_some(Stream::Colors);
         let indices = self.indexed.then_some(Stream::Indices);
-        [Stream::Positions, Stream::Colors].into_iter().chain(indices)
+        [Some(Stream::Positions), colors, indices].into_iter().flatten()
     }
 
     /// Number of elements of a stream.
@@ -138,22 +151,27 @@ pub(super) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) ->
     let scene = asset.scene_faces();
     let ranges = face_ranges(&asset.chunks, mesh.face_count(), scene)?;
     let single = ranges.iter().filter(|faces| faces.start < scene).count() == 1;
-    ranges
-        .into_par_iter()
-        .enumerate()
-        .map(|(i, faces)| {
-            let backdrop = faces.start >= scene;
-            let name = match (backdrop, single) {
-                (true, _) => BACKDROP.to_owned(),
-                (false, true) => "scene".to_owned(),
-                (false, false) => format!("chunk_{i:04}"),
-            };
-            Ok(ScenePart { backdrop, ..part(name, mesh, faces, options)? })
-        })
-        // Of several errors always the first, whichever thread is faster.
-        .collect::<Vec<_>>()
-        .into_iter()
-        .collect()
+    let drawn = ranges.into_par_iter().enumerate().map(|(i, faces)| {
+        let (kind, name) = match (faces.start >= scene, single) {
+            (true, _) => (PartKind::Backdrop, BACKDROP.to_owned()),
+            (false, true) => (PartKind::Scene, options.node_name.clone()),
+            (false, false) => (PartKind::Scene, format!("chunk_{i:04}")),
+        };
+        Ok(ScenePart { kind, ..part(name, mesh, faces, options)? })
+    });
+    // Of several errors always the first, whichever thread is faster.
+    let drawn: Vec<Result<ScenePart<'_>>> = drawn.collect();
+    drawn.into_iter().chain(collision(asset, options)).collect()
+}
+
+/// What to collide with, where it has a node of its own.
+fn collision<'a>(asset: &'a Asset, options: &GltfOptions) -> Option<Result<ScenePart<'a>>> {
+    let (name, mesh) = (options.collision_name.clone()?, asset.collision.as_ref()?);
+    let whole = || {
+        mesh.validate_shape()?;
+        Ok(ScenePart { kind: PartKind::Collision, ..part(name, mesh, 0..mesh.face_count(), options)? })
+    };
+    (mesh.face_count() > 0).then(whole)
 }
 
 fn part<'a>(
@@ -181,7 +199,8 @@ fn part<'a>(
     }
     let mut part = ScenePart {
         name,
-        backdrop: false,
+        kind: PartKind::Scene,
+        mesh,
         faces,
         vertices,
         indexed,

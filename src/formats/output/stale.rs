@@ -17,7 +17,10 @@ impl Output {
         let mut found: Vec<PathBuf> = (past..).map(level).take_while(|path| path.exists()).collect();
         let of_levels = |path: &PathBuf| ["bin", "mtl", "bvh"].map(|ending| path.with_extension(ending));
         found.extend(found.clone().iter().flat_map(of_levels));
-        found.extend([beside(&format!("backdrop.{ending}")), beside("bvh"), beside("tileset.json")]);
+        let parts = ["backdrop", "collision"].map(|part| beside(&format!("{part}.{ending}")));
+        found.extend(parts.iter().flat_map(of_levels));
+        found.extend(parts);
+        found.extend([beside("bvh"), beside("tileset.json")]);
         // Godot writes settings of that name itself: only those that are as we wrote them are ours.
         let name = self.main.file_name().unwrap_or_default().to_string_lossy();
         let import =

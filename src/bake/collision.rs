@@ -1,0 +1,83 @@
+//! Something to collide with: a connected surface of few triangles in place of the scene's many, which overlap.
+//!
+//! Engines test a body against every triangle near it. Those of a trained scene are many, lie across each other and leave gaps that a
+//! ball falls through.
+
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+use crate::limits::Limits;
+use crate::mesh::Mesh;
+use crate::report::{Outcome, StageDetails, StageProgress};
+use crate::scene::Loaded;
+use crate::surface::{SurfaceDetails, SurfaceOptions, surface};
+
+/// Whether there is something to collide with.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+#[serde(deny_unknown_fields, default)]
+pub struct CollisionOptions {
+    /// Make a surface of few triangles to collide with: for Godot a node that it does not draw, for others a file
+    /// OUT.collision.glb. It is what the cameras of --dataset, or those of the scene, see of it
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub collision: bool,
+    /// Most triangles of that surface
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = CollisionOptions::DEFAULT.collision_triangles, value_name = "N"))]
+    #[schemars(range(min = 1))]
+    pub collision_triangles: u32,
+}
+
+impl CollisionOptions {
+    /// None.
+    pub const DEFAULT: Self = Self { collision: false, collision_triangles: 4000 };
+
+    /// Checks the range.
+    pub fn validate(&self) -> Result<()> {
+        match self.collision_triangles {
+            0 => Err(Error::invalid("collision_triangles", 0, "1 or more")),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Default for CollisionOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// What there is to collide with; empty when there is nothing.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct CollisionDetails {
+    /// How the surface was made.
+    #[serde(flatten)]
+    pub surface: SurfaceDetails,
+}
+
+impl StageDetails for CollisionDetails {
+    const STAGE: &'static str = "collision";
+}
+
+/// Makes the surface that `cameras` see of `scene`, in its frame; without cameras those that it stores, or chosen ones.
+///
+/// Errors: too many blocks of the distance field.
+pub fn collision(
+    found: &mut Option<Mesh>,
+    scene: &Loaded,
+    cameras: &[Camera],
+    options: &CollisionOptions,
+    details: &mut CollisionDetails,
+    progress: &mut StageProgress<'_>,
+) -> Result<Outcome<()>> {
+    if !options.collision {
+        return Ok(Outcome::Unneeded("`collision` was not asked for"));
+    }
+    if found.is_some() {
+        return Ok(Outcome::Unneeded("there is something to collide with already"));
+    }
+    let how = SurfaceOptions { max_triangles: Some(options.collision_triangles), ..SurfaceOptions::DEFAULT };
+    *found = surface(scene, cameras, &how, &Limits::DEFAULT, &mut details.surface, progress)?;
+    Ok(match found {
+        Some(_) => Outcome::Changed(()),
+        None => Outcome::Unneeded("the cameras see no connected surface"),
+    })
+}

@@ -1,0 +1,125 @@
+//! The recipe of `trisplat mesh`: from a scene to one connected surface of it, ready for a file.
+
+use super::crop::{CropOptions, count_inside, crop};
+use super::place::up::Evidence;
+use super::place::{PlaceDetails, PlaceOptions, place, placement};
+use super::views::Views;
+use crate::asset::{Asset, Provenance};
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+use crate::formats::output::OutputOptions;
+use crate::limits::Limits;
+use crate::mesh::Mesh;
+use crate::report::{Counts, Observer, Outcome, Report, generator};
+use crate::scene::{Loaded, Scene};
+use crate::surface::{SurfaceDetails, SurfaceOptions, surface};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// The options of the stages.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+#[serde(deny_unknown_fields, default)]
+pub struct MeshOptions {
+    /// Which part of the scene is kept.
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Crop: keep a region"))]
+    pub crop: CropOptions,
+    /// How the surface is made.
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Surface: one connected mesh"))]
+    pub surface: SurfaceOptions,
+    /// The frame of the output.
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Place: the frame of the output"))]
+    pub place: PlaceOptions,
+    /// The files written.
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Output"))]
+    pub output: OutputOptions,
+}
+
+impl MeshOptions {
+    /// Checks the ranges that need no scene.
+    pub fn validate(&self) -> Result<()> {
+        self.surface.validate()?;
+        self.place.validate()
+    }
+}
+
+/// The surface that the cameras of `views` see of `scene`, upright; without `views` the cameras that it stores, or chosen ones. The
+/// distance field takes no more memory than `limits` permit.
+///
+/// Errors: options out of range, nothing to be seen, no surface left.
+pub fn mesh(
+    mut scene: Loaded,
+    mut views: Option<&mut Views>,
+    options: &MeshOptions,
+    limits: &Limits,
+    report: &mut Report,
+    observer: &mut dyn Observer,
+) -> Result<Asset> {
+    options.validate()?;
+    report.warnings.append(&mut scene.warnings);
+    if !options.surface.shell {
+        scene.take_backdrop();
+    }
+    if let Some(views) = views.as_deref_mut() {
+        views.transform(&scene.provenance.placement);
+    }
+    let cameras = views.as_deref().map_or(&[][..], Views::cameras);
+    let known = if cameras.is_empty() { scene.cameras.clone() } else { cameras.to_vec() };
+    let scene = cropped(scene, &known, options, report, observer)?;
+
+    let found = report.long_stage(
+        observer,
+        Mesh::default(),
+        // Before there is a surface, what it is made of.
+        |mesh| if mesh.face_count() == 0 { counts(&scene.scene) } else { of_mesh(mesh) },
+        |mesh, details: &mut SurfaceDetails, progress| {
+            let found = surface(&scene, cameras, &options.surface, limits, details, progress)?;
+            *mesh = found.ok_or_else(nothing)?;
+            Ok(Outcome::Changed(()))
+        },
+    )?;
+
+    // Before `place`, which takes the viewpoint along.
+    let viewpoint = scene.provenance.viewpoint.or_else(|| views.as_deref().and_then(Views::viewpoint));
+    let mut provenance = Provenance { shell: 0, backdrop: 0, viewpoint, ..scene.provenance };
+    let points = views.as_deref().map_or(&[][..], Views::points);
+    let found = report.stage(observer, found, of_mesh, |mesh, details: &mut PlaceDetails| {
+        let how = placement(mesh, &provenance, Evidence { cameras: &known, points }, &options.place, details);
+        place(mesh, &mut provenance, how, details)
+    })?;
+    report.warnings.extend(report.details::<PlaceDetails>().and_then(|details| details.warning()));
+    provenance.generator = Some(generator());
+    Ok(Asset { provenance, ..Asset::from(found) })
+}
+
+/// The region of the scene that is kept, and how much of its shell is in it.
+fn cropped(
+    scene: Loaded,
+    cameras: &[Camera],
+    options: &MeshOptions,
+    report: &mut Report,
+    observer: &mut dyn Observer,
+) -> Result<Loaded> {
+    let Loaded { scene, mut provenance, warnings, cameras: stored } = scene;
+    provenance.shell = count_inside(&scene, provenance.shell as usize, cameras, &options.crop) as u32;
+    let scene = report
+        .stage(observer, scene, counts, |scene, details| crop(scene, cameras, &options.crop, details))?;
+    Ok(Loaded { scene, provenance, warnings, cameras: stored })
+}
+
+fn nothing() -> Error {
+    let wants = "a scene that cameras see, a data set whose photos show it, or less of `min_component` and `min_views`";
+    Error::invalid("the surface", "empty", wants)
+}
+
+fn counts(scene: &Scene) -> Counts {
+    let triangles = scene.triangle_count() as u64;
+    match scene {
+        Scene::Soup(_) => Counts { triangles, vertices: 3 * triangles },
+        Scene::Mesh(mesh) => of_mesh(mesh),
+    }
+}
+
+fn of_mesh(mesh: &Mesh) -> Counts {
+    Counts { triangles: mesh.face_count() as u64, vertices: mesh.vertex_count() as u64 }
+}

@@ -1,0 +1,55 @@
+//! Which files go beside the scene's: backdrop, collision, levels.
+
+use super::{Output, OutputFormat, OutputOptions, is_device};
+use crate::error::{Error, Result};
+use std::path::PathBuf;
+
+/// Name of the node of a file that holds what to collide with.
+const COLLISION_NODE: &str = "collision";
+
+impl Output {
+    /// The same with the backdrop in a file of its own: OUT.backdrop.glb.
+    pub fn with_backdrop_file(mut self, options: &OutputOptions) -> Result<Self> {
+        let path = self.beside("backdrop", "`backdrop` file writes one")?;
+        self.backdrop = Some(Box::new(Self::plan(&path, Some(self.format), options, false)?));
+        Ok(self)
+    }
+
+    /// The same with what to collide with in a file of its own, OUT.collision.glb, unless the target has a node for it.
+    pub fn with_collision(mut self, options: &OutputOptions) -> Result<Self> {
+        let gltf = matches!(self.format, OutputFormat::Glb | OutputFormat::Gltf);
+        if gltf && options.target.has_collision_node() {
+            return Ok(self);
+        }
+        let path = self.beside("collision", "`collision` writes one")?;
+        let file = Self::plan(&path, Some(self.format), options, false)?;
+        self.collision = Some(Box::new(Self { node: COLLISION_NODE, ..file }));
+        Ok(self)
+    }
+
+    /// The same with so many levels of detail beside it: OUT.lod1.glb and so on, and for glTF a tileset of all.
+    pub fn with_levels(mut self, levels: usize, options: &OutputOptions) -> Result<Self> {
+        if levels == 0 {
+            return Ok(self);
+        }
+        let level = |i: usize| {
+            let path = self.beside(&format!("lod{i}"), "`lod` writes more files")?;
+            Self::plan(&path, Some(self.format), options, self.bvh.is_some())
+        };
+        self.levels = (1..=levels).map(level).collect::<Result<_>>()?;
+        let gltf = matches!(self.format, OutputFormat::Glb | OutputFormat::Gltf);
+        self.tileset = gltf.then(|| self.main.with_extension("tileset.json"));
+        Ok(self)
+    }
+
+    /// OUT.PART.glb; `what` is written there, for the message where nothing can be beside the output.
+    fn beside(&self, part: &str, what: &str) -> Result<PathBuf> {
+        let alone = matches!(self.format, OutputFormat::Html | OutputFormat::Tiles);
+        if alone || self.main.as_os_str() == "-" || is_device(&self.main) {
+            let wants = format!("a .glb, .gltf, .obj or .ply file: {what} beside the first");
+            return Err(Error::invalid("output", self.main.display(), wants));
+        }
+        let ending = self.main.extension().and_then(|e| e.to_str()).unwrap_or("glb").to_owned();
+        Ok(self.main.with_extension(format!("{part}.{ending}")))
+    }
+}

@@ -1,0 +1,63 @@
+//! Connected pieces of a mesh.
+
+use crate::mesh::Mesh;
+
+/// What [`drop_small`] did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Components {
+    /// Pieces that are left.
+    pub(super) kept: u64,
+    /// Faces of the others.
+    pub(super) dropped_faces: u64,
+}
+
+/// Drops pieces of fewer than `least` faces, and vertices that no face uses. Faces are connected that share a vertex.
+pub(super) fn drop_small(mesh: &mut Mesh, least: u32) -> Components {
+    let mut parents: Vec<u32> = (0..mesh.vertex_count() as u32).collect();
+    for face in 0..mesh.face_count() {
+        let [a, b, c] = mesh.face(face).map(|vertex| root(&mut parents, vertex));
+        let first = a.min(b).min(c);
+        [a, b, c].into_iter().for_each(|other| parents[other as usize] = first);
+    }
+    let pieces: Vec<u32> =
+        (0..mesh.face_count()).map(|face| root(&mut parents, mesh.face(face)[0])).collect();
+    let mut faces = vec![0u32; mesh.vertex_count()];
+    pieces.iter().for_each(|piece| faces[*piece as usize] += 1);
+    let before = mesh.face_count();
+    mesh.retain(|face| faces[pieces[face] as usize] >= least);
+    let kept = faces.iter().filter(|count| **count > 0 && **count >= least).count() as u64;
+    Components { kept, dropped_faces: (before - mesh.face_count()) as u64 }
+}
+
+/// The first vertex of the piece that `vertex` is in, as far as it is known; ways to it are halved.
+fn root(parents: &mut [u32], mut vertex: u32) -> u32 {
+    while parents[vertex as usize] != vertex {
+        let above = parents[parents[vertex as usize] as usize];
+        parents[vertex as usize] = above;
+        vertex = above;
+    }
+    vertex
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::Colors;
+    use glam::Vec3;
+
+    #[test]
+    fn small_pieces_go_and_large_ones_stay() {
+        // A strip of four faces, out of order, and a single one.
+        let mut mesh = Mesh {
+            positions: (0..9).map(|i| Vec3::splat(i as f32)).collect(),
+            colors: Colors::Vertex(vec![[0.5; 3]; 9]),
+            indices: vec![3, 4, 5, 0, 1, 2, 6, 7, 8, 2, 3, 4, 1, 2, 3],
+            opacity: Vec::new(),
+        };
+        let wants = Components { kept: 1, dropped_faces: 1 };
+        assert_eq!(drop_small(&mut mesh, 2), wants);
+        assert_eq!((mesh.face_count(), mesh.vertex_count()), (4, 6));
+        assert_eq!(drop_small(&mut mesh, 5), Components { kept: 0, dropped_faces: 4 });
+        assert_eq!((mesh.face_count(), mesh.vertex_count()), (0, 0));
+    }
+}

@@ -1,0 +1,78 @@
+//! How a surface is made.
+
+use crate::error::{Error, Result};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Most cells along a side: block numbers have 21 bits.
+const MOST_CELLS: u32 = 1 << 16;
+
+/// How a connected surface is made.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+#[serde(deny_unknown_fields, default)]
+pub struct SurfaceOptions {
+    /// Cells of the distance field along the longest side of what the cameras see, 8 or more
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = SurfaceOptions::DEFAULT.resolution, value_name = "N"))]
+    #[schemars(range(min = 8))]
+    pub resolution: u32,
+    /// Side of a cell in units of the input, in place of `--resolution`
+    #[cfg_attr(feature = "cli", arg(long, value_name = "SIDE", conflicts_with = "resolution"))]
+    pub voxel: Option<f64>,
+    /// Distances beyond so many cells count as so many; more smooths, less keeps thin things
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = SurfaceOptions::DEFAULT.truncation, value_name = "CELLS"))]
+    pub truncation: f64,
+    /// Cameras that must have seen a place, 1 or more; all of them where there are fewer
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = SurfaceOptions::DEFAULT.min_views, value_name = "N"))]
+    pub min_views: u32,
+    /// Drop connected pieces of fewer triangles, counted before `--max-triangles`
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = SurfaceOptions::DEFAULT.min_component, value_name = "N"))]
+    pub min_component: u32,
+    /// Simplify to at most this many triangles
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..)))]
+    #[schemars(range(min = 1))]
+    pub max_triangles: Option<u32>,
+    /// Count the shell of a trained soup, and the backdrop of a baked file, as part of the scene
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = SurfaceOptions::DEFAULT.shell, num_args = 0..=1, require_equals = true,
+          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL"))]
+    pub shell: bool,
+}
+
+impl SurfaceOptions {
+    /// 256 cells along the longest side, nothing simplified.
+    pub const DEFAULT: Self = Self {
+        resolution: 256,
+        voxel: None,
+        truncation: 4.0,
+        min_views: 2,
+        min_component: 200,
+        max_triangles: None,
+        shell: false,
+    };
+
+    /// Checks the ranges.
+    pub fn validate(&self) -> Result<()> {
+        if !(8..=MOST_CELLS).contains(&self.resolution) {
+            return Err(Error::invalid("resolution", self.resolution, format!("8 to {MOST_CELLS} cells")));
+        }
+        if let Some(voxel) = self.voxel
+            && !(voxel > 0.0 && (voxel as f32).is_normal())
+        {
+            return Err(Error::invalid("voxel", voxel, "a length above 0"));
+        }
+        // Surface nets need the distances of all corners of the cells that the surface runs through.
+        if !(2.0..=64.0).contains(&self.truncation) {
+            return Err(Error::invalid("truncation", self.truncation, "2 to 64 cells"));
+        }
+        match self.min_views {
+            0 => Err(Error::invalid("min_views", 0, "1 or more")),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Default for SurfaceOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}

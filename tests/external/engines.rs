@@ -1,0 +1,70 @@
+//! The samples for engines, opened by the engines that run here.
+
+use super::browser::{chromium, mesh};
+use super::{bake, have, here, runs, runs_with};
+use serde_json::{Value, json};
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+use tempfile::TempDir;
+
+/// A copy of the sample for an engine, with the trained scene in it.
+fn sample(engine: &str, flags: &[&str]) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    for file in fs::read_dir(here("samples/engines").join(engine)).unwrap() {
+        let file = file.unwrap().path();
+        fs::copy(&file, folder.path().join(file.file_name().unwrap())).unwrap();
+    }
+    let scene = folder.path().join("scene.glb");
+    bake(&here("samples/soups/trained.ply"), &scene, &[&["--collision"], flags].concat());
+    folder
+}
+
+/// Triangles of the collision node of a GLB.
+pub(super) fn collision_faces(path: &Path) -> usize {
+    let document = gltf::Gltf::open(path).unwrap();
+    let node = document.nodes().find(|node| node.name() == Some("collision-colonly")).unwrap();
+    node.mesh().unwrap().primitives().map(|primitive| primitive.indices().unwrap().count() / 3).sum()
+}
+
+#[test]
+fn a_walker_stands_in_the_godot_sample() {
+    let godot4 = here("target/judges/godot4");
+    if !have("godot4", godot4.exists()) {
+        return;
+    }
+    let folder = sample("godot4", &["--target", "godot"]);
+    fs::copy(here("tests/godot4/walk.gd"), folder.path().join("walk.gd")).unwrap();
+    let said = ["--import", "--script=walk.gd"].map(|what| {
+        let done = runs(Command::new(&godot4).arg(folder.path()).args(what.split('=')));
+        let words = [done.stdout, done.stderr].map(|said| String::from_utf8_lossy(&said).into_owned());
+        words.concat()
+    });
+    let lines: Vec<Vec<&str>> = said[1].lines().map(|line| line.split(' ').collect()).collect();
+    let of = |kind: &str| lines.iter().filter(|line| line[0] == kind).collect::<Vec<_>>();
+    let faces = collision_faces(&folder.path().join("scene.glb")).to_string();
+    assert!(!of("drawn").is_empty() && of("other").is_empty(), "{}", said[1]);
+    assert!(of("drawn").iter().all(|line| !line[1].contains("collision")), "it is drawn: {}", said[1]);
+    assert_eq!(of("body"), [&vec!["body", "collision", faces.as_str()]], "{}", said[1]);
+    assert!(!said[1].contains("SCRIPT ERROR"), "{}", said[1]);
+    let [walker] = of("walker")[..] else { panic!("{}", said[1]) };
+    assert_eq!(walker[1], "true", "the walker stands on nothing: {}", said[1]);
+}
+
+#[test]
+fn the_page_sample_draws_the_scene_and_hits_its_surface() {
+    let three = here("target/judges/node_modules/three").exists();
+    let Some(chromium) = chromium().filter(|_| have("3d-tiles-renderer", three)) else { return };
+    let folder = sample("three", &["--target", "web", "--compress"]);
+    let mut command = Command::new("node");
+    command.arg(here("tests/sample.mjs")).arg(here("target/judges")).arg(chromium).arg(folder.path());
+    let done = runs_with(&mut command, b"");
+    let said: Value = serde_json::from_slice(&done.stdout)
+        .unwrap_or_else(|_| panic!("{}", String::from_utf8_lossy(&done.stderr)));
+    assert_eq!(said["errors"], json!([]), "{said}");
+    let triangles = mesh(&folder.path().join("scene.glb")).0.face_count() as u64;
+    let drawn = said["triangles"].as_u64().unwrap();
+    // What is out of view is not drawn; the surface never is.
+    assert!(drawn > triangles / 3 && drawn <= triangles, "{drawn} of {triangles}");
+    assert!(said["target"].as_str().is_some_and(|target| target.split(',').count() == 3), "{said}");
+}
