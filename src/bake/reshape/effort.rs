@@ -16,8 +16,8 @@ const ENOUGH_SAMPLES: u64 = 192;
 const FEWEST_VIEWS: u64 = 12;
 /// With fewer, nothing would be gained.
 const FEWEST_ROUNDS: u32 = 4;
-/// Triangles and samples that all rounds together may draw.
-const MOST_DRAWN: u64 = 200_000_000;
+/// Triangles and samples that a round may draw, on average.
+const MOST_DRAWN: u64 = 12_500_000;
 /// Triangles are cut after every so many rounds, ...
 const CUT_EVERY: u32 = 3;
 /// ... and not in the last rounds, as the halves want to move: at most this share of the rounds is over.
@@ -43,9 +43,9 @@ impl Effort {
         // Every face twice, as it is and moved.
         let per_view = 2 * faces + pixels;
         let enough = (ENOUGH_SAMPLES * faces).div_ceil(pixels);
-        let affordable = MOST_DRAWN / (u64::from(rounds) * per_view).max(1);
+        let affordable = MOST_DRAWN / per_view;
         let per_round = enough.min(affordable).clamp(FEWEST_VIEWS, ROUND_VIEWS).min(views).max(1);
-        let affordable = MOST_DRAWN / (per_round * per_view).max(1);
+        let affordable = MOST_DRAWN * u64::from(rounds) / (per_round * per_view);
         let affordable = u32::try_from(affordable).unwrap_or(u32::MAX).max(FEWEST_ROUNDS);
         Self { rounds: affordable.min(rounds), stride: views.div_ceil(per_round) as usize, side }
     }
