@@ -2,8 +2,10 @@
 
 pub mod adapter;
 pub mod buffer;
+pub mod compute;
 pub mod device;
 pub mod readback;
+pub mod storage;
 pub mod timer;
 
 pub use adapter::{AdapterOptions, GraphicsApi};

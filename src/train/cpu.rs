@@ -142,7 +142,7 @@ fn add_errors(d_soup: &SoupGrad, errors: &mut Vec<u64>) {
 }
 
 /// Units of [`BackendVisibility::error`] per pixel.
-const ERROR_UNITS: f32 = 1_048_576.0;
+pub(super) const ERROR_UNITS: f32 = 1_048_576.0;
 
 /// Opacity and σ of the raw parameters.
 fn activate(params: &Params, rates: &Rates, opacity: &mut Vec<f32>, sigma: &mut Vec<f32>) {

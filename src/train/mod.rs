@@ -20,6 +20,8 @@ pub mod cpu;
 pub mod eval;
 mod frame_loss;
 mod from_scene;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod identity;
 pub mod init;
 pub mod neighbours;
