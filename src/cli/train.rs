@@ -18,6 +18,7 @@ use crate::error::{Error, Result};
 use crate::formats;
 use crate::report::{OutputReport, Report};
 use crate::scene::Loaded;
+use crate::train::device::OpenBackend;
 use crate::train::eval::Quality;
 use crate::train::{Checkpoint, Preview, RunOptions, TrainOptions, TrainRun, Trained, checkpoint, rotation};
 use clap::ArgMatches;
@@ -44,10 +45,17 @@ pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<Ex
     warnings.extend(from.iter().flat_map(|scene| &scene.warnings).chain(&dataset.warnings).cloned());
     let run = TrainRun::new(&dataset, &options).with_dataset_options(&args.dataset_options);
     let force_resume = args.force_resume;
-    let run = TrainRun { outputs, from, resume: point, force_resume, ..run }.start()?;
+    let run = TrainRun { outputs, from, resume: point, force_resume, ..run };
+    let OpenBackend { backend, card, warnings: about_backend } =
+        args.backend_options.open(run.drawing(), run.size())?;
+    let run = run.start_on(backend)?;
+    warnings.extend(about_backend);
     warnings.extend(run.differences().iter().map(|difference| format!("resumed although {difference}")));
     let triangles = run.triangles();
     let mut bar = Bar::new(global, options.steps, run.steps(), args.log.as_deref(), run.curve())?;
+    if let Some(card) = card {
+        bar.line(&format!("training on {card}"));
+    }
     for warning in &warnings {
         bar.line(&format!("warning: {}", flags::spell(warning, &command())));
     }

@@ -1,7 +1,7 @@
 //! The flags of `trisplat train`.
 
 use crate::dataset::DatasetOptions;
-use crate::train::TrainOptions;
+use crate::train::{BackendOptions, TrainOptions};
 use std::path::PathBuf;
 
 /// Files, what to leave behind, and the options of the training.
@@ -67,6 +67,9 @@ pub struct TrainArgs {
     /// Stop as Ctrl-C does after this many CPU seconds; 0: never.
     #[arg(long, value_name = "SECS", default_value_t = 0.0, value_parser = seconds)]
     pub max_cpu_secs: f64,
+    /// Where to train.
+    #[command(flatten, next_help_heading = "Backend")]
+    pub backend_options: BackendOptions,
     /// The photos.
     #[command(flatten)]
     pub dataset_options: DatasetOptions,

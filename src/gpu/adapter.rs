@@ -83,6 +83,29 @@ impl AdapterOptions {
     }
 }
 
+impl AdapterOptions {
+    /// The best card that is one and fits the options: no software, and no OpenGL, whose compute shaders differ from driver
+    /// to driver. Quiet where there is none.
+    pub fn find_real(&self) -> Option<Adapter> {
+        let modern = Backends::VULKAN | Backends::METAL | Backends::DX12;
+        let mut descriptor = InstanceDescriptor::new_without_display_handle().with_env();
+        descriptor.flags.remove(InstanceFlags::VALIDATION_INDIRECT_CALL);
+        descriptor.backends = self.graphics_api.map_or(descriptor.backends, GraphicsApi::backends) & modern;
+        let backends = descriptor.backends;
+        let wanted = self.adapter.as_deref().unwrap_or_default().to_lowercase();
+        let found = pollster::block_on(Instance::new(descriptor).enumerate_adapters(backends));
+        found
+            .into_iter()
+            .filter(|adapter| is_real(adapter.get_info().device_type))
+            .filter(|adapter| adapter.get_info().name.to_lowercase().contains(&wanted))
+            .min_by_key(rank)
+    }
+}
+
+fn is_real(kind: DeviceType) -> bool {
+    matches!(kind, DeviceType::DiscreteGpu | DeviceType::IntegratedGpu | DeviceType::VirtualGpu)
+}
+
 fn nothing_found(api: Option<GraphicsApi>) -> String {
     let asked = match api {
         Some(api) => format!("no graphics card answers through {api:?}; try another `graphics_api`, or"),

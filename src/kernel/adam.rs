@@ -25,6 +25,11 @@ impl Rate {
         Self { step: (rate / first) as f32, second: (1.0 / second) as f32 }
     }
 
+    /// Of its two numbers, [`Rate::step`] and [`Rate::second`].
+    pub fn from_parts(step: f32, second: f32) -> Self {
+        Self { step, second }
+    }
+
     /// rate / (1 - β1^t).
     pub fn step(&self) -> f32 {
         self.step

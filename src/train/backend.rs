@@ -1,8 +1,8 @@
 //! Where the scene is stored and optimised while it trains.
 //!
-//! There is one backend, [`CpuBackend`](super::cpu::CpuBackend); the trait is the line along which a second one, on
-//! a graphics card, can be added. Only the inner loop belongs to a backend: refinement takes the state out, runs the
-//! one implementation there is, and puts it back.
+//! There are two backends, [`CpuBackend`](super::cpu::CpuBackend) and, with the feature `gpu`, one on a graphics card
+//! (`train::gpu::GpuBackend`); `tests/train_gpu` holds them together. Only the inner loop belongs to a backend: refinement takes
+//! the state out, runs the one implementation there is, and puts it back.
 
 use super::params::TrainState;
 use super::schedule::Rates;
@@ -15,9 +15,9 @@ use crate::raster::soft::Importance;
 pub struct StepPhoto<'a> {
     /// The camera, in training space, at the photo's size.
     pub camera: &'a Camera,
-    /// The pixels, sRGB-encoded. `[H * W]`
+    /// The pixels, sRGB-encoded, in multiples of 1/255: the card holds them in 8 bits. `[H * W]`
     pub rgb: &'a [[f32; 3]],
-    /// How much each pixel counts; `None` when all do. `[H * W]`
+    /// How much each pixel counts, in multiples of 1/255; `None` when all do. `[H * W]`
     pub weight: Option<&'a [f32]>,
     /// The photo is drawn for the first time since the visibility statistics were reset.
     pub first: bool,
@@ -63,5 +63,27 @@ pub trait TrainBackend {
     /// True when it holds none.
     fn is_empty(&self) -> bool {
         self.len() == 0
+    }
+}
+
+impl TrainBackend for Box<dyn TrainBackend> {
+    fn load(&mut self, state: TrainState) -> Result<()> {
+        (**self).load(state)
+    }
+
+    fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<StepStats> {
+        (**self).step(photo, rates)
+    }
+
+    fn take_visibility(&mut self) -> Result<BackendVisibility> {
+        (**self).take_visibility()
+    }
+
+    fn store(&mut self) -> Result<TrainState> {
+        (**self).store()
+    }
+
+    fn len(&self) -> usize {
+        (**self).len()
     }
 }

@@ -17,6 +17,7 @@
 pub mod backend;
 pub mod checkpoint;
 pub mod cpu;
+pub mod device;
 pub mod eval;
 mod frame_loss;
 mod from_scene;
@@ -44,6 +45,7 @@ pub mod visibility;
 
 pub use backend::TrainBackend;
 pub use checkpoint::Checkpoint;
+pub use device::{BackendKind, BackendOptions};
 pub use identity::RunIdentity;
 pub use options::{TrainOptions, TrainPreset};
 pub use outputs::{Preview, RunOptions};

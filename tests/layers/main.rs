@@ -34,7 +34,7 @@ const MAY: &[(&str, &str)] = &[
     ("teacher", "raster dataset scene soup space camera image error"),
     (
         "train",
-        "raster kernel dataset formats asset scene atomic process soup mesh space camera image rng report error math input limits",
+        "raster kernel gpu dataset formats asset scene atomic process soup mesh space camera image rng report error math input limits",
     ),
     (
         "bake",

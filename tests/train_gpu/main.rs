@@ -4,8 +4,10 @@
 #![cfg(feature = "gpu")]
 #![allow(clippy::print_stderr, reason = "a test that cannot judge says so")]
 
+mod runs;
 mod scene;
 mod steps;
+mod twins;
 
 use trisplat::gpu::{AdapterOptions, Gpu};
 

@@ -6,9 +6,9 @@ use trisplat::rng::Rng;
 use trisplat::train::params::{Params, TrainState};
 
 /// Not a multiple of a tile, and several tiles each way.
-pub const SIZE: UVec2 = UVec2::new(70, 45);
+pub(super) const SIZE: UVec2 = UVec2::new(70, 45);
 
-pub fn camera() -> Camera {
+pub(super) fn camera() -> Camera {
     Camera {
         rotation: Mat3::from_rotation_y(0.2) * Mat3::from_rotation_x(-0.1),
         translation: Vec3::new(0.1, -0.2, 3.0),
@@ -19,7 +19,7 @@ pub fn camera() -> Camera {
 }
 
 /// `count` triangles of all sizes about the origin, some through the near plane.
-pub fn state(count: usize, sh_degree: u8) -> TrainState {
+pub(super) fn state(count: usize, sh_degree: u8) -> TrainState {
     let k = (usize::from(sh_degree) + 1).pow(2);
     let mut params = Params { sh_degree, ..Params::default() };
     for i in 0..count as u64 {
@@ -41,7 +41,7 @@ pub fn state(count: usize, sh_degree: u8) -> TrainState {
 }
 
 /// A picture in 8 bits, smooth and different in every channel.
-pub fn photo() -> Vec<[f32; 3]> {
+pub(super) fn photo() -> Vec<[f32; 3]> {
     let pixel = |i: u32| {
         let (x, y) = (i % SIZE.x, i / SIZE.x);
         [3 * x + y, 2 * y + 40, (x * y) % 256].map(|c| (c % 256) as f32 * (1.0 / 255.0))
@@ -50,6 +50,6 @@ pub fn photo() -> Vec<[f32; 3]> {
 }
 
 /// A mask of 8 bits.
-pub fn mask() -> Vec<f32> {
+pub(super) fn mask() -> Vec<f32> {
     (0..SIZE.element_product()).map(|i| if i % SIZE.x < 20 { 0.0 } else { (i % 7) as f32 * 36.0 * (1.0 / 255.0) }).collect()
 }

@@ -3,6 +3,7 @@
 use super::job::{COUNTS, Count, GROUPS, Jobs};
 use super::passes::Passes;
 use super::room::{Room, RoomSize};
+use super::rows::row_count;
 use super::scene::{REMEDY, SceneBuffers, VisibilityBuffer};
 use super::sequence::Sequence;
 use super::source::GROUP;
@@ -15,6 +16,7 @@ use crate::gpu::storage::{storage, uniform};
 use crate::kernel::loss::Photometric;
 use crate::raster::soft::{SoftOptions, tile_count};
 use crate::train::backend::{BackendVisibility, StepPhoto, StepStats, TrainBackend};
+use crate::train::device::RunSize;
 use crate::train::params::TrainState;
 use crate::train::schedule::Rates;
 use rayon::prelude::*;
@@ -194,6 +196,16 @@ impl TrainBackend for GpuBackend {
             }
         }
     }
+}
+
+/// Memory that a run takes of the card when it has grown, bytes.
+pub(in crate::train) fn expected_bytes(size: &RunSize) -> u64 {
+    let triangles = u32::try_from(size.triangles).unwrap_or(u32::MAX);
+    let numbers = row_count((usize::from(size.sh_degree) + 1).pow(2)) as u64;
+    // Parameters and two moments.
+    let scene = 3 * 4 * numbers * u64::from(triangles);
+    let pairs = triangles.saturating_mul(FIRST_PAIRS.0).max(FIRST_PAIRS.1);
+    scene + RoomSize { pairs, ..RoomSize::new(triangles, size.photo, size.photo) }.bytes()
 }
 
 /// The photo as the card reads it: a pixel's colour and weight in 8 bits each, lowest first.

@@ -19,3 +19,4 @@ mod step_passes;
 mod uniform;
 
 pub use backend::GpuBackend;
+pub(super) use backend::expected_bytes;

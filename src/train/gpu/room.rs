@@ -2,11 +2,12 @@
 
 use super::scene::REMEDY;
 use super::source::{GROUP, RADIX, SCAN_ITEMS, SORT_ITEMS};
-use super::uniform::StepPlan;
+use super::uniform::{SLOT_NUMBERS, StepPlan};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::storage::storage;
 use crate::raster::soft::{TILE, tile_count};
+use glam::UVec2;
 use wgpu::Buffer;
 
 /// How much of everything there is room for.
@@ -30,19 +31,29 @@ pub(super) struct RoomSize {
 }
 
 impl RoomSize {
-    /// What a step of `triangles` needs, as far as it is known before it is made.
-    pub(super) fn of(plan: &StepPlan, triangles: u32) -> Self {
+    /// What a plain step of `triangles` needs, for a frame and a photo of these sizes.
+    pub(super) fn new(triangles: u32, frame: UVec2, photo: UVec2) -> Self {
         Self {
             triangles,
             splats: triangles.saturating_add(triangles / 64).saturating_add(GROUP),
             pairs: 0,
             layers: 0,
-            frame_pixels: plan.frame_pixels(),
-            photo_pixels: plan.photo_pixels(),
-            tiles: plan.tiles.element_product().max(tile_count(plan.photo).element_product()),
+            frame_pixels: frame.element_product(),
+            photo_pixels: photo.element_product(),
+            tiles: tile_count(frame).element_product().max(tile_count(photo).element_product()),
+            slot_numbers: SLOT_NUMBERS,
+            planes: false,
+            geometry: false,
+        }
+    }
+
+    /// What a step of `triangles` needs, as far as it is known before it is made.
+    pub(super) fn of(plan: &StepPlan, triangles: u32) -> Self {
+        Self {
             slot_numbers: plan.slot_numbers(),
             planes: plan.by_pixel() || plan.options.geometry,
             geometry: plan.options.geometry,
+            ..Self::new(triangles, plan.camera.size, plan.photo)
         }
     }
 
