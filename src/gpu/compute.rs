@@ -3,8 +3,8 @@
 use super::device::Gpu;
 use crate::error::{Error, Result};
 use wgpu::{
-    BindGroup, BindGroupDescriptor, BindGroupEntry, BindingResource, ComputePipeline, ComputePipelineDescriptor,
-    PipelineCompilationOptions, ShaderModuleDescriptor, ShaderSource,
+    BindGroup, BindGroupDescriptor, BindGroupEntry, BindingResource, ComputePipeline,
+    ComputePipelineDescriptor, PipelineCompilationOptions, ShaderModuleDescriptor, ShaderSource,
 };
 
 /// A compute kernel: an entry point whose bindings, all in group 0, are numbered from 0 without gaps.

@@ -1,4 +1,4 @@
-//! The graphics card: finding one, filling its buffers, reading back, timing. Knows nothing of triangles.
+//! The graphics card: finding one, filling its buffers, compute kernels, reading back, timing. Knows nothing of triangles.
 
 pub mod adapter;
 pub mod buffer;

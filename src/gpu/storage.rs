@@ -19,7 +19,10 @@ pub fn storage(gpu: &Gpu, what: &str, bytes: u64, remedy: &str) -> Result<Buffer
     let buffer = gpu.device.create_buffer(&BufferDescriptor {
         label: Some(what),
         size,
-        usage: BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC | BufferUsages::INDIRECT,
+        usage: BufferUsages::STORAGE
+            | BufferUsages::COPY_DST
+            | BufferUsages::COPY_SRC
+            | BufferUsages::INDIRECT,
         mapped_at_creation: false,
     });
     gpu.check().map_err(|e| Error::Gpu(format!("{what} of {bytes} bytes: {e}; {remedy}")))?;

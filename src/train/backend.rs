@@ -8,6 +8,7 @@ use super::params::TrainState;
 use super::schedule::Rates;
 use crate::camera::Camera;
 use crate::error::Result;
+use crate::image::Pixels;
 use crate::raster::soft::Importance;
 
 /// A photo as one step sees it.
@@ -15,10 +16,8 @@ use crate::raster::soft::Importance;
 pub struct StepPhoto<'a> {
     /// The camera, in training space, at the photo's size.
     pub camera: &'a Camera,
-    /// The pixels, sRGB-encoded, in multiples of 1/255: the card holds them in 8 bits. `[H * W]`
-    pub rgb: &'a [[f32; 3]],
-    /// How much each pixel counts, in multiples of 1/255; `None` when all do. `[H * W]`
-    pub weight: Option<&'a [f32]>,
+    /// The pixels; alpha says how much each counts. `[H * W]`
+    pub pixels: &'a Pixels,
     /// The photo is drawn for the first time since the visibility statistics were reset.
     pub first: bool,
 }
@@ -66,24 +65,29 @@ pub trait TrainBackend {
     }
 }
 
-impl TrainBackend for Box<dyn TrainBackend> {
-    fn load(&mut self, state: TrainState) -> Result<()> {
-        (**self).load(state)
-    }
+macro_rules! forwards {
+    ($($owner:ty),*) => {$(
+        impl<T: TrainBackend + ?Sized> TrainBackend for $owner {
+            fn load(&mut self, state: TrainState) -> Result<()> {
+                (**self).load(state)
+            }
 
-    fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<StepStats> {
-        (**self).step(photo, rates)
-    }
+            fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<StepStats> {
+                (**self).step(photo, rates)
+            }
 
-    fn take_visibility(&mut self) -> Result<BackendVisibility> {
-        (**self).take_visibility()
-    }
+            fn take_visibility(&mut self) -> Result<BackendVisibility> {
+                (**self).take_visibility()
+            }
 
-    fn store(&mut self) -> Result<TrainState> {
-        (**self).store()
-    }
+            fn store(&mut self) -> Result<TrainState> {
+                (**self).store()
+            }
 
-    fn len(&self) -> usize {
-        (**self).len()
-    }
+            fn len(&self) -> usize {
+                (**self).len()
+            }
+        }
+    )*};
 }
+forwards!(&mut T, Box<T>);

@@ -71,8 +71,8 @@ impl TrainBackend for CpuBackend {
         let camera = photo.camera.resized(photo.camera.size * sampling.samples);
         let frame = self.soft.render(&soup, &camera, &options);
         let d_rgb = &mut self.d_frame.d_rgb;
-        let means = self.frame_loss.photometric_grad(photo, rates.dssim, sampling, &frame.rgb, d_rgb);
-        self.frame_loss.errors(photo, sampling, &mut self.d_frame.error);
+        let means = self.frame_loss.photometric_grad(photo.pixels, rates.dssim, sampling, &frame.rgb, d_rgb);
+        self.frame_loss.errors(photo.pixels.size.x, sampling, &mut self.d_frame.error);
         let geometry = geometry_grad(frame, &camera, rates, &mut self.d_maps, &mut self.d_frame);
         self.soft.backward(&soup, &camera, &options, &self.d_frame, &mut self.d_soup);
         let n = params.len();

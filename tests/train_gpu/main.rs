@@ -4,6 +4,8 @@
 #![cfg(feature = "gpu")]
 #![allow(clippy::print_stderr, reason = "a test that cannot judge says so")]
 
+#[cfg(feature = "cli")]
+mod program;
 mod runs;
 mod scene;
 mod steps;

@@ -2,6 +2,7 @@
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat::camera::Camera;
+use trisplat::image::Pixels;
 use trisplat::rng::Rng;
 use trisplat::train::params::{Params, TrainState};
 
@@ -29,7 +30,11 @@ pub(super) fn state(count: usize, sh_degree: u8) -> TrainState {
         // Every tenth reaches from the scene to behind the camera.
         let long = if i.is_multiple_of(10) { Vec3::new(0.3, 0.2, -4.0) } else { Vec3::ZERO };
         let center = point(0);
-        params.vertices.push([center + reach * point(1), center + reach * point(2), center + reach * point(3) + long]);
+        params.vertices.push([
+            center + reach * point(1),
+            center + reach * point(2),
+            center + reach * point(3) + long,
+        ]);
         params.opacity.push(4.0 * rng.uniform(51) - 1.0);
         params.sigma.push(1.5 * rng.uniform(52) - 1.0);
         for m in 0..k as u64 {
@@ -40,16 +45,14 @@ pub(super) fn state(count: usize, sh_degree: u8) -> TrainState {
     TrainState::new(params)
 }
 
-/// A picture in 8 bits, smooth and different in every channel.
-pub(super) fn photo() -> Vec<[f32; 3]> {
-    let pixel = |i: u32| {
-        let (x, y) = (i % SIZE.x, i / SIZE.x);
-        [3 * x + y, 2 * y + 40, (x * y) % 256].map(|c| (c % 256) as f32 * (1.0 / 255.0))
+/// A picture, smooth and different in every channel, and with a mask if asked for.
+pub(super) fn photo(masked: bool) -> Pixels {
+    let at = |i: u32| (i % SIZE.x, i / SIZE.x);
+    let color = |i| {
+        let (x, y) = at(i);
+        [3 * x + y, 2 * y + 40, x * y].map(|c| (c % 256) as u8)
     };
-    (0..SIZE.element_product()).map(pixel).collect()
-}
-
-/// A mask of 8 bits.
-pub(super) fn mask() -> Vec<f32> {
-    (0..SIZE.element_product()).map(|i| if i % SIZE.x < 20 { 0.0 } else { (i % 7) as f32 * 36.0 * (1.0 / 255.0) }).collect()
+    let weight = |i| if at(i).0 < 20 { 0 } else { (i % 7) as u8 * 36 };
+    let all = || 0..SIZE.element_product();
+    Pixels { size: SIZE, rgb: all().map(color).collect(), alpha: masked.then(|| all().map(weight).collect()) }
 }

@@ -33,8 +33,17 @@ struct Twin {
 }
 
 /// Camera-space triangles: a corner, and two edges that make no sliver.
-const TRIANGLE: [(f32, f32); 9] =
-    [(-1.0, 1.0), (-1.0, 1.0), (2.0, 6.0), (0.3, 1.0), (-0.2, 0.2), (-0.5, 0.5), (-0.2, 0.2), (0.3, 1.0), (-0.5, 0.5)];
+const TRIANGLE: [(f32, f32); 9] = [
+    (-1.0, 1.0),
+    (-1.0, 1.0),
+    (2.0, 6.0),
+    (0.3, 1.0),
+    (-0.2, 0.2),
+    (-0.5, 0.5),
+    (-0.2, 0.2),
+    (0.3, 1.0),
+    (-0.5, 0.5),
+];
 const TRIANGLE_10: [(f32, f32); 19] = with_grads([(-1.0, 1.0); 10]);
 
 const fn with_grads(grads: [(f32, f32); 10]) -> [(f32, f32); 19] {
@@ -49,7 +58,8 @@ const fn with_grads(grads: [(f32, f32); 10]) -> [(f32, f32); 19] {
 
 const FOCAL: V2<f32> = V2 { x: 600.0, y: 580.0 };
 const CENTER: V2<f32> = V2 { x: 320.0, y: 240.0 };
-const WGSL_TRIANGLE: &str = "let t = CameraTriangle(vec3(x[0], x[1], x[2]), vec3(x[3], x[4], x[5]), vec3(x[6], x[7], x[8]));
+const WGSL_TRIANGLE: &str =
+    "let t = CameraTriangle(vec3(x[0], x[1], x[2]), vec3(x[3], x[4], x[5]), vec3(x[6], x[7], x[8]));
     let s = project_splat(t, vec2(600.0, 580.0), vec2(320.0, 240.0));";
 
 fn v2(x: &[f32]) -> V2<f32> {
@@ -227,14 +237,14 @@ const TWINS: &[Twin] = &[
         name: "sh_basis, sh_basis_grad, normalize_grad",
         domain: &[(-1.0, 1.0); 3],
         wgsl: "let v = normalize(vec3(x[0], x[1], x[2]) + vec3(0.0, 0.0, 1e-3)); let b = sh_basis(3u, v); let g = sh_basis_grad(3u, v, b);
-            let u = normalize_grad(v, 2.0, vec3(x[0], x[1], x[2]));
+            let u = normalize_grad(v, 2.0, vec3(x[1], x[2], x[0]));
             for (var k = 0u; k < 16u; k++) { y[k] = b[k]; } y[16] = g.x; y[17] = g.y; y[18] = g.z; y[19] = u.x; y[20] = u.y; y[21] = u.z;",
         outputs: 22,
         rust: |x| {
             let v = v3(&[x[0], x[1], x[2] + 1e-3]);
             let v = v.scale(1.0 / v.length());
             let b = sh::basis(3, v);
-            let (g, u) = (sh::basis_grad(3, v, &b), sh::normalize_grad(v, 2.0, v3(x)));
+            let (g, u) = (sh::basis_grad(3, v, &b), sh::normalize_grad(v, 2.0, v3(&[x[1], x[2], x[0]])));
             let mut out = b.to_vec();
             out.extend([g.x, g.y, g.z, u.x, u.y, u.z]);
             out
@@ -276,7 +286,8 @@ const TWINS: &[Twin] = &[
 /// What the card makes of rows of numbers.
 fn on_the_card(gpu: &Gpu, twin: &Twin, input: &[f32]) -> Vec<f32> {
     let (ins, outs) = (twin.domain.len(), twin.outputs);
-    let triangle = if ins >= 9 && twin.wgsl.contains("s.") || twin.wgsl.contains(", s, ") { WGSL_TRIANGLE } else { "" };
+    let triangle =
+        if ins >= 9 && twin.wgsl.contains("s.") || twin.wgsl.contains(", s, ") { WGSL_TRIANGLE } else { "" };
     let source = format!(
         "{}
         @group(0) @binding(0) var<storage, read> input: array<f32>;

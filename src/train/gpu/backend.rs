@@ -70,9 +70,9 @@ impl GpuBackend {
         })
     }
 
-    /// The same card, drawing otherwise from now on.
-    pub fn with_options(self, options: SoftOptions) -> Self {
-        Self { options, ..self }
+    /// Forgets scene and visibility; draws with `options` from now on.
+    pub fn restart(&mut self, options: SoftOptions) {
+        (self.scene, self.visibility, self.options) = (None, None, options);
     }
 
     /// The card.
@@ -210,12 +210,11 @@ pub(in crate::train) fn expected_bytes(size: &RunSize) -> u64 {
 
 /// The photo as the card reads it: a pixel's colour and weight in 8 bits each, lowest first.
 fn pack(photo: &StepPhoto<'_>, out: &mut Vec<u32>) {
-    let byte = |value: f32| (value * 255.0).round() as u8;
-    let pixel = |(i, rgb): (usize, &[f32; 3])| {
-        let [r, g, b] = rgb.map(byte);
-        u32::from_le_bytes([r, g, b, photo.weight.map_or(u8::MAX, |weight| byte(weight[i]))])
+    let alpha = photo.pixels.alpha.as_deref();
+    let pixel = |(i, &[r, g, b]): (usize, &[u8; 3])| {
+        u32::from_le_bytes([r, g, b, alpha.map_or(u8::MAX, |alpha| alpha[i])])
     };
-    photo.rgb.par_iter().with_min_len(4096).enumerate().map(pixel).collect_into_vec(out);
+    photo.pixels.rgb.par_iter().with_min_len(4096).enumerate().map(pixel).collect_into_vec(out);
 }
 
 /// What a step wanted and had no room for, with some to spare.

@@ -12,8 +12,7 @@ use crate::train::params::{Params, TrainState};
 use wgpu::Buffer;
 
 /// What to do when a scene does not fit.
-pub(super) const REMEDY: &str =
-    "train on the CPU (`backend` cpu), or with fewer triangles (`max_triangles`) or smaller photos (`max_size`)";
+pub(super) const REMEDY: &str = "train on the CPU (`backend` cpu), or with fewer triangles (`max_triangles`) or smaller photos (`max_size`)";
 
 /// Numbers of [`SceneBuffers::visibility`] per triangle: largest weight, largest radius, photos, error (low and high half).
 const VISIBILITY_NUMBERS: usize = 5;
@@ -40,7 +39,8 @@ impl SceneBuffers {
             Ok::<_, Error>(buffer)
         };
         let count = |n: usize| {
-            u32::try_from(n).map_err(|_| Error::invalid("max_triangles", n, "fewer than 4294967296 on the card"))
+            u32::try_from(n)
+                .map_err(|_| Error::invalid("max_triangles", n, "fewer than 4294967296 on the card"))
         };
         Ok(Self {
             x: upload("parameters", &state.params)?,

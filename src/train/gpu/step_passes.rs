@@ -178,8 +178,7 @@ impl StepPasses<'_> {
         let pixels = Spread::Over(self.plan.photo_pixels(), GROUP);
         to.run(&passes.resolve, pixels, &[all(self.step), all(&room.frame), all(&room.picture)]);
         let (picture, photo, maps) = (all(&room.picture), all(&room.photo), all(&room.maps));
-        let ssim =
-            [all(self.step), picture.clone(), photo.clone(), maps.clone(), all(&room.partial_sums)];
+        let ssim = [all(self.step), picture.clone(), photo.clone(), maps.clone(), all(&room.partial_sums)];
         to.run(&passes.loss_ssim, tiles, &ssim);
         let [step, .., partial_sums] = ssim;
         to.run(&passes.loss_grad, tiles, &[step, picture, photo, maps, partial_sums, all(&room.d_frame)]);
@@ -208,8 +207,7 @@ impl StepPasses<'_> {
             all(&room.records),
             all(&room.planes),
         ];
-        let d_pixels =
-            [all(&room.geometry), all(&room.d_frame), all(&room.d_geometry), all(&room.slots)];
+        let d_pixels = [all(&room.geometry), all(&room.d_frame), all(&room.d_geometry), all(&room.slots)];
         if self.plan.by_pixel() {
             self.forward_by_pixel(to, WRITE);
             bindings.extend(d_pixels);
