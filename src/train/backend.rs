@@ -10,6 +10,7 @@ use crate::camera::Camera;
 use crate::error::Result;
 use crate::image::Pixels;
 use crate::raster::soft::Importance;
+use glam::UVec2;
 
 /// A photo as one step sees it.
 #[derive(Debug, Clone, Copy)]
@@ -45,6 +46,17 @@ pub struct BackendVisibility {
     /// Squared error of the pixels, shared out by weight, in units of 2^-20 px: whole numbers, so that the sum
     /// is the same however it is broken up. `[N]`
     pub error: Vec<u64>,
+}
+
+/// How large a run becomes, for the memory it will take.
+#[derive(Debug, Clone, Copy)]
+pub struct RunSize {
+    /// Triangles at most.
+    pub triangles: u64,
+    /// Degree of the view-dependent colour.
+    pub sh_degree: u8,
+    /// The largest photo, px.
+    pub photo: UVec2,
 }
 
 /// Stores a training scene and makes its steps.

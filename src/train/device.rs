@@ -1,10 +1,9 @@
 //! Where a run trains: on the CPU or on a graphics card.
 
-use super::backend::TrainBackend;
+use super::backend::{RunSize, TrainBackend};
 use super::cpu::CpuBackend;
 use crate::error::Result;
 use crate::raster::soft::SoftOptions;
-use glam::UVec2;
 
 /// Where a run trains.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -46,17 +45,6 @@ impl OpenBackend {
     fn cpu(drawing: SoftOptions, warnings: Vec<String>) -> Self {
         Self { backend: Box::new(CpuBackend::new(drawing)), card: None, warnings }
     }
-}
-
-/// How large a run becomes, for the memory it will take.
-#[derive(Debug, Clone, Copy)]
-pub struct RunSize {
-    /// Triangles at most.
-    pub triangles: u64,
-    /// Degree of the view-dependent colour.
-    pub sh_degree: u8,
-    /// The largest photo, px.
-    pub photo: UVec2,
 }
 
 #[cfg(not(feature = "gpu"))]

@@ -1,9 +1,8 @@
 //! A whole run, from a data set or a checkpoint to a trained scene.
 
-use super::backend::TrainBackend;
+use super::backend::{RunSize, TrainBackend};
 use super::checkpoint::Checkpoint;
 use super::cpu::CpuBackend;
-use super::device::RunSize;
 use super::identity::RunIdentity;
 use super::options::TrainOptions;
 use super::outputs::{Recorder, RunOptions};

@@ -156,9 +156,11 @@ fn a_step_is_the_cpus() {
 
 fn same_visibility(case: &Case, cpu: &BackendVisibility, gpu: &BackendVisibility) {
     let (a, b) = (&cpu.first, &gpu.first);
-    // A pixel at the edge of the cutoff is drawn by one of them, of which a faint triangle may have no other.
-    let weight = apart(a.max_weight.iter().copied(), b.max_weight.iter().copied());
-    assert!(weight < 1.0 / 255.0 + GRADIENTS, "{}: weight {weight}", case.name);
+    // A pixel at a jump, the cutoff or a change of the order, may fall to either side.
+    let weights = || a.max_weight.iter().zip(&b.max_weight).enumerate();
+    let jumped: Vec<_> = weights().filter(|(_, (a, b))| f64::from((*a - *b).abs()) > GRADIENTS).collect();
+    eprintln!("{}: weights {jumped:?}", case.name);
+    assert!(jumped.len() <= 1, "{}: weights {jumped:?}", case.name);
     let radius = apart(a.max_radius_px.iter().copied(), b.max_radius_px.iter().copied());
     assert!(radius < GRADIENTS, "{}: radius {radius}", case.name);
     let views = a.views.iter().zip(&b.views).filter(|(a, b)| a != b).count();
