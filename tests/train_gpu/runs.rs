@@ -72,9 +72,7 @@ fn soft_runs_are_those_of_the_cpu() {
     let Some(mut card) = backend() else { return };
     let folder = tempfile::tempdir().unwrap();
     let dataset = dataset(folder.path());
-    for (preset, refined) in
-        [(TrainPreset::Outdoor, true), (TrainPreset::Indoor, true), (TrainPreset::Indoor, false)]
-    {
+    for (preset, refined) in [(TrainPreset::Outdoor, true), (TrainPreset::Indoor, false)] {
         let mut options = options(preset, 100);
         if !refined {
             options.refine.from = 1e6;

@@ -156,11 +156,10 @@ fn a_step_is_the_cpus() {
 
 fn same_visibility(case: &Case, cpu: &BackendVisibility, gpu: &BackendVisibility) {
     let (a, b) = (&cpu.first, &gpu.first);
-    // A pixel at a jump, the cutoff or a change of the order, may fall to either side.
+    // A pixel where two layers are as deep may have them in either order, which changes the weights of both.
     let weights = || a.max_weight.iter().zip(&b.max_weight).enumerate();
     let jumped: Vec<_> = weights().filter(|(_, (a, b))| f64::from((*a - *b).abs()) > GRADIENTS).collect();
-    eprintln!("{}: weights {jumped:?}", case.name);
-    assert!(jumped.len() <= 1, "{}: weights {jumped:?}", case.name);
+    assert!(jumped.len() <= 2, "{}: weights {jumped:?}", case.name);
     let radius = apart(a.max_radius_px.iter().copied(), b.max_radius_px.iter().copied());
     assert!(radius < GRADIENTS, "{}: radius {radius}", case.name);
     let views = a.views.iter().zip(&b.views).filter(|(a, b)| a != b).count();

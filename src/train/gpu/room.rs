@@ -150,6 +150,7 @@ pub(super) struct Room {
     pub(super) d_frame: Buffer,
     pub(super) partial_sums: Buffer,
     pub(super) tile_starts: Buffer,
+    pub(super) tile_ends: Buffer,
     pub(super) layer_starts: Buffer,
     /// How many splats, pairs and layers there is room for, as the card reads it.
     pub(super) most: Buffer,
@@ -194,6 +195,7 @@ impl Room {
             d_frame: of("gradients of the picture", size.photo_pixels, 16)?,
             partial_sums: storage(gpu, "partial sums", size.buffers()[25].1, REMEDY)?,
             tile_starts: of("first pairs of tiles", size.tiles + 1, 4)?,
+            tile_ends: of("last pairs of tiles", size.tiles, 4)?,
             layer_starts: of("first layers", if size.planes { size.frame_pixels + 1 } else { 0 }, 4)?,
             most: storage(gpu, "room", 16, REMEDY)?,
         };

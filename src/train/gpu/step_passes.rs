@@ -148,6 +148,7 @@ impl StepPasses<'_> {
             all(&room.planes),
             all(&room.frame),
             all(&room.geometry),
+            all(&room.tile_ends),
         ];
         to.run(&self.passes.forward, Spread::Tiles(self.plan.tiles), &bindings);
     }
@@ -216,6 +217,7 @@ impl StepPasses<'_> {
         } else {
             bindings.push(all(&room.frame));
             bindings.extend(d_pixels);
+            bindings.push(all(&room.tile_ends));
             to.run(&self.passes.backward, tiles, &bindings);
         }
         let bindings = [

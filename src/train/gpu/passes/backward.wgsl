@@ -15,6 +15,7 @@
 @group(0) @binding(8) var<storage, read> d_frame: array<vec4<f32>>;
 @group(0) @binding(9) var<storage, read> d_geometry: array<vec4<f32>>;
 @group(0) @binding(10) var<storage, read_write> slots: array<f32>;
+@group(0) @binding(11) var<storage, read> tile_ends: array<u32>;
 
 var<workgroup> d_pixels: array<vec4<f32>, TILE * TILE>;
 var<workgroup> backgrounds: array<f32, TILE * TILE>;
@@ -64,10 +65,11 @@ fn backward(
             state[p] = vec2(1.0, behind_all(at));
         }
     }
-    for (var first = start; first < end; first += TURNS) {
+    let shown = tile_ends[tile];
+    for (var first = start; first < shown; first += TURNS) {
         var sums: SplatSums;
-        let has_splat = first + local < end;
-        let pair = pairs[min(first + local, end - 1u)];
+        let has_splat = first + local < shown;
+        let pair = pairs[min(first + local, shown - 1u)];
         let splat = owners[pair];
         let record =
             record_of(records[4u * splat], records[4u * splat + 1u], records[4u * splat + 2u], records[4u * splat + 3u]);
@@ -81,5 +83,10 @@ fn backward(
         if has_splat {
             write_slot(pair, sums);
         }
+    }
+    // Nothing of what lies behind shows.
+    var nothing: SplatSums;
+    for (var i = shown + local; i < end; i += TURNS) {
+        write_slot(pairs[i], nothing);
     }
 }

@@ -9,6 +9,7 @@
 @group(0) @binding(5) var<storage, read> planes: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> frame: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> geometry: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read_write> tile_ends: array<u32>; // no pair from there on shows
 
 var<workgroup> batch: array<array<vec4<f32>, 4>, BATCH>;
 var<workgroup> batch_planes: array<array<vec4<f32>, 2>, BATCH>;
@@ -34,6 +35,7 @@ fn forward(
         all_ended = 0u;
     }
     var is_counted = false;
+    var shown = end;
     for (var first = start; first < end; first += BATCH) {
         workgroupBarrier();
         if local < BATCH && first + local < end {
@@ -55,6 +57,7 @@ fn forward(
             all_ended = 1u;
         }
         if workgroupUniformLoad(&all_ended) == 1u {
+            shown = first;
             break;
         }
         let count = min(BATCH, end - first);
@@ -73,6 +76,9 @@ fn forward(
             }
             transmittance = blended.y;
         }
+    }
+    if local == 0u {
+        tile_ends[tile] = shown;
     }
     if inside {
         let at = pixel.y * step.frame.x + pixel.x;
