@@ -79,43 +79,68 @@ impl RoomSize {
     }
 
     /// Names and bytes of the buffers, in the order of the fields of [`Room`].
-    fn buffers(&self) -> [(&'static str, u64); 26] {
-        let many = |count: u32, bytes: u64| u64::from(count) * bytes;
-        let if_needed = |needed: bool, bytes: u64| if needed { bytes } else { 0 };
-        let slot = 4 * u64::from(self.slot_numbers);
+    fn buffers(&self) -> Vec<(&'static str, u64)> {
+        let mut all = self.of_splats().to_vec();
+        all.extend(self.of_pairs());
+        all.extend(self.of_pixels());
+        all
+    }
+
+    fn of_splats(&self) -> [(&'static str, u64); 11] {
+        let each = |bytes: u64| u64::from(self.splats) * bytes;
+        [
+            ("first splats", 4 * u64::from(self.triangles) + 4),
+            ("splats", each(64)),
+            ("boxes of splats", each(16)),
+            ("depth planes", if self.planes { each(32) } else { 0 }),
+            ("pieces of triangles", each(4)),
+            ("depths", each(4)),
+            ("sorted depths", each(4)),
+            ("order", each(4)),
+            ("sorted order", each(4)),
+            ("first pairs", each(4) + 4),
+            ("gradients of splats", each(4 * u64::from(self.slot_numbers))),
+        ]
+    }
+
+    fn of_pairs(&self) -> [(&'static str, u64); 9] {
+        let each = |bytes: u64| u64::from(self.pairs) * bytes;
         let block = GROUP * SORT_ITEMS;
         let digits = (self.splats.div_ceil(block).max(self.pairs.div_ceil(block))) * RADIX;
         let longest = [self.triangles, self.splats, digits, self.frame_pixels].into_iter().max().unwrap_or(0);
         let scanned = longest.saturating_add(1).div_ceil(GROUP * SCAN_ITEMS);
-        let partial = [self.tiles, self.triangles.div_ceil(GROUP), self.frame_pixels.div_ceil(GROUP)];
-        let by_frame = |bytes| if_needed(self.geometry, many(self.frame_pixels, bytes));
         [
-            ("first splats", many(self.triangles, 4) + 4),
-            ("splats", many(self.splats, 64)),
-            ("boxes of splats", many(self.splats, 16)),
-            ("depth planes", if_needed(self.planes, many(self.splats, 32))),
-            ("pieces of triangles", many(self.splats, 4)),
-            ("depths", many(self.splats, 4)),
-            ("sorted depths", many(self.splats, 4)),
-            ("order", many(self.splats, 4)),
-            ("sorted order", many(self.splats, 4)),
-            ("first pairs", many(self.splats, 4) + 4),
-            ("gradients of splats", many(self.splats, slot)),
-            ("tiles of pairs", many(self.pairs, 4)),
-            ("sorted tiles", many(self.pairs, 4)),
-            ("pairs", many(self.pairs, 4)),
-            ("sorted pairs", many(self.pairs, 4)),
-            ("splats of pairs", many(self.pairs, 4)),
-            ("gradients of pairs", many(self.pairs, slot)),
-            ("layers", many(self.layers, 16)),
-            ("digits", many(digits, 4)),
-            ("sums of blocks", many(scanned, 4) + 4),
-            ("frame", many(self.frame_pixels, 16)),
-            ("depth and normals", by_frame(48)),
-            ("gradients of depth and normals", by_frame(32)),
-            ("slopes of the depth map", by_frame(32)),
-            ("photo and loss", many(self.photo_pixels, 4 + 32 + 36 + 16)),
-            ("partial sums", partial.into_iter().map(|p| many(p, 16)).max().unwrap_or(0)),
+            ("tiles of pairs", each(4)),
+            ("sorted tiles", each(4)),
+            ("pairs", each(4)),
+            ("sorted pairs", each(4)),
+            ("splats of pairs", each(4)),
+            ("gradients of pairs", each(4 * u64::from(self.slot_numbers))),
+            ("layers", 16 * u64::from(self.layers)),
+            ("digits", 4 * u64::from(digits)),
+            ("sums of blocks", 4 * u64::from(scanned) + 4),
+        ]
+    }
+
+    fn of_pixels(&self) -> [(&'static str, u64); 13] {
+        let (frame, photo) = (u64::from(self.frame_pixels), u64::from(self.photo_pixels));
+        let geometry = if self.geometry { frame } else { 0 };
+        let partial = [self.tiles, self.triangles.div_ceil(GROUP), self.frame_pixels.div_ceil(GROUP)];
+        let partial = u64::from(partial.into_iter().max().unwrap_or(0));
+        [
+            ("frame", 16 * frame),
+            ("depth and normals", 48 * geometry),
+            ("gradients of depth and normals", 32 * geometry),
+            ("slopes of the depth map", 32 * geometry),
+            ("photo", 4 * photo),
+            ("picture", 32 * photo),
+            ("derivatives of SSIM", 36 * photo),
+            ("gradients of the picture", 16 * photo),
+            ("partial sums", 16 * partial),
+            ("first pairs of tiles", 4 * u64::from(self.tiles) + 4),
+            ("last pairs of tiles", 4 * u64::from(self.tiles)),
+            ("first layers", if self.planes { 4 * frame + 4 } else { 0 }),
+            ("room", 16),
         ]
     }
 }
@@ -166,7 +191,6 @@ impl Room {
             let (what, bytes) = sizes.next().unwrap_or_default();
             storage(gpu, what, bytes, REMEDY)
         };
-        let of = |what, count: u32, bytes: u64| storage(gpu, what, u64::from(count) * bytes, REMEDY);
         let room = Self {
             size,
             splat_starts: next()?,
@@ -189,15 +213,15 @@ impl Room {
             geometry: next()?,
             d_geometry: next()?,
             slopes: next()?,
-            photo: of("photo", size.photo_pixels, 4)?,
-            picture: of("picture", size.photo_pixels, 32)?,
-            maps: of("derivatives of SSIM", size.photo_pixels, 36)?,
-            d_frame: of("gradients of the picture", size.photo_pixels, 16)?,
-            partial_sums: storage(gpu, "partial sums", size.buffers()[25].1, REMEDY)?,
-            tile_starts: of("first pairs of tiles", size.tiles + 1, 4)?,
-            tile_ends: of("last pairs of tiles", size.tiles, 4)?,
-            layer_starts: of("first layers", if size.planes { size.frame_pixels + 1 } else { 0 }, 4)?,
-            most: storage(gpu, "room", 16, REMEDY)?,
+            photo: next()?,
+            picture: next()?,
+            maps: next()?,
+            d_frame: next()?,
+            partial_sums: next()?,
+            tile_starts: next()?,
+            tile_ends: next()?,
+            layer_starts: next()?,
+            most: next()?,
         };
         let most = [size.splats, size.pairs, size.layers, TILE];
         gpu.queue.write_buffer(&room.most, 0, bytemuck::cast_slice(&most));

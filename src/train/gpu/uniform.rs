@@ -7,7 +7,7 @@ use crate::raster::soft::{SoftOptions, Sort, Window, tile_count};
 use crate::train::backend::StepPhoto;
 use crate::train::schedule::Rates;
 use bytemuck::{Pod, Zeroable};
-use glam::{UVec2, Vec3, Vec4};
+use glam::{UVec2, Vec3};
 
 /// Numbers of a slot: gradients of a splat summed over the pixels of a tile, and its weights.
 pub(super) const SLOT_NUMBERS: u32 = 17;
@@ -104,9 +104,6 @@ impl StepUniform {
         let degree = u32::from(rates.sh_degree.min(scene.sh_degree));
         let stored = (u32::from(scene.sh_degree) + 1).pow(2);
         let rate = |rate: f64| Rate::new(rate, rates.time);
-        let trained = f64::from((scene.triangles - scene.pinned).max(1));
-        let each = |weight: f64| (weight / trained) as f32;
-        let (values, pixels) = (3.0 * f64::from(plan.photo_pixels()), f64::from(plan.frame_pixels()));
         let [near, far] = options.depth_range;
         let flag = |is: bool| f32::from(u8::from(is));
         let (size, [fx, fy], [cx, cy]) = (camera.size, camera.focal.to_array(), camera.center.to_array());
@@ -124,20 +121,28 @@ impl StepUniform {
             anneal: [rates.anneal.opacity_floor, rates.anneal.opacity_gain, rates.anneal.sigma_scale, 0.0],
             rates: [rates.vertices, rates.opacity, rates.sigma, rates.sh].map(|r| rate(r).step()),
             update: [rate(rates.sh_rest).step(), rate(1.0).second(), flag(rates.sparse), flag(photo.first)],
-            regularisers: [
-                each(rates.beta_opacity),
-                each(rates.beta_sigma),
-                each(rates.beta_size),
-                each(rates.beta_opaque),
-            ],
-            loss: Vec4::new(
-                ((1.0 - rates.dssim) / values) as f32,
-                (-rates.dssim / values) as f32,
-                (rates.beta_distortion / pixels.max(1.0)) as f32,
-                (rates.beta_normal / pixels.max(1.0)) as f32,
-            )
-            .to_array(),
+            regularisers: regularisers(rates, scene),
+            loss: loss(rates, plan),
             depths: [far / (far - near), far * near / (far - near), 0.0, 0.0],
         }
     }
+}
+
+/// Weights of the means over the scene; pinned triangles do not count.
+fn regularisers(rates: &Rates, scene: SceneShape) -> [f32; 4] {
+    let trained = f64::from((scene.triangles - scene.pinned).max(1));
+    [rates.beta_opacity, rates.beta_sigma, rates.beta_size, rates.beta_opaque]
+        .map(|weight| (weight / trained) as f32)
+}
+
+/// Weights of the means over the pixels: of the photo for colours, of the frame for distortion and normals.
+fn loss(rates: &Rates, plan: &StepPlan) -> [f32; 4] {
+    let (values, pixels) = (3.0 * f64::from(plan.photo_pixels()), f64::from(plan.frame_pixels()).max(1.0));
+    [
+        (1.0 - rates.dssim) / values,
+        -rates.dssim / values,
+        rates.beta_distortion / pixels,
+        rates.beta_normal / pixels,
+    ]
+    .map(|scale| scale as f32)
 }

@@ -169,84 +169,89 @@ fn record_visibility(i: u32, d: TriangleGrad, is_finite_grad: bool) {
     }
 }
 
-@compute @workgroup_size(UPDATE_GROUP)
-fn update(
-    @builtin(workgroup_id) workgroup: vec3<u32>,
-    @builtin(num_workgroups) workgroups: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let i = workgroup_index(workgroup, workgroups) * UPDATE_GROUP + local;
+fn triangle_of(i: u32) -> WorldTriangle {
     let n = step.scene.x;
-    if i >= n {
-        return;
-    }
-    let triangle = WorldTriangle(
+    return WorldTriangle(
         vec3(x[i], x[n + i], x[2u * n + i]),
         vec3(x[3u * n + i], x[4u * n + i], x[5u * n + i]),
         vec3(x[6u * n + i], x[7u * n + i], x[8u * n + i]),
     );
-    let raw_opacity = x[ROW_OPACITY * n + i];
-    let raw_sigma = x[ROW_SIGMA * n + i];
-    let used = (step.scene.z + 1u) * (step.scene.z + 1u);
+}
+
+// Coefficients in use.
+fn used_sh() -> u32 {
+    return (step.scene.z + 1u) * (step.scene.z + 1u);
+}
+
+// The basis in the direction of a triangle that was drawn.
+var<private> basis: array<f32, 16>;
+
+// The part that the colour has in the corners: a triangle that moves is seen from elsewhere.
+fn view_grad(i: u32, view: vec4<f32>, d_rgb: vec3<f32>) -> vec3<f32> {
+    if step.scene.z == 0u || !(view.w > 0.0) {
+        return vec3(0.0);
+    }
+    let n = step.scene.x;
+    var d_basis: array<f32, 16>;
+    for (var k = 0u; k < used_sh(); k++) {
+        let at = (ROW_SH + 3u * k) * n + i;
+        d_basis[k] = dot(vec3(x[at], x[at + n], x[at + 2u * n]), d_rgb);
+    }
+    return normalize_grad(view.xyz, view.w, sh_basis_grad(step.scene.z, view.xyz, d_basis)) * (1.0 / 3.0);
+}
+
+fn is_finite_grad(d: TriangleGrad) -> bool {
+    return is_finite3(d.rgb) && is_finite3(d.vertices[0]) && is_finite3(d.vertices[1]) && is_finite3(d.vertices[2])
+        && is_finite(d.opacity) && is_finite(d.sigma);
+}
+
+// The gradient of a triangle by what the pixels saw; zeros when it is not finite. The colour's is by the raw one.
+fn triangle_grad(i: u32, triangle: WorldTriangle) -> TriangleGrad {
     var d: TriangleGrad;
-    var d_rgb = vec3(0.0);
-    var basis: array<f32, 16>;
-    let first_splat = splat_starts[i];
-    let end_splat = splat_starts[i + 1u];
-    if first_splat < end_splat {
-        let whole = whole_triangle(triangle);
-        for (var splat = first_splat; splat < end_splat; splat++) {
-            add_piece(&d, splat, whole, anneal_opacity(raw_opacity));
-        }
-        if d.pixels > 0.0 {
-            d_rgb = raw_color_grad(d.rgb, records[4u * first_splat + 3u].xyz);
-            let view = view_direction(triangle);
-            basis = sh_basis(step.scene.z, view.xyz);
-            if step.scene.z > 0u && view.w > 0.0 {
-                var d_basis: array<f32, 16>;
-                for (var k = 0u; k < used; k++) {
-                    let at = (ROW_SH + 3u * k) * n + i;
-                    d_basis[k] = dot(vec3(x[at], x[at + n], x[at + 2u * n]), d_rgb);
-                }
-                let d_offset = normalize_grad(view.xyz, view.w, sh_basis_grad(step.scene.z, view.xyz, d_basis)) * (1.0 / 3.0);
-                for (var k = 0u; k < 3u; k++) {
-                    d.vertices[k] += d_offset;
-                }
-            }
-        }
-        let finite = is_finite3(d_rgb) && is_finite3(d.vertices[0]) && is_finite3(d.vertices[1])
-            && is_finite3(d.vertices[2]) && is_finite(d.opacity) && is_finite(d.sigma);
-        record_visibility(i, d, finite);
-        if !finite {
-            atomicAdd(&counts[DROPPED], 1u);
-            d.vertices = array<vec3<f32>, 3>(vec3(0.0), vec3(0.0), vec3(0.0));
-            d.opacity = 0.0;
-            d.sigma = 0.0;
-            d_rgb = vec3(0.0);
+    let first = splat_starts[i];
+    let end = splat_starts[i + 1u];
+    if first >= end {
+        return d;
+    }
+    let whole = whole_triangle(triangle);
+    let opacity = anneal_opacity(x[ROW_OPACITY * step.scene.x + i]);
+    for (var splat = first; splat < end; splat++) {
+        add_piece(&d, splat, whole, opacity);
+    }
+    if d.pixels > 0.0 {
+        d.rgb = raw_color_grad(d.rgb, records[4u * first + 3u].xyz);
+        let view = view_direction(triangle);
+        basis = sh_basis(step.scene.z, view.xyz);
+        let d_offset = view_grad(i, view, d.rgb);
+        for (var k = 0u; k < 3u; k++) {
+            d.vertices[k] += d_offset;
         }
     }
-    var sum = abs(d.opacity) + abs(d.sigma);
+    let finite = is_finite_grad(d);
+    record_visibility(i, d, finite);
+    if !finite {
+        atomicAdd(&counts[DROPPED], 1u);
+        var nothing: TriangleGrad;
+        return nothing;
+    }
+    return d;
+}
+
+// The sum of all absolute numbers of a gradient.
+fn magnitude(d: TriangleGrad) -> f32 {
     let corners = abs(d.vertices[0]) + abs(d.vertices[1]) + abs(d.vertices[2]);
-    sum += corners.x + corners.y + corners.z;
-    for (var k = 0u; k < used; k++) {
-        let by_color = abs(d_rgb * basis[k]);
+    var sum = abs(d.opacity) + abs(d.sigma) + corners.x + corners.y + corners.z;
+    for (var k = 0u; k < used_sh(); k++) {
+        let by_color = abs(d.rgb * basis[k]);
         sum += by_color.x + by_color.y + by_color.z;
     }
-    if !is_finite(sum) {
-        atomicAdd(&counts[DROPPED], 1u);
-        atomicAdd(&counts[TOUCHED], 1u);
-        return;
-    }
-    if sum == 0.0 && step.update.z == 1.0 {
-        return;
-    }
-    atomicAdd(&counts[TOUCHED], 1u);
-    for (var c = 0u; c < 3u; c++) {
-        move_number(ROW_SH + c, i, step.rates.w, d_rgb[c] * basis[0]);
-    }
-    if i < step.scene.w {
-        return;
-    }
+    return sum;
+}
+
+// Moves all of a triangle but its colour of degree 0.
+fn move_triangle(i: u32, triangle: WorldTriangle, gradient: TriangleGrad) {
+    let n = step.scene.x;
+    var d = gradient;
     if step.regularisers.z > 0.0 {
         let mean = mean_of(SUM_AREA, 1e-12);
         var by_area = area_grad(triangle, -step.regularisers.z / (mean * mean));
@@ -264,11 +269,44 @@ fn update(
         let mean = mean_of(SUM_OPACITY, 1e-6);
         d_opacity -= step.regularisers.w / (mean * mean);
     }
-    move_number(ROW_OPACITY, i, step.rates.y, anneal_opacity_grad(raw_opacity, d_opacity));
-    move_number(ROW_SIGMA, i, step.rates.z, anneal_sigma_grad(raw_sigma, d.sigma + step.regularisers.y));
-    for (var k = 1u; k < used; k++) {
+    let by_logit = anneal_opacity_grad(x[ROW_OPACITY * n + i], d_opacity);
+    move_number(ROW_OPACITY, i, step.rates.y, by_logit);
+    let by_logarithm = anneal_sigma_grad(x[ROW_SIGMA * n + i], d.sigma + step.regularisers.y);
+    move_number(ROW_SIGMA, i, step.rates.z, by_logarithm);
+    for (var k = 1u; k < used_sh(); k++) {
         for (var c = 0u; c < 3u; c++) {
-            move_number(ROW_SH + 3u * k + c, i, step.update.x, d_rgb[c] * basis[k]);
+            move_number(ROW_SH + 3u * k + c, i, step.update.x, d.rgb[c] * basis[k]);
         }
+    }
+}
+
+@compute @workgroup_size(UPDATE_GROUP)
+fn update(
+    @builtin(workgroup_id) workgroup: vec3<u32>,
+    @builtin(num_workgroups) workgroups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let i = workgroup_index(workgroup, workgroups) * UPDATE_GROUP + local;
+    if i >= step.scene.x {
+        return;
+    }
+    let triangle = triangle_of(i);
+    let d = triangle_grad(i, triangle);
+    let sum = magnitude(d);
+    if !is_finite(sum) {
+        atomicAdd(&counts[DROPPED], 1u);
+        atomicAdd(&counts[TOUCHED], 1u);
+        return;
+    }
+    if sum == 0.0 && step.update.z == 1.0 {
+        return;
+    }
+    atomicAdd(&counts[TOUCHED], 1u);
+    for (var c = 0u; c < 3u; c++) {
+        move_number(ROW_SH + c, i, step.rates.w, d.rgb[c] * basis[0]);
+    }
+    // Pinned triangles keep everything else.
+    if i >= step.scene.w {
+        move_triangle(i, triangle, d);
     }
 }
