@@ -32,8 +32,8 @@ run() {
     grep -h 'training on' messages.txt >>cards.txt || true
     # The second half: the scene has grown, and what is compiled once is compiled.
     lines=$(wc -l <log.jsonl)
-    sed -n "$((lines / 2))p" log.jsonl >half.jsonl
     if [ "$lines" -lt 2 ]; then echo "| $backend | $width px | too slow for ${seconds} s | | |"; return; fi
+    sed -n "$((lines / 2))p" log.jsonl >half.jsonl
     awk -v w1="$(last half.jsonl wall_secs)" -v w2="$(last log.jsonl wall_secs)" -v c1="$(last half.jsonl cpu_secs)" \
         -v c2="$(last log.jsonl cpu_secs)" -v s1="$(last half.jsonl step)" -v s2="$(last log.jsonl step)" -v size="$width" \
         -v t="$(last log.jsonl triangles)" -v b="$backend" \
@@ -42,7 +42,7 @@ run() {
 
 echo '| backend | width | triangles at the end | steps/s | CPU ms per step |'
 echo '|---|---|---|---|---|'
-if [ -n "${SMALL:-}" ]; then sizes='160:2000:1500:120'; else sizes='640:50000:200000:400 1280:200000:1000000:300 1920:400000:3000000:300'; fi
+if [ -n "${SMALL:-}" ]; then sizes=64:500:400:80; else sizes='640:50000:200000:400 1280:200000:1000000:300 1920:400000:3000000:300'; fi
 for size in $sizes; do
     IFS=: read -r width points triangles steps <<<"$size"
     rm -rf photos
