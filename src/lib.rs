@@ -46,7 +46,7 @@
 //! ```
 //!
 //! From photos with poses: [`Dataset::load`], then [`train()`], then [`Bake`] with the photos. The folder `examples` has whole
-//! programs. The command line, its progress bars and its plots are behind the feature `cli`, drawing on a graphics card behind
+//! programs. The command line, its progress bars and its plots are behind the feature `cli`, training and drawing on a graphics card behind
 //! `gpu`, the window behind `view`; only `cli` is on unless `default-features = false`.
 
 pub mod asset;

@@ -20,6 +20,7 @@ use crate::formats;
 use crate::report::{OutputReport, Report};
 use crate::scene::Loaded;
 use crate::train::budget::{BudgetDetails, Seconds};
+use crate::train::device::OpenBackend;
 use crate::train::eval::Quality;
 use crate::train::{Checkpoint, Preview, RunOptions, TrainOptions, TrainRun, Trained, checkpoint, rotation};
 use clap::ArgMatches;
@@ -54,10 +55,18 @@ pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<Ex
     warnings.extend(from.iter().flat_map(|scene| &scene.warnings).chain(&dataset.warnings).cloned());
     let run = TrainRun::new(&dataset, &options).with_dataset_options(&how);
     let (force_resume, began) = (args.force_resume, Some(clock));
-    let run = TrainRun { outputs, from, resume: point, paced, began, force_resume, ..run }.start()?;
+    let run = TrainRun { outputs, from, resume: point, paced, began, force_resume, ..run };
+    let place =
+        if run.has_budget() { args.backend_options.of_budget()? } else { args.backend_options.clone() };
+    let OpenBackend { backend, card, warnings: about_backend } = place.open(run.drawing(), run.size())?;
+    let run = run.start_on(backend)?;
+    warnings.extend(about_backend);
     warnings.extend(run.differences().iter().map(|difference| format!("resumed although {difference}")));
     let triangles = run.triangles();
     let mut bar = Bar::new(global, options.steps, run.steps(), args.log.as_deref(), run.curve())?;
+    if let Some(card) = card {
+        bar.line(&format!("training on {card}"));
+    }
     for warning in &warnings {
         bar.line(&format!("warning: {}", flags::spell(warning, &command())));
     }

@@ -1,8 +1,8 @@
 //! The flags of `trisplat train`.
 
 use crate::dataset::DatasetOptions;
-use crate::train::TrainOptions;
 use crate::train::budget::Seconds;
+use crate::train::{BackendOptions, TrainOptions};
 use std::path::PathBuf;
 
 /// Files, what to leave behind, and the options of the training.
@@ -75,6 +75,9 @@ pub struct TrainArgs {
     /// As --budget, by the clock on the wall.
     #[arg(long, value_name = "TIME", conflicts_with = "steps")]
     pub budget_wall: Option<Seconds>,
+    /// Where to train.
+    #[command(flatten, next_help_heading = "Backend")]
+    pub backend_options: BackendOptions,
     /// The photos.
     #[command(flatten)]
     pub dataset_options: DatasetOptions,

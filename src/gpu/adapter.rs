@@ -83,6 +83,39 @@ impl AdapterOptions {
     }
 }
 
+impl AdapterOptions {
+    /// The best card that is one and fits the options: no software, and no OpenGL, whose compute shaders differ from driver
+    /// to driver. Quiet where there is none.
+    pub fn find_real(&self) -> Option<Adapter> {
+        if !may_have_card() {
+            return None;
+        }
+        let modern = Backends::VULKAN | Backends::METAL | Backends::DX12;
+        let mut descriptor = InstanceDescriptor::new_without_display_handle().with_env();
+        descriptor.flags.remove(InstanceFlags::VALIDATION_INDIRECT_CALL);
+        descriptor.backends = self.graphics_api.map_or(descriptor.backends, GraphicsApi::backends) & modern;
+        let backends = descriptor.backends;
+        let wanted = self.adapter.as_deref().unwrap_or_default().to_lowercase();
+        let found = pollster::block_on(Instance::new(descriptor).enumerate_adapters(backends));
+        found
+            .into_iter()
+            .filter(|adapter| is_real(adapter.get_info().device_type))
+            .filter(|adapter| adapter.get_info().name.to_lowercase().contains(&wanted))
+            .min_by_key(rank)
+    }
+}
+
+/// False where there can be no card: then no driver is loaded, as that takes time and, without a desktop, prints what Mesa's layers
+/// miss. On Linux a card is a file, of its kernel driver: Mesa's, NVIDIA's, WSL's, Tegra's, Arm's or Qualcomm's.
+fn may_have_card() -> bool {
+    let files = ["dri", "nvidia0", "nvidiactl", "dxg", "nvhost-gpu", "mali0", "kgsl-3d0"];
+    !cfg!(target_os = "linux") || files.iter().any(|file| std::path::Path::new("/dev").join(file).exists())
+}
+
+fn is_real(kind: DeviceType) -> bool {
+    matches!(kind, DeviceType::DiscreteGpu | DeviceType::IntegratedGpu | DeviceType::VirtualGpu)
+}
+
 fn nothing_found(api: Option<GraphicsApi>) -> String {
     let asked = match api {
         Some(api) => format!("no graphics card answers through {api:?}; try another `graphics_api`, or"),

@@ -1,9 +1,11 @@
-//! The graphics card: finding one, filling its buffers, reading back, timing. Knows nothing of triangles.
+//! The graphics card: finding one, filling its buffers, compute kernels, reading back, timing. Knows nothing of triangles.
 
 pub mod adapter;
 pub mod buffer;
+pub mod compute;
 pub mod device;
 pub mod readback;
+pub mod storage;
 pub mod timer;
 
 pub use adapter::{AdapterOptions, GraphicsApi};

@@ -2,6 +2,7 @@
 
 use super::device::Gpu;
 use crate::error::{Error, Result};
+use bytemuck::{AnyBitPattern, NoUninit};
 use wgpu::{Buffer, BufferDescriptor, BufferUsages, Extent3d, MapMode, TexelCopyBufferInfo};
 use wgpu::{TexelCopyBufferLayout, Texture};
 
@@ -26,6 +27,25 @@ pub fn texels(gpu: &Gpu, texture: &Texture) -> Result<Vec<[u8; 4]>> {
     Ok((0..height as usize)
         .flat_map(|y| bytemuck::cast_slice::<u8, [u8; 4]>(row(y)).iter().copied())
         .collect())
+}
+
+/// The first `count` elements of a buffer that can be copied from, when all work is done.
+pub fn elements<T: AnyBitPattern + NoUninit>(gpu: &Gpu, buffer: &Buffer, count: usize) -> Result<Vec<T>> {
+    let size = (count * size_of::<T>()) as u64;
+    if size == 0 {
+        return Ok(Vec::new());
+    }
+    let staging = gpu.device.create_buffer(&BufferDescriptor {
+        label: Some("readback"),
+        size: size.next_multiple_of(4),
+        usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
+        mapped_at_creation: false,
+    });
+    gpu.check()?;
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, size);
+    gpu.queue.submit([encoder.finish()]);
+    Ok(bytemuck::pod_collect_to_vec(&bytes(gpu, &staging)?[..size as usize]))
 }
 
 /// The contents of a mappable buffer when all work is done.

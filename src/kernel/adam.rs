@@ -24,6 +24,21 @@ impl Rate {
         let second = 1.0 - f64::from(BETA2).powi(t);
         Self { step: (rate / first) as f32, second: (1.0 / second) as f32 }
     }
+
+    /// Of its two numbers, [`Rate::step`] and [`Rate::second`].
+    pub fn from_parts(step: f32, second: f32) -> Self {
+        Self { step, second }
+    }
+
+    /// rate / (1 - β1^t).
+    pub fn step(&self) -> f32 {
+        self.step
+    }
+
+    /// 1 / (1 - β2^t).
+    pub fn second(&self) -> f32 {
+        self.second
+    }
 }
 
 /// Moves `values` against `gradient` and updates both moments; all slices are equally long.

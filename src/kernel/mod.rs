@@ -8,4 +8,6 @@ pub mod loss;
 pub mod normal;
 pub mod sh;
 pub mod splat;
+#[cfg(feature = "gpu")]
+pub mod wgsl;
 pub mod window;

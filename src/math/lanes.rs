@@ -2,7 +2,7 @@
 //!
 //! All `unsafe` of the crate is here: vector instructions may run only where [`dispatch`] has detected them.
 
-mod poly;
+pub(in crate::math) mod poly;
 mod portable;
 mod vector;
 #[cfg(target_arch = "x86_64")]

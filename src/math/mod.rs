@@ -11,3 +11,5 @@ pub mod real;
 pub mod srgb8;
 pub mod ssim;
 pub mod vec;
+#[cfg(feature = "gpu")]
+pub mod wgsl;

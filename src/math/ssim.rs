@@ -13,9 +13,9 @@ pub const TAPS: usize = 11;
 /// Standard deviation of the window, px.
 const SIGMA_PX: f64 = 1.5;
 /// (0.01)², the luminance constant.
-const C1: f64 = 1e-4;
+pub(super) const C1: f64 = 1e-4;
 /// (0.03)², the contrast constant.
-const C2: f64 = 9e-4;
+pub(super) const C2: f64 = 9e-4;
 
 /// The taps of the window along one axis, summing to 1.
 pub fn window() -> [f64; TAPS] {

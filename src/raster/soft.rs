@@ -33,6 +33,8 @@ pub use importance::Importance;
 pub use options::{SoftOptions, Sort, Window};
 pub use soup_grad::SoupGrad;
 pub use soup_ref::SoupRef;
+#[cfg(feature = "gpu")]
+pub(crate) use tile_grid::{MARGIN, TILE, tile_count};
 
 use crate::camera::Camera;
 use forward::Slab;

@@ -1,24 +1,24 @@
 //! Where the scene is stored and optimised while it trains.
 //!
-//! There is one backend, [`CpuBackend`](super::cpu::CpuBackend); the trait is the line along which a second one, on
-//! a graphics card, can be added. Only the inner loop belongs to a backend: refinement takes the state out, runs the
-//! one implementation there is, and puts it back.
+//! There are two backends, [`CpuBackend`](super::cpu::CpuBackend) and, with the feature `gpu`, one on a graphics card
+//! (`train::gpu::GpuBackend`); `tests/train_gpu` holds them together. Only the inner loop belongs to a backend: refinement takes
+//! the state out, runs the one implementation there is, and puts it back.
 
 use super::params::TrainState;
 use super::schedule::Rates;
 use crate::camera::Camera;
 use crate::error::Result;
+use crate::image::Pixels;
 use crate::raster::soft::Importance;
+use glam::UVec2;
 
 /// A photo as one step sees it.
 #[derive(Debug, Clone, Copy)]
 pub struct StepPhoto<'a> {
     /// The camera, in training space, at the photo's size.
     pub camera: &'a Camera,
-    /// The pixels, sRGB-encoded. `[H * W]`
-    pub rgb: &'a [[f32; 3]],
-    /// How much each pixel counts; `None` when all do. `[H * W]`
-    pub weight: Option<&'a [f32]>,
+    /// The pixels; alpha says how much each counts. `[H * W]`
+    pub pixels: &'a Pixels,
     /// The photo is drawn for the first time since the visibility statistics were reset.
     pub first: bool,
 }
@@ -48,6 +48,17 @@ pub struct BackendVisibility {
     pub error: Vec<u64>,
 }
 
+/// How large a run becomes, for the memory it will take.
+#[derive(Debug, Clone, Copy)]
+pub struct RunSize {
+    /// Triangles at most.
+    pub triangles: u64,
+    /// Degree of the view-dependent colour.
+    pub sh_degree: u8,
+    /// The largest photo, px.
+    pub photo: UVec2,
+}
+
 /// Stores a training scene and makes its steps.
 pub trait TrainBackend {
     /// Moves a state in.
@@ -65,3 +76,30 @@ pub trait TrainBackend {
         self.len() == 0
     }
 }
+
+macro_rules! forwards {
+    ($($owner:ty),*) => {$(
+        impl<T: TrainBackend + ?Sized> TrainBackend for $owner {
+            fn load(&mut self, state: TrainState) -> Result<()> {
+                (**self).load(state)
+            }
+
+            fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<StepStats> {
+                (**self).step(photo, rates)
+            }
+
+            fn take_visibility(&mut self) -> Result<BackendVisibility> {
+                (**self).take_visibility()
+            }
+
+            fn store(&mut self) -> Result<TrainState> {
+                (**self).store()
+            }
+
+            fn len(&self) -> usize {
+                (**self).len()
+            }
+        }
+    )*};
+}
+forwards!(&mut T, Box<T>);

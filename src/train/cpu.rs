@@ -71,8 +71,8 @@ impl TrainBackend for CpuBackend {
         let camera = photo.camera.resized(photo.camera.size * sampling.samples);
         let frame = self.soft.render(&soup, &camera, &options);
         let d_rgb = &mut self.d_frame.d_rgb;
-        let means = self.frame_loss.photometric_grad(photo, rates.dssim, sampling, &frame.rgb, d_rgb);
-        self.frame_loss.errors(photo, sampling, &mut self.d_frame.error);
+        let means = self.frame_loss.photometric_grad(photo.pixels, rates.dssim, sampling, &frame.rgb, d_rgb);
+        self.frame_loss.errors(photo.pixels.size.x, sampling, &mut self.d_frame.error);
         let geometry = geometry_grad(frame, &camera, rates, &mut self.d_maps, &mut self.d_frame);
         self.soft.backward(&soup, &camera, &options, &self.d_frame, &mut self.d_soup);
         let n = params.len();
@@ -142,7 +142,7 @@ fn add_errors(d_soup: &SoupGrad, errors: &mut Vec<u64>) {
 }
 
 /// Units of [`BackendVisibility::error`] per pixel.
-const ERROR_UNITS: f32 = 1_048_576.0;
+pub(super) const ERROR_UNITS: f32 = 1_048_576.0;
 
 /// Opacity and σ of the raw parameters.
 fn activate(params: &Params, rates: &Rates, opacity: &mut Vec<f32>, sigma: &mut Vec<f32>) {

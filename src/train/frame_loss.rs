@@ -1,6 +1,6 @@
 //! The photometric loss of a frame that may have several samples per pixel and may be in linear light.
 
-use super::backend::StepPhoto;
+use crate::image::Pixels;
 use crate::kernel::loss::{Photometric, Scratch, photometric_grad};
 use crate::math::color::encode;
 use crate::math::lanes::{LANES, Lanes, Work, dispatch};
@@ -19,6 +19,7 @@ pub(super) struct Supersampling {
 #[derive(Debug, Default)]
 pub(super) struct FrameLoss {
     scratch: Scratch<f32>,
+    photo: FloatPhoto,
     /// The picture, sRGB-encoded. `[H * W]`
     picture: Vec<[f32; 3]>,
     /// ∂picture/∂mean of the samples; empty when that is 1.
@@ -31,14 +32,15 @@ impl FrameLoss {
     /// ∂loss/∂sample. `[H * samples * W * samples]`
     pub(super) fn photometric_grad(
         &mut self,
-        photo: &StepPhoto<'_>,
+        photo: &Pixels,
         lambda_dssim: f64,
         sampling: Supersampling,
         frame: &[[f32; 3]],
         d_rgb: &mut Vec<[f32; 3]>,
     ) -> Photometric {
-        let width = photo.camera.size.x as usize;
+        let width = photo.size.x as usize;
         let n = sampling.samples as usize;
+        self.photo.read(photo);
         average(width, n, frame, &mut self.picture);
         self.slope.clear();
         if sampling.linear {
@@ -48,9 +50,9 @@ impl FrameLoss {
                 dispatch(Encode { values: picture.as_flattened_mut(), slope: slope.as_flattened_mut() });
             });
         }
-        let Self { scratch, picture, d_picture, slope } = self;
+        let Self { scratch, photo, picture, d_picture, slope } = self;
         d_picture.resize(photo.rgb.len(), [0.0; 3]);
-        let (rgb, weight) = (photo.rgb, photo.weight);
+        let (rgb, weight) = (&photo.rgb, photo.weight());
         let means = photometric_grad(width, picture, rgb, weight, lambda_dssim, scratch, d_picture);
         for (d, slope) in d_picture.as_flattened_mut().iter_mut().zip(slope.as_flattened()) {
             *d *= slope;
@@ -60,20 +62,43 @@ impl FrameLoss {
     }
 
     /// Squared error of the pixel each sample belongs to, divided by the number of samples: in pixels. Of the
-    /// frame last given to [`Self::photometric_grad`].
-    pub(super) fn errors(&self, photo: &StepPhoto<'_>, sampling: Supersampling, out: &mut Vec<f32>) {
-        let (width, n) = (photo.camera.size.x as usize, sampling.samples as usize);
+    /// frame and the photo, `width` px wide, last given to [`Self::photometric_grad`].
+    pub(super) fn errors(&self, width: u32, sampling: Supersampling, out: &mut Vec<f32>) {
+        let (width, n, photo) = (width as usize, sampling.samples as usize, &self.photo);
+        let weights = photo.weight();
         let scale = 1.0 / (n * n) as f32;
         out.resize(self.picture.len() * n * n, 0.0);
         out.par_chunks_mut(width.max(1) * n).enumerate().for_each(|(y, row)| {
             let from = y / n * width;
             for (x, out) in row.iter_mut().enumerate() {
                 let i = from + x / n;
-                let weight = photo.weight.map_or(1.0, |w| w[i]);
+                let weight = weights.map_or(1.0, |w| w[i]);
                 let d: [f32; 3] = std::array::from_fn(|c| self.picture[i][c] - photo.rgb[i][c]);
                 *out = weight * scale * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
             }
         });
+    }
+}
+
+/// A photo in numbers from 0 to 1.
+#[derive(Debug, Default)]
+struct FloatPhoto {
+    /// sRGB-encoded. `[H * W]`
+    rgb: Vec<[f32; 3]>,
+    /// How much each pixel counts; empty when all do. `[H * W]`
+    weight: Vec<f32>,
+}
+
+impl FloatPhoto {
+    fn read(&mut self, pixels: &Pixels) {
+        self.rgb.clear();
+        self.rgb.extend(pixels.rgb.iter().map(|p| p.map(|c| f32::from(c) * (1.0 / 255.0))));
+        self.weight.clear();
+        self.weight.extend(pixels.alpha.iter().flatten().map(|&a| f32::from(a) * (1.0 / 255.0)));
+    }
+
+    fn weight(&self) -> Option<&[f32]> {
+        (!self.weight.is_empty()).then_some(&self.weight)
     }
 }
 

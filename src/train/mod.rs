@@ -18,9 +18,12 @@ pub mod backend;
 pub mod budget;
 pub mod checkpoint;
 pub mod cpu;
+pub mod device;
 pub mod eval;
 mod frame_loss;
 mod from_scene;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod identity;
 pub mod init;
 pub mod neighbours;
@@ -44,6 +47,7 @@ pub mod visibility;
 
 pub use backend::TrainBackend;
 pub use checkpoint::Checkpoint;
+pub use device::{BackendKind, BackendOptions};
 pub use identity::RunIdentity;
 pub use options::{TrainOptions, TrainPreset};
 pub use outputs::{Preview, RunOptions};

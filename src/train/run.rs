@@ -1,6 +1,6 @@
 //! A whole run, from a data set or a checkpoint to a trained scene.
 
-use super::backend::TrainBackend;
+use super::backend::{RunSize, TrainBackend};
 use super::budget::{Pace, Paced, Spending};
 use super::checkpoint::Checkpoint;
 use super::cpu::CpuBackend;
@@ -120,11 +120,37 @@ impl<'a> TrainRun<'a> {
     ///
     /// Errors: options out of range, no training photos, a checkpoint of another run.
     pub fn start(self) -> Result<StartedRun<'a, CpuBackend>> {
+        let backend = CpuBackend::new(self.drawing());
+        self.start_on(backend)
+    }
+
+    /// How the backend of this run draws, until its steps say otherwise.
+    pub fn drawing(&self) -> SoftOptions {
+        let options = self.resume.as_ref().map_or(&self.options, |checkpoint| &checkpoint.meta.options);
+        options.drawing(self.background)
+    }
+
+    /// Whether the run keeps to a budget, its own or that of its checkpoint.
+    pub fn has_budget(&self) -> bool {
+        self.paced.is_some() || self.resume.as_ref().is_some_and(|checkpoint| checkpoint.meta.pace.is_some())
+    }
+
+    /// How large the run becomes.
+    pub fn size(&self) -> RunSize {
+        let options = self.resume.as_ref().map_or(&self.options, |checkpoint| &checkpoint.meta.options);
+        let photos = self.dataset.train().map(|view| view.photo.size);
+        RunSize {
+            triangles: options.max_triangles,
+            sh_degree: options.sh_degree,
+            photo: photos.max_by_key(|size| size.element_product()).unwrap_or_default(),
+        }
+    }
+
+    /// As [`TrainRun::start`], on a backend that draws as [`TrainRun::drawing`] says.
+    pub fn start_on<B: TrainBackend>(self, backend: B) -> Result<StartedRun<'a, B>> {
         let dataset = self.dataset;
         let (photo_bytes, held_out_bytes) = shares(dataset, self.photo_bytes);
-        let options = self.resume.as_ref().map_or(&self.options, |checkpoint| &checkpoint.meta.options);
-        let drawing = options.drawing(self.background);
-        let backend = CpuBackend::new(drawing);
+        let drawing = self.drawing();
         let (curve, cpu_secs) = match &self.resume {
             Some(checkpoint) => (checkpoint.meta.curve.clone(), checkpoint.meta.cpu_secs),
             None => (Vec::new(), 0.0),
@@ -159,7 +185,7 @@ impl<'a> TrainRun<'a> {
         })
     }
 
-    /// Runs to the end, or until `observer` wants to stop.
+    /// Runs to the end on the CPU, or until `observer` wants to stop.
     ///
     /// Errors: those of [`TrainRun::start`], photos that cannot be decoded. Checkpoints and previews that cannot be written are
     /// in [`Trained::lost`].

@@ -39,10 +39,6 @@ pub struct Trainer<B> {
     level: u32,
     /// Pixels of the full photo per pixel of those drawn at this level.
     full_px: f32,
-    /// The photo of the step, sRGB-encoded. `[H * W]`
-    rgb: Vec<[f32; 3]>,
-    /// How much each of its pixels counts; empty when all do. `[H * W]`
-    weight: Vec<f32>,
 }
 
 /// What [`Trainer::step`] did.
@@ -147,8 +143,6 @@ impl<B: TrainBackend> Trainer<B> {
             pinned,
             level: Schedule::new(&options).level(step),
             full_px: 1.0,
-            rgb: Vec::new(),
-            weight: Vec::new(),
             options,
         };
         run.plan_epoch();
@@ -212,11 +206,6 @@ impl<B: TrainBackend> Trainer<B> {
         let index = self.order[(self.step % count) as usize];
         let level = Schedule::new(&self.options).level(self.step);
         let pixels = self.photos.take(index, level)?;
-        self.rgb.clear();
-        self.rgb.extend(pixels.rgb.iter().map(|p| p.map(|c| f32::from(c) * (1.0 / 255.0))));
-        self.weight.clear();
-        self.weight.extend(pixels.alpha.iter().flatten().map(|&a| f32::from(a) * (1.0 / 255.0)));
-
         let camera = self.cameras[index].resized(pixels.size);
         if level != self.level {
             // The visibility so far is that at another size.
@@ -224,12 +213,8 @@ impl<B: TrainBackend> Trainer<B> {
             self.level = level;
         }
         self.full_px = self.photos.size(index, 0).x as f32 / pixels.size.x as f32;
-        let photo = StepPhoto {
-            camera: &camera,
-            rgb: &self.rgb,
-            weight: pixels.alpha.is_some().then_some(&self.weight),
-            first: self.visibility.record_photo(index),
-        };
+        let photo =
+            StepPhoto { camera: &camera, pixels: &pixels, first: self.visibility.record_photo(index) };
         let rates = Schedule::new(&self.options).rates(self.step);
         let stats = self.backend.step(&photo, &rates)?;
         self.step += 1;

@@ -35,7 +35,7 @@ const MAY: &[(&str, &str)] = &[
     ("surface", "teacher raster scene soup space mesh camera report error math limits"),
     (
         "train",
-        "raster kernel dataset formats asset scene atomic process soup mesh space camera image rng report error math input limits",
+        "raster kernel gpu dataset formats asset scene atomic process soup mesh space camera image rng report error math input limits",
     ),
     (
         "bake",

@@ -4,12 +4,12 @@ use crate::math::lanes::LANES;
 use glam::UVec2;
 
 /// Tile width and height, px.
-pub(super) const TILE: u32 = 16;
+pub(crate) const TILE: u32 = 16;
 /// Blocks in a tile: as many as [`LANES`], so that all are tested at once.
 pub(super) const BLOCKS: usize = LANES;
 
 /// Margin of every test, px: larger than any rounding, so that a test never decides what a pixel sees.
-pub(super) const MARGIN: f32 = 0.01;
+pub(crate) const MARGIN: f32 = 0.01;
 
 /// x and y of the lanes in a block, px.
 pub(super) const LANE_X: [f32; LANES] = grid(1.0, 0.0, 0.0);
@@ -29,7 +29,7 @@ const fn grid(x: f32, y: f32, offset: f32) -> [f32; LANES] {
 }
 
 /// Tiles across and down a picture.
-pub(super) fn tile_count(size: UVec2) -> UVec2 {
+pub(crate) fn tile_count(size: UVec2) -> UVec2 {
     UVec2::new(size.x.div_ceil(TILE), size.y.div_ceil(TILE))
 }
 

@@ -1,0 +1,117 @@
+//! Where a run trains: on the CPU or on a graphics card.
+
+use super::backend::{RunSize, TrainBackend};
+use super::cpu::CpuBackend;
+use crate::error::{Error, Result};
+use crate::raster::soft::SoftOptions;
+
+/// Where a run trains.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum BackendKind {
+    /// On a graphics card if there is a real one, else on the CPU.
+    #[default]
+    Auto,
+    /// On all cores of the CPU.
+    Cpu,
+    /// On a graphics card, or on a software renderer if there is nothing else.
+    Gpu,
+}
+
+/// Where a run trains, and on which graphics card.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct BackendOptions {
+    /// Where to train.
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
+    pub backend: BackendKind,
+    /// Which graphics card.
+    #[cfg(feature = "gpu")]
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub adapter: crate::gpu::AdapterOptions,
+}
+
+/// A backend that is ready for a scene.
+pub struct OpenBackend {
+    /// The backend.
+    pub backend: Box<dyn TrainBackend>,
+    /// Card, graphics API and driver, and the memory it will take; `None` on the CPU.
+    pub card: Option<String>,
+    /// What the user should know: why the card is not used, or that it is none.
+    pub warnings: Vec<String>,
+}
+
+impl OpenBackend {
+    fn cpu(drawing: SoftOptions, warnings: Vec<String>) -> Self {
+        Self { backend: Box::new(CpuBackend::new(drawing)), card: None, warnings }
+    }
+}
+
+impl BackendOptions {
+    /// Where a run with a budget trains: on the CPU, as its plan is made of steps that were timed there.
+    ///
+    /// Errors: `gpu`.
+    pub fn of_budget(&self) -> Result<Self> {
+        match self.backend {
+            BackendKind::Auto | BackendKind::Cpu => Ok(Self { backend: BackendKind::Cpu, ..self.clone() }),
+            BackendKind::Gpu => Err(Error::invalid(
+                "backend",
+                "gpu",
+                "auto or cpu with a budget, which is planned by steps timed on the CPU; or `steps` in place of the budget",
+            )),
+        }
+    }
+}
+
+#[cfg(not(feature = "gpu"))]
+impl BackendOptions {
+    /// Opens the backend of a run that draws with `drawing`.
+    ///
+    /// Errors: `gpu`, which this build lacks.
+    pub fn open(&self, drawing: SoftOptions, _size: RunSize) -> Result<OpenBackend> {
+        match self.backend {
+            BackendKind::Auto | BackendKind::Cpu => Ok(OpenBackend::cpu(drawing, Vec::new())),
+            BackendKind::Gpu => Err(Error::invalid(
+                "backend",
+                "gpu",
+                "auto or cpu; this build has no graphics card in it, one with the feature `gpu` has \
+                 (cargo install --path . --features gpu, in the folder of its sources)",
+            )),
+        }
+    }
+}
+
+#[cfg(feature = "gpu")]
+impl BackendOptions {
+    /// Opens the backend of a run that draws with `drawing`.
+    ///
+    /// Errors: `gpu` where there is no card as asked for, or where it cannot be opened.
+    pub fn open(&self, drawing: SoftOptions, size: RunSize) -> Result<OpenBackend> {
+        use crate::gpu::Gpu;
+        match self.backend {
+            BackendKind::Cpu => Ok(OpenBackend::cpu(drawing, Vec::new())),
+            BackendKind::Gpu => self::gpu(Gpu::headless(&self.adapter)?, drawing, size),
+            BackendKind::Auto => match self.adapter.find_real() {
+                None => Ok(OpenBackend::cpu(drawing, Vec::new())),
+                Some(adapter) => {
+                    let opened = Gpu::open(&adapter).and_then(|gpu| self::gpu(gpu, drawing, size));
+                    Ok(opened.unwrap_or_else(|e| {
+                        OpenBackend::cpu(drawing, vec![format!("{e}; training on the CPU (`backend`)")])
+                    }))
+                }
+            },
+        }
+    }
+}
+
+/// The backend on an open card.
+#[cfg(feature = "gpu")]
+fn gpu(gpu: crate::gpu::Gpu, drawing: SoftOptions, size: RunSize) -> Result<OpenBackend> {
+    let megabytes = super::gpu::expected_bytes(&size) / 1_000_000;
+    let card = format!("{}, about {megabytes} MB of its memory", gpu.describe());
+    let slow = gpu.is_software().then(|| {
+        format!("{} is no graphics card but software, slower than the CPU (`backend` cpu)", gpu.info.name)
+    });
+    let backend = Box::new(super::gpu::GpuBackend::new(gpu, drawing)?);
+    Ok(OpenBackend { backend, card: Some(card), warnings: slow.into_iter().collect() })
+}

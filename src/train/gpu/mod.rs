@@ -1,0 +1,22 @@
+//! The training scene on a graphics card: the second home behind [`TrainBackend`](super::TrainBackend).
+//!
+//! ```text
+//! project → sort by depth → bin → sort by tile → forward → loss → backward → gather → update
+//! ```
+//! Each arrow is one or several compute passes, a WGSL file each in `passes`; the functions they share are concatenated from
+//! one source, the constants come from their Rust twins. Nothing is summed by float atomics, so the same seed gives the same
+//! bits on the same card. Parameters and moments stay on the card between `load` and `store`.
+
+mod backend;
+mod job;
+mod passes;
+mod room;
+mod rows;
+mod scene;
+mod sequence;
+mod source;
+mod step_passes;
+mod uniform;
+
+pub use backend::GpuBackend;
+pub(super) use backend::expected_bytes;

@@ -1,0 +1,35 @@
+// What the loss wants of a pixel. Needs `step`, `geometry`, `planes`, `d_frame` (by the photo's pixels: by the colour, and the
+// squared error) and `d_geometry` (by the normal and the depth, then by the transmittance).
+
+// By the colour of a sample, and the error of its pixel; each sample has its share.
+fn d_frame_of(at: u32) -> vec4<f32> {
+    let samples = step.photo.z;
+    if samples == 1u {
+        return d_frame[at];
+    }
+    let pixel = vec2(at % step.frame.x, at / step.frame.x) / samples;
+    return d_frame[pixel.y * step.photo.x + pixel.x] / f32(samples * samples);
+}
+
+// By the transmittance behind the last layer.
+fn d_background(at: u32) -> f32 {
+    var out = dot(d_frame_of(at).xyz, step.background.xyz);
+    if step.modes.z == 1u {
+        out += d_geometry[2u * at + 1u].x;
+    }
+    return out;
+}
+
+// Distortion by w and by m of a layer.
+fn distortion_grad_at(at: u32, inv_depth: f32, weight: f32) -> vec2<f32> {
+    let sums = geometry[3u * at + 1u];
+    let m = step.depths.x - step.depths.y * inv_depth - sums.w;
+    return distortion_grad(weight, m, sums.xyz);
+}
+
+// The part of dL/dw that comes from depth, normal and distortion.
+fn geometry_value(at: u32, splat: u32, inv_depth: f32) -> f32 {
+    let d = d_geometry[2u * at];
+    let normal = vec3(planes[2u * splat].w, planes[2u * splat + 1u].xy);
+    return d.w / inv_depth + dot(d.xyz, normal) + step.loss.z * distortion_grad_at(at, inv_depth, 0.0).x;
+}

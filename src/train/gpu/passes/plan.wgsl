@@ -1,0 +1,84 @@
+// How much there is to do, from what was counted: lengths for the passes that follow, and how many workgroups they get.
+// What there is no room for is not done at all; the host sees what was wanted, makes room and repeats the step.
+
+@group(0) @binding(0) var<uniform> step: Step;
+@group(0) @binding(1) var<uniform> job: Job;
+@group(0) @binding(2) var<storage, read_write> counts: array<u32>;
+@group(0) @binding(3) var<storage, read> starts: array<u32>;
+@group(0) @binding(4) var<storage, read_write> groups: array<u32>;
+@group(0) @binding(5) var<storage, read> room: array<u32>;
+
+const MOST_ACROSS: u32 = 65535u;
+
+fn set_groups(at: u32, items: u32, each: u32) {
+    let wanted = (items + each - 1u) / each;
+    let down = max((wanted + MOST_ACROSS - 1u) / MOST_ACROSS, 1u);
+    groups[3u * at] = (wanted + down - 1u) / down;
+    groups[3u * at + 1u] = down;
+    groups[3u * at + 2u] = 1u;
+}
+
+fn digits(length: u32) -> u32 {
+    return (length + GROUP * SORT_ITEMS - 1u) / (GROUP * SORT_ITEMS) * RADIX;
+}
+
+fn plan_splats() {
+    let wanted = starts[step.scene.x];
+    var splats = wanted;
+    counts[WANTED_SPLATS] = 0u;
+    if wanted > room[0] {
+        counts[WANTED_SPLATS] = wanted;
+        splats = 0u;
+    }
+    counts[SPLATS] = splats;
+    counts[SPLATS_1] = splats + 1u;
+    counts[SPLAT_DIGITS] = digits(splats);
+    set_groups(0u, splats + 1u, GROUP);
+    set_groups(1u, splats, GROUP * SORT_ITEMS);
+    set_groups(2u, digits(splats), GROUP * SCAN_ITEMS);
+    set_groups(3u, splats + 1u, GROUP * SCAN_ITEMS);
+    set_groups(4u, splats * step.modes.w, GROUP);
+}
+
+fn plan_pairs() {
+    let wanted = starts[counts[SPLATS]];
+    var pairs = wanted;
+    counts[WANTED_PAIRS] = 0u;
+    if wanted > room[1] {
+        counts[WANTED_PAIRS] = wanted;
+        pairs = 0u;
+    }
+    counts[PAIRS] = pairs;
+    counts[PAIR_DIGITS] = digits(pairs);
+    set_groups(5u, pairs, GROUP * SORT_ITEMS);
+    set_groups(6u, digits(pairs), GROUP * SCAN_ITEMS);
+    // Without room nothing is updated.
+    let fits = counts[WANTED_SPLATS] == 0u && counts[WANTED_PAIRS] == 0u;
+    set_groups(7u, select(0u, step.scene.x, fits), UPDATE_GROUP);
+}
+
+fn plan_layers() {
+    let wanted = starts[counts[PIXELS_1] - 1u];
+    counts[WANTED_LAYERS] = 0u;
+    counts[LAYERS] = wanted;
+    if wanted > room[2] {
+        counts[WANTED_LAYERS] = wanted;
+        counts[LAYERS] = 0u;
+        set_groups(7u, 0u, UPDATE_GROUP);
+    }
+}
+
+@compute @workgroup_size(1)
+fn plan() {
+    switch job.writes {
+        case 0u: {
+            plan_splats();
+        }
+        case 1u: {
+            plan_pairs();
+        }
+        default: {
+            plan_layers();
+        }
+    }
+}

@@ -1,0 +1,40 @@
+// The picture that is compared with the photo: the mean of every pixel's samples, sRGB-encoded; and the slope of the encoding.
+// The twin of `average` and `Encode` in frame_loss.rs.
+
+@group(0) @binding(0) var<uniform> step: Step;
+@group(0) @binding(1) var<storage, read> frame: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read_write> picture: array<vec4<f32>>; // colour, then slope
+
+@compute @workgroup_size(GROUP)
+fn resolve(
+    @builtin(workgroup_id) workgroup: vec3<u32>,
+    @builtin(num_workgroups) workgroups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let at = workgroup_index(workgroup, workgroups) * GROUP + local;
+    let width = step.photo.x;
+    if at >= width * step.photo.y {
+        return;
+    }
+    let samples = step.photo.z;
+    let corner = vec2(at % width, at / width) * samples;
+    var rgb = vec3(0.0);
+    for (var y = 0u; y < samples; y++) {
+        for (var x = 0u; x < samples; x++) {
+            rgb += frame[(corner.y + y) * step.frame.x + corner.x + x].xyz;
+        }
+    }
+    if samples > 1u {
+        rgb *= 1.0 / f32(samples * samples);
+    }
+    var slope = vec3(1.0);
+    if step.photo.w == 1u {
+        let r = encode(rgb.x);
+        let g = encode(rgb.y);
+        let b = encode(rgb.z);
+        rgb = vec3(r.x, g.x, b.x);
+        slope = vec3(r.y, g.y, b.y);
+    }
+    picture[2u * at] = vec4(rgb, 0.0);
+    picture[2u * at + 1u] = vec4(slope, 0.0);
+}

@@ -1,0 +1,61 @@
+//! Passes one after the other.
+
+use super::job::{Groups, Job, Jobs};
+use crate::gpu::Gpu;
+use crate::gpu::compute::{Kernel, workgroups};
+use glam::UVec2;
+use wgpu::{BindingResource, Buffer, ComputePass};
+
+/// How many workgroups a pass gets.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Spread {
+    /// One.
+    Once,
+    /// As many as `items` take, `each` in a workgroup.
+    Over(u32, u32),
+    /// One per tile.
+    Tiles(UVec2),
+    /// As many as the card found.
+    Found(Groups),
+}
+
+/// A sequence of passes that is being recorded.
+pub(super) struct Sequence<'a> {
+    pub(super) gpu: &'a Gpu,
+    pub(super) jobs: &'a Jobs,
+    pub(super) groups: &'a Buffer,
+    pub(super) pass: ComputePass<'a>,
+}
+
+impl<'a> Sequence<'a> {
+    /// A job as a binding.
+    pub(super) fn job(&self, job: Job) -> BindingResource<'a> {
+        self.jobs.get(job)
+    }
+
+    /// Adds a pass; its bindings are in the order of their numbers.
+    pub(super) fn run(&mut self, kernel: &Kernel, spread: Spread, bindings: &[BindingResource<'_>]) {
+        let [x, y] = match spread {
+            Spread::Once => [1, 1],
+            Spread::Over(items, each) => workgroups(items.div_ceil(each)),
+            Spread::Tiles(tiles) => tiles.to_array(),
+            Spread::Found(_) => [1, 1],
+        };
+        if x * y == 0 {
+            return;
+        }
+        self.pass.set_pipeline(kernel.pipeline());
+        self.pass.set_bind_group(0, &kernel.bind(self.gpu, bindings), &[]);
+        match spread {
+            Spread::Found(groups) => {
+                self.pass.dispatch_workgroups_indirect(self.groups, groups as u64 * 12);
+            }
+            _ => self.pass.dispatch_workgroups(x, y, 1),
+        }
+    }
+}
+
+/// A whole buffer as a binding.
+pub(super) fn all(buffer: &Buffer) -> BindingResource<'_> {
+    buffer.as_entire_binding()
+}

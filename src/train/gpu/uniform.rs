@@ -1,0 +1,148 @@
+//! Everything of one step that is not the scene or the photo, as the passes read it.
+
+use crate::camera::Camera;
+use crate::kernel::adam::Rate;
+use crate::math::color::linear_from_srgb;
+use crate::raster::soft::{SoftOptions, Sort, Window, tile_count};
+use crate::train::backend::StepPhoto;
+use crate::train::schedule::Rates;
+use bytemuck::{Pod, Zeroable};
+use glam::{UVec2, Vec3};
+
+/// Numbers of a slot: gradients of a splat summed over the pixels of a tile, and its weights.
+pub(super) const SLOT_NUMBERS: u32 = 17;
+/// The same with those by the depth plane.
+pub(super) const GEOMETRY_SLOT_NUMBERS: u32 = 23;
+
+/// The twin of `Step` in `passes/step.wgsl`, which says what the numbers are.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct StepUniform {
+    rotation: [[f32; 4]; 3],
+    position: [f32; 4],
+    lens: [f32; 4],
+    frame: [u32; 4],
+    photo: [u32; 4],
+    limits: [f32; 4],
+    edges: [f32; 4],
+    modes: [u32; 4],
+    background: [f32; 4],
+    scene: [u32; 4],
+    anneal: [f32; 4],
+    rates: [f32; 4],
+    update: [f32; 4],
+    regularisers: [f32; 4],
+    loss: [f32; 4],
+    depths: [f32; 4],
+}
+
+/// A step's drawing, and how much there is of everything.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct StepPlan {
+    /// How the scene is drawn.
+    pub(super) options: SoftOptions,
+    /// The photo's camera, with a pixel for every sample.
+    pub(super) camera: Camera,
+    /// Size of the photo, px.
+    pub(super) photo: UVec2,
+    /// Samples per pixel and axis.
+    pub(super) samples: u32,
+    /// Tiles across and down.
+    pub(super) tiles: UVec2,
+}
+
+impl StepPlan {
+    /// What a step of `rates` on `photo` draws, drawn otherwise as `options` say.
+    pub(super) fn new(photo: &StepPhoto<'_>, rates: &Rates, options: &SoftOptions) -> Self {
+        let mut options = rates.drawing(options);
+        options.geometry = rates.beta_normal > 0.0 || rates.beta_distortion > 0.0;
+        let samples = rates.engine_shading.map_or(1, |shading| shading.samples);
+        let camera = photo.camera.resized(photo.camera.size * samples);
+        let tiles = tile_count(camera.size);
+        Self { options, camera, photo: photo.camera.size, samples, tiles }
+    }
+
+    /// Samples of the frame.
+    pub(super) fn frame_pixels(&self) -> u32 {
+        self.camera.size.element_product()
+    }
+
+    /// Pixels of the photo.
+    pub(super) fn photo_pixels(&self) -> u32 {
+        self.photo.element_product()
+    }
+
+    /// True when every pixel has its own order.
+    pub(super) fn by_pixel(&self) -> bool {
+        self.options.sort == Sort::Pixel
+    }
+
+    /// Numbers of a slot.
+    pub(super) fn slot_numbers(&self) -> u32 {
+        if self.options.geometry { GEOMETRY_SLOT_NUMBERS } else { SLOT_NUMBERS }
+    }
+}
+
+/// The scene of a step.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SceneShape {
+    pub(super) triangles: u32,
+    pub(super) pinned: u32,
+    pub(super) sh_degree: u8,
+}
+
+impl StepUniform {
+    pub(super) fn new(plan: &StepPlan, photo: &StepPhoto<'_>, rates: &Rates, scene: SceneShape) -> Self {
+        let (options, camera) = (&plan.options, &plan.camera);
+        let column = |k: usize| camera.rotation.col(k).extend(camera.translation[k]).to_array();
+        let (window, width) = match options.window {
+            Window::Soft => (0, 1.0),
+            Window::Coverage { width_px } => (1, width_px),
+            Window::Sigmoid => (2, 1.0),
+        };
+        let decode = |c: f32| if options.linear { linear_from_srgb(c) } else { c };
+        let degree = u32::from(rates.sh_degree.min(scene.sh_degree));
+        let stored = (u32::from(scene.sh_degree) + 1).pow(2);
+        let rate = |rate: f64| Rate::new(rate, rates.time);
+        let [near, far] = options.depth_range;
+        let flag = |is: bool| f32::from(u8::from(is));
+        let (size, [fx, fy], [cx, cy]) = (camera.size, camera.focal.to_array(), camera.center.to_array());
+        Self {
+            rotation: [0, 1, 2].map(column),
+            position: camera.position().extend(options.near).to_array(),
+            lens: [fx, fy, cx, cy],
+            frame: [size.x, size.y, plan.tiles.x, plan.tiles.y],
+            photo: [plan.photo.x, plan.photo.y, plan.samples, u32::from(options.linear)],
+            limits: [options.cutoff, options.cutoff.log2(), options.alpha_cap, options.min_transmittance],
+            edges: [options.fade_px, options.ratio_least, width, flag(options.exact_incenter)],
+            modes: [window, u32::from(plan.by_pixel()), u32::from(options.geometry), plan.slot_numbers()],
+            background: Vec3::from(options.background.map(decode)).extend(0.0).to_array(),
+            scene: [scene.triangles, stored, degree, scene.pinned],
+            anneal: [rates.anneal.opacity_floor, rates.anneal.opacity_gain, rates.anneal.sigma_scale, 0.0],
+            rates: [rates.vertices, rates.opacity, rates.sigma, rates.sh].map(|r| rate(r).step()),
+            update: [rate(rates.sh_rest).step(), rate(1.0).second(), flag(rates.sparse), flag(photo.first)],
+            regularisers: regularisers(rates, scene),
+            loss: loss(rates, plan),
+            depths: [far / (far - near), far * near / (far - near), 0.0, 0.0],
+        }
+    }
+}
+
+/// Weights of the means over the scene; pinned triangles do not count.
+fn regularisers(rates: &Rates, scene: SceneShape) -> [f32; 4] {
+    let trained = f64::from((scene.triangles - scene.pinned).max(1));
+    [rates.beta_opacity, rates.beta_sigma, rates.beta_size, rates.beta_opaque]
+        .map(|weight| (weight / trained) as f32)
+}
+
+/// Weights of the means over the pixels: of the photo for colours, of the frame for distortion and normals.
+fn loss(rates: &Rates, plan: &StepPlan) -> [f32; 4] {
+    let (values, pixels) = (3.0 * f64::from(plan.photo_pixels()), f64::from(plan.frame_pixels()).max(1.0));
+    [
+        (1.0 - rates.dssim) / values,
+        -rates.dssim / values,
+        rates.beta_distortion / pixels,
+        rates.beta_normal / pixels,
+    ]
+    .map(|scale| scale as f32)
+}

@@ -1,0 +1,27 @@
+//! Training on a graphics card against training on the CPU: function by function, step by step, run by run. Without a card,
+//! software Vulkan serves (Debian: mesa-vulkan-drivers); without that too, tests say so and pass, unless TRISPLAT_REQUIRE_GPU=1.
+
+#![cfg(feature = "gpu")]
+#![allow(clippy::print_stderr, reason = "a test that cannot judge says so")]
+
+#[cfg(feature = "cli")]
+mod program;
+mod runs;
+mod scene;
+mod steps;
+mod twins;
+
+use trisplat::gpu::{AdapterOptions, Gpu};
+
+/// A card, or `None` after saying loudly that there is none.
+fn card() -> Option<Gpu> {
+    match Gpu::headless(&AdapterOptions::default()) {
+        Ok(gpu) => Some(gpu),
+        Err(why) => {
+            let required = std::env::var("TRISPLAT_REQUIRE_GPU").is_ok_and(|v| v == "1");
+            assert!(!required, "TRISPLAT_REQUIRE_GPU=1, but {why}");
+            eprintln!("SKIPPED (no adapter): {why}");
+            None
+        }
+    }
+}

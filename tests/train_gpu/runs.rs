@@ -1,0 +1,157 @@
+//! Whole runs on the synthetic scene: as good as the CPU's, the same bits twice, resumed bit for bit, from one backend to the
+//! other and back.
+
+use super::card;
+use std::path::Path;
+use trisplat::dataset::synthetic::{self, SyntheticOptions};
+use trisplat::dataset::{Dataset, DatasetOptions};
+use trisplat::raster::soft::SoftOptions;
+use trisplat::soup::Soup;
+use trisplat::train::cpu::CpuBackend;
+use trisplat::train::gpu::GpuBackend;
+use trisplat::train::{
+    Checkpoint, RunOptions, TrainBackend, TrainObserver, TrainOptions, TrainPreset, TrainRun, Trained,
+    checkpoint,
+};
+
+fn dataset(folder: &Path) -> Dataset {
+    let options = SyntheticOptions { views: 12, width: 48, points: 200, ..SyntheticOptions::default() };
+    synthetic::write(folder, &options).unwrap();
+    Dataset::load(folder, &DatasetOptions::default()).unwrap()
+}
+
+fn options(preset: TrainPreset, steps: u64) -> TrainOptions {
+    TrainOptions { steps, max_triangles: 800, ..TrainOptions::preset(preset) }
+}
+
+/// Stops after a number of steps.
+struct StopAfter(u64);
+
+impl TrainObserver for StopAfter {
+    fn wants_to_stop(&mut self) -> bool {
+        self.0 -= 1;
+        self.0 == 0
+    }
+}
+
+/// Runs `run` on the CPU, or on the card of `backend`.
+fn trained(run: TrainRun<'_>, backend: Option<&mut GpuBackend>, observer: &mut dyn TrainObserver) -> Trained {
+    let drawing = run.drawing();
+    let backend: Box<dyn TrainBackend + '_> = match backend {
+        Some(backend) => {
+            backend.restart(drawing);
+            Box::new(backend)
+        }
+        None => Box::new(CpuBackend::new(drawing)),
+    };
+    run.start_on(backend).unwrap().finish(observer).unwrap()
+}
+
+fn psnr(trained: &Trained) -> f64 {
+    trained.scores.iter().map(|s| s.psnr).sum::<f64>() / trained.scores.len() as f64
+}
+
+/// A card that is ready for runs.
+fn backend() -> Option<GpuBackend> {
+    Some(GpuBackend::new(card()?, SoftOptions::default()).unwrap())
+}
+
+/// The difference that 99% of the corners' coordinates stay below, in units of the scene's size.
+fn corners_apart(a: &Soup, b: &Soup) -> f32 {
+    let numbers =
+        |soup: &Soup| soup.vertices.iter().flatten().flat_map(|v| v.to_array()).collect::<Vec<f32>>();
+    let (a, b) = (numbers(a), numbers(b));
+    let size = a.iter().fold(0.0f32, |most, x| most.max(x.abs()));
+    let mut apart: Vec<f32> = a.iter().zip(&b).map(|(a, b)| (a - b).abs() / size).collect();
+    apart.sort_by(f32::total_cmp);
+    apart[apart.len() * 99 / 100]
+}
+
+#[test]
+fn soft_runs_are_those_of_the_cpu() {
+    let Some(mut card) = backend() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = dataset(folder.path());
+    for (preset, refined) in [(TrainPreset::Outdoor, true), (TrainPreset::Indoor, false)] {
+        let mut options = options(preset, 100);
+        if !refined {
+            options.refine.from = 1e6;
+        }
+        let run = || TrainRun::new(&dataset, &options);
+        let (gpu, cpu) = (trained(run(), Some(&mut card), &mut ()), trained(run(), None, &mut ()));
+        let (psnr, apart) = ((psnr(&gpu) - psnr(&cpu)).abs(), corners_apart(&cpu.soup, &gpu.soup));
+        eprintln!(
+            "{preset:?}, refined {refined}: {psnr:.4} dB, corners {apart:.1e}, {} triangles",
+            gpu.soup.len()
+        );
+        assert!(psnr < 0.05 && gpu.dropped == 0, "{preset:?}: {psnr} dB");
+        // Another triangle pruned, and nothing is at its place any more.
+        assert!(refined || apart < 1e-4, "{preset:?}: {apart}");
+    }
+}
+
+/// Turning solid amplifies every rounding, as opacities are driven to 0 or 1 and the faint are pruned: compared are runs from the
+/// same checkpoint in the part that is drawn as an engine draws.
+#[test]
+fn a_solid_run_is_that_of_the_cpu_from_where_it_is_opaque() {
+    let Some(mut card) = backend() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = dataset(folder.path());
+    let path = folder.path().join("a.checkpoint");
+    let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
+    let first = TrainRun { outputs, ..TrainRun::new(&dataset, &options(TrainPreset::Solid, 200)) };
+    trained(first, None, &mut StopAfter(150));
+    let rest = || TrainRun::from_checkpoint(&dataset, checkpoint::read(&path).unwrap());
+    let gpu = trained(rest(), Some(&mut card), &mut StopAfter(20));
+    let cpu = trained(rest(), None, &mut StopAfter(20));
+    let (psnr, apart) = ((psnr(&gpu) - psnr(&cpu)).abs(), corners_apart(&cpu.soup, &gpu.soup));
+    eprintln!("solid: {psnr:.4} dB, corners {apart:.1e}, {} triangles", gpu.soup.len());
+    assert_eq!((gpu.steps, gpu.soup.len(), gpu.dropped), (170, cpu.soup.len(), 0));
+    assert!(psnr < 0.05 && apart < 1e-4);
+}
+
+#[test]
+fn the_same_bits_twice_and_after_a_stop() {
+    let Some(mut card) = backend() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = dataset(folder.path());
+    let options = options(TrainPreset::Solid, 90);
+    let run = |resume: Option<Checkpoint>, outputs: &RunOptions| TrainRun {
+        resume,
+        outputs: outputs.clone(),
+        ..TrainRun::new(&dataset, &options)
+    };
+    let straight = trained(run(None, &RunOptions::default()), Some(&mut card), &mut ());
+    let path = folder.path().join("a.checkpoint");
+    let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
+    // Before and after it is drawn as an engine draws.
+    for stop in [31, 64] {
+        trained(run(None, &outputs), Some(&mut card), &mut StopAfter(stop));
+        let rest = run(Some(checkpoint::read(&path).unwrap()), &outputs);
+        let resumed = trained(rest, Some(&mut card), &mut ());
+        assert_eq!(resumed.soup, straight.soup, "stopped after {stop}");
+        assert_eq!(resumed.scores, straight.scores);
+    }
+}
+
+#[test]
+fn a_checkpoint_goes_from_one_backend_to_the_other_and_back() {
+    let Some(mut card) = backend() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = dataset(folder.path());
+    let options = options(TrainPreset::Outdoor, 90);
+    let path = folder.path().join("a.checkpoint");
+    let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
+    let mut resume = None;
+    let mut parts = Vec::new();
+    for on_card in [true, false, true] {
+        let run = TrainRun { resume, outputs: outputs.clone(), ..TrainRun::new(&dataset, &options) };
+        let backend = on_card.then_some(&mut card);
+        parts.push(trained(run, backend, &mut StopAfter(30)));
+        resume = Some(checkpoint::read(&path).unwrap());
+    }
+    let whole = trained(TrainRun::new(&dataset, &options), None, &mut ());
+    assert_eq!(parts[2].steps, 90);
+    assert!((psnr(&parts[2]) - psnr(&whole)).abs() < 0.05);
+    assert!(corners_apart(&whole.soup, &parts[2].soup) < 1e-4);
+}
