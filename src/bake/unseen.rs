@@ -1,7 +1,8 @@
 //! Visibility culling: drops the triangles that the solid rasteriser shows in no photo, or hardly.
 //!
 //! Triangles are ranked by the area they cover in all photos together, after everything in front of them, in pixels.
-//! Those that lie outside every picture are kept, as nothing is known to hide them: who turns around sees them.
+//! Those that lie outside every picture are kept, as nothing is known to hide them: who turns around sees them. So are
+//! those hidden from every camera when they are few: they weigh nothing, and close gaps that show from elsewhere.
 //! With a budget of triangles, those that are visible are then ranked by importance (see [`super::decimate`]).
 
 use super::decimate::Decimation;
@@ -16,6 +17,8 @@ use rayon::prelude::*;
 /// Samples per pixel along each axis when only what no camera sees is dropped: a plain bake of our own soup must not
 /// take long.
 const SAMPLES_AT_LEAST: u32 = 1;
+/// Hidden triangles stay when they are at most this share of all.
+const FEW_HIDDEN: f64 = 0.05;
 /// Photos that the curve of error against triangles is measured on.
 const CURVE_VIEWS: usize = 12;
 /// With `max_error` at least one triangle in so many stays, about.
@@ -32,7 +35,7 @@ const CURVE_STEPS: usize = 9;
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct UnseenOptions {
-    /// Keep triangles that something hides in every photo: fewer holes far from where the photos were taken
+    /// Keep triangles that something hides in every photo, however many: fewer holes far from where the photos were taken
     #[cfg_attr(feature = "cli", arg(long))]
     pub keep_unseen: bool,
     /// Drop triangles that show less than this in all photos together, px
@@ -124,6 +127,9 @@ pub fn unseen(
     details.seen_by_none = Some((ranked.len() - visible) as u64);
     let outside = outside_first(mesh, cameras, &mut ranked[visible..]);
     details.outside = Some(outside as u64);
+    let hidden = ranked.len() - visible - outside;
+    let kept_unseen =
+        if hidden as f64 <= FEW_HIDDEN * ranked.len() as f64 { outside + hidden } else { outside };
     // Seen enough, of all that are seen.
     let seen = match options.keep_unseen {
         true => visible,
@@ -131,10 +137,10 @@ pub fn unseen(
             .partition_point(|&f| f64::from(visible_area[f as usize]) >= options.min_seen_px)
             .max(1),
     };
-    let needed = if options.keep_unseen || visible == 0 { ranked.len() } else { seen + outside };
+    let needed = if options.keep_unseen || visible == 0 { ranked.len() } else { seen + kept_unseen };
     if needed < ranked.len() {
-        // Those outside come before those hardly seen.
-        ranked[seen..visible + outside].rotate_left(visible - seen);
+        // Those kept come before those hardly seen.
+        ranked[seen..visible + kept_unseen].rotate_left(visible - seen);
     }
     let mut keep = needed.min(most);
     let decimates = keep < seen || options.max_error.is_some();
@@ -150,7 +156,7 @@ pub fn unseen(
         keep = fewest_within(mesh, views, &ranked[..keep], db, details)?;
     }
     if keep == ranked.len() {
-        return Ok(Outcome::Unneeded("no triangle is hidden from every camera"));
+        return Ok(Outcome::Unneeded("hardly any triangle is hidden from every camera"));
     }
     let enlarging = decimation.filter(|_| options.enlarge);
     let moved = enlarging.map(|mut d| d.move_corners(&ranked[..keep], progress.part(MOVING_PART, 1.0)));
