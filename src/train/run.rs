@@ -256,64 +256,18 @@ impl<B: TrainBackend> StartedRun<'_, B> {
     /// Makes the steps, until the last or until `observer` wants to stop.
     ///
     /// Errors: photos that cannot be decoded; then there is a checkpoint of the steps that were made, if any were.
-    pub fn finish(self, observer: &mut dyn TrainObserver) -> Result<Trained> {
-        let outputs = &self.outputs;
-        let total = self.trainer.options().steps;
-        let every = if outputs.sample_every == 0 { total.div_ceil(100) } else { outputs.sample_every };
-        let (mut trainer, mut paced) = (self.trainer, self.paced);
+    pub fn finish(mut self, observer: &mut dyn TrainObserver) -> Result<Trained> {
+        let curve = std::mem::take(&mut self.curve);
         let mut record =
-            Recorder::new(self.dataset, self.drawing, self.curve, self.cpu_secs, self.held_out_bytes)?;
-        let (mut stopped, mut last) = (false, None);
-        let before = trainer.steps();
-        while !trainer.is_done() {
-            let outcome = match trainer.step() {
-                Ok(outcome) => outcome,
-                Err(error) => {
-                    // A photo that cannot be read costs no step that was made.
-                    if trainer.steps() > before {
-                        record.checkpoint(&mut trainer, outputs, observer, stored(&paced));
-                    }
-                    return Err(error);
-                }
-            };
-            let now = record.sample(&trainer, &outcome);
-            observer.stepped(&now);
-            if let Some(refined) = &outcome.refined {
-                observer.refined(now.step, refined);
-            }
-            keep_pace(&mut trainer, paced.as_mut(), observer);
-            let spent = outputs.max_cpu_secs > 0.0 && now.cpu_secs >= outputs.max_cpu_secs;
-            stopped = !trainer.is_done() && (spent || observer.wants_to_stop());
-            let due = |every: u64| every > 0 && now.step.is_multiple_of(every);
-            // The last sample is kept by `finish`, which evaluates it.
-            if !trainer.is_done() && (due(every) || due(outputs.evaluate_every)) {
-                let kept = record.keep(now, &mut trainer, due(outputs.evaluate_every))?;
-                if !stopped {
-                    observer.sampled(&kept);
-                }
-            }
-            if stopped || due(outputs.checkpoint_every) {
-                record.checkpoint(&mut trainer, outputs, observer, stored(&paced));
-            }
-            record.preview(&mut trainer, outputs, observer);
-            last = Some(now);
-            if stopped {
-                break;
-            }
-        }
+            Recorder::new(self.dataset, self.drawing, curve, self.cpu_secs, self.held_out_bytes)?;
+        let (stopped, last) = self.make_steps(&mut record, observer)?;
+        let Self { mut trainer, paced, dataset, taught, .. } = self;
         let recorded = record.finish(&mut trainer, last, observer)?;
-        let (provenance, cameras) = match self.taught {
-            Some((provenance, cameras)) => {
-                let ours = Some(generator());
-                (Provenance { generator: ours.clone(), trainer: ours, ..provenance }, cameras)
-            }
-            None => {
-                let cameras: Vec<Camera> = self.dataset.train().map(|view| view.camera).collect();
-                (provenance(self.dataset, &cameras), cameras)
-            }
-        };
+        let (provenance, cameras) = origin(taught, dataset);
         let shell = u32::try_from(trainer.pinned()).unwrap_or(u32::MAX);
+        let is_of_now = |(step, _): &(u64, _)| *step == trainer.steps();
         Ok(Trained {
+            checkpoint: recorded.checkpoint.filter(is_of_now).map(|(_, path)| path),
             soup: trainer.soup()?,
             provenance: Provenance { shell, ..provenance },
             cameras,
@@ -326,12 +280,71 @@ impl<B: TrainBackend> StartedRun<'_, B> {
             dropped: trainer.dropped(),
             cpu_secs: recorded.cpu_secs,
             stopped,
-            checkpoint: recorded
-                .checkpoint
-                .filter(|(step, _)| *step == trainer.steps())
-                .map(|(_, path)| path),
             lost: recorded.lost,
         })
+    }
+
+    /// Makes the steps; returns whether the run was stopped, and its last sample if it made a step.
+    fn make_steps(
+        &mut self,
+        record: &mut Recorder,
+        observer: &mut dyn TrainObserver,
+    ) -> Result<(bool, Option<TrainSample>)> {
+        let Self { trainer, paced, outputs, .. } = self;
+        let total = trainer.options().steps;
+        let every = if outputs.sample_every == 0 { total.div_ceil(100) } else { outputs.sample_every };
+        let (before, mut last) = (trainer.steps(), None);
+        while !trainer.is_done() {
+            let outcome = match trainer.step() {
+                Ok(outcome) => outcome,
+                Err(error) => {
+                    // A photo that cannot be read costs no step that was made.
+                    if trainer.steps() > before {
+                        record.checkpoint(trainer, outputs, observer, stored(paced));
+                    }
+                    return Err(error);
+                }
+            };
+            let now = record.sample(trainer, &outcome);
+            observer.stepped(&now);
+            if let Some(refined) = &outcome.refined {
+                observer.refined(now.step, refined);
+            }
+            keep_pace(trainer, paced.as_mut(), observer);
+            let spent = outputs.max_cpu_secs > 0.0 && now.cpu_secs >= outputs.max_cpu_secs;
+            let stopped = !trainer.is_done() && (spent || observer.wants_to_stop());
+            let due = |every: u64| every > 0 && now.step.is_multiple_of(every);
+            // The last sample is kept by `Recorder::finish`, which evaluates it.
+            if !trainer.is_done() && (due(every) || due(outputs.evaluate_every)) {
+                let kept = record.keep(now, trainer, due(outputs.evaluate_every))?;
+                if !stopped {
+                    observer.sampled(&kept);
+                }
+            }
+            if stopped || due(outputs.checkpoint_every) {
+                record.checkpoint(trainer, outputs, observer, stored(paced));
+            }
+            record.preview(trainer, outputs, observer);
+            last = Some(now);
+            if stopped {
+                return Ok((true, last));
+            }
+        }
+        Ok((false, last))
+    }
+}
+
+/// Where the scene came from, and its cameras: of one that teaches itself, what its file says.
+fn origin(taught: Option<(Provenance, Vec<Camera>)>, dataset: &Dataset) -> (Provenance, Vec<Camera>) {
+    match taught {
+        Some((provenance, cameras)) => {
+            let ours = Some(generator());
+            (Provenance { generator: ours.clone(), trainer: ours, ..provenance }, cameras)
+        }
+        None => {
+            let cameras: Vec<Camera> = dataset.train().map(|view| view.camera).collect();
+            (provenance(dataset, &cameras), cameras)
+        }
     }
 }
 
