@@ -15,7 +15,7 @@ use super::place::up::Evidence;
 use super::place::{PlaceDetails, place, placement};
 use super::prune::{PruneOptions, prune};
 use super::refit::refit;
-use super::reshape::reshape;
+use super::reshape::{SceneTraits, reshape};
 use super::solid::solid;
 use super::teacher::{is_solid, teacher};
 use super::tiles::tiles;
@@ -162,7 +162,10 @@ impl<'a> Recipe<'a> {
         }
         let loaded = self.crop(loaded)?;
         self.teach(&loaded)?;
-        let is_soft = matches!(&loaded.scene, Scene::Soup(soup) if !is_solid(soup));
+        let traits = SceneTraits {
+            is_soft: matches!(&loaded.scene, Scene::Soup(soup) if !is_solid(soup)),
+            is_closed: loaded.provenance.shell > 0,
+        };
         let collision = self.collide(&loaded)?;
         let Loaded { mut scene, mut provenance, warnings, mut cameras } = loaded;
         // Of no use to an engine, and untrue as soon as triangles are left out.
@@ -191,7 +194,7 @@ impl<'a> Recipe<'a> {
         if let Some(views) = self.views.as_deref_mut().filter(|views| !views.is_drawn()) {
             self.report.warnings.extend(fit::warning(&mesh, views)?);
         }
-        let mesh = self.reshape(mesh, is_soft)?;
+        let mesh = self.reshape(mesh, traits)?;
 
         // Levels are made of what is left here, but are placed like the scene.
         let faces = mesh.face_count();
@@ -330,10 +333,10 @@ impl<'a> Recipe<'a> {
     }
 
     /// Of what is left, on what cameras see: before anything is put behind it, and before its colours are fitted exactly.
-    fn reshape(&mut self, mesh: Mesh, is_soft: bool) -> Result<Mesh> {
+    fn reshape(&mut self, mesh: Mesh, traits: SceneTraits) -> Result<Mesh> {
         let (views, options) = (either(&mut self.views, &mut self.taught), &self.options.reshape);
         self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
-            reshape(mesh, views, is_soft, options, details, progress)
+            reshape(mesh, views, traits, options, details, progress)
         })
     }
 

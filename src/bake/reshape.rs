@@ -12,6 +12,8 @@
 //! own, and what a sample shows without a triangle, or with it moved, is the nearest of the other groups and of the
 //! moved one.
 //!
+//! In a scene that a shell closes no hole is opened: the pictures do not show it from everywhere.
+//!
 //! The cost of a round is that of its drawings, so large scenes get fewer pictures in a round, and fewer rounds.
 
 mod effort;
@@ -103,13 +105,22 @@ impl StageDetails for ReshapeDetails {
     const STAGE: &'static str = "reshape";
 }
 
-/// Fits the triangles of `mesh` to `views`; there are never more than at first. `is_soft`: the scene was soft.
+/// What is known of a scene that is fitted.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct SceneTraits {
+    /// It was soft.
+    pub is_soft: bool,
+    /// It has a shell all around: no view should show nothing.
+    pub is_closed: bool,
+}
+
+/// Fits the triangles of `mesh` to `views`; there are never more than at first.
 ///
 /// Errors: an option out of range, a photo that cannot be decoded.
 pub fn reshape(
     mesh: &mut Mesh,
     views: Option<&mut Views>,
-    is_soft: bool,
+    traits: SceneTraits,
     options: &ReshapeOptions,
     details: &mut ReshapeDetails,
     progress: &mut StageProgress<'_>,
@@ -118,7 +129,7 @@ pub fn reshape(
     if options.reshape == ReshapeWhen::Off {
         return Ok(Outcome::Unneeded("`reshape` off"));
     }
-    if options.reshape == ReshapeWhen::Auto && !is_soft {
+    if options.reshape == ReshapeWhen::Auto && !traits.is_soft {
         return Ok(Outcome::Unneeded("the scene is solid already"));
     }
     let Some(views) = views.filter(|views| !views.is_empty()) else {
@@ -132,7 +143,7 @@ pub fn reshape(
     }
     let effort = Effort::new(mesh.face_count(), views.cameras(), options.reshape_rounds);
     let mut faces = ReshapedFaces::new(mesh);
-    let mut rounds = Rounds::new(mesh, views);
+    let mut rounds = Rounds::new(mesh, views, traits.is_closed);
     let (mut dropped, mut moved, mut cut) = (0, 0, 0);
     for round in 0..effort.rounds {
         progress.set(round as usize, effort.rounds as usize);

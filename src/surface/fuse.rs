@@ -56,7 +56,7 @@ impl Fusion {
     /// Adds what a picture says of a sample.
     fn observe(&self, picture: &DepthPicture, sample: Vec3, sums: &mut Sums) {
         let q = picture.to_camera(sample);
-        let Some(seen) = picture.sight(q, self.truncation) else { return };
+        let Some(seen) = picture.observe(q, self.truncation) else { return };
         let distance = if seen.depth == FREE { FREE } else { (seen.depth - q.z) * seen.slant };
         if distance < -self.truncation {
             return;

@@ -26,7 +26,7 @@ pub(super) struct DepthPicture {
 
 /// What a picture says of a place on one of its rays.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Sighting {
+pub(super) struct Observation {
     /// Depth of the surface there, or [`FREE`].
     pub(super) depth: f32,
     /// Distance from the surface's plane per difference of depth: small where the surface is seen at a grazing angle.
@@ -58,7 +58,7 @@ impl DepthPicture {
 
     /// What is seen on the ray to `q`, a point in the camera's frame. Between pixels whose depths differ by less than `step` the
     /// surface is a plane, on which 1/z is linear in the picture; elsewhere the nearest pixel is taken.
-    pub(super) fn sight(&self, q: Vec3, step: f32) -> Option<Sighting> {
+    pub(super) fn observe(&self, q: Vec3, step: f32) -> Option<Observation> {
         let Camera { focal, center, size, .. } = self.camera;
         if !(q.z > 0.0) {
             return None;
@@ -73,7 +73,7 @@ impl DepthPicture {
         if depth == UNKNOWN {
             return None;
         }
-        let nearest = Sighting { depth, slant: 1.0, weight: OUTLINE_WEIGHT, pixel };
+        let nearest = Observation { depth, slant: 1.0, weight: OUTLINE_WEIGHT, pixel };
         let corner = (at - 0.5).floor();
         let inside = corner.cmpge(Vec2::ZERO).all() && (corner + 1.0).cmplt(size.as_vec2()).all();
         if !inside {
@@ -83,7 +83,7 @@ impl DepthPicture {
         let around = [first, first + 1, first + width, first + width + 1].map(|i| self.depth[i]);
         let smooth = around.iter().all(|d| (*d - depth).abs() < step);
         Some(match depth {
-            FREE if around == [FREE; 4] => Sighting { weight: FREE_WEIGHT, ..nearest },
+            FREE if around == [FREE; 4] => Observation { weight: FREE_WEIGHT, ..nearest },
             _ if smooth => self.on_plane(around, at, at - 0.5 - corner, pixel),
             _ => nearest,
         })
@@ -94,7 +94,7 @@ impl DepthPicture {
     /// ```text
     /// 1/z = n · r    r = ((x - cx) / fx, (y - cy) / fy, 1)    a point p in front of the plane is (1 - n · p) / |n| away from it
     /// ```
-    fn on_plane(&self, around: [f32; 4], at: Vec2, share: Vec2, pixel: usize) -> Sighting {
+    fn on_plane(&self, around: [f32; 4], at: Vec2, share: Vec2, pixel: usize) -> Observation {
         let [a, b, c, d] = around.map(f32::recip);
         let (top, bottom) = (a + (b - a) * share.x, c + (d - c) * share.x);
         let inverse = top + (bottom - top) * share.y;
@@ -105,7 +105,7 @@ impl DepthPicture {
         let depth = inverse.recip();
         let slant = (inverse / normal.length()).clamp(LEAST_SLANT, ray.extend(1.0).length());
         // A surface that is seen at a grazing angle is seen badly.
-        Sighting { depth, slant, weight: slant, pixel }
+        Observation { depth, slant, weight: slant, pixel }
     }
 }
 
@@ -135,8 +135,8 @@ mod tests {
     fn distances_from_a_plane_are_exact() {
         let normal = Vec3::new(0.5, -0.3, 0.8).normalize();
         let picture = before(normal, 2.0);
-        for point in [Vec3::new(0.1, 0.2, 2.0), Vec3::new(-0.2, 0.1, 2.5), Vec3::new(0.3, -0.2, 1.2)] {
-            let seen = picture.sight(point, 1.0).unwrap();
+        for point in [Vec3::new(0.1, 0.2, 2.0), Vec3::new(-0.2, 0.1, 2.5), Vec3::new(0.2, -0.2, 1.2)] {
+            let seen = picture.observe(point, 1.0).unwrap();
             let (got, wants) = ((seen.depth - point.z) * seen.slant, 2.0 - normal.dot(point));
             assert!((got - wants).abs() < 1e-4, "{got} is not {wants}");
         }
@@ -146,10 +146,10 @@ mod tests {
     fn a_pixel_shows_the_point_it_sees() {
         let picture = before(Vec3::Z, 3.0);
         let point = picture.point(32 * 7 + 20).unwrap();
-        let seen = picture.sight(point, 1.0).unwrap();
+        let seen = picture.observe(point, 1.0).unwrap();
         assert!((seen.depth - 3.0).abs() < 1e-5 && seen.pixel == 32 * 7 + 20, "{seen:?}");
-        assert_eq!(picture.sight(-point, 1.0), None, "behind");
-        assert_eq!(picture.sight(Vec3::new(9.0, 0.0, 1.0), 1.0), None, "beside");
+        assert_eq!(picture.observe(-point, 1.0), None, "behind");
+        assert_eq!(picture.observe(Vec3::new(9.0, 0.0, 1.0), 1.0), None, "beside");
     }
 
     #[test]
@@ -157,10 +157,10 @@ mod tests {
         let mut picture = before(Vec3::Z, 3.0);
         (0..picture.depth.len()).filter(|i| i % 32 >= 16).for_each(|i| picture.depth[i] = 9.0);
         for x in [-0.1, -0.06, -0.05, -0.04, 0.0, 0.02] {
-            let depth = picture.sight(Vec3::new(x, 0.0, 3.0), 1.0).unwrap().depth;
+            let depth = picture.observe(Vec3::new(x, 0.0, 3.0), 1.0).unwrap().depth;
             assert!((depth - 3.0).abs() < 1e-5 || (depth - 9.0).abs() < 1e-5, "{depth} at {x}");
         }
         picture.depth.fill(UNKNOWN);
-        assert_eq!(picture.sight(Vec3::Z, 1.0), None);
+        assert_eq!(picture.observe(Vec3::Z, 1.0), None);
     }
 }

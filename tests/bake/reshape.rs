@@ -1,10 +1,13 @@
 //! Opaque triangles that are fitted to the pictures of a soft scene, or to photos.
 
 use crate::teacher::{baked_with, ball, cameras, psnr, soft, unneeded};
-use trisplat::bake::reshape::{ReshapeDetails, ReshapeOptions, ReshapeWhen, reshape};
+use glam::Vec3;
+use trisplat::bake::reshape::{ReshapeDetails, ReshapeOptions, ReshapeWhen, SceneTraits, reshape};
 use trisplat::bake::{BakeOptions, BakePreset, Views};
+use trisplat::image::Image;
 use trisplat::mesh::{Colors, Mesh};
 use trisplat::raster::soft::SoftOptions;
+use trisplat::raster::solid::{NO_FACE, Solid, SolidRasterOptions};
 use trisplat::report::{Outcome, StageProgress};
 use trisplat::scene::Loaded;
 use trisplat::teacher::Teacher;
@@ -37,7 +40,8 @@ fn reshaped(mesh: &mut Mesh, is_soft: bool, options: &ReshapeOptions) -> (Outcom
     let mut details = ReshapeDetails::default();
     let mut nobody = ();
     let mut progress = StageProgress::new(&mut nobody);
-    let outcome = reshape(mesh, Some(&mut pictures()), is_soft, options, &mut details, &mut progress);
+    let traits = SceneTraits { is_soft, is_closed: false };
+    let outcome = reshape(mesh, Some(&mut pictures()), traits, options, &mut details, &mut progress);
     (outcome.unwrap(), details)
 }
 
@@ -59,9 +63,34 @@ fn fitted_triangles_come_closer_to_pictures_they_were_not_fitted_to() {
 }
 
 #[test]
+fn a_closed_scene_stays_closed() {
+    // A box around the ball and the cameras, in a colour that the pictures do not have: they are black there.
+    let corner = |i: usize| Vec3::from([i & 1, i >> 1 & 1, i >> 2 & 1].map(|b| 9.0 * (2.0 * b as f32 - 1.0)));
+    let sides = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
+    let shell = sides.iter().flat_map(|[a, b, c, d]| [a, b, c, a, c, d].map(|i| corner(*i)));
+    let soup = ball();
+    let mut mesh =
+        Mesh { positions: shell.chain(soup.vertices.into_iter().flatten()).collect(), ..Mesh::default() };
+    mesh.colors = Colors::Face(vec![[0.5; 3]; mesh.face_count()]);
+    let eyes = cameras();
+    let black = eyes.iter().map(|camera| Image::filled(camera.size, [0.0; 3]).to_pixels()).collect();
+    let mut views = Views::drawn(eyes.clone(), black);
+    let (mut details, mut nobody) = (ReshapeDetails::default(), ());
+    let traits = SceneTraits { is_soft: true, is_closed: true };
+    let mut progress = StageProgress::new(&mut nobody);
+    reshape(&mut mesh, Some(&mut views), traits, &ReshapeOptions::DEFAULT, &mut details, &mut progress)
+        .unwrap();
+    let drawing = SolidRasterOptions::default();
+    for camera in eyes {
+        let seen = Solid::new().visibility(&mesh, &camera, &drawing).face.clone();
+        assert!(!seen.contains(&NO_FACE), "a hole");
+    }
+}
+
+#[test]
 fn what_no_picture_shows_stays_as_it_is() {
     let mut mesh = opaque();
-    let far = [[1e3, 0.0, 0.0], [1e3, 1.0, 0.0], [1e3, 0.0, 1.0]].map(glam::Vec3::from);
+    let far = [[1e3, 0.0, 0.0], [1e3, 1.0, 0.0], [1e3, 0.0, 1.0]].map(Vec3::from);
     mesh.positions.extend(far);
     let Colors::Face(colors) = &mut mesh.colors else { unreachable!() };
     colors.push([0.1, 0.7, 0.3]);
@@ -98,8 +127,9 @@ fn no_rounds_are_refused_with_the_remedy() {
     let options = ReshapeOptions { reshape_rounds: 0, ..ReshapeOptions::DEFAULT };
     let (mut mesh, mut details, mut nobody) = (opaque(), ReshapeDetails::default(), ());
     let mut progress = StageProgress::new(&mut nobody);
-    let error =
-        reshape(&mut mesh, None, true, &options, &mut details, &mut progress).unwrap_err().to_string();
+    let error = reshape(&mut mesh, None, SceneTraits::default(), &options, &mut details, &mut progress)
+        .unwrap_err()
+        .to_string();
     assert!(error.starts_with("reshape_rounds ") && error.contains("`reshape` off"), "{error}");
 }
 

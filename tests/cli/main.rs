@@ -20,7 +20,7 @@ fn trisplat(arguments: &[&dyn AsRef<std::ffi::OsStr>]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
     command.args(arguments.iter().map(|a| a.as_ref()));
     let has = |word: &str| arguments.iter().any(|a| a.as_ref() == word);
-    if has("bake") && !has("--preset") {
+    if arguments[0].as_ref() == "bake" && !has("--preset") {
         // It takes long and is tested where it belongs; here only what is said and written matters.
         command.args(["--reshape", "off"]);
     }

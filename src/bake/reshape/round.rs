@@ -17,18 +17,22 @@ const GROUPS: usize = 4;
 const SAMPLES: u32 = 1;
 /// Units per squared difference in integer sums. Integers, because their sums do not depend on the order.
 const UNITS: f64 = (1u64 << 24) as f64;
+/// Squared error of a sample that shows nothing, in a scene that is closed all around: larger than that of any colour, so
+/// that no hole is opened, which would gape from elsewhere.
+const HOLE_ERROR: f32 = 100.0;
 
 /// Draws the rounds.
 pub(super) struct Rounds<'v> {
     views: &'v mut Views,
     drawing: SolidRasterOptions,
     solid: Solid,
+    is_closed: bool,
 }
 
 impl<'v> Rounds<'v> {
-    /// Of a scene that starts as `mesh`.
-    pub(super) fn new(mesh: &Mesh, views: &'v mut Views) -> Self {
-        Self { drawing: views.drawing(mesh, SAMPLES), views, solid: Solid::new() }
+    /// Of a scene that starts as `mesh`; `is_closed`: no view should show nothing.
+    pub(super) fn new(mesh: &Mesh, views: &'v mut Views, is_closed: bool) -> Self {
+        Self { drawing: views.drawing(mesh, SAMPLES), views, solid: Solid::new(), is_closed }
     }
 
     /// Looks at some of the pictures, in every round at others: at the scene, and at the scene with its faces in the places
@@ -48,6 +52,7 @@ impl<'v> Rounds<'v> {
         let both = faces.corners.iter().chain(candidates).flatten().copied().collect();
         let scene = Mesh { positions: both, ..Mesh::default() };
         let (colors, background) = (faces.encoded_colors(), self.drawing.background);
+        let hole_error = self.is_closed.then_some(HOLE_ERROR);
         let chosen: Vec<usize> =
             (round as usize % effort.stride..self.views.len()).step_by(effort.stride).collect();
         self.views.prefetch(&chosen);
@@ -58,7 +63,8 @@ impl<'v> Rounds<'v> {
                 true => photo,
                 false => Arc::new(photo.downscaled(camera.size)),
             };
-            let sums = PictureSums { picture: &picture, colors: &colors, background, rows: &found.rows };
+            let (picture, colors, rows) = (&*picture, &colors[..], &found.rows[..]);
+            let sums = PictureSums { picture, colors, background, hole_error, rows };
             let totals = [AtomicI64::new(0), AtomicI64::new(0)];
             self.solid.planes(&scene, &camera, &self.drawing, (2 * GROUPS, &planes), |tile| {
                 let of_tile = sums.add_tile(tile);
@@ -155,6 +161,8 @@ struct PictureSums<'a> {
     colors: &'a [[f32; 3]],
     /// sRGB-encoded.
     background: [f32; 3],
+    /// What a sample without a face costs in place of its difference from the background.
+    hole_error: Option<f32>,
     rows: &'a [FaceRow],
 }
 
@@ -176,18 +184,24 @@ impl PictureSums<'_> {
         totals
     }
 
-    /// Adds a sample; returns its squared error.
+    /// Adds a sample; returns its squared difference from the picture.
     #[inline(always)]
     fn add_sample(&self, tile: &PlaneTile<'_>, x: u32, y: u32, pixel: usize, weight: f32) -> f32 {
         let target = self.picture.rgb[pixel].map(|c| f32::from(c) / 255.0);
-        let error = |face: u32| {
-            let shown = if face == NO_FACE { self.background } else { self.colors[face as usize] };
+        let difference = |shown: [f32; 3]| {
             weight * (0..3).map(|k| (shown[k] - target[k]) * (shown[k] - target[k])).sum::<f32>()
+        };
+        let empty = difference(self.background);
+        let error = |face: u32| match (face, self.hole_error) {
+            (NO_FACE, Some(error)) => weight * error,
+            (NO_FACE, None) => empty,
+            (face, _) => difference(self.colors[face as usize]),
         };
         let groups = [0, 1, 2, 3].map(|group| tile.nearest(group, x, y));
         let [before, behind] = Nearest::two_of(groups);
         let old = self.face_of(before);
-        let old_error = error(old);
+        // A hole that is there is only as bad as it looks: what happens to close it should look right too.
+        let old_error = if old == NO_FACE { empty } else { error(old) };
         if old != NO_FACE {
             let row = &self.rows[old as usize];
             row.add(COUNT, weight);
