@@ -71,6 +71,10 @@ fn every_command_of_the_readme_runs() {
         if let Some(steps) = arguments.iter().position(|a| *a == "--steps") {
             arguments.drain(steps..steps + 2);
         }
+        if arguments[0] == "mesh" {
+            // So few steps make a fog, which has no surface: the sample has one.
+            arguments[1] = "soft.ply";
+        }
         if only_parsed && cfg!(not(feature = "view")) {
             eprintln!("SKIPPED (built without the feature view): {command}");
             continue;

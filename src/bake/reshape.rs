@@ -18,6 +18,7 @@
 
 mod effort;
 mod faces;
+mod found;
 mod round;
 
 use super::views::Views;

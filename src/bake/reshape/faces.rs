@@ -1,6 +1,6 @@
 //! The triangles while they are fitted.
 
-use super::round::Found;
+use super::found::Found;
 use crate::bake::moved_corner::with_moved_corner;
 use crate::math::color::{linear_from_srgb, srgb_from_linear};
 use crate::mesh::{Colors, Mesh};

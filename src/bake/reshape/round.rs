@@ -2,6 +2,7 @@
 
 use super::effort::Effort;
 use super::faces::ReshapedFaces;
+use super::found::{COUNT, ERROR, FaceRow, Found, MOVING, REMOVING, RGB, UNITS, add};
 use crate::bake::views::Views;
 use crate::error::Result;
 use crate::image::Pixels;
@@ -9,14 +10,12 @@ use crate::mesh::Mesh;
 use crate::raster::solid::{NO_FACE, Nearest, PlaneTile, Solid, SolidRasterOptions};
 use crate::rng::Rng;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicI64, Ordering::Relaxed};
+use std::sync::atomic::AtomicI64;
 
 /// Faces change in so many groups: what one does shows while most of the others are unchanged.
 const GROUPS: usize = 4;
 /// Samples per pixel along each axis.
 const SAMPLES: u32 = 1;
-/// Units per squared difference in integer sums. Integers, because their sums do not depend on the order.
-const UNITS: f64 = (1u64 << 24) as f64;
 /// Squared error of a sample that shows nothing, in a scene that is closed all around: larger than that of any colour, so
 /// that no hole is opened, which would gape from elsewhere.
 const HOLE_ERROR: f32 = 100.0;
@@ -81,77 +80,6 @@ impl<'v> Rounds<'v> {
 /// The group in which a face changes: another one every round.
 fn group_of(id: u32, round: u32) -> u8 {
     (Rng::new(0, "reshape", round.into()).bits(id.into()) % GROUPS as u64) as u8
-}
-
-/// What a round found out about all faces.
-pub(super) struct Found {
-    rows: Vec<FaceRow>,
-    /// Squared error of all samples.
-    error: f64,
-    /// Samples, by weight.
-    weight: f64,
-}
-
-/// What a round found out about a face.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct FoundFace {
-    /// Samples that show it.
-    pub(super) samples: f64,
-    /// Sum of the pictures' sRGB-encoded colours there.
-    pub(super) rgb: [f64; 3],
-    /// Sum of the squared errors there.
-    pub(super) error: f64,
-    /// By how much the squared error changes without the face.
-    pub(super) removing: f64,
-    /// By how much it changes when the face moves.
-    pub(super) moving: f64,
-}
-
-impl Found {
-    fn new(faces: usize) -> Self {
-        Self { rows: (0..faces).map(|_| FaceRow::default()).collect(), error: 0.0, weight: 0.0 }
-    }
-
-    /// Faces it knows.
-    pub(super) fn len(&self) -> usize {
-        self.rows.len()
-    }
-
-    /// About one face.
-    pub(super) fn face(&self, face: usize) -> FoundFace {
-        let [samples, r, g, b, error, removing, moving, _] =
-            self.rows[face].0.each_ref().map(|sum| sum.load(Relaxed) as f64 / UNITS);
-        FoundFace { samples, rgb: [r, g, b], error, removing, moving }
-    }
-
-    /// PSNR of the scene as it was drawn, dB, if anything was looked at.
-    pub(super) fn psnr(&self) -> Option<f64> {
-        let mse = self.error / (3.0 * self.weight);
-        (self.weight > 0.0).then(|| -10.0 * mse.max(1e-10).log10())
-    }
-}
-
-/// The sums of one face, a cache line.
-#[derive(Debug, Default)]
-#[repr(align(64))]
-struct FaceRow([AtomicI64; 8]);
-
-const COUNT: usize = 0;
-const RGB: usize = 1;
-const ERROR: usize = 4;
-const REMOVING: usize = 5;
-const MOVING: usize = 6;
-
-impl FaceRow {
-    #[inline(always)]
-    fn add(&self, which: usize, value: f32) {
-        add(&self.0[which], value.into());
-    }
-}
-
-#[inline(always)]
-fn add(sum: &AtomicI64, value: f64) {
-    sum.fetch_add((value * UNITS) as i64, Relaxed);
 }
 
 /// One picture, and the sums that its samples are added to.
