@@ -29,6 +29,8 @@ use effort::Effort;
 use faces::ReshapedFaces;
 use round::Rounds;
 
+/// Pictures that decide whether the fitted triangles are better.
+const EVALUATION_VIEWS: usize = 12;
 /// So many triangles are cut in a round at most, as a share.
 const MOST_CUT: f64 = 0.2;
 
@@ -146,6 +148,7 @@ pub fn reshape(
     let mut faces = ReshapedFaces::new(mesh);
     let mut rounds = Rounds::new(mesh, views, traits.is_closed);
     let (mut dropped, mut moved, mut cut) = (0, 0, 0);
+    let mut recolored = Mesh::default();
     for round in 0..effort.rounds {
         progress.set(round as usize, effort.rounds as usize);
         let candidates = faces.with_moved_corners(round);
@@ -155,6 +158,7 @@ pub fn reshape(
         faces.recolor(&found);
         if round == 0 {
             // What it found was found with other colours.
+            recolored = faces.to_mesh();
             continue;
         }
         moved += faces.keep_moves(&found, candidates);
@@ -164,8 +168,14 @@ pub fn reshape(
         // Last, as what was found is by the places of the faces.
         dropped += faces.drop_harmful(&found);
     }
+    let (fitted, chosen) = (faces.to_mesh(), views.evenly_spaced(EVALUATION_VIEWS));
+    // With few pictures per triangle a round may spoil what the others need.
+    if effort.rounds > 1 && views.mean_psnr(&fitted, &chosen)? < views.mean_psnr(&recolored, &chosen)? {
+        *details = ReshapeDetails::default();
+        return Ok(Outcome::Unneeded("the triangles as they came match the pictures better"));
+    }
     details.rounds = Some(effort.rounds);
     (details.dropped, details.corners_moved, details.cut) = (Some(dropped), Some(moved), Some(cut));
-    *mesh = faces.into_mesh();
+    *mesh = fitted;
     Ok(Outcome::Changed(()))
 }

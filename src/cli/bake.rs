@@ -125,9 +125,10 @@ fn command() -> clap::Command {
 /// How soft the scene was, how close its solid triangles came, and what to do about it.
 fn soft_note(softness: &Softness, reshaped: Option<&ReshapeDetails>) -> String {
     let Softness { psnr, pictures } = softness;
-    let fitted = match reshaped.and_then(|details| details.psnr_last) {
-        Some(psnr) => format!("fitted, {psnr:.1} dB from the pictures they were fitted to"),
-        None => "and they were not fitted (`reshape`)".to_owned(),
+    let gain = reshaped.and_then(|details| Some(details.psnr_last? - details.psnr_first?));
+    let fitted = match gain {
+        Some(gain) => format!("fitting them to its pictures gained {gain:.1} dB"),
+        None => "they were not fitted to its pictures (`reshape`)".to_owned(),
     };
     format!(
         "soft scene: as solid triangles {psnr:.1} dB from how it was trained to look ({pictures} pictures); {fitted}; \

@@ -123,10 +123,10 @@ impl ReshapedFaces {
     }
 
     /// As a mesh, one colour per face.
-    pub(super) fn into_mesh(self) -> Mesh {
+    pub(super) fn to_mesh(&self) -> Mesh {
         Mesh {
-            positions: self.corners.into_iter().flatten().collect(),
-            colors: Colors::Face(self.colors),
+            positions: self.corners.as_flattened().to_vec(),
+            colors: Colors::Face(self.colors.clone()),
             ..Mesh::default()
         }
     }
