@@ -128,6 +128,15 @@ impl Pixels {
         self
     }
 
+    /// The part of `size` px whose upper left corner is at `corner`; it lies within the picture.
+    pub fn part(&self, corner: UVec2, size: UVec2) -> Self {
+        let rows = (corner.y..corner.y + size.y).map(|y| (y * self.size.x + corner.x) as usize);
+        let rows = rows.map(|from| from..from + size.x as usize);
+        let alpha =
+            self.alpha.as_ref().map(|a| rows.clone().flat_map(|row| a[row].iter().copied()).collect());
+        Self { size, rgb: rows.flat_map(|row| self.rgb[row].iter().copied()).collect(), alpha }
+    }
+
     /// The picture shrunk to `size`: every new pixel is the average of the area it covers, whole or
     /// fractional pixels alike.
     pub fn downscaled(&self, size: UVec2) -> Self {

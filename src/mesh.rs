@@ -26,6 +26,8 @@ pub struct Mesh {
     pub indices: Vec<u32>,
     /// Opacity of every face in [0, 1]; empty = all opaque. `[F]`
     pub opacity: Vec<f32>,
+    /// Unit normal that light falls on, for every face; empty = drawn in its colours, without lights. `[F]`
+    pub normals: Vec<Vec3>,
 }
 
 impl Default for Mesh {
@@ -35,6 +37,7 @@ impl Default for Mesh {
             colors: Colors::Face(Vec::new()),
             indices: Vec::new(),
             opacity: Vec::new(),
+            normals: Vec::new(),
         }
     }
 }
@@ -92,6 +95,22 @@ impl Mesh {
         }
     }
 
+    /// The same triangles, none of which shares a vertex with another.
+    pub fn unshared(self) -> Mesh {
+        if self.indices.is_empty() {
+            return self;
+        }
+        let corner = |v: &u32| self.positions[*v as usize];
+        let positions = self.indices.iter().map(corner).collect();
+        let colors = match self.colors {
+            Colors::Vertex(colors) => {
+                Colors::Vertex(self.indices.iter().map(|v| colors[*v as usize]).collect())
+            }
+            colors => colors,
+        };
+        Mesh { positions, colors, indices: Vec::new(), opacity: self.opacity, normals: self.normals }
+    }
+
     /// Makes old face `faces[i]` the new face i. Vertices that faces share stay where they are. `[F']`
     pub fn select(&mut self, faces: &[u32]) {
         if self.indices.is_empty() {
@@ -107,11 +126,15 @@ impl Mesh {
         if !self.opacity.is_empty() {
             self.opacity = gather(&self.opacity, faces);
         }
+        if !self.normals.is_empty() {
+            self.normals = gather(&self.normals, faces);
+        }
     }
 
     /// Some of the faces as a mesh of their own, with the vertices that they use. `faces` ascend. `[F']`
     pub fn part(&self, faces: &[u32]) -> Mesh {
         let opacity = if self.opacity.is_empty() { Vec::new() } else { gather(&self.opacity, faces) };
+        let normals = if self.normals.is_empty() { Vec::new() } else { gather(&self.normals, faces) };
         let mut vertices: Vec<u32> = faces.iter().flat_map(|face| self.face(*face as usize)).collect();
         let mut indices = Vec::new();
         if !self.indices.is_empty() {
@@ -125,7 +148,7 @@ impl Mesh {
             Colors::Face(colors) => Colors::Face(gather(colors, faces)),
             Colors::Vertex(colors) => Colors::Vertex(gather(colors, &vertices)),
         };
-        Mesh { positions: gather(&self.positions, &vertices), colors, indices, opacity }
+        Mesh { positions: gather(&self.positions, &vertices), colors, indices, opacity, normals }
     }
 
     /// Keeps `faces`, given in any order, in the mesh's order, and drops vertices that no face uses any more.
@@ -172,6 +195,10 @@ impl Mesh {
             self.opacity.resize(self.face_count(), 1.0);
             other.opacity.resize(other.face_count(), 1.0);
         }
+        if !self.normals.is_empty() || !other.normals.is_empty() {
+            self.take_flat_normals();
+            other.take_flat_normals();
+        }
         if matches!(self.colors, Colors::Vertex(_)) || matches!(other.colors, Colors::Vertex(_)) {
             self.spread();
             other.spread();
@@ -188,12 +215,47 @@ impl Mesh {
         self.indices.extend(other.indices.iter().map(|i| i + first));
         self.positions.append(&mut other.positions);
         self.opacity.append(&mut other.opacity);
+        self.normals.append(&mut other.normals);
         if let (Colors::Face(a), Colors::Face(b)) | (Colors::Vertex(a), Colors::Vertex(b)) =
             (&mut self.colors, &mut other.colors)
         {
             a.append(b);
         }
         Ok(())
+    }
+
+    /// Unit normal of a face by its winding; up where it has no area.
+    pub fn flat_normal(&self, face: usize) -> Vec3 {
+        let [a, b, c] = self.corners(face).map(|v| v.as_dvec3());
+        (b - a).cross(c - a).normalize_or(DVec3::Y).as_vec3()
+    }
+
+    /// Unit normal of every vertex: the mean of its faces', by their area; none when faces have none. `[V]`
+    pub fn vertex_normals(&self) -> Vec<Vec3> {
+        let mut sums = vec![Vec3::ZERO; if self.normals.is_empty() { 0 } else { self.vertex_count() }];
+        for (face, normal) in self.normals.iter().enumerate() {
+            let area = self.area(face).max(f64::from(f32::MIN_POSITIVE)) as f32;
+            self.face(face).iter().for_each(|v| sums[*v as usize] += *normal * area);
+        }
+        sums.iter().map(|sum| sum.normalize_or(Vec3::Y)).collect()
+    }
+
+    /// Gives a mesh without normals those of its faces.
+    fn take_flat_normals(&mut self) {
+        if self.normals.is_empty() {
+            self.normals = (0..self.face_count()).map(|face| self.flat_normal(face)).collect();
+        }
+    }
+
+    /// Turns a face around: what was its back is its front. Its normal stays.
+    pub fn flip(&mut self, face: usize) {
+        if !self.indices.is_empty() {
+            return self.indices.swap(3 * face + 1, 3 * face + 2);
+        }
+        self.positions.swap(3 * face + 1, 3 * face + 2);
+        if let Colors::Vertex(colors) = &mut self.colors {
+            colors.swap(3 * face + 1, 3 * face + 2);
+        }
     }
 
     /// Writes out the indices 0, 1, 2, … of a mesh that has none.
@@ -234,6 +296,9 @@ impl Mesh {
         if !self.opacity.is_empty() && self.opacity.len() != f {
             return shape("mesh opacity count", self.opacity.len(), format!("{f}"));
         }
+        if !self.normals.is_empty() && self.normals.len() != f {
+            return shape("mesh normal count", self.normals.len(), format!("{f}"));
+        }
         match self.indices.par_iter().position_first(|&i| i as usize >= v) {
             Some(i) => shape("mesh index", self.indices[i] as usize, format!("below {v} (face {})", i / 3)),
             None => Ok(()),
@@ -247,7 +312,8 @@ impl Mesh {
         let (Colors::Face(colors) | Colors::Vertex(colors)) = &self.colors;
         let valid = all_finite(bytemuck::cast_slice(&self.positions))
             && all_in_unit(bytemuck::cast_slice(colors))
-            && all_in_unit(&self.opacity);
+            && all_in_unit(&self.opacity)
+            && all_finite(bytemuck::cast_slice(&self.normals));
         if valid {
             return Ok(());
         }
@@ -261,7 +327,7 @@ impl Mesh {
         }
         match self.opacity.iter().position(|o| !in_unit(o)) {
             Some(i) => Err(Error::invalid(format!("mesh opacity {i}"), self.opacity[i], "a value in [0, 1]")),
-            None => Ok(()),
+            None => Err(Error::invalid("mesh normals", "not finite", "finite numbers")),
         }
     }
 }

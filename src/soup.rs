@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::math::finite::{all_finite, all_in_unit, all_positive};
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// The SH degree 0 basis function, 1 / (2 sqrt(pi)), in eight digits: one unit in the last place below the
 /// kernels' constant in f32, and part of the bits of every baked colour.
@@ -70,6 +71,34 @@ impl Soup {
         }
         self.sh.truncate(self.len() * to);
         self.sh_degree = degree;
+    }
+
+    /// The triangles of these indices, in this order.
+    pub fn picked(&self, order: &[usize]) -> Soup {
+        let k = self.sh_count();
+        let mut sh = vec![[0.0; 3]; k * order.len()];
+        let rows = sh.par_chunks_exact_mut(k).zip(order);
+        rows.for_each(|(row, &i)| row.copy_from_slice(&self.sh[k * i..k * (i + 1)]));
+        Soup {
+            vertices: order.par_iter().map(|&i| self.vertices[i]).collect(),
+            opacity: order.par_iter().map(|&i| self.opacity[i]).collect(),
+            sigma: order.par_iter().map(|&i| self.sigma[i]).collect(),
+            sh,
+            sh_degree: self.sh_degree,
+        }
+    }
+
+    /// Takes the triangles from index `at` on out of the soup.
+    pub fn split_off(&mut self, at: usize) -> Soup {
+        let at = at.min(self.len());
+        let sh = self.sh.split_off(at * self.sh_count());
+        Soup {
+            vertices: self.vertices.split_off(at),
+            opacity: self.opacity.split_off(at),
+            sigma: self.sigma.split_off(at),
+            sh,
+            sh_degree: self.sh_degree,
+        }
     }
 
     /// Keeps the triangles for which `keep` returns true, in order.

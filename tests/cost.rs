@@ -58,7 +58,10 @@ fn a_bake_is_compared_with_what_is_not_quantised() {
     let small = find(&rows, "bake", "compress+target", "true+web");
     let order = find(&rows, "bake", "order", "none");
     let (default, bvh) = (find(&rows, "bake", "default", ""), find(&rows, "bake", "bvh", "true"));
-    assert_eq!((number(order, "exact_rms"), number(bvh, "exact_rms")), (0.0, 0.0));
+    // Another order shows in a sample where two triangles are at the very same depth, and nowhere else.
+    for reordered in [order, bvh] {
+        assert!(number(reordered, "exact_rms") < 0.1, "{reordered}");
+    }
     let moved = number(small, "exact_rms");
     assert!(moved > 0.0 && moved < 3.0, "quantised positions move pictures a little: {moved}");
     assert!(

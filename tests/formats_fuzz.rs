@@ -113,6 +113,7 @@ fn square() -> Asset {
         colors: Colors::Vertex(vec![[0.0, 0.5, 1.0], [0.1; 3], [0.2; 3], [0.3; 3]]),
         indices: vec![0, 1, 2, 2, 1, 3],
         opacity: vec![],
+        ..Mesh::default()
     };
     Asset { mesh, ..Asset::default() }
 }

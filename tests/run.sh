@@ -15,6 +15,7 @@ JSONSCHEMA=4.26.0
 PLAYWRIGHT=1.65.1
 F3D=4.0.0
 TILES=0.5.3
+BABYLON=9.34.0
 judges=target/judges
 python=$judges/venv/bin/python
 
@@ -116,6 +117,11 @@ if has chromium; then
     if ! grep -qs "\"version\": \"$TILES\"" "$judges/node_modules/3d-tiles-renderer/package.json"; then
         npm install --silent --no-fund --no-audit --prefix "$judges" "3d-tiles-renderer@$TILES" "three@$three" ||
             fail 'npm could not install 3d-tiles-renderer'
+    fi
+    required=$required,babylon
+    if ! grep -qs "\"version\": \"$BABYLON\"" "$judges/node_modules/babylonjs/package.json"; then
+        npm install --silent --no-fund --no-audit --prefix "$judges" "babylonjs@$BABYLON" "babylonjs-loaders@$BABYLON" ||
+            fail 'npm could not install Babylon.js'
     fi
     chromium --version 2>/dev/null
 else

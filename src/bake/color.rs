@@ -31,6 +31,7 @@ pub fn color(mut soup: Soup, details: &mut ColorDetails) -> Result<Mesh> {
         colors: Colors::Face(sh),
         indices: Vec::new(),
         opacity: Vec::new(),
+        ..Mesh::default()
     })
 }
 

@@ -1,5 +1,6 @@
 //! The recipe of `trisplat mesh`: from a scene to one connected surface of it, ready for a file.
 
+use super::counts::{count, count_mesh};
 use super::crop::{CropOptions, count_inside, crop};
 use super::place::up::Evidence;
 use super::place::{PlaceDetails, PlaceOptions, place, placement};
@@ -10,8 +11,8 @@ use crate::error::{Error, Result};
 use crate::formats::output::OutputOptions;
 use crate::limits::Limits;
 use crate::mesh::Mesh;
-use crate::report::{Counts, Observer, Outcome, Report, generator};
-use crate::scene::{Loaded, Scene};
+use crate::report::{Observer, Outcome, Report, generator};
+use crate::scene::Loaded;
 use crate::surface::{SurfaceDetails, SurfaceOptions, surface};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -71,7 +72,7 @@ pub fn mesh(
         observer,
         Mesh::default(),
         // Before there is a surface, what it is made of.
-        |mesh| if mesh.face_count() == 0 { counts(&scene.scene) } else { of_mesh(mesh) },
+        |mesh| if mesh.face_count() == 0 { count(&scene.scene) } else { count_mesh(mesh) },
         |mesh, details: &mut SurfaceDetails, progress| {
             let found = surface(&scene, cameras, &options.surface, limits, details, progress)?;
             *mesh = found.ok_or_else(nothing)?;
@@ -83,7 +84,7 @@ pub fn mesh(
     let viewpoint = scene.provenance.viewpoint.or_else(|| views.as_deref().and_then(Views::viewpoint));
     let mut provenance = Provenance { shell: 0, backdrop: 0, viewpoint, ..scene.provenance };
     let points = views.as_deref().map_or(&[][..], Views::points);
-    let found = report.stage(observer, found, of_mesh, |mesh, details: &mut PlaceDetails| {
+    let found = report.stage(observer, found, count_mesh, |mesh, details: &mut PlaceDetails| {
         let how = placement(mesh, &provenance, Evidence { cameras: &known, points }, &options.place, details);
         place(mesh, &mut provenance, how, details)
     })?;
@@ -103,23 +104,11 @@ fn cropped(
     let Loaded { scene, mut provenance, warnings, cameras: stored } = scene;
     provenance.shell = count_inside(&scene, provenance.shell as usize, cameras, &options.crop) as u32;
     let scene = report
-        .stage(observer, scene, counts, |scene, details| crop(scene, cameras, &options.crop, details))?;
+        .stage(observer, scene, count, |scene, details| crop(scene, cameras, &options.crop, details))?;
     Ok(Loaded { scene, provenance, warnings, cameras: stored })
 }
 
 fn nothing() -> Error {
     let wants = "a scene that cameras see, a data set whose photos show it, or less of `min_component` and `min_views`";
     Error::invalid("the surface", "empty", wants)
-}
-
-fn counts(scene: &Scene) -> Counts {
-    let triangles = scene.triangle_count() as u64;
-    match scene {
-        Scene::Soup(_) => Counts { triangles, vertices: 3 * triangles },
-        Scene::Mesh(mesh) => of_mesh(mesh),
-    }
-}
-
-fn of_mesh(mesh: &Mesh) -> Counts {
-    Counts { triangles: mesh.face_count() as u64, vertices: mesh.vertex_count() as u64 }
 }

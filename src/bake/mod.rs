@@ -1,8 +1,8 @@
 //! The bake: a recipe of stages from a scene to an asset.
 //!
 //! ```text
-//! crop → teacher → collision → prune → solid → color → unseen → reshape → backdrop → refit → weld → place → chunk → bvh
-//! → order → lod → tiles
+//! crop → teacher → arrange → collision → prune → solid → color → unseen → reshape → backdrop → refit → lit → weld
+//! → place → chunk → bvh → order → lod → tiles
 //! ```
 //!
 //! Each stage is a file with its options, its function and what it measures ([`StageDetails`]); it changes its input
@@ -15,15 +15,19 @@
 //!
 //! [`StageDetails`]: crate::report::StageDetails
 
+pub mod arrange;
 pub mod backdrop;
 pub mod bvh;
 mod cells;
 pub mod chunk;
 pub mod collision;
 pub mod color;
+mod counts;
 pub mod crop;
 pub mod decimate;
 pub mod fit;
+mod groups;
+pub mod lit;
 pub mod lod;
 pub mod max_bytes;
 pub mod merge;
@@ -36,6 +40,8 @@ pub mod prune;
 mod recipe;
 pub mod refit;
 pub mod reshape;
+mod run;
+mod shell;
 pub mod solid;
 pub mod teacher;
 pub mod tiles;
@@ -45,5 +51,5 @@ pub mod visibility;
 pub mod weld;
 
 pub use options::{BakeOptions, BakePreset};
-pub use recipe::{Bake, bake};
+pub use run::{Bake, bake};
 pub use views::Views;

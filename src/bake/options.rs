@@ -5,6 +5,7 @@ use super::bvh::BvhOptions;
 use super::chunk::ChunkOptions;
 use super::collision::CollisionOptions;
 use super::crop::CropOptions;
+use super::lit::LitOptions;
 use super::lod::LodOptions;
 use super::order::OrderOptions;
 use super::place::PlaceOptions;
@@ -101,6 +102,9 @@ pub struct BakeOptions {
         command(flatten, next_help_heading = "Refit, with --dataset: colours from the photos")
     )]
     pub refit: RefitOptions,
+    /// Whether lights fall on the scene.
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Lit: normals for an engine's lights"))]
+    pub lit: LitOptions,
     /// Which corners become one vertex.
     #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Weld: share vertices"))]
     pub weld: WeldOptions,
@@ -139,6 +143,7 @@ impl BakeOptions {
         tiles: TilesOptions::DEFAULT,
         backdrop: BackdropOptions::DEFAULT,
         refit: RefitOptions::DEFAULT,
+        lit: LitOptions::DEFAULT,
         weld: WeldOptions::DEFAULT,
         place: PlaceOptions::DEFAULT,
         chunk: ChunkOptions::DEFAULT,

@@ -3,6 +3,7 @@
 
 use crate::asset::{Asset, Chunk};
 use crate::error::Result;
+use crate::math::curve::along_curve;
 use crate::mesh::Mesh;
 use crate::report::{Outcome, StageDetails};
 use glam::DVec3;
@@ -62,7 +63,7 @@ pub fn order(asset: &mut Asset, options: &OrderOptions, details: &mut OrderDetai
         return Ok(Outcome::Unneeded("it was not asked for"));
     }
     let mesh = &asset.mesh;
-    let parts: Vec<Vec<u32>> = asset.chunks.par_iter().map(|chunk| along_curve(mesh, chunk)).collect();
+    let parts: Vec<Vec<u32>> = asset.chunks.par_iter().map(|chunk| faces_along_curve(mesh, chunk)).collect();
     let order = parts.concat();
     let moved = order.iter().zip(0..).filter(|&(&from, to)| from != to).count();
     if moved == 0 {
@@ -73,25 +74,13 @@ pub fn order(asset: &mut Asset, options: &OrderOptions, details: &mut OrderDetai
     Ok(Outcome::Changed(()))
 }
 
-/// The faces of a chunk along a Morton curve through their centroids (meshoptimizer's spatial sort). Faces
-/// in one place keep their order.
-fn along_curve(mesh: &Mesh, chunk: &Chunk) -> Vec<u32> {
+/// The faces of a chunk along a curve through their centroids.
+fn faces_along_curve(mesh: &Mesh, chunk: &Chunk) -> Vec<u32> {
     let centroid = |face: u32| {
         let [a, b, c] = mesh.corners(face as usize).map(|v| v.as_dvec3());
         (a + b + c) / 3.0
     };
     let faces = chunk.first..chunk.first + chunk.count;
-    let centroids: Vec<DVec3> = faces.clone().map(centroid).collect();
-    let (min, max) = centroids
-        .iter()
-        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), &p| (min.min(p), max.max(p)));
-    // In the unit cube, because meshoptimizer works in f32, where the extent of a huge scene is infinite.
-    let size = (max - min).max_element();
-    let scale = if size > 0.0 { 1.0 / size } else { 0.0 };
-    let unit: Vec<[f32; 3]> = centroids.iter().map(|&p| ((p - min) * scale).as_vec3().to_array()).collect();
-    let mut order = vec![0; unit.len()];
-    for (face, to) in faces.zip(meshopt::spatial_sort_remap_decoder(&unit)) {
-        order[to as usize] = face;
-    }
-    order
+    let centroids: Vec<DVec3> = faces.map(centroid).collect();
+    along_curve(&centroids).into_iter().map(|face| chunk.first + face).collect()
 }

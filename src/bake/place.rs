@@ -177,6 +177,8 @@ pub fn place(
     details.rotate = (placement.rotate != 0.0).then_some(placement.rotate);
     let transform = placement.transform();
     mesh.positions.par_iter_mut().with_min_len(1 << 14).for_each(|p| *p = transform(*p));
+    let rotation = placement.rotation();
+    mesh.normals.iter_mut().for_each(|n| *n = (rotation * n.as_dvec3()).as_vec3());
     match mesh.positions.par_iter().position_any(|p| !p.is_finite()) {
         Some(_) => Err(Error::invalid("scale", placement.scale, "a factor that keeps every position finite")),
         None => Ok(Outcome::Changed(())),

@@ -1,12 +1,15 @@
 //! The recipe: the stages in their order, and the reason for it.
 
+use super::arrange::arrange;
 use super::backdrop::{BackdropWhen, backdrop, keep_backdrop};
 use super::bvh::{BvhOptions, bvh};
 use super::chunk::{ChunkOptions, chunk};
 use super::collision::collision;
 use super::color::color;
+use super::counts::{count, count_mesh};
 use super::crop::{count_inside, crop};
 use super::fit;
+use super::lit::{Lit, SURFACE, lit};
 use super::lod::{FinishedLevel, LevelSource, LodOptions, lod};
 use super::merge::{merge, share_world};
 use super::options::BakeOptions;
@@ -15,7 +18,8 @@ use super::place::up::Evidence;
 use super::place::{PlaceDetails, place, placement};
 use super::prune::{PruneOptions, prune};
 use super::refit::refit;
-use super::reshape::{SceneTraits, reshape};
+use super::reshape::{ReshapeWhen, SceneTraits, reshape};
+use super::shell::Shell;
 use super::solid::solid;
 use super::teacher::{is_solid, teacher};
 use super::tiles::tiles;
@@ -25,109 +29,18 @@ use super::weld::weld;
 use crate::asset::{Asset, Placement, Provenance};
 use crate::camera::Camera;
 use crate::error::Result;
+use crate::limits::Limits;
 use crate::mesh::Mesh;
 use crate::report::{Counts, Observer, Outcome, Report, StageProgress, generator};
 use crate::scene::{Loaded, Scene};
+use crate::surface::{SurfaceDetails, surface};
+use std::sync::Arc;
 
 /// Photos that a level of detail is evaluated on.
 const EVALUATION_VIEWS: usize = 12;
 
-/// What an engine draws of a scene: the whole recipe, without photos. [`Bake`] takes photos, several inputs, a
-/// report and an observer.
-///
-/// Errors: options out of range, nothing left to draw.
-///
-/// ```
-/// use glam::Vec3;
-/// use trisplat::bake::{BakeOptions, BakePreset, bake};
-/// use trisplat::soup::Soup;
-///
-/// let soup = Soup {
-///     vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]],
-///     opacity: vec![1.0],
-///     sigma: vec![0.01],
-///     sh: vec![[0.5, 0.0, -0.5]],
-///     sh_degree: 0,
-/// };
-/// let asset = bake(soup, &BakeOptions::preset(BakePreset::Fast))?;
-/// assert_eq!(asset.mesh.face_count(), 1);
-/// # Ok::<(), trisplat::error::Error>(())
-/// ```
-pub fn bake(scene: impl Into<Loaded>, options: &BakeOptions) -> Result<Asset> {
-    Bake::new(options).run([scene])
-}
-
-/// A bake with everything it can take beside a scene.
-///
-/// ```
-/// # use glam::Vec3;
-/// use trisplat::bake::{Bake, BakeOptions, prune::PruneDetails};
-/// use trisplat::report::Report;
-/// # use trisplat::soup::Soup;
-/// # let triangle = Soup {
-/// #     vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]],
-/// #     opacity: vec![1.0],
-/// #     sigma: vec![0.01],
-/// #     sh: vec![[0.5, 0.0, -0.5]],
-/// #     sh_degree: 0,
-/// # };
-/// # let faint = Soup { opacity: vec![0.001], ..triangle.clone() };
-///
-/// let mut report = Report::new("bake");
-/// let asset = Bake::new(&BakeOptions::default()).report(&mut report).run([triangle, faint])?;
-/// assert_eq!(asset.mesh.face_count(), 1);
-/// assert_eq!(report.details::<PruneDetails>().map(|d| d.faint), Some(1));
-/// # Ok::<(), trisplat::error::Error>(())
-/// ```
-#[must_use = "nothing happens before `run`"]
-pub struct Bake<'a> {
-    options: &'a BakeOptions,
-    views: Option<&'a mut Views>,
-    report: Option<&'a mut Report>,
-    observer: Option<&'a mut dyn Observer>,
-}
-
-impl<'a> Bake<'a> {
-    /// A bake with these options.
-    pub fn new(options: &'a BakeOptions) -> Self {
-        Self { options, views: None, report: None, observer: None }
-    }
-
-    /// Photos of the scene, if there are any; without them the cameras that came with the scene, if any, decide what
-    /// is visible. Their cameras are left in the frame of the scene.
-    pub fn photos(self, views: impl Into<Option<&'a mut Views>>) -> Self {
-        Self { views: views.into(), ..self }
-    }
-
-    /// Where to record what every stage did.
-    pub fn report(self, report: &'a mut Report) -> Self {
-        Self { report: Some(report), ..self }
-    }
-
-    /// What is notified when stages start and end.
-    pub fn observer(self, observer: &'a mut dyn Observer) -> Self {
-        Self { observer: Some(observer), ..self }
-    }
-
-    /// Bakes `inputs`, merged, into what an engine draws.
-    ///
-    /// Errors: options out of range, inputs that do not merge, nothing left to draw, photos that cannot be read or do
-    /// not show the scene.
-    pub fn run<S: Into<Loaded>>(self, inputs: impl IntoIterator<Item = S>) -> Result<Asset> {
-        self.options.validate()?;
-        let (mut own_report, mut no_observer) = (Report::default(), ());
-        let observer = match self.observer {
-            Some(observer) => observer,
-            None => &mut no_observer,
-        };
-        let report = self.report.unwrap_or(&mut own_report);
-        let recipe = Recipe::new(self.options, self.views, report, observer);
-        recipe.run(inputs.into_iter().map(Into::into).collect())
-    }
-}
-
 /// The stages, and what they share.
-struct Recipe<'a> {
+pub(super) struct Recipe<'a> {
     options: &'a BakeOptions,
     views: Option<&'a mut Views>,
     report: &'a mut Report,
@@ -136,6 +49,12 @@ struct Recipe<'a> {
     taught: Option<Views>,
     /// Cameras of photos, in the frame of what was read.
     cameras: Vec<Camera>,
+    /// Cameras that see the scene: these, or chosen ones.
+    watching: Vec<Camera>,
+    /// The surface that lights fall on.
+    facing: Option<Arc<Mesh>>,
+    /// What closes a trained scene.
+    shell: Shell,
     /// The backdrop: that of the input, then that of the output before it is placed.
     backdrop: Option<Mesh>,
     /// How the scene was placed: its levels are placed alike.
@@ -143,17 +62,32 @@ struct Recipe<'a> {
 }
 
 impl<'a> Recipe<'a> {
-    fn new(
+    pub(super) fn new(
         options: &'a BakeOptions,
         views: Option<&'a mut Views>,
         report: &'a mut Report,
         observer: &'a mut dyn Observer,
     ) -> Self {
-        let (taught, cameras, backdrop, placement) = (None, Vec::new(), None, None);
-        Self { options, views, report, observer, taught, cameras, backdrop, placement }
+        let (taught, backdrop, placement) = (None, None, None);
+        let (cameras, watching) = (Vec::new(), Vec::new());
+        let (facing, shell) = (None, Shell::default());
+        Self {
+            options,
+            views,
+            report,
+            observer,
+            taught,
+            cameras,
+            watching,
+            facing,
+            shell,
+            backdrop,
+            placement,
+        }
     }
 
-    fn run(mut self, inputs: Vec<Loaded>) -> Result<Asset> {
+    /// Bakes inputs, merged.
+    pub(super) fn run(mut self, inputs: Vec<Loaded>) -> Result<Asset> {
         let inputs = self.of_one_kind(inputs)?;
         let mut loaded = merge(inputs)?;
         self.backdrop = loaded.take_backdrop();
@@ -162,14 +96,13 @@ impl<'a> Recipe<'a> {
         }
         let loaded = self.crop(loaded)?;
         self.teach(&loaded)?;
-        let traits = SceneTraits {
-            is_soft: matches!(&loaded.scene, Scene::Soup(soup) if !is_solid(soup)),
-            is_closed: loaded.provenance.shell > 0,
-        };
+        let loaded = self.arrange(loaded)?;
+        let traits = self.traits(&loaded);
         let collision = self.collide(&loaded)?;
+        self.face(&loaded)?;
         let Loaded { mut scene, mut provenance, warnings, mut cameras } = loaded;
         // Of no use to an engine, and untrue as soon as triangles are left out.
-        provenance.shell = 0;
+        let shell = std::mem::take(&mut provenance.shell) as usize;
         self.report.warnings.extend(warnings);
         if let Some(views) = self.views.as_deref() {
             provenance.viewpoint = provenance.viewpoint.or_else(|| views.viewpoint());
@@ -184,7 +117,9 @@ impl<'a> Recipe<'a> {
         if let Some(taught) = self.taught.as_ref().filter(|_| chosen) {
             cameras = taught.cameras().to_vec();
         }
+        self.watching = cameras.clone();
         if let Scene::Soup(soup) = &mut scene {
+            self.shell = Shell::of(soup, shell, &self.watching);
             // Only the teacher draws more.
             soup.truncate_sh(0);
         }
@@ -195,6 +130,7 @@ impl<'a> Recipe<'a> {
             self.report.warnings.extend(fit::warning(&mesh, views)?);
         }
         let mesh = self.reshape(mesh, traits)?;
+        let mesh = self.part_shell(mesh)?;
 
         // Levels are made of what is left here, but are placed like the scene.
         let faces = mesh.face_count();
@@ -257,6 +193,18 @@ impl<'a> Recipe<'a> {
         Ok(Loaded { scene, provenance, warnings, cameras })
     }
 
+    /// Before what is drawn again and again, but not before viewpoints are chosen by a sample of the triangles as they come.
+    fn arrange(&mut self, loaded: Loaded) -> Result<Loaded> {
+        let Loaded { scene, provenance, warnings, cameras } = loaded;
+        let is_drawn = self.views.is_some() || self.taught.is_some() || !cameras.is_empty();
+        // The triangles of a shell are known by coming first.
+        let (first, order) = (provenance.shell as usize, self.options.order.order);
+        let scene = self.report.stage(self.observer, scene, count, |scene, details| {
+            Ok(arrange(scene, first, is_drawn, order, details))
+        })?;
+        Ok(Loaded { scene, provenance, warnings, cameras })
+    }
+
     /// On the scene as it was trained: what it looks like is what all other stages try to keep.
     fn teach(&mut self, loaded: &Loaded) -> Result<()> {
         let (options, photos) = (self.options, self.views.is_some());
@@ -275,6 +223,29 @@ impl<'a> Recipe<'a> {
         self.report.long_stage(observer, None, measure, |found, details, progress| {
             collision(found, loaded, cameras, options, details, progress)
         })
+    }
+
+    /// The surface that smooth normals are of, on the scene as it was trained.
+    fn face(&mut self, loaded: &Loaded) -> Result<()> {
+        if self.options.lit.lit != Lit::Smooth {
+            return Ok(());
+        }
+        let cameras = self.views.as_deref().map_or(&[][..], Views::cameras);
+        let measure = |found: &Option<Mesh>| found.as_ref().map_or(count(&loaded.scene), count_mesh);
+        let found = self.report.long_stage(
+            self.observer,
+            None,
+            measure,
+            |found, details: &mut SurfaceDetails, progress| {
+                *found = surface(loaded, cameras, &SURFACE, &Limits::DEFAULT, details, progress)?;
+                Ok(match found {
+                    Some(_) => Outcome::Changed(()),
+                    None => Outcome::Unneeded("the cameras see no connected surface"),
+                })
+            },
+        )?;
+        self.facing = found.map(Arc::new);
+        Ok(())
     }
 
     /// What was made of the scene before it was placed, where the scene is now.
@@ -332,12 +303,43 @@ impl<'a> Recipe<'a> {
         })
     }
 
+    /// What the fitting of triangles wants to know; nobody asks when it is off.
+    fn traits(&self, loaded: &Loaded) -> SceneTraits {
+        let asks = self.options.reshape.reshape == ReshapeWhen::Auto;
+        let looks_soft = || matches!(&loaded.scene, Scene::Soup(soup) if !is_solid(soup));
+        SceneTraits {
+            // Only soft scenes have a teacher.
+            is_soft: self.taught.is_some() || asks && looks_soft(),
+            is_closed: loaded.provenance.shell > 0,
+        }
+    }
+
     /// Of what is left, on what cameras see: before anything is put behind it, and before its colours are fitted exactly.
     fn reshape(&mut self, mesh: Mesh, traits: SceneTraits) -> Result<Mesh> {
         let (views, options) = (either(&mut self.views, &mut self.taught), &self.options.reshape);
         self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
             reshape(mesh, views, traits, options, details, progress)
         })
+    }
+
+    /// What closes the scene is behind it, like a backdrop, and no part of its levels. A scene that is cropped, or wanted without a
+    /// backdrop, keeps what it has of it.
+    fn part_shell(&mut self, mut mesh: Mesh) -> Result<Mesh> {
+        let when = self.options.backdrop.backdrop;
+        let cropped = !self.options.crop.crop.is_empty() && when == BackdropWhen::Auto;
+        if cropped || when == BackdropWhen::Off {
+            return Ok(mesh);
+        }
+        let behind = self.shell.take_from(&mut mesh);
+        if mesh.face_count() == 0 {
+            // There is nothing before it: it is the scene.
+            return Ok(behind);
+        }
+        match &mut self.backdrop {
+            Some(backdrop) => backdrop.append(behind)?,
+            None => self.backdrop = Some(behind).filter(|behind| behind.face_count() > 0),
+        }
+        Ok(mesh)
     }
 
     /// Behind what is left, and before colours are taken from the photos: those of holes are its own.
@@ -363,6 +365,12 @@ impl<'a> Recipe<'a> {
     /// The part of the recipe that prepares a mesh for a file.
     fn package(&mut self, mesh: Mesh, mut provenance: Provenance) -> Result<Asset> {
         let options = self.options;
+        // In the frame of the cameras, and before faces are put where their order matters.
+        let (watching, facing) = (&self.watching, self.facing.as_deref());
+        let mesh = self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
+            lit(mesh, watching, facing, &options.lit, details)
+        })?;
+
         // Before placing, while equal corners are still equal to the bit.
         let mesh = self
             .report
@@ -414,10 +422,12 @@ impl<'a> Recipe<'a> {
         };
         let (mut views, placement) = (either(&mut self.views, &mut self.taught), self.placement);
         let behind = self.backdrop.take();
+        let (watching, facing) = (self.watching.clone(), self.facing.clone());
         let finish = |mut level: Mesh, mut progress: StageProgress<'_>| {
             let mut unread = Report::default();
             let of_level = Recipe::new(&of_levels, views.as_deref_mut(), &mut unread, &mut progress);
-            let mut of_level = Recipe { placement, ..of_level };
+            let mut of_level =
+                Recipe { placement, watching: watching.clone(), facing: facing.clone(), ..of_level };
             // Photos show the backdrop too, but there is one for all levels.
             let faces = level.face_count();
             behind.clone().map_or(Ok(()), |backdrop| level.append(backdrop))?;
@@ -443,13 +453,6 @@ fn either<'v>(photos: &'v mut Option<&mut Views>, taught: &'v mut Option<Views>)
     photos.as_deref_mut().or(taught.as_mut())
 }
 
-fn count(scene: &Scene) -> Counts {
-    match scene {
-        Scene::Soup(soup) => Counts { triangles: soup.len() as u64, vertices: 3 * soup.len() as u64 },
-        Scene::Mesh(mesh) => count_mesh(mesh),
-    }
-}
-
 #[expect(clippy::ptr_arg, reason = "the signature that a report measures a list of levels by")]
 fn count_levels(levels: &Vec<Asset>) -> Counts {
     let counts = levels.iter().map(Asset::counts);
@@ -457,8 +460,4 @@ fn count_levels(levels: &Vec<Asset>) -> Counts {
         triangles: a.triangles + b.triangles,
         vertices: a.vertices + b.vertices,
     })
-}
-
-fn count_mesh(mesh: &Mesh) -> Counts {
-    Counts { triangles: mesh.face_count() as u64, vertices: mesh.vertex_count() as u64 }
 }

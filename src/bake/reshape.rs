@@ -129,38 +129,58 @@ pub fn reshape(
     progress: &mut StageProgress<'_>,
 ) -> Result<Outcome<()>> {
     options.validate()?;
-    if options.reshape == ReshapeWhen::Off {
-        return Ok(Outcome::Unneeded("`reshape` off"));
-    }
-    if options.reshape == ReshapeWhen::Auto && !traits.is_soft {
-        return Ok(Outcome::Unneeded("the scene is solid already"));
+    if let Some(why) = nothing_to_do(mesh, traits, options) {
+        return Ok(Outcome::Unneeded(why));
     }
     let Some(views) = views.filter(|views| !views.is_empty()) else {
         return Ok(Outcome::Unneeded("there are no photos and no pictures of the soft scene"));
     };
-    if !mesh.indices.is_empty() {
-        return Ok(Outcome::Unneeded("a mesh with shared vertices keeps its shape"));
+    let [recolored, fitted] = fit(mesh, views, traits, options, details, progress)?;
+    let chosen = views.evenly_spaced(EVALUATION_VIEWS);
+    // With few pictures per triangle a round may spoil what the others need.
+    if views.mean_psnr(&fitted, &chosen)? < views.mean_psnr(&recolored, &chosen)? {
+        *details = ReshapeDetails::default();
+        return Ok(Outcome::Unneeded("the triangles as they came match the pictures better"));
     }
-    if mesh.face_count() == 0 {
-        return Ok(Outcome::Unneeded("there are no triangles"));
+    *mesh = fitted;
+    Ok(Outcome::Changed(()))
+}
+
+/// Why there is nothing to do, as far as that is known without pictures.
+fn nothing_to_do(mesh: &Mesh, traits: SceneTraits, options: &ReshapeOptions) -> Option<&'static str> {
+    match options.reshape {
+        ReshapeWhen::Off => Some("`reshape` off"),
+        ReshapeWhen::Auto if !traits.is_soft => Some("the scene is solid already"),
+        _ if !mesh.indices.is_empty() => Some("a mesh with shared vertices keeps its shape"),
+        _ if mesh.face_count() == 0 => Some("there are no triangles"),
+        _ => None,
     }
+}
+
+/// Makes the rounds; returns the triangles that came, recoloured, and the fitted ones.
+fn fit(
+    mesh: &Mesh,
+    views: &mut Views,
+    traits: SceneTraits,
+    options: &ReshapeOptions,
+    details: &mut ReshapeDetails,
+    progress: &mut StageProgress<'_>,
+) -> Result<[Mesh; 2]> {
     let effort = Effort::new(mesh.face_count(), views.cameras(), options.reshape_rounds);
     let mut faces = ReshapedFaces::new(mesh);
     let mut rounds = Rounds::new(mesh, views, traits.is_closed);
+    // Colours first: what changes do is judged by them.
+    let found = rounds.draw(0, effort, &faces, &[])?;
+    faces.recolor(&found);
+    (details.psnr_first, details.psnr_last) = (found.psnr(), found.psnr());
+    let recolored = faces.to_mesh();
     let (mut dropped, mut moved, mut cut) = (0, 0, 0);
-    let mut recolored = Mesh::default();
-    for round in 0..effort.rounds {
+    for round in 1..effort.rounds {
         progress.set(round as usize, effort.rounds as usize);
         let candidates = faces.with_moved_corners(round);
         let found = rounds.draw(round, effort, &faces, &candidates)?;
-        details.psnr_first = details.psnr_first.or(found.psnr());
         details.psnr_last = found.psnr();
         faces.recolor(&found);
-        if round == 0 {
-            // What it found was found with other colours.
-            recolored = faces.to_mesh();
-            continue;
-        }
         moved += faces.keep_moves(&found, candidates);
         if effort.cuts(round) {
             cut += faces.cut(&found, mesh.face_count(), MOST_CUT);
@@ -168,14 +188,7 @@ pub fn reshape(
         // Last, as what was found is by the places of the faces.
         dropped += faces.drop_harmful(&found);
     }
-    let (fitted, chosen) = (faces.to_mesh(), views.evenly_spaced(EVALUATION_VIEWS));
-    // With few pictures per triangle a round may spoil what the others need.
-    if effort.rounds > 1 && views.mean_psnr(&fitted, &chosen)? < views.mean_psnr(&recolored, &chosen)? {
-        *details = ReshapeDetails::default();
-        return Ok(Outcome::Unneeded("the triangles as they came match the pictures better"));
-    }
     details.rounds = Some(effort.rounds);
     (details.dropped, details.corners_moved, details.cut) = (Some(dropped), Some(moved), Some(cut));
-    *mesh = fitted;
-    Ok(Outcome::Changed(()))
+    Ok([recolored, faces.to_mesh()])
 }

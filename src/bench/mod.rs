@@ -28,4 +28,6 @@ pub mod stress;
 mod studio;
 #[cfg(all(feature = "cli", feature = "gpu"))]
 mod three;
+pub mod town;
+pub mod town_photos;
 pub mod training;

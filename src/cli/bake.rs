@@ -1,9 +1,11 @@
 //! `trisplat bake IN... -o OUT`.
 
 use super::Global;
-use super::bake_bytes::{self, ByteSize};
+use super::bake_args::BakeArgs;
+use super::bake_bytes;
+use super::bake_city;
 use super::files;
-use super::harden::{self, HardenArgs, Hardened};
+use super::harden::{self, Hardened};
 use super::layers::Layers;
 use super::outputs::Outputs;
 use super::progress::Progress;
@@ -12,7 +14,7 @@ use crate::bake::merge::merge;
 use crate::bake::reshape::ReshapeDetails;
 use crate::bake::teacher::{TeacherDetails, TeacherWhen};
 use crate::bake::{Bake, BakeOptions, Views};
-use crate::dataset::{Dataset, DatasetOptions};
+use crate::dataset::Dataset;
 use crate::error::{Error, Result};
 use crate::formats::info::Softness;
 use crate::formats::output::{self, Output, OutputFormat};
@@ -23,51 +25,15 @@ use clap::ArgMatches;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Files, layers and the options of every stage.
-#[derive(Debug, clap::Args)]
-pub struct BakeArgs {
-    /// Files to bake: .ply .pt .off .obj .glb .gltf .html; several are merged; "-" is standard input.
-    #[arg(required = true, value_name = "IN")]
-    pub inputs: Vec<PathBuf>,
-    /// File to write: .glb .gltf .obj .ply .html .tileset.json; "-" is standard output.
-    #[arg(short, long, value_name = "OUT")]
-    pub output: PathBuf,
-    /// Kind of file to write, when the name of OUT does not say.
-    #[arg(long, value_enum)]
-    pub format: Option<OutputFormat>,
-    /// Replace OUT if it is there.
-    #[arg(short, long)]
-    pub force: bool,
-    /// Do everything but write.
-    #[arg(long)]
-    pub dry_run: bool,
-    /// JSON file with options; flags win over it (schema: trisplat schema bake).
-    #[arg(long, value_name = "FILE")]
-    pub config: Option<PathBuf>,
-    /// Write what every stage did as JSON (schema: trisplat schema report).
-    #[arg(long, value_name = "FILE")]
-    pub report: Option<PathBuf>,
-    /// Write at most this many bytes, all files together, as in 5MB: with as many triangles as that takes. Bakes several times.
-    #[arg(long, value_name = "SIZE")]
-    pub max_bytes: Option<ByteSize>,
-    /// Posed photos of the scene: triangles that none sees go, and colours are fitted to them
-    #[arg(long, value_name = "DATASET")]
-    pub dataset: Option<PathBuf>,
-    /// Whether the scene is trained solid first.
-    #[command(flatten)]
-    pub harden: HardenArgs,
-    /// The options of the stages.
-    #[command(flatten)]
-    pub options: BakeOptions,
-    /// How the data set is read.
-    #[command(flatten)]
-    pub dataset_options: DatasetOptions,
-}
-
 /// Bakes; `matches` says which flags were typed.
 pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()> {
     let clock = Instant::now();
     let mut options = resolve(args, matches)?;
+    if let [plan] = &args.inputs[..]
+        && bake_city::is_plan(plan)
+    {
+        return bake_city::run(args, plan, &options, global);
+    }
     let output = Output::plan(&args.output, args.format, &options.output, options.bvh.bvh)?
         .with_levels(options.lod.lod.len(), &options.output)?;
     let output = match options.backdrop.backdrop {

@@ -3,7 +3,9 @@
 //! Exit codes: 0 done, 1 failed (one error on stderr), 2 wrong usage, 130 stopped with Ctrl-C, 143 stopped with SIGTERM.
 
 pub mod bake;
+pub mod bake_args;
 mod bake_bytes;
+mod bake_city;
 pub mod bench;
 mod bench_cost;
 pub mod completions;
@@ -16,12 +18,14 @@ pub mod info;
 pub mod info_dataset;
 pub mod layers;
 pub mod man;
+pub mod merge;
 pub mod mesh;
 pub mod messages;
 #[cfg(not(all(feature = "gpu", feature = "view")))]
 pub mod missing;
 mod outputs;
 mod pictures;
+pub mod plan;
 pub mod program;
 pub mod progress;
 pub mod render;
@@ -33,6 +37,7 @@ mod stdout;
 mod stress;
 pub mod train;
 pub mod train_args;
+mod train_block;
 mod train_budget;
 mod train_curve;
 pub mod train_progress;

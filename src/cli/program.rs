@@ -5,8 +5,8 @@ use super::missing;
 #[cfg(feature = "view")]
 use super::view;
 use super::{
-    Global, bake, bench, completions, eval, flags, info, man, mesh, messages, render, sample, schema,
-    signals, stdout::Stdout, train, train_args, validate,
+    Global, bake, bake_args, bench, completions, eval, flags, info, man, merge, mesh, messages, plan, render,
+    sample, schema, signals, stdout::Stdout, train, train_args, validate,
 };
 use crate::dataset::DatasetOptions;
 use crate::error::{Error, Result};
@@ -31,7 +31,7 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Turn a trained soup or a coloured mesh into a file an engine draws.
-    Bake(Box<bake::BakeArgs>),
+    Bake(Box<bake_args::BakeArgs>),
     /// Make one connected surface of a scene: something to walk on, to collide with, to print.
     Mesh(Box<mesh::MeshArgs>),
     /// Describe a file and what a bake would make of it.
@@ -42,6 +42,10 @@ pub enum Command {
     Sample(sample::SampleArgs),
     /// Train a soup of triangles on posed photos.
     Train(Box<train_args::TrainArgs>),
+    /// Cut a scene that is too large for one run into blocks, each to be trained by itself.
+    Plan(Box<plan::PlanArgs>),
+    /// Make one scene of the trained blocks of a plan.
+    Merge(Box<merge::MergeArgs>),
     /// Measure how close a soup or mesh comes to photos it was not trained on.
     Eval(Box<eval::EvalArgs>),
     /// Draw a soup or mesh from the photos' cameras, or from a circle around it.
@@ -93,6 +97,8 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
         Command::Bake(args) => bake::run(args, typed, &cli.global),
         Command::Mesh(args) => mesh::run(args, &cli.global),
         Command::Train(args) => return train::run(args, typed, &cli.global),
+        Command::Plan(args) => return plan::run(args, typed, &cli.global, out),
+        Command::Merge(args) => merge::run(args, &cli.global),
         Command::Eval(args) => eval::run(args, &cli.global, out),
         Command::Render(args) => render::run(args, &cli.global),
         #[cfg(feature = "view")]
@@ -120,6 +126,8 @@ fn dataset_options(command: &mut Command) -> Option<&mut DatasetOptions> {
         Command::Bake(args) => Some(&mut args.dataset_options),
         Command::Mesh(args) => Some(&mut args.dataset_options),
         Command::Train(args) => Some(&mut args.dataset_options),
+        Command::Plan(args) => Some(&mut args.dataset_options),
+        Command::Merge(args) => Some(&mut args.dataset_options),
         Command::Eval(args) => Some(&mut args.dataset_options),
         Command::Render(args) => Some(&mut args.dataset_options),
         Command::Info(args) => Some(&mut args.dataset_options),

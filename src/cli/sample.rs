@@ -2,10 +2,11 @@
 
 use super::outputs::Outputs;
 use crate::bench::scenes::{self, SampleScene};
+use crate::bench::town_photos::{self, TownOptions};
 use crate::dataset::synthetic::{self, SyntheticOptions};
 use crate::error::{Error, Result};
 use crate::formats::ply;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What to make.
 #[derive(Debug, clap::Args)]
@@ -24,6 +25,22 @@ pub enum SampleCommand {
     Degenerate(SoupArgs),
     /// Posed photos of an analytic scene, in COLMAP's layout.
     Dataset(DatasetArgs),
+    /// Posed photos of a town, larger than one would train in one piece, and the town itself.
+    Town(TownArgs),
+}
+
+/// A town and its folder.
+#[derive(Debug, clap::Args)]
+pub struct TownArgs {
+    /// Folder to write: images/, transforms.json, points.ply, test.txt and truth.ply.
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Write into DIR although it holds something.
+    #[arg(short, long)]
+    pub force: bool,
+    /// What to make.
+    #[command(flatten)]
+    pub options: TownOptions,
 }
 
 /// A soup and its file.
@@ -65,7 +82,14 @@ pub fn run(args: &SampleArgs) -> Result<()> {
     match &args.sample {
         SampleCommand::Studio(args) => write_soup(SampleScene::Studio, args),
         SampleCommand::Degenerate(args) => write_soup(SampleScene::Degenerate, args),
-        SampleCommand::Dataset(args) => write_dataset(args),
+        SampleCommand::Dataset(args) => {
+            check_folder(&args.output, args.force)?;
+            synthetic::write(&args.output, &args.options)
+        }
+        SampleCommand::Town(args) => {
+            check_folder(&args.output, args.force)?;
+            town_photos::write(&args.output, &args.options)
+        }
     }
 }
 
@@ -81,11 +105,12 @@ fn write_soup(scene: SampleScene, args: &SoupArgs) -> Result<()> {
     file.commit().map(drop)
 }
 
-fn write_dataset(args: &DatasetArgs) -> Result<()> {
-    let holds_something = std::fs::read_dir(&args.output).is_ok_and(|mut entries| entries.next().is_some());
-    if holds_something && !args.force {
+/// Refuses a folder that holds something, unless it may.
+fn check_folder(folder: &Path, force: bool) -> Result<()> {
+    let holds_something = std::fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some());
+    if holds_something && !force {
         let wants = "a new or empty folder, or --force to write into it";
-        return Err(Error::invalid("--output", args.output.display(), wants));
+        return Err(Error::invalid("--output", folder.display(), wants));
     }
-    synthetic::write(&args.output, &args.options)
+    Ok(())
 }

@@ -2,8 +2,8 @@
 
 use super::stdout::Stdout;
 use crate::bake::{
-    BakeOptions, backdrop::BackdropDetails, bvh::BvhDetails, chunk::ChunkDetails,
-    collision::CollisionDetails, color::ColorDetails, crop::CropDetails, lod::LodDetails,
+    BakeOptions, arrange::ArrangeDetails, backdrop::BackdropDetails, bvh::BvhDetails, chunk::ChunkDetails,
+    collision::CollisionDetails, color::ColorDetails, crop::CropDetails, lit::LitDetails, lod::LodDetails,
     order::OrderDetails, place::PlaceDetails, prune::PruneDetails, refit::RefitDetails,
     reshape::ReshapeDetails, solid::SolidDetails, teacher::TeacherDetails, tiles::TilesDetails,
     unseen::UnseenDetails, weld::WeldDetails,
@@ -19,6 +19,9 @@ use crate::formats::check::Checked;
 use crate::formats::info::Info;
 use crate::formats::output::WriteDetails;
 use crate::report::{Report, stage_schema};
+use crate::scale::Manifest;
+use crate::scale::merge::MergeReport;
+use crate::scale::task::BlockFigures;
 use crate::surface::SurfaceDetails;
 use crate::train::{TrainDetails, TrainOptions};
 use std::io::Write;
@@ -44,6 +47,12 @@ pub enum SchemaName {
     Info,
     /// What `trisplat info --json` prints of a data set.
     Dataset,
+    /// The file `manifest.json` written by `trisplat plan`.
+    Plan,
+    /// The file written by `trisplat train --block` beside a block.
+    Block,
+    /// The file written by `trisplat merge --report`.
+    Merge,
     /// The file written by `trisplat eval --report`.
     Eval,
     /// What `trisplat validate --json` prints.
@@ -70,6 +79,9 @@ impl SchemaName {
             SchemaName::Report => report_schema(),
             SchemaName::Info => schemars::schema_for!(Info),
             SchemaName::Dataset => schemars::schema_for!(Description),
+            SchemaName::Plan => schemars::schema_for!(Manifest),
+            SchemaName::Block => schemars::schema_for!(BlockFigures),
+            SchemaName::Merge => schemars::schema_for!(MergeReport),
             SchemaName::Eval => schemars::schema_for!(EvalReport),
             SchemaName::Validate => schemars::schema_for!(Checked),
             SchemaName::Bvh => schemars::schema_for!(BvhHeader),
@@ -102,6 +114,7 @@ fn report_schema() -> schemars::Schema {
     let g = &mut generator;
     let stages = [
         stage_schema::<CropDetails>(g),
+        stage_schema::<ArrangeDetails>(g),
         stage_schema::<TeacherDetails>(g),
         stage_schema::<CollisionDetails>(g),
         stage_schema::<SurfaceDetails>(g),
@@ -113,6 +126,7 @@ fn report_schema() -> schemars::Schema {
         stage_schema::<BackdropDetails>(g),
         stage_schema::<ReshapeDetails>(g),
         stage_schema::<RefitDetails>(g),
+        stage_schema::<LitDetails>(g),
         stage_schema::<WeldDetails>(g),
         stage_schema::<PlaceDetails>(g),
         stage_schema::<ChunkDetails>(g),

@@ -9,6 +9,7 @@ use super::outputs::Outputs;
 use super::resume;
 use super::signals;
 use super::train_args::TrainArgs;
+use super::train_block;
 use super::train_budget::{self, Planned};
 use super::train_curve;
 use super::train_progress::Bar;
@@ -32,6 +33,9 @@ use std::time::{Duration, Instant};
 
 /// Trains; `matches` holds which flags were typed. Returns the exit code of a run that was finished, or stopped in good order.
 pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<ExitCode> {
+    if let Some(block) = &args.block {
+        return train_block::run(args, block, global);
+    }
     let clock = Instant::now();
     train_budget::check(args)?;
     let outputs = outputs(args);

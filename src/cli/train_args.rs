@@ -3,18 +3,73 @@
 use crate::dataset::DatasetOptions;
 use crate::train::budget::Seconds;
 use crate::train::{BackendOptions, TrainOptions};
+use clap::builder::ArgPredicate;
 use std::path::PathBuf;
+use std::str::FromStr;
+
+/// What a plan says, for all its blocks.
+const BLOCK_FIXES: [&str; 15] = [
+    "output",
+    "config",
+    "sets",
+    "from",
+    "resume",
+    "checkpoint",
+    "keep",
+    "eval_every",
+    "curve",
+    "budget",
+    "budget_wall",
+    "preset",
+    "steps",
+    "max_triangles",
+    "seed",
+];
+
+/// A block of a plan.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BlockAddress {
+    /// The plan: its file or its folder.
+    pub plan: PathBuf,
+    /// The block.
+    pub index: usize,
+}
+
+impl FromStr for BlockAddress {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts = text.rsplit_once(':').and_then(|(plan, index)| Some((plan, index.parse().ok()?)));
+        match parts.filter(|(plan, _)| !plan.is_empty()) {
+            Some((plan, index)) => Ok(Self { plan: plan.into(), index }),
+            None => Err("wants a plan and the number of a block, as in city/manifest.json:17".to_owned()),
+        }
+    }
+}
 
 /// Files, what to leave behind, and the options of the training.
 #[derive(Debug, clap::Args)]
 pub struct TrainArgs {
     /// Folder of posed photos (COLMAP model or transforms.json). Without it the scene of --from teaches itself:
     /// it is drawn from its stored cameras and from between them, or from where it can be seen.
-    #[arg(value_name = "DATASET", required_unless_present = "from")]
+    #[arg(value_name = "DATASET", required_unless_present_any = ["from", "block"])]
     pub dataset: Option<PathBuf>,
     /// Soup to write, .ply.
-    #[arg(short, long, value_name = "OUT")]
+    #[arg(
+        short,
+        long,
+        value_name = "OUT",
+        required = false,
+        required_unless_present = "block",
+        default_value_if("block", ArgPredicate::IsPresent, "block.ply"),
+        hide_default_value = true
+    )]
     pub output: PathBuf,
+    /// Train one block of a plan that `trisplat plan` wrote, as in city/manifest.json:17. Its result goes beside the plan, under a name that
+    /// says what it was made of; what is there already is not made again, and what was stopped goes on. DATASET, if given, is where the
+    /// photos are now.
+    #[arg(long, value_name = "PLAN:BLOCK", conflicts_with_all = BLOCK_FIXES)]
+    pub block: Option<BlockAddress>,
     /// Replace files that are there.
     #[arg(short, long)]
     pub force: bool,

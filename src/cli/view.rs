@@ -1,6 +1,7 @@
 //! `trisplat view FILE`: a window to fly through a scene.
 
 use crate::asset::{Asset, Placement};
+use crate::atomic::AtomicFile;
 use crate::bake::bvh::{BvhDetails, BvhOptions, bvh};
 use crate::bench::baked_scene::BakedScene;
 use crate::bench::scene_renderer::SceneRenderer;
@@ -10,9 +11,13 @@ use crate::error::{Error, Result};
 use crate::formats;
 use crate::gpu::AdapterOptions;
 use crate::placed;
-use crate::view::window::{self, SceneLoader, SoupSource, WindowOptions, WindowPhoto, WindowScene};
+use crate::region::Region;
+use crate::view::window::{
+    self, SceneFiles, SceneLoader, SoupSource, WindowOptions, WindowPhoto, WindowScene,
+};
 use glam::{DVec3, UVec2, Vec3};
-use std::path::PathBuf;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// What to show, and how.
@@ -33,7 +38,7 @@ pub struct ViewArgs {
     /// Show pictures as soon as they are drawn, for the highest FPS.
     #[arg(long)]
     pub no_vsync: bool,
-    /// Folder for the screenshots that F12 takes.
+    /// Folder for the screenshots that F12 takes and the regions that Enter saves.
     #[arg(long, default_value = ".", value_name = "DIR")]
     pub screenshots: PathBuf,
     /// Which graphics card draws.
@@ -53,9 +58,7 @@ pub fn run(args: &ViewArgs) -> Result<()> {
     for path in [Some(&args.file), args.dataset.as_ref()].into_iter().flatten() {
         std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
     }
-    let name = args.file.file_name().unwrap_or(args.file.as_os_str()).to_string_lossy().into_owned();
     let options = WindowOptions {
-        title: format!("{name} – trisplat"),
         size: args.size,
         background: args.dataset_options.background.to_f32(),
         msaa: args.msaa,
@@ -64,14 +67,15 @@ pub fn run(args: &ViewArgs) -> Result<()> {
         adapter: args.adapter.clone(),
     };
     let args = args.clone();
-    let load = Box::new(move |progress: &dyn Fn(&str)| load(&args, progress));
-    window::open(options, SceneLoader { load, add_bvh })
+    let files = SceneFiles { file: args.file.clone(), dataset: args.dataset.clone() };
+    let load = Arc::new(move |files: &SceneFiles, progress: &dyn Fn(&str)| load(files, &args, progress));
+    window::open(options, files, SceneLoader { load, add_bvh })
 }
 
-fn load(args: &ViewArgs, progress: &dyn Fn(&str)) -> Result<WindowScene> {
+fn load(files: &SceneFiles, args: &ViewArgs, progress: &dyn Fn(&str)) -> Result<WindowScene> {
     progress("reading");
-    let loaded = formats::read(&args.file, &args.dataset_options.read_options(3))?;
-    let dataset = match &args.dataset {
+    let loaded = formats::read(&files.file, &args.dataset_options.read_options(3))?;
+    let dataset = match &files.dataset {
         Some(path) => {
             progress("reading the data set");
             Some(Dataset::load(path, &args.dataset_options)?)
@@ -98,7 +102,22 @@ fn load(args: &ViewArgs, progress: &dyn Fn(&str)) -> Result<WindowScene> {
         let to_soup = Arc::new(move |v: Vec3| bake_placement.to_world(v));
         SoupSource { soup: Arc::new(soup), to_soup, renderer }
     });
-    Ok(WindowScene { asset, up: Vec3::Y, photos, source })
+    let (file, folder) = (files.file.clone(), args.screenshots.clone());
+    let save_crop = Arc::new(move |region: &Region| save_crop(&file, &folder, region));
+    Ok(WindowScene { asset, up: Vec3::Y, photos, source, placement: bake_placement, save_crop })
+}
+
+/// Writes the region as a config file of `trisplat bake` and says how to use it.
+fn save_crop(file: &Path, folder: &Path, region: &Region) -> Result<String> {
+    let mut name = file.file_stem().unwrap_or_default().to_owned();
+    name.push(".crop.json");
+    let path = folder.join(name);
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    let mut config = AtomicFile::create(&path)?;
+    let text = format!("{:#}\n", serde_json::json!({ "crop": { "crop": [region] } }));
+    config.write_all(text.as_bytes()).map_err(|e| Error::io(&path, e))?;
+    config.commit()?;
+    Ok(format!("saved {}: trisplat bake {} --config {0} ...", path.display(), file.display()))
 }
 
 /// Adds the BVH that picking needs.

@@ -15,6 +15,7 @@ use crate::image::Pixels;
 use crate::math::median::median;
 use glam::{DVec3, UVec2};
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 use std::path::Path;
 
 impl Dataset {
@@ -33,7 +34,16 @@ impl Dataset {
     /// `Unsupported` for a folder without posed photos or a camera model that is not read, `Malformed` for broken files. Photos are opened
     /// as far as their header; a missing or broken one is an error unless `skip_broken` says to go on without it.
     pub fn load(path: &Path, options: &DatasetOptions) -> Result<Self> {
-        finish(path, find(path, options)?, options)
+        finish(path, find(path, options)?, options, None)
+    }
+
+    /// As [`Dataset::load`], with those of its photos only that are named: others are not opened, and may be missing. All of them are
+    /// trained on. The points and the origin are those of the whole data set.
+    ///
+    /// # Errors
+    /// Those of [`Dataset::load`]; a name that is not in the data set.
+    pub fn load_some(path: &Path, options: &DatasetOptions, names: &BTreeSet<String>) -> Result<Self> {
+        finish(path, find(path, options)?, options, Some(names))
     }
 }
 
@@ -59,8 +69,13 @@ fn find(path: &Path, options: &DatasetOptions) -> Result<Found> {
     ))
 }
 
-/// Makes a data set of what was found.
-fn finish(path: &Path, mut found: Found, options: &DatasetOptions) -> Result<Dataset> {
+/// Makes a data set of what was found, or of the photos that are named.
+fn finish(
+    path: &Path,
+    mut found: Found,
+    options: &DatasetOptions,
+    names: Option<&BTreeSet<String>>,
+) -> Result<Dataset> {
     found.photos.sort_by(|a, b| a.name.cmp(&b.name));
     if let Some(pair) = found.photos.windows(2).find(|pair| pair[0].name == pair[1].name) {
         let reason = "is listed twice; remove one of the two";
@@ -68,6 +83,7 @@ fn finish(path: &Path, mut found: Found, options: &DatasetOptions) -> Result<Dat
     }
     find_masks(&mut found, options);
     let origin = origin_of(&found);
+    names.map_or(Ok(()), |names| keep_named(&mut found, names))?;
     let views = open_views(&mut found, origin, options)?;
     let mut dataset = Dataset {
         path: path.to_owned(),
@@ -79,8 +95,24 @@ fn finish(path: &Path, mut found: Found, options: &DatasetOptions) -> Result<Dat
         warnings: found.warnings,
     };
     dataset.points = keep_points(&found.points, origin, &mut dataset.warnings);
-    split::apply(&mut dataset, &found.root, options)?;
+    if names.is_none() {
+        split::apply(&mut dataset, &found.root, options)?;
+    }
     Ok(dataset)
+}
+
+/// Keeps the photos of these names, none of them held out.
+fn keep_named(found: &mut Found, names: &BTreeSet<String>) -> Result<()> {
+    found.photos.retain(|photo| names.contains(&photo.name));
+    found.photos.iter_mut().for_each(|photo| photo.held_out = false);
+    let there: BTreeSet<&String> = found.photos.iter().map(|photo| &photo.name).collect();
+    match names.iter().find(|name| !there.contains(name)) {
+        Some(name) => {
+            let reason = "is not in the data set any more: put it back, or plan again";
+            Err(Error::malformed(&found.list, format!("photo `{name}`"), reason))
+        }
+        None => Ok(()),
+    }
 }
 
 /// Opens every photo as far as its header and makes it a view.
@@ -158,6 +190,7 @@ fn open_view(found: &FoundPhoto, origin: DVec3, options: &DatasetOptions) -> Res
         masks: options.masks,
         limits: options.limits,
         drawn: None,
+        crop: None,
     };
     if options.skip_broken {
         photo.decode()?;

@@ -27,6 +27,17 @@ pub struct Photo {
     /// How much is taken from its files.
     pub limits: Limits,
     pub(super) drawn: Option<Drawn>,
+    /// The part of it that is wanted.
+    pub(super) crop: Option<Crop>,
+}
+
+/// A part of a photo.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Crop {
+    /// Its upper left corner, px of the whole.
+    pub(super) corner: UVec2,
+    /// Width and height of the whole, px.
+    pub(super) whole: UVec2,
 }
 
 /// A picture that needs no decoding.
@@ -72,19 +83,35 @@ impl Photo {
             masks: Masks::Off,
             limits: Limits::DEFAULT,
             drawn: Some(drawn),
+            crop: None,
         }
+    }
+
+    /// The part of `size` px whose upper left corner is at `corner`.
+    pub(super) fn cropped(&self, corner: UVec2, size: UVec2) -> Self {
+        let whole = self.crop.map_or(self.size, |crop| crop.whole);
+        let corner = corner + self.crop.map_or(UVec2::ZERO, |crop| crop.corner);
+        Self { crop: Some(Crop { corner, whole }), size, ..self.clone() }
     }
 
     /// The photo as training wants it: blended with the background, masked, undistorted, shrunk.
     /// `alpha` is then the weight of each pixel in the loss, `None` where all count.
     pub fn decode(&self) -> Result<Pixels> {
-        match &self.drawn {
-            Some(Drawn::Held(pixels)) => return Ok(Pixels::clone(pixels)),
+        let whole = match &self.drawn {
+            Some(Drawn::Held(pixels)) => Pixels::clone(pixels),
             Some(Drawn::Stored(file, place)) => {
-                return file.get(*place).map_err(|e| Error::io(std::env::temp_dir(), e));
+                file.get(*place).map_err(|e| Error::io(std::env::temp_dir(), e))?
             }
-            None => {}
-        }
+            None => self.decode_file()?,
+        };
+        Ok(match self.crop {
+            Some(crop) => whole.part(crop.corner, self.size),
+            None => whole,
+        })
+    }
+
+    /// The whole photo, from its file.
+    fn decode_file(&self) -> Result<Pixels> {
         let mut pixels = Pixels::load_within(&self.path, &self.limits)?;
         self.check_size(&self.path, pixels.size)?;
         pixels = pixels.over(self.background.0);
@@ -99,8 +126,9 @@ impl Photo {
         if let Some(undistort) = &self.undistort {
             pixels = undistort.apply(&pixels);
         }
-        if pixels.size != self.size {
-            pixels = pixels.downscaled(self.size);
+        let size = self.crop.map_or(self.size, |crop| crop.whole);
+        if pixels.size != size {
+            pixels = pixels.downscaled(size);
         }
         Ok(pixels)
     }
@@ -108,7 +136,7 @@ impl Photo {
     /// The picture, where it is in memory already.
     pub(super) fn held(&self) -> Option<Arc<Pixels>> {
         match &self.drawn {
-            Some(Drawn::Held(pixels)) => Some(Arc::clone(pixels)),
+            Some(Drawn::Held(pixels)) if self.crop.is_none() => Some(Arc::clone(pixels)),
             _ => None,
         }
     }

@@ -252,6 +252,7 @@ mod tests {
                 masks,
                 limits: crate::limits::Limits::DEFAULT,
                 drawn: None,
+                crop: None,
             }
         };
         (0..count).map(photo).collect()

@@ -4,7 +4,8 @@ use super::kind::DatasetKind;
 use super::photo::Photo;
 use crate::asset::UpAxis;
 use crate::camera::Camera;
-use glam::{DVec3, Vec3};
+use crate::error::{Error, Result};
+use glam::{DVec3, UVec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -41,6 +42,24 @@ pub struct View {
     pub photo: Photo,
     /// Held out: for evaluation, never trained on.
     pub test: bool,
+}
+
+impl View {
+    /// The same view with a part of its picture only: of `size` px, its upper left corner at `corner`.
+    ///
+    /// Errors: a part that is empty or not within the picture.
+    pub fn cropped(&self, corner: UVec2, size: UVec2) -> Result<Self> {
+        let whole = self.camera.size;
+        let fits =
+            |a: usize| size[a] > 0 && corner[a].checked_add(size[a]).is_some_and(|end| end <= whole[a]);
+        if !fits(0) || !fits(1) {
+            let part = format!("{}x{} px at {},{}", size.x, size.y, corner.x, corner.y);
+            let wants = format!("a part of the {}x{} px of `{}`", whole.x, whole.y, self.name);
+            return Err(Error::invalid("crop", part, wants));
+        }
+        let camera = Camera { center: self.camera.center - corner.as_vec2(), size, ..self.camera };
+        Ok(Self { camera, photo: self.photo.cropped(corner, size), ..self.clone() })
+    }
 }
 
 /// A point of the sparse cloud.

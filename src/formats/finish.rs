@@ -97,6 +97,7 @@ mod tests {
             colors: Colors::Vertex(vec![[0.1; 3], [0.2; 3], [0.3; 3], [0.4; 3]]),
             indices: vec![0, 1, 2, 2, 1, 3],
             opacity: vec![0.5, 0.6],
+            ..Mesh::default()
         }
     }
 

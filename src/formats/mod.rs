@@ -8,6 +8,7 @@ mod faces;
 pub(crate) mod far;
 mod finish;
 mod format;
+mod gaussians;
 pub mod gltf;
 pub mod html;
 pub mod info;

@@ -162,10 +162,16 @@ impl ObjDraft {
 /// `mtl_name`. Numbers are the shortest that read back equal.
 ///
 /// A triangle gets three vertices shared with no other where colour belongs to the face. OBJ has no opacity at
-/// vertices: it is not written. The faces of a backdrop come last, in a group of that name. Errors are those of `out` and `mtl`.
+/// vertices: it is not written. Normals, where the mesh has them, are one for
+/// each face. The faces of a backdrop come last, in a group of that name. Errors are those of `out` and `mtl`.
 pub fn write(out: &mut dyn Write, mtl: &mut dyn Write, mtl_name: &str, asset: &Asset) -> io::Result<()> {
-    mtl.write_all(b"newmtl trisplat\nKd 1 1 1\nillum 0\n")?;
     let mesh = &asset.mesh;
+    let lit = !mesh.normals.is_empty();
+    mtl.write_all(if lit {
+        b"newmtl trisplat\nKd 1 1 1\nillum 1\n"
+    } else {
+        b"newmtl trisplat\nKd 1 1 1\nillum 0\n"
+    })?;
     let comment = provenance::to_comment(&asset.provenance);
     if !comment.is_empty() {
         writeln!(out, "# {comment}")?;
@@ -187,6 +193,7 @@ pub fn write(out: &mut dyn Write, mtl: &mut dyn Write, mtl_name: &str, asset: &A
             true
         }
     };
+    write_blocks(out, mesh.normals.len(), |face, block| push_vector(block, b"vn", mesh.normals[face]))?;
     out.write_all(b"usemtl trisplat\n")?;
     let behind = asset.scene_faces();
     let grouped = behind < mesh.face_count();
@@ -202,17 +209,31 @@ pub fn write(out: &mut dyn Write, mtl: &mut dyn Write, mtl_name: &str, asset: &A
         for corner in corners {
             block.push(b' ');
             push_integer(block, u64::from(corner) + 1);
+            if lit {
+                block.extend_from_slice(b"//");
+                push_integer(block, face as u64 + 1);
+            }
         }
         block.push(b'\n');
     })
 }
 
-fn push_vertex(block: &mut Vec<u8>, position: Vec3, linear: [f32; 3]) {
-    block.push(b'v');
-    for axis in position.to_array() {
+/// A line of a keyword and three numbers.
+fn push_vector(block: &mut Vec<u8>, keyword: &[u8], vector: Vec3) {
+    push_numbers(block, keyword, vector);
+    block.push(b'\n');
+}
+
+fn push_numbers(block: &mut Vec<u8>, keyword: &[u8], vector: Vec3) {
+    block.extend_from_slice(keyword);
+    for axis in vector.to_array() {
         block.push(b' ');
         push_float(block, axis);
     }
+}
+
+fn push_vertex(block: &mut Vec<u8>, position: Vec3, linear: [f32; 3]) {
+    push_numbers(block, b"v", position);
     for channel in linear {
         block.push(b' ');
         push_srgb(block, channel);

@@ -48,7 +48,7 @@ impl OutputOptions {
     pub const SMALL: Self = Self { compress: true, ..Self::DEFAULT };
 
     /// How the target wants its glTF; what the user should know goes into `details`.
-    fn encoding(&self, details: &mut WriteDetails) -> GltfOptions {
+    pub(crate) fn encoding(&self, details: &mut WriteDetails) -> GltfOptions {
         let encoding = self.target.encoding(self.compress);
         details.notes = Some(encoding.notes);
         GltfOptions { allow_huge: self.allow_huge, ..encoding.options }
@@ -62,7 +62,7 @@ impl OutputOptions {
             other.then_some("html: the page is its own viewer; `target` is for files that engines read");
         details.notes = Some(notes.into_iter().map(str::to_owned).collect());
         let web = OutputTarget::Web.encoding(self.compress).options;
-        GltfOptions { meshopt: true, allow_huge: self.allow_huge, ..web }
+        GltfOptions { meshopt: true, lit: false, allow_huge: self.allow_huge, ..web }
     }
 }
 
@@ -431,6 +431,10 @@ fn encode(
         (OutputFormat::Html, _) => {
             let title = path.file_stem().filter(|name| *name != "-").unwrap_or("trisplat".as_ref());
             let encoding = options.page_encoding(details);
+            if !asset.mesh.normals.is_empty() {
+                let unlit = "html: the page shows colours as they are; `lit` is for files that engines read";
+                details.notes.get_or_insert_default().push(unlit.into());
+            }
             html::write(main, path, &title.to_string_lossy(), asset, &encoding)?
         }
         _ => {

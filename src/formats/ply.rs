@@ -14,11 +14,12 @@ mod wanted;
 
 pub(crate) use column::Column;
 pub use mesh::write_mesh;
-pub use soup::write_soup;
+pub use soup::{SoupWriter, write_soup};
 pub(crate) use tables::points;
 
 use super::far::note_origin;
 use super::finish::finish;
+use super::gaussians;
 use super::provenance;
 use super::read_options::ReadOptions;
 use super::source::Source;
@@ -65,13 +66,10 @@ fn faces<'h>(path: &Path, header: &'h Header) -> Result<&'h Element> {
         return Err(Error::malformed(path, "header", "has no element vertex"));
     };
     let faces = header.element("face").filter(|faces| faces.rows > 0);
-    let gaussians = ["scale_0", "rot_0", "packed_position"].iter().any(|p| vertices.has(p));
+    let is_gaussians = ["scale_0", "rot_0", "packed_position"].iter().any(|p| vertices.has(p));
     match faces {
         Some(faces) => Ok(faces),
-        None if gaussians => Err(Error::unsupported(
-            path,
-            "holds 3D Gaussians, not triangles; train a triangle scene from the same photos with `trisplat train`",
-        )),
+        None if is_gaussians => Err(gaussians::refusal(path, "PLY")),
         None if header.element("tristrips").is_some() => {
             Err(Error::unsupported(path, "holds triangle strips; save it with separate triangles"))
         }

@@ -24,6 +24,7 @@
 //! every other one as an opaque name. What it leaves open, `check_archive` closes.
 
 use super::finish::finish;
+use super::gaussians;
 use super::read_options::ReadOptions;
 use super::source::Source;
 use crate::asset::Provenance;
@@ -37,6 +38,7 @@ use bytemuck::Pod;
 use glam::Vec3;
 use pytorch_reader::{DType, PickleValue, PytorchError, PytorchReader};
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -140,8 +142,12 @@ fn read_mesh(file: &TorchFile, v: usize) -> Result<Loaded> {
     // `max` turns NaN into 0.
     let linear = |c: f32| linear_from_srgb(rgb_from_sh0(c).max(0.0));
     let colors = dc.par_iter().map(|c| c.map(linear)).collect();
-    let mesh =
-        Mesh { positions, colors: Colors::Vertex(colors), indices: read_indices(file, v)?, opacity: vec![] };
+    let mesh = Mesh {
+        positions,
+        colors: Colors::Vertex(colors),
+        indices: read_indices(file, v)?,
+        ..Mesh::default()
+    };
     if let Some(PickleValue::Float(ln_sigma)) = file.scalar("sigma")?
         && ln_sigma.exp() > UNFINISHED_SIGMA
     {
@@ -210,6 +216,9 @@ impl TorchFile {
         self.tensors.get(key).ok_or_else(|| {
             let mut keys = self.tensors.keys();
             keys.sort();
+            if gaussians::are_parameters(&keys) {
+                return gaussians::refusal(&self.label, "a checkpoint");
+            }
             keys.truncate(12);
             Error::unsupported(
                 &self.label,
@@ -285,6 +294,10 @@ fn check_archive(source: &mut Source) -> Result<()> {
     }
     let zip_error = |e: zip::result::ZipError| Error::malformed(&path, "zip directory", e.to_string());
     let mut archive = zip::ZipArchive::new(io::BufReader::new(&source.file)).map_err(zip_error)?;
+    let names: Vec<String> = archive.file_names().flatten().map(Cow::into_owned).collect();
+    if gaussians::is_sog(&names) {
+        return Err(gaussians::refusal(&path, "SOG"));
+    }
     for index in 0..archive.len() {
         let entry = archive.by_index_raw(index).map_err(zip_error)?;
         let at = || format!("zip entry {index}");

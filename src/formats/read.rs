@@ -3,7 +3,7 @@
 use super::format::Format;
 use super::read_options::ReadOptions;
 use super::source::Source;
-use super::{gltf, html, obj, off, ply, pt};
+use super::{gaussians, gltf, html, obj, off, ply, pt};
 use crate::error::{Error, Result};
 use crate::scene::Loaded;
 use std::path::Path;
@@ -15,6 +15,9 @@ const ACCEPTED: &str =
 /// The format of an open file; an error that names what was seen and what is accepted otherwise.
 pub(super) fn detect(source: &mut Source) -> Result<Format> {
     let head = source.head()?;
+    if let Some(kind) = gaussians::recognise(&head, &source.path) {
+        return Err(gaussians::refusal(&source.path, kind));
+    }
     if let Some(format) = Format::detect(&head, &source.path) {
         return Ok(format);
     }

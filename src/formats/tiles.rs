@@ -30,6 +30,70 @@ fn folder_of(tileset: &Path) -> PathBuf {
     tileset.with_file_name(format!("{}tiles", &name[..stem]))
 }
 
+/// A tileset of a scene that comes block by block, none of which stays in memory. Its tiles are removed again unless it is finished.
+#[derive(Debug)]
+pub struct TilesetWriter {
+    path: PathBuf,
+    file: AtomicFile,
+    files: TileFiles,
+    options: GltfOptions,
+}
+
+impl TilesetWriter {
+    /// Begins the tileset `path`; its tiles are encoded as `options` say.
+    ///
+    /// Errors: a name that is none of a tileset; what the operating system refuses.
+    pub fn start(path: &Path, options: GltfOptions) -> Result<Self> {
+        if !is_tileset(path) {
+            return Err(Error::invalid("output", path.display(), "a name ending in tileset.json"));
+        }
+        let file = AtomicFile::create(path)?;
+        let files = TileFiles::new(path, false)?;
+        Ok(Self { path: path.to_owned(), file, files, options })
+    }
+
+    /// Writes the tiles of block `index`.
+    ///
+    /// Errors: an asset that was not cut into tiles; what the operating system refuses.
+    pub fn block(&mut self, index: usize, asset: &Asset) -> Result<TilesetTile> {
+        let root = asset.tiles.as_ref().ok_or_else(|| not_cut(&self.path))?;
+        self.files.tile(&format!("b{index}r"), root, &asset.provenance, &self.options)
+    }
+
+    /// Writes a tile of its own that stands for `children` while they are not drawn, or beside them if it is not `replaced`.
+    ///
+    /// Errors: what the operating system refuses.
+    pub fn above(
+        &mut self,
+        name: &str,
+        asset: &Asset,
+        error: f64,
+        replaced: bool,
+        children: Vec<TilesetTile>,
+    ) -> Result<TilesetTile> {
+        let bounds = tileset::bounds(&asset.mesh, asset.mesh.face_count());
+        let uri = match bounds {
+            Some(_) => Some(self.files.save(name, asset, &self.options)?),
+            None => None,
+        };
+        Ok(TilesetTile { uri, bounds, error, replaced, children })
+    }
+
+    /// Writes the tileset itself; returns the folder of the tiles, and the bytes of these.
+    ///
+    /// Errors: what the operating system refuses.
+    pub fn finish(mut self, root: &TilesetTile) -> Result<(PathBuf, u64)> {
+        let text = tileset::json(root, &crate::report::generator());
+        self.file.write_all(text.as_bytes()).map_err(|e| Error::io(&self.path, e))?;
+        self.file.commit()?;
+        Ok(self.files.keep())
+    }
+}
+
+fn not_cut(tileset: &Path) -> Error {
+    Error::invalid("output", tileset.display(), "a scene cut into tiles: the option `tiles`")
+}
+
 /// The files of the tiles. They are removed again unless the tileset that names them is published.
 #[derive(Debug)]
 pub(super) struct TileFiles {
@@ -53,15 +117,8 @@ impl TileFiles {
         options: &GltfOptions,
         dry: bool,
     ) -> Result<(Self, String)> {
-        let Some(root) = &asset.tiles else {
-            let wants = "a scene cut into tiles: the option `tiles`";
-            return Err(Error::invalid("output", tileset.display(), wants));
-        };
-        let folder = folder_of(tileset);
-        let mut files = Self { folder, dry, names: BTreeSet::new(), new: Vec::new(), bytes: 0 };
-        if !dry {
-            std::fs::create_dir_all(&files.folder).map_err(|e| Error::io(&files.folder, e))?;
-        }
+        let root = asset.tiles.as_ref().ok_or_else(|| not_cut(tileset))?;
+        let mut files = Self::new(tileset, dry)?;
         let provenance = Provenance { backdrop: 0, ..asset.provenance.clone() };
         let mut root = files.tile("r", root, &provenance, options)?;
         if let Some((_, backdrop)) = asset.apart() {
@@ -72,6 +129,14 @@ impl TileFiles {
             root = TilesetTile { uri, bounds, error, replaced: false, children: vec![root] };
         }
         Ok((files, tileset::json(&root, &crate::report::generator())))
+    }
+
+    fn new(tileset: &Path, dry: bool) -> Result<Self> {
+        let folder = folder_of(tileset);
+        if !dry {
+            std::fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
+        }
+        Ok(Self { folder, dry, names: BTreeSet::new(), new: Vec::new(), bytes: 0 })
     }
 
     /// Writes a tile and those below it; children are called as their parent, with a digit more.
@@ -136,14 +201,19 @@ impl Drop for TileFiles {
     }
 }
 
-/// Whether a file of this name is one of ours: its place in the tree and a hash.
+/// Whether a file of this name is one of ours: its place in the tree, of the scene or of a block of it, and a hash.
 fn is_tile(name: &str) -> bool {
     let Some((place, hash)) = name.strip_suffix(".glb").and_then(|name| name.rsplit_once('-')) else {
         return false;
     };
-    let in_tree =
-        place.strip_prefix('r').is_some_and(|digits| digits.bytes().all(|b| (b'0'..b'4').contains(&b)));
-    (in_tree || place == "backdrop") && hash.len() == 16 && hash.bytes().all(|b| b.is_ascii_hexdigit())
+    let block = place.strip_prefix('b').map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit()));
+    let in_tree = block
+        .unwrap_or(place)
+        .strip_prefix('r')
+        .is_some_and(|digits| digits.bytes().all(|b| (b'0'..b'4').contains(&b)));
+    (in_tree || place == "backdrop" || place == "shell")
+        && hash.len() == 16
+        && hash.bytes().all(|b| b.is_ascii_hexdigit())
 }
 
 #[cfg(test)]
@@ -160,7 +230,7 @@ mod tests {
         }
         assert!(!is_tileset(Path::new("a.json")) && !is_tileset(Path::new("mytileset.json")));
         assert!(is_tile("r-0123456789abcdef.glb") && is_tile("r0123-0123456789abcdef.glb"));
-        assert!(is_tile("backdrop-0123456789abcdef.glb"));
+        assert!(is_tile("backdrop-0123456789abcdef.glb") && is_tile("b17r02-0123456789abcdef.glb"));
         for other in
             ["r-0123.glb", "r4-0123456789abcdef.glb", "robot.glb", "r0-0123456789abcdeg.glb", "r0.bin"]
         {

@@ -47,6 +47,12 @@ pub fn alpha<R: Real>(log2_ratio: R, log2_opacity: R, sigma: R) -> R {
     sigma.mul_add(log2_ratio, log2_opacity).min(R::of(1.0)).exp2()
 }
 
+/// The mean of I over the triangle: the distance from the nearest edge has the density 2 (1 - φ) over it, so that the integral
+/// of φ^σ is 2 / ((σ + 1) (σ + 2)).
+pub fn mean_window(sigma: f32) -> f32 {
+    2.0 / ((sigma + 1.0) * (sigma + 2.0))
+}
+
 /// ∂L/∂σ and ∂L/∂ratio for `d_log` = ∂L/∂alpha · alpha (which is also ∂L/∂o · o). `ratio_least` bounds
 /// the quotient: at a small σ the slope at the boundary is unbounded.
 #[inline(always)]

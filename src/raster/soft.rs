@@ -16,6 +16,7 @@ mod gather;
 mod importance;
 mod open_tiles;
 mod options;
+mod pieces;
 mod project;
 mod slabs;
 mod slots;

@@ -53,6 +53,7 @@ mod tests {
             colors: Colors::Vertex(vec![[0.5; 3]; 9]),
             indices: vec![3, 4, 5, 0, 1, 2, 6, 7, 8, 2, 3, 4, 1, 2, 3],
             opacity: Vec::new(),
+            ..Mesh::default()
         };
         let wants = Components { kept: 1, dropped_faces: 1 };
         assert_eq!(drop_small(&mut mesh, 2), wants);

@@ -40,7 +40,7 @@ pub(super) fn nets(field: &Field, grid: &Grid) -> Mesh {
         (0..blocks.len()).into_par_iter().flat_map_iter(|i| block_faces(field, &blocks, i)).collect();
     let positions = blocks.iter().flat_map(|block| block.positions.iter().copied()).collect();
     let colors = Colors::Vertex(blocks.iter().flat_map(|block| block.colors.iter().copied()).collect());
-    Mesh { positions, colors, indices, opacity: Vec::new() }
+    Mesh { positions, colors, indices, ..Mesh::default() }
 }
 
 fn corner(i: usize) -> IVec3 {

@@ -26,7 +26,7 @@ use std::io::Write;
 use std::path::Path;
 
 /// The layout written and read; it changes whenever a key or an array does.
-const FORMAT: u32 = 5;
+const FORMAT: u32 = 6;
 
 /// A run between two steps.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,6 +53,8 @@ pub struct CheckpointMeta {
     pub space: ([f32; 3], f32),
     /// The first so many triangles are pinned: see [`TrainState::pinned`].
     pub pinned: usize,
+    /// The first so many of these are frozen: see [`TrainState::frozen`].
+    pub frozen: usize,
     /// The photos, cameras and points it is trained on.
     pub identity: RunIdentity,
     /// Gradients dropped because they were not finite.
@@ -185,11 +187,12 @@ pub fn read(path: &Path) -> Result<Checkpoint> {
         first: file.params("first", Some(&params))?,
         second: file.params("second", Some(&params))?,
         pinned: meta.pinned,
+        frozen: meta.frozen,
         params,
     };
     let n = state.params.len();
-    if state.pinned > n {
-        let reason = format!("{} pinned triangles of {n}", state.pinned);
+    if state.pinned > n || state.frozen > state.pinned {
+        let reason = format!("{} frozen and {} pinned triangles of {n}", state.frozen, state.pinned);
         return Err(Error::malformed(path, "__metadata__", reason));
     }
     let flags = |name: &str, count: usize| -> Result<Vec<bool>> {
@@ -347,7 +350,8 @@ mod tests {
             step: 17,
             options: TrainOptions::default(),
             space: ([1.0, 2.0, 3.5], 0.123),
-            pinned: 1,
+            pinned: 2,
+            frozen: 1,
             identity: RunIdentity {
                 background: [0.5, 0.0, 1.0],
                 photos: ["a", "b"].map(photo).to_vec(),
@@ -359,7 +363,7 @@ mod tests {
             cpu_secs: 1.5,
             pace: None,
         };
-        let state = TrainState { pinned: 1, ..TrainState::new(Params::from_soup(&soup, 2)) };
+        let state = TrainState { pinned: 2, frozen: 1, ..TrainState::new(Params::from_soup(&soup, 2)) };
         Checkpoint { state, visibility, meta }
     }
 

@@ -2,7 +2,7 @@
 
 use super::backend::{BackendVisibility, StepPhoto, StepStats, TrainBackend};
 use super::frame_loss::{FrameLoss, Supersampling};
-use super::params::{Params, TrainState};
+use super::params::TrainState;
 use super::schedule::Rates;
 use super::update::{Regularisers, update};
 use crate::camera::Camera;
@@ -52,7 +52,7 @@ impl TrainBackend for CpuBackend {
     }
 
     fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<StepStats> {
-        activate(&self.state.params, rates, &mut self.opacity, &mut self.sigma);
+        activate(&self.state, rates, &mut self.opacity, &mut self.sigma);
         let params = &self.state.params;
         let soup = SoupRef {
             vertices: &params.vertices,
@@ -145,8 +145,13 @@ fn add_errors(d_soup: &SoupGrad, errors: &mut Vec<u64>) {
 pub(super) const ERROR_UNITS: f32 = 1_048_576.0;
 
 /// Opacity and σ of the raw parameters.
-fn activate(params: &Params, rates: &Rates, opacity: &mut Vec<f32>, sigma: &mut Vec<f32>) {
-    let anneal = rates.anneal;
-    params.opacity.par_iter().with_min_len(4096).map(|&x| anneal.opacity(x)).collect_into_vec(opacity);
-    params.sigma.par_iter().with_min_len(4096).map(|&x| anneal.sigma(x)).collect_into_vec(sigma);
+fn activate(state: &TrainState, rates: &Rates, opacity: &mut Vec<f32>, sigma: &mut Vec<f32>) {
+    let (params, anneal, frozen) = (&state.params, rates.anneal, rates.frozen_look());
+    let raw = || params.opacity.par_iter().zip(&params.sigma).enumerate().with_min_len(4096);
+    raw()
+        .map(|(i, (&o, &s))| if i < state.frozen { frozen.opacity(o, s) } else { anneal.opacity(o) })
+        .collect_into_vec(opacity);
+    raw()
+        .map(|(i, (_, &s))| if i < state.frozen { frozen.sigma(s) } else { anneal.sigma(s) })
+        .collect_into_vec(sigma);
 }

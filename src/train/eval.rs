@@ -104,13 +104,14 @@ impl Evaluator {
 }
 
 /// A scene in training space, where f32 has digits to spare, as it is drawn to be compared.
-enum EvalScene {
+#[derive(Debug)]
+pub(crate) enum EvalScene {
     Soft(Soup),
     Solid(Mesh, SolidRasterOptions),
 }
 
 impl EvalScene {
-    fn new(soup: &Soup, space: &Space, options: &SoftOptions) -> Self {
+    pub(crate) fn new(soup: &Soup, space: &Space, options: &SoftOptions) -> Self {
         let mut soup = soup.clone();
         space.soup_to_training(&mut soup);
         let Some(samples) = solid_samples(options) else { return Self::Soft(soup) };
@@ -125,7 +126,13 @@ impl EvalScene {
     }
 
     /// What `camera`, in training space, sees; solid as an engine draws it.
-    fn draw(&self, camera: &Camera, options: &SoftOptions, soft: &mut Soft, solid: &mut Solid) -> Pixels {
+    pub(crate) fn draw(
+        &self,
+        camera: &Camera,
+        options: &SoftOptions,
+        soft: &mut Soft,
+        solid: &mut Solid,
+    ) -> Pixels {
         match self {
             Self::Soft(soup) => soft.render(&SoupRef::from(soup), camera, options).to_pixels(),
             Self::Solid(mesh, drawing) => solid.render(mesh, camera, drawing),

@@ -6,6 +6,7 @@
 //! ```
 //! (Held et al.'s code, `triangle_model.py`; the floor is that of TS+.)
 
+use crate::kernel::window::mean_window;
 use crate::soup::Soup;
 use glam::Vec3;
 
@@ -91,6 +92,26 @@ pub fn sigma_raw(sigma: f32) -> f32 {
     (sigma - SIGMA_MIN).max(1e-6).ln()
 }
 
+/// How the triangles that a run does not train are drawn: as they are, but for the window.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrozenLook {
+    /// Triangles are drawn without a window: each has the mean of its own as part of its opacity.
+    pub flat: bool,
+}
+
+impl FrozenLook {
+    /// Opacity of raw values.
+    pub fn opacity(self, opacity: f32, sigma: f32) -> f32 {
+        let opacity = Anneal::NONE.opacity(opacity);
+        if self.flat { opacity * mean_window(Anneal::NONE.sigma(sigma)) } else { opacity }
+    }
+
+    /// σ of its raw value.
+    pub fn sigma(self, sigma: f32) -> f32 {
+        Anneal::NONE.sigma(sigma)
+    }
+}
+
 impl Params {
     /// Number of triangles.
     pub fn len(&self) -> usize {
@@ -168,6 +189,8 @@ pub struct TrainState {
     /// The first so many triangles only change their colour, which is the same from all sides, and are neither pruned
     /// nor grown.
     pub pinned: usize,
+    /// The first so many of the pinned ones change nothing at all: they are the rest of a scene of which a part is trained.
+    pub frozen: usize,
 }
 
 impl TrainState {
@@ -180,7 +203,7 @@ impl TrainState {
             sh: vec![[0.0; 3]; params.sh.len()],
             sh_degree: params.sh_degree,
         };
-        Self { first: zero.clone(), second: zero, params, pinned: 0 }
+        Self { first: zero.clone(), second: zero, params, pinned: 0, frozen: 0 }
     }
 
     /// Appends triangle `i` of `from` with its moments.
@@ -204,7 +227,8 @@ impl TrainState {
     /// An empty state for the same SH degree.
     pub fn empty_like(&self) -> Self {
         let empty = Params { sh_degree: self.params.sh_degree, ..Params::default() };
-        Self { params: empty.clone(), first: empty.clone(), second: empty, pinned: self.pinned }
+        let (pinned, frozen) = (self.pinned, self.frozen);
+        Self { params: empty.clone(), first: empty.clone(), second: empty, pinned, frozen }
     }
 }
 

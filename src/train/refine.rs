@@ -133,8 +133,8 @@ fn prune(
         *cause += 1;
         *alive = false;
     }
-    if !alive.iter().any(|a| *a) {
-        let finite = (0..alive.len()).filter(|&i| params.is_finite(i));
+    if !alive.iter().skip(state.frozen).any(|a| *a) {
+        let finite = (state.frozen..alive.len()).filter(|&i| params.is_finite(i));
         if let Some(best) =
             finite.max_by(|&a, &b| visibility.max_weight[a].total_cmp(&visibility.max_weight[b]))
         {
@@ -151,7 +151,8 @@ fn sample_growth(
     visibility: &VisibilityStats,
     plan: &RefinePlan<'_>,
 ) -> Vec<bool> {
-    let count = alive.iter().filter(|a| **a).count();
+    // A budget is for what is trained.
+    let count = alive.iter().skip(state.frozen).filter(|a| **a).count();
     let target = ((count as f64 * (1.0 + plan.options.growth)) as usize).min(plan.max_triangles);
     let mut budget = target.saturating_sub(count);
     let mut grown = vec![false; alive.len()];

@@ -8,6 +8,7 @@ use super::identity::RunIdentity;
 use super::options::TrainOptions;
 use super::outputs::{Recorder, RunOptions};
 use super::progress::{TrainObserver, TrainSample};
+use super::start::{FirstScene, Part};
 use super::trained::{Trained, provenance};
 use super::trainer::Trainer;
 use crate::asset::Provenance;
@@ -74,6 +75,8 @@ pub struct TrainRun<'a> {
     /// The scene to start from in place of the data set's points, as a reader gives it; its options are best those
     /// of [`TrainOptions::from_scene`].
     pub from: Option<Loaded>,
+    /// When only a part of that scene is trained; a resumed run has the part of its checkpoint.
+    pub part: Option<Part>,
     /// The checkpoint to go on from.
     pub resume: Option<Checkpoint>,
     /// Keeps the run to a budget; `None` makes the steps that the options say. A resumed run has the pace of its checkpoint, and
@@ -96,6 +99,7 @@ impl<'a> TrainRun<'a> {
             photo_bytes: 0,
             outputs: RunOptions::default(),
             from: None,
+            part: None,
             resume: None,
             paced: None,
             began: None,
@@ -139,8 +143,10 @@ impl<'a> TrainRun<'a> {
     pub fn size(&self) -> RunSize {
         let options = self.resume.as_ref().map_or(&self.options, |checkpoint| &checkpoint.meta.options);
         let photos = self.dataset.train().map(|view| view.photo.size);
+        let started = self.part.map_or(0, |part| part.frozen);
+        let frozen = self.resume.as_ref().map_or(started, |checkpoint| checkpoint.meta.frozen);
         RunSize {
-            triangles: options.max_triangles,
+            triangles: options.max_triangles.saturating_add(frozen as u64),
             sh_degree: options.sh_degree,
             photo: photos.max_by_key(|size| size.element_product()).unwrap_or_default(),
         }
@@ -164,7 +170,8 @@ impl<'a> TrainRun<'a> {
         };
         let mut paced = self.paced.or_else(|| goes_on(self.resume.as_ref()?.meta.pace.clone()?, self.began));
         let identity = RunIdentity::of(dataset, self.background, self.from.as_ref());
-        let (scene, force) = (self.from.as_ref(), self.force_resume);
+        let scene = self.from.as_ref().map(|scene| FirstScene { scene, part: self.part });
+        let force = self.force_resume;
         let trainer = match self.resume {
             Some(checkpoint) => Trainer::resume(dataset, checkpoint, identity, force, photo_bytes, backend)?,
             None => Trainer::start(dataset, scene, &self.options, identity, photo_bytes, backend)?,
@@ -264,11 +271,12 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         let Self { mut trainer, paced, dataset, taught, .. } = self;
         let recorded = record.finish(&mut trainer, last, observer)?;
         let (provenance, cameras) = origin(taught, dataset);
-        let shell = u32::try_from(trainer.pinned()).unwrap_or(u32::MAX);
+        let shell = u32::try_from(trainer.shell()).unwrap_or(u32::MAX);
+        let frozen = trainer.frozen();
         let is_of_now = |(step, _): &(u64, _)| *step == trainer.steps();
         Ok(Trained {
             checkpoint: recorded.checkpoint.filter(is_of_now).map(|(_, path)| path),
-            soup: trainer.soup()?,
+            soup: trainer.soup()?.split_off(frozen),
             provenance: Provenance { shell, ..provenance },
             cameras,
             steps: trainer.steps(),

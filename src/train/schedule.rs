@@ -1,7 +1,7 @@
 //! What changes from step to step: rates, resolution, SH degree, regularisers, refinements, the anneal.
 
 use super::options::{PruneFaint, PruneSoft, REFERENCE_STEPS, TrainOptions};
-use super::params::Anneal;
+use super::params::{Anneal, FrozenLook};
 use super::timeline::Timeline;
 use crate::raster::soft::{SoftOptions, Sort, Window};
 
@@ -54,6 +54,11 @@ pub struct Rates {
 }
 
 impl Rates {
+    /// How triangles are drawn that are not trained, whatever becomes of those that are.
+    pub fn frozen_look(&self) -> FrozenLook {
+        FrozenLook { flat: self.engine_shading.is_some() }
+    }
+
     /// How the rasteriser draws the scene at this step.
     pub fn drawing(&self, options: &SoftOptions) -> SoftOptions {
         let soft = SoftOptions { alpha_cap: self.alpha_cap, ..*options };

@@ -16,6 +16,32 @@ use crate::soup::Soup;
 use crate::space::Space;
 use glam::Vec3;
 
+/// A run that trains a part of a scene, so that it agrees with the runs that train the others.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Part {
+    /// Training space of the whole scene: lengths and rates mean the same in all its parts.
+    pub space: Space,
+    /// So many of the first triangles of the scene it starts from are drawn as they are and not trained; `max_triangles` does not
+    /// count them. Those of the shell follow them.
+    pub frozen: usize,
+}
+
+/// The scene that a run starts from.
+#[derive(Debug, Clone, Copy)]
+pub struct FirstScene<'a> {
+    /// All its triangles.
+    pub scene: &'a Loaded,
+    /// When only a part of it is trained.
+    pub part: Option<Part>,
+}
+
+impl<'a> FirstScene<'a> {
+    /// A scene that is trained as a whole.
+    pub fn whole(scene: &'a Loaded) -> Self {
+        Self { scene, part: None }
+    }
+}
+
 /// Where a run stands between two steps.
 pub(super) struct Position {
     pub(super) options: TrainOptions,
@@ -80,26 +106,29 @@ pub(super) fn from_points(
 /// Errors: more triangles than the options permit, none at all.
 pub(super) fn from_scene(
     views: &[&View],
-    scene: &Loaded,
+    from: &FirstScene<'_>,
     dataset: &Dataset,
     options: &TrainOptions,
 ) -> Result<Position> {
+    let (scene, frozen) = (from.scene, from.part.map_or(0, |part| part.frozen));
     let cameras: Vec<Camera> = views.iter().map(|v| v.camera).collect();
     // Pictures drawn of the scene are in the frame of its file.
     let placement = match dataset.kind {
         DatasetKind::Drawn => Placement::IDENTITY,
         _ => scene.provenance.placement,
     };
-    let positions: Vec<Vec3> = match dataset.points.is_empty() {
+    let positions = || match dataset.points.is_empty() {
         true => from_scene::centers(scene, &placement, dataset.origin),
         false => dataset.points.iter().map(|p| p.position).collect(),
     };
-    let space = Space::new(&cameras, &positions);
-    let soup = from_scene::first_soup(scene, &placement, dataset.origin, &space, options.max_triangles)?;
+    let space = from.part.map_or_else(|| Space::new(&cameras, &positions()), |part| part.space);
+    let most = options.max_triangles.saturating_add(frozen as u64);
+    let soup = from_scene::first_soup(scene, &placement, dataset.origin, &space, most)?;
     let mut position = at_first_step(views, options, space, &soup);
+    position.state.frozen = frozen.min(soup.len());
     // A mesh's triangles are in another order than those of the soup it was baked from.
     if matches!(scene.scene, Scene::Soup(_)) {
-        position.state.pinned = (scene.provenance.shell as usize).min(soup.len());
+        position.state.pinned = (frozen + scene.provenance.shell as usize).min(soup.len());
     }
     Ok(position)
 }

@@ -9,13 +9,12 @@ use super::progress::TrainSample;
 use super::pyramid::{Pyramid, order};
 use super::refine::{self, Refined, refine};
 use super::schedule::Schedule;
-use super::start::{self, Position};
+use super::start::{self, FirstScene, Position};
 use super::visibility::{PhotoVisibility, VisibilityStats};
 use crate::camera::Camera;
 use crate::dataset::{Dataset, View};
 use crate::error::{Error, Result};
 use crate::raster::soft::{SoftOptions, Window};
-use crate::scene::Loaded;
 use crate::soup::Soup;
 use crate::space::Space;
 
@@ -36,6 +35,7 @@ pub struct Trainer<B> {
     step: u64,
     dropped: u64,
     pinned: usize,
+    frozen: usize,
     level: u32,
     /// Pixels of the full photo per pixel of those drawn at this level.
     full_px: f32,
@@ -53,13 +53,13 @@ pub struct StepOutcome {
 }
 
 impl<B: TrainBackend> Trainer<B> {
-    /// A run from its beginning: from the triangles of `scene`, or from the points of the data set.
+    /// A run from its beginning: from the triangles of `scene`, all or a part of them, or from the points of the data set.
     /// `identity` is what the run is made of, `photo_bytes` the memory for decoded photos.
     ///
     /// Errors: options out of range, no training photos, a scene of more triangles than the options permit.
     pub fn start(
         dataset: &Dataset,
-        scene: Option<&Loaded>,
+        scene: Option<FirstScene<'_>>,
         options: &TrainOptions,
         identity: RunIdentity,
         photo_bytes: u64,
@@ -69,7 +69,7 @@ impl<B: TrainBackend> Trainer<B> {
         let views = training_views(dataset)?;
         let mut photos = Pyramid::new(&views, photo_bytes, options.warmup.min_px);
         let position = match scene {
-            Some(scene) => start::from_scene(&views, scene, dataset, options)?,
+            Some(scene) => start::from_scene(&views, &scene, dataset, options)?,
             None => start::from_points(&views, &dataset.points, &mut photos, options)?,
         };
         Self::assemble(&views, position, identity, photos, backend)
@@ -127,7 +127,7 @@ impl<B: TrainBackend> Trainer<B> {
         mut backend: B,
     ) -> Result<Self> {
         let Position { options, space, state, visibility, step, dropped } = position;
-        let pinned = state.pinned;
+        let (pinned, frozen) = (state.pinned, state.frozen);
         backend.load(state)?;
         let mut run = Self {
             space,
@@ -141,6 +141,7 @@ impl<B: TrainBackend> Trainer<B> {
             step,
             dropped,
             pinned,
+            frozen,
             level: Schedule::new(&options).level(step),
             full_px: 1.0,
             options,
@@ -179,9 +180,14 @@ impl<B: TrainBackend> Trainer<B> {
         self.dropped
     }
 
-    /// Triangles of the shell that closes the scene.
-    pub fn pinned(&self) -> usize {
-        self.pinned
+    /// Triangles of the shell that closes the scene, behind those that are frozen.
+    pub fn shell(&self) -> usize {
+        self.pinned - self.frozen
+    }
+
+    /// Triangles that are drawn and not trained; they come first.
+    pub fn frozen(&self) -> usize {
+        self.frozen
     }
 
     /// Training space.
@@ -318,6 +324,7 @@ impl<B: TrainBackend> Trainer<B> {
             options: self.options.clone(),
             space: (self.space.center.to_array(), self.space.scale),
             pinned: self.pinned,
+            frozen: self.frozen,
             identity,
             dropped: self.dropped,
             curve: curve.to_vec(),

@@ -29,9 +29,8 @@ impl Regularisers {
         let (params, pinned) = (&state.params, state.pinned);
         let n = (params.len() - pinned).max(1) as f64;
         let d_area = if rates.beta_size > 0.0 {
-            let total: f64 =
-                params.vertices[pinned..].iter().map(|v| f64::from(0.5 * cross(v).length())).sum();
-            let mean = (total / n).max(1e-12);
+            let area = |v: &[Vec3; 3]| f64::from(0.5 * cross(v).length());
+            let mean = (sum_of(&params.vertices[pinned..], area) / n).max(1e-12);
             -rates.beta_size / (mean * mean * n)
         } else {
             0.0
@@ -39,12 +38,19 @@ impl Regularisers {
         let mut d_opacity = rates.beta_opacity / n;
         if rates.beta_opaque > 0.0 {
             let opacity = |x: &f32| f64::from(rates.anneal.opacity(*x));
-            let mean = (params.opacity[pinned..].iter().map(opacity).sum::<f64>() / n).max(1e-6);
+            let mean = (sum_of(&params.opacity[pinned..], opacity) / n).max(1e-6);
             d_opacity -= rates.beta_opaque / (mean * mean * n);
         }
         let d_sigma = (rates.beta_sigma / n) as f32;
         Self { d_opacity: d_opacity as f32, d_sigma, d_area: d_area as f32 }
     }
+}
+
+/// The sum of a number of every triangle, in an order that is the same for any number of threads.
+fn sum_of<T: Sync>(values: &[T], number: impl Fn(&T) -> f64 + Sync) -> f64 {
+    let sums: Vec<f64> =
+        values.par_chunks(CHUNK).map(|chunk| chunk.iter().map(&number).sum::<f64>()).collect();
+    sums.iter().sum()
 }
 
 fn cross(v: &[Vec3; 3]) -> Vec3 {
@@ -70,6 +76,7 @@ pub fn update(
     let step = UpdateStep {
         k,
         pinned: state.pinned,
+        frozen: state.frozen,
         used: (usize::from(rates.sh_degree.min(state.params.sh_degree)) + 1).pow(2),
         rates,
         regularisers,
@@ -90,13 +97,14 @@ pub fn update(
             .into_par_iter()
             .enumerate()
             .map(|(at, (x, m, v, d))| {
-                step.chunk(
-                    at * CHUNK,
-                    x,
-                    m,
-                    v,
-                    GradChunk { vertices: d.0, opacity: d.1, sigma: d.2, sh: d.3 },
-                )
+                let d = GradChunk { vertices: d.0, opacity: d.1, sigma: d.2, sh: d.3 };
+                let first = at * CHUNK;
+                if rates.sparse {
+                    // All other rows are zero.
+                    let visible = gradient.visible_in(first..first + CHUNK).iter();
+                    return step.chunk(first, visible.map(|&i| i as usize - first), x, m, v, d);
+                }
+                step.chunk(first, 0..x.0.len(), x, m, v, d)
             })
             .collect();
     counts.iter().fold((0, 0), |sum, c| (sum.0 + c.0, sum.1 + c.1))
@@ -122,6 +130,7 @@ struct GradChunk<'a> {
 struct UpdateStep<'a> {
     k: usize,
     pinned: usize,
+    frozen: usize,
     used: usize,
     rates: &'a Rates,
     regularisers: &'a Regularisers,
@@ -133,16 +142,18 @@ struct UpdateStep<'a> {
 }
 
 impl UpdateStep<'_> {
+    /// Updates `rows` of the triangles from `from` on.
     fn chunk(
         &self,
         from: usize,
+        rows: impl Iterator<Item = usize>,
         x: ParamChunk<'_>,
         m: ParamChunk<'_>,
         v: ParamChunk<'_>,
         d: GradChunk<'_>,
     ) -> (u64, u64) {
         let (mut touched, mut dropped) = (0, 0);
-        for i in 0..x.0.len() {
+        for i in rows.filter(|i| from + i >= self.frozen) {
             let sh = i * self.k..i * self.k + self.used;
             let d_sh = d.sh[sh.clone()].as_flattened();
             let d_vertices: &[f32; 9] = bytemuck::cast_ref(&d.vertices[i]);
@@ -230,6 +241,7 @@ mod tests {
             opacity: vec![1.0; 4],
             sigma: vec![1.0; 4],
             sh: vec![[1.0; 3]; 16],
+            visible: vec![0, 1, 2, 3],
             ..SoupGrad::default()
         };
         let options = TrainOptions::preset(TrainPreset::Outdoor);

@@ -98,14 +98,21 @@ impl Model {
         self.chunks.iter().fold(Aabb::EMPTY, |all, (_, bounds)| all.union(*bounds))
     }
 
-    /// A subset of about `share` of the faces, the same ones for the same seed.
-    pub fn subset(&self, gpu: &Gpu, mesh: &Mesh, share: f64, seed: u64) -> Result<Subset> {
+    /// The faces that `keep` keeps, of about `share` of all; the same ones for the same seed.
+    pub fn subset(
+        &self,
+        gpu: &Gpu,
+        mesh: &Mesh,
+        share: f64,
+        seed: u64,
+        keep: impl Fn(u32) -> bool,
+    ) -> Result<Subset> {
         let rng = Rng::new(seed, "random subset", 0);
         let (mut faces, mut ranges) = (Vec::new(), Vec::with_capacity(self.chunks.len()));
         for (chunk, _) in &self.chunks {
             let first = faces.len() as u32;
             let all = chunk.first..chunk.first + chunk.count;
-            faces.extend(all.filter(|&face| rng.uniform_f64(face.into()) < share));
+            faces.extend(all.filter(|&face| rng.uniform_f64(face.into()) < share && keep(face)));
             ranges.push(first..faces.len() as u32);
         }
         let index = |i: usize| mesh.face(faces[i / 3] as usize)[i % 3];

@@ -142,5 +142,6 @@ pub(crate) fn grid(side: u32) -> Mesh {
         colors: Colors::Vertex((0..row * row).map(|v| [v as f32 / (row * row) as f32, 0.5, 1.0]).collect()),
         indices: (0..side * side).flat_map(|q| quad(q % side, q / side)).collect(),
         opacity: Vec::new(),
+        ..Mesh::default()
     }
 }

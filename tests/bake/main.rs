@@ -6,6 +6,7 @@ mod closed_form;
 mod hierarchy;
 mod hostile;
 mod levels;
+mod lit;
 mod photos;
 mod reshape;
 mod robustness;

@@ -49,7 +49,7 @@ fn scene() -> Mesh {
     let positions: Vec<Vec3> = (0..100).flat_map(|i| random_triangle(i, place(i), 0.5)).collect();
     let color = |i: usize| [7, 11, 13].map(|p| ((i * p) % 19) as f32 / 20.0);
     let colors = Colors::Vertex((0..positions.len()).map(color).collect());
-    Mesh { positions, colors, indices: Vec::new(), opacity: Vec::new() }
+    Mesh { positions, colors, indices: Vec::new(), opacity: Vec::new(), ..Mesh::default() }
 }
 
 /// The same triangles, all of one grey.

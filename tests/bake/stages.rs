@@ -176,8 +176,13 @@ fn weld_shares_corners_only_where_it_pays() {
     let corners: Vec<u32> = flat.indices.clone();
     let at = |v: &[Vec3]| corners.iter().map(|&i| v[i as usize]).collect::<Vec<_>>();
     let one_color = Colors::Face(vec![[0.25, 0.5, 0.75]; flat.face_count()]);
-    let unshared =
-        Mesh { positions: at(&flat.positions), colors: one_color, indices: Vec::new(), opacity: Vec::new() };
+    let unshared = Mesh {
+        positions: at(&flat.positions),
+        colors: one_color,
+        indices: Vec::new(),
+        opacity: Vec::new(),
+        ..Mesh::default()
+    };
     let mut welded = unshared.clone();
     weld(&mut welded, &WeldOptions::DEFAULT, &mut WeldDetails::default()).unwrap();
     welded.validate().unwrap();

@@ -3,7 +3,6 @@
 use crate::hostile::{random_triangle, soup_of};
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat::asset::{Asset, UpAxis, UpDirection};
-use trisplat::bake::crop::Region;
 use trisplat::bake::place::words::UpChoice;
 use trisplat::bake::reshape::ReshapeOptions;
 use trisplat::bake::solid::{SOLID_SIGMA, SolidOptions};
@@ -14,6 +13,7 @@ use trisplat::error::Error;
 use trisplat::math::metric;
 use trisplat::raster::soft::SoftOptions;
 use trisplat::raster::solid::{Solid, SolidRasterOptions};
+use trisplat::region::Region;
 use trisplat::report::{Outcome, Report};
 use trisplat::scene::{Loaded, Scene};
 use trisplat::soup::Soup;

@@ -9,6 +9,8 @@
 
 mod browser;
 mod engines;
+mod framing;
+mod lit;
 mod renderers;
 mod tiles;
 

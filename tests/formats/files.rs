@@ -187,6 +187,7 @@ pub(crate) fn mesh(faces: usize, per_face: bool, indexed: bool, opacity: bool) -
         },
         indices: if indexed { (0..faces as u32).flat_map(|f| [f + 1, f, f + 2]).collect() } else { vec![] },
         opacity: if opacity { (0..faces).map(|f| f32::from(code(f, 9)) / 255.0).collect() } else { vec![] },
+        ..Mesh::default()
     }
 }
 

@@ -5,6 +5,7 @@
 mod bad;
 mod far;
 mod files;
+mod gaussians;
 mod mesh_ply;
 mod obj;
 mod off;

@@ -22,7 +22,7 @@ pub(crate) fn positions(count: usize) -> Vec<Vec3> {
 }
 
 pub(crate) fn asset(positions: Vec<Vec3>, colors: Colors, indices: Vec<u32>) -> Asset {
-    let mesh = Mesh { positions, colors, indices, opacity: Vec::new() };
+    let mesh = Mesh { positions, colors, indices, ..Mesh::default() };
     cut(Asset { mesh, ..Asset::default() }, 1)
 }
 

@@ -44,6 +44,7 @@ fn sheet(side: u32) -> Asset {
         colors: Colors::Vertex((0..side * side).map(color).collect()),
         indices,
         opacity: Vec::new(),
+        ..Mesh::default()
     };
     Asset { mesh, ..Asset::default() }
 }

@@ -18,6 +18,9 @@ func _init():
 		var shows = material.vertex_color_use_as_albedo and material.vertex_color_is_srgb
 		var unlit = material.shading_mode == BaseMaterial3D.SHADING_MODE_UNSHADED
 		var both_sides = material.cull_mode == BaseMaterial3D.CULL_DISABLED
+		var normals = arrays[Mesh.ARRAY_NORMAL]
+		if not unlit:
+			print("lit ", node.name, " ", shows and both_sides and normals.size() == positions.size())
 		print("node ", node.name, " ", positions.size(), " ", colors.size(), " ", shows and unlit and both_sides)
 		for first in range(0, positions.size(), 3):
 			for i in [first, first + 2, first + 1]: # the import turns triangles round

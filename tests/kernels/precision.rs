@@ -116,6 +116,32 @@ fn lanes_equal_scalars_at_every_level() {
     }
 }
 
+struct Rounded<'a>(&'a [f32; LANES], &'a mut [i32; LANES]);
+
+impl Work for Rounded<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        L::load(self.0).store_rounded(self.1);
+    }
+}
+
+#[test]
+fn lanes_round_to_even_at_every_level() {
+    for level in LEVELS {
+        for round in 0..200 {
+            let rng = Rng::new(round, "rounded", 0);
+            // Halves are ties; the largest are beyond the grid of the guard band.
+            let step = [0.5, 0.499_999_97, 8_388_607.0][round as usize % 3];
+            let x: [f32; LANES] =
+                std::array::from_fn(|i| step * (rng.bits(i as u64) % 127) as f32 - 31.0 * step);
+            let mut rounded = [0; LANES];
+            dispatch_at(level, Rounded(&x, &mut rounded));
+            assert_eq!(rounded, x.map(|x| x.round_ties_even() as i32), "{level:?} {x:?}");
+        }
+    }
+}
+
 struct Alpha<'a>(&'a [[f32; LANES]; 11], &'a mut [f32; LANES]);
 
 impl Work for Alpha<'_> {

@@ -24,6 +24,7 @@ const MAY: &[(&str, &str)] = &[
     ("bvh", "mesh error"),
     ("asset", "mesh bvh camera report"),
     ("scene", "soup mesh asset camera error math"),
+    ("region", "camera"),
     ("space", "camera math soup"),
     ("placed", "asset camera"),
     ("kernel", "math"),
@@ -39,16 +40,20 @@ const MAY: &[(&str, &str)] = &[
     ),
     (
         "bake",
-        "surface raster teacher dataset formats soup mesh scene placed bvh asset camera image rng report error math limits",
+        "surface raster teacher dataset formats soup mesh scene placed bvh asset camera image region rng report error math limits",
     ),
-    ("view", "asset rng mesh soup scene raster camera image gpu error math limits"),
+    (
+        "scale",
+        "bake train raster dataset formats asset placed scene atomic process soup mesh space camera report error math input limits",
+    ),
+    ("view", "asset region rng mesh soup scene raster camera image gpu error math limits"),
     (
         "bench",
         "asset atomic process bake camera dataset error formats gpu image kernel math mesh placed raster report rng scene soup space train view limits",
     ),
     (
         "cli",
-        "asset atomic bake bench camera dataset error formats gpu image placed report rng scene surface teacher train view input limits",
+        "asset atomic bake bench camera dataset error formats gpu image placed region report rng scale scene surface teacher train view input limits",
     ),
     ("main", "cli"),
     ("lib", ""),

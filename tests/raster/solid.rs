@@ -171,7 +171,7 @@ fn net(depth: impl Fn(f32, f32) -> f32) -> Mesh {
         indices.extend([corner, corner + 1, below, below, corner + 1, corner + 1 + side]);
     }
     let colors = Colors::Vertex(positions.iter().map(|p| [p.x, p.y, p.z].map(|c| c.fract().abs())).collect());
-    Mesh { positions, colors, indices, opacity: Vec::new() }
+    Mesh { positions, colors, indices, ..Mesh::default() }
 }
 
 #[test]

@@ -4,6 +4,7 @@
 mod from_scene;
 mod shell;
 
+use std::ops::RangeInclusive;
 use std::path::Path;
 use trisplat::dataset::synthetic::{self, SyntheticOptions};
 use trisplat::dataset::{Dataset, DatasetOptions};
@@ -170,18 +171,25 @@ fn moved(dataset: &Dataset, scale: f32, shift: glam::Vec3) -> Dataset {
     dataset
 }
 
+/// PSNR that trainings reach whose random numbers differ, and 0.1 dB on either side: other roundings make another run, too.
+fn reached(dataset: &Dataset, steps: u64) -> RangeInclusive<f64> {
+    let of_seed = |seed| psnr(&trained(dataset, &TrainOptions { seed, ..options(steps) }));
+    let all = [0, 1, 2].map(of_seed);
+    all.into_iter().fold(f64::INFINITY, f64::min) - 0.1..=all.into_iter().fold(0.0, f64::max) + 0.1
+}
+
 #[test]
 fn a_moved_or_scaled_scene_trains_as_well() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &small());
     let options = options(400);
-    let unmoved = psnr(&trained(&dataset, &options));
+    let unmoved = reached(&dataset, 400);
     for (scale, shift) in [(1e4, glam::Vec3::ZERO), (1e-4, glam::Vec3::ZERO), (1.0, glam::Vec3::splat(50.0))]
     {
         let trained = trained(&moved(&dataset, scale, shift), &options);
         assert_valid(&trained.soup);
         let psnr = psnr(&trained);
-        assert!((psnr - unmoved).abs() < 0.1, "x{scale} + {shift}: {psnr:.3} dB, unmoved {unmoved:.3}");
+        assert!(unmoved.contains(&psnr), "x{scale} + {shift}: {psnr:.3} dB, unmoved {unmoved:.3?}");
     }
 }
 
@@ -189,13 +197,13 @@ fn a_moved_or_scaled_scene_trains_as_well() {
 fn a_scene_a_million_units_away_trains_as_well() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &small());
-    let unmoved = psnr(&trained(&dataset, &options(400)));
+    let unmoved = reached(&dataset, 400);
     let far = tempfile::tempdir().unwrap();
     move_files(folder.path(), far.path(), 1e6);
     let dataset = Dataset::load(far.path(), &DatasetOptions::default()).unwrap();
     assert!(dataset.origin.length() > 1e5, "the reader moves the origin: {}", dataset.origin);
     let psnr = psnr(&trained(&dataset, &options(400)));
-    assert!((psnr - unmoved).abs() < 0.1, "{psnr:.3} dB, unmoved {unmoved:.3}");
+    assert!(unmoved.contains(&psnr), "{psnr:.3} dB, unmoved {unmoved:.3?}");
 }
 
 /// Copies a COLMAP text data set with the world moved by `shift` along each axis, in f64.

@@ -17,6 +17,7 @@ struct Case {
     rates: fn(&mut Rates),
     sh_degree: u8,
     pinned: usize,
+    frozen: usize,
     masked: bool,
 }
 
@@ -27,6 +28,7 @@ const PLAIN: Case = Case {
     rates: |_| {},
     sh_degree: 3,
     pinned: 0,
+    frozen: 0,
     masked: false,
 };
 
@@ -37,6 +39,15 @@ fn engine(samples: u32, linear: bool) -> Option<EngineShading> {
 const CASES: &[Case] = &[
     PLAIN,
     Case { name: "one colour, pinned", sh_degree: 0, pinned: 30, ..PLAIN },
+    Case { name: "a part", sh_degree: 0, pinned: 60, frozen: 50, ..PLAIN },
+    Case {
+        name: "engine, a part",
+        rates: |r| (r.engine_shading, r.alpha_cap, r.anneal) = (engine(1, true), 1.0, Anneal::SOLID),
+        sh_degree: 0,
+        pinned: 60,
+        frozen: 60,
+        ..PLAIN
+    },
     Case { name: "degree 1", sh_degree: 1, ..PLAIN },
     Case { name: "masked", masked: true, sh_degree: 0, ..PLAIN },
     Case { name: "not sparse", rates: |r| r.sparse = false, sh_degree: 2, ..PLAIN },
@@ -87,7 +98,7 @@ type Outcome = (TrainState, StepStats, BackendVisibility);
 
 fn step(backend: &mut dyn TrainBackend, case: &Case, rates: &Rates) -> Outcome {
     let mut state = scene::state(300, case.sh_degree);
-    state.pinned = case.pinned;
+    (state.pinned, state.frozen) = (case.pinned, case.frozen);
     backend.load(state).unwrap();
     let (camera, pixels) = (scene::camera(), scene::photo(case.masked));
     let photo = StepPhoto { camera: &camera, pixels: &pixels, first: true };
@@ -149,7 +160,12 @@ fn a_step_is_the_cpus() {
             eprintln!("{}: {name} {error:.1e}", case.name);
             assert!(error < GRADIENTS, "{}: {name} {error}", case.name);
         }
-        assert_eq!((gpu.params.len(), gpu.pinned), (cpu.params.len(), case.pinned));
+        let parts = (gpu.params.len(), gpu.pinned, gpu.frozen);
+        assert_eq!(parts, (cpu.params.len(), case.pinned, case.frozen));
+        // What is frozen is left as it was, to the bit.
+        let was = scene::state(300, case.sh_degree);
+        assert_eq!(gpu.params.vertices[..case.frozen], was.params.vertices[..case.frozen]);
+        assert_eq!(gpu.params.sh[..case.frozen], was.params.sh[..case.frozen]);
         same_visibility(case, &cpu_seen, &gpu_seen);
     }
 }

@@ -4,5 +4,7 @@
 #![allow(clippy::print_stderr, reason = "a test that cannot judge says so")]
 
 mod card;
-#[cfg(feature = "view")]
+#[cfg(all(feature = "view", unix))]
+mod drag;
+#[cfg(all(feature = "view", unix))]
 mod window;

@@ -1,6 +1,7 @@
 //! A real window on a virtual screen, with a synthetic mouse and keys. Wants Xvfb, xdotool and ImageMagick; without
 //! them tests say so and pass, unless TRISPLAT_REQUIRE_GPU=1.
 
+use crate::drag::drop_on;
 use glam::{UVec2, Vec3};
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -229,6 +230,75 @@ fn a_window_shows_what_the_cpu_draws_and_follows_mouse_and_keys() {
     desk.xdotool("key o");
     wait_for("the photo beside", || (off(&desk.seen(), &cpu) > 0.3).then_some(()));
     assert_eq!(desk.close(), Some(0));
+}
+
+#[test]
+fn a_region_is_drawn_hides_what_is_outside_and_is_saved_for_the_bake() {
+    let Some(mut desk) = Desk::new() else { return };
+    desk.run(&["sample", "studio", "--triangles", "4000", "-o", "studio.ply"]);
+    desk.open(&["view", "studio.ply", "--size", PHOTO, "--msaa", "1", "--screenshots", "shots"]);
+    desk.xdotool("key h");
+    let whole = desk.screenshot(1);
+    desk.xdotool("key x");
+    // The box leaves out the outermost triangles, and its edges are drawn over the others.
+    wait_for("the region", || (off(&desk.seen(), &whole) > 0.01).then_some(()));
+    desk.xdotool("key Return");
+    let saved = desk.at("shots/studio.crop.json");
+    wait_for("the saved region", || saved.exists().then_some(()));
+    let config: serde_json::Value = serde_json::from_slice(&std::fs::read(&saved).unwrap()).unwrap();
+    let region = config["crop"]["crop"][0].as_str().unwrap().to_owned();
+    assert_eq!(desk.close(), Some(0));
+
+    // The same triangles as with the region on the command line, and fewer than all.
+    let bake = |output: &str, flags: &[&str]| {
+        desk.run(&[&["bake", "studio.ply", "-o", output, "--teacher", "off", "-q"], flags].concat());
+        std::fs::read(desk.at(output)).unwrap()
+    };
+    let (all, by_file) = (bake("all.glb", &[]), bake("file.glb", &["--config", "shots/studio.crop.json"]));
+    assert!(by_file.len() < all.len());
+    assert!(by_file == bake("flag.glb", &[&format!("--crop={region}")]), "{region}");
+}
+
+#[test]
+fn a_file_that_is_dropped_is_shown_and_a_broken_one_changes_nothing() {
+    let Some(mut desk) = Desk::new() else { return };
+    desk.run(&["sample", "studio", "--triangles", "4000", "-o", "studio.ply"]);
+    desk.run(&["bake", "studio.ply", "-o", "a scene.glb", "--teacher", "off"]);
+    write_photos(&desk.at("photos"));
+    std::fs::write(desk.at("one.obj"), "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 0 1 0 1 0 0\nf 1 2 3\n").unwrap();
+    std::fs::write(desk.at("broken.glb"), "glTF, but not really").unwrap();
+    desk.open(&["view", "one.obj", "--size", PHOTO, "--msaa", "1", "--screenshots", "shots"]);
+    let id = desk.window.as_ref().unwrap().1.clone();
+    let title = |desk: &Desk| desk.xdotool(&format!("getwindowname {id}"));
+    let drop = |desk: &Desk, name: &str| {
+        let uri = format!("file://{}", desk.at(name).display().to_string().replace(' ', "%20"));
+        drop_on(&desk.display, id.parse().unwrap(), &uri);
+    };
+    assert!(title(&desk).starts_with("one.obj"), "{}", title(&desk));
+    desk.xdotool("key h");
+    let before = desk.screenshot(1);
+    drop(&desk, "broken.glb");
+    drop(&desk, "a scene.glb");
+    wait_for("the other scene", || {
+        let shown = title(&desk).starts_with("a scene.glb");
+        // Refused while the broken one was still being read.
+        shown.then_some(()).or_else(|| drop_again(&drop, &desk))
+    });
+    let after = desk.screenshot(2);
+    assert!(off(&before, &after) > 0.05, "another picture");
+    // A folder is a data set of the scene that is shown: the window goes to its first photo.
+    drop(&desk, "photos");
+    desk.run(&["render", "a scene.glb", "-o", "cpu", "--ssaa", "1", "--dataset", "photos", "--split", "all"]);
+    let cpu = first_picture(&desk.at("cpu"));
+    wait_for("the first photo's view", || (off(&desk.seen(), &cpu) < 0.01).then_some(()));
+    assert_eq!(desk.close(), Some(0));
+}
+
+/// Drops the scene once more, after a while.
+fn drop_again(drop: &dyn Fn(&Desk, &str), desk: &Desk) -> Option<()> {
+    std::thread::sleep(Duration::from_millis(500));
+    drop(desk, "a scene.glb");
+    None
 }
 
 #[test]

@@ -3,13 +3,13 @@
 //! A camera draws a scene once, with a z-buffer for each group of faces. The nearest of some groups' faces is what a
 //! scene of only those groups looks like, so that one drawing stands for the scene and for all its variants.
 
+use super::super::groups::{GROUPS, group_of};
 use super::super::views;
 use super::effect::{Effect, EffectSums};
 use crate::camera::Camera;
 use crate::math::color::srgb_from_linear;
 use crate::mesh::Mesh;
 use crate::raster::solid::{NO_FACE, Nearest, PlaneTile, Solid, SolidRasterOptions};
-use crate::rng::Rng;
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -19,8 +19,8 @@ const SAMPLES: u32 = 1;
 const ROUND_VIEWS: usize = 48;
 /// Longest side of their pictures, px: finer detail does not matter here.
 const LONGEST_SIDE: u32 = 960;
-/// Faces change in so many groups: the effect of one shows while most of the others are unchanged.
-const GROUPS: usize = 4;
+/// The random sequence of the groups: a part of the output, so it keeps its old name.
+const GROUPING: &str = "thin";
 /// The squared difference between a face and none, sRGB-encoded and summed over channels.
 const HOLE_ERROR: f32 = 0.75;
 /// A face's mean effect per sample is estimated as if it had been average on this many samples more.
@@ -78,7 +78,7 @@ impl<'a> Comparison<'a> {
     fn effects_of_removing(&mut self, kept: &[u32], round: u32) -> Vec<Effect> {
         let positions = kept.iter().flat_map(|&f| self.whole.corners(f as usize)).collect();
         let scene = Mesh { positions, ..Mesh::default() };
-        let planes: Vec<u8> = kept.iter().map(|&f| group_of(f, round)).collect();
+        let planes: Vec<u8> = kept.iter().map(|&f| group_of(GROUPING, f, round)).collect();
         let sums = EffectSums::new(kept.len());
         self.draw_round(round, &scene, (GROUPS, &planes), |tile, x, y, target| {
             let [before, after] = Nearest::two_of([0, 1, 2, 3].map(|group| tile.nearest(group, x, y)));
@@ -103,7 +103,7 @@ impl<'a> Comparison<'a> {
         let count = kept.len() as u32;
         let all = std::iter::once(corners).chain(candidates.iter().map(Vec::as_slice));
         let scene = Mesh { positions: all.flatten().flatten().copied().collect(), ..Mesh::default() };
-        let groups: Vec<u8> = kept.iter().map(|&f| group_of(f, round)).collect();
+        let groups: Vec<u8> = kept.iter().map(|&f| group_of(GROUPING, f, round)).collect();
         let plane_of = |set: usize| groups.iter().map(move |g| g + (set * GROUPS) as u8);
         let planes: Vec<u8> = (0..=candidates.len()).flat_map(plane_of).collect();
         let sums: Vec<EffectSums> = candidates.iter().map(|_| EffectSums::new(kept.len())).collect();
@@ -194,10 +194,4 @@ impl Target<'_> {
         let (a, b) = (self.colors[kept[face as usize] as usize], self.colors[self.face as usize]);
         (0..3).map(|k| (a[k] - b[k]) * (a[k] - b[k])).sum()
     }
-}
-
-/// The group in which a face changes: another one every round.
-fn group_of(face: u32, round: u32) -> u8 {
-    // The purpose is part of the random sequence, so of the output: it keeps its old name.
-    (Rng::new(0, "thin", round.into()).bits(face.into()) % GROUPS as u64) as u8
 }

@@ -90,7 +90,7 @@ impl ReshapedFaces {
     /// Drops the faces without which the error is lower; returns how many. Faces that `found` does not know stay.
     pub(super) fn drop_harmful(&mut self, found: &Found) -> u64 {
         let before = self.len();
-        let stays = |i: usize| i >= found.len() || !(found.face(i).removing < 0.0);
+        let stays = |i: usize| i >= found.len() || !found.face(i).is_harmful();
         let kept: Vec<usize> = (0..before).filter(|&i| stays(i)).collect();
         // A scene of no triangles at all is no scene.
         if !kept.is_empty() {
@@ -104,7 +104,7 @@ impl ReshapedFaces {
     /// Cuts faces in two across their longest edge, those of the largest error first and a share `most` of all at most,
     /// as long as there are no more than `budget`; the new ones are the last. Returns how many.
     pub(super) fn cut(&mut self, found: &Found, budget: usize, most: f64) -> u64 {
-        let stays = |i: &usize| !(found.face(*i).removing < 0.0);
+        let stays = |i: &usize| !found.face(*i).is_harmful();
         let staying = (0..self.len()).filter(stays).count();
         let room = budget.saturating_sub(staying).min((most * staying as f64) as usize);
         let mut order: Vec<usize> =

@@ -29,6 +29,13 @@ pub(super) struct FoundFace {
     pub(super) moving: f64,
 }
 
+impl FoundFace {
+    /// The pictures are matched better without it.
+    pub(super) fn is_harmful(&self) -> bool {
+        self.removing < 0.0
+    }
+}
+
 impl Found {
     /// Nothing yet.
     pub(super) fn new(faces: usize) -> Self {

@@ -3,17 +3,15 @@
 use super::effort::Effort;
 use super::faces::ReshapedFaces;
 use super::found::{COUNT, ERROR, FaceRow, Found, MOVING, REMOVING, RGB, UNITS, add};
+use crate::bake::groups::{GROUPS, group_of};
 use crate::bake::views::Views;
 use crate::error::Result;
 use crate::image::Pixels;
 use crate::mesh::Mesh;
 use crate::raster::solid::{NO_FACE, Nearest, PlaneTile, Solid, SolidRasterOptions};
-use crate::rng::Rng;
 use std::sync::Arc;
 use std::sync::atomic::AtomicI64;
 
-/// Faces change in so many groups: what one does shows while most of the others are unchanged.
-const GROUPS: usize = 4;
 /// Samples per pixel along each axis.
 const SAMPLES: u32 = 1;
 /// Squared error of a sample that shows nothing, in a scene that is closed all around: larger than that of any colour, so
@@ -35,7 +33,7 @@ impl<'v> Rounds<'v> {
     }
 
     /// Looks at some of the pictures, in every round at others: at the scene, and at the scene with its faces in the places
-    /// of `candidates`.
+    /// of `candidates`, if there are any.
     ///
     /// Errors: a photo that cannot be decoded.
     pub(super) fn draw(
@@ -46,8 +44,11 @@ impl<'v> Rounds<'v> {
         candidates: &[[glam::Vec3; 3]],
     ) -> Result<Found> {
         let mut found = Found::new(faces.len());
-        let groups: Vec<u8> = faces.ids().iter().map(|&id| group_of(id, round)).collect();
-        let planes: Vec<u8> = groups.iter().copied().chain(groups.iter().map(|g| g + GROUPS as u8)).collect();
+        let groups: Vec<u8> = faces.ids().iter().map(|&id| group_of("reshape", id, round)).collect();
+        let moved = groups.iter().map(|g| g + GROUPS as u8).take(candidates.len());
+        let planes: Vec<u8> = groups.iter().copied().chain(moved).collect();
+        let moves = !candidates.is_empty();
+        let plane_count = if moves { 2 * GROUPS } else { GROUPS };
         let both = faces.corners.iter().chain(candidates).flatten().copied().collect();
         let scene = Mesh { positions: both, ..Mesh::default() };
         let (colors, background) = (faces.encoded_colors(), self.drawing.background);
@@ -63,9 +64,9 @@ impl<'v> Rounds<'v> {
                 false => Arc::new(photo.downscaled(camera.size)),
             };
             let (picture, colors, rows) = (&*picture, &colors[..], &found.rows[..]);
-            let sums = PictureSums { picture, colors, background, hole_error, rows };
+            let sums = PictureSums { picture, colors, background, hole_error, moves, rows };
             let totals = [AtomicI64::new(0), AtomicI64::new(0)];
-            self.solid.planes(&scene, &camera, &self.drawing, (2 * GROUPS, &planes), |tile| {
+            self.solid.planes(&scene, &camera, &self.drawing, (plane_count, &planes), |tile| {
                 let of_tile = sums.add_tile(tile);
                 totals.iter().zip(of_tile).for_each(|(total, sum)| add(total, sum));
             });
@@ -77,11 +78,6 @@ impl<'v> Rounds<'v> {
     }
 }
 
-/// The group in which a face changes: another one every round.
-fn group_of(id: u32, round: u32) -> u8 {
-    (Rng::new(0, "reshape", round.into()).bits(id.into()) % GROUPS as u64) as u8
-}
-
 /// One picture, and the sums that its samples are added to.
 struct PictureSums<'a> {
     picture: &'a Pixels,
@@ -91,6 +87,8 @@ struct PictureSums<'a> {
     background: [f32; 3],
     /// What a sample without a face costs in place of its difference from the background.
     hole_error: Option<f32>,
+    /// There are candidates, in planes of their own.
+    moves: bool,
     rows: &'a [FaceRow],
 }
 
@@ -136,6 +134,9 @@ impl PictureSums<'_> {
             (0..3).for_each(|k| row.add(RGB + k, weight * target[k]));
             row.add(ERROR, old_error);
             row.add(REMOVING, error(self.face_of(behind)) - old_error);
+        }
+        if !self.moves {
+            return old_error;
         }
         for (group, &unmoved) in groups.iter().enumerate() {
             // What is nearest when this group has moved.

@@ -34,6 +34,7 @@ fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
     let (buffer_views, buffers) = buffers(content, bin_name)?;
     let mut accessors = Vec::with_capacity(buffer_views.len());
     let materials = materials(content);
+    let unlit = materials.iter().any(|material| material.extensions.is_some());
     let meshes = parts
         .iter()
         .map(|part| {
@@ -52,7 +53,11 @@ fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
             extras: Some(extras(content, bin_name.is_some())?),
             ..Asset::default()
         },
-        extensions_used: std::iter::once(UNLIT.to_owned()).chain(required.iter().cloned()).collect(),
+        extensions_used: unlit
+            .then(|| UNLIT.to_owned())
+            .into_iter()
+            .chain(required.iter().cloned())
+            .collect(),
         extensions_required: required,
         scene: Some(index(0)),
         scenes: vec![Scene {
@@ -98,22 +103,24 @@ fn materials(content: &Content) -> Vec<Material> {
     // Godot takes the end of a material's name as a hint.
     let hint = name.rfind('-').map_or("", |at| &name[at..]);
     let has = |kind| content.parts.iter().any(|part| part.kind == kind);
-    let scene = has(PartKind::Scene).then(|| material(name, true));
-    let backdrop = has(PartKind::Backdrop).then(|| material(&format!("{BACKDROP}{hint}"), false));
+    let lit = content.parts.iter().any(|part| part.lit);
+    let scene = has(PartKind::Scene).then(|| material(name, true, lit));
+    // What is far behind a scene has light of its own.
+    let backdrop = has(PartKind::Backdrop).then(|| material(&format!("{BACKDROP}{hint}"), false, false));
     scene.into_iter().chain(backdrop).collect()
 }
 
-fn material(name: &str, double_sided: bool) -> Material {
+fn material(name: &str, double_sided: bool, lit: bool) -> Material {
     Material {
         name: Some(name.to_owned()),
         double_sided,
-        // For viewers that do not know unlit: as matt as can be.
+        // As matt as can be, for viewers that do not know unlit too.
         pbr_metallic_roughness: PbrMetallicRoughness {
             metallic_factor: StrengthFactor(0.0),
             roughness_factor: StrengthFactor(1.0),
             ..PbrMetallicRoughness::default()
         },
-        extensions: Some(extensions::material::Material {
+        extensions: (!lit).then(|| extensions::material::Material {
             unlit: Some(Unlit {}),
             ..extensions::material::Material::default()
         }),
@@ -153,6 +160,9 @@ fn mesh(
             Stream::Positions => {
                 primitive.attributes.insert(Valid(Semantic::Positions), number);
             }
+            Stream::Normals => {
+                primitive.attributes.insert(Valid(Semantic::Normals), number);
+            }
             Stream::Colors => {
                 primitive.attributes.insert(Valid(Semantic::Colors(0)), number);
             }
@@ -168,6 +178,8 @@ fn accessor(view: usize, part: &ScenePart, stream: Stream, options: &GltfOptions
     let (component_type, shape) = match (stream, options.colors) {
         (Stream::Positions, _) if part.grid.is_some() => (ComponentType::U16, Type::Vec3),
         (Stream::Positions, _) => (ComponentType::F32, Type::Vec3),
+        (Stream::Normals, _) if part.grid.is_some() => (ComponentType::I8, Type::Vec3),
+        (Stream::Normals, _) => (ComponentType::F32, Type::Vec3),
         (Stream::Colors, ColorEncoding::U16Linear) => (ComponentType::U16, Type::Vec4),
         (Stream::Colors, ColorEncoding::U8Linear | ColorEncoding::U8Srgb) => (ComponentType::U8, Type::Vec4),
         (Stream::Colors, ColorEncoding::F32Linear | ColorEncoding::F32Srgb) => {
@@ -192,7 +204,8 @@ fn accessor(view: usize, part: &ScenePart, stream: Stream, options: &GltfOptions
         min: bounds.map(|b| bound(b.min)).transpose()?,
         max: bounds.map(|b| bound(b.max)).transpose()?,
         name: None,
-        normalized: stream == Stream::Colors && component_type != ComponentType::F32,
+        normalized: matches!(stream, Stream::Colors | Stream::Normals)
+            && component_type != ComponentType::F32,
         sparse: None,
     })
 }
@@ -211,7 +224,7 @@ fn buffers(content: &Content, bin_name: Option<&str>) -> Result<(Vec<View>, Vec<
         stream_offsets(all_streams(parts).map(|(part, stream)| part.bytes(stream, options)));
     let mut views = Vec::with_capacity(starts.len());
     for (i, (part, stream)) in all_streams(parts).enumerate() {
-        let strided = stream == Stream::Positions && part.grid.is_some();
+        let strided = matches!(stream, Stream::Positions | Stream::Normals) && part.grid.is_some();
         views.push(View {
             buffer: index(usize::from(content.compressed.is_some())),
             byte_length: USize64(part.bytes(stream, options)),
@@ -219,7 +232,7 @@ fn buffers(content: &Content, bin_name: Option<&str>) -> Result<(Vec<View>, Vec<
             byte_stride: strided.then(|| Stride(part.stride(stream, options) as usize)),
             name: None,
             target: Some(Valid(match stream {
-                Stream::Positions | Stream::Colors => Target::ArrayBuffer,
+                Stream::Positions | Stream::Normals | Stream::Colors => Target::ArrayBuffer,
                 Stream::Indices => Target::ElementArrayBuffer,
             })),
             extensions: compressed_view(content, i, part, stream)?,
@@ -251,7 +264,7 @@ fn compressed_view(
 ) -> Result<Option<extensions::buffer::View>> {
     let Some(streams) = &content.compressed else { return Ok(None) };
     let mode = match stream {
-        Stream::Positions | Stream::Colors => CompressionMode::Attributes,
+        Stream::Positions | Stream::Normals | Stream::Colors => CompressionMode::Attributes,
         Stream::Indices => CompressionMode::Triangles,
     };
     let others = meshopt(&CompressedView {

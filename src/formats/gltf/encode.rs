@@ -1,9 +1,10 @@
-//! The bytes of a stream: positions, colours and indices as glTF stores them, little-endian.
+//! The bytes of a stream: positions, normals, colours and indices as glTF stores them, little-endian.
 
 use super::options::{ColorEncoding, GltfOptions};
 use super::part::{PartVertices, ScenePart, Stream};
 use crate::math::srgb8::srgb8_from_linear;
 use crate::mesh::Colors;
+use glam::Vec3;
 use std::io::{self, Write};
 use std::ops::Range;
 use std::sync::LazyLock;
@@ -65,6 +66,13 @@ fn fill(out: &mut [u8], part: &ScenePart, stream: Stream, range: Range<usize>, o
                 bytes_of(p.to_array().map(f32::to_le_bytes))
             }),
         },
+        Stream::Normals if part.grid.is_some() => fill_normals(out, part, range, |n| -> [u8; 4] {
+            let [x, y, z] = n.to_array().map(|x| (127.0 * x).round() as i8);
+            [x, y, z, 0].map(|byte| byte.to_le_bytes()[0])
+        }),
+        Stream::Normals => {
+            fill_normals(out, part, range, |n| -> [u8; 12] { bytes_of(n.to_array().map(f32::to_le_bytes)) })
+        }
         Stream::Colors => fill_colors(out, part, range, options.colors),
         Stream::Indices => {
             let first = 3 * part.faces.start;
@@ -76,6 +84,19 @@ fn fill(out: &mut [u8], part: &ScenePart, stream: Stream, range: Range<usize>, o
             }
         }
     }
+}
+
+/// Encodes a normal once and stores it for every vertex that has it.
+fn fill_normals<const N: usize>(
+    out: &mut [u8],
+    part: &ScenePart,
+    range: Range<usize>,
+    code: impl Fn(Vec3) -> [u8; N],
+) {
+    if part.indexed {
+        return vertices(out, &part.vertex_normals, part, range, code);
+    }
+    faces(out, &part.mesh.normals, part, range, code);
 }
 
 fn fill_colors(out: &mut [u8], part: &ScenePart, range: Range<usize>, encoding: ColorEncoding) {
@@ -116,14 +137,23 @@ fn colors<const N: usize>(
     code: impl Fn([f32; 3]) -> [u8; N],
 ) {
     match &part.mesh.colors {
-        Colors::Face(colors) => {
-            let faces = part.faces.start + range.start / 3..part.faces.start + range.end / 3;
-            for (triangle, &color) in out.chunks_exact_mut(3 * N).zip(&colors[faces]) {
-                let code = code(color);
-                triangle.chunks_exact_mut(N).for_each(|corner| corner.copy_from_slice(&code));
-            }
-        }
+        Colors::Face(colors) => faces(out, colors, part, range, code),
         Colors::Vertex(colors) => vertices(out, colors, part, range, code),
+    }
+}
+
+/// Stores what an array of the mesh holds for the faces of the vertices `range` of a part, three times each.
+fn faces<T: Copy, const N: usize>(
+    out: &mut [u8],
+    values: &[T],
+    part: &ScenePart,
+    range: Range<usize>,
+    code: impl Fn(T) -> [u8; N],
+) {
+    let faces = part.faces.start + range.start / 3..part.faces.start + range.end / 3;
+    for (triangle, &value) in out.chunks_exact_mut(3 * N).zip(&values[faces]) {
+        let code = code(value);
+        triangle.chunks_exact_mut(N).for_each(|corner| corner.copy_from_slice(&code));
     }
 }
 

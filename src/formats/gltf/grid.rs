@@ -43,6 +43,11 @@ impl PositionGrid {
         Self { scale, origin: min, density: scale.as_dvec3().recip() }
     }
 
+    /// The finest grid with the same steps along all axes that covers the box from `min` to `max`.
+    pub(super) fn even(min: Vec3, max: Vec3) -> Self {
+        Self::new(min, min + Vec3::splat((max - min).max_element()))
+    }
+
     /// The code nearest to `position`.
     pub(super) fn code(&self, position: Vec3) -> U16Vec3 {
         let steps = (position.as_dvec3() - self.origin.as_dvec3()) * self.density;

@@ -398,7 +398,13 @@ impl<'a> MergedMesh<'a> {
             self.opacity = Vec::new();
         }
         let colors = if self.flat { Colors::Face(self.colors) } else { Colors::Vertex(self.colors) };
-        let mesh = Mesh { positions: self.positions, colors, indices: self.indices, opacity: self.opacity };
+        let mesh = Mesh {
+            positions: self.positions,
+            colors,
+            indices: self.indices,
+            opacity: self.opacity,
+            ..Mesh::default()
+        };
         Ok((mesh, self.warnings))
     }
 }

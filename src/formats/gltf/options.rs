@@ -74,6 +74,14 @@ impl PositionEncoding {
             Self::ChunkU16 => 8,
         }
     }
+
+    /// Bytes per vertex of a normal, padding included: three floats, or three bytes beside positions on a grid.
+    pub fn normal_bytes(self) -> u64 {
+        match self {
+            Self::F32 => 12,
+            Self::ChunkU16 => 4,
+        }
+    }
 }
 
 /// What to write and how.
@@ -92,6 +100,8 @@ pub struct GltfOptions {
     /// Name of a node for what to collide with, for engines that know from its name that it is not to be drawn; without one it
     /// is left out.
     pub collision_name: Option<String>,
+    /// Write the normals of a mesh that has some, and a material that lights fall on.
+    pub lit: bool,
     /// Write a GLB above 2 GiB although most readers fail on it.
     pub allow_huge: bool,
 }
@@ -105,6 +115,7 @@ impl Default for GltfOptions {
             material_name: "trisplat".to_owned(),
             node_name: "scene".to_owned(),
             collision_name: None,
+            lit: true,
             allow_huge: false,
         }
     }

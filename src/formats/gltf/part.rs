@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Name of the node, the mesh and the material of the backdrop.
 pub(super) const BACKDROP: &str = "backdrop";
@@ -37,6 +38,10 @@ pub(super) struct ScenePart<'a> {
     pub(super) vertices: PartVertices<'a>,
     /// True when faces share vertices and an index stream is written.
     pub(super) indexed: bool,
+    /// Normals of all vertices of the mesh, when faces share them and lights fall on them.
+    pub(super) vertex_normals: Arc<Vec<Vec3>>,
+    /// Whether normals are written.
+    pub(super) lit: bool,
     pub(super) bounds: PartBounds,
     /// The grid of 16-bit positions; none when positions are floats.
     pub(super) grid: Option<PositionGrid>,
@@ -63,6 +68,7 @@ pub(super) struct PartBounds {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Stream {
     Positions,
+    Normals,
     Colors,
     Indices,
 }
@@ -78,15 +84,16 @@ impl ScenePart<'_> {
 
     /// The arrays it writes, in file order.
     pub(super) fn streams(&self) -> impl Iterator<Item = Stream> + use<> {
+        let normals = self.lit.then_some(Stream::Normals);
         let colors = (self.kind != PartKind::Collision).then_some(Stream::Colors);
         let indices = self.indexed.then_some(Stream::Indices);
-        [Some(Stream::Positions), colors, indices].into_iter().flatten()
+        [Some(Stream::Positions), normals, colors, indices].into_iter().flatten()
     }
 
     /// Number of elements of a stream.
     pub(super) fn count(&self, stream: Stream) -> usize {
         match stream {
-            Stream::Positions | Stream::Colors => self.vertex_count(),
+            Stream::Positions | Stream::Normals | Stream::Colors => self.vertex_count(),
             Stream::Indices => 3 * self.faces.len(),
         }
     }
@@ -95,6 +102,7 @@ impl ScenePart<'_> {
     pub(super) fn stride(&self, stream: Stream, options: &GltfOptions) -> u64 {
         match stream {
             Stream::Positions => options.positions.bytes(),
+            Stream::Normals => options.positions.normal_bytes(),
             Stream::Colors => options.colors.bytes(),
             Stream::Indices if self.has_short_indices() => 2,
             Stream::Indices => 4,
@@ -151,13 +159,18 @@ pub(super) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) ->
     let scene = asset.scene_faces();
     let ranges = face_ranges(&asset.chunks, mesh.face_count(), scene)?;
     let single = ranges.iter().filter(|faces| faces.start < scene).count() == 1;
+    let lit = options.lit && !mesh.normals.is_empty();
+    let shared = lit && !mesh.indices.is_empty() && matches!(mesh.colors, Colors::Vertex(_));
+    let vertex_normals = Arc::new(if shared { mesh.vertex_normals() } else { Vec::new() });
     let drawn = ranges.into_par_iter().enumerate().map(|(i, faces)| {
         let (kind, name) = match (faces.start >= scene, single) {
             (true, _) => (PartKind::Backdrop, BACKDROP.to_owned()),
             (false, true) => (PartKind::Scene, options.node_name.clone()),
             (false, false) => (PartKind::Scene, format!("chunk_{i:04}")),
         };
-        Ok(ScenePart { kind, ..part(name, mesh, faces, options)? })
+        let lit = lit && kind == PartKind::Scene;
+        let part = part(name, mesh, faces, lit, options)?;
+        Ok(ScenePart { kind, vertex_normals: vertex_normals.clone(), ..part })
     });
     // Of several errors always the first, whichever thread is faster.
     let drawn: Vec<Result<ScenePart<'_>>> = drawn.collect();
@@ -169,7 +182,7 @@ fn collision<'a>(asset: &'a Asset, options: &GltfOptions) -> Option<Result<Scene
     let (name, mesh) = (options.collision_name.clone()?, asset.collision.as_ref()?);
     let whole = || {
         mesh.validate_shape()?;
-        Ok(ScenePart { kind: PartKind::Collision, ..part(name, mesh, 0..mesh.face_count(), options)? })
+        Ok(ScenePart { kind: PartKind::Collision, ..part(name, mesh, 0..mesh.face_count(), false, options)? })
     };
     (mesh.face_count() > 0).then(whole)
 }
@@ -178,6 +191,7 @@ fn part<'a>(
     name: String,
     mesh: &'a Mesh,
     faces: Range<usize>,
+    lit: bool,
     options: &GltfOptions,
 ) -> Result<ScenePart<'a>> {
     let corners = 3 * faces.start..3 * faces.end;
@@ -204,6 +218,8 @@ fn part<'a>(
         faces,
         vertices,
         indexed,
+        vertex_normals: Arc::default(),
+        lit,
         bounds,
         grid: None,
         loss: QuantizationLoss::default(),
@@ -223,7 +239,11 @@ fn quantise(part: &mut ScenePart, mesh: &Mesh) -> Result<()> {
             "a box that f32 can measure; crop the scene or write f32 positions",
         ));
     }
-    let grid = PositionGrid::new(part.bounds.min, part.bounds.max);
+    // Where steps differ between axes, an engine bends normals back by the scale of the node, and their 8 bits do not suffice.
+    let grid = match part.lit {
+        true => PositionGrid::even(part.bounds.min, part.bounds.max),
+        false => PositionGrid::new(part.bounds.min, part.bounds.max),
+    };
     const BLOCK: usize = 1 << 14;
     part.loss = part
         .faces

@@ -14,7 +14,7 @@ use super::nodes::{self, MeshInstance};
 use super::part::BACKDROP;
 use crate::asset::Provenance;
 use crate::error::{Error, Result};
-use crate::formats::{ReadOptions, Source, finish};
+use crate::formats::{ReadOptions, Source, finish, gaussians};
 use crate::scene::{Loaded, Scene};
 use std::path::Path;
 
@@ -31,7 +31,9 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     let path = source.path.clone();
     let limits = &options.limits;
     let container = ContainerFile::read(&mut source, limits)?;
-    let document: Document = document::parse(&path, &container.json, limits)?;
+    let document: Document = document::parse(&path, &container.json, limits).map_err(|error| {
+        if gaussians::is_sog_json(&container.json) { gaussians::refusal(&path, "SOG") } else { error }
+    })?;
     check_support(&path, &document)?;
     let instances = nodes::instances(&path, &document, limits)?;
     let buffers = Buffers::new(source, &container, &document.buffers, options);
@@ -57,6 +59,11 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
         merged.add(instance)?;
     }
     let backdrop = (merged.face_count() - scene_faces) as u32;
+    if merged.face_count() == 0
+        && document.extensions_used.iter().any(|name| name == gaussians::GLTF_EXTENSION)
+    {
+        return Err(gaussians::refusal(&path, "glTF"));
+    }
     let (mesh, warnings) = merged.finish()?;
     finish(
         &path,
@@ -78,6 +85,7 @@ fn check_support(path: &Path, document: &Document) -> Result<()> {
     }
     let unknown = document.extensions_required.iter().find(|name| !is_readable(name));
     match unknown {
+        Some(name) if name.starts_with(gaussians::GLTF_EXTENSION) => Err(gaussians::refusal(path, "glTF")),
         Some(name) => {
             Err(Error::unsupported(path, format!("requires the extension {name}; export it again without")))
         }

@@ -166,6 +166,7 @@ pub fn write_mesh(out: &mut dyn Write, asset: &Asset, face_colors: bool) -> io::
     encode::push_comment(&mut header, &to_comment(&asset.provenance));
     let channels = "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty uchar alpha\n";
     header += &format!("element vertex {vertices}\nproperty float x\nproperty float y\nproperty float z\n");
+    header += if mesh.normals.is_empty() { "" } else { NORMAL };
     header += if face_colors { "" } else { channels };
     header += &format!("element face {}\nproperty list uchar int vertex_indices\n", mesh.face_count());
     header += if face_colors { channels } else { "" };
@@ -181,27 +182,40 @@ pub fn write_mesh(out: &mut dyn Write, asset: &Asset, face_colors: bool) -> io::
     })
 }
 
+const NORMAL: &str = "property float nx\nproperty float ny\nproperty float nz\n";
+
 fn write_vertices(out: &mut dyn Write, mesh: &Mesh, own: bool, face_colors: bool) -> io::Result<()> {
+    let lit = !mesh.normals.is_empty();
+    let normals = if own { Vec::new() } else { mesh.vertex_normals() };
     match &mesh.colors {
-        _ if face_colors && (!own || mesh.indices.is_empty()) => {
-            write_blocks(out, mesh.vertex_count(), |v, block| push_position(block, mesh.positions[v]))
-        }
         Colors::Vertex(colors) if !own => write_blocks(out, mesh.vertex_count(), |v, block| {
-            push_position(block, mesh.positions[v]);
-            block.extend_from_slice(&rgba(colors[v], 1.0));
+            push_vector(block, mesh.positions[v]);
+            normals.get(v).iter().for_each(|normal| push_vector(block, **normal));
+            if !face_colors {
+                block.extend_from_slice(&rgba(colors[v], 1.0));
+            }
+        }),
+        Colors::Face(_) if !own => write_blocks(out, mesh.vertex_count(), |v, block| {
+            push_vector(block, mesh.positions[v]);
+            normals.get(v).iter().for_each(|normal| push_vector(block, **normal));
         }),
         _ => write_blocks(out, mesh.face_count(), |face, block| {
             let (colors, opacity) = (mesh.corner_colors(face), opacity(mesh, face));
             for (corner, color) in mesh.corners(face).into_iter().zip(colors) {
-                push_position(block, corner);
-                block.extend_from_slice(&rgba(color, opacity));
+                push_vector(block, corner);
+                if lit {
+                    push_vector(block, mesh.normals[face]);
+                }
+                if !face_colors {
+                    block.extend_from_slice(&rgba(color, opacity));
+                }
             }
         }),
     }
 }
 
-fn push_position(block: &mut Vec<u8>, position: Vec3) {
-    for axis in position.to_array() {
+fn push_vector(block: &mut Vec<u8>, vector: Vec3) {
+    for axis in vector.to_array() {
         block.extend_from_slice(&axis.to_le_bytes());
     }
 }

@@ -181,34 +181,96 @@ pub fn write_soup(
     provenance: &Provenance,
     cameras: &[Camera],
 ) -> io::Result<()> {
-    if soup.len() > i32::MAX as usize / 3 {
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, "too many triangles for a PLY file"));
-    }
-    out.write_all(header(soup, provenance, cameras).as_bytes())?;
-    encode::write_floats(out, bytemuck::cast_slice(&soup.vertices))?;
-    let k = soup.sh_count();
-    write_blocks(out, soup.len(), |i, block| {
-        let sh = &soup.sh[i * k..(i + 1) * k];
-        let first = 3 * i as u32;
-        encode::push_corners(block, [first, first + 1, first + 2]);
-        let rest = (0..3).flat_map(|channel| sh[1..].iter().map(move |c| c[channel]));
-        for value in [soup.opacity[i], soup.sigma[i]].into_iter().chain(sh[0]).chain(rest) {
-            block.extend_from_slice(&value.to_le_bytes());
-        }
-        block.extend_from_slice(&sh[0].map(|c| (255.0 * rgb_from_sh0(c)).round() as u8));
-    })?;
-    views::write(out, cameras)
+    let mut writer = SoupWriter::start(out, soup.len(), soup.sh_degree, provenance, cameras)?;
+    writer.vertices(soup)?;
+    writer.faces(soup)?;
+    writer.end(cameras)
 }
 
-fn header(soup: &Soup, provenance: &Provenance, cameras: &[Camera]) -> String {
+/// Writes a soup PLY of several soups, in order, without having them all in memory: first the corners of each, then the rest of each.
+pub struct SoupWriter<'a> {
+    out: &'a mut dyn Write,
+    /// Triangles that are to come.
+    corners_left: usize,
+    /// Triangles that are written in full.
+    written: usize,
+    count: usize,
+    sh_degree: u8,
+}
+
+impl<'a> SoupWriter<'a> {
+    /// Begins a file of `count` triangles with colours of `sh_degree`.
+    ///
+    /// Errors: as for [`write_soup`].
+    pub fn start(
+        out: &'a mut dyn Write,
+        count: usize,
+        sh_degree: u8,
+        provenance: &Provenance,
+        cameras: &[Camera],
+    ) -> io::Result<Self> {
+        if count > i32::MAX as usize / 3 {
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, "too many triangles for a PLY file"));
+        }
+        out.write_all(header(count, sh_degree, provenance, cameras).as_bytes())?;
+        Ok(Self { out, corners_left: count, written: 0, count, sh_degree })
+    }
+
+    /// The corners of the next soup.
+    ///
+    /// Errors: as for [`write_soup`]; more triangles than were announced.
+    pub fn vertices(&mut self, soup: &Soup) -> io::Result<()> {
+        self.corners_left = self.corners_left.checked_sub(soup.len()).ok_or_else(other_count)?;
+        encode::write_floats(self.out, bytemuck::cast_slice(&soup.vertices))
+    }
+
+    /// The rest of the next soup, once the corners of all were written.
+    ///
+    /// Errors: as for [`write_soup`]; other triangles than were announced, or colours of another degree.
+    pub fn faces(&mut self, soup: &Soup) -> io::Result<()> {
+        let fits =
+            self.written + soup.len() <= self.count && (soup.sh_degree == self.sh_degree || soup.is_empty());
+        if self.corners_left > 0 || !fits {
+            return Err(other_count());
+        }
+        let (k, first) = (soup.sh_count(), self.written);
+        self.written += soup.len();
+        write_blocks(self.out, soup.len(), |i, block| {
+            let sh = &soup.sh[i * k..(i + 1) * k];
+            let corner = 3 * (first + i) as u32;
+            encode::push_corners(block, [corner, corner + 1, corner + 2]);
+            let rest = (0..3).flat_map(|channel| sh[1..].iter().map(move |c| c[channel]));
+            for value in [soup.opacity[i], soup.sigma[i]].into_iter().chain(sh[0]).chain(rest) {
+                block.extend_from_slice(&value.to_le_bytes());
+            }
+            block.extend_from_slice(&sh[0].map(|c| (255.0 * rgb_from_sh0(c)).round() as u8));
+        })
+    }
+
+    /// What comes behind all triangles.
+    ///
+    /// Errors: as for [`write_soup`]; fewer triangles than were announced.
+    pub fn end(self, cameras: &[Camera]) -> io::Result<()> {
+        if self.written < self.count {
+            return Err(other_count());
+        }
+        views::write(self.out, cameras)
+    }
+}
+
+fn other_count() -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, "other triangles than were announced")
+}
+
+fn header(count: usize, sh_degree: u8, provenance: &Provenance, cameras: &[Camera]) -> String {
     let mut header = String::from("ply\nformat binary_little_endian 1.0\ncomment trisplat soup 1\n");
     encode::push_comment(&mut header, &to_comment(provenance));
-    header += &format!("element vertex {}\n", 3 * soup.len());
+    header += &format!("element vertex {}\n", 3 * count);
     for axis in ["x", "y", "z"] {
         header += &format!("property float {axis}\n");
     }
-    header += &format!("element face {}\nproperty list uchar int vertex_indices\n", soup.len());
-    let rest = (0..3 * (soup.sh_count() - 1)).map(|i| format!("f_rest_{i}"));
+    header += &format!("element face {}\nproperty list uchar int vertex_indices\n", count);
+    let rest = (0..3 * (sh_count(sh_degree) - 1)).map(|i| format!("f_rest_{i}"));
     let names = ["opacity", "sigma", "f_dc_0", "f_dc_1", "f_dc_2"].map(String::from);
     for name in names.into_iter().chain(rest) {
         header += &format!("property float {name}\n");

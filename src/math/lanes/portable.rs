@@ -152,6 +152,12 @@ impl Lanes for Portable {
         *to = self.0;
     }
     #[inline(always)]
+    fn store_rounded(self, to: &mut [i32; LANES]) {
+        for (to, x) in to.iter_mut().zip(self.0) {
+            *to = x.round_ties_even() as i32;
+        }
+    }
+    #[inline(always)]
     fn bits(mask: u16) -> u16 {
         mask
     }

@@ -13,6 +13,8 @@ pub trait Lanes: Real {
     fn load(from: &[f32; LANES]) -> Self;
     /// Writes the sixteen numbers.
     fn store(self, to: &mut [f32; LANES]);
+    /// Writes the sixteen numbers rounded to the nearest integers, ties to even; anything beyond ±2^31.
+    fn store_rounded(self, to: &mut [i32; LANES]);
     /// One bit per lane of a mask, lane 0 lowest.
     fn bits(mask: Self::Mask) -> u16;
     /// The mask of the bits, lane 0 lowest.

@@ -184,6 +184,11 @@ impl Lanes for Avx512 {
         unsafe { _mm512_storeu_ps(to.as_mut_ptr(), self.0) }
     }
     #[inline(always)]
+    fn store_rounded(self, to: &mut [i32; LANES]) {
+        // SAFETY: see the top of this section; the array holds sixteen integers.
+        unsafe { _mm512_storeu_si512(to.as_mut_ptr().cast(), _mm512_cvtps_epi32(self.0)) }
+    }
+    #[inline(always)]
     fn bits(mask: u16) -> u16 {
         mask
     }
@@ -414,6 +419,14 @@ impl Lanes for Avx2 {
         unsafe {
             _mm256_storeu_ps(to.as_mut_ptr(), self.0);
             _mm256_storeu_ps(to.as_mut_ptr().add(8), self.1);
+        }
+    }
+    #[inline(always)]
+    fn store_rounded(self, to: &mut [i32; LANES]) {
+        // SAFETY: see the top of this section; the array holds sixteen integers.
+        unsafe {
+            _mm256_storeu_si256(to.as_mut_ptr().cast(), _mm256_cvtps_epi32(self.0));
+            _mm256_storeu_si256(to.as_mut_ptr().add(8).cast(), _mm256_cvtps_epi32(self.1));
         }
     }
     #[inline(always)]

@@ -57,7 +57,7 @@ pub(super) fn gather(
         };
     }
     let camera = KernelCamera::new(camera);
-    let stale = std::mem::take(&mut out.visible);
+    let stale = SoupGrad { visible: std::mem::take(&mut out.visible), ..SoupGrad::default() };
     let rows = out
         .vertices
         .par_chunks_mut(CHUNK)
@@ -68,15 +68,11 @@ pub(super) fn gather(
     let found: Vec<(Vec<u32>, usize)> = rows
         .map(|(c, (((vertices, opacity), sigma), (sh, error)))| {
             let mut rows = GradRows { first: c * CHUNK, vertices, opacity, sigma, sh, error, k };
-            let in_chunk = |t: &u32| (*t as usize) < c * CHUNK;
-            let end = |t: &u32| (*t as usize) < (c + 1) * CHUNK;
-            for t in &stale[stale.partition_point(in_chunk)..stale.partition_point(end)] {
-                rows.zero(*t as usize);
-            }
+            stale.visible_in(c * CHUNK..(c + 1) * CHUNK).iter().for_each(|&t| rows.zero(t as usize));
             rows.fill(pairs, soup, &camera, options, &pairs.chunks[c].projected)
         })
         .collect();
-    out.visible = stale;
+    out.visible = stale.visible;
     out.visible.clear();
     out.dropped = 0;
     for (visible, dropped) in found {

@@ -1,6 +1,7 @@
 //! The importance of every triangle over many views.
 
 use super::slots::WeightSlot;
+use super::splat_sums::prefetch_ahead;
 use super::splats::{CHUNK, Projection};
 use super::tiles::Tiles;
 use rayon::prelude::*;
@@ -60,10 +61,13 @@ impl Importance {
             .zip(&projection.chunks)
             .enumerate()
             .for_each(|(c, ((((max, sum), (views, pixels)), radius), chunk))| {
+                let mut at = 0;
                 for pieces in chunk.projected.chunk_by(|a, b| a.record.triangle == b.record.triangle) {
                     let i = pieces[0].record.triangle as usize - c * CHUNK;
                     let mut all = WeightSlot::default();
                     for projected in pieces {
+                        prefetch_ahead(tiles, &chunk.projected, at, weights);
+                        at += 1;
                         all.add(&of_splat(tiles, weights, projected.rank));
                         radius[i] = radius[i].max(projected.radius_px);
                     }

@@ -1,6 +1,7 @@
 //! How the soft rasteriser draws.
 
 use crate::math::color::linear_from_srgb;
+use crate::math::real::Real;
 
 /// In which order the layers of a pixel are blended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -31,10 +32,10 @@ pub enum Window {
 impl Window {
     /// An inradius, px, in the unit of this window's distances from edges.
     #[inline(always)]
-    pub(super) fn scale(self, inradius: f32) -> f32 {
+    pub(super) fn scale<R: Real>(self, inradius: R) -> R {
         match self {
-            Window::Soft => 1.0,
-            Window::Coverage { width_px } => inradius / width_px,
+            Window::Soft => R::of(1.0),
+            Window::Coverage { width_px } => inradius / R::of(width_px.into()),
             Window::Sigmoid => inradius,
         }
     }

@@ -1,6 +1,7 @@
 //! The gradient of a loss with respect to a soup.
 
 use glam::Vec3;
+use std::ops::Range;
 
 /// Gradient of a loss L with respect to a soup; rows of triangles that are not `visible` are zero.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -19,4 +20,12 @@ pub struct SoupGrad {
     pub visible: Vec<u32>,
     /// Triangles whose gradient was not finite; their rows were set to zero.
     pub dropped: usize,
+}
+
+impl SoupGrad {
+    /// Those of the visible triangles that are in a range.
+    pub(crate) fn visible_in(&self, triangles: Range<usize>) -> &[u32] {
+        let at = |end: usize| self.visible.partition_point(|&t| (t as usize) < end);
+        &self.visible[at(triangles.start)..at(triangles.end)]
+    }
 }

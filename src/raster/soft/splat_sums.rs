@@ -15,6 +15,18 @@ pub(super) struct SplatSums {
     pub(super) geometry: [f32; GEOMETRY_SUMS],
 }
 
+/// Prefetches what the pairs of a splat a little after the one at `i` have in `values`, and the list of the pairs of one
+/// further on.
+#[inline]
+pub(super) fn prefetch_ahead<T>(tiles: &Tiles, projected: &[ProjectedSplat], i: usize, values: &[T]) {
+    if let Some(ahead) = projected.get(i + SLOTS_AHEAD) {
+        tiles.entries_of_splat(ahead.rank).iter().for_each(|entry| prefetch(&values[*entry as usize]));
+    }
+    if let Some(ahead) = projected.get(i + 3 * SLOTS_AHEAD) {
+        tiles.entries_of_splat(ahead.rank).first().into_iter().for_each(prefetch);
+    }
+}
+
 impl SplatSums {
     /// The sums of every splat of a chunk. In a separate loop, so that its many scattered reads overlap.
     pub(super) fn of_chunk(
@@ -23,16 +35,10 @@ impl SplatSums {
         projected: &[ProjectedSplat],
         geometry: bool,
     ) -> Vec<Self> {
-        let entries = |splat: &ProjectedSplat| tiles.entries_of_splat(splat.rank);
         let mut out = Vec::with_capacity(projected.len());
         for (i, s) in projected.iter().enumerate() {
-            if let Some(ahead) = projected.get(i + SLOTS_AHEAD) {
-                entries(ahead).iter().for_each(|entry| prefetch(&slots.base[*entry as usize]));
-            }
-            if let Some(entry) = projected.get(i + 3 * SLOTS_AHEAD).and_then(|ahead| entries(ahead).first()) {
-                prefetch(entry);
-            }
-            out.push(Self::of(slots, entries(s), geometry));
+            prefetch_ahead(tiles, projected, i, &slots.base);
+            out.push(Self::of(slots, tiles.entries_of_splat(s.rank), geometry));
         }
         out
     }

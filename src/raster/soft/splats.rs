@@ -32,14 +32,6 @@ pub(super) struct ScreenBox {
     pub(super) hi: [f32; 2],
 }
 
-impl ScreenBox {
-    /// The box with every side moved outwards.
-    #[inline]
-    pub(super) fn grown(self, by: f32) -> Self {
-        Self { lo: self.lo.map(|x| x - by), hi: self.hi.map(|x| x + by) }
-    }
-}
-
 /// A splat before the sort.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ProjectedSplat {

@@ -6,14 +6,14 @@ use super::bins::{
 };
 use super::clip;
 use super::hidden::TileDepths;
-use super::projector::{GUARD, Projector, snap};
-use crate::math::lanes::{Lanes, Work, dispatch};
+use super::projector::{GUARD, Projector, snap_group};
+use crate::math::lanes::{LANES, Lanes, Work, dispatch};
 use crate::mesh::Mesh;
 use glam::Vec3;
 use rayon::prelude::*;
 
 /// Faces that are projected together.
-const GROUP: usize = 16;
+const GROUP: usize = LANES;
 /// Smallest number of faces in a batch.
 const LEAST_BATCH: usize = 4096;
 
@@ -70,7 +70,7 @@ impl Work for BinFaces<'_> {
             let count = GROUP.min(out.batch.left.len());
             out.batch.left.start += count;
             group.load(mesh, start, count);
-            group.project(projector);
+            group.project::<L>(projector);
             for lane in 0..count {
                 let face = start + lane;
                 match group.action[lane] {
@@ -145,13 +145,14 @@ impl FaceGroup {
     }
 
     #[inline(always)]
-    fn project(&mut self, projector: &Projector) {
+    fn project<L: Lanes>(&mut self, projector: &Projector) {
         // Corners in front of the near plane; box of the corners.
         let mut front = [0u32; GROUP];
         let mut low = [[f32::INFINITY; GROUP]; 2];
         let mut high = [[f32::NEG_INFINITY; GROUP]; 2];
         for corner in 0..3 {
             let world = &self.world[corner];
+            let (mut x, mut y) = ([0.0; GROUP], [0.0; GROUP]);
             for lane in 0..GROUP {
                 let seen = projector.to_camera([world[0][lane], world[1][lane], world[2][lane]]);
                 let at = projector.project(seen);
@@ -160,10 +161,11 @@ impl FaceGroup {
                 low[1][lane] = low[1][lane].min(at[1]);
                 high[0][lane] = high[0][lane].max(at[0]);
                 high[1][lane] = high[1][lane].max(at[1]);
-                self.x[corner][lane] = snap(at[0]);
-                self.y[corner][lane] = snap(at[1]);
+                (x[lane], y[lane]) = (at[0], at[1]);
                 self.w[corner][lane] = at[2];
             }
+            snap_group::<L>(&x, &mut self.x[corner]);
+            snap_group::<L>(&y, &mut self.y[corner]);
         }
         let [right, bottom] = projector.size.as_vec2().to_array();
         for lane in 0..GROUP {

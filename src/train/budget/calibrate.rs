@@ -12,6 +12,7 @@ use crate::train::eval::Evaluator;
 use crate::train::identity::RunIdentity;
 use crate::train::options::{REFERENCE_STEPS, SolidifyOptions, TrainOptions, WarmupOptions};
 use crate::train::pyramid::size_at;
+use crate::train::start::FirstScene;
 use crate::train::trainer::Trainer;
 
 /// Photos that are tried, at most.
@@ -77,7 +78,7 @@ impl Trial<'_> {
     fn start(&self, options: &TrainOptions) -> Result<Trainer<CpuBackend>> {
         let identity = RunIdentity::of(self.dataset, self.background, self.from);
         let backend = CpuBackend::new(options.drawing(self.background));
-        Trainer::start(self.dataset, self.from, options, identity, u64::MAX, backend)
+        Trainer::start(self.dataset, self.from.map(FirstScene::whole), options, identity, u64::MAX, backend)
     }
 
     /// Seconds of steps over those of the model, and the triangles there are: photos at half their size, one step each

@@ -49,6 +49,7 @@ impl SceneBuffers {
             shape: SceneShape {
                 triangles: count(state.params.len())?,
                 pinned: count(state.pinned)?,
+                frozen: count(state.frozen)?,
                 sh_degree: state.params.sh_degree,
             },
         })
@@ -64,6 +65,7 @@ impl SceneBuffers {
             first: read(&self.first)?,
             second: read(&self.second)?,
             pinned: self.shape.pinned as usize,
+            frozen: self.shape.frozen as usize,
         })
     }
 }

@@ -11,6 +11,8 @@ use std::fmt::Write;
 
 /// Invocations of a workgroup.
 pub(super) const GROUP: u32 = 256;
+// Passes that have a tile sum over it as the others do over a group.
+const _: () = assert!(GROUP == TILE * TILE);
 /// Invocations of a workgroup of the update, which needs many registers.
 pub(super) const UPDATE_GROUP: u32 = 64;
 /// Numbers that an invocation of a prefix sum has.

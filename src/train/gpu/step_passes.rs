@@ -7,7 +7,7 @@ use super::scene::{SceneBuffers, VisibilityBuffer};
 use super::sequence::{Sequence, Spread, all};
 use super::source::{GROUP, SCAN_ITEMS};
 use super::uniform::StepPlan;
-use wgpu::Buffer;
+use wgpu::{BindingResource, Buffer};
 
 /// What the passes of a step work on.
 #[derive(Clone, Copy)]
@@ -130,6 +130,19 @@ impl StepPasses<'_> {
         to.run(&self.passes.tile_starts, Spread::Over(tiles + 1, GROUP), &bindings);
     }
 
+    /// What every pass over the tiles has first: the splats of each, front to back.
+    fn of_tiles(&self) -> Vec<BindingResource<'_>> {
+        let room = self.room;
+        vec![
+            all(self.step),
+            all(&room.tile_starts),
+            all(&room.pairs[self.sorted()]),
+            all(&room.owners),
+            all(&room.records),
+            all(&room.planes),
+        ]
+    }
+
     fn forward(&self, to: &mut Sequence<'_>) {
         let room = self.room;
         if self.plan.by_pixel() {
@@ -139,37 +152,23 @@ impl StepPasses<'_> {
             self.plan(to, WRITE_LAYERS, &room.layer_starts);
             return;
         }
-        let bindings = [
-            all(self.step),
-            all(&room.tile_starts),
-            all(&room.pairs[self.sorted()]),
-            all(&room.owners),
-            all(&room.records),
-            all(&room.planes),
-            all(&room.frame),
-            all(&room.geometry),
-            all(&room.tile_ends),
-        ];
+        let mut bindings = self.of_tiles();
+        bindings.extend([all(&room.frame), all(&room.geometry), all(&room.tile_ends)]);
         to.run(&self.passes.forward, Spread::Tiles(self.plan.tiles), &bindings);
     }
 
     fn forward_by_pixel(&self, to: &mut Sequence<'_>, job: Job) {
         let room = self.room;
-        let bindings = [
-            all(self.step),
-            to.job(job),
-            all(&room.tile_starts),
-            all(&room.pairs[self.sorted()]),
-            all(&room.owners),
-            all(&room.records),
-            all(&room.planes),
+        let mut bindings = self.of_tiles();
+        bindings.extend([
             all(&room.frame),
             all(&room.geometry),
             all(&room.layer_starts),
             all(&room.layers),
             all(&room.d_frame),
             all(&room.d_geometry),
-        ];
+            to.job(job),
+        ]);
         to.run(&self.passes.forward_by_pixel, Spread::Tiles(self.plan.tiles), &bindings);
     }
 
@@ -200,14 +199,7 @@ impl StepPasses<'_> {
 
     fn backward(&self, to: &mut Sequence<'_>) {
         let (room, tiles) = (self.room, Spread::Tiles(self.plan.tiles));
-        let mut bindings = vec![
-            all(self.step),
-            all(&room.tile_starts),
-            all(&room.pairs[self.sorted()]),
-            all(&room.owners),
-            all(&room.records),
-            all(&room.planes),
-        ];
+        let mut bindings = self.of_tiles();
         let d_pixels = [all(&room.geometry), all(&room.d_frame), all(&room.d_geometry), all(&room.slots)];
         if self.plan.by_pixel() {
             self.forward_by_pixel(to, WRITE);

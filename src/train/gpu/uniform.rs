@@ -34,6 +34,7 @@ pub(super) struct StepUniform {
     regularisers: [f32; 4],
     loss: [f32; 4],
     depths: [f32; 4],
+    parts: [u32; 4],
 }
 
 /// A step's drawing, and how much there is of everything.
@@ -88,6 +89,7 @@ impl StepPlan {
 pub(super) struct SceneShape {
     pub(super) triangles: u32,
     pub(super) pinned: u32,
+    pub(super) frozen: u32,
     pub(super) sh_degree: u8,
 }
 
@@ -124,6 +126,7 @@ impl StepUniform {
             regularisers: regularisers(rates, scene),
             loss: loss(rates, plan),
             depths: [far / (far - near), far * near / (far - near), 0.0, 0.0],
+            parts: [scene.frozen, u32::from(rates.frozen_look().flat), 0, 0],
         }
     }
 }

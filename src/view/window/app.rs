@@ -1,14 +1,15 @@
 //! Events in, pictures out.
 
-use super::background::{self, Message, Screenshot};
+use super::background::{self, Letter, LoadedScene, Message, Outbox, Screenshot};
 use super::options::WindowOptions;
 use super::pick::pick;
-use super::scene::SceneLoader;
+use super::scene::{SceneFiles, SceneLoader};
 use super::screen::Screen;
 use super::session::{self, PhotoPlacement, Session};
 use crate::error::{Error, Result};
 use crate::view::renderer::DisplayMode;
 use glam::{UVec2, Vec2};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
@@ -26,15 +27,14 @@ const SOFT_WIDTH: f32 = 480.0;
 /// Opens a window and returns when it is closed.
 ///
 /// Errors: no display, no graphics card, the scene cannot be loaded, the device is lost.
-pub fn open(options: WindowOptions, loader: SceneLoader) -> Result<()> {
+pub fn open(options: WindowOptions, files: SceneFiles, loader: SceneLoader) -> Result<()> {
     let no_window = |e: &EventLoopError| {
         let remedy = "`trisplat render` makes pictures without a window";
         Error::Gpu(format!("no window can be opened: {}; {remedy}", without_place(&e.to_string())))
     };
-    let events = EventLoop::<Message>::with_user_event().build().map_err(|e| no_window(&e))?;
+    let events = EventLoop::<Letter>::with_user_event().build().map_err(|e| no_window(&e))?;
     let proxy = events.create_proxy();
-    let mut app =
-        App { options, loader: Some(loader), proxy, window: None, failure: None, mouse: Mouse::default() };
+    let mut app = App { options, files, loader, proxy, window: None, failure: None, mouse: Mouse::default() };
     events.run_app(&mut app).map_err(|e| no_window(&e))?;
     app.failure.map_or(Ok(()), Err)
 }
@@ -48,8 +48,10 @@ fn without_place(said: &str) -> &str {
 
 struct App {
     options: WindowOptions,
-    loader: Option<SceneLoader>,
-    proxy: EventLoopProxy<Message>,
+    /// What is shown first.
+    files: SceneFiles,
+    loader: SceneLoader,
+    proxy: EventLoopProxy<Letter>,
     window: Option<(Screen, Session)>,
     failure: Option<Error>,
     mouse: Mouse,
@@ -62,7 +64,7 @@ struct Mouse {
     down: Option<(MouseButton, Vec2, bool)>,
 }
 
-impl ApplicationHandler<Message> for App {
+impl ApplicationHandler<Letter> for App {
     /// A wait that ended by time ended to draw again: a note has been shown for long enough.
     fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
         if let (StartCause::ResumeTimeReached { .. }, Some((screen, _))) = (cause, &self.window) {
@@ -71,11 +73,19 @@ impl ApplicationHandler<Message> for App {
     }
 
     fn resumed(&mut self, events: &ActiveEventLoop) {
-        let Some(loader) = self.loader.take() else { return };
-        match Screen::open(events, &self.options) {
+        if self.window.is_some() {
+            return;
+        }
+        match Screen::open(events, &self.options, self.files.title()) {
             Ok(screen) => {
-                background::load(&self.proxy, screen.gpu.clone(), screen.face_layout(), loader);
-                let session = Session::new(screen.gpu.describe());
+                let outbox = Outbox { proxy: self.proxy.clone(), scene: 0 };
+                outbox.load(
+                    screen.gpu.clone(),
+                    screen.face_layout(),
+                    self.loader.clone(),
+                    self.files.clone(),
+                );
+                let session = Session::new(screen.gpu.describe(), self.files.clone());
                 screen.window.request_redraw();
                 self.window = Some((screen, session));
             }
@@ -101,6 +111,14 @@ impl ApplicationHandler<Message> for App {
                 self.key(events, &event);
                 Ok(())
             }
+            WindowEvent::HoveredFile(path) => {
+                self.hovered(&path);
+                Ok(())
+            }
+            WindowEvent::DroppedFile(path) => {
+                self.dropped(&path);
+                Ok(())
+            }
             other => {
                 self.pointer(&other, response.consumed);
                 Ok(())
@@ -111,14 +129,15 @@ impl ApplicationHandler<Message> for App {
         }
     }
 
-    fn user_event(&mut self, events: &ActiveEventLoop, message: Message) {
+    fn user_event(&mut self, events: &ActiveEventLoop, Letter { scene, message }: Letter) {
         let Some((screen, session)) = &mut self.window else { return };
         screen.window.request_redraw();
         let context = screen.input.egui_ctx().clone();
         match message {
             Message::Progress(what) => session.notify(what),
-            Message::Loaded(Ok(loaded)) => session.show(*loaded),
-            Message::Loaded(Err(error)) => self.fail(events, error),
+            Message::Loaded(result) => self.loaded(events, scene, result),
+            // What was begun for a scene that is no longer shown.
+            _ if scene != session.scene => {}
             Message::Indexed(Ok(asset)) => {
                 if let Some(shown) = &mut session.shown {
                     shown.asset = Some(Arc::from(asset));
@@ -149,9 +168,15 @@ impl ApplicationHandler<Message> for App {
                 }
                 session.picked = picked;
             }
-            Message::Subset(Ok(subset)) => session.subset = Some(Arc::new(subset)),
+            Message::Subset(Ok(subset)) => {
+                (session.subset, session.filtering) = (Some(Arc::new(subset)), false);
+            }
+            Message::Cropped(Ok(what)) => session.notify(what),
             Message::Saved(Ok(path)) => session.notify(format!("saved {}", path.display())),
-            Message::Indexed(Err(error)) | Message::Subset(Err(error)) | Message::Saved(Err(error)) => {
+            Message::Indexed(Err(error))
+            | Message::Subset(Err(error))
+            | Message::Cropped(Err(error))
+            | Message::Saved(Err(error)) => {
                 session.notify(error.to_string());
             }
         }
@@ -162,6 +187,52 @@ impl App {
     fn fail(&mut self, events: &ActiveEventLoop, error: Error) {
         self.failure.get_or_insert(error);
         events.exit();
+    }
+
+    /// Shows what was loaded. Without a first scene there is nothing to show; a file that was dropped leaves the scene as it is.
+    fn loaded(&mut self, events: &ActiveEventLoop, scene: u32, result: Result<Box<LoadedScene>>) {
+        let Some((screen, session)) = &mut self.window else { return };
+        session.loading = None;
+        match result {
+            Ok(loaded) => {
+                session.scene = scene;
+                screen.window.set_title(&loaded.files.title());
+                session.show(*loaded);
+            }
+            Err(error) if session.shown.is_some() => session.notify(error.to_string()),
+            Err(error) => self.fail(events, error),
+        }
+    }
+
+    /// What would happen if a file were dropped.
+    fn hovered(&mut self, path: &Path) {
+        let Some((screen, session)) = &mut self.window else { return };
+        let files = session.files.with_dropped(path);
+        let what = if files.file == session.files.file { "photos of this scene" } else { "another scene" };
+        session.notify(format!("drop to open {what}"));
+        screen.window.request_redraw();
+    }
+
+    /// Loads a scene, or photos of the one that is shown.
+    fn dropped(&mut self, path: &Path) {
+        let Some((screen, session)) = &mut self.window else { return };
+        screen.window.request_redraw();
+        if session.loading.is_some() {
+            return session
+                .notify("another file is being loaded: drop this one again when it is shown".into());
+        }
+        let scene = session.scene + 1;
+        session.loading = Some(scene);
+        session.notify("loading".into());
+        let outbox = Outbox { proxy: self.proxy.clone(), scene };
+        let files = session.files.with_dropped(path);
+        outbox.load(screen.gpu.clone(), screen.face_layout(), self.loader.clone(), files);
+    }
+
+    /// Where work on the scene that is shown sends its messages.
+    fn outbox(&self) -> Outbox {
+        let scene = self.window.as_ref().map_or(0, |(_, session)| session.scene);
+        Outbox { proxy: self.proxy.clone(), scene }
     }
 
     fn redraw(&mut self, events: &ActiveEventLoop) -> Result<()> {
@@ -185,7 +256,9 @@ impl App {
 
     /// Starts the background work that the picture needs now.
     fn start_work(&mut self) {
+        let outbox = self.outbox();
         let Some((screen, session)) = &mut self.window else { return };
+        let filter = session.filter();
         let Some(shown) = &mut session.shown else { return };
         if let Some(index) = session.current
             && session.settings.photo != PhotoPlacement::Off
@@ -195,7 +268,7 @@ impl App {
         {
             session.decoding = Some(index);
             let load = photo.load.clone();
-            background::spawn(&self.proxy, move || Message::Photo(index, load()));
+            outbox.spawn(move || Message::Photo(index, load()));
         }
         if session.settings.soft
             && let Some(camera) = session.camera
@@ -209,21 +282,30 @@ impl App {
             if session.soft.as_ref().is_none_or(|(drawn, ..)| *drawn != wanted)
                 && let Some(mut renderer) = shown.soft_renderer.take()
             {
-                background::spawn(&self.proxy, move || {
+                outbox.spawn(move || {
                     let picture = renderer(&wanted);
                     Message::Soft(renderer, wanted, picture)
                 });
             }
         }
-        if session.settings.subset
-            && session.subset_share != Some(session.settings.share)
+        if let Some(wanted) = filter
+            && !session.filtering
+            && session.filtered != filter
             && let Some(asset) = shown.asset.clone()
         {
-            let (gpu, model, share) = (screen.gpu.clone(), shown.model.clone(), session.settings.share);
-            session.subset_share = Some(share);
-            background::spawn(&self.proxy, move || {
-                Message::Subset(model.subset(&gpu, &asset.mesh, share, 0))
+            let (gpu, model, placement) = (screen.gpu.clone(), shown.model.clone(), shown.placement);
+            (session.filtered, session.filtering) = (filter, true);
+            outbox.spawn(move || {
+                let centroid = |face: u32| placement.to_world_f64(asset.mesh.centroid(face as usize));
+                let keep = |face: u32| wanted.region.is_none_or(|region| region.holds(centroid(face), &[]));
+                Message::Subset(model.subset(&gpu, &asset.mesh, wanted.share, 0, keep))
             });
+        }
+        if std::mem::take(&mut session.saving_crop)
+            && let Some(region) = shown.crop.region()
+        {
+            let save = shown.save_crop.clone();
+            outbox.spawn(move || Message::Cropped(save(&region)));
         }
     }
 
@@ -265,6 +347,12 @@ impl App {
             KeyCode::Digit6 => {
                 settings.soft = !settings.soft && session.shown.as_ref().is_some_and(|s| s.has_soft)
             }
+            KeyCode::KeyX => {
+                if let Some(shown) = &mut session.shown {
+                    shown.crop.on = !shown.crop.on;
+                }
+            }
+            KeyCode::Enter | KeyCode::NumpadEnter => session.saving_crop = true,
             KeyCode::F12 => self.screenshot(),
             _ => {}
         }
@@ -316,11 +404,12 @@ impl App {
 
     /// Picks the triangle under the mouse.
     fn click(&mut self) {
+        let outbox = self.outbox();
         let Some((_, session)) = &self.window else { return };
         let (Some(shown), Some(camera)) = (&session.shown, session.camera) else { return };
         let Some(asset) = shown.asset.clone() else { return };
         let (soup, to_soup, pixel) = (shown.soup.clone(), shown.to_soup.clone(), self.mouse.at);
-        background::spawn(&self.proxy, move || {
+        outbox.spawn(move || {
             let source = match (&soup, &to_soup) {
                 (Some(soup), Some(to_soup)) => {
                     Some((&**soup, &**to_soup as &dyn Fn(glam::Vec3) -> glam::Vec3))
@@ -333,6 +422,7 @@ impl App {
 
     /// Saves a picture without the panel.
     fn screenshot(&mut self) {
+        let outbox = self.outbox();
         let Some((screen, session)) = &self.window else { return };
         let Some(shown) = &session.shown else { return };
         // The current camera: the last picture may still show the one before.
@@ -341,12 +431,12 @@ impl App {
         let folder = self.options.screenshots.clone();
         if let (true, Some((_, _, soft))) = (session.settings.soft, &session.soft) {
             let picture = soft.clone();
-            background::spawn(&self.proxy, move || Message::Saved(background::save(&folder, &picture)));
+            outbox.spawn(move || Message::Saved(background::save(&folder, &picture)));
             return;
         }
         let screenshot = Screenshot {
             model: shown.model.clone(),
-            subset: session.subset.clone().filter(|_| session.settings.subset),
+            subset: session.drawn_subset().cloned(),
             camera,
             near: session.controls.near(),
             background: self.options.background,
@@ -355,7 +445,7 @@ impl App {
             msaa: self.options.msaa,
         };
         let gpu = screen.gpu.clone();
-        background::spawn(&self.proxy, move || {
+        outbox.spawn(move || {
             Message::Saved(
                 background::draw_screenshot(&gpu, &screenshot).and_then(|p| background::save(&folder, &p)),
             )

@@ -4,7 +4,7 @@ use super::super::layout::{Aabb, VertexLayout};
 use super::super::model::{ChunkOrder, Model, Subset};
 use super::super::renderer::{DisplayMode, FrameParams, Renderer};
 use super::pick::Picked;
-use super::scene::{SceneLoader, SoftRenderer, WindowScene};
+use super::scene::{SceneFiles, SceneLoader, SoftRenderer, WindowScene};
 use crate::asset::Asset;
 use crate::camera::{Camera, Viewpoint};
 use crate::error::{Error, Result};
@@ -30,14 +30,17 @@ pub(super) enum Message {
     Soft(SoftRenderer, Camera, Pixels),
     /// What a click has hit.
     Picked(Option<Box<Picked>>),
-    /// A random subset is in GPU memory.
+    /// Some of the triangles are in GPU memory.
     Subset(Result<Subset>),
+    /// A region is saved.
+    Cropped(Result<String>),
     /// A screenshot is saved.
     Saved(Result<PathBuf>),
 }
 
 /// A scene ready to be drawn.
 pub(super) struct LoadedScene {
+    pub(super) files: SceneFiles,
     pub(super) scene: WindowScene,
     pub(super) model: Model,
     /// The box of most of it, without outliers.
@@ -46,42 +49,62 @@ pub(super) struct LoadedScene {
     pub(super) viewpoint: Option<Viewpoint>,
 }
 
-/// Runs `work` on a thread of its own and sends its message.
-pub(super) fn spawn(proxy: &EventLoopProxy<Message>, work: impl FnOnce() -> Message + Send + 'static) {
-    let proxy = proxy.clone();
-    // The receiver is gone when the window was closed meanwhile.
-    std::thread::spawn(move || drop(proxy.send_event(work())));
+/// Where work on other threads sends its messages.
+#[derive(Clone)]
+pub(super) struct Outbox {
+    pub(super) proxy: EventLoopProxy<Letter>,
+    /// The scene it works on.
+    pub(super) scene: u32,
 }
 
-/// Loads the scene, uploads it to GPU memory, then adds what picking needs.
-pub(super) fn load(
-    proxy: &EventLoopProxy<Message>,
-    gpu: Arc<Gpu>,
-    groups: wgpu::BindGroupLayout,
-    loader: SceneLoader,
-) {
-    let sender = proxy.clone();
-    let add_bvh = loader.add_bvh;
-    spawn(proxy, move || {
-        let progress = |what: &str| drop(sender.send_event(Message::Progress(what.to_owned())));
-        let load = || {
-            let scene = (loader.load)(&progress)?;
-            progress("uploading to the graphics card");
-            let layout: VertexLayout = Renderer::best_layout(&gpu, &scene.asset);
-            let model = Model::upload(&gpu, &groups, &scene.asset, layout)?;
-            let bounds = central_box(&scene.asset);
-            let viewpoint = scene.asset.provenance.viewpoint;
-            Ok(Box::new(LoadedScene { scene, model, bounds, viewpoint }))
-        };
-        match load() {
-            Ok(mut loaded) => {
-                let asset = std::mem::take(&mut loaded.scene.asset);
-                let _ = sender.send_event(Message::Loaded(Ok(loaded)));
-                Message::Indexed(add_bvh(asset).map(Box::new))
+/// A message and the number of the scene that it is about: those about an earlier one are too late.
+pub(super) struct Letter {
+    pub(super) scene: u32,
+    pub(super) message: Message,
+}
+
+impl Outbox {
+    /// Runs `work` on a thread of its own and sends its message.
+    pub(super) fn spawn(&self, work: impl FnOnce() -> Message + Send + 'static) {
+        let outbox = self.clone();
+        std::thread::spawn(move || outbox.send(work()));
+    }
+
+    fn send(&self, message: Message) {
+        // The receiver is gone when the window was closed meanwhile.
+        let _ = self.proxy.send_event(Letter { scene: self.scene, message });
+    }
+
+    /// Loads the scene, uploads it to GPU memory, then adds what picking needs.
+    pub(super) fn load(
+        &self,
+        gpu: Arc<Gpu>,
+        groups: wgpu::BindGroupLayout,
+        loader: SceneLoader,
+        files: SceneFiles,
+    ) {
+        let outbox = self.clone();
+        self.spawn(move || {
+            let progress = |what: &str| outbox.send(Message::Progress(what.to_owned()));
+            let load = || {
+                let scene = (loader.load)(&files, &progress)?;
+                progress("uploading to the graphics card");
+                let layout: VertexLayout = Renderer::best_layout(&gpu, &scene.asset);
+                let model = Model::upload(&gpu, &groups, &scene.asset, layout)?;
+                let bounds = central_box(&scene.asset);
+                let viewpoint = scene.asset.provenance.viewpoint;
+                Ok(Box::new(LoadedScene { files, scene, model, bounds, viewpoint }))
+            };
+            match load() {
+                Ok(mut loaded) => {
+                    let asset = std::mem::take(&mut loaded.scene.asset);
+                    outbox.send(Message::Loaded(Ok(loaded)));
+                    Message::Indexed((loader.add_bvh)(asset).map(Box::new))
+                }
+                Err(error) => Message::Loaded(Err(error)),
             }
-            Err(error) => Message::Loaded(Err(error)),
-        }
-    });
+        });
+    }
 }
 
 /// The box that holds the middle 96% of the scene's corners on each axis, without the backdrop, estimated from a sample of them.

@@ -9,6 +9,8 @@ use std::f32::consts::FRAC_PI_2;
 const DRAG_ANGLE: f32 = 3.0;
 /// Least angle between the view and straight up or down, rad.
 const POLE_MARGIN: f32 = 0.02;
+/// A drag by this share of the height of the window leaves a third of the roll.
+const LEVEL_DRAG: f32 = 0.06;
 /// Vertical field of view when no photo's camera is used, rad.
 const FIELD_OF_VIEW: f32 = 0.9;
 
@@ -118,24 +120,32 @@ impl CameraControls {
         (1e-3 * self.extent.min(self.pivot_distance)).max(f32::MIN_POSITIVE)
     }
 
+    /// The point ahead that an orbit goes around.
+    pub fn pivot(&self) -> Vec3 {
+        self.position + self.forward() * self.pivot_distance
+    }
+
     /// Orbits around the pivot by a drag, in heights of the window.
     pub fn orbit(&mut self, drag: Vec2) {
-        let pivot = self.position + self.forward() * self.pivot_distance;
+        let pivot = self.pivot();
         self.turn(-drag);
         self.position = pivot - self.forward() * self.pivot_distance;
     }
 
-    /// Turns in place by a drag, in heights of the window.
+    /// Turns in place by a drag, in heights of the window. A horizon that is tilted, as photos are, comes level on the way.
     pub fn turn(&mut self, drag: Vec2) {
         let forward = self.forward();
+        let level = forward.cross(self.up).try_normalize().unwrap_or(self.right());
+        let roll = f32::atan2(self.right().dot(forward.cross(level)), self.right().dot(level));
         let elevation = forward.dot(self.up).clamp(-1.0, 1.0).asin();
         let rise = (elevation + DRAG_ANGLE * drag.y).clamp(POLE_MARGIN - FRAC_PI_2, FRAC_PI_2 - POLE_MARGIN)
             - elevation;
-        let yaw = Quat::from_axis_angle(self.up, DRAG_ANGLE * drag.x);
-        let pitch = Quat::from_axis_angle(self.right(), rise);
-        self.rotation = orthonormal(
-            self.rotation * Mat3::from_quat(pitch).transpose() * Mat3::from_quat(yaw).transpose(),
-        );
+        let turned = Quat::from_axis_angle(self.up, DRAG_ANGLE * drag.x) * Quat::from_axis_angle(level, rise);
+        // Many small turns would add up their rounding errors.
+        let forward = (turned * forward).normalize();
+        let rolled = Quat::from_axis_angle(forward, roll * (-drag.length() / LEVEL_DRAG).exp());
+        let right = (rolled * turned * level).reject_from(forward).normalize();
+        self.rotation = Mat3::from_cols(right, forward.cross(right), forward).transpose();
     }
 
     /// Pans by a drag, in heights of the window, so that the pivot follows it.
@@ -190,11 +200,6 @@ pub struct Pane {
     pub size: Vec2,
 }
 
-/// The rotation nearest to a product of rotations with rounding errors.
-fn orthonormal(rotation: Mat3) -> Mat3 {
-    Mat3::from_quat(Quat::from_mat3(&rotation).normalize())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -238,6 +243,27 @@ mod tests {
             assert!(pixel(&camera, target).distance(SIZE.as_vec2() / 2.0) < 0.5);
             assert!((camera.rotation * Vec3::Y).y < 0.0, "turned over");
             assert!((camera.rotation.determinant() - 1.0).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn a_photos_tilted_horizon_comes_level_when_one_orbits_and_not_before() {
+        let level = CameraControls::new(&BOX, Vec3::Y).camera(SIZE, PANE);
+        for degrees in [-90.0f32, -20.0, 0.0, 35.0, 180.0] {
+            let roll = Mat3::from_rotation_z(degrees.to_radians());
+            let photo =
+                Camera { rotation: roll * level.rotation, translation: roll * level.translation, ..level };
+            let mut controls = CameraControls::new(&BOX, Vec3::Y);
+            controls.move_to(&photo);
+            let shown = controls.camera(SIZE, PANE).rotation;
+            assert!(shown.abs_diff_eq(photo.rotation, 1e-5), "the photo is shown as it was taken");
+            controls.orbit(Vec2::new(0.001, 0.0));
+            let shown = controls.camera(SIZE, PANE).rotation;
+            assert!(shown.abs_diff_eq(photo.rotation, 0.06), "nothing jumps, {degrees}: {shown}");
+            (0..40).for_each(|_| controls.orbit(Vec2::new(0.01, 0.002)));
+            let shown = controls.camera(SIZE, PANE).rotation;
+            assert!((shown * Vec3::Y).x.abs() < 0.01 && (shown * Vec3::Y).y < 0.0, "{degrees}: {shown}");
+            assert!((shown.determinant() - 1.0).abs() < 1e-5);
         }
     }
 

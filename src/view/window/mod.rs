@@ -12,6 +12,8 @@
 mod app;
 mod background;
 pub mod controls;
+mod crop;
+mod help;
 mod options;
 mod panel;
 mod pick;
@@ -21,4 +23,4 @@ mod session;
 
 pub use app::open;
 pub use options::WindowOptions;
-pub use scene::{SceneLoader, SoftRenderer, SoupSource, WindowPhoto, WindowScene};
+pub use scene::{CropSaver, SceneFiles, SceneLoader, SoftRenderer, SoupSource, WindowPhoto, WindowScene};

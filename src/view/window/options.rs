@@ -7,8 +7,6 @@ use std::path::PathBuf;
 /// How a window looks.
 #[derive(Debug, Clone)]
 pub struct WindowOptions {
-    /// Title of the window.
-    pub title: String,
     /// Initial width and height, px.
     pub size: UVec2,
     /// sRGB-encoded background colour.

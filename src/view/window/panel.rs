@@ -1,6 +1,8 @@
 //! What is drawn over the picture: figures, settings, photos, cameras, the picked triangle.
 
 use super::controls::Pane;
+use super::crop::CropClick;
+use super::help;
 use super::session::{PhotoPlacement, Session, Settings};
 use crate::camera::Camera;
 use crate::view::renderer::DisplayMode;
@@ -8,14 +10,8 @@ use egui::{Color32, Pos2, Rect, Stroke, Ui};
 use glam::{Vec2, Vec3};
 use indicatif::HumanCount;
 
-const KEYS: &str = "\
-drag  orbit · right drag  turn · middle drag  pan
-wheel  zoom · WASD QE  fly (Shift faster)
-F  all in view · N / P  next / previous photo
-O  photo beside, over · C  cameras
-1  colour  2  normals  3  chunks
-4  wireframe  5  random subset  6  soft
-F12  screenshot · H  hide this · Esc  quit";
+/// Width of the panel, points.
+const WIDTH: f32 = 270.0;
 const EVERYTHING: Rect = Rect { min: Pos2::ZERO, max: Pos2::new(1.0, 1.0) };
 const ORANGE: Color32 = Color32::from_rgb(255, 160, 40);
 
@@ -23,7 +19,7 @@ const ORANGE: Color32 = Color32::from_rgb(255, 160, 40);
 pub(super) fn draw(ui: &mut Ui, session: &mut Session) {
     let scale = ui.ctx().pixels_per_point();
     if session.settings.panel {
-        egui::Panel::left("panel").exact_size(250.0).resizable(false).show(ui, |ui| side(ui, session));
+        egui::Panel::left("panel").exact_size(WIDTH).resizable(false).show(ui, |ui| side(ui, session));
     }
     let free = ui.available_rect_before_wrap();
     let pane = Pane {
@@ -36,6 +32,7 @@ pub(super) fn draw(ui: &mut Ui, session: &mut Session) {
     if session.settings.cameras {
         cameras(&painter, session, scale);
     }
+    region(&painter, session, scale);
     picked(&painter, session, scale);
     if let Some(left) = session.expire_note() {
         ui.ctx().request_repaint_after(left);
@@ -54,13 +51,14 @@ fn side(ui: &mut Ui, session: &mut Session) {
         figures(ui, session);
         ui.separator();
         settings(ui, session);
+        crop(ui, session);
         photos(ui, session);
         if let Some(picked) = &session.picked {
             ui.separator();
             ui.label(described(picked));
         }
         ui.separator();
-        ui.label(egui::RichText::new(KEYS).small());
+        help::show(ui);
     });
 }
 
@@ -98,6 +96,16 @@ fn settings(ui: &mut Ui, session: &mut Session) {
     });
     ui.add_enabled(has_soft, egui::Checkbox::new(soft, "soft, as trained (slow)"));
     ui.checkbox(continuous, "draw continuously");
+}
+
+fn crop(ui: &mut Ui, session: &mut Session) {
+    let Some(shown) = &mut session.shown else { return };
+    ui.separator();
+    match shown.crop.show(ui) {
+        Some(CropClick::Here) => session.move_crop_here(),
+        Some(CropClick::Save) => session.saving_crop = true,
+        None => {}
+    }
 }
 
 fn photos(ui: &mut Ui, session: &mut Session) {
@@ -181,6 +189,19 @@ fn cameras(painter: &egui::Painter, session: &Session, scale: f32) {
             line(&painter, camera, session.controls.near(), [ring[k], ring[(k + 1) % 4]], stroke, scale);
             line(&painter, camera, session.controls.near(), [position, ring[k]], stroke, scale);
         }
+    }
+}
+
+/// The edges of the region that the scene is cropped to.
+fn region(painter: &egui::Painter, session: &Session, scale: f32) {
+    let (Some(shown), Some(camera)) = (&session.shown, &session.camera) else { return };
+    if !shown.crop.on {
+        return;
+    }
+    let painter = painter.with_clip_rect(rect(session.pane, scale));
+    for ends in shown.crop.lines() {
+        let ends = ends.map(|p| shown.placement.to_file(p.as_vec3()));
+        line(&painter, camera, session.controls.near(), ends, Stroke::new(1.5, ORANGE), scale);
     }
 }
 

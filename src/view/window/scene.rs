@@ -1,11 +1,13 @@
 //! What a window shows, and who loads it.
 
-use crate::asset::Asset;
+use crate::asset::{Asset, Placement};
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::image::Pixels;
+use crate::region::Region;
 use crate::soup::Soup;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// What a window shows.
@@ -18,6 +20,45 @@ pub struct WindowScene {
     pub photos: Vec<WindowPhoto>,
     /// The soup that it was baked from, if any.
     pub source: Option<SoupSource>,
+    /// How the file's frame became the asset's.
+    pub placement: Placement,
+    /// Saves a region of the file for the bake; returns what to tell the user.
+    pub save_crop: CropSaver,
+}
+
+impl WindowScene {
+    /// From the frame of the asset to that of the file.
+    pub(super) fn to_file(&self) -> impl Fn(Vec3) -> DVec3 + use<> {
+        let placement = self.placement;
+        move |point| placement.to_world_f64(point)
+    }
+}
+
+/// What is opened: a scene, and photos of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SceneFiles {
+    /// A scene of any format that is read.
+    pub file: PathBuf,
+    /// A data set, if any.
+    pub dataset: Option<PathBuf>,
+}
+
+impl SceneFiles {
+    /// What is to be opened when `path` is dropped on the window: a folder or a `.json` is a data set of the same scene,
+    /// anything else another scene.
+    pub fn with_dropped(&self, path: &Path) -> Self {
+        let is_dataset = path.is_dir() || path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
+        match is_dataset {
+            true => Self { dataset: Some(path.to_owned()), ..self.clone() },
+            false => Self { file: path.to_owned(), dataset: None },
+        }
+    }
+
+    /// The title of their window.
+    pub fn title(&self) -> String {
+        let name = self.file.file_name().unwrap_or(self.file.as_os_str()).to_string_lossy();
+        format!("{name} – trisplat")
+    }
 }
 
 /// A posed photo.
@@ -41,14 +82,36 @@ pub struct SoupSource {
     pub renderer: SoftRenderer,
 }
 
+/// Saves a region of a file for the bake; returns what to tell the user. Called on a thread of its own.
+pub type CropSaver = Arc<dyn Fn(&Region) -> Result<String> + Send + Sync>;
+
 /// Draws what a camera sees.
 pub type SoftRenderer = Box<dyn FnMut(&Camera) -> Pixels + Send>;
 
 /// Loads what a window shows.
+#[derive(Clone)]
 pub struct SceneLoader {
-    /// Makes the scene and reports its progress; called on a thread of its own.
+    /// Makes the scene of some files and reports its progress; called on a thread of its own.
     #[allow(clippy::type_complexity, reason = "it is called once, here")]
-    pub load: Box<dyn FnOnce(&dyn Fn(&str)) -> Result<WindowScene> + Send>,
+    pub load: Arc<dyn Fn(&SceneFiles, &dyn Fn(&str)) -> Result<WindowScene> + Send + Sync>,
     /// Adds the BVH that picking needs; called on a thread of its own once the scene is shown.
     pub add_bvh: fn(Asset) -> Result<Asset>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_that_is_dropped_is_a_data_set_of_the_same_scene_and_a_file_another_scene() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let files = SceneFiles { file: "a.glb".into(), dataset: Some("photos".into()) };
+        let with = files.with_dropped(folder.path());
+        assert_eq!(with, SceneFiles { dataset: Some(folder.path().into()), ..files.clone() });
+        let with = files.with_dropped(Path::new("x/transforms.JSON"));
+        assert_eq!(with.dataset.as_deref(), Some(Path::new("x/transforms.JSON")));
+        let with = files.with_dropped(Path::new("x/b.ply"));
+        assert_eq!(with, SceneFiles { file: "x/b.ply".into(), dataset: None });
+        assert_eq!(with.title(), "b.ply – trisplat");
+    }
 }

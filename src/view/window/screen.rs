@@ -32,9 +32,9 @@ pub(super) struct Screen {
 
 impl Screen {
     /// Opens a window. Errors: no window, or no card that can draw in it.
-    pub(super) fn open(events: &ActiveEventLoop, options: &WindowOptions) -> Result<Self> {
+    pub(super) fn open(events: &ActiveEventLoop, options: &WindowOptions, title: String) -> Result<Self> {
         let size = winit::dpi::PhysicalSize::new(options.size.x, options.size.y);
-        let attributes = WindowAttributes::default().with_title(&options.title).with_inner_size(size);
+        let attributes = WindowAttributes::default().with_title(title).with_inner_size(size);
         let no_window = |e: &dyn std::fmt::Display| Error::Gpu(format!("no window can be opened: {e}"));
         let window = Arc::new(events.create_window(attributes).map_err(|e| no_window(&e))?);
         let instance = options.adapter.instance(Some(Box::new(events.owned_display_handle())));
@@ -162,7 +162,7 @@ impl Screen {
             background: self.background,
             display: session.settings.display,
             wireframe: session.settings.wireframe,
-            subset: session.subset.as_deref().filter(|_| session.settings.subset),
+            subset: session.drawn_subset().map(|subset| &**subset),
             order: ChunkOrder::File,
         };
         let Some(shown) = &session.shown else {

@@ -4,11 +4,13 @@ use super::super::model::{Model, Subset};
 use super::super::renderer::{DisplayMode, DrawStats};
 use super::background::LoadedScene;
 use super::controls::{CameraControls, Keys, Pane};
+use super::crop::CropEditor;
 use super::pick::Picked;
-use super::scene::{SoftRenderer, SoupSource, WindowPhoto};
-use crate::asset::Asset;
+use super::scene::{CropSaver, SceneFiles, SoftRenderer, SoupSource, WindowPhoto};
+use crate::asset::{Asset, Placement};
 use crate::camera::Camera;
 use crate::image::Pixels;
+use crate::region::Region;
 use crate::soup::Soup;
 use crate::view::layout::Aabb;
 use egui::{ColorImage, Context, TextureHandle, TextureOptions};
@@ -77,6 +79,19 @@ pub(super) struct Shown {
     pub(super) has_soft: bool,
     /// The asset with its BVH, once that is built.
     pub(super) asset: Option<Arc<Asset>>,
+    /// From the file's frame to the asset's.
+    pub(super) placement: Placement,
+    pub(super) crop: CropEditor,
+    pub(super) save_crop: CropSaver,
+}
+
+/// Which of the triangles are drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Filter {
+    /// A random share of them, of 1.
+    pub(super) share: f64,
+    /// Those in a region of the file.
+    pub(super) region: Option<Region>,
 }
 
 /// The state of the window, except what is on the graphics card.
@@ -85,6 +100,12 @@ pub(super) struct Session {
     pub(super) controls: CameraControls,
     pub(super) keys: Keys,
     pub(super) shown: Option<Shown>,
+    /// What is shown, or loaded first.
+    pub(super) files: SceneFiles,
+    /// The number of the scene that is shown: of those that were dropped on the window, 0 for the first.
+    pub(super) scene: u32,
+    /// The number of the scene that is being loaded.
+    pub(super) loading: Option<u32>,
     /// The note that is shown, and since when.
     pub(super) note: Option<(String, Instant)>,
     /// The photo whose camera was taken last.
@@ -96,7 +117,12 @@ pub(super) struct Session {
     /// The soft picture and the camera it was drawn for.
     pub(super) soft: Option<(Camera, TextureHandle, Pixels)>,
     pub(super) subset: Option<Arc<Subset>>,
-    pub(super) subset_share: Option<f64>,
+    /// What that subset is of, or the one that is being made.
+    pub(super) filtered: Option<Filter>,
+    /// Whether the region is to be saved.
+    pub(super) saving_crop: bool,
+    /// Whether a subset is being made.
+    pub(super) filtering: bool,
     pub(super) picked: Option<Box<Picked>>,
     pub(super) meter: Meter,
     pub(super) drawn: DrawStats,
@@ -108,20 +134,25 @@ pub(super) struct Session {
 }
 
 impl Session {
-    pub(super) fn new(gpu_name: String) -> Self {
+    pub(super) fn new(gpu_name: String, files: SceneFiles) -> Self {
         let bounds = Aabb { min: Vec3::NEG_ONE, max: Vec3::ONE };
         Self {
             settings: Settings::default(),
             controls: CameraControls::new(&bounds, Vec3::Y),
             keys: Keys::default(),
             shown: None,
+            files,
+            scene: 0,
+            loading: Some(0),
             note: Some(("loading".into(), Instant::now())),
             current: None,
             photo: None,
             decoding: None,
             soft: None,
             subset: None,
-            subset_share: None,
+            filtered: None,
+            filtering: false,
+            saving_crop: false,
             picked: None,
             meter: Meter::default(),
             drawn: DrawStats::default(),
@@ -133,7 +164,14 @@ impl Session {
 
     /// Shows a scene: from the camera of its first photo, from its initial viewpoint, or as a whole.
     pub(super) fn show(&mut self, loaded: LoadedScene) {
-        let LoadedScene { scene, model, bounds, viewpoint } = loaded;
+        let LoadedScene { files, scene, model, bounds, viewpoint } = loaded;
+        let same = self.files.file == files.file;
+        self.files = files;
+        (self.photo, self.soft, self.subset, self.picked) = (None, None, None, None);
+        (self.current, self.decoding, self.filtered, self.filtering) = (None, None, None, false);
+        // The same scene may come again with other photos.
+        let kept = self.shown.take().filter(|_| same).map(|shown| shown.crop);
+        let crop = kept.unwrap_or_else(|| CropEditor::around(&bounds, scene.to_file()));
         self.controls = CameraControls::new(&bounds, scene.up);
         let (soup, to_soup, soft_renderer) = match scene.source {
             Some(SoupSource { soup, to_soup, renderer }) => (Some(soup), Some(to_soup), Some(renderer)),
@@ -148,6 +186,9 @@ impl Session {
             has_soft: soft_renderer.is_some(),
             soft_renderer,
             asset: None,
+            placement: scene.placement,
+            crop,
+            save_crop: scene.save_crop,
         });
         self.note = None;
         if self.shown.as_ref().is_some_and(|s| !s.photos.is_empty()) {
@@ -155,6 +196,25 @@ impl Session {
         } else if let Some(viewpoint) = viewpoint {
             self.controls.move_to(&viewpoint.camera(UVec2::new(1600, 1000)));
             self.controls.set_pivot_distance(viewpoint.distance());
+        }
+    }
+
+    /// Which of the triangles are to be drawn; `None` for all.
+    pub(super) fn filter(&self) -> Option<Filter> {
+        let region = self.shown.as_ref().and_then(|shown| shown.crop.region());
+        let share = if self.settings.subset { self.settings.share } else { 1.0 };
+        (self.settings.subset || region.is_some()).then_some(Filter { share, region })
+    }
+
+    /// What is drawn of the model in place of all of it.
+    pub(super) fn drawn_subset(&self) -> Option<&Arc<Subset>> {
+        self.filter().and(self.subset.as_ref())
+    }
+
+    /// Moves the region to what is looked at.
+    pub(super) fn move_crop_here(&mut self) {
+        if let Some(shown) = &mut self.shown {
+            shown.crop.move_to(shown.placement.to_world_f64(self.controls.pivot()));
         }
     }
 
@@ -192,7 +252,12 @@ impl Session {
     /// Brings the whole scene into view.
     pub(super) fn frame(&mut self) {
         if let Some(shown) = &self.shown {
-            self.controls.frame(&shown.bounds);
+            let of_crop = || {
+                let ends = shown.crop.lines().into_iter().flatten();
+                let at = |p: glam::DVec3| shown.placement.to_file(p.as_vec3());
+                ends.map(at).fold(Aabb::EMPTY, |all, p| all.union(Aabb { min: p, max: p }))
+            };
+            self.controls.frame(&if shown.crop.on { of_crop() } else { shown.bounds });
             self.current = None;
         }
     }

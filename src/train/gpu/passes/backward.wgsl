@@ -71,8 +71,7 @@ fn backward(
         let has_splat = first + local < shown;
         let pair = pairs[min(first + local, shown - 1u)];
         let splat = owners[pair];
-        let record =
-            record_of(records[4u * splat], records[4u * splat + 1u], records[4u * splat + 2u], records[4u * splat + 3u]);
+        let record = record_at(splat);
         for (var turn = 0u; turn < TILE * TILE + TURNS - 1u; turn++) {
             workgroupBarrier();
             let p = turn - local;

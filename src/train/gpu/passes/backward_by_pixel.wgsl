@@ -62,8 +62,7 @@ fn backward_by_pixel(
         let has_splat = first + local < end;
         let pair = pairs[min(first + local, end - 1u)];
         let splat = owners[pair];
-        let record =
-            record_of(records[4u * splat], records[4u * splat + 1u], records[4u * splat + 2u], records[4u * splat + 3u]);
+        let record = record_at(splat);
         for (var turn = 0u; turn < TILE * TILE + TURNS - 1u; turn++) {
             workgroupBarrier();
             let p = turn - local;

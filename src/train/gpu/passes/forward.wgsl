@@ -81,12 +81,6 @@ fn forward(
         tile_ends[tile] = shown;
     }
     if inside {
-        let at = pixel.y * step.frame.x + pixel.x;
-        frame[at] = vec4(fma(vec3(transmittance), step.background.xyz, rgb), transmittance);
-        if step.modes.z == 1u {
-            geometry[3u * at] = vec4(layers.normal, layers.depth);
-            geometry[3u * at + 1u] = vec4(layers.sums, layers.anchor);
-            geometry[3u * at + 2u] = vec4(layers.distortion, 0.0, 0.0, 0.0);
-        }
+        write_pixel(pixel.y * step.frame.x + pixel.x, rgb, transmittance, layers);
     }
 }

@@ -6,18 +6,18 @@
 // the layers, with the light in front of each and what is behind it, for the backward pass.
 
 @group(0) @binding(0) var<uniform> step: Step;
-@group(0) @binding(1) var<uniform> job: Job;
-@group(0) @binding(2) var<storage, read> tile_starts: array<u32>;
-@group(0) @binding(3) var<storage, read> pairs: array<u32>;
-@group(0) @binding(4) var<storage, read> owners: array<u32>;
-@group(0) @binding(5) var<storage, read> records: array<vec4<f32>>;
-@group(0) @binding(6) var<storage, read> planes: array<vec4<f32>>;
-@group(0) @binding(7) var<storage, read_write> frame: array<vec4<f32>>;
-@group(0) @binding(8) var<storage, read_write> geometry: array<vec4<f32>>;
-@group(0) @binding(9) var<storage, read_write> layer_starts: array<u32>;
-@group(0) @binding(10) var<storage, read_write> layers: array<vec4<f32>>; // place in the pairs, light in front, behind; -
-@group(0) @binding(11) var<storage, read> d_frame: array<vec4<f32>>;
-@group(0) @binding(12) var<storage, read> d_geometry: array<vec4<f32>>;
+@group(0) @binding(1) var<storage, read> tile_starts: array<u32>;
+@group(0) @binding(2) var<storage, read> pairs: array<u32>;
+@group(0) @binding(3) var<storage, read> owners: array<u32>;
+@group(0) @binding(4) var<storage, read> records: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> planes: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read_write> frame: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read_write> geometry: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read_write> layer_starts: array<u32>;
+@group(0) @binding(9) var<storage, read_write> layers: array<vec4<f32>>; // place in the pairs, light in front, behind; -
+@group(0) @binding(10) var<storage, read> d_frame: array<vec4<f32>>;
+@group(0) @binding(11) var<storage, read> d_geometry: array<vec4<f32>>;
+@group(0) @binding(12) var<uniform> job: Job;
 
 var<workgroup> batch: array<array<vec4<f32>, 4>, BATCH>;
 var<workgroup> batch_planes: array<vec4<f32>, BATCH>;
@@ -203,10 +203,5 @@ fn forward_by_pixel(
     if at == step.frame.x * step.frame.y - 1u {
         layer_starts[at + 1u] = 0u;
     }
-    frame[at] = vec4(fma(vec3(transmittance), step.background.xyz, rgb), transmittance);
-    if step.modes.z == 1u {
-        geometry[3u * at] = vec4(sums.normal, sums.depth);
-        geometry[3u * at + 1u] = vec4(sums.sums, sums.anchor);
-        geometry[3u * at + 2u] = vec4(sums.distortion, 0.0, 0.0, 0.0);
-    }
+    write_pixel(at, rgb, transmittance, sums);
 }

@@ -96,3 +96,9 @@ fn write_slot(at: u32, sums: SplatSums) {
         slots[first + GEOMETRY + 5u] = sums.normal.z;
     }
 }
+
+// The record of a splat. Needs `records`.
+fn record_at(splat: u32) -> Record {
+    let at = 4u * splat;
+    return record_of(records[at], records[at + 1u], records[at + 2u], records[at + 3u]);
+}

@@ -8,6 +8,8 @@
 @group(0) @binding(4) var<storage, read_write> partial_sums: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read_write> d_frame: array<vec4<f32>>;
 
+alias Addend = vec2<f32>;
+
 const SIDE: u32 = TILE + 2u * REACH;
 
 var<workgroup> values: array<vec3<f32>, SIDE * SIDE>;
@@ -63,7 +65,7 @@ fn loss_grad(
         d_frame[at] = vec4(d * picture[2u * at + 1u].xyz, weight * error);
     }
     let absolute = abs(difference);
-    let total = tile_sum(local, weight * vec2(absolute.x + absolute.y + absolute.z, error));
+    let total = group_sum(local, weight * vec2(absolute.x + absolute.y + absolute.z, error));
     if local == 0u {
         let group = workgroup.y * workgroups.x + workgroup.x;
         partial_sums[group] = vec4(total, partial_sums[group].zw);

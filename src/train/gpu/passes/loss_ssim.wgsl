@@ -7,6 +7,8 @@
 @group(0) @binding(3) var<storage, read_write> maps: array<f32>; // by mean, square and cross; each for three channels
 @group(0) @binding(4) var<storage, read_write> partial_sums: array<vec4<f32>>;
 
+alias Addend = vec2<f32>;
+
 const SIDE: u32 = TILE + 2u * REACH;
 
 var<workgroup> values: array<vec2<f32>, SIDE * SIDE>; // picture, photo
@@ -68,7 +70,7 @@ fn loss_ssim(
             maps[(6u + channel) * count + at] = weight * s.d_cross;
         }
     }
-    let total = tile_sum(local, vec2(sum, 0.0));
+    let total = group_sum(local, vec2(sum, 0.0));
     if local == 0u {
         partial_sums[workgroup.y * workgroups.x + workgroup.x] = vec4(0.0, 0.0, total.x, 0.0);
     }

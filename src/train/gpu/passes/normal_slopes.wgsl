@@ -8,7 +8,7 @@
 @group(0) @binding(4) var<storage, read_write> slopes: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read_write> partial_sums: array<vec4<f32>>;
 
-var<workgroup> addends: array<f32, GROUP>;
+alias Addend = f32;
 
 struct Agreement {
     loss: f32,
@@ -70,14 +70,8 @@ fn normal_slopes(
         d_geometry[2u * at] = vec4(found.d_normal, 0.0);
         loss = found.loss + step.loss.z * geometry[3u * at + 2u].x;
     }
-    addends[local] = loss;
-    for (var half = GROUP / 2u; half > 0u; half /= 2u) {
-        workgroupBarrier();
-        if local < half {
-            addends[local] += addends[local + half];
-        }
-    }
+    let total = group_sum(local, loss);
     if local == 0u && group * GROUP < count {
-        partial_sums[group] = vec4(addends[0], 0.0, 0.0, 0.0);
+        partial_sums[group] = vec4(total, 0.0, 0.0, 0.0);
     }
 }

@@ -20,3 +20,26 @@ fn anneal_sigma(raw: f32) -> f32 {
 fn anneal_sigma_grad(raw: f32, d_sigma: f32) -> f32 {
     return d_sigma * step.anneal.z * exp_lane(raw);
 }
+
+// The opacity and σ that triangle i is drawn with: the twin of `activate` in cpu.rs.
+
+fn drawn_opacity(i: u32) -> f32 {
+    let raw = x[ROW_OPACITY * step.scene.x + i];
+    if i >= step.parts.x {
+        return anneal_opacity(raw);
+    }
+    let opacity = sigmoid(raw);
+    if step.parts.y == 0u {
+        return opacity;
+    }
+    let sigma = drawn_sigma(i);
+    return opacity * (2.0 / ((sigma + 1.0) * (sigma + 2.0)));
+}
+
+fn drawn_sigma(i: u32) -> f32 {
+    let raw = x[ROW_SIGMA * step.scene.x + i];
+    if i >= step.parts.x {
+        return anneal_sigma(raw);
+    }
+    return max(SIGMA_MIN + exp_lane(raw), SIGMA_SOLID);
+}

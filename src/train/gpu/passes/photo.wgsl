@@ -8,18 +8,3 @@ fn photo_rgb(at: u32) -> vec3<f32> {
 fn photo_weight(at: u32) -> f32 {
     return f32(photo[at] >> 24u) * (1.0 / 255.0);
 }
-
-// The sum over a workgroup of TILE x TILE, in a fixed order; for the first invocation.
-var<workgroup> addends: array<vec2<f32>, TILE * TILE>;
-
-fn tile_sum(local: u32, value: vec2<f32>) -> vec2<f32> {
-    workgroupBarrier();
-    addends[local] = value;
-    for (var half = TILE * TILE / 2u; half > 0u; half /= 2u) {
-        workgroupBarrier();
-        if local < half {
-            addends[local] += addends[local + half];
-        }
-    }
-    return addends[0];
-}

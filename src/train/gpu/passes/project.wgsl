@@ -128,9 +128,9 @@ fn project(
         let first = select(0u, splat_starts[i], job.writes == 1u);
         // When writing: none but those counted.
         let room = select(2u, min(splat_starts[i + 1u], arrayLength(&pieces)) - min(first, arrayLength(&pieces)), job.writes == 1u);
-        let opacity = anneal_opacity(x[ROW_OPACITY * n + i]);
+        let opacity = drawn_opacity(i);
         if room > 0u && opacity > step.limits.x {
-            let sigma = anneal_sigma(x[ROW_SIGMA * n + i]);
+            let sigma = drawn_sigma(i);
             let triangle = WorldTriangle(
                 vec3(x[i], x[n + i], x[2u * n + i]),
                 vec3(x[3u * n + i], x[4u * n + i], x[5u * n + i]),

@@ -4,7 +4,7 @@
 @group(0) @binding(1) var<storage, read> x: array<f32>;
 @group(0) @binding(2) var<storage, read_write> partial_sums: array<vec4<f32>>;
 
-var<workgroup> addends: array<vec2<f32>, GROUP>;
+alias Addend = vec2<f32>;
 
 @compute @workgroup_size(GROUP)
 fn regularise(
@@ -23,14 +23,8 @@ fn regularise(
         let normal = cross(v1 - v0, v2 - v0);
         value = vec2(0.5 * sqrt(dot(normal, normal)), anneal_opacity(x[ROW_OPACITY * n + i]));
     }
-    addends[local] = value;
-    for (var half = GROUP / 2u; half > 0u; half /= 2u) {
-        workgroupBarrier();
-        if local < half {
-            addends[local] += addends[local + half];
-        }
-    }
+    let total = group_sum(local, value);
     if local == 0u && group * GROUP < n {
-        partial_sums[group] = vec4(addends[0], 0.0, 0.0);
+        partial_sums[group] = vec4(total, 0.0, 0.0);
     }
 }

@@ -10,7 +10,7 @@ struct Sum {
 @group(0) @binding(1) var<storage, read> partial_sums: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read_write> counts: array<u32>;
 
-var<workgroup> addends: array<vec4<f32>, GROUP>;
+alias Addend = vec4<f32>;
 
 @compute @workgroup_size(GROUP)
 fn sum_partials(@builtin(local_invocation_index) local: u32) {
@@ -18,16 +18,10 @@ fn sum_partials(@builtin(local_invocation_index) local: u32) {
     for (var i = local; i < counts[job.length_at]; i += GROUP) {
         sum += partial_sums[i];
     }
-    addends[local] = sum;
-    for (var half = GROUP / 2u; half > 0u; half /= 2u) {
-        workgroupBarrier();
-        if local < half {
-            addends[local] += addends[local + half];
-        }
-    }
+    let total = group_sum(local, sum);
     if local == 0u {
         for (var k = 0u; k < job.numbers; k++) {
-            counts[job.place + k] = bitcast<u32>(addends[0][k]);
+            counts[job.place + k] = bitcast<u32>(total[k]);
         }
     }
 }

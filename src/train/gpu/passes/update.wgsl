@@ -214,7 +214,7 @@ fn triangle_grad(i: u32, triangle: WorldTriangle) -> TriangleGrad {
         return d;
     }
     let whole = whole_triangle(triangle);
-    let opacity = anneal_opacity(x[ROW_OPACITY * step.scene.x + i]);
+    let opacity = drawn_opacity(i);
     for (var splat = first; splat < end; splat++) {
         add_piece(&d, splat, whole, opacity);
     }
@@ -292,6 +292,10 @@ fn update(
     }
     let triangle = triangle_of(i);
     let d = triangle_grad(i, triangle);
+    // Frozen triangles come first: they are seen, and stay as they are.
+    if i < step.parts.x {
+        return;
+    }
     let sum = magnitude(d);
     if !is_finite(sum) {
         atomicAdd(&counts[DROPPED], 1u);

@@ -1,0 +1,112 @@
+//! Puts triangles that are near in space near in memory, for the stages that draw the scene again and again: of its
+//! triangles those that a tile of a picture shows are read together.
+
+use super::order::FaceOrder;
+use crate::math::curve::along_curve;
+use crate::report::{Outcome, StageDetails};
+use crate::scene::Scene;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+/// Fewer triangles stay as they are: the caches of a CPU hold them in any order.
+const FEWEST: usize = 16_384;
+
+/// What arranging did.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct ArrangeDetails {
+    /// Triangles that changed their place.
+    pub moved: u64,
+}
+
+impl StageDetails for ArrangeDetails {
+    const STAGE: &'static str = "arrange";
+}
+
+/// Arranges the triangles from `first` on; `is_drawn` says whether a later stage draws the scene, and `order` in which
+/// order the triangles are written.
+pub fn arrange(
+    scene: &mut Scene,
+    first: usize,
+    is_drawn: bool,
+    order: FaceOrder,
+    details: &mut ArrangeDetails,
+) -> Outcome<()> {
+    if !is_drawn {
+        return Outcome::Unneeded("no stage draws the scene");
+    }
+    if order == FaceOrder::None {
+        return Outcome::Unneeded("the triangles are to stay as they come");
+    }
+    if scene.triangle_count() < FEWEST {
+        return Outcome::Unneeded("there are few triangles");
+    }
+    let centroid = |i: usize| scene.corners(i).map(Vec3::as_dvec3).into_iter().sum::<DVec3>() / 3.0;
+    let centroids: Vec<DVec3> = (first..scene.triangle_count()).into_par_iter().map(centroid).collect();
+    let arranged = along_curve(&centroids).into_iter().map(|i| first + i as usize);
+    let places: Vec<usize> = (0..first).chain(arranged).collect();
+    details.moved = places.iter().enumerate().filter(|&(to, &from)| from != to).count() as u64;
+    if details.moved == 0 {
+        return Outcome::Unneeded("near triangles are near in the file already");
+    }
+    match scene {
+        Scene::Soup(soup) => *soup = soup.picked(&places),
+        Scene::Mesh(mesh) => mesh.select(&places.iter().map(|&i| i as u32).collect::<Vec<_>>()),
+    }
+    Outcome::Changed(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::Rng;
+    use crate::soup::Soup;
+
+    /// Triangles at random places; the opacity of each names it.
+    fn soup(count: usize) -> Soup {
+        let rng = Rng::new(1, "arrange", 0);
+        let at = |i: usize| Vec3::from([0, 1, 2].map(|k| rng.uniform((3 * i + k) as u64)));
+        Soup {
+            vertices: (0..count).map(|i| [at(i), at(i) + 1e-3 * Vec3::X, at(i) + 1e-3 * Vec3::Y]).collect(),
+            opacity: (0..count).map(|i| i as f32).collect(),
+            sigma: (0..count).map(|i| -(i as f32)).collect(),
+            sh: (0..4 * count).map(|i| [i as f32; 3]).collect(),
+            sh_degree: 1,
+        }
+    }
+
+    fn steps(soup: &Soup) -> f32 {
+        soup.vertices.windows(2).map(|pair| pair[0][0].distance(pair[1][0])).sum()
+    }
+
+    #[test]
+    fn near_triangles_are_near_and_keep_all_they_have() {
+        let before = soup(FEWEST);
+        let (mut scene, mut details) = (Scene::Soup(before.clone()), ArrangeDetails::default());
+        let first = 100;
+        let outcome = arrange(&mut scene, first, true, FaceOrder::Spatial, &mut details);
+        assert!(matches!(outcome, Outcome::Changed(())) && details.moved > 10_000, "{details:?}");
+        let Scene::Soup(after) = scene else { unreachable!("a soup stays one") };
+        assert_eq!(after.vertices[..first], before.vertices[..first], "these stay");
+        assert!(steps(&after) < 0.1 * steps(&before), "{} {}", steps(&after), steps(&before));
+        for i in 0..after.len() {
+            let was = after.opacity[i] as usize;
+            assert_eq!(after.vertices[i], before.vertices[was]);
+            assert_eq!(after.sigma[i], before.sigma[was]);
+            assert_eq!(after.sh[4 * i..4 * i + 4], before.sh[4 * was..4 * was + 4]);
+        }
+    }
+
+    #[test]
+    fn what_nobody_needs_is_not_done() {
+        let why = |count, is_drawn, order| {
+            let mut scene = Scene::Soup(soup(count));
+            match arrange(&mut scene, 0, is_drawn, order, &mut ArrangeDetails::default()) {
+                Outcome::Unneeded(why) => why,
+                Outcome::Changed(()) => "changed",
+            }
+        };
+        assert_eq!(why(FEWEST, false, FaceOrder::Spatial), "no stage draws the scene");
+        assert_eq!(why(FEWEST, true, FaceOrder::None), "the triangles are to stay as they come");
+        assert_eq!(why(FEWEST - 1, true, FaceOrder::Spatial), "there are few triangles");
+    }
+}

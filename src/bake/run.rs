@@ -1,0 +1,103 @@
+//! A bake as a program asks for one.
+
+use super::options::BakeOptions;
+use super::recipe::Recipe;
+use super::views::Views;
+use crate::asset::Asset;
+use crate::error::Result;
+use crate::report::{Observer, Report};
+use crate::scene::Loaded;
+
+/// What an engine draws of a scene: the whole recipe, without photos. [`Bake`] takes photos, several inputs, a
+/// report and an observer.
+///
+/// Errors: options out of range, nothing left to draw.
+///
+/// ```
+/// use glam::Vec3;
+/// use trisplat::bake::{BakeOptions, BakePreset, bake};
+/// use trisplat::soup::Soup;
+///
+/// let soup = Soup {
+///     vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]],
+///     opacity: vec![1.0],
+///     sigma: vec![0.01],
+///     sh: vec![[0.5, 0.0, -0.5]],
+///     sh_degree: 0,
+/// };
+/// let asset = bake(soup, &BakeOptions::preset(BakePreset::Fast))?;
+/// assert_eq!(asset.mesh.face_count(), 1);
+/// # Ok::<(), trisplat::error::Error>(())
+/// ```
+pub fn bake(scene: impl Into<Loaded>, options: &BakeOptions) -> Result<Asset> {
+    Bake::new(options).run([scene])
+}
+
+/// A bake with everything it can take beside a scene.
+///
+/// ```
+/// # use glam::Vec3;
+/// use trisplat::bake::{Bake, BakeOptions, prune::PruneDetails};
+/// use trisplat::report::Report;
+/// # use trisplat::soup::Soup;
+/// # let triangle = Soup {
+/// #     vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]],
+/// #     opacity: vec![1.0],
+/// #     sigma: vec![0.01],
+/// #     sh: vec![[0.5, 0.0, -0.5]],
+/// #     sh_degree: 0,
+/// # };
+/// # let faint = Soup { opacity: vec![0.001], ..triangle.clone() };
+///
+/// let mut report = Report::new("bake");
+/// let asset = Bake::new(&BakeOptions::default()).report(&mut report).run([triangle, faint])?;
+/// assert_eq!(asset.mesh.face_count(), 1);
+/// assert_eq!(report.details::<PruneDetails>().map(|d| d.faint), Some(1));
+/// # Ok::<(), trisplat::error::Error>(())
+/// ```
+#[must_use = "nothing happens before `run`"]
+pub struct Bake<'a> {
+    options: &'a BakeOptions,
+    views: Option<&'a mut Views>,
+    report: Option<&'a mut Report>,
+    observer: Option<&'a mut dyn Observer>,
+}
+
+impl<'a> Bake<'a> {
+    /// A bake with these options.
+    pub fn new(options: &'a BakeOptions) -> Self {
+        Self { options, views: None, report: None, observer: None }
+    }
+
+    /// Photos of the scene, if there are any; without them the cameras that came with the scene, if any, decide what
+    /// is visible. Their cameras are left in the frame of the scene.
+    pub fn photos(self, views: impl Into<Option<&'a mut Views>>) -> Self {
+        Self { views: views.into(), ..self }
+    }
+
+    /// Where to record what every stage did.
+    pub fn report(self, report: &'a mut Report) -> Self {
+        Self { report: Some(report), ..self }
+    }
+
+    /// What is notified when stages start and end.
+    pub fn observer(self, observer: &'a mut dyn Observer) -> Self {
+        Self { observer: Some(observer), ..self }
+    }
+
+    /// Bakes `inputs`, merged, into what an engine draws.
+    ///
+    /// Errors: options out of range, inputs that do not merge, nothing left to draw, photos that cannot be read or do
+    /// not show the scene.
+    pub fn run<S: Into<Loaded>>(self, inputs: impl IntoIterator<Item = S>) -> Result<Asset> {
+        self.options.validate()?;
+        let (mut own_report, mut no_observer) = (Report::default(), ());
+        let observer = match self.observer {
+            Some(observer) => observer,
+            None => &mut no_observer,
+        };
+        let report = self.report.unwrap_or(&mut own_report);
+        let recipe = Recipe::new(self.options, self.views, report, observer);
+        recipe.run(inputs.into_iter().map(Into::into).collect())
+    }
+}

@@ -1,0 +1,50 @@
+//! The flags of `trisplat bake`.
+
+use super::bake_bytes::ByteSize;
+use super::harden::HardenArgs;
+use crate::bake::BakeOptions;
+use crate::dataset::DatasetOptions;
+use crate::formats::output::OutputFormat;
+use std::path::PathBuf;
+
+/// Files, layers and the options of every stage.
+#[derive(Debug, clap::Args)]
+pub struct BakeArgs {
+    /// Files to bake: .ply .pt .off .obj .glb .gltf .html; several are merged; "-" is standard input. The folder of a plan whose blocks
+    /// are trained is baked into tiles, block by block.
+    #[arg(required = true, value_name = "IN")]
+    pub inputs: Vec<PathBuf>,
+    /// File to write: .glb .gltf .obj .ply .html .tileset.json; "-" is standard output.
+    #[arg(short, long, value_name = "OUT")]
+    pub output: PathBuf,
+    /// Kind of file to write, when the name of OUT does not say.
+    #[arg(long, value_enum)]
+    pub format: Option<OutputFormat>,
+    /// Replace OUT if it is there.
+    #[arg(short, long)]
+    pub force: bool,
+    /// Do everything but write.
+    #[arg(long)]
+    pub dry_run: bool,
+    /// JSON file with options; flags win over it (schema: trisplat schema bake).
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Write what every stage did as JSON (schema: trisplat schema report).
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// Write at most this many bytes, all files together, as in 5MB: with as many triangles as that takes. Bakes several times.
+    #[arg(long, value_name = "SIZE")]
+    pub max_bytes: Option<ByteSize>,
+    /// Posed photos of the scene: triangles that none sees go, and colours are fitted to them
+    #[arg(long, value_name = "DATASET")]
+    pub dataset: Option<PathBuf>,
+    /// Whether the scene is trained solid first.
+    #[command(flatten)]
+    pub harden: HardenArgs,
+    /// The options of the stages.
+    #[command(flatten)]
+    pub options: BakeOptions,
+    /// How the data set is read.
+    #[command(flatten)]
+    pub dataset_options: DatasetOptions,
+}

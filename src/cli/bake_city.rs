@@ -1,0 +1,65 @@
+//! `trisplat bake CITY -o OUT.tileset.json`: the blocks of a plan, one after the other.
+
+use super::Global;
+use super::bake_args::BakeArgs;
+use super::messages;
+use super::outputs::Outputs;
+use super::progress::thousands;
+use crate::bake::BakeOptions;
+use crate::error::{Error, Result};
+use crate::scale::{Blocks, manifest, tileset};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Whether a path is a plan of a scene in blocks, or its folder.
+pub(super) fn is_plan(path: &Path) -> bool {
+    path.join(manifest::NAME).is_file() || path.file_name().is_some_and(|name| name == manifest::NAME)
+}
+
+/// Bakes the blocks of `plan`.
+pub(super) fn run(args: &BakeArgs, plan: &Path, options: &BakeOptions, global: &Global) -> Result<()> {
+    let clock = Instant::now();
+    check(args, options)?;
+    let blocks = Blocks::open(plan, &args.dataset_options.limits)?;
+    let sources: Vec<PathBuf> = (0..blocks.len()).map(|i| blocks.path(i)).collect();
+    let mut outputs = Outputs::new(sources.iter().map(PathBuf::as_path), args.force);
+    outputs.plan("--output", &args.output)?;
+    let mut say = |index: usize, triangles: u64| {
+        if global.verbose {
+            messages::print(&format!("block {index}: {} triangles", thousands(triangles)));
+        }
+    };
+    let done = tileset::bake_tiles(&blocks, &args.output, options, &mut say)?;
+    if !global.quiet {
+        let (out, folder) = (args.output.display(), done.folder.display());
+        let (triangles, bytes) = (thousands(done.triangles), thousands(done.bytes));
+        let seconds = clock.elapsed().as_secs_f64();
+        let count = blocks.len();
+        messages::print(&format!(
+            "wrote {out} and {folder}: {triangles} triangles of {count} blocks ({bytes} bytes, {seconds:.2} s)"
+        ));
+    }
+    Ok(())
+}
+
+/// Refuses what a bake of one block at a time cannot do.
+fn check(args: &BakeArgs, options: &BakeOptions) -> Result<()> {
+    let refused = [
+        (
+            !options.tiles.tiles,
+            "output",
+            "a name ending in .tileset.json; for one file merge the blocks first",
+        ),
+        (args.dataset.is_some(), "dataset", "a merged scene: blocks are baked one by one, without photos"),
+        (args.harden.harden, "harden", "a merged scene"),
+        (args.max_bytes.is_some(), "max_bytes", "a merged scene"),
+        (args.report.is_some(), "report", "a merged scene"),
+        (args.dry_run, "dry_run", "a merged scene"),
+        (options.collision.collision, "collision", "a merged scene"),
+        (options.prune.max_triangles.is_some(), "max_triangles", "a merged scene"),
+    ];
+    match refused.iter().find(|(is, ..)| *is) {
+        Some((_, option, wants)) => Err(Error::invalid(*option, "given with a plan", *wants)),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,84 @@
+//! `trisplat merge CITY -o OUT.ply`: one scene of the blocks of a plan.
+
+use super::Global;
+use super::files;
+use super::messages;
+use super::outputs::Outputs;
+use super::progress::thousands;
+use crate::dataset::DatasetOptions;
+use crate::error::{Error, Result};
+use crate::scale::Blocks;
+use crate::scale::merge::SeamQuality;
+use crate::scale::seams;
+use std::path::PathBuf;
+
+/// What to merge.
+#[derive(Debug, clap::Args)]
+pub struct MergeArgs {
+    /// Folder of a plan all of whose blocks are trained, or its manifest.json.
+    #[arg(value_name = "CITY")]
+    pub city: PathBuf,
+    /// Soup to write, .ply.
+    #[arg(short, long, value_name = "OUT")]
+    pub output: PathBuf,
+    /// Replace files that are there.
+    #[arg(short, long)]
+    pub force: bool,
+    /// Write what was found at the seams as JSON (schema: trisplat schema merge).
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// Compare the merged scene with the held-out photos, at seams and elsewhere. Takes the memory of the whole scene.
+    #[arg(long)]
+    pub evaluate: bool,
+    /// Compare another scene of the same photos with them at the same places: one run, say.
+    #[arg(long, value_name = "SCENE", requires = "evaluate")]
+    pub against: Option<PathBuf>,
+    /// How the held-out photos are read.
+    #[command(flatten)]
+    pub dataset_options: DatasetOptions,
+}
+
+/// Merges, and compares if that is wanted.
+pub fn run(args: &MergeArgs, global: &Global) -> Result<()> {
+    if args.output.extension().is_none_or(|e| !e.eq_ignore_ascii_case("ply")) {
+        let wants = "a name that ends with .ply; bake turns it into .glb";
+        return Err(Error::invalid("--output", args.output.display(), wants));
+    }
+    let blocks = Blocks::open(&args.city, &args.dataset_options.limits)?;
+    let sources: Vec<PathBuf> = (0..blocks.len()).map(|i| blocks.path(i)).collect();
+    let inputs = sources.iter().chain(&args.against).map(PathBuf::as_path);
+    let dataset = blocks.manifest.dataset_path(blocks.folder());
+    let mut files = Outputs::new(inputs, args.force).with_dataset(Some(&dataset));
+    files.claim("--output", &args.output)?;
+    args.report.as_deref().map_or(Ok(()), |path| files.claim("--report", path))?;
+    let mut report = blocks.merge_into(files.take(&args.output)?)?;
+    if args.evaluate {
+        let scenes = std::iter::once(&args.output).chain(&args.against);
+        let scenes: Vec<_> = scenes.map(PathBuf::as_path).collect();
+        report.quality = seams::compare(&blocks, &scenes, &args.dataset_options)?;
+    }
+    if !global.quiet {
+        let (triangles, count) = (thousands(report.triangles), blocks.len());
+        let crossing: u64 = report.blocks.iter().map(|block| block.crossing).sum();
+        let crossing = thousands(crossing);
+        let out = args.output.display();
+        messages::print(&format!(
+            "wrote {out}: {triangles} triangles of {count} blocks, {crossing} of them across seams"
+        ));
+        report.quality.iter().for_each(|quality| messages::print(&line(quality)));
+    }
+    args.report.as_deref().map_or(Ok(()), |path| files::save_json(&report, files.take(path)?))
+}
+
+fn line(quality: &SeamQuality) -> String {
+    let db = |psnr: Option<f64>| psnr.map_or("-".to_owned(), |psnr| format!("{psnr:.2} dB"));
+    format!(
+        "{}: {:.2} dB over {} held-out photos; {} at seams ({:.1}% of the pixels), {} elsewhere",
+        quality.scene,
+        quality.psnr,
+        quality.photos,
+        db(quality.seams_psnr),
+        100.0 * quality.seams_share,
+        db(quality.elsewhere_psnr)
+    )
+}

@@ -1,0 +1,216 @@
+//! `trisplat plan DATASET -o CITY`: a scene in blocks; `--status` says how far they are.
+
+use super::Global;
+use super::bake_bytes::ByteSize;
+use super::layers::Layers;
+use super::messages;
+use super::outputs::Outputs;
+use super::progress::thousands;
+use super::signals;
+use super::train_progress::Bar;
+use crate::dataset::{Dataset, DatasetOptions};
+use crate::error::{Error, Result};
+use crate::formats::{self, ReadOptions};
+use crate::scale::manifest::{Expected, NAME};
+use crate::scale::{Manifest, PlanOptions, Planner, status};
+use crate::scene::Loaded;
+use crate::train::device::OpenBackend;
+use crate::train::{BackendOptions, RunOptions, TrainOptions, TrainRun, checkpoint};
+use clap::ArgMatches;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// What to plan.
+#[derive(Debug, clap::Args)]
+pub struct PlanArgs {
+    /// Folder of posed photos (COLMAP model or transforms.json).
+    #[arg(value_name = "DATASET", required_unless_present = "status")]
+    pub dataset: Option<PathBuf>,
+    /// Folder of the plan, which is made: manifest.json, and the soups that blocks start from. Results of blocks go there, too.
+    #[arg(short, long, value_name = "CITY", required_unless_present = "status")]
+    pub output: Option<PathBuf>,
+    /// Replace a plan that is there.
+    #[arg(short, long)]
+    pub force: bool,
+    /// Print how far the blocks of the plan in this folder are, and plan nothing.
+    #[arg(long, value_name = "CITY", conflicts_with_all = ["dataset", "output"])]
+    pub status: Option<PathBuf>,
+    /// Refuse a plan in which a block is expected to take more memory than this, as in 8GB.
+    #[arg(long, value_name = "SIZE")]
+    pub memory: Option<ByteSize>,
+    /// Write a checkpoint of the coarse scene every N steps; 0: only when stopped with Ctrl-C or SIGTERM. The same command goes on from it.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub checkpoint_every: u64,
+    /// JSON file with training options of the blocks; --set and flags win over it.
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Set any training option of the blocks by its key, as in refine.every=500; may be given often.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub sets: Vec<String>,
+    /// The blocks.
+    #[command(flatten)]
+    pub plan: PlanOptions,
+    /// Where the coarse scene is trained.
+    #[command(flatten, next_help_heading = "Backend")]
+    pub backend_options: BackendOptions,
+    /// The photos.
+    #[command(flatten)]
+    pub dataset_options: DatasetOptions,
+    /// The training: steps and triangles are those of the whole scene.
+    #[command(flatten)]
+    pub options: TrainOptions,
+}
+
+/// Plans, or says how far a plan is.
+pub fn run(args: &PlanArgs, matches: &ArgMatches, global: &Global, out: &mut dyn Write) -> Result<ExitCode> {
+    match (&args.status, &args.dataset, &args.output) {
+        (Some(city), ..) => print_status(args, city, out).map(|()| ExitCode::SUCCESS),
+        (None, Some(dataset), Some(city)) => make(args, matches, dataset, city, global),
+        _ => Err(Error::invalid("plan", "nothing", "a data set and --output, or --status")),
+    }
+}
+
+/// Makes the plan of `path` in the folder `city`.
+fn make(
+    args: &PlanArgs,
+    matches: &ArgMatches,
+    path: &Path,
+    city: &Path,
+    global: &Global,
+) -> Result<ExitCode> {
+    let (whole, from_coarse) =
+        (resolve(args, matches, TrainOptions::preset)?, resolve(args, matches, TrainOptions::from_coarse)?);
+    let mut files = Outputs::new(args.config.as_deref(), args.force).with_dataset(Some(path));
+    std::fs::create_dir_all(city).map_err(|e| Error::io(city, e))?;
+    files.plan("--output", &city.join(NAME))?;
+    let dataset = Dataset::load(path, &args.dataset_options)?;
+    files.spare_photos(&dataset)?;
+    let planner = Planner {
+        dataset: &dataset,
+        dataset_options: &args.dataset_options,
+        options: &args.plan,
+        whole: &whole,
+        from_coarse: &from_coarse,
+    };
+    let photos = planner.photos()?;
+    let coarse = match planner.coarse_options()? {
+        None => None,
+        Some(options) => {
+            let name = planner.coarse_name(&options, &photos)?;
+            match coarse_scene(args, &dataset, &options, &city.join(&name), global)? {
+                Some(scene) => Some((name, scene)),
+                None => return Ok(signals::exit_code().map_or(ExitCode::SUCCESS, ExitCode::from)),
+            }
+        }
+    };
+    let named = coarse.as_ref().map(|(name, scene)| (name.as_str(), scene));
+    let manifest = planner.plan(city, photos, named, args.memory.map(|size| size.0))?;
+    files.confirm()?;
+    manifest.write(city)?;
+    if !global.quiet {
+        dataset.warnings.iter().for_each(|warning| messages::print(&format!("warning: {warning}")));
+        messages::print(&summary(&manifest, city));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The coarse scene, trained unless it is there; `None` when that was stopped.
+fn coarse_scene(
+    args: &PlanArgs,
+    dataset: &Dataset,
+    options: &TrainOptions,
+    path: &Path,
+    global: &Global,
+) -> Result<Option<Loaded>> {
+    let point = path.with_extension("checkpoint");
+    if !path.is_file() {
+        let outputs = RunOptions {
+            checkpoint: Some(point.clone()),
+            checkpoint_every: args.checkpoint_every,
+            ..RunOptions::default()
+        };
+        let resume = point.is_file().then(|| checkpoint::read(&point)).transpose()?;
+        let run = TrainRun::new(dataset, options).with_dataset_options(&args.dataset_options);
+        let run = TrainRun { outputs, resume, ..run };
+        let OpenBackend { backend, card, warnings } = args.backend_options.open(run.drawing(), run.size())?;
+        let run = run.start_on(backend)?;
+        let mut bar = Bar::new(global, options.steps, run.steps(), None, run.curve())?;
+        bar.line("training the coarse scene");
+        card.iter().for_each(|card| bar.line(&format!("training on {card}")));
+        warnings.iter().for_each(|warning| bar.line(&format!("warning: {warning}")));
+        let trained = run.finish(&mut bar)?;
+        let lost = bar.done();
+        match (trained.stopped, &trained.checkpoint) {
+            (true, Some(_)) => {
+                bar.line("stopped; the same command goes on");
+                return Ok(None);
+            }
+            (true, None) => {
+                return Err(Error::Incomplete(format!(
+                    "the coarse scene was stopped without a checkpoint: {}",
+                    lost.join("; ")
+                )));
+            }
+            (false, _) => trained.save(path)?,
+        };
+        let _ = std::fs::remove_file(&point);
+        bar.line(&format!("wrote {}: {:.1} CPU s", path.display(), trained.cpu_secs));
+    }
+    // As every block will read it, to the bit.
+    let how = ReadOptions { sh_degree: 3, limits: args.dataset_options.limits, ..ReadOptions::default() };
+    formats::read(path, &how).map(Some)
+}
+
+/// Preset, then config file, then `--set`, then the flags really typed.
+fn resolve(
+    args: &PlanArgs,
+    matches: &ArgMatches,
+    preset: impl Fn(crate::train::TrainPreset) -> TrainOptions,
+) -> Result<TrainOptions> {
+    let (config, limits) = (args.config.as_deref(), &args.dataset_options.limits);
+    let layers = Layers { config, limits, sets: &args.sets, typed: &args.options, matches };
+    let options = layers.resolve(args.options.preset, preset)?;
+    options.validate()?;
+    Ok(options)
+}
+
+fn summary(manifest: &Manifest, city: &Path) -> String {
+    let blocks = &manifest.blocks;
+    let most = |of: &dyn Fn(&Expected) -> f64| blocks.iter().map(|b| of(&b.expected)).fold(0.0, f64::max);
+    let photos: usize = blocks.iter().map(|block| block.photos.len()).sum();
+    format!(
+        "wrote {}: {} blocks, {:.1} of them per photo; a block takes about {:.0} CPU s and {:.1} GB at most, all together {:.0} CPU s",
+        city.join(NAME).display(),
+        blocks.len(),
+        photos as f64 / manifest.photos.len().max(1) as f64,
+        most(&|expected| expected.cpu_secs),
+        most(&|expected| expected.bytes as f64) / 1e9,
+        blocks.iter().map(|b| b.expected.cpu_secs).sum::<f64>(),
+    )
+}
+
+/// One row per block, and how many are done.
+fn print_status(args: &PlanArgs, city: &Path, out: &mut dyn Write) -> Result<()> {
+    let limits = &args.dataset_options.limits;
+    let (manifest, folder) = Manifest::read(city, limits)?;
+    let rows = status::status(&manifest, &folder, limits)?;
+    let mut text = String::from("block  state    photos  steps  expected CPU s  CPU s  peak MB  triangles\n");
+    for (i, (row, block)) in rows.iter().zip(&manifest.blocks).enumerate() {
+        let took = row.figures.as_ref().map_or(String::new(), |f| {
+            format!(
+                "  {:>5.0}  {:>7.0}  {:>9}",
+                f.cpu_secs,
+                f.peak_bytes as f64 / 1e6,
+                thousands(f.triangles)
+            )
+        });
+        let (photos, steps, expected) = (block.photos.len(), block.steps, block.expected.cpu_secs);
+        text +=
+            &format!("{i:>5}  {:<7}  {photos:>6}  {steps:>5}  {expected:>14.0}{took}\n", row.state.name());
+    }
+    let done = rows.iter().filter(|row| row.state == status::BlockState::Done).count();
+    let spent = rows.iter().filter_map(|row| Some(row.figures.as_ref()?.cpu_secs)).fold(0.0, |a, b| a + b);
+    text += &format!("{done} of {} blocks done, {spent:.0} CPU s\n", rows.len());
+    out.write_all(text.as_bytes()).map_err(|e| Error::io("-", e))
+}

@@ -1,0 +1,84 @@
+//! `trisplat train --block PLAN:BLOCK`: one block of a scene that is trained in blocks.
+
+use super::Global;
+use super::files;
+use super::signals;
+use super::train_args::{BlockAddress, TrainArgs};
+use super::train_progress::Bar;
+use crate::atomic::AtomicFile;
+use crate::error::{Error, Result};
+use crate::scale::Task;
+use crate::train::device::OpenBackend;
+use crate::train::{Preview, Trained};
+use indicatif::HumanCount;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+/// Trains the block, unless its result is there.
+pub(super) fn run(args: &TrainArgs, block: &BlockAddress, global: &Global) -> Result<ExitCode> {
+    let clock = Instant::now();
+    let task = Task::open(&block.plan, block.index, &args.dataset_options.limits)?;
+    let done = task.output();
+    let say = |text: String| {
+        if global.quiet {
+            Ok(())
+        } else {
+            super::messages::print(&text);
+            Ok(())
+        }
+    };
+    if done.is_file() && !args.force {
+        say(format!("{} is there already", done.display()))?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    // Tried before any work: another process that trains this block has it.
+    let file = AtomicFile::create(&done)?;
+    let (dataset, cameras) = task.dataset(args.dataset.as_deref())?;
+    let preview = args
+        .preview
+        .clone()
+        .map(|folder| Preview { folder, pause: Duration::from_secs_f64(args.preview_every) });
+    let outputs = task.outputs(args.checkpoint_every, preview, args.max_cpu_secs);
+    let (run, broken) = task.run(&dataset, outputs)?;
+    let OpenBackend { backend, card, warnings } = args.backend_options.open(run.drawing(), run.size())?;
+    let run = run.start_on(backend)?;
+    let mut bar = Bar::new(global, task.block().steps, run.steps(), args.log.as_deref(), run.curve())?;
+    card.iter().for_each(|card| bar.line(&format!("training on {card}")));
+    for warning in broken.iter().chain(&warnings).chain(&dataset.warnings) {
+        bar.line(&format!("warning: {warning}"));
+    }
+    let trained = run.finish(&mut bar)?;
+    let lost = bar.done();
+    if trained.stopped {
+        drop(file);
+        return stopped(&trained, &bar, lost);
+    }
+    let figures = task.figures_of(&trained);
+    let trained = task.finished(trained, cameras);
+    files::save_json(&figures, AtomicFile::create(&task.figures())?)?;
+    trained.save_to(file)?;
+    // The result is there: where it stood before is of no use.
+    let _ = std::fs::remove_file(task.checkpoint());
+    bar.line(&format!(
+        "wrote {}: {} triangles, {} steps, {:.1} CPU s, {:.1} s",
+        done.display(),
+        HumanCount(figures.triangles),
+        figures.steps,
+        figures.cpu_secs,
+        clock.elapsed().as_secs_f64()
+    ));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The end of a run that was stopped: its checkpoint is there, or it is an error that it is not.
+fn stopped(trained: &Trained, bar: &Bar, lost: Vec<String>) -> Result<ExitCode> {
+    match &trained.checkpoint {
+        Some(checkpoint) => {
+            bar.line(&format!("stopped at {}; the same command goes on", checkpoint.display()));
+            Ok(signals::exit_code().map_or(ExitCode::SUCCESS, ExitCode::from))
+        }
+        None => {
+            Err(Error::Incomplete(format!("the block was stopped without a checkpoint: {}", lost.join("; "))))
+        }
+    }
+}

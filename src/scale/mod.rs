@@ -1,0 +1,33 @@
+//! Scenes of more photos and triangles than one run holds: cut into blocks, each trained by itself, anywhere, and merged again.
+//!
+//! ```text
+//! plan: coarse scene ──► cuts ──► assign ──► manifest.json, coarse.ply, start-*.ply
+//!                                                │
+//!                      task (one block, anywhere) ──► block-*.ply ──► merge ──► scene.ply, seams
+//!                                                                └──► tileset, block by block
+//! ```
+//!
+//! The field's way (Liu et al. 2024, *CityGaussian*): a coarse scene of all photos comes first, blocks start from their parts of it, and each
+//! gets the photos that show it by that scene. Opaque triangles need no blending where blocks meet: a triangle belongs to the block that holds
+//! its middle.
+
+mod assign;
+mod cover;
+mod cuts;
+pub mod expected;
+mod hash;
+pub mod manifest;
+pub mod merge;
+pub mod options;
+pub mod plan;
+pub mod region;
+pub mod seams;
+pub mod status;
+pub mod task;
+pub mod tileset;
+
+pub use manifest::{Block, Manifest};
+pub use merge::Blocks;
+pub use options::PlanOptions;
+pub use plan::Planner;
+pub use task::Task;

@@ -1,0 +1,88 @@
+//! How a scene is cut into blocks, declared once.
+
+use crate::error::{Error, Result};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// How a scene is cut into blocks.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "cli", command(next_help_heading = "Blocks"))]
+pub struct PlanOptions {
+    /// So many blocks; one is a plain run.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536), conflicts_with = "block_triangles"))]
+    pub blocks: Option<u32>,
+    /// As many blocks as it takes for each to have about so many of --max-triangles.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..)))]
+    pub block_triangles: Option<u64>,
+    /// How far around itself a block is trained, as a share of its extent.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = PlanOptions::DEFAULT.halo))]
+    pub halo: f64,
+    /// A photo is a block's when it shows the block on at least this share of its pixels.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = PlanOptions::DEFAULT.min_cover))]
+    pub min_cover: f64,
+    /// Most photos of a block, those that show most of it; 0: no limit.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = PlanOptions::DEFAULT.block_photos))]
+    pub block_photos: u32,
+    /// How often a block looks at each of its photos, as a share of how often a plain run would.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = PlanOptions::DEFAULT.passes))]
+    pub passes: f64,
+    /// Steps of the coarse scene; 0: an eighth of --steps.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = PlanOptions::DEFAULT.coarse_steps))]
+    pub coarse_steps: u64,
+    /// Triangles of the coarse scene; 0: a quarter of --max-triangles.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = PlanOptions::DEFAULT.coarse_triangles))]
+    pub coarse_triangles: u64,
+}
+
+impl PlanOptions {
+    /// No number of blocks yet.
+    pub const DEFAULT: Self = Self {
+        blocks: None,
+        block_triangles: None,
+        halo: 0.1,
+        min_cover: 0.1,
+        block_photos: 0,
+        passes: 1.0,
+        coarse_steps: 0,
+        coarse_triangles: 0,
+    };
+
+    /// Checks ranges.
+    pub fn validate(&self) -> Result<()> {
+        for (option, value, most) in [("halo", self.halo, 1.0), ("min_cover", self.min_cover, 0.5)] {
+            if !(0.0..=most).contains(&value) {
+                return Err(Error::invalid(option, value, format!("0 to {most}")));
+            }
+        }
+        if !(self.passes > 0.0 && self.passes <= 100.0) {
+            return Err(Error::invalid("passes", self.passes, "above 0, at most 100"));
+        }
+        Ok(())
+    }
+
+    /// How many blocks there are in a scene of `max_triangles`.
+    ///
+    /// Errors: no option says so; more than 65,536.
+    pub fn count(&self, max_triangles: u64) -> Result<usize> {
+        let count = match (self.blocks, self.block_triangles) {
+            (Some(blocks), _) => u64::from(blocks),
+            (None, Some(triangles)) => max_triangles.div_ceil(triangles.max(1)),
+            (None, None) => {
+                let wants = "a number of blocks, or `block_triangles`";
+                return Err(Error::invalid("blocks", "not given", wants));
+            }
+        };
+        match (1..=65_536).contains(&count) {
+            true => Ok(count as usize),
+            false => Err(Error::invalid("block_triangles", count, "at most 65536 blocks")),
+        }
+    }
+}
+
+impl Default for PlanOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}

@@ -1,0 +1,338 @@
+//! The plan: cuts a scene into blocks by its coarse scene, gives them photos, and writes what each starts from.
+
+use super::assign::{assign, visible};
+use super::cover::{Coverage, middles, owners};
+use super::cuts::{Surroundings, cut};
+use super::expected::{BlockLoad, expected};
+use super::hash;
+use super::manifest::{Block, BlockPhoto, Expected, Manifest, PlannedPhoto, Source};
+use super::options::PlanOptions;
+use super::region::Region;
+use crate::atomic::AtomicFile;
+use crate::camera::Camera;
+use crate::dataset::{Dataset, DatasetOptions, View};
+use crate::error::{Error, Result};
+use crate::formats::ply;
+use crate::scene::{Loaded, Scene};
+use crate::soup::Soup;
+use crate::space::Space;
+use crate::train::{RunIdentity, TrainOptions, TrainPreset};
+use glam::Vec3;
+use rayon::prelude::*;
+use std::path::{Component, Path, PathBuf};
+
+/// The coarse scene has one in so many of the steps of a plain run, ...
+const COARSE_STEPS: u64 = 8;
+/// ... and one in so many of its triangles, unless options say otherwise.
+const COARSE_TRIANGLES: u64 = 4;
+
+/// Makes a plan of a data set.
+#[derive(Debug, Clone)]
+pub struct Planner<'a> {
+    /// All its photos; those held out are not planned with.
+    pub dataset: &'a Dataset,
+    /// How it was read.
+    pub dataset_options: &'a DatasetOptions,
+    /// How it is cut.
+    pub options: &'a PlanOptions,
+    /// How the whole scene would be trained in a plain run.
+    pub whole: &'a TrainOptions,
+    /// The same for a run that goes on from a coarse scene: see [`TrainOptions::from_coarse`].
+    pub from_coarse: &'a TrainOptions,
+}
+
+impl Planner<'_> {
+    /// How many blocks there are.
+    pub fn count(&self) -> Result<usize> {
+        self.options.validate()?;
+        self.whole.validate()?;
+        self.options.count(self.whole.max_triangles)
+    }
+
+    /// How the coarse scene is trained: soft, from all photos, in few steps and with few triangles; `None` when there is one block, which
+    /// needs none.
+    pub fn coarse_options(&self) -> Result<Option<TrainOptions>> {
+        if self.count()? == 1 {
+            return Ok(None);
+        }
+        let preset = match self.whole.preset {
+            TrainPreset::Indoor => TrainPreset::Indoor,
+            _ => TrainPreset::Outdoor,
+        };
+        let or_part = |given: u64, of: u64, part: u64| if given > 0 { given } else { of.div_ceil(part) };
+        let steps = or_part(self.options.coarse_steps, self.whole.steps, COARSE_STEPS);
+        let max_triangles =
+            or_part(self.options.coarse_triangles, self.whole.max_triangles, COARSE_TRIANGLES);
+        let TrainOptions { seed, sh_degree, .. } = *self.whole;
+        Ok(Some(TrainOptions { steps, max_triangles, seed, sh_degree, ..TrainOptions::preset(preset) }))
+    }
+
+    /// The name of the coarse scene's file: it says what it was made of.
+    ///
+    /// Errors: photos that cannot be read.
+    pub fn coarse_name(&self, coarse: &TrainOptions, photos: &[PlannedPhoto]) -> Result<String> {
+        let generator = crate::report::generator();
+        let parts = (generator, self.dataset_options, coarse, photos, self.points());
+        Ok(format!("coarse-{}.ply", hash::of_value(&parts)?))
+    }
+
+    /// The photos to train on, with the hashes of their files.
+    ///
+    /// Errors: photos that cannot be read.
+    pub fn photos(&self) -> Result<Vec<PlannedPhoto>> {
+        planned_photos(self.dataset, self.dataset_options)
+    }
+
+    fn points(&self) -> String {
+        hash::digits(self.identity().points)
+    }
+
+    fn identity(&self) -> RunIdentity {
+        RunIdentity::of(self.dataset, self.dataset_options.background.to_f32(), None)
+    }
+
+    /// The plan, for `folder`; what blocks start from is written there. `coarse` is the name and the content of the coarse scene.
+    ///
+    /// Errors: a block that no photo shows, or that is expected to take more than `max_bytes`; what the operating system refuses.
+    pub fn plan(
+        &self,
+        folder: &Path,
+        photos: Vec<PlannedPhoto>,
+        coarse: Option<(&str, &Loaded)>,
+        max_bytes: Option<u64>,
+    ) -> Result<Manifest> {
+        let options = if coarse.is_some() { self.from_coarse } else { self.whole };
+        let dataset = relative(folder, &self.dataset.path)?;
+        let mut manifest = Manifest::new(dataset, self.dataset_options.clone(), options.clone());
+        manifest.origin = self.dataset.origin.to_array();
+        manifest.photos = photos;
+        let views: Vec<&View> = self.dataset.train().collect();
+        let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();
+        match coarse {
+            None => {
+                manifest.points = Some(self.points());
+                manifest.blocks = vec![self.only_block(&views)];
+            }
+            Some((name, scene)) => {
+                let cutter = Cutter::new(self, scene, &views, &cameras)?;
+                manifest.space = (cutter.space.center.to_array(), cutter.space.scale);
+                let hash = hash::of_file(&folder.join(name), &self.dataset_options.limits)?;
+                manifest.coarse =
+                    Some(Source { file: name.into(), hash, triangles: cutter.soup.len() as u64 });
+                manifest.blocks = cutter.blocks(folder, max_bytes)?;
+            }
+        }
+        for index in 0..manifest.blocks.len() {
+            manifest.blocks[index].key = manifest.key_of(index)?;
+            let expected = manifest.blocks[index].expected;
+            check_memory(index, expected, max_bytes)?;
+        }
+        Ok(manifest)
+    }
+
+    /// The block of a scene that is not cut: a plain run.
+    fn only_block(&self, views: &[&View]) -> Block {
+        let whole = |(i, view): (usize, &&View)| {
+            let [width, height] = view.camera.size.to_array();
+            BlockPhoto { photo: i as u32, part: [0, 0, width, height], cover: 1.0 }
+        };
+        let load = BlockLoad {
+            photos: views.iter().map(|view| view.camera.size).collect(),
+            frozen: 0,
+            trained: self.dataset.points.len() as u64,
+            photo_bytes: self.dataset_options.photo_bytes(),
+        };
+        let TrainOptions { steps, max_triangles, seed, .. } = *self.whole;
+        Block {
+            photos: views.iter().enumerate().map(whole).collect(),
+            expected: expected(&load, self.whole),
+            ..empty_block(Region::EVERYWHERE, Region::EVERYWHERE, steps, max_triangles, seed)
+        }
+    }
+}
+
+/// The photos of `dataset` that are not held out, with the hashes of their files.
+pub(super) fn planned_photos(dataset: &Dataset, options: &DatasetOptions) -> Result<Vec<PlannedPhoto>> {
+    let identity = RunIdentity::of(dataset, options.background.to_f32(), None);
+    let views: Vec<&View> = dataset.train().collect();
+    let planned = |(view, photo): (&&View, &crate::train::identity::PhotoIdentity)| {
+        let mut hash = hash::of_file(&view.photo.path, &options.limits)?;
+        if let Some(mask) = &view.photo.mask {
+            hash += &hash::of_file(mask, &options.limits)?;
+        }
+        Ok(PlannedPhoto { name: view.name.clone(), hash, camera: hash::digits(photo.pose) })
+    };
+    views.par_iter().zip(&identity.photos).map(planned).collect()
+}
+
+fn empty_block(core: Region, halo: Region, steps: u64, max_triangles: u64, seed: u64) -> Block {
+    Block {
+        core,
+        halo,
+        photos: Vec::new(),
+        start: None,
+        frozen: 0,
+        shell: 0,
+        steps,
+        max_triangles,
+        seed,
+        expected: Expected::default(),
+        key: String::new(),
+    }
+}
+
+fn check_memory(index: usize, expected: Expected, max_bytes: Option<u64>) -> Result<()> {
+    match max_bytes.filter(|most| expected.bytes > *most) {
+        Some(limit) => Err(Error::TooLarge {
+            what: format!("what block {index} is expected to take"),
+            bytes: expected.bytes,
+            limit,
+            remedy:
+                "plan more blocks, fewer triangles or smaller photos (`blocks`, `max_triangles`, `max_size`)"
+                    .into(),
+        }),
+        None => Ok(()),
+    }
+}
+
+/// Cuts a coarse scene.
+struct Cutter<'a> {
+    planner: &'a Planner<'a>,
+    scene: &'a Loaded,
+    soup: &'a Soup,
+    /// So many of its first triangles are the shell.
+    shell: usize,
+    space: Space,
+    views: &'a [&'a View],
+    cameras: &'a [Camera],
+    middles: Vec<Vec3>,
+}
+
+impl<'a> Cutter<'a> {
+    fn new(
+        planner: &'a Planner<'a>,
+        scene: &'a Loaded,
+        views: &'a [&'a View],
+        cameras: &'a [Camera],
+    ) -> Result<Self> {
+        let Scene::Soup(soup) = &scene.scene else {
+            return Err(Error::invalid("coarse scene", "a mesh", "a soup, as `trisplat train` writes it"));
+        };
+        let middles = middles(soup);
+        let points: Vec<Vec3> = match planner.dataset.points.is_empty() {
+            true => middles.clone(),
+            false => planner.dataset.points.iter().map(|point| point.position).collect(),
+        };
+        let space = Space::new(cameras, &points);
+        let shell = (scene.provenance.shell as usize).min(soup.len());
+        Ok(Self { planner, scene, soup, shell, space, views, cameras, middles })
+    }
+
+    /// The blocks; what they start from is written into `folder`.
+    fn blocks(&self, folder: &Path, max_bytes: Option<u64>) -> Result<Vec<Block>> {
+        let positions: Vec<Vec3> = self.cameras.iter().map(Camera::position).collect();
+        let cores = cut(&self.middles[self.shell..], self.planner.count()?, &Surroundings::of(&positions));
+        let owners = owners(&self.middles, &cores);
+        let seed = self.planner.whole.seed;
+        let block = |(i, core): (usize, &Region)| {
+            let halo = core.grown(self.extent(&owners, i as u32) * self.planner.options.halo as f32);
+            empty_block(*core, halo, 0, 0, seed.wrapping_add(i as u64))
+        };
+        let mut blocks: Vec<Block> = cores.iter().enumerate().map(block).collect();
+        let drawing = self.planner.from_coarse.drawing([0.0; 3]);
+        let mut coverage = Coverage::new(self.soup, &self.middles, &owners, self.space, &drawing);
+        assign(&mut blocks, self.views, &mut coverage, self.planner.options)?;
+        for (index, block) in blocks.iter_mut().enumerate() {
+            let visible = visible(block, self.views, self.soup.len(), &mut coverage)?;
+            self.fill(index, block, &visible, folder, max_bytes)?;
+        }
+        Ok(blocks)
+    }
+
+    /// How far the inner triangles of a block reach, along each axis.
+    fn extent(&self, owners: &[u32], block: u32) -> Vec3 {
+        let own = (self.shell..self.middles.len()).filter(|i| owners[*i] == block);
+        let own: Vec<Vec3> = own.map(|i| self.middles[i]).collect();
+        Vec3::from([0, 1, 2].map(|a| {
+            let mut along: Vec<f32> = own.iter().map(|p| p[a]).collect();
+            along.sort_unstable_by(f32::total_cmp);
+            let skipped = along.len() / 20;
+            match along.is_empty() {
+                true => 0.0,
+                false => along[along.len() - 1 - skipped] - along[skipped],
+            }
+        }))
+    }
+
+    /// Everything of a block that follows from its boxes and photos, and the file it starts from.
+    fn fill(
+        &self,
+        index: usize,
+        block: &mut Block,
+        visible: &[bool],
+        folder: &Path,
+        max_bytes: Option<u64>,
+    ) -> Result<()> {
+        let is_shell = |i: usize| i < self.shell;
+        // None that is only drawn may reach into the halo: what it hides would be missing once it is gone.
+        let is_trained = |i: usize| match is_shell(i) {
+            true => block.core.contains(self.middles[i]),
+            false => block.halo.touches(&self.soup.vertices[i]),
+        };
+        let all = 0..self.soup.len();
+        let frozen: Vec<usize> = all.clone().filter(|&i| visible[i] && !is_trained(i)).collect();
+        let (shell, trained): (Vec<usize>, Vec<usize>) =
+            all.filter(|&i| is_trained(i)).partition(|&i| is_shell(i));
+        let own = shell.len() + trained.len();
+        let part = own as f64 / self.soup.len() as f64;
+        let photos = block.photos.len() as f64 / self.views.len() as f64;
+        let passes = self.planner.options.passes * self.planner.whole.steps as f64;
+        block.steps = ((passes * photos).ceil() as u64).max(1);
+        block.max_triangles =
+            ((self.planner.whole.max_triangles as f64 * part).ceil() as u64).max(own as u64);
+        (block.frozen, block.shell) = (frozen.len() as u64, shell.len() as u64);
+        let options = TrainOptions {
+            steps: block.steps,
+            max_triangles: block.max_triangles,
+            ..self.planner.from_coarse.clone()
+        };
+        let load = BlockLoad {
+            photos: block.photos.iter().map(|photo| photo.corner_and_size().1).collect(),
+            frozen: block.frozen,
+            trained: own as u64,
+            photo_bytes: self.planner.dataset_options.photo_bytes(),
+        };
+        block.expected = expected(&load, &options);
+        check_memory(index, block.expected, max_bytes)?;
+        let order: Vec<usize> = [frozen, shell, trained].concat();
+        block.start = Some(self.write_start(index, &order, folder)?);
+        Ok(())
+    }
+
+    /// Writes triangles of the coarse scene, in this order, as what block `index` starts from.
+    fn write_start(&self, index: usize, order: &[usize], folder: &Path) -> Result<Source> {
+        let file = format!("start-{index:04}.ply");
+        let path = folder.join(&file);
+        let provenance = crate::asset::Provenance { shell: 0, ..self.scene.provenance.clone() };
+        let soup = self.soup.picked(order);
+        let mut out = AtomicFile::create(&path)?;
+        ply::write_soup(&mut out, &soup, &provenance, &[]).map_err(|e| Error::io(&path, e))?;
+        out.commit()?;
+        let hash = hash::of_file(&path, &self.planner.dataset_options.limits)?;
+        Ok(Source { file, hash, triangles: order.len() as u64 })
+    }
+}
+
+/// `to` as seen from `folder`, so that both can be mounted elsewhere together.
+fn relative(folder: &Path, to: &Path) -> Result<String> {
+    let full = |path: &Path| std::fs::canonicalize(path).map_err(|e| Error::io(path, e));
+    let (from, to) = (full(folder)?, full(to)?);
+    let (a, b): (Vec<Component>, Vec<Component>) = (from.components().collect(), to.components().collect());
+    let common = a.iter().zip(&b).take_while(|(a, b)| a == b).count();
+    let path: PathBuf = match common {
+        0 => to,
+        _ => a[common..].iter().map(|_| Component::ParentDir).chain(b[common..].iter().copied()).collect(),
+    };
+    let text = if path.as_os_str().is_empty() { Path::new(".") } else { &path };
+    Ok(text.to_string_lossy().replace('\\', "/"))
+}

@@ -1,0 +1,37 @@
+//! Viewers that step back until everything is in the picture see the scene, not the backdrop around it.
+
+use super::browser::chromium;
+use super::{bake, have, here, runs};
+use serde_json::{Value, json};
+use std::path::Path;
+use std::process::Command;
+use tempfile::TempDir;
+
+fn assert_seen(viewer: &str, chromium: &Path, scene: &Path) {
+    let mut command = Command::new("node");
+    command.arg(here("tests/framing.mjs")).arg(here("target/judges")).arg(chromium).arg(viewer).arg(scene);
+    let done = runs(&mut command);
+    let said: Value = serde_json::from_slice(&done.stdout)
+        .unwrap_or_else(|_| panic!("{viewer}: {}", String::from_utf8_lossy(&done.stderr)));
+    assert_eq!(said["errors"], json!([]), "{viewer}");
+    let share = |key: &str| said[key].as_f64().unwrap();
+    assert!(share("ball") > 0.005, "{viewer}: there is a backdrop around the scene: {said}");
+    assert!(share("scene") > 0.02, "{viewer}: the scene is in the picture: {said}");
+    assert!(share("kept") > 0.97, "{viewer}: the backdrop hides the scene: {said}");
+}
+
+#[test]
+fn three_and_babylon_show_the_scene_when_they_frame_the_file() {
+    let judges = here("target/judges/node_modules");
+    let Some(chromium) = chromium() else { return };
+    let folder = TempDir::new().unwrap();
+    let scene = folder.path().join("scene.glb");
+    let photos = here("samples/dataset").display().to_string();
+    bake(&here("samples/soups/trained.ply"), &scene, &["--dataset", &photos, "--backdrop", "sphere"]);
+    if have("3d-tiles-renderer", judges.join("three").exists()) {
+        assert_seen("three", &chromium, &scene);
+    }
+    if have("babylon", judges.join("babylonjs").exists()) {
+        assert_seen("babylon", &chromium, &scene);
+    }
+}

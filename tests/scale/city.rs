@@ -1,0 +1,236 @@
+//! Plans, tasks, merges and tilesets at the command line, on a small town.
+
+use serde_json::Value;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::sync::OnceLock;
+use tempfile::TempDir;
+
+fn command(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+    command.args(arguments).current_dir(folder).stdin(Stdio::null());
+    command
+}
+
+fn run(folder: &Path, arguments: &[&str]) -> Output {
+    command(folder, arguments).output().unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn succeed(folder: &Path, arguments: &[&str]) -> String {
+    let output = run(folder, arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
+    stderr(&output)
+}
+
+fn fail(folder: &Path, arguments: &[&str], needles: &[&str]) {
+    let output = run(folder, arguments);
+    let said = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(needles.iter().all(|needle| said.contains(needle)), "{said}");
+}
+
+const TRAINING: [&str; 6] = ["--steps", "240", "--max-triangles", "3000", "--min-cover", "0.05"];
+
+/// A folder with photos of a town and a plan of three blocks, `city`; made once, copied for every test.
+fn planned() -> TempDir {
+    static MADE: OnceLock<TempDir> = OnceLock::new();
+    let made = MADE.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let small = ["--views", "30", "--width", "64", "--lots", "2", "--points", "800"];
+        succeed(folder.path(), &[&["sample", "town", "-o", "photos"], &small[..]].concat());
+        succeed(folder.path(), &[&["plan", "photos", "-o", "city", "--blocks", "3"], &TRAINING[..]].concat());
+        folder
+    });
+    let folder = tempfile::tempdir().unwrap();
+    copy(made.path(), folder.path());
+    folder
+}
+
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap().map(Result::unwrap) {
+        let to = to.join(entry.file_name());
+        match entry.path().is_dir() {
+            true => copy(&entry.path(), &to),
+            false => drop(std::fs::copy(entry.path(), to).unwrap()),
+        }
+    }
+}
+
+fn bytes(folder: &Path, name: &str) -> Vec<u8> {
+    std::fs::read(folder.join(name)).unwrap()
+}
+
+/// Files of a folder with this ending, by name.
+fn ending(folder: &Path, ending: &str) -> BTreeSet<PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    entries.filter(|path| path.to_string_lossy().ends_with(ending)).collect()
+}
+
+fn blocks(city: &Path) -> Vec<PathBuf> {
+    let is_block = |path: &PathBuf| path.file_name().unwrap().to_string_lossy().starts_with("block-");
+    ending(city, ".ply").into_iter().filter(is_block).collect()
+}
+
+#[test]
+fn one_block_is_a_plain_run() {
+    let folder = planned();
+    let options = ["--steps", "40", "--max-triangles", "900"];
+    succeed(folder.path(), &[&["train", "photos", "-o", "plain.ply"], &options[..]].concat());
+    succeed(folder.path(), &[&["plan", "photos", "-o", "one", "--blocks", "1"], &options[..]].concat());
+    succeed(folder.path(), &["train", "--block", "one:0"]);
+    succeed(folder.path(), &["merge", "one", "-o", "merged.ply"]);
+    assert!(bytes(folder.path(), "plain.ply") == bytes(folder.path(), "merged.ply"));
+}
+
+#[test]
+fn a_plan_is_a_function_of_its_inputs() {
+    let folder = planned();
+    let again =
+        [&["plan", "photos", "-o", "again", "--blocks", "3", "--threads", "1"], &TRAINING[..]].concat();
+    succeed(folder.path(), &again);
+    assert!(bytes(folder.path(), "city/manifest.json") == bytes(folder.path(), "again/manifest.json"));
+    let manifest: Value = serde_json::from_slice(&bytes(folder.path(), "city/manifest.json")).unwrap();
+    let blocks = manifest["blocks"].as_array().unwrap();
+    assert_eq!(blocks.len(), 3);
+    for block in blocks {
+        assert!(block["photos"].as_array().unwrap().len() >= 3 && block["steps"].as_u64().unwrap() > 0);
+        assert!(block["frozen"].as_u64().unwrap() > 0, "the rest of the scene is drawn");
+    }
+    fail(folder.path(), &again, &["manifest.json", "--force"]);
+}
+
+#[test]
+fn tasks_that_are_killed_end_with_the_same_bytes() {
+    let folder = planned();
+    let city = folder.path().join("city");
+    (0..3).for_each(|i| {
+        drop(succeed(folder.path(), &["train", "--block", &format!("city/manifest.json:{i}")]))
+    });
+    let whole: Vec<(PathBuf, Vec<u8>)> =
+        blocks(&city).into_iter().map(|path| (path.clone(), std::fs::read(path).unwrap())).collect();
+    assert_eq!(whole.len(), 3);
+    let said = succeed(folder.path(), &["train", "--block", "city:1"]);
+    assert!(said.contains("is there already"), "{said}");
+    for (path, _) in &whole {
+        std::fs::remove_file(path).unwrap();
+    }
+    // Stopped in good order, again and again; then killed at once. What is done goes on elsewhere, on another number of threads.
+    let mut stops = 0;
+    loop {
+        let stopped =
+            run(folder.path(), &["train", "--block", "city:0", "--threads", "1", "--max-cpu-secs", "0.01"]);
+        assert!(stopped.status.success(), "{}", stderr(&stopped));
+        if whole[0].0.is_file() {
+            break;
+        }
+        stops += 1;
+        assert!(stops < 200 && !ending(&city, ".checkpoint").is_empty());
+    }
+    assert!(stops > 0);
+    for (i, patience) in [(1, 5), (1, 25), (1, 60), (2, 40)] {
+        let block = format!("city:{i}");
+        let mut child =
+            command(folder.path(), &["train", "--block", &block, "--checkpoint-every", "2"]).spawn().unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(patience));
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    (1..3).for_each(|i| {
+        drop(succeed(folder.path(), &["train", "--block", &format!("city:{i}"), "--threads", "2"]))
+    });
+    for (path, bytes) in &whole {
+        assert!(std::fs::read(path).unwrap() == *bytes, "{}", path.display());
+    }
+    assert!(ending(&city, ".checkpoint").is_empty());
+}
+
+#[test]
+fn blocks_become_one_scene_and_one_tileset() {
+    let folder = planned();
+    let city = folder.path().join("city");
+    fail(folder.path(), &["merge", "city", "-o", "city.ply"], &["3 of 3 blocks", "trisplat train --block"]);
+    (0..3).for_each(|i| drop(succeed(folder.path(), &["train", "--block", &format!("city:{i}")])));
+    let status = run(folder.path(), &["plan", "--status", "city"]);
+    assert!(String::from_utf8_lossy(&status.stdout).contains("3 of 3 blocks done"));
+    succeed(folder.path(), &["merge", "city", "-o", "city.ply", "--report", "merge.json", "--evaluate"]);
+    let report: Value = serde_json::from_slice(&bytes(folder.path(), "merge.json")).unwrap();
+    let total = |key: &str| {
+        report["blocks"].as_array().unwrap().iter().map(|b| b[key].as_u64().unwrap()).sum::<u64>()
+    };
+    assert!(total("owned") == report["triangles"] && total("left_out") > 0, "{report}");
+    let quality = &report["quality"][0];
+    assert!(
+        quality["psnr"].as_f64().unwrap() > 6.0 && quality["seams_share"].as_f64().unwrap() > 0.001,
+        "{quality}"
+    );
+
+    // Every triangle is owned once: as many as there are in the file, in as many places.
+    let options = trisplat::ReadOptions::default();
+    let scene = trisplat::read(&folder.path().join("city.ply"), &options).unwrap();
+    assert_eq!(scene.scene.triangle_count() as u64, report["triangles"]);
+    assert_eq!(scene.provenance.shell, report["shell"]);
+    let manifest: Value = serde_json::from_slice(&bytes(folder.path(), "city/manifest.json")).unwrap();
+    assert_eq!(scene.cameras.len(), manifest["photos"].as_array().unwrap().len());
+
+    let tiles = ["-o", "city.tileset.json", "--tile-triangles", "1000", "--reshape", "off"];
+    succeed(folder.path(), &[&["bake", "city"], &tiles[..]].concat());
+    let set: Value = serde_json::from_slice(&bytes(folder.path(), "city.tileset.json")).unwrap();
+    let mut uris = Vec::new();
+    collect(&set["root"], f64::INFINITY, &mut uris);
+    let there: BTreeSet<PathBuf> = ending(&folder.path().join("city.tiles"), ".glb");
+    assert_eq!(uris.iter().map(|uri| folder.path().join(uri)).collect::<BTreeSet<_>>(), there);
+    for index in 0..3 {
+        assert!(uris.iter().any(|uri| uri.contains(&format!("/b{index}r-"))), "{uris:?}");
+    }
+    fail(folder.path(), &["bake", "city", "-o", "city.glb"], &[".tileset.json", "merge"]);
+    assert_eq!(blocks(&city).len(), 3);
+}
+
+/// The files of a tile and those below it, whose errors never grow.
+fn collect(tile: &Value, above: f64, uris: &mut Vec<String>) {
+    let error = tile["geometricError"].as_f64().unwrap();
+    assert!(error <= above);
+    uris.extend(tile["content"]["uri"].as_str().map(str::to_owned));
+    tile["children"].as_array().into_iter().flatten().for_each(|child| collect(child, error, uris));
+}
+
+#[test]
+fn what_is_not_as_it_was_planned_is_refused() {
+    let folder = planned();
+    fail(folder.path(), &["train", "--block", "city:3"], &["block is 3", "0 to 2"]);
+    let small =
+        [&["plan", "photos", "-o", "small", "--blocks", "3", "--memory", "1MB"], &TRAINING[..]].concat();
+    fail(folder.path(), &small, &["block 0", "--blocks"]);
+    assert!(!folder.path().join("small/manifest.json").exists());
+
+    let start = folder.path().join("city/start-0001.ply");
+    let kept = std::fs::read(&start).unwrap();
+    let mut other = kept.clone();
+    *other.last_mut().unwrap() ^= 1;
+    std::fs::write(&start, other).unwrap();
+    fail(folder.path(), &["train", "--block", "city:1"], &["start-0001.ply", "not as it was planned"]);
+    std::fs::write(&start, kept).unwrap();
+
+    let manifest = folder.path().join("city/manifest.json");
+    let text = std::fs::read_to_string(&manifest).unwrap();
+    let steps: Value = serde_json::from_str(&text).unwrap();
+    let was = format!("\"steps\": {},\n      \"max", steps["blocks"][1]["steps"]);
+    assert!(text.contains(&was));
+    std::fs::write(&manifest, text.replace(&was, "\"steps\": 7,\n      \"max")).unwrap();
+    fail(folder.path(), &["train", "--block", "city:1"], &["was changed by hand"]);
+    std::fs::write(&manifest, &text).unwrap();
+
+    for photo in ending(&folder.path().join("photos/images"), ".png") {
+        let mut pixels = trisplat::image::Pixels::load(&photo).unwrap();
+        pixels.rgb[0][0] ^= 1;
+        pixels.save_png(&photo).unwrap();
+    }
+    fail(folder.path(), &["train", "--block", "city:1"], &["photo `", "its file is not as it was planned"]);
+    assert!(blocks(&folder.path().join("city")).is_empty());
+}
