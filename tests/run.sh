@@ -15,7 +15,7 @@ JSONSCHEMA=4.26.0
 PLAYWRIGHT=1.65.1
 F3D=4.0.0
 TILES=0.5.3
-BABYLON=9.34.0
+BABYLON=9.28.0
 judges=target/judges
 python=$judges/venv/bin/python
 
@@ -48,6 +48,12 @@ apt_install() {
     as_root apt-get install -y --no-install-recommends "$@" >/dev/null || fail "$why: apt-get install $* failed"
 }
 
+# judge PACKAGE VERSION [OTHER PACKAGES]: true when the npm package stands at this version among the judges, installed now if need be.
+judge() {
+    grep -qs "\"version\": \"$2\"" "$judges/node_modules/$1/package.json" && return
+    npm install --loglevel=error --no-fund --no-audit --prefix "$judges" "$1@$2" "${@:3}"
+}
+
 section 'tools'
 has cargo || fail 'Rust is missing: see https://rustup.rs'
 has cc || apt_install 'a linker for Rust, a C++ compiler for meshopt' build-essential
@@ -57,10 +63,7 @@ has npm || apt_install 'Node for the glTF validator' nodejs npm
 mkdir -p "$judges"
 
 section 'Khronos glTF validator'
-if ! grep -qs "\"version\": \"$VALIDATOR\"" "$judges/node_modules/gltf-validator/package.json"; then
-    npm install --silent --no-fund --no-audit --prefix "$judges" "gltf-validator@$VALIDATOR" ||
-        fail 'npm could not install gltf-validator'
-fi
+judge gltf-validator "$VALIDATOR" || fail 'npm could not install gltf-validator'
 echo "gltf-validator $VALIDATOR"
 
 section 'trimesh, Open3D and jsonschema'
@@ -107,21 +110,17 @@ if ! has chromium && has apt-get; then
 fi
 if has chromium; then
     required=$required,chromium
-    if ! grep -qs "\"version\": \"$PLAYWRIGHT\"" "$judges/node_modules/playwright-core/package.json"; then
-        npm install --silent --no-fund --no-audit --prefix "$judges" "playwright-core@$PLAYWRIGHT" ||
-            fail 'npm could not install playwright-core'
-    fi
+    judge playwright-core "$PLAYWRIGHT" || fail 'npm could not install playwright-core'
     required=$required,3d-tiles-renderer
     # As the judge it is asked for with the three.js that draws it.
     three=$(sed -n 's/.*"three": "\(.*\)".*/\1/p' page/package.json)
-    if ! grep -qs "\"version\": \"$TILES\"" "$judges/node_modules/3d-tiles-renderer/package.json"; then
-        npm install --silent --no-fund --no-audit --prefix "$judges" "3d-tiles-renderer@$TILES" "three@$three" ||
-            fail 'npm could not install 3d-tiles-renderer'
-    fi
-    required=$required,babylon
-    if ! grep -qs "\"version\": \"$BABYLON\"" "$judges/node_modules/babylonjs/package.json"; then
-        npm install --silent --no-fund --no-audit --prefix "$judges" "babylonjs@$BABYLON" "babylonjs-loaders@$BABYLON" ||
-            fail 'npm could not install Babylon.js'
+    judge 3d-tiles-renderer "$TILES" "three@$three" || fail 'npm could not install 3d-tiles-renderer'
+    # Its packages are released apart from each other, so a registry may have one and not the other.
+    if judge babylonjs "$BABYLON" "babylonjs-loaders@$BABYLON"; then
+        required=$required,babylon
+    else
+        rm -rf "$judges/node_modules/babylonjs"
+        echo "NOT CHECKED: npm could not install Babylon.js $BABYLON"
     fi
     chromium --version 2>/dev/null
 else
