@@ -10,7 +10,7 @@ mod names;
 mod place;
 mod temporary;
 
-pub use live::remove_temporaries;
+pub use live::{remove_temporaries, try_remove_temporaries};
 pub use names::{resolved, temporary_name};
 
 use crate::error::{Error, Result};

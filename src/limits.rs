@@ -1,6 +1,7 @@
 //! How much is taken from a file before it is refused: one value, given to everything that reads.
 
 use crate::error::{Error, Result};
+use crate::process::memory;
 use bytemuck::Zeroable;
 use glam::UVec2;
 use schemars::JsonSchema;
@@ -136,13 +137,14 @@ impl Limits {
     /// for, is an error.
     pub fn reserve<T>(&self, place: impl Display, list: &mut Vec<T>, additional: usize) -> Result<()> {
         let bytes = self.array::<T>(&place, list.len().saturating_add(additional))?;
-        list.try_reserve_exact(additional).map_err(|_| Error::Memory { place: place.to_string(), bytes })
+        let reserved = memory::foreseen(|| list.try_reserve_exact(additional));
+        reserved.map_err(|_| Error::Memory { place: place.to_string(), bytes })
     }
 
     /// An array of `count` zeros. Errors as for [`Limits::reserve`].
     pub fn zeroed<T: Zeroable>(&self, place: impl Display, count: usize) -> Result<Vec<T>> {
         let bytes = self.array::<T>(&place, count)?;
-        let zeros = bytemuck::allocation::try_zeroed_vec(count);
+        let zeros = memory::foreseen(|| bytemuck::allocation::try_zeroed_vec(count));
         zeros.map_err(|()| Error::Memory { place: place.to_string(), bytes })
     }
 

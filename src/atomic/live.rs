@@ -27,7 +27,17 @@ pub(super) fn forget(list: &mut Vec<PathBuf>, path: &Path) {
 /// Removes every temporary file of this process and keeps files from getting names: for a process that is about to end
 /// without dropping its values. It must end then.
 pub fn remove_temporaries() {
-    let mut list = list();
+    remove(list());
+}
+
+/// The same, unless a thread is just working on the list, which may be this one.
+pub fn try_remove_temporaries() {
+    if let Ok(list) = TEMPORARY.try_lock() {
+        remove(list);
+    }
+}
+
+fn remove(mut list: MutexGuard<'_, Vec<PathBuf>>) {
     for path in list.drain(..) {
         // The next run sweeps it.
         let _ = std::fs::remove_file(path);

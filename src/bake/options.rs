@@ -5,6 +5,7 @@ use super::bvh::BvhOptions;
 use super::chunk::ChunkOptions;
 use super::collision::CollisionOptions;
 use super::crop::CropOptions;
+use super::floaters::FloatersOptions;
 use super::lit::LitOptions;
 use super::lod::LodOptions;
 use super::order::OrderOptions;
@@ -75,6 +76,15 @@ pub struct BakeOptions {
         )
     )]
     pub unseen: UnseenOptions,
+    /// Whether triangles that hang before cameras stay.
+    #[cfg_attr(
+        feature = "cli",
+        command(
+            flatten,
+            next_help_heading = "Floaters, with --dataset or cameras in the file: drop shards in the air"
+        )
+    )]
+    pub floaters: FloatersOptions,
     /// Which triangles are fitted to pictures.
     #[cfg_attr(
         feature = "cli",
@@ -138,6 +148,7 @@ impl BakeOptions {
         prune: PruneOptions::DEFAULT,
         solid: SolidOptions::DEFAULT,
         unseen: UnseenOptions::DEFAULT,
+        floaters: FloatersOptions::DEFAULT,
         reshape: ReshapeOptions::DEFAULT,
         lod: LodOptions::DEFAULT,
         tiles: TilesOptions::DEFAULT,
@@ -158,6 +169,7 @@ impl BakeOptions {
             BakePreset::Fast => Self {
                 preset,
                 teacher: TeacherOptions::OFF,
+                floaters: FloatersOptions::OFF,
                 reshape: ReshapeOptions::OFF,
                 weld: WeldOptions::FAST,
                 chunk: ChunkOptions::FAST,

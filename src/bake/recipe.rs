@@ -9,6 +9,7 @@ use super::color::color;
 use super::counts::{count, count_mesh};
 use super::crop::{count_inside, crop};
 use super::fit;
+use super::floaters::floaters;
 use super::lit::{Lit, SURFACE, lit};
 use super::lod::{FinishedLevel, LevelSource, LodOptions, lod};
 use super::merge::{merge, share_world};
@@ -129,6 +130,7 @@ impl<'a> Recipe<'a> {
         if let Some(views) = self.views.as_deref_mut().filter(|views| !views.is_drawn()) {
             self.report.warnings.extend(fit::warning(&mesh, views)?);
         }
+        let mesh = self.clear(mesh)?;
         let mesh = self.reshape(mesh, traits)?;
         let mesh = self.part_shell(mesh)?;
 
@@ -300,6 +302,14 @@ impl<'a> Recipe<'a> {
         let cameras = if chosen && budget.is_none() { &[] } else { cameras };
         self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
             unseen(mesh, cameras, views, &unseen_options, budget, details, progress)
+        })
+    }
+
+    /// Before triangles are fitted to pictures in which shards hide what is behind them. Chosen cameras stand where nothing is near.
+    fn clear(&mut self, mesh: Mesh) -> Result<Mesh> {
+        let (cameras, options) = (&self.cameras, &self.options.floaters);
+        self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
+            Ok(floaters(mesh, cameras, options, details))
         })
     }
 

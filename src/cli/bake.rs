@@ -124,7 +124,8 @@ fn scenes(
         None => {
             let most = options.prune.max_triangles;
             let training = harden::options(&args.harden, soft.scene.triangle_count(), most);
-            harden::harden(&args.inputs[0], soft, dataset.as_ref(), &args.dataset_options, &training, global)?
+            let (how, path) = (&args.dataset_options, &args.inputs[0]);
+            harden::harden(&args.harden, path, soft, dataset.as_ref(), how, &training, global)?
         }
     };
     report.stages.push(hardened.stage);

@@ -16,6 +16,8 @@ use std::time::Instant;
 
 /// Triangles that a hardened scene may have, unless the soft one has more.
 const LEAST_BUDGET: u64 = 60_000;
+/// Largest share of steps that look at soft pictures beside photos.
+const MOST_PICTURES: f64 = 0.9;
 /// A hardened scene may have this many times as many triangles as the soft one.
 const GROWTH: f64 = 1.25;
 
@@ -30,6 +32,16 @@ pub struct HardenArgs {
     #[arg(long, value_name = "N", default_value_t = 2000, requires = "harden",
           value_parser = clap::value_parser!(u64).range(1..), help_heading = "Harden: train a soft scene solid first")]
     pub harden_steps: u64,
+    /// With --dataset: share of these steps that look at soft pictures from between the photos, 0 to 0.9
+    #[arg(long, value_name = "SHARE", default_value_t = 0.5, requires = "harden",
+          value_parser = share, help_heading = "Harden: train a soft scene solid first")]
+    pub harden_pictures: f64,
+}
+
+/// A share that leaves a part of the steps to the photos.
+fn share(text: &str) -> std::result::Result<f64, String> {
+    let share = text.parse().ok().filter(|share| (0.0..=MOST_PICTURES).contains(share));
+    share.ok_or_else(|| format!("a number from 0 to {MOST_PICTURES}"))
 }
 
 /// A scene that was trained solid.
@@ -67,10 +79,11 @@ pub(super) fn needless(scene: &Loaded) -> Option<&'static str> {
     }
 }
 
-/// Trains `soft`, read from `path`, solid: on `photos`, or else on its own soft pictures.
+/// Trains `soft`, read from `path`, solid: on `photos` and soft pictures from between them, or else on soft pictures alone.
 ///
 /// Errors: nothing to look at, photos that cannot be decoded, a run that was stopped.
 pub(super) fn harden(
+    args: &HardenArgs,
     path: &Path,
     soft: Loaded,
     photos: Option<&Dataset>,
@@ -83,7 +96,8 @@ pub(super) fn harden(
     let dataset = match photos {
         Some(photos) => {
             taught = None;
-            photos
+            drawn = beside(photos, &soft, args.harden_pictures, options, how, global)?;
+            &drawn
         }
         None => {
             drawn = draw(path, &soft, options, how, global)?;
@@ -113,6 +127,19 @@ pub(super) fn options(args: &HardenArgs, triangles: usize, max_triangles: Option
     TrainOptions { steps: args.harden_steps, max_triangles: most, ..preset }
 }
 
+/// `photos`, and beside them as many soft pictures of `scene` as make up `share` of what is trained on, drawn under a bar.
+fn beside(
+    photos: &Dataset,
+    scene: &Loaded,
+    share: f64,
+    options: &TrainOptions,
+    how: &DatasetOptions,
+    global: &Global,
+) -> Result<Dataset> {
+    let drawing = options.drawing(how.background.to_f32());
+    under_bar(global, |drawn| teacher::beside(photos, scene, &drawing, share, how.photo_bytes(), drawn))
+}
+
 /// The soft pictures of `scene` that training takes for photos, drawn under a bar.
 pub(super) fn draw(
     path: &Path,
@@ -121,11 +148,14 @@ pub(super) fn draw(
     how: &DatasetOptions,
     global: &Global,
 ) -> Result<Dataset> {
-    let progress = Progress::new(global);
     let drawing = options.drawing(how.background.to_f32());
-    let dataset = teacher::dataset(path, scene, &drawing, how.photo_bytes(), &mut |done, all| {
-        progress.note(&format!("drawing soft pictures: {done} of {all}"));
-    });
+    under_bar(global, |drawn| teacher::dataset(path, scene, &drawing, how.photo_bytes(), drawn))
+}
+
+/// Draws soft pictures; shows how many are drawn.
+fn under_bar<T>(global: &Global, draw: impl FnOnce(&mut dyn FnMut(usize, usize)) -> T) -> T {
+    let progress = Progress::new(global);
+    let drawn = draw(&mut |done, all| progress.note(&format!("drawing soft pictures: {done} of {all}")));
     progress.done();
-    dataset
+    drawn
 }

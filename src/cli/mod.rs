@@ -23,6 +23,7 @@ pub mod mesh;
 pub mod messages;
 #[cfg(not(all(feature = "gpu", feature = "view")))]
 pub mod missing;
+mod out_of_memory;
 mod outputs;
 mod pictures;
 pub mod plan;

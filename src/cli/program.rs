@@ -5,8 +5,8 @@ use super::missing;
 #[cfg(feature = "view")]
 use super::view;
 use super::{
-    Global, bake, bake_args, bench, completions, eval, flags, info, man, merge, mesh, messages, plan, render,
-    sample, schema, signals, stdout::Stdout, train, train_args, validate,
+    Global, bake, bake_args, bench, completions, eval, flags, info, man, merge, mesh, messages,
+    out_of_memory, plan, render, sample, schema, signals, stdout::Stdout, train, train_args, validate,
 };
 use crate::dataset::DatasetOptions;
 use crate::error::{Error, Result};
@@ -68,6 +68,7 @@ pub enum Command {
 
 /// Parses the arguments of this process and runs the command.
 pub fn main() -> ExitCode {
+    out_of_memory::end_in_good_order();
     signals::start();
     let mut program = Cli::command();
     let matches = program.get_matches_mut();

@@ -3,7 +3,7 @@
 use super::stdout::Stdout;
 use crate::bake::{
     BakeOptions, arrange::ArrangeDetails, backdrop::BackdropDetails, bvh::BvhDetails, chunk::ChunkDetails,
-    collision::CollisionDetails, color::ColorDetails, crop::CropDetails, lit::LitDetails, lod::LodDetails,
+    collision::CollisionDetails, color::ColorDetails, crop::CropDetails, floaters::FloatersDetails, lit::LitDetails, lod::LodDetails,
     order::OrderDetails, place::PlaceDetails, prune::PruneDetails, refit::RefitDetails,
     reshape::ReshapeDetails, solid::SolidDetails, teacher::TeacherDetails, tiles::TilesDetails,
     unseen::UnseenDetails, weld::WeldDetails,
@@ -123,6 +123,7 @@ fn report_schema() -> schemars::Schema {
         stage_schema::<SolidDetails>(g),
         stage_schema::<ColorDetails>(g),
         stage_schema::<UnseenDetails>(g),
+        stage_schema::<FloatersDetails>(g),
         stage_schema::<BackdropDetails>(g),
         stage_schema::<ReshapeDetails>(g),
         stage_schema::<RefitDetails>(g),

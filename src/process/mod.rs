@@ -1,5 +1,7 @@
 //! What a process has used: CPU seconds and memory, from the system's own accounting.
 
+pub mod memory;
+
 use std::process::Child;
 
 #[cfg(not(any(unix, windows)))]

@@ -59,16 +59,15 @@ pub(super) fn viewpoints(scene: &Loaded) -> Option<Chosen> {
     unit.shrink(&mut soup);
     let up = scene.provenance.up.unwrap_or_default().to_y_up().transpose() * glam::DVec3::Y;
     let mut survey = Survey::new(soup);
-    let middles = survey.middles();
-    let around = good_views(&mut survey, &middles, around(unit.reach, up.as_vec3()), |sight| {
+    let around = good_views(&mut survey, around(unit.reach, up.as_vec3()), |sight| {
         sight.covered >= LEAST_SHOWN && sight.crowded <= MOST_CROWDED
     });
     let mut inside = Vec::new();
-    for eye in free_eyes(&middles) {
+    for eye in free_eyes(survey.middles()) {
         let looks =
             (0..LOOKS).map(|i| camera(eye, eye + direction(i, LOOKS), up.as_vec3(), INSIDE_FOV, SIDE));
         let mut surrounded = 0;
-        let views = good_views(&mut survey, &middles, looks.collect(), |sight| {
+        let views = good_views(&mut survey, looks.collect(), |sight| {
             surrounded += usize::from(sight.covered >= LEAST_COVERED);
             sight.covered >= LEAST_COVERED && sight.crowded <= MOST_CROWDED
         });
@@ -171,13 +170,12 @@ struct GoodView {
 /// Those of `candidates` whose sight is `good`.
 fn good_views(
     survey: &mut Survey,
-    middles: &[Vec3],
     candidates: Vec<Camera>,
     mut good: impl FnMut(&Sight) -> bool,
 ) -> Vec<GoodView> {
     let look = |camera: Camera| {
         let sight = survey.look(&camera, CLEARANCE);
-        good(&sight).then(|| GoodView { camera, seen: survey.seen(&camera, middles) })
+        good(&sight).then(|| GoodView { camera, seen: survey.seen(&camera) })
     };
     candidates.into_iter().filter_map(look).collect()
 }

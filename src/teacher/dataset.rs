@@ -1,11 +1,14 @@
 //! Soft pictures of a scene as a data set to train its solid twin on.
 
 use super::drawing::Teacher;
+use super::stored;
 use super::viewpoints::Viewpoints;
 use crate::camera::Camera;
 use crate::dataset::picture_file::PictureFile;
 use crate::dataset::{Dataset, DatasetKind, Photo, View};
 use crate::error::{Error, Result};
+use crate::image::Pixels;
+use crate::placed;
 use crate::raster::soft::SoftOptions;
 use crate::scene::Loaded;
 use glam::DVec3;
@@ -33,19 +36,9 @@ pub fn dataset(
         return Err(Error::invalid("from", path.display(), wants));
     };
     let mut teacher = Teacher::new(scene.scene.to_soup(), &cameras, options);
-    let bytes = |camera: &Camera| 3 * u64::from(camera.size.x) * u64::from(camera.size.y);
-    let held = cameras.iter().map(bytes).sum::<u64>() <= max_bytes;
-    let file = Arc::new(PictureFile::default());
-    let mut views = Vec::with_capacity(cameras.len());
-    for (i, camera) in cameras.iter().enumerate() {
-        let picture = teacher.picture(camera);
-        views.push(View {
-            name: format!("teacher_{i:05}"),
-            camera: *camera,
-            photo: if held { Photo::drawn(picture) } else { Photo::stored(&picture, &file)? },
-            test: i % HELD_OUT == HELD_OUT / 2,
-        });
-        drawn(i + 1, cameras.len());
+    let mut views = draw(&cameras, max_bytes, |camera| teacher.picture(camera), drawn)?;
+    for (i, view) in views.iter_mut().enumerate() {
+        view.test = i % HELD_OUT == HELD_OUT / 2;
     }
     Ok(Dataset {
         path: PathBuf::from(path),
@@ -56,4 +49,48 @@ pub fn dataset(
         reprojection: None,
         warnings: Vec::new(),
     })
+}
+
+/// The photos of `photos` and, beside those that are trained on, soft pictures of `scene` from between their cameras: at most as many
+/// as make up `share`, 0 to 1, of all that is trained on. `options`, `max_bytes` and `drawn` as for [`dataset`].
+///
+/// Errors: no room on the disk.
+pub fn beside(
+    photos: &Dataset,
+    scene: &Loaded,
+    options: &SoftOptions,
+    share: f64,
+    max_bytes: u64,
+    drawn: &mut dyn FnMut(usize, usize),
+) -> Result<Dataset> {
+    let cameras: Vec<Camera> = photos.train().map(|view| view.camera).collect();
+    let between = stored::between(&cameras);
+    let wanted = (cameras.len() as f64 * share / (1.0 - share)).round() as usize;
+    let count = wanted.min(between.len());
+    let chosen: Vec<Camera> = (0..count).map(|i| between[i * between.len() / count]).collect();
+    let to_file = |camera: &Camera| placed::to_file(camera, &scene.provenance.placement, photos.origin);
+    let near: Vec<Camera> = cameras.iter().map(to_file).collect();
+    let mut teacher = Teacher::new(scene.scene.to_soup(), &near, options);
+    let pictures = draw(&chosen, max_bytes, |camera| teacher.picture(&to_file(camera)), drawn)?;
+    Ok(Dataset { views: [photos.views.clone(), pictures].concat(), ..photos.clone() })
+}
+
+/// A view of each of `cameras` with the picture that `picture` takes, none of them held out.
+fn draw(
+    cameras: &[Camera],
+    max_bytes: u64,
+    mut picture: impl FnMut(&Camera) -> Pixels,
+    drawn: &mut dyn FnMut(usize, usize),
+) -> Result<Vec<View>> {
+    let bytes = |camera: &Camera| 3 * u64::from(camera.size.x) * u64::from(camera.size.y);
+    let held = cameras.iter().map(bytes).sum::<u64>() <= max_bytes;
+    let file = Arc::new(PictureFile::default());
+    let mut views = Vec::with_capacity(cameras.len());
+    for (i, camera) in cameras.iter().enumerate() {
+        let picture = picture(camera);
+        let photo = if held { Photo::drawn(picture) } else { Photo::stored(&picture, &file)? };
+        views.push(View { name: format!("teacher_{i:05}"), camera: *camera, photo, test: false });
+        drawn(i + 1, cameras.len());
+    }
+    Ok(views)
 }

@@ -8,8 +8,9 @@ pub mod dataset;
 pub mod drawing;
 mod stored;
 mod survey;
+mod thin;
 pub mod viewpoints;
 
-pub use dataset::dataset;
+pub use dataset::{beside, dataset};
 pub use drawing::Teacher;
 pub use viewpoints::{ViewpointKind, Viewpoints};

@@ -12,19 +12,26 @@ const MIN_COSINE: f32 = 0.5;
 /// The cameras themselves, then those half way to each one's nearest neighbours, as many as fit.
 pub(super) fn viewpoints(cameras: &[Camera], max_bytes: u64) -> Vec<Camera> {
     let bytes = |camera: &Camera| 3 * u64::from(camera.size.x) * u64::from(camera.size.y);
-    let mut all = cameras.to_vec();
     let mut left = max_bytes.saturating_sub(cameras.iter().map(bytes).sum());
+    let mut fits = |camera: &Camera| {
+        let needed = bytes(camera);
+        let fits = needed <= left;
+        left -= if fits { needed } else { 0 };
+        fits
+    };
+    [cameras.to_vec(), between(cameras).into_iter().filter(|camera| fits(camera)).collect()].concat()
+}
+
+/// Cameras half way from each of `cameras` to its nearest neighbours; those to the very nearest come first.
+pub(super) fn between(cameras: &[Camera]) -> Vec<Camera> {
     // A pair may be each other's nearest: it has one middle.
     let mut seen = HashSet::new();
-    for (rank, i) in (0..NEIGHBOURS).flat_map(|rank| (0..cameras.len()).map(move |i| (rank, i))) {
-        let Some(other) = neighbour(cameras, i, rank) else { continue };
-        let needed = bytes(&cameras[i]);
-        if needed <= left && seen.insert((i.min(other), i.max(other))) {
-            left -= needed;
-            all.push(middle(&cameras[i], &cameras[other]));
-        }
-    }
-    all
+    let pairs = (0..NEIGHBOURS).flat_map(|rank| (0..cameras.len()).map(move |i| (rank, i)));
+    let middle = |(rank, i): (usize, usize)| {
+        let other = neighbour(cameras, i, rank)?;
+        seen.insert((i.min(other), i.max(other))).then(|| middle(&cameras[i], &cameras[other]))
+    };
+    pairs.filter_map(middle).collect()
 }
 
 /// The camera that is `rank`-th nearest to camera `i` among those that look the same way.

@@ -1,5 +1,6 @@
 //! What a scene shows from somewhere, measured on a small picture.
 
+use super::thin::Along;
 use crate::camera::Camera;
 use crate::raster::soft::{Soft, SoftOptions, SoupRef};
 use crate::soup::Soup;
@@ -7,7 +8,7 @@ use glam::{Mat3, UVec2, Vec2, Vec3};
 
 /// Width and height of the pictures that a scene is surveyed with, px.
 const SIDE: u32 = 32;
-/// A soup of more triangles is thinned: every k-th is drawn, as large as k.
+/// A soup of more triangles is thinned.
 const MOST_TRIANGLES: usize = 20_000;
 /// Most middles of triangles that are looked for in pictures.
 const MOST_MIDDLES: usize = 8000;
@@ -22,6 +23,7 @@ const NEAR: f32 = 0.01;
 #[derive(Debug)]
 pub(super) struct Survey {
     soup: Soup,
+    middles: Vec<Vec3>,
     soft: Soft,
 }
 
@@ -38,26 +40,21 @@ impl Survey {
     /// Of `soup`, which is thinned if it is large.
     pub(super) fn new(mut soup: Soup) -> Self {
         soup.truncate_sh(0);
-        let k = soup.len().div_ceil(MOST_TRIANGLES).max(1);
-        if k > 1 {
-            soup.retain(|i| i % k == 0);
-            let grown = (k as f32).sqrt();
-            for corners in &mut soup.vertices {
-                let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
-                *corners = corners.map(|v| middle + (v - middle) * grown);
-            }
+        let along = Along::of(&soup);
+        Self {
+            middles: along.middles(MOST_MIDDLES),
+            soup: along.thinned(&soup, MOST_TRIANGLES),
+            soft: Soft::new(),
         }
-        Self { soup, soft: Soft::new() }
     }
 
-    /// Middles of some of the triangles.
-    pub(super) fn middles(&self) -> Vec<Vec3> {
-        let step = self.soup.len().div_ceil(MOST_MIDDLES).max(1);
-        self.soup.vertices.iter().step_by(step).map(|[a, b, c]| (*a + *b + *c) / 3.0).collect()
+    /// Middles of some of the triangles, spread over all of them.
+    pub(super) fn middles(&self) -> &[Vec3] {
+        &self.middles
     }
 
-    /// Which of `middles` the camera of the last look has in its picture and before it.
-    pub(super) fn seen(&self, camera: &Camera, middles: &[Vec3]) -> Vec<bool> {
+    /// Which of [`Self::middles`] the camera of the last look has in its picture and before it.
+    pub(super) fn seen(&self, camera: &Camera) -> Vec<bool> {
         let camera = camera.resized(UVec2::splat(SIDE));
         let frame = self.soft.frame();
         let is_seen = |middle: &Vec3| {
@@ -73,7 +70,7 @@ impl Survey {
             let depth = frame.median_depth[(pixel.y * side + pixel.x) as usize];
             depth == 0.0 || q.z < depth * BEHIND
         };
-        middles.iter().map(is_seen).collect()
+        self.middles.iter().map(is_seen).collect()
     }
 
     /// What `camera` sees, whatever the size of its picture; `clearance` is the depth below which something stands in

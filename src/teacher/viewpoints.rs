@@ -28,6 +28,11 @@ pub struct Viewpoints {
     pub cameras: Vec<Camera>,
 }
 
+/// Cameras half way from each of `cameras` to its nearest neighbours that look the same way.
+pub fn between(cameras: &[Camera]) -> Vec<Camera> {
+    stored::between(cameras)
+}
+
 impl Viewpoints {
     /// Those of `scene`: all cameras that it stores and as many others as fit into `max_bytes` of 8-bit pictures, or
     /// chosen ones. `None` when it stores none and shows nothing from anywhere.

@@ -5,6 +5,8 @@ mod checkpoints;
 mod inputs;
 mod max_bytes;
 mod messages;
+#[cfg(target_os = "linux")]
+mod out_of_memory;
 mod outputs;
 mod train;
 

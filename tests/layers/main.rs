@@ -11,7 +11,7 @@ use std::path::Path;
 const MAY: &[(&str, &str)] = &[
     ("error", ""),
     ("atomic", "error"),
-    ("limits", "error"),
+    ("limits", "error process"),
     ("input", "limits error"),
     ("process", ""),
     ("report", "error"),
@@ -32,7 +32,7 @@ const MAY: &[(&str, &str)] = &[
     ("dataset", "formats asset camera image rng error math input limits"),
     ("formats", "soup mesh scene bvh asset camera report error math atomic input limits"),
     ("raster", "kernel soup mesh camera image math error"),
-    ("teacher", "raster dataset scene soup space camera image error"),
+    ("teacher", "raster placed math dataset scene soup space camera image error"),
     ("surface", "teacher raster scene soup space mesh camera report error math limits"),
     (
         "train",
@@ -53,9 +53,9 @@ const MAY: &[(&str, &str)] = &[
     ),
     (
         "cli",
-        "asset atomic bake bench camera dataset error formats gpu image placed region report rng scale scene surface teacher train view input limits",
+        "process asset atomic bake bench camera dataset error formats gpu image placed region report rng scale scene surface teacher train view input limits",
     ),
-    ("main", "cli"),
+    ("main", "cli process"),
     ("lib", ""),
 ];
 

@@ -1,0 +1,46 @@
+//! The end of a program that gets no more memory: one error, and no file half-written.
+
+use crate::atomic;
+use crate::process::memory;
+use indicatif::HumanBytes;
+use std::io::{self, Write};
+
+/// Bytes of the longest message.
+const LINE: usize = 320;
+
+/// From now on the program ends so when a request for memory fails that no code foresaw.
+pub(super) fn end_in_good_order() {
+    memory::end_with(|bytes| {
+        atomic::try_remove_temporaries();
+        // There may be no memory for a line of text either, so it is put together on the stack.
+        let mut line = [0u8; LINE];
+        let _ = io::stderr().write_all(message(bytes, &mut line));
+        std::process::exit(1)
+    });
+}
+
+/// The error, in `line`.
+fn message(bytes: usize, line: &mut [u8; LINE]) -> &[u8] {
+    let mut rest = &mut line[..];
+    let bytes = HumanBytes(bytes as u64);
+    let remedy = "end other programs, or ask for less: fewer triangles, smaller pictures, --threads 1";
+    // Cut off where the line ends.
+    let _ = writeln!(
+        rest,
+        "error: out of memory: {bytes} more could not be had, and no file is left half-written; {remedy}"
+    );
+    let left = rest.len();
+    &line[..LINE - left]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_longest_message_is_whole() {
+        let mut line = [0; LINE];
+        let text = std::str::from_utf8(message(usize::MAX, &mut line)).unwrap();
+        assert!(text.starts_with("error: out of memory: ") && text.ends_with("--threads 1\n"), "{text}");
+    }
+}
