@@ -2,16 +2,19 @@
 //!
 //! Nobody photographs with something a tenth of the scene's depth before the lens and nowhere else in the photos. A trainer that
 //! does not clip so near puts triangles there to paint one photo; from beside it they are shards that hide the scene. A thing that
-//! was really there is in other photos too, so what enough of them see stays.
+//! was really there is in other photos too, so what enough of them see stays; a photo that has another colour there does not see it.
 
-use super::views;
+use super::views::{self, Views};
 use crate::camera::Camera;
+use crate::error::Result;
+use crate::image::Pixels;
+use crate::math::color::srgb_from_linear;
 use crate::math::median::median;
 use crate::mesh::Mesh;
 use crate::raster::solid::{NO_FACE, Solid};
 use crate::report::{Outcome, StageDetails};
 use crate::teacher;
-use glam::{IVec3, Vec3};
+use glam::{IVec3, Vec2, Vec3};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -19,6 +22,8 @@ use std::collections::HashMap;
 const NEAR: f32 = 0.1;
 /// What so many photos see was there.
 const LEAST_VIEWS: u32 = 3;
+/// A photo shows a triangle when it differs this little from its colour, mean over channels and pixels; colours are 0 to 1, sRGB-encoded.
+const LIKE: f32 = 0.15;
 /// With fewer cameras nothing can be said.
 const FEWEST_CAMERAS: usize = 4;
 /// Cameras between more than these add little, and finding them takes long.
@@ -57,7 +62,7 @@ pub struct FloatersDetails {
     pub scene_depth: Option<f32>,
     /// Triangles nearer to a camera, or to a place between two, than a tenth of that.
     pub near: u64,
-    /// How many of those stay because three photos or more see them.
+    /// How many of those stay because three photos or more show them.
     pub seen: u64,
 }
 
@@ -65,40 +70,45 @@ impl StageDetails for FloatersDetails {
     const STAGE: &'static str = "floaters";
 }
 
-/// Drops the triangles of `mesh` that hang before one of `cameras`.
+/// Drops the triangles of `mesh` that hang before one of `cameras`, which are those of `photos` if there are any.
+///
+/// Errors: a photo that cannot be decoded.
 pub fn floaters(
     mesh: &mut Mesh,
     cameras: &[Camera],
+    photos: Option<&mut Views>,
     options: &FloatersOptions,
     details: &mut FloatersDetails,
-) -> Outcome<()> {
+) -> Result<Outcome<()>> {
     if options.keep_floaters {
-        return Outcome::Unneeded("`keep_floaters`");
+        return Ok(Outcome::Unneeded("`keep_floaters`"));
     }
     if cameras.len() < FEWEST_CAMERAS {
-        return Outcome::Unneeded("it needs four cameras: of photos (`dataset`), or in a soup we trained");
+        return Ok(Outcome::Unneeded(
+            "it needs four cameras: of photos (`dataset`), or in a soup we trained",
+        ));
     }
     let Some(depth) = scene_depth(mesh, cameras) else {
-        return Outcome::Unneeded("the cameras see nothing");
+        return Ok(Outcome::Unneeded("the cameras see nothing"));
     };
     details.scene_depth = Some(depth);
     let near = hanging_before(mesh, cameras, NEAR * depth);
     details.near = near.len() as u64;
     if near.is_empty() {
-        return Outcome::Unneeded("nothing hangs before a camera");
+        return Ok(Outcome::Unneeded("nothing hangs before a camera"));
     }
-    let views = times_seen(mesh, cameras, &near);
-    let (seen, hanging): (Vec<u32>, Vec<u32>) =
-        near.into_iter().partition(|&face| views[face as usize] >= LEAST_VIEWS);
-    details.seen = seen.len() as u64;
+    let times = times_seen(mesh, cameras, &near, photos)?;
+    let hanging = near.iter().zip(&times).filter(|(_, times)| **times < LEAST_VIEWS);
+    let hanging: Vec<u32> = hanging.map(|(face, _)| *face).collect();
+    details.seen = (near.len() - hanging.len()) as u64;
     if hanging.is_empty() || hanging.len() == mesh.face_count() {
-        return Outcome::Unneeded("what is before a camera is in other photos too");
+        return Ok(Outcome::Unneeded("what is before a camera is in other photos too"));
     }
     let mut stays = vec![true; mesh.face_count()];
     hanging.iter().for_each(|&face| stays[face as usize] = false);
     let kept: Vec<u32> = (0..).zip(&stays).filter(|(_, stays)| **stays).map(|(face, _)| face).collect();
     mesh.keep(&kept);
-    Outcome::Changed(())
+    Ok(Outcome::Changed(()))
 }
 
 /// The median over some cameras of the median depth of what each sees.
@@ -143,32 +153,59 @@ fn hanging_before(mesh: &Mesh, cameras: &[Camera], depth: f32) -> Vec<u32> {
     (0..mesh.face_count() as u32).into_par_iter().filter(hangs).collect()
 }
 
-/// How many of `cameras` see each face, as far as they have one of `faces` in their picture. `[F]`
-fn times_seen(mesh: &Mesh, cameras: &[Camera], faces: &[u32]) -> Vec<u32> {
+/// How many of `cameras` see each of `faces`; with photos, how many show something of its colour there. In the order of `faces`.
+fn times_seen(
+    mesh: &Mesh,
+    cameras: &[Camera],
+    faces: &[u32],
+    mut photos: Option<&mut Views>,
+) -> Result<Vec<u32>> {
     let (options, mut solid) = (views::drawing(cameras, mesh, 1), Solid::new());
-    let mut times = vec![0; mesh.face_count()];
-    let mut last = vec![usize::MAX; mesh.face_count()];
+    let place: HashMap<u32, usize> = faces.iter().copied().zip(0..).collect();
+    let colors: Vec<Vec3> = faces.iter().map(|&face| encoded_color(mesh, face as usize)).collect();
+    let mut times = vec![0; faces.len()];
     for (i, camera) in cameras.iter().enumerate() {
-        let camera = camera.within(SIDE);
-        let frames_any =
-            |face: &u32| mesh.corners(*face as usize).iter().any(|corner| camera.frames(*corner));
-        if !faces.iter().any(frames_any) {
+        let frames = |face: &u32| mesh.corners(*face as usize).iter().any(|corner| camera.frames(*corner));
+        if !faces.iter().any(frames) {
             continue;
         }
-        for &face in solid.visibility(mesh, &camera, &options).face.iter().filter(|face| **face != NO_FACE) {
-            let face = face as usize;
-            times[face] += u32::from(last[face] != i);
-            last[face] = i;
+        let camera = camera.within(SIDE);
+        let photo = photos.as_deref_mut().map(|photos| photos.photo(i)).transpose()?;
+        // How far its pixels are from those of the photo in sum, and how many there are.
+        let mut shown = vec![(0.0, 0u32); faces.len()];
+        for (pixel, face) in (0..).zip(&solid.visibility(mesh, &camera, &options).face) {
+            let Some(&at) = place.get(face) else { continue };
+            let off = photo.as_ref().map_or(0.0, |photo| {
+                let middle = Vec2::new((pixel % camera.size.x) as f32, (pixel / camera.size.x) as f32) + 0.5;
+                let there = color_at(photo, middle / camera.size.as_vec2());
+                (there - colors[at]).abs().element_sum() / 3.0
+            });
+            shown[at] = (shown[at].0 + off, shown[at].1 + 1);
         }
+        let agrees = |(off, pixels): (f32, u32)| pixels > 0 && off <= LIKE * pixels as f32;
+        times.iter_mut().zip(shown).for_each(|(times, shown)| *times += u32::from(agrees(shown)));
     }
-    times
+    Ok(times)
+}
+
+/// The mean colour of a face, sRGB-encoded.
+fn encoded_color(mesh: &Mesh, face: usize) -> Vec3 {
+    let corners = mesh.corner_colors(face);
+    corners.iter().map(|corner| Vec3::from(corner.map(srgb_from_linear))).sum::<Vec3>() / 3.0
+}
+
+/// The colour of a photo at `place`, (0, 0) to (1, 1), sRGB-encoded.
+fn color_at(photo: &Pixels, place: Vec2) -> Vec3 {
+    let pixel = (place * photo.size.as_vec2()).as_uvec2().min(photo.size - 1);
+    let rgb = photo.rgb[(pixel.y * photo.size.x + pixel.x) as usize];
+    Vec3::from(rgb.map(f32::from)) / 255.0
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::mesh::Colors;
-    use glam::{Mat3, UVec2, Vec2};
+    use glam::{Mat3, UVec2};
 
     /// Cameras in a row along x, half a unit apart, that look along z.
     fn cameras(count: usize) -> Vec<Camera> {
@@ -194,14 +231,26 @@ mod tests {
 
     fn run(mesh: &mut Mesh, cameras: &[Camera]) -> (Outcome<()>, FloatersDetails) {
         let mut details = FloatersDetails::default();
-        (floaters(mesh, cameras, &FloatersOptions::DEFAULT, &mut details), details)
+        let outcome = floaters(mesh, cameras, None, &FloatersOptions::DEFAULT, &mut details);
+        (outcome.unwrap(), details)
+    }
+
+    #[test]
+    fn photos_of_another_colour_do_not_show_it() {
+        let mesh = scene(&[(Vec3::new(0.8, 0.0, 0.95), 0.9)]);
+        let grey = Vec3::splat(srgb_from_linear(0.5));
+        for (level, times) in [((255.0 * grey.x) as u8, 3), (20, 0)] {
+            let picture = || Pixels { size: UVec2::splat(50), rgb: vec![[level; 3]; 2500], alpha: None };
+            let mut photos = Views::drawn(cameras(6), (0..6).map(|_| picture()).collect());
+            assert_eq!(times_seen(&mesh, &cameras(6), &[2], Some(&mut photos)).unwrap(), [times]);
+        }
     }
 
     #[test]
     fn a_shard_before_one_camera_goes_and_what_many_see_stays() {
         // Two shards: before camera 2 and between cameras 3 and 4. A post that three cameras see, and a thing far from all of them.
         let shards = [(Vec3::new(0.98, 0.0, 0.2), 0.05), (Vec3::new(1.75, 0.0, 0.2), 0.02)];
-        let stays = [(Vec3::new(1.0, 0.0, 0.95), 0.5), (Vec3::new(1.0, 0.0, 5.0), 1.0)];
+        let stays = [(Vec3::new(0.8, 0.0, 0.95), 0.9), (Vec3::new(1.0, 0.0, 5.0), 1.0)];
         let mut mesh = scene(&[shards, stays].concat());
         let (outcome, details) = run(&mut mesh, &cameras(6));
         assert!(matches!(outcome, Outcome::Changed(())));

@@ -308,8 +308,9 @@ impl<'a> Recipe<'a> {
     /// Before triangles are fitted to pictures in which shards hide what is behind them. Chosen cameras stand where nothing is near.
     fn clear(&mut self, mesh: Mesh) -> Result<Mesh> {
         let (cameras, options) = (&self.cameras, &self.options.floaters);
+        let photos = self.views.as_deref_mut().filter(|views| !views.is_drawn());
         self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
-            Ok(floaters(mesh, cameras, options, details))
+            floaters(mesh, cameras, photos, options, details)
         })
     }
 

@@ -3,10 +3,10 @@
 use super::stdout::Stdout;
 use crate::bake::{
     BakeOptions, arrange::ArrangeDetails, backdrop::BackdropDetails, bvh::BvhDetails, chunk::ChunkDetails,
-    collision::CollisionDetails, color::ColorDetails, crop::CropDetails, floaters::FloatersDetails, lit::LitDetails, lod::LodDetails,
-    order::OrderDetails, place::PlaceDetails, prune::PruneDetails, refit::RefitDetails,
-    reshape::ReshapeDetails, solid::SolidDetails, teacher::TeacherDetails, tiles::TilesDetails,
-    unseen::UnseenDetails, weld::WeldDetails,
+    collision::CollisionDetails, color::ColorDetails, crop::CropDetails, floaters::FloatersDetails,
+    lit::LitDetails, lod::LodDetails, order::OrderDetails, place::PlaceDetails, prune::PruneDetails,
+    refit::RefitDetails, reshape::ReshapeDetails, solid::SolidDetails, teacher::TeacherDetails,
+    tiles::TilesDetails, unseen::UnseenDetails, weld::WeldDetails,
 };
 use crate::bench::bake::BakeRow;
 use crate::bench::cost::MeasuredRow;
