@@ -55,8 +55,8 @@ impl Planner<'_> {
         self.options.count(self.whole.max_triangles)
     }
 
-    /// How the coarse scene is trained: soft, from all photos, in few steps and with few triangles; `None` when there is one block, which
-    /// needs none.
+    /// How the coarse scene is trained, and after which step it ends: the first part of a plain run with fewer triangles; `None` when there is
+    /// one block, which needs none.
     pub fn coarse_options(&self) -> Result<Option<(TrainOptions, u64)>> {
         if self.count()? == 1 {
             return Ok(None);
