@@ -52,8 +52,12 @@ impl Checked {
 pub fn check(path: &Path, options: &ReadOptions) -> Result<Checked> {
     let mut source = Source::open(path, &options.limits)?;
     let format = detect(&mut source)?;
+    let shown = path.display().to_string();
     match tileset_json(format, &mut source, &options.limits) {
-        None => check_file(path, format, source, options).map(|tile| tile.checked),
+        None => {
+            let CheckedTile { triangles, findings, .. } = check_file(path, format, source, options)?;
+            Ok(Checked { path: shown, format, triangles, findings })
+        }
         Some(json) => {
             let mut findings = Findings::default();
             let mut check_file = |tile: &Path| {
@@ -62,8 +66,7 @@ pub fn check(path: &Path, options: &ReadOptions) -> Result<Checked> {
                 check_file(tile, format, source, options)
             };
             let triangles = tileset::check(path, &json, &mut check_file, &mut findings)?;
-            let path = path.display().to_string();
-            Ok(Checked { path, format: Format::Tileset, triangles, findings: findings.list })
+            Ok(Checked { path: shown, format: Format::Tileset, triangles, findings: findings.list })
         }
     }
 }
@@ -96,9 +99,7 @@ fn check_file(path: &Path, format: Format, mut source: Source, options: &ReadOpt
         Err(Error::Malformed { at, .. }) if findings.has_place(&at) => {}
         Err(error) => findings.take(error)?,
     }
-    let path = path.display().to_string();
-    let checked = Checked { path, format, triangles, findings: findings.list };
-    Ok(CheckedTile { checked, bounds: around })
+    Ok(CheckedTile { triangles, findings: findings.list, bounds: around })
 }
 
 /// Lowest and highest corner of a scene, but for its backdrop.

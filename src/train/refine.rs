@@ -323,6 +323,25 @@ mod tests {
     }
 
     #[test]
+    fn a_core_that_is_full_ends_the_growth_around_it_too() {
+        let options = RefineOptions { growth: 5.0, ..RefineOptions::default() };
+        // The middles of the first ten of twenty are below 10.5.
+        let core = |triangles| Some(Core { low: [None; 3], high: [Some(10.5), None, None], triangles });
+        let grown = |triangles| {
+            let (mut s, mut w) = (state(20), visible(20, 3));
+            refine(&mut s, &mut w, &RefinePlan { core: core(triangles), ..plan(&options) });
+            let held =
+                core(0).map_or(0, |core| (0..s.params.len()).filter(|&i| core.holds(&s.params, i)).count());
+            (held, s.params.len())
+        };
+        let (before, _) = grown(0);
+        assert_eq!(grown(0), (before, 20));
+        assert_eq!(grown(before as u64), (before, 20));
+        let (held, all) = grown(before as u64 + 4);
+        assert!(held.abs_diff(before + 4) <= 1 && all > 24, "{held} and {all}");
+    }
+
+    #[test]
     fn triangles_are_sampled_by_their_weight() {
         let grown_opaque = |weight: SampleWeight, refinement: u64| {
             let options = RefineOptions { sample_by: weight, ..RefineOptions::default() };

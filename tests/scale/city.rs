@@ -250,9 +250,11 @@ fn what_is_not_as_it_was_planned_is_refused() {
     let manifest = folder.path().join("city/manifest.json");
     let text = std::fs::read_to_string(&manifest).unwrap();
     let steps: Value = serde_json::from_str(&text).unwrap();
-    let was = format!("\"steps\": {},\n      \"max", steps["blocks"][1]["steps"]);
+    let steps = steps["blocks"][1]["steps"].as_u64().unwrap();
+    let line = |steps: u64| format!("\"steps\": {steps},\n      \"first_step");
+    let was = line(steps);
     assert!(text.contains(&was));
-    std::fs::write(&manifest, text.replace(&was, "\"steps\": 7,\n      \"max")).unwrap();
+    std::fs::write(&manifest, text.replace(&was, &line(steps + 1))).unwrap();
     fail(folder.path(), &["train", "--block", "city:1"], &["was changed by hand"]);
     std::fs::write(&manifest, &text).unwrap();
 

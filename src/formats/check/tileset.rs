@@ -1,6 +1,5 @@
 //! A tileset (3D Tiles 1.1): the tree, and every file it names.
 
-use super::Checked;
 use super::findings::{Finding, Findings, Severity};
 use crate::error::{Error, Result};
 use crate::formats::gltf::uri;
@@ -14,7 +13,9 @@ const SLACK: f64 = 1e-3;
 
 /// A tile that was checked as a file of its own.
 pub(super) struct CheckedTile {
-    pub(super) checked: Checked,
+    /// Triangles in it, when it could be read.
+    pub(super) triangles: Option<u64>,
+    pub(super) findings: Vec<Finding>,
     /// Lowest and highest corner of its triangles, backdrop excluded, as its file has them.
     pub(super) bounds: Option<[Vec3; 2]>,
 }
@@ -193,19 +194,19 @@ impl Tree<'_> {
         if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
             return none(Severity::Note, format!("names {name}, a tileset of its own: validate it, too"));
         }
-        let CheckedTile { checked, bounds } = match (self.check_file)(&file) {
+        let CheckedTile { triangles, findings, bounds } = match (self.check_file)(&file) {
             Err(Error::Unsupported { reason, .. }) => {
                 return none(Severity::Error, format!("names {name}, which {reason}"));
             }
             other => other?,
         };
-        for Finding { severity, place, what } in checked.findings {
+        for Finding { severity, place, what } in findings {
             match severity {
                 Severity::Note => *self.notes.entry(what).or_default() += 1,
                 _ => self.findings.add(severity, format!("{name}: {place}"), what),
             }
         }
-        Ok(TileFile { triangles: checked.triangles, bounds })
+        Ok(TileFile { triangles, bounds })
     }
 }
 
