@@ -63,6 +63,7 @@ fn a_tileset_is_checked_with_all_its_tiles() {
         "boundingVolume",
     );
     fault(&|set| set["asset"]["version"] = json!("2.0"), "version 2.0");
+    fault(&|set| set["root"]["children"][2]["content"]["uri"] = json!("../a.glb"), "`allow_outside`");
     let swapped = |set: &mut Value| {
         let other = set["root"]["children"][0]["content"].clone();
         set["root"]["children"][2]["content"] = other;

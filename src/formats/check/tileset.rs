@@ -3,6 +3,7 @@
 use super::findings::{Finding, Findings, Severity};
 use crate::error::{Error, Result};
 use crate::formats::gltf::uri;
+use crate::input;
 use glam::{DMat4, DVec3, Vec3};
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -58,11 +59,12 @@ struct Content {
     uri: String,
 }
 
-/// Checks the tileset at `path`, of which `json` is the text; `check_file` checks a tile. Returns the triangles in all its files, when all
+/// Checks the tileset at `path`, of which `json` is the text; `check_file` checks a tile, those outside its folder with `allow_outside` only. Returns the triangles in all its files, when all
 /// could be read.
 pub(super) fn check(
     path: &Path,
     json: &[u8],
+    allow_outside: bool,
     check_file: &mut dyn FnMut(&Path) -> Result<CheckedTile>,
     findings: &mut Findings,
 ) -> Result<Option<u64>> {
@@ -79,8 +81,9 @@ pub(super) fn check(
     if set.root.refine.is_none() {
         findings.error("root", "lacks `refine`, which the first tile must have");
     }
-    let folder = path.parent().unwrap_or(Path::new("")).to_owned();
-    let mut tree = Tree { folder, check_file, findings, tiles: BTreeMap::new(), notes: BTreeMap::new() };
+    let folder = (path.as_os_str() != "-").then(|| path.parent().unwrap_or(Path::new("")).to_owned());
+    let mut tree =
+        Tree { folder, allow_outside, check_file, findings, tiles: BTreeMap::new(), notes: BTreeMap::new() };
     tree.tile("root", &set.root, &Above { error: set.geometric_error, around: None })?;
     let Tree { tiles, notes, .. } = tree;
     for (what, count) in notes {
@@ -103,7 +106,9 @@ struct TileFile {
 
 /// A tileset that is walked.
 struct Tree<'a> {
-    folder: PathBuf,
+    /// None of standard input.
+    folder: Option<PathBuf>,
+    allow_outside: bool,
     check_file: &'a mut dyn FnMut(&Path) -> Result<CheckedTile>,
     findings: &'a mut Findings,
     /// Every file once, by its name in the tileset.
@@ -130,10 +135,11 @@ impl Tree<'_> {
         }
         let around = self.volume(place, tile);
         let transform = DMat4::from_cols_array(&tile.transform.unwrap_or(DMat4::IDENTITY.to_cols_array()));
-        if let (Some(outer), Some(inner)) = (&above.around, &around) {
-            if !inner.corners().iter().all(|corner| outer.holds(transform.transform_point3(*corner))) {
-                self.findings.error(place, "has a box that is not within that of the tile above it");
-            }
+        let holds = |outer: &OrientedBox, inner: &OrientedBox| {
+            inner.corners().iter().all(|corner| outer.holds(transform.transform_point3(*corner)))
+        };
+        if above.around.as_ref().zip(around.as_ref()).is_some_and(|(outer, inner)| !holds(outer, inner)) {
+            self.findings.error(place, "has a box that is not within that of the tile above it");
         }
         for content in tile.content.iter().chain(&tile.contents) {
             self.content(place, content, around.as_ref())?;
@@ -181,13 +187,25 @@ impl Tree<'_> {
             self.findings.add(severity, place, what);
             Ok(TileFile { triangles: None, bounds: None })
         };
-        if name.contains("://") {
-            return none(
-                Severity::Note,
-                format!("names {name}, which is not on this machine and not checked"),
-            );
+        let relative = uri::unescaped(name);
+        if name.contains(':')
+            || name.starts_with("//")
+            || Path::new(&relative).is_absolute()
+            || relative.contains('\0')
+        {
+            return none(Severity::Note, format!("names {name}, which is not beside it and not checked"));
         }
-        let file = self.folder.join(uri::unescaped(name));
+        let Some(folder) = self.folder.clone() else {
+            return none(
+                Severity::Error,
+                format!("names {name}, which standard input cannot reach; give the file by name"),
+            );
+        };
+        if input::leaves_folder(Path::new(&relative)) && !self.allow_outside {
+            let what = format!("names {name}, outside its folder; if that is right, give `allow_outside`");
+            return none(Severity::Error, what);
+        }
+        let file = folder.join(relative);
         if !file.is_file() {
             return none(Severity::Error, format!("names {name}, which is not there: {}", file.display()));
         }
