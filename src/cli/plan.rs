@@ -12,7 +12,7 @@ use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
 use crate::formats::{self, ReadOptions};
 use crate::scale::manifest::{Expected, NAME};
-use crate::scale::{Manifest, PlanOptions, Planner, status};
+use crate::scale::{Manifest, PlanOptions, Planner, status, task};
 use crate::scene::Loaded;
 use crate::train::device::OpenBackend;
 use crate::train::{BackendOptions, RunOptions, TrainOptions, TrainRun, checkpoint};
@@ -79,8 +79,7 @@ fn make(
     city: &Path,
     global: &Global,
 ) -> Result<ExitCode> {
-    let (whole, from_coarse) =
-        (resolve(args, matches, TrainOptions::preset)?, resolve(args, matches, TrainOptions::from_coarse)?);
+    let whole = resolve(args, matches)?;
     let mut files = Outputs::new(args.config.as_deref(), args.force).with_dataset(Some(path));
     std::fs::create_dir_all(city).map_err(|e| Error::io(city, e))?;
     files.plan("--output", &city.join(NAME))?;
@@ -91,7 +90,6 @@ fn make(
         dataset_options: &args.dataset_options,
         options: &args.plan,
         whole: &whole,
-        from_coarse: &from_coarse,
     };
     let photos = planner.photos()?;
     let coarse = match planner.coarse_options()? {
@@ -119,7 +117,7 @@ fn make(
 fn coarse_scene(
     args: &PlanArgs,
     dataset: &Dataset,
-    options: &TrainOptions,
+    (options, until): &(TrainOptions, u64),
     path: &Path,
     global: &Global,
 ) -> Result<Option<Loaded>> {
@@ -132,14 +130,14 @@ fn coarse_scene(
         };
         let resume = point.is_file().then(|| checkpoint::read(&point)).transpose()?;
         let run = TrainRun::new(dataset, options).with_dataset_options(&args.dataset_options);
-        let run = TrainRun { outputs, resume, ..run };
+        let run = TrainRun { outputs, resume, until_step: Some(*until), ..run };
         let OpenBackend { backend, card, warnings } = args.backend_options.open(run.drawing(), run.size())?;
         let run = run.start_on(backend)?;
-        let mut bar = Bar::new(global, options.steps, run.steps(), None, run.curve())?;
+        let mut bar = Bar::new(global, *until, run.steps(), None, run.curve())?;
         bar.line("training the coarse scene");
         card.iter().for_each(|card| bar.line(&format!("training on {card}")));
         warnings.iter().for_each(|warning| bar.line(&format!("warning: {warning}")));
-        let trained = run.finish(&mut bar)?;
+        let trained = task::unnamed(run.finish(&mut bar)?);
         let lost = bar.done();
         match (trained.stopped, &trained.checkpoint) {
             (true, Some(_)) => {
@@ -163,14 +161,10 @@ fn coarse_scene(
 }
 
 /// Preset, then config file, then `--set`, then the flags really typed.
-fn resolve(
-    args: &PlanArgs,
-    matches: &ArgMatches,
-    preset: impl Fn(crate::train::TrainPreset) -> TrainOptions,
-) -> Result<TrainOptions> {
+fn resolve(args: &PlanArgs, matches: &ArgMatches) -> Result<TrainOptions> {
     let (config, limits) = (args.config.as_deref(), &args.dataset_options.limits);
     let layers = Layers { config, limits, sets: &args.sets, typed: &args.options, matches };
-    let options = layers.resolve(args.options.preset, preset)?;
+    let options = layers.resolve(args.options.preset, TrainOptions::preset)?;
     options.validate()?;
     Ok(options)
 }
@@ -205,7 +199,8 @@ fn print_status(args: &PlanArgs, city: &Path, out: &mut dyn Write) -> Result<()>
                 thousands(f.triangles)
             )
         });
-        let (photos, steps, expected) = (block.photos.len(), block.steps, block.expected.cpu_secs);
+        let steps = block.steps - block.first_step;
+        let (photos, expected) = (block.photos.len(), block.expected.cpu_secs);
         text +=
             &format!("{i:>5}  {:<7}  {photos:>6}  {steps:>5}  {expected:>14.0}{took}\n", row.state.name());
     }

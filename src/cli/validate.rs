@@ -10,7 +10,7 @@ use std::path::PathBuf;
 /// What to check.
 #[derive(Debug, clap::Args)]
 pub struct ValidateArgs {
-    /// File to check: .ply, .pt, .off, .obj, .glb or .gltf, and the .bvh beside it; "-" is standard input.
+    /// File to check: .ply, .pt, .off, .obj, .glb or .gltf, and the .bvh beside it; a .tileset.json, and all its tiles; "-" is standard input.
     #[arg(value_name = "FILE")]
     pub input: PathBuf,
     /// Print JSON (`trisplat schema validation` describes it).

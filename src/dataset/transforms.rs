@@ -14,6 +14,7 @@ use super::options::DatasetOptions;
 use super::paths::NamedFiles;
 use super::point_ply;
 use crate::error::{Error, Result};
+use crate::formats::foreign;
 use crate::input;
 use crate::limits::Limits;
 use glam::{DMat3, DVec3, UVec2};
@@ -110,8 +111,10 @@ fn read_points(file: &Path, ply: &Path, limits: &Limits) -> Result<Vec<FoundPoin
 fn parse(file: &Path, limits: &Limits) -> Result<Transforms> {
     let text = input::read_text(file, limits)?;
     serde_json::from_str(&text).map_err(|e| {
-        let at = format!("line {} column {}", e.line(), e.column());
-        Error::malformed(file, at, format!("is not a transforms.json: {e}"))
+        foreign::refusal(file, text.as_bytes()).unwrap_or_else(|| {
+            let at = format!("line {} column {}", e.line(), e.column());
+            Error::malformed(file, at, format!("is not a transforms.json: {e}"))
+        })
     })
 }
 

@@ -6,19 +6,23 @@
 mod findings;
 mod gltf;
 mod scene;
+mod tileset;
 
 pub use findings::{Finding, Severity};
 
+use super::gltf::container::ContainerFile;
 use super::read::{detect, read_as};
-use super::{Format, ReadOptions, Source, bvh, html};
+use super::{Format, ReadOptions, Source, bvh, foreign, html};
 use crate::error::{Error, Result};
 use crate::limits::Limits;
 use crate::mesh::Mesh;
 use crate::scene::{Loaded, Scene};
 use findings::{Findings, Positions};
+use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+use tileset::CheckedTile;
 
 /// Everything found in one file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -41,33 +45,69 @@ impl Checked {
     }
 }
 
-/// Everything found in the file at `path`, read with `options`, and in the hierarchy beside it.
+/// Everything found in the file at `path`, read with `options`, and in the hierarchy beside it; of a tileset, in every file it names.
 ///
 /// # Errors
 /// `Io`, and `Unsupported` for a file of no known format. A broken file is a finding.
 pub fn check(path: &Path, options: &ReadOptions) -> Result<Checked> {
     let mut source = Source::open(path, &options.limits)?;
     let format = detect(&mut source)?;
+    let shown = path.display().to_string();
+    match tileset_json(format, &mut source, &options.limits) {
+        None => {
+            let CheckedTile { triangles, findings, .. } = check_file(path, format, source, options)?;
+            Ok(Checked { path: shown, format, triangles, findings })
+        }
+        Some(json) => {
+            let mut findings = Findings::default();
+            let mut check_file = |tile: &Path| {
+                let mut source = Source::open(tile, &options.limits)?;
+                let format = detect(&mut source)?;
+                check_file(tile, format, source, options)
+            };
+            let triangles =
+                tileset::check(path, &json, options.allow_outside, &mut check_file, &mut findings)?;
+            Ok(Checked { path: shown, format: Format::Tileset, triangles, findings: findings.list })
+        }
+    }
+}
+
+/// The text of a file when it is a tileset.
+fn tileset_json(format: Format, source: &mut Source, limits: &Limits) -> Option<Vec<u8>> {
+    let mut again = (format == Format::Gltf).then(|| source.again().ok())??;
+    let json = ContainerFile::read(&mut again, limits).ok()?.json;
+    foreign::is_tileset_json(&json).then_some(json)
+}
+
+/// Everything found in one file that is no tileset.
+fn check_file(path: &Path, format: Format, mut source: Source, options: &ReadOptions) -> Result<CheckedTile> {
     // No engine reads a page, and its own viewer reads everything.
     let for_engines = format != Format::Html;
     let mut findings = Findings::default();
-    let (inner, mut source) = html::inside(format, source)?;
+    let (inner, mut source) = html::inside(format, source.again()?)?;
     if matches!(inner, Format::Glb | Format::Gltf) {
         gltf::check(source.again()?, options, for_engines, &mut findings)?;
     }
-    let mut triangles = None;
+    let (mut triangles, mut around) = (None, None);
     // All of it is checked, so all of it is read, whatever `options` want of it.
     match read_as(inner, source.again()?, &ReadOptions { sh_degree: 3, ..*options }) {
         Ok(loaded) => {
             triangles = Some(loaded.scene.triangle_count() as u64);
+            around = bounds(&loaded);
             check_loaded(path, inner, &loaded, &options.limits, &mut findings)?;
         }
         // The checks of glTF files may have found the same fault.
         Err(Error::Malformed { at, .. }) if findings.has_place(&at) => {}
         Err(error) => findings.take(error)?,
     }
-    let path = path.display().to_string();
-    Ok(Checked { path, format, triangles, findings: findings.list })
+    Ok(CheckedTile { triangles, findings: findings.list, bounds: around })
+}
+
+/// Lowest and highest corner of a scene, but for its backdrop.
+fn bounds(loaded: &Loaded) -> Option<[Vec3; 2]> {
+    let count = loaded.scene.triangle_count().saturating_sub(loaded.provenance.backdrop as usize);
+    let corners = (0..count).flat_map(|i| loaded.scene.corners(i)).map(|corner| [corner, corner]);
+    corners.reduce(|[low, high], [p, _]| [low.min(p), high.max(p)])
 }
 
 fn check_loaded(

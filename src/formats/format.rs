@@ -22,6 +22,8 @@ pub enum Format {
     Gltf,
     /// A page with a GLB in it, as we write them.
     Html,
+    /// 3D Tiles: JSON that names files with tiles. It is checked, and not read as a scene.
+    Tileset,
 }
 
 impl Format {
@@ -86,6 +88,7 @@ impl Format {
             Format::Glb => "binary glTF",
             Format::Gltf => "glTF",
             Format::Html => "page with a scene",
+            Format::Tileset => "3D Tiles",
         }
     }
 }

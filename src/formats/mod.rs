@@ -7,6 +7,7 @@ pub mod check;
 mod faces;
 pub(crate) mod far;
 mod finish;
+pub(crate) mod foreign;
 mod format;
 mod gaussians;
 pub mod gltf;

@@ -61,7 +61,7 @@ pub(super) fn read_as(format: Format, source: Source, options: &ReadOptions) -> 
         Format::Pt => pt::read(source, options),
         Format::Off => off::read(source, options),
         Format::Obj => obj::read(source, options),
-        Format::Glb | Format::Gltf | Format::Html => gltf::read(source, options),
+        Format::Glb | Format::Gltf | Format::Html | Format::Tileset => gltf::read(source, options),
     }
 }
 

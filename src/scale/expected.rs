@@ -3,6 +3,7 @@
 use super::manifest::Expected;
 use crate::train::TrainOptions;
 use crate::train::budget::{CostModel, Workload, part_secs};
+use crate::train::options::REFERENCE_STEPS;
 use glam::UVec2;
 
 /// Bytes of a process that holds nothing yet. This and what follows was fitted to blocks of a town (docs/benchmarks/scale.md).
@@ -27,6 +28,8 @@ pub(super) struct BlockLoad {
     pub(super) frozen: u64,
     /// Triangles that are trained, at the beginning.
     pub(super) trained: u64,
+    /// Where in its schedule it begins, steps of a 30,000-step run.
+    pub(super) position: f64,
     /// Memory for decoded photos, bytes.
     pub(super) photo_bytes: u64,
 }
@@ -42,8 +45,9 @@ pub(super) fn expected(load: &BlockLoad, options: &TrainOptions) -> Expected {
     let samples = f64::from(options.solid.samples_per_axis).powi(2);
     let bytes = BASE + photos + per_triangle * triangles as f64 + PER_PIXEL * samples * largest;
     let side = (total / areas.len().max(1) as f64).sqrt().round() as u32;
-    let work = Workload { photo: UVec2::splat(side), triangles: load.trained, position: 0.0 };
+    let work = Workload { photo: UVec2::splat(side), triangles: load.trained, position: load.position };
     let trained: f64 = part_secs(&CostModel::FITTED, &work, options).iter().sum();
-    let cpu_secs = trained + options.steps as f64 * load.frozen as f64 * DRAWN_SECS;
+    let steps = options.steps as f64 * (1.0 - load.position / REFERENCE_STEPS);
+    let cpu_secs = trained + steps * load.frozen as f64 * DRAWN_SECS;
     Expected { bytes: bytes as u64, cpu_secs: (cpu_secs * 10.0).round() / 10.0 }
 }

@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::input;
 use crate::limits::Limits;
 use crate::space::Space;
-use crate::train::TrainOptions;
+use crate::train::{Core, TrainOptions};
 use glam::{UVec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -16,7 +16,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// The layout written and read; it changes whenever a key does.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 /// The name of the plan in its folder.
 pub const NAME: &str = "manifest.json";
 
@@ -29,7 +29,7 @@ pub struct Manifest {
     pub format: u32,
     /// Program and version; tasks of another version refuse the plan, as their bytes may be others.
     pub generator: String,
-    /// The data set, relative to the folder of this file.
+    /// The data set, relative to the folder of this file: the one thing here that says where photos lie.
     pub dataset: String,
     /// How it is read.
     pub dataset_options: DatasetOptions,
@@ -92,10 +92,14 @@ pub struct Block {
     pub frozen: u64,
     /// So many of those that follow are its part of the shell.
     pub shell: u64,
-    /// Its steps.
+    /// Its steps, counted from the beginning of its schedule.
     pub steps: u64,
-    /// It never trains more triangles than this.
+    /// So many of these were made for all blocks together: the coarse scene. It goes on from there.
+    pub first_step: u64,
+    /// It never trains more triangles than this, ...
     pub max_triangles: u64,
+    /// ... and never more in its core: its part of those of the whole scene.
+    pub core_triangles: u64,
     /// The seed of its random choices.
     pub seed: u64,
     /// What it will take, about.
@@ -138,6 +142,7 @@ struct KeyParts<'a> {
     start: Option<&'a str>,
     points: &'a Option<String>,
     counts: [u64; 5],
+    core: (&'a Region, u64),
 }
 
 impl Manifest {
@@ -166,7 +171,25 @@ impl Manifest {
     /// How block `index` is trained.
     pub fn options_of(&self, index: usize) -> TrainOptions {
         let Block { steps, max_triangles, seed, .. } = self.blocks[index];
-        TrainOptions { steps, max_triangles, seed, ..self.options.clone() }
+        let mut options = TrainOptions { steps, max_triangles, seed, ..self.options.clone() };
+        // These are means over all triangles: each has the part in them that it has in a plain run.
+        let share = self.share_of(index);
+        let TrainOptions { loss, solid, .. } = &mut options;
+        for mean in [&mut loss.opacity, &mut loss.size, &mut solid.loss_sigma, &mut solid.loss_opacity] {
+            *mean *= share;
+        }
+        options
+    }
+
+    /// The share of the whole scene's triangles that block `index` trains.
+    fn share_of(&self, index: usize) -> f64 {
+        let block = &self.blocks[index];
+        match (&self.coarse, &block.start) {
+            (Some(coarse), Some(start)) => {
+                start.triangles.saturating_sub(block.frozen) as f64 / coarse.triangles.max(1) as f64
+            }
+            _ => 1.0,
+        }
     }
 
     /// The hash of all that the result of block `index` depends on.
@@ -182,7 +205,8 @@ impl Manifest {
             photos: block.photos.iter().map(photo).collect(),
             start: block.start.as_ref().map(|start| start.hash.as_str()),
             points: &self.points,
-            counts: [block.frozen, block.shell, block.steps, block.max_triangles, block.seed],
+            counts: [block.frozen, block.shell, block.max_triangles, block.steps, block.first_step],
+            core: (&block.core, block.core_triangles),
         })
     }
 
@@ -225,6 +249,9 @@ impl Manifest {
             if block.frozen.checked_add(block.shell).is_none_or(|first| first > triangles) {
                 return bad(format!("block {i}"), "counts more triangles than its start has");
             }
+            if block.first_step >= block.steps {
+                return bad(format!("block {i}"), "has no steps of its own");
+            }
             if self.key_of(i)? != block.key {
                 return bad(format!("block {i}"), "was changed by hand: its key does not fit; plan again");
             }
@@ -256,6 +283,18 @@ impl Manifest {
 }
 
 impl Block {
+    /// The core, in training space, with its budget.
+    pub(super) fn training_core(&self, space: &Space) -> Core {
+        let axes = [0, 1, 2];
+        let to = |side: Option<f32>, a: usize| Some((side? - space.center[a]) * space.scale);
+        let Region { low, high } = self.core;
+        Core {
+            low: axes.map(|a| to(low[a], a)),
+            high: axes.map(|a| to(high[a], a)),
+            triangles: self.core_triangles,
+        }
+    }
+
     /// The name of its result beside the plan, with some ending.
     pub fn file(&self, index: usize, ending: &str) -> String {
         format!("block-{index:04}-{}.{ending}", self.key)

@@ -122,6 +122,10 @@ impl Blocks {
                 "is not the soup of a block; remove it and train the block again",
             ));
         };
+        // Files of a plan do not name the data set, what is made of them does, as a plain run.
+        let source = Path::new(&self.manifest.dataset).file_name();
+        let provenance =
+            Provenance { source: source.map(|name| name.to_string_lossy().into_owned()), ..provenance };
         let block = &self.manifest.blocks[index];
         let shell = (provenance.shell as usize).min(soup.len());
         let owned = |i: usize| block.core.contains(middle(&soup.vertices[i]));

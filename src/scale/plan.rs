@@ -8,6 +8,7 @@ use super::hash;
 use super::manifest::{Block, BlockPhoto, Expected, Manifest, PlannedPhoto, Source};
 use super::options::PlanOptions;
 use super::region::Region;
+use crate::asset::Provenance;
 use crate::atomic::AtomicFile;
 use crate::camera::Camera;
 use crate::dataset::{Dataset, DatasetOptions, View};
@@ -16,15 +17,22 @@ use crate::formats::ply;
 use crate::scene::{Loaded, Scene};
 use crate::soup::Soup;
 use crate::space::Space;
-use crate::train::{RunIdentity, TrainOptions, TrainPreset};
-use glam::Vec3;
+use crate::train::options::REFERENCE_STEPS;
+use crate::train::schedule::Schedule;
+use crate::train::{RunIdentity, TrainOptions};
+use glam::{UVec2, Vec3};
 use rayon::prelude::*;
 use std::path::{Component, Path, PathBuf};
 
-/// The coarse scene has one in so many of the steps of a plain run, ...
-const COARSE_STEPS: u64 = 8;
-/// ... and one in so many of its triangles, unless options say otherwise.
-const COARSE_TRIANGLES: u64 = 4;
+/// Where the coarse scene ends and the blocks go on, steps of a 30,000-step run: late, as all photos together show more than those of a
+/// block, but before triangles become opaque.
+const GOES_ON_AT: f64 = 18_000.0;
+/// The coarse scene has one in so many of the triangles of a plain run, unless options say otherwise.
+const COARSE_TRIANGLES: u64 = 2;
+/// Blocks together draw so many times the pixels of a plain run, unless options say otherwise: each step has fewer triangles.
+const PIXELS: f64 = 1.5;
+/// Triangles around a core may become so many times as many, by those of the coarse scene, as in it.
+const HALO_ROOM: f64 = 2.0;
 
 /// Makes a plan of a data set.
 #[derive(Debug, Clone)]
@@ -37,8 +45,6 @@ pub struct Planner<'a> {
     pub options: &'a PlanOptions,
     /// How the whole scene would be trained in a plain run.
     pub whole: &'a TrainOptions,
-    /// The same for a run that goes on from a coarse scene: see [`TrainOptions::from_coarse`].
-    pub from_coarse: &'a TrainOptions,
 }
 
 impl Planner<'_> {
@@ -49,28 +55,25 @@ impl Planner<'_> {
         self.options.count(self.whole.max_triangles)
     }
 
-    /// How the coarse scene is trained: soft, from all photos, in few steps and with few triangles; `None` when there is one block, which
-    /// needs none.
-    pub fn coarse_options(&self) -> Result<Option<TrainOptions>> {
+    /// How the coarse scene is trained, and after which step it ends: the first part of a plain run with fewer triangles; `None` when there is
+    /// one block, which needs none.
+    pub fn coarse_options(&self) -> Result<Option<(TrainOptions, u64)>> {
         if self.count()? == 1 {
             return Ok(None);
         }
-        let preset = match self.whole.preset {
-            TrainPreset::Indoor => TrainPreset::Indoor,
-            _ => TrainPreset::Outdoor,
-        };
-        let or_part = |given: u64, of: u64, part: u64| if given > 0 { given } else { of.div_ceil(part) };
-        let steps = or_part(self.options.coarse_steps, self.whole.steps, COARSE_STEPS);
+        let or_part = |given: u64, of: u64| if given > 0 { given } else { of };
+        let share = GOES_ON_AT / REFERENCE_STEPS;
+        let steps = or_part(self.options.coarse_steps, (share * self.whole.steps as f64).ceil() as u64);
         let max_triangles =
-            or_part(self.options.coarse_triangles, self.whole.max_triangles, COARSE_TRIANGLES);
-        let TrainOptions { seed, sh_degree, .. } = *self.whole;
-        Ok(Some(TrainOptions { steps, max_triangles, seed, sh_degree, ..TrainOptions::preset(preset) }))
+            or_part(self.options.coarse_triangles, self.whole.max_triangles.div_ceil(COARSE_TRIANGLES));
+        let whole = (steps as f64 / share).round() as u64;
+        Ok(Some((TrainOptions { steps: whole, max_triangles, ..self.whole.clone() }, steps)))
     }
 
     /// The name of the coarse scene's file: it says what it was made of.
     ///
     /// Errors: photos that cannot be read.
-    pub fn coarse_name(&self, coarse: &TrainOptions, photos: &[PlannedPhoto]) -> Result<String> {
+    pub fn coarse_name(&self, coarse: &(TrainOptions, u64), photos: &[PlannedPhoto]) -> Result<String> {
         let generator = crate::report::generator();
         let parts = (generator, self.dataset_options, coarse, photos, self.points());
         Ok(format!("coarse-{}.ply", hash::of_value(&parts)?))
@@ -101,7 +104,7 @@ impl Planner<'_> {
         coarse: Option<(&str, &Loaded)>,
         max_bytes: Option<u64>,
     ) -> Result<Manifest> {
-        let options = if coarse.is_some() { self.from_coarse } else { self.whole };
+        let options = self.whole;
         let dataset = relative(folder, &self.dataset.path)?;
         let mut manifest = Manifest::new(dataset, self.dataset_options.clone(), options.clone());
         manifest.origin = self.dataset.origin.to_array();
@@ -140,6 +143,7 @@ impl Planner<'_> {
             photos: views.iter().map(|view| view.camera.size).collect(),
             frozen: 0,
             trained: self.dataset.points.len() as u64,
+            position: 0.0,
             photo_bytes: self.dataset_options.photo_bytes(),
         };
         let TrainOptions { steps, max_triangles, seed, .. } = *self.whole;
@@ -174,7 +178,9 @@ fn empty_block(core: Region, halo: Region, steps: u64, max_triangles: u64, seed:
         frozen: 0,
         shell: 0,
         steps,
+        first_step: 0,
         max_triangles,
+        core_triangles: max_triangles,
         seed,
         expected: Expected::default(),
         key: String::new(),
@@ -239,14 +245,51 @@ impl<'a> Cutter<'a> {
             empty_block(*core, halo, 0, 0, seed.wrapping_add(i as u64))
         };
         let mut blocks: Vec<Block> = cores.iter().enumerate().map(block).collect();
-        let drawing = self.planner.from_coarse.drawing([0.0; 3]);
+        let drawing = self.planner.whole.drawing([0.0; 3]);
         let mut coverage = Coverage::new(self.soup, &self.middles, &owners, self.space, &drawing);
         assign(&mut blocks, self.views, &mut coverage, self.planner.options)?;
+        let (passes, core_triangles) = (self.passes(&blocks), self.core_triangles(&owners, blocks.len()));
         for (index, block) in blocks.iter_mut().enumerate() {
             let visible = visible(block, self.views, self.soup.len(), &mut coverage)?;
+            let photos = block.photos.len() as f64 / self.views.len() as f64;
+            block.steps = ((passes * self.planner.whole.steps as f64 * photos).ceil() as u64).max(1);
+            block.first_step =
+                Schedule::new(&TrainOptions { steps: block.steps, ..self.planner.whole.clone() })
+                    .scaled(GOES_ON_AT)
+                    .min(block.steps - 1);
+            block.core_triangles = core_triangles[index];
             self.fill(index, block, &visible, folder, max_bytes)?;
         }
         Ok(blocks)
+    }
+
+    /// How often blocks look at their photos, as a share of how often a plain run would: so often that all of them together draw
+    /// 1.5 times as many pixels, unless the options say otherwise.
+    fn passes(&self, blocks: &[Block]) -> f64 {
+        let pixels = |size: UVec2| size.as_dvec2().element_product();
+        let whole: f64 = self.cameras.iter().map(|camera| pixels(camera.size)).sum();
+        let parts =
+            blocks.iter().flat_map(|block| &block.photos).map(|photo| pixels(photo.corner_and_size().1));
+        match self.planner.options.passes {
+            0.0 => (PIXELS * whole / parts.sum::<f64>().max(1.0)).min(1.0),
+            given => given,
+        }
+    }
+
+    /// The triangles of the whole scene, shared out among the cores as those of the coarse scene are. `[blocks]`
+    fn core_triangles(&self, owners: &[u32], blocks: usize) -> Vec<u64> {
+        let mut held = vec![0u128; blocks];
+        owners.iter().for_each(|owner| held[*owner as usize] += 1);
+        let mut below = 0;
+        let up_to = |held: u128| {
+            (u128::from(self.planner.whole.max_triangles) * held / owners.len().max(1) as u128) as u64
+        };
+        let part = |held: &u128| {
+            let from = up_to(below);
+            below += held;
+            up_to(below) - from
+        };
+        held.iter().map(part).collect()
     }
 
     /// How far the inner triangles of a block reach, along each axis.
@@ -284,22 +327,21 @@ impl<'a> Cutter<'a> {
         let (shell, trained): (Vec<usize>, Vec<usize>) =
             all.filter(|&i| is_trained(i)).partition(|&i| is_shell(i));
         let own = shell.len() + trained.len();
-        let part = own as f64 / self.soup.len() as f64;
-        let photos = block.photos.len() as f64 / self.views.len() as f64;
-        let passes = self.planner.options.passes * self.planner.whole.steps as f64;
-        block.steps = ((passes * photos).ceil() as u64).max(1);
+        let around = trained.iter().filter(|&&i| !block.core.contains(self.middles[i])).count() as f64;
+        let per_coarse = self.planner.whole.max_triangles as f64 / self.soup.len() as f64;
         block.max_triangles =
-            ((self.planner.whole.max_triangles as f64 * part).ceil() as u64).max(own as u64);
+            (block.core_triangles + (HALO_ROOM * per_coarse * around).ceil() as u64).max(own as u64);
         (block.frozen, block.shell) = (frozen.len() as u64, shell.len() as u64);
         let options = TrainOptions {
             steps: block.steps,
             max_triangles: block.max_triangles,
-            ..self.planner.from_coarse.clone()
+            ..self.planner.whole.clone()
         };
         let load = BlockLoad {
             photos: block.photos.iter().map(|photo| photo.corner_and_size().1).collect(),
             frozen: block.frozen,
             trained: own as u64,
+            position: GOES_ON_AT,
             photo_bytes: self.planner.dataset_options.photo_bytes(),
         };
         block.expected = expected(&load, &options);
@@ -313,7 +355,7 @@ impl<'a> Cutter<'a> {
     fn write_start(&self, index: usize, order: &[usize], folder: &Path) -> Result<Source> {
         let file = format!("start-{index:04}.ply");
         let path = folder.join(&file);
-        let provenance = crate::asset::Provenance { shell: 0, ..self.scene.provenance.clone() };
+        let provenance = Provenance { shell: 0, ..self.scene.provenance.clone() };
         let soup = self.soup.picked(order);
         let mut out = AtomicFile::create(&path)?;
         ply::write_soup(&mut out, &soup, &provenance, &[]).map_err(|e| Error::io(&path, e))?;

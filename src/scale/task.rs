@@ -4,6 +4,7 @@
 use super::hash;
 use super::manifest::{Block, Manifest, PlannedPhoto, Source};
 use super::plan::planned_photos;
+use crate::asset::Provenance;
 use crate::camera::Camera;
 use crate::dataset::Dataset;
 use crate::error::{Error, Result};
@@ -152,6 +153,8 @@ impl Task {
         let from = if resume.is_some() { None } else { self.start()? };
         let part = from.as_ref().map(|_| Part {
             space: self.manifest.space(),
+            first_step: self.block().first_step,
+            core: Some(self.block().training_core(&self.manifest.space())),
             frozen: usize::try_from(self.block().frozen).unwrap_or(usize::MAX),
         });
         let run = TrainRun::new(dataset, &options).with_dataset_options(&self.manifest.dataset_options);
@@ -160,7 +163,7 @@ impl Task {
 
     /// What the run leaves behind; 0 `checkpoint_every`: ten checkpoints on the way.
     pub fn outputs(&self, checkpoint_every: u64, preview: Option<Preview>, max_cpu_secs: f64) -> RunOptions {
-        let steps = self.block().steps;
+        let steps = self.block().steps - self.block().first_step;
         let checkpoint_every =
             if checkpoint_every > 0 { checkpoint_every } else { steps.div_ceil(CHECKPOINTS) };
         RunOptions {
@@ -175,7 +178,7 @@ impl Task {
 
     /// What was trained, as it is written: with the cameras of whole photos.
     pub fn finished(&self, trained: Trained, cameras: Vec<Camera>) -> Trained {
-        Trained { cameras, ..trained }
+        Trained { cameras, ..unnamed(trained) }
     }
 
     /// The figures of what was trained.
@@ -183,7 +186,7 @@ impl Task {
         BlockFigures {
             block: self.index as u64,
             photos: self.block().photos.len() as u64,
-            steps: trained.steps,
+            steps: trained.steps.saturating_sub(self.block().first_step),
             triangles: trained.soup.len() as u64,
             frozen: self.block().frozen,
             psnr: trained.curve.last().map(|sample| sample.psnr),
@@ -191,6 +194,11 @@ impl Task {
             peak_bytes: crate::process::peak_bytes(),
         }
     }
+}
+
+/// What was trained, without the name of its data set: files of a plan are the same wherever the photos lie.
+pub fn unnamed(trained: Trained) -> Trained {
+    Trained { provenance: Provenance { source: None, ..trained.provenance }, ..trained }
 }
 
 /// A soup of the plan, which must be as it was written.

@@ -7,6 +7,7 @@
 mod checksum;
 
 use super::budget::Pace;
+use super::core::Core;
 use super::identity::RunIdentity;
 use super::options::TrainOptions;
 use super::params::{Params, TrainState};
@@ -26,7 +27,7 @@ use std::io::Write;
 use std::path::Path;
 
 /// The layout written and read; it changes whenever a key or an array does.
-const FORMAT: u32 = 6;
+const FORMAT: u32 = 7;
 
 /// A run between two steps.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,6 +56,8 @@ pub struct CheckpointMeta {
     pub pinned: usize,
     /// The first so many of these are frozen: see [`TrainState::frozen`].
     pub frozen: usize,
+    /// The core of the part that is trained, where one is.
+    pub core: Option<Core>,
     /// The photos, cameras and points it is trained on.
     pub identity: RunIdentity,
     /// Gradients dropped because they were not finite.
@@ -352,6 +355,7 @@ mod tests {
             space: ([1.0, 2.0, 3.5], 0.123),
             pinned: 2,
             frozen: 1,
+            core: Some(Core { low: [None, Some(-1.5), None], high: [Some(0.1), None, None], triangles: 7 }),
             identity: RunIdentity {
                 background: [0.5, 0.0, 1.0],
                 photos: ["a", "b"].map(photo).to_vec(),

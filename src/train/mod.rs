@@ -17,6 +17,7 @@
 pub mod backend;
 pub mod budget;
 pub mod checkpoint;
+pub mod core;
 pub mod cpu;
 pub mod device;
 pub mod eval;
@@ -47,6 +48,7 @@ pub mod visibility;
 
 pub use backend::TrainBackend;
 pub use checkpoint::Checkpoint;
+pub use core::Core;
 pub use device::{BackendKind, BackendOptions};
 pub use identity::RunIdentity;
 pub use options::{TrainOptions, TrainPreset};

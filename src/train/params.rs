@@ -145,6 +145,17 @@ impl Params {
         }
     }
 
+    /// Makes the triangles behind the first `skipped`, which are those of a soft scene, look as they do once the anneal has come as far as
+    /// `anneal`.
+    pub(super) fn go_on_at(&mut self, anneal: &Anneal, skipped: usize) {
+        for opacity in self.opacity.iter_mut().skip(skipped) {
+            *opacity = anneal.opacity_raw(Anneal::NONE.opacity(*opacity)).unwrap_or(*opacity);
+        }
+        for sigma in self.sigma.iter_mut().skip(skipped).filter(|_| anneal.sigma_scale > 0.0) {
+            *sigma = sigma_raw(Anneal::NONE.sigma(*sigma) / anneal.sigma_scale);
+        }
+    }
+
     /// The soup these parameters stand for, with the first `active_degree` degrees of SH.
     pub fn to_soup(&self, anneal: &Anneal, active_degree: u8) -> Soup {
         let mut soup = Soup {

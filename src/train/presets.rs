@@ -49,15 +49,6 @@ impl TrainOptions {
     }
 }
 
-impl TrainOptions {
-    /// The options of a preset for a run that goes on from a coarse soft scene in place of points: the same schedule, but for the smallest
-    /// photos, from which nothing is left to learn. (A run of [`TrainOptions::from_scene`], which hardens at once, lost 0.5 dB against it.)
-    pub fn from_coarse(preset: TrainPreset) -> Self {
-        let base = Self::preset(preset);
-        Self { warmup: WarmupOptions { quarter_until: 0.0, ..base.warmup }, ..base }
-    }
-}
-
 /// Where a scene that was soft has become opaque, steps of a 30,000-step run.
 const HARDENED: f64 = 12_000.0;
 

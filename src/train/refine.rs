@@ -5,6 +5,7 @@
 //! The scene looks the same before and after: four children cover what their parent did with the same mean window
 //! 2/((σ+1)(σ+2)), and the two of a clone get 1 - sqrt(1 - o), whose blend is o again.
 
+use super::core::Core;
 use super::options::{RefineOptions, SampleWeight};
 use super::params::{Anneal, Params, TrainState};
 use super::visibility::VisibilityStats;
@@ -19,6 +20,8 @@ pub struct RefinePlan<'a> {
     pub options: &'a RefineOptions,
     /// Never more triangles than this.
     pub max_triangles: usize,
+    /// The box that has a budget of its own, where only a part of a scene is trained.
+    pub core: Option<Core>,
     /// Triangles may be added.
     pub grow: bool,
     /// τ_prune of this refinement.
@@ -155,6 +158,11 @@ fn sample_growth(
     let count = alive.iter().skip(state.frozen).filter(|a| **a).count();
     let target = ((count as f64 * (1.0 + plan.options.growth)) as usize).min(plan.max_triangles);
     let mut budget = target.saturating_sub(count);
+    let in_core = |i: usize| plan.core.is_some_and(|core| core.holds(&state.params, i));
+    let mut core_budget = plan.core.map_or(usize::MAX, |core| {
+        let held = (state.frozen..alive.len()).filter(|&i| alive[i] && in_core(i)).count();
+        usize::try_from(core.triangles).unwrap_or(usize::MAX).saturating_sub(held)
+    });
     let mut grown = vec![false; alive.len()];
     // Efraimidis and Spirakis 2006: the smallest of -ln(u) / weight is a sample in proportion to the weights.
     // The purpose's name is part of the random numbers.
@@ -176,13 +184,16 @@ fn sample_growth(
         .collect();
     keys.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     for &(_, i) in &keys {
-        let cost = if is_large(visibility, i as usize, plan) && !plan.bisect { 3 } else { 1 };
-        if cost <= budget {
-            budget -= cost;
-            grown[i as usize] = true;
-        }
-        if budget == 0 {
+        // What lies around a core that is full does not grow alone.
+        if budget == 0 || core_budget == 0 {
             break;
+        }
+        let cost = if is_large(visibility, i as usize, plan) && !plan.bisect { 3 } else { 1 };
+        let core_cost = if in_core(i as usize) { cost } else { 0 };
+        if cost <= budget && core_cost <= core_budget {
+            budget -= cost;
+            core_budget -= core_cost;
+            grown[i as usize] = true;
         }
     }
     grown
@@ -283,6 +294,7 @@ mod tests {
         RefinePlan {
             options,
             max_triangles: 1000,
+            core: None,
             grow: true,
             prune_weight: 0.022,
             prune_opacity: 0.014,
@@ -308,6 +320,25 @@ mod tests {
         w.radius_px.fill(100.0);
         let done = refine(&mut s, &mut w, &plan(&options));
         assert_eq!((done.cloned, done.split, s.params.len()), (0, 10, 130));
+    }
+
+    #[test]
+    fn a_core_that_is_full_ends_the_growth_around_it_too() {
+        let options = RefineOptions { growth: 5.0, ..RefineOptions::default() };
+        // The middles of the first ten of twenty are below 10.5.
+        let core = |triangles| Some(Core { low: [None; 3], high: [Some(10.5), None, None], triangles });
+        let grown = |triangles| {
+            let (mut s, mut w) = (state(20), visible(20, 3));
+            refine(&mut s, &mut w, &RefinePlan { core: core(triangles), ..plan(&options) });
+            let held =
+                core(0).map_or(0, |core| (0..s.params.len()).filter(|&i| core.holds(&s.params, i)).count());
+            (held, s.params.len())
+        };
+        let (before, _) = grown(0);
+        assert_eq!(grown(0), (before, 20));
+        assert_eq!(grown(before as u64), (before, 20));
+        let (held, all) = grown(before as u64 + 4);
+        assert!(held.abs_diff(before + 4) <= 1 && all > 24, "{held} and {all}");
     }
 
     #[test]

@@ -77,6 +77,8 @@ pub struct TrainRun<'a> {
     pub from: Option<Loaded>,
     /// When only a part of that scene is trained; a resumed run has the part of its checkpoint.
     pub part: Option<Part>,
+    /// End after this step, in the middle of the schedule: the scene is as it is there. `None`: after the last.
+    pub until_step: Option<u64>,
     /// The checkpoint to go on from.
     pub resume: Option<Checkpoint>,
     /// Keeps the run to a budget; `None` makes the steps that the options say. A resumed run has the pace of its checkpoint, and
@@ -100,6 +102,7 @@ impl<'a> TrainRun<'a> {
             outputs: RunOptions::default(),
             from: None,
             part: None,
+            until_step: None,
             resume: None,
             paced: None,
             began: None,
@@ -186,6 +189,7 @@ impl<'a> TrainRun<'a> {
             taught,
             drawing,
             outputs: self.outputs,
+            until_step: self.until_step.unwrap_or(u64::MAX),
             curve,
             cpu_secs,
             held_out_bytes,
@@ -228,6 +232,7 @@ pub struct StartedRun<'a, B> {
     taught: Option<(Provenance, Vec<Camera>)>,
     drawing: SoftOptions,
     outputs: RunOptions,
+    until_step: u64,
     curve: Vec<TrainSample>,
     cpu_secs: f64,
     /// Memory for the held-out photos.
@@ -298,11 +303,12 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         record: &mut Recorder,
         observer: &mut dyn TrainObserver,
     ) -> Result<(bool, Option<TrainSample>)> {
-        let Self { trainer, paced, outputs, .. } = self;
+        let Self { trainer, paced, outputs, until_step, .. } = self;
         let total = trainer.options().steps;
+        let is_done = |trainer: &Trainer<B>| trainer.is_done() || trainer.steps() >= *until_step;
         let every = if outputs.sample_every == 0 { total.div_ceil(100) } else { outputs.sample_every };
         let (before, mut last) = (trainer.steps(), None);
-        while !trainer.is_done() {
+        while !is_done(trainer) {
             let outcome = match trainer.step() {
                 Ok(outcome) => outcome,
                 Err(error) => {
@@ -320,10 +326,10 @@ impl<B: TrainBackend> StartedRun<'_, B> {
             }
             keep_pace(trainer, paced.as_mut(), observer);
             let spent = outputs.max_cpu_secs > 0.0 && now.cpu_secs >= outputs.max_cpu_secs;
-            let stopped = !trainer.is_done() && (spent || observer.wants_to_stop());
+            let stopped = !is_done(trainer) && (spent || observer.wants_to_stop());
             let due = |every: u64| every > 0 && now.step.is_multiple_of(every);
             // The last sample is kept by `Recorder::finish`, which evaluates it.
-            if !trainer.is_done() && (due(every) || due(outputs.evaluate_every)) {
+            if !is_done(trainer) && (due(every) || due(outputs.evaluate_every)) {
                 let kept = record.keep(now, trainer, due(outputs.evaluate_every))?;
                 if !stopped {
                     observer.sampled(&kept);

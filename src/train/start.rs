@@ -1,10 +1,12 @@
 //! Where a run stands before its first step: triangles at the points of a data set, or those of a scene.
 
+use super::core::Core;
 use super::from_scene;
 use super::init::{InitPoint, first_soup};
 use super::options::TrainOptions;
 use super::params::{Params, TrainState};
 use super::pyramid::Pyramid;
+use super::schedule::Schedule;
 use super::shell;
 use super::visibility::VisibilityStats;
 use crate::asset::Placement;
@@ -24,6 +26,10 @@ pub struct Part {
     /// So many of the first triangles of the scene it starts from are drawn as they are and not trained; `max_triangles` does not
     /// count them. Those of the shell follow them.
     pub frozen: usize,
+    /// What of the part stays when it is merged with its neighbours, and has a budget of its own.
+    pub core: Option<Core>,
+    /// The step that its schedule goes on with: those before were made of the whole.
+    pub first_step: u64,
 }
 
 /// The scene that a run starts from.
@@ -50,6 +56,7 @@ pub(super) struct Position {
     pub(super) visibility: VisibilityStats,
     pub(super) step: u64,
     pub(super) dropped: u64,
+    pub(super) core: Option<Core>,
 }
 
 /// The first triangles, one per point of the sparse cloud or of a random one, and the shell around a cloud.
@@ -126,6 +133,14 @@ pub(super) fn from_scene(
     let soup = from_scene::first_soup(scene, &placement, dataset.origin, &space, most)?;
     let mut position = at_first_step(views, options, space, &soup);
     position.state.frozen = frozen.min(soup.len());
+    if let Some(part) = from.part {
+        let schedule = Schedule::new(options);
+        position.core = part.core;
+        position.step = part.first_step.min(options.steps.saturating_sub(1));
+        if let Some(last) = position.step.checked_sub(1) {
+            position.state.params.go_on_at(&schedule.anneal(last), frozen);
+        }
+    }
     // A mesh's triangles are in another order than those of the soup it was baked from.
     if matches!(scene.scene, Scene::Soup(_)) {
         position.state.pinned = (frozen + scene.provenance.shell as usize).min(soup.len());
@@ -141,5 +156,6 @@ fn at_first_step(views: &[&View], options: &TrainOptions, space: Space, soup: &S
         state: TrainState::new(Params::from_soup(soup, options.sh_degree)),
         step: 0,
         dropped: 0,
+        core: None,
     }
 }

@@ -2,6 +2,7 @@
 
 use super::backend::{StepPhoto, StepStats, TrainBackend};
 use super::checkpoint::{Checkpoint, CheckpointMeta};
+use super::core::Core;
 use super::identity::RunIdentity;
 use super::options::TrainOptions;
 use super::params::Anneal;
@@ -36,6 +37,7 @@ pub struct Trainer<B> {
     dropped: u64,
     pinned: usize,
     frozen: usize,
+    core: Option<Core>,
     level: u32,
     /// Pixels of the full photo per pixel of those drawn at this level.
     full_px: f32,
@@ -113,8 +115,8 @@ impl<B: TrainBackend> Trainer<B> {
             return Err(refused(difference));
         }
         let space = meta.space();
-        let CheckpointMeta { step, options, dropped, .. } = meta;
-        let position = Position { options, space, state, visibility, step, dropped };
+        let CheckpointMeta { step, options, dropped, core, .. } = meta;
+        let position = Position { options, space, state, visibility, step, dropped, core };
         let run = Self::assemble(&views, position, identity, photos, backend)?;
         Ok(Self { differences, ..run })
     }
@@ -126,7 +128,7 @@ impl<B: TrainBackend> Trainer<B> {
         photos: Pyramid,
         mut backend: B,
     ) -> Result<Self> {
-        let Position { options, space, state, visibility, step, dropped } = position;
+        let Position { options, space, state, visibility, step, dropped, core } = position;
         let (pinned, frozen) = (state.pinned, state.frozen);
         backend.load(state)?;
         let mut run = Self {
@@ -142,6 +144,7 @@ impl<B: TrainBackend> Trainer<B> {
             dropped,
             pinned,
             frozen,
+            core,
             level: Schedule::new(&options).level(step),
             full_px: 1.0,
             options,
@@ -245,6 +248,7 @@ impl<B: TrainBackend> Trainer<B> {
         let plan = refine::RefinePlan {
             options: &o.refine,
             max_triangles: usize::try_from(o.max_triangles).unwrap_or(usize::MAX),
+            core: self.core,
             grow: schedule.grows_after(self.step),
             prune_weight: schedule.prune_weight(last) as f32,
             prune_opacity: schedule.prune_opacity(last),
@@ -325,6 +329,7 @@ impl<B: TrainBackend> Trainer<B> {
             space: (self.space.center.to_array(), self.space.scale),
             pinned: self.pinned,
             frozen: self.frozen,
+            core: self.core,
             identity,
             dropped: self.dropped,
             curve: curve.to_vec(),

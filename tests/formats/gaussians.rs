@@ -75,3 +75,12 @@ fn points_that_are_no_gaussians_are_not_called_so() {
     let message = refusal(folder.path(), "a.gltf", &gltf(r#""extensionsUsed":["KHR_materials_unlit"]"#));
     assert!(message.contains("points and lines are not read") && !message.contains("Gaussians"), "{message}");
 }
+
+#[test]
+fn a_list_of_files_of_gaussians_is_no_broken_list_of_photos() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("meta.json");
+    std::fs::write(&path, META_JSON).expect("writable");
+    let error = trisplat::Dataset::load(&path, &trisplat::DatasetOptions::default()).expect_err("no photos");
+    assert_eq!(error.to_string(), refusal(folder.path(), "meta.json", META_JSON));
+}

@@ -13,3 +13,4 @@ mod page;
 mod real;
 mod soup_ply;
 mod speed;
+mod tileset;

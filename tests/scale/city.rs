@@ -106,6 +106,33 @@ fn a_plan_is_a_function_of_its_inputs() {
 }
 
 #[test]
+fn where_the_photos_lie_changes_no_block() {
+    let folder = planned();
+    let moved = tempfile::tempdir().unwrap();
+    copy(&folder.path().join("photos"), &moved.path().join("elsewhere/pictures"));
+    let plan = [&["plan", "elsewhere/pictures", "-o", "city", "--blocks", "3"], &TRAINING[..]].concat();
+    succeed(moved.path(), &plan);
+    let manifest = |folder: &Path| {
+        let mut manifest: Value = serde_json::from_slice(&bytes(folder, "city/manifest.json")).unwrap();
+        (manifest["dataset"].take(), manifest)
+    };
+    let ((here, one), (there, other)) = (manifest(folder.path()), manifest(moved.path()));
+    assert_eq!((here, there), ("../photos".into(), "../elsewhere/pictures".into()));
+    assert_eq!(one, other);
+    // A block is the same file, wherever it was trained; what is made of all of them names its photos.
+    for place in [&folder, &moved] {
+        (0..3).for_each(|i| drop(succeed(place.path(), &["train", "--block", &format!("city:{i}")])));
+        succeed(place.path(), &["merge", "city", "-o", "city.ply"]);
+    }
+    let files = |place: &TempDir| -> Vec<Vec<u8>> {
+        blocks(&place.path().join("city")).iter().map(|path| std::fs::read(path).unwrap()).collect()
+    };
+    assert!(files(&folder) == files(&moved));
+    let merged = trisplat::read(&moved.path().join("city.ply"), &trisplat::ReadOptions::default()).unwrap();
+    assert_eq!(merged.provenance.source.as_deref(), Some("pictures"));
+}
+
+#[test]
 fn tasks_that_are_killed_end_with_the_same_bytes() {
     let folder = planned();
     let city = folder.path().join("city");
@@ -188,6 +215,9 @@ fn blocks_become_one_scene_and_one_tileset() {
     for index in 0..3 {
         assert!(uris.iter().any(|uri| uri.contains(&format!("/b{index}r-"))), "{uris:?}");
     }
+    let checked = run(folder.path(), &["validate", "city.tileset.json"]);
+    let said = String::from_utf8_lossy(&checked.stdout).into_owned();
+    assert!(checked.status.success() && said.contains("3D Tiles, ") && said.contains("0 errors"), "{said}");
     fail(folder.path(), &["bake", "city", "-o", "city.glb"], &[".tileset.json", "merge"]);
     assert_eq!(blocks(&city).len(), 3);
 }
@@ -220,9 +250,11 @@ fn what_is_not_as_it_was_planned_is_refused() {
     let manifest = folder.path().join("city/manifest.json");
     let text = std::fs::read_to_string(&manifest).unwrap();
     let steps: Value = serde_json::from_str(&text).unwrap();
-    let was = format!("\"steps\": {},\n      \"max", steps["blocks"][1]["steps"]);
+    let steps = steps["blocks"][1]["steps"].as_u64().unwrap();
+    let line = |steps: u64| format!("\"steps\": {steps},\n      \"first_step");
+    let was = line(steps);
     assert!(text.contains(&was));
-    std::fs::write(&manifest, text.replace(&was, "\"steps\": 7,\n      \"max")).unwrap();
+    std::fs::write(&manifest, text.replace(&was, &line(steps + 1))).unwrap();
     fail(folder.path(), &["train", "--block", "city:1"], &["was changed by hand"]);
     std::fs::write(&manifest, &text).unwrap();
 

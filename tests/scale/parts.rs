@@ -4,7 +4,7 @@ use glam::{UVec2, Vec3};
 use std::path::Path;
 use trisplat::dataset::synthetic::{self, SyntheticOptions};
 use trisplat::space::Space;
-use trisplat::train::{Part, RunOptions, TrainPreset, checkpoint};
+use trisplat::train::{Core, Part, RunOptions, TrainPreset, checkpoint};
 use trisplat::{Dataset, DatasetOptions, Loaded, Soup, TrainOptions, TrainRun, train};
 
 fn photos(folder: &Path) -> Dataset {
@@ -45,7 +45,7 @@ fn a_part_that_is_everything_is_a_plain_run() {
     let from = Some(soft(&dataset));
     let options = options(TrainPreset::Solid);
     let plain = TrainRun { from, ..TrainRun::new(&dataset, &options) };
-    let part = Some(Part { space: space(&dataset), frozen: 0 });
+    let part = Some(Part { space: space(&dataset), frozen: 0, core: None, first_step: 0 });
     let whole = TrainRun { part, ..plain.clone() };
     assert_eq!(plain.run(&mut ()).unwrap().soup, whole.run(&mut ()).unwrap().soup);
 }
@@ -66,7 +66,7 @@ fn frozen_triangles_stay_as_they_are_and_count_for_nothing() {
         // No more than there are: none of them is the budget of others.
         let own = soup(&from).len() - frozen;
         let options = TrainOptions { max_triangles: own as u64, ..options(preset) };
-        let part = Some(Part { space: space(&dataset), frozen });
+        let part = Some(Part { space: space(&dataset), frozen, core: None, first_step: 0 });
         let run = TrainRun { from: Some(from.clone()), part, outputs, ..TrainRun::new(&dataset, &options) };
         let trained = run.run(&mut ()).unwrap();
         assert!((1..=own).contains(&trained.soup.len()), "{} of {own}", trained.soup.len());
@@ -84,6 +84,64 @@ fn frozen_triangles_stay_as_they_are_and_count_for_nothing() {
         // A run that goes on has the same part.
         let resumed = TrainRun::from_checkpoint(&dataset, checkpoint::read(&checkpoint_at).unwrap());
         assert_eq!(resumed.run(&mut ()).unwrap().soup, trained.soup);
+    }
+}
+
+#[test]
+fn a_core_is_filled_up_to_its_budget_and_no_further() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = photos(folder.path());
+    let from = soft(&dataset);
+    let space = space(&dataset);
+    // A cut through the middle: below is the core.
+    let mut along: Vec<f32> = soup(&from).vertices.iter().map(|v| middle(v).x).collect();
+    along.sort_unstable_by(f32::total_cmp);
+    let place = along[along.len() / 2];
+    let in_core = |v: &[Vec3; 3]| middle(v).x < place;
+    let budget = along.len() / 2 + 60;
+    let high = [Some(space.to_training(Vec3::splat(place)).x), None, None];
+    let core = Some(Core { low: [None; 3], high, triangles: budget as u64 });
+    let options = TrainOptions { max_triangles: 5000, ..options(TrainPreset::Outdoor) };
+    let part = Some(Part { space, frozen: 0, core, first_step: 0 });
+    let run = TrainRun { from: Some(from.clone()), part, ..TrainRun::new(&dataset, &options) };
+    let trained = run.run(&mut ()).unwrap().soup;
+    let held = trained.vertices.iter().filter(|v| in_core(v)).count();
+    // Triangles cross the border as they move, and some are pruned at the end.
+    assert!(held.abs_diff(budget) <= budget / 12, "{held} of {budget}");
+    assert!(trained.len() > held && trained.len() < 5000, "{} and {held}", trained.len());
+}
+
+fn middle(corners: &[Vec3; 3]) -> Vec3 {
+    (corners[0] + corners[1] + corners[2]) / 3.0
+}
+
+#[test]
+fn a_run_that_goes_on_begins_with_what_it_was_given() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = photos(folder.path());
+    let options = TrainOptions { steps: 600, max_triangles: 400, ..TrainOptions::preset(TrainPreset::Solid) };
+    let whole = TrainRun::new(&dataset, &options);
+    let first: Loaded = TrainRun { until_step: Some(240), ..whole.clone() }.run(&mut ()).unwrap().into();
+    assert!(soup(&first).sigma.iter().all(|sigma| *sigma < 0.5), "its anneal has come some way");
+    let part = Some(Part { space: space(&dataset), frozen: 0, core: None, first_step: 240 });
+    let rest = TrainRun { from: Some(first.clone()), part, until_step: Some(241), ..whole };
+    let rest = rest.run(&mut ()).unwrap();
+    assert_eq!((rest.steps, rest.soup.len()), (241, soup(&first).len()));
+    // One step further on nothing looks much different.
+    for i in 0..rest.soup.len() {
+        let (before, after) = (soup(&first), &rest.soup);
+        assert!(
+            (before.opacity[i] - after.opacity[i]).abs() < 0.2,
+            "{i}: {} {}",
+            before.opacity[i],
+            after.opacity[i]
+        );
+        assert!(
+            (after.sigma[i] / before.sigma[i] - 1.0).abs() < 0.25,
+            "{i}: {} {}",
+            before.sigma[i],
+            after.sigma[i]
+        );
     }
 }
 

@@ -14,7 +14,7 @@ use super::nodes::{self, MeshInstance};
 use super::part::BACKDROP;
 use crate::asset::Provenance;
 use crate::error::{Error, Result};
-use crate::formats::{ReadOptions, Source, finish, gaussians};
+use crate::formats::{ReadOptions, Source, finish, foreign, gaussians};
 use crate::scene::{Loaded, Scene};
 use std::path::Path;
 
@@ -31,10 +31,9 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     let path = source.path.clone();
     let limits = &options.limits;
     let container = ContainerFile::read(&mut source, limits)?;
-    let document: Document = document::parse(&path, &container.json, limits).map_err(|error| {
-        if gaussians::is_sog_json(&container.json) { gaussians::refusal(&path, "SOG") } else { error }
-    })?;
-    check_support(&path, &document)?;
+    let document: Document = document::parse(&path, &container.json, limits)
+        .and_then(|document| check_support(&path, &document).map(|()| document))
+        .map_err(|error| foreign::refusal(&path, &container.json).unwrap_or(error))?;
     let instances = nodes::instances(&path, &document, limits)?;
     let buffers = Buffers::new(source, &container, &document.buffers, options);
     drop(container);

@@ -21,7 +21,7 @@ pub(crate) fn from_file_name(name: &str) -> String {
 }
 
 /// A URI reference with its escapes undone; what is no escape stays.
-pub(super) fn unescaped(uri: &str) -> String {
+pub(crate) fn unescaped(uri: &str) -> String {
     percent_decode_str(uri).decode_utf8_lossy().into_owned()
 }
 

@@ -1,0 +1,102 @@
+//! Tilesets that are checked: a sound one, and one fault at a time.
+
+use glam::Vec3;
+use serde_json::{Value, json};
+use std::path::Path;
+use trisplat::bake::tiles::TilesOptions;
+use trisplat::bake::{Bake, BakeOptions, BakePreset};
+use trisplat::formats::check::{Checked, Severity, check};
+use trisplat::formats::{self, Format, OutputOptions, ReadOptions};
+use trisplat::mesh::{Colors, Mesh};
+use trisplat::{Dataset, DatasetOptions};
+
+/// A tileset of five tiles: a ground of 60 by 60 squares, two triangles each.
+fn tileset(folder: &Path) -> Value {
+    let at = |x: u32, y: u32| Vec3::new(x as f32, 0.0, y as f32);
+    let square = |i: u32| {
+        let (x, y) = (i % 60, i / 60);
+        [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y), at(x + 1, y + 1), at(x, y + 1)]
+    };
+    let positions: Vec<Vec3> = (0..3600).flat_map(square).collect();
+    let colors = Colors::Face(vec![[0.5, 0.2, 0.1]; positions.len() / 3]);
+    let mut options = BakeOptions::preset(BakePreset::Fast);
+    options.tiles = TilesOptions { tiles: true, tile_triangles: 2000 };
+    let asset = Bake::new(&options).run([Mesh { positions, colors, ..Mesh::default() }]).unwrap();
+    formats::write(&asset, &folder.join("a.tileset.json"), &OutputOptions::default()).unwrap();
+    serde_json::from_slice(&std::fs::read(folder.join("a.tileset.json")).unwrap()).unwrap()
+}
+
+fn checked(folder: &Path, set: &Value) -> Checked {
+    let path = folder.join("b.json");
+    std::fs::write(&path, set.to_string()).unwrap();
+    check(&path, &ReadOptions::default()).unwrap()
+}
+
+fn errors(checked: &Checked) -> Vec<String> {
+    let is_error = |f: &&trisplat::formats::check::Finding| f.severity == Severity::Error;
+    checked.findings.iter().filter(is_error).map(|f| format!("{}: {}", f.place, f.what)).collect()
+}
+
+#[test]
+fn a_tileset_is_checked_with_all_its_tiles() {
+    let folder = tempfile::tempdir().unwrap();
+    let set = tileset(folder.path());
+    let sound = checked(folder.path(), &set);
+    assert_eq!((sound.format, errors(&sound)), (Format::Tileset, Vec::new()), "{sound:?}");
+    // Those of the root, which stand for all, and all.
+    assert!(sound.triangles.unwrap() > 7200, "{sound:?}");
+
+    let fault = |change: &dyn Fn(&mut Value), wanted: &str| {
+        let mut set = set.clone();
+        change(&mut set);
+        let found = errors(&checked(folder.path(), &set));
+        assert!(found.len() == 1 && found[0].contains(wanted), "{wanted}: {found:?}");
+    };
+    let child = "root.children[2]";
+    fault(&|set| set["root"]["children"][2]["geometricError"] = json!(1e9), child);
+    fault(&|set| set["root"]["children"][2]["content"]["uri"] = json!("none.glb"), "which is not there");
+    fault(&|set| set["root"]["children"][2]["refine"] = json!("MORE"), "ADD or REPLACE");
+    fault(&|set| set["root"]["children"][2]["transform"] = moved(), "not within that of the tile above");
+    fault(&|set| drop(set["root"].as_object_mut().unwrap().remove("refine")), "lacks `refine`");
+    fault(
+        &|set| drop(set["root"]["children"][2].as_object_mut().unwrap().remove("boundingVolume")),
+        "boundingVolume",
+    );
+    fault(&|set| set["asset"]["version"] = json!("2.0"), "version 2.0");
+    fault(&|set| set["root"]["children"][2]["content"]["uri"] = json!("../a.glb"), "`allow_outside`");
+    let swapped = |set: &mut Value| {
+        let other = set["root"]["children"][0]["content"].clone();
+        set["root"]["children"][2]["content"] = other;
+    };
+    fault(&swapped, "triangles outside its box");
+}
+
+/// Ten thousand units to the side.
+fn moved() -> Value {
+    json!([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 1e4, 0, 0, 1])
+}
+
+#[test]
+fn a_broken_tile_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let set = tileset(folder.path());
+    let name = set["root"]["children"][1]["content"]["uri"].as_str().unwrap().to_owned();
+    let path = folder.path().join(&name);
+    let whole = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &whole[..whole.len() / 2]).unwrap();
+    let found = errors(&checked(folder.path(), &set));
+    assert!(!found.is_empty() && found.iter().all(|error| error.starts_with(&name)), "{found:?}");
+}
+
+#[test]
+fn where_a_scene_or_photos_are_wanted_a_tileset_says_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    tileset(folder.path());
+    let path = folder.path().join("a.tileset.json");
+    let scene = formats::read(&path, &ReadOptions::default()).unwrap_err();
+    let photos = Dataset::load(&path, &DatasetOptions::default()).unwrap_err();
+    for message in [scene.to_string(), photos.to_string()] {
+        assert!(message.contains("a.tileset.json: is a tileset (3D Tiles)"), "{message}");
+        assert!(message.contains("trisplat validate") && !message.contains('\n'), "{message}");
+    }
+}
