@@ -10,6 +10,7 @@ mod stored;
 mod survey;
 pub mod viewpoints;
 
+pub use chosen::SearchTrial;
 pub use dataset::dataset;
 pub use drawing::Teacher;
 pub use viewpoints::{ViewpointKind, Viewpoints};
