@@ -10,7 +10,7 @@ pub use plan::{PaceInput, PacePlan, PictureCosts, plan};
 
 use crate::budget::{Budget, Spending};
 use crate::report::StageDetails;
-use plan::{color_secs, evaluation_secs, round_secs, rounds, whole_rounds};
+use plan::{FEWEST_PICTURES, color_secs, evaluation_secs, round_secs, rounds, whole_rounds};
 
 /// Seconds per triangle that follow the colours: vertices, chunks, order, writing.
 const TAIL_SECS: f64 = 0.8e-6;
@@ -139,14 +139,15 @@ impl BakePace {
         self.chosen.pictures = Some(drawn as u64);
         match plan(&input) {
             Some(plan) if plan.pictures > drawn => return true,
-            Some(_) => {
+            // What is drawn is of use even if it took longer than planned.
+            found if found.is_some() || drawn >= FEWEST_PICTURES => {
                 let why = format!(
                     "{drawn} of {most} pictures: one takes {:.3} s, and there must be time to use them",
                     costs.soft
                 );
                 self.because(why, format!("--teacher-pictures {drawn}"));
             }
-            None => self
+            _ => self
                 .skip_pictures(format!("no pictures: one takes {secs:.3} s, and there is no time to use it")),
         }
         false

@@ -1,13 +1,13 @@
 //! What a bake's seconds are spent on: pictures, rounds of fitting, colours. Pure functions of what was measured.
 
 /// With fewer pictures, triangles and colours would be fitted to a few places only.
-const FEWEST_PICTURES: usize = 6;
+pub(super) const FEWEST_PICTURES: usize = 6;
 /// With fewer rounds, fitting gains less than it costs.
 const FEWEST_ROUNDS: u32 = 3;
 /// Colours of one picture, in solid pictures: the photo is compared with the triangles, and some are drawn four times more to evaluate.
 const COLOR: f64 = 2.6;
 /// One picture of a round of fitting, in solid pictures, until a round was measured.
-const ROUND: f64 = 1.6;
+const ROUND: f64 = 2.5;
 /// Pictures of a round, about.
 const ROUND_PICTURES: usize = 12;
 /// Pictures that decide at the end whether the fitted triangles are better than those that came.
