@@ -68,7 +68,7 @@ mod tests {
     #[test]
     fn every_power_is_the_nearest_float() {
         let wrong: Vec<f32> = all().filter(|&x| power_2_4(x) != f64::from(x).powf(EXPONENT) as f32).collect();
-        assert_eq!(wrong, []);
+        assert!(wrong.is_empty(), "{wrong:?}");
     }
 
     /// Of the C library that most who bake have; others round otherwise.
