@@ -15,6 +15,9 @@ use plan::{FEWEST_PICTURES, color_secs, evaluation_secs, round_secs, rounds, who
 /// Seconds per triangle that follow the colours: vertices, chunks, order, writing.
 const TAIL_SECS: f64 = 0.8e-6;
 
+/// The part of a budget that is not planned.
+const MARGIN: f64 = 0.03;
+
 /// Keeps a bake to a budget; the default has none and never stands in the way.
 #[derive(Debug, Clone, Default)]
 pub struct BakePace {
@@ -109,9 +112,11 @@ impl BakePace {
         (made, self.spent_secs() - before)
     }
 
-    /// A solid picture took so long.
+    /// A solid picture took so long; the first to say so is believed.
     pub(super) fn learn_solid(&mut self, secs: f64) {
-        self.costs.solid = secs;
+        if self.costs.solid == 0.0 {
+            self.costs.solid = secs;
+        }
     }
 
     /// Whether there is time to search for viewpoints and draw from them, when the search takes so long.
@@ -134,7 +139,7 @@ impl BakePace {
         let mean = (self.costs.soft * (drawn - 1) as f64 + secs) / drawn as f64;
         self.costs.soft = if drawn == 2 { secs } else { mean };
         let PaceWork { rounds: most_rounds, color_passes, .. } = self.asked;
-        let (left_secs, costs) = (self.left_secs(), self.costs);
+        let (left_secs, costs) = (self.left_secs() - self.margin_secs(), self.costs);
         let input = PaceInput { left_secs, costs, drawn, most_pictures: most, most_rounds, color_passes };
         self.chosen.pictures = Some(drawn as u64);
         match plan(&input) {
@@ -162,7 +167,7 @@ impl BakePace {
     pub(super) fn rounds(&self, done: u32, round_secs: f64, most: u32, views: usize) -> u32 {
         let later =
             color_secs(views, self.asked.color_passes, &self.costs) + evaluation_secs(views, &self.costs);
-        let left = self.left_secs() - later;
+        let left = self.left_secs() - self.margin_secs() - later;
         match done {
             0 => rounds(left, round_secs, most),
             _ => done + whole_rounds(left, round_secs, most.saturating_sub(done)),
@@ -217,6 +222,11 @@ impl BakePace {
             }
             None => f64::INFINITY,
         }
+    }
+
+    /// What is left over when all is planned, so that colours, which come last, are not lost to the little that was not foreseen.
+    fn margin_secs(&self) -> f64 {
+        self.limit.map_or(0.0, |(budget, _)| MARGIN * budget.seconds.0)
     }
 
     fn skip_pictures(&mut self, why: String) {

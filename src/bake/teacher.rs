@@ -167,7 +167,7 @@ fn affords_viewpoints(scene: &Loaded, pace: &mut BakePace) -> bool {
     // The first look allocates.
     trial.look();
     let ((), look_secs) = pace.timed(|| trial.look());
-    pace.affords_search(start_secs + SearchTrial::MOST_LOOKS as f64 * look_secs)
+    pace.affords_search(start_secs + trial.looks() as f64 * look_secs)
 }
 
 /// Where pictures for a bake are drawn from.

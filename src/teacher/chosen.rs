@@ -88,11 +88,14 @@ pub(super) fn viewpoints(scene: &Loaded) -> Option<Chosen> {
 pub struct SearchTrial {
     survey: Survey,
     camera: Camera,
+    looks: usize,
 }
 
 impl SearchTrial {
-    /// Looks that a search takes at most.
-    pub const MOST_LOOKS: usize = PICTURES + (1 + (INSIDE_RADII.len() - 1) * INSIDE_DIRECTIONS) * LOOKS;
+    /// Looks that a search takes.
+    pub fn looks(&self) -> usize {
+        self.looks
+    }
 
     /// Prepares to look at `scene` as a search does; `None` when it has no extent.
     pub fn new(scene: &Loaded) -> Option<Self> {
@@ -101,7 +104,9 @@ impl SearchTrial {
         let unit = Unit::of(&soup)?;
         unit.shrink(&mut soup);
         let camera = *around(unit.reach, Vec3::Y).first()?;
-        Some(Self { survey: Survey::new(soup), camera })
+        let survey = Survey::new(soup);
+        let looks = PICTURES + LOOKS * free_eyes(&survey.middles()).len();
+        Some(Self { survey, camera, looks })
     }
 
     /// Takes a look.

@@ -74,12 +74,11 @@ pub(super) fn whole_rounds(left_secs: f64, round_secs: f64, most: u32) -> u32 {
     (left_secs / round_secs.max(1e-9)).clamp(0.0, f64::from(most)) as u32
 }
 
-/// The plan that is worth most; `None` when there is no time for anything that pictures are good for.
+/// As many pictures as fit with their colours, and rounds for what is left: triangles that are fitted to a few pictures only look wrong from elsewhere
+/// (docs/benchmarks/budget.md). `None` when there is no time for anything that pictures are good for.
 pub fn plan(input: &PaceInput) -> Option<PacePlan> {
     let least = FEWEST_PICTURES.min(input.most_pictures).max(input.drawn);
-    let plans = (least..=input.most_pictures).filter_map(|pictures| with_pictures(input, pictures));
-    // Of equal plans the one with fewer pictures.
-    plans.reduce(|best, next| if worth(next, input) > worth(best, input) { next } else { best })
+    (least..=input.most_pictures).rev().find_map(|pictures| with_pictures(input, pictures))
 }
 
 /// What is left for fitting when so many pictures are drawn; `None` when not even they and their colours fit.
@@ -91,12 +90,6 @@ fn with_pictures(input: &PaceInput, pictures: usize) -> Option<PacePlan> {
     let rounds = rounds(left_after, round_secs(pictures, &costs), most_rounds);
     let useful = left >= 0.0 && (color_passes > 0 || rounds > 0);
     useful.then_some(PacePlan { pictures, rounds })
-}
-
-/// What a plan is worth, dB more or less: both pictures and rounds gain less the more there are.
-fn worth(plan: PacePlan, input: &PaceInput) -> f64 {
-    let share = plan.pictures as f64 / input.most_pictures.max(1) as f64;
-    share.ln() + f64::from(plan.rounds + 1).ln()
 }
 
 #[cfg(test)]
@@ -126,13 +119,14 @@ mod tests {
     }
 
     #[test]
-    fn plans_fit_and_more_time_never_buys_less_of_both() {
+    fn plans_fit_and_more_time_buys_no_fewer_pictures() {
         let mut before = PacePlan::default();
         for tenths in 8..200 {
             let left = f64::from(tenths) / 10.0;
             let Some(plan) = with(left) else { continue };
             assert!(secs(plan) <= left + 1e-9, "{left}: {plan:?} takes {}", secs(plan));
-            assert!(plan.pictures >= before.pictures || plan.rounds >= before.rounds, "{left}: {plan:?}");
+            assert!(plan.pictures >= before.pictures, "{left}: {plan:?}");
+            assert!(plan.rounds == 0 || plan.pictures == 32, "{left}: {plan:?}");
             before = plan;
         }
         assert_eq!(before, PacePlan { pictures: 32, rounds: 16 });
