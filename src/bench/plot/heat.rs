@@ -82,7 +82,7 @@ fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, map: &HeatMap) -> Drawn {
         area.draw(&Rectangle::new([from, to], color(dark).filled()))?;
         area.draw(&Rectangle::new([from, to], BLACK.mix(0.15)))?;
         let ink = if dark >= WHITE_TEXT_FROM { WHITE } else { BLACK };
-        let style = TextStyle::from(text(LETTERS[1]).color(&ink)).pos(centered);
+        let style = text(LETTERS[1]).color(&ink).pos(centered);
         area.draw(&Text::new(power(value), middle, style))?;
     }
     Ok(())
