@@ -53,6 +53,7 @@ pub mod asset;
 pub mod atomic;
 pub mod bake;
 pub mod bench;
+pub mod budget;
 pub mod bvh;
 pub mod camera;
 #[cfg(feature = "cli")]

@@ -104,15 +104,21 @@ impl Soup {
     /// Keeps the triangles for which `keep` returns true, in order.
     pub fn retain(&mut self, keep: impl Fn(usize) -> bool) {
         let k = self.sh_count();
-        let mut to = 0;
-        for i in 0..self.len() {
-            if keep(i) {
-                self.vertices[to] = self.vertices[i];
-                self.opacity[to] = self.opacity[i];
-                self.sigma[to] = self.sigma[i];
-                self.sh.copy_within(i * k..(i + 1) * k, to * k);
-                to += 1;
+        let (mut to, mut i) = (0, 0);
+        while i < self.len() {
+            // Runs of triangles that stay are moved at once.
+            let start = i;
+            while i < self.len() && keep(i) {
+                i += 1;
             }
+            if start != to {
+                self.vertices.copy_within(start..i, to);
+                self.opacity.copy_within(start..i, to);
+                self.sigma.copy_within(start..i, to);
+                self.sh.copy_within(start * k..i * k, to * k);
+            }
+            to += i - start;
+            i += 1;
         }
         self.vertices.truncate(to);
         self.opacity.truncate(to);

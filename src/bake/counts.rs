@@ -1,5 +1,6 @@
 //! What reports count of a scene.
 
+use crate::asset::Asset;
 use crate::mesh::Mesh;
 use crate::report::Counts;
 use crate::scene::Scene;
@@ -15,4 +16,14 @@ pub(super) fn count(scene: &Scene) -> Counts {
 /// Of a mesh.
 pub(super) fn count_mesh(mesh: &Mesh) -> Counts {
     Counts { triangles: mesh.face_count() as u64, vertices: mesh.vertex_count() as u64 }
+}
+
+/// What levels of detail hold together.
+#[expect(clippy::ptr_arg, reason = "the signature that a report measures a list of levels by")]
+pub(super) fn count_levels(levels: &Vec<Asset>) -> Counts {
+    let counts = levels.iter().map(Asset::counts);
+    counts.fold(Counts::default(), |a, b| Counts {
+        triangles: a.triangles + b.triangles,
+        vertices: a.vertices + b.vertices,
+    })
 }

@@ -36,6 +36,7 @@ pub mod mesh;
 mod moved_corner;
 pub mod options;
 pub mod order;
+pub mod pace;
 pub mod place;
 pub mod prune;
 mod recipe;

@@ -6,7 +6,7 @@ use super::bvh::{BvhOptions, bvh};
 use super::chunk::{ChunkOptions, chunk};
 use super::collision::collision;
 use super::color::color;
-use super::counts::{count, count_mesh};
+use super::counts::{count, count_levels, count_mesh};
 use super::crop::{count_inside, crop};
 use super::fit;
 use super::floaters::floaters;
@@ -15,10 +15,11 @@ use super::lod::{FinishedLevel, LevelSource, LodOptions, lod};
 use super::merge::{merge, share_world};
 use super::options::BakeOptions;
 use super::order::order;
+use super::pace::{BakePace, PaceWork};
 use super::place::up::Evidence;
 use super::place::{PlaceDetails, place, placement};
 use super::prune::{PruneOptions, prune};
-use super::refit::refit;
+use super::refit::{RefitColors, refit};
 use super::reshape::{ReshapeWhen, SceneTraits, reshape};
 use super::shell::Shell;
 use super::solid::solid;
@@ -32,7 +33,7 @@ use crate::camera::Camera;
 use crate::error::Result;
 use crate::limits::Limits;
 use crate::mesh::Mesh;
-use crate::report::{Counts, Observer, Outcome, Report, StageProgress, generator};
+use crate::report::{Observer, Outcome, Report, StageProgress, generator};
 use crate::scene::{Loaded, Scene};
 use crate::surface::{SurfaceDetails, surface};
 use std::sync::Arc;
@@ -46,6 +47,7 @@ pub(super) struct Recipe<'a> {
     views: Option<&'a mut Views>,
     report: &'a mut Report,
     observer: &'a mut dyn Observer,
+    pace: &'a mut BakePace,
     /// Pictures of the soft scene, in place of photos.
     taught: Option<Views>,
     /// Cameras of photos, in the frame of what was read.
@@ -68,6 +70,7 @@ impl<'a> Recipe<'a> {
         views: Option<&'a mut Views>,
         report: &'a mut Report,
         observer: &'a mut dyn Observer,
+        pace: &'a mut BakePace,
     ) -> Self {
         let (taught, backdrop, placement) = (None, None, None);
         let (cameras, watching) = (Vec::new(), Vec::new());
@@ -77,6 +80,7 @@ impl<'a> Recipe<'a> {
             views,
             report,
             observer,
+            pace,
             taught,
             cameras,
             watching,
@@ -171,8 +175,8 @@ impl<'a> Recipe<'a> {
         let mut options = self.options.clone();
         options.prune.max_triangles = None;
         let mut unread = Report::default();
-        let mut nobody = ();
-        let mut of_soup = Recipe::new(&options, None, &mut unread, &mut nobody);
+        let (mut nobody, mut unlimited) = ((), BakePace::default());
+        let mut of_soup = Recipe::new(&options, None, &mut unread, &mut nobody, &mut unlimited);
         let mut solidified = |mut loaded: Loaded| match &mut loaded.scene {
             Scene::Soup(soup) => {
                 soup.truncate_sh(0);
@@ -210,9 +214,13 @@ impl<'a> Recipe<'a> {
     /// On the scene as it was trained: what it looks like is what all other stages try to keep.
     fn teach(&mut self, loaded: &Loaded) -> Result<()> {
         let (options, photos) = (self.options, self.views.is_some());
+        if self.pace.is_limited() && matches!(&loaded.scene, Scene::Soup(soup) if !is_solid(soup)) {
+            self.pace.begin(asked(options, loaded.scene.triangle_count()));
+        }
+        let pace = &mut *self.pace;
         let measure = |_: &Option<Views>| count(&loaded.scene);
         self.taught = self.report.stage(self.observer, None, measure, |views, details| {
-            teacher(views, loaded, photos, &options.teacher, &options.solid, details)
+            teacher(views, loaded, photos, &options.teacher, &options.solid, details, pace)
         })?;
         Ok(())
     }
@@ -328,8 +336,9 @@ impl<'a> Recipe<'a> {
     /// Of what is left, on what cameras see: before anything is put behind it, and before its colours are fitted exactly.
     fn reshape(&mut self, mesh: Mesh, traits: SceneTraits) -> Result<Mesh> {
         let (views, options) = (either(&mut self.views, &mut self.taught), &self.options.reshape);
+        let pace = &mut *self.pace;
         self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
-            reshape(mesh, views, traits, options, details, progress)
+            reshape(mesh, views, traits, options, details, progress, pace)
         })
     }
 
@@ -368,8 +377,9 @@ impl<'a> Recipe<'a> {
     /// On what is left: a colour belongs to what a triangle shows when the others are gone.
     fn paint(&mut self, mesh: Mesh) -> Result<Mesh> {
         let (views, options) = (either(&mut self.views, &mut self.taught), &self.options.refit);
+        let pace = &mut *self.pace;
         self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
-            refit(mesh, views, options, details, progress)
+            refit(mesh, views, options, details, progress, pace)
         })
     }
 
@@ -424,19 +434,23 @@ impl<'a> Recipe<'a> {
         options: &LodOptions,
         provenance: &Provenance,
     ) -> Result<Vec<Asset>> {
-        let of_levels = match self.options.tiles.tiles {
+        let mut of_levels = match self.options.tiles.tiles {
             // They are cut once more, so chunks and a hierarchy would be of no use.
             true => {
                 BakeOptions { chunk: ChunkOptions::FAST, bvh: BvhOptions::DEFAULT, ..self.options.clone() }
             }
             false => self.options.clone(),
         };
+        if self.pace.skips_colors() {
+            of_levels.refit.refit = RefitColors::Off;
+        }
         let (mut views, placement) = (either(&mut self.views, &mut self.taught), self.placement);
         let behind = self.backdrop.take();
         let (watching, facing) = (self.watching.clone(), self.facing.clone());
         let finish = |mut level: Mesh, mut progress: StageProgress<'_>| {
-            let mut unread = Report::default();
-            let of_level = Recipe::new(&of_levels, views.as_deref_mut(), &mut unread, &mut progress);
+            let (mut unread, mut unlimited) = (Report::default(), BakePace::default());
+            let views = views.as_deref_mut();
+            let of_level = Recipe::new(&of_levels, views, &mut unread, &mut progress, &mut unlimited);
             let mut of_level =
                 Recipe { placement, watching: watching.clone(), facing: facing.clone(), ..of_level };
             // Photos show the backdrop too, but there is one for all levels.
@@ -459,16 +473,20 @@ impl<'a> Recipe<'a> {
     }
 }
 
+/// What `options` ask for of a soft scene of so many triangles, if there is time.
+fn asked(options: &BakeOptions, triangles: usize) -> PaceWork {
+    let rounds = match options.reshape.reshape {
+        ReshapeWhen::Off => 0,
+        _ => options.reshape.reshape_rounds,
+    };
+    let color_passes = match options.refit.refit {
+        RefitColors::Off => 0,
+        _ => options.refit.refit_passes,
+    };
+    PaceWork { triangles, rounds, color_passes }
+}
+
 /// The photos, or the pictures in their place.
 fn either<'v>(photos: &'v mut Option<&mut Views>, taught: &'v mut Option<Views>) -> Option<&'v mut Views> {
     photos.as_deref_mut().or(taught.as_mut())
-}
-
-#[expect(clippy::ptr_arg, reason = "the signature that a report measures a list of levels by")]
-fn count_levels(levels: &Vec<Asset>) -> Counts {
-    let counts = levels.iter().map(Asset::counts);
-    counts.fold(Counts::default(), |a, b| Counts {
-        triangles: a.triangles + b.triangles,
-        vertices: a.vertices + b.vertices,
-    })
 }

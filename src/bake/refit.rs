@@ -30,6 +30,7 @@ mod options;
 
 pub use options::{RefitColors, RefitOptions};
 
+use super::pace::BakePace;
 use super::views::Views;
 use crate::error::Result;
 use crate::math::median::median;
@@ -103,6 +104,7 @@ pub fn refit(
     options: &RefitOptions,
     details: &mut RefitDetails,
     progress: &mut StageProgress<'_>,
+    pace: &mut BakePace,
 ) -> Result<Outcome<()>> {
     options.validate()?;
     let Some(views) = views.filter(|v| !v.is_empty()) else {
@@ -113,6 +115,9 @@ pub fn refit(
     }
     if !mesh.indices.is_empty() {
         return Ok(Outcome::Unneeded("a mesh with shared vertices keeps its colours"));
+    }
+    if !pace.affords_colors(views.len()) {
+        return Ok(Outcome::Unneeded("`budget` leaves no time to fit colours"));
     }
     let mut accumulator = Accumulator::new(mesh, views, options.refit_flatness as f32);
     let end_of_pass = |pass: u32| f64::from(pass) / f64::from(options.refit_passes);

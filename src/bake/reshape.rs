@@ -21,6 +21,7 @@ mod faces;
 mod found;
 mod round;
 
+use super::pace::BakePace;
 use super::views::Views;
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
@@ -127,6 +128,7 @@ pub fn reshape(
     options: &ReshapeOptions,
     details: &mut ReshapeDetails,
     progress: &mut StageProgress<'_>,
+    pace: &mut BakePace,
 ) -> Result<Outcome<()>> {
     options.validate()?;
     if let Some(why) = nothing_to_do(mesh, traits, options) {
@@ -135,10 +137,15 @@ pub fn reshape(
     let Some(views) = views.filter(|views| !views.is_empty()) else {
         return Ok(Outcome::Unneeded("there are no photos and no pictures of the soft scene"));
     };
-    let [recolored, fitted] = fit(mesh, views, traits, options, details, progress)?;
+    let Some(effort) = affordable_effort(mesh, views, options, pace) else {
+        return Ok(Outcome::Unneeded("`budget` leaves no time to fit triangles"));
+    };
+    let [recolored, fitted] = fit(mesh, views, traits, effort, details, progress, pace)?;
     let chosen = views.evenly_spaced(EVALUATION_VIEWS);
     // With few pictures per triangle a round may spoil what the others need.
-    if views.mean_psnr(&fitted, &chosen)? < views.mean_psnr(&recolored, &chosen)? {
+    let (fitted_psnr, secs) = pace.timed(|| views.mean_psnr(&fitted, &chosen));
+    pace.learn_solid(secs / chosen.len() as f64);
+    if fitted_psnr? < views.mean_psnr(&recolored, &chosen)? {
         *details = ReshapeDetails::default();
         return Ok(Outcome::Unneeded("the triangles as they came match the pictures better"));
     }
@@ -157,38 +164,96 @@ fn nothing_to_do(mesh: &Mesh, traits: SceneTraits, options: &ReshapeOptions) -> 
     }
 }
 
-/// Makes the rounds; returns the triangles that came, recoloured, and the fitted ones.
+/// How much is looked at; `None` when there is no time for enough rounds.
+fn affordable_effort(
+    mesh: &Mesh,
+    views: &Views,
+    options: &ReshapeOptions,
+    pace: &mut BakePace,
+) -> Option<Effort> {
+    let effort = Effort::new(mesh.face_count(), views.cameras(), options.reshape_rounds);
+    if !pace.is_active() {
+        return Some(effort);
+    }
+    let effort = effort.settled(mesh.face_count(), views.cameras());
+    let expected = pace.expected_round_secs(views.len().div_ceil(effort.stride));
+    match pace.rounds(0, expected, effort.rounds, views.len()) {
+        0 => {
+            pace.fitted(0, effort.rounds, expected);
+            None
+        }
+        _ => Some(effort),
+    }
+}
+
+/// Makes the rounds, as many as `pace` has time for; returns the triangles that came, recoloured, and the fitted ones.
 fn fit(
     mesh: &Mesh,
     views: &mut Views,
     traits: SceneTraits,
-    options: &ReshapeOptions,
+    mut effort: Effort,
     details: &mut ReshapeDetails,
     progress: &mut StageProgress<'_>,
+    pace: &mut BakePace,
 ) -> Result<[Mesh; 2]> {
-    let effort = Effort::new(mesh.face_count(), views.cameras(), options.reshape_rounds);
+    let (most, view_count) = (effort.rounds, views.len());
     let mut faces = ReshapedFaces::new(mesh);
     let mut rounds = Rounds::new(mesh, views, traits.is_closed);
     // Colours first: what changes do is judged by them.
-    let found = rounds.draw(0, effort, &faces, &[])?;
+    let (found, mut secs) = pace.timed(|| rounds.draw(0, effort, &faces, &[]));
+    let found = found?;
     faces.recolor(&found);
     (details.psnr_first, details.psnr_last) = (found.psnr(), found.psnr());
     let recolored = faces.to_mesh();
-    let (mut dropped, mut moved, mut cut) = (0, 0, 0);
-    for round in 1..effort.rounds {
-        progress.set(round as usize, effort.rounds as usize);
-        let candidates = faces.with_moved_corners(round);
-        let found = rounds.draw(round, effort, &faces, &candidates)?;
-        details.psnr_last = found.psnr();
-        faces.recolor(&found);
-        moved += faces.keep_moves(&found, candidates);
-        if effort.cuts(round) {
-            cut += faces.cut(&found, mesh.face_count(), MOST_CUT);
+    let mut changes = Changes::default();
+    // Every other round draws the triangles twice: as they are, and moved.
+    secs *= 2.0;
+    let mut round = 1;
+    loop {
+        effort = effort.corrected(round, pace.rounds(round, secs, most, view_count));
+        if round >= effort.rounds {
+            break;
         }
-        // Last, as what was found is by the places of the faces.
-        dropped += faces.drop_harmful(&found);
+        progress.set(round as usize, effort.rounds as usize);
+        let (found, spent) =
+            pace.timed(|| changes.round(round, effort, mesh.face_count(), &mut faces, &mut rounds));
+        (details.psnr_last, secs) = (found?, spent);
+        round += 1;
     }
+    pace.fitted(effort.rounds, most, secs);
+    let Changes { dropped, moved, cut } = changes;
     details.rounds = Some(effort.rounds);
     (details.dropped, details.corners_moved, details.cut) = (Some(dropped), Some(moved), Some(cut));
     Ok([recolored, faces.to_mesh()])
+}
+
+/// What the rounds changed.
+#[derive(Default)]
+struct Changes {
+    dropped: u64,
+    moved: u64,
+    cut: u64,
+}
+
+impl Changes {
+    /// Makes a round with at most `most` faces; returns the PSNR before it.
+    fn round(
+        &mut self,
+        round: u32,
+        effort: Effort,
+        most: usize,
+        faces: &mut ReshapedFaces,
+        rounds: &mut Rounds<'_>,
+    ) -> Result<Option<f64>> {
+        let candidates = faces.with_moved_corners(round);
+        let found = rounds.draw(round, effort, faces, &candidates)?;
+        faces.recolor(&found);
+        self.moved += faces.keep_moves(&found, candidates);
+        if effort.cuts(round) {
+            self.cut += faces.cut(&found, most, MOST_CUT);
+        }
+        // Last, as what was found is by the places of the faces.
+        self.dropped += faces.drop_harmful(&found);
+        Ok(found.psnr())
+    }
 }

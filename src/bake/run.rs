@@ -1,6 +1,7 @@
 //! A bake as a program asks for one.
 
 use super::options::BakeOptions;
+use super::pace::BakePace;
 use super::recipe::Recipe;
 use super::views::Views;
 use crate::asset::Asset;
@@ -61,12 +62,13 @@ pub struct Bake<'a> {
     views: Option<&'a mut Views>,
     report: Option<&'a mut Report>,
     observer: Option<&'a mut dyn Observer>,
+    pace: Option<&'a mut BakePace>,
 }
 
 impl<'a> Bake<'a> {
     /// A bake with these options.
     pub fn new(options: &'a BakeOptions) -> Self {
-        Self { options, views: None, report: None, observer: None }
+        Self { options, views: None, report: None, observer: None, pace: None }
     }
 
     /// Photos of the scene, if there are any; without them the cameras that came with the scene, if any, decide what
@@ -85,19 +87,25 @@ impl<'a> Bake<'a> {
         Self { observer: Some(observer), ..self }
     }
 
+    /// What keeps the bake of a soft scene to a budget.
+    pub fn pace(self, pace: &'a mut BakePace) -> Self {
+        Self { pace: Some(pace), ..self }
+    }
+
     /// Bakes `inputs`, merged, into what an engine draws.
     ///
     /// Errors: options out of range, inputs that do not merge, nothing left to draw, photos that cannot be read or do
     /// not show the scene.
     pub fn run<S: Into<Loaded>>(self, inputs: impl IntoIterator<Item = S>) -> Result<Asset> {
         self.options.validate()?;
-        let (mut own_report, mut no_observer) = (Report::default(), ());
+        let (mut own_report, mut no_observer, mut no_pace) = (Report::default(), (), BakePace::default());
         let observer = match self.observer {
             Some(observer) => observer,
             None => &mut no_observer,
         };
         let report = self.report.unwrap_or(&mut own_report);
-        let recipe = Recipe::new(self.options, self.views, report, observer);
+        let pace = self.pace.unwrap_or(&mut no_pace);
+        let recipe = Recipe::new(self.options, self.views, report, observer, pace);
         recipe.run(inputs.into_iter().map(Into::into).collect())
     }
 }

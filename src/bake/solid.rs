@@ -80,12 +80,7 @@ pub fn solid(soup: &mut Soup, options: &SolidOptions, details: &mut SolidDetails
     if soup.opacity.par_iter().zip(&soup.sigma).with_min_len(1 << 14).all(is_solid) {
         return Ok(Outcome::Unneeded("every triangle is solid already"));
     }
-    let area_before = total_area(soup);
-    let results: Vec<Shrunk> = (&mut soup.vertices, &soup.opacity, &soup.sigma)
-        .into_par_iter()
-        .with_min_len(1 << 12)
-        .map(|(corners, &opacity, &sigma)| solidify(corners, opacity.into(), sigma.into(), options))
-        .collect();
+    let (results, areas) = solidify_all(soup, options);
     soup.opacity.fill(1.0);
     soup.sigma.fill(SOLID_SIGMA);
     let lost = |result| results.iter().filter(|&&r| r == result).count();
@@ -99,9 +94,48 @@ pub fn solid(soup: &mut Soup, options: &SolidOptions, details: &mut SolidDetails
     *details = SolidDetails {
         no_contour: no_contour as u64,
         collapsed: collapsed as u64,
-        area_ratio: total_area(soup) / area_before,
+        area_ratio: areas.after / areas.before,
     };
     Ok(Outcome::Changed(()))
+}
+
+/// Triangles that a thread shrinks at once. Fixed, so that sums do not depend on the number of threads.
+const PART: usize = 1 << 12;
+
+/// Sums of areas.
+#[derive(Debug, Clone, Copy, Default)]
+struct Areas {
+    before: f64,
+    after: f64,
+}
+
+/// Shrinks every triangle in place; the areas are those before, and of what stays.
+fn solidify_all(soup: &mut Soup, options: &SolidOptions) -> (Vec<Shrunk>, Areas) {
+    let mut results = vec![Shrunk::Solid; soup.len()];
+    let log_contour = options.contour.ln();
+    let parts: Vec<Areas> = (
+        soup.vertices.par_chunks_mut(PART),
+        soup.opacity.par_chunks(PART),
+        soup.sigma.par_chunks(PART),
+        results.par_chunks_mut(PART),
+    )
+        .into_par_iter()
+        .map(|(vertices, opacity, sigma, results)| {
+            let mut sum = Areas::default();
+            for (((corners, &o), &s), result) in vertices.iter_mut().zip(opacity).zip(sigma).zip(results) {
+                let factor = factor(o.into(), s.into(), options, log_contour);
+                let area = area(corners);
+                *result = solidify(corners, factor);
+                sum.before += area;
+                if *result == Shrunk::Solid {
+                    sum.after += area * factor.min(1.0).powi(2);
+                }
+            }
+            sum
+        })
+        .collect();
+    let sum = |of: fn(&Areas) -> f64| parts.iter().map(of).sum();
+    (results, Areas { before: sum(|part| part.before), after: sum(|part| part.after) })
 }
 
 fn nothing_left(options: &SolidOptions, no_contour: usize, total: usize) -> Error {
@@ -122,14 +156,22 @@ enum Shrunk {
     Collapsed,
 }
 
-/// Shrinks one triangle in place.
-fn solidify(corners: &mut [Vec3; 3], opacity: f64, sigma: f64, options: &SolidOptions) -> Shrunk {
-    let factor = match options.solid {
-        Solidify::Auto => contour_factor(opacity, sigma, options.contour).max(area_factor(opacity, sigma)),
-        Solidify::Contour => contour_factor(opacity, sigma, options.contour),
+/// The scale of a triangle about its incenter.
+fn factor(opacity: f64, sigma: f64, options: &SolidOptions, log_contour: f64) -> f64 {
+    let contour = || match opacity > options.contour {
+        true => contour_factor_of_logs(opacity.ln(), sigma, log_contour),
+        false => 0.0,
+    };
+    match options.solid {
+        Solidify::Auto => contour().max(area_factor(opacity, sigma)),
+        Solidify::Contour => contour(),
         Solidify::Area => area_factor(opacity, sigma),
         Solidify::None => 1.0,
-    };
+    }
+}
+
+/// Shrinks one triangle in place.
+fn solidify(corners: &mut [Vec3; 3], factor: f64) -> Shrunk {
     if factor >= 1.0 {
         return Shrunk::Solid;
     }
@@ -151,7 +193,12 @@ pub fn contour_factor(opacity: f64, sigma: f64, contour: f64) -> f64 {
     if !(opacity > contour) {
         return 0.0;
     }
-    -((contour.ln() - opacity.ln()) / sigma).exp_m1()
+    contour_factor_of_logs(opacity.ln(), sigma, contour.ln())
+}
+
+/// The same where there is a contour.
+fn contour_factor_of_logs(log_opacity: f64, sigma: f64, log_contour: f64) -> f64 {
+    -((log_contour - log_opacity) / sigma).exp_m1()
 }
 
 /// The scale whose area is the triangle's integrated alpha: opaque, it covers as much of a picture as the
@@ -183,10 +230,7 @@ pub fn shrink(corners: &[Vec3; 3], factor: f64) -> [Vec3; 3] {
     [a, b, c].map(|v| (incenter + factor * (v - incenter)).as_vec3())
 }
 
-/// Area of all triangles: an ordered sum, so that it is the same for any number of threads.
-fn total_area(soup: &Soup) -> f64 {
-    let area = |v: &[Vec3; 3]| 0.5 * (v[1] - v[0]).as_dvec3().cross((v[2] - v[0]).as_dvec3()).length();
-    let parts: Vec<f64> =
-        soup.vertices.par_chunks(1 << 12).map(|part| part.iter().map(area).sum::<f64>()).collect();
-    parts.iter().sum()
+/// Area of a triangle.
+fn area(v: &[Vec3; 3]) -> f64 {
+    0.5 * (v[1] - v[0]).as_dvec3().cross((v[2] - v[0]).as_dvec3()).length()
 }

@@ -5,11 +5,12 @@
 //! trained to look like is known without photos: it is what the soft rasteriser draws.
 
 use super::color::color;
+use super::pace::BakePace;
 use super::prune::{PruneDetails, PruneOptions, prune};
 use super::solid::{SolidOptions, area_factor, solid};
 use super::views::{SAMPLES, Views, drawing};
 use crate::camera::Camera;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::formats::info::Softness;
 use crate::math::metric;
 use crate::mesh::Mesh;
@@ -18,7 +19,7 @@ use crate::raster::solid::Solid;
 use crate::report::{Outcome, StageDetails};
 use crate::scene::{Loaded, Scene};
 use crate::soup::Soup;
-use crate::teacher::{Teacher, ViewpointKind, Viewpoints};
+use crate::teacher::{SearchTrial, Teacher, ViewpointKind, Viewpoints};
 use glam::UVec2;
 
 /// Pixels of all pictures together; with many or large cameras not all are drawn.
@@ -33,6 +34,9 @@ const SOFTNESS_PX: u32 = 240;
 const LEAST_COVERED: f64 = 0.001;
 /// A scene is solid when its triangles cover this share of their area.
 const SOLID_COVER: f64 = 0.95;
+
+/// Why nothing is drawn when a budget is spent.
+const NO_TIME: &str = "`budget` leaves no time for pictures of the soft scene";
 
 /// Whether a soft scene teaches its solid twin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -53,13 +57,24 @@ pub struct TeacherOptions {
     /// When the soft scene is drawn as it was trained, and its pictures take the place of photos
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = TeacherOptions::DEFAULT.teacher, value_name = "WHEN"))]
     pub teacher: TeacherWhen,
+    /// Draw at most so many pictures [default: 32 from chosen viewpoints, from stored cameras as many as have 12 million pixels]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
+    #[schemars(range(min = 1))]
+    pub teacher_pictures: Option<u32>,
 }
 
 impl TeacherOptions {
     /// Draws pictures if there are no photos.
-    pub const DEFAULT: Self = Self { teacher: TeacherWhen::Auto };
+    pub const DEFAULT: Self = Self { teacher: TeacherWhen::Auto, teacher_pictures: None };
     /// Draws none.
-    pub const OFF: Self = Self { teacher: TeacherWhen::Off };
+    pub const OFF: Self = Self { teacher: TeacherWhen::Off, ..Self::DEFAULT };
+
+    fn validate(&self) -> Result<()> {
+        if self.teacher_pictures == Some(0) {
+            return Err(Error::invalid("teacher_pictures", 0, "1 or more, or `teacher` off"));
+        }
+        Ok(())
+    }
 }
 
 impl Default for TeacherOptions {
@@ -92,9 +107,9 @@ impl StageDetails for TeacherDetails {
     const STAGE: &'static str = "teacher";
 }
 
-/// Draws the pictures of a soft scene into `views`, unless there are `photos`.
+/// Draws the pictures of a soft scene into `views`, unless there are `photos`; with a budget as many as `pace` wants.
 ///
-/// Errors: options of the stages that make a scene solid out of range.
+/// Errors: an option out of range; options of the stages that make a scene solid out of range.
 pub fn teacher(
     views: &mut Option<Views>,
     scene: &Loaded,
@@ -102,7 +117,9 @@ pub fn teacher(
     options: &TeacherOptions,
     solidly: &SolidOptions,
     details: &mut TeacherDetails,
+    pace: &mut BakePace,
 ) -> Result<Outcome<()>> {
+    options.validate()?;
     if options.teacher == TeacherWhen::Off {
         return Ok(Outcome::Unneeded("`teacher` off"));
     }
@@ -114,15 +131,22 @@ pub fn teacher(
         Scene::Soup(soup) => soup,
     };
     if photos {
-        details.softness = softness_from(soup, &scene.cameras, solidly)?;
+        details.softness = softness_from(soup, &scene.cameras, solidly, pace)?;
         return Ok(Outcome::Unneeded("there are photos, or pictures already"));
+    }
+    if !affords_viewpoints(scene, pace) {
+        return Ok(Outcome::Unneeded(NO_TIME));
     }
     let Some(viewpoints) = viewpoints(scene) else {
         return Ok(Outcome::Unneeded("the scene stores no cameras and shows nothing from anywhere"));
     };
-    details.softness = softness_from(soup, &viewpoints.cameras, solidly)?;
+    details.softness = softness_from(soup, &viewpoints.cameras, solidly, pace)?;
     details.viewpoints = Some(viewpoints.kind);
-    let drawn = pictures(scene, viewpoints.cameras);
+    let drawn = paced_pictures(scene, viewpoints.cameras, options.teacher_pictures, pace);
+    if pace.skips_pictures() {
+        details.viewpoints = None;
+        return Ok(Outcome::Unneeded(NO_TIME));
+    }
     if drawn.covered() < LEAST_COVERED {
         return Ok(Outcome::Unneeded("the scene's cameras see nothing of it"));
     }
@@ -131,6 +155,19 @@ pub fn teacher(
     details.covered = Some(drawn.covered());
     *views = Some(drawn);
     Ok(Outcome::Changed(()))
+}
+
+/// Whether there is time to choose viewpoints; those that are stored cost nothing.
+fn affords_viewpoints(scene: &Loaded, pace: &mut BakePace) -> bool {
+    if !pace.is_active() || !scene.cameras.is_empty() {
+        return true;
+    }
+    let (trial, start_secs) = pace.timed(|| SearchTrial::new(scene));
+    let Some(mut trial) = trial else { return true };
+    // The first look allocates.
+    trial.look();
+    let ((), look_secs) = pace.timed(|| trial.look());
+    pace.affords_search(start_secs + trial.looks() as f64 * look_secs)
 }
 
 /// Where pictures for a bake are drawn from.
@@ -145,10 +182,32 @@ fn viewpoints(scene: &Loaded) -> Option<Viewpoints> {
 /// The soft pictures of `scene` from `cameras` in its frame, or from evenly spaced ones of them when all would be too
 /// many.
 pub fn pictures(scene: &Loaded, cameras: Vec<Camera>) -> Views {
+    paced_pictures(scene, cameras, None, &mut BakePace::default())
+}
+
+/// The same, at most so many, and no more than `pace` wants.
+fn paced_pictures(scene: &Loaded, cameras: Vec<Camera>, most: Option<u32>, pace: &mut BakePace) -> Views {
     let cameras = within_budget(cameras);
+    let most = most.map_or(cameras.len(), |most| cameras.len().min(most as usize));
     let mut teacher = Teacher::new(scene.scene.to_soup(), &cameras, &SoftOptions::default());
-    let pictures = cameras.iter().map(|camera| teacher.weighted_picture(camera)).collect();
-    Views::drawn(cameras, pictures)
+    let mut order = spread(cameras.len());
+    let (mut drawn, mut secs) = (Vec::new(), 0.0);
+    while pace.wants_picture(drawn.len(), most, secs) {
+        let Some(view) = order.next() else { break };
+        let (picture, spent) = pace.timed(|| teacher.weighted_picture(&cameras[view]));
+        drawn.push((view, picture));
+        secs = spent;
+    }
+    drawn.sort_unstable_by_key(|(view, _)| *view);
+    let (chosen, pictures) = drawn.into_iter().map(|(view, picture)| (cameras[view], picture)).unzip();
+    Views::drawn(chosen, pictures)
+}
+
+/// The numbers below `count` in an order of which every beginning is spread evenly: that of their bits, reversed.
+fn spread(count: usize) -> impl Iterator<Item = usize> {
+    let bits = count.next_power_of_two().trailing_zeros();
+    let reversed = move |i: usize| i.reverse_bits().checked_shr(usize::BITS - bits).unwrap_or(0);
+    (0..1usize << bits).map(reversed).filter(move |i| *i < count)
 }
 
 /// Evenly spaced ones of `cameras` when their pictures would be too many.
@@ -195,19 +254,35 @@ pub fn softness(scene: &Loaded, solidly: &SolidOptions) -> Result<Option<Softnes
         return Ok(None);
     }
     match viewpoints(scene) {
-        Some(viewpoints) => softness_from(soup, &viewpoints.cameras, solidly),
+        Some(viewpoints) => softness_from(soup, &viewpoints.cameras, solidly, &mut BakePace::default()),
         None => Ok(None),
     }
 }
 
-fn softness_from(soup: &Soup, cameras: &[Camera], solidly: &SolidOptions) -> Result<Option<Softness>> {
+/// With a budget on one picture only, and `pace` gets to know what a solid picture of full size takes.
+fn softness_from(
+    soup: &Soup,
+    cameras: &[Camera],
+    solidly: &SolidOptions,
+    pace: &mut BakePace,
+) -> Result<Option<Softness>> {
     if cameras.is_empty() {
         return Ok(None);
     }
     let Some(mesh) = solid_mesh(soup, solidly)? else { return Ok(None) };
     let mut teacher = Teacher::new(soup.clone(), cameras, &SoftOptions::default());
     let (drawing, mut solid) = (drawing(cameras, &mesh, SAMPLES), Solid::new());
-    let count = SOFTNESS_VIEWS.min(cameras.len());
+    let count = match pace.is_active() {
+        true => {
+            let camera = no_larger(&cameras[0]);
+            // The first one allocates.
+            solid.visibility(&mesh, &camera, &drawing);
+            let secs = pace.timed(|| solid.visibility(&mesh, &camera, &drawing).size).1;
+            pace.learn_solid(secs);
+            1
+        }
+        false => SOFTNESS_VIEWS.min(cameras.len()),
+    };
     let psnr = |i: usize| {
         let camera = small(&cameras[i * cameras.len() / count]);
         let (soft, solid) = (teacher.picture(&camera), solid.render(&mesh, &camera, &drawing));

@@ -2,10 +2,12 @@
 
 mod axis;
 mod fronts;
+mod heat;
 mod labels;
 
 pub use axis::{PlotPoint, short};
 pub use fronts::DotPanel;
+pub use heat::HeatMap;
 
 use crate::error::{Error, Result};
 use axis::log_axis;
@@ -56,6 +58,20 @@ pub fn fronts(path: &Path, panels: &[DotPanel]) -> Result<()> {
         area.fill(&WHITE).map_err(|e| bad(e.to_string()))?;
         for (area, panel) in area.split_evenly((rows, 2)).iter().zip(panels) {
             fronts::chart(area, panel).map_err(bad)?;
+        }
+    }
+    std::fs::write(path, svg).map_err(|e| Error::io(path, e))
+}
+
+/// Writes two heat maps side by side.
+pub fn heat_maps(path: &Path, maps: &[HeatMap; 2]) -> Result<()> {
+    let bad = |e: String| Error::unsupported(path, format!("cannot be drawn: {e}"));
+    let mut svg = String::new();
+    {
+        let area = SVGBackend::with_string(&mut svg, (1240, 660)).into_drawing_area();
+        area.fill(&WHITE).map_err(|e| bad(e.to_string()))?;
+        for (area, map) in area.split_evenly((1, 2)).iter().zip(maps) {
+            heat::chart(area, map).map_err(bad)?;
         }
     }
     std::fs::write(path, svg).map_err(|e| Error::io(path, e))
@@ -159,6 +175,19 @@ fn dot_chart(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn heat_maps_are_written() {
+        let names = ["scale", "focal"].map(str::to_owned).to_vec();
+        let map = HeatMap { title: "frames".into(), names, cells: vec![(0, 0, 2e-5), (1, 0, 0.0)] };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("heat.svg");
+        heat_maps(&path, &[map, HeatMap::default()]).unwrap();
+        let svg = std::fs::read_to_string(&path).unwrap();
+        for text in ["frames", "scale", "focal", "2e-5", "0"] {
+            assert!(svg.lines().any(|line| line == text), "{text}: {svg}");
+        }
+    }
 
     #[test]
     fn every_chart_is_written() {

@@ -2,6 +2,7 @@
 
 use super::Global;
 use super::bake_args::BakeArgs;
+use super::bake_budget;
 use super::bake_bytes;
 use super::bake_city;
 use super::files;
@@ -58,17 +59,24 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()>
         options = bake_bytes::fitted(limit, &scenes, views.as_mut(), &options, &output)?;
     }
     report.options = serde_json::to_value(&options).unwrap_or_default();
+    let mut pace = bake_budget::pace(args, clock);
     let mut progress = Progress::new(global).with_flags_of(command());
     report.stages.iter().for_each(|stage| progress.finished(stage));
-    let asset =
-        Bake::new(&options).photos(views.as_mut()).report(&mut report).observer(&mut progress).run(scenes)?;
+    let bake = Bake::new(&options).photos(views.as_mut()).report(&mut report).observer(&mut progress);
+    let asset = bake.pace(&mut pace).run(scenes)?;
     output::write(&asset, &output, files, &options.output, &mut report, &mut progress)?;
+    if let Some(stage) = bake_budget::stage(&pace) {
+        progress.finished(&stage);
+        report.stages.push(stage);
+    }
+    report.warnings.extend(bake_budget::warning(args, &pace));
     report.seconds = clock.elapsed().as_secs_f64();
 
     progress.done();
     for warning in &report.warnings {
         progress.warn(warning);
     }
+    bake_budget::lines(&pace).iter().for_each(|line| progress.line(line));
     if let Some(softness) = report.details::<TeacherDetails>().and_then(|details| details.softness) {
         progress.line(&soft_note(&softness, report.details().as_ref()));
     }

@@ -3,6 +3,7 @@
 use super::bake_bytes::ByteSize;
 use super::harden::HardenArgs;
 use crate::bake::BakeOptions;
+use crate::budget::Seconds;
 use crate::dataset::DatasetOptions;
 use crate::formats::output::OutputFormat;
 use std::path::PathBuf;
@@ -35,6 +36,10 @@ pub struct BakeArgs {
     /// Write at most this many bytes, all files together, as in 5MB: with as many triangles as that takes. Bakes several times.
     #[arg(long, value_name = "SIZE")]
     pub max_bytes: Option<ByteSize>,
+    /// Spend about so much CPU time on all cores together, as in 5s or 2m: chooses how many pictures of a soft scene are drawn, how often its
+    /// triangles are fitted to them, and whether colours are.
+    #[arg(long, value_name = "TIME", conflicts_with_all = ["max_bytes", "harden"])]
+    pub budget: Option<Seconds>,
     /// Posed photos of the scene: triangles that none sees go, and colours are fitted to them
     #[arg(long, value_name = "DATASET")]
     pub dataset: Option<PathBuf>,

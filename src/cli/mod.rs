@@ -4,6 +4,7 @@
 
 pub mod bake;
 pub mod bake_args;
+mod bake_budget;
 mod bake_bytes;
 mod bake_city;
 pub mod bench;

@@ -2,6 +2,7 @@
 //! the stage table.
 
 use super::{Global, flags, messages};
+use crate::bake::pace::BakeBudgetDetails;
 use crate::bake::teacher::TeacherDetails;
 use crate::report::{Observer, StageReport};
 use indicatif::{HumanCount, HumanDuration, ProgressBar, ProgressStyle};
@@ -139,6 +140,9 @@ fn row(stage: &StageReport) -> String {
     if let Some(why) = &stage.unneeded {
         return format!("{name:<11}not needed: {why}");
     }
+    if let Some(budget) = stage.details_as::<BakeBudgetDetails>() {
+        return format!("{name:<11}{}", chosen(&budget));
+    }
     let (before, after) = (stage.before.triangles, stage.after.triangles);
     let counts = if let Some(teacher) = stage.details_as::<TeacherDetails>() {
         pictures(&teacher)
@@ -156,6 +160,16 @@ fn pictures(details: &TeacherDetails) -> String {
     let count = thousands(details.pictures.unwrap_or(0));
     let [width, height] = details.size_px.unwrap_or_default();
     format!("{count} pictures of {width}x{height} px")
+}
+
+/// What a budget was spent on: `12 pictures, 5 rounds of fitting, colours fitted`.
+fn chosen(details: &BakeBudgetDetails) -> String {
+    let pictures = details.pictures.map(|count| format!("{count} pictures"));
+    let rounds = details.rounds.map(|count| format!("{count} rounds of fitting"));
+    let colors =
+        details.colors.map(|fitted| if fitted { "colours fitted" } else { "colours kept" }.to_owned());
+    let parts: Vec<String> = [pictures, rounds, colors].into_iter().flatten().collect();
+    if parts.is_empty() { "nothing to choose was asked for".to_owned() } else { parts.join(", ") }
 }
 
 /// 1234567 as "1,234,567", to be padded like any text.

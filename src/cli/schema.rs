@@ -4,9 +4,9 @@ use super::stdout::Stdout;
 use crate::bake::{
     BakeOptions, arrange::ArrangeDetails, backdrop::BackdropDetails, bvh::BvhDetails, chunk::ChunkDetails,
     collision::CollisionDetails, color::ColorDetails, crop::CropDetails, floaters::FloatersDetails,
-    lit::LitDetails, lod::LodDetails, order::OrderDetails, place::PlaceDetails, prune::PruneDetails,
-    refit::RefitDetails, reshape::ReshapeDetails, solid::SolidDetails, teacher::TeacherDetails,
-    tiles::TilesDetails, unseen::UnseenDetails, weld::WeldDetails,
+    lit::LitDetails, lod::LodDetails, order::OrderDetails, pace::BakeBudgetDetails, place::PlaceDetails,
+    prune::PruneDetails, refit::RefitDetails, reshape::ReshapeDetails, solid::SolidDetails,
+    teacher::TeacherDetails, tiles::TilesDetails, unseen::UnseenDetails, weld::WeldDetails,
 };
 use crate::bench::bake::BakeRow;
 use crate::bench::cost::MeasuredRow;
@@ -135,6 +135,7 @@ fn report_schema() -> schemars::Schema {
         stage_schema::<OrderDetails>(g),
         stage_schema::<LodDetails>(g),
         stage_schema::<WriteDetails>(g),
+        stage_schema::<BakeBudgetDetails>(g),
         stage_schema::<TrainDetails>(g),
     ];
     let mut schema = generator.into_root_schema_for::<Report>();

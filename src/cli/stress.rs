@@ -16,6 +16,7 @@ pub(super) fn run(args: &StressArgs, global: &Global) -> Result<()> {
         return replay(path);
     }
     let report = stress::run(args)?;
+    args.plot.as_deref().map_or(Ok(()), |path| stress::plot(path, &report))?;
     if args.json {
         files::print_json(&report, &mut Stdout).map_err(|e| Error::io("-", e))?;
     } else {
@@ -128,8 +129,15 @@ mod tests {
 
     #[test]
     fn a_broken_promise_is_an_error_and_its_case_can_be_drawn_again() {
-        let args =
-            StressArgs { cases: 200, seed: 3, climb: 10, worst: PathBuf::new(), replay: None, json: false };
+        let args = StressArgs {
+            cases: 200,
+            seed: 3,
+            climb: 10,
+            worst: PathBuf::new(),
+            replay: None,
+            plot: None,
+            json: false,
+        };
         let mut report = stress::run(&args).unwrap();
         report.promises.retain(|p| p.name == "worst_frame");
         let folder = tempfile::tempdir().unwrap();

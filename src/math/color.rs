@@ -1,12 +1,14 @@
 //! sRGB transfer functions (IEC 61966-2-1).
 
+use super::power::power_2_4;
 use crate::math::real::Real;
 use std::sync::LazyLock;
 
 /// sRGB-encoded channel in [0, 1] to linear light; values outside are clamped first.
 pub fn linear_from_srgb(encoded: f32) -> f32 {
     let c = encoded.clamp(0.0, 1.0);
-    if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+    // NaN is in no range.
+    if c > 0.040_45 { power_2_4((c + 0.055) / 1.055) } else { c / 12.92 }
 }
 
 /// Linear-light channel in [0, 1] to sRGB encoding; values outside are clamped first.

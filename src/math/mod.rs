@@ -8,6 +8,7 @@ pub mod lanes;
 pub mod median;
 pub mod metric;
 pub mod octasphere;
+mod power;
 pub mod real;
 pub mod srgb8;
 pub mod ssim;

@@ -7,7 +7,7 @@ use super::task::read_source;
 use crate::asset::{Asset, Placement, Provenance, Tile, UpAxis};
 use crate::bake::decimate::{enlarge, rank_by_size};
 use crate::bake::place::PlaceOptions;
-use crate::bake::teacher::{TeacherOptions, TeacherWhen};
+use crate::bake::teacher::TeacherOptions;
 use crate::bake::{Bake, BakeOptions, BakePreset};
 use crate::error::Result;
 use crate::formats::output::WriteDetails;
@@ -75,7 +75,7 @@ fn placement(blocks: &Blocks, options: &BakeOptions) -> Result<(Placement, Place
 
 /// The options of a bake that looks at nothing but the triangles.
 fn plain(options: &BakeOptions) -> BakeOptions {
-    let teacher = TeacherOptions { teacher: TeacherWhen::Off };
+    let teacher = TeacherOptions::OFF;
     let mut plain = BakeOptions { teacher, ..options.clone() };
     plain.unseen.keep_unseen = true;
     plain

@@ -82,6 +82,38 @@ pub(super) fn viewpoints(scene: &Loaded) -> Option<Chosen> {
     (!cameras.is_empty()).then_some(Chosen { inside: surrounded, cameras })
 }
 
+/// A look like those that the search for viewpoints takes, to tell how long it will take.
+#[derive(Debug)]
+pub struct SearchTrial {
+    survey: Survey,
+    camera: Camera,
+    looks: usize,
+}
+
+impl SearchTrial {
+    /// Looks that a search takes.
+    pub fn looks(&self) -> usize {
+        self.looks
+    }
+
+    /// Prepares to look at `scene` as a search does; `None` when it has no extent.
+    pub fn new(scene: &Loaded) -> Option<Self> {
+        let mut soup = scene.scene.to_soup();
+        soup.truncate_sh(0);
+        let unit = Unit::of(&soup)?;
+        unit.shrink(&mut soup);
+        let camera = *around(unit.reach, Vec3::Y).first()?;
+        let survey = Survey::new(soup);
+        let looks = PICTURES + LOOKS * free_eyes(survey.middles()).len();
+        Some(Self { survey, camera, looks })
+    }
+
+    /// Takes a look.
+    pub fn look(&mut self) {
+        self.survey.look(&self.camera, CLEARANCE);
+    }
+}
+
 /// The middle of a scene, and its unit: the median distance from it.
 struct Unit {
     middle: Vec3,

@@ -11,6 +11,7 @@ mod survey;
 mod thin;
 pub mod viewpoints;
 
+pub use chosen::SearchTrial;
 pub use dataset::{beside, dataset};
 pub use drawing::Teacher;
 pub use viewpoints::{ViewpointKind, Viewpoints};

@@ -83,7 +83,7 @@ mod tests {
     fn soup(count: usize) -> Soup {
         let rng = Rng::new(5, "thin", 0);
         let at = |i: usize| Vec3::from([0, 1, 2].map(|k| rng.uniform((3 * i + k) as u64)));
-        let size = |i: usize| if i % 10 == 0 { 0.1 } else { 0.01 };
+        let size = |i: usize| if i.is_multiple_of(10) { 0.1 } else { 0.01 };
         Soup {
             vertices: (0..count)
                 .map(|i| [at(i), at(i) + size(i) * Vec3::X, at(i) + size(i) * Vec3::Y])
@@ -105,10 +105,10 @@ mod tests {
         let thinned = Along::of(&all).thinned(&all, 1000);
         assert!(thinned.len().abs_diff(1000) <= 1, "{}", thinned.len());
         assert!((total_area(&thinned) / total_area(&all) - 1.0).abs() < 0.01);
-        let large = |i: &&usize| **i % 10 == 0;
+        let large = |i: &&usize| i.is_multiple_of(10);
         let kept: Vec<usize> = thinned.opacity.iter().map(|o| *o as usize).collect();
         assert_eq!(kept.iter().filter(large).count(), 500);
-        for (corners, &i) in thinned.vertices.iter().zip(&kept).filter(|(_, i)| *i % 10 == 0) {
+        for (corners, &i) in thinned.vertices.iter().zip(&kept).filter(|(_, i)| i.is_multiple_of(10)) {
             assert_eq!(*corners, all.vertices[i]);
         }
     }

@@ -7,6 +7,7 @@ use std::path::Path;
 use tempfile::TempDir;
 use trisplat::asset::{Placement, UpAxis};
 use trisplat::bake::backdrop::{BackdropDetails, BackdropOptions, BackdropWhen, backdrop};
+use trisplat::bake::pace::BakePace;
 use trisplat::bake::refit::{self, RefitColors, RefitDetails, RefitOptions};
 use trisplat::bake::unseen::{self, UnseenDetails, UnseenOptions};
 use trisplat::bake::views::Views;
@@ -28,7 +29,7 @@ fn refit(
     options: &RefitOptions,
     details: &mut RefitDetails,
 ) -> Result<Outcome<()>> {
-    refit::refit(mesh, views, options, details, &mut StageProgress::new(&mut ()))
+    refit::refit(mesh, views, options, details, &mut StageProgress::new(&mut ()), &mut BakePace::default())
 }
 
 fn unseen(

@@ -3,6 +3,7 @@
 use crate::hostile::{random_triangle, soup_of};
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat::asset::{Asset, UpAxis, UpDirection};
+use trisplat::bake::pace::BakePace;
 use trisplat::bake::place::words::UpChoice;
 use trisplat::bake::reshape::ReshapeOptions;
 use trisplat::bake::solid::{SOLID_SIGMA, SolidOptions};
@@ -155,7 +156,15 @@ fn hostile_scenes_are_drawn_or_refused_with_an_error() {
             let scene = Loaded { cameras: stored, ..Loaded::from(soup.clone()) };
             let (mut views, mut details) = (None, TeacherDetails::default());
             let options = TeacherOptions::DEFAULT;
-            match teacher(&mut views, &scene, false, &options, &SolidOptions::DEFAULT, &mut details) {
+            match teacher(
+                &mut views,
+                &scene,
+                false,
+                &options,
+                &SolidOptions::DEFAULT,
+                &mut details,
+                &mut BakePace::default(),
+            ) {
                 Ok(Outcome::Changed(())) => {
                     assert!(views.is_some_and(|views| views.covered() > 0.0), "{name}")
                 }

@@ -1,5 +1,6 @@
 //! The command line as a user meets it: exit codes, messages, layers, files.
 
+mod bake_budget;
 mod budget;
 mod checkpoints;
 mod inputs;

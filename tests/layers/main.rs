@@ -14,6 +14,7 @@ const MAY: &[(&str, &str)] = &[
     ("limits", "error process"),
     ("input", "limits error"),
     ("process", ""),
+    ("budget", "process"),
     ("report", "error"),
     ("rng", ""),
     ("math", ""),
@@ -36,11 +37,11 @@ const MAY: &[(&str, &str)] = &[
     ("surface", "teacher raster scene soup space mesh camera report error math limits"),
     (
         "train",
-        "raster kernel gpu dataset formats asset scene atomic process soup mesh space camera image rng report error math input limits",
+        "raster kernel gpu dataset formats asset scene atomic budget process soup mesh space camera image rng report error math input limits",
     ),
     (
         "bake",
-        "surface raster teacher dataset formats soup mesh scene placed bvh asset camera image region rng report error math limits",
+        "surface raster teacher dataset budget formats soup mesh scene placed bvh asset camera image region rng report error math limits",
     ),
     (
         "scale",
@@ -53,7 +54,7 @@ const MAY: &[(&str, &str)] = &[
     ),
     (
         "cli",
-        "process asset atomic bake bench camera dataset error formats gpu image placed region report rng scale scene surface teacher train view input limits",
+        "process asset atomic bake bench budget camera dataset error formats gpu image placed region report rng scale scene surface teacher train view input limits",
     ),
     ("main", "cli process"),
     ("lib", ""),

@@ -142,6 +142,7 @@ pub const KNOBS: &[Knob] = &[
     ),
     format("order", &[Is("none")], "near triangles near in the file, for the caches of the card"),
     soft("teacher", &[Is("off")]),
+    soft("teacher_pictures", &[Is("16"), Is("8")]),
     soft("reshape", &[Is("off")]),
     soft("reshape_rounds", &[Is("8"), Is("32")]),
     soft("solid", &[Is("contour"), Is("area"), Is("none")]),

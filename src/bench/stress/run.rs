@@ -45,6 +45,9 @@ pub struct StressArgs {
     /// Draw the case of this file alone and print what is found.
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     pub replay: Option<PathBuf>,
+    /// Write heat maps of the errors of every pair of axes, as SVG.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    pub plot: Option<PathBuf>,
     /// Print JSON (`trisplat schema stress` describes it).
     #[cfg_attr(feature = "cli", arg(long))]
     pub json: bool,
@@ -202,7 +205,15 @@ mod tests {
     use crate::bench::stress::rows::Part;
 
     fn args(cases: u64) -> StressArgs {
-        StressArgs { cases, seed: 1, climb: 300, worst: PathBuf::new(), replay: None, json: false }
+        StressArgs {
+            cases,
+            seed: 1,
+            climb: 300,
+            worst: PathBuf::new(),
+            replay: None,
+            plot: None,
+            json: false,
+        }
     }
 
     #[test]

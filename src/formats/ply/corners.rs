@@ -75,6 +75,9 @@ impl Corners {
     /// True when the rows, the first of which is face `face`, list the corners 0, 1, 2, 3, … without
     /// sharing any. An error names the first face that is no triangle.
     pub(super) fn are_unshared(self, faces: &Table, rows: &[u8], face: usize) -> Result<bool> {
+        if self.are_usual(faces, rows, face) {
+            return Ok(true);
+        }
         let rows = || rows.chunks_exact(faces.stride()).enumerate();
         let plain = |(i, row): (usize, &[u8])| {
             let next = 3 * (face + i) as i64;
@@ -87,6 +90,22 @@ impl Corners {
             Some((i, row)) => Err(faces.error(face + i, not_a_triangle(self.count.int(row)))),
             None => Ok(false),
         }
+    }
+
+    /// The same for the types that every program writes, a byte and three words; false for others, too.
+    fn are_usual(self, faces: &Table, rows: &[u8], face: usize) -> bool {
+        let words = matches!(self.first.scalar, Scalar::I32 | Scalar::U32) && self.count.is_byte();
+        let last = 3 * (face + rows.len() / faces.stride());
+        let (Ok(_), true) = (i32::try_from(last), words) else { return false };
+        let (count, first) = (self.count.offset, self.first.offset);
+        let usual = |(i, row): (usize, &[u8])| {
+            let next = 3 * (face + i) as u32;
+            let mut listed = [0; 12];
+            listed.copy_from_slice(&row[first..first + 12]);
+            let wanted = [next, next + 1, next + 2].map(u32::to_le_bytes);
+            row[count] == 3 && listed == wanted.as_flattened()
+        };
+        rows.chunks_exact(faces.stride()).enumerate().fold(true, |all, row| all & usual(row))
     }
 
     /// The corner numbers of one face, each proven to be below `vertices`.

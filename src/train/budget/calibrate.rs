@@ -1,7 +1,7 @@
 //! How fast this machine trains this scene: a few steps of a run that is thrown away.
 
-use super::amount::Spending;
 use super::cost::{Calibration, CostModel, StepLoad};
+use crate::budget::Spending;
 use crate::dataset::photo::Photo;
 use crate::dataset::{Dataset, View};
 use crate::error::{Error, Result};

@@ -1,8 +1,8 @@
 //! Keeps a run to its budget: at each milestone the steps that are left are chosen anew, from what those so far have cost.
 
-use super::amount::{Budget, Seconds, Spending};
 use super::cost::{CostModel, Workload, part_secs};
 use super::plan::{Plan, PlanInput};
+use crate::budget::{Budget, Seconds, Spending};
 use crate::train::options::TrainOptions;
 use crate::train::schedule::Schedule;
 use crate::train::timeline::MILESTONES;

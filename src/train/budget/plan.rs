@@ -1,7 +1,7 @@
 //! What a budget is spent on: the steps, the triangles and the size of the photos.
 
-use super::amount::Budget;
 use super::cost::{Calibration, Workload, part_secs};
+use crate::budget::Budget;
 use crate::dataset::Dataset;
 use crate::error::{Error, Result};
 use crate::train::options::TrainOptions;
