@@ -15,8 +15,12 @@ use plan::{FEWEST_PICTURES, color_secs, evaluation_secs, round_secs, rounds, who
 /// Seconds per triangle that follow the colours: vertices, chunks, order, writing.
 const TAIL_SECS: f64 = 0.8e-6;
 
-/// The part of a budget that is not planned.
+/// The part of a budget that rounds of fitting leave over, and ...
 const MARGIN: f64 = 0.03;
+/// ... that pictures leave over: the stages between them and their colours are not timed.
+const PICTURES_MARGIN: f64 = 0.1;
+/// By this part of the budget colours may overspend it: they are what pictures were drawn for.
+const OVERSPENT: f64 = 0.05;
 
 /// Keeps a bake to a budget; the default has none and never stands in the way.
 #[derive(Debug, Clone, Default)]
@@ -36,6 +40,8 @@ pub struct BakePace {
 pub(super) struct PaceWork {
     /// Triangles of the scene.
     pub(super) triangles: usize,
+    /// Cameras that the stages before fitting draw, to see what is hidden.
+    pub(super) watching: usize,
     /// Rounds of fitting.
     pub(super) rounds: u32,
     /// Passes over the pictures for colours; 0: colours stay.
@@ -138,8 +144,10 @@ impl BakePace {
         // The first one allocates; after that all count alike.
         let mean = (self.costs.soft * (drawn - 1) as f64 + secs) / drawn as f64;
         self.costs.soft = if drawn == 2 { secs } else { mean };
-        let PaceWork { rounds: most_rounds, color_passes, .. } = self.asked;
-        let (left_secs, costs) = (self.left_secs() - self.margin_secs(), self.costs);
+        let PaceWork { rounds: most_rounds, color_passes, watching, .. } = self.asked;
+        let costs = self.costs;
+        let before_fitting = watching as f64 * costs.solid;
+        let left_secs = self.left_secs() - self.part_secs(PICTURES_MARGIN) - before_fitting;
         let input = PaceInput { left_secs, costs, drawn, most_pictures: most, most_rounds, color_passes };
         self.chosen.pictures = Some(drawn as u64);
         match plan(&input) {
@@ -167,7 +175,7 @@ impl BakePace {
     pub(super) fn rounds(&self, done: u32, round_secs: f64, most: u32, views: usize) -> u32 {
         let later =
             color_secs(views, self.asked.color_passes, &self.costs) + evaluation_secs(views, &self.costs);
-        let left = self.left_secs() - self.margin_secs() - later;
+        let left = self.left_secs() - self.part_secs(MARGIN) - later;
         match done {
             0 => rounds(left, round_secs, most),
             _ => done + whole_rounds(left, round_secs, most.saturating_sub(done)),
@@ -196,7 +204,7 @@ impl BakePace {
     /// Whether there is time to fit colours to so many pictures.
     pub(super) fn affords_colors(&mut self, views: usize) -> bool {
         let secs = color_secs(views, self.asked.color_passes, &self.costs);
-        let affords = secs <= self.left_secs().max(0.0);
+        let affords = secs <= self.left_secs() + self.part_secs(OVERSPENT);
         self.chosen.colors = Some(affords);
         if !affords {
             self.because(format!("colours not fitted: that takes {secs:.2} s"), "--refit off".to_owned());
@@ -224,9 +232,9 @@ impl BakePace {
         }
     }
 
-    /// What is left over when all is planned, so that colours, which come last, are not lost to the little that was not foreseen.
-    fn margin_secs(&self) -> f64 {
-        self.limit.map_or(0.0, |(budget, _)| MARGIN * budget.seconds.0)
+    /// So much of the budget, seconds.
+    fn part_secs(&self, part: f64) -> f64 {
+        self.limit.map_or(0.0, |(budget, _)| part * budget.seconds.0)
     }
 
     fn skip_pictures(&mut self, why: String) {

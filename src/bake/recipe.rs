@@ -215,7 +215,7 @@ impl<'a> Recipe<'a> {
     fn teach(&mut self, loaded: &Loaded) -> Result<()> {
         let (options, photos) = (self.options, self.views.is_some());
         if self.pace.is_limited() && matches!(&loaded.scene, Scene::Soup(soup) if !is_solid(soup)) {
-            self.pace.begin(asked(options, loaded.scene.triangle_count()));
+            self.pace.begin(asked(options, loaded));
         }
         let pace = &mut *self.pace;
         let measure = |_: &Option<Views>| count(&loaded.scene);
@@ -473,8 +473,8 @@ impl<'a> Recipe<'a> {
     }
 }
 
-/// What `options` ask for of a soft scene of so many triangles, if there is time.
-fn asked(options: &BakeOptions, triangles: usize) -> PaceWork {
+/// What `options` ask for of a soft scene, if there is time.
+fn asked(options: &BakeOptions, scene: &Loaded) -> PaceWork {
     let rounds = match options.reshape.reshape {
         ReshapeWhen::Off => 0,
         _ => options.reshape.reshape_rounds,
@@ -483,7 +483,8 @@ fn asked(options: &BakeOptions, triangles: usize) -> PaceWork {
         RefitColors::Off => 0,
         _ => options.refit.refit_passes,
     };
-    PaceWork { triangles, rounds, color_passes }
+    let (triangles, watching) = (scene.scene.triangle_count(), scene.cameras.len());
+    PaceWork { triangles, watching, rounds, color_passes }
 }
 
 /// The photos, or the pictures in their place.
