@@ -127,8 +127,8 @@ impl BakePace {
 
     /// Whether there is time to search for viewpoints and draw from them, when the search takes so long.
     pub(super) fn affords_search(&mut self, secs: f64) -> bool {
-        // What is drawn from them costs about as much.
-        let affords = 2.0 * secs <= self.left_secs();
+        // What is drawn from them costs half as much or more.
+        let affords = 1.5 * secs <= self.left_secs();
         if !affords {
             self.skip_pictures(format!("no pictures: finding where to look from takes up to {secs:.2} s"));
         }
