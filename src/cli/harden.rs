@@ -33,7 +33,7 @@ pub struct HardenArgs {
           value_parser = clap::value_parser!(u64).range(1..), help_heading = "Harden: train a soft scene solid first")]
     pub harden_steps: u64,
     /// With --dataset: share of these steps that look at soft pictures from between the photos, 0 to 0.9
-    #[arg(long, value_name = "SHARE", default_value_t = 0.5, requires = "harden",
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, requires = "harden",
           value_parser = share, help_heading = "Harden: train a soft scene solid first")]
     pub harden_pictures: f64,
 }
@@ -79,7 +79,7 @@ pub(super) fn needless(scene: &Loaded) -> Option<&'static str> {
     }
 }
 
-/// Trains `soft`, read from `path`, solid: on `photos` and soft pictures from between them, or else on soft pictures alone.
+/// Trains `soft`, read from `path`, solid: on `photos`, if asked for with soft pictures from between them, or else on soft pictures alone.
 ///
 /// Errors: nothing to look at, photos that cannot be decoded, a run that was stopped.
 pub(super) fn harden(
@@ -94,6 +94,10 @@ pub(super) fn harden(
     let clock = Instant::now();
     let (drawn, taught);
     let dataset = match photos {
+        Some(photos) if args.harden_pictures == 0.0 => {
+            taught = None;
+            photos
+        }
         Some(photos) => {
             taught = None;
             drawn = beside(photos, &soft, args.harden_pictures, options, how, global)?;

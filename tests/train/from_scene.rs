@@ -161,3 +161,32 @@ fn what_cannot_be_started_from_is_an_error_that_names_the_remedy() {
     let error = error.unwrap_err().to_string();
     assert!(error.contains("soft.ply") && error.contains("shows nothing"), "{error}");
 }
+
+#[test]
+fn soft_pictures_beside_photos_lie_between_them_and_show_the_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = photos(folder.path());
+    let scene: Loaded = soft_scene(&dataset).into();
+    let drawing = hardening(1).drawing([0.0; 3]);
+    let beside = |share, max_bytes| {
+        teacher::beside(&dataset, &scene, &drawing, share, max_bytes, &mut |_, _| {}).unwrap()
+    };
+    let trained_on = dataset.train().count();
+    assert_eq!(beside(0.0, PHOTO_BYTES).views.len(), dataset.views.len());
+    let quarter = beside(0.25, PHOTO_BYTES);
+    let added = &quarter.views[dataset.views.len()..];
+    assert_eq!(added.len(), (trained_on as f64 / 3.0).round() as usize);
+    let positions: Vec<Vec3> = dataset.train().map(|view| view.camera.position()).collect();
+    for view in added {
+        assert!(!view.test && !positions.contains(&view.camera.position()), "{}", view.name);
+        let picture = view.photo.decode().unwrap();
+        assert_eq!(picture.size, view.camera.size);
+        // The scene fills its photos.
+        let lit = picture.rgb.iter().filter(|rgb| rgb.iter().any(|c| *c > 10)).count();
+        assert!(2 * lit > picture.rgb.len(), "{}: {lit} pixels show something", view.name);
+    }
+    // Where memory ends, a temporary file holds them.
+    let stored = beside(0.25, 1);
+    let last = |dataset: &Dataset| dataset.views.last().unwrap().photo.decode().unwrap().rgb;
+    assert_eq!(last(&stored), last(&quarter));
+}
