@@ -1,4 +1,4 @@
-// Opens pages in headless Chromium and does what standard input asks for; prints one JSON line a page.
+// Opens pages in headless Chromium and does what standard input asks for; prints one JSON line per page.
 // Usage: node browser.mjs JUDGES CHROMIUM < PAGES   (JUDGES holds node_modules)
 //
 // PAGES is a JSON list of { page, fragment, size: [w, h], touch, steps, webgl, script }; webgl and script are false for a browser without
@@ -8,18 +8,13 @@
 //   { select: [ID, VALUE] }  { point: NAME }   of the page of `bench cost`: a list's value; the mouse over the dot of a setting
 // and then waits for the picture to be at rest; a screenshot is taken after that. The line holds { views, errors, state, ms }: the page's
 // own words for the view after every step, and all that the console complained of.
-import { createRequire } from "node:module";
-import { join, resolve } from "node:path";
+import { resolve } from "node:path";
 import { text } from "node:stream/consumers";
 import { pathToFileURL } from "node:url";
+import { launch } from "./chromium.mjs";
 
 const [judges, executablePath] = process.argv.slice(2);
-const { chromium } = createRequire(join(resolve(judges), "judge.js"))("playwright-core");
-const args = [
-  "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
-  "--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars", "--force-color-profile=srgb",
-];
-const browser = await chromium.launch({ executablePath, args });
+const browser = await launch(judges, executablePath);
 for (const wanted of JSON.parse(await text(process.stdin))) console.log(JSON.stringify(await visit(wanted)));
 await browser.close();
 

@@ -4,21 +4,13 @@
 // Prints JSON: { scene: share of the picture that the scene covers, kept: share of that which looks the same with the backdrop,
 // ball: share that the backdrop covers, errors }.
 import { readFileSync, writeFileSync } from "node:fs";
-import { createRequire } from "node:module";
 import { join, resolve } from "node:path";
+import { launch, openPage } from "./chromium.mjs";
 
 const [judges, executablePath, viewer, scene, folder] = process.argv.slice(2);
 const modules = join(resolve(judges), "node_modules");
-const { chromium } = createRequire(join(resolve(judges), "judge.js"))("playwright-core");
-const args = [
-  "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
-  "--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars", "--force-color-profile=srgb",
-];
-const browser = await chromium.launch({ executablePath, args });
-const page = await browser.newPage({ viewport: { width: 640, height: 480 } });
-const errors = [];
-page.on("console", (m) => m.type() === "error" && errors.push(m.text()));
-page.on("pageerror", (e) => errors.push(String(e)));
+const browser = await launch(judges, executablePath);
+const { page, errors } = await openPage(browser, 640, 480);
 const imports = { three: "/modules/three/build/three.module.js", "three/addons/": "/modules/three/examples/jsm/" };
 const head = viewer === "three" ? `<script type=importmap>${JSON.stringify({ imports })}</script>`
   : "<script src=/modules/babylonjs/babylon.js></script><script src=/modules/babylonjs-loaders/babylonjs.loaders.min.js></script>";

@@ -4,23 +4,15 @@
 // JOB is JSON: { size: [w, h], error: px, views: [{ eye, target }] }, Z-up, in units of the tileset. Prints a JSON list, for each view
 // { triangles, tiles, loaded, depth }: drawn triangles and tiles, tiles in memory, depth of the deepest drawn. A last line holds errors.
 import { readFileSync } from "node:fs";
-import { createRequire } from "node:module";
 import { basename, dirname, join, resolve } from "node:path";
 import { text } from "node:stream/consumers";
+import { launch, openPage } from "./chromium.mjs";
 
 const [judges, executablePath, tileset, screenshot] = process.argv.slice(2);
 const job = JSON.parse(await text(process.stdin));
 const modules = join(resolve(judges), "node_modules");
-const { chromium } = createRequire(join(resolve(judges), "judge.js"))("playwright-core");
-const args = [
-  "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
-  "--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars", "--force-color-profile=srgb",
-];
-const browser = await chromium.launch({ executablePath, args });
-const page = await browser.newPage({ viewport: { width: job.size[0], height: job.size[1] } });
-const errors = [];
-page.on("console", (m) => m.type() === "error" && errors.push(m.text()));
-page.on("pageerror", (e) => errors.push(String(e)));
+const browser = await launch(judges, executablePath);
+const { page, errors } = await openPage(browser, job.size[0], job.size[1]);
 const imports = {
   three: "/modules/three/build/three.module.js",
   "three/addons/": "/modules/three/examples/jsm/",

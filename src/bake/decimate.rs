@@ -28,7 +28,7 @@ const ROUND_SHARE: f64 = 0.84;
 /// Rounds in which corners may move.
 const MOVE_ROUNDS: u32 = 12;
 /// Moves that are tried of each face in a round; the best of them is made. Three in a third of the rounds cost two
-/// thirds and lose 0.16 dB with an eighth of the triangles (few photos a round).
+/// thirds and lose 0.16 dB with an eighth of the triangles (few photos per round).
 const MOVES_TRIED: u32 = 1;
 
 /// Decides by what cameras see. One decimation serves all levels of a scene: it keeps what the whole scene looks like.

@@ -11,7 +11,7 @@ pub struct SurfaceDetails {
     /// Where the scene was looked at from; absent when cameras were given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub viewpoints: Option<ViewpointKind>,
-    /// Depth pictures that were drawn, one a camera.
+    /// Depth pictures that were drawn, one per camera.
     pub pictures: u64,
     /// Side of a cell, units of the input.
     pub voxel: f64,

@@ -53,10 +53,7 @@ pub(super) struct Chosen {
 
 /// Where to look at `scene` from; `None` when it shows nothing from anywhere.
 pub(super) fn viewpoints(scene: &Loaded) -> Option<Chosen> {
-    let mut soup = scene.scene.to_soup();
-    soup.truncate_sh(0);
-    let unit = Unit::of(&soup)?;
-    unit.shrink(&mut soup);
+    let (unit, soup) = in_units(scene)?;
     let up = scene.provenance.up.unwrap_or_default().to_y_up().transpose() * glam::DVec3::Y;
     let mut survey = Survey::new(soup);
     let around = good_views(&mut survey, around(unit.reach, up.as_vec3()), |sight| {
@@ -98,10 +95,7 @@ impl SearchTrial {
 
     /// Prepares to look at `scene` as a search does; `None` when it has no extent.
     pub fn new(scene: &Loaded) -> Option<Self> {
-        let mut soup = scene.scene.to_soup();
-        soup.truncate_sh(0);
-        let unit = Unit::of(&soup)?;
-        unit.shrink(&mut soup);
+        let (unit, soup) = in_units(scene)?;
         let camera = *around(unit.reach, Vec3::Y).first()?;
         let survey = Survey::new(soup);
         let looks = PICTURES + LOOKS * free_eyes(survey.middles()).len();
@@ -112,6 +106,15 @@ impl SearchTrial {
     pub fn look(&mut self) {
         self.survey.look(&self.camera, CLEARANCE);
     }
+}
+
+/// The triangles of `scene` in its own unit around its middle, without view-dependent colours; `None` of one without extent.
+fn in_units(scene: &Loaded) -> Option<(Unit, Soup)> {
+    let mut soup = scene.scene.to_soup();
+    soup.truncate_sh(0);
+    let unit = Unit::of(&soup)?;
+    unit.shrink(&mut soup);
+    Some((unit, soup))
 }
 
 /// The middle of a scene, and its unit: the median distance from it.

@@ -82,8 +82,7 @@ fn draw(
     mut picture: impl FnMut(&Camera) -> Pixels,
     drawn: &mut dyn FnMut(usize, usize),
 ) -> Result<Vec<View>> {
-    let bytes = |camera: &Camera| 3 * u64::from(camera.size.x) * u64::from(camera.size.y);
-    let held = cameras.iter().map(bytes).sum::<u64>() <= max_bytes;
+    let held = cameras.iter().map(stored::picture_bytes).sum::<u64>() <= max_bytes;
     let file = Arc::new(PictureFile::default());
     let mut views = Vec::with_capacity(cameras.len());
     for (i, camera) in cameras.iter().enumerate() {

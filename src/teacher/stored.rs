@@ -11,15 +11,19 @@ const MIN_COSINE: f32 = 0.5;
 
 /// The cameras themselves, then those half way to each one's nearest neighbours, as many as fit.
 pub(super) fn viewpoints(cameras: &[Camera], max_bytes: u64) -> Vec<Camera> {
-    let bytes = |camera: &Camera| 3 * u64::from(camera.size.x) * u64::from(camera.size.y);
-    let mut left = max_bytes.saturating_sub(cameras.iter().map(bytes).sum());
+    let mut left = max_bytes.saturating_sub(cameras.iter().map(picture_bytes).sum());
     let mut fits = |camera: &Camera| {
-        let needed = bytes(camera);
+        let needed = picture_bytes(camera);
         let fits = needed <= left;
         left -= if fits { needed } else { 0 };
         fits
     };
     [cameras.to_vec(), between(cameras).into_iter().filter(|camera| fits(camera)).collect()].concat()
+}
+
+/// Bytes of the 8-bit picture that a camera takes.
+pub(super) fn picture_bytes(camera: &Camera) -> u64 {
+    3 * u64::from(camera.size.x) * u64::from(camera.size.y)
 }
 
 /// Cameras half way from each of `cameras` to its nearest neighbours; those to the very nearest come first.

@@ -40,6 +40,7 @@ impl Default for PieceGroup {
 }
 
 /// The splats of a group, number by number; arbitrary where not drawn.
+#[derive(Default)]
 struct SplatColumns {
     origin: [Column; 2],
     edge: [[Column; 2]; 3],
@@ -54,6 +55,7 @@ struct SplatColumns {
 }
 
 /// The depth planes of a group.
+#[derive(Default)]
 struct PlaneColumns {
     inv_depth: Column,
     slope: [Column; 2],
@@ -170,18 +172,7 @@ impl SplatColumns {
     /// What comes of the splat alone; `scale` is that of its distances from edges.
     #[inline(always)]
     fn store<L: Lanes>(splat: &Splat<L>, bounds: &[L; 4], scale: L) -> Self {
-        let zero = [0.0; LANES];
-        let mut out = Self {
-            origin: [zero; 2],
-            edge: [[zero; 2]; 3],
-            shift: zero,
-            floor: zero,
-            log2_opacity: zero,
-            bounds: [zero; 4],
-            radius_px: zero,
-            depth: zero,
-            drawn: 0,
-        };
+        let mut out = Self::default();
         splat.origin.x.store(&mut out.origin[0]);
         splat.origin.y.store(&mut out.origin[1]);
         for (edge, to) in splat.edge.iter().zip(&mut out.edge) {
@@ -236,8 +227,7 @@ const NO_PLANE: DepthPlane<f32> =
 #[inline(always)]
 fn planes<L: Lanes>(corners: &CameraTriangle<L>, camera: &KernelCamera) -> PlaneColumns {
     let plane = splat::depth_plane(corners, broadcast(camera.focal));
-    let zero = [0.0; LANES];
-    let mut out = PlaneColumns { inv_depth: zero, slope: [zero; 2], normal: [zero; 3] };
+    let mut out = PlaneColumns::default();
     plane.inv_depth.store(&mut out.inv_depth);
     plane.slope.x.store(&mut out.slope[0]);
     plane.slope.y.store(&mut out.slope[1]);
