@@ -83,6 +83,7 @@ pub mod surface;
 pub mod teacher;
 pub mod train;
 pub mod view;
+pub mod work;
 
 pub use asset::Asset;
 pub use bake::{Bake, BakeOptions, BakePreset, Views, bake};

@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::image::Pixels;
 use crate::limits::Limits;
 use crate::mesh::Mesh;
-use crate::raster::soft::{Frame, Soft, SoftOptions, SoupRef};
+use crate::raster::soft::{Frame, Soft, SoftOptions, SoftWork, SoupRef};
 use crate::raster::solid::{NO_FACE, Solid, SolidRasterOptions};
 use crate::soup::Soup;
 use crate::space::Space;
@@ -127,6 +127,20 @@ impl SceneRenderer {
             Self::Soft(scene) => Some(&mut scene.options),
             Self::Solid(_) => None,
         }
+    }
+
+    /// What soft drawings leave out, one share for each kind of work: "layers=31%"; nothing of solid ones.
+    pub fn skipped(&mut self, cameras: &[Camera]) -> Vec<String> {
+        let Self::Soft(scene) = self else { return Vec::new() };
+        let mut sum = SoftWork::default();
+        for camera in cameras {
+            let camera = scene.space.camera_to_training(camera);
+            let soup = SoupRef::from(&scene.soup);
+            if let Some(work) = scene.soft.work(&soup, &camera, &scene.options) {
+                sum += work;
+            }
+        }
+        sum.labels()
     }
 
     /// Checks that a picture of `size` can be drawn, and that it is within `limits`.

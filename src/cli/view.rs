@@ -35,6 +35,10 @@ pub struct ViewArgs {
     /// Samples per pixel at edges (MSAA): 1 or 4.
     #[arg(long, default_value_t = 4, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4))]
     pub msaa: u32,
+    /// Frames per second to hold while something moves: where a frame takes the graphics card longer, fewer samples and then fewer
+    /// pixels are drawn. At rest everything is.
+    #[arg(long, value_name = "FPS", value_parser = fps)]
+    pub fps: Option<f64>,
     /// Show pictures as soon as they are drawn, for the highest FPS.
     #[arg(long)]
     pub no_vsync: bool,
@@ -47,6 +51,12 @@ pub struct ViewArgs {
     /// How the data set is read.
     #[command(flatten, next_help_heading = "Data set")]
     pub dataset_options: DatasetOptions,
+}
+
+/// 60 as frames per second.
+fn fps(text: &str) -> std::result::Result<f64, String> {
+    let number: Option<f64> = text.parse().ok();
+    number.filter(|fps| (1.0..=1000.0).contains(fps)).ok_or_else(|| "wants 1 to 1000".to_owned())
 }
 
 /// Opens the window; returns when it is closed.
@@ -62,6 +72,7 @@ pub fn run(args: &ViewArgs) -> Result<()> {
         size: args.size,
         background: args.dataset_options.background.to_f32(),
         msaa: args.msaa,
+        fps: args.fps,
         vsync: !args.no_vsync,
         screenshots: args.screenshots.clone(),
         adapter: args.adapter.clone(),

@@ -18,6 +18,7 @@ mod open_tiles;
 mod options;
 mod pieces;
 mod project;
+mod skipped;
 mod slabs;
 mod slots;
 mod sort;
@@ -32,6 +33,7 @@ mod tiles;
 pub use frame::{Frame, FrameGrad};
 pub use importance::Importance;
 pub use options::{SoftOptions, Sort, Window};
+pub use skipped::SoftWork;
 pub use soup_grad::SoupGrad;
 pub use soup_ref::SoupRef;
 #[cfg(feature = "gpu")]

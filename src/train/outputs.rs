@@ -5,6 +5,7 @@ use super::budget::Pace;
 use super::eval::{self, Evaluator, PhotoScore, Quality};
 use super::progress::{TrainObserver, TrainSample};
 use super::rotation;
+use super::skipped::SkippedWork;
 use super::trainer::{StepOutcome, Trainer};
 use crate::dataset::Dataset;
 use crate::error::{Error, Result};
@@ -55,6 +56,7 @@ pub(super) struct Recorded {
     pub(super) scores: Vec<PhotoScore>,
     pub(super) samples: Option<u32>,
     pub(super) cpu_secs: f64,
+    pub(super) skipped: SkippedWork,
     /// The last checkpoint that was written, and its step.
     pub(super) checkpoint: Option<(u64, PathBuf)>,
     pub(super) lost: Vec<String>,
@@ -71,6 +73,7 @@ pub(super) struct Recorder {
     previewed: Instant,
     checkpoint: Option<(u64, PathBuf)>,
     lost: Vec<String>,
+    skipped: SkippedWork,
 }
 
 impl Recorder {
@@ -94,6 +97,7 @@ impl Recorder {
             previewed: Instant::now(),
             checkpoint: None,
             lost: Vec::new(),
+            skipped: SkippedWork::default(),
         })
     }
 
@@ -106,6 +110,7 @@ impl Recorder {
         self.means.loss += outcome.stats.loss;
         self.means.mse += outcome.stats.mse;
         self.means.steps += 1;
+        self.skipped.add(&outcome.skipped);
         let n = self.means.steps as f64;
         TrainSample {
             step: trainer.steps(),
@@ -224,6 +229,7 @@ impl Recorder {
             scores,
             samples,
             cpu_secs: spent,
+            skipped: self.skipped,
             checkpoint: self.checkpoint,
             lost: self.lost,
         })

@@ -292,6 +292,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
             samples: recorded.samples,
             dropped: trainer.dropped(),
             cpu_secs: recorded.cpu_secs,
+            skipped: recorded.skipped,
             stopped,
             lost: recorded.lost,
         })

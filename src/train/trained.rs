@@ -4,6 +4,7 @@ use super::budget::{BudgetDetails, Pace, Paced};
 use super::eval::{PhotoScore, Quality};
 use super::options::TrainOptions;
 use super::progress::TrainSample;
+use super::skipped::SkippedWork;
 use crate::asset::{Placement, Provenance};
 use crate::atomic::AtomicFile;
 use crate::camera::{self, Camera};
@@ -43,6 +44,8 @@ pub struct Trained {
     pub dropped: u64,
     /// CPU seconds of the training, evaluations excluded.
     pub cpu_secs: f64,
+    /// What the steps of this process left out.
+    pub skipped: SkippedWork,
     /// The run was stopped before its last step.
     pub stopped: bool,
     /// The checkpoint of the last step, if one was written.
@@ -74,6 +77,9 @@ pub struct TrainDetails {
     /// What became of the budget; absent when there was none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget: Option<BudgetDetails>,
+    /// What the steps left out; of a run that was resumed, those since.
+    #[serde(default)]
+    pub skipped: SkippedWork,
     /// The held-out photos one by one.
     pub held_out: Vec<PhotoScore>,
 }
@@ -124,6 +130,7 @@ impl Trained {
             ssim: quality.map(|q| q.ssim),
             samples: self.samples,
             budget: self.budget(),
+            skipped: self.skipped,
             held_out: self.scores.clone(),
         }
     }

@@ -10,6 +10,7 @@ use super::progress::TrainSample;
 use super::pyramid::{Pyramid, order};
 use super::refine::{self, Refined, refine};
 use super::schedule::Schedule;
+use super::skipped::SkippedWork;
 use super::start::{self, FirstScene, Position};
 use super::visibility::{PhotoVisibility, VisibilityStats};
 use crate::camera::Camera;
@@ -18,6 +19,7 @@ use crate::error::{Error, Result};
 use crate::raster::soft::{SoftOptions, Window};
 use crate::soup::Soup;
 use crate::space::Space;
+use crate::work::WorkCount;
 
 /// A run between two steps. A pure function of the data set, the options and the steps made: stopping,
 /// writing a checkpoint and resuming elsewhere changes no bit.
@@ -52,6 +54,8 @@ pub struct StepOutcome {
     pub refined: Option<Refined>,
     /// Width of the photo, px.
     pub width_px: u32,
+    /// What it left out.
+    pub skipped: SkippedWork,
 }
 
 impl<B: TrainBackend> Trainer<B> {
@@ -225,14 +229,24 @@ impl<B: TrainBackend> Trainer<B> {
         let photo =
             StepPhoto { camera: &camera, pixels: &pixels, first: self.visibility.record_photo(index) };
         let rates = Schedule::new(&self.options).rates(self.step);
+        let triangles = self.backend.len() as u64;
         let stats = self.backend.step(&photo, &rates)?;
+        let whole = self.photos.size(index, 0).element_product();
+        let skipped = SkippedWork {
+            pixels: WorkCount::of(pixels.size.element_product().into(), whole.into()),
+            rows: WorkCount::of(if rates.sparse { stats.touched } else { triangles }, triangles),
+            coefficients: WorkCount::of(
+                triangles * functions(rates.sh_degree),
+                triangles * functions(self.options.sh_degree),
+            ),
+        };
         self.step += 1;
         self.dropped += stats.dropped;
         let refined = match Schedule::new(&self.options).refines_after(self.step) {
             true => Some(self.refine()?),
             false => None,
         };
-        Ok(StepOutcome { stats, refined, width_px: pixels.size.x })
+        Ok(StepOutcome { stats, refined, width_px: pixels.size.x, skipped })
     }
 
     /// Goes on with `options` that differ in what is left of the schedule only: their steps and milestones.
@@ -338,6 +352,11 @@ impl<B: TrainBackend> Trainer<B> {
         };
         Ok(Checkpoint { state, visibility: self.visibility.clone(), meta })
     }
+}
+
+/// Basis functions of spherical harmonics up to a degree.
+fn functions(degree: u8) -> u64 {
+    (u64::from(degree) + 1).pow(2)
 }
 
 /// The photos to train on.

@@ -3,6 +3,8 @@
 
 #[cfg(feature = "gpu")]
 pub mod cull;
+#[cfg(feature = "view")]
+pub mod frame_rate;
 #[cfg(feature = "gpu")]
 pub mod headless;
 #[cfg(feature = "gpu")]

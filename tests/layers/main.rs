@@ -17,6 +17,7 @@ const MAY: &[(&str, &str)] = &[
     ("budget", "process"),
     ("report", "error"),
     ("rng", ""),
+    ("work", ""),
     ("math", ""),
     ("camera", "error limits"),
     ("image", "atomic error input limits"),
@@ -32,12 +33,12 @@ const MAY: &[(&str, &str)] = &[
     ("gpu", "error"),
     ("dataset", "formats asset camera image rng error math input limits"),
     ("formats", "soup mesh scene bvh asset camera report error math atomic input limits"),
-    ("raster", "kernel soup mesh camera image math error"),
+    ("raster", "kernel soup mesh camera image math error work"),
     ("teacher", "raster placed math dataset scene soup space camera image error"),
     ("surface", "teacher raster scene soup space mesh camera report error math limits"),
     (
         "train",
-        "raster kernel gpu dataset formats asset scene atomic budget process soup mesh space camera image rng report error math input limits",
+        "raster kernel gpu dataset formats asset scene atomic budget process soup mesh space camera image rng report error math input limits work",
     ),
     (
         "bake",

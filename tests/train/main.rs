@@ -59,6 +59,32 @@ fn a_synthetic_scene_reaches_a_psnr() {
 }
 
 #[test]
+fn what_the_steps_leave_out_is_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = scene(folder.path(), &small());
+    let mut options = options(32);
+    (options.warmup.quarter_until, options.warmup.half_until) = (15_000.0, 30_000.0);
+    options.warmup.min_px = 1;
+    let skipped = trained(&dataset, &options).skipped;
+    // Half of the steps at a sixteenth of the pixels, half at a quarter.
+    let pixels = 32 * 64 * 48;
+    assert_eq!(skipped.pixels.done, pixels / 32 + pixels / 8);
+    assert_eq!(skipped.pixels.done + skipped.pixels.skipped, pixels);
+    assert!(skipped.rows.done > 0 && skipped.rows.skipped > 0, "{skipped:?}");
+    // Degrees of view-dependent colour come one by one; each triangle has 16 functions.
+    assert!(skipped.coefficients.skipped > 0, "{skipped:?}");
+    assert_eq!(
+        skipped.coefficients.done + skipped.coefficients.skipped,
+        16 * (skipped.rows.done + skipped.rows.skipped)
+    );
+
+    (options.warmup.quarter_until, options.warmup.half_until) = (0.0, 0.0);
+    (options.rates.sparse, options.sh_degree) = (false, 0);
+    let skipped = trained(&dataset, &options).skipped;
+    assert!([skipped.pixels, skipped.rows, skipped.coefficients].iter().all(|work| work.skipped == 0));
+}
+
+#[test]
 fn the_same_bits_for_any_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &small());

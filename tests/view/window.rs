@@ -232,6 +232,40 @@ fn a_window_shows_what_the_cpu_draws_and_follows_mouse_and_keys() {
     assert_eq!(desk.close(), Some(0));
 }
 
+/// Mean squared difference of neighbours along the rows: less in a picture of fewer pixels that is stretched, as its edges are ramps.
+fn sharpness(picture: &Pixels) -> f64 {
+    let difference =
+        |pair: &[[u8; 3]]| (0..3).map(|c| f64::from(pair[0][c].abs_diff(pair[1][c])).powi(2)).sum::<f64>();
+    picture.rgb.windows(2).map(difference).sum::<f64>() / picture.rgb.len() as f64
+}
+
+#[test]
+fn frames_that_would_take_too_long_have_fewer_pixels_until_nothing_moves() {
+    let Some(mut desk) = Desk::new() else { return };
+    desk.run(&["sample", "studio", "--triangles", "4000", "-o", "studio.ply"]);
+    desk.run(&["bake", "studio.ply", "-o", "studio.glb", "--teacher", "off"]);
+    write_photos(&desk.at("photos"));
+    let mut view =
+        vec!["view", "studio.glb", "--dataset", "photos", "--size", "640x480", "--screenshots", "shots"];
+    // No card draws a frame in a thousandth of a second in software.
+    view.extend(["--fps", "1000", "--no-vsync"]);
+    desk.open(&view);
+    desk.xdotool("key h");
+    let still = desk.screenshot(1);
+    wait_for("all pixels", || (off(&desk.seen(), &still) < 0.01).then_some(()));
+
+    desk.xdotool("keydown e");
+    let moving = wait_for("fewer pixels", || {
+        let seen = desk.seen();
+        (sharpness(&seen) < 0.7 * sharpness(&still)).then_some(seen)
+    });
+    desk.xdotool("keyup e");
+    let after = desk.screenshot(2);
+    assert!(sharpness(&moving) < 0.8 * sharpness(&after), "{} {}", sharpness(&moving), sharpness(&after));
+    wait_for("all pixels again", || (off(&desk.seen(), &after) < 0.01).then_some(()));
+    assert_eq!(desk.close(), Some(0));
+}
+
 #[test]
 fn a_region_is_drawn_hides_what_is_outside_and_is_saved_for_the_bake() {
     let Some(mut desk) = Desk::new() else { return };

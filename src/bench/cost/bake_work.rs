@@ -1,14 +1,13 @@
 //! Bakes a soup with every setting.
 
-use super::child::Child;
+use super::child::{Child, read_report};
 use super::knobs::CostInput;
 use super::score::{Scorer, difference};
 use super::setting::Setting;
 use super::sweep::{Outcome, RunResult, Work};
 use crate::bench::measure::{self, Usage};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::image::Pixels;
-use crate::report::Report;
 use std::path::{Path, PathBuf};
 
 /// Bakes in processes of their own.
@@ -66,9 +65,7 @@ pub(super) fn bake_once(child: &Child, soup: &Path, file: &Path, setting: &Setti
     let path = file.with_extension("json");
     let photos = setting.input == CostInput::SolidSoup;
     let usage = measure::measure(&child.bake(soup, file, &path, setting, photos))?;
-    let text = std::fs::read(&path).map_err(|e| Error::io(&path, e))?;
-    let report: Report =
-        serde_json::from_slice(&text).map_err(|e| Error::malformed(&path, "report", e.to_string()))?;
+    let report = read_report(&path)?;
     let skipped = report.stages.iter().filter(|s| s.unneeded.is_some()).map(|s| s.name.clone()).collect();
     Ok(Baked { usage, bytes: report.outputs.iter().map(|file| file.bytes).sum(), skipped })
 }

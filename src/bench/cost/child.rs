@@ -6,6 +6,7 @@ use super::setting::Setting;
 use crate::bake::BakeOptions;
 use crate::dataset::DatasetOptions;
 use crate::error::{Error, Result};
+use crate::report::Report;
 use crate::train::TrainOptions;
 use clap::{Args, Command};
 use std::ffi::OsString;
@@ -28,11 +29,17 @@ impl Child {
     }
 
     /// Trains with the options of `setting` over `steps` and `max_triangles`, and with more flags.
-    pub(super) fn train(&self, output: &Path, setting: &Setting, more: &[(&str, String)]) -> Vec<OsString> {
+    pub(super) fn train(
+        &self,
+        output: &Path,
+        report: &Path,
+        setting: &Setting,
+        more: &[(&str, String)],
+    ) -> Vec<OsString> {
         let mut words = self.words(&["train"]);
         words.push(self.dataset.clone().into());
         words.extend(self.photos(setting));
-        words.extend(["-o".into(), output.into()]);
+        words.extend(["-o".into(), output.into(), "--report".into(), report.into()]);
         let of_setting = |name: &str| setting.changes.iter().any(|(changed, _)| *changed == name);
         let more = more.iter().filter(|(name, _)| !of_setting(name)).cloned();
         let changes = more.chain(setting.changes.iter().cloned());
@@ -100,6 +107,12 @@ impl Child {
         });
         flags(&DatasetOptions::augment_args(Command::new("photos")), changes)
     }
+}
+
+/// What a child reported.
+pub(super) fn read_report(path: &Path) -> Result<Report> {
+    let text = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    serde_json::from_slice(&text).map_err(|e| Error::malformed(path, "report", e.to_string()))
 }
 
 /// The arguments that a stage's command has.

@@ -8,6 +8,7 @@ use super::setting::Setting;
 use super::sweep::{Outcome, RunResult, Work};
 use crate::bench::measure::{self, Usage};
 use crate::bench::scene_renderer::SceneRenderer;
+use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::formats::{self, ReadOptions};
 use crate::image::Pixels;
@@ -45,11 +46,13 @@ impl<'a> DrawWork<'a> {
 
     /// What the child drew, drawn once more here.
     fn result(&self, setting: &Setting) -> Result<RunResult> {
-        let (renderer, triangles) = renderer(self.scorer, self.scene, &settings_of(setting)?)?;
+        let (mut renderer, triangles) = renderer(self.scorer, self.scene, &settings_of(setting)?)?;
+        let cameras: Vec<Camera> = self.scorer.dataset.test().map(|view| view.camera).collect();
+        let skipped = renderer.skipped(&cameras);
         let scored = self.scorer.renderer(renderer, triangles)?;
         let exact_rms = Some(difference(&scored.pictures, &self.exact));
         let picture = scored.pictures.into_iter().next();
-        Ok(RunResult { triangles, scores: scored.mean, exact_rms, skipped: Vec::new(), picture })
+        Ok(RunResult { triangles, scores: scored.mean, exact_rms, skipped, picture })
     }
 }
 

@@ -74,7 +74,8 @@ pub struct CostRow {
     pub beaten_by: Option<String>,
     /// What the dearer values buy besides seconds, bytes and error; empty for nothing else.
     pub buys: String,
-    /// Stages of the bake that had nothing to do, separated by spaces.
+    /// What was left out, separated by spaces: stages of the bake that had nothing to do; of training and soft drawing the share of each kind of work,
+    /// as "layers=31%".
     pub skipped: String,
 }
 

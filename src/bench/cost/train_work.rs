@@ -2,13 +2,14 @@
 
 use super::bake_work::bake_once;
 use super::base::Base;
-use super::child::Child;
+use super::child::{Child, read_report};
 use super::knobs::{CostInput, CostStage};
 use super::score::{Scored, Scorer};
 use super::setting::Setting;
 use super::sweep::{Outcome, RunResult, Work};
 use crate::bench::measure;
 use crate::error::Result;
+use crate::train::TrainDetails;
 use std::path::{Path, PathBuf};
 
 /// Trains in processes of their own.
@@ -33,7 +34,8 @@ impl TrainWork<'_> {
             changes: vec![("preset", "outdoor".into())],
             ..Setting::default_of(CostStage::Train, CostInput::Photos)
         };
-        measure::measure(&self.child.train(output, &setting, &self.flags(0))).map(drop)
+        let report = self.folder.join("soft.json");
+        measure::measure(&self.child.train(output, &report, &setting, &self.flags(0))).map(drop)
     }
 
     /// Steps, triangles and seed of a run.
@@ -61,10 +63,12 @@ impl Work for TrainWork<'_> {
     fn run(&mut self, setting: &Setting, run: usize) -> Result<Outcome> {
         let kept = setting.is_default() && run == 0;
         let soup = if kept { Self::default_soup(self.folder) } else { self.folder.join("trained.ply") };
-        let usage = measure::measure(&self.child.train(&soup, setting, &self.flags(run)))?;
+        let report = self.folder.join("trained.json");
+        let usage = measure::measure(&self.child.train(&soup, &report, setting, &self.flags(run)))?;
+        let skipped = read_report(&report)?.details::<TrainDetails>().map(|train| train.skipped.labels());
         let bytes = std::fs::metadata(&soup).ok().map(|file| file.len());
         let chain = if self.chain { Some(Box::new(self.chain(&soup, &usage)?)) } else { None };
-        let result = result(self.scorer.solid(&soup)?, Vec::new());
+        let result = result(self.scorer.solid(&soup)?, skipped.unwrap_or_default());
         Ok(Outcome { usage, bytes, result: Some(result), chain })
     }
 }

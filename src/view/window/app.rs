@@ -240,10 +240,12 @@ impl App {
         let moving = session.is_moving();
         let secs = session.meter.tick(moving || self.mouse.down.is_some());
         session.controls.fly(&session.keys, secs as f32);
-        let again = screen.draw(session)?;
+        let again = screen.draw(session, moving || self.mouse.down.is_some_and(|(_, _, moved)| moved))?;
         self.start_work();
         let Some((screen, session)) = &self.window else { return Ok(()) };
-        if session.is_moving() || again.is_zero() {
+        // What was drawn of fewer pixels while something moved is drawn once more.
+        let dragged = self.mouse.down.is_some();
+        if session.is_moving() || again.is_zero() || (session.reduced.is_some() && !dragged) {
             screen.window.request_redraw();
             events.set_control_flow(ControlFlow::Wait);
         } else if again < Duration::from_secs(3600) {
@@ -382,6 +384,8 @@ impl App {
                 self.mouse.down = Some((button, self.mouse.at, false));
             }
             WindowEvent::MouseInput { state: ElementState::Released, .. } => {
+                // What was drawn of fewer pixels while it was dragged is drawn once more.
+                screen.window.request_redraw();
                 if let Some((MouseButton::Left, _, false)) = self.mouse.down.take() {
                     self.click();
                 }

@@ -17,6 +17,7 @@ mod help;
 mod options;
 mod panel;
 mod pick;
+mod reduced;
 mod scene;
 mod screen;
 mod session;

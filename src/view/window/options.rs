@@ -13,6 +13,8 @@ pub struct WindowOptions {
     pub background: [f32; 3],
     /// Samples per pixel at edges (MSAA): 1 or 4.
     pub msaa: u32,
+    /// Frames per second to hold while something moves; `None` to draw every pixel always.
+    pub fps: Option<f64>,
     /// Wait for the vertical blank of the screen before a picture is shown.
     pub vsync: bool,
     /// Folder for screenshots.

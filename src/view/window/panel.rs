@@ -3,6 +3,7 @@
 use super::controls::Pane;
 use super::crop::CropClick;
 use super::help;
+use super::reduced;
 use super::session::{PhotoPlacement, Session, Settings};
 use crate::camera::Camera;
 use crate::view::renderer::DisplayMode;
@@ -18,6 +19,9 @@ const ORANGE: Color32 = Color32::from_rgb(255, 160, 40);
 /// Draws everything and takes input; sets the session's pane, in pixels.
 pub(super) fn draw(ui: &mut Ui, session: &mut Session) {
     let scale = ui.ctx().pixels_per_point();
+    if let Some((id, _)) = session.reduced {
+        reduced::show(ui, id);
+    }
     if session.settings.panel {
         egui::Panel::left("panel").exact_size(WIDTH).resizable(false).show(ui, |ui| side(ui, session));
     }
@@ -77,6 +81,18 @@ fn figures(ui: &mut Ui, session: &Session) {
             bytes * 1e-6,
             bytes / all.max(1) as f64
         ));
+    }
+    if let Some((fps, would_do)) = session.held {
+        let size =
+            session.reduced.map_or("all pixels".into(), |(_, size)| format!("{}×{} px", size.x, size.y));
+        let held = match (would_do, &session.shown) {
+            (Some(share), Some(shown)) => {
+                let few = (share * shown.model.triangles() as f64 / 1000.0).floor() * 1000.0;
+                format!("{fps:.0} FPS want about {} triangles: bake --max-triangles", HumanCount(few as u64))
+            }
+            _ => format!("{size} for {fps:.0} FPS"),
+        };
+        ui.label(held);
     }
     ui.label(egui::RichText::new(&session.gpu_name).small().weak());
 }

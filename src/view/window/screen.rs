@@ -4,10 +4,12 @@ use super::super::model::ChunkOrder;
 use super::super::renderer::{Attachments, FrameOutput, FrameParams, Renderer, clear};
 use super::options::WindowOptions;
 use super::panel;
+use super::reduced::Reduced;
 use super::session::Session;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::gpu::timer::Timer;
+use crate::view::frame_rate::FrameRate;
 use glam::UVec2;
 use std::sync::Arc;
 use std::time::Duration;
@@ -22,6 +24,8 @@ pub(super) struct Screen {
     pub(super) input: egui_winit::State,
     renderer: Renderer,
     timer: Option<Timer>,
+    rate: Option<FrameRate>,
+    reduced: Option<Reduced>,
     surface: Surface<'static>,
     config: SurfaceConfiguration,
     attachments: Attachments,
@@ -60,12 +64,16 @@ impl Screen {
             egui_wgpu::Renderer::new(&gpu.device, config.format, egui_wgpu::RendererOptions::default());
         let (renderer, timer) = (Renderer::new(&gpu)?, Timer::new(&gpu));
         let (msaa, background) = (options.msaa, options.background);
+        // What a frame takes is known by timestamps only.
+        let rate = options.fps.filter(|_| timer.is_some()).map(|fps| FrameRate::new(fps, msaa));
         Ok(Self {
             window,
             gpu,
             input,
             renderer,
             timer,
+            rate,
+            reduced: None,
             surface,
             config,
             attachments,
@@ -93,8 +101,10 @@ impl Screen {
         self.gpu.check()
     }
 
-    /// Draws a picture and shows it. Returns how long the panel can wait for the next.
-    pub(super) fn draw(&mut self, session: &mut Session) -> Result<Duration> {
+    /// Draws a picture and shows it; while something is `moving`, of fewer pixels where that is too slow. Returns how long the panel can wait
+    /// for the next.
+    pub(super) fn draw(&mut self, session: &mut Session, moving: bool) -> Result<Duration> {
+        self.reduce(session, moving)?;
         let mut output = self.run_panel(session);
         for (id, deltas) in output.textures_delta.set.drain() {
             for delta in deltas {
@@ -131,11 +141,37 @@ impl Screen {
         }
         // Timestamps come back when the card gets to them; this does not wait.
         let _ = self.gpu.device.poll(PollType::Poll);
-        if let Some(ms) = self.timer.as_mut().and_then(|t| t.collect().pop()) {
+        for ms in self.timer.as_mut().map(Timer::collect).unwrap_or_default() {
             session.meter.gpu_ms = Some(ms);
+            if let Some(rate) = &mut self.rate {
+                rate.took(ms);
+            }
         }
         self.gpu.check()?;
         Ok(again)
+    }
+
+    /// Makes a picture of the size that can be drawn fast enough, and tells the panel to show it; none where all pixels are drawn.
+    fn reduce(&mut self, session: &mut Session, moving: bool) -> Result<()> {
+        let Some(rate) = &mut self.rate else { return Ok(()) };
+        if !moving {
+            rate.rests();
+        }
+        session.held = Some((rate.fps(), rate.triangles_that_would_do()));
+        let size = rate.size(self.attachments.size).filter(|_| moving && session.shown.is_some());
+        session.reduced = None;
+        if let Some(size) = size {
+            let reduced = match self.reduced.take() {
+                Some(reduced) if reduced.size() == size => reduced,
+                other => {
+                    other.into_iter().for_each(|reduced| self.panel.free_texture(&reduced.id));
+                    Reduced::new(&self.gpu, &mut self.panel, size)?
+                }
+            };
+            session.reduced = Some((reduced.id, size));
+            self.reduced = Some(reduced);
+        }
+        Ok(())
     }
 
     fn run_panel(&mut self, session: &mut Session) -> egui::FullOutput {
@@ -156,8 +192,14 @@ impl Screen {
     ) -> Result<bool> {
         let camera = session.controls.camera(self.attachments.size, session.pane);
         session.camera = Some(camera);
+        let reduced = self.reduced.as_ref().filter(|_| session.reduced.is_some());
+        if reduced.is_some() {
+            clear(encoder, view, &self.attachments, self.background);
+        }
+        let (view, attachments) =
+            reduced.map_or((view, &self.attachments), |reduced| (&reduced.view, &reduced.attachments));
         let params = FrameParams {
-            camera,
+            camera: camera.resized(attachments.size),
             near: session.controls.near(),
             background: self.background,
             display: session.settings.display,
@@ -166,12 +208,12 @@ impl Screen {
             order: ChunkOrder::File,
         };
         let Some(shown) = &session.shown else {
-            clear(encoder, view, &self.attachments, self.background);
+            clear(encoder, view, attachments, self.background);
             return Ok(false);
         };
         let slot = self.timer.as_mut().and_then(Timer::begin);
         let timestamps = slot.and_then(|slot| self.timer.as_ref().map(|t| t.writes(slot)));
-        let output = FrameOutput { picture: view, attachments: &self.attachments, timestamps };
+        let output = FrameOutput { picture: view, attachments, timestamps };
         session.drawn = self.renderer.draw(&self.gpu, encoder, output, &shown.model, &params)?;
         if let (Some(timer), Some(slot)) = (&mut self.timer, slot) {
             timer.end(slot, encoder);

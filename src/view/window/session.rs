@@ -13,7 +13,7 @@ use crate::image::Pixels;
 use crate::region::Region;
 use crate::soup::Soup;
 use crate::view::layout::Aabb;
-use egui::{ColorImage, Context, TextureHandle, TextureOptions};
+use egui::{ColorImage, Context, TextureHandle, TextureId, TextureOptions};
 use glam::{UVec2, Vec2, Vec3};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -126,6 +126,10 @@ pub(super) struct Session {
     pub(super) picked: Option<Box<Picked>>,
     pub(super) meter: Meter,
     pub(super) drawn: DrawStats,
+    /// Frames per second that are to be held, and the share of the triangles that would do where they cannot.
+    pub(super) held: Option<(f64, Option<f64>)>,
+    /// The picture that is shown in place of one of all pixels, and its size.
+    pub(super) reduced: Option<(TextureId, UVec2)>,
     pub(super) gpu_name: String,
     /// The camera of the last picture.
     pub(super) camera: Option<Camera>,
@@ -156,6 +160,8 @@ impl Session {
             picked: None,
             meter: Meter::default(),
             drawn: DrawStats::default(),
+            held: None,
+            reduced: None,
             gpu_name,
             camera: None,
             pane: Pane { min: Vec2::ZERO, size: Vec2::ONE },

@@ -1,0 +1,31 @@
+//! What the steps of a run left out.
+
+use crate::work::WorkCount;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Work of the steps that this process made, and what of it was left out.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct SkippedWork {
+    /// Pixels of photos: early steps look at small photos (`warmup`).
+    pub pixels: WorkCount,
+    /// Rows of the optimiser, one per triangle: those without a gradient stay as they are (`rates.sparse`).
+    pub rows: WorkCount,
+    /// Coefficients of spherical harmonics, one per triangle and basis function: degrees that are not yet, or no longer, in use.
+    pub coefficients: WorkCount,
+}
+
+impl SkippedWork {
+    /// Adds the work of a step.
+    pub(super) fn add(&mut self, step: &Self) {
+        self.pixels += step.pixels;
+        self.rows += step.rows;
+        self.coefficients += step.coefficients;
+    }
+
+    /// "pixels=61%" for all that was left out.
+    pub fn labels(&self) -> Vec<String> {
+        let of = [("pixels", self.pixels), ("rows", self.rows), ("coefficients", self.coefficients)];
+        of.iter().filter_map(|(name, work)| work.label(name)).collect()
+    }
+}
