@@ -19,6 +19,12 @@ impl WorkCount {
         Self { done, skipped: all.saturating_sub(done) }
     }
 
+    /// `units` that were counted as left out were done.
+    pub fn turned_out_done(&mut self, units: u64) {
+        self.done += units;
+        self.skipped = self.skipped.saturating_sub(units);
+    }
+
     /// The share left out, of 1; 0 where there was nothing to do.
     pub fn share(&self) -> f64 {
         self.skipped as f64 / (self.done + self.skipped).max(1) as f64
@@ -49,6 +55,8 @@ mod tests {
         assert_eq!(work, WorkCount { done: 40, skipped: 120 });
         assert_eq!(work.share(), 0.75);
         assert_eq!(work.label("pixels").as_deref(), Some("pixels=75%"));
+        work.turned_out_done(20);
+        assert_eq!(work, WorkCount { done: 60, skipped: 100 });
         assert_eq!(WorkCount::default().label("pixels"), None);
     }
 }

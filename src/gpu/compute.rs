@@ -37,6 +37,11 @@ impl Kernel {
         Ok(Self { name, pipeline })
     }
 
+    /// The name of its entry point.
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
     /// What it runs.
     pub fn pipeline(&self) -> &ComputePipeline {
         &self.pipeline

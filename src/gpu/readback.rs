@@ -3,8 +3,11 @@
 use super::device::Gpu;
 use crate::error::{Error, Result};
 use bytemuck::{AnyBitPattern, NoUninit};
-use wgpu::{Buffer, BufferDescriptor, BufferUsages, Extent3d, MapMode, TexelCopyBufferInfo};
-use wgpu::{TexelCopyBufferLayout, Texture};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use wgpu::{
+    Buffer, BufferAsyncError, BufferDescriptor, BufferUsages, CommandEncoder, Extent3d, MapMode, PollType,
+};
+use wgpu::{SubmissionIndex, TexelCopyBufferInfo, TexelCopyBufferLayout, Texture};
 
 /// The texels of a texture of four bytes per texel, rows from the top. `[H * W]`
 pub fn texels(gpu: &Gpu, texture: &Texture) -> Result<Vec<[u8; 4]>> {
@@ -50,14 +53,78 @@ pub fn elements<T: AnyBitPattern + NoUninit>(gpu: &Gpu, buffer: &Buffer, count: 
 
 /// The contents of a mappable buffer when all work is done.
 fn bytes(gpu: &Gpu, buffer: &Buffer) -> Result<Vec<u8>> {
-    let (sender, receiver) = std::sync::mpsc::channel();
+    let (sender, receiver) = channel();
     buffer.slice(..).map_async(MapMode::Read, move |result| {
         // The receiver is gone when the wait below has failed.
         let _ = sender.send(result);
     });
     gpu.wait(None)?;
-    let lost = |e: &dyn std::fmt::Display| Error::Gpu(format!("{}: cannot read back: {e}", gpu.info.name));
-    receiver.recv().map_err(|e| lost(&e))?.map_err(|e| lost(&e))?;
-    let view = buffer.slice(..).get_mapped_range().map_err(|e| lost(&e))?;
+    receiver.recv().map_err(|e| unreadable(gpu, &e))?.map_err(|e| unreadable(gpu, &e))?;
+    let view = buffer.slice(..).get_mapped_range().map_err(|e| unreadable(gpu, &e))?;
     Ok(view.to_vec())
+}
+
+fn unreadable(gpu: &Gpu, why: &dyn std::fmt::Display) -> Error {
+    Error::Gpu(format!("{}: cannot read back: {why}", gpu.info.name))
+}
+
+/// Reads the beginning of a buffer as it is at a place among the recorded work, while later work goes on. It is used again and
+/// again: recorded, submitted, taken.
+#[derive(Debug)]
+pub struct Readback {
+    staging: Buffer,
+    mapped: Option<(SubmissionIndex, Receiver<std::result::Result<(), BufferAsyncError>>)>,
+}
+
+impl Readback {
+    /// Of `bytes`, a multiple of four.
+    pub fn new(gpu: &Gpu, bytes: u64) -> Self {
+        let staging = gpu.device.create_buffer(&BufferDescriptor {
+            label: Some("readback"),
+            size: bytes,
+            usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
+            mapped_at_creation: false,
+        });
+        Self { staging, mapped: None }
+    }
+
+    /// Records the copy, behind what writes `buffer`.
+    pub fn record(&self, encoder: &mut CommandEncoder, buffer: &Buffer) {
+        encoder.copy_buffer_to_buffer(buffer, 0, &self.staging, 0, self.staging.size());
+    }
+
+    /// The copy was submitted.
+    pub fn submitted(&mut self, submission: SubmissionIndex) {
+        let (sender, receiver) = channel();
+        self.staging.slice(..).map_async(MapMode::Read, move |result| {
+            // Nobody waits for what was given up.
+            let _ = sender.send(result);
+        });
+        self.mapped = Some((submission, receiver));
+    }
+
+    /// What was read; `None` while the card is not that far, or with `wait` after waiting for it.
+    ///
+    /// Errors: what has gone wrong on the card.
+    pub fn take<T: AnyBitPattern + NoUninit>(&mut self, gpu: &Gpu, wait: bool) -> Result<Option<Vec<T>>> {
+        let Some((submission, receiver)) = &self.mapped else { return Ok(None) };
+        if wait {
+            gpu.wait(Some(submission.clone()))?;
+        } else {
+            // It fails where the wait does, and says less.
+            let _ = gpu.device.poll(PollType::Poll);
+            gpu.check()?;
+        }
+        match receiver.try_recv() {
+            Ok(mapped) => mapped.map_err(|e| unreadable(gpu, &e))?,
+            Err(TryRecvError::Empty) if !wait => return Ok(None),
+            Err(e) => return Err(unreadable(gpu, &e)),
+        }
+        let view = self.staging.slice(..).get_mapped_range().map_err(|e| unreadable(gpu, &e))?;
+        let numbers = bytemuck::pod_collect_to_vec(&view);
+        drop(view);
+        self.staging.unmap();
+        self.mapped = None;
+        Ok(Some(numbers))
+    }
 }

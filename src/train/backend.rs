@@ -21,6 +21,17 @@ pub struct StepPhoto<'a> {
     pub pixels: &'a Pixels,
     /// The photo is drawn for the first time since the visibility statistics were reset.
     pub first: bool,
+    /// Its name, for a backend that keeps photos; `None`: it does not come again.
+    pub id: Option<PhotoId>,
+}
+
+/// A photo at a size: the same one has the same pixels for a whole run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct PhotoId {
+    /// Which photo.
+    pub index: usize,
+    /// How often it was halved.
+    pub level: u32,
 }
 
 /// Figures of one step.
@@ -32,7 +43,7 @@ pub struct StepStats {
     pub mse: f64,
     /// Triangles whose gradient was not finite and therefore dropped.
     pub dropped: u64,
-    /// Triangles that had a gradient.
+    /// Triangles that were updated: with `rates.sparse` those that had a gradient, else all.
     pub touched: u64,
 }
 
@@ -57,14 +68,19 @@ pub struct RunSize {
     pub sh_degree: u8,
     /// The largest photo, px.
     pub photo: UVec2,
+    /// All training photos together, px.
+    pub photo_pixels: u64,
 }
 
 /// Stores a training scene and makes its steps.
 pub trait TrainBackend {
     /// Moves a state in.
     fn load(&mut self, state: TrainState) -> Result<()>;
-    /// Draws, compares, differentiates and updates the parameters once.
-    fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<StepStats>;
+    /// Draws, compares, differentiates and updates the parameters once, or has it done: a backend may be some steps behind, and
+    /// catches up before it gives anything else away. An error may be that of an earlier step.
+    fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<()>;
+    /// Figures of the steps that are done, each once, in the order of the steps; with `all`, it waits for those that are not.
+    fn figures(&mut self, all: bool) -> Result<Vec<StepStats>>;
     /// The visibility of the steps since the last call, which is reset.
     fn take_visibility(&mut self) -> Result<BackendVisibility>;
     /// Moves the state out; [`TrainBackend::load`] must follow before the next step.
@@ -84,8 +100,12 @@ macro_rules! forwards {
                 (**self).load(state)
             }
 
-            fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<StepStats> {
+            fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<()> {
                 (**self).step(photo, rates)
+            }
+
+            fn figures(&mut self, all: bool) -> Result<Vec<StepStats>> {
+                (**self).figures(all)
             }
 
             fn take_visibility(&mut self) -> Result<BackendVisibility> {

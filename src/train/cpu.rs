@@ -24,6 +24,7 @@ pub struct CpuBackend {
     opacity: Vec<f32>,
     sigma: Vec<f32>,
     visibility: BackendVisibility,
+    figures: Vec<StepStats>,
 }
 
 impl CpuBackend {
@@ -51,7 +52,11 @@ impl TrainBackend for CpuBackend {
         Ok(std::mem::take(&mut self.visibility))
     }
 
-    fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<StepStats> {
+    fn figures(&mut self, _all: bool) -> Result<Vec<StepStats>> {
+        Ok(std::mem::take(&mut self.figures))
+    }
+
+    fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<()> {
         activate(&self.state, rates, &mut self.opacity, &mut self.sigma);
         let params = &self.state.params;
         let soup = SoupRef {
@@ -84,12 +89,13 @@ impl TrainBackend for CpuBackend {
         add_errors(&self.d_soup, &mut self.visibility.error);
         let regularisers = Regularisers::new(&self.state, rates);
         let (touched, broken) = update(&mut self.state, &self.d_soup, rates, &regularisers);
-        Ok(StepStats {
+        self.figures.push(StepStats {
             loss: means.value(rates.dssim) + geometry,
             mse: means.mse,
             touched,
             dropped: broken + self.d_soup.dropped as u64,
-        })
+        });
+        Ok(())
     }
 }
 

@@ -111,11 +111,12 @@ impl BackendOptions {
 /// The backend on an open card.
 #[cfg(feature = "gpu")]
 fn gpu(gpu: crate::gpu::Gpu, drawing: SoftOptions, size: RunSize) -> Result<OpenBackend> {
-    let megabytes = super::gpu::expected_bytes(&size) / 1_000_000;
+    let limits = super::gpu::GpuLimits::of(&gpu);
+    let megabytes = super::gpu::expected_bytes(&size, &limits) / 1_000_000;
     let card = format!("{}, about {megabytes} MB of its memory", gpu.describe());
     let slow = gpu.is_software().then(|| {
         format!("{} is no graphics card but software, slower than the CPU (`backend` cpu)", gpu.info.name)
     });
-    let backend = Box::new(super::gpu::GpuBackend::new(gpu, drawing)?);
+    let backend = Box::new(super::gpu::GpuBackend::with_limits(gpu, drawing, limits)?);
     Ok(OpenBackend { backend, card: Some(card), warnings: slow.into_iter().collect() })
 }

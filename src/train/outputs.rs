@@ -5,8 +5,7 @@ use super::budget::Pace;
 use super::eval::{self, Evaluator, PhotoScore, Quality};
 use super::progress::{TrainObserver, TrainSample};
 use super::rotation;
-use super::skipped::SkippedWork;
-use super::trainer::{StepOutcome, Trainer};
+use super::trainer::Trainer;
 use crate::dataset::Dataset;
 use crate::error::{Error, Result};
 use crate::process::cpu_secs;
@@ -56,7 +55,6 @@ pub(super) struct Recorded {
     pub(super) scores: Vec<PhotoScore>,
     pub(super) samples: Option<u32>,
     pub(super) cpu_secs: f64,
-    pub(super) skipped: SkippedWork,
     /// The last checkpoint that was written, and its step.
     pub(super) checkpoint: Option<(u64, PathBuf)>,
     pub(super) lost: Vec<String>,
@@ -68,12 +66,13 @@ pub(super) struct Recorder {
     drawing: SoftOptions,
     curve: Vec<TrainSample>,
     means: Means,
+    /// The last means that were known: loss, PSNR.
+    known: Option<(f64, f64)>,
     cpu_start: f64,
     wall: Instant,
     previewed: Instant,
     checkpoint: Option<(u64, PathBuf)>,
     lost: Vec<String>,
-    skipped: SkippedWork,
 }
 
 impl Recorder {
@@ -91,38 +90,46 @@ impl Recorder {
             drawing,
             curve,
             means: Means::default(),
+            known: None,
             // Decoding the held-out photos is not training.
             cpu_start: cpu_secs() - cpu_secs_before,
             wall: Instant::now(),
             previewed: Instant::now(),
             checkpoint: None,
             lost: Vec::new(),
-            skipped: SkippedWork::default(),
         })
     }
 
-    /// The state after a step, averaged since the last sample.
+    /// The state after a step on a photo of `width_px`, averaged since the last sample: over all steps with `all`, else over those
+    /// whose figures are known.
     pub(super) fn sample<B: TrainBackend>(
         &mut self,
-        trainer: &Trainer<B>,
-        outcome: &StepOutcome,
-    ) -> TrainSample {
-        self.means.loss += outcome.stats.loss;
-        self.means.mse += outcome.stats.mse;
-        self.means.steps += 1;
-        self.skipped.add(&outcome.skipped);
-        let n = self.means.steps as f64;
-        TrainSample {
+        trainer: &mut Trainer<B>,
+        width_px: u32,
+        all: bool,
+    ) -> Result<TrainSample> {
+        for stats in trainer.figures(all || self.known.is_none())? {
+            self.means.loss += stats.loss;
+            self.means.mse += stats.mse;
+            self.means.steps += 1;
+        }
+        if self.means.steps > 0 {
+            let n = self.means.steps as f64;
+            let psnr = -10.0 * (self.means.mse / n).max(1e-12).log10();
+            self.known = Some((self.means.loss / n, psnr));
+        }
+        let (loss, psnr) = self.known.unwrap_or_default();
+        Ok(TrainSample {
             step: trainer.steps(),
             triangles: trainer.triangles() as u64,
-            loss: self.means.loss / n,
-            psnr: -10.0 * (self.means.mse / n).max(1e-12).log10(),
+            loss,
+            psnr,
             test_psnr: None,
-            width_px: outcome.width_px,
+            width_px,
             cpu_secs: cpu_secs() - self.cpu_start,
             wall_secs: self.wall.elapsed().as_secs_f64(),
             dropped: trainer.dropped(),
-        }
+        })
     }
 
     /// Runs `work` without counting its CPU time as training.
@@ -229,7 +236,6 @@ impl Recorder {
             scores,
             samples,
             cpu_secs: spent,
-            skipped: self.skipped,
             checkpoint: self.checkpoint,
             lost: self.lost,
         })

@@ -145,13 +145,14 @@ impl<'a> TrainRun<'a> {
     /// How large the run becomes.
     pub fn size(&self) -> RunSize {
         let options = self.resume.as_ref().map_or(&self.options, |checkpoint| &checkpoint.meta.options);
-        let photos = self.dataset.train().map(|view| view.photo.size);
+        let photos = || self.dataset.train().map(|view| view.photo.size);
         let started = self.part.map_or(0, |part| part.frozen);
         let frozen = self.resume.as_ref().map_or(started, |checkpoint| checkpoint.meta.frozen);
         RunSize {
             triangles: options.max_triangles.saturating_add(frozen as u64),
             sh_degree: options.sh_degree,
-            photo: photos.max_by_key(|size| size.element_product()).unwrap_or_default(),
+            photo: photos().max_by_key(|size| size.element_product()).unwrap_or_default(),
+            photo_pixels: photos().map(|size| u64::from(size.x) * u64::from(size.y)).sum(),
         }
     }
 
@@ -292,7 +293,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
             samples: recorded.samples,
             dropped: trainer.dropped(),
             cpu_secs: recorded.cpu_secs,
-            skipped: recorded.skipped,
+            skipped: trainer.skipped(),
             stopped,
             lost: recorded.lost,
         })
@@ -304,48 +305,71 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         record: &mut Recorder,
         observer: &mut dyn TrainObserver,
     ) -> Result<(bool, Option<TrainSample>)> {
-        let Self { trainer, paced, outputs, until_step, .. } = self;
-        let total = trainer.options().steps;
-        let is_done = |trainer: &Trainer<B>| trainer.is_done() || trainer.steps() >= *until_step;
-        let every = if outputs.sample_every == 0 { total.div_ceil(100) } else { outputs.sample_every };
-        let (before, mut last) = (trainer.steps(), None);
-        while !is_done(trainer) {
-            let outcome = match trainer.step() {
-                Ok(outcome) => outcome,
+        let total = self.options().steps;
+        let every =
+            if self.outputs.sample_every == 0 { total.div_ceil(100) } else { self.outputs.sample_every };
+        let (before, mut last) = (self.trainer.steps(), None);
+        while !self.is_over() {
+            match self.make_step(every, record, observer) {
+                Ok((now, stopped)) => {
+                    last = Some(now);
+                    if stopped {
+                        return Ok((true, last));
+                    }
+                }
                 Err(error) => {
                     // A photo that cannot be read costs no step that was made.
-                    if trainer.steps() > before {
-                        record.checkpoint(trainer, outputs, observer, stored(paced));
+                    if self.trainer.steps() > before {
+                        record.checkpoint(&mut self.trainer, &self.outputs, observer, stored(&self.paced));
                     }
                     return Err(error);
                 }
-            };
-            let now = record.sample(trainer, &outcome);
-            observer.stepped(&now);
-            if let Some(refined) = &outcome.refined {
-                observer.refined(now.step, refined);
-            }
-            keep_pace(trainer, paced.as_mut(), observer);
-            let spent = outputs.max_cpu_secs > 0.0 && now.cpu_secs >= outputs.max_cpu_secs;
-            let stopped = !is_done(trainer) && (spent || observer.wants_to_stop());
-            let due = |every: u64| every > 0 && now.step.is_multiple_of(every);
-            // The last sample is kept by `Recorder::finish`, which evaluates it.
-            if !is_done(trainer) && (due(every) || due(outputs.evaluate_every)) {
-                let kept = record.keep(now, trainer, due(outputs.evaluate_every))?;
-                if !stopped {
-                    observer.sampled(&kept);
-                }
-            }
-            if stopped || due(outputs.checkpoint_every) {
-                record.checkpoint(trainer, outputs, observer, stored(paced));
-            }
-            record.preview(trainer, outputs, observer);
-            last = Some(now);
-            if stopped {
-                return Ok((true, last));
             }
         }
         Ok((false, last))
+    }
+
+    /// True when no step is left to make here.
+    fn is_over(&self) -> bool {
+        self.trainer.is_done() || self.trainer.steps() >= self.until_step
+    }
+
+    /// Makes a step and leaves behind what is due after it, a sample among it after `every` steps; returns its sample, and whether the run is to stop.
+    fn make_step(
+        &mut self,
+        every: u64,
+        record: &mut Recorder,
+        observer: &mut dyn TrainObserver,
+    ) -> Result<(TrainSample, bool)> {
+        let outcome = self.trainer.step()?;
+        let Self { trainer, paced, outputs, .. } = self;
+        let step = trainer.steps();
+        let due = |every: u64| every > 0 && step.is_multiple_of(every);
+        let is_kept = due(every) || due(outputs.evaluate_every);
+        let mut now = record.sample(trainer, outcome.width_px, is_kept)?;
+        observer.stepped(&now);
+        if let Some(refined) = &outcome.refined {
+            observer.refined(now.step, refined);
+        }
+        keep_pace(trainer, paced.as_mut(), observer);
+        let is_over = self.is_over();
+        let Self { trainer, paced, outputs, .. } = self;
+        let spent = outputs.max_cpu_secs > 0.0 && now.cpu_secs >= outputs.max_cpu_secs;
+        let stopped = !is_over && (spent || observer.wants_to_stop());
+        // The last sample is kept by `Recorder::finish`, which evaluates it.
+        if !is_over && is_kept {
+            let kept = record.keep(now, trainer, due(outputs.evaluate_every))?;
+            if !stopped {
+                observer.sampled(&kept);
+            }
+        } else if is_over || stopped {
+            now = record.sample(trainer, outcome.width_px, true)?;
+        }
+        if stopped || due(outputs.checkpoint_every) {
+            record.checkpoint(trainer, outputs, observer, stored(paced));
+        }
+        record.preview(trainer, outputs, observer);
+        Ok((now, stopped))
     }
 }
 

@@ -3,6 +3,7 @@
 use crate::work::WorkCount;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::ops::AddAssign;
 
 /// Work of the steps that this process made, and what of it was left out.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -16,16 +17,17 @@ pub struct SkippedWork {
 }
 
 impl SkippedWork {
-    /// Adds the work of a step.
-    pub(super) fn add(&mut self, step: &Self) {
-        self.pixels += step.pixels;
-        self.rows += step.rows;
-        self.coefficients += step.coefficients;
-    }
-
     /// "pixels=61%" for all that was left out.
     pub fn labels(&self) -> Vec<String> {
         let of = [("pixels", self.pixels), ("rows", self.rows), ("coefficients", self.coefficients)];
         of.iter().filter_map(|(name, work)| work.label(name)).collect()
+    }
+}
+
+impl AddAssign for SkippedWork {
+    fn add_assign(&mut self, other: Self) {
+        self.pixels += other.pixels;
+        self.rows += other.rows;
+        self.coefficients += other.coefficients;
     }
 }

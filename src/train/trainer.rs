@@ -1,6 +1,6 @@
 //! One run: photos in a random order, one step per photo, refinements between them.
 
-use super::backend::{StepPhoto, StepStats, TrainBackend};
+use super::backend::{PhotoId, StepPhoto, StepStats, TrainBackend};
 use super::checkpoint::{Checkpoint, CheckpointMeta};
 use super::core::Core;
 use super::identity::RunIdentity;
@@ -37,6 +37,9 @@ pub struct Trainer<B> {
     visibility: VisibilityStats,
     step: u64,
     dropped: u64,
+    skipped: SkippedWork,
+    /// Figures that nobody asked for yet.
+    figures: Vec<StepStats>,
     pinned: usize,
     frozen: usize,
     core: Option<Core>,
@@ -48,14 +51,10 @@ pub struct Trainer<B> {
 /// What [`Trainer::step`] did.
 #[derive(Debug, Clone, Copy)]
 pub struct StepOutcome {
-    /// Figures of the step.
-    pub stats: StepStats,
     /// The refinement after the step, if one was due.
     pub refined: Option<Refined>,
     /// Width of the photo, px.
     pub width_px: u32,
-    /// What it left out.
-    pub skipped: SkippedWork,
 }
 
 impl<B: TrainBackend> Trainer<B> {
@@ -146,6 +145,8 @@ impl<B: TrainBackend> Trainer<B> {
             visibility,
             step,
             dropped,
+            skipped: SkippedWork::default(),
+            figures: Vec::new(),
             pinned,
             frozen,
             core,
@@ -182,9 +183,28 @@ impl<B: TrainBackend> Trainer<B> {
         self.backend.len()
     }
 
-    /// Gradients dropped so far because they were not finite.
+    /// Gradients dropped because they were not finite, in the steps whose figures are known.
     pub fn dropped(&self) -> u64 {
         self.dropped
+    }
+
+    /// What the steps of this process left out, of those whose figures are known.
+    pub fn skipped(&self) -> SkippedWork {
+        self.skipped
+    }
+
+    /// Figures of the steps that are done, each once, in the order of the steps; with `all`, it waits for those that are not.
+    pub fn figures(&mut self, all: bool) -> Result<Vec<StepStats>> {
+        self.collect_figures(all)?;
+        Ok(std::mem::take(&mut self.figures))
+    }
+
+    fn collect_figures(&mut self, all: bool) -> Result<()> {
+        let figures = self.backend.figures(all)?;
+        self.dropped += figures.iter().map(|stats| stats.dropped).sum::<u64>();
+        self.skipped.rows.turned_out_done(figures.iter().map(|stats| stats.touched).sum());
+        self.figures.extend(figures);
+        Ok(())
     }
 
     /// Triangles of the shell that closes the scene, behind those that are frozen.
@@ -226,27 +246,28 @@ impl<B: TrainBackend> Trainer<B> {
             self.level = level;
         }
         self.full_px = self.photos.size(index, 0).x as f32 / pixels.size.x as f32;
-        let photo =
-            StepPhoto { camera: &camera, pixels: &pixels, first: self.visibility.record_photo(index) };
+        let first = self.visibility.record_photo(index);
+        let id = Some(PhotoId { index, level });
+        let photo = StepPhoto { camera: &camera, pixels: &pixels, first, id };
         let rates = Schedule::new(&self.options).rates(self.step);
         let triangles = self.backend.len() as u64;
-        let stats = self.backend.step(&photo, &rates)?;
+        self.backend.step(&photo, &rates)?;
+        self.step += 1;
         let whole = self.photos.size(index, 0).element_product();
-        let skipped = SkippedWork {
+        self.skipped += SkippedWork {
             pixels: WorkCount::of(pixels.size.element_product().into(), whole.into()),
-            rows: WorkCount::of(if rates.sparse { stats.touched } else { triangles }, triangles),
+            // Until its figures are known.
+            rows: WorkCount::of(0, triangles),
             coefficients: WorkCount::of(
                 triangles * functions(rates.sh_degree),
                 triangles * functions(self.options.sh_degree),
             ),
         };
-        self.step += 1;
-        self.dropped += stats.dropped;
         let refined = match Schedule::new(&self.options).refines_after(self.step) {
             true => Some(self.refine()?),
             false => None,
         };
-        Ok(StepOutcome { stats, refined, width_px: pixels.size.x, skipped })
+        Ok(StepOutcome { refined, width_px: pixels.size.x })
     }
 
     /// Goes on with `options` that differ in what is left of the schedule only: their steps and milestones.
@@ -330,6 +351,7 @@ impl<B: TrainBackend> Trainer<B> {
     /// Everything needed to resume elsewhere.
     pub fn checkpoint(&mut self, curve: &[TrainSample], cpu_secs: f64) -> Result<Checkpoint> {
         self.collect_visibility()?;
+        self.collect_figures(true)?;
         let state = self.backend.store()?;
         self.backend.load(state.clone())?;
         let mut identity = self.identity.clone();

@@ -4,6 +4,7 @@
 #![cfg(feature = "gpu")]
 #![allow(clippy::print_stderr, reason = "a test that cannot judge says so")]
 
+mod limits;
 #[cfg(feature = "cli")]
 mod program;
 mod runs;

@@ -8,7 +8,7 @@ use trisplat::dataset::{Dataset, DatasetOptions};
 use trisplat::raster::soft::SoftOptions;
 use trisplat::soup::Soup;
 use trisplat::train::cpu::CpuBackend;
-use trisplat::train::gpu::GpuBackend;
+use trisplat::train::gpu::{GpuBackend, GpuLimits};
 use trisplat::train::{
     Checkpoint, RunOptions, TrainBackend, TrainObserver, TrainOptions, TrainPreset, TrainRun, Trained,
     checkpoint,
@@ -39,7 +39,8 @@ fn trained(run: TrainRun<'_>, backend: Option<&mut GpuBackend>, observer: &mut d
     let drawing = run.drawing();
     let backend: Box<dyn TrainBackend + '_> = match backend {
         Some(backend) => {
-            backend.restart(drawing);
+            let limits = GpuLimits::of(backend.gpu());
+            backend.restart(drawing, limits);
             Box::new(backend)
         }
         None => Box::new(CpuBackend::new(drawing)),

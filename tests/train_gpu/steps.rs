@@ -4,7 +4,7 @@ use super::{card, scene};
 use trisplat::raster::soft::SoftOptions;
 use trisplat::train::backend::{BackendVisibility, StepPhoto, StepStats, TrainBackend};
 use trisplat::train::cpu::CpuBackend;
-use trisplat::train::gpu::GpuBackend;
+use trisplat::train::gpu::{GpuBackend, GpuLimits};
 use trisplat::train::params::{Anneal, Params, TrainState};
 use trisplat::train::schedule::{EngineShading, Rates, Schedule};
 use trisplat::train::{TrainOptions, TrainPreset};
@@ -101,8 +101,9 @@ fn step(backend: &mut dyn TrainBackend, case: &Case, rates: &Rates) -> Outcome {
     (state.pinned, state.frozen) = (case.pinned, case.frozen);
     backend.load(state).unwrap();
     let (camera, pixels) = (scene::camera(), scene::photo(case.masked));
-    let photo = StepPhoto { camera: &camera, pixels: &pixels, first: true };
-    let stats = backend.step(&photo, rates).unwrap();
+    let photo = StepPhoto { camera: &camera, pixels: &pixels, first: true, id: None };
+    backend.step(&photo, rates).unwrap();
+    let stats = backend.figures(true).unwrap()[0];
     let visibility = backend.take_visibility().unwrap();
     (backend.store().unwrap(), stats, visibility)
 }
@@ -138,11 +139,12 @@ const FIGURES: f64 = 1e-6;
 #[test]
 fn a_step_is_the_cpus() {
     let Some(gpu) = card() else { return };
-    let mut backend = GpuBackend::new(gpu, SoftOptions::default()).unwrap();
+    let limits = GpuLimits::of(&gpu);
+    let mut backend = GpuBackend::with_limits(gpu, SoftOptions::default(), limits).unwrap();
     for case in CASES {
         let (options, rates) = drawing(case);
         let (cpu, cpu_stats, cpu_seen) = step(&mut CpuBackend::new(options), case, &rates);
-        backend.restart(options);
+        backend.restart(options, limits);
         let (gpu, gpu_stats, gpu_seen) = step(&mut backend, case, &rates);
         assert!(
             apart([cpu_stats.loss, cpu_stats.mse], [gpu_stats.loss, gpu_stats.mse]) < FIGURES,

@@ -1,45 +1,57 @@
 //! The backend of a training scene on a graphics card.
 
-use super::job::{COUNTS, Count, GROUPS, Jobs};
+use super::flight::{Flight, more_room};
+use super::job::{COUNTS, GROUPS, Jobs};
+use super::limits::GpuLimits;
 use super::passes::Passes;
+use super::photos::Photos;
 use super::room::{Room, RoomSize};
 use super::rows::row_count;
 use super::scene::{REMEDY, SceneBuffers, VisibilityBuffer};
-use super::sequence::Sequence;
-use super::source::GROUP;
+use super::sequence::{BindGroups, Sequence};
 use super::step_passes::StepPasses;
 use super::uniform::{StepPlan, StepUniform};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::gpu::readback::elements;
+use crate::gpu::readback::Readback;
 use crate::gpu::storage::{storage, uniform};
-use crate::kernel::loss::Photometric;
-use crate::raster::soft::{SoftOptions, tile_count};
+use crate::raster::soft::SoftOptions;
 use crate::train::backend::{BackendVisibility, RunSize, StepPhoto, StepStats, TrainBackend};
 use crate::train::params::TrainState;
 use crate::train::schedule::Rates;
-use rayon::prelude::*;
+use std::collections::VecDeque;
 use wgpu::Buffer;
 
-/// Pairs there is room for at first, for each triangle and at least.
-const FIRST_PAIRS: (u32, u32) = (4, 1 << 16);
 /// Storage buffers that one pass binds.
 const STORAGE_BUFFERS: u32 = 11;
 
 /// A training scene on a graphics card.
+///
+/// Steps are recorded without waiting for those before; what one found is read some steps later. One that found no room changed
+/// nothing, and neither did those after it: they are repeated, in their order, with more.
 #[derive(Debug)]
 pub struct GpuBackend {
     gpu: Gpu,
+    limits: GpuLimits,
     options: SoftOptions,
     passes: Passes,
     jobs: Jobs,
+    bind_groups: BindGroups,
     step: Buffer,
     counts: Buffer,
     groups: Buffer,
+    /// Not 0: a step found no room.
+    halted: Buffer,
     scene: Option<SceneBuffers>,
     visibility: Option<VisibilityBuffer>,
     room: Option<Room>,
-    photo: Vec<u32>,
+    photos: Photos,
+    /// Steps under way, the oldest first.
+    flights: VecDeque<Flight>,
+    /// Readbacks of steps that are done.
+    spare: Vec<Readback>,
+    figures: Vec<StepStats>,
+    repeats: u64,
 }
 
 impl GpuBackend {
@@ -47,9 +59,15 @@ impl GpuBackend {
     ///
     /// Errors: the card or its driver cannot run the passes.
     pub fn new(gpu: Gpu, options: SoftOptions) -> Result<Self> {
-        let limits = gpu.device.limits();
-        if limits.max_storage_buffers_per_shader_stage < STORAGE_BUFFERS {
-            let (name, most) = (&gpu.info.name, limits.max_storage_buffers_per_shader_stage);
+        let limits = GpuLimits::of(&gpu);
+        Self::with_limits(gpu, options, limits)
+    }
+
+    /// As [`GpuBackend::new`], within `limits`.
+    pub fn with_limits(gpu: Gpu, options: SoftOptions, limits: GpuLimits) -> Result<Self> {
+        let most = gpu.device.limits().max_storage_buffers_per_shader_stage;
+        if most < STORAGE_BUFFERS {
+            let name = &gpu.info.name;
             let what = format!("{name} binds {most} buffers at once, training needs {STORAGE_BUFFERS}");
             return Err(Error::Gpu(format!("{what}; train on the CPU (`backend` cpu)")));
         }
@@ -57,21 +75,33 @@ impl GpuBackend {
         Ok(Self {
             passes: Passes::new(&gpu)?,
             jobs: Jobs::new(&gpu)?,
+            bind_groups: BindGroups::default(),
             step: uniform(&gpu, "step", size_of::<StepUniform>() as u64),
             counts: small("counts", COUNTS)?,
             groups: small("workgroups", 3 * GROUPS)?,
+            halted: small("halted", 1)?,
             scene: None,
             visibility: None,
             room: None,
-            photo: Vec::new(),
+            photos: Photos::new(limits.photo_bytes),
+            flights: VecDeque::new(),
+            spare: Vec::new(),
+            figures: Vec::new(),
+            repeats: 0,
+            limits,
             options,
             gpu,
         })
     }
 
-    /// Forgets scene and visibility; draws with `options` from now on.
-    pub fn restart(&mut self, options: SoftOptions) {
-        (self.scene, self.visibility, self.options) = (None, None, options);
+    /// Forgets the scene, its visibility and its photos; draws with `options` from now on, within `limits`.
+    pub fn restart(&mut self, options: SoftOptions, limits: GpuLimits) {
+        (self.scene, self.visibility, self.options, self.limits) = (None, None, options, limits);
+        (self.room, self.photos) = (None, Photos::new(limits.photo_bytes));
+        self.bind_groups.clear();
+        self.flights.clear();
+        self.figures.clear();
+        self.go_on();
     }
 
     /// The card.
@@ -79,80 +109,118 @@ impl GpuBackend {
         &self.gpu
     }
 
+    /// How often steps were repeated because one of them found no room.
+    pub fn repeats(&self) -> u64 {
+        self.repeats
+    }
+
     fn scene(&self) -> Result<&SceneBuffers> {
         self.scene.as_ref().ok_or_else(|| Error::Gpu("a step without a scene".into()))
     }
 
-    /// Makes room for a step, and for what an earlier try of it `wanted`.
-    fn make_room(&mut self, plan: &StepPlan, wanted: RoomSize) -> Result<&Room> {
-        let triangles = self.scene()?.shape.triangles;
-        let needed = RoomSize::of(plan, triangles).union(wanted);
-        let room = match self.room.take() {
-            Some(room) if room.size.union(needed) == room.size => room,
-            other => {
-                let before = other.map_or_else(
-                    || RoomSize { pairs: self.first_pairs(triangles), ..RoomSize::default() },
-                    |room| room.size,
-                );
-                // What was there is gone before the new is made.
-                Room::new(&self.gpu, before.union(needed))?
-            }
+    /// Has room for `needed`.
+    fn make_room(&mut self, needed: RoomSize) -> Result<()> {
+        if self.room.as_ref().is_some_and(|room| room.size.union(needed) == room.size) {
+            return Ok(());
+        }
+        // Steps under way keep what they have until they are done, and may find that they need more.
+        self.settle_all()?;
+        let size = match self.room.take() {
+            Some(room) => room.size,
+            None => RoomSize { pairs: self.first_pairs(needed.triangles), ..RoomSize::default() },
         };
-        Ok(self.room.insert(room))
+        // What was there is gone before the new is made.
+        self.bind_groups.clear();
+        let size = size.union(needed);
+        let room = match Room::new(&self.gpu, size) {
+            // Photos are on the card only to save time.
+            Err(Error::Gpu(_)) if self.photos.give_up() => {
+                self.gpu.wait(None)?;
+                Room::new(&self.gpu, size)?
+            }
+            room => room?,
+        };
+        self.room = Some(room);
+        Ok(())
     }
 
     /// Pairs there is room for at first: not more than the card can bind.
     fn first_pairs(&self, triangles: u32) -> u32 {
-        let (each, least) = FIRST_PAIRS;
+        let GpuLimits { pairs_each, pairs_least, .. } = self.limits;
         let limit = self.gpu.device.limits().max_storage_buffer_binding_size;
         let most = limit / (4 * u64::from(super::uniform::GEOMETRY_SLOT_NUMBERS));
-        triangles.saturating_mul(each).max(least).min(u32::try_from(most).unwrap_or(u32::MAX))
+        triangles.saturating_mul(pairs_each).max(pairs_least).min(u32::try_from(most).unwrap_or(u32::MAX))
     }
 
-    /// Moves photo, options and what is known of the counts to the card.
-    fn upload(&mut self, photo: &StepPhoto<'_>, rates: &Rates, plan: &StepPlan) -> Result<()> {
-        let shape = self.scene()?.shape;
-        let step = StepUniform::new(plan, photo, rates, shape);
-        let mut counts = [0u32; COUNTS];
-        for (count, value) in [
-            (Count::Triangles1, shape.triangles + 1),
-            (Count::Pixels1, plan.frame_pixels() + 1),
-            (Count::PhotoTiles, tile_count(plan.photo).element_product()),
-            (Count::SceneGroups, shape.triangles.div_ceil(GROUP)),
-            (Count::FrameGroups, plan.frame_pixels().div_ceil(GROUP)),
-        ] {
-            counts[count as usize] = value;
-        }
-        pack(photo, &mut self.photo);
-        let queue = &self.gpu.queue;
-        queue.write_buffer(&self.step, 0, bytemuck::bytes_of(&step));
-        queue.write_buffer(&self.counts, 0, bytemuck::cast_slice(&counts));
-        if let Some(room) = &self.room {
-            queue.write_buffer(&room.photo, 0, bytemuck::cast_slice(&self.photo));
-        }
-        Ok(())
-    }
-
-    /// Runs all passes; returns the counts.
-    fn run(&self, rates: &Rates, plan: &StepPlan) -> Result<Vec<u32>> {
-        let (Some(room), Some(visibility)) = (&self.room, &self.visibility) else {
+    /// Gives a step to the card.
+    fn launch(&mut self, mut flight: Flight) -> Result<()> {
+        let (Some(room), Some(visibility), Some(scene)) = (&self.room, &self.visibility, &self.scene) else {
             return Err(Error::Gpu("a step without room".into()));
         };
-        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        let gpu = &self.gpu;
+        gpu.queue.write_buffer(&self.step, 0, bytemuck::bytes_of(&flight.step));
+        gpu.queue.write_buffer(&self.counts, 0, bytemuck::cast_slice(&flight.counts));
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        flight.photo.copy(gpu, &mut encoder, &room.photo);
         let step = StepPasses {
             passes: &self.passes,
-            scene: self.scene()?,
+            scene,
             visibility,
             room,
             step: &self.step,
             counts: &self.counts,
-            plan,
-            regularised: rates.beta_size > 0.0 || rates.beta_opaque > 0.0,
+            halted: &self.halted,
+            plan: &flight.plan,
+            regularised: flight.regularised,
         };
         let pass = encoder.begin_compute_pass(&Default::default());
-        step.record(&mut Sequence { gpu: &self.gpu, jobs: &self.jobs, groups: &self.groups, pass });
-        self.gpu.queue.submit([encoder.finish()]);
-        elements(&self.gpu, &self.counts, COUNTS)
+        let (jobs, groups, bind_groups) = (&self.jobs, &self.groups, &mut self.bind_groups);
+        step.record(&mut Sequence { gpu, bind_groups, jobs, groups, pass });
+        flight.readback.record(&mut encoder, &self.counts);
+        let submission = gpu.queue.submit([encoder.finish()]);
+        flight.readback.submitted(submission);
+        self.flights.push_back(flight);
+        self.gpu.check()
+    }
+
+    /// Takes the figures of the oldest step under way, if it is done, or with `wait` when it is; true when there was one. One that found
+    /// no room is under way again.
+    fn settle(&mut self, wait: bool) -> Result<bool> {
+        let Some(flight) = self.flights.front_mut() else { return Ok(false) };
+        let Some(counts) = flight.readback.take::<u32>(&self.gpu, wait)? else { return Ok(false) };
+        match more_room(&counts) {
+            Some(more) => self.repeat(more)?,
+            None => {
+                self.figures.push(flight.stats(&counts));
+                self.spare.extend(self.flights.pop_front().map(|flight| flight.readback));
+            }
+        }
+        Ok(true)
+    }
+
+    /// Waits for all steps under way.
+    fn settle_all(&mut self) -> Result<()> {
+        while !self.flights.is_empty() {
+            self.settle(true)?;
+        }
+        Ok(())
+    }
+
+    /// Repeats the steps under way, none of which did anything, with `more` room.
+    fn repeat(&mut self, more: RoomSize) -> Result<()> {
+        self.repeats += 1;
+        let mut flights = std::mem::take(&mut self.flights);
+        for later in flights.iter_mut().skip(1) {
+            later.readback.take::<u32>(&self.gpu, true)?;
+        }
+        self.make_room(more)?;
+        self.go_on();
+        flights.into_iter().try_for_each(|flight| self.launch(flight))
+    }
+
+    /// Steps do something again.
+    fn go_on(&self) {
+        self.gpu.queue.write_buffer(&self.halted, 0, &[0; 4]);
     }
 }
 
@@ -160,6 +228,7 @@ impl TrainBackend for GpuBackend {
     fn load(&mut self, state: TrainState) -> Result<()> {
         let triangles = state.params.len();
         self.scene = None;
+        self.bind_groups.clear();
         self.scene = Some(SceneBuffers::load(&self.gpu, &state)?);
         // A scene that comes back as it went has been seen as often as before.
         if self.visibility.as_ref().is_none_or(|visibility| visibility.triangles != triangles) {
@@ -169,8 +238,10 @@ impl TrainBackend for GpuBackend {
     }
 
     fn store(&mut self) -> Result<TrainState> {
+        self.settle_all()?;
         let state = self.scene()?.store(&self.gpu)?;
         self.scene = None;
+        self.bind_groups.clear();
         Ok(state)
     }
 
@@ -179,70 +250,37 @@ impl TrainBackend for GpuBackend {
     }
 
     fn take_visibility(&mut self) -> Result<BackendVisibility> {
+        self.settle_all()?;
         self.visibility.as_ref().map_or_else(|| Ok(BackendVisibility::default()), |v| v.take(&self.gpu))
     }
 
-    fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<StepStats> {
+    fn figures(&mut self, all: bool) -> Result<Vec<StepStats>> {
+        while self.settle(all)? {}
+        Ok(std::mem::take(&mut self.figures))
+    }
+
+    fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<()> {
+        let shape = self.scene()?.shape;
         let plan = StepPlan::new(photo, rates, &self.options);
-        let mut wanted = RoomSize::default();
-        loop {
-            self.make_room(&plan, wanted)?;
-            self.upload(photo, rates, &plan)?;
-            let counts = self.run(rates, &plan)?;
-            match more_room(&counts) {
-                Some(more) => wanted = wanted.union(more),
-                None => return Ok(stats(&counts, rates, &plan)),
-            }
+        self.make_room(RoomSize::of(&plan, shape.triangles, self.limits.spare_splats))?;
+        let readback = self.spare.pop().unwrap_or_else(|| Readback::new(&self.gpu, 4 * COUNTS as u64));
+        let source = self.photos.get(&self.gpu, photo);
+        self.launch(Flight::new(plan, photo, source, rates, shape, readback))?;
+        while self.flights.len() > self.limits.ahead {
+            self.settle(true)?;
         }
+        Ok(())
     }
 }
 
-/// Memory that a run takes of the card when it has grown, bytes.
-pub(in crate::train) fn expected_bytes(size: &RunSize) -> u64 {
+/// Memory that a run takes of a card with `limits` when it has grown, bytes.
+pub(in crate::train) fn expected_bytes(size: &RunSize, limits: &GpuLimits) -> u64 {
     let triangles = u32::try_from(size.triangles).unwrap_or(u32::MAX);
     let numbers = row_count((usize::from(size.sh_degree) + 1).pow(2)) as u64;
     // Parameters and two moments.
     let scene = 3 * 4 * numbers * u64::from(triangles);
-    let pairs = triangles.saturating_mul(FIRST_PAIRS.0).max(FIRST_PAIRS.1);
-    scene + RoomSize { pairs, ..RoomSize::new(triangles, size.photo, size.photo) }.bytes()
-}
-
-/// The photo as the card reads it: a pixel's colour and weight in 8 bits each, lowest first.
-fn pack(photo: &StepPhoto<'_>, out: &mut Vec<u32>) {
-    let alpha = photo.pixels.alpha.as_deref();
-    let pixel = |(i, &[r, g, b]): (usize, &[u8; 3])| {
-        u32::from_le_bytes([r, g, b, alpha.map_or(u8::MAX, |alpha| alpha[i])])
-    };
-    photo.pixels.rgb.par_iter().with_min_len(4096).enumerate().map(pixel).collect_into_vec(out);
-}
-
-/// What a step wanted and had no room for, with some to spare.
-fn more_room(counts: &[u32]) -> Option<RoomSize> {
-    let wanted = |count: Count| {
-        let n = counts[count as usize];
-        n.saturating_add(n / 4)
-    };
-    let more = RoomSize {
-        splats: wanted(Count::WantedSplats),
-        pairs: wanted(Count::WantedPairs),
-        layers: wanted(Count::WantedLayers),
-        ..RoomSize::default()
-    };
-    (more != RoomSize::default()).then_some(more)
-}
-
-fn stats(counts: &[u32], rates: &Rates, plan: &StepPlan) -> StepStats {
-    let sum = |count: Count| f64::from(f32::from_bits(counts[count as usize]));
-    let values = 3.0 * f64::from(plan.photo_pixels().max(1));
-    let means = Photometric {
-        l1: sum(Count::LossL1) / values,
-        ssim: sum(Count::LossSsim) / values,
-        mse: sum(Count::LossMse) / values,
-    };
-    StepStats {
-        loss: means.value(rates.dssim) + sum(Count::LossGeometry),
-        mse: means.mse,
-        dropped: counts[Count::Dropped as usize].into(),
-        touched: counts[Count::Touched as usize].into(),
-    }
+    let photos = (4 * size.photo_pixels).min(limits.photo_bytes);
+    let pairs = triangles.saturating_mul(limits.pairs_each).max(limits.pairs_least);
+    let room = RoomSize { pairs, ..RoomSize::new(triangles, limits.spare_splats, size.photo, size.photo) };
+    scene + photos + room.bytes()
 }

@@ -8,8 +8,11 @@
 //! bits on the same card. Parameters and moments stay on the card between `load` and `store`.
 
 mod backend;
+mod flight;
 mod job;
+mod limits;
 mod passes;
+mod photos;
 mod room;
 mod rows;
 mod scene;
@@ -20,3 +23,4 @@ mod uniform;
 
 pub use backend::GpuBackend;
 pub(super) use backend::expected_bytes;
+pub use limits::GpuLimits;

@@ -31,11 +31,11 @@ pub(super) struct RoomSize {
 }
 
 impl RoomSize {
-    /// What a plain step of `triangles` needs, for a frame and a photo of these sizes.
-    pub(super) fn new(triangles: u32, frame: UVec2, photo: UVec2) -> Self {
+    /// What a plain step of `triangles` needs, for a frame and a photo of these sizes, with `spare` splats more than a 64th of them.
+    pub(super) fn new(triangles: u32, spare: u32, frame: UVec2, photo: UVec2) -> Self {
         Self {
             triangles,
-            splats: triangles.saturating_add(triangles / 64).saturating_add(GROUP),
+            splats: triangles.saturating_add(triangles / 64).saturating_add(spare),
             pairs: 0,
             layers: 0,
             frame_pixels: frame.element_product(),
@@ -48,12 +48,12 @@ impl RoomSize {
     }
 
     /// What a step of `triangles` needs, as far as it is known before it is made.
-    pub(super) fn of(plan: &StepPlan, triangles: u32) -> Self {
+    pub(super) fn of(plan: &StepPlan, triangles: u32, spare: u32) -> Self {
         Self {
             slot_numbers: plan.slot_numbers(),
             planes: plan.by_pixel() || plan.options.geometry,
             geometry: plan.options.geometry,
-            ..Self::new(triangles, plan.camera.size, plan.photo)
+            ..Self::new(triangles, spare, plan.camera.size, plan.photo)
         }
     }
 

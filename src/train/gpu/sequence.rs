@@ -4,7 +4,8 @@ use super::job::{Groups, Job, Jobs};
 use crate::gpu::Gpu;
 use crate::gpu::compute::{Kernel, workgroups};
 use glam::UVec2;
-use wgpu::{BindingResource, Buffer, ComputePass};
+use std::collections::HashMap;
+use wgpu::{BindGroup, BindingResource, Buffer, ComputePass};
 
 /// How many workgroups a pass gets.
 #[derive(Debug, Clone, Copy)]
@@ -19,9 +20,31 @@ pub(super) enum Spread {
     Found(Groups),
 }
 
+/// Bind groups of earlier steps, by pass and buffers: making them anew takes longer than recording a step. They keep their buffers
+/// alive.
+#[derive(Debug, Default)]
+pub(super) struct BindGroups(HashMap<(&'static str, Vec<(Buffer, u64)>), BindGroup>);
+
+impl BindGroups {
+    /// Forgets them, when buffers go.
+    pub(super) fn clear(&mut self) {
+        self.0.clear();
+    }
+
+    fn get(&mut self, gpu: &Gpu, kernel: &Kernel, bindings: &[BindingResource<'_>]) -> &BindGroup {
+        let buffer = |binding: &BindingResource<'_>| match binding {
+            BindingResource::Buffer(part) => Some((part.buffer.clone(), part.offset)),
+            _ => None,
+        };
+        let key = (kernel.name(), bindings.iter().filter_map(buffer).collect());
+        self.0.entry(key).or_insert_with(|| kernel.bind(gpu, bindings))
+    }
+}
+
 /// A sequence of passes that is being recorded.
 pub(super) struct Sequence<'a> {
     pub(super) gpu: &'a Gpu,
+    pub(super) bind_groups: &'a mut BindGroups,
     pub(super) jobs: &'a Jobs,
     pub(super) groups: &'a Buffer,
     pub(super) pass: ComputePass<'a>,
@@ -45,7 +68,7 @@ impl<'a> Sequence<'a> {
             return;
         }
         self.pass.set_pipeline(kernel.pipeline());
-        self.pass.set_bind_group(0, &kernel.bind(self.gpu, bindings), &[]);
+        self.pass.set_bind_group(0, self.bind_groups.get(self.gpu, kernel, bindings), &[]);
         match spread {
             Spread::Found(groups) => {
                 self.pass.dispatch_workgroups_indirect(self.groups, groups as u64 * 12);

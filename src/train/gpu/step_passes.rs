@@ -18,6 +18,8 @@ pub(super) struct StepPasses<'a> {
     pub(super) room: &'a Room,
     pub(super) step: &'a Buffer,
     pub(super) counts: &'a Buffer,
+    /// Set when a step found no room.
+    pub(super) halted: &'a Buffer,
     pub(super) plan: &'a StepPlan,
     /// Means over the scene are needed.
     pub(super) regularised: bool,
@@ -260,6 +262,7 @@ impl StepPasses<'_> {
             all(starts),
             all(to.groups),
             all(&self.room.most),
+            all(self.halted),
         ];
         to.run(&self.passes.plan, Spread::Once, &bindings);
     }

@@ -1,5 +1,6 @@
 // How much there is to do, from what was counted: lengths for the passes that follow, and how many workgroups they get.
-// What there is no room for is not done at all; the host sees what was wanted, makes room and repeats the step.
+// What there is no room for is not done at all, nor is anything in the steps recorded after it: `halted` stays set until the host
+// sees what was wanted, makes room and repeats them all. It hears of it a few steps late.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<uniform> job: Job;
@@ -7,6 +8,7 @@
 @group(0) @binding(3) var<storage, read> starts: array<u32>;
 @group(0) @binding(4) var<storage, read_write> groups: array<u32>;
 @group(0) @binding(5) var<storage, read> room: array<u32>;
+@group(0) @binding(6) var<storage, read_write> halted: array<u32>;
 
 const MOST_ACROSS: u32 = 65535u;
 
@@ -26,8 +28,11 @@ fn plan_splats() {
     let wanted = starts[step.scene.x];
     var splats = wanted;
     counts[WANTED_SPLATS] = 0u;
-    if wanted > room[0] {
+    if halted[0] == 1u {
+        splats = 0u;
+    } else if wanted > room[0] {
         counts[WANTED_SPLATS] = wanted;
+        halted[0] = 1u;
         splats = 0u;
     }
     counts[SPLATS] = splats;
@@ -46,15 +51,14 @@ fn plan_pairs() {
     counts[WANTED_PAIRS] = 0u;
     if wanted > room[1] {
         counts[WANTED_PAIRS] = wanted;
+        halted[0] = 1u;
         pairs = 0u;
     }
     counts[PAIRS] = pairs;
     counts[PAIR_DIGITS] = digits(pairs);
     set_groups(5u, pairs, GROUP * SORT_ITEMS);
     set_groups(6u, digits(pairs), GROUP * SCAN_ITEMS);
-    // Without room nothing is updated.
-    let fits = counts[WANTED_SPLATS] == 0u && counts[WANTED_PAIRS] == 0u;
-    set_groups(7u, select(0u, step.scene.x, fits), UPDATE_GROUP);
+    set_groups(7u, select(step.scene.x, 0u, halted[0] == 1u), UPDATE_GROUP);
 }
 
 fn plan_layers() {
@@ -64,6 +68,7 @@ fn plan_layers() {
     if wanted > room[2] {
         counts[WANTED_LAYERS] = wanted;
         counts[LAYERS] = 0u;
+        halted[0] = 1u;
         set_groups(7u, 0u, UPDATE_GROUP);
     }
 }

@@ -1,0 +1,90 @@
+//! A step that was given to the card and whose figures are not known yet.
+
+use super::job::{COUNTS, Count};
+use super::photos::PhotoSource;
+use super::room::RoomSize;
+use super::source::GROUP;
+use super::uniform::{SceneShape, StepPlan, StepUniform};
+use crate::gpu::readback::Readback;
+use crate::kernel::loss::Photometric;
+use crate::raster::soft::tile_count;
+use crate::train::backend::{StepPhoto, StepStats};
+use crate::train::schedule::Rates;
+
+/// All that it takes to make a step, once or again.
+#[derive(Debug)]
+pub(super) struct Flight {
+    pub(super) plan: StepPlan,
+    pub(super) step: StepUniform,
+    /// The counts before the first pass.
+    pub(super) counts: [u32; COUNTS],
+    pub(super) photo: PhotoSource,
+    /// Means over the scene are needed.
+    pub(super) regularised: bool,
+    /// Brings the counts after the last pass.
+    pub(super) readback: Readback,
+    dssim: f64,
+}
+
+impl Flight {
+    pub(super) fn new(
+        plan: StepPlan,
+        photo: &StepPhoto<'_>,
+        source: PhotoSource,
+        rates: &Rates,
+        shape: SceneShape,
+        readback: Readback,
+    ) -> Self {
+        let mut counts = [0u32; COUNTS];
+        for (count, value) in [
+            (Count::Triangles1, shape.triangles + 1),
+            (Count::Pixels1, plan.frame_pixels() + 1),
+            (Count::PhotoTiles, tile_count(plan.photo).element_product()),
+            (Count::SceneGroups, shape.triangles.div_ceil(GROUP)),
+            (Count::FrameGroups, plan.frame_pixels().div_ceil(GROUP)),
+        ] {
+            counts[count as usize] = value;
+        }
+        Self {
+            step: StepUniform::new(&plan, photo, rates, shape),
+            counts,
+            photo: source,
+            regularised: rates.beta_size > 0.0 || rates.beta_opaque > 0.0,
+            readback,
+            dssim: rates.dssim,
+            plan,
+        }
+    }
+
+    /// Its figures, from the counts after the last pass.
+    pub(super) fn stats(&self, counts: &[u32]) -> StepStats {
+        let sum = |count: Count| f64::from(f32::from_bits(counts[count as usize]));
+        let values = 3.0 * f64::from(self.plan.photo_pixels().max(1));
+        let means = Photometric {
+            l1: sum(Count::LossL1) / values,
+            ssim: sum(Count::LossSsim) / values,
+            mse: sum(Count::LossMse) / values,
+        };
+        StepStats {
+            loss: means.value(self.dssim) + sum(Count::LossGeometry),
+            mse: means.mse,
+            dropped: counts[Count::Dropped as usize].into(),
+            touched: counts[Count::Touched as usize].into(),
+        }
+    }
+}
+
+/// What a step wanted and had no room for, with some to spare: then it did nothing.
+pub(super) fn more_room(counts: &[u32]) -> Option<RoomSize> {
+    let wanted = |count: Count| {
+        let n = counts[count as usize];
+        n.saturating_add(n / 4)
+    };
+    let more = RoomSize {
+        splats: wanted(Count::WantedSplats),
+        pairs: wanted(Count::WantedPairs),
+        layers: wanted(Count::WantedLayers),
+        ..RoomSize::default()
+    };
+    (more != RoomSize::default()).then_some(more)
+}

@@ -1,0 +1,120 @@
+//! The bits of a run do not depend on what the backend takes of the card: how far it is behind, how much room there is, whether
+//! photos stay.
+
+use super::{card, scene};
+use glam::{Mat3, Vec3};
+use trisplat::camera::Camera;
+use trisplat::image::Pixels;
+use trisplat::raster::soft::SoftOptions;
+use trisplat::train::backend::{BackendVisibility, PhotoId, StepPhoto, StepStats, TrainBackend};
+use trisplat::train::gpu::{GpuBackend, GpuLimits};
+use trisplat::train::params::TrainState;
+use trisplat::train::schedule::{Rates, Schedule};
+use trisplat::train::{TrainOptions, TrainPreset};
+
+const STEPS: usize = 9;
+const PHOTOS: usize = 3;
+
+/// Cameras that come closer: every round of them needs more room than the one before.
+fn cameras() -> Vec<Camera> {
+    let camera = |step: usize| Camera {
+        rotation: Mat3::from_rotation_y(0.4 * (step % PHOTOS) as f32),
+        translation: Vec3::new(0.0, 0.0, 8.0 - 0.8 * step as f32),
+        ..scene::camera()
+    };
+    (0..STEPS).map(camera).collect()
+}
+
+fn photos() -> Vec<Pixels> {
+    let photo = |shift: usize| {
+        let mut photo = scene::photo(shift == 1);
+        photo.rgb.rotate_left(17 * shift);
+        photo
+    };
+    (0..PHOTOS).map(photo).collect()
+}
+
+/// What a user may train with.
+struct Way {
+    name: &'static str,
+    options: SoftOptions,
+    rates: Rates,
+}
+
+fn ways() -> [Way; 3] {
+    let way = |name, change: fn(&mut TrainOptions), rates: fn(&mut Rates)| {
+        let mut options = TrainOptions::preset(TrainPreset::Outdoor);
+        change(&mut options);
+        let mut found = Schedule::new(&options).rates(1000);
+        rates(&mut found);
+        Way { name, options: options.drawing([0.3, 0.5, 0.7]), rates: found }
+    };
+    [
+        way("soft", |_| {}, |_| {}),
+        way("per pixel", |o| o.draw.sort_per_pixel = true, |_| {}),
+        way("regularised", |_| {}, |r| (r.beta_size, r.beta_opaque, r.beta_normal) = (1e-3, 1.0, 0.1)),
+    ]
+}
+
+#[derive(PartialEq, Debug)]
+struct Outcome {
+    state: TrainState,
+    figures: Vec<StepStats>,
+    weights: Vec<f32>,
+    errors: Vec<u64>,
+    views: Vec<u32>,
+}
+
+/// All steps; some figures are asked for on the way.
+fn run(backend: &mut GpuBackend, way: &Way, limits: GpuLimits) -> Outcome {
+    backend.restart(way.options, limits);
+    let mut state = scene::state(600, 1);
+    (state.pinned, state.frozen) = (10, 5);
+    backend.load(state).unwrap();
+    let (photos, mut figures) = (photos(), Vec::new());
+    for (step, camera) in cameras().iter().enumerate() {
+        let index = step % PHOTOS;
+        let id = Some(PhotoId { index, level: 0 });
+        let photo = StepPhoto { camera, pixels: &photos[index], first: step < PHOTOS, id };
+        backend.step(&photo, &way.rates).unwrap();
+        figures.extend(backend.figures(false).unwrap());
+    }
+    figures.extend(backend.figures(true).unwrap());
+    let BackendVisibility { first, error, .. } = backend.take_visibility().unwrap();
+    let state = backend.store().unwrap();
+    Outcome { state, figures, weights: first.max_weight, errors: error, views: first.views }
+}
+
+#[test]
+fn limits_change_no_bit() {
+    let Some(gpu) = card() else { return };
+    let plenty =
+        GpuLimits { ahead: 0, photo_bytes: 0, pairs_each: 64, spare_splats: 1000, ..GpuLimits::of(&gpu) };
+    let small = GpuLimits { pairs_each: 0, pairs_least: 64, spare_splats: 0, ..plenty };
+    let photo_bytes = 4 * u64::from(scene::SIZE.element_product());
+    let mut backend = GpuBackend::with_limits(gpu, SoftOptions::default(), plenty).unwrap();
+    for way in ways() {
+        // Only the layers of pixels have no room at first.
+        let before = backend.repeats();
+        let waiting = run(&mut backend, &way, plenty);
+        assert_eq!(backend.repeats() > before, way.name == "per pixel", "{}", way.name);
+        assert_eq!(waiting.figures.len(), STEPS);
+        for (name, limits) in [
+            ("late", GpuLimits { ahead: 3, ..plenty }),
+            ("all at once", GpuLimits { ahead: STEPS, ..plenty }),
+            ("little room", small),
+            ("little room, late", GpuLimits { ahead: 3, ..small }),
+            ("little room, all at once", GpuLimits { ahead: STEPS, ..small }),
+            ("photos on the card", GpuLimits { ahead: 2, photo_bytes: 3 * photo_bytes, ..plenty }),
+            ("two photos on the card", GpuLimits { ahead: 2, photo_bytes: 2 * photo_bytes, ..small }),
+        ] {
+            let before = backend.repeats();
+            let outcome = run(&mut backend, &way, limits);
+            let repeats = backend.repeats() - before;
+            eprintln!("{}, {name}: repeated {repeats} times", way.name);
+            assert!(repeats > 1 || limits.pairs_least > 64, "{}, {name}: {repeats}", way.name);
+            assert_eq!(outcome.figures, waiting.figures, "{}, {name}", way.name);
+            assert!(outcome == waiting, "{}, {name}: other bits", way.name);
+        }
+    }
+}
