@@ -158,7 +158,18 @@ else
     echo 'NOT CHECKED: godot3-server is not among the packages of this system'
 fi
 
-if [ -x "$judges/godot4" ]; then required=$required,godot4; fi # by tests/godot4.sh
+# By tests/godot4.sh.
+if [ -x "$judges/godot4" ]; then required=$required,godot4; fi
+if [ -x "$judges/godot4-screen" ]; then required=$required,godot4-screen; fi
+
+section 'a compiler for C#'
+if ! has mcs && has apt-get && apt-cache show mono-mcs >/dev/null 2>&1; then apt_install 'scripts for Unity' mono-mcs; fi
+if has mcs; then
+    required=$required,mcs
+    mcs --version
+else
+    echo 'NOT CHECKED: mono-mcs is not among the packages of this system'
+fi
 
 section 'examples in the documentation'
 cargo test --doc --all-features || fail 'examples failed'

@@ -13,6 +13,7 @@ mod gaussians;
 pub mod gltf;
 pub mod html;
 pub mod info;
+pub mod levels;
 mod lines;
 pub mod obj;
 pub mod off;
