@@ -38,14 +38,33 @@ pub struct OutputOptions {
     #[cfg_attr(feature = "cli", arg(long, default_value_t = OutputOptions::DEFAULT.allow_huge, num_args = 0..=1, require_equals = true,
           default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL"))]
     pub allow_huge: bool,
+    /// 3D Tiles: most tiles in one tileset.json, 5 or more; of a larger tree, parts become tilesets of their own, which viewers load when
+    /// they come near
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = OutputOptions::DEFAULT.tileset_tiles, value_name = "N"))]
+    #[schemars(range(min = 5))]
+    pub tileset_tiles: u32,
 }
 
 impl OutputOptions {
     /// Plain glTF for every viewer.
-    pub const DEFAULT: Self =
-        Self { target: OutputTarget::Gltf, compress: false, ply_face_colors: false, allow_huge: false };
+    pub const DEFAULT: Self = Self {
+        target: OutputTarget::Gltf,
+        compress: false,
+        ply_face_colors: false,
+        allow_huge: false,
+        tileset_tiles: 10_000,
+    };
     /// Quantised and compressed where the target reads it.
     pub const SMALL: Self = Self { compress: true, ..Self::DEFAULT };
+
+    /// Checks the range of what has one.
+    pub fn validate(&self) -> Result<()> {
+        match self.tileset_tiles {
+            // A tile and the four below it.
+            0..5 => Err(Error::invalid("tileset_tiles", self.tileset_tiles, "5 or more")),
+            _ => Ok(()),
+        }
+    }
 
     /// How the target wants its glTF; what the user should know goes into `details`.
     pub(crate) fn encoding(&self, details: &mut WriteDetails) -> GltfOptions {
@@ -329,7 +348,8 @@ impl SetWriter<'_> {
     fn tiles(&mut self, asset: &Asset, output: &Output, details: &mut WriteDetails) -> Result<TileFiles> {
         let mut file = self.started.take(&output.main)?;
         let encoding = self.options.encoding(details);
-        let (tiles, text) = TileFiles::write(&output.main, asset, &encoding, file.is_dry())?;
+        let (tiles, text) =
+            TileFiles::write(&output.main, asset, &encoding, self.options.tileset_tiles, file.is_dry())?;
         file.write_all(text.as_bytes()).map_err(|e| Error::io(&output.main, e))?;
         self.written.push(file);
         Ok(tiles)
