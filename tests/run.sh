@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Installs the outside judges and runs the whole suite with every one of them required.
 # Usage: tests/run.sh [arguments of the test runner]
+# With TRISPLAT_PYTHON set it builds and tests the Python module too, which compiles the library once more.
 #
 # Needs Rust. On Debian and Ubuntu it installs what else is missing with apt, as root or through sudo;
 # elsewhere it names it. Judges land in target/judges and nowhere else; when all is there it just tests.
@@ -16,6 +17,7 @@ PLAYWRIGHT=1.65.1
 F3D=4.0.0
 TILES=0.5.3
 BABYLON=9.28.0
+MATURIN=1.16.0
 judges=target/judges
 python=$judges/venv/bin/python
 
@@ -169,6 +171,12 @@ if has mcs; then
     mcs --version
 else
     echo 'NOT CHECKED: mono-mcs is not among the packages of this system'
+fi
+
+if [ -n "${TRISPLAT_PYTHON:-}" ]; then
+    section 'maturin'
+    "$python" -m pip install --quiet --disable-pip-version-check "maturin==$MATURIN" || fail "pip could not install maturin $MATURIN"
+    echo "maturin $MATURIN"
 fi
 
 section 'examples in the documentation'
