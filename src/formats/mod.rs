@@ -27,6 +27,8 @@ mod source;
 pub mod target;
 pub mod tiles;
 pub mod tileset;
+pub mod tileset_info;
+mod tileset_json;
 mod write;
 
 pub use faces::MAX_CORNERS;

@@ -3,10 +3,10 @@
 use super::findings::{Finding, Findings, Severity};
 use crate::error::{Error, Result};
 use crate::formats::gltf::uri;
+use crate::formats::tileset_json::{Content, Tile, Tileset, is_json};
 use crate::input;
 use crate::limits::Limits;
 use glam::{DMat4, DVec3, Vec3};
-use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -20,44 +20,6 @@ pub(super) struct CheckedTile {
     pub(super) findings: Vec<Finding>,
     /// Lowest and highest corner of its triangles, backdrop excluded, as its file has them.
     pub(super) bounds: Option<[Vec3; 2]>,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-struct Tileset {
-    asset: Asset,
-    geometric_error: f64,
-    root: Tile,
-}
-
-#[derive(Deserialize)]
-struct Asset {
-    version: String,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-struct Tile {
-    bounding_volume: Volume,
-    geometric_error: f64,
-    refine: Option<String>,
-    transform: Option<[f64; 16]>,
-    content: Option<Content>,
-    #[serde(default)]
-    contents: Vec<Content>,
-    #[serde(default)]
-    children: Vec<Tile>,
-}
-
-#[derive(Deserialize)]
-struct Volume {
-    #[serde(rename = "box")]
-    around: Option<[f64; 12]>,
-}
-
-#[derive(Deserialize)]
-struct Content {
-    uri: String,
 }
 
 /// Checks the tileset at `path`, of which `json` is the text; `check_file` checks a tile, those outside its folder with `allow_outside` only. Returns the triangles in all its files, when all
@@ -249,7 +211,7 @@ impl Tree<'_> {
         if !file.is_file() {
             return none(Severity::Error, format!("names {name}, which is not there: {}", file.display()));
         }
-        if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
+        if is_json(name) {
             self.tiles.insert(name.to_owned(), TileFile { triangles: Some(0), bounds: None });
             return self.part(&file, name, tile);
         }
