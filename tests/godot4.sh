@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Installs Godot 4 as one more judge; from then on tests/run.sh asks it too. Usage: tests/godot4.sh
 #
-# Stable Debian has no Godot 4, so this makes a root folder of Debian's development branch below
-# target/judges: as root, on Debian, in about a minute and 700 MB. Not part of CI, as that branch moves.
+# Stable Debian has no Godot 4, so this makes a root folder of Debian's development branch below target/judges: as root, on Debian, in one to
+# three minutes and 1 GB, with a graphics card and a screen in software. Not part of CI, as that branch moves.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 exec </dev/null
@@ -20,17 +20,27 @@ if ! [ -x "$root/usr/bin/godot" ]; then
     chroot "$root" apt-get install -y --no-install-recommends godot >>"$judges/godot4.log"
     chroot "$root" apt-get clean
 fi
+if ! [ -x "$root/usr/bin/xvfb-run" ]; then
+    chroot "$root" apt-get install -y --no-install-recommends \
+        xvfb xauth mesa-vulkan-drivers libvulkan1 libgl1-mesa-dri libgl1 libegl1 libgles2 >>"$judges/godot4.log"
+    chroot "$root" apt-get clean
+fi
 
-# godot4 PROJECT [ARGUMENTS]: Godot on a folder, which is moved into its root and back.
-cat >"$judges/godot4" <<EOF
+# judge NAME COMMAND: makes `NAME PROJECT [ARGUMENTS]`, Godot on a folder, which is moved into its root and back.
+judge() {
+    cat >"$judges/$1" <<EOF
 #!/bin/sh
 set -e
 project=\$(realpath "\$1"); shift
 inside=\$(mktemp -d "$root/tmp/project.XXXXXX")
 trap 'rm -rf "\$inside"' EXIT
 cp -a "\$project/." "\$inside"
-chroot "$root" env HOME=/tmp godot --headless --path "/tmp/\${inside##*/}" "\$@" </dev/null
+chroot "$root" env HOME=/tmp $2 --path "/tmp/\${inside##*/}" "\$@" </dev/null
 cp -a "\$inside/." "\$project"
 EOF
-chmod +x "$judges/godot4"
+    chmod +x "$judges/$1"
+}
+judge godot4 'godot --headless'
+# With a window, so that it draws.
+judge godot4-screen "xvfb-run -a -s '-screen 0 1280x1024x24 +extension GLX' godot --audio-driver Dummy"
 chroot "$root" godot --version

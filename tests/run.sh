@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Installs the outside judges and runs the whole suite with every one of them required.
 # Usage: tests/run.sh [arguments of the test runner]
+# With TRISPLAT_PYTHON set it builds and tests the Python module too, which compiles the library once more.
 #
 # Needs Rust. On Debian and Ubuntu it installs what else is missing with apt, as root or through sudo;
 # elsewhere it names it. Judges land in target/judges and nowhere else; when all is there it just tests.
@@ -16,6 +17,7 @@ PLAYWRIGHT=1.65.1
 F3D=4.0.0
 TILES=0.5.3
 BABYLON=9.28.0
+MATURIN=1.16.0
 judges=target/judges
 python=$judges/venv/bin/python
 
@@ -158,7 +160,24 @@ else
     echo 'NOT CHECKED: godot3-server is not among the packages of this system'
 fi
 
-if [ -x "$judges/godot4" ]; then required=$required,godot4; fi # by tests/godot4.sh
+# By tests/godot4.sh.
+if [ -x "$judges/godot4" ]; then required=$required,godot4; fi
+if [ -x "$judges/godot4-screen" ]; then required=$required,godot4-screen; fi
+
+section 'a compiler for C#'
+if ! has mcs && has apt-get && apt-cache show mono-mcs >/dev/null 2>&1; then apt_install 'scripts for Unity' mono-mcs; fi
+if has mcs; then
+    required=$required,mcs
+    mcs --version
+else
+    echo 'NOT CHECKED: mono-mcs is not among the packages of this system'
+fi
+
+if [ -n "${TRISPLAT_PYTHON:-}" ]; then
+    section 'maturin'
+    "$python" -m pip install --quiet --disable-pip-version-check "maturin==$MATURIN" || fail "pip could not install maturin $MATURIN"
+    echo "maturin $MATURIN"
+fi
 
 section 'examples in the documentation'
 cargo test --doc --all-features || fail 'examples failed'

@@ -22,7 +22,8 @@ const MOST_LEVELS: usize = 8;
 #[serde(deny_unknown_fields, default)]
 pub struct LodOptions {
     /// Write levels of detail too, each with this share of the triangles, as in 0.5,0.25,0.125: OUT.lod1.glb and so
-    /// on, and OUT.tileset.json (3D Tiles 1.1) that names them all
+    /// on, and OUT.tileset.json (3D Tiles 1.1) that names them all; for the targets godot, unity and unreal also OUT.lod.tscn, .cs or
+    /// .py, with which the engine draws each where it suffices
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARES", value_delimiter = ','))]
     pub lod: Vec<f64>,
 }

@@ -193,6 +193,7 @@ impl BakeOptions {
             let wants = "nothing: `tiles` makes levels of its own";
             return Err(Error::invalid("lod", "given with `tiles`", wants));
         }
+        self.output.validate()?;
         self.place.validate()
     }
 }

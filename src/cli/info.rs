@@ -1,23 +1,24 @@
 //! `trisplat info FILE`: what is in a file of any format, or in a data set.
 
 use super::progress::thousands;
-use super::{files, info_dataset, messages};
+use super::{files, info_dataset, info_tileset, messages};
 use crate::bake::prune::{PruneDetails, PruneOptions, prune};
 use crate::bake::solid::SolidOptions;
 use crate::bake::teacher::softness;
 use crate::dataset::DatasetOptions;
 use crate::error::{Error, Result};
 use crate::formats::info::{BakeInfo, Distribution, HistogramBin, Info, SceneKind, Softness, info};
+use crate::formats::tileset_info::tileset_info;
 use crate::report::{self, Outcome};
 use crate::scene::Loaded;
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What to describe.
 #[derive(Debug, clap::Args)]
 pub struct InfoArgs {
     /// Soup or mesh to describe: .ply, .pt, .off, .obj, .glb or .gltf; "-" is standard input.
-    /// Or a data set: a folder of posed photos, or a transforms.json.
+    /// Or a data set: a folder of posed photos, or a transforms.json. Or a .tileset.json, and the tilesets that it names.
     #[arg(value_name = "FILE")]
     pub input: PathBuf,
     /// Print JSON (`trisplat schema info` describes it).
@@ -30,6 +31,13 @@ pub struct InfoArgs {
 
 /// Describes the file on `out`.
 pub fn run(args: &InfoArgs, out: &mut dyn Write) -> Result<()> {
+    let how = &args.dataset_options;
+    if args.input.is_file()
+        && has_ending(&args.input, "json")
+        && let Some(info) = tileset_info(&args.input, &how.limits, how.allow_outside)?
+    {
+        return info_tileset::run(&info, args.json, out);
+    }
     if info_dataset::is_dataset(&args.input) {
         return info_dataset::run(&args.input, &args.dataset_options, args.json, out);
     }
@@ -38,6 +46,10 @@ pub fn run(args: &InfoArgs, out: &mut dyn Write) -> Result<()> {
     info.bake = would_bake(loaded);
     let printed = if args.json { files::print_json(&info, out) } else { print(&info, out) };
     printed.map_err(|e| Error::io("-", e))
+}
+
+fn has_ending(path: &Path, ending: &str) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending))
 }
 
 /// What the default bake would keep; none when its first stage fails.

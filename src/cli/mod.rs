@@ -17,6 +17,7 @@ pub mod global;
 mod harden;
 pub mod info;
 pub mod info_dataset;
+mod info_tileset;
 pub mod layers;
 pub mod man;
 pub mod merge;

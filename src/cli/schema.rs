@@ -18,6 +18,7 @@ use crate::formats::bvh::BvhHeader;
 use crate::formats::check::Checked;
 use crate::formats::info::Info;
 use crate::formats::output::WriteDetails;
+use crate::formats::tileset_info::TilesetInfo;
 use crate::report::{Report, stage_schema};
 use crate::scale::Manifest;
 use crate::scale::merge::MergeReport;
@@ -47,6 +48,8 @@ pub enum SchemaName {
     Info,
     /// What `trisplat info --json` prints of a data set.
     Dataset,
+    /// What `trisplat info --json` prints of a tileset.
+    Tileset,
     /// The file `manifest.json` written by `trisplat plan`.
     Plan,
     /// The file written by `trisplat train --block` beside a block.
@@ -79,6 +82,7 @@ impl SchemaName {
             SchemaName::Report => report_schema(),
             SchemaName::Info => schemars::schema_for!(Info),
             SchemaName::Dataset => schemars::schema_for!(Description),
+            SchemaName::Tileset => schemars::schema_for!(TilesetInfo),
             SchemaName::Plan => schemars::schema_for!(Manifest),
             SchemaName::Block => schemars::schema_for!(BlockFigures),
             SchemaName::Merge => schemars::schema_for!(MergeReport),

@@ -65,8 +65,13 @@ pub fn check(path: &Path, options: &ReadOptions) -> Result<Checked> {
                 let format = detect(&mut source)?;
                 check_file(tile, format, source, options)
             };
-            let triangles =
-                tileset::check(path, &json, options.allow_outside, &mut check_file, &mut findings)?;
+            let triangles = tileset::check(
+                path,
+                &json,
+                (&options.limits, options.allow_outside),
+                &mut check_file,
+                &mut findings,
+            )?;
             Ok(Checked { path: shown, format: Format::Tileset, triangles, findings: findings.list })
         }
     }

@@ -26,7 +26,7 @@ pub(crate) fn refusal(path: &Path, json: &[u8]) -> Option<Error> {
         return Some(gaussians::refusal(path, "SOG"));
     }
     is_tileset_json(json).then(|| {
-        let reason = "is a tileset (3D Tiles), a list of files with tiles: `trisplat validate` checks it and all of them; to read a scene \
+        let reason = "is a tileset (3D Tiles), a list of files with tiles: `trisplat info` counts them, `trisplat validate` checks it and all of them; to read a scene \
                       give one of the files it names, or what it was baked from";
         Error::unsupported(path, reason)
     })

@@ -13,6 +13,7 @@ mod gaussians;
 pub mod gltf;
 pub mod html;
 pub mod info;
+pub mod levels;
 mod lines;
 pub mod obj;
 pub mod off;
@@ -26,6 +27,8 @@ mod source;
 pub mod target;
 pub mod tiles;
 pub mod tileset;
+pub mod tileset_info;
+mod tileset_json;
 mod write;
 
 pub use faces::MAX_CORNERS;

@@ -1,15 +1,15 @@
 //! Writes an asset to whichever files its format needs: planned first, then written, then renamed at once.
 
 mod beside;
+mod of_levels;
 mod stale;
 
 use super::gltf::GltfOptions;
-use super::gltf::uri;
+use super::levels::EngineLevels;
 use super::target::OutputTarget;
 use super::tiles::{self, TileFiles};
-use super::tileset::{self, TilesetTile};
 use super::{bvh, gltf, html, obj, ply};
-use crate::asset::{Asset, Provenance, Tile};
+use crate::asset::{Asset, Provenance};
 use crate::atomic::{AtomicFile, publish};
 use crate::error::{Error, Result};
 use crate::report::{Observer, Outcome, OutputReport, Report, StageDetails};
@@ -38,14 +38,33 @@ pub struct OutputOptions {
     #[cfg_attr(feature = "cli", arg(long, default_value_t = OutputOptions::DEFAULT.allow_huge, num_args = 0..=1, require_equals = true,
           default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL"))]
     pub allow_huge: bool,
+    /// 3D Tiles: most tiles in one tileset.json, 5 or more; of a larger tree, parts become tilesets of their own, which viewers load when
+    /// they come near
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = OutputOptions::DEFAULT.tileset_tiles, value_name = "N"))]
+    #[schemars(range(min = 5))]
+    pub tileset_tiles: u32,
 }
 
 impl OutputOptions {
     /// Plain glTF for every viewer.
-    pub const DEFAULT: Self =
-        Self { target: OutputTarget::Gltf, compress: false, ply_face_colors: false, allow_huge: false };
+    pub const DEFAULT: Self = Self {
+        target: OutputTarget::Gltf,
+        compress: false,
+        ply_face_colors: false,
+        allow_huge: false,
+        tileset_tiles: 10_000,
+    };
     /// Quantised and compressed where the target reads it.
     pub const SMALL: Self = Self { compress: true, ..Self::DEFAULT };
+
+    /// Checks the range of what has one.
+    pub fn validate(&self) -> Result<()> {
+        match self.tileset_tiles {
+            // A tile and the four below it.
+            0..5 => Err(Error::invalid("tileset_tiles", self.tileset_tiles, "5 or more")),
+            _ => Ok(()),
+        }
+    }
 
     /// How the target wants its glTF; what the user should know goes into `details`.
     pub(crate) fn encoding(&self, details: &mut WriteDetails) -> GltfOptions {
@@ -158,6 +177,8 @@ pub struct Output {
     levels: Vec<Output>,
     /// Names all levels.
     tileset: Option<PathBuf>,
+    /// Tells an engine where to draw which.
+    engine_levels: Option<(PathBuf, EngineLevels)>,
 }
 
 impl Output {
@@ -204,15 +225,16 @@ impl Output {
             collision: None,
             levels: Vec::new(),
             tileset: None,
+            engine_levels: None,
         })
     }
 
     /// Every file that will be written.
     pub fn paths(&self) -> impl Iterator<Item = &Path> {
         self.parts().flat_map(|output| {
-            let rest =
-                [output.second.as_deref(), output.import(), output.bvh.as_deref(), output.tileset.as_deref()];
-            std::iter::once(output.main.as_path()).chain(rest.into_iter().flatten())
+            let rest = [output.second.as_deref(), output.import(), output.bvh.as_deref()];
+            let all = rest.into_iter().chain(output.of_levels());
+            std::iter::once(output.main.as_path()).chain(all.flatten())
         })
     }
 
@@ -231,7 +253,7 @@ impl Output {
         let beside =
             self.parts().flat_map(|part| [part.second.as_deref(), part.import(), part.bvh.as_deref()]);
         let parts = self.parts().skip(1).map(|part| Some(part.main.as_path()));
-        let last = [Some(self.main.as_path()), self.tileset.as_deref()];
+        let last = std::iter::once(Some(self.main.as_path())).chain(self.of_levels());
         beside.chain(parts).chain(last).flatten().collect()
     }
 
@@ -326,7 +348,8 @@ impl SetWriter<'_> {
     fn tiles(&mut self, asset: &Asset, output: &Output, details: &mut WriteDetails) -> Result<TileFiles> {
         let mut file = self.started.take(&output.main)?;
         let encoding = self.options.encoding(details);
-        let (tiles, text) = TileFiles::write(&output.main, asset, &encoding, file.is_dry())?;
+        let (tiles, text) =
+            TileFiles::write(&output.main, asset, &encoding, self.options.tileset_tiles, file.is_dry())?;
         file.write_all(text.as_bytes()).map_err(|e| Error::io(&output.main, e))?;
         self.written.push(file);
         Ok(tiles)
@@ -352,7 +375,11 @@ impl SetWriter<'_> {
             warnings.extend(self.one(asset, output, &mut quiet)?);
         }
         if let Some(path) = &output.tileset {
-            self.text(path, &tileset_of(asset, output))?;
+            self.text(path, &output.tileset_text(asset))?;
+        }
+        if let Some((path, kind)) = &output.engine_levels {
+            self.text(path, &output.engine_text(*kind, asset)?)?;
+            warnings.extend(output.engine_warning(*kind, asset));
         }
         Ok(warnings)
     }
@@ -381,20 +408,6 @@ impl SetWriter<'_> {
         self.written.push(file);
         Ok(())
     }
-}
-
-/// The tileset of an asset and its levels.
-fn tileset_of(asset: &Asset, output: &Output) -> String {
-    let pairs = std::iter::once((asset, output)).chain(asset.levels.iter().zip(&output.levels));
-    let level = |(i, (asset, output)): (usize, (&Asset, &Output))| {
-        let name = output.main.file_name().unwrap_or_default().to_string_lossy();
-        let bounds = tileset::bounds(&asset.mesh, asset.scene_faces());
-        let error = if i == 0 { 0.0 } else { Tile::error_of(&asset.mesh) };
-        let uri = Some(uri::from_file_name(&name));
-        TilesetTile { uri, bounds, error, replaced: true, children: Vec::new() }
-    };
-    let root = TilesetTile::chain(pairs.enumerate().map(level));
-    root.map_or_else(String::new, |root| tileset::json(&root, &crate::report::generator()))
 }
 
 /// Encodes the asset in its format; returns warnings for the user.

@@ -3,6 +3,7 @@
 //! `docs/engines.md` gives the reasons and the steps to take in each engine.
 
 use super::gltf::{ColorEncoding, GltfOptions, PositionEncoding};
+use super::levels::EngineLevels;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -57,6 +58,8 @@ struct TargetRow {
     material: &'static str,
     /// Name of a node that is collided with and not drawn, where a name can say so.
     collision: Option<&'static str>,
+    /// The file that tells where levels of detail are drawn, where there is one.
+    levels: Option<EngineLevels>,
     small: SmallFile,
     notes: &'static [&'static str],
     /// Added when the file is made small.
@@ -76,6 +79,7 @@ impl OutputTarget {
             colors: LINEAR,
             material: "trisplat",
             collision: None,
+            levels: None,
             small,
             notes: &[],
             small_notes: &[],
@@ -92,6 +96,7 @@ impl OutputTarget {
                 colors: ColorEncoding::U8Srgb,
                 material: GODOT_MATERIAL,
                 collision: Some(GODOT_COLLISION),
+                levels: Some(EngineLevels::GodotScene),
                 notes: &["vertex colours are sRGB codes; other viewers show this file washed out"],
                 ..plain("godot", SmallFile::No("its importer refuses quantised and compressed meshes"))
             },
@@ -106,10 +111,12 @@ impl OutputTarget {
                 ..plain("godot3", SmallFile::No("a compressed mesh comes in empty"))
             },
             OutputTarget::Unity => TargetRow {
+                levels: Some(EngineLevels::UnityScript),
                 small_notes: &["meshopt is left out: it needs one more Unity package"],
                 ..plain("unity", SmallFile::Quantised)
             },
             OutputTarget::Unreal => TargetRow {
+                levels: Some(EngineLevels::UnrealScript),
                 notes: &["the material needs a Vertex Color node (docs/engines.md)"],
                 ..plain(
                     "unreal",
@@ -164,6 +171,11 @@ impl OutputTarget {
     /// Whether the target's glTF has a node for what to collide with; for others it is a file beside the scene.
     pub fn has_collision_node(self) -> bool {
         self.row().collision.is_some()
+    }
+
+    /// The file that tells the engine where to draw which level of detail, where there is one.
+    pub fn levels(self) -> Option<EngineLevels> {
+        self.row().levels
     }
 
     /// Name and content of the file that goes beside `glb_file_name`, where the engine wants one.
@@ -245,6 +257,13 @@ mod tests {
                 assert!(note.starts_with(&format!("{name}: ")), "{note}");
             }
         }
+    }
+
+    #[test]
+    fn engines_with_levels_of_their_own_get_a_file_for_them() {
+        let kinds = OutputTarget::value_variants().iter().filter_map(|target| target.levels());
+        assert_eq!(kinds.collect::<Vec<_>>(), EngineLevels::ALL);
+        assert_eq!(OutputTarget::Godot.levels().map(EngineLevels::ending), Some("lod.tscn"));
     }
 
     #[test]

@@ -1,6 +1,7 @@
-//! The files of a scene in tiles: OUT.tileset.json, and a folder OUT.tiles with one GLB for each tile.
+//! The files of a scene in tiles: OUT.tileset.json, and a folder OUT.tiles with one GLB for each tile and the tilesets of parts of a tree that
+//! is too large for one.
 //!
-//! A tile's name holds a hash of its bytes. So an old tileset keeps its tiles until the new one has its name, a tile that did
+//! A file's name in the folder holds a hash of its bytes. So an old tileset keeps its tiles until the new one has its name, a tile that did
 //! not change keeps its name, and a cache may keep what it has for ever.
 
 use super::gltf::{GltfOptions, to_glb_bytes, uri};
@@ -37,19 +38,21 @@ pub struct TilesetWriter {
     file: AtomicFile,
     files: TileFiles,
     options: GltfOptions,
+    /// Most tiles in one tileset.
+    most_tiles: u32,
 }
 
 impl TilesetWriter {
-    /// Begins the tileset `path`; its tiles are encoded as `options` say.
+    /// Begins the tileset `path` of at most `most_tiles` tiles in a file; its tiles are encoded as `options` say.
     ///
     /// Errors: a name that is none of a tileset; what the operating system refuses.
-    pub fn start(path: &Path, options: GltfOptions) -> Result<Self> {
+    pub fn start(path: &Path, options: GltfOptions, most_tiles: u32) -> Result<Self> {
         if !is_tileset(path) {
             return Err(Error::invalid("output", path.display(), "a name ending in tileset.json"));
         }
         let file = AtomicFile::create(path)?;
         let files = TileFiles::new(path, false)?;
-        Ok(Self { path: path.to_owned(), file, files, options })
+        Ok(Self { path: path.to_owned(), file, files, options, most_tiles })
     }
 
     /// Writes the tiles of block `index`.
@@ -82,8 +85,8 @@ impl TilesetWriter {
     /// Writes the tileset itself; returns the folder of the tiles, and the bytes of these.
     ///
     /// Errors: what the operating system refuses.
-    pub fn finish(mut self, root: &TilesetTile) -> Result<(PathBuf, u64)> {
-        let text = tileset::json(root, &crate::report::generator());
+    pub fn finish(mut self, root: TilesetTile) -> Result<(PathBuf, u64)> {
+        let text = self.files.tileset(root, self.most_tiles)?;
         self.file.write_all(text.as_bytes()).map_err(|e| Error::io(&self.path, e))?;
         self.file.commit()?;
         Ok(self.files.keep())
@@ -108,13 +111,14 @@ pub(super) struct TileFiles {
 }
 
 impl TileFiles {
-    /// Writes all tiles of an asset; returns them and the text of the tileset.
+    /// Writes all tiles of an asset; returns them and the text of the tileset, which holds at most `most_tiles` of them.
     ///
     /// Errors: an asset that was not cut into tiles; what the operating system refuses.
     pub(super) fn write(
         tileset: &Path,
         asset: &Asset,
         options: &GltfOptions,
+        most_tiles: u32,
         dry: bool,
     ) -> Result<(Self, String)> {
         let root = asset.tiles.as_ref().ok_or_else(|| not_cut(tileset))?;
@@ -128,7 +132,19 @@ impl TileFiles {
             let error = bounds.map_or(0.0, |[low, high]| (high - low).length());
             root = TilesetTile { uri, bounds, error, replaced: false, children: vec![root] };
         }
-        Ok((files, tileset::json(&root, &crate::report::generator())))
+        let text = files.tileset(root, most_tiles)?;
+        Ok((files, text))
+    }
+
+    /// The text of the tileset; parts of it are written into tilesets of their own so that none holds more than `most_tiles` tiles.
+    fn tileset(&mut self, root: TilesetTile, most_tiles: u32) -> Result<String> {
+        let generator = crate::report::generator();
+        let folder = self.address("");
+        let mut save = |place: &str, part: TilesetTile| {
+            let text = tileset::json(&part.beside(&folder), &generator);
+            self.put(&format!("set{place}"), "json", text.as_bytes())
+        };
+        Ok(tileset::json(&root.split(most_tiles as usize, &mut save)?, &generator))
     }
 
     fn new(tileset: &Path, dry: bool) -> Result<Self> {
@@ -161,20 +177,29 @@ impl TileFiles {
 
     /// Writes one file; returns its name relative to the tileset.
     fn save(&mut self, name: &str, asset: &Asset, options: &GltfOptions) -> Result<String> {
-        let bytes = to_glb_bytes(asset, options)?;
-        let name = format!("{name}-{:016x}.glb", xxh3_64(&bytes));
+        self.put(name, "glb", &to_glb_bytes(asset, options)?)
+    }
+
+    /// Writes one file, unless it is there; returns its name relative to the tileset.
+    fn put(&mut self, name: &str, ending: &str, bytes: &[u8]) -> Result<String> {
+        let name = format!("{name}-{:016x}.{ending}", xxh3_64(bytes));
         let path = self.folder.join(&name);
         self.bytes += bytes.len() as u64;
         if !self.dry && !path.exists() {
             let mut file = AtomicFile::create(&path)?;
-            file.write_all(&bytes).map_err(|e| Error::io(&path, e))?;
+            file.write_all(bytes).map_err(|e| Error::io(&path, e))?;
             self.new.push(path);
             file.commit()?;
         }
-        let folder = self.folder.file_name().unwrap_or_default().to_string_lossy();
-        let uri = format!("{}/{name}", uri::from_file_name(&folder));
+        let uri = self.address(&name);
         self.names.insert(name);
         Ok(uri)
+    }
+
+    /// A file of the folder relative to the tileset.
+    fn address(&self, name: &str) -> String {
+        let folder = self.folder.file_name().unwrap_or_default().to_string_lossy();
+        format!("{}/{name}", uri::from_file_name(&folder))
     }
 
     /// The tileset that names them is there: keeps them, and removes tiles of an earlier one. Returns their folder and
@@ -203,17 +228,24 @@ impl Drop for TileFiles {
 
 /// Whether a file of this name is one of ours: its place in the tree, of the scene or of a block of it, and a hash.
 fn is_tile(name: &str) -> bool {
-    let Some((place, hash)) = name.strip_suffix(".glb").and_then(|name| name.rsplit_once('-')) else {
+    let named = name.strip_suffix(".glb").map(|name| (name, false));
+    let named = named.or_else(|| name.strip_suffix(".json").map(|name| (name, true)));
+    let Some(((place, hash), is_set)) =
+        named.and_then(|(name, is_set)| Some((name.rsplit_once('-')?, is_set)))
+    else {
         return false;
     };
+    let hashed = hash.len() == 16 && hash.bytes().all(|b| b.is_ascii_hexdigit());
+    if is_set {
+        let part = place.strip_prefix("set");
+        return hashed && part.is_some_and(|part| part.bytes().all(|b| b == b'.' || b.is_ascii_digit()));
+    }
     let block = place.strip_prefix('b').map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit()));
     let in_tree = block
         .unwrap_or(place)
         .strip_prefix('r')
         .is_some_and(|digits| digits.bytes().all(|b| (b'0'..b'4').contains(&b)));
-    (in_tree || place == "backdrop" || place == "shell")
-        && hash.len() == 16
-        && hash.bytes().all(|b| b.is_ascii_hexdigit())
+    (in_tree || place == "backdrop" || place == "shell") && hashed
 }
 
 #[cfg(test)]
@@ -231,6 +263,7 @@ mod tests {
         assert!(!is_tileset(Path::new("a.json")) && !is_tileset(Path::new("mytileset.json")));
         assert!(is_tile("r-0123456789abcdef.glb") && is_tile("r0123-0123456789abcdef.glb"));
         assert!(is_tile("backdrop-0123456789abcdef.glb") && is_tile("b17r02-0123456789abcdef.glb"));
+        assert!(is_tile("set0.12-0123456789abcdef.json") && !is_tile("settings-0123456789abcdef.json"));
         for other in
             ["r-0123.glb", "r4-0123456789abcdef.glb", "robot.glb", "r0-0123456789abcdeg.glb", "r0.bin"]
         {

@@ -1,5 +1,6 @@
-//! 3D Tiles 1.1: one JSON file that names pieces of a scene, or all its levels of detail, each replacing a coarser one.
+//! 3D Tiles 1.1: a JSON file that names pieces of a scene, or all its levels of detail, each replacing a coarser one.
 
+use crate::error::Result;
 use crate::mesh::Mesh;
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -29,6 +30,58 @@ impl TilesetTile {
         })
     }
 
+    /// The same with parts in tilesets of their own, so that none holds more than `most` tiles, as long as no tile has so many children.
+    /// `save` writes one, of its place in the tree, and returns its address.
+    ///
+    /// Errors: those of `save`.
+    pub fn split(self, most: usize, save: &mut dyn FnMut(&str, Self) -> Result<String>) -> Result<Self> {
+        Ok(self.part("", most, save)?.0)
+    }
+
+    /// The tile with what is below it, and the number of tiles that are left in its file.
+    fn part(
+        mut self,
+        place: &str,
+        most: usize,
+        save: &mut dyn FnMut(&str, Self) -> Result<String>,
+    ) -> Result<(Self, usize)> {
+        let below = |i: usize| if place.is_empty() { i.to_string() } else { format!("{place}.{i}") };
+        let children = std::mem::take(&mut self.children).into_iter().enumerate();
+        let parts: Vec<(Self, usize)> =
+            children.map(|(i, child)| child.part(&below(i), most, save)).collect::<Result<_>>()?;
+        let total = 1 + parts.iter().map(|(_, count)| count).sum::<usize>();
+        if total <= most {
+            self.children = parts.into_iter().map(|(child, _)| child).collect();
+            return Ok((self, total));
+        }
+        let cut = |(i, (child, count)): (usize, (Self, usize))| match count {
+            // One tile is as long as the address of another file.
+            1 => Ok(child),
+            _ => child.apart(&below(i), save),
+        };
+        self.children = parts.into_iter().enumerate().map(cut).collect::<Result<_>>()?;
+        let left = 1 + self.children.len();
+        Ok((self, left))
+    }
+
+    /// The tile in a tileset of its own, and one in its place that names it.
+    fn apart(self, place: &str, save: &mut dyn FnMut(&str, Self) -> Result<String>) -> Result<Self> {
+        let (bounds, error) = (self.all_bounds(), self.error);
+        let uri = Some(save(place, self)?);
+        Ok(Self { uri, bounds, error, replaced: true, children: Vec::new() })
+    }
+
+    /// The same as named by a file within the folder of this address, in which all its files are.
+    pub fn beside(mut self, folder: &str) -> Self {
+        self.uri = self.uri.map(|uri| uri.strip_prefix(folder).map(str::to_owned).unwrap_or(uri));
+        self.children = self.children.into_iter().map(|child| child.beside(folder)).collect();
+        self
+    }
+
+    fn count(&self) -> usize {
+        1 + self.children.iter().map(Self::count).sum::<usize>()
+    }
+
     /// Bounds of the tile and of all below it, which it has to enclose.
     fn all_bounds(&self) -> Option<[DVec3; 2]> {
         let below = self.children.iter().filter_map(Self::all_bounds);
@@ -51,6 +104,9 @@ impl TilesetTile {
     }
 }
 
+/// Most tiles of a file that is indented: a longer one is for viewers, and a third as long without.
+const INDENTED: usize = 1000;
+
 /// The text of the file.
 pub fn json(root: &TilesetTile, generator: &str) -> String {
     let extent = root.all_bounds().map_or(0.0, |[low, high]| (high - low).length());
@@ -60,7 +116,12 @@ pub fn json(root: &TilesetTile, generator: &str) -> String {
         "root": root.json(),
     });
     // Plain strings and numbers always serialize.
-    serde_json::to_string_pretty(&set).unwrap_or_default() + "\n"
+    let text = if root.count() > INDENTED {
+        set.to_string()
+    } else {
+        serde_json::to_string_pretty(&set).unwrap_or_default()
+    };
+    text + "\n"
 }
 
 /// Lowest and highest corner of the first `faces` of a mesh; none when there are none.
@@ -100,6 +161,44 @@ mod tests {
         let inner = json!([1.0, -4.0, 2.0, 1.0, 0.0, 0.0, 0.0, 4.0, 0.0, 0.0, 0.0, 2.0]);
         assert_eq!((&root["boundingVolume"]["box"], &child["boundingVolume"]["box"]), (&inner, &inner));
         assert_eq!(root["refine"], "REPLACE");
+    }
+
+    /// A tree of so many levels, four tiles below each.
+    fn tree(levels: u32, place: &str) -> TilesetTile {
+        let children =
+            (0..4).filter(|_| levels > 1).map(|i| tree(levels - 1, &format!("{place}{i}"))).collect();
+        TilesetTile { children, ..tile(&format!("s.tiles/r{place}.glb"), DVec3::ONE, f64::from(levels - 1)) }
+    }
+
+    #[test]
+    fn a_large_tree_is_split_into_files_that_hold_every_tile_once() {
+        for most in [5, 7, 30, 100, 341, 1000] {
+            let mut files = Vec::new();
+            let mut save = |place: &str, part: TilesetTile| {
+                files.push((format!("s.tiles/set{place}.json"), part.beside("s.tiles/")));
+                Ok(format!("s.tiles/set{place}.json"))
+            };
+            let root = tree(5, "").split(most, &mut save).unwrap();
+            assert_eq!(files.is_empty(), most >= 341, "{most}");
+            let all = || files.iter().map(|(_, part)| part).chain([&root]);
+            assert!(all().all(|part| part.count() <= most), "{most}");
+            // Every file is named once, every GLB is in one of them.
+            let mut names = Vec::new();
+            all().for_each(|part| visit(part, &mut |tile| names.extend(tile.uri.clone())));
+            let short = |name: &str| name.strip_prefix("s.tiles/").unwrap_or(name).to_owned();
+            let mut names: Vec<String> = names.iter().map(|name| short(name)).collect();
+            let mut wanted: Vec<String> = files.iter().map(|(name, _)| short(name)).collect();
+            visit(&tree(5, ""), &mut |tile| wanted.extend(tile.uri.as_deref().map(short)));
+            names.sort();
+            wanted.sort();
+            assert_eq!(names, wanted, "{most}");
+            visit(&root, &mut |tile| assert!(tile.uri.as_ref().unwrap().starts_with("s.tiles/")));
+        }
+    }
+
+    fn visit(tile: &TilesetTile, what: &mut dyn FnMut(&TilesetTile)) {
+        what(tile);
+        tile.children.iter().for_each(|child| visit(child, what));
     }
 
     #[test]

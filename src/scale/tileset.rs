@@ -46,7 +46,11 @@ pub fn bake_tiles(
     options: &BakeOptions,
     done: &mut dyn FnMut(usize, u64),
 ) -> Result<CityTiles> {
-    let writer = TilesetWriter::start(path, options.output.encoding(&mut WriteDetails::default()))?;
+    let writer = TilesetWriter::start(
+        path,
+        options.output.encoding(&mut WriteDetails::default()),
+        options.output.tileset_tiles,
+    )?;
     let (placement, source) = placement(blocks, options)?;
     let mut city =
         City { blocks, options, placement, source, writer, shell: Soup::default(), triangles: 0, done };
@@ -54,7 +58,7 @@ pub fn bake_tiles(
     let shell = std::mem::take(&mut city.shell);
     let root = city.with_shell(shell, root)?;
     let triangles = city.triangles;
-    let (folder, bytes) = city.writer.finish(&root)?;
+    let (folder, bytes) = city.writer.finish(root)?;
     Ok(CityTiles { folder, bytes, triangles })
 }
 

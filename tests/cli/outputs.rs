@@ -232,7 +232,7 @@ fn files_of_an_earlier_bake_are_named() {
     assert!(!said.contains("earlier scene"), "{said}");
     let said = bake(&["--lod", "0.5"]);
     assert!(said.contains("warning: s.lod2.glb, s.lod1.bvh") || said.contains("s.lod2.glb"), "{said}");
-    for name in ["s.lod2.glb", "s.lod2.bvh", "s.bvh", "s.glb.import"] {
+    for name in ["s.lod2.glb", "s.lod2.bvh", "s.bvh", "s.glb.import", "s.lod.tscn"] {
         assert!(said.contains(name), "{name}: {said}");
     }
     assert!(!said.contains("s.tileset.json are") && !said.contains("s.lod1.glb,"), "{said}");

@@ -10,6 +10,7 @@
 mod browser;
 mod engines;
 mod framing;
+mod levels;
 mod lit;
 mod renderers;
 mod tiles;

@@ -22,11 +22,22 @@ fn visit(chromium: &Path, tileset: &Path, views: &Value) -> Vec<Value> {
 
 #[test]
 fn fewer_triangles_are_loaded_from_farther_away() {
+    streams(&[]);
+}
+
+#[test]
+fn a_tileset_of_tilesets_streams_as_one() {
+    // Four tilesets of five tiles each below the first.
+    streams(&["--tileset-tiles", "5"]);
+}
+
+fn streams(flags: &[&str]) {
     let there = here("target/judges/node_modules/3d-tiles-renderer").exists();
     let Some(chromium) = chromium().filter(|_| have("3d-tiles-renderer", there)) else { return };
     let folder = TempDir::new().unwrap();
     let tileset = folder.path().join("studio.tileset.json");
-    let triangles = bake(&studio(), &tileset, &["--tile-triangles", "1000", "--teacher", "off"]);
+    let flags = [&["--tile-triangles", "1000", "--teacher", "off"], flags].concat();
+    let triangles = bake(&studio(), &tileset, &flags);
     let set: Value = serde_json::from_slice(&fs::read(&tileset).unwrap()).unwrap();
     let volume: Vec<f64> = serde_json::from_value(set["root"]["boundingVolume"]["box"].clone()).unwrap();
     let size = 2.0 * volume[3].max(volume[7]).max(volume[11]);

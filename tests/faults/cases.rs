@@ -70,7 +70,7 @@ pub(crate) fn bake_replaces() -> Case {
         name: "bake of many files over old ones",
         arguments: BAKE,
         before: before(&old),
-        together: &["out/a.gltf", "out/a.bin", "out/a.bvh", "out/a.lod1", "out/a.tileset.json"],
+        together: &["out/a.gltf", "out/a.bin", "out/a.bvh", "out/a.lod", "out/a.tileset.json"],
         kept: None,
     }
 }
@@ -80,7 +80,7 @@ pub(crate) fn bake_new() -> Case {
         name: "bake of new files",
         arguments: BAKE,
         before: before(&[]),
-        together: &["out/a.gltf", "out/a.bin", "out/a.bvh", "out/a.lod1", "out/a.tileset.json"],
+        together: &["out/a.gltf", "out/a.bin", "out/a.bvh", "out/a.lod", "out/a.tileset.json"],
         kept: None,
     }
 }

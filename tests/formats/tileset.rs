@@ -12,6 +12,11 @@ use trisplat::{Dataset, DatasetOptions};
 
 /// A tileset of five tiles: a ground of 60 by 60 squares, two triangles each.
 fn tileset(folder: &Path) -> Value {
+    tileset_of(folder, 2000, OutputOptions::DEFAULT.tileset_tiles)
+}
+
+/// The same ground in tiles of so many triangles, so many tiles in a file.
+fn tileset_of(folder: &Path, tile_triangles: u32, tileset_tiles: u32) -> Value {
     let at = |x: u32, y: u32| Vec3::new(x as f32, 0.0, y as f32);
     let square = |i: u32| {
         let (x, y) = (i % 60, i / 60);
@@ -20,9 +25,10 @@ fn tileset(folder: &Path) -> Value {
     let positions: Vec<Vec3> = (0..3600).flat_map(square).collect();
     let colors = Colors::Face(vec![[0.5, 0.2, 0.1]; positions.len() / 3]);
     let mut options = BakeOptions::preset(BakePreset::Fast);
-    options.tiles = TilesOptions { tiles: true, tile_triangles: 2000 };
+    options.tiles = TilesOptions { tiles: true, tile_triangles };
     let asset = Bake::new(&options).run([Mesh { positions, colors, ..Mesh::default() }]).unwrap();
-    formats::write(&asset, &folder.join("a.tileset.json"), &OutputOptions::default()).unwrap();
+    let output = OutputOptions { tileset_tiles, ..OutputOptions::DEFAULT };
+    formats::write(&asset, &folder.join("a.tileset.json"), &output).unwrap();
     serde_json::from_slice(&std::fs::read(folder.join("a.tileset.json")).unwrap()).unwrap()
 }
 
@@ -69,6 +75,44 @@ fn a_tileset_is_checked_with_all_its_tiles() {
         set["root"]["children"][2]["content"] = other;
     };
     fault(&swapped, "triangles outside its box");
+}
+
+#[test]
+fn a_large_tileset_is_one_of_tilesets_and_checked_with_them() {
+    let [whole, split] = [(), ()].map(|()| tempfile::tempdir().unwrap());
+    let one = checked(whole.path(), &tileset_of(whole.path(), 1000, 10_000));
+    let set = tileset_of(split.path(), 1000, 5);
+    let sound = checked(split.path(), &set);
+    assert_eq!((errors(&sound), sound.triangles), (Vec::new(), one.triangles), "{sound:?}");
+
+    // The root and four tilesets, of five tiles each.
+    let parts = set["root"]["children"].as_array().unwrap();
+    let part = parts[2]["content"]["uri"].as_str().unwrap();
+    assert!(parts.len() == 4 && part.starts_with("a.tiles/set2-") && part.ends_with(".json"), "{part}");
+    let path = split.path().join(part);
+    let inner: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    assert_eq!(inner["root"]["children"].as_array().unwrap().len(), 4);
+    assert_eq!(inner["root"]["geometricError"], parts[2]["geometricError"]);
+
+    let fault = |change: &dyn Fn(&mut Value), wanted: &str| {
+        let mut inner = inner.clone();
+        change(&mut inner);
+        std::fs::write(&path, inner.to_string()).unwrap();
+        let found = errors(&checked(split.path(), &set));
+        let named = found.iter().all(|error| error.contains(part));
+        assert!(found.len() == 1 && named && found[0].contains(wanted), "{wanted}: {found:?}");
+    };
+    fault(&|inner| inner["root"]["children"][1]["geometricError"] = json!(1e9), "root.children[1]");
+    fault(&|inner| inner["root"]["geometricError"] = json!(1e9), "must not grow downwards");
+    fault(&|inner| inner["root"]["transform"] = moved(), "not within that of the tile above");
+    fault(&|inner| inner["root"]["children"][1]["content"]["uri"] = json!("none.glb"), "which is not there");
+    fault(&|inner| *inner = json!([]), "is no tileset");
+    let name = path.file_name().unwrap().to_str().unwrap();
+    fault(&|inner| inner["root"]["children"][1]["content"]["uri"] = json!(name), "the tileset that it is in");
+
+    // Parts of an earlier tileset go with its tiles.
+    tileset_of(split.path(), 2000, 5);
+    assert!(!path.exists());
 }
 
 /// Ten thousand units to the side.

@@ -1,11 +1,12 @@
-//! A tileset (3D Tiles 1.1): the tree, and every file it names.
+//! A tileset (3D Tiles 1.1): the tree, and every file it names, tilesets of parts of it among them.
 
 use super::findings::{Finding, Findings, Severity};
 use crate::error::{Error, Result};
 use crate::formats::gltf::uri;
+use crate::formats::tileset_json::{Content, Tile, Tileset, is_json};
 use crate::input;
+use crate::limits::Limits;
 use glam::{DMat4, DVec3, Vec3};
-use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -21,70 +22,22 @@ pub(super) struct CheckedTile {
     pub(super) bounds: Option<[Vec3; 2]>,
 }
 
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-struct Tileset {
-    asset: Asset,
-    geometric_error: f64,
-    root: Tile,
-}
-
-#[derive(Deserialize)]
-struct Asset {
-    version: String,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-struct Tile {
-    bounding_volume: Volume,
-    geometric_error: f64,
-    refine: Option<String>,
-    transform: Option<[f64; 16]>,
-    content: Option<Content>,
-    #[serde(default)]
-    contents: Vec<Content>,
-    #[serde(default)]
-    children: Vec<Tile>,
-}
-
-#[derive(Deserialize)]
-struct Volume {
-    #[serde(rename = "box")]
-    around: Option<[f64; 12]>,
-}
-
-#[derive(Deserialize)]
-struct Content {
-    uri: String,
-}
-
 /// Checks the tileset at `path`, of which `json` is the text; `check_file` checks a tile, those outside its folder with `allow_outside` only. Returns the triangles in all its files, when all
 /// could be read.
 pub(super) fn check(
     path: &Path,
     json: &[u8],
-    allow_outside: bool,
+    (limits, allow_outside): (&Limits, bool),
     check_file: &mut dyn FnMut(&Path) -> Result<CheckedTile>,
     findings: &mut Findings,
 ) -> Result<Option<u64>> {
-    let set: Tileset = match serde_json::from_slice(json) {
-        Ok(set) => set,
-        Err(e) => {
-            findings.error(format!("line {} column {}", e.line(), e.column()), format!("is no tileset: {e}"));
-            return Ok(None);
-        }
-    };
-    if !matches!(set.asset.version.as_str(), "1.0" | "1.1") {
-        findings.error("asset", format!("has the version {}; 1.0 and 1.1 are known", set.asset.version));
-    }
-    if set.root.refine.is_none() {
-        findings.error("root", "lacks `refine`, which the first tile must have");
-    }
     let folder = (path.as_os_str() != "-").then(|| path.parent().unwrap_or(Path::new("")).to_owned());
-    let mut tree =
-        Tree { folder, allow_outside, check_file, findings, tiles: BTreeMap::new(), notes: BTreeMap::new() };
-    tree.tile("root", &set.root, &Above { error: set.geometric_error, around: None })?;
+    let files = Files { folder, limits, allow_outside, check_file };
+    let mut tree = Tree { files, findings, tiles: BTreeMap::new(), notes: BTreeMap::new() };
+    let above = Above { error: f64::INFINITY, around: None, sets: vec![String::new()] };
+    if tree.set(json, &above)?.is_none() {
+        return Ok(None);
+    }
     let Tree { tiles, notes, .. } = tree;
     for (what, count) in notes {
         findings.add(Severity::Note, format!("{count} of {} tiles", tiles.len()), what);
@@ -96,6 +49,18 @@ pub(super) fn check(
 struct Above {
     error: f64,
     around: Option<OrientedBox>,
+    /// Names of the tilesets that it is in, each relative to the first, which has none.
+    sets: Vec<String>,
+}
+
+impl Above {
+    /// The place of what is in the innermost tileset, for findings.
+    fn place(&self, within: &str) -> String {
+        match self.sets.last().filter(|name| !name.is_empty()) {
+            Some(name) => format!("{name}: {within}"),
+            None => within.to_owned(),
+        }
+    }
 }
 
 /// A file of the tileset.
@@ -104,12 +69,18 @@ struct TileFile {
     bounds: Option<[Vec3; 2]>,
 }
 
-/// A tileset that is walked.
-struct Tree<'a> {
-    /// None of standard input.
+/// What may be read, and how.
+struct Files<'a> {
+    /// That of the first tileset; none of standard input.
     folder: Option<PathBuf>,
+    limits: &'a Limits,
     allow_outside: bool,
     check_file: &'a mut dyn FnMut(&Path) -> Result<CheckedTile>,
+}
+
+/// A tileset that is walked.
+struct Tree<'a> {
+    files: Files<'a>,
     findings: &'a mut Findings,
     /// Every file once, by its name in the tileset.
     tiles: BTreeMap<String, TileFile>,
@@ -118,8 +89,31 @@ struct Tree<'a> {
 }
 
 impl Tree<'_> {
+    /// A tileset, the innermost of those above; none when it is no tileset.
+    fn set(&mut self, json: &[u8], above: &Above) -> Result<Option<()>> {
+        let set: Tileset = match serde_json::from_slice(json) {
+            Ok(set) => set,
+            Err(e) => {
+                let place = above.place(&format!("line {} column {}", e.line(), e.column()));
+                self.findings.error(place, format!("is no tileset: {e}"));
+                return Ok(None);
+            }
+        };
+        if !matches!(set.asset.version.as_str(), "1.0" | "1.1") {
+            let what = format!("has the version {}; 1.0 and 1.1 are known", set.asset.version);
+            self.findings.error(above.place("asset"), what);
+        }
+        if set.root.refine.is_none() {
+            self.findings.error(above.place("root"), "lacks `refine`, which the first tile must have");
+        }
+        let error = set.geometric_error.min(above.error);
+        let above = Above { error, around: above.around.clone(), sets: above.sets.clone() };
+        self.tile("root", &set.root, &above).map(Some)
+    }
+
     /// A tile and those below it. No document is so deep that this does not return: JSON has at most 128 levels here.
-    fn tile(&mut self, place: &str, tile: &Tile, above: &Above) -> Result<()> {
+    fn tile(&mut self, within: &str, tile: &Tile, above: &Above) -> Result<()> {
+        let place = &above.place(within);
         let error = tile.geometric_error;
         if !(error >= 0.0 && error.is_finite()) {
             self.findings.error(place, format!("has the geometricError {error}; wants 0 or more"));
@@ -141,12 +135,12 @@ impl Tree<'_> {
         if above.around.as_ref().zip(around.as_ref()).is_some_and(|(outer, inner)| !holds(outer, inner)) {
             self.findings.error(place, "has a box that is not within that of the tile above it");
         }
+        let below = Above { error: error.min(above.error), around, sets: above.sets.clone() };
         for content in tile.content.iter().chain(&tile.contents) {
-            self.content(place, content, around.as_ref())?;
+            self.content(place, content, &below)?;
         }
-        let above = Above { error: error.min(above.error), around };
         for (i, child) in tile.children.iter().enumerate() {
-            self.tile(&format!("{place}.children[{i}]"), child, &above)?;
+            self.tile(&format!("{within}.children[{i}]"), child, &below)?;
         }
         Ok(())
     }
@@ -165,14 +159,17 @@ impl Tree<'_> {
     }
 
     /// The file of a tile; every file is checked once.
-    fn content(&mut self, place: &str, content: &Content, around: Option<&OrientedBox>) -> Result<()> {
-        let name = &content.uri;
-        if !self.tiles.contains_key(name) {
-            let file = self.file(place, name)?;
+    fn content(&mut self, place: &str, content: &Content, tile: &Above) -> Result<()> {
+        let set = tile.sets.last().map_or("", String::as_str);
+        let Some(name) = self.local(place, &content.uri, Path::new(set)) else { return Ok(()) };
+        if !self.tiles.contains_key(&name) {
+            let file = self.file(place, &name, tile)?;
             self.tiles.insert(name.clone(), file);
+        } else if tile.sets.contains(&name) {
+            self.findings.error(place, format!("names {name}, the tileset that it is in"));
         }
-        let bounds = self.tiles.get(name).and_then(|file| file.bounds);
-        if let (Some([low, high]), Some(around)) = (bounds, around) {
+        let bounds = self.tiles.get(&name).and_then(|file| file.bounds);
+        if let (Some([low, high]), Some(around)) = (bounds, &tile.around) {
             let corners = corners(low.as_dvec3(), high.as_dvec3());
             // Tiles are Z-up, glTF in them is Y-up.
             if !corners.iter().all(|p| around.holds(DVec3::new(p.x, -p.z, p.y))) {
@@ -182,37 +179,43 @@ impl Tree<'_> {
         Ok(())
     }
 
-    fn file(&mut self, place: &str, name: &str) -> Result<TileFile> {
+    /// A file that the tileset `set` names, relative to the first; `None` when it is none that is read.
+    fn local(&mut self, place: &str, uri: &str, set: &Path) -> Option<String> {
+        let relative = uri::unescaped(uri);
+        let path = Path::new(&relative);
+        if uri.contains(':') || uri.starts_with("//") || path.is_absolute() || relative.contains('\0') {
+            let what = format!("names {uri}, which is not beside it and not checked");
+            self.findings.add(Severity::Note, place, what);
+            self.tiles.insert(uri.to_owned(), TileFile { triangles: None, bounds: None });
+            return None;
+        }
+        Some(set.parent().unwrap_or(Path::new("")).join(path).to_string_lossy().into_owned())
+    }
+
+    fn file(&mut self, place: &str, name: &str, tile: &Above) -> Result<TileFile> {
         let mut none = |severity, what: String| {
             self.findings.add(severity, place, what);
             Ok(TileFile { triangles: None, bounds: None })
         };
-        let relative = uri::unescaped(name);
-        if name.contains(':')
-            || name.starts_with("//")
-            || Path::new(&relative).is_absolute()
-            || relative.contains('\0')
-        {
-            return none(Severity::Note, format!("names {name}, which is not beside it and not checked"));
-        }
-        let Some(folder) = self.folder.clone() else {
+        let Some(folder) = &self.files.folder else {
             return none(
                 Severity::Error,
                 format!("names {name}, which standard input cannot reach; give the file by name"),
             );
         };
-        if input::leaves_folder(Path::new(&relative)) && !self.allow_outside {
+        if input::leaves_folder(Path::new(name)) && !self.files.allow_outside {
             let what = format!("names {name}, outside its folder; if that is right, give `allow_outside`");
             return none(Severity::Error, what);
         }
-        let file = folder.join(relative);
+        let file = folder.join(name);
         if !file.is_file() {
             return none(Severity::Error, format!("names {name}, which is not there: {}", file.display()));
         }
-        if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
-            return none(Severity::Note, format!("names {name}, a tileset of its own: validate it, too"));
+        if is_json(name) {
+            self.tiles.insert(name.to_owned(), TileFile { triangles: Some(0), bounds: None });
+            return self.part(&file, name, tile);
         }
-        let CheckedTile { triangles, findings, bounds } = match (self.check_file)(&file) {
+        let CheckedTile { triangles, findings, bounds } = match (self.files.check_file)(&file) {
             Err(Error::Unsupported { reason, .. }) => {
                 return none(Severity::Error, format!("names {name}, which {reason}"));
             }
@@ -226,9 +229,21 @@ impl Tree<'_> {
         }
         Ok(TileFile { triangles, bounds })
     }
+
+    /// A tileset within the tileset: its tiles are counted, it has no triangles of its own.
+    fn part(&mut self, file: &Path, name: &str, tile: &Above) -> Result<TileFile> {
+        let mut sets = tile.sets.clone();
+        sets.push(name.to_owned());
+        self.files.limits.nesting(file.display(), sets.len() as u64)?;
+        let json = input::read(file, self.files.limits)?;
+        let above = Above { error: tile.error, around: tile.around.clone(), sets };
+        let triangles = self.set(&json, &above)?.map(|()| 0);
+        Ok(TileFile { triangles, bounds: None })
+    }
 }
 
 /// A box: its middle and half of its axes.
+#[derive(Clone)]
 struct OrientedBox {
     middle: DVec3,
     half: [DVec3; 3],

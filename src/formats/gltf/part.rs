@@ -156,18 +156,11 @@ pub(super) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) ->
              give a scene with triangles or loosen the prune options",
         ));
     }
-    let scene = asset.scene_faces();
-    let ranges = face_ranges(&asset.chunks, mesh.face_count(), scene)?;
-    let single = ranges.iter().filter(|faces| faces.start < scene).count() == 1;
+    let named = named_ranges(asset, &options.node_name)?;
     let lit = options.lit && !mesh.normals.is_empty();
     let shared = lit && !mesh.indices.is_empty() && matches!(mesh.colors, Colors::Vertex(_));
     let vertex_normals = Arc::new(if shared { mesh.vertex_normals() } else { Vec::new() });
-    let drawn = ranges.into_par_iter().enumerate().map(|(i, faces)| {
-        let (kind, name) = match (faces.start >= scene, single) {
-            (true, _) => (PartKind::Backdrop, BACKDROP.to_owned()),
-            (false, true) => (PartKind::Scene, options.node_name.clone()),
-            (false, false) => (PartKind::Scene, format!("chunk_{i:04}")),
-        };
+    let drawn = named.into_par_iter().map(|(kind, name, faces)| {
         let lit = lit && kind == PartKind::Scene;
         let part = part(name, mesh, faces, lit, options)?;
         Ok(ScenePart { kind, vertex_normals: vertex_normals.clone(), ..part })
@@ -175,6 +168,30 @@ pub(super) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) ->
     // Of several errors always the first, whichever thread is faster.
     let drawn: Vec<Result<ScenePart<'_>>> = drawn.collect();
     drawn.into_iter().chain(collision(asset, options)).collect()
+}
+
+/// What every node is for, its name and its faces; what to collide with has a mesh of its own.
+fn named_ranges(asset: &Asset, node_name: &str) -> Result<Vec<(PartKind, String, Range<usize>)>> {
+    let scene = asset.scene_faces();
+    let ranges = face_ranges(&asset.chunks, asset.mesh.face_count(), scene)?;
+    let single = ranges.iter().filter(|faces| faces.start < scene).count() == 1;
+    let named = |(i, faces): (usize, Range<usize>)| {
+        let (kind, name) = match (faces.start >= scene, single) {
+            (true, _) => (PartKind::Backdrop, BACKDROP.to_owned()),
+            (false, true) => (PartKind::Scene, node_name.to_owned()),
+            (false, false) => (PartKind::Scene, format!("chunk_{i:04}")),
+        };
+        (kind, name, faces)
+    };
+    Ok(ranges.into_iter().enumerate().map(named).collect())
+}
+
+/// Names of the nodes that the scene itself is in.
+///
+/// Errors: chunks that do not hold every face once.
+pub(crate) fn scene_nodes(asset: &Asset, node_name: &str) -> Result<Vec<String>> {
+    let named = named_ranges(asset, node_name)?.into_iter();
+    Ok(named.filter(|(kind, ..)| *kind == PartKind::Scene).map(|(_, name, _)| name).collect())
 }
 
 /// What to collide with, where it has a node of its own.

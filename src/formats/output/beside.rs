@@ -27,7 +27,8 @@ impl Output {
         Ok(self)
     }
 
-    /// The same with so many levels of detail beside it: OUT.lod1.glb and so on, and for glTF a tileset of all.
+    /// The same with so many levels of detail beside it: OUT.lod1.glb and so on, and for glTF a tileset of all and what the target's
+    /// engine wants to know of them.
     pub fn with_levels(mut self, levels: usize, options: &OutputOptions) -> Result<Self> {
         if levels == 0 {
             return Ok(self);
@@ -39,6 +40,8 @@ impl Output {
         self.levels = (1..=levels).map(level).collect::<Result<_>>()?;
         let gltf = matches!(self.format, OutputFormat::Glb | OutputFormat::Gltf);
         self.tileset = gltf.then(|| self.main.with_extension("tileset.json"));
+        let kind = options.target.levels().filter(|_| gltf);
+        self.engine_levels = kind.map(|kind| (self.main.with_extension(kind.ending()), kind));
         Ok(self)
     }
 

@@ -1,6 +1,7 @@
 //! Files that an earlier scene of the same name has left.
 
 use super::{Output, is_device};
+use crate::formats::levels::EngineLevels;
 use crate::formats::target::OutputTarget;
 use std::path::PathBuf;
 
@@ -21,6 +22,7 @@ impl Output {
         found.extend(parts.iter().flat_map(of_levels));
         found.extend(parts);
         found.extend([beside("bvh"), beside("tileset.json")]);
+        found.extend(EngineLevels::ALL.map(|kind| beside(kind.ending())));
         // Godot writes settings of that name itself: only those that are as we wrote them are ours.
         let name = self.main.file_name().unwrap_or_default().to_string_lossy();
         let import =

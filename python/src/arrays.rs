@@ -1,0 +1,154 @@
+//! Scenes to arrays and back.
+
+use glam::Vec3;
+use numpy::{AllowTypeChange, Element, PyArray1, PyArrayLikeDyn, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use trisplat::mesh::Colors;
+use trisplat::{Mesh, Scene, Soup};
+
+/// The arrays of a scene.
+pub fn of_scene<'py>(py: Python<'py>, scene: &Scene) -> PyResult<Bound<'py, PyDict>> {
+    match scene {
+        Scene::Soup(soup) => of_soup(py, soup),
+        Scene::Mesh(mesh) => of_mesh(py, mesh),
+    }
+}
+
+fn of_soup<'py>(py: Python<'py>, soup: &Soup) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    let count = soup.len();
+    let corners = soup.vertices.iter().flatten().flat_map(|p| p.to_array()).collect();
+    put(&out, "triangles", corners, &[count, 3, 3])?;
+    put(&out, "opacity", soup.opacity.clone(), &[count])?;
+    put(&out, "sigma", soup.sigma.clone(), &[count])?;
+    put(&out, "sh", soup.sh.as_flattened().to_vec(), &[count, soup.sh_count(), 3])?;
+    Ok(out)
+}
+
+/// The arrays of a mesh; its faces are numbered where they share nothing.
+pub fn of_mesh<'py>(py: Python<'py>, mesh: &Mesh) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    let faces = (0..mesh.face_count()).flat_map(|face| mesh.face(face)).collect();
+    let positions = mesh.positions.iter().flat_map(|p| p.to_array()).collect();
+    let (Colors::Face(colors) | Colors::Vertex(colors)) = &mesh.colors;
+    put(&out, "positions", positions, &[mesh.vertex_count(), 3])?;
+    put::<u32>(&out, "faces", faces, &[mesh.face_count(), 3])?;
+    put(&out, "colors", colors.as_flattened().to_vec(), &[colors.len(), 3])?;
+    if !mesh.opacity.is_empty() {
+        put(&out, "opacity", mesh.opacity.clone(), &[mesh.face_count()])?;
+    }
+    Ok(out)
+}
+
+fn put<T: Element>(out: &Bound<'_, PyDict>, key: &str, values: Vec<T>, shape: &[usize]) -> PyResult<()> {
+    out.set_item(key, PyArray1::from_vec(out.py(), values).reshape(shape)?)
+}
+
+/// The scene of some arrays.
+pub fn to_scene(dict: &Bound<'_, PyDict>) -> PyResult<Scene> {
+    let keys: &[&str] = match (dict.contains("triangles")?, dict.contains("positions")?) {
+        (true, false) => &["triangles", "opacity", "sigma", "sh"],
+        (false, true) => &["positions", "faces", "colors", "opacity"],
+        _ => return Err(PyValueError::new_err("wants either `triangles`, a soup, or `positions`, a mesh")),
+    };
+    for key in dict.keys() {
+        let key: String = key.extract()?;
+        if !keys.contains(&key.as_str()) {
+            return Err(PyValueError::new_err(format!("`{key}` is none of {}", keys.join(", "))));
+        }
+    }
+    let scene = match keys[0] {
+        "triangles" => Scene::Soup(to_soup(dict)?),
+        _ => Scene::Mesh(to_mesh(dict)?),
+    };
+    scene.validate().map_err(|error| PyValueError::new_err(error.to_string()))?;
+    Ok(scene)
+}
+
+/// Opacity 1, σ 0.01 and white for what is not given.
+fn to_soup(dict: &Bound<'_, PyDict>) -> PyResult<Soup> {
+    let Array { values, rows } = wanted(dict, "triangles", &[3, 3])?;
+    let corners: Vec<Vec3> = values.chunks_exact(3).map(Vec3::from_slice).collect();
+    let one = |key, default: f32| match array(dict, key, &[])? {
+        Some(Array { values, .. }) => Ok::<_, PyErr>(values),
+        None => Ok(vec![default; rows]),
+    };
+    let (sh, degree) = match dict.get_item("sh")? {
+        Some(given) => sh(&given)?,
+        // C0 times this is one half, white.
+        None => (vec![[0.5 / trisplat::soup::SH_C0; 3]; rows], 0),
+    };
+    Ok(Soup {
+        vertices: corners.chunks_exact(3).map(|corners| [corners[0], corners[1], corners[2]]).collect(),
+        opacity: one("opacity", 1.0)?,
+        sigma: one("sigma", 0.01)?,
+        sh,
+        sh_degree: degree,
+    })
+}
+
+/// Coefficients of spherical harmonics and their degree.
+fn sh(given: &Bound<'_, PyAny>) -> PyResult<(Vec<[f32; 3]>, u8)> {
+    let given: PyArrayLikeDyn<'_, f32, AllowTypeChange> = given.extract()?;
+    let degree = match given.shape() {
+        [_, k @ (1 | 4 | 9 | 16), 3] => k.isqrt() as u8 - 1,
+        other => return Err(shape_of("sh", other, "(N, K, 3) with K = 1, 4, 9 or 16")),
+    };
+    let values: Vec<f32> = given.as_array().iter().copied().collect();
+    Ok((values.as_chunks::<3>().0.to_vec(), degree))
+}
+
+fn to_mesh(dict: &Bound<'_, PyDict>) -> PyResult<Mesh> {
+    let Array { values, rows } = wanted(dict, "positions", &[3])?;
+    let indices = match dict.get_item("faces")? {
+        Some(faces) => {
+            let faces: PyArrayLikeDyn<'_, u32, AllowTypeChange> = faces.extract()?;
+            match faces.shape() {
+                [_, 3] => faces.as_array().iter().copied().collect(),
+                other => return Err(shape_of("faces", other, "(F, 3)")),
+            }
+        }
+        None => Vec::new(),
+    };
+    let faces = if indices.is_empty() { rows / 3 } else { indices.len() / 3 };
+    let Array { values: colors, rows: colored } = wanted(dict, "colors", &[3])?;
+    let colors = colors.as_chunks::<3>().0.to_vec();
+    let colors = match colored == faces {
+        true => Colors::Face(colors),
+        false => Colors::Vertex(colors),
+    };
+    let opacity = array(dict, "opacity", &[])?.map_or(Vec::new(), |array| array.values);
+    let positions = values.chunks_exact(3).map(Vec3::from_slice).collect();
+    Ok(Mesh { positions, colors, indices, opacity, normals: Vec::new() })
+}
+
+/// An array's values in order, and its length along the first axis.
+struct Array {
+    values: Vec<f32>,
+    rows: usize,
+}
+
+fn wanted(dict: &Bound<'_, PyDict>, key: &str, rest: &[usize]) -> PyResult<Array> {
+    array(dict, key, rest)?.ok_or_else(|| PyValueError::new_err(format!("`{key}` is missing")))
+}
+
+/// An array of that name whose shape is (N, ...rest).
+fn array(dict: &Bound<'_, PyDict>, key: &str, rest: &[usize]) -> PyResult<Option<Array>> {
+    let Some(given) = dict.get_item(key)? else { return Ok(None) };
+    let given: PyArrayLikeDyn<'_, f32, AllowTypeChange> = given.extract()?;
+    match given.shape() {
+        [rows, others @ ..] if others == rest => {
+            Ok(Some(Array { values: given.as_array().iter().copied().collect(), rows: *rows }))
+        }
+        other => {
+            let rest: String = rest.iter().map(|n| format!(", {n}")).collect();
+            Err(shape_of(key, other, &format!("(N{rest})")))
+        }
+    }
+}
+
+fn shape_of(key: &str, shape: &[usize], wants: &str) -> PyErr {
+    PyValueError::new_err(format!("`{key}` has the shape {shape:?}: wants {wants}"))
+}

@@ -1,0 +1,33 @@
+//! `trisplat info SCENE.tileset.json`: tiles, levels, files.
+
+use super::messages;
+use super::progress::thousands;
+use crate::error::{Error, Result};
+use crate::formats::tileset_info::TilesetInfo;
+use std::io::Write;
+
+/// Writes the table, or the figures as JSON, to `out`.
+pub(super) fn run(info: &TilesetInfo, json: bool, out: &mut dyn Write) -> Result<()> {
+    let text = if json { serde_json::to_string_pretty(info).unwrap_or_default() + "\n" } else { table(info) };
+    out.write_all(text.as_bytes()).map_err(|e| Error::io("-", e))
+}
+
+/// The table, one figure per line.
+fn table(info: &TilesetInfo) -> String {
+    let [tiles, levels, tilesets] = [info.tiles, info.levels, info.tilesets].map(thousands);
+    let within = if info.tilesets == 1 { String::new() } else { format!(", in {tilesets} tilesets") };
+    let mut rows = vec![
+        ("kind", "3D Tiles; `trisplat validate` reads the tiles, too".to_owned()),
+        ("tiles", format!("{tiles} of {levels} levels{within}")),
+        (
+            "files",
+            format!("{} with triangles, {} bytes in all", thousands(info.files), thousands(info.bytes)),
+        ),
+        ("error", format!("{:.4} units are left out by the first tile", info.geometric_error)),
+    ];
+    if info.missing > 0 {
+        rows.push(("warning", format!("{} files are not there", thousands(info.missing))));
+    }
+    let rows = rows.iter().map(|(name, value)| format!("{name:<10} {value}\n"));
+    format!("{}\n", messages::visible(&info.path)) + &rows.collect::<String>()
+}

@@ -1,0 +1,90 @@
+//! What engines get for levels of detail, opened by those that run here; scripts for others are checked as far as can be.
+
+use super::{bake, have, here, python, runs, studio};
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+use tempfile::TempDir;
+
+/// The studio in three levels for a target, in chunks; their triangles.
+fn levels(folder: &Path, name: &str, target: &str) -> [u64; 3] {
+    let scene = folder.join(name);
+    let flags = ["--target", target, "--lod", "0.5,0.1", "--chunk-triangles", "1000", "--teacher", "off"];
+    bake(&studio(), &scene, &flags);
+    ["glb", "lod1.glb", "lod2.glb"].map(|ending| {
+        let document = gltf::Gltf::open(scene.with_extension(ending)).unwrap();
+        let primitives = document.meshes().flat_map(|mesh| mesh.primitives().collect::<Vec<_>>());
+        let corners =
+            |p: gltf::Primitive<'_>| p.indices().or(p.get(&gltf::Semantic::Positions)).unwrap().count();
+        primitives.map(corners).sum::<usize>() as u64 / 3
+    })
+}
+
+#[test]
+fn godot_draws_each_level_within_its_range() {
+    let judges = ["godot4", "godot4-screen"].map(|judge| here("target/judges").join(judge));
+    if !have("godot4-screen", judges[1].exists()) {
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    let triangles = levels(folder.path(), "scene.glb", "godot");
+    for file in ["project.godot", "levels.gd"] {
+        fs::copy(here("tests/godot4").join(file), folder.path().join(file)).unwrap();
+    }
+    runs(Command::new(&judges[0]).arg(folder.path()).arg("--import"));
+    let mut draw = Command::new(&judges[1]);
+    draw.arg(folder.path()).args(["--rendering-method", "gl_compatibility", "--script", "levels.gd"]);
+    let done = runs(&mut draw);
+    let said = [done.stdout, done.stderr].map(|said| String::from_utf8_lossy(&said).into_owned()).concat();
+    assert!(!said.contains("ERROR"), "{said}");
+    let lines = said.lines().filter_map(|line| line.strip_prefix("drawn "));
+    let drawn: Vec<(f64, u64)> = lines
+        .map(|line| line.split_once(' ').map(|(at, n)| (at.parse().unwrap(), n.parse().unwrap())).unwrap())
+        .collect();
+    let [all, half, tenth] = triangles;
+    let seen: Vec<u64> = drawn.iter().map(|(_, triangles)| *triangles).collect();
+    // From far off to the edge of each range, each level whole and alone.
+    assert_eq!(seen[..5], [tenth, tenth, half, half, all], "{said}");
+    // Within the scene chunks are skipped that are out of view.
+    assert!(seen.len() == 6 && seen[5] > 0 && seen[5] < all, "{said}");
+}
+
+#[test]
+fn the_script_for_unity_compiles() {
+    let there = Command::new("mcs").arg("--version").output().is_ok();
+    if !have("mcs", there) {
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    // A name that is none of a class.
+    levels(folder.path(), "my-room.glb", "unity");
+    let mut compile = Command::new("mcs");
+    compile
+        .args(["-target:library", "-define:UNITY_EDITOR", "-warnaserror", "-nowarn:0649"])
+        .arg("-out:checked.dll");
+    compile.arg(folder.path().join("my-room.lod.cs")).arg(here("samples/engines/unity/TrisplatScene.cs"));
+    let done = runs(compile.arg(here("tests/unity/editor.cs")).current_dir(folder.path()));
+    let said = [done.stdout, done.stderr].map(|said| String::from_utf8_lossy(&said).into_owned()).concat();
+    assert!(done.status.success(), "{said}");
+}
+
+#[test]
+fn the_script_for_unreal_makes_one_mesh_of_all_levels() {
+    let Some(mut command) = python("trimesh") else { return };
+    let folder = TempDir::new().unwrap();
+    levels(folder.path(), "my-room.glb", "unreal");
+    let script = folder.path().join("my-room.lod.py");
+    let done = runs(command.arg(&script).env("PYTHONPATH", here("tests/unreal")));
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let said: Value = serde_json::from_slice(&done.stdout).unwrap();
+    let files = ["my-room.glb", "my-room.lod1.glb", "my-room.lod2.glb"].map(|name| folder.path().join(name));
+    let files = files.map(|path| fs::canonicalize(path).unwrap());
+    let imported: Vec<_> =
+        said["imported"].as_array().unwrap().iter().map(|path| path.as_str().unwrap()).collect();
+    assert_eq!(imported, files.each_ref().map(|path| path.to_str().unwrap()), "{said}");
+    assert!(said["levels"][0][1] == 1 && said["levels"][1][1] == 2, "{said}");
+    assert_eq!(said["saved"], said["levels"][0][0], "{said}");
+    let sizes: Vec<f64> = serde_json::from_value(said["sizes"].clone()).unwrap();
+    assert!(sizes.len() == 3 && sizes.windows(2).all(|pair| pair[0] > pair[1]), "{said}");
+}
