@@ -4,7 +4,9 @@ use super::device::Gpu;
 use crate::error::{Error, Result};
 use bytemuck::{AnyBitPattern, NoUninit};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
-use wgpu::{Buffer, BufferAsyncError, BufferDescriptor, BufferUsages, CommandEncoder, Extent3d, MapMode, PollType};
+use wgpu::{
+    Buffer, BufferAsyncError, BufferDescriptor, BufferUsages, CommandEncoder, Extent3d, MapMode, PollType,
+};
 use wgpu::{SubmissionIndex, TexelCopyBufferInfo, TexelCopyBufferLayout, Texture};
 
 /// The texels of a texture of four bytes per texel, rows from the top. `[H * W]`
