@@ -85,6 +85,14 @@ pub enum Error {
     /// The graphics device or its driver cannot do what is needed.
     #[error("gpu: {0}")]
     Gpu(String),
+    /// A training on a graphics card ended early.
+    #[error("{error}; {remedy}")]
+    Card {
+        /// What went wrong.
+        error: Box<Error>,
+        /// How to go on with what there is.
+        remedy: String,
+    },
 }
 
 impl Error {

@@ -1,23 +1,54 @@
 #!/usr/bin/env bash
-# Measures training and drawing on this machine's graphics card, in at most eight minutes, with a program that is already built:
+# Measures training and drawing on this machine's graphics card, in at most eight minutes, with programs that are already built:
 #   cargo build --release --features gpu
 #   cargo test --release --features gpu --test train_gpu --no-run
-#   docs/benchmarks/gpu.sh [PROGRAM] [TEST PROGRAM] >gpu.txt
-# Without a card it measures software Vulkan, on small sizes (SMALL=1). The table goes to standard output, in the form of gpu.md.
+#   docs/benchmarks/gpu.sh [PROGRAM] [TEST PROGRAM] [DATASET] >gpu.txt
+# DATASET is a folder of photos and poses, which are taken at full size. Without a card, SMALL=1 measures software Vulkan on small
+# sizes. What takes longer than its share is stopped, and says so. Tables go to standard output, in the form of gpu.md.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 program=$(realpath "${1:-$root/target/release/trisplat}")
 tests=${2:+$(realpath "$2")}
+dataset=${3:+$(realpath "$3")}
 [ -x "$program" ] || { echo "gpu.sh: $program is no program; build it first" >&2; exit 1; }
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 cd "$folder"
+end=$((SECONDS + ${LIMIT_SECONDS:-470}))
 
-# Correctness first: figures of wrong pictures are worth nothing.
-if [ -n "$tests" ]; then
-    TRISPLAT_REQUIRE_GPU=1 timeout 60 "$tests" --quiet >tests.log 2>&1 || { cat tests.log >&2; exit 1; }
-    grep 'test result' tests.log
+# within SECONDS COMMAND...: stops it, in good order, after these seconds or at the end of the eight minutes.
+within() {
+    local most=$1 left=$((end - SECONDS))
+    shift
+    [ "$left" -gt 5 ] || { echo "no time left for: ${*:2:3}"; return 1; }
+    timeout --signal=INT --kill-after="${grace:-10}" "$((most < left ? most : left))" "$@"
+}
+
+if [ -n "${SMALL:-}" ]; then
+    sizes=64:500:400:80 card=(--triangles 3000 --sizes 160x107 --steps 4 --warmup 2 --cpu-steps 4)
+    fps=(--triangles 5000 --sizes 160x90 --frames 5 --warmup 1) steps=60 triangles=500
+else
+    sizes='640:50000:200000:400 1280:200000:1000000:300 1920:400000:3000000:300'
+    card=(--triangles 200000,1000000,3000000 --sizes 1600x1000 --steps 100 --cpu-steps 2)
+    fps=(--triangles 2000000 --sizes 1280x720,1920x1080,3840x2160 --frames 200) steps=30000 triangles=3000000
 fi
+
+# Correctness first: figures of wrong pictures are worth little. A card is rare, though, so they are taken all the same.
+correct=true
+if [ -n "$tests" ]; then
+    if TRISPLAT_REQUIRE_GPU=1 within 120 "$tests" >tests.log 2>&1; then
+        grep 'test result' tests.log
+    else
+        correct=false
+        echo 'the tests FAILED or took too long; what follows is of a training that may be wrong:'
+        cat tests.log
+    fi
+fi
+
+echo
+echo '## Steps of the sample scene, and where their time goes'
+within 110 "$program" bench card "${card[@]}" --json 2>card.txt >card.json || echo 'stopped early'
+cat card.txt
 
 # last FILE KEY: a number of the last sample of a log.
 last() { tail -n 1 "$1" | grep -o "\"$2\":[0-9.e+-]*" | cut -d: -f2; }
@@ -26,7 +57,7 @@ last() { tail -n 1 "$1" | grep -o "\"$2\":[0-9.e+-]*" | cut -d: -f2; }
 run() {
     local backend=$1 steps=$2 triangles=$3 seconds=$4 lines
     rm -f log.jsonl scene.*
-    timeout "$seconds" "$program" train photos -o scene.ply --backend "$backend" --preset outdoor --steps "$steps" \
+    within "$seconds" "$program" train photos -o scene.ply --backend "$backend" --preset outdoor --steps "$steps" \
         --max-triangles "$triangles" --log log.jsonl --log-every "$((steps / 8))" --set warmup.quarter_until=0 \
         --set warmup.half_until=0 2>messages.txt || [ -s log.jsonl ] || { cat messages.txt >&2; return; }
     grep -h 'training on' messages.txt >>cards.txt || true
@@ -40,19 +71,42 @@ run() {
         'BEGIN { n = s2 - s1; printf "| %s | %s px | %s | %.2f | %.1f |\n", b, size, t, n / (w2 - w1), 1000 * (c2 - c1) / n }'
 }
 
+echo
+echo '## Runs, refinements included'
 echo '| backend | width | triangles at the end | steps/s | CPU ms per step |'
 echo '|---|---|---|---|---|'
-if [ -n "${SMALL:-}" ]; then sizes=64:500:400:80; else sizes='640:50000:200000:400 1280:200000:1000000:300 1920:400000:3000000:300'; fi
+touch cards.txt
 for size in $sizes; do
-    IFS=: read -r width points triangles steps <<<"$size"
+    IFS=: read -r width points most count <<<"$size"
     rm -rf photos
     "$program" sample dataset -o photos --views 16 --width "$width" --points "$points" 2>/dev/null
-    run gpu "$steps" "$triangles" 60
-    run cpu "$((steps / 10 < 40 ? 40 : steps / 10))" "$triangles" 50
+    run gpu "$count" "$most" 30
+    run cpu "$((count / 10 < 40 ? 40 : count / 10))" "$most" 15
 done
 sort -u cards.txt | sed 's/^/card: /'
 
-# Frames a second of what was trained.
-if [ -z "${SMALL:-}" ]; then
-    timeout 60 "$program" bench fps --triangles 2000000 --sizes 1280x720,1920x1080 --frames 200 || true
+# Frames a second, before the data set, which takes all that is left.
+echo
+echo '## Frames per second of the solid scene'
+within 60 "$program" bench fps "${fps[@]}" 2>&1 || echo 'stopped early'
+
+if [ -n "$dataset" ]; then
+    echo
+    echo "## $(basename "$dataset") at full size, $steps steps, up to $triangles triangles"
+    rm -f log.jsonl scene.*
+    # Few photos are held out: they are drawn on the CPU. A run that is stopped draws them too, and writes its scene.
+    left=$((end - SECONDS - 100))
+    grace=60 within "$left" "$program" train "$dataset" -o scene.ply --backend gpu --preset outdoor --steps "$steps" \
+        --max-triangles "$triangles" --log log.jsonl --log-every "$((steps / 60))" --eval-every "$((steps / 3))" --test-every 60 2>messages.txt ||
+        cat messages.txt
+    echo '| step | triangles | seconds | PSNR, training photos | PSNR, held out |'
+    echo '|---|---|---|---|---|'
+    while read -r line; do
+        echo "$line" >line.jsonl
+        echo "| $(last line.jsonl step) | $(last line.jsonl triangles) | $(last line.jsonl wall_secs) | $(last line.jsonl psnr) | $(last line.jsonl test_psnr || true) |"
+    done <log.jsonl
+    [ ! -s scene.ply ] || { within 30 "$program" bench card scene.ply --dataset "$dataset" --steps 40 2>&1 || echo 'stopped early'; }
 fi
+echo
+echo "measured in $SECONDS s"
+$correct

@@ -3,6 +3,8 @@
 #[cfg(feature = "cli")]
 pub mod bake;
 pub mod baked_scene;
+#[cfg(all(feature = "cli", feature = "gpu"))]
+pub mod card;
 pub mod contact_sheet;
 #[cfg(feature = "cli")]
 pub mod cost;

@@ -6,10 +6,10 @@ use super::files;
 use super::progress::{Progress, thousands};
 use super::stdout::Stdout;
 use super::stress;
-#[cfg(feature = "gpu")]
-use crate::bench::fps;
 use crate::bench::stress::StressArgs;
 use crate::bench::{bake, cost, fidelity, measure, raster};
+#[cfg(feature = "gpu")]
+use crate::bench::{card, fps};
 use crate::error::{Error, Result};
 use crate::train::{TrainObserver, TrainSample};
 use std::ffi::OsString;
@@ -34,6 +34,12 @@ pub enum BenchCommand {
     /// Frames per second at the paper's sizes (not in this build).
     #[cfg(not(feature = "gpu"))]
     Fps(super::missing::MissingArgs),
+    /// Steps per second of the training on a graphics card, and where their time goes.
+    #[cfg(feature = "gpu")]
+    Card(Box<card::CardArgs>),
+    /// Steps per second of the training on a graphics card (not in this build).
+    #[cfg(not(feature = "gpu"))]
+    Card(super::missing::MissingArgs),
     /// Quality of the file in an ordinary mesh renderer, step by step, on held-out photos.
     Fidelity(fidelity::FidelityBenchArgs),
     /// Steps and frames per second of the rasterisers on this CPU, and where the time goes.
@@ -72,6 +78,10 @@ pub fn run(args: &BenchArgs, global: &Global) -> Result<()> {
         BenchCommand::Fps(fps_args) => run_fps(fps_args, global),
         #[cfg(not(feature = "gpu"))]
         BenchCommand::Fps(_) => Err(super::missing::error("gpu")),
+        #[cfg(feature = "gpu")]
+        BenchCommand::Card(card_args) => run_card(card_args, global),
+        #[cfg(not(feature = "gpu"))]
+        BenchCommand::Card(_) => Err(super::missing::error("gpu")),
         BenchCommand::Fidelity(fidelity_args) => run_fidelity(fidelity_args, global),
         BenchCommand::Raster(raster_args) => run_raster(raster_args, global),
         BenchCommand::Stress(stress_args) => stress::run(stress_args, global),
@@ -130,6 +140,40 @@ fn run_fps(args: &fps::FpsArgs, global: &Global) -> Result<()> {
     adapters.sort_unstable();
     adapters.dedup();
     adapters.iter().for_each(|adapter| progress.line(adapter));
+    if args.json { print_json(&rows) } else { Ok(()) }
+}
+
+#[cfg(feature = "gpu")]
+fn run_card(args: &card::CardArgs, global: &Global) -> Result<()> {
+    let progress = Progress::new(global);
+    let rows = card::run(args, |row| {
+        let cpu = row.cpu_backend_ms.map_or(String::new(), |ms| format!(", {ms:.1} with backend cpu"));
+        progress.line(&format!(
+            "{} triangles, {}x{}: {:.2} steps/s, {:.1} CPU ms per step{cpu}; {} splats, {} pairs",
+            thousands(row.triangles),
+            row.size[0],
+            row.size[1],
+            row.steps_per_second,
+            row.cpu_ms,
+            thousands(row.splats),
+            thousands(row.pairs),
+        ));
+        for stage in &row.stages {
+            let bytes_per_second = stage.share * row.copy_bandwidth;
+            progress.line(&format!(
+                "{:<15}{:>10.3} ms{:>10.1} MB{:>10.1} GB/s{:>7.1}% of a copy",
+                stage.name,
+                stage.ms,
+                1e-6 * stage.bytes as f64,
+                1e-9 * bytes_per_second,
+                100.0 * stage.share,
+            ));
+        }
+    })?;
+    progress.done();
+    if let Some(row) = rows.first() {
+        progress.line(&format!("a copy: {:.1} GB/s; {}", 1e-9 * row.copy_bandwidth, row.adapter));
+    }
     if args.json { print_json(&rows) } else { Ok(()) }
 }
 

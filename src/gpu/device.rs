@@ -3,7 +3,9 @@
 use super::adapter::AdapterOptions;
 use crate::error::{Error, Result};
 use std::sync::{Arc, Mutex, PoisonError};
-use wgpu::{Adapter, AdapterInfo, Device, DeviceDescriptor, Features, PollType, Queue, SubmissionIndex};
+use wgpu::{
+    Adapter, AdapterInfo, Device, DeviceDescriptor, Features, Limits, PollType, Queue, SubmissionIndex,
+};
 
 /// Features that are used where the card has them; none is required.
 const OPTIONAL_FEATURES: Features = Features::TIMESTAMP_QUERY.union(Features::POLYGON_MODE_LINE);
@@ -32,11 +34,18 @@ impl Gpu {
 
     /// Opens `adapter` with all it can do.
     pub fn open(adapter: &Adapter) -> Result<Self> {
+        Self::open_within(adapter, adapter.limits())
+    }
+
+    /// Opens `adapter` as one that can do no more than `limits`.
+    ///
+    /// Errors: it cannot do as much.
+    pub fn open_within(adapter: &Adapter, limits: Limits) -> Result<Self> {
         let info = adapter.get_info();
         let request = adapter.request_device(&DeviceDescriptor {
             label: Some("trisplat"),
             required_features: adapter.features() & OPTIONAL_FEATURES,
-            required_limits: adapter.limits(),
+            required_limits: limits,
             ..DeviceDescriptor::default()
         });
         let (device, queue) = pollster::block_on(request)
@@ -51,9 +60,8 @@ impl Gpu {
         let (error, lost) = (keep(&first_error), keep(&first_error));
         device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| error(one_line(&e.to_string()))));
         device.set_device_lost_callback(move |reason, message| {
-            if reason != wgpu::DeviceLostReason::Destroyed {
-                lost(format!("the graphics card was lost ({}); start again", one_line(&message)));
-            }
+            let why = if message.is_empty() { format!("{reason:?}") } else { one_line(&message) };
+            lost(format!("the graphics card was lost ({why})"));
         });
         Ok(Self { device, queue, info, first_error })
     }
@@ -69,6 +77,10 @@ impl Gpu {
     /// Waits until the work up to `submission` is done, or all of it; errors as [`Gpu::check`].
     pub fn wait(&self, submission: Option<SubmissionIndex>) -> Result<()> {
         let waited = self.device.poll(PollType::Wait { submission_index: submission, timeout: None });
+        if waited.is_err() {
+            // A lost device says so when it is polled, and knows no submission after that.
+            let _ = self.device.poll(PollType::Poll);
+        }
         self.check()?;
         waited.map(drop).map_err(|e| Error::Gpu(format!("{}: {e}", self.info.name)))
     }

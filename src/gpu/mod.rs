@@ -1,10 +1,12 @@
 //! The graphics card: finding one, filling its buffers, compute kernels, reading back, timing. Knows nothing of triangles.
 
 pub mod adapter;
+pub mod bandwidth;
 pub mod buffer;
 pub mod compute;
 pub mod device;
 pub mod readback;
+pub mod stages;
 pub mod storage;
 pub mod timer;
 

@@ -4,13 +4,14 @@
 //! (`train::gpu::GpuBackend`); `tests/train_gpu` holds them together. Only the inner loop belongs to a backend: refinement takes
 //! the state out, runs the one implementation there is, and puts it back.
 
-use super::params::TrainState;
+use super::params::{Params, TrainState};
 use super::schedule::Rates;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::image::Pixels;
 use crate::raster::soft::Importance;
 use glam::UVec2;
+use std::borrow::Cow;
 
 /// A photo as one step sees it.
 #[derive(Debug, Clone, Copy)]
@@ -85,6 +86,16 @@ pub trait TrainBackend {
     fn take_visibility(&mut self) -> Result<BackendVisibility>;
     /// Moves the state out; [`TrainBackend::load`] must follow before the next step.
     fn store(&mut self) -> Result<TrainState>;
+    /// The parameters as they are.
+    fn params(&mut self) -> Result<Cow<'_, Params>>;
+    /// True where the state can get lost: then [`TrainBackend::rescued`] has it.
+    fn can_be_lost(&self) -> bool {
+        false
+    }
+    /// The state as it was last loaded, when [`TrainBackend::store`] fails or the loading did. After that there is none.
+    fn rescued(&mut self) -> Option<TrainState> {
+        None
+    }
     /// Triangles held.
     fn len(&self) -> usize;
     /// True when it holds none.
@@ -114,6 +125,18 @@ macro_rules! forwards {
 
             fn store(&mut self) -> Result<TrainState> {
                 (**self).store()
+            }
+
+            fn params(&mut self) -> Result<Cow<'_, Params>> {
+                (**self).params()
+            }
+
+            fn can_be_lost(&self) -> bool {
+                (**self).can_be_lost()
+            }
+
+            fn rescued(&mut self) -> Option<TrainState> {
+                (**self).rescued()
             }
 
             fn len(&self) -> usize {

@@ -2,7 +2,7 @@
 
 use super::backend::{BackendVisibility, StepPhoto, StepStats, TrainBackend};
 use super::frame_loss::{FrameLoss, Supersampling};
-use super::params::TrainState;
+use super::params::{Params, TrainState};
 use super::schedule::Rates;
 use super::update::{Regularisers, update};
 use crate::camera::Camera;
@@ -10,6 +10,7 @@ use crate::error::Result;
 use crate::kernel::normal::{Maps, MapsGrad, normal_grad};
 use crate::raster::soft::{Frame, FrameGrad, Soft, SoftOptions, SoupGrad, SoupRef};
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// A training scene in main memory.
 #[derive(Debug, Default)]
@@ -42,6 +43,10 @@ impl TrainBackend for CpuBackend {
 
     fn store(&mut self) -> Result<TrainState> {
         Ok(std::mem::take(&mut self.state))
+    }
+
+    fn params(&mut self) -> Result<Cow<'_, Params>> {
+        Ok(Cow::Borrowed(&self.state.params))
     }
 
     fn len(&self) -> usize {

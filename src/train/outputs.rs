@@ -163,22 +163,28 @@ impl Recorder {
         self.evaluator.scores(&soup, &space, &trainer.drawing(&self.drawing))
     }
 
-    /// Writes a checkpoint, if the run is to leave any.
+    /// Writes a checkpoint, if the run is to leave any; returns its step and where it is.
     pub(super) fn checkpoint<B: TrainBackend>(
         &mut self,
         trainer: &mut Trainer<B>,
         outputs: &RunOptions,
         observer: &mut dyn TrainObserver,
         pace: Option<Pace>,
-    ) {
-        let Some(path) = &outputs.checkpoint else { return };
+    ) -> Option<(u64, PathBuf)> {
+        let path = outputs.checkpoint.as_ref()?;
         let spent = cpu_secs() - self.cpu_start;
         let written = trainer.checkpoint(&self.curve, spent).and_then(|mut checkpoint| {
             checkpoint.meta.pace = pace;
-            rotation::write(path, &checkpoint, outputs.keep)
+            Ok((checkpoint.meta.step, rotation::write(path, &checkpoint, outputs.keep)?))
         });
-        let written = written.map(|path| self.checkpoint = Some((trainer.steps(), path)));
-        self.note(written, observer);
+        match written {
+            Ok(written) => self.checkpoint = Some(written),
+            Err(error) => {
+                self.note(Err(error), observer);
+                return None;
+            }
+        }
+        self.checkpoint.clone()
     }
 
     /// Draws a preview, if one is due.

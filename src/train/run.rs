@@ -14,10 +14,11 @@ use super::trainer::Trainer;
 use crate::asset::Provenance;
 use crate::camera::Camera;
 use crate::dataset::{Dataset, DatasetKind, DatasetOptions, View};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::raster::soft::SoftOptions;
 use crate::report::generator;
 use crate::scene::Loaded;
+use std::path::PathBuf;
 use std::time::Instant;
 
 /// Trains a soup on the photos of `dataset` that are not held out.
@@ -268,7 +269,8 @@ impl<B: TrainBackend> StartedRun<'_, B> {
 
     /// Makes the steps, until the last or until `observer` wants to stop.
     ///
-    /// Errors: photos that cannot be decoded; then there is a checkpoint of the steps that were made, if any were.
+    /// Errors: photos that cannot be decoded; then there is a checkpoint of the steps that were made, if any were. A graphics card
+    /// that is lost or has no more memory; then there is one of the last refinement or checkpoint at least.
     pub fn finish(mut self, observer: &mut dyn TrainObserver) -> Result<Trained> {
         let curve = std::mem::take(&mut self.curve);
         let mut record =
@@ -319,10 +321,10 @@ impl<B: TrainBackend> StartedRun<'_, B> {
                 }
                 Err(error) => {
                     // A photo that cannot be read costs no step that was made.
-                    if self.trainer.steps() > before {
-                        record.checkpoint(&mut self.trainer, &self.outputs, observer, stored(&self.paced));
-                    }
-                    return Err(error);
+                    let written = (self.trainer.steps() > before).then(|| {
+                        record.checkpoint(&mut self.trainer, &self.outputs, observer, stored(&self.paced))
+                    });
+                    return Err(with_remedy(error, written.flatten()));
                 }
             }
         }
@@ -370,6 +372,17 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         }
         record.preview(trainer, outputs, observer);
         Ok((now, stopped))
+    }
+}
+
+/// The error of a run, with how to go on where a graphics card is to blame: its last checkpoint is of a step, in a file.
+fn with_remedy(error: Error, checkpoint: Option<(u64, PathBuf)>) -> Error {
+    match (error, checkpoint) {
+        (error @ (Error::Gpu(_) | Error::TooLarge { .. }), Some((step, path))) => Error::Card {
+            error: Box::new(error),
+            remedy: format!("to go on from step {step}: `backend` cpu `resume` {}", path.display()),
+        },
+        (error, _) => error,
     }
 }
 

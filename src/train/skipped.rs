@@ -17,6 +17,17 @@ pub struct SkippedWork {
 }
 
 impl SkippedWork {
+    /// Of a step on so many of the photo's `pixels`, with `triangles`, and so many of the `degrees` of their colours. No row counts as updated until the
+    /// step's figures are known.
+    pub(super) fn of_step(pixels: (u32, u32), triangles: u64, degrees: (u8, u8)) -> Self {
+        let functions = |degree: u8| (u64::from(degree) + 1).pow(2);
+        Self {
+            pixels: WorkCount::of(pixels.0.into(), pixels.1.into()),
+            rows: WorkCount::of(0, triangles),
+            coefficients: WorkCount::of(triangles * functions(degrees.0), triangles * functions(degrees.1)),
+        }
+    }
+
     /// "pixels=61%" for all that was left out.
     pub fn labels(&self) -> Vec<String> {
         let of = [("pixels", self.pixels), ("rows", self.rows), ("coefficients", self.coefficients)];

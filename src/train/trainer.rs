@@ -5,7 +5,7 @@ use super::checkpoint::{Checkpoint, CheckpointMeta};
 use super::core::Core;
 use super::identity::RunIdentity;
 use super::options::TrainOptions;
-use super::params::Anneal;
+use super::params::{Anneal, TrainState};
 use super::progress::TrainSample;
 use super::pyramid::{Pyramid, order};
 use super::refine::{self, Refined, refine};
@@ -19,7 +19,6 @@ use crate::error::{Error, Result};
 use crate::raster::soft::{SoftOptions, Window};
 use crate::soup::Soup;
 use crate::space::Space;
-use crate::work::WorkCount;
 
 /// A run between two steps. A pure function of the data set, the options and the steps made: stopping,
 /// writing a checkpoint and resuming elsewhere changes no bit.
@@ -43,9 +42,19 @@ pub struct Trainer<B> {
     pinned: usize,
     frozen: usize,
     core: Option<Core>,
+    /// What belongs to the state that the backend was last given, where that can get lost.
+    loaded: Option<LoadedAt>,
     level: u32,
     /// Pixels of the full photo per pixel of those drawn at this level.
     full_px: f32,
+}
+
+/// When the backend was given a state, and what else a checkpoint of that moment holds.
+#[derive(Debug, Clone)]
+struct LoadedAt {
+    step: u64,
+    dropped: u64,
+    visibility: VisibilityStats,
 }
 
 /// What [`Trainer::step`] did.
@@ -129,11 +138,10 @@ impl<B: TrainBackend> Trainer<B> {
         position: Position,
         identity: RunIdentity,
         photos: Pyramid,
-        mut backend: B,
+        backend: B,
     ) -> Result<Self> {
         let Position { options, space, state, visibility, step, dropped, core } = position;
         let (pinned, frozen) = (state.pinned, state.frozen);
-        backend.load(state)?;
         let mut run = Self {
             space,
             cameras: views.iter().map(|v| space.camera_to_training(&v.camera)).collect(),
@@ -150,12 +158,23 @@ impl<B: TrainBackend> Trainer<B> {
             pinned,
             frozen,
             core,
+            loaded: None,
             level: Schedule::new(&options).level(step),
             full_px: 1.0,
             options,
         };
+        run.load(state)?;
         run.plan_epoch();
         Ok(run)
+    }
+
+    /// Gives the backend a state of now.
+    fn load(&mut self, state: TrainState) -> Result<()> {
+        if self.backend.can_be_lost() {
+            let visibility = self.visibility.clone();
+            self.loaded = Some(LoadedAt { step: self.step, dropped: self.dropped, visibility });
+        }
+        self.backend.load(state)
     }
 
     /// What is not as it was when the checkpoint of this run was made, one sentence each.
@@ -251,18 +270,15 @@ impl<B: TrainBackend> Trainer<B> {
         let photo = StepPhoto { camera: &camera, pixels: &pixels, first, id };
         let rates = Schedule::new(&self.options).rates(self.step);
         let triangles = self.backend.len() as u64;
-        self.backend.step(&photo, &rates)?;
+        if let Err(error) = self.backend.step(&photo, &rates) {
+            // It was not drawn.
+            self.visibility.drawn[index] = !first;
+            return Err(error);
+        }
         self.step += 1;
         let whole = self.photos.size(index, 0).element_product();
-        self.skipped += SkippedWork {
-            pixels: WorkCount::of(pixels.size.element_product().into(), whole.into()),
-            // Until its figures are known.
-            rows: WorkCount::of(0, triangles),
-            coefficients: WorkCount::of(
-                triangles * functions(rates.sh_degree),
-                triangles * functions(self.options.sh_degree),
-            ),
-        };
+        let degrees = (rates.sh_degree, self.options.sh_degree);
+        self.skipped += SkippedWork::of_step((pixels.size.element_product(), whole), triangles, degrees);
         let refined = match Schedule::new(&self.options).refines_after(self.step) {
             true => Some(self.refine()?),
             false => None,
@@ -296,7 +312,7 @@ impl<B: TrainBackend> Trainer<B> {
         };
         let mut state = self.backend.store()?;
         let refined = refine(&mut state, &mut self.visibility, &plan);
-        self.backend.load(state)?;
+        self.load(state)?;
         Ok(refined)
     }
 
@@ -332,13 +348,11 @@ impl<B: TrainBackend> Trainer<B> {
     pub fn soup(&mut self) -> Result<Soup> {
         let schedule = Schedule::new(&self.options);
         let last = self.step.max(1) - 1;
-        let state = self.backend.store()?;
         let (anneal, degree) = match self.ends_solid() {
             true => (Anneal::SOLID, 0),
             false => (schedule.anneal(last), schedule.sh_degree(last)),
         };
-        let mut soup = state.params.to_soup(&anneal, degree);
-        self.backend.load(state)?;
+        let mut soup = self.backend.params()?.to_soup(&anneal, degree);
         self.space.soup_to_world(&mut soup);
         Ok(soup)
     }
@@ -348,37 +362,49 @@ impl<B: TrainBackend> Trainer<B> {
         self.is_done() && self.options.solid.enabled
     }
 
-    /// Everything needed to resume elsewhere.
+    /// Everything needed to resume elsewhere. Where the backend has lost the scene: as it was when it last got one, after a
+    /// refinement or a checkpoint.
+    ///
+    /// Errors: the backend has lost the scene, and there is no earlier one.
     pub fn checkpoint(&mut self, curve: &[TrainSample], cpu_secs: f64) -> Result<Checkpoint> {
-        self.collect_visibility()?;
-        self.collect_figures(true)?;
-        let state = self.backend.store()?;
-        self.backend.load(state.clone())?;
+        let (state, now) = match self.take_state() {
+            Ok(state) => {
+                self.load(state.clone())?;
+                let visibility = self.visibility.clone();
+                (state, LoadedAt { step: self.step, dropped: self.dropped, visibility })
+            }
+            Err(error) => match (self.backend.rescued(), &self.loaded) {
+                (Some(state), Some(loaded)) => (state, loaded.clone()),
+                _ => return Err(error),
+            },
+        };
         let mut identity = self.identity.clone();
         for (i, photo) in identity.photos.iter_mut().enumerate() {
             photo.pixels = self.photos.digest(i);
         }
         let meta = CheckpointMeta {
             generator: crate::report::generator(),
-            step: self.step,
+            step: now.step,
             options: self.options.clone(),
             space: (self.space.center.to_array(), self.space.scale),
             pinned: self.pinned,
             frozen: self.frozen,
             core: self.core,
             identity,
-            dropped: self.dropped,
-            curve: curve.to_vec(),
+            dropped: now.dropped,
+            curve: curve.iter().copied().filter(|sample| sample.step <= now.step).collect(),
             cpu_secs,
             pace: None,
         };
-        Ok(Checkpoint { state, visibility: self.visibility.clone(), meta })
+        Ok(Checkpoint { state, visibility: now.visibility, meta })
     }
-}
 
-/// Basis functions of spherical harmonics up to a degree.
-fn functions(degree: u8) -> u64 {
-    (u64::from(degree) + 1).pow(2)
+    /// Moves the state out of the backend, and all that belongs to it.
+    fn take_state(&mut self) -> Result<TrainState> {
+        self.collect_visibility()?;
+        self.collect_figures(true)?;
+        self.backend.store()
+    }
 }
 
 /// The photos to train on.

@@ -1,7 +1,7 @@
 //! The bits of a run do not depend on what the backend takes of the card: how far it is behind, how much room there is, whether
 //! photos stay.
 
-use super::{card, scene};
+use super::{card, scene, small_card};
 use glam::{Mat3, Vec3};
 use trisplat::camera::Camera;
 use trisplat::image::Pixels;
@@ -33,6 +33,9 @@ fn photos() -> Vec<Pixels> {
     };
     (0..PHOTOS).map(photo).collect()
 }
+
+/// Two chunks and a bit of the scene, and less than all slots: more has no use for the tests.
+const BINDING_BYTES: u64 = 160 << 10;
 
 /// What a user may train with.
 struct Way {
@@ -68,7 +71,7 @@ struct Outcome {
 /// All steps; some figures are asked for on the way.
 fn run(backend: &mut GpuBackend, way: &Way, limits: GpuLimits) -> Outcome {
     backend.restart(way.options, limits);
-    let mut state = scene::state(600, 1);
+    let mut state = scene::state(1100, 3);
     (state.pinned, state.frozen) = (10, 5);
     backend.load(state).unwrap();
     let (photos, mut figures) = (photos(), Vec::new());
@@ -101,12 +104,13 @@ fn limits_change_no_bit() {
         assert_eq!(waiting.figures.len(), STEPS);
         for (name, limits) in [
             ("late", GpuLimits { ahead: 3, ..plenty }),
-            ("all at once", GpuLimits { ahead: STEPS, ..plenty }),
             ("little room", small),
             ("little room, late", GpuLimits { ahead: 3, ..small }),
             ("little room, all at once", GpuLimits { ahead: STEPS, ..small }),
             ("photos on the card", GpuLimits { ahead: 2, photo_bytes: 3 * photo_bytes, ..plenty }),
             ("two photos on the card", GpuLimits { ahead: 2, photo_bytes: 2 * photo_bytes, ..small }),
+            ("split", GpuLimits { ahead: 2, binding_bytes: BINDING_BYTES, ..plenty }),
+            ("split small", GpuLimits { ahead: 2, binding_bytes: 1, ..plenty }),
         ] {
             let before = backend.repeats();
             let outcome = run(&mut backend, &way, limits);
@@ -116,5 +120,19 @@ fn limits_change_no_bit() {
             assert_eq!(outcome.figures, waiting.figures, "{}, {name}", way.name);
             assert!(outcome == waiting, "{}, {name}: other bits", way.name);
         }
+    }
+}
+
+/// Every buffer is within what such a card binds, or wgpu would refuse it.
+#[test]
+fn a_card_that_binds_little_gives_the_same_bits() {
+    let (Some(gpu), Some(small)) = (card(), small_card(BINDING_BYTES)) else { return };
+    let limits = GpuLimits::of(&small);
+    assert_eq!(limits.binding_bytes, BINDING_BYTES);
+    let mut whole = GpuBackend::new(gpu, SoftOptions::default()).unwrap();
+    let mut split = GpuBackend::new(small, SoftOptions::default()).unwrap();
+    for way in ways().into_iter().filter(|way| way.name != "per pixel") {
+        let whole = run(&mut whole, &way, GpuLimits { binding_bytes: u64::MAX, ..limits });
+        assert!(run(&mut split, &way, limits) == whole, "{}", way.name);
     }
 }

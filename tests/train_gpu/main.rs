@@ -14,6 +14,15 @@ mod twins;
 
 use trisplat::gpu::{AdapterOptions, Gpu};
 
+/// The card as one that binds no more than `bytes` at once.
+fn small_card(bytes: u64) -> Option<Gpu> {
+    let options = AdapterOptions::default();
+    let adapter = card().and_then(|_| options.choose(&options.instance(None), None).ok())?;
+    let mut limits = adapter.limits();
+    limits.max_storage_buffer_binding_size = bytes;
+    Some(Gpu::open_within(&adapter, limits).unwrap())
+}
+
 /// A card, or `None` after saying loudly that there is none.
 fn card() -> Option<Gpu> {
     match Gpu::headless(&AdapterOptions::default()) {

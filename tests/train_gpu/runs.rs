@@ -1,17 +1,20 @@
 //! Whole runs on the synthetic scene: as good as the CPU's, the same bits twice, resumed bit for bit, from one backend to the
 //! other and back.
 
-use super::card;
+use super::{card, small_card};
 use std::path::Path;
 use trisplat::dataset::synthetic::{self, SyntheticOptions};
 use trisplat::dataset::{Dataset, DatasetOptions};
+use trisplat::error::Error;
 use trisplat::raster::soft::SoftOptions;
 use trisplat::soup::Soup;
 use trisplat::train::cpu::CpuBackend;
 use trisplat::train::gpu::{GpuBackend, GpuLimits};
+use trisplat::train::options::SampleWeight;
+use trisplat::train::refine::Refined;
 use trisplat::train::{
-    Checkpoint, RunOptions, TrainBackend, TrainObserver, TrainOptions, TrainPreset, TrainRun, Trained,
-    checkpoint,
+    Checkpoint, RunOptions, TrainBackend, TrainObserver, TrainOptions, TrainPreset, TrainRun, TrainSample,
+    Trained, checkpoint,
 };
 
 fn dataset(folder: &Path) -> Dataset {
@@ -73,8 +76,15 @@ fn soft_runs_are_those_of_the_cpu() {
     let Some(mut card) = backend() else { return };
     let folder = tempfile::tempdir().unwrap();
     let dataset = dataset(folder.path());
-    for (preset, refined) in [(TrainPreset::Outdoor, true), (TrainPreset::Indoor, false)] {
+    for (preset, refined, sample_by) in [
+        (TrainPreset::Outdoor, true, SampleWeight::Alternating),
+        (TrainPreset::Outdoor, true, SampleWeight::Error),
+        (TrainPreset::Outdoor, true, SampleWeight::Opacity),
+        (TrainPreset::Indoor, false, SampleWeight::Alternating),
+        (TrainPreset::PaperEngine, false, SampleWeight::Alternating),
+    ] {
         let mut options = options(preset, 100);
+        options.refine.sample_by = sample_by;
         if !refined {
             options.refine.from = 1e6;
         }
@@ -82,7 +92,7 @@ fn soft_runs_are_those_of_the_cpu() {
         let (gpu, cpu) = (trained(run(), Some(&mut card), &mut ()), trained(run(), None, &mut ()));
         let (psnr, apart) = ((psnr(&gpu) - psnr(&cpu)).abs(), corners_apart(&cpu.soup, &gpu.soup));
         eprintln!(
-            "{preset:?}, refined {refined}: {psnr:.4} dB, corners {apart:.1e}, {} triangles",
+            "{preset:?}, refined {refined} by {sample_by:?}: {psnr:.4} dB, corners {apart:.1e}, {} triangles",
             gpu.soup.len()
         );
         assert!(psnr < 0.05 && gpu.dropped == 0, "{preset:?}: {psnr} dB");
@@ -155,4 +165,63 @@ fn a_checkpoint_goes_from_one_backend_to_the_other_and_back() {
     assert_eq!(parts[2].steps, 90);
     assert!((psnr(&parts[2]) - psnr(&whole)).abs() < 0.05);
     assert!(corners_apart(&whole.soup, &parts[2].soup) < 1e-4);
+}
+
+/// Takes the card away after a number of steps, and notes when the scene was refined.
+struct TakeCard(u64, wgpu::Device, u64);
+
+impl TrainObserver for TakeCard {
+    fn stepped(&mut self, sample: &TrainSample) {
+        if sample.step == self.0 {
+            self.1.destroy();
+        }
+    }
+
+    fn refined(&mut self, step: u64, _: &Refined) {
+        self.2 = step;
+    }
+}
+
+#[test]
+fn a_card_that_is_lost_costs_the_steps_since_the_last_refinement() {
+    let Some(mut card) = backend() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = dataset(folder.path());
+    let options = options(TrainPreset::Outdoor, 100);
+    let straight = trained(TrainRun::new(&dataset, &options), Some(&mut card), &mut ());
+    let path = folder.path().join("a.checkpoint");
+    let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
+    let run = TrainRun { outputs, ..TrainRun::new(&dataset, &options) };
+    let mut observer = TakeCard(70, card.gpu().device.clone(), 0);
+    card.restart(run.drawing(), GpuLimits::of(card.gpu()));
+    let error = run.start_on(&mut card).unwrap().finish(&mut observer).unwrap_err();
+    eprintln!("{error}");
+    assert!(matches!(error, Error::Card { .. }) && error.to_string().contains("card was lost"), "{error}");
+    let refined = observer.2;
+    let remedy = format!("to go on from step {refined}: `backend` cpu `resume` {}", path.display());
+    assert!(refined > 0 && error.to_string().ends_with(&remedy), "{error}");
+    let rest = || TrainRun::from_checkpoint(&dataset, checkpoint::read(&path).unwrap());
+    // Another card gives what the first would have given, and the CPU something as good.
+    let again = trained(rest(), Some(&mut backend().unwrap()), &mut ());
+    assert_eq!(again.soup, straight.soup);
+    assert!((psnr(&trained(rest(), None, &mut ())) - psnr(&straight)).abs() < 0.05);
+}
+
+#[test]
+fn a_card_that_is_too_small_costs_no_step() {
+    // The layers of pixels are in one binding.
+    let Some(small) = small_card(128 << 10) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = dataset(folder.path());
+    let mut options = options(TrainPreset::Outdoor, 100);
+    options.draw.sort_per_pixel = true;
+    let path = folder.path().join("a.checkpoint");
+    let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
+    let run = TrainRun { outputs, ..TrainRun::new(&dataset, &options) };
+    let mut card = GpuBackend::new(small, run.drawing()).unwrap();
+    let error = run.start_on(&mut card).unwrap().finish(&mut ()).unwrap_err().to_string();
+    eprintln!("{error}");
+    assert!(error.contains("gpu: layers for ") && error.contains("`backend` cpu `resume` "), "{error}");
+    let rest = TrainRun::from_checkpoint(&dataset, checkpoint::read(&path).unwrap());
+    assert_eq!(trained(rest, None, &mut ()).steps, 100);
 }

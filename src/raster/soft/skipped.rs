@@ -74,6 +74,7 @@ impl Soft {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::soup::Soup;
     use glam::{Mat3, UVec2, Vec2, Vec3};
 
     /// A camera at the origin that looks along z at 64×64 px.
@@ -88,49 +89,35 @@ mod tests {
         }
     }
 
-    /// Opaque triangles at these depths, each far larger than the picture; the last lies behind the camera.
-    fn walls(depths: &[f32]) -> (Vec<[Vec3; 3]>, Vec<f32>, Vec<f32>, Vec<[f32; 3]>) {
+    /// Opaque triangles at these depths, each far larger than the picture.
+    fn walls(depths: &[f32]) -> Soup {
         let wall = |&z: &f32| {
             let s = 10.0 * z.abs();
             [Vec3::new(-s, -s, z), Vec3::new(3.0 * s, -s, z), Vec3::new(-s, 3.0 * s, z)]
         };
         let n = depths.len();
-        (depths.iter().map(wall).collect(), vec![0.999; n], vec![0.001; n], vec![[0.5; 3]; n])
+        let vertices = depths.iter().map(wall).collect();
+        Soup { vertices, opacity: vec![0.999; n], sigma: vec![0.001; n], sh: vec![[0.5; 3]; n], sh_degree: 0 }
     }
 
     #[test]
     fn what_is_out_of_view_beside_a_triangle_or_behind_opaque_ones_is_counted() {
-        let (vertices, opacity, sigma, sh) = walls(&[1.0, 2.0, 3.0, 4.0, 5.0, -1.0]);
-        let soup = SoupRef {
-            vertices: &vertices,
-            opacity: &opacity,
-            sigma: &sigma,
-            sh: &sh,
-            sh_degree: 0,
-            active_degree: 0,
-        };
-        let work = Soft::new().work(&soup, &camera(), &SoftOptions::default()).unwrap();
+        let soup = walls(&[1.0, 2.0, 3.0, 4.0, 5.0, -1.0]);
+        let work = Soft::new().work(&SoupRef::from(&soup), &camera(), &SoftOptions::default()).unwrap();
         assert_eq!(work.triangles, WorkCount { done: 5, skipped: 1 });
         // Five walls over 4×4 tiles of 16 blocks; two of opacity 0.99 leave 1e-4 of the light.
         assert_eq!(work.tiles, WorkCount { done: 80, skipped: 0 });
         assert_eq!(work.blocks, WorkCount { done: 1280, skipped: 0 });
         assert_eq!(work.layers.done + work.layers.skipped, 1280);
-        assert!((256..=768).contains(&work.layers.done) && work.layers.done % 256 == 0, "{work:?}");
+        assert!((256..=768).contains(&work.layers.done) && work.layers.done.is_multiple_of(256), "{work:?}");
     }
 
     #[test]
     fn a_thin_diagonal_reaches_few_of_the_tiles_of_its_box() {
-        let vertices =
-            [[Vec3::new(-0.45, -0.45, 1.0), Vec3::new(0.45, 0.43, 1.0), Vec3::new(0.43, 0.45, 1.0)]];
-        let soup = SoupRef {
-            vertices: &vertices,
-            opacity: &[0.9],
-            sigma: &[0.1],
-            sh: &[[0.5; 3]],
-            sh_degree: 0,
-            active_degree: 0,
-        };
-        let work = Soft::new().work(&soup, &camera(), &SoftOptions::default()).unwrap();
+        let mut soup = walls(&[1.0]);
+        soup.vertices[0] =
+            [Vec3::new(-0.45, -0.45, 1.0), Vec3::new(0.45, 0.43, 1.0), Vec3::new(0.43, 0.45, 1.0)];
+        let work = Soft::new().work(&SoupRef::from(&soup), &camera(), &SoftOptions::default()).unwrap();
         assert!(work.tiles.skipped >= 6 && work.tiles.done >= 4, "{work:?}");
         assert!(work.blocks.skipped > work.blocks.done, "{work:?}");
         assert_eq!(work.layers.skipped, 0);

@@ -5,25 +5,37 @@ use super::job::{COUNTS, GROUPS, Jobs};
 use super::limits::GpuLimits;
 use super::passes::Passes;
 use super::photos::Photos;
-use super::room::{Room, RoomSize};
+use super::room::{Room, RoomSize, SLOT_PARTS};
 use super::rows::row_count;
 use super::scene::{REMEDY, SceneBuffers, VisibilityBuffer};
 use super::sequence::{BindGroups, Sequence};
 use super::step_passes::StepPasses;
-use super::uniform::{StepPlan, StepUniform};
+use super::uniform::{GEOMETRY_SLOT_NUMBERS, StepPlan, StepUniform};
+use super::work::StepWork;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::gpu::readback::Readback;
+use crate::gpu::stages::StageTimer;
 use crate::gpu::storage::{storage, uniform};
 use crate::raster::soft::SoftOptions;
 use crate::train::backend::{BackendVisibility, RunSize, StepPhoto, StepStats, TrainBackend};
-use crate::train::params::TrainState;
+use crate::train::params::{Params, TrainState};
 use crate::train::schedule::Rates;
+use std::borrow::Cow;
 use std::collections::VecDeque;
 use wgpu::Buffer;
 
 /// Storage buffers that one pass binds.
-const STORAGE_BUFFERS: u32 = 11;
+const STORAGE_BUFFERS: u32 = 14;
+
+/// Where the time of a step went.
+#[derive(Debug, Clone)]
+pub struct StepTimes {
+    /// Stages in their order, and milliseconds.
+    pub stages: Vec<(&'static str, f64)>,
+    /// How much there was to do.
+    pub work: StepWork,
+}
 
 /// A training scene on a graphics card.
 ///
@@ -52,6 +64,13 @@ pub struct GpuBackend {
     spare: Vec<Readback>,
     figures: Vec<StepStats>,
     repeats: u64,
+    timer: Option<StageTimer>,
+    /// How much the last step whose figures are known had to do.
+    work: Option<StepWork>,
+    /// The state that was last loaded: all there is when the card is lost.
+    loaded: Option<TrainState>,
+    /// Why steps that were begun will never be done.
+    failure: Option<String>,
 }
 
 impl GpuBackend {
@@ -88,6 +107,10 @@ impl GpuBackend {
             spare: Vec::new(),
             figures: Vec::new(),
             repeats: 0,
+            timer: None,
+            work: None,
+            loaded: None,
+            failure: None,
             limits,
             options,
             gpu,
@@ -101,6 +124,7 @@ impl GpuBackend {
         self.bind_groups.clear();
         self.flights.clear();
         self.figures.clear();
+        (self.loaded, self.failure) = (None, None);
         self.go_on();
     }
 
@@ -109,9 +133,28 @@ impl GpuBackend {
         &self.gpu
     }
 
+    /// What it takes of the card.
+    pub fn limits(&self) -> GpuLimits {
+        self.limits
+    }
+
     /// How often steps were repeated because one of them found no room.
     pub fn repeats(&self) -> u64 {
         self.repeats
+    }
+
+    /// Makes a step as [`TrainBackend::step`] does, and waits for it. Returns its stages and their milliseconds, and how much it had to
+    /// do; `None` where the card has no timestamps.
+    pub fn timed_step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<Option<StepTimes>> {
+        self.settle_all()?;
+        self.timer = StageTimer::new(&self.gpu);
+        let made = self.step(photo, rates).and_then(|()| self.settle_all());
+        let timer = self.timer.take();
+        made?;
+        match (timer, self.work) {
+            (Some(timer), Some(work)) => Ok(Some(StepTimes { stages: timer.times(&self.gpu)?, work })),
+            _ => Ok(None),
+        }
     }
 
     fn scene(&self) -> Result<&SceneBuffers> {
@@ -127,7 +170,11 @@ impl GpuBackend {
         self.settle_all()?;
         let size = match self.room.take() {
             Some(room) => room.size,
-            None => RoomSize { pairs: self.first_pairs(needed.triangles), ..RoomSize::default() },
+            None => RoomSize {
+                pairs: self.first_pairs(needed.triangles),
+                binding_bytes: self.limits.binding_bytes,
+                ..RoomSize::default()
+            },
         };
         // What was there is gone before the new is made.
         self.bind_groups.clear();
@@ -146,9 +193,8 @@ impl GpuBackend {
 
     /// Pairs there is room for at first: not more than the card can bind.
     fn first_pairs(&self, triangles: u32) -> u32 {
-        let GpuLimits { pairs_each, pairs_least, .. } = self.limits;
-        let limit = self.gpu.device.limits().max_storage_buffer_binding_size;
-        let most = limit / (4 * u64::from(super::uniform::GEOMETRY_SLOT_NUMBERS));
+        let GpuLimits { pairs_each, pairs_least, binding_bytes, .. } = self.limits;
+        let most = u64::from(SLOT_PARTS) * (binding_bytes / (4 * u64::from(GEOMETRY_SLOT_NUMBERS)));
         triangles.saturating_mul(pairs_each).max(pairs_least).min(u32::try_from(most).unwrap_or(u32::MAX))
     }
 
@@ -158,6 +204,7 @@ impl GpuBackend {
             return Err(Error::Gpu("a step without room".into()));
         };
         let gpu = &self.gpu;
+        flight.step.set_slot_pairs(room.size.slot_pairs());
         gpu.queue.write_buffer(&self.step, 0, bytemuck::bytes_of(&flight.step));
         gpu.queue.write_buffer(&self.counts, 0, bytemuck::cast_slice(&flight.counts));
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
@@ -173,9 +220,13 @@ impl GpuBackend {
             plan: &flight.plan,
             regularised: flight.regularised,
         };
-        let pass = encoder.begin_compute_pass(&Default::default());
         let (jobs, groups, bind_groups) = (&self.jobs, &self.groups, &mut self.bind_groups);
-        step.record(&mut Sequence { gpu, bind_groups, jobs, groups, pass });
+        let mut timer = self.timer.as_mut();
+        timer.iter_mut().for_each(|timer| timer.begin());
+        let encoder_of = &mut encoder;
+        let sequence = Sequence { gpu, bind_groups, jobs, groups, encoder: encoder_of, timer, pass: None };
+        step.record(sequence);
+        self.timer.iter().for_each(|timer| timer.end(&mut encoder));
         flight.readback.record(&mut encoder, &self.counts);
         let submission = gpu.queue.submit([encoder.finish()]);
         flight.readback.submitted(submission);
@@ -187,11 +238,17 @@ impl GpuBackend {
     /// no room is under way again.
     fn settle(&mut self, wait: bool) -> Result<bool> {
         let Some(flight) = self.flights.front_mut() else { return Ok(false) };
-        let Some(counts) = flight.readback.take::<u32>(&self.gpu, wait)? else { return Ok(false) };
+        let counts = flight.readback.take::<u32>(&self.gpu, wait);
+        let Some(counts) = self.failed(counts)? else { return Ok(false) };
+        let flight = self.flights.front();
         match more_room(&counts) {
-            Some(more) => self.repeat(more)?,
+            Some(more) => {
+                let repeated = self.repeat(more);
+                self.failed(repeated)?;
+            }
             None => {
-                self.figures.push(flight.stats(&counts));
+                self.figures.extend(flight.map(|flight| flight.stats(&counts)));
+                self.work = flight.map(|flight| flight.work(&counts));
                 self.spare.extend(self.flights.pop_front().map(|flight| flight.readback));
             }
         }
@@ -200,10 +257,25 @@ impl GpuBackend {
 
     /// Waits for all steps under way.
     fn settle_all(&mut self) -> Result<()> {
+        self.check()?;
         while !self.flights.is_empty() {
             self.settle(true)?;
         }
         Ok(())
+    }
+
+    /// An error when steps that were begun got lost.
+    fn check(&self) -> Result<()> {
+        self.failure.as_ref().map_or(Ok(()), |why| Err(Error::Gpu(why.clone())))
+    }
+
+    /// Keeps the error of a step that was begun: the scene on the card is of no use any more.
+    fn failed<T>(&mut self, outcome: Result<T>) -> Result<T> {
+        if let Err(error) = &outcome {
+            self.failure.get_or_insert(format!("steps were lost: {error}"));
+            self.flights.clear();
+        }
+        outcome
     }
 
     /// Repeats the steps under way, none of which did anything, with `more` room.
@@ -229,7 +301,18 @@ impl TrainBackend for GpuBackend {
         let triangles = state.params.len();
         self.scene = None;
         self.bind_groups.clear();
-        self.scene = Some(SceneBuffers::load(&self.gpu, &state)?);
+        let lost = self.check();
+        let state = self.loaded.insert(state);
+        lost?;
+        let binding_bytes = self.limits.binding_bytes;
+        self.scene = Some(match SceneBuffers::load(&self.gpu, state, binding_bytes) {
+            // Photos are on the card only to save time.
+            Err(Error::Gpu(_)) if self.photos.give_up() => {
+                self.gpu.wait(None)?;
+                SceneBuffers::load(&self.gpu, state, binding_bytes)?
+            }
+            scene => scene?,
+        });
         // A scene that comes back as it went has been seen as often as before.
         if self.visibility.as_ref().is_none_or(|visibility| visibility.triangles != triangles) {
             self.visibility = Some(VisibilityBuffer::new(&self.gpu, triangles)?);
@@ -240,9 +323,22 @@ impl TrainBackend for GpuBackend {
     fn store(&mut self) -> Result<TrainState> {
         self.settle_all()?;
         let state = self.scene()?.store(&self.gpu)?;
-        self.scene = None;
+        (self.scene, self.loaded) = (None, None);
         self.bind_groups.clear();
         Ok(state)
+    }
+
+    fn params(&mut self) -> Result<Cow<'_, Params>> {
+        self.settle_all()?;
+        Ok(Cow::Owned(self.scene()?.params(&self.gpu)?))
+    }
+
+    fn can_be_lost(&self) -> bool {
+        true
+    }
+
+    fn rescued(&mut self) -> Option<TrainState> {
+        self.loaded.take()
     }
 
     fn len(&self) -> usize {
@@ -255,17 +351,20 @@ impl TrainBackend for GpuBackend {
     }
 
     fn figures(&mut self, all: bool) -> Result<Vec<StepStats>> {
+        self.check()?;
         while self.settle(all)? {}
         Ok(std::mem::take(&mut self.figures))
     }
 
     fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<()> {
+        self.check()?;
         let shape = self.scene()?.shape;
         let plan = StepPlan::new(photo, rates, &self.options);
         self.make_room(RoomSize::of(&plan, shape.triangles, self.limits.spare_splats))?;
         let readback = self.spare.pop().unwrap_or_else(|| Readback::new(&self.gpu, 4 * COUNTS as u64));
         let source = self.photos.get(&self.gpu, photo);
-        self.launch(Flight::new(plan, photo, source, rates, shape, readback))?;
+        let launched = self.launch(Flight::new(plan, photo, source, rates, shape, readback));
+        self.failed(launched)?;
         while self.flights.len() > self.limits.ahead {
             self.settle(true)?;
         }
@@ -277,10 +376,15 @@ impl TrainBackend for GpuBackend {
 pub(in crate::train) fn expected_bytes(size: &RunSize, limits: &GpuLimits) -> u64 {
     let triangles = u32::try_from(size.triangles).unwrap_or(u32::MAX);
     let numbers = row_count((usize::from(size.sh_degree) + 1).pow(2)) as u64;
-    // Parameters and two moments.
-    let scene = 3 * 4 * numbers * u64::from(triangles);
+    // Parameters, two moments, visibility.
+    let scene = (3 * 4 * numbers + 20) * u64::from(triangles);
     let photos = (4 * size.photo_pixels).min(limits.photo_bytes);
     let pairs = triangles.saturating_mul(limits.pairs_each).max(limits.pairs_least);
-    let room = RoomSize { pairs, ..RoomSize::new(triangles, limits.spare_splats, size.photo, size.photo) };
+    let binding_bytes = limits.binding_bytes;
+    let room = RoomSize {
+        pairs,
+        binding_bytes,
+        ..RoomSize::new(triangles, limits.spare_splats, size.photo, size.photo)
+    };
     scene + photos + room.bytes()
 }

@@ -3,8 +3,10 @@
 use super::job::{COUNTS, Count};
 use super::photos::PhotoSource;
 use super::room::RoomSize;
+use super::rows::row_count;
 use super::source::GROUP;
 use super::uniform::{SceneShape, StepPlan, StepUniform};
+use super::work::StepWork;
 use crate::gpu::readback::Readback;
 use crate::kernel::loss::Photometric;
 use crate::raster::soft::tile_count;
@@ -24,6 +26,7 @@ pub(super) struct Flight {
     /// Brings the counts after the last pass.
     pub(super) readback: Readback,
     dssim: f64,
+    shape: SceneShape,
 }
 
 impl Flight {
@@ -52,8 +55,16 @@ impl Flight {
             regularised: rates.beta_size > 0.0 || rates.beta_opaque > 0.0,
             readback,
             dssim: rates.dssim,
+            shape,
             plan,
         }
+    }
+
+    /// How much there was to do, from the counts after the last pass.
+    pub(super) fn work(&self, counts: &[u32]) -> StepWork {
+        let (shape, degree) = (self.shape, self.step.sh_degree());
+        let numbers = row_count((usize::from(shape.sh_degree) + 1).pow(2));
+        StepWork::new(&self.plan, counts, shape.triangles, numbers, degree)
     }
 
     /// Its figures, from the counts after the last pass.

@@ -57,7 +57,7 @@ pub(super) const GROUPS: usize = Groups::Update as usize + 1;
 /// What a pass does this time: the twin of `Job` in `passes/step.wgsl`, or of `Sum` in `passes/sum_partials.wgsl`.
 pub(super) type Job = [u32; 4];
 
-/// Counts, or does.
+/// Counts, or writes.
 pub(super) const fn turn(writes: u32) -> Job {
     [writes, 0, 0, 0]
 }

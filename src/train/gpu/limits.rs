@@ -8,6 +8,8 @@ use wgpu::DeviceType;
 pub struct GpuLimits {
     /// Steps that may be under way before the next one is recorded; 0 waits for each.
     pub ahead: usize,
+    /// Bytes of a buffer that a pass has at once; more is split.
+    pub binding_bytes: u64,
     /// Photos that stay on the card, bytes: 4 per pixel.
     pub photo_bytes: u64,
     /// Pairs of triangles and tiles there is room for at first, for each triangle.
@@ -25,8 +27,10 @@ impl GpuLimits {
     /// Those for a card. No graphics API says how much memory a card has, so photos get what every card of its kind can spare; when
     /// memory ends, they go first.
     pub fn of(gpu: &Gpu) -> Self {
+        let limits = gpu.device.limits();
         Self {
             ahead: 2,
+            binding_bytes: limits.max_storage_buffer_binding_size.min(limits.max_buffer_size),
             photo_bytes: match gpu.info.device_type {
                 DeviceType::DiscreteGpu => PHOTO_BYTES.0,
                 // Its memory is that which holds the photos already.

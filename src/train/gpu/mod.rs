@@ -20,7 +20,9 @@ mod sequence;
 mod source;
 mod step_passes;
 mod uniform;
+mod work;
 
-pub use backend::GpuBackend;
 pub(super) use backend::expected_bytes;
+pub use backend::{GpuBackend, StepTimes};
 pub use limits::GpuLimits;
+pub use work::StepWork;

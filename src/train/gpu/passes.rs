@@ -41,9 +41,9 @@ passes! {
     sum_partials: pass!("sum_partials", "group_sum"),
     normal_slopes: pass!("normal_slopes", "depth_map", "group_sum"),
     normal_grad: pass!("normal_grad", "depth_map"),
-    backward: pass!("backward", "shade", "pixel_grad", "behind", "layer_grad"),
-    backward_by_pixel: pass!("backward_by_pixel", "shade", "pixel_grad", "layer_grad"),
-    gather: pass!("gather"),
+    backward: pass!("backward", "shade", "pixel_grad", "behind", "slot_part", "put_slot", "layer_grad"),
+    backward_by_pixel: pass!("backward_by_pixel", "shade", "pixel_grad", "slot_part", "put_slot", "layer_grad"),
+    gather: pass!("gather", "slot_part"),
     regularise: pass!("regularise", "params", "group_sum"),
     update: pass!("update", "params", "camera"),
 }

@@ -6,9 +6,12 @@ use super::uniform::{SLOT_NUMBERS, StepPlan};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::storage::storage;
-use crate::raster::soft::{TILE, tile_count};
+use crate::raster::soft::tile_count;
 use glam::UVec2;
 use wgpu::Buffer;
+
+/// Bindings that hold the slots of pairs, by far the largest of a step's buffers; the twin of `slot_part` in `passes/slot_part.wgsl`.
+pub(super) const SLOT_PARTS: u32 = 4;
 
 /// How much of everything there is room for.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -26,6 +29,8 @@ pub(super) struct RoomSize {
     pub(super) slot_numbers: u32,
     /// Depth planes are needed.
     pub(super) planes: bool,
+    /// Bytes that one binding holds.
+    pub(super) binding_bytes: u64,
     /// Depth, normals and distortion are needed.
     pub(super) geometry: bool,
 }
@@ -43,6 +48,7 @@ impl RoomSize {
             tiles: tile_count(frame).element_product().max(tile_count(photo).element_product()),
             slot_numbers: SLOT_NUMBERS,
             planes: false,
+            binding_bytes: 0,
             geometry: false,
         }
     }
@@ -69,8 +75,23 @@ impl RoomSize {
             tiles: self.tiles.max(other.tiles),
             slot_numbers: self.slot_numbers.max(other.slot_numbers),
             planes: self.planes || other.planes,
+            binding_bytes: self.binding_bytes.max(other.binding_bytes),
             geometry: self.geometry || other.geometry,
         }
+    }
+
+    /// Pairs whose slots are in one binding.
+    pub(super) fn slot_pairs(&self) -> u32 {
+        let slot = 4 * u64::from(self.slot_numbers.max(1));
+        u32::try_from(self.binding_bytes / slot).unwrap_or(u32::MAX).max(1)
+    }
+
+    /// Bytes of part `part` of the slots; the last has all that is left.
+    fn slot_bytes(&self, part: u32) -> u64 {
+        let before = self.slot_pairs().saturating_mul(part);
+        let left = self.pairs.saturating_sub(before);
+        let pairs = if part + 1 == SLOT_PARTS { left } else { left.min(self.slot_pairs()) };
+        u64::from(pairs) * 4 * u64::from(self.slot_numbers)
     }
 
     /// Bytes of everything together.
@@ -82,6 +103,7 @@ impl RoomSize {
     fn buffers(&self) -> Vec<(&'static str, u64)> {
         let mut all = self.of_splats().to_vec();
         all.extend(self.of_pairs());
+        all.extend((0..SLOT_PARTS).map(|part| ("gradients of pairs", self.slot_bytes(part))));
         all.extend(self.of_pixels());
         all
     }
@@ -103,7 +125,7 @@ impl RoomSize {
         ]
     }
 
-    fn of_pairs(&self) -> [(&'static str, u64); 9] {
+    fn of_pairs(&self) -> [(&'static str, u64); 8] {
         let each = |bytes: u64| u64::from(self.pairs) * bytes;
         let block = GROUP * SORT_ITEMS;
         let digits = (self.splats.div_ceil(block).max(self.pairs.div_ceil(block))) * RADIX;
@@ -115,7 +137,6 @@ impl RoomSize {
             ("pairs", each(4)),
             ("sorted pairs", each(4)),
             ("splats of pairs", each(4)),
-            ("gradients of pairs", each(4 * u64::from(self.slot_numbers))),
             ("layers", 16 * u64::from(self.layers)),
             ("digits", 4 * u64::from(digits)),
             ("sums of blocks", 4 * u64::from(scanned) + 4),
@@ -161,10 +182,10 @@ pub(super) struct Room {
     pub(super) tiles: [Buffer; 2],
     pub(super) pairs: [Buffer; 2],
     pub(super) owners: Buffer,
-    pub(super) slots: Buffer,
     pub(super) layers: Buffer,
     pub(super) histogram: Buffer,
     pub(super) block_sums: Buffer,
+    pub(super) slots: [Buffer; SLOT_PARTS as usize],
     pub(super) frame: Buffer,
     pub(super) geometry: Buffer,
     pub(super) d_geometry: Buffer,
@@ -205,10 +226,10 @@ impl Room {
             tiles: [next()?, next()?],
             pairs: [next()?, next()?],
             owners: next()?,
-            slots: next()?,
             layers: next()?,
             histogram: next()?,
             block_sums: next()?,
+            slots: [next()?, next()?, next()?, next()?],
             frame: next()?,
             geometry: next()?,
             d_geometry: next()?,
@@ -223,8 +244,29 @@ impl Room {
             layer_starts: next()?,
             most: next()?,
         };
-        let most = [size.splats, size.pairs, size.layers, TILE];
+        let most = [size.splats, size.pairs, size.layers, 0];
         gpu.queue.write_buffer(&room.most, 0, bytemuck::cast_slice(&most));
         Ok(room)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slots_are_in_parts_that_can_be_bound() {
+        let slot = 4 * u64::from(SLOT_NUMBERS);
+        let size = |pairs| RoomSize {
+            pairs,
+            binding_bytes: 10 * slot + 3,
+            ..RoomSize::new(100, 0, UVec2::ONE, UVec2::ONE)
+        };
+        let pairs = |size: RoomSize| (0..SLOT_PARTS).map(|k| size.slot_bytes(k) / slot).collect::<Vec<_>>();
+        assert_eq!(pairs(size(0)), [0; 4]);
+        assert_eq!(pairs(size(25)), [10, 10, 5, 0]);
+        // What no part holds is in the last, which then cannot be made.
+        assert_eq!(pairs(size(45)), [10, 10, 10, 15]);
+        assert_eq!(size(25).bytes() - size(0).bytes(), 25 * (slot + 20) + 4 * u64::from(RADIX));
     }
 }

@@ -1,5 +1,5 @@
-//! Parameters as the card holds them: number j of triangle i at j · N + i, so that neighbouring invocations read
-//! neighbouring numbers.
+//! Parameters as the card holds them: number j of triangle i of N at j · N + i, so that neighbouring invocations read
+//! neighbouring numbers. A large scene is in chunks, each with rows of its own.
 //!
 //! ```text
 //! corners (9), opacity's logit, σ's logarithm, SH (3 per coefficient)
@@ -8,6 +8,7 @@
 use crate::train::params::Params;
 use glam::Vec3;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Rows before the SH.
 const GEOMETRY_ROWS: usize = 11;
@@ -17,38 +18,36 @@ pub(super) fn row_count(sh_count: usize) -> usize {
     GEOMETRY_ROWS + 3 * sh_count
 }
 
-/// The rows of `params`. `[11 + 3 K, N]`
-pub(super) fn from_params(params: &Params) -> Vec<f32> {
-    let (n, k) = (params.len(), params.sh_count());
+/// The rows of a chunk of `params`. `[11 + 3 K, N]`
+pub(super) fn from_params(params: &Params, chunk: Range<usize>) -> Vec<f32> {
+    let (n, k) = (chunk.len(), params.sh_count());
+    let (vertices, sh) = (&params.vertices[chunk.clone()], &params.sh[chunk.start * k..chunk.end * k]);
     let mut rows = vec![0.0; row_count(k) * n];
     rows.par_chunks_mut(n.max(1)).enumerate().for_each(|(j, row)| match j {
-        0..9 => row.iter_mut().zip(&params.vertices).for_each(|(x, v)| *x = v[j / 3][j % 3]),
-        9 => row.copy_from_slice(&params.opacity),
-        10 => row.copy_from_slice(&params.sigma),
+        0..9 => row.iter_mut().zip(vertices).for_each(|(x, v)| *x = v[j / 3][j % 3]),
+        9 => row.copy_from_slice(&params.opacity[chunk.clone()]),
+        10 => row.copy_from_slice(&params.sigma[chunk.clone()]),
         _ => {
             let (k_at, c) = ((j - GEOMETRY_ROWS) / 3, (j - GEOMETRY_ROWS) % 3);
-            row.iter_mut().zip(params.sh.chunks_exact(k)).for_each(|(x, sh)| *x = sh[k_at][c]);
+            row.iter_mut().zip(sh.chunks_exact(k)).for_each(|(x, sh)| *x = sh[k_at][c]);
         }
     });
     rows
 }
 
-/// The parameters of rows.
-pub(super) fn to_params(rows: &[f32], n: usize, sh_degree: u8) -> Params {
-    let k = (usize::from(sh_degree) + 1).pow(2);
+/// Appends a chunk of `n` to `params`.
+pub(super) fn append(params: &mut Params, rows: &[f32], n: usize) {
+    let k = params.sh_count();
     let at = |j: usize, i: usize| rows[j * n + i];
     let corner = |i: usize, c: usize| Vec3::new(at(3 * c, i), at(3 * c + 1, i), at(3 * c + 2, i));
     let coefficient = |m: usize| {
         let (i, first) = (m / k, GEOMETRY_ROWS + 3 * (m % k));
         [at(first, i), at(first + 1, i), at(first + 2, i)]
     };
-    Params {
-        vertices: (0..n).into_par_iter().map(|i| [corner(i, 0), corner(i, 1), corner(i, 2)]).collect(),
-        opacity: rows[9 * n..10 * n].to_vec(),
-        sigma: rows[10 * n..11 * n].to_vec(),
-        sh: (0..n * k).into_par_iter().map(coefficient).collect(),
-        sh_degree,
-    }
+    params.vertices.par_extend((0..n).into_par_iter().map(|i| [corner(i, 0), corner(i, 1), corner(i, 2)]));
+    params.opacity.extend_from_slice(&rows[9 * n..10 * n]);
+    params.sigma.extend_from_slice(&rows[10 * n..11 * n]);
+    params.sh.par_extend((0..n * k).into_par_iter().map(coefficient));
 }
 
 #[cfg(test)]
@@ -69,9 +68,13 @@ mod tests {
                 sh: (0..n * k).map(|m| [0, 1, 2].map(|c| number(300 + 3 * m + c))).collect(),
                 sh_degree: degree,
             };
-            let rows = from_params(&params);
-            assert_eq!(rows.len(), row_count(k) * n);
-            assert_eq!(to_params(&rows, n, degree), params);
+            let mut back = Params { sh_degree: degree, ..Params::default() };
+            for chunk in [0..3, 3..5, 5..n] {
+                let rows = from_params(&params, chunk.clone());
+                assert_eq!(rows.len(), row_count(k) * chunk.len());
+                append(&mut back, &rows, chunk.len());
+            }
+            assert_eq!(back, params);
         }
     }
 }

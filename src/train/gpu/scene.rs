@@ -1,73 +1,143 @@
 //! The scene and what Adam remembers of it, on the card.
 
-use super::rows::{from_params, row_count, to_params};
+use super::rows::{append, from_params, row_count};
+use super::source::GROUP;
 use super::uniform::SceneShape;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::gpu::readback::elements;
-use crate::gpu::storage::storage;
+use crate::gpu::storage::{storage, uniform};
 use crate::raster::soft::Importance;
 use crate::train::backend::BackendVisibility;
 use crate::train::params::{Params, TrainState};
-use wgpu::Buffer;
+use std::ops::Range;
+use wgpu::{BindingResource, Buffer, BufferBinding};
 
 /// What to do when a scene does not fit.
 pub(super) const REMEDY: &str = "train on the CPU (`backend` cpu), or with fewer triangles (`max_triangles`) or smaller photos (`max_size`)";
 
-/// Numbers of [`SceneBuffers::visibility`] per triangle: largest weight, largest radius, photos, error (low and high half).
+/// Numbers of [`VisibilityBuffer`] per triangle: largest weight, largest radius, photos, error (low and high half).
 const VISIBILITY_NUMBERS: usize = 5;
 
-/// Parameters, moments and visibility.
+/// The scene, in chunks of what a binding holds.
 #[derive(Debug)]
 pub(super) struct SceneBuffers {
+    pub(super) chunks: Vec<ChunkBuffers>,
+    pub(super) shape: SceneShape,
+    /// Of each chunk how passes count, then how they write: twins of `Chunk` in `passes/step.wgsl`.
+    parts: Buffer,
+    stride: u64,
+}
+
+/// Triangles whose rows are in buffers of their own.
+#[derive(Debug)]
+pub(super) struct ChunkBuffers {
+    pub(super) first: u32,
+    pub(super) count: u32,
     /// Parameters, as rows.
     pub(super) x: Buffer,
     /// Adam's first moments.
-    pub(super) first: Buffer,
+    pub(super) first_moments: Buffer,
     /// Adam's second moments.
-    pub(super) second: Buffer,
-    pub(super) shape: SceneShape,
+    pub(super) second_moments: Buffer,
 }
 
+/// Bytes that move to the card at once; the driver keeps a copy of what is on its way.
+const UPLOAD_BYTES: usize = 64 << 20;
+
 impl SceneBuffers {
-    /// Moves a state to the card.
-    pub(super) fn load(gpu: &Gpu, state: &TrainState) -> Result<Self> {
-        let upload = |what, params: &Params| {
-            let rows = from_params(params);
-            let buffer = storage(gpu, what, size_of_val(rows.as_slice()) as u64, REMEDY)?;
-            gpu.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&rows));
-            Ok::<_, Error>(buffer)
-        };
+    /// Moves a state to the card, in chunks whose rows take `binding_bytes` at most.
+    pub(super) fn load(gpu: &Gpu, state: &TrainState, binding_bytes: u64) -> Result<Self> {
         let count = |n: usize| {
             u32::try_from(n)
                 .map_err(|_| Error::invalid("max_triangles", n, "fewer than 4294967296 on the card"))
         };
-        Ok(Self {
-            x: upload("parameters", &state.params)?,
-            first: upload("first moments", &state.first)?,
-            second: upload("second moments", &state.second)?,
-            shape: SceneShape {
-                triangles: count(state.params.len())?,
-                pinned: count(state.pinned)?,
-                frozen: count(state.frozen)?,
-                sh_degree: state.params.sh_degree,
-            },
-        })
+        let triangles = count(state.params.len())?;
+        let each = chunk_triangles(row_count(state.params.sh_count()), binding_bytes).min(triangles.max(1));
+        let mut chunks = Vec::new();
+        for first in (0..triangles.max(1)).step_by(each as usize) {
+            let chunk = first as usize..(first.saturating_add(each).min(triangles)) as usize;
+            chunks.push(ChunkBuffers {
+                first,
+                count: count(chunk.len())?,
+                x: upload(gpu, "parameters", &state.params, chunk.clone())?,
+                first_moments: upload(gpu, "first moments", &state.first, chunk.clone())?,
+                second_moments: upload(gpu, "second moments", &state.second, chunk)?,
+            });
+        }
+        let shape = SceneShape {
+            triangles,
+            pinned: count(state.pinned)?,
+            frozen: count(state.frozen)?,
+            sh_degree: state.params.sh_degree,
+            chunk: each,
+        };
+        let stride = u64::from(gpu.device.limits().min_uniform_buffer_offset_alignment).max(16);
+        let parts = uniform(gpu, "chunks", 2 * stride * chunks.len() as u64);
+        for (chunk, at) in chunks.iter().zip(0..) {
+            for writes in [0, 1] {
+                let part = [chunk.first, chunk.count, writes, 0];
+                let place = (2 * at + u64::from(writes)) * stride;
+                gpu.queue.write_buffer(&parts, place, bytemuck::cast_slice(&part));
+            }
+        }
+        gpu.check()?;
+        Ok(Self { chunks, shape, parts, stride })
+    }
+
+    /// Chunk `at` as a pass that counts, or writes, has it.
+    pub(super) fn part(&self, at: usize, writes: u32) -> BindingResource<'_> {
+        let offset = (2 * at as u64 + u64::from(writes)) * self.stride;
+        let size = std::num::NonZeroU64::new(16);
+        BindingResource::Buffer(BufferBinding { buffer: &self.parts, offset, size })
     }
 
     /// Reads the state back.
     pub(super) fn store(&self, gpu: &Gpu) -> Result<TrainState> {
-        let (n, degree) = (self.shape.triangles as usize, self.shape.sh_degree);
-        let numbers = row_count((usize::from(degree) + 1).pow(2)) * n;
-        let read = |buffer| Ok::<_, Error>(to_params(&elements(gpu, buffer, numbers)?, n, degree));
         Ok(TrainState {
-            params: read(&self.x)?,
-            first: read(&self.first)?,
-            second: read(&self.second)?,
+            params: self.params(gpu)?,
+            first: self.read(gpu, |chunk| &chunk.first_moments)?,
+            second: self.read(gpu, |chunk| &chunk.second_moments)?,
             pinned: self.shape.pinned as usize,
             frozen: self.shape.frozen as usize,
         })
     }
+
+    /// Reads the parameters back.
+    pub(super) fn params(&self, gpu: &Gpu) -> Result<Params> {
+        self.read(gpu, |chunk| &chunk.x)
+    }
+
+    fn read(&self, gpu: &Gpu, of: impl Fn(&ChunkBuffers) -> &Buffer) -> Result<Params> {
+        let mut params = Params { sh_degree: self.shape.sh_degree, ..Params::default() };
+        let numbers = row_count(params.sh_count());
+        for chunk in &self.chunks {
+            let n = chunk.count as usize;
+            append(&mut params, &elements(gpu, of(chunk), numbers * n)?, n);
+        }
+        Ok(params)
+    }
+}
+
+/// Triangles of `numbers` numbers in a chunk: whole workgroups.
+fn chunk_triangles(numbers: usize, binding_bytes: u64) -> u32 {
+    let most = binding_bytes / (4 * numbers as u64);
+    let most = u32::try_from(most).unwrap_or(u32::MAX - GROUP);
+    (most / GROUP * GROUP).max(GROUP)
+}
+
+fn upload(gpu: &Gpu, what: &str, params: &Params, chunk: Range<usize>) -> Result<Buffer> {
+    let rows = from_params(params, chunk);
+    let buffer = storage(gpu, what, size_of_val(rows.as_slice()) as u64, REMEDY)?;
+    let bytes: &[u8] = bytemuck::cast_slice(&rows);
+    for (part, at) in bytes.chunks(UPLOAD_BYTES).zip((0u64..).step_by(UPLOAD_BYTES)) {
+        gpu.queue.write_buffer(&buffer, at, part);
+        if bytes.len() > UPLOAD_BYTES {
+            let submission = gpu.queue.submit([]);
+            gpu.wait(Some(submission))?;
+        }
+    }
+    Ok(buffer)
 }
 
 /// How visible every triangle was: `[5, N]`, the twin of `record_visibility` in `passes/update.wgsl`.
@@ -98,5 +168,19 @@ impl VisibilityBuffer {
         first.views = row(2).to_vec();
         let error = row(3).iter().zip(row(4)).map(|(&low, &high)| u64::from(low) | u64::from(high) << 32);
         Ok(BackendVisibility { first, again: Importance::default(), error: error.collect() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chunks_are_whole_workgroups_that_can_be_bound() {
+        // SH degree 3: 59 numbers; 128 MiB, 2 GiB less a byte, and hardly anything.
+        assert_eq!(chunk_triangles(59, 128 << 20), 568_576);
+        assert_eq!(chunk_triangles(59, (2 << 30) - 1), 9_099_264 / GROUP * GROUP);
+        assert_eq!(chunk_triangles(59, 1), GROUP);
+        assert_eq!(chunk_triangles(14, u64::MAX) % GROUP, 0);
     }
 }

@@ -3,9 +3,10 @@
 use super::job::{Groups, Job, Jobs};
 use crate::gpu::Gpu;
 use crate::gpu::compute::{Kernel, workgroups};
+use crate::gpu::stages::StageTimer;
 use glam::UVec2;
 use std::collections::HashMap;
-use wgpu::{BindGroup, BindingResource, Buffer, ComputePass};
+use wgpu::{BindGroup, BindingResource, Buffer, CommandEncoder, ComputePass, ComputePassDescriptor};
 
 /// How many workgroups a pass gets.
 #[derive(Debug, Clone, Copy)]
@@ -47,10 +48,23 @@ pub(super) struct Sequence<'a> {
     pub(super) bind_groups: &'a mut BindGroups,
     pub(super) jobs: &'a Jobs,
     pub(super) groups: &'a Buffer,
-    pub(super) pass: ComputePass<'a>,
+    pub(super) encoder: &'a mut CommandEncoder,
+    /// Times the stages; only then each is a compute pass of its own.
+    pub(super) timer: Option<&'a mut StageTimer>,
+    pub(super) pass: Option<ComputePass<'static>>,
 }
 
 impl<'a> Sequence<'a> {
+    /// What follows is a stage of the step.
+    pub(super) fn stage(&mut self, name: &'static str) {
+        let Some(timer) = &mut self.timer else { return };
+        // The one before has ended when the next begins.
+        self.pass = None;
+        let timestamp_writes = timer.writes(name);
+        let descriptor = ComputePassDescriptor { label: Some(name), timestamp_writes };
+        self.pass = Some(self.encoder.begin_compute_pass(&descriptor).forget_lifetime());
+    }
+
     /// A job as a binding.
     pub(super) fn job(&self, job: Job) -> BindingResource<'a> {
         self.jobs.get(job)
@@ -67,13 +81,14 @@ impl<'a> Sequence<'a> {
         if x * y == 0 {
             return;
         }
-        self.pass.set_pipeline(kernel.pipeline());
-        self.pass.set_bind_group(0, self.bind_groups.get(self.gpu, kernel, bindings), &[]);
+        let encoder = &mut *self.encoder;
+        let begin = || encoder.begin_compute_pass(&Default::default()).forget_lifetime();
+        let pass = self.pass.get_or_insert_with(begin);
+        pass.set_pipeline(kernel.pipeline());
+        pass.set_bind_group(0, self.bind_groups.get(self.gpu, kernel, bindings), &[]);
         match spread {
-            Spread::Found(groups) => {
-                self.pass.dispatch_workgroups_indirect(self.groups, groups as u64 * 12);
-            }
-            _ => self.pass.dispatch_workgroups(x, y, 1),
+            Spread::Found(groups) => pass.dispatch_workgroups_indirect(self.groups, groups as u64 * 12),
+            _ => pass.dispatch_workgroups(x, y, 1),
         }
     }
 }

@@ -7,6 +7,7 @@ use super::scene::{SceneBuffers, VisibilityBuffer};
 use super::sequence::{Sequence, Spread, all};
 use super::source::{GROUP, SCAN_ITEMS};
 use super::uniform::StepPlan;
+use super::work::tile_digits;
 use wgpu::{BindingResource, Buffer};
 
 /// What the passes of a step work on.
@@ -32,42 +33,55 @@ const WRITE_LAYERS: Job = turn(2);
 
 impl StepPasses<'_> {
     /// Records them all.
-    pub(super) fn record(&self, to: &mut Sequence<'_>) {
+    pub(super) fn record(&self, mut sequence: Sequence<'_>) {
+        let to = &mut sequence;
+        to.stage("project");
         self.project(to);
+        to.stage("sort by depth");
         self.sort_by_depth(to);
+        to.stage("bin");
         self.bin(to);
+        to.stage("sort by tile");
         self.sort_by_tile(to);
+        to.stage("forward");
         self.forward(to);
+        to.stage("loss");
         self.loss(to);
         if self.plan.options.geometry {
+            to.stage("geometry");
             self.geometry(to);
         }
+        to.stage("backward");
         self.backward(to);
+        to.stage("gather");
+        self.gather(to);
+        to.stage("update");
         self.update(to);
     }
 
     fn project(&self, to: &mut Sequence<'_>) {
         let (room, triangles) = (self.room, self.scene.shape.triangles);
-        let spread = Spread::Over(triangles + 1, GROUP);
-        let project = |to: &mut Sequence<'_>, job| {
-            let bindings = [
-                all(self.step),
-                to.job(job),
-                all(&self.scene.x),
-                all(&room.splat_starts),
-                all(&room.records),
-                all(&room.bounds),
-                all(&room.planes),
-                all(&room.pieces),
-                all(&room.depths[0]),
-            ];
-            to.run(&self.passes.project, spread, &bindings);
+        let project = |to: &mut Sequence<'_>, writes| {
+            for (at, chunk) in self.scene.chunks.iter().enumerate() {
+                let bindings = [
+                    all(self.step),
+                    self.scene.part(at, writes),
+                    all(&chunk.x),
+                    all(&room.splat_starts),
+                    all(&room.records),
+                    all(&room.bounds),
+                    all(&room.planes),
+                    all(&room.pieces),
+                    all(&room.depths[0]),
+                ];
+                to.run(&self.passes.project, Spread::Over(chunk.count + 1, GROUP), &bindings);
+            }
         };
-        project(to, COUNT);
+        project(to, 0);
         let blocks = Spread::Over(triangles + 1, GROUP * SCAN_ITEMS);
         self.scan(to, Count::Triangles1, blocks, &room.splat_starts);
         self.plan(to, COUNT, &room.splat_starts);
-        project(to, WRITE);
+        project(to, 1);
     }
 
     fn sort_by_depth(&self, to: &mut Sequence<'_>) {
@@ -104,15 +118,9 @@ impl StepPasses<'_> {
         bin(to, WRITE);
     }
 
-    /// Digits of the largest number of a tile.
-    fn tile_digits(&self) -> u32 {
-        let most = self.plan.tiles.element_product().max(2) - 1;
-        (u32::BITS - most.leading_zeros()).div_ceil(DIGIT_BITS)
-    }
-
     /// Which of the two buffers the sorted pairs are in.
     fn sorted(&self) -> usize {
-        self.tile_digits() as usize % 2
+        tile_digits(self.plan) as usize % 2
     }
 
     fn sort_by_tile(&self, to: &mut Sequence<'_>) {
@@ -125,7 +133,7 @@ impl StepPasses<'_> {
             keys: &room.tiles,
             values: &room.pairs,
         };
-        self.sort(to, &sort, self.tile_digits());
+        self.sort(to, &sort, tile_digits(self.plan));
         let tiles = self.plan.tiles.element_product();
         let bindings =
             [all(self.step), all(self.counts), all(&room.tiles[self.sorted()]), all(&room.tile_starts)];
@@ -202,50 +210,56 @@ impl StepPasses<'_> {
     fn backward(&self, to: &mut Sequence<'_>) {
         let (room, tiles) = (self.room, Spread::Tiles(self.plan.tiles));
         let mut bindings = self.of_tiles();
-        let d_pixels = [all(&room.geometry), all(&room.d_frame), all(&room.d_geometry), all(&room.slots)];
+        let d_pixels = [all(&room.geometry), all(&room.d_frame), all(&room.d_geometry)];
         if self.plan.by_pixel() {
             self.forward_by_pixel(to, WRITE);
             bindings.extend(d_pixels);
             bindings.extend([all(&room.layer_starts), all(&room.layers)]);
+            bindings.extend(room.slots.iter().map(all));
             to.run(&self.passes.backward_by_pixel, tiles, &bindings);
         } else {
             bindings.push(all(&room.frame));
             bindings.extend(d_pixels);
             bindings.push(all(&room.tile_ends));
+            bindings.extend(room.slots.iter().map(all));
             to.run(&self.passes.backward, tiles, &bindings);
         }
-        let bindings = [
-            all(self.step),
-            all(self.counts),
-            all(&room.order[0]),
-            all(&room.pair_starts),
-            all(&room.slots),
-            all(&room.splat_sums),
-        ];
+    }
+
+    fn gather(&self, to: &mut Sequence<'_>) {
+        let room = self.room;
+        let mut bindings =
+            vec![all(self.step), all(self.counts), all(&room.order[0]), all(&room.pair_starts)];
+        bindings.extend(room.slots.iter().map(all));
+        bindings.push(all(&room.splat_sums));
         to.run(&self.passes.gather, Spread::Found(Groups::Gather), &bindings);
     }
 
     fn update(&self, to: &mut Sequence<'_>) {
         let (room, scene) = (self.room, self.scene);
         if self.regularised {
-            let spread = Spread::Over(scene.shape.triangles, GROUP);
-            let bindings = [all(self.step), all(&scene.x), all(&room.partial_sums)];
-            to.run(&self.passes.regularise, spread, &bindings);
+            for (at, chunk) in scene.chunks.iter().enumerate() {
+                let bindings = [all(self.step), scene.part(at, 0), all(&chunk.x), all(&room.partial_sums)];
+                to.run(&self.passes.regularise, Spread::Over(chunk.count, GROUP), &bindings);
+            }
             self.sum(to, sum(Count::SumArea, Count::SceneGroups, 2));
         }
-        let bindings = [
-            all(self.step),
-            all(self.counts),
-            all(&room.splat_starts),
-            all(&room.records),
-            all(&room.pieces),
-            all(&room.splat_sums),
-            all(&scene.x),
-            all(&scene.first),
-            all(&scene.second),
-            all(&self.visibility.buffer),
-        ];
-        to.run(&self.passes.update, Spread::Found(Groups::Update), &bindings);
+        for (at, chunk) in scene.chunks.iter().enumerate() {
+            let bindings = [
+                all(self.step),
+                all(self.counts),
+                all(&room.splat_starts),
+                all(&room.records),
+                all(&room.pieces),
+                all(&room.splat_sums),
+                all(&chunk.x),
+                all(&chunk.first_moments),
+                all(&chunk.second_moments),
+                all(&self.visibility.buffer),
+                scene.part(at, 0),
+            ];
+            to.run(&self.passes.update, Spread::Found(Groups::Update), &bindings);
+        }
     }
 
     /// Sums what the workgroups of the pass before left.

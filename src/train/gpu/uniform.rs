@@ -91,6 +91,8 @@ pub(super) struct SceneShape {
     pub(super) pinned: u32,
     pub(super) frozen: u32,
     pub(super) sh_degree: u8,
+    /// Triangles of a chunk; the last may have fewer.
+    pub(super) chunk: u32,
 }
 
 impl StepUniform {
@@ -126,8 +128,18 @@ impl StepUniform {
             regularisers: regularisers(rates, scene),
             loss: loss(rates, plan),
             depths: [far / (far - near), far * near / (far - near), 0.0, 0.0],
-            parts: [scene.frozen, u32::from(rates.frozen_look().flat), 0, 0],
+            parts: [scene.frozen, u32::from(rates.frozen_look().flat), scene.chunk, 0],
         }
+    }
+
+    /// Degree of the colour in use.
+    pub(super) fn sh_degree(&self) -> u32 {
+        self.scene[2]
+    }
+
+    /// Has the slots of so many pairs in each of their bindings.
+    pub(super) fn set_slot_pairs(&mut self, pairs: u32) {
+        self.parts[3] = pairs;
     }
 }
 

@@ -14,8 +14,7 @@
 @group(0) @binding(7) var<storage, read> geometry: array<vec4<f32>>;
 @group(0) @binding(8) var<storage, read> d_frame: array<vec4<f32>>;
 @group(0) @binding(9) var<storage, read> d_geometry: array<vec4<f32>>;
-@group(0) @binding(10) var<storage, read_write> slots: array<f32>;
-@group(0) @binding(11) var<storage, read> tile_ends: array<u32>;
+@group(0) @binding(10) var<storage, read> tile_ends: array<u32>;
 
 var<workgroup> d_pixels: array<vec4<f32>, TILE * TILE>;
 var<workgroup> backgrounds: array<f32, TILE * TILE>;

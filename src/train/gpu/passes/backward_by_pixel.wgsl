@@ -10,9 +10,8 @@
 @group(0) @binding(6) var<storage, read> geometry: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read> d_frame: array<vec4<f32>>;
 @group(0) @binding(8) var<storage, read> d_geometry: array<vec4<f32>>;
-@group(0) @binding(9) var<storage, read_write> slots: array<f32>;
-@group(0) @binding(10) var<storage, read> layer_starts: array<u32>;
-@group(0) @binding(11) var<storage, read> layers: array<vec4<f32>>;
+@group(0) @binding(9) var<storage, read> layer_starts: array<u32>;
+@group(0) @binding(10) var<storage, read> layers: array<vec4<f32>>;
 
 // Of every pixel the next layer in its list, and the end of the list.
 var<workgroup> state: array<vec2<u32>, TILE * TILE>;

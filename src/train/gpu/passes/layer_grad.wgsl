@@ -1,4 +1,4 @@
-// Gradient of a layer on a pixel: the twin of `add_grad` in raster/soft/backward.rs. Needs `step` and pixel_grad.wgsl.
+// Gradient of a layer on a pixel: the twin of `add_grad` in raster/soft/backward.rs. Needs `step`, pixel_grad.wgsl and put_slot.wgsl.
 
 struct SplatSums {
     rgb: vec3<f32>,
@@ -73,27 +73,28 @@ fn add_plane_grad(sums: ptr<function, SplatSums>, at: u32, offset: vec2<f32>, in
 }
 
 fn write_slot(at: u32, sums: SplatSums) {
-    let first = at * step.modes.w;
-    slots[first + RGB] = sums.rgb.x;
-    slots[first + RGB + 1u] = sums.rgb.y;
-    slots[first + RGB + 2u] = sums.rgb.z;
-    slots[first + OPACITY] = sums.opacity;
-    slots[first + SIGMA] = sums.sigma;
+    let part = slot_part(at);
+    let first = (at - part * step.parts.w) * step.modes.w;
+    put_slot(part, first + RGB, sums.rgb.x);
+    put_slot(part, first + RGB + 1u, sums.rgb.y);
+    put_slot(part, first + RGB + 2u, sums.rgb.z);
+    put_slot(part, first + OPACITY, sums.opacity);
+    put_slot(part, first + SIGMA, sums.sigma);
     for (var i = 0u; i < 3u; i++) {
-        slots[first + RATIO + 3u * i] = sums.ratio[i];
-        slots[first + RATIO + 3u * i + 1u] = sums.moment_x[i];
-        slots[first + RATIO + 3u * i + 2u] = sums.moment_y[i];
+        put_slot(part, first + RATIO + 3u * i, sums.ratio[i]);
+        put_slot(part, first + RATIO + 3u * i + 1u, sums.moment_x[i]);
+        put_slot(part, first + RATIO + 3u * i + 2u, sums.moment_y[i]);
     }
-    slots[first + PIXELS] = sums.pixels;
-    slots[first + ERROR] = sums.error;
-    slots[first + MAX_WEIGHT] = sums.max_weight;
+    put_slot(part, first + PIXELS, sums.pixels);
+    put_slot(part, first + ERROR, sums.error);
+    put_slot(part, first + MAX_WEIGHT, sums.max_weight);
     if step.modes.z == 1u {
-        slots[first + GEOMETRY] = sums.inv_depth;
-        slots[first + GEOMETRY + 1u] = sums.slope.x;
-        slots[first + GEOMETRY + 2u] = sums.slope.y;
-        slots[first + GEOMETRY + 3u] = sums.normal.x;
-        slots[first + GEOMETRY + 4u] = sums.normal.y;
-        slots[first + GEOMETRY + 5u] = sums.normal.z;
+        put_slot(part, first + GEOMETRY, sums.inv_depth);
+        put_slot(part, first + GEOMETRY + 1u, sums.slope.x);
+        put_slot(part, first + GEOMETRY + 2u, sums.slope.y);
+        put_slot(part, first + GEOMETRY + 3u, sums.normal.x);
+        put_slot(part, first + GEOMETRY + 4u, sums.normal.y);
+        put_slot(part, first + GEOMETRY + 5u, sums.normal.z);
     }
 }
 

@@ -1,4 +1,14 @@
-// Raw parameters and what they stand for: the twin of params.rs. Needs `step`, and the rows `x` as read.
+// Raw parameters and what they stand for: the twin of params.rs. Needs `step`, the part of the scene a pass has as `chunk`, and
+// its rows `x`.
+
+// Where number `number` of triangle i is.
+fn row_at(number: u32, i: u32) -> u32 {
+    return number * chunk.count + (i - chunk.first);
+}
+
+fn corner_of(i: u32, corner: u32) -> vec3<f32> {
+    return vec3(x[row_at(3u * corner, i)], x[row_at(3u * corner + 1u, i)], x[row_at(3u * corner + 2u, i)]);
+}
 
 fn sigmoid(x: f32) -> f32 {
     return 1.0 / (1.0 + exp_lane(-x));
@@ -24,7 +34,7 @@ fn anneal_sigma_grad(raw: f32, d_sigma: f32) -> f32 {
 // The opacity and σ that triangle i is drawn with: the twin of `activate` in cpu.rs.
 
 fn drawn_opacity(i: u32) -> f32 {
-    let raw = x[ROW_OPACITY * step.scene.x + i];
+    let raw = x[row_at(ROW_OPACITY, i)];
     if i >= step.parts.x {
         return anneal_opacity(raw);
     }
@@ -37,7 +47,7 @@ fn drawn_opacity(i: u32) -> f32 {
 }
 
 fn drawn_sigma(i: u32) -> f32 {
-    let raw = x[ROW_SIGMA * step.scene.x + i];
+    let raw = x[row_at(ROW_SIGMA, i)];
     if i >= step.parts.x {
         return anneal_sigma(raw);
     }

@@ -58,7 +58,7 @@ fn plan_pairs() {
     counts[PAIR_DIGITS] = digits(pairs);
     set_groups(5u, pairs, GROUP * SORT_ITEMS);
     set_groups(6u, digits(pairs), GROUP * SCAN_ITEMS);
-    set_groups(7u, select(step.scene.x, 0u, halted[0] == 1u), UPDATE_GROUP);
+    set_groups(7u, select(step.parts.z, 0u, halted[0] == 1u), UPDATE_GROUP);
 }
 
 fn plan_layers() {

@@ -2,7 +2,7 @@
 // one pass, used twice, so that both times it finds the same.
 
 @group(0) @binding(0) var<uniform> step: Step;
-@group(0) @binding(1) var<uniform> job: Job;
+@group(0) @binding(1) var<uniform> chunk: Chunk;
 @group(0) @binding(2) var<storage, read> x: array<f32>;
 @group(0) @binding(3) var<storage, read_write> splat_starts: array<u32>;
 @group(0) @binding(4) var<storage, read_write> records: array<vec4<f32>>;
@@ -79,13 +79,12 @@ fn project_piece(corners: CameraTriangle, full_opacity: f32, sigma: f32) -> Proj
 }
 
 fn triangle_color(i: u32, triangle: WorldTriangle) -> vec3<f32> {
-    let n = step.scene.x;
     let used = (step.scene.z + 1u) * (step.scene.z + 1u);
     var basis = sh_basis(step.scene.z, view_direction(triangle).xyz);
     var rgb = vec3(0.5);
     for (var k = 0u; k < used; k++) {
-        let at = (ROW_SH + 3u * k) * n + i;
-        rgb += basis[k] * vec3(x[at], x[at + n], x[at + 2u * n]);
+        let at = row_at(ROW_SH + 3u * k, i);
+        rgb += basis[k] * vec3(x[at], x[at + chunk.count], x[at + 2u * chunk.count]);
     }
     rgb = max(rgb, vec3(0.0));
     if step.photo.w == 1u {
@@ -118,28 +117,25 @@ fn project(
     @builtin(num_workgroups) workgroups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let i = workgroup_index(workgroup, workgroups) * GROUP + local;
+    let i = chunk.first + workgroup_index(workgroup, workgroups) * GROUP + local;
     let n = step.scene.x;
-    if i > n || (i == n && job.writes == 1u) {
+    // The last chunk has one place more, for the sum of all.
+    if i >= chunk.first + chunk.count && (i != n || chunk.writes == 1u) {
         return;
     }
     var count = 0u;
     if i < n {
-        let first = select(0u, splat_starts[i], job.writes == 1u);
+        let first = select(0u, splat_starts[i], chunk.writes == 1u);
         // When writing: none but those counted.
-        let room = select(2u, min(splat_starts[i + 1u], arrayLength(&pieces)) - min(first, arrayLength(&pieces)), job.writes == 1u);
+        let room = select(2u, min(splat_starts[i + 1u], arrayLength(&pieces)) - min(first, arrayLength(&pieces)), chunk.writes == 1u);
         let opacity = drawn_opacity(i);
         if room > 0u && opacity > step.limits.x {
             let sigma = drawn_sigma(i);
-            let triangle = WorldTriangle(
-                vec3(x[i], x[n + i], x[2u * n + i]),
-                vec3(x[3u * n + i], x[4u * n + i], x[5u * n + i]),
-                vec3(x[6u * n + i], x[7u * n + i], x[8u * n + i]),
-            );
+            let triangle = WorldTriangle(corner_of(i, 0u), corner_of(i, 1u), corner_of(i, 2u));
             let whole = whole_triangle(triangle);
             var found = clip_pieces(front_bits(whole));
             var rgb = vec3(0.0);
-            if job.writes == 1u {
+            if chunk.writes == 1u {
                 rgb = triangle_color(i, triangle);
             }
             for (var k = 0u; k < found.count; k++) {
@@ -147,7 +143,7 @@ fn project(
                 let corners = clipped(whole, piece);
                 let projected = project_piece(corners, opacity, sigma);
                 if projected.is_drawn && count < room {
-                    if job.writes == 1u {
+                    if chunk.writes == 1u {
                         write_splat(first + count, i, piece, corners, projected, sigma, rgb);
                     }
                     count += 1u;
@@ -155,7 +151,7 @@ fn project(
             }
         }
     }
-    if job.writes == 0u {
+    if chunk.writes == 0u {
         splat_starts[i] = count;
     }
 }

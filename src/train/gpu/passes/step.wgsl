@@ -17,7 +17,7 @@ struct Step {
     regularisers: vec4<f32>,       // weights of mean opacity, mean sigma, 1 / mean area, 1 / mean opacity; each over triangles
     loss: vec4<f32>,               // scales of L1 and SSIM; beta of distortion and of normals, each over pixels
     depths: vec4<f32>,             // mapped depth m = a - b / z: a, b; -, -
-    parts: vec4<u32>,              // frozen triangles; these are drawn without a window; -, -
+    parts: vec4<u32>,              // frozen triangles; these are drawn without a window; triangles of a chunk; pairs of a part of the slots
 }
 
 const WINDOW_SOFT: u32 = 0u;
@@ -34,10 +34,17 @@ const ERROR: u32 = 15u;
 const MAX_WEIGHT: u32 = 16u;
 const GEOMETRY: u32 = 17u; // by 1/z, that times p - origin, by the normal
 
-// Where a scene's rows are: number j of triangle i is at j * triangles + i.
+// Where a scene's rows are: number j of triangle i of a chunk is at j * triangles of the chunk + i.
 const ROW_OPACITY: u32 = 9u;
 const ROW_SIGMA: u32 = 10u;
 const ROW_SH: u32 = 11u;
+
+// The triangles that a pass has: as many as one binding holds. The twin of `Chunk` in scene.rs.
+struct Chunk {
+    first: u32,
+    count: u32,
+    writes: u32, // 0 counts, 1 writes
+}
 
 // What a pass that is used several times does this time. The twin of `Job` in job.rs.
 struct Job {

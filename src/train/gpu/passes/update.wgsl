@@ -11,6 +11,7 @@
 @group(0) @binding(7) var<storage, read_write> first_moments: array<f32>;
 @group(0) @binding(8) var<storage, read_write> second_moments: array<f32>;
 @group(0) @binding(9) var<storage, read_write> visibility: array<u32>;
+@group(0) @binding(10) var<uniform> chunk: Chunk;
 
 struct TriangleGrad {
     vertices: array<vec3<f32>, 3>,
@@ -123,7 +124,7 @@ fn is_finite3(v: vec3<f32>) -> bool {
 }
 
 fn move_number(number: u32, i: u32, rate: f32, gradient: f32) {
-    let at = number * step.scene.x + i;
+    let at = row_at(number, i);
     let moved = adam(rate, step.update.y, gradient, Adam(x[at], first_moments[at], second_moments[at]));
     x[at] = moved.value;
     first_moments[at] = moved.first;
@@ -170,12 +171,7 @@ fn record_visibility(i: u32, d: TriangleGrad, is_finite_grad: bool) {
 }
 
 fn triangle_of(i: u32) -> WorldTriangle {
-    let n = step.scene.x;
-    return WorldTriangle(
-        vec3(x[i], x[n + i], x[2u * n + i]),
-        vec3(x[3u * n + i], x[4u * n + i], x[5u * n + i]),
-        vec3(x[6u * n + i], x[7u * n + i], x[8u * n + i]),
-    );
+    return WorldTriangle(corner_of(i, 0u), corner_of(i, 1u), corner_of(i, 2u));
 }
 
 // Coefficients in use.
@@ -191,10 +187,10 @@ fn view_grad(i: u32, view: vec4<f32>, d_rgb: vec3<f32>) -> vec3<f32> {
     if step.scene.z == 0u || !(view.w > 0.0) {
         return vec3(0.0);
     }
-    let n = step.scene.x;
+    let n = chunk.count;
     var d_basis: array<f32, 16>;
     for (var k = 0u; k < used_sh(); k++) {
-        let at = (ROW_SH + 3u * k) * n + i;
+        let at = row_at(ROW_SH + 3u * k, i);
         d_basis[k] = dot(vec3(x[at], x[at + n], x[at + 2u * n]), d_rgb);
     }
     return normalize_grad(view.xyz, view.w, sh_basis_grad(step.scene.z, view.xyz, d_basis)) * (1.0 / 3.0);
@@ -250,7 +246,6 @@ fn magnitude(d: TriangleGrad) -> f32 {
 
 // Moves all of a triangle but its colour of degree 0.
 fn move_triangle(i: u32, triangle: WorldTriangle, gradient: TriangleGrad) {
-    let n = step.scene.x;
     var d = gradient;
     if step.regularisers.z > 0.0 {
         let mean = mean_of(SUM_AREA, 1e-12);
@@ -269,9 +264,9 @@ fn move_triangle(i: u32, triangle: WorldTriangle, gradient: TriangleGrad) {
         let mean = mean_of(SUM_OPACITY, 1e-6);
         d_opacity -= step.regularisers.w / (mean * mean);
     }
-    let by_logit = anneal_opacity_grad(x[ROW_OPACITY * n + i], d_opacity);
+    let by_logit = anneal_opacity_grad(x[row_at(ROW_OPACITY, i)], d_opacity);
     move_number(ROW_OPACITY, i, step.rates.y, by_logit);
-    let by_logarithm = anneal_sigma_grad(x[ROW_SIGMA * n + i], d.sigma + step.regularisers.y);
+    let by_logarithm = anneal_sigma_grad(x[row_at(ROW_SIGMA, i)], d.sigma + step.regularisers.y);
     move_number(ROW_SIGMA, i, step.rates.z, by_logarithm);
     for (var k = 1u; k < used_sh(); k++) {
         for (var c = 0u; c < 3u; c++) {
@@ -286,8 +281,8 @@ fn update(
     @builtin(num_workgroups) workgroups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let i = workgroup_index(workgroup, workgroups) * UPDATE_GROUP + local;
-    if i >= step.scene.x {
+    let i = chunk.first + workgroup_index(workgroup, workgroups) * UPDATE_GROUP + local;
+    if i >= chunk.first + chunk.count {
         return;
     }
     let triangle = triangle_of(i);
