@@ -9,7 +9,7 @@ use std::process::Command;
 use tempfile::TempDir;
 
 /// A copy of the sample for an engine, with the trained scene in it.
-fn sample(engine: &str, flags: &[&str]) -> TempDir {
+pub(super) fn sample(engine: &str, flags: &[&str]) -> TempDir {
     let folder = TempDir::new().unwrap();
     for file in fs::read_dir(here("samples/engines").join(engine)).unwrap() {
         let file = file.unwrap().path();
@@ -18,6 +18,14 @@ fn sample(engine: &str, flags: &[&str]) -> TempDir {
     let scene = folder.path().join("scene.glb");
     bake(&here("samples/soups/trained.ply"), &scene, &[&["--collision"], flags].concat());
     folder
+}
+
+/// What a script of `tests/godot4` says in a project, once Godot has imported its files.
+pub(super) fn run_script(godot4: &Path, project: &Path, script: &str) -> String {
+    fs::copy(here("tests/godot4").join(script), project.join(script)).unwrap();
+    runs(Command::new(godot4).arg(project).arg("--import"));
+    let done = runs(Command::new(godot4).arg(project).args(["--script", script]));
+    [done.stdout, done.stderr].map(|said| String::from_utf8_lossy(&said).into_owned()).concat()
 }
 
 /// Triangles of the collision node of a GLB.
@@ -34,21 +42,16 @@ fn a_walker_stands_in_the_godot_sample() {
         return;
     }
     let folder = sample("godot4", &["--target", "godot"]);
-    fs::copy(here("tests/godot4/walk.gd"), folder.path().join("walk.gd")).unwrap();
-    let said = ["--import", "--script=walk.gd"].map(|what| {
-        let done = runs(Command::new(&godot4).arg(folder.path()).args(what.split('=')));
-        let words = [done.stdout, done.stderr].map(|said| String::from_utf8_lossy(&said).into_owned());
-        words.concat()
-    });
-    let lines: Vec<Vec<&str>> = said[1].lines().map(|line| line.split(' ').collect()).collect();
+    let said = run_script(&godot4, folder.path(), "walk.gd");
+    let lines: Vec<Vec<&str>> = said.lines().map(|line| line.split(' ').collect()).collect();
     let of = |kind: &str| lines.iter().filter(|line| line[0] == kind).collect::<Vec<_>>();
     let faces = collision_faces(&folder.path().join("scene.glb")).to_string();
-    assert!(!of("drawn").is_empty() && of("other").is_empty(), "{}", said[1]);
-    assert!(of("drawn").iter().all(|line| !line[1].contains("collision")), "it is drawn: {}", said[1]);
-    assert_eq!(of("body"), [&vec!["body", "collision", faces.as_str()]], "{}", said[1]);
-    assert!(!said[1].contains("SCRIPT ERROR"), "{}", said[1]);
-    let [walker] = of("walker")[..] else { panic!("{}", said[1]) };
-    assert_eq!(walker[1], "true", "the walker stands on nothing: {}", said[1]);
+    assert!(!of("drawn").is_empty() && of("other").is_empty(), "{}", said);
+    assert!(of("drawn").iter().all(|line| !line[1].contains("collision")), "it is drawn: {}", said);
+    assert_eq!(of("body"), [&vec!["body", "collision", faces.as_str()]], "{}", said);
+    assert!(!said.contains("SCRIPT ERROR"), "{}", said);
+    let [walker] = of("walker")[..] else { panic!("{}", said) };
+    assert_eq!(walker[1], "true", "the walker stands on nothing: {}", said);
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Viewers that step back until everything is in the picture see the scene, not the backdrop around it.
 
 use super::browser::chromium;
+use super::engines::{run_script, sample};
 use super::{bake, have, here, runs};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -34,4 +35,21 @@ fn three_and_babylon_show_the_scene_when_they_frame_the_file() {
     if have("babylon", judges.join("babylonjs").exists()) {
         assert_seen("babylon", &chromium, &scene);
     }
+}
+
+/// However far back the editor steps from what is selected.
+#[test]
+fn in_godot_the_backdrop_is_a_node_of_its_own_that_hides_nothing_from_beyond() {
+    let godot4 = here("target/judges/godot4");
+    if !have("godot4", godot4.exists()) {
+        return;
+    }
+    let photos = here("samples/dataset").display().to_string();
+    let flags = ["--target", "godot", "--dataset", &photos, "--backdrop", "sphere"];
+    let folder = sample("godot4", &flags);
+    let said = run_script(&godot4, folder.path(), "sides.gd");
+    let nodes = || said.lines().filter_map(|line| line.strip_prefix("node "));
+    assert!(nodes().any(|node| node == "backdrop false"), "{said}");
+    let scene: Vec<&str> = nodes().filter(|node| !node.starts_with("backdrop")).collect();
+    assert!(!scene.is_empty() && scene.iter().all(|node| node.ends_with(" true")), "{said}");
 }
