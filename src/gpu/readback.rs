@@ -38,17 +38,14 @@ pub fn elements<T: AnyBitPattern + NoUninit>(gpu: &Gpu, buffer: &Buffer, count: 
     if size == 0 {
         return Ok(Vec::new());
     }
-    let staging = gpu.device.create_buffer(&BufferDescriptor {
-        label: Some("readback"),
-        size: size.next_multiple_of(4),
-        usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
-        mapped_at_creation: false,
-    });
+    let mut readback = Readback::new(gpu, size.next_multiple_of(4));
     gpu.check()?;
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, size);
-    gpu.queue.submit([encoder.finish()]);
-    Ok(bytemuck::pod_collect_to_vec(&bytes(gpu, &staging)?[..size as usize]))
+    readback.record(&mut encoder, buffer);
+    readback.submitted(gpu.queue.submit([encoder.finish()]));
+    let mut elements = readback.take(gpu, true)?.unwrap_or_default();
+    elements.truncate(count);
+    Ok(elements)
 }
 
 /// The contents of a mappable buffer when all work is done.

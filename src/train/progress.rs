@@ -32,7 +32,8 @@ pub struct TrainSample {
 
 /// Called during a run; every method does nothing unless implemented.
 pub trait TrainObserver {
-    /// A step was made; called for every one.
+    /// A step was made; called for every one. Its loss and PSNR are means over the steps since the last sample whose figures are
+    /// known, which on a graphics card are not those of the last two.
     fn stepped(&mut self, _sample: &TrainSample) {}
     /// A sample of the curve is due; its loss and PSNR are means since the last one.
     fn sampled(&mut self, _sample: &TrainSample) {}

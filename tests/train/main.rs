@@ -2,6 +2,7 @@
 //! where a scene lies or how large it is.
 
 mod from_scene;
+mod late;
 mod shell;
 
 use std::ops::RangeInclusive;

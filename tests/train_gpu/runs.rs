@@ -79,7 +79,6 @@ fn soft_runs_are_those_of_the_cpu() {
     for (preset, refined, sample_by) in [
         (TrainPreset::Outdoor, true, SampleWeight::Alternating),
         (TrainPreset::Outdoor, true, SampleWeight::Error),
-        (TrainPreset::Outdoor, true, SampleWeight::Opacity),
         (TrainPreset::Indoor, false, SampleWeight::Alternating),
         (TrainPreset::PaperEngine, false, SampleWeight::Alternating),
     ] {

@@ -1,0 +1,140 @@
+//! A backend that is some steps behind changes nothing of a run, and one that gets lost leaves a checkpoint.
+
+use super::{options, scene, small};
+use std::borrow::Cow;
+use std::collections::VecDeque;
+use trisplat::error::{Error, Result};
+use trisplat::train::backend::{BackendVisibility, StepPhoto, StepStats, TrainBackend};
+use trisplat::train::cpu::CpuBackend;
+use trisplat::train::params::{Params, TrainState};
+use trisplat::train::refine::Refined;
+use trisplat::train::schedule::Rates;
+use trisplat::train::{RunOptions, TrainObserver, TrainRun, TrainSample, checkpoint};
+
+/// The CPU's backend, which keeps figures of the last steps to itself, and is lost after some of them.
+struct Late {
+    cpu: CpuBackend,
+    figures: VecDeque<StepStats>,
+    steps_left: u64,
+    loaded: Option<TrainState>,
+}
+
+/// Steps whose figures are not known yet.
+const BEHIND: usize = 3;
+
+impl Late {
+    fn new(run: &TrainRun<'_>, steps_left: u64) -> Self {
+        let cpu = CpuBackend::new(run.drawing());
+        Self { cpu, figures: VecDeque::new(), steps_left, loaded: None }
+    }
+
+    fn check(&self) -> Result<()> {
+        if self.steps_left > 0 { Ok(()) } else { Err(Error::Gpu("lost".into())) }
+    }
+}
+
+impl TrainBackend for Late {
+    fn load(&mut self, state: TrainState) -> Result<()> {
+        self.loaded = Some(state.clone());
+        self.cpu.load(state)
+    }
+
+    fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<()> {
+        self.check()?;
+        self.steps_left -= 1;
+        self.cpu.step(photo, rates)
+    }
+
+    fn figures(&mut self, all: bool) -> Result<Vec<StepStats>> {
+        self.check()?;
+        self.figures.extend(self.cpu.figures(true)?);
+        let known = if all { self.figures.len() } else { self.figures.len().saturating_sub(BEHIND) };
+        Ok(self.figures.drain(..known).collect())
+    }
+
+    fn take_visibility(&mut self) -> Result<BackendVisibility> {
+        self.check()?;
+        self.cpu.take_visibility()
+    }
+
+    fn store(&mut self) -> Result<TrainState> {
+        self.check()?;
+        self.loaded = None;
+        self.cpu.store()
+    }
+
+    fn params(&mut self) -> Result<Cow<'_, Params>> {
+        self.check()?;
+        self.cpu.params()
+    }
+
+    fn can_be_lost(&self) -> bool {
+        true
+    }
+
+    fn rescued(&mut self) -> Option<TrainState> {
+        self.loaded.take()
+    }
+
+    fn len(&self) -> usize {
+        self.cpu.len()
+    }
+}
+
+/// Without times.
+fn plain(curve: &[TrainSample]) -> Vec<TrainSample> {
+    curve.iter().map(|sample| TrainSample { cpu_secs: 0.0, wall_secs: 0.0, ..*sample }).collect()
+}
+
+#[test]
+fn figures_that_come_late_are_all_in_the_curve() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = scene(folder.path(), &small());
+    let options = options(60);
+    let run = |name: &str| {
+        let checkpoint = Some(folder.path().join(name));
+        let outputs =
+            RunOptions { checkpoint, checkpoint_every: 25, sample_every: 7, ..RunOptions::default() };
+        TrainRun { outputs, ..TrainRun::new(&dataset, &options) }
+    };
+    let waiting = run("a.checkpoint").run(&mut ()).unwrap();
+    let late = run("b.checkpoint");
+    let backend = Late::new(&late, u64::MAX);
+    let late = late.start_on(backend).unwrap().finish(&mut ()).unwrap();
+    assert_eq!(plain(&late.curve), plain(&waiting.curve));
+    assert_eq!((late.soup, late.scores), (waiting.soup, waiting.scores));
+    let [a, b] =
+        ["a", "b"].map(|name| checkpoint::read(&folder.path().join(format!("{name}.checkpoint"))).unwrap());
+    assert_eq!((a.state, a.visibility, plain(&a.meta.curve)), (b.state, b.visibility, plain(&b.meta.curve)));
+}
+
+/// Notes when the scene was refined.
+#[derive(Default)]
+struct Refinements(Vec<u64>);
+
+impl TrainObserver for Refinements {
+    fn refined(&mut self, step: u64, _: &Refined) {
+        self.0.push(step);
+    }
+}
+
+#[test]
+fn a_backend_that_is_lost_leaves_the_scene_of_the_last_refinement() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = scene(folder.path(), &small());
+    let options = options(60);
+    let straight = TrainRun::new(&dataset, &options).run(&mut ()).unwrap();
+    let path = folder.path().join("a.checkpoint");
+    let outputs = RunOptions { checkpoint: Some(path.clone()), sample_every: 1, ..RunOptions::default() };
+    let run = TrainRun { outputs, ..TrainRun::new(&dataset, &options) };
+    let (backend, mut seen) = (Late::new(&run, 40), Refinements::default());
+    let error = run.start_on(backend).unwrap().finish(&mut seen).unwrap_err();
+    let step = *seen.0.last().unwrap();
+    let remedy = format!("gpu: lost; to go on from step {step}: `backend` cpu `resume` {}", path.display());
+    assert_eq!(error.to_string(), remedy);
+    let checkpoint = checkpoint::read(&path).unwrap();
+    assert!(step > 0 && step < 40 && checkpoint.meta.step == step);
+    assert_eq!(checkpoint.meta.curve.last().map(|sample| sample.step), Some(step));
+    let rest = TrainRun::from_checkpoint(&dataset, checkpoint).run(&mut ()).unwrap();
+    assert_eq!(rest.soup, straight.soup);
+}
