@@ -61,7 +61,7 @@ fn line(out: &mut String, text: std::fmt::Arguments<'_>) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::scene::tests::cube;
+    use super::super::scene::cube;
     use super::*;
 
     #[test]

@@ -61,30 +61,31 @@ impl EngineScene {
     }
 }
 
+/// Three levels of a cube about (1, 2, 3) whose corners are 3 units from there.
 #[cfg(test)]
-pub(super) mod tests {
-    use super::*;
-
-    /// Three levels of a cube about (1, 2, 3) whose corners are 3 units from there.
-    pub(in crate::formats::levels) fn cube() -> EngineScene {
-        let half = DVec3::splat(3f64.sqrt());
-        let middle = DVec3::new(1.0, 2.0, 3.0);
-        let file = |(name, nodes): (&str, &[&str])| LevelFile {
-            name: name.into(),
-            nodes: nodes.iter().map(|node| (*node).into()).collect(),
-        };
-        let files = [
-            ("a.glb", &["chunk_0000", "chunk_0001"][..]),
-            ("a.lod1.glb", &["scene"]),
-            ("a.lod2.glb", &["scene"]),
-        ];
-        EngineScene {
-            files: files.map(file).into(),
-            details: vec![0.01, 0.02, 0.04],
-            bounds: [middle - half, middle + half],
-            radius: 3.0,
-        }
+pub(super) fn cube() -> EngineScene {
+    let half = DVec3::splat(3f64.sqrt());
+    let middle = DVec3::new(1.0, 2.0, 3.0);
+    let file = |(name, nodes): (&str, &[&str])| LevelFile {
+        name: name.into(),
+        nodes: nodes.iter().map(|node| (*node).into()).collect(),
+    };
+    let files = [
+        ("a.glb", &["chunk_0000", "chunk_0001"][..]),
+        ("a.lod1.glb", &["scene"]),
+        ("a.lod2.glb", &["scene"]),
+    ];
+    EngineScene {
+        files: files.map(file).into(),
+        details: vec![0.01, 0.02, 0.04],
+        bounds: [middle - half, middle + half],
+        radius: 3.0,
     }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
 
     #[test]
     fn a_level_is_drawn_from_where_its_triangles_are_two_pixels_wide() {

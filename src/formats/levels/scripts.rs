@@ -65,7 +65,7 @@ fn class(name: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::scene::tests::cube;
+    use super::super::scene::cube;
     use super::*;
 
     /// The numbers in the first line with `key`, between the brackets.
