@@ -1,21 +1,10 @@
 //! What an engine needs to draw each level of detail where it suffices: a file beside the levels, of a kind of its own for each engine.
-//!
-//! A level suffices from the distance at which its median triangle is 2 px wide on a screen 1080 px high, as in a tileset. Engines
-//! measure distances from the middle of a scene, whose nearest triangles are its radius nearer: that is added.
 
 mod godot;
+mod scene;
 mod scripts;
 
-use super::tileset;
-use crate::asset::Asset;
-use glam::DVec3;
-
-/// Height of the screen that levels are chosen for, px.
-const SCREEN_PX: f64 = 1080.0;
-/// Width of a level's median triangle on it at which a finer level takes over, px.
-const TRIANGLE_PX: f64 = 2.0;
-/// Levels change at distances at least so far apart, as a factor: engines want heights on the screen that fall.
-const APART: f64 = 1.001;
+pub(super) use scene::{EngineScene, LevelFile};
 
 /// The kind of file an engine reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,27 +15,6 @@ pub enum EngineLevels {
     UnityScript,
     /// Unreal Engine 5: a Python script for the editor that makes one static mesh, OUT.lod.py.
     UnrealScript,
-}
-
-/// A level as it is in its file.
-#[derive(Debug)]
-pub(super) struct LevelFile {
-    /// Name of the file.
-    pub(super) name: String,
-    /// Names of its nodes, without the backdrop's.
-    pub(super) nodes: Vec<String>,
-}
-
-/// The scene and its levels, finest first, and the space they are in.
-#[derive(Debug)]
-pub(super) struct EngineScene {
-    files: Vec<LevelFile>,
-    /// Side of the median triangle of each level, units of the file.
-    details: Vec<f64>,
-    /// Lowest and highest corner of all levels.
-    bounds: [DVec3; 2],
-    /// Of the sphere about the middle of the bounds that holds all levels.
-    radius: f64,
 }
 
 impl EngineLevels {
@@ -69,70 +37,5 @@ impl EngineLevels {
             Self::UnityScript => scripts::unity(name, scene),
             Self::UnrealScript => scripts::unreal(name, scene),
         }
-    }
-}
-
-impl EngineScene {
-    /// Of the finest level and the others, and their files, in this order.
-    pub(super) fn new<'a>(levels: impl Iterator<Item = (&'a Asset, LevelFile)>) -> Self {
-        let (assets, files): (Vec<&Asset>, Vec<LevelFile>) = levels.unzip();
-        let bounds = assets.iter().filter_map(|asset| tileset::bounds(&asset.mesh, asset.scene_faces()));
-        let bounds = bounds.reduce(|[a, b], [c, d]| [a.min(c), b.max(d)]).unwrap_or_default();
-        let middle = (bounds[0] + bounds[1]) / 2.0;
-        let corners =
-            assets.iter().flat_map(|asset| (0..asset.scene_faces()).flat_map(|f| asset.mesh.corners(f)));
-        let radius = corners.map(|p| p.as_dvec3().distance(middle)).fold(0.0, f64::max);
-        let details = assets.iter().map(|asset| asset.mesh.detail()).collect();
-        Self { files, details, bounds, radius }
-    }
-
-    /// From which distance from the middle each level but the finest is drawn, by a camera with this tangent of half its vertical angle.
-    fn distances(&self, tangent: f64) -> Vec<f64> {
-        let near = |detail: &f64| detail / TRIANGLE_PX * SCREEN_PX / (2.0 * tangent);
-        let mut last = 0.0_f64;
-        let mut next = |distance: f64| {
-            last = distance.max(last * APART);
-            last
-        };
-        self.details.iter().skip(1).map(|detail| next(near(detail) + self.radius)).collect()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Three levels of a cube about (1, 2, 3) whose corners are 3 units from there.
-    pub(super) fn cube() -> EngineScene {
-        let half = DVec3::splat(3f64.sqrt());
-        let middle = DVec3::new(1.0, 2.0, 3.0);
-        let file = |(name, nodes): (&str, &[&str])| LevelFile {
-            name: name.into(),
-            nodes: nodes.iter().map(|node| (*node).into()).collect(),
-        };
-        let files = [
-            ("a.glb", &["chunk_0000", "chunk_0001"][..]),
-            ("a.lod1.glb", &["scene"]),
-            ("a.lod2.glb", &["scene"]),
-        ];
-        EngineScene {
-            files: files.map(file).into(),
-            details: vec![0.01, 0.02, 0.04],
-            bounds: [middle - half, middle + half],
-            radius: 3.0,
-        }
-    }
-
-    #[test]
-    fn a_level_is_drawn_from_where_its_triangles_are_two_pixels_wide() {
-        let tangent = 0.5;
-        let distances = cube().distances(tangent);
-        for (distance, detail) in distances.iter().zip([0.02, 0.04]) {
-            let nearest = distance - 3.0;
-            let px = detail / nearest * SCREEN_PX / (2.0 * tangent);
-            assert!((px - 2.0).abs() < 1e-9, "{px} px at {distance}");
-        }
-        let still = EngineScene { details: vec![1.0, 1.0, 1.0], ..cube() }.distances(tangent);
-        assert!(still[0] < still[1], "{still:?}");
     }
 }

@@ -4,7 +4,7 @@
 //! their own there would be holes. So nodes of coarser levels get the box of the whole scene, and those of the finest, which are worth
 //! skipping one by one, are drawn whenever the first of the next level is too near to be: that is what a visibility parent is.
 
-use super::EngineScene;
+use super::scene::EngineScene;
 use std::fmt::Write;
 
 /// Tangent of half the vertical angle of a `Camera3D` as it comes, 75 degrees.
@@ -61,7 +61,7 @@ fn line(out: &mut String, text: std::fmt::Arguments<'_>) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::cube;
+    use super::super::scene::cube;
     use super::*;
 
     #[test]

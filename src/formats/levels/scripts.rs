@@ -1,6 +1,6 @@
 //! Scripts that make one object of all levels in the editors of Unity and Unreal.
 
-use super::EngineScene;
+use super::scene::{APART, EngineScene};
 use crate::report::generator;
 use serde_json::{Value, json};
 use xxhash_rust::xxh3::xxh3_64;
@@ -24,7 +24,7 @@ pub(super) fn unity(name: &str, scene: &EngineScene) -> String {
     let mut most = WHOLE_SCREEN;
     let heights = scene.distances(UNITY_CAMERA).into_iter().map(|distance| {
         let height = height(distance).min(most);
-        most = height / super::APART;
+        most = height / APART;
         height
     });
     // Below the last there is nothing: the coarsest level is drawn however far off it is.
@@ -65,7 +65,7 @@ fn class(name: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::cube;
+    use super::super::scene::cube;
     use super::*;
 
     /// The numbers in the first line with `key`, between the brackets.
