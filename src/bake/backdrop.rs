@@ -20,7 +20,7 @@ use glam::Vec3;
 const VIEWS: usize = 16;
 /// Holes below this share of the photos are not closed.
 const LEAST_HOLES: f64 = 0.001;
-/// Pictures that a scene covers less of show an object before nothing.
+/// Pictures that a scene covers less of, and photos of which masks leave less, show an object before nothing.
 const LEAST_COVERED: f64 = 0.8;
 /// Radius of the sphere as a multiple of the distance of the farthest vertex or camera.
 const RADIUS_FACTOR: f32 = 1.2;
@@ -111,6 +111,9 @@ pub fn backdrop(
     }
     let holes = find_holes(mesh, views)?;
     details.holes = Some(holes.share);
+    if options.backdrop == BackdropWhen::Auto && holes.counted < LEAST_COVERED {
+        return Ok(Outcome::Unneeded("masks leave an object: there is nothing behind it"));
+    }
     if options.backdrop == BackdropWhen::Auto && holes.share < LEAST_HOLES {
         return Ok(Outcome::Unneeded("triangles cover the photos"));
     }
@@ -144,8 +147,10 @@ pub fn keep_backdrop(
 
 /// What photos show where no triangle is.
 struct Holes {
-    /// Share of the photos' pixels.
+    /// Share of the photos' pixels that count.
     share: f64,
+    /// Share of all pixels that count.
+    counted: f64,
     /// Mean colour, linear.
     color: [f32; 3],
 }
@@ -154,11 +159,13 @@ fn find_holes(mesh: &Mesh, views: &mut Views) -> Result<Holes> {
     let drawing = views.drawing(mesh, 1);
     let mut solid = Solid::new();
     let (mut open, mut all, mut color) = (0.0, 0.0, [0.0f64; 3]);
+    let mut pixels = 0;
     let chosen = views.evenly_spaced(VIEWS);
     views.prefetch(&chosen);
     for view in chosen {
         let photo = views.photo(view)?;
         let seen = solid.visibility(mesh, views.camera(view), &drawing);
+        pixels += seen.face.len();
         for (pixel, face) in seen.face.iter().enumerate() {
             let weight = photo.alpha.as_ref().map_or(1.0, |a| f64::from(a[pixel]) / 255.0);
             all += weight;
@@ -171,7 +178,8 @@ fn find_holes(mesh: &Mesh, views: &mut Views) -> Result<Holes> {
         }
     }
     let mean = color.map(|sum| (sum / f64::max(open, 1e-9)) as f32);
-    Ok(Holes { share: open / f64::max(all, 1e-9), color: mean })
+    let counted = all / pixels.max(1) as f64;
+    Ok(Holes { share: open / f64::max(all, 1e-9), counted, color: mean })
 }
 
 /// Subdivisions of the octahedron for a scene of so many triangles.

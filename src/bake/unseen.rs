@@ -7,7 +7,7 @@
 
 use super::decimate::Decimation;
 use super::views::{SAMPLES, Views};
-use super::visibility::visible_px;
+use super::visibility::{counted_px, visible_px};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
@@ -19,6 +19,8 @@ use rayon::prelude::*;
 const SAMPLES_AT_LEAST: u32 = 1;
 /// Hidden triangles stay when they are at most this share of all.
 const FEW_HIDDEN: f64 = 0.05;
+/// Of what photos see of a triangle, at least this share must lie in pixels that count.
+const LEAST_COUNTED: f32 = 0.5;
 /// Photos that the curve of error against triangles is measured on.
 const CURVE_VIEWS: usize = 12;
 /// With `max_error` at least one triangle in so many stays, about.
@@ -72,6 +74,9 @@ pub struct UnseenDetails {
     /// How many of those lie outside every picture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outside: Option<u64>,
+    /// Triangles dropped because photos see them where masks say that nothing counts; only with masks that are ignored.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub masked: Option<u64>,
     /// PSNR against the number of triangles, in the order tried; only with `max_error`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curve: Option<Vec<CurvePoint>>,
@@ -117,7 +122,16 @@ pub fn unseen(
     let chooses = views.is_some() || mesh.face_count() > most;
     let samples = if chooses { SAMPLES } else { SAMPLES_AT_LEAST };
     let decides_at = if mesh.face_count() > most || options.max_error.is_some() { DRAWING_PART } else { 1.0 };
-    let visible_area = visible_px(mesh, cameras, samples, progress.part(0.0, decides_at));
+    let mut visible_area = visible_px(mesh, cameras, samples, progress.part(0.0, decides_at));
+    let all = mesh.face_count();
+    let views = match views {
+        Some(views) if views.are_masked() && !options.keep_unseen => {
+            details.masked =
+                Some(drop_masked(mesh, views, &mut visible_area, progress.part(0.0, decides_at))?);
+            Some(views)
+        }
+        views => views,
+    };
     let mut ranked = rank_by_visibility(mesh, &visible_area);
     let visible = ranked.partition_point(|&f| visible_area[f as usize] > 0.0);
     if visible == 0 && views.as_ref().is_some_and(|views| !views.is_drawn()) {
@@ -155,7 +169,7 @@ pub fn unseen(
     if let (Some(db), Some(views)) = (options.max_error, views) {
         keep = fewest_within(mesh, views, &ranked[..keep], db, details)?;
     }
-    if keep == ranked.len() {
+    if keep == all {
         return Ok(Outcome::Unneeded("hardly any triangle is hidden from every camera"));
     }
     let enlarging = decimation.filter(|_| options.enlarge);
@@ -166,6 +180,28 @@ pub fn unseen(
     }
     mesh.keep(&ranked[..keep]);
     Ok(Outcome::Changed(()))
+}
+
+/// Drops the triangles that photos see where their masks say that nothing counts, and hardly elsewhere: whatever was trained there was never compared with
+/// anything. Returns how many.
+fn drop_masked(
+    mesh: &mut Mesh,
+    views: &mut Views,
+    visible_area: &mut Vec<f32>,
+    progress: StageProgress<'_>,
+) -> Result<u64> {
+    let counted = counted_px(mesh, views, SAMPLES, progress)?;
+    let stays =
+        |face: usize| visible_area[face] == 0.0 || counted[face] >= LEAST_COUNTED * visible_area[face];
+    let kept: Vec<u32> = (0..mesh.face_count() as u32).filter(|&face| stays(face as usize)).collect();
+    let dropped = mesh.face_count() - kept.len();
+    // Masks that leave nothing are no masks of this scene.
+    if dropped == 0 || kept.is_empty() {
+        return Ok(0);
+    }
+    *visible_area = kept.iter().map(|&face| visible_area[face as usize]).collect();
+    mesh.keep(&kept);
+    Ok(dropped as u64)
 }
 
 /// Puts those of `faces` first that lie outside every picture, the order unchanged otherwise; returns how many.

@@ -3,7 +3,7 @@
 
 use crate::asset::Placement;
 use crate::camera::{self, Camera, Viewpoint};
-use crate::dataset::{Dataset, DatasetOptions, Photo, Photos};
+use crate::dataset::{Dataset, DatasetOptions, Masks, Photo, Photos};
 use crate::error::Result;
 use crate::image::Pixels;
 use crate::math::median::median;
@@ -31,6 +31,8 @@ pub struct Views {
     background: [f32; 3],
     /// Share of the pictures that is scene, when they are not photos.
     drawn: Option<f64>,
+    /// Some photos have pixels that do not count.
+    masked: bool,
 }
 
 impl Views {
@@ -46,6 +48,7 @@ impl Views {
             photos: Photos::new(dataset.train().map(|v| v.photo.clone()).collect(), options.photo_bytes()),
             background: options.background.to_f32(),
             drawn: None,
+            masked: options.masks == Masks::Ignore && dataset.train().any(|v| v.photo.mask.is_some()),
         }
     }
 
@@ -68,7 +71,13 @@ impl Views {
             photos: Photos::new(pictures.into_iter().map(Photo::drawn).collect(), 0),
             background: [0.0; 3],
             drawn: Some(covered as f64 / (all as f64).max(1.0)),
+            masked: false,
         }
+    }
+
+    /// True when some photos have pixels that do not count.
+    pub fn are_masked(&self) -> bool {
+        self.masked
     }
 
     /// True when these are drawn pictures, not photos.

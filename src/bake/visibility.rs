@@ -1,7 +1,8 @@
 //! How much of each face cameras see.
 
-use super::views;
+use super::views::{self, Views};
 use crate::camera::Camera;
+use crate::error::Result;
 use crate::mesh::Mesh;
 use crate::raster::solid::{NO_FACE, Solid};
 use crate::report::StageProgress;
@@ -28,4 +29,31 @@ pub fn visible_px(
     }
     let per_sample = 1.0 / f64::from(samples_along * samples_along);
     samples.into_iter().map(|n| (n as f64 * per_sample) as f32).collect()
+}
+
+/// The area of each face that photos see in pixels that count by their masks, px; as [`visible_px`]. `[F]`
+///
+/// Errors: a photo that cannot be decoded.
+pub fn counted_px(
+    mesh: &Mesh,
+    views: &mut Views,
+    samples_along: u32,
+    mut progress: StageProgress<'_>,
+) -> Result<Vec<f32>> {
+    let options = views::drawing(views.cameras(), mesh, samples_along);
+    let mut solid = Solid::new();
+    let mut weights = vec![0u64; mesh.face_count()];
+    views.prefetch(&(0..views.len()).collect::<Vec<_>>());
+    for view in 0..views.len() {
+        progress.set(view, views.len());
+        let photo = views.photo(view)?;
+        let seen = solid.visibility(mesh, views.camera(view), &options);
+        for (sample, &face) in (0u32..).zip(&seen.face).filter(|(_, face)| **face != NO_FACE) {
+            let (x, y) = (sample % seen.size.x / samples_along, sample / seen.size.x / samples_along);
+            let pixel = (y * photo.size.x + x) as usize;
+            weights[face as usize] += photo.alpha.as_ref().map_or(255, |alpha| u64::from(alpha[pixel]));
+        }
+    }
+    let per_sample = 1.0 / (255.0 * f64::from(samples_along * samples_along));
+    Ok(weights.into_iter().map(|n| (n as f64 * per_sample) as f32).collect())
 }

@@ -13,7 +13,7 @@ use trisplat::bake::unseen::{self, UnseenDetails, UnseenOptions};
 use trisplat::bake::views::Views;
 use trisplat::bake::{Bake, BakeOptions};
 use trisplat::camera::Camera;
-use trisplat::dataset::{Dataset, DatasetOptions};
+use trisplat::dataset::{Dataset, DatasetOptions, Masks};
 use trisplat::error::Result;
 use trisplat::image::Pixels;
 use trisplat::mesh::{Colors, Mesh};
@@ -104,6 +104,45 @@ fn load(folder: &Path) -> Dataset {
 
 fn views(dataset: &Dataset) -> Views {
     Views::new(dataset, &DatasetOptions::default())
+}
+
+#[test]
+fn what_photos_see_only_where_masks_say_that_nothing_counts_is_dropped() {
+    const THING: u32 = 60;
+    let mesh = scene();
+    let (folder, _) = photograph(&mesh, |_, photo| photo);
+    let masks = folder.path().join("masks");
+    std::fs::create_dir(&masks).unwrap();
+    let one_sample = SolidRasterOptions { samples: 1, ..SolidRasterOptions::default() };
+    for view in 0..VIEWS {
+        let mut solid = Solid::new();
+        let seen = solid.visibility(&mesh, &camera(view), &one_sample);
+        let rgb = seen.face.iter().map(|&face| [if face < THING { 255 } else { 0 }; 3]).collect();
+        let mask = Pixels { size: seen.size, rgb, alpha: None };
+        mask.save_png(&masks.join(format!("{view:02}.png"))).unwrap();
+    }
+    let dataset = load(folder.path());
+    let cameras: Vec<Camera> = (0..VIEWS).map(camera).collect();
+    let drop = |options: &UnseenOptions, masks| {
+        let (mut kept, mut details) = (mesh.clone(), UnseenDetails::default());
+        let mut views = Views::new(&dataset, &DatasetOptions { masks, ..DatasetOptions::default() });
+        unseen(&mut kept, &cameras, Some(&mut views), options, None, &mut details).unwrap();
+        (kept, details.masked)
+    };
+    let (kept, masked) = drop(&UnseenOptions::default(), Masks::Ignore);
+    let is_thing = |face: usize| {
+        let corners = kept.corners(face);
+        (0..THING as usize).any(|of| mesh.corners(of) == corners)
+    };
+    let things = (0..kept.face_count()).filter(|face| is_thing(*face)).count();
+    assert_eq!(things, kept.face_count(), "something else is left");
+    assert!(things > THING as usize - 5, "{things}");
+    assert_eq!(masked, Some((mesh.face_count() - THING as usize) as u64));
+
+    // A mask that cuts has told the training that nothing is there, and who keeps what is unseen keeps this.
+    assert_eq!(drop(&UnseenOptions::default(), Masks::Cut).1, None);
+    let keep = UnseenOptions { keep_unseen: true, ..UnseenOptions::default() };
+    assert_eq!(drop(&keep, Masks::Ignore).0.face_count(), mesh.face_count());
 }
 
 /// Root of the mean squared difference of the pictures that two meshes give, codes.
