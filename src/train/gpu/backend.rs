@@ -269,13 +269,39 @@ impl GpuBackend {
         self.failure.as_ref().map_or(Ok(()), |why| Err(Error::Gpu(why.clone())))
     }
 
-    /// Keeps the error of a step that was begun: the scene on the card is of no use any more.
+    /// Keeps the error of a step that was begun, or of a scene that was not loaded: what is on the card is of no use any more.
     fn failed<T>(&mut self, outcome: Result<T>) -> Result<T> {
         if let Err(error) = &outcome {
-            self.failure.get_or_insert(format!("steps were lost: {error}"));
+            let why = match error {
+                Error::Gpu(why) => why.clone(),
+                other => other.to_string(),
+            };
+            self.failure.get_or_insert(why);
             self.flights.clear();
         }
         outcome
+    }
+
+    /// Moves the state that is kept in main memory to the card.
+    fn load_again(&mut self) -> Result<()> {
+        self.scene = None;
+        self.bind_groups.clear();
+        let Some(state) = &self.loaded else { return Ok(()) };
+        let triangles = state.params.len();
+        let binding_bytes = self.limits.binding_bytes;
+        self.scene = Some(match SceneBuffers::load(&self.gpu, state, binding_bytes) {
+            // Photos are on the card only to save time.
+            Err(Error::Gpu(_)) if self.photos.give_up() => {
+                self.gpu.wait(None)?;
+                SceneBuffers::load(&self.gpu, state, binding_bytes)?
+            }
+            scene => scene?,
+        });
+        // A scene that comes back as it went has been seen as often as before.
+        if self.visibility.as_ref().is_none_or(|visibility| visibility.triangles != triangles) {
+            self.visibility = Some(VisibilityBuffer::new(&self.gpu, triangles)?);
+        }
+        Ok(())
     }
 
     /// Repeats the steps under way, none of which did anything, with `more` room.
@@ -298,26 +324,11 @@ impl GpuBackend {
 
 impl TrainBackend for GpuBackend {
     fn load(&mut self, state: TrainState) -> Result<()> {
-        let triangles = state.params.len();
-        self.scene = None;
-        self.bind_groups.clear();
         let lost = self.check();
-        let state = self.loaded.insert(state);
+        self.loaded = Some(state);
         lost?;
-        let binding_bytes = self.limits.binding_bytes;
-        self.scene = Some(match SceneBuffers::load(&self.gpu, state, binding_bytes) {
-            // Photos are on the card only to save time.
-            Err(Error::Gpu(_)) if self.photos.give_up() => {
-                self.gpu.wait(None)?;
-                SceneBuffers::load(&self.gpu, state, binding_bytes)?
-            }
-            scene => scene?,
-        });
-        // A scene that comes back as it went has been seen as often as before.
-        if self.visibility.as_ref().is_none_or(|visibility| visibility.triangles != triangles) {
-            self.visibility = Some(VisibilityBuffer::new(&self.gpu, triangles)?);
-        }
-        Ok(())
+        let loaded = self.load_again();
+        self.failed(loaded)
     }
 
     fn store(&mut self) -> Result<TrainState> {

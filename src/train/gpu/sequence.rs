@@ -24,7 +24,10 @@ pub(super) enum Spread {
 /// Bind groups of earlier steps, by pass and buffers: making them anew takes longer than recording a step. They keep their buffers
 /// alive.
 #[derive(Debug, Default)]
-pub(super) struct BindGroups(HashMap<(&'static str, Vec<(Buffer, u64)>), BindGroup>);
+pub(super) struct BindGroups(HashMap<Bound, BindGroup>);
+
+/// A pass, and the buffers it has with the places in them.
+type Bound = (&'static str, Vec<(Buffer, u64)>);
 
 impl BindGroups {
     /// Forgets them, when buffers go.
