@@ -139,6 +139,16 @@ fn what_photos_see_only_where_masks_say_that_nothing_counts_is_dropped() {
     assert!(things > THING as usize - 5, "{things}");
     assert_eq!(masked, Some((mesh.face_count() - THING as usize) as u64));
 
+    // There is nothing behind a thing that was masked, unless one asks for it.
+    let behind = |when| {
+        let (mut with, mut details) = (kept.clone(), BackdropDetails::default());
+        let options = BackdropOptions { backdrop: when };
+        backdrop(&mut with, Some(&mut views(&dataset)), &options, &mut details).unwrap();
+        with.face_count() - kept.face_count()
+    };
+    assert_eq!(behind(BackdropWhen::Auto), 0);
+    assert!(behind(BackdropWhen::Sphere) > 0);
+
     // A mask that cuts has told the training that nothing is there, and who keeps what is unseen keeps this.
     assert_eq!(drop(&UnseenOptions::default(), Masks::Cut).1, None);
     let keep = UnseenOptions { keep_unseen: true, ..UnseenOptions::default() };
