@@ -25,7 +25,7 @@ use super::shell::Shell;
 use super::solid::solid;
 use super::teacher::{is_solid, teacher};
 use super::tiles::tiles;
-use super::unseen::{UnseenOptions, unseen};
+use super::unseen::{UnseenDetails, UnseenOptions, masked, unseen};
 use super::views::Views;
 use super::weld::weld;
 use crate::asset::{Asset, Placement, Provenance};
@@ -129,7 +129,7 @@ impl<'a> Recipe<'a> {
             soup.truncate_sh(0);
         }
         let mesh = self.solidify(scene, &cameras)?;
-        let mesh = self.cull(mesh, &cameras, chosen)?;
+        let mesh = self.cull(mesh, &cameras, chosen, traits.is_soft)?;
         // Drawn pictures show the scene they were drawn of.
         if let Some(views) = self.views.as_deref_mut().filter(|views| !views.is_drawn()) {
             self.report.warnings.extend(fit::warning(&mesh, views)?);
@@ -298,9 +298,9 @@ impl<'a> Recipe<'a> {
     }
 
     /// As soon as there are opaque triangles that hide each other, and before work is done on those hidden.
-    fn cull(&mut self, mesh: Mesh, cameras: &[Camera], chosen: bool) -> Result<Mesh> {
+    fn cull(&mut self, mesh: Mesh, cameras: &[Camera], chosen: bool, is_soft: bool) -> Result<Mesh> {
         let options = self.options;
-        let views = either(&mut self.views, &mut self.taught);
+        let mut views = either(&mut self.views, &mut self.taught);
         let budget = match &views {
             Some(_) => options.backdrop.scene_budget(options.prune.max_triangles),
             None => options.prune.max_triangles,
@@ -308,9 +308,24 @@ impl<'a> Recipe<'a> {
         let unseen_options =
             UnseenOptions { keep_unseen: options.unseen.keep_unseen || chosen, ..options.unseen.clone() };
         let cameras = if chosen && budget.is_none() { &[] } else { cameras };
-        self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
-            unseen(mesh, cameras, views, &unseen_options, budget, details, progress)
-        })
+        self.report.long_stage(
+            self.observer,
+            mesh,
+            count_mesh,
+            |mesh, details: &mut UnseenDetails, progress| {
+                // What hides the triangles of a soft scene now is still to be moved out of their way.
+                if !is_soft {
+                    let progress = &mut progress.part(0.0, 0.5);
+                    details.masked = masked(mesh, views.as_deref_mut(), &unseen_options, progress)?;
+                }
+                let outcome = unseen(mesh, cameras, views, &unseen_options, budget, details, progress)?;
+                Ok(if details.masked.is_some_and(|dropped| dropped > 0) {
+                    Outcome::Changed(())
+                } else {
+                    outcome
+                })
+            },
+        )
     }
 
     /// Before triangles are fitted to pictures in which shards hide what is behind them. Chosen cameras stand where nothing is near.

@@ -122,16 +122,7 @@ pub fn unseen(
     let chooses = views.is_some() || mesh.face_count() > most;
     let samples = if chooses { SAMPLES } else { SAMPLES_AT_LEAST };
     let decides_at = if mesh.face_count() > most || options.max_error.is_some() { DRAWING_PART } else { 1.0 };
-    let mut visible_area = visible_px(mesh, cameras, samples, progress.part(0.0, decides_at));
-    let all = mesh.face_count();
-    let views = match views {
-        Some(views) if views.are_masked() && !options.keep_unseen => {
-            details.masked =
-                Some(drop_masked(mesh, views, &mut visible_area, progress.part(0.0, decides_at))?);
-            Some(views)
-        }
-        views => views,
-    };
+    let visible_area = visible_px(mesh, cameras, samples, progress.part(0.0, decides_at));
     let mut ranked = rank_by_visibility(mesh, &visible_area);
     let visible = ranked.partition_point(|&f| visible_area[f as usize] > 0.0);
     if visible == 0 && views.as_ref().is_some_and(|views| !views.is_drawn()) {
@@ -169,7 +160,7 @@ pub fn unseen(
     if let (Some(db), Some(views)) = (options.max_error, views) {
         keep = fewest_within(mesh, views, &ranked[..keep], db, details)?;
     }
-    if keep == all {
+    if keep == ranked.len() {
         return Ok(Outcome::Unneeded("hardly any triangle is hidden from every camera"));
     }
     let enlarging = decimation.filter(|_| options.enlarge);
@@ -183,25 +174,29 @@ pub fn unseen(
 }
 
 /// Drops the triangles that photos see where their masks say that nothing counts, and hardly elsewhere: whatever was trained there was never compared with
-/// anything. Returns how many.
-fn drop_masked(
+/// anything. Returns how many; `None` without such masks, and with `keep_unseen`.
+///
+/// Errors: a photo that cannot be decoded.
+pub fn masked(
     mesh: &mut Mesh,
-    views: &mut Views,
-    visible_area: &mut Vec<f32>,
-    progress: StageProgress<'_>,
-) -> Result<u64> {
-    let counted = counted_px(mesh, views, SAMPLES, progress)?;
-    let stays =
-        |face: usize| visible_area[face] == 0.0 || counted[face] >= LEAST_COUNTED * visible_area[face];
+    views: Option<&mut Views>,
+    options: &UnseenOptions,
+    progress: &mut StageProgress<'_>,
+) -> Result<Option<u64>> {
+    let Some(views) = views.filter(|views| views.are_masked() && !options.keep_unseen) else {
+        return Ok(None);
+    };
+    let visible = visible_px(mesh, views.cameras(), SAMPLES, progress.part(0.0, 0.5));
+    let counted = counted_px(mesh, views, SAMPLES, progress.part(0.5, 1.0))?;
+    let stays = |face: usize| visible[face] == 0.0 || counted[face] >= LEAST_COUNTED * visible[face];
     let kept: Vec<u32> = (0..mesh.face_count() as u32).filter(|&face| stays(face as usize)).collect();
-    let dropped = mesh.face_count() - kept.len();
-    // Masks that leave nothing are no masks of this scene.
-    if dropped == 0 || kept.is_empty() {
-        return Ok(0);
+    // Masks that leave nothing are not masks of this scene.
+    if kept.is_empty() {
+        return Ok(Some(0));
     }
-    *visible_area = kept.iter().map(|&face| visible_area[face as usize]).collect();
+    let dropped = (mesh.face_count() - kept.len()) as u64;
     mesh.keep(&kept);
-    Ok(dropped as u64)
+    Ok(Some(dropped))
 }
 
 /// Puts those of `faces` first that lie outside every picture, the order unchanged otherwise; returns how many.

@@ -126,6 +126,9 @@ fn what_photos_see_only_where_masks_say_that_nothing_counts_is_dropped() {
     let drop = |options: &UnseenOptions, masks| {
         let (mut kept, mut details) = (mesh.clone(), UnseenDetails::default());
         let mut views = Views::new(&dataset, &DatasetOptions { masks, ..DatasetOptions::default() });
+        let mut nobody = ();
+        let progress = &mut StageProgress::new(&mut nobody);
+        details.masked = unseen::masked(&mut kept, Some(&mut views), options, progress).unwrap();
         unseen(&mut kept, &cameras, Some(&mut views), options, None, &mut details).unwrap();
         (kept, details.masked)
     };
