@@ -248,7 +248,7 @@ fn frames_that_would_take_too_long_have_fewer_pixels_until_nothing_moves() {
     let mut view =
         vec!["view", "studio.glb", "--dataset", "photos", "--size", "640x480", "--screenshots", "shots"];
     // No card draws a frame in a thousandth of a second in software.
-    view.extend(["--fps", "1000", "--no-vsync"]);
+    view.extend(["--fps", "1000"]);
     desk.open(&view);
     desk.xdotool("key h");
     let still = desk.screenshot(1);
