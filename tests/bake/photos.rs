@@ -140,7 +140,8 @@ fn what_photos_see_only_where_masks_say_that_nothing_counts_is_dropped() {
     let things = (0..kept.face_count()).filter(|face| is_thing(*face)).count();
     assert_eq!(things, kept.face_count(), "something else is left");
     assert!(things > THING as usize - 5, "{things}");
-    assert_eq!(masked, Some((mesh.face_count() - THING as usize) as u64));
+    // And a few of the thing that show in half a pixel at its outline.
+    assert!(masked.is_some_and(|masked| (40..45).contains(&masked)), "{masked:?}");
 
     // There is nothing behind a thing that was masked, unless one asks for it.
     let behind = |when| {
