@@ -7,7 +7,7 @@
 
 use super::decimate::Decimation;
 use super::views::{SAMPLES, Views};
-use super::visibility::{counted_px, visible_px};
+use super::visibility::{counted_share, visible_px};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
@@ -186,10 +186,9 @@ pub fn masked(
     let Some(views) = views.filter(|views| views.are_masked() && !options.keep_unseen) else {
         return Ok(None);
     };
-    let visible = visible_px(mesh, views.cameras(), SAMPLES, progress.part(0.0, 0.5));
-    let counted = counted_px(mesh, views, SAMPLES, progress.part(0.5, 1.0))?;
-    let stays = |face: usize| visible[face] == 0.0 || counted[face] >= LEAST_COUNTED * visible[face];
-    let kept: Vec<u32> = (0..mesh.face_count() as u32).filter(|&face| stays(face as usize)).collect();
+    let shares = counted_share(mesh, views, SAMPLES, progress)?;
+    let stays = |share: &Option<f32>| share.is_none_or(|share| share >= LEAST_COUNTED);
+    let kept: Vec<u32> = (0..).zip(&shares).filter(|(_, share)| stays(share)).map(|(face, _)| face).collect();
     // Masks that leave nothing are not masks of this scene.
     if kept.is_empty() {
         return Ok(Some(0));

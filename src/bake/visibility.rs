@@ -31,18 +31,19 @@ pub fn visible_px(
     samples.into_iter().map(|n| (n as f64 * per_sample) as f32).collect()
 }
 
-/// The area of each face that photos see in pixels that count by their masks, px; as [`visible_px`]. `[F]`
+/// The share of what photos see of each face that lies in pixels that count by their masks; `None` of what no photo sees. `[F]`
 ///
-/// Errors: a photo that cannot be decoded.
-pub fn counted_px(
+/// `samples_along`: as for [`visible_px`]. Errors: a photo that cannot be decoded.
+pub fn counted_share(
     mesh: &Mesh,
     views: &mut Views,
     samples_along: u32,
-    mut progress: StageProgress<'_>,
-) -> Result<Vec<f32>> {
+    progress: &mut StageProgress<'_>,
+) -> Result<Vec<Option<f32>>> {
     let options = views::drawing(views.cameras(), mesh, samples_along);
     let mut solid = Solid::new();
-    let mut weights = vec![0u64; mesh.face_count()];
+    // Samples, and the weights of their pixels.
+    let mut seen_of = vec![(0u64, 0u64); mesh.face_count()];
     views.prefetch(&(0..views.len()).collect::<Vec<_>>());
     for view in 0..views.len() {
         progress.set(view, views.len());
@@ -51,9 +52,13 @@ pub fn counted_px(
         for (sample, &face) in (0u32..).zip(&seen.face).filter(|(_, face)| **face != NO_FACE) {
             let (x, y) = (sample % seen.size.x / samples_along, sample / seen.size.x / samples_along);
             let pixel = (y * photo.size.x + x) as usize;
-            weights[face as usize] += photo.alpha.as_ref().map_or(255, |alpha| u64::from(alpha[pixel]));
+            let (samples, weights) = &mut seen_of[face as usize];
+            *samples += 1;
+            *weights += photo.alpha.as_ref().map_or(255, |alpha| u64::from(alpha[pixel]));
         }
     }
-    let per_sample = 1.0 / (255.0 * f64::from(samples_along * samples_along));
-    Ok(weights.into_iter().map(|n| (n as f64 * per_sample) as f32).collect())
+    let share = |(samples, weights): (u64, u64)| {
+        (samples > 0).then(|| (weights as f64 / (255.0 * samples as f64)) as f32)
+    };
+    Ok(seen_of.into_iter().map(share).collect())
 }

@@ -88,9 +88,7 @@ impl FrameRate {
             {
                 self.change(self.level - 1);
             }
-        } else if self.level + 1 == SHARES.len() {
-            self.too_slow = Some(ms);
-        } else if self.too_slow.is_none() {
+        } else if self.too_slow.is_none() && self.level + 1 < SHARES.len() {
             let fits = |&level: &usize| ms * self.work(level) / self.work(self.level) <= self.budget;
             let level = (self.level + 1..SHARES.len()).find(fits).unwrap_or(SHARES.len() - 1);
             self.before = Some((self.level, ms));

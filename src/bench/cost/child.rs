@@ -28,18 +28,12 @@ impl Child {
         Ok(Self { program, dataset: dataset.into(), dataset_options: dataset_options.clone(), threads })
     }
 
-    /// Trains with the options of `setting` over `steps` and `max_triangles`, and with more flags.
-    pub(super) fn train(
-        &self,
-        output: &Path,
-        report: &Path,
-        setting: &Setting,
-        more: &[(&str, String)],
-    ) -> Vec<OsString> {
+    /// Trains with the options of `setting` over `steps` and `max_triangles`, and with more flags; the report is beside the output.
+    pub(super) fn train(&self, output: &Path, setting: &Setting, more: &[(&str, String)]) -> Vec<OsString> {
         let mut words = self.words(&["train"]);
         words.push(self.dataset.clone().into());
         words.extend(self.photos(setting));
-        words.extend(["-o".into(), output.into(), "--report".into(), report.into()]);
+        words.extend(["-o".into(), output.into(), "--report".into(), output.with_extension("json").into()]);
         let of_setting = |name: &str| setting.changes.iter().any(|(changed, _)| *changed == name);
         let more = more.iter().filter(|(name, _)| !of_setting(name)).cloned();
         let changes = more.chain(setting.changes.iter().cloned());

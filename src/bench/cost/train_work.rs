@@ -34,8 +34,7 @@ impl TrainWork<'_> {
             changes: vec![("preset", "outdoor".into())],
             ..Setting::default_of(CostStage::Train, CostInput::Photos)
         };
-        let report = self.folder.join("soft.json");
-        measure::measure(&self.child.train(output, &report, &setting, &self.flags(0))).map(drop)
+        measure::measure(&self.child.train(output, &setting, &self.flags(0))).map(drop)
     }
 
     /// Steps, triangles and seed of a run.
@@ -63,9 +62,10 @@ impl Work for TrainWork<'_> {
     fn run(&mut self, setting: &Setting, run: usize) -> Result<Outcome> {
         let kept = setting.is_default() && run == 0;
         let soup = if kept { Self::default_soup(self.folder) } else { self.folder.join("trained.ply") };
-        let report = self.folder.join("trained.json");
-        let usage = measure::measure(&self.child.train(&soup, &report, setting, &self.flags(run)))?;
-        let skipped = read_report(&report)?.details::<TrainDetails>().map(|train| train.skipped.labels());
+        let usage = measure::measure(&self.child.train(&soup, setting, &self.flags(run)))?;
+        let skipped = read_report(&soup.with_extension("json"))?
+            .details::<TrainDetails>()
+            .map(|train| train.skipped.labels());
         let bytes = std::fs::metadata(&soup).ok().map(|file| file.len());
         let chain = if self.chain { Some(Box::new(self.chain(&soup, &usage)?)) } else { None };
         let result = result(self.scorer.solid(&soup)?, skipped.unwrap_or_default());
