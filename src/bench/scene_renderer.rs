@@ -11,8 +11,13 @@ use crate::raster::soft::{Frame, Soft, SoftOptions, SoftWork, SoupRef};
 use crate::raster::solid::{NO_FACE, Solid, SolidRasterOptions};
 use crate::soup::Soup;
 use crate::space::Space;
+use crate::train::BackendOptions;
+#[cfg(feature = "gpu")]
+use crate::train::device::{BackendKind, OpenCard, on_the_cpu};
 #[cfg(feature = "cli")]
 use crate::train::eval::SOLID_SAMPLES;
+#[cfg(feature = "gpu")]
+use crate::train::gpu::CardScene;
 use crate::view::show;
 use glam::{DVec3, UVec2, Vec3};
 use serde::{Deserialize, Serialize};
@@ -66,6 +71,9 @@ pub struct SoftScene {
     space: Space,
     options: SoftOptions,
     soft: Soft,
+    /// Draws colours in its place.
+    #[cfg(feature = "gpu")]
+    card: Option<CardScene>,
 }
 
 /// A mesh and what draws it.
@@ -99,7 +107,24 @@ impl SceneRenderer {
         space.soup_to_training(&mut soup);
         let options = SoftOptions { background, near: NEAR, ..SoftOptions::default() };
         let options = options.with_cap_for(&soup.opacity);
-        Self::Soft(Box::new(SoftScene { soup, space, options, soft: Soft::new() }))
+        Self::Soft(Box::new(SoftScene {
+            soup,
+            space,
+            options,
+            soft: Soft::new(),
+            #[cfg(feature = "gpu")]
+            card: None,
+        }))
+    }
+
+    /// Has a graphics card draw the colours of a soup from now on, if that is to be used. Returns the card, and what the user should know.
+    ///
+    /// Errors: `gpu` where there is no such card, or where it cannot draw.
+    pub fn draw_on(&mut self, place: &BackendOptions) -> Result<(Option<String>, Vec<String>)> {
+        match self {
+            Self::Soft(scene) => scene.draw_on(place),
+            Self::Solid(_) => Ok((None, Vec::new())),
+        }
     }
 
     /// A renderer of a mesh, with `samples` per pixel along each axis; the rest as for [`SceneRenderer::soft`].
@@ -155,7 +180,7 @@ impl SceneRenderer {
     /// What the camera sees.
     pub fn color(&mut self, camera: &Camera) -> Pixels {
         match self {
-            Self::Soft(scene) => show::color(scene.draw(camera, false)),
+            Self::Soft(scene) => scene.color(camera),
             Self::Solid(scene) => scene.solid.render(&scene.mesh, camera, &scene.options),
         }
     }
@@ -202,6 +227,47 @@ impl SceneRenderer {
             Self::Soft(scene) => scene.draw(camera, true),
             Self::Solid(scene) => scene.geometry(camera),
         }
+    }
+}
+
+#[cfg(not(feature = "gpu"))]
+impl SoftScene {
+    fn draw_on(&mut self, place: &BackendOptions) -> Result<(Option<String>, Vec<String>)> {
+        place.check().map(|()| (None, Vec::new()))
+    }
+
+    fn color(&mut self, camera: &Camera) -> Pixels {
+        show::color(self.draw(camera, false))
+    }
+}
+
+#[cfg(feature = "gpu")]
+impl SoftScene {
+    fn draw_on(&mut self, place: &BackendOptions) -> Result<(Option<String>, Vec<String>)> {
+        let OpenCard { gpu, mut warnings } = place.open_card()?;
+        let Some(gpu) = gpu else { return Ok((None, warnings)) };
+        let name = gpu.describe();
+        match CardScene::new(gpu, &self.soup) {
+            Ok(card) => self.card = Some(card),
+            Err(error) if place.backend == BackendKind::Auto => {
+                warnings.push(on_the_cpu(&error));
+                return Ok((None, warnings));
+            }
+            Err(error) => return Err(error),
+        }
+        Ok((Some(name), warnings))
+    }
+
+    fn color(&mut self, camera: &Camera) -> Pixels {
+        if let Some(card) = &mut self.card {
+            let camera = self.space.camera_to_training(camera);
+            if let Ok(frame) = card.frame(&camera, &self.options) {
+                return show::color(&frame);
+            }
+            // It is lost or too small for this picture; the CPU draws it, and those that follow.
+            self.card = None;
+        }
+        show::color(self.draw(camera, false))
     }
 }
 

@@ -14,6 +14,7 @@ use crate::dataset::{Dataset, DatasetOptions, Split, View};
 use crate::error::{Error, Result};
 use crate::formats;
 use crate::image::Pixels;
+use crate::train::BackendOptions;
 use crate::view::show;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -58,6 +59,9 @@ pub struct EvalArgs {
     /// Replace files that are there.
     #[arg(short, long)]
     pub force: bool,
+    /// Where soft drawings are made.
+    #[command(flatten, next_help_heading = "Backend")]
+    pub backend_options: BackendOptions,
     /// How the data set is read.
     #[command(flatten)]
     pub dataset_options: DatasetOptions,
@@ -86,6 +90,10 @@ pub fn run(args: &EvalArgs, global: &Global, out: &mut dyn Write) -> Result<()> 
     let mut pictures = EvalPictures::new(args, steps.iter().map(|s| s.name).collect(), &views, &mut outputs)?;
 
     let progress = Progress::new(global);
+    for step in &mut steps {
+        let (card, warnings) = step.renderer.draw_on(&args.backend_options)?;
+        progress.drawing_on(card.as_deref(), &warnings);
+    }
     let table = Table::new(views.iter().map(|v| v.name.as_str()), global, args.json);
     progress.suspend(|| table.header(out))?;
     let photo_bytes = args.dataset_options.photo_bytes();

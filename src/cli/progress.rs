@@ -72,6 +72,12 @@ impl Progress {
         self.line(&format!("warning: {}", flags::spell(warning, &self.command)));
     }
 
+    /// Says on which card soft pictures are drawn, if on any, and what the user should know.
+    pub fn drawing_on(&self, card: Option<&str>, warnings: &[String]) {
+        card.iter().for_each(|card| self.line(&format!("drawing soft pictures on {card}")));
+        warnings.iter().for_each(|warning| self.warn(warning));
+    }
+
     /// Shows beside the spinner what is being done.
     pub fn note(&self, text: &str) {
         if let Some(bar) = &self.bar {

@@ -13,6 +13,7 @@ use crate::error::{Error, Result};
 use crate::formats;
 use crate::rng::Rng;
 use crate::scene::{Loaded, Scene};
+use crate::train::BackendOptions;
 use crate::view::orbit;
 use std::path::{Path, PathBuf};
 
@@ -53,6 +54,9 @@ pub struct RenderArgs {
     /// Replace pictures that are there.
     #[arg(short, long)]
     pub force: bool,
+    /// Where soft pictures are drawn.
+    #[command(flatten, next_help_heading = "Backend")]
+    pub backend_options: BackendOptions,
     /// How the data set is read.
     #[command(flatten)]
     pub dataset_options: DatasetOptions,
@@ -103,6 +107,10 @@ pub fn run(args: &RenderArgs, global: &Global) -> Result<()> {
     let names = cameras.iter().map(|(name, _)| name.as_str());
     let pictures = Pictures::plan("--output", &args.output, names, &mut outputs)?;
     let progress = Progress::new(global);
+    if matches!(args.show, PictureKind::Color | PictureKind::RandomSubset) {
+        let (card, warnings) = renderer.draw_on(&args.backend_options)?;
+        progress.drawing_on(card.as_deref(), &warnings);
+    }
     for (i, (_, camera)) in cameras.iter().enumerate() {
         let picture = match args.show {
             PictureKind::Color | PictureKind::RandomSubset => renderer.color(camera),

@@ -7,9 +7,9 @@
 use super::params::{Params, TrainState};
 use super::schedule::Rates;
 use crate::camera::Camera;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::image::Pixels;
-use crate::raster::soft::Importance;
+use crate::raster::soft::{Frame, Importance, SoftOptions};
 use glam::UVec2;
 use std::borrow::Cow;
 
@@ -96,6 +96,14 @@ pub trait TrainBackend {
     fn rescued(&mut self) -> Option<TrainState> {
         None
     }
+    /// True where [`TrainBackend::picture`] draws what is held, and sooner than the CPU.
+    fn draws(&self) -> bool {
+        false
+    }
+    /// What `camera`, in training space, sees as the scene is drawn with `drawing` at a step of `rates`: colour and transmittance.
+    fn picture(&mut self, _camera: &Camera, _drawing: &SoftOptions, _rates: &Rates) -> Result<Frame> {
+        Err(Error::Gpu("the CPU draws pictures of a soup".into()))
+    }
     /// Triangles held.
     fn len(&self) -> usize;
     /// True when it holds none.
@@ -137,6 +145,14 @@ macro_rules! forwards {
 
             fn rescued(&mut self) -> Option<TrainState> {
                 (**self).rescued()
+            }
+
+            fn draws(&self) -> bool {
+                (**self).draws()
+            }
+
+            fn picture(&mut self, camera: &Camera, drawing: &SoftOptions, rates: &Rates) -> Result<Frame> {
+                (**self).picture(camera, drawing, rates)
             }
 
             fn len(&self) -> usize {

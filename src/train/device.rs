@@ -1,4 +1,4 @@
-//! Where a run trains: on the CPU or on a graphics card.
+//! Where a run trains and soft pictures are drawn: on the CPU or on a graphics card.
 
 use super::backend::{RunSize, TrainBackend};
 use super::cpu::CpuBackend;
@@ -18,11 +18,11 @@ pub enum BackendKind {
     Gpu,
 }
 
-/// Where a run trains, and on which graphics card.
+/// Where a run trains and soft pictures are drawn, and on which graphics card.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct BackendOptions {
-    /// Where to train.
+    /// Where soft triangles are trained and drawn.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub backend: BackendKind,
     /// Which graphics card.
@@ -67,14 +67,28 @@ impl BackendOptions {
     }
 }
 
+/// A card that is to be used, and what the user should know: why none is, or that it is none.
+#[cfg(feature = "gpu")]
+pub struct OpenCard {
+    /// The card; `None`: the CPU.
+    pub gpu: Option<crate::gpu::Gpu>,
+    /// One sentence each.
+    pub warnings: Vec<String>,
+}
+
 #[cfg(not(feature = "gpu"))]
 impl BackendOptions {
     /// Opens the backend of a run that draws with `drawing`.
     ///
     /// Errors: `gpu`, which this build lacks.
     pub fn open(&self, drawing: SoftOptions, _size: RunSize) -> Result<OpenBackend> {
+        self.check().map(|()| OpenBackend::cpu(drawing, Vec::new()))
+    }
+
+    /// An error of `gpu`, which this build lacks.
+    pub fn check(&self) -> Result<()> {
         match self.backend {
-            BackendKind::Auto | BackendKind::Cpu => Ok(OpenBackend::cpu(drawing, Vec::new())),
+            BackendKind::Auto | BackendKind::Cpu => Ok(()),
             BackendKind::Gpu => Err(Error::invalid(
                 "backend",
                 "gpu",
@@ -91,32 +105,50 @@ impl BackendOptions {
     ///
     /// Errors: `gpu` where there is no card as asked for, or where it cannot be opened.
     pub fn open(&self, drawing: SoftOptions, size: RunSize) -> Result<OpenBackend> {
-        use crate::gpu::Gpu;
-        match self.backend {
-            BackendKind::Cpu => Ok(OpenBackend::cpu(drawing, Vec::new())),
-            BackendKind::Gpu => self::gpu(Gpu::headless(&self.adapter)?, drawing, size),
-            BackendKind::Auto => match self.adapter.find_real() {
-                None => Ok(OpenBackend::cpu(drawing, Vec::new())),
-                Some(adapter) => {
-                    let opened = Gpu::open(&adapter).and_then(|gpu| self::gpu(gpu, drawing, size));
-                    Ok(opened.unwrap_or_else(|e| {
-                        OpenBackend::cpu(drawing, vec![format!("{e}; training on the CPU (`backend`)")])
-                    }))
-                }
-            },
+        let OpenCard { gpu, mut warnings } = self.open_card()?;
+        let Some(gpu) = gpu else { return Ok(OpenBackend::cpu(drawing, warnings)) };
+        match (self::gpu(gpu, drawing, size), self.backend) {
+            (Ok((backend, card)), _) => Ok(OpenBackend { backend, card: Some(card), warnings }),
+            (Err(error), BackendKind::Auto) => {
+                warnings.push(on_the_cpu(&error));
+                Ok(OpenBackend::cpu(drawing, warnings))
+            }
+            (Err(error), _) => Err(error),
         }
+    }
+
+    /// The card, if one is to be used.
+    ///
+    /// Errors: `gpu` where there is no card as asked for, or where it cannot be opened.
+    pub fn open_card(&self) -> Result<OpenCard> {
+        use crate::gpu::Gpu;
+        let (gpu, mut warnings) = match self.backend {
+            BackendKind::Cpu => (None, Vec::new()),
+            BackendKind::Gpu => (Some(Gpu::headless(&self.adapter)?), Vec::new()),
+            BackendKind::Auto => match self.adapter.find_real().map(|adapter| Gpu::open(&adapter)) {
+                None => (None, Vec::new()),
+                Some(Ok(gpu)) => (Some(gpu), Vec::new()),
+                Some(Err(error)) => (None, vec![on_the_cpu(&error)]),
+            },
+        };
+        warnings.extend(gpu.iter().filter(|gpu| gpu.is_software()).map(|gpu| {
+            format!("{} is no graphics card but software, slower than the CPU (`backend` cpu)", gpu.info.name)
+        }));
+        Ok(OpenCard { gpu, warnings })
     }
 }
 
-/// The backend on an open card.
+/// What is said where a card is not used because of an error.
 #[cfg(feature = "gpu")]
-fn gpu(gpu: crate::gpu::Gpu, drawing: SoftOptions, size: RunSize) -> Result<OpenBackend> {
+pub fn on_the_cpu(error: &Error) -> String {
+    format!("{error}; going on on the CPU (`backend`)")
+}
+
+/// The backend on an open card, and what it is.
+#[cfg(feature = "gpu")]
+fn gpu(gpu: crate::gpu::Gpu, drawing: SoftOptions, size: RunSize) -> Result<(Box<dyn TrainBackend>, String)> {
     let limits = super::gpu::GpuLimits::of(&gpu);
     let megabytes = super::gpu::expected_bytes(&size, &limits) / 1_000_000;
     let card = format!("{}, about {megabytes} MB of its memory", gpu.describe());
-    let slow = gpu.is_software().then(|| {
-        format!("{} is no graphics card but software, slower than the CPU (`backend` cpu)", gpu.info.name)
-    });
-    let backend = Box::new(super::gpu::GpuBackend::with_limits(gpu, drawing, limits)?);
-    Ok(OpenBackend { backend, card: Some(card), warnings: slow.into_iter().collect() })
+    Ok((Box::new(super::gpu::GpuBackend::with_limits(gpu, drawing, limits)?), card))
 }

@@ -91,11 +91,21 @@ impl Evaluator {
     /// Draws every photo of a soup of the world and compares. Fails when a photo cannot be decoded.
     pub fn scores(&mut self, soup: &Soup, space: &Space, options: &SoftOptions) -> Result<Vec<PhotoScore>> {
         let scene = EvalScene::new(soup, space, options);
+        let (mut soft, mut solid) = (std::mem::take(&mut self.soft), std::mem::take(&mut self.solid));
+        let scores = self.scores_of(|camera| {
+            let camera = space.camera_to_training(camera);
+            Ok(scene.draw(&camera, options, &mut soft, &mut solid))
+        });
+        (self.soft, self.solid) = (soft, solid);
+        scores
+    }
+
+    /// Compares every photo with what `draw` makes of its camera, in the world. Fails when it does, or when a photo cannot be decoded.
+    pub fn scores_of(&mut self, mut draw: impl FnMut(&Camera) -> Result<Pixels>) -> Result<Vec<PhotoScore>> {
         self.photos.prefetch(0..self.views.len());
         let mut scores = Vec::with_capacity(self.views.len());
         for (i, (name, camera)) in self.views.iter().enumerate() {
-            let camera = space.camera_to_training(camera);
-            let picture = scene.draw(&camera, options, &mut self.soft, &mut self.solid);
+            let picture = draw(camera)?;
             let Quality { psnr, ssim } = Quality::of(&picture, &*self.photos.take(i)?);
             scores.push(PhotoScore { name: name.clone(), psnr, ssim });
         }

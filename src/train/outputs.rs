@@ -133,7 +133,7 @@ impl Recorder {
     }
 
     /// Runs `work` without counting its CPU time as training.
-    fn uncounted<T>(&mut self, work: impl FnOnce(&mut Self) -> T) -> T {
+    pub(super) fn uncounted<T>(&mut self, work: impl FnOnce(&mut Self) -> T) -> T {
         let before = cpu_secs();
         let value = work(self);
         self.cpu_start += cpu_secs() - before;
@@ -159,8 +159,12 @@ impl Recorder {
         if self.evaluator.is_empty() {
             return Ok(Vec::new());
         }
+        let drawing = trainer.drawing(&self.drawing);
+        if trainer.draws(&drawing) {
+            return self.evaluator.scores_of(|camera| trainer.picture(camera, &drawing));
+        }
         let (soup, space) = (trainer.soup()?, trainer.space());
-        self.evaluator.scores(&soup, &space, &trainer.drawing(&self.drawing))
+        self.evaluator.scores(&soup, &space, &drawing)
     }
 
     /// Writes a checkpoint, if the run is to leave any; returns its step and where it is.

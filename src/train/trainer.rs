@@ -3,6 +3,7 @@
 use super::backend::{PhotoId, StepPhoto, StepStats, TrainBackend};
 use super::checkpoint::{Checkpoint, CheckpointMeta};
 use super::core::Core;
+use super::eval::solid_samples;
 use super::identity::RunIdentity;
 use super::options::TrainOptions;
 use super::params::{Anneal, TrainState};
@@ -16,6 +17,7 @@ use super::visibility::{PhotoVisibility, VisibilityStats};
 use crate::camera::Camera;
 use crate::dataset::{Dataset, View};
 use crate::error::{Error, Result};
+use crate::image::Pixels;
 use crate::raster::soft::{SoftOptions, Window};
 use crate::soup::Soup;
 use crate::space::Space;
@@ -247,6 +249,20 @@ impl<B: TrainBackend> Trainer<B> {
         let rates = Schedule::new(&self.options).rates(last);
         let window = Window::Coverage { width_px: 1.0 };
         if self.ends_solid() { SoftOptions { window, ..*options } } else { rates.drawing(options) }
+    }
+
+    /// True where [`Trainer::picture`] draws, and sooner than the CPU: soft pictures of all of the scene on a graphics card.
+    pub fn draws(&self, drawing: &SoftOptions) -> bool {
+        self.backend.draws() && self.frozen == 0 && solid_samples(drawing).is_none() && !self.ends_solid()
+    }
+
+    /// What `camera`, in the world, sees of the scene as it is.
+    ///
+    /// Errors: those of the backend; it does not draw.
+    pub fn picture(&mut self, camera: &Camera, drawing: &SoftOptions) -> Result<Pixels> {
+        let rates = Schedule::new(&self.options).rates(self.step.max(1) - 1);
+        let camera = self.space.camera_to_training(camera);
+        Ok(self.backend.picture(&camera, drawing, &rates)?.to_pixels())
     }
 
     /// Makes one step, and the refinement that follows it.

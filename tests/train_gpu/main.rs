@@ -5,6 +5,7 @@
 #![allow(clippy::print_stderr, reason = "a test that cannot judge says so")]
 
 mod limits;
+mod pictures;
 #[cfg(feature = "cli")]
 mod program;
 mod runs;

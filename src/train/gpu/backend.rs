@@ -10,20 +10,21 @@ use super::rows::row_count;
 use super::scene::{REMEDY, SceneBuffers, VisibilityBuffer};
 use super::sequence::{BindGroups, Sequence};
 use super::step_passes::StepPasses;
-use super::uniform::{GEOMETRY_SLOT_NUMBERS, StepPlan, StepUniform};
+use super::uniform::{GEOMETRY_SLOT_NUMBERS, Look, StepPlan, StepUniform};
 use super::work::StepWork;
+use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::gpu::readback::Readback;
+use crate::gpu::readback::{Readback, elements};
 use crate::gpu::stages::StageTimer;
 use crate::gpu::storage::{storage, uniform};
-use crate::raster::soft::SoftOptions;
+use crate::raster::soft::{Frame, SoftOptions};
 use crate::train::backend::{BackendVisibility, RunSize, StepPhoto, StepStats, TrainBackend};
 use crate::train::params::{Params, TrainState};
 use crate::train::schedule::Rates;
 use std::borrow::Cow;
 use std::collections::VecDeque;
-use wgpu::Buffer;
+use wgpu::{Buffer, CommandEncoder};
 
 /// Storage buffers that one pass binds.
 const STORAGE_BUFFERS: u32 = 14;
@@ -157,12 +158,13 @@ impl GpuBackend {
         }
     }
 
-    fn scene(&self) -> Result<&SceneBuffers> {
+    /// The scene.
+    pub(super) fn scene(&self) -> Result<&SceneBuffers> {
         self.scene.as_ref().ok_or_else(|| Error::Gpu("a step without a scene".into()))
     }
 
     /// Has room for `needed`.
-    fn make_room(&mut self, needed: RoomSize) -> Result<()> {
+    pub(super) fn make_room(&mut self, needed: RoomSize) -> Result<()> {
         if self.room.as_ref().is_some_and(|room| room.size.union(needed) == room.size) {
             return Ok(());
         }
@@ -200,16 +202,39 @@ impl GpuBackend {
 
     /// Gives a step to the card.
     fn launch(&mut self, mut flight: Flight) -> Result<()> {
+        let mut encoder = self.begin(&mut flight.step, &flight.counts)?;
+        flight.photo.copy(&self.gpu, &mut encoder, &self.room()?.photo);
+        self.timer.iter_mut().for_each(|timer| timer.begin());
+        self.record(&flight.plan, flight.regularised, &mut encoder, |passes, to| passes.record(to))?;
+        self.timer.iter().for_each(|timer| timer.end(&mut encoder));
+        flight.readback.record(&mut encoder, &self.counts);
+        let submission = self.gpu.queue.submit([encoder.finish()]);
+        flight.readback.submitted(submission);
+        self.flights.push_back(flight);
+        self.gpu.check()
+    }
+
+    /// Has what passes read before anything is recorded.
+    pub(super) fn begin(&self, step: &mut StepUniform, counts: &[u32; COUNTS]) -> Result<CommandEncoder> {
+        step.set_slot_pairs(self.room()?.size.slot_pairs());
+        let Gpu { queue, device, .. } = &self.gpu;
+        queue.write_buffer(&self.step, 0, bytemuck::bytes_of(step));
+        queue.write_buffer(&self.counts, 0, bytemuck::cast_slice(counts));
+        Ok(device.create_command_encoder(&Default::default()))
+    }
+
+    /// Records passes of a step, those that `what` says.
+    pub(super) fn record(
+        &mut self,
+        plan: &StepPlan,
+        regularised: bool,
+        encoder: &mut CommandEncoder,
+        what: impl FnOnce(&StepPasses<'_>, &mut Sequence<'_>),
+    ) -> Result<()> {
         let (Some(room), Some(visibility), Some(scene)) = (&self.room, &self.visibility, &self.scene) else {
             return Err(Error::Gpu("a step without room".into()));
         };
-        let gpu = &self.gpu;
-        flight.step.set_slot_pairs(room.size.slot_pairs());
-        gpu.queue.write_buffer(&self.step, 0, bytemuck::bytes_of(&flight.step));
-        gpu.queue.write_buffer(&self.counts, 0, bytemuck::cast_slice(&flight.counts));
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        flight.photo.copy(gpu, &mut encoder, &room.photo);
-        let step = StepPasses {
+        let passes = StepPasses {
             passes: &self.passes,
             scene,
             visibility,
@@ -217,21 +242,23 @@ impl GpuBackend {
             step: &self.step,
             counts: &self.counts,
             halted: &self.halted,
-            plan: &flight.plan,
-            regularised: flight.regularised,
+            plan,
+            regularised,
         };
-        let (jobs, groups, bind_groups) = (&self.jobs, &self.groups, &mut self.bind_groups);
-        let mut timer = self.timer.as_mut();
-        timer.iter_mut().for_each(|timer| timer.begin());
-        let encoder_of = &mut encoder;
-        let sequence = Sequence { gpu, bind_groups, jobs, groups, encoder: encoder_of, timer, pass: None };
-        step.record(sequence);
-        self.timer.iter().for_each(|timer| timer.end(&mut encoder));
-        flight.readback.record(&mut encoder, &self.counts);
-        let submission = gpu.queue.submit([encoder.finish()]);
-        flight.readback.submitted(submission);
-        self.flights.push_back(flight);
-        self.gpu.check()
+        let (gpu, jobs, groups, bind_groups) = (&self.gpu, &self.jobs, &self.groups, &mut self.bind_groups);
+        let timer = self.timer.as_mut();
+        what(&passes, &mut Sequence { gpu, bind_groups, jobs, groups, encoder, timer, pass: None });
+        Ok(())
+    }
+
+    /// What was counted by all that was submitted.
+    pub(super) fn counted(&self) -> Result<Vec<u32>> {
+        elements(&self.gpu, &self.counts, COUNTS)
+    }
+
+    /// Everything that lives for a step.
+    pub(super) fn room(&self) -> Result<&Room> {
+        self.room.as_ref().ok_or_else(|| Error::Gpu("a step without room".into()))
     }
 
     /// Takes the figures of the oldest step under way, if it is done, or with `wait` when it is; true when there was one. One that found
@@ -256,7 +283,7 @@ impl GpuBackend {
     }
 
     /// Waits for all steps under way.
-    fn settle_all(&mut self) -> Result<()> {
+    pub(super) fn settle_all(&mut self) -> Result<()> {
         self.check()?;
         while !self.flights.is_empty() {
             self.settle(true)?;
@@ -317,7 +344,7 @@ impl GpuBackend {
     }
 
     /// Steps do something again.
-    fn go_on(&self) {
+    pub(super) fn go_on(&self) {
         self.gpu.queue.write_buffer(&self.halted, 0, &[0; 4]);
     }
 }
@@ -350,6 +377,14 @@ impl TrainBackend for GpuBackend {
 
     fn rescued(&mut self) -> Option<TrainState> {
         self.loaded.take()
+    }
+
+    fn draws(&self) -> bool {
+        true
+    }
+
+    fn picture(&mut self, camera: &Camera, drawing: &SoftOptions, rates: &Rates) -> Result<Frame> {
+        self.draw(camera, drawing, &Look::of(rates))
     }
 
     fn len(&self) -> usize {

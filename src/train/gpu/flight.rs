@@ -38,19 +38,9 @@ impl Flight {
         shape: SceneShape,
         readback: Readback,
     ) -> Self {
-        let mut counts = [0u32; COUNTS];
-        for (count, value) in [
-            (Count::Triangles1, shape.triangles + 1),
-            (Count::Pixels1, plan.frame_pixels() + 1),
-            (Count::PhotoTiles, tile_count(plan.photo).element_product()),
-            (Count::SceneGroups, shape.triangles.div_ceil(GROUP)),
-            (Count::FrameGroups, plan.frame_pixels().div_ceil(GROUP)),
-        ] {
-            counts[count as usize] = value;
-        }
         Self {
             step: StepUniform::new(&plan, photo, rates, shape),
-            counts,
+            counts: first_counts(&plan, shape),
             photo: source,
             regularised: rates.beta_size > 0.0 || rates.beta_opaque > 0.0,
             readback,
@@ -83,6 +73,21 @@ impl Flight {
             touched: counts[Count::Touched as usize].into(),
         }
     }
+}
+
+/// The counts before the first pass.
+pub(super) fn first_counts(plan: &StepPlan, shape: SceneShape) -> [u32; COUNTS] {
+    let mut counts = [0u32; COUNTS];
+    for (count, value) in [
+        (Count::Triangles1, shape.triangles + 1),
+        (Count::Pixels1, plan.frame_pixels() + 1),
+        (Count::PhotoTiles, tile_count(plan.photo).element_product()),
+        (Count::SceneGroups, shape.triangles.div_ceil(GROUP)),
+        (Count::FrameGroups, plan.frame_pixels().div_ceil(GROUP)),
+    ] {
+        counts[count as usize] = value;
+    }
+    counts
 }
 
 /// What a step wanted and had no room for, with some to spare: then it did nothing.

@@ -63,6 +63,11 @@ impl RoomSize {
         }
     }
 
+    /// What a picture of `triangles` needs: no gradients.
+    pub(super) fn of_picture(plan: &StepPlan, triangles: u32, spare: u32) -> Self {
+        Self { slot_numbers: 0, ..Self::of(plan, triangles, spare) }
+    }
+
     /// Room for both.
     pub(super) fn union(self, other: Self) -> Self {
         Self {

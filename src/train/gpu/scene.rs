@@ -61,8 +61,8 @@ impl SceneBuffers {
                 first,
                 count: count(chunk.len())?,
                 x: upload(gpu, "parameters", &state.params, chunk.clone())?,
-                first_moments: upload(gpu, "first moments", &state.first, chunk.clone())?,
-                second_moments: upload(gpu, "second moments", &state.second, chunk)?,
+                first_moments: moments(gpu, "first moments", &state.first, chunk.clone())?,
+                second_moments: moments(gpu, "second moments", &state.second, chunk)?,
             });
         }
         let shape = SceneShape {
@@ -124,6 +124,11 @@ fn chunk_triangles(numbers: usize, binding_bytes: u64) -> u32 {
     let most = binding_bytes / (4 * numbers as u64);
     let most = u32::try_from(most).unwrap_or(u32::MAX - GROUP);
     (most / GROUP * GROUP).max(GROUP)
+}
+
+/// Moments of a scene that is trained; one that is drawn only has none.
+fn moments(gpu: &Gpu, what: &str, params: &Params, chunk: Range<usize>) -> Result<Buffer> {
+    if params.is_empty() { storage(gpu, what, 0, REMEDY) } else { upload(gpu, what, params, chunk) }
 }
 
 fn upload(gpu: &Gpu, what: &str, params: &Params, chunk: Range<usize>) -> Result<Buffer> {

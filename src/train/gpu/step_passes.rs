@@ -33,18 +33,8 @@ const WRITE_LAYERS: Job = turn(2);
 
 impl StepPasses<'_> {
     /// Records them all.
-    pub(super) fn record(&self, mut sequence: Sequence<'_>) {
-        let to = &mut sequence;
-        to.stage("project");
-        self.project(to);
-        to.stage("sort by depth");
-        self.sort_by_depth(to);
-        to.stage("bin");
-        self.bin(to);
-        to.stage("sort by tile");
-        self.sort_by_tile(to);
-        to.stage("forward");
-        self.forward(to);
+    pub(super) fn record(&self, to: &mut Sequence<'_>) {
+        self.draw(to);
         to.stage("loss");
         self.loss(to);
         if self.plan.options.geometry {
@@ -57,6 +47,20 @@ impl StepPasses<'_> {
         self.gather(to);
         to.stage("update");
         self.update(to);
+    }
+
+    /// Records those that end with the frame.
+    pub(super) fn draw(&self, to: &mut Sequence<'_>) {
+        to.stage("project");
+        self.project(to);
+        to.stage("sort by depth");
+        self.sort_by_depth(to);
+        to.stage("bin");
+        self.bin(to);
+        to.stage("sort by tile");
+        self.sort_by_tile(to);
+        to.stage("forward");
+        self.forward(to);
     }
 
     fn project(&self, to: &mut Sequence<'_>) {

@@ -5,6 +5,7 @@ use crate::kernel::adam::Rate;
 use crate::math::color::linear_from_srgb;
 use crate::raster::soft::{SoftOptions, Sort, Window, tile_count};
 use crate::train::backend::StepPhoto;
+use crate::train::params::Anneal;
 use crate::train::schedule::Rates;
 use bytemuck::{Pod, Zeroable};
 use glam::{UVec2, Vec3};
@@ -63,6 +64,12 @@ impl StepPlan {
         Self { options, camera, photo: photo.camera.size, samples, tiles }
     }
 
+    /// A picture that is not compared with any photo.
+    pub(super) fn of_picture(camera: &Camera, options: &SoftOptions) -> Self {
+        let options = SoftOptions { geometry: false, ..*options };
+        Self { options, camera: *camera, photo: camera.size, samples: 1, tiles: tile_count(camera.size) }
+    }
+
     /// Samples of the frame.
     pub(super) fn frame_pixels(&self) -> u32 {
         self.camera.size.element_product()
@@ -84,6 +91,24 @@ impl StepPlan {
     }
 }
 
+/// What a scene's numbers stand for when it is drawn.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Look {
+    /// Opacity and σ of the raw numbers; `None`: they are no raw numbers but what they stand for.
+    pub(super) anneal: Option<Anneal>,
+    /// Frozen triangles are drawn without a window.
+    pub(super) frozen_flat: bool,
+    /// Degree of the colour in use.
+    pub(super) sh_degree: u8,
+}
+
+impl Look {
+    /// That of a step.
+    pub(super) fn of(rates: &Rates) -> Self {
+        Self { anneal: Some(rates.anneal), frozen_flat: rates.frozen_look().flat, sh_degree: rates.sh_degree }
+    }
+}
+
 /// The scene of a step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SceneShape {
@@ -97,6 +122,19 @@ pub(super) struct SceneShape {
 
 impl StepUniform {
     pub(super) fn new(plan: &StepPlan, photo: &StepPhoto<'_>, rates: &Rates, scene: SceneShape) -> Self {
+        let rate = |rate: f64| Rate::new(rate, rates.time);
+        let flag = |is: bool| f32::from(u8::from(is));
+        Self {
+            rates: [rates.vertices, rates.opacity, rates.sigma, rates.sh].map(|r| rate(r).step()),
+            update: [rate(rates.sh_rest).step(), rate(1.0).second(), flag(rates.sparse), flag(photo.first)],
+            regularisers: regularisers(rates, scene),
+            loss: loss(rates, plan),
+            ..Self::of_picture(plan, &Look::of(rates), scene)
+        }
+    }
+
+    /// For the passes up to the frame alone.
+    pub(super) fn of_picture(plan: &StepPlan, look: &Look, scene: SceneShape) -> Self {
         let (options, camera) = (&plan.options, &plan.camera);
         let column = |k: usize| camera.rotation.col(k).extend(camera.translation[k]).to_array();
         let (window, width) = match options.window {
@@ -105,9 +143,9 @@ impl StepUniform {
             Window::Sigmoid => (2, 1.0),
         };
         let decode = |c: f32| if options.linear { linear_from_srgb(c) } else { c };
-        let degree = u32::from(rates.sh_degree.min(scene.sh_degree));
+        let degree = u32::from(look.sh_degree.min(scene.sh_degree));
         let stored = (u32::from(scene.sh_degree) + 1).pow(2);
-        let rate = |rate: f64| Rate::new(rate, rates.time);
+        let anneal = look.anneal.unwrap_or(Anneal::NONE);
         let [near, far] = options.depth_range;
         let flag = |is: bool| f32::from(u8::from(is));
         let (size, [fx, fy], [cx, cy]) = (camera.size, camera.focal.to_array(), camera.center.to_array());
@@ -122,13 +160,18 @@ impl StepUniform {
             modes: [window, u32::from(plan.by_pixel()), u32::from(options.geometry), plan.slot_numbers()],
             background: Vec3::from(options.background.map(decode)).extend(0.0).to_array(),
             scene: [scene.triangles, stored, degree, scene.pinned],
-            anneal: [rates.anneal.opacity_floor, rates.anneal.opacity_gain, rates.anneal.sigma_scale, 0.0],
-            rates: [rates.vertices, rates.opacity, rates.sigma, rates.sh].map(|r| rate(r).step()),
-            update: [rate(rates.sh_rest).step(), rate(1.0).second(), flag(rates.sparse), flag(photo.first)],
-            regularisers: regularisers(rates, scene),
-            loss: loss(rates, plan),
+            anneal: [
+                anneal.opacity_floor,
+                anneal.opacity_gain,
+                anneal.sigma_scale,
+                flag(look.anneal.is_none()),
+            ],
+            rates: [0.0; 4],
+            update: [0.0; 4],
+            regularisers: [0.0; 4],
+            loss: [0.0; 4],
             depths: [far / (far - near), far * near / (far - near), 0.0, 0.0],
-            parts: [scene.frozen, u32::from(rates.frozen_look().flat), scene.chunk, 0],
+            parts: [scene.frozen, u32::from(look.frozen_flat), scene.chunk, 0],
         }
     }
 

@@ -35,6 +35,9 @@ fn anneal_sigma_grad(raw: f32, d_sigma: f32) -> f32 {
 
 fn drawn_opacity(i: u32) -> f32 {
     let raw = x[row_at(ROW_OPACITY, i)];
+    if step.anneal.w == 1.0 {
+        return raw;
+    }
     if i >= step.parts.x {
         return anneal_opacity(raw);
     }
@@ -48,6 +51,9 @@ fn drawn_opacity(i: u32) -> f32 {
 
 fn drawn_sigma(i: u32) -> f32 {
     let raw = x[row_at(ROW_SIGMA, i)];
+    if step.anneal.w == 1.0 {
+        return raw;
+    }
     if i >= step.parts.x {
         return anneal_sigma(raw);
     }

@@ -11,7 +11,7 @@ struct Step {
     modes: vec4<u32>,              // window, order by pixel, geometry, numbers per slot
     background: vec4<f32>,         // as blended; -
     scene: vec4<u32>,              // triangles, coefficients stored, degree in use, pinned triangles
-    anneal: vec4<f32>,             // opacity floor, opacity gain, sigma scale; -
+    anneal: vec4<f32>,             // opacity floor, opacity gain, sigma scale; rows hold opacity and sigma themselves
     rates: vec4<f32>,              // corners, opacity, sigma, SH degree 0; bias-corrected
     update: vec4<f32>,             // higher SH degrees, scale of second moments; is sparse, photo counts as first
     regularisers: vec4<f32>,       // weights of mean opacity, mean sigma, 1 / mean area, 1 / mean opacity; each over triangles

@@ -1,0 +1,89 @@
+//! Pictures of a scene on the card: the passes of a step up to the frame.
+
+use super::backend::GpuBackend;
+use super::flight::{first_counts, more_room};
+use super::limits::GpuLimits;
+use super::room::RoomSize;
+use super::uniform::{Look, SceneShape, StepPlan, StepUniform};
+use crate::camera::Camera;
+use crate::error::Result;
+use crate::gpu::Gpu;
+use crate::gpu::readback::elements;
+use crate::raster::soft::{Frame, SoftOptions};
+use crate::soup::Soup;
+use crate::train::backend::TrainBackend;
+use crate::train::params::{Params, TrainState};
+
+/// A soup on a graphics card, to be drawn.
+#[derive(Debug)]
+pub struct CardScene {
+    backend: GpuBackend,
+    look: Look,
+}
+
+impl CardScene {
+    /// Moves `soup`, in training space, to an open card.
+    ///
+    /// Errors: the card or its driver cannot run the passes, or has no room.
+    pub fn new(gpu: Gpu, soup: &Soup) -> Result<Self> {
+        let limits = GpuLimits::of(&gpu);
+        Self::with_limits(gpu, soup, limits)
+    }
+
+    /// As [`CardScene::new`], within `limits`.
+    pub fn with_limits(gpu: Gpu, soup: &Soup, limits: GpuLimits) -> Result<Self> {
+        let Soup { vertices, opacity, sigma, sh, sh_degree } = soup.clone();
+        let look = Look { anneal: None, frozen_flat: false, sh_degree };
+        let params = Params { vertices, opacity, sigma, sh, sh_degree };
+        let mut backend = GpuBackend::with_limits(gpu, SoftOptions::default(), limits)?;
+        backend.load(TrainState { params, ..TrainState::default() })?;
+        Ok(Self { backend, look })
+    }
+
+    /// The card.
+    pub fn gpu(&self) -> &Gpu {
+        self.backend.gpu()
+    }
+
+    /// What `camera` sees, as [`Soft::render`](crate::raster::soft::Soft::render) draws it: colour and transmittance.
+    ///
+    /// Errors: the card is lost, or has no room.
+    pub fn frame(&mut self, camera: &Camera, options: &SoftOptions) -> Result<Frame> {
+        self.backend.draw(camera, options, &self.look)
+    }
+}
+
+impl GpuBackend {
+    /// What `camera`, in training space, sees of the scene: colour and transmittance. Waits for it.
+    pub(super) fn draw(&mut self, camera: &Camera, options: &SoftOptions, look: &Look) -> Result<Frame> {
+        self.settle_all()?;
+        let shape = self.scene()?.shape;
+        let plan = StepPlan::of_picture(camera, options);
+        let mut needed = RoomSize::of_picture(&plan, shape.triangles, self.limits().spare_splats);
+        loop {
+            self.make_room(needed)?;
+            let counts = self.submit_picture(&plan, look, shape)?;
+            match more_room(&counts) {
+                Some(more) => needed = needed.union(more),
+                None => break,
+            }
+            self.go_on();
+        }
+        let pixels: Vec<[f32; 4]> = elements(self.gpu(), &self.room()?.frame, plan.frame_pixels() as usize)?;
+        Ok(Frame {
+            size: camera.size,
+            rgb: pixels.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),
+            transmittance: pixels.iter().map(|&[.., t]| t).collect(),
+            ..Frame::default()
+        })
+    }
+
+    /// Draws into the frame of the room; returns what was counted on the way.
+    fn submit_picture(&mut self, plan: &StepPlan, look: &Look, shape: SceneShape) -> Result<Vec<u32>> {
+        let mut step = StepUniform::of_picture(plan, look, shape);
+        let mut encoder = self.begin(&mut step, &first_counts(plan, shape))?;
+        self.record(plan, false, &mut encoder, |passes, to| passes.draw(to))?;
+        self.gpu().queue.submit([encoder.finish()]);
+        self.counted()
+    }
+}
