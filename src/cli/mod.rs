@@ -44,6 +44,8 @@ mod train_block;
 mod train_budget;
 mod train_curve;
 pub mod train_progress;
+#[cfg(feature = "view")]
+mod train_view;
 pub mod validate;
 #[cfg(feature = "view")]
 pub mod view;

@@ -12,7 +12,9 @@ use super::train_args::TrainArgs;
 use super::train_block;
 use super::train_budget::{self, Planned};
 use super::train_curve;
-use super::train_progress::Bar;
+use super::train_progress::{Bar, Watcher};
+#[cfg(feature = "view")]
+use super::train_view;
 use crate::atomic::AtomicFile;
 use crate::bake::teacher::is_solid;
 use crate::dataset::{Dataset, DatasetOptions};
@@ -33,9 +35,23 @@ use std::time::{Duration, Instant};
 
 /// Trains; `matches` holds which flags were typed. Returns the exit code of a run that was finished, or stopped in good order.
 pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<ExitCode> {
-    if let Some(block) = &args.block {
-        return train_block::run(args, block, global);
+    match &args.block {
+        Some(block) => train_block::run(args, block, global),
+        #[cfg(feature = "view")]
+        None if args.view => train_view::run(args, matches, global),
+        #[cfg(not(feature = "view"))]
+        None if args.view => Err(super::missing::error("view")),
+        None => train(args, matches, global, None),
     }
+}
+
+/// Trains the whole scene, while somebody else may watch.
+pub(super) fn train(
+    args: &TrainArgs,
+    matches: &ArgMatches,
+    global: &Global,
+    watcher: Option<Box<dyn Watcher>>,
+) -> Result<ExitCode> {
     let clock = Instant::now();
     train_budget::check(args)?;
     let outputs = outputs(args);
@@ -67,9 +83,12 @@ pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<Ex
     warnings.extend(about_backend);
     warnings.extend(run.differences().iter().map(|difference| format!("resumed although {difference}")));
     let triangles = run.triangles();
-    let mut bar = Bar::new(global, options.steps, run.steps(), args.log.as_deref(), run.curve())?;
+    let steps = run.steps();
+    let bar = Bar::new(global, options.steps, steps, args.log.as_deref(), run.curve())?;
+    let mut bar = bar.watched(&dataset, watcher);
     if let Some(card) = card {
         bar.line(&format!("training on {card}"));
+        bar.say_rate(steps);
     }
     for warning in &warnings {
         bar.line(&format!("warning: {}", flags::spell(warning, &command())));
@@ -80,7 +99,7 @@ pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<Ex
     report.stages.push(trained.stage(triangles, clock.elapsed().as_secs_f64()));
     write(args, &trained, report, clock, &mut files, &mut bar)?;
     let lost = bar.done();
-    summary(args, &trained, &bar);
+    summary(args, &trained, &mut bar);
     if let (true, Some(checkpoint)) = (trained.stopped, &trained.checkpoint) {
         let command = resume::command(matches, args, checkpoint);
         bar.line(&format!("stopped early; to go on: {command}"));
@@ -253,7 +272,7 @@ fn save_curve(mut file: AtomicFile, trained: &Trained) -> Result<u64> {
     file.commit()
 }
 
-fn summary(args: &TrainArgs, trained: &Trained, bar: &Bar) {
+fn summary(args: &TrainArgs, trained: &Trained, bar: &mut Bar) {
     let out = args.output.display();
     let triangles = HumanCount(trained.soup.len() as u64);
     let held_out = match trained.quality() {
@@ -266,10 +285,11 @@ fn summary(args: &TrainArgs, trained: &Trained, bar: &Bar) {
         }
         None => String::new(),
     };
-    bar.line(&format!(
-        "wrote {out}: {triangles} triangles, {} steps, {:.1} CPU s{held_out}",
-        trained.steps, trained.cpu_secs
-    ));
+    let Trained { steps, cpu_secs, .. } = trained;
+    bar.ended(
+        &format!("wrote {out}: {triangles} triangles, {steps} steps, {cpu_secs:.1} CPU s{held_out}"),
+        trained,
+    );
     if !is_solid(&trained.soup) {
         bar.line(
             "the scene is soft, for research; `trisplat bake --harden` makes a file of it that looks like it",

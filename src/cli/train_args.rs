@@ -120,6 +120,10 @@ pub struct TrainArgs {
     /// Seconds between preview pictures.
     #[arg(long, value_name = "SECS", default_value_t = 10.0, value_parser = seconds)]
     pub preview_every: f64,
+    /// Watch the scene in a window while it trains, as a bake would make it of what there is, or soft. Closing the window does not end the
+    /// training.
+    #[arg(long, conflicts_with = "block")]
+    pub view: bool,
     /// Stop as Ctrl-C does after this many CPU seconds; 0: never.
     #[arg(long, value_name = "SECS", default_value_t = 0.0, value_parser = seconds)]
     pub max_cpu_secs: f64,

@@ -3,14 +3,24 @@
 use super::signals::Listener;
 use super::stdout::Stdout;
 use super::{Global, messages};
+use crate::dataset::Dataset;
 use crate::error::{Error, Result};
+use crate::scene::Loaded;
 use crate::train::budget::Correction;
 use crate::train::refine::Refined;
-use crate::train::{TrainObserver, TrainSample};
+use crate::train::{TrainObserver, TrainSample, Trained};
 use indicatif::{HumanCount, ProgressBar, ProgressStyle};
 use std::fs::File;
 use std::io::{BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
+
+/// Somebody else who watches a run.
+pub trait Watcher: TrainObserver {
+    /// The run is on these photos.
+    fn begun(&mut self, dataset: &Dataset);
+    /// The run has ended: what became of it, and the scene as it was written.
+    fn ended(&mut self, what: &str, scene: Loaded);
+}
 
 /// Shows PSNR, triangles and time left; writes the log; stops on Ctrl-C.
 pub struct Bar {
@@ -25,7 +35,13 @@ pub struct Bar {
     steps: u64,
     /// What of the run was printed last; only where there is no bar to watch.
     percent: Option<u64>,
+    /// The steps that were made when the rate at which they are made begins to be measured, until it is said.
+    rate_from: Option<u64>,
+    watcher: Option<Box<dyn Watcher>>,
 }
+
+/// How long the first steps are timed.
+const RATE_SECS: f64 = 3.0;
 
 impl Bar {
     /// A bar over `steps`, of which `done` are made already. A log in a file begins with the samples
@@ -49,7 +65,19 @@ impl Bar {
         let stop = Some(Listener::new());
         let (quiet, verbose) = (global.quiet, global.verbose);
         let percent = (verbose && bar.is_none()).then(|| percent(done, steps));
-        Ok(Self { quiet, verbose, bar, log, lost: Vec::new(), stop, psnr: None, steps, percent })
+        let (lost, psnr, rate_from, watcher) = (Vec::new(), None, None, None);
+        Ok(Self { quiet, verbose, bar, log, lost, stop, psnr, steps, percent, rate_from, watcher })
+    }
+
+    /// Has it say how many steps a second are made, once that is known; `done` are made already.
+    pub fn say_rate(&mut self, done: u64) {
+        self.rate_from = Some(done);
+    }
+
+    /// As it is, with somebody else who watches the run on `dataset`.
+    pub fn watched(self, dataset: &Dataset, mut watcher: Option<Box<dyn Watcher>>) -> Self {
+        watcher.iter_mut().for_each(|watcher| watcher.begun(dataset));
+        Self { watcher, ..self }
     }
 
     /// Prints a line above the bar; nothing when quiet.
@@ -68,6 +96,12 @@ impl Bar {
             bar.finish_and_clear();
         }
         std::mem::take(&mut self.lost)
+    }
+
+    /// Says what became of the run; `trained` was written.
+    pub fn ended(&mut self, what: &str, trained: &Trained) {
+        self.line(what);
+        self.watcher.iter_mut().for_each(|watcher| watcher.ended(what, trained.clone().into()));
     }
 
     /// What could not be written so far, and why.
@@ -106,6 +140,13 @@ fn write_line(log: &mut dyn Write, sample: &TrainSample) -> std::io::Result<()> 
 
 impl TrainObserver for Bar {
     fn stepped(&mut self, sample: &TrainSample) {
+        if let Some(from) = self.rate_from.filter(|_| sample.wall_secs >= RATE_SECS) {
+            self.rate_from = None;
+            let rate = (sample.step - from) as f64 / sample.wall_secs;
+            let photo =
+                format!("{} triangles, photos {} px wide", HumanCount(sample.triangles), sample.width_px);
+            self.line(&format!("{rate:.1} steps per second at first ({photo})"));
+        }
         let triangles = HumanCount(sample.triangles);
         let held_out = self.psnr.map_or(String::new(), |p| format!(" ({p:.2} held out)"));
         let status = || format!("{:.2} dB{held_out}  {triangles} triangles", sample.psnr);
@@ -128,6 +169,16 @@ impl TrainObserver for Bar {
             let error = Error::io(&*path, e);
             self.log = None;
             self.note_lost(&error, "the training goes on without a log");
+        }
+    }
+
+    fn wants_scene(&mut self) -> bool {
+        self.watcher.as_mut().is_some_and(|watcher| watcher.wants_scene())
+    }
+
+    fn scene(&mut self, sample: &TrainSample, scene: Loaded) {
+        if let Some(watcher) = &mut self.watcher {
+            watcher.scene(sample, scene);
         }
     }
 

@@ -6,12 +6,13 @@ use crate::bake::bvh::{BvhDetails, BvhOptions, bvh};
 use crate::bench::baked_scene::BakedScene;
 use crate::bench::scene_renderer::SceneRenderer;
 use crate::camera::Camera;
-use crate::dataset::{Dataset, DatasetOptions};
+use crate::dataset::{Dataset, DatasetOptions, View};
 use crate::error::{Error, Result};
 use crate::formats;
 use crate::gpu::AdapterOptions;
 use crate::placed;
 use crate::region::Region;
+use crate::scene::Loaded;
 use crate::view::window::{
     self, SceneFiles, SceneLoader, SoupSource, WindowOptions, WindowPhoto, WindowScene,
 };
@@ -75,35 +76,59 @@ pub fn run(args: &ViewArgs) -> Result<()> {
         fps: args.fps,
         vsync: !args.no_vsync,
         screenshots: args.screenshots.clone(),
+        remedy: "`trisplat render` makes pictures without a window",
         adapter: args.adapter.clone(),
     };
-    let args = args.clone();
     let files = SceneFiles { file: args.file.clone(), dataset: args.dataset.clone() };
-    let load = Arc::new(move |files: &SceneFiles, progress: &dyn Fn(&str)| load(files, &args, progress));
-    window::open(options, files, SceneLoader { load, add_bvh })
+    let (how, folder) = (args.dataset_options.clone(), args.screenshots.clone());
+    let load = move |files: &SceneFiles, progress: &dyn Fn(&str)| load(files, &how, &folder, progress);
+    window::open(options, files, SceneLoader { load: Arc::new(load), add_bvh, follow: None })
 }
 
-fn load(files: &SceneFiles, args: &ViewArgs, progress: &dyn Fn(&str)) -> Result<WindowScene> {
+/// Reads a scene and its photos, `how` says; what the user saves of it goes to `folder`.
+pub(super) fn load(
+    files: &SceneFiles,
+    how: &DatasetOptions,
+    folder: &Path,
+    progress: &dyn Fn(&str),
+) -> Result<WindowScene> {
     progress("reading");
-    let loaded = formats::read(&files.file, &args.dataset_options.read_options(3))?;
-    let dataset = match &files.dataset {
+    let loaded = formats::read(&files.file, &how.read_options(3))?;
+    let photos = match &files.dataset {
         Some(path) => {
             progress("reading the data set");
-            Some(Dataset::load(path, &args.dataset_options)?)
+            let dataset = Dataset::load(path, how)?;
+            PosedPhotos { views: dataset.views, origin: dataset.origin }
         }
-        None => None,
+        None => PosedPhotos::default(),
     };
     progress("baking");
-    let background = args.dataset_options.background.to_f32();
+    window_scene(loaded, &photos, how, &files.file, folder)
+}
+
+/// Photos, and the point of the world that their cameras are relative to.
+#[derive(Debug, Clone, Default)]
+pub(super) struct PosedPhotos {
+    pub(super) views: Vec<View>,
+    pub(super) origin: DVec3,
+}
+
+/// What a window shows of a scene that was read from `file`, or will be written there.
+pub(super) fn window_scene(
+    loaded: Loaded,
+    photos: &PosedPhotos,
+    how: &DatasetOptions,
+    file: &Path,
+    folder: &Path,
+) -> Result<WindowScene> {
+    let background = how.background.to_f32();
     let baked = BakedScene::new(loaded)?;
-    let photos = dataset.map_or(Vec::new(), |dataset| {
-        let photo = |view: &crate::dataset::View| {
-            let photo = view.photo.clone();
-            let camera = baked.place(&view.camera, dataset.origin);
-            WindowPhoto { name: view.name.clone(), camera, load: Arc::new(move || photo.decode()) }
-        };
-        dataset.views.iter().map(photo).collect()
-    });
+    let photo = |view: &View| {
+        let photo = view.photo.clone();
+        let camera = baked.place(&view.camera, photos.origin);
+        WindowPhoto { name: view.name.clone(), camera, load: Arc::new(move || photo.decode()) }
+    };
+    let photos = photos.views.iter().map(photo).collect();
     let BakedScene { asset, soup, bake_placement, .. } = baked;
     let source = soup.map(|soup| {
         let mut scene = SceneRenderer::soft(soup.clone(), &Placement::IDENTITY, None, background);
@@ -111,11 +136,11 @@ fn load(files: &SceneFiles, args: &ViewArgs, progress: &dyn Fn(&str)) -> Result<
             scene.color(&placed::to_world(camera, &bake_placement, DVec3::ZERO))
         });
         let to_soup = Arc::new(move |v: Vec3| bake_placement.to_world(v));
-        SoupSource { soup: Arc::new(soup), to_soup, renderer }
+        SoupSource { soup: Arc::new(soup), to_soup, renderer, rest: 0.0 }
     });
-    let (file, folder) = (files.file.clone(), args.screenshots.clone());
+    let (file, folder) = (file.to_owned(), folder.to_owned());
     let save_crop = Arc::new(move |region: &Region| save_crop(&file, &folder, region));
-    Ok(WindowScene { asset, up: Vec3::Y, photos, source, placement: bake_placement, save_crop })
+    Ok(WindowScene { asset, up: Vec3::Y, photos, source, placement: bake_placement, save_crop, status: None })
 }
 
 /// Writes the region as a config file of `trisplat bake` and says how to use it.
@@ -132,7 +157,7 @@ fn save_crop(file: &Path, folder: &Path, region: &Region) -> Result<String> {
 }
 
 /// Adds the BVH that picking needs.
-fn add_bvh(mut asset: Asset) -> Result<Asset> {
+pub(super) fn add_bvh(mut asset: Asset) -> Result<Asset> {
     bvh(&mut asset, &BvhOptions { bvh: true }, &mut BvhDetails::default())?;
     Ok(asset)
 }

@@ -3,6 +3,7 @@
 use super::budget::Correction;
 use super::refine::Refined;
 use crate::error::Error;
+use crate::scene::Loaded;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -43,6 +44,12 @@ pub trait TrainObserver {
     fn corrected(&mut self, _correction: &Correction) {}
     /// A checkpoint or a preview could not be written; the run goes on.
     fn lost(&mut self, _error: &Error) {}
+    /// Asked between steps: true has the scene as it is given to [`TrainObserver::scene`], which takes a copy of it.
+    fn wants_scene(&mut self) -> bool {
+        false
+    }
+    /// The scene after the step of `sample`, as its file would hold it.
+    fn scene(&mut self, _sample: &TrainSample, _scene: Loaded) {}
     /// Asked between steps: true stops the run after a checkpoint.
     fn wants_to_stop(&mut self) -> bool {
         false

@@ -18,6 +18,7 @@ use crate::error::{Error, Result};
 use crate::raster::soft::SoftOptions;
 use crate::report::generator;
 use crate::scene::Loaded;
+use crate::soup::Soup;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -279,12 +280,11 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         let Self { mut trainer, paced, dataset, taught, .. } = self;
         let recorded = record.finish(&mut trainer, last, observer)?;
         let (provenance, cameras) = origin(taught, dataset);
-        let shell = u32::try_from(trainer.shell()).unwrap_or(u32::MAX);
-        let frozen = trainer.frozen();
+        let (soup, shell) = trained(&mut trainer)?;
         let is_of_now = |(step, _): &(u64, _)| *step == trainer.steps();
         Ok(Trained {
             checkpoint: recorded.checkpoint.filter(is_of_now).map(|(_, path)| path),
-            soup: trainer.soup()?.split_off(frozen),
+            soup,
             provenance: Provenance { shell, ..provenance },
             cameras,
             steps: trainer.steps(),
@@ -371,8 +371,26 @@ impl<B: TrainBackend> StartedRun<'_, B> {
             record.checkpoint(trainer, outputs, observer, stored(paced));
         }
         record.preview(trainer, outputs, observer);
+        if observer.wants_scene() {
+            let scene = record.uncounted(|_| self.scene())?;
+            observer.scene(&now, scene);
+        }
         Ok((now, stopped))
     }
+
+    /// The scene as it is, as its file would hold it.
+    fn scene(&mut self) -> Result<Loaded> {
+        let (provenance, cameras) = origin(self.taught.clone(), self.dataset);
+        let (soup, shell) = trained(&mut self.trainer)?;
+        Ok(Loaded { provenance: Provenance { shell, ..provenance }, cameras, ..Loaded::from(soup) })
+    }
+}
+
+/// The triangles that are trained, and how many of them close the scene.
+fn trained<B: TrainBackend>(trainer: &mut Trainer<B>) -> Result<(Soup, u32)> {
+    let shell = u32::try_from(trainer.shell()).unwrap_or(u32::MAX);
+    let frozen = trainer.frozen();
+    Ok((trainer.soup()?.split_off(frozen), shell))
 }
 
 /// The error of a run, with how to go on where a graphics card is to blame: its last checkpoint is of a step, in a file.

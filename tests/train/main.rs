@@ -4,6 +4,7 @@
 mod from_scene;
 mod late;
 mod shell;
+mod watched;
 
 use std::ops::RangeInclusive;
 use std::path::Path;

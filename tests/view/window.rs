@@ -76,8 +76,12 @@ impl Desk {
 
     /// Opens a window and waits until it has the focus and has drawn something: keys pressed before are lost.
     fn open(&mut self, arguments: &[&str]) {
-        let child = self.trisplat(arguments).stderr(Stdio::piped()).spawn().unwrap();
+        let said = std::fs::File::create(self.at("said")).unwrap();
+        let mut child = self.trisplat(arguments).stderr(said).spawn().unwrap();
         let id = wait_for("a window", || {
+            if let Some(status) = child.try_wait().unwrap() {
+                panic!("{status}: {}", std::fs::read_to_string(self.at("said")).unwrap());
+            }
             let ids = self.xdotool("search --onlyvisible --name trisplat");
             ids.lines().next().map(str::to_owned)
         });
@@ -264,6 +268,36 @@ fn frames_that_would_take_too_long_have_fewer_pixels_until_nothing_moves() {
     assert_eq!(desk.close(), Some(0));
 }
 
+/// CPU seconds that a process has taken, in ticks of the system.
+#[cfg(target_os = "linux")]
+fn ticks(child: &Child) -> u64 {
+    let stat = std::fs::read_to_string(format!("/proc/{}/stat", child.id())).unwrap();
+    // Behind the name, which may hold anything: user and system time are the 12th and 13th.
+    let fields: Vec<&str> = stat[stat.rfind(')').unwrap() + 2..].split(' ').collect();
+    fields[11].parse::<u64>().unwrap() + fields[12].parse::<u64>().unwrap()
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_window_at_rest_draws_nothing() {
+    let Some(mut desk) = Desk::new() else { return };
+    desk.run(&["sample", "studio", "--triangles", "4000", "-o", "studio.ply"]);
+    desk.run(&["bake", "studio.ply", "-o", "studio.glb", "--teacher", "off"]);
+    desk.open(&["view", "studio.glb", "--size", "640x480"]);
+    let spent = |desk: &Desk| {
+        let child = &desk.window.as_ref().unwrap().0;
+        let before = ticks(child);
+        std::thread::sleep(Duration::from_secs(2));
+        ticks(child) - before
+    };
+    // What the first pictures need is made once.
+    wait_for("rest", || (spent(&desk) <= 2).then_some(()));
+    // The box before "draw continuously", in the panel.
+    desk.xdotool("mousemove 15 190 click 1");
+    wait_for("motion", || (spent(&desk) >= 20).then_some(()));
+    assert_eq!(desk.close(), Some(0));
+}
+
 #[test]
 fn a_region_is_drawn_hides_what_is_outside_and_is_saved_for_the_bake() {
     let Some(mut desk) = Desk::new() else { return };
@@ -346,4 +380,49 @@ fn a_window_that_cannot_be_filled_closes_with_the_reason() {
     let said = String::from_utf8_lossy(&done.stderr);
     assert_eq!(done.status.code(), Some(1), "{said}");
     assert!(said.contains("no window can be opened") && said.contains("trisplat render"), "{said}");
+}
+
+#[test]
+fn a_training_is_shown_while_it_runs_and_its_file_is_that_of_one_nobody_watches() {
+    let Some(mut desk) = Desk::new() else { return };
+    let make = ["sample", "dataset", "--views", "12", "--width", "64", "--points", "300", "-o", "photos"];
+    desk.run(&make);
+    let train = |output: &'static str, more: &[&'static str]| {
+        let plain = ["train", "photos", "--preset", "solid", "--steps", "400", "--max-triangles", "600"];
+        [&plain[..], &["--backend", "cpu", "--output", output], more].concat()
+    };
+    desk.run(&train("alone.ply", &[]));
+    desk.open(&train("watched.ply", &["--view"]));
+    let first = desk.seen();
+    // The note of the end stands in the panel, and the picture is no longer that of the first triangles.
+    let watched = desk.at("watched.ply");
+    wait_for("the scene", || watched.exists().then_some(()));
+    wait_for("another picture", || (off(&desk.seen(), &first) > 0.02).then_some(()));
+    assert_eq!(desk.close(), Some(0));
+    assert!(std::fs::read(&watched).unwrap() == std::fs::read(desk.at("alone.ply")).unwrap());
+}
+
+#[test]
+fn a_training_goes_on_when_its_window_is_closed() {
+    let Some(mut desk) = Desk::new() else { return };
+    desk.run(&["sample", "dataset", "--views", "12", "--width", "64", "--points", "300", "-o", "photos"]);
+    // Long enough that it is not over when the window is closed, and then stopped.
+    let train = ["train", "photos", "--steps", "300000", "--max-cpu-secs", "15", "--max-triangles", "600"];
+    desk.open(&[&train[..], &["--backend", "cpu", "--view", "-o", "scene.ply"]].concat());
+    assert!(!desk.at("scene.ply").exists());
+    assert_eq!(desk.close(), Some(0));
+    assert!(desk.at("scene.ply").exists());
+}
+
+#[test]
+fn a_training_that_is_to_be_watched_is_not_begun_without_a_screen() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("scene.ply");
+    let mut train = Command::new(TRISPLAT);
+    train.args(["train", "samples/dataset", "--view", "-o"]).arg(&output);
+    let done = train.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").output().unwrap();
+    assert_eq!(done.status.code(), Some(1));
+    let said = String::from_utf8_lossy(&done.stderr);
+    assert!(said.contains("no window can be opened") && said.contains("--preview"), "{said}");
+    assert!(!output.exists());
 }

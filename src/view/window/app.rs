@@ -28,8 +28,8 @@ const SOFT_WIDTH: f32 = 480.0;
 ///
 /// Errors: no display, no graphics card, the scene cannot be loaded, the device is lost.
 pub fn open(options: WindowOptions, files: SceneFiles, loader: SceneLoader) -> Result<()> {
+    let remedy = options.remedy;
     let no_window = |e: &EventLoopError| {
-        let remedy = "`trisplat render` makes pictures without a window";
         Error::Gpu(format!("no window can be opened: {}; {remedy}", without_place(&e.to_string())))
     };
     let events = EventLoop::<Letter>::with_user_event().build().map_err(|e| no_window(&e))?;
@@ -96,7 +96,8 @@ impl ApplicationHandler<Letter> for App {
     fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         let Some((screen, _)) = &mut self.window else { return };
         let response = screen.input.on_window_event(&screen.window, &event);
-        if response.repaint {
+        // That a picture is due is no reason for the one after it: a window at rest would draw for ever.
+        if response.repaint && event != WindowEvent::RedrawRequested {
             screen.window.request_redraw();
         }
         let result = match event {
@@ -136,6 +137,9 @@ impl ApplicationHandler<Letter> for App {
         match message {
             Message::Progress(what) => session.notify(what),
             Message::Loaded(result) => self.loaded(events, scene, result),
+            Message::Changed(Ok(changed)) => session.change(*changed),
+            Message::Final(Some(what)) => session.status = Some(what),
+            Message::Final(None) => events.exit(),
             // What was begun for a scene that is no longer shown.
             _ if scene != session.scene => {}
             Message::Indexed(Ok(asset)) => {
@@ -155,9 +159,11 @@ impl ApplicationHandler<Letter> for App {
                     }
                 }
             }
-            Message::Soft(renderer, camera, picture) => {
+            Message::Soft(camera, picture) => {
                 let texture = session::texture(&context, "soft", &picture);
-                session.soft = Some((camera, texture, picture));
+                (session.soft, session.soft_is_old) = (Some((camera, texture, picture)), false);
+            }
+            Message::Rested(renderer) => {
                 if let Some(shown) = &mut session.shown {
                     shown.soft_renderer = Some(renderer);
                 }
@@ -173,7 +179,8 @@ impl ApplicationHandler<Letter> for App {
             }
             Message::Cropped(Ok(what)) => session.notify(what),
             Message::Saved(Ok(path)) => session.notify(format!("saved {}", path.display())),
-            Message::Indexed(Err(error))
+            Message::Changed(Err(error))
+            | Message::Indexed(Err(error))
             | Message::Subset(Err(error))
             | Message::Cropped(Err(error))
             | Message::Saved(Err(error)) => {
@@ -198,6 +205,11 @@ impl App {
                 session.scene = scene;
                 screen.window.set_title(&loaded.files.title());
                 session.show(*loaded);
+                if scene == 0 {
+                    let outbox = Outbox { proxy: self.proxy.clone(), scene };
+                    let files = self.files.clone();
+                    outbox.follow(screen.gpu.clone(), screen.face_layout(), &self.loader, files);
+                }
             }
             Err(error) if session.shown.is_some() => session.notify(error.to_string()),
             Err(error) => self.fail(events, error),
@@ -221,7 +233,7 @@ impl App {
             return session
                 .notify("another file is being loaded: drop this one again when it is shown".into());
         }
-        let scene = session.scene + 1;
+        let scene = session.next_number();
         session.loading = Some(scene);
         session.notify("loading".into());
         let outbox = Outbox { proxy: self.proxy.clone(), scene };
@@ -281,12 +293,16 @@ impl App {
             of_pane.center -= session.pane.min;
             of_pane.size = session.pane.size.round().as_uvec2().max(UVec2::ONE);
             let wanted = of_pane.resized(small.as_uvec2());
-            if session.soft.as_ref().is_none_or(|(drawn, ..)| *drawn != wanted)
+            let is_drawn = session.soft.as_ref().is_some_and(|(drawn, ..)| *drawn == wanted);
+            if (!is_drawn || session.soft_is_old)
                 && let Some(mut renderer) = shown.soft_renderer.take()
             {
+                let (messages, rest) = (outbox.clone(), shown.soft_rest);
                 outbox.spawn(move || {
-                    let picture = renderer(&wanted);
-                    Message::Soft(renderer, wanted, picture)
+                    let clock = Instant::now();
+                    messages.send(Message::Soft(wanted, renderer(&wanted)));
+                    std::thread::sleep(clock.elapsed().mul_f64(rest));
+                    Message::Rested(renderer)
                 });
             }
         }

@@ -4,7 +4,7 @@ use super::super::layout::{Aabb, VertexLayout};
 use super::super::model::{ChunkOrder, Model, Subset};
 use super::super::renderer::{DisplayMode, FrameParams, Renderer};
 use super::pick::Picked;
-use super::scene::{SceneFiles, SceneLoader, SoftRenderer, WindowScene};
+use super::scene::{SceneChange, SceneFiles, SceneLoader, SoftRenderer, WindowScene};
 use crate::asset::Asset;
 use crate::camera::{Camera, Viewpoint};
 use crate::error::{Error, Result};
@@ -22,12 +22,18 @@ pub(super) enum Message {
     Progress(String),
     /// The scene is loaded and in GPU memory.
     Loaded(Result<Box<LoadedScene>>),
+    /// The scene that was loaded first has changed; what it is now is in GPU memory and can be picked from.
+    Changed(Result<Box<LoadedScene>>),
+    /// The scene will not change any more, and that is what to say; `None`: there is nothing to show any more.
+    Final(Option<String>),
     /// The scene can be picked from.
     Indexed(Result<Box<Asset>>),
     /// A photo is decoded.
     Photo(usize, Result<Pixels>),
-    /// A soft picture is drawn; the renderer is given back.
-    Soft(SoftRenderer, Camera, Pixels),
+    /// A soft picture is drawn.
+    Soft(Camera, Pixels),
+    /// The renderer of soft pictures is given back.
+    Rested(SoftRenderer),
     /// What a click has hit.
     Picked(Option<Box<Picked>>),
     /// Some of the triangles are in GPU memory.
@@ -70,7 +76,7 @@ impl Outbox {
         std::thread::spawn(move || outbox.send(work()));
     }
 
-    fn send(&self, message: Message) {
+    pub(super) fn send(&self, message: Message) {
         // The receiver is gone when the window was closed meanwhile.
         let _ = self.proxy.send_event(Letter { scene: self.scene, message });
     }
@@ -89,11 +95,7 @@ impl Outbox {
             let load = || {
                 let scene = (loader.load)(&files, &progress)?;
                 progress("uploading to the graphics card");
-                let layout: VertexLayout = Renderer::best_layout(&gpu, &scene.asset);
-                let model = Model::upload(&gpu, &groups, &scene.asset, layout)?;
-                let bounds = central_box(&scene.asset);
-                let viewpoint = scene.asset.provenance.viewpoint;
-                Ok(Box::new(LoadedScene { files, scene, model, bounds, viewpoint }))
+                uploaded(&gpu, &groups, files, scene)
             };
             match load() {
                 Ok(mut loaded) => {
@@ -105,6 +107,47 @@ impl Outbox {
             }
         });
     }
+
+    /// Shows what becomes of the scene of `files`, until it has ended.
+    pub(super) fn follow(
+        &self,
+        gpu: Arc<Gpu>,
+        groups: wgpu::BindGroupLayout,
+        loader: &SceneLoader,
+        files: SceneFiles,
+    ) {
+        let (outbox, add_bvh) = (self.clone(), loader.add_bvh);
+        let Some(follow) = loader.follow.clone() else { return };
+        self.spawn(move || {
+            loop {
+                let changed = match follow() {
+                    Ok(SceneChange::Changed(scene)) => uploaded(&gpu, &groups, files.clone(), *scene),
+                    Ok(SceneChange::Final(what)) => return Message::Final(Some(what)),
+                    Ok(SceneChange::Gone) => return Message::Final(None),
+                    Err(error) => Err(error),
+                };
+                let indexed = changed.and_then(|mut changed| {
+                    changed.scene.asset = add_bvh(std::mem::take(&mut changed.scene.asset))?;
+                    Ok(changed)
+                });
+                outbox.send(Message::Changed(indexed));
+            }
+        });
+    }
+}
+
+/// `scene` in GPU memory.
+fn uploaded(
+    gpu: &Gpu,
+    groups: &wgpu::BindGroupLayout,
+    files: SceneFiles,
+    scene: WindowScene,
+) -> Result<Box<LoadedScene>> {
+    let layout: VertexLayout = Renderer::best_layout(gpu, &scene.asset);
+    let model = Model::upload(gpu, groups, &scene.asset, layout)?;
+    let bounds = central_box(&scene.asset);
+    let viewpoint = scene.asset.provenance.viewpoint;
+    Ok(Box::new(LoadedScene { files, scene, model, bounds, viewpoint }))
 }
 
 /// The box that holds the middle 96% of the scene's corners on each axis, without the backdrop, estimated from a sample of them.

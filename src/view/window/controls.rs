@@ -1,8 +1,10 @@
 //! The camera that the user controls: orbit around a pivot, or fly.
 
 use super::super::layout::Aabb;
+use crate::asset::Placement;
 use crate::camera::Camera;
-use glam::{Mat3, Quat, UVec2, Vec2, Vec3};
+use crate::placed;
+use glam::{DVec3, Mat3, Quat, UVec2, Vec2, Vec3};
 use std::f32::consts::FRAC_PI_2;
 
 /// A drag across the whole height of the window turns the camera by this, rad.
@@ -86,6 +88,20 @@ impl CameraControls {
         self.intrinsics = *camera;
         // What photos look at is usually about as far away as the scene is large.
         self.pivot_distance = self.pivot_distance.min(self.extent).max(0.1 * self.extent);
+    }
+
+    /// Stays where it is in the world when the scene's file is placed otherwise.
+    pub fn change_frame(&mut self, from: &Placement, to: &Placement) {
+        if from == to {
+            return;
+        }
+        let translation = -(self.rotation * self.position);
+        let camera = Camera { rotation: self.rotation, translation, ..self.intrinsics };
+        let origin = DVec3::from(from.center);
+        let camera = placed::to_file(&placed::to_world(&camera, from, origin), to, origin);
+        (self.rotation, self.position) = (camera.rotation, camera.position());
+        let scale = (to.scale / from.scale) as f32;
+        (self.pivot_distance, self.extent) = (scale * self.pivot_distance, scale * self.extent);
     }
 
     /// Sets the distance to the pivot, such as a point that was clicked.
@@ -306,6 +322,24 @@ mod tests {
         controls.fly(&Keys { forward: 1.0, ..Keys::default() }, 0.05);
         assert!((controls.position() - before).dot(Vec3::Z) > 0.0);
         assert!(!Keys::default().any());
+    }
+
+    #[test]
+    fn a_scene_that_is_placed_otherwise_is_seen_as_before() {
+        let mut controls = CameraControls::new(&BOX, Vec3::Y);
+        controls.orbit(Vec2::new(0.2, 0.1));
+        let pane = Pane { min: Vec2::ZERO, size: SIZE.as_vec2() };
+        let (before, pivot) = (controls.camera(SIZE, pane), controls.pivot());
+        let from = Placement { center: [1e6, 2.0, 3.0], ..Placement::IDENTITY };
+        let to = Placement { scale: 2.0, rotate: 30.0, center: [1e6 + 5.0, 1.0, 0.0], ..Placement::IDENTITY };
+        controls.change_frame(&from, &to);
+        let moved =
+            |p: Vec3| (to.rotation() * to.scale * (from.to_world_f64(p) - DVec3::from(to.center))).as_vec3();
+        for point in [Vec3::ZERO, Vec3::new(0.3, -0.2, 0.5)] {
+            let after = pixel(&controls.camera(SIZE, pane), moved(point));
+            assert!(after.distance(pixel(&before, point)) < 1e-2, "{after} {}", pixel(&before, point));
+        }
+        assert!(controls.pivot().distance(moved(pivot)) < 1e-3);
     }
 
     #[test]

@@ -24,4 +24,7 @@ mod session;
 
 pub use app::open;
 pub use options::WindowOptions;
-pub use scene::{CropSaver, SceneFiles, SceneLoader, SoftRenderer, SoupSource, WindowPhoto, WindowScene};
+pub use scene::{
+    CropSaver, SceneChange, SceneFiles, SceneFollower, SceneLoader, SoftRenderer, SoupSource, WindowPhoto,
+    WindowScene,
+};

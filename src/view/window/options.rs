@@ -19,6 +19,8 @@ pub struct WindowOptions {
     pub vsync: bool,
     /// Folder for screenshots.
     pub screenshots: PathBuf,
+    /// What the user can do where no window can be opened.
+    pub remedy: &'static str,
     /// Which graphics card draws.
     pub adapter: AdapterOptions,
 }

@@ -94,6 +94,9 @@ fn figures(ui: &mut Ui, session: &Session) {
         };
         ui.label(held);
     }
+    if let Some(status) = &session.status {
+        ui.label(status);
+    }
     ui.label(egui::RichText::new(&session.gpu_name).small().weak());
 }
 

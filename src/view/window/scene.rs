@@ -24,6 +24,8 @@ pub struct WindowScene {
     pub placement: Placement,
     /// Saves a region of the file for the bake; returns what to tell the user.
     pub save_crop: CropSaver,
+    /// What is known of it as it is now: a line of the panel.
+    pub status: Option<String>,
 }
 
 impl WindowScene {
@@ -80,6 +82,9 @@ pub struct SoupSource {
     pub to_soup: Arc<dyn Fn(Vec3) -> Vec3 + Send + Sync>,
     /// Draws it with the soft rasteriser for a camera in the frame of the asset; called on a thread of its own.
     pub renderer: SoftRenderer,
+    /// How long it does not draw again after a picture, in times that the picture took: more than 0 where something else needs the
+    /// processor.
+    pub rest: f64,
 }
 
 /// Saves a region of a file for the bake; returns what to tell the user. Called on a thread of its own.
@@ -96,6 +101,22 @@ pub struct SceneLoader {
     pub load: Arc<dyn Fn(&SceneFiles, &dyn Fn(&str)) -> Result<WindowScene> + Send + Sync>,
     /// Adds the BVH that picking needs; called on a thread of its own once the scene is shown.
     pub add_bvh: fn(Asset) -> Result<Asset>,
+    /// Waits for what becomes of the scene that was loaded first; `None` for one that stays as it is. Called on a thread of its own, again
+    /// and again, until it has ended.
+    pub follow: Option<SceneFollower>,
+}
+
+/// Waits for what becomes of a scene.
+pub type SceneFollower = Arc<dyn Fn() -> Result<SceneChange> + Send + Sync>;
+
+/// What becomes of a scene while it is shown.
+pub enum SceneChange {
+    /// It has changed.
+    Changed(Box<WindowScene>),
+    /// It will not change any more, and that is what to say.
+    Final(String),
+    /// There is nothing to show any more: the window closes.
+    Gone,
 }
 
 #[cfg(test)]

@@ -120,8 +120,12 @@ impl Screen {
                 self.window.request_redraw();
                 None
             }
-            CurrentSurfaceTexture::Timeout | CurrentSurfaceTexture::Occluded => None,
-            CurrentSurfaceTexture::Validation => None,
+            CurrentSurfaceTexture::Timeout => {
+                self.window.request_redraw();
+                None
+            }
+            // An event says when it can be seen again.
+            CurrentSurfaceTexture::Occluded | CurrentSurfaceTexture::Validation => None,
         };
         if let Some(frame) = frame {
             let view = frame.texture.create_view(&TextureViewDescriptor::default());

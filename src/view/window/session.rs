@@ -6,7 +6,7 @@ use super::background::LoadedScene;
 use super::controls::{CameraControls, Keys, Pane};
 use super::crop::CropEditor;
 use super::pick::Picked;
-use super::scene::{CropSaver, SceneFiles, SoftRenderer, SoupSource, WindowPhoto};
+use super::scene::{CropSaver, SceneFiles, SoftRenderer, SoupSource, WindowPhoto, WindowScene};
 use crate::asset::{Asset, Placement};
 use crate::camera::Camera;
 use crate::image::Pixels;
@@ -77,12 +77,40 @@ pub(super) struct Shown {
     /// Not here while it draws.
     pub(super) soft_renderer: Option<SoftRenderer>,
     pub(super) has_soft: bool,
+    /// How long it rests after a picture, in times that the picture took.
+    pub(super) soft_rest: f64,
     /// The asset with its BVH, once that is built.
     pub(super) asset: Option<Arc<Asset>>,
     /// From the file's frame to the asset's.
     pub(super) placement: Placement,
     pub(super) crop: CropEditor,
     pub(super) save_crop: CropSaver,
+}
+
+impl Shown {
+    /// `scene`, whose triangles are in `model`, without its asset.
+    fn new(scene: WindowScene, model: Model, bounds: Aabb, crop: CropEditor) -> Self {
+        let (soup, to_soup, soft_renderer, soft_rest) = match scene.source {
+            Some(SoupSource { soup, to_soup, renderer, rest }) => {
+                (Some(soup), Some(to_soup), Some(renderer), rest)
+            }
+            None => (None, None, None, 0.0),
+        };
+        Self {
+            model: Arc::new(model),
+            bounds,
+            photos: scene.photos,
+            soup,
+            to_soup,
+            has_soft: soft_renderer.is_some(),
+            soft_renderer,
+            soft_rest,
+            asset: None,
+            placement: scene.placement,
+            crop,
+            save_crop: scene.save_crop,
+        }
+    }
 }
 
 /// Which of the triangles are drawn.
@@ -102,10 +130,14 @@ pub(super) struct Session {
     pub(super) shown: Option<Shown>,
     /// What is shown, or loaded first.
     pub(super) files: SceneFiles,
-    /// The number of the scene that is shown: of those that were dropped on the window, 0 for the first.
+    /// The number of the scene that is shown, or of the state that it is in: 0 for the first.
     pub(super) scene: u32,
+    /// The last number that was given to one.
+    last_number: u32,
     /// The number of the scene that is being loaded.
     pub(super) loading: Option<u32>,
+    /// What is known of the scene as it is now.
+    pub(super) status: Option<String>,
     /// The note that is shown, and since when.
     pub(super) note: Option<(String, Instant)>,
     /// The photo whose camera was taken last.
@@ -116,6 +148,8 @@ pub(super) struct Session {
     pub(super) decoding: Option<usize>,
     /// The soft picture and the camera it was drawn for.
     pub(super) soft: Option<(Camera, TextureHandle, Pixels)>,
+    /// That picture is of the scene before it changed.
+    pub(super) soft_is_old: bool,
     pub(super) subset: Option<Arc<Subset>>,
     /// What that subset is of, or the one that is being made.
     pub(super) filtered: Option<Filter>,
@@ -147,12 +181,15 @@ impl Session {
             shown: None,
             files,
             scene: 0,
+            last_number: 0,
             loading: Some(0),
+            status: None,
             note: Some(("loading".into(), Instant::now())),
             current: None,
             photo: None,
             decoding: None,
             soft: None,
+            soft_is_old: false,
             subset: None,
             filtered: None,
             filtering: false,
@@ -170,7 +207,8 @@ impl Session {
 
     /// Shows a scene: from the camera of its first photo, from its initial viewpoint, or as a whole.
     pub(super) fn show(&mut self, loaded: LoadedScene) {
-        let LoadedScene { files, scene, model, bounds, viewpoint } = loaded;
+        let LoadedScene { files, mut scene, model, bounds, viewpoint } = loaded;
+        let status = scene.status.take();
         let same = self.files.file == files.file;
         self.files = files;
         (self.photo, self.soft, self.subset, self.picked) = (None, None, None, None);
@@ -179,30 +217,34 @@ impl Session {
         let kept = self.shown.take().filter(|_| same).map(|shown| shown.crop);
         let crop = kept.unwrap_or_else(|| CropEditor::around(&bounds, scene.to_file()));
         self.controls = CameraControls::new(&bounds, scene.up);
-        let (soup, to_soup, soft_renderer) = match scene.source {
-            Some(SoupSource { soup, to_soup, renderer }) => (Some(soup), Some(to_soup), Some(renderer)),
-            None => (None, None, None),
-        };
-        self.shown = Some(Shown {
-            model: Arc::new(model),
-            bounds,
-            photos: scene.photos,
-            soup,
-            to_soup,
-            has_soft: soft_renderer.is_some(),
-            soft_renderer,
-            asset: None,
-            placement: scene.placement,
-            crop,
-            save_crop: scene.save_crop,
-        });
-        self.note = None;
+        self.shown = Some(Shown::new(scene, model, bounds, crop));
+        (self.note, self.status) = (None, status);
         if self.shown.as_ref().is_some_and(|s| !s.photos.is_empty()) {
             self.jump(0);
         } else if let Some(viewpoint) = viewpoint {
             self.controls.move_to(&viewpoint.camera(UVec2::new(1600, 1000)));
             self.controls.set_pivot_distance(viewpoint.distance());
         }
+    }
+
+    /// Shows what the scene has become, from where it is looked at now.
+    pub(super) fn change(&mut self, changed: LoadedScene) {
+        let LoadedScene { files, mut scene, model, bounds, .. } = changed;
+        // Another file may have been dropped on the window meanwhile.
+        let Some(before) = self.shown.take_if(|_| self.files == files) else { return };
+        self.scene = self.next_number();
+        (self.decoding, self.subset, self.filtered, self.filtering) = (None, None, None, false);
+        (self.picked, self.soft_is_old, self.status) = (None, true, scene.status.take());
+        self.controls.change_frame(&before.placement, &scene.placement);
+        let asset = std::mem::take(&mut scene.asset);
+        let shown = Shown::new(scene, model, bounds, before.crop);
+        self.shown = Some(Shown { asset: Some(Arc::new(asset)), ..shown });
+    }
+
+    /// The number of the next scene, or state of one.
+    pub(super) fn next_number(&mut self) -> u32 {
+        self.last_number += 1;
+        self.last_number
     }
 
     /// Which of the triangles are to be drawn; `None` for all.

@@ -1,0 +1,244 @@
+//! `trisplat train --view`: a window that shows the scene while it trains.
+//!
+//! ```text
+//! thread that trains ── news: photos, scenes, the end ──► thread that follows ──► window
+//!         ▲                                                       │
+//!         └───────────────── a scene is wanted ───────────────────┘
+//! ```
+//!
+//! A scene that is shown costs a copy, a bake and an upload, and what the processor does for it, it does not train. So after each
+//! there is a pause of many times as long as it took.
+
+use super::Global;
+use super::train;
+use super::train_args::TrainArgs;
+use super::train_progress::Watcher;
+use super::view::{self, PosedPhotos};
+use super::{messages, signals};
+use crate::dataset::{Dataset, DatasetOptions};
+use crate::error::{Error, Result};
+use crate::scene::Loaded;
+use crate::train::{TrainObserver, TrainSample};
+use crate::view::window::{
+    self, SceneChange, SceneFiles, SceneLoader, SoupSource, WindowOptions, WindowScene,
+};
+use clap::ArgMatches;
+use glam::UVec2;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Pause after a scene was shown, and after a soft picture of it, in times of what that took. Both take one of the cores that train, or
+/// wait for one: together they take less than a twentieth of the time of two cores.
+const REST: f64 = 20.0;
+/// The shortest pause between two scenes.
+const SHORTEST: Duration = Duration::from_millis(200);
+/// Width and height of the window, px.
+const SIZE: UVec2 = UVec2::new(1280, 720);
+/// Samples per pixel at edges.
+const MSAA: u32 = 4;
+
+/// What the training tells.
+enum News {
+    /// It is on these photos.
+    Photos(PosedPhotos),
+    /// The scene as it is, what is known of it, and how long the copy took.
+    Scene(Box<Loaded>, String, Duration),
+    /// The scene as it was written, and what became of the run.
+    Ended(Box<Loaded>, String),
+}
+
+/// Trains on a thread of its own, as the window wants this one.
+///
+/// Errors: no window can be opened; those of the training.
+pub(super) fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<ExitCode> {
+    let (news, received) = mpsc::channel();
+    let (start, started) = mpsc::channel();
+    let wanted = Arc::new(AtomicBool::new(true));
+    let watcher = Box::new(SceneWatcher { wanted: wanted.clone(), news, asked: Instant::now() });
+    let follower = Follower::new(args, received, wanted);
+    std::thread::scope(|scope| {
+        let training = scope.spawn(move || {
+            // Nothing is begun without a window.
+            started.recv().ok().map(|()| train::train(args, matches, global, Some(watcher)))
+        });
+        let files = SceneFiles { file: args.output.clone(), dataset: args.dataset.clone() };
+        let shown = window::open(window_options(args), files, loader(args, follower, start));
+        let trained = training.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        match (trained, shown) {
+            (None, Err(no_window)) => Err(no_window),
+            (None, Ok(())) => Ok(ExitCode::SUCCESS),
+            (Some(trained), Ok(())) => trained,
+            (Some(trained), Err(error)) => {
+                // What went wrong with the window is not the training's.
+                trained.inspect(|_| messages::print(&format!("warning: {error}")))
+            }
+        }
+    })
+}
+
+fn window_options(args: &TrainArgs) -> WindowOptions {
+    WindowOptions {
+        size: SIZE,
+        background: args.dataset_options.background.to_f32(),
+        msaa: MSAA,
+        fps: None,
+        vsync: true,
+        screenshots: folder(args),
+        remedy: "--preview writes pictures without a window",
+        adapter: args.backend_options.adapter.clone(),
+    }
+}
+
+/// The folder of the scene, where screenshots go, too.
+fn folder(args: &TrainArgs) -> PathBuf {
+    args.output.parent().unwrap_or(Path::new("")).to_owned()
+}
+
+/// Starts the training once there is a window, and waits for its first scene; other files that are dropped on the window are read.
+fn loader(args: &TrainArgs, follower: Follower, start: Sender<()>) -> SceneLoader {
+    let follower = Arc::new(Mutex::new(follower));
+    let (start, first) = (Mutex::new(Some(start)), follower.clone());
+    let (how, folder) = (args.dataset_options.clone(), folder(args));
+    let load = move |files: &SceneFiles, progress: &dyn Fn(&str)| {
+        let start = start.lock().unwrap_or_else(PoisonError::into_inner).take();
+        match start.map(|start| start.send(())) {
+            Some(_) => {
+                progress("waiting for the first triangles");
+                first.lock().unwrap_or_else(PoisonError::into_inner).first()
+            }
+            None => view::load(files, &how, &folder, progress),
+        }
+    };
+    let follow = move || follower.lock().unwrap_or_else(PoisonError::into_inner).next();
+    SceneLoader { load: Arc::new(load), add_bvh: view::add_bvh, follow: Some(Arc::new(follow)) }
+}
+
+/// Hands scenes over while it trains.
+struct SceneWatcher {
+    wanted: Arc<AtomicBool>,
+    news: Sender<News>,
+    /// When the last copy was asked for.
+    asked: Instant,
+}
+
+impl SceneWatcher {
+    fn tell(&self, news: News) {
+        // The receiver is gone when the window was closed.
+        let _ = self.news.send(news);
+    }
+}
+
+impl TrainObserver for SceneWatcher {
+    fn wants_scene(&mut self) -> bool {
+        self.asked = Instant::now();
+        self.wanted.swap(false, Ordering::Relaxed)
+    }
+
+    fn scene(&mut self, sample: &TrainSample, scene: Loaded) {
+        let TrainSample { step, psnr, .. } = sample;
+        let status = format!("step {step}, {psnr:.2} dB on the photos");
+        self.tell(News::Scene(Box::new(scene), status, self.asked.elapsed()));
+    }
+}
+
+impl Watcher for SceneWatcher {
+    fn begun(&mut self, dataset: &Dataset) {
+        let (views, origin) = (dataset.views.clone(), dataset.origin);
+        self.tell(News::Photos(PosedPhotos { views, origin }));
+    }
+
+    fn ended(&mut self, what: &str, scene: Loaded) {
+        // Who asked the program to end does not want to look at it any longer.
+        if signals::exit_code().is_none() {
+            self.tell(News::Ended(Box::new(scene), what.to_owned()));
+        }
+    }
+}
+
+/// Makes what a window shows of what the training tells.
+struct Follower {
+    news: Receiver<News>,
+    wanted: Arc<AtomicBool>,
+    photos: PosedPhotos,
+    how: DatasetOptions,
+    file: PathBuf,
+    folder: PathBuf,
+    /// When the scene that is shown was there, and how long its copy took.
+    last: (Instant, Duration),
+    /// What became of the run, once the scene that is shown is its last.
+    ended: Option<String>,
+}
+
+impl Follower {
+    fn new(args: &TrainArgs, news: Receiver<News>, wanted: Arc<AtomicBool>) -> Self {
+        Self {
+            news,
+            wanted,
+            photos: PosedPhotos::default(),
+            how: args.dataset_options.clone(),
+            file: args.output.clone(),
+            folder: folder(args),
+            last: (Instant::now(), Duration::ZERO),
+            ended: None,
+        }
+    }
+
+    /// The first scene. An error when the training ends without any.
+    fn first(&mut self) -> Result<WindowScene> {
+        match self.told()? {
+            SceneChange::Changed(scene) => Ok(*scene),
+            SceneChange::Final(_) | SceneChange::Gone => {
+                Err(Error::Incomplete("the training ended before there was anything to show".into()))
+            }
+        }
+    }
+
+    /// What becomes of the scene that is shown, which is on the card by now.
+    fn next(&mut self) -> Result<SceneChange> {
+        if let Some(what) = self.ended.take() {
+            return Ok(SceneChange::Final(what));
+        }
+        let (there, copied) = self.last;
+        match self.news.recv_timeout((there.elapsed() + copied).mul_f64(REST).max(SHORTEST)) {
+            // The last scene comes without being asked for.
+            Ok(news) => self.shown(news),
+            Err(RecvTimeoutError::Disconnected) => Ok(SceneChange::Gone),
+            Err(RecvTimeoutError::Timeout) => {
+                self.wanted.store(true, Ordering::Relaxed);
+                self.told()
+            }
+        }
+    }
+
+    /// Waits for what the training tells.
+    fn told(&mut self) -> Result<SceneChange> {
+        self.news.recv().map_or(Ok(SceneChange::Gone), |news| self.shown(news))
+    }
+
+    fn shown(&mut self, news: News) -> Result<SceneChange> {
+        let (scene, status) = match news {
+            News::Photos(photos) => {
+                self.photos = photos;
+                return self.told();
+            }
+            News::Scene(scene, status, copied) => {
+                self.last = (Instant::now(), copied);
+                (scene, status)
+            }
+            News::Ended(scene, what) => {
+                self.ended = Some(what.clone());
+                (scene, what)
+            }
+        };
+        let mut scene = view::window_scene(*scene, &self.photos, &self.how, &self.file, &self.folder)?;
+        scene.status = Some(status);
+        if let (Some(SoupSource { rest, .. }), None) = (&mut scene.source, &self.ended) {
+            *rest = REST;
+        }
+        Ok(SceneChange::Changed(Box::new(scene)))
+    }
+}
