@@ -434,3 +434,27 @@ pub(in crate::train) fn expected_bytes(size: &RunSize, limits: &GpuLimits) -> u6
     };
     scene + photos + room.bytes()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::UVec2;
+
+    #[test]
+    fn three_million_triangles_take_less_than_three_and_a_half_gigabytes() {
+        let limits = GpuLimits {
+            ahead: 2,
+            binding_bytes: (2 << 30) - 1,
+            photo_bytes: 0,
+            pairs_each: GpuLimits::PAIRS_EACH,
+            pairs_least: 0,
+            spare_splats: 256,
+        };
+        let photo = UVec2::new(1600, 1000);
+        let size = |triangles| RunSize { triangles, sh_degree: 3, photo, photo_pixels: 0 };
+        let gigabytes = |triangles| expected_bytes(&size(triangles), &limits) as f64 * 1e-9;
+        let (three, ten) = (gigabytes(3_000_000), gigabytes(10_000_000));
+        assert!((3.3..3.5).contains(&three), "{three}");
+        assert!((10.8..11.2).contains(&ten), "{ten}");
+    }
+}

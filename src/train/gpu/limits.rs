@@ -24,6 +24,9 @@ pub struct GpuLimits {
 const PHOTO_BYTES: (u64, u64) = (2 << 30, 512 << 20);
 
 impl GpuLimits {
+    /// Scenes of small triangles have fewer, as not all are in view; those of large ones are small scenes, and grow into more.
+    pub(super) const PAIRS_EACH: u32 = 2;
+
     /// Those for a card. No graphics API says how much memory a card has, so photos get what every card of its kind can spare; when
     /// memory ends, they go first.
     pub fn of(gpu: &Gpu) -> Self {
@@ -37,8 +40,8 @@ impl GpuLimits {
                 DeviceType::Cpu => 0,
                 _ => PHOTO_BYTES.1,
             },
-            pairs_each: 4,
-            pairs_least: 1 << 16,
+            pairs_each: Self::PAIRS_EACH,
+            pairs_least: 1 << 18,
             spare_splats: super::source::GROUP,
         }
     }
