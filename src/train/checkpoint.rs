@@ -27,7 +27,7 @@ use std::io::Write;
 use std::path::Path;
 
 /// The layout written and read; it changes whenever a key or an array does.
-const FORMAT: u32 = 7;
+const FORMAT: u32 = 8;
 
 /// A run between two steps.
 #[derive(Debug, Clone, PartialEq)]
@@ -148,6 +148,7 @@ fn tensors<'a>(
     let visibility = &checkpoint.visibility;
     let n = visibility.len();
     add("visibility.max_weight".into(), Dtype::F32, &[n], raw(&visibility.max_weight))?;
+    add("visibility.sum_weight".into(), Dtype::F32, &[n], raw(&visibility.sum_weight))?;
     add("visibility.views".into(), Dtype::U32, &[n], raw(&visibility.views))?;
     add("visibility.radius_px".into(), Dtype::F32, &[n], raw(&visibility.radius_px))?;
     add("visibility.error".into(), Dtype::U64, &[n], raw(&visibility.error))?;
@@ -203,6 +204,7 @@ pub fn read(path: &Path) -> Result<Checkpoint> {
     };
     let visibility = VisibilityStats {
         max_weight: file.array("visibility.max_weight", Dtype::F32, &[n])?,
+        sum_weight: file.array("visibility.sum_weight", Dtype::F32, &[n])?,
         views: file.array("visibility.views", Dtype::U32, &[n])?,
         radius_px: file.array("visibility.radius_px", Dtype::F32, &[n])?,
         error: file.array("visibility.error", Dtype::U64, &[n])?,
@@ -225,7 +227,8 @@ impl Checkpoint {
                 return Err(not_finite(path, prefix));
             }
         }
-        let visibility = [&self.visibility.max_weight[..], &self.visibility.radius_px];
+        let VisibilityStats { max_weight, sum_weight, radius_px, .. } = &self.visibility;
+        let visibility = [max_weight, sum_weight, radius_px];
         match visibility.iter().all(|values| all_finite(values)) {
             true => Ok(()),
             false => Err(not_finite(path, "visibility")),

@@ -35,6 +35,7 @@ mod presets;
 pub mod progress;
 pub mod pyramid;
 pub mod refine;
+mod relocate;
 pub mod rotation;
 pub mod run;
 pub mod schedule;

@@ -200,6 +200,9 @@ pub struct RefineOptions {
     pub growth: f64,
     /// What a triangle's chance to grow is in proportion to.
     pub sample_by: SampleWeight,
+    /// Share of the triangles that make room at each refinement from `engine_shading_from` on, in a scene that has all it may
+    /// have: those of the least blending weight, summed over all photos (not in the paper; parts of a scene keep theirs).
+    pub relocate: f64,
     /// τ_small: larger triangles are split into four, smaller ones cloned; distance of the farthest corner
     /// from the centre, px of the full photo (24, supplement: split_size).
     pub split_px: f64,
@@ -248,6 +251,8 @@ pub struct SolidifyOptions {
     pub loss_sigma: f64,
     /// Weight of 1 / mean opacity in the loss from `opacity_from` on (TS 20).
     pub loss_opacity: f64,
+    /// Weight of half the squared error beside L1 from `engine_shading_from` on (not in the paper).
+    pub loss_square: f64,
     /// Rate of the logarithm of σ from `opacity_from` on, for a 30,000-step run; shorter ones get a higher rate, so that σ changes as much (TS
     /// 0.0008); 0 keeps `rates.sigma`.
     pub rate_sigma: f64,
@@ -413,6 +418,7 @@ impl TrainOptions {
         positive("rates.vertices_final_share", self.rates.vertices_final_share)?;
         positive("rates.final_share", self.rates.final_share)?;
         positive("refine.every", self.refine.every)?;
+        share("refine.relocate", self.refine.relocate)?;
         share("refine.prune_weight", self.refine.prune_weight)?;
         share("refine.prune_opacity", self.refine.prune_opacity)?;
         positive("solid.sigma_scale", self.solid.sigma_scale)?;
@@ -429,7 +435,7 @@ impl TrainOptions {
     }
 
     /// The numbers that may be anything from 0 on, by their keys.
-    fn non_negative(&self) -> [(&'static str, f64); 31] {
+    fn non_negative(&self) -> [(&'static str, f64); 32] {
         let (faint, soft) = (&self.solid.prune_faint, &self.solid.prune_soft);
         [
             ("loss.opacity", self.loss.opacity),
@@ -461,6 +467,7 @@ impl TrainOptions {
             ("solid.prune_faint", faint[0].from_step.min(faint[1].from_step)),
             ("solid.loss_sigma", self.solid.loss_sigma),
             ("solid.loss_opacity", self.solid.loss_opacity),
+            ("solid.loss_square", self.solid.loss_square),
             ("solid.rate_sigma", self.solid.rate_sigma),
             ("solid.prune_soft", soft.from_step.min(soft.max_sigma)),
         ]

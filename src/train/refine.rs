@@ -8,6 +8,7 @@
 use super::core::Core;
 use super::options::{RefineOptions, SampleWeight};
 use super::params::{Anneal, Params, TrainState};
+use super::relocate::{Room, make_room};
 use super::visibility::VisibilityStats;
 use crate::rng::Rng;
 use glam::Vec3;
@@ -55,6 +56,8 @@ pub struct Refined {
     pub unimportant: usize,
     /// Removed: visible in too few photos.
     pub unseen: usize,
+    /// Removed: of the least summed weight, in a scene that has all the triangles it may have.
+    pub relocated: usize,
     /// Split into four.
     pub split: usize,
     /// Cloned.
@@ -68,7 +71,12 @@ pub struct Refined {
 pub fn refine(state: &mut TrainState, visibility: &mut VisibilityStats, plan: &RefinePlan<'_>) -> Refined {
     let mut done = Refined::default();
     let complete = visibility.is_complete();
-    let alive = prune(state, visibility, complete, plan, &mut done);
+    let mut alive = prune(state, visibility, complete, plan, &mut done);
+    if complete && plan.grow && plan.bisect && plan.core.is_none() {
+        let RefineOptions { relocate, growth, .. } = *plan.options;
+        let room = Room { share: relocate, growth, max_triangles: plan.max_triangles };
+        done.relocated = make_room(&mut alive, visibility, (state.frozen, state.pinned), &room);
+    }
     let grown = match plan.grow {
         true => sample_growth(state, &alive, visibility, plan),
         false => vec![false; alive.len()],
@@ -399,6 +407,30 @@ mod tests {
             // The same plane and winding, and half of the area.
             assert!((2.0 * area(half) - area(&parent)).length() < 1e-5 * area(&parent).length().max(1.0));
         }
+    }
+
+    #[test]
+    fn a_full_scene_moves_the_least_seen_to_where_it_is_wrong() {
+        let options = RefineOptions { relocate: 0.1, ..RefineOptions::default() };
+        let full = RefinePlan { max_triangles: 100, bisect: true, anneal: Anneal::SOLID, ..plan(&options) };
+        let core = Some(Core { low: [None; 3], high: [None; 3], triangles: 100 });
+        // Nothing may grow, not all photos were drawn, only a part of a scene is trained, it is soft: it stays as it is.
+        for (drawn, grow, core, moved) in
+            [(true, true, None, 10), (true, false, None, 0), (false, true, None, 0), (true, true, core, 0)]
+        {
+            let (mut s, mut w) = (state(100), visible(100, 3));
+            w.sum_weight = (0..100).map(|i| 200.0 - i as f32).collect();
+            w.error[50..60].fill(7);
+            w.drawn[1] = drawn;
+            let before = s.params.clone();
+            let done = refine(&mut s, &mut w, &RefinePlan { grow, core, ..full });
+            assert_eq!((done.relocated, done.split, s.params.len()), (moved, moved, 100));
+            let gone = (90..100).all(|i| !s.params.vertices.contains(&before.vertices[i]));
+            assert_eq!(gone, moved > 0, "the least seen");
+        }
+        let (mut s, mut w) = (state(100), visible(100, 3));
+        let done = refine(&mut s, &mut w, &RefinePlan { bisect: false, anneal: Anneal::NONE, ..full });
+        assert_eq!((done.relocated, s.params.len()), (0, 100));
     }
 
     #[test]

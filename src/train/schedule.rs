@@ -3,6 +3,7 @@
 use super::options::{PruneFaint, PruneSoft, REFERENCE_STEPS, TrainOptions};
 use super::params::{Anneal, FrozenLook};
 use super::timeline::Timeline;
+use crate::kernel::loss::PhotometricWeights;
 use crate::raster::soft::{SoftOptions, Sort, Window};
 
 /// Largest alpha of a layer of the soft scene (3DGS).
@@ -29,8 +30,8 @@ pub struct Rates {
     pub sh_rest: f64,
     /// SH degree in use.
     pub sh_degree: u8,
-    /// λ of 1 - SSIM.
-    pub dssim: f64,
+    /// What SSIM and the squared error count beside L1.
+    pub photometric: PhotometricWeights,
     /// β1, of the mean opacity.
     pub beta_opacity: f64,
     /// β2, of the distortion.
@@ -135,7 +136,10 @@ impl<'a> Schedule<'a> {
             sh: r.sh * others,
             sh_rest: r.sh * r.sh_rest * others,
             sh_degree: self.sh_degree(step),
-            dssim: l.dssim,
+            photometric: PhotometricWeights {
+                dssim: l.dssim,
+                square: if engine { o.solid.loss_square } else { 0.0 },
+            },
             beta_opacity: l.opacity,
             beta_distortion: if geometry { l.distortion } else { 0.0 },
             beta_normal: if geometry { l.normal } else { 0.0 },
@@ -314,6 +318,9 @@ mod tests {
         assert_eq!(plan.prune_weight(before), options.refine.prune_weight);
         let last = options.steps - 1;
         assert_eq!(plan.anneal(last), Anneal::SOLID);
+        let shaded = plan.scaled(options.solid.engine_shading_from);
+        let square = |step: u64| plan.rates(step).photometric.square;
+        assert_eq!((square(shaded - 1), square(shaded)), (0.0, options.solid.loss_square));
         let rates = plan.rates(last);
         assert_eq!((rates.sh_degree, rates.alpha_cap), (0, 1.0));
         let drawing = rates.drawing(&SoftOptions::default());

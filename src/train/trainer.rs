@@ -335,12 +335,13 @@ impl<B: TrainBackend> Trainer<B> {
     /// Moves the visibility of the last steps out of the backend.
     fn collect_visibility(&mut self) -> Result<()> {
         let recent = self.backend.take_visibility()?;
-        let zeros = vec![0; self.visibility.len()];
+        let (uncounted, weightless) = (vec![0; self.visibility.len()], vec![0.0; self.visibility.len()]);
         for (importance, counts) in [(&recent.first, true), (&recent.again, false)] {
             if importance.max_weight.len() == self.visibility.len() {
                 let frames = PhotoVisibility {
                     max_weight: &importance.max_weight,
-                    views: if counts { &importance.views } else { &zeros },
+                    sum_weight: if counts { &importance.sum_weight } else { &weightless },
+                    views: if counts { &importance.views } else { &uncounted },
                     radius_px: &importance.max_radius_px,
                 };
                 self.visibility.merge(&frames, self.full_px);

@@ -9,6 +9,8 @@
 pub struct VisibilityStats {
     /// Largest blending weight alpha·T at any pixel. `[N]`
     pub max_weight: Vec<f32>,
+    /// Sum of the blending weights over all pixels of all photos, px of the full photos. `[N]`
+    pub sum_weight: Vec<f32>,
     /// Different photos that showed the triangle. `[N]`
     pub views: Vec<u32>,
     /// Largest distance of a corner from the centre, px of the full photo. `[N]`
@@ -26,6 +28,8 @@ pub struct VisibilityStats {
 pub struct PhotoVisibility<'a> {
     /// Largest alpha·T. `[N]`
     pub max_weight: &'a [f32],
+    /// Σ alpha·T over the pixels of photos that are not counted yet. `[N]`
+    pub sum_weight: &'a [f32],
     /// Photos that showed the triangle and are not counted yet. `[N]`
     pub views: &'a [u32],
     /// Largest radius, px of the frames. `[N]`
@@ -37,6 +41,7 @@ impl VisibilityStats {
     pub fn new(triangles: usize, photos: usize) -> Self {
         Self {
             max_weight: vec![0.0; triangles],
+            sum_weight: vec![0.0; triangles],
             views: vec![0; triangles],
             radius_px: vec![0.0; triangles],
             error: vec![0; triangles],
@@ -62,6 +67,7 @@ impl VisibilityStats {
     pub fn merge(&mut self, frames: &PhotoVisibility<'_>, full_px: f32) {
         for i in 0..self.max_weight.len() {
             self.max_weight[i] = self.max_weight[i].max(frames.max_weight[i]);
+            self.sum_weight[i] += full_px * full_px * frames.sum_weight[i];
             self.views[i] += frames.views[i];
             self.radius_px[i] = self.radius_px[i].max(full_px * frames.radius_px[i]);
         }
@@ -75,6 +81,7 @@ impl VisibilityStats {
     /// Appends triangle `i` of `from`, its error reset.
     pub fn push(&mut self, from: &Self, i: usize) {
         self.max_weight.push(from.max_weight[i]);
+        self.sum_weight.push(from.sum_weight[i]);
         self.views.push(from.views[i]);
         self.radius_px.push(from.radius_px[i]);
         self.error.push(0);
@@ -84,6 +91,7 @@ impl VisibilityStats {
     /// Appends a triangle that was not there when the statistics began.
     pub fn push_exempt(&mut self) {
         self.max_weight.push(0.0);
+        self.sum_weight.push(0.0);
         self.views.push(0);
         self.radius_px.push(0.0);
         self.error.push(0);
@@ -109,6 +117,18 @@ impl VisibilityStats {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn weights_are_summed_in_pixels_of_the_full_photo() {
+        let mut visibility = VisibilityStats::new(1, 2);
+        let frame =
+            PhotoVisibility { max_weight: &[0.5], sum_weight: &[3.0], views: &[1], radius_px: &[2.0] };
+        visibility.merge(&frame, 2.0);
+        visibility.merge(&PhotoVisibility { sum_weight: &[0.0], ..frame }, 2.0);
+        visibility.merge(&frame, 1.0);
+        assert_eq!((visibility.sum_weight[0], visibility.max_weight[0]), (15.0, 0.5));
+        assert_eq!((visibility.radius_px[0], visibility.views[0]), (4.0, 3));
+    }
 
     #[test]
     fn five_thousand_photos_are_complete_only_after_all_of_them() {

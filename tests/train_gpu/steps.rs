@@ -53,8 +53,15 @@ const CASES: &[Case] = &[
         progress: 0.99,
         ..PLAIN
     },
-    Case { name: "L1 alone", rates: |r| r.dssim = 0.0, sh_degree: 0, ..PLAIN },
-    Case { name: "SSIM alone", rates: |r| r.dssim = 1.0, sh_degree: 0, ..PLAIN },
+    Case { name: "L1 alone", rates: |r| r.photometric.dssim = 0.0, sh_degree: 0, ..PLAIN },
+    Case { name: "SSIM alone", rates: |r| r.photometric.dssim = 1.0, sh_degree: 0, ..PLAIN },
+    Case {
+        name: "squared error",
+        rates: |r| r.photometric.square = 30.0,
+        sh_degree: 0,
+        masked: true,
+        ..PLAIN
+    },
     Case { name: "degree 2", sh_degree: 2, masked: true, ..PLAIN },
     Case { name: "one colour, pinned", sh_degree: 0, pinned: 30, ..PLAIN },
     Case { name: "a part", sh_degree: 0, pinned: 60, frozen: 50, ..PLAIN },
@@ -198,6 +205,8 @@ fn same_visibility(case: &Case, cpu: &BackendVisibility, gpu: &BackendVisibility
     assert!(jumped.len() <= 2, "{}: weights {jumped:?}", case.name);
     let radius = apart(a.max_radius_px.iter().copied(), b.max_radius_px.iter().copied());
     assert!(radius < GRADIENTS, "{}: radius {radius}", case.name);
+    let sums = apart(a.sum_weight.iter().copied(), b.sum_weight.iter().copied());
+    assert!(sums < GRADIENTS, "{}: sums of weights {sums}", case.name);
     let views = a.views.iter().zip(&b.views).filter(|(a, b)| a != b).count();
     assert!(views <= 1, "{}: {views} views", case.name);
     let floats = |errors: &[u64]| errors.iter().map(|&e| e as f64).collect::<Vec<f64>>();

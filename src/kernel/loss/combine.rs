@@ -7,7 +7,14 @@ use crate::math::lanes::{Lanes, Work, dispatch};
 use crate::math::ssim::TAPS;
 use rayon::prelude::*;
 
-/// Pass 3: the gradient maps blurred along y, put together with the pictures and the L1 sign.
+/// ∂loss/∂x of the difference d = x - y of a value, `absolute` · sign(d) + `square` · d.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct DifferenceScales<R> {
+    pub(super) absolute: R,
+    pub(super) square: R,
+}
+
+/// Pass 3: the gradient maps blurred along y, put together with the pictures and the gradient by their difference.
 /// Returns the weighted sums of |x - y| and (x - y)².
 #[allow(clippy::too_many_arguments)]
 pub(super) fn combine_rows<R: LossNumber>(
@@ -16,7 +23,7 @@ pub(super) fn combine_rows<R: LossNumber>(
     x: &[R],
     y: &[R],
     weight: Option<&[R]>,
-    l1_scale: R,
+    scales: DifferenceScales<R>,
     grads: &[R],
     d_x: &mut [R],
 ) -> (f64, f64) {
@@ -29,7 +36,7 @@ pub(super) fn combine_rows<R: LossNumber>(
                 let (x, y) = (&x[at * row..][..row], &y[at * row..][..row]);
                 let weight = weight.map(|w| &w[at * (row / 3)..][..row / 3]);
                 let (blurred, parts) = memory.split_at_mut(GRADS * row);
-                dispatch(CombineRow { taps, grads, at, x, y, weight, l1_scale, blurred, parts, out })
+                dispatch(CombineRow { taps, grads, at, x, y, weight, scales, blurred, parts, out })
             },
         )
         .collect();
@@ -44,9 +51,9 @@ struct CombineRow<'a, R> {
     x: &'a [R],
     y: &'a [R],
     weight: Option<&'a [R]>,
-    l1_scale: R,
+    scales: DifferenceScales<R>,
     blurred: &'a mut [R],
-    /// |x - y|, (x - y)² and the L1 gradient.
+    /// |x - y|, (x - y)² and the gradient by the difference.
     parts: &'a mut [R],
     out: &'a mut [R],
 }
@@ -60,21 +67,22 @@ impl<R: LossNumber> Work for CombineRow<'_, R> {
         let row = x.len();
         blur_column(self.taps, self.grads, self.at, self.blurred);
         let (absolute, rest) = self.parts.split_at_mut(row);
-        let (square, d_absolute) = rest.split_at_mut(row);
+        let (square, by_difference) = rest.split_at_mut(row);
         for i in 0..row {
             let difference = x[i] - y[i];
-            let above = if difference > zero { self.l1_scale } else { zero };
-            d_absolute[i] = if difference < zero { -self.l1_scale } else { above };
+            let DifferenceScales { absolute: pull, square: per_unit } = self.scales;
+            let above = if difference > zero { pull } else { zero };
+            by_difference[i] = if difference < zero { -pull } else { above } + per_unit * difference;
             absolute[i] = if difference < zero { -difference } else { difference };
             square[i] = difference * difference;
         }
-        for values in [&mut *absolute, &mut *square, &mut *d_absolute] {
+        for values in [&mut *absolute, &mut *square, &mut *by_difference] {
             weight_by(values, self.weight);
         }
         let blur = |m: usize| &self.blurred[m * row..][..row];
         let (d_mean, d_square, d_cross) = (blur(0), blur(1), blur(2));
         for i in 0..row {
-            self.out[i] = d_absolute[i] + d_mean[i] + R::of(2.0) * x[i] * d_square[i] + y[i] * d_cross[i];
+            self.out[i] = by_difference[i] + d_mean[i] + R::of(2.0) * x[i] * d_square[i] + y[i] * d_cross[i];
         }
         (lane_sum(absolute), lane_sum(square))
     }

@@ -8,7 +8,7 @@ use super::source::GROUP;
 use super::uniform::{SceneShape, StepPlan, StepUniform};
 use super::work::StepWork;
 use crate::gpu::readback::Readback;
-use crate::kernel::loss::Photometric;
+use crate::kernel::loss::{Photometric, PhotometricWeights};
 use crate::raster::soft::tile_count;
 use crate::train::backend::{StepPhoto, StepStats};
 use crate::train::schedule::Rates;
@@ -25,7 +25,7 @@ pub(super) struct Flight {
     pub(super) regularised: bool,
     /// Brings the counts after the last pass.
     pub(super) readback: Readback,
-    dssim: f64,
+    photometric: PhotometricWeights,
     shape: SceneShape,
 }
 
@@ -44,7 +44,7 @@ impl Flight {
             photo: source,
             regularised: rates.beta_size > 0.0 || rates.beta_opaque > 0.0,
             readback,
-            dssim: rates.dssim,
+            photometric: rates.photometric,
             shape,
             plan,
         }
@@ -67,7 +67,7 @@ impl Flight {
             mse: sum(Count::LossMse) / values,
         };
         StepStats {
-            loss: means.value(self.dssim) + sum(Count::LossGeometry),
+            loss: means.value(&self.photometric) + sum(Count::LossGeometry),
             mse: means.mse,
             dropped: counts[Count::Dropped as usize].into(),
             touched: counts[Count::Touched as usize].into(),

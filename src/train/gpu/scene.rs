@@ -17,7 +17,7 @@ use wgpu::{BindingResource, Buffer, BufferBinding};
 pub(super) const REMEDY: &str = "train on the CPU (`backend` cpu), or with fewer triangles (`max_triangles`) or smaller photos (`max_size`)";
 
 /// Numbers of [`VisibilityBuffer`] per triangle: largest weight, largest radius, photos, error (low and high half).
-const VISIBILITY_NUMBERS: usize = 5;
+const VISIBILITY_NUMBERS: usize = 6;
 
 /// The scene, in chunks of what a binding holds.
 #[derive(Debug)]
@@ -145,7 +145,7 @@ fn upload(gpu: &Gpu, what: &str, params: &Params, chunk: Range<usize>) -> Result
     Ok(buffer)
 }
 
-/// How visible every triangle was: `[5, N]`, the twin of `record_visibility` in `passes/update.wgsl`.
+/// How visible every triangle was: `[6, N]`, the twin of `record_visibility` in `passes/update.wgsl`.
 #[derive(Debug)]
 pub(super) struct VisibilityBuffer {
     pub(super) buffer: Buffer,
@@ -171,6 +171,7 @@ impl VisibilityBuffer {
         let mut first = Importance::new(n);
         (first.max_weight, first.max_radius_px) = (floats(0), floats(1));
         first.views = row(2).to_vec();
+        first.sum_weight = floats(5);
         let error = row(3).iter().zip(row(4)).map(|(&low, &high)| u64::from(low) | u64::from(high) << 32);
         Ok(BackendVisibility { first, again: Importance::default(), error: error.collect() })
     }

@@ -11,9 +11,9 @@ use bytemuck::{Pod, Zeroable};
 use glam::{UVec2, Vec3};
 
 /// Numbers of a slot: gradients of a splat summed over the pixels of a tile, and its weights.
-pub(super) const SLOT_NUMBERS: u32 = 17;
+pub(super) const SLOT_NUMBERS: u32 = 18;
 /// The same with those by the depth plane.
-pub(super) const GEOMETRY_SLOT_NUMBERS: u32 = 23;
+pub(super) const GEOMETRY_SLOT_NUMBERS: u32 = 24;
 
 /// The twin of `Step` in `passes/step.wgsl`, which says what the numbers are.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
@@ -124,12 +124,15 @@ impl StepUniform {
     pub(super) fn new(plan: &StepPlan, photo: &StepPhoto<'_>, rates: &Rates, scene: SceneShape) -> Self {
         let rate = |rate: f64| Rate::new(rate, rates.time);
         let flag = |is: bool| f32::from(u8::from(is));
+        let drawn = Self::of_picture(plan, &Look::of(rates), scene);
+        let [map, by_inverse, _, unused] = drawn.depths;
         Self {
             rates: [rates.vertices, rates.opacity, rates.sigma, rates.sh].map(|r| rate(r).step()),
             update: [rate(rates.sh_rest).step(), rate(1.0).second(), flag(rates.sparse), flag(photo.first)],
             regularisers: regularisers(rates, scene),
             loss: loss(rates, plan),
-            ..Self::of_picture(plan, &Look::of(rates), scene)
+            depths: [map, by_inverse, rates.photometric.square as f32, unused],
+            ..drawn
         }
     }
 
@@ -197,8 +200,8 @@ fn regularisers(rates: &Rates, scene: SceneShape) -> [f32; 4] {
 fn loss(rates: &Rates, plan: &StepPlan) -> [f32; 4] {
     let (values, pixels) = (3.0 * f64::from(plan.photo_pixels()), f64::from(plan.frame_pixels()).max(1.0));
     [
-        (1.0 - rates.dssim) / values,
-        -rates.dssim / values,
+        (1.0 - rates.photometric.dssim) / values,
+        -rates.photometric.dssim / values,
         rates.beta_distortion / pixels,
         rates.beta_normal / pixels,
     ]

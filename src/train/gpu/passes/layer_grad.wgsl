@@ -10,6 +10,7 @@ struct SplatSums {
     pixels: f32,
     error: f32,
     max_weight: f32,
+    sum_weight: f32,
     inv_depth: f32,
     slope: vec2<f32>,
     normal: vec3<f32>,
@@ -59,6 +60,7 @@ fn add_layer_grad(
     (*sums).moment_y += d_edges * s.offset.y;
     (*sums).pixels += 1.0;
     (*sums).max_weight = max((*sums).max_weight, weight);
+    (*sums).sum_weight += weight;
 }
 
 // The part that passes through depth, normal and distortion.
@@ -88,6 +90,7 @@ fn write_slot(at: u32, sums: SplatSums) {
     put_slot(part, first + PIXELS, sums.pixels);
     put_slot(part, first + ERROR, sums.error);
     put_slot(part, first + MAX_WEIGHT, sums.max_weight);
+    put_slot(part, first + SUM_WEIGHT, sums.sum_weight);
     if step.modes.z == 1u {
         put_slot(part, first + GEOMETRY, sums.inv_depth);
         put_slot(part, first + GEOMETRY + 1u, sums.slope.x);

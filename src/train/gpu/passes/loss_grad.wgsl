@@ -1,4 +1,4 @@
-// The gradient of the whole loss: the derivatives of SSIM blurred back, and the L1 part; and each pixel's error. The twin of
+// The gradient of the whole loss: the derivatives of SSIM blurred back, and the part by the difference; and each pixel's error. The twin of
 // kernel/loss/combine.rs and frame_loss.rs.
 
 @group(0) @binding(0) var<uniform> step: Step;
@@ -39,7 +39,7 @@ fn loss_grad(
     let y = photo_rgb(at);
     let weight = select(0.0, photo_weight(at), inside);
     let difference = x - y;
-    var d = weight * step.loss.x * sign(difference);
+    var d = weight * step.loss.x * (sign(difference) + step.depths.z * difference);
     for (var channel = 0u; channel < 3u; channel++) {
         workgroupBarrier();
         for (var i = local; i < SIDE * SIDE; i += TILE * TILE) {

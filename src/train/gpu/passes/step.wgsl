@@ -16,7 +16,7 @@ struct Step {
     update: vec4<f32>,             // higher SH degrees, scale of second moments; is sparse, photo counts as first
     regularisers: vec4<f32>,       // weights of mean opacity, mean sigma, 1 / mean area, 1 / mean opacity; each over triangles
     loss: vec4<f32>,               // scales of L1 and SSIM; beta of distortion and of normals, each over pixels
-    depths: vec4<f32>,             // mapped depth m = a - b / z: a, b; -, -
+    depths: vec4<f32>,             // mapped depth m = a - b / z: a, b; weight of the squared error; -
     parts: vec4<u32>,              // frozen triangles; these are drawn without a window; triangles of a chunk; pairs of a part of the slots
 }
 
@@ -32,7 +32,8 @@ const RATIO: u32 = 5u; // of edge i at 3 i, then that times p - origin
 const PIXELS: u32 = 14u;
 const ERROR: u32 = 15u;
 const MAX_WEIGHT: u32 = 16u;
-const GEOMETRY: u32 = 17u; // by 1/z, that times p - origin, by the normal
+const SUM_WEIGHT: u32 = 17u;
+const GEOMETRY: u32 = 18u; // by 1/z, that times p - origin, by the normal
 
 // Where a scene's rows are: number j of triangle i of a chunk is at j * triangles of the chunk + i.
 const ROW_OPACITY: u32 = 9u;

@@ -21,6 +21,7 @@ struct TriangleGrad {
     error: f32,
     pixels: f32,
     max_weight: f32,
+    sum_weight: f32,
     radius_px: f32,
 }
 
@@ -87,6 +88,7 @@ fn add_piece(out: ptr<function, TriangleGrad>, splat_index: u32, whole: CameraTr
     }
     (*out).pixels += pixels;
     (*out).max_weight = max((*out).max_weight, sum_of(splat_index, MAX_WEIGHT));
+    (*out).sum_weight += sum_of(splat_index, SUM_WEIGHT);
     (*out).rgb += vec3(sum_of(splat_index, RGB), sum_of(splat_index, RGB + 1u), sum_of(splat_index, RGB + 2u));
     (*out).opacity += sum_of(splat_index, OPACITY) / opacity;
     (*out).sigma += sum_of(splat_index, SIGMA);
@@ -156,8 +158,9 @@ fn record_visibility(i: u32, d: TriangleGrad, is_finite_grad: bool) {
     // All are 0 or more: their bits have their order.
     visibility[i] = max(visibility[i], bitcast<u32>(d.max_weight));
     visibility[n + i] = max(visibility[n + i], bitcast<u32>(d.radius_px));
-    if step.update.w == 1.0 && d.pixels > 1.0 {
-        visibility[2u * n + i] += 1u;
+    if step.update.w == 1.0 {
+        visibility[2u * n + i] += select(0u, 1u, d.pixels > 1.0);
+        visibility[5u * n + i] = bitcast<u32>(bitcast<f32>(visibility[5u * n + i]) + d.sum_weight);
     }
     if is_finite_grad {
         // Whole numbers of 64 bits in two halves; a product beyond them or a NaN adds nothing sensible on any machine.
