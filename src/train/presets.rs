@@ -157,7 +157,6 @@ const SOLID: TrainOptions = TrainOptions {
         opacity_until: 20_000.0,
         prune_opacity: 0.05,
         prune_faint: [PruneFaint { from_step: 19_400.0, min_opacity: 0.4 }, PruneFaint::NEVER],
-        loss_square: 10.0,
         sigma_until: 20_000.0,
         engine_shading_from: 20_000.0,
         opaque_from: 20_000.0,
