@@ -2,12 +2,12 @@
 
 #[cfg(not(all(feature = "gpu", feature = "view")))]
 use super::missing;
-#[cfg(feature = "view")]
-use super::view;
 use super::{
     Global, bake, bake_args, bench, completions, eval, flags, info, man, merge, mesh, messages,
     out_of_memory, plan, render, sample, schema, signals, stdout::Stdout, train, train_args, validate,
 };
+#[cfg(feature = "view")]
+use super::{train_view, view};
 use crate::dataset::DatasetOptions;
 use crate::error::{Error, Result};
 use crate::formats::ReadOptions;
@@ -97,7 +97,11 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
     match &cli.command {
         Command::Bake(args) => bake::run(args, typed, &cli.global),
         Command::Mesh(args) => mesh::run(args, &cli.global),
-        Command::Train(args) => return train::run(args, typed, &cli.global),
+        #[cfg(feature = "view")]
+        Command::Train(args) if args.view => return train_view::run(args, typed, &cli.global),
+        #[cfg(not(feature = "view"))]
+        Command::Train(args) if args.view => Err(missing::error("view")),
+        Command::Train(args) => return train::run(args, typed, &cli.global, None),
         Command::Plan(args) => return plan::run(args, typed, &cli.global, out),
         Command::Merge(args) => merge::run(args, &cli.global),
         Command::Eval(args) => eval::run(args, &cli.global, out),

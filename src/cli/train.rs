@@ -13,8 +13,6 @@ use super::train_block;
 use super::train_budget::{self, Planned};
 use super::train_curve;
 use super::train_progress::{Bar, Watcher};
-#[cfg(feature = "view")]
-use super::train_view;
 use crate::atomic::AtomicFile;
 use crate::bake::teacher::is_solid;
 use crate::dataset::{Dataset, DatasetOptions};
@@ -33,25 +31,17 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-/// Trains; `matches` holds which flags were typed. Returns the exit code of a run that was finished, or stopped in good order.
-pub fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<ExitCode> {
-    match &args.block {
-        Some(block) => train_block::run(args, block, global),
-        #[cfg(feature = "view")]
-        None if args.view => train_view::run(args, matches, global),
-        #[cfg(not(feature = "view"))]
-        None if args.view => Err(super::missing::error("view")),
-        None => train(args, matches, global, None),
-    }
-}
-
-/// Trains the whole scene, while somebody else may watch.
-pub(super) fn train(
+/// Trains, while somebody else may watch; `matches` holds which flags were typed. Returns the exit code of a run that was finished, or
+/// stopped in good order.
+pub fn run(
     args: &TrainArgs,
     matches: &ArgMatches,
     global: &Global,
     watcher: Option<Box<dyn Watcher>>,
 ) -> Result<ExitCode> {
+    if let Some(block) = &args.block {
+        return train_block::run(args, block, global);
+    }
     let clock = Instant::now();
     train_budget::check(args)?;
     let outputs = outputs(args);

@@ -63,7 +63,7 @@ pub(super) fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Re
     std::thread::scope(|scope| {
         let training = scope.spawn(move || {
             // Nothing is begun without a window.
-            started.recv().ok().map(|()| train::train(args, matches, global, Some(watcher)))
+            started.recv().ok().map(|()| train::run(args, matches, global, Some(watcher)))
         });
         let files = SceneFiles { file: args.output.clone(), dataset: args.dataset.clone() };
         let shown = window::open(window_options(args), files, loader(args, follower, start));

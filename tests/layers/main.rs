@@ -48,7 +48,7 @@ const MAY: &[(&str, &str)] = &[
         "scale",
         "bake train raster dataset formats asset placed scene atomic process soup mesh space camera report error math input limits",
     ),
-    ("view", "asset region rng mesh soup scene raster camera image gpu error math limits"),
+    ("view", "asset region rng mesh soup scene raster camera image gpu placed error math limits"),
     (
         "bench",
         "asset atomic process bake camera dataset error formats gpu image kernel math mesh placed raster report rng scene soup space train view limits",
