@@ -12,8 +12,6 @@ use crate::raster::solid::{NO_FACE, Solid, SolidRasterOptions};
 use crate::soup::Soup;
 use crate::space::Space;
 use crate::train::BackendOptions;
-#[cfg(feature = "gpu")]
-use crate::train::device::{BackendKind, OpenCard, on_the_cpu};
 #[cfg(feature = "cli")]
 use crate::train::eval::SOLID_SAMPLES;
 #[cfg(feature = "gpu")]
@@ -244,18 +242,9 @@ impl SoftScene {
 #[cfg(feature = "gpu")]
 impl SoftScene {
     fn draw_on(&mut self, place: &BackendOptions) -> Result<(Option<String>, Vec<String>)> {
-        let OpenCard { gpu, mut warnings } = place.open_card()?;
-        let Some(gpu) = gpu else { return Ok((None, warnings)) };
-        let name = gpu.describe();
-        match CardScene::new(gpu, &self.soup) {
-            Ok(card) => self.card = Some(card),
-            Err(error) if place.backend == BackendKind::Auto => {
-                warnings.push(on_the_cpu(&error));
-                return Ok((None, warnings));
-            }
-            Err(error) => return Err(error),
-        }
-        Ok((Some(name), warnings))
+        let (card, warnings) = place.with_card(|gpu| CardScene::new(gpu, &self.soup))?;
+        self.card = card;
+        Ok((self.card.as_ref().map(|card| card.gpu().describe()), warnings))
     }
 
     fn color(&mut self, camera: &Camera) -> Pixels {

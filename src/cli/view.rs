@@ -85,7 +85,7 @@ pub fn run(args: &ViewArgs) -> Result<()> {
     window::open(options, files, SceneLoader { load: Arc::new(load), add_bvh, follow: None })
 }
 
-/// Reads a scene and its photos, `how` says; what the user saves of it goes to `folder`.
+/// Reads a scene and its photos as `how` says; what the user saves of it goes to `folder`.
 pub(super) fn load(
     files: &SceneFiles,
     how: &DatasetOptions,

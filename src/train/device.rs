@@ -3,6 +3,8 @@
 use super::backend::{RunSize, TrainBackend};
 use super::cpu::CpuBackend;
 use crate::error::{Error, Result};
+#[cfg(feature = "gpu")]
+use crate::gpu::Gpu;
 use crate::raster::soft::SoftOptions;
 
 /// Where a run trains.
@@ -67,15 +69,6 @@ impl BackendOptions {
     }
 }
 
-/// A card that is to be used, and what the user should know: why none is, or that it is none.
-#[cfg(feature = "gpu")]
-pub struct OpenCard {
-    /// The card; `None`: the CPU.
-    pub gpu: Option<crate::gpu::Gpu>,
-    /// One sentence each.
-    pub warnings: Vec<String>,
-}
-
 #[cfg(not(feature = "gpu"))]
 impl BackendOptions {
     /// Opens the backend of a run that draws with `drawing`.
@@ -105,48 +98,44 @@ impl BackendOptions {
     ///
     /// Errors: `gpu` where there is no card as asked for, or where it cannot be opened.
     pub fn open(&self, drawing: SoftOptions, size: RunSize) -> Result<OpenBackend> {
-        let OpenCard { gpu, mut warnings } = self.open_card()?;
-        let Some(gpu) = gpu else { return Ok(OpenBackend::cpu(drawing, warnings)) };
-        match (self::gpu(gpu, drawing, size), self.backend) {
-            (Ok((backend, card)), _) => Ok(OpenBackend { backend, card: Some(card), warnings }),
-            (Err(error), BackendKind::Auto) => {
-                warnings.push(on_the_cpu(&error));
-                Ok(OpenBackend::cpu(drawing, warnings))
-            }
-            (Err(error), _) => Err(error),
-        }
+        let (made, warnings) = self.with_card(|gpu| self::gpu(gpu, drawing, size))?;
+        Ok(match made {
+            Some((backend, card)) => OpenBackend { backend, card: Some(card), warnings },
+            None => OpenBackend::cpu(drawing, warnings),
+        })
     }
 
-    /// The card, if one is to be used.
+    /// What `make` makes of the card, if one is to be used; and what the user should know: why none is, or that it is none.
     ///
-    /// Errors: `gpu` where there is no card as asked for, or where it cannot be opened.
-    pub fn open_card(&self) -> Result<OpenCard> {
-        use crate::gpu::Gpu;
-        let (gpu, mut warnings) = match self.backend {
-            BackendKind::Cpu => (None, Vec::new()),
-            BackendKind::Gpu => (Some(Gpu::headless(&self.adapter)?), Vec::new()),
-            BackendKind::Auto => match self.adapter.find_real().map(|adapter| Gpu::open(&adapter)) {
-                None => (None, Vec::new()),
-                Some(Ok(gpu)) => (Some(gpu), Vec::new()),
-                Some(Err(error)) => (None, vec![on_the_cpu(&error)]),
+    /// Errors: `gpu` where there is no card as asked for, where it cannot be opened, or where nothing can be made of it.
+    pub fn with_card<T>(&self, make: impl FnOnce(Gpu) -> Result<T>) -> Result<(Option<T>, Vec<String>)> {
+        let opened = match self.backend {
+            BackendKind::Cpu => return Ok((None, Vec::new())),
+            BackendKind::Gpu => Gpu::headless(&self.adapter),
+            BackendKind::Auto => match self.adapter.find_real() {
+                None => return Ok((None, Vec::new())),
+                Some(adapter) => Gpu::open(&adapter),
             },
         };
-        warnings.extend(gpu.iter().filter(|gpu| gpu.is_software()).map(|gpu| {
-            format!("{} is no graphics card but software, slower than the CPU (`backend` cpu)", gpu.info.name)
-        }));
-        Ok(OpenCard { gpu, warnings })
+        let made = opened.and_then(|gpu| {
+            let slow = gpu.is_software().then(|| {
+                let name = &gpu.info.name;
+                format!("{name} is no graphics card but software, slower than the CPU (`backend` cpu)")
+            });
+            Ok((Some(make(gpu)?), slow.into_iter().collect()))
+        });
+        match (made, self.backend) {
+            (Err(error), BackendKind::Auto) => {
+                Ok((None, vec![format!("{error}; going on on the CPU (`backend`)")]))
+            }
+            (made, _) => made,
+        }
     }
-}
-
-/// What is said where a card is not used because of an error.
-#[cfg(feature = "gpu")]
-pub fn on_the_cpu(error: &Error) -> String {
-    format!("{error}; going on on the CPU (`backend`)")
 }
 
 /// The backend on an open card, and what it is.
 #[cfg(feature = "gpu")]
-fn gpu(gpu: crate::gpu::Gpu, drawing: SoftOptions, size: RunSize) -> Result<(Box<dyn TrainBackend>, String)> {
+fn gpu(gpu: Gpu, drawing: SoftOptions, size: RunSize) -> Result<(Box<dyn TrainBackend>, String)> {
     let limits = super::gpu::GpuLimits::of(&gpu);
     let megabytes = super::gpu::expected_bytes(&size, &limits) / 1_000_000;
     let card = format!("{}, about {megabytes} MB of its memory", gpu.describe());

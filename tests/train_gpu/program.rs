@@ -6,6 +6,14 @@ use std::process::{Command, Output};
 use trisplat::dataset::synthetic::{self, SyntheticOptions};
 use trisplat::image::Pixels;
 
+/// A folder with a small data set in `photos`.
+fn folder_of_photos() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let options = SyntheticOptions { views: 8, width: 24, points: 50, ..SyntheticOptions::default() };
+    synthetic::write(&folder.path().join("photos"), &options).unwrap();
+    folder
+}
+
 fn train(folder: &Path, more: &[&str]) -> (Output, String) {
     let start = ["train", "photos", "-o", "scene.ply", "--force", "--steps", "3", "--max-triangles", "200"];
     let program = env!("CARGO_BIN_EXE_trisplat");
@@ -17,9 +25,7 @@ fn train(folder: &Path, more: &[&str]) -> (Output, String) {
 #[test]
 fn the_program_says_on_which_card_it_trains() {
     let Some(gpu) = card() else { return };
-    let folder = tempfile::tempdir().unwrap();
-    let options = SyntheticOptions { views: 8, width: 24, points: 50, ..SyntheticOptions::default() };
-    synthetic::write(&folder.path().join("photos"), &options).unwrap();
+    let folder = folder_of_photos();
     let (output, said) = train(folder.path(), &["--backend", "gpu"]);
     assert!(output.status.success(), "{said}");
     assert!(said.contains(&format!("training on {}, about ", gpu.describe())), "{said}");
@@ -36,9 +42,7 @@ fn the_program_says_on_which_card_it_trains() {
 #[test]
 fn soft_pictures_of_render_and_eval_are_drawn_on_the_card_that_is_asked_for() {
     let Some(gpu) = card() else { return };
-    let folder = tempfile::tempdir().unwrap();
-    let options = SyntheticOptions { views: 8, width: 24, points: 50, ..SyntheticOptions::default() };
-    synthetic::write(&folder.path().join("photos"), &options).unwrap();
+    let folder = folder_of_photos();
     let (output, said) = train(folder.path(), &["--backend", "cpu"]);
     assert!(output.status.success(), "{said}");
     let run = |arguments: &str| {

@@ -7,7 +7,7 @@ use super::passes::Passes;
 use super::photos::Photos;
 use super::room::{Room, RoomSize, SLOT_PARTS};
 use super::rows::row_count;
-use super::scene::{REMEDY, SceneBuffers, VisibilityBuffer};
+use super::scene::{REMEDY, SceneBuffers, VISIBILITY_NUMBERS, VisibilityBuffer};
 use super::sequence::{BindGroups, Sequence};
 use super::step_passes::StepPasses;
 use super::uniform::{GEOMETRY_SLOT_NUMBERS, Look, StepPlan, StepUniform};
@@ -423,7 +423,7 @@ pub(in crate::train) fn expected_bytes(size: &RunSize, limits: &GpuLimits) -> u6
     let triangles = u32::try_from(size.triangles).unwrap_or(u32::MAX);
     let numbers = row_count((usize::from(size.sh_degree) + 1).pow(2)) as u64;
     // Parameters, two moments, visibility.
-    let scene = (3 * 4 * numbers + 20) * u64::from(triangles);
+    let scene = 4 * (3 * numbers + VISIBILITY_NUMBERS as u64) * u64::from(triangles);
     let photos = (4 * size.photo_pixels).min(limits.photo_bytes);
     let pairs = triangles.saturating_mul(limits.pairs_each).max(limits.pairs_least);
     let binding_bytes = limits.binding_bytes;

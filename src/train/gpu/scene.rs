@@ -16,8 +16,8 @@ use wgpu::{BindingResource, Buffer, BufferBinding};
 /// What to do when a scene does not fit.
 pub(super) const REMEDY: &str = "train on the CPU (`backend` cpu), or with fewer triangles (`max_triangles`) or smaller photos (`max_size`)";
 
-/// Numbers of [`VisibilityBuffer`] per triangle: largest weight, largest radius, photos, error (low and high half).
-const VISIBILITY_NUMBERS: usize = 6;
+/// Numbers of [`VisibilityBuffer`] per triangle: largest weight, largest radius, photos, error (low and high half), sum of weights.
+pub(super) const VISIBILITY_NUMBERS: usize = 6;
 
 /// The scene, in chunks of what a binding holds.
 #[derive(Debug)]
