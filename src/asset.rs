@@ -54,9 +54,9 @@ impl Tile {
     /// with those of the whole scene (docs/benchmarks/tiles.md).
     const ERROR_PER_DETAIL: f64 = 8.0;
 
-    /// The error of a level of detail of which `mesh` is all or a part, units of the mesh.
-    pub fn error_of(mesh: &Mesh) -> f64 {
-        Self::ERROR_PER_DETAIL * mesh.detail()
+    /// The error of a level of detail of which the tile is all or a part, in the units of its [detail](Mesh::detail).
+    pub fn error_of(detail: f64) -> f64 {
+        Self::ERROR_PER_DETAIL * detail
     }
 
     /// Whether there is nothing in it or below it.
@@ -75,6 +75,11 @@ impl Asset {
     /// Number of faces of the scene itself; those behind them are the backdrop.
     pub fn scene_faces(&self) -> usize {
         self.mesh.face_count().saturating_sub(self.provenance.backdrop as usize)
+    }
+
+    /// The size of the scene's detail, without its backdrop: see [`Mesh::detail`].
+    pub fn detail(&self) -> f64 {
+        self.mesh.detail_of_first(self.scene_faces())
     }
 
     /// The scene and its backdrop as two assets without levels; `None` when it has none.

@@ -83,7 +83,12 @@ impl Mesh {
 
     /// The size of the mesh's detail: the side of a square with the area of its median face.
     pub fn detail(&self) -> f64 {
-        let areas = (0..self.face_count()).map(|f| self.area(f)).collect();
+        self.detail_of_first(self.face_count())
+    }
+
+    /// The same of its first `faces` faces alone.
+    pub fn detail_of_first(&self, faces: usize) -> f64 {
+        let areas = (0..faces).map(|f| self.area(f)).collect();
         median(areas, f64::total_cmp).unwrap_or(0.0).sqrt()
     }
 

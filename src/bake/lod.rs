@@ -81,7 +81,7 @@ pub enum LodRanking {
 pub struct LevelDetails {
     /// Share of the triangles, as asked for.
     pub share: f64,
-    /// Triangles.
+    /// Triangles, without those of a backdrop.
     pub triangles: u64,
     /// Mean PSNR against some of the photos, dB; null without photos.
     pub psnr: Option<f64>,
@@ -145,7 +145,7 @@ pub fn lod(
         let faces = &ranked[..count(share).min(faces)];
         let level = level(source, &mut decimation, faces, progress.part(0.0, MOVING_PART));
         let FinishedLevel { asset, psnr } = finish(level, progress.part(MOVING_PART, 1.0))?;
-        let (triangles, detail) = (asset.mesh.face_count() as u64, asset.mesh.detail());
+        let (triangles, detail) = (asset.scene_faces() as u64, asset.detail());
         details.levels.push(LevelDetails { share, triangles, psnr, detail });
         levels.push(asset);
     }

@@ -449,7 +449,8 @@ impl<'a> Recipe<'a> {
         options: &LodOptions,
         provenance: &Provenance,
     ) -> Result<Vec<Asset>> {
-        let mut of_levels = match self.options.tiles.tiles {
+        let in_tiles = self.options.tiles.tiles;
+        let mut of_levels = match in_tiles {
             // They are cut once more, so chunks and a hierarchy would be of no use.
             true => {
                 BakeOptions { chunk: ChunkOptions::FAST, bvh: BvhOptions::DEFAULT, ..self.options.clone() }
@@ -468,13 +469,18 @@ impl<'a> Recipe<'a> {
             let of_level = Recipe::new(&of_levels, views, &mut unread, &mut progress, &mut unlimited);
             let mut of_level =
                 Recipe { placement, watching: watching.clone(), facing: facing.clone(), ..of_level };
-            // Photos show the backdrop too, but there is one for all levels.
+            // A level is to look like the scene wherever it is alone, so it has the same backdrop; only tiles share one.
             let faces = level.face_count();
             behind.clone().map_or(Ok(()), |backdrop| level.append(backdrop))?;
             let mut level = of_level.paint(level)?;
             let psnr = of_level.evaluate(&level)?;
             level.split_off(faces);
-            Ok(FinishedLevel { asset: of_level.package(level, provenance.clone())?, psnr })
+            let mut provenance = provenance.clone();
+            if let Some(backdrop) = behind.clone().filter(|_| !in_tiles) {
+                provenance.backdrop = backdrop.face_count() as u32;
+                level.append(backdrop)?;
+            }
+            Ok(FinishedLevel { asset: of_level.package(level, provenance)?, psnr })
         };
         self.report.long_stage(self.observer, Vec::new(), count_levels, |levels, details, progress| {
             lod(levels, source, options, finish, details, progress)

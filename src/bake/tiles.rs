@@ -136,7 +136,7 @@ fn tile(levels: &[Level], level: usize, cell: u64) -> Tile {
     let mesh = if level > 0 && children.is_empty() { Mesh::default() } else { levels[level].part(cell) };
     // What is drawn in place of finer tiles leaves out at least as much as these do.
     let below = children.iter().map(|tile| tile.error).fold(0.0, f64::max);
-    let error = if level == 0 { 0.0 } else { Tile::error_of(&mesh).max(below) };
+    let error = if level == 0 { 0.0 } else { Tile::error_of(mesh.detail()).max(below) };
     Tile { mesh, error, children }
 }
 

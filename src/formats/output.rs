@@ -371,8 +371,10 @@ impl SetWriter<'_> {
             let collision = Asset { provenance, ..Asset::from(mesh.clone()) };
             warnings.extend(self.one(&collision, beside, &mut quiet)?);
         }
-        for (asset, output) in asset.levels.iter().zip(&output.levels) {
-            warnings.extend(self.one(asset, output, &mut quiet)?);
+        for (level, files) in asset.levels.iter().zip(&output.levels) {
+            // One file of a backdrop serves all levels.
+            let scene = level.apart().filter(|_| output.backdrop.is_some()).map(|(scene, _)| scene);
+            warnings.extend(self.one(scene.as_ref().unwrap_or(level), files, &mut quiet)?);
         }
         if let Some(path) = &output.tileset {
             self.text(path, &output.tileset_text(asset))?;

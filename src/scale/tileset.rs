@@ -118,7 +118,7 @@ impl City<'_> {
         parts.iter().try_for_each(|part| mesh.append(part.mesh.clone()))?;
         let mesh = coarser(mesh, self.options.tiles.tile_triangles as usize);
         let below = parts.iter().map(|part| part.tile.error).fold(0.0, f64::max);
-        let error = Tile::error_of(&mesh).max(below);
+        let error = Tile::error_of(mesh.detail()).max(below);
         let asset = Asset { provenance: self.provenance(), ..Asset::from(mesh) };
         let children = parts.into_iter().map(|part| part.tile).collect();
         let tile = self.writer.above(&format!("r{name}"), &asset, error, true, children)?;

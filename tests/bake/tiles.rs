@@ -1,6 +1,7 @@
 //! Tiles: what each shows, and that together they show everything once.
 
 use glam::Vec3;
+use std::path::Path;
 use trisplat::asset::{Asset, Tile};
 use trisplat::bake::tiles::{TilesDetails, TilesOptions};
 use trisplat::bake::{Bake, BakeOptions, BakePreset};
@@ -95,6 +96,23 @@ fn a_small_scene_is_one_tile() {
     assert!(root.children.is_empty() && root.error == 0.0);
     assert_eq!(sorted(&[&root.mesh]), sorted(&[&asset.mesh]));
     assert_eq!(report.details::<TilesDetails>().unwrap().tiles, 1);
+}
+
+#[test]
+fn a_backdrop_is_in_no_tile() {
+    let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/soups/trained.ply");
+    let options = BakeOptions {
+        tiles: TilesOptions { tiles: true, tile_triangles: 1000 },
+        ..BakeOptions::preset(BakePreset::Default)
+    };
+    let input = trisplat::formats::read(&sample, &Default::default()).unwrap();
+    let asset = Bake::new(&options).run([input]).unwrap();
+    assert!(asset.provenance.backdrop > 0);
+    let root = asset.tiles.as_deref().unwrap();
+    let mut finest = Vec::new();
+    leaves(root, &mut finest);
+    assert_eq!(finest.iter().map(|mesh| mesh.face_count()).sum::<usize>(), asset.scene_faces());
+    assert_eq!(root.mesh.face_count(), asset.scene_faces() / 16);
 }
 
 #[test]

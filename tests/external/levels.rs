@@ -7,17 +7,20 @@ use std::path::Path;
 use std::process::Command;
 use tempfile::TempDir;
 
-/// The studio in three levels for a target, in chunks; their triangles.
-fn levels(folder: &Path, name: &str, target: &str) -> [u64; 3] {
+/// A sample in three levels for a target, in chunks; the triangles of each and of its backdrop.
+fn levels(folder: &Path, input: &Path, name: &str, target: &str) -> [[u64; 2]; 3] {
     let scene = folder.join(name);
     let flags = ["--target", target, "--lod", "0.5,0.1", "--chunk-triangles", "1000", "--teacher", "off"];
-    bake(&studio(), &scene, &flags);
+    bake(input, &scene, &flags);
     ["glb", "lod1.glb", "lod2.glb"].map(|ending| {
         let document = gltf::Gltf::open(scene.with_extension(ending)).unwrap();
-        let primitives = document.meshes().flat_map(|mesh| mesh.primitives().collect::<Vec<_>>());
         let corners =
             |p: gltf::Primitive<'_>| p.indices().or(p.get(&gltf::Semantic::Positions)).unwrap().count();
-        primitives.map(corners).sum::<usize>() as u64 / 3
+        [false, true].map(|behind| {
+            let meshes = document.meshes().filter(|mesh| (mesh.name() == Some("backdrop")) == behind);
+            let primitives = meshes.flat_map(|mesh| mesh.primitives().collect::<Vec<_>>());
+            primitives.map(corners).sum::<usize>() as u64 / 3
+        })
     })
 }
 
@@ -28,7 +31,7 @@ fn godot_draws_each_level_within_its_range() {
         return;
     }
     let folder = TempDir::new().unwrap();
-    let triangles = levels(folder.path(), "scene.glb", "godot");
+    let triangles = levels(folder.path(), &here("samples/soups/trained.ply"), "scene.glb", "godot");
     for file in ["project.godot", "levels.gd"] {
         fs::copy(here("tests/godot4").join(file), folder.path().join(file)).unwrap();
     }
@@ -42,9 +45,11 @@ fn godot_draws_each_level_within_its_range() {
     let drawn: Vec<(f64, u64)> = lines
         .map(|line| line.split_once(' ').map(|(at, n)| (at.parse().unwrap(), n.parse().unwrap())).unwrap())
         .collect();
-    let [all, half, tenth] = triangles;
+    let [[all, behind], [half, of_half], [tenth, of_tenth]] = triangles;
+    assert!(behind > 0 && of_half == behind && of_tenth == behind, "{triangles:?}");
+    let [all, half, tenth] = [all, half, tenth].map(|level| level + behind);
     let seen: Vec<u64> = drawn.iter().map(|(_, triangles)| *triangles).collect();
-    // From far off to the edge of each range, each level whole and alone.
+    // From far off to the edge of each range, each level whole and alone before one backdrop.
     assert_eq!(seen[..5], [tenth, tenth, half, half, all], "{said}");
     // Within the scene chunks are skipped that are out of view.
     assert!(seen.len() == 6 && seen[5] > 0 && seen[5] < all, "{said}");
@@ -58,7 +63,7 @@ fn the_script_for_unity_compiles() {
     }
     let folder = TempDir::new().unwrap();
     // A name that is none of a class.
-    levels(folder.path(), "my-room.glb", "unity");
+    levels(folder.path(), &studio(), "my-room.glb", "unity");
     let mut compile = Command::new("mcs");
     compile
         .args(["-target:library", "-define:UNITY_EDITOR", "-warnaserror", "-nowarn:0649"])
@@ -73,7 +78,7 @@ fn the_script_for_unity_compiles() {
 fn the_script_for_unreal_makes_one_mesh_of_all_levels() {
     let Some(mut command) = python("trimesh") else { return };
     let folder = TempDir::new().unwrap();
-    levels(folder.path(), "my-room.glb", "unreal");
+    levels(folder.path(), &studio(), "my-room.glb", "unreal");
     let script = folder.path().join("my-room.lod.py");
     let done = runs(command.arg(&script).env("PYTHONPATH", here("tests/unreal")));
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));

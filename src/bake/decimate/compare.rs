@@ -15,10 +15,12 @@ use rayon::prelude::*;
 
 /// Samples per pixel along each axis.
 const SAMPLES: u32 = 1;
-/// Cameras that are used in a round; the next round uses others.
-const ROUND_VIEWS: usize = 48;
-/// Longest side of their pictures, px: finer detail does not matter here.
+/// Longest side of the pictures, px: finer detail does not matter here.
 const LONGEST_SIDE: u32 = 960;
+/// A picture is made smaller as long as it has this many pixels per face: fewer lose up to 0.1 dB, more gain nothing (docs/benchmarks/bake.md).
+const PX_PER_FACE: f64 = 6.0;
+/// Least of their longest side, px.
+const SHORTEST_SIDE: u32 = 32;
 /// The random sequence of the groups: a part of the output, so it keeps its old name.
 const GROUPING: &str = "thin";
 /// The squared difference between a face and none, sRGB-encoded and summed over channels.
@@ -34,10 +36,23 @@ pub(super) struct Comparison<'a> {
     /// Mean colour of each face, sRGB-encoded. `[F]`
     colors: Vec<[f32; 3]>,
     cameras: Vec<Camera>,
+    /// The cameras for pictures of the size that is drawn now. `[cameras]`
+    drawn: Vec<Camera>,
+    /// How often the number of their pixels was halved.
+    halvings: u32,
     drawing: SolidRasterOptions,
     solid: Solid,
     /// The faces that a camera sees of the whole scene, once it was used, if they fit in memory. `[cameras]`
     targets: Vec<Option<Vec<u32>>>,
+}
+
+/// Which cameras draw.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Round {
+    /// Its number: the next one uses other cameras and groups.
+    pub(super) number: u32,
+    /// Cameras at most.
+    pub(super) views: usize,
 }
 
 impl<'a> Comparison<'a> {
@@ -46,20 +61,24 @@ impl<'a> Comparison<'a> {
             let [a, b, c] = whole.corner_colors(f);
             [0, 1, 2].map(|k| srgb_from_linear((a[k] + b[k] + c[k]) / 3.0))
         };
+        let drawing = views::drawing(cameras, whole, SAMPLES);
+        let cameras: Vec<Camera> = cameras.iter().map(|camera| camera.within(LONGEST_SIDE)).collect();
         Self {
             whole,
             colors: (0..whole.face_count()).into_par_iter().map(color).collect(),
-            drawing: views::drawing(cameras, whole, SAMPLES),
-            cameras: cameras.iter().map(|camera| camera.within(LONGEST_SIDE)).collect(),
+            drawn: cameras.clone(),
+            halvings: 0,
+            drawing,
             solid: Solid::new(),
             targets: vec![None; cameras.len()],
+            cameras,
         }
     }
 
     /// How much worse the scene `kept` looks without each of its faces. `[kept]`
     ///
     /// `visible_px`: the visible area of every face of the whole scene. `[F]`
-    pub(super) fn importance(&mut self, kept: &[u32], visible_px: &[f32], round: u32) -> Vec<f64> {
+    pub(super) fn importance(&mut self, kept: &[u32], visible_px: &[f32], round: Round) -> Vec<f64> {
         let effects = self.effects_of_removing(kept, round);
         let sum = effects.iter().fold(Effect::default(), |sum, e| Effect {
             error_change: sum.error_change + e.error_change,
@@ -75,11 +94,12 @@ impl<'a> Comparison<'a> {
     }
 
     /// What taking a face away does, while a quarter of the others is gone as well. `[kept]`
-    fn effects_of_removing(&mut self, kept: &[u32], round: u32) -> Vec<Effect> {
+    fn effects_of_removing(&mut self, kept: &[u32], round: Round) -> Vec<Effect> {
         let positions = kept.iter().flat_map(|&f| self.whole.corners(f as usize)).collect();
         let scene = Mesh { positions, ..Mesh::default() };
-        let planes: Vec<u8> = kept.iter().map(|&f| group_of(GROUPING, f, round)).collect();
+        let planes: Vec<u8> = kept.iter().map(|&f| group_of(GROUPING, f, round.number)).collect();
         let sums = EffectSums::new(kept.len());
+        self.resize(kept.len());
         self.draw_round(round, &scene, (GROUPS, &planes), |tile, x, y, target| {
             let [before, after] = Nearest::two_of([0, 1, 2, 3].map(|group| tile.nearest(group, x, y)));
             let face = before.face();
@@ -98,16 +118,17 @@ impl<'a> Comparison<'a> {
         kept: &[u32],
         corners: &[[Vec3; 3]],
         candidates: &[Vec<[Vec3; 3]>],
-        round: u32,
+        round: Round,
     ) -> Vec<Vec<Effect>> {
         let count = kept.len() as u32;
         let all = std::iter::once(corners).chain(candidates.iter().map(Vec::as_slice));
         let scene = Mesh { positions: all.flatten().flatten().copied().collect(), ..Mesh::default() };
-        let groups: Vec<u8> = kept.iter().map(|&f| group_of(GROUPING, f, round)).collect();
+        let groups: Vec<u8> = kept.iter().map(|&f| group_of(GROUPING, f, round.number)).collect();
         let plane_of = |set: usize| groups.iter().map(move |g| g + (set * GROUPS) as u8);
         let planes: Vec<u8> = (0..=candidates.len()).flat_map(plane_of).collect();
         let sums: Vec<EffectSums> = candidates.iter().map(|_| EffectSums::new(kept.len())).collect();
         let planes = (GROUPS * (1 + candidates.len()), &planes[..]);
+        self.resize(kept.len());
         self.draw_round(round, &scene, planes, |tile, x, y, target| {
             let unmoved = [0, 1, 2, 3].map(|group| tile.nearest(group, x, y));
             let before = unmoved.into_iter().fold(Nearest::NONE, Nearest::max);
@@ -134,18 +155,37 @@ impl<'a> Comparison<'a> {
         sums.into_iter().map(EffectSums::into_effects).collect()
     }
 
+    /// Makes pictures as large as the comparison of so many faces needs.
+    fn resize(&mut self, faces: usize) {
+        let pixels: f64 = self.cameras.iter().map(|camera| camera.size.as_dvec2().element_product()).sum();
+        let per_face = pixels / self.cameras.len().max(1) as f64 / faces.max(1) as f64;
+        // In steps, as what the whole scene shows has to be drawn anew for each.
+        let halvings = (per_face / PX_PER_FACE).log2().round().max(0.0) as u32;
+        if halvings == self.halvings {
+            return;
+        }
+        self.halvings = halvings;
+        self.targets.fill(None);
+        let share = 0.5f64.powf(f64::from(halvings) / 2.0);
+        let resized = |camera: &Camera| {
+            let side = f64::from(camera.size.max_element()) * share;
+            camera.within((side.round() as u32).max(SHORTEST_SIDE))
+        };
+        self.drawn = self.cameras.iter().map(resized).collect();
+    }
+
     /// Draws `scene` from the cameras of a round with a z-buffer per plane, and calls `on_sample` with every sample
     /// and what the whole scene shows there.
     fn draw_round(
         &mut self,
-        round: u32,
+        round: Round,
         scene: &Mesh,
         planes: (usize, &[u8]),
         on_sample: impl Fn(&PlaneTile<'_>, u32, u32, Target<'_>) + Sync,
     ) {
-        let stride = self.cameras.len().div_ceil(ROUND_VIEWS).max(1);
-        for view in (round as usize % stride..self.cameras.len()).step_by(stride) {
-            let (targets, camera) = (self.take_targets(view), self.cameras[view]);
+        let stride = self.drawn.len().div_ceil(round.views.max(1)).max(1);
+        for view in (round.number as usize % stride..self.drawn.len()).step_by(stride) {
+            let (targets, camera) = (self.take_targets(view), self.drawn[view]);
             let colors = &self.colors;
             self.solid.planes(scene, &camera, &self.drawing, planes, |tile| {
                 for y in 0..tile.size.y {
@@ -163,7 +203,7 @@ impl<'a> Comparison<'a> {
     /// The faces that a camera sees of the whole scene.
     fn take_targets(&mut self, view: usize) -> Vec<u32> {
         self.targets[view].take().unwrap_or_else(|| {
-            self.solid.visibility(self.whole, &self.cameras[view], &self.drawing).face.clone()
+            self.solid.visibility(self.whole, &self.drawn[view], &self.drawing).face.clone()
         })
     }
 

@@ -14,7 +14,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Name of the node, the mesh and the material of the backdrop.
-pub(super) const BACKDROP: &str = "backdrop";
+pub(crate) const BACKDROP: &str = "backdrop";
 
 /// What a part is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

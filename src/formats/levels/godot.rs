@@ -28,6 +28,10 @@ pub(super) fn text(scene: &EngineScene) -> String {
                 _ => range(&mut out, scene, distances[i - 1], distances.get(i).copied()),
             }
         }
+        // That of the finest level is always drawn, and one is enough.
+        if let Some(node) = file.backdrop.filter(|_| i > 0) {
+            line(&mut out, format_args!("\n[node name=\"{node}\" parent=\"Lod{i}\"]\nvisible = false"));
+        }
     }
     line(&mut out, format_args!(""));
     for i in 0..scene.files.len() {
@@ -77,6 +81,8 @@ mod tests {
         // 1080 px, 75 degrees: 703.7 px at a distance of 1, so 0.02 units are 2 px at 7.04; the scene is 3 units nearer.
         assert!((begins[0] - 10.037).abs() < 1e-3, "{begins:?}");
         assert_eq!(text.matches("visibility_parent = NodePath(\"../../Lod1/scene\")").count(), 2);
+        assert_eq!(text.matches("[node name=\"backdrop\"").count(), 2, "those of the coarser levels");
+        assert_eq!(text.matches("]\nvisible = false\n").count(), 2);
         assert!((CAMERA - 37.5f64.to_radians().tan()).abs() < 1e-6);
     }
 

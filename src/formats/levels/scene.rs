@@ -21,6 +21,8 @@ pub(in crate::formats) struct LevelFile {
     pub(in crate::formats) name: String,
     /// Names of its nodes, without the backdrop's.
     pub(in crate::formats) nodes: Vec<String>,
+    /// Name of the backdrop's node, if it has one.
+    pub(in crate::formats) backdrop: Option<&'static str>,
 }
 
 /// The scene and its levels, finest first, and the space they are in.
@@ -45,7 +47,7 @@ impl EngineScene {
         let corners =
             assets.iter().flat_map(|asset| (0..asset.scene_faces()).flat_map(|f| asset.mesh.corners(f)));
         let radius = corners.map(|p| p.as_dvec3().distance(middle)).fold(0.0, f64::max);
-        let details = assets.iter().map(|asset| asset.mesh.detail()).collect();
+        let details = assets.iter().map(|asset| asset.detail()).collect();
         Self { files, details, bounds, radius }
     }
 
@@ -69,6 +71,7 @@ pub(super) fn cube() -> EngineScene {
     let file = |(name, nodes): (&str, &[&str])| LevelFile {
         name: name.into(),
         nodes: nodes.iter().map(|node| (*node).into()).collect(),
+        backdrop: Some("backdrop"),
     };
     let files = [
         ("a.glb", &["chunk_0000", "chunk_0001"][..]),

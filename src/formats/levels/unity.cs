@@ -35,9 +35,10 @@ public static class TrisplatLevels_{class}
         if (model == null) throw new FileNotFoundException(path + " is not there, or no package imports it: install com.unity.cloud.gltfast");
         var level = (GameObject)PrefabUtility.InstantiatePrefab(model, scene.transform);
         level.name = Name + "_LOD" + i;
-        // A backdrop is no part of a level: it is always drawn, and does not count for the size of the scene.
-        var renderers = level.GetComponentsInChildren<Renderer>().Where(renderer => !renderer.name.StartsWith("backdrop"));
-        return new LOD(Heights[i], renderers.ToArray());
+        // A backdrop is no part of a level: that of the finest is always drawn, and does not count for the size of the scene.
+        var renderers = level.GetComponentsInChildren<Renderer>().ToLookup(renderer => renderer.name.StartsWith("backdrop"));
+        foreach (var backdrop in renderers[true]) backdrop.enabled = i == 0;
+        return new LOD(Heights[i], renderers[false].ToArray());
     }
 }
 #endif

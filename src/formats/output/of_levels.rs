@@ -3,7 +3,7 @@
 use super::Output;
 use crate::asset::{Asset, Tile};
 use crate::error::Result;
-use crate::formats::gltf::{scene_nodes, uri};
+use crate::formats::gltf::{BACKDROP, scene_nodes, uri};
 use crate::formats::levels::{EngineLevels, EngineScene, LevelFile};
 use crate::formats::tileset::{self, TilesetTile};
 use std::path::Path;
@@ -27,7 +27,7 @@ impl Output {
     pub(super) fn tileset_text(&self, asset: &Asset) -> String {
         let level = |(i, (asset, output)): (usize, (&Asset, &Output))| {
             let bounds = tileset::bounds(&asset.mesh, asset.scene_faces());
-            let error = if i == 0 { 0.0 } else { Tile::error_of(&asset.mesh) };
+            let error = if i == 0 { 0.0 } else { Tile::error_of(asset.detail()) };
             let uri = Some(uri::from_file_name(&output.file_name()));
             TilesetTile { uri, bounds, error, replaced: true, children: Vec::new() }
         };
@@ -40,7 +40,9 @@ impl Output {
     /// Errors: chunks that do not hold every face once.
     pub(super) fn engine_text(&self, kind: EngineLevels, asset: &Asset) -> Result<String> {
         let file = |(asset, output): (&'_ Asset, &Output)| {
-            Ok(LevelFile { name: output.file_name(), nodes: scene_nodes(asset, output.node)? })
+            let nodes = scene_nodes(asset, output.node)?;
+            let backdrop = asset.apart().filter(|_| self.backdrop.is_none()).map(|_| BACKDROP);
+            Ok(LevelFile { name: output.file_name(), nodes, backdrop })
         };
         let files: Vec<LevelFile> = self.levels_of(asset).map(file).collect::<Result<_>>()?;
         let scene = EngineScene::new(self.levels_of(asset).map(|(asset, _)| asset).zip(files));
