@@ -45,7 +45,7 @@ pub(super) fn expected(load: &BlockLoad, options: &TrainOptions) -> Expected {
     let samples = f64::from(options.solid.samples_per_axis).powi(2);
     let bytes = BASE + photos + per_triangle * triangles as f64 + PER_PIXEL * samples * largest;
     let side = (total / areas.len().max(1) as f64).sqrt().round() as u32;
-    let work = Workload { photo: UVec2::splat(side), triangles: load.trained, position: load.position };
+    let work = Workload { position: load.position, ..Workload::at_start(UVec2::splat(side), load.trained) };
     let trained: f64 = part_secs(&CostModel::FITTED, &work, options).iter().sum();
     let steps = options.steps as f64 * (1.0 - load.position / REFERENCE_STEPS);
     let cpu_secs = trained + steps * load.frozen as f64 * DRAWN_SECS;

@@ -27,7 +27,7 @@ use std::io::Write;
 use std::path::Path;
 
 /// The layout written and read; it changes whenever a key or an array does.
-const FORMAT: u32 = 8;
+const FORMAT: u32 = 9;
 
 /// A run between two steps.
 #[derive(Debug, Clone, PartialEq)]

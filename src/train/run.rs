@@ -343,6 +343,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         record: &mut Recorder,
         observer: &mut dyn TrainObserver,
     ) -> Result<(TrainSample, bool)> {
+        let triangles = self.trainer.triangles() as u64;
         let outcome = self.trainer.step()?;
         let Self { trainer, paced, outputs, .. } = self;
         let step = trainer.steps();
@@ -353,7 +354,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         if let Some(refined) = &outcome.refined {
             observer.refined(now.step, refined);
         }
-        keep_pace(trainer, paced.as_mut(), observer);
+        keep_pace(trainer, triangles, paced.as_mut(), observer);
         let is_over = self.is_over();
         let Self { trainer, paced, outputs, .. } = self;
         let spent = outputs.max_cpu_secs > 0.0 && now.cpu_secs >= outputs.max_cpu_secs;
@@ -418,14 +419,17 @@ fn origin(taught: Option<(Provenance, Vec<Camera>)>, dataset: &Dataset) -> (Prov
     }
 }
 
-/// At a milestone, chooses the steps that are left anew.
+/// Counts the last step, which had so many triangles; at a milestone, chooses the steps that are left anew.
 fn keep_pace<B: TrainBackend>(
     trainer: &mut Trainer<B>,
+    triangles: u64,
     paced: Option<&mut Paced>,
     observer: &mut dyn TrainObserver,
 ) {
     let Some(Paced { pace, spending }) = paced else { return };
-    let (step, triangles) = (trainer.steps(), trainer.triangles() as u64);
+    let step = trainer.steps();
+    pace.stepped(step.saturating_sub(1), triangles, trainer.options());
+    let triangles = trainer.triangles() as u64;
     if let Some(options) = pace.corrected(step, spending.seconds(), triangles, trainer.options()) {
         trainer.stretch(&options);
         if let Some(correction) = pace.corrections.last() {

@@ -24,6 +24,21 @@ pub struct StepLoad {
     pub geometry: bool,
 }
 
+impl StepLoad {
+    /// Of step `step` (from 0) of a run of `options`, with photos of `photo` px where they have their full size.
+    pub fn of_step(options: &TrainOptions, step: u64, photo: UVec2, triangles: f64) -> Self {
+        let schedule = Schedule::new(options);
+        let rates = schedule.rates(step);
+        let size = size_at(photo, schedule.level(step), options.warmup.min_px);
+        Self {
+            pixels: size.as_dvec2().element_product(),
+            triangles,
+            engine_shading: rates.engine_shading.is_some(),
+            geometry: rates.beta_normal > 0.0 || rates.beta_distortion > 0.0,
+        }
+    }
+}
+
 /// CPU seconds of a step on the machine of the fit: a constant, per triangle and per pixel, soft and with engine shading.
 const FITTED: [[f64; 3]; 2] = [[1.1e-3, 0.52e-6, 0.067e-6], [0.0, 0.76e-6, 0.143e-6]];
 
@@ -75,6 +90,34 @@ pub struct Workload {
     pub triangles: u64,
     /// The position, of a 30,000-step run, at which they are counted.
     pub position: f64,
+    /// Triangles after a refinement per triangle before; none: as many more as the options permit, less what is usually pruned.
+    pub growth: Option<f64>,
+}
+
+impl Workload {
+    /// A scene of so many triangles at the beginning.
+    pub fn at_start(photo: UVec2, triangles: u64) -> Self {
+        Self { photo, triangles, position: 0.0, growth: None }
+    }
+
+    /// By how much each refinement made the scene grow to `triangles` at `position`.
+    pub fn growth_to(&self, triangles: u64, position: f64, options: &TrainOptions) -> f64 {
+        let refinements = refinements([self.position, position], options).max(1.0);
+        let factor = (triangles as f64 / self.triangles.max(1) as f64).powf(1.0 / refinements);
+        factor.clamp(1.0, most_growth(options))
+    }
+}
+
+/// Refinements between two positions.
+fn refinements([from, until]: [f64; 2], options: &TrainOptions) -> f64 {
+    let refine = &options.refine;
+    let from = from.max(refine.from - refine.every);
+    ((until.min(refine.until) - from) / refine.every).max(0.0).floor()
+}
+
+/// Triangles after a refinement that is full per triangle before.
+fn most_growth(options: &TrainOptions) -> f64 {
+    ((1.0 + options.refine.growth) * KEPT).max(1.0)
 }
 
 /// Positions per cell that is taken as one load.
@@ -85,20 +128,13 @@ pub fn part_secs(model: &CostModel, workload: &Workload, options: &TrainOptions)
     let mut secs = [0.0; 5];
     // Where the schedule of a whole run is, positions and steps are the same.
     let reference = TrainOptions { steps: REFERENCE_STEPS as u64, milestones: [0; 4], ..options.clone() };
-    let (schedule, timeline) = (Schedule::new(&reference), Timeline::new(options));
+    let timeline = Timeline::new(options);
     let mut position = workload.position;
     while position < REFERENCE_STEPS {
         let end = next_cell(position);
         let middle = 0.5 * (position + end);
-        let step = middle as u64;
-        let size = size_at(workload.photo, schedule.level(step), options.warmup.min_px);
-        let rates = schedule.rates(step);
-        let load = StepLoad {
-            pixels: size.as_dvec2().element_product(),
-            triangles: triangles_at(middle, workload, options),
-            engine_shading: rates.engine_shading.is_some(),
-            geometry: rates.beta_normal > 0.0 || rates.beta_distortion > 0.0,
-        };
+        let triangles = triangles_at(middle, workload, options);
+        let load = StepLoad::of_step(&reference, middle as u64, workload.photo, triangles);
         let part = MILESTONES.iter().filter(|milestone| **milestone <= position).count();
         let density = timeline.density(timeline.step_at(position)) / REFERENCE_STEPS;
         secs[part] += (end - position) * density * model.step_secs(&load);
@@ -115,12 +151,9 @@ fn next_cell(position: f64) -> f64 {
 
 /// How many triangles there will be: they grow at each refinement until as many are there as may be.
 fn triangles_at(position: f64, workload: &Workload, options: &TrainOptions) -> f64 {
-    let refine = &options.refine;
-    let most = options.max_triangles as f64;
-    let from = workload.position.max(refine.from - refine.every);
-    let refinements = ((position.min(refine.until) - from) / refine.every).max(0.0).floor();
-    let factor = ((1.0 + refine.growth) * KEPT).max(1.0);
-    (workload.triangles as f64 * factor.powf(refinements.min(1e3))).min(most)
+    let factor = workload.growth.unwrap_or_else(|| most_growth(options));
+    let refinements = refinements([workload.position, position], options).min(1e3);
+    (workload.triangles as f64 * factor.powf(refinements)).min(options.max_triangles as f64)
 }
 
 #[cfg(test)]
@@ -128,7 +161,7 @@ mod tests {
     use super::*;
 
     fn workload(position: f64) -> Workload {
-        Workload { photo: UVec2::new(480, 270), triangles: 10_000, position }
+        Workload { position, ..Workload::at_start(UVec2::new(480, 270), 10_000) }
     }
 
     fn options(steps: u64) -> TrainOptions {

@@ -1,6 +1,6 @@
 //! Keeps a run to its budget: at each milestone the steps that are left are chosen anew, from what those so far have cost.
 
-use super::cost::{CostModel, Workload, part_secs};
+use super::cost::{CostModel, StepLoad, Workload, part_secs};
 use super::plan::{Plan, PlanInput};
 use crate::budget::{Budget, Seconds, Spending};
 use crate::train::options::TrainOptions;
@@ -27,8 +27,10 @@ pub struct Pace {
     /// Seconds spent when the part that runs began, and when its state was last stored.
     began_secs: f64,
     stored_secs: f64,
-    /// Seconds that the part that runs is expected to take.
-    expected_secs: f64,
+    /// Seconds that the steps of the part that runs should have taken with the triangles they had, by the model.
+    modelled_secs: f64,
+    /// Seconds that the part that runs takes beside its steps: photos are decoded in the first.
+    decoding_secs: f64,
 }
 
 /// A pace, and the clock that tells what is spent.
@@ -71,11 +73,9 @@ impl Pace {
     pub fn new(input: &PlanInput<'_>, plan: &Plan, spent_secs: f64) -> Self {
         let options = plan.apply(input.options);
         let triangles = input.calibration.triangles.min(plan.max_triangles);
-        let workload = Workload { photo: input.photo_of(plan.max_size), triangles, position: 0.0 };
+        let workload = Workload::at_start(input.photo_of(plan.max_size), triangles);
         let model = input.calibration.model;
-        // Photos are decoded while the first part runs.
-        let parts = part_secs(&model, &workload, &options);
-        let decoding = (plan.step_secs - parts.iter().sum::<f64>()).max(0.0);
+        let steps: f64 = part_secs(&model, &workload, &options).iter().sum();
         Self {
             budget: input.budget,
             plan: plan.clone(),
@@ -84,8 +84,15 @@ impl Pace {
             workload,
             began_secs: spent_secs,
             stored_secs: spent_secs,
-            expected_secs: parts[0] + decoding,
+            modelled_secs: 0.0,
+            decoding_secs: (plan.step_secs - steps).max(0.0),
         }
+    }
+
+    /// Counts step `step` (from 0), made with so many triangles: how many there would be was a guess, and fewer of them do not make a machine faster.
+    pub fn stepped(&mut self, step: u64, triangles: u64, options: &TrainOptions) {
+        let load = StepLoad::of_step(options, step, self.workload.photo, triangles as f64);
+        self.modelled_secs += self.model.step_secs(&load);
     }
 
     /// After `step` steps, `spent_secs` being spent: the options of the rest of the run, when this is a milestone. Those before it
@@ -99,20 +106,24 @@ impl Pace {
     ) -> Option<TrainOptions> {
         let part = options.milestones.iter().position(|milestone| *milestone == step)?;
         self.learn(part, spent_secs, options);
-        self.workload = Workload { triangles, position: MILESTONES[part], ..self.workload };
+        let position = MILESTONES[part];
+        // Photos become larger on the way, and a scene then grows faster than before, so that most can be said only where no milestone follows.
+        let growth =
+            (part + 1 == MILESTONES.len()).then(|| self.workload.growth_to(triangles, position, options));
+        self.workload = Workload { triangles, position, growth, ..self.workload };
         let left = self.budget.seconds.0 - self.plan.reserve_secs - spent_secs;
         let expected: f64 = part_secs(&self.model, &self.workload, options).iter().sum();
         let stretch = (left / expected.max(1e-9)).clamp(0.0, MOST_STRETCH);
         let corrected = stretched(options, part, stretch);
-        self.began_secs = spent_secs;
-        self.expected_secs = part_secs(&self.model, &self.workload, &corrected)[part + 1];
+        (self.began_secs, self.modelled_secs, self.decoding_secs) = (spent_secs, 0.0, 0.0);
         self.corrections.push(Correction { step, spent_secs, steps: corrected.steps });
         Some(corrected)
     }
 
     /// Takes over what the steps of a part have cost.
     fn learn(&mut self, part: usize, spent_secs: f64, options: &TrainOptions) {
-        let ratio = (spent_secs - self.began_secs) / self.expected_secs.max(1e-9);
+        let expected_secs = self.modelled_secs + self.decoding_secs;
+        let ratio = (spent_secs - self.began_secs) / expected_secs.max(1e-9);
         if !(ratio.is_finite() && ratio > 0.0) {
             return;
         }
@@ -197,43 +208,57 @@ mod tests {
             },
             photos: 40,
             held_out: 6,
-            photo: UVec2::new(480, 270),
+            photo: PHOTO,
             triangles_given: false,
             size_given: false,
             from_scene: false,
         }
     }
 
-    /// Runs a plan on a machine whose steps cost what `actual` says, and returns the seconds spent and the options at the end.
-    fn run(seconds: f64, actual: CostModel, resume_at: Option<usize>) -> (f64, TrainOptions) {
+    const PHOTO: UVec2 = UVec2::new(480, 270);
+
+    /// Runs a plan on a machine whose steps cost what `actual` says, with a scene that has `triangles(position, most)` triangles; returns the seconds spent, the
+    /// options at the end and the pace.
+    fn run(
+        seconds: f64,
+        actual: CostModel,
+        triangles: impl Fn(f64, u64) -> u64,
+        resume_at: Option<usize>,
+    ) -> (f64, TrainOptions, Pace) {
         let base = TrainOptions::default();
         let input = input(&base, seconds);
         let plan = plan(&input).unwrap();
         let (mut options, mut spent) = (plan.apply(&base), input.spent_secs);
+        let triangles = |position: f64| triangles(position, plan.max_triangles);
         let mut pace = Pace::new(&input, &plan, spent);
-        spent += plan.step_secs
-            - part_secs(&CostModel::FITTED, &workload(&plan, 0.0), &options).iter().sum::<f64>();
+        spent += pace.decoding_secs;
+        let mut step = 0;
         for part in 0..5 {
-            let position = if part == 0 { 0.0 } else { MILESTONES[part - 1] };
             if resume_at == Some(part) {
                 pace = pace.stored(spent);
                 // The scene and the photos are read again.
                 spent += 3.0;
                 pace.resume(spent);
             }
-            spent += part_secs(&actual, &workload(&plan, position), &options)[part];
+            let end = options.milestones.get(part).copied().unwrap_or(options.steps);
+            for now in step..end {
+                let triangles = triangles(Timeline::new(&options).position(now));
+                let load = StepLoad::of_step(&options, now, PHOTO, triangles as f64);
+                spent += actual.step_secs(&load);
+                pace.stepped(now, triangles, &options);
+            }
+            step = end;
             if part < 4 {
-                let step = options.milestones[part];
-                options = pace.corrected(step, spent, plan.max_triangles, &options).unwrap();
+                options = pace.corrected(step, spent, triangles(MILESTONES[part]), &options).unwrap();
                 options.validate().unwrap();
             }
         }
-        (spent + plan.reserve_secs, options)
+        (spent + plan.reserve_secs, options, pace)
     }
 
-    fn workload(plan: &Plan, position: f64) -> Workload {
-        let triangles = if position > 0.0 { plan.max_triangles } else { 10_000.min(plan.max_triangles) };
-        Workload { photo: UVec2::new(480, 270), triangles, position }
+    /// A scene that is full soon.
+    fn full(position: f64, most: u64) -> u64 {
+        if position < 6000.0 { most.min(10_000) } else { most }
     }
 
     #[test]
@@ -252,21 +277,36 @@ mod tests {
     #[test]
     fn a_run_ends_with_its_budget_on_a_machine_that_is_not_as_measured() {
         for scale in [[1.0, 1.0], [0.5, 0.6], [1.6, 1.2], [1.0, 2.0]] {
-            let (spent, options) = run(60.0, CostModel { scale }, None);
+            let (spent, options, _) = run(60.0, CostModel { scale }, full, None);
             assert!((spent / 60.0 - 1.0).abs() < 0.05, "{scale:?}: {spent}");
             assert!(options.milestones.is_sorted() && options.milestones[3] < options.steps);
         }
     }
 
     #[test]
+    fn a_scene_that_stays_small_is_not_taken_for_a_fast_machine() {
+        // An hour of a scene that never has a quarter of the triangles that it may have.
+        let (spent, options, pace) = run(3600.0, CostModel::FITTED, |_, most| most / 4, None);
+        for scale in pace.model.scale {
+            assert!((scale - 1.0).abs() < 1e-6, "{scale}");
+        }
+        assert!((spent / 3600.0 - 1.0).abs() < 0.05, "{spent}");
+        // No part of the schedule gets what was spared all along.
+        let plain = Timeline::proportional(options.steps);
+        for (made, plain) in options.milestones.iter().zip(plain) {
+            assert!((*made as f64 / plain as f64 - 1.0).abs() < 0.5, "{:?}, {plain:?}", options.milestones);
+        }
+    }
+
+    #[test]
     fn a_resumed_run_has_what_is_left() {
-        let (spent, _) = run(60.0, CostModel { scale: [1.1, 1.1] }, Some(2));
+        let (spent, ..) = run(60.0, CostModel { scale: [1.1, 1.1] }, full, Some(2));
         assert!((spent / 60.0 - 1.0).abs() < 0.05, "{spent}");
     }
 
     #[test]
     fn a_run_too_slow_for_its_budget_still_passes_every_part() {
-        let (_, options) = run(20.0, CostModel { scale: [40.0, 40.0] }, None);
+        let (_, options, _) = run(20.0, CostModel { scale: [40.0, 40.0] }, full, None);
         let [a, b, c, d] = options.milestones;
         assert!([b - a, c - b, d - c, options.steps - d].iter().all(|steps| *steps >= 1));
         let schedule = Schedule::new(&options);

@@ -111,7 +111,7 @@ impl<'a> PlanInput<'a> {
     /// Seconds of a run of `options` until its last step is made.
     fn run_secs(&self, options: &TrainOptions, photo: UVec2) -> f64 {
         let triangles = self.calibration.triangles.min(options.max_triangles);
-        let workload = Workload { photo, triangles, position: 0.0 };
+        let workload = Workload::at_start(photo, triangles);
         let steps: f64 = part_secs(&self.calibration.model, &workload, options).iter().sum();
         // Held-out photos are decoded once, too.
         let decoded = self.photos.min(options.steps) + self.held_out;
