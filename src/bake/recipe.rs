@@ -308,6 +308,7 @@ impl<'a> Recipe<'a> {
         let unseen_options =
             UnseenOptions { keep_unseen: options.unseen.keep_unseen || chosen, ..options.unseen.clone() };
         let cameras = if chosen && budget.is_none() { &[] } else { cameras };
+        let shell = &self.shell;
         self.report.long_stage(
             self.observer,
             mesh,
@@ -318,7 +319,12 @@ impl<'a> Recipe<'a> {
                     let progress = &mut progress.part(0.0, 0.5);
                     details.masked = masked(mesh, views.as_deref_mut(), &unseen_options, progress)?;
                 }
+                let spared = shell.spare_from(mesh, budget);
+                let budget = budget.map(|most| most - spared.face_count() as u64);
                 let outcome = unseen(mesh, cameras, views, &unseen_options, budget, details, progress)?;
+                if spared.face_count() > 0 {
+                    mesh.append(spared)?;
+                }
                 Ok(if details.masked.is_some_and(|dropped| dropped > 0) {
                     Outcome::Changed(())
                 } else {

@@ -14,6 +14,9 @@ const THICKNESS: f32 = 0.02;
 /// How far beyond the circle around a triangle of the shell a corner still belongs to it, in that circle's radius.
 const REACH: f32 = 1.2;
 
+/// A budget of triangles keeps a shell as it is when it is worth this many of them.
+const LEAST_SHELLS: u64 = 8;
+
 /// The surface of a shell.
 #[derive(Debug, Default)]
 pub(super) struct Shell {
@@ -72,6 +75,21 @@ impl Shell {
         shell
     }
 
+    /// Takes the shell out of `mesh` when the mesh is larger than `budget` and the shell a small part of it: dropping half of a closed surface saves
+    /// little, and leaves holes wherever no camera looks. Smaller budgets are spent on what cameras see.
+    pub(super) fn spare_from(&self, mesh: &mut Mesh, budget: Option<u64>) -> Mesh {
+        let Some(budget) = budget.filter(|most| *most < mesh.face_count() as u64) else {
+            return Mesh::default();
+        };
+        let mut rest = mesh.clone();
+        let shell = self.take_from(&mut rest);
+        if shell.face_count() as u64 > budget / LEAST_SHELLS || rest.face_count() == 0 {
+            return Mesh::default();
+        }
+        *mesh = rest;
+        shell
+    }
+
     /// Whether a point lies in the surface.
     fn holds(&self, point: Vec3) -> bool {
         let near = |t: &ShellTriangle| {
@@ -126,5 +144,21 @@ mod tests {
         assert_eq!((taken.face_count(), mesh.face_count()), (8, 2));
         assert!((0..8).all(|f| taken.flat_normal(f).dot(taken.centroid(f)) < 0.0), "fronts are inside");
         assert_eq!(Shell::default().take_from(&mut mesh).face_count(), 0);
+    }
+
+    #[test]
+    fn a_shell_is_spared_where_it_is_a_small_part_of_a_budget() {
+        let soup = Soup { vertices: octahedron(), ..Soup::default() };
+        let shell = Shell::of(&soup, 8, &[]);
+        let within =
+            (0..100).map(|i| [Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| p + Vec3::X * (i as f32 / 100.0)));
+        let triangles: Vec<[Vec3; 3]> = octahedron().into_iter().chain(within).collect();
+        let colors = Colors::Face(vec![[0.5; 3]; triangles.len()]);
+        let whole = Mesh { positions: triangles.into_flattened(), colors, ..Mesh::default() };
+        for (budget, spared) in [(None, 0), (Some(108), 0), (Some(107), 8), (Some(64), 8), (Some(63), 0)] {
+            let mut mesh = whole.clone();
+            assert_eq!(shell.spare_from(&mut mesh, budget).face_count(), spared, "{budget:?}");
+            assert_eq!(mesh.face_count(), 108 - spared, "{budget:?}");
+        }
     }
 }

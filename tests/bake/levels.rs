@@ -1,6 +1,7 @@
 //! Levels of detail: which triangles stay, and what they cover.
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
+use std::path::Path;
 use trisplat::asset::Asset;
 use trisplat::bake::decimate::Decimation;
 use trisplat::bake::lod::{LodDetails, LodOptions, LodRanking};
@@ -98,6 +99,27 @@ fn every_prefix_of_the_order_is_a_level() {
     let above = ranked(300);
     let set = |order: &[u32]| order[..362].iter().copied().collect::<std::collections::BTreeSet<u32>>();
     assert_eq!(set(&above), set(&order));
+}
+
+#[test]
+fn a_budget_keeps_the_shell_whole() {
+    let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/soups/trained.ply");
+    let baked = |max_triangles: Option<u64>| {
+        let mut options = BakeOptions::preset(BakePreset::Default);
+        options.prune.max_triangles = max_triangles;
+        Bake::new(&options).run([trisplat::formats::read(&sample, &Default::default()).unwrap()]).unwrap()
+    };
+    let whole = baked(None);
+    let shell = whole.provenance.backdrop;
+    assert!(shell > 0 && 8 * u64::from(shell) + 500 < whole.mesh.face_count() as u64);
+    let fewer = baked(Some(8 * u64::from(shell) + 500));
+    assert_eq!(fewer.mesh.face_count() as u64, 8 * u64::from(shell) + 500);
+    assert_eq!(fewer.provenance.backdrop, shell);
+    // It is placed by what is before it, so where it lies may differ a little, but not its shape.
+    let area = |asset: &Asset| {
+        (asset.scene_faces()..asset.mesh.face_count()).map(|f| asset.mesh.area(f)).sum::<f64>()
+    };
+    assert!((area(&fewer) / area(&whole) - 1.0).abs() < 1e-5, "{} of {}", area(&fewer), area(&whole));
 }
 
 #[test]
