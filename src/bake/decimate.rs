@@ -40,12 +40,23 @@ const MOVES_TRIED: u32 = 1;
 pub struct Decimation<'a> {
     mesh: &'a Mesh,
     comparison: Comparison<'a>,
+    /// Faces that are never dropped or moved; empty for none. `[F]`
+    spared: Vec<bool>,
 }
 
 impl<'a> Decimation<'a> {
     /// Of `mesh`, as `cameras` see it.
     pub fn new(mesh: &'a Mesh, cameras: &[Camera]) -> Self {
-        Self { mesh, comparison: Comparison::new(mesh, cameras) }
+        Self { mesh, comparison: Comparison::new(mesh, cameras), spared: Vec::new() }
+    }
+
+    /// The same, but that some faces are never dropped or moved. `[F]`
+    pub fn sparing(self, spared: Vec<bool>) -> Self {
+        Self { spared, ..self }
+    }
+
+    fn is_spared(&self, face: u32) -> bool {
+        self.spared.get(face as usize).copied().unwrap_or(false)
     }
 
     /// `faces`, all of them visible and in any order, ordered so that the first n of them are the n best to keep, for
@@ -66,7 +77,12 @@ impl<'a> Decimation<'a> {
             progress.set(all - kept.len(), all - last_round.min(all));
             let keep = ((kept.len() as f64 * ROUND_SHARE) as usize).max(fewest);
             let round = Round { number: round, views: RANK_VIEWS };
-            let importance = self.comparison.importance(&kept, visible_px, round);
+            let mut importance = self.comparison.importance(&kept, visible_px, round);
+            for (importance, face) in importance.iter_mut().zip(&kept) {
+                if self.is_spared(*face) {
+                    *importance = f64::INFINITY;
+                }
+            }
             let mut order: Vec<usize> = (0..kept.len()).collect();
             order.sort_unstable_by(|&a, &b| importance[b].total_cmp(&importance[a]).then(a.cmp(&b)));
             let sorted: Vec<u32> = order.iter().map(|&i| kept[i]).collect();
@@ -94,7 +110,10 @@ impl<'a> Decimation<'a> {
             progress.set(round as usize, rounds as usize);
             let moved = |candidate: u32| -> Vec<[Vec3; 3]> {
                 let draw = round * MOVES_TRIED + candidate;
-                corners.iter().zip(&kept).map(|(c, &f)| with_moved_corner(*c, f, draw)).collect()
+                let moved = |(c, f): (&[Vec3; 3], &u32)| {
+                    if self.is_spared(*f) { *c } else { with_moved_corner(*c, *f, draw) }
+                };
+                corners.iter().zip(&kept).map(moved).collect()
             };
             let candidates: Vec<Vec<[Vec3; 3]>> = (0..MOVES_TRIED).map(moved).collect();
             let round = Round { number: round, views: MOVE_VIEWS };

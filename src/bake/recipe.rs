@@ -25,7 +25,7 @@ use super::shell::Shell;
 use super::solid::solid;
 use super::teacher::{is_solid, teacher};
 use super::tiles::tiles;
-use super::unseen::{UnseenDetails, UnseenOptions, masked, unseen};
+use super::unseen::{FaceLimit, UnseenDetails, UnseenOptions, masked, unseen};
 use super::views::Views;
 use super::weld::weld;
 use crate::asset::{Asset, Placement, Provenance};
@@ -319,12 +319,8 @@ impl<'a> Recipe<'a> {
                     let progress = &mut progress.part(0.0, 0.5);
                     details.masked = masked(mesh, views.as_deref_mut(), &unseen_options, progress)?;
                 }
-                let spared = shell.spare_from(mesh, budget);
-                let budget = budget.map(|most| most - spared.face_count() as u64);
-                let outcome = unseen(mesh, cameras, views, &unseen_options, budget, details, progress)?;
-                if spared.face_count() > 0 {
-                    mesh.append(spared)?;
-                }
+                let limit = FaceLimit { most: budget, spared: shell.spared_in(mesh, budget) };
+                let outcome = unseen(mesh, cameras, views, &unseen_options, &limit, details, progress)?;
                 Ok(if details.masked.is_some_and(|dropped| dropped > 0) {
                     Outcome::Changed(())
                 } else {

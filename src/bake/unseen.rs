@@ -98,8 +98,16 @@ pub struct CurvePoint {
     pub psnr: f64,
 }
 
-/// Drops what `cameras`, those of `views` if there are photos, do not see of `mesh`; at most `max_triangles` stay,
-/// the most important ones.
+/// How many faces may stay.
+#[derive(Debug, Clone, Default)]
+pub struct FaceLimit {
+    /// So many at most, the most important ones.
+    pub most: Option<u64>,
+    /// Faces that stay as they are, whatever is seen of them; fewer than may stay, and empty for none. `[F]`
+    pub spared: Vec<bool>,
+}
+
+/// Drops what `cameras`, those of `views` if there are photos, do not see of `mesh`, and more as long as it has more faces than `limit` permits.
 ///
 /// Errors: an option out of range, a photo that cannot be decoded, no triangle in any view.
 pub fn unseen(
@@ -107,7 +115,7 @@ pub fn unseen(
     cameras: &[Camera],
     views: Option<&mut Views>,
     options: &UnseenOptions,
-    max_triangles: Option<u64>,
+    limit: &FaceLimit,
     details: &mut UnseenDetails,
     progress: &mut StageProgress<'_>,
 ) -> Result<Outcome<()>> {
@@ -115,7 +123,7 @@ pub fn unseen(
     if let (None, Some(db)) = (&views, options.max_error) {
         return Err(Error::invalid("max_error", db, "`dataset`: error is measured on photos"));
     }
-    let most = max_triangles.map_or(usize::MAX, |most| usize::try_from(most).unwrap_or(usize::MAX).max(1));
+    let most = limit.most.map_or(usize::MAX, |most| usize::try_from(most).unwrap_or(usize::MAX).max(1));
     if let Some(why) = nothing_to_do(mesh, cameras, options, most) {
         return Ok(Outcome::Unneeded(why));
     }
@@ -147,9 +155,10 @@ pub fn unseen(
         // Those kept come before those hardly seen.
         ranked[seen..visible + kept_unseen].rotate_left(visible - seen);
     }
+    let [seen, needed] = spared_first(&mut ranked, &limit.spared, [seen, needed]);
     let mut keep = needed.min(most);
     let decimates = keep < seen || options.max_error.is_some();
-    let mut decimation = decimates.then(|| Decimation::new(mesh, cameras));
+    let mut decimation = decimates.then(|| Decimation::new(mesh, cameras).sparing(limit.spared.clone()));
     if let Some(decimation) = &mut decimation {
         let fewest = if options.max_error.is_some() { visible / FEWEST } else { keep }.max(1);
         let candidates = &mut ranked[..seen];
@@ -196,6 +205,17 @@ pub fn masked(
     let dropped = (mesh.face_count() - kept.len()) as u64;
     mesh.keep(&kept);
     Ok(Some(dropped))
+}
+
+/// Puts the faces that are `spared` first, the order unchanged otherwise; returns how many faces then precede each of `ends`, all spared ones among them.
+fn spared_first<const N: usize>(ranked: &mut [u32], spared: &[bool], ends: [usize; N]) -> [usize; N] {
+    if spared.is_empty() {
+        return ends;
+    }
+    let is_spared = |face: &u32| spared[*face as usize];
+    let ends = ends.map(|end| end + ranked[end..].iter().filter(|face| is_spared(face)).count());
+    ranked.sort_by_key(|face| !is_spared(face));
+    ends
 }
 
 /// Puts those of `faces` first that lie outside every picture, the order unchanged otherwise; returns how many.

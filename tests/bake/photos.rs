@@ -9,7 +9,7 @@ use trisplat::asset::{Asset, Placement, UpAxis};
 use trisplat::bake::backdrop::{BackdropDetails, BackdropOptions, BackdropWhen, backdrop};
 use trisplat::bake::pace::BakePace;
 use trisplat::bake::refit::{self, RefitColors, RefitDetails, RefitOptions};
-use trisplat::bake::unseen::{self, UnseenDetails, UnseenOptions};
+use trisplat::bake::unseen::{self, FaceLimit, UnseenDetails, UnseenOptions};
 use trisplat::bake::views::Views;
 use trisplat::bake::{Bake, BakeOptions};
 use trisplat::camera::Camera;
@@ -40,7 +40,8 @@ fn unseen(
     most: Option<u64>,
     details: &mut UnseenDetails,
 ) -> Result<Outcome<()>> {
-    unseen::unseen(mesh, cameras, views, options, most, details, &mut StageProgress::new(&mut ()))
+    let limit = FaceLimit { most, ..FaceLimit::default() };
+    unseen::unseen(mesh, cameras, views, options, &limit, details, &mut StageProgress::new(&mut ()))
 }
 
 /// Triangles of some size around the origin, with a colour per corner.
