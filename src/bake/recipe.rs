@@ -319,7 +319,10 @@ impl<'a> Recipe<'a> {
                     let progress = &mut progress.part(0.0, 0.5);
                     details.masked = masked(mesh, views.as_deref_mut(), &unseen_options, progress)?;
                 }
-                let limit = FaceLimit { most: budget, spared: shell.spared_in(mesh, budget) };
+                let spared = shell.spared_in(mesh, budget);
+                // Behind a scene that keeps its shell comes no sphere that room is left for.
+                let most = if spared.is_empty() { budget } else { options.prune.max_triangles };
+                let limit = FaceLimit { most, spared };
                 let outcome = unseen(mesh, cameras, views, &unseen_options, &limit, details, progress)?;
                 Ok(if details.masked.is_some_and(|dropped| dropped > 0) {
                     Outcome::Changed(())

@@ -248,8 +248,8 @@ mod tests {
                 pace.stepped(now, triangles, &options);
             }
             step = end;
-            if part < 4 {
-                options = pace.corrected(step, spent, triangles(MILESTONES[part]), &options).unwrap();
+            if let Some(milestone) = MILESTONES.get(part) {
+                options = pace.corrected(step, spent, triangles(*milestone), &options).unwrap();
                 options.validate().unwrap();
             }
         }
