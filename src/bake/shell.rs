@@ -78,7 +78,7 @@ impl Shell {
         let Some(budget) = budget.filter(|most| *most < mesh.face_count() as u64) else { return Vec::new() };
         let inside = self.faces_in(mesh);
         let count = inside.iter().filter(|inside| **inside).count() as u64;
-        if count > budget / LEAST_SHELLS { Vec::new() } else { inside }
+        if (1..=budget / LEAST_SHELLS).contains(&count) { inside } else { Vec::new() }
     }
 
     /// Whether each face of `mesh` lies in the shell. `[F]`
@@ -156,6 +156,8 @@ mod tests {
             let faces = shell.spared_in(&whole, budget);
             assert_eq!(faces.iter().filter(|face| **face).count(), spared, "{budget:?}");
             assert!(faces.iter().skip(8).all(|face| !face), "{budget:?}");
+            assert_eq!(faces.is_empty(), spared == 0, "{budget:?}");
         }
+        assert!(Shell::default().spared_in(&whole, Some(64)).is_empty(), "room is left for another backdrop");
     }
 }
