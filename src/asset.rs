@@ -82,12 +82,17 @@ impl Asset {
         self.mesh.detail_of_first(self.scene_faces())
     }
 
+    /// Whether there is a scene and a backdrop.
+    pub fn has_backdrop(&self) -> bool {
+        (1..self.mesh.face_count()).contains(&self.scene_faces())
+    }
+
     /// The scene and its backdrop as two assets without levels; `None` when it has none.
     pub fn apart(&self) -> Option<(Asset, Asset)> {
-        let faces = self.scene_faces();
-        if faces == 0 || faces == self.mesh.face_count() {
+        if !self.has_backdrop() {
             return None;
         }
+        let faces = self.scene_faces();
         let mut mesh = self.mesh.clone();
         let behind = mesh.split_off(faces);
         let provenance = |backdrop| Provenance { backdrop, ..self.provenance.clone() };

@@ -41,17 +41,17 @@ pub struct Decimation<'a> {
     mesh: &'a Mesh,
     comparison: Comparison<'a>,
     /// Faces that are never dropped or moved; empty for none. `[F]`
-    spared: Vec<bool>,
+    spared: &'a [bool],
 }
 
 impl<'a> Decimation<'a> {
     /// Of `mesh`, as `cameras` see it.
     pub fn new(mesh: &'a Mesh, cameras: &[Camera]) -> Self {
-        Self { mesh, comparison: Comparison::new(mesh, cameras), spared: Vec::new() }
+        Self { mesh, comparison: Comparison::new(mesh, cameras), spared: &[] }
     }
 
     /// The same, but that some faces are never dropped or moved. `[F]`
-    pub fn sparing(self, spared: Vec<bool>) -> Self {
+    pub fn sparing(self, spared: &'a [bool]) -> Self {
         Self { spared, ..self }
     }
 

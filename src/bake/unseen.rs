@@ -158,7 +158,7 @@ pub fn unseen(
     let [seen, needed] = spared_first(&mut ranked, &limit.spared, [seen, needed]);
     let mut keep = needed.min(most);
     let decimates = keep < seen || options.max_error.is_some();
-    let mut decimation = decimates.then(|| Decimation::new(mesh, cameras).sparing(limit.spared.clone()));
+    let mut decimation = decimates.then(|| Decimation::new(mesh, cameras).sparing(&limit.spared));
     if let Some(decimation) = &mut decimation {
         let fewest = if options.max_error.is_some() { visible / FEWEST } else { keep }.max(1);
         let candidates = &mut ranked[..seen];

@@ -359,12 +359,12 @@ impl SetWriter<'_> {
     fn all(&mut self, asset: &Asset, output: &Output, details: &mut WriteDetails) -> Result<Vec<String>> {
         let mut warnings;
         let mut quiet = WriteDetails::default();
-        match (&output.backdrop, asset.apart()) {
-            (Some(beside), Some((scene, backdrop))) => {
+        match output.backdrop.as_deref().and_then(|beside| Some((beside, asset.apart()?))) {
+            Some((beside, (scene, backdrop))) => {
                 warnings = self.one(&scene, output, details)?;
                 warnings.extend(self.one(&backdrop, beside, &mut quiet)?);
             }
-            _ => warnings = self.one(asset, output, details)?,
+            None => warnings = self.one(asset, output, details)?,
         }
         if let (Some(beside), Some(mesh)) = (&output.collision, &asset.collision) {
             let provenance = Provenance { backdrop: 0, ..asset.provenance.clone() };
@@ -373,7 +373,7 @@ impl SetWriter<'_> {
         }
         for (level, files) in asset.levels.iter().zip(&output.levels) {
             // One file of a backdrop serves all levels.
-            let scene = level.apart().filter(|_| output.backdrop.is_some()).map(|(scene, _)| scene);
+            let scene = output.backdrop.as_ref().and_then(|_| level.apart()).map(|(scene, _)| scene);
             warnings.extend(self.one(scene.as_ref().unwrap_or(level), files, &mut quiet)?);
         }
         if let Some(path) = &output.tileset {

@@ -36,9 +36,7 @@ pub(super) struct Comparison<'a> {
     /// Mean colour of each face, sRGB-encoded. `[F]`
     colors: Vec<[f32; 3]>,
     cameras: Vec<Camera>,
-    /// The cameras for pictures of the size that is drawn now. `[cameras]`
-    drawn: Vec<Camera>,
-    /// How often the number of their pixels was halved.
+    /// How often the number of their pixels is halved.
     halvings: u32,
     drawing: SolidRasterOptions,
     solid: Solid,
@@ -61,17 +59,14 @@ impl<'a> Comparison<'a> {
             let [a, b, c] = whole.corner_colors(f);
             [0, 1, 2].map(|k| srgb_from_linear((a[k] + b[k] + c[k]) / 3.0))
         };
-        let drawing = views::drawing(cameras, whole, SAMPLES);
-        let cameras: Vec<Camera> = cameras.iter().map(|camera| camera.within(LONGEST_SIDE)).collect();
         Self {
             whole,
             colors: (0..whole.face_count()).into_par_iter().map(color).collect(),
-            drawn: cameras.clone(),
             halvings: 0,
-            drawing,
+            drawing: views::drawing(cameras, whole, SAMPLES),
+            cameras: cameras.iter().map(|camera| camera.within(LONGEST_SIDE)).collect(),
             solid: Solid::new(),
             targets: vec![None; cameras.len()],
-            cameras,
         }
     }
 
@@ -166,12 +161,13 @@ impl<'a> Comparison<'a> {
         }
         self.halvings = halvings;
         self.targets.fill(None);
-        let share = 0.5f64.powf(f64::from(halvings) / 2.0);
-        let resized = |camera: &Camera| {
-            let side = f64::from(camera.size.max_element()) * share;
-            camera.within((side.round() as u32).max(SHORTEST_SIDE))
-        };
-        self.drawn = self.cameras.iter().map(resized).collect();
+    }
+
+    /// A camera for pictures of the size that is drawn now.
+    fn camera(&self, view: usize) -> Camera {
+        let camera = self.cameras[view];
+        let side = f64::from(camera.size.max_element()) * 0.5f64.powf(f64::from(self.halvings) / 2.0);
+        camera.within((side.round() as u32).max(SHORTEST_SIDE))
     }
 
     /// Draws `scene` from the cameras of a round with a z-buffer per plane, and calls `on_sample` with every sample
@@ -183,9 +179,9 @@ impl<'a> Comparison<'a> {
         planes: (usize, &[u8]),
         on_sample: impl Fn(&PlaneTile<'_>, u32, u32, Target<'_>) + Sync,
     ) {
-        let stride = self.drawn.len().div_ceil(round.views.max(1)).max(1);
-        for view in (round.number as usize % stride..self.drawn.len()).step_by(stride) {
-            let (targets, camera) = (self.take_targets(view), self.drawn[view]);
+        let stride = self.cameras.len().div_ceil(round.views).max(1);
+        for view in (round.number as usize % stride..self.cameras.len()).step_by(stride) {
+            let (targets, camera) = (self.take_targets(view), self.camera(view));
             let colors = &self.colors;
             self.solid.planes(scene, &camera, &self.drawing, planes, |tile| {
                 for y in 0..tile.size.y {
@@ -203,7 +199,8 @@ impl<'a> Comparison<'a> {
     /// The faces that a camera sees of the whole scene.
     fn take_targets(&mut self, view: usize) -> Vec<u32> {
         self.targets[view].take().unwrap_or_else(|| {
-            self.solid.visibility(self.whole, &self.drawn[view], &self.drawing).face.clone()
+            let camera = self.camera(view);
+            self.solid.visibility(self.whole, &camera, &self.drawing).face.clone()
         })
     }
 

@@ -41,7 +41,7 @@ impl Output {
     pub(super) fn engine_text(&self, kind: EngineLevels, asset: &Asset) -> Result<String> {
         let file = |(asset, output): (&'_ Asset, &Output)| {
             let nodes = scene_nodes(asset, output.node)?;
-            let backdrop = asset.apart().filter(|_| self.backdrop.is_none()).map(|_| BACKDROP);
+            let backdrop = (self.backdrop.is_none() && asset.has_backdrop()).then_some(BACKDROP);
             Ok(LevelFile { name: output.file_name(), nodes, backdrop })
         };
         let files: Vec<LevelFile> = self.levels_of(asset).map(file).collect::<Result<_>>()?;
@@ -52,7 +52,7 @@ impl Output {
 
     /// What an engine cannot do with the levels of this asset.
     pub(super) fn engine_warning(&self, kind: EngineLevels, asset: &Asset) -> Option<String> {
-        let within = self.backdrop.is_none() && asset.apart().is_some();
+        let within = self.backdrop.is_none() && asset.has_backdrop();
         (kind == EngineLevels::UnrealScript && within).then(|| {
             "unreal: levels are of one mesh, and the backdrop would count for its size: give `backdrop` file".to_owned()
         })
