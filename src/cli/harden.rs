@@ -39,7 +39,7 @@ pub struct HardenArgs {
 }
 
 /// A share that leaves a part of the steps to the photos.
-fn share(text: &str) -> std::result::Result<f64, String> {
+pub(super) fn share(text: &str) -> std::result::Result<f64, String> {
     let share = text.parse().ok().filter(|share| (0.0..=MOST_PICTURES).contains(share));
     share.ok_or_else(|| format!("a number from 0 to {MOST_PICTURES}"))
 }
@@ -132,7 +132,7 @@ pub(super) fn options(args: &HardenArgs, triangles: usize, max_triangles: Option
 }
 
 /// `photos`, and beside them as many soft pictures of `scene` as make up `share` of what is trained on, drawn under a bar.
-fn beside(
+pub(super) fn beside(
     photos: &Dataset,
     scene: &Loaded,
     share: f64,

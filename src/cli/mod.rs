@@ -44,6 +44,7 @@ mod train_block;
 mod train_budget;
 mod train_curve;
 pub mod train_progress;
+mod train_teacher;
 #[cfg(feature = "view")]
 mod train_view;
 pub mod validate;

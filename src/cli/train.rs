@@ -13,6 +13,7 @@ use super::train_block;
 use super::train_budget::{self, Planned};
 use super::train_curve;
 use super::train_progress::{Bar, Watcher};
+use super::train_teacher::{Lesson, Taught};
 use crate::atomic::AtomicFile;
 use crate::bake::teacher::is_solid;
 use crate::dataset::{Dataset, DatasetOptions};
@@ -59,11 +60,15 @@ pub fn run(
     let from = args.from.as_deref().map(read).transpose()?;
     let dataset = dataset(args, &how, from.as_ref(), &options, global)?;
     files.spare_photos(&dataset)?;
-    let Planned { dataset, options, paced } =
-        train_budget::planned(args, matches, dataset, from.as_ref(), options, &mut how, clock)?;
+    let lesson = Lesson { args, matches, global, from: from.as_ref(), options, began: clock };
+    let Taught { planned, dataset, stage, output, warnings: about_teacher } =
+        lesson.begin(dataset, &mut how, &mut files)?;
+    let Planned { dataset: photos, options, paced } = planned;
+    let dataset = dataset.as_ref().unwrap_or(&photos);
     let plan = paced.as_ref().map(|paced| paced.pace.summary());
     warnings.extend(from.iter().flat_map(|scene| &scene.warnings).chain(&dataset.warnings).cloned());
-    let run = TrainRun::new(&dataset, &options).with_dataset_options(&how);
+    warnings.extend(about_teacher);
+    let run = TrainRun::new(dataset, &options).with_dataset_options(&how);
     let (force_resume, began) = (args.force_resume, Some(clock));
     let run = TrainRun { outputs, from, resume: point, paced, began, force_resume, ..run };
     let place =
@@ -75,7 +80,7 @@ pub fn run(
     let triangles = run.triangles();
     let steps = run.steps();
     let bar = Bar::new(global, options.steps, steps, args.log.as_deref(), run.curve())?;
-    let mut bar = bar.watched(&dataset, watcher);
+    let mut bar = bar.watched(&photos, watcher);
     if let Some(card) = card {
         bar.line(&format!("training on {card}"));
         bar.say_rate(steps);
@@ -86,6 +91,8 @@ pub fn run(
     plan.iter().for_each(|plan| bar.line(plan));
     let trained = run.finish(&mut bar)?;
     let mut report = report(args, &trained, warnings);
+    report.outputs.extend(output);
+    report.stages.extend(stage);
     report.stages.push(trained.stage(triangles, clock.elapsed().as_secs_f64()));
     write(args, &trained, report, clock, &mut files, &mut bar)?;
     let lost = bar.done();
@@ -100,7 +107,7 @@ pub fn run(
 /// What the run did, but for its one stage.
 fn report(args: &TrainArgs, trained: &Trained, warnings: Vec<String>) -> Report {
     let mut report = Report::new("train");
-    report.inputs = args.from.iter().chain(&args.dataset).map(|path| path.display().to_string()).collect();
+    report.inputs = inputs(args).iter().chain(&args.dataset).map(|path| path.display().to_string()).collect();
     report.options = serde_json::to_value(&trained.options).unwrap_or_default();
     Report { warnings, ..report }
 }
@@ -184,6 +191,11 @@ fn resolve(args: &TrainArgs, matches: &ArgMatches) -> Result<TrainOptions> {
     Ok(options)
 }
 
+/// The scenes that are read.
+fn inputs(args: &TrainArgs) -> Vec<PathBuf> {
+    args.from.iter().cloned().chain(args.teacher.input(&args.output, args.resume.is_some())).collect()
+}
+
 /// Refuses what would fail, or replace a file, only after the training.
 fn guard(args: &TrainArgs, outputs: &RunOptions) -> Result<Outputs> {
     let out = &args.output;
@@ -194,11 +206,13 @@ fn guard(args: &TrainArgs, outputs: &RunOptions) -> Result<Outputs> {
             "a name that ends with .ply; bake turns it into .glb",
         ));
     }
-    let inputs = args.from.iter().chain(&args.config).map(PathBuf::as_path);
+    let inputs = inputs(args);
+    let inputs = inputs.iter().chain(&args.config).map(PathBuf::as_path);
     let mut files = Outputs::new(inputs, args.force).with_dataset(args.dataset.as_deref());
     args.resume.iter().for_each(|path| files.add_input(path));
     files.claim("--output", out)?;
-    for (option, path) in [("--report", &args.report), ("--curve", &args.curve)] {
+    let teacher = args.teacher.output(out, args.resume.is_some());
+    for (option, path) in [("--teacher", &teacher), ("--report", &args.report), ("--curve", &args.curve)] {
         path.as_deref().map_or(Ok(()), |path| files.claim(option, path))?;
     }
     // A run that goes on adds to its log and replaces its own checkpoint.
@@ -289,7 +303,11 @@ fn summary(args: &TrainArgs, trained: &Trained, bar: &mut Bar) {
         (trained.budget(), trained.stopped)
     {
         let spent = Seconds(spent_secs);
-        bar.line(&format!("spent {spent} of the budget {budget}; the same run without it: {repeat}"));
+        let teacher = args.teacher.output(&args.output, false);
+        let teacher = teacher.map_or(String::new(), |path| format!(" --teacher {}", path.display()));
+        bar.line(&format!(
+            "spent {spent} of the budget {budget}; the same run without it: {repeat}{teacher}"
+        ));
     }
     if trained.dropped > 0 {
         bar.line(&format!("warning: {} gradients were not finite and were dropped", trained.dropped));

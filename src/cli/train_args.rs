@@ -1,5 +1,6 @@
 //! The flags of `trisplat train`.
 
+use super::train_teacher::TeacherArgs;
 use crate::dataset::DatasetOptions;
 use crate::train::budget::Seconds;
 use crate::train::{BackendOptions, TrainOptions};
@@ -8,11 +9,12 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 /// What a plan says, for all its blocks.
-const BLOCK_FIXES: [&str; 15] = [
+const BLOCK_FIXES: [&str; 16] = [
     "output",
     "config",
     "sets",
     "from",
+    "teacher",
     "resume",
     "checkpoint",
     "keep",
@@ -83,6 +85,9 @@ pub struct TrainArgs {
     /// with --preset solid it is hardened.
     #[arg(long, value_name = "SCENE")]
     pub from: Option<PathBuf>,
+    /// A soft scene beside the photos.
+    #[command(flatten)]
+    pub teacher: TeacherArgs,
     /// Go on from a checkpoint, with the options it was made with; from the newest whole one of a folder. Photos, cameras and
     /// --background must be as they were.
     #[arg(long, value_name = "FILE|FOLDER")]

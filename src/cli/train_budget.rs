@@ -34,19 +34,21 @@ pub(super) fn check(args: &TrainArgs) -> Result<()> {
     }
 }
 
-/// Measures, and chooses steps, triangles and the size of photos. `how` is how `dataset` was read; it gets the size.
+/// Measures, and chooses steps, triangles and the size of photos for what `budget` says from when the command `began`. `how` is how
+/// `dataset` was read; it gets the size.
 ///
 /// Errors: those of the first steps, photos that cannot be decoded, a budget that is too small.
 pub(super) fn planned(
     args: &TrainArgs,
     matches: &ArgMatches,
+    budget: Option<Budget>,
     dataset: Dataset,
     from: Option<&Loaded>,
     options: TrainOptions,
     how: &mut DatasetOptions,
     began: Instant,
 ) -> Result<Planned> {
-    let Some(budget) = given(args) else { return Ok(Planned { dataset, options, paced: None }) };
+    let Some(budget) = budget else { return Ok(Planned { dataset, options, paced: None }) };
     let spending = Spending::of_process(budget.clock, began);
     let (background, secs) = (how.background.to_f32(), budget.seconds.0);
     let calibration = calibrate(&dataset, from, &options, background, &spending, secs)?;

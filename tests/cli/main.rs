@@ -10,6 +10,7 @@ mod messages;
 mod out_of_memory;
 mod outputs;
 mod train;
+mod train_teacher;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

@@ -1,0 +1,206 @@
+//! `trisplat train --teacher`: a soft scene that shows what is to be seen between the photos.
+
+use super::Global;
+use super::harden::{self, share};
+use super::layers;
+use super::outputs::Outputs;
+use super::train_args::TrainArgs;
+use super::train_budget::{self, Planned};
+use super::train_progress::Bar;
+use crate::budget::{Budget, Seconds};
+use crate::dataset::{Dataset, DatasetOptions};
+use crate::error::{Error, Result};
+use crate::formats;
+use crate::report::{OutputReport, StageReport};
+use crate::scene::Loaded;
+use crate::train::device::OpenBackend;
+use crate::train::{RunOptions, TrainOptions, TrainPreset, TrainRun, Trained};
+use clap::ArgMatches;
+use std::convert::Infallible;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::time::Instant;
+
+/// Of the steps and the triangles of the run that it teaches, a teacher that is trained for it has this share.
+const STEPS_SHARE: f64 = 0.55;
+const TRIANGLES_SHARE: f64 = 0.67;
+/// And of a budget.
+const BUDGET_SHARE: f64 = 0.4;
+
+/// Which scene teaches.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum TeacherSource {
+    /// One that is trained for it.
+    Auto,
+    /// That of a file.
+    File(PathBuf),
+}
+
+impl FromStr for TeacherSource {
+    type Err = Infallible;
+
+    fn from_str(text: &str) -> std::result::Result<Self, Infallible> {
+        Ok(if text == "auto" { Self::Auto } else { Self::File(text.into()) })
+    }
+}
+
+/// A soft scene beside the photos.
+#[derive(Debug, clap::Args)]
+pub struct TeacherArgs {
+    /// Look at pictures of this soft scene too, from half way between neighbouring photos, where it says what the photos do not; auto: train
+    /// one first, which is left as OUT.teacher.ply.
+    #[arg(long, value_name = "SCENE|auto", requires = "dataset")]
+    pub teacher: Option<TeacherSource>,
+    /// Share of the steps that look at them, 0 to 0.9; fewer where there are not as many places between the photos.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.5, requires = "teacher", value_parser = share)]
+    pub teacher_share: f64,
+}
+
+impl TeacherArgs {
+    /// The file of the scene when it is read by a run that writes `output`; one that is trained for a run is read by those that resume it.
+    pub(super) fn input(&self, output: &Path, resumes: bool) -> Option<PathBuf> {
+        match self.teacher.as_ref()? {
+            TeacherSource::File(path) => Some(path.clone()),
+            TeacherSource::Auto => resumes.then(|| beside(output)),
+        }
+    }
+
+    /// The file of the scene when it is trained.
+    pub(super) fn output(&self, output: &Path, resumes: bool) -> Option<PathBuf> {
+        (self.teacher == Some(TeacherSource::Auto) && !resumes).then(|| beside(output))
+    }
+}
+
+/// Where a teacher is left that was trained for `output`.
+fn beside(output: &Path) -> PathBuf {
+    output.with_extension("teacher.ply")
+}
+
+/// A scene that teaches.
+struct Teacher {
+    scene: Loaded,
+    /// What trained it, if it was trained now.
+    trained: Option<(Trained, StageReport)>,
+}
+
+/// What a run is on, and what became of its teacher.
+pub(super) struct Taught {
+    /// The photos, in the size that was chosen, the options, with what was chosen, and what keeps the run to its budget.
+    pub(super) planned: Planned,
+    /// The photos and the pictures of the teacher; `None` without one.
+    pub(super) dataset: Option<Dataset>,
+    /// How the teacher was trained, if it was trained now.
+    pub(super) stage: Option<StageReport>,
+    /// The file that it was left in.
+    pub(super) output: Option<OutputReport>,
+    /// What is wrong with the teacher's file.
+    pub(super) warnings: Vec<String>,
+}
+
+/// What a teacher is made for.
+pub(super) struct Lesson<'a> {
+    pub(super) args: &'a TrainArgs,
+    pub(super) matches: &'a ArgMatches,
+    pub(super) global: &'a Global,
+    /// The scene that the run starts from.
+    pub(super) from: Option<&'a Loaded>,
+    /// How the run is trained.
+    pub(super) options: TrainOptions,
+    /// When the command began.
+    pub(super) began: Instant,
+}
+
+impl Lesson<'_> {
+    /// Makes ready what the run is on: `photos`, as they were read, and pictures of its teacher. `how` is how they were read; it gets the
+    /// size that was chosen. A teacher that is trained is written to its one of `files`.
+    ///
+    /// Errors: a file that cannot be read, a scene in it that is solid; those of a training; a training that was stopped; a budget that is
+    /// too small.
+    pub(super) fn begin(
+        self,
+        photos: Dataset,
+        how: &mut DatasetOptions,
+        files: &mut Outputs,
+    ) -> Result<Taught> {
+        let args = self.args;
+        let teacher = self.teacher(&photos, how)?;
+        let output = teacher.as_ref().and_then(|teacher| self.save(teacher, files)).transpose()?;
+        let budget = train_budget::given(args);
+        let options = self.options.clone();
+        let planned =
+            train_budget::planned(args, self.matches, budget, photos, self.from, options, how, self.began)?;
+        let Some(Teacher { scene, trained }) = teacher else {
+            return Ok(Taught { planned, dataset: None, stage: None, output, warnings: Vec::new() });
+        };
+        let share = args.teacher.teacher_share;
+        let dataset = harden::beside(&planned.dataset, &scene, share, &planned.options, how, self.global)?;
+        let stage = trained.map(|(_, stage)| stage);
+        Ok(Taught { planned, dataset: Some(dataset), stage, output, warnings: scene.warnings })
+    }
+
+    /// The teacher that the flags ask for.
+    fn teacher(&self, photos: &Dataset, how: &DatasetOptions) -> Result<Option<Teacher>> {
+        let args = self.args;
+        let Some(path) = args.teacher.input(&args.output, args.resume.is_some()) else {
+            return args.teacher.teacher.is_some().then(|| self.train(photos, how.clone())).transpose();
+        };
+        let scene = formats::read(&path, &how.read_options(3))?;
+        match harden::needless(&scene) {
+            Some(_) => {
+                let wants = "a soft scene, as `trisplat train --preset outdoor` makes it";
+                Err(Error::invalid("--teacher", path.display(), wants))
+            }
+            None => Ok(Some(Teacher { scene, trained: None })),
+        }
+    }
+
+    /// Trains one.
+    fn train(&self, photos: &Dataset, mut how: DatasetOptions) -> Result<Teacher> {
+        let (clock, args) = (Instant::now(), self.args);
+        let budget = train_budget::given(args).map(|budget| {
+            let seconds = Seconds(budget.seconds.0 * BUDGET_SHARE);
+            Budget { seconds, ..budget }
+        });
+        let (photos, options) = (photos.clone(), self.teacher_options(budget.is_some()));
+        let Planned { dataset, options, paced } =
+            train_budget::planned(args, self.matches, budget, photos, None, options, &mut how, self.began)?;
+        let outputs = RunOptions { max_cpu_secs: args.max_cpu_secs, ..RunOptions::default() };
+        let run = TrainRun::new(&dataset, &options).with_dataset_options(&how);
+        let run = TrainRun { outputs, paced, ..run };
+        let place =
+            if run.has_budget() { args.backend_options.of_budget()? } else { args.backend_options.clone() };
+        let OpenBackend { backend, .. } = place.open(run.drawing(), run.size())?;
+        let run = run.start_on(backend)?;
+        let triangles = run.triangles();
+        let mut bar = Bar::new(self.global, options.steps, 0, None, &[])?;
+        bar.line(&format!("a soft scene is trained first, to teach: {} steps", options.steps));
+        let trained = run.finish(&mut bar)?;
+        bar.done();
+        if trained.stopped {
+            let value = format!("stopped after {} of {} steps", trained.steps, trained.options.steps);
+            return Err(Error::invalid("--teacher", value, "all of its steps; nothing was written"));
+        }
+        let mut stage = trained.stage(triangles, clock.elapsed().as_secs_f64());
+        "teacher".clone_into(&mut stage.name);
+        Ok(Teacher { scene: trained.clone().into(), trained: Some((trained, stage)) })
+    }
+
+    /// How the teacher is trained. A budget chooses its triangles, unless those of the run are given.
+    fn teacher_options(&self, has_budget: bool) -> TrainOptions {
+        let (run, preset) = (&self.options, TrainOptions::preset(TrainPreset::Outdoor));
+        let share = |count: u64, share: f64| ((count as f64 * share) as u64).max(1);
+        let max_triangles = match has_budget && !layers::is_typed(self.matches, "max_triangles") {
+            true => preset.max_triangles,
+            false => share(run.max_triangles, TRIANGLES_SHARE),
+        };
+        TrainOptions { steps: share(run.steps, STEPS_SHARE), max_triangles, seed: run.seed, ..preset }
+    }
+
+    /// Writes a teacher that was trained.
+    fn save(&self, teacher: &Teacher, files: &mut Outputs) -> Option<Result<OutputReport>> {
+        let (trained, _) = teacher.trained.as_ref()?;
+        let path = beside(&self.args.output);
+        let bytes = files.take(&path).and_then(|file| trained.save_to(file));
+        Some(bytes.map(|bytes| OutputReport { path: path.display().to_string(), bytes }))
+    }
+}
