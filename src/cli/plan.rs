@@ -14,7 +14,7 @@ use crate::formats::{self, ReadOptions};
 use crate::scale::manifest::{Expected, NAME};
 use crate::scale::{Manifest, PlanOptions, Planner, status, task};
 use crate::scene::Loaded;
-use crate::train::device::OpenBackend;
+use crate::train::device::OpenRun;
 use crate::train::{BackendOptions, RunOptions, TrainOptions, TrainRun, checkpoint};
 use clap::ArgMatches;
 use std::io::Write;
@@ -131,8 +131,7 @@ fn coarse_scene(
         let resume = point.is_file().then(|| checkpoint::read(&point)).transpose()?;
         let run = TrainRun::new(dataset, options).with_dataset_options(&args.dataset_options);
         let run = TrainRun { outputs, resume, until_step: Some(*until), ..run };
-        let OpenBackend { backend, card, warnings } = args.backend_options.open(run.drawing(), run.size())?;
-        let run = run.start_on(backend)?;
+        let OpenRun { run, card, warnings } = run.start_at(&args.backend_options)?;
         let mut bar = Bar::new(global, *until, run.steps(), None, run.curve())?;
         bar.line("training the coarse scene");
         card.iter().for_each(|card| bar.line(&format!("training on {card}")));

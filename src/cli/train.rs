@@ -22,7 +22,7 @@ use crate::formats;
 use crate::report::{OutputReport, Report};
 use crate::scene::Loaded;
 use crate::train::budget::{BudgetDetails, Seconds};
-use crate::train::device::OpenBackend;
+use crate::train::device::OpenRun;
 use crate::train::eval::Quality;
 use crate::train::{Checkpoint, Preview, RunOptions, TrainOptions, TrainRun, Trained, checkpoint, rotation};
 use clap::ArgMatches;
@@ -71,10 +71,7 @@ pub fn run(
     let run = TrainRun::new(dataset, &options).with_dataset_options(&how);
     let (force_resume, began) = (args.force_resume, Some(clock));
     let run = TrainRun { outputs, from, resume: point, paced, began, force_resume, ..run };
-    let place =
-        if run.has_budget() { args.backend_options.of_budget()? } else { args.backend_options.clone() };
-    let OpenBackend { backend, card, warnings: about_backend } = place.open(run.drawing(), run.size())?;
-    let run = run.start_on(backend)?;
+    let OpenRun { run, card, warnings: about_backend } = run.start_at(&args.backend_options)?;
     warnings.extend(about_backend);
     warnings.extend(run.differences().iter().map(|difference| format!("resumed although {difference}")));
     let triangles = run.triangles();

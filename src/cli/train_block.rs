@@ -8,7 +8,7 @@ use super::train_progress::Bar;
 use crate::atomic::AtomicFile;
 use crate::error::{Error, Result};
 use crate::scale::Task;
-use crate::train::device::OpenBackend;
+use crate::train::device::OpenRun;
 use crate::train::{Preview, Trained};
 use indicatif::HumanCount;
 use std::process::ExitCode;
@@ -40,8 +40,7 @@ pub(super) fn run(args: &TrainArgs, block: &BlockAddress, global: &Global) -> Re
         .map(|folder| Preview { folder, pause: Duration::from_secs_f64(args.preview_every) });
     let outputs = task.outputs(args.checkpoint_every, preview, args.max_cpu_secs);
     let (run, broken) = task.run(&dataset, outputs)?;
-    let OpenBackend { backend, card, warnings } = args.backend_options.open(run.drawing(), run.size())?;
-    let run = run.start_on(backend)?;
+    let OpenRun { run, card, warnings } = run.start_at(&args.backend_options)?;
     let mut bar = Bar::new(global, task.block().steps, run.steps(), args.log.as_deref(), run.curve())?;
     card.iter().for_each(|card| bar.line(&format!("training on {card}")));
     for warning in broken.iter().chain(&warnings).chain(&dataset.warnings) {

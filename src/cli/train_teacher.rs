@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::formats;
 use crate::report::{OutputReport, StageReport};
 use crate::scene::Loaded;
-use crate::train::device::OpenBackend;
+use crate::train::device::OpenRun;
 use crate::train::{RunOptions, TrainOptions, TrainPreset, TrainRun, Trained};
 use clap::ArgMatches;
 use std::convert::Infallible;
@@ -167,10 +167,8 @@ impl Lesson<'_> {
         let outputs = RunOptions { max_cpu_secs: args.max_cpu_secs, ..RunOptions::default() };
         let run = TrainRun::new(&dataset, &options).with_dataset_options(&how);
         let run = TrainRun { outputs, paced, ..run };
-        let place =
-            if run.has_budget() { args.backend_options.of_budget()? } else { args.backend_options.clone() };
-        let OpenBackend { backend, .. } = place.open(run.drawing(), run.size())?;
-        let run = run.start_on(backend)?;
+        // What there is to say of the card is said of the run that it teaches.
+        let OpenRun { run, .. } = run.start_at(&args.backend_options)?;
         let triangles = run.triangles();
         let mut bar = Bar::new(self.global, options.steps, 0, None, &[])?;
         bar.line(&format!("a soft scene is trained first, to teach: {} steps", options.steps));

@@ -2,6 +2,7 @@
 
 use super::backend::{RunSize, TrainBackend};
 use super::cpu::CpuBackend;
+use super::run::{StartedRun, TrainRun};
 use crate::error::{Error, Result};
 #[cfg(feature = "gpu")]
 use crate::gpu::Gpu;
@@ -41,6 +42,27 @@ pub struct OpenBackend {
     pub card: Option<String>,
     /// What the user should know: why the card is not used, or that it is none.
     pub warnings: Vec<String>,
+}
+
+/// A run that is set up where it was asked for.
+pub struct OpenRun<'a> {
+    /// The run.
+    pub run: StartedRun<'a, Box<dyn TrainBackend>>,
+    /// Its card, as in [`OpenBackend`].
+    pub card: Option<String>,
+    /// What the user should know of it.
+    pub warnings: Vec<String>,
+}
+
+impl<'a> TrainRun<'a> {
+    /// Sets the run up where `place` says; one with a budget on the CPU.
+    ///
+    /// Errors: those of [`TrainRun::start`]; `gpu` where there is no card as asked for, where it cannot be opened, or with a budget.
+    pub fn start_at(self, place: &BackendOptions) -> Result<OpenRun<'a>> {
+        let place = if self.has_budget() { place.of_budget()? } else { place.clone() };
+        let OpenBackend { backend, card, warnings } = place.open(self.drawing(), self.size())?;
+        Ok(OpenRun { run: self.start_on(backend)?, card, warnings })
+    }
 }
 
 impl OpenBackend {
