@@ -1,23 +1,20 @@
 //! The recipe: the stages in their order, and the reason for it.
 
+mod package;
+
 use super::arrange::arrange;
 use super::backdrop::{BackdropWhen, backdrop, keep_backdrop};
-use super::bvh::{BvhOptions, bvh};
-use super::chunk::{ChunkOptions, chunk};
 use super::collision::collision;
 use super::color::color;
-use super::counts::{count, count_levels, count_mesh};
+use super::counts::{count, count_mesh};
 use super::crop::{count_inside, crop};
 use super::fit;
 use super::floaters::floaters;
-use super::lit::{Lit, SURFACE, lit};
-use super::lod::{FinishedLevel, LevelSource, LodOptions, lod};
+use super::lit::{Lit, SURFACE};
+use super::lod::{LevelSource, LodOptions};
 use super::merge::{merge, share_world};
 use super::options::BakeOptions;
-use super::order::order;
 use super::pace::{BakePace, PaceWork};
-use super::place::up::Evidence;
-use super::place::{PlaceDetails, place, placement};
 use super::prune::{PruneOptions, prune};
 use super::refit::{RefitColors, refit};
 use super::reshape::{ReshapeWhen, SceneTraits, reshape};
@@ -27,19 +24,15 @@ use super::teacher::{is_solid, teacher};
 use super::tiles::tiles;
 use super::unseen::{FaceLimit, UnseenDetails, UnseenOptions, masked, unseen};
 use super::views::Views;
-use super::weld::weld;
 use crate::asset::{Asset, Placement, Provenance};
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::limits::Limits;
 use crate::mesh::Mesh;
-use crate::report::{Observer, Outcome, Report, StageProgress, generator};
+use crate::report::{Observer, Outcome, Report};
 use crate::scene::{Loaded, Scene};
 use crate::surface::{SurfaceDetails, surface};
 use std::sync::Arc;
-
-/// Photos that a level of detail is evaluated on.
-const EVALUATION_VIEWS: usize = 12;
 
 /// The stages, and what they share.
 pub(super) struct Recipe<'a> {
@@ -401,101 +394,6 @@ impl<'a> Recipe<'a> {
         self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
             refit(mesh, views, options, details, progress, pace)
         })
-    }
-
-    /// The part of the recipe that prepares a mesh for a file.
-    fn package(&mut self, mesh: Mesh, mut provenance: Provenance) -> Result<Asset> {
-        let options = self.options;
-        // In the frame of the cameras, and before faces are put where their order matters.
-        let (watching, facing) = (&self.watching, self.facing.as_deref());
-        let mesh = self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
-            lit(mesh, watching, facing, &options.lit, details)
-        })?;
-
-        // Before placing, while equal corners are still equal to the bit.
-        let mesh = self
-            .report
-            .stage(self.observer, mesh, count_mesh, |mesh, details| weld(mesh, &options.weld, details))?;
-
-        // Before anything with boxes in it, whose numbers must be those of the file.
-        let placed = &mut self.placement;
-        let points = self.views.as_deref().map_or(&[][..], |views| views.points());
-        let known = Evidence { cameras: &self.cameras, points };
-        let mesh = self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
-            let how =
-                *placed.get_or_insert_with(|| placement(mesh, &provenance, known, &options.place, details));
-            place(mesh, &mut provenance, how, details)
-        })?;
-        let warning = self.report.details::<PlaceDetails>().and_then(|details| details.warning());
-        self.report.warnings.extend(warning);
-
-        provenance.generator = Some(generator());
-        let asset = Asset { mesh, provenance, ..Asset::default() };
-
-        // Cuts first: a hierarchy and an order are only useful inside the runs that an engine skips.
-        let asset = self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
-            chunk(asset, &options.chunk, details)
-        })?;
-        let asset = self
-            .report
-            .stage(self.observer, asset, Asset::counts, |asset, details| bvh(asset, &options.bvh, details))?;
-        // Last: it leaves the leaf order of a hierarchy alone.
-        let asset = self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
-            order(asset, &options.order, details)
-        })?;
-        debug_assert!(asset.mesh.validate().is_ok(), "{:?}", asset.mesh.validate());
-        Ok(asset)
-    }
-
-    /// Coarser copies of the scene, each painted and packaged as the scene was.
-    fn levels(
-        &mut self,
-        source: &LevelSource<'_>,
-        options: &LodOptions,
-        provenance: &Provenance,
-    ) -> Result<Vec<Asset>> {
-        let in_tiles = self.options.tiles.tiles;
-        let mut of_levels = match in_tiles {
-            // They are cut once more, so chunks and a hierarchy would be of no use.
-            true => {
-                BakeOptions { chunk: ChunkOptions::FAST, bvh: BvhOptions::DEFAULT, ..self.options.clone() }
-            }
-            false => self.options.clone(),
-        };
-        if self.pace.skips_colors() {
-            of_levels.refit.refit = RefitColors::Off;
-        }
-        let (mut views, placement) = (either(&mut self.views, &mut self.taught), self.placement);
-        let behind = self.backdrop.take();
-        let (watching, facing) = (self.watching.clone(), self.facing.clone());
-        let finish = |mut level: Mesh, mut progress: StageProgress<'_>| {
-            let (mut unread, mut unlimited) = (Report::default(), BakePace::default());
-            let views = views.as_deref_mut();
-            let of_level = Recipe::new(&of_levels, views, &mut unread, &mut progress, &mut unlimited);
-            let mut of_level =
-                Recipe { placement, watching: watching.clone(), facing: facing.clone(), ..of_level };
-            // A level is to look like the scene wherever it is alone, so it has the same backdrop; only tiles share one.
-            let faces = level.face_count();
-            behind.clone().map_or(Ok(()), |backdrop| level.append(backdrop))?;
-            let mut level = of_level.paint(level)?;
-            let psnr = of_level.evaluate(&level)?;
-            level.split_off(faces);
-            let mut provenance = provenance.clone();
-            if let Some(backdrop) = behind.clone().filter(|_| !in_tiles) {
-                provenance.backdrop = backdrop.face_count() as u32;
-                level.append(backdrop)?;
-            }
-            Ok(FinishedLevel { asset: of_level.package(level, provenance)?, psnr })
-        };
-        self.report.long_stage(self.observer, Vec::new(), count_levels, |levels, details, progress| {
-            lod(levels, source, options, finish, details, progress)
-        })
-    }
-
-    /// Mean PSNR of `mesh` on some of the photos, dB, if there are any.
-    fn evaluate(&mut self, mesh: &Mesh) -> Result<Option<f64>> {
-        let views = either(&mut self.views, &mut self.taught).filter(|views| !views.is_empty());
-        views.map(|views| views.mean_psnr(mesh, &views.evenly_spaced(EVALUATION_VIEWS))).transpose()
     }
 }
 

@@ -38,6 +38,7 @@ pub mod schema;
 mod signals;
 mod stdout;
 mod stress;
+pub mod teacher_args;
 pub mod train;
 pub mod train_args;
 mod train_block;

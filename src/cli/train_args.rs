@@ -1,6 +1,6 @@
 //! The flags of `trisplat train`.
 
-use super::train_teacher::TeacherArgs;
+use super::teacher_args::TeacherArgs;
 use crate::dataset::DatasetOptions;
 use crate::train::budget::Seconds;
 use crate::train::{BackendOptions, TrainOptions};

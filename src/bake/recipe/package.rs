@@ -1,0 +1,119 @@
+//! The end of the recipe: a painted mesh made ready for a file, and its levels of detail.
+
+use super::{Recipe, either};
+use crate::asset::{Asset, Provenance};
+use crate::bake::bvh::{BvhOptions, bvh};
+use crate::bake::chunk::{ChunkOptions, chunk};
+use crate::bake::counts::{count_levels, count_mesh};
+use crate::bake::lit::lit;
+use crate::bake::lod::{FinishedLevel, LevelSource, LodOptions, lod};
+use crate::bake::options::BakeOptions;
+use crate::bake::order::order;
+use crate::bake::pace::BakePace;
+use crate::bake::place::up::Evidence;
+use crate::bake::place::{PlaceDetails, place, placement};
+use crate::bake::refit::RefitColors;
+use crate::bake::weld::weld;
+use crate::error::Result;
+use crate::mesh::Mesh;
+use crate::report::{Report, StageProgress, generator};
+
+/// Photos that a level of detail is evaluated on.
+const EVALUATION_VIEWS: usize = 12;
+
+impl Recipe<'_> {
+    /// The part of the recipe that prepares a mesh for a file.
+    pub(super) fn package(&mut self, mesh: Mesh, mut provenance: Provenance) -> Result<Asset> {
+        let options = self.options;
+        // In the frame of the cameras, and before faces are put where their order matters.
+        let (watching, facing) = (&self.watching, self.facing.as_deref());
+        let mesh = self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
+            lit(mesh, watching, facing, &options.lit, details)
+        })?;
+
+        // Before placing, while equal corners are still equal to the bit.
+        let mesh = self
+            .report
+            .stage(self.observer, mesh, count_mesh, |mesh, details| weld(mesh, &options.weld, details))?;
+
+        // Before anything with boxes in it, whose numbers must be those of the file.
+        let placed = &mut self.placement;
+        let points = self.views.as_deref().map_or(&[][..], |views| views.points());
+        let known = Evidence { cameras: &self.cameras, points };
+        let mesh = self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
+            let how =
+                *placed.get_or_insert_with(|| placement(mesh, &provenance, known, &options.place, details));
+            place(mesh, &mut provenance, how, details)
+        })?;
+        let warning = self.report.details::<PlaceDetails>().and_then(|details| details.warning());
+        self.report.warnings.extend(warning);
+
+        provenance.generator = Some(generator());
+        let asset = Asset { mesh, provenance, ..Asset::default() };
+
+        // Cuts first: a hierarchy and an order are only useful inside the runs that an engine skips.
+        let asset = self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
+            chunk(asset, &options.chunk, details)
+        })?;
+        let asset = self
+            .report
+            .stage(self.observer, asset, Asset::counts, |asset, details| bvh(asset, &options.bvh, details))?;
+        // Last: it leaves the leaf order of a hierarchy alone.
+        let asset = self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
+            order(asset, &options.order, details)
+        })?;
+        debug_assert!(asset.mesh.validate().is_ok(), "{:?}", asset.mesh.validate());
+        Ok(asset)
+    }
+
+    /// Coarser copies of the scene, each painted and packaged as the scene was.
+    pub(super) fn levels(
+        &mut self,
+        source: &LevelSource<'_>,
+        options: &LodOptions,
+        provenance: &Provenance,
+    ) -> Result<Vec<Asset>> {
+        let in_tiles = self.options.tiles.tiles;
+        let mut of_levels = match in_tiles {
+            // They are cut once more, so chunks and a hierarchy would be of no use.
+            true => {
+                BakeOptions { chunk: ChunkOptions::FAST, bvh: BvhOptions::DEFAULT, ..self.options.clone() }
+            }
+            false => self.options.clone(),
+        };
+        if self.pace.skips_colors() {
+            of_levels.refit.refit = RefitColors::Off;
+        }
+        let (mut views, placement) = (either(&mut self.views, &mut self.taught), self.placement);
+        let behind = self.backdrop.take();
+        let (watching, facing) = (self.watching.clone(), self.facing.clone());
+        let finish = |mut level: Mesh, mut progress: StageProgress<'_>| {
+            let (mut unread, mut unlimited) = (Report::default(), BakePace::default());
+            let views = views.as_deref_mut();
+            let of_level = Recipe::new(&of_levels, views, &mut unread, &mut progress, &mut unlimited);
+            let mut of_level =
+                Recipe { placement, watching: watching.clone(), facing: facing.clone(), ..of_level };
+            // A level is to look like the scene wherever it is alone, so it has the same backdrop; only tiles share one.
+            let faces = level.face_count();
+            behind.clone().map_or(Ok(()), |backdrop| level.append(backdrop))?;
+            let mut level = of_level.paint(level)?;
+            let psnr = of_level.evaluate(&level)?;
+            level.split_off(faces);
+            let mut provenance = provenance.clone();
+            if let Some(backdrop) = behind.clone().filter(|_| !in_tiles) {
+                provenance.backdrop = backdrop.face_count() as u32;
+                level.append(backdrop)?;
+            }
+            Ok(FinishedLevel { asset: of_level.package(level, provenance)?, psnr })
+        };
+        self.report.long_stage(self.observer, Vec::new(), count_levels, |levels, details, progress| {
+            lod(levels, source, options, finish, details, progress)
+        })
+    }
+
+    /// Mean PSNR of `mesh` on some of the photos, dB, if there are any.
+    fn evaluate(&mut self, mesh: &Mesh) -> Result<Option<f64>> {
+        let views = either(&mut self.views, &mut self.taught).filter(|views| !views.is_empty());
+        views.map(|views| views.mean_psnr(mesh, &views.evenly_spaced(EVALUATION_VIEWS))).transpose()
+    }
+}
