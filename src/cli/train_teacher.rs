@@ -5,7 +5,7 @@ use super::harden;
 use super::layers;
 use super::outputs::Outputs;
 use super::train_args::TrainArgs;
-use super::train_budget::{self, Planned};
+use super::train_budget::{self, Planned, Planning};
 use super::train_progress::Bar;
 use crate::budget::{Budget, Seconds};
 use crate::dataset::{Dataset, DatasetOptions};
@@ -73,10 +73,8 @@ impl Lesson<'_> {
         let args = self.args;
         let teacher = self.teacher(&photos, how)?;
         let output = teacher.as_ref().and_then(|teacher| self.save(teacher, files)).transpose()?;
-        let budget = train_budget::given(args);
-        let options = self.options.clone();
         let planned =
-            train_budget::planned(args, self.matches, budget, photos, self.from, options, how, self.began)?;
+            self.planning(train_budget::given(args), self.from).plan(photos, self.options.clone(), how)?;
         let Some(Teacher { scene, trained }) = teacher else {
             return Ok(Taught { planned, dataset: None, stage: None, output, warnings: Vec::new() });
         };
@@ -84,6 +82,10 @@ impl Lesson<'_> {
         let dataset = harden::beside(&planned.dataset, &scene, share, &planned.options, how, self.global)?;
         let stage = trained.map(|(_, stage)| stage);
         Ok(Taught { planned, dataset: Some(dataset), stage, output, warnings: scene.warnings })
+    }
+
+    fn planning<'a>(&'a self, budget: Option<Budget>, from: Option<&'a Loaded>) -> Planning<'a> {
+        Planning { args: self.args, matches: self.matches, budget, from, began: self.began }
     }
 
     /// The teacher that the flags ask for.
@@ -111,7 +113,7 @@ impl Lesson<'_> {
         });
         let (photos, options) = (photos.clone(), self.teacher_options(budget.is_some()));
         let Planned { dataset, options, paced } =
-            train_budget::planned(args, self.matches, budget, photos, None, options, &mut how, self.began)?;
+            self.planning(budget, None).plan(photos, options, &mut how)?;
         let outputs = RunOptions { max_cpu_secs: args.max_cpu_secs, ..RunOptions::default() };
         let run = TrainRun::new(&dataset, &options).with_dataset_options(&how);
         let run = TrainRun { outputs, paced, ..run };
