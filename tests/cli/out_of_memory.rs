@@ -31,6 +31,11 @@ fn whatever_memory_there_is_files_are_whole_or_as_they_were() {
         }
         assert_eq!(std::fs::read(&out).unwrap(), b"an earlier scene", "{megabytes} MB: {text}");
         assert_eq!(names(), 1, "{megabytes} MB: something was left behind");
+        // A thread that is begun needs memory of the C library, which aborts when there is none: no code of ours can say more, and
+        // the files are as they were all the same.
+        if text.contains("Fatal glibc error") {
+            continue;
+        }
         if text.contains("error: ") {
             assert_eq!(output.status.code(), Some(1), "{megabytes} MB: {text}");
             assert_eq!(text.lines().filter(|l| l.starts_with("error: ")).count(), 1, "{text}");
