@@ -34,6 +34,8 @@ fn whatever_memory_there_is_files_are_whole_or_as_they_were() {
         // A thread that is begun needs memory of the C library, which aborts when there is none: no code of ours can say more, and
         // the files are as they were all the same.
         if text.contains("Fatal glibc error") {
+            assert!(matches!(output.status.code(), None | Some(1)), "{megabytes} MB: {text}");
+            assert!(text.lines().filter(|l| l.starts_with("error: ")).count() <= 1, "{text}");
             continue;
         }
         if text.contains("error: ") {
