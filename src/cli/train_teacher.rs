@@ -14,8 +14,9 @@ use crate::formats;
 use crate::report::{OutputReport, StageReport};
 use crate::scene::Loaded;
 use crate::train::device::OpenRun;
-use crate::train::{RunOptions, TrainOptions, TrainPreset, TrainRun, Trained};
+use crate::train::{RunOptions, TrainOptions, TrainPreset, TrainRun};
 use clap::ArgMatches;
+use std::path::Path;
 use std::time::Instant;
 
 /// Of the steps and the triangles of the run that it teaches, a teacher that is trained for it has this share.
@@ -27,8 +28,8 @@ const BUDGET_SHARE: f64 = 0.4;
 /// A scene that teaches.
 struct Teacher {
     scene: Loaded,
-    /// What trained it, if it was trained now.
-    trained: Option<(Trained, StageReport)>,
+    /// How it was trained, if it was trained now, and the file that it was left in.
+    trained: Option<(StageReport, OutputReport)>,
 }
 
 /// What a run is on, and what became of its teacher.
@@ -71,16 +72,15 @@ impl Lesson<'_> {
         files: &mut Outputs,
     ) -> Result<Taught> {
         let args = self.args;
-        let teacher = self.teacher(&photos, how)?;
-        let output = teacher.as_ref().and_then(|teacher| self.save(teacher, files)).transpose()?;
+        let teacher = self.teacher(&photos, how, files)?;
         let planned =
             self.planning(train_budget::given(args), self.from).plan(photos, self.options.clone(), how)?;
         let Some(Teacher { scene, trained }) = teacher else {
-            return Ok(Taught { planned, dataset: None, stage: None, output, warnings: Vec::new() });
+            return Ok(Taught { planned, dataset: None, stage: None, output: None, warnings: Vec::new() });
         };
         let share = args.teacher.teacher_share;
         let dataset = harden::beside(&planned.dataset, &scene, share, &planned.options, how, self.global)?;
-        let stage = trained.map(|(_, stage)| stage);
+        let (stage, output) = trained.unzip();
         Ok(Taught { planned, dataset: Some(dataset), stage, output, warnings: scene.warnings })
     }
 
@@ -89,11 +89,17 @@ impl Lesson<'_> {
     }
 
     /// The teacher that the flags ask for.
-    fn teacher(&self, photos: &Dataset, how: &DatasetOptions) -> Result<Option<Teacher>> {
+    fn teacher(
+        &self,
+        photos: &Dataset,
+        how: &DatasetOptions,
+        files: &mut Outputs,
+    ) -> Result<Option<Teacher>> {
         let args = self.args;
-        let Some(path) = args.teacher.input(&args.output, args.resume.is_some()) else {
-            return args.teacher.teacher.is_some().then(|| self.train(photos, how.clone())).transpose();
-        };
+        if let Some(path) = args.teacher.output(&args.output, args.resume.is_some()) {
+            return self.train(photos, how.clone(), &path, files).map(Some);
+        }
+        let Some(path) = args.teacher.input(&args.output, args.resume.is_some()) else { return Ok(None) };
         let scene = formats::read(&path, &how.read_options(3))?;
         match harden::needless(&scene) {
             Some(_) => {
@@ -104,8 +110,14 @@ impl Lesson<'_> {
         }
     }
 
-    /// Trains one.
-    fn train(&self, photos: &Dataset, mut how: DatasetOptions) -> Result<Teacher> {
+    /// Trains one and writes it to `path`, one of `files`.
+    fn train(
+        &self,
+        photos: &Dataset,
+        mut how: DatasetOptions,
+        path: &Path,
+        files: &mut Outputs,
+    ) -> Result<Teacher> {
         let (clock, args) = (Instant::now(), self.args);
         let budget = train_budget::given(args).map(|budget| {
             let seconds = Seconds(budget.seconds.0 * BUDGET_SHARE);
@@ -130,7 +142,9 @@ impl Lesson<'_> {
         }
         let mut stage = trained.stage(triangles, clock.elapsed().as_secs_f64());
         "teacher".clone_into(&mut stage.name);
-        Ok(Teacher { scene: trained.clone().into(), trained: Some((trained, stage)) })
+        let bytes = files.take(path).and_then(|file| trained.save_to(file))?;
+        let output = OutputReport { path: path.display().to_string(), bytes };
+        Ok(Teacher { scene: trained.into(), trained: Some((stage, output)) })
     }
 
     /// How the teacher is trained. A budget chooses its triangles, unless those of the run are given.
@@ -142,13 +156,5 @@ impl Lesson<'_> {
             false => share(run.max_triangles, TRIANGLES_SHARE),
         };
         TrainOptions { steps: share(run.steps, STEPS_SHARE), max_triangles, seed: run.seed, ..preset }
-    }
-
-    /// Writes a teacher that was trained.
-    fn save(&self, teacher: &Teacher, files: &mut Outputs) -> Option<Result<OutputReport>> {
-        let (trained, _) = teacher.trained.as_ref()?;
-        let path = self.args.teacher.output(&self.args.output, false)?;
-        let bytes = files.take(&path).and_then(|file| trained.save_to(file));
-        Some(bytes.map(|bytes| OutputReport { path: path.display().to_string(), bytes }))
     }
 }
