@@ -54,6 +54,12 @@ pub struct StageReport {
 }
 
 impl StageReport {
+    /// Of a stage that had nothing to do, and why.
+    pub fn unneeded(name: &str, why: String) -> Self {
+        let (before, after) = (Counts::default(), Counts::default());
+        Self { name: name.to_owned(), seconds: 0.0, before, after, unneeded: Some(why), details: Map::new() }
+    }
+
     /// What this stage measured; `None` if `D` belongs to another stage or nothing was measured.
     pub fn details_as<D: StageDetails>(&self) -> Option<D> {
         let own = self.name == D::STAGE && !self.details.is_empty();

@@ -99,7 +99,11 @@ fn the_report_of_a_training_has_the_same_shape() {
     let value: Value = serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap();
     satisfies(SchemaName::Report, &value);
     satisfies(SchemaName::Train, &value["options"]);
-    let stage = &value["stages"][0];
+    let [teacher, stage] = [0, 1].map(|stage| &value["stages"][stage]);
+    assert_eq!(
+        (&teacher["name"], &teacher["unneeded"]),
+        (&"teacher".into(), &"35 photos are enough without one".into())
+    );
     assert_eq!((&value["command"], &stage["name"]), (&"train".into(), &"train".into()));
     assert!(stage["details"]["psnr"].as_f64().is_some() && stage["after"]["triangles"].as_u64() > Some(0));
     assert_eq!(value["outputs"].as_array().map(Vec::len), Some(1));

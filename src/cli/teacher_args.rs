@@ -10,6 +10,8 @@ use std::str::FromStr;
 pub enum TeacherSource {
     /// One that is trained for it.
     Auto,
+    /// None.
+    Off,
     /// That of a file.
     File(PathBuf),
 }
@@ -18,7 +20,11 @@ impl FromStr for TeacherSource {
     type Err = Infallible;
 
     fn from_str(text: &str) -> std::result::Result<Self, Infallible> {
-        Ok(if text == "auto" { Self::Auto } else { Self::File(text.into()) })
+        Ok(match text {
+            "auto" => Self::Auto,
+            "off" => Self::Off,
+            path => Self::File(path.into()),
+        })
     }
 }
 
@@ -26,30 +32,65 @@ impl FromStr for TeacherSource {
 #[derive(Debug, clap::Args)]
 pub struct TeacherArgs {
     /// Look at pictures of this soft scene too, from half way between neighbouring photos, where it says what the photos do not; auto: train
-    /// one first, which is left as OUT.teacher.ply.
-    #[arg(long, value_name = "SCENE|auto", requires = "dataset")]
+    /// one first, which is left as OUT.teacher.ply; off: do without. Solid scenes of 20 photos or fewer have auto, unless --max-cpu-secs is given.
+    #[arg(long, value_name = "SCENE|auto|off", requires = "dataset")]
     pub teacher: Option<TeacherSource>,
     /// Share of the steps that look at them, 0 to 0.9; fewer where there are not as many places between the photos.
     #[arg(long, value_name = "SHARE", default_value_t = 0.5, requires = "teacher", value_parser = share)]
     pub teacher_share: f64,
 }
 
-impl TeacherArgs {
-    /// The file of the scene when it is read by a run that writes `output`; one that is trained for a run is read by those that resume it.
-    pub(super) fn input(&self, output: &Path, resumes: bool) -> Option<PathBuf> {
-        match self.teacher.as_ref()? {
-            TeacherSource::File(path) => Some(path.clone()),
-            TeacherSource::Auto => resumes.then(|| beside(output)),
-        }
-    }
+/// What becomes of the flags for a run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum TeacherPlan {
+    /// None, and why not.
+    Without(String),
+    /// The scene of a file.
+    Read(PathBuf),
+    /// One that is trained first, and left here.
+    Train(PathBuf),
+}
 
-    /// The file of the scene when it is trained.
-    pub(super) fn output(&self, output: &Path, resumes: bool) -> Option<PathBuf> {
-        (self.teacher == Some(TeacherSource::Auto) && !resumes).then(|| beside(output))
+impl TeacherArgs {
+    /// What the flags mean for a run that writes `output`; one that is trained for a run is read by those that resume it. Without a flag
+    /// `needless` decides: why the run does without.
+    pub(super) fn plan(&self, output: &Path, resumes: bool, needless: Option<String>) -> TeacherPlan {
+        let beside = output.with_extension("teacher.ply");
+        match (&self.teacher, needless) {
+            (Some(TeacherSource::Off), _) => TeacherPlan::Without("`teacher` off".into()),
+            (Some(TeacherSource::File(path)), _) => TeacherPlan::Read(path.clone()),
+            (None, Some(why)) => TeacherPlan::Without(why),
+            (None, None) if resumes && !beside.exists() => {
+                TeacherPlan::Without("the run that goes on has left none".into())
+            }
+            (Some(TeacherSource::Auto) | None, _) if resumes => TeacherPlan::Read(beside),
+            (Some(TeacherSource::Auto) | None, _) => TeacherPlan::Train(beside),
+        }
     }
 }
 
-/// Where a teacher is left that was trained for `output`.
-fn beside(output: &Path) -> PathBuf {
-    output.with_extension("teacher.ply")
+impl TeacherPlan {
+    /// Why there is none.
+    pub(super) fn reason(&self) -> Option<String> {
+        match self {
+            Self::Without(why) => Some(why.clone()),
+            _ => None,
+        }
+    }
+
+    /// The file that is read.
+    pub(super) fn input(&self) -> Option<PathBuf> {
+        match self {
+            Self::Read(path) => Some(path.clone()),
+            _ => None,
+        }
+    }
+
+    /// The file that is written.
+    pub(super) fn output(&self) -> Option<PathBuf> {
+        match self {
+            Self::Train(path) => Some(path.clone()),
+            _ => None,
+        }
+    }
 }

@@ -61,8 +61,9 @@ pub fn run(
     let dataset = dataset(args, &how, from.as_ref(), &options, global)?;
     files.spare_photos(&dataset)?;
     let lesson = Lesson { args, matches, global, from: from.as_ref(), options, began: clock };
-    let Taught { planned, dataset, stage, output, warnings: about_teacher } =
+    let Taught { planned, dataset, stage, input, output, warnings: about_teacher } =
         lesson.begin(dataset, &mut how, &mut files)?;
+    let teacher = output.as_ref().map(|output| PathBuf::from(&output.path)).or_else(|| input.clone());
     let Planned { dataset: photos, options, paced } = planned;
     let dataset = dataset.as_ref().unwrap_or(&photos);
     let plan = paced.as_ref().map(|paced| paced.pace.summary());
@@ -87,13 +88,13 @@ pub fn run(
     }
     plan.iter().for_each(|plan| bar.line(plan));
     let trained = run.finish(&mut bar)?;
-    let mut report = report(args, &trained, warnings);
+    let mut report = report(args, input, &trained, warnings);
     report.outputs.extend(output);
     report.stages.extend(stage);
     report.stages.push(trained.stage(triangles, clock.elapsed().as_secs_f64()));
     write(args, &trained, report, clock, &mut files, &mut bar)?;
     let lost = bar.done();
-    summary(args, &trained, &mut bar);
+    summary(args, teacher.as_deref(), &trained, &mut bar);
     if let (true, Some(checkpoint)) = (trained.stopped, &trained.checkpoint) {
         let command = resume::command(matches, args, checkpoint);
         bar.line(&format!("stopped early; to go on: {command}"));
@@ -101,10 +102,16 @@ pub fn run(
     ended(args, &trained, &lost)
 }
 
-/// What the run did, but for its one stage.
-fn report(args: &TrainArgs, trained: &Trained, warnings: Vec<String>) -> Report {
+/// What the run did, but for its stages. `teacher` is the file of one that was read.
+fn report(args: &TrainArgs, teacher: Option<PathBuf>, trained: &Trained, warnings: Vec<String>) -> Report {
     let mut report = Report::new("train");
-    report.inputs = inputs(args).iter().chain(&args.dataset).map(|path| path.display().to_string()).collect();
+    report.inputs = args
+        .from
+        .iter()
+        .chain(&teacher)
+        .chain(&args.dataset)
+        .map(|path| path.display().to_string())
+        .collect();
     report.options = serde_json::to_value(&trained.options).unwrap_or_default();
     Report { warnings, ..report }
 }
@@ -188,11 +195,6 @@ fn resolve(args: &TrainArgs, matches: &ArgMatches) -> Result<TrainOptions> {
     Ok(options)
 }
 
-/// The scenes that are read.
-fn inputs(args: &TrainArgs) -> Vec<PathBuf> {
-    args.from.iter().cloned().chain(args.teacher.input(&args.output, args.resume.is_some())).collect()
-}
-
 /// Refuses what would fail, or replace a file, only after the training.
 fn guard(args: &TrainArgs, outputs: &RunOptions) -> Result<Outputs> {
     let out = &args.output;
@@ -203,13 +205,16 @@ fn guard(args: &TrainArgs, outputs: &RunOptions) -> Result<Outputs> {
             "a name that ends with .ply; bake turns it into .glb",
         ));
     }
-    let inputs = inputs(args);
-    let inputs = inputs.iter().chain(&args.config).map(PathBuf::as_path);
+    // One that is decided on when the photos are counted is claimed then.
+    let teacher = args.teacher.plan(out, args.resume.is_some(), Some(String::new()));
+    let read = teacher.input();
+    let inputs = args.from.iter().chain(&read).chain(&args.config).map(PathBuf::as_path);
     let mut files = Outputs::new(inputs, args.force).with_dataset(args.dataset.as_deref());
     args.resume.iter().for_each(|path| files.add_input(path));
     files.claim("--output", out)?;
-    let teacher = args.teacher.output(out, args.resume.is_some());
-    for (option, path) in [("--teacher", &teacher), ("--report", &args.report), ("--curve", &args.curve)] {
+    for (option, path) in
+        [("--teacher", &teacher.output()), ("--report", &args.report), ("--curve", &args.curve)]
+    {
         path.as_deref().map_or(Ok(()), |path| files.claim(option, path))?;
     }
     // A run that goes on adds to its log and replaces its own checkpoint.
@@ -273,7 +278,8 @@ fn save_curve(mut file: AtomicFile, trained: &Trained) -> Result<u64> {
     file.commit()
 }
 
-fn summary(args: &TrainArgs, trained: &Trained, bar: &mut Bar) {
+/// What is said at the end; `teacher` is the file of one.
+fn summary(args: &TrainArgs, teacher: Option<&Path>, trained: &Trained, bar: &mut Bar) {
     let out = args.output.display();
     let triangles = HumanCount(trained.soup.len() as u64);
     let held_out = match trained.quality() {
@@ -300,7 +306,6 @@ fn summary(args: &TrainArgs, trained: &Trained, bar: &mut Bar) {
         (trained.budget(), trained.stopped)
     {
         let spent = Seconds(spent_secs);
-        let teacher = args.teacher.output(&args.output, false);
         let teacher = teacher.map_or(String::new(), |path| format!(" --teacher {}", path.display()));
         bar.line(&format!(
             "spent {spent} of the budget {budget}; the same run without it: {repeat}{teacher}"

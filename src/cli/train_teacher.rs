@@ -4,6 +4,7 @@ use super::Global;
 use super::harden;
 use super::layers;
 use super::outputs::Outputs;
+use super::teacher_args::TeacherPlan;
 use super::train_args::TrainArgs;
 use super::train_budget::{self, Planned, Planning};
 use super::train_progress::Bar;
@@ -16,7 +17,7 @@ use crate::scene::Loaded;
 use crate::train::device::OpenRun;
 use crate::train::{RunOptions, TrainOptions, TrainPreset, TrainRun};
 use clap::ArgMatches;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Of the steps and the triangles of the run that it teaches, a teacher that is trained for it has this share.
@@ -24,6 +25,11 @@ const STEPS_SHARE: f64 = 0.55;
 const TRIANGLES_SHARE: f64 = 0.67;
 /// And of a budget.
 const BUDGET_SHARE: f64 = 0.4;
+/// Photos to train on up to which a solid scene has a teacher without being asked: see docs/benchmarks/training.md, "Few photos and a teacher".
+const FEW_PHOTOS: usize = 20;
+
+/// The name of the stage in a report.
+const STAGE: &str = "teacher";
 
 /// A scene that teaches.
 struct Teacher {
@@ -38,8 +44,10 @@ pub(super) struct Taught {
     pub(super) planned: Planned,
     /// The photos and the pictures of the teacher; `None` without one.
     pub(super) dataset: Option<Dataset>,
-    /// How the teacher was trained, if it was trained now.
+    /// How the teacher was trained, or why there is none; `None` of one that was read.
     pub(super) stage: Option<StageReport>,
+    /// The file that it was read from.
+    pub(super) input: Option<PathBuf>,
     /// The file that it was left in.
     pub(super) output: Option<OutputReport>,
     /// What is wrong with the teacher's file.
@@ -72,42 +80,54 @@ impl Lesson<'_> {
         files: &mut Outputs,
     ) -> Result<Taught> {
         let args = self.args;
-        let teacher = self.teacher(&photos, how, files)?;
+        let plan = args.teacher.plan(&args.output, args.resume.is_some(), self.needless(&photos));
+        let teacher = match &plan {
+            TeacherPlan::Without(_) => None,
+            TeacherPlan::Read(path) => Some(Teacher { scene: soft_scene(path, how)?, trained: None }),
+            TeacherPlan::Train(path) => {
+                if args.teacher.teacher.is_none() {
+                    // What was asked for is claimed already.
+                    files.claim("--teacher", path)?;
+                }
+                Some(self.train(&photos, how.clone(), path, files)?)
+            }
+        };
         let planned =
             self.planning(train_budget::given(args), self.from).plan(photos, self.options.clone(), how)?;
-        let Some(Teacher { scene, trained }) = teacher else {
-            return Ok(Taught { planned, dataset: None, stage: None, output: None, warnings: Vec::new() });
+        let untaught = Taught {
+            planned,
+            dataset: None,
+            stage: plan.reason().map(|why| StageReport::unneeded(STAGE, why)),
+            input: plan.input(),
+            output: None,
+            warnings: Vec::new(),
         };
-        let share = args.teacher.teacher_share;
+        let Some(Teacher { scene, trained }) = teacher else { return Ok(untaught) };
+        let (share, planned) = (args.teacher.teacher_share, untaught.planned);
         let dataset = harden::beside(&planned.dataset, &scene, share, &planned.options, how, self.global)?;
         let (stage, output) = trained.unzip();
-        Ok(Taught { planned, dataset: Some(dataset), stage, output, warnings: scene.warnings })
+        Ok(Taught { planned, dataset: Some(dataset), stage, output, warnings: scene.warnings, ..untaught })
+    }
+
+    /// Why the run does without a teacher unless it is asked for one.
+    fn needless(&self, photos: &Dataset) -> Option<String> {
+        let (args, count) = (self.args, photos.train().count());
+        let is_of_photos = args.dataset.is_some() && self.from.is_none();
+        if !is_of_photos || self.options.preset != TrainPreset::Solid {
+            return Some("unasked, only solid scenes that start from photos have one".into());
+        }
+        if args.max_cpu_secs > 0.0 {
+            return Some("unasked, a run that `max_cpu_secs` may end early has none".into());
+        }
+        match count {
+            0 | 1 => Some("there is nothing between so few photos".into()),
+            2..=FEW_PHOTOS => None,
+            _ => Some(format!("{count} photos are enough without one")),
+        }
     }
 
     fn planning<'a>(&'a self, budget: Option<Budget>, from: Option<&'a Loaded>) -> Planning<'a> {
         Planning { args: self.args, matches: self.matches, budget, from, began: self.began }
-    }
-
-    /// The teacher that the flags ask for.
-    fn teacher(
-        &self,
-        photos: &Dataset,
-        how: &DatasetOptions,
-        files: &mut Outputs,
-    ) -> Result<Option<Teacher>> {
-        let args = self.args;
-        if let Some(path) = args.teacher.output(&args.output, args.resume.is_some()) {
-            return self.train(photos, how.clone(), &path, files).map(Some);
-        }
-        let Some(path) = args.teacher.input(&args.output, args.resume.is_some()) else { return Ok(None) };
-        let scene = formats::read(&path, &how.read_options(3))?;
-        match harden::needless(&scene) {
-            Some(_) => {
-                let wants = "a soft scene, as `trisplat train --preset outdoor` makes it";
-                Err(Error::invalid("--teacher", path.display(), wants))
-            }
-            None => Ok(Some(Teacher { scene, trained: None })),
-        }
     }
 
     /// Trains one and writes it to `path`, one of `files`.
@@ -141,7 +161,7 @@ impl Lesson<'_> {
             return Err(Error::invalid("--teacher", value, "all of its steps; nothing was written"));
         }
         let mut stage = trained.stage(triangles, clock.elapsed().as_secs_f64());
-        "teacher".clone_into(&mut stage.name);
+        STAGE.clone_into(&mut stage.name);
         let bytes = files.take(path).and_then(|file| trained.save_to(file))?;
         let output = OutputReport { path: path.display().to_string(), bytes };
         Ok(Teacher { scene: trained.into(), trained: Some((stage, output)) })
@@ -156,5 +176,19 @@ impl Lesson<'_> {
             false => share(run.max_triangles, TRIANGLES_SHARE),
         };
         TrainOptions { steps: share(run.steps, STEPS_SHARE), max_triangles, seed: run.seed, ..preset }
+    }
+}
+
+/// The soft scene of a file.
+///
+/// Errors: a file that cannot be read, a scene that is solid.
+fn soft_scene(path: &Path, how: &DatasetOptions) -> Result<Loaded> {
+    let scene = formats::read(path, &how.read_options(3))?;
+    match harden::needless(&scene) {
+        Some(_) => {
+            let wants = "a soft scene, as `trisplat train --preset outdoor` makes it";
+            Err(Error::invalid("--teacher", path.display(), wants))
+        }
+        None => Ok(scene),
     }
 }

@@ -106,7 +106,7 @@ fn the_curve_and_the_report_are_files_of_their_own() {
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     assert_eq!(last["step"], 30);
     assert_eq!(
-        last["test_psnr"], report["stages"][0]["details"]["psnr"],
+        last["test_psnr"], report["stages"][1]["details"]["psnr"],
         "the log ends with the last evaluation"
     );
     let outputs: Vec<&str> =

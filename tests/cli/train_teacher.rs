@@ -3,10 +3,17 @@
 use super::train::{dataset, succeed, train};
 use super::{fails, sample, stderr, trisplat};
 use serde_json::Value;
+use std::ffi::OsStr;
 use std::path::Path;
+use std::process::Output;
+use trisplat::dataset::synthetic::{self, SyntheticOptions};
 
 fn read(folder: &Path, name: &str) -> Vec<u8> {
     std::fs::read(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+}
+
+fn succeed_with(output: &Output) {
+    assert!(output.status.success(), "{}", stderr(output));
 }
 
 fn report(folder: &Path) -> Value {
@@ -83,6 +90,72 @@ fn a_budget_is_spent_on_both() {
     let again: Vec<&str> = words.iter().map(String::as_str).chain(["-o", "again.ply"]).collect();
     succeed(&mut train(folder, &again));
     assert!(read(folder, "a.ply") == read(folder, "again.ply"), "{repeat}");
+}
+
+/// Trains `out` in `folder` on its `photos`, few steps.
+fn train_few(folder: &Path, out: &str, flags: &[&str]) -> Output {
+    let (photos, out) = (folder.join("photos"), folder.join(out));
+    let mut words: Vec<&dyn AsRef<OsStr>> = vec![&"train", &photos, &"-o", &out];
+    words.extend(flags.iter().map(|word| word as &dyn AsRef<OsStr>));
+    trisplat(&words)
+}
+
+const SHORT: [&str; 4] = ["--steps", "30", "--max-triangles", "100"];
+
+fn few_photos(folder: &Path) {
+    let options = SyntheticOptions { views: 9, width: 24, points: 50, seed: 0 };
+    std::fs::create_dir(folder.join("photos")).unwrap();
+    synthetic::write(&folder.join("photos"), &options).unwrap();
+}
+
+#[test]
+fn few_photos_have_a_teacher_unasked_and_none_when_it_is_off() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    few_photos(folder);
+    let json = folder.join("report.json").display().to_string();
+    let trains = |out: &str, more: &[&str]| {
+        let flags = [&SHORT as &[&str], &["--report", &json, "--force"], more].concat();
+        succeed_with(&train_few(folder, out, &flags));
+        (read(folder, out), report(folder)["stages"][0].clone())
+    };
+    let (unasked, stage) = trains("a.ply", &[]);
+    assert!(stage["name"] == "teacher" && stage["details"]["steps"] == 16, "{stage}");
+    assert!(folder.join("a.teacher.ply").exists());
+    assert!(trains("b.ply", &["--teacher", "auto"]).0 == unasked);
+    for (flags, why) in [
+        (&["--teacher", "off"] as &[&str], "`teacher` off"),
+        (&["--max-cpu-secs", "1000"], "max_cpu_secs"),
+        (&["--preset", "outdoor"], "only solid scenes"),
+    ] {
+        let (scene, stage) = trains("c.ply", flags);
+        assert!(scene != unasked && !folder.join("c.teacher.ply").exists(), "{flags:?}");
+        let unneeded = stage["unneeded"].as_str().unwrap();
+        assert!(stage["name"] == "teacher" && unneeded.contains(why), "{stage}");
+    }
+}
+
+#[test]
+fn a_teacher_that_came_unasked_replaces_nothing_and_is_found_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    few_photos(folder);
+    std::fs::write(folder.join("a.teacher.ply"), b"precious").unwrap();
+    let refused = train_few(folder, "a.ply", &SHORT);
+    let said = stderr(&refused);
+    assert!(
+        refused.status.code() == Some(1) && said.contains("a.teacher.ply") && said.contains("--force"),
+        "{said}"
+    );
+    assert_eq!(read(folder, "a.teacher.ply"), b"precious");
+    assert!(!folder.join("a.ply").exists());
+
+    let flags = [&SHORT as &[&str], &["--force", "--checkpoint-every", "20", "--keep", "3"]].concat();
+    succeed_with(&train_few(folder, "a.ply", &flags));
+    let (scene, teacher) = (read(folder, "a.ply"), read(folder, "a.teacher.ply"));
+    let checkpoint = folder.join("a.step-00000020.checkpoint").display().to_string();
+    succeed_with(&train_few(folder, "a.ply", &["--resume", &checkpoint, "--force"]));
+    assert!(read(folder, "a.ply") == scene && read(folder, "a.teacher.ply") == teacher);
 }
 
 #[test]

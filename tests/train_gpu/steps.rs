@@ -1,7 +1,10 @@
 //! Single steps: their gradients, as Adam's first moments show them, their figures, and what was visible.
 
 use super::{card, scene};
+use glam::Vec3;
+use std::collections::BTreeSet;
 use trisplat::raster::soft::SoftOptions;
+use trisplat::rng::Rng;
 use trisplat::train::backend::{BackendVisibility, StepPhoto, StepStats, TrainBackend};
 use trisplat::train::cpu::CpuBackend;
 use trisplat::train::gpu::{GpuBackend, GpuLimits};
@@ -122,7 +125,10 @@ const CASES: &[Case] = &[
 type Outcome = (TrainState, StepStats, BackendVisibility);
 
 fn step(backend: &mut dyn TrainBackend, case: &Case, rates: &Rates) -> Outcome {
-    let mut state = scene::state(300, case.sh_degree);
+    step_from(backend, case, rates, scene::state(300, case.sh_degree))
+}
+
+fn step_from(backend: &mut dyn TrainBackend, case: &Case, rates: &Rates, mut state: TrainState) -> Outcome {
     (state.pinned, state.frozen) = (case.pinned, case.frozen);
     backend.load(state).unwrap();
     let (camera, pixels) = (scene::camera(), scene::photo(case.masked));
@@ -161,6 +167,9 @@ const GRADIENTS: f64 = 2e-5;
 /// Of the figures of a step; 1e-7 measured.
 const FIGURES: f64 = 1e-6;
 
+/// Triangles, of 300, whose largest weight may be a matter of rounding: 8 measured, long ones that cut through others.
+const MOST_UNDECIDED: usize = 10;
+
 #[test]
 fn a_step_is_the_cpus() {
     let Some(gpu) = card() else { return };
@@ -193,16 +202,50 @@ fn a_step_is_the_cpus() {
         let was = scene::state(300, case.sh_degree);
         assert_eq!(gpu.params.vertices[..case.frozen], was.params.vertices[..case.frozen]);
         assert_eq!(gpu.params.sh[..case.frozen], was.params.sh[..case.frozen]);
-        same_visibility(case, &cpu_seen, &gpu_seen);
+        same_visibility(case, &cpu_seen, &gpu_seen, || undecided(case, options, &rates, &cpu_seen));
     }
 }
 
-fn same_visibility(case: &Case, cpu: &BackendVisibility, gpu: &BackendVisibility) {
+/// Triangles whose largest weight differs.
+fn jumped(a: &[f32], b: &[f32]) -> BTreeSet<usize> {
+    let apart = |(a, b): (&f32, &f32)| f64::from((a - b).abs()) > GRADIENTS;
+    a.iter().zip(b).enumerate().filter(|(_, pair)| apart(*pair)).map(|(i, _)| i).collect()
+}
+
+/// Triangles whose largest weight jumps on the CPU as well when corners move by a rounding error: in a pixel where two layers are as deep
+/// the order of both, and so their weights, may be either.
+fn undecided(case: &Case, options: SoftOptions, rates: &Rates, seen: &BackendVisibility) -> BTreeSet<usize> {
+    let mut found = BTreeSet::new();
+    for draw in 0..32 {
+        let (mut state, rng) = (scene::state(300, case.sh_degree), Rng::new(1, "rounding", draw));
+        for (i, x) in (0..).zip(
+            state.params.vertices.iter_mut().flatten().flat_map(|v| <Vec3 as AsMut<[f32; 3]>>::as_mut(v)),
+        ) {
+            *x *= 1.0 + (rng.uniform(i) - 0.5) * 4.0 * f32::EPSILON;
+        }
+        let (.., moved) = step_from(&mut CpuBackend::new(options), case, rates, state);
+        found.extend(jumped(&seen.first.max_weight, &moved.first.max_weight));
+    }
+    found
+}
+
+/// `undecided`: whose largest weight is a matter of rounding.
+fn same_visibility(
+    case: &Case,
+    cpu: &BackendVisibility,
+    gpu: &BackendVisibility,
+    undecided: impl FnOnce() -> BTreeSet<usize>,
+) {
     let (a, b) = (&cpu.first, &gpu.first);
-    // A pixel where two layers are as deep may have them in either order, which changes the weights of both.
-    let weights = || a.max_weight.iter().zip(&b.max_weight).enumerate();
-    let jumped: Vec<_> = weights().filter(|(_, (a, b))| f64::from((*a - *b).abs()) > GRADIENTS).collect();
-    assert!(jumped.len() <= 2, "{}: weights {jumped:?}", case.name);
+    let jumped = jumped(&a.max_weight, &b.max_weight);
+    if !jumped.is_empty() {
+        let undecided = undecided();
+        assert!(
+            jumped.is_subset(&undecided) && undecided.len() <= MOST_UNDECIDED,
+            "{}: weights of {jumped:?} differ, those of {undecided:?} may",
+            case.name
+        );
+    }
     let radius = apart(a.max_radius_px.iter().copied(), b.max_radius_px.iter().copied());
     assert!(radius < GRADIENTS, "{}: radius {radius}", case.name);
     let sums = apart(a.sum_weight.iter().copied(), b.sum_weight.iter().copied());

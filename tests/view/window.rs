@@ -388,7 +388,18 @@ fn a_training_is_shown_while_it_runs_and_its_file_is_that_of_one_nobody_watches(
     let make = ["sample", "dataset", "--views", "12", "--width", "64", "--points", "300", "-o", "photos"];
     desk.run(&make);
     let train = |output: &'static str, more: &[&'static str]| {
-        let plain = ["train", "photos", "--preset", "solid", "--steps", "400", "--max-triangles", "600"];
+        let plain = [
+            "train",
+            "photos",
+            "--preset",
+            "solid",
+            "--steps",
+            "400",
+            "--max-triangles",
+            "600",
+            "--teacher",
+            "off",
+        ];
         [&plain[..], &["--backend", "cpu", "--output", output], more].concat()
     };
     desk.run(&train("alone.ply", &[]));
