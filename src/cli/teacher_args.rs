@@ -35,9 +35,10 @@ pub struct TeacherArgs {
     /// one first, which is left as OUT.teacher.ply; off: do without. Solid scenes of 20 photos or fewer have auto, unless --max-cpu-secs is given.
     #[arg(long, value_name = "SCENE|auto|off", requires = "dataset")]
     pub teacher: Option<TeacherSource>,
-    /// Share of the steps that look at them, 0 to 0.9; fewer where there are not as many places between the photos.
-    #[arg(long, value_name = "SHARE", default_value_t = 0.5, requires = "teacher", value_parser = share)]
-    pub teacher_share: f64,
+    /// Share of the steps that look at them, 0 to 0.9, fewer where there are not as many places between the photos; 0.5 unless given, two thirds
+    /// with 20 photos or fewer.
+    #[arg(long, value_name = "SHARE", requires = "teacher", value_parser = share)]
+    pub teacher_share: Option<f64>,
 }
 
 /// What becomes of the flags for a run.

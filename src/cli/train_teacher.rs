@@ -27,6 +27,8 @@ const TRIANGLES_SHARE: f64 = 0.67;
 const BUDGET_SHARE: f64 = 0.4;
 /// Photos to train on up to which a solid scene has a teacher without being asked: see docs/benchmarks/training.md, "Few photos and a teacher".
 const FEW_PHOTOS: usize = 20;
+/// Share of the steps that look at its pictures with as few photos, and with more.
+const SHARES: [f64; 2] = [2.0 / 3.0, 0.5];
 
 /// The name of the stage in a report.
 const STAGE: &str = "teacher";
@@ -103,7 +105,8 @@ impl Lesson<'_> {
             warnings: Vec::new(),
         };
         let Some(Teacher { scene, trained }) = teacher else { return Ok(untaught) };
-        let (share, planned) = (args.teacher.teacher_share, untaught.planned);
+        let planned = untaught.planned;
+        let share = args.teacher.teacher_share.unwrap_or_else(|| share(&planned.dataset));
         let dataset = harden::beside(&planned.dataset, &scene, share, &planned.options, how, self.global)?;
         let (stage, output) = trained.unzip();
         Ok(Taught { planned, dataset: Some(dataset), stage, output, warnings: scene.warnings, ..untaught })
@@ -177,6 +180,12 @@ impl Lesson<'_> {
         };
         TrainOptions { steps: share(run.steps, STEPS_SHARE), max_triangles, seed: run.seed, ..preset }
     }
+}
+
+/// Share of the steps that look at pictures of a teacher unless it is given.
+fn share(photos: &Dataset) -> f64 {
+    let [few, more] = SHARES;
+    if photos.train().count() <= FEW_PHOTOS { few } else { more }
 }
 
 /// The soft scene of a file.

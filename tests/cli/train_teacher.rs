@@ -123,6 +123,8 @@ fn few_photos_have_a_teacher_unasked_and_none_when_it_is_off() {
     assert!(stage["name"] == "teacher" && stage["details"]["steps"] == 16, "{stage}");
     assert!(folder.join("a.teacher.ply").exists());
     assert!(trains("b.ply", &["--teacher", "auto"]).0 == unasked);
+    assert!(trains("b.ply", &["--teacher", "auto", "--teacher-share", "0.66"]).0 == unasked);
+    assert!(trains("b.ply", &["--teacher", "auto", "--teacher-share", "0.2"]).0 != unasked);
     for (flags, why) in [
         (&["--teacher", "off"] as &[&str], "`teacher` off"),
         (&["--max-cpu-secs", "1000"], "max_cpu_secs"),

@@ -218,10 +218,9 @@ fn undecided(case: &Case, options: SoftOptions, rates: &Rates, seen: &BackendVis
     let mut found = BTreeSet::new();
     for draw in 0..32 {
         let (mut state, rng) = (scene::state(300, case.sh_degree), Rng::new(1, "rounding", draw));
-        for (i, x) in (0..).zip(
-            state.params.vertices.iter_mut().flatten().flat_map(|v| <Vec3 as AsMut<[f32; 3]>>::as_mut(v)),
-        ) {
-            *x *= 1.0 + (rng.uniform(i) - 0.5) * 4.0 * f32::EPSILON;
+        let nudge = |at: u64| 1.0 + (rng.uniform(at) - 0.5) * 4.0 * f32::EPSILON;
+        for (i, corner) in (0..).zip(state.params.vertices.iter_mut().flatten()) {
+            *corner *= Vec3::from([0, 1, 2].map(|axis| nudge(3 * i + axis)));
         }
         let (.., moved) = step_from(&mut CpuBackend::new(options), case, rates, state);
         found.extend(jumped(&seen.first.max_weight, &moved.first.max_weight));
