@@ -61,9 +61,10 @@ impl TeacherArgs {
             (Some(TeacherSource::Off), _) => TeacherPlan::Without("`teacher` off".into()),
             (Some(TeacherSource::File(path)), _) => TeacherPlan::Read(path.clone()),
             (None, Some(why)) => TeacherPlan::Without(why),
-            (None, None) if resumes && !beside.exists() => {
-                TeacherPlan::Without("the run that goes on has left none".into())
-            }
+            (None, None) if resumes && !beside.exists() => TeacherPlan::Without(format!(
+                "the teacher of the run that goes on is not at {}",
+                beside.display()
+            )),
             (Some(TeacherSource::Auto) | None, _) if resumes => TeacherPlan::Read(beside),
             (Some(TeacherSource::Auto) | None, _) => TeacherPlan::Train(beside),
         }

@@ -60,7 +60,8 @@ pub fn run(
     let from = args.from.as_deref().map(read).transpose()?;
     let dataset = dataset(args, &how, from.as_ref(), &options, global)?;
     files.spare_photos(&dataset)?;
-    let lesson = Lesson { args, matches, global, from: from.as_ref(), options, began: clock };
+    let (from_scene, resumes) = (from.as_ref(), point.as_ref());
+    let lesson = Lesson { args, matches, global, from: from_scene, options, resumes, began: clock };
     let Taught { planned, dataset, stage, input, output, warnings: about_teacher } =
         lesson.begin(dataset, &mut how, &mut files)?;
     let teacher = output.as_ref().map(|output| PathBuf::from(&output.path)).or_else(|| input.clone());

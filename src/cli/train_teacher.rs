@@ -15,7 +15,7 @@ use crate::formats;
 use crate::report::{OutputReport, StageReport};
 use crate::scene::Loaded;
 use crate::train::device::OpenRun;
-use crate::train::{RunOptions, TrainOptions, TrainPreset, TrainRun};
+use crate::train::{Checkpoint, RunOptions, TrainOptions, TrainPreset, TrainRun};
 use clap::ArgMatches;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -65,6 +65,8 @@ pub(super) struct Lesson<'a> {
     pub(super) from: Option<&'a Loaded>,
     /// How the run is trained.
     pub(super) options: TrainOptions,
+    /// The checkpoint that the run goes on from.
+    pub(super) resumes: Option<&'a Checkpoint>,
     /// When the command began.
     pub(super) began: Instant,
 }
@@ -115,6 +117,11 @@ impl Lesson<'_> {
     /// Why the run does without a teacher unless it is asked for one.
     fn needless(&self, photos: &Dataset) -> Option<String> {
         let (args, count) = (self.args, photos.train().count());
+        if let Some(checkpoint) = self.resumes {
+            // Pictures of a teacher are photos to a run.
+            let was_taught = checkpoint.meta.identity.photos.len() > count;
+            return (!was_taught).then(|| "the run that goes on has none".into());
+        }
         let is_of_photos = args.dataset.is_some() && self.from.is_none();
         if !is_of_photos || self.options.preset != TrainPreset::Solid {
             return Some("unasked, only solid scenes that start from photos have one".into());

@@ -69,8 +69,16 @@ fn a_run_that_goes_on_has_the_teacher_it_began_with() {
     assert!(resumed.status.success(), "{}", stderr(&resumed));
     assert!(!stderr(&resumed).contains("trained first"), "{}", stderr(&resumed));
     assert!(read(folder, "a.ply") == scene && read(folder, "a.teacher.ply") == teacher);
-    let without = resume(&[]);
-    assert!(!without.status.success() && stderr(&without).contains("photo"), "{}", stderr(&without));
+    // It is found where it was left, and missed where it is not.
+    let unasked = resume(&[]);
+    assert!(unasked.status.success() && read(folder, "a.ply") == scene, "{}", stderr(&unasked));
+    for without in [&["--teacher", "off"] as &[&str], &[]] {
+        if without.is_empty() {
+            std::fs::remove_file(folder.join("a.teacher.ply")).unwrap();
+        }
+        let refused = resume(without);
+        assert!(!refused.status.success() && stderr(&refused).contains("photo"), "{}", stderr(&refused));
+    }
 }
 
 #[test]
@@ -158,6 +166,15 @@ fn a_teacher_that_came_unasked_replaces_nothing_and_is_found_again() {
     let checkpoint = folder.join("a.step-00000020.checkpoint").display().to_string();
     succeed_with(&train_few(folder, "a.ply", &["--resume", &checkpoint, "--force"]));
     assert!(read(folder, "a.ply") == scene && read(folder, "a.teacher.ply") == teacher);
+
+    // One that is there without having taught the run is left alone.
+    let flags = [&flags[..], &["--teacher", "off"]].concat();
+    succeed_with(&train_few(folder, "b.ply", &flags));
+    let scene = read(folder, "b.ply");
+    std::fs::write(folder.join("b.teacher.ply"), teacher).unwrap();
+    let checkpoint = folder.join("b.step-00000020.checkpoint").display().to_string();
+    succeed_with(&train_few(folder, "b.ply", &["--resume", &checkpoint, "--force"]));
+    assert!(read(folder, "b.ply") == scene);
 }
 
 #[test]
