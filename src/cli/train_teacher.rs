@@ -163,7 +163,9 @@ impl Lesson<'_> {
         let OpenRun { run, .. } = run.start_at(&args.backend_options)?;
         let triangles = run.triangles();
         let mut bar = Bar::new(self.global, options.steps, 0, None, &[])?;
-        bar.line(&format!("a soft scene is trained first, to teach: {} steps", options.steps));
+        let unasked =
+            if args.teacher.teacher.is_none() { ", as photos are few (--teacher off: not)" } else { "" };
+        bar.line(&format!("a soft scene is trained first, to teach: {} steps{unasked}", options.steps));
         let trained = run.finish(&mut bar)?;
         bar.done();
         if trained.stopped {

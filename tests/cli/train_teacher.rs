@@ -130,6 +130,8 @@ fn few_photos_have_a_teacher_unasked_and_none_when_it_is_off() {
     let (unasked, stage) = trains("a.ply", &[]);
     assert!(stage["name"] == "teacher" && stage["details"]["steps"] == 16, "{stage}");
     assert!(folder.join("a.teacher.ply").exists());
+    let said = stderr(&train_few(folder, "a.ply", &[&SHORT as &[&str], &["--force"]].concat()));
+    assert!(said.contains("to teach: 16 steps, as photos are few (--teacher off: not)"), "{said}");
     assert!(trains("b.ply", &["--teacher", "auto"]).0 == unasked);
     assert!(trains("b.ply", &["--teacher", "auto", "--teacher-share", "0.66"]).0 == unasked);
     assert!(trains("b.ply", &["--teacher", "auto", "--teacher-share", "0.2"]).0 != unasked);
