@@ -53,46 +53,50 @@ pub(super) enum TeacherPlan {
 }
 
 impl TeacherArgs {
-    /// What the flags mean for a run that writes `output`; one that is trained for a run is read by those that resume it. Without a flag
-    /// `needless` decides: why the run does without.
-    pub(super) fn plan(&self, output: &Path, resumes: bool, needless: Option<String>) -> TeacherPlan {
-        let beside = output.with_extension("teacher.ply");
-        match (&self.teacher, needless) {
-            (Some(TeacherSource::Off), _) => TeacherPlan::Without("`teacher` off".into()),
-            (Some(TeacherSource::File(path)), _) => TeacherPlan::Read(path.clone()),
-            (None, Some(why)) => TeacherPlan::Without(why),
-            (None, None) if resumes && !beside.exists() => TeacherPlan::Without(format!(
-                "the teacher of the run that goes on is not at {}",
-                beside.display()
-            )),
-            (Some(TeacherSource::Auto) | None, _) if resumes => TeacherPlan::Read(beside),
-            (Some(TeacherSource::Auto) | None, _) => TeacherPlan::Train(beside),
-        }
+    /// What the flag asks for in a run that writes `output`; one that is trained for a run is read by those that resume it. `None`: it was
+    /// not given.
+    pub(super) fn asked(&self, output: &Path, resumes: bool) -> Option<TeacherPlan> {
+        Some(match self.teacher.as_ref()? {
+            TeacherSource::Off => TeacherPlan::Without("`teacher` off".into()),
+            TeacherSource::File(path) => TeacherPlan::Read(path.clone()),
+            TeacherSource::Auto if resumes => TeacherPlan::Read(beside(output)),
+            TeacherSource::Auto => TeacherPlan::Train(beside(output)),
+        })
     }
 }
 
 impl TeacherPlan {
-    /// Why there is none.
-    pub(super) fn reason(&self) -> Option<String> {
-        match self {
-            Self::Without(why) => Some(why.clone()),
-            _ => None,
+    /// Of a run that writes `output` and was not asked. `needless`: why it does without.
+    pub(super) fn unasked(output: &Path, resumes: bool, needless: Option<String>) -> Self {
+        let path = beside(output);
+        match needless {
+            Some(why) => Self::Without(why),
+            None if !resumes => Self::Train(path),
+            None if path.exists() => Self::Read(path),
+            None => {
+                Self::Without(format!("the teacher of the run that goes on is not at {}", path.display()))
+            }
         }
     }
 
     /// The file that is read.
-    pub(super) fn input(&self) -> Option<PathBuf> {
+    pub(super) fn input(&self) -> Option<&Path> {
         match self {
-            Self::Read(path) => Some(path.clone()),
+            Self::Read(path) => Some(path),
             _ => None,
         }
     }
 
     /// The file that is written.
-    pub(super) fn output(&self) -> Option<PathBuf> {
+    pub(super) fn output(&self) -> Option<&Path> {
         match self {
-            Self::Train(path) => Some(path.clone()),
+            Self::Train(path) => Some(path),
             _ => None,
         }
     }
+}
+
+/// Where a teacher is left that was trained for `output`.
+fn beside(output: &Path) -> PathBuf {
+    output.with_extension("teacher.ply")
 }

@@ -8,6 +8,7 @@ use super::layers::{self, Layers};
 use super::outputs::Outputs;
 use super::resume;
 use super::signals;
+use super::teacher_args::TeacherPlan;
 use super::train_args::TrainArgs;
 use super::train_block;
 use super::train_budget::{self, Planned};
@@ -28,7 +29,7 @@ use crate::train::{Checkpoint, Preview, RunOptions, TrainOptions, TrainRun, Trai
 use clap::ArgMatches;
 use indicatif::HumanCount;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -62,9 +63,8 @@ pub fn run(
     files.spare_photos(&dataset)?;
     let (from_scene, resumes) = (from.as_ref(), point.as_ref());
     let lesson = Lesson { args, matches, global, from: from_scene, options, resumes, began: clock };
-    let Taught { planned, dataset, stage, input, output, warnings: about_teacher } =
+    let Taught { planned, plan: teacher, dataset, stage, output, warnings: about_teacher } =
         lesson.begin(dataset, &mut how, &mut files)?;
-    let teacher = output.as_ref().map(|output| PathBuf::from(&output.path)).or_else(|| input.clone());
     let Planned { dataset: photos, options, paced } = planned;
     let dataset = dataset.as_ref().unwrap_or(&photos);
     let plan = paced.as_ref().map(|paced| paced.pace.summary());
@@ -89,13 +89,13 @@ pub fn run(
     }
     plan.iter().for_each(|plan| bar.line(plan));
     let trained = run.finish(&mut bar)?;
-    let mut report = report(args, input, &trained, warnings);
+    let mut report = report(args, &teacher, &trained, warnings);
     report.outputs.extend(output);
     report.stages.extend(stage);
     report.stages.push(trained.stage(triangles, clock.elapsed().as_secs_f64()));
     write(args, &trained, report, clock, &mut files, &mut bar)?;
     let lost = bar.done();
-    summary(args, teacher.as_deref(), &trained, &mut bar);
+    summary(args, &teacher, &trained, &mut bar);
     if let (true, Some(checkpoint)) = (trained.stopped, &trained.checkpoint) {
         let command = resume::command(matches, args, checkpoint);
         bar.line(&format!("stopped early; to go on: {command}"));
@@ -103,16 +103,11 @@ pub fn run(
     ended(args, &trained, &lost)
 }
 
-/// What the run did, but for its stages. `teacher` is the file of one that was read.
-fn report(args: &TrainArgs, teacher: Option<PathBuf>, trained: &Trained, warnings: Vec<String>) -> Report {
+/// What the run did, but for its stages.
+fn report(args: &TrainArgs, teacher: &TeacherPlan, trained: &Trained, warnings: Vec<String>) -> Report {
     let mut report = Report::new("train");
-    report.inputs = args
-        .from
-        .iter()
-        .chain(&teacher)
-        .chain(&args.dataset)
-        .map(|path| path.display().to_string())
-        .collect();
+    let read = args.from.as_deref().into_iter().chain(teacher.input()).chain(args.dataset.as_deref());
+    report.inputs = read.map(|path| path.display().to_string()).collect();
     report.options = serde_json::to_value(&trained.options).unwrap_or_default();
     Report { warnings, ..report }
 }
@@ -206,17 +201,17 @@ fn guard(args: &TrainArgs, outputs: &RunOptions) -> Result<Outputs> {
             "a name that ends with .ply; bake turns it into .glb",
         ));
     }
-    // One that is decided on when the photos are counted is claimed then.
-    let teacher = args.teacher.plan(out, args.resume.is_some(), Some(String::new()));
-    let read = teacher.input();
-    let inputs = args.from.iter().chain(&read).chain(&args.config).map(PathBuf::as_path);
+    // One that nobody asked for is claimed when the photos are counted.
+    let teacher = args.teacher.asked(out, args.resume.is_some());
+    let [read, trained] =
+        [TeacherPlan::input, TeacherPlan::output].map(|file| teacher.as_ref().and_then(file));
+    let inputs = args.from.as_deref().into_iter().chain(read).chain(args.config.as_deref());
     let mut files = Outputs::new(inputs, args.force).with_dataset(args.dataset.as_deref());
     args.resume.iter().for_each(|path| files.add_input(path));
     files.claim("--output", out)?;
-    for (option, path) in
-        [("--teacher", &teacher.output()), ("--report", &args.report), ("--curve", &args.curve)]
-    {
-        path.as_deref().map_or(Ok(()), |path| files.claim(option, path))?;
+    let [report, curve] = [&args.report, &args.curve].map(Option::as_deref);
+    for (option, path) in [("--teacher", trained), ("--report", report), ("--curve", curve)] {
+        path.map_or(Ok(()), |path| files.claim(option, path))?;
     }
     // A run that goes on adds to its log and replaces its own checkpoint.
     args.resume.iter().for_each(|path| files.remove_input(path));
@@ -279,8 +274,7 @@ fn save_curve(mut file: AtomicFile, trained: &Trained) -> Result<u64> {
     file.commit()
 }
 
-/// What is said at the end; `teacher` is the file of one.
-fn summary(args: &TrainArgs, teacher: Option<&Path>, trained: &Trained, bar: &mut Bar) {
+fn summary(args: &TrainArgs, teacher: &TeacherPlan, trained: &Trained, bar: &mut Bar) {
     let out = args.output.display();
     let triangles = HumanCount(trained.soup.len() as u64);
     let held_out = match trained.quality() {
@@ -307,6 +301,7 @@ fn summary(args: &TrainArgs, teacher: Option<&Path>, trained: &Trained, bar: &mu
         (trained.budget(), trained.stopped)
     {
         let spent = Seconds(spent_secs);
+        let teacher = teacher.output().or(teacher.input());
         let teacher = teacher.map_or(String::new(), |path| format!(" --teacher {}", path.display()));
         bar.line(&format!(
             "spent {spent} of the budget {budget}; the same run without it: {repeat}{teacher}"

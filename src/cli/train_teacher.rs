@@ -8,16 +8,17 @@ use super::teacher_args::TeacherPlan;
 use super::train_args::TrainArgs;
 use super::train_budget::{self, Planned, Planning};
 use super::train_progress::Bar;
+use crate::bake::teacher::TeacherDetails;
 use crate::budget::{Budget, Seconds};
 use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
 use crate::formats;
-use crate::report::{OutputReport, StageReport};
+use crate::report::{OutputReport, StageDetails, StageReport};
 use crate::scene::Loaded;
 use crate::train::device::OpenRun;
 use crate::train::{Checkpoint, RunOptions, TrainOptions, TrainPreset, TrainRun};
 use clap::ArgMatches;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 /// Of the steps and the triangles of the run that it teaches, a teacher that is trained for it has this share.
@@ -29,9 +30,6 @@ const BUDGET_SHARE: f64 = 0.4;
 const FEW_PHOTOS: usize = 20;
 /// Share of the steps that look at its pictures with as few photos, and with more.
 const SHARES: [f64; 2] = [2.0 / 3.0, 0.5];
-
-/// The name of the stage in a report.
-const STAGE: &str = "teacher";
 
 /// A scene that teaches.
 struct Teacher {
@@ -48,8 +46,8 @@ pub(super) struct Taught {
     pub(super) dataset: Option<Dataset>,
     /// How the teacher was trained, or why there is none; `None` of one that was read.
     pub(super) stage: Option<StageReport>,
-    /// The file that it was read from.
-    pub(super) input: Option<PathBuf>,
+    /// Where the teacher comes from.
+    pub(super) plan: TeacherPlan,
     /// The file that it was left in.
     pub(super) output: Option<OutputReport>,
     /// What is wrong with the teacher's file.
@@ -84,34 +82,36 @@ impl Lesson<'_> {
         files: &mut Outputs,
     ) -> Result<Taught> {
         let args = self.args;
-        let plan = args.teacher.plan(&args.output, args.resume.is_some(), self.needless(&photos));
-        let teacher = match &plan {
-            TeacherPlan::Without(_) => None,
-            TeacherPlan::Read(path) => Some(Teacher { scene: soft_scene(path, how)?, trained: None }),
-            TeacherPlan::Train(path) => {
-                if args.teacher.teacher.is_none() {
-                    // What was asked for is claimed already.
-                    files.claim("--teacher", path)?;
-                }
-                Some(self.train(&photos, how.clone(), path, files)?)
+        let plan = match args.teacher.asked(&args.output, self.resumes.is_some()) {
+            Some(plan) => plan,
+            None => {
+                let needless = self.needless(&photos);
+                let plan = TeacherPlan::unasked(&args.output, self.resumes.is_some(), needless);
+                // What was asked for is claimed already.
+                plan.output().map_or(Ok(()), |path| files.claim("--teacher", path))?;
+                plan
             }
+        };
+        let mut stage = None;
+        let teacher = match &plan {
+            TeacherPlan::Without(why) => {
+                stage = Some(StageReport::unneeded(TeacherDetails::STAGE, why.clone()));
+                None
+            }
+            TeacherPlan::Read(path) => Some(Teacher { scene: soft_scene(path, how)?, trained: None }),
+            TeacherPlan::Train(path) => Some(self.train(&photos, how.clone(), path, files)?),
         };
         let planned =
             self.planning(train_budget::given(args), self.from).plan(photos, self.options.clone(), how)?;
-        let untaught = Taught {
-            planned,
-            dataset: None,
-            stage: plan.reason().map(|why| StageReport::unneeded(STAGE, why)),
-            input: plan.input(),
-            output: None,
-            warnings: Vec::new(),
-        };
-        let Some(Teacher { scene, trained }) = teacher else { return Ok(untaught) };
-        let planned = untaught.planned;
-        let share = args.teacher.teacher_share.unwrap_or_else(|| share(&planned.dataset));
-        let dataset = harden::beside(&planned.dataset, &scene, share, &planned.options, how, self.global)?;
-        let (stage, output) = trained.unzip();
-        Ok(Taught { planned, dataset: Some(dataset), stage, output, warnings: scene.warnings, ..untaught })
+        let mut taught = Taught { planned, plan, dataset: None, stage, output: None, warnings: Vec::new() };
+        if let Some(Teacher { scene, trained }) = teacher {
+            let Planned { dataset: photos, options, .. } = &taught.planned;
+            let share = args.teacher.teacher_share.unwrap_or_else(|| share(photos));
+            taught.dataset = Some(harden::beside(photos, &scene, share, options, how, self.global)?);
+            (taught.stage, taught.output) = trained.unzip();
+            taught.warnings = scene.warnings;
+        }
+        Ok(taught)
     }
 
     /// Why the run does without a teacher unless it is asked for one.
@@ -173,7 +173,7 @@ impl Lesson<'_> {
             return Err(Error::invalid("--teacher", value, "all of its steps; nothing was written"));
         }
         let mut stage = trained.stage(triangles, clock.elapsed().as_secs_f64());
-        STAGE.clone_into(&mut stage.name);
+        TeacherDetails::STAGE.clone_into(&mut stage.name);
         let bytes = files.take(path).and_then(|file| trained.save_to(file))?;
         let output = OutputReport { path: path.display().to_string(), bytes };
         Ok(Teacher { scene: trained.into(), trained: Some((stage, output)) })

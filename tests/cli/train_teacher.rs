@@ -5,15 +5,11 @@ use super::{fails, sample, stderr, trisplat};
 use serde_json::Value;
 use std::ffi::OsStr;
 use std::path::Path;
-use std::process::Output;
+use std::process::{Command, Stdio};
 use trisplat::dataset::synthetic::{self, SyntheticOptions};
 
 fn read(folder: &Path, name: &str) -> Vec<u8> {
     std::fs::read(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
-}
-
-fn succeed_with(output: &Output) {
-    assert!(output.status.success(), "{}", stderr(output));
 }
 
 fn report(folder: &Path) -> Value {
@@ -55,7 +51,7 @@ fn a_run_that_goes_on_has_the_teacher_it_began_with() {
     succeed(&mut train(folder, &flags));
     let (scene, teacher) = (read(folder, "a.ply"), read(folder, "a.teacher.ply"));
     let resume = |flags: &[&str]| {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_trisplat"));
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
         command.current_dir(folder).arg("train").arg(dataset()).args([
             "--max-size",
             "80",
@@ -101,11 +97,11 @@ fn a_budget_is_spent_on_both() {
 }
 
 /// Trains `out` in `folder` on its `photos`, few steps.
-fn train_few(folder: &Path, out: &str, flags: &[&str]) -> Output {
-    let (photos, out) = (folder.join("photos"), folder.join(out));
-    let mut words: Vec<&dyn AsRef<OsStr>> = vec![&"train", &photos, &"-o", &out];
-    words.extend(flags.iter().map(|word| word as &dyn AsRef<OsStr>));
-    trisplat(&words)
+fn train_few(folder: &Path, out: &str, flags: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+    command.arg("train").arg(folder.join("photos")).arg("-o").arg(folder.join(out));
+    command.args(flags).stdin(Stdio::null());
+    command
 }
 
 const SHORT: [&str; 4] = ["--steps", "30", "--max-triangles", "100"];
@@ -124,13 +120,13 @@ fn few_photos_have_a_teacher_unasked_and_none_when_it_is_off() {
     let json = folder.join("report.json").display().to_string();
     let trains = |out: &str, more: &[&str]| {
         let flags = [&SHORT as &[&str], &["--report", &json, "--force"], more].concat();
-        succeed_with(&train_few(folder, out, &flags));
+        succeed(&mut train_few(folder, out, &flags));
         (read(folder, out), report(folder)["stages"][0].clone())
     };
     let (unasked, stage) = trains("a.ply", &[]);
     assert!(stage["name"] == "teacher" && stage["details"]["steps"] == 16, "{stage}");
     assert!(folder.join("a.teacher.ply").exists());
-    let said = stderr(&train_few(folder, "a.ply", &[&SHORT as &[&str], &["--force"]].concat()));
+    let said = stderr(&succeed(&mut train_few(folder, "a.ply", &[&SHORT as &[&str], &["--force"]].concat())));
     assert!(said.contains("to teach: 16 steps, as photos are few (--teacher off: not)"), "{said}");
     assert!(trains("b.ply", &["--teacher", "auto"]).0 == unasked);
     assert!(trains("b.ply", &["--teacher", "auto", "--teacher-share", "0.66"]).0 == unasked);
@@ -153,7 +149,7 @@ fn a_teacher_that_came_unasked_replaces_nothing_and_is_found_again() {
     let folder = folder.path();
     few_photos(folder);
     std::fs::write(folder.join("a.teacher.ply"), b"precious").unwrap();
-    let refused = train_few(folder, "a.ply", &SHORT);
+    let refused = train_few(folder, "a.ply", &SHORT).output().unwrap();
     let said = stderr(&refused);
     assert!(
         refused.status.code() == Some(1) && said.contains("a.teacher.ply") && said.contains("--force"),
@@ -163,19 +159,19 @@ fn a_teacher_that_came_unasked_replaces_nothing_and_is_found_again() {
     assert!(!folder.join("a.ply").exists());
 
     let flags = [&SHORT as &[&str], &["--force", "--checkpoint-every", "20", "--keep", "3"]].concat();
-    succeed_with(&train_few(folder, "a.ply", &flags));
+    succeed(&mut train_few(folder, "a.ply", &flags));
     let (scene, teacher) = (read(folder, "a.ply"), read(folder, "a.teacher.ply"));
     let checkpoint = folder.join("a.step-00000020.checkpoint").display().to_string();
-    succeed_with(&train_few(folder, "a.ply", &["--resume", &checkpoint, "--force"]));
+    succeed(&mut train_few(folder, "a.ply", &["--resume", &checkpoint, "--force"]));
     assert!(read(folder, "a.ply") == scene && read(folder, "a.teacher.ply") == teacher);
 
     // One that is there without having taught the run is left alone.
     let flags = [&flags[..], &["--teacher", "off"]].concat();
-    succeed_with(&train_few(folder, "b.ply", &flags));
+    succeed(&mut train_few(folder, "b.ply", &flags));
     let scene = read(folder, "b.ply");
     std::fs::write(folder.join("b.teacher.ply"), teacher).unwrap();
     let checkpoint = folder.join("b.step-00000020.checkpoint").display().to_string();
-    succeed_with(&train_few(folder, "b.ply", &["--resume", &checkpoint, "--force"]));
+    succeed(&mut train_few(folder, "b.ply", &["--resume", &checkpoint, "--force"]));
     assert!(read(folder, "b.ply") == scene);
 }
 
@@ -184,10 +180,9 @@ fn what_cannot_teach_is_refused_before_any_work() {
     let folder = tempfile::tempdir().unwrap();
     let (photos, out) = (dataset(), folder.path().join("a.ply"));
     let refuses = |teacher: &Path, more: &[&str], needles: &[&str]| {
-        let mut words: Vec<&dyn AsRef<std::ffi::OsStr>> =
-            vec![&"train", &photos, &"-o", &out, &"--steps", &"30"];
-        words.extend([&"--teacher" as &dyn AsRef<std::ffi::OsStr>, &teacher]);
-        words.extend(more.iter().map(|word| word as &dyn AsRef<std::ffi::OsStr>));
+        let mut words: Vec<&dyn AsRef<OsStr>> = vec![&"train", &photos, &"-o", &out, &"--steps", &"30"];
+        words.extend([&"--teacher" as &dyn AsRef<OsStr>, &teacher]);
+        words.extend(more.iter().map(|word| word as &dyn AsRef<OsStr>));
         fails(folder.path(), &words, needles);
     };
     refuses(&sample("trained.ply"), &[], &["--teacher", "trained.ply", "a soft scene"]);
