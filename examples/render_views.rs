@@ -8,10 +8,10 @@
 use glam::DVec3;
 use std::path::PathBuf;
 use trisplat::asset::Placement;
-use trisplat::bench::baked_scene::BakedScene;
-use trisplat::bench::scene_renderer::SceneRenderer;
 use trisplat::formats::{self, ReadOptions};
 use trisplat::placed;
+use trisplat::render::baked_scene::BakedScene;
+use trisplat::render::scene_renderer::SceneRenderer;
 use trisplat::scene::Scene;
 
 /// Every so many cameras of the file are drawn.

@@ -1,4 +1,4 @@
-//! Photos become a GLB: train a solid scene, bake it with the photos at hand, measure the file on held-out photos.
+//! Photos become a GLB: train a solid scene, bake it with the photos at hand.
 //!
 //! `cargo run --release --example train_and_bake [PHOTOS] [OUT.glb] [STEPS]`; without arguments a short run on the sample
 //! photos.
@@ -6,11 +6,9 @@
 #![allow(clippy::print_stdout, reason = "a program talks to its user")]
 
 use std::path::Path;
+use trisplat::job::{BakeInput, TrainJobObserver};
 use trisplat::train::{TrainObserver, TrainSample};
-use trisplat::{
-    Bake, BakeOptions, Dataset, DatasetOptions, OutputOptions, Report, Result, TrainOptions, TrainPreset,
-    TrainRun, Views, write,
-};
+use trisplat::{BakeJob, BakeOptions, Dataset, DatasetOptions, Result, TrainJob, TrainOptions, TrainPreset};
 
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -19,23 +17,23 @@ fn main() -> Result<()> {
     let out = argument(1, "photos.glb");
     let steps = argument(2, "300").parse().expect("STEPS is a number");
 
-    let dataset_options = DatasetOptions::default();
-    let dataset = Dataset::load(Path::new(&photos), &dataset_options)?;
+    let dataset = Dataset::load(Path::new(&photos), &DatasetOptions::default())?;
     let options = TrainOptions { steps, max_triangles: 4000, ..TrainOptions::preset(TrainPreset::Solid) };
-    let trained = TrainRun::new(&dataset, &options).run(&mut PrintProgress)?;
+    let trained = TrainJob::new(dataset.clone(), options).run(&mut PrintProgress)?.trained;
 
-    let mut views = Views::new(&dataset, &dataset_options);
-    let mut report = Report::new("train_and_bake");
-    let asset = Bake::new(&BakeOptions::default()).photos(&mut views).report(&mut report).run([trained])?;
-    let written = write(&asset, Path::new(&out), &OutputOptions::default())?;
-    for file in written.files {
-        println!("{}: {} triangles, {} bytes", file.path, asset.mesh.face_count(), file.bytes);
+    let mut bake = BakeJob::new([BakeInput::scene(trained)], BakeOptions::default());
+    bake.photos = Some(dataset);
+    let done = bake.save(Path::new(&out), &mut ())?;
+    for file in done.report.outputs {
+        println!("{}: {} triangles, {} bytes", file.path, done.asset.mesh.face_count(), file.bytes);
     }
     Ok(())
 }
 
 /// Prints a line whenever a sample of the curve is taken.
 struct PrintProgress;
+
+impl TrainJobObserver for PrintProgress {}
 
 impl TrainObserver for PrintProgress {
     fn sampled(&mut self, sample: &TrainSample) {

@@ -35,6 +35,8 @@ pub struct Asset {
     pub tiles: Option<Box<Tile>>,
     /// What to collide with in place of the scene's triangles: a connected surface, in the same frame. Not drawn.
     pub collision: Option<Mesh>,
+    /// Whether the backdrop, if there is one, is written into a file of its own.
+    pub backdrop_apart: bool,
 }
 
 /// A piece of a scene at one level of detail; those below it show the same piece with more triangles.
@@ -54,7 +56,7 @@ impl Tile {
     /// with those of the whole scene (docs/benchmarks/tiles.md).
     const ERROR_PER_DETAIL: f64 = 8.0;
 
-    /// The error of a level of detail of which the tile is all or a part, in the units of its [detail](Mesh::detail).
+    /// The error of the tile's level of detail, in the units of its [detail](Mesh::detail).
     pub fn error_of(detail: f64) -> f64 {
         Self::ERROR_PER_DETAIL * detail
     }
@@ -87,6 +89,13 @@ impl Asset {
         (1..self.mesh.face_count()).contains(&self.scene_faces())
     }
 
+    /// How far from a place the backdrop is; infinite when there is none.
+    pub fn room(&self, from: Vec3) -> f32 {
+        let behind = self.scene_faces()..self.mesh.face_count();
+        let corners = behind.flat_map(|face| self.mesh.corners(face));
+        corners.map(|corner| corner.distance_squared(from)).fold(f32::INFINITY, f32::min).sqrt()
+    }
+
     /// The scene and its backdrop as two assets without levels; `None` when it has none.
     pub fn apart(&self) -> Option<(Asset, Asset)> {
         if !self.has_backdrop() {
@@ -100,7 +109,8 @@ impl Asset {
         let bvh = self.bvh.clone();
         let collision = self.collision.clone();
         let scene = Asset { mesh, chunks, bvh, provenance: provenance(0), collision, ..Asset::default() };
-        let backdrop = Asset { provenance: provenance(self.provenance.backdrop), ..Asset::from(behind) };
+        let provenance = Provenance { viewpoint: None, ..provenance(self.provenance.backdrop) };
+        let backdrop = Asset { provenance, ..Asset::from(behind) };
         Some((scene, backdrop))
     }
 
@@ -284,7 +294,8 @@ impl Placement {
         let (eye, target) = (point(viewpoint.eye), point(viewpoint.target));
         let level = (target - eye).normalize_or_zero().y.abs() < ALONG_UP;
         let up = if level { DVec3::Y } else { rotation * DVec3::from(viewpoint.up) };
-        Viewpoint { eye: eye.to_array(), target: target.to_array(), up: up.to_array(), fov: viewpoint.fov }
+        let radius = viewpoint.radius.map(|radius| radius * self.scale);
+        Viewpoint { eye: eye.to_array(), target: target.to_array(), up: up.to_array(), radius, ..*viewpoint }
     }
 
     /// [`Placement::to_world`] without the last rounding, for worlds far from their origin.
@@ -317,7 +328,7 @@ impl Placement {
     fn from_rotation(rotation: DMat3, scale: f64, center: DVec3) -> Self {
         let up = UpDirection::near(rotation.transpose() * DVec3::Y);
         let turn = rotation * up.to_y_up().transpose() * DVec3::X;
-        let degrees = f64::atan2(-turn.z, turn.x).to_degrees();
+        let degrees = libm::atan2(-turn.z, turn.x).to_degrees();
         let rotate = if degrees.abs() < 1e-10 { 0.0 } else { degrees };
         Self { up, rotate, scale, center: center.to_array() }
     }
@@ -344,7 +355,7 @@ pub struct Provenance {
     /// The program that trained the soup.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub trainer: Option<String>,
-    /// The axis of *this file* that points up, when it says so.
+    /// The axis of *this file* that points up, when the file names one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub up: Option<UpAxis>,
     /// How the source's world became this file's.
@@ -353,10 +364,6 @@ pub struct Provenance {
     /// Where to look at this file from first.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub viewpoint: Option<Viewpoint>,
-    /// How many of its first triangles are the shell that closes a trained soup where it has no points; only their colour
-    /// is trained. Absent when 0.
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub shell: u32,
     /// How many of its last triangles are the backdrop: a far sphere, no part of the scene. Absent when 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub backdrop: u32,

@@ -1,17 +1,23 @@
-//! Files that appear whole or not at all.
+//! Files that appear whole or not at all: made aside, named last, swept by the next run.
 //!
 //! Bytes go to a temporary file beside the target, `.NAME.trisplat.tmp`, which is locked while this process has it and takes the
 //! target's name when all bytes are on the disk. A dropped file leaves nothing behind; one that a killed process left is
 //! swept by the next that writes the same target. Symbolic links are followed: what they lead to is replaced. Devices and pipes
 //! cannot be replaced by renaming, so they (and standard output) are written directly.
+//!
+//! Of several files that belong together one names the others. A few are a set, [`AtomicFile::create_all`] and [`publish`]. Many have
+//! names that hold a hash of their bytes, so that they replace nothing: [`AtomicFile::commit_as`] makes them, [`AtomicFile::names`] ties
+//! them to the file that names them, and [`sweep_folder`] removes those of earlier runs. A whole folder is an [`AtomicFolder`].
 
+mod folder;
 mod live;
 mod names;
 mod place;
 mod temporary;
 
+pub use folder::{AtomicFolder, FolderLock};
 pub use live::{remove_temporaries, try_remove_temporaries};
-pub use names::{resolved, temporary_name};
+pub use names::{is_leftover, resolved, temporary_name};
 
 use crate::error::{Error, Result};
 use std::fs::File;
@@ -53,7 +59,7 @@ impl AtomicFile {
     pub fn create_all(paths: &[&Path]) -> Result<Vec<Self>> {
         let Some(last) = paths.last() else { return Ok(Vec::new()) };
         let interrupted = place::was_interrupted(last);
-        // The last first: who has it has them all.
+        // The last first: a process that locks it has all of them.
         let mut files = paths.iter().rev().map(|path| Self::start(path)).collect::<Result<Vec<_>>>()?;
         place::recover(paths, interrupted).map_err(|e| Error::io(last, e))?;
         files.reverse();
@@ -89,12 +95,39 @@ impl AtomicFile {
         &self.path
     }
 
+    /// Where its bytes are while it is under construction, once they are flushed.
+    pub fn aside(&self) -> &Path {
+        match &self.to {
+            Destination::Temporary(file) => &file.get_ref().path,
+            _ => &self.path,
+        }
+    }
+
     /// Gives the file its name, once its bytes are on the disk: after a power cut there is the file that was there before, or
     /// this one whole. Returns its size in bytes.
     ///
     /// Errors: what the operating system refuses; a file of that name that has appeared since this one was started.
     pub fn commit(self) -> Result<u64> {
         publish(vec![self]).map(|sizes| sizes.iter().sum())
+    }
+
+    /// The same under another name of the same folder, one that holds a hash of what was written.
+    ///
+    /// Errors: those of [`AtomicFile::commit`].
+    pub fn commit_as(mut self, path: &Path) -> Result<u64> {
+        if let Destination::Temporary(file) = &mut self.to {
+            // Whatever has this name has these bytes.
+            (file.get_mut().target, file.get_mut().is_new) = (path.to_owned(), false);
+        }
+        self.commit()
+    }
+
+    /// `path` is a file that only this one names: it is removed unless this one gets its name.
+    pub fn names(&mut self, path: &Path) {
+        if let Destination::Temporary(file) = &mut self.to {
+            live::register(path);
+            file.get_mut().named.push(path.to_owned());
+        }
     }
 
     /// Writes what is buffered, and for a file on a disk waits until it is there.
@@ -120,6 +153,19 @@ pub fn publish(mut files: Vec<AtomicFile>) -> Result<Vec<u64>> {
     });
     place::place(temporaries.collect())?;
     Ok(sizes)
+}
+
+/// Removes files of `folder` that no file names any more, those whose name `is_stale`, and what killed runs have left of such.
+pub fn sweep_folder(folder: &Path, is_stale: impl Fn(&str) -> bool) {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        // What cannot be removed is in nobody's way.
+        let _ = match names::target_of_temporary(&name) {
+            Some(target) if is_stale(target) => temporary::sweep(&entry.path()),
+            None if is_stale(&name) => std::fs::remove_file(entry.path()),
+            _ => Ok(()),
+        };
+    }
 }
 
 impl Write for AtomicFile {

@@ -30,7 +30,7 @@ impl FromStr for Seconds {
         seconds
             .filter(|seconds| *seconds > 0.0 && *seconds <= LONGEST)
             .map(Self)
-            .ok_or_else(|| "wants a time above 0, at most 1e9 seconds, as in 30s, 2m or 1.5h".to_owned())
+            .ok_or_else(|| "expected a time above 0, at most 1e9 seconds, as in 30s, 2m or 1.5h".to_owned())
     }
 }
 
@@ -67,12 +67,12 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// So many CPU seconds.
+    /// A budget of CPU seconds.
     pub fn cpu(seconds: Seconds) -> Self {
         Self { seconds, clock: BudgetClock::Cpu }
     }
 
-    /// So many seconds that pass.
+    /// A budget of wall-clock seconds.
     pub fn wall(seconds: Seconds) -> Self {
         Self { seconds, clock: BudgetClock::Wall }
     }

@@ -105,10 +105,13 @@ pub struct Viewpoint {
     pub up: [f64; 3],
     /// Vertical field of view, degrees.
     pub fov: f64,
+    /// Radius of what is looked at, around the target; absent when it is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radius: Option<f64>,
 }
 
 impl Viewpoint {
-    /// The camera there, for a picture of so many pixels.
+    /// The camera at this viewpoint, for a picture of `size` px.
     pub fn camera(&self, size: UVec2) -> Camera {
         let focal = size.y as f32 / (2.0 * (self.fov.to_radians() / 2.0).tan() as f32);
         let lens = Camera {
@@ -126,22 +129,6 @@ impl Viewpoint {
     pub fn distance(&self) -> f32 {
         DVec3::from(self.eye).distance(DVec3::from(self.target)) as f32
     }
-}
-
-/// The view of the first camera, orbiting what all of them look at. `None` of no cameras.
-pub fn viewpoint(cameras: &[Camera]) -> Option<Viewpoint> {
-    let first = cameras.first()?;
-    let (eye, forward) = (first.position(), first.rotation.row(2));
-    let up = cameras.iter().map(|c| -c.rotation.row(1)).sum::<Vec3>();
-    let up = up.try_normalize().unwrap_or(-first.rotation.row(1));
-    let middle = cameras.iter().map(Camera::position).sum::<Vec3>() / cameras.len() as f32;
-    let ahead = focus(cameras.iter()).map(|focus| (focus - eye).dot(forward));
-    let near = || cameras.iter().map(|c| c.position().distance(middle)).fold(0.0, f32::max);
-    let distance = ahead.filter(|d| *d > 0.0).unwrap_or_else(near);
-    let target = eye + forward * if distance > 0.0 { distance } else { 1.0 };
-    let [eye, target, up] = [eye, target, up].map(|v| v.as_dvec3().to_array());
-    let fov = 2.0 * f64::from(first.size.y as f32 / (2.0 * first.focal.y)).atan();
-    Some(Viewpoint { eye, target, up, fov: fov.to_degrees() })
 }
 
 #[cfg(test)]
@@ -178,26 +165,6 @@ mod tests {
             assert!(message.starts_with("camera: ") && message.contains("`limit` "), "{message}");
         }
         assert!(Camera { size: UVec2::new(9504, 6336), ..CAMERA }.validate(&Limits::DEFAULT).is_ok());
-    }
-
-    #[test]
-    fn the_viewpoint_is_the_first_camera_upright() {
-        let target = Vec3::new(1.0, 2.0, 3.0);
-        let eyes = [Vec3::ZERO, Vec3::X * 4.0, Vec3::new(-2.0, 5.0, 1.0)];
-        let cameras = eyes.map(|eye| CAMERA.looking(eye, target, Vec3::NEG_Y));
-        let viewpoint = viewpoint(&cameras).expect("there are cameras");
-        let near = |a: [f64; 3], b: Vec3| (0..3).all(|i| (a[i] - f64::from(b[i])).abs() < 1e-4);
-        assert!(near(viewpoint.eye, eyes[0]) && near(viewpoint.target, target), "{viewpoint:?}");
-        assert!(viewpoint.up[1] < -0.5 && (viewpoint.fov - 53.130_102).abs() < 1e-4, "{viewpoint:?}");
-        let there = viewpoint.camera(CAMERA.size);
-        assert!(
-            there.rotation.row(2).distance(cameras[0].rotation.row(2)) < 1e-4
-                && near(viewpoint.eye, there.position())
-        );
-        assert!((there.focal - CAMERA.focal).length() < 1e-3, "{there:?}");
-        assert!((viewpoint.distance() - eyes[0].distance(target)).abs() < 1e-4);
-        assert_eq!(super::viewpoint(&[]), None);
-        assert!(near(super::viewpoint(&[CAMERA; 2]).expect("parallel").target, Vec3::Z));
     }
 
     #[test]

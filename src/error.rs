@@ -36,7 +36,7 @@ pub enum Error {
         reason: String,
     },
     /// An option or argument has a value that cannot be used.
-    #[error("{option} is {value}: wants {wants}")]
+    #[error("{option} is {value}: expected {wants}")]
     Invalid {
         /// The field of the option (`max_triangles`), or what else has the value; the command line shows the flag.
         option: String,

@@ -4,6 +4,7 @@
 //! the literature trains and measures on (3DGS, Held et al. 2025).
 
 mod decode;
+mod palette;
 
 use crate::atomic::AtomicFile;
 use crate::error::{Error, Result};
@@ -115,6 +116,12 @@ impl Pixels {
         Ok(size)
     }
 
+    /// True when a picture file has a channel for opacity, whatever is in it; by its first bytes.
+    pub fn has_alpha(path: &Path, limits: &Limits) -> Result<bool> {
+        let (file, _) = input::open(path, limits)?;
+        decode::has_alpha(path, BufReader::new(file))
+    }
+
     /// The picture blended with `background` by its alpha, which is then gone.
     pub fn over(mut self, background: [u8; 3]) -> Self {
         if let Some(alpha) = self.alpha.take() {
@@ -126,6 +133,28 @@ impl Pixels {
             }
         }
         self
+    }
+
+    /// Puts a background behind a picture that holds colours over black, whatever its alpha shows of it added: alpha is then gone.
+    pub fn over_instead_of_black(&self, background: [u8; 3]) -> Self {
+        let mut rgb = self.rgb.clone();
+        for (pixel, &a) in rgb.iter_mut().zip(self.alpha.iter().flatten()) {
+            for (c, &under) in pixel.iter_mut().zip(&background) {
+                let through = (u32::from(under) * (255 - u32::from(a)) + 127) / 255;
+                *c = c.saturating_add(through as u8);
+            }
+        }
+        Self { size: self.size, rgb, alpha: None }
+    }
+
+    /// A picture that holds colours over black with the colours that its alpha was multiplied with; black where that is 0.
+    pub fn undimmed(&self) -> Self {
+        let mut straight = self.clone();
+        for (pixel, &a) in straight.rgb.iter_mut().zip(self.alpha.iter().flatten()) {
+            let a = u32::from(a).max(1);
+            *pixel = pixel.map(|c| ((u32::from(c) * 255 + a / 2) / a).min(255) as u8);
+        }
+        straight
     }
 
     /// The part of `size` px whose upper left corner is at `corner`; it lies within the picture.
@@ -246,6 +275,20 @@ fn cover(from: u32, to: u32) -> Vec<(usize, Vec<f32>)> {
     };
     (0..to).map(span).collect()
 }
+
+/// A picture's size from text such as 1280x720; the error says what is wanted.
+pub fn parse_size(text: &str) -> std::result::Result<UVec2, String> {
+    let sides = text.split_once(['x', 'X']);
+    let parsed = sides.and_then(|(w, h)| Some(UVec2::new(w.parse().ok()?, h.parse().ok()?)));
+    let parsed = parsed.ok_or("expected WIDTHxHEIGHT, such as 1280x720")?;
+    if parsed.min_element() == 0 || parsed.max_element() > LARGEST_SIDE {
+        return Err(format!("expected 1 to {LARGEST_SIDE} px each way, such as 1280x720"));
+    }
+    Ok(parsed)
+}
+
+/// The widest and highest picture that every graphics card of today can draw, px.
+const LARGEST_SIDE: u32 = 8192;
 
 #[cfg(test)]
 mod tests {

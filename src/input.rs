@@ -1,6 +1,6 @@
 //! Files that are read: regular ones, of a size that is known and within the limits before the first byte is read.
 //!
-//! A pipe or a device may hold any number of bytes and may wait for ever, so neither is read by its name. What a shell
+//! A pipe or a device may hold any number of bytes and may never end, so neither is read by its name. What a shell
 //! hands over as `/dev/fd/63` (`<(...)`) is spooled into a temporary file, as standard input is.
 
 use crate::error::{Error, Result};
@@ -15,7 +15,7 @@ pub const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 /// An open file at byte 0, and its length. Errors: no regular file; larger than `file_bytes`.
 pub fn open(path: &Path, limits: &Limits) -> Result<(File, u64)> {
     let io = |e| Error::io(path, e);
-    // Before it is opened: opening a pipe waits for who writes into it.
+    // Before it is opened: opening a pipe waits for its writer.
     let meta = std::fs::metadata(path).map_err(io)?;
     if is_handed_over(path, &meta) {
         return spool(path, &mut File::open(path).map_err(io)?, limits);

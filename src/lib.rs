@@ -17,11 +17,11 @@
 //!
 //! ```no_run
 //! use std::path::Path;
-//! use trisplat::{BakeOptions, OutputOptions, ReadOptions, bake, read, write};
+//! use trisplat::{BakeOptions, ReadOptions, bake, read, write};
 //!
-//! let scene = read(Path::new("scene.ply"), &ReadOptions::default())?;
-//! let asset = bake(scene, &BakeOptions::default())?;
-//! write(&asset, Path::new("scene.glb"), &OutputOptions::default())?;
+//! let (scene, options) = (read(Path::new("scene.ply"), &ReadOptions::default())?, BakeOptions::default());
+//! let asset = bake(scene, &options)?;
+//! write(&asset, Path::new("scene.glb"), &options.output)?;
 //! # Ok::<(), trisplat::Error>(())
 //! ```
 //!
@@ -38,6 +38,7 @@
 //!     sigma: vec![0.01],           // nearly solid
 //!     sh: vec![[0.5, 0.0, -0.5]],  // one SH coefficient: the same colour from everywhere
 //!     sh_degree: 0,
+//!     ..Soup::default()
 //! };
 //! let asset = bake(soup, &BakeOptions::default())?;
 //! let glb: Vec<u8> = to_glb_bytes(&asset, &GltfOptions::default())?;
@@ -46,44 +47,57 @@
 //! ```
 //!
 //! From photos with poses: [`Dataset::load`], then [`train()`], then [`Bake`] with the photos. The folder `examples` has whole
-//! programs. The command line, its progress bars and its plots are behind the feature `cli`, training and drawing on a graphics card behind
-//! `gpu`, the window behind `view`; only `cli` is on unless `default-features = false`.
+//! programs. The command line and its progress bars are behind the feature `cli`, training and drawing on a graphics card behind
+//! `gpu`, the window behind `view`, the benchmarks behind `bench`; only `cli` is on unless `default-features = false`.
 
 pub mod asset;
 pub mod atomic;
 pub mod bake;
+#[cfg(feature = "bench")]
+#[doc(hidden)]
 pub mod bench;
 pub mod budget;
 pub mod bvh;
 pub mod camera;
 #[cfg(feature = "cli")]
+#[doc(hidden)]
 pub mod cli;
 pub mod dataset;
 pub mod error;
+pub mod eval;
 pub mod formats;
+pub mod framing;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod guard;
 pub mod image;
 pub mod input;
+pub mod job;
 pub mod kernel;
+pub mod layered;
 pub mod limits;
 pub mod math;
 pub mod mesh;
 pub mod placed;
+#[doc(hidden)]
 pub mod process;
+pub mod ranges;
 pub mod raster;
 pub mod region;
+pub mod render;
 pub mod report;
 pub mod rng;
+pub mod sample;
 pub mod scale;
 pub mod scene;
 pub mod soup;
 pub mod space;
+pub mod stereo;
 pub mod surface;
 pub mod teacher;
 pub mod train;
 pub mod view;
-pub mod work;
+mod work;
 
 pub use asset::Asset;
 pub use bake::{Bake, BakeOptions, BakePreset, Views, bake};
@@ -91,9 +105,10 @@ pub use camera::Camera;
 pub use dataset::{Dataset, DatasetOptions};
 pub use error::{Error, Result};
 pub use formats::{OutputOptions, ReadOptions, read, write};
+pub use job::{BakeJob, TrainJob, train};
 pub use limits::Limits;
 pub use mesh::Mesh;
 pub use report::Report;
 pub use scene::{Loaded, Scene};
 pub use soup::Soup;
-pub use train::{TrainOptions, TrainPreset, TrainRun, Trained, train};
+pub use train::{TrainOptions, TrainPreset, TrainRun, Trained};

@@ -148,7 +148,7 @@ impl Limits {
         zeros.map_err(|()| Error::Memory { place: place.to_string(), bytes })
     }
 
-    /// Bytes of an array of so many entries, if it may have so many.
+    /// Bytes of an array of `count` entries, if that is within the limit.
     fn array<T>(&self, place: impl Display, count: usize) -> Result<u64> {
         let bytes = (count as u64).saturating_mul(size_of::<T>() as u64);
         check(place, "bytes in one array", "array_bytes", bytes, self.array_bytes)?;

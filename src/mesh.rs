@@ -28,6 +28,8 @@ pub struct Mesh {
     pub opacity: Vec<f32>,
     /// Unit normal that light falls on, for every face; empty = drawn in its colours, without lights. `[F]`
     pub normals: Vec<Vec3>,
+    /// True of the faces of the shell of a trained scene, which is its backdrop; empty when there is none. `[F]`
+    pub shell: Vec<bool>,
 }
 
 impl Default for Mesh {
@@ -38,6 +40,7 @@ impl Default for Mesh {
             indices: Vec::new(),
             opacity: Vec::new(),
             normals: Vec::new(),
+            shell: Vec::new(),
         }
     }
 }
@@ -92,6 +95,22 @@ impl Mesh {
         median(areas, f64::total_cmp).unwrap_or(0.0).sqrt()
     }
 
+    /// True of a face of the shell: the scene's backdrop, no part of its subject.
+    pub fn is_shell(&self, face: usize) -> bool {
+        self.shell.get(face).is_some_and(|shell| *shell)
+    }
+
+    /// Takes the faces of the shell out of the mesh, as a mesh of their own.
+    pub fn take_shell(&mut self) -> Mesh {
+        let flags = std::mem::take(&mut self.shell);
+        let of_shell: Vec<u32> = (0..flags.len() as u32).filter(|face| flags[*face as usize]).collect();
+        let shell = self.part(&of_shell);
+        if !of_shell.is_empty() {
+            self.retain(|face| !flags[face]);
+        }
+        shell
+    }
+
     /// Linear colour of each corner of a face.
     pub fn corner_colors(&self, face: usize) -> [[f32; 3]; 3] {
         match &self.colors {
@@ -100,7 +119,7 @@ impl Mesh {
         }
     }
 
-    /// The same triangles, none of which shares a vertex with another.
+    /// The same triangles without shared vertices.
     pub fn unshared(self) -> Mesh {
         if self.indices.is_empty() {
             return self;
@@ -113,11 +132,16 @@ impl Mesh {
             }
             colors => colors,
         };
-        Mesh { positions, colors, indices: Vec::new(), opacity: self.opacity, normals: self.normals }
+        let Mesh { opacity, normals, shell, .. } = self;
+        Mesh { positions, colors, indices: Vec::new(), opacity, normals, shell }
     }
 
     /// Makes old face `faces[i]` the new face i. Vertices that faces share stay where they are. `[F']`
     pub fn select(&mut self, faces: &[u32]) {
+        if faces.is_empty() {
+            // Vertices that are left without indices would be triangles.
+            return self.clear();
+        }
         if self.indices.is_empty() {
             self.positions = gather_corners(&self.positions, faces);
         } else {
@@ -134,12 +158,28 @@ impl Mesh {
         if !self.normals.is_empty() {
             self.normals = gather(&self.normals, faces);
         }
+        if !self.shell.is_empty() {
+            self.shell = gather(&self.shell, faces);
+        }
+    }
+
+    /// Drops everything.
+    pub fn clear(&mut self) {
+        self.positions.clear();
+        self.indices.clear();
+        self.opacity.clear();
+        self.normals.clear();
+        self.shell.clear();
+        match &mut self.colors {
+            Colors::Face(colors) | Colors::Vertex(colors) => colors.clear(),
+        }
     }
 
     /// Some of the faces as a mesh of their own, with the vertices that they use. `faces` ascend. `[F']`
     pub fn part(&self, faces: &[u32]) -> Mesh {
         let opacity = if self.opacity.is_empty() { Vec::new() } else { gather(&self.opacity, faces) };
         let normals = if self.normals.is_empty() { Vec::new() } else { gather(&self.normals, faces) };
+        let shell = if self.shell.is_empty() { Vec::new() } else { gather(&self.shell, faces) };
         let mut vertices: Vec<u32> = faces.iter().flat_map(|face| self.face(*face as usize)).collect();
         let mut indices = Vec::new();
         if !self.indices.is_empty() {
@@ -153,7 +193,7 @@ impl Mesh {
             Colors::Face(colors) => Colors::Face(gather(colors, faces)),
             Colors::Vertex(colors) => Colors::Vertex(gather(colors, &vertices)),
         };
-        Mesh { positions: gather(&self.positions, &vertices), colors, indices, opacity, normals }
+        Mesh { positions: gather(&self.positions, &vertices), colors, indices, opacity, normals, shell }
     }
 
     /// Keeps `faces`, given in any order, in the mesh's order, and drops vertices that no face uses any more.
@@ -204,6 +244,10 @@ impl Mesh {
             self.take_flat_normals();
             other.take_flat_normals();
         }
+        if !self.shell.is_empty() || !other.shell.is_empty() {
+            self.shell.resize(self.face_count(), false);
+            other.shell.resize(other.face_count(), false);
+        }
         if matches!(self.colors, Colors::Vertex(_)) || matches!(other.colors, Colors::Vertex(_)) {
             self.spread();
             other.spread();
@@ -221,6 +265,7 @@ impl Mesh {
         self.positions.append(&mut other.positions);
         self.opacity.append(&mut other.opacity);
         self.normals.append(&mut other.normals);
+        self.shell.append(&mut other.shell);
         if let (Colors::Face(a), Colors::Face(b)) | (Colors::Vertex(a), Colors::Vertex(b)) =
             (&mut self.colors, &mut other.colors)
         {
@@ -303,6 +348,9 @@ impl Mesh {
         }
         if !self.normals.is_empty() && self.normals.len() != f {
             return shape("mesh normal count", self.normals.len(), format!("{f}"));
+        }
+        if !self.shell.is_empty() && self.shell.len() != f {
+            return shape("mesh shell flag count", self.shell.len(), format!("{f}"));
         }
         match self.indices.par_iter().position_first(|&i| i as usize >= v) {
             Some(i) => shape("mesh index", self.indices[i] as usize, format!("below {v} (face {})", i / 3)),

@@ -13,7 +13,7 @@ pub enum Region {
     Box([f64; 3], [f64; 3]),
     /// Around a point, so far.
     Sphere([f64; 3], f64),
-    /// In the pictures of at least so many cameras, whether something hides it or not.
+    /// In the pictures of at least this many cameras, hidden or not.
     Seen(u32),
 }
 
@@ -21,7 +21,7 @@ impl FromStr for Region {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let wants = "wants a box x0,y0,z0,x1,y1,z1, a sphere x,y,z,radius, or seen:K";
+        let wants = "expected a box x0,y0,z0,x1,y1,z1, a sphere x,y,z,radius, or seen:K";
         if let Some(count) = text.strip_prefix("seen:") {
             let count = count.parse().ok().filter(|k| *k > 0);
             return count.map(Self::Seen).ok_or_else(|| format!("has no number of cameras; {wants}"));

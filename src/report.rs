@@ -1,7 +1,7 @@
 //! What happened: one entry per stage, printed by the command line and written by `--report`.
 //!
 //! A stage describes what it measured in a type of its own, which implements [`StageDetails`]. The report holds it
-//! as JSON, because it knows no stage; [`Report::details`] gives it back typed.
+//! as JSON, because it does not depend on stages; [`Report::details`] gives it back typed.
 
 use crate::error::Result;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -71,7 +71,7 @@ impl StageReport {
 pub trait Observer {
     /// A stage starts.
     fn started(&mut self, _name: &str) {}
-    /// The stage that runs has come so far: a fraction from 0 to 1. Only stages that may take long say so.
+    /// Progress of the running stage, a fraction from 0 to 1. Only stages that may take long report it.
     fn progressed(&mut self, _fraction: f64) {}
     /// A stage ended.
     fn finished(&mut self, _stage: &StageReport) {}
@@ -173,7 +173,7 @@ impl Report {
         self.long_stage(observer, input, measure, |value, details, _| run(value, details))
     }
 
-    /// [`Report::stage`] for one that may take long: `run` also gets what tells the observer how far it has come.
+    /// [`Report::stage`] for one that may take long: `run` also gets a function that reports progress to the observer.
     pub fn long_stage<T, D: StageDetails>(
         &mut self,
         observer: &mut dyn Observer,

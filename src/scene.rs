@@ -39,6 +39,19 @@ impl Scene {
         }
     }
 
+    /// True of a triangle of the shell: the scene's backdrop, no part of its subject.
+    pub fn is_shell(&self, triangle: usize) -> bool {
+        match self {
+            Scene::Soup(soup) => soup.is_shell(triangle),
+            Scene::Mesh(mesh) => mesh.is_shell(triangle),
+        }
+    }
+
+    /// Triangles of the shell.
+    pub fn shell_count(&self) -> usize {
+        (0..self.triangle_count()).filter(|i| self.is_shell(*i)).count()
+    }
+
     /// A copy as a soup; the triangles of a mesh are nearly solid in it, each of the mean colour of its corners.
     pub fn to_soup(&self) -> Soup {
         match self {
@@ -71,6 +84,7 @@ fn nearly_solid(mesh: &Mesh) -> Soup {
         sigma: vec![MESH_SIGMA; count],
         sh: (0..count).map(sh).collect(),
         sh_degree: 0,
+        shell: mesh.shell.clone(),
     }
 }
 

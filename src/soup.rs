@@ -22,6 +22,9 @@ pub struct Soup {
     pub sh: Vec<[f32; 3]>,
     /// Degree 0..=3; K = (degree + 1)^2 coefficients per triangle.
     pub sh_degree: u8,
+    /// True of the triangles of the shell, which closes a trained scene where it has no points and is its backdrop; empty when
+    /// there is none. `[N]`
+    pub shell: Vec<bool>,
 }
 
 impl Soup {
@@ -45,11 +48,58 @@ impl Soup {
         self.sh[triangle * self.sh_count()].map(rgb_from_sh0)
     }
 
+    /// True of a triangle of the shell: the scene's backdrop, no part of its subject.
+    pub fn is_shell(&self, triangle: usize) -> bool {
+        self.shell.get(triangle).is_some_and(|shell| *shell)
+    }
+
+    /// Triangles of the shell.
+    pub fn shell_count(&self) -> usize {
+        self.shell.iter().filter(|shell| **shell).count()
+    }
+
+    /// Says that these triangles, and no others, are the shell.
+    pub fn set_shell(&mut self, triangles: std::ops::Range<usize>) {
+        let count = self.len();
+        self.shell = match triangles.start < triangles.end.min(count) {
+            true => (0..count).map(|i| triangles.contains(&i)).collect(),
+            false => Vec::new(),
+        };
+    }
+
+    /// Takes the triangles of the shell out of the soup.
+    pub fn take_shell(&mut self) -> Soup {
+        let flags = std::mem::take(&mut self.shell);
+        let of_shell: Vec<usize> = (0..flags.len()).filter(|i| flags[*i]).collect();
+        let mut shell = self.picked(&of_shell);
+        shell.set_shell(0..shell.len());
+        if !of_shell.is_empty() {
+            self.retain(|i| !flags[i]);
+        }
+        shell
+    }
+
+    /// Puts the triangles of the shell first, the order unchanged otherwise; returns how many they are.
+    pub fn put_shell_first(&mut self) -> usize {
+        let count = self.shell_count();
+        if self.shell.iter().take(count).any(|shell| !shell) {
+            let mut order: Vec<usize> = (0..self.len()).collect();
+            order.sort_by_key(|i| !self.shell[*i]);
+            *self = self.picked(&order);
+        }
+        count
+    }
+
     /// Appends `other`; the lower SH degree of the two is kept.
     pub fn append(&mut self, mut other: Soup) {
         if self.is_empty() {
             *self = other;
             return;
+        }
+        if !self.shell.is_empty() || !other.shell.is_empty() {
+            self.shell.resize(self.len(), false);
+            other.shell.resize(other.len(), false);
+            self.shell.append(&mut other.shell);
         }
         let degree = self.sh_degree.min(other.sh_degree);
         self.truncate_sh(degree);
@@ -85,6 +135,11 @@ impl Soup {
             sigma: order.par_iter().map(|&i| self.sigma[i]).collect(),
             sh,
             sh_degree: self.sh_degree,
+            shell: if self.shell.is_empty() {
+                Vec::new()
+            } else {
+                order.iter().map(|&i| self.shell[i]).collect()
+            },
         }
     }
 
@@ -98,6 +153,7 @@ impl Soup {
             sigma: self.sigma.split_off(at),
             sh,
             sh_degree: self.sh_degree,
+            shell: if self.shell.is_empty() { Vec::new() } else { self.shell.split_off(at) },
         }
     }
 
@@ -116,6 +172,9 @@ impl Soup {
                 self.opacity.copy_within(start..i, to);
                 self.sigma.copy_within(start..i, to);
                 self.sh.copy_within(start * k..i * k, to * k);
+                if !self.shell.is_empty() {
+                    self.shell.copy_within(start..i, to);
+                }
             }
             to += i - start;
             i += 1;
@@ -124,6 +183,26 @@ impl Soup {
         self.opacity.truncate(to);
         self.sigma.truncate(to);
         self.sh.truncate(to * k);
+        self.shell.truncate(to);
+    }
+
+    /// True when every number of triangle `i` is finite.
+    pub fn is_finite(&self, i: usize) -> bool {
+        let k = self.sh_count();
+        self.vertices[i].iter().all(|v| v.is_finite())
+            && self.opacity[i].is_finite()
+            && self.sigma[i].is_finite()
+            && self.sh[i * k..(i + 1) * k].iter().flatten().all(|x| x.is_finite())
+    }
+
+    /// Keeps the triangles whose numbers are all finite, in order; how many were not.
+    pub fn retain_finite(&mut self) -> usize {
+        let keep: Vec<bool> = (0..self.len()).map(|i| self.is_finite(i)).collect();
+        let gone = keep.iter().filter(|kept| !**kept).count();
+        if gone > 0 {
+            self.retain(|i| keep[i]);
+        }
+        gone
     }
 
     /// Checks that the numbers of values agree with the numbers of triangles and coefficients.
@@ -138,6 +217,9 @@ impl Soup {
                 format!("{n} / {} / {} / {}", self.opacity.len(), self.sigma.len(), self.sh.len()),
                 "equally many vertices, opacities, sigmas and SH rows",
             ));
+        }
+        if !self.shell.is_empty() && self.shell.len() != n {
+            return Err(Error::invalid("soup shell flags", self.shell.len(), format!("none, or {n}")));
         }
         Ok(())
     }
@@ -193,9 +275,74 @@ pub fn sh0_from_rgb(channel: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
+
+    /// Triangles named by their opacity; some of them are the shell.
+    fn soup(names: &[f32], shell: &[bool]) -> Soup {
+        Soup {
+            vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]; names.len()],
+            opacity: names.to_vec(),
+            sigma: vec![1.0; names.len()],
+            sh: vec![[0.0; 3]; names.len()],
+            sh_degree: 0,
+            shell: shell.to_vec(),
+        }
+    }
+
+    #[test]
+    fn flags_of_the_shell_stay_with_their_triangles() {
+        let all = soup(&[0.0, 0.1, 0.2, 0.3], &[false, true, false, true]);
+        let shell_of = |soup: &Soup| -> Vec<f32> {
+            soup.validate().unwrap();
+            (0..soup.len()).filter(|i| soup.is_shell(*i)).map(|i| soup.opacity[i]).collect()
+        };
+        assert_eq!(shell_of(&all), [0.1, 0.3]);
+        assert_eq!(shell_of(&all.picked(&[3, 2, 1])), [0.3, 0.1]);
+        let mut kept = all.clone();
+        kept.retain(|i| i != 1);
+        assert_eq!((kept.len(), shell_of(&kept)), (3, vec![0.3]));
+        let (mut first, mut ordered) = (all.clone(), all.clone());
+        let rest = first.split_off(2);
+        assert_eq!((shell_of(&first), shell_of(&rest)), (vec![0.1], vec![0.3]));
+        assert_eq!(ordered.put_shell_first(), 2);
+        assert_eq!((ordered.opacity.clone(), shell_of(&ordered)), (vec![0.1, 0.3, 0.0, 0.2], vec![0.1, 0.3]));
+        let plain = soup(&[0.5], &[]);
+        for (a, b) in [(&all, &plain), (&plain, &all)] {
+            let mut both = a.clone();
+            both.append(b.clone());
+            assert_eq!((both.len(), shell_of(&both)), (5, vec![0.1, 0.3]));
+        }
+        let mut rest = all.clone();
+        let taken = rest.take_shell();
+        assert_eq!((taken.opacity.clone(), shell_of(&taken)), (vec![0.1, 0.3], vec![0.1, 0.3]));
+        assert_eq!((rest.opacity.clone(), shell_of(&rest)), (vec![0.0, 0.2], vec![]));
+        rest.set_shell(1..2);
+        assert_eq!(shell_of(&rest), [0.2]);
+        assert!(soup(&[0.1], &[true, false]).validate().is_err());
+    }
+
+    #[test]
+    fn triangles_that_are_not_finite_are_left_out() {
+        let mut soup = Soup {
+            vertices: vec![[Vec3::X, Vec3::Y, Vec3::Z]; 6],
+            opacity: vec![0.1, 0.2, 0.3, 0.4, 0.5, 0.6],
+            sigma: vec![1.0; 6],
+            sh: vec![[0.5; 3]; 6],
+            sh_degree: 0,
+            shell: Vec::new(),
+        };
+        assert_eq!(soup.clone().retain_finite(), 0);
+        soup.vertices[1][2].y = f32::INFINITY;
+        soup.sigma[3] = f32::NAN;
+        soup.sh[4][0] = f32::NEG_INFINITY;
+        assert_eq!(soup.retain_finite(), 3);
+        assert_eq!(soup.opacity, [0.1, 0.3, 0.6]);
+        soup.validate().unwrap();
+    }
+
     #[test]
     fn the_constant_is_the_kernels_to_one_unit_in_the_last_place() {
         let exact = crate::kernel::constants::SH_C0 as f32;
-        assert!(super::SH_C0 == exact || super::SH_C0.next_up() == exact);
+        assert!(SH_C0 == exact || SH_C0.next_up() == exact);
     }
 }

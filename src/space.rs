@@ -3,11 +3,14 @@
 
 use crate::camera::Camera;
 use crate::math::median::median;
+use crate::rng::Rng;
 use crate::soup::Soup;
 use glam::Vec3;
 
-/// Camera and point pairs looked at for the unit.
+/// Pairs of a camera and a point from which the unit is taken, at most; with more, these are drawn at random.
 const PAIRS: usize = 200_000;
+/// One seed for all scenes: runs on parts of a scene, with seeds of their own, share its space.
+const SEED: u64 = 0;
 
 /// x_training = (x_world - center) * scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,12 +27,8 @@ impl Space {
     pub fn new(cameras: &[Camera], points: &[Vec3]) -> Self {
         let positions: Vec<_> = cameras.iter().map(|c| c.position().as_dvec3()).collect();
         let center = positions.iter().sum::<glam::DVec3>() / positions.len().max(1) as f64;
-        let pairs = cameras.len().saturating_mul(points.len());
-        let stride = (pairs / PAIRS).max(1) | 1;
-        let depths: Vec<f32> = (0..pairs)
-            .step_by(stride)
-            .filter_map(|i| sees(&cameras[i % cameras.len()], points[i / cameras.len()]))
-            .collect();
+        let depths: Vec<f32> =
+            pairs(cameras.len(), points.len()).filter_map(|(c, p)| sees(&cameras[c], points[p])).collect();
         let spread = positions.iter().map(|p| p.distance(center)).fold(0.0, f64::max) as f32;
         let unit = median(depths, f32::total_cmp).unwrap_or(spread);
         let scale = if unit > 0.0 && unit.is_finite() { 1.0 / unit } else { 1.0 };
@@ -61,6 +60,18 @@ impl Space {
             *corner = self.to_training(*corner);
         }
     }
+}
+
+/// Pairs of a camera and a point: all of them, or [`PAIRS`] in which both are drawn independently. A stride through the numbered
+/// pairs would meet few of the cameras wherever it shares a factor with their number.
+fn pairs(cameras: usize, points: usize) -> impl Iterator<Item = (usize, usize)> {
+    let all = cameras.saturating_mul(points);
+    let (camera, point) = (Rng::new(SEED, "space camera", 0), Rng::new(SEED, "space point", 0));
+    let below = |random: u64, count: usize| (random % count as u64) as usize;
+    (0..all.min(PAIRS)).map(move |i| match all <= PAIRS {
+        true => (i % cameras, i / cameras),
+        false => (below(camera.bits(i as u64), cameras), below(point.bits(i as u64), points)),
+    })
 }
 
 /// The depth at which `camera` has `point` in its picture.
@@ -106,6 +117,24 @@ mod tests {
                 assert!(base.to_training(*a).distance(space.to_training(*b)) < 2e-4);
             }
         }
+    }
+
+    #[test]
+    fn the_unit_is_taken_from_all_cameras() {
+        // Sizes at which a stride through the pairs met 2, 1, 2 and 4 of the cameras.
+        for (cameras, points) in [(90, 100_000), (15, 200_000), (34, 100_000), (300, 20_000)] {
+            let mut times = vec![0u32; cameras];
+            pairs(cameras, points).for_each(|(camera, _)| times[camera] += 1);
+            let even = PAIRS as u32 / cameras as u32;
+            assert!(times.iter().all(|&n| n > even / 2 && n < 2 * even), "{cameras} cameras: {times:?}");
+        }
+        // One camera in three stands three times as far away: the median is that of the others.
+        let cameras: Vec<Camera> =
+            (0..90).map(|i| camera(Vec3::Z * if i % 3 == 0 { -2.0 } else { 0.0 })).collect();
+        let space = Space::new(&cameras, &vec![Vec3::Z; 100_000]);
+        assert_eq!(space.scale, 1.0);
+        assert_eq!(pairs(7, 3).collect::<std::collections::HashSet<_>>().len(), 21);
+        assert_eq!(pairs(0, 5).count() + pairs(5, 0).count(), 0);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Installs the outside judges and runs the whole suite with every one of them required.
 # Usage: tests/run.sh [arguments of the test runner]
+# On two cores it takes about 12 minutes once all is built, and the first time about as long again to build; it says so too.
 # With TRISPLAT_PYTHON set it builds and tests the Python module too, which compiles the library once more.
 #
 # Needs Rust. On Debian and Ubuntu it installs what else is missing with apt, as root or through sudo;
@@ -56,6 +57,7 @@ judge() {
     npm install --loglevel=error --no-fund --no-audit --prefix "$judges" "$1@$2" "${@:3}"
 }
 
+echo 'the whole suite: about 12 minutes on two cores, and the first time about as long again to build'
 section 'tools'
 has cargo || fail 'Rust is missing: see https://rustup.rs'
 has cc || apt_install 'a linker for Rust, a C++ compiler for meshopt' build-essential

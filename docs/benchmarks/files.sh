@@ -57,11 +57,11 @@ for data in "$@"; do
     timed "$at-plain" "$at-plain.glb" bake "$at-soft.ply" --teacher off
     row "$scene" 'made solid only' "$at-plain.glb" solid "$at-soft.seconds" "$at-plain.seconds"
     timed "$at-bake" "$at-bake.glb" bake "$at-soft.ply"
-    row "$scene" 'bake, taught by the scene' "$at-bake.glb" solid "$at-soft.seconds" "$at-bake.seconds"
+    row "$scene" 'bake, on its own pictures' "$at-bake.glb" solid "$at-soft.seconds" "$at-bake.seconds"
     timed "$at-photos" "$at-photos.glb" bake "$at-soft.ply" --dataset "$data"
     row "$scene" 'bake with the photos' "$at-photos.glb" solid "$at-soft.seconds" "$at-photos.seconds"
     timed "$at-harden" "$at-harden.glb" bake "$at-soft.ply" --harden
-    row "$scene" 'harden, taught by the scene' "$at-harden.glb" solid "$at-soft.seconds" "$at-harden.seconds"
+    row "$scene" 'harden, on its own pictures' "$at-harden.glb" solid "$at-soft.seconds" "$at-harden.seconds"
     timed "$at-harden-photos" "$at-harden-photos.glb" bake "$at-soft.ply" --harden --dataset "$data"
     row "$scene" 'harden with the photos' "$at-harden-photos.glb" solid "$at-soft.seconds" "$at-harden-photos.seconds"
     timed "$at-solid" "$at-solid.ply" train "$data" "${size[@]}" --backend cpu

@@ -36,21 +36,43 @@ export function format({ eye, target, up, fov, pinhole }) {
   return `#eye=${list(eye)}&target=${list(target)}&up=${list(up)}&${lens}`;
 }
 
+/** The sine of half of what the widest lens sees that a narrow window gets. */
+const MOST_SINE = 0.85;
+/** Width of a usual picture, in its height. */
+const USUAL_ASPECT = 4 / 3;
+/** Part of the way to the backdrop that a view keeps within. */
+const ROOM = 0.9;
+
 /** The initial view: the viewpoint of the file, or all of the scene. */
 export function initial(viewpoint, bounds, aspect) {
   if (!viewpoint) return fitted(viewpoint, bounds, aspect);
   const [eye, target, up] = [viewpoint.eye, viewpoint.target, viewpoint.up].map((v) => new Vector3(...v));
-  return { eye, target, up, fov: viewpoint.fov, pinhole: null };
+  const fov = viewpoint.radius ? widened(viewpoint.fov, viewpoint.radius / eye.distanceTo(target), aspect) : viewpoint.fov;
+  return { eye, target, up, fov, pinhole: null };
 }
 
-/** A view of everything but outliers, from the direction of the viewpoint. */
+/** A vertical field of view, degrees, in which a ball of this sine is in the picture, whatever the shape of the window. */
+function widened(fov, sine, aspect) {
+  const tangent = Math.tan(MathUtils.degToRad(fov / 2));
+  const limited = Math.min(sine, MOST_SINE);
+  const needed = limited / Math.sqrt(1 - limited * limited);
+  // What a picture as wide as photos are shows is enough.
+  const width = Math.max(tangent * aspect, Math.min(needed, tangent * USUAL_ASPECT));
+  return MathUtils.radToDeg(2 * Math.atan(width / aspect));
+}
+
+/** A view of the whole subject, or of everything but outliers, from the direction of the viewpoint and from before the backdrop. */
 export function fitted(viewpoint, bounds, aspect) {
   const direction = viewpoint ? new Vector3(...viewpoint.eye).sub(new Vector3(...viewpoint.target)) : DEFAULT_DIRECTION.clone();
   const up = viewpoint ? new Vector3(...viewpoint.up) : new Vector3(0, 1, 0);
+  const [center, radius] = viewpoint?.radius ? [new Vector3(...viewpoint.target), viewpoint.radius] : [bounds.center.clone(), bounds.radius];
   const narrow = Math.min(1, aspect);
-  const distance = bounds.radius / Math.sin(Math.atan(narrow * Math.tan(MathUtils.degToRad(FOV / 2))));
-  const eye = bounds.center.clone().addScaledVector(direction.normalize(), distance);
-  return { eye, target: bounds.center.clone(), up, fov: FOV, pinhole: null };
+  const distance = radius / Math.sin(Math.atan(narrow * Math.tan(MathUtils.degToRad(FOV / 2))));
+  const room = ROOM * bounds.behind.reduce((near, point) => Math.min(near, point.distanceTo(center)), Infinity);
+  const eye = center.clone().addScaledVector(direction.normalize(), Math.min(distance, room));
+  const sine = Math.min(MOST_SINE, radius / Math.min(distance, room));
+  const fov = distance <= room ? FOV : MathUtils.radToDeg(2 * Math.atan(sine / Math.sqrt(1 - sine * sine) / narrow));
+  return { eye, target: center, up, fov, pinhole: null };
 }
 
 /** Name of the node that is the backdrop. */
@@ -70,7 +92,10 @@ function sampled(meshes) {
   return points;
 }
 
-/** Centre and radius of what contains most vertices of the scene, and the radius around it that contains all, the backdrop's too. */
+/**
+ * Centre and radius of what contains most vertices of the scene, the radius around it that contains all, the backdrop's too, and some
+ * vertices of the backdrop.
+ */
 export function boundsOf(meshes) {
   const scene = meshes.filter((mesh) => mesh.name !== BACKDROP);
   const points = sampled(scene.length > 0 ? scene : meshes);
@@ -86,8 +111,9 @@ export function boundsOf(meshes) {
   );
   const center = low.clone().add(high).multiplyScalar(0.5);
   const radius = Math.max(low.distanceTo(high) / 2, 1e-6);
-  const reach = [...points, ...sampled(meshes)].reduce((far, point) => Math.max(far, point.distanceTo(center)), radius);
-  return { center, radius, reach };
+  const behind = scene.length > 0 ? sampled(meshes.filter((mesh) => mesh.name === BACKDROP)) : [];
+  const reach = [...points, ...behind].reduce((far, point) => Math.max(far, point.distanceTo(center)), radius);
+  return { center, radius, reach, behind };
 }
 
 /** Sets a three.js camera to a view, for a picture of these many pixels; `shift` moves the samples, in pixels. */

@@ -51,7 +51,9 @@ pub fn to_scene(dict: &Bound<'_, PyDict>) -> PyResult<Scene> {
     let keys: &[&str] = match (dict.contains("triangles")?, dict.contains("positions")?) {
         (true, false) => &["triangles", "opacity", "sigma", "sh"],
         (false, true) => &["positions", "faces", "colors", "opacity"],
-        _ => return Err(PyValueError::new_err("wants either `triangles`, a soup, or `positions`, a mesh")),
+        _ => {
+            return Err(PyValueError::new_err("expected either `triangles`, a soup, or `positions`, a mesh"));
+        }
     };
     for key in dict.keys() {
         let key: String = key.extract()?;
@@ -86,6 +88,7 @@ fn to_soup(dict: &Bound<'_, PyDict>) -> PyResult<Soup> {
         sigma: one("sigma", 0.01)?,
         sh,
         sh_degree: degree,
+        ..Soup::default()
     })
 }
 
@@ -121,7 +124,7 @@ fn to_mesh(dict: &Bound<'_, PyDict>) -> PyResult<Mesh> {
     };
     let opacity = array(dict, "opacity", &[])?.map_or(Vec::new(), |array| array.values);
     let positions = values.chunks_exact(3).map(Vec3::from_slice).collect();
-    Ok(Mesh { positions, colors, indices, opacity, normals: Vec::new() })
+    Ok(Mesh { positions, colors, indices, opacity, ..Mesh::default() })
 }
 
 /// An array's values in order, and its length along the first axis.
@@ -150,5 +153,5 @@ fn array(dict: &Bound<'_, PyDict>, key: &str, rest: &[usize]) -> PyResult<Option
 }
 
 fn shape_of(key: &str, shape: &[usize], wants: &str) -> PyErr {
-    PyValueError::new_err(format!("`{key}` has the shape {shape:?}: wants {wants}"))
+    PyValueError::new_err(format!("`{key}` has the shape {shape:?}: expected {wants}"))
 }

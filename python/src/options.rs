@@ -4,46 +4,14 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Map, Value};
-use trisplat::{BakeOptions, BakePreset};
+use trisplat::BakeOptions;
+use trisplat::layered::Layers;
 
 /// The options over those of the preset that they name.
 pub fn resolve(py: Python<'_>, typed: Option<&Bound<'_, PyDict>>) -> PyResult<BakeOptions> {
-    let typed = match typed {
-        Some(typed) => from_python(py, typed)?,
-        None => Map::new(),
-    };
-    let preset = typed.get("preset").cloned().unwrap_or_default();
-    let preset = match preset {
-        Value::Null => BakePreset::default(),
-        name => serde_json::from_value(name).map_err(refused)?,
-    };
-    let mut options = serde_json::to_value(BakeOptions::preset(preset)).map_err(refused)?;
-    for (name, value) in typed {
-        lay(&mut options, &name, value)?;
-    }
-    serde_json::from_value(options).map_err(refused)
-}
-
-/// Lays one option, or a group of them, over `options`. Names of fields are unique over all groups.
-fn lay(options: &mut Value, name: &str, value: Value) -> PyResult<()> {
-    if let (Some(Value::Object(group)), Value::Object(given)) = (options.get_mut(name), &value) {
-        // What there is not is refused by the types.
-        group.extend(given.clone());
-        return Ok(());
-    }
-    let Value::Object(options) = options else { return Err(unknown(name)) };
-    if options.get(name).is_some_and(|old| !old.is_object()) {
-        options.insert(name.to_owned(), value);
-        return Ok(());
-    }
-    let groups = options.values_mut().filter_map(Value::as_object_mut);
-    let field = groups.filter_map(|group| group.get_mut(name)).next().ok_or_else(|| unknown(name))?;
-    *field = value;
-    Ok(())
-}
-
-fn unknown(name: &str) -> PyErr {
-    PyValueError::new_err(format!("{name} is no option of the bake: schemas/bake.schema.json lists them"))
+    let named = typed.map(|typed| from_python(py, typed)).transpose()?.unwrap_or_default();
+    let layered = Layers::default().named(named).resolve(BakeOptions::preset);
+    layered.map(|layered| layered.options).map_err(|error| PyValueError::new_err(error.to_string()))
 }
 
 fn refused(error: serde_json::Error) -> PyErr {

@@ -10,7 +10,7 @@ here=$(cd "$(dirname "$0")/../.." && pwd)
 folder=${1:-town}
 blocks=${2:-4}
 mkdir -p "$folder"
-[ -n "${TRISPLAT:-}" ] || (cd "$here" && cargo build --release)
+[ -n "${TRISPLAT:-}" ] || (cd "$here" && cargo build --release --features bench)
 trisplat=${TRISPLAT:-$here/target/release/trisplat}
 [ -x "$folder/venv/bin/python" ] || python3 -m venv "$folder/venv"
 "$folder/venv/bin/python" -c "import ray" 2>/dev/null || "$folder/venv/bin/pip" install --quiet ray

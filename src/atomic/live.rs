@@ -1,5 +1,6 @@
 //! The temporary files of this process.
 
+use super::names::is_aside_folder;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -39,8 +40,12 @@ pub fn try_remove_temporaries() {
 
 fn remove(mut list: MutexGuard<'_, Vec<PathBuf>>) {
     for path in list.drain(..) {
-        // The next run sweeps it.
-        let _ = std::fs::remove_file(path);
+        // The next run sweeps what cannot be removed.
+        let _ = match is_aside_folder(&path) {
+            true => std::fs::remove_dir_all(&path),
+            // A folder that was made for an output and holds nothing.
+            false => std::fs::remove_file(&path).or_else(|_| std::fs::remove_dir(&path)),
+        };
     }
     std::mem::forget(list);
 }

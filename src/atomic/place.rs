@@ -52,6 +52,7 @@ pub(super) fn place(mut set: Vec<(PathBuf, BufWriter<Temporary>)>) -> Result<()>
     for (_, file) in &mut set {
         file.published = true;
         live::forget(&mut list, &file.path);
+        file.named.iter().for_each(|path| live::forget(&mut list, path));
     }
     drop(list);
     sync_folders(&set)

@@ -18,6 +18,8 @@ pub(super) struct Temporary {
     /// No file had the target's name when this one was started.
     pub(super) is_new: bool,
     pub(super) published: bool,
+    /// Files that are there already and that only this one names: they are removed with it.
+    pub(super) named: Vec<PathBuf>,
 }
 
 impl Temporary {
@@ -30,7 +32,8 @@ impl Temporary {
                     live::register(&path);
                     // An older one that was moved aside counts: it is put back.
                     let is_new = !target.exists() && !aside_name(target).exists();
-                    return Ok(Self { file, path, target: target.to_owned(), is_new, published: false });
+                    let target = target.to_owned();
+                    return Ok(Self { file, path, target, is_new, published: false, named: Vec::new() });
                 }
                 // Somebody swept it before it was locked.
                 Ok(_) => {}
@@ -59,16 +62,21 @@ impl Write for Temporary {
 
 impl Drop for Temporary {
     fn drop(&mut self) {
-        if !self.published {
+        let unnamed: &[PathBuf] = if self.published { &[] } else { &self.named };
+        for path in unnamed {
             // What cannot be removed is swept by the next run.
+            let _ = std::fs::remove_file(path);
+            live::unregister(path);
+        }
+        if !self.published {
             let _ = std::fs::remove_file(&self.path);
         }
         live::unregister(&self.path);
     }
 }
 
-/// Removes a temporary file that nobody writes to.
-fn sweep(path: &Path) -> io::Result<()> {
+/// Removes a temporary file without a writer.
+pub(super) fn sweep(path: &Path) -> io::Result<()> {
     let left = match File::options().read(true).write(true).open(path) {
         Ok(file) => file,
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(()),

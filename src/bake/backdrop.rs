@@ -20,7 +20,7 @@ use glam::Vec3;
 const VIEWS: usize = 16;
 /// Holes below this share of the photos are not closed.
 const LEAST_HOLES: f64 = 0.001;
-/// Pictures that a scene covers less of, and photos of which masks leave less, show an object before nothing.
+/// Below this covered share of a picture, or unmasked share of a photo, the scene is an object before nothing.
 const LEAST_COVERED: f64 = 0.8;
 /// Radius of the sphere as a multiple of the distance of the farthest vertex or camera.
 const RADIUS_FACTOR: f32 = 1.2;
@@ -33,6 +33,7 @@ const SCENE_PER_BACKDROP: usize = 20;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum BackdropWhen {
     /// When photos show something where no triangle is, as the node `backdrop` of the output
     Auto,
@@ -40,7 +41,7 @@ pub enum BackdropWhen {
     Sphere,
     /// Always with photos, in a file of its own: OUT.backdrop.glb
     File,
-    /// Never; that of an input is left out
+    /// Never; a backdrop of the input is removed
     Off,
 }
 
@@ -111,6 +112,9 @@ pub fn backdrop(
     }
     let holes = find_holes(mesh, views)?;
     details.holes = Some(holes.share);
+    if options.backdrop == BackdropWhen::Auto && views.are_cut() && holes.counted < 1.0 {
+        return Ok(Outcome::Unneeded("transparent photos show an object: there is nothing behind it"));
+    }
     if options.backdrop == BackdropWhen::Auto && holes.counted < LEAST_COVERED {
         return Ok(Outcome::Unneeded("masks leave an object: there is nothing behind it"));
     }
@@ -182,12 +186,12 @@ fn find_holes(mesh: &Mesh, views: &mut Views) -> Result<Holes> {
     Ok(Holes { share: open / f64::max(all, 1e-9), counted, color: mean })
 }
 
-/// Subdivisions of the octahedron for a scene of so many triangles.
+/// Subdivisions of the octahedron for a scene of `triangles`.
 fn subdivisions(faces: usize) -> u32 {
     (3..=MOST_SUBDIVISIONS).rev().find(|l| face_count(*l) as usize * SCENE_PER_BACKDROP <= faces).unwrap_or(2)
 }
 
-/// Triangles of the sphere behind a scene of so many.
+/// Triangles of the sphere behind a scene of `triangles`.
 fn backdrop_triangles(faces: usize) -> u64 {
     face_count(subdivisions(faces))
 }

@@ -14,12 +14,10 @@ pub const MAX_CHUNK_TRIANGLES: u32 = 21_845;
 
 /// How the scene is cut into nodes.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct ChunkOptions {
     /// Most triangles in a chunk, at most 21845; each chunk is a mesh and node of its own, skipped when
     /// out of view (0 = one chunk)
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = ChunkOptions::DEFAULT.chunk_triangles, value_name = "N"))]
     #[schemars(range(max = 21845))]
     pub chunk_triangles: u32,
 }

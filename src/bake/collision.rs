@@ -7,6 +7,7 @@ use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::limits::Limits;
 use crate::mesh::Mesh;
+use crate::ranges::{self, Called};
 use crate::report::{Outcome, StageDetails, StageProgress};
 use crate::scene::Loaded;
 use crate::surface::{SurfaceDetails, SurfaceOptions, surface};
@@ -17,11 +18,11 @@ use crate::surface::{SurfaceDetails, SurfaceOptions, surface};
 #[serde(deny_unknown_fields, default)]
 pub struct CollisionOptions {
     /// Make a surface of few triangles to collide with: for Godot a node that it does not draw, for others a file
-    /// OUT.collision.glb. It is what the cameras of --dataset, or those of the scene, see of it
+    /// OUT.collision.glb. It shows what the cameras of --dataset, or those of the scene, see
     #[cfg_attr(feature = "cli", arg(long))]
     pub collision: bool,
     /// Most triangles of that surface
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = CollisionOptions::DEFAULT.collision_triangles, value_name = "N"))]
+    #[cfg_attr(feature = "cli", arg(skip = CollisionOptions::DEFAULT.collision_triangles))]
     #[schemars(range(min = 1))]
     pub collision_triangles: u32,
 }
@@ -32,10 +33,7 @@ impl CollisionOptions {
 
     /// Checks the range.
     pub fn validate(&self) -> Result<()> {
-        match self.collision_triangles {
-            0 => Err(Error::invalid("collision_triangles", 0, "1 or more")),
-            _ => Ok(()),
-        }
+        ranges::check("collision", self, Called::ByFlag)
     }
 }
 
@@ -59,7 +57,7 @@ impl StageDetails for CollisionDetails {
 
 /// Makes the surface that `cameras` see of `scene`, in its frame; without cameras those that it stores, or chosen ones.
 ///
-/// Errors: too many blocks of the distance field.
+/// Errors: too many blocks of the distance field; fewer triangles than a surface can have.
 pub fn collision(
     found: &mut Option<Mesh>,
     scene: &Loaded,
@@ -75,9 +73,20 @@ pub fn collision(
         return Ok(Outcome::Unneeded("there is something to collide with already"));
     }
     let how = SurfaceOptions { max_triangles: Some(options.collision_triangles), ..SurfaceOptions::DEFAULT };
-    *found = surface(scene, cameras, &how, &Limits::DEFAULT, &mut details.surface, progress)?;
+    *found = surface(scene, cameras, &how, &Limits::DEFAULT, &mut details.surface, progress)
+        .map_err(in_our_words)?;
     Ok(match found {
         Some(_) => Outcome::Changed(()),
         None => Outcome::Unneeded("the cameras see no connected surface"),
     })
+}
+
+/// The option by the name that it has here.
+fn in_our_words(error: Error) -> Error {
+    match error {
+        Error::Invalid { option, value, wants } if option == "max_triangles" => {
+            Error::Invalid { option: "collision_triangles".into(), value, wants }
+        }
+        error => error,
+    }
 }

@@ -22,17 +22,11 @@ impl StageDetails for ColorDetails {
 /// a copy. `details` says how many channels lay outside [0, 1] and were clamped.
 pub fn color(mut soup: Soup, details: &mut ColorDetails) -> Result<Mesh> {
     soup.truncate_sh(0);
-    let Soup { vertices, mut sh, opacity, sigma, .. } = soup;
+    let Soup { vertices, mut sh, opacity, sigma, shell, .. } = soup;
     drop((opacity, sigma));
     let clamped: u64 = sh.par_iter_mut().with_min_len(1 << 14).map(linearise).sum();
     details.clamped_channels = clamped;
-    Ok(Mesh {
-        positions: vertices.into_flattened(),
-        colors: Colors::Face(sh),
-        indices: Vec::new(),
-        opacity: Vec::new(),
-        ..Mesh::default()
-    })
+    Ok(Mesh { positions: vertices.into_flattened(), colors: Colors::Face(sh), shell, ..Mesh::default() })
 }
 
 /// Turns SH degree 0 coefficients into linear channels; returns how many had to be clamped.

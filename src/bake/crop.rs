@@ -75,11 +75,6 @@ pub fn crop(
     Ok(Outcome::Changed(()))
 }
 
-/// How many of the first `count` triangles [`crop`] keeps.
-pub(super) fn count_inside(scene: &Scene, count: usize, cameras: &[Camera], options: &CropOptions) -> usize {
-    (0..count.min(scene.triangle_count())).filter(|i| is_inside(scene, *i, cameras, options)).count()
-}
-
 fn is_inside(scene: &Scene, triangle: usize, cameras: &[Camera], options: &CropOptions) -> bool {
     let centroid = scene.corners(triangle).map(|v| v.as_dvec3()).into_iter().sum::<DVec3>() / 3.0;
     options.crop.iter().all(|region| region.holds(centroid, cameras))

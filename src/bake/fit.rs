@@ -14,9 +14,9 @@ const VIEWS: usize = 8;
 /// whose triangles were just made solid may be far from its photos and still show the same shapes.
 const LEAST_OWN: f64 = 0.05;
 
-/// A warning when `mesh`, drawn by the photos' cameras, is farther from the photos than pictures of one colour are, and
+/// What is wrong when `mesh`, drawn by the photos' cameras, is farther from the photos than pictures of one colour are, and
 /// resembles none of them more than the others. Fails when a photo cannot be decoded.
-pub fn warning(mesh: &Mesh, views: &mut Views) -> Result<Option<String>> {
+pub fn misfit(mesh: &Mesh, views: &mut Views) -> Result<Option<String>> {
     if views.is_empty() {
         return Ok(None);
     }
@@ -36,9 +36,8 @@ pub fn warning(mesh: &Mesh, views: &mut Views) -> Result<Option<String>> {
     let [drawn, plain] = [drawn, plain].map(|sum| sum / chosen.len() as f64);
     Ok((drawn < plain && own_resemblance(&pictures, &photos) < LEAST_OWN).then(|| {
         format!(
-            "the photos of `dataset` do not seem to show this scene: drawn by their cameras it is farther from them \
-             ({drawn:.1} dB) than pictures of one colour are ({plain:.1} dB); is it the data set it was trained on, \
-             in the same coordinates?"
+            "photos that do not seem to show this scene: drawn by their cameras it is farther from them ({drawn:.1} dB) \
+             than pictures of one colour are ({plain:.1} dB)"
         )
     }))
 }

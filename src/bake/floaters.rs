@@ -20,7 +20,7 @@ use std::collections::HashMap;
 
 /// A triangle hangs before a camera when it is nearer than this share of the scene's depth.
 const NEAR: f32 = 0.1;
-/// What so many photos see was there.
+/// A triangle that this many photos see is real.
 const LEAST_VIEWS: u32 = 3;
 /// A photo shows a triangle when it differs this little from its colour, mean over channels and pixels; colours are 0 to 1, sRGB-encoded.
 const LIKE: f32 = 0.15;
@@ -32,18 +32,16 @@ const MOST_BETWEEN: usize = 500;
 const DEPTH_VIEWS: usize = 8;
 /// Longer side of the pictures that are drawn, px.
 const SIDE: u32 = 256;
-/// A corner of a picture is at most so many times as far from the camera as it is deep.
+/// Largest ratio of distance to depth at a corner of a picture.
 const CORNER: f32 = 2.0;
 
 /// Whether triangles that hang before cameras stay.
 #[derive(
     Debug, Clone, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
-#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct FloatersOptions {
-    /// Keep triangles that hang right before a camera and that hardly any other camera sees
-    #[cfg_attr(feature = "cli", arg(long))]
+    /// Keep triangles right before a camera that hardly any other camera sees
     pub keep_floaters: bool,
 }
 
@@ -85,7 +83,7 @@ pub fn floaters(
     }
     if cameras.len() < FEWEST_CAMERAS {
         return Ok(Outcome::Unneeded(
-            "it needs four cameras: of photos (`dataset`), or in a soup we trained",
+            "it needs four cameras: from photos (`dataset`), or stored in the soup",
         ));
     }
     let Some(depth) = scene_depth(mesh, cameras) else {
@@ -102,7 +100,7 @@ pub fn floaters(
     let hanging: Vec<u32> = hanging.map(|(face, _)| *face).collect();
     details.seen = (near.len() - hanging.len()) as u64;
     if hanging.is_empty() || hanging.len() == mesh.face_count() {
-        return Ok(Outcome::Unneeded("what is before a camera is in other photos too"));
+        return Ok(Outcome::Unneeded("what is before a camera shows in other photos too"));
     }
     let mut stays = vec![true; mesh.face_count()];
     hanging.iter().for_each(|&face| stays[face as usize] = false);

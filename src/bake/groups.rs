@@ -2,7 +2,7 @@
 
 use crate::rng::Rng;
 
-/// So many groups there are.
+/// Number of groups.
 pub(super) const GROUPS: usize = 4;
 
 /// The group of a face in a round: another one every round. `purpose` names the random sequence.

@@ -1,4 +1,4 @@
-//! Normals, for engines that put lights on the scene, and faces that turn their fronts to whoever sees them.
+//! Normals, for engines that light the scene, and faces whose fronts face the viewer.
 //!
 //! Triangles of a trained scene lie across the surfaces that they show, wound either way: their own normals sparkle. Where the surface
 //! points is what the connected surface says that depths of the scene are fused into; where there is none, what the triangles
@@ -42,9 +42,9 @@ pub enum Lit {
     /// None: no light falls on the scene.
     #[default]
     Off,
-    /// Those of the surface that triangles show together: their depths are fused first, which takes seconds.
+    /// Normals of the surface that the triangles form together: their depths are fused first, which takes seconds.
     Smooth,
-    /// Their own.
+    /// Each triangle's own normal.
     Flat,
 }
 
@@ -91,7 +91,8 @@ pub fn lit(
     if !mesh.normals.is_empty() || mesh.face_count() == 0 {
         return Ok(Outcome::Unneeded("there is no face without a normal"));
     }
-    let seen = see(mesh, cameras);
+    let cameras: Vec<&Camera> = asked(cameras).collect();
+    let seen = see(mesh, &cameras);
     details.cameras = cameras.len() as u64;
     details.unseen = seen.iter().filter(|seen| !cameras.is_empty() && seen.weight == 0.0).count() as u64;
     mesh.normals = match options.lit {
@@ -121,12 +122,17 @@ struct Seen {
     weight: f32,
 }
 
+/// At most [`CAMERAS`] of `cameras`, evenly spread.
+fn asked(cameras: &[Camera]) -> impl Iterator<Item = &Camera> {
+    cameras.iter().step_by(cameras.len().div_ceil(CAMERAS).max(1))
+}
+
 /// Every face as `cameras` see it; what hides it is drawn too.
-fn see(mesh: &Mesh, cameras: &[Camera]) -> Vec<Seen> {
+fn see(mesh: &Mesh, cameras: &[&Camera]) -> Vec<Seen> {
     let mut pixels = vec![[0u32; 2]; mesh.face_count()];
     let mut solid = Solid::new();
     let drawing = SolidRasterOptions { samples: 1, ..SolidRasterOptions::default() };
-    for camera in cameras.iter().step_by(cameras.len().div_ceil(CAMERAS).max(1)) {
+    for camera in cameras {
         let camera = camera.within(SIDE);
         let eye = camera.position();
         let shown = solid.visibility(mesh, &camera, &drawing);

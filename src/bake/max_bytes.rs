@@ -24,7 +24,7 @@ pub struct Attempt {
     pub bytes: u64,
 }
 
-/// The attempt with most triangles whose files take at most `limit` bytes. `make` makes the scene with at most so many triangles, and measures
+/// The attempt with most triangles whose files take at most `limit` bytes. `make` makes the scene with at most its argument's number of triangles, and measures
 /// it; the first time with `max_triangles`.
 ///
 /// Errors: those of `make`; a limit that not even one triangle fits.
@@ -102,6 +102,6 @@ mod tests {
     #[test]
     fn a_limit_below_one_triangle_is_an_error() {
         let error = search(1000, 50_000, 1500, 60).0.unwrap_err().to_string();
-        assert!(error.starts_with("max_bytes is 1000: wants "), "{error}");
+        assert!(error.starts_with("max_bytes is 1000: expected "), "{error}");
     }
 }

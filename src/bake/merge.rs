@@ -93,7 +93,6 @@ fn merge_provenance(a: Provenance, b: Provenance) -> Result<Provenance> {
         up: a.up,
         placement: if a.placement == b.placement { a.placement } else { Placement::IDENTITY },
         viewpoint: a.viewpoint.or(b.viewpoint),
-        shell: 0,
         backdrop: 0,
     })
 }

@@ -1,19 +1,22 @@
 //! The recipe of `trisplat mesh`: from a scene to one connected surface of it, ready for a file.
 
 use super::counts::{count, count_mesh};
-use super::crop::{CropOptions, count_inside, crop};
+use super::crop::{CropOptions, crop};
 use super::place::up::Evidence;
 use super::place::{PlaceDetails, PlaceOptions, place, placement};
+use super::viewpoint::viewpoint;
 use super::views::Views;
-use crate::asset::{Asset, Provenance};
+use crate::asset::{Asset, Placement, Provenance};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::formats::output::OutputOptions;
 use crate::limits::Limits;
 use crate::mesh::Mesh;
+use crate::placed;
 use crate::report::{Observer, Outcome, Report, generator};
 use crate::scene::Loaded;
 use crate::surface::{SurfaceDetails, SurfaceOptions, surface};
+use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -40,6 +43,7 @@ impl MeshOptions {
     /// Checks the ranges that need no scene.
     pub fn validate(&self) -> Result<()> {
         self.surface.validate()?;
+        self.output.validate()?;
         self.place.validate()
     }
 }
@@ -71,7 +75,7 @@ pub fn mesh(
     let found = report.long_stage(
         observer,
         Mesh::default(),
-        // Before there is a surface, what it is made of.
+        // First the scene that the surface is made from.
         |mesh| if mesh.face_count() == 0 { count(&scene.scene) } else { count_mesh(mesh) },
         |mesh, details: &mut SurfaceDetails, progress| {
             let found = surface(&scene, cameras, &options.surface, limits, details, progress)?;
@@ -80,20 +84,21 @@ pub fn mesh(
         },
     )?;
 
-    // Before `place`, which takes the viewpoint along.
-    let viewpoint = scene.provenance.viewpoint.or_else(|| views.as_deref().and_then(Views::viewpoint));
-    let mut provenance = Provenance { shell: 0, backdrop: 0, viewpoint, ..scene.provenance };
+    let mut provenance = Provenance { backdrop: 0, ..scene.provenance };
     let points = views.as_deref().map_or(&[][..], Views::points);
+    let mut how = Placement::IDENTITY;
     let found = report.stage(observer, found, count_mesh, |mesh, details: &mut PlaceDetails| {
-        let how = placement(mesh, &provenance, Evidence { cameras: &known, points }, &options.place, details);
+        how = placement(mesh, &provenance, Evidence { cameras: &known, points }, &options.place, details);
         place(mesh, &mut provenance, how, details)
     })?;
     report.warnings.extend(report.details::<PlaceDetails>().and_then(|details| details.warning()));
     provenance.generator = Some(generator());
-    Ok(Asset { provenance, ..Asset::from(found) })
+    let known: Vec<Camera> = known.iter().map(|c| placed::to_file(c, &how, DVec3::ZERO)).collect();
+    let asset = Asset { provenance, ..Asset::from(found) };
+    report.stage(observer, asset, Asset::counts, |asset, details| Ok(viewpoint(asset, &known, details)))
 }
 
-/// The region of the scene that is kept, and how much of its shell is in it.
+/// The region of the scene that is kept.
 fn cropped(
     scene: Loaded,
     cameras: &[Camera],
@@ -101,8 +106,7 @@ fn cropped(
     report: &mut Report,
     observer: &mut dyn Observer,
 ) -> Result<Loaded> {
-    let Loaded { scene, mut provenance, warnings, cameras: stored } = scene;
-    provenance.shell = count_inside(&scene, provenance.shell as usize, cameras, &options.crop) as u32;
+    let Loaded { scene, provenance, warnings, cameras: stored } = scene;
     let scene = report
         .stage(observer, scene, count, |scene, details| crop(scene, cameras, &options.crop, details))?;
     Ok(Loaded { scene, provenance, warnings, cameras: stored })

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! crop → teacher → arrange → collision → prune → solid → color → unseen → floaters → reshape → backdrop → refit → lit
-//! → weld → place → chunk → bvh → order → lod → tiles
+//! → weld → place → viewpoint → chunk → bvh → order → lod → tiles
 //! ```
 //!
 //! Each stage is a file with its options, its function and what it measures ([`StageDetails`]); it changes its input
@@ -48,6 +48,7 @@ pub mod solid;
 pub mod teacher;
 pub mod tiles;
 pub mod unseen;
+pub mod viewpoint;
 pub mod views;
 pub mod visibility;
 pub mod weld;

@@ -1,6 +1,6 @@
 //! Every option of the bake, and the presets.
 
-use super::backdrop::BackdropOptions;
+use super::backdrop::{BackdropOptions, BackdropWhen};
 use super::bvh::BvhOptions;
 use super::chunk::ChunkOptions;
 use super::collision::CollisionOptions;
@@ -19,14 +19,17 @@ use super::tiles::TilesOptions;
 use super::unseen::UnseenOptions;
 use super::weld::WeldOptions;
 use crate::error::{Error, Result};
-use crate::formats::output::OutputOptions;
+use crate::formats::output::{Beside, Output, OutputFormat, OutputOptions};
+use crate::ranges::{self, Called};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 
 /// A complete set of options to start from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum BakePreset {
     /// Read, prune, make solid, write: one mesh in the order of the input.
     Fast,
@@ -46,95 +49,65 @@ pub struct BakeOptions {
     /// Complete set of options to start from; config file and flags are laid over it.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub preset: BakePreset,
+    /// Bake with photos that do not seem to show the scene: they decide what is seen, and which colour it has.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub force_dataset: bool,
     /// Which part of the scene is kept.
-    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Crop: keep a region"))]
+    #[cfg_attr(feature = "cli", command(flatten))]
     pub crop: CropOptions,
     /// Whether pictures of the soft scene take the place of photos.
-    #[cfg_attr(
-        feature = "cli",
-        command(flatten, next_help_heading = "Teacher, without --dataset: pictures in place of photos")
-    )]
+    #[cfg_attr(feature = "cli", command(flatten))]
     pub teacher: TeacherOptions,
-    /// Whether there is something to collide with.
-    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Collision: something to walk on"))]
+    /// Whether a surface to collide with is made.
+    #[cfg_attr(feature = "cli", command(flatten))]
     pub collision: CollisionOptions,
     /// Which triangles are dropped.
-    #[cfg_attr(
-        feature = "cli",
-        command(flatten, next_help_heading = "Prune: drop what an engine cannot draw or nobody sees")
-    )]
+    #[cfg_attr(feature = "cli", command(flatten))]
     pub prune: PruneOptions,
     /// How soft triangles become solid.
-    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Solid: soft triangles become opaque"))]
+    #[cfg_attr(feature = "cli", arg(skip = SolidOptions::DEFAULT))]
     pub solid: SolidOptions,
     /// Which triangles the photos need.
-    #[cfg_attr(
-        feature = "cli",
-        command(
-            flatten,
-            next_help_heading = "Unseen, with --dataset or cameras in the file: drop what no photo sees"
-        )
-    )]
+    #[cfg_attr(feature = "cli", arg(skip = UnseenOptions::DEFAULT))]
     pub unseen: UnseenOptions,
     /// Whether triangles that hang before cameras stay.
-    #[cfg_attr(
-        feature = "cli",
-        command(
-            flatten,
-            next_help_heading = "Floaters, with --dataset or cameras in the file: drop shards in the air"
-        )
-    )]
+    #[cfg_attr(feature = "cli", arg(skip = FloatersOptions::DEFAULT))]
     pub floaters: FloatersOptions,
     /// Which triangles are fitted to pictures.
-    #[cfg_attr(
-        feature = "cli",
-        command(
-            flatten,
-            next_help_heading = "Reshape: fit opaque triangles to the soft scene or the photos"
-        )
-    )]
+    #[cfg_attr(feature = "cli", arg(skip = ReshapeOptions::DEFAULT))]
     pub reshape: ReshapeOptions,
     /// Which levels of detail are made.
-    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "LOD: levels of detail"))]
+    #[cfg_attr(feature = "cli", command(flatten))]
     pub lod: LodOptions,
     /// How the scene is cut into tiles.
-    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Tiles: pieces that stream"))]
+    #[cfg_attr(feature = "cli", arg(skip = TilesOptions::DEFAULT))]
     pub tiles: TilesOptions,
     /// What is put behind the scene.
-    #[cfg_attr(
-        feature = "cli",
-        command(flatten, next_help_heading = "Backdrop, with --dataset: close holes")
-    )]
+    #[cfg_attr(feature = "cli", command(flatten))]
     pub backdrop: BackdropOptions,
     /// How colours are taken from the photos.
-    #[cfg_attr(
-        feature = "cli",
-        command(flatten, next_help_heading = "Refit, with --dataset: colours from the photos")
-    )]
+    #[cfg_attr(feature = "cli", arg(skip = RefitOptions::DEFAULT))]
     pub refit: RefitOptions,
     /// Whether lights fall on the scene.
-    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Lit: normals for an engine's lights"))]
+    #[cfg_attr(feature = "cli", command(flatten))]
     pub lit: LitOptions,
     /// Which corners become one vertex.
-    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Weld: share vertices"))]
+    #[cfg_attr(feature = "cli", arg(skip = WeldOptions::DEFAULT))]
     pub weld: WeldOptions,
     /// The frame of the output.
-    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Place: the frame of the output"))]
+    #[cfg_attr(feature = "cli", command(flatten))]
     pub place: PlaceOptions,
     /// How the scene is cut.
-    #[cfg_attr(
-        feature = "cli",
-        command(flatten, next_help_heading = "Chunk: nodes that an engine can skip")
-    )]
+    #[cfg_attr(feature = "cli", arg(skip = ChunkOptions::DEFAULT))]
     pub chunk: ChunkOptions,
     /// The hierarchy beside the output.
-    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "BVH: hierarchy beside the output"))]
+    #[cfg_attr(feature = "cli", command(flatten))]
     pub bvh: BvhOptions,
     /// The order of triangles.
-    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Order: of triangles in a chunk"))]
+    #[cfg_attr(feature = "cli", arg(skip = OrderOptions::DEFAULT))]
     pub order: OrderOptions,
-    /// The files written.
-    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Output"))]
+    /// The files written: what writes the asset is given these.
+    #[cfg_attr(feature = "cli", command(flatten))]
     pub output: OutputOptions,
 }
 
@@ -142,6 +115,7 @@ impl BakeOptions {
     /// Every option at its default.
     pub const DEFAULT: Self = Self {
         preset: BakePreset::Default,
+        force_dataset: false,
         crop: CropOptions::DEFAULT,
         teacher: TeacherOptions::DEFAULT,
         collision: CollisionOptions::DEFAULT,
@@ -183,17 +157,36 @@ impl BakeOptions {
         }
     }
 
+    /// The files of a bake that is written to `path`; `format` where its name does not say. A scene is cut into tiles exactly when tiles are
+    /// written, so `tiles` is set here.
+    ///
+    /// Errors: a name without a known ending; tiles that are asked for in another format; one file where several are asked for.
+    pub fn plan_output(&mut self, path: &Path, format: Option<OutputFormat>) -> Result<Output> {
+        let format = format.map_or_else(|| OutputFormat::of(path), Ok)?;
+        if self.tiles.tiles && format != OutputFormat::Tiles {
+            let wants = "a name ending in .tileset.json, which `tiles` writes";
+            return Err(Error::invalid("output", path.display(), wants));
+        }
+        self.tiles.tiles = format == OutputFormat::Tiles;
+        self.validate()?;
+        let beside = Beside {
+            bvh: self.bvh.bvh,
+            levels: self.lod.lod.len(),
+            backdrop: self.backdrop.backdrop == BackdropWhen::File,
+            collision: self.collision.collision,
+        };
+        Output::of_scene(path, Some(format), &self.output, &beside)
+    }
+
     /// Checks the ranges that need no scene; stages check the rest.
     pub fn validate(&self) -> Result<()> {
-        self.collision.validate()?;
-        self.prune.validate()?;
         self.lod.validate()?;
-        self.tiles.validate()?;
+        ranges::check("", self, Called::ByFlag)?;
+        ranges::check_given("unseen.max_error", self.unseen.max_error)?;
         if self.tiles.tiles && !self.lod.lod.is_empty() {
             let wants = "nothing: `tiles` makes levels of its own";
             return Err(Error::invalid("lod", "given with `tiles`", wants));
         }
-        self.output.validate()?;
         self.place.validate()
     }
 }

@@ -11,29 +11,26 @@ use rayon::prelude::*;
 
 /// The order of faces within a chunk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum FaceOrder {
     /// Along a space-filling curve
     Spatial,
-    /// As they come
+    /// In the order of the input
     None,
 }
 
 /// The order of faces.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct OrderOptions {
     /// Order of the triangles within a chunk; with a hierarchy it is always the order of its leaves
-    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = OrderOptions::DEFAULT.order, value_name = "HOW"))]
     pub order: FaceOrder,
 }
 
 impl OrderOptions {
     /// Near faces stay near.
     pub const DEFAULT: Self = Self { order: FaceOrder::Spatial };
-    /// As they come.
+    /// In the order of the input.
     pub const FAST: Self = Self { order: FaceOrder::None };
 }
 

@@ -79,7 +79,7 @@ impl StageDetails for BakeBudgetDetails {
 }
 
 impl BakePace {
-    /// That keeps to `budget`, of which `spending` tells what is spent.
+    /// A pace that keeps to `budget`; `spending` measures what is spent.
     pub fn new(budget: Budget, spending: Spending) -> Self {
         Self { limit: Some((budget, spending)), ..Self::default() }
     }
@@ -118,7 +118,7 @@ impl BakePace {
         (made, self.spent_secs() - before)
     }
 
-    /// A solid picture took so long; the first to say so is believed.
+    /// The time of one solid picture; the first call sets it.
     pub(super) fn learn_solid(&mut self, secs: f64) {
         if self.costs.solid == 0.0 {
             self.costs.solid = secs;
@@ -135,7 +135,7 @@ impl BakePace {
         affords
     }
 
-    /// Whether another picture is to be drawn when there are `drawn` of `most`, the last of which took `secs`.
+    /// Whether to draw another picture after `drawn` of `most`; the last took `secs`.
     pub(super) fn wants_picture(&mut self, drawn: usize, most: usize, secs: f64) -> bool {
         if drawn == 0 || drawn == most || !self.is_active() {
             self.chosen.pictures = Some(drawn as u64);
@@ -158,7 +158,7 @@ impl BakePace {
                     "{drawn} of {most} pictures: one takes {:.3} s, and there must be time to use them",
                     costs.soft
                 );
-                self.because(why, format!("--teacher-pictures {drawn}"));
+                self.because(why, format!("--set teacher_pictures={drawn}"));
             }
             _ => self
                 .skip_pictures(format!("no pictures: one takes {secs:.3} s, and there is no time to use it")),
@@ -182,32 +182,32 @@ impl BakePace {
         }
     }
 
-    /// Seconds that a round of fitting to so many pictures is expected to take, before one was measured.
+    /// Expected seconds of a round of fitting to `pictures`, before one was measured.
     pub(super) fn expected_round_secs(&self, pictures: usize) -> f64 {
         round_secs(pictures, &self.costs)
     }
 
-    /// So many rounds of fitting were made of `most`, the last of which took `secs`.
+    /// Records that `made` of `most` rounds of fitting are done; the last took `secs`.
     pub(super) fn fitted(&mut self, rounds: u32, most: u32, secs: f64) {
         self.chosen.rounds = Some(rounds);
         if rounds == 0 {
             self.because(
                 format!("triangles not fitted: a round takes {secs:.2} s"),
-                "--reshape off".to_owned(),
+                "--set reshape=off".to_owned(),
             );
         } else if rounds < most {
             let why = format!("{rounds} of {most} rounds of fitting: the last took {secs:.2} s");
-            self.because(why, format!("--reshape-rounds {rounds}"));
+            self.because(why, format!("--set reshape_rounds={rounds}"));
         }
     }
 
-    /// Whether there is time to fit colours to so many pictures.
+    /// Whether there is time to fit colours to `pictures`.
     pub(super) fn affords_colors(&mut self, views: usize) -> bool {
         let secs = color_secs(views, self.asked.color_passes, &self.costs);
         let affords = secs <= self.left_secs() + self.part_secs(OVERSPENT);
         self.chosen.colors = Some(affords);
         if !affords {
-            self.because(format!("colours not fitted: that takes {secs:.2} s"), "--refit off".to_owned());
+            self.because(format!("colours not fitted: that takes {secs:.2} s"), "--set refit=off".to_owned());
         }
         affords
     }

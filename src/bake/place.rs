@@ -16,6 +16,7 @@ use crate::asset::{Placement, Provenance, UpAxis, UpDirection};
 use crate::error::{Error, Result};
 use crate::math::median::median;
 use crate::mesh::Mesh;
+use crate::ranges::{self, Called};
 use crate::report::{Outcome, StageDetails};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -34,26 +35,21 @@ pub struct PlaceOptions {
     #[schemars(with = "String")]
     pub up: UpChoice,
     /// Turn the output about its up axis, degrees, counter-clockwise as seen from above.
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = PlaceOptions::DEFAULT.rotate, value_name = "DEGREES", allow_hyphen_values = true))]
+    #[cfg_attr(feature = "cli", arg(skip = PlaceOptions::DEFAULT.rotate))]
     pub rotate: f64,
     /// Output units per input unit.
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = PlaceOptions::DEFAULT.scale, value_name = "FACTOR"))]
+    #[cfg_attr(feature = "cli", arg(skip = PlaceOptions::DEFAULT.scale))]
     pub scale: f64,
     /// Scale so that the output is in metres, by a known length: two points of the input, as `trisplat view` shows
     /// them, or their distance, and the metres between them, as in 0,1.5,2,0.4,1.5,2=0.25 or 0.4=0.25.
-    #[cfg_attr(
-        feature = "cli",
-        arg(long, value_name = "A,B=METRES", allow_hyphen_values = true, conflicts_with = "scale")
-    )]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "A,B=METRES", allow_hyphen_values = true))]
     #[schemars(with = "Option<String>")]
     pub scale_by: Option<KnownLength>,
     /// Put the middle of the scene (the median of its vertices) at the origin.
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = PlaceOptions::DEFAULT.center, num_args = 0..=1, require_equals = true,
-          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL"))]
+    #[cfg_attr(feature = "cli", arg(skip = PlaceOptions::DEFAULT.center))]
     pub center: bool,
     /// Put the floor, the lowest large layer of triangles, at y = 0.
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = PlaceOptions::DEFAULT.ground, num_args = 0..=1, require_equals = true,
-          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL"))]
+    #[cfg_attr(feature = "cli", arg(skip = PlaceOptions::DEFAULT.ground))]
     pub ground: bool,
 }
 
@@ -64,12 +60,7 @@ impl PlaceOptions {
 
     /// Checks ranges.
     pub fn validate(&self) -> Result<()> {
-        if !(self.scale > 0.0 && self.scale.is_finite()) {
-            return Err(Error::invalid("scale", self.scale, "a positive number"));
-        }
-        if !self.rotate.is_finite() {
-            return Err(Error::invalid("rotate", self.rotate, "degrees"));
-        }
+        ranges::check("place", self, Called::ByFlag)?;
         if self.scale_by.is_some() && self.scale != 1.0 {
             return Err(Error::invalid("scale_by", "given beside `scale`", "one of the two"));
         }
@@ -119,7 +110,7 @@ impl PlaceDetails {
             Confidence::Low => {
                 "the up axis is a guess: the cameras leave it open and there is no large level surface"
             }
-            Confidence::None => "the up axis is not known: the cameras were held every way",
+            Confidence::None => "the up axis is unknown: the cameras were held in every direction",
         };
         Some(format!("{why}; look at the result and give `up` if it is tilted"))
     }
@@ -227,7 +218,13 @@ mod tests {
 
     #[test]
     fn a_second_run_has_nothing_to_do() {
-        let viewpoint = Viewpoint { eye: [1.0, 2.0, 3.0], target: [0.0; 3], up: [0.0, -1.0, 0.0], fov: 40.0 };
+        let viewpoint = Viewpoint {
+            eye: [1.0, 2.0, 3.0],
+            target: [0.0; 3],
+            up: [0.0, -1.0, 0.0],
+            fov: 40.0,
+            radius: Some(0.5),
+        };
         let (mut mesh, mut provenance) =
             (triangle(), Provenance { viewpoint: Some(viewpoint), ..Provenance::default() });
         let run = |mesh: &mut Mesh, provenance: &mut Provenance| {
@@ -300,7 +297,13 @@ mod tests {
     fn a_viewpoint_is_upright_in_the_file() {
         let tilted = UpDirection::near(DVec3::new(0.2, -0.9, -0.3));
         let placement = Placement { up: tilted, ..Placement::IDENTITY };
-        let viewpoint = Viewpoint { eye: [1.0, 2.0, 3.0], target: [0.0; 3], up: [0.0, -1.0, 0.0], fov: 40.0 };
+        let viewpoint = Viewpoint {
+            eye: [1.0, 2.0, 3.0],
+            target: [0.0; 3],
+            up: [0.0, -1.0, 0.0],
+            fov: 40.0,
+            radius: Some(0.5),
+        };
         assert_eq!(placement.viewpoint_to_file(&viewpoint).up, [0.0, 1.0, 0.0]);
         let from_above = Viewpoint { eye: (tilted.vector() * 5.0).to_array(), ..viewpoint };
         let placed = placement.viewpoint_to_file(&from_above);

@@ -1,4 +1,4 @@
-//! Drops the triangles that an engine cannot draw or nobody would see.
+//! Removes the triangles that an engine cannot draw or that cannot be seen.
 //!
 //! It comes first because every later stage costs per triangle, and because geometry after it is finite
 //! and within ±[`REACH`], which the hierarchy and engines' culling rely on.
@@ -6,6 +6,7 @@
 use crate::error::{Error, Result};
 use crate::math::median::median;
 use crate::mesh::Mesh;
+use crate::ranges::{self, Called};
 use crate::report::{Outcome, StageDetails};
 use crate::scene::Scene;
 use crate::soup::Soup;
@@ -28,16 +29,16 @@ const HUGE_PASSES: usize = 32;
 #[serde(deny_unknown_fields, default)]
 pub struct PruneOptions {
     /// Drop triangles of lower opacity (0 keeps all; engine-mode training itself drops below 0.1, then 0.7)
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = PruneOptions::DEFAULT.min_opacity, value_name = "O"))]
+    #[cfg_attr(feature = "cli", arg(skip = PruneOptions::DEFAULT.min_opacity))]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub min_opacity: f64,
     /// Drop triangles of higher sigma, the softest ones (0 keeps all; engine-mode training drops from 1)
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = PruneOptions::DEFAULT.max_sigma, value_name = "S"))]
+    #[cfg_attr(feature = "cli", arg(skip = PruneOptions::DEFAULT.max_sigma))]
     #[schemars(range(min = 0.0))]
     pub max_sigma: f64,
     /// Drop triangles with an edge longer than this many scene radii (median distance from the median
     /// centre; 0 keeps all)
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = PruneOptions::DEFAULT.max_edge, value_name = "R"))]
+    #[cfg_attr(feature = "cli", arg(skip = PruneOptions::DEFAULT.max_edge))]
     #[schemars(range(min = 0.0))]
     pub max_edge: f64,
     /// Keep at most this many triangles: those that add most to the picture, opacity times area times
@@ -58,19 +59,7 @@ impl PruneOptions {
 
     /// Checks the ranges.
     pub fn validate(&self) -> Result<()> {
-        if !(0.0..=1.0).contains(&self.min_opacity) {
-            return Err(Error::invalid("min_opacity", self.min_opacity, "a number from 0 to 1"));
-        }
-        if !(self.max_sigma >= 0.0) {
-            return Err(Error::invalid("max_sigma", self.max_sigma, "0 or more"));
-        }
-        if !(self.max_edge >= 0.0) {
-            return Err(Error::invalid("max_edge", self.max_edge, "0 or more"));
-        }
-        if self.max_triangles == Some(0) {
-            return Err(Error::invalid("max_triangles", 0, "1 or more; leave it out to keep all"));
-        }
-        Ok(())
+        ranges::check("prune", self, Called::ByFlag)
     }
 }
 

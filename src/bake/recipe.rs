@@ -7,7 +7,7 @@ use super::backdrop::{BackdropWhen, backdrop, keep_backdrop};
 use super::collision::collision;
 use super::color::color;
 use super::counts::{count, count_mesh};
-use super::crop::{count_inside, crop};
+use super::crop::crop;
 use super::fit;
 use super::floaters::floaters;
 use super::lit::{Lit, SURFACE};
@@ -18,15 +18,15 @@ use super::pace::{BakePace, PaceWork};
 use super::prune::{PruneOptions, prune};
 use super::refit::{RefitColors, refit};
 use super::reshape::{ReshapeWhen, SceneTraits, reshape};
-use super::shell::Shell;
+use super::shell::{spared, take_shell};
 use super::solid::solid;
 use super::teacher::{is_solid, teacher};
 use super::tiles::tiles;
 use super::unseen::{FaceLimit, UnseenDetails, UnseenOptions, masked, unseen};
 use super::views::Views;
 use crate::asset::{Asset, Placement, Provenance};
-use crate::camera::Camera;
-use crate::error::Result;
+use crate::camera::{Camera, Viewpoint};
+use crate::error::{Error, Result};
 use crate::limits::Limits;
 use crate::mesh::Mesh;
 use crate::report::{Observer, Outcome, Report};
@@ -49,12 +49,12 @@ pub(super) struct Recipe<'a> {
     watching: Vec<Camera>,
     /// The surface that lights fall on.
     facing: Option<Arc<Mesh>>,
-    /// What closes a trained scene.
-    shell: Shell,
     /// The backdrop: that of the input, then that of the output before it is placed.
     backdrop: Option<Mesh>,
     /// How the scene was placed: its levels are placed alike.
     placement: Option<Placement>,
+    /// Where the file is looked at from first, in its frame.
+    viewpoint: Option<Viewpoint>,
 }
 
 impl<'a> Recipe<'a> {
@@ -67,7 +67,7 @@ impl<'a> Recipe<'a> {
     ) -> Self {
         let (taught, backdrop, placement) = (None, None, None);
         let (cameras, watching) = (Vec::new(), Vec::new());
-        let (facing, shell) = (None, Shell::default());
+        let facing = None;
         Self {
             options,
             views,
@@ -78,9 +78,9 @@ impl<'a> Recipe<'a> {
             cameras,
             watching,
             facing,
-            shell,
             backdrop,
             placement,
+            viewpoint: None,
         }
     }
 
@@ -98,12 +98,9 @@ impl<'a> Recipe<'a> {
         let traits = self.traits(&loaded);
         let collision = self.collide(&loaded)?;
         self.face(&loaded)?;
-        let Loaded { mut scene, mut provenance, warnings, mut cameras } = loaded;
-        // Of no use to an engine, and untrue as soon as triangles are left out.
-        let shell = std::mem::take(&mut provenance.shell) as usize;
+        let Loaded { mut scene, provenance, warnings, mut cameras } = loaded;
         self.report.warnings.extend(warnings);
         if let Some(views) = self.views.as_deref() {
-            provenance.viewpoint = provenance.viewpoint.or_else(|| views.viewpoint());
             // Pictures may be drawn for some of the cameras only.
             if cameras.is_empty() || !views.is_drawn() {
                 cameras = views.cameras().to_vec();
@@ -117,7 +114,6 @@ impl<'a> Recipe<'a> {
         }
         self.watching = cameras.clone();
         if let Scene::Soup(soup) = &mut scene {
-            self.shell = Shell::of(soup, shell, &self.watching);
             // Only the teacher draws more.
             soup.truncate_sh(0);
         }
@@ -125,7 +121,16 @@ impl<'a> Recipe<'a> {
         let mesh = self.cull(mesh, &cameras, chosen, traits.is_soft)?;
         // Drawn pictures show the scene they were drawn of.
         if let Some(views) = self.views.as_deref_mut().filter(|views| !views.is_drawn()) {
-            self.report.warnings.extend(fit::warning(&mesh, views)?);
+            match fit::misfit(&mesh, views)? {
+                Some(misfit) if self.options.force_dataset => {
+                    self.report.warnings.push(format!("`dataset` has {misfit}"));
+                }
+                Some(misfit) => {
+                    let wants = "the data set it was trained on, in the same coordinates, or `force_dataset`";
+                    return Err(Error::invalid("dataset", misfit, wants));
+                }
+                None => {}
+            }
         }
         let mesh = self.clear(mesh)?;
         let mesh = self.reshape(mesh, traits)?;
@@ -150,7 +155,8 @@ impl<'a> Recipe<'a> {
         let levels = self.levels(&source, &lod, &provenance)?;
         // Of the finished scene: every tile holds triangles as they are written.
         let collision = collision.map(|mesh| self.placed(mesh));
-        let (asset, options) = (Asset { levels, collision, ..asset }, &self.options.tiles);
+        let backdrop_apart = self.options.backdrop.backdrop == BackdropWhen::File;
+        let (asset, options) = (Asset { levels, collision, backdrop_apart, ..asset }, &self.options.tiles);
         self.report
             .stage(self.observer, asset, Asset::counts, |asset, details| tiles(asset, options, details))
     }
@@ -182,10 +188,9 @@ impl<'a> Recipe<'a> {
 
     /// First of all: a budget of triangles is for what stays, and what is cut off must not stand in pictures before it.
     fn crop(&mut self, loaded: Loaded) -> Result<Loaded> {
-        let Loaded { scene, mut provenance, warnings, cameras } = loaded;
+        let Loaded { scene, provenance, warnings, cameras } = loaded;
         let options = &self.options.crop;
         let seen_by = self.views.as_deref().map_or(&cameras[..], Views::cameras);
-        provenance.shell = count_inside(&scene, provenance.shell as usize, seen_by, options) as u32;
         let scene = self
             .report
             .stage(self.observer, scene, count, |scene, details| crop(scene, seen_by, options, details))?;
@@ -196,10 +201,9 @@ impl<'a> Recipe<'a> {
     fn arrange(&mut self, loaded: Loaded) -> Result<Loaded> {
         let Loaded { scene, provenance, warnings, cameras } = loaded;
         let is_drawn = self.views.is_some() || self.taught.is_some() || !cameras.is_empty();
-        // The triangles of a shell are known by coming first.
-        let (first, order) = (provenance.shell as usize, self.options.order.order);
+        let order = self.options.order.order;
         let scene = self.report.stage(self.observer, scene, count, |scene, details| {
-            Ok(arrange(scene, first, is_drawn, order, details))
+            Ok(arrange(scene, is_drawn, order, details))
         })?;
         Ok(Loaded { scene, provenance, warnings, cameras })
     }
@@ -301,7 +305,6 @@ impl<'a> Recipe<'a> {
         let unseen_options =
             UnseenOptions { keep_unseen: options.unseen.keep_unseen || chosen, ..options.unseen.clone() };
         let cameras = if chosen && budget.is_none() { &[] } else { cameras };
-        let shell = &self.shell;
         self.report.long_stage(
             self.observer,
             mesh,
@@ -312,7 +315,7 @@ impl<'a> Recipe<'a> {
                     let progress = &mut progress.part(0.0, 0.5);
                     details.masked = masked(mesh, views.as_deref_mut(), &unseen_options, progress)?;
                 }
-                let spared = shell.spared_in(mesh, budget);
+                let spared = spared(mesh, budget);
                 // Behind a scene that keeps its shell comes no sphere that room is left for.
                 let most = if spared.is_empty() { budget } else { options.prune.max_triangles };
                 let limit = FaceLimit { most, spared };
@@ -335,14 +338,14 @@ impl<'a> Recipe<'a> {
         })
     }
 
-    /// What the fitting of triangles wants to know; nobody asks when it is off.
+    /// Inputs of the fitting; not computed when it is off.
     fn traits(&self, loaded: &Loaded) -> SceneTraits {
         let asks = self.options.reshape.reshape == ReshapeWhen::Auto;
         let looks_soft = || matches!(&loaded.scene, Scene::Soup(soup) if !is_solid(soup));
         SceneTraits {
             // Only soft scenes have a teacher.
             is_soft: self.taught.is_some() || asks && looks_soft(),
-            is_closed: loaded.provenance.shell > 0,
+            is_closed: loaded.scene.shell_count() > 0,
         }
     }
 
@@ -361,9 +364,11 @@ impl<'a> Recipe<'a> {
         let when = self.options.backdrop.backdrop;
         let cropped = !self.options.crop.crop.is_empty() && when == BackdropWhen::Auto;
         if cropped || when == BackdropWhen::Off {
+            // It is part of the scene from here on.
+            mesh.shell.clear();
             return Ok(mesh);
         }
-        let behind = self.shell.take_from(&mut mesh);
+        let behind = take_shell(&mut mesh, &self.watching);
         if mesh.face_count() == 0 {
             // There is nothing before it: it is the scene.
             return Ok(behind);
@@ -381,7 +386,7 @@ impl<'a> Recipe<'a> {
         let (given, views) = (self.backdrop.take(), either(&mut self.views, &mut self.taught));
         let cropped = !self.options.crop.crop.is_empty() && options.backdrop == BackdropWhen::Auto;
         self.report.stage(self.observer, mesh, count_mesh, |mesh, details| match given {
-            _ if cropped => Ok(Outcome::Unneeded("the scene is cropped: what was around it is not wanted")),
+            _ if cropped => Ok(Outcome::Unneeded("the scene is cropped: its surroundings were removed")),
             Some(given) => keep_backdrop(mesh, given, options, details),
             None => backdrop(mesh, views, options, details),
         })

@@ -39,9 +39,9 @@ use crate::report::{Outcome, StageDetails, StageProgress};
 use accumulator::Accumulator;
 use evaluation::{Evaluation, psnr_of};
 
-/// One photo in so many is held out at first, to evaluate on.
+/// One photo in this many is held out at first, to evaluate on.
 const EVALUATION_EVERY: usize = 8;
-/// At most so many are held out.
+/// Most photos that are held out.
 const MOST_EVALUATION_VIEWS: usize = 24;
 /// Where in the progress of the first pass all but the held-out photos are added, and ...
 const OTHERS_PART: f64 = 0.7;
@@ -123,7 +123,7 @@ pub fn refit(
     let end_of_pass = |pass: u32| f64::from(pass) / f64::from(options.refit_passes);
     let mut first = progress.part(0.0, end_of_pass(1));
     let Some(which) = first_pass(mesh, views, options.refit, &mut accumulator, details, &mut first)? else {
-        return Ok(Outcome::Unneeded("held-out photos match the colours that are there better"));
+        return Ok(Outcome::Unneeded("held-out photos match the present colours better"));
     };
     let outliers = outliers(&accumulator.errors);
     if !outliers.is_empty() {

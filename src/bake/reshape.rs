@@ -25,6 +25,7 @@ use super::pace::BakePace;
 use super::views::Views;
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
+use crate::ranges::{self, Called};
 use crate::report::{Outcome, StageDetails, StageProgress};
 use effort::Effort;
 use faces::ReshapedFaces;
@@ -32,12 +33,11 @@ use round::Rounds;
 
 /// Pictures that decide whether the fitted triangles are better.
 const EVALUATION_VIEWS: usize = 12;
-/// So many triangles are cut in a round at most, as a share.
+/// Largest share of the triangles that one round cuts.
 const MOST_CUT: f64 = 0.2;
 
 /// When triangles are fitted to pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum ReshapeWhen {
     /// When the scene is soft
@@ -50,14 +50,11 @@ pub enum ReshapeWhen {
 
 /// How triangles are fitted to pictures.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct ReshapeOptions {
-    /// When triangles are dropped, moved and cut so that they match the soft scene, or the photos, best
-    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = ReshapeOptions::DEFAULT.reshape, value_name = "WHEN"))]
+    /// When triangles are removed, moved and cut to match the soft scene or the photos
     pub reshape: ReshapeWhen,
-    /// Rounds of it; large scenes get fewer
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = ReshapeOptions::DEFAULT.reshape_rounds, value_name = "N"))]
+    /// Rounds of fitting; large scenes get fewer
     #[schemars(range(min = 1))]
     pub reshape_rounds: u32,
 }
@@ -72,7 +69,7 @@ impl ReshapeOptions {
         if self.reshape_rounds == 0 {
             return Err(Error::invalid("reshape_rounds", 0, "1 or more, or `reshape` off"));
         }
-        Ok(())
+        ranges::check("reshape", self, Called::ByFlag)
     }
 }
 
@@ -147,7 +144,7 @@ pub fn reshape(
     pace.learn_solid(secs / chosen.len() as f64);
     if fitted_psnr? < views.mean_psnr(&recolored, &chosen)? {
         *details = ReshapeDetails::default();
-        return Ok(Outcome::Unneeded("the triangles as they came match the pictures better"));
+        return Ok(Outcome::Unneeded("the input triangles match the pictures better"));
     }
     *mesh = fitted;
     Ok(Outcome::Changed(()))

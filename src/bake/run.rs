@@ -25,6 +25,7 @@ use crate::scene::Loaded;
 ///     sigma: vec![0.01],
 ///     sh: vec![[0.5, 0.0, -0.5]],
 ///     sh_degree: 0,
+///     ..Soup::default()
 /// };
 /// let asset = bake(soup, &BakeOptions::preset(BakePreset::Fast))?;
 /// assert_eq!(asset.mesh.face_count(), 1);
@@ -47,6 +48,7 @@ pub fn bake(scene: impl Into<Loaded>, options: &BakeOptions) -> Result<Asset> {
 /// #     sigma: vec![0.01],
 /// #     sh: vec![[0.5, 0.0, -0.5]],
 /// #     sh_degree: 0,
+/// #     ..Soup::default()
 /// # };
 /// # let faint = Soup { opacity: vec![0.001], ..triangle.clone() };
 ///

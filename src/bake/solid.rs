@@ -15,7 +15,6 @@ pub const SOLID_SIGMA: f32 = 1e-4;
 
 /// How a soft triangle becomes solid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Solidify {
     /// The larger of `contour` and `area`: hard triangles keep their outline, faint ones their share
@@ -30,14 +29,11 @@ pub enum Solidify {
 
 /// How soft triangles become solid ones.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct SolidOptions {
     /// How a soft triangle becomes solid
-    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = SolidOptions::DEFAULT.solid, value_name = "HOW"))]
     pub solid: Solidify,
     /// The value of opacity times window that counts as the outline
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = SolidOptions::DEFAULT.contour, value_name = "T"))]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub contour: f64,
 }

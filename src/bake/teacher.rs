@@ -10,11 +10,12 @@ use super::prune::{PruneDetails, PruneOptions, prune};
 use super::solid::{SolidOptions, area_factor, solid};
 use super::views::{SAMPLES, Views, drawing};
 use crate::camera::Camera;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::formats::info::Softness;
 use crate::math::median::median;
 use crate::math::metric;
 use crate::mesh::Mesh;
+use crate::ranges::{self, Called};
 use crate::raster::soft::SoftOptions;
 use crate::raster::solid::Solid;
 use crate::report::{Outcome, StageDetails};
@@ -45,6 +46,7 @@ const NO_TIME: &str = "`budget` leaves no time for pictures of the soft scene";
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum TeacherWhen {
     /// When the scene is soft and no photos are given
     Auto,
@@ -57,11 +59,11 @@ pub enum TeacherWhen {
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct TeacherOptions {
-    /// When the soft scene is drawn as it was trained, and its pictures take the place of photos
+    /// When the soft scene is drawn as it was trained, and its pictures replace photos
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = TeacherOptions::DEFAULT.teacher, value_name = "WHEN"))]
     pub teacher: TeacherWhen,
-    /// Draw at most so many pictures [default: 32 from chosen viewpoints, from stored cameras as many as have 12 million pixels]
-    #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
+    /// Draw at most N pictures [default: 32 from chosen viewpoints; from stored cameras as many as fit 12 million pixels]
+    #[cfg_attr(feature = "cli", arg(skip))]
     #[schemars(range(min = 1))]
     pub teacher_pictures: Option<u32>,
 }
@@ -73,10 +75,7 @@ impl TeacherOptions {
     pub const OFF: Self = Self { teacher: TeacherWhen::Off, ..Self::DEFAULT };
 
     fn validate(&self) -> Result<()> {
-        if self.teacher_pictures == Some(0) {
-            return Err(Error::invalid("teacher_pictures", 0, "1 or more, or `teacher` off"));
-        }
-        Ok(())
+        ranges::check("teacher", self, Called::ByFlag)
     }
 }
 
@@ -189,7 +188,7 @@ pub fn pictures(scene: &Loaded, cameras: Vec<Camera>) -> Views {
     paced_pictures(scene, cameras, None, &mut BakePace::default())
 }
 
-/// The same, at most so many, and no more than `pace` wants.
+/// The same, limited in number, and by what `pace` allows.
 fn paced_pictures(scene: &Loaded, cameras: Vec<Camera>, most: Option<u32>, pace: &mut BakePace) -> Views {
     let cameras = within_budget(cameras);
     let most = most.map_or(cameras.len(), |most| cameras.len().min(most as usize));
@@ -207,7 +206,7 @@ fn paced_pictures(scene: &Loaded, cameras: Vec<Camera>, most: Option<u32>, pace:
     Views::drawn(chosen, pictures)
 }
 
-/// The numbers below `count` in an order of which every beginning is spread evenly: that of their bits, reversed.
+/// The numbers below `count` in bit-reversed order, in which every prefix is spread evenly.
 fn spread(count: usize) -> impl Iterator<Item = usize> {
     let bits = count.next_power_of_two().trailing_zeros();
     let reversed = move |i: usize| i.reverse_bits().checked_shr(usize::BITS - bits).unwrap_or(0);

@@ -13,8 +13,9 @@
 
 use super::cells::Cells;
 use crate::asset::{Asset, Tile};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::mesh::Mesh;
+use crate::ranges::{self, Called};
 use crate::report::{Outcome, StageDetails};
 use rayon::prelude::*;
 
@@ -23,29 +24,23 @@ const MOST_LEVELS: u32 = 12;
 
 /// How the scene is cut into tiles.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct TilesOptions {
     /// Write 3D Tiles 1.1 that stream: OUT.tileset.json and a folder OUT.tiles of GLB files; what -o OUT.tileset.json
     /// does by itself
-    #[cfg_attr(feature = "cli", arg(long))]
     pub tiles: bool,
     /// Most triangles in a tile, 1000 or more
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = TilesOptions::DEFAULT.tile_triangles, value_name = "N"))]
     #[schemars(range(min = 1000))]
     pub tile_triangles: u32,
 }
 
 impl TilesOptions {
-    /// No tiles; when there are, about a megabyte each.
-    pub const DEFAULT: Self = Self { tiles: false, tile_triangles: 32_768 };
+    /// No tiles; when there are, of as many triangles as 16-bit indices reach the corners of.
+    pub const DEFAULT: Self = Self { tiles: false, tile_triangles: 21_845 };
 
     /// Checks the range.
     pub fn validate(&self) -> Result<()> {
-        match self.tile_triangles {
-            0..1000 => Err(Error::invalid("tile_triangles", self.tile_triangles, "1000 or more")),
-            _ => Ok(()),
-        }
+        ranges::check("tiles", self, Called::ByFlag)
     }
 
     /// Shares of the triangles that the levels below the finest have, for a scene of `faces` triangles.

@@ -23,7 +23,7 @@ const FEW_HIDDEN: f64 = 0.05;
 const LEAST_COUNTED: f32 = 0.5;
 /// Photos that the curve of error against triangles is measured on.
 const CURVE_VIEWS: usize = 12;
-/// With `max_error` at least one triangle in so many stays, about.
+/// With `max_error` about one triangle in this many stays at least.
 const FEWEST: usize = 64;
 /// Where in a decimation's progress everything was drawn, and ...
 const DRAWING_PART: f64 = 0.1;
@@ -34,23 +34,17 @@ const CURVE_STEPS: usize = 9;
 
 /// Which triangles the photos need.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct UnseenOptions {
-    /// Keep triangles that something hides in every photo, however many: fewer holes far from where the photos were taken
-    #[cfg_attr(feature = "cli", arg(long))]
+    /// Keep triangles that are hidden in every photo: fewer holes far from where the photos were taken
     pub keep_unseen: bool,
-    /// Drop triangles that show less than this in all photos together, px
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = UnseenOptions::DEFAULT.min_seen_px, value_name = "PX"))]
+    /// Remove triangles whose visible area in all photos together is below this, px
     #[schemars(range(min = 0.0))]
     pub min_seen_px: f64,
-    /// Drop the least important triangles as long as the PSNR on the photos falls by at most this much, dB
-    #[cfg_attr(feature = "cli", arg(long, value_name = "DB"))]
+    /// Remove the least important triangles until the PSNR on the photos has fallen by this much, dB
     #[schemars(range(min = 0.0))]
     pub max_error: Option<f64>,
-    /// With fewer triangles than are seen: move corners of those that stay where that hides what is missing
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = UnseenOptions::DEFAULT.enlarge, num_args = 0..=1, require_equals = true,
-          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL"))]
+    /// After visible triangles were removed: move corners of the others to hide the gaps
     pub enlarge: bool,
 }
 
@@ -242,7 +236,7 @@ fn nothing_to_do(
     most: usize,
 ) -> Option<&'static str> {
     if cameras.is_empty() {
-        return Some("it needs cameras: of photos (`dataset`), or in a soup we trained");
+        return Some("it needs cameras: from photos (`dataset`), or stored in the soup");
     }
     let keeps_all = options.keep_unseen && options.max_error.is_none() && mesh.face_count() <= most;
     keeps_all.then_some("`keep_unseen`")

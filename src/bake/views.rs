@@ -2,7 +2,7 @@
 //! which colour it has.
 
 use crate::asset::Placement;
-use crate::camera::{self, Camera, Viewpoint};
+use crate::camera::Camera;
 use crate::dataset::{Dataset, DatasetOptions, Masks, Photo, Photos};
 use crate::error::Result;
 use crate::image::Pixels;
@@ -33,6 +33,8 @@ pub struct Views {
     drawn: Option<f64>,
     /// Some photos have pixels that do not count.
     masked: bool,
+    /// Photos of an object before nothing. `[views]`
+    cut: Vec<bool>,
 }
 
 impl Views {
@@ -48,7 +50,9 @@ impl Views {
             photos: Photos::new(dataset.train().map(|v| v.photo.clone()).collect(), options.photo_bytes()),
             background: options.background.to_f32(),
             drawn: None,
-            masked: options.masks == Masks::Ignore && dataset.train().any(|v| v.photo.mask.is_some()),
+            masked: options.masks == Masks::Ignore && dataset.train().any(|v| v.photo.mask.is_some())
+                || dataset.train().any(|v| v.photo.is_cut()),
+            cut: dataset.train().map(|v| v.photo.is_cut()).collect(),
         }
     }
 
@@ -72,12 +76,23 @@ impl Views {
             background: [0.0; 3],
             drawn: Some(covered as f64 / (all as f64).max(1.0)),
             masked: false,
+            cut: Vec::new(),
         }
     }
 
     /// True when some photos have pixels that do not count.
     pub fn are_masked(&self) -> bool {
         self.masked
+    }
+
+    /// True when a photo shows an object before nothing: see [`Photo::is_cut`].
+    pub fn is_cut(&self, view: usize) -> bool {
+        self.cut.get(view).is_some_and(|cut| *cut)
+    }
+
+    /// True when any of them does.
+    pub fn are_cut(&self) -> bool {
+        self.cut.contains(&true)
     }
 
     /// True when these are drawn pictures, not photos.
@@ -88,11 +103,6 @@ impl Views {
     /// Share of the pictures that is scene, 0 to 1; photos show it everywhere.
     pub fn covered(&self) -> f64 {
         self.drawn.unwrap_or(1.0)
-    }
-
-    /// The initial viewpoint, in the frame of the cameras.
-    pub fn viewpoint(&self) -> Option<Viewpoint> {
-        camera::viewpoint(&self.cameras)
     }
 
     /// Number of photos.
@@ -154,9 +164,14 @@ impl Views {
         self.photos.prefetch(views.iter().copied());
     }
 
-    /// A photo. Fails when its file cannot be decoded.
+    /// A photo; its alpha says how much each pixel counts, of one that is cut how much of it the object covers. Fails when its file
+    /// cannot be decoded.
     pub fn photo(&mut self, view: usize) -> Result<Arc<Pixels>> {
-        self.photos.take(view)
+        let photo = self.photos.take(view)?;
+        Ok(match self.is_cut(view) && photo.alpha.is_some() {
+            true => Arc::new(photo.undimmed()),
+            false => photo,
+        })
     }
 
     /// At most `count` photos, evenly spaced in their order.
@@ -172,9 +187,23 @@ impl Views {
         let mut sum = 0.0;
         self.prefetch(chosen);
         for &view in chosen {
-            let photo = self.photo(view)?;
-            let drawn = solid.render(mesh, self.camera(view), &options);
-            sum += metric::psnr(&photo.rgb, &drawn.rgb, photo.alpha.as_deref());
+            let photo = self.photos.take(view)?;
+            let cut = self.is_cut(view) && photo.alpha.is_some();
+            let mut psnr = |photo: &Pixels, background: [f32; 3]| {
+                let options = SolidRasterOptions { background, ..options };
+                let drawn = solid.render(mesh, self.camera(view), &options);
+                metric::psnr(&photo.rgb, &drawn.rgb, photo.alpha.as_deref())
+            };
+            sum += match cut {
+                false => psnr(&photo, options.background),
+                // Over black and over white, so that neither colour can stand for nothing.
+                true => {
+                    let of =
+                        |code: u8| (photo.over_instead_of_black([code; 3]), [f32::from(code) / 255.0; 3]);
+                    let [black, white] = [of(0), of(255)];
+                    (psnr(&black.0, black.1) + psnr(&white.0, white.1)) / 2.0
+                }
+            };
         }
         Ok(sum / chosen.len().max(1) as f64)
     }

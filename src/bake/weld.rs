@@ -8,7 +8,6 @@ use xxhash_rust::xxh3::xxh3_64;
 
 /// When corners are shared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum WeldWhen {
     /// When the file gets smaller
@@ -21,11 +20,9 @@ pub enum WeldWhen {
 
 /// Whether corners that agree become one vertex.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct WeldOptions {
     /// When corners of equal position and colour become one vertex
-    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = WeldOptions::DEFAULT.weld, value_name = "WHEN"))]
     pub weld: WeldWhen,
 }
 

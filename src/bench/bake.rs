@@ -7,11 +7,11 @@
 use super::machine::Machine;
 use super::measure::{self, Usage};
 use super::plot::{self, PlotPoint};
-use super::scenes::{self, SampleScene};
 use crate::asset::Provenance;
 use crate::atomic::AtomicFile;
 use crate::error::{Error, Result};
 use crate::formats::ply;
+use crate::sample::scenes::{self, SampleScene};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
@@ -22,10 +22,11 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Clone, clap::Args)]
 pub struct BakeBenchArgs {
     /// Numbers of triangles; every case runs at each.
-    #[arg(long, value_delimiter = ',', default_value = "10000,100000,1000000", value_name = "N,N,…")]
+    #[arg(long, value_delimiter = ',', default_value = "10000,100000,1000000", value_name = "N,N,…",
+          value_parser = crate::ranges::count)]
     pub triangles: Vec<usize>,
     /// Runs of every case; the median is kept.
-    #[arg(long, default_value_t = 3, value_name = "N")]
+    #[arg(long, default_value_t = 3, value_name = "N", value_parser = crate::ranges::count)]
     pub runs: usize,
     /// Print rows as JSON.
     #[arg(long)]

@@ -5,7 +5,6 @@
 //! circle around it; photos are patterns, as no stage depends on what they show.
 
 use super::frames::fitted;
-use super::scenes::{self, SampleScene};
 use crate::camera::Camera;
 use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
@@ -15,6 +14,7 @@ use crate::gpu::{AdapterOptions, Gpu};
 use crate::image::Pixels;
 use crate::placed;
 use crate::process::cpu_secs;
+use crate::sample::scenes::{self, SampleScene};
 use crate::scene::Scene;
 use crate::soup::Soup;
 use crate::space::Space;
@@ -40,10 +40,10 @@ pub struct CardArgs {
     #[arg(long, value_name = "DATASET", requires = "file")]
     pub dataset: Option<PathBuf>,
     /// Triangles of the sample scene.
-    #[arg(long, value_delimiter = ',', default_value = "200000", value_name = "N,N,…")]
+    #[arg(long, value_delimiter = ',', default_value = "200000", value_name = "N,N,…", value_parser = crate::ranges::count)]
     pub triangles: Vec<usize>,
     /// Sizes of its photos, px.
-    #[arg(long, value_delimiter = ',', default_value = "1280x853", value_name = "WxH,…", value_parser = super::fps::size)]
+    #[arg(long, value_delimiter = ',', default_value = "1280x853", value_name = "WxH,…", value_parser = crate::image::parse_size)]
     pub sizes: Vec<UVec2>,
     /// Degree of the view-dependent colour.
     #[arg(long, default_value_t = 3, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=3))]
@@ -52,10 +52,10 @@ pub struct CardArgs {
     #[arg(long, default_value_t = 100, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub steps: u32,
     /// Steps before the clock starts.
-    #[arg(long, default_value_t = 20, value_name = "N")]
+    #[arg(long, default_value_t = 20, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
     pub warmup: u32,
     /// Steps on the CPU, for comparison; 0: none.
-    #[arg(long, default_value_t = 0, value_name = "N")]
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
     pub cpu_steps: u32,
     /// Print rows as JSON.
     #[arg(long)]

@@ -4,11 +4,8 @@
 //! rasteriser with 1, 4 and 16 samples per pixel. It plots PSNR against the number of
 //! triangles, the size of the file and the seconds of the bake.
 
-use super::evaluate::{self, StepScore};
 use super::machine::{Machine, append_csv};
 use super::plot::{self, PlotPoint};
-use super::scene_renderer::SceneRenderer;
-use super::steps::{EvalStep, no_soup, reread};
 use super::training::{self, TrainBudget, TrainedSoup};
 use crate::asset::Asset;
 use crate::bake::options::{BakeOptions, BakePreset};
@@ -16,9 +13,12 @@ use crate::bake::refit::RefitColors;
 use crate::bake::{Bake, Views};
 use crate::dataset::{Dataset, DatasetOptions, View};
 use crate::error::{Error, Result};
+use crate::eval::evaluate::{self, StepScore};
+use crate::eval::steps::{EvalStep, no_soup, reread};
 use crate::formats::output::OutputOptions;
 use crate::formats::target::{OutputTarget, TargetEncoding};
 use crate::formats::{self, ReadOptions};
+use crate::render::scene_renderer::SceneRenderer;
 use crate::scene::{Loaded, Scene};
 use crate::train::{TrainObserver, TrainPreset};
 use schemars::JsonSchema;
@@ -170,7 +170,7 @@ pub fn run(
     let mut rows = vec![bench.row(&score, "", 1, 0.0)];
     rows.iter().for_each(&mut *on_row);
     let mut flat = formats::read(&soups.soup, &ReadOptions::with_degree(0))?;
-    // A soup by another trainer comes without cameras: the plain bake knows nothing of photos.
+    // A soup by another trainer comes without cameras: the plain bake has no photos.
     flat.cameras.clear();
     let mut seen = 0;
     for case in &CASES {
@@ -300,6 +300,8 @@ impl FidelityBench<'_> {
     fn bake(&self, loaded: &Loaded, case: &FidelityCase, seen: u64) -> Result<(Asset, OutputOptions)> {
         let mut options = BakeOptions::preset(case.preset);
         options.refit.refit = case.refit;
+        // A scene of few steps may be farther from its own photos than no scene is.
+        options.force_dataset = true;
         if case.share < 1.0 {
             options.prune.max_triangles = Some(((seen as f64 * case.share) as u64).max(1));
         }

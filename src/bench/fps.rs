@@ -3,11 +3,9 @@
 //! Every case draws the same frames: the cameras of the data set, or a circle. Before the clock starts, one
 //! frame is read back and compared with the solid rasteriser on the CPU, so that an empty screen cannot win.
 
-use super::baked_scene::BakedScene;
 use super::frames::{self, Agreement, FrameCost, FrameCount, fitted};
 use super::machine::Machine;
 use super::plot::{self, PlotPoint};
-use super::scenes::{self, SampleScene};
 use super::three;
 use crate::asset::{Asset, Chunk};
 use crate::camera::Camera;
@@ -15,7 +13,9 @@ use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
 use crate::formats::{self, ReadOptions};
 use crate::gpu::AdapterOptions;
+use crate::render::baked_scene::BakedScene;
 use crate::rng::Rng;
+use crate::sample::scenes::{self, SampleScene};
 use crate::scene::{Loaded, Scene};
 use crate::view::headless::Headless;
 use crate::view::layout::VertexLayout;
@@ -40,13 +40,13 @@ pub struct FpsArgs {
     pub dataset: Option<PathBuf>,
     /// Sizes of the picture, px: by default the paper's.
     #[arg(long, value_delimiter = ',', default_value = "1280x720,1920x1080,3840x2160", value_name = "WxH,…",
-          value_parser = size)]
+          value_parser = crate::image::parse_size)]
     pub sizes: Vec<UVec2>,
     /// Frames that are timed.
     #[arg(long, default_value_t = 300, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub frames: u32,
     /// Frames that are drawn before the clock starts.
-    #[arg(long, default_value_t = 30, value_name = "N")]
+    #[arg(long, default_value_t = 30, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
     pub warmup: u32,
     /// Rounds over all cases; the fastest round of each is kept.
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
@@ -79,20 +79,6 @@ pub struct FpsArgs {
     #[command(flatten, next_help_heading = "Data set")]
     pub dataset_options: DatasetOptions,
 }
-
-/// 1280x720 as a size.
-pub fn size(text: &str) -> std::result::Result<UVec2, String> {
-    let sides = text.split_once(['x', 'X']);
-    let parsed = sides.and_then(|(w, h)| Some(UVec2::new(w.parse().ok()?, h.parse().ok()?)));
-    let parsed = parsed.ok_or("wants WIDTHxHEIGHT, such as 1280x720")?;
-    if parsed.min_element() == 0 || parsed.max_element() > LARGEST_SIDE {
-        return Err(format!("wants 1 to {LARGEST_SIDE} px each way, such as 1280x720"));
-    }
-    Ok(parsed)
-}
-
-/// The widest and highest picture that every graphics card of today can draw, px.
-const LARGEST_SIDE: u32 = 8192;
 
 /// One case at one size.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

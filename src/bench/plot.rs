@@ -5,11 +5,12 @@ mod fronts;
 mod heat;
 mod labels;
 
-pub use axis::{PlotPoint, short};
+pub use axis::PlotPoint;
 pub use fronts::DotPanel;
 pub use heat::HeatMap;
 
 use crate::error::{Error, Result};
+use crate::math::short::short;
 use axis::log_axis;
 use labels::{Rect, place};
 use plotters::coord::Shift;

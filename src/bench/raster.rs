@@ -18,10 +18,10 @@ use timing::{CaseCost, RasterCase};
 #[derive(Debug, Clone, clap::Args)]
 pub struct RasterBenchArgs {
     /// Frames of every case; the least of each figure is kept.
-    #[arg(long, default_value_t = 10, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, default_value_t = 10, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub frames: u32,
     /// Numbers of threads, in addition to one and all cores.
-    #[arg(long, value_delimiter = ',', value_name = "N,N,…")]
+    #[arg(long, value_delimiter = ',', value_name = "N,N,…", value_parser = crate::ranges::count)]
     pub thread_counts: Vec<usize>,
     /// Divide triangles and pixels by this, for a quick look.
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]

@@ -12,7 +12,6 @@ pub mod exact;
 pub mod exact_grad;
 mod histogram;
 mod invariances;
-#[cfg(feature = "cli")]
 mod plot;
 pub mod promises;
 pub mod ray_caster;
@@ -23,7 +22,6 @@ pub mod scene;
 mod stored;
 mod tally;
 
-#[cfg(feature = "cli")]
 pub use plot::plot;
 pub use rows::{ErrorSummary, InvarianceRow, Part, PromiseResult, StressReport, StressRow};
 pub use run::{StressArgs, replay, run};

@@ -111,7 +111,7 @@ fn run_script(script: &Path, input: &PageInput<'_>) -> Result<PageOutput> {
         let last = said.lines().rfind(|l| l.contains("rror")).unwrap_or("said nothing").trim().to_owned();
         return Err(Error::unsupported(
             "three.js",
-            format!("{last}; `three` wants npm i three playwright-core"),
+            format!("{last}; `three` needs npm i three playwright-core"),
         ));
     }
     serde_json::from_slice(&done.stdout)

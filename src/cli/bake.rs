@@ -2,26 +2,25 @@
 
 use super::Global;
 use super::bake_args::BakeArgs;
-use super::bake_budget;
-use super::bake_bytes;
 use super::bake_city;
+use super::bake_preparation::Terminal;
 use super::files;
-use super::harden::{self, Hardened};
-use super::layers::Layers;
+use super::layers;
 use super::outputs::Outputs;
 use super::progress::Progress;
-use crate::bake::backdrop::BackdropWhen;
-use crate::bake::merge::merge;
+use crate::bake::BakeOptions;
+use crate::bake::pace::BakeBudgetDetails;
 use crate::bake::reshape::ReshapeDetails;
-use crate::bake::teacher::{TeacherDetails, TeacherWhen};
-use crate::bake::{Bake, BakeOptions, Views};
+use crate::bake::teacher::TeacherDetails;
+use crate::budget::Budget;
 use crate::dataset::Dataset;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::formats::info::Softness;
-use crate::formats::output::{self, Output, OutputFormat};
-use crate::formats::{self, ReadOptions};
-use crate::report::{Observer, Report};
-use crate::scene::Loaded;
+use crate::formats::output::Output;
+use crate::job::{BakeDone, BakeInput, BakeJob};
+use crate::layered::Layers;
+use crate::report::Report;
+use crate::train::{HardenedGain, TrainDetails};
 use clap::ArgMatches;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -33,62 +32,71 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()>
     if let [plan] = &args.inputs[..]
         && bake_city::is_plan(plan)
     {
-        return bake_city::run(args, plan, &options, global);
+        return bake_city::run(args, plan, options, global);
     }
-    let output = Output::plan(&args.output, args.format, &options.output, options.bvh.bvh)?
-        .with_levels(options.lod.lod.len(), &options.output)?;
-    let output = match options.backdrop.backdrop {
-        BackdropWhen::File => output.with_backdrop_file(&options.output)?,
-        _ => output,
-    };
-    let output = match options.collision.collision {
-        true => output.with_collision(&options.output)?,
-        false => output,
-    };
-
+    let output = options.plan_output(&args.output, args.format)?;
     let mut outputs = guard(args, &output)?;
     let files = if args.dry_run { output.dry_run() } else { output.start()? };
     outputs.confirm()?;
 
-    let mut report = Report::new("bake");
-    report.inputs = args.inputs.iter().map(|p| p.display().to_string()).collect();
+    let read = |path: &PathBuf| Dataset::load(path, &args.dataset_options);
+    let photos = args.dataset.as_ref().map(read).transpose()?;
+    photos.as_ref().map_or(Ok(()), |photos| outputs.spare_photos(photos))?;
+    let job = BakeJob {
+        inputs: args.inputs.iter().cloned().map(BakeInput::File).collect(),
+        options,
+        photos,
+        dataset_options: args.dataset_options.clone(),
+        harden: args.harden.options(),
+        max_bytes: args.max_bytes.map(|size| size.0),
+        budget: args.budget.map(Budget::cpu),
+        began: Some(clock),
+    };
+    let mut terminal = Terminal::new(global, command());
+    let BakeDone { mut report, .. } = job.write(&output, files, &mut terminal)?;
     report.dry_run = args.dry_run;
-
-    let (scenes, mut views) = scenes(args, &options, &mut outputs, &mut report, global)?;
-    if let Some(limit) = args.max_bytes {
-        options = bake_bytes::fitted(limit, &scenes, views.as_mut(), &options, &output)?;
-    }
-    report.options = serde_json::to_value(&options).unwrap_or_default();
-    let mut pace = bake_budget::pace(args, clock);
-    let mut progress = Progress::new(global).with_flags_of(command());
-    report.stages.iter().for_each(|stage| progress.finished(stage));
-    let bake = Bake::new(&options).photos(views.as_mut()).report(&mut report).observer(&mut progress);
-    let asset = bake.pace(&mut pace).run(scenes)?;
-    output::write(&asset, &output, files, &options.output, &mut report, &mut progress)?;
-    if let Some(stage) = bake_budget::stage(&pace) {
-        progress.finished(&stage);
-        report.stages.push(stage);
-    }
-    report.warnings.extend(bake_budget::warning(args, &pace));
-    report.seconds = clock.elapsed().as_secs_f64();
-
-    progress.done();
-    for warning in &report.warnings {
-        progress.warn(warning);
-    }
-    bake_budget::lines(&pace).iter().for_each(|line| progress.line(line));
-    if let Some(softness) = report.details::<TeacherDetails>().and_then(|details| details.softness) {
-        progress.line(&soft_note(&softness, report.details().as_ref()));
-    }
-    for file in &report.outputs {
-        let verb = if args.dry_run { "would write" } else { "wrote" };
-        let bytes = super::progress::thousands(file.bytes);
-        progress.line(&format!("{verb} {} ({bytes} bytes, {:.2} s)", file.path, report.seconds));
-    }
+    say(&report, &terminal.done());
     match &args.report {
         Some(path) => files::save_json(&report, outputs.take(path)?),
         None => Ok(()),
     }
+}
+
+/// What became of the bake, after its stages.
+fn say(report: &Report, progress: &Progress) {
+    for warning in &report.warnings {
+        progress.warn(warning);
+    }
+    if let Some(details) = report.details::<BakeBudgetDetails>() {
+        budget_lines(details).iter().for_each(|line| progress.line(line));
+    }
+    let hardened = report.details::<TrainDetails>().and_then(|details| details.hardened);
+    if let Some(HardenedGain { views, psnr_before, psnr_after, kept: true }) = hardened {
+        progress.line(&format!(
+            "hardening: {psnr_after:.1} dB, {psnr_before:.1} dB without, on {views} views that were not trained on"
+        ));
+    }
+    let softness = report.details::<TeacherDetails>().and_then(|details| details.softness);
+    if let (Some(softness), None) = (softness, hardened) {
+        progress.line(&soft_note(&softness, report.details().as_ref()));
+    }
+    for file in &report.outputs {
+        let verb = if report.dry_run { "would write" } else { "wrote" };
+        let bytes = super::progress::thousands(file.bytes);
+        progress.line(&format!("{verb} {} ({bytes} bytes, {:.2} s)", file.path, report.seconds));
+    }
+}
+
+/// What a budget left out and why, what was spent, and the options that repeat it.
+fn budget_lines(details: BakeBudgetDetails) -> Vec<String> {
+    let (Some(budget), Some(spent)) = (details.budget, details.spent_secs) else { return Vec::new() };
+    let repeat = match &details.repeat {
+        Some(options) => format!("the same file without it: {options}"),
+        None => "everything was done, as without it".to_owned(),
+    };
+    let mut lines = details.reasons;
+    lines.push(format!("spent {spent:.2}s of the budget {budget}; {repeat}"));
+    lines
 }
 
 /// The command, for the names of its flags.
@@ -110,59 +118,14 @@ fn soft_note(softness: &Softness, reshaped: Option<&ReshapeDetails>) -> String {
     )
 }
 
-/// What is baked, and the photos or pictures that the bake may look at: the inputs, or with `--harden` what training
-/// made of them, which is a stage of `report`.
-fn scenes(
-    args: &BakeArgs,
-    options: &BakeOptions,
-    outputs: &mut Outputs,
-    report: &mut Report,
-    global: &Global,
-) -> Result<(Vec<Loaded>, Option<Views>)> {
-    let dataset = photos(args, report)?;
-    dataset.as_ref().map_or(Ok(()), |dataset| outputs.spare_photos(dataset))?;
-    let views = dataset.as_ref().map(|dataset| Views::new(dataset, &args.dataset_options));
-    let inputs = read_all(&args.inputs, &args.dataset_options.read_options(sh_degree(args, options)))?;
-    if !args.harden.harden {
-        return Ok((inputs, views));
-    }
-    let soft = merge(inputs)?;
-    let hardened = match harden::needless(&soft) {
-        Some(why) => Hardened::needless(soft, why),
-        None => {
-            let most = options.prune.max_triangles;
-            let training = harden::options(&args.harden, soft.scene.triangle_count(), most);
-            let (how, path) = (&args.dataset_options, &args.inputs[0]);
-            harden::harden(&args.harden, path, soft, dataset.as_ref(), how, &training, global)?
-        }
-    };
-    report.stages.push(hardened.stage);
-    Ok((vec![hardened.scene], views.or(hardened.taught)))
-}
-
-/// The photos of `--dataset`.
-fn photos(args: &BakeArgs, report: &mut Report) -> Result<Option<Dataset>> {
-    let Some(path) = &args.dataset else { return Ok(None) };
-    let how = &args.dataset_options;
-    let dataset = Dataset::load(path, how)?;
-    report.inputs.push(path.display().to_string());
-    report.warnings.extend(dataset.warnings.iter().cloned());
-    Ok(Some(dataset))
-}
-
-/// Preset, then config file, then the flags really typed.
+/// Preset, then config file, then `--set`, then the flags really typed.
 fn resolve(args: &BakeArgs, matches: &ArgMatches) -> Result<BakeOptions> {
-    let (config, limits) = (args.config.as_deref(), &args.dataset_options.limits);
-    let layers = Layers { config, limits, sets: &[], typed: &args.options, matches };
-    let mut options = layers.resolve(args.options.preset, BakeOptions::preset)?;
-    let format = args.format.map_or_else(|| OutputFormat::of(&args.output), Ok)?;
-    if options.tiles.tiles && format != OutputFormat::Tiles {
-        let wants = "a name ending in .tileset.json, which `tiles` writes";
-        return Err(Error::invalid("--output", args.output.display(), wants));
-    }
-    options.tiles.tiles = format == OutputFormat::Tiles;
-    options.validate()?;
-    Ok(options)
+    let layers = Layers::default().settings(&args.sets).given(layers::typed(&args.options, matches)?);
+    let layers = match &args.config {
+        Some(path) => layers.file(path, &args.dataset_options.limits)?,
+        None => layers,
+    };
+    Ok(layers.resolve(BakeOptions::preset)?.options)
 }
 
 /// Refuses what cannot be written, or may not be, before any work. A dry run replaces nothing.
@@ -173,18 +136,4 @@ fn guard(args: &BakeArgs, output: &Output) -> Result<Outputs> {
     outputs.replacing(args.force);
     args.report.as_deref().map_or(Ok(()), |path| outputs.claim("--report", path))?;
     Ok(outputs)
-}
-
-/// The degree of the colours that are read: only the teacher draws more than the constant one.
-fn sh_degree(args: &BakeArgs, options: &BakeOptions) -> u8 {
-    let teaches = args.dataset.is_none() && options.teacher.teacher == TeacherWhen::Auto;
-    if teaches || args.harden.harden { 3 } else { 0 }
-}
-
-/// Reads every input. Readers run one after the other, so that memory holds one file's spare buffers at a time.
-fn read_all(inputs: &[PathBuf], options: &ReadOptions) -> Result<Vec<Loaded>> {
-    if inputs.iter().filter(|p| p.as_os_str() == "-").count() > 1 {
-        return Err(Error::invalid("IN", "- -", "standard input once"));
-    }
-    inputs.iter().map(|path| formats::read(path, options)).collect()
 }

@@ -1,11 +1,5 @@
-//! `trisplat bake --max-bytes`: as many triangles as files of that size hold.
+//! Sizes in bytes, as they are typed.
 
-use crate::bake::max_bytes::{Attempt, most_within};
-use crate::bake::{Bake, BakeOptions, Views};
-use crate::error::Result;
-use crate::formats::output::{self, Output};
-use crate::report::Report;
-use crate::scene::Loaded;
 use std::str::FromStr;
 
 /// A size, written as `5000000`, `5MB` (millions), `500kB` or `4MiB`.
@@ -31,36 +25,9 @@ impl FromStr for ByteSize {
         // NaN is in no range.
         match (1.0..=1e15).contains(&bytes) {
             true => Ok(Self(bytes as u64)),
-            false => Err("wants a size of 1 byte or more, as in 5MB, 500kB, 4MiB or 5000000".to_owned()),
+            false => Err("expected a size of 1 byte or more, as in 5MB, 500kB, 4MiB or 5000000".to_owned()),
         }
     }
-}
-
-/// The options with the most triangles whose files, all of `output` together, take at most `limit` bytes. Bakes and counts what would be
-/// written, several times.
-///
-/// Errors: those of a bake and of writing; a limit below what any scene takes.
-pub(super) fn fitted(
-    limit: ByteSize,
-    scenes: &[Loaded],
-    mut views: Option<&mut Views>,
-    options: &BakeOptions,
-    output: &Output,
-) -> Result<BakeOptions> {
-    let with = |max_triangles: Option<u64>| {
-        let mut options = options.clone();
-        options.prune.max_triangles = max_triangles;
-        options
-    };
-    let attempt = most_within(limit.0, options.prune.max_triangles, |most| {
-        let (tried, mut unread) = (with(most), Report::default());
-        let asset = Bake::new(&tried).photos(views.as_deref_mut()).run(scenes.iter().cloned())?;
-        let triangles = asset.counts().triangles;
-        output::write(&asset, output, output.dry_run(), &tried.output, &mut unread, &mut ())?;
-        let bytes = unread.outputs.iter().map(|file| file.bytes).sum();
-        Ok(Attempt { max_triangles: most, triangles, bytes })
-    })?;
-    Ok(with(attempt.max_triangles))
 }
 
 #[cfg(test)]

@@ -17,9 +17,14 @@ pub(super) fn is_plan(path: &Path) -> bool {
 }
 
 /// Bakes the blocks of `plan`.
-pub(super) fn run(args: &BakeArgs, plan: &Path, options: &BakeOptions, global: &Global) -> Result<()> {
+pub(super) fn run(args: &BakeArgs, plan: &Path, mut options: BakeOptions, global: &Global) -> Result<()> {
     let clock = Instant::now();
-    check(args, options)?;
+    check(args, &options)?;
+    options.plan_output(&args.output, args.format)?;
+    if !options.tiles.tiles {
+        let wants = "a name ending in .tileset.json; for one file merge the blocks first";
+        return Err(Error::invalid("output", args.output.display(), wants));
+    }
     let blocks = Blocks::open(plan, &args.dataset_options.limits)?;
     let sources: Vec<PathBuf> = (0..blocks.len()).map(|i| blocks.path(i)).collect();
     let mut outputs = Outputs::new(sources.iter().map(PathBuf::as_path), args.force);
@@ -29,7 +34,7 @@ pub(super) fn run(args: &BakeArgs, plan: &Path, options: &BakeOptions, global: &
             messages::print(&format!("block {index}: {} triangles", thousands(triangles)));
         }
     };
-    let done = tileset::bake_tiles(&blocks, &args.output, options, &mut say)?;
+    let done = tileset::bake_tiles(&blocks, &args.output, &options, &mut say)?;
     if !global.quiet {
         let (out, folder) = (args.output.display(), done.folder.display());
         let (triangles, bytes) = (thousands(done.triangles), thousands(done.bytes));
@@ -45,13 +50,8 @@ pub(super) fn run(args: &BakeArgs, plan: &Path, options: &BakeOptions, global: &
 /// Refuses what a bake of one block at a time cannot do.
 fn check(args: &BakeArgs, options: &BakeOptions) -> Result<()> {
     let refused = [
-        (
-            !options.tiles.tiles,
-            "output",
-            "a name ending in .tileset.json; for one file merge the blocks first",
-        ),
         (args.dataset.is_some(), "dataset", "a merged scene: blocks are baked one by one, without photos"),
-        (args.harden.harden, "harden", "a merged scene"),
+        (args.harden.harden.is_some(), "harden", "a merged scene"),
         (args.max_bytes.is_some(), "max_bytes", "a merged scene"),
         (args.budget.is_some(), "budget", "a merged scene"),
         (args.report.is_some(), "report", "a merged scene"),

@@ -1,4 +1,4 @@
-//! `trisplat bench …`: benchmarks of the tool by itself.
+//! `trisplat bench …`: benchmarks of the tool.
 
 use super::Global;
 use super::bench_cost;

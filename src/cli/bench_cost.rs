@@ -3,13 +3,15 @@
 use super::Global;
 use super::files;
 use super::progress::{Progress, thousands};
-use crate::bench::cost::{self, CostArgs, CostObserver, CostRow, CostStage};
+use crate::bench::cost::{self, CostArgs, CostInput, CostObserver, CostRow, CostStage};
 use crate::error::{Error, Result};
 
 /// Runs the sweep.
 pub(super) fn run(args: &CostArgs, global: &Global) -> Result<()> {
     let progress = Progress::new(global);
     let rows = cost::run(args, global.threads, &mut CostTable(&progress))?;
+    let measured: Vec<CostRow> = rows.iter().map(|measured| measured.row.clone()).collect();
+    progress.line(&advice(&measured));
     progress.done();
     let print = |e| Error::io("-", e);
     if args.json { files::print_json(&rows, &mut std::io::stdout().lock()).map_err(print) } else { Ok(()) }
@@ -55,6 +57,52 @@ fn line(row: &CostRow) -> String {
     )
 }
 
+/// At least so much closer is worth other settings, dB.
+const CLOSER: f64 = 0.1;
+/// Largest cost, in seconds of the default.
+const DEARER: f64 = 1.25;
+/// So much cheaper is, of the seconds of the default.
+const CHEAPER: f64 = 0.85;
+
+/// What to use next on these photos, stage by stage, in words.
+fn advice(rows: &[CostRow]) -> String {
+    let mut text = String::from("what to use next on these photos:");
+    let mut told: Vec<(CostStage, CostInput)> = Vec::new();
+    for row in rows {
+        let key = (row.stage, row.input);
+        if told.contains(&key) {
+            continue;
+        }
+        told.push(key);
+        let others = || rows.iter().filter(|r| (r.stage, r.input) == key && !r.is_default);
+        let surely = |within: Option<bool>| within != Some(true);
+        let closer = others()
+            .filter(|r| r.psnr_change >= CLOSER && surely(r.psnr_within_spread) && r.cpu_ratio <= DEARER)
+            .max_by(|a, b| a.psnr_change.total_cmp(&b.psnr_change));
+        let cheaper = others()
+            .filter(|r| r.cpu_ratio <= CHEAPER && surely(r.cpu_within_spread) && r.psnr_change > -CLOSER)
+            .min_by(|a, b| a.cpu_ratio.total_cmp(&b.cpu_ratio));
+        let said = |better: &str, row: Option<&CostRow>| {
+            row.map(|r| {
+                format!(
+                    "{better} {} ({:+.2} dB, {:.2} times the seconds)",
+                    r.label(),
+                    r.psnr_change,
+                    r.cpu_ratio
+                )
+            })
+        };
+        let found: Vec<String> =
+            [said("for quality", closer), said("for speed", cheaper)].into_iter().flatten().collect();
+        let found = match found.is_empty() {
+            true => "the defaults: nothing that was tried is clearly better".to_owned(),
+            false => found.join("; "),
+        };
+        text += &format!("\n   {} ({}): {found}", row.stage.name(), row.input.name());
+    }
+    text
+}
+
 /// Whether the default is on the front, and what beats it if not.
 fn summary(rows: &[CostRow]) -> String {
     let Some(default) = rows.iter().find(|r| r.is_default) else { return String::new() };
@@ -95,7 +143,6 @@ fn as_dear_and_closer(rows: &[CostRow]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::cost::CostInput;
 
     fn row(knob: &str, is_default: bool) -> CostRow {
         CostRow {
@@ -146,6 +193,16 @@ mod tests {
         let text = as_dear_and_closer(&[dearer.clone(), row("refit", false), chance]);
         assert_eq!(text, "   within the spread of its seconds, and closer: refit=off (+0.250 dB)\n");
         assert_eq!(as_dear_and_closer(&[dearer]), "");
+    }
+
+    #[test]
+    fn the_last_lines_say_what_to_use_next() {
+        let text = advice(&[row("default", true), row("order", false)]);
+        let wants = "for quality order=off (+0.25 dB, 0.50 times the seconds)";
+        assert!(text.starts_with("what to use next") && text.contains(wants), "{text}");
+        let chance = CostRow { psnr_within_spread: Some(true), cpu_ratio: 0.9, ..row("order", false) };
+        let text = advice(&[row("default", true), chance]);
+        assert!(text.ends_with("the defaults: nothing that was tried is clearly better"), "{text}");
     }
 
     #[test]

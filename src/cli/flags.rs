@@ -1,12 +1,23 @@
 //! The dashes of flags. The library names options by their fields (`max_triangles`); a user types `--max-triangles`.
 
-use crate::error::Error;
+use crate::error::{Error, Result};
 use clap::{ArgMatches, Command};
 
 /// The command that was typed: the subcommand of a subcommand, where there is one.
 pub fn innermost<'a>(command: &'a Command, matches: &ArgMatches) -> &'a Command {
     let typed = matches.subcommand().and_then(|(name, inner)| Some((command.find_subcommand(name)?, inner)));
     typed.map_or(command, |(command, inner)| innermost(command, inner))
+}
+
+/// Fails where a number that was typed is not finite: options in layers are JSON, which has no text for it.
+pub fn check_finite(matches: &ArgMatches) -> Result<()> {
+    for id in matches.ids().map(clap::Id::as_str) {
+        let numbers = matches.try_get_many::<f64>(id).ok().flatten();
+        if let Some(number) = numbers.into_iter().flatten().find(|number| !number.is_finite()) {
+            return Err(Error::invalid(id, number, "a finite number"));
+        }
+    }
+    matches.subcommand().map_or(Ok(()), |(_, inner)| check_finite(inner))
 }
 
 /// The message of `error` with the flags of `command` spelt as they are typed.
@@ -59,10 +70,13 @@ mod tests {
     #[test]
     fn fields_become_flags_and_other_words_stay() {
         let error = Error::invalid("max_edge", -1, "0 or more; see `max_edge`, `photo` and `trisplat bake`");
-        let wants = "--max-edge is -1: wants 0 or more; see --max-edge, `photo` and `trisplat bake`";
+        let wants = "--max-edge is -1: expected 0 or more; see --max-edge, `photo` and `trisplat bake`";
         assert_eq!(message(&error, &command()), wants);
-        assert_eq!(message(&Error::invalid("inputs", "-", "a file"), &command()), "IN is -: wants a file");
-        assert_eq!(message(&Error::invalid("draw.near", 0, "> 0"), &command()), "draw.near is 0: wants > 0");
+        assert_eq!(message(&Error::invalid("inputs", "-", "a file"), &command()), "IN is -: expected a file");
+        assert_eq!(
+            message(&Error::invalid("draw.near", 0, "> 0"), &command()),
+            "draw.near is 0: expected > 0"
+        );
         assert_eq!(spell("a lone ` stays, `max_edge` too", &command()), "a lone ` stays, `max_edge` too");
         assert_eq!(spell("the key ``max_edge``, `max_edge`", &command()), "the key `max_edge`, --max-edge");
     }

@@ -77,6 +77,9 @@ fn print(info: &Info, out: &mut dyn Write) -> io::Result<()> {
     line(out, "kind", &kind)?;
     line(out, "triangles", &thousands(info.triangles))?;
     line(out, "vertices", &thousands(info.vertices))?;
+    if info.shell > 0 {
+        line(out, "shell", &thousands(info.shell))?;
+    }
     if info.cameras > 0 {
         line(out, "cameras", &thousands(info.cameras))?;
     }

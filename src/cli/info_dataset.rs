@@ -64,7 +64,7 @@ pub fn table(d: &Description) -> String {
         rows.push(("measured", format!("{:.3} px mean error over {seen} observations{behind}", fit.mean_px)));
     }
     if let Some([x, y, z]) = d.origin {
-        rows.push(("origin", format!("{x} {y} {z} is taken off every position")));
+        rows.push(("origin", format!("{x} {y} {z} is subtracted from every position")));
     }
     rows.extend(d.warnings.iter().map(|warning| ("warning", warning.clone())));
     rows.iter().map(|(name, value)| format!("{name:<10}{}\n", messages::visible(value))).collect()

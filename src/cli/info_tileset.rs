@@ -26,7 +26,7 @@ fn table(info: &TilesetInfo) -> String {
         ("error", format!("{:.4} units are left out by the first tile", info.geometric_error)),
     ];
     if info.missing > 0 {
-        rows.push(("warning", format!("{} files are not there", thousands(info.missing))));
+        rows.push(("warning", format!("{} files are missing", thousands(info.missing))));
     }
     let rows = rows.iter().map(|(name, value)| format!("{name:<10} {value}\n"));
     format!("{}\n", messages::visible(&info.path)) + &rows.collect::<String>()

@@ -5,11 +5,13 @@ use super::files;
 use super::messages;
 use super::outputs::Outputs;
 use super::progress::thousands;
+use crate::atomic;
 use crate::dataset::DatasetOptions;
 use crate::error::{Error, Result};
 use crate::scale::Blocks;
 use crate::scale::merge::SeamQuality;
 use crate::scale::seams;
+use std::io::Write;
 use std::path::PathBuf;
 
 /// What to merge.
@@ -49,14 +51,23 @@ pub fn run(args: &MergeArgs, global: &Global) -> Result<()> {
     let inputs = sources.iter().chain(&args.against).map(PathBuf::as_path);
     let dataset = blocks.manifest.dataset_path(blocks.folder());
     let mut files = Outputs::new(inputs, args.force).with_dataset(Some(&dataset));
-    files.claim("--output", &args.output)?;
-    args.report.as_deref().map_or(Ok(()), |path| files.claim("--report", path))?;
-    let mut report = blocks.merge_into(files.take(&args.output)?)?;
+    // The report comes first: it is there when the scene is.
+    let outputs: Vec<_> =
+        args.report.iter().map(|path| ("--report", path)).chain([("--output", &args.output)]).collect();
+    let mut set = files.claim_set(&outputs)?;
+    let mut scene = set.pop().ok_or_else(|| Error::invalid("--output", "missing", "a file name"))?;
+    let mut report = blocks.merge_into(&mut scene)?;
     if args.evaluate {
-        let scenes = std::iter::once(&args.output).chain(&args.against);
-        let scenes: Vec<_> = scenes.map(PathBuf::as_path).collect();
+        scene.flush().map_err(|e| Error::io(&args.output, e))?;
+        let against = args.against.iter().map(|path| (path.as_path(), path.as_path()));
+        let scenes: Vec<_> = std::iter::once((args.output.as_path(), scene.aside())).chain(against).collect();
         report.quality = seams::compare(&blocks, &scenes, &args.dataset_options)?;
     }
+    for file in &mut set {
+        files::print_json(&report, file).map_err(|e| Error::io(file.path(), e))?;
+    }
+    set.push(scene);
+    atomic::publish(set)?;
     if !global.quiet {
         let (triangles, count) = (thousands(report.triangles), blocks.len());
         let crossing: u64 = report.blocks.iter().map(|block| block.crossing).sum();
@@ -67,7 +78,7 @@ pub fn run(args: &MergeArgs, global: &Global) -> Result<()> {
         ));
         report.quality.iter().for_each(|quality| messages::print(&line(quality)));
     }
-    args.report.as_deref().map_or(Ok(()), |path| files::save_json(&report, files.take(path)?))
+    Ok(())
 }
 
 fn line(quality: &SeamQuality) -> String {

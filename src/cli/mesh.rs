@@ -2,6 +2,7 @@
 
 use super::Global;
 use super::files;
+use super::layers;
 use super::outputs::Outputs;
 use super::progress::{Progress, thousands};
 use crate::bake::Views;
@@ -10,7 +11,9 @@ use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
 use crate::formats;
 use crate::formats::output::{self, Output, OutputFormat};
+use crate::layered::Layers;
 use crate::report::Report;
+use clap::ArgMatches;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -35,6 +38,9 @@ pub struct MeshArgs {
     /// Write what every stage did as JSON (schema: trisplat schema report)
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
+    /// Set any option of the surface and its frame by its key, as in center=true; may be given often
+    #[arg(long = "set", value_name = "KEY=VALUE", allow_hyphen_values = true)]
+    pub sets: Vec<String>,
     /// The options of the stages.
     #[command(flatten)]
     pub options: MeshOptions,
@@ -44,11 +50,12 @@ pub struct MeshArgs {
 }
 
 /// Makes the surface and writes it.
-pub fn run(args: &MeshArgs, global: &Global) -> Result<()> {
+pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global) -> Result<()> {
     let clock = Instant::now();
-    let options = &args.options;
+    let layers = Layers::default().settings(&args.sets).given(layers::typed(&args.options, matches)?);
+    let options = &layers.resolve(|()| MeshOptions::default())?.options;
     options.validate()?;
-    let output = plan(args)?;
+    let output = plan(args, options)?;
     let mut outputs = guard(args, &output)?;
     let files = if args.dry_run { output.dry_run() } else { output.start()? };
     outputs.confirm()?;
@@ -79,13 +86,13 @@ pub fn run(args: &MeshArgs, global: &Global) -> Result<()> {
 }
 
 /// The files of the output: a surface is one mesh, so formats for whole scenes are of no use.
-fn plan(args: &MeshArgs) -> Result<Output> {
+fn plan(args: &MeshArgs, options: &MeshOptions) -> Result<Output> {
     match OutputFormat::of(&args.output)? {
         OutputFormat::Html | OutputFormat::Tiles => {
             let wants = "a name ending in .ply, .glb, .gltf or .obj";
             Err(Error::invalid("output", args.output.display(), wants))
         }
-        format => Output::plan(&args.output, Some(format), &args.options.output, false),
+        format => Output::plan(&args.output, Some(format), &options.output, false),
     }
 }
 

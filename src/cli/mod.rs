@@ -1,13 +1,16 @@
 //! The command line. Thin: options and work live in the library, this folder parses and prints.
 //!
-//! Exit codes: 0 done, 1 failed (one error on stderr), 2 wrong usage, 130 stopped with Ctrl-C, 143 stopped with SIGTERM.
+//! Exit codes: 0 done, 1 failed (one error on stderr), 2 wrong usage, 130 stopped with Ctrl-C, 143 with SIGTERM, 129 with
+//! SIGHUP, 131 with SIGQUIT.
 
 pub mod bake;
 pub mod bake_args;
-mod bake_budget;
 mod bake_bytes;
 mod bake_city;
+mod bake_preparation;
+#[cfg(feature = "bench")]
 pub mod bench;
+#[cfg(feature = "bench")]
 mod bench_cost;
 pub mod completions;
 pub mod eval;
@@ -23,10 +26,12 @@ pub mod man;
 pub mod merge;
 pub mod mesh;
 pub mod messages;
-#[cfg(not(all(feature = "gpu", feature = "view")))]
+#[cfg(not(all(feature = "bench", feature = "gpu", feature = "view")))]
 pub mod missing;
+mod numbers;
 mod out_of_memory;
 mod outputs;
+mod panics;
 mod pictures;
 pub mod plan;
 pub mod program;
@@ -35,17 +40,21 @@ pub mod render;
 mod resume;
 pub mod sample;
 pub mod schema;
+mod settings_hint;
+mod short_help;
 mod signals;
 mod stdout;
+pub mod stereo;
+#[cfg(feature = "bench")]
 mod stress;
+mod suggestions;
 pub mod teacher_args;
 pub mod train;
 pub mod train_args;
 mod train_block;
-mod train_budget;
 mod train_curve;
+mod train_preparation;
 pub mod train_progress;
-mod train_teacher;
 #[cfg(feature = "view")]
 mod train_view;
 pub mod validate;

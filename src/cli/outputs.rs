@@ -1,7 +1,7 @@
 //! The one guard of the files that a command writes: none is an input, a photo, another output or, without `--force`, there
 //! already; each can be written. All before any work.
 
-use crate::atomic::{AtomicFile, resolved};
+use crate::atomic::{AtomicFile, FolderLock, resolved};
 use crate::dataset::Dataset;
 use crate::error::{Error, Result};
 use std::collections::{HashMap, HashSet};
@@ -22,6 +22,8 @@ pub(super) struct Outputs {
     /// The option that names each of them.
     options: HashMap<FileId, &'static str>,
     folders: Vec<(&'static str, PathBuf)>,
+    /// Held until the command ends.
+    locks: Vec<FolderLock>,
     files: Vec<AtomicFile>,
 }
 
@@ -31,7 +33,7 @@ struct Planned {
     option: &'static str,
     path: PathBuf,
     id: FileId,
-    /// It may not be there.
+    /// It must not exist yet.
     is_new: bool,
 }
 
@@ -62,9 +64,16 @@ impl Outputs {
     /// A folder of pictures, which is made when it is not there; it may not be that of the photos.
     pub(super) fn plan_folder(&mut self, option: &'static str, folder: &Path) -> Result<()> {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+        self.lock_folder(folder)?;
         // Its pictures have names of this length.
         AtomicFile::create(&folder.join("step-000000.png")).map(drop)?;
         self.folders.push((option, folder.to_owned()));
+        Ok(())
+    }
+
+    /// Keeps other programs from writing into `folder`, which is there, until the command ends.
+    pub(super) fn lock_folder(&mut self, folder: &Path) -> Result<()> {
+        self.locks.push(FolderLock::take(folder)?);
         Ok(())
     }
 
@@ -104,11 +113,20 @@ impl Outputs {
         Ok(())
     }
 
-    /// Plans to write `path` and starts it, so that nobody else does.
+    /// Plans to write `path` and starts it, so that no other program does.
     pub(super) fn claim(&mut self, option: &'static str, path: &Path) -> Result<()> {
         self.plan(option, path)?;
         self.files.push(AtomicFile::create(path)?);
         self.confirm()
+    }
+
+    /// Plans to write files that belong together and starts them, the one that names the others last.
+    pub(super) fn claim_set(&mut self, files: &[(&'static str, &PathBuf)]) -> Result<Vec<AtomicFile>> {
+        files.iter().try_for_each(|(option, path)| self.plan(option, path))?;
+        let paths: Vec<&Path> = files.iter().map(|(_, path)| path.as_path()).collect();
+        let set = AtomicFile::create_all(&paths)?;
+        self.confirm()?;
+        Ok(set)
     }
 
     /// Plans to write `path` now and then; fails when that cannot be done.

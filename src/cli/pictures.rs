@@ -13,9 +13,9 @@ pub(super) struct Pictures {
 }
 
 impl Pictures {
-    /// Names a picture for each photo and makes the folder.
+    /// Names a picture for each photo and makes the folder, which no other program writes into while `outputs` are there.
     ///
-    /// Errors: two photos that would have one picture, a picture that [`Outputs`] refuses.
+    /// Errors: two photos that would have one picture, a picture that [`Outputs`] refuses, another program that writes into the folder.
     pub(super) fn plan<'a>(
         option: &'static str,
         folder: &Path,
@@ -24,6 +24,8 @@ impl Pictures {
     ) -> Result<Self> {
         let paths: Vec<PathBuf> =
             file_names(&photos.collect::<Vec<_>>()).map(|name| folder.join(name)).collect();
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+        outputs.lock_folder(folder)?;
         for path in &paths {
             let parent = path.parent().unwrap_or(folder);
             std::fs::create_dir_all(parent).map_err(|e| Error::io(parent, e))?;

@@ -2,7 +2,7 @@
 
 use super::Global;
 use super::bake_bytes::ByteSize;
-use super::layers::Layers;
+use super::layers;
 use super::messages;
 use super::outputs::Outputs;
 use super::progress::thousands;
@@ -11,6 +11,7 @@ use super::train_progress::Bar;
 use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
 use crate::formats::{self, ReadOptions};
+use crate::layered::Layers;
 use crate::scale::manifest::{Expected, NAME};
 use crate::scale::{Manifest, PlanOptions, Planner, status, task};
 use crate::scene::Loaded;
@@ -40,7 +41,7 @@ pub struct PlanArgs {
     #[arg(long, value_name = "SIZE")]
     pub memory: Option<ByteSize>,
     /// Write a checkpoint of the coarse scene every N steps; 0: only when stopped with Ctrl-C or SIGTERM. The same command goes on from it.
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..=1_000_000_000))]
     pub checkpoint_every: u64,
     /// JSON file with training options of the blocks; --set and flags win over it.
     #[arg(long, value_name = "FILE")]
@@ -82,7 +83,9 @@ fn make(
     let whole = resolve(args, matches)?;
     let mut files = Outputs::new(args.config.as_deref(), args.force).with_dataset(Some(path));
     std::fs::create_dir_all(city).map_err(|e| Error::io(city, e))?;
-    files.plan("--output", &city.join(NAME))?;
+    let path_of_plan = city.join(NAME);
+    // Who has it has all files of the plan.
+    files.claim("--output", &path_of_plan)?;
     let dataset = Dataset::load(path, &args.dataset_options)?;
     files.spare_photos(&dataset)?;
     let planner = Planner {
@@ -103,11 +106,18 @@ fn make(
         }
     };
     let named = coarse.as_ref().map(|(name, scene)| (name.as_str(), scene));
-    let manifest = planner.plan(city, photos, named, args.memory.map(|size| size.0))?;
+    let mut file = files.take(&path_of_plan)?;
+    let manifest = planner.plan(&mut file, photos, named, args.memory.map(|size| size.0))?;
     files.confirm()?;
-    manifest.write(city)?;
+    manifest.write(file)?;
     if !global.quiet {
         dataset.warnings.iter().for_each(|warning| messages::print(&format!("warning: {warning}")));
+        let asked =
+            args.plan.blocks.filter(|asked| coarse.is_some() && *asked as usize > manifest.blocks.len());
+        if let Some(asked) = asked {
+            let left_out = asked as usize - manifest.blocks.len();
+            messages::print(&format!("note: {left_out} of {asked} blocks are left out: no photo shows them"));
+        }
         messages::print(&summary(&manifest, city));
     }
     Ok(ExitCode::SUCCESS)
@@ -140,7 +150,7 @@ fn coarse_scene(
         let lost = bar.done();
         match (trained.stopped, &trained.checkpoint) {
             (true, Some(_)) => {
-                bar.line("stopped; the same command goes on");
+                bar.line("stopped; the same command continues");
                 return Ok(None);
             }
             (true, None) => {
@@ -161,9 +171,12 @@ fn coarse_scene(
 
 /// Preset, then config file, then `--set`, then the flags really typed.
 fn resolve(args: &PlanArgs, matches: &ArgMatches) -> Result<TrainOptions> {
-    let (config, limits) = (args.config.as_deref(), &args.dataset_options.limits);
-    let layers = Layers { config, limits, sets: &args.sets, typed: &args.options, matches };
-    let options = layers.resolve(args.options.preset, TrainOptions::preset)?;
+    let layers = Layers::default().settings(&args.sets).given(layers::typed(&args.options, matches)?);
+    let layers = match &args.config {
+        Some(path) => layers.file(path, &args.dataset_options.limits)?,
+        None => layers,
+    };
+    let options = layers.resolve(TrainOptions::preset)?.options;
     options.validate()?;
     Ok(options)
 }

@@ -1,10 +1,14 @@
 //! The program: its commands, and the run of one of them.
 
-#[cfg(not(all(feature = "gpu", feature = "view")))]
+#[cfg(feature = "bench")]
+use super::bench;
+#[cfg(not(all(feature = "bench", feature = "view")))]
 use super::missing;
+use super::stereo;
 use super::{
-    Global, bake, bake_args, bench, completions, eval, flags, info, man, merge, mesh, messages,
-    out_of_memory, plan, render, sample, schema, signals, stdout::Stdout, train, train_args, validate,
+    Global, bake, bake_args, completions, eval, flags, info, man, merge, mesh, messages, numbers,
+    out_of_memory, panics, plan, render, sample, schema, settings_hint, short_help, signals, stdout::Stdout,
+    suggestions, train, train_args, validate,
 };
 #[cfg(feature = "view")]
 use super::{train_view, view};
@@ -32,8 +36,10 @@ pub struct Cli {
 pub enum Command {
     /// Turn a trained soup or a coloured mesh into a file an engine draws.
     Bake(Box<bake_args::BakeArgs>),
-    /// Make one connected surface of a scene: something to walk on, to collide with, to print.
+    /// Make one connected surface of a scene: something to walk on and to collide with.
     Mesh(Box<mesh::MeshArgs>),
+    /// Find the surfaces that posed photos show: coloured points with normals, depth pictures.
+    Stereo(stereo::StereoArgs),
     /// Describe a file and what a bake would make of it.
     Info(info::InfoArgs),
     /// Check a file for errors, written by trisplat or by another tool.
@@ -57,7 +63,11 @@ pub enum Command {
     #[cfg(not(feature = "view"))]
     View(missing::MissingArgs),
     /// Measure what commands cost.
+    #[cfg(feature = "bench")]
     Bench(bench::BenchArgs),
+    /// Measure what commands cost (not in this build).
+    #[cfg(not(feature = "bench"))]
+    Bench(missing::MissingArgs),
     /// Print a JSON Schema.
     Schema(schema::SchemaArgs),
     /// Print a completion script for a shell.
@@ -70,13 +80,24 @@ pub enum Command {
 pub fn main() -> ExitCode {
     out_of_memory::end_in_good_order();
     signals::start();
-    let mut program = Cli::command();
-    let matches = program.get_matches_mut();
+    panics::report_once();
+    let mut program = short_help::shorten(Cli::command());
+    // Built first, so that flags of all commands are known behind a subcommand too.
+    program.build();
+    let arguments = numbers::written_out(&program, std::env::args_os());
+    let matches = match program.try_get_matches_from_mut(arguments) {
+        Ok(matches) => matches,
+        Err(error) => {
+            let words: Vec<String> =
+                std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
+            settings_hint::with_hint(suggestions::plausible(error), &words).exit()
+        }
+    };
     let cli = match Cli::from_arg_matches(&matches) {
         Ok(cli) => cli,
         Err(error) => error.exit(),
     };
-    match run(cli, &matches) {
+    match panics::caught(|| run(cli, &matches)) {
         Ok(code) => code,
         Err(error) => {
             let command = flags::innermost(&program, &matches);
@@ -87,16 +108,20 @@ pub fn main() -> ExitCode {
 }
 
 fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
+    flags::check_finite(matches)?;
     let limits = cli.global.limits()?;
     start_threads(&cli.global, &limits)?;
     if let Some(options) = dataset_options(&mut cli.command) {
         (options.limits, options.allow_outside) = (limits, cli.global.allow_outside);
+        // Also where a command has no use for them this time.
+        options.validate()?;
     }
     let typed = matches.subcommand().map_or(matches, |(_, typed)| typed);
     let out = &mut Stdout;
     match &cli.command {
         Command::Bake(args) => bake::run(args, typed, &cli.global),
-        Command::Mesh(args) => mesh::run(args, &cli.global),
+        Command::Mesh(args) => mesh::run(args, typed, &cli.global),
+        Command::Stereo(args) => stereo::run(args, &cli.global),
         #[cfg(feature = "view")]
         Command::Train(args) if args.view => return train_view::run(args, typed, &cli.global),
         #[cfg(not(feature = "view"))]
@@ -110,7 +135,10 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
         Command::View(args) => view::run(args),
         #[cfg(not(feature = "view"))]
         Command::View(_) => Err(missing::error("view")),
+        #[cfg(feature = "bench")]
         Command::Bench(args) => bench::run(args, &cli.global),
+        #[cfg(not(feature = "bench"))]
+        Command::Bench(_) => Err(missing::error("bench")),
         Command::Info(args) => info::run(args, out),
         Command::Validate(args) => {
             let options =
@@ -130,6 +158,7 @@ fn dataset_options(command: &mut Command) -> Option<&mut DatasetOptions> {
     match command {
         Command::Bake(args) => Some(&mut args.dataset_options),
         Command::Mesh(args) => Some(&mut args.dataset_options),
+        Command::Stereo(args) => Some(&mut args.dataset_options),
         Command::Train(args) => Some(&mut args.dataset_options),
         Command::Plan(args) => Some(&mut args.dataset_options),
         Command::Merge(args) => Some(&mut args.dataset_options),
@@ -138,9 +167,15 @@ fn dataset_options(command: &mut Command) -> Option<&mut DatasetOptions> {
         Command::Info(args) => Some(&mut args.dataset_options),
         #[cfg(feature = "view")]
         Command::View(args) => Some(&mut args.dataset_options),
+        #[cfg(feature = "bench")]
         Command::Bench(args) => match &mut args.bench {
             bench::BenchCommand::Fidelity(args) => Some(&mut args.dataset_options),
             bench::BenchCommand::Cost(args) => Some(&mut args.dataset_options),
+            bench::BenchCommand::Draw(args) => Some(&mut args.dataset_options),
+            #[cfg(feature = "gpu")]
+            bench::BenchCommand::Fps(args) => Some(&mut args.dataset_options),
+            #[cfg(feature = "gpu")]
+            bench::BenchCommand::Card(args) => Some(&mut args.dataset_options),
             _ => None,
         },
         _ => None,

@@ -2,23 +2,26 @@
 //! the stage table.
 
 use super::{Global, flags, messages};
+use crate::bake::backdrop::BackdropDetails;
 use crate::bake::pace::BakeBudgetDetails;
 use crate::bake::teacher::TeacherDetails;
-use crate::report::{Observer, StageReport};
+use crate::report::{Observer, StageDetails, StageReport};
 use indicatif::{HumanCount, HumanDuration, ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
-/// What is shown of a stage that does not say how far it has come.
+/// What is shown for a stage that does not report progress.
 const SPINNER: &str = "{spinner} {prefix} {elapsed}";
 /// What is shown of one that does.
 const BAR: &str = "{spinner} {prefix:<10} {bar:30} {percent:>3}%  {msg}";
-/// The fraction of a bar is shown in so many parts.
+/// Resolution of a bar.
 const PARTS: u64 = 1000;
 /// Time left is shown when so much of a stage is done and ...
 const LEAST_FRACTION: f64 = 0.02;
 /// ... it has run for so long.
 const LEAST_TIME: Duration = Duration::from_millis(500);
+/// A stage that took this long and changed nothing has tried to.
+const TRIED_SECS: f64 = 0.1;
 
 /// Prints the stage table to stderr; shows a spinner or a bar for the running stage when stderr is a TTY.
 #[derive(Debug)]
@@ -26,7 +29,7 @@ pub struct Progress {
     quiet: bool,
     verbose: bool,
     bar: Option<ProgressBar>,
-    /// When the running stage started, and how far it has come if it says.
+    /// When the running stage started, and its progress if it reports any.
     running: (Instant, Option<f64>),
     /// Spells the fields named in reasons and warnings as flags.
     command: clap::Command,
@@ -116,6 +119,9 @@ impl Observer for Progress {
     }
 
     fn finished(&mut self, stage: &StageReport) {
+        if !self.verbose && !is_told(stage) {
+            return;
+        }
         self.line(&flags::spell(&row(stage), &self.command));
         if self.verbose {
             for (key, value) in &stage.details {
@@ -131,7 +137,7 @@ fn set_template(bar: &ProgressBar, template: &str) {
     }
 }
 
-/// "12s left", if it goes on as it did; `None` when it is too early to tell.
+/// "12s left" at the present rate; `None` when it is too early to tell.
 fn time_left(elapsed: Duration, fraction: f64) -> Option<String> {
     let tells = fraction >= LEAST_FRACTION && elapsed >= LEAST_TIME;
     tells.then(|| {
@@ -140,11 +146,21 @@ fn time_left(elapsed: Duration, fraction: f64) -> Option<String> {
     })
 }
 
+/// Whether a stage is worth a line: it changed something, or tried to for a while, or was asked for.
+fn is_told(stage: &StageReport) -> bool {
+    let asked = |why: &String| matches!(stage.name.as_str(), "budget" | "train") || why.contains("`budget`");
+    stage.seconds >= TRIED_SECS || stage.unneeded.as_ref().is_none_or(asked)
+}
+
 /// One row of the stage table: `prune      2,012,345 → 1,720,011  (-14.5%)   0.04 s`.
 fn row(stage: &StageReport) -> String {
     let name = &stage.name;
     if let Some(why) = &stage.unneeded {
-        return format!("{name:<11}not needed: {why}");
+        let took = match stage.seconds >= TRIED_SECS {
+            true => format!(" ({:.2} s)", stage.seconds),
+            false => String::new(),
+        };
+        return format!("{name:<11}not needed: {why}{took}");
     }
     if let Some(budget) = stage.details_as::<BakeBudgetDetails>() {
         return format!("{name:<11}{}", chosen(&budget));
@@ -152,6 +168,8 @@ fn row(stage: &StageReport) -> String {
     let (before, after) = (stage.before.triangles, stage.after.triangles);
     let counts = if let Some(teacher) = stage.details_as::<TeacherDetails>() {
         pictures(&teacher)
+    } else if name == BackdropDetails::STAGE && after >= before {
+        format!("{} triangles behind {}", thousands(after - before), thousands(before))
     } else if before == after || before == 0 {
         format!("{} triangles", thousands(after))
     } else {
@@ -194,6 +212,32 @@ mod tests {
         assert_eq!(left(100, 1.0).as_deref(), Some("0 seconds left"));
         assert_eq!(left(100, 0.001), None, "too little is done");
         assert_eq!(left(0, 0.5), None, "too early");
+    }
+
+    #[test]
+    fn only_what_happened_is_told_and_what_was_tried() {
+        let unneeded = |name: &str, why: &str, seconds: f64| StageReport {
+            seconds,
+            ..StageReport::unneeded(name, why.to_owned())
+        };
+        assert!(!is_told(&unneeded("lod", "`lod` was not given", 0.0)));
+        let tried = unneeded("reshape", "the input triangles match the pictures better", 7.0);
+        assert!(is_told(&tried) && row(&tried).ends_with("better (7.00 s)"), "{}", row(&tried));
+        assert!(is_told(&unneeded("teacher", "`budget` leaves no time", 0.0)));
+        assert!(is_told(&unneeded("train", "the input is a mesh", 0.0)));
+        assert!(is_told(&StageReport { unneeded: None, ..unneeded("place", "", 0.0) }));
+    }
+
+    #[test]
+    fn a_backdrop_does_not_look_like_a_scene_that_grew() {
+        let counts = |triangles| crate::report::Counts { triangles, vertices: 3 * triangles };
+        let backdrop = StageReport {
+            before: counts(8954),
+            after: counts(11_002),
+            unneeded: None,
+            ..StageReport::unneeded("backdrop", String::new())
+        };
+        assert!(row(&backdrop).contains("2,048 triangles behind 8,954"), "{}", row(&backdrop));
     }
 
     #[test]

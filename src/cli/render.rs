@@ -4,17 +4,21 @@ use super::Global;
 use super::outputs::Outputs;
 use super::pictures::Pictures;
 use super::progress::Progress;
-use crate::asset::Placement;
-use crate::bench::scene_renderer::{RenderMode, RenderOptions, SceneRenderer};
-use crate::bench::steps;
+use crate::asset::{Placement, Provenance, UpAxis};
 use crate::camera::Camera;
 use crate::dataset::{Dataset, DatasetOptions, Split};
 use crate::error::{Error, Result};
+use crate::eval::steps;
 use crate::formats;
+use crate::framing::Surroundings;
+use crate::framing::surroundings::up_of;
+use crate::placed;
+use crate::render::scene_renderer::{RenderMode, RenderOptions, SceneRenderer};
 use crate::rng::Rng;
 use crate::scene::{Loaded, Scene};
 use crate::train::BackendOptions;
 use crate::view::orbit;
+use glam::{DVec3, UVec2};
 use std::path::{Path, PathBuf};
 
 /// What to draw, and from which cameras.
@@ -30,13 +34,13 @@ pub struct RenderArgs {
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Data set whose cameras are used: a folder of posed photos, or a transforms.json.
-    #[arg(long, value_name = "DATASET", required_unless_present = "orbit")]
+    #[arg(long, value_name = "DATASET")]
     pub dataset: Option<PathBuf>,
     /// Which photos' cameras.
     #[arg(long, value_enum, default_value_t, conflicts_with = "orbit")]
     pub split: Split,
-    /// Draw N pictures on a circle instead: around what the photos look at; without a data set the circle begins at the
-    /// initial viewpoint of the file, or goes around the middle of the scene.
+    /// Draw N pictures on a circle instead, around the subject of the scene: it begins where the photos show it best; without a
+    /// data set at the first viewpoint of the file.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub orbit: Option<u32>,
     /// Width of an orbit's pictures when no data set is given, px; the height is three quarters of it.
@@ -85,19 +89,17 @@ pub fn run(args: &RenderArgs, global: &Global) -> Result<()> {
     }
     check_folder(&args.output)?;
     let loaded = formats::read(&args.file, &args.dataset_options.read_options(3))?;
-    let Loaded { scene, provenance, .. } = solid_if_asked(args, loaded)?;
+    let loaded = solid_if_asked(args, loaded)?;
     let dataset = args.dataset.as_ref().map(|path| Dataset::load(path, &args.dataset_options)).transpose()?;
-    let cameras = match &dataset {
-        Some(dataset) => dataset_cameras(args, dataset)?,
-        None => {
-            let up = provenance.up.unwrap_or_default().vector().as_vec3();
-            let count = args.orbit.unwrap_or(0);
-            orbit_cameras(match &provenance.viewpoint {
-                Some(viewpoint) => orbit::around_viewpoint(viewpoint, up, args.width, count),
-                None => orbit::around_scene(&scene, up, args.width, count),
-            })
+    let cameras = match (&dataset, args.orbit) {
+        (_, Some(count)) => orbit_cameras(args, &loaded, dataset.as_ref(), count)?,
+        (Some(dataset), None) => dataset_cameras(args, dataset)?,
+        (None, None) => {
+            let wants = "cameras to draw from: --orbit 24 for a circle around the scene, or --dataset for those of its photos";
+            return Err(Error::invalid("cameras", "none", wants));
         }
     };
+    let Loaded { scene, provenance, .. } = loaded;
     let mut renderer = renderer(args, scene, &provenance.placement, dataset.as_ref());
     cameras
         .iter()
@@ -183,12 +185,8 @@ fn renderer(
     }
 }
 
-/// Names and cameras: the photos' or a circle around what they look at.
+/// Names and cameras of the photos.
 fn dataset_cameras(args: &RenderArgs, dataset: &Dataset) -> Result<Vec<(String, Camera)>> {
-    if let Some(count) = args.orbit {
-        let cameras: Vec<Camera> = dataset.views.iter().map(|v| v.camera).collect();
-        return Ok(orbit_cameras(orbit::around_cameras(&cameras, count)));
-    }
     let views = args.split.of(dataset);
     if views.is_empty() {
         let split = args.split.name();
@@ -197,6 +195,39 @@ fn dataset_cameras(args: &RenderArgs, dataset: &Dataset) -> Result<Vec<(String, 
     Ok(views.iter().map(|v| (v.name.clone(), v.camera)).collect())
 }
 
-fn orbit_cameras(cameras: Vec<Camera>) -> Vec<(String, Camera)> {
-    cameras.into_iter().enumerate().map(|(i, camera)| (format!("orbit_{i:04}.png"), camera)).collect()
+/// A circle around the subject of the scene. Cameras are in the world of the data set when there is one, else in the frame of the file.
+fn orbit_cameras(
+    args: &RenderArgs,
+    loaded: &Loaded,
+    dataset: Option<&Dataset>,
+    count: u32,
+) -> Result<Vec<(String, Camera)>> {
+    let Provenance { placement, up, viewpoint, .. } = &loaded.provenance;
+    let origin = dataset.map_or(DVec3::ZERO, |dataset| dataset.origin);
+    let cameras: Vec<Camera> = match dataset {
+        Some(dataset) => {
+            dataset.views.iter().map(|v| placed::to_file(&v.camera, placement, origin)).collect()
+        }
+        None => loaded.cameras.clone(),
+    };
+    let size = match (dataset, cameras.first()) {
+        (Some(_), Some(camera)) => camera.size,
+        _ => UVec2::new(args.width, (args.width * 3 / 4).max(1)),
+    };
+    // In a file that says which of its axes points up, the photos' is no better.
+    let axis = up.unwrap_or_default().vector().as_vec3();
+    let up = if *up == Some(UpAxis::Y) { axis } else { up_of(&cameras, axis) };
+    let surroundings = Surroundings::of(&loaded.scene, &loaded.provenance);
+    let said = viewpoint.filter(|_| dataset.is_none());
+    let viewpoint = said.or_else(|| surroundings.viewpoint(&cameras, up));
+    let viewpoint = viewpoint.ok_or_else(|| {
+        Error::invalid("--orbit", args.file.display(), "a scene with triangles that have an extent")
+    })?;
+    let room = surroundings.room(DVec3::from(viewpoint.target).as_vec3());
+    let orbit =
+        orbit::around_viewpoint(&viewpoint, up, room, size, count).into_iter().map(|camera| match dataset {
+            Some(_) => placed::to_world(&camera, placement, origin),
+            None => camera,
+        });
+    Ok(orbit.enumerate().map(|(i, camera)| (format!("orbit_{i:04}.png"), camera)).collect())
 }

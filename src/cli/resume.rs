@@ -1,4 +1,4 @@
-//! The command that goes on with a training that was stopped.
+//! The command that continues a training that was stopped.
 
 use super::train_args::TrainArgs;
 use crate::train::TrainOptions;
@@ -8,14 +8,14 @@ use std::path::Path;
 /// Flags that belong to this part of the run only.
 const ONCE: [&str; 4] = ["resume", "force_resume", "force", "max_cpu_secs"];
 
-/// Names of the options that a checkpoint holds: a run that goes on keeps them.
+/// Names of the options that a checkpoint holds: a resumed run keeps them.
 pub(super) fn fixed() -> Vec<String> {
     let options = TrainOptions::augment_args(Command::new("options"));
     let named = options.get_arguments().map(|arg| arg.get_id().to_string());
     named.chain(["config", "sets", "budget", "budget_wall"].map(String::from)).collect()
 }
 
-/// What to type: every flag that was typed, but for those that the checkpoint holds.
+/// What to type: every flag that was typed, without those that the checkpoint holds.
 pub(super) fn command(matches: &ArgMatches, args: &TrainArgs, checkpoint: &Path) -> String {
     let fixed = fixed();
     let mut words = vec!["trisplat train".to_owned()];

@@ -1,11 +1,13 @@
 //! `trisplat sample NAME -o OUT`: synthetic soups and data sets to try things on.
 
 use super::outputs::Outputs;
-use crate::bench::scenes::{self, SampleScene};
-use crate::bench::town_photos::{self, TownOptions};
+use crate::atomic::{self, AtomicFolder};
 use crate::dataset::synthetic::{self, SyntheticOptions};
 use crate::error::{Error, Result};
 use crate::formats::ply;
+use crate::sample::scenes::{self, SampleScene};
+#[cfg(feature = "bench")]
+use crate::sample::town_photos::{self, TownOptions};
 use std::path::{Path, PathBuf};
 
 /// What to make.
@@ -26,10 +28,15 @@ pub enum SampleCommand {
     /// Posed photos of an analytic scene, in COLMAP's layout.
     Dataset(DatasetArgs),
     /// Posed photos of a town, larger than one would train in one piece, and the town itself.
+    #[cfg(feature = "bench")]
     Town(TownArgs),
+    /// Posed photos of a town (not in this build).
+    #[cfg(not(feature = "bench"))]
+    Town(super::missing::MissingArgs),
 }
 
 /// A town and its folder.
+#[cfg(feature = "bench")]
 #[derive(Debug, clap::Args)]
 pub struct TownArgs {
     /// Folder to write: images/, transforms.json, points.ply, test.txt and truth.ply.
@@ -83,12 +90,21 @@ pub fn run(args: &SampleArgs) -> Result<()> {
         SampleCommand::Studio(args) => write_soup(SampleScene::Studio, args),
         SampleCommand::Degenerate(args) => write_soup(SampleScene::Degenerate, args),
         SampleCommand::Dataset(args) => {
+            // Undoes what a killed run began there.
+            let folder = AtomicFolder::create(&args.output)?;
             check_folder(&args.output, args.force)?;
-            synthetic::write(&args.output, &args.options)
+            synthetic::write(folder.path(), &args.options)?;
+            folder.publish("sparse")
         }
+        #[cfg(not(feature = "bench"))]
+        SampleCommand::Town(_) => Err(super::missing::error("bench")),
+        #[cfg(feature = "bench")]
         SampleCommand::Town(args) => {
+            // Undoes what a killed run began there.
+            let folder = AtomicFolder::create(&args.output)?;
             check_folder(&args.output, args.force)?;
-            town_photos::write(&args.output, &args.options)
+            town_photos::write(folder.path(), &args.options)?;
+            folder.publish("transforms.json")
         }
     }
 }
@@ -107,7 +123,10 @@ fn write_soup(scene: SampleScene, args: &SoupArgs) -> Result<()> {
 
 /// Refuses a folder that holds something, unless it may.
 fn check_folder(folder: &Path, force: bool) -> Result<()> {
-    let holds_something = std::fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some());
+    let counts = |entry: std::io::Result<std::fs::DirEntry>| {
+        entry.is_ok_and(|entry| !atomic::is_leftover(&entry.file_name().to_string_lossy()))
+    };
+    let holds_something = std::fs::read_dir(folder).is_ok_and(|mut entries| entries.any(counts));
     if holds_something && !force {
         let wants = "a new or empty folder, or --force to write into it";
         return Err(Error::invalid("--output", folder.display(), wants));

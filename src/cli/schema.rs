@@ -6,14 +6,14 @@ use crate::bake::{
     collision::CollisionDetails, color::ColorDetails, crop::CropDetails, floaters::FloatersDetails,
     lit::LitDetails, lod::LodDetails, order::OrderDetails, pace::BakeBudgetDetails, place::PlaceDetails,
     prune::PruneDetails, refit::RefitDetails, reshape::ReshapeDetails, solid::SolidDetails,
-    teacher::TeacherDetails, tiles::TilesDetails, unseen::UnseenDetails, weld::WeldDetails,
+    teacher::TeacherDetails, tiles::TilesDetails, unseen::UnseenDetails, viewpoint::ViewpointDetails,
+    weld::WeldDetails,
 };
-use crate::bench::bake::BakeRow;
-use crate::bench::cost::MeasuredRow;
-use crate::bench::evaluate::EvalReport;
-use crate::bench::stress::StressReport;
+#[cfg(feature = "bench")]
+use crate::bench::{bake::BakeRow, cost::MeasuredRow, stress::StressReport};
 use crate::dataset::Description;
 use crate::error::{Error, Result};
+use crate::eval::evaluate::EvalReport;
 use crate::formats::bvh::BvhHeader;
 use crate::formats::check::Checked;
 use crate::formats::info::Info;
@@ -23,6 +23,7 @@ use crate::report::{Report, stage_schema};
 use crate::scale::Manifest;
 use crate::scale::merge::MergeReport;
 use crate::scale::task::BlockFigures;
+use crate::stereo::StereoDetails;
 use crate::surface::SurfaceDetails;
 use crate::train::{TrainDetails, TrainOptions};
 use std::io::Write;
@@ -63,13 +64,16 @@ pub enum SchemaName {
     /// The header of a BVH file.
     Bvh,
     /// The rows of `trisplat bench bake --json`.
+    #[cfg(feature = "bench")]
     Bench,
     /// What `trisplat bench stress --json` prints.
+    #[cfg(feature = "bench")]
     Stress,
     /// The rows of `trisplat bench cost --json`.
+    #[cfg(feature = "bench")]
     Cost,
     /// The rows of `trisplat bench fps --json`.
-    #[cfg(feature = "gpu")]
+    #[cfg(all(feature = "bench", feature = "gpu"))]
     Fps,
 }
 
@@ -89,10 +93,13 @@ impl SchemaName {
             SchemaName::Eval => schemars::schema_for!(EvalReport),
             SchemaName::Validate => schemars::schema_for!(Checked),
             SchemaName::Bvh => schemars::schema_for!(BvhHeader),
+            #[cfg(feature = "bench")]
             SchemaName::Bench => schemars::schema_for!(Vec<BakeRow>),
+            #[cfg(feature = "bench")]
             SchemaName::Stress => schemars::schema_for!(StressReport),
+            #[cfg(feature = "bench")]
             SchemaName::Cost => schemars::schema_for!(Vec<MeasuredRow>),
-            #[cfg(feature = "gpu")]
+            #[cfg(all(feature = "bench", feature = "gpu"))]
             SchemaName::Fps => schemars::schema_for!(Vec<crate::bench::fps::FpsRow>),
         };
         let mut text = serde_json::to_string_pretty(&schema).unwrap_or_default();
@@ -134,12 +141,14 @@ fn report_schema() -> schemars::Schema {
         stage_schema::<LitDetails>(g),
         stage_schema::<WeldDetails>(g),
         stage_schema::<PlaceDetails>(g),
+        stage_schema::<ViewpointDetails>(g),
         stage_schema::<ChunkDetails>(g),
         stage_schema::<BvhDetails>(g),
         stage_schema::<OrderDetails>(g),
         stage_schema::<LodDetails>(g),
         stage_schema::<WriteDetails>(g),
         stage_schema::<BakeBudgetDetails>(g),
+        stage_schema::<StereoDetails>(g),
         stage_schema::<TrainDetails>(g),
     ];
     let mut schema = generator.into_root_schema_for::<Report>();

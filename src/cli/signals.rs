@@ -1,10 +1,12 @@
-//! What asks the program to end: Ctrl-C (SIGINT) and SIGTERM on Unix; on Windows, where there is no SIGTERM, Ctrl-C, Ctrl-Break
-//! and the closing of the console, after which the system gives a program some seconds.
+//! What asks the program to end: Ctrl-C (SIGINT), SIGTERM, SIGQUIT and a terminal that goes away (SIGHUP) on Unix; on Windows, where there
+//! is no SIGTERM, Ctrl-C, Ctrl-Break and the closing of the console, after which the system gives a program some seconds.
 //!
 //! While somebody listens, the first one is a request; otherwise, and the second time, it ends the program at once, without its
 //! temporary files.
 
 use crate::atomic;
+#[cfg(unix)]
+use crate::process;
 use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 
 static LISTENED_TO: AtomicBool = AtomicBool::new(false);
@@ -16,7 +18,10 @@ const EXIT_BASE: i32 = 128;
 #[cfg(unix)]
 pub(super) fn start() {
     use nix::sys::signal::{SigSet, Signal};
-    let set: SigSet = [Signal::SIGINT, Signal::SIGTERM].into_iter().collect();
+    // A program started by nohup, or by a shell as a job of its own, is to outlive the terminal.
+    let heeded =
+        [Signal::SIGHUP, Signal::SIGQUIT].into_iter().filter(|signal| !process::ignores(*signal as i32));
+    let set: SigSet = [Signal::SIGINT, Signal::SIGTERM].into_iter().chain(heeded).collect();
     if set.thread_block().is_err() {
         return;
     }
@@ -48,7 +53,7 @@ fn receive(signal: i32) {
     }
 }
 
-/// The exit code of a run that was asked to end: 130 after Ctrl-C, 143 after SIGTERM.
+/// The exit code of a run that was asked to end: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP, 131 after SIGQUIT.
 pub(super) fn exit_code() -> Option<u8> {
     match RECEIVED.load(Ordering::Relaxed) {
         0 => None,
@@ -56,7 +61,7 @@ pub(super) fn exit_code() -> Option<u8> {
     }
 }
 
-/// Somebody who stops in good order when asked to.
+/// An observer that stops cleanly when asked to.
 #[derive(Debug)]
 pub(super) struct Listener;
 

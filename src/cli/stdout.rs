@@ -2,7 +2,7 @@
 
 use std::io::{self, ErrorKind, Write};
 
-/// Standard output that swallows what nobody reads any more.
+/// Standard output that discards text once its reader is gone.
 #[derive(Debug, Default)]
 pub(super) struct Stdout;
 

@@ -4,28 +4,30 @@ use super::Global;
 use super::files;
 use super::flags;
 use super::harden;
-use super::layers::{self, Layers};
+use super::layers;
 use super::outputs::Outputs;
 use super::resume;
 use super::signals;
-use super::teacher_args::TeacherPlan;
+use super::teacher_args;
 use super::train_args::TrainArgs;
 use super::train_block;
-use super::train_budget::{self, Planned};
 use super::train_curve;
+use super::train_preparation::Preparation;
 use super::train_progress::{Bar, Watcher};
-use super::train_teacher::{Lesson, Taught};
 use crate::atomic::AtomicFile;
 use crate::bake::teacher::is_solid;
 use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
 use crate::formats;
+use crate::job::teacher::{TeacherPlan, teacher_files};
+use crate::job::{ReadyTrain, TrainJob, reading};
+use crate::layered::{Layered, Layers};
 use crate::report::{OutputReport, Report};
 use crate::scene::Loaded;
-use crate::train::budget::{BudgetDetails, Seconds};
+use crate::train::budget::{Budget, BudgetDetails, Seconds};
 use crate::train::device::OpenRun;
 use crate::train::eval::Quality;
-use crate::train::{Checkpoint, Preview, RunOptions, TrainOptions, TrainRun, Trained, checkpoint, rotation};
+use crate::train::{Checkpoint, Preview, RunOptions, TrainOptions, Trained, checkpoint, rotation};
 use clap::ArgMatches;
 use indicatif::HumanCount;
 use std::io::Write;
@@ -45,41 +47,50 @@ pub fn run(
         return train_block::run(args, block, global);
     }
     let clock = Instant::now();
-    train_budget::check(args)?;
     let outputs = outputs(args);
     let mut files = guard(args, &outputs)?;
     let (point, mut warnings) = checkpoint_to_resume(args, matches)?;
     let options = match &point {
-        Some(point) => point.meta.options.clone(),
+        Some(point) => Layered::over(&point.meta.options, point.meta.options.clone()),
         None => resolve(args, matches)?,
     };
-    let mut how = args.dataset_options.clone();
-    // A budget may have chosen the size of the photos.
-    let chosen = point.as_ref().and_then(|point| point.meta.pace.as_ref()?.plan.max_size);
-    how.max_size = how.max_size.or(chosen);
+    let how = reading(&args.dataset_options, point.as_ref());
     let read = |path| formats::read(path, &how.read_options(3));
     let from = args.from.as_deref().map(read).transpose()?;
-    let dataset = dataset(args, &how, from.as_ref(), &options, global)?;
+    let dataset = dataset(args, &how, from.as_ref(), &options.options, global)?;
     files.spare_photos(&dataset)?;
-    let (from_scene, resumes) = (from.as_ref(), point.as_ref());
-    let lesson = Lesson { args, matches, global, from: from_scene, options, resumes, began: clock };
-    let Taught { planned, plan: teacher, dataset, stage, output, warnings: about_teacher } =
-        lesson.begin(dataset, &mut how, &mut files)?;
-    let Planned { dataset: photos, options, paced } = planned;
-    let dataset = dataset.as_ref().unwrap_or(&photos);
-    let plan = paced.as_ref().map(|paced| paced.pace.summary());
-    warnings.extend(from.iter().flat_map(|scene| &scene.warnings).chain(&dataset.warnings).cloned());
-    warnings.extend(about_teacher);
-    let run = TrainRun::new(dataset, &options).with_dataset_options(&how);
-    let (force_resume, began) = (args.force_resume, Some(clock));
-    let run = TrainRun { outputs, from, resume: point, paced, began, force_resume, ..run };
-    let OpenRun { run, card, warnings: about_backend } = run.start_at(&args.backend_options)?;
-    warnings.extend(about_backend);
-    warnings.extend(run.differences().iter().map(|difference| format!("resumed although {difference}")));
-    let triangles = run.triangles();
-    let steps = run.steps();
-    let bar = Bar::new(global, options.steps, steps, args.log.as_deref(), run.curve())?;
-    let mut bar = bar.watched(&photos, watcher);
+    let teacher_file = teacher_args::beside(&args.output);
+    let job = TrainJob {
+        dataset,
+        dataset_options: how,
+        options,
+        from,
+        teacher: args.teacher.teacher.clone(),
+        teacher_share: args.teacher.teacher_share,
+        teacher_file: Some(teacher_file.clone()),
+        budget: args.budget.map(Budget::cpu).or_else(|| args.budget_wall.map(Budget::wall)),
+        began: Some(clock),
+        backend: args.backend_options.clone(),
+        outputs,
+        resume: point,
+        force_resume: args.force_resume,
+    };
+    if job.teacher.is_none() && job.teacher_plan() == TeacherPlan::Train {
+        // One that was asked for is claimed already.
+        teacher_files(&teacher_file).iter().try_for_each(|path| files.claim("--teacher", path))?;
+    }
+    let mut preparation = Preparation::new(global, &mut files, teacher_files(&teacher_file));
+    let ready = job.prepare(&mut preparation);
+    let teacher_output = preparation.done();
+    let ready = ready?;
+    let (plan, notes) = (ready.budget_summary(), ready.notes());
+    let ReadyTrain { dataset, photos, teacher, warnings: about_inputs, start, .. } = ready;
+    let OpenRun { run, card, warnings: about_start } = start.open(&dataset)?;
+    warnings.extend(about_inputs);
+    warnings.extend(about_start);
+    let (triangles, steps) = (run.triangles(), run.steps());
+    let bar = Bar::new(global, run.options().steps, steps, args.log.as_deref(), run.curve())?;
+    let mut bar = bar.watched(photos.as_ref().unwrap_or(&dataset), watcher);
     if let Some(card) = card {
         bar.line(&format!("training on {card}"));
         bar.say_rate(steps);
@@ -89,27 +100,19 @@ pub fn run(
     }
     plan.iter().for_each(|plan| bar.line(plan));
     let trained = run.finish(&mut bar)?;
-    let mut report = report(args, &teacher, &trained, warnings);
-    report.outputs.extend(output);
-    report.stages.extend(stage);
-    report.stages.push(trained.stage(triangles, clock.elapsed().as_secs_f64()));
+    let mut report = notes.report(&trained, triangles, Vec::new());
+    let read = args.from.as_deref().into_iter().chain(teacher.input()).chain(args.dataset.as_deref());
+    report.inputs = read.map(|path| path.display().to_string()).collect();
+    report.warnings = warnings;
+    report.outputs.extend(teacher_output);
     write(args, &trained, report, clock, &mut files, &mut bar)?;
     let lost = bar.done();
     summary(args, &teacher, &trained, &mut bar);
     if let (true, Some(checkpoint)) = (trained.stopped, &trained.checkpoint) {
         let command = resume::command(matches, args, checkpoint);
-        bar.line(&format!("stopped early; to go on: {command}"));
+        bar.line(&format!("stopped early; to continue: {command}"));
     }
     ended(args, &trained, &lost)
-}
-
-/// What the run did, but for its stages.
-fn report(args: &TrainArgs, teacher: &TeacherPlan, trained: &Trained, warnings: Vec<String>) -> Report {
-    let mut report = Report::new("train");
-    let read = args.from.as_deref().into_iter().chain(teacher.input()).chain(args.dataset.as_deref());
-    report.inputs = read.map(|path| path.display().to_string()).collect();
-    report.options = serde_json::to_value(&trained.options).unwrap_or_default();
-    Report { warnings, ..report }
 }
 
 /// How the program ends: with success, as one that was stopped, or with what is missing beside the scene.
@@ -137,7 +140,7 @@ fn checkpoint_to_resume(args: &TrainArgs, matches: &ArgMatches) -> Result<(Optio
     let (checkpoint, warnings) = match path.is_dir() {
         true => {
             let (newest, checkpoint, broken) = rotation::newest(path)?;
-            let broken = broken.iter().map(|error| format!("{error}; going on from {}", newest.display()));
+            let broken = broken.iter().map(|error| format!("{error}; resuming from {}", newest.display()));
             (checkpoint, broken.collect())
         }
         false => (checkpoint::read(path)?, Vec::new()),
@@ -181,13 +184,15 @@ fn outputs(args: &TrainArgs) -> RunOptions {
 }
 
 /// Preset, then config file, then `--set`, then the flags really typed.
-fn resolve(args: &TrainArgs, matches: &ArgMatches) -> Result<TrainOptions> {
-    let config = args.config.as_deref();
+fn resolve(args: &TrainArgs, matches: &ArgMatches) -> Result<Layered<TrainOptions>> {
     let preset = if args.from.is_some() { TrainOptions::from_scene } else { TrainOptions::preset };
-    let limits = &args.dataset_options.limits;
-    let layers = Layers { config, limits, sets: &args.sets, typed: &args.options, matches };
-    let options = layers.resolve(args.options.preset, preset)?;
-    options.validate()?;
+    let layers = Layers::default().settings(&args.sets).given(layers::typed(&args.options, matches)?);
+    let layers = match &args.config {
+        Some(path) => layers.file(path, &args.dataset_options.limits)?,
+        None => layers,
+    };
+    let options = layers.resolve(preset)?;
+    options.options.validate()?;
     Ok(options)
 }
 
@@ -201,19 +206,25 @@ fn guard(args: &TrainArgs, outputs: &RunOptions) -> Result<Outputs> {
             "a name that ends with .ply; bake turns it into .glb",
         ));
     }
-    // One that nobody asked for is claimed when the photos are counted.
-    let teacher = args.teacher.asked(out, args.resume.is_some());
-    let [read, trained] =
-        [TeacherPlan::input, TeacherPlan::output].map(|file| teacher.as_ref().and_then(file));
+    // One that comes by default is claimed when the photos are counted.
+    let teacher_file = teacher_args::beside(out);
+    let plan = |source| TeacherPlan::asked(source, args.resume.is_some(), Some(&teacher_file));
+    let teacher = args.teacher.teacher.as_ref().map(plan);
+    let read = teacher.as_ref().and_then(TeacherPlan::input);
+    let trained = match teacher {
+        Some(TeacherPlan::Train) => teacher_files(&teacher_file),
+        _ => Vec::new(),
+    };
     let inputs = args.from.as_deref().into_iter().chain(read).chain(args.config.as_deref());
     let mut files = Outputs::new(inputs, args.force).with_dataset(args.dataset.as_deref());
     args.resume.iter().for_each(|path| files.add_input(path));
     files.claim("--output", out)?;
     let [report, curve] = [&args.report, &args.curve].map(Option::as_deref);
-    for (option, path) in [("--teacher", trained), ("--report", report), ("--curve", curve)] {
+    trained.iter().try_for_each(|path| files.claim("--teacher", path))?;
+    for (option, path) in [("--report", report), ("--curve", curve)] {
         path.map_or(Ok(()), |path| files.claim(option, path))?;
     }
-    // A run that goes on adds to its log and replaces its own checkpoint.
+    // A resumed run adds to its log and replaces its own checkpoint.
     args.resume.iter().for_each(|path| files.remove_input(path));
     let goes_on = args.force || args.resume.is_some();
     files.replacing(goes_on);
@@ -274,6 +285,18 @@ fn save_curve(mut file: AtomicFile, trained: &Trained) -> Result<u64> {
     file.commit()
 }
 
+/// What to type next: the bake of what was written.
+fn next_command(args: &TrainArgs, solid: bool) -> String {
+    let quoted = |path: &Path| {
+        let text = path.display().to_string();
+        if text.contains(char::is_whitespace) { format!("'{text}'") } else { text }
+    };
+    let photos = args.dataset.as_deref().map_or(String::new(), |path| format!(" --dataset {}", quoted(path)));
+    let harden = if solid { "" } else { " --harden" };
+    let file = quoted(args.output.with_extension("glb").as_path());
+    format!("next: trisplat bake {}{photos}{harden} -o {file}", quoted(args.output.as_path()))
+}
+
 fn summary(args: &TrainArgs, teacher: &TeacherPlan, trained: &Trained, bar: &mut Bar) {
     let out = args.output.display();
     let triangles = HumanCount(trained.soup.len() as u64);
@@ -292,6 +315,7 @@ fn summary(args: &TrainArgs, teacher: &TeacherPlan, trained: &Trained, bar: &mut
         &format!("wrote {out}: {triangles} triangles, {steps} steps, {cpu_secs:.1} CPU s{held_out}"),
         trained,
     );
+    bar.line(&next_command(args, is_solid(&trained.soup)));
     if !is_solid(&trained.soup) {
         bar.line(
             "the scene is soft, for research; `trisplat bake --harden` makes a file of it that looks like it",
@@ -301,8 +325,11 @@ fn summary(args: &TrainArgs, teacher: &TeacherPlan, trained: &Trained, bar: &mut
         (trained.budget(), trained.stopped)
     {
         let spent = Seconds(spent_secs);
-        let teacher = teacher.output().or(teacher.input());
-        let teacher = teacher.map_or(String::new(), |path| format!(" --teacher {}", path.display()));
+        let teacher = match teacher {
+            TeacherPlan::Without(_) => String::new(),
+            TeacherPlan::Read(path) => format!(" --teacher {}", path.display()),
+            TeacherPlan::Train => format!(" --teacher {}", teacher_args::beside(&args.output).display()),
+        };
         bar.line(&format!(
             "spent {spent} of the budget {budget}; the same run without it: {repeat}{teacher}"
         ));

@@ -44,7 +44,7 @@ impl FromStr for BlockAddress {
         let parts = text.rsplit_once(':').and_then(|(plan, index)| Some((plan, index.parse().ok()?)));
         match parts.filter(|(plan, _)| !plan.is_empty()) {
             Some((plan, index)) => Ok(Self { plan: plan.into(), index }),
-            None => Err("wants a plan and the number of a block, as in city/manifest.json:17".to_owned()),
+            None => Err("expected a plan and the number of a block, as in city/manifest.json:17".to_owned()),
         }
     }
 }
@@ -99,7 +99,7 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FILE")]
     pub checkpoint: Option<PathBuf>,
     /// Write a checkpoint every N steps; 0: only when stopped with Ctrl-C or SIGTERM.
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..=1_000_000_000))]
     pub checkpoint_every: u64,
     /// Keep the last K checkpoints; above 1 each has its number of steps in its name, as in OUT.step-00000500.checkpoint.
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
@@ -108,10 +108,10 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FILE")]
     pub log: Option<PathBuf>,
     /// Steps between samples; 0: a hundred samples per run.
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..=1_000_000_000))]
     pub log_every: u64,
     /// Evaluate on the held-out photos every N steps, not counted as training; 0: only at the end.
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..=1_000_000_000))]
     pub eval_every: u64,
     /// Write what the run did as JSON (schema: trisplat schema report).
     #[arg(long, value_name = "FILE")]
@@ -154,6 +154,6 @@ pub struct TrainArgs {
 const LONGEST: f64 = 1e9;
 
 fn seconds(text: &str) -> Result<f64, String> {
-    let wants = || format!("wants seconds, 0 to {LONGEST:.0}");
+    let wants = || format!("expected seconds, 0 to {LONGEST:.0}");
     text.parse().ok().filter(|secs| (0.0..=LONGEST).contains(secs)).ok_or_else(wants)
 }

@@ -5,7 +5,7 @@ use super::files;
 use super::signals;
 use super::train_args::{BlockAddress, TrainArgs};
 use super::train_progress::Bar;
-use crate::atomic::AtomicFile;
+use crate::atomic::{self, AtomicFile};
 use crate::error::{Error, Result};
 use crate::scale::Task;
 use crate::train::device::OpenRun;
@@ -28,11 +28,13 @@ pub(super) fn run(args: &TrainArgs, block: &BlockAddress, global: &Global) -> Re
         }
     };
     if done.is_file() && !args.force {
-        say(format!("{} is there already", done.display()))?;
+        // A run that was killed behind its last rename leaves it.
+        let _ = std::fs::remove_file(task.checkpoint());
+        say(format!("{} already exists", done.display()))?;
         return Ok(ExitCode::SUCCESS);
     }
     // Tried before any work: another process that trains this block has it.
-    let file = AtomicFile::create(&done)?;
+    let mut set = AtomicFile::create_all(&[&task.figures(), &done])?;
     let (dataset, cameras) = task.dataset(args.dataset.as_deref())?;
     let preview = args
         .preview
@@ -49,13 +51,16 @@ pub(super) fn run(args: &TrainArgs, block: &BlockAddress, global: &Global) -> Re
     let trained = run.finish(&mut bar)?;
     let lost = bar.done();
     if trained.stopped {
-        drop(file);
+        drop(set);
         return stopped(&trained, &bar, lost);
     }
     let figures = task.figures_of(&trained);
     let trained = task.finished(trained, cameras);
-    files::save_json(&figures, AtomicFile::create(&task.figures())?)?;
-    trained.save_to(file)?;
+    if let [told, scene] = &mut set[..] {
+        files::print_json(&figures, told).map_err(|e| Error::io(task.figures(), e))?;
+        trained.write_to(scene)?;
+    }
+    atomic::publish(set)?;
     // The result is there: where it stood before is of no use.
     let _ = std::fs::remove_file(task.checkpoint());
     bar.line(&format!(
@@ -73,7 +78,7 @@ pub(super) fn run(args: &TrainArgs, block: &BlockAddress, global: &Global) -> Re
 fn stopped(trained: &Trained, bar: &Bar, lost: Vec<String>) -> Result<ExitCode> {
     match &trained.checkpoint {
         Some(checkpoint) => {
-            bar.line(&format!("stopped at {}; the same command goes on", checkpoint.display()));
+            bar.line(&format!("stopped at {}; the same command continues", checkpoint.display()));
             Ok(signals::exit_code().map_or(ExitCode::SUCCESS, ExitCode::from))
         }
         None => {

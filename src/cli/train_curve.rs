@@ -1,7 +1,7 @@
 //! The curve of a run as a picture: PSNR and triangles over CPU seconds.
 
-use crate::bench::plot::short;
 use crate::error::{Error, Result};
+use crate::math::short::short;
 use crate::train::TrainSample;
 use plotters::prelude::*;
 use std::path::Path;

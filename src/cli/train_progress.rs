@@ -14,7 +14,7 @@ use std::fs::File;
 use std::io::{BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
-/// Somebody else who watches a run.
+/// Another observer of a run.
 pub trait Watcher: TrainObserver {
     /// The run is on these photos.
     fn begun(&mut self, dataset: &Dataset);
@@ -74,10 +74,11 @@ impl Bar {
         self.rate_from = Some(done);
     }
 
-    /// As it is, with somebody else who watches the run on `dataset`.
-    pub fn watched(self, dataset: &Dataset, mut watcher: Option<Box<dyn Watcher>>) -> Self {
+    /// The same with another observer of the run on `dataset`.
+    pub fn watched(mut self, dataset: &Dataset, mut watcher: Option<Box<dyn Watcher>>) -> Self {
         watcher.iter_mut().for_each(|watcher| watcher.begun(dataset));
-        Self { watcher, ..self }
+        self.watcher = watcher;
+        self
     }
 
     /// Prints a line above the bar; nothing when quiet.
@@ -138,6 +139,15 @@ fn write_line(log: &mut dyn Write, sample: &TrainSample) -> std::io::Result<()> 
     log.flush()
 }
 
+/// A run that failed leaves no bar behind either.
+impl Drop for Bar {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
 impl TrainObserver for Bar {
     fn stepped(&mut self, sample: &TrainSample) {
         if let Some(from) = self.rate_from.filter(|_| sample.wall_secs >= RATE_SECS) {
@@ -168,7 +178,7 @@ impl TrainObserver for Bar {
             // Once is enough, and half a log with holes in it is worth less than its first half.
             let error = Error::io(&*path, e);
             self.log = None;
-            self.note_lost(&error, "the training goes on without a log");
+            self.note_lost(&error, "the training continues without a log");
         }
     }
 
@@ -183,7 +193,7 @@ impl TrainObserver for Bar {
     }
 
     fn lost(&mut self, error: &Error) {
-        self.note_lost(error, "the training goes on");
+        self.note_lost(error, "the training continues");
     }
 
     fn refined(&mut self, step: u64, r: &Refined) {

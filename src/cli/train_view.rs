@@ -51,7 +51,7 @@ enum News {
     Ended(Box<Loaded>, String),
 }
 
-/// Trains on a thread of its own, as the window wants this one.
+/// Trains on a thread of its own, because the window needs this one.
 ///
 /// Errors: no window can be opened; those of the training.
 pub(super) fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<ExitCode> {
@@ -152,7 +152,7 @@ impl Watcher for SceneWatcher {
     }
 
     fn ended(&mut self, what: &str, scene: Loaded) {
-        // Who asked the program to end does not want to look at it any longer.
+        // A user who ended the program has closed the window too.
         if signals::exit_code().is_none() {
             self.tell(News::Ended(Box::new(scene), what.to_owned()));
         }

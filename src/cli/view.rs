@@ -3,8 +3,6 @@
 use crate::asset::{Asset, Placement};
 use crate::atomic::AtomicFile;
 use crate::bake::bvh::{BvhDetails, BvhOptions, bvh};
-use crate::bench::baked_scene::BakedScene;
-use crate::bench::scene_renderer::SceneRenderer;
 use crate::camera::Camera;
 use crate::dataset::{Dataset, DatasetOptions, View};
 use crate::error::{Error, Result};
@@ -12,6 +10,8 @@ use crate::formats;
 use crate::gpu::AdapterOptions;
 use crate::placed;
 use crate::region::Region;
+use crate::render::baked_scene::BakedScene;
+use crate::render::scene_renderer::SceneRenderer;
 use crate::scene::Loaded;
 use crate::view::window::{
     self, SceneFiles, SceneLoader, SoupSource, WindowOptions, WindowPhoto, WindowScene,
@@ -31,7 +31,7 @@ pub struct ViewArgs {
     #[arg(long, value_name = "DATASET")]
     pub dataset: Option<PathBuf>,
     /// Width and height of the window, px.
-    #[arg(long, default_value = "1280x720", value_name = "WxH", value_parser = crate::bench::fps::size)]
+    #[arg(long, default_value = "1280x720", value_name = "WxH", value_parser = crate::image::parse_size)]
     pub size: UVec2,
     /// Samples per pixel at edges (MSAA): 1 or 4.
     #[arg(long, default_value_t = 4, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4))]
@@ -57,7 +57,7 @@ pub struct ViewArgs {
 /// 60 as frames per second.
 fn fps(text: &str) -> std::result::Result<f64, String> {
     let number: Option<f64> = text.parse().ok();
-    number.filter(|fps| (1.0..=1000.0).contains(fps)).ok_or_else(|| "wants 1 to 1000".to_owned())
+    number.filter(|fps| (1.0..=1000.0).contains(fps)).ok_or_else(|| "expected 1 to 1000".to_owned())
 }
 
 /// Opens the window; returns when it is closed.

@@ -67,7 +67,7 @@ fn photo_root(root: &Path, options: &DatasetOptions) -> Result<PathBuf> {
         Some(folder) => Ok(folder.to_owned()),
         None => Err(Error::unsupported(
             root.join(&options.images),
-            "is not there; put the photos of the COLMAP model into it, or name their folder with `images`",
+            "does not exist; put the photos of the COLMAP model into it, or name their folder with `images`",
         )),
     }
 }

@@ -45,7 +45,7 @@ pub(super) fn rotation(wxyz: [f64; 4]) -> Option<DMat3> {
 const CAMERA_MODELS: [(&str, usize); 5] =
     [("SIMPLE_PINHOLE", 3), ("PINHOLE", 4), ("SIMPLE_RADIAL", 4), ("RADIAL", 5), ("OPENCV", 8)];
 
-/// Models whose undistortion is left to COLMAP.
+/// Models that COLMAP must undistort.
 const OTHER_MODELS: [&str; 7] = [
     "OPENCV_FISHEYE",
     "FULL_OPENCV",
@@ -76,7 +76,7 @@ pub(super) fn lens(path: &Path, model: &str, size: [u64; 2], params: &[f64]) -> 
     let wrong = |reason: String| Error::malformed(path, format!("{model} camera"), reason);
     let want = parameter_count(path, model)?;
     if params.len() != want {
-        return Err(wrong(format!("has {} parameters, wants {want}", params.len())));
+        return Err(wrong(format!("has {} parameters, expected {want}", params.len())));
     }
     let side = |pixels: u64| u32::try_from(pixels).ok().filter(|p| (1..=1 << 20).contains(p));
     let (Some(width), Some(height)) = (side(size[0]), side(size[1])) else {

@@ -65,7 +65,7 @@ impl LensClaim {
         let focal = match (side(0), side(1)) {
             (Some(x), Some(y)) => DVec2::new(x, y),
             (Some(f), None) | (None, Some(f)) => DVec2::splat(f),
-            (None, None) => return Err("no focal length: wants fl_x or camera_angle_x".into()),
+            (None, None) => return Err("no focal length: expected fl_x or camera_angle_x".into()),
         };
         let center = DVec2::new(self.center[0].unwrap_or(half.x), self.center[1].unwrap_or(half.y));
         let lens = Lens { size, focal, center, distortion: self.distortion };
@@ -73,7 +73,7 @@ impl LensClaim {
         if !(focal.min_element() > 0.0 && focal.is_finite() && center.is_finite())
             || numbers.iter().any(|k| !k.is_finite())
         {
-            return Err(format!("focal {focal}, center {center}: wants finite numbers, focal > 0"));
+            return Err(format!("focal {focal}, center {center}: expected finite numbers, focal > 0"));
         }
         Ok(lens)
     }

@@ -49,6 +49,7 @@ impl Dataset {
 
 /// Reads the files at `path`, whichever kind they are.
 fn find(path: &Path, options: &DatasetOptions) -> Result<Found> {
+    options.validate()?;
     let meta = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
     if meta.is_file() {
         if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
@@ -64,7 +65,7 @@ fn find(path: &Path, options: &DatasetOptions) -> Result<Found> {
     }
     Err(Error::unsupported(
         path,
-        "holds no posed photos: wants a COLMAP model (sparse/0 with cameras, images and points3D as .bin or \
+        "holds no posed photos: expected a COLMAP model (sparse/0 with cameras, images and points3D as .bin or \
          .txt) or a transforms.json; run COLMAP on the photos first",
     ))
 }
@@ -148,13 +149,13 @@ fn open_views(found: &mut Found, origin: DVec3, options: &DatasetOptions) -> Res
     if let Some((photo, error)) = broken.first() {
         let broken = format!("{} missing or broken", count(broken.len()));
         if !options.skip_broken {
-            let reason = format!("{error}; {broken}: repair them, or go on without with `skip_broken`");
+            let reason = format!("{error}; {broken}: repair them, or skip them with `skip_broken`");
             return Err(Error::malformed(&found.list, format!("photo `{}`", photo.name), reason));
         }
         found.warnings.push(format!("{broken} and left out, first {error}"));
     }
     if views.is_empty() {
-        return Err(Error::unsupported(&found.list, "no photo is left; a data set wants at least one"));
+        return Err(Error::unsupported(&found.list, "no photo is left; a data set needs at least one"));
     }
     Ok(views)
 }
@@ -180,6 +181,12 @@ fn open_view(found: &FoundPhoto, origin: DVec3, options: &DatasetOptions) -> Res
         size,
     };
     camera.validate(&options.limits).map_err(|e| at_fault(e.to_string()))?;
+    // An opacity is a mask that the photo brings along.
+    let cut = match (&found.mask, options.masks) {
+        (Some(_), masks) => masks == Masks::Cut,
+        (None, Masks::Off) => false,
+        (None, _) => Pixels::has_alpha(&found.path, &options.limits)?,
+    };
     let photo = Photo {
         path: found.path.clone(),
         mask: found.mask.clone(),
@@ -190,6 +197,7 @@ fn open_view(found: &FoundPhoto, origin: DVec3, options: &DatasetOptions) -> Res
         masks: options.masks,
         limits: options.limits,
         drawn: None,
+        cut,
         crop: None,
     };
     if options.skip_broken {

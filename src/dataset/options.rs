@@ -1,7 +1,9 @@
 //! What of a data set to use, and how: declared once for the library, the flags and the config file.
 
+use crate::error::Result;
 use crate::formats::ReadOptions;
 use crate::limits::Limits;
+use crate::ranges::{self, Called};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -15,7 +17,7 @@ use std::str::FromStr;
 #[cfg_attr(feature = "cli", command(next_help_heading = "Data set"))]
 pub struct DatasetOptions {
     /// Shrink photos whose longer side is above this, by area; px.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(1..)))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(1..=65_535)))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_size: Option<u32>,
     /// Hold out every Nth photo by name (the 1st, the N+1st, ...) where the data set names no split of
@@ -28,7 +30,8 @@ pub struct DatasetOptions {
     /// Folder of the photos, relative to the data set; COLMAP models name them relative to it.
     #[cfg_attr(feature = "cli", arg(long, value_name = "FOLDER", default_value = "images"))]
     pub images: PathBuf,
-    /// What to do with the pictures in the folder `masks`, and with the `mask_path` of a frame.
+    /// What to do with the pictures in the folder `masks`, and with the `mask_path` of a frame. Photos with transparent pixels bring
+    /// a mask along that cuts, unless this is `off`.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub masks: Masks,
     /// What is behind transparent pixels: black, white or #rrggbb.
@@ -48,6 +51,11 @@ pub struct DatasetOptions {
 }
 
 impl DatasetOptions {
+    /// Checks the ranges.
+    pub fn validate(&self) -> Result<()> {
+        ranges::check("", self, Called::ByFlag)
+    }
+
     /// Memory for decoded photos, bytes.
     pub fn photo_bytes(&self) -> u64 {
         u64::from(self.photo_memory_mib) << 20
@@ -83,9 +91,9 @@ pub enum Masks {
     /// Black pixels do not count: anything may be drawn there.
     #[default]
     Ignore,
-    /// Black pixels show the background: nothing may be drawn there.
+    /// Black pixels are cut out: nothing may be drawn there.
     Cut,
-    /// Masks are not read.
+    /// Masks are not read, and what is transparent shows the background.
     Off,
 }
 
@@ -104,7 +112,7 @@ impl Background {
 impl FromStr for Background {
     type Err = String;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
         let hex = match text {
             "black" => "000000",
             "white" => "ffffff",
@@ -114,7 +122,7 @@ impl FromStr for Background {
             Ok(rgb) if hex.len() == 6 && hex.bytes().all(|b| b.is_ascii_hexdigit()) => {
                 Ok(Self([(rgb >> 16) as u8, (rgb >> 8) as u8, rgb as u8]))
             }
-            _ => Err(format!("`{text}` is not a colour: wants black, white or #rrggbb")),
+            _ => Err(format!("`{text}` is not a colour: expected black, white or #rrggbb")),
         }
     }
 }
@@ -132,7 +140,7 @@ impl fmt::Display for Background {
 impl TryFrom<String> for Background {
     type Error = String;
 
-    fn try_from(text: String) -> Result<Self, String> {
+    fn try_from(text: String) -> std::result::Result<Self, String> {
         text.parse()
     }
 }

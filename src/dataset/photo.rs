@@ -27,6 +27,8 @@ pub struct Photo {
     /// How much is taken from its files.
     pub limits: Limits,
     pub(super) drawn: Option<Drawn>,
+    /// It shows an object before nothing: what its alpha, or its mask, leaves of it.
+    pub(super) cut: bool,
     /// The part of it that is wanted.
     pub(super) crop: Option<Crop>,
 }
@@ -83,6 +85,7 @@ impl Photo {
             masks: Masks::Off,
             limits: Limits::DEFAULT,
             drawn: Some(drawn),
+            cut: false,
             crop: None,
         }
     }
@@ -94,8 +97,14 @@ impl Photo {
         Self { crop: Some(Crop { corner, whole }), size, ..self.clone() }
     }
 
-    /// The photo as training wants it: blended with the background, masked, undistorted, shrunk.
-    /// `alpha` is then the weight of each pixel in the loss, `None` where all count.
+    /// True of a photo of an object without background: it has transparent pixels, or a mask that cuts.
+    pub fn is_cut(&self) -> bool {
+        self.cut
+    }
+
+    /// The photo as training uses it: blended with the background, masked, undistorted, shrunk.
+    /// `alpha` is then the weight of each pixel in the loss, `None` where all count. In a [cut](Photo::is_cut) photo it is the share of
+    /// the pixel that the object covers, and the colours are over black.
     pub fn decode(&self) -> Result<Pixels> {
         let whole = match &self.drawn {
             Some(Drawn::Held(pixels)) => Pixels::clone(pixels),
@@ -114,14 +123,18 @@ impl Photo {
     fn decode_file(&self) -> Result<Pixels> {
         let mut pixels = Pixels::load_within(&self.path, &self.limits)?;
         self.check_size(&self.path, pixels.size)?;
-        pixels = pixels.over(self.background.0);
+        if self.mask.is_some() || !self.cut {
+            pixels = pixels.over(self.background.0);
+        }
         if let Some(mask) = &self.mask {
             let (size, weights) = Pixels::load_mask(mask, &self.limits)?;
             self.check_size(mask, size)?;
             pixels.alpha = Some(weights);
-            if self.masks == Masks::Cut {
-                pixels = pixels.over(self.background.0);
-            }
+        }
+        if self.cut {
+            // Over black, so that shrinking and undistorting mix no colour in that nobody sees.
+            let alpha = pixels.alpha.clone();
+            pixels = Pixels { alpha, ..pixels.over([0; 3]) };
         }
         if let Some(undistort) = &self.undistort {
             pixels = undistort.apply(&pixels);

@@ -6,13 +6,14 @@
 use super::photo::Photo;
 use super::picture_file::{PictureFile, StoredPicture};
 use crate::error::{Error, Result};
+use crate::guard::guarded;
 use crate::image::Pixels;
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
 /// Threads that decode. Each may hold one photo beyond the budget: that which it decodes, at full size, or has decoded and
-/// nobody has taken yet. So training does not wait for the disk, however small the budget is.
+/// not handed over yet. So training does not wait for the disk, however small the budget is.
 const WORKERS: usize = 2;
 /// So near the front of the queue a photo that is taken is looked for: it is wanted once more later.
 const SOON: usize = 8;
@@ -166,7 +167,9 @@ impl Loader {
             drop(state);
             let cached = cached.and_then(|place| self.cache.get(place).ok());
             let decodes = cached.is_none() && !self.photos[i].is_stored();
-            let pixels = cached.map_or_else(|| self.photos[i].decode(), Ok);
+            let photo = &self.photos[i];
+            // A worker that panicked would leave who waits for the photo waiting.
+            let pixels = cached.map_or_else(|| guarded(&photo.path, || photo.decode()), Ok);
             // Once, and outside the lock: it reads every byte.
             let digest = digest.or_else(|| pixels.as_ref().ok().map(Pixels::digest));
             state = self.lock();
@@ -252,6 +255,7 @@ mod tests {
                 masks,
                 limits: crate::limits::Limits::DEFAULT,
                 drawn: None,
+                cut: false,
                 crop: None,
             }
         };

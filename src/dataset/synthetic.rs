@@ -8,7 +8,7 @@ use super::lens::{Distortion, Lens};
 use super::synthetic_scene::{Ray, SurfaceHit, trace, visible};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
-use crate::image::Image;
+use crate::image::{Image, Pixels};
 use crate::rng::Rng;
 use glam::{DMat3, DVec2, DVec3, UVec2, Vec2};
 use rayon::prelude::*;
@@ -29,16 +29,19 @@ pub struct SyntheticOptions {
     #[cfg_attr(feature = "cli", arg(long, value_name = "PX", default_value_t = 160, value_parser = clap::value_parser!(u32).range(4..=8192)))]
     pub width: u32,
     /// Points of the sparse cloud.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 1500))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 1500, value_parser = clap::value_parser!(u32).range(0..=10_000_000)))]
     pub points: u32,
     /// Seed of the camera jitter and of the points.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 0))]
     pub seed: u64,
+    /// Show what stands on the ground alone, in photos that are transparent around it.
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub transparent: bool,
 }
 
 impl Default for SyntheticOptions {
     fn default() -> Self {
-        Self { views: 40, width: 160, points: 1500, seed: 0 }
+        Self { views: 40, width: 160, points: 1500, seed: 0, transparent: false }
     }
 }
 
@@ -57,8 +60,11 @@ pub fn write(folder: &Path, options: &SyntheticOptions) -> Result<()> {
     write_poses(folder, options)?;
     let images = folder.join("images");
     std::fs::create_dir_all(&images).map_err(|e| Error::io(&images, e))?;
-    (0..options.views)
-        .try_for_each(|index| render(&camera(options, index)).save_png(&images.join(photo_name(index))))
+    (0..options.views).try_for_each(|index| {
+        let camera = camera(options, index);
+        let photo = if options.transparent { render_things(&camera) } else { render(&camera).to_pixels() };
+        photo.save_png(&images.join(photo_name(index)))
+    })
 }
 
 /// Writes all of [`write()`] but the photos.
@@ -109,6 +115,22 @@ pub fn render(camera: &Camera) -> Image {
         rgb.as_vec3().to_array()
     };
     Image { size: camera.size, pixels: places.map(pixel).collect() }
+}
+
+/// What a camera sees of the things alone: alpha is the share of 64 rays that meet one, and the colour the mean of theirs.
+pub fn render_things(camera: &Camera) -> Pixels {
+    let (rays, width) = (RayCamera::new(camera), camera.size.x);
+    let pixel = |i: u32| {
+        let at = |k: u32| DVec2::new(f64::from(k % 8) + 0.5, f64::from(k / 8) + 0.5) / 8.0;
+        let corner = DVec2::new(f64::from(i % width), f64::from(i / width));
+        let hits = (0..64).filter_map(|k| rays.trace(corner + at(k)).filter(|hit| hit.thing));
+        let (count, sum) = hits.fold((0u32, DVec3::ZERO), |(n, sum), hit| (n + 1, sum + hit.rgb));
+        let rgb = (255.0 * sum / f64::from(count.max(1))).round().as_u8vec3().to_array();
+        (rgb, (f64::from(count) * 255.0 / 64.0).round() as u8)
+    };
+    let pixels: Vec<([u8; 3], u8)> = (0..camera.size.element_product()).into_par_iter().map(pixel).collect();
+    let (rgb, alpha) = pixels.into_iter().unzip();
+    Pixels { size: camera.size, rgb, alpha: Some(alpha) }
 }
 
 /// What a pixel's rays saw.
@@ -231,7 +253,10 @@ fn track(options: &SyntheticOptions, lens: &Lens, images: &[ImageRow], id: u32) 
         let pixel = DVec2::new(rng.uniform_f64(1), rng.uniform_f64(2)) * size;
         let rays = RayCamera::new(&camera(options, first as u32));
         // The sky fills much of every photo, but a reconstruction finds few points there.
-        let hit = rays.trace(pixel).filter(|hit| !hit.sky || rng.uniform(3) < 0.15)?;
+        let wanted = |hit: &SurfaceHit| {
+            if options.transparent { hit.thing } else { !hit.sky || rng.uniform(3) < 0.15 }
+        };
+        let hit = rays.trace(pixel).filter(wanted)?;
         let position = (hit.position * 1e6).round() / 1e6;
         let mut observations = Vec::new();
         let mut error = 0.0;

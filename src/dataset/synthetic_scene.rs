@@ -11,12 +11,16 @@ pub struct SurfaceHit {
     pub distance: f64,
     /// World position.
     pub position: DVec3,
+    /// Unit normal of the surface, towards the ray's origin.
+    pub normal: DVec3,
     /// sRGB-encoded colour towards the ray's origin, in [0, 1].
     pub rgb: DVec3,
     /// Index of the object; objects differ in colour along their outlines.
     pub object: usize,
     /// True for the sky, which is painted on the inside of a large ball.
     pub sky: bool,
+    /// True for what stands on the ground.
+    pub thing: bool,
 }
 
 /// A ray from `origin` along `direction`, which need not have length 1.
@@ -95,11 +99,11 @@ pub fn trace(ray: Ray) -> Option<SurfaceHit> {
     let (object, (distance, outward, uv)) = nearest(ray)?;
     let position = ray.origin + ray.direction * distance;
     let Object { shape, paint, gloss } = OBJECTS[object];
+    let normal = if outward.dot(ray.direction) > 0.0 { -outward } else { outward };
     if matches!(shape, Shape::Sky { .. }) {
         let rgb = albedo(paint, uv, position);
-        return Some(SurfaceHit { distance, position, rgb, object, sky: true });
+        return Some(SurfaceHit { distance, position, normal, rgb, object, sky: true, thing: false });
     }
-    let normal = if outward.dot(ray.direction) > 0.0 { -outward } else { outward };
     let lit = normal.dot(SUN) > 0.0 && !shadowed(position + normal * 1e-6);
     let sun = if lit { normal.dot(SUN) } else { 0.0 };
     let mut rgb = albedo(paint, uv, position) * (AMBIENT + (1.0 - AMBIENT) * sun);
@@ -107,7 +111,8 @@ pub fn trace(ray: Ray) -> Option<SurfaceHit> {
         let mirrored = ray.direction.normalize().reflect(normal);
         rgb += DVec3::splat(gloss * mirrored.dot(SUN).max(0.0).powi(16));
     }
-    Some(SurfaceHit { distance, position, rgb: rgb.min(DVec3::ONE), object, sky: false })
+    let thing = !matches!(shape, Shape::Ground);
+    Some(SurfaceHit { distance, position, normal, rgb: rgb.min(DVec3::ONE), object, sky: false, thing })
 }
 
 /// True when nothing is between a point and an eye.

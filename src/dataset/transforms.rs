@@ -89,7 +89,7 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<Found> {
         warnings.extend(add_held_out(&mut frames, other, &root, options)?);
     }
     if frames.is_empty() {
-        return Err(Error::malformed(file, "frames", "is empty; a data set wants at least one photo"));
+        return Err(Error::malformed(file, "frames", "is empty; a data set needs at least one photo"));
     }
     let (list, reprojection) = (file.to_owned(), None);
     let (kind, photos) = (DatasetKind::Transforms, frames);
@@ -100,7 +100,7 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<Found> {
 fn read_points(file: &Path, ply: &Path, limits: &Limits) -> Result<Vec<FoundPoint>> {
     if !ply.exists() {
         let reason = format!(
-            "{} is not there; put it back, or remove the key to start from random points",
+            "{} does not exist; restore it, or remove the key to start from random points",
             ply.display()
         );
         return Err(Error::malformed(file, "ply_file_path", reason));
@@ -185,7 +185,7 @@ fn with_extension(path: PathBuf) -> PathBuf {
 
 /// World to camera from camera to world.
 fn pose(matrix: &[Vec<f64>]) -> std::result::Result<(DMat3, DVec3), String> {
-    let shape = "transform_matrix wants 3 or 4 rows of 4 finite numbers";
+    let shape = "transform_matrix must have 3 or 4 rows of 4 finite numbers";
     if !(3..=4).contains(&matrix.len()) || matrix.iter().any(|row| row.len() != 4) {
         return Err(shape.into());
     }

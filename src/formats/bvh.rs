@@ -126,7 +126,7 @@ pub fn read(mut source: Source) -> Result<(BvhHeader, Bvh)> {
         .map_err(|e| broken("JSON block", format!("{e}; bake the scene again")))?;
     let (promised, left) = (u64::from(header.nodes) * NODE_BYTES as u64, rest - u64::from(json_bytes));
     if promised != left {
-        return Err(broken("nodes", format!("wants {promised} bytes, the file has {left}")));
+        return Err(broken("nodes", format!("expected {promised} bytes, the file has {left}")));
     }
     let mut nodes = vec![CwBvhNode::default(); header.nodes as usize];
     fill(&mut source, bytemuck::cast_slice_mut(&mut nodes), "nodes")?;

@@ -94,7 +94,7 @@ fn check_file(path: &Path, format: Format, mut source: Source, options: &ReadOpt
         gltf::check(source.again()?, options, for_engines, &mut findings)?;
     }
     let (mut triangles, mut around) = (None, None);
-    // All of it is checked, so all of it is read, whatever `options` want of it.
+    // Everything is checked, so everything is read; `options` do not limit that.
     match read_as(inner, source.again()?, &ReadOptions { sh_degree: 3, ..*options }) {
         Ok(loaded) => {
             triangles = Some(loaded.scene.triangle_count() as u64);
@@ -108,7 +108,7 @@ fn check_file(path: &Path, format: Format, mut source: Source, options: &ReadOpt
     Ok(CheckedTile { triangles, findings: findings.list, bounds: around })
 }
 
-/// Lowest and highest corner of a scene, but for its backdrop.
+/// Lowest and highest corner of a scene without its backdrop.
 fn bounds(loaded: &Loaded) -> Option<[Vec3; 2]> {
     let count = loaded.scene.triangle_count().saturating_sub(loaded.provenance.backdrop as usize);
     let corners = (0..count).flat_map(|i| loaded.scene.corners(i)).map(|corner| [corner, corner]);

@@ -11,17 +11,17 @@ pub const MAX_CORNERS: usize = 1 << 12;
 
 /// The message about a face that is no triangle, where only triangles make sense.
 pub(super) fn not_a_triangle(corners: i64) -> String {
-    format!("has {corners} corners; wants triangles only: triangulate the mesh where it was made")
+    format!("has {corners} corners; expected triangles only: triangulate the mesh where it was made")
 }
 
-/// The number of corners of a face, if a face may have so many; the message about it otherwise.
+/// The number of corners of a face if it is within the limit; otherwise the message.
 pub(super) fn check_corners(corners: i64) -> Result<usize, String> {
     match usize::try_from(corners) {
         Ok(count @ 3..=MAX_CORNERS) => Ok(count),
         Ok(count @ 3..) => Err(format!(
-            "has {count} corners; the most we take is {MAX_CORNERS}: triangulate the mesh where it was made"
+            "has {count} corners; the limit is {MAX_CORNERS}: triangulate the mesh where it was made"
         )),
-        _ => Err(format!("has {corners} corners; wants 3 or more")),
+        _ => Err(format!("has {corners} corners; expected 3 or more")),
     }
 }
 
@@ -129,7 +129,7 @@ impl Triangles {
         out
     }
 
-    /// The corners of a mesh of so many vertices: nothing where they are 0, 1, 2, 3, ... and shared by no two triangles.
+    /// The corners of a mesh of `vertices`; empty where they are 0, 1, 2, 3, ... and no two triangles share one.
     pub(super) fn into_indices(self, vertices: usize) -> Vec<u32> {
         let unshared =
             self.indices.len() == vertices && self.indices.iter().enumerate().all(|(i, v)| i == *v as usize);
@@ -171,7 +171,7 @@ impl Cutter {
         Some(())
     }
 
-    /// True when no corner turns clockwise, but for rounding, and the outline goes around once.
+    /// True when no corner turns clockwise, except by rounding, and the outline goes around once.
     fn is_convex(&self) -> bool {
         let at = |i: usize| DVec2::from(self.plane[i % self.plane.len()]);
         let edges = (0..self.plane.len()).map(|i| at(i + 1) - at(i)).filter(|e| *e != DVec2::ZERO);

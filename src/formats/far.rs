@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 
 /// Below this distance along every axis positions are read as they are.
 const NEAR: f64 = 4096.0;
-/// So many times its own size a scene must be away from the origin: a millionth of the size is lost then.
+/// A scene farther from the origin than this many times its own size loses a millionth of the size.
 const TIMES_SIZE: f64 = 100.0;
 
 /// Bounds of positions that may be far from the origin.
@@ -26,7 +26,7 @@ impl Default for FarBounds {
 }
 
 impl FarBounds {
-    /// Takes in a position; one that is not finite is left to whoever drops it.
+    /// Adds a position; one that is not finite is ignored here and removed later.
     pub(super) fn add(&mut self, position: DVec3) {
         if position.is_finite() {
             (self.low, self.high) = (self.low.min(position), self.high.max(position));
@@ -103,7 +103,7 @@ pub(super) fn note_origin(loaded: &mut Loaded, origin: DVec3) {
     loaded.provenance.placement = loaded.provenance.placement.then(&moved);
     let [x, y, z] = origin.to_array();
     loaded.warnings.push(format!(
-        "the scene is far from the origin of its world: {x} {y} {z} is taken off every position, and kept in the file's placement"
+        "the scene is far from the origin of its world: {x} {y} {z} is subtracted from every position and stored in the file's placement"
     ));
 }
 

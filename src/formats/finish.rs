@@ -40,17 +40,10 @@ pub fn finish(path: &Path, loaded: Loaded) -> Result<Loaded> {
 /// Drops what is not finite and validates the rest; the first triangle that was dropped.
 fn drop_from_soup(soup: &mut Soup) -> Result<Option<usize>> {
     soup.validate_shape()?;
-    let k = soup.sh_count();
-    let finite = |i: usize| {
-        soup.vertices[i].iter().all(|v| v.is_finite())
-            && soup.opacity[i].is_finite()
-            && soup.sigma[i].is_finite()
-            && soup.sh[i * k..(i + 1) * k].iter().flatten().all(|x| x.is_finite())
-    };
-    let keep: Vec<bool> = (0..soup.len()).map(finite).collect();
-    soup.retain(|i| keep[i]);
+    let first = (0..soup.len()).find(|&i| !soup.is_finite(i));
+    soup.retain_finite();
     soup.validate()?;
-    Ok(keep.iter().position(|keep| !keep))
+    Ok(first)
 }
 
 /// Drops what is not finite, and vertices no face uses, and validates the rest; the first face dropped.
@@ -88,6 +81,7 @@ mod tests {
             sigma: vec![1.0; count],
             sh: vec![[0.1; 3]; 4 * count],
             sh_degree: 1,
+            ..Soup::default()
         }
     }
 

@@ -49,6 +49,9 @@ pub struct Info {
     /// Cameras of the photos it was trained on, where the file holds them.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub cameras: u64,
+    /// Triangles of the shell that closes a trained soup, its backdrop.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub shell: u64,
     /// The box around all triangles.
     pub bounds: BoundingBox,
     /// σ of a soup.
@@ -170,7 +173,7 @@ pub struct BakeInfo {
     pub dropped: serde_json::Map<String, serde_json::Value>,
 }
 
-/// What the file at `path` holds, and the scene itself, as far as `options` want it; `bake` is left to whoever can bake.
+/// What the file at `path` holds, and the parts of the scene that `options` ask for. The caller fills in `bake`.
 ///
 /// # Errors
 /// What reading reports.
@@ -188,6 +191,7 @@ pub fn info(path: &Path, options: &ReadOptions) -> Result<(Info, Loaded)> {
     info.path = path.display().to_string();
     (info.format, info.bytes, info.gltf) = (format, bytes, gltf);
     info.provenance = loaded.provenance.clone();
+    info.shell = loaded.scene.shell_count() as u64;
     info.cameras = loaded.cameras.len() as u64;
     info.warnings.clone_from(&loaded.warnings);
     Ok((info, loaded))
@@ -253,6 +257,7 @@ impl Info {
             indexed: false,
             sh_degree: None,
             cameras: 0,
+            shell: 0,
             bounds,
             sigma: None,
             opacity: None,
@@ -303,7 +308,7 @@ impl Distribution {
 }
 
 impl ColorStats {
-    /// Over colours of which each triangle has `corners`.
+    /// Over colours, `corners` per triangle.
     fn of(colors: impl Iterator<Item = [f32; 3]>, corners: u64) -> Self {
         let (mut sum, mut count, mut outside) = ([0.0f64; 3], 0u64, 0u64);
         let (mut min, mut max) = ([f32::MAX; 3], [f32::MIN; 3]);

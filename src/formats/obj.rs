@@ -93,7 +93,7 @@ impl ObjDraft {
             3 | 4 => self.uncolored += 1,
             6 | 7 if self.colors.is_empty() => self.colors.resize(self.positions.len(), [1.0; 3]),
             6 | 7 => {}
-            _ => return Err(format!("has {count} numbers; wants x y z or x y z r g b")),
+            _ => return Err(format!("has {count} numbers; expected x y z or x y z r g b")),
         }
         self.positions.push(DVec3::new(x, y, z));
         if count >= 6 {
@@ -121,7 +121,8 @@ impl ObjDraft {
     /// Vertex number from 0 of `5`, `5/1`, `5//1`, `5/1/1`, or `-1` for the latest vertex.
     fn corner(&mut self, word: &str, line: u64) -> std::result::Result<u32, String> {
         let vertex = word.split('/').next().unwrap_or_default().parse::<i64>();
-        let vertex = vertex.map_err(|_| format!("has the corner {:?}; wants a vertex number", clip(word)))?;
+        let vertex =
+            vertex.map_err(|_| format!("has the corner {:?}; expected a vertex number", clip(word)))?;
         let known = self.positions.len() as i64;
         let from_one = if vertex < 0 { known + 1 + vertex } else { vertex };
         if from_one > known && self.ahead.is_none_or(|(_, largest)| from_one > largest) {

@@ -7,7 +7,7 @@
 //! 3 0 1 2 62 51 51 255            number of corners, corners, and perhaps r g b [a]
 //! ```
 //!
-//! The format knows no σ and its exporter drops opacity, so triangles are taken as solid; an alpha
+//! The format has no σ and its exporter drops opacity, so triangles are taken as solid; an alpha
 //! below 1 at a face is kept as opacity.
 
 use super::channel::Clamped;
@@ -97,7 +97,7 @@ fn read_counts(source: &Source, lines: &mut Lines, limits: &Limits) -> Result<(u
     }
     let count = |at: usize| words.get(at).and_then(|word| word.parse::<u64>().ok());
     let (Some(vertices), Some(faces)) = (count(0), count(1)) else {
-        return Err(lines.error("wants the counts of vertices and faces, two whole numbers"));
+        return Err(lines.error("expected the counts of vertices and faces, two whole numbers"));
     };
     if faces == 0 {
         return Err(lines.error("promises 0 faces: there are no triangles in the file"));
@@ -126,7 +126,7 @@ fn advance(lines: &mut Lines, what: impl Fn() -> String) -> Result<()> {
 
 fn position(lines: &Lines, colors: &mut FileColors) -> std::result::Result<Vec3, String> {
     let mut words = lines.words();
-    let mut axis = || number(words.next().ok_or("wants x y z")?);
+    let mut axis = || number(words.next().ok_or("expected x y z")?);
     let position = Vec3::new(axis()?, axis()?, axis()?);
     colors.push(words)?;
     Ok(position)
@@ -143,7 +143,7 @@ fn read_corners(
     let count = words.next().unwrap_or_default();
     let count = count
         .parse::<i64>()
-        .map_err(|_| format!("starts with {:?}; wants the number of its corners", clip(count)))?;
+        .map_err(|_| format!("starts with {:?}; expected the number of its corners", clip(count)))?;
     let count = check_corners(count)?;
     corners.clear();
     for _ in 0..count {
@@ -184,7 +184,7 @@ impl FileColors {
         match count {
             0 => self.rows.push(None),
             3 | 4 => self.rows.push(Some(FileColor { rgb: [r, g, b], alpha: (count == 4).then_some(a) })),
-            _ => return Err(format!("has {count} numbers for its colour; wants r g b or r g b a")),
+            _ => return Err(format!("has {count} numbers for its colour; expected r g b or r g b a")),
         }
         self.any |= count > 0;
         Ok(())

@@ -12,11 +12,14 @@ use super::{bvh, gltf, html, obj, ply};
 use crate::asset::{Asset, Provenance};
 use crate::atomic::{AtomicFile, publish};
 use crate::error::{Error, Result};
+use crate::ranges::{self, Called};
 use crate::report::{Observer, Outcome, OutputReport, Report, StageDetails};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+
+pub use beside::Beside;
 
 /// Options of the files written.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -27,20 +30,17 @@ pub struct OutputOptions {
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = OutputTarget::Gltf))]
     pub target: OutputTarget,
     /// Quantise positions per chunk and compress with meshopt, where the target reads it.
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = OutputOptions::DEFAULT.compress, num_args = 0..=1, require_equals = true,
-          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL"))]
+    #[cfg_attr(feature = "cli", arg(skip = OutputOptions::DEFAULT.compress))]
     pub compress: bool,
     /// PLY: colours on faces and not on vertices; smaller, but fewer programs read it.
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = OutputOptions::DEFAULT.ply_face_colors, num_args = 0..=1, require_equals = true,
-          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL"))]
+    #[cfg_attr(feature = "cli", arg(skip = OutputOptions::DEFAULT.ply_face_colors))]
     pub ply_face_colors: bool,
     /// Write GLB files above 2 GiB, which Unity and browsers refuse.
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = OutputOptions::DEFAULT.allow_huge, num_args = 0..=1, require_equals = true,
-          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL"))]
+    #[cfg_attr(feature = "cli", arg(skip = OutputOptions::DEFAULT.allow_huge))]
     pub allow_huge: bool,
     /// 3D Tiles: most tiles in one tileset.json, 5 or more; of a larger tree, parts become tilesets of their own, which viewers load when
     /// they come near
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = OutputOptions::DEFAULT.tileset_tiles, value_name = "N"))]
+    #[cfg_attr(feature = "cli", arg(skip = OutputOptions::DEFAULT.tileset_tiles))]
     #[schemars(range(min = 5))]
     pub tileset_tiles: u32,
 }
@@ -59,21 +59,17 @@ impl OutputOptions {
 
     /// Checks the range of what has one.
     pub fn validate(&self) -> Result<()> {
-        match self.tileset_tiles {
-            // A tile and the four below it.
-            0..5 => Err(Error::invalid("tileset_tiles", self.tileset_tiles, "5 or more")),
-            _ => Ok(()),
-        }
+        ranges::check("output", self, Called::ByFlag)
     }
 
-    /// How the target wants its glTF; what the user should know goes into `details`.
+    /// The glTF options of the target; what the user should know goes into `details`.
     pub(crate) fn encoding(&self, details: &mut WriteDetails) -> GltfOptions {
         let encoding = self.target.encoding(self.compress);
         details.notes = Some(encoding.notes);
         GltfOptions { allow_huge: self.allow_huge, ..encoding.options }
     }
 
-    /// How our own page wants its glTF: it reads everything, so it is compressed, without loss unless
+    /// The glTF options of our own page: it reads everything, so it is compressed, without loss unless
     /// asked for.
     fn page_encoding(&self, details: &mut WriteDetails) -> GltfOptions {
         let other = !matches!(self.target, OutputTarget::Gltf | OutputTarget::Web);
@@ -88,7 +84,7 @@ impl OutputOptions {
 /// What was written of the scene itself; levels are not counted.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct WriteDetails {
-    /// What the target needs from whoever opens the file, one sentence each; absent for formats without targets.
+    /// What the user must do to open the file in the target, one sentence each; absent for formats without targets.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub notes: Option<Vec<String>>,
     /// Largest distance of a written position from its own, in units of the file; absent when none moved.
@@ -112,6 +108,7 @@ impl Default for OutputOptions {
 /// The formats that are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[non_exhaustive]
 pub enum OutputFormat {
     /// glTF 2.0 in one binary file.
     Glb,
@@ -348,8 +345,7 @@ impl SetWriter<'_> {
     fn tiles(&mut self, asset: &Asset, output: &Output, details: &mut WriteDetails) -> Result<TileFiles> {
         let mut file = self.started.take(&output.main)?;
         let encoding = self.options.encoding(details);
-        let (tiles, text) =
-            TileFiles::write(&output.main, asset, &encoding, self.options.tileset_tiles, file.is_dry())?;
+        let (tiles, text) = TileFiles::write(&mut file, asset, &encoding, self.options.tileset_tiles)?;
         file.write_all(text.as_bytes()).map_err(|e| Error::io(&output.main, e))?;
         self.written.push(file);
         Ok(tiles)
@@ -367,7 +363,8 @@ impl SetWriter<'_> {
             None => warnings = self.one(asset, output, details)?,
         }
         if let (Some(beside), Some(mesh)) = (&output.collision, &asset.collision) {
-            let provenance = Provenance { backdrop: 0, ..asset.provenance.clone() };
+            // Nobody looks at it.
+            let provenance = Provenance { backdrop: 0, viewpoint: None, ..asset.provenance.clone() };
             let collision = Asset { provenance, ..Asset::from(mesh.clone()) };
             warnings.extend(self.one(&collision, beside, &mut quiet)?);
         }

@@ -51,7 +51,12 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     // Cameras are single precision: what has some is near its origin already.
     let origin = if cameras.is_empty() { corners::origin(&tables.vertices)? } else { DVec3::ZERO };
     let scene = if is_soup {
-        Scene::Soup(soup::read(path, faces, &tables, origin, options)?)
+        let mut soup = soup::read(path, faces, &tables, origin, options)?;
+        if soup.shell.is_empty() {
+            let comments = header.comments.iter().map(String::as_str);
+            soup.set_shell(0..provenance::shell_of_comments(comments));
+        }
+        Scene::Soup(soup)
     } else {
         Scene::Mesh(mesh::read(path, &tables, origin, &options.limits, &mut warnings)?)
     };

@@ -38,6 +38,17 @@ pub(super) fn from_comments<'a>(
     Provenance::default()
 }
 
+/// How many of the first triangles of a soup are its shell by the comments: earlier versions wrote it there, now faces have a property.
+pub(super) fn shell_of_comments<'a>(mut comments: impl Iterator<Item = &'a str>) -> usize {
+    #[derive(serde::Deserialize)]
+    struct Old {
+        #[serde(default)]
+        shell: usize,
+    }
+    let old = |comment: &str| serde_json::from_str::<Old>(comment.trim().strip_prefix(KEY)?).ok();
+    comments.find_map(old).map_or(0, |old| old.shell)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -56,8 +67,13 @@ mod tests {
                 trainer: None,
                 up: Some(UpAxis::NegY),
                 placement: Placement { up: UpAxis::Z.into(), rotate: -scale, scale, center },
-                viewpoint: Some(Viewpoint { eye: center, target: [0.0; 3], up: [0.0, 1.0, 0.0], fov: scale }),
-                shell: (seed >> 32) as u32,
+                viewpoint: Some(Viewpoint {
+                    eye: center,
+                    target: [0.0; 3],
+                    up: [0.0, 1.0, 0.0],
+                    fov: scale,
+                    radius: Some(x.abs().into()),
+                }),
                 backdrop: seed as u32,
             };
             let comment = to_comment(&provenance);

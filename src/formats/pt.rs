@@ -70,7 +70,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
         other => {
             return Err(file.malformed(
                 "triangles_points",
-                format!("has shape {other:?}; wants [N, 3, 3] for a soup or [V, 3] for a mesh"),
+                format!("has shape {other:?}; expected [N, 3, 3] for a soup or [V, 3] for a mesh"),
             ));
         }
     };
@@ -86,7 +86,7 @@ fn read_soup(file: &TorchFile, n: usize, options: &ReadOptions) -> Result<Loaded
     sigma.par_iter_mut().for_each(|x| *x = (0.01 + f64::from(*x).exp()) as f32);
     opacity.par_iter_mut().for_each(|x| *x = (1.0 / (1.0 + (-f64::from(*x)).exp())) as f32);
     let (sh, sh_degree) = read_sh(file, n, options.sh_degree)?;
-    let soup = Soup { vertices, opacity, sigma, sh, sh_degree };
+    let soup = Soup { vertices, opacity, sigma, sh, sh_degree, ..Soup::default() };
     let provenance =
         Provenance { trainer: Some("triangle-splatting (Held et al. 2025)".into()), ..Provenance::default() };
     Ok(Loaded { scene: Scene::Soup(soup), provenance, warnings: Vec::new(), cameras: Vec::new() })
@@ -104,14 +104,14 @@ fn read_sh(file: &TorchFile, n: usize, wanted: u8) -> Result<(Vec<[f32; 3]>, u8)
         other => {
             return Err(file.malformed(
                 "features_rest",
-                format!("has shape {other:?}; wants [{n}, K - 1, 3] with K = 1, 4, 9 or 16"),
+                format!("has shape {other:?}; expected [{n}, K - 1, 3] with K = 1, 4, 9 or 16"),
             ));
         }
     };
     let active = match file.scalar("active_sh_degree")? {
         Some(PickleValue::Int(degree @ 0..=3)) => degree as u8,
         Some(PickleValue::Int(other)) => {
-            return Err(file.malformed("active_sh_degree", format!("is {other}; wants 0, 1, 2 or 3")));
+            return Err(file.malformed("active_sh_degree", format!("is {other}; expected 0, 1, 2 or 3")));
         }
         _ => 3,
     };
@@ -165,7 +165,7 @@ fn read_mesh(file: &TorchFile, v: usize) -> Result<Loaded> {
 fn read_indices(file: &TorchFile, v: usize) -> Result<Vec<u32>> {
     let key = "_triangle_indices";
     let &[faces, 3] = file.shape(key)? else {
-        return Err(file.malformed(key, format!("has shape {:?}; wants [T, 3]", file.shape(key)?)));
+        return Err(file.malformed(key, format!("has shape {:?}; expected [T, 3]", file.shape(key)?)));
     };
     file.limits.triangles(file.label.display(), faces as u64)?;
     let shape: &[usize] = &[faces, 3];
@@ -245,7 +245,7 @@ impl TorchFile {
             return Err(self.malformed(
                 key,
                 format!(
-                    "is {:?} of shape {:?}; wants {dtype:?} of shape {:?}",
+                    "is {:?} of shape {:?}; expected {dtype:?} of shape {:?}",
                     tensor.dtype(),
                     tensor.shape(),
                     shapes[0]

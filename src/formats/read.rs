@@ -5,6 +5,7 @@ use super::read_options::ReadOptions;
 use super::source::Source;
 use super::{gaussians, gltf, html, obj, off, ply, pt};
 use crate::error::{Error, Result};
+use crate::guard::guarded;
 use crate::scene::Loaded;
 use std::path::Path;
 
@@ -14,19 +15,19 @@ const ACCEPTED: &str =
 
 /// The format of an open file; an error that names what was seen and what is accepted otherwise.
 pub(super) fn detect(source: &mut Source) -> Result<Format> {
-    let head = source.head()?;
+    let (head, named) = (source.head()?, source.named());
     if let Some(kind) = gaussians::recognise(&head, &source.path) {
         return Err(gaussians::refusal(&source.path, kind));
     }
-    if let Some(format) = Format::detect(&head, &source.path) {
+    if let Some(format) = Format::detect(&head, &named) {
         return Ok(format);
     }
-    let seen = match (head.is_empty(), Format::by_extension(&source.path)) {
+    let seen = match (head.is_empty(), Format::by_extension(&named)) {
         (true, _) => "is empty".to_owned(),
         (false, Some(named)) => {
             format!("is named like {} but begins with {}", named.name(), preview(&head))
         }
-        (false, None) => format!("begins with {}, which no reader knows", preview(&head)),
+        (false, None) => format!("begins with {}, which no reader recognises", preview(&head)),
     };
     Err(Error::unsupported(&source.path, format!("{seen}; give {ACCEPTED}")))
 }
@@ -56,13 +57,14 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded> {
 /// The scene in an open file of that format.
 pub(super) fn read_as(format: Format, source: Source, options: &ReadOptions) -> Result<Loaded> {
     let (format, source) = html::inside(format, source)?;
-    match format {
+    let path = source.path.clone();
+    guarded(&path, || match format {
         Format::Ply => ply::read(source, options),
         Format::Pt => pt::read(source, options),
         Format::Off => off::read(source, options),
         Format::Obj => obj::read(source, options),
         Format::Glb | Format::Gltf | Format::Html | Format::Tileset => gltf::read(source, options),
-    }
+    })
 }
 
 /// The first bytes for a message: as text when they are text, else in hex.

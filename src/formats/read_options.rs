@@ -1,8 +1,8 @@
-//! What the caller will use of a file, and how far it is trusted.
+//! What the caller will use of a file, and the limits that apply to it.
 
 use crate::limits::Limits;
 
-/// What the caller will use of a file, and how far it is trusted. The default is everything, and not far.
+/// What the caller will use of a file, and the limits that apply to it. The default is everything, within the default limits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ReadOptions {
     /// Highest degree of spherical harmonics to load, 0 to 3; the bake asks for 0. The rest is skipped on disk.

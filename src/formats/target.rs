@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(feature = "cli", value(rename_all = "lowercase"))]
+#[non_exhaustive]
 pub enum OutputTarget {
     /// Any viewer that follows the glTF specification.
     #[default]
@@ -56,7 +57,7 @@ struct TargetRow {
     name: &'static str,
     colors: ColorEncoding,
     material: &'static str,
-    /// Name of a node that is collided with and not drawn, where a name can say so.
+    /// Name of a node that collides and is not drawn, for engines that go by names.
     collision: Option<&'static str>,
     /// The file that tells where levels of detail are drawn, where there is one.
     levels: Option<EngineLevels>,
@@ -178,7 +179,7 @@ impl OutputTarget {
         self.row().levels
     }
 
-    /// Name and content of the file that goes beside `glb_file_name`, where the engine wants one.
+    /// Name and content of the file that goes beside `glb_file_name`, for engines that need one.
     ///
     /// Godot 4 honours an import file that is there before it first sees the GLB, and completes it. Ours
     /// turns off what harms triangle soups: level-of-detail meshes (they delete triangles), tangents,

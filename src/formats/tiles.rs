@@ -2,12 +2,12 @@
 //! is too large for one.
 //!
 //! A file's name in the folder holds a hash of its bytes. So an old tileset keeps its tiles until the new one has its name, a tile that did
-//! not change keeps its name, and a cache may keep what it has for ever.
+//! not change keeps its name, and a cache may keep it for ever.
 
 use super::gltf::{GltfOptions, to_glb_bytes, uri};
 use super::tileset::{self, TilesetTile};
 use crate::asset::{Asset, Provenance, Tile};
-use crate::atomic::AtomicFile;
+use crate::atomic::{AtomicFile, sweep_folder};
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
 use std::collections::BTreeSet;
@@ -31,7 +31,7 @@ fn folder_of(tileset: &Path) -> PathBuf {
     tileset.with_file_name(format!("{}tiles", &name[..stem]))
 }
 
-/// A tileset of a scene that comes block by block, none of which stays in memory. Its tiles are removed again unless it is finished.
+/// A tileset of a scene that comes block by block, one block in memory at a time. Its tiles are removed again unless it is finished.
 #[derive(Debug)]
 pub struct TilesetWriter {
     path: PathBuf,
@@ -60,7 +60,7 @@ impl TilesetWriter {
     /// Errors: an asset that was not cut into tiles; what the operating system refuses.
     pub fn block(&mut self, index: usize, asset: &Asset) -> Result<TilesetTile> {
         let root = asset.tiles.as_ref().ok_or_else(|| not_cut(&self.path))?;
-        self.files.tile(&format!("b{index}r"), root, &asset.provenance, &self.options)
+        self.files.tile(&mut self.file, &format!("b{index}r"), root, &asset.provenance, &self.options)
     }
 
     /// Writes a tile of its own that stands for `children` while they are not drawn, or beside them if it is not `replaced`.
@@ -76,7 +76,7 @@ impl TilesetWriter {
     ) -> Result<TilesetTile> {
         let bounds = tileset::bounds(&asset.mesh, asset.mesh.face_count());
         let uri = match bounds {
-            Some(_) => Some(self.files.save(name, asset, &self.options)?),
+            Some(_) => Some(self.files.save(&mut self.file, name, asset, &self.options)?),
             None => None,
         };
         Ok(TilesetTile { uri, bounds, error, replaced, children })
@@ -86,7 +86,7 @@ impl TilesetWriter {
     ///
     /// Errors: what the operating system refuses.
     pub fn finish(mut self, root: TilesetTile) -> Result<(PathBuf, u64)> {
-        let text = self.files.tileset(root, self.most_tiles)?;
+        let text = self.files.tileset(&mut self.file, root, self.most_tiles)?;
         self.file.write_all(text.as_bytes()).map_err(|e| Error::io(&self.path, e))?;
         self.file.commit()?;
         Ok(self.files.keep())
@@ -97,7 +97,7 @@ fn not_cut(tileset: &Path) -> Error {
     Error::invalid("output", tileset.display(), "a scene cut into tiles: the option `tiles`")
 }
 
-/// The files of the tiles. They are removed again unless the tileset that names them is published.
+/// The files of the tiles. They are removed again unless the tileset that names them, which each function is given, is published.
 #[derive(Debug)]
 pub(super) struct TileFiles {
     folder: PathBuf,
@@ -105,8 +105,6 @@ pub(super) struct TileFiles {
     dry: bool,
     /// Names of all tiles.
     names: BTreeSet<String>,
-    /// Those that were not there before.
-    new: Vec<PathBuf>,
     bytes: u64,
 }
 
@@ -115,34 +113,33 @@ impl TileFiles {
     ///
     /// Errors: an asset that was not cut into tiles; what the operating system refuses.
     pub(super) fn write(
-        tileset: &Path,
+        tileset: &mut AtomicFile,
         asset: &Asset,
         options: &GltfOptions,
         most_tiles: u32,
-        dry: bool,
     ) -> Result<(Self, String)> {
-        let root = asset.tiles.as_ref().ok_or_else(|| not_cut(tileset))?;
-        let mut files = Self::new(tileset, dry)?;
+        let root = asset.tiles.as_ref().ok_or_else(|| not_cut(tileset.path()))?;
+        let mut files = Self::new(tileset.path(), tileset.is_dry())?;
         let provenance = Provenance { backdrop: 0, ..asset.provenance.clone() };
-        let mut root = files.tile("r", root, &provenance, options)?;
+        let mut root = files.tile(tileset, "r", root, &provenance, options)?;
         if let Some((_, backdrop)) = asset.apart() {
             // Beside the scene, always: its box holds everything, so that it would be replaced first.
             let bounds = tileset::bounds(&backdrop.mesh, backdrop.mesh.face_count());
-            let uri = Some(files.save("backdrop", &backdrop, options)?);
+            let uri = Some(files.save(tileset, "backdrop", &backdrop, options)?);
             let error = bounds.map_or(0.0, |[low, high]| (high - low).length());
             root = TilesetTile { uri, bounds, error, replaced: false, children: vec![root] };
         }
-        let text = files.tileset(root, most_tiles)?;
+        let text = files.tileset(tileset, root, most_tiles)?;
         Ok((files, text))
     }
 
     /// The text of the tileset; parts of it are written into tilesets of their own so that none holds more than `most_tiles` tiles.
-    fn tileset(&mut self, root: TilesetTile, most_tiles: u32) -> Result<String> {
+    fn tileset(&mut self, tileset: &mut AtomicFile, root: TilesetTile, most_tiles: u32) -> Result<String> {
         let generator = crate::report::generator();
         let folder = self.address("");
         let mut save = |place: &str, part: TilesetTile| {
             let text = tileset::json(&part.beside(&folder), &generator);
-            self.put(&format!("set{place}"), "json", text.as_bytes())
+            self.put(tileset, &format!("set{place}"), "json", text.as_bytes())
         };
         Ok(tileset::json(&root.split(most_tiles as usize, &mut save)?, &generator))
     }
@@ -152,12 +149,13 @@ impl TileFiles {
         if !dry {
             std::fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
         }
-        Ok(Self { folder, dry, names: BTreeSet::new(), new: Vec::new(), bytes: 0 })
+        Ok(Self { folder, dry, names: BTreeSet::new(), bytes: 0 })
     }
 
     /// Writes a tile and those below it; children are called as their parent, with a digit more.
     fn tile(
         &mut self,
+        tileset: &mut AtomicFile,
         name: &str,
         tile: &Tile,
         provenance: &Provenance,
@@ -165,30 +163,40 @@ impl TileFiles {
     ) -> Result<TilesetTile> {
         let mut uri = None;
         if tile.mesh.face_count() > 0 {
-            let asset = Asset { provenance: provenance.clone(), ..Asset::from(Mesh::clone(&tile.mesh)) };
-            uri = Some(self.save(name, &asset, options)?);
+            // A tile is no scene to look at by itself.
+            let provenance = Provenance { viewpoint: None, ..provenance.clone() };
+            let asset = Asset { provenance, ..Asset::from(Mesh::clone(&tile.mesh)) };
+            uri = Some(self.save(tileset, name, &asset, options)?);
         }
         let below = tile.children.iter().enumerate();
-        let child = |(i, child)| self.tile(&format!("{name}{i}"), child, provenance, options);
+        let child = |(i, child)| self.tile(tileset, &format!("{name}{i}"), child, provenance, options);
         let children = below.map(child).collect::<Result<_>>()?;
         let bounds = tileset::bounds(&tile.mesh, tile.mesh.face_count());
         Ok(TilesetTile { uri, bounds, error: tile.error, replaced: true, children })
     }
 
     /// Writes one file; returns its name relative to the tileset.
-    fn save(&mut self, name: &str, asset: &Asset, options: &GltfOptions) -> Result<String> {
-        self.put(name, "glb", &to_glb_bytes(asset, options)?)
+    fn save(
+        &mut self,
+        tileset: &mut AtomicFile,
+        name: &str,
+        asset: &Asset,
+        options: &GltfOptions,
+    ) -> Result<String> {
+        self.put(tileset, name, "glb", &to_glb_bytes(asset, options)?)
     }
 
-    /// Writes one file, unless it is there; returns its name relative to the tileset.
-    fn put(&mut self, name: &str, ending: &str, bytes: &[u8]) -> Result<String> {
+    /// Writes one file, unless it is there with these bytes; returns its name relative to the tileset.
+    fn put(&mut self, tileset: &mut AtomicFile, name: &str, ending: &str, bytes: &[u8]) -> Result<String> {
         let name = format!("{name}-{:016x}.{ending}", xxh3_64(bytes));
         let path = self.folder.join(&name);
         self.bytes += bytes.len() as u64;
-        if !self.dry && !path.exists() {
+        if !self.dry && !std::fs::read(&path).is_ok_and(|old| old == bytes) {
             let mut file = AtomicFile::create(&path)?;
             file.write_all(bytes).map_err(|e| Error::io(&path, e))?;
-            self.new.push(path);
+            if !path.exists() {
+                tileset.names(&path);
+            }
             file.commit()?;
         }
         let uri = self.address(&name);
@@ -204,25 +212,11 @@ impl TileFiles {
 
     /// The tileset that names them is there: keeps them, and removes tiles of an earlier one. Returns their folder and
     /// size, bytes.
-    pub(super) fn keep(mut self) -> (PathBuf, u64) {
-        self.new.clear();
+    pub(super) fn keep(self) -> (PathBuf, u64) {
         if !self.dry {
-            let entries = std::fs::read_dir(&self.folder).into_iter().flatten().flatten();
-            let name = |entry: &std::fs::DirEntry| entry.file_name().to_string_lossy().into_owned();
-            for old in entries.filter(|entry| is_tile(&name(entry)) && !self.names.contains(&name(entry))) {
-                // What cannot be removed is only in the way of nothing.
-                let _ = std::fs::remove_file(old.path());
-            }
+            sweep_folder(&self.folder, |name| is_tile(name) && !self.names.contains(name));
         }
-        (self.folder.clone(), self.bytes)
-    }
-}
-
-impl Drop for TileFiles {
-    fn drop(&mut self) {
-        for path in self.new.drain(..) {
-            let _ = std::fs::remove_file(path);
-        }
+        (self.folder, self.bytes)
     }
 }
 

@@ -30,7 +30,7 @@ impl TilesetTile {
         })
     }
 
-    /// The same with parts in tilesets of their own, so that none holds more than `most` tiles, as long as no tile has so many children.
+    /// The same with parts in tilesets of their own, so that none holds more than `most` tiles, unless one tile has more children.
     /// `save` writes one, of its place in the tree, and returns its address.
     ///
     /// Errors: those of `save`.
@@ -64,7 +64,7 @@ impl TilesetTile {
         Ok((self, left))
     }
 
-    /// The tile in a tileset of its own, and one in its place that names it.
+    /// The tile in a tileset of its own, and the tile that names it.
     fn apart(self, place: &str, save: &mut dyn FnMut(&str, Self) -> Result<String>) -> Result<Self> {
         let (bounds, error) = (self.all_bounds(), self.error);
         let uri = Some(save(place, self)?);
@@ -163,7 +163,7 @@ mod tests {
         assert_eq!(root["refine"], "REPLACE");
     }
 
-    /// A tree of so many levels, four tiles below each.
+    /// A tree of `levels`, four tiles below each.
     fn tree(levels: u32, place: &str) -> TilesetTile {
         let children =
             (0..4).filter(|_| levels > 1).map(|i| tree(levels - 1, &format!("{place}{i}"))).collect();

@@ -29,7 +29,7 @@ pub struct TilesetInfo {
     pub bytes: u64,
     /// The size of what the first tile leaves out, in units of the file.
     pub geometric_error: f64,
-    /// Files that are named and not there, or not on this machine.
+    /// Files that are named but missing, or not on this machine.
     pub missing: u64,
 }
 

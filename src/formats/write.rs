@@ -1,6 +1,6 @@
 //! The plain case of writing: an asset and a file name.
 
-use super::output::{self, Output, OutputOptions};
+use super::output::{self, Beside, Output, OutputOptions};
 use crate::asset::Asset;
 use crate::error::Result;
 use crate::report::{OutputReport, Report};
@@ -17,9 +17,8 @@ pub struct WrittenFiles {
 
 /// Writes an asset in the format that the name of `path` ends in: .glb, .gltf, .obj, .ply, .html or .tileset.json.
 ///
-/// Files that belong to it go beside it: the .bin of a glTF, the .mtl of an OBJ, a BVH, what to collide with, levels of detail and their
-/// tileset. They get their
-/// names when all of them are complete. Existing files are replaced.
+/// Files that belong to it go beside it: the .bin of a glTF, the .mtl of an OBJ, a BVH, a backdrop that is wanted apart, what to collide
+/// with, levels of detail and their tileset. They get their names when all of them are complete. Existing files are replaced.
 ///
 /// ```
 /// use trisplat::asset::Asset;
@@ -44,11 +43,13 @@ pub struct WrittenFiles {
 /// `Invalid` for a name without a known ending, or standard output for what needs several files; `TooLarge` for what the format cannot
 /// hold; `Io`.
 pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<WrittenFiles> {
-    let mut output =
-        Output::plan(path, None, options, asset.bvh.is_some())?.with_levels(asset.levels.len(), options)?;
-    if asset.collision.is_some() {
-        output = output.with_collision(options)?;
-    }
+    let beside = Beside {
+        bvh: asset.bvh.is_some(),
+        levels: asset.levels.len(),
+        backdrop: asset.backdrop_apart,
+        collision: asset.collision.is_some(),
+    };
+    let output = Output::of_scene(path, None, options, &beside)?;
     let mut report = Report::new("write");
     output::write(asset, &output, output.start()?, options, &mut report, &mut ())?;
     Ok(WrittenFiles { files: report.outputs, warnings: report.warnings })

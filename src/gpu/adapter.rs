@@ -7,10 +7,10 @@ use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor, Instance
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct AdapterOptions {
-    /// Graphics API [default: the best there is]
+    /// Graphics API [default: the best available]
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "NAME"))]
     pub graphics_api: Option<GraphicsApi>,
-    /// Use the graphics card whose name holds TEXT, in any case of letters [default: the fastest kind]
+    /// Use the graphics card whose name contains TEXT; case does not matter [default: the fastest kind]
     #[cfg_attr(feature = "cli", arg(long, value_name = "TEXT"))]
     pub adapter: Option<String>,
 }
@@ -60,7 +60,7 @@ impl AdapterOptions {
 
     /// The best adapter that fits the options; one that can present to `surface` when it is given.
     ///
-    /// Errors: there is none; the message names those that were found.
+    /// Errors: no adapter fits; the message names those that were found.
     pub fn choose(&self, instance: &Instance, surface: Option<&Surface<'_>>) -> Result<Adapter> {
         let mut found = pollster::block_on(instance.enumerate_adapters(Backends::all()));
         found.sort_by_key(rank);
@@ -84,8 +84,8 @@ impl AdapterOptions {
 }
 
 impl AdapterOptions {
-    /// The best card that is one and fits the options: no software, and no OpenGL, whose compute shaders differ from driver
-    /// to driver. Quiet where there is none.
+    /// The best real card that fits the options: no software, and no OpenGL, whose compute shaders differ from driver
+    /// to driver. Without a card it is silent.
     pub fn find_real(&self) -> Option<Adapter> {
         if !may_have_card() {
             return None;

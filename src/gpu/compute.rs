@@ -17,7 +17,7 @@ pub struct Kernel {
 impl Kernel {
     /// Compiles the entry point `name` of `source`.
     ///
-    /// Errors: what the card or its driver has against it.
+    /// Errors: the card or its driver rejects it.
     pub fn new(gpu: &Gpu, name: &'static str, source: String) -> Result<Self> {
         let source = ShaderSource::Wgsl(source.into());
         let module = gpu.device.create_shader_module(ShaderModuleDescriptor { label: Some(name), source });

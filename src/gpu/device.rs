@@ -26,20 +26,20 @@ pub struct Gpu {
 impl Gpu {
     /// Opens a card without any window.
     ///
-    /// Errors: there is none as asked for, or it cannot be opened.
+    /// Errors: no such card, or it cannot be opened.
     pub fn headless(options: &AdapterOptions) -> Result<Self> {
         let instance = options.instance(None);
         Self::open(&options.choose(&instance, None)?)
     }
 
-    /// Opens `adapter` with all it can do.
+    /// Opens `adapter` with its own limits.
     pub fn open(adapter: &Adapter) -> Result<Self> {
         Self::open_within(adapter, adapter.limits())
     }
 
-    /// Opens `adapter` as one that can do no more than `limits`.
+    /// Opens `adapter` with no more than `limits`.
     ///
-    /// Errors: it cannot do as much.
+    /// Errors: the card's limits are below these.
     pub fn open_within(adapter: &Adapter, limits: Limits) -> Result<Self> {
         let info = adapter.get_info();
         let request = adapter.request_device(&DeviceDescriptor {
@@ -78,7 +78,7 @@ impl Gpu {
     pub fn wait(&self, submission: Option<SubmissionIndex>) -> Result<()> {
         let waited = self.device.poll(PollType::Wait { submission_index: submission, timeout: None });
         if waited.is_err() {
-            // A lost device says so when it is polled, and knows no submission after that.
+            // A lost device reports it when polled, and has no submissions after that.
             let _ = self.device.poll(PollType::Poll);
         }
         self.check()?;

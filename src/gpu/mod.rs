@@ -1,4 +1,4 @@
-//! The graphics card: finding one, filling its buffers, compute kernels, reading back, timing. Knows nothing of triangles.
+//! The graphics card: finding one, filling its buffers, compute kernels, reading back, timing. Does not depend on mesh types.
 
 pub mod adapter;
 pub mod bandwidth;

@@ -65,8 +65,8 @@ fn unreadable(gpu: &Gpu, why: &dyn std::fmt::Display) -> Error {
     Error::Gpu(format!("{}: cannot read back: {why}", gpu.info.name))
 }
 
-/// Reads the beginning of a buffer as it is at a place among the recorded work, while later work goes on. It is used again and
-/// again: recorded, submitted, taken.
+/// Reads the beginning of a buffer as it is at one point of the recorded work, while later work continues. It is reused:
+/// recorded, submitted, taken.
 #[derive(Debug)]
 pub struct Readback {
     staging: Buffer,
@@ -100,7 +100,7 @@ impl Readback {
         self.mapped = Some((submission, receiver));
     }
 
-    /// What was read; `None` while the card is not that far, or with `wait` after waiting for it.
+    /// What was read; `None` while the card has not reached the copy. `wait` waits for it.
     ///
     /// Errors: what has gone wrong on the card.
     pub fn take<T: AnyBitPattern + NoUninit>(&mut self, gpu: &Gpu, wait: bool) -> Result<Option<Vec<T>>> {

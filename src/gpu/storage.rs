@@ -4,7 +4,7 @@ use super::device::Gpu;
 use crate::error::{Error, Result};
 use wgpu::{Buffer, BufferDescriptor, BufferUsages};
 
-/// A storage buffer of `bytes`, filled with zeros; an empty one has room for one vector. It can be copied to and from.
+/// A storage buffer of `bytes`, filled with zeros; an empty one holds one vector. It can be copied to and from.
 ///
 /// Errors: more than the card binds at once, or than it has left; `what` names the buffer there and `remedy` says what
 /// to do instead.

@@ -1,6 +1,8 @@
 //! Pictures as files: what they claim is checked before anything is allocated for it.
 
+use super::palette;
 use crate::error::{Error, Result};
+use crate::guard::guarded;
 use crate::input;
 use crate::limits::Limits;
 use glam::UVec2;
@@ -16,24 +18,30 @@ pub(super) fn decode(path: &Path, limits: &Limits) -> Result<image::DynamicImage
         return Err(Error::malformed(path, "picture", "the JPEG is cut short; copy it again"));
     }
     header_size(path, Cursor::new(&bytes), bytes.len() as u64, limits)?;
-    let reader = image::ImageReader::new(Cursor::new(&bytes)).with_guessed_format();
-    let mut reader = reader.map_err(|e| Error::io(path, e))?;
-    let mut held = image::Limits::no_limits();
-    held.max_alloc = Some(limits.array_bytes);
-    reader.limits(held);
-    reader.decode().map_err(|e| broken(path, e))
+    guarded(path, || {
+        let reader = image::ImageReader::new(Cursor::new(&bytes)).with_guessed_format();
+        let mut reader = reader.map_err(|e| Error::io(path, e))?;
+        let mut held = image::Limits::no_limits();
+        held.max_alloc = Some(limits.array_bytes);
+        reader.limits(held);
+        reader.decode().map_err(|e| broken(path, e))
+    })
 }
 
 /// The size that the first bytes of a picture of `len` bytes claim, once it is known that it may be so.
 pub(super) fn header_size(
     path: &Path,
-    file: impl BufRead + Seek,
+    mut file: impl BufRead + Seek,
     len: u64,
     limits: &Limits,
 ) -> Result<UVec2> {
-    let reader = image::ImageReader::new(file).with_guessed_format().map_err(|e| Error::io(path, e))?;
-    let format = reader.format();
-    let (width, height) = reader.into_dimensions().map_err(|e| broken(path, e))?;
+    palette::check(path, &mut file)?;
+    file.rewind().map_err(|e| Error::io(path, e))?;
+    let (format, (width, height)) = guarded(path, || {
+        let reader = image::ImageReader::new(file).with_guessed_format().map_err(|e| Error::io(path, e))?;
+        let format = reader.format();
+        reader.into_dimensions().map(|size| (format, size)).map_err(|e| broken(path, e))
+    })?;
     let malformed = |reason: String| Err(Error::malformed(path, "picture header", reason));
     if width == 0 || height == 0 {
         return malformed(format!("its size is {width}x{height}"));
@@ -46,6 +54,19 @@ pub(super) fn header_size(
         ));
     }
     Ok(UVec2::new(width, height))
+}
+
+/// True when the first bytes of a picture promise an opacity per pixel.
+pub(super) fn has_alpha(path: &Path, mut file: impl BufRead + Seek) -> Result<bool> {
+    use image::ImageDecoder;
+    let start = file.fill_buf().map_err(|e| Error::io(path, e))?;
+    // Data sets of many photos are of this kind, and it has none.
+    if start.starts_with(&JPEG_START) {
+        return Ok(false);
+    }
+    let reader = image::ImageReader::new(file).with_guessed_format().map_err(|e| Error::io(path, e))?;
+    let decoder = reader.into_decoder().map_err(|e| broken(path, e))?;
+    Ok(decoder.color_type().has_alpha())
 }
 
 /// Pixels that a byte of a file can stand for at most.

@@ -1,5 +1,5 @@
 //! The photometric loss (1 - λ) L1 + λ (1 - SSIM) and its exact gradient (Held et al. 2025, eq. 3; SSIM as
-//! [`crate::math::ssim`] defines it, mean over pixels and channels). L1 may have the squared error beside it.
+//! [`crate::math::ssim`] defines it, mean over pixels and channels). A squared error may be added to L1.
 //!
 //! ```text
 //! S = (2 mx my + C1)(2 sxy + C2) / ((mx² + my² + C1)(sxx + syy + C2))
@@ -36,9 +36,9 @@ pub struct Photometric {
 /// What each mean counts in the loss.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct PhotometricWeights {
-    /// λ of 1 - SSIM; the rest is that of the difference.
+    /// λ: the weight of 1 - SSIM; the difference has the rest.
     pub dssim: f64,
-    /// Of half the squared error beside |x - y|: an error of 1 / `square` pulls twice as strongly as the smallest one.
+    /// Weight of half the squared error, added to |x - y|: the gradient of an error of 1 / `square` is twice that of the smallest one.
     pub square: f64,
 }
 

@@ -4,13 +4,13 @@
 //! I(p) = ReLU(φ(p) / φ(s))^σ,   alpha(p) = min(cap, o · I(p)),   drawn where o · I(p) >= cutoff
 //! ```
 //!
-//! And what an engine draws in its place: the part of each pixel that a triangle covers.
+//! Also what an engine draws: the part of each pixel that a triangle covers.
 
 use crate::kernel::constants::{LN_2, RATIO_FLOOR};
 use crate::math::real::{Mask, Real};
 use crate::math::vec::V2;
 
-/// The three ratios of which the smallest is φ(p) / φ(s); `offset` is p - origin.
+/// Three ratios, the smallest being φ(p) / φ(s); `offset` is p - origin.
 #[inline(always)]
 pub fn ratios<R: Real>(edge: &[V2<R>; 3], shift: R, offset: V2<R>) -> [R; 3] {
     [edge[0].dot(offset), edge[1].dot(offset) - shift, edge[2].dot(offset)]
@@ -40,8 +40,8 @@ pub fn ratio_floor<R: Real>(log2_opacity: R, sigma: R, log2_cutoff: R) -> R {
 
 /// Alpha before the cap, o · ratio^σ. Domain: ratio >= [`RATIO_FLOOR`].
 ///
-/// On a needle rounding may bring the ratio above 1, which a large σ makes a power beyond the domain of exp2: no alpha
-/// is above 1, so the exponent is held where it changes none.
+/// On a needle rounding may bring the ratio above 1. A large σ then makes a power beyond the domain of exp2. No alpha
+/// is above 1, so the exponent is clamped where that changes none.
 #[inline(always)]
 pub fn alpha<R: Real>(log2_ratio: R, log2_opacity: R, sigma: R) -> R {
     sigma.mul_add(log2_ratio, log2_opacity).min(R::of(1.0)).exp2()

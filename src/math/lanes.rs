@@ -38,8 +38,8 @@ thread_local! {
     static MOST: Cell<SimdLevel> = const { Cell::new(SimdLevel::Avx512) };
 }
 
-/// Does `work` with [`level`] at most `most` on this thread: to compare instruction sets. Other threads, those of a pool
-/// that `work` uses among them, are not held to it.
+/// Does `work` with [`level`] at most `most` on this thread: to compare instruction sets. This does not apply to other threads,
+/// such as those of a pool that `work` uses.
 pub fn with_at_most<T>(most: SimdLevel, work: impl FnOnce() -> T) -> T {
     let before = MOST.replace(most);
     let out = work();

@@ -10,6 +10,7 @@ pub mod metric;
 pub mod octasphere;
 mod power;
 pub mod real;
+pub mod short;
 pub mod srgb8;
 pub mod ssim;
 pub mod vec;

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use std::collections::HashMap;
 
-/// Triangles of a sphere of so many subdivisions.
+/// Number of triangles of a sphere after `subdivisions`.
 pub const fn face_count(subdivisions: u32) -> u64 {
     8 << (2 * subdivisions)
 }

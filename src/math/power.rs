@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-/// The exponent, as an f32 has it: what is written with it stays as it is, to the bit.
+/// The exponent as an f32 has it, so that files stay bitwise the same.
 const EXPONENT: f64 = 2.4f32 as f64;
 
 /// The binomial coefficients of the exponent, from the first on.
@@ -71,7 +71,7 @@ mod tests {
         assert!(wrong.is_empty(), "{wrong:?}");
     }
 
-    /// Of the C library that most who bake have; others round otherwise.
+    /// Values of glibc's `powf`; other C libraries round differently.
     #[cfg(target_env = "gnu")]
     #[test]
     fn colours_are_written_with_the_codes_that_powf_gives() {

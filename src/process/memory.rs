@@ -7,7 +7,7 @@ use std::cell::Cell;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Ends the process, told how many bytes could not be had. It may allocate: what it asks for is small.
+/// Ends the process; its argument is the number of bytes that could not be had. It may allocate a little.
 pub type OutOfMemory = fn(usize) -> !;
 
 static END: OnceLock<OutOfMemory> = OnceLock::new();
@@ -24,7 +24,7 @@ pub fn end_with(end: OutOfMemory) {
     let _ = END.set(end);
 }
 
-/// Makes a request for memory that may fail: `request` is told so, and nothing ends.
+/// Makes a request for memory that may fail: `request` gets the failure, and the process continues.
 pub fn foreseen<T>(request: impl FnOnce() -> T) -> T {
     let before = FORESEEN.replace(true);
     let made = request();
@@ -32,7 +32,7 @@ pub fn foreseen<T>(request: impl FnOnce() -> T) -> T {
     made
 }
 
-/// The system's allocator; what it cannot give is told to [`end_with`]'s function.
+/// The system's allocator; a failed request calls [`end_with`]'s function.
 #[derive(Debug)]
 pub struct Allocator;
 

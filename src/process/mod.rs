@@ -33,6 +33,12 @@ pub fn peak_bytes() -> u64 {
     system::this_process().peak_bytes
 }
 
+/// True when whoever started this process has it ignore the signal of this number, as `nohup` does with SIGHUP.
+#[cfg(unix)]
+pub fn ignores(signal: i32) -> bool {
+    system::ignores(signal)
+}
+
 /// What `child` used, which has ended and was waited for. Unix adds up the seconds of all children so far and keeps
 /// the largest memory of any, so there `child` must have been the only one.
 pub fn of_only_child(child: &Child) -> ProcessUsage {

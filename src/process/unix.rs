@@ -1,6 +1,7 @@
 //! Unix: `getrusage`.
 
 use super::ProcessUsage;
+use nix::libc;
 use nix::sys::resource::{UsageWho, getrusage};
 use nix::sys::time::TimeValLike;
 use std::process::Child;
@@ -14,6 +15,16 @@ pub(super) fn this_process() -> ProcessUsage {
 
 pub(super) fn ended_child(_: &Child) -> ProcessUsage {
     usage(UsageWho::RUSAGE_CHILDREN)
+}
+
+pub(super) fn ignores(signal: i32) -> bool {
+    let mut action = std::mem::MaybeUninit::<libc::sigaction>::zeroed();
+    // SAFETY: without a new action the call only fills in the current one, which lives through it; zeros are a valid one.
+    #[allow(unsafe_code, reason = "the system's interface")]
+    unsafe {
+        libc::sigaction(signal, std::ptr::null(), action.as_mut_ptr()) == 0
+            && action.assume_init().sa_sigaction == libc::SIG_IGN
+    }
 }
 
 fn usage(who: UsageWho) -> ProcessUsage {

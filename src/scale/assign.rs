@@ -1,17 +1,17 @@
-//! Which photos each block gets: those that show it, by the coarse scene, and of these the parts that do.
+//! Which photos each block gets: those that show it, judged by the coarse scene, each cropped to the part that shows it.
 
-use super::cover::{Coverage, Sight};
+use super::cover::{Coverage, SeenBlock};
 use super::manifest::{Block, BlockPhoto};
 use super::options::PlanOptions;
 use crate::dataset::View;
 use crate::error::{Error, Result};
 
-/// A block with fewer photos gets those that show most of it, however little that is: what one photo shows has no depth.
+/// A block with fewer photos than this gets those that show most of it, however little: one photo gives no depth.
 const FEWEST_PHOTOS: usize = 3;
 
-/// Gives each of `blocks` its photos among `views`.
+/// Gives each of `blocks` its photos among `views`; one that no photo shows has none.
 ///
-/// Errors: a block that no photo shows.
+/// Errors: no photo shows any.
 pub(super) fn assign(
     blocks: &mut [Block],
     views: &[&View],
@@ -20,38 +20,38 @@ pub(super) fn assign(
 ) -> Result<()> {
     let min_cover = options.min_cover as f32;
     // Those that show too little of a block are known too, for blocks that have no others.
-    let mut shown: Vec<Vec<(usize, Sight)>> = vec![Vec::new(); blocks.len()];
+    let mut shown: Vec<Vec<(usize, SeenBlock)>> = vec![Vec::new(); blocks.len()];
     for (photo, view) in views.iter().enumerate() {
-        for sight in coverage.look(&view.camera, blocks, 0.1 * min_cover) {
-            shown[sight.block].push((photo, sight));
+        for seen in coverage.look(&view.camera, blocks, 0.1 * min_cover) {
+            shown[seen.block].push((photo, seen));
         }
     }
-    for (i, (block, mut sights)) in blocks.iter_mut().zip(shown).enumerate() {
-        sights.sort_by(|(a, x), (b, y)| y.cover.total_cmp(&x.cover).then(a.cmp(b)));
-        let enough = sights.partition_point(|(_, sight)| sight.cover >= min_cover);
+    for (block, mut views) in blocks.iter_mut().zip(shown) {
+        views.sort_by(|(a, x), (b, y)| y.cover.total_cmp(&x.cover).then(a.cmp(b)));
+        let enough = views.partition_point(|(_, seen)| seen.cover >= min_cover);
         let most = if options.block_photos == 0 { usize::MAX } else { options.block_photos as usize };
-        sights.truncate(enough.max(FEWEST_PHOTOS).min(most.max(FEWEST_PHOTOS)));
-        if sights.is_empty() {
-            let wants = format!("fewer: no photo shows block {i}");
-            return Err(Error::invalid("blocks", options.blocks.unwrap_or_default(), wants));
-        }
-        sights.sort_by_key(|(photo, _)| *photo);
-        block.photos = sights.into_iter().map(|(photo, sight)| block_photo(photo, &sight)).collect();
+        views.truncate(enough.max(FEWEST_PHOTOS).min(most.max(FEWEST_PHOTOS)));
+        views.sort_by_key(|(photo, _)| *photo);
+        block.photos = views.into_iter().map(|(photo, seen)| block_photo(photo, &seen)).collect();
+    }
+    if blocks.iter().all(|block| block.photos.is_empty()) {
+        let wants = "photos that show the coarse scene: none shows any block";
+        return Err(Error::invalid("data set", "its cameras", wants));
     }
     Ok(())
 }
 
-fn block_photo(photo: usize, sight: &Sight) -> BlockPhoto {
-    let (corner, size) = sight.part;
+fn block_photo(photo: usize, seen: &SeenBlock) -> BlockPhoto {
+    let (corner, size) = seen.part;
     BlockPhoto {
         photo: photo as u32,
         part: [corner.x, corner.y, size.x, size.y],
         // Digits beyond these say nothing.
-        cover: (sight.cover * 1e4).round() / 1e4,
+        cover: (seen.cover * 1e4).round() / 1e4,
     }
 }
 
-/// Which triangles of the coarse scene the photos of a block show, in their parts that it is trained on. `[N]`
+/// Which triangles of the coarse scene the cropped photos of a block show. `[N]`
 pub(super) fn visible(
     block: &Block,
     views: &[&View],

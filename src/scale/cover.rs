@@ -11,13 +11,13 @@ use rayon::prelude::*;
 
 /// Longer side of the drawings, px: shares of a picture need no more.
 const LONGEST_PX: u32 = 192;
-/// A triangle of less weight at every pixel does not count as visible.
+/// A triangle is visible when its weight reaches this at some pixel.
 const LEAST_WEIGHT: f32 = 1e-3;
-/// Share of what a photo shows of a block that its part may leave out, on each side.
+/// Share of a block's pixels that its crop of a photo may leave out, on each side.
 const LEFT_OUT: f32 = 0.005;
-/// Pixels around what a part shows, so that the windows of SSIM there are whole.
+/// Margin of a crop, px, so that the windows of SSIM are whole.
 const MARGIN_PX: f32 = 8.0;
-/// Corners of parts are multiples of this, px: they stay whole when photos are halved twice.
+/// Corners of crops are multiples of this, px, so that they stay integers when photos are halved twice.
 const ALIGNED_PX: u32 = 4;
 
 /// A coarse scene that is drawn.
@@ -35,7 +35,7 @@ pub(super) struct Coverage<'a> {
 
 /// What a photo shows of a block.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Sight {
+pub(super) struct SeenBlock {
     pub(super) block: usize,
     /// Share of the photo that shows the block's core.
     pub(super) cover: f32,
@@ -61,7 +61,7 @@ impl<'a> Coverage<'a> {
     }
 
     /// Which blocks `camera`, that of a whole photo, sees with at least `min_cover` of its picture.
-    pub(super) fn look(&mut self, camera: &Camera, blocks: &[Block], min_cover: f32) -> Vec<Sight> {
+    pub(super) fn look(&mut self, camera: &Camera, blocks: &[Block], min_cover: f32) -> Vec<SeenBlock> {
         let small = self.draw(camera);
         let pixels = small.size.element_product() as f32;
         let mut cover = vec![0.0; blocks.len()];
@@ -70,16 +70,16 @@ impl<'a> Coverage<'a> {
         }
         let seen: Vec<usize> =
             (0..blocks.len()).filter(|b| cover[*b] > 0.0 && cover[*b] >= min_cover).collect();
-        let mut sights = Vec::with_capacity(seen.len());
+        let mut seen_blocks = Vec::with_capacity(seen.len());
         for three in seen.chunks(3) {
             let halos: Vec<&Region> = three.iter().map(|b| &blocks[*b].halo).collect();
             let shown = self.shown(&small, &halos);
             for (channel, &block) in three.iter().enumerate() {
                 let part = part_of(&shown, channel, small.size, camera.size);
-                sights.push(Sight { block, cover: cover[block], part });
+                seen_blocks.push(SeenBlock { block, cover: cover[block], part });
             }
         }
-        sights
+        seen_blocks
     }
 
     /// Marks the triangles that `camera` sees.
@@ -113,7 +113,7 @@ impl<'a> Coverage<'a> {
     }
 }
 
-/// The part of a photo of `full` px in which a channel of a small drawing is, but for a little on each side.
+/// The part of a photo of `full` px that holds a channel of a small drawing, without a small share on each side.
 fn part_of(shown: &[[f32; 3]], channel: usize, small: UVec2, full: UVec2) -> (UVec2, UVec2) {
     let (mut columns, mut rows) = (vec![0.0; small.x as usize], vec![0.0; small.y as usize]);
     for (i, rgb) in shown.iter().enumerate() {
@@ -131,7 +131,7 @@ fn part_of(shown: &[[f32; 3]], channel: usize, small: UVec2, full: UVec2) -> (UV
     (UVec2::new(left, top), UVec2::new(right - left, bottom - top))
 }
 
-/// The first and last of the sums, but for a little on each side.
+/// The first and last of the sums, without a small share on each side.
 fn inner(sums: &[f32]) -> [usize; 2] {
     let least = LEFT_OUT * sums.iter().sum::<f32>();
     let first = reach(sums, least, 0..sums.len()).unwrap_or(0);
@@ -139,7 +139,7 @@ fn inner(sums: &[f32]) -> [usize; 2] {
     [first, last.max(first)]
 }
 
-/// Where in this order the sums up to there are more than `least`.
+/// The first position at which the running sum exceeds `least`.
 fn reach(sums: &[f32], least: f32, mut order: impl Iterator<Item = usize>) -> Option<usize> {
     let mut sum = 0.0;
     order.find(|i| {

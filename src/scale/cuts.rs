@@ -1,16 +1,16 @@
 //! Cuts a scene into blocks of about as many triangles each: again and again across the longest extent.
 //!
-//! What is far outside of where photos were taken is contracted (as in Barron et al. 2022, *Mip-NeRF 360*, but along each axis for itself, so
-//! that a cut stays a plane of the world): a distant horizon has no say in which way a town is cut.
+//! What is far outside of where photos were taken is contracted (as in Barron et al. 2022, *Mip-NeRF 360*, but along each axis separately, so
+//! that a cut stays a plane of the world). So a distant horizon does not decide how a town is cut.
 
 use super::region::Region;
 use crate::math::median::median;
 use glam::Vec3;
 
-/// Share of the points on either side that says nothing about an extent.
+/// Share of the points on either side that an extent ignores.
 const OUTLIERS: f32 = 0.02;
 
-/// Where photos were taken: what is here is as large as it is, what is outside of it less and less.
+/// Where photos were taken: distances inside keep their length, those outside shrink.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Surroundings {
     center: Vec3,
@@ -27,7 +27,7 @@ impl Surroundings {
         Self { center, radius: if reach > 0.0 && reach.is_finite() { reach } else { 1.0 } }
     }
 
-    /// A coordinate as it is within the radius, and at most two of it from the centre.
+    /// A coordinate: unchanged within the radius, at most two radii from the centre outside.
     fn contracted(&self, coordinate: f32, axis: usize) -> f32 {
         let x = (coordinate - self.center[axis]) / self.radius;
         if x.abs() <= 1.0 { x } else { x.signum() * (2.0 - 1.0 / x.abs()) }

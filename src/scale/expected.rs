@@ -1,4 +1,4 @@
-//! What training a block takes, before it is trained: from formulas only, so that a plan is a function of its inputs.
+//! What training a block should take: from formulas only, so that a plan is a function of its inputs.
 
 use super::manifest::Expected;
 use crate::train::TrainOptions;
@@ -6,15 +6,15 @@ use crate::train::budget::{CostModel, Workload, part_secs};
 use crate::train::options::REFERENCE_STEPS;
 use glam::UVec2;
 
-/// Bytes of a process that holds nothing yet. This and what follows was fitted to blocks of a town (docs/benchmarks/scale.md).
+/// Bytes of an idle process. This and the following were fitted to blocks of a town (docs/benchmarks/scale.md).
 const BASE: f64 = 15e6;
-/// Bytes per triangle that is trained: so many per number that Adam moves, ...
+/// Bytes per optimised parameter of a trained triangle,
 const PER_NUMBER: f64 = 75.0;
-/// ... and so many beside them.
+/// plus fixed overhead per triangle, bytes.
 const PER_TRIANGLE: f64 = 250.0;
-/// Numbers of a triangle but for its colour.
+/// Parameters per triangle, without colour.
 const GEOMETRY: f64 = 11.0;
-/// Bytes per pixel of the largest photo, for drawing it and back.
+/// Bytes per pixel of the largest photo, for the forward and backward pass.
 const PER_PIXEL: f64 = 450.0;
 /// CPU seconds per step and triangle that is only drawn, on the machine of the fit.
 const DRAWN_SECS: f64 = 0.2e-6;
@@ -28,7 +28,7 @@ pub(super) struct BlockLoad {
     pub(super) frozen: u64,
     /// Triangles that are trained, at the beginning.
     pub(super) trained: u64,
-    /// Where in its schedule it begins, steps of a 30,000-step run.
+    /// Position in the schedule where it begins, steps of a 30,000-step run.
     pub(super) position: f64,
     /// Memory for decoded photos, bytes.
     pub(super) photo_bytes: u64,
@@ -42,8 +42,7 @@ pub(super) fn expected(load: &BlockLoad, options: &TrainOptions) -> Expected {
     let per_triangle = PER_TRIANGLE + PER_NUMBER * (GEOMETRY + 3.0 * coefficients);
     let triangles = options.max_triangles.max(load.trained) + load.frozen;
     let photos = (4.0 * total).min(load.photo_bytes as f64);
-    let samples = f64::from(options.solid.samples_per_axis).powi(2);
-    let bytes = BASE + photos + per_triangle * triangles as f64 + PER_PIXEL * samples * largest;
+    let bytes = BASE + photos + per_triangle * triangles as f64 + PER_PIXEL * largest;
     let side = (total / areas.len().max(1) as f64).sqrt().round() as u32;
     let work = Workload { position: load.position, ..Workload::at_start(UVec2::splat(side), load.trained) };
     let trained: f64 = part_secs(&CostModel::FITTED, &work, options).iter().sum();

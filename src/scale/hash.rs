@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::input;
 use crate::limits::Limits;
 use serde::Serialize;
-use std::io::Read;
+use std::io::{self, Read, Write};
 use std::path::Path;
 use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 
@@ -30,6 +30,35 @@ pub(super) fn of_value(value: &impl Serialize) -> Result<String> {
     let bytes =
         serde_json::to_vec(value).map_err(|e| Error::invalid("manifest", e, "numbers JSON can hold"))?;
     Ok(digits(xxh3_64(&bytes)))
+}
+
+/// A writer that hashes what it hands on.
+pub(super) struct Hashed<W> {
+    to: W,
+    hash: Xxh3Default,
+}
+
+impl<W: Write> Hashed<W> {
+    pub(super) fn new(to: W) -> Self {
+        Self { to, hash: Xxh3Default::new() }
+    }
+
+    /// The writer, and the hash of all that it was given.
+    pub(super) fn end(self) -> (W, String) {
+        (self.to, digits(self.hash.digest()))
+    }
+}
+
+impl<W: Write> Write for Hashed<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.to.write(bytes)?;
+        self.hash.update(&bytes[..written]);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.to.flush()
+    }
 }
 
 /// A hash as it is written.

@@ -2,7 +2,7 @@
 
 use super::hash;
 use super::region::Region;
-use crate::atomic::AtomicFile;
+use crate::atomic::{AtomicFile, sweep_folder};
 use crate::dataset::DatasetOptions;
 use crate::error::{Error, Result};
 use crate::input;
@@ -16,7 +16,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// The layout written and read; it changes whenever a key does.
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 /// The name of the plan in its folder.
 pub const NAME: &str = "manifest.json";
 
@@ -43,7 +43,7 @@ pub struct Manifest {
     /// The hash of the data set's points, where a block starts from them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub points: Option<String>,
-    /// How blocks are trained, but for the steps, triangles and seed that each has for itself.
+    /// How blocks are trained, without the steps, triangles and seed that are set per block.
     pub options: TrainOptions,
     /// The photos to train on, in order of name.
     pub photos: Vec<PlannedPhoto>,
@@ -75,7 +75,7 @@ pub struct PlannedPhoto {
     pub camera: String,
 }
 
-/// A part of the scene that is trained by itself.
+/// A part of the scene that is trained on its own.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Block {
@@ -94,7 +94,7 @@ pub struct Block {
     pub shell: u64,
     /// Its steps, counted from the beginning of its schedule.
     pub steps: u64,
-    /// So many of these were made for all blocks together: the coarse scene. It goes on from there.
+    /// Number of these that the coarse scene made for all blocks; the block continues from there.
     pub first_step: u64,
     /// It never trains more triangles than this, ...
     pub max_triangles: u64,
@@ -126,7 +126,7 @@ pub struct BlockPhoto {
 pub struct Expected {
     /// Memory, bytes.
     pub bytes: u64,
-    /// CPU seconds on the machine of docs/benchmarks/budget.md.
+    /// CPU seconds on the machine of docs/benchmarks/history-budget.md.
     pub cpu_secs: f64,
 }
 
@@ -174,8 +174,7 @@ impl Manifest {
         let mut options = TrainOptions { steps, max_triangles, seed, ..self.options.clone() };
         // These are means over all triangles: each has the part in them that it has in a plain run.
         let share = self.share_of(index);
-        let TrainOptions { loss, solid, .. } = &mut options;
-        for mean in [&mut loss.opacity, &mut loss.size, &mut solid.loss_sigma, &mut solid.loss_opacity] {
+        for mean in [&mut options.loss.opacity, &mut options.loss.size] {
             *mean *= share;
         }
         options
@@ -231,10 +230,8 @@ impl Manifest {
     fn validate(&self, path: &Path) -> Result<()> {
         let ours = crate::report::generator();
         if self.format != FORMAT || self.generator != ours {
-            let reason = format!(
-                "is a plan by {}, this is {ours}: go on with that version, or plan again",
-                self.generator
-            );
+            let reason =
+                format!("is a plan by {}, this is {ours}: use that version, or plan again", self.generator);
             return Err(Error::unsupported(path, reason));
         }
         let bad = |at: String, reason: &str| Err(Error::malformed(path, at, reason));
@@ -243,7 +240,7 @@ impl Manifest {
         }
         for (i, block) in self.blocks.iter().enumerate() {
             if block.photos.iter().any(|p| p.photo as usize >= self.photos.len()) {
-                return bad(format!("block {i}"), "names a photo that is not there");
+                return bad(format!("block {i}"), "names a photo that does not exist");
             }
             let triangles = block.start.as_ref().map_or(u64::MAX, |start| start.triangles);
             if block.frozen.checked_add(block.shell).is_none_or(|first| first > triangles) {
@@ -268,17 +265,38 @@ impl Manifest {
         Ok(text.map_err(|e| Error::invalid("manifest", e, "numbers JSON can hold"))? + "\n")
     }
 
-    /// Writes the plan as a file that appears whole or not at all.
-    pub fn write(&self, folder: &Path) -> Result<()> {
-        let path = folder.join(NAME);
-        let mut file = AtomicFile::create(&path)?;
+    /// Writes the plan into `file`, which then names all others, and removes those of an earlier plan in its folder.
+    ///
+    /// Errors: what the operating system refuses.
+    pub fn write(&self, mut file: AtomicFile) -> Result<()> {
+        let path = file.path().to_owned();
         file.write_all(self.to_json()?.as_bytes()).map_err(|e| Error::io(&path, e))?;
-        file.commit().map(drop)
+        file.commit()?;
+        let starts = self.blocks.iter().filter_map(|block| block.start.as_ref());
+        let named: Vec<&str> = starts.chain(&self.coarse).map(|source| source.file.as_str()).collect();
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        sweep_folder(folder.unwrap_or(Path::new(".")), |name| is_of_a_plan(name) && !named.contains(&name));
+        Ok(())
     }
 
     /// The folder or file of the data set of a plan in `folder`.
     pub fn dataset_path(&self, folder: &Path) -> PathBuf {
         folder.join(&self.dataset)
+    }
+}
+
+/// Whether a file of this name is what blocks start from, or the coarse scene or its checkpoint.
+fn is_of_a_plan(name: &str) -> bool {
+    let hex = |text: &str, digits: usize| text.len() == digits && text.bytes().all(|b| b.is_ascii_hexdigit());
+    let Some((stem, ending)) = name.rsplit_once('.') else { return false };
+    if let Some(hash) = stem.strip_prefix("coarse-") {
+        return hex(hash, 16) && matches!(ending, "ply" | "checkpoint");
+    }
+    let Some(rest) = stem.strip_prefix("start-").filter(|_| ending == "ply") else { return false };
+    match rest.split_once('-') {
+        Some((index, hash)) => hex(index, index.len().max(4)) && hex(hash, 16),
+        // As they are called while they are made.
+        None => hex(rest, rest.len().max(4)),
     }
 }
 
@@ -306,5 +324,28 @@ impl BlockPhoto {
     pub fn corner_and_size(&self) -> (UVec2, UVec2) {
         let [x, y, width, height] = self.part;
         (UVec2::new(x, y), UVec2::new(width, height))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_files_of_plans_are_swept() {
+        let hash = "0123456789abcdef";
+        for ours in [
+            format!("start-0001-{hash}.ply"),
+            format!("coarse-{hash}.ply"),
+            format!("coarse-{hash}.checkpoint"),
+            "start-0012.ply".into(),
+        ] {
+            assert!(is_of_a_plan(&ours), "{ours}");
+        }
+        for other in
+            [format!("block-0001-{hash}.ply"), "start-mine.ply".into(), "coarse.ply".into(), NAME.into()]
+        {
+            assert!(!is_of_a_plan(&other), "{other}");
+        }
     }
 }

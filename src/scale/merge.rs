@@ -4,7 +4,7 @@ use super::manifest::{Block, Manifest};
 use super::region::{Region, middle};
 use crate::asset::Provenance;
 use crate::atomic::AtomicFile;
-use crate::camera::{self, Camera};
+use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::formats::ply::SoupWriter;
 use crate::formats::{self, ReadOptions};
@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// What a merge found at the borders of blocks.
+/// What a merge measured at the borders of blocks.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(title = "trisplat report of a merge")]
 pub struct MergeReport {
@@ -33,14 +33,14 @@ pub struct MergeReport {
     pub quality: Vec<SeamQuality>,
 }
 
-/// What became of a block.
+/// What the merge kept and left out of a block.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BlockSeams {
     /// Triangles that it owns.
     pub owned: u64,
-    /// Of these, with a corner in another block.
+    /// Of these, triangles with a corner in another block.
     pub crossing: u64,
-    /// Left out: those that others own.
+    /// Triangles left out because another block owns them.
     pub left_out: u64,
 }
 
@@ -53,11 +53,11 @@ pub struct SeamQuality {
     pub photos: u64,
     /// Mean PSNR, dB.
     pub psnr: f64,
-    /// PSNR of all pixels that show what is near a seam, dB; null when none do.
+    /// PSNR of all pixels near a seam, dB; null without such pixels.
     pub seams_psnr: Option<f64>,
     /// PSNR of all other pixels, dB.
     pub elsewhere_psnr: Option<f64>,
-    /// Share of the pixels that show what is near a seam.
+    /// Share of the pixels near a seam.
     pub seams_share: f64,
 }
 
@@ -91,12 +91,12 @@ impl Blocks {
         }
     }
 
-    /// How many there are.
+    /// Number of blocks.
     pub fn len(&self) -> usize {
         self.manifest.blocks.len()
     }
 
-    /// True when there are none, which no plan has.
+    /// True without blocks, which no plan is.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -127,20 +127,19 @@ impl Blocks {
         let provenance =
             Provenance { source: source.map(|name| name.to_string_lossy().into_owned()), ..provenance };
         let block = &self.manifest.blocks[index];
-        let shell = (provenance.shell as usize).min(soup.len());
+        let shell = soup.take_shell();
         let owned = |i: usize| block.core.contains(middle(&soup.vertices[i]));
-        // Its part of the shell is its own, wherever that is.
-        let keep: Vec<bool> = (0..soup.len()).map(|i| i < shell || owned(i)).collect();
+        let keep: Vec<bool> = (0..soup.len()).map(owned).collect();
         let crosses = |corners: &[glam::Vec3; 3]| !corners.iter().all(|corner| block.core.contains(*corner));
-        let kept = || (shell..soup.len()).filter(|i| keep[*i]);
+        let kept = || (0..soup.len()).filter(|i| keep[*i]);
         let seams = BlockSeams {
-            owned: (shell + kept().count()) as u64,
+            // Its part of the shell is its own, wherever that is.
+            owned: (shell.len() + kept().count()) as u64,
             crossing: kept().filter(|i| crosses(&soup.vertices[*i])).count() as u64,
             left_out: keep.iter().filter(|keep| !**keep).count() as u64,
         };
         soup.retain(|i| keep[i]);
-        let rest = soup.split_off(shell);
-        Ok((OwnedBlock { shell: soup, rest, provenance, cameras }, seams))
+        Ok((OwnedBlock { shell, rest: soup, provenance, cameras }, seams))
     }
 
     /// The cameras of all photos of all blocks, in order of the photos' names.
@@ -152,10 +151,10 @@ impl Blocks {
         all.into_values().collect()
     }
 
-    /// Writes the scene into a file that was started; one block is in memory at a time.
+    /// Writes the scene into a file that was started and has yet to be given its name; one block is in memory at a time.
     ///
     /// Errors: blocks that cannot be read; what the operating system refuses.
-    pub fn merge_into(&self, mut file: AtomicFile) -> Result<MergeReport> {
+    pub fn merge_into(&self, file: &mut AtomicFile) -> Result<MergeReport> {
         let mut report = MergeReport { generator: crate::report::generator(), ..MergeReport::default() };
         let (mut shell, mut cameras, mut provenance) = (Soup::default(), Vec::new(), None);
         let mut degree = u8::MAX;
@@ -171,25 +170,21 @@ impl Blocks {
         report.shell = shell.len() as u64;
         shell.truncate_sh(degree);
         let cameras = self.cameras(&cameras);
-        let provenance = Provenance {
-            shell: u32::try_from(shell.len()).unwrap_or(u32::MAX),
-            viewpoint: camera::viewpoint(&cameras),
-            ..provenance.unwrap_or_default()
-        };
+        let provenance = Provenance { viewpoint: None, ..provenance.unwrap_or_default() };
         let path = file.path().to_owned();
         let io = |e| Error::io(&path, e);
         let count = usize::try_from(report.triangles).unwrap_or(usize::MAX);
-        let mut out = SoupWriter::start(&mut file, count, degree, &provenance, &cameras).map_err(io)?;
+        let mut out =
+            SoupWriter::start(file, count, degree, &provenance, &cameras, !shell.is_empty()).map_err(io)?;
         out.vertices(&shell).map_err(io)?;
         self.each(degree, |rest| out.vertices(rest).map_err(io))?;
         out.faces(&shell).map_err(io)?;
         self.each(degree, |rest| out.faces(rest).map_err(io))?;
         out.end(&cameras).map_err(io)?;
-        file.commit()?;
         Ok(report)
     }
 
-    /// What each block owns but for the shell, one after the other, with colours up to `degree`.
+    /// What each block owns, without the shell, one block after the other, with colours up to `degree`.
     fn each(&self, degree: u8, mut take: impl FnMut(&Soup) -> Result<()>) -> Result<()> {
         (0..self.len()).try_for_each(|index| {
             let mut rest = self.read(index)?.0.rest;

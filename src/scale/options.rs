@@ -1,6 +1,7 @@
 //! How a scene is cut into blocks, declared once.
 
 use crate::error::{Error, Result};
+use crate::ranges::{self, Called};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -10,23 +11,23 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", command(next_help_heading = "Blocks"))]
 pub struct PlanOptions {
-    /// So many blocks; one is a plain run.
+    /// Number of blocks; one is a plain run.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536), conflicts_with = "block_triangles"))]
     pub blocks: Option<u32>,
-    /// As many blocks as it takes for each to have about so many of --max-triangles.
+    /// Triangles per block, about; the number of blocks follows from --max-triangles.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..)))]
     pub block_triangles: Option<u64>,
-    /// How far around itself a block is trained, as a share of its extent.
+    /// Width of the margin around a block that is trained with it, as a share of the block's extent.
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = PlanOptions::DEFAULT.halo))]
     pub halo: f64,
-    /// A photo is a block's when it shows the block on at least this share of its pixels.
+    /// A block gets the photos that show it on at least this share of their pixels.
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = PlanOptions::DEFAULT.min_cover))]
     pub min_cover: f64,
-    /// Most photos of a block, those that show most of it; 0: no limit.
+    /// Most photos per block, those that show most of it; 0: no limit.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = PlanOptions::DEFAULT.block_photos))]
     pub block_photos: u32,
-    /// How often a block looks at each of its photos, as a share of how often a plain run would; 0: so often that all blocks together draw
-    /// 1.5 times the pixels that it would, which takes about as long, but not more often than it.
+    /// How often a block looks at each of its photos, as a share of how often a plain run does. 0: all blocks together draw
+    /// 1.5 times the pixels of a plain run, which takes about as long, and no block looks more often than that run.
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = PlanOptions::DEFAULT.passes))]
     pub passes: f64,
     /// Steps of the coarse scene, the first three fifths of the schedule; 0: three fifths of --steps.
@@ -38,7 +39,7 @@ pub struct PlanOptions {
 }
 
 impl PlanOptions {
-    /// No number of blocks yet.
+    /// No number of blocks set.
     pub const DEFAULT: Self = Self {
         blocks: None,
         block_triangles: None,
@@ -52,20 +53,12 @@ impl PlanOptions {
 
     /// Checks ranges.
     pub fn validate(&self) -> Result<()> {
-        for (option, value, most) in [("halo", self.halo, 1.0), ("min_cover", self.min_cover, 0.5)] {
-            if !(0.0..=most).contains(&value) {
-                return Err(Error::invalid(option, value, format!("0 to {most}")));
-            }
-        }
-        if !(0.0..=100.0).contains(&self.passes) {
-            return Err(Error::invalid("passes", self.passes, "0 to 100"));
-        }
-        Ok(())
+        ranges::check("", self, Called::ByFlag)
     }
 
-    /// How many blocks there are in a scene of `max_triangles`.
+    /// Number of blocks for a scene of `max_triangles`.
     ///
-    /// Errors: no option says so; more than 65,536.
+    /// Errors: neither option is set; more than 65,536.
     pub fn count(&self, max_triangles: u64) -> Result<usize> {
         let count = match (self.blocks, self.block_triangles) {
             (Some(blocks), _) => u64::from(blocks),

@@ -8,7 +8,6 @@ use super::hash;
 use super::manifest::{Block, BlockPhoto, Expected, Manifest, PlannedPhoto, Source};
 use super::options::PlanOptions;
 use super::region::Region;
-use crate::asset::Provenance;
 use crate::atomic::AtomicFile;
 use crate::camera::Camera;
 use crate::dataset::{Dataset, DatasetOptions, View};
@@ -19,19 +18,19 @@ use crate::soup::Soup;
 use crate::space::Space;
 use crate::train::options::REFERENCE_STEPS;
 use crate::train::schedule::Schedule;
-use crate::train::{RunIdentity, TrainOptions};
+use crate::train::{RunIdentity, TrainOptions, TrainPreset};
 use glam::{UVec2, Vec3};
 use rayon::prelude::*;
 use std::path::{Component, Path, PathBuf};
 
-/// Where the coarse scene ends and the blocks go on, steps of a 30,000-step run: late, as all photos together show more than those of a
+/// Where the coarse scene ends and the blocks continue, steps of a 30,000-step run: late, as all photos together show more than those of a
 /// block, but before triangles become opaque.
 const GOES_ON_AT: f64 = 18_000.0;
-/// The coarse scene has one in so many of the triangles of a plain run, unless options say otherwise.
+/// Default share of a plain run's triangles that the coarse scene has: one in this many.
 const COARSE_TRIANGLES: u64 = 2;
-/// Blocks together draw so many times the pixels of a plain run, unless options say otherwise: each step has fewer triangles.
+/// By default blocks together draw this many times the pixels of a plain run, because each step has fewer triangles.
 const PIXELS: f64 = 1.5;
-/// Triangles around a core may become so many times as many, by those of the coarse scene, as in it.
+/// Triangles around a core may grow by this factor relative to the coarse scene, compared with those in the core.
 const HALO_ROOM: f64 = 2.0;
 
 /// Makes a plan of a data set.
@@ -52,6 +51,10 @@ impl Planner<'_> {
     pub fn count(&self) -> Result<usize> {
         self.options.validate()?;
         self.whole.validate()?;
+        if self.whole.preset == TrainPreset::PaperEngine {
+            let expected = "another preset: its losses are means over a whole scene";
+            return Err(Error::invalid("preset", "paper-engine, in blocks", expected));
+        }
         self.options.count(self.whole.max_triangles)
     }
 
@@ -70,7 +73,7 @@ impl Planner<'_> {
         Ok(Some((TrainOptions { steps: whole, max_triangles, ..self.whole.clone() }, steps)))
     }
 
-    /// The name of the coarse scene's file: it says what it was made of.
+    /// The name of the coarse scene's file, with a hash of what it was made of.
     ///
     /// Errors: photos that cannot be read.
     pub fn coarse_name(&self, coarse: &(TrainOptions, u64), photos: &[PlannedPhoto]) -> Result<String> {
@@ -94,17 +97,21 @@ impl Planner<'_> {
         RunIdentity::of(self.dataset, self.dataset_options.background.to_f32(), None)
     }
 
-    /// The plan, for `folder`; what blocks start from is written there. `coarse` is the name and the content of the coarse scene.
+    /// The plan, for the folder of `file`, its own; what blocks start from is written there. `coarse` is the name and the content of the
+    /// coarse scene.
     ///
-    /// Errors: a block that no photo shows, or that is expected to take more than `max_bytes`; what the operating system refuses.
+    /// Blocks that no photo shows are left out: there may be fewer than the options ask for.
+    ///
+    /// Errors: no photo shows any block; one that is expected to take more than `max_bytes`; what the operating system refuses.
     pub fn plan(
         &self,
-        folder: &Path,
+        file: &mut AtomicFile,
         photos: Vec<PlannedPhoto>,
         coarse: Option<(&str, &Loaded)>,
         max_bytes: Option<u64>,
     ) -> Result<Manifest> {
         let options = self.whole;
+        let folder = &file.path().parent().unwrap_or(Path::new("")).to_owned();
         let dataset = relative(folder, &self.dataset.path)?;
         let mut manifest = Manifest::new(dataset, self.dataset_options.clone(), options.clone());
         manifest.origin = self.dataset.origin.to_array();
@@ -122,7 +129,7 @@ impl Planner<'_> {
                 let hash = hash::of_file(&folder.join(name), &self.dataset_options.limits)?;
                 manifest.coarse =
                     Some(Source { file: name.into(), hash, triangles: cutter.soup.len() as u64 });
-                manifest.blocks = cutter.blocks(folder, max_bytes)?;
+                manifest.blocks = cutter.blocks(file, max_bytes)?;
             }
         }
         for index in 0..manifest.blocks.len() {
@@ -206,8 +213,6 @@ struct Cutter<'a> {
     planner: &'a Planner<'a>,
     scene: &'a Loaded,
     soup: &'a Soup,
-    /// So many of its first triangles are the shell.
-    shell: usize,
     space: Space,
     views: &'a [&'a View],
     cameras: &'a [Camera],
@@ -230,14 +235,14 @@ impl<'a> Cutter<'a> {
             false => planner.dataset.points.iter().map(|point| point.position).collect(),
         };
         let space = Space::new(cameras, &points);
-        let shell = (scene.provenance.shell as usize).min(soup.len());
-        Ok(Self { planner, scene, soup, shell, space, views, cameras, middles })
+        Ok(Self { planner, scene, soup, space, views, cameras, middles })
     }
 
-    /// The blocks; what they start from is written into `folder`.
-    fn blocks(&self, folder: &Path, max_bytes: Option<u64>) -> Result<Vec<Block>> {
+    /// The blocks; what they start from is written beside `file`, the plan.
+    fn blocks(&self, file: &mut AtomicFile, max_bytes: Option<u64>) -> Result<Vec<Block>> {
         let positions: Vec<Vec3> = self.cameras.iter().map(Camera::position).collect();
-        let cores = cut(&self.middles[self.shell..], self.planner.count()?, &Surroundings::of(&positions));
+        let inner: Vec<Vec3> = self.inner().map(|i| self.middles[i]).collect();
+        let cores = cut(&inner, self.planner.count()?, &Surroundings::of(&positions));
         let owners = owners(&self.middles, &cores);
         let seed = self.planner.whole.seed;
         let block = |(i, core): (usize, &Region)| {
@@ -249,22 +254,33 @@ impl<'a> Cutter<'a> {
         let mut coverage = Coverage::new(self.soup, &self.middles, &owners, self.space, &drawing);
         assign(&mut blocks, self.views, &mut coverage, self.planner.options)?;
         let (passes, core_triangles) = (self.passes(&blocks), self.core_triangles(&owners, blocks.len()));
-        for (index, block) in blocks.iter_mut().enumerate() {
-            let visible = visible(block, self.views, self.soup.len(), &mut coverage)?;
+        let mut shown = Vec::with_capacity(blocks.len());
+        for (owner, mut block) in blocks.into_iter().enumerate() {
+            // What no photo shows cannot be trained, and nobody misses it.
+            if block.photos.is_empty() {
+                continue;
+            }
+            let visible = visible(&block, self.views, self.soup.len(), &mut coverage)?;
             let photos = block.photos.len() as f64 / self.views.len() as f64;
             block.steps = ((passes * self.planner.whole.steps as f64 * photos).ceil() as u64).max(1);
             block.first_step =
                 Schedule::new(&TrainOptions { steps: block.steps, ..self.planner.whole.clone() })
                     .scaled(GOES_ON_AT)
                     .min(block.steps - 1);
-            block.core_triangles = core_triangles[index];
-            self.fill(index, block, &visible, folder, max_bytes)?;
+            block.core_triangles = core_triangles[owner];
+            self.fill(shown.len(), &mut block, &visible, file, max_bytes)?;
+            shown.push(block);
         }
-        Ok(blocks)
+        Ok(shown)
     }
 
-    /// How often blocks look at their photos, as a share of how often a plain run would: so often that all of them together draw
-    /// 1.5 times as many pixels, unless the options say otherwise.
+    /// The triangles that are not the shell.
+    fn inner(&self) -> impl Iterator<Item = usize> {
+        (0..self.soup.len()).filter(|i| !self.soup.is_shell(*i))
+    }
+
+    /// How often blocks look at their photos, as a share of how often a plain run does. By default all of them together draw
+    /// 1.5 times as many pixels.
     fn passes(&self, blocks: &[Block]) -> f64 {
         let pixels = |size: UVec2| size.as_dvec2().element_product();
         let whole: f64 = self.cameras.iter().map(|camera| pixels(camera.size)).sum();
@@ -294,7 +310,7 @@ impl<'a> Cutter<'a> {
 
     /// How far the inner triangles of a block reach, along each axis.
     fn extent(&self, owners: &[u32], block: u32) -> Vec3 {
-        let own = (self.shell..self.middles.len()).filter(|i| owners[*i] == block);
+        let own = self.inner().filter(|i| owners[*i] == block);
         let own: Vec<Vec3> = own.map(|i| self.middles[i]).collect();
         Vec3::from([0, 1, 2].map(|a| {
             let mut along: Vec<f32> = own.iter().map(|p| p[a]).collect();
@@ -313,10 +329,10 @@ impl<'a> Cutter<'a> {
         index: usize,
         block: &mut Block,
         visible: &[bool],
-        folder: &Path,
+        file: &mut AtomicFile,
         max_bytes: Option<u64>,
     ) -> Result<()> {
-        let is_shell = |i: usize| i < self.shell;
+        let is_shell = |i: usize| self.soup.is_shell(i);
         // None that is only drawn may reach into the halo: what it hides would be missing once it is gone.
         let is_trained = |i: usize| match is_shell(i) {
             true => block.core.contains(self.middles[i]),
@@ -347,25 +363,31 @@ impl<'a> Cutter<'a> {
         block.expected = expected(&load, &options);
         check_memory(index, block.expected, max_bytes)?;
         let order: Vec<usize> = [frozen, shell, trained].concat();
-        block.start = Some(self.write_start(index, &order, folder)?);
+        block.start = Some(self.write_start(index, &order, file)?);
         Ok(())
     }
 
-    /// Writes triangles of the coarse scene, in this order, as what block `index` starts from.
-    fn write_start(&self, index: usize, order: &[usize], folder: &Path) -> Result<Source> {
-        let file = format!("start-{index:04}.ply");
-        let path = folder.join(&file);
-        let provenance = Provenance { shell: 0, ..self.scene.provenance.clone() };
-        let soup = self.soup.picked(order);
-        let mut out = AtomicFile::create(&path)?;
-        ply::write_soup(&mut out, &soup, &provenance, &[]).map_err(|e| Error::io(&path, e))?;
-        out.commit()?;
-        let hash = hash::of_file(&path, &self.planner.dataset_options.limits)?;
+    /// Writes triangles of the coarse scene, in this order, as the start of block `index`. Its name holds the hash of its bytes, so that
+    /// it replaces nothing; `manifest` names it.
+    fn write_start(&self, index: usize, order: &[usize], manifest: &mut AtomicFile) -> Result<Source> {
+        let aside = manifest.path().with_file_name(format!("start-{index:04}.ply"));
+        let mut soup = self.soup.picked(order);
+        // The plan says which of these are the block's part of it.
+        soup.shell.clear();
+        let mut out = hash::Hashed::new(AtomicFile::create(&aside)?);
+        ply::write_soup(&mut out, &soup, &self.scene.provenance, &[]).map_err(|e| Error::io(&aside, e))?;
+        let (out, hash) = out.end();
+        let file = format!("start-{index:04}-{hash}.ply");
+        let path = aside.with_file_name(&file);
+        if !path.exists() {
+            manifest.names(&path);
+        }
+        out.commit_as(&path)?;
         Ok(Source { file, hash, triangles: order.len() as u64 })
     }
 }
 
-/// `to` as seen from `folder`, so that both can be mounted elsewhere together.
+/// `to` relative to `folder`, so that both can be mounted elsewhere together.
 fn relative(folder: &Path, to: &Path) -> Result<String> {
     let full = |path: &Path| std::fs::canonicalize(path).map_err(|e| Error::io(path, e));
     let (from, to) = (full(folder)?, full(to)?);

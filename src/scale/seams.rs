@@ -17,11 +17,11 @@ use crate::train::eval::EvalScene;
 use glam::{Vec2, Vec3};
 use std::path::Path;
 
-/// Compares each of `scenes` with the held-out photos of the plan. A pixel is at a seam when it shows, by the coarse scene, what two blocks
+/// Compares each of `scenes`, a name for the report and a file, with the held-out photos of the plan. A pixel is at a seam when it shows, by the coarse scene, what two blocks
 /// have trained: the halo of one and the core of another. So the pixels are the same for all scenes.
 ///
 /// Errors: no photo is held out; scenes or photos that cannot be read.
-pub fn compare(blocks: &Blocks, scenes: &[&Path], how: &DatasetOptions) -> Result<Vec<SeamQuality>> {
+pub fn compare(blocks: &Blocks, scenes: &[(&Path, &Path)], how: &DatasetOptions) -> Result<Vec<SeamQuality>> {
     let plan = &blocks.manifest;
     let path = plan.dataset_path(blocks.folder());
     let dataset = Dataset::load(&path, &plan.dataset_options)?;
@@ -36,8 +36,8 @@ pub fn compare(blocks: &Blocks, scenes: &[&Path], how: &DatasetOptions) -> Resul
     let mut photos = Photos::new(views.iter().map(|view| view.photo.clone()).collect(), how.photo_bytes());
     let masks = masks(blocks, &views, space, &drawing)?;
     let options = ReadOptions { sh_degree: 3, limits: how.limits, ..ReadOptions::default() };
-    let compared = |scene: &&Path| {
-        let soup = soup_of(scene, formats::read(scene, &options)?)?;
+    let compared = |(scene, file): &(&Path, &Path)| {
+        let soup = soup_of(file, formats::read(file, &options)?)?;
         let window = if is_solid(&soup) { Window::Coverage { width_px: 1.0 } } else { drawing.window };
         let drawn = EvalScene::new(&soup, &space, &SoftOptions { window, ..drawing });
         let mut sums = Sums::default();

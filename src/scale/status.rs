@@ -1,4 +1,4 @@
-//! How far the blocks of a plan are, by what lies beside it.
+//! Progress of a plan's blocks, by the files beside the plan.
 
 use super::manifest::Manifest;
 use super::task::BlockFigures;
@@ -7,14 +7,14 @@ use crate::input;
 use crate::limits::Limits;
 use std::path::Path;
 
-/// How far a block is.
+/// State of a block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BlockState {
-    /// Nothing is there.
+    /// Not started.
     Waiting,
-    /// There is a checkpoint: it is being trained, or was stopped.
+    /// A checkpoint exists: the block is being trained, or was stopped.
     Begun,
-    /// Its result is there.
+    /// Its result exists.
     Done,
 }
 
@@ -32,9 +32,9 @@ impl BlockState {
 /// A row of the table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BlockStatus {
-    /// How far it is.
+    /// Its state.
     pub state: BlockState,
-    /// What it took; of blocks that are done.
+    /// What it took, once it is done.
     pub figures: Option<BlockFigures>,
 }
 

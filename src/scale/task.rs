@@ -1,5 +1,5 @@
-//! The training of one block: files in, files out. The name of what comes out says what went in, so that a task that was done is not
-//! done again, and one that was killed and begins anew, here or elsewhere, ends with the same bytes.
+//! Trains one block: files in, files out. The result's name is a hash of its inputs, so a finished task is not repeated.
+//! A task that was killed and starts again, here or elsewhere, ends with the same bytes.
 
 use super::hash;
 use super::manifest::{Block, Manifest, PlannedPhoto, Source};
@@ -10,14 +10,14 @@ use crate::dataset::Dataset;
 use crate::error::{Error, Result};
 use crate::formats::{self, ReadOptions};
 use crate::limits::Limits;
-use crate::scene::Loaded;
+use crate::scene::{Loaded, Scene};
 use crate::train::{Part, Preview, RunOptions, TrainRun, Trained, checkpoint};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Checkpoints that a task writes on its way unless told otherwise.
+/// Default number of checkpoints that a task writes.
 const CHECKPOINTS: u64 = 10;
 
 /// A block that is to be trained.
@@ -106,12 +106,12 @@ impl Task {
         for (now, planned) in planned_photos(&dataset, options)?.iter().zip(&photos) {
             if now != *planned {
                 let what = if now.hash == planned.hash { "its camera" } else { "its file" };
-                let reason = format!("{what} is not as it was planned: put it back, or plan again");
+                let reason = format!("{what} has changed since it was planned: restore it, or plan again");
                 return Err(Error::malformed(&path, format!("photo `{}`", planned.name), reason));
             }
         }
         if dataset.origin.to_array() != plan.origin {
-            let reason = "is not where it was planned: its cameras or points are others; plan again";
+            let reason = "does not match the plan: its cameras or points differ; plan again";
             return Err(Error::unsupported(&path, reason));
         }
         let cameras = dataset.views.iter().map(|view| view.camera).collect();
@@ -130,7 +130,11 @@ impl Task {
     pub fn start(&self) -> Result<Option<Loaded>> {
         let Some(start) = &self.block().start else { return Ok(None) };
         let mut loaded = read_source(&self.folder, start, &self.manifest.dataset_options.limits)?;
-        loaded.provenance.shell = u32::try_from(self.block().shell).unwrap_or(u32::MAX);
+        if let Scene::Soup(soup) = &mut loaded.scene {
+            let count = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
+            let first = count(self.block().frozen);
+            soup.set_shell(first..first.saturating_add(count(self.block().shell)));
+        }
         Ok(Some(loaded))
     }
 
@@ -205,7 +209,7 @@ pub fn unnamed(trained: Trained) -> Trained {
 pub(super) fn read_source(folder: &Path, source: &Source, limits: &Limits) -> Result<Loaded> {
     let path = folder.join(&source.file);
     if hash::of_file(&path, limits)? != source.hash {
-        return Err(Error::unsupported(&path, "is not as it was planned; plan again"));
+        return Err(Error::unsupported(&path, "has changed since it was planned; plan again"));
     }
     let options = ReadOptions { sh_degree: 3, limits: *limits, ..ReadOptions::default() };
     let loaded = formats::read(&path, &options)?;

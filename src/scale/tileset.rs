@@ -1,5 +1,5 @@
-//! The blocks of a scene as one tileset: each baked by itself into tiles, and above these, along the cuts that made the blocks, tiles that
-//! stand for two blocks, four, and so on. Beside the block that is baked no more is in memory than the coarsest tile of some others.
+//! The blocks of a scene as one tileset. Each block is baked into tiles of its own; above these, along the cuts that made the blocks, tiles
+//! stand for two blocks, four, and so on. Memory holds one block and the coarsest tiles of some others.
 
 use super::cuts::halves;
 use super::merge::{Blocks, OwnedBlock};
@@ -37,7 +37,7 @@ struct Node {
     mesh: Mesh,
 }
 
-/// Bakes `blocks` into the tileset `path`; `done` is told of each block.
+/// Bakes `blocks` into the tileset `path`; calls `done` after each block.
 ///
 /// Errors: those of a bake; what the operating system refuses.
 pub fn bake_tiles(
@@ -77,7 +77,7 @@ fn placement(blocks: &Blocks, options: &BakeOptions) -> Result<(Placement, Place
     Ok((Bake::new(&quick).run([scene])?.provenance.placement, source))
 }
 
-/// The options of a bake that looks at nothing but the triangles.
+/// The options of a bake without photos or cameras.
 fn plain(options: &BakeOptions) -> BakeOptions {
     let teacher = TeacherOptions::OFF;
     let mut plain = BakeOptions { teacher, ..options.clone() };
@@ -160,7 +160,7 @@ impl City<'_> {
         Provenance { generator, up: Some(UpAxis::Y), placement, ..Provenance::default() }
     }
 
-    /// The whole: with the shell always drawn beside everything else, as it is everywhere.
+    /// The root, with the shell as a tile of its own that is always drawn.
     fn with_shell(&mut self, shell: Soup, root: Option<TilesetTile>) -> Result<TilesetTile> {
         if let (true, Some(root)) = (shell.is_empty(), &root) {
             return Ok(root.clone());

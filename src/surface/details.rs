@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// What a surface was made of, and what was dropped.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SurfaceDetails {
-    /// Where the scene was looked at from; absent when cameras were given.
+    /// Where chosen cameras stood; absent when cameras were given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub viewpoints: Option<ViewpointKind>,
     /// Depth pictures that were drawn, one per camera.
@@ -19,9 +19,9 @@ pub struct SurfaceDetails {
     pub blocks: u64,
     /// Triangles between the cells.
     pub extracted: u64,
-    /// Connected pieces that are left, before they are simplified.
+    /// Connected pieces that are left.
     pub components: u64,
-    /// Triangles of pieces that were too small.
+    /// Triangles of pieces that were too small: below `min_component`, or worth fewer than 8 of `max_triangles`.
     pub small: u64,
     /// How far simplification moved the surface, units of the input, as it estimates it; absent when nothing was simplified.
     #[serde(default, skip_serializing_if = "Option::is_none")]

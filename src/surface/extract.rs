@@ -21,7 +21,7 @@ use crate::scene::Loaded;
 use crate::teacher::Viewpoints;
 use rayon::prelude::*;
 
-/// What of the time goes into drawing.
+/// Share of the time that drawing takes.
 const DRAWING: f64 = 0.5;
 
 /// The surface that `cameras`, in the frame of `scene`, see of it; without cameras those that it stores, or chosen ones: connected, with shared vertices, indices and a colour per vertex, in the
@@ -29,7 +29,7 @@ const DRAWING: f64 = 0.5;
 ///
 /// The shell of a soup is left out unless the options ask for it; a backdrop must have been taken out before.
 ///
-/// Errors: options out of range; more blocks than `limits` permit in an array.
+/// Errors: options out of range; more blocks than `limits` permit in an array; fewer triangles than a surface can have.
 pub fn surface(
     scene: &Loaded,
     cameras: &[Camera],
@@ -48,8 +48,7 @@ pub fn surface(
         return Ok(None);
     }
     details.viewpoints = chosen.as_ref().map(|viewpoints| viewpoints.kind);
-    let shell = if options.shell { 0 } else { scene.provenance.shell as usize };
-    let pictures = pictures(&scene.scene, shell, cameras, progress.part(0.0, DRAWING));
+    let pictures = pictures(&scene.scene, options.shell, cameras, progress.part(0.0, DRAWING));
     let Some(grid) = Grid::over(&pictures, options)? else { return Ok(None) };
     let field = fused(&pictures, grid, options, limits)?;
     drop(pictures);
@@ -59,8 +58,12 @@ pub fn surface(
     drop(field);
     let pieces = drop_small(&mut mesh, options.min_component);
     (details.components, details.small) = (pieces.kept, pieces.dropped_faces);
-    if let Some(most) = options.max_triangles {
-        details.simplification_error = simplify(&mut mesh, most as usize);
+    if let Some(most) = options.max_triangles
+        && let Some(simplified) = simplify(&mut mesh, most as usize)?
+    {
+        details.simplification_error = Some(simplified.error);
+        details.components = simplified.pieces.kept;
+        details.small += simplified.pieces.dropped_faces;
     }
     progress.set(1, 1);
     Ok((mesh.face_count() > 0).then_some(mesh))

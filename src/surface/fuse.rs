@@ -9,7 +9,7 @@ use crate::math::srgb8::srgb8_from_linear;
 use glam::Vec3;
 use std::sync::LazyLock;
 
-/// Weight of rays that pass far before a surface, as a share: at outlines they pass near the surface that they do not hit, and full
+/// Relative weight of rays that pass far before a surface: at outlines they pass near a surface that they do not hit, and full
 /// weight would eat it away.
 const PASSING: f32 = 0.2;
 /// Distances behind a surface count fully up to this share of the truncation.
@@ -53,7 +53,7 @@ impl Fusion {
         self.finish(&sums)
     }
 
-    /// Adds what a picture says of a sample.
+    /// Adds a picture's observation of a sample.
     fn observe(&self, picture: &DepthPicture, sample: Vec3, sums: &mut Sums) {
         let q = picture.to_camera(sample);
         let Some(seen) = picture.observe(q, self.truncation) else { return };
@@ -74,8 +74,8 @@ impl Fusion {
         }
     }
 
-    /// How much a distance counts, from 0 to 1, by what a ray can know: that it is free up to where it ends, less and less of what is
-    /// behind, and that it passes a surface it does not hit.
+    /// How much a distance counts, from 0 to 1. A ray is free up to where it ends; it says less and less of what is
+    /// behind, and little of a surface that it passes.
     fn trust(&self, distance: f32) -> f32 {
         if distance >= self.truncation {
             return PASSING;

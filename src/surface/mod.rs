@@ -6,12 +6,13 @@
 //!
 //! As in the supplement of Held et al. 2025 (mesh extraction from depth maps, after 2D Gaussian Splatting): the median depth of what
 //! each camera sees is fused into a truncated signed distance field (Curless and Levoy 1996), whose zero is the surface. What no
-//! camera has observed has no surface, so nothing is closed that nobody saw.
+//! camera has observed has no surface, so holes in the observation stay open.
 //!
 //! Surface nets are our own, as the crates there are take a dense box of known samples: they would invent a surface around what is
 //! unobserved, and double the vertices where the blocks of a sparse lattice meet.
 
 mod blocks;
+mod cluster;
 mod components;
 mod details;
 mod extract;

@@ -1,5 +1,5 @@
 //! Surface nets (Gibson 1998): a vertex in every cell that the surface runs through, a quadrilateral across every edge of the lattice
-//! that it crosses. Cells with a corner that nobody observed have none.
+//! that it crosses. Cells with an unobserved corner have none.
 
 use super::field::Field;
 use super::grid::{Grid, SAMPLES, SIDE, block, within};

@@ -1,11 +1,9 @@
 //! How a surface is made.
 
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::ranges::{self, Called};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-
-/// Most cells along a side: block numbers have 21 bits.
-const MOST_CELLS: u32 = 1 << 16;
 
 /// How a connected surface is made.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -19,10 +17,10 @@ pub struct SurfaceOptions {
     /// Side of a cell in units of the input, in place of `--resolution`
     #[cfg_attr(feature = "cli", arg(long, value_name = "SIDE", conflicts_with = "resolution"))]
     pub voxel: Option<f64>,
-    /// Distances beyond so many cells count as so many; more smooths, less keeps thin things
+    /// Longest distance from the surface that counts, in cells; more smooths, less keeps thin things
     #[cfg_attr(feature = "cli", arg(long, default_value_t = SurfaceOptions::DEFAULT.truncation, value_name = "CELLS"))]
     pub truncation: f64,
-    /// Cameras that must have seen a place, 1 or more; all of them where there are fewer
+    /// Number of cameras that must have seen a place, 1 or more; all of them where there are fewer
     #[cfg_attr(feature = "cli", arg(long, default_value_t = SurfaceOptions::DEFAULT.min_views, value_name = "N"))]
     pub min_views: u32,
     /// Drop connected pieces of fewer triangles, counted before `--max-triangles`
@@ -52,22 +50,9 @@ impl SurfaceOptions {
 
     /// Checks the ranges.
     pub fn validate(&self) -> Result<()> {
-        if !(8..=MOST_CELLS).contains(&self.resolution) {
-            return Err(Error::invalid("resolution", self.resolution, format!("8 to {MOST_CELLS} cells")));
-        }
-        if let Some(voxel) = self.voxel
-            && !(voxel > 0.0 && (voxel as f32).is_normal())
-        {
-            return Err(Error::invalid("voxel", voxel, "a length above 0"));
-        }
         // Surface nets need the distances of all corners of the cells that the surface runs through.
-        if !(2.0..=64.0).contains(&self.truncation) {
-            return Err(Error::invalid("truncation", self.truncation, "2 to 64 cells"));
-        }
-        match self.min_views {
-            0 => Err(Error::invalid("min_views", 0, "1 or more")),
-            _ => Ok(()),
-        }
+        ranges::check("surface", self, Called::ByFlag)?;
+        ranges::check_given("surface.voxel", self.voxel)
     }
 }
 

@@ -3,15 +3,15 @@
 use crate::camera::Camera;
 use glam::{Vec2, Vec3};
 
-/// A pixel's depth when nothing is there: its ray is free.
+/// Depth of a pixel whose ray hits nothing.
 pub(super) const FREE: f32 = f32::INFINITY;
-/// A pixel's depth when nothing is known of it.
+/// Depth of a pixel without observation.
 pub(super) const UNKNOWN: f32 = 0.0;
 /// Least share of the full distance that an observation at a grazing angle keeps.
 const LEAST_SLANT: f32 = 0.1;
 /// Weight of an observation beside an outline, where it is not sure which pixel a ray belongs to.
 const OUTLINE_WEIGHT: f32 = 0.05;
-/// Weight of an observation that nothing is there: it says nothing of how near the surface is.
+/// Weight of an observation of empty space: it does not say how near the surface is.
 const FREE_WEIGHT: f32 = 0.5;
 
 /// A picture of depths.
@@ -24,7 +24,7 @@ pub(super) struct DepthPicture {
     pub(super) rgb: Vec<[u8; 3]>,
 }
 
-/// What a picture says of a place on one of its rays.
+/// A picture's observation at a place on one of its rays.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Observation {
     /// Depth of the surface there, or [`FREE`].

@@ -15,16 +15,16 @@ use glam::{UVec2, Vec3};
 
 /// Pixels of all pictures together: they are in memory at once, with 7 bytes each.
 const MOST_PIXELS: f64 = 48_000_000.0;
-/// A pixel whose background shows through so much has nothing before it.
+/// From this transmittance on a pixel counts as empty.
 const FREE_FROM: f32 = 0.9;
 /// Depth of the near plane in units of training space, as in training.
 const NEAR: f32 = 0.01;
 
-/// What every camera sees of `scene`, without its first `shell` triangles, which are a soup's. Where all pictures together would be too
+/// What every camera sees of `scene`, with its `shell` or without. Where all pictures together would be too
 /// large, each is smaller.
 pub(super) fn pictures(
     scene: &Scene,
-    shell: usize,
+    shell: bool,
     cameras: &[Camera],
     progress: StageProgress<'_>,
 ) -> Vec<DepthPicture> {
@@ -35,20 +35,25 @@ pub(super) fn pictures(
     let cameras: Vec<Camera> = cameras.iter().map(|c| if ratio < 1.0 { smaller(c) } else { *c }).collect();
     match scene {
         Scene::Soup(soup) => of_soup(soup, shell, &cameras, progress),
-        Scene::Mesh(mesh) => of_mesh(mesh, &cameras, progress),
+        Scene::Mesh(mesh) if shell || mesh.shell.is_empty() => of_mesh(mesh, &cameras, progress),
+        Scene::Mesh(mesh) => {
+            let mut mesh = mesh.clone();
+            mesh.take_shell();
+            of_mesh(&mesh, &cameras, progress)
+        }
     }
 }
 
 /// Median depths of the soft drawing.
 fn of_soup(
     soup: &Soup,
-    shell: usize,
+    shell: bool,
     cameras: &[Camera],
     mut progress: StageProgress<'_>,
 ) -> Vec<DepthPicture> {
     let mut soup = soup.clone();
-    if shell > 0 {
-        soup.retain(|triangle| triangle >= shell);
+    if !shell {
+        soup.take_shell();
     }
     let options = SoftOptions { geometry: true, ..SoftOptions::default() };
     let mut teacher = Teacher::new(soup, cameras, &options);

@@ -4,7 +4,7 @@
 //! set that sees more of the scene's triangles wins. What no good candidate sees is not looked at: a scene is only known
 //! where it was photographed.
 
-use super::survey::{Sight, Survey, camera};
+use super::survey::{Survey, ViewCoverage, camera};
 use crate::camera::Camera;
 use crate::scene::Loaded;
 use crate::soup::Soup;
@@ -27,7 +27,7 @@ const INSIDE_DIRECTIONS: usize = 12;
 const LOOKS: usize = 10;
 /// Nothing may be nearer to an eye than this, in units of the scene, ...
 const CLEARANCE: f32 = 0.25;
-/// ... but for this share of its picture.
+/// ... except for this share of its picture.
 const MOST_CROWDED: f32 = 0.1;
 /// Share of the triangles that may be that near.
 const MOST_NEAR: f32 = 1e-3;
@@ -206,7 +206,7 @@ struct GoodView {
 fn good_views(
     survey: &mut Survey,
     candidates: Vec<Camera>,
-    mut good: impl FnMut(&Sight) -> bool,
+    mut good: impl FnMut(&ViewCoverage) -> bool,
 ) -> Vec<GoodView> {
     let look = |camera: Camera| {
         let sight = survey.look(&camera, CLEARANCE);
@@ -253,7 +253,14 @@ mod tests {
         let vertices: Vec<[Vec3; 3]> =
             places.zip(0u64..).map(|(p, i)| [0, 1, 2].map(|k| p + size * corner(3 * i + k))).collect();
         let n = vertices.len();
-        Soup { vertices, opacity: vec![0.95; n], sigma: vec![0.1; n], sh: vec![[0.3; 3]; n], sh_degree: 0 }
+        Soup {
+            vertices,
+            opacity: vec![0.95; n],
+            sigma: vec![0.1; n],
+            sh: vec![[0.3; 3]; n],
+            sh_degree: 0,
+            ..Soup::default()
+        }
     }
 
     #[test]

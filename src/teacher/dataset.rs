@@ -15,13 +15,13 @@ use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// One picture in so many is held out, to measure the twin on.
+/// One picture in this many is held out, to measure the solid scene on.
 const HELD_OUT: usize = 8;
 
-/// Draws `scene`, read from `path`, as `options` say and makes a data set of the pictures, in the frame of its file.
+/// Draws `scene`, read from `path`, with `options` and makes a data set of the pictures, in the frame of its file.
 /// With many cameras, fewer pictures are drawn from between them. When all of them take more than `max_bytes` of memory,
-/// they are kept in a temporary file. `drawn` is told after each
-/// picture how many are drawn and how many there will be.
+/// they are kept in a temporary file. Calls `drawn` after each
+/// picture with the numbers of pictures done and in all.
 ///
 /// Errors: nothing in the scene that can be looked at; no room on the disk.
 pub fn dataset(
@@ -51,13 +51,14 @@ pub fn dataset(
     })
 }
 
-/// The photos of `photos` and, beside those that are trained on, soft pictures of `scene` from between their cameras: at most as many
-/// as make up `share`, 0 to 1, of all that is trained on. `options`, `max_bytes` and `drawn` as for [`dataset`].
+/// The photos of `photos` and, beside those that are trained on, soft pictures from between their cameras: at most as many
+/// as make up `share`, 0 to 1, of all that is trained on. Each is the mean of what `scenes` show: what only one of them made up
+/// is faint in it. `options`, `max_bytes` and `drawn` as for [`dataset`].
 ///
 /// Errors: no room on the disk.
 pub fn beside(
     photos: &Dataset,
-    scene: &Loaded,
+    scenes: &[Loaded],
     options: &SoftOptions,
     share: f64,
     max_bytes: u64,
@@ -68,11 +69,43 @@ pub fn beside(
     let wanted = (cameras.len() as f64 * share / (1.0 - share)).round() as usize;
     let count = wanted.min(between.len());
     let chosen: Vec<Camera> = (0..count).map(|i| between[i * between.len() / count]).collect();
-    let to_file = |camera: &Camera| placed::to_file(camera, &scene.provenance.placement, photos.origin);
-    let near: Vec<Camera> = cameras.iter().map(to_file).collect();
-    let mut teacher = Teacher::new(scene.scene.to_soup(), &near, options);
-    let pictures = draw(&chosen, max_bytes, |camera| teacher.picture(&to_file(camera)), drawn)?;
+    let mut teachers: Vec<_> =
+        scenes.iter().map(|scene| Placed::new(scene, &cameras, photos.origin, options)).collect();
+    let pictures = draw(&chosen, max_bytes, |camera| mean_picture(&mut teachers, camera), drawn)?;
     Ok(Dataset { views: [photos.views.clone(), pictures].concat(), ..photos.clone() })
+}
+
+/// A scene that is drawn for cameras of a data set.
+struct Placed<'a> {
+    scene: &'a Loaded,
+    origin: DVec3,
+    teacher: Teacher,
+}
+
+impl<'a> Placed<'a> {
+    /// Draws `scene` for `cameras` of a data set whose world has its origin at `origin`, and others near them.
+    fn new(scene: &'a Loaded, cameras: &[Camera], origin: DVec3, options: &SoftOptions) -> Self {
+        let to_file = |camera| placed::to_file(camera, &scene.provenance.placement, origin);
+        let near: Vec<Camera> = cameras.iter().map(to_file).collect();
+        Self { scene, origin, teacher: Teacher::new(scene.scene.to_soup(), &near, options) }
+    }
+
+    /// What `camera`, of the data set, sees. `[H * W]`
+    fn rgb(&mut self, camera: &Camera) -> &[[f32; 3]] {
+        &self.teacher.frame(&placed::to_file(camera, &self.scene.provenance.placement, self.origin)).rgb
+    }
+}
+
+/// The mean of the pictures that `camera` takes of several scenes.
+fn mean_picture(teachers: &mut [Placed<'_>], camera: &Camera) -> Pixels {
+    let share = 1.0 / teachers.len() as f32;
+    let mut mean = vec![[0.0; 3]; camera.size.element_product() as usize];
+    for teacher in teachers {
+        for (sum, rgb) in mean.iter_mut().zip(teacher.rgb(camera)) {
+            *sum = std::array::from_fn(|c| sum[c] + share * rgb[c].clamp(0.0, 1.0));
+        }
+    }
+    Pixels::from_rgb(camera.size, &mean)
 }
 
 /// A view of each of `cameras` with the picture that `picture` takes, none of them held out.

@@ -29,7 +29,7 @@ pub(super) struct Survey {
 
 /// What a camera sees.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Sight {
+pub(super) struct ViewCoverage {
     /// Share of the picture that triangles cover.
     pub(super) covered: f32,
     /// Share of the picture in which something is nearer than `clearance`.
@@ -75,7 +75,7 @@ impl Survey {
 
     /// What `camera` sees, whatever the size of its picture; `clearance` is the depth below which something stands in
     /// the way.
-    pub(super) fn look(&mut self, camera: &Camera, clearance: f32) -> Sight {
+    pub(super) fn look(&mut self, camera: &Camera, clearance: f32) -> ViewCoverage {
         let camera = camera.resized(UVec2::splat(SIDE));
         let options = SoftOptions {
             near: NEAR,
@@ -94,7 +94,7 @@ impl Survey {
             }
         }
         let pixels = frame.transmittance.len() as f32;
-        Sight { covered: covered / pixels, crowded: crowded / pixels }
+        ViewCoverage { covered: covered / pixels, crowded: crowded / pixels }
     }
 }
 

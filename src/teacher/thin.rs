@@ -92,6 +92,7 @@ mod tests {
             sigma: vec![1.0; count],
             sh: vec![[0.0; 3]; count],
             sh_degree: 0,
+            ..Soup::default()
         }
     }
 

@@ -15,6 +15,7 @@ use super::progress::TrainSample;
 use super::visibility::VisibilityStats;
 use crate::atomic::AtomicFile;
 use crate::error::{Error, Result};
+use crate::guard::guarded;
 use crate::input;
 use crate::limits::Limits;
 use crate::space::Space;
@@ -27,7 +28,10 @@ use std::io::Write;
 use std::path::Path;
 
 /// The layout written and read; it changes whenever a key or an array does.
-const FORMAT: u32 = 9;
+const FORMAT: u32 = 10;
+
+/// exp of more is no finite f32.
+const MOST_RAW_SIGMA: f32 = 88.0;
 
 /// A run between two steps.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,9 +56,9 @@ pub struct CheckpointMeta {
     pub options: TrainOptions,
     /// Centre and scale of training space.
     pub space: ([f32; 3], f32),
-    /// The first so many triangles are pinned: see [`TrainState::pinned`].
+    /// Number of first triangles that are pinned: see [`TrainState::pinned`].
     pub pinned: usize,
-    /// The first so many of these are frozen: see [`TrainState::frozen`].
+    /// Number of these that are frozen: see [`TrainState::frozen`].
     pub frozen: usize,
     /// The core of the part that is trained, where one is.
     pub core: Option<Core>,
@@ -84,7 +88,8 @@ impl CheckpointMeta {
             return Err(bad(format!("is after step {} of {}", self.step, self.options.steps)));
         }
         let (center, scale) = self.space;
-        if !(all_finite(&center) && scale.is_finite() && scale > 0.0) {
+        // Files are in the world, which is this space divided by its scale.
+        if !(all_finite(&center) && scale.is_finite() && scale > 0.0 && scale.recip().is_finite()) {
             return Err(bad(format!("has a scene of centre {center:?} and scale {scale}")));
         }
         Ok(())
@@ -99,7 +104,7 @@ struct MetaText<T> {
     run: T,
 }
 
-/// The part of it that every format has, but for the first, which has no number.
+/// The part that every format has, except the first, which has no number.
 #[derive(Deserialize)]
 struct FormatText {
     format: Option<u32>,
@@ -107,8 +112,13 @@ struct FormatText {
 
 /// Writes `checkpoint` as a file that appears whole or not at all, even when the power fails.
 ///
-/// Errors: what the operating system refuses.
+/// Errors: what the operating system refuses; numbers that are not finite, which no run could go on from.
 pub fn write(path: &Path, checkpoint: &Checkpoint) -> Result<()> {
+    checkpoint.check_finite(path)?;
+    write_unchecked(path, checkpoint)
+}
+
+fn write_unchecked(path: &Path, checkpoint: &Checkpoint) -> Result<()> {
     let io = |e| Error::io(path, e);
     let unwritable = |e: &dyn std::fmt::Display| Error::invalid("checkpoint", e, "numbers JSON can hold");
     let visibility = &checkpoint.visibility;
@@ -165,13 +175,17 @@ fn raw<T: NoUninit>(values: &[T]) -> &[u8] {
 ///
 /// Errors: a file that is broken, not a checkpoint, or of another version of trisplat.
 pub fn read(path: &Path) -> Result<Checkpoint> {
+    guarded(path, || read_unguarded(path))
+}
+
+fn read_unguarded(path: &Path) -> Result<Checkpoint> {
     let mut bytes = input::read_large(path, &Limits::DEFAULT)?;
     if !bytes.is_empty() && !looks_like_safetensors(&bytes) {
         let reason = "is not a checkpoint of a training run; to start from a scene, give it as `from`";
         return Err(Error::unsupported(path, reason));
     }
     let damaged = || {
-        let reason = "does not fit: the file is damaged; go on from another checkpoint, or train anew";
+        let reason = "does not fit: the file is damaged; resume from another checkpoint, or train again";
         Error::malformed(path, "checksum", reason)
     };
     // Before anything is read of it; files of other formats have none in this place.
@@ -227,6 +241,24 @@ impl Checkpoint {
                 return Err(not_finite(path, prefix));
             }
         }
+        let sides = self.meta.core.iter().flat_map(|core| core.low.into_iter().chain(core.high)).flatten();
+        if !sides.into_iter().all(f32::is_finite) || !all_finite(&self.meta.identity.background) {
+            return Err(not_finite(path, "__metadata__"));
+        }
+        // What these numbers stand for is written, too: corners in the world, σ = exp(raw).
+        let space = self.meta.space();
+        let is_far = |corner: &Vec3| !(*corner / space.scale + space.center).is_finite();
+        if params.vertices.iter().flatten().any(is_far)
+            || params.sigma.iter().any(|raw| *raw > MOST_RAW_SIGMA)
+        {
+            return Err(not_finite(path, "params"));
+        }
+        let squares = [&second.opacity[..], &second.sigma, second.sh.as_flattened()];
+        let corners = second.vertices.iter().flatten().all(|corner| corner.min_element() >= 0.0);
+        if !corners || !squares.iter().all(|values| values.iter().all(|value| *value >= 0.0)) {
+            let reason = "means of squares below 0; resume from an earlier checkpoint, or train again";
+            return Err(Error::malformed(path, "second", format!("holds {reason}")));
+        }
         let VisibilityStats { max_weight, sum_weight, radius_px, .. } = &self.visibility;
         let visibility = [max_weight, sum_weight, radius_px];
         match visibility.iter().all(|values| all_finite(values)) {
@@ -244,7 +276,7 @@ fn not_finite(path: &Path, at: &str) -> Error {
     Error::malformed(
         path,
         at,
-        "holds numbers that are not finite; go on from an earlier checkpoint, or train anew",
+        "holds numbers that are not finite; resume from an earlier checkpoint, or train again",
     )
 }
 
@@ -294,7 +326,7 @@ impl Arrays<'_> {
     fn array<T: Pod>(&self, name: &str, dtype: Dtype, shape: &[usize]) -> Result<Vec<T>> {
         let view = self.tensors.tensor(name).map_err(|e| broken(self.path, &e))?;
         if view.dtype() != dtype || view.shape() != shape {
-            let reason = format!("is {} {:?}, wants {dtype} {shape:?}", view.dtype(), view.shape());
+            let reason = format!("is {} {:?}, expected {dtype} {shape:?}", view.dtype(), view.shape());
             return Err(Error::malformed(self.path, name.to_owned(), reason));
         }
         Ok(bytemuck::pod_collect_to_vec(view.data()))
@@ -312,12 +344,12 @@ impl Arrays<'_> {
             (Some(like), _) => (like.len(), like.sh_count()),
             (None, &[n, k, _]) => (n, k),
             (None, shape) => {
-                return Err(Error::malformed(self.path, sh, format!("is {shape:?}, wants three axes")));
+                return Err(Error::malformed(self.path, sh, format!("is {shape:?}, expected three axes")));
             }
         };
         let degree = (0..=3u8).find(|degree| (usize::from(*degree) + 1).pow(2) == k);
         let sh_degree = degree.ok_or_else(|| {
-            Error::malformed(self.path, sh.clone(), format!("has {k} coefficients, wants 1, 4, 9 or 16"))
+            Error::malformed(self.path, sh.clone(), format!("has {k} coefficients, expected 1, 4, 9 or 16"))
         })?;
         let vertices: Vec<[[f32; 3]; 3]> =
             self.array(&format!("{prefix}.vertices"), Dtype::F32, &[n, 3, 3])?;
@@ -348,6 +380,7 @@ mod tests {
             sigma: vec![1.16; 3],
             sh: vec![[0.1, -0.2, 0.3]; 3],
             sh_degree: 0,
+            ..Soup::default()
         };
         let mut visibility = VisibilityStats::new(3, 2);
         visibility.record_photo(1);
@@ -407,8 +440,11 @@ mod tests {
             std::fs::write(&path, bytes).unwrap();
             read(&path).unwrap_err().to_string()
         };
-        let old = replaced(&format!("format\\\":{FORMAT}"), "format\\\":1");
-        assert!(old.contains(&format!("is a checkpoint of format 1, this version reads {FORMAT}")), "{old}");
+        // Of as many digits, as the file stays as long.
+        let other = FORMAT + 1;
+        let error = replaced(&format!("format\\\":{FORMAT}"), &format!("format\\\":{other}"));
+        let expected = format!("is a checkpoint of format {other}, this version reads {FORMAT}");
+        assert!(error.contains(&expected), "{error}");
         let other = replaced("\"trisplat\":", "\"somebody\":");
         assert!(other.contains("is not a trisplat checkpoint"), "{other}");
     }
@@ -447,22 +483,29 @@ mod tests {
     #[test]
     fn numbers_that_are_not_finite_are_refused() {
         type Damage = fn(&mut Checkpoint);
-        let damages: [(&str, Damage); 6] = [
+        let damages: [(&str, Damage); 11] = [
             ("params", |c| c.state.params.vertices[1][2].y = f32::NAN),
             ("params", |c| c.state.params.sh[2][0] = f32::INFINITY),
             ("first", |c| c.state.first.opacity[0] = f32::NAN),
             ("second", |c| c.state.second.sigma[2] = f32::NAN),
             ("visibility", |c| c.visibility.radius_px[0] = f32::NAN),
             ("__metadata__", |c| c.meta.space.1 = 0.0),
+            // Finite themselves, but not what a file would hold of them.
+            ("__metadata__", |c| c.meta.space.1 = 1e-40),
+            ("__metadata__", |c| c.meta.identity.background[1] = f32::INFINITY),
+            ("params", |c| c.state.params.vertices[1][2].y = 3e38),
+            ("params", |c| c.state.params.sigma[0] = 89.0),
+            ("second", |c| c.state.second.vertices[1][0].z = -1e-9),
         ];
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.safetensors");
         for (at, damage) in damages {
             let mut checkpoint = sample();
             damage(&mut checkpoint);
-            write(&path, &checkpoint).unwrap();
+            write_unchecked(&path, &checkpoint).unwrap();
             let error = read(&path).unwrap_err().to_string();
             assert!(error.contains(&format!("{at}: ")), "{error}");
+            assert!(at == "__metadata__" || write(&path, &checkpoint).is_err(), "{error}");
         }
     }
 

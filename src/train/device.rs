@@ -11,6 +11,7 @@ use crate::raster::soft::SoftOptions;
 /// Where a run trains.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[non_exhaustive]
 pub enum BackendKind {
     /// On a graphics card if there is a real one, else on the CPU.
     #[default]
@@ -72,7 +73,7 @@ impl OpenBackend {
 }
 
 impl BackendOptions {
-    /// Where a run with a budget trains: on the CPU, as its plan is made of steps that were timed there.
+    /// Where a run with a budget trains: on the CPU, as its plan comes from steps that were timed there.
     ///
     /// Errors: `gpu`.
     pub fn of_budget(&self) -> Result<Self> {
@@ -127,7 +128,7 @@ impl BackendOptions {
         })
     }
 
-    /// What `make` makes of the card, if one is to be used; and what the user should know: why none is, or that it is none.
+    /// The backend that `make` builds on the card, if one is to be used; and a note for the user: why none is, or that it is software.
     ///
     /// Errors: `gpu` where there is no card as asked for, where it cannot be opened, or where nothing can be made of it.
     pub fn with_card<T>(&self, make: impl FnOnce(Gpu) -> Result<T>) -> Result<(Option<T>, Vec<String>)> {
@@ -148,7 +149,7 @@ impl BackendOptions {
         });
         match (made, self.backend) {
             (Err(error), BackendKind::Auto) => {
-                Ok((None, vec![format!("{error}; going on on the CPU (`backend`)")]))
+                Ok((None, vec![format!("{error}; continuing on the CPU (`backend`)")]))
             }
             (made, _) => made,
         }

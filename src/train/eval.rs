@@ -36,6 +36,17 @@ impl Quality {
         }
     }
 
+    /// Compares what `draw` makes over a background, sRGB-encoded, with a photo of an object over the same, which holds its opacity and
+    /// colours over black: over black and over white, so that neither colour can stand for nothing. The mean of both.
+    pub fn over_two(photo: &Pixels, mut draw: impl FnMut([f32; 3]) -> Result<Pixels>) -> Result<Self> {
+        let mut of = |code: u8| {
+            let picture = draw([f32::from(code) / 255.0; 3])?;
+            Ok(Self::of(&picture, &photo.over_instead_of_black([code; 3])))
+        };
+        let [black, white] = [of(0)?, of(255)?];
+        Ok(Self { psnr: (black.psnr + white.psnr) / 2.0, ssim: (black.ssim + white.ssim) / 2.0 })
+    }
+
     /// Means over photos; `None` of none.
     pub fn mean(scores: &[PhotoScore]) -> Option<Self> {
         let n = scores.len() as f64;
@@ -59,10 +70,17 @@ pub struct PhotoScore {
 /// temporary file.
 #[derive(Debug)]
 pub struct Evaluator {
-    views: Vec<(String, Camera)>,
+    views: Vec<EvalView>,
     photos: Photos,
     soft: Soft,
     solid: Solid,
+}
+
+#[derive(Debug)]
+struct EvalView {
+    name: String,
+    camera: Camera,
+    cut: bool,
 }
 
 impl Evaluator {
@@ -72,7 +90,8 @@ impl Evaluator {
         let mut photos = Photos::new(views.iter().map(|v| v.photo.clone()).collect(), photo_bytes);
         photos.prefetch(0..photos.len());
         (0..photos.len()).try_for_each(|i| photos.take(i).map(drop))?;
-        let views = views.iter().map(|v| (v.name.clone(), v.camera)).collect();
+        let view = |v: &&View| EvalView { name: v.name.clone(), camera: v.camera, cut: v.photo.is_cut() };
+        let views = views.iter().map(view).collect();
         Ok(Self { views, photos, soft: Soft::new(), solid: Solid::new() })
     }
 
@@ -83,7 +102,7 @@ impl Evaluator {
 
     /// Draws the first photo of a soup of the world; `None` when none is held out.
     pub fn first_picture(&mut self, soup: &Soup, space: &Space, options: &SoftOptions) -> Option<Pixels> {
-        let camera = space.camera_to_training(&self.views.first()?.1);
+        let camera = space.camera_to_training(&self.views.first()?.camera);
         let scene = EvalScene::new(soup, space, options);
         Some(scene.draw(&camera, options, &mut self.soft, &mut self.solid))
     }
@@ -92,7 +111,7 @@ impl Evaluator {
     pub fn scores(&mut self, soup: &Soup, space: &Space, options: &SoftOptions) -> Result<Vec<PhotoScore>> {
         let scene = EvalScene::new(soup, space, options);
         let (mut soft, mut solid) = (std::mem::take(&mut self.soft), std::mem::take(&mut self.solid));
-        let scores = self.scores_of(|camera| {
+        let scores = self.scores_of(options, |camera, options| {
             let camera = space.camera_to_training(camera);
             Ok(scene.draw(&camera, options, &mut soft, &mut solid))
         });
@@ -100,13 +119,23 @@ impl Evaluator {
         scores
     }
 
-    /// Compares every photo with what `draw` makes of its camera, in the world. Fails when it does, or when a photo cannot be decoded.
-    pub fn scores_of(&mut self, mut draw: impl FnMut(&Camera) -> Result<Pixels>) -> Result<Vec<PhotoScore>> {
+    /// Compares every photo with what `draw` makes of its camera, in the world, drawn with `options` but for the background of
+    /// objects. Fails when it does, or when a photo cannot be decoded.
+    pub fn scores_of(
+        &mut self,
+        options: &SoftOptions,
+        mut draw: impl FnMut(&Camera, &SoftOptions) -> Result<Pixels>,
+    ) -> Result<Vec<PhotoScore>> {
         self.photos.prefetch(0..self.views.len());
         let mut scores = Vec::with_capacity(self.views.len());
-        for (i, (name, camera)) in self.views.iter().enumerate() {
-            let picture = draw(camera)?;
-            let Quality { psnr, ssim } = Quality::of(&picture, &*self.photos.take(i)?);
+        for (i, EvalView { name, camera, cut }) in self.views.iter().enumerate() {
+            let photo = self.photos.take(i)?;
+            let Quality { psnr, ssim } = match *cut && photo.alpha.is_some() {
+                false => Quality::of(&draw(camera, options)?, &photo),
+                true => Quality::over_two(&photo, |background| {
+                    draw(camera, &SoftOptions { background, ..*options })
+                })?,
+            };
             scores.push(PhotoScore { name: name.clone(), psnr, ssim });
         }
         Ok(scores)
@@ -145,7 +174,10 @@ impl EvalScene {
     ) -> Pixels {
         match self {
             Self::Soft(soup) => soft.render(&SoupRef::from(soup), camera, options).to_pixels(),
-            Self::Solid(mesh, drawing) => solid.render(mesh, camera, drawing),
+            Self::Solid(mesh, drawing) => {
+                let drawing = SolidRasterOptions { background: options.background, ..*drawing };
+                solid.render(mesh, camera, &drawing)
+            }
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What a run was made of: a checkpoint goes on with the same photos, cameras and points, or says which are others.
+//! The inputs of a run: a checkpoint continues with the same photos, cameras and points, or names those that differ.
 
 use crate::camera::Camera;
 use crate::dataset::{Dataset, View};
@@ -65,16 +65,14 @@ impl RunIdentity {
                 return Some(format!("its photo {name} was {w}x{h} px and is {width}x{height} (`max_size`)"));
             }
             if was.pose != is.pose {
-                return Some(format!("the camera of its photo {name} is another"));
+                return Some(format!("the camera of its photo {name} differs"));
             }
         }
         if self.points != now.points {
-            return Some("the points of its data set are others".into());
+            return Some("the points of its data set differ".into());
         }
         match (self.from, now.from) {
-            (Some(was), Some(is)) if was != is => {
-                Some("the scene it started from is another (`from`)".into())
-            }
+            (Some(was), Some(is)) if was != is => Some("the scene it started from differs (`from`)".into()),
             _ => None,
         }
     }

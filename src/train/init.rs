@@ -1,5 +1,5 @@
 //! The first triangles: one per point of the sparse cloud, as large as the gap to its neighbours
-//! (Held et al. 2025, section 3.3), and a sky dome on request.
+//! (Held et al. 2025, section 3.3).
 //!
 //! ```text
 //! v_i = q + k · d · u_i      d: mean distance to the three nearest points, u_i: uniform on the unit sphere
@@ -12,6 +12,9 @@ use crate::rng::Rng;
 use crate::soup::{Soup, sh0_from_rgb};
 use glam::Vec3;
 
+/// First σ (1.16, supplement).
+const FIRST_SIGMA: f32 = 1.16;
+
 /// A coloured point of the sparse cloud, in training space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InitPoint {
@@ -23,18 +26,15 @@ pub struct InitPoint {
 
 /// The first soup, SH degree 0. Points that are not finite are left out.
 pub fn first_soup(points: &[InitPoint], options: &InitOptions, seed: u64) -> Soup {
-    let mut points: Vec<InitPoint> = points.iter().copied().filter(|p| p.position.is_finite()).collect();
+    let points: Vec<InitPoint> = points.iter().copied().filter(|p| p.position.is_finite()).collect();
     let distances = mean_distances(&points.iter().map(|p| p.position).collect::<Vec<_>>());
     // A point whose neighbours coincide with it, or that has none, gets the median size.
     let typical =
         median(distances.iter().copied().filter(|d| *d > 0.0).collect(), f32::total_cmp).unwrap_or(0.05);
-    let mut radii: Vec<f32> = distances
+    let radii: Vec<f32> = distances
         .iter()
         .map(|&d| options.size as f32 * if d > 1e-4 * typical { d } else { typical })
         .collect();
-    let dome = dome(&points, options);
-    radii.extend(dome.iter().map(|(_, radius)| *radius));
-    points.extend(dome.iter().map(|(point, _)| *point));
 
     let rng = Rng::new(seed, "init", 0);
     let n = points.len();
@@ -45,9 +45,10 @@ pub fn first_soup(points: &[InitPoint], options: &InitOptions, seed: u64) -> Sou
             })
             .collect(),
         opacity: vec![options.opacity as f32; n],
-        sigma: vec![options.sigma as f32; n],
+        sigma: vec![FIRST_SIGMA; n],
         sh: points.iter().map(|p| p.rgb.map(sh0_from_rgb)).collect(),
         sh_degree: 0,
+        ..Soup::default()
     }
 }
 
@@ -57,28 +58,6 @@ fn on_sphere(rng: Rng, index: u64) -> Vec3 {
     let angle = std::f32::consts::TAU * rng.uniform(2 * index + 1);
     let r = (1.0 - z * z).max(0.0).sqrt();
     Vec3::new(r * angle.cos(), r * angle.sin(), z)
-}
-
-/// White triangles on a Fibonacci sphere around everything, each with the radius that lets them touch.
-fn dome(points: &[InitPoint], options: &InitOptions) -> Vec<(InitPoint, f32)> {
-    let count = (options.dome_share * points.len() as f64).ceil() as usize;
-    let mut reach: Vec<f32> = points.iter().map(|p| p.position.length()).collect();
-    if count == 0 || reach.is_empty() {
-        return Vec::new();
-    }
-    let far = (reach.len() * 99 / 100).min(reach.len() - 1);
-    let radius = options.dome_radius as f32 * *reach.select_nth_unstable_by(far, f32::total_cmp).1;
-    let golden = std::f32::consts::PI * (3.0 - 5.0f32.sqrt());
-    // N discs of this radius cover the sphere's area twice.
-    let size = radius * (8.0 / count as f32).sqrt();
-    (0..count)
-        .map(|i| {
-            let y = 1.0 - 2.0 * (i as f32 + 0.5) / count as f32;
-            let (r, angle) = ((1.0 - y * y).max(0.0).sqrt(), golden * i as f32);
-            let position = radius * Vec3::new(r * angle.cos(), y, r * angle.sin());
-            (InitPoint { position, rgb: [1.0; 3] }, size)
-        })
-        .collect()
 }
 
 #[cfg(test)]
@@ -115,7 +94,7 @@ mod tests {
 
     #[test]
     fn odd_clouds_give_valid_soups() {
-        let options = InitOptions { dome_share: 0.5, ..InitOptions::default() };
+        let options = InitOptions::default();
         let same = vec![InitPoint { position: Vec3::ONE, rgb: [0.0; 3] }; 5];
         let mut broken = grid(10);
         broken[3].position.x = f32::NAN;

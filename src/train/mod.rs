@@ -5,7 +5,7 @@
 //!                        schedule: rates, sizes, SH      visibility: complete passes
 //! ```
 //!
-//! [`train()`] is the plain case; [`TrainRun`] resumes runs and leaves checkpoints, previews and a curve behind.
+//! [`TrainRun`] is one run, with its checkpoints, previews and curve; [`train()`](crate::train()) and [`TrainJob`](crate::TrainJob) decide what is run.
 //!
 //! Sources, as the docs of this folder name them:
 //! * *the paper*: Held et al. 2025, *Triangle Splatting for Real-Time Radiance Field Rendering*; *supplement*: its
@@ -25,6 +25,7 @@ mod frame_loss;
 mod from_scene;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+mod hardening;
 pub mod identity;
 pub mod init;
 pub mod neighbours;
@@ -42,6 +43,8 @@ pub mod schedule;
 mod shell;
 pub mod skipped;
 pub mod start;
+pub mod stereo_use;
+mod surfaces;
 pub mod timeline;
 pub mod trained;
 pub mod trainer;
@@ -56,8 +59,11 @@ pub use identity::RunIdentity;
 pub use options::{TrainOptions, TrainPreset};
 pub use outputs::{Preview, RunOptions};
 pub use progress::{TrainObserver, TrainSample};
-pub use run::{TrainRun, train};
+pub use run::TrainRun;
 pub use skipped::SkippedWork;
 pub use start::Part;
-pub use trained::{TrainDetails, Trained};
+pub use stereo_use::StereoUse;
+pub use trained::{HardenedGain, TrainDetails, Trained};
 pub use trainer::Trainer;
+
+pub use crate::work::WorkCount;

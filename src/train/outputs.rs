@@ -161,7 +161,7 @@ impl Recorder {
         }
         let drawing = trainer.drawing(&self.drawing);
         if trainer.draws(&drawing) {
-            return self.evaluator.scores_of(|camera| trainer.picture(camera, &drawing));
+            return self.evaluator.scores_of(&drawing, |camera, drawing| trainer.picture(camera, drawing));
         }
         let (soup, space) = (trainer.soup()?, trainer.space());
         self.evaluator.scores(&soup, &space, &drawing)
@@ -215,7 +215,7 @@ impl Recorder {
         self.note(written, observer);
     }
 
-    /// What was not written is told and kept; the run goes on.
+    /// A failed output is reported and remembered; the run continues.
     fn note(&mut self, written: Result<()>, observer: &mut dyn TrainObserver) {
         if let Err(error) = written {
             observer.lost(&error);

@@ -92,7 +92,7 @@ pub fn sigma_raw(sigma: f32) -> f32 {
     (sigma - SIGMA_MIN).max(1e-6).ln()
 }
 
-/// How the triangles that a run does not train are drawn: as they are, but for the window.
+/// How the triangles that a run does not train are drawn: unchanged, except for the window.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrozenLook {
     /// Triangles are drawn without a window: each has the mean of its own as part of its opacity.
@@ -164,6 +164,7 @@ impl Params {
             sigma: self.sigma.iter().map(|&x| anneal.sigma(x)).collect(),
             sh: self.sh.clone(),
             sh_degree: self.sh_degree,
+            ..Soup::default()
         };
         soup.truncate_sh(active_degree);
         soup
@@ -200,7 +201,7 @@ pub struct TrainState {
     /// The first so many triangles only change their colour, which is the same from all sides, and are neither pruned
     /// nor grown.
     pub pinned: usize,
-    /// The first so many of the pinned ones change nothing at all: they are the rest of a scene of which a part is trained.
+    /// Number of the pinned ones that do not change at all: the rest of a scene when only a part is trained.
     pub frozen: usize,
 }
 

@@ -42,7 +42,7 @@ pub trait TrainObserver {
     fn refined(&mut self, _step: u64, _refined: &Refined) {}
     /// The run will have other steps than planned, because it has a budget.
     fn corrected(&mut self, _correction: &Correction) {}
-    /// A checkpoint or a preview could not be written; the run goes on.
+    /// A checkpoint or a preview could not be written; the run continues.
     fn lost(&mut self, _error: &Error) {}
     /// Asked between steps: true has the scene as it is given to [`TrainObserver::scene`], which takes a copy of it.
     fn wants_scene(&mut self) -> bool {

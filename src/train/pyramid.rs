@@ -8,12 +8,16 @@ use crate::rng::Rng;
 use glam::UVec2;
 use std::sync::Arc;
 
+/// Smaller photos of early steps are not made smaller than this on the shorter side, px.
+pub const MIN_PX: u32 = 64;
+
 /// Photos by index and level; small ones stay in memory while their level is in use, as far as memory goes, and in a
 /// temporary file beyond.
 #[derive(Debug)]
 pub struct Pyramid {
     photos: Photos,
     sizes: Vec<UVec2>,
+    cut: Vec<bool>,
     small: Vec<Option<SmallPhoto>>,
     small_bytes: u64,
     small_budget: u64,
@@ -40,6 +44,7 @@ impl Pyramid {
         Self {
             photos: Photos::new(photos, budget_bytes - small_budget),
             sizes: views.iter().map(|v| v.photo.size).collect(),
+            cut: views.iter().map(|v| v.photo.is_cut()).collect(),
             small: vec![None; views.len()],
             small_bytes: 0,
             small_budget,
@@ -52,6 +57,11 @@ impl Pyramid {
     /// The size photo `i` has at `level`.
     pub fn size(&self, i: usize, level: u32) -> UVec2 {
         size_at(self.sizes[i], level, self.min_px)
+    }
+
+    /// True when photo `i` shows an object before nothing: see [`Photo::is_cut`](crate::dataset::Photo::is_cut).
+    pub fn is_cut(&self, i: usize) -> bool {
+        self.cut[i]
     }
 
     /// Fetches in the background what an epoch at `level` will take.

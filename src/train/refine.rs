@@ -8,11 +8,16 @@
 use super::core::Core;
 use super::options::{RefineOptions, SampleWeight};
 use super::params::{Anneal, Params, TrainState};
-use super::relocate::{Room, make_room};
+use super::relocate::{Relocation, make_room};
 use super::visibility::VisibilityStats;
 use crate::rng::Rng;
 use glam::Vec3;
 use rayon::prelude::*;
+
+/// Triangles visible in fewer photos than this are pruned (2, Held et al. 2025, section 3.2).
+const MIN_VIEWS: u32 = 2;
+/// Largest shift of a clone, in halves of the triangle's box (1.5, supplement: max_noise_factor).
+const CLONE_SHIFT: f32 = 1.5;
 
 /// What one refinement works with.
 #[derive(Debug, Clone, Copy)]
@@ -74,7 +79,7 @@ pub fn refine(state: &mut TrainState, visibility: &mut VisibilityStats, plan: &R
     let mut alive = prune(state, visibility, complete, plan, &mut done);
     if complete && plan.grow && plan.bisect && plan.core.is_none() {
         let RefineOptions { relocate, growth, .. } = *plan.options;
-        let room = Room { share: relocate, growth, max_triangles: plan.max_triangles };
+        let room = Relocation { share: relocate, growth, max_triangles: plan.max_triangles };
         done.relocated = make_room(&mut alive, visibility, (state.frozen, state.pinned), &room);
     }
     let grown = match plan.grow {
@@ -124,7 +129,7 @@ fn prune(
     plan: &RefinePlan<'_>,
     done: &mut Refined,
 ) -> Vec<bool> {
-    let (params, o) = (&state.params, plan.options);
+    let params = &state.params;
     let mut alive = vec![true; params.len()];
     for (i, alive) in alive.iter_mut().enumerate().skip(state.pinned) {
         let observed = complete && !visibility.exempt[i];
@@ -136,7 +141,7 @@ fn prune(
             &mut done.soft
         } else if observed && visibility.max_weight[i] < plan.prune_weight {
             &mut done.unimportant
-        } else if observed && visibility.views[i] < o.min_views.min(visibility.drawn.len() as u32) {
+        } else if observed && visibility.views[i] < MIN_VIEWS.min(visibility.drawn.len() as u32) {
             &mut done.unseen
         } else {
             continue;
@@ -247,7 +252,7 @@ fn clone(params: &Params, i: usize, plan: &RefinePlan<'_>, rng: Rng) -> Params {
     let corners = params.vertices[i];
     let size = corners[0].max(corners[1]).max(corners[2]) - corners[0].min(corners[1]).min(corners[2]);
     let at = |axis: u64| rng.uniform(3 * i as u64 + axis) - 0.5;
-    let noise = Vec3::new(at(0), at(1), at(2)) * size * plan.options.clone_shift as f32;
+    let noise = Vec3::new(at(0), at(1), at(2)) * size * CLONE_SHIFT;
     let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
     let shift = noise - normal * normal.dot(noise);
 
@@ -284,6 +289,7 @@ mod tests {
             sigma: vec![1.0; n],
             sh: vec![[0.1, 0.2, 0.3]; n],
             sh_degree: 0,
+            ..Soup::default()
         };
         TrainState::new(Params::from_soup(&soup, 1))
     }

@@ -1,6 +1,6 @@
 //! Room for growth in a scene that has all the triangles it may have: those that the photos show least go.
 //!
-//! What is pruned is useless by itself, a sliver or hidden. Once a scene is full, that is too little for growth to go on
+//! Pruning removes only useless triangles: slivers and hidden ones. Once a scene is full, that is too little for growth to go on
 //! where the picture is wrong. How much is seen of a triangle is the sum of its blending weights over all pixels of all
 //! photos: a triangle that fills one pixel and no other has the largest weight there is.
 
@@ -11,7 +11,7 @@ const FULL: f64 = 0.9;
 
 /// How much room a refinement makes.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Room {
+pub(super) struct Relocation {
     /// This share of the triangles goes.
     pub(super) share: f64,
     /// Triangles a refinement adds at most, as a share of those there.
@@ -21,12 +21,12 @@ pub(super) struct Room {
 }
 
 /// Removes a share of the triangles of a full scene, those of the least summed weight, and no more than grow back; returns
-/// how many. The first so many, `frozen`, are in no budget; `pinned`, at least as many, stay.
+/// how many. The first `frozen` are in no budget; the first `pinned`, at least as many, stay.
 pub(super) fn make_room(
     alive: &mut [bool],
     visibility: &VisibilityStats,
     (frozen, pinned): (usize, usize),
-    room: &Room,
+    room: &Relocation,
 ) -> usize {
     let count = alive.iter().skip(frozen).filter(|a| **a).count();
     if (count as f64) < FULL * room.max_triangles as f64 {
@@ -54,7 +54,7 @@ mod tests {
         (vec![true; 100], visibility)
     }
 
-    fn removed(room: &Room, frozen: usize) -> Vec<usize> {
+    fn removed(room: &Relocation, frozen: usize) -> Vec<usize> {
         let (mut alive, visibility) = scene();
         let count = make_room(&mut alive, &visibility, (frozen, 5), room);
         let removed: Vec<usize> = (0..100).filter(|&i| !alive[i]).collect();
@@ -62,25 +62,31 @@ mod tests {
         removed
     }
 
-    const ROOM: Room = Room { share: 0.1, growth: 0.3, max_triangles: 100 };
+    const RELOCATION: Relocation = Relocation { share: 0.1, growth: 0.3, max_triangles: 100 };
 
     #[test]
     fn the_least_seen_go_when_there_is_no_room() {
-        assert_eq!(removed(&ROOM, 0), (89..99).collect::<Vec<_>>());
-        assert_eq!(removed(&Room { max_triangles: 111, ..ROOM }, 0), (89..99).collect::<Vec<_>>());
-        assert!(removed(&Room { max_triangles: 112, ..ROOM }, 0).is_empty(), "there is room");
-        assert!(removed(&Room { share: 0.0, ..ROOM }, 0).is_empty());
+        assert_eq!(removed(&RELOCATION, 0), (89..99).collect::<Vec<_>>());
+        assert_eq!(
+            removed(&Relocation { max_triangles: 111, ..RELOCATION }, 0),
+            (89..99).collect::<Vec<_>>()
+        );
+        assert!(removed(&Relocation { max_triangles: 112, ..RELOCATION }, 0).is_empty(), "there is room");
+        assert!(removed(&Relocation { share: 0.0, ..RELOCATION }, 0).is_empty());
         // Those that are not trained are not in the budget.
-        assert_eq!(removed(&Room { max_triangles: 107, ..ROOM }, 3), (90..99).collect::<Vec<_>>());
-        assert!(removed(&Room { max_triangles: 108, ..ROOM }, 3).is_empty());
+        assert_eq!(
+            removed(&Relocation { max_triangles: 107, ..RELOCATION }, 3),
+            (90..99).collect::<Vec<_>>()
+        );
+        assert!(removed(&Relocation { max_triangles: 108, ..RELOCATION }, 3).is_empty());
     }
 
     #[test]
     fn no_more_go_than_grow_back() {
-        assert_eq!(removed(&Room { share: 1.0, growth: 0.25, ..ROOM }, 0).len(), 20);
-        assert!(removed(&Room { growth: 0.0, ..ROOM }, 0).is_empty());
+        assert_eq!(removed(&Relocation { share: 1.0, growth: 0.25, ..RELOCATION }, 0).len(), 20);
+        assert!(removed(&Relocation { growth: 0.0, ..RELOCATION }, 0).is_empty());
         let (mut alive, visibility) = (vec![true], VisibilityStats::new(1, 1));
-        let all = Room { share: 1.0, growth: 1e9, max_triangles: 1 };
+        let all = Relocation { share: 1.0, growth: 1e9, max_triangles: 1 };
         assert_eq!(make_room(&mut alive, &visibility, (0, 0), &all), 0, "a scene keeps its last triangle");
     }
 }

@@ -1,4 +1,4 @@
-//! The last checkpoints of a run: one file, or several of which the oldest goes when a new one is whole.
+//! The last checkpoints of a run: one file, or several; the oldest is removed when a new one is whole.
 
 use super::checkpoint::{self, Checkpoint};
 use crate::error::{Error, Result};

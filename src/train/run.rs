@@ -22,24 +22,6 @@ use crate::soup::Soup;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Trains a soup on the photos of `dataset` that are not held out.
-///
-/// Errors: options out of range, no training photos, photos that cannot be decoded.
-///
-/// ```no_run
-/// use std::path::Path;
-/// use trisplat::dataset::{Dataset, DatasetOptions};
-/// use trisplat::train::{TrainOptions, train};
-///
-/// let dataset = Dataset::load(Path::new("photos"), &DatasetOptions::default())?;
-/// let trained = train(&dataset, &TrainOptions::default())?;
-/// trained.save(Path::new("scene.ply"))?;
-/// # Ok::<(), trisplat::error::Error>(())
-/// ```
-pub fn train(dataset: &Dataset, options: &TrainOptions) -> Result<Trained> {
-    TrainRun::new(dataset, options).run(&mut ())
-}
-
 /// Everything a run starts with. [`TrainRun::new`] has the plain values; any field can be set before the start.
 ///
 /// ```
@@ -48,7 +30,7 @@ pub fn train(dataset: &Dataset, options: &TrainOptions) -> Result<Trained> {
 /// use trisplat::train::{RunOptions, TrainOptions, TrainRun, checkpoint};
 ///
 /// let folder = tempfile::tempdir().unwrap();
-/// synthetic::write(folder.path(), &SyntheticOptions { views: 8, width: 24, points: 50, seed: 0 })?;
+/// synthetic::write(folder.path(), &SyntheticOptions { views: 8, width: 24, points: 50, seed: 0, ..SyntheticOptions::default() })?;
 /// let dataset = Dataset::load(folder.path(), &DatasetOptions::default())?;
 /// let options = TrainOptions { steps: 20, max_triangles: 100, ..TrainOptions::default() };
 ///
@@ -199,7 +181,7 @@ impl<'a> TrainRun<'a> {
         })
     }
 
-    /// Runs to the end on the CPU, or until `observer` wants to stop.
+    /// Runs to the end on the CPU, or until `observer` stops it.
     ///
     /// Errors: those of [`TrainRun::start`], photos that cannot be decoded. Checkpoints and previews that cannot be written are
     /// in [`Trained::lost`].
@@ -208,7 +190,7 @@ impl<'a> TrainRun<'a> {
     }
 }
 
-/// The pace of a checkpoint, and a clock that goes on counting.
+/// The pace of a checkpoint, and a clock that continues from it.
 fn goes_on(pace: Pace, began: Option<Instant>) -> Option<Paced> {
     let clock = pace.budget.clock;
     let spending = began.map_or_else(|| Spending::new(clock), |began| Spending::of_process(clock, began));
@@ -268,7 +250,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         &self.curve
     }
 
-    /// Makes the steps, until the last or until `observer` wants to stop.
+    /// Makes the steps, until the last or until `observer` stops it.
     ///
     /// Errors: photos that cannot be decoded; then there is a checkpoint of the steps that were made, if any were. A graphics card
     /// that is lost or has no more memory; then there is one of the last refinement or checkpoint at least.
@@ -280,12 +262,12 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         let Self { mut trainer, paced, dataset, taught, .. } = self;
         let recorded = record.finish(&mut trainer, last, observer)?;
         let (provenance, cameras) = origin(taught, dataset);
-        let (soup, shell) = trained(&mut trainer)?;
+        let (soup, not_finite) = trained(&mut trainer)?;
         let is_of_now = |(step, _): &(u64, _)| *step == trainer.steps();
         Ok(Trained {
             checkpoint: recorded.checkpoint.filter(is_of_now).map(|(_, path)| path),
             soup,
-            provenance: Provenance { shell, ..provenance },
+            provenance,
             cameras,
             steps: trainer.steps(),
             options: trainer.options().clone(),
@@ -297,7 +279,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
             cpu_secs: recorded.cpu_secs,
             skipped: trainer.skipped(),
             stopped,
-            lost: recorded.lost,
+            lost: recorded.lost.into_iter().chain(not_finite).collect(),
         })
     }
 
@@ -382,16 +364,28 @@ impl<B: TrainBackend> StartedRun<'_, B> {
     /// The scene as it is, as its file would hold it.
     fn scene(&mut self) -> Result<Loaded> {
         let (provenance, cameras) = origin(self.taught.clone(), self.dataset);
-        let (soup, shell) = trained(&mut self.trainer)?;
-        Ok(Loaded { provenance: Provenance { shell, ..provenance }, cameras, ..Loaded::from(soup) })
+        let (soup, _) = trained(&mut self.trainer)?;
+        Ok(Loaded { provenance, cameras, ..Loaded::from(soup) })
     }
 }
 
-/// The triangles that are trained, and how many of them close the scene.
-fn trained<B: TrainBackend>(trainer: &mut Trainer<B>) -> Result<(Soup, u32)> {
-    let shell = u32::try_from(trainer.shell()).unwrap_or(u32::MAX);
-    let frozen = trainer.frozen();
-    Ok((trainer.soup()?.split_off(frozen), shell))
+/// The triangles that are trained; those that close the scene are said to be its shell. Triangles whose numbers are no longer finite are left
+/// out: with what to say of them.
+///
+/// Errors: those of [`Trainer::soup`]; no triangle is left.
+fn trained<B: TrainBackend>(trainer: &mut Trainer<B>) -> Result<(Soup, Option<String>)> {
+    let (frozen, shell) = (trainer.frozen(), trainer.shell());
+    let mut soup = trainer.soup()?.split_off(frozen);
+    soup.set_shell(0..shell);
+    let all = soup.len();
+    let gone = soup.retain_finite();
+    if gone == all && all > 0 {
+        let expected = "lower ones: no triangle has finite numbers any more";
+        return Err(Error::invalid("rates", "too high for this scene", expected));
+    }
+    let lost = (gone > 0)
+        .then(|| format!("{gone} of {all} triangles, whose numbers are no longer finite: lower the rates"));
+    Ok((soup, lost))
 }
 
 /// The error of a run, with how to go on where a graphics card is to blame: its last checkpoint is of a step, in a file.
@@ -399,7 +393,7 @@ fn with_remedy(error: Error, checkpoint: Option<(u64, PathBuf)>) -> Error {
     match (error, checkpoint) {
         (error @ (Error::Gpu(_) | Error::TooLarge { .. }), Some((step, path))) => Error::Card {
             error: Box::new(error),
-            remedy: format!("to go on from step {step}: `backend` cpu `resume` {}", path.display()),
+            remedy: format!("to continue from step {step}: `backend` cpu `resume` {}", path.display()),
         },
         (error, _) => error,
     }
@@ -414,12 +408,12 @@ fn origin(taught: Option<(Provenance, Vec<Camera>)>, dataset: &Dataset) -> (Prov
         }
         None => {
             let cameras: Vec<Camera> = dataset.train().map(|view| view.camera).collect();
-            (provenance(dataset, &cameras), cameras)
+            (provenance(dataset), cameras)
         }
     }
 }
 
-/// Counts the last step, which had so many triangles; at a milestone, chooses the steps that are left anew.
+/// Counts the last step, which had `triangles`; at a milestone, chooses the remaining steps anew.
 fn keep_pace<B: TrainBackend>(
     trainer: &mut Trainer<B>,
     triangles: u64,

@@ -1,6 +1,7 @@
 //! What changes from step to step: rates, resolution, SH degree, regularisers, refinements, the anneal.
 
-use super::options::{PruneFaint, PruneSoft, REFERENCE_STEPS, TrainOptions};
+use super::hardening::{Hardening, PruneFaint};
+use super::options::{REFERENCE_STEPS, TrainOptions};
 use super::params::{Anneal, FrozenLook};
 use super::timeline::Timeline;
 use crate::kernel::loss::PhotometricWeights;
@@ -12,6 +13,31 @@ pub const ALPHA_CAP: f32 = 0.99;
 /// Largest alpha of a layer of a scene that is drawn as an engine does before it is opaque: what lies behind a layer
 /// has to show a little, or the loss has no gradient towards removing it.
 pub const ENGINE_ALPHA_CAP: f32 = 0.995;
+
+/// Rate of the opacity's logit (0.014, supplement).
+const OPACITY_RATE: f64 = 0.03;
+/// Rate of the logarithm of σ (0.0008, supplement).
+const SIGMA_RATE: f64 = 0.0008;
+/// Rate of the colour (0.0025, supplement).
+const SH_RATE: f64 = 0.008;
+/// Rate of the view-dependent colour as a share of that of the colour (TS 1/20).
+const SH_REST_SHARE: f64 = 0.05;
+/// Last rate of the corners as a share of the first, reached log-linearly (TS 0.01).
+const VERTICES_FINAL_SHARE: f64 = 0.01;
+/// Rate of the corners once the scene is drawn as an engine draws it, over what it was just before.
+const ENGINE_VERTICES_SCALE: f64 = 2.0;
+/// Last rate of the corners over that, reached log-linearly.
+const ENGINE_VERTICES_FINAL_SHARE: f64 = 0.1;
+/// Steps between degrees of the view-dependent colour, of a 30,000-step run (TS 1000).
+const SH_EVERY: f64 = 1000.0;
+/// Distortion and normals count from here on, steps of a 30,000-step run (TS 5000).
+const GEOMETRY_FROM: f64 = 5000.0;
+/// The size of triangles counts up to here, steps of a 30,000-step run (TS 25,000).
+const SIZE_UNTIL: f64 = 25_000.0;
+/// Triangles fainter than this are pruned (0.014, supplement: opacity_dead).
+const PRUNE_OPACITY: f64 = 0.014;
+/// First refinement, steps of a 30,000-step run (500, supplement).
+pub const REFINE_FROM: f64 = 500.0;
 
 /// Everything of one step that is not the scene or the photo.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,6 +78,8 @@ pub struct Rates {
     pub anneal: Anneal,
     /// How it is drawn once it is drawn as an engine does; `None` before.
     pub engine_shading: Option<EngineShading>,
+    /// What is behind the scene in place of the background of the run, sRGB-encoded: behind an object it changes from step to step.
+    pub background: Option<[f32; 3]>,
 }
 
 impl Rates {
@@ -62,7 +90,8 @@ impl Rates {
 
     /// How the rasteriser draws the scene at this step.
     pub fn drawing(&self, options: &SoftOptions) -> SoftOptions {
-        let soft = SoftOptions { alpha_cap: self.alpha_cap, ..*options };
+        let background = self.background.unwrap_or(options.background);
+        let soft = SoftOptions { alpha_cap: self.alpha_cap, background, ..*options };
         match self.engine_shading {
             Some(shading) => SoftOptions {
                 window: Window::Coverage { width_px: shading.edge_width_samples },
@@ -84,6 +113,12 @@ pub struct EngineShading {
     pub edge_width_samples: f32,
     /// Blend in linear light.
     pub linear: bool,
+}
+
+impl EngineShading {
+    /// As training draws: a sample per pixel (2 by 2 gained 0.03 dB at 1.37 times the seconds), edges one pixel wide, colours
+    /// mixed in linear light as engines do.
+    pub const TRAINED: Self = Self { samples: 1, edge_width_samples: 1.0, linear: true };
 }
 
 /// The plan of a run: a pure function of the step.
@@ -123,18 +158,17 @@ impl<'a> Schedule<'a> {
 
     /// What step `step` (from 0) works with.
     pub fn rates(&self, step: u64) -> Rates {
-        let (o, r, l) = (self.options, &self.options.rates, &self.options.loss);
-        let others = r.final_share.powf(self.share(step));
+        let (o, l, hardening) = (self.options, &self.options.loss, Hardening::of(self.options));
         let engine = self.is_engine_shaded(step);
         let annealing = self.annealed(step) > 0.0;
-        let geometry = step >= self.scaled(l.geometry_from);
+        let geometry = step >= self.scaled(GEOMETRY_FROM);
         Rates {
             time: step + 1,
             vertices: self.vertices_rate(step),
-            opacity: r.opacity * others,
-            sigma: self.sigma_rate(step) * others,
-            sh: r.sh * others,
-            sh_rest: r.sh * r.sh_rest * others,
+            opacity: OPACITY_RATE,
+            sigma: self.sigma_rate(step),
+            sh: SH_RATE,
+            sh_rest: SH_RATE * SH_REST_SHARE,
             sh_degree: self.sh_degree(step),
             photometric: PhotometricWeights {
                 dssim: l.dssim,
@@ -143,27 +177,26 @@ impl<'a> Schedule<'a> {
             beta_opacity: l.opacity,
             beta_distortion: if geometry { l.distortion } else { 0.0 },
             beta_normal: if geometry { l.normal } else { 0.0 },
-            beta_size: if step < self.scaled(l.size_until) { l.size } else { 0.0 },
-            beta_sigma: if annealing { o.solid.loss_sigma } else { 0.0 },
-            beta_opaque: if annealing { o.solid.loss_opacity } else { 0.0 },
-            sparse: r.sparse && !(annealing && o.solid.loss_sigma + o.solid.loss_opacity > 0.0),
+            beta_size: if step < self.scaled(SIZE_UNTIL) { l.size } else { 0.0 },
+            beta_sigma: if annealing { hardening.loss_sigma } else { 0.0 },
+            beta_opaque: if annealing { hardening.loss_opacity } else { 0.0 },
+            sparse: o.rates.sparse && !(annealing && hardening.loss_sigma + hardening.loss_opacity > 0.0),
             alpha_cap: if engine { ENGINE_ALPHA_CAP } else { ALPHA_CAP }.max(self.anneal(step).opacity_floor),
             anneal: self.anneal(step),
-            engine_shading: engine.then_some(EngineShading {
-                samples: o.solid.samples_per_axis,
-                edge_width_samples: o.solid.edge_width_samples as f32,
-                linear: o.solid.linear_blending,
-            }),
+            engine_shading: engine.then_some(EngineShading::TRAINED),
+            background: None,
         }
     }
 
-    /// Degrees of view-dependent colour in use: one more every `sh_every`, none once the scene is drawn as an engine does.
+    /// Degrees of view-dependent colour in use: one more every thousand steps of a 30,000-step run, none once the scene is drawn as an engine does.
     pub fn sh_degree(&self, step: u64) -> u8 {
         let o = self.options;
         if self.is_engine_shaded(step) {
             return 0;
         }
-        u8::try_from(self.passed(step, o.rates.sh_every)).unwrap_or(u8::MAX).min(o.sh_degree)
+        // Without a warm-up, one more every step.
+        let every = if o.warmup.half_until > 0.0 { SH_EVERY } else { 0.0 };
+        u8::try_from(self.passed(step, every)).unwrap_or(u8::MAX).min(o.sh_degree)
     }
 
     /// Times the photo is halved at this step: 2, 1 or 0.
@@ -172,24 +205,24 @@ impl<'a> Schedule<'a> {
         if step < self.scaled(w.quarter_until) { 2 } else { u32::from(step < self.scaled(w.half_until)) }
     }
 
-    /// True once the scene is drawn as an engine draws it, but for the opacity.
+    /// True once the scene is drawn as an engine draws it, except for the opacity.
     pub fn is_engine_shaded(&self, step: u64) -> bool {
-        self.is_opaque(step) || self.is_past(step, self.options.solid.engine_shading_from)
+        self.is_opaque(step)
     }
 
     /// True once every triangle is opaque.
     pub fn is_opaque(&self, step: u64) -> bool {
-        self.is_past(step, self.options.solid.opaque_from)
+        self.is_past(step, self.options.solid.opacity_until)
     }
 
     /// How much of the way from one position to another is done after `step`: 0 to 1, linearly.
     fn done(&self, step: u64, [start, end]: [f64; 2]) -> f64 {
-        if self.timeline.has_milestones() && self.options.solid.enabled {
+        if self.timeline.has_milestones() && self.options.ends_solid() {
             let length = (end - start).max(1.0);
             return ((self.timeline.position(step + 1) - start) / length).clamp(0.0, 1.0);
         }
         let (from, until) = (self.scaled(start), self.scaled(end).max(self.scaled(start) + 1));
-        if !self.options.solid.enabled || step < from {
+        if !self.options.ends_solid() || step < from {
             return 0.0;
         }
         ((step - from + 1) as f64 / (until - from) as f64).min(1.0)
@@ -200,71 +233,66 @@ impl<'a> Schedule<'a> {
         self.done(step, [self.options.solid.opacity_from, self.options.solid.opacity_until])
     }
 
-    /// How solid triangles are at `step`: the floor rises linearly, σ falls log-linearly.
+    /// How solid triangles are at `step`: their opacities part and σ falls, log-linearly.
     pub fn anneal(&self, step: u64) -> Anneal {
-        let s = &self.options.solid;
         if self.is_opaque(step) {
             return Anneal::SOLID;
         }
-        let sigma = self.done(step, [s.sigma_from, s.sigma_until]);
+        let hardening = Hardening::of(self.options);
+        let sigma = self.done(step, [0.0, self.options.solid.opacity_until]);
         Anneal {
-            opacity_floor: (s.opacity_floor * self.annealed(step)) as f32,
-            opacity_gain: s.opacity_gain.powf(self.annealed(step)) as f32,
-            sigma_scale: s.sigma_scale.powf(sigma) as f32,
+            opacity_floor: 0.0,
+            opacity_gain: hardening.opacity_gain.powf(self.annealed(step)) as f32,
+            sigma_scale: hardening.sigma_scale.powf(sigma) as f32,
         }
     }
 
     /// τ_prune after `step`. It rises with the anneal: a soft scene is made of small weights, and the threshold of a
     /// solid one would delete it at once.
     pub fn prune_weight(&self, step: u64) -> f64 {
-        let (soft, solid) = (self.options.refine.prune_weight, self.options.solid.prune_weight);
+        let (soft, solid) = (self.options.refine.prune_weight, Hardening::of(self.options).prune_weight);
         soft + (solid - soft) * self.annealed(step)
     }
 
     /// The opacity below which triangles are pruned after `step`; it rises with the anneal.
     pub fn prune_opacity(&self, step: u64) -> f64 {
-        let s = &self.options.solid;
-        let soft = self.options.refine.prune_opacity;
-        let risen = soft + (s.prune_opacity - soft).max(0.0) * self.annealed(step);
-        let reached = |prune: PruneFaint| match self.is_past(step, prune.from_step) {
-            true => prune.min_opacity,
-            false => 0.0,
-        };
-        risen.max(reached(s.prune_faint[0])).max(reached(s.prune_faint[1]))
+        let hardening = Hardening::of(self.options);
+        let risen = PRUNE_OPACITY + (hardening.prune_opacity - PRUNE_OPACITY).max(0.0) * self.annealed(step);
+        let reached = |prune: &PruneFaint| self.is_past(step, prune.from_step).then_some(prune.min_opacity);
+        hardening.prune_faint.iter().flatten().filter_map(reached).fold(risen, f64::max)
     }
 
     /// The σ from which triangles are pruned after `step`.
     pub fn prune_sigma(&self, step: u64) -> f64 {
-        let PruneSoft { from_step, max_sigma } = self.options.solid.prune_soft;
-        if self.is_past(step, from_step) { max_sigma } else { f64::INFINITY }
+        let soft = Hardening::of(self.options).prune_soft.filter(|soft| self.is_past(step, soft.from_step));
+        soft.map_or(f64::INFINITY, |soft| soft.max_sigma)
     }
 
     /// True when the scene becomes solid, and `step` is at or beyond a position.
     fn is_past(&self, step: u64, position: f64) -> bool {
-        self.options.solid.enabled && step >= self.scaled(position)
+        self.options.ends_solid() && step >= self.scaled(position)
     }
 
     /// Rate of the corners: log-linear over the run, and again from where the scene is drawn as an engine does.
     fn vertices_rate(&self, step: u64) -> f64 {
         let (o, s, steps) = (self.options, &self.options.solid, self.options.steps.max(1));
-        let soft = |step: u64| o.rates.vertices * o.rates.vertices_final_share.powf(self.share(step));
+        let soft = |step: u64| o.rates.vertices * VERTICES_FINAL_SHARE.powf(self.share(step));
         if !self.is_engine_shaded(step) {
             return soft(step);
         }
-        let from = self.scaled(s.engine_shading_from.min(s.opaque_from));
+        let from = self.scaled(s.opacity_until);
         let done = match self.timeline.has_milestones() {
             true => (self.share(step) - self.share(from)) / (1.0 - self.share(from)).max(1e-6),
             false => (step - from) as f64 / steps.saturating_sub(from).max(1) as f64,
         };
-        soft(from) * s.vertices_rate_scale * s.vertices_final_share.powf(done)
+        soft(from) * ENGINE_VERTICES_SCALE * ENGINE_VERTICES_FINAL_SHARE.powf(done)
     }
 
     /// Rate of the logarithm of σ.
     fn sigma_rate(&self, step: u64) -> f64 {
-        let (o, s) = (self.options, &self.options.solid);
-        match s.rate_sigma > 0.0 && self.annealed(step) > 0.0 {
-            true => s.rate_sigma * REFERENCE_STEPS / self.timeline.density(step),
-            false => o.rates.sigma,
+        match Hardening::of(self.options).sigma_rate.filter(|_| self.annealed(step) > 0.0) {
+            Some(rate) => rate * REFERENCE_STEPS / self.timeline.density(step),
+            None => SIGMA_RATE,
         }
     }
 
@@ -275,7 +303,7 @@ impl<'a> Schedule<'a> {
             true => step > 0 && self.passed(step, r.every) > self.passed(step - 1, r.every),
             false => step.is_multiple_of(self.scaled(r.every).max(1)),
         };
-        due && step >= self.scaled(r.from).max(1) && step < self.options.steps
+        due && step >= self.scaled(REFINE_FROM).max(1) && step < self.options.steps
     }
 
     /// True while a refinement after `step` steps may add triangles.
@@ -316,21 +344,20 @@ mod tests {
         let before = plan.scaled(options.solid.opacity_from) - 1;
         assert_eq!((plan.anneal(before).opacity_floor, plan.anneal(before).opacity_gain), (0.0, 1.0));
         assert_eq!(plan.prune_weight(before), options.refine.prune_weight);
+        let hardening = Hardening::of(&options);
         let last = options.steps - 1;
         assert_eq!(plan.anneal(last), Anneal::SOLID);
-        let shaded = plan.scaled(options.solid.engine_shading_from);
+        let shaded = plan.scaled(options.solid.opacity_until);
         let square = |step: u64| plan.rates(step).photometric.square;
         assert_eq!((square(shaded - 1), square(shaded)), (0.0, options.solid.loss_square));
         let rates = plan.rates(last);
         assert_eq!((rates.sh_degree, rates.alpha_cap), (0, 1.0));
         let drawing = rates.drawing(&SoftOptions::default());
         assert!(drawing.sort == Sort::Pixel && drawing.window != Window::Soft);
-        assert!((plan.prune_weight(last) - options.solid.prune_weight).abs() < 1e-12);
-        let soft = 0..plan.scaled(options.solid.opaque_from);
+        assert!((plan.prune_weight(last) - hardening.prune_weight).abs() < 1e-12);
+        let soft = 0..plan.scaled(options.solid.opacity_until);
         let gains: Vec<f32> = soft.clone().map(|s| plan.anneal(s).opacity_gain).collect();
-        assert!(
-            gains.is_sorted() && gains.last().is_some_and(|g| *g > 0.95 * options.solid.opacity_gain as f32)
-        );
+        assert!(gains.is_sorted() && gains.last().is_some_and(|g| *g > 0.95 * hardening.opacity_gain as f32));
         let sigmas: Vec<f32> = soft.rev().map(|s| plan.anneal(s).sigma_scale).collect();
         assert!(sigmas.is_sorted());
     }
@@ -385,7 +412,7 @@ mod tests {
         assert_eq!([899, 900].map(|s| plan.is_opaque(s)), [false, true]);
         assert_eq!([949, 950].map(|s| plan.level(s)), [1, 0]);
         let last = plan.rates(1999).vertices / plan.rates(900).vertices;
-        assert!((last / options.solid.vertices_final_share - 1.0).abs() < 0.01, "{last}");
+        assert!((last / ENGINE_VERTICES_FINAL_SHARE - 1.0).abs() < 0.01, "{last}");
     }
 
     #[test]

@@ -3,9 +3,7 @@
 //! In each direction it lies a little behind the farthest points there, and begins with the colour that the photos show
 //! in its place. It is pinned: only its colour is trained. Without it such surfaces are painted by large triangles
 //! close to each camera, which hang in the air when seen from beside it, before a black background.
-//! Not in the paper; its code has a white dome of ordinary triangles for outdoor scenes ([`InitOptions::dome_share`]).
-//!
-//! [`InitOptions::dome_share`]: super::options::InitOptions::dome_share
+//! Not in the paper; its code has a white dome of ordinary triangles for outdoor scenes.
 
 use super::options::TrainOptions;
 use super::pyramid::Pyramid;
@@ -34,7 +32,7 @@ const BEHIND: f32 = 1.05;
 const AROUND_CAMERAS: f32 = 1.5;
 /// Rounds in which directions without points take the mean distance of their neighbours.
 const ROUNDS: usize = 200;
-/// Colours are continued by so many faces beyond what photos show; farther out there is no shell.
+/// Colours extend this many faces beyond what photos show; farther out there is no shell.
 const RINGS: usize = 12;
 /// σ of the shell: nearly solid, so that it has no seams.
 const SIGMA: f32 = 0.02;
@@ -224,8 +222,11 @@ mod tests {
     #[test]
     fn it_has_the_colours_of_the_photos() {
         let folder = tempfile::tempdir().unwrap();
-        synthetic::write(folder.path(), &SyntheticOptions { views: 12, width: 48, points: 300, seed: 0 })
-            .unwrap();
+        synthetic::write(
+            folder.path(),
+            &SyntheticOptions { views: 12, width: 48, points: 300, seed: 0, ..SyntheticOptions::default() },
+        )
+        .unwrap();
         let dataset = Dataset::load(folder.path(), &DatasetOptions::default()).unwrap();
         let views: Vec<&View> = dataset.train().collect();
         let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();

@@ -17,7 +17,7 @@ pub struct SkippedWork {
 }
 
 impl SkippedWork {
-    /// Of a step on so many of the photo's `pixels`, with `triangles`, and so many of the `degrees` of their colours. No row counts as updated until the
+    /// Of a step on some of the photo's `pixels`, with `triangles`, and some of the `degrees` of their colours. No row counts as updated until the
     /// step's figures are known.
     pub(super) fn of_step(pixels: (u32, u32), triangles: u64, degrees: (u8, u8)) -> Self {
         let functions = |degree: u8| (u64::from(degree) + 1).pow(2);

@@ -8,15 +8,19 @@ use super::params::{Params, TrainState};
 use super::pyramid::Pyramid;
 use super::schedule::Schedule;
 use super::shell;
+use super::surfaces::Surfaces;
 use super::visibility::VisibilityStats;
 use crate::asset::Placement;
 use crate::camera::Camera;
 use crate::dataset::{Dataset, DatasetKind, Point, View, cloud};
 use crate::error::Result;
-use crate::scene::{Loaded, Scene};
+use crate::scene::Loaded;
 use crate::soup::Soup;
 use crate::space::Space;
 use glam::Vec3;
+
+/// Points drawn at random inside the views of the cameras when the data set has none.
+const RANDOM_POINTS: usize = 10_000;
 
 /// A run that trains a part of a scene, so that it agrees with the runs that train the others.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,7 +63,8 @@ pub(super) struct Position {
     pub(super) core: Option<Core>,
 }
 
-/// The first triangles, one per point of the sparse cloud or of a random one, and the shell around a cloud.
+/// The first triangles: in the surfaces that the photos show, one per point of the sparse cloud or of a random one elsewhere, and the
+/// shell around a cloud.
 ///
 /// Errors: photos that cannot be decoded.
 pub(super) fn from_points(
@@ -70,7 +75,7 @@ pub(super) fn from_points(
 ) -> Result<Position> {
     let random;
     let cloud = if points.is_empty() {
-        random = cloud::random(views, options.init.random_points as usize, options.seed);
+        random = cloud::random(views, RANDOM_POINTS, options.seed);
         &random
     } else {
         points
@@ -85,6 +90,7 @@ pub(super) fn from_points(
             rgb: p.rgb.map(|c| f32::from(c) / 255.0),
         })
         .collect();
+    let surfaces = Surfaces::find(views, points, &space, options)?;
     // Random points do not say where the scene ends.
     let mut soup = match shell::subdivisions(options).filter(|_| !points.is_empty()) {
         Some(subdivisions) => {
@@ -96,7 +102,11 @@ pub(super) fn from_points(
     };
     let pinned = soup.len();
     let mut first = first_soup(&init_points, &options.init, options.seed);
-    let most = usize::try_from(options.max_triangles).unwrap_or(usize::MAX) - pinned;
+    if let Some(surfaces) = surfaces {
+        first.retain(|i| surfaces.misses(cloud[i].position));
+        soup.append(surfaces.soup);
+    }
+    let most = usize::try_from(options.max_triangles).unwrap_or(usize::MAX).saturating_sub(soup.len());
     let count = first.len();
     if count > most {
         // Evenly over the cloud, which files store in no order that matters.
@@ -130,7 +140,9 @@ pub(super) fn from_scene(
     };
     let space = from.part.map_or_else(|| Space::new(&cameras, &positions()), |part| part.space);
     let most = options.max_triangles.saturating_add(frozen as u64);
-    let soup = from_scene::first_soup(scene, &placement, dataset.origin, &space, most)?;
+    let mut soup = from_scene::first_soup(scene, &placement, dataset.origin, &space, most)?;
+    // Those of a part are in their order: the frozen ones, then its part of the shell.
+    let shell = if from.part.is_some() { soup.shell_count() } else { soup.put_shell_first() };
     let mut position = at_first_step(views, options, space, &soup);
     position.state.frozen = frozen.min(soup.len());
     if let Some(part) = from.part {
@@ -141,10 +153,7 @@ pub(super) fn from_scene(
             position.state.params.go_on_at(&schedule.anneal(last), frozen);
         }
     }
-    // A mesh's triangles are in another order than those of the soup it was baked from.
-    if matches!(scene.scene, Scene::Soup(_)) {
-        position.state.pinned = (frozen + scene.provenance.shell as usize).min(soup.len());
-    }
+    position.state.pinned = (frozen + shell).min(soup.len());
     Ok(position)
 }
 

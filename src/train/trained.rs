@@ -7,7 +7,7 @@ use super::progress::TrainSample;
 use super::skipped::SkippedWork;
 use crate::asset::{Placement, Provenance};
 use crate::atomic::AtomicFile;
-use crate::camera::{self, Camera};
+use crate::camera::Camera;
 use crate::dataset::Dataset;
 use crate::error::{Error, Result};
 use crate::formats::ply;
@@ -82,6 +82,22 @@ pub struct TrainDetails {
     pub skipped: SkippedWork,
     /// The held-out photos one by one.
     pub held_out: Vec<PhotoScore>,
+    /// What hardening gained; absent when it was not compared.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hardened: Option<HardenedGain>,
+}
+
+/// A file of the hardened scene beside one of the scene as it was, on views that were not trained on.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct HardenedGain {
+    /// Views that both were drawn from: held-out photos, or soft pictures of other places.
+    pub views: u64,
+    /// Mean PSNR of the bake without hardening, dB.
+    pub psnr_before: f64,
+    /// Mean PSNR of the bake of the hardened scene, dB.
+    pub psnr_after: f64,
+    /// The file holds the hardened scene: it is not the worse one.
+    pub kept: bool,
 }
 
 impl StageDetails for TrainDetails {
@@ -112,9 +128,14 @@ impl Trained {
 
     /// [`Trained::save`] into a file that was started.
     pub fn save_to(&self, mut file: AtomicFile) -> Result<u64> {
-        ply::write_soup(&mut file, &self.soup, &self.provenance, &self.cameras)
-            .map_err(|e| Error::io(file.path(), e))?;
+        self.write_to(&mut file)?;
         file.commit()
+    }
+
+    /// [`Trained::save`] into a file that was started and has yet to be given its name.
+    pub fn write_to(&self, file: &mut AtomicFile) -> Result<()> {
+        ply::write_soup(file, &self.soup, &self.provenance, &self.cameras)
+            .map_err(|e| Error::io(file.path(), e))
     }
 
     /// The figures of the run so far as this process knows them.
@@ -132,6 +153,7 @@ impl Trained {
             budget: self.budget(),
             skipped: self.skipped,
             held_out: self.scores.clone(),
+            hardened: None,
         }
     }
 
@@ -164,16 +186,16 @@ impl Trained {
     }
 }
 
-/// Where a scene trained on `dataset` comes from; `cameras` are those of its training photos.
-pub(super) fn provenance(dataset: &Dataset, cameras: &[Camera]) -> Provenance {
+/// Where a scene trained on `dataset` comes from.
+pub(super) fn provenance(dataset: &Dataset) -> Provenance {
     Provenance {
         generator: Some(generator()),
         source: dataset.path.file_name().map(|name| name.to_string_lossy().into_owned()),
         trainer: Some(generator()),
         up: Some(dataset.up_axis()),
         placement: Placement { center: dataset.origin.to_array(), ..Placement::IDENTITY },
-        viewpoint: camera::viewpoint(cameras),
-        shell: 0,
+        // The soup holds its cameras: whoever shows it chooses among them.
+        viewpoint: None,
         backdrop: 0,
     }
 }

@@ -8,7 +8,7 @@ use super::identity::RunIdentity;
 use super::options::TrainOptions;
 use super::params::{Anneal, TrainState};
 use super::progress::TrainSample;
-use super::pyramid::{Pyramid, order};
+use super::pyramid::{MIN_PX, Pyramid, order};
 use super::refine::{self, Refined, refine};
 use super::schedule::Schedule;
 use super::skipped::SkippedWork;
@@ -19,8 +19,10 @@ use crate::dataset::{Dataset, View};
 use crate::error::{Error, Result};
 use crate::image::Pixels;
 use crate::raster::soft::{SoftOptions, Window};
+use crate::rng::Rng;
 use crate::soup::Soup;
 use crate::space::Space;
+use std::sync::Arc;
 
 /// A run between two steps. A pure function of the data set, the options and the steps made: stopping,
 /// writing a checkpoint and resuming elsewhere changes no bit.
@@ -39,7 +41,7 @@ pub struct Trainer<B> {
     step: u64,
     dropped: u64,
     skipped: SkippedWork,
-    /// Figures that nobody asked for yet.
+    /// Figures that were not read yet.
     figures: Vec<StepStats>,
     pinned: usize,
     frozen: usize,
@@ -83,7 +85,7 @@ impl<B: TrainBackend> Trainer<B> {
     ) -> Result<Self> {
         options.validate()?;
         let views = training_views(dataset)?;
-        let mut photos = Pyramid::new(&views, photo_bytes, options.warmup.min_px);
+        let mut photos = Pyramid::new(&views, photo_bytes, MIN_PX);
         let position = match scene {
             Some(scene) => start::from_scene(&views, &scene, dataset, options)?,
             None => start::from_points(&views, &dataset.points, &mut photos, options)?,
@@ -111,19 +113,19 @@ impl<B: TrainBackend> Trainer<B> {
             return Err(Error::invalid("resume", value, "a checkpoint of this data set with this split"));
         }
         let refused = |difference: &String| {
-            let wants = "the photos and options of its run, or `force_resume` to go on with others";
+            let wants = "the photos and options of its run, or `force_resume` to continue with others";
             Error::invalid("resume", format!("of another run: {difference}"), wants)
         };
         let mut differences: Vec<String> = before.difference(&identity).into_iter().collect();
         if let Some(difference) = differences.first().filter(|_| !force) {
             return Err(refused(difference));
         }
-        let mut photos = Pyramid::new(&views, photo_bytes, meta.options.warmup.min_px);
+        let mut photos = Pyramid::new(&views, photo_bytes, MIN_PX);
         let known = before.photos.iter().enumerate().filter_map(|(i, photo)| Some((i, photo.pixels?)));
         if let Some(i) = photos.first_changed(&known.collect::<Vec<_>>())? {
             let name = &views[i].name;
             differences
-                .push(format!("its photo {name} holds other pixels (`masks` and `background` count too)"));
+                .push(format!("its photo {name} has other pixels (`masks` and `background` count too)"));
         }
         if let Some(difference) = differences.first().filter(|_| !force) {
             return Err(refused(difference));
@@ -273,7 +275,15 @@ impl<B: TrainBackend> Trainer<B> {
         }
         let index = self.order[(self.step % count) as usize];
         let level = Schedule::new(&self.options).level(self.step);
-        let pixels = self.photos.take(index, level)?;
+        let mut pixels = self.photos.take(index, level)?;
+        let mut rates = Schedule::new(&self.options).rates(self.step);
+        let mut id = Some(PhotoId { index, level });
+        if self.photos.is_cut(index) && pixels.alpha.is_some() {
+            // Before one colour alone, triangles of that colour would do for nothing.
+            let behind = background(self.options.seed, self.step);
+            pixels = Arc::new(pixels.over_instead_of_black(behind));
+            (rates.background, id) = (Some(behind.map(|c| f32::from(c) / 255.0)), None);
+        }
         let camera = self.cameras[index].resized(pixels.size);
         if level != self.level {
             // The visibility so far is that at another size.
@@ -282,9 +292,7 @@ impl<B: TrainBackend> Trainer<B> {
         }
         self.full_px = self.photos.size(index, 0).x as f32 / pixels.size.x as f32;
         let first = self.visibility.record_photo(index);
-        let id = Some(PhotoId { index, level });
         let photo = StepPhoto { camera: &camera, pixels: &pixels, first, id };
-        let rates = Schedule::new(&self.options).rates(self.step);
         let triangles = self.backend.len() as u64;
         if let Err(error) = self.backend.step(&photo, &rates) {
             // It was not drawn.
@@ -376,7 +384,7 @@ impl<B: TrainBackend> Trainer<B> {
 
     /// True when the run is over and its triangles are opaque from now on.
     fn ends_solid(&self) -> bool {
-        self.is_done() && self.options.solid.enabled
+        self.is_done() && self.options.ends_solid()
     }
 
     /// Everything needed to resume elsewhere. Where the backend has lost the scene: as it was when it last got one, after a
@@ -423,6 +431,12 @@ impl<B: TrainBackend> Trainer<B> {
         self.collect_figures(true)?;
         self.backend.store()
     }
+}
+
+/// What is behind an object at a step, sRGB-encoded.
+fn background(seed: u64, step: u64) -> [u8; 3] {
+    let rng = Rng::new(seed, "background", step);
+    [0, 1, 2].map(|channel| (255.0 * rng.uniform(channel)).round() as u8)
 }
 
 /// The photos to train on.

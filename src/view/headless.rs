@@ -23,7 +23,7 @@ pub struct HeadlessOptions {
     pub samples: u32,
     /// The card's multisampling: 1 or 4 samples per pixel at edges.
     pub msaa: u32,
-    /// Depth in front of which nothing is drawn, world units.
+    /// Least depth that is drawn, world units.
     pub near: f32,
     /// What the triangles show.
     pub display: DisplayMode,

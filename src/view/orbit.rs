@@ -1,30 +1,23 @@
 //! Cameras on a circle around a scene.
 
-use crate::camera::{self, Camera, Viewpoint};
+use crate::camera::{Camera, Viewpoint};
+use crate::framing::viewpoint::camera_holding;
 use crate::scene::Scene;
-use glam::{UVec2, Vec2, Vec3};
+use glam::{DVec3, UVec2, Vec2, Vec3};
 use std::f32::consts::TAU;
 
-/// `count` cameras on a circle around what `cameras` look at, at their median height and distance; the circle
-/// begins beside the first of them. Empty when there are no cameras.
-pub fn around_cameras(cameras: &[Camera], count: u32) -> Vec<Camera> {
-    let Some(first) = cameras.first() else { return Vec::new() };
-    let up = cameras.iter().map(|c| -c.rotation.row(1)).sum::<Vec3>().normalize_or(Vec3::NEG_Y);
-    let positions: Vec<Vec3> = cameras.iter().map(Camera::position).collect();
-    let target = camera::focus(cameras.iter()).unwrap_or_else(|| ahead(cameras, &positions));
-    let heights = positions.iter().map(|p| (*p - target).dot(up));
-    let height = median(heights.collect());
-    let radius = median(positions.iter().map(|p| (*p - target).reject_from(up).length()).collect());
-    let start = (positions[0] - target).reject_from(up);
-    circle(first, Circle { target, up, height, radius, start }, count)
-}
+/// Part of the way to what closes a scene that an orbit keeps within.
+const ROOM: f32 = 0.9;
 
-/// `count` cameras of `width` px on the circle that begins at `viewpoint` and goes around what it looks at. `up` is the
-/// axis that points up.
-pub fn around_viewpoint(viewpoint: &Viewpoint, up: Vec3, width: u32, count: u32) -> Vec<Camera> {
-    let camera = viewpoint.camera(UVec2::new(width, (width * 3 / 4).max(1)));
-    let target = glam::DVec3::from(viewpoint.target).as_vec3();
-    let from = camera.position() - target;
+/// `count` cameras for pictures of `size` on the circle that begins at `viewpoint` and goes around what it looks at, all of which
+/// stays in the picture. `up` is the axis that points up; `room` is how far from there the scene is closed.
+pub fn around_viewpoint(viewpoint: &Viewpoint, up: Vec3, room: f32, size: UVec2, count: u32) -> Vec<Camera> {
+    let target = DVec3::from(viewpoint.target).as_vec3();
+    let from = DVec3::from(viewpoint.eye).as_vec3() - target;
+    let away = from.length().min(ROOM * room);
+    let from = from.normalize_or(up.any_orthonormal_vector()) * away;
+    let eye = (target + from).as_dvec3().to_array();
+    let camera = camera_holding(&Viewpoint { eye, ..*viewpoint }, size);
     let (height, start) = (from.dot(up), from.reject_from(up));
     circle(&camera, Circle { target, up, height, radius: start.length(), start }, count)
 }
@@ -81,14 +74,6 @@ fn circle(camera: &Camera, circle: Circle, count: u32) -> Vec<Camera> {
     (0..count).map(place).collect()
 }
 
-/// A point in front of cameras whose axes do not meet, at twice their mean distance from their centre.
-fn ahead(cameras: &[Camera], positions: &[Vec3]) -> Vec3 {
-    let middle = positions.iter().sum::<Vec3>() / positions.len() as f32;
-    let forward = cameras.iter().map(|c| c.rotation.row(2)).sum::<Vec3>().normalize_or(Vec3::Z);
-    let spread = median(positions.iter().map(|p| p.distance(middle)).collect());
-    middle + forward * if spread > 0.0 { 2.0 * spread } else { 1.0 }
-}
-
 /// The middle value; 0 of none.
 fn median(values: Vec<f32>) -> f32 {
     crate::math::median::median(values, f32::total_cmp).unwrap_or(0.0)
@@ -99,48 +84,40 @@ mod tests {
     use super::*;
     use crate::mesh::Mesh;
     use crate::soup::Soup;
-    use glam::Mat3;
 
-    #[test]
-    fn an_orbit_looks_at_what_the_photos_look_at() {
-        let camera = Camera {
-            rotation: Mat3::IDENTITY,
-            translation: Vec3::ZERO,
-            focal: Vec2::splat(90.0),
-            center: Vec2::new(60.0, 40.0),
-            size: UVec2::new(120, 80),
-        };
-        let target = Vec3::new(2.0, -1.0, 5.0);
-        let positions =
-            [0.0, 0.8, 1.9, 3.0, 5.5].map(|a: f32| target + Vec3::new(4.0 * a.cos(), -1.5, 4.0 * a.sin()));
-        let cameras = positions.map(|position| camera.looking(position, target, Vec3::NEG_Y));
-        let orbit = around_cameras(&cameras, 12);
-        assert_eq!(orbit.len(), 12);
-        assert!(orbit[0].position().distance(positions[0]) < 0.2, "begins beside the first photo");
-        for camera in &orbit {
-            let seen = camera.rotation * target + camera.translation;
-            assert!(seen.truncate().length() < 0.2 * seen.z && seen.z > 3.0, "{seen}");
-            assert!((camera.position() - target).length() - 4.27 < 0.3);
-            assert_eq!((camera.focal, camera.size), (Vec2::splat(90.0), UVec2::new(120, 80)));
-        }
-        assert_eq!(around_cameras(&[], 3), []);
-        assert!(
-            around_cameras(&[camera; 2], 3)
-                .iter()
-                .all(|c| c.validate(&crate::limits::Limits::DEFAULT).is_ok()),
-            "parallel axes"
-        );
-    }
+    const VIEWPOINT: Viewpoint = Viewpoint {
+        eye: [3.0, 2.0, 1.0],
+        target: [1.0, 0.5, 0.0],
+        up: [0.0, 1.0, 0.0],
+        fov: 60.0,
+        radius: None,
+    };
 
     #[test]
     fn an_orbit_of_a_viewpoint_begins_there() {
-        let viewpoint =
-            Viewpoint { eye: [3.0, 2.0, 1.0], target: [1.0, 0.5, 0.0], up: [0.0, 1.0, 0.0], fov: 60.0 };
-        let orbit = around_viewpoint(&viewpoint, Vec3::Y, 400, 4);
+        let orbit = around_viewpoint(&VIEWPOINT, Vec3::Y, f32::INFINITY, UVec2::new(400, 300), 4);
         assert_eq!((orbit.len(), orbit[0].size), (4, UVec2::new(400, 300)));
         assert!(orbit[0].position().distance(Vec3::new(3.0, 2.0, 1.0)) < 1e-5);
         assert!(orbit[2].position().distance(Vec3::new(-1.0, 2.0, -1.0)) < 1e-5, "opposite, as high");
         assert!(orbit.iter().all(|c| (c.rotation * Vec3::Y).x.abs() < 1e-6), "the horizon is level");
+    }
+
+    #[test]
+    fn an_orbit_keeps_the_subject_in_the_picture_and_stays_inside_the_shell() {
+        let (target, radius) = (Vec3::new(1.0, 0.5, 0.0), 0.8);
+        let viewpoint = Viewpoint { radius: Some(0.8), fov: 20.0, ..VIEWPOINT };
+        for (room, size) in [(f32::INFINITY, UVec2::new(400, 300)), (1.5, UVec2::new(150, 300))] {
+            for camera in around_viewpoint(&viewpoint, Vec3::Y, room, size, 9) {
+                assert!(camera.position().distance(target) <= 0.91 * room);
+                for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+                    let inside = |p: Vec3| camera.frames(p);
+                    assert!(
+                        inside(target + 0.7 * radius * axis) && inside(target - 0.7 * radius * axis),
+                        "{room} {size}"
+                    );
+                }
+            }
+        }
     }
 
     #[test]

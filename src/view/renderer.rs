@@ -19,7 +19,7 @@ use wgpu::*;
 pub struct FrameParams<'a> {
     /// The camera, at the size of the picture.
     pub camera: Camera,
-    /// Depth in front of which nothing is drawn, world units.
+    /// Least depth that is drawn, world units.
     pub near: f32,
     /// sRGB-encoded background colour.
     pub background: [f32; 3],

@@ -1,12 +1,12 @@
 //! What the chunk stage promises: every face once, in consecutive runs of limited size, compact.
 
-use crate::hostile::{finite, grid, mesh_of};
+use super::hostile::{finite, grid, mesh_of};
 use glam::Vec3;
 use trisplat::asset::Asset;
 use trisplat::bake::chunk::{ChunkDetails, ChunkOptions, MAX_CHUNK_TRIANGLES, chunk};
-use trisplat::bench::scenes::{SampleScene, soup};
 use trisplat::mesh::Mesh;
 use trisplat::report::Outcome;
+use trisplat::sample::scenes::{SampleScene, soup};
 
 fn chunked(mesh: Mesh, limit: u32) -> Asset {
     let mut asset = Asset { mesh, ..Asset::default() };

@@ -98,6 +98,8 @@ fn inside_by(p: DVec3, a: DVec3, b: DVec3, c: DVec3) -> f64 {
 }
 
 proptest! {
+    #![proptest_config(crate::common::regressions::stored())]
+
     /// The shrunk triangle lies in the original, its plane and its area are right.
     #[test]
     fn shrinking_stays_inside(

@@ -1,19 +1,19 @@
 //! The hierarchy: built, searched against brute force, written, read, and attacked.
 
-use crate::hostile::{finite, grid, mesh_of, random};
+use super::hostile::{finite, grid, mesh_of, random};
 use glam::{DVec3, Vec3, vec3};
 use std::io::Write;
 use std::path::PathBuf;
 use trisplat::asset::Asset;
 use trisplat::bake::bvh::{BvhDetails, BvhOptions, bvh};
 use trisplat::bake::chunk::{ChunkDetails, ChunkOptions, chunk};
-use trisplat::bench::scenes::{SampleScene, soup};
 use trisplat::bvh::{Bvh, RayHit};
 use trisplat::error::{Error, Result};
 use trisplat::formats::bvh::{BvhHeader, belongs, position_hash, read, write};
 use trisplat::formats::{ReadOptions, Source, ply};
 use trisplat::mesh::Mesh;
 use trisplat::rng::Rng;
+use trisplat::sample::scenes::{SampleScene, soup};
 use trisplat::scene::Scene;
 
 fn built(mesh: Mesh, limit: u32) -> Asset {
@@ -78,10 +78,10 @@ fn compare(name: &str, asset: &Asset, rays: u64) -> usize {
                 hits += 1;
                 assert!(
                     (got.t - wants.t).abs() <= 1e-9 * wants.t.abs() + 1e-12,
-                    "{name}, ray {i}: {got:?}, wants {wants:?}"
+                    "{name}, ray {i}: {got:?}, expected {wants:?}"
                 );
             }
-            _ => panic!("{name}, ray {i} from {origin} along {direction}: {got:?}, wants {wants:?}"),
+            _ => panic!("{name}, ray {i} from {origin} along {direction}: {got:?}, expected {wants:?}"),
         }
     }
     hits

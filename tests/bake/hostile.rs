@@ -1,9 +1,9 @@
 //! Soups that have broken bakers, by name, and the scenes that tests run stages on.
 
 use glam::{Vec3, vec3};
-use trisplat::bench::scenes::{SampleScene, soup};
 use trisplat::mesh::{Colors, Mesh};
 use trisplat::rng::Rng;
+use trisplat::sample::scenes::{SampleScene, soup};
 use trisplat::soup::Soup;
 
 /// Puts corners, opacity and σ together; colours differ from triangle to triangle.

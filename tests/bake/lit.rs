@@ -71,6 +71,13 @@ fn flat_normals_face_the_cameras() {
     assert!(off[2000] > 15.0, "the triangles are tilted, {}", off[2000]);
 }
 
+#[test]
+fn cameras_are_counted_that_were_used() {
+    let many: Vec<Camera> = around().into_iter().cycle().take(250).collect();
+    let (_, details, _) = angles(Lit::Flat, &many, None);
+    assert_eq!(details.cameras, 84, "every third of 250: at most 100 are asked");
+}
+
 /// Share of the triangles whose normal points out of their back: an engine turns it around for who sees their front.
 fn dark(mesh: &Mesh) -> f64 {
     let from_behind = |f: usize| mesh.flat_normal(f).dot(mesh.normals[f]) < 0.0;
@@ -146,7 +153,8 @@ fn normals_of(path: &Path) -> Vec<(Vec3, Vec3)> {
     for node in document.nodes() {
         let to_scene = DMat3::from_cols_array_2d(&node_scale(&node));
         let offset = Vec3::from(node.transform().decomposed().0);
-        for primitive in node.mesh().unwrap().primitives() {
+        // The viewpoint is a node without a mesh.
+        for primitive in node.mesh().iter().flat_map(gltf::Mesh::primitives) {
             assert!(!primitive.material().unlit());
             let normals = primitive.get(&gltf::Semantic::Normals).expect("normals");
             let view = normals.view().unwrap();

@@ -1,6 +1,6 @@
 //! The stages that use photos: `unseen`, `backdrop` and `refit`. The photos are drawn from a scene with known colours.
 
-use crate::hostile::random_triangle;
+use super::hostile::random_triangle;
 use glam::{UVec2, Vec2, Vec3};
 use std::fmt::Write;
 use std::path::Path;
@@ -339,7 +339,8 @@ fn the_backdrop_stays_apart_from_the_scene_and_through_another_bake() {
     truth.positions.extend(room(20.0));
     truth.colors = Colors::Face(vec![[0.3; 3]; 112]);
     let (_folder, dataset) = photograph(&truth, |_, photo| photo);
-    let mut options = BakeOptions::DEFAULT;
+    // Photos of one colour are closer to a picture of that colour than to any scene.
+    let mut options = BakeOptions { force_dataset: true, ..BakeOptions::DEFAULT };
     (options.chunk.chunk_triangles, options.bvh.bvh, options.lod.lod) = (30, true, vec![0.5]);
     let baked = |input: Loaded, options: &BakeOptions, views: Option<&mut Views>| {
         Bake::new(options).photos(views).run([input]).unwrap()
@@ -378,6 +379,19 @@ fn the_backdrop_stays_apart_from_the_scene_and_through_another_bake() {
     off.backdrop.backdrop = BackdropWhen::Off;
     let without = again(&off);
     assert_eq!((without.provenance.backdrop, without.mesh.face_count()), (0, scene));
+
+    // In a file of its own, as the program writes it.
+    let mut apart = BakeOptions::DEFAULT;
+    apart.backdrop.backdrop = BackdropWhen::File;
+    let folder = tempfile::tempdir().unwrap();
+    let written = trisplat::write(&again(&apart), &folder.path().join("a.glb"), &apart.output).unwrap();
+    let names: Vec<&str> = written.files.iter().filter_map(|f| f.path.rsplit(['/', '\\']).next()).collect();
+    assert_eq!(names, ["a.glb", "a.backdrop.glb"]);
+    let faces = |name: &str| {
+        let file = trisplat::read(&folder.path().join(name), &trisplat::ReadOptions::default()).unwrap();
+        file.scene.triangle_count()
+    };
+    assert_eq!((faces("a.glb"), faces("a.backdrop.glb")), (scene, 128));
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Opaque triangles that are fitted to the pictures of a soft scene, or to photos.
 
-use crate::teacher::{baked_with, ball, cameras, psnr, soft, unneeded};
+use super::teacher::{baked_with, ball, cameras, psnr, soft, unneeded};
 use glam::Vec3;
 use trisplat::bake::pace::BakePace;
 use trisplat::bake::reshape::{ReshapeDetails, ReshapeOptions, ReshapeWhen, SceneTraits, reshape};

@@ -1,7 +1,7 @@
 //! Every stage with every preset on every hostile soup: nothing panics, nothing non-finite comes out, every
 //! result is valid, and a second run has nothing to do. The stages that need cameras are in `photos.rs`.
 
-use crate::hostile;
+use super::hostile;
 use trisplat::asset::{Asset, Provenance};
 use trisplat::bake::bvh::{BvhOptions, bvh};
 use trisplat::bake::chunk::{ChunkOptions, chunk};
@@ -198,7 +198,7 @@ fn the_default_preset_bakes_whatever_can_be_drawn() {
 
 #[test]
 fn any_number_of_threads_gives_the_same_bits() {
-    let soup = trisplat::bench::scenes::soup(trisplat::bench::scenes::SampleScene::Studio, 40_000, 3);
+    let soup = trisplat::sample::scenes::soup(trisplat::sample::scenes::SampleScene::Studio, 40_000, 3);
     for mut preset in presets() {
         preset.prune.max_triangles = preset.prune.max_triangles.map(|_| 20_000);
         preset.chunk.chunk_triangles = preset.chunk.chunk_triangles.min(1000);

@@ -1,6 +1,6 @@
 //! What each stage does, by example: prune, solid, color, weld, order.
 
-use crate::hostile::{grid, mesh_of, random, random_triangle, soup_of};
+use super::hostile::{grid, mesh_of, random, random_triangle, soup_of};
 use glam::Vec3;
 use trisplat::asset::Asset;
 use trisplat::bake::chunk::{ChunkDetails, ChunkOptions, chunk};
@@ -122,7 +122,7 @@ fn solid_keeps_solid_triangles_and_drops_none_by_default() {
     };
     let close = |got: &[f32], wants: &[f32]| {
         assert_eq!(got.len(), wants.len());
-        assert!(got.iter().zip(wants).all(|(g, w)| (g - w).abs() < 1e-3), "{got:?}, wants {wants:?}");
+        assert!(got.iter().zip(wants).all(|(g, w)| (g - w).abs() < 1e-3), "{got:?}, expected {wants:?}");
     };
     let mean = |o: f32, s: f32| o * 2.0 / ((s + 1.0) * (s + 2.0));
     close(&run(Solidify::Auto).0, &[1.0, 1.0, mean(0.3, 1.16), mean(0.02, 9.0)]);
@@ -157,7 +157,7 @@ fn color_is_linear_and_clamped() {
     let Colors::Face(colors) = &mesh.colors else { panic!("colours are not per face") };
     let wants = [[0.0, 0.214_041, 1.0], [0.0, 1.0, 0.003_095_98], [0.050_876, 0.522_522, 0.787_412]];
     for (got, wants) in colors.iter().zip(wants) {
-        assert!((0..3).all(|c| (got[c] - wants[c]).abs() < 2e-6), "{got:?}, wants {wants:?}");
+        assert!((0..3).all(|c| (got[c] - wants[c]).abs() < 2e-6), "{got:?}, expected {wants:?}");
     }
     // The ends of the range may round to either side of it.
     assert!((2..=4).contains(&details.clamped_channels), "{details:?}");

@@ -1,6 +1,6 @@
 //! A soft scene whose own pictures take the place of photos.
 
-use crate::hostile::{random_triangle, soup_of};
+use super::hostile::{random_triangle, soup_of};
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat::asset::{Asset, UpAxis, UpDirection};
 use trisplat::bake::pace::BakePace;
@@ -151,7 +151,7 @@ fn what_a_crop_cuts_off_is_not_in_the_pictures() {
 
 #[test]
 fn hostile_scenes_are_drawn_or_refused_with_an_error() {
-    for (name, soup) in crate::hostile::finite().into_iter().chain(crate::hostile::poison()) {
+    for (name, soup) in super::hostile::finite().into_iter().chain(super::hostile::poison()) {
         for stored in [cameras(), Vec::new()] {
             let scene = Loaded { cameras: stored, ..Loaded::from(soup.clone()) };
             let (mut views, mut details) = (None, TeacherDetails::default());

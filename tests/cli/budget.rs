@@ -52,7 +52,7 @@ fn budgets_that_cannot_be_kept_are_refused() {
         let more: Vec<&dyn AsRef<std::ffi::OsStr>> = more.iter().map(|word| word as _).collect();
         [&base[..], &more[..]].concat()
     };
-    fails(folder.path(), &with(&["--budget", "0.000001s"]), &["--budget is ", "wants ", "or more"]);
+    fails(folder.path(), &with(&["--budget", "0.000001s"]), &["--budget is ", "expected ", "or more"]);
     fails(folder.path(), &with(&["--budget-wall", "0.000001s"]), &["--budget-wall is ", "or more"]);
     fails(folder.path(), &with(&["--budget", "9s", "--set", "steps=7"]), &["--set", "--budget"]);
     for bad in ["0", "-1", "nan", "abc", "2m-wall"] {
@@ -63,4 +63,26 @@ fn budgets_that_cannot_be_kept_are_refused() {
     }
     let both = super::trisplat(&with(&["--budget", "9s", "--steps", "7"]));
     assert!(both.status.code() == Some(2) && stderr(&both).contains("--steps"), "{}", stderr(&both));
+}
+
+#[test]
+fn a_budget_does_not_override_what_a_config_gives() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let (photos, out) = (dataset(), path("a.ply"));
+    // The steps of the preset are given all the same.
+    std::fs::write(path("steps.json"), r#"{ "steps": 8000 }"#).unwrap();
+    std::fs::write(path("milestones.json"), r#"{ "milestones": [1, 2, 3, 4] }"#).unwrap();
+    for (config, key) in
+        [("steps.json", "--steps is 8000"), ("milestones.json", "milestones is [1, 2, 3, 4]")]
+    {
+        let config = path(config);
+        let train: [&dyn AsRef<std::ffi::OsStr>; 8] =
+            [&"train", &photos, &"-o", &out, &"--budget", &"9s", &"--config", &config];
+        fails(folder.path(), &train, &[key, "left out of --config", "--budget"]);
+    }
+    std::fs::write(path("triangles.json"), r#"{ "max_triangles": 1500 }"#).unwrap();
+    let flags = ["-o", "a.ply", "--budget", "2s", "--config", "triangles.json", "--report", "report.json"];
+    succeed(&mut train(folder.path(), &flags));
+    assert_eq!(budget(&path("report.json"))["plan"]["max_triangles"], 1500);
 }

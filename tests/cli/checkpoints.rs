@@ -70,7 +70,7 @@ fn a_run_goes_on_with_what_it_was_made_of_or_not_at_all() {
     let mut pixels = trisplat::image::Pixels::load(&photo).unwrap();
     pixels.rgb[7][1] ^= 0x40;
     pixels.save_png(&photo).unwrap();
-    refused(folder.path(), &SAME, "its photo view_0003.png holds other pixels");
+    refused(folder.path(), &SAME, "its photo view_0003.png has other pixels");
     succeed(run(folder.path(), &[&RESUME[..], &SAME, &["--force-resume"]].concat()));
     std::fs::remove_file(folder.path().join("b.ply")).unwrap();
     std::fs::write(&photo, kept).unwrap();
@@ -86,7 +86,7 @@ fn a_run_goes_on_with_what_it_was_made_of_or_not_at_all() {
     refused(folder.path(), &SAME, "the camera of its photo");
     std::fs::write(folder.path().join("photos/sparse/0/cameras.txt"), cameras).unwrap();
     change("points3D.txt", " ", " 1");
-    refused(folder.path(), &SAME, "the points of its data set are others");
+    refused(folder.path(), &SAME, "the points of its data set differ");
 }
 
 #[test]
@@ -124,7 +124,7 @@ fn the_last_checkpoints_are_kept_and_the_newest_whole_one_is_found() {
     let resume = ["train", "photos", "-o", "c.ply", "--resume", "kept"];
     let said = succeed(run(folder.path(), &[&resume[..], &SAME].concat()));
     assert!(said.contains("checksum: does not fit"), "{said}");
-    assert!(said.contains("going on from kept") && said.contains("b.step-00000015.checkpoint"), "{said}");
+    assert!(said.contains("resuming from kept") && said.contains("b.step-00000015.checkpoint"), "{said}");
     let bytes = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     assert!(bytes("b.ply") == bytes("c.ply"));
     // A new run does not push the files of another out.

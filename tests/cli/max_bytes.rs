@@ -87,7 +87,7 @@ fn sizes_that_hold_nothing_are_refused() {
     fails(
         folder.path(),
         &[&"bake", &studio, &"-o", &out, &"--max-bytes", &"100", &"--preset", &"fast"],
-        &["--max-bytes is 100: wants ", "or more"],
+        &["--max-bytes is 100: expected ", "or more"],
     );
     for bad in ["0", "-5MB", "nan", "abc", "5TB"] {
         let flag = format!("--max-bytes={bad}");

@@ -20,11 +20,11 @@ fn a_setting_of_the_wrong_type_is_named_with_what_it_wants() {
     let refused = |setting: &str, wants: &[&str]| {
         fails(folder.path(), &[&"train", &dataset(), &"-o", &out, &"--set", &setting], wants);
     };
-    refused("steps=abc", &["--set is steps=abc: wants a whole number, 0 or more"]);
-    refused("steps=-3", &["--set is steps=-3: wants a whole number"]);
-    refused("solid.enabled=maybe", &["--set is solid.enabled=maybe: wants true or false"]);
-    refused("rates.sigma=x", &["--set is rates.sigma=x: wants a number"]);
-    refused("preset=best", &["--set is preset=best: wants one of", "solid"]);
+    refused("steps=abc", &["--set is steps=abc: expected a whole number, 0 or more"]);
+    refused("steps=-3", &["--set is steps=-3: expected a whole number"]);
+    refused("rates.sparse=maybe", &["--set is rates.sparse=maybe: expected true or false"]);
+    refused("rates.vertices=x", &["--set is rates.vertices=x: expected a number"]);
+    refused("preset=best", &["--set is preset=best: expected one of", "solid"]);
 }
 
 #[test]
@@ -123,7 +123,19 @@ fn eval_prints_a_table_or_json_on_standard_output() {
 fn training_and_evaluation_say_the_same_of_a_solid_soup() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("a.ply");
-    let train = ["--preset", "solid", "--steps", "120", "--max-triangles", "2000", "--max-size", "80", "-v"];
+    let train = [
+        "--preset",
+        "solid",
+        "--steps",
+        "120",
+        "--max-triangles",
+        "2000",
+        "--max-size",
+        "80",
+        "-v",
+        "--teacher",
+        "off",
+    ];
     let train: Vec<&dyn AsRef<std::ffi::OsStr>> = train.iter().map(|word| word as _).collect();
     let output =
         trisplat(&[&[&"train" as &dyn AsRef<std::ffi::OsStr>, &dataset(), &"-o", &out], &train[..]].concat());
@@ -157,16 +169,22 @@ fn photos_of_another_place_are_noticed() {
         let from = images.join(&names[(i + names.len() / 2) % names.len()]);
         std::fs::copy(from, other.join("images").join(name)).unwrap();
     }
-    let bake = |dataset: &Path| {
-        let out = folder.path().join("a.glb");
-        let output = trisplat(&[&"bake", &sample("trained.ply"), &"--dataset", &dataset, &"-o", &out, &"-f"]);
-        assert!(output.status.success(), "{}", stderr(&output));
-        stderr(&output)
+    let out = folder.path().join("a.glb");
+    let bake = |dataset: &Path, force: &[&dyn AsRef<std::ffi::OsStr>]| {
+        let bake: [&dyn AsRef<std::ffi::OsStr>; 7] =
+            [&"bake", &sample("trained.ply"), &"--dataset", &dataset, &"-o", &out, &"-f"];
+        let output = trisplat(&[&bake[..], force].concat());
+        (output.status.code(), stderr(&output))
     };
-    let warning = "warning: the photos of --dataset do not seem to show this scene";
-    let (right, wrong) = (bake(&dataset()), bake(&other));
-    assert!(!right.contains(warning), "{right}");
-    assert!(wrong.contains(warning), "{wrong}");
+    let doubt = "photos that do not seem to show this scene";
+    let (code, right) = bake(&dataset(), &[]);
+    assert!(code == Some(0) && !right.contains(doubt), "{right}");
+    let before = std::fs::read(&out).unwrap();
+    let (code, wrong) = bake(&other, &[]);
+    assert!(code == Some(1) && wrong.contains(doubt) && wrong.contains("force_dataset"), "{wrong}");
+    assert_eq!(std::fs::read(&out).unwrap(), before, "the file is as it was");
+    let (code, forced) = bake(&other, &[&"--set", &"force_dataset=true"]);
+    assert!(code == Some(0) && forced.contains("warning: --dataset has photos that do not"), "{forced}");
 }
 
 fn copy(from: &Path, to: &Path) {
@@ -193,7 +211,7 @@ fn a_soup_and_a_mesh_that_was_baked_from_one_merge_in_their_world() {
     };
     let (soup, other) = (sample("trained.ply"), sample("studio.ply"));
     bake(&[&soup, &"-o", &path("plain.glb")]);
-    bake(&[&soup, &"--center", &"--scale", &"2", &"-o", &path("placed.glb")]);
+    bake(&[&soup, &"--set", &"center=true", &"--set", &"scale=2", &"-o", &path("placed.glb")]);
     bake(&[&other, &path("placed.glb"), &"-o", &path("both.glb")]);
     bake(&[&other, &"-o", &path("other.glb")]);
     let info = |name: &str| -> serde_json::Value {

@@ -99,7 +99,7 @@ fn no_output_is_an_input_or_another_output() {
     check(&train(&forced(&["-o", "c.ply", "--report", "./c.checkpoint"])), &["--report", "--checkpoint"]);
     check(
         &train(&forced(&["-o", "c.ply", "--log", "x", "--curve", "x"])),
-        &["is x: wants a file that", "--curve", "--log"],
+        &["is x: expected a file that", "--curve", "--log"],
     );
     check(&train(&forced(&["-o", "a.ply", "--from", "a.ply"])), &["--output is a.ply", input]);
     check(
@@ -182,7 +182,7 @@ fn a_folder_that_goes_away_costs_checkpoints_and_previews_only() {
     let output = child.wait_with_output().unwrap();
     let said = stderr(&output);
     assert!(said.contains("warning: gone/c.checkpoint: No such file"), "{said}");
-    assert!(!said.contains("to go on"), "there is no checkpoint: {said}");
+    assert!(!said.contains("to continue"), "there is no checkpoint: {said}");
     assert_eq!(output.status.code(), Some(143), "{said}");
     assert!(folder.path().join("c.ply").is_file(), "{said}");
 }
@@ -247,6 +247,81 @@ fn one_of_two_trainings_with_one_output_is_refused_at_once() {
     refused(folder.path(), &train(&["-o", "c.ply"]), &["c.ply", "another program is writing"]);
     drop(held);
     succeed(run(folder.path(), &train(&["-o", "c.ply"])));
+}
+
+#[test]
+fn one_of_two_renders_into_one_folder_wins_and_the_other_says_so() {
+    let folder = folder();
+    let out = folder.path().join("out");
+    std::fs::create_dir(&out).unwrap();
+    let render = ["render", "a.ply", "--orbit", "2", "--width", "16", "-o", "out"];
+    let eval = ["eval", "a.ply", "photos", "--split", "all", "--as", "soft", "--save-renders", "out"];
+    let held = trisplat::atomic::FolderLock::take(&out).unwrap();
+    for arguments in [&render[..], &eval[..]] {
+        refused(folder.path(), arguments, &["out: another program is writing into this folder"]);
+    }
+    drop(held);
+    succeed(run(folder.path(), &render));
+    // Side by side one is done, and the other finds the folder busy or its pictures there.
+    for _ in 0..6 {
+        std::fs::remove_dir_all(&out).unwrap();
+        let start = || {
+            let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+            command.args(render).current_dir(folder.path()).stdin(Stdio::null());
+            command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
+        };
+        let both = [start(), start()].map(|child| child.wait_with_output().unwrap());
+        let won = both.iter().filter(|output| output.status.success()).count();
+        assert_eq!(won, 1, "{:?}", both.each_ref().map(stderr));
+        assert_eq!(std::fs::read_dir(&out).unwrap().count(), 2);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_bake_that_is_asked_to_end_leaves_nothing() {
+    for (signal, code) in [("-HUP", 129), ("-INT", 130), ("-QUIT", 131), ("-TERM", 143)] {
+        let folder = folder();
+        let before = std::fs::read_dir(folder.path()).unwrap().count();
+        let (child, _) = long_bake(folder.path(), "");
+        succeed(Command::new("kill").args([signal, &child.id().to_string()]).output().unwrap());
+        let output = child.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(code), "{}", stderr(&output));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), before, "{signal}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_program_that_is_to_outlive_its_terminal_does() {
+    let folder = folder();
+    // As nohup does.
+    let (child, temporary) = long_bake(folder.path(), "trap '' HUP QUIT; ");
+    for signal in ["-HUP", "-QUIT"] {
+        succeed(Command::new("kill").args([signal, &child.id().to_string()]).output().unwrap());
+    }
+    std::thread::sleep(std::time::Duration::from_millis(200));
+    assert!(temporary.exists(), "it ended");
+    succeed(Command::new("kill").args(["-TERM", &child.id().to_string()]).output().unwrap());
+    assert_eq!(child.wait_with_output().unwrap().status.code(), Some(143));
+}
+
+/// A bake that takes long, once it has begun, and its temporary file; begun by a shell that does this first.
+#[cfg(unix)]
+fn long_bake(folder: &Path, first: &str) -> (std::process::Child, PathBuf) {
+    let soup = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/soups/studio.ply");
+    let bake = "exec \"$0\" bake \"$1\" -o long.glb --set reshape.reshape_rounds=10000 --threads 1";
+    let mut command = Command::new("sh");
+    command.args(["-c", &format!("{first}{bake}"), env!("CARGO_BIN_EXE_trisplat")]).arg(soup);
+    command.current_dir(folder).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
+    let child = command.spawn().unwrap();
+    let temporary = trisplat::atomic::temporary_name(&folder.join("long.glb"));
+    let clock = std::time::Instant::now();
+    while !temporary.exists() {
+        assert!(clock.elapsed().as_secs() < 60, "it did not begin");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    (child, temporary)
 }
 
 #[cfg(unix)]

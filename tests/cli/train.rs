@@ -17,6 +17,9 @@ pub(super) fn train(folder: &Path, flags: &[&str]) -> Command {
     if !flags.contains(&"--steps") && !flags.contains(&"--budget") {
         command.args(["--steps", "30"]);
     }
+    if !flags.contains(&"--teacher") && !flags.contains(&"--resume") {
+        command.args(["--teacher", "off"]);
+    }
     command.args(flags);
     command
 }
@@ -27,9 +30,9 @@ pub(super) fn succeed(command: &mut Command) -> Output {
     output
 }
 
-/// The command after "to go on: ", run by a shell as a user would.
+/// The command after "to continue: ", run by a shell as a user would.
 pub(super) fn resume(folder: &Path, printed: &str) -> Output {
-    let command = printed.lines().find_map(|line| line.split_once("to go on: ")).map(|found| found.1);
+    let command = printed.lines().find_map(|line| line.split_once("to continue: ")).map(|found| found.1);
     let words =
         command.and_then(|command| command.strip_prefix("trisplat ")).unwrap_or_else(|| panic!("{printed}"));
     let script = format!("'{}' {words}", env!("CARGO_BIN_EXE_trisplat"));
@@ -68,10 +71,28 @@ fn a_run_resumed_by_the_printed_command_ends_as_one_that_never_stopped() {
     assert_eq!(steps(&path("straight.log")).last(), Some(&30));
 }
 
+#[test]
+fn a_preset_that_is_set_has_its_own_values() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("indoor.json"), r#"{ "$schema": "x.json", "preset": "indoor" }"#)
+        .unwrap();
+    let options = |how: &[&str]| {
+        let flags = [&["-o", "a.ply", "--steps", "1", "--report", "a.json", "--force"], how].concat();
+        succeed(&mut train(folder.path(), &flags));
+        let report = std::fs::read(folder.path().join("a.json")).unwrap();
+        serde_json::from_slice::<serde_json::Value>(&report).unwrap()["options"].clone()
+    };
+    let typed = options(&["--preset", "indoor"]);
+    assert_eq!(typed["loss"]["dssim"], 0.4);
+    assert_eq!(options(&["--set", "preset=indoor"]), typed);
+    assert_eq!(options(&["--config", "indoor.json"]), typed);
+    assert_eq!(options(&["--config", "indoor.json", "--set", "preset=solid"])["loss"]["dssim"], 0.05);
+}
+
 #[cfg(unix)]
 #[test]
 fn ctrl_c_and_sigterm_save_and_say_how_to_go_on() {
-    for (signal, code) in [("-INT", 130), ("-TERM", 143)] {
+    for (signal, code) in [("-INT", 130), ("-TERM", 143), ("-HUP", 129), ("-QUIT", 131)] {
         let folder = tempfile::tempdir().unwrap();
         let log = folder.path().join("a.log");
         let flags = ["-o", "a.ply", "--log", "a.log", "--log-every", "1", "--steps", "100000"];
@@ -150,7 +171,7 @@ fn a_scene_that_teaches_itself_is_not_overwritten_and_needs_something_to_show() 
                  0 0 0\n0 0 0\n0 0 0\n3 0 1 2 0.5 1 0 0 0\n";
     std::fs::write(folder.path().join("point.ply"), point).unwrap();
     let said = run(&["--from", "soft.ply", "-o", "soft.ply", "--force", "--steps", "1"]);
-    assert!(said.contains("--output is soft.ply: wants a file that is not also an input"), "{said}");
+    assert!(said.contains("--output is soft.ply: expected a file that is not also an input"), "{said}");
     assert!(std::fs::read(folder.path().join("soft.ply")).unwrap() == before);
     let said = run(&["--from", "point.ply", "-o", "solid.ply"]);
     assert!(said.contains("point.ply") && said.contains("photos of it"), "{said}");
@@ -186,27 +207,20 @@ fn a_soft_scene_is_hardened_and_baked_by_one_command() {
     let said = bake(&["-o", "plain.glb"]);
     assert!(said.contains("soft scene: as solid triangles") && said.contains("--harden"), "{said}");
     assert!(said.lines().any(|l| l.starts_with("teacher") && l.contains(" pictures of ")), "{said}");
-    let said = bake(&["-o", "hard.glb", "--harden", "--harden-steps", "40"]);
+    let said = bake(&["-o", "hard.glb", "--harden=40"]);
     assert!(!said.contains("soft scene:"), "{said}");
     let report = path("r.json");
     assert_eq!(stage(&report, "train")["details"]["steps"], 40);
-    assert_eq!(stage(&report, "solid")["unneeded"], "every triangle is solid already");
     assert!(stage(&report, "refit").get("details").is_some(), "the soft pictures are there still");
+    harden_keeps_the_better(&report, &said);
     // With photos these are what it is trained on.
     let photos = dataset();
-    let said = bake(&[
-        "-o",
-        "photos.glb",
-        "--harden",
-        "--harden-steps",
-        "10",
-        "--dataset",
-        photos.to_str().unwrap(),
-    ]);
+    let said = bake(&["-o", "photos.glb", "--harden=10", "--dataset", photos.to_str().unwrap()]);
     assert!(
         stage(&report, "train")["details"]["held_out"][0]["name"].as_str().unwrap().contains('.'),
         "{said}"
     );
+    harden_keeps_the_better(&report, &said);
     // A mesh is solid: nothing to train.
     std::fs::copy(path("hard.glb"), path("soft.ply")).unwrap();
     std::fs::rename(path("soft.ply"), path("mesh.glb")).unwrap();
@@ -216,6 +230,23 @@ fn a_soft_scene_is_hardened_and_baked_by_one_command() {
     assert!(
         said.lines().any(|l| l.starts_with("train") && l.contains("not needed: the input is a mesh")),
         "{said}"
+    );
+}
+
+/// What is written is what other views show better, and the program says which.
+fn harden_keeps_the_better(report: &Path, said: &str) {
+    let gain = &stage(report, "train")["details"]["hardened"];
+    let psnr = |key: &str| gain[key].as_f64().unwrap();
+    let kept = gain["kept"].as_bool().unwrap();
+    assert_eq!(kept, psnr("psnr_after") >= psnr("psnr_before"), "{gain}");
+    assert!(gain["views"].as_u64().unwrap() > 0 && psnr("psnr_before") > 10.0, "{gain}");
+    let words = if kept { "hardening: " } else { "--harden made it worse: " };
+    assert!(said.contains(words), "{said}");
+    let solid = stage(report, "solid");
+    assert_eq!(
+        solid.get("unneeded").is_some(),
+        kept,
+        "the stages are those of the bake that is kept: {solid}"
     );
 }
 

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use trisplat::dataset::synthetic::{self, SyntheticOptions};
 
-fn read(folder: &Path, name: &str) -> Vec<u8> {
+pub(super) fn read(folder: &Path, name: &str) -> Vec<u8> {
     std::fs::read(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
@@ -22,7 +22,7 @@ fn a_teacher_is_trained_first_and_its_file_makes_the_same_scene() {
     let folder = folder.path();
     let flags = ["-o", "a.ply", "--teacher", "auto", "--report", "report.json", "--checkpoint-every", "20"];
     let said = stderr(&succeed(&mut train(folder, &flags)));
-    assert!(said.contains("a soft scene is trained first, to teach: 16 steps"), "{said}");
+    assert!(said.contains("a soft teacher scene is trained first: 16 steps"), "{said}");
     let report = report(folder);
     let stages: Vec<_> = report["stages"].as_array().unwrap().iter().map(|stage| &stage["name"]).collect();
     assert_eq!(stages, ["teacher", "train"]);
@@ -97,17 +97,17 @@ fn a_budget_is_spent_on_both() {
 }
 
 /// Trains `out` in `folder` on its `photos`, few steps.
-fn train_few(folder: &Path, out: &str, flags: &[&str]) -> Command {
+pub(super) fn train_few(folder: &Path, out: &str, flags: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
     command.arg("train").arg(folder.join("photos")).arg("-o").arg(folder.join(out));
     command.args(flags).stdin(Stdio::null());
     command
 }
 
-const SHORT: [&str; 4] = ["--steps", "30", "--max-triangles", "100"];
+pub(super) const SHORT: [&str; 4] = ["--steps", "30", "--max-triangles", "100"];
 
-fn few_photos(folder: &Path) {
-    let options = SyntheticOptions { views: 9, width: 24, points: 50, seed: 0 };
+pub(super) fn few_photos(folder: &Path) {
+    let options = SyntheticOptions { views: 9, width: 24, points: 50, ..SyntheticOptions::default() };
     std::fs::create_dir(folder.join("photos")).unwrap();
     synthetic::write(&folder.join("photos"), &options).unwrap();
 }
@@ -127,7 +127,7 @@ fn few_photos_have_a_teacher_unasked_and_none_when_it_is_off() {
     assert!(stage["name"] == "teacher" && stage["details"]["steps"] == 16, "{stage}");
     assert!(folder.join("a.teacher.ply").exists());
     let said = stderr(&succeed(&mut train_few(folder, "a.ply", &[&SHORT as &[&str], &["--force"]].concat())));
-    assert!(said.contains("to teach: 16 steps, as photos are few (--teacher off: not)"), "{said}");
+    assert!(said.contains("trained first: 16 steps, as photos are few (--teacher off skips it)"), "{said}");
     assert!(trains("b.ply", &["--teacher", "auto"]).0 == unasked);
     assert!(trains("b.ply", &["--teacher", "auto", "--teacher-share", "0.66"]).0 == unasked);
     assert!(trains("b.ply", &["--teacher", "auto", "--teacher-share", "0.2"]).0 != unasked);

@@ -82,7 +82,7 @@ fn a_page_shows_what_our_renderer_draws() {
     let Some(chromium) = chromium() else { return };
     let folder = TempDir::new().unwrap();
     let page = folder.path().join("scene.html");
-    bake(&studio(), &page, &["--chunk-triangles", "3000", "--scale", "2", "--center"]);
+    bake(&studio(), &page, &["--set", "chunk_triangles=3000", "--set", "scale=2", "--set", "center=true"]);
     let (mesh, provenance) = mesh(&page);
     let size = UVec2::new(480, 360);
     let cameras = cameras(&provenance, size);
@@ -154,7 +154,23 @@ fn mouse_fingers_and_keys_move_the_view() {
         }
     }
     let views = visits[0]["views"].as_array().unwrap();
-    assert_eq!(views[0], views[9], "F shows everything, as at the start");
+    let target = |view: &Value| {
+        view.as_str().unwrap().split('&').find(|part| part.starts_with("target=")).map(str::to_owned)
+    };
+    assert_eq!(target(&views[0]), target(&views[9]), "F looks at what the first view looks at");
+    let direction = |view: &Value| {
+        let text = view.as_str().unwrap().trim_start_matches('#');
+        let point = |name: &str| -> Vec<f64> {
+            let list = text.split('&').find_map(|part| part.strip_prefix(name)).unwrap();
+            list.split(',').map(|number| number.parse().unwrap()).collect()
+        };
+        let (eye, target) = (point("eye="), point("target="));
+        let away: Vec<f64> = eye.iter().zip(&target).map(|(a, b)| a - b).collect();
+        let length = away.iter().map(|x| x * x).sum::<f64>().sqrt();
+        away.into_iter().map(|x| x / length).collect::<Vec<f64>>()
+    };
+    let turned = direction(&views[0]).iter().zip(direction(&views[9])).map(|(a, b)| a * b).sum::<f64>();
+    assert!(turned > 0.999_999, "F looks from where the first view looks: {turned}");
     assert_eq!(visits[0]["hash"], views[10], "the link is the view");
     assert_eq!(visits[0]["help"], json!(false), "the first touch of the picture takes the help away");
     assert_eq!(visits[1]["views"][0], json!("#eye=5,1,2&target=0,0,0&up=0,1,0&fov=40"));
@@ -203,6 +219,7 @@ fn a_browser_that_cannot_draw_gets_advice() {
 }
 
 /// The page of `bench cost`: every setting is a dot and a row, and pointing at a dot shows its pictures.
+#[cfg(feature = "bench")]
 #[test]
 fn the_page_of_costs_plots_every_setting_and_shows_its_pictures() {
     let Some(chromium) = chromium() else { return };

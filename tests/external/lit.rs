@@ -14,12 +14,22 @@ fn lit_scenes_are_valid_gltf() {
     let photos = here("samples/dataset").display().to_string();
     let cases: [(&str, &[&str]); 5] = [
         ("plain.glb", &["--lit"]),
-        ("flat.gltf", &["--lit=flat", "--weld", "on"]),
+        ("flat.gltf", &["--lit=flat", "--set", "weld=on"]),
         ("godot.glb", &["--lit", "--target", "godot"]),
-        ("small.glb", &["--lit", "--target", "blender", "--compress"]),
+        ("small.glb", &["--lit", "--target", "blender", "--set", "compress=true"]),
         (
             "backdrop.glb",
-            &["--lit", "--target", "unity", "--compress", "--backdrop", "sphere", "--dataset", &photos],
+            &[
+                "--lit",
+                "--target",
+                "unity",
+                "--set",
+                "compress=true",
+                "--backdrop",
+                "sphere",
+                "--dataset",
+                &photos,
+            ],
         ),
     ];
     let files = cases.map(|(name, flags)| {

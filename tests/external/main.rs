@@ -31,7 +31,7 @@ use trisplat::soup::Soup;
 const TARGETS: [&str; 8] = ["gltf", "godot", "godot3", "unity", "unreal", "blender", "web", "playcanvas"];
 /// Flags under which the output holds every triangle of a valid source unchanged.
 const EVERYTHING: [&str; 8] =
-    ["--solid", "none", "--min-opacity", "0", "--max-sigma", "0", "--teacher", "off"];
+    ["--set", "solid=none", "--set", "min_opacity=0", "--set", "max_sigma=0", "--teacher", "off"];
 
 /// A path below the package.
 fn here(path: &str) -> PathBuf {
@@ -82,8 +82,8 @@ fn bake(input: &Path, output: &Path, flags: &[&str]) -> u64 {
     let report = PathBuf::from(format!("{}.report.json", output.display()));
     let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
     // What is written is checked here, not how it is fitted.
-    let flags = [&["--reshape", "off", "-q"], flags].concat();
-    command.arg("bake").arg(input).arg("-o").arg(output).arg("--report").arg(&report).args(flags);
+    command.arg("bake").arg(input).arg("-o").arg(output).arg("--report").arg(&report);
+    command.args(["--set", "reshape=off", "-q"]).args(flags);
     let done = runs(&mut command);
     assert!(done.status.success(), "{command:?}: {}", String::from_utf8_lossy(&done.stderr));
     let report: Value = serde_json::from_slice(&fs::read(&report).unwrap()).unwrap();
@@ -137,7 +137,7 @@ fn every_target_is_valid_gltf() {
         files.push((path.with_extension("lod1.glb"), level(0.5)));
         files.push((path.with_extension("lod2.glb"), level(0.2)));
         let path = folder.path().join(format!("{name}.gltf"));
-        let triangles = bake(source, &path, &["--chunk-triangles", "500"]);
+        let triangles = bake(source, &path, &["--set", "chunk_triangles=500"]);
         files.push((path, triangles));
     }
     assert_valid(&files);
@@ -152,7 +152,7 @@ fn small_files_are_valid_gltf() {
     let mut files = Vec::new();
     for target in TARGETS {
         let path = folder.path().join(format!("{target}.glb"));
-        let flags = ["--preset", "small", "--target", target, "--chunk-triangles", "1000"];
+        let flags = ["--preset", "small", "--target", target, "--set", "chunk_triangles=1000"];
         let triangles = bake(&studio(), &path, &flags);
         files.push((path, triangles));
     }
@@ -215,12 +215,12 @@ fn judges_see_every_triangle_of_the_studio() {
     let all = |more: &[&'static str]| [&EVERYTHING[..], more].concat();
     let plain = bakes(folder.path(), &studio(), &["a.glb", "a.gltf", "a.obj", "a.ply"], &all(&[]));
     let chunks =
-        bakes(folder.path(), &studio(), &["chunks.glb"], &all(&["--chunk-triangles", "700", "--bvh"]));
+        bakes(folder.path(), &studio(), &["chunks.glb"], &all(&["--set", "chunk_triangles=700", "--bvh"]));
     let godot = bakes(folder.path(), &studio(), &["4.glb"], &all(&["--target", "godot"]));
     let godot3 = bakes(folder.path(), &studio(), &["3.glb"], &all(&["--target", "godot3"]));
-    let welded = bakes(folder.path(), &studio(), &["weld.glb", "weld.ply"], &all(&["--weld", "on"]));
-    let faces = bakes(folder.path(), &studio(), &["faces.ply"], &all(&["--ply-face-colors"]));
-    let moved = ["--up", "z", "--scale", "2.5", "--center"];
+    let welded = bakes(folder.path(), &studio(), &["weld.glb", "weld.ply"], &all(&["--set", "weld=on"]));
+    let faces = bakes(folder.path(), &studio(), &["faces.ply"], &all(&["--set", "ply_face_colors=true"]));
+    let moved = ["--up", "z", "--set", "scale=2.5", "--set", "center=true"];
     let moved = bakes(folder.path(), &studio(), &["m.glb", "m.obj", "m.ply"], &all(&moved));
     for judge in JUDGES {
         let mut files = [&plain[..], &chunks, &godot, &godot3, &welded].concat();
@@ -236,8 +236,12 @@ fn judges_see_the_solid_studio() {
     let folder = TempDir::new().unwrap();
     for (preset, solid) in [("default", "auto"), ("fast", "contour"), ("default", "area")] {
         let path = folder.path().join(format!("{preset}-{solid}.glb"));
-        let triangles =
-            bake(&studio(), &path, &["--preset", preset, "--solid", solid, "--teacher", "off"]).to_string();
+        let triangles = bake(
+            &studio(),
+            &path,
+            &["--preset", preset, "--set", &format!("solid={solid}"), "--teacher", "off"],
+        )
+        .to_string();
         for judge in JUDGES {
             assert_as_source(
                 judge,
@@ -344,7 +348,7 @@ fn project(scripts: &str, target: &str) -> TempDir {
         fs::copy(here(scripts).join(file), folder.path().join(file)).unwrap();
     }
     let scene = folder.path().join("scene.glb");
-    bake(&studio(), &scene, &["--target", target, "--chunk-triangles", "3000", "--collision"]);
+    bake(&studio(), &scene, &["--target", target, "--set", "chunk_triangles=3000", "--collision"]);
     folder
 }
 

@@ -114,7 +114,7 @@ fn f3d(job: &Job) -> Option<Vec<Pixels>> {
 }
 
 /// Flags under which a baked file is written again triangle by triangle.
-const AS_IT_IS: [&str; 4] = ["--preset", "fast", "--solid", "none"];
+const AS_IT_IS: [&str; 4] = ["--preset", "fast", "--set", "solid=none"];
 
 /// The rasteriser that the numbers in docs/benchmarks come from.
 fn ours(job: &Job) -> Vec<Pixels> {
@@ -178,7 +178,7 @@ fn compare(file: &Path, dataset: &Path, keep: Option<&Path>, square: bool) {
 fn outside_renderers_draw_the_studio_as_we_do() {
     let folder = TempDir::new().unwrap();
     let file = folder.path().join("scene.glb");
-    bake(&studio(), &file, &["--chunk-triangles", "3000"]);
+    bake(&studio(), &file, &["--set", "chunk_triangles=3000"]);
     compare(&file, &here("samples/dataset"), None, true);
 }
 

@@ -28,7 +28,7 @@ fn fewer_triangles_are_loaded_from_farther_away() {
 #[test]
 fn a_tileset_of_tilesets_streams_as_one() {
     // Four tilesets of five tiles each below the first.
-    streams(&["--tileset-tiles", "5"]);
+    streams(&["--set", "tileset_tiles=5"]);
 }
 
 fn streams(flags: &[&str]) {
@@ -36,7 +36,7 @@ fn streams(flags: &[&str]) {
     let Some(chromium) = chromium().filter(|_| have("3d-tiles-renderer", there)) else { return };
     let folder = TempDir::new().unwrap();
     let tileset = folder.path().join("studio.tileset.json");
-    let flags = [&["--tile-triangles", "1000", "--teacher", "off"], flags].concat();
+    let flags = [&["--set", "tile_triangles=1000", "--teacher", "off"], flags].concat();
     let triangles = bake(&studio(), &tileset, &flags);
     let set: Value = serde_json::from_slice(&fs::read(&tileset).unwrap()).unwrap();
     let volume: Vec<f64> = serde_json::from_value(set["root"]["boundingVolume"]["box"].clone()).unwrap();

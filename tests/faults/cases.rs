@@ -16,6 +16,8 @@ pub(crate) struct Case {
     together: &'static [&'static str],
     /// The main output of a command that goes on when others cannot be written.
     kept: Option<&'static str>,
+    /// Either all outputs are there, or what was there before, and nothing else but what the next run goes on from.
+    all_or_nothing: bool,
 }
 
 /// What the command makes when nothing goes wrong.
@@ -72,6 +74,7 @@ pub(crate) fn bake_replaces() -> Case {
         before: before(&old),
         together: &["out/a.gltf", "out/a.bin", "out/a.bvh", "out/a.lod", "out/a.tileset.json"],
         kept: None,
+        all_or_nothing: false,
     }
 }
 
@@ -82,6 +85,7 @@ pub(crate) fn bake_new() -> Case {
         before: before(&[]),
         together: &["out/a.gltf", "out/a.bin", "out/a.bvh", "out/a.lod", "out/a.tileset.json"],
         kept: None,
+        all_or_nothing: false,
     }
 }
 
@@ -123,6 +127,7 @@ pub(crate) fn train() -> Case {
         before: before(&old),
         together: &["out/a.ply"],
         kept: Some("out/a.ply"),
+        all_or_nothing: false,
     }
 }
 
@@ -144,7 +149,14 @@ pub(crate) fn eval() -> Case {
     ];
     let mut old = EVAL.to_vec();
     old.extend(["--background", "white"]);
-    Case { name: "eval", arguments: EVAL, before: before(&old), together: &[], kept: None }
+    Case {
+        name: "eval",
+        arguments: EVAL,
+        before: before(&old),
+        together: &[],
+        kept: None,
+        all_or_nothing: false,
+    }
 }
 
 pub(crate) fn render() -> Case {
@@ -152,10 +164,116 @@ pub(crate) fn render() -> Case {
         &["render", "in/a.ply", "--orbit", "3", "--width", "24", "-o", "out/pictures", "--force"];
     let mut old = RENDER.to_vec();
     old.extend(["--show", "depth"]);
-    Case { name: "render", arguments: RENDER, before: before(&old), together: &[], kept: None }
+    Case {
+        name: "render",
+        arguments: RENDER,
+        before: before(&old),
+        together: &[],
+        kept: None,
+        all_or_nothing: false,
+    }
+}
+
+const PLAN: &[&str] = &[
+    "plan",
+    "in/photos",
+    "-o",
+    "out/city",
+    "--blocks",
+    "2",
+    "--steps",
+    "40",
+    "--max-triangles",
+    "600",
+    "--min-cover",
+    "0",
+    "--force",
+];
+
+/// A case whose outputs are all there or none, after the runs of `earlier`.
+fn whole(
+    name: &'static str,
+    arguments: &'static [&'static str],
+    together: &'static [&'static str],
+    earlier: &[Vec<&str>],
+) -> Case {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    tree::write(path, &before(&[]));
+    std::fs::create_dir_all(path.join("out")).unwrap();
+    let small = ["--views", "8", "--width", "32", "--points", "200"];
+    plain(path, &[&["sample", "dataset", "-o", "in/photos", "--force"], &small[..]].concat());
+    earlier.iter().for_each(|arguments| plain(path, arguments));
+    Case { name, arguments, before: tree::read(path), together, kept: None, all_or_nothing: true }
+}
+
+pub(crate) fn plan_new() -> Case {
+    whole("plan", PLAN, &[], &[])
+}
+
+pub(crate) fn plan_replaces() -> Case {
+    whole("plan over an old one", PLAN, &[], &[[PLAN, &["--seed", "7"]].concat()])
+}
+
+/// The plan of [`PLAN`] in `in/city`, and its blocks.
+fn city(blocks: &[&'static str]) -> Vec<Vec<&'static str>> {
+    let mut plan = PLAN.to_vec();
+    plan[3] = "in/city";
+    let train = |block: &&'static str| vec!["train", "--block", block];
+    std::iter::once(plan).chain(blocks.iter().map(train)).collect()
+}
+
+pub(crate) fn block() -> Case {
+    let arguments = &["train", "--block", "out/city:1"];
+    whole("train of a block", arguments, &["out/city/block-0001"], &[PLAN.to_vec()])
+}
+
+pub(crate) fn merge() -> Case {
+    let arguments =
+        &["merge", "in/city", "-o", "out/a.ply", "--report", "out/report.json", "--evaluate", "--force"];
+    whole("merge", arguments, &["out/"], &city(&["in/city:0", "in/city:1"]))
+}
+
+pub(crate) fn tiles_of_a_city() -> Case {
+    let arguments = &["bake", "in/city", "-o", "out/a.tileset.json", "--preset", "fast", "--force"];
+    whole("bake of a city", arguments, &[], &city(&["in/city:0", "in/city:1"]))
+}
+
+pub(crate) fn tiles() -> Case {
+    const TILES: &[&str] = &[
+        "bake",
+        "in/large.ply",
+        "-o",
+        "out/a.tileset.json",
+        "--preset",
+        "fast",
+        "--set",
+        "tile_triangles=1000",
+        "--force",
+    ];
+    let soup = vec!["sample", "studio", "--triangles", "2500", "-o", "in/large.ply"];
+    whole("bake of tiles over old ones", TILES, &[], &[soup, [TILES, &["--scale-by", "0.4=0.25"]].concat()])
+}
+
+const DATASET: &[&str] =
+    &["sample", "dataset", "-o", "out/set", "--views", "3", "--width", "16", "--points", "20"];
+
+pub(crate) fn dataset_new() -> Case {
+    whole("sample dataset", DATASET, &["out/set"], &[])
+}
+
+pub(crate) fn dataset_replaces() -> Case {
+    const AGAIN: &[&str] =
+        &["sample", "dataset", "-o", "out/set", "--views", "3", "--width", "16", "--points", "20", "--force"];
+    whole("sample dataset over an old one", AGAIN, &["out/set"], &[[AGAIN, &["--seed", "7"]].concat()])
 }
 
 impl Case {
+    /// Whether what a signal leaves is known: a training saves what it has by then.
+    pub(crate) fn knows_signals(&self) -> bool {
+        self.kept.is_none()
+    }
+
     /// The outcome when nothing goes wrong.
     pub(crate) fn outcome(&self, injector: &Injector) -> Outcome {
         let (folder, run) = self.run(injector, None);
@@ -178,12 +296,26 @@ impl Case {
         let call = run.calls.get(fault.at as usize - 1).cloned().unwrap_or_default();
         let context = format!("{}, {fault:?}, {call}:\n{}", self.name, run.stderr());
         let found = tree::read(folder.path());
+        let code = run.output.status.code();
+        let mut ended_early = true;
         match fault.kind {
-            Kind::Kill => assert!(run.output.status.code().is_none(), "was not killed: {context}"),
-            _ => self.check_exit(&run, &found, new, &call, &context),
+            Kind::Kill => assert!(code.is_none(), "was not killed: {context}"),
+            // It may come when all is done.
+            Kind::Signal if code == fault.exit_code() => self.check_nothing_left(&found, "", &context),
+            _ => {
+                self.check_exit(&run, &found, new, &call, &context);
+                ended_early = code != Some(0);
+            }
         }
         self.check_files(&found, new, &context);
-        if fault.kind == Kind::Kill {
+        if self.all_or_nothing {
+            self.check_all_or_nothing(&found, new, &context);
+        }
+        if fault.kind == Kind::Kill || (self.all_or_nothing && ended_early) {
+            let complete = |tree: &Tree| new.out.iter().all(|(name, _)| tree.contains_key(name));
+            if self.all_or_nothing && complete(&found) && !self.arguments.contains(&"--force") {
+                return;
+            }
             let again = injector.run(folder.path(), self.arguments, None);
             assert!(again.output.status.success(), "the next run: {}\nafter {context}", again.stderr());
             let found = tree::read(folder.path());
@@ -191,6 +323,29 @@ impl Case {
             assert_eq!(names(&found), names(&new.out), "the next run, after {context}");
             self.check_files(&found, new, &context);
         }
+    }
+
+    /// All outputs are there, or all that was there before; of a run that was not killed nothing else is, but what the next goes on from.
+    fn check_all_or_nothing(&self, found: &Tree, new: &Outcome, context: &str) {
+        let holds = |tree: &Tree| {
+            let same = |name: &String, bytes: &Vec<u8>| is_volatile(name) || found.get(name) == Some(bytes);
+            tree.iter().all(|(name, bytes)| found.contains_key(name) && same(name, bytes))
+        };
+        let killed = found.keys().any(|name| tree::is_leftover(name));
+        assert!(killed || holds(&new.out) || holds(&self.before), "part of the outputs: {context}");
+        let goes_on = |name: &str| name.contains("/coarse-") || name.ends_with(".checkpoint");
+        let more: Vec<&String> = found
+            .keys()
+            .filter(|name| !self.before.contains_key(*name) && !tree::is_leftover(name) && !goes_on(name))
+            .collect();
+        assert!(holds(&new.out) || more.is_empty() || killed, "{more:?} are there: {context}");
+    }
+
+    fn check_nothing_left(&self, found: &Tree, call: &str, context: &str) {
+        // What cannot be removed stays; the next run sweeps it.
+        let may_stay = call.starts_with("unlink");
+        let left: Vec<&String> = found.keys().filter(|name| tree::is_leftover(name)).collect();
+        assert!(left.is_empty() || may_stay, "left behind: {left:?}: {context}");
     }
 
     /// Success with everything new, or one error; nothing left behind; work that was done is there.
@@ -208,10 +363,7 @@ impl Case {
             Some(1) => assert_eq!(run.errors(), 1, "{context}"),
             code => panic!("exit code {code:?}: {context}"),
         }
-        // What cannot be removed stays; the next run sweeps it.
-        let may_stay = call.starts_with("unlink");
-        let left: Vec<&String> = found.keys().filter(|name| tree::is_leftover(name)).collect();
-        assert!(left.is_empty() || may_stay, "left behind: {left:?}: {context}");
+        self.check_nothing_left(found, call, context);
         let Some(kept) = self.kept else { return };
         let text = run.stderr();
         if let Some((_, rescued)) = text.split_once("the scene was saved as ") {
@@ -263,7 +415,7 @@ impl Case {
 /// True of files with times in them: no two runs write the same.
 fn is_volatile(name: &str) -> bool {
     [".json", ".jsonl", ".svg", ".checkpoint"].iter().any(|ending| name.ends_with(ending))
-        && !name.contains("tileset")
+        && !["tileset", "manifest"].iter().any(|exact| name.contains(exact))
 }
 
 fn is_whole(name: &str, bytes: &[u8]) -> bool {

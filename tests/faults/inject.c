@@ -1,5 +1,6 @@
 /* Counts the system calls by which a program changes files below FAULT_FOLDER and opens files there, and makes one of
-   them fail (FAULT_KIND=error), it and every later one that needs room on the disk (full), or ends the program there (kill).
+   them fail (FAULT_KIND=error), it and every later one that needs room on the disk (full), ends the program there (kill), or asks it to
+   end (signal, FAULT_SIGNAL).
    FAULT_AT is the number of the call, from 1; the count is written to FAULT_COUNT when the program ends. */
 
 #define _GNU_SOURCE
@@ -48,6 +49,11 @@ static int fault(const char *name, const char *path, int needs_room) {
         return 0;
     if (strcmp(kind, "kill") == 0 && number == at)
         kill(getpid(), SIGKILL), pause();
+    if (strcmp(kind, "signal") == 0 && number == at) {
+        kill(getpid(), atoi(getenv("FAULT_SIGNAL")));
+        /* Long enough for the program to end, unless it must not here. */
+        usleep(100000);
+    }
     if (strcmp(kind, "error") == 0 && number == at)
         return EIO;
     if (strcmp(kind, "full") == 0 && number >= at && needs_room)

@@ -12,13 +12,25 @@ pub(crate) enum Kind {
     Full,
     /// The program is killed before this call.
     Kill,
+    /// The program is asked to end before this call: by SIGHUP, SIGINT, SIGQUIT or SIGTERM, one after the other.
+    Signal,
 }
+
+/// Signals that ask a program to end, and what it exits with then.
+const SIGNALS: [(i32, i32); 4] = [(1, 129), (2, 130), (3, 131), (15, 143)];
 
 /// What goes wrong, and at which call, from 1.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Fault {
     pub(crate) kind: Kind,
     pub(crate) at: u64,
+}
+
+impl Fault {
+    /// The exit code of a program that heeds the signal.
+    pub(crate) fn exit_code(&self) -> Option<i32> {
+        (self.kind == Kind::Signal).then(|| SIGNALS[self.at as usize % SIGNALS.len()].1)
+    }
 }
 
 /// The library that catches system calls.
@@ -62,7 +74,9 @@ impl Injector {
                 Kind::Error => "error",
                 Kind::Full => "full",
                 Kind::Kill => "kill",
+                Kind::Signal => "signal",
             };
+            command.env("FAULT_SIGNAL", SIGNALS[at as usize % SIGNALS.len()].0.to_string());
             command.env("FAULT_KIND", kind).env("FAULT_AT", at.to_string());
         }
         let output = command.output().unwrap();

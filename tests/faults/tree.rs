@@ -34,6 +34,5 @@ pub(crate) fn write(folder: &Path, tree: &Tree) {
 
 /// True of what a killed run may leave behind until the next one.
 pub(crate) fn is_leftover(name: &str) -> bool {
-    let name = name.rsplit('/').next().unwrap_or(name);
-    name.starts_with('.') && (name.ends_with(".trisplat.tmp") || name.ends_with(".trisplat.old"))
+    name.split('/').any(trisplat::atomic::is_leftover)
 }

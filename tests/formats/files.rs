@@ -41,6 +41,7 @@ pub(crate) fn soup(count: usize, sh_degree: u8, seed: u64) -> Soup {
         sigma: (0..count).map(|i| 0.01 + 3.0 * shade.uniform(4 * i as u64 + 1)).collect(),
         sh: (0..count * k).map(|i| [0, 1, 2].map(|c| place.normal((9 * i + c) as u64))).collect(),
         sh_degree,
+        ..Soup::default()
     }
 }
 
@@ -62,8 +63,8 @@ pub(crate) fn provenance() -> Provenance {
             target: [0.1, 0.0, 7.0],
             up: [0.0, 1.0, 0.0],
             fov: 48.25,
+            radius: Some(1.25),
         }),
-        shell: 0,
         backdrop: 0,
     }
 }

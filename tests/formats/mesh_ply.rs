@@ -1,6 +1,6 @@
 //! Mesh PLY.
 
-use crate::files::{Cell, ENCODINGS, Element, Encoding, face, loaded_mesh, mesh, ply, provenance, source};
+use super::files::{Cell, ENCODINGS, Element, Encoding, face, loaded_mesh, mesh, ply, provenance, source};
 use glam::Vec3;
 use trisplat::asset::Asset;
 use trisplat::formats::ReadOptions;

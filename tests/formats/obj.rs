@@ -1,6 +1,6 @@
 //! Wavefront OBJ, with the crate `tobj` as the judge.
 
-use crate::files::{face, loaded_mesh, mesh, provenance, source};
+use super::files::{face, loaded_mesh, mesh, provenance, source};
 use proptest::prelude::*;
 use trisplat::asset::Asset;
 use trisplat::formats::ReadOptions;
@@ -203,6 +203,8 @@ fn polygons_anywhere_in_space_keep_their_outline_and_colors() {
 }
 
 proptest! {
+    #![proptest_config(crate::common::regressions::stored())]
+
     #[test]
     fn any_finite_position_reads_back_bit_equal(bits in prop::collection::vec(any::<u32>(), 9)) {
         let values: Vec<f32> = bits.into_iter().map(f32::from_bits).collect();

@@ -1,6 +1,6 @@
 //! OFF and COFF.
 
-use crate::files::{loaded_mesh, source};
+use super::files::{loaded_mesh, source};
 use glam::Vec3;
 use trisplat::formats::ReadOptions;
 use trisplat::formats::off::read;

@@ -12,7 +12,7 @@ fn studio() -> PathBuf {
 fn bake(output: &Path, flags: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
     // Fitting takes long and has tests of its own.
-    command.arg("bake").arg(studio()).arg("-o").arg(output).args(["--reshape", "off"]);
+    command.arg("bake").arg(studio()).arg("-o").arg(output).args(["--set", "reshape=off"]);
     let done = command.args(flags).output().unwrap();
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     done
@@ -26,7 +26,7 @@ fn scene(path: &Path) -> Scene {
 fn a_page_holds_the_scene_of_the_glb_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
     let [page, glb] = ["a <b>.html", "a.glb"].map(|name| folder.path().join(name));
-    for flags in [&[][..], &["--chunk-triangles", "700"], &["--weld", "on"]] {
+    for flags in [&[][..], &["--set", "chunk_triangles=700"], &["--set", "weld=on"]] {
         bake(&page, &[flags, &["--force"]].concat());
         bake(&glb, &[flags, &["--force"]].concat());
         assert_eq!(scene(&page), scene(&glb), "{flags:?}");
@@ -43,7 +43,7 @@ fn pages_are_the_same_bytes_on_any_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();
     let bytes = ["1", "3"].map(|threads| {
         let path = folder.path().join("scene.html");
-        bake(&path, &["--threads", threads, "--chunk-triangles", "500", "--force"]);
+        bake(&path, &["--threads", threads, "--set", "chunk_triangles=500", "--force"]);
         std::fs::read(path).unwrap()
     });
     assert!(bytes[0] == bytes[1]);

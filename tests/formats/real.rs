@@ -1,6 +1,6 @@
 //! A real scene in two formats, against each other and against what is known of it.
 
-use crate::files::{face, loaded_mesh, shared};
+use super::files::{face, loaded_mesh, shared};
 use trisplat::formats::{ReadOptions, off, ply};
 use trisplat::math::color::srgb_from_linear;
 

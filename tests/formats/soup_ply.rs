@@ -1,6 +1,6 @@
 //! The soup PLY.
 
-use crate::files::{Cell, ENCODINGS, Element, Encoding, ply, provenance, soup, soup_elements, source};
+use super::files::{Cell, ENCODINGS, Element, Encoding, ply, provenance, soup, soup_elements, source};
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat::asset::Provenance;
 use trisplat::camera::Camera;
@@ -37,6 +37,23 @@ fn every_degree_reads_back_bit_equal() {
             }
         }
     }
+}
+
+#[test]
+fn the_shell_reads_back_wherever_it_is_in_the_file() {
+    let mut soup = soup(12_345, 1, 7);
+    soup.set_shell(5000..5400);
+    let bytes = written(&soup, &provenance());
+    assert_eq!(read_soup(source(&bytes), 3), soup);
+    soup.shell.clear();
+    let plain = written(&soup, &provenance());
+    assert!(bytes.len() > plain.len() + 12_345, "a soup without one has no property for it");
+    // Earlier versions counted the first triangles in a comment.
+    let text = b"comment trisplat {\"shell\":7,";
+    let at = plain.windows(18).position(|w| w == b"comment trisplat {").unwrap();
+    let old = [&plain[..at], text, &plain[at + 18..]].concat();
+    let read = read_soup(source(&old), 3);
+    assert_eq!((read.shell_count(), read.is_shell(6), read.is_shell(7)), (7, true, false));
 }
 
 #[test]
@@ -154,7 +171,7 @@ fn shared_and_shuffled_vertices_are_unshared() {
         assert_eq!(read_soup(source(&ply(encoding, &elements)), 0), soup, "{encoding:?}");
     }
     // Two faces over four vertices: fewer vertices than corners.
-    let mut elements = soup_elements(&crate::files::soup(2, 0, 1));
+    let mut elements = soup_elements(&super::files::soup(2, 0, 1));
     elements[0].rows.truncate(4);
     for (c, v) in [0, 1, 2, 2, 1, 3].into_iter().enumerate() {
         elements[1].rows[c / 3][1 + c % 3] = Cell::I32(v);

@@ -1,8 +1,8 @@
 //! Time of the readers and writers against plain reading and writing of the same bytes.
-//! `cargo test --release --test formats -- --ignored --nocapture speed` prints a table; it checks nothing,
+//! `cargo test --release --test files -- --ignored --nocapture speed` prints a table; it checks nothing,
 //! because time on a shared machine proves nothing.
 
-use crate::files::{mesh, provenance, soup};
+use super::files::{mesh, provenance, soup};
 use std::fs::File;
 use std::io::{BufWriter, Read, Write};
 use std::path::Path;

@@ -60,7 +60,7 @@ fn a_tileset_is_checked_with_all_its_tiles() {
     };
     let child = "root.children[2]";
     fault(&|set| set["root"]["children"][2]["geometricError"] = json!(1e9), child);
-    fault(&|set| set["root"]["children"][2]["content"]["uri"] = json!("none.glb"), "which is not there");
+    fault(&|set| set["root"]["children"][2]["content"]["uri"] = json!("none.glb"), "which does not exist");
     fault(&|set| set["root"]["children"][2]["refine"] = json!("MORE"), "ADD or REPLACE");
     fault(&|set| set["root"]["children"][2]["transform"] = moved(), "not within that of the tile above");
     fault(&|set| drop(set["root"].as_object_mut().unwrap().remove("refine")), "lacks `refine`");
@@ -105,7 +105,10 @@ fn a_large_tileset_is_one_of_tilesets_and_checked_with_them() {
     fault(&|inner| inner["root"]["children"][1]["geometricError"] = json!(1e9), "root.children[1]");
     fault(&|inner| inner["root"]["geometricError"] = json!(1e9), "must not grow downwards");
     fault(&|inner| inner["root"]["transform"] = moved(), "not within that of the tile above");
-    fault(&|inner| inner["root"]["children"][1]["content"]["uri"] = json!("none.glb"), "which is not there");
+    fault(
+        &|inner| inner["root"]["children"][1]["content"]["uri"] = json!("none.glb"),
+        "which does not exist",
+    );
     fault(&|inner| *inner = json!([]), "is no tileset");
     let name = path.file_name().unwrap().to_str().unwrap();
     fault(&|inner| inner["root"]["children"][1]["content"]["uri"] = json!(name), "the tileset that it is in");

@@ -117,11 +117,14 @@ impl Parsed {
             let stride = Self::stride(accessor, view);
             assert_eq!(Self::number(&accessor["count"]) * stride, len);
         }
-        let meshes: Vec<usize> = self.list("nodes").iter().map(|n| Self::number(&n["mesh"])).collect();
+        let nodes = self.list("nodes");
+        // The viewpoint is a node with a camera and without a mesh.
+        let drawn = nodes.iter().filter(|node| node.get("camera").is_none());
+        let meshes: Vec<usize> = drawn.map(|n| Self::number(&n["mesh"])).collect();
         assert_eq!(meshes, (0..self.list("meshes").len()).collect::<Vec<_>>());
         let roots: Vec<usize> =
             self.json["scenes"][0]["nodes"].as_array().unwrap().iter().map(Self::number).collect();
-        assert_eq!(roots, meshes);
+        assert_eq!(roots, (0..nodes.len()).collect::<Vec<_>>());
     }
 
     fn stride(accessor: &Value, view: &Value) -> usize {

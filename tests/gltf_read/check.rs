@@ -1,12 +1,11 @@
 //! Findings of `validate` and figures of `info`.
 
-use crate::files::{Builder, FLOAT, UNSIGNED_SHORT, glb};
+use super::files::{Builder, FLOAT, UNSIGNED_SHORT, glb};
 use glam::Vec3;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use trisplat::asset::{Asset, Provenance};
 use trisplat::bake::bvh::{BvhDetails, BvhOptions, bvh};
-use trisplat::bench::scenes::{SampleScene, soup};
 use trisplat::cli::info::InfoArgs;
 use trisplat::cli::validate::ValidateArgs;
 use trisplat::formats::check::{Checked, Severity, check};
@@ -14,6 +13,7 @@ use trisplat::formats::gltf::{GltfOptions, PositionEncoding, write_glb};
 use trisplat::formats::info::{Info, SceneKind, info};
 use trisplat::formats::{Format, bvh as bvh_file, ply};
 use trisplat::mesh::{Colors, Mesh};
+use trisplat::sample::scenes::{SampleScene, soup};
 
 struct Folder(tempfile::TempDir);
 
@@ -85,8 +85,8 @@ fn faults_of_the_document_are_found_with_their_place() {
         ("/accessors/0/max", json!(null), "Error accessor 0: has positions without max"),
         ("/extensionsRequired", json!(["KHR_mesh_quantization"]), "Error extensionsRequired: names KHR_mesh"),
         ("/bufferViews/0/byteStride", json!(13), "Error accessor 0: promises 3 elements"),
-        ("/accessors/1/bufferView", json!(9), "Error bufferView 9: is not there"),
-        ("/scenes/0/nodes", json!([4]), "Error node 4: is not there"),
+        ("/accessors/1/bufferView", json!(9), "Error bufferView 9: does not exist"),
+        ("/scenes/0/nodes", json!([4]), "Error node 4: does not exist"),
         ("/buffers/0/byteLength", json!(500), "truncated"),
     ];
     for (pointer, value, wants) in cases {

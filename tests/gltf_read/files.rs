@@ -147,6 +147,6 @@ pub(crate) fn read_bytes(bytes: &[u8]) -> Result<Loaded> {
 pub(crate) fn mesh(loaded: Loaded) -> Mesh {
     match loaded.scene {
         Scene::Mesh(mesh) => mesh,
-        Scene::Soup(_) => panic!("wants a mesh"),
+        Scene::Soup(_) => panic!("expected a mesh"),
     }
 }

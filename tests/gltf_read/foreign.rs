@@ -1,6 +1,6 @@
 //! What other programs write: transforms, modes, materials, sparse and interleaved data.
 
-use crate::files::{
+use super::files::{
     BYTE, Builder, FLOAT, SHORT, UNSIGNED_BYTE, UNSIGNED_INT, UNSIGNED_SHORT, mesh, read, read_bytes,
 };
 use glam::{DMat4, DQuat, DVec3, Vec3};
@@ -144,7 +144,7 @@ fn points_lines_and_odd_corners_are_left_out_with_a_warning() {
     assert!(loaded.warnings[0].contains("4 corners"), "{:?}", loaded.warnings);
     let got = mesh(loaded);
     assert_eq!((got.face_count(), got.corners(1)[0]), (2, Vec3::new(100., 1., 2.)));
-    let Colors::Face(colors) = got.colors else { panic!("wants a colour per face") };
+    let Colors::Face(colors) = got.colors else { panic!("expected a colour per face") };
     assert_eq!(colors.len(), 2);
 }
 

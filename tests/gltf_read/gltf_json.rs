@@ -1,7 +1,7 @@
 //! What `gltf-json` 1.4 loses of a document, and the reader keeps. A failure here says that the crate has become
 //! better: read into its types then (`src/formats/gltf/document.rs`).
 
-use crate::files::Builder;
+use super::files::Builder;
 use gltf_json::Root;
 use gltf_json::validation::Checked;
 use serde_json::{Value, json};

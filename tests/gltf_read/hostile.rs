@@ -1,6 +1,6 @@
 //! Hostile files: each fails with one clear error or reads, and never panics or fills the memory.
 
-use crate::files::{Builder, FLOAT, UNSIGNED_INT, glb, read, read_bytes};
+use super::files::{Builder, FLOAT, UNSIGNED_INT, glb, read, read_bytes};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::io::{Seek, SeekFrom, Write};

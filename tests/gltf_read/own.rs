@@ -1,6 +1,6 @@
 //! What we write comes back: every colour and position encoding, compressed or not, chunked, indexed.
 
-use crate::files::{mesh, read, read_bytes};
+use super::files::{mesh, read, read_bytes};
 use glam::Vec3;
 use proptest::prelude::*;
 use std::path::Path;
@@ -80,7 +80,7 @@ fn soups_come_back_as_soups_in_every_encoding() {
                 assert_eq!(back.positions, asset.mesh.positions, "{options:?}");
                 assert!(back.indices.is_empty() && back.opacity.is_empty());
                 let (Colors::Face(got), Colors::Face(wants)) = (&back.colors, &asset.mesh.colors) else {
-                    panic!("wants a colour per face");
+                    panic!("expected a colour per face");
                 };
                 let worst = got.iter().zip(wants).map(|(a, b)| codes_apart(*a, *b)).fold(0.0, f32::max);
                 let limit = if colors == ColorEncoding::U8Linear { 7.0 } else { 0.03 };
@@ -177,8 +177,8 @@ fn the_provenance_comes_back() {
             target: [0.1, 0.0, 7.0],
             up: [0.0, 1.0, 0.0],
             fov: 48.25,
+            radius: Some(1.25),
         }),
-        shell: 0,
         backdrop: 0,
     };
     let mut bytes = Vec::new();

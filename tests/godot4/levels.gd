@@ -29,6 +29,7 @@ func look():
 	var towards := Vector3(0.36, 0.48, 0.8)
 	# From within the scene outwards: half of it is out of view.
 	var target := middle if distances.size() > 1 else middle + towards * distances[0] * 2.0
+	camera.make_current()
 	camera.look_at_from_position(middle + distances[0] * towards, target)
 
 func _process(_delta):

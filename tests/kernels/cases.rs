@@ -1,6 +1,6 @@
 //! Random cases, and how gradients are compared.
 
-use super::common::dual::Dual;
+use crate::common::dual::Dual;
 use trisplat::kernel::splat::CameraTriangle;
 use trisplat::math::real::Real;
 use trisplat::math::vec::{V2, V3};

@@ -1,7 +1,7 @@
 //! Blending, distortion and spherical harmonics.
 
 use super::cases::{CASES, between, difference, duals};
-use super::common::dual::Dual;
+use crate::common::dual::Dual;
 use trisplat::kernel::{composite, sh};
 use trisplat::math::real::Real;
 use trisplat::math::vec::V3;

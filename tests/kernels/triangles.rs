@@ -1,7 +1,7 @@
 //! Projection, depth planes, the fade, and clipping at the near plane.
 
 use super::cases::{CASES, between, camera, corners, difference, duals, flat, triangle};
-use super::common::dual::Dual;
+use crate::common::dual::Dual;
 use trisplat::kernel::splat::{DepthPlaneGrad, SplatGrad};
 use trisplat::kernel::{clip, splat, window};
 use trisplat::math::real::Real;

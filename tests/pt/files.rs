@@ -250,13 +250,13 @@ pub(crate) fn read_bytes(bytes: &[u8], sh_degree: u8) -> Result<Loaded> {
 pub(crate) fn soup(loaded: Loaded) -> Soup {
     match loaded.scene {
         Scene::Soup(soup) => soup,
-        Scene::Mesh(_) => panic!("wants a soup"),
+        Scene::Mesh(_) => panic!("expected a soup"),
     }
 }
 
 pub(crate) fn mesh(loaded: &Loaded) -> &Mesh {
     match &loaded.scene {
         Scene::Mesh(mesh) => mesh,
-        Scene::Soup(_) => panic!("wants a mesh"),
+        Scene::Soup(_) => panic!("expected a mesh"),
     }
 }

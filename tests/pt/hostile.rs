@@ -1,6 +1,6 @@
 //! Checkpoints made to hurt: code to run, sizes that are promised, damage.
 
-use crate::files::{
+use super::files::{
     Folder, Pickle, checkpoint, entry, float_item, floats, int_item, mesh_tensors, read, read_bytes, soup,
     soup_tensors, zip,
 };

@@ -1,7 +1,7 @@
 //! Compares frames and gradients with the brute-force oracle.
 
-use super::common::dual::Dual;
-use super::common::oracle::{self, Number, OracleCamera, Pixel, Rules, Triangle};
+use crate::common::dual::Dual;
+use crate::common::oracle::{self, Number, OracleCamera, Pixel, Rules, Triangle};
 use trisplat::camera::Camera;
 use trisplat::math::real::Real;
 use trisplat::raster::soft::{

@@ -1,8 +1,8 @@
 //! Whole frames against the oracle.
 
-use super::common::oracle;
 use super::compare::{MARGIN, compare, compare_grads, oracle_camera, plain, rules};
 use super::scenes::{camera, engine, options, random_soup};
+use crate::common::oracle;
 use trisplat::raster::soft::{Soft, SoftOptions, Sort, SoupRef, Window};
 
 /// Largest error of a frame blended in the order of the tile.

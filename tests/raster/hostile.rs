@@ -95,6 +95,7 @@ fn equal_depths_are_drawn_by_index() {
             sigma: vec![1e-4; 2],
             sh: [color(1.0), color(0.0)].concat(),
             sh_degree: 0,
+            ..Soup::default()
         };
         let straight = Camera { rotation: Mat3::IDENTITY, translation: Vec3::ZERO, ..camera([21, 21]) };
         let o = SoftOptions { alpha_cap: 1.0, background: [0.0; 3], sort, ..options() };
@@ -121,6 +122,7 @@ fn tiny_triangles_fade_and_do_not_vanish() {
             sigma: vec![0.5],
             sh: vec![[0.0; 3]],
             sh_degree: 0,
+            ..Soup::default()
         };
         let frame = Soft::new().render(&SoupRef::from(&soup), &camera, &options()).clone();
         let alpha = 1.0 - frame.transmittance[10 * 21 + 10];

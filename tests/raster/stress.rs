@@ -1,8 +1,8 @@
 //! The reference of `trisplat bench stress`, which is written with the kernels' formulas, against the oracle, which
 //! shares no formula with them.
 
-use super::common::oracle;
 use super::compare::{exact_grad, oracle_camera, plain, rules};
+use crate::common::oracle;
 use trisplat::bench::stress::axes::{AXES, Axis};
 use trisplat::bench::stress::case::StressCase;
 use trisplat::bench::stress::exact::ExactFrame;

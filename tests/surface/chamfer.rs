@@ -1,6 +1,6 @@
 //! The surface of a trained scene against the truth of the synthetic scene that it was trained on.
 
-use crate::closed_form::made;
+use super::closed_form::made;
 use glam::{DVec3, IVec3, Vec3};
 use rayon::prelude::*;
 use std::collections::HashMap;

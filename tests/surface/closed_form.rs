@@ -1,6 +1,6 @@
 //! Surfaces of shapes that are known exactly.
 
-use crate::shapes::{RADIUS, around, ball, camera, coarse_ball, cube, two_colors};
+use super::shapes::{RADIUS, around, ball, camera, coarse_ball, cube, two_colors};
 use glam::Vec3;
 use trisplat::camera::Camera;
 use trisplat::limits::Limits;
@@ -122,13 +122,12 @@ fn a_soup_has_the_surface_of_its_triangles_without_its_shell() {
         let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
         *corners = corners.map(|corner| middle + (corner - middle) * 1.2);
     }
-    // A shell before everything else: without it the ball is seen, with it only the shell.
+    // A shell around everything else: without it the ball is seen, with it only the shell.
     let mut shell = soup.clone();
     shell.vertices.iter_mut().flatten().for_each(|p| *p *= 1.5);
-    let count = shell.len() as u32;
-    shell.append(soup);
-    let mut loaded = Loaded::from(shell);
-    loaded.provenance.shell = count;
+    shell.set_shell(0..shell.len());
+    soup.append(shell);
+    let loaded = Loaded::from(soup);
     for (with_shell, radius) in [(false, RADIUS), (true, 1.5 * RADIUS)] {
         let options = SurfaceOptions { shell: with_shell, ..OPTIONS };
         let (mesh, details) = made(&loaded, &around(24, 5.0, 240), &options);

@@ -149,11 +149,12 @@ fn what_cannot_be_started_from_is_an_error_that_names_the_remedy() {
         sigma: vec![1.0; 3],
         sh: vec![[0.1; 3]; 3],
         sh_degree: 0,
+        ..Soup::default()
     };
     let options = TrainOptions { max_triangles: 2, ..hardening(5) };
     let run = TrainRun { from: Some(triangle.clone().into()), ..TrainRun::new(&dataset, &options) };
     let error = run.run(&mut ()).unwrap_err().to_string();
-    assert!(error.contains("max_triangles is 2: wants 3 or more"), "{error}");
+    assert!(error.contains("max_triangles is 2: expected 3 or more"), "{error}");
     let points = Soup { vertices: vec![[Vec3::ONE; 3]; 3], ..triangle };
     let drawing = options.drawing([0.0; 3]);
     let error =
@@ -169,7 +170,8 @@ fn soft_pictures_beside_photos_lie_between_them_and_show_the_scene() {
     let scene: Loaded = soft_scene(&dataset).into();
     let drawing = hardening(1).drawing([0.0; 3]);
     let beside = |share, max_bytes| {
-        teacher::beside(&dataset, &scene, &drawing, share, max_bytes, &mut |_, _| {}).unwrap()
+        teacher::beside(&dataset, std::slice::from_ref(&scene), &drawing, share, max_bytes, &mut |_, _| {})
+            .unwrap()
     };
     let trained_on = dataset.train().count();
     assert_eq!(beside(0.0, PHOTO_BYTES).views.len(), dataset.views.len());

@@ -130,7 +130,8 @@ fn a_backend_that_is_lost_leaves_the_scene_of_the_last_refinement() {
     let (backend, mut seen) = (Late::new(&run, 40), Refinements::default());
     let error = run.start_on(backend).unwrap().finish(&mut seen).unwrap_err();
     let step = *seen.0.last().unwrap();
-    let remedy = format!("gpu: lost; to go on from step {step}: `backend` cpu `resume` {}", path.display());
+    let remedy =
+        format!("gpu: lost; to continue from step {step}: `backend` cpu `resume` {}", path.display());
     assert_eq!(error.to_string(), remedy);
     let checkpoint = checkpoint::read(&path).unwrap();
     assert!(step > 0 && step < 40 && checkpoint.meta.step == step);

@@ -1,6 +1,6 @@
 //! A run whose scene is looked at while it trains.
 
-use crate::{options, scene, small, trained};
+use super::{options, scene, small, trained};
 use trisplat::scene::{Loaded, Scene};
 use trisplat::train::{TrainObserver, TrainRun, TrainSample};
 

@@ -48,7 +48,7 @@ fn the_program_says_on_which_card_it_trains() {
     assert!(output.status.success() && !said.contains("training on"), "{said}");
     let (output, said) = train(folder.path(), &["--backend", "gpu", "--adapter", "no such card"]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(said.contains("--adapter is no such card: wants part of one of: "), "{said}");
+    assert!(said.contains("--adapter is no such card: expected part of one of: "), "{said}");
 }
 
 #[test]

@@ -85,7 +85,7 @@ fn soft_runs_are_those_of_the_cpu() {
         let mut options = options(preset, 100);
         options.refine.sample_by = sample_by;
         if !refined {
-            options.refine.from = 1e6;
+            options.refine.every = 1e9;
         }
         let run = || TrainRun::new(&dataset, &options);
         let (gpu, cpu) = (trained(run(), Some(&mut card), &mut ()), trained(run(), None, &mut ()));
@@ -197,7 +197,7 @@ fn a_card_that_is_lost_costs_the_steps_since_the_last_refinement() {
     eprintln!("{error}");
     assert!(matches!(error, Error::Card { .. }) && error.to_string().contains("card was lost"), "{error}");
     let refined = observer.2;
-    let remedy = format!("to go on from step {refined}: `backend` cpu `resume` {}", path.display());
+    let remedy = format!("to continue from step {refined}: `backend` cpu `resume` {}", path.display());
     assert!(refined > 0 && error.to_string().ends_with(&remedy), "{error}");
     let rest = || TrainRun::from_checkpoint(&dataset, checkpoint::read(&path).unwrap());
     // Another card gives what the first would have given, and the CPU something as good.

@@ -3,7 +3,7 @@
 use super::{card, scene};
 use glam::Vec3;
 use std::collections::BTreeSet;
-use trisplat::raster::soft::SoftOptions;
+use trisplat::raster::soft::{SoftOptions, Window};
 use trisplat::rng::Rng;
 use trisplat::train::backend::{BackendVisibility, StepPhoto, StepStats, TrainBackend};
 use trisplat::train::cpu::CpuBackend;
@@ -17,6 +17,7 @@ struct Case {
     name: &'static str,
     preset: TrainPreset,
     change: fn(&mut TrainOptions),
+    drawing: fn(&mut SoftOptions),
     rates: fn(&mut Rates),
     sh_degree: u8,
     pinned: usize,
@@ -30,6 +31,7 @@ const PLAIN: Case = Case {
     name: "soft",
     preset: TrainPreset::Outdoor,
     change: |_| {},
+    drawing: |_| {},
     rates: |_| {},
     sh_degree: 3,
     pinned: 0,
@@ -80,8 +82,8 @@ const CASES: &[Case] = &[
     Case { name: "masked", masked: true, sh_degree: 0, ..PLAIN },
     Case { name: "not sparse", rates: |r| r.sparse = false, sh_degree: 2, ..PLAIN },
     Case { name: "per pixel", change: |o| o.draw.sort_per_pixel = true, sh_degree: 1, ..PLAIN },
-    Case { name: "held incenter", change: |o| o.draw.exact_incenter = false, sh_degree: 0, ..PLAIN },
-    Case { name: "sigmoid", change: |o| o.draw.sigmoid_window = true, sh_degree: 0, ..PLAIN },
+    Case { name: "held incenter", drawing: |d| d.exact_incenter = false, sh_degree: 0, ..PLAIN },
+    Case { name: "sigmoid", drawing: |d| d.window = Window::Sigmoid, sh_degree: 0, ..PLAIN },
     Case {
         name: "engine",
         rates: |r| (r.engine_shading, r.alpha_cap) = (engine(1, true), 0.995),
@@ -145,7 +147,9 @@ fn drawing(case: &Case) -> (SoftOptions, Rates) {
     let mut rates = Schedule::new(&options).rates((case.progress * options.steps as f64) as u64);
     rates.sh_degree = case.sh_degree;
     (case.rates)(&mut rates);
-    (options.drawing([0.3, 0.5, 0.7]), rates)
+    let mut drawing = options.drawing([0.3, 0.5, 0.7]);
+    (case.drawing)(&mut drawing);
+    (drawing, rates)
 }
 
 /// The groups of numbers.

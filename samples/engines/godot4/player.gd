@@ -22,6 +22,8 @@ func _ready():
 	$Camera.position.y = 0.4 * height
 	$Camera.near = 0.02 * height
 	$Camera.far = 1000.0 * height
+	# The viewpoint of scene.glb is a camera, too.
+	$Camera.current = true
 	safe_margin = 0.005 * height
 	floor_snap_length = 0.1 * height
 	start = box.get_center() + Vector3.UP * (0.5 * box.size.y + height)

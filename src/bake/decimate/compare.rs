@@ -17,7 +17,7 @@ use rayon::prelude::*;
 const SAMPLES: u32 = 1;
 /// Longest side of the pictures, px: finer detail does not matter here.
 const LONGEST_SIDE: u32 = 960;
-/// A picture is made smaller as long as it has this many pixels per face: fewer lose up to 0.1 dB, more gain nothing (docs/benchmarks/bake.md).
+/// A picture is made smaller as long as it has this many pixels per face: fewer lose up to 0.1 dB, more gain nothing (docs/benchmarks/history-bake.md).
 const PX_PER_FACE: f64 = 6.0;
 /// Least of their longest side, px.
 const SHORTEST_SIDE: u32 = 32;
@@ -150,7 +150,7 @@ impl<'a> Comparison<'a> {
         sums.into_iter().map(EffectSums::into_effects).collect()
     }
 
-    /// Makes pictures as large as the comparison of so many faces needs.
+    /// Makes pictures as large as the comparison of `faces` needs.
     fn resize(&mut self, faces: usize) {
         let pixels: f64 = self.cameras.iter().map(|camera| camera.size.as_dvec2().element_product()).sum();
         let per_face = pixels / self.cameras.len().max(1) as f64 / faces.max(1) as f64;
@@ -222,7 +222,7 @@ struct Target<'a> {
 }
 
 impl Target<'_> {
-    /// The squared difference of the colours if face `face` of `kept` is seen in its place.
+    /// The squared difference of the colours if face `face` of `kept` is seen there.
     #[inline(always)]
     fn error_of(&self, kept: &[u32], face: u32) -> f32 {
         if face == NO_FACE || self.face == NO_FACE {

@@ -21,7 +21,7 @@ pub(super) struct EffectSums {
 }
 
 impl EffectSums {
-    /// Zeros for so many faces.
+    /// Zeros for `faces`.
     pub(super) fn new(faces: usize) -> Self {
         Self {
             error_change: (0..faces).map(|_| AtomicI64::new(0)).collect(),

@@ -22,7 +22,7 @@ pub struct PictureCosts {
     pub solid: f64,
 }
 
-/// What is left to be chosen.
+/// What remains to be chosen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PaceInput {
     /// Seconds for pictures, fitting and colours.
@@ -48,7 +48,7 @@ pub struct PacePlan {
     pub rounds: u32,
 }
 
-/// Seconds for the colours of so many pictures.
+/// Seconds for the colours of `pictures`.
 pub(super) fn color_secs(pictures: usize, passes: u32, costs: &PictureCosts) -> f64 {
     COLOR * pictures as f64 * f64::from(passes) * costs.solid
 }
@@ -58,7 +58,7 @@ pub(super) fn evaluation_secs(pictures: usize, costs: &PictureCosts) -> f64 {
     2.0 * pictures.min(EVALUATION_PICTURES) as f64 * costs.solid
 }
 
-/// Seconds for a round of fitting, in which so many pictures may be looked at.
+/// Seconds for a round of fitting to at most `pictures`.
 pub(super) fn round_secs(pictures: usize, costs: &PictureCosts) -> f64 {
     ROUND * pictures.min(ROUND_PICTURES) as f64 * costs.solid
 }
@@ -75,13 +75,13 @@ pub(super) fn whole_rounds(left_secs: f64, round_secs: f64, most: u32) -> u32 {
 }
 
 /// As many pictures as fit with their colours, and rounds for what is left: triangles that are fitted to a few pictures only look wrong from elsewhere
-/// (docs/benchmarks/budget.md). `None` when there is no time for anything that pictures are good for.
+/// (docs/benchmarks/bake-budget.md). `None` when there is no time for anything that pictures are good for.
 pub fn plan(input: &PaceInput) -> Option<PacePlan> {
     let least = FEWEST_PICTURES.min(input.most_pictures).max(input.drawn);
     (least..=input.most_pictures).rev().find_map(|pictures| with_pictures(input, pictures))
 }
 
-/// What is left for fitting when so many pictures are drawn; `None` when not even they and their colours fit.
+/// Seconds left for fitting after `pictures` are drawn; `None` when not even they and their colours fit.
 fn with_pictures(input: &PaceInput, pictures: usize) -> Option<PacePlan> {
     let PaceInput { left_secs, costs, drawn, most_rounds, color_passes, .. } = *input;
     let drawing = (pictures - drawn) as f64 * costs.soft;

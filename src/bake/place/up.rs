@@ -129,7 +129,7 @@ fn from_cameras(cameras: &[Camera]) -> Option<Held> {
         let tilts: Vec<f64> = rights.iter().map(|r| r.dot(up).abs()).collect();
         let usual = (1.5 * median(tilts.clone(), f64::total_cmp).unwrap_or(0.0)).max(1e-4);
         // Cauchy's weights: a picture taken with the camera on its side hardly counts.
-        let weight = |tilt: &f64| 1.0 / (1.0 + (tilt / usual).powi(2));
+        let weight = |tilt: &f64| 1.0 / (1.0 + (tilt / usual) * (tilt / usual));
         spread = symmetric_eigen(scatter(rights.iter().copied().zip(tilts.iter().map(weight))));
         up = spread[0].1;
     }
@@ -144,7 +144,7 @@ fn from_cameras(cameras: &[Camera]) -> Option<Held> {
     let away = -row(2).map(|ahead| ahead.dot(up)).sum::<f64>();
     let sign = if columns.abs() > 0.1 * rights.len() as f64 { columns } else { away };
     let up = if sign < 0.0 { -up } else { up };
-    let tilt = |r: &DVec3| r.dot(up).clamp(-1.0, 1.0).asin().abs().to_degrees();
+    let tilt = |r: &DVec3| libm::asin(r.dot(up).clamp(-1.0, 1.0)).abs().to_degrees();
     let tilt = median(rights.iter().map(tilt).collect(), f64::total_cmp)?;
     Some(Held { up, tilt, open })
 }
@@ -190,7 +190,7 @@ fn surface(scene: Foreground, known: Evidence, up: DVec3, cone: f64) -> Option<S
         true => (samples::faces(scene, &region), CLEAR_OF_FACES),
         false => (samples::points(known.points, &region), CLEAR_OF_POINTS),
     };
-    let least = cone.to_radians().cos();
+    let least = libm::cos(cone.to_radians());
     let thickness = THICKNESS * region.radius;
     let near = |s: &Sample, point: DVec3, normal: DVec3| (s.position - point).dot(normal).abs() < thickness;
     let few: Vec<Sample> =
@@ -254,7 +254,7 @@ mod tests {
         size: UVec2::splat(100),
     };
 
-    /// Cameras on a ring around the origin, held level but for `roll(i)` radians.
+    /// Cameras on a ring around the origin, held level except for `roll(i)` radians.
     fn ring(count: usize, up: Vec3, roll: impl Fn(usize) -> f32) -> Vec<Camera> {
         let x = up.any_orthonormal_vector();
         let y = up.cross(x);

@@ -28,7 +28,7 @@ impl FromStr for UpChoice {
         if let Ok(axis) = axis {
             return Ok(Self::Given(axis.into()));
         }
-        let wants = "wants auto, an axis (x -x y -y z -z) or a direction as in 0.02,-0.9,0.1";
+        let wants = "expected auto, an axis (x -x y -y z -z) or a direction as in 0.02,-0.9,0.1";
         match numbers(text).as_deref() {
             Some(&[x, y, z]) if DVec3::new(x, y, z).length_squared() > 0.0 => {
                 Ok(Self::Given(UpDirection::near(DVec3::new(x, y, z))))
@@ -71,7 +71,7 @@ impl FromStr for KnownLength {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let wants = "wants two points or a length of the input and its metres, as in 0,1.5,2,0.4,1.5,2=0.25 or 0.4=0.25";
+        let wants = "expected two points or a length of the input and its metres, as in 0,1.5,2,0.4,1.5,2=0.25 or 0.4=0.25";
         let (length, metres) = text.split_once('=').ok_or(wants)?;
         let units = match numbers(length).as_deref() {
             Some(&[units]) => units,

@@ -13,10 +13,13 @@ use crate::bake::pace::BakePace;
 use crate::bake::place::up::Evidence;
 use crate::bake::place::{PlaceDetails, place, placement};
 use crate::bake::refit::RefitColors;
+use crate::bake::viewpoint::viewpoint;
 use crate::bake::weld::weld;
 use crate::error::Result;
 use crate::mesh::Mesh;
-use crate::report::{Report, StageProgress, generator};
+use crate::placed;
+use crate::report::{Outcome, Report, StageProgress, generator};
+use glam::DVec3;
 
 /// Photos that a level of detail is evaluated on.
 const EVALUATION_VIEWS: usize = 12;
@@ -51,6 +54,9 @@ impl Recipe<'_> {
         provenance.generator = Some(generator());
         let asset = Asset { mesh, provenance, ..Asset::default() };
 
+        // Before cuts, which change nothing that is seen.
+        let asset = self.look(asset)?;
+
         // Cuts first: a hierarchy and an order are only useful inside the runs that an engine skips.
         let asset = self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
             chunk(asset, &options.chunk, details)
@@ -63,6 +69,24 @@ impl Recipe<'_> {
             order(asset, &options.order, details)
         })?;
         debug_assert!(asset.mesh.validate().is_ok(), "{:?}", asset.mesh.validate());
+        Ok(asset)
+    }
+
+    /// Where the file is looked at from first; its levels from where the scene is.
+    fn look(&mut self, asset: Asset) -> Result<Asset> {
+        let placement = self.placement.unwrap_or_default();
+        let cameras = self.cameras.iter().map(|camera| placed::to_file(camera, &placement, DVec3::ZERO));
+        let (cameras, known) = (cameras.collect::<Vec<_>>(), self.viewpoint);
+        let asset = self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
+            Ok(match known {
+                Some(known) => {
+                    asset.provenance.viewpoint = Some(known);
+                    Outcome::Changed(())
+                }
+                None => viewpoint(asset, &cameras, details),
+            })
+        })?;
+        self.viewpoint = asset.provenance.viewpoint;
         Ok(asset)
     }
 
@@ -85,14 +109,20 @@ impl Recipe<'_> {
             of_levels.refit.refit = RefitColors::Off;
         }
         let (mut views, placement) = (either(&mut self.views, &mut self.taught), self.placement);
+        let viewpoint = self.viewpoint;
         let behind = self.backdrop.take();
         let (watching, facing) = (self.watching.clone(), self.facing.clone());
         let finish = |mut level: Mesh, mut progress: StageProgress<'_>| {
             let (mut unread, mut unlimited) = (Report::default(), BakePace::default());
             let views = views.as_deref_mut();
             let of_level = Recipe::new(&of_levels, views, &mut unread, &mut progress, &mut unlimited);
-            let mut of_level =
-                Recipe { placement, watching: watching.clone(), facing: facing.clone(), ..of_level };
+            let mut of_level = Recipe {
+                placement,
+                viewpoint,
+                watching: watching.clone(),
+                facing: facing.clone(),
+                ..of_level
+            };
             // A level is to look like the scene wherever it is alone, so it has the same backdrop; only tiles share one.
             let faces = level.face_count();
             behind.clone().map_or(Ok(()), |backdrop| level.append(backdrop))?;

@@ -8,7 +8,7 @@ use crate::mesh::Mesh;
 use crate::raster::solid::{Solid, SolidRasterOptions};
 use crate::report::StageProgress;
 
-/// With so many photos the first pass is half coupled. Neighbours that share a pixel share its residual: with many
+/// Number of photos at which the first pass is half coupled. Neighbours that share a pixel share its residual: with many
 /// photos that is sharper; with few of them one triangle makes up for the error of another, which looks wrong from
 /// elsewhere.
 const HALF_COUPLED: f32 = 40.0;

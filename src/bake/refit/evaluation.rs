@@ -17,7 +17,7 @@ pub(super) struct Evaluation {
 }
 
 impl Evaluation {
-    /// Evaluates what `fit`, which has not seen the photos `held_out`, makes of them.
+    /// Evaluates `fit` on the photos `held_out`, which it has not seen.
     pub(super) fn new(mesh: &mut Mesh, views: &mut Views, held_out: &[usize], fit: &Fit) -> Result<Self> {
         Ok(Self {
             before: views.mean_psnr(mesh, held_out)?,

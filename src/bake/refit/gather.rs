@@ -48,7 +48,7 @@ pub(super) struct Gatherer {
 }
 
 impl Gatherer {
-    /// For meshes of so many faces.
+    /// For meshes of `faces`.
     pub(super) fn new(faces: usize) -> Self {
         let slots = vec![NO_SLOT; faces];
         let band = Band { slots, sums: Vec::new(), corners: Vec::new(), error: [0.0; 3], pixels: 0.0 };

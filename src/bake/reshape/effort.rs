@@ -8,7 +8,7 @@ const ROUND_VIEWS: u64 = 48;
 const LONGEST_SIDE: u32 = 960;
 /// That of scenes of few triangles, ...
 const SHORTEST_SIDE: u32 = 128;
-/// ... which need so many pixels per triangle.
+/// ... which need this many pixels per triangle.
 const PIXELS_PER_FACE: f64 = 32.0;
 /// Samples of a round per triangle: with more, its effect is known no better.
 const ENOUGH_SAMPLES: u64 = 192;
@@ -20,23 +20,23 @@ const USUAL_ROUNDS: u32 = 16;
 const FEWEST_ROUNDS: u32 = 4;
 /// Triangles and samples that a round may draw, on average.
 const MOST_DRAWN: u64 = 12_500_000;
-/// Triangles are cut after every so many rounds, ...
+/// Triangles are cut once per this many rounds, ...
 const CUT_EVERY: u32 = 3;
-/// ... and not in the last rounds, as the halves want to move: at most this share of the rounds is over.
+/// ... but not in the last rounds, because the halves must still move: only within this share of the rounds.
 const CUT_UNTIL: f64 = 0.8;
 
 /// How many rounds there are, and which pictures each looks at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Effort {
     pub(super) rounds: u32,
-    /// A round looks at one picture in so many.
+    /// A round looks at one picture in this many.
     pub(super) stride: usize,
     /// Longest side of the pictures, px.
     pub(super) side: u32,
 }
 
 impl Effort {
-    /// For so many faces: as many pictures a round as show enough of each, fewer when they are many, and then fewer rounds.
+    /// For `faces`: as many pictures per round as show enough of each face; for large scenes fewer, and then fewer rounds.
     pub(super) fn new(faces: usize, cameras: &[Camera], rounds: u32) -> Self {
         let side = ((PIXELS_PER_FACE * faces as f64).sqrt() as u32).clamp(SHORTEST_SIDE, LONGEST_SIDE);
         let (faces, views) = (faces as u64, cameras.len() as u64);
@@ -52,7 +52,7 @@ impl Effort {
         Self { rounds: affordable.min(rounds), stride: views.div_ceil(per_round) as usize, side }
     }
 
-    /// The same with as many rounds up to its own as are made when just so many are asked for.
+    /// The same with a number of rounds that a request for that number gives again.
     pub(super) fn settled(self, faces: usize, cameras: &[Camera]) -> Self {
         let again = Self::new(faces, cameras, self.rounds);
         if again == self { self } else { again.settled(faces, cameras) }

@@ -6,7 +6,7 @@ use crate::math::color::{linear_from_srgb, srgb_from_linear};
 use crate::mesh::{Colors, Mesh};
 use glam::Vec3;
 
-/// A face's colour is that of so many samples more, which show the colour that it has.
+/// Weight of a face's own colour, in samples.
 const PRIOR_SAMPLES: f64 = 2.0;
 /// Samples that a face must show so that each half of it shows some.
 const CUT_SAMPLES: f64 = 8.0;
@@ -20,6 +20,8 @@ pub(super) struct ReshapedFaces {
     pub(super) corners: Vec<[Vec3; 3]>,
     /// Linear. `[F]`
     colors: Vec<[f32; 3]>,
+    /// See [`Mesh::shell`]. `[F]`
+    shell: Vec<bool>,
 }
 
 impl ReshapedFaces {
@@ -38,6 +40,7 @@ impl ReshapedFaces {
             next_id: count as u32,
             corners: (0..count).map(|face| mesh.corners(face)).collect(),
             colors: (0..count).map(color).collect(),
+            shell: (0..count).map(|face| mesh.is_shell(face)).collect(),
         }
     }
 
@@ -97,6 +100,7 @@ impl ReshapedFaces {
             self.ids = kept.iter().map(|&i| self.ids[i]).collect();
             self.corners = kept.iter().map(|&i| self.corners[i]).collect();
             self.colors = kept.iter().map(|&i| self.colors[i]).collect();
+            self.shell = kept.iter().map(|&i| self.shell[i]).collect();
         }
         (before - self.len()) as u64
     }
@@ -116,6 +120,7 @@ impl ReshapedFaces {
             self.corners[i] = first;
             self.corners.push(second);
             self.colors.push(self.colors[i]);
+            self.shell.push(self.shell[i]);
             self.ids.push(self.next_id);
             self.next_id += 1;
         }
@@ -127,6 +132,7 @@ impl ReshapedFaces {
         Mesh {
             positions: self.corners.as_flattened().to_vec(),
             colors: Colors::Face(self.colors.clone()),
+            shell: if self.shell.contains(&true) { self.shell.clone() } else { Vec::new() },
             ..Mesh::default()
         }
     }

@@ -17,6 +17,8 @@ const SAMPLES: u32 = 1;
 /// Squared error of a sample that shows nothing, in a scene that is closed all around: larger than that of any colour, so
 /// that no hole is opened, which would gape from elsewhere.
 const HOLE_ERROR: f32 = 100.0;
+/// Squared error of a sample on the wrong side of the outline of an object that photos show before nothing: that of grey on black.
+const OUTLINE_ERROR: f32 = 0.75;
 
 /// Draws the rounds.
 pub(super) struct Rounds<'v> {
@@ -64,7 +66,8 @@ impl<'v> Rounds<'v> {
                 false => Arc::new(photo.downscaled(camera.size)),
             };
             let (picture, colors, rows) = (&*picture, &colors[..], &found.rows[..]);
-            let sums = PictureSums { picture, colors, background, hole_error, moves, rows };
+            let cut = self.views.is_cut(view) && picture.alpha.is_some();
+            let sums = PictureSums { picture, colors, background, hole_error, cut, moves, rows };
             let totals = [AtomicI64::new(0), AtomicI64::new(0)];
             self.solid.planes(&scene, &camera, &self.drawing, (plane_count, &planes), |tile| {
                 let of_tile = sums.add_tile(tile);
@@ -87,6 +90,8 @@ struct PictureSums<'a> {
     background: [f32; 3],
     /// What a sample without a face costs in place of its difference from the background.
     hole_error: Option<f32>,
+    /// The picture shows an object before nothing: what reaches beyond it is as wrong as a hole in it.
+    cut: bool,
     /// There are candidates, in planes of their own.
     moves: bool,
     rows: &'a [FaceRow],
@@ -101,9 +106,9 @@ impl PictureSums<'_> {
             for x in 0..tile.size.x {
                 let pixel = (first + x) as usize;
                 let weight = self.picture.alpha.as_ref().map_or(1.0, |alpha| f32::from(alpha[pixel]) / 255.0);
-                if weight > 0.0 {
+                if weight > 0.0 || self.cut {
                     totals[0] += f64::from(self.add_sample(tile, x, y, pixel, weight));
-                    totals[1] += f64::from(weight);
+                    totals[1] += if self.cut { 1.0 } else { f64::from(weight) };
                 }
             }
         }
@@ -117,11 +122,12 @@ impl PictureSums<'_> {
         let difference = |shown: [f32; 3]| {
             weight * (0..3).map(|k| (shown[k] - target[k]) * (shown[k] - target[k])).sum::<f32>()
         };
-        let empty = difference(self.background);
+        let beyond = if self.cut { (1.0 - weight) * OUTLINE_ERROR } else { 0.0 };
+        let empty = if self.cut { weight * OUTLINE_ERROR } else { difference(self.background) };
         let error = |face: u32| match (face, self.hole_error) {
             (NO_FACE, Some(error)) => weight * error,
             (NO_FACE, None) => empty,
-            (face, _) => difference(self.colors[face as usize]),
+            (face, _) => difference(self.colors[face as usize]) + beyond,
         };
         let groups = [0, 1, 2, 3].map(|group| tile.nearest(group, x, y));
         let [before, behind] = Nearest::two_of(groups);

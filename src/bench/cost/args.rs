@@ -20,10 +20,10 @@ pub struct CostArgs {
     #[arg(long, value_name = "NAME")]
     pub knob: Vec<String>,
     /// Steps of a training at its default [default: 600; with --quick 200].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(8..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(8..=1_000_000_000))]
     pub steps: Option<u64>,
     /// Most triangles of a training at its default [default: 6000; with --quick 3000].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(8..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(8..=1_000_000_000))]
     pub max_triangles: Option<u64>,
     /// Runs of every setting; those of a training have seeds 0, 1, 2, ... [default: 3; trainings with --quick 1].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=99))]

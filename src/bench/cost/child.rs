@@ -34,6 +34,8 @@ impl Child {
         words.push(self.dataset.clone().into());
         words.extend(self.photos(setting));
         words.extend(["-o".into(), output.into(), "--report".into(), output.with_extension("json").into()]);
+        // A teacher would be trained as well, and judged with what is changed.
+        words.extend(["--teacher".into(), "off".into()]);
         let of_setting = |name: &str| setting.changes.iter().any(|(changed, _)| *changed == name);
         let more = more.iter().filter(|(name, _)| !of_setting(name)).cloned();
         let changes = more.chain(setting.changes.iter().cloned());
@@ -54,13 +56,15 @@ impl Child {
         words.extend([soup.into(), "-o".into(), output.into(), "--report".into(), report.into()]);
         if photos {
             words.extend(["--dataset".into(), self.dataset.clone().into()]);
+            // A scene of few steps may be farther from its own photos than no scene is.
+            words.extend(["--set".into(), "force_dataset=true".into()]);
             words.extend(self.photos(setting));
         }
         words.extend(flags(&arguments(CostStage::Bake), setting.changes.iter().cloned()));
         words
     }
 
-    /// Draws `scene` from the held-out photos' cameras for so many seconds.
+    /// Draws `scene` from the held-out photos' cameras for `seconds`.
     pub(super) fn draw(
         &self,
         scene: &Path,
@@ -114,15 +118,18 @@ fn arguments(stage: CostStage) -> Command {
     let command = Command::new(stage.name()).no_binary_name(true);
     match stage {
         CostStage::Train | CostStage::Chain => {
-            let sets = clap::Arg::new("sets").long("set").action(clap::ArgAction::Append);
-            TrainOptions::augment_args(DatasetOptions::augment_args(command)).arg(sets)
+            TrainOptions::augment_args(DatasetOptions::augment_args(command)).arg(sets())
         }
-        CostStage::Bake => BakeOptions::augment_args(DatasetOptions::augment_args(command)),
+        CostStage::Bake => BakeOptions::augment_args(DatasetOptions::augment_args(command)).arg(sets()),
         CostStage::Draw => DrawArgs::augment_args(command),
     }
 }
 
-/// Flags for changes: `--refit-passes=2`, `--keep-unseen`, and for what is no argument `--set refine.every=500`.
+fn sets() -> clap::Arg {
+    clap::Arg::new("sets").long("set").action(clap::ArgAction::Append)
+}
+
+/// Flags for changes: `--max-triangles=2000`, `--bvh=true`, and for what is no argument `--set refine.every=500`.
 fn flags<'a>(arguments: &Command, changes: impl Iterator<Item = (&'a str, String)>) -> Vec<OsString> {
     let mut words = Vec::new();
     for (name, value) in changes {
@@ -141,6 +148,8 @@ fn flags<'a>(arguments: &Command, changes: impl Iterator<Item = (&'a str, String
 /// Why the command of a setting would refuse its options, if it would.
 #[cfg(test)]
 pub(super) fn refused(setting: &Setting) -> Option<String> {
+    use crate::layered::Layers;
+
     let arguments = arguments(setting.stage);
     let mut words = flags(&arguments, setting.changes.iter().cloned());
     if setting.stage == CostStage::Draw {
@@ -150,21 +159,19 @@ pub(super) fn refused(setting: &Setting) -> Option<String> {
         Ok(matches) => matches,
         Err(error) => return Some(error.to_string()),
     };
-    if setting.stage != CostStage::Train {
-        return None;
-    }
-    // What `--set` sets must be a key of the training's options, and of its type.
-    let mut options = serde_json::to_value(TrainOptions::default()).ok()?;
-    for set in matches.get_many::<String>("sets").into_iter().flatten() {
-        let (key, value) = set.split_once('=')?;
-        let value = serde_json::from_str(value).unwrap_or_else(|_| value.into());
-        match options.pointer_mut(&format!("/{}", key.replace('.', "/"))) {
-            Some(there) => *there = value,
-            None => return Some(format!("{key} is no option")),
-        }
-    }
-    match serde_json::from_value::<TrainOptions>(options) {
-        Ok(options) => options.validate().err().map(|e| e.to_string()),
-        Err(error) => Some(error.to_string()),
-    }
+    let sets = |matches: &clap::ArgMatches| -> Vec<String> {
+        matches.get_many("sets").into_iter().flatten().cloned().collect()
+    };
+    let checked = match setting.stage {
+        CostStage::Train => Layers::default()
+            .settings(&sets(&matches))
+            .resolve(TrainOptions::preset)
+            .and_then(|layered| layered.options.validate()),
+        CostStage::Bake => Layers::default()
+            .settings(&sets(&matches))
+            .resolve(BakeOptions::preset)
+            .and_then(|layered| layered.options.validate()),
+        CostStage::Draw | CostStage::Chain => Ok(()),
+    };
+    checked.err().map(|error| error.to_string())
 }

@@ -1,12 +1,12 @@
 //! Draws a scene from the held-out photos' cameras and says what that cost: the hidden command `bench draw`, which
 //! `bench cost` runs, so that drawing has a process of its own too.
 
-use crate::bench::scene_renderer::SceneRenderer;
 use crate::dataset::{Dataset, DatasetOptions, View};
 use crate::error::{Error, Result};
 use crate::formats::{self, ReadOptions};
 use crate::process::cpu_secs;
 use crate::raster::soft::{SoftOptions, Sort};
+use crate::render::scene_renderer::SceneRenderer;
 use crate::scene::{Loaded, Scene};
 use crate::train::eval::SOLID_SAMPLES;
 use serde::{Deserialize, Serialize};
@@ -80,7 +80,7 @@ pub struct DrawArgs {
     settings: DrawSettings,
     /// How the data set is read.
     #[command(flatten)]
-    dataset_options: DatasetOptions,
+    pub dataset_options: DatasetOptions,
 }
 
 /// What the drawing itself cost, without starting and reading.
@@ -94,7 +94,7 @@ pub(super) struct DrawFigures {
 
 /// Draws every held-out picture, once to warm up and then for some time, and writes the mean cost of one.
 ///
-/// Errors: files that cannot be read, no held-out photos, a number of samples that there is not.
+/// Errors: files that cannot be read, no held-out photos, an unsupported number of samples.
 pub fn draw(args: &DrawArgs) -> Result<()> {
     let dataset = Dataset::load(&args.dataset, &args.dataset_options)?;
     let views: Vec<&View> = dataset.test().collect();

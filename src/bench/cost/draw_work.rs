@@ -7,11 +7,11 @@ use super::score::{Scorer, difference};
 use super::setting::Setting;
 use super::sweep::{Outcome, RunResult, Work};
 use crate::bench::measure::{self, Usage};
-use crate::bench::scene_renderer::SceneRenderer;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::formats::{self, ReadOptions};
 use crate::image::Pixels;
+use crate::render::scene_renderer::SceneRenderer;
 use std::path::Path;
 
 /// How long a run draws at least.

@@ -29,11 +29,11 @@ pub enum CostStage {
 pub enum CostInput {
     /// The photos to train on.
     Photos,
-    /// What training makes of them by default: opaque triangles; the bake has the photos too.
+    /// The result of the default training: opaque triangles; the bake has the photos too.
     SolidSoup,
-    /// What training makes of them with preset outdoor: soft triangles; the bake has no photos.
+    /// The result of training with preset outdoor: soft triangles; the bake has no photos.
     SoftSoup,
-    /// The file that the bake makes of the solid soup by default.
+    /// The file of the default bake of the solid soup.
     File,
 }
 
@@ -108,7 +108,6 @@ pub const KNOBS: &[Knob] = &[
     train("warmup.quarter_until", &[Is("0"), Is("18000")]),
     train("sh_degree", &[Is("1"), Is("3")]),
     train("draw.sort_per_pixel", &[Is("true")]),
-    train("draw.exact_incenter", &[Is("false")]),
     train("loss.dssim", &[Is("0"), Is("0.2")]),
     train("rates.sparse", &[Is("false")]),
     train("refine.sample_by", &[Is("error"), Is("uniform")]),
@@ -116,8 +115,6 @@ pub const KNOBS: &[Knob] = &[
     train("refine.growth", &[Is("0.15"), Is("0.6")]),
     train("refine.prune_weight", &[Is("0.05"), Is("0.01")]),
     train("init.shell_subdivisions", &[Is("0"), Is("2")]),
-    train("solid.engine_shading_from", &[Is("14000")]),
-    train("solid.samples_per_axis", &[Is("2")]),
     bake("preset", &[Is("fast"), Is("small")]),
     Knob {
         buys: "the choice of what is best on held-out photos",

@@ -138,7 +138,7 @@ impl CostRow {
         }
     }
 
-    /// What the front of its stage is made of: seconds, then bytes and error.
+    /// The quantities of its stage's front: seconds, then bytes and error.
     fn quantities(&self) -> Vec<Quantity> {
         let of = |value: f64, spread: Option<f64>| Quantity { value, spread: spread.unwrap_or(0.0) };
         let seconds = of(self.cpu_seconds, self.cpu_spread);
@@ -223,8 +223,8 @@ fn spread(values: &[f64]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::evaluate::Scores;
     use crate::bench::measure::Usage;
+    use crate::eval::evaluate::Scores;
 
     fn outcome(cpu_seconds: f64, psnr: f64) -> Outcome {
         let usage = Usage { wall_seconds: cpu_seconds / 2.0, cpu_seconds, peak_bytes: 10 };

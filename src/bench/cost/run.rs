@@ -21,9 +21,9 @@ use crate::formats::{self, ReadOptions};
 use crate::image::Pixels;
 use std::path::Path;
 
-/// Is told how far the sweep has come.
+/// Called with the progress of the sweep.
 pub trait CostObserver {
-    /// So many runs of a stage are done; the next is that of a setting.
+    /// Number of runs of a stage that are done; the next run is of a setting.
     fn running(&mut self, stage: CostStage, done: usize, all: usize, setting: &str);
     /// The rows of a stage and an input are there, compared with each other.
     fn measured(&mut self, rows: &[CostRow]);
@@ -137,7 +137,7 @@ impl CostBench<'_> {
         TrainWork { child, scorer, base, folder, chain }
     }
 
-    /// The trainings; and, when everything is swept, what the default bake makes of them.
+    /// The trainings; and, when everything is swept, their default bakes.
     fn train(&mut self, observer: &mut dyn CostObserver) -> Result<(Group, Group)> {
         let settings = self.settings(CostStage::Train, CostInput::Photos);
         let whole = self.args.stage.is_none() && self.args.knob.is_empty();

@@ -1,15 +1,15 @@
 //! How close pictures come: to the held-out photos, and to those of the exact answer.
 
-use crate::bench::evaluate::{self, Scores};
-use crate::bench::scene_renderer::{RenderMode, RenderOptions, SceneRenderer};
-use crate::bench::steps::{self, EvalStep};
 use crate::camera::Camera;
 use crate::dataset::{Dataset, DatasetOptions, View};
 use crate::error::{Error, Result};
+use crate::eval::evaluate::{self, Scores};
+use crate::eval::steps::{self, EvalStep};
 use crate::formats::{self, ReadOptions};
 use crate::image::Pixels;
 use crate::limits::Limits;
 use crate::math::color::{linear_from_srgb, srgb_from_linear};
+use crate::render::scene_renderer::{RenderMode, RenderOptions, SceneRenderer};
 use crate::train::eval::SOLID_SAMPLES;
 use glam::UVec2;
 use std::path::Path;

@@ -1,9 +1,9 @@
 //! Runs the settings of a stage in turn.
 
 use super::setting::Setting;
-use crate::bench::evaluate::Scores;
 use crate::bench::measure::Usage;
 use crate::error::Result;
+use crate::eval::evaluate::Scores;
 use crate::image::Pixels;
 
 /// What one run of a setting cost and came to.

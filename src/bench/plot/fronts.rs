@@ -1,7 +1,8 @@
 //! Charts of settings: seconds against an error, what is on the front joined and labelled.
 
-use super::axis::{PlotPoint, log_axis, short};
+use super::axis::{PlotPoint, log_axis};
 use super::labels::{Rect, place};
+use crate::math::short::short;
 use plotters::coord::Shift;
 use plotters::coord::combinators::{LogCoord, WithKeyPoints};
 use plotters::coord::types::RangedCoordf64;

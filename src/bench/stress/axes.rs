@@ -55,7 +55,7 @@ pub struct AxisRow {
     pub log: bool,
 }
 
-/// Of so many cases that are stretched along the layers alone, one goes to the end of the axis: it costs as much as
+/// One in this many of the cases that are stretched along the layers alone goes to the end of the axis: it costs as much as
 /// thousands of others.
 pub const DEEP_EVERY: u64 = 256;
 

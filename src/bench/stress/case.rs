@@ -116,6 +116,6 @@ mod tests {
     fn a_value_outside_its_axis_is_refused() {
         let case = StressCase { seed: 0, axes: BTreeMap::from([(Axis::Sigma, 1e9)]) };
         let message = case.validate().unwrap_err().to_string();
-        assert_eq!(message, "axis sigma is 1000000000: wants 0.0001 to 1000");
+        assert_eq!(message, "axis sigma is 1000000000: expected 0.0001 to 1000");
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! The two may differ only in a band that is stated here: corners are snapped to 1/256 of a sample, so a face is
 //! undecided within [`FaceAt::band`] of its edges, and so is the order of two faces whose 1/z differ by less than what
-//! that distance makes of them.
+//! that distance makes of them, and of the rounding of their corners' depths: those are sums of products of coordinates as large as
+//! the corners are far away, so the corners of a long sliver have less exact depths than its middle.
 
 use crate::camera::Camera;
 use crate::mesh::Mesh;
@@ -13,6 +14,9 @@ use glam::{DVec2, DVec3, Vec3};
 const SNAP: f64 = 1.0 / 256.0;
 /// Rounding of the projection in single precision, relative to the distance from the principal point.
 const ROUNDING: f64 = 1e-6;
+/// Rounding of a corner's depth in single precision, relative to its distance from the camera: that of a difference, three products and
+/// their sum.
+const DEPTH_ROUNDING: f64 = 4e-7;
 /// Where corners are clipped in any case, samples: the guard band.
 const GUARD: f64 = 65_536.0;
 
@@ -26,6 +30,8 @@ pub struct RayFace {
     steep: [f64; 3],
     steep_sum: f64,
     band: f64,
+    /// Rounding of 1/z at the corners.
+    corners: f64,
     near: f64,
 }
 
@@ -62,6 +68,9 @@ impl RayFace {
         let steep = |n: DVec3| (n.truncate() / focal).length();
         let sum: DVec3 = normals.iter().sum();
         let reach = |q: &DVec3| (q.truncate() / q.z * focal).length().min(GUARD);
+        // Corners that are not before the camera are clipped in double precision.
+        let corner = |q: &DVec3| q.length() / (q.z * q.z);
+        let corners = q.iter().filter(|q| q.z > near).map(corner).fold(0.0, f64::max);
         let farthest = q.iter().filter(|q| q.z > near).map(reach).fold(focal.max_element(), f64::max);
         Self {
             normals,
@@ -70,6 +79,7 @@ impl RayFace {
             steep: normals.map(steep),
             steep_sum: steep(sum),
             band: SNAP + ROUNDING * farthest,
+            corners: DEPTH_ROUNDING * corners,
             near,
         }
     }
@@ -78,7 +88,7 @@ impl RayFace {
     pub fn at(&self, ray: DVec3) -> Option<FaceAt> {
         let along = self.sum.dot(ray);
         let w = along / self.volume;
-        let slack = self.steep_sum / self.volume.abs() * self.band + 1e-6 * w.abs();
+        let slack = self.steep_sum / self.volume.abs() * self.band + 1e-6 * w.abs() + self.corners;
         let parts = self.normals.map(|n| n.dot(ray));
         let inside = std::array::from_fn(|i| along.signum() * parts[i] / self.steep[i]);
         let out = inside.iter().any(|d: &f64| *d < -self.band) || w < -slack || w - slack > 1.0 / self.near;

@@ -37,7 +37,7 @@ pub struct StressRow {
     pub part: Part,
     /// Cases.
     pub cases: u64,
-    /// Cases of which something is seen.
+    /// Cases with visible triangles.
     pub drawn: u64,
     /// Pixels too near to a jump to be compared, of 1.
     pub undecided: f64,

@@ -26,7 +26,7 @@ const DEGREE: u8 = 3;
 pub struct StressScene {
     /// The triangles.
     pub soup: Soup,
-    /// Who sees them.
+    /// The camera.
     pub camera: Camera,
     /// How they are drawn.
     pub options: SoftOptions,

@@ -87,7 +87,7 @@ fn check_container(
 fn check_padding(source: &mut Source, bin: GlbChunk, used: u64, findings: &mut Findings) -> Result<()> {
     let Some(rest) = bin.length.checked_sub(used) else { return Ok(()) };
     if rest > 3 {
-        findings.warning("chunk 1", format!("has {rest} bytes more than buffer 0; wants at most 3"));
+        findings.warning("chunk 1", format!("has {rest} bytes more than buffer 0; expected at most 3"));
         return Ok(());
     }
     let mut padding = vec![0; rest as usize];
@@ -170,7 +170,7 @@ impl AccessorChecker<'_> {
             findings.error(
                 format!("accessor {index}"),
                 format!(
-                    "starts at byte {} and steps by {}; wants multiples of {size}",
+                    "starts at byte {} and steps by {}; expected multiples of {size}",
                     start + layout.offset,
                     layout.stride
                 ),
@@ -179,7 +179,7 @@ impl AccessorChecker<'_> {
             findings.error(
                 format!("accessor {index}"),
                 format!(
-                    "has vertices {} bytes apart from byte {}; wants multiples of 4",
+                    "has vertices {} bytes apart from byte {}; expected multiples of 4",
                     layout.stride, layout.offset
                 ),
             );
@@ -223,7 +223,7 @@ impl AccessorChecker<'_> {
         for (name, given, found) in [("min", &accessor.min, low), ("max", &accessor.max, high)] {
             match given.as_ref().map(numbers) {
                 _ if layout.count == bad.len() as u64 => {}
-                None => findings.error(&place, format!("has positions without {name}; wants {found:?}")),
+                None => findings.error(&place, format!("has positions without {name}; expected {found:?}")),
                 Some(Some(given)) if given.iter().zip(found).all(|(g, f)| *g as f32 == f as f32) => {}
                 Some(_) => {
                     let given = given.as_ref().map(Value::to_string).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! Triangles that an engine draws badly or not at all, whatever the format.
+//! Triangles that an engine draws badly or not at all, in any format.
 
 use super::findings::{Findings, Severity};
 use crate::mesh::{Colors, Mesh};

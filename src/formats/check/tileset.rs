@@ -22,7 +22,7 @@ pub(super) struct CheckedTile {
     pub(super) bounds: Option<[Vec3; 2]>,
 }
 
-/// Checks the tileset at `path`, of which `json` is the text; `check_file` checks a tile, those outside its folder with `allow_outside` only. Returns the triangles in all its files, when all
+/// Checks the tileset at `path` with the text `json`; `check_file` checks a tile, those outside its folder with `allow_outside` only. Returns the triangles in all its files, when all
 /// could be read.
 pub(super) fn check(
     path: &Path,
@@ -116,7 +116,7 @@ impl Tree<'_> {
         let place = &above.place(within);
         let error = tile.geometric_error;
         if !(error >= 0.0 && error.is_finite()) {
-            self.findings.error(place, format!("has the geometricError {error}; wants 0 or more"));
+            self.findings.error(place, format!("has the geometricError {error}; expected 0 or more"));
         } else if error > above.error {
             let what = format!(
                 "has the geometricError {error}, above it is {}: it must not grow downwards",
@@ -125,7 +125,7 @@ impl Tree<'_> {
             self.findings.error(place, what);
         }
         if let Some(refine) = tile.refine.as_deref().filter(|refine| !matches!(*refine, "ADD" | "REPLACE")) {
-            self.findings.error(place, format!("has the refine {refine:?}; wants ADD or REPLACE"));
+            self.findings.error(place, format!("has the refine {refine:?}; expected ADD or REPLACE"));
         }
         let around = self.volume(place, tile);
         let transform = DMat4::from_cols_array(&tile.transform.unwrap_or(DMat4::IDENTITY.to_cols_array()));
@@ -209,7 +209,7 @@ impl Tree<'_> {
         }
         let file = folder.join(name);
         if !file.is_file() {
-            return none(Severity::Error, format!("names {name}, which is not there: {}", file.display()));
+            return none(Severity::Error, format!("names {name}, which does not exist: {}", file.display()));
         }
         if is_json(name) {
             self.tiles.insert(name.to_owned(), TileFile { triangles: Some(0), bounds: None });

@@ -68,7 +68,7 @@ impl<'a> Accessors<'a> {
     pub(crate) fn accessor(&self, index: usize) -> Result<&'a Accessor> {
         self.document.accessors.get(index).ok_or_else(|| {
             let has = self.document.accessors.len();
-            self.malformed(format!("accessor {index}"), format!("is not there: the file has {has}"))
+            self.malformed(format!("accessor {index}"), format!("does not exist: the file has {has}"))
         })
     }
 
@@ -76,7 +76,7 @@ impl<'a> Accessors<'a> {
     pub(crate) fn view(&self, index: usize) -> Result<&'a BufferView> {
         self.document.buffer_views.get(index).ok_or_else(|| {
             let has = self.document.buffer_views.len();
-            self.malformed(format!("bufferView {index}"), format!("is not there: the file has {has}"))
+            self.malformed(format!("bufferView {index}"), format!("does not exist: the file has {has}"))
         })
     }
 
@@ -95,7 +95,7 @@ impl<'a> Accessors<'a> {
             "VEC4" => 4,
             other => {
                 return Err(
-                    self.malformed(place(), format!("has type {other:?}; wants SCALAR or VEC2 to VEC4"))
+                    self.malformed(place(), format!("has type {other:?}; expected SCALAR or VEC2 to VEC4"))
                 );
             }
         };
@@ -128,7 +128,8 @@ impl<'a> Accessors<'a> {
         match stride {
             Some(stride) if !(1..=MAX_BYTE_STRIDE as u64).contains(&stride) => {
                 let place = format!("bufferView {index}");
-                Err(self.malformed(place, format!("has byteStride {stride}; wants 1 to {MAX_BYTE_STRIDE}")))
+                Err(self
+                    .malformed(place, format!("has byteStride {stride}; expected 1 to {MAX_BYTE_STRIDE}")))
             }
             stride => Ok(stride),
         }

@@ -66,7 +66,7 @@ impl<'a> Buffers<'a> {
             None => Err(Error::malformed(
                 &self.path,
                 format!("buffer {buffer}"),
-                format!("is not there: the file has {}", self.declared.len()),
+                format!("does not exist: the file has {}", self.declared.len()),
             )),
         }
     }

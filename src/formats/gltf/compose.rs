@@ -7,11 +7,15 @@ use super::extras::SceneExtras;
 use super::options::{ColorEncoding, GltfOptions, PositionEncoding};
 use super::part::{BACKDROP, PartKind, ScenePart, Stream, all_streams};
 use super::uri;
+use crate::camera::Viewpoint;
+use glam::{DVec3, Mat3, Quat, UVec2};
 use gltf_json::accessor::{ComponentType, GenericComponentType, Type};
 use gltf_json::buffer::{Stride, Target, View};
+use gltf_json::camera::{Camera, Perspective, Type as CameraType};
 use gltf_json::extensions::material::Unlit;
 use gltf_json::material::{PbrMetallicRoughness, StrengthFactor};
 use gltf_json::mesh::{Mode, Primitive, Semantic};
+use gltf_json::scene::UnitQuaternion;
 use gltf_json::validation::Checked::Valid;
 use gltf_json::validation::USize64;
 use gltf_json::{Accessor, Asset, Buffer, Index, Material, Mesh, Node, Root, Scene, Value, extensions};
@@ -35,6 +39,10 @@ fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
     let mut accessors = Vec::with_capacity(buffer_views.len());
     let materials = materials(content);
     let unlit = materials.iter().any(|material| material.extensions.is_some());
+    // A file of nothing but a backdrop, or a tile, is no scene to look at.
+    let viewpoint = content.asset.provenance.viewpoint.as_ref();
+    let camera_node = viewpoint.map(viewpoint_node);
+    let cameras = viewpoint.map(|viewpoint| viewpoint_camera(viewpoint, content));
     let meshes = parts
         .iter()
         .map(|part| {
@@ -64,9 +72,10 @@ fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
             extensions: None,
             extras: None,
             name: None,
-            nodes: (0..parts.len()).map(index).collect(),
+            nodes: (0..parts.len() + usize::from(camera_node.is_some())).map(index).collect(),
         }],
-        nodes: parts.iter().enumerate().map(|(i, part)| node(i, part)).collect(),
+        nodes: parts.iter().enumerate().map(|(i, part)| node(i, part)).chain(camera_node).collect(),
+        cameras: cameras.into_iter().collect(),
         meshes,
         materials,
         accessors,
@@ -88,7 +97,7 @@ fn extras(content: &Content, pretty: bool) -> Result<Box<RawValue>> {
         color_encoding: options.colors,
         position_encoding: options.positions,
         note: (!options.colors.is_linear())
-            .then_some("COLOR_0 is sRGB-encoded, not linear as glTF 2.0 wants: for Godot only"),
+            .then_some("COLOR_0 is sRGB-encoded, not linear as glTF 2.0 requires: for Godot only"),
     };
     if !pretty {
         return to_raw_value(&extras);
@@ -137,6 +146,48 @@ fn node(mesh: usize, part: &ScenePart) -> Node {
         ..Node::default()
     }
 }
+
+/// The node of the camera that looks from where the scene is looked at first: along -z, +y up in the picture.
+fn viewpoint_node(viewpoint: &Viewpoint) -> Node {
+    let rotation = viewpoint.camera(UVec2::ONE).rotation;
+    let turned = Mat3::from_cols(rotation.row(0), -rotation.row(1), -rotation.row(2));
+    Node {
+        name: Some(VIEWPOINT.to_owned()),
+        camera: Some(index(0)),
+        translation: Some(DVec3::from(viewpoint.eye).as_vec3().to_array()),
+        rotation: Some(UnitQuaternion(Quat::from_mat3(&turned).normalize().to_array())),
+        ..Node::default()
+    }
+}
+
+/// Its camera, which sees as far as the scene goes.
+fn viewpoint_camera(viewpoint: &Viewpoint, content: &Content) -> Camera {
+    let eye = DVec3::from(viewpoint.eye);
+    let corners = content.parts.iter().flat_map(|part| [part.bounds.min, part.bounds.max]);
+    let farthest = corners.map(|corner| corner.as_dvec3().distance(eye)).fold(0.0, f64::max);
+    let near = (f64::from(viewpoint.distance()) * NEAR).max(f64::from(f32::MIN_POSITIVE)) as f32;
+    Camera {
+        name: Some(VIEWPOINT.to_owned()),
+        perspective: Some(Perspective {
+            aspect_ratio: None,
+            yfov: viewpoint.fov.to_radians() as f32,
+            zfar: Some((FAR * farthest) as f32).filter(|far| far.is_finite() && *far > near),
+            znear: near,
+            extensions: None,
+            extras: None,
+        }),
+        orthographic: None,
+        type_: Valid(CameraType::Perspective),
+        extensions: None,
+        extras: None,
+    }
+}
+
+/// Name of the first viewpoint's node and camera.
+const VIEWPOINT: &str = "viewpoint";
+/// Its near plane, in the distance of what it looks at, and its far plane, in the distance of the farthest corner.
+const NEAR: f64 = 0.01;
+const FAR: f64 = 2.0;
 
 /// The mesh of a part; its accessors are appended, one per buffer view.
 fn mesh(

@@ -194,12 +194,12 @@ fn chunks(source: &mut Source) -> Result<(Vec<GlbChunk>, u64)> {
         at = chunk.start + chunk.length;
         chunks.push(chunk);
         if chunks.len() > MAX_GLB_CHUNKS {
-            let reason = format!("has more than {MAX_GLB_CHUNKS} chunks; wants two");
+            let reason = format!("has more than {MAX_GLB_CHUNKS} chunks; expected two");
             return Err(Error::malformed(path, place, reason));
         }
     }
     if chunks.is_empty() {
-        return Err(Error::malformed(path, "chunk 0", "is missing; wants JSON"));
+        return Err(Error::malformed(path, "chunk 0", "is missing; expected JSON"));
     }
     Ok((chunks, length))
 }

@@ -22,7 +22,7 @@ const SRGB_HINTS: [&str; 3] = ["-vcol", "$vcol", "_vcol"];
 pub(super) struct MergedMesh<'a> {
     document: &'a Document,
     accessors: Accessors<'a>,
-    /// Every material's COLOR_0 is sRGB-encoded: the file says so.
+    /// The file declares that every material's COLOR_0 is sRGB-encoded.
     srgb: bool,
     positions: Vec<Vec3>,
     /// One per face while `flat`, else one per vertex.

@@ -127,7 +127,7 @@ fn attributes(view: &CompressedView, packed: &[u8], words: u64, count: usize) ->
         14 => vertices::<14>(packed, count, filter),
         15 => vertices::<15>(packed, count, filter),
         16 => vertices::<16>(packed, count, filter),
-        _ => Err(format!("has {} bytes per element; wants at most 64", 4 * words)),
+        _ => Err(format!("has {} bytes per element; expected at most 64", 4 * words)),
     }
 }
 

@@ -34,7 +34,7 @@ pub(super) fn instances(path: &Path, document: &Document, limits: &Limits) -> Re
         let node = document
             .nodes
             .get(index)
-            .ok_or_else(|| Error::malformed(path, place(), format!("is not there: the file has {has}")))?;
+            .ok_or_else(|| Error::malformed(path, place(), format!("does not exist: the file has {has}")))?;
         if std::mem::replace(&mut seen[index], true) {
             return Err(Error::malformed(path, place(), "has two parents or is its own ancestor"));
         }
@@ -61,12 +61,12 @@ fn is_for_collision(node: &Node) -> bool {
     node.name.as_deref().is_some_and(|name| name.ends_with("-colonly") || name.ends_with("-convcolonly"))
 }
 
-/// The nodes the walk starts from: those of the default scene, or all that are nobody's child.
+/// The nodes the walk starts from: those of the default scene, or all without a parent.
 fn roots(path: &Path, document: &Document) -> Result<Vec<usize>> {
     let scene = match document.scene {
         Some(index) => Some(document.scenes.get(index).ok_or_else(|| {
             let has = document.scenes.len();
-            Error::malformed(path, format!("scene {index}"), format!("is not there: the file has {has}"))
+            Error::malformed(path, format!("scene {index}"), format!("does not exist: the file has {has}"))
         })?),
         None => document.scenes.first(),
     };

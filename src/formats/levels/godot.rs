@@ -1,13 +1,13 @@
 //! A scene of Godot 4 that holds all levels, each drawn within its range of distances.
 //!
-//! Godot measures from the middle of each node's own box, and chunks of two levels are not the same pieces of space: with ranges of
-//! their own there would be holes. So nodes of coarser levels get the box of the whole scene, and those of the finest, which are worth
-//! skipping one by one, are drawn whenever the first of the next level is too near to be: that is what a visibility parent is.
+//! Godot measures from the middle of each node's own box, and chunks of two levels cover different pieces of space: ranges of
+//! their own would open holes. So nodes of coarser levels get the box of the whole scene. Nodes of the finest level, which Godot
+//! skips one by one, have the first node of the next level as visibility parent: they are drawn when it is too near.
 
 use super::scene::EngineScene;
 use std::fmt::Write;
 
-/// Tangent of half the vertical angle of a `Camera3D` as it comes, 75 degrees.
+/// Tangent of half the default vertical angle of a `Camera3D`, 75 degrees.
 const CAMERA: f64 = 0.767_327;
 
 /// The text of the scene.

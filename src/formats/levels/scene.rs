@@ -11,7 +11,7 @@ use glam::DVec3;
 const SCREEN_PX: f64 = 1080.0;
 /// Width of a level's median triangle on it at which a finer level takes over, px.
 const TRIANGLE_PX: f64 = 2.0;
-/// Levels change at distances at least so far apart, as a factor: engines want heights on the screen that fall.
+/// Least ratio of the distances at which two levels change: engines need falling heights on the screen.
 pub(super) const APART: f64 = 1.001;
 
 /// A level as it is in its file.

@@ -5,7 +5,7 @@ use crate::report::generator;
 use serde_json::{Value, json};
 use xxhash_rust::xxh3::xxh3_64;
 
-/// Tangent of half the vertical angle of a camera of Unity as it comes, 60 degrees.
+/// Tangent of half the default vertical angle of Unity's camera, 60 degrees.
 const UNITY_CAMERA: f64 = 0.577_350;
 /// The same of Unreal, which has 90 degrees from left to right at 16:9.
 const UNREAL_CAMERA: f64 = 9.0 / 16.0;
@@ -14,8 +14,8 @@ const WHOLE_SCREEN: f64 = 1.0;
 /// Screen size of Unreal's finest level: it is drawn from wherever no other is.
 const FINEST: f64 = 2.0;
 
-const UNITY: &str = include_str!("unity.cs");
-const UNREAL: &str = include_str!("unreal.py");
+const UNITY: &str = include_str!("../../../samples/engines/templates/levels_unity.cs");
+const UNREAL: &str = include_str!("../../../samples/engines/templates/levels_unreal.py");
 
 /// A script for Unity's editor.
 pub(super) fn unity(name: &str, scene: &EngineScene) -> String {

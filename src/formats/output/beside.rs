@@ -2,12 +2,46 @@
 
 use super::{Output, OutputFormat, OutputOptions, is_device};
 use crate::error::{Error, Result};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Name of the node of a file that holds what to collide with.
 const COLLISION_NODE: &str = "collision";
 
+/// What is written beside the scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Beside {
+    /// Its hierarchy.
+    pub bvh: bool,
+    /// How many levels of detail.
+    pub levels: usize,
+    /// The backdrop in a file of its own.
+    pub backdrop: bool,
+    /// What to collide with.
+    pub collision: bool,
+}
+
 impl Output {
+    /// The files of a scene and of all that is beside it; `format` where the name of `path` does not say. Standard output carries one file
+    /// only.
+    ///
+    /// Errors: a name without a known ending; one beside which nothing can be.
+    pub fn of_scene(
+        path: &Path,
+        format: Option<OutputFormat>,
+        options: &OutputOptions,
+        beside: &Beside,
+    ) -> Result<Self> {
+        let mut output =
+            Self::plan(path, format, options, beside.bvh)?.with_levels(beside.levels, options)?;
+        if beside.backdrop {
+            output = output.with_backdrop_file(options)?;
+        }
+        if beside.collision {
+            output = output.with_collision(options)?;
+        }
+        Ok(output)
+    }
+
     /// The same with the backdrop in a file of its own: OUT.backdrop.glb.
     pub fn with_backdrop_file(mut self, options: &OutputOptions) -> Result<Self> {
         let path = self.beside("backdrop", "`backdrop` file writes one")?;
@@ -27,8 +61,8 @@ impl Output {
         Ok(self)
     }
 
-    /// The same with so many levels of detail beside it: OUT.lod1.glb and so on, and for glTF a tileset of all and what the target's
-    /// engine wants to know of them.
+    /// The same with `levels` levels of detail beside it: OUT.lod1.glb and so on, and for glTF a tileset of all and the file that the
+    /// target's engine needs.
     pub fn with_levels(mut self, levels: usize, options: &OutputOptions) -> Result<Self> {
         if levels == 0 {
             return Ok(self);

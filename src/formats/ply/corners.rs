@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::path::Path;
 
-/// What to take off every position: zero, but for a scene far from the origin whose positions are doubles.
+/// What to subtract from every position: zero, except for a scene far from the origin whose positions are doubles.
 pub(super) fn origin(vertices: &Table) -> Result<DVec3> {
     let axes = axes(vertices)?;
     let position = |row: &[u8]| DVec3::from(axes.map(|axis| axis.f64(row)));
@@ -72,7 +72,7 @@ impl Corners {
         Ok(Self { count, first })
     }
 
-    /// True when the rows, the first of which is face `face`, list the corners 0, 1, 2, 3, … without
+    /// True when the rows, beginning with face `face`, list the corners 0, 1, 2, 3, … without
     /// sharing any. An error names the first face that is no triangle.
     pub(super) fn are_unshared(self, faces: &Table, rows: &[u8], face: usize) -> Result<bool> {
         if self.are_usual(faces, rows, face) {

@@ -136,7 +136,7 @@ pub(crate) fn read(source: &mut Source) -> Result<Header> {
     }
     let body = LONGEST - reader.limit();
     let encoding = draft.encoding.ok_or_else(|| {
-        Error::malformed(&path, "header", "has no format line; wants `format binary_little_endian 1.0`")
+        Error::malformed(&path, "header", "has no format line; expected `format binary_little_endian 1.0`")
     })?;
     Ok(Header { encoding, elements: draft.elements, comments: draft.comments, body })
 }
@@ -212,7 +212,7 @@ fn parse_format(rest: &str) -> std::result::Result<Encoding, String> {
         ["binary_little_endian", "1.0"] => Ok(Encoding::Little),
         ["binary_big_endian", "1.0"] => Ok(Encoding::Big),
         _ => Err(format!(
-            "unknown format {:?}; wants ascii, binary_little_endian or binary_big_endian, version 1.0",
+            "unknown format {:?}; expected ascii, binary_little_endian or binary_big_endian, version 1.0",
             clip(rest)
         )),
     }
@@ -220,11 +220,11 @@ fn parse_format(rest: &str) -> std::result::Result<Encoding, String> {
 
 fn parse_element(rest: &str) -> std::result::Result<Element, String> {
     let [name, rows] = rest.split_whitespace().collect::<Vec<_>>()[..] else {
-        return Err(format!("wants `element NAME COUNT`, not {:?}", clip(rest)));
+        return Err(format!("expected `element NAME COUNT`, not {:?}", clip(rest)));
     };
     let rows = rows
         .parse::<u64>()
-        .map_err(|_| format!("element {} counts {:?}; wants a whole number", clip(name), clip(rows)))?;
+        .map_err(|_| format!("element {} counts {:?}; expected a whole number", clip(name), clip(rows)))?;
     Ok(Element { name: name.to_owned(), rows, properties: Vec::new() })
 }
 
@@ -232,7 +232,7 @@ fn parse_property(rest: &str) -> std::result::Result<Property, String> {
     let scalar = |name: &str| {
         Scalar::parse(name).ok_or_else(|| {
             format!(
-                "unknown type {:?}; wants char, uchar, short, ushort, int, uint, float or double",
+                "unknown type {:?}; expected char, uchar, short, ushort, int, uint, float or double",
                 clip(name)
             )
         })
@@ -241,13 +241,14 @@ fn parse_property(rest: &str) -> std::result::Result<Property, String> {
         ["list", count, item, name] => {
             let (count, item) = (scalar(count)?, scalar(item)?);
             if !count.is_integer() {
-                return Err(format!("the list {} counts in floats; wants an integer type", clip(name)));
+                return Err(format!("the list {} counts in floats; expected an integer type", clip(name)));
             }
             Ok(Property { name: name.to_owned(), kind: PropertyType::List { count, item } })
         }
         [kind, name] => Ok(Property { name: name.to_owned(), kind: PropertyType::Scalar(scalar(kind)?) }),
-        _ => {
-            Err(format!("wants `property TYPE NAME` or `property list TYPE TYPE NAME`, not {:?}", clip(rest)))
-        }
+        _ => Err(format!(
+            "expected `property TYPE NAME` or `property list TYPE TYPE NAME`, not {:?}",
+            clip(rest)
+        )),
     }
 }

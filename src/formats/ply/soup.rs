@@ -1,7 +1,7 @@
 //! The soup PLY: our own file of a trained scene, and a legal triangle mesh. See `docs/formats.md`.
 
 use super::column::Column;
-use super::corners::{Corners, read_positions};
+use super::corners::{Corners, first_error, read_positions};
 use super::encode;
 use super::header::{Element, Scalar};
 use super::table::Table;
@@ -19,6 +19,9 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::io::{self, Write};
 use std::path::Path;
+
+/// The property of a face that is 1 of the shell; files without one have no such property.
+const SHELL: &str = "shell";
 
 /// True when the faces carry what only a soup has.
 pub(super) fn is_soup(faces: &Element) -> bool {
@@ -45,8 +48,10 @@ pub(super) fn read(
         sigma: limits.zeroed(path.display(), count)?,
         sh: limits.zeroed(path.display(), count * columns.sh.len())?,
         sh_degree: columns.sh_degree,
+        shell: Vec::new(),
     };
     let unshared = columns.read(faces, &mut soup)?;
+    soup.shell = read_shell(faces, limits, path)?;
     soup.vertices = if unshared && vertices.rows() == 3 * count {
         let mut own = limits.zeroed::<[Vec3; 3]>(path.display(), count)?;
         read_positions(vertices, origin, bytemuck::cast_slice_mut(&mut own))?;
@@ -55,6 +60,22 @@ pub(super) fn read(
         gather(vertices, origin, faces, limits, path)?
     };
     Ok(soup)
+}
+
+/// Which faces are the shell; none when no face says that it is.
+fn read_shell(faces: &Table, limits: &Limits, path: &Path) -> Result<Vec<bool>> {
+    let Some(column) = faces.find(SHELL) else { return Ok(Vec::new()) };
+    let mut shell = limits.zeroed::<u8>(path.display(), faces.rows())?;
+    let per_block = faces.rows_per_block();
+    let read = |buffer: &mut Vec<u8>, (block, out): (usize, &mut [u8])| {
+        let rows = faces.block(block * per_block, out.len(), buffer)?;
+        rows.chunks_exact(faces.stride())
+            .zip(out)
+            .for_each(|(row, out)| *out = u8::from(column.f32(row) != 0.0));
+        Ok(())
+    };
+    first_error(shell.par_chunks_mut(per_block).enumerate().map_init(Vec::new, read).collect())?;
+    Ok(if shell.contains(&1) { shell.into_iter().map(|flag| flag == 1).collect() } else { Vec::new() })
 }
 
 /// The corners of every face, looked up among shared vertices.
@@ -98,7 +119,8 @@ impl Columns {
     fn of(path: &Path, element: &Element, faces: &Table, highest: u8) -> Result<Self> {
         let rest = element.properties.iter().filter(|p| p.name.starts_with("f_rest_")).count();
         let Some(degree) = (0..=3u8).find(|d| 3 * (sh_count(*d) - 1) == rest) else {
-            let reason = format!("has {rest} properties f_rest_*; wants 0, 9, 24 or 45 (SH degree 0 to 3)");
+            let reason =
+                format!("has {rest} properties f_rest_*; expected 0, 9, 24 or 45 (SH degree 0 to 3)");
             return Err(Error::malformed(path, "element face", reason));
         };
         let sh_degree = degree.min(highest);
@@ -181,7 +203,8 @@ pub fn write_soup(
     provenance: &Provenance,
     cameras: &[Camera],
 ) -> io::Result<()> {
-    let mut writer = SoupWriter::start(out, soup.len(), soup.sh_degree, provenance, cameras)?;
+    let shell = soup.shell_count() > 0;
+    let mut writer = SoupWriter::start(out, soup.len(), soup.sh_degree, provenance, cameras, shell)?;
     writer.vertices(soup)?;
     writer.faces(soup)?;
     writer.end(cameras)
@@ -196,10 +219,11 @@ pub struct SoupWriter<'a> {
     written: usize,
     count: usize,
     sh_degree: u8,
+    shell: bool,
 }
 
 impl<'a> SoupWriter<'a> {
-    /// Begins a file of `count` triangles with colours of `sh_degree`.
+    /// Begins a file of `count` triangles with colours of `sh_degree`; `shell` when some of them are the shell.
     ///
     /// Errors: as for [`write_soup`].
     pub fn start(
@@ -208,12 +232,13 @@ impl<'a> SoupWriter<'a> {
         sh_degree: u8,
         provenance: &Provenance,
         cameras: &[Camera],
+        shell: bool,
     ) -> io::Result<Self> {
         if count > i32::MAX as usize / 3 {
             return Err(io::Error::new(io::ErrorKind::InvalidInput, "too many triangles for a PLY file"));
         }
-        out.write_all(header(count, sh_degree, provenance, cameras).as_bytes())?;
-        Ok(Self { out, corners_left: count, written: 0, count, sh_degree })
+        out.write_all(header(count, sh_degree, provenance, cameras, shell).as_bytes())?;
+        Ok(Self { out, corners_left: count, written: 0, count, sh_degree, shell })
     }
 
     /// The corners of the next soup.
@@ -244,6 +269,9 @@ impl<'a> SoupWriter<'a> {
                 block.extend_from_slice(&value.to_le_bytes());
             }
             block.extend_from_slice(&sh[0].map(|c| (255.0 * rgb_from_sh0(c)).round() as u8));
+            if self.shell {
+                block.push(u8::from(soup.is_shell(i)));
+            }
         })
     }
 
@@ -262,7 +290,7 @@ fn other_count() -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, "other triangles than were announced")
 }
 
-fn header(count: usize, sh_degree: u8, provenance: &Provenance, cameras: &[Camera]) -> String {
+fn header(count: usize, sh_degree: u8, provenance: &Provenance, cameras: &[Camera], shell: bool) -> String {
     let mut header = String::from("ply\nformat binary_little_endian 1.0\ncomment trisplat soup 1\n");
     encode::push_comment(&mut header, &to_comment(provenance));
     header += &format!("element vertex {}\n", 3 * count);
@@ -277,6 +305,9 @@ fn header(count: usize, sh_degree: u8, provenance: &Provenance, cameras: &[Camer
     }
     for channel in ["red", "green", "blue"] {
         header += &format!("property uchar {channel}\n");
+    }
+    if shell {
+        header += &format!("property uchar {SHELL}\n");
     }
     header + &views::header(cameras) + "end_header\n"
 }

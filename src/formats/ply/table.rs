@@ -194,7 +194,7 @@ impl<'a> Table<'a> {
         let corners =
             self.layout.corners.ok_or_else(|| error("has no list vertex_indices or vertex_index"))?;
         if !corners.1.scalar.is_integer() {
-            return Err(error("has float corner numbers; wants an integer type"));
+            return Err(error("has float corner numbers; expected an integer type"));
         }
         Ok(corners)
     }

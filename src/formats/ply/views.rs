@@ -70,7 +70,7 @@ pub(super) fn read(table: &Table, limits: &Limits) -> Result<Vec<Camera>> {
             let turns = (camera.rotation.determinant() - 1.0).abs() < 0.01;
             if camera.validate(limits).is_err() || !turns {
                 let wants =
-                    "is no camera: wants finite numbers, a rotation, focal lengths and a size above 0";
+                    "is no camera: expected finite numbers, a rotation, focal lengths and a size above 0";
                 return Err(table.error(first + i, wants));
             }
             cameras.push(camera);

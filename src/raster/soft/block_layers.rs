@@ -35,7 +35,7 @@ pub(super) struct BlockLayer {
 struct OccluderDepth<L> {
     /// 1 / depth of the occluder, 0 where there is none.
     inv_depth: L,
-    /// 1 / depth of the nearest layer of which two end a pixel.
+    /// 1 / depth of the nearest of the layers that end a pixel in pairs.
     nearest_half: L,
     /// Alpha above which one layer ends a pixel.
     whole_alpha: L,

@@ -95,6 +95,7 @@ mod tests {
             sigma: (0..count).map(|i| 0.2 + draw(i)).collect(),
             sh: vec![[0.3; 3]; count],
             sh_degree: 0,
+            ..Soup::default()
         }
     }
 

@@ -97,7 +97,14 @@ mod tests {
         };
         let n = depths.len();
         let vertices = depths.iter().map(wall).collect();
-        Soup { vertices, opacity: vec![0.999; n], sigma: vec![0.001; n], sh: vec![[0.5; 3]; n], sh_degree: 0 }
+        Soup {
+            vertices,
+            opacity: vec![0.999; n],
+            sigma: vec![0.001; n],
+            sh: vec![[0.5; 3]; n],
+            sh_degree: 0,
+            ..Soup::default()
+        }
     }
 
     #[test]

@@ -47,7 +47,7 @@ pub(super) struct SlabTarget<'a> {
 }
 
 impl SlabTarget<'_> {
-    /// Draws all splats, at most `pairs` of them and the tiles at once. `on_part` is told when a slab was binned and
+    /// Draws all splats, at most `pairs` of them and the tiles at once. Calls `on_part` when a slab was binned and
     /// when it was drawn.
     pub(super) fn draw(
         &mut self,

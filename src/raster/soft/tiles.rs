@@ -109,7 +109,7 @@ impl Tiles {
         self.scatter(0, splats);
     }
 
-    /// Moves the pairs to their tiles; the order within a tile is that of the splats, of which the first has rank
+    /// Moves the pairs to their tiles; the order within a tile is that of the splats; the first has rank
     /// `first`.
     fn scatter(&mut self, first: u32, splats: usize) {
         self.starts.clear();
@@ -174,7 +174,7 @@ impl KeptPairs {
         }
     }
 
-    /// Adds splats of which nothing was drawn, up to `splats` in all.
+    /// Adds undrawn splats, up to `splats` in all.
     pub(super) fn add_undrawn(&mut self, splats: usize) {
         self.0.ends.resize(splats, self.0.pairs.len() as u32);
     }

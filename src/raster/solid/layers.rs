@@ -51,7 +51,7 @@ impl TileLayers {
         }
     }
 
-    /// Draws the nearest of some triangles, drops what is hidden then, and goes on with twice as many.
+    /// Draws the nearest of some triangles, drops what is hidden then, and continues with twice as many.
     #[inline(always)]
     fn draw_deep<L: Lanes>(&self, keys: &mut SampleKeys, batch: &Batch, large: &[u32], corner: [i32; 2]) {
         let nearest = |place: u32| batch.large[place as usize].at.nearest();

@@ -11,7 +11,7 @@ use crate::train::cpu::CpuBackend;
 use crate::train::eval::Evaluator;
 use crate::train::identity::RunIdentity;
 use crate::train::options::{REFERENCE_STEPS, SolidifyOptions, TrainOptions, WarmupOptions};
-use crate::train::pyramid::size_at;
+use crate::train::pyramid::{MIN_PX, size_at};
 use crate::train::start::FirstScene;
 use crate::train::trainer::Trainer;
 
@@ -41,7 +41,7 @@ pub fn calibrate(
     let (tried, decode_secs) = few_photos(dataset, spending, MOST_SHARE * budget_secs)?;
     let trial = Trial { dataset: &tried, from, background, spending };
     let (soft, triangles) = trial.run(options, false)?;
-    let engine = match options.solid.enabled {
+    let engine = match options.ends_solid() {
         true => trial.run(options, true)?.0,
         false => soft,
     };
@@ -84,13 +84,13 @@ impl Trial<'_> {
     /// Seconds of steps over those of the model, and the triangles there are: photos at half their size, one step each
     /// after one that allocates.
     fn run(&self, options: &TrainOptions, engine_shading: bool) -> Result<(f64, u64)> {
-        let from = if engine_shading { 0.0 } else { REFERENCE_STEPS };
+        let opacity_until = if engine_shading { 0.0 } else { REFERENCE_STEPS };
         let trial = TrainOptions {
             // The positions of a schedule are steps of this run: nothing but steps happens in its first few.
             steps: REFERENCE_STEPS as u64,
             milestones: [0; 4],
-            warmup: WarmupOptions { quarter_until: 0.0, half_until: REFERENCE_STEPS, ..options.warmup },
-            solid: SolidifyOptions { engine_shading_from: from, opaque_from: from, ..options.solid.clone() },
+            warmup: WarmupOptions { quarter_until: 0.0, half_until: REFERENCE_STEPS },
+            solid: SolidifyOptions { opacity_until, ..options.solid.clone() },
             ..options.clone()
         };
         let mut trainer = self.start(&trial)?;
@@ -101,7 +101,7 @@ impl Trial<'_> {
         for _ in 0..MOST_ROUNDS {
             for view in &self.dataset.views {
                 trainer.step()?;
-                let pixels = size_at(view.photo.size, 1, options.warmup.min_px).as_dvec2().element_product();
+                let pixels = size_at(view.photo.size, 1, MIN_PX).as_dvec2().element_product();
                 let load = StepLoad { pixels, triangles: triangles as f64, engine_shading, geometry: false };
                 expected += CostModel::FITTED.step_secs(&load);
             }
@@ -112,9 +112,11 @@ impl Trial<'_> {
         }
         match taken > 0.0 {
             true => Ok((taken / expected, triangles)),
-            false => {
-                Err(Error::invalid("budget", "in CPU time", "a system that counts it, or `budget_wall`"))
-            }
+            false => Err(Error::invalid(
+                "budget",
+                "in CPU time",
+                "a system that reports CPU time, or `budget_wall`",
+            )),
         }
     }
 
@@ -125,7 +127,7 @@ impl Trial<'_> {
         let mut trainer = self.start(options)?;
         let (soup, space) = (trainer.soup()?, trainer.space());
         let soft = options.drawing(self.background);
-        let window = if options.solid.enabled { Window::Coverage { width_px: 1.0 } } else { soft.window };
+        let window = if options.ends_solid() { Window::Coverage { width_px: 1.0 } } else { soft.window };
         let before = self.spending.seconds();
         evaluator.scores(&soup, &space, &SoftOptions { window, ..soft })?;
         Ok(self.spending.seconds() - before)

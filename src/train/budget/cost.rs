@@ -1,12 +1,12 @@
 //! What a step costs: seconds from the pixels of its photo, the triangles of the scene and how it is drawn.
 //!
-//! The coefficients were fitted to the curves of runs on four scenes (docs/benchmarks/budget.md). How fast this machine draws
+//! The coefficients were fitted to the curves of runs on four scenes (docs/benchmarks/history-budget.md). How fast this machine draws
 //! this scene is one factor for soft steps and one for those with engine shading; a few steps at the start of a run measure both,
 //! and the run itself corrects them.
 
 use crate::train::options::{REFERENCE_STEPS, TrainOptions};
-use crate::train::pyramid::size_at;
-use crate::train::schedule::Schedule;
+use crate::train::pyramid::{MIN_PX, size_at};
+use crate::train::schedule::{REFINE_FROM, Schedule};
 use crate::train::timeline::{MILESTONES, Timeline};
 use glam::UVec2;
 use serde::{Deserialize, Serialize};
@@ -29,7 +29,7 @@ impl StepLoad {
     pub fn of_step(options: &TrainOptions, step: u64, photo: UVec2, triangles: f64) -> Self {
         let schedule = Schedule::new(options);
         let rates = schedule.rates(step);
-        let size = size_at(photo, schedule.level(step), options.warmup.min_px);
+        let size = size_at(photo, schedule.level(step), MIN_PX);
         Self {
             pixels: size.as_dvec2().element_product(),
             triangles,
@@ -95,7 +95,7 @@ pub struct Workload {
 }
 
 impl Workload {
-    /// A scene of so many triangles at the beginning.
+    /// A scene of `triangles` at the beginning.
     pub fn at_start(photo: UVec2, triangles: u64) -> Self {
         Self { photo, triangles, position: 0.0, growth: None }
     }
@@ -111,7 +111,7 @@ impl Workload {
 /// Refinements between two positions.
 fn refinements([from, until]: [f64; 2], options: &TrainOptions) -> f64 {
     let refine = &options.refine;
-    let from = from.max(refine.from - refine.every);
+    let from = from.max(REFINE_FROM - refine.every);
     ((until.min(refine.until) - from) / refine.every).max(0.0).floor()
 }
 

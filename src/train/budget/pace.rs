@@ -9,7 +9,7 @@ use crate::train::timeline::MILESTONES;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A run takes at most so many times the steps that were planned for the rest of it.
+/// A run takes at most this many times the steps that were planned for the rest of it.
 const MOST_STRETCH: f64 = 10.0;
 
 /// What a run under a budget knows of its costs; a part of its checkpoints.
@@ -31,6 +31,9 @@ pub struct Pace {
     modelled_secs: f64,
     /// Seconds that the part that runs takes beside its steps: photos are decoded in the first.
     decoding_secs: f64,
+    /// More steps than this do not pay, whatever is left.
+    #[serde(default)]
+    most_steps: Option<u64>,
 }
 
 /// A pace, and the clock that tells what is spent.
@@ -86,10 +89,11 @@ impl Pace {
             stored_secs: spent_secs,
             modelled_secs: 0.0,
             decoding_secs: (plan.step_secs - steps).max(0.0),
+            most_steps: input.most_steps,
         }
     }
 
-    /// Counts step `step` (from 0), made with so many triangles: how many there would be was a guess, and fewer of them do not make a machine faster.
+    /// Counts step `step` (from 0), made with `triangles`: their number was a forecast, and fewer of them do not make a machine faster.
     pub fn stepped(&mut self, step: u64, triangles: u64, options: &TrainOptions) {
         let load = StepLoad::of_step(options, step, self.workload.photo, triangles as f64);
         self.modelled_secs += self.model.step_secs(&load);
@@ -113,11 +117,18 @@ impl Pace {
         self.workload = Workload { triangles, position, growth, ..self.workload };
         let left = self.budget.seconds.0 - self.plan.reserve_secs - spent_secs;
         let expected: f64 = part_secs(&self.model, &self.workload, options).iter().sum();
-        let stretch = (left / expected.max(1e-9)).clamp(0.0, MOST_STRETCH);
+        let stretch = (left / expected.max(1e-9)).clamp(0.0, self.most_stretch(step, options));
         let corrected = stretched(options, part, stretch);
         (self.began_secs, self.modelled_secs, self.decoding_secs) = (spent_secs, 0.0, 0.0);
         self.corrections.push(Correction { step, spent_secs, steps: corrected.steps });
         Some(corrected)
+    }
+
+    /// By how much the steps after `step` may become more.
+    fn most_stretch(&self, step: u64, options: &TrainOptions) -> f64 {
+        let left = |steps: u64| steps.saturating_sub(step) as f64;
+        let most = self.most_steps.map_or(f64::INFINITY, |most| left(most) / left(options.steps).max(1.0));
+        most.min(MOST_STRETCH)
     }
 
     /// Takes over what the steps of a part have cost.
@@ -212,6 +223,7 @@ mod tests {
             triangles_given: false,
             size_given: false,
             from_scene: false,
+            most_steps: None,
         }
     }
 
@@ -299,6 +311,21 @@ mod tests {
     }
 
     #[test]
+    fn a_run_that_has_all_steps_that_pay_leaves_the_rest_of_its_budget() {
+        let base = TrainOptions::default();
+        let input = PlanInput { most_steps: Some(1500), ..input(&base, 600.0) };
+        let plan = plan(&input).unwrap();
+        assert_eq!((plan.steps, plan.max_triangles), (1500, 21_000));
+        let mut pace = Pace::new(&input, &plan, 0.5);
+        let mut options = plan.apply(&base);
+        for part in 0..4 {
+            let step = options.milestones[part];
+            options = pace.corrected(step, 1.0, 9000, &options).unwrap();
+            assert!(options.steps.abs_diff(1500) <= 2, "{}", options.steps);
+        }
+    }
+
+    #[test]
     fn a_resumed_run_has_what_is_left() {
         let (spent, ..) = run(60.0, CostModel { scale: [1.1, 1.1] }, full, Some(2));
         assert!((spent / 60.0 - 1.0).abs() < 0.05, "{spent}");
@@ -327,7 +354,7 @@ mod tests {
     fn a_budget_too_small_for_anything_is_an_error() {
         let options = TrainOptions::default();
         let error = plan(&input(&options, 0.6)).unwrap_err().to_string();
-        assert!(error.starts_with("budget is 0.6s: wants ") && error.contains("or more"), "{error}");
+        assert!(error.starts_with("budget is 0.6s: expected ") && error.contains("or more"), "{error}");
     }
 
     #[test]

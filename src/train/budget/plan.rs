@@ -10,7 +10,7 @@ use glam::UVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Triangles per step: where the error was least at equal cost (docs/benchmarks/budget.md).
+/// Triangles per step: where the error was least at equal cost (docs/benchmarks/history-budget.md).
 const TRIANGLES_PER_STEP: f64 = 14.0;
 
 /// Pixels of the training photos per triangle, at least: more triangles than that fit the photos and nothing else.
@@ -31,7 +31,7 @@ const FEWEST_TRIANGLES: u64 = 1000;
 /// Most triangles.
 const MOST_TRIANGLES: u64 = 1_000_000;
 
-/// What a plan is made of.
+/// The inputs of a plan.
 #[derive(Debug, Clone)]
 pub struct PlanInput<'a> {
     /// The options of the run; its steps, its milestones and, unless given, its triangles are chosen.
@@ -54,6 +54,8 @@ pub struct PlanInput<'a> {
     pub size_given: bool,
     /// The run starts from a scene, whose triangles must all fit.
     pub from_scene: bool,
+    /// More steps than this do not pay.
+    pub most_steps: Option<u64>,
 }
 
 /// What a budget is spent on.
@@ -92,7 +94,13 @@ impl<'a> PlanInput<'a> {
             triangles_given: false,
             size_given: false,
             from_scene: false,
+            most_steps: None,
         }
+    }
+
+    /// True when `plan` has all the steps that pay.
+    pub fn is_enough(&self, plan: &Plan) -> bool {
+        self.most_steps.is_some_and(|most| plan.steps >= most)
     }
 
     /// The size of photos whose longer side is `max_size`.
@@ -129,7 +137,7 @@ pub fn plan(input: &PlanInput<'_>) -> Result<Plan> {
         let photo = input.photo_of(size);
         let plan = for_size(input, size);
         let smaller = (photo.max_element() * 3 / 4).max(SMALLEST_PHOTO);
-        let enough = plan.as_ref().is_some_and(|plan| plan.steps >= ENOUGH_STEPS);
+        let enough = plan.as_ref().is_some_and(|plan| plan.steps >= ENOUGH_STEPS || input.is_enough(plan));
         if enough || input.size_given || smaller >= photo.max_element() {
             return plan.ok_or_else(|| too_small(input, photo));
         }
@@ -152,17 +160,18 @@ fn for_size(input: &PlanInput<'_>, max_size: Option<u32>) -> Option<Plan> {
     if !fits(low) {
         return None;
     }
-    while fits(high) && high < 1 << 40 {
+    let most = input.most_steps.unwrap_or(1 << 40).max(FEWEST_STEPS);
+    while fits(high) && high < most {
         (low, high) = (high, 2 * high);
     }
     while high - low > 1 {
         let middle = low + (high - low) / 2;
         *(if fits(middle) { &mut low } else { &mut high }) = middle;
     }
-    let chosen = options(low);
+    let chosen = options(low.min(most));
     let step_secs = input.run_secs(&chosen, photo);
     let max_triangles = chosen.max_triangles;
-    Some(Plan { steps: low, max_triangles, max_size, step_secs, reserve_secs })
+    Some(Plan { steps: chosen.steps, max_triangles, max_size, step_secs, reserve_secs })
 }
 
 /// The most triangles of a run of `steps`.

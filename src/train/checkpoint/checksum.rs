@@ -1,9 +1,9 @@
-//! The XXH3 checksum of a checkpoint, which stands in the file itself: it is taken with zeros in its place.
+//! The XXH3 checksum of a checkpoint, which is in the file itself: it is computed with zeros there.
 
 use std::ops::Range;
 use xxhash_rust::xxh3::xxh3_64;
 
-/// What stands in its place while it is taken.
+/// The zeros that stand for it while it is computed.
 pub(super) const NONE: &str = "0000000000000000";
 
 /// Where it is in a file of this format: the header is a JSON object that holds the JSON text it is in.
@@ -14,7 +14,7 @@ fn place(bytes: &[u8], format: u32) -> Option<Range<usize>> {
     (place.end <= bytes.len()).then_some(place)
 }
 
-/// Writes the checksum over the zeros in its place; `None` when there is no such place.
+/// Writes the checksum over the zeros; `None` when the file has no such field.
 pub(super) fn fill_in(bytes: &mut [u8], format: u32) -> Option<()> {
     let place = place(bytes, format)?;
     let checksum = format!("{:016x}", xxh3_64(bytes));
@@ -22,7 +22,7 @@ pub(super) fn fill_in(bytes: &mut [u8], format: u32) -> Option<()> {
     Some(())
 }
 
-/// Whether every byte is as it was written; `None` when there is no checksum. Leaves zeros in its place.
+/// Whether every byte is as it was written; `None` without a checksum. Leaves zeros there.
 pub(super) fn fits(bytes: &mut [u8], format: u32) -> Option<bool> {
     let place = place(bytes, format)?;
     let found = bytes[place.clone()].to_vec();

@@ -1,14 +1,14 @@
 //! The backend of a training scene on a graphics card.
 
-use super::flight::{Flight, more_room};
 use super::job::{COUNTS, GROUPS, Jobs};
 use super::limits::GpuLimits;
 use super::passes::Passes;
+use super::pending_step::{PendingStep, missing_capacity};
 use super::photos::Photos;
-use super::room::{Room, RoomSize, SLOT_PARTS};
 use super::rows::row_count;
 use super::scene::{REMEDY, SceneBuffers, VISIBILITY_NUMBERS, VisibilityBuffer};
 use super::sequence::{BindGroups, Sequence};
+use super::step_buffers::{SLOT_PARTS, StepBuffers, StepCapacity};
 use super::step_passes::StepPasses;
 use super::uniform::{GEOMETRY_SLOT_NUMBERS, Look, StepPlan, StepUniform};
 use super::work::StepWork;
@@ -57,10 +57,10 @@ pub struct GpuBackend {
     halted: Buffer,
     scene: Option<SceneBuffers>,
     visibility: Option<VisibilityBuffer>,
-    room: Option<Room>,
+    buffers: Option<StepBuffers>,
     photos: Photos,
     /// Steps under way, the oldest first.
-    flights: VecDeque<Flight>,
+    pending_steps: VecDeque<PendingStep>,
     /// Readbacks of steps that are done.
     spare: Vec<Readback>,
     figures: Vec<StepStats>,
@@ -102,9 +102,9 @@ impl GpuBackend {
             halted: small("halted", 1)?,
             scene: None,
             visibility: None,
-            room: None,
+            buffers: None,
             photos: Photos::new(limits.photo_bytes),
-            flights: VecDeque::new(),
+            pending_steps: VecDeque::new(),
             spare: Vec::new(),
             figures: Vec::new(),
             repeats: 0,
@@ -121,9 +121,9 @@ impl GpuBackend {
     /// Forgets the scene, its visibility and its photos; draws with `options` from now on, within `limits`.
     pub fn restart(&mut self, options: SoftOptions, limits: GpuLimits) {
         (self.scene, self.visibility, self.options, self.limits) = (None, None, options, limits);
-        (self.room, self.photos) = (None, Photos::new(limits.photo_bytes));
+        (self.buffers, self.photos) = (None, Photos::new(limits.photo_bytes));
         self.bind_groups.clear();
-        self.flights.clear();
+        self.pending_steps.clear();
         self.figures.clear();
         (self.loaded, self.failure) = (None, None);
         self.go_on();
@@ -164,32 +164,32 @@ impl GpuBackend {
     }
 
     /// Has room for `needed`.
-    pub(super) fn make_room(&mut self, needed: RoomSize) -> Result<()> {
-        if self.room.as_ref().is_some_and(|room| room.size.union(needed) == room.size) {
+    pub(super) fn reserve(&mut self, needed: StepCapacity) -> Result<()> {
+        if self.buffers.as_ref().is_some_and(|buffers| buffers.size.union(needed) == buffers.size) {
             return Ok(());
         }
         // Steps under way keep what they have until they are done, and may find that they need more.
         self.settle_all()?;
-        let size = match self.room.take() {
-            Some(room) => room.size,
-            None => RoomSize {
+        let size = match self.buffers.take() {
+            Some(buffers) => buffers.size,
+            None => StepCapacity {
                 pairs: self.first_pairs(needed.triangles),
                 binding_bytes: self.limits.binding_bytes,
-                ..RoomSize::default()
+                ..StepCapacity::default()
             },
         };
         // What was there is gone before the new is made.
         self.bind_groups.clear();
         let size = size.union(needed);
-        let room = match Room::new(&self.gpu, size) {
+        let buffers = match StepBuffers::new(&self.gpu, size) {
             // Photos are on the card only to save time.
             Err(Error::Gpu(_)) if self.photos.give_up() => {
                 self.gpu.wait(None)?;
-                Room::new(&self.gpu, size)?
+                StepBuffers::new(&self.gpu, size)?
             }
-            room => room?,
+            buffers => buffers?,
         };
-        self.room = Some(room);
+        self.buffers = Some(buffers);
         Ok(())
     }
 
@@ -201,22 +201,22 @@ impl GpuBackend {
     }
 
     /// Gives a step to the card.
-    fn launch(&mut self, mut flight: Flight) -> Result<()> {
-        let mut encoder = self.begin(&mut flight.step, &flight.counts)?;
-        flight.photo.copy(&self.gpu, &mut encoder, &self.room()?.photo);
+    fn launch(&mut self, mut pending: PendingStep) -> Result<()> {
+        let mut encoder = self.begin(&mut pending.step, &pending.counts)?;
+        pending.photo.copy(&self.gpu, &mut encoder, &self.buffers()?.photo);
         self.timer.iter_mut().for_each(|timer| timer.begin());
-        self.record(&flight.plan, flight.regularised, &mut encoder, |passes, to| passes.record(to))?;
+        self.record(&pending.plan, pending.regularised, &mut encoder, |passes, to| passes.record(to))?;
         self.timer.iter().for_each(|timer| timer.end(&mut encoder));
-        flight.readback.record(&mut encoder, &self.counts);
+        pending.readback.record(&mut encoder, &self.counts);
         let submission = self.gpu.queue.submit([encoder.finish()]);
-        flight.readback.submitted(submission);
-        self.flights.push_back(flight);
+        pending.readback.submitted(submission);
+        self.pending_steps.push_back(pending);
         self.gpu.check()
     }
 
     /// Has what passes read before anything is recorded.
     pub(super) fn begin(&self, step: &mut StepUniform, counts: &[u32; COUNTS]) -> Result<CommandEncoder> {
-        step.set_slot_pairs(self.room()?.size.slot_pairs());
+        step.set_slot_pairs(self.buffers()?.size.slot_pairs());
         let Gpu { queue, device, .. } = &self.gpu;
         queue.write_buffer(&self.step, 0, bytemuck::bytes_of(step));
         queue.write_buffer(&self.counts, 0, bytemuck::cast_slice(counts));
@@ -231,14 +231,15 @@ impl GpuBackend {
         encoder: &mut CommandEncoder,
         what: impl FnOnce(&StepPasses<'_>, &mut Sequence<'_>),
     ) -> Result<()> {
-        let (Some(room), Some(visibility), Some(scene)) = (&self.room, &self.visibility, &self.scene) else {
-            return Err(Error::Gpu("a step without room".into()));
+        let (Some(buffers), Some(visibility), Some(scene)) = (&self.buffers, &self.visibility, &self.scene)
+        else {
+            return Err(Error::Gpu("a step without buffers".into()));
         };
         let passes = StepPasses {
             passes: &self.passes,
             scene,
             visibility,
-            room,
+            buffers,
             step: &self.step,
             counts: &self.counts,
             halted: &self.halted,
@@ -257,26 +258,26 @@ impl GpuBackend {
     }
 
     /// Everything that lives for a step.
-    pub(super) fn room(&self) -> Result<&Room> {
-        self.room.as_ref().ok_or_else(|| Error::Gpu("a step without room".into()))
+    pub(super) fn buffers(&self) -> Result<&StepBuffers> {
+        self.buffers.as_ref().ok_or_else(|| Error::Gpu("a step without buffers".into()))
     }
 
     /// Takes the figures of the oldest step under way, if it is done, or with `wait` when it is; true when there was one. One that found
     /// no room is under way again.
     fn settle(&mut self, wait: bool) -> Result<bool> {
-        let Some(flight) = self.flights.front_mut() else { return Ok(false) };
-        let counts = flight.readback.take::<u32>(&self.gpu, wait);
+        let Some(pending) = self.pending_steps.front_mut() else { return Ok(false) };
+        let counts = pending.readback.take::<u32>(&self.gpu, wait);
         let Some(counts) = self.failed(counts)? else { return Ok(false) };
-        let flight = self.flights.front();
-        match more_room(&counts) {
+        let pending = self.pending_steps.front();
+        match missing_capacity(&counts) {
             Some(more) => {
                 let repeated = self.repeat(more);
                 self.failed(repeated)?;
             }
             None => {
-                self.figures.extend(flight.map(|flight| flight.stats(&counts)));
-                self.work = flight.map(|flight| flight.work(&counts));
-                self.spare.extend(self.flights.pop_front().map(|flight| flight.readback));
+                self.figures.extend(pending.map(|pending| pending.stats(&counts)));
+                self.work = pending.map(|pending| pending.work(&counts));
+                self.spare.extend(self.pending_steps.pop_front().map(|pending| pending.readback));
             }
         }
         Ok(true)
@@ -285,7 +286,7 @@ impl GpuBackend {
     /// Waits for all steps under way.
     pub(super) fn settle_all(&mut self) -> Result<()> {
         self.check()?;
-        while !self.flights.is_empty() {
+        while !self.pending_steps.is_empty() {
             self.settle(true)?;
         }
         Ok(())
@@ -304,7 +305,7 @@ impl GpuBackend {
                 other => other.to_string(),
             };
             self.failure.get_or_insert(why);
-            self.flights.clear();
+            self.pending_steps.clear();
         }
         outcome
     }
@@ -331,16 +332,16 @@ impl GpuBackend {
         Ok(())
     }
 
-    /// Repeats the steps under way, none of which did anything, with `more` room.
-    fn repeat(&mut self, more: RoomSize) -> Result<()> {
+    /// Repeats the steps under way, which changed nothing, with `more` room.
+    fn repeat(&mut self, more: StepCapacity) -> Result<()> {
         self.repeats += 1;
-        let mut flights = std::mem::take(&mut self.flights);
-        for later in flights.iter_mut().skip(1) {
+        let mut pending_steps = std::mem::take(&mut self.pending_steps);
+        for later in pending_steps.iter_mut().skip(1) {
             later.readback.take::<u32>(&self.gpu, true)?;
         }
-        self.make_room(more)?;
+        self.reserve(more)?;
         self.go_on();
-        flights.into_iter().try_for_each(|flight| self.launch(flight))
+        pending_steps.into_iter().try_for_each(|pending| self.launch(pending))
     }
 
     /// Steps do something again.
@@ -406,12 +407,12 @@ impl TrainBackend for GpuBackend {
         self.check()?;
         let shape = self.scene()?.shape;
         let plan = StepPlan::new(photo, rates, &self.options);
-        self.make_room(RoomSize::of(&plan, shape.triangles, self.limits.spare_splats))?;
+        self.reserve(StepCapacity::of(&plan, shape.triangles, self.limits.spare_splats))?;
         let readback = self.spare.pop().unwrap_or_else(|| Readback::new(&self.gpu, 4 * COUNTS as u64));
         let source = self.photos.get(&self.gpu, photo);
-        let launched = self.launch(Flight::new(plan, photo, source, rates, shape, readback));
+        let launched = self.launch(PendingStep::new(plan, photo, source, rates, shape, readback));
         self.failed(launched)?;
-        while self.flights.len() > self.limits.ahead {
+        while self.pending_steps.len() > self.limits.ahead {
             self.settle(true)?;
         }
         Ok(())
@@ -427,12 +428,12 @@ pub(in crate::train) fn expected_bytes(size: &RunSize, limits: &GpuLimits) -> u6
     let photos = (4 * size.photo_pixels).min(limits.photo_bytes);
     let pairs = triangles.saturating_mul(limits.pairs_each).max(limits.pairs_least);
     let binding_bytes = limits.binding_bytes;
-    let room = RoomSize {
+    let buffers = StepCapacity {
         pairs,
         binding_bytes,
-        ..RoomSize::new(triangles, limits.spare_splats, size.photo, size.photo)
+        ..StepCapacity::new(triangles, limits.spare_splats, size.photo, size.photo)
     };
-    scene + photos + room.bytes()
+    scene + photos + buffers.bytes()
 }
 
 #[cfg(test)]

@@ -8,17 +8,17 @@
 //! bits on the same card. Parameters and moments stay on the card between `load` and `store`.
 
 mod backend;
-mod flight;
 mod job;
 mod limits;
 mod passes;
+mod pending_step;
 mod photos;
 mod picture;
-mod room;
 mod rows;
 mod scene;
 mod sequence;
 mod source;
+mod step_buffers;
 mod step_passes;
 mod uniform;
 mod work;

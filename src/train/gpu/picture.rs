@@ -1,9 +1,9 @@
 //! Pictures of a scene on the card: the passes of a step up to the frame.
 
 use super::backend::GpuBackend;
-use super::flight::{first_counts, more_room};
 use super::limits::GpuLimits;
-use super::room::RoomSize;
+use super::pending_step::{first_counts, missing_capacity};
+use super::step_buffers::StepCapacity;
 use super::uniform::{Look, SceneShape, StepPlan, StepUniform};
 use crate::camera::Camera;
 use crate::error::Result;
@@ -32,7 +32,7 @@ impl CardScene {
 
     /// As [`CardScene::new`], within `limits`.
     pub fn with_limits(gpu: Gpu, soup: &Soup, limits: GpuLimits) -> Result<Self> {
-        let Soup { vertices, opacity, sigma, sh, sh_degree } = soup.clone();
+        let Soup { vertices, opacity, sigma, sh, sh_degree, .. } = soup.clone();
         let look = Look { anneal: None, frozen_flat: false, sh_degree };
         let params = Params { vertices, opacity, sigma, sh, sh_degree };
         let mut backend = GpuBackend::with_limits(gpu, SoftOptions::default(), limits)?;
@@ -59,17 +59,18 @@ impl GpuBackend {
         self.settle_all()?;
         let shape = self.scene()?.shape;
         let plan = StepPlan::of_picture(camera, options);
-        let mut needed = RoomSize::of_picture(&plan, shape.triangles, self.limits().spare_splats);
+        let mut needed = StepCapacity::of_picture(&plan, shape.triangles, self.limits().spare_splats);
         loop {
-            self.make_room(needed)?;
+            self.reserve(needed)?;
             let counts = self.submit_picture(&plan, look, shape)?;
-            match more_room(&counts) {
+            match missing_capacity(&counts) {
                 Some(more) => needed = needed.union(more),
                 None => break,
             }
             self.go_on();
         }
-        let pixels: Vec<[f32; 4]> = elements(self.gpu(), &self.room()?.frame, plan.frame_pixels() as usize)?;
+        let pixels: Vec<[f32; 4]> =
+            elements(self.gpu(), &self.buffers()?.frame, plan.frame_pixels() as usize)?;
         Ok(Frame {
             size: camera.size,
             rgb: pixels.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),

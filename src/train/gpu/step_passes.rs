@@ -2,10 +2,10 @@
 
 use super::job::{Count, DIGIT_BITS, Groups, Job, digit, scan, sum, turn};
 use super::passes::Passes;
-use super::room::Room;
 use super::scene::{SceneBuffers, VisibilityBuffer};
 use super::sequence::{Sequence, Spread, all};
 use super::source::{GROUP, SCAN_ITEMS};
+use super::step_buffers::StepBuffers;
 use super::uniform::StepPlan;
 use super::work::tile_digits;
 use wgpu::{BindingResource, Buffer};
@@ -16,7 +16,7 @@ pub(super) struct StepPasses<'a> {
     pub(super) passes: &'a Passes,
     pub(super) scene: &'a SceneBuffers,
     pub(super) visibility: &'a VisibilityBuffer,
-    pub(super) room: &'a Room,
+    pub(super) buffers: &'a StepBuffers,
     pub(super) step: &'a Buffer,
     pub(super) counts: &'a Buffer,
     /// Set when a step found no room.
@@ -64,27 +64,27 @@ impl StepPasses<'_> {
     }
 
     fn project(&self, to: &mut Sequence<'_>) {
-        let (room, triangles) = (self.room, self.scene.shape.triangles);
+        let (buffers, triangles) = (self.buffers, self.scene.shape.triangles);
         let project = |to: &mut Sequence<'_>, writes| {
             for (at, chunk) in self.scene.chunks.iter().enumerate() {
                 let bindings = [
                     all(self.step),
                     self.scene.part(at, writes),
                     all(&chunk.x),
-                    all(&room.splat_starts),
-                    all(&room.records),
-                    all(&room.bounds),
-                    all(&room.planes),
-                    all(&room.pieces),
-                    all(&room.depths[0]),
+                    all(&buffers.splat_starts),
+                    all(&buffers.records),
+                    all(&buffers.bounds),
+                    all(&buffers.planes),
+                    all(&buffers.pieces),
+                    all(&buffers.depths[0]),
                 ];
                 to.run(&self.passes.project, Spread::Over(chunk.count + 1, GROUP), &bindings);
             }
         };
         project(to, 0);
         let blocks = Spread::Over(triangles + 1, GROUP * SCAN_ITEMS);
-        self.scan(to, Count::Triangles1, blocks, &room.splat_starts);
-        self.plan(to, COUNT, &room.splat_starts);
+        self.scan(to, Count::Triangles1, blocks, &buffers.splat_starts);
+        self.plan(to, COUNT, &buffers.splat_starts);
         project(to, 1);
     }
 
@@ -94,31 +94,31 @@ impl StepPasses<'_> {
             digits: Count::SplatDigits,
             blocks: Groups::SplatSort,
             scan: Groups::SplatDigitScan,
-            keys: &self.room.depths,
-            values: &self.room.order,
+            keys: &self.buffers.depths,
+            values: &self.buffers.order,
         };
         self.sort(to, &sort, u32::BITS / DIGIT_BITS);
     }
 
     fn bin(&self, to: &mut Sequence<'_>) {
-        let room = self.room;
+        let buffers = self.buffers;
         let bin = |to: &mut Sequence<'_>, job| {
             let bindings = [
                 all(self.step),
                 to.job(job),
                 all(self.counts),
-                all(&room.order[0]),
-                all(&room.records),
-                all(&room.bounds),
-                all(&room.pair_starts),
-                all(&room.tiles[0]),
-                all(&room.owners),
+                all(&buffers.order[0]),
+                all(&buffers.records),
+                all(&buffers.bounds),
+                all(&buffers.pair_starts),
+                all(&buffers.tiles[0]),
+                all(&buffers.owners),
             ];
             to.run(&self.passes.bin, Spread::Found(Groups::Splats), &bindings);
         };
         bin(to, COUNT);
-        self.scan(to, Count::Splats1, Spread::Found(Groups::SplatScan), &room.pair_starts);
-        self.plan(to, WRITE, &room.pair_starts);
+        self.scan(to, Count::Splats1, Spread::Found(Groups::SplatScan), &buffers.pair_starts);
+        self.plan(to, WRITE, &buffers.pair_starts);
         bin(to, WRITE);
     }
 
@@ -128,122 +128,122 @@ impl StepPasses<'_> {
     }
 
     fn sort_by_tile(&self, to: &mut Sequence<'_>) {
-        let room = self.room;
+        let buffers = self.buffers;
         let sort = Sort {
             length: Count::Pairs,
             digits: Count::PairDigits,
             blocks: Groups::PairSort,
             scan: Groups::PairDigitScan,
-            keys: &room.tiles,
-            values: &room.pairs,
+            keys: &buffers.tiles,
+            values: &buffers.pairs,
         };
         self.sort(to, &sort, tile_digits(self.plan));
         let tiles = self.plan.tiles.element_product();
         let bindings =
-            [all(self.step), all(self.counts), all(&room.tiles[self.sorted()]), all(&room.tile_starts)];
+            [all(self.step), all(self.counts), all(&buffers.tiles[self.sorted()]), all(&buffers.tile_starts)];
         to.run(&self.passes.tile_starts, Spread::Over(tiles + 1, GROUP), &bindings);
     }
 
     /// What every pass over the tiles has first: the splats of each, front to back.
     fn of_tiles(&self) -> Vec<BindingResource<'_>> {
-        let room = self.room;
+        let buffers = self.buffers;
         vec![
             all(self.step),
-            all(&room.tile_starts),
-            all(&room.pairs[self.sorted()]),
-            all(&room.owners),
-            all(&room.records),
-            all(&room.planes),
+            all(&buffers.tile_starts),
+            all(&buffers.pairs[self.sorted()]),
+            all(&buffers.owners),
+            all(&buffers.records),
+            all(&buffers.planes),
         ]
     }
 
     fn forward(&self, to: &mut Sequence<'_>) {
-        let room = self.room;
+        let buffers = self.buffers;
         if self.plan.by_pixel() {
             self.forward_by_pixel(to, COUNT);
             let blocks = Spread::Over(self.plan.frame_pixels() + 1, GROUP * SCAN_ITEMS);
-            self.scan(to, Count::Pixels1, blocks, &room.layer_starts);
-            self.plan(to, WRITE_LAYERS, &room.layer_starts);
+            self.scan(to, Count::Pixels1, blocks, &buffers.layer_starts);
+            self.plan(to, WRITE_LAYERS, &buffers.layer_starts);
             return;
         }
         let mut bindings = self.of_tiles();
-        bindings.extend([all(&room.frame), all(&room.geometry), all(&room.tile_ends)]);
+        bindings.extend([all(&buffers.frame), all(&buffers.geometry), all(&buffers.tile_ends)]);
         to.run(&self.passes.forward, Spread::Tiles(self.plan.tiles), &bindings);
     }
 
     fn forward_by_pixel(&self, to: &mut Sequence<'_>, job: Job) {
-        let room = self.room;
+        let buffers = self.buffers;
         let mut bindings = self.of_tiles();
         bindings.extend([
-            all(&room.frame),
-            all(&room.geometry),
-            all(&room.layer_starts),
-            all(&room.layers),
-            all(&room.d_frame),
-            all(&room.d_geometry),
+            all(&buffers.frame),
+            all(&buffers.geometry),
+            all(&buffers.layer_starts),
+            all(&buffers.layers),
+            all(&buffers.d_frame),
+            all(&buffers.d_geometry),
             to.job(job),
         ]);
         to.run(&self.passes.forward_by_pixel, Spread::Tiles(self.plan.tiles), &bindings);
     }
 
     fn loss(&self, to: &mut Sequence<'_>) {
-        let (room, passes) = (self.room, self.passes);
+        let (buffers, passes) = (self.buffers, self.passes);
         let tiles = Spread::Tiles(crate::raster::soft::tile_count(self.plan.photo));
         let pixels = Spread::Over(self.plan.photo_pixels(), GROUP);
-        to.run(&passes.resolve, pixels, &[all(self.step), all(&room.frame), all(&room.picture)]);
-        let (picture, photo, maps) = (all(&room.picture), all(&room.photo), all(&room.maps));
-        let ssim = [all(self.step), picture.clone(), photo.clone(), maps.clone(), all(&room.partial_sums)];
+        to.run(&passes.resolve, pixels, &[all(self.step), all(&buffers.frame), all(&buffers.picture)]);
+        let (picture, photo, maps) = (all(&buffers.picture), all(&buffers.photo), all(&buffers.maps));
+        let ssim = [all(self.step), picture.clone(), photo.clone(), maps.clone(), all(&buffers.partial_sums)];
         to.run(&passes.loss_ssim, tiles, &ssim);
         let [step, .., partial_sums] = ssim;
-        to.run(&passes.loss_grad, tiles, &[step, picture, photo, maps, partial_sums, all(&room.d_frame)]);
+        to.run(&passes.loss_grad, tiles, &[step, picture, photo, maps, partial_sums, all(&buffers.d_frame)]);
         self.sum(to, sum(Count::LossL1, Count::PhotoTiles, 3));
     }
 
     fn geometry(&self, to: &mut Sequence<'_>) {
-        let (room, pixels) = (self.room, Spread::Over(self.plan.frame_pixels(), GROUP));
-        let maps = [all(self.step), all(&room.frame), all(&room.geometry), all(&room.d_geometry)];
+        let (buffers, pixels) = (self.buffers, Spread::Over(self.plan.frame_pixels(), GROUP));
+        let maps = [all(self.step), all(&buffers.frame), all(&buffers.geometry), all(&buffers.d_geometry)];
         let [step, frame, geometry, d_geometry] = maps.clone();
-        let bindings = [step, frame, geometry, d_geometry, all(&room.slopes), all(&room.partial_sums)];
+        let bindings = [step, frame, geometry, d_geometry, all(&buffers.slopes), all(&buffers.partial_sums)];
         to.run(&self.passes.normal_slopes, pixels, &bindings);
         self.sum(to, sum(Count::LossGeometry, Count::FrameGroups, 1));
         let [step, frame, geometry, d_geometry] = maps;
-        let bindings = [step, frame, geometry, d_geometry, all(&room.slopes)];
+        let bindings = [step, frame, geometry, d_geometry, all(&buffers.slopes)];
         to.run(&self.passes.normal_grad, pixels, &bindings);
     }
 
     fn backward(&self, to: &mut Sequence<'_>) {
-        let (room, tiles) = (self.room, Spread::Tiles(self.plan.tiles));
+        let (buffers, tiles) = (self.buffers, Spread::Tiles(self.plan.tiles));
         let mut bindings = self.of_tiles();
-        let d_pixels = [all(&room.geometry), all(&room.d_frame), all(&room.d_geometry)];
+        let d_pixels = [all(&buffers.geometry), all(&buffers.d_frame), all(&buffers.d_geometry)];
         if self.plan.by_pixel() {
             self.forward_by_pixel(to, WRITE);
             bindings.extend(d_pixels);
-            bindings.extend([all(&room.layer_starts), all(&room.layers)]);
-            bindings.extend(room.slots.iter().map(all));
+            bindings.extend([all(&buffers.layer_starts), all(&buffers.layers)]);
+            bindings.extend(buffers.slots.iter().map(all));
             to.run(&self.passes.backward_by_pixel, tiles, &bindings);
         } else {
-            bindings.push(all(&room.frame));
+            bindings.push(all(&buffers.frame));
             bindings.extend(d_pixels);
-            bindings.push(all(&room.tile_ends));
-            bindings.extend(room.slots.iter().map(all));
+            bindings.push(all(&buffers.tile_ends));
+            bindings.extend(buffers.slots.iter().map(all));
             to.run(&self.passes.backward, tiles, &bindings);
         }
     }
 
     fn gather(&self, to: &mut Sequence<'_>) {
-        let room = self.room;
+        let buffers = self.buffers;
         let mut bindings =
-            vec![all(self.step), all(self.counts), all(&room.order[0]), all(&room.pair_starts)];
-        bindings.extend(room.slots.iter().map(all));
-        bindings.push(all(&room.splat_sums));
+            vec![all(self.step), all(self.counts), all(&buffers.order[0]), all(&buffers.pair_starts)];
+        bindings.extend(buffers.slots.iter().map(all));
+        bindings.push(all(&buffers.splat_sums));
         to.run(&self.passes.gather, Spread::Found(Groups::Gather), &bindings);
     }
 
     fn update(&self, to: &mut Sequence<'_>) {
-        let (room, scene) = (self.room, self.scene);
+        let (buffers, scene) = (self.buffers, self.scene);
         if self.regularised {
             for (at, chunk) in scene.chunks.iter().enumerate() {
-                let bindings = [all(self.step), scene.part(at, 0), all(&chunk.x), all(&room.partial_sums)];
+                let bindings = [all(self.step), scene.part(at, 0), all(&chunk.x), all(&buffers.partial_sums)];
                 to.run(&self.passes.regularise, Spread::Over(chunk.count, GROUP), &bindings);
             }
             self.sum(to, sum(Count::SumArea, Count::SceneGroups, 2));
@@ -252,10 +252,10 @@ impl StepPasses<'_> {
             let bindings = [
                 all(self.step),
                 all(self.counts),
-                all(&room.splat_starts),
-                all(&room.records),
-                all(&room.pieces),
-                all(&room.splat_sums),
+                all(&buffers.splat_starts),
+                all(&buffers.records),
+                all(&buffers.pieces),
+                all(&buffers.splat_sums),
                 all(&chunk.x),
                 all(&chunk.first_moments),
                 all(&chunk.second_moments),
@@ -268,7 +268,7 @@ impl StepPasses<'_> {
 
     /// Sums what the workgroups of the pass before left.
     fn sum(&self, to: &mut Sequence<'_>, job: Job) {
-        let bindings = [to.job(job), all(&self.room.partial_sums), all(self.counts)];
+        let bindings = [to.job(job), all(&self.buffers.partial_sums), all(self.counts)];
         to.run(&self.passes.sum_partials, Spread::Once, &bindings);
     }
 
@@ -279,7 +279,7 @@ impl StepPasses<'_> {
             all(self.counts),
             all(starts),
             all(to.groups),
-            all(&self.room.most),
+            all(&self.buffers.most),
             all(self.halted),
         ];
         to.run(&self.passes.plan, Spread::Once, &bindings);
@@ -287,7 +287,7 @@ impl StepPasses<'_> {
 
     /// An exclusive prefix sum in place.
     fn scan(&self, to: &mut Sequence<'_>, length: Count, blocks: Spread, data: &Buffer) {
-        let (passes, sums) = (self.passes, all(&self.room.block_sums));
+        let (passes, sums) = (self.passes, all(&self.buffers.block_sums));
         let (job, counts) = (to.job(scan(length)), all(self.counts));
         let bindings = [job.clone(), counts.clone(), all(data), sums.clone()];
         to.run(&passes.scan_reduce, blocks, &bindings);
@@ -297,7 +297,7 @@ impl StepPasses<'_> {
 
     /// A stable sort by the lowest `digits` of the keys; after an even number of them the result is in the first buffers.
     fn sort(&self, to: &mut Sequence<'_>, sort: &Sort<'_>, digits: u32) {
-        let histogram = &self.room.histogram;
+        let histogram = &self.buffers.histogram;
         for at in 0..digits {
             let (from, into) = (at as usize % 2, 1 - at as usize % 2);
             let job = to.job(digit(sort.length, at * DIGIT_BITS));

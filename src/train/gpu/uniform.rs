@@ -183,7 +183,7 @@ impl StepUniform {
         self.scene[2]
     }
 
-    /// Has the slots of so many pairs in each of their bindings.
+    /// Splits the slots of all pairs into bindings of this many.
     pub(super) fn set_slot_pairs(&mut self, pairs: u32) {
         self.parts[3] = pairs;
     }

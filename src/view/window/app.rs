@@ -96,7 +96,7 @@ impl ApplicationHandler<Letter> for App {
     fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         let Some((screen, _)) = &mut self.window else { return };
         let response = screen.input.on_window_event(&screen.window, &event);
-        // That a picture is due is no reason for the one after it: a window at rest would draw for ever.
+        // A due picture must not request the next one, or a window at rest would draw for ever.
         if response.repaint && event != WindowEvent::RedrawRequested {
             screen.window.request_redraw();
         }

@@ -51,8 +51,8 @@ pub(super) struct LoadedScene {
     pub(super) model: Model,
     /// The box of most of it, without outliers.
     pub(super) bounds: Aabb,
-    /// Where to look from first, when the file says so.
-    pub(super) viewpoint: Option<Viewpoint>,
+    /// Where to look from first, when the file says so, and how far from what is looked at its backdrop is.
+    pub(super) viewpoint: Option<(Viewpoint, f32)>,
 }
 
 /// Where work on other threads sends its messages.
@@ -146,7 +146,8 @@ fn uploaded(
     let layout: VertexLayout = Renderer::best_layout(gpu, &scene.asset);
     let model = Model::upload(gpu, groups, &scene.asset, layout)?;
     let bounds = central_box(&scene.asset);
-    let viewpoint = scene.asset.provenance.viewpoint;
+    let room = |v: Viewpoint| scene.asset.room(glam::DVec3::from(v.target).as_vec3());
+    let viewpoint = scene.asset.provenance.viewpoint.map(|viewpoint| (viewpoint, room(viewpoint)));
     Ok(Box::new(LoadedScene { files, scene, model, bounds, viewpoint }))
 }
 

@@ -16,6 +16,11 @@ const LEVEL_DRAG: f32 = 0.06;
 /// Vertical field of view when no photo's camera is used, rad.
 const FIELD_OF_VIEW: f32 = 0.9;
 
+/// Part of the way to what closes the scene that a view keeps within.
+const ROOM: f32 = 0.9;
+/// The sine of half of what the widest lens sees.
+const MOST_SINE: f32 = 0.85;
+
 /// Position, direction and intrinsics of the camera.
 #[derive(Debug, Clone)]
 pub struct CameraControls {
@@ -81,6 +86,25 @@ impl CameraControls {
         self.position = target - self.forward() * self.pivot_distance;
     }
 
+    /// Moves back along the view until a ball is visible, but within `room` of its middle, where something closes the scene: there
+    /// the lens is wider.
+    pub fn frame_ball(&mut self, target: Vec3, radius: f32, room: f32) {
+        self.frame(&Aabb { min: target - radius / 3f32.sqrt(), max: target + radius / 3f32.sqrt() });
+        let room = ROOM * room;
+        if self.pivot_distance > room {
+            let half_sine = (radius / room).min(MOST_SINE);
+            let tangent = half_sine / (1.0 - half_sine * half_sine).sqrt();
+            self.intrinsics.focal = Vec2::splat(500.0 / tangent);
+            self.pivot_distance = room;
+            self.position = target - self.forward() * room;
+        }
+    }
+
+    /// Orbits around what is as far ahead as a point of the scene.
+    pub fn orbit_at_depth_of(&mut self, point: Vec3) {
+        self.set_pivot_distance((point - self.position).dot(self.forward()));
+    }
+
     /// Takes the pose and the intrinsics of a camera.
     pub fn move_to(&mut self, camera: &Camera) {
         self.rotation = camera.rotation;
@@ -131,7 +155,7 @@ impl CameraControls {
         Pane { min: pane.min + 0.5 * (pane.size - size), size }
     }
 
-    /// Depth in front of which nothing is drawn.
+    /// Least depth that is drawn.
     pub fn near(&self) -> f32 {
         (1e-3 * self.extent.min(self.pivot_distance)).max(f32::MIN_POSITIVE)
     }
@@ -247,6 +271,21 @@ mod tests {
             .camera(SIZE, PANE)
             .validate(&crate::limits::Limits::DEFAULT)
             .unwrap();
+    }
+
+    #[test]
+    fn framing_the_subject_stays_inside_the_shell() {
+        let (target, radius) = (Vec3::new(1.0, 2.0, 3.0), 0.5);
+        for room in [f32::INFINITY, 4.0, 1.0, 0.6] {
+            let mut controls = CameraControls::new(&BOX, Vec3::Y);
+            controls.frame_ball(target, radius, room);
+            assert!(controls.position().distance(target) <= 0.91 * room);
+            assert!(controls.pivot().distance(target) < 1e-4);
+            let camera = controls.camera(SIZE, PANE);
+            for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+                assert!(camera.frames(target + 0.7 * radius * axis), "{room}");
+            }
+        }
     }
 
     #[test]

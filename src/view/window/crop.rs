@@ -106,13 +106,13 @@ impl CropEditor {
         if !self.on {
             return None;
         }
-        ui.horizontal(|ui| {
+        ui.horizontal_wrapped(|ui| {
             ui.radio_value(&mut self.sphere, false, "box");
             ui.radio_value(&mut self.sphere, true, "sphere");
         });
         let size = self.size();
         for (axis, name) in ["x", "y", "z"].iter().enumerate() {
-            ui.horizontal(|ui| {
+            ui.horizontal_wrapped(|ui| {
                 ui.label(*name);
                 if self.sphere {
                     ui.add(number(&mut self.center[axis], size));
@@ -125,13 +125,13 @@ impl CropEditor {
             });
         }
         if self.sphere {
-            ui.horizontal(|ui| {
+            ui.horizontal_wrapped(|ui| {
                 ui.label("radius");
                 ui.add(number(&mut self.radius, size).range(f64::MIN_POSITIVE..=f64::MAX));
             });
         }
         let clicks = [("move here", CropClick::Here), ("save", CropClick::Save)];
-        ui.horizontal(|ui| {
+        ui.horizontal_wrapped(|ui| {
             clicks.into_iter().filter_map(|(name, click)| ui.button(name).clicked().then_some(click)).last()
         })
         .inner

@@ -11,7 +11,7 @@ const KEYS: [(&str, &str); 19] = [
     ("Q E", "down, up"),
     ("Shift", "faster"),
     ("click", "pick a triangle"),
-    ("F", "all in view"),
+    ("F", "the subject in view"),
     ("N, P", "next, previous photo"),
     ("O", "photo beside, over, off"),
     ("C", "cameras"),

@@ -12,7 +12,7 @@ use glam::{Vec2, Vec3};
 use indicatif::HumanCount;
 
 /// Width of the panel, points.
-const WIDTH: f32 = 270.0;
+const WIDTH: f32 = 320.0;
 const EVERYTHING: Rect = Rect { min: Pos2::ZERO, max: Pos2::new(1.0, 1.0) };
 const ORANGE: Color32 = Color32::from_rgb(255, 160, 40);
 
@@ -88,7 +88,7 @@ fn figures(ui: &mut Ui, session: &Session) {
         let held = match (would_do, &session.shown) {
             (Some(share), Some(shown)) => {
                 let few = (share * shown.model.triangles() as f64 / 1000.0).floor() * 1000.0;
-                format!("{fps:.0} FPS want about {} triangles: bake --max-triangles", HumanCount(few as u64))
+                format!("{fps:.0} FPS need about {} triangles: bake --max-triangles", HumanCount(few as u64))
             }
             _ => format!("{size} for {fps:.0} FPS"),
         };
@@ -103,13 +103,13 @@ fn figures(ui: &mut Ui, session: &Session) {
 fn settings(ui: &mut Ui, session: &mut Session) {
     let has_soft = session.shown.as_ref().is_some_and(|s| s.has_soft);
     let Settings { soft, display, wireframe, subset, share, continuous, .. } = &mut session.settings;
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         ui.radio_value(display, DisplayMode::Color, "colour");
         ui.radio_value(display, DisplayMode::Normals, "normals");
         ui.radio_value(display, DisplayMode::Chunks, "chunks");
     });
     ui.checkbox(wireframe, "wireframe");
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         ui.checkbox(subset, "random subset");
         ui.add_enabled(*subset, egui::Slider::new(share, 0.001..=1.0).logarithmic(true));
     });
@@ -137,12 +137,12 @@ fn photos(ui: &mut Ui, session: &mut Session) {
     let place = session.current.map_or("–".to_owned(), |i| (i + 1).to_string());
     ui.label(format!("{name} ({place} of {})", shown.photos.len()));
     let mut step = 0;
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         step -= isize::from(ui.button("previous").clicked());
         step += isize::from(ui.button("next").clicked());
         ui.checkbox(&mut session.settings.cameras, "cameras");
     });
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         ui.label("photo");
         let photo = &mut session.settings.photo;
         ui.radio_value(photo, PhotoPlacement::Off, "off");

@@ -80,7 +80,7 @@ mod tests {
     use super::*;
     use crate::bake::teacher::TeacherOptions;
     use crate::bake::{BakeOptions, bake};
-    use crate::bench::scenes::{self, SampleScene};
+    use crate::sample::scenes::{self, SampleScene};
     use crate::scene::{Loaded, Scene};
 
     #[test]

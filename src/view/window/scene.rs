@@ -1,4 +1,4 @@
-//! What a window shows, and who loads it.
+//! What a window shows, and the threads that load it.
 
 use crate::asset::{Asset, Placement};
 use crate::camera::Camera;

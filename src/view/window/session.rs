@@ -8,7 +8,7 @@ use super::crop::CropEditor;
 use super::pick::Picked;
 use super::scene::{CropSaver, SceneFiles, SoftRenderer, SoupSource, WindowPhoto, WindowScene};
 use crate::asset::{Asset, Placement};
-use crate::camera::Camera;
+use crate::camera::{Camera, Viewpoint};
 use crate::image::Pixels;
 use crate::region::Region;
 use crate::soup::Soup;
@@ -71,6 +71,8 @@ pub(super) enum PhotoPlacement {
 pub(super) struct Shown {
     pub(super) model: Arc<Model>,
     pub(super) bounds: Aabb,
+    /// Where to look from first, and how far from what is looked at the scene is closed.
+    pub(super) viewpoint: Option<(Viewpoint, f32)>,
     pub(super) photos: Vec<WindowPhoto>,
     pub(super) soup: Option<Arc<Soup>>,
     pub(super) to_soup: Option<Arc<dyn Fn(Vec3) -> Vec3 + Send + Sync>>,
@@ -89,7 +91,13 @@ pub(super) struct Shown {
 
 impl Shown {
     /// `scene`, whose triangles are in `model`, without its asset.
-    fn new(scene: WindowScene, model: Model, bounds: Aabb, crop: CropEditor) -> Self {
+    fn new(
+        scene: WindowScene,
+        model: Model,
+        bounds: Aabb,
+        viewpoint: Option<(Viewpoint, f32)>,
+        crop: CropEditor,
+    ) -> Self {
         let (soup, to_soup, soft_renderer, soft_rest) = match scene.source {
             Some(SoupSource { soup, to_soup, renderer, rest }) => {
                 (Some(soup), Some(to_soup), Some(renderer), rest)
@@ -99,6 +107,7 @@ impl Shown {
         Self {
             model: Arc::new(model),
             bounds,
+            viewpoint,
             photos: scene.photos,
             soup,
             to_soup,
@@ -110,6 +119,15 @@ impl Shown {
             crop,
             save_crop: scene.save_crop,
         }
+    }
+}
+
+impl Shown {
+    /// The photo taken nearest to the first viewpoint; the first one when there is none.
+    fn first_photo(&self) -> Option<usize> {
+        let eye = self.viewpoint.map(|(viewpoint, _)| glam::DVec3::from(viewpoint.eye).as_vec3());
+        let away = |i: &usize| eye.map_or(0.0, |eye| self.photos[*i].camera.position().distance(eye));
+        (0..self.photos.len()).min_by(|a, b| away(a).total_cmp(&away(b)))
     }
 }
 
@@ -205,7 +223,7 @@ impl Session {
         }
     }
 
-    /// Shows a scene: from the camera of its first photo, from its initial viewpoint, or as a whole.
+    /// Shows a scene: from the photo nearest to its first viewpoint, from there, or as a whole.
     pub(super) fn show(&mut self, loaded: LoadedScene) {
         let LoadedScene { files, mut scene, model, bounds, viewpoint } = loaded;
         let status = scene.status.take();
@@ -217,11 +235,11 @@ impl Session {
         let kept = self.shown.take().filter(|_| same).map(|shown| shown.crop);
         let crop = kept.unwrap_or_else(|| CropEditor::around(&bounds, scene.to_file()));
         self.controls = CameraControls::new(&bounds, scene.up);
-        self.shown = Some(Shown::new(scene, model, bounds, crop));
+        self.shown = Some(Shown::new(scene, model, bounds, viewpoint, crop));
         (self.note, self.status) = (None, status);
-        if self.shown.as_ref().is_some_and(|s| !s.photos.is_empty()) {
-            self.jump(0);
-        } else if let Some(viewpoint) = viewpoint {
+        if let Some(nearest) = self.shown.as_ref().and_then(Shown::first_photo) {
+            self.jump(nearest);
+        } else if let Some((viewpoint, _)) = viewpoint {
             self.controls.move_to(&viewpoint.camera(UVec2::new(1600, 1000)));
             self.controls.set_pivot_distance(viewpoint.distance());
         }
@@ -229,7 +247,7 @@ impl Session {
 
     /// Shows what the scene has become, from where it is looked at now.
     pub(super) fn change(&mut self, changed: LoadedScene) {
-        let LoadedScene { files, mut scene, model, bounds, .. } = changed;
+        let LoadedScene { files, mut scene, model, bounds, viewpoint } = changed;
         // Another file may have been dropped on the window meanwhile.
         let Some(before) = self.shown.take_if(|_| self.files == files) else { return };
         self.scene = self.next_number();
@@ -237,7 +255,7 @@ impl Session {
         (self.picked, self.soft_is_old, self.status) = (None, true, scene.status.take());
         self.controls.change_frame(&before.placement, &scene.placement);
         let asset = std::mem::take(&mut scene.asset);
-        let shown = Shown::new(scene, model, bounds, before.crop);
+        let shown = Shown::new(scene, model, bounds, viewpoint, before.crop);
         self.shown = Some(Shown { asset: Some(Arc::new(asset)), ..shown });
     }
 
@@ -285,6 +303,9 @@ impl Session {
     pub(super) fn jump(&mut self, index: usize) {
         let Some(photo) = self.shown.as_ref().and_then(|s| s.photos.get(index)) else { return };
         self.controls.move_to(&photo.camera);
+        if let Some((viewpoint, _)) = self.shown.as_ref().and_then(|shown| shown.viewpoint) {
+            self.controls.orbit_at_depth_of(glam::DVec3::from(viewpoint.target).as_vec3());
+        }
         self.current = Some(index);
     }
 
@@ -297,7 +318,7 @@ impl Session {
         }
     }
 
-    /// Brings the whole scene into view.
+    /// Brings the subject into view, or the region that is cropped to.
     pub(super) fn frame(&mut self) {
         if let Some(shown) = &self.shown {
             let of_crop = || {
@@ -305,7 +326,13 @@ impl Session {
                 let at = |p: glam::DVec3| shown.placement.to_file(p.as_vec3());
                 ends.map(at).fold(Aabb::EMPTY, |all, p| all.union(Aabb { min: p, max: p }))
             };
-            self.controls.frame(&if shown.crop.on { of_crop() } else { shown.bounds });
+            let subject = shown.viewpoint.and_then(|(v, room)| Some((v.target, v.radius? as f32, room)));
+            match subject.filter(|_| !shown.crop.on) {
+                Some((target, radius, room)) => {
+                    self.controls.frame_ball(glam::DVec3::from(target).as_vec3(), radius, room);
+                }
+                None => self.controls.frame(&if shown.crop.on { of_crop() } else { shown.bounds }),
+            }
             self.current = None;
         }
     }

@@ -1,0 +1,320 @@
+//! Folders whose files belong together, more of them than can be open at once.
+//!
+//! They are made in a folder of their own inside, `.folder.trisplat.new`, and moved to their places when all are on the disk: old files are
+//! moved aside first, and an error puts them back. A list of the moves, written before the first of them, lets the next run undo what a
+//! killed one began.
+
+use super::live;
+use super::names::{aside_folder, aside_name, folder_lock, temporary_name};
+use super::temporary::Temporary;
+use crate::error::{Error, Result};
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// The list of moves, one line each: a killed run that leaves it is undone.
+const LIST: &str = ".moves";
+/// The same once all are made: of such a run old files are still to be removed.
+const DONE: &str = ".moved";
+
+/// Keeps others from writing into a folder while it is held.
+#[derive(Debug)]
+pub struct FolderLock {
+    _file: Temporary,
+    /// A process that held it was killed.
+    interrupted: bool,
+}
+
+impl FolderLock {
+    /// Of a folder that is there.
+    ///
+    /// Errors: another program that writes into it; what the operating system refuses.
+    pub fn take(folder: &Path) -> Result<Self> {
+        let lock = folder_lock(folder);
+        let interrupted = temporary_name(&lock).exists();
+        let busy = |e: io::Error| match e.kind() {
+            io::ErrorKind::ResourceBusy => io::Error::new(
+                io::ErrorKind::ResourceBusy,
+                "another program is writing into this folder; wait for it, or give another folder",
+            ),
+            _ => e,
+        };
+        let file = Temporary::create(&lock).map_err(|e| Error::io(folder, busy(e)))?;
+        Ok(Self { _file: file, interrupted })
+    }
+}
+
+/// A folder under construction. Files of other names in it are left alone; dropped, it leaves the folder as it was.
+#[derive(Debug)]
+pub struct AtomicFolder {
+    folder: PathBuf,
+    aside: PathBuf,
+    /// The folder was made for this.
+    is_new: bool,
+    lock: Option<FolderLock>,
+}
+
+impl AtomicFolder {
+    /// Starts the files of `folder`, which is made when it is not there. What a killed process has begun there is undone.
+    ///
+    /// Errors: another program that writes into it; what the operating system refuses.
+    pub fn create(folder: &Path) -> Result<Self> {
+        let io = |e| Error::io(folder, e);
+        let is_new = !folder.exists();
+        std::fs::create_dir_all(folder).map_err(io)?;
+        let lock = FolderLock::take(folder)?;
+        let aside = aside_folder(folder);
+        if aside.exists() {
+            if lock.interrupted {
+                undo(folder, &aside).and_then(|()| remove_old(folder, &aside)).map_err(io)?;
+            }
+            std::fs::remove_dir_all(&aside).map_err(io)?;
+        }
+        live::register(&aside);
+        let made = Self { folder: folder.to_owned(), aside, is_new, lock: Some(lock) };
+        std::fs::create_dir(&made.aside).map_err(io)?;
+        if is_new {
+            live::register(folder);
+        }
+        Ok(made)
+    }
+
+    /// Where its files are made, under the names that they will have.
+    pub fn path(&self) -> &Path {
+        &self.aside
+    }
+
+    /// Moves the files to their places once they are on the disk, those that begin with `naming` last: they name the others. On an error
+    /// each name has what it had before.
+    ///
+    /// Errors: what the operating system refuses.
+    pub fn publish(self, naming: &str) -> Result<()> {
+        let io = |e| Error::io(&self.folder, e);
+        let mut names = Vec::new();
+        collect(&self.aside, Path::new(""), &mut names).map_err(io)?;
+        names.sort();
+        names.sort_by_key(|name| name.starts_with(naming));
+        names.iter().try_for_each(|name| sync(&self.aside.join(name))).map_err(io)?;
+        let list = self.aside.join(LIST);
+        write_list(&list, &self.folder, &names).map_err(io)?;
+        // Locked while files get their names: a signal waits.
+        let mut live = live::list();
+        let replaced = replace(&self.folder, &self.aside, &names)
+            .and_then(|()| std::fs::rename(&list, self.aside.join(DONE)));
+        if let Err(error) = replaced {
+            // As far as the system lets us.
+            let _ = undo(&self.folder, &self.aside);
+            return Err(io(error));
+        }
+        live::forget(&mut live, &self.folder);
+        // What cannot be removed is removed by the next run.
+        let _ = remove_old(&self.folder, &self.aside);
+        drop(live);
+        sync_folder(&self.folder);
+        Ok(())
+    }
+}
+
+impl Drop for AtomicFolder {
+    fn drop(&mut self) {
+        // Once more where it failed: what is in the way may have been so for a moment only. Whatever stays is swept by the next run.
+        let remove = |_: io::Error| std::fs::remove_dir_all(&self.aside);
+        let _ = std::fs::remove_dir_all(&self.aside).or_else(remove);
+        live::unregister(&self.aside);
+        self.lock = None;
+        if self.is_new {
+            // Unless something is in it.
+            let _ = std::fs::remove_dir(&self.folder);
+            live::unregister(&self.folder);
+        }
+    }
+}
+
+/// Names of all files below `folder`, relative to it.
+fn collect(folder: &Path, below: &Path, names: &mut Vec<PathBuf>) -> io::Result<()> {
+    for entry in std::fs::read_dir(folder.join(below))? {
+        let entry = entry?;
+        let name = below.join(entry.file_name());
+        match entry.file_type()?.is_dir() {
+            true => collect(folder, &name, names)?,
+            false => names.push(name),
+        }
+    }
+    Ok(())
+}
+
+fn sync(path: &Path) -> io::Result<()> {
+    File::options().write(true).open(path)?.sync_all()
+}
+
+/// `+` before the names of files that replace none, `=` before the others.
+fn write_list(list: &Path, folder: &Path, names: &[PathBuf]) -> io::Result<()> {
+    let line = |name: &PathBuf| {
+        let mark = if folder.join(name).exists() { '=' } else { '+' };
+        format!("{mark}{}\n", name.display())
+    };
+    std::fs::write(list, names.iter().map(line).collect::<String>())?;
+    sync(list)
+}
+
+/// Moves old files aside, the naming ones first, and new ones in.
+fn replace(folder: &Path, aside: &Path, names: &[PathBuf]) -> io::Result<()> {
+    for target in names.iter().rev().map(|name| folder.join(name)).filter(|target| target.exists()) {
+        std::fs::rename(&target, aside_name(&target))?;
+    }
+    for name in names {
+        let target = folder.join(name);
+        std::fs::create_dir_all(target.parent().unwrap_or(folder))?;
+        std::fs::rename(aside.join(name), target)?;
+    }
+    Ok(())
+}
+
+/// Marks and names of the list `name`; nothing where there is none.
+fn read_list(aside: &Path, name: &str) -> io::Result<Vec<(String, PathBuf)>> {
+    let text = match std::fs::read_to_string(aside.join(name)) {
+        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+        text => text?,
+    };
+    let lines = text.lines().filter_map(|line| line.split_at_checked(1));
+    Ok(lines.map(|(mark, name)| (mark.to_owned(), name.into())).collect())
+}
+
+/// Puts old files back and removes new ones, by the list; without one nothing was moved.
+fn undo(folder: &Path, aside: &Path) -> io::Result<()> {
+    for (mark, name) in read_list(aside, LIST)? {
+        let (target, waiting) = (folder.join(&name), aside.join(&name));
+        let old = aside_name(&target);
+        if old.exists() {
+            std::fs::rename(&old, &target)?;
+        } else if mark == "+" && !waiting.exists() && target.exists() {
+            std::fs::remove_file(&target)?;
+            remove_empty(folder, target.parent());
+        }
+    }
+    Ok(())
+}
+
+/// Removes old files that were moved aside for new ones which are all in their places.
+fn remove_old(folder: &Path, aside: &Path) -> io::Result<()> {
+    for (mark, name) in read_list(aside, DONE)? {
+        let old = aside_name(&folder.join(name));
+        if mark == "=" && old.exists() {
+            std::fs::remove_file(old)?;
+        }
+    }
+    Ok(())
+}
+
+/// Removes `below` and what it is in, up to `folder`, while nothing is in it.
+fn remove_empty(folder: &Path, below: Option<&Path>) {
+    let mut below = below;
+    while let Some(empty) = below.filter(|empty| *empty != folder && std::fs::remove_dir(empty).is_ok()) {
+        below = empty.parent();
+    }
+}
+
+/// Waits until the names are on the disk, where the system lets us.
+fn sync_folder(folder: &Path) {
+    if cfg!(unix) {
+        let _ = File::open(folder).and_then(|open| open.sync_all());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fill(made: &AtomicFolder, text: &str) {
+        std::fs::create_dir_all(made.path().join("images")).unwrap();
+        for name in ["images/a", "images/b", "list"] {
+            std::fs::write(made.path().join(name), text).unwrap();
+        }
+    }
+
+    fn found(folder: &Path) -> Vec<(PathBuf, String)> {
+        let mut names = Vec::new();
+        collect(folder, Path::new(""), &mut names).unwrap();
+        names.sort();
+        let text = |name: &PathBuf| std::fs::read_to_string(folder.join(name)).unwrap();
+        names.iter().map(|name| (name.clone(), text(name))).collect()
+    }
+
+    fn all(text: &str) -> Vec<(PathBuf, String)> {
+        ["images/a", "images/b", "list"].map(|name| (name.into(), text.into())).to_vec()
+    }
+
+    #[test]
+    fn a_folder_appears_whole_or_not_at_all() {
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path().join("set");
+        let made = AtomicFolder::create(&folder).unwrap();
+        fill(&made, "dropped");
+        drop(made);
+        assert!(!folder.exists());
+        for text in ["new", "newer"] {
+            let made = AtomicFolder::create(&folder).unwrap();
+            fill(&made, text);
+            made.publish("list").unwrap();
+            assert_eq!(found(&folder), all(text));
+        }
+        let made = AtomicFolder::create(&folder).unwrap();
+        fill(&made, "dropped");
+        drop(made);
+        assert_eq!(found(&folder), all("newer"));
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_published_stays_as_it_was() {
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path();
+        std::fs::create_dir(folder.join("images")).unwrap();
+        std::fs::write(folder.join("images/a"), "mine").unwrap();
+        // Where a file is to be is a folder that is not empty.
+        std::fs::create_dir_all(aside_name(&folder.join("list")).join("full")).unwrap();
+        std::fs::write(folder.join("list"), "mine").unwrap();
+        let before = found(folder);
+        let made = AtomicFolder::create(folder).unwrap();
+        fill(&made, "new");
+        assert!(made.publish("list").is_err());
+        assert_eq!(found(folder), before);
+    }
+
+    #[test]
+    fn what_a_killed_process_began_is_undone() {
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path();
+        std::fs::write(folder.join("list"), "old").unwrap();
+        for moved in 0..4 {
+            let made = AtomicFolder::create(folder).unwrap();
+            fill(&made, "new");
+            let names: Vec<PathBuf> = all("").into_iter().map(|(name, _)| name).collect();
+            write_list(&made.path().join(LIST), folder, &names).unwrap();
+            std::fs::rename(folder.join("list"), aside_name(&folder.join("list"))).unwrap();
+            for name in &names[..moved] {
+                std::fs::create_dir_all(folder.join("images")).unwrap();
+                std::fs::rename(made.path().join(name), folder.join(name)).unwrap();
+            }
+            // As a kill leaves it: nothing is dropped.
+            let (aside, lock) = (made.path().to_owned(), temporary_name(&folder_lock(folder)));
+            let kept = parent.path().with_extension("kept");
+            std::fs::rename(&aside, &kept).unwrap();
+            drop(made);
+            std::fs::rename(&kept, &aside).unwrap();
+            std::fs::write(&lock, "").unwrap();
+            drop(AtomicFolder::create(folder).unwrap());
+            assert_eq!(found(folder), [("list".into(), "old".into())], "{moved} were moved");
+        }
+    }
+
+    #[test]
+    fn one_of_two_writers_of_a_folder_wins_and_the_other_says_so() {
+        let parent = tempfile::tempdir().unwrap();
+        let first = AtomicFolder::create(parent.path()).unwrap();
+        let second = AtomicFolder::create(parent.path()).unwrap_err().to_string();
+        assert!(second.contains("another program is writing into this folder"), "{second}");
+        drop(first);
+        assert!(FolderLock::take(parent.path()).is_ok());
+        assert_eq!(found(parent.path()), []);
+    }
+}

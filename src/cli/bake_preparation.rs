@@ -1,0 +1,68 @@
+//! What the terminal shows of a bake: the run that hardens a scene, the pictures that are drawn for it, the stages.
+
+use super::Global;
+use super::progress::Progress;
+use super::train_progress::Bar;
+use crate::error::Result;
+use crate::job::BakeJobObserver;
+use crate::report::{Observer, StageReport};
+use crate::train::{TrainObserver, TrainOptions};
+use clap::Command;
+
+/// Shows a bake.
+pub(super) struct Terminal<'a> {
+    global: &'a Global,
+    command: Command,
+    drawing: Option<Progress>,
+    stages: Option<Progress>,
+}
+
+impl<'a> Terminal<'a> {
+    /// Spells the fields named in reasons and warnings as the flags of `command`.
+    pub(super) fn new(global: &'a Global, command: Command) -> Self {
+        Self { global, command, drawing: None, stages: None }
+    }
+
+    /// Takes the bar away; returns what prints lines.
+    pub(super) fn done(mut self) -> Progress {
+        let progress = self.stages.take().unwrap_or_else(|| Progress::new(self.global));
+        progress.done();
+        progress
+    }
+
+    fn stages(&mut self) -> &mut Progress {
+        let (global, command) = (self.global, &self.command);
+        self.stages.get_or_insert_with(|| Progress::new(global).with_flags_of(command.clone()))
+    }
+}
+
+impl BakeJobObserver for Terminal<'_> {
+    fn hardening_begins(&mut self, options: &TrainOptions) -> Result<Box<dyn TrainObserver + '_>> {
+        self.drawing.take().iter().for_each(Progress::done);
+        Ok(Box::new(Bar::new(self.global, options.steps, 0, None, &[])?))
+    }
+
+    fn drew(&mut self, done: usize, all: usize) {
+        let progress = self.drawing.get_or_insert_with(|| Progress::new(self.global));
+        progress.note(&format!("drawing soft pictures: {done} of {all}"));
+    }
+
+    fn prepared(&mut self, stages: &[StageReport]) {
+        let progress = self.stages();
+        stages.iter().for_each(|stage| progress.finished(stage));
+    }
+}
+
+impl Observer for Terminal<'_> {
+    fn started(&mut self, name: &str) {
+        self.stages().started(name);
+    }
+
+    fn progressed(&mut self, fraction: f64) {
+        self.stages().progressed(fraction);
+    }
+
+    fn finished(&mut self, stage: &StageReport) {
+        self.stages().finished(stage);
+    }
+}

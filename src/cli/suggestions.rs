@@ -1,0 +1,71 @@
+//! Errors of the command line suggest a flag only when it is nearly what was typed.
+
+use clap::Error;
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+
+/// The error without suggestions that are not near what was typed.
+pub(super) fn plausible(mut error: Error) -> Error {
+    if error.kind() != ErrorKind::UnknownArgument {
+        return error;
+    }
+    let text = |kind| match error.get(kind) {
+        Some(ContextValue::String(text)) => text.clone(),
+        Some(ContextValue::Strings(texts)) => texts.first().cloned().unwrap_or_default(),
+        _ => String::new(),
+    };
+    let (typed, suggested) = (text(ContextKind::InvalidArg), text(ContextKind::SuggestedArg));
+    if !suggested.is_empty() && !near(&typed, &suggested) {
+        error.remove(ContextKind::SuggestedArg);
+    }
+    error
+}
+
+/// Whether one is the other with a third of its letters changed at most, or the beginning of it.
+fn near(typed: &str, suggested: &str) -> bool {
+    let letters = |flag: &str| -> Vec<char> {
+        let name = flag.trim_start_matches('-').split([' ', '=']).next().unwrap_or_default();
+        name.chars().collect()
+    };
+    let (a, b) = (letters(typed), letters(suggested));
+    let begins = a.len() >= 3 && (b.starts_with(&a) || a.starts_with(&b));
+    begins || 3 * distance(&a, &b) <= a.len().max(b.len())
+}
+
+/// Letters to insert, delete, change or swap with the next.
+fn distance(a: &[char], b: &[char]) -> usize {
+    let mut rows = vec![vec![0; b.len() + 1]; a.len() + 1];
+    for i in 0..=a.len() {
+        for j in 0..=b.len() {
+            rows[i][j] = match (i, j) {
+                (0, _) => j,
+                (_, 0) => i,
+                _ => {
+                    let same = usize::from(a[i - 1] != b[j - 1]);
+                    let plain = (rows[i - 1][j - 1] + same).min(rows[i - 1][j] + 1).min(rows[i][j - 1] + 1);
+                    let swapped = i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1];
+                    if swapped { plain.min(rows[i - 2][j - 2] + 1) } else { plain }
+                }
+            };
+        }
+    }
+    rows[a.len()][b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_flag_that_is_nearly_what_was_typed_is_suggested() {
+        for (typed, suggested, wants) in [
+            ("--nope", "--compress", false),
+            ("--max-triangle", "--max-triangles", true),
+            ("--dateset", "--dataset", true),
+            ("--tagret", "--target", true),
+            ("--out", "--output <OUT>", true),
+            ("--lights", "--limit", false),
+        ] {
+            assert_eq!(near(typed, suggested), wants, "{typed} {suggested}");
+        }
+    }
+}

@@ -1,0 +1,69 @@
+//! What the terminal shows of a training before its own steps: its teacher's run, and the pictures that are drawn.
+
+use super::Global;
+use super::outputs::Outputs;
+use super::progress::Progress;
+use super::train_progress::Bar;
+use crate::error::Result;
+use crate::job::TrainJobObserver;
+use crate::report::OutputReport;
+use crate::train::{TrainObserver, TrainOptions, Trained};
+use std::path::PathBuf;
+
+/// Shows the preparation, and writes the teacher.
+pub(super) struct Preparation<'a> {
+    global: &'a Global,
+    files: &'a mut Outputs,
+    /// Where teachers that are trained are left.
+    teacher_files: Vec<PathBuf>,
+    drawing: Option<Progress>,
+    /// The files of the teachers that are written.
+    written: Vec<OutputReport>,
+}
+
+impl<'a> Preparation<'a> {
+    pub(super) fn new(global: &'a Global, files: &'a mut Outputs, teacher_files: Vec<PathBuf>) -> Self {
+        Self { global, files, teacher_files, drawing: None, written: Vec::new() }
+    }
+
+    /// Takes the bar away; returns the files of the teachers that were written. Those that an earlier run left beside them are gone.
+    pub(super) fn done(self) -> Vec<OutputReport> {
+        self.drawing.iter().for_each(Progress::done);
+        if !self.written.is_empty() {
+            // Read as teachers of this run they would change it; what cannot be removed stays.
+            self.teacher_files
+                .iter()
+                .skip(self.written.len())
+                .for_each(|old| drop(std::fs::remove_file(old)));
+        }
+        self.written
+    }
+}
+
+impl TrainJobObserver for Preparation<'_> {
+    fn teacher_begins(&mut self, options: &TrainOptions, asked: bool) -> Result<Box<dyn TrainObserver + '_>> {
+        let bar = Bar::new(self.global, options.steps, 0, None, &[])?;
+        let by_default = if asked { "" } else { ", as photos are few (--teacher off skips it)" };
+        let steps = options.steps;
+        bar.line(&match self.written.len() {
+            0 => format!("a soft teacher scene is trained first: {steps} steps{by_default}"),
+            trained => format!("teacher {} is trained: {steps} steps", trained + 1),
+        });
+        Ok(Box::new(bar))
+    }
+
+    fn keep_teacher(&mut self, which: usize, teacher: &Trained) -> Result<()> {
+        let path = &self.teacher_files[which];
+        let bytes = self.files.take(path).and_then(|file| teacher.save_to(file))?;
+        self.written.push(OutputReport { path: path.display().to_string(), bytes });
+        Ok(())
+    }
+
+    fn drew(&mut self, done: usize, all: usize) {
+        let progress = self.drawing.get_or_insert_with(|| Progress::new(self.global));
+        progress.note(&format!("drawing soft pictures: {done} of {all}"));
+    }
+}
+
+/// The steps of the run itself have a bar of their own.
+impl TrainObserver for Preparation<'_> {}

@@ -1,0 +1,229 @@
+//! How close a scene comes to the photos: draws every view and measures PSNR, SSIM and FLIP.
+
+use super::steps::EvalStep;
+use crate::dataset::{Photos, View};
+use crate::error::Result;
+use crate::image::Pixels;
+use crate::math::metric;
+use crate::report::generator;
+use crate::train::eval::Quality;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use std::time::Instant;
+
+/// What `trisplat eval --report` writes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(title = "trisplat eval report")]
+pub struct EvalReport {
+    /// Program and version.
+    pub generator: String,
+    /// The soup or mesh, as given.
+    pub file: String,
+    /// The data set, as given.
+    pub dataset: String,
+    /// Which photos: "test", "train" or "all".
+    pub split: String,
+    /// Samples per pixel along each axis of solid drawings.
+    pub ssaa: u32,
+    /// The scene at each step of its way into a file, in order. A mesh has one: "solid".
+    pub steps: Vec<StepScore>,
+    /// Share of the pixels that show what at least two training photos see, a photo not counting for itself; mean over
+    /// the photos. The surface is that of the scene at its first step. Absent when it was not measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coverage: Option<f64>,
+    /// What the user should know, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// How close a scene comes at one step.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct StepScore {
+    /// "soft": the soup as trained. "solid": what an engine draws of it, or of the mesh given. "file": the same
+    /// written quantised and compressed, and read back.
+    pub name: String,
+    /// Number of triangles.
+    pub triangles: u64,
+    /// Size of the file, where one was written.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bytes: Option<u64>,
+    /// Means over the photos, each photo counting once.
+    pub mean: Scores,
+    /// PSNR of the covered pixels alone, mean over the photos that have any, dB.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr_covered: Option<f64>,
+    /// The mean minus that of the step before: what this step cost.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub change: Option<Scores>,
+    /// Photo by photo, in order of name.
+    pub images: Vec<ImageScore>,
+    /// Seconds spent drawing.
+    pub draw_secs: f64,
+}
+
+/// How close a picture comes to a photo, both in 8 bits.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Scores {
+    /// Peak signal-to-noise ratio, dB.
+    pub psnr: f64,
+    /// Structural similarity in the convention of 3DGS.
+    pub ssim: f64,
+    /// Mean FLIP error; lower is better.
+    pub flip: f64,
+}
+
+/// One photo's score.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ImageScore {
+    /// The photo's name.
+    pub name: String,
+    /// Width and height, px.
+    pub size: [u32; 2],
+    /// How close the drawing comes.
+    #[serde(flatten)]
+    pub score: Scores,
+    /// Share of the pixels that show what at least two training photos see.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coverage: Option<f64>,
+    /// PSNR of those pixels alone, dB; absent when there are none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr_covered: Option<f64>,
+}
+
+/// The drawing of a view at one step, and its scores.
+#[derive(Debug)]
+pub struct ScoredPicture {
+    /// Name of the step.
+    pub step: &'static str,
+    /// The drawing.
+    pub picture: Pixels,
+    /// FLIP error of every pixel. `[H * W]`
+    pub flip: Vec<f32>,
+    /// How close it comes.
+    pub score: ImageScore,
+}
+
+/// Draws and measures `views` at every step. Calls `on_view` with each view, its photo and its drawings as soon as
+/// they are there. `covered` says which pixels of each view are covered; empty if that is not asked for. Returns the
+/// scores, step by step.
+pub fn evaluate(
+    steps: &mut [EvalStep],
+    views: &[&View],
+    photo_bytes: u64,
+    covered: &[Vec<bool>],
+    mut on_view: impl FnMut(&View, &Pixels, &[ScoredPicture]) -> Result<()>,
+) -> Result<Vec<StepScore>> {
+    for step in &*steps {
+        views.iter().try_for_each(|view| step.renderer.validate(view.camera.size, &view.photo.limits))?;
+    }
+    let mut photos = Photos::new(views.iter().map(|v| v.photo.clone()).collect(), photo_bytes);
+    photos.prefetch(0..views.len());
+    let mut images: Vec<Vec<ImageScore>> = steps.iter().map(|_| Vec::new()).collect();
+    let mut secs = vec![0.0; steps.len()];
+    for (i, view) in views.iter().enumerate() {
+        let photo = photos.take(i)?;
+        let mut drawn = Vec::with_capacity(steps.len());
+        for (step, secs) in steps.iter_mut().zip(&mut secs) {
+            let clock = Instant::now();
+            let mut draw = |background| step.renderer.color_over(&view.camera, background);
+            let mut drawing = match view.photo.is_cut() && photo.alpha.is_some() {
+                false => measure(step.name, &view.name, &photo, draw(None)),
+                true => measure_cut(step.name, &view.name, &photo, |background| draw(Some(background))),
+            };
+            *secs += clock.elapsed().as_secs_f64();
+            if let Some(covered) = covered.get(i) {
+                drawing.measure_covered(&photo, covered);
+            }
+            drawn.push(drawing);
+        }
+        on_view(view, &photo, &drawn)?;
+        images.iter_mut().zip(drawn).for_each(|(images, drawn)| images.push(drawn.score));
+    }
+    let mut scores: Vec<StepScore> = Vec::with_capacity(steps.len());
+    for ((step, images), draw_secs) in steps.iter().zip(images).zip(secs) {
+        let mean = mean(&images);
+        let change = scores.last().map(|before| mean.minus(&before.mean));
+        let psnr_covered = mean_of(images.iter().filter_map(|image| image.psnr_covered));
+        let (name, triangles, bytes) = (step.name.to_owned(), step.triangles, step.bytes);
+        scores.push(StepScore { name, triangles, bytes, mean, psnr_covered, change, images, draw_secs });
+    }
+    Ok(scores)
+}
+
+fn measure(step: &'static str, name: &str, photo: &Pixels, picture: Pixels) -> ScoredPicture {
+    let Quality { psnr, ssim } = Quality::of(&picture, photo);
+    let flip = metric::flip_map(photo.size, &photo.rgb, &picture.rgb);
+    let score = Scores { psnr, ssim, flip: metric::mean_error(&flip, photo.alpha.as_deref()) };
+    let (name, size) = (name.to_owned(), photo.size.to_array());
+    let score = ImageScore { name, size, score, coverage: None, psnr_covered: None };
+    ScoredPicture { step, picture, flip, score }
+}
+
+/// The same of a photo of an object: over black and over white, as [`Quality::over_two`] does. The picture is that over black.
+fn measure_cut(
+    step: &'static str,
+    name: &str,
+    photo: &Pixels,
+    mut draw: impl FnMut([f32; 3]) -> Pixels,
+) -> ScoredPicture {
+    let mut over = |code: u8| {
+        let picture = draw([f32::from(code) / 255.0; 3]);
+        measure(step, name, &photo.over_instead_of_black([code; 3]), picture)
+    };
+    let (black, white) = (over(0), over(255));
+    let mean = mean(&[black.score.clone(), white.score]);
+    let flip = black.flip.iter().zip(&white.flip).map(|(a, b)| (a + b) / 2.0).collect();
+    ScoredPicture { flip, score: ImageScore { score: mean, ..black.score }, ..black }
+}
+
+impl ScoredPicture {
+    /// Adds the scores of the covered pixels; the photo's alpha says how much each pixel counts.
+    fn measure_covered(&mut self, photo: &Pixels, covered: &[bool]) {
+        let weight = |i: usize| photo.alpha.as_ref().map_or(u8::MAX, |alpha| alpha[i]);
+        let weights: Vec<u8> =
+            covered.iter().enumerate().map(|(i, covered)| if *covered { weight(i) } else { 0 }).collect();
+        let sum = |weights: &mut dyn Iterator<Item = u8>| weights.map(u64::from).sum::<u64>() as f64;
+        let all = sum(&mut (0..covered.len()).map(weight));
+        let share = sum(&mut weights.iter().copied()) / all.max(1.0);
+        self.score.coverage = Some(share);
+        self.score.psnr_covered =
+            (share > 0.0).then(|| metric::psnr(&self.picture.rgb, &photo.rgb, Some(&weights)));
+    }
+}
+
+/// `None` of none.
+fn mean_of(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
+    (count > 0).then(|| sum / f64::from(count))
+}
+
+/// The mean of some scores; zeros of none.
+pub fn mean(scores: &[ImageScore]) -> Scores {
+    let count = scores.len().max(1) as f64;
+    let mean = |of: fn(&Scores) -> f64| scores.iter().map(|s| of(&s.score)).sum::<f64>() / count;
+    Scores { psnr: mean(|s| s.psnr), ssim: mean(|s| s.ssim), flip: mean(|s| s.flip) }
+}
+
+impl Scores {
+    fn minus(&self, before: &Self) -> Self {
+        Self { psnr: self.psnr - before.psnr, ssim: self.ssim - before.ssim, flip: self.flip - before.flip }
+    }
+}
+
+impl EvalReport {
+    /// A report of scores.
+    pub fn new(file: &Path, dataset: &Path, split: &str, ssaa: u32, steps: Vec<StepScore>) -> Self {
+        let images = steps.first().map_or(&[][..], |step| &step.images);
+        let coverage = mean_of(images.iter().filter_map(|image| image.coverage));
+        Self {
+            generator: generator(),
+            file: file.display().to_string(),
+            dataset: dataset.display().to_string(),
+            split: split.to_owned(),
+            ssaa,
+            coverage,
+            steps,
+            warnings: Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! The forms that a trained soup takes on its way into a file, each ready to be drawn.
+//!
+//! ```text
+//! soft (as trained) ──► solid (baked, in memory) ──► file (quantised, written, read back)
+//! ```
+
+use crate::asset::{Asset, Provenance};
+use crate::bake::{BakeOptions, bake};
+use crate::dataset::Dataset;
+use crate::error::{Error, Result};
+use crate::formats::output::{self, Output, OutputOptions};
+use crate::formats::target::OutputTarget;
+use crate::formats::{self, ReadOptions};
+use crate::render::scene_renderer::{RenderMode, RenderOptions, SceneRenderer};
+use crate::report::Report;
+use crate::scene::{Loaded, Scene};
+use crate::soup::Soup;
+use std::path::Path;
+
+/// A scene at one step of its way into a file.
+#[derive(Debug)]
+pub struct EvalStep {
+    /// "soft", "solid" or "file".
+    pub name: &'static str,
+    /// Number of triangles.
+    pub triangles: u64,
+    /// Size of the file, where one was written.
+    pub bytes: Option<u64>,
+    /// Draws it.
+    pub renderer: SceneRenderer,
+}
+
+/// The steps to evaluate of what was read from `path`. A mesh has one, solid; of a soup those that `options` ask
+/// for, all three by default.
+pub fn steps(
+    path: &Path,
+    loaded: Loaded,
+    options: &RenderOptions,
+    dataset: &Dataset,
+    background: [f32; 3],
+) -> Result<Vec<EvalStep>> {
+    let Loaded { scene, provenance, cameras, .. } = loaded;
+    let factory = StepFactory { dataset, background, samples: options.ssaa };
+    let whole =
+        |soup: Soup| Loaded { provenance: provenance.clone(), cameras: cameras.clone(), ..soup.into() };
+    match (scene, options.mode) {
+        (Scene::Mesh(_), Some(RenderMode::Soft)) => Err(no_soup(path)),
+        (Scene::Mesh(mesh), _) => {
+            let provenance = provenance.clone();
+            Ok(vec![factory.solid("solid", Asset { mesh, provenance, ..Asset::default() }, None)])
+        }
+        (Scene::Soup(soup), Some(RenderMode::Soft)) => Ok(vec![factory.soft(soup, &provenance)]),
+        (Scene::Soup(soup), Some(RenderMode::Solid)) => {
+            Ok(vec![factory.solid("solid", baked(whole(soup))?, None)])
+        }
+        (Scene::Soup(soup), None) => {
+            let solid = baked(whole(soup.clone()))?;
+            let (file, bytes) = reread(&solid, &SMALLEST)?;
+            Ok(vec![
+                factory.soft(soup, &provenance),
+                factory.solid("solid", solid, None),
+                factory.solid("file", file, Some(bytes)),
+            ])
+        }
+    }
+}
+
+/// A mesh was given where only a soup can be drawn.
+pub fn no_soup(path: &Path) -> Error {
+    let reason =
+        "is a mesh, baked already; give the trained soup it was baked from (.ply or .pt), or `as` solid";
+    Error::unsupported(path, reason)
+}
+
+/// What the bake makes of a soup with default options.
+pub fn baked(loaded: Loaded) -> Result<Asset> {
+    bake(loaded, &BakeOptions::DEFAULT)
+}
+
+/// The smallest file we write: 16-bit positions, 8-bit colours, meshopt.
+pub const SMALLEST: OutputOptions = OutputOptions { target: OutputTarget::Web, ..OutputOptions::SMALL };
+
+/// The asset after it was written as GLB and read back; and the size of that file.
+pub fn reread(asset: &Asset, options: &OutputOptions) -> Result<(Asset, u64)> {
+    let folder = tempfile::tempdir().map_err(|e| Error::io(std::env::temp_dir(), e))?;
+    let path = folder.path().join("scene.glb");
+    let output = Output::plan(&path, None, options, false)?;
+    let mut report = Report::default();
+    output::write(asset, &output, output.start()?, options, &mut report, &mut ())?;
+    let Loaded { scene, provenance, .. } = formats::read(&path, &ReadOptions::with_degree(0))?;
+    let Scene::Mesh(mesh) = scene else { return Err(no_soup(&path)) };
+    let bytes = report.outputs.iter().map(|file| file.bytes).sum();
+    Ok((Asset { mesh, provenance, ..Asset::default() }, bytes))
+}
+
+/// What the renderers of all steps have in common.
+struct StepFactory<'a> {
+    dataset: &'a Dataset,
+    background: [f32; 3],
+    samples: u32,
+}
+
+impl StepFactory<'_> {
+    fn soft(&self, soup: Soup, provenance: &Provenance) -> EvalStep {
+        let triangles = soup.len() as u64;
+        let renderer = SceneRenderer::soft(soup, &provenance.placement, Some(self.dataset), self.background);
+        EvalStep { name: "soft", triangles, bytes: None, renderer }
+    }
+
+    fn solid(&self, name: &'static str, asset: Asset, bytes: Option<u64>) -> EvalStep {
+        let (mesh, placement) = (asset.mesh, asset.provenance.placement);
+        let triangles = mesh.face_count() as u64;
+        let renderer =
+            SceneRenderer::solid(mesh, &placement, Some(self.dataset), self.background, self.samples);
+        EvalStep { name, triangles, bytes, renderer }
+    }
+}

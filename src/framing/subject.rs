@@ -1,0 +1,122 @@
+//! The subject of a scene: what its photos look at, or its dense middle where no photo is known.
+
+use crate::camera::{self, Camera};
+use crate::math::median::median;
+use glam::Vec3;
+
+/// Most points that are looked at.
+const MOST_POINTS: usize = 20_000;
+/// Most cameras that are asked what they frame.
+const MOST_CAMERAS: usize = 100;
+/// A point belongs to the subject when it is in this share of the pictures that frame the most framed point.
+const FRAMED: f32 = 0.5;
+/// ... and within this distance of what the cameras look at, in the median distance of the cameras from there.
+const WITHIN: f32 = 0.8;
+/// The subject ends where this share of its points does.
+const RADIUS_QUANTILE: f32 = 0.9;
+/// Without photos: where this share of all points ends, ...
+const ALL_QUANTILE: f32 = 0.95;
+/// ... but not beyond this many times their median distance: what is farther out surrounds the subject.
+const CORE: f32 = 2.5;
+
+/// A ball around what a scene is about.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Subject {
+    /// Its middle.
+    pub center: Vec3,
+    /// Its radius, above 0.
+    pub radius: f32,
+}
+
+impl Subject {
+    /// Of a scene with `points`, the middles of its triangles, and the cameras of its photos, if any are known. `None` without extent.
+    pub fn of(points: &[Vec3], cameras: &[Camera]) -> Option<Self> {
+        let step = points.len().div_ceil(MOST_POINTS).max(1);
+        let points: Vec<Vec3> = points.iter().copied().step_by(step).filter(|p| p.is_finite()).collect();
+        let photographed = photographed(&points, cameras);
+        photographed.or_else(|| dense(&points))
+    }
+
+    /// Whether a point is in it.
+    pub fn holds(&self, point: Vec3) -> bool {
+        point.distance_squared(self.center) <= self.radius * self.radius
+    }
+}
+
+/// What most of `cameras` frame, near what they look at; `None` when they look at nothing in common.
+fn photographed(points: &[Vec3], cameras: &[Camera]) -> Option<Subject> {
+    let step = cameras.len().div_ceil(MOST_CAMERAS).max(1);
+    let cameras: Vec<Camera> = cameras.iter().copied().step_by(step).collect();
+    let focus = camera::focus(cameras.iter())?;
+    let away = median(cameras.iter().map(|c| c.position().distance(focus)).collect(), f32::total_cmp)?;
+    let near: Vec<Vec3> = points.iter().copied().filter(|p| p.distance(focus) <= WITHIN * away).collect();
+    let frames = |point: &Vec3| cameras.iter().filter(|camera| camera.frames(*point)).count();
+    let counts: Vec<usize> = near.iter().map(frames).collect();
+    let least = FRAMED * counts.iter().copied().max()? as f32;
+    let subject = near.iter().zip(&counts).filter(|(_, count)| **count as f32 >= least).map(|(p, _)| *p);
+    ball(&subject.collect::<Vec<_>>(), RADIUS_QUANTILE)
+}
+
+/// The dense middle.
+fn dense(points: &[Vec3]) -> Option<Subject> {
+    let all = ball(points, ALL_QUANTILE)?;
+    let half = ball(points, 0.5).map_or(all.radius, |half| half.radius);
+    let radius = all.radius.min(CORE * half);
+    Some(Subject { radius: if radius > 0.0 { radius } else { all.radius }, ..all })
+}
+
+/// The ball around the median of `points` that holds this share of them.
+fn ball(points: &[Vec3], share: f32) -> Option<Subject> {
+    let along = |axis: usize| median(points.iter().map(|p| p[axis]).collect(), f32::total_cmp);
+    let center = Vec3::new(along(0)?, along(1)?, along(2)?);
+    let mut distances: Vec<f32> = points.iter().map(|p| p.distance(center)).collect();
+    let last = distances.len() - 1;
+    let at = (last as f32 * share) as usize;
+    let radius = *distances.select_nth_unstable_by(at, f32::total_cmp).1;
+    (radius > 0.0 && radius.is_finite()).then_some(Subject { center, radius })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::Rng;
+    use glam::{Mat3, UVec2, Vec2};
+
+    /// Points spread evenly in a cube of this half side around a centre.
+    fn cube(center: Vec3, half: f32, count: u64) -> impl Iterator<Item = Vec3> {
+        let rng = Rng::new(5, "cube", count);
+        (0..count).map(move |i| {
+            center + half * (2.0 * Vec3::from([0, 1, 2].map(|axis| rng.uniform(3 * i + axis))) - 1.0)
+        })
+    }
+
+    #[test]
+    fn the_subject_is_what_the_photos_look_at_not_the_many_points_behind_it() {
+        let target = Vec3::new(3.0, 1.0, -2.0);
+        let lens = Camera {
+            rotation: Mat3::IDENTITY,
+            translation: Vec3::ZERO,
+            focal: Vec2::splat(100.0),
+            center: Vec2::splat(50.0),
+            size: UVec2::splat(100),
+        };
+        let eyes = [0.0f32, 1.3, 2.6, 3.9, 5.2].map(|a| target + 4.0 * Vec3::new(a.cos(), 0.4, a.sin()));
+        let cameras = eyes.map(|eye| lens.looking(eye, target, Vec3::Y));
+        let points: Vec<Vec3> = cube(target, 0.5, 2000).chain(cube(target + 20.0, 15.0, 8000)).collect();
+        let subject = Subject::of(&points, &cameras).expect("there is one");
+        assert!(subject.center.distance(target) < 0.2, "{subject:?}");
+        assert!((0.4..1.0).contains(&subject.radius), "{subject:?}");
+        // Nothing is known without them but where most of it is.
+        let dense = Subject::of(&points, &[]).expect("there is one");
+        assert!(dense.center.distance(target + 20.0) < 10.0 && dense.holds(target + 20.0), "{dense:?}");
+    }
+
+    #[test]
+    fn surroundings_are_no_part_of_a_dense_middle() {
+        let points: Vec<Vec3> = cube(Vec3::ZERO, 1.0, 4000).chain(cube(Vec3::ZERO, 40.0, 2000)).collect();
+        let subject = Subject::of(&points, &[]).expect("there is one");
+        assert!(subject.center.length() < 0.3 && subject.radius < 8.0, "{subject:?}");
+        assert_eq!(Subject::of(&[Vec3::ONE; 9], &[]), None);
+        assert_eq!(Subject::of(&[], &[]), None);
+    }
+}

@@ -1,0 +1,267 @@
+//! A bake from what is asked for to its files: photos, hardening, a budget of bytes or of time, stages, report.
+
+use super::bake_budget;
+use super::harden::{self, HardenOptions, Hardened};
+use super::observer::BakeJobObserver;
+use super::unhardened::Unhardened;
+use crate::asset::Asset;
+use crate::bake::max_bytes::{Attempt, most_within};
+use crate::bake::merge::merge;
+use crate::bake::teacher::TeacherWhen;
+use crate::bake::{Bake, BakeOptions, Views};
+use crate::budget::Budget;
+use crate::dataset::{Dataset, DatasetOptions};
+use crate::error::{Error, Result};
+use crate::formats;
+use crate::formats::output::{self, Output, OutputFiles};
+use crate::report::Report;
+use crate::scene::Loaded;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// What is baked.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub enum BakeInput {
+    /// A file, which is read when the job is run; "-" is standard input.
+    File(PathBuf),
+    /// A scene in memory.
+    Scene(Box<Loaded>),
+}
+
+impl BakeInput {
+    /// A scene in memory.
+    pub fn scene(scene: impl Into<Loaded>) -> Self {
+        Self::Scene(Box::new(scene.into()))
+    }
+}
+
+/// A bake as it is asked for. [`BakeJob::new`] has the plain values; any field can be set before it is run.
+///
+/// ```
+/// use trisplat::bake::BakePreset;
+/// use trisplat::formats::target::OutputTarget;
+/// use trisplat::job::BakeInput;
+/// use trisplat::{BakeJob, BakeOptions};
+///
+/// let folder = tempfile::tempdir().unwrap();
+/// let mut options = BakeOptions::preset(BakePreset::Fast);
+/// options.output.target = OutputTarget::Godot;
+/// let scene = BakeInput::File("samples/soups/studio.ply".into());
+/// let done = BakeJob::new([scene], options).save(&folder.path().join("studio.glb"), &mut ())?;
+/// assert_eq!(done.report.outputs.len(), 2, "the GLB, and what Godot wants beside it");
+/// # Ok::<(), trisplat::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct BakeJob {
+    /// What is baked; several are merged.
+    pub inputs: Vec<BakeInput>,
+    /// The options of the stages.
+    pub options: BakeOptions,
+    /// Photos of the scene, if there are any.
+    pub photos: Option<Dataset>,
+    /// How they were read, and how files are.
+    pub dataset_options: DatasetOptions,
+    /// The scene is trained solid first, if it is soft.
+    pub harden: Option<HardenOptions>,
+    /// Limit on the bytes of all files together.
+    pub max_bytes: Option<u64>,
+    /// The time that pictures, rounds and colours of a soft scene are chosen for.
+    pub budget: Option<Budget>,
+    /// When the process began that the budget is for; `None`: when the job was run.
+    pub began: Option<Instant>,
+}
+
+/// What is baked, and the photos or pictures that the bake may look at.
+struct Scenes {
+    scenes: Vec<Loaded>,
+    views: Option<Views>,
+    /// What was hardened, to compare with.
+    unhardened: Option<Unhardened>,
+}
+
+/// A baked scene and what was done for it.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct BakeDone {
+    /// What an engine draws.
+    pub asset: Asset,
+    /// Inputs, options, stages, files and what the user should know.
+    pub report: Report,
+}
+
+impl BakeJob {
+    /// A bake of `inputs` without photos.
+    pub fn new(inputs: impl IntoIterator<Item = BakeInput>, options: BakeOptions) -> Self {
+        Self {
+            inputs: inputs.into_iter().collect(),
+            options,
+            photos: None,
+            dataset_options: DatasetOptions::default(),
+            harden: None,
+            max_bytes: None,
+            budget: None,
+            began: None,
+        }
+    }
+
+    /// Bakes, and writes nothing.
+    ///
+    /// Errors: those of the files that are read and of the bake; `max_bytes`, which counts what is written.
+    pub fn run(self, observer: &mut dyn BakeJobObserver) -> Result<BakeDone> {
+        match self.max_bytes {
+            Some(bytes) => Err(Error::invalid("max_bytes", bytes, "files to write")),
+            None => self.run_to(None, observer),
+        }
+    }
+
+    /// Bakes and writes the files that [`BakeOptions::plan_output`] names for `path`. Existing files are replaced.
+    ///
+    /// Errors: those of [`BakeJob::run`], of the format, and what the operating system refuses.
+    pub fn save(mut self, path: &Path, observer: &mut dyn BakeJobObserver) -> Result<BakeDone> {
+        let output = self.options.plan_output(path, None)?;
+        let files = output.start()?;
+        self.write(&output, files, observer)
+    }
+
+    /// Bakes and writes the files of `output`, which [`BakeOptions::plan_output`] planned and which were started.
+    ///
+    /// Errors: as for [`BakeJob::save`].
+    pub fn write(
+        self,
+        output: &Output,
+        files: OutputFiles,
+        observer: &mut dyn BakeJobObserver,
+    ) -> Result<BakeDone> {
+        self.run_to(Some((output, files)), observer)
+    }
+
+    fn run_to(
+        self,
+        to: Option<(&Output, OutputFiles)>,
+        observer: &mut dyn BakeJobObserver,
+    ) -> Result<BakeDone> {
+        let began = self.began.unwrap_or_else(Instant::now);
+        let mut report = Report::new("bake");
+        report.inputs = self.names();
+        report.warnings.extend(self.photos.iter().flat_map(|photos| photos.warnings.iter().cloned()));
+        let Scenes { scenes, mut views, unhardened } = self.scenes(&mut report, observer)?;
+        observer.prepared(&report.stages);
+        let (mut options, has_photos) = (self.options, self.photos.is_some());
+        if let (Some(limit), Some((output, _))) = (self.max_bytes, &to) {
+            options = fitted(limit, &scenes, views.as_mut(), &options, output)?;
+        }
+        report.options = serde_json::to_value(&options).unwrap_or_default();
+        let mut pace = bake_budget::pace(self.budget, began);
+        let bake = Bake::new(&options).photos(views.as_mut()).report(&mut report).observer(observer);
+        let mut asset = bake.pace(&mut pace).run(scenes)?;
+        if let Some(unhardened) = unhardened {
+            let photos = views.as_mut().filter(|_| has_photos);
+            asset = unhardened.better(asset, photos, &options, &mut report)?;
+        }
+        if let Some((output, files)) = to {
+            output::write(&asset, output, files, &options.output, &mut report, observer)?;
+        }
+        if let Some(stage) = bake_budget::stage(&pace) {
+            observer.finished(&stage);
+            report.stages.push(stage);
+        }
+        report.warnings.extend(bake_budget::warning(self.budget, &pace));
+        report.seconds = began.elapsed().as_secs_f64();
+        Ok(BakeDone { asset, report })
+    }
+
+    /// The files that are read, and the data set.
+    fn names(&self) -> Vec<String> {
+        let files = self.inputs.iter().filter_map(|input| match input {
+            BakeInput::File(path) => Some(path),
+            BakeInput::Scene(_) => None,
+        });
+        let photos = self.photos.iter().map(|photos| &photos.path);
+        files.chain(photos).map(|path| path.display().to_string()).collect()
+    }
+
+    /// What is baked: the inputs, or what hardening made of them, which is a stage of `report`.
+    fn scenes(&self, report: &mut Report, observer: &mut dyn BakeJobObserver) -> Result<Scenes> {
+        let how = &self.dataset_options;
+        let views = self.photos.as_ref().map(|photos| Views::new(photos, how));
+        let inputs = self.read()?;
+        let Some(hardening) = &self.harden else {
+            return Ok(Scenes { scenes: inputs, views, unhardened: None });
+        };
+        hardening.validate()?;
+        let soft = merge(inputs)?;
+        let mut unhardened = None;
+        let hardened = match harden::needless(&soft) {
+            Some(why) => Hardened::needless(soft, why),
+            None => {
+                let most = self.options.prune.max_triangles;
+                let training = hardening.training(soft.scene.triangle_count(), most);
+                let photos = self.photos.as_ref();
+                // `max_bytes` is met for the hardened scene alone.
+                if self.max_bytes.is_none() {
+                    unhardened = Some(Unhardened::new(&soft, photos, how));
+                }
+                harden::harden((self.path(), soft), photos, how, &training, observer)?
+            }
+        };
+        report.stages.push(hardened.stage);
+        Ok(Scenes { scenes: vec![hardened.scene], views: views.or(hardened.pictures), unhardened })
+    }
+
+    /// The first file, for messages.
+    fn path(&self) -> &Path {
+        match self.inputs.first() {
+            Some(BakeInput::File(path)) => path,
+            _ => Path::new("scene"),
+        }
+    }
+
+    /// Reads every input. Readers run one after the other, so that memory holds one file's spare buffers at a time.
+    fn read(&self) -> Result<Vec<Loaded>> {
+        let is_stream = |input: &&BakeInput| matches!(input, BakeInput::File(p) if p.as_os_str() == "-");
+        if self.inputs.iter().filter(is_stream).count() > 1 {
+            return Err(Error::invalid("inputs", "- -", "standard input once"));
+        }
+        let options = self.dataset_options.read_options(self.sh_degree());
+        let read = |input: &BakeInput| match input {
+            BakeInput::File(path) => formats::read(path, &options),
+            BakeInput::Scene(scene) => Ok(Loaded::clone(scene)),
+        };
+        self.inputs.iter().map(read).collect()
+    }
+
+    /// The degree of the colours that are read: only the teacher draws more than the constant one.
+    fn sh_degree(&self) -> u8 {
+        let teaches = self.photos.is_none() && self.options.teacher.teacher == TeacherWhen::Auto;
+        if teaches || self.harden.is_some() { 3 } else { 0 }
+    }
+}
+
+/// The options with the most triangles whose files, all of `output` together, take at most `limit` bytes. Bakes and counts what would be
+/// written, several times.
+///
+/// Errors: those of a bake and of writing; a limit below what any scene takes.
+fn fitted(
+    limit: u64,
+    scenes: &[Loaded],
+    mut views: Option<&mut Views>,
+    options: &BakeOptions,
+    output: &Output,
+) -> Result<BakeOptions> {
+    let with = |max_triangles: Option<u64>| {
+        let mut options = options.clone();
+        options.prune.max_triangles = max_triangles;
+        options
+    };
+    let attempt = most_within(limit, options.prune.max_triangles, |most| {
+        let (tried, mut unread) = (with(most), Report::default());
+        let asset = Bake::new(&tried).photos(views.as_deref_mut()).run(scenes.iter().cloned())?;
+        let triangles = asset.counts().triangles;
+        output::write(&asset, output, output.dry_run(), &tried.output, &mut unread, &mut ())?;
+        let bytes = unread.outputs.iter().map(|file| file.bytes).sum();
+        Ok(Attempt { max_triangles: most, triangles, bytes })
+    })?;
+    Ok(with(attempt.max_triangles))
+}

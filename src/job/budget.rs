@@ -1,0 +1,93 @@
+//! A training with a budget: what is chosen for it before it begins.
+
+use crate::budget::{Budget, Spending};
+use crate::dataset::{Dataset, DatasetKind, DatasetOptions};
+use crate::error::{Error, Result};
+use crate::layered::{Layered, Origin};
+use crate::scene::Loaded;
+use crate::train::TrainOptions;
+use crate::train::budget::{Pace, Paced, PlanInput, calibrate, plan};
+use std::time::Instant;
+
+/// Refuses options that a budget chooses, in whatever layer they are given.
+pub fn check(budget: Option<Budget>, options: &Layered<TrainOptions>) -> Result<()> {
+    let Some(budget) = budget else { return Ok(()) };
+    let TrainOptions { steps, milestones, .. } = &options.options;
+    for (key, value) in [("steps", steps.to_string()), ("milestones", format!("{milestones:?}"))] {
+        let layer = match options.origin(key) {
+            Origin::Preset => continue,
+            Origin::File => " of `config`",
+            Origin::Setting => " of `sets`",
+            Origin::Given => "",
+        };
+        let wants = format!("to be left out{layer}: `{}` chooses the steps", budget.option());
+        return Err(Error::invalid(key, value, wants));
+    }
+    Ok(())
+}
+
+/// A training as its budget has it.
+pub(super) struct Budgeted {
+    /// The photos, in the size that was chosen.
+    pub(super) dataset: Dataset,
+    /// The options, with what was chosen.
+    pub(super) options: TrainOptions,
+    /// What keeps the run to its budget.
+    pub(super) paced: Option<Paced>,
+}
+
+/// Measures the machine, and chooses steps, triangles and the size of photos for a run on `dataset` that began at `began` and starts
+/// from the scene `from`, if any; more than `most_steps` do not pay. `most_steps` is none where steps are given.
+/// `how` is how `dataset` was read; it gets the size.
+///
+/// Errors: those of the first steps; photos that cannot be decoded; a budget that is too small.
+pub(super) fn budgeted(
+    dataset: Dataset,
+    options: Layered<TrainOptions>,
+    from: Option<&Loaded>,
+    budget: Option<Budget>,
+    most_steps: Option<u64>,
+    began: Instant,
+    how: &mut DatasetOptions,
+) -> Result<Budgeted> {
+    let triangles_given = options.is_given("max_triangles");
+    let Some(budget) = budget else {
+        let options = with_fewer_steps(options.options, most_steps, triangles_given);
+        return Ok(Budgeted { dataset, options, paced: None });
+    };
+    let options = options.options;
+    let spending = Spending::of_process(budget.clock, began);
+    let (background, secs) = (how.background.to_f32(), budget.seconds.0);
+    let calibration = calibrate(&dataset, from, &options, background, &spending, secs)?;
+    let input = PlanInput {
+        triangles_given,
+        size_given: how.max_size.is_some() || dataset.kind == DatasetKind::Drawn,
+        from_scene: from.is_some(),
+        most_steps,
+        ..PlanInput::new(&dataset, &options, budget, spending.seconds(), calibration)
+    };
+    let plan = plan(&input)?;
+    let pace = Pace::new(&input, &plan, spending.seconds());
+    let options = plan.apply(&options);
+    let dataset = match plan.max_size {
+        Some(_) => {
+            how.max_size = plan.max_size;
+            // Nothing of it was decoded but a few photos.
+            Dataset::load(&dataset.path, how)?
+        }
+        None => dataset,
+    };
+    Ok(Budgeted { dataset, options, paced: Some(Paced { pace, spending }) })
+}
+
+/// `options` of at most `most` steps, and as many triangles fewer, unless these are given.
+pub(super) fn with_fewer_steps(
+    options: TrainOptions,
+    most: Option<u64>,
+    triangles_given: bool,
+) -> TrainOptions {
+    let Some(steps) = most.filter(|most| *most < options.steps) else { return options };
+    let fewer = options.max_triangles as f64 * steps as f64 / options.steps as f64;
+    let max_triangles = if triangles_given { options.max_triangles } else { (fewer as u64).max(1) };
+    TrainOptions { steps: steps.max(1), max_triangles, ..options }
+}

@@ -1,0 +1,19 @@
+//! Turns options into a run: the decisions between options and work, for every user of the library.
+//!
+//! ```text
+//! options in layers ──► plan ──► preparation ──► run ──► report
+//!  preset < file < given   teacher, budget   its teacher, pictures
+//! ```
+
+mod bake_budget;
+mod baking;
+pub mod budget;
+pub mod harden;
+mod observer;
+pub mod teacher;
+mod training;
+mod unhardened;
+
+pub use baking::{BakeDone, BakeInput, BakeJob};
+pub use observer::{BakeJobObserver, TrainJobObserver};
+pub use training::{ReadyTrain, TrainDone, TrainJob, TrainNotes, TrainStart, reading, train};

@@ -1,0 +1,42 @@
+//! The observer of a job, from its preparation on.
+
+use crate::error::Result;
+use crate::report::{Observer, StageReport};
+use crate::train::{TrainObserver, TrainOptions, Trained};
+
+/// Watches a training: its preparation by these methods, its steps as a [`TrainObserver`]. Every method does nothing unless implemented.
+pub trait TrainJobObserver: TrainObserver {
+    /// A teacher is about to be trained, as `options` say; returns who watches its steps. `asked`: it was asked for, and does not come by
+    /// default.
+    fn teacher_begins(
+        &mut self,
+        _options: &TrainOptions,
+        _asked: bool,
+    ) -> Result<Box<dyn TrainObserver + '_>> {
+        Ok(Box::new(()))
+    }
+    /// Teacher `which`, counted from 0, is trained; its file can be written now.
+    fn keep_teacher(&mut self, _which: usize, _teacher: &Trained) -> Result<()> {
+        Ok(())
+    }
+    /// `done` of `all` soft pictures are drawn.
+    fn drew(&mut self, _done: usize, _all: usize) {}
+}
+
+/// Observes nothing.
+impl TrainJobObserver for () {}
+
+/// Watches a bake: its preparation by these methods, its stages as an [`Observer`]. Every method does nothing unless implemented.
+pub trait BakeJobObserver: Observer {
+    /// The scene is about to be trained solid, as `options` say; returns who watches the steps.
+    fn hardening_begins(&mut self, _options: &TrainOptions) -> Result<Box<dyn TrainObserver + '_>> {
+        Ok(Box::new(()))
+    }
+    /// `done` of `all` soft pictures are drawn.
+    fn drew(&mut self, _done: usize, _all: usize) {}
+    /// The preparation is over; these were its stages.
+    fn prepared(&mut self, _stages: &[StageReport]) {}
+}
+
+/// Observes nothing.
+impl BakeJobObserver for () {}

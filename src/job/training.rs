@@ -1,0 +1,319 @@
+//! A training from what is asked for to the trained scene: plan, preparation, run, report.
+
+use super::budget::{self, Budgeted};
+use super::observer::TrainJobObserver;
+use super::teacher::{self, TaughtRun, TeacherPlan, TeacherSource, UndecidedRun};
+use crate::bake::teacher::TeacherDetails;
+use crate::budget::Budget;
+use crate::dataset::{Dataset, DatasetKind, DatasetOptions};
+use crate::error::Result;
+use crate::layered::Layered;
+use crate::report::{Report, StageDetails, StageReport};
+use crate::scene::Loaded;
+use crate::train::budget::Paced;
+use crate::train::device::OpenRun;
+use crate::train::{BackendOptions, Checkpoint, RunOptions, TrainOptions, TrainRun, Trained};
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Trains a soup on the photos of `dataset` that are not held out, as the command `train` does: a solid scene of few photos has a teacher.
+/// [`TrainJob`] has everything that can be asked for beside the options.
+///
+/// Errors: options out of range, no training photos, photos that cannot be decoded.
+///
+/// ```no_run
+/// use std::path::Path;
+/// use trisplat::{Dataset, DatasetOptions, TrainOptions, train};
+///
+/// let dataset = Dataset::load(Path::new("photos"), &DatasetOptions::default())?;
+/// let trained = train(&dataset, &TrainOptions::default())?;
+/// trained.save(Path::new("scene.ply"))?;
+/// # Ok::<(), trisplat::Error>(())
+/// ```
+pub fn train(dataset: &Dataset, options: &TrainOptions) -> Result<Trained> {
+    Ok(TrainJob::new(dataset.clone(), options.clone()).run(&mut ())?.trained)
+}
+
+/// A training as it is asked for. [`TrainJob::new`] has the plain values; any field can be set before the run.
+///
+/// ```
+/// use trisplat::dataset::synthetic::{self, SyntheticOptions};
+/// use trisplat::job::teacher::TeacherSource;
+/// use trisplat::{Dataset, DatasetOptions, TrainJob, TrainOptions};
+///
+/// let folder = tempfile::tempdir().unwrap();
+/// synthetic::write(folder.path(), &SyntheticOptions { views: 8, width: 24, points: 50, seed: 0 })?;
+/// let dataset = Dataset::load(folder.path(), &DatasetOptions::default())?;
+/// let options = TrainOptions { steps: 20, max_triangles: 100, ..TrainOptions::default() };
+///
+/// let mut job = TrainJob::new(dataset, options);
+/// job.teacher = Some(TeacherSource::Off);
+/// let done = job.run(&mut ())?;
+/// assert_eq!(done.trained.steps, 20);
+/// assert_eq!(done.report.stages[0].unneeded.as_deref(), Some("`teacher` off"));
+/// # Ok::<(), trisplat::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct TrainJob {
+    /// The photos; those held out evaluate the scene. Pictures of a scene that teaches itself: [`teacher::dataset`](crate::teacher::dataset()).
+    pub dataset: Dataset,
+    /// How they were read.
+    pub dataset_options: DatasetOptions,
+    /// How the scene is trained, and which of it was given; a resumed run has the options of its checkpoint.
+    pub options: Layered<TrainOptions>,
+    /// The scene to start from in place of the data set's points; the options are best those of [`TrainOptions::from_scene`].
+    pub from: Option<Loaded>,
+    /// The teacher that is asked for; `None`: solid scenes of few photos have one.
+    pub teacher: Option<TeacherSource>,
+    /// Share of the steps that look at pictures of the teacher, 0 to 0.9; `None`: it depends on the number of photos.
+    pub teacher_share: Option<f64>,
+    /// Where a run that is resumed finds the teacher that was trained for it; without it, the teacher is trained again.
+    pub teacher_file: Option<PathBuf>,
+    /// The time that steps, triangles and the size of photos are chosen for.
+    pub budget: Option<Budget>,
+    /// When the process began that the budget is for; `None`: when the job was run.
+    pub began: Option<Instant>,
+    /// Where to train.
+    pub backend: BackendOptions,
+    /// What the run leaves behind on the way.
+    pub outputs: RunOptions,
+    /// The checkpoint to go on from.
+    pub resume: Option<Checkpoint>,
+    /// Go on although photos, cameras, points or the background are not those the checkpoint was made with.
+    pub force_resume: bool,
+}
+
+/// A trained scene and what was done for it.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct TrainDone {
+    /// The scene.
+    pub trained: Trained,
+    /// The options, the stages and what the user should know. It names no files.
+    pub report: Report,
+}
+
+/// A training whose photos, options and teacher are ready.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct ReadyTrain {
+    /// What is trained on: the photos, in the size that was chosen, and pictures of the teacher.
+    pub dataset: Dataset,
+    /// The photos alone, where there are pictures beside them.
+    pub photos: Option<Dataset>,
+    /// What becomes of the teacher.
+    pub teacher: TeacherPlan,
+    /// How the teacher was trained, or why there is none; `None` of one that was read.
+    stage: Option<StageReport>,
+    /// What the user should know so far.
+    pub warnings: Vec<String>,
+    /// The run.
+    pub start: TrainStart,
+    began: Instant,
+}
+
+/// What a ready training starts with.
+#[derive(Debug)]
+pub struct TrainStart {
+    dataset_options: DatasetOptions,
+    options: TrainOptions,
+    paced: Option<Paced>,
+    from: Option<Loaded>,
+    backend: BackendOptions,
+    outputs: RunOptions,
+    resume: Option<Checkpoint>,
+    force_resume: bool,
+    began: Instant,
+}
+
+impl TrainJob {
+    /// A run from its beginning that leaves nothing behind, on photos that were read with [`DatasetOptions::default`]. Options that differ
+    /// from those of their preset count as given.
+    pub fn new(dataset: Dataset, options: TrainOptions) -> Self {
+        let preset = TrainOptions::preset(options.preset);
+        Self {
+            dataset,
+            dataset_options: DatasetOptions::default(),
+            options: Layered::over(&preset, options),
+            from: None,
+            teacher: None,
+            teacher_share: None,
+            teacher_file: None,
+            budget: None,
+            began: None,
+            backend: BackendOptions::default(),
+            outputs: RunOptions::default(),
+            resume: None,
+            force_resume: false,
+        }
+    }
+
+    /// Plans, prepares and runs it, to the end or until `observer` wants to stop.
+    ///
+    /// Errors: those of [`TrainJob::prepare`] and of [`TrainRun::start_at`]; photos that cannot be decoded.
+    pub fn run(self, observer: &mut dyn TrainJobObserver) -> Result<TrainDone> {
+        let ready = self.prepare(observer)?;
+        let (notes, start) = (ready.notes(), ready.start);
+        let OpenRun { run, warnings, .. } = start.open(&ready.dataset)?;
+        let triangles = run.triangles();
+        let trained = run.finish(observer)?;
+        let report = notes.report(&trained, triangles, warnings);
+        Ok(TrainDone { trained, report })
+    }
+
+    /// What becomes of the teacher.
+    pub fn teacher_plan(&self) -> TeacherPlan {
+        let (photos, kept) = (self.dataset.train().count(), self.teacher_file.as_deref());
+        match (&self.teacher, &self.resume) {
+            (Some(source), resume) => TeacherPlan::asked(source, resume.is_some(), kept),
+            (None, Some(checkpoint)) => TeacherPlan::resumed(checkpoint, photos, kept),
+            (None, None) => TeacherPlan::by_default(&UndecidedRun {
+                photos,
+                preset: self.options.options.preset,
+                starts_from_photos: self.from.is_none() && self.dataset.kind != DatasetKind::Drawn,
+                max_cpu_secs: self.outputs.max_cpu_secs,
+            }),
+        }
+    }
+
+    /// Makes ready what the run is on: photos in the size that its budget has, and pictures of its teacher.
+    ///
+    /// Errors: options that the budget chooses; a teacher's file that cannot be read or is solid; those of the teacher's training, which must
+    /// not be stopped; a budget that is too small.
+    pub fn prepare(self, observer: &mut dyn TrainJobObserver) -> Result<ReadyTrain> {
+        if self.resume.is_none() {
+            budget::check(self.budget, &self.options)?;
+        }
+        let (plan, began) = (self.teacher_plan(), self.began.unwrap_or_else(Instant::now));
+        let mut most_steps = None;
+        let (teacher, stage) = match &plan {
+            TeacherPlan::Without(why) => {
+                (None, Some(StageReport::unneeded(TeacherDetails::STAGE, why.clone())))
+            }
+            TeacherPlan::Read(path) => (Some(teacher::soft_scenes(path, &self.dataset_options)?), None),
+            TeacherPlan::Train => {
+                if !self.options.is_given("steps") {
+                    most_steps =
+                        Some(teacher::most_steps(self.dataset.train().count(), self.teacher.is_some()));
+                }
+                let teachers = self.taught(began).train_teachers(observer)?;
+                (Some(teachers.scenes), Some(teachers.stage))
+            }
+        };
+        let mut how = self.dataset_options;
+        let Budgeted { dataset, options, paced } = budget::budgeted(
+            self.dataset,
+            self.options,
+            self.from.as_ref(),
+            self.budget,
+            most_steps,
+            began,
+            &mut how,
+        )?;
+        let from_warnings = self.from.iter().flat_map(|scene| &scene.warnings);
+        let mut warnings: Vec<String> = from_warnings.chain(&dataset.warnings).cloned().collect();
+        let (dataset, photos) = match teacher {
+            Some(scenes) => {
+                let asked = self.teacher.is_some();
+                let by_default = || teacher::picture_share(dataset.train().count(), asked);
+                // A run that goes on has as many pictures as it began with.
+                let begun = self.resume.as_ref().map(|checkpoint| {
+                    1.0 - dataset.train().count() as f64 / checkpoint.meta.identity.photos.len().max(1) as f64
+                });
+                let share = self.teacher_share.or(begun).unwrap_or_else(by_default);
+                let beside = teacher::with_pictures(&dataset, &scenes, share, &options, &how, observer)?;
+                warnings.extend(scenes.into_iter().flat_map(|scene| scene.warnings));
+                (beside, Some(dataset))
+            }
+            None => (dataset, None),
+        };
+        let start = TrainStart {
+            dataset_options: how,
+            options,
+            paced,
+            from: self.from,
+            backend: self.backend,
+            outputs: self.outputs,
+            resume: self.resume,
+            force_resume: self.force_resume,
+            began,
+        };
+        Ok(ReadyTrain { dataset, photos, teacher: plan, stage, warnings, start, began })
+    }
+
+    /// The run, for its teacher.
+    fn taught(&self, began: Instant) -> TaughtRun<'_> {
+        TaughtRun {
+            photos: &self.dataset,
+            how: &self.dataset_options,
+            options: &self.options,
+            budget: self.budget,
+            began,
+            backend: &self.backend,
+            max_cpu_secs: self.outputs.max_cpu_secs,
+            asked: self.teacher.is_some(),
+        }
+    }
+}
+
+impl ReadyTrain {
+    /// What a budget was planned for, as said to people; `None` without one.
+    pub fn budget_summary(&self) -> Option<String> {
+        self.start.paced.as_ref().map(|paced| paced.pace.summary())
+    }
+
+    /// What the report says of the preparation.
+    pub fn notes(&self) -> TrainNotes {
+        TrainNotes { stage: self.stage.clone(), warnings: self.warnings.clone(), began: self.began }
+    }
+}
+
+/// What a report says of a training beside its figures.
+#[derive(Debug, Clone)]
+pub struct TrainNotes {
+    stage: Option<StageReport>,
+    warnings: Vec<String>,
+    began: Instant,
+}
+
+impl TrainNotes {
+    /// The report of a run that began with `triangles` and ended with `trained`; `warnings` are those of its start.
+    pub fn report(self, trained: &Trained, triangles: usize, warnings: Vec<String>) -> Report {
+        let seconds = self.began.elapsed().as_secs_f64();
+        let mut report = Report::new("train");
+        report.options = serde_json::to_value(&trained.options).unwrap_or_default();
+        report.stages.extend(self.stage);
+        report.stages.push(trained.stage(triangles, seconds));
+        report.warnings = [self.warnings, warnings].concat();
+        Report { seconds, ..report }
+    }
+}
+
+impl TrainStart {
+    /// Sets the run up on the photos, and pictures, that are ready.
+    ///
+    /// Errors: those of [`TrainRun::start_at`].
+    pub fn open(self, dataset: &Dataset) -> Result<OpenRun<'_>> {
+        let run = TrainRun::new(dataset, &self.options).with_dataset_options(&self.dataset_options);
+        let run = TrainRun {
+            outputs: self.outputs,
+            from: self.from,
+            resume: self.resume,
+            paced: self.paced,
+            began: Some(self.began),
+            force_resume: self.force_resume,
+            ..run
+        };
+        let mut open = run.start_at(&self.backend)?;
+        open.warnings
+            .extend(open.run.differences().iter().map(|difference| format!("resumed although {difference}")));
+        Ok(open)
+    }
+}
+
+/// How the data set of a run is read that goes on from a checkpoint: a budget may have chosen the size of its photos.
+pub fn reading(how: &DatasetOptions, resume: Option<&Checkpoint>) -> DatasetOptions {
+    let chosen = resume.and_then(|point| point.meta.pace.as_ref()?.plan.max_size);
+    DatasetOptions { max_size: how.max_size.or(chosen), ..how.clone() }
+}

@@ -1,0 +1,9 @@
+//! Synthetic scenes to try things on: `trisplat sample`.
+
+mod degenerate;
+pub mod scenes;
+mod studio;
+#[cfg(feature = "bench")]
+pub mod town;
+#[cfg(feature = "bench")]
+pub mod town_photos;

@@ -1,0 +1,83 @@
+//! The first triangles in the surfaces that the photos show, and which points of the cloud are still wanted beside them.
+
+use super::options::TrainOptions;
+use super::stereo_use::StereoUse;
+use crate::dataset::{Point, View};
+use crate::error::Result;
+use crate::report::StageProgress;
+use crate::soup::{Soup, sh0_from_rgb};
+use crate::space::Space;
+use crate::stereo::{DepthMap, StereoOptions, estimate, facets};
+use glam::Vec3;
+
+/// Triangles of the surfaces at most, as a share of `max_triangles`: growth needs room.
+const SHARE: f64 = 0.4;
+/// First σ of these: harder than that of points, as they lie where the surface is.
+const SIGMA: f32 = 0.3;
+/// First opacity of these.
+const OPACITY: f32 = 0.9;
+/// Fewest photos that say more together than alone.
+const LEAST_PHOTOS: usize = 3;
+/// A point lies in a surface when their depths differ by less, as a share.
+const IN_SURFACE: f32 = 0.05;
+/// Photos that see through a point before it counts as wrong.
+const SEEN_THROUGH: u32 = 2;
+
+/// What stereo knows of a scene.
+#[derive(Debug)]
+pub(super) struct Surfaces {
+    /// Its triangles in training space; SH degree 0.
+    pub(super) soup: Soup,
+    maps: Vec<DepthMap>,
+}
+
+impl Surfaces {
+    /// Of the photos among `views`; `None` when they are not wanted or too few. Pictures drawn of a scene are left aside.
+    ///
+    /// Errors: photos that cannot be decoded.
+    pub(super) fn find(
+        views: &[&View],
+        points: &[Point],
+        space: &Space,
+        options: &TrainOptions,
+    ) -> Result<Option<Self>> {
+        let photos: Vec<&View> =
+            views.iter().copied().filter(|view| !view.photo.path.as_os_str().is_empty()).collect();
+        if !is_wanted(options.stereo, photos.len()) {
+            return Ok(None);
+        }
+        let stereo = StereoOptions { stereo_seed: options.seed, ..StereoOptions::default() };
+        let maps = estimate(&photos, points, &stereo, &mut StageProgress::new(&mut ()))?;
+        let most = (SHARE * options.max_triangles as f64) as usize;
+        let facets = facets(&maps, most);
+        let n = facets.len();
+        let soup = Soup {
+            vertices: facets.iter().map(|facet| facet.corners.map(|p| space.to_training(p))).collect(),
+            opacity: vec![OPACITY; n],
+            sigma: vec![SIGMA; n],
+            sh: facets.iter().map(|facet| facet.rgb.map(|c| sh0_from_rgb(f32::from(c) / 255.0))).collect(),
+            sh_degree: 0,
+            ..Soup::default()
+        };
+        Ok(Some(Self { soup, maps }))
+    }
+
+    /// Whether a point of the world stands for something that no map shows, and is not in the way of what they show.
+    pub(super) fn misses(&self, point: Vec3) -> bool {
+        let (mut same, mut through) = (0, 0);
+        for map in &self.maps {
+            let Some((pixel, depth)) = map.pixel(point) else { continue };
+            let seen = map.depth[pixel];
+            same += u32::from((seen - depth).abs() < IN_SURFACE * depth);
+            through += u32::from(seen > (1.0 + IN_SURFACE) * depth);
+        }
+        same == 0 && through < SEEN_THROUGH
+    }
+}
+
+fn is_wanted(stereo: StereoUse, photos: usize) -> bool {
+    match stereo {
+        StereoUse::Auto | StereoUse::Off => false,
+        StereoUse::On => photos >= LEAST_PHOTOS,
+    }
+}

@@ -1,0 +1,17 @@
+//! The stages of the bake: each by itself, each on every hostile soup, and what they promise together.
+#![allow(clippy::print_stderr, reason = "a skipped test says so")]
+
+mod chunks;
+mod closed_form;
+mod first_view;
+mod hierarchy;
+mod hostile;
+mod levels;
+mod lit;
+mod photos;
+mod reshape;
+mod robustness;
+mod shell;
+mod stages;
+mod teacher;
+mod tiles;

@@ -1,0 +1,58 @@
+//! The shell of a trained scene is its backdrop, and nothing else is.
+
+use super::hostile::{random_triangle, soup_of};
+use glam::Vec3;
+use trisplat::asset::Asset;
+use trisplat::bake::{Bake, BakeOptions, BakePreset, backdrop::BackdropWhen};
+use trisplat::scene::Loaded;
+use trisplat::soup::Soup;
+
+/// Eight huge triangles around the origin.
+fn octahedron() -> Soup {
+    let corner = |axis: Vec3, bit: usize, i: usize| axis * if i >> bit & 1 == 0 { 3.0 } else { -3.0 };
+    let face = |i| [corner(Vec3::X, 0, i), corner(Vec3::Y, 1, i), corner(Vec3::Z, 2, i)];
+    let mut shell = soup_of((0..8).map(|i| (face(i), 0.98, 0.02)));
+    shell.set_shell(0..8);
+    shell
+}
+
+/// A thing right before a triangle of the shell, nearer than the thickness that was once guessed for it: flat pieces in its plane.
+fn subject(count: u64) -> Soup {
+    let normal = Vec3::ONE.normalize();
+    let flat = |i: u64| {
+        let triangle = random_triangle(i, Vec3::splat(0.995), 0.3);
+        triangle.map(|p| p - normal * (p - Vec3::splat(0.995)).dot(normal))
+    };
+    soup_of((0..count).map(|i| (flat(i), 0.95, 0.05)))
+}
+
+fn baked(inputs: impl IntoIterator<Item = Soup>, edit: impl Fn(&mut BakeOptions)) -> Asset {
+    let mut options = BakeOptions::preset(BakePreset::Fast);
+    edit(&mut options);
+    Bake::new(&options).run(inputs.into_iter().map(Loaded::from)).unwrap()
+}
+
+fn with_shell(count: u64) -> Soup {
+    let mut soup = subject(count / 2);
+    soup.append(octahedron());
+    soup.append(subject(count / 2));
+    soup
+}
+
+#[test]
+fn the_subject_never_lands_in_the_backdrop() {
+    let asset = baked([with_shell(400)], |_| {});
+    assert_eq!((asset.provenance.backdrop, asset.mesh.face_count()), (8, 408));
+    assert!((0..400).all(|face| asset.mesh.area(face) < 1.0), "the backdrop comes last");
+    // Two scenes, each with its own.
+    let both = baked([with_shell(100), with_shell(60)], |_| {});
+    assert_eq!((both.provenance.backdrop, both.mesh.face_count()), (16, 176));
+}
+
+#[test]
+fn a_shell_of_a_scene_without_backdrop_is_part_of_it() {
+    let asset = baked([with_shell(40)], |options| options.backdrop.backdrop = BackdropWhen::Off);
+    assert_eq!((asset.provenance.backdrop, asset.mesh.face_count()), (0, 48));
+    let none = baked([subject(40)], |_| {});
+    assert_eq!((none.provenance.backdrop, none.mesh.face_count()), (0, 40));
+}

@@ -1,0 +1,314 @@
+//! `trisplat eval` and `trisplat render` as a user meets them.
+
+#![allow(clippy::print_stderr, reason = "a skipped test says so")]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use trisplat::dataset::{Dataset, DatasetOptions};
+use trisplat::eval::evaluate::{EvalReport, StepScore};
+use trisplat::image::Pixels;
+use trisplat::math::metric;
+use trisplat::render::scene_renderer::SceneRenderer;
+
+pub(super) fn sample(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("samples").join(name)
+}
+
+pub(super) fn trisplat(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_trisplat")).args(args).output().unwrap()
+}
+
+fn succeed(args: &[&str]) {
+    let output = trisplat(args);
+    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+}
+
+pub(super) fn fail(args: &[&str], parts: &[&str]) {
+    let output = trisplat(args);
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success(), "{args:?} succeeded");
+    for part in parts {
+        assert!(message.contains(part), "`{part}` is missing from: {message}");
+    }
+}
+
+/// A soup file and the sample data set, as strings for the command line, and a folder to write to.
+pub(super) fn inputs() -> (String, String, tempfile::TempDir) {
+    let text = |path: PathBuf| path.to_str().unwrap().to_owned();
+    (text(sample("soups/studio.ply")), text(sample("dataset")), tempfile::tempdir().unwrap())
+}
+
+/// Evaluates `file` on the sample's held-out photos: the report, and the folder the drawings are in.
+fn evaluated(file: &str, folder: &Path, name: &str, more: &[&str]) -> (EvalReport, PathBuf) {
+    let (renders, report) = (folder.join(name), folder.join(name).with_extension("json"));
+    let [renders_text, report_text] = [&renders, &report].map(|p| p.to_str().unwrap());
+    let dataset = sample("dataset");
+    let fixed = ["eval", file, dataset.to_str().unwrap(), "--save-renders", renders_text];
+    succeed(&[&fixed, &["--report", report_text][..], more].concat());
+    (serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap(), renders)
+}
+
+/// Scores the written files once more, with our metrics and with a program that shares no code with ours.
+fn check_scores(step: &StepScore, renders: &Path) {
+    let dataset = Dataset::load(&sample("dataset"), &DatasetOptions::default()).unwrap();
+    assert_eq!(step.images.len(), 5);
+    let mut sum = [0.0; 3];
+    for (image, view) in step.images.iter().zip(dataset.test()) {
+        assert_eq!(image.name, view.name);
+        let drawn = Pixels::load(&renders.join(&image.name)).unwrap();
+        let photo = Pixels::load(&view.photo.path).unwrap();
+        let scores = [
+            metric::psnr(&photo.rgb, &drawn.rgb, None),
+            metric::ssim(photo.size, &photo.rgb, &drawn.rgb, None),
+            metric::flip(photo.size, &photo.rgb, &drawn.rgb, None),
+        ];
+        assert_eq!([image.score.psnr, image.score.ssim, image.score.flip], scores, "{}", image.name);
+        sum = std::array::from_fn(|i| sum[i] + scores[i]);
+    }
+    for (mean, sum) in [step.mean.psnr, step.mean.ssim, step.mean.flip].iter().zip(sum) {
+        assert!((mean - sum / 5.0).abs() < 1e-12);
+    }
+    independent(renders, &sample("dataset/images"), step);
+}
+
+#[test]
+fn the_scores_are_those_of_the_files_written() {
+    let (soup, _, folder) = inputs();
+    let (report, renders) = evaluated(&soup, folder.path(), "all", &[]);
+    assert_eq!((report.split.as_str(), report.ssaa), ("test", 4));
+    let names: Vec<&str> = report.steps.iter().map(|s| s.name.as_str()).collect();
+    assert_eq!(names, ["soft", "solid", "file"]);
+    for step in &report.steps {
+        check_scores(step, &renders.join(&step.name));
+    }
+    let [soft, solid, file] = &report.steps[..] else { unreachable!() };
+    assert!(soft.change.is_none() && file.bytes.is_some_and(|b| b > 1000));
+    let change = [solid, file].map(|s| s.change.unwrap().psnr);
+    assert!(file.mean != solid.mean, "it was rounded");
+    assert_eq!(change, [solid.mean.psnr - soft.mean.psnr, file.mean.psnr - solid.mean.psnr]);
+
+    // One step alone is that step.
+    for step in [soft, solid] {
+        let (alone, renders) = evaluated(&soup, folder.path(), &step.name, &["--as", &step.name]);
+        assert_eq!(alone.steps.len(), 1);
+        // Coverage is measured by the surface of the first step, which is another one here.
+        let scores = |step: &StepScore| -> Vec<_> {
+            step.images.iter().map(|image| (image.name.clone(), image.score)).collect()
+        };
+        assert_eq!(scores(&alone.steps[0]), scores(step));
+        assert!(renders.join(&step.images[0].name).is_file());
+    }
+}
+
+/// How alike the pictures of two folders are: the least PSNR.
+fn alike(a: &Path, b: &Path) -> f64 {
+    let mut least = f64::INFINITY;
+    for entry in std::fs::read_dir(a).unwrap() {
+        let name = entry.unwrap().file_name();
+        let [one, other] = [a, b].map(|folder| Pixels::load(&folder.join(&name)).unwrap());
+        assert!(one.rgb.iter().any(|c| *c != one.rgb[0]), "{name:?} is empty");
+        least = least.min(metric::psnr(&one.rgb, &other.rgb, None));
+    }
+    least
+}
+
+#[test]
+fn a_file_is_drawn_like_the_scene_it_was_made_from() {
+    let (soup, _, folder) = inputs();
+    let (whole, renders) = evaluated(&soup, folder.path(), "all", &["--ssaa", "2"]);
+    let drawn = |name: &str, step: &str, more: &[&str]| {
+        let path = folder.path().join(name).to_str().unwrap().to_owned();
+        succeed(&[&["bake", &soup, "-o", &path, "-q"], more].concat());
+        let (report, own) = evaluated(&path, folder.path(), &format!("of_{name}"), &["--ssaa", "2"]);
+        assert_eq!((report.steps.len(), report.steps[0].name.as_str()), (1, "solid"));
+        assert_eq!(report.steps[0].triangles, whole.steps[1].triangles);
+        check_scores(&report.steps[0], &own);
+        alike(&renders.join(step), &own)
+    };
+    // Turned, scaled and moved on the way out: the cameras still fit. What stays apart is how a format rounds
+    // colours, and samples that lie on an edge to the last bit.
+    let placed = ["--up", "z", "--set", "scale=3", "--set", "center=true"];
+    for name in ["b.glb", "c.obj", "d.ply"] {
+        let like = drawn(name, "solid", &placed);
+        assert!(like > 45.0, "{name}: {like} dB");
+    }
+    for (name, more) in [
+        ("e.glb", &["--target", "web", "--set", "compress=true"][..]),
+        ("f.gltf", &["--target", "web", "--set", "compress=true", "--up", "x"]),
+    ] {
+        let like = drawn(name, "file", more);
+        assert!(like > 40.0, "{name}: {like} dB");
+    }
+    assert!(alike(&renders.join("soft"), &renders.join("solid")) < 35.0, "soft is another picture");
+}
+
+#[test]
+fn a_sheet_shows_photos_drawings_and_errors() {
+    let (soup, dataset, folder) = inputs();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (sheet, renders) = (path("sheet.png"), path("renders"));
+    let common = ["eval", &soup, &dataset, "--as", "solid", "--sheet", &sheet, "--save-renders", &renders];
+    succeed(&common);
+    fail(&common, &["--sheet", "sheet.png", "--force"]);
+    let (gap, cell) = (6, [160, 120]);
+    let picture = Pixels::load(Path::new(&sheet)).unwrap();
+    assert_eq!(picture.size.to_array(), [3 * (cell[0] + gap) + gap, 5 * (cell[1] + gap) + gap]);
+    let cut = |column: u32, row: u32| -> Vec<[u8; 3]> {
+        let (left, top) = (gap + column * (cell[0] + gap), gap + row * (cell[1] + gap));
+        let line = |y: u32| ((top + y) * picture.size.x + left) as usize;
+        (0..cell[1]).flat_map(|y| picture.rgb[line(y)..line(y) + cell[0] as usize].to_vec()).collect()
+    };
+    let loaded = Dataset::load(Path::new(&dataset), &DatasetOptions::default()).unwrap();
+    for (row, view) in (0..).zip(loaded.test()) {
+        let photo = Pixels::load(&view.photo.path).unwrap();
+        let drawn = Pixels::load(&Path::new(&renders).join(&view.name)).unwrap();
+        let flip = metric::flip_map(photo.size, &photo.rgb, &drawn.rgb);
+        let heat = trisplat::view::show::heat(photo.size, &flip);
+        assert!(cut(0, row) == photo.rgb && cut(1, row) == drawn.rgb && cut(2, row) == heat.rgb, "{row}");
+    }
+}
+
+/// The same pictures judged by a program that shares no code with ours.
+fn independent(renders: &Path, photos: &Path, ours: &StepScore) {
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/metrics/compare.py");
+    let json = renders.with_extension("compare.json");
+    let mut python = Command::new("python3");
+    python.arg(script).arg(renders).arg(photos).arg("--json").arg(&json);
+    if !python.output().is_ok_and(|o| o.status.success()) {
+        eprintln!("SKIPPED (no ../shared/metrics/compare.py, or no Python with numpy, pillow and scipy)");
+        return;
+    }
+    let theirs: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(json).unwrap()).unwrap();
+    let theirs = theirs["images"].as_array().unwrap();
+    assert_eq!(theirs.len(), ours.images.len());
+    for (theirs, ours) in theirs.iter().zip(&ours.images) {
+        assert_eq!(theirs["name"].as_str().unwrap(), ours.name.trim_end_matches(".png"));
+        let off = |key: &str, own: f64| (theirs[key].as_f64().unwrap() - own).abs();
+        assert!(
+            off("psnr", ours.score.psnr) < 1e-6 && off("ssim", ours.score.ssim) < 1e-9,
+            "{theirs} {ours:?}"
+        );
+    }
+}
+
+#[test]
+fn pictures_are_of_the_asked_kind_and_the_same_every_time() {
+    let (soup, dataset, folder) = inputs();
+    let draw = |name: &str, more: &[&str]| {
+        let out = folder.path().join(name).to_str().unwrap().to_owned();
+        let all = [&["render", &soup, "-o", &out, "--max-size", "64"], more].concat();
+        succeed(&all);
+        let mut names: Vec<PathBuf> = std::fs::read_dir(&out).unwrap().map(|e| e.unwrap().path()).collect();
+        names.sort();
+        names.iter().map(|path| Pixels::load(path).unwrap()).collect::<Vec<_>>()
+    };
+    let color = draw("color", &["--dataset", &dataset]);
+    assert_eq!(color.len(), 5, "the held-out photos");
+    assert_eq!(color[0].size.to_array(), [64, 48]);
+    assert_eq!(color, draw("again", &["--dataset", &dataset, "--threads", "1"]));
+    let mut kinds = vec![color];
+    for show in ["depth", "normal", "contributions", "random-subset"] {
+        let pictures = draw(show, &["--dataset", &dataset, "--show", show]);
+        assert!(pictures.iter().all(|p| p.rgb.iter().any(|c| *c != p.rgb[0])), "{show} is of one colour");
+        assert!(!kinds.contains(&pictures), "{show} is another kind's picture");
+        kinds.push(pictures);
+    }
+    assert_eq!(draw("train", &["--dataset", &dataset, "--split", "train"]).len(), 35);
+    assert_eq!(draw("circle", &["--dataset", &dataset, "--orbit", "3"]).len(), 3);
+    for (name, more) in
+        [("solid", &["--as", "solid"][..]), ("solid depth", &["--as", "solid", "--show", "depth"])]
+    {
+        let pictures = draw(name, &[&["--dataset", &dataset][..], more].concat());
+        assert!(pictures.iter().all(|p| p.rgb.iter().any(|c| *c != p.rgb[0])), "{name} is of one colour");
+        assert!(!kinds.contains(&pictures), "{name} is another kind's picture");
+        kinds.push(pictures);
+    }
+    let alone = draw("alone", &["--orbit", "2", "--width", "40"]);
+    assert_eq!((alone.len(), alone[0].size.to_array()), (2, [40, 30]));
+}
+
+#[test]
+fn what_cannot_be_drawn_says_why() {
+    let (soup, dataset, folder) = inputs();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (mesh, out, report) = (path("mesh.glb"), path("out"), path("eval.json"));
+    succeed(&["bake", &soup, "-o", &mesh, "-q"]);
+    fail(&["eval", &mesh, &dataset, "--as", "soft"], &["mesh.glb", "mesh", "trained soup", "--as solid"]);
+    fail(&["render", &mesh, "-o", &out, "--orbit", "1", "--as", "soft"], &["mesh.glb", "trained soup"]);
+    fail(&["eval", &mesh, &dataset, "--ssaa", "3"], &["--ssaa", "1, 2 or 4"]);
+    let layers = ["--orbit", "1", "--show", "contributions"];
+    fail(&[&["render", &mesh, "-o", &out][..], &layers].concat(), &["--show", "one layer"]);
+    let large = ["--orbit", "1", "--width", "16384", "--ssaa", "4"];
+    fail(&[&["render", &mesh, "-o", &out][..], &large].concat(), &["--limit camera_pixels="]);
+    let large = [&large[..], &["--limit", "camera_pixels=300000000"]].concat();
+    fail(&[&["render", &mesh, "-o", &out][..], &large].concat(), &["samples", "8192 px"]);
+    fail(&["eval", &soup, &mesh], &["mesh.glb", "not a data set"]);
+    fail(&["eval", &soup, &dataset, "--test-every", "0"], &["--split", "train or all"]);
+    fail(&["render", &soup, "-o", &out], &["--dataset"]);
+    fail(&["render", &soup, "-o", &out, "--orbit", "1", "--share", "2"], &["--share", "from 0 to 1"]);
+    succeed(&["render", &soup, "-o", &out, "--orbit", "1", "--width", "8"]);
+    fail(&["render", &soup, "-o", &out, "--orbit", "1", "--width", "8"], &["orbit_0000.png", "--force"]);
+    succeed(&["render", &soup, "-o", &out, "--orbit", "1", "--width", "8", "--force"]);
+    std::fs::write(&report, "mine").unwrap();
+    fail(&["eval", &soup, &dataset, "--report", &report], &["eval.json", "--force"]);
+    assert_eq!(std::fs::read_to_string(&report).unwrap(), "mine");
+}
+
+#[test]
+fn info_prints_a_table_of_a_data_set() {
+    let (_, dataset, _folder) = inputs();
+    let output = trisplat(&["info", &dataset]);
+    let table = String::from_utf8(output.stdout).unwrap();
+    for part in [
+        "COLMAP model (text)",
+        "40: 35 to train on, 5 held out",
+        "160x120",
+        "1,500",
+        "0.313 px mean error over 8,833 observations",
+    ] {
+        assert!(table.contains(part), "`{part}` is missing from:\n{table}");
+    }
+    let json = trisplat(&["info", "--json", &dataset]).stdout;
+    let description: trisplat::dataset::Description = serde_json::from_slice(&json).unwrap();
+    assert_eq!((description.train, description.test, description.points), (35, 5, 1500));
+    fail(&["info", env!("CARGO_MANIFEST_DIR")], &["no posed photos", "COLMAP"]);
+}
+
+#[test]
+fn a_made_data_set_can_be_read() {
+    let (_, _, folder) = inputs();
+    let out = folder.path().join("made").to_str().unwrap().to_owned();
+    let make = ["sample", "dataset", "-o", &out, "--views", "3", "--width", "16", "--points", "20"];
+    succeed(&make);
+    let dataset = Dataset::load(Path::new(&out), &DatasetOptions::default()).unwrap();
+    assert_eq!((dataset.views.len(), dataset.points.len(), dataset.test().count()), (3, 20, 1));
+    assert!(dataset.views.iter().all(|v| v.photo.decode().is_ok()));
+    fail(&make, &["--force", "made"]);
+    succeed(&[make.as_slice(), &["--force"]].concat());
+}
+
+#[test]
+fn a_soup_of_a_far_world_is_drawn_where_its_file_says() {
+    use trisplat::asset::{Placement, UpAxis};
+    use trisplat::formats::{self, ReadOptions};
+    let loaded = formats::read(&sample("soups/studio.ply"), &ReadOptions::with_degree(3)).unwrap();
+    let trisplat::scene::Scene::Soup(soup) = loaded.scene else { panic!("the sample is a soup") };
+    let mut dataset = Dataset::load(&sample("dataset"), &DatasetOptions::default()).unwrap();
+    let camera = dataset.views[0].camera;
+    let soft = |soup: &trisplat::soup::Soup, placement: &Placement, dataset: &Dataset| {
+        SceneRenderer::soft(soup.clone(), placement, Some(dataset), [0.0; 3]).color(&camera)
+    };
+    let near = soft(&soup, &Placement::IDENTITY, &dataset);
+    // Survey coordinates: the cameras were read relative to a point, the soup was trained there.
+    let far = [4.5e6, -2e5, 1.25e6];
+    dataset.origin = far.into();
+    let moved = Placement { center: far, ..Placement::IDENTITY };
+    assert_eq!(soft(&soup, &moved, &dataset), near);
+    // The same soup in a file that was turned Y up.
+    let turned = Placement { up: UpAxis::NegY.into(), rotate: 0.0, scale: 2.0, center: far };
+    let mut file = soup;
+    for corner in file.vertices.iter_mut().flatten() {
+        *corner = 2.0 * glam::Vec3::new(corner.x, -corner.y, -corner.z);
+    }
+    assert_eq!(soft(&file, &turned, &dataset), near);
+}

@@ -1,0 +1,171 @@
+//! The library makes the bytes of the program: whatever is decided between options and files is decided in the library.
+
+use super::train::{dataset, succeed, train};
+use super::train_teacher::{SHORT, few_photos, read, train_few};
+use super::{sample, trisplat};
+use serde_json::json;
+use std::path::Path;
+use std::process::Command;
+use trisplat::budget::{Budget, Seconds};
+use trisplat::job::harden::HardenOptions;
+use trisplat::job::teacher::TeacherSource;
+use trisplat::job::{BakeDone, BakeInput, TrainDone, TrainJobObserver};
+use trisplat::layered::Layers;
+use trisplat::train::{TrainObserver, Trained};
+use trisplat::{BakeJob, BakeOptions, BakePreset, Dataset, DatasetOptions, TrainJob, TrainOptions};
+
+/// What the flags of [`train`] ask for; `given` are flags of the training.
+fn job(given: serde_json::Value) -> TrainJob {
+    let dataset_options = DatasetOptions {
+        max_size: Some(80),
+        background: "#203040".parse().unwrap(),
+        ..DatasetOptions::default()
+    };
+    let layers = Layers::default().settings(&["refine.every=10".to_owned()]).given(given);
+    let mut job =
+        TrainJob::new(Dataset::load(&dataset(), &dataset_options).unwrap(), TrainOptions::default());
+    job.teacher = Some(TeacherSource::Off);
+    (job.dataset_options, job.options) = (dataset_options, layers.resolve(TrainOptions::preset).unwrap());
+    job
+}
+
+fn bytes(folder: &Path, trained: &Trained) -> Vec<u8> {
+    let path = folder.join("library.ply");
+    trained.save(&path).unwrap();
+    std::fs::read(path).unwrap()
+}
+
+#[test]
+fn a_training_by_default() {
+    let folder = tempfile::tempdir().unwrap();
+    succeed(&mut train(folder.path(), &["-o", "a.ply"]));
+    let done = job(json!({ "steps": 30 })).run(&mut ()).unwrap();
+    assert!(bytes(folder.path(), &done.trained) == read(folder.path(), "a.ply"));
+}
+
+/// Keeps the teacher that was trained.
+#[derive(Default)]
+struct Teacher(Option<Trained>);
+
+impl TrainObserver for Teacher {}
+
+impl TrainJobObserver for Teacher {
+    fn keep_teacher(&mut self, _which: usize, teacher: &Trained) -> trisplat::Result<()> {
+        self.0 = Some(teacher.clone());
+        Ok(())
+    }
+}
+
+#[test]
+fn a_training_of_few_photos() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    few_photos(folder);
+    succeed(&mut train_few(folder, "a.ply", &SHORT));
+    let photos = Dataset::load(&folder.join("photos"), &DatasetOptions::default()).unwrap();
+    let options = TrainOptions { steps: 30, max_triangles: 100, ..TrainOptions::default() };
+    let scene = read(folder, "a.ply");
+    assert!(bytes(folder, &trisplat::train(&photos, &options).unwrap()) == scene);
+    let mut teacher = Teacher::default();
+    let TrainDone { trained, report, .. } =
+        TrainJob::new(photos.clone(), options.clone()).run(&mut teacher).unwrap();
+    assert!(bytes(folder, &trained) == scene);
+    assert!(bytes(folder, &teacher.0.unwrap()) == read(folder, "a.teacher.ply"));
+    assert_eq!(report.stages.iter().map(|stage| &stage.name).collect::<Vec<_>>(), ["teacher", "train"]);
+    let mut without = TrainJob::new(photos, options);
+    without.teacher = Some(TeacherSource::Off);
+    assert!(bytes(folder, &without.run(&mut ()).unwrap().trained) != scene);
+}
+
+/// Timings choose the numbers of a budget, so the program is given those that the library chose.
+#[test]
+fn a_training_with_a_budget() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut job = job(json!({}));
+    job.budget = Some(Budget::cpu(Seconds(2.0)));
+    let done = job.run(&mut ()).unwrap();
+    let repeat = done.trained.budget().unwrap().repeat.replace('"', "");
+    let flags: Vec<&str> = repeat.split(' ').chain(["-o", "a.ply"]).collect();
+    succeed(&mut train(folder.path(), &flags));
+    assert!(bytes(folder.path(), &done.trained) == read(folder.path(), "a.ply"), "{repeat}");
+}
+
+fn baked(folder: &Path, input: &Path, flags: &[&str]) -> Vec<u8> {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+    command.current_dir(folder).arg("bake").arg(input).args(["-o", "program.glb", "--force"]).args(flags);
+    succeed(&mut command);
+    read(folder, "program.glb")
+}
+
+fn library(folder: &Path, job: BakeJob) -> (Vec<u8>, BakeDone) {
+    let done = job.save(&folder.join("library.glb"), &mut ()).unwrap();
+    (read(folder, "library.glb"), done)
+}
+
+fn bake(input: &Path) -> BakeJob {
+    BakeJob::new([BakeInput::File(input.to_owned())], BakeOptions::default())
+}
+
+#[test]
+fn a_bake_by_default_and_with_photos() {
+    let folder = tempfile::tempdir().unwrap();
+    let (folder, trained) = (folder.path(), sample("trained.ply"));
+    assert!(library(folder, bake(&trained)).0 == baked(folder, &trained, &[]));
+    let mut with_photos = bake(&trained);
+    with_photos.options = BakeOptions::preset(BakePreset::Fast);
+    with_photos.photos = Some(Dataset::load(&dataset(), &DatasetOptions::default()).unwrap());
+    let photos = dataset().display().to_string();
+    let program = baked(folder, &trained, &["--preset", "fast", "--dataset", &photos, "--max-bytes", "60kB"]);
+    with_photos.max_bytes = Some(60_000);
+    assert!(library(folder, with_photos).0 == program);
+}
+
+/// A soft scene of few triangles.
+fn soft(folder: &Path) -> std::path::PathBuf {
+    few_photos(folder);
+    succeed(&mut train_few(folder, "soft.ply", &[&SHORT as &[&str], &["--preset", "outdoor"]].concat()));
+    folder.join("soft.ply")
+}
+
+#[test]
+fn a_bake_of_a_hardened_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let soft = soft(folder);
+    let mut job = bake(&soft);
+    job.harden = Some(HardenOptions::of_steps(40));
+    let (bytes, done) = library(folder, job);
+    assert!(bytes == baked(folder, &soft, &["--harden=40"]));
+    assert_eq!(done.report.stages[0].name, "train");
+}
+
+#[test]
+fn a_bake_with_a_budget() {
+    use trisplat::bake::pace::BakeBudgetDetails;
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let soft = soft(folder);
+    let mut job = bake(&soft);
+    job.budget = Some(Budget::cpu(Seconds(0.05)));
+    let (bytes, done) = library(folder, job);
+    let details: BakeBudgetDetails = done.report.details().unwrap();
+    let repeat = details.repeat.unwrap_or_default();
+    let flags: Vec<&str> = repeat.split_whitespace().collect();
+    assert!(bytes == baked(folder, &soft, &flags), "{repeat}");
+}
+
+/// What the output options ask for is written.
+#[test]
+fn a_target_in_the_options_is_the_target_of_the_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut job = bake(&sample("trained.ply"));
+    job.options.output.target = trisplat::formats::target::OutputTarget::Godot;
+    job.options.reshape.reshape = trisplat::bake::reshape::ReshapeWhen::Off;
+    let out = folder.path().join("a.glb");
+    job.save(&out, &mut ()).unwrap();
+    assert!(folder.path().join("a.glb.import").is_file());
+    let program = folder.path().join("b.glb");
+    let output = trisplat(&[&"bake", &sample("trained.ply"), &"-o", &program, &"--target", &"godot"]);
+    assert!(output.status.success());
+    assert!(std::fs::read(out).unwrap() == std::fs::read(program).unwrap());
+}

@@ -1,0 +1,183 @@
+//! The commands in README.md and docs/commands.md run, as a newcomer would type them; those that cannot run here are
+//! parsed. Pages of the documentation are short, and their links lead somewhere.
+
+#![allow(clippy::print_stderr, reason = "names the commands that are only parsed")]
+
+#[allow(dead_code, reason = "shared with the tests of checkpoints")]
+#[path = "../pt/files.rs"]
+mod checkpoints;
+
+use checkpoints::{checkpoint, floats};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Every line of every ```sh block of the two pages.
+fn commands() -> Vec<String> {
+    let page = |name| std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(name)).unwrap();
+    let pages = [page("README.md"), page("docs/commands.md")].join("\n");
+    let blocks = pages.split("```sh\n").skip(1).map(|rest| rest.split("```").next().unwrap());
+    blocks.flat_map(str::lines).map(|l| l.split('#').next().unwrap().trim().to_owned()).collect()
+}
+
+/// What the README's examples take for granted: the samples, somebody's photos and an author's checkpoint.
+fn prepare(folder: &Path) {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    copy_folder(&root.join("samples/dataset"), &folder.join("samples/dataset"));
+    copy_folder(&root.join("samples/dataset"), &folder.join("photos"));
+    std::fs::create_dir(folder.join("samples/soups")).unwrap();
+    std::fs::copy(root.join("samples/soups/trained.ply"), folder.join("samples/soups/trained.ply")).unwrap();
+    std::fs::copy(root.join("samples/soups/trained.ply"), folder.join("soft.ply")).unwrap();
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]];
+    let triangles = (0..20).flat_map(|i| corners.map(|[x, y, z]| [x + i as f32, y, z])).flatten();
+    let tensors = [
+        floats("triangles_points", &[20, 3, 3], triangles),
+        floats("sigma", &[20, 1], [-3.0; 20]),
+        floats("opacity", &[20, 1], [4.0; 20]),
+        floats("features_dc", &[20, 1, 3], [0.5; 60]),
+        floats("features_rest", &[20, 0, 3], []),
+    ];
+    std::fs::write(folder.join("point_cloud_state_dict.pt"), checkpoint(&tensors, b"")).unwrap();
+}
+
+/// What is added to a command so that it takes seconds and may replace the file of an earlier one.
+fn additions(arguments: &[&str]) -> &'static [&'static str] {
+    match *arguments {
+        ["bake", ..] => &["--force"],
+        // Enough steps to have something to bake, in place of those that the README asks for.
+        ["train", ..] => &["--force", "--steps", "60"],
+        ["bench", "bake"] => &["--triangles", "2000", "--runs", "1"],
+        ["bench", "stress"] => &["--cases", "20000", "--climb", "50"],
+        ["bench", "cost", ..] => &["--steps", "20", "--max-size", "64"],
+        _ => &[],
+    }
+}
+
+#[test]
+fn every_command_of_the_readme_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    prepare(folder.path());
+    let (mut ran, mut parsed) = (0, Vec::new());
+    for command in commands() {
+        let words: Vec<&str> = command.split_whitespace().collect();
+        let mut arguments = match words[..] {
+            ["cargo", "run", "--release", "--", ref rest @ ..] | ["trisplat", ref rest @ ..] => rest.to_vec(),
+            // The test command runs this very test, and what is installed is what runs here.
+            ["bash", "tests/run.sh"] | ["cargo", "install", "--path", "."] => continue,
+            _ => panic!("a command of the README that no test knows: {command}"),
+        };
+        // A window wants a screen and somebody to close it; tests/view opens one.
+        let only_parsed = arguments[0] == "view";
+        for length in ["--steps", "--budget"] {
+            if let Some(at) = arguments.iter().position(|a| *a == length) {
+                arguments.drain(at..at + 2);
+            }
+        }
+        if let Some(harden) = arguments.iter_mut().find(|a| **a == "--harden") {
+            *harden = "--harden=20";
+        }
+        if arguments[0] == "mesh" {
+            // So few steps make a fog, which has no surface: the sample has one.
+            arguments[1] = "soft.ply";
+        }
+        if arguments[0] == "bench" && cfg!(not(feature = "bench")) {
+            eprintln!("SKIPPED (built without the feature bench): {command}");
+            continue;
+        }
+        if only_parsed && cfg!(not(feature = "view")) {
+            eprintln!("SKIPPED (built without the feature view): {command}");
+            continue;
+        }
+        let more = if only_parsed { &["--help"] } else { additions(&arguments) };
+        let mut trisplat = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+        let output = trisplat.current_dir(folder.path()).args(&arguments).args(more).output().unwrap();
+        assert!(output.status.success(), "{command}\n{}", String::from_utf8_lossy(&output.stderr));
+        if only_parsed { parsed.push(command) } else { ran += 1 }
+    }
+    for command in &parsed {
+        eprintln!("PARSED ONLY: {command}");
+    }
+    assert!(parsed.len() <= 1 && ran >= 10, "{ran} commands ran, {} were only parsed", parsed.len());
+}
+
+fn copy_folder(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        match entry.file_type().unwrap().is_dir() {
+            true => copy_folder(&entry.path(), &to.join(entry.file_name())),
+            false => drop(std::fs::copy(entry.path(), to.join(entry.file_name())).unwrap()),
+        }
+    }
+}
+
+/// README.md, CHANGELOG.md and every page below the folders that have some.
+fn pages() -> Vec<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut pages = vec![root.join("README.md"), root.join("CHANGELOG.md"), root.join("python/README.md")];
+    let mut folders = vec![root.join("docs"), root.join("samples")];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|e| e == "md") {
+                pages.push(path);
+            }
+        }
+    }
+    pages
+}
+
+/// The names by which a page's headings are linked to, as GitHub makes them.
+fn anchors(page: &str) -> BTreeSet<String> {
+    let outside_code = page.split("```").step_by(2);
+    let headings = outside_code.flat_map(str::lines).filter(|line| line.starts_with('#'));
+    headings
+        .map(|heading| {
+            let kept = heading.trim_start_matches('#').trim().to_lowercase();
+            let kept = kept.chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c));
+            kept.map(|c| if c == ' ' { '-' } else { c }).collect()
+        })
+        .collect()
+}
+
+#[test]
+fn pages_are_short_and_their_links_lead_somewhere() {
+    let mut links = 0;
+    for path in pages() {
+        let page = std::fs::read_to_string(&path).unwrap();
+        let lines = page.lines().count();
+        assert!(lines <= 200 || path.ends_with("CHANGELOG.md"), "{} has {lines} lines", path.display());
+        for link in page.split("](").skip(1).map(|rest| rest.split(')').next().unwrap()) {
+            if link.contains("://") {
+                continue;
+            }
+            let (file, anchor) = link.split_once('#').unwrap_or((link, ""));
+            let target = if file.is_empty() { path.clone() } else { path.parent().unwrap().join(file) };
+            assert!(target.exists(), "{} links to {link}, which does not exist", path.display());
+            if !anchor.is_empty() {
+                let headings = anchors(&std::fs::read_to_string(&target).unwrap());
+                assert!(headings.contains(anchor), "{} links to {link}: no such heading", path.display());
+            }
+            links += 1;
+        }
+    }
+    assert!(links > 100, "only {links} links were found");
+}
+
+/// The help of `--set` names the page.
+#[test]
+fn every_key_of_a_bake_is_in_its_page() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let page = std::fs::read_to_string(root.join("docs/bake.md")).unwrap();
+    let schema = std::fs::read(root.join("schemas/bake.schema.json")).unwrap();
+    let schema: serde_json::Value = serde_json::from_slice(&schema).unwrap();
+    let groups = schema["$defs"].as_object().unwrap().values();
+    let keys: Vec<&String> =
+        groups.filter_map(|group| group["properties"].as_object()).flat_map(|p| p.keys()).collect();
+    assert!(keys.len() > 30, "{keys:?}");
+    for key in keys {
+        assert!(page.contains(&format!("`{key}`")), "docs/bake.md does not name {key}");
+    }
+}

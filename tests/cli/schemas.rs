@@ -1,0 +1,153 @@
+//! The checked-in schemas are those of the code; samples and real reports satisfy them.
+
+#![allow(clippy::print_stderr, reason = "a skipped test says so")]
+
+use clap::ValueEnum;
+use serde_json::Value;
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+use trisplat::cli::schema::SchemaName;
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+#[test]
+fn schemas_are_current() {
+    for name in SchemaName::value_variants() {
+        let word = name.to_possible_value().unwrap().get_name().to_owned();
+        let path = root().join(format!("schemas/{word}.schema.json"));
+        if std::env::var_os("UPDATE").is_some() {
+            std::fs::write(&path, name.text()).unwrap();
+        }
+        let there = std::fs::read_to_string(&path).unwrap_or_default();
+        assert_eq!(
+            there,
+            name.text(),
+            "{} is stale: run UPDATE=1 cargo test --test program schemas",
+            path.display()
+        );
+    }
+}
+
+/// What Python's jsonschema package finds: one line per error, none when the value is valid. Without that Python
+/// `None` and a message, or a failure where the external tools are required.
+fn validate(name: SchemaName, value: &Value) -> Option<String> {
+    const SCRIPT: &str = "import json, sys, jsonschema
+schema, value = json.load(sys.stdin)
+jsonschema.Draft202012Validator.check_schema(schema)
+for e in jsonschema.Draft202012Validator(schema).iter_errors(value): print(e.json_path, e.message)";
+    let python = root().join("target/judges/venv/bin/python");
+    if !python.exists() {
+        assert!(std::env::var_os("TRISPLAT_REQUIRE_JUDGES").is_none(), "no Python at {}", python.display());
+        eprintln!("SKIPPED (no target/judges: run tests/run.sh)");
+        return None;
+    }
+    let schema: Value = serde_json::from_str(&name.text()).unwrap();
+    let mut child = Command::new(python)
+        .args(["-c", SCRIPT])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let question = serde_json::to_vec(&serde_json::json!([schema, value])).unwrap();
+    child.stdin.take().unwrap().write_all(&question).unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "the schema validator failed");
+    Some(String::from_utf8(output.stdout).unwrap())
+}
+
+fn satisfies(name: SchemaName, value: &Value) {
+    if let Some(errors) = validate(name, value) {
+        assert_eq!(errors, "");
+    }
+}
+
+#[test]
+fn the_sample_config_satisfies_its_schema() {
+    let text = std::fs::read_to_string(root().join("samples/bake.json")).unwrap();
+    satisfies(SchemaName::Bake, &serde_json::from_str(&text).unwrap());
+}
+
+#[test]
+fn a_real_report_satisfies_its_schema() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("report.json");
+    let status = Command::new(env!("CARGO_BIN_EXE_trisplat"))
+        .arg("bake")
+        .arg(root().join("samples/soups/studio.ply"))
+        .args(["-q", "--dry-run", "-o", "scene.glb", "--report"])
+        .arg(&report)
+        .status()
+        .unwrap();
+    assert!(status.success());
+    let value: Value = serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap();
+    satisfies(SchemaName::Report, &value);
+    satisfies(SchemaName::Bake, &value["options"]);
+}
+
+#[test]
+fn the_report_of_a_training_has_the_same_shape() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("report.json");
+    let status = Command::new(env!("CARGO_BIN_EXE_trisplat"))
+        .arg("train")
+        .arg(root().join("samples/dataset"))
+        .args(["-q", "--steps", "3", "--teacher", "off", "-o"])
+        .arg(folder.path().join("scene.ply"))
+        .arg("--report")
+        .arg(&report)
+        .status()
+        .unwrap();
+    assert!(status.success());
+    let value: Value = serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap();
+    satisfies(SchemaName::Report, &value);
+    satisfies(SchemaName::Train, &value["options"]);
+    let [teacher, stage] = [0, 1].map(|stage| &value["stages"][stage]);
+    assert_eq!((&teacher["name"], &teacher["unneeded"]), (&"teacher".into(), &"`teacher` off".into()));
+    assert_eq!((&value["command"], &stage["name"]), (&"train".into(), &"train".into()));
+    assert!(stage["details"]["psnr"].as_f64().is_some() && stage["after"]["triangles"].as_u64() > Some(0));
+    assert_eq!(value["outputs"].as_array().map(Vec::len), Some(1));
+}
+
+#[test]
+fn what_eval_and_info_write_satisfies_their_schemas() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("eval.json");
+    let (soup, dataset) = (root().join("samples/soups/studio.ply"), root().join("samples/dataset"));
+    let run = |command: &mut Command| {
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        output.stdout
+    };
+    let trisplat = || Command::new(env!("CARGO_BIN_EXE_trisplat"));
+    run(trisplat().arg("eval").arg(soup).arg(&dataset).arg("--report").arg(&report));
+    let eval: Value = serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap();
+    satisfies(SchemaName::Eval, &eval);
+    let info = run(trisplat().args(["info", "--json"]).arg(&dataset));
+    satisfies(SchemaName::Dataset, &serde_json::from_slice(&info).unwrap());
+}
+
+#[cfg(feature = "bench")]
+#[test]
+fn rows_of_costs_satisfy_their_schema() {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+    command.args(["bench", "cost", "-q", "--json", "--quick", "--max-size", "64", "--steps", "10"]);
+    command.args(["--knob", "compress", "--knob", "ssaa"]).arg(root().join("samples/dataset"));
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let rows: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(rows.as_array().map(Vec::len), Some(4));
+    satisfies(SchemaName::Cost, &rows);
+}
+
+#[test]
+fn a_wrong_config_does_not_satisfy_the_schema() {
+    for wrong in [
+        serde_json::json!({ "prune": { "min_opacty": 0.5 } }),
+        serde_json::json!({ "output": { "target": "quake" } }),
+    ] {
+        assert_ne!(validate(SchemaName::Bake, &wrong), Some(String::new()), "{wrong}");
+    }
+}

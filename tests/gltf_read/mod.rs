@@ -1,0 +1,10 @@
+//! glTF read back: files of this program in every variant, files of others, and hostile files.
+#![allow(clippy::print_stderr)]
+
+mod check;
+mod files;
+mod foreign;
+mod gltf_json;
+mod hostile;
+mod mutants;
+mod own;

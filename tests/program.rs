@@ -1,0 +1,4 @@
+//! The program as a user meets it, and whatever the disk does to it.
+
+mod cli;
+mod faults;

@@ -1,0 +1,5 @@
+//! Scenes in blocks: what a task may change, what it may not, and that blocks make one scene again.
+
+#[cfg(feature = "bench")]
+mod city;
+mod parts;

@@ -1,0 +1,3 @@
+//! Depths from photos, against the exact depths of the synthetic scene.
+
+mod synthetic;
