@@ -42,7 +42,7 @@ pub fn train(dataset: &Dataset, options: &TrainOptions) -> Result<Trained> {
 /// use trisplat::{Dataset, DatasetOptions, TrainJob, TrainOptions};
 ///
 /// let folder = tempfile::tempdir().unwrap();
-/// synthetic::write(folder.path(), &SyntheticOptions { views: 8, width: 24, points: 50, seed: 0 })?;
+/// synthetic::write(folder.path(), &SyntheticOptions { views: 8, width: 24, points: 50, seed: 0, ..SyntheticOptions::default() })?;
 /// let dataset = Dataset::load(folder.path(), &DatasetOptions::default())?;
 /// let options = TrainOptions { steps: 20, max_triangles: 100, ..TrainOptions::default() };
 ///
