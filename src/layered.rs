@@ -88,7 +88,7 @@ impl<T: Serialize> Layered<T> {
 }
 
 impl<T: Serialize + DeserializeOwned> Layers<T> {
-    /// With the config file at `path`, of which `limits` permits so much to be read. Its key `$schema` is ignored.
+    /// With the config file at `path`; `limits` bounds its size. Its key `$schema` is ignored.
     ///
     /// Errors: a file that cannot be read; a key or a type that `T` does not have, with its place in the file.
     pub fn file(self, path: &Path, limits: &Limits) -> Result<Self> {

@@ -252,7 +252,7 @@ fn quantise(node: &mut CwBvhNode, all: &Aabb, children: &[Aabb; 8]) {
     }
 }
 
-/// The smallest power of two of which 255 reach `extent`: as the exponent bits of an f32, and itself.
+/// The smallest power of two whose 255-fold reaches `extent`: as the exponent bits of an f32, and itself.
 fn grid_step(extent: f64) -> (u8, f64) {
     let bits = (extent / 255.0).to_bits();
     let rounded_up = (bits >> 52) + u64::from(bits & ((1 << 52) - 1) != 0);

@@ -44,7 +44,7 @@ pub struct Bar {
 const RATE_SECS: f64 = 3.0;
 
 impl Bar {
-    /// A bar over `steps`, of which `done` are made already. A log in a file begins with the samples
+    /// A bar over `steps`; `done` of them are made already. A log in a file begins with the samples
     /// `before`, those of the run that goes on.
     pub fn new(
         global: &Global,

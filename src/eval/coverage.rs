@@ -160,8 +160,8 @@ mod tests {
             0.0,
             "one only"
         );
-        // The held-out view shows a screen that ends at x = 0.1 on the left of its column 60, of which photo a has
-        // nothing and photo b only the end in view.
+        // The held-out view shows a screen that ends at x = 0.1 on the left of its column 60. Photo a has
+        // none of it in view, photo b only the end.
         let seen = covered(&held_out, &photos, u64::MAX, wall(0.1));
         let columns: Vec<usize> = (0..100).filter(|x| seen[0][*x]).collect();
         assert_eq!(columns, (60..100).collect::<Vec<_>>());
@@ -179,7 +179,7 @@ mod tests {
         let same = [photos[0], photos[0]];
         let columns: Vec<usize> =
             (0..100).filter(|x| covered(&held_out, &same, u64::MAX, wall(0.1))[0][*x]).collect();
-        // x from 0.2 to 1 in columns of 0.02, of which the first is at x = 0.
+        // x from 0.2 to 1 in columns of 0.02; the first column is at x = 0.
         assert_eq!(columns, (10..50).collect::<Vec<_>>());
     }
 

@@ -5,7 +5,7 @@ use crate::math::median::median;
 use glam::Vec3;
 
 /// Most points that are looked at.
-const MOST_POINTS: usize = 20_000;
+pub(super) const MOST_POINTS: usize = 20_000;
 /// Most cameras that are asked what they frame.
 const MOST_CAMERAS: usize = 100;
 /// A point belongs to the subject when it is in this share of the pictures that frame the most framed point.

@@ -3,7 +3,7 @@
 
 use super::candidates::{self, Candidate};
 use super::sight::{Sight, Survey};
-use super::subject::Subject;
+use super::subject::{MOST_POINTS, Subject};
 use crate::camera::{Camera, Viewpoint};
 use glam::{UVec2, Vec2, Vec3};
 
@@ -53,7 +53,9 @@ pub fn viewpoint(scenery: &Scenery<'_>) -> Option<Chosen> {
         let [a, b, c] = (scenery.corners)(face);
         (a + b + c) / 3.0
     };
-    let middles: Vec<Vec3> = (0..scenery.count).map(middle).collect();
+    // The subject looks at no more of them.
+    let step = scenery.count.div_ceil(MOST_POINTS).max(1);
+    let middles: Vec<Vec3> = (0..scenery.count).step_by(step).map(middle).collect();
     let subject = Subject::of(&middles, scenery.cameras)?;
     let mut survey = Survey::new(scenery.corners, scenery.count, subject);
     let mut judge = |candidate: Candidate| {

@@ -198,8 +198,8 @@ pub struct TrainState {
     pub first: Params,
     /// Second moments, shaped like the parameters.
     pub second: Params,
-    /// The first so many triangles only change their colour, which is the same from all sides, and are neither pruned
-    /// nor grown.
+    /// Number of triangles, from the first on, that only change their colour, which is the same from all sides. They are neither
+    /// pruned nor grown.
     pub pinned: usize,
     /// Number of the pinned ones that do not change at all: the rest of a scene when only a part is trained.
     pub frozen: usize,

@@ -9,8 +9,8 @@ const ENDING: &str = "checkpoint";
 /// Comes before the number of steps in the name of one of several.
 const STEP: &str = ".step-";
 
-/// Writes `checkpoint` to `path`; with `keep` above 1 to a file beside it that has the number of steps in its name, of which
-/// the last `keep` stay. Returns the name of the file.
+/// Writes `checkpoint` to `path`. With `keep` above 1, it writes a file beside it with the number of steps in its name, and keeps
+/// the last `keep` of these. Returns the name of the file.
 ///
 /// Errors: what the operating system refuses.
 pub fn write(path: &Path, checkpoint: &Checkpoint, keep: u32) -> Result<PathBuf> {

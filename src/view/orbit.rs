@@ -9,8 +9,8 @@ use std::f32::consts::TAU;
 /// Part of the way to what closes a scene that an orbit keeps within.
 const ROOM: f32 = 0.9;
 
-/// `count` cameras for pictures of `size` on the circle that begins at `viewpoint` and goes around what it looks at, all of which
-/// stays in the picture. `up` is the axis that points up; `room` is how far from there the scene is closed.
+/// `count` cameras for pictures of `size` on the circle that begins at `viewpoint` and goes around its subject. All of the
+/// subject stays in the picture. `up` is the axis that points up; `room` is how far from there the scene is closed.
 pub fn around_viewpoint(viewpoint: &Viewpoint, up: Vec3, room: f32, size: UVec2, count: u32) -> Vec<Camera> {
     let target = DVec3::from(viewpoint.target).as_vec3();
     let from = DVec3::from(viewpoint.eye).as_vec3() - target;

@@ -50,7 +50,7 @@ const NOTHING: Sums =
     Sums { ratio: [0.0; 3], moment: [V2 { x: 0.0, y: 0.0 }; 3], opacity: 0.0, sigma: 0.0, rgb: [0.0; 3] };
 
 impl ExactFrame {
-    /// The gradients for a gradient of the frame just drawn, of which colour and transmittance are used. `[N]`
+    /// The gradients for a gradient of the frame just drawn; only its colour and transmittance are used. `[N]`
     pub fn backward(
         &self,
         soup: &Soup,
