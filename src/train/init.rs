@@ -13,7 +13,7 @@ use crate::soup::{Soup, sh0_from_rgb};
 use glam::Vec3;
 
 /// First σ (1.16, supplement).
-const FIRST_SIGMA: f32 = 1.16;
+pub(super) const FIRST_SIGMA: f32 = 1.16;
 
 /// A coloured point of the sparse cloud, in training space.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,5 +1,6 @@
 //! The first triangles in the surfaces that the photos show, and which points of the cloud are still wanted beside them.
 
+use super::init::FIRST_SIGMA;
 use super::options::TrainOptions;
 use super::stereo_use::StereoUse;
 use crate::dataset::{Point, View};
@@ -12,10 +13,10 @@ use glam::Vec3;
 
 /// Triangles of the surfaces at most, as a share of `max_triangles`: growth needs room.
 const SHARE: f64 = 0.4;
-/// First σ of these: harder than that of points, as they lie where the surface is.
-const SIGMA: f32 = 0.3;
-/// First opacity of these.
-const OPACITY: f32 = 0.9;
+/// Other photos that must agree with a depth, and its least confidence: stricter than for points alone. One wrong surface hangs before every
+/// other view (docs/benchmarks/stereo.md).
+const MIN_AGREEING: u32 = 3;
+const MIN_CONFIDENCE: f32 = 0.8;
 /// Fewest photos that say more together than alone.
 const LEAST_PHOTOS: usize = 3;
 /// A point lies in a surface when their depths differ by less, as a share.
@@ -46,15 +47,21 @@ impl Surfaces {
         if !is_wanted(options.stereo, photos.len()) {
             return Ok(None);
         }
-        let stereo = StereoOptions { stereo_seed: options.seed, ..StereoOptions::default() };
+        let stereo = StereoOptions {
+            stereo_seed: options.seed,
+            min_agreeing: MIN_AGREEING,
+            min_confidence: MIN_CONFIDENCE,
+            ..StereoOptions::default()
+        };
         let maps = estimate(&photos, points, &stereo, &mut StageProgress::new(&mut ()))?;
         let most = (SHARE * options.max_triangles as f64) as usize;
         let facets = facets(&maps, most);
         let n = facets.len();
         let soup = Soup {
             vertices: facets.iter().map(|facet| facet.corners.map(|p| space.to_training(p))).collect(),
-            opacity: vec![OPACITY; n],
-            sigma: vec![SIGMA; n],
+            // As faint and soft as triangles at points: wrong ones can still fade.
+            opacity: vec![options.init.opacity as f32; n],
+            sigma: vec![FIRST_SIGMA; n],
             sh: facets.iter().map(|facet| facet.rgb.map(|c| sh0_from_rgb(f32::from(c) / 255.0))).collect(),
             sh_degree: 0,
             ..Soup::default()

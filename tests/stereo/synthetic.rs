@@ -6,6 +6,7 @@ use trisplat::dataset::synthetic_scene::{Ray, SurfaceHit, trace};
 use trisplat::dataset::{Dataset, DatasetOptions, View};
 use trisplat::report::StageProgress;
 use trisplat::stereo::{DepthMap, StereoOptions, estimate};
+use trisplat::train::{StereoUse, TrainOptions, TrainRun};
 
 /// Photos of the synthetic scene.
 fn photos(options: &SyntheticOptions) -> (tempfile::TempDir, Dataset) {
@@ -130,4 +131,37 @@ fn one_photo_has_no_depths() {
     assert!(maps.len() == 1 && maps[0].known_share() == 0.0);
     assert!(maps[0].normal.iter().all(|normal| *normal == Vec3::ZERO));
     let _: DVec3 = truth(&maps[0], 0).normal;
+}
+
+#[test]
+fn training_begins_on_the_surfaces_of_the_scene() {
+    let (_folder, dataset) = photos(&SyntheticOptions {
+        views: 24,
+        width: 240,
+        points: 800,
+        seed: 0,
+        ..SyntheticOptions::default()
+    });
+    let first = |stereo: StereoUse| {
+        let options = TrainOptions { steps: 1, max_triangles: 4000, stereo, ..TrainOptions::default() };
+        let trained = TrainRun::new(&dataset, &options).run(&mut ()).unwrap();
+        trained.soup.vertices
+    };
+    let (with, without) = (first(StereoUse::On), first(StereoUse::Off));
+    assert_eq!(first(StereoUse::Auto), without, "`auto` is off");
+    // Of the triangles in view of a camera, those that lie on what its ray meets; the others are behind something, or wrong.
+    let on_surface = |triangles: &[[Vec3; 3]]| {
+        let lies = |triangle: &&[Vec3; 3]| {
+            let middle = (triangle[0] + triangle[1] + triangle[2]) / 3.0;
+            dataset.train().any(|view| {
+                let origin = view.camera.position().as_dvec3();
+                let direction = middle.as_dvec3() - origin;
+                let hit = trace(Ray { origin, direction }).unwrap();
+                view.camera.frames(middle) && (hit.distance - 1.0).abs() < 0.02
+            })
+        };
+        triangles.iter().filter(lies).count()
+    };
+    let gained = on_surface(&with).saturating_sub(on_surface(&without));
+    assert!(gained > 600, "{gained} of {} more than of {}", with.len(), without.len());
 }
