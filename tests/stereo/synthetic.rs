@@ -136,9 +136,9 @@ fn one_photo_has_no_depths() {
 #[test]
 fn training_begins_on_the_surfaces_of_the_scene() {
     let (_folder, dataset) = photos(&SyntheticOptions {
-        views: 24,
-        width: 240,
-        points: 800,
+        views: 16,
+        width: 160,
+        points: 400,
         seed: 0,
         ..SyntheticOptions::default()
     });
@@ -163,5 +163,5 @@ fn training_begins_on_the_surfaces_of_the_scene() {
         triangles.iter().filter(lies).count()
     };
     let gained = on_surface(&with).saturating_sub(on_surface(&without));
-    assert!(gained > 600, "{gained} of {} more than of {}", with.len(), without.len());
+    assert!(10 * gained > without.len(), "{gained} of {} more than of {}", with.len(), without.len());
 }
