@@ -1,7 +1,9 @@
 //! Several inputs become one scene.
 //!
-//! Soups make a soup and meshes a mesh. A soup cannot join a mesh before it is solid; the recipe sees to that.
+//! Inputs that lie far from the origin of their world have origins of their own ([`crate::formats::far`]); they are moved to one of these
+//! first. Soups make a soup and meshes a mesh. A soup cannot join a mesh before it is solid; the recipe sees to that.
 
+use super::one_origin::{rebase, share_origin};
 use crate::asset::{Placement, Provenance, UpDirection};
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
@@ -10,7 +12,8 @@ use crate::scene::{Loaded, Scene};
 /// One scene out of `inputs`, in their order.
 ///
 /// Errors: no input, soups and meshes together, files with different axes up.
-pub fn merge(inputs: Vec<Loaded>) -> Result<Loaded> {
+pub fn merge(mut inputs: Vec<Loaded>) -> Result<Loaded> {
+    share_origin(&mut inputs);
     let mut inputs = inputs.into_iter();
     let Some(mut all) = inputs.next() else {
         return Err(Error::invalid("inputs", "nothing", "at least one file"));
@@ -49,17 +52,20 @@ pub fn merge(inputs: Vec<Loaded>) -> Result<Loaded> {
     Ok(all)
 }
 
-/// Takes the soups and baked meshes of `inputs` to one frame: the world of the soups, which the meshes were placed in
+/// Takes the soups and baked meshes of `inputs` to one frame: that of the soups, which the meshes were placed in
 /// when they were baked. A soup that does not say which of its axes points up takes the axis of the meshes; a mesh that
 /// was turned by no axis that of the soups.
 pub(super) fn share_world(inputs: &mut [Loaded]) {
+    share_origin(inputs);
     let is_soup = |loaded: &&Loaded| matches!(loaded.scene, Scene::Soup(_));
     let of_soups = inputs.iter().filter(is_soup).find_map(|loaded| loaded.provenance.up);
+    let soup = inputs.iter().find(is_soup);
+    let frame = soup.map_or(Placement::IDENTITY, |soup| soup.provenance.placement);
     let mut up = None;
     for loaded in inputs.iter_mut() {
-        let placement = std::mem::take(&mut loaded.provenance.placement);
-        if let (Scene::Mesh(mesh), false) = (&mut loaded.scene, placement == Placement::IDENTITY) {
-            mesh.positions.iter_mut().for_each(|point| *point = placement.to_world(*point));
+        let placement = loaded.provenance.placement;
+        if matches!(loaded.scene, Scene::Mesh(_)) && placement != Placement::IDENTITY {
+            rebase(loaded, &frame);
             up = match placement.up {
                 UpDirection::Axis(axis) => Some(axis),
                 UpDirection::Vector(_) => of_soups,
@@ -68,6 +74,7 @@ pub(super) fn share_world(inputs: &mut [Loaded]) {
             // It is in the frame of the file.
             loaded.provenance.viewpoint = None;
         }
+        loaded.provenance.placement = frame;
     }
     for loaded in inputs.iter_mut().filter(|loaded| matches!(loaded.scene, Scene::Soup(_))) {
         loaded.provenance.up = loaded.provenance.up.or(up);

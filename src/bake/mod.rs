@@ -34,6 +34,7 @@ pub mod max_bytes;
 pub mod merge;
 pub mod mesh;
 mod moved_corner;
+mod one_origin;
 pub mod options;
 pub mod order;
 pub mod pace;

@@ -17,6 +17,9 @@ use rayon::prelude::*;
 /// or a hierarchy adds a few million of them, so such a triangle cannot be drawn any more than an infinite one.
 pub const REACH: f32 = 1e15;
 
+/// What is out of reach of a scene whose median triangle is nearer than this, of the reach, is no part of it: a stray.
+const STRAYS: f32 = 1e-3;
+
 /// Height over longest edge at or below which a triangle is a line: the rounding error of that edge.
 const FLAT: f64 = f32::EPSILON as f64;
 
@@ -72,8 +75,11 @@ impl Default for PruneOptions {
 /// Triangles dropped, by cause.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct PruneDetails {
-    /// Triangles with a number that is NaN, infinite or out of reach.
+    /// Triangles with a number that is NaN or infinite.
     pub non_finite: u64,
+    /// Triangles with a coordinate beyond 1e15, which engines cannot draw.
+    #[serde(default)]
+    pub out_of_reach: u64,
     /// Triangles whose corners lie on a line or a point.
     pub degenerate: u64,
     /// Triangles below `min_opacity`.
@@ -96,7 +102,7 @@ impl StageDetails for PruneDetails {
 /// applied again to what is left until nothing more is dropped, and the budget of `max_triangles`, which is applied to
 /// what all other rules leave. So a second run finds nothing to drop.
 ///
-/// Errors: an option out of range; nothing left.
+/// Errors: an option out of range; nothing left; a scene that reaches farther than [`REACH`].
 pub fn prune(scene: &mut Scene, options: &PruneOptions, details: &mut PruneDetails) -> Result<Outcome<()>> {
     options.validate()?;
     let verdicts = match &*scene {
@@ -104,6 +110,10 @@ pub fn prune(scene: &mut Scene, options: &PruneOptions, details: &mut PruneDetai
         Scene::Mesh(mesh) => classify(mesh.face_count(), |i| mesh_face(mesh, i), options),
     };
     let counts = count(&verdicts);
+    match &*scene {
+        Scene::Soup(soup) => check_scale(&verdicts, &counts, |i| soup.vertices[i])?,
+        Scene::Mesh(mesh) => check_scale(&verdicts, &counts, |i| mesh.corners(i))?,
+    }
     if counts[Verdict::Keep as usize] == 0 {
         return Err(nothing_left(options, &counts, verdicts.len()));
     }
@@ -119,12 +129,46 @@ pub fn prune(scene: &mut Scene, options: &PruneOptions, details: &mut PruneDetai
     Ok(Outcome::Changed(()))
 }
 
+/// Refuses a scene that is itself as large as what cannot be drawn; strays far from a scene of ordinary size are dropped.
+fn check_scale(
+    verdicts: &[Verdict],
+    counts: &[usize; 8],
+    corners: impl Fn(usize) -> [Vec3; 3],
+) -> Result<()> {
+    let far = counts[Verdict::OutOfReach as usize];
+    if far == 0 {
+        return Ok(());
+    }
+    let finite = (0..verdicts.len()).filter(|i| verdicts[*i] != Verdict::NonFinite);
+    let reaches: Vec<f32> = finite.map(|i| reach(&corners(i))).collect();
+    let most = reaches.iter().copied().fold(0.0, f32::max);
+    let typical = median(reaches, f32::total_cmp).unwrap_or(0.0);
+    if typical < STRAYS * REACH {
+        return Ok(());
+    }
+    let what = format!("{far} of {} triangles farther than {REACH:e} from the origin", verdicts.len());
+    let exponent = -f64::from(most).log10().ceil() as i32;
+    let wants = format!("coordinates that engines can draw; multiply those of the file by 1e{exponent}, say");
+    Err(Error::invalid("the scene", what, wants))
+}
+
 impl PruneDetails {
+    /// What the user should know, if anything.
+    pub fn warning(&self) -> Option<String> {
+        let far = self.out_of_reach;
+        (far > 0).then(|| {
+            format!(
+                "dropped {far} triangles farther than {REACH:e} from the origin: engines cannot draw them"
+            )
+        })
+    }
+
     /// From the number of triangles of each [`Verdict`].
-    fn new(counts: &[usize; 7]) -> Self {
+    fn new(counts: &[usize; 8]) -> Self {
         let of = |verdict: Verdict| counts[verdict as usize] as u64;
         Self {
             non_finite: of(Verdict::NonFinite),
+            out_of_reach: of(Verdict::OutOfReach),
             degenerate: of(Verdict::Degenerate),
             faint: of(Verdict::Faint),
             soft: of(Verdict::Soft),
@@ -140,6 +184,7 @@ impl PruneDetails {
 enum Verdict {
     Keep,
     NonFinite,
+    OutOfReach,
     Degenerate,
     Faint,
     Soft,
@@ -148,14 +193,22 @@ enum Verdict {
 }
 
 impl Verdict {
-    const CAUSES: [Self; 6] =
-        [Self::NonFinite, Self::Degenerate, Self::Faint, Self::Soft, Self::Huge, Self::OverBudget];
+    const CAUSES: [Self; 7] = [
+        Self::NonFinite,
+        Self::OutOfReach,
+        Self::Degenerate,
+        Self::Faint,
+        Self::Soft,
+        Self::Huge,
+        Self::OverBudget,
+    ];
 
     /// The field of [`PruneDetails`] that counts it.
     fn key(self) -> &'static str {
         match self {
             Self::Keep => "kept",
             Self::NonFinite => "non_finite",
+            Self::OutOfReach => "out_of_reach",
             Self::Degenerate => "degenerate",
             Self::Faint => "faint",
             Self::Soft => "soft",
@@ -200,13 +253,14 @@ fn classify(count: usize, face: impl Fn(usize) -> Face + Sync, options: &PruneOp
 
 /// The verdict by the rules that need one face only.
 fn classify_alone(face: &Face, options: &PruneOptions) -> Verdict {
-    let reachable = |v: &Vec3| v.abs().max_element() <= REACH && !v.is_nan();
-    let finite = face.corners.iter().all(reachable)
+    let finite = face.corners.iter().all(|v| v.is_finite())
         && face.opacity.is_finite()
         && face.sigma.is_finite()
         && face.color.iter().all(|c| c.is_finite());
     if !finite {
         Verdict::NonFinite
+    } else if reach(&face.corners) > REACH {
+        Verdict::OutOfReach
     } else if is_degenerate(&face.corners) {
         Verdict::Degenerate
     } else if f64::from(face.opacity) < options.min_opacity {
@@ -216,6 +270,11 @@ fn classify_alone(face: &Face, options: &PruneOptions) -> Verdict {
     } else {
         Verdict::Keep
     }
+}
+
+/// The largest coordinate of some corners.
+fn reach(corners: &[Vec3; 3]) -> f32 {
+    corners.iter().map(|v| v.abs().max_element()).fold(0.0, f32::max)
 }
 
 /// True when the corners lie on a line or a point, to the rounding of the longest edge; also for NaN.
@@ -331,9 +390,9 @@ fn centroid(corners: &[Vec3; 3]) -> DVec3 {
     (corners[0].as_dvec3() + corners[1].as_dvec3() + corners[2].as_dvec3()) / 3.0
 }
 
-fn count(verdicts: &[Verdict]) -> [usize; 7] {
+fn count(verdicts: &[Verdict]) -> [usize; 8] {
     // One pass per cause: a comparison of bytes, many at a time.
-    let mut counts = [0; 7];
+    let mut counts = [0; 8];
     for cause in Verdict::CAUSES.into_iter().chain([Verdict::Keep]) {
         counts[cause as usize] = verdicts.iter().filter(|&&verdict| verdict == cause).count();
     }
@@ -341,7 +400,7 @@ fn count(verdicts: &[Verdict]) -> [usize; 7] {
 }
 
 /// Names the rule that dropped most and what to do about it.
-fn nothing_left(options: &PruneOptions, counts: &[usize; 7], total: usize) -> Error {
+fn nothing_left(options: &PruneOptions, counts: &[usize; 8], total: usize) -> Error {
     if total == 0 {
         return Error::invalid("the scene", "empty", "at least one triangle");
     }

@@ -15,7 +15,7 @@ use super::lod::{LevelSource, LodOptions};
 use super::merge::{merge, share_world};
 use super::options::BakeOptions;
 use super::pace::{BakePace, PaceWork};
-use super::prune::{PruneOptions, prune};
+use super::prune::{PruneDetails, PruneOptions, prune};
 use super::refit::{RefitColors, refit};
 use super::reshape::{ReshapeWhen, SceneTraits, reshape};
 use super::shell::{spared, take_shell};
@@ -273,6 +273,8 @@ impl<'a> Recipe<'a> {
 
         // Early, because every later stage costs per triangle and relies on finite geometry.
         let scene = self.report.stage(self.observer, scene, count, |scene, d| prune(scene, &pruning, d))?;
+        let warning = self.report.details::<PruneDetails>().and_then(|details| details.warning());
+        self.report.warnings.extend(warning);
 
         // On the soup, as it needs opacity and σ, which colours throw away.
         let scene = self.report.stage(self.observer, scene, count, |scene, details| match scene {

@@ -11,7 +11,7 @@ use crate::asset::Asset;
 use crate::bake::options::{BakeOptions, BakePreset};
 use crate::bake::refit::RefitColors;
 use crate::bake::{Bake, Views};
-use crate::dataset::{Dataset, DatasetOptions, View};
+use crate::dataset::{Dataset, DatasetOptions, ShrunkSize, View};
 use crate::error::{Error, Result};
 use crate::eval::evaluate::{self, StepScore};
 use crate::eval::steps::{EvalStep, no_soup, reread};
@@ -62,6 +62,9 @@ pub struct FidelityRow {
     pub soup: String,
     /// The data set, as given.
     pub dataset: String,
+    /// The size that photos were shrunk to, "320x213"; absent where they were not.
+    #[serde(default)]
+    pub photo_size: Option<ShrunkSize>,
     /// What was measured: "soft"; "plain", "unseen", "refit", "flat": how far the bake went; a preset; "half", …:
     /// the share of the triangles.
     pub case: String,
@@ -352,6 +355,7 @@ impl FidelityBench<'_> {
         FidelityRow {
             soup: self.name.clone(),
             dataset: self.args.dataset.display().to_string(),
+            photo_size: ShrunkSize::of(self.views.iter().copied()),
             case: score.name.clone(),
             target: target.to_owned(),
             ssaa,

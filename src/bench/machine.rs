@@ -44,7 +44,7 @@ fn first_line(command: &[&str]) -> String {
 }
 
 /// Appends `rows` to the CSV file `path`, with a header when it is new. Columns are the fields of
-/// [`Machine`], then those of the row; texts hold no commas.
+/// [`Machine`], then those of the row; texts hold no commas, and what is absent is empty.
 pub fn append_csv<T: Serialize>(path: &Path, machine: &Machine, rows: &[T]) -> Result<()> {
     let io = |e| Error::io(path, e);
     let is_new = !path.exists();
@@ -70,7 +70,29 @@ fn columns<T: Serialize>(row: &T) -> Vec<(String, String)> {
             serde_json::Value::Number(n) if n.is_f64() => {
                 (name, format!("{:.4}", n.as_f64().unwrap_or(f64::NAN)))
             }
+            serde_json::Value::Null => (name, String::new()),
             other => (name, other.to_string()),
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_absent_is_empty_in_a_csv() {
+        #[derive(Serialize)]
+        struct Row {
+            some: Option<f64>,
+            none: Option<f64>,
+            text: Option<String>,
+        }
+        let row = Row { some: Some(0.5), none: None, text: None };
+        let values: Vec<String> =
+            columns(&row).into_iter().map(|(name, value)| format!("{name}={value}")).collect();
+        let mut sorted = values.clone();
+        sorted.sort();
+        assert_eq!(sorted, ["none=", "some=0.5000", "text="]);
+    }
 }

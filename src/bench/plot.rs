@@ -9,10 +9,10 @@ pub use axis::PlotPoint;
 pub use fronts::DotPanel;
 pub use heat::HeatMap;
 
+use self::labels::{Rect, place};
 use crate::error::{Error, Result};
 use crate::math::short::short;
-use axis::log_axis;
-use labels::{Rect, place};
+use axis::{labels, log_axis};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use std::path::Path;
@@ -151,7 +151,7 @@ fn dot_chart(
         .x_desc(title)
         .y_desc("PSNR, dB")
         .x_label_formatter(&|v| short(*v))
-        .y_label_formatter(&|v| short(*v))
+        .y_label_formatter(&labels(low - 0.5, high + 0.5))
         .light_line_style(WHITE)
         .draw()
         .map_err(|e| e.to_string())?;

@@ -14,6 +14,7 @@ mod histogram;
 mod invariances;
 mod plot;
 pub mod promises;
+mod rate;
 pub mod ray_caster;
 mod rig;
 mod rows;
@@ -24,4 +25,4 @@ mod tally;
 
 pub use plot::plot;
 pub use rows::{ErrorSummary, InvarianceRow, Part, PromiseResult, StressReport, StressRow};
-pub use run::{StressArgs, replay, run};
+pub use run::{StressArgs, broken, replay, run};

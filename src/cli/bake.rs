@@ -13,7 +13,7 @@ use crate::bake::pace::BakeBudgetDetails;
 use crate::bake::reshape::ReshapeDetails;
 use crate::bake::teacher::TeacherDetails;
 use crate::budget::Budget;
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, ShrunkSize};
 use crate::error::Result;
 use crate::formats::info::Softness;
 use crate::formats::output::Output;
@@ -71,9 +71,10 @@ fn say(report: &Report, progress: &Progress) {
         budget_lines(details).iter().for_each(|line| progress.line(line));
     }
     let hardened = report.details::<TrainDetails>().and_then(|details| details.hardened);
-    if let Some(HardenedGain { views, psnr_before, psnr_after, kept: true }) = hardened {
+    if let Some(HardenedGain { views, psnr_before, psnr_after, photo_size, kept: true }) = hardened {
+        let size = ShrunkSize::beside(photo_size);
         progress.line(&format!(
-            "hardening: {psnr_after:.1} dB, {psnr_before:.1} dB without, on {views} views that were not trained on"
+            "hardening: {psnr_after:.1} dB, {psnr_before:.1} dB without, on {views} views that were not trained on{size}"
         ));
     }
     let softness = report.details::<TeacherDetails>().and_then(|details| details.softness);

@@ -10,6 +10,7 @@ use crate::bench::stress::StressArgs;
 use crate::bench::{bake, cost, fidelity, measure, raster};
 #[cfg(feature = "gpu")]
 use crate::bench::{card, fps};
+use crate::dataset::ShrunkSize;
 use crate::error::{Error, Result};
 use crate::train::{TrainObserver, TrainSample};
 use std::ffi::OsString;
@@ -184,7 +185,7 @@ fn run_fidelity(args: &fidelity::FidelityBenchArgs, global: &Global) -> Result<(
     );
     let rows = fidelity::run(args, &mut TrainLines(&progress), &mut |row| {
         progress.line(&format!(
-            "{:<16}{:<10}{:>6}{:>12}{:>12}{:>9.2}{:>9.3}{:>+9.3}{:>8.4}{:>8.4}",
+            "{:<16}{:<10}{:>6}{:>12}{:>12}{:>9.2}{:>9.3}{:>+9.3}{:>8.4}{:>8.4}{}",
             row.case,
             row.target,
             row.ssaa,
@@ -195,6 +196,7 @@ fn run_fidelity(args: &fidelity::FidelityBenchArgs, global: &Global) -> Result<(
             row.change,
             row.ssim,
             row.flip,
+            ShrunkSize::beside(row.photo_size),
         ));
     })?;
     progress.done();
@@ -207,7 +209,9 @@ struct TrainLines<'a>(&'a Progress);
 impl TrainObserver for TrainLines<'_> {
     fn sampled(&mut self, sample: &TrainSample) {
         if sample.test_psnr.is_some() || sample.step.is_multiple_of(500) {
-            let held_out = sample.test_psnr.map_or(String::new(), |p| format!(", {p:.2} held out"));
+            let held_out = sample.test_psnr.map_or(String::new(), |p| {
+                format!(", {p:.2} held out{}", ShrunkSize::beside(sample.test_size))
+            });
             let (step, triangles) = (sample.step, thousands(sample.triangles));
             self.0.line(&format!("step {step}: {:.2} dB{held_out}, {triangles} triangles", sample.psnr));
         }

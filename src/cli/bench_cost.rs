@@ -4,6 +4,7 @@ use super::Global;
 use super::files;
 use super::progress::{Progress, thousands};
 use crate::bench::cost::{self, CostArgs, CostInput, CostObserver, CostRow, CostStage};
+use crate::dataset::ShrunkSize;
 use crate::error::{Error, Result};
 
 /// Runs the sweep.
@@ -11,7 +12,7 @@ pub(super) fn run(args: &CostArgs, global: &Global) -> Result<()> {
     let progress = Progress::new(global);
     let rows = cost::run(args, global.threads, &mut CostTable(&progress))?;
     let measured: Vec<CostRow> = rows.iter().map(|measured| measured.row.clone()).collect();
-    progress.line(&advice(&measured));
+    advice(&measured).iter().for_each(|line| progress.line(line));
     progress.done();
     let print = |e| Error::io("-", e);
     if args.json { files::print_json(&rows, &mut std::io::stdout().lock()).map_err(print) } else { Ok(()) }
@@ -26,10 +27,12 @@ impl CostObserver for CostTable<'_> {
 
     fn measured(&mut self, rows: &[CostRow]) {
         let Some(first) = rows.first() else { return };
-        self.0.line(&format!("{} ({})", first.stage.name(), first.input.name()));
+        let size = ShrunkSize::beside(first.photo_size);
+        self.0.line(&format!("{} ({}){size}", first.stage.name(), first.input.name()));
         self.0.line(HEADER);
         rows.iter().for_each(|row| self.0.line(&line(row)));
-        self.0.line(&(summary(rows) + &as_dear_and_closer(rows)));
+        summary(rows).into_iter().chain(as_dear_and_closer(rows)).for_each(|line| self.0.line(&line));
+        self.0.line("");
     }
 }
 
@@ -64,9 +67,9 @@ const DEARER: f64 = 1.25;
 /// So much cheaper is, of the seconds of the default.
 const CHEAPER: f64 = 0.85;
 
-/// What to use next on these photos, stage by stage, in words.
-fn advice(rows: &[CostRow]) -> String {
-    let mut text = String::from("what to use next on these photos:");
+/// What to use next on these photos, stage by stage, in words: lines.
+fn advice(rows: &[CostRow]) -> Vec<String> {
+    let mut lines = vec![String::from("what to use next on these photos:")];
     let mut told: Vec<(CostStage, CostInput)> = Vec::new();
     for row in rows {
         let key = (row.stage, row.input);
@@ -98,20 +101,22 @@ fn advice(rows: &[CostRow]) -> String {
             true => "the defaults: nothing that was tried is clearly better".to_owned(),
             false => found.join("; "),
         };
-        text += &format!("\n   {} ({}): {found}", row.stage.name(), row.input.name());
+        lines.push(format!("   {} ({}): {found}", row.stage.name(), row.input.name()));
     }
-    text
+    lines
 }
 
 /// Whether the default is on the front, and what beats it if not.
-fn summary(rows: &[CostRow]) -> String {
-    let Some(default) = rows.iter().find(|r| r.is_default) else { return String::new() };
+fn summary(rows: &[CostRow]) -> Option<String> {
+    let default = rows.iter().find(|r| r.is_default)?;
     let beaten = default.beaten_by.as_ref().and_then(|by| rows.iter().find(|r| r.label() == *by));
     let once = if default.runs < 2 { " (one run each: small differences may be chance)" } else { "" };
-    let Some(better) = beaten else { return format!("   no setting beats the default{once}\n") };
+    let Some(better) = beaten else { return Some(format!("   no setting beats the default{once}")) };
     let percent = |ratio: f64| format!("{:+.1}%", 100.0 * (ratio - 1.0));
+    let noise = |within: Option<bool>| if within == Some(true) { " (within the spread)" } else { "" };
+    let (label, cost) = (better.label(), percent(better.cpu_ratio));
     let mut text =
-        format!("   the default is off the front: {} costs {}", better.label(), percent(better.cpu_ratio));
+        format!("   the default is off the front: {label} costs {cost}{}", noise(better.cpu_within_spread));
     if let (Some(bytes), Some(of)) = (better.bytes, default.bytes) {
         text += &format!(", takes {} bytes", percent(bytes as f64 / of.max(1) as f64));
     }
@@ -119,24 +124,24 @@ fn summary(rows: &[CostRow]) -> String {
         (CostStage::Draw, Some((exact, of))) => {
             format!(" and differs by {exact:.2} levels in place of {of:.2}")
         }
-        _ => format!(" and comes {:+.3} dB closer", better.psnr_change),
+        _ => format!(" and comes {:+.3} dB closer{}", better.psnr_change, noise(better.psnr_within_spread)),
     };
     if !better.buys.is_empty() {
         text += &format!("; the default buys {}", better.buys);
     }
-    text + once + "\n"
+    Some(text + once)
 }
 
 /// What costs as much as the default, as far as the runs can say, and comes closer by more than their spread.
-fn as_dear_and_closer(rows: &[CostRow]) -> String {
+fn as_dear_and_closer(rows: &[CostRow]) -> Option<String> {
     let closer = |r: &&CostRow| {
         let as_dear = r.cpu_within_spread == Some(true);
         as_dear && r.psnr_change > 0.0 && r.psnr_within_spread == Some(false)
     };
     let named = rows.iter().filter(closer).map(|r| format!("{} ({:+.3} dB)", r.label(), r.psnr_change));
     match named.collect::<Vec<_>>() {
-        none if none.is_empty() => String::new(),
-        all => format!("   within the spread of its seconds, and closer: {}\n", all.join(", ")),
+        none if none.is_empty() => None,
+        all => Some(format!("   within the spread of its seconds, and closer: {}", all.join(", "))),
     }
 }
 
@@ -147,6 +152,8 @@ mod tests {
     fn row(knob: &str, is_default: bool) -> CostRow {
         CostRow {
             scene: "synthetic".into(),
+            photo_size: None,
+            bytes_spread: None,
             stage: CostStage::Bake,
             input: CostInput::SolidSoup,
             knob: knob.into(),
@@ -191,26 +198,31 @@ mod tests {
         let dearer = CostRow { cpu_within_spread: Some(false), ..row("dear", false) };
         let chance = CostRow { psnr_within_spread: Some(true), ..row("chance", false) };
         let text = as_dear_and_closer(&[dearer.clone(), row("refit", false), chance]);
-        assert_eq!(text, "   within the spread of its seconds, and closer: refit=off (+0.250 dB)\n");
-        assert_eq!(as_dear_and_closer(&[dearer]), "");
+        assert_eq!(text.unwrap(), "   within the spread of its seconds, and closer: refit=off (+0.250 dB)");
+        assert_eq!(as_dear_and_closer(&[dearer]), None);
     }
 
     #[test]
     fn the_last_lines_say_what_to_use_next() {
         let text = advice(&[row("default", true), row("order", false)]);
         let wants = "for quality order=off (+0.25 dB, 0.50 times the seconds)";
-        assert!(text.starts_with("what to use next") && text.contains(wants), "{text}");
+        assert!(text[0].starts_with("what to use next") && text[1].contains(wants), "{text:?}");
+        let summary = summary(&[row("default", true), row("order", false)]);
+        assert!(
+            text.iter().chain(&summary).all(|line| !line.contains('\n')),
+            "a line break would be printed as \\n"
+        );
         let chance = CostRow { psnr_within_spread: Some(true), cpu_ratio: 0.9, ..row("order", false) };
-        let text = advice(&[row("default", true), chance]);
+        let text = advice(&[row("default", true), chance]).pop().unwrap();
         assert!(text.ends_with("the defaults: nothing that was tried is clearly better"), "{text}");
     }
 
     #[test]
     fn the_summary_says_what_beats_the_default() {
         let text = summary(&[row("default", true), row("order", false)]);
-        let wants = "   the default is off the front: order=off costs -50.0%, takes +0.0% bytes and comes +0.250 dB closer; the default buys order\n";
-        assert_eq!(text, wants);
+        let wants = "   the default is off the front: order=off costs -50.0% (within the spread), takes +0.0% bytes and comes +0.250 dB closer; the default buys order";
+        assert_eq!(text.unwrap(), wants);
         let alone = CostRow { beaten_by: None, ..row("default", true) };
-        assert!(summary(&[alone]).contains("no setting beats"));
+        assert!(summary(&[alone]).unwrap().contains("no setting beats"));
     }
 }

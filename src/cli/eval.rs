@@ -5,7 +5,7 @@ use super::outputs::Outputs;
 use super::pictures::Pictures;
 use super::progress::{Progress, thousands};
 use super::{files, messages};
-use crate::dataset::{Dataset, DatasetOptions, Split, View};
+use crate::dataset::{Dataset, DatasetOptions, ShrunkSize, Split, View};
 use crate::error::{Error, Result};
 use crate::eval::coverage;
 use crate::eval::evaluate::{self, EvalReport, ScoredPicture, Scores, StepScore};
@@ -105,7 +105,8 @@ pub fn run(args: &EvalArgs, global: &Global, out: &mut dyn Write) -> Result<()> 
     progress.done();
     pictures.save_sheet(args.sheet.as_deref(), &mut outputs)?;
     let report = EvalReport::new(&args.file, &args.dataset, args.split.name(), args.render.ssaa, scores);
-    let report = EvalReport { warnings, ..report };
+    let photo_size = ShrunkSize::of(views.iter().copied());
+    let report = EvalReport { warnings, photo_size, ..report };
     for warning in &report.warnings {
         progress.warn(warning);
     }
@@ -167,12 +168,12 @@ impl Table {
         if self.photos { self.row(out, &score.name, drawn.step, &score.score, "") } else { Ok(()) }
     }
 
-    fn mean(&self, out: &mut dyn Write, step: &StepScore, samples: u32) -> Result<()> {
-        self.row(out, "mean", &step.name, &step.mean, &remark(step, samples))
+    fn mean(&self, out: &mut dyn Write, step: &StepScore, report: &EvalReport) -> Result<()> {
+        self.row(out, "mean", &step.name, &step.mean, &remark(step, report))
     }
 
     fn end(&self, out: &mut dyn Write, report: &EvalReport) -> Result<()> {
-        report.steps.iter().try_for_each(|step| self.mean(out, step, report.ssaa))?;
+        report.steps.iter().try_for_each(|step| self.mean(out, step, report))?;
         match report.coverage {
             Some(coverage) => self.line(out, &coverage_line(coverage, &report.steps)),
             None => Ok(()),
@@ -189,7 +190,8 @@ fn coverage_line(coverage: f64, steps: &[StepScore]) -> String {
 }
 
 /// What is printed after the means of a step.
-fn remark(step: &StepScore, samples: u32) -> String {
+fn remark(step: &StepScore, report: &EvalReport) -> String {
+    let samples = report.ssaa;
     let mut remark = format!("{} photos, {} triangles", step.images.len(), thousands(step.triangles));
     if let Some(bytes) = step.bytes {
         remark += &format!(", {} bytes", thousands(bytes));
@@ -197,6 +199,7 @@ fn remark(step: &StepScore, samples: u32) -> String {
     if step.name != "soft" {
         remark += &format!(", {samples}×{samples} samples per pixel");
     }
+    remark += &ShrunkSize::beside(report.photo_size);
     if let Some(change) = &step.change {
         remark += &format!("; {:+.3} dB by this step", change.psnr);
     }

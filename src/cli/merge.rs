@@ -6,7 +6,7 @@ use super::messages;
 use super::outputs::Outputs;
 use super::progress::thousands;
 use crate::atomic;
-use crate::dataset::DatasetOptions;
+use crate::dataset::{DatasetOptions, ShrunkSize};
 use crate::error::{Error, Result};
 use crate::scale::Blocks;
 use crate::scale::merge::SeamQuality;
@@ -84,10 +84,11 @@ pub fn run(args: &MergeArgs, global: &Global) -> Result<()> {
 fn line(quality: &SeamQuality) -> String {
     let db = |psnr: Option<f64>| psnr.map_or("-".to_owned(), |psnr| format!("{psnr:.2} dB"));
     format!(
-        "{}: {:.2} dB over {} held-out photos; {} at seams ({:.1}% of the pixels), {} elsewhere",
+        "{}: {:.2} dB over {} held-out photos{}; {} at seams ({:.1}% of the pixels), {} elsewhere",
         quality.scene,
         quality.psnr,
         quality.photos,
+        ShrunkSize::beside(quality.photo_size),
         db(quality.seams_psnr),
         100.0 * quality.seams_share,
         db(quality.elsewhere_psnr)

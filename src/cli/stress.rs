@@ -27,14 +27,17 @@ pub(super) fn run(args: &StressArgs, global: &Global) -> Result<()> {
 
 /// An error when a promise is broken; its worst case is written to `worst`.
 fn verdict(report: &StressReport, worst: &Path) -> Result<()> {
-    let broken = |name: &str, found: f64, at_most: f64| {
-        format!("the promise \"{name}\" is broken: {found:.3e}, at most {at_most:.1e}")
-    };
-    if let Some(row) = report.invariances.iter().find(|row| !row.kept) {
-        return Err(Error::Incomplete(broken(&row.name, row.value.p999, row.at_most)));
+    if let Some(InvarianceRow { name, value, at_most, .. }) = report.invariances.iter().find(|row| !row.kept)
+    {
+        let found = value.p999;
+        let what = format!("the promise \"{name}\" is broken: {found:.3e}, at most {at_most:.1e}");
+        return Err(Error::Incomplete(what));
     }
     let Some(promise) = report.promises.iter().find(|p| !p.kept) else { return Ok(()) };
-    let what = broken(&promise.name, promise.found, promise.at_most);
+    let PromiseResult { name, failures, of, rate_at_most, found, at_most, .. } = promise;
+    let what = format!(
+        "the promise \"{name}\" is broken: {failures} of {of} fail, a share of {rate_at_most:.0e} may; worst {found:.3e}, at most {at_most:.1e}"
+    );
     let Some(case) = &promise.worst else { return Err(Error::Incomplete(what)) };
     files::save_json(case, AtomicFile::create(worst)?)?;
     let file = worst.display();
@@ -42,10 +45,12 @@ fn verdict(report: &StressReport, worst: &Path) -> Result<()> {
     Err(Error::Incomplete(format!("{what}; the worst case is in {file}: {remedy}")))
 }
 
-/// Prints what a case from a file gives.
+/// Prints what a case from a file gives; an error when it fails a promise.
 fn replay(path: &Path) -> Result<()> {
-    let found = stress::replay(&read_case(path)?)?;
-    files::print_json(&found, &mut Stdout).map_err(|e| Error::io("-", e))
+    let case = read_case(path)?;
+    let found = stress::replay(&case)?;
+    files::print_json(&found, &mut Stdout).map_err(|e| Error::io("-", e))?;
+    stress::broken(&case, &found).map_or(Ok(()), |what| Err(Error::Incomplete(what)))
 }
 
 fn read_case(path: &Path) -> Result<StressCase> {
@@ -67,7 +72,7 @@ fn print(report: &StressReport, progress: &Progress) {
     progress.line("must not change     cases    p50      p99.9      max   at most   other faces");
     report.invariances.iter().for_each(|row| progress.line(&invariance_line(row)));
     progress.line("");
-    progress.line("promise               found   at most");
+    progress.line("promise               worst   at most    failures          of  share below  may be");
     report.promises.iter().for_each(|row| progress.line(&promise_line(row)));
     progress.line(&format!(
         "{} cases in {:.1} s; the ordinary one takes {:.1} µs",
@@ -119,7 +124,16 @@ fn invariance_line(row: &InvarianceRow) -> String {
 
 fn promise_line(row: &PromiseResult) -> String {
     let kept = if row.kept { "" } else { "  BROKEN" };
-    format!("{:<18}{:>9.2e}{:>10.1e}{kept}", row.name, row.found, row.at_most)
+    format!(
+        "{:<18}{:>9.2e}{:>10.1e}{:>12}{:>12}{:>13.1e}{:>8.0e}{kept}",
+        row.name,
+        row.found,
+        row.at_most,
+        thousands(row.failures),
+        thousands(row.of),
+        row.rate_below,
+        row.rate_at_most,
+    )
 }
 
 #[cfg(test)]
@@ -132,6 +146,7 @@ mod tests {
         let args = StressArgs {
             cases: 200,
             seed: 3,
+            seeds: 2,
             climb: 10,
             worst: PathBuf::new(),
             replay: None,
@@ -152,6 +167,34 @@ mod tests {
         report.invariances[0].kept = false;
         let message = verdict(&report, &path).unwrap_err().to_string();
         assert!(message.starts_with("the promise \"rotation\" is broken: "), "{message}");
+    }
+
+    #[test]
+    fn a_replay_of_a_failing_case_is_an_error() {
+        // The search finds a pixel on the wrong side of a jump.
+        let args = StressArgs {
+            cases: 200,
+            seed: 3,
+            seeds: 1,
+            climb: 4000,
+            worst: PathBuf::new(),
+            replay: None,
+            plot: None,
+            json: false,
+        };
+        let report = stress::run(&args).unwrap();
+        let worst = report.promises.into_iter().find(|p| p.name == "worst_frame").unwrap();
+        assert!(worst.found > worst.at_most, "{worst:?}");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("case.json");
+        std::fs::write(&path, serde_json::to_string(&worst.worst).unwrap()).unwrap();
+        let told = replay(&path).unwrap_err().to_string();
+        assert!(told.contains("the case fails the promise"), "{told}");
+        let ordinary = "{\"seed\": 3}";
+        std::fs::write(&path, ordinary).unwrap();
+        let told = replay(&path).err().map(|error| error.to_string()).unwrap_or_default();
+        // Times are those of a machine that does other work as well.
+        assert!(told.is_empty() || told.contains("time"), "{told}");
     }
 
     #[test]

@@ -16,7 +16,7 @@ use super::train_preparation::Preparation;
 use super::train_progress::{Bar, Watcher};
 use crate::atomic::AtomicFile;
 use crate::bake::teacher::is_solid;
-use crate::dataset::{Dataset, DatasetOptions};
+use crate::dataset::{Dataset, DatasetOptions, ShrunkSize};
 use crate::error::{Error, Result};
 use crate::formats;
 use crate::job::teacher::{TeacherPlan, teacher_files};
@@ -306,7 +306,8 @@ fn summary(args: &TrainArgs, teacher: &TeacherPlan, trained: &Trained, bar: &mut
                 Some(n) => format!("solid, {n}×{n} samples per pixel"),
                 None => "soft".to_owned(),
             };
-            format!(", held out {psnr:.2} dB / {ssim:.4} ({drawn})")
+            let size = ShrunkSize::beside(trained.photo_size);
+            format!(", held out {psnr:.2} dB / {ssim:.4} ({drawn}{size})")
         }
         None => String::new(),
     };

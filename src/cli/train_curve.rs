@@ -1,5 +1,6 @@
 //! The curve of a run as a picture: PSNR and triangles over CPU seconds.
 
+use crate::dataset::ShrunkSize;
 use crate::error::{Error, Result};
 use crate::math::short::short;
 use crate::train::TrainSample;
@@ -50,7 +51,7 @@ fn draw(svg: &mut String, samples: &[TrainSample]) -> std::result::Result<(), Bo
         .legend(|(x, y)| PathElement::new([(x, y), (x + 16, y)], RGBColor(90, 140, 220)));
     chart
         .draw_series(LineSeries::new(test.clone(), RGBColor(200, 70, 40).stroke_width(2)))?
-        .label("held out")
+        .label(format!("held out{}", ShrunkSize::beside(samples.iter().find_map(|s| s.test_size))))
         .legend(|(x, y)| PathElement::new([(x, y), (x + 16, y)], RGBColor(200, 70, 40)));
     chart.draw_series(test.iter().map(|p| Circle::new(*p, 3, RGBColor(200, 70, 40).filled())))?;
     chart

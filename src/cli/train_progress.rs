@@ -3,7 +3,7 @@
 use super::signals::Listener;
 use super::stdout::Stdout;
 use super::{Global, messages};
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, ShrunkSize};
 use crate::error::{Error, Result};
 use crate::scene::Loaded;
 use crate::train::budget::Correction;
@@ -31,7 +31,7 @@ pub struct Bar {
     /// What could not be written, and why.
     lost: Vec<String>,
     stop: Option<Listener>,
-    psnr: Option<f64>,
+    psnr: Option<(f64, Option<ShrunkSize>)>,
     steps: u64,
     /// What of the run was printed last; only where there is no bar to watch.
     percent: Option<u64>,
@@ -158,7 +158,8 @@ impl TrainObserver for Bar {
             self.line(&format!("{rate:.1} steps per second at first ({photo})"));
         }
         let triangles = HumanCount(sample.triangles);
-        let held_out = self.psnr.map_or(String::new(), |p| format!(" ({p:.2} held out)"));
+        let held_out = |(p, size)| format!(" ({p:.2} held out{})", ShrunkSize::beside(size));
+        let held_out = self.psnr.map_or(String::new(), held_out);
         let status = || format!("{:.2} dB{held_out}  {triangles} triangles", sample.psnr);
         let now = percent(sample.step, self.steps);
         if let Some(bar) = &self.bar {
@@ -171,7 +172,7 @@ impl TrainObserver for Bar {
     }
 
     fn sampled(&mut self, sample: &TrainSample) {
-        self.psnr = sample.test_psnr.or(self.psnr);
+        self.psnr = sample.test_psnr.map(|psnr| (psnr, sample.test_size)).or(self.psnr);
         if let Some((path, log)) = &mut self.log
             && let Err(e) = write_line(log, sample)
         {

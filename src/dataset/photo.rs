@@ -102,6 +102,12 @@ impl Photo {
         self.cut
     }
 
+    /// True of a photo that is delivered smaller than it is: `max_size` shrinks it.
+    pub fn is_shrunk(&self) -> bool {
+        let full = self.undistort.map_or(self.stored, |plan| plan.pinhole().size);
+        self.crop.map_or(self.size, |crop| crop.whole) != full
+    }
+
     /// The photo as training uses it: blended with the background, masked, undistorted, shrunk.
     /// `alpha` is then the weight of each pixel in the loss, `None` where all count. In a [cut](Photo::is_cut) photo it is the share of
     /// the pixel that the object covers, and the colours are over black.

@@ -1,7 +1,7 @@
 //! How close a scene comes to the photos: draws every view and measures PSNR, SSIM and FLIP.
 
 use super::steps::EvalStep;
-use crate::dataset::{Photos, View};
+use crate::dataset::{Photos, ShrunkSize, View};
 use crate::error::Result;
 use crate::image::Pixels;
 use crate::math::metric;
@@ -26,6 +26,9 @@ pub struct EvalReport {
     pub split: String,
     /// Samples per pixel along each axis of solid drawings.
     pub ssaa: u32,
+    /// The size that photos were shrunk to, "320x213"; absent where they were not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub photo_size: Option<ShrunkSize>,
     /// The scene at each step of its way into a file, in order. A mesh has one: "solid".
     pub steps: Vec<StepScore>,
     /// Share of the pixels that show what at least two training photos see, a photo not counting for itself; mean over
@@ -221,6 +224,7 @@ impl EvalReport {
             dataset: dataset.display().to_string(),
             split: split.to_owned(),
             ssaa,
+            photo_size: None,
             coverage,
             steps,
             warnings: Vec::new(),

@@ -4,45 +4,40 @@
 //! would be baked of the scene at the origin, bit for bit.
 
 use crate::asset::Placement;
+use crate::error::Result;
+use crate::limits::Limits;
+use crate::math::median::median;
 use crate::scene::Loaded;
 use glam::{DVec3, Vec3};
+use std::fmt::Display;
 
 /// Below this distance along every axis positions are read as they are.
 const NEAR: f64 = 4096.0;
-/// A scene farther from the origin than this many times its own size loses a millionth of the size.
+/// A data set farther from the origin than this many times its own size loses a millionth of the size.
 const TIMES_SIZE: f64 = 100.0;
+/// A file's scene that is farther from the origin than this many times the distance of nearly all of it from its middle has an origin of its own.
+const TIMES_SPREAD: f64 = 16.0;
+/// The share of the positions that its size is taken from: a few strays, or a sky around it, move no scene.
+const NEARLY_ALL: f64 = 0.9;
+/// Positions that are looked at, at most.
+const SAMPLE: usize = 1 << 12;
 
-/// Bounds of positions that may be far from the origin.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct FarBounds {
-    low: DVec3,
-    high: DVec3,
+/// Numbers of those of `count` positions that tell where a scene lies.
+pub(super) fn sampled(count: usize) -> impl Iterator<Item = usize> {
+    (0..count).step_by(count.div_ceil(SAMPLE).max(1))
 }
 
-impl Default for FarBounds {
-    fn default() -> Self {
-        Self { low: DVec3::INFINITY, high: DVec3::NEG_INFINITY }
-    }
-}
-
-impl FarBounds {
-    /// Adds a position; one that is not finite is ignored here and removed later.
-    pub(super) fn add(&mut self, position: DVec3) {
-        if position.is_finite() {
-            (self.low, self.high) = (self.low.min(position), self.high.max(position));
-        }
-    }
-
-    /// Takes in other bounds.
-    pub(super) fn merge(self, other: Self) -> Self {
-        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
-    }
-
-    /// What to take off every position: see [`far_origin`].
-    pub(super) fn origin(self) -> DVec3 {
-        let (middle, size) = ((self.low + self.high) / 2.0, (self.high - self.low).length());
-        if is_far(middle) { far_origin(middle, size) } else { DVec3::ZERO }
-    }
+/// What to take off every position of a file, by some of them: whole numbers, and zero where f32 holds the positions as well. One that
+/// is not finite is ignored here and removed later.
+pub(super) fn origin_of(mut sample: Vec<DVec3>) -> DVec3 {
+    sample.retain(|position| position.is_finite());
+    let along = |axis: usize| median(sample.iter().map(|p| p[axis]).collect(), f64::total_cmp);
+    let middle = DVec3::from_array([0, 1, 2].map(|axis| along(axis).unwrap_or(0.0)));
+    let mut distances: Vec<f64> = sample.iter().map(|p| p.distance(middle)).collect();
+    distances.sort_unstable_by(f64::total_cmp);
+    let last = distances.len().saturating_sub(1);
+    let spread = distances.get((NEARLY_ALL * last as f64).ceil() as usize).copied().unwrap_or(0.0);
+    if is_far(middle) && middle.length() > TIMES_SPREAD * spread { middle.round() } else { DVec3::ZERO }
 }
 
 /// What to take off every position of a scene of this middle and size: zero, unless it is so far from the origin of its
@@ -52,7 +47,7 @@ pub(crate) fn far_origin(middle: DVec3, size: f64) -> DVec3 {
 }
 
 /// Whether a position is so far from the origin that f32 may not hold it well enough.
-pub(super) fn is_far(position: DVec3) -> bool {
+pub(crate) fn is_far(position: DVec3) -> bool {
     position.abs().max_element() >= NEAR
 }
 
@@ -62,10 +57,14 @@ pub(super) struct FarPositions {
     rounded: Vec<Vec3>,
     /// What rounding left out, from the first far position on. Empty, or as long as the other.
     rest: Vec<Vec3>,
-    bounds: FarBounds,
 }
 
 impl FarPositions {
+    /// Makes room for `count` positions. Errors as for [`Limits::reserve`].
+    pub(super) fn reserve(&mut self, limits: &Limits, place: impl Display, count: usize) -> Result<()> {
+        limits.reserve(place, &mut self.rounded, count)
+    }
+
     /// Number of positions.
     pub(super) fn len(&self) -> usize {
         self.rounded.len()
@@ -80,14 +79,17 @@ impl FarPositions {
             self.rest.push(if rest.is_finite() { rest.as_vec3() } else { Vec3::ZERO });
         }
         self.rounded.push(rounded);
-        self.bounds.add(position);
     }
 
     /// The positions, and what was taken off every one.
     pub(super) fn relative(self) -> (Vec<Vec3>, DVec3) {
-        let origin = self.bounds.origin();
-        if self.rest.is_empty() || origin == DVec3::ZERO {
+        if self.rest.is_empty() {
             return (self.rounded, DVec3::ZERO);
+        }
+        let whole = |i: usize| self.rounded[i].as_dvec3() + self.rest[i].as_dvec3();
+        let origin = origin_of(sampled(self.rounded.len()).map(whole).collect());
+        if origin == DVec3::ZERO {
+            return (self.rounded, origin);
         }
         let near = |(rounded, rest): (Vec3, Vec3)| (rounded.as_dvec3() - origin + rest.as_dvec3()).as_vec3();
         (self.rounded.into_iter().zip(self.rest).map(near).collect(), origin)
@@ -140,5 +142,17 @@ mod tests {
         assert_eq!(large.len(), 3);
         let (positions, origin) = large.relative();
         assert_eq!((positions[1], origin), (Vec3::new(100_000.3, 5.0, 5.0), DVec3::ZERO));
+    }
+
+    #[test]
+    fn strays_and_a_sky_move_no_scene() {
+        let at = DVec3::new(500_123.0, 5_412_345.0, 321.0);
+        let scene = |i: usize| at + DVec3::new((i % 37) as f64, (i % 11) as f64, 0.5);
+        let mut positions: Vec<DVec3> = (0..2000).map(scene).collect();
+        positions.extend([DVec3::ZERO, DVec3::NAN, at + DVec3::X * 3e5]);
+        assert!(origin_of(positions).distance(at) < 30.0);
+        assert_eq!(origin_of(Vec::new()), DVec3::ZERO);
+        assert_eq!(sampled(0).count(), 0);
+        assert!((2000..=SAMPLE).contains(&sampled(1_000_003).count()));
     }
 }

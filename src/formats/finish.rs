@@ -23,7 +23,10 @@ pub fn finish(path: &Path, loaded: Loaded) -> Result<Loaded> {
     };
     let dropped = total - scene.triangle_count();
     if dropped == total {
-        let reason = format!("none of the {total} triangles is finite: they hold NaN or infinite numbers");
+        let reason = format!(
+            "none of the {total} triangles is finite: they hold NaN, infinite numbers or ones beyond {:.1e}; scale the scene down where it was made",
+            f32::MAX
+        );
         return Err(Error::malformed(path, "values", reason));
     }
     // A count that no longer fits counts nothing.

@@ -12,6 +12,7 @@
 
 use super::channel::Clamped;
 use super::faces::{Faces, check_corners};
+use super::far::{FarPositions, note_origin};
 use super::finish::finish;
 use super::lines::{Lines, clip, number};
 use super::read_options::ReadOptions;
@@ -22,7 +23,7 @@ use crate::limits::Limits;
 use crate::math::color::linear_from_srgb;
 use crate::mesh::{Colors, Mesh};
 use crate::scene::{Loaded, Scene};
-use glam::Vec3;
+use glam::DVec3;
 
 /// Bytes of the shortest lines: `0 0 0` and `3 0 1 2`.
 const SHORTEST: (u64, u64) = (6, 8);
@@ -37,10 +38,11 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<Loaded> {
     let (vertices, faces) = read_counts(&source, &mut lines, limits)?;
     let mut mesh = Mesh::default();
     let (mut of_vertices, mut of_faces) = (FileColors::default(), FileColors::default());
-    limits.reserve(source.path.display(), &mut mesh.positions, vertices)?;
+    let mut positions = FarPositions::default();
+    positions.reserve(limits, source.path.display(), vertices)?;
     for vertex in 0..vertices {
         advance(&mut lines, || format!("vertex {vertex} of {vertices}"))?;
-        mesh.positions.push(position(&lines, &mut of_vertices).map_err(|reason| lines.error(reason))?);
+        positions.push(position(&lines, &mut of_vertices).map_err(|reason| lines.error(reason))?);
     }
     let (mut indices, mut corners) = (Vec::new(), Vec::new());
     limits.reserve(source.path.display(), &mut indices, 3 * faces)?;
@@ -52,6 +54,8 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<Loaded> {
             .map_err(|reason| lines.error(format!("face {face} {reason}")))?;
         limits.triangles(source.path.display(), read.triangles() as u64)?;
     }
+    let origin;
+    (mesh.positions, origin) = positions.relative();
     let triangles = read.triangulate(&mesh.positions);
     let mut warnings = Vec::new();
     if of_vertices.any && of_faces.any {
@@ -68,10 +72,10 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<Loaded> {
         mesh.opacity = if alpha.is_empty() { alpha } else { triangles.repeat(alpha) };
     }
     mesh.indices = triangles.indices;
-    finish(
-        &source.path,
-        Loaded { scene: Scene::Mesh(mesh), provenance: Provenance::default(), warnings, cameras: Vec::new() },
-    )
+    let provenance = Provenance::default();
+    let mut loaded = Loaded { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
+    note_origin(&mut loaded, origin);
+    finish(&source.path, loaded)
 }
 
 /// Parses the head of the file: the numbers of vertices and of faces, neither more than it can hold.
@@ -124,10 +128,10 @@ fn advance(lines: &mut Lines, what: impl Fn() -> String) -> Result<()> {
     Err(lines.error(format!("the file ends before {}: it was cut short", what())))
 }
 
-fn position(lines: &Lines, colors: &mut FileColors) -> std::result::Result<Vec3, String> {
+fn position(lines: &Lines, colors: &mut FileColors) -> std::result::Result<DVec3, String> {
     let mut words = lines.words();
     let mut axis = || number(words.next().ok_or("expected x y z")?);
-    let position = Vec3::new(axis()?, axis()?, axis()?);
+    let position = DVec3::new(axis()?, axis()?, axis()?);
     colors.push(words)?;
     Ok(position)
 }

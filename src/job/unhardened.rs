@@ -3,7 +3,7 @@
 use crate::asset::{Asset, Placement};
 use crate::bake::teacher::pictures;
 use crate::bake::{Bake, BakeOptions, Views};
-use crate::dataset::{Dataset, DatasetOptions, View};
+use crate::dataset::{Dataset, DatasetOptions, ShrunkSize, View};
 use crate::error::Result;
 use crate::report::{Report, StageDetails, StageReport};
 use crate::scene::Loaded;
@@ -19,6 +19,8 @@ pub(super) struct Unhardened {
     scene: Loaded,
     views: Views,
     placement: Placement,
+    /// The size that the photos were shrunk to, if they are photos.
+    photo_size: Option<ShrunkSize>,
 }
 
 impl Unhardened {
@@ -40,7 +42,9 @@ impl Unhardened {
                 pictures(scene, (0..count).map(|i| cameras[i * cameras.len() / count]).collect())
             }
         };
-        Self { scene: scene.clone(), views, placement }
+        let photo_size =
+            photos.and_then(|photos| ShrunkSize::of(photos.views.iter().filter(|view| view.test)));
+        Self { scene: scene.clone(), views, placement, photo_size }
     }
 
     /// Mean PSNR of `asset`, in the frame of the scene, dB.
@@ -70,7 +74,8 @@ impl Unhardened {
         let plain = Bake::new(options).photos(photos).report(&mut plain_report).run([self.scene.clone()])?;
         let (psnr_before, psnr_after) = (self.psnr(&plain)?, self.psnr(&hardened)?);
         let views = self.views.len().min(JUDGED) as u64;
-        let gain = HardenedGain { views, psnr_before, psnr_after, kept: psnr_after >= psnr_before };
+        let (photo_size, kept) = (self.photo_size, psnr_after >= psnr_before);
+        let gain = HardenedGain { views, psnr_before, psnr_after, photo_size, kept };
         let is_training = |stage: &StageReport| stage.name == TrainDetails::STAGE;
         if let Some(training) = report.stages.iter_mut().find(|stage| is_training(stage)) {
             let value = serde_json::to_value(gain).unwrap_or_default();
@@ -83,8 +88,9 @@ impl Unhardened {
         report.stages.append(&mut plain_report.stages);
         report.warnings.append(&mut plain_report.warnings);
         report.warnings.push(format!(
-            "`harden` made it worse: {psnr_after:.1} dB, {psnr_before:.1} dB without, on {views} views that were not trained on; the \
-             file holds the scene baked without it"
+            "`harden` made it worse: {psnr_after:.1} dB, {psnr_before:.1} dB without, on {views} views that were not trained on{}; the \
+             file holds the scene baked without it",
+            ShrunkSize::beside(photo_size)
         ));
         Ok(plain)
     }

@@ -5,6 +5,7 @@ use super::region::{Region, middle};
 use crate::asset::Provenance;
 use crate::atomic::AtomicFile;
 use crate::camera::Camera;
+use crate::dataset::ShrunkSize;
 use crate::error::{Error, Result};
 use crate::formats::ply::SoupWriter;
 use crate::formats::{self, ReadOptions};
@@ -51,6 +52,9 @@ pub struct SeamQuality {
     pub scene: String,
     /// Held-out photos.
     pub photos: u64,
+    /// The size that these photos were shrunk to, "320x213"; absent where they were not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub photo_size: Option<ShrunkSize>,
     /// Mean PSNR, dB.
     pub psnr: f64,
     /// PSNR of all pixels near a seam, dB; null without such pixels.

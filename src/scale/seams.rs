@@ -4,7 +4,7 @@ use super::merge::{Blocks, SeamQuality};
 use super::task::read_source;
 use crate::bake::teacher::is_solid;
 use crate::camera::Camera;
-use crate::dataset::{Dataset, DatasetOptions, Photos, View};
+use crate::dataset::{Dataset, DatasetOptions, Photos, ShrunkSize, View};
 use crate::error::{Error, Result};
 use crate::formats::{self, ReadOptions};
 use crate::math::metric;
@@ -46,7 +46,7 @@ pub fn compare(blocks: &Blocks, scenes: &[(&Path, &Path)], how: &DatasetOptions)
             let picture = drawn.draw(&camera, &drawing, &mut Soft::new(), &mut Solid::new());
             sums.add(&picture.rgb, &photos.take(i)?.rgb, &masks[i]);
         }
-        Ok(sums.quality(scene, views.len()))
+        Ok(sums.quality(scene, &views))
     };
     scenes.iter().map(compared).collect()
 }
@@ -115,15 +115,16 @@ impl Sums {
         }
     }
 
-    fn quality(&self, scene: &Path, photos: usize) -> SeamQuality {
+    fn quality(&self, scene: &Path, views: &[&View]) -> SeamQuality {
         let psnr = |(error, count): (f64, u64)| {
             (count > 0).then(|| -10.0 * (error / count as f64 / (255.0 * 255.0)).max(1e-12).log10())
         };
         let [elsewhere, seams] = self.errors;
         SeamQuality {
             scene: scene.display().to_string(),
-            photos: photos as u64,
-            psnr: self.psnr / photos.max(1) as f64,
+            photos: views.len() as u64,
+            photo_size: ShrunkSize::of(views.iter().copied()),
+            psnr: self.psnr / views.len().max(1) as f64,
             seams_psnr: psnr(seams),
             elsewhere_psnr: psnr(elsewhere),
             seams_share: seams.1 as f64 / (seams.1 + elsewhere.1).max(1) as f64,

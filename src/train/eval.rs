@@ -1,7 +1,7 @@
 //! How close a scene comes to the held-out photos, while it trains.
 
 use crate::camera::Camera;
-use crate::dataset::{Photos, View};
+use crate::dataset::{Photos, ShrunkSize, View};
 use crate::error::Result;
 use crate::image::Pixels;
 use crate::math::color::linear_from_srgb;
@@ -72,6 +72,7 @@ pub struct PhotoScore {
 pub struct Evaluator {
     views: Vec<EvalView>,
     photos: Photos,
+    shrunk: Option<ShrunkSize>,
     soft: Soft,
     solid: Solid,
 }
@@ -91,8 +92,14 @@ impl Evaluator {
         photos.prefetch(0..photos.len());
         (0..photos.len()).try_for_each(|i| photos.take(i).map(drop))?;
         let view = |v: &&View| EvalView { name: v.name.clone(), camera: v.camera, cut: v.photo.is_cut() };
+        let shrunk = ShrunkSize::of(views.iter().copied());
         let views = views.iter().map(view).collect();
-        Ok(Self { views, photos, soft: Soft::new(), solid: Solid::new() })
+        Ok(Self { views, photos, shrunk, soft: Soft::new(), solid: Solid::new() })
+    }
+
+    /// The size that the photos were shrunk to; `None` where they were not.
+    pub fn shrunk_size(&self) -> Option<ShrunkSize> {
+        self.shrunk
     }
 
     /// True when no photo is held out.

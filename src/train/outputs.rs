@@ -6,7 +6,7 @@ use super::eval::{self, Evaluator, PhotoScore, Quality};
 use super::progress::{TrainObserver, TrainSample};
 use super::rotation;
 use super::trainer::Trainer;
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, ShrunkSize};
 use crate::error::{Error, Result};
 use crate::process::cpu_secs;
 use crate::raster::soft::SoftOptions;
@@ -54,6 +54,7 @@ pub(super) struct Recorded {
     pub(super) curve: Vec<TrainSample>,
     pub(super) scores: Vec<PhotoScore>,
     pub(super) samples: Option<u32>,
+    pub(super) photo_size: Option<ShrunkSize>,
     pub(super) cpu_secs: f64,
     /// The last checkpoint that was written, and its step.
     pub(super) checkpoint: Option<(u64, PathBuf)>,
@@ -125,6 +126,7 @@ impl Recorder {
             loss,
             psnr,
             test_psnr: None,
+            test_size: None,
             width_px,
             cpu_secs: cpu_secs() - self.cpu_start,
             wall_secs: self.wall.elapsed().as_secs_f64(),
@@ -149,6 +151,7 @@ impl Recorder {
         if evaluate {
             let scores = self.uncounted(|run| run.scores(trainer))?;
             now.test_psnr = Quality::mean(&scores).map(|quality| quality.psnr);
+            now.test_size = now.test_psnr.and(self.evaluator.shrunk_size());
         }
         self.means = Means::default();
         self.curve.push(now);
@@ -234,7 +237,8 @@ impl Recorder {
         let scores = self.scores(trainer)?;
         if let Some(last) = last {
             let test_psnr = Quality::mean(&scores).map(|quality| quality.psnr);
-            let now = TrainSample { test_psnr, ..last };
+            let test_size = test_psnr.and(self.evaluator.shrunk_size());
+            let now = TrainSample { test_psnr, test_size, ..last };
             let again = self.curve.last().is_some_and(|kept| kept.step == now.step);
             self.curve.truncate(self.curve.len() - usize::from(again));
             self.curve.push(now);
@@ -242,6 +246,7 @@ impl Recorder {
         }
         let samples = eval::solid_samples(&trainer.drawing(&self.drawing));
         Ok(Recorded {
+            photo_size: self.evaluator.shrunk_size(),
             curve: self.curve,
             scores,
             samples,

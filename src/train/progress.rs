@@ -2,6 +2,7 @@
 
 use super::budget::Correction;
 use super::refine::Refined;
+use crate::dataset::ShrunkSize;
 use crate::error::Error;
 use crate::scene::Loaded;
 use schemars::JsonSchema;
@@ -21,6 +22,9 @@ pub struct TrainSample {
     /// PSNR on the held-out photos, dB; only where it was measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub test_psnr: Option<f64>,
+    /// The size that these photos were shrunk to, "320x213"; absent where they were not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub test_size: Option<ShrunkSize>,
     /// Width of the last photo, px.
     pub width_px: u32,
     /// CPU seconds of the process, evaluation excluded.

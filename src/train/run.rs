@@ -275,6 +275,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
             curve: recorded.curve,
             scores: recorded.scores,
             samples: recorded.samples,
+            photo_size: recorded.photo_size,
             dropped: trainer.dropped(),
             cpu_secs: recorded.cpu_secs,
             skipped: trainer.skipped(),

@@ -8,7 +8,7 @@ use super::skipped::SkippedWork;
 use crate::asset::{Placement, Provenance};
 use crate::atomic::AtomicFile;
 use crate::camera::Camera;
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, ShrunkSize};
 use crate::error::{Error, Result};
 use crate::formats::ply;
 use crate::process;
@@ -40,6 +40,8 @@ pub struct Trained {
     pub scores: Vec<PhotoScore>,
     /// Samples per pixel along each axis of the drawings that were compared with them; `None`: they were drawn soft.
     pub samples: Option<u32>,
+    /// The size that these photos were shrunk to; `None` where they were not.
+    pub photo_size: Option<ShrunkSize>,
     /// Gradients dropped because they were not finite.
     pub dropped: u64,
     /// CPU seconds of the training, evaluations excluded.
@@ -74,6 +76,9 @@ pub struct TrainDetails {
     /// Samples per pixel along each axis of the solid drawings these scores are of; null when they are of soft ones.
     #[serde(default)]
     pub samples: Option<u32>,
+    /// The size that the held-out photos were shrunk to for these scores, "320x213"; absent where they were not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub photo_size: Option<ShrunkSize>,
     /// What became of the budget; absent when there was none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget: Option<BudgetDetails>,
@@ -96,6 +101,9 @@ pub struct HardenedGain {
     pub psnr_before: f64,
     /// Mean PSNR of the bake of the hardened scene, dB.
     pub psnr_after: f64,
+    /// The size that the photos were shrunk to for both, "320x213"; absent where they were not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub photo_size: Option<ShrunkSize>,
     /// The file holds the hardened scene: it is not the worse one.
     pub kept: bool,
 }
@@ -150,6 +158,7 @@ impl Trained {
             psnr: quality.map(|q| q.psnr),
             ssim: quality.map(|q| q.ssim),
             samples: self.samples,
+            photo_size: self.photo_size,
             budget: self.budget(),
             skipped: self.skipped,
             held_out: self.scores.clone(),

@@ -9,6 +9,7 @@ use trisplat::bake::order::{FaceOrder, OrderDetails, OrderOptions, order};
 use trisplat::bake::prune::{PruneDetails, PruneOptions, prune};
 use trisplat::bake::solid::{SolidDetails, SolidOptions, Solidify, solid};
 use trisplat::bake::weld::{WeldDetails, WeldOptions, WeldWhen, weld};
+use trisplat::bake::{Bake, BakeOptions};
 use trisplat::mesh::{Colors, Mesh};
 use trisplat::report::Outcome;
 use trisplat::scene::Scene;
@@ -33,11 +34,44 @@ fn prune_counts_by_cause() {
     soup.opacity[8] = 0.0;
     soup.sigma[9] = 50.0;
     soup.vertices[10] = random_triangle(1, Vec3::ZERO, 5000.0);
+    soup.vertices[11] = [Vec3::X, Vec3::Y, Vec3::splat(2e15)];
     let options = PruneOptions { max_edge: 100.0, max_triangles: Some(80), ..PruneOptions::DEFAULT };
     let (left, details) = pruned(soup, &options);
     assert_eq!(left.len(), 80);
-    let wants = PruneDetails { non_finite: 2, degenerate: 1, faint: 3, soft: 1, huge: 1, over_budget: 12 };
+    let wants = PruneDetails {
+        non_finite: 2,
+        out_of_reach: 1,
+        degenerate: 1,
+        faint: 3,
+        soft: 1,
+        huge: 1,
+        over_budget: 11,
+    };
     assert_eq!(details, wants);
+    let told = details.warning().unwrap();
+    assert!(told.starts_with("dropped 1 triangles farther than 1e15"), "{told}");
+}
+
+#[test]
+fn a_scene_of_any_scale_is_baked_whole_or_refused_with_the_remedy() {
+    for scale in [1e-30f32, 1e-15, 1e-3, 1.0, 1e6, 1e12, 1e14, 1e15, 1e16, 1e25, 1e37] {
+        let mut mesh = mesh_of(&random(4000, 0.02));
+        let most = mesh.positions.iter().map(|v| v.abs().max_element()).fold(0.0, f32::max);
+        mesh.positions.iter_mut().for_each(|p| *p = *p / most * 2.0 * scale);
+        match Bake::new(&BakeOptions::default()).run([mesh]) {
+            Ok(asset) => {
+                assert!(scale <= 1e14, "{scale} is refused");
+                assert_eq!(asset.mesh.face_count(), 4000, "{scale}");
+            }
+            Err(error) => {
+                let text = error.to_string();
+                assert!(scale >= 1e15, "{scale}: {text}");
+                assert!(text.contains("triangles farther than 1e15 from the origin"), "{text}");
+                assert!(text.contains("multiply those of the file by 1e-"), "{text}");
+                assert!(!text.contains("non_finite"), "{text}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -92,6 +92,8 @@ fn drawings_are_compared_with_the_exact_answer_and_the_rest_is_written() {
     assert_eq!(table.lines().count(), 1 + rows.len());
     let columns = table.lines().map(|line| line.split(',').count());
     assert!(columns.clone().all(|count| count == columns.clone().next().unwrap()), "{table}");
+    assert!(table.contains(",,") && !table.contains("null"), "what is absent is empty: {table}");
+    assert!(rows.iter().all(|row| row["photo_size"] == "64x48"), "{}", rows[0]);
     let page = std::fs::read_to_string(page).unwrap();
     assert_eq!(
         page.matches("data:image/jpeg;base64,").count(),

@@ -146,7 +146,7 @@ fn training_and_evaluation_say_the_same_of_a_solid_soup() {
     assert_eq!(percents, (1..=100).collect::<Vec<u32>>(), "{said}");
     let held_out = said.lines().find_map(|line| line.split_once("held out ")).map(|(_, rest)| rest).unwrap();
     let train_psnr: f64 = held_out.split(' ').next().unwrap().parse().unwrap();
-    assert!(held_out.ends_with("(solid, 4×4 samples per pixel)"), "{held_out}");
+    assert!(held_out.ends_with("(solid, 4×4 samples per pixel, photos at 80x60)"), "{held_out}");
     let eval =
         stdout(&trisplat(&[&"eval", &out, &dataset(), &"--max-size", &"80", &"--as", &"solid", &"-q"]));
     let mean = eval.lines().find(|line| line.starts_with("mean")).unwrap();

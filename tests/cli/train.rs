@@ -136,6 +136,36 @@ fn the_curve_and_the_report_are_files_of_their_own() {
 }
 
 #[test]
+fn figures_of_photos_that_were_shrunk_name_their_size() {
+    let folder = tempfile::tempdir().unwrap();
+    let flags = ["-o", "a.ply", "--report", "r.json", "--curve", "c.svg", "--log", "a.log"];
+    let said = stderr(&succeed(&mut train(folder.path(), &flags)));
+    let line = said.lines().find(|line| line.contains("held out")).unwrap();
+    assert!(line.ends_with(", photos at 80x60)"), "{said}");
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    let last: serde_json::Value = serde_json::from_str(read("a.log").lines().last().unwrap()).unwrap();
+    assert_eq!(last["test_size"], "80x60");
+    let report: serde_json::Value = serde_json::from_str(&read("r.json")).unwrap();
+    assert_eq!(report["stages"][1]["details"]["photo_size"], "80x60");
+    assert!(read("c.svg").contains("held out, photos at 80x60"));
+
+    let eval = |more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+        command.current_dir(folder.path()).args(["eval", "a.ply"]).arg(dataset()).args(more);
+        String::from_utf8_lossy(&succeed(&mut command).stdout).into_owned()
+    };
+    let means = |text: &str| {
+        text.lines().filter(|line| line.starts_with("mean")).map(str::to_owned).collect::<Vec<_>>()
+    };
+    let small = means(&eval(&["--max-size", "80", "--no-coverage"]));
+    assert!(!small.is_empty() && small.iter().all(|line| line.contains(", photos at 80x60")), "{small:?}");
+    let json: serde_json::Value = serde_json::from_str(&eval(&["--max-size", "80", "--json"])).unwrap();
+    assert_eq!(json["photo_size"], "80x60");
+    let full = means(&eval(&["--no-coverage"]));
+    assert!(!full.is_empty() && full.iter().all(|line| !line.contains("photos at")), "{full:?}");
+}
+
+#[test]
 fn nothing_is_replaced_without_force() {
     let folder = tempfile::tempdir().unwrap();
     let data = dataset();

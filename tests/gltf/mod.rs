@@ -280,6 +280,35 @@ fn the_reported_error_is_the_one_an_engine_makes() {
     assert_eq!(glb(&ramp(9), &GltfOptions::default()).unwrap().1.worst_position_error, 0.0);
 }
 
+/// Small triangles on a floor that is one huge triangle: on one grid around all, a fifth of them were flat.
+#[test]
+fn small_triangles_beside_a_huge_one_keep_their_shape() {
+    let small = |i: usize| {
+        let at = Vec3::new((i % 141) as f32, 0.5, (i / 141) as f32) * 0.1;
+        [at, at + Vec3::X * 0.05, at + Vec3::Y * 0.05]
+    };
+    let floor = [Vec3::new(-5e4, 0.0, -5e4), Vec3::new(5e4, 0.0, -5e4), Vec3::new(0.0, 0.0, 5e4)];
+    let positions: Vec<Vec3> = (0..20_000).flat_map(small).chain(floor).collect();
+    let colors = Colors::Face(vec![[0.5; 3]; positions.len() / 3]);
+    let mesh = Mesh { positions, colors, ..Mesh::default() };
+    // Two chunks: the floor is in the second.
+    let asset = cut(Asset { mesh, ..Asset::default() }, 2);
+    for meshopt in [false, true] {
+        let (bytes, written) = glb(&asset, &GltfOptions { meshopt, ..quantised() }).unwrap();
+        assert_eq!((written.collapsed, written.warnings), (0, Vec::new()));
+        let parsed = parse(&bytes);
+        assert_eq!(parsed.json["extensionsRequired"][0], "KHR_mesh_quantization");
+        let positions: Vec<Vec3> = (0..2).flat_map(|i| parsed.positions(i)).collect();
+        let error = |(a, b): (&Vec3, &Vec3)| a.as_dvec3().distance(b.as_dvec3());
+        let worst = positions.iter().zip(&asset.mesh.positions).map(error).fold(0.0, f64::max);
+        // A sixteenth of the size of the median triangle, the root of its area, is allowed.
+        let allowed = (0.05f64 * 0.05 / 2.0).sqrt() / 16.0;
+        assert!(worst > 0.0 && worst <= allowed, "{worst} of {allowed}");
+        let types = [0, 2].map(|i| parsed.list("accessors")[i]["componentType"].as_u64());
+        assert_eq!(types, [Some(5123), Some(5126)], "a grid where it is fine enough, floats elsewhere");
+    }
+}
+
 #[test]
 fn the_gltf_crate_reads_it() {
     let asset = cut(ramp(100), 2);

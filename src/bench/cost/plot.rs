@@ -3,6 +3,7 @@
 use super::knobs::{CostInput, CostStage};
 use super::row::CostRow;
 use crate::bench::plot::{self, DotPanel, PlotPoint};
+use crate::dataset::ShrunkSize;
 use crate::error::Result;
 use std::path::Path;
 
@@ -18,6 +19,7 @@ pub(super) fn plot(path: &Path, rows: &[CostRow]) -> Result<()> {
 fn panel(rows: &[CostRow], (stage, input): (CostStage, CostInput)) -> DotPanel {
     let exact = stage == CostStage::Draw;
     let rows = || rows.iter().filter(|r| (r.stage, r.input) == (stage, input));
+    let size = ShrunkSize::beside(rows().find_map(|r| r.photo_size));
     let point = |row: &CostRow| PlotPoint {
         name: row.label(),
         x: row.cpu_seconds,
@@ -26,7 +28,7 @@ fn panel(rows: &[CostRow], (stage, input): (CostStage, CostInput)) -> DotPanel {
     DotPanel {
         title: format!("{} ({})", stage.name(), input.name()),
         x: if exact { "CPU seconds of a picture" } else { "CPU seconds" }.into(),
-        y: if exact { "difference from exact, levels" } else { "PSNR, dB" }.into(),
+        y: if exact { "difference from exact, levels".into() } else { format!("PSNR, dB{size}") },
         less_is_better: exact,
         front: rows().filter(|r| r.on_front).map(point).collect(),
         default: rows().find(|r| r.is_default).map(point),

@@ -5,6 +5,7 @@ use super::knobs::{CostInput, CostStage};
 use super::setting::Setting;
 use super::sweep::{Outcome, RunResult};
 use crate::bench::machine::Machine;
+use crate::dataset::ShrunkSize;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -13,6 +14,9 @@ use serde::{Deserialize, Serialize};
 pub struct CostRow {
     /// The data set as given, or "synthetic".
     pub scene: String,
+    /// The size that the photos were shrunk to, "320x213"; absent where they were not.
+    #[serde(default)]
+    pub photo_size: Option<ShrunkSize>,
     /// The stage that ran.
     pub stage: CostStage,
     /// What it was given.
@@ -40,6 +44,9 @@ pub struct CostRow {
     /// Size of the files written; absent where none was.
     #[serde(default)]
     pub bytes: Option<u64>,
+    /// Largest less smallest of these sizes over the runs; absent of one run.
+    #[serde(default)]
+    pub bytes_spread: Option<f64>,
     /// Triangles of the result.
     pub triangles: u64,
     /// PSNR on the held-out photos, dB, mean over photos and runs. Of a soup as an engine draws it, for "draw" as drawn.
@@ -90,6 +97,13 @@ pub struct MeasuredRow {
     pub row: CostRow,
 }
 
+/// How far apart runs lie where there was only one: a share of the seconds, and dB over seeds.
+const UNMEASURED: (f64, f64) = (0.05, 0.2);
+/// Less than this is no difference, however well runs repeat: dB, a share of the bytes, levels of 8 bits.
+const LEAST_DB: f64 = 0.01;
+const LEAST_SHARE: f64 = 0.005;
+const LEAST_LEVELS: f64 = 0.005;
+
 impl CostRow {
     /// "steps=500", "steps+max_triangles=500+3000", "default".
     pub fn label(&self) -> String {
@@ -109,6 +123,7 @@ impl CostRow {
         let first = results.first();
         Self {
             scene: scene.to_owned(),
+            photo_size: None,
             stage: setting.stage,
             input: setting.input,
             knob: setting.knob(),
@@ -121,6 +136,9 @@ impl CostRow {
             wall_seconds: median(of_runs(|o| o.usage.wall_seconds)),
             peak_bytes: outcomes.iter().map(|o| o.usage.peak_bytes).max().unwrap_or(0),
             bytes: outcomes.first().and_then(|o| o.bytes),
+            bytes_spread: spread(
+                &outcomes.iter().filter_map(|o| o.bytes).map(|b| b as f64).collect::<Vec<_>>(),
+            ),
             triangles: first.map_or(0, |r| r.triangles),
             psnr: mean(|r| r.scores.psnr),
             psnr_spread: if varies { spread(&psnr) } else { Some(0.0) },
@@ -140,13 +158,14 @@ impl CostRow {
 
     /// The quantities of its stage's front: seconds, then bytes and error.
     fn quantities(&self) -> Vec<Quantity> {
-        let of = |value: f64, spread: Option<f64>| Quantity { value, spread: spread.unwrap_or(0.0) };
-        let seconds = of(self.cpu_seconds, self.cpu_spread);
-        let error = of(-self.psnr, self.psnr_spread);
-        let bytes = of(self.bytes.unwrap_or(0) as f64, None);
+        let of = |value: f64, spread: f64| Quantity { value, spread };
+        let seconds = of(self.cpu_seconds, self.cpu_spread.unwrap_or(UNMEASURED.0 * self.cpu_seconds));
+        let error = of(-self.psnr, self.psnr_spread.unwrap_or(UNMEASURED.1).max(LEAST_DB));
+        let bytes = self.bytes.unwrap_or(0) as f64;
+        let bytes = of(bytes, self.bytes_spread.unwrap_or(0.0).max(LEAST_SHARE * bytes));
         match self.stage {
             CostStage::Train => vec![seconds, error],
-            CostStage::Draw => vec![seconds, of(self.exact_rms.unwrap_or(f64::NAN), None)],
+            CostStage::Draw => vec![seconds, of(self.exact_rms.unwrap_or(f64::NAN), LEAST_LEVELS)],
             CostStage::Bake | CostStage::Chain => vec![seconds, bytes, error],
         }
     }
@@ -171,7 +190,7 @@ pub(super) fn compare(rows: &mut [CostRow]) {
         let seconds = (row.cpu_seconds - default.cpu_seconds).abs();
         row.cpu_within_spread = larger(row.cpu_spread, default.cpu_spread).map(|spread| seconds <= spread);
         let spread = larger(row.psnr_spread, default.psnr_spread);
-        row.psnr_within_spread = spread.map(|spread| row.psnr_change.abs() <= spread);
+        row.psnr_within_spread = spread.map(|spread| row.psnr_change.abs() <= spread.max(LEAST_DB));
     }
 }
 
@@ -269,6 +288,25 @@ mod tests {
     fn one_run_has_no_spread_to_compare_with() {
         let runs = rows(&[("", &[(10.0, 20.0)]), ("a", &[(10.0, 20.0)])]);
         assert_eq!((runs[1].cpu_within_spread, runs[1].psnr_within_spread), (None, None));
+    }
+
+    #[test]
+    fn a_default_is_not_beaten_by_what_the_table_marks_as_noise() {
+        // Closer and cheaper, but by less than runs differ, and by a few bytes.
+        let mut runs = rows(&[("", &[(10.0, 20.0), (10.4, 20.3)]), ("a", &[(9.9, 20.1), (10.2, 20.25)])]);
+        for row in &mut runs {
+            row.stage = CostStage::Chain;
+        }
+        runs[1].bytes = Some(99);
+        (runs[0].bytes, runs[0].bytes_spread) = (Some(100), Some(3.0));
+        compare(&mut runs);
+        assert_eq!((runs[1].cpu_within_spread, runs[1].psnr_within_spread), (Some(true), Some(true)));
+        assert_eq!(runs[0].beaten_by, None);
+        // One run each: a few percent and hundredths of a dB are chance.
+        let once = rows(&[("", &[(10.0, 20.0)]), ("a", &[(9.8, 20.05)])]);
+        assert_eq!(once[0].beaten_by, None);
+        let clear = rows(&[("", &[(10.0, 20.0)]), ("a", &[(8.0, 20.05)])]);
+        assert_eq!(clear[0].beaten_by.as_deref(), Some("a=x"));
     }
 
     #[test]

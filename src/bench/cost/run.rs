@@ -14,8 +14,8 @@ use super::setting::{Setting, check_names, settings};
 use super::sweep::{Outcome, Work, sweep};
 use super::train_work::TrainWork;
 use crate::bench::machine::{Machine, append_csv};
-use crate::dataset::Dataset;
 use crate::dataset::synthetic::{self, SyntheticOptions};
+use crate::dataset::{Dataset, ShrunkSize};
 use crate::error::{Error, Result};
 use crate::formats::{self, ReadOptions};
 use crate::image::Pixels;
@@ -54,7 +54,8 @@ pub fn run(args: &CostArgs, threads: u16, observer: &mut dyn CostObserver) -> Re
         soup_triangles: 0,
     };
     let child = Child::new(&path, &args.dataset_options, threads)?;
-    let mut bench = CostBench { args, scene, scorer, base, child, folder: folder.path() };
+    let photo_size = ShrunkSize::of(scorer.views.iter().copied());
+    let mut bench = CostBench { args, scene, photo_size, scorer, base, child, folder: folder.path() };
     let groups = bench.all(observer)?;
     bench.write(groups)
 }
@@ -66,6 +67,7 @@ const WIDTH: u32 = 192;
 struct CostBench<'a> {
     args: &'a CostArgs,
     scene: String,
+    photo_size: Option<ShrunkSize>,
     scorer: Scorer<'a>,
     base: Base,
     child: Child,
@@ -148,14 +150,14 @@ impl CostBench<'_> {
         let chains = settings.iter().zip(&outcomes).filter(|_| whole);
         let chain = chains.map(|(setting, outcomes)| {
             let setting = Setting { stage: CostStage::Chain, ..setting.clone() };
-            let (mut row, picture) = row(&self.scene, &setting, &chain_of(outcomes));
+            let (mut row, picture) = self.row(&setting, &chain_of(outcomes));
             if !row.is_default {
                 row.knob = in_chain(CostStage::Train, &row.knob);
             }
             (row, picture)
         });
         let chain = chain.collect();
-        let trained = settings.iter().zip(&outcomes).map(|(s, o)| row(&self.scene, s, o)).collect();
+        let trained = settings.iter().zip(&outcomes).map(|(s, o)| self.row(s, o)).collect();
         Ok((finished(trained, observer), chain))
     }
 
@@ -181,7 +183,7 @@ impl CostBench<'_> {
     ) -> Result<Group> {
         let settings = self.settings(stage, input);
         let outcomes = self.sweep(&settings, work, observer)?;
-        let rows = settings.iter().zip(&outcomes).map(|(s, o)| row(&self.scene, s, o)).collect();
+        let rows = settings.iter().zip(&outcomes).map(|(s, o)| self.row(s, o)).collect();
         Ok(finished(rows, observer))
     }
 
@@ -195,6 +197,13 @@ impl CostBench<'_> {
         sweep(settings, runs, work, |done, all, setting| {
             observer.running(setting.stage, done, all, &setting.label());
         })
+    }
+
+    /// The row of a setting, and its picture.
+    fn row(&self, setting: &Setting, outcomes: &[Outcome]) -> (CostRow, Option<Pixels>) {
+        let picture = outcomes.first().and_then(|o| o.result.as_ref()).and_then(|r| r.picture.clone());
+        let row = CostRow::new(&self.scene, setting, outcomes);
+        (CostRow { photo_size: self.photo_size, ..row }, picture)
     }
 
     /// Writes what was asked for and returns the rows with what they were measured on.
@@ -214,12 +223,6 @@ impl CostBench<'_> {
         }
         Ok(rows)
     }
-}
-
-/// The row of a setting, and its picture.
-fn row(scene: &str, setting: &Setting, outcomes: &[Outcome]) -> (CostRow, Option<Pixels>) {
-    let picture = outcomes.first().and_then(|o| o.result.as_ref()).and_then(|r| r.picture.clone());
-    (CostRow::new(scene, setting, outcomes), picture)
 }
 
 /// A group whose rows were compared with each other.

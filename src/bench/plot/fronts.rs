@@ -1,6 +1,6 @@
 //! Charts of settings: seconds against an error, what is on the front joined and labelled.
 
-use super::axis::{PlotPoint, log_axis};
+use super::axis::{PlotPoint, labels as labels_from, log_axis};
 use super::labels::{Rect, place};
 use crate::math::short::short;
 use plotters::coord::Shift;
@@ -95,7 +95,7 @@ pub(super) fn chart(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &DotPanel)
         .x_desc(&panel.x)
         .y_desc(&panel.y)
         .x_label_formatter(&|v| short(*v))
-        .y_label_formatter(&|v| short(*v))
+        .y_label_formatter(&labels_from(y0 - pad, y1 + pad))
         .light_line_style(WHITE)
         .draw()
         .map_err(|e| e.to_string())?;

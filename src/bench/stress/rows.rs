@@ -13,8 +13,10 @@ pub struct StressReport {
     /// Where it was measured.
     #[serde(flatten)]
     pub machine: Machine,
-    /// Seed of the cases.
+    /// First seed of the cases.
     pub seed: u64,
+    /// Number of seeds.
+    pub seeds: u64,
     /// Random cases.
     pub cases: u64,
     /// Seconds from start to end.
@@ -116,11 +118,19 @@ pub struct PromiseResult {
     pub promise: Promise,
     /// On which cases.
     pub on: On,
-    /// The largest value that keeps it.
+    /// The largest value that is no failure.
     pub at_most: f64,
-    /// The value found.
+    /// The value found: of `frames` and `gradients` what 99.9% of the numbers do not exceed, else the worst.
     pub found: f64,
-    /// Whether it is kept.
+    /// What it was asked of: cases, of `frames` and `gradients` numbers.
+    pub of: u64,
+    /// How many of these failed.
+    pub failures: u64,
+    /// The share that may fail.
+    pub rate_at_most: f64,
+    /// The share that fails is below this, by what was counted (95%).
+    pub rate_below: f64,
+    /// Whether it is kept: so many failures are no proof (99.9%) of a larger share than may fail.
     pub kept: bool,
     /// The case that is worst.
     pub worst: Option<StressCase>,

@@ -1,14 +1,16 @@
 //! A run: random cases, the climb from the worst of them, the invariances, and the promises.
 
+use super::axes::{AXES, AxisRow};
 use super::case::StressCase;
 use super::climb::climb;
 use super::invariances;
-use super::promises::{PROMISES, Promise, PromiseRow};
+use super::promises::{PROMISES, Promise, PromiseRow, domain};
+use super::rate;
 use super::rig::{Outcome, Rig, layers_over_ordinary};
 use super::rows::{PromiseResult, StressReport};
 use super::scene::StressScene;
 use super::stored::half_steps;
-use super::tally::Tally;
+use super::tally::{Failures, Tally, holds};
 use crate::bench::machine::Machine;
 use crate::error::{Error, Result};
 use crate::formats::gltf::PositionEncoding;
@@ -33,16 +35,19 @@ pub struct StressArgs {
     /// Random cases.
     #[cfg_attr(feature = "cli", arg(long, default_value_t = 1_000_000, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000_000)))]
     pub cases: u64,
-    /// Seed of the cases.
+    /// First seed of the cases.
     #[cfg_attr(feature = "cli", arg(long, default_value_t = 0, value_name = "N"))]
     pub seed: u64,
+    /// Seeds that the cases are of, each of as many.
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = 16, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000)))]
+    pub seeds: u64,
     /// Steps of each search for a worst case.
     #[cfg_attr(feature = "cli", arg(long, default_value_t = 5000, value_name = "N", value_parser = clap::value_parser!(u64).range(0..=1_000_000_000)))]
     pub climb: u64,
     /// File that the worst case is written to when a promise is broken.
     #[cfg_attr(feature = "cli", arg(long, default_value = "stress-worst.json", value_name = "FILE"))]
     pub worst: PathBuf,
-    /// Draw the case of this file alone and print what is found.
+    /// Draw the case of this file alone and print what is found; exit code 1 where it fails a promise.
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     pub replay: Option<PathBuf>,
     /// Write heat maps of the errors of every pair of axes, as SVG.
@@ -67,6 +72,7 @@ pub fn run(args: &StressArgs) -> Result<StressReport> {
     Ok(StressReport {
         machine: Machine::here(),
         seed: args.seed,
+        seeds: args.seeds,
         cases: args.cases,
         rows: tally.rows(ordinary_seconds),
         invariances: invariances::rows(args.seed, args.cases.div_ceil(VARIED_EVERY))?,
@@ -89,9 +95,14 @@ fn random_cases(args: &StressArgs, folder: &Path) -> Result<Tally> {
                 return Ok(tally);
             }
             for index in first..(first + BATCH).min(args.cases) {
-                let (case, stretch) = StressCase::random(args.seed, index);
+                let (case, stretch) =
+                    StressCase::random(args.seed.wrapping_add(index % args.seeds), index / args.seeds);
                 let outcome = rig.run(&case);
-                let stored = if index / 4 % STORED_EVERY == 0 { Some(stored(&case, &path)?) } else { None };
+                let stored = if index / args.seeds / 4 % STORED_EVERY == 0 {
+                    Some(stored(&case, &path)?)
+                } else {
+                    None
+                };
                 tally.add(index, (&case, stretch), &outcome, &rig, stored);
             }
         }
@@ -145,13 +156,21 @@ fn results(args: &StressArgs, tally: &Tally, ordinary_seconds: f64) -> Vec<Promi
             Promise::NonFinite | Promise::SolidSamples | Promise::StoredPositions => {}
             Promise::Time => (case, found) = slowest(&mut rig, tally, ordinary_seconds),
         }
+        let Failures { of, failures } = match row.promise {
+            Promise::Time => Failures { of: args.cases, failures: u64::from(found > row.at_most) },
+            promise => tally.failures(promise),
+        };
         PromiseResult {
             name: row.name.to_owned(),
             promise: row.promise,
             on: row.on,
             at_most: row.at_most,
             found,
-            kept: found <= row.at_most,
+            of,
+            failures,
+            rate_at_most: row.rate,
+            rate_below: rate::upper(failures, of),
+            kept: rate::lower(failures, of) <= row.rate,
             worst: case,
         }
     };
@@ -199,6 +218,22 @@ fn figures(case: &StressCase) -> Result<BTreeMap<String, f64>> {
     Ok(PROMISES.iter().map(|row| (row.name.to_owned(), found(row.promise))).collect())
 }
 
+/// The first promise that a case fails whose figures [`replay`] found: in words, with its limit.
+pub fn broken(case: &StressCase, found: &BTreeMap<String, f64>) -> Option<String> {
+    let inside = |axis: &AxisRow| {
+        let ((least, most), value) = (domain(axis.axis), case.value(axis.axis));
+        (least..=most).contains(&value)
+    };
+    let promised = AXES.iter().all(inside);
+    PROMISES.iter().filter(|row| holds(row.on, case, promised)).find_map(|row| {
+        let value = *found.get(row.name)?;
+        let fails = !(value <= row.at_most);
+        fails.then(|| {
+            format!("the case fails the promise \"{}\": {value:.3e}, at most {:.1e}", row.name, row.at_most)
+        })
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -209,12 +244,46 @@ mod tests {
         StressArgs {
             cases,
             seed: 1,
+            seeds: 1,
             climb: 300,
             worst: PathBuf::new(),
             replay: None,
             plot: None,
             json: false,
         }
+    }
+
+    #[test]
+    fn every_promise_can_be_broken_and_its_case_fails_when_it_is_replayed() {
+        let (case, stretch) = StressCase::random(1, 3);
+        let wrong = Outcome {
+            worst_value: 0.9,
+            worst_gradient: 5.0,
+            non_finite: 1,
+            solid_wrong: 1,
+            ..Outcome::default()
+        };
+        let mut rig = Rig::default();
+        (rig.values, rig.gradients) = (vec![0.9; 10], vec![5.0; 10]);
+        let mut tally = Tally::default();
+        (0..100).for_each(|index| tally.add(index, (&case, stretch), &wrong, &rig, Some(2.0)));
+        let results = results(&StressArgs { climb: 0, ..args(100) }, &tally, 1e-12);
+        for promise in results {
+            assert!(!promise.kept && promise.rate_below > promise.rate_at_most, "{promise:?}");
+            let figures = BTreeMap::from([(promise.name.clone(), 1e3)]);
+            let told = broken(&case, &figures).unwrap();
+            assert!(told.starts_with(&format!("the case fails the promise \"{}\"", promise.name)), "{told}");
+        }
+        assert_eq!(broken(&case, &PROMISES.iter().map(|row| (row.name.to_owned(), 0.0)).collect()), None);
+        // Outside the domain nothing is promised of its frames.
+        let far = StressCase { axes: BTreeMap::from([(Axis::Distance, 1e6)]), ..case };
+        assert_eq!(broken(&far, &BTreeMap::from([("frames".to_owned(), 0.5)])), None);
+    }
+
+    #[test]
+    fn a_rare_failure_does_not_break_a_promise_of_a_rate() {
+        assert!(rate::lower(1, 150_000) <= 1e-5 && rate::lower(9, 150_000) > 1e-5);
+        assert!(rate::lower(1, 150_000) > 0.0, "a promise of no failure is broken by one");
     }
 
     #[test]

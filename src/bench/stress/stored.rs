@@ -20,6 +20,8 @@ pub(super) fn half_steps(mesh: &Mesh, encoding: PositionEncoding, path: &Path) -
     let options = GltfOptions { positions: encoding, ..GltfOptions::default() };
     std::fs::write(path, to_glb_bytes(&asset, &options)?).map_err(|e| Error::io(path, e))?;
     let loaded = read(path, &ReadOptions::default())?;
+    // A file far from the origin is read relative to an origin of its own.
+    let placement = loaded.provenance.placement;
     let Scene::Mesh(stored) = loaded.scene else { return Ok(f64::INFINITY) };
     if stored.face_count() != mesh.face_count() {
         return Ok(f64::INFINITY);
@@ -33,7 +35,7 @@ pub(super) fn half_steps(mesh: &Mesh, encoding: PositionEncoding, path: &Path) -
     let mut worst = 0.0f64;
     for face in 0..mesh.face_count() {
         for (a, b) in mesh.corners(face).into_iter().zip(stored.corners(face)) {
-            let error = (a.as_dvec3() - b.as_dvec3()).abs();
+            let error = (a.as_dvec3() - placement.to_world_f64(b)).abs();
             for axis in 0..3 {
                 // Code times scale is rounded, then the sum with the origin.
                 let rounding = f64::from(f32::EPSILON) * (f64::from(a[axis]).abs() + extent[axis]);

@@ -36,11 +36,28 @@ pub(super) struct Worst {
     pub(super) case: Option<StressCase>,
 }
 
+/// What a promise was asked of, and how many of these failed.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Failures {
+    pub(super) of: u64,
+    pub(super) failures: u64,
+}
+
+impl Failures {
+    fn count(&mut self, values: impl Iterator<Item = f64>, at_most: f64) {
+        for value in values {
+            self.of += 1;
+            self.failures += u64::from(!(value <= at_most));
+        }
+    }
+}
+
 /// Sums over all cases.
 #[derive(Debug)]
 pub(super) struct Tally {
     parts: Vec<PartSums>,
     worst: Vec<Worst>,
+    counts: Vec<Failures>,
     /// The slowest cases for their layers, most first.
     pub(super) slowest: Vec<Worst>,
 }
@@ -50,6 +67,7 @@ impl Default for Tally {
         Self {
             parts: vec![PartSums::default(); SINGLES + PAIRS + 1],
             worst: vec![Worst::default(); PROMISES.len()],
+            counts: vec![Failures::default(); PROMISES.len()],
             slowest: Vec::new(),
         }
     }
@@ -82,7 +100,7 @@ fn pair(a: Axis, b: Axis) -> usize {
 }
 
 /// Whether a promise on such cases holds on a random one; `promised` says whether it was drawn from the promises' domain.
-fn holds(on: On, case: &StressCase, promised: bool) -> bool {
+pub(super) fn holds(on: On, case: &StressCase, promised: bool) -> bool {
     let side = || case.value(Axis::Aspect) * case.value(Axis::Inradius).max(1.0);
     match on {
         On::Domain => promised,
@@ -108,7 +126,7 @@ impl Tally {
         };
         self.parts[part].add(outcome, rig);
         let promised = part == SINGLES + PAIRS;
-        for (row, worst) in PROMISES.iter().zip(&mut self.worst) {
+        for ((row, worst), counts) in PROMISES.iter().zip(&mut self.worst).zip(&mut self.counts) {
             if !holds(row.on, case, promised) {
                 continue;
             }
@@ -121,6 +139,14 @@ impl Tally {
                 Promise::Time => outcome.seconds / layers_over_ordinary(case),
             };
             worst.add(found, index, case);
+            match row.promise {
+                Promise::Frames => counts.count(rig.values.iter().copied(), row.at_most),
+                Promise::Gradients => counts.count(rig.gradients.iter().copied(), row.at_most),
+                Promise::StoredPositions => counts.count(stored.into_iter(), row.at_most),
+                // A single time is noise: the slowest cases are timed again.
+                Promise::Time => {}
+                _ => counts.count(std::iter::once(found), row.at_most),
+            }
         }
         let slow = outcome.seconds / layers_over_ordinary(case);
         self.add_slow(Worst { found: slow, index, case: None }, Some(case));
@@ -139,6 +165,9 @@ impl Tally {
     pub(super) fn merge(&mut self, other: Self) {
         self.parts.iter_mut().zip(&other.parts).for_each(|(a, b)| a.merge(b));
         self.worst.iter_mut().zip(&other.worst).for_each(|(a, b)| a.merge(b));
+        for (a, b) in self.counts.iter_mut().zip(&other.counts) {
+            (a.of, a.failures) = (a.of + b.of, a.failures + b.failures);
+        }
         other.slowest.into_iter().for_each(|slow| self.add_slow(slow, None));
     }
 
@@ -146,6 +175,12 @@ impl Tally {
     pub(super) fn worst(&self, promise: Promise) -> &Worst {
         let at = PROMISES.iter().position(|row| row.promise == promise);
         &self.worst[at.unwrap_or_default()]
+    }
+
+    /// How many failed of a promise.
+    pub(super) fn failures(&self, promise: Promise) -> Failures {
+        let at = PROMISES.iter().position(|row| row.promise == promise);
+        self.counts[at.unwrap_or_default()]
     }
 
     /// The cases of the promises' domain.

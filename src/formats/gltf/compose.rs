@@ -4,7 +4,7 @@ use super::container::stream_offsets;
 use super::content::Content;
 use super::extensions::{CompressedView, CompressionMode, FallbackBuffer, MESHOPT, QUANTIZATION, UNLIT};
 use super::extras::SceneExtras;
-use super::options::{ColorEncoding, GltfOptions, PositionEncoding};
+use super::options::{ColorEncoding, GltfOptions};
 use super::part::{BACKDROP, PartKind, ScenePart, Stream, all_streams};
 use super::uri;
 use crate::camera::Viewpoint;
@@ -31,7 +31,7 @@ pub(super) fn json(content: &Content, bin_name: Option<&str>) -> Result<Vec<u8>>
 
 fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
     let Content { options, parts, .. } = content;
-    let quantised = options.positions == PositionEncoding::ChunkU16;
+    let quantised = parts.iter().any(|part| part.grid.is_some());
     let needed = [(quantised, QUANTIZATION), (options.meshopt, MESHOPT)];
     let required = needed.into_iter().filter(|(used, _)| *used).map(|(_, name)| name.to_owned());
     let required: Vec<String> = required.collect();
@@ -40,7 +40,9 @@ fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
     let materials = materials(content);
     let unlit = materials.iter().any(|material| material.extensions.is_some());
     // A file of nothing but a backdrop, or a tile, is no scene to look at.
-    let viewpoint = content.asset.provenance.viewpoint.as_ref();
+    // Nor does a camera stand where f32 does not reach.
+    let stands = |viewpoint: &&Viewpoint| DVec3::from(viewpoint.eye).as_vec3().is_finite();
+    let viewpoint = content.asset.provenance.viewpoint.as_ref().filter(stands);
     let camera_node = viewpoint.map(viewpoint_node);
     let cameras = viewpoint.map(|viewpoint| viewpoint_camera(viewpoint, content));
     let meshes = parts

@@ -70,8 +70,8 @@ pub(crate) struct Node {
     pub(crate) children: Vec<usize>,
     pub(crate) mesh: Option<usize>,
     pub(crate) skin: Option<usize>,
-    pub(crate) matrix: Option<[f32; 16]>,
-    pub(crate) translation: Option<[f32; 3]>,
+    pub(crate) matrix: Option<[f64; 16]>,
+    pub(crate) translation: Option<[f64; 3]>,
     pub(crate) rotation: Option<[f32; 4]>,
     pub(crate) scale: Option<[f32; 3]>,
     #[serde(default)]

@@ -5,6 +5,7 @@ use super::document::{Document, Material, Primitive};
 use super::extensions::DRACO;
 use super::nodes::MeshInstance;
 use crate::error::{Error, Result};
+use crate::formats::far::{is_far, origin_of, sampled};
 use crate::limits::Limits;
 use crate::math::color::linear_from_srgb;
 use crate::mesh::{Colors, Mesh};
@@ -97,6 +98,35 @@ impl<'a> MergedMesh<'a> {
         limits.vertices(path.display(), vertices)?;
         self.accessors.buffers.spend(vertices.saturating_mul(24))?;
         limits.reserve(path.display(), &mut self.positions, vertices as usize)
+    }
+
+    /// What to take off every position: zero, unless a node moves its mesh so far that f32 does not hold where it is.
+    pub(super) fn origin(&mut self, instances: &[MeshInstance]) -> Result<DVec3> {
+        let is_moved = |i: &MeshInstance| i.transform.is_some_and(|t| is_far(t.w_axis.truncate()));
+        if !instances.iter().any(is_moved) {
+            return Ok(DVec3::ZERO);
+        }
+        let mut meshes = Vec::new();
+        for instance in instances {
+            for primitive in self.primitives(instance)? {
+                if let Some(position) = self.position(primitive)? {
+                    let count = self.accessors.layout(position)?.count as usize;
+                    meshes.push((instance.transform.unwrap_or(DMat4::IDENTITY), position, count));
+                }
+            }
+        }
+        let total: usize = meshes.iter().map(|(.., count)| count).sum();
+        let (mut wanted, mut sample) = (sampled(total).peekable(), Vec::new());
+        let mut first = 0;
+        for (transform, position, count) in meshes {
+            self.accessors.for_each(position, 0.0, |i, p| {
+                if wanted.next_if_eq(&(first + i)).is_some() {
+                    sample.push(transform.transform_point3(DVec3::from(p)));
+                }
+            })?;
+            first += count;
+        }
+        Ok(origin_of(sample))
     }
 
     /// The accessor of a primitive's positions; none, with a warning, when it holds no triangles.

@@ -2,6 +2,7 @@
 
 use super::document::{Document, Node};
 use crate::error::{Error, Result};
+use crate::formats::far::is_far;
 use crate::limits::Limits;
 use glam::{DMat4, DQuat, DVec3, Vec3};
 use std::path::Path;
@@ -85,7 +86,11 @@ fn roots(path: &Path, document: &Document) -> Result<Vec<usize>> {
 /// A node's own transform; none when it is the identity, so that positions keep their bits.
 fn local(node: &Node) -> Option<DMat4> {
     let transform = match node.matrix {
-        Some(columns) => DMat4::from_cols_array(&columns.map(f64::from)),
+        Some(columns) => {
+            let rounded = DMat4::from_cols_array(&columns.map(|x| f64::from(x as f32)));
+            let moved = translation([columns[12], columns[13], columns[14]]);
+            DMat4 { w_axis: moved.extend(rounded.w_axis.w), ..rounded }
+        }
         None => {
             let to_f64 = |v: [f32; 3]| Vec3::from(v).as_dvec3();
             let [x, y, z, w] = node.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]).map(f64::from);
@@ -96,9 +101,26 @@ fn local(node: &Node) -> Option<DMat4> {
             DMat4::from_scale_rotation_translation(
                 node.scale.map_or(DVec3::ONE, to_f64),
                 rotation,
-                node.translation.map_or(DVec3::ZERO, to_f64),
+                node.translation.map_or(DVec3::ZERO, translation),
             )
         }
     };
     (transform != DMat4::IDENTITY).then_some(transform)
+}
+
+/// A translation as engines hold it, in single precision; far from the origin with all its digits.
+fn translation(written: [f64; 3]) -> DVec3 {
+    let (written, rounded) = (DVec3::from(written), DVec3::from(written).as_vec3());
+    if rounded.is_finite() && is_far(written) { written } else { rounded.as_dvec3() }
+}
+
+/// Moves what nodes show, so that `origin` becomes (0, 0, 0).
+pub(super) fn take_off(instances: &mut [MeshInstance], origin: DVec3) {
+    if origin == DVec3::ZERO {
+        return;
+    }
+    for instance in instances {
+        let placed = instance.transform.unwrap_or(DMat4::IDENTITY);
+        instance.transform = Some(DMat4::from_translation(-origin) * placed);
+    }
 }

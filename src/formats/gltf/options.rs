@@ -60,7 +60,8 @@ pub enum PositionEncoding {
     #[serde(rename = "f32")]
     #[cfg_attr(feature = "cli", value(name = "f32"))]
     F32,
-    /// Three 16-bit integers on a grid for each chunk (KHR_mesh_quantization). 8 bytes.
+    /// Three 16-bit integers on a grid for each chunk (KHR_mesh_quantization). 8 bytes. A chunk whose grid would move a vertex by more
+    /// than 1/16 of its median triangle's size, or flatten more than one triangle in 200, keeps floats.
     #[serde(rename = "chunk-u16")]
     #[cfg_attr(feature = "cli", value(name = "chunk-u16"))]
     ChunkU16,

@@ -5,6 +5,7 @@ use super::limits::MAX_SHORT_VERTICES;
 use super::options::{GltfOptions, PositionEncoding};
 use crate::asset::{Asset, Chunk};
 use crate::error::{Error, Result};
+use crate::math::median::median;
 use crate::mesh::{Colors, Mesh};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -43,7 +44,7 @@ pub(super) struct ScenePart<'a> {
     /// Whether normals are written.
     pub(super) lit: bool,
     pub(super) bounds: PartBounds,
-    /// The grid of 16-bit positions; none when positions are floats.
+    /// The grid of 16-bit positions; none when positions are floats, as they stay where no grid is fine enough.
     pub(super) grid: Option<PositionGrid>,
     pub(super) loss: QuantizationLoss,
 }
@@ -101,12 +102,17 @@ impl ScenePart<'_> {
     /// Bytes of an element of a stream.
     pub(super) fn stride(&self, stream: Stream, options: &GltfOptions) -> u64 {
         match stream {
-            Stream::Positions => options.positions.bytes(),
-            Stream::Normals => options.positions.normal_bytes(),
+            Stream::Positions => self.encoding().bytes(),
+            Stream::Normals => self.encoding().normal_bytes(),
             Stream::Colors => options.colors.bytes(),
             Stream::Indices if self.has_short_indices() => 2,
             Stream::Indices => 4,
         }
+    }
+
+    /// How its positions are stored.
+    fn encoding(&self) -> PositionEncoding {
+        if self.grid.is_some() { PositionEncoding::ChunkU16 } else { PositionEncoding::F32 }
     }
 
     /// Bytes of a stream before compression.
@@ -262,7 +268,7 @@ fn quantise(part: &mut ScenePart, mesh: &Mesh) -> Result<()> {
         false => PositionGrid::new(part.bounds.min, part.bounds.max),
     };
     const BLOCK: usize = 1 << 14;
-    part.loss = part
+    let loss = part
         .faces
         .clone()
         .into_par_iter()
@@ -271,7 +277,11 @@ fn quantise(part: &mut ScenePart, mesh: &Mesh) -> Result<()> {
             loss.and(grid.loss(std::iter::once(mesh.corners(face))))
         })
         .reduce(QuantizationLoss::default, QuantizationLoss::and);
-    part.grid = Some(grid);
+    let areas = part.faces.clone().into_par_iter().with_min_len(BLOCK).map(|face| mesh.area(face)).collect();
+    let detail = median(areas, f64::total_cmp).unwrap_or(0.0).sqrt();
+    if loss.is_allowed(part.faces.len(), detail) {
+        (part.grid, part.loss) = (Some(grid), loss);
+    }
     Ok(())
 }
 

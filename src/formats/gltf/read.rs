@@ -14,6 +14,7 @@ use super::nodes::{self, MeshInstance};
 use super::part::BACKDROP;
 use crate::asset::Provenance;
 use crate::error::{Error, Result};
+use crate::formats::far::note_origin;
 use crate::formats::{ReadOptions, Source, finish, foreign, gaussians};
 use crate::scene::{Loaded, Scene};
 use std::path::Path;
@@ -34,7 +35,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     let document: Document = document::parse(&path, &container.json, limits)
         .and_then(|document| check_support(&path, &document).map(|()| document))
         .map_err(|error| foreign::refusal(&path, &container.json).unwrap_or(error))?;
-    let instances = nodes::instances(&path, &document, limits)?;
+    let mut instances = nodes::instances(&path, &document, limits)?;
     let buffers = Buffers::new(source, &container, &document.buffers, options);
     drop(container);
     let srgb = extras::has_srgb_colors(&document.asset);
@@ -48,6 +49,8 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
         }
     }
     merged.reserve(&instances)?;
+    let origin = merged.origin(&instances)?;
+    nodes::take_off(&mut instances, origin);
     // The backdrop comes last, wherever another program has moved it.
     let is_backdrop = |i: &&MeshInstance| document.nodes[i.node].name.as_deref() == Some(BACKDROP);
     for instance in instances.iter().filter(|i| !is_backdrop(i)) {
@@ -64,15 +67,10 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
         return Err(gaussians::refusal(&path, "glTF"));
     }
     let (mesh, warnings) = merged.finish()?;
-    finish(
-        &path,
-        Loaded {
-            scene: Scene::Mesh(mesh),
-            provenance: Provenance { backdrop, ..extras::provenance(&document.asset) },
-            warnings,
-            cameras: Vec::new(),
-        },
-    )
+    let provenance = Provenance { backdrop, ..extras::provenance(&document.asset) };
+    let mut loaded = Loaded { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
+    note_origin(&mut loaded, origin);
+    finish(&path, loaded)
 }
 
 fn check_support(path: &Path, document: &Document) -> Result<()> {

@@ -5,7 +5,7 @@ use super::header::Scalar;
 use super::table::Table;
 use crate::error::Result;
 use crate::formats::faces::{Faces, not_a_triangle};
-use crate::formats::far::{FarBounds, is_far};
+use crate::formats::far::{origin_of, sampled};
 use crate::limits::Limits;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -15,22 +15,12 @@ use std::path::Path;
 pub(super) fn origin(vertices: &Table) -> Result<DVec3> {
     let axes = axes(vertices)?;
     let position = |row: &[u8]| DVec3::from(axes.map(|axis| axis.f64(row)));
-    let doubles = axes.iter().any(|axis| axis.scalar == Scalar::F64);
-    if !doubles || vertices.rows() == 0 || !is_far(position(vertices.block(0, 1, &mut Vec::new())?)) {
+    if !axes.iter().any(|axis| axis.scalar == Scalar::F64) {
         return Ok(DVec3::ZERO);
     }
-    let (rows, per_block) = (vertices.rows(), vertices.rows_per_block());
-    let of_block = |buffer: &mut Vec<u8>, block: usize| {
-        let count = per_block.min(rows - block * per_block);
-        let mut bounds = FarBounds::default();
-        let block = vertices.block(block * per_block, count, buffer)?;
-        block.chunks_exact(vertices.stride()).for_each(|row| bounds.add(position(row)));
-        Ok(bounds)
-    };
-    let blocks: Vec<Result<FarBounds>> =
-        (0..rows.div_ceil(per_block)).into_par_iter().map_init(Vec::new, of_block).collect();
-    let bounds = blocks.into_iter().try_fold(FarBounds::default(), |all, block| Ok(all.merge(block?)))?;
-    Ok(bounds.origin())
+    let mut buffer = Vec::new();
+    let sample = sampled(vertices.rows()).map(|row| Ok(position(vertices.block(row, 1, &mut buffer)?)));
+    Ok(origin_of(sample.collect::<Result<_>>()?))
 }
 
 fn axes(vertices: &Table) -> Result<[Column; 3]> {
