@@ -253,11 +253,20 @@ pub struct Placement {
     pub center: [f64; 3],
 }
 
+/// Scale, turn and centre of a placement may be so large: what is laid over it does not leave the range of an `f64`.
+const LARGEST_PLACEMENT: f64 = f32::MAX as f64;
+
 fn is_zero<T: Default + PartialEq>(x: &T) -> bool {
     *x == T::default()
 }
 
 impl Placement {
+    /// Whether a scene can have come to its place so.
+    fn is_possible(&self) -> bool {
+        let numbers = [self.rotate, self.scale, 1.0 / self.scale].into_iter().chain(self.center);
+        self.scale > 0.0 && numbers.into_iter().all(|number| number.abs() <= LARGEST_PLACEMENT)
+    }
+
     /// Nothing was moved: the file is in the frame of its source.
     pub const IDENTITY: Placement =
         Placement { up: UpDirection::Axis(UpAxis::Y), rotate: 0.0, scale: 1.0, center: [0.0; 3] };
@@ -367,4 +376,15 @@ pub struct Provenance {
     /// How many of its last triangles are the backdrop: a far sphere, no part of the scene. Absent when 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub backdrop: u32,
+}
+
+impl Provenance {
+    /// Without what a damaged file says and no scene can have: a viewpoint that no camera has, a placement that leads nowhere.
+    pub(crate) fn possible(mut self) -> Self {
+        self.viewpoint = self.viewpoint.filter(Viewpoint::is_possible);
+        if !self.placement.is_possible() {
+            self.placement = Placement::IDENTITY;
+        }
+        self
+    }
 }

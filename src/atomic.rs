@@ -11,12 +11,14 @@
 
 mod folder;
 mod live;
+mod made;
 mod names;
 mod place;
 mod temporary;
 
 pub use folder::{AtomicFolder, FolderLock};
 pub use live::{remove_temporaries, try_remove_temporaries};
+pub use made::MadeFolders;
 pub use names::{is_leftover, resolved, temporary_name};
 
 use crate::error::{Error, Result};
@@ -127,6 +129,13 @@ impl AtomicFile {
         if let Destination::Temporary(file) = &mut self.to {
             live::register(path);
             file.get_mut().named.push(path.to_owned());
+        }
+    }
+
+    /// `folder` was made for files that this one names: it is removed when nothing is in it in the end.
+    pub fn keeps(&mut self, folder: MadeFolders) {
+        if let Destination::Temporary(file) = &mut self.to {
+            file.get_mut().folders.push(folder);
         }
     }
 

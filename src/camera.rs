@@ -125,6 +125,15 @@ impl Viewpoint {
         lens.looking(eye, target, up)
     }
 
+    /// Whether a camera can look from here: its numbers fit an `f32`, and it has a distance and an angle.
+    pub fn is_possible(&self) -> bool {
+        let fits = |v: [f64; 3]| DVec3::from(v).as_vec3().is_finite();
+        let placed = [self.eye, self.target, self.up].into_iter().all(fits);
+        let (distance, angle) = (self.distance(), self.fov.to_radians() as f32);
+        let opens = angle > 0.0 && self.fov < 180.0 && distance > 0.0 && distance.is_finite();
+        placed && opens && self.camera(UVec2::ONE).rotation.is_finite()
+    }
+
     /// Distance from the viewer to what is looked at.
     pub fn distance(&self) -> f32 {
         DVec3::from(self.eye).distance(DVec3::from(self.target)) as f32

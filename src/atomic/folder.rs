@@ -5,6 +5,7 @@
 //! killed one began.
 
 use super::live;
+use super::made::MadeFolders;
 use super::names::{aside_folder, aside_name, folder_lock, temporary_name};
 use super::temporary::Temporary;
 use crate::error::{Error, Result};
@@ -49,9 +50,9 @@ impl FolderLock {
 pub struct AtomicFolder {
     folder: PathBuf,
     aside: PathBuf,
-    /// The folder was made for this.
-    is_new: bool,
     lock: Option<FolderLock>,
+    /// It was made for this. Dropped after the lock, which is in it.
+    _made: MadeFolders,
 }
 
 impl AtomicFolder {
@@ -60,23 +61,20 @@ impl AtomicFolder {
     /// Errors: another program that writes into it; what the operating system refuses.
     pub fn create(folder: &Path) -> Result<Self> {
         let io = |e| Error::io(folder, e);
-        let is_new = !folder.exists();
-        std::fs::create_dir_all(folder).map_err(io)?;
+        let made = MadeFolders::make(folder)?;
         let lock = FolderLock::take(folder)?;
         let aside = aside_folder(folder);
         if aside.exists() {
             if lock.interrupted {
-                undo(folder, &aside).and_then(|()| remove_old(folder, &aside)).map_err(io)?;
+                let finish = |()| remove_old(folder, &read_list(&aside, DONE)?);
+                undo(folder, &aside).and_then(finish).map_err(io)?;
             }
             std::fs::remove_dir_all(&aside).map_err(io)?;
         }
         live::register(&aside);
-        let made = Self { folder: folder.to_owned(), aside, is_new, lock: Some(lock) };
-        std::fs::create_dir(&made.aside).map_err(io)?;
-        if is_new {
-            live::register(folder);
-        }
-        Ok(made)
+        let this = Self { folder: folder.to_owned(), aside, lock: Some(lock), _made: made };
+        std::fs::create_dir(&this.aside).map_err(io)?;
+        Ok(this)
     }
 
     /// Where its files are made, under the names that they will have.
@@ -96,9 +94,10 @@ impl AtomicFolder {
         names.sort_by_key(|name| name.starts_with(naming));
         names.iter().try_for_each(|name| sync(&self.aside.join(name))).map_err(io)?;
         let list = self.aside.join(LIST);
-        write_list(&list, &self.folder, &names).map_err(io)?;
+        let moves = moves(&self.folder, &names);
+        write_list(&list, &moves).map_err(io)?;
         // Locked while files get their names: a signal waits.
-        let mut live = live::list();
+        let live = live::list();
         let replaced = replace(&self.folder, &self.aside, &names)
             .and_then(|()| std::fs::rename(&list, self.aside.join(DONE)));
         if let Err(error) = replaced {
@@ -106,9 +105,8 @@ impl AtomicFolder {
             let _ = undo(&self.folder, &self.aside);
             return Err(io(error));
         }
-        live::forget(&mut live, &self.folder);
-        // What cannot be removed is removed by the next run.
-        let _ = remove_old(&self.folder, &self.aside);
+        // Once more where it failed. What stays is replaced by the next run.
+        let _ = remove_old(&self.folder, &moves).or_else(|_| remove_old(&self.folder, &moves));
         drop(live);
         sync_folder(&self.folder);
         Ok(())
@@ -122,11 +120,6 @@ impl Drop for AtomicFolder {
         let _ = std::fs::remove_dir_all(&self.aside).or_else(remove);
         live::unregister(&self.aside);
         self.lock = None;
-        if self.is_new {
-            // Unless something is in it.
-            let _ = std::fs::remove_dir(&self.folder);
-            live::unregister(&self.folder);
-        }
     }
 }
 
@@ -147,13 +140,17 @@ fn sync(path: &Path) -> io::Result<()> {
     File::options().write(true).open(path)?.sync_all()
 }
 
-/// `+` before the names of files that replace none, `=` before the others.
-fn write_list(list: &Path, folder: &Path, names: &[PathBuf]) -> io::Result<()> {
-    let line = |name: &PathBuf| {
-        let mark = if folder.join(name).exists() { '=' } else { '+' };
-        format!("{mark}{}\n", name.display())
-    };
-    std::fs::write(list, names.iter().map(line).collect::<String>())?;
+/// A name, and `+` when its file replaces none, `=` when it does.
+type Move = (char, PathBuf);
+
+fn moves(folder: &Path, names: &[PathBuf]) -> Vec<Move> {
+    let mark = |name: &PathBuf| if folder.join(name).exists() { '=' } else { '+' };
+    names.iter().map(|name| (mark(name), name.clone())).collect()
+}
+
+fn write_list(list: &Path, moves: &[Move]) -> io::Result<()> {
+    let line = |(mark, name): &Move| format!("{mark}{}\n", name.display());
+    std::fs::write(list, moves.iter().map(line).collect::<String>())?;
     sync(list)
 }
 
@@ -170,14 +167,14 @@ fn replace(folder: &Path, aside: &Path, names: &[PathBuf]) -> io::Result<()> {
     Ok(())
 }
 
-/// Marks and names of the list `name`; nothing where there is none.
-fn read_list(aside: &Path, name: &str) -> io::Result<Vec<(String, PathBuf)>> {
+/// The moves of the list `name`; none where there is no list.
+fn read_list(aside: &Path, name: &str) -> io::Result<Vec<Move>> {
     let text = match std::fs::read_to_string(aside.join(name)) {
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
         text => text?,
     };
-    let lines = text.lines().filter_map(|line| line.split_at_checked(1));
-    Ok(lines.map(|(mark, name)| (mark.to_owned(), name.into())).collect())
+    let moves = text.lines().filter_map(|line| Some((line.chars().next()?, line.get(1..)?.into())));
+    Ok(moves.collect())
 }
 
 /// Puts old files back and removes new ones, by the list; without one nothing was moved.
@@ -187,8 +184,11 @@ fn undo(folder: &Path, aside: &Path) -> io::Result<()> {
         let old = aside_name(&target);
         if old.exists() {
             std::fs::rename(&old, &target)?;
-        } else if mark == "+" && !waiting.exists() && target.exists() {
-            std::fs::remove_file(&target)?;
+        } else if mark == '+' {
+            if !waiting.exists() && target.exists() {
+                std::fs::remove_file(&target)?;
+            }
+            // Its folder may have been made for it before it was moved.
             remove_empty(folder, target.parent());
         }
     }
@@ -196,10 +196,10 @@ fn undo(folder: &Path, aside: &Path) -> io::Result<()> {
 }
 
 /// Removes old files that were moved aside for new ones which are all in their places.
-fn remove_old(folder: &Path, aside: &Path) -> io::Result<()> {
-    for (mark, name) in read_list(aside, DONE)? {
+fn remove_old(folder: &Path, moves: &[Move]) -> io::Result<()> {
+    for (_, name) in moves.iter().filter(|(mark, _)| *mark == '=') {
         let old = aside_name(&folder.join(name));
-        if mark == "=" && old.exists() {
+        if old.exists() {
             std::fs::remove_file(old)?;
         }
     }
@@ -289,12 +289,14 @@ mod tests {
             let made = AtomicFolder::create(folder).unwrap();
             fill(&made, "new");
             let names: Vec<PathBuf> = all("").into_iter().map(|(name, _)| name).collect();
-            write_list(&made.path().join(LIST), folder, &names).unwrap();
+            write_list(&made.path().join(LIST), &moves(folder, &names)).unwrap();
             std::fs::rename(folder.join("list"), aside_name(&folder.join("list"))).unwrap();
             for name in &names[..moved] {
                 std::fs::create_dir_all(folder.join("images")).unwrap();
                 std::fs::rename(made.path().join(name), folder.join(name)).unwrap();
             }
+            // The folder of the first is made before it is moved.
+            std::fs::create_dir_all(folder.join("images")).unwrap();
             // As a kill leaves it: nothing is dropped.
             let (aside, lock) = (made.path().to_owned(), temporary_name(&folder_lock(folder)));
             let kept = parent.path().with_extension("kept");
@@ -304,6 +306,7 @@ mod tests {
             std::fs::write(&lock, "").unwrap();
             drop(AtomicFolder::create(folder).unwrap());
             assert_eq!(found(folder), [("list".into(), "old".into())], "{moved} were moved");
+            assert!(!folder.join("images").exists(), "{moved} were moved");
         }
     }
 

@@ -1,6 +1,7 @@
 //! The temporary files of this process.
 
 use super::names::is_aside_folder;
+use std::cmp::Reverse;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -39,6 +40,8 @@ pub fn try_remove_temporaries() {
 }
 
 fn remove(mut list: MutexGuard<'_, Vec<PathBuf>>) {
+    // What is in a folder goes before the folder.
+    list.sort_by_key(|path| Reverse(path.components().count()));
     for path in list.drain(..) {
         // The next run sweeps what cannot be removed.
         let _ = match is_aside_folder(&path) {

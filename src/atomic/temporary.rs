@@ -1,6 +1,7 @@
 //! The temporary file of a target: one name, one owner.
 
 use super::live;
+use super::made::MadeFolders;
 use super::names::{aside_name, temporary_name};
 use std::fs::{File, TryLockError};
 use std::io::{self, Write};
@@ -20,6 +21,8 @@ pub(super) struct Temporary {
     pub(super) published: bool,
     /// Files that are there already and that only this one names: they are removed with it.
     pub(super) named: Vec<PathBuf>,
+    /// Folders that were made for those; dropped after them.
+    pub(super) folders: Vec<MadeFolders>,
 }
 
 impl Temporary {
@@ -33,7 +36,15 @@ impl Temporary {
                     // An older one that was moved aside counts: it is put back.
                     let is_new = !target.exists() && !aside_name(target).exists();
                     let target = target.to_owned();
-                    return Ok(Self { file, path, target, is_new, published: false, named: Vec::new() });
+                    return Ok(Self {
+                        file,
+                        path,
+                        target,
+                        is_new,
+                        published: false,
+                        named: vec![],
+                        folders: vec![],
+                    });
                 }
                 // Somebody swept it before it was locked.
                 Ok(_) => {}

@@ -13,6 +13,7 @@ use self::samples::Foreground;
 use self::up::{Confidence, Evidence, UpEstimate};
 use self::words::{KnownLength, UpChoice};
 use crate::asset::{Placement, Provenance, UpAxis, UpDirection};
+use crate::camera::Viewpoint;
 use crate::error::{Error, Result};
 use crate::math::median::median;
 use crate::mesh::Mesh;
@@ -163,7 +164,8 @@ pub fn place(
     }
     // What is kept is the way back to the source, not to the file that was read.
     provenance.placement = provenance.placement.then(&placement);
-    provenance.viewpoint = provenance.viewpoint.map(|viewpoint| placement.viewpoint_to_file(&viewpoint));
+    let viewpoint = provenance.viewpoint.map(|viewpoint| placement.viewpoint_to_file(&viewpoint));
+    provenance.viewpoint = viewpoint.filter(Viewpoint::is_possible);
     (details.scale, details.center) = (Some(placement.scale), Some(placement.center));
     details.rotate = (placement.rotate != 0.0).then_some(placement.rotate);
     let transform = placement.transform();
@@ -185,7 +187,6 @@ fn middle(positions: &[Vec3]) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Viewpoint;
     use crate::mesh::Colors;
 
     fn triangle() -> Mesh {

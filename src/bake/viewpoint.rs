@@ -35,7 +35,8 @@ pub fn viewpoint(asset: &mut Asset, cameras: &[Camera], details: &mut ViewpointD
     let room = |from: Vec3| asset.room(from);
     let corners = |face: usize| mesh.corners(face);
     let scenery = Scenery { corners: &corners, count: faces, cameras, up: Vec3::Y, room: &room };
-    let Some(chosen) = best_viewpoint(&scenery) else {
+    let chosen = best_viewpoint(&scenery).filter(|chosen| chosen.viewpoint.is_possible());
+    let Some(chosen) = chosen else {
         return Outcome::Unneeded("there is nothing to be seen");
     };
     details.photo = chosen.photo.map(|photo| photo as u64);

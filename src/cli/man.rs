@@ -1,7 +1,11 @@
 //! `trisplat man FOLDER`: manual pages of the program and its commands.
 
+use crate::atomic::AtomicFolder;
 use crate::error::{Error, Result};
 use std::path::PathBuf;
+
+/// The page that names all others.
+const PROGRAM_PAGE: &str = "trisplat.1";
 
 /// Where to.
 #[derive(Debug, clap::Args)]
@@ -13,7 +17,7 @@ pub struct ManArgs {
 
 /// Writes trisplat.1, trisplat-bake.1 and so on.
 pub fn run(args: &ManArgs, program: clap::Command) -> Result<()> {
-    let io = |e| Error::io(&args.folder, e);
-    std::fs::create_dir_all(&args.folder).map_err(io)?;
-    clap_mangen::generate_to(program, &args.folder).map_err(io)
+    let folder = AtomicFolder::create(&args.folder)?;
+    clap_mangen::generate_to(program, folder.path()).map_err(|e| Error::io(&args.folder, e))?;
+    folder.publish(PROGRAM_PAGE)
 }

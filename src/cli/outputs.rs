@@ -1,7 +1,7 @@
 //! The one guard of the files that a command writes: none is an input, a photo, another output or, without `--force`, there
 //! already; each can be written. All before any work.
 
-use crate::atomic::{AtomicFile, FolderLock, resolved};
+use crate::atomic::{AtomicFile, FolderLock, MadeFolders, resolved};
 use crate::dataset::Dataset;
 use crate::error::{Error, Result};
 use std::collections::{HashMap, HashSet};
@@ -25,6 +25,8 @@ pub(super) struct Outputs {
     /// Held until the command ends.
     locks: Vec<FolderLock>,
     files: Vec<AtomicFile>,
+    /// Folders that were made; dropped after what is in them.
+    made: Vec<MadeFolders>,
 }
 
 /// A file that will be written.
@@ -63,11 +65,17 @@ impl Outputs {
 
     /// A folder of pictures, which is made when it is not there; it may not be that of the photos.
     pub(super) fn plan_folder(&mut self, option: &'static str, folder: &Path) -> Result<()> {
-        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+        self.make_folder(folder)?;
         self.lock_folder(folder)?;
         // Its pictures have names of this length.
         AtomicFile::create(&folder.join("step-000000.png")).map(drop)?;
         self.folders.push((option, folder.to_owned()));
+        Ok(())
+    }
+
+    /// Makes a folder for outputs, unless it is there; it goes again if the command puts nothing into it.
+    pub(super) fn make_folder(&mut self, folder: &Path) -> Result<()> {
+        self.made.push(MadeFolders::make(folder)?);
         Ok(())
     }
 

@@ -2,7 +2,7 @@
 
 use super::outputs::Outputs;
 use crate::atomic::AtomicFile;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::image::Pixels;
 use std::path::{Component, Path, PathBuf};
 
@@ -24,11 +24,11 @@ impl Pictures {
     ) -> Result<Self> {
         let paths: Vec<PathBuf> =
             file_names(&photos.collect::<Vec<_>>()).map(|name| folder.join(name)).collect();
-        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+        outputs.make_folder(folder)?;
         outputs.lock_folder(folder)?;
         for path in &paths {
             let parent = path.parent().unwrap_or(folder);
-            std::fs::create_dir_all(parent).map_err(|e| Error::io(parent, e))?;
+            outputs.make_folder(parent)?;
             outputs.plan(option, path)?;
         }
         // What cannot be written fails before any picture is drawn.

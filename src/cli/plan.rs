@@ -82,7 +82,7 @@ fn make(
 ) -> Result<ExitCode> {
     let whole = resolve(args, matches)?;
     let mut files = Outputs::new(args.config.as_deref(), args.force).with_dataset(Some(path));
-    std::fs::create_dir_all(city).map_err(|e| Error::io(city, e))?;
+    files.make_folder(city)?;
     let path_of_plan = city.join(NAME);
     // Who has it has all files of the plan.
     files.claim("--output", &path_of_plan)?;

@@ -109,7 +109,6 @@ fn estimate(
 }
 
 fn pictures(folder: &Path, views: &[&View], outputs: &mut Outputs) -> Result<Pictures> {
-    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     Pictures::plan("--depth", folder, views.iter().map(|view| view.name.as_str()), outputs)
 }
 

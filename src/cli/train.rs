@@ -81,7 +81,7 @@ pub fn run(
     }
     let mut preparation = Preparation::new(global, &mut files, teacher_files(&teacher_file));
     let ready = job.prepare(&mut preparation);
-    let teacher_output = preparation.done();
+    let (teacher_output, lost_teachers) = preparation.done();
     let ready = ready?;
     let (plan, notes) = (ready.budget_summary(), ready.notes());
     let ReadyTrain { dataset, photos, teacher, warnings: about_inputs, start, .. } = ready;
@@ -98,6 +98,8 @@ pub fn run(
     for warning in &warnings {
         bar.line(&format!("warning: {}", flags::spell(warning, &command())));
     }
+    let retrained = "the training continues, and one that is resumed trains its teacher again";
+    lost_teachers.iter().for_each(|error| bar.note_lost(error, retrained));
     plan.iter().for_each(|plan| bar.line(plan));
     let trained = run.finish(&mut bar)?;
     let mut report = notes.report(&trained, triangles, Vec::new());

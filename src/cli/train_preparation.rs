@@ -4,7 +4,7 @@ use super::Global;
 use super::outputs::Outputs;
 use super::progress::Progress;
 use super::train_progress::Bar;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::job::TrainJobObserver;
 use crate::report::OutputReport;
 use crate::train::{TrainObserver, TrainOptions, Trained};
@@ -19,24 +19,27 @@ pub(super) struct Preparation<'a> {
     drawing: Option<Progress>,
     /// The files of the teachers that are written.
     written: Vec<OutputReport>,
+    /// Why those of others are not.
+    lost: Vec<Error>,
 }
 
 impl<'a> Preparation<'a> {
     pub(super) fn new(global: &'a Global, files: &'a mut Outputs, teacher_files: Vec<PathBuf>) -> Self {
-        Self { global, files, teacher_files, drawing: None, written: Vec::new() }
+        Self { global, files, teacher_files, drawing: None, written: vec![], lost: vec![] }
     }
 
-    /// Takes the bar away; returns the files of the teachers that were written. Those that an earlier run left beside them are gone.
-    pub(super) fn done(self) -> Vec<OutputReport> {
+    /// Takes the bar away; returns the files of the teachers that were written, and why others were not. Those that an earlier run left
+    /// beside them are gone.
+    pub(super) fn done(self) -> (Vec<OutputReport>, Vec<Error>) {
         self.drawing.iter().for_each(Progress::done);
-        if !self.written.is_empty() {
+        if !self.written.is_empty() && self.lost.is_empty() {
             // Read as teachers of this run they would change it; what cannot be removed stays.
             self.teacher_files
                 .iter()
                 .skip(self.written.len())
                 .for_each(|old| drop(std::fs::remove_file(old)));
         }
-        self.written
+        (self.written, self.lost)
     }
 }
 
@@ -45,7 +48,7 @@ impl TrainJobObserver for Preparation<'_> {
         let bar = Bar::new(self.global, options.steps, 0, None, &[])?;
         let by_default = if asked { "" } else { ", as photos are few (--teacher off skips it)" };
         let steps = options.steps;
-        bar.line(&match self.written.len() {
+        bar.line(&match self.written.len() + self.lost.len() {
             0 => format!("a soft teacher scene is trained first: {steps} steps{by_default}"),
             trained => format!("teacher {} is trained: {steps} steps", trained + 1),
         });
@@ -54,8 +57,11 @@ impl TrainJobObserver for Preparation<'_> {
 
     fn keep_teacher(&mut self, which: usize, teacher: &Trained) -> Result<()> {
         let path = &self.teacher_files[which];
-        let bytes = self.files.take(path).and_then(|file| teacher.save_to(file))?;
-        self.written.push(OutputReport { path: path.display().to_string(), bytes });
+        match self.files.take(path).and_then(|file| teacher.save_to(file)) {
+            Ok(bytes) => self.written.push(OutputReport { path: path.display().to_string(), bytes }),
+            // The run has the scene in memory, and one that is resumed trains it again.
+            Err(error) => self.lost.push(error),
+        }
         Ok(())
     }
 

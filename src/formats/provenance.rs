@@ -30,8 +30,15 @@ pub(super) fn from_comments<'a>(
         let Some(json) = comment.trim().strip_prefix(KEY).filter(|rest| rest.starts_with('{')) else {
             continue;
         };
-        match serde_json::from_str(json) {
-            Ok(provenance) => return provenance,
+        match serde_json::from_str::<Provenance>(json) {
+            Ok(provenance) => {
+                let possible = provenance.clone().possible();
+                if possible != provenance {
+                    let what = "the viewpoint or the placement in the trisplat comment is ignored: no scene has such numbers";
+                    warnings.push(what.to_owned());
+                }
+                return possible;
+            }
             Err(error) => warnings.push(format!("the trisplat comment is ignored: {error}")),
         }
     }
@@ -68,10 +75,10 @@ mod tests {
                 up: Some(UpAxis::NegY),
                 placement: Placement { up: UpAxis::Z.into(), rotate: -scale, scale, center },
                 viewpoint: Some(Viewpoint {
-                    eye: center,
+                    eye: [1.0, seed as f64 * 1e-7, -scale.sqrt()],
                     target: [0.0; 3],
                     up: [0.0, 1.0, 0.0],
-                    fov: scale,
+                    fov: 50.0,
                     radius: Some(x.abs().into()),
                 }),
                 backdrop: seed as u32,
@@ -82,6 +89,32 @@ mod tests {
             let back = from_comments(["made by hand", comment.as_str()].into_iter(), &mut warnings);
             prop_assert_eq!(back, provenance);
             prop_assert!(warnings.is_empty());
+        }
+    }
+
+    #[test]
+    fn a_viewpoint_or_placement_that_cannot_be_is_a_warning() {
+        for (place, with) in
+            [("scale", "1e308"), ("scale", "0"), ("eye", "[1e39,0,0]"), ("fov", "1e308"), ("fov", "0")]
+        {
+            let provenance = Provenance {
+                viewpoint: Some(Viewpoint {
+                    eye: [1.0; 3],
+                    target: [0.0; 3],
+                    up: [0.0, 1.0, 0.0],
+                    fov: 50.0,
+                    radius: None,
+                }),
+                ..Provenance::default()
+            };
+            let mut json = serde_json::to_value(&provenance).unwrap();
+            let part = if place == "scale" { "placement" } else { "viewpoint" };
+            json[part][place] = serde_json::from_str(with).unwrap();
+            let mut warnings = Vec::new();
+            let back = from_comments([format!("{KEY}{json}").as_str()].into_iter(), &mut warnings);
+            assert!(back != provenance || part == "placement", "{back:?}");
+            assert_eq!((back.placement, warnings.len()), (Placement::IDENTITY, 1), "{place} {with}");
+            assert_eq!(back.viewpoint.is_some(), part == "placement", "{place} {with}");
         }
     }
 

@@ -7,7 +7,7 @@
 use super::gltf::{GltfOptions, to_glb_bytes, uri};
 use super::tileset::{self, TilesetTile};
 use crate::asset::{Asset, Provenance, Tile};
-use crate::atomic::{AtomicFile, sweep_folder};
+use crate::atomic::{AtomicFile, MadeFolders, sweep_folder};
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
 use std::collections::BTreeSet;
@@ -50,8 +50,8 @@ impl TilesetWriter {
         if !is_tileset(path) {
             return Err(Error::invalid("output", path.display(), "a name ending in tileset.json"));
         }
-        let file = AtomicFile::create(path)?;
-        let files = TileFiles::new(path, false)?;
+        let mut file = AtomicFile::create(path)?;
+        let files = TileFiles::new(&mut file)?;
         Ok(Self { path: path.to_owned(), file, files, options, most_tiles })
     }
 
@@ -119,7 +119,7 @@ impl TileFiles {
         most_tiles: u32,
     ) -> Result<(Self, String)> {
         let root = asset.tiles.as_ref().ok_or_else(|| not_cut(tileset.path()))?;
-        let mut files = Self::new(tileset.path(), tileset.is_dry())?;
+        let mut files = Self::new(tileset)?;
         let provenance = Provenance { backdrop: 0, ..asset.provenance.clone() };
         let mut root = files.tile(tileset, "r", root, &provenance, options)?;
         if let Some((_, backdrop)) = asset.apart() {
@@ -144,10 +144,10 @@ impl TileFiles {
         Ok(tileset::json(&root.split(most_tiles as usize, &mut save)?, &generator))
     }
 
-    fn new(tileset: &Path, dry: bool) -> Result<Self> {
-        let folder = folder_of(tileset);
+    fn new(tileset: &mut AtomicFile) -> Result<Self> {
+        let (folder, dry) = (folder_of(tileset.path()), tileset.is_dry());
         if !dry {
-            std::fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
+            tileset.keeps(MadeFolders::make(&folder)?);
         }
         Ok(Self { folder, dry, names: BTreeSet::new(), bytes: 0 })
     }

@@ -121,8 +121,13 @@ fn jpeg_is_whole(bytes: &[u8]) -> bool {
 }
 
 fn broken(path: &Path, error: image::ImageError) -> Error {
+    use std::io::ErrorKind::{InvalidData, UnexpectedEof};
     match error {
-        image::ImageError::IoError(e) if e.kind() != std::io::ErrorKind::UnexpectedEof => Error::io(path, e),
+        // Said by the decoder, not by the system: about what is in the file.
+        image::ImageError::IoError(e) if matches!(e.kind(), InvalidData | UnexpectedEof) => {
+            Error::malformed(path, "picture", format!("is damaged ({e}); copy it again"))
+        }
+        image::ImageError::IoError(e) => Error::io(path, e),
         image::ImageError::Unsupported(e) => {
             Error::unsupported(path, format!("{e}; convert it to PNG, JPEG or WebP"))
         }

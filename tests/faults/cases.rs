@@ -131,6 +131,33 @@ pub(crate) fn train() -> Case {
     }
 }
 
+pub(crate) fn train_with_teacher() -> Case {
+    const TRAIN: &[&str] = &[
+        "train",
+        "in/photos",
+        "-o",
+        "out/a.ply",
+        "--teacher",
+        "auto",
+        "--checkpoint-every",
+        "4",
+        "--keep",
+        "2",
+        "--steps",
+        "8",
+        "--max-triangles",
+        "200",
+    ];
+    Case {
+        name: "train with a teacher",
+        arguments: TRAIN,
+        before: before(&[]),
+        together: &["out/a.ply"],
+        kept: Some("out/a.ply"),
+        all_or_nothing: false,
+    }
+}
+
 pub(crate) fn eval() -> Case {
     const EVAL: &[&str] = &[
         "eval",
@@ -268,6 +295,40 @@ pub(crate) fn dataset_replaces() -> Case {
     whole("sample dataset over an old one", AGAIN, &["out/set"], &[[AGAIN, &["--seed", "7"]].concat()])
 }
 
+pub(crate) fn manual() -> Case {
+    whole("man", &["man", "out/pages"], &["out/pages"], &[])
+}
+
+pub(crate) fn stereo() -> Case {
+    const STEREO: &[&str] = &[
+        "stereo",
+        "in/photos",
+        "-o",
+        "out/a.ply",
+        "--depth",
+        "out/depth",
+        "--report",
+        "out/report.json",
+        "--stereo-size",
+        "32",
+        "--neighbors",
+        "1",
+        "--min-agreeing",
+        "1",
+        "--min-confidence",
+        "0.1",
+        "--force",
+    ];
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    tree::write(path, &before(&[]));
+    std::fs::create_dir_all(path.join("out")).unwrap();
+    let small = ["--views", "10", "--width", "48", "--points", "60"];
+    plain(path, &[&["sample", "dataset", "-o", "in/photos", "--force"], &small[..]].concat());
+    let before = tree::read(path);
+    Case { name: "stereo", arguments: STEREO, before, together: &[], kept: None, all_or_nothing: false }
+}
+
 impl Case {
     /// Whether what a signal leaves is known: a training saves what it has by then.
     pub(crate) fn knows_signals(&self) -> bool {
@@ -344,7 +405,10 @@ impl Case {
     fn check_nothing_left(&self, found: &Tree, call: &str, context: &str) {
         // What cannot be removed stays; the next run sweeps it.
         let may_stay = call.starts_with("unlink");
-        let left: Vec<&String> = found.keys().filter(|name| tree::is_leftover(name)).collect();
+        let stays = |name: &String| {
+            tree::is_leftover(name) || (tree::is_folder(name) && !self.before.contains_key(name))
+        };
+        let left: Vec<&String> = found.keys().filter(|name| stays(name)).collect();
         assert!(left.is_empty() || may_stay, "left behind: {left:?}: {context}");
     }
 
@@ -382,7 +446,8 @@ impl Case {
     /// Every file is as it was, or as it is to be.
     fn check_files(&self, found: &Tree, new: &Outcome, context: &str) {
         let (mut old_ones, mut new_ones) = (Vec::new(), Vec::new());
-        for (name, bytes) in found.iter().filter(|(name, _)| !tree::is_leftover(name)) {
+        let is_file = |name: &str| !tree::is_leftover(name) && !tree::is_folder(name);
+        for (name, bytes) in found.iter().filter(|(name, _)| is_file(name)) {
             let is_old = self.before.get(name) == Some(bytes);
             let is_new = new.out.get(name) == Some(bytes);
             let whole = is_old || is_new || (is_volatile(name) && is_whole(name, bytes));

@@ -139,6 +139,15 @@ int link(const char *from, const char *to) {
 int linkat(int from_dir, const char *from, int to_dir, const char *to, int flags) {
     FAIL_OR(fault_of_name("rename", to_dir, to, 1), REAL(linkat)(from_dir, from, to_dir, to, flags));
 }
+int mkdir(const char *path, mode_t mode) {
+    FAIL_OR(fault_of_name("mkdir", AT_FDCWD, path, 1), REAL(mkdir)(path, mode));
+}
+int rmdir(const char *path) {
+    FAIL_OR(fault_of_name("unlink", AT_FDCWD, path, 0), REAL(rmdir)(path));
+}
+int unlinkat(int dir, const char *path, int flags) {
+    FAIL_OR(fault_of_name("unlink", dir, path, 0), REAL(unlinkat)(dir, path, flags));
+}
 int unlink(const char *path) {
     FAIL_OR(fault_of_name("unlink", AT_FDCWD, path, 0), REAL(unlink)(path));
 }

@@ -65,6 +65,11 @@ fn a_training() {
 }
 
 #[test]
+fn a_training_with_a_teacher() {
+    visit(&cases::train_with_teacher());
+}
+
+#[test]
 fn an_evaluation() {
     visit(&cases::eval());
 }
@@ -102,6 +107,16 @@ fn tiles_that_replace_others() {
 #[test]
 fn tiles_of_a_city() {
     visit(&cases::tiles_of_a_city());
+}
+
+#[test]
+fn points_and_depths_of_stereo() {
+    visit(&cases::stereo());
+}
+
+#[test]
+fn a_manual() {
+    visit(&cases::manual());
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Contents by name, relative to the folder.
+/// Contents by name, relative to the folder; of an empty folder its name and a slash.
 pub(crate) type Tree = BTreeMap<String, Vec<u8>>;
 
 pub(crate) fn read(folder: &Path) -> Tree {
@@ -17,7 +17,11 @@ fn collect(folder: &Path, prefix: &str, tree: &mut Tree) {
     for entry in entries.map(Result::unwrap) {
         let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
         if entry.path().is_dir() {
-            collect(&entry.path(), &format!("{name}/"), tree);
+            let (name, before) = (format!("{name}/"), tree.len());
+            collect(&entry.path(), &name, tree);
+            if tree.len() == before {
+                tree.insert(name, Vec::new());
+            }
         } else {
             tree.insert(name, std::fs::read(entry.path()).unwrap());
         }
@@ -27,9 +31,18 @@ fn collect(folder: &Path, prefix: &str, tree: &mut Tree) {
 pub(crate) fn write(folder: &Path, tree: &Tree) {
     for (name, bytes) in tree {
         let path = folder.join(name);
+        if is_folder(name) {
+            std::fs::create_dir_all(path).unwrap();
+            continue;
+        }
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         std::fs::write(path, bytes).unwrap();
     }
+}
+
+/// True of the name of an empty folder.
+pub(crate) fn is_folder(name: &str) -> bool {
+    name.ends_with('/')
 }
 
 /// True of what a killed run may leave behind until the next one.

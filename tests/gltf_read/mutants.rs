@@ -45,6 +45,38 @@ fn glb(json: &[u8], bin: &[u8]) -> Vec<u8> {
 }
 
 #[test]
+fn a_viewpoint_that_no_camera_has_is_chosen_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.glb");
+    let fast = BakeOptions::preset(BakePreset::Fast);
+    let asset = trisplat::bake(scenes::soup(SampleScene::Studio, 16, 1), &fast).unwrap();
+    written(&asset, &path, &OutputOptions::default()).unwrap();
+    let (json, bin) = parts(&std::fs::read(&path).unwrap());
+    for (key, value) in [
+        ("eye", "[1e39,0,0]"),
+        ("eye", "[1e308,0,0]"),
+        ("fov", "0"),
+        ("fov", "-5"),
+        ("fov", "1e308"),
+        ("fov", "1e-300"),
+    ] {
+        let mut document: serde_json::Value = serde_json::from_slice(&json).unwrap();
+        document["asset"]["extras"]["viewpoint"][key] = serde_json::from_str(value).unwrap();
+        std::fs::write(&path, glb(document.to_string().as_bytes(), &bin)).unwrap();
+        let loaded = formats::read(&path, &ReadOptions::default()).unwrap();
+        let again = trisplat::bake(loaded, &fast).unwrap();
+        let (chosen, first) = (again.provenance.viewpoint, asset.provenance.viewpoint);
+        assert!(
+            chosen.is_some() && chosen.map(|v| v.fov) == first.map(|v| v.fov),
+            "{key} {value}: {chosen:?}"
+        );
+        written(&again, &path, &OutputOptions::default()).unwrap();
+        let found = check(&path, &ReadOptions::default()).unwrap();
+        assert_eq!(found.count(Severity::Error), 0, "{key} {value}: {:?}", found.findings);
+    }
+}
+
+#[test]
 fn mutants_of_a_glb_are_baked_to_valid_files_or_refused() {
     let folder = tempfile::tempdir().unwrap();
     let (mutant, out) = (folder.path().join("mutant.glb"), folder.path().join("out.glb"));

@@ -32,6 +32,7 @@ pub(super) fn check(
     };
     check_container(&mut source, &container, &document, findings)?;
     check_extensions(&document, for_engines, findings);
+    check_cameras(&container.json, findings);
     let buffers = Buffers::new(source, &container, &document.buffers, options);
     let mut checker = AccessorChecker {
         accessors: Accessors::new(&document, buffers),
@@ -117,6 +118,29 @@ fn check_extensions(document: &Document, for_engines: bool, findings: &mut Findi
         if for_engines {
             let what = "positions are quantised or compressed: some engines refuse the file";
             findings.add(Severity::Note, "extensionsUsed", what);
+        }
+    }
+}
+
+/// The cameras of a document and their planes.
+#[derive(serde::Deserialize)]
+struct Cameras {
+    #[serde(default)]
+    cameras: Vec<Value>,
+}
+
+fn check_cameras(json: &[u8], findings: &mut Findings) {
+    let cameras = serde_json::from_slice::<Cameras>(json).map_or(Vec::new(), |found| found.cameras);
+    for (i, camera) in cameras.iter().enumerate() {
+        let Some(lens) = camera.get("perspective") else { continue };
+        for name in ["yfov", "znear"] {
+            if !lens[name].as_f64().is_some_and(|number| number > 0.0) {
+                findings.error(format!("camera {i}"), format!("has a {name} that is no number above 0"));
+            }
+        }
+        let nearer = |far: f64| lens["znear"].as_f64().is_some_and(|near| near >= far);
+        if lens["zfar"].as_f64().is_some_and(nearer) {
+            findings.error(format!("camera {i}"), "ends nearer than it begins");
         }
     }
 }

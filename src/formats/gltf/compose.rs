@@ -40,9 +40,7 @@ fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
     let materials = materials(content);
     let unlit = materials.iter().any(|material| material.extensions.is_some());
     // A file of nothing but a backdrop, or a tile, is no scene to look at.
-    // Nor does a camera stand where f32 does not reach.
-    let stands = |viewpoint: &&Viewpoint| DVec3::from(viewpoint.eye).as_vec3().is_finite();
-    let viewpoint = content.asset.provenance.viewpoint.as_ref().filter(stands);
+    let viewpoint = content.asset.provenance.viewpoint.as_ref().filter(|viewpoint| viewpoint.is_possible());
     let camera_node = viewpoint.map(viewpoint_node);
     let cameras = viewpoint.map(|viewpoint| viewpoint_camera(viewpoint, content));
     let meshes = parts

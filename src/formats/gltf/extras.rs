@@ -33,7 +33,7 @@ pub(super) fn has_srgb_colors(asset: &Asset) -> bool {
 
 /// What the file says of its origin. glTF is Y up.
 pub(super) fn provenance(asset: &Asset) -> Provenance {
-    let mut provenance: Provenance = own_extras(asset);
+    let mut provenance = own_extras::<Provenance>(asset).possible();
     provenance.generator = provenance.generator.or_else(|| asset.generator.clone());
     provenance.up = Some(UpAxis::Y);
     provenance
