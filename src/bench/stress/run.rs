@@ -98,7 +98,7 @@ fn random_cases(args: &StressArgs, folder: &Path) -> Result<Tally> {
                 let (case, stretch) =
                     StressCase::random(args.seed.wrapping_add(index % args.seeds), index / args.seeds);
                 let outcome = rig.run(&case);
-                let stored = if index / args.seeds / 4 % STORED_EVERY == 0 {
+                let stored = if (index / args.seeds / 4).is_multiple_of(STORED_EVERY) {
                     Some(stored(&case, &path)?)
                 } else {
                     None
