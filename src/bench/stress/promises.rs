@@ -77,7 +77,7 @@ pub struct PromiseRow {
 }
 
 /// Largest error of a value that nobody sees: half a level of 8 bits.
-const HALF_A_LEVEL: f64 = 0.5 / 255.0;
+const HALF_A_LEVEL: f64 = 1.96e-3;
 
 /// The share of the cases of the domain in which some pixel may fall to the other side of a jump.
 const WORST_FRAME_RATE: f64 = 1e-4;
