@@ -1,6 +1,6 @@
 //! Several inputs become one scene.
 //!
-//! Inputs that lie far from the origin of their world have origins of their own ([`crate::formats::far`]); they are moved to one of these
+//! Inputs that lie far from the origin of their world have origins of their own (`formats::far`); they are moved to one of these
 //! first. Soups make a soup and meshes a mesh. A soup cannot join a mesh before it is solid; the recipe sees to that.
 
 use super::one_origin::{rebase, share_origin};
