@@ -206,10 +206,11 @@ fn remove_old(folder: &Path, moves: &[Move]) -> io::Result<()> {
     Ok(())
 }
 
-/// Removes `below` and what it is in, up to `folder`, while nothing is in it.
+/// Removes `below` and what it is in, up to `folder`, while nothing is in it. Of them only those outside may be there yet.
 fn remove_empty(folder: &Path, below: Option<&Path>) {
     let mut below = below;
-    while let Some(empty) = below.filter(|empty| *empty != folder && std::fs::remove_dir(empty).is_ok()) {
+    let goes = |empty: &Path| std::fs::remove_dir(empty).is_ok() || !empty.exists();
+    while let Some(empty) = below.filter(|empty| *empty != folder && goes(empty)) {
         below = empty.parent();
     }
 }
@@ -308,6 +309,14 @@ mod tests {
             assert_eq!(found(folder), [("list".into(), "old".into())], "{moved} were moved");
             assert!(!folder.join("images").exists(), "{moved} were moved");
         }
+    }
+
+    #[test]
+    fn folders_of_which_only_the_outer_one_was_made_are_undone() {
+        let parent = tempfile::tempdir().unwrap();
+        std::fs::create_dir(parent.path().join("sparse")).unwrap();
+        remove_empty(parent.path(), Some(&parent.path().join("sparse/0")));
+        assert!(parent.path().exists() && !parent.path().join("sparse").exists());
     }
 
     #[test]

@@ -401,6 +401,8 @@ impl Case {
         let more: Vec<&String> = found
             .keys()
             .filter(|name| !self.before.contains_key(*name) && !tree::is_leftover(name) && !goes_on(name))
+            // After a kill they may stay, and otherwise they are looked for by themselves.
+            .filter(|name| !tree::is_folder(name))
             .collect();
         assert!(holds(&new.out) || more.is_empty() || killed, "{more:?} are there: {context}");
     }
