@@ -197,6 +197,14 @@ mod tests {
         }
     }
 
+    const VIEWPOINT: Viewpoint = Viewpoint {
+        eye: [1.0, 2.0, 3.0],
+        target: [0.0; 3],
+        up: [0.0, -1.0, 0.0],
+        fov: 40.0,
+        radius: Some(0.5),
+    };
+
     #[test]
     fn every_axis_goes_up_and_comes_back() {
         for (up, axis) in [
@@ -219,15 +227,8 @@ mod tests {
 
     #[test]
     fn a_second_run_has_nothing_to_do() {
-        let viewpoint = Viewpoint {
-            eye: [1.0, 2.0, 3.0],
-            target: [0.0; 3],
-            up: [0.0, -1.0, 0.0],
-            fov: 40.0,
-            radius: Some(0.5),
-        };
         let (mut mesh, mut provenance) =
-            (triangle(), Provenance { viewpoint: Some(viewpoint), ..Provenance::default() });
+            (triangle(), Provenance { viewpoint: Some(VIEWPOINT), ..Provenance::default() });
         let run = |mesh: &mut Mesh, provenance: &mut Provenance| {
             let mut details = PlaceDetails::default();
             let placement =
@@ -237,7 +238,7 @@ mod tests {
         let first = run(&mut mesh, &mut provenance);
         assert_eq!(first, Outcome::Changed(()));
         assert_eq!(mesh.positions[0], Vec3::new(1.0, -2.0, -3.0));
-        let placed = Viewpoint { eye: [1.0, -2.0, -3.0], up: [0.0, 1.0, 0.0], ..viewpoint };
+        let placed = Viewpoint { eye: [1.0, -2.0, -3.0], up: [0.0, 1.0, 0.0], ..VIEWPOINT };
         assert_eq!(provenance.viewpoint, Some(placed));
         let again = run(&mut mesh, &mut provenance);
         assert!(matches!(again, Outcome::Unneeded(_)));
@@ -298,15 +299,8 @@ mod tests {
     fn a_viewpoint_is_upright_in_the_file() {
         let tilted = UpDirection::near(DVec3::new(0.2, -0.9, -0.3));
         let placement = Placement { up: tilted, ..Placement::IDENTITY };
-        let viewpoint = Viewpoint {
-            eye: [1.0, 2.0, 3.0],
-            target: [0.0; 3],
-            up: [0.0, -1.0, 0.0],
-            fov: 40.0,
-            radius: Some(0.5),
-        };
-        assert_eq!(placement.viewpoint_to_file(&viewpoint).up, [0.0, 1.0, 0.0]);
-        let from_above = Viewpoint { eye: (tilted.vector() * 5.0).to_array(), ..viewpoint };
+        assert_eq!(placement.viewpoint_to_file(&VIEWPOINT).up, [0.0, 1.0, 0.0]);
+        let from_above = Viewpoint { eye: (tilted.vector() * 5.0).to_array(), ..VIEWPOINT };
         let placed = placement.viewpoint_to_file(&from_above);
         assert!(DVec3::from(placed.up).distance(placement.rotation() * DVec3::NEG_Y) < 1e-12, "{placed:?}");
     }

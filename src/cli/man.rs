@@ -2,7 +2,8 @@
 
 use crate::atomic::AtomicFolder;
 use crate::error::{Error, Result};
-use std::path::PathBuf;
+use clap_mangen::Man;
+use std::path::{Path, PathBuf};
 
 /// The page that names all others.
 const PROGRAM_PAGE: &str = "trisplat.1";
@@ -18,6 +19,19 @@ pub struct ManArgs {
 /// Writes trisplat.1, trisplat-bake.1 and so on.
 pub fn run(args: &ManArgs, program: clap::Command) -> Result<()> {
     let folder = AtomicFolder::create(&args.folder)?;
-    clap_mangen::generate_to(program, folder.path()).map_err(|e| Error::io(&args.folder, e))?;
+    let mut program = program.disable_help_subcommand(true);
+    program.build();
+    write_pages(program, folder.path()).map_err(|e| Error::io(&args.folder, e))?;
     folder.publish(PROGRAM_PAGE)
+}
+
+/// Writes the pages of a command and of those below it, each at once: rendered into a file, a page takes hundreds of writes.
+fn write_pages(command: clap::Command, folder: &Path) -> std::io::Result<()> {
+    for below in command.get_subcommands().filter(|below| !below.is_hide_set()).cloned() {
+        write_pages(below, folder)?;
+    }
+    let page = Man::new(command);
+    let mut text = Vec::new();
+    page.render(&mut text)?;
+    std::fs::write(folder.join(page.get_filename()), text)
 }

@@ -12,6 +12,8 @@ const HALF_FOV_TAN: f32 = 0.414_213_57; // 45 degrees
 const AROUND: usize = 12;
 /// How much more than the subject a picture from around holds.
 const MARGIN: f32 = 1.1;
+/// Sine of half of what the widest lens sees from around.
+const MOST_SINE_AROUND: f32 = 0.8;
 /// Width and height of the pictures from around, px.
 const SIZE: UVec2 = UVec2::new(960, 720);
 
@@ -39,6 +41,12 @@ pub(super) fn of_photos(cameras: &[Camera], subject: Subject, up: Vec3) -> Vec<C
     (0..cameras.len()).step_by(step).map(level).collect()
 }
 
+/// Tangent of half the angle at which a ball is seen from a distance; of an angle of this sine at most.
+pub(super) fn half_tangent(radius: f32, distance: f32, most_sine: f32) -> f32 {
+    let sine = (radius / distance).min(most_sine);
+    sine / (1.0 - sine * sine).sqrt()
+}
+
 /// A ring of cameras around the subject at an elevation of this sine, as far off as it takes to hold all of it, times `nearer`, but
 /// within `room`, the distance at which something closes the scene: there the lens is wider.
 pub(super) fn ring(subject: Subject, up: Vec3, sine: f32, nearer: f32, room: f32) -> Vec<Candidate> {
@@ -46,8 +54,7 @@ pub(super) fn ring(subject: Subject, up: Vec3, sine: f32, nearer: f32, room: f32
     let whole = MARGIN * subject.radius / sin_half;
     let distance = (nearer * whole).min(room);
     // The lens that holds the subject from there, as far as it must be wider.
-    let sine_of_subject = (MARGIN * subject.radius / distance).min(0.8);
-    let tangent = sine_of_subject / (1.0 - sine_of_subject * sine_of_subject).sqrt();
+    let tangent = half_tangent(MARGIN * subject.radius, distance, MOST_SINE_AROUND);
     let focal = Vec2::splat(SIZE.y as f32 / (2.0 * tangent.max(HALF_FOV_TAN)));
     let lens = Camera {
         rotation: Mat3::IDENTITY,

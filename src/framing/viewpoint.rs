@@ -1,7 +1,7 @@
 //! The first viewpoint of a scene: of all places its photos were taken from, or of those around its subject, the one that shows the
 //! subject best. All of it, large, level, with nothing in the way, from somewhat above.
 
-use super::candidates::{self, Candidate};
+use super::candidates::{self, Candidate, half_tangent};
 use super::sight::{Sight, Survey};
 use super::subject::{MOST_POINTS, Subject};
 use crate::camera::{Camera, Viewpoint};
@@ -125,8 +125,7 @@ fn looking(camera: &Camera, subject: Subject, up: Vec3) -> Viewpoint {
     let [wide, high] =
         [camera.size.x as f32 / (2.0 * camera.focal.x), camera.size.y as f32 / (2.0 * camera.focal.y)];
     // A window may be narrower than the photo: what the photo held from side to side is held from top to bottom.
-    let sine = (subject.radius / depth.max(subject.radius)).min(MOST_SINE);
-    let needed = sine / (1.0 - sine * sine).sqrt();
+    let needed = half_tangent(subject.radius, depth.max(subject.radius), MOST_SINE);
     let fov = 2.0 * libm::atan(f64::from(high.max(needed.min(wide))));
     Viewpoint { eye, target, up, fov: fov.to_degrees(), radius: Some(f64::from(subject.radius)) }
 }
@@ -135,8 +134,7 @@ fn looking(camera: &Camera, subject: Subject, up: Vec3) -> Viewpoint {
 pub fn camera_for(viewpoint: &Viewpoint, size: UVec2) -> Camera {
     let camera = viewpoint.camera(size);
     let Some(radius) = viewpoint.radius else { return camera };
-    let sine = (radius as f32 / viewpoint.distance()).min(MOST_SINE);
-    let needed = sine / (1.0 - sine * sine).sqrt();
+    let needed = half_tangent(radius as f32, viewpoint.distance(), MOST_SINE);
     let half_width = size.x as f32 / (2.0 * camera.focal.x);
     // What the viewpoint shows in a picture as wide as photos are is enough.
     let usual = size.y as f32 / (2.0 * camera.focal.y) * USUAL_ASPECT;
@@ -148,8 +146,7 @@ pub fn camera_for(viewpoint: &Viewpoint, size: UVec2) -> Camera {
 pub fn camera_holding(viewpoint: &Viewpoint, size: UVec2) -> Camera {
     let camera = viewpoint.camera(size);
     let Some(radius) = viewpoint.radius else { return camera };
-    let sine = (radius as f32 / viewpoint.distance()).min(MOST_SINE);
-    let needed = sine / (1.0 - sine * sine).sqrt();
+    let needed = half_tangent(radius as f32, viewpoint.distance(), MOST_SINE);
     let most = size.min_element() as f32 / (2.0 * needed);
     Camera { focal: camera.focal.min(Vec2::splat(most)), ..camera }
 }

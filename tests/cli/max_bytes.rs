@@ -1,4 +1,4 @@
-//! `trisplat bake --max-bytes`: files of at most so many bytes, and hardly fewer.
+//! `trisplat bake --max-bytes`: files of at most the given number of bytes, and hardly fewer.
 
 use super::{fails, sample, stderr, trisplat};
 use serde_json::Value;

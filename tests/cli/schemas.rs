@@ -70,19 +70,19 @@ fn the_sample_config_satisfies_its_schema() {
     satisfies(SchemaName::Bake, &serde_json::from_str(&text).unwrap());
 }
 
-#[test]
-fn a_real_report_satisfies_its_schema() {
+/// The report that a run of the program writes.
+fn report_of(arguments: &[&str]) -> Value {
     let folder = tempfile::tempdir().unwrap();
     let report = folder.path().join("report.json");
-    let status = Command::new(env!("CARGO_BIN_EXE_trisplat"))
-        .arg("bake")
-        .arg(root().join("samples/soups/studio.ply"))
-        .args(["-q", "--dry-run", "-o", "scene.glb", "--report"])
-        .arg(&report)
-        .status()
-        .unwrap();
-    assert!(status.success());
-    let value: Value = serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+    command.current_dir(root()).args(arguments).args(["-q", "--report"]).arg(&report);
+    assert!(command.status().unwrap().success());
+    serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap()
+}
+
+#[test]
+fn a_real_report_satisfies_its_schema() {
+    let value = report_of(&["bake", "samples/soups/studio.ply", "--dry-run", "-o", "scene.glb"]);
     satisfies(SchemaName::Report, &value);
     satisfies(SchemaName::Bake, &value["options"]);
 }
@@ -90,18 +90,8 @@ fn a_real_report_satisfies_its_schema() {
 #[test]
 fn the_report_of_a_training_has_the_same_shape() {
     let folder = tempfile::tempdir().unwrap();
-    let report = folder.path().join("report.json");
-    let status = Command::new(env!("CARGO_BIN_EXE_trisplat"))
-        .arg("train")
-        .arg(root().join("samples/dataset"))
-        .args(["-q", "--steps", "3", "--teacher", "off", "-o"])
-        .arg(folder.path().join("scene.ply"))
-        .arg("--report")
-        .arg(&report)
-        .status()
-        .unwrap();
-    assert!(status.success());
-    let value: Value = serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap();
+    let scene = folder.path().join("scene.ply").display().to_string();
+    let value = report_of(&["train", "samples/dataset", "--steps", "3", "--teacher", "off", "-o", &scene]);
     satisfies(SchemaName::Report, &value);
     satisfies(SchemaName::Train, &value["options"]);
     let [teacher, stage] = [0, 1].map(|stage| &value["stages"][stage]);

@@ -66,8 +66,8 @@ fn a_run_that_goes_on_has_the_teacher_it_began_with() {
     assert!(!stderr(&resumed).contains("trained first"), "{}", stderr(&resumed));
     assert!(read(folder, "a.ply") == scene && read(folder, "a.teacher.ply") == teacher);
     // It is found where it was left, and missed where it is not.
-    let unasked = resume(&[]);
-    assert!(unasked.status.success() && read(folder, "a.ply") == scene, "{}", stderr(&unasked));
+    let by_default = resume(&[]);
+    assert!(by_default.status.success() && read(folder, "a.ply") == scene, "{}", stderr(&by_default));
     for without in [&["--teacher", "off"] as &[&str], &[]] {
         if without.is_empty() {
             std::fs::remove_file(folder.join("a.teacher.ply")).unwrap();
@@ -113,7 +113,7 @@ pub(super) fn few_photos(folder: &Path) {
 }
 
 #[test]
-fn few_photos_have_a_teacher_unasked_and_none_when_it_is_off() {
+fn few_photos_have_a_teacher_by_default_and_none_when_it_is_off() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     few_photos(folder);
@@ -123,28 +123,28 @@ fn few_photos_have_a_teacher_unasked_and_none_when_it_is_off() {
         succeed(&mut train_few(folder, out, &flags));
         (read(folder, out), report(folder)["stages"][0].clone())
     };
-    let (unasked, stage) = trains("a.ply", &[]);
+    let (by_default, stage) = trains("a.ply", &[]);
     assert!(stage["name"] == "teacher" && stage["details"]["steps"] == 16, "{stage}");
     assert!(folder.join("a.teacher.ply").exists());
     let said = stderr(&succeed(&mut train_few(folder, "a.ply", &[&SHORT as &[&str], &["--force"]].concat())));
     assert!(said.contains("trained first: 16 steps, as photos are few (--teacher off skips it)"), "{said}");
-    assert!(trains("b.ply", &["--teacher", "auto"]).0 == unasked);
-    assert!(trains("b.ply", &["--teacher", "auto", "--teacher-share", "0.66"]).0 == unasked);
-    assert!(trains("b.ply", &["--teacher", "auto", "--teacher-share", "0.2"]).0 != unasked);
+    assert!(trains("b.ply", &["--teacher", "auto"]).0 == by_default);
+    assert!(trains("b.ply", &["--teacher", "auto", "--teacher-share", "0.66"]).0 == by_default);
+    assert!(trains("b.ply", &["--teacher", "auto", "--teacher-share", "0.2"]).0 != by_default);
     for (flags, why) in [
         (&["--teacher", "off"] as &[&str], "`teacher` off"),
         (&["--max-cpu-secs", "1000"], "max_cpu_secs"),
         (&["--preset", "outdoor"], "only solid scenes"),
     ] {
         let (scene, stage) = trains("c.ply", flags);
-        assert!(scene != unasked && !folder.join("c.teacher.ply").exists(), "{flags:?}");
+        assert!(scene != by_default && !folder.join("c.teacher.ply").exists(), "{flags:?}");
         let unneeded = stage["unneeded"].as_str().unwrap();
         assert!(stage["name"] == "teacher" && unneeded.contains(why), "{stage}");
     }
 }
 
 #[test]
-fn a_teacher_that_came_unasked_replaces_nothing_and_is_found_again() {
+fn a_teacher_by_default_replaces_nothing_and_is_found_again() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     few_photos(folder);

@@ -6,3 +6,12 @@ pub(crate) mod edits;
 pub(crate) mod oracle;
 pub(crate) mod png;
 pub(crate) mod regressions;
+
+/// A viewpoint none of whose numbers is a default.
+pub(crate) const VIEWPOINT: trisplat::camera::Viewpoint = trisplat::camera::Viewpoint {
+    eye: [1.5, 2.0, -3.0],
+    target: [0.1, 0.0, 7.0],
+    up: [0.0, 1.0, 0.0],
+    fov: 48.25,
+    radius: Some(1.25),
+};

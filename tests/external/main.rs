@@ -93,7 +93,7 @@ fn bake(input: &Path, output: &Path, flags: &[&str]) -> u64 {
 
 // --- Khronos glTF validator -------------------------------------------------------------------------
 
-/// Asserts that the validator finds nothing at all to say about files of so many triangles.
+/// Asserts that the validator finds nothing at all to say about files of some numbers of triangles.
 fn assert_valid(files: &[(PathBuf, u64)]) {
     let mut command = Command::new("node");
     command

@@ -4,7 +4,6 @@ use glam::Vec3;
 use std::io::{Seek, Write};
 use std::path::PathBuf;
 use trisplat::asset::{Placement, Provenance, UpAxis};
-use trisplat::camera::Viewpoint;
 use trisplat::error::Result;
 use trisplat::formats::Source;
 use trisplat::math::color::linear_from_srgb;
@@ -58,13 +57,7 @@ pub(crate) fn provenance() -> Provenance {
             scale: 0.1,
             center: [1.0 / 3.0, -2e-9, 7e20],
         },
-        viewpoint: Some(Viewpoint {
-            eye: [1.5, 2.0, -3.0],
-            target: [0.1, 0.0, 7.0],
-            up: [0.0, 1.0, 0.0],
-            fov: 48.25,
-            radius: Some(1.25),
-        }),
+        viewpoint: Some(crate::common::VIEWPOINT),
         backdrop: 0,
     }
 }

@@ -15,7 +15,7 @@ fn tileset(folder: &Path) -> Value {
     tileset_of(folder, 2000, OutputOptions::DEFAULT.tileset_tiles)
 }
 
-/// The same ground in tiles of so many triangles, so many tiles in a file.
+/// The same ground in tiles of `triangles`, some of them in a file.
 fn tileset_of(folder: &Path, tile_triangles: u32, tileset_tiles: u32) -> Value {
     let at = |x: u32, y: u32| Vec3::new(x as f32, 0.0, y as f32);
     let square = |i: u32| {

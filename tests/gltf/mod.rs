@@ -10,7 +10,6 @@ use scenes::{any_asset, asset, cut, ramp, strip};
 use serde_json::{Value, json};
 use std::path::Path;
 use trisplat::asset::{Asset, Chunk, Placement, Provenance, UpAxis};
-use trisplat::camera::Viewpoint;
 use trisplat::error::{Error, Result};
 use trisplat::formats::gltf::{
     ColorEncoding, Container, GltfOptions, PositionEncoding, Written, check_size, glb_size, stream_offsets,
@@ -120,13 +119,7 @@ fn extras_hold_the_provenance_and_the_encodings() {
         trainer: None,
         up: Some(UpAxis::Y),
         placement: Placement { up: UpAxis::NegY.into(), rotate: 0.0, scale: 0.1, center: [1.0, 2.5, -3.0] },
-        viewpoint: Some(Viewpoint {
-            eye: [1.5, 2.0, -3.0],
-            target: [0.1, 0.0, 7.0],
-            up: [0.0, 1.0, 0.0],
-            fov: 48.25,
-            radius: Some(1.25),
-        }),
+        viewpoint: Some(crate::common::VIEWPOINT),
         backdrop: 0,
     };
     for colors in COLORS {

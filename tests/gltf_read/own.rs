@@ -5,7 +5,6 @@ use glam::Vec3;
 use proptest::prelude::*;
 use std::path::Path;
 use trisplat::asset::{Asset, Chunk, Placement, Provenance, UpAxis};
-use trisplat::camera::Viewpoint;
 use trisplat::formats::gltf::{ColorEncoding, GltfOptions, PositionEncoding, write_glb, write_gltf};
 use trisplat::math::color::{linear_from_srgb, srgb_from_linear};
 use trisplat::mesh::{Colors, Mesh};
@@ -172,13 +171,7 @@ fn the_provenance_comes_back() {
         trainer: Some("someone".into()),
         up: Some(UpAxis::Y),
         placement: Placement { up: UpAxis::NegY.into(), rotate: 0.0, scale: 0.1, center: [1.0, 2.5, -3.25] },
-        viewpoint: Some(Viewpoint {
-            eye: [1.5, 2.0, -3.0],
-            target: [0.1, 0.0, 7.0],
-            up: [0.0, 1.0, 0.0],
-            fov: 48.25,
-            radius: Some(1.25),
-        }),
+        viewpoint: Some(crate::common::VIEWPOINT),
         backdrop: 0,
     };
     let mut bytes = Vec::new();

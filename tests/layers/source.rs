@@ -89,7 +89,7 @@ fn after_string(chars: &[char], at: usize, skip: usize) -> usize {
     at + 1
 }
 
-/// The place after a raw string with so many `#`.
+/// The place after a raw string with that number of `#`.
 fn after_raw(chars: &[char], at: usize, hashes: usize) -> usize {
     let mut at = at + hashes + 1;
     while at < chars.len() {

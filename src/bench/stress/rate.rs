@@ -2,9 +2,9 @@
 
 /// Confidence of the bound from above, which is what is promised to hold.
 const ABOVE: f64 = 0.95;
-/// Confidence of the bound from below: a promise is broken where chance alone would count so many once in a thousand runs.
+/// Confidence of the bound from below: a promise is broken where chance alone would count as many once in a thousand runs.
 const BELOW: f64 = 0.999;
-/// From so many failures on the approximation of Wilson and Hilferty is exact to 1e-4.
+/// From this many failures on, the approximation of Wilson and Hilferty is exact to 1e-4.
 const MANY: u64 = 1000;
 /// Quantiles of the normal variable for both.
 const NORMAL: (f64, f64) = (1.6449, 3.0902);

@@ -130,7 +130,7 @@ pub struct PromiseResult {
     pub rate_at_most: f64,
     /// The share that fails is below this, by what was counted (95%).
     pub rate_below: f64,
-    /// Whether it is kept: so many failures are no proof (99.9%) of a larger share than may fail.
+    /// Whether it is kept: the failures do not prove (99.9%) a larger share than may fail.
     pub kept: bool,
     /// The case that is worst.
     pub worst: Option<StressCase>,

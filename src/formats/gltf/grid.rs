@@ -78,10 +78,10 @@ impl PositionGrid {
 impl QuantizationLoss {
     /// Largest error that a grid may make, of the size of the median triangle (the root of its area).
     const OF_DETAIL: f64 = 1.0 / 16.0;
-    /// One triangle in so many may be flattened.
+    /// One triangle in this many may be flattened.
     const ONE_IN: u64 = 200;
 
-    /// Whether a chunk of so many faces, whose median one is of size `detail`, loses no more than may be lost. One huge triangle among
+    /// Whether a chunk of this many faces, whose median one is of size `detail`, loses no more than may be lost. One huge triangle among
     /// small ones stretches the grid of all: floats hold these.
     pub(super) fn is_allowed(&self, faces: usize, detail: f64) -> bool {
         f64::from(self.worst) <= Self::OF_DETAIL * detail && self.collapsed * Self::ONE_IN <= faces as u64
