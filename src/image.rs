@@ -81,16 +81,19 @@ impl Pixels {
 
     /// [`Pixels::load`] of a picture that is not larger than `limits` say.
     pub fn load_within(path: &Path, limits: &Limits) -> Result<Self> {
-        let picture = decode(path, limits)?;
+        Ok(Self::of_decoded(decode(path, limits)?))
+    }
+
+    fn of_decoded(picture: image::DynamicImage) -> Self {
         let size = UVec2::new(picture.width(), picture.height());
         if !picture.color().has_alpha() {
-            return Ok(Self { size, rgb: triples(picture.into_rgb8().into_raw()), alpha: None });
+            return Self { size, rgb: triples(picture.into_rgb8().into_raw()), alpha: None };
         }
         let rgba = picture.into_rgba8();
         let rgb = rgba.pixels().map(|p| [p.0[0], p.0[1], p.0[2]]).collect();
         let alpha: Vec<u8> = rgba.pixels().map(|p| p.0[3]).collect();
         let opaque = alpha.iter().all(|&a| a == 255);
-        Ok(Self { size, rgb, alpha: if opaque { None } else { Some(alpha) } })
+        Self { size, rgb, alpha: if opaque { None } else { Some(alpha) } }
     }
 
     /// Reads a mask that is not larger than `limits` say: one channel per pixel, rows from the top; colours become
@@ -199,6 +202,22 @@ impl Pixels {
         };
         written.map_err(|e| Error::invalid("picture", format!("{width}x{height}"), e.to_string()))?;
         Ok(bytes.into_inner())
+    }
+
+    /// The picture as the bytes of a JPEG file of full colour resolution; its alpha is left out. `quality` is 1 to 100.
+    pub fn to_jpeg(&self, quality: u8) -> Result<Vec<u8>> {
+        use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder};
+        let mut bytes = Vec::new();
+        let rgb: &[u8] = bytemuck::cast_slice(&self.rgb);
+        let encoder = JpegEncoder::new_with_quality(&mut bytes, quality);
+        let written = encoder.write_image(rgb, self.size.x, self.size.y, ExtendedColorType::Rgb8);
+        written.map_err(|e| Error::invalid("picture", self.size, e.to_string()))?;
+        Ok(bytes)
+    }
+
+    /// Decodes a picture that another file holds; `place` is for messages. As [`Pixels::load_within`] otherwise.
+    pub fn from_bytes(place: &Path, bytes: &[u8], limits: &Limits) -> Result<Self> {
+        Ok(Self::of_decoded(decode::decode_bytes(place, bytes, limits)?))
     }
 
     /// The XXH3 hash of size, colours and alpha.

@@ -95,6 +95,7 @@ pub mod space;
 pub mod stereo;
 pub mod surface;
 pub mod teacher;
+pub mod texture;
 pub mod train;
 pub mod view;
 mod work;

@@ -3,8 +3,10 @@
 use crate::error::{Error, Result};
 use crate::math::finite::{all_finite, all_in_unit};
 use crate::math::median::median;
+use crate::texture::FaceTexture;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Linear-light RGB per face or per vertex. Values in [0, 1]; alpha is always 1.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,6 +32,8 @@ pub struct Mesh {
     pub normals: Vec<Vec3>,
     /// True of the faces of the shell of a trained scene, which is its backdrop; empty when there is none. `[F]`
     pub shell: Vec<bool>,
+    /// What faces show in place of their colours, which are means of it; none of most meshes.
+    pub texture: Option<FaceTexture>,
 }
 
 impl Default for Mesh {
@@ -41,6 +45,7 @@ impl Default for Mesh {
             opacity: Vec::new(),
             normals: Vec::new(),
             shell: Vec::new(),
+            texture: None,
         }
     }
 }
@@ -132,8 +137,8 @@ impl Mesh {
             }
             colors => colors,
         };
-        let Mesh { opacity, normals, shell, .. } = self;
-        Mesh { positions, colors, indices: Vec::new(), opacity, normals, shell }
+        let Mesh { opacity, normals, shell, texture, .. } = self;
+        Mesh { positions, colors, indices: Vec::new(), opacity, normals, shell, texture }
     }
 
     /// Makes old face `faces[i]` the new face i. Vertices that faces share stay where they are. `[F']`
@@ -161,6 +166,9 @@ impl Mesh {
         if !self.shell.is_empty() {
             self.shell = gather(&self.shell, faces);
         }
+        if let Some(texture) = &mut self.texture {
+            texture.uvs = gather(&texture.uvs, faces);
+        }
     }
 
     /// Drops everything.
@@ -170,6 +178,7 @@ impl Mesh {
         self.opacity.clear();
         self.normals.clear();
         self.shell.clear();
+        self.texture = None;
         match &mut self.colors {
             Colors::Face(colors) | Colors::Vertex(colors) => colors.clear(),
         }
@@ -193,7 +202,12 @@ impl Mesh {
             Colors::Face(colors) => Colors::Face(gather(colors, faces)),
             Colors::Vertex(colors) => Colors::Vertex(gather(colors, &vertices)),
         };
-        Mesh { positions: gather(&self.positions, &vertices), colors, indices, opacity, normals, shell }
+        let texture = self.texture.as_ref().map(|t| {
+            let uvs = gather(&t.uvs, faces);
+            FaceTexture { uvs, texture: t.texture.clone() }
+        });
+        let positions = gather(&self.positions, &vertices);
+        Mesh { positions, colors, indices, opacity, normals, shell, texture }
     }
 
     /// Keeps `faces`, given in any order, in the mesh's order, and drops vertices that no face uses any more.
@@ -231,8 +245,8 @@ impl Mesh {
         rest
     }
 
-    /// Puts the faces of `other` behind those of this mesh. The result has indices when either has, and colours on
-    /// faces only when both have them there.
+    /// Puts the faces of `other` behind those of this mesh. The result has indices when either has, colours on
+    /// faces only when both have them there, and a texture only when both have the same.
     ///
     /// Errors: more vertices than 32 bits count.
     pub fn append(&mut self, mut other: Mesh) -> Result<()> {
@@ -247,6 +261,13 @@ impl Mesh {
         if !self.shell.is_empty() || !other.shell.is_empty() {
             self.shell.resize(self.face_count(), false);
             other.shell.resize(other.face_count(), false);
+        }
+        match (&mut self.texture, &other.texture) {
+            (Some(a), Some(b)) if Arc::ptr_eq(&a.texture, &b.texture) => a.uvs.extend(&b.uvs),
+            _ => {
+                self.drop_texture();
+                other.drop_texture();
+            }
         }
         if matches!(self.colors, Colors::Vertex(_)) || matches!(other.colors, Colors::Vertex(_)) {
             self.spread();
@@ -297,8 +318,19 @@ impl Mesh {
         }
     }
 
+    /// Leaves each face the mean colour of what it showed of a texture. Returns whether there was one.
+    pub fn drop_texture(&mut self) -> bool {
+        let Some(texture) = self.texture.take() else { return false };
+        let mean = |face: usize| texture.mean(face);
+        self.colors = Colors::Face((0..self.face_count()).into_par_iter().map(mean).collect());
+        true
+    }
+
     /// Turns a face around: what was its back is its front. Its normal stays.
     pub fn flip(&mut self, face: usize) {
+        if let Some(texture) = &mut self.texture {
+            texture.uvs[face].swap(1, 2);
+        }
         if !self.indices.is_empty() {
             return self.indices.swap(3 * face + 1, 3 * face + 2);
         }
@@ -352,6 +384,11 @@ impl Mesh {
         if !self.shell.is_empty() && self.shell.len() != f {
             return shape("mesh shell flag count", self.shell.len(), format!("{f}"));
         }
+        if let Some(texture) = &self.texture
+            && texture.uvs.len() != f
+        {
+            return shape("mesh texture coordinate count", texture.uvs.len(), format!("{f}"));
+        }
         match self.indices.par_iter().position_first(|&i| i as usize >= v) {
             Some(i) => shape("mesh index", self.indices[i] as usize, format!("below {v} (face {})", i / 3)),
             None => Ok(()),
@@ -366,7 +403,11 @@ impl Mesh {
         let valid = all_finite(bytemuck::cast_slice(&self.positions))
             && all_in_unit(bytemuck::cast_slice(colors))
             && all_in_unit(&self.opacity)
-            && all_finite(bytemuck::cast_slice(&self.normals));
+            && all_finite(bytemuck::cast_slice(&self.normals))
+            && self
+                .texture
+                .iter()
+                .all(|texture| all_finite(bytemuck::cast_slice(texture.uvs.as_flattened())));
         if valid {
             return Ok(());
         }
@@ -380,7 +421,9 @@ impl Mesh {
         }
         match self.opacity.iter().position(|o| !in_unit(o)) {
             Some(i) => Err(Error::invalid(format!("mesh opacity {i}"), self.opacity[i], "a value in [0, 1]")),
-            None => Err(Error::invalid("mesh normals", "not finite", "finite numbers")),
+            None => {
+                Err(Error::invalid("mesh normals or texture coordinates", "not finite", "finite numbers"))
+            }
         }
     }
 }

@@ -47,6 +47,7 @@ mod run;
 mod shell;
 pub mod solid;
 pub mod teacher;
+pub mod texture;
 pub mod tiles;
 pub mod unseen;
 pub mod viewpoint;

@@ -15,6 +15,7 @@ use super::refit::RefitOptions;
 use super::reshape::ReshapeOptions;
 use super::solid::SolidOptions;
 use super::teacher::TeacherOptions;
+use super::texture::TextureOptions;
 use super::tiles::TilesOptions;
 use super::unseen::UnseenOptions;
 use super::weld::WeldOptions;
@@ -88,6 +89,9 @@ pub struct BakeOptions {
     /// How colours are taken from the photos.
     #[cfg_attr(feature = "cli", arg(skip = RefitOptions::DEFAULT))]
     pub refit: RefitOptions,
+    /// Whether triangles show a texture.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub texture: TextureOptions,
     /// Whether lights fall on the scene.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub lit: LitOptions,
@@ -128,6 +132,7 @@ impl BakeOptions {
         tiles: TilesOptions::DEFAULT,
         backdrop: BackdropOptions::DEFAULT,
         refit: RefitOptions::DEFAULT,
+        texture: TextureOptions::DEFAULT,
         lit: LitOptions::DEFAULT,
         weld: WeldOptions::DEFAULT,
         place: PlaceOptions::DEFAULT,
@@ -167,6 +172,10 @@ impl BakeOptions {
             let wants = "a name ending in .tileset.json, which `tiles` writes";
             return Err(Error::invalid("output", path.display(), wants));
         }
+        if self.texture.texture && !matches!(format, OutputFormat::Glb | OutputFormat::Gltf) {
+            let wants = "a name ending in .glb or .gltf: only these hold a texture so far";
+            return Err(Error::invalid("output", path.display(), format!("{wants}, or no `texture`")));
+        }
         self.tiles.tiles = format == OutputFormat::Tiles;
         self.validate()?;
         let beside = Beside {
@@ -186,6 +195,10 @@ impl BakeOptions {
         if self.tiles.tiles && !self.lod.lod.is_empty() {
             let wants = "nothing: `tiles` makes levels of its own";
             return Err(Error::invalid("lod", "given with `tiles`", wants));
+        }
+        if self.texture.texture && !self.lod.lod.is_empty() {
+            let wants = "nothing: levels of detail have no textures so far";
+            return Err(Error::invalid("lod", "given with `texture`", wants));
         }
         self.place.validate()
     }

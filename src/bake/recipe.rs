@@ -21,6 +21,7 @@ use super::reshape::{ReshapeWhen, SceneTraits, reshape};
 use super::shell::{spared, take_shell};
 use super::solid::solid;
 use super::teacher::{is_solid, teacher};
+use super::texture::texture;
 use super::tiles::tiles;
 use super::unseen::{FaceLimit, UnseenDetails, UnseenOptions, masked, unseen};
 use super::views::Views;
@@ -86,6 +87,7 @@ impl<'a> Recipe<'a> {
 
     /// Bakes inputs, merged.
     pub(super) fn run(mut self, inputs: Vec<Loaded>) -> Result<Asset> {
+        let inputs = inputs.into_iter().map(|loaded| self.untextured(loaded)).collect();
         let inputs = self.of_one_kind(inputs)?;
         let mut loaded = merge(inputs)?;
         self.backdrop = loaded.take_backdrop();
@@ -145,6 +147,7 @@ impl<'a> Recipe<'a> {
         let unpainted = if lod.lod.is_empty() { Mesh::default() } else { mesh.clone() };
         let mesh = self.back(mesh)?;
         let mesh = self.paint(mesh)?;
+        let mesh = self.texture(mesh)?;
         let behind = mesh.face_count() - faces;
         if behind > 0 && !lod.lod.is_empty() {
             self.backdrop = Some(mesh.clone().split_off(faces));
@@ -159,6 +162,17 @@ impl<'a> Recipe<'a> {
         let (asset, options) = (Asset { levels, collision, backdrop_apart, ..asset }, &self.options.tiles);
         self.report
             .stage(self.observer, asset, Asset::counts, |asset, details| tiles(asset, options, details))
+    }
+
+    /// Faces of a mesh with a texture have the mean of what they show.
+    fn untextured(&mut self, mut loaded: Loaded) -> Loaded {
+        if let Scene::Mesh(mesh) = &mut loaded.scene
+            && mesh.drop_texture()
+        {
+            let warning = "the texture of the input became one colour per triangle: a bake changes triangles";
+            self.report.warnings.push(warning.to_owned());
+        }
+        loaded
     }
 
     /// Soups among meshes become meshes, as nothing else can be merged with one; a budget of triangles is for all.
@@ -400,6 +414,14 @@ impl<'a> Recipe<'a> {
         let pace = &mut *self.pace;
         self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
             refit(mesh, views, options, details, progress, pace)
+        })
+    }
+
+    /// On colours that fit: texels say what differs from them.
+    fn texture(&mut self, mesh: Mesh) -> Result<Mesh> {
+        let (views, options) = (either(&mut self.views, &mut self.taught), &self.options.texture);
+        self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
+            texture(mesh, views, options, details, progress)
         })
     }
 }

@@ -57,6 +57,9 @@ pub fn weld(mesh: &mut Mesh, options: &WeldOptions, details: &mut WeldDetails) -
     if mesh.positions.is_empty() {
         return Ok(Outcome::Unneeded("there are no corners"));
     }
+    if mesh.texture.is_some() {
+        return Ok(Outcome::Unneeded("corners show different parts of the texture"));
+    }
     if !mesh.indices.is_empty() {
         if matches!(mesh.colors, Colors::Vertex(_)) {
             return Ok(Outcome::Unneeded("faces share their vertices already"));

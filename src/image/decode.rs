@@ -12,14 +12,18 @@ use std::path::Path;
 /// Decodes a picture; its first bytes decide the format, not its name. What they claim is checked before anything is
 /// allocated for it.
 pub(super) fn decode(path: &Path, limits: &Limits) -> Result<image::DynamicImage> {
-    let bytes = input::read(path, limits)?;
-    if bytes.starts_with(&JPEG_START) && !jpeg_is_whole(&bytes) {
+    decode_bytes(path, &input::read(path, limits)?, limits)
+}
+
+/// The same of bytes that are in memory; `path` is for messages.
+pub(super) fn decode_bytes(path: &Path, bytes: &[u8], limits: &Limits) -> Result<image::DynamicImage> {
+    if bytes.starts_with(&JPEG_START) && !jpeg_is_whole(bytes) {
         // The decoder would fill the rest with grey and say nothing.
         return Err(Error::malformed(path, "picture", "the JPEG is cut short; copy it again"));
     }
-    header_size(path, Cursor::new(&bytes), bytes.len() as u64, limits)?;
+    header_size(path, Cursor::new(bytes), bytes.len() as u64, limits)?;
     guarded(path, || {
-        let reader = image::ImageReader::new(Cursor::new(&bytes)).with_guessed_format();
+        let reader = image::ImageReader::new(Cursor::new(bytes)).with_guessed_format();
         let mut reader = reader.map_err(|e| Error::io(path, e))?;
         let mut held = image::Limits::no_limits();
         held.max_alloc = Some(limits.array_bytes);

@@ -25,7 +25,8 @@ const MAY: &[(&str, &str)] = &[
     ("camera", "error limits"),
     ("image", "atomic error guard input limits"),
     ("soup", "error math"),
-    ("mesh", "error math"),
+    ("texture", "image math"),
+    ("mesh", "error math texture"),
     ("bvh", "mesh error"),
     ("asset", "mesh bvh camera report"),
     ("scene", "soup mesh asset camera error math"),
@@ -35,8 +36,11 @@ const MAY: &[(&str, &str)] = &[
     ("kernel", "math"),
     ("gpu", "error"),
     ("dataset", "formats asset camera image ranges rng error guard math input limits"),
-    ("formats", "soup mesh scene bvh asset camera ranges report error guard math atomic input limits"),
-    ("raster", "kernel soup mesh camera image math error work"),
+    (
+        "formats",
+        "image texture soup mesh scene bvh asset camera ranges report error guard math atomic input limits",
+    ),
+    ("raster", "kernel texture soup mesh camera image math error work"),
     ("framing", "raster asset scene mesh camera math"),
     ("stereo", "dataset camera image rng atomic report error math"),
     ("teacher", "raster placed math dataset scene soup space camera image error"),
@@ -47,7 +51,7 @@ const MAY: &[(&str, &str)] = &[
     ),
     (
         "bake",
-        "surface ranges framing raster teacher dataset budget formats soup mesh scene placed bvh asset camera image region rng report error math limits",
+        "texture surface ranges framing raster teacher dataset budget formats soup mesh scene placed bvh asset camera image region rng report error math limits",
     ),
     (
         "scale",

@@ -180,6 +180,22 @@ impl<'a> Accessors<'a> {
         self.buffers.open(buffer)
     }
 
+    /// All bytes of a view that is not compressed.
+    pub(crate) fn view_bytes(&mut self, index: usize) -> Result<Vec<u8>> {
+        let view = self.view(index)?;
+        self.buffers.spend(view.byte_length)?;
+        // Known to be there before anything is allocated.
+        let length = self.buffers.length(view.buffer)?;
+        if view.byte_length > length {
+            let reason = format!("has {} bytes of a buffer of {length}", view.byte_length);
+            return Err(self.malformed(format!("bufferView {index}"), reason));
+        }
+        self.buffers.open(view.buffer)?;
+        let mut bytes = vec![0; view.byte_length as usize];
+        self.buffers.read(view.buffer, view.byte_offset, &mut bytes)?;
+        Ok(bytes)
+    }
+
     /// Hands every element to `each` as N numbers in order; missing components are `fill`.
     /// Sparse replacements come after all others, with the number of the element they replace.
     pub(crate) fn for_each<const N: usize>(

@@ -149,6 +149,20 @@ impl<'a> Buffers<'a> {
         Ok(opened)
     }
 
+    /// The bytes of a picture at `uri`: in it, or in a file beside the document.
+    pub(crate) fn picture(&mut self, uri: &str, place: &str) -> Result<Vec<u8>> {
+        if uri::is_data(uri) {
+            return uri::data(uri).map_err(|reason| Error::malformed(&self.path, place, reason));
+        }
+        let (opened, len) = self.open_beside(uri, place)?;
+        self.spend(len)?;
+        let mut bytes = Vec::new();
+        if let OpenBuffer::Beside(mut file) = opened {
+            file.read_to_end(&mut bytes).map_err(|e| Error::io(&self.path, e))?;
+        }
+        Ok(bytes)
+    }
+
     fn open_beside(&self, uri: &str, place: &str) -> Result<(OpenBuffer, u64)> {
         let refuse = |why: &str| Err(Error::unsupported(&self.path, format!("{place} is at {uri:?}, {why}")));
         if self.path.as_os_str() == "-" {

@@ -1,10 +1,10 @@
 //! The JSON document of a scene, composed of `gltf-json`'s types.
 
 use super::container::stream_offsets;
-use super::content::Content;
+use super::content::{Content, Picture};
 use super::extensions::{CompressedView, CompressionMode, FallbackBuffer, MESHOPT, QUANTIZATION, UNLIT};
 use super::extras::SceneExtras;
-use super::options::{ColorEncoding, GltfOptions};
+use super::options::{ColorEncoding, GltfOptions, TextureFormat};
 use super::part::{BACKDROP, PartKind, ScenePart, Stream, all_streams};
 use super::uri;
 use crate::camera::Viewpoint;
@@ -13,12 +13,16 @@ use gltf_json::accessor::{ComponentType, GenericComponentType, Type};
 use gltf_json::buffer::{Stride, Target, View};
 use gltf_json::camera::{Camera, Perspective, Type as CameraType};
 use gltf_json::extensions::material::Unlit;
+use gltf_json::image::MimeType;
 use gltf_json::material::{PbrMetallicRoughness, StrengthFactor};
 use gltf_json::mesh::{Mode, Primitive, Semantic};
 use gltf_json::scene::UnitQuaternion;
+use gltf_json::texture::{Info, MagFilter, MinFilter, Sampler, Texture, WrappingMode};
 use gltf_json::validation::Checked::Valid;
 use gltf_json::validation::USize64;
-use gltf_json::{Accessor, Asset, Buffer, Index, Material, Mesh, Node, Root, Scene, Value, extensions};
+use gltf_json::{
+    Accessor, Asset, Buffer, Image, Index, Material, Mesh, Node, Root, Scene, Value, extensions,
+};
 use serde::Serialize;
 use serde_json::value::{RawValue, to_raw_value};
 use serde_json::{Map, Result};
@@ -35,8 +39,13 @@ fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
     let needed = [(quantised, QUANTIZATION), (options.meshopt, MESHOPT)];
     let required = needed.into_iter().filter(|(used, _)| *used).map(|(_, name)| name.to_owned());
     let required: Vec<String> = required.collect();
-    let (buffer_views, buffers) = buffers(content, bin_name)?;
+    let (mut buffer_views, buffers) = buffers(content, bin_name)?;
     let mut accessors = Vec::with_capacity(buffer_views.len());
+    let painted = content.picture.as_ref().map(|picture| {
+        buffer_views.push(picture_view(picture));
+        texture(index(buffer_views.len() - 1), options.texture)
+    });
+    let (images, samplers, textures) = painted.unwrap_or_default();
     let materials = materials(content);
     let unlit = materials.iter().any(|material| material.extensions.is_some());
     // A file of nothing but a backdrop, or a tile, is no scene to look at.
@@ -78,6 +87,9 @@ fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
         cameras: cameras.into_iter().collect(),
         meshes,
         materials,
+        images,
+        samplers,
+        textures,
         accessors,
         buffer_views,
         buffers,
@@ -113,13 +125,15 @@ fn materials(content: &Content) -> Vec<Material> {
     let hint = name.rfind('-').map_or("", |at| &name[at..]);
     let has = |kind| content.parts.iter().any(|part| part.kind == kind);
     let lit = content.parts.iter().any(|part| part.lit);
-    let scene = has(PartKind::Scene).then(|| material(name, true, lit));
+    let texture = content.picture.is_some();
+    let scene = has(PartKind::Scene).then(|| material(name, true, lit, texture));
     // What is far behind a scene has light of its own.
-    let backdrop = has(PartKind::Backdrop).then(|| material(&format!("{BACKDROP}{hint}"), false, false));
+    let backdrop =
+        has(PartKind::Backdrop).then(|| material(&format!("{BACKDROP}{hint}"), false, false, texture));
     scene.into_iter().chain(backdrop).collect()
 }
 
-fn material(name: &str, double_sided: bool, lit: bool) -> Material {
+fn material(name: &str, double_sided: bool, lit: bool, texture: bool) -> Material {
     Material {
         name: Some(name.to_owned()),
         double_sided,
@@ -127,6 +141,12 @@ fn material(name: &str, double_sided: bool, lit: bool) -> Material {
         pbr_metallic_roughness: PbrMetallicRoughness {
             metallic_factor: StrengthFactor(0.0),
             roughness_factor: StrengthFactor(1.0),
+            base_color_texture: texture.then(|| Info {
+                index: index(0),
+                tex_coord: 0,
+                extensions: None,
+                extras: None,
+            }),
             ..PbrMetallicRoughness::default()
         },
         extensions: (!lit).then(|| extensions::material::Material {
@@ -136,6 +156,50 @@ fn material(name: &str, double_sided: bool, lit: bool) -> Material {
         ..Material::default()
     }
 }
+
+/// Where the picture of the texture is: never compressed, so in the file's own buffer.
+fn picture_view(picture: &Picture) -> View {
+    View {
+        buffer: index(0),
+        byte_length: USize64(picture.bytes.len() as u64),
+        byte_offset: Some(USize64(picture.start)),
+        byte_stride: None,
+        name: None,
+        target: None,
+        extensions: None,
+        extras: None,
+    }
+}
+
+/// The texture of a picture in a view, with mip levels and without repetition.
+fn texture(view: Index<View>, format: TextureFormat) -> (Vec<Image>, Vec<Sampler>, Vec<Texture>) {
+    let image = Image {
+        buffer_view: Some(view),
+        mime_type: Some(MimeType(format.media_type().to_owned())),
+        name: Some(TEXTURE.to_owned()),
+        uri: None,
+        extensions: None,
+        extras: None,
+    };
+    let sampler = Sampler {
+        mag_filter: Some(Valid(MagFilter::Linear)),
+        min_filter: Some(Valid(MinFilter::LinearMipmapLinear)),
+        wrap_s: Valid(WrappingMode::ClampToEdge),
+        wrap_t: Valid(WrappingMode::ClampToEdge),
+        ..Sampler::default()
+    };
+    let texture = Texture {
+        name: Some(TEXTURE.to_owned()),
+        sampler: Some(index(0)),
+        source: index(0),
+        extensions: None,
+        extras: None,
+    };
+    (vec![image], vec![sampler], vec![texture])
+}
+
+/// Name of the texture and of its picture.
+const TEXTURE: &str = "texture";
 
 fn node(mesh: usize, part: &ScenePart) -> Node {
     Node {
@@ -217,6 +281,9 @@ fn mesh(
             Stream::Colors => {
                 primitive.attributes.insert(Valid(Semantic::Colors(0)), number);
             }
+            Stream::TexCoords => {
+                primitive.attributes.insert(Valid(Semantic::TexCoords(0)), number);
+            }
             Stream::Indices => primitive.indices = Some(number),
         }
         accessors.push(accessor(accessors.len(), part, stream, options)?);
@@ -236,6 +303,7 @@ fn accessor(view: usize, part: &ScenePart, stream: Stream, options: &GltfOptions
         (Stream::Colors, ColorEncoding::F32Linear | ColorEncoding::F32Srgb) => {
             (ComponentType::F32, Type::Vec4)
         }
+        (Stream::TexCoords, _) => (ComponentType::U16, Type::Vec2),
         (Stream::Indices, _) if part.has_short_indices() => (ComponentType::U16, Type::Scalar),
         (Stream::Indices, _) => (ComponentType::U32, Type::Scalar),
     };
@@ -255,7 +323,7 @@ fn accessor(view: usize, part: &ScenePart, stream: Stream, options: &GltfOptions
         min: bounds.map(|b| bound(b.min)).transpose()?,
         max: bounds.map(|b| bound(b.max)).transpose()?,
         name: None,
-        normalized: matches!(stream, Stream::Colors | Stream::Normals)
+        normalized: matches!(stream, Stream::Colors | Stream::Normals | Stream::TexCoords)
             && component_type != ComponentType::F32,
         sparse: None,
     })
@@ -283,7 +351,9 @@ fn buffers(content: &Content, bin_name: Option<&str>) -> Result<(Vec<View>, Vec<
             byte_stride: strided.then(|| Stride(part.stride(stream, options) as usize)),
             name: None,
             target: Some(Valid(match stream {
-                Stream::Positions | Stream::Normals | Stream::Colors => Target::ArrayBuffer,
+                Stream::Positions | Stream::Normals | Stream::Colors | Stream::TexCoords => {
+                    Target::ArrayBuffer
+                }
                 Stream::Indices => Target::ElementArrayBuffer,
             })),
             extensions: compressed_view(content, i, part, stream)?,
@@ -315,7 +385,9 @@ fn compressed_view(
 ) -> Result<Option<extensions::buffer::View>> {
     let Some(streams) = &content.compressed else { return Ok(None) };
     let mode = match stream {
-        Stream::Positions | Stream::Normals | Stream::Colors => CompressionMode::Attributes,
+        Stream::Positions | Stream::Normals | Stream::Colors | Stream::TexCoords => {
+            CompressionMode::Attributes
+        }
         Stream::Indices => CompressionMode::Triangles,
     };
     let others = meshopt(&CompressedView {

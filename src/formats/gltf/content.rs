@@ -20,6 +20,14 @@ pub(super) struct Content<'a> {
     /// Where each stream starts in the file's buffer, in file order.
     pub(super) starts: Vec<u64>,
     pub(super) bin_bytes: u64,
+    /// The picture of the texture, behind the streams, when there is one.
+    pub(super) picture: Option<Picture>,
+}
+
+/// A picture in the file's buffer.
+pub(super) struct Picture {
+    pub(super) start: u64,
+    pub(super) bytes: Vec<u8>,
 }
 
 impl<'a> Content<'a> {
@@ -30,11 +38,18 @@ impl<'a> Content<'a> {
         } else {
             None
         };
-        let (starts, bin_bytes) = match &compressed {
+        let (starts, mut bin_bytes) = match &compressed {
             Some(streams) => stream_offsets(streams.iter().map(|s| s.len() as u64)),
             None => stream_offsets(all_streams(&parts).map(|(part, stream)| part.bytes(stream, options))),
         };
-        Ok(Self { asset, options, parts, compressed, starts, bin_bytes })
+        let texture = asset.mesh.texture.as_ref();
+        let picture = texture.map(|t| options.texture.bytes(t.texture.picture())).transpose()?;
+        let picture = picture.map(|bytes| {
+            let start = bin_bytes.next_multiple_of(4);
+            bin_bytes = start + bytes.len() as u64;
+            Picture { start, bytes }
+        });
+        Ok(Self { asset, options, parts, compressed, starts, bin_bytes, picture })
     }
 
     /// Streams the binary buffer, padding between the streams included.
@@ -54,6 +69,10 @@ impl<'a> Content<'a> {
                     part.bytes(stream, self.options)
                 }
             };
+        }
+        if let Some(picture) = &self.picture {
+            write_padding(out, at)?;
+            out.write_all(&picture.bytes)?;
         }
         Ok(())
     }

@@ -48,6 +48,10 @@ pub(crate) struct Document {
     #[serde(default, deserialize_with = "limited")]
     pub(crate) accessors: Vec<Accessor>,
     #[serde(default, deserialize_with = "limited")]
+    pub(crate) textures: Vec<Texture>,
+    #[serde(default, deserialize_with = "limited")]
+    pub(crate) images: Vec<Image>,
+    #[serde(default, deserialize_with = "limited")]
     pub(crate) buffer_views: Vec<BufferView>,
     #[serde(default, deserialize_with = "limited")]
     pub(crate) buffers: Vec<gltf_json::Buffer>,
@@ -105,6 +109,8 @@ pub(crate) struct Attributes {
     pub(crate) position: Option<usize>,
     #[serde(rename = "COLOR_0")]
     pub(crate) color: Option<usize>,
+    #[serde(rename = "TEXCOORD_0")]
+    pub(crate) tex_coord: Option<usize>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -121,7 +127,31 @@ pub(crate) struct Material {
 #[serde(rename_all = "camelCase")]
 pub(crate) struct BaseColor {
     pub(crate) base_color_factor: Option<[f32; 4]>,
-    pub(crate) base_color_texture: Option<IgnoredAny>,
+    pub(crate) base_color_texture: Option<TextureInfo>,
+}
+
+/// Which texture, and by which coordinates it is laid.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct TextureInfo {
+    pub(crate) index: usize,
+    #[serde(default)]
+    pub(crate) tex_coord: usize,
+    #[serde(default)]
+    pub(crate) extensions: Names,
+}
+
+#[derive(Debug, Deserialize)]
+pub(crate) struct Texture {
+    /// Number of its PNG or JPEG picture.
+    pub(crate) source: Option<usize>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct Image {
+    pub(crate) buffer_view: Option<usize>,
+    pub(crate) uri: Option<String>,
 }
 
 #[derive(Debug, Deserialize)]

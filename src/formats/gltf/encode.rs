@@ -74,6 +74,7 @@ fn fill(out: &mut [u8], part: &ScenePart, stream: Stream, range: Range<usize>, o
             fill_normals(out, part, range, |n| -> [u8; 12] { bytes_of(n.to_array().map(f32::to_le_bytes)) })
         }
         Stream::Colors => fill_colors(out, part, range, options.colors),
+        Stream::TexCoords => fill_tex_coords(out, part, range),
         Stream::Indices => {
             let first = 3 * part.faces.start;
             let local = mesh.indices[first + range.start..first + range.end].iter().map(|&v| part.local(v));
@@ -97,6 +98,16 @@ fn fill_normals<const N: usize>(
         return vertices(out, &part.vertex_normals, part, range, code);
     }
     faces(out, &part.mesh.normals, part, range, code);
+}
+
+/// Coordinates in [0, 1] as 16-bit numbers; three for every face.
+fn fill_tex_coords(out: &mut [u8], part: &ScenePart, range: Range<usize>) {
+    let Some(texture) = &part.mesh.texture else { return };
+    let faces = part.faces.start + range.start / 3..part.faces.start + range.end / 3;
+    let corners = texture.uvs[faces].as_flattened().iter().copied();
+    cells(out, corners, |uv| -> [u8; 4] {
+        bytes_of(uv.to_array().map(|x| (nearest(x.clamp(0.0, 1.0), 65535.0) as u16).to_le_bytes()))
+    });
 }
 
 fn fill_colors(out: &mut [u8], part: &ScenePart, range: Range<usize>, encoding: ColorEncoding) {

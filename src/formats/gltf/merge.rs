@@ -4,6 +4,7 @@ use super::accessor::Accessors;
 use super::document::{Document, Material, Primitive};
 use super::extensions::DRACO;
 use super::nodes::MeshInstance;
+use super::textures::PaintedPrimitives;
 use crate::error::{Error, Result};
 use crate::formats::far::{is_far, origin_of, sampled};
 use crate::limits::Limits;
@@ -37,6 +38,7 @@ pub(super) struct MergedMesh<'a> {
     clamped: usize,
     warnings: Vec<String>,
     limits: Limits,
+    painted: PaintedPrimitives,
 }
 
 /// The faces of one primitive.
@@ -63,6 +65,7 @@ impl<'a> MergedMesh<'a> {
             clamped: 0,
             warnings: Vec::new(),
             limits,
+            painted: PaintedPrimitives::default(),
         }
     }
 
@@ -188,6 +191,7 @@ impl<'a> MergedMesh<'a> {
             indices.chunks_exact_mut(3).for_each(|face| face.swap(1, 2));
         }
         self.read_colors(primitive, place, &part, count)?;
+        self.read_texture(primitive, place, &part, mirrored)?;
         if mirrored && part.indices.is_none() {
             self.mirror(&part);
         }
@@ -281,12 +285,11 @@ impl<'a> MergedMesh<'a> {
     ) -> Result<()> {
         let default = Material::default();
         let material = self.material(primitive, place)?.unwrap_or(&default);
-        if material.pbr_metallic_roughness.base_color_texture.is_some() {
-            self.warn("textures are not read: bake them to vertex colours first");
-        }
         let [factor @ .., alpha] = material.pbr_metallic_roughness.base_color_factor.unwrap_or([1.0; 4]);
         let Some(accessor) = primitive.attributes.color else {
-            self.warn("a primitive has no COLOR_0: it gets the base colour of its material");
+            if material.pbr_metallic_roughness.base_color_texture.is_none() {
+                self.warn("a primitive has no COLOR_0: it gets the base colour of its material");
+            }
             self.push_colors(vec![[1.0; 3]; count], part, false, factor);
             self.push_opacity(part, material, |_| alpha);
             return Ok(());
@@ -306,6 +309,32 @@ impl<'a> MergedMesh<'a> {
             self.push_opacity(part, material, |face| alpha * mean(face));
         }
         self.push_colors(colors, part, self.srgb || material.is_srgb(), factor);
+        Ok(())
+    }
+
+    /// What the faces of a primitive show of a texture, if they show one.
+    fn read_texture(
+        &mut self,
+        primitive: &Primitive,
+        place: &str,
+        part: &PrimitiveFaces,
+        mirrored: bool,
+    ) -> Result<()> {
+        let Some(material) = self.material(primitive, place)? else { return Ok(()) };
+        let of_material = &material.pbr_metallic_roughness;
+        let Some(info) = &of_material.base_color_texture else { return Ok(()) };
+        // Those of a list were turned around with it.
+        let turned = mirrored && part.indices.is_none();
+        let corner = |corner: usize| match &part.indices {
+            Some(list) => list[corner] as usize,
+            None if turned => 3 * (corner / 3) + [0, 2, 1][corner % 3],
+            None => corner,
+        };
+        let white = of_material.base_color_factor.is_none_or(|factor| factor[..3] == [1.0; 3]);
+        let plain = white && primitive.attributes.color.is_none();
+        let (faces, laid) = (self.faces..self.faces + part.faces, (info, primitive.attributes.tex_coord));
+        let why = self.painted.add(self.document, &mut self.accessors, laid, faces, corner, plain)?;
+        why.into_iter().for_each(|why| self.warn(format!("a texture is not read: {why}")));
         Ok(())
     }
 
@@ -428,13 +457,15 @@ impl<'a> MergedMesh<'a> {
             self.opacity = Vec::new();
         }
         let colors = if self.flat { Colors::Face(self.colors) } else { Colors::Vertex(self.colors) };
-        let mesh = Mesh {
+        let mut mesh = Mesh {
             positions: self.positions,
             colors,
             indices: self.indices,
             opacity: self.opacity,
             ..Mesh::default()
         };
+        let painted = self.painted.paint(&mut mesh, self.document, &mut self.accessors, &self.limits);
+        self.warnings.extend(painted);
         Ok((mesh, self.warnings))
     }
 }

@@ -25,7 +25,7 @@ pub(super) fn compress(parts: &[ScenePart], options: &GltfOptions) -> Result<Vec
         .into_par_iter()
         .map(|(part, stream)| {
             let encoded = match stream {
-                Stream::Positions | Stream::Normals | Stream::Colors => {
+                Stream::Positions | Stream::Normals | Stream::Colors | Stream::TexCoords => {
                     let bytes = encode::bytes(part, stream, options);
                     encode_vertices(&bytes, part.stride(stream, options))
                 }

@@ -7,10 +7,11 @@
 //! read:    container ──► document ──► nodes (which mesh is where)
 //!              │                        │
 //!           buffers ──► accessor ──► merge ──► read ──► Mesh
+//!                          └──► textures ──┘
 //! ```
 //!
-//! Written are unlit, double-sided, opaque triangles with a colour per vertex; read are these files in all their
-//! variants, and those of other programs with vertex colours. The document is composed of `gltf-json`'s types;
+//! Written are unlit, double-sided, opaque triangles with a colour per vertex or one texture; read are these files in all their
+//! variants, and those of other programs with vertex colours or one picture. The document is composed of `gltf-json`'s types;
 //! the module `document` says why it is read into types of this crate.
 
 pub(super) mod accessor;
@@ -30,11 +31,12 @@ mod nodes;
 mod options;
 mod part;
 mod read;
+mod textures;
 pub(super) mod uri;
 mod write;
 
 pub use container::{Container, check_size, glb_size, stream_offsets};
-pub use options::{ColorEncoding, GltfOptions, PositionEncoding};
+pub use options::{ColorEncoding, GltfOptions, PositionEncoding, TextureFormat};
 pub(crate) use part::{BACKDROP, scene_nodes};
 pub use read::read;
 pub use write::{Written, to_glb_bytes, write_glb, write_gltf};

@@ -1,5 +1,7 @@
 //! How colours and positions are stored, and the other options of a glTF file.
 
+use crate::error::Result;
+use crate::image::Pixels;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -85,6 +87,39 @@ impl PositionEncoding {
     }
 }
 
+/// How the picture of a texture is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum TextureFormat {
+    /// JPEG of quality 90
+    #[default]
+    Jpeg,
+    /// PNG, exact and several times as large
+    Png,
+}
+
+/// Quality of a JPEG texture, of 100.
+const JPEG_QUALITY: u8 = 90;
+
+impl TextureFormat {
+    /// The media type of its files.
+    pub fn media_type(self) -> &'static str {
+        match self {
+            Self::Jpeg => "image/jpeg",
+            Self::Png => "image/png",
+        }
+    }
+
+    /// The bytes of its file.
+    pub(super) fn bytes(self, picture: &Pixels) -> Result<Vec<u8>> {
+        match self {
+            Self::Jpeg => picture.to_jpeg(JPEG_QUALITY),
+            Self::Png => picture.to_png(),
+        }
+    }
+}
+
 /// What to write and how.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct GltfOptions {
@@ -103,6 +138,8 @@ pub struct GltfOptions {
     pub collision_name: Option<String>,
     /// Write the normals of a mesh that has some, and a material that lights fall on.
     pub lit: bool,
+    /// Storage of the texture, where there is one.
+    pub texture: TextureFormat,
     /// Write a GLB above 2 GiB although most readers fail on it.
     pub allow_huge: bool,
 }
@@ -117,6 +154,7 @@ impl Default for GltfOptions {
             node_name: "scene".to_owned(),
             collision_name: None,
             lit: true,
+            texture: TextureFormat::Jpeg,
             allow_huge: false,
         }
     }

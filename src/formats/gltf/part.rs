@@ -17,6 +17,9 @@ use std::sync::Arc;
 /// Name of the node, the mesh and the material of the backdrop.
 pub(crate) const BACKDROP: &str = "backdrop";
 
+/// Bytes of a texture coordinate: two 16-bit numbers, 1/16 of a texel of the largest texture.
+const TEX_COORD_BYTES: u64 = 4;
+
 /// What a part is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PartKind {
@@ -71,6 +74,7 @@ pub(super) enum Stream {
     Positions,
     Normals,
     Colors,
+    TexCoords,
     Indices,
 }
 
@@ -86,15 +90,20 @@ impl ScenePart<'_> {
     /// The arrays it writes, in file order.
     pub(super) fn streams(&self) -> impl Iterator<Item = Stream> + use<> {
         let normals = self.lit.then_some(Stream::Normals);
-        let colors = (self.kind != PartKind::Collision).then_some(Stream::Colors);
+        // A colour would be multiplied with the texture.
+        let painted = match self.mesh.texture {
+            Some(_) => Stream::TexCoords,
+            None => Stream::Colors,
+        };
+        let painted = (self.kind != PartKind::Collision).then_some(painted);
         let indices = self.indexed.then_some(Stream::Indices);
-        [Some(Stream::Positions), normals, colors, indices].into_iter().flatten()
+        [Some(Stream::Positions), normals, painted, indices].into_iter().flatten()
     }
 
     /// Number of elements of a stream.
     pub(super) fn count(&self, stream: Stream) -> usize {
         match stream {
-            Stream::Positions | Stream::Normals | Stream::Colors => self.vertex_count(),
+            Stream::Positions | Stream::Normals | Stream::Colors | Stream::TexCoords => self.vertex_count(),
             Stream::Indices => 3 * self.faces.len(),
         }
     }
@@ -105,6 +114,7 @@ impl ScenePart<'_> {
             Stream::Positions => self.encoding().bytes(),
             Stream::Normals => self.encoding().normal_bytes(),
             Stream::Colors => options.colors.bytes(),
+            Stream::TexCoords => TEX_COORD_BYTES,
             Stream::Indices if self.has_short_indices() => 2,
             Stream::Indices => 4,
         }
@@ -164,7 +174,8 @@ pub(super) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) ->
     }
     let named = named_ranges(asset, &options.node_name)?;
     let lit = options.lit && !mesh.normals.is_empty();
-    let shared = lit && !mesh.indices.is_empty() && matches!(mesh.colors, Colors::Vertex(_));
+    let shared =
+        lit && !mesh.indices.is_empty() && matches!(mesh.colors, Colors::Vertex(_)) && mesh.texture.is_none();
     let vertex_normals = Arc::new(if shared { mesh.vertex_normals() } else { Vec::new() });
     let drawn = named.into_par_iter().map(|(kind, name, faces)| {
         let lit = lit && kind == PartKind::Scene;
@@ -218,7 +229,9 @@ fn part<'a>(
     options: &GltfOptions,
 ) -> Result<ScenePart<'a>> {
     let corners = 3 * faces.start..3 * faces.end;
-    let indexed = !mesh.indices.is_empty() && matches!(mesh.colors, Colors::Vertex(_));
+    // Faces that share corners show different parts of a texture there.
+    let indexed =
+        !mesh.indices.is_empty() && matches!(mesh.colors, Colors::Vertex(_)) && mesh.texture.is_none();
     let vertices = if mesh.indices.is_empty() {
         PartVertices::Run(corners)
     } else if indexed {

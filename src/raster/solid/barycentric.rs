@@ -3,7 +3,7 @@
 use super::projector::Projector;
 use crate::camera::Camera;
 use crate::mesh::Mesh;
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 /// Perspective-correct barycentric coordinates of many samples of few faces.
 #[derive(Debug, Clone)]
@@ -44,9 +44,23 @@ pub struct FaceBarycentrics {
 }
 
 impl FaceBarycentrics {
-    fn new(projector: &Projector, corners: [Vec3; 3]) -> Self {
+    pub(super) fn new(projector: &Projector, corners: [Vec3; 3]) -> Self {
         let [a, b, c] = corners.map(|v| projector.to_camera_f64(v));
         Self { opposite: [b.cross(c), c.cross(a), a.cross(b)] }
+    }
+
+    /// What corners have, where a ray meets the face's plane, within the face or beyond it.
+    pub(super) fn mixed(&self, ray: DVec3, of_corners: &[Vec2; 3]) -> Vec2 {
+        let parts = self.opposite.map(|n| n.dot(ray));
+        let per = 1.0 / (parts[0] + parts[1] + parts[2]);
+        let mix = |k: usize| of_corners[k].as_dvec2() * (parts[k] * per);
+        (mix(0) + mix(1) + mix(2)).as_vec2()
+    }
+
+    /// The same within the face.
+    pub(super) fn inside(&self, ray: DVec3, of_corners: &[Vec2; 3]) -> Vec2 {
+        let weights = self.weights(ray);
+        of_corners[0] * weights[0] + of_corners[1] * weights[1] + of_corners[2] * weights[2]
     }
 
     /// Weights of the corners where a ray meets the face's plane; at least 0, sum 1.

@@ -1,5 +1,6 @@
 //! Colours of samples, and their mean in each pixel.
 
+use super::barycentric::FaceBarycentrics;
 use super::bins::{TILE_HEIGHT, TILE_WIDTH};
 use super::keys::{STRIDE, SampleKeys, face_of};
 use super::projector::Projector;
@@ -8,6 +9,7 @@ use crate::math::lanes::{LANES, Lanes, Work, dispatch, prefetch};
 use crate::math::real::{Mask, Real};
 use crate::math::srgb8::srgb8_from_linear;
 use crate::mesh::{Colors, Mesh};
+use crate::texture::FaceTexture;
 
 /// A tile to be shaded.
 pub(super) struct ShadeTile<'a, 'b> {
@@ -69,6 +71,9 @@ impl ShadeTile<'_, '_> {
             ];
             return;
         }
+        if let Some(texture) = &self.mesh.texture {
+            return self.shade_textured(y, texture, row);
+        }
         match &self.mesh.colors {
             Colors::Face(colors) => self.shade_flat(y, colors, row),
             Colors::Vertex(colors) => {
@@ -100,6 +105,32 @@ impl ShadeTile<'_, '_> {
         }
         for (x, face) in self.faces::<TILE_WIDTH>(0, y).into_iter().enumerate() {
             let color = colors.get(face as usize).unwrap_or(&self.background);
+            for c in 0..3 {
+                row[c][x] = color[c];
+            }
+        }
+    }
+
+    /// Shades samples as engines filter textures: trilinear, at the level where a texel is as large as a pixel.
+    fn shade_textured(&self, y: usize, texture: &FaceTexture, row: &mut SampleRow) {
+        let size = texture.texture.size().as_vec2();
+        let mut seen = (NO_FACE, None);
+        for (x, face) in self.faces::<TILE_WIDTH>(0, y).into_iter().enumerate() {
+            let mut color = self.background;
+            if face != NO_FACE {
+                if face != seen.0 {
+                    seen =
+                        (face, Some(FaceBarycentrics::new(self.projector, self.mesh.corners(face as usize))));
+                }
+                let (Some(weights), uvs) = (&seen.1, &texture.uvs[face as usize]) else { continue };
+                let at = |x: u32, y: u32| weights.mixed(self.projector.ray(x, y), uvs);
+                let (x, y) = (self.corner[0] + x as u32, self.corner[1] + y as u32);
+                let here = at(x, y);
+                let step = [at(x + 1, y), at(x, y + 1)].map(|next| (next - here) * size);
+                let texels = step[0].length_squared().max(step[1].length_squared());
+                let level = 0.5 * libm::log2f(texels) + libm::log2f(self.projector.samples as f32);
+                color = texture.texture.sample(weights.inside(self.projector.ray(x, y), uvs), level);
+            }
             for c in 0..3 {
                 row[c][x] = color[c];
             }

@@ -1,0 +1,231 @@
+//! Where each triangle is on the texture.
+//!
+//! A triangle becomes a right-angled one, its right angle opposite to its longest edge; its corners are middles of texels, so that
+//! nothing bleeds in at the finest level. Two of one size, the second turned by 180 degrees, make a rectangle with free diagonals between
+//! them:
+//!
+//! ```text
+//! A A A A . . B
+//! A A A . . B B
+//! A A . . B B B
+//! A . . B B B B
+//! ```
+//!
+//! Rectangles stand on shelves, high ones first, those of one size sorted by colour: what coarse mip levels mix is alike.
+
+use super::TextureOptions;
+use crate::math::srgb8::srgb8_from_linear;
+use crate::mesh::Mesh;
+use glam::{UVec2, Vec2};
+use rayon::prelude::*;
+
+/// Most texels along an edge.
+const MOST: u32 = 1024;
+/// Triangles whose edges are shorter have one texel, px.
+const ONE_TEXEL: f32 = 1.5;
+/// Free texels around every triangle with more than one, so that the next mip level does not bleed either; an even number keeps its
+/// texels whole.
+const GUTTER: u32 = 2;
+/// Fewer texels per pixel are tried where all do not fit, each time this many times as many.
+const FEWER: f64 = 0.9;
+
+/// The texels of a triangle: texel (i, j) is at `corner` + i, j, or of a turned one at `corner` - i, j.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Patch {
+    /// The texel of the corner with the right angle.
+    pub(super) corner: UVec2,
+    /// Texels from corner to corner along both legs, corners included.
+    pub(super) size: UVec2,
+    /// Turned by 180 degrees.
+    pub(super) turned: bool,
+    /// Numbers of the face's corners: at the right angle, at the end of the first leg, at the end of the second.
+    pub(super) order: [usize; 3],
+}
+
+impl Patch {
+    /// How large the patch of a triangle with these edges is, and the order of its corners.
+    fn new(edges: [f32; 3], texels_per_pixel: f64) -> Self {
+        // Edge i leads from corner i to the next one; opposite to it is the one after that.
+        let longest = (0..3).fold(0, |longest, i| if edges[i] > edges[longest] { i } else { longest });
+        let right = (longest + 2) % 3;
+        let (first, second) = (edges[right], edges[(longest + 1) % 3]);
+        let whole = |px: f32| match px < ONE_TEXEL {
+            true => 1,
+            false => sizes_up((f64::from(px) * texels_per_pixel).ceil().min(f64::from(MOST)) as u32 + 1),
+        };
+        let (along, across) = (whole(first), whole(second));
+        let order = [right, (right + 1) % 3, (right + 2) % 3];
+        let (corner, turned) = (UVec2::ZERO, false);
+        match along < across {
+            false => Self { corner, size: UVec2::new(along, across), turned, order },
+            // The longer leg lies along the rows.
+            true => Self {
+                corner,
+                size: UVec2::new(across, along),
+                turned,
+                order: [order[0], order[2], order[1]],
+            },
+        }
+    }
+
+    /// Free texels around it. One texel is never drawn at another level: nothing changes from one corner to another.
+    fn gutter(&self) -> u32 {
+        if self.size == UVec2::ONE { 0 } else { GUTTER }
+    }
+
+    /// Width and height of two, with what is free between them.
+    fn pair(&self) -> UVec2 {
+        match self.size.y {
+            1 => UVec2::new(self.size.x, 2 + 2 * self.gutter()),
+            _ => self.size + 2 + 2 * self.gutter(),
+        }
+    }
+
+    /// The same with what is free around them.
+    fn rectangle(&self) -> UVec2 {
+        match self.gutter() {
+            0 => self.pair(),
+            gutter => (self.pair() + 2 * gutter).map(|side| side.next_multiple_of(2)),
+        }
+    }
+
+    /// Where a point of the face with these weights of its corners is, in texels from the middle of the first texel of the texture.
+    #[inline(always)]
+    pub(super) fn place(&self, weights: &[f32; 3]) -> Vec2 {
+        let [_, first, second] = self.order;
+        let legs = (self.size - 1).as_vec2();
+        let from_corner = Vec2::new(weights[first] * legs.x, weights[second] * legs.y);
+        let corner = self.corner.as_vec2();
+        if self.turned { corner - from_corner } else { corner + from_corner }
+    }
+
+    /// Every texel that a sample within the face may need, with the weights of the face's corners there, or at the nearest point of the
+    /// face.
+    pub(super) fn texels(&self) -> impl Iterator<Item = (UVec2, [f32; 3])> + use<> {
+        let Self { corner, size, turned, order } = *self;
+        let legs = (size - 1).as_vec2();
+        let per = Vec2::new(1.0 / legs.x.max(1.0), 1.0 / legs.y.max(1.0));
+        let line = size.y == 1;
+        // Beyond the corners, where rounding may lead.
+        let end = if line { UVec2::new(size.x - 1, 0) } else { size };
+        (0..=end.y).flat_map(move |j| (0..=end.x).map(move |i| UVec2::new(i, j))).filter_map(move |at| {
+            let before = (at.as_vec2() - 1.0) * per;
+            if !line && before.x + before.y >= 1.0 - 1e-6 {
+                return None;
+            }
+            let within = (at.as_vec2() * per).min(Vec2::ONE);
+            let within = (within - (within.element_sum() - 1.0).max(0.0) / 2.0).max(Vec2::ZERO);
+            let mut weights = [0.0; 3];
+            weights[order[1]] = within.x;
+            weights[order[2]] = within.y;
+            weights[order[0]] = (1.0 - within.element_sum()).max(0.0);
+            Some((if turned { corner - at } else { corner + at }, weights))
+        })
+    }
+}
+
+/// The next larger size of few: rectangles of one size share shelves and are sorted by colour.
+fn sizes_up(texels: u32) -> u32 {
+    let step = (texels.next_power_of_two() / 8).max(1);
+    texels.next_multiple_of(step)
+}
+
+/// All patches, and the texture that holds them.
+#[derive(Debug, PartialEq)]
+pub(super) struct Atlas {
+    /// Width and height of the texture, powers of two.
+    pub(super) size: UVec2,
+    /// `[F]`
+    pub(super) patches: Vec<Patch>,
+    /// What was asked for, or less where the texture would be too large.
+    pub(super) texels_per_pixel: f64,
+}
+
+impl Atlas {
+    /// Places the faces of a mesh whose edges have these lengths in photos, px. `[F]`
+    pub(super) fn new(mesh: &Mesh, edges: &[[f32; 3]], options: &TextureOptions) -> Self {
+        let colors: Vec<u32> =
+            (0..mesh.face_count()).into_par_iter().map(|face| color_key(mesh, face)).collect();
+        let mut texels_per_pixel = options.texels_per_pixel;
+        loop {
+            let patches = edges.iter().map(|edges| Patch::new(*edges, texels_per_pixel)).collect();
+            let mut atlas = Self { size: UVec2::ZERO, patches, texels_per_pixel };
+            let last = texels_per_pixel < 1e-3;
+            if atlas.pack(&colors, options.texture_size) || last {
+                return atlas;
+            }
+            texels_per_pixel *= FEWER;
+        }
+    }
+
+    /// Finds a place for every patch on the smallest texture that holds them; false when none of at most `most` by `most` does.
+    fn pack(&mut self, colors: &[u32], most: u32) -> bool {
+        let mut faces: Vec<u32> = (0..self.patches.len() as u32).collect();
+        faces.par_sort_unstable_by_key(|face| {
+            let size = self.patches[*face as usize].size;
+            (u32::MAX - size.y, u32::MAX - size.x, colors[*face as usize], *face)
+        });
+        let texels: u64 = self.patches.iter().map(|p| u64::from(p.size.element_product()) / 2).sum();
+        let mut side = 64.max((texels as f64).sqrt() as u32 / 2).next_power_of_two();
+        while side <= most {
+            if let Some(height) = self.place(&faces, side, side) {
+                self.size = UVec2::new(side, height.next_power_of_two().max(1));
+                return true;
+            }
+            side *= 2;
+        }
+        false
+    }
+
+    /// Places patches in this order on shelves `width` wide; returns how high they are together, unless that is above `most`.
+    fn place(&mut self, faces: &[u32], width: u32, most: u32) -> Option<u32> {
+        let (mut at, mut shelf) = (UVec2::ZERO, 0);
+        let mut next = 0;
+        while next < faces.len() {
+            let patch = self.patches[faces[next] as usize];
+            let rectangle = patch.rectangle();
+            if rectangle.x > width {
+                return None;
+            }
+            if at.x + rectangle.x > width {
+                at = UVec2::new(0, at.y + shelf);
+                shelf = 0;
+            }
+            shelf = shelf.max(rectangle.y);
+            if at.y + shelf > most {
+                return None;
+            }
+            let first = at + patch.gutter();
+            let pair =
+                faces.get(next + 1).is_some_and(|face| self.patches[*face as usize].size == patch.size);
+            let placed = &mut self.patches[faces[next] as usize];
+            (placed.corner, placed.turned) = (first, false);
+            if pair {
+                let placed = &mut self.patches[faces[next + 1] as usize];
+                (placed.corner, placed.turned) = (first + patch.pair() - 1, true);
+            }
+            at.x += rectangle.x;
+            next += if pair { 2 } else { 1 };
+        }
+        Some(at.y + shelf)
+    }
+
+    /// Where the corners of every face are on the texture. `[F]`
+    pub(super) fn uvs(&self) -> Vec<[Vec2; 3]> {
+        let per = Vec2::ONE / self.size.as_vec2();
+        let corner = |patch: &Patch, k: usize| {
+            let mut weights = [0.0; 3];
+            weights[k] = 1.0;
+            (patch.place(&weights) + 0.5) * per
+        };
+        self.patches.iter().map(|patch| [0, 1, 2].map(|k| corner(patch, k))).collect()
+    }
+}
+
+/// Faces of like colours have like keys: the bits of their channels, highest first.
+fn color_key(mesh: &Mesh, face: usize) -> u32 {
+    let corners = mesh.corner_colors(face);
+    let codes =
+        [1, 0, 2].map(|c| u32::from(srgb8_from_linear(corners.iter().map(|k| k[c]).sum::<f32>() / 3.0)));
+    (0..8).rev().flat_map(|bit| codes.map(|code| code >> bit & 1)).fold(0, |key, bit| key << 1 | bit)
+}

@@ -1,0 +1,147 @@
+//! Base-colour textures of a file that is read: kept where one picture paints the whole mesh, else a colour per face.
+
+use super::accessor::Accessors;
+use super::document::{Document, Image, TextureInfo};
+use crate::error::{Error, Result};
+use crate::image::Pixels;
+use crate::limits::Limits;
+use crate::mesh::{Colors, Mesh};
+use crate::texture::{FaceTexture, Texture};
+use glam::Vec2;
+use gltf_json::accessor::ComponentType;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// The faces of a primitive that show a texture, and where on it their corners are.
+struct PaintedFaces {
+    /// Number of the picture.
+    image: usize,
+    faces: Range<usize>,
+    uvs: Vec<[Vec2; 3]>,
+    /// Nothing else colours them.
+    plain: bool,
+}
+
+/// What primitives show of textures, in the order of their faces.
+#[derive(Default)]
+pub(super) struct PaintedPrimitives(Vec<PaintedFaces>);
+
+impl PaintedPrimitives {
+    /// Reads where the corners of `faces` are on a texture; `corner` is the vertex of a corner within the primitive. Returns why it
+    /// cannot be read, if so.
+    pub(super) fn add(
+        &mut self,
+        document: &Document,
+        accessors: &mut Accessors,
+        (info, coordinates): (&TextureInfo, Option<usize>),
+        faces: Range<usize>,
+        corner: impl Fn(usize) -> usize,
+        plain: bool,
+    ) -> Result<Option<String>> {
+        let image = document.textures.get(info.index).and_then(|texture| texture.source);
+        let (Some(image), Some(coordinates)) = (image, coordinates) else {
+            return Ok(Some(format!("texture {} has no PNG or JPEG picture, or no TEXCOORD_0", info.index)));
+        };
+        if info.tex_coord != 0 || !info.extensions.is_empty() {
+            return Ok(Some(format!("texture {} is transformed, or laid by other coordinates", info.index)));
+        }
+        let layout = accessors.layout(coordinates)?;
+        let readable = matches!(
+            (layout.component, layout.normalized),
+            (ComponentType::F32, _) | (ComponentType::U8 | ComponentType::U16, true)
+        );
+        if !readable || layout.width != 2 {
+            return Ok(Some(format!("accessor {coordinates} holds no texture coordinates")));
+        }
+        accessors.buffers.spend(8 * layout.count + 24 * faces.len() as u64)?;
+        let mut at = vec![Vec2::ZERO; layout.count as usize];
+        accessors.for_each(coordinates, 0.0, |i, uv: [f64; 2]| at[i] = Vec2::from(uv.map(|x| x as f32)))?;
+        let corner = |number: usize| at.get(corner(number)).copied().filter(|uv| uv.is_finite());
+        let face = |face: usize| Some([corner(3 * face)?, corner(3 * face + 1)?, corner(3 * face + 2)?]);
+        let Some(uvs) = (0..faces.len()).map(face).collect() else {
+            return Ok(Some(format!(
+                "accessor {coordinates} lacks coordinates, or has some that are not finite"
+            )));
+        };
+        self.0.push(PaintedFaces { image, faces, uvs, plain });
+        Ok(None)
+    }
+
+    /// Paints the whole mesh, whose faces come in the order in which they were added. Returns what the user should know.
+    pub(super) fn paint(
+        self,
+        mesh: &mut Mesh,
+        document: &Document,
+        accessors: &mut Accessors,
+        limits: &Limits,
+    ) -> Vec<String> {
+        let (mut textures, mut warnings) = (BTreeMap::new(), Vec::new());
+        for painted in &self.0 {
+            textures.entry(painted.image).or_insert_with(|| {
+                let read = read(document, accessors, painted.image, limits);
+                read.map_err(|e| warnings.push(format!("a texture is not read: {e}"))).ok()
+            });
+        }
+        let covered: usize = self.0.iter().map(|painted| painted.faces.len()).sum();
+        let within = |uv: &Vec2| uv.cmpge(Vec2::ZERO).all() && uv.cmple(Vec2::ONE).all();
+        let plain =
+            self.0.iter().all(|painted| painted.plain && painted.uvs.as_flattened().iter().all(within));
+        let mut readable = textures.values().flatten();
+        let (only, others) = (readable.next(), readable.next().is_some());
+        let Some(only) = only else { return warnings };
+        if plain && covered == mesh.face_count() && !others {
+            let uvs = self.0.into_iter().flat_map(|painted| painted.uvs).collect();
+            let texture = FaceTexture { uvs, texture: only.clone() };
+            let mean = |face: usize| texture.mean(face);
+            mesh.colors = Colors::Face((0..mesh.face_count()).into_par_iter().map(mean).collect());
+            mesh.texture = Some(texture);
+            return warnings;
+        }
+        warnings.push("textures became one colour per triangle: only one picture that paints all of a scene, without repetition, is kept".to_owned());
+        let mean = |face: usize| {
+            let [a, b, c] = mesh.corner_colors(face);
+            [0, 1, 2].map(|i| (a[i] + b[i] + c[i]) / 3.0)
+        };
+        let mut colors: Vec<[f32; 3]> = (0..mesh.face_count()).into_par_iter().map(mean).collect();
+        for painted in self.0 {
+            let Some(Some(texture)) = textures.get(&painted.image) else { continue };
+            // Repeated pictures begin again at every whole number.
+            let repeated = |uvs: &[Vec2; 3]| {
+                let first = ((uvs[0] + uvs[1] + uvs[2]) / 3.0).floor();
+                uvs.map(|uv| uv - first)
+            };
+            let texture =
+                FaceTexture { uvs: painted.uvs.iter().map(repeated).collect(), texture: texture.clone() };
+            for (face, color) in colors[painted.faces].iter_mut().enumerate() {
+                let mean = texture.mean(face);
+                (0..3).for_each(|c| color[c] *= mean[c]);
+            }
+        }
+        mesh.colors = Colors::Face(colors);
+        warnings
+    }
+}
+
+/// The texture of a picture in a buffer or beside the file.
+fn read(
+    document: &Document,
+    accessors: &mut Accessors,
+    image: usize,
+    limits: &Limits,
+) -> Result<Arc<Texture>> {
+    let path = accessors.buffers.path().to_owned();
+    let place = format!("image {image}");
+    let entry = document.images.get(image).ok_or_else(|| {
+        let has = document.images.len();
+        Error::malformed(&path, &place, format!("does not exist: the file has {has}"))
+    })?;
+    let bytes = match entry {
+        Image { buffer_view: Some(view), .. } => accessors.view_bytes(*view)?,
+        Image { uri: Some(uri), .. } => accessors.buffers.picture(uri, &place)?,
+        _ => return Err(Error::malformed(&path, place, "has neither a bufferView nor a uri")),
+    };
+    let picture = Pixels::from_bytes(&path, &bytes, limits)?;
+    Ok(Arc::new(Texture::new(picture)))
+}
