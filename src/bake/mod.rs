@@ -1,8 +1,8 @@
 //! The bake: a recipe of stages from a scene to an asset.
 //!
 //! ```text
-//! crop → teacher → arrange → collision → prune → solid → color → unseen → floaters → reshape → backdrop → refit → lit
-//! → weld → place → viewpoint → chunk → bvh → order → lod → tiles
+//! crop → teacher → arrange → collision → prune → solid → color → unseen → floaters → reshape → backdrop → refit → texture
+//! → lit → weld → place → viewpoint → chunk → bvh → order → lod → tiles
 //! ```
 //!
 //! Each stage is a file with its options, its function and what it measures ([`StageDetails`]); it changes its input

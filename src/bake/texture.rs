@@ -105,7 +105,7 @@ pub fn texture(
     *mesh = std::mem::take(mesh).unshared();
     let compared = views.evenly_spaced(COMPARED);
     details.psnr_before = Some(views.mean_psnr(mesh, &compared)?);
-    let atlas = Atlas::new(mesh, &footprints(mesh, views), options);
+    let atlas = Atlas::new(mesh, &footprints(mesh, views), options)?;
     (details.size, details.texels_per_pixel) = (Some(atlas.size.to_array()), Some(atlas.texels_per_pixel));
     let mut texels = Texels::new(mesh, &atlas);
     details.texels = Some(texels.shown());

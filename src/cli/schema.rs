@@ -6,8 +6,8 @@ use crate::bake::{
     collision::CollisionDetails, color::ColorDetails, crop::CropDetails, floaters::FloatersDetails,
     lit::LitDetails, lod::LodDetails, order::OrderDetails, pace::BakeBudgetDetails, place::PlaceDetails,
     prune::PruneDetails, refit::RefitDetails, reshape::ReshapeDetails, solid::SolidDetails,
-    teacher::TeacherDetails, tiles::TilesDetails, unseen::UnseenDetails, viewpoint::ViewpointDetails,
-    weld::WeldDetails,
+    teacher::TeacherDetails, texture::TextureDetails, tiles::TilesDetails, unseen::UnseenDetails,
+    viewpoint::ViewpointDetails, weld::WeldDetails,
 };
 #[cfg(feature = "bench")]
 use crate::bench::{bake::BakeRow, cost::MeasuredRow, stress::StressReport};
@@ -138,6 +138,7 @@ fn report_schema() -> schemars::Schema {
         stage_schema::<BackdropDetails>(g),
         stage_schema::<ReshapeDetails>(g),
         stage_schema::<RefitDetails>(g),
+        stage_schema::<TextureDetails>(g),
         stage_schema::<LitDetails>(g),
         stage_schema::<WeldDetails>(g),
         stage_schema::<PlaceDetails>(g),

@@ -4,7 +4,7 @@ mod beside;
 mod of_levels;
 mod stale;
 
-use super::gltf::GltfOptions;
+use super::gltf::{GltfOptions, TextureFormat};
 use super::levels::EngineLevels;
 use super::target::OutputTarget;
 use super::tiles::{self, TileFiles};
@@ -35,6 +35,9 @@ pub struct OutputOptions {
     /// PLY: colours on faces and not on vertices; smaller, but fewer programs read it.
     #[cfg_attr(feature = "cli", arg(skip = OutputOptions::DEFAULT.ply_face_colors))]
     pub ply_face_colors: bool,
+    /// glTF: how the picture of a texture is stored
+    #[cfg_attr(feature = "cli", arg(skip = OutputOptions::DEFAULT.texture_format))]
+    pub texture_format: TextureFormat,
     /// Write GLB files above 2 GiB, which Unity and browsers refuse.
     #[cfg_attr(feature = "cli", arg(skip = OutputOptions::DEFAULT.allow_huge))]
     pub allow_huge: bool,
@@ -51,6 +54,7 @@ impl OutputOptions {
         target: OutputTarget::Gltf,
         compress: false,
         ply_face_colors: false,
+        texture_format: TextureFormat::Jpeg,
         allow_huge: false,
         tileset_tiles: 10_000,
     };
@@ -66,7 +70,7 @@ impl OutputOptions {
     pub(crate) fn encoding(&self, details: &mut WriteDetails) -> GltfOptions {
         let encoding = self.target.encoding(self.compress);
         details.notes = Some(encoding.notes);
-        GltfOptions { allow_huge: self.allow_huge, ..encoding.options }
+        GltfOptions { texture: self.texture_format, allow_huge: self.allow_huge, ..encoding.options }
     }
 
     /// The glTF options of our own page: it reads everything, so it is compressed, without loss unless

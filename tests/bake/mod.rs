@@ -14,4 +14,5 @@ mod robustness;
 mod shell;
 mod stages;
 mod teacher;
+mod texture;
 mod tiles;

@@ -13,6 +13,7 @@ mod framing;
 mod levels;
 mod lit;
 mod renderers;
+mod textured;
 mod tiles;
 
 use serde_json::Value;

@@ -289,7 +289,7 @@ fn what_is_not_read_is_warned_of() {
     primitive["targets"] = json!([{}]);
     primitive["attributes"].as_object_mut().expect("an object").remove("COLOR_0");
     let loaded = b.read().expect("valid");
-    for word in ["skins", "INSTANCING", "morph", "textures", "COLOR_0"] {
+    for word in ["skins", "INSTANCING", "morph", "a texture is not read", "base colour"] {
         let warned = loaded.warnings.iter().any(|w| w.to_lowercase().contains(&word.to_lowercase()));
         assert!(warned, "{word}: {:?}", loaded.warnings);
     }
@@ -417,4 +417,70 @@ fn another_reader_sees_the_same() {
         stack.extend(node.children().map(|n| (n, world)));
     }
     assert_eq!(face, ours.face_count());
+}
+
+/// A PNG picture of one colour.
+fn png(rgb: [u8; 3]) -> Vec<u8> {
+    let size = glam::UVec2::splat(2);
+    trisplat::image::Pixels { size, rgb: vec![rgb; 4], alpha: None }.to_png().expect("a picture")
+}
+
+/// A triangle with a texture of that colour, its corners at `uvs`; returns its mesh.
+fn textured(b: &mut Builder, rgb: [u8; 3], uvs: &[f32; 6]) -> usize {
+    let view = b.view(&png(rgb));
+    let image = b.push("images", json!({ "bufferView": view, "mimeType": "image/png" }));
+    let texture = b.push("textures", json!({ "source": image }));
+    let base = json!({ "baseColorTexture": { "index": texture } });
+    let material = b.push("materials", json!({ "pbrMetallicRoughness": base }));
+    let position = b.floats("VEC3", &[0., 0., 0., 1., 0., 0., 0., 1., 0.]);
+    let uv = b.floats("VEC2", uvs);
+    b.push(
+        "meshes",
+        json!({ "primitives": [{ "attributes": { "POSITION": position, "TEXCOORD_0": uv }, "material": material }] }),
+    )
+}
+
+#[test]
+fn one_picture_is_kept_and_several_become_colours() {
+    let mut b = Builder::new();
+    let mesh = textured(&mut b, [255, 0, 0], &[0., 0., 1., 0., 0., 1.]);
+    b.node(json!({ "mesh": mesh }));
+    let one = b.read().expect("valid");
+    assert!(one.warnings.is_empty(), "{:?}", one.warnings);
+    let one = super::files::mesh(one);
+    let texture = one.texture.as_ref().expect("kept");
+    assert_eq!(texture.uvs, [[glam::Vec2::ZERO, glam::Vec2::X, glam::Vec2::Y]]);
+    assert_eq!(one.colors, Colors::Face(vec![[1.0, 0.0, 0.0]]));
+    // A mirrored node turns the coordinates around with the corners.
+    b.json["nodes"][0]["scale"] = json!([-1, 1, 1]);
+    assert_eq!(b.mesh_of().texture.expect("kept").uvs, [[glam::Vec2::ZERO, glam::Vec2::Y, glam::Vec2::X]]);
+    // A second picture, repeated.
+    let mesh = textured(&mut b, [0, 0, 255], &[5., 5., 6., 5., 5., 6.]);
+    b.node(json!({ "mesh": mesh }));
+    let two = b.read().expect("valid");
+    assert!(two.warnings.iter().any(|w| w.contains("one colour per triangle")), "{:?}", two.warnings);
+    let two = super::files::mesh(two);
+    assert!(two.texture.is_none());
+    assert_eq!(two.colors, Colors::Face(vec![[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]));
+}
+
+#[test]
+fn a_picture_that_cannot_be_read_costs_its_colours_only() {
+    for (image, why) in [
+        (json!({ "bufferView": 0, "mimeType": "image/png" }), "format"),
+        (json!({ "bufferView": 99 }), "bufferView 99"),
+        (json!({ "uri": "../outside.png" }), "outside"),
+        (json!({ "uri": "data:image/png;base64,AAAA" }), "format"),
+        (json!({}), "neither"),
+    ] {
+        let mut b = Builder::new();
+        let mesh = textured(&mut b, [255, 0, 0], &[0., 0., 1., 0., 0., 1.]);
+        b.node(json!({ "mesh": mesh }));
+        b.json["bufferViews"][0]["byteLength"] = 7.into();
+        b.json["images"][0] = image;
+        let loaded = b.read().expect("the triangle is there");
+        let warned = loaded.warnings.iter().any(|w| w.contains("a texture is not read") && w.contains(why));
+        assert!(warned, "{why}: {:?}", loaded.warnings);
+        assert_eq!(super::files::mesh(loaded).colors, Colors::Face(vec![[1.0; 3]]));
+    }
 }

@@ -14,6 +14,7 @@
 //! Rectangles stand on shelves, high ones first, those of one size sorted by colour: what coarse mip levels mix is alike.
 
 use super::TextureOptions;
+use crate::error::{Error, Result};
 use crate::math::srgb8::srgb8_from_linear;
 use crate::mesh::Mesh;
 use glam::{UVec2, Vec2};
@@ -21,8 +22,6 @@ use rayon::prelude::*;
 
 /// Most texels along an edge.
 const MOST: u32 = 1024;
-/// Triangles whose edges are shorter have one texel, px.
-const ONE_TEXEL: f32 = 1.5;
 /// Free texels around every triangle with more than one, so that the next mip level does not bleed either; an even number keeps its
 /// texels whole.
 const GUTTER: u32 = 2;
@@ -49,9 +48,9 @@ impl Patch {
         let longest = (0..3).fold(0, |longest, i| if edges[i] > edges[longest] { i } else { longest });
         let right = (longest + 2) % 3;
         let (first, second) = (edges[right], edges[(longest + 1) % 3]);
-        let whole = |px: f32| match px < ONE_TEXEL {
-            true => 1,
-            false => sizes_up((f64::from(px) * texels_per_pixel).ceil().min(f64::from(MOST)) as u32 + 1),
+        let whole = |px: f32| match f64::from(px) * texels_per_pixel {
+            ..1.0 => 1,
+            texels => sizes_up(texels.ceil().min(f64::from(MOST)) as u32 + 1),
         };
         let (along, across) = (whole(first), whole(second));
         let order = [right, (right + 1) % 3, (right + 2) % 3];
@@ -143,16 +142,21 @@ pub(super) struct Atlas {
 
 impl Atlas {
     /// Places the faces of a mesh whose edges have these lengths in photos, px. `[F]`
-    pub(super) fn new(mesh: &Mesh, edges: &[[f32; 3]], options: &TextureOptions) -> Self {
+    ///
+    /// Errors: more triangles than a texture of the largest size has texels.
+    pub(super) fn new(mesh: &Mesh, edges: &[[f32; 3]], options: &TextureOptions) -> Result<Self> {
         let colors: Vec<u32> =
             (0..mesh.face_count()).into_par_iter().map(|face| color_key(mesh, face)).collect();
         let mut texels_per_pixel = options.texels_per_pixel;
         loop {
             let patches = edges.iter().map(|edges| Patch::new(*edges, texels_per_pixel)).collect();
             let mut atlas = Self { size: UVec2::ZERO, patches, texels_per_pixel };
-            let last = texels_per_pixel < 1e-3;
-            if atlas.pack(&colors, options.texture_size) || last {
-                return atlas;
+            if atlas.pack(&colors, options.texture_size) {
+                return Ok(atlas);
+            }
+            if atlas.patches.iter().all(|patch| patch.size == UVec2::ONE) {
+                let wants = format!("a texture with a texel for each of {} triangles", atlas.patches.len());
+                return Err(Error::invalid("texture_size", options.texture_size, wants));
             }
             texels_per_pixel *= FEWER;
         }
@@ -228,4 +232,83 @@ fn color_key(mesh: &Mesh, face: usize) -> u32 {
     let codes =
         [1, 0, 2].map(|c| u32::from(srgb8_from_linear(corners.iter().map(|k| k[c]).sum::<f32>() / 3.0)));
     (0..8).rev().flat_map(|bit| codes.map(|code| code >> bit & 1)).fold(0, |key, bit| key << 1 | bit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::Colors;
+    use crate::rng::Rng;
+
+    /// Edges of many lengths: points, needles, triangles that are never seen, and a huge one.
+    fn edges() -> Vec<[f32; 3]> {
+        let rng = Rng::new(4, "atlas", 0);
+        let mut edges: Vec<[f32; 3]> = (0..300)
+            .map(|i| {
+                let [a, b] = [0, 1].map(|k| 40.0 * rng.uniform(3 * i + k).powi(4));
+                [a, b, (a - b).abs() + (a + b - (a - b).abs()) * rng.uniform(3 * i + 2)]
+            })
+            .collect();
+        edges.extend([[0.0; 3], [900.0, 700.0, 1100.0], [500.0, 500.0, 0.1]]);
+        edges
+    }
+
+    fn atlas(most: u32) -> Atlas {
+        let mesh = Mesh {
+            positions: vec![glam::Vec3::ZERO; 3 * edges().len()],
+            colors: Colors::Face(vec![[0.5; 3]; edges().len()]),
+            ..Mesh::default()
+        };
+        let options = TextureOptions { texture_size: most, ..TextureOptions::DEFAULT };
+        Atlas::new(&mesh, &edges(), &options).unwrap()
+    }
+
+    #[test]
+    fn no_two_triangles_share_a_texel_and_none_is_outside() {
+        for most in [512, 4096] {
+            let atlas = atlas(most);
+            assert!(atlas.size.max_element() <= most);
+            let mut owner = vec![None; atlas.size.element_product() as usize];
+            for (face, patch) in atlas.patches.iter().enumerate() {
+                for (at, weights) in patch.texels() {
+                    assert!(at.cmplt(atlas.size).all(), "{at} of {patch:?}");
+                    let owner = &mut owner[(at.y * atlas.size.x + at.x) as usize];
+                    assert!(owner.is_none_or(|other| other == face), "{owner:?} and {face} at {at}");
+                    *owner = Some(face);
+                    assert!(weights.iter().all(|w| (0.0..=1.0).contains(w)), "{weights:?}");
+                    assert!((weights.iter().sum::<f32>() - 1.0).abs() < 1e-5, "{weights:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn whatever_a_sample_needs_is_the_triangles_own() {
+        let atlas = atlas(4096);
+        let rng = Rng::new(5, "samples", 0);
+        for (face, patch) in atlas.patches.iter().enumerate() {
+            let own: Vec<UVec2> = patch.texels().map(|(at, _)| at).collect();
+            for i in 0..50 {
+                let [u, v] = [0, 1].map(|k| rng.uniform((face * 100 + 2 * i + k) as u64));
+                let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+                let place = patch.place(&[1.0 - u - v, u, v]);
+                for across in [UVec2::ZERO, UVec2::X, UVec2::Y, UVec2::ONE] {
+                    let share = (1.0 - (place - (place.as_uvec2() + across).as_vec2()).abs()).max(Vec2::ZERO);
+                    let texel = place.as_uvec2() + across;
+                    assert!(share.element_product() < 1e-3 || own.contains(&texel), "{texel} of {patch:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_right_angle_is_opposite_to_the_longest_edge() {
+        // Corner 2 is opposite to the edge from corner 0 to corner 1.
+        let patch = Patch::new([50.0, 30.0, 40.0], 1.0);
+        assert_eq!((patch.order, patch.size), ([2, 0, 1], UVec2::new(48, 32)));
+        assert_eq!(patch.place(&[0.0, 0.0, 1.0]), Vec2::ZERO);
+        assert_eq!(patch.place(&[1.0, 0.0, 0.0]), Vec2::new(47.0, 0.0));
+        assert_eq!(patch.place(&[0.0, 1.0, 0.0]), Vec2::new(0.0, 31.0));
+        assert_eq!(Patch::new([9.0; 3], 0.1).size, UVec2::ONE, "too small for more than one colour");
+    }
 }

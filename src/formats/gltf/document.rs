@@ -127,6 +127,7 @@ pub(crate) struct Material {
 #[serde(rename_all = "camelCase")]
 pub(crate) struct BaseColor {
     pub(crate) base_color_factor: Option<[f32; 4]>,
+    #[serde(default, deserialize_with = "lenient")]
     pub(crate) base_color_texture: Option<TextureInfo>,
 }
 
@@ -144,13 +145,16 @@ pub(crate) struct TextureInfo {
 #[derive(Debug, Deserialize)]
 pub(crate) struct Texture {
     /// Number of its PNG or JPEG picture.
+    #[serde(default, deserialize_with = "lenient")]
     pub(crate) source: Option<usize>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(crate) struct Image {
+    #[serde(default, deserialize_with = "lenient")]
     pub(crate) buffer_view: Option<usize>,
+    #[serde(default, deserialize_with = "lenient")]
     pub(crate) uri: Option<String>,
 }
 
@@ -221,6 +225,13 @@ impl<'de> Deserialize<'de> for ViewExtensions {
         let parsed = meshopt.map(|text| serde_json::from_str(text.get())).transpose();
         Ok(Self { meshopt: parsed.map_err(D::Error::custom)?.flatten() })
     }
+}
+
+/// What may be wrong without hiding a good mesh: nothing then.
+fn lenient<'de, D: Deserializer<'de>, T: DeserializeOwned>(
+    deserializer: D,
+) -> std::result::Result<Option<T>, D::Error> {
+    Ok(serde_json::from_value(Value::deserialize(deserializer)?).ok())
 }
 
 /// The mode of a primitive that names none.

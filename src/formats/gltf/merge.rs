@@ -334,7 +334,11 @@ impl<'a> MergedMesh<'a> {
         let plain = white && primitive.attributes.color.is_none();
         let (faces, laid) = (self.faces..self.faces + part.faces, (info, primitive.attributes.tex_coord));
         let why = self.painted.add(self.document, &mut self.accessors, laid, faces, corner, plain)?;
-        why.into_iter().for_each(|why| self.warn(format!("a texture is not read: {why}")));
+        why.into_iter().for_each(|why| {
+            self.warn(format!(
+                "a texture is not read, its triangles have the base colour of their material: {why}"
+            ))
+        });
         Ok(())
     }
 

@@ -81,7 +81,12 @@ impl PaintedPrimitives {
         for painted in &self.0 {
             textures.entry(painted.image).or_insert_with(|| {
                 let read = read(document, accessors, painted.image, limits);
-                read.map_err(|e| warnings.push(format!("a texture is not read: {e}"))).ok()
+                read.map_err(|e| {
+                    warnings.push(format!(
+                        "a texture is not read, its triangles have the base colour of their material: {e}"
+                    ))
+                })
+                .ok()
             });
         }
         let covered: usize = self.0.iter().map(|painted| painted.faces.len()).sum();
@@ -143,5 +148,7 @@ fn read(
         _ => return Err(Error::malformed(&path, place, "has neither a bufferView nor a uri")),
     };
     let picture = Pixels::from_bytes(&path, &bytes, limits)?;
+    // With its mip levels.
+    accessors.buffers.spend(2 * picture.bytes())?;
     Ok(Arc::new(Texture::new(picture)))
 }

@@ -1,0 +1,186 @@
+//! The stage `texture`: large triangles show what photos show of a scene with much more detail.
+
+use glam::{UVec2, Vec2, Vec3};
+use std::path::Path;
+use trisplat::asset::Asset;
+use trisplat::bake::texture::{TextureDetails, TextureOptions, texture};
+use trisplat::bake::views::Views;
+use trisplat::bake::{Bake, BakeOptions};
+use trisplat::camera::Camera;
+use trisplat::error::Result;
+use trisplat::formats::ReadOptions;
+use trisplat::formats::gltf::{GltfOptions, TextureFormat, to_glb_bytes};
+use trisplat::image::Pixels;
+use trisplat::math::metric;
+use trisplat::mesh::{Colors, Mesh};
+use trisplat::raster::solid::{Solid, SolidRasterOptions};
+use trisplat::report::{Outcome, Report, StageProgress};
+use trisplat::scene::{Loaded, Scene};
+
+const DRAWING: SolidRasterOptions = SolidRasterOptions { background: [0.0; 3], samples: 4, near: 0.01 };
+const ON: TextureOptions = TextureOptions { texture: true, ..TextureOptions::DEFAULT };
+
+/// A wall of `across` by `across` squares of two triangles, 2 wide, with one colour each; slightly bent.
+fn wall(across: u32, color: impl Fn(f32, f32) -> [f32; 3]) -> Mesh {
+    let at = |i: u32| 2.0 * i as f32 / across as f32 - 1.0;
+    let point = |x: u32, y: u32| Vec3::new(at(x), at(y), 0.05 * at(x) * at(x));
+    let (mut positions, mut colors) = (Vec::new(), Vec::new());
+    for (y, x) in (0..across).flat_map(|y| (0..across).map(move |x| (y, x))) {
+        let [a, b] = [point(x, y), point(x + 1, y)];
+        let [c, d] = [point(x, y + 1), point(x + 1, y + 1)];
+        positions.extend([a, b, d, a, d, c]);
+        let middle = (a + d) / 2.0;
+        colors.extend([color(middle.x, middle.y); 2]);
+    }
+    Mesh { positions, colors: Colors::Face(colors), ..Mesh::default() }
+}
+
+fn grey(across: u32) -> Mesh {
+    wall(across, |_, _| [0.2; 3])
+}
+
+/// Stripes and spots.
+fn painted() -> Mesh {
+    wall(48, |x, y| {
+        let wave = |t: f32| 0.5 + 0.4 * (9.0 * t).sin();
+        [wave(x), wave(y), if (x - 0.3).hypot(y) < 0.3 { 0.9 } else { 0.1 }]
+    })
+}
+
+fn cameras() -> Vec<Camera> {
+    let lens = Camera {
+        rotation: glam::Mat3::IDENTITY,
+        translation: Vec3::ZERO,
+        focal: Vec2::splat(150.0),
+        center: Vec2::new(64.0, 48.0),
+        size: UVec2::new(128, 96),
+    };
+    let eye = |i: u32| Vec3::new((i % 5) as f32 * 0.4 - 0.8, (i / 5) as f32 * 0.5 - 0.6, -2.5);
+    (0..20).map(|i| lens.looking(eye(i), Vec3::ZERO, Vec3::NEG_Y)).collect()
+}
+
+fn photos() -> Vec<Pixels> {
+    cameras().iter().map(|camera| Solid::new().render(&painted(), camera, &DRAWING)).collect()
+}
+
+fn textured(mesh: &mut Mesh, options: &TextureOptions) -> (Result<Outcome<()>>, TextureDetails) {
+    let (mut views, mut details) = (Views::drawn(cameras(), photos()), TextureDetails::default());
+    let outcome = texture(mesh, Some(&mut views), options, &mut details, &mut StageProgress::new(&mut ()));
+    (outcome, details)
+}
+
+/// PSNR of a mesh against the painted wall from between the cameras, dB.
+fn psnr(mesh: &Mesh) -> f64 {
+    let camera = cameras()[0].looking(Vec3::new(0.23, 0.11, -2.4), Vec3::ZERO, Vec3::NEG_Y);
+    let [wants, got] = [&painted(), mesh].map(|mesh| Solid::new().render(mesh, &camera, &DRAWING));
+    metric::psnr(&wants.rgb, &got.rgb, None)
+}
+
+#[test]
+fn few_triangles_show_what_many_do() {
+    let mut mesh = grey(4);
+    let before = psnr(&mesh);
+    let (outcome, details) = textured(&mut mesh, &ON);
+    assert_eq!(outcome.unwrap(), Outcome::Changed(()));
+    mesh.validate().unwrap();
+    let after = psnr(&mesh);
+    assert!(after > before + 12.0 && after > 28.0, "{before} {after}");
+    assert!(details.psnr_after > details.psnr_before.map(|psnr| psnr + 12.0), "{details:?}");
+    // What else draws it has one colour for each triangle, and a fair one.
+    assert!(mesh.drop_texture() && psnr(&mesh) > before + 2.0, "{} {before}", psnr(&mesh));
+}
+
+#[test]
+fn the_texture_does_not_depend_on_the_number_of_threads() {
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let mut mesh = grey(9);
+            textured(&mut mesh, &ON).0.unwrap();
+            mesh
+        })
+    };
+    assert!(run(1) == run(3));
+}
+
+#[test]
+fn a_texture_is_as_small_as_it_is_asked_to_be() {
+    let (outcome, _) = textured(&mut grey(50), &TextureOptions { texture_size: 64, ..ON });
+    assert!(outcome.unwrap_err().to_string().contains("5000 triangles"));
+    for most in [64, 128, 4096] {
+        let mut mesh = grey(16);
+        let (_, details) = textured(&mut mesh, &TextureOptions { texture_size: most, ..ON });
+        let [width, height] = details.size.unwrap();
+        assert!(width <= most && height <= most && width.is_power_of_two() && height.is_power_of_two());
+        assert!((most >= 4096) == (details.texels_per_pixel == Some(0.7)), "{details:?}");
+        let within = |uv: &Vec2| uv.cmpge(Vec2::ZERO).all() && uv.cmple(Vec2::ONE).all();
+        assert!(mesh.texture.unwrap().uvs.as_flattened().iter().all(within));
+    }
+}
+
+#[test]
+fn without_photos_it_says_what_it_wants() {
+    let mut details = TextureDetails::default();
+    let mut run = |options: &TextureOptions| {
+        texture(&mut grey(2), None, options, &mut details, &mut StageProgress::new(&mut ()))
+    };
+    let message = run(&ON).unwrap_err().to_string();
+    assert!(message.contains("photos") && message.contains("dataset"), "{message}");
+    assert!(matches!(run(&TextureOptions::DEFAULT).unwrap(), Outcome::Unneeded(_)));
+}
+
+fn read(glb: &[u8]) -> Loaded {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.glb");
+    std::fs::write(&path, glb).unwrap();
+    trisplat::formats::read(&path, &ReadOptions::default()).unwrap()
+}
+
+/// A wall with its texture, through the whole bake.
+fn baked(input: Mesh) -> Asset {
+    let mut views = Views::drawn(cameras(), photos());
+    let options = BakeOptions { texture: ON, ..BakeOptions::preset(trisplat::bake::BakePreset::Fast) };
+    Bake::new(&options).photos(&mut views).run([Loaded::from(Scene::Mesh(input))]).unwrap()
+}
+
+#[test]
+fn a_textured_file_reads_back_as_it_was() {
+    let asset = baked(grey(4));
+    let options = GltfOptions { texture: TextureFormat::Png, ..GltfOptions::default() };
+    let Scene::Mesh(back) = read(&to_glb_bytes(&asset, &options).unwrap()).scene else { panic!("a mesh") };
+    let (of_asset, of_file) = (asset.mesh.texture.as_ref().unwrap(), back.texture.as_ref().unwrap());
+    assert!(of_asset.texture == of_file.texture, "PNG is exact");
+    assert_eq!(asset.mesh.positions, back.positions);
+    for (a, b) in of_asset.uvs.as_flattened().iter().zip(of_file.uvs.as_flattened()) {
+        assert!(a.distance(*b) < 2e-5, "{a} {b}");
+    }
+    // The colour that would be multiplied with the texture is left out, and JPEG is close.
+    let jpeg = to_glb_bytes(&asset, &GltfOptions::default()).unwrap();
+    assert!(!String::from_utf8_lossy(&jpeg).contains("COLOR_0"));
+    let Scene::Mesh(close) = read(&jpeg).scene else { panic!("a mesh") };
+    let [exact, close] = [&back, &close].map(|mesh| Solid::new().render(mesh, &cameras()[7], &DRAWING));
+    assert!(metric::psnr(&exact.rgb, &close.rgb, None) > 38.0);
+}
+
+#[test]
+fn a_texture_that_is_baked_again_becomes_colours_and_says_so() {
+    let again = baked(grey(4));
+    let options = BakeOptions::preset(trisplat::bake::BakePreset::Fast);
+    let mut report = Report::new("bake");
+    let inputs = [Loaded::from(Scene::Mesh(again.mesh))];
+    let asset = Bake::new(&options).report(&mut report).run(inputs).unwrap();
+    assert!(asset.mesh.texture.is_none());
+    assert!(report.warnings.iter().any(|w| w.contains("texture")), "{:?}", report.warnings);
+}
+
+#[test]
+fn what_holds_no_texture_is_refused_before_any_work() {
+    let mut options = BakeOptions { texture: ON, ..BakeOptions::DEFAULT };
+    for name in ["scene.obj", "scene.ply", "scene.html", "scene.tileset.json"] {
+        let message = options.plan_output(Path::new(name), None).unwrap_err().to_string();
+        assert!(message.contains(".glb"), "{name}: {message}");
+    }
+    options.plan_output(Path::new("scene.gltf"), None).unwrap();
+    options.lod.lod = vec![0.5];
+    assert!(options.plan_output(Path::new("scene.glb"), None).is_err());
+}
