@@ -20,12 +20,9 @@ use std::collections::VecDeque;
 
 /// Whether a hierarchy is built.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct BvhOptions {
     /// Also write a bounding volume hierarchy beside the output, for picking and visibility
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = BvhOptions::DEFAULT.bvh, num_args = 0..=1, require_equals = true,
-          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL"))]
     pub bvh: bool,
 }
 

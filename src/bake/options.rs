@@ -105,7 +105,7 @@ pub struct BakeOptions {
     #[cfg_attr(feature = "cli", arg(skip = ChunkOptions::DEFAULT))]
     pub chunk: ChunkOptions,
     /// The hierarchy beside the output.
-    #[cfg_attr(feature = "cli", command(flatten))]
+    #[cfg_attr(feature = "cli", arg(skip = BvhOptions::DEFAULT))]
     pub bvh: BvhOptions,
     /// The order of triangles.
     #[cfg_attr(feature = "cli", arg(skip = OrderOptions::DEFAULT))]

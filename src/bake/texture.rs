@@ -1,16 +1,18 @@
 //! Texels from the photos: in place of one colour, each triangle shows what photos show of it.
 //!
-//! The size that a triangle has in photos decides how many texels it has ([`footprint`]). Pairs of triangles share a rectangle of one
-//! picture ([`atlas`]). Texels begin with the colours of the mesh, and get what photos show more ([`fit`]).
+//! The size that a triangle has in photos decides how many texels it has (`footprint`). Pairs of triangles share a rectangle of one
+//! picture (`atlas`). Texels begin with the colours of the mesh, and get what photos show more (`fit`).
 
 mod atlas;
 mod fit;
 mod footprint;
+mod options;
+
+pub use options::TextureOptions;
 
 use super::views::Views;
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
-use crate::ranges::{self, Called};
 use crate::report::{Outcome, StageDetails, StageProgress};
 use crate::texture::{FaceTexture, Texture};
 use atlas::Atlas;
@@ -20,45 +22,6 @@ use std::sync::Arc;
 
 /// Photos that the textured scene is compared with.
 const COMPARED: usize = 12;
-
-/// Whether the scene gets a texture.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-#[cfg_attr(feature = "cli", derive(clap::Args))]
-#[serde(deny_unknown_fields, default)]
-pub struct TextureOptions {
-    /// Give triangles texels in place of one colour each, from the photos of --dataset: more detail for few triangles. For .glb and
-    /// .gltf files
-    #[cfg_attr(feature = "cli", arg(long))]
-    pub texture: bool,
-    /// Largest width and height of the texture, texels; where it does not suffice, all triangles have fewer texels
-    #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texture_size))]
-    #[schemars(range(min = 64, max = 8192))]
-    pub texture_size: u32,
-    /// Texels for each pixel along an edge, in the photos that see it
-    #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texels_per_pixel))]
-    #[schemars(range(min = 0.05, max = 4.0))]
-    pub texels_per_pixel: f64,
-    /// λ: pull of texels towards the colour that their triangle has there, equivalent to this many pixels of 40 photos
-    #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texture_flatness))]
-    #[schemars(range(min = 0.0))]
-    pub texture_flatness: f64,
-}
-
-impl TextureOptions {
-    /// None.
-    pub const DEFAULT: Self =
-        Self { texture: false, texture_size: 4096, texels_per_pixel: 0.7, texture_flatness: 1.0 };
-
-    pub(super) fn validate(&self) -> Result<()> {
-        ranges::check("texture", self, Called::ByFlag)
-    }
-}
-
-impl Default for TextureOptions {
-    fn default() -> Self {
-        Self::DEFAULT
-    }
-}
 
 /// What the texture is; empty when there is none.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]

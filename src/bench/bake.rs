@@ -147,7 +147,7 @@ fn cases(args: &BakeBenchArgs, folder: &Path, triangles: usize) -> Result<Vec<Ba
         bake("fast", &sh0, "fast.glb", "floor", &["--preset", "fast"]),
         floor("floor", &sh0, "fast.glb"),
         bake("default", &sh0, "default.glb", "floor", &convert),
-        bake("default+bvh", &sh0, "bvh.glb", "floor", &[&convert[..], &["--bvh"]].concat()),
+        bake("default+bvh", &sh0, "bvh.glb", "floor", &[&convert[..], &["--set", "bvh=true"]].concat()),
         bake(
             "small",
             &sh0,

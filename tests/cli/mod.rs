@@ -210,7 +210,7 @@ fn tiles_go_into_a_tileset_only() {
         &[&"bake", &sample("studio.ply"), &"-o", &glb, &"--set", &"tiles=true"],
         &[".tileset.json"],
     );
-    fails(folder.path(), &[&"bake", &sample("studio.ply"), &"-o", &set, &"--bvh"], &["--bvh"]);
+    fails(folder.path(), &[&"bake", &sample("studio.ply"), &"-o", &set, &"--set", &"bvh=true"], &["`bvh`"]);
     fails(folder.path(), &[&"bake", &sample("studio.ply"), &"-o", &set, &"--lod", &"0.5"], &["--lod"]);
     let json = folder.path().join("a.json");
     fails(folder.path(), &[&"bake", &sample("studio.ply"), &"-o", &json], &[".tileset.json"]);
@@ -283,7 +283,8 @@ fn the_same_bytes_for_any_number_of_threads() {
             &sample("studio.ply"),
             &"-o",
             &out,
-            &"--bvh",
+            &"--set",
+            &"bvh=true",
             &"--set",
             &"chunk_triangles=500",
             &"--threads",
@@ -376,7 +377,7 @@ fn bad_arguments_fail_before_any_work() {
         &["scale is 0", "expected 0.000000001 or more"],
     );
     fails(folder.path(), &[&"bake", &soup, &"-o", &out, &"--set", &"scale=nan"], &["--set", "a number"]);
-    fails(folder.path(), &[&"bake", &soup, &"-o", &"-", &"--bvh"], &["--bvh", "second file"]);
+    fails(folder.path(), &[&"bake", &soup, &"-o", &"-", &"--set", &"bvh=true"], &["`bvh`", "second file"]);
     fails(folder.path(), &[&"bake", &folder.path(), &"-o", &out], &["is a folder"]);
     fails(folder.path(), &[&"bake", &folder.path().join("no.ply"), &"-o", &out], &["no.ply"]);
     fails(folder.path(), &[&"bake", &soup, &"-o", &folder.path().join("no/where.glb")], &["where.glb"]);

@@ -228,7 +228,7 @@ fn files_of_an_earlier_bake_are_named() {
         let output = run(folder.path(), &[&["bake", "a.ply", "-o", "s.glb", "--force"], more].concat());
         stderr(&succeed(output))
     };
-    let said = bake(&["--lod", "0.5,0.25", "--bvh", "--target", "godot"]);
+    let said = bake(&["--lod", "0.5,0.25", "--set", "bvh=true", "--target", "godot"]);
     assert!(!said.contains("earlier scene"), "{said}");
     let said = bake(&["--lod", "0.5"]);
     assert!(said.contains("warning: s.lod2.glb, s.lod1.bvh") || said.contains("s.lod2.glb"), "{said}");

@@ -137,6 +137,6 @@ fn the_package_holds_what_a_build_needs_and_nothing_else() {
     assert_eq!(strays.collect::<Vec<_>>(), Vec::<&str>::new());
     let bytes: u64 =
         files.lines().filter_map(|file| std::fs::metadata(root.join(file)).ok()).map(|m| m.len()).sum();
-    // A registry takes 10 MB, compressed.
-    assert!(bytes < 7_000_000, "{bytes} bytes");
+    // A registry takes 10 MB, compressed; these are not.
+    assert!(bytes < 10_000_000, "{bytes} bytes");
 }

@@ -53,7 +53,7 @@ fn pages_are_the_same_bytes_on_any_number_of_threads() {
 fn a_page_is_described_and_checked_like_any_scene() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.html");
-    bake(&path, &["--bvh"]);
+    bake(&path, &["--set", "bvh=true"]);
     let (info, _) = info::info(&path, &trisplat::ReadOptions::default()).unwrap();
     assert_eq!((info.format, info.triangles), (Format::Html, 7_982));
     assert_eq!(info.bytes, std::fs::metadata(&path).unwrap().len());

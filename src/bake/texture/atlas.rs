@@ -13,7 +13,7 @@
 //!
 //! Rectangles stand on shelves, high ones first, those of one size sorted by colour: what coarse mip levels mix is alike.
 
-use super::TextureOptions;
+use super::options::TextureOptions;
 use crate::error::{Error, Result};
 use crate::math::srgb8::srgb8_from_linear;
 use crate::mesh::Mesh;

@@ -129,7 +129,7 @@ fn sets() -> clap::Arg {
     clap::Arg::new("sets").long("set").action(clap::ArgAction::Append)
 }
 
-/// Flags for changes: `--max-triangles=2000`, `--bvh=true`, and for what is no argument `--set refine.every=500`.
+/// Flags for changes: `--max-triangles=2000`, and for what is no argument `--set refine.every=500`.
 fn flags<'a>(arguments: &Command, changes: impl Iterator<Item = (&'a str, String)>) -> Vec<OsString> {
     let mut words = Vec::new();
     for (name, value) in changes {
