@@ -3,7 +3,6 @@
 use glam::{U16Vec3, Vec3};
 use serde_json::Value;
 use trisplat::formats::gltf::ColorEncoding;
-use trisplat::math::color::srgb_from_linear;
 
 pub(crate) struct Parsed {
     pub(crate) json: Value,
@@ -233,6 +232,9 @@ pub(crate) fn stored_color(encoding: ColorEncoding, color: [f32; 3]) -> Vec<u8> 
     }
 }
 
+/// The nearest sRGB code, in f64: in f32 a value right beside the middle of two codes rounds to the wrong one.
 fn code(linear: f32) -> u8 {
-    (srgb_from_linear(linear) * 255.0).round() as u8
+    let x = f64::from(linear);
+    let encoded = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
+    (255.0 * encoded).round() as u8
 }
