@@ -107,7 +107,7 @@ mod tests {
     use super::*;
 
     fn checkered(size: UVec2) -> Texture {
-        let at = |i: u32| if (i % size.x + i / size.x) % 2 == 0 { [255; 3] } else { [0; 3] };
+        let at = |i: u32| if (i % size.x + i / size.x).is_multiple_of(2) { [255; 3] } else { [0; 3] };
         Texture::new(Pixels { size, rgb: (0..size.x * size.y).map(at).collect(), alpha: None })
     }
 
