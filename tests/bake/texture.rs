@@ -91,6 +91,19 @@ fn few_triangles_show_what_many_do() {
 }
 
 #[test]
+fn photos_that_disagree_leave_the_colours_as_they_are() {
+    let grey = || wall(4, |_, _| [0.4; 3]);
+    // Every photo is of other stripes, about that grey.
+    let striped = |i: usize| wall(48, move |x, _| [0.4 + 0.2 * (9.0 * x + 2.4 * i as f32).sin(); 3]);
+    let photo = |(i, camera): (usize, &Camera)| Solid::new().render(&striped(i), camera, &DRAWING);
+    let mut views = Views::drawn(cameras(), cameras().iter().enumerate().map(photo).collect());
+    let (mut mesh, mut details) = (grey(), TextureDetails::default());
+    let outcome = texture(&mut mesh, Some(&mut views), &ON, &mut details, &mut StageProgress::new(&mut ()));
+    assert!(matches!(outcome.unwrap(), Outcome::Unneeded(why) if why.contains("held-out")), "{details:?}");
+    assert!(mesh == grey() && details.psnr_after < details.psnr_before, "{details:?}");
+}
+
+#[test]
 fn the_texture_does_not_depend_on_the_number_of_threads() {
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

@@ -17,6 +17,11 @@ const SIZE: UVec2 = UVec2::new(320, 240);
 /// Least PSNR between pictures of the two renderers, dB: with one sample a pixel, edges of triangles fall on either side of it.
 const AGREE_DB: f64 = 36.0;
 
+/// Flags for large triangles, to which a texture adds much.
+fn textured(photos: &str) -> [&str; 5] {
+    ["--dataset", photos, "--texture", "--max-triangles", "1500"]
+}
+
 #[test]
 fn three_filters_textures_as_we_do() {
     let three = here("target/judges/node_modules/three");
@@ -30,7 +35,7 @@ fn three_filters_textures_as_we_do() {
     bake(
         &here("samples/soups/trained.ply"),
         &scene,
-        &["--dataset", &photos, "--texture", "--backdrop", "off"],
+        &[&textured(&photos)[..], &["--backdrop", "off"]].concat(),
     );
     let loaded = formats::read(&scene, &ReadOptions::default()).unwrap();
     let (Scene::Mesh(mesh), Some(first)) = (loaded.scene, loaded.provenance.viewpoint) else {
@@ -68,7 +73,6 @@ fn textured_files_are_valid_gltf() {
         return;
     }
     let (folder, photos) = (TempDir::new().unwrap(), here("samples/dataset").display().to_string());
-    let textured = ["--dataset", &photos, "--texture"];
     let files: Vec<_> = [
         ("plain.glb", &[] as &[&str]),
         ("exact.glb", &["--set", "texture_format=png"]),
@@ -77,7 +81,8 @@ fn textured_files_are_valid_gltf() {
     ]
     .map(|(name, flags)| {
         let file = folder.path().join(name);
-        let triangles = bake(&here("samples/soups/trained.ply"), &file, &[&textured[..], flags].concat());
+        let triangles =
+            bake(&here("samples/soups/trained.ply"), &file, &[&textured(&photos)[..], flags].concat());
         (file, triangles)
     })
     .into();

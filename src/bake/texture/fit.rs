@@ -38,7 +38,7 @@ pub(super) struct Texels {
     size: UVec2,
     /// Those that triangles show. `[H * W]`
     owned: Vec<bool>,
-    /// sRGB-encoded, 0 to 255. `[H * W]`
+    /// The colours of the mesh, sRGB-encoded, 0 to 255. `[H * W]`
     values: Vec<[f32; 3]>,
     /// Residuals of three channels, sRGB-encoded, and weights, in 4096ths. `[H * W]`
     sums: Vec<[AtomicI32; 4]>,
@@ -72,52 +72,64 @@ impl Texels {
         self.owned.iter().filter(|owned| **owned).count() as u64
     }
 
-    /// Fits the texels to all photos. `flatness` is λ for the usual number of photos, px.
+    /// Adds what the photos `chosen` show to the sums.
     ///
     /// Errors: a photo that cannot be decoded.
-    pub(super) fn fit(
+    pub(super) fn add(
         &mut self,
         mesh: &Mesh,
         views: &mut Views,
         atlas: &Atlas,
-        flatness: f32,
-        progress: &mut StageProgress<'_>,
+        chosen: &[usize],
+        mut progress: StageProgress<'_>,
     ) -> Result<()> {
         let drawing = views.drawing(mesh, 1);
-        let all: Vec<usize> = (0..views.len()).collect();
-        views.prefetch(&all);
+        views.prefetch(chosen);
         let mut solid = Solid::new();
-        for view in all {
-            progress.set(view, views.len());
+        for (done, &view) in chosen.iter().enumerate() {
+            progress.set(done, chosen.len());
             let photo = views.photo(view)?;
             let camera = views.camera(view);
             let visibility = solid.visibility(mesh, camera, &drawing);
             let observation = Observation { texels: self, atlas, mesh, camera, photo: &photo, visibility };
             (0..photo.size.y).into_par_iter().for_each(|y| observation.add_row(y));
         }
-        self.solve(flatness * USUAL_PHOTOS / views.len() as f32);
         Ok(())
     }
 
-    /// Adds the mean residual to every texel.
-    fn solve(&mut self, flatness: f32) {
-        let texels = self.values.par_iter_mut().zip(&mut self.sums).with_min_len(1 << 14);
-        texels.for_each(|(value, sums)| {
-            let [r, g, b, weight] = std::mem::take(sums).map(|sum| sum.into_inner() as f32 / UNIT);
-            if weight > 0.0 {
-                let step = [r, g, b].map(|sum| 255.0 * sum / (weight + flatness));
-                (0..3).for_each(|c| value[c] = (value[c] + step[c]).clamp(0.0, 255.0));
-            }
-        });
+    /// The picture of the texture that explains `photos` photos, which were added. `flatness` is λ for the usual number of them, px.
+    pub(super) fn picture(&self, flatness: f32, photos: usize) -> Pixels {
+        let flatness = flatness * USUAL_PHOTOS / photos.max(1) as f32;
+        let texels = self.values.par_iter().zip(&self.sums).with_min_len(1 << 14);
+        let solved = |(first, sums): (&[f32; 3], &[AtomicI32; 4])| {
+            let [r, g, b, weight] = [0, 1, 2, 3].map(|k| sums[k].load(Ordering::Relaxed) as f32 / UNIT);
+            let step =
+                [r, g, b].map(|sum| if weight > 0.0 { 255.0 * sum / (weight + flatness) } else { 0.0 });
+            [0, 1, 2].map(|c| (first[c] + step[c]).clamp(0.0, 255.0))
+        };
+        let (values, owned) = (texels.map(solved).collect(), self.owned.clone());
+        Page { size: self.size, owned, values }.picture()
     }
+}
 
-    /// The picture of the texture. Around triangles their colours go on; elsewhere it has their mean.
-    pub(super) fn picture(mut self) -> Pixels {
+/// The texels of a picture.
+struct Page {
+    size: UVec2,
+    /// Those that have a colour. `[H * W]`
+    owned: Vec<bool>,
+    /// sRGB-encoded, 0 to 255. `[H * W]`
+    values: Vec<[f32; 3]>,
+}
+
+impl Page {
+    /// Around triangles their colours go on; elsewhere the picture has their mean.
+    fn picture(mut self) -> Pixels {
+        let shown = self.owned.iter().filter(|owned| **owned).count();
         let mut sum = [0.0f64; 3];
         for (value, _) in self.values.iter().zip(&self.owned).filter(|(_, owned)| **owned) {
             (0..3).for_each(|c| sum[c] += f64::from(value[c]));
         }
-        let mean = sum.map(|s| (s / self.shown().max(1) as f64) as f32);
+        let mean = sum.map(|s| (s / shown.max(1) as f64) as f32);
         (0..DILATION).for_each(|_| self.dilate());
         let texels = self.values.par_iter().zip(&self.owned).with_min_len(1 << 14);
         let code = |(value, owned): (&[f32; 3], &bool)| {
