@@ -25,10 +25,15 @@ impl Space {
     /// The space of these cameras and points. Without a point in front of a camera the unit is the
     /// cameras' spread; without that it is the world's.
     pub fn new(cameras: &[Camera], points: &[Vec3]) -> Self {
+        Self::of(cameras, points.len(), |i| points[i])
+    }
+
+    /// As [`Space::new`], of `count` points that are nowhere in a list: few of many are looked at.
+    pub fn of(cameras: &[Camera], count: usize, point: impl Fn(usize) -> Vec3) -> Self {
         let positions: Vec<_> = cameras.iter().map(|c| c.position().as_dvec3()).collect();
         let center = positions.iter().sum::<glam::DVec3>() / positions.len().max(1) as f64;
         let depths: Vec<f32> =
-            pairs(cameras.len(), points.len()).filter_map(|(c, p)| sees(&cameras[c], points[p])).collect();
+            pairs(cameras.len(), count).filter_map(|(c, p)| sees(&cameras[c], point(p))).collect();
         let spread = positions.iter().map(|p| p.distance(center)).fold(0.0, f64::max) as f32;
         let unit = median(depths, f32::total_cmp).unwrap_or(spread);
         let scale = if unit > 0.0 && unit.is_finite() { 1.0 / unit } else { 1.0 };

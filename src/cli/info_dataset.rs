@@ -17,7 +17,7 @@ pub fn is_dataset(path: &Path) -> bool {
 
 /// Reads the data set at `path` and writes its table, or its figures as JSON, to `out`.
 pub fn run(path: &Path, options: &DatasetOptions, json: bool, out: &mut dyn Write) -> Result<()> {
-    let description = describe(&Dataset::load(path, options)?);
+    let description = describe(&Dataset::load(path, options)?, &options.limits)?;
     let text = if json {
         serde_json::to_string_pretty(&description).unwrap_or_default() + "\n"
     } else {

@@ -13,6 +13,7 @@ use crate::error::{Error, Result};
 use crate::formats::{self, ReadOptions};
 use crate::layered::Layers;
 use crate::scale::manifest::{Expected, NAME};
+use crate::scale::plan::check;
 use crate::scale::{Manifest, PlanOptions, Planner, status, task};
 use crate::scene::Loaded;
 use crate::train::device::OpenRun;
@@ -81,6 +82,8 @@ fn make(
     global: &Global,
 ) -> Result<ExitCode> {
     let whole = resolve(args, matches)?;
+    let max_bytes = args.memory.map(|size| size.0);
+    check(&args.plan, &whole, max_bytes)?;
     let mut files = Outputs::new(args.config.as_deref(), args.force).with_dataset(Some(path));
     files.make_folder(city)?;
     let path_of_plan = city.join(NAME);
@@ -107,7 +110,7 @@ fn make(
     };
     let named = coarse.as_ref().map(|(name, scene)| (name.as_str(), scene));
     let mut file = files.take(&path_of_plan)?;
-    let manifest = planner.plan(&mut file, photos, named, args.memory.map(|size| size.0))?;
+    let manifest = planner.plan(&mut file, photos, named, max_bytes)?;
     files.confirm()?;
     manifest.write(file)?;
     if !global.quiet {

@@ -1,13 +1,15 @@
 //! COLMAP models as data sets: where they are, which photos they name, how well cameras and points fit.
 
 use super::colmap_model::{ImageRow, Model, PointRow};
-use super::found::{Found, FoundPhoto, FoundPoint, LensClaim};
+use super::found::{Found, FoundPhoto, LensClaim};
 use super::kind::DatasetKind;
 use super::options::DatasetOptions;
 use super::paths::NamedFiles;
+use super::point_file::PointFile;
 use super::posed::Reprojection;
 use super::{colmap_binary, colmap_text};
 use crate::error::{Error, Result};
+use crate::limits::Limits;
 use glam::{DVec2, DVec3};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -33,9 +35,8 @@ pub(super) fn locate(root: &Path) -> Option<ModelFiles> {
 
 /// Reads the model and finds the photos it names.
 pub(super) fn read(root: &Path, files: &ModelFiles, options: &DatasetOptions) -> Result<Found> {
-    let read = if files.binary { colmap_binary::read } else { colmap_text::read };
     let mut warnings = Vec::new();
-    let model = read(&files.folder, &options.limits, &mut warnings)?;
+    let (model, points) = (files.model(&options.limits, false)?, files.points(&mut warnings));
     let list = files.folder.join(if files.binary { "images.bin" } else { "images.txt" });
     if model.images.is_empty() {
         return Err(Error::malformed(&list, "images", "the model has no image; run COLMAP's mapper again"));
@@ -50,8 +51,7 @@ pub(super) fn read(root: &Path, files: &ModelFiles, options: &DatasetOptions) ->
     }
     Ok(Found {
         kind: if files.binary { DatasetKind::ColmapBinary } else { DatasetKind::ColmapText },
-        reprojection: reprojection(&model),
-        points: model.points.iter().map(found_point).collect(),
+        points,
         root,
         list,
         photos,
@@ -95,15 +95,45 @@ fn photo(image: &ImageRow, model: &Model, files: &mut NamedFiles) -> Result<Foun
     })
 }
 
-fn found_point(row: &PointRow) -> FoundPoint {
-    // COLMAP writes -1 for a point that was never refined.
-    let error = (row.error >= 0.0 && row.error.is_finite()).then_some(row.error as f32);
-    FoundPoint { position: row.position, rgb: row.rgb, error }
+impl ModelFiles {
+    /// Its cameras and images, and what these saw where `observations` are wanted.
+    fn model(&self, limits: &Limits, observations: bool) -> Result<Model> {
+        let read = if self.binary { colmap_binary::read } else { colmap_text::read };
+        read(&self.folder, limits, observations)
+    }
+
+    /// The file of its points, which may be missing.
+    fn points(&self, warnings: &mut Vec<String>) -> PointFile {
+        let path = self.folder.join(if self.binary { "points3D.bin" } else { "points3D.txt" });
+        match (path.is_file(), self.binary) {
+            (true, true) => PointFile::ColmapBinary(path),
+            (true, false) => PointFile::ColmapText(path),
+            (false, _) => {
+                warnings.push(format!("{} is missing", path.display()));
+                PointFile::None
+            }
+        }
+    }
+
+    /// Where each point is, by its number.
+    fn places(&self, limits: &Limits) -> Result<HashMap<u64, DVec3>> {
+        let mut places = HashMap::new();
+        let mut visit = |row: PointRow| drop(places.insert(row.id, row.position));
+        match self.points(&mut Vec::new()) {
+            PointFile::ColmapBinary(path) => colmap_binary::each_point(&path, limits, &mut visit)?,
+            PointFile::ColmapText(path) => colmap_text::each_point(&path, limits, &mut visit)?,
+            _ => {}
+        }
+        Ok(places)
+    }
 }
 
-/// Projects every point into every photo that saw it.
-fn reprojection(model: &Model) -> Option<Reprojection> {
-    let places: HashMap<u64, DVec3> = model.points.iter().map(|p| (p.id, p.position)).collect();
+/// Projects every point of the model at `root` into every photo that saw it; `None` where there is no model or nothing was seen.
+///
+/// Errors: a model that is broken.
+pub(super) fn reprojection(root: &Path, limits: &Limits) -> Result<Option<Reprojection>> {
+    let Some(files) = locate(root) else { return Ok(None) };
+    let (model, places) = (files.model(limits, true)?, files.places(limits)?);
     let (mut sum, mut observations, mut behind) = (0.0, 0u64, 0u64);
     for image in &model.images {
         let Some(lens) = model.cameras.get(&image.camera) else { continue };
@@ -120,5 +150,5 @@ fn reprojection(model: &Model) -> Option<Reprojection> {
         }
     }
     let mean_px = if observations > 0 { sum / observations as f64 } else { 0.0 };
-    (observations + behind > 0).then_some(Reprojection { mean_px, observations, behind })
+    Ok((observations + behind > 0).then_some(Reprojection { mean_px, observations, behind }))
 }

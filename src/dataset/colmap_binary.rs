@@ -14,17 +14,11 @@ use std::path::{Path, PathBuf};
 /// A 2D point that belongs to no 3D point.
 const NO_POINT: u64 = u64::MAX;
 
-/// Reads the three files of a folder; the points may be missing.
-pub(super) fn read(folder: &Path, limits: &Limits, warnings: &mut Vec<String>) -> Result<Model> {
+/// Reads cameras and images of a folder. What the images saw is most of the file: it is passed over unless `observations` are wanted.
+pub(super) fn read(folder: &Path, limits: &Limits, observations: bool) -> Result<Model> {
     let mut model = Model::default();
     read_cameras(&mut BinaryFile::open(folder.join("cameras.bin"), limits)?, &mut model)?;
-    read_images(&mut BinaryFile::open(folder.join("images.bin"), limits)?, &mut model)?;
-    let points = folder.join("points3D.bin");
-    if points.is_file() {
-        read_points(&mut BinaryFile::open(points, limits)?, &mut model, limits)?;
-    } else {
-        warnings.push(format!("{} is missing", points.display()));
-    }
+    read_images(&mut BinaryFile::open(folder.join("images.bin"), limits)?, observations, &mut model)?;
     Ok(model)
 }
 
@@ -45,7 +39,7 @@ fn read_cameras(bytes: &mut BinaryFile, model: &mut Model) -> Result<()> {
     bytes.end()
 }
 
-fn read_images(bytes: &mut BinaryFile, model: &mut Model) -> Result<()> {
+fn read_images(bytes: &mut BinaryFile, observations: bool, model: &mut Model) -> Result<()> {
     let count = bytes.count("images", 4 + 7 * 8 + 4 + 1 + 8)?;
     for _ in 0..count {
         let id = u32::from_le_bytes(bytes.take()?);
@@ -58,25 +52,34 @@ fn read_images(bytes: &mut BinaryFile, model: &mut Model) -> Result<()> {
                 bytes.malformed(format!("image {id} `{name}` has no pose: {quaternion:?}, {translation}"))
             })?;
         let seen = bytes.count("2D points", 24)?;
-        let mut observations = Vec::new();
-        for _ in 0..seen {
-            let row: [u8; 24] = bytes.take()?;
-            let number = |at: usize| row[at..at + 8].try_into().unwrap_or([0; 8]);
-            let point = u64::from_le_bytes(number(16));
-            if point != NO_POINT {
-                let (x, y) = (f64::from_le_bytes(number(0)), f64::from_le_bytes(number(8)));
-                observations.push((point, Vec2::new(x as f32, y as f32)));
-            }
-        }
+        let observations = match observations {
+            true => read_observations(bytes, seen)?,
+            false => bytes.skip(24 * seen as u64).map(|()| Vec::new())?,
+        };
         model.images.push(ImageRow { name, camera, rotation, translation, observations });
     }
     bytes.end()
 }
 
-fn read_points(bytes: &mut BinaryFile, model: &mut Model, limits: &Limits) -> Result<()> {
+fn read_observations(bytes: &mut BinaryFile, count: usize) -> Result<Vec<(u64, Vec2)>> {
+    let mut observations = Vec::new();
+    for _ in 0..count {
+        let row: [u8; 24] = bytes.take()?;
+        let number = |at: usize| row[at..at + 8].try_into().unwrap_or([0; 8]);
+        let point = u64::from_le_bytes(number(16));
+        if point != NO_POINT {
+            let (x, y) = (f64::from_le_bytes(number(0)), f64::from_le_bytes(number(8)));
+            observations.push((point, Vec2::new(x as f32, y as f32)));
+        }
+    }
+    Ok(observations)
+}
+
+/// Hands every point of the file at `path` to `visit`.
+pub(super) fn each_point(path: &Path, limits: &Limits, visit: &mut dyn FnMut(PointRow)) -> Result<()> {
+    let mut bytes = BinaryFile::open(path.to_owned(), limits)?;
     let count = bytes.count("points", 8 + 3 * 8 + 3 + 8 + 8)?;
     limits.vertices(bytes.path.display(), count as u64)?;
-    limits.reserve(bytes.path.display(), &mut model.points, count)?;
     for _ in 0..count {
         let id = u64::from_le_bytes(bytes.take()?);
         let position = DVec3::from(bytes.floats::<3>()?);
@@ -84,7 +87,7 @@ fn read_points(bytes: &mut BinaryFile, model: &mut Model, limits: &Limits) -> Re
         let error = f64::from_le_bytes(bytes.take()?);
         let track = bytes.count("track entries", 8)?;
         bytes.skip(track as u64 * 8)?;
-        model.points.push(PointRow { id, position, rgb, error });
+        visit(PointRow { id, position, rgb, error });
     }
     bytes.end()
 }

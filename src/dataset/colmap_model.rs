@@ -6,12 +6,11 @@ use glam::{DMat3, DQuat, DVec3, UVec2, Vec2};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// A model as its three files hold it.
+/// A model without its points, which are read one by one.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Model {
     pub(super) cameras: HashMap<u32, Lens>,
     pub(super) images: Vec<ImageRow>,
-    pub(super) points: Vec<PointRow>,
 }
 
 /// A row of images.bin or images.txt.

@@ -12,17 +12,11 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// Reads the three files of a folder; the points may be missing.
-pub(super) fn read(folder: &Path, limits: &Limits, warnings: &mut Vec<String>) -> Result<Model> {
+/// Reads cameras and images of a folder; what the images saw is kept when `observations` are wanted.
+pub(super) fn read(folder: &Path, limits: &Limits, observations: bool) -> Result<Model> {
     let mut model = Model::default();
     read_cameras(&mut TextFile::open(folder.join("cameras.txt"), limits)?, &mut model)?;
-    read_images(&mut TextFile::open(folder.join("images.txt"), limits)?, &mut model)?;
-    let points = folder.join("points3D.txt");
-    if points.is_file() {
-        read_points(&mut TextFile::open(points, limits)?, &mut model)?;
-    } else {
-        warnings.push(format!("{} is missing", points.display()));
-    }
+    read_images(&mut TextFile::open(folder.join("images.txt"), limits)?, observations, &mut model)?;
     Ok(model)
 }
 
@@ -41,7 +35,7 @@ fn read_cameras(lines: &mut TextFile, model: &mut Model) -> Result<()> {
 }
 
 /// `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME`, then a line of `X Y POINT3D_ID` triples, perhaps empty.
-fn read_images(lines: &mut TextFile, model: &mut Model) -> Result<()> {
+fn read_images(lines: &mut TextFile, keep: bool, model: &mut Model) -> Result<()> {
     while lines.next_entry()? {
         let mut words = lines.words();
         let id: u32 = words.number("image id")?;
@@ -62,7 +56,7 @@ fn read_images(lines: &mut TextFile, model: &mut Model) -> Result<()> {
             while !words.text.is_empty() {
                 let [x, y] = words.numbers("2D point")?;
                 let point: i64 = words.number("3D point id")?;
-                if let Ok(point) = u64::try_from(point) {
+                if let Some(point) = u64::try_from(point).ok().filter(|_| keep) {
                     observations.push((point, Vec2::new(x as f32, y as f32)));
                 }
             }
@@ -72,16 +66,19 @@ fn read_images(lines: &mut TextFile, model: &mut Model) -> Result<()> {
     Ok(())
 }
 
-/// `POINT3D_ID X Y Z R G B ERROR TRACK...`
-fn read_points(lines: &mut TextFile, model: &mut Model) -> Result<()> {
+/// Hands every point of the file at `path` to `visit`: `POINT3D_ID X Y Z R G B ERROR TRACK...`
+pub(super) fn each_point(path: &Path, limits: &Limits, visit: &mut dyn FnMut(PointRow)) -> Result<()> {
+    let lines = &mut TextFile::open(path.to_owned(), limits)?;
+    let mut count = 0;
     while lines.next_entry()? {
         let mut words = lines.words();
         let id = words.number("point id")?;
         let position = DVec3::from(words.numbers::<3>("position")?);
         let rgb = [words.number("red")?, words.number("green")?, words.number("blue")?];
         let error = words.number("error")?;
-        model.points.push(PointRow { id, position, rgb, error });
-        lines.limits.vertices(lines.path.display(), model.points.len() as u64)?;
+        visit(PointRow { id, position, rgb, error });
+        count += 1;
+        lines.limits.vertices(lines.path.display(), count)?;
     }
     Ok(())
 }
@@ -178,7 +175,7 @@ impl<'a> Words<'a> {
 }
 
 /// Writes the three files of a model into `folder`; tracks are made from what the images saw.
-pub(super) fn write(folder: &Path, model: &Model) -> Result<()> {
+pub(super) fn write(folder: &Path, model: &Model, points: &[PointRow]) -> Result<()> {
     let mut cameras = String::from("# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n");
     let mut ids: Vec<&u32> = model.cameras.keys().collect();
     ids.sort();
@@ -210,13 +207,13 @@ pub(super) fn write(folder: &Path, model: &Model) -> Result<()> {
         images += &image.observations.iter().enumerate().map(seen).collect::<Vec<_>>().join(" ");
         images.push('\n');
     }
-    let mut points =
+    let mut cloud =
         String::from("# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n");
-    for PointRow { id, position: p, rgb: [r, g, b], error } in &model.points {
+    for PointRow { id, position: p, rgb: [r, g, b], error } in points {
         let track = tracks.get(id).map_or("", String::as_str);
-        points += &format!("{id} {} {} {} {r} {g} {b} {error}{track}\n", p.x, p.y, p.z);
+        cloud += &format!("{id} {} {} {} {r} {g} {b} {error}{track}\n", p.x, p.y, p.z);
     }
-    for (name, text) in [("cameras.txt", cameras), ("images.txt", images), ("points3D.txt", points)] {
+    for (name, text) in [("cameras.txt", cameras), ("images.txt", images), ("points3D.txt", cloud)] {
         let path = folder.join(name);
         std::fs::write(&path, text).map_err(|e| Error::io(&path, e))?;
     }

@@ -2,6 +2,8 @@
 
 use super::kind::DatasetKind;
 use super::posed::{Dataset, Reprojection, View};
+use crate::error::Result;
+use crate::limits::Limits;
 use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -62,13 +64,15 @@ pub struct CameraGroup {
 }
 
 /// The figures of a data set.
-pub fn describe(dataset: &Dataset) -> Description {
+///
+/// Errors: a COLMAP model that cannot be read once more, with what its photos saw.
+pub fn describe(dataset: &Dataset, limits: &Limits) -> Result<Description> {
     let views = &dataset.views;
     let stated: Vec<f64> = dataset.points.iter().filter_map(|p| p.error).map(f64::from).collect();
     let count = |keep: &dyn Fn(&View) -> bool| views.iter().filter(|v| keep(v)).count() as u64;
     let pixels = |v: &View| u64::from(v.camera.size.x) * u64::from(v.camera.size.y);
     let origin = dataset.origin;
-    Description {
+    Ok(Description {
         kind: dataset.kind,
         train: count(&|v| !v.test),
         test: count(&|v| v.test),
@@ -80,10 +84,10 @@ pub fn describe(dataset: &Dataset) -> Description {
         points: dataset.points.len() as u64,
         point_bounds: bounds(dataset),
         stated_error_px: (!stated.is_empty()).then(|| stated.iter().sum::<f64>() / stated.len() as f64),
-        reprojection: dataset.reprojection,
+        reprojection: dataset.reprojection(limits)?,
         origin: (origin != glam::DVec3::ZERO).then(|| origin.to_array()),
         warnings: dataset.warnings.clone(),
-    }
+    })
 }
 
 fn cameras(views: &[View]) -> Vec<CameraGroup> {

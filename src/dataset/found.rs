@@ -2,7 +2,7 @@
 
 use super::kind::DatasetKind;
 use super::lens::{Distortion, Lens};
-use super::posed::Reprojection;
+use super::point_file::PointFile;
 use glam::{DMat3, DVec2, DVec3, UVec2};
 use std::path::PathBuf;
 
@@ -14,8 +14,7 @@ pub(super) struct Found {
     /// The file that lists the photos, for messages.
     pub(super) list: PathBuf,
     pub(super) photos: Vec<FoundPhoto>,
-    pub(super) points: Vec<FoundPoint>,
-    pub(super) reprojection: Option<Reprojection>,
+    pub(super) points: PointFile,
     pub(super) warnings: Vec<String>,
 }
 
@@ -40,13 +39,6 @@ pub(super) struct LensClaim {
     pub(super) angle: [Option<f64>; 2],
     pub(super) center: [Option<f64>; 2],
     pub(super) distortion: Distortion,
-}
-
-/// A point of the cloud in f64.
-pub(super) struct FoundPoint {
-    pub(super) position: DVec3,
-    pub(super) rgb: [u8; 3],
-    pub(super) error: Option<f32>,
 }
 
 impl LensClaim {

@@ -1,17 +1,21 @@
 //! From the path of a data set to cameras and photos: finds its reader, then takes the steps that are the same for all of them: check the
 //! photos, plan their undistortion, shrink, split.
 
-use super::found::{Found, FoundPhoto, FoundPoint};
+use super::found::{Found, FoundPhoto};
+use super::found_point::FoundPoint;
+use super::kind::DatasetKind;
 use super::lens::Lens;
 use super::options::{DatasetOptions, Masks};
 use super::photo::Photo;
-use super::posed::{Dataset, Point, View};
+use super::point_file::PointFile;
+use super::posed::{Dataset, Point, Reprojection, View};
 use super::undistort::Undistort;
 use super::{colmap, split, transforms};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::formats::far::far_origin;
 use crate::image::Pixels;
+use crate::limits::Limits;
 use crate::math::median::median;
 use glam::{DVec3, UVec2};
 use rayon::prelude::*;
@@ -38,12 +42,29 @@ impl Dataset {
     }
 
     /// As [`Dataset::load`], with those of its photos only that are named: others are not opened, and may be missing. All of them are
-    /// trained on. The points and the origin are those of the whole data set.
+    /// trained on. The points and the origin are those of the whole data set; the points are not read where that `origin` is given.
     ///
     /// # Errors
     /// Those of [`Dataset::load`]; a name that is not in the data set.
-    pub fn load_some(path: &Path, options: &DatasetOptions, names: &BTreeSet<String>) -> Result<Self> {
-        finish(path, find(path, options)?, options, Some(names))
+    pub fn load_some(
+        path: &Path,
+        options: &DatasetOptions,
+        names: &BTreeSet<String>,
+        origin: Option<DVec3>,
+    ) -> Result<Self> {
+        finish(path, find(path, options)?, options, Some((names, origin)))
+    }
+
+    /// How well cameras and points fit each other, where the data set says which photo shows which point. Reads its model once more, as
+    /// what the photos saw is needed for nothing else.
+    ///
+    /// # Errors
+    /// A model that cannot be read any more.
+    pub fn reprojection(&self, limits: &Limits) -> Result<Option<Reprojection>> {
+        match self.kind {
+            DatasetKind::ColmapBinary | DatasetKind::ColmapText => colmap::reprojection(&self.path, limits),
+            DatasetKind::Transforms | DatasetKind::Drawn => Ok(None),
+        }
     }
 }
 
@@ -75,16 +96,20 @@ fn finish(
     path: &Path,
     mut found: Found,
     options: &DatasetOptions,
-    names: Option<&BTreeSet<String>>,
+    some: Option<(&BTreeSet<String>, Option<DVec3>)>,
 ) -> Result<Dataset> {
     found.photos.sort_by(|a, b| a.name.cmp(&b.name));
     if let Some(pair) = found.photos.windows(2).find(|pair| pair[0].name == pair[1].name) {
         let reason = "is listed twice; remove one of the two";
         return Err(Error::malformed(&found.list, format!("photo `{}`", pair[0].name), reason));
     }
+    let given = some.and_then(|(_, origin)| origin);
+    let (origin, points) = match given {
+        Some(origin) => (origin, 0),
+        None => origin_of(&found, &options.limits)?,
+    };
+    some.map_or(Ok(()), |(names, _)| keep_named(&mut found, names))?;
     find_masks(&mut found, options);
-    let origin = origin_of(&found);
-    names.map_or(Ok(()), |names| keep_named(&mut found, names))?;
     let views = open_views(&mut found, origin, options)?;
     let mut dataset = Dataset {
         path: path.to_owned(),
@@ -92,11 +117,12 @@ fn finish(
         views,
         points: Vec::new(),
         origin,
-        reprojection: found.reprojection,
         warnings: found.warnings,
     };
-    dataset.points = keep_points(&found.points, origin, &mut dataset.warnings);
-    if names.is_none() {
+    if given.is_none() {
+        dataset.points = keep_points(&found.points, points, origin, &options.limits, &mut dataset.warnings)?;
+    }
+    if some.is_none() {
         split::apply(&mut dataset, &found.root, options)?;
     }
     Ok(dataset)
@@ -269,30 +295,39 @@ fn find_masks(found: &mut Found, options: &DatasetOptions) {
     }
 }
 
-/// What is taken off every position: by the middle of the cameras, and the extent of these and the points.
-fn origin_of(found: &Found) -> DVec3 {
+/// What is taken off every position: by the middle of the cameras, and the extent of these and the points. With the number of points.
+fn origin_of(found: &Found, limits: &Limits) -> Result<(DVec3, usize)> {
     let centers: Vec<DVec3> =
         found.photos.iter().map(|f| -(f.rotation.transpose() * f.translation)).collect();
     let count = centers.len().max(1) as f64;
     let middle = centers.iter().sum::<DVec3>() / count;
     let mut extent = (centers.iter().map(|c| c.distance_squared(middle)).sum::<f64>() / count).sqrt();
-    let distances = found.points.iter().map(|p| p.position.distance(middle)).collect();
-    extent = extent.max(median(distances, f64::total_cmp).unwrap_or(0.0));
-    far_origin(middle, extent)
+    let mut distances = Vec::new();
+    found.points.each(limits, &mut |point| distances.push(point.position.distance(middle) as f32))?;
+    let count = distances.len();
+    extent = extent.max(median(distances, f32::total_cmp).map_or(0.0, f64::from));
+    Ok((far_origin(middle, extent), count))
 }
 
-/// Points with finite positions, relative to the origin.
-fn keep_points(points: &[FoundPoint], origin: DVec3, warnings: &mut Vec<String>) -> Vec<Point> {
-    let kept: Vec<Point> = points
-        .iter()
-        .map(|p| Point { position: (p.position - origin).as_vec3(), rgb: p.rgb, error: p.error })
-        .filter(|p| p.position.is_finite())
-        .collect();
-    if kept.len() < points.len() {
-        warnings.push(format!("dropped {} points that are not finite", points.len() - kept.len()));
+/// Points with finite positions, relative to the origin; the file has `count` of all kinds.
+fn keep_points(
+    points: &PointFile,
+    count: usize,
+    origin: DVec3,
+    limits: &Limits,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<Point>> {
+    let mut kept: Vec<Point> = Vec::new();
+    limits.reserve(points.name(), &mut kept, count)?;
+    points.each(limits, &mut |FoundPoint { position, rgb, error }| {
+        let position = (position - origin).as_vec3();
+        kept.extend(position.is_finite().then_some(Point { position, rgb, error }));
+    })?;
+    if kept.len() < count {
+        warnings.push(format!("dropped {} points that are not finite", count - kept.len()));
     }
     if kept.is_empty() {
         warnings.push("no points: training starts from a random cloud in front of the cameras".into());
     }
-    kept
+    Ok(kept)
 }

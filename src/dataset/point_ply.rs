@@ -1,6 +1,6 @@
 //! The point cloud beside a `transforms.json`: a PLY file of coloured points.
 
-use super::found::FoundPoint;
+use super::found_point::FoundPoint;
 use crate::error::Result;
 use crate::formats::Source;
 use crate::formats::ply::{self, Column};
@@ -11,8 +11,8 @@ use std::path::Path;
 /// What a point without a colour gets.
 const GREY: [u8; 3] = [128; 3];
 
-/// Reads x, y, z and, where they are bytes, red, green, blue of the element `vertex`.
-pub(super) fn read(path: &Path, limits: &Limits) -> Result<Vec<FoundPoint>> {
+/// Hands x, y, z and, where they are bytes, red, green, blue of every entry of the element `vertex` to `visit`.
+pub(super) fn each_point(path: &Path, limits: &Limits, visit: &mut dyn FnMut(FoundPoint)) -> Result<()> {
     let mut source = Source::open(path, limits)?;
     let header = ply::header::read(&mut source)?;
     let table = ply::points(&source, &header, limits)?;
@@ -22,17 +22,16 @@ pub(super) fn read(path: &Path, limits: &Limits) -> Result<Vec<FoundPoint>> {
         [Some(r), Some(g), Some(b)] => Some([r, g, b]),
         _ => None,
     };
-    let (mut points, mut buffer) = (Vec::new(), Vec::new());
-    limits.reserve(path.display(), &mut points, table.rows())?;
+    let mut buffer = Vec::new();
     for first in (0..table.rows()).step_by(table.rows_per_block()) {
         let count = table.rows_per_block().min(table.rows() - first);
         for row in table.block(first, count, &mut buffer)?.chunks_exact(table.stride()) {
             let position = DVec3::from(position.map(|column| column.f64(row)));
             let rgb = rgb.map_or(GREY, |columns: [Column; 3]| columns.map(|c| c.int(row) as u8));
-            points.push(FoundPoint { position, rgb, error: None });
+            visit(FoundPoint { position, rgb, error: None });
         }
     }
-    Ok(points)
+    Ok(())
 }
 
 #[cfg(test)]
@@ -43,7 +42,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("points.ply");
         std::fs::write(&path, bytes).unwrap();
-        read(&path, &Limits::DEFAULT)
+        let mut points = Vec::new();
+        each_point(&path, &Limits::DEFAULT, &mut |point| points.push(point)).map(|()| points)
     }
 
     fn header(format: &str) -> String {

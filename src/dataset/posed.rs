@@ -24,9 +24,6 @@ pub struct Dataset {
     /// The world point that became (0, 0, 0) here: zero, unless the scene is so far from the origin
     /// that f32 would lose its detail. world = origin + position.
     pub origin: DVec3,
-    /// How well cameras and points fit each other, where the data set says which photo shows which
-    /// point.
-    pub reprojection: Option<Reprojection>,
     /// What was repaired, left out or is odd, one sentence each.
     pub warnings: Vec<String>,
 }

@@ -71,7 +71,8 @@ pub fn write(folder: &Path, options: &SyntheticOptions) -> Result<()> {
 pub fn write_poses(folder: &Path, options: &SyntheticOptions) -> Result<()> {
     let sparse = folder.join("sparse/0");
     std::fs::create_dir_all(&sparse).map_err(|e| Error::io(&sparse, e))?;
-    colmap_text::write(&sparse, &model(options))?;
+    let (model, points) = model(options);
+    colmap_text::write(&sparse, &model, &points)?;
     let held_out: String = (0..options.views).step_by(8).map(|i| photo_name(i) + "\n").collect();
     let list = folder.join("test.txt");
     std::fs::write(&list, held_out).map_err(|e| Error::io(&list, e))
@@ -217,7 +218,7 @@ fn pose(options: &SyntheticOptions, index: u32) -> (DMat3, DVec3) {
 }
 
 /// Cameras, poses, points and the photos that show them.
-fn model(options: &SyntheticOptions) -> Model {
+fn model(options: &SyntheticOptions) -> (Model, Vec<PointRow>) {
     let lens = lens(options);
     let image = |index| {
         let (rotation, translation) = pose(options, index);
@@ -228,14 +229,15 @@ fn model(options: &SyntheticOptions) -> Model {
         .into_par_iter()
         .filter_map(|id| track(options, &lens, &model.images, id))
         .collect();
+    let mut points = Vec::with_capacity(tracks.len());
     for Track { point, observations } in tracks {
         for (image, place) in observations {
             model.images[image].observations.push((point.id, place));
         }
-        model.points.push(point);
+        points.push(point);
     }
     model.cameras.insert(1, lens);
-    model
+    (model, points)
 }
 
 struct Track {

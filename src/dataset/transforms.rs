@@ -7,12 +7,12 @@
 //! R = (M diag(1, -1, -1))^T        t = -R c        M, c: rotation and column 3 of transform_matrix
 //! ```
 
-use super::found::{Found, FoundPhoto, FoundPoint, LensClaim};
+use super::found::{Found, FoundPhoto, LensClaim};
 use super::kind::DatasetKind;
 use super::lens::Distortion;
 use super::options::DatasetOptions;
 use super::paths::NamedFiles;
-use super::point_ply;
+use super::point_file::PointFile;
 use crate::error::{Error, Result};
 use crate::formats::foreign;
 use crate::input;
@@ -73,11 +73,8 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<Found> {
     let transforms = parse(file, &options.limits)?;
     let mut files = NamedFiles::new(file, &root, options.allow_outside);
     let points = match &transforms.ply_file_path {
-        Some(name) => {
-            let ply = files.find("ply_file_path", &name.replace('\\', "/"))?;
-            read_points(file, &ply, &options.limits)?
-        }
-        None => Vec::<FoundPoint>::new(),
+        Some(name) => point_file(file, files.find("ply_file_path", &name.replace('\\', "/"))?)?,
+        None => PointFile::None,
     };
     let mut frames = Vec::with_capacity(transforms.frames.len());
     for (index, row) in transforms.frames.iter().enumerate() {
@@ -91,13 +88,12 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<Found> {
     if frames.is_empty() {
         return Err(Error::malformed(file, "frames", "is empty; a data set needs at least one photo"));
     }
-    let (list, reprojection) = (file.to_owned(), None);
-    let (kind, photos) = (DatasetKind::Transforms, frames);
-    Ok(Found { kind, root, list, photos, points, reprojection, warnings })
+    let (kind, list, photos) = (DatasetKind::Transforms, file.to_owned(), frames);
+    Ok(Found { kind, root, list, photos, points, warnings })
 }
 
 /// The cloud that `file` names.
-fn read_points(file: &Path, ply: &Path, limits: &Limits) -> Result<Vec<FoundPoint>> {
+fn point_file(file: &Path, ply: PathBuf) -> Result<PointFile> {
     if !ply.exists() {
         let reason = format!(
             "{} does not exist; restore it, or remove the key to start from random points",
@@ -105,7 +101,7 @@ fn read_points(file: &Path, ply: &Path, limits: &Limits) -> Result<Vec<FoundPoin
         );
         return Err(Error::malformed(file, "ply_file_path", reason));
     }
-    point_ply::read(ply, limits)
+    Ok(PointFile::Ply(ply))
 }
 
 fn parse(file: &Path, limits: &Limits) -> Result<Transforms> {

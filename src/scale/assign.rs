@@ -1,13 +1,17 @@
 //! Which photos each block gets: those that show it, judged by the coarse scene, each cropped to the part that shows it.
 
-use super::cover::{Coverage, SeenBlock};
+use super::cover::{Brush, Coverage, SeenBlock};
 use super::manifest::{Block, BlockPhoto};
 use super::options::PlanOptions;
 use crate::dataset::View;
 use crate::error::{Error, Result};
+use rayon::prelude::*;
+use std::sync::atomic::AtomicBool;
 
 /// A block with fewer photos than this gets those that show most of it, however little: one photo gives no depth.
 const FEWEST_PHOTOS: usize = 3;
+/// Photos that one thread looks at before it gives up its memory.
+const TOGETHER: usize = 64;
 
 /// Gives each of `blocks` its photos among `views`; one that no photo shows has none.
 ///
@@ -15,16 +19,19 @@ const FEWEST_PHOTOS: usize = 3;
 pub(super) fn assign(
     blocks: &mut [Block],
     views: &[&View],
-    coverage: &mut Coverage<'_>,
+    coverage: &Coverage<'_>,
     options: &PlanOptions,
 ) -> Result<()> {
     let min_cover = options.min_cover as f32;
     // Those that show too little of a block are known too, for blocks that have no others.
     let mut shown: Vec<Vec<(usize, SeenBlock)>> = vec![Vec::new(); blocks.len()];
-    for (photo, view) in views.iter().enumerate() {
-        for seen in coverage.look(&view.camera, blocks, 0.1 * min_cover) {
-            shown[seen.block].push((photo, seen));
-        }
+    let looks: Vec<Vec<SeenBlock>> = views
+        .par_iter()
+        .with_min_len(TOGETHER)
+        .map_init(Brush::default, |brush, view| coverage.look(brush, &view.camera, blocks, 0.1 * min_cover))
+        .collect();
+    for (photo, looks) in looks.into_iter().enumerate() {
+        looks.into_iter().for_each(|seen| shown[seen.block].push((photo, seen)));
     }
     for (block, mut views) in blocks.iter_mut().zip(shown) {
         views.sort_by(|(a, x), (b, y)| y.cover.total_cmp(&x.cover).then(a.cmp(b)));
@@ -56,13 +63,16 @@ pub(super) fn visible(
     block: &Block,
     views: &[&View],
     triangles: usize,
-    coverage: &mut Coverage<'_>,
+    coverage: &Coverage<'_>,
 ) -> Result<Vec<bool>> {
-    let mut visible = vec![false; triangles];
-    for photo in &block.photos {
+    let mut visible = Vec::new();
+    visible.resize_with(triangles, AtomicBool::default);
+    let look = |brush: &mut Brush, photo: &BlockPhoto| -> Result<()> {
         let (corner, size) = photo.corner_and_size();
         let part = views[photo.photo as usize].cropped(corner, size)?;
-        coverage.mark_visible(&part.camera, &mut visible);
-    }
-    Ok(visible)
+        coverage.mark_visible(brush, &part.camera, &visible);
+        Ok(())
+    };
+    block.photos.par_iter().with_min_len(TOGETHER).try_for_each_init(Brush::default, look)?;
+    Ok(visible.into_iter().map(AtomicBool::into_inner).collect())
 }

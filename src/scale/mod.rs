@@ -12,6 +12,7 @@
 //! its centroid.
 
 mod assign;
+mod cells;
 mod cover;
 mod cuts;
 pub mod expected;

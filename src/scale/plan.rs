@@ -46,16 +46,29 @@ pub struct Planner<'a> {
     pub whole: &'a TrainOptions,
 }
 
+/// Refuses what no photo is needed to refuse: options out of range, and blocks that would take more than `max_bytes` were they all alike and
+/// had no photos. Returns the number of blocks.
+///
+/// Errors: those.
+pub fn check(options: &PlanOptions, whole: &TrainOptions, max_bytes: Option<u64>) -> Result<usize> {
+    options.validate()?;
+    whole.validate()?;
+    if whole.preset == TrainPreset::PaperEngine {
+        let expected = "another preset: its losses are means over a whole scene";
+        return Err(Error::invalid("preset", "paper-engine, in blocks", expected));
+    }
+    let count = options.count(whole.max_triangles)?;
+    let triangles = whole.max_triangles.div_ceil(count as u64);
+    let load = BlockLoad { photos: Vec::new(), frozen: 0, trained: triangles, position: 0.0, photo_bytes: 0 };
+    let least = expected(&load, &TrainOptions { max_triangles: triangles, ..whole.clone() });
+    check_memory("the largest block, even without photos,", least, max_bytes)?;
+    Ok(count)
+}
+
 impl Planner<'_> {
     /// How many blocks there are.
     pub fn count(&self) -> Result<usize> {
-        self.options.validate()?;
-        self.whole.validate()?;
-        if self.whole.preset == TrainPreset::PaperEngine {
-            let expected = "another preset: its losses are means over a whole scene";
-            return Err(Error::invalid("preset", "paper-engine, in blocks", expected));
-        }
-        self.options.count(self.whole.max_triangles)
+        check(self.options, self.whole, None)
     }
 
     /// How the coarse scene is trained, and after which step it ends: the first part of a plain run with fewer triangles; `None` when there is
@@ -135,7 +148,7 @@ impl Planner<'_> {
         for index in 0..manifest.blocks.len() {
             manifest.blocks[index].key = manifest.key_of(index)?;
             let expected = manifest.blocks[index].expected;
-            check_memory(index, expected, max_bytes)?;
+            check_memory(&format!("block {index}"), expected, max_bytes)?;
         }
         Ok(manifest)
     }
@@ -194,10 +207,10 @@ fn empty_block(core: Region, halo: Region, steps: u64, max_triangles: u64, seed:
     }
 }
 
-fn check_memory(index: usize, expected: Expected, max_bytes: Option<u64>) -> Result<()> {
+fn check_memory(what: &str, expected: Expected, max_bytes: Option<u64>) -> Result<()> {
     match max_bytes.filter(|most| expected.bytes > *most) {
         Some(limit) => Err(Error::TooLarge {
-            what: format!("what block {index} is expected to take"),
+            what: format!("what {what} is expected to take"),
             bytes: expected.bytes,
             limit,
             remedy:
@@ -230,11 +243,11 @@ impl<'a> Cutter<'a> {
             return Err(Error::invalid("coarse scene", "a mesh", "a soup, as `trisplat train` writes it"));
         };
         let middles = middles(soup);
-        let points: Vec<Vec3> = match planner.dataset.points.is_empty() {
-            true => middles.clone(),
-            false => planner.dataset.points.iter().map(|point| point.position).collect(),
+        let points = &planner.dataset.points;
+        let space = match points.is_empty() {
+            true => Space::new(cameras, &middles),
+            false => Space::of(cameras, points.len(), |i| points[i].position),
         };
-        let space = Space::new(cameras, &points);
         Ok(Self { planner, scene, soup, space, views, cameras, middles })
     }
 
@@ -244,23 +257,25 @@ impl<'a> Cutter<'a> {
         let inner: Vec<Vec3> = self.inner().map(|i| self.middles[i]).collect();
         let cores = cut(&inner, self.planner.count()?, &Surroundings::of(&positions));
         let owners = owners(&self.middles, &cores);
+        let mut held = vec![Vec::new(); cores.len()];
+        self.inner().for_each(|i| held[owners[i] as usize].push(self.middles[i]));
         let seed = self.planner.whole.seed;
         let block = |(i, core): (usize, &Region)| {
-            let halo = core.grown(self.extent(&owners, i as u32) * self.planner.options.halo as f32);
+            let halo = core.grown(extent(&held[i]) * self.planner.options.halo as f32);
             empty_block(*core, halo, 0, 0, seed.wrapping_add(i as u64))
         };
         let mut blocks: Vec<Block> = cores.iter().enumerate().map(block).collect();
         let drawing = self.planner.whole.drawing([0.0; 3]);
-        let mut coverage = Coverage::new(self.soup, &self.middles, &owners, self.space, &drawing);
-        assign(&mut blocks, self.views, &mut coverage, self.planner.options)?;
-        let (passes, core_triangles) = (self.passes(&blocks), self.core_triangles(&owners, blocks.len()));
+        let coverage = Coverage::new(self.soup, &self.middles, &owners, self.space, &drawing);
+        assign(&mut blocks, self.views, &coverage, self.planner.options)?;
+        let (passes, core_triangles) = (self.passes(&blocks), self.core_triangles(&owners, &blocks));
         let mut shown = Vec::with_capacity(blocks.len());
         for (owner, mut block) in blocks.into_iter().enumerate() {
             // What no photo shows cannot be trained, and nobody misses it.
             if block.photos.is_empty() {
                 continue;
             }
-            let visible = visible(&block, self.views, self.soup.len(), &mut coverage)?;
+            let visible = visible(&block, self.views, self.soup.len(), &coverage)?;
             let photos = block.photos.len() as f64 / self.views.len() as f64;
             block.steps = ((passes * self.planner.whole.steps as f64 * photos).ceil() as u64).max(1);
             block.first_step =
@@ -292,35 +307,22 @@ impl<'a> Cutter<'a> {
         }
     }
 
-    /// The triangles of the whole scene, shared out among the cores as those of the coarse scene are. `[blocks]`
-    fn core_triangles(&self, owners: &[u32], blocks: usize) -> Vec<u64> {
-        let mut held = vec![0u128; blocks];
+    /// The triangles of the whole scene, shared out among the cores that photos show as those of the coarse scene are. `[blocks]`
+    fn core_triangles(&self, owners: &[u32], blocks: &[Block]) -> Vec<u64> {
+        let mut held = vec![0u128; blocks.len()];
         owners.iter().for_each(|owner| held[*owner as usize] += 1);
+        for (held, _) in held.iter_mut().zip(blocks).filter(|(_, block)| block.photos.is_empty()) {
+            *held = 0;
+        }
+        let all = held.iter().sum::<u128>().max(1);
         let mut below = 0;
-        let up_to = |held: u128| {
-            (u128::from(self.planner.whole.max_triangles) * held / owners.len().max(1) as u128) as u64
-        };
+        let up_to = |held: u128| (u128::from(self.planner.whole.max_triangles) * held / all) as u64;
         let part = |held: &u128| {
             let from = up_to(below);
             below += held;
             up_to(below) - from
         };
         held.iter().map(part).collect()
-    }
-
-    /// How far the inner triangles of a block reach, along each axis.
-    fn extent(&self, owners: &[u32], block: u32) -> Vec3 {
-        let own = self.inner().filter(|i| owners[*i] == block);
-        let own: Vec<Vec3> = own.map(|i| self.middles[i]).collect();
-        Vec3::from([0, 1, 2].map(|a| {
-            let mut along: Vec<f32> = own.iter().map(|p| p[a]).collect();
-            along.sort_unstable_by(f32::total_cmp);
-            let skipped = along.len() / 20;
-            match along.is_empty() {
-                true => 0.0,
-                false => along[along.len() - 1 - skipped] - along[skipped],
-            }
-        }))
     }
 
     /// Everything of a block that follows from its boxes and photos, and the file it starts from.
@@ -361,7 +363,7 @@ impl<'a> Cutter<'a> {
             photo_bytes: self.planner.dataset_options.photo_bytes(),
         };
         block.expected = expected(&load, &options);
-        check_memory(index, block.expected, max_bytes)?;
+        check_memory(&format!("block {index}"), block.expected, max_bytes)?;
         let order: Vec<usize> = [frozen, shell, trained].concat();
         block.start = Some(self.write_start(index, &order, file)?);
         Ok(())
@@ -385,6 +387,19 @@ impl<'a> Cutter<'a> {
         out.commit_as(&path)?;
         Ok(Source { file, hash, triangles: order.len() as u64 })
     }
+}
+
+/// How far nearly all of these reach along each axis.
+fn extent(middles: &[Vec3]) -> Vec3 {
+    Vec3::from([0, 1, 2].map(|a| {
+        let mut along: Vec<f32> = middles.iter().map(|p| p[a]).collect();
+        along.sort_unstable_by(f32::total_cmp);
+        let skipped = along.len() / 20;
+        match along.is_empty() {
+            true => 0.0,
+            false => along[along.len() - 1 - skipped] - along[skipped],
+        }
+    }))
 }
 
 /// `to` relative to `folder`, so that both can be mounted elsewhere together.

@@ -12,6 +12,7 @@ use crate::formats::{self, ReadOptions};
 use crate::limits::Limits;
 use crate::scene::{Loaded, Scene};
 use crate::train::{Part, Preview, RunOptions, TrainRun, Trained, checkpoint};
+use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -102,7 +103,9 @@ impl Task {
         let photos: Vec<&PlannedPhoto> =
             self.block().photos.iter().map(|p| &plan.photos[p.photo as usize]).collect();
         let names: BTreeSet<String> = photos.iter().map(|photo| named(photo)).collect();
-        let mut dataset = Dataset::load_some(&path, options, &names)?;
+        // A block that starts from triangles needs no points, which may be most of a data set.
+        let origin = self.block().start.as_ref().map(|_| DVec3::from(plan.origin));
+        let mut dataset = Dataset::load_some(&path, options, &names, origin)?;
         for (now, planned) in planned_photos(&dataset, options)?.iter().zip(&photos) {
             if now != *planned {
                 let what = if now.hash == planned.hash { "its camera" } else { "its file" };

@@ -46,7 +46,6 @@ pub fn dataset(
         views,
         points: Vec::new(),
         origin: DVec3::ZERO,
-        reprojection: None,
         warnings: Vec::new(),
     })
 }

@@ -18,6 +18,7 @@ use crate::scene::Loaded;
 use crate::soup::Soup;
 use crate::space::Space;
 use glam::Vec3;
+use std::borrow::Cow;
 
 /// Points drawn at random inside the views of the cameras when the data set has none.
 const RANDOM_POINTS: usize = 10_000;
@@ -81,8 +82,9 @@ pub(super) fn from_points(
         points
     };
     let cameras: Vec<Camera> = views.iter().map(|v| v.camera).collect();
-    let positions: Vec<Vec3> = cloud.iter().map(|p| p.position).collect();
-    let space = Space::new(&cameras, &positions);
+    let space = Space::of(&cameras, cloud.len(), |i| cloud[i].position);
+    // Points that no triangle could stand for are thinned first: sizes are those of the gaps between the others.
+    let cloud = thinned(cloud, usize::try_from(options.max_triangles).unwrap_or(usize::MAX));
     let init_points: Vec<InitPoint> = cloud
         .iter()
         .map(|p| InitPoint {
@@ -108,14 +110,27 @@ pub(super) fn from_points(
     }
     let most = usize::try_from(options.max_triangles).unwrap_or(usize::MAX).saturating_sub(soup.len());
     let count = first.len();
-    if count > most {
-        // Evenly over the cloud, which files store in no order that matters.
-        first.retain(|i| (i + 1) * most / count > i * most / count);
-    }
+    first.retain(|i| is_among(i, most, count));
     soup.append(first);
     let mut position = at_first_step(views, options, space, &soup);
     position.state.pinned = pinned;
     Ok(position)
+}
+
+/// At most `most` of the points.
+fn thinned(cloud: &[Point], most: usize) -> Cow<'_, [Point]> {
+    match cloud.len() > most {
+        true => {
+            let kept = cloud.iter().enumerate().filter(|(i, _)| is_among(*i, most, cloud.len()));
+            Cow::Owned(kept.map(|(_, point)| *point).collect())
+        }
+        false => Cow::Borrowed(cloud),
+    }
+}
+
+/// Whether entry `i` of `count` is among `most` of them that are taken evenly; files store points in no order that matters.
+fn is_among(i: usize, most: usize, count: usize) -> bool {
+    count <= most || (i as u128 + 1) * most as u128 / count as u128 > i as u128 * most as u128 / count as u128
 }
 
 /// The triangles of a scene that is there already.
@@ -166,5 +181,22 @@ fn at_first_step(views: &[&View], options: &TrainOptions, space: Space, soup: &S
         step: 0,
         dropped: 0,
         core: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cloud_is_thinned_evenly_and_only_where_it_has_too_many_points() {
+        let point = |i: usize| Point { position: Vec3::X * i as f32, rgb: [0; 3], error: None };
+        let cloud: Vec<Point> = (0..1000).map(point).collect();
+        assert!(matches!(thinned(&cloud, 1000), Cow::Borrowed(_)));
+        let kept = thinned(&cloud, 130);
+        assert_eq!(kept.len(), 130);
+        let gaps = kept.windows(2).map(|pair| pair[1].position.x - pair[0].position.x);
+        assert!(gaps.into_iter().all(|gap| (7.0..=8.0).contains(&gap)));
+        assert!(thinned(&cloud, 0).is_empty());
     }
 }

@@ -126,7 +126,8 @@ fn every_cut_and_every_flipped_byte_of_a_binary_model_is_survived() {
     let whole = load(folder.path());
     assert_eq!((whole.kind, whole.views.len(), whole.points.len()), (DatasetKind::ColmapBinary, 2, 2));
     assert_eq!(whole.points[0].rgb, [10, 20, 30]);
-    assert_eq!(whole.reprojection.unwrap().observations, 4, "the observation without a point does not count");
+    let measured = whole.reprojection(&Limits::DEFAULT).unwrap().unwrap();
+    assert_eq!(measured.observations, 4, "the observation without a point does not count");
     for (name, bytes) in &model {
         let file = sparse.join(name);
         for len in 0..bytes.len() {

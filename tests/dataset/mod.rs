@@ -15,6 +15,7 @@ use trisplat::dataset::synthetic::{self, SyntheticOptions};
 use trisplat::dataset::synthetic_scene::{Ray, trace};
 use trisplat::dataset::{Dataset, DatasetKind, DatasetOptions, Masks, View, cloud};
 use trisplat::image::{Image, Pixels};
+use trisplat::limits::Limits;
 use trisplat::math::metric;
 
 const REAL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data");
@@ -113,7 +114,7 @@ fn real_scenes_have_the_views_and_errors_their_makers_measured() {
         assert_eq!(names, list.lines().collect::<Vec<_>>(), "{name}");
         assert!(dataset.views.iter().all(|v| v.camera.size == UVec2::from(size)), "{name}");
         if let Some(want) = error {
-            let measured = dataset.reprojection.unwrap();
+            let measured = dataset.reprojection(&Limits::DEFAULT).unwrap().unwrap();
             assert_eq!(measured.behind, 0, "{name}");
             // The makers' figure is from before the photos were resized and some points dropped.
             assert!((measured.mean_px / want - 1.0).abs() < 0.1, "{name}: {measured:?}, want {want}");
@@ -196,7 +197,7 @@ fn the_sample_loads_without_complaint() {
     let dataset = load(Path::new(SAMPLE));
     assert_eq!(dataset.warnings, [""; 0]);
     assert_eq!((dataset.views.len(), dataset.test().count(), dataset.points.len()), (40, 5, 1500));
-    let measured = dataset.reprojection.unwrap();
+    let measured = dataset.reprojection(&Limits::DEFAULT).unwrap().unwrap();
     // Rayleigh mean of the noise that was added: 0.25 sqrt(pi / 2).
     assert!((measured.mean_px - 0.3133).abs() < 0.01, "{measured:?}");
     assert!(measured.observations > 8000 && measured.behind == 0);
@@ -334,7 +335,8 @@ fn a_scene_far_from_the_origin_keeps_its_detail() {
         assert!((a.camera.position() + shift).distance(b.camera.position()) < 1e-5);
         assert_eq!(a.camera.rotation, b.camera.rotation);
     }
-    assert!((near.reprojection.unwrap().mean_px - moved.reprojection.unwrap().mean_px).abs() < 1e-4);
+    let error = |dataset: &Dataset| dataset.reprojection(&Limits::DEFAULT).unwrap().unwrap().mean_px;
+    assert!((error(&near) - error(&moved)).abs() < 1e-4);
 }
 
 /// Adds an offset to every pose and point of a text model, in f64.

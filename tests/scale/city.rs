@@ -181,6 +181,62 @@ fn tasks_that_are_killed_end_with_the_same_bytes() {
 }
 
 #[test]
+fn a_task_reads_its_own_photos_and_no_points() {
+    let folder = planned();
+    let train = |folder: &Path| succeed(folder, &["train", "--block", "city:1"]);
+    train(folder.path());
+    let result = blocks(&folder.path().join("city")).pop().unwrap();
+    let (name, trained) = (result.file_name().unwrap(), std::fs::read(&result).unwrap());
+    let manifest: Value = serde_json::from_slice(&bytes(folder.path(), "city/manifest.json")).unwrap();
+    let shown: Vec<&str> = manifest["blocks"][1]["photos"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|p| manifest["photos"][p["photo"].as_u64().unwrap() as usize]["name"].as_str().unwrap())
+        .collect();
+    let bare = planned();
+    std::fs::write(bare.path().join("photos/points.ply"), "no points any more").unwrap();
+    let others = ending(&bare.path().join("photos/images"), ".png");
+    let others = others.iter().filter(|p| !shown.contains(&p.file_name().unwrap().to_str().unwrap()));
+    assert!(others.map(|path| std::fs::remove_file(path).unwrap()).count() > 0);
+    train(bare.path());
+    assert!(std::fs::read(bare.path().join("city").join(name)).unwrap() == trained);
+}
+
+#[test]
+fn what_no_photo_shows_is_left_out_and_its_triangles_go_to_the_others() {
+    let folder = planned();
+    // Photos that look down on one corner of the town only; the points are those of all of it.
+    let path = folder.path().join("photos/transforms.json");
+    let mut transforms: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    let frames = transforms["frames"].as_array_mut().unwrap();
+    let mut first = frames[0].clone();
+    let count = frames.len();
+    for (i, frame) in frames.iter_mut().enumerate() {
+        let at = [-15.0 + i as f64 / count as f64, -15.0, 25.0];
+        first["transform_matrix"] = serde_json::json!([
+            [1.0, 0.0, 0.0, at[0]],
+            [0.0, 1.0, 0.0, at[1]],
+            [0.0, 0.0, 1.0, at[2]],
+            [0.0, 0.0, 0.0, 1.0]
+        ]);
+        frame["transform_matrix"] = first["transform_matrix"].clone();
+        for key in ["fl_x", "fl_y"] {
+            frame[key] = 80.0.into();
+        }
+    }
+    std::fs::write(&path, transforms.to_string()).unwrap();
+    let plan = ["plan", "photos", "-o", "corner", "--blocks", "16", "--coarse-steps", "20"];
+    let more = ["--set", "init.shell_subdivisions=0", "--steps", "60", "--max-triangles", "3001"];
+    let said = succeed(folder.path(), &[&plan[..], &more[..]].concat());
+    assert!(said.contains("of 16 blocks are left out: no photo shows them"), "{said}");
+    let manifest: Value = serde_json::from_slice(&bytes(folder.path(), "corner/manifest.json")).unwrap();
+    let blocks = manifest["blocks"].as_array().unwrap();
+    assert!((1..16).contains(&blocks.len()), "{}", blocks.len());
+    assert_eq!(blocks.iter().map(|b| b["core_triangles"].as_u64().unwrap()).sum::<u64>(), 3001);
+}
+
+#[test]
 fn blocks_become_one_scene_and_one_tileset() {
     let folder = planned();
     let city = folder.path().join("city");
@@ -237,10 +293,18 @@ fn collect(tile: &Value, above: f64, uris: &mut Vec<String>) {
 fn what_is_not_as_it_was_planned_is_refused() {
     let folder = planned();
     fail(folder.path(), &["train", "--block", "city:3"], &["block is 3", "0 to 2"]);
+    let manifest: Value = serde_json::from_slice(&bytes(folder.path(), "city/manifest.json")).unwrap();
+    let most =
+        manifest["blocks"].as_array().unwrap().iter().map(|b| b["expected"]["bytes"].as_u64().unwrap());
+    let memory = format!("{}B", most.max().unwrap() - 1);
     let small =
-        [&["plan", "photos", "-o", "small", "--blocks", "3", "--memory", "1MB"], &TRAINING[..]].concat();
-    fail(folder.path(), &small, &["block 0", "--blocks"]);
+        [&["plan", "photos", "-o", "small", "--blocks", "3", "--memory", &memory], &TRAINING[..]].concat();
+    fail(folder.path(), &small, &["what block ", "is expected to take", "--blocks"]);
     assert!(!folder.path().join("small/manifest.json").exists());
+    // What no photo could change is refused before any is looked for.
+    let blind = ["plan", "nowhere", "-o", "blind", "--blocks", "3", "--memory", "1MB"];
+    fail(folder.path(), &blind, &["the largest block, even without photos,", "--blocks"]);
+    assert!(!folder.path().join("blind").exists());
 
     let files = std::fs::read_dir(folder.path().join("city")).unwrap().map(|entry| entry.unwrap().path());
     let is_start = |path: &std::path::PathBuf| {

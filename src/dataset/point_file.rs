@@ -1,0 +1,37 @@
+//! The file of a cloud of points. It is read once to learn where the scene lies and once more for the points, never held in f64: a city
+//! has more of them than anything else.
+
+use super::found_point::FoundPoint;
+use super::{colmap_binary, colmap_text, point_ply};
+use crate::error::Result;
+use crate::limits::Limits;
+use std::path::PathBuf;
+
+/// Where the points are.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum PointFile {
+    None,
+    ColmapBinary(PathBuf),
+    ColmapText(PathBuf),
+    Ply(PathBuf),
+}
+
+impl PointFile {
+    /// Hands every point to `visit`, in the order of the file.
+    pub(super) fn each(&self, limits: &Limits, visit: &mut dyn FnMut(FoundPoint)) -> Result<()> {
+        match self {
+            Self::None => Ok(()),
+            Self::ColmapBinary(path) => colmap_binary::each_point(path, limits, &mut |row| visit(row.into())),
+            Self::ColmapText(path) => colmap_text::each_point(path, limits, &mut |row| visit(row.into())),
+            Self::Ply(path) => point_ply::each_point(path, limits, visit),
+        }
+    }
+
+    /// How messages call it.
+    pub(super) fn name(&self) -> String {
+        match self {
+            Self::None => "points".into(),
+            Self::ColmapBinary(path) | Self::ColmapText(path) | Self::Ply(path) => path.display().to_string(),
+        }
+    }
+}
