@@ -1,17 +1,23 @@
 //! How many triangles fit a number of bytes: by writing, not by guessing.
 //!
-//! Bytes are nearly in proportion to triangles, so few attempts are needed; the last word is what a file really takes.
+//! Bytes are nearly in proportion to triangles, whatever these look like. So a scene without fitting, which costs little, is measured
+//! first, and the number of triangles that fits is right or nearly right when the scene is made. The last word is what its files take.
 
 use crate::error::{Error, Result};
 
-/// Attempts at most, the first with all triangles among them.
-const MOST_ATTEMPTS: u32 = 7;
+/// Probes at most, the first with all triangles among them.
+const MOST_PROBES: u32 = 7;
 
-/// A file this near its limit is not worth another attempt.
-const NEAR: f64 = 0.985;
+/// Times that the scene is made to come nearer to the limit; more only while nothing fits.
+const ENOUGH: u32 = 2;
+/// Times that it is made at most.
+const MOST_MADE: u32 = 7;
 
-/// What is aimed for, as a share of the limit: a little less, as an attempt that is too large is lost.
-const AIM: f64 = 0.995;
+/// A file this near its limit is not worth making the scene again.
+const NEAR: f64 = 0.96;
+
+/// What is aimed for, as a share of the limit: a little less, as a scene that is too large is lost.
+const AIM: f64 = 0.985;
 
 /// A scene that was made and measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,23 +30,64 @@ pub struct Attempt {
     pub bytes: u64,
 }
 
-/// The attempt with most triangles whose files take at most `limit` bytes. `make` makes the scene with at most its argument's number of triangles, and measures
-/// it; the first time with `max_triangles`.
+/// The scene with most triangles whose files take at most `limit` bytes. `make` makes it with at most its argument's number of triangles, and
+/// measures it; `probe` measures a scene like it that is made in a fraction of the time. Neither has more than `max_triangles`.
 ///
-/// Errors: those of `make`; a limit that not even one triangle fits.
-pub fn most_within(
+/// Errors: those of both; a limit that not even one triangle fits.
+pub fn most_within<T>(
     limit: u64,
     max_triangles: Option<u64>,
-    mut make: impl FnMut(Option<u64>) -> Result<Attempt>,
-) -> Result<Attempt> {
-    let mut over = make(max_triangles)?;
+    probe: impl FnMut(Option<u64>) -> Result<Attempt>,
+    mut make: impl FnMut(Option<u64>) -> Result<(Attempt, T)>,
+) -> Result<T> {
+    let mut most = probed(limit, max_triangles, probe)?;
+    let (mut over, mut within): (Option<Attempt>, Option<(Attempt, T)>) = (None, None);
+    for made in 1..=MOST_MADE {
+        let (attempt, scene) = make(most)?;
+        if attempt.bytes > limit {
+            over = Some(attempt);
+        } else if within.as_ref().is_none_or(|(best, _)| best.bytes < attempt.bytes) {
+            within = Some((attempt, scene));
+        }
+        let best = within.as_ref().map(|(best, _)| best);
+        if best.is_some_and(|best| made >= ENOUGH || is_enough(limit, max_triangles, best)) {
+            break;
+        }
+        // As if twice as many triangles took twice as many bytes, where none were too many.
+        let double =
+            |best: &Attempt| Attempt { triangles: 2 * best.triangles, bytes: 2 * best.bytes, ..*best };
+        let Some(high) = over.or_else(|| best.map(double)) else { break };
+        match next(limit, &high, best) {
+            Some(triangles) => most = Some(max_triangles.map_or(triangles, |most| most.min(triangles))),
+            None => break,
+        }
+    }
+    match (within, over) {
+        (Some((_, scene)), _) => Ok(scene),
+        (None, over) => Err(too_few(limit, over)),
+    }
+}
+
+/// Whether more triangles are not worth the time, or there are no more.
+fn is_enough(limit: u64, asked: Option<u64>, found: &Attempt) -> bool {
+    let all = found.max_triangles == asked || found.max_triangles.is_none_or(|most| found.triangles < most);
+    all || found.bytes as f64 >= NEAR * limit as f64
+}
+
+/// How many triangles fit by probes; those that are asked for if all of them do.
+fn probed(
+    limit: u64,
+    max_triangles: Option<u64>,
+    mut probe: impl FnMut(Option<u64>) -> Result<Attempt>,
+) -> Result<Option<u64>> {
+    let mut over = probe(max_triangles)?;
     if over.bytes <= limit {
-        return Ok(over);
+        return Ok(max_triangles);
     }
     let mut within: Option<Attempt> = None;
-    for _ in 1..MOST_ATTEMPTS {
+    for _ in 1..MOST_PROBES {
         let Some(triangles) = next(limit, &over, within.as_ref()) else { break };
-        let attempt = make(Some(triangles))?;
+        let attempt = probe(Some(triangles))?;
         if attempt.bytes > limit {
             over = attempt;
         } else {
@@ -50,10 +97,17 @@ pub fn most_within(
             }
         }
     }
-    within.ok_or_else(|| {
-        let least = format!("{} or more: that is what {} triangles take", over.bytes, over.triangles);
-        Error::invalid("max_bytes", limit, least)
-    })
+    match within {
+        Some(found) => Ok(found.max_triangles),
+        None => next(limit, &over, None).map(Some).ok_or_else(|| too_few(limit, Some(over))),
+    }
+}
+
+fn too_few(limit: u64, over: Option<Attempt>) -> Error {
+    let least = over.map_or("more".to_owned(), |over| {
+        format!("{} or more: that is what {} triangles take", over.bytes, over.triangles)
+    });
+    Error::invalid("max_bytes", limit, least)
 }
 
 /// The triangles to try next: on the line through what is known; `None` when nothing lies between.
@@ -63,7 +117,7 @@ fn next(limit: u64, over: &Attempt, within: Option<&Attempt>) -> Option<u64> {
     let aim = (AIM * limit as f64).max(low_bytes);
     let share = (aim - low_bytes) / (high_bytes - low_bytes).max(1.0);
     // No triangles at all take bytes, too: the line from 0 is too steep.
-    let shy = if within.is_some() { 1.0 } else { 0.97 };
+    let shy = if within.is_some() { 1.0 } else { AIM };
     let triangles = (low + shy * share * (high - low)).floor().max(low + 1.0);
     (triangles < high).then_some(triangles as u64)
 }
@@ -72,36 +126,52 @@ fn next(limit: u64, over: &Attempt, within: Option<&Attempt>) -> Option<u64> {
 mod tests {
     use super::*;
 
-    fn search(limit: u64, all: u64, header: u64, each: u64) -> (Result<Attempt>, u32) {
+    /// A scene of `all` triangles of `each` bytes; probes take `probed` times as many. Returns what was found, and how often it was made.
+    fn search(limit: u64, all: u64, header: u64, each: u64, probed: f64) -> (Result<Attempt>, u32) {
         let mut made = 0;
-        let found = most_within(limit, None, |most| {
-            made += 1;
+        let measured = |most: Option<u64>, each: f64| {
             let triangles = most.map_or(all, |most| most.min(all));
-            Ok(Attempt { max_triangles: most, triangles, bytes: header + each * triangles })
+            Attempt { max_triangles: most, triangles, bytes: header + (each * triangles as f64) as u64 }
+        };
+        let probe = |most| Ok(measured(most, probed * each as f64));
+        let found = most_within(limit, None, probe, |most| {
+            made += 1;
+            let attempt = measured(most, each as f64);
+            Ok((attempt, attempt))
         });
         (found, made)
     }
 
     #[test]
     fn what_fits_is_left_alone() {
-        let (found, made) = search(10_000, 100, 500, 60);
-        assert_eq!((found.unwrap().triangles, made), (100, 1));
+        let (found, made) = search(10_000, 100, 500, 60, 1.0);
+        assert_eq!((found.unwrap(), made), (Attempt { max_triangles: None, triangles: 100, bytes: 6500 }, 1));
     }
 
     #[test]
-    fn the_limit_is_kept_and_nearly_reached() {
+    fn the_limit_is_kept_and_nearly_reached_by_making_the_scene_at_most_twice() {
         for (limit, header) in [(3_000_000, 1500), (1_000_000, 100_000), (50_000, 1500), (5_999_999, 0)] {
-            let (found, made) = search(limit, 100_000, header, 60);
-            let found = found.unwrap();
-            assert!(found.bytes <= limit && found.bytes as f64 > 0.9 * limit as f64, "{limit}: {found:?}");
-            assert!(made <= MOST_ATTEMPTS, "{made}");
-            assert_eq!(found.max_triangles, Some(found.triangles));
+            for probed in [1.0, 0.8, 1.3] {
+                let (found, made) = search(limit, 100_000, header, 60, probed);
+                let found = found.unwrap();
+                let share = found.bytes as f64 / limit as f64;
+                assert!((0.95..=1.0).contains(&share), "{limit}, {probed}: {found:?}");
+                assert!(made <= ENOUGH && (probed != 1.0 || made == 1), "{limit}, {probed}: {made}");
+                assert_eq!(found.max_triangles, Some(found.triangles));
+            }
         }
     }
 
     #[test]
+    fn a_probe_that_is_far_off_costs_time_and_breaks_no_limit() {
+        let (found, made) = search(3_000_000, 100_000, 1500, 60, 0.3);
+        assert!(found.unwrap().bytes <= 3_000_000 && made <= 3, "{made}");
+    }
+
+    #[test]
     fn a_limit_below_one_triangle_is_an_error() {
-        let error = search(1000, 50_000, 1500, 60).0.unwrap_err().to_string();
+        let error = search(1000, 50_000, 1500, 60, 1.0).0.unwrap_err().to_string();
         assert!(error.starts_with("max_bytes is 1000: expected "), "{error}");
+        assert_eq!(search(1000, 50_000, 1500, 60, 1.0).1, 0, "probes are enough to know");
     }
 }

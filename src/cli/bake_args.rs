@@ -40,7 +40,7 @@ pub struct BakeArgs {
     pub report: Option<PathBuf>,
     /// Write at most this many bytes, all files together, as in 5MB.
     ///
-    /// The scene keeps as many triangles as fit; it is baked several times.
+    /// The scene keeps as many triangles as fit; its size is tried first, and it is baked once or twice.
     #[arg(long, value_name = "SIZE")]
     pub max_bytes: Option<ByteSize>,
     /// CPU time to spend on all cores together, as in 5s or 2m: chooses how many pictures of a soft scene are drawn, how often its

@@ -1,7 +1,7 @@
 //! What the terminal shows of a bake: the run that hardens a scene, the pictures that are drawn for it, the stages.
 
 use super::Global;
-use super::progress::Progress;
+use super::progress::{Progress, thousands};
 use super::train_progress::Bar;
 use crate::error::Result;
 use crate::job::BakeJobObserver;
@@ -45,6 +45,12 @@ impl BakeJobObserver for Terminal<'_> {
     fn drew(&mut self, done: usize, all: usize) {
         let progress = self.drawing.get_or_insert_with(|| Progress::new(self.global));
         progress.note(&format!("drawing soft pictures: {done} of {all}"));
+    }
+
+    fn fits(&mut self, limit: u64, triangles: Option<u64>) {
+        let which =
+            triangles.map_or("all triangles".to_owned(), |most| format!("{} triangles", thousands(most)));
+        self.stages().line(&format!("baking {which} into {} bytes", thousands(limit)));
     }
 
     fn prepared(&mut self, stages: &[StageReport]) {

@@ -1,11 +1,11 @@
 //! A bake from what is asked for to its files: photos, hardening, a budget of bytes or of time, stages, report.
 
 use super::bake_budget;
+use super::fitted::fitted;
 use super::harden::{self, HardenOptions, Hardened};
 use super::observer::BakeJobObserver;
 use super::unhardened::Unhardened;
 use crate::asset::Asset;
-use crate::bake::max_bytes::{Attempt, most_within};
 use crate::bake::merge::merge;
 use crate::bake::teacher::TeacherWhen;
 use crate::bake::{Bake, BakeOptions, Views};
@@ -149,13 +149,20 @@ impl BakeJob {
         let Scenes { scenes, mut views, unhardened } = self.scenes(&mut report, observer)?;
         observer.prepared(&report.stages);
         let (mut options, has_photos) = (self.options, self.photos.is_some());
-        if let (Some(limit), Some((output, _))) = (self.max_bytes, &to) {
-            options = fitted(limit, &scenes, views.as_mut(), &options, output)?;
-        }
-        report.options = serde_json::to_value(&options).unwrap_or_default();
         let mut pace = bake_budget::pace(self.budget, began);
-        let bake = Bake::new(&options).photos(views.as_mut()).report(&mut report).observer(observer);
-        let mut asset = bake.pace(&mut pace).run(scenes)?;
+        let mut asset = match (self.max_bytes, &to) {
+            (Some(limit), Some((output, _))) => {
+                let found = fitted(limit, &scenes, views.as_mut(), &options, output, &report, observer)?;
+                drop(scenes);
+                (options, report) = (found.options, found.report);
+                found.asset
+            }
+            _ => {
+                let bake = Bake::new(&options).photos(views.as_mut()).report(&mut report).observer(observer);
+                bake.pace(&mut pace).run(scenes)?
+            }
+        };
+        report.options = serde_json::to_value(&options).unwrap_or_default();
         if let Some(unhardened) = unhardened {
             let photos = views.as_mut().filter(|_| has_photos);
             asset = unhardened.better(asset, photos, &options, &mut report)?;
@@ -237,31 +244,4 @@ impl BakeJob {
         let teaches = self.photos.is_none() && self.options.teacher.teacher == TeacherWhen::Auto;
         if teaches || self.harden.is_some() { 3 } else { 0 }
     }
-}
-
-/// The options with the most triangles whose files, all of `output` together, take at most `limit` bytes. Bakes and counts what would be
-/// written, several times.
-///
-/// Errors: those of a bake and of writing; a limit below what any scene takes.
-fn fitted(
-    limit: u64,
-    scenes: &[Loaded],
-    mut views: Option<&mut Views>,
-    options: &BakeOptions,
-    output: &Output,
-) -> Result<BakeOptions> {
-    let with = |max_triangles: Option<u64>| {
-        let mut options = options.clone();
-        options.prune.max_triangles = max_triangles;
-        options
-    };
-    let attempt = most_within(limit, options.prune.max_triangles, |most| {
-        let (tried, mut unread) = (with(most), Report::default());
-        let asset = Bake::new(&tried).photos(views.as_deref_mut()).run(scenes.iter().cloned())?;
-        let triangles = asset.counts().triangles;
-        output::write(&asset, output, output.dry_run(), &tried.output, &mut unread, &mut ())?;
-        let bytes = unread.outputs.iter().map(|file| file.bytes).sum();
-        Ok(Attempt { max_triangles: most, triangles, bytes })
-    })?;
-    Ok(with(attempt.max_triangles))
 }

@@ -8,6 +8,7 @@
 mod bake_budget;
 mod baking;
 pub mod budget;
+mod fitted;
 pub mod harden;
 mod observer;
 pub mod teacher;

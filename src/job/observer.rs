@@ -34,6 +34,8 @@ pub trait BakeJobObserver: Observer {
     }
     /// `done` of `all` soft pictures are drawn.
     fn drew(&mut self, _done: usize, _all: usize) {}
+    /// The scene is about to be baked with at most `triangles`, which are expected to fit `limit` bytes; not at all of a bake without a limit.
+    fn fits(&mut self, _limit: u64, _triangles: Option<u64>) {}
     /// The preparation is over; these were its stages.
     fn prepared(&mut self, _stages: &[StageReport]) {}
 }

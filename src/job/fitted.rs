@@ -1,0 +1,82 @@
+//! A bake whose files take at most a number of bytes.
+
+use super::observer::BakeJobObserver;
+use crate::asset::Asset;
+use crate::bake::floaters::FloatersOptions;
+use crate::bake::max_bytes::{Attempt, most_within};
+use crate::bake::refit::RefitColors;
+use crate::bake::reshape::ReshapeOptions;
+use crate::bake::teacher::TeacherOptions;
+use crate::bake::{Bake, BakeOptions, Views};
+use crate::error::Result;
+use crate::formats::output::{self, Output};
+use crate::report::Report;
+use crate::scene::Loaded;
+
+/// What was baked, how, and what its report says so far.
+pub(super) struct Fitted {
+    pub(super) asset: Asset,
+    pub(super) options: BakeOptions,
+    pub(super) report: Report,
+}
+
+/// The bake with the most triangles whose files, all of `output` together, take at most `limit` bytes. What would be written is counted:
+/// first of the scene without anything that pictures decide, then of the bake itself, which may be made again. `report` is what each begins with.
+///
+/// Errors: those of a bake and of writing; a limit below what any scene takes.
+pub(super) fn fitted(
+    limit: u64,
+    scenes: &[Loaded],
+    mut views: Option<&mut Views>,
+    options: &BakeOptions,
+    output: &Output,
+    report: &Report,
+    observer: &mut dyn BakeJobObserver,
+) -> Result<Fitted> {
+    let with = |options: &BakeOptions, max_triangles: Option<u64>| {
+        let mut options = options.clone();
+        options.prune.max_triangles = max_triangles;
+        options
+    };
+    let measured = |asset: &Asset, options: &BakeOptions| -> Result<Attempt> {
+        let mut unread = Report::default();
+        output::write(asset, output, output.dry_run(), &options.output, &mut unread, &mut ())?;
+        let bytes = unread.outputs.iter().map(|file| file.bytes).sum();
+        let max_triangles = options.prune.max_triangles;
+        Ok(Attempt { max_triangles, triangles: asset.counts().triangles, bytes })
+    };
+    let (plain, sightless) = (plain(options), sightless(scenes, options));
+    let probe = |most: Option<u64>| {
+        let options = with(&plain, most);
+        let asset = Bake::new(&options).run(sightless.iter().cloned())?;
+        measured(&asset, &options)
+    };
+    let make = |most: Option<u64>| -> Result<(Attempt, Fitted)> {
+        let (options, mut report) = (with(options, most), report.clone());
+        observer.fits(limit, most);
+        let bake = Bake::new(&options).photos(views.as_deref_mut()).report(&mut report);
+        let asset = bake.observer(&mut *observer).run(scenes.iter().cloned())?;
+        Ok((measured(&asset, &options)?, Fitted { asset, options, report }))
+    };
+    most_within(limit, options.prune.max_triangles, probe, make)
+}
+
+/// The options of a scene of as many bytes, without what looks at pictures.
+fn plain(options: &BakeOptions) -> BakeOptions {
+    let mut plain = options.clone();
+    (plain.teacher, plain.reshape, plain.floaters) =
+        (TeacherOptions::OFF, ReshapeOptions::OFF, FloatersOptions::OFF);
+    plain.refit.refit = RefitColors::Off;
+    // Bytes of these do not grow with the triangles.
+    (plain.collision.collision, plain.texture.texture) = (false, false);
+    plain
+}
+
+/// The scenes without their cameras, unless a region is cut out by them: what nobody looks at is ranked by size.
+fn sightless(scenes: &[Loaded], options: &BakeOptions) -> Vec<Loaded> {
+    let mut scenes = scenes.to_vec();
+    if options.crop.crop.is_empty() {
+        scenes.iter_mut().for_each(|scene| scene.cameras.clear());
+    }
+    scenes
+}
