@@ -19,6 +19,7 @@ use crate::formats::check::Checked;
 use crate::formats::info::Info;
 use crate::formats::output::WriteDetails;
 use crate::formats::tileset_info::TilesetInfo;
+use crate::job::watched::Watched;
 use crate::report::{Report, stage_schema};
 use crate::scale::Manifest;
 use crate::scale::merge::MergeReport;
@@ -126,6 +127,7 @@ fn report_schema() -> schemars::Schema {
     let stages = [
         stage_schema::<CropDetails>(g),
         stage_schema::<ArrangeDetails>(g),
+        stage_schema::<Watched>(g),
         stage_schema::<TeacherDetails>(g),
         stage_schema::<CollisionDetails>(g),
         stage_schema::<SurfaceDetails>(g),

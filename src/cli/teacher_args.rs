@@ -9,11 +9,12 @@ use std::path::{Path, PathBuf};
 pub struct TeacherArgs {
     /// Train on pictures of this soft scene too, drawn from half way between neighbouring photos. auto: train one first and keep it as
     /// OUT.teacher.ply; where it is ready early, up to two more, whose mean picture counts. off: do without. Solid scenes of fewer than
-    /// 28 photos have auto, which counts less the more photos there are beyond 20, unless --max-cpu-secs is given.
+    /// 28 photos have auto, which counts less the more photos there are beyond 20, unless --max-cpu-secs is given. With a budget, short
+    /// trainings that leave photos out may ask for it up to 100 photos, and say how long it trains.
     #[arg(long, value_name = "SCENE|auto|off", requires = "dataset")]
     pub teacher: Option<TeacherSource>,
     /// Share of the steps that look at them, 0 to 0.9, at most one picture per place between the photos. By default two thirds with 20 photos
-    /// or fewer, and less with more: none from 28 on, half where a teacher is asked for.
+    /// or fewer, and less with more, as the teacher counts less; half or more where one is asked for.
     #[arg(long, value_name = "SHARE", requires = "teacher", value_parser = share)]
     pub teacher_share: Option<f64>,
 }

@@ -60,7 +60,7 @@ pub fn run(
     let dataset = dataset(args, &how, from.as_ref(), &options.options, global)?;
     files.spare_photos(&dataset)?;
     let teacher_file = teacher_args::beside(&args.output);
-    let job = TrainJob {
+    let mut job = TrainJob {
         dataset,
         dataset_options: how,
         options,
@@ -69,12 +69,15 @@ pub fn run(
         teacher_share: args.teacher.teacher_share,
         teacher_file: Some(teacher_file.clone()),
         budget: args.budget.map(Budget::cpu).or_else(|| args.budget_wall.map(Budget::wall)),
+        watched: None,
+        watch_secs: 0.0,
         began: Some(clock),
         backend: args.backend_options.clone(),
         outputs,
         resume: point,
         force_resume: args.force_resume,
     };
+    job.watch(&mut Preparation::new(global, &mut files, Vec::new()))?;
     if job.teacher.is_none() && job.teacher_plan() == TeacherPlan::Train {
         // One that was asked for is claimed already.
         teacher_files(&teacher_file).iter().try_for_each(|path| files.claim("--teacher", path))?;
@@ -84,7 +87,7 @@ pub fn run(
     let (teacher_output, lost_teachers) = preparation.done();
     let ready = ready?;
     let (plan, notes) = (ready.budget_summary(), ready.notes());
-    let ReadyTrain { dataset, photos, teacher, warnings: about_inputs, start, .. } = ready;
+    let ReadyTrain { dataset, photos, teacher, teacher_share, warnings: about_inputs, start, .. } = ready;
     let OpenRun { run, card, warnings: about_start } = start.open(&dataset)?;
     warnings.extend(about_inputs);
     warnings.extend(about_start);
@@ -109,7 +112,7 @@ pub fn run(
     report.outputs.extend(teacher_output);
     write(args, &trained, report, clock, &mut files, &mut bar)?;
     let lost = bar.done();
-    summary(args, &teacher, &trained, &mut bar);
+    summary(args, (&teacher, teacher_share), &trained, &mut bar);
     if let (true, Some(checkpoint)) = (trained.stopped, &trained.checkpoint) {
         let command = resume::command(matches, args, checkpoint);
         bar.line(&format!("stopped early; to continue: {command}"));
@@ -299,7 +302,12 @@ fn next_command(args: &TrainArgs, solid: bool) -> String {
     format!("next: trisplat bake {}{photos}{harden} -o {file}", quoted(args.output.as_path()))
 }
 
-fn summary(args: &TrainArgs, teacher: &TeacherPlan, trained: &Trained, bar: &mut Bar) {
+fn summary(
+    args: &TrainArgs,
+    (teacher, share): (&TeacherPlan, Option<f64>),
+    trained: &Trained,
+    bar: &mut Bar,
+) {
     let out = args.output.display();
     let triangles = HumanCount(trained.soup.len() as u64);
     let held_out = match trained.quality() {
@@ -333,8 +341,9 @@ fn summary(args: &TrainArgs, teacher: &TeacherPlan, trained: &Trained, bar: &mut
             TeacherPlan::Read(path) => format!(" --teacher {}", path.display()),
             TeacherPlan::Train => format!(" --teacher {}", teacher_args::beside(&args.output).display()),
         };
+        let share = share.map_or(String::new(), |share| format!(" --teacher-share {share}"));
         bar.line(&format!(
-            "spent {spent} of the budget {budget}; the same run without it: {repeat}{teacher}"
+            "spent {spent} of the budget {budget}; the same run without it: {repeat}{teacher}{share}"
         ));
     }
     if trained.dropped > 0 {

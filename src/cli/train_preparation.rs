@@ -44,6 +44,20 @@ impl<'a> Preparation<'a> {
 }
 
 impl TrainJobObserver for Preparation<'_> {
+    fn watching_begins(&mut self, options: &TrainOptions) -> Result<Box<dyn TrainObserver + '_>> {
+        let bar = Bar::new(self.global, options.steps, 0, None, &[])?;
+        let steps = options.steps;
+        bar.line(&format!(
+            "a short training leaves some photos out, to see what more steps gain: {steps} steps (--teacher off skips it)"
+        ));
+        Ok(Box::new(bar))
+    }
+
+    fn watched(&mut self, summary: &str) {
+        // Without a bar there is nothing that can fail.
+        Bar::new(self.global, 0, 0, None, &[]).iter_mut().for_each(|bar| bar.line(summary));
+    }
+
     fn teacher_begins(&mut self, options: &TrainOptions, asked: bool) -> Result<Box<dyn TrainObserver + '_>> {
         let bar = Bar::new(self.global, options.steps, 0, None, &[])?;
         let by_default = if asked { "" } else { ", as photos are few (--teacher off skips it)" };

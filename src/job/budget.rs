@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::layered::{Layered, Origin};
 use crate::scene::Loaded;
 use crate::train::TrainOptions;
-use crate::train::budget::{Pace, Paced, PlanInput, calibrate, plan};
+use crate::train::budget::{Enough, Pace, Paced, PlanInput, calibrate, plan};
 use std::time::Instant;
 
 /// Refuses options that a budget chooses, in whatever layer they are given.
@@ -37,7 +37,7 @@ pub(super) struct Budgeted {
 }
 
 /// Measures the machine, and chooses steps, triangles and the size of photos for a run on `dataset` that began at `began` and starts
-/// from the scene `from`, if any; more than `most_steps` do not pay. `most_steps` is none where steps are given.
+/// from the scene `from`, if any. More than `enough` does not pay.
 /// `how` is how `dataset` was read; it gets the size.
 ///
 /// Errors: those of the first steps; photos that cannot be decoded; a budget that is too small.
@@ -46,13 +46,13 @@ pub(super) fn budgeted(
     options: Layered<TrainOptions>,
     from: Option<&Loaded>,
     budget: Option<Budget>,
-    most_steps: Option<u64>,
+    enough: Enough,
     began: Instant,
     how: &mut DatasetOptions,
 ) -> Result<Budgeted> {
     let triangles_given = options.is_given("max_triangles");
     let Some(budget) = budget else {
-        let options = with_fewer_steps(options.options, most_steps, triangles_given);
+        let options = with_fewer_steps(options.options, enough.steps, triangles_given);
         return Ok(Budgeted { dataset, options, paced: None });
     };
     let options = options.options;
@@ -63,7 +63,7 @@ pub(super) fn budgeted(
         triangles_given,
         size_given: how.max_size.is_some() || dataset.kind == DatasetKind::Drawn,
         from_scene: from.is_some(),
-        most_steps,
+        enough,
         ..PlanInput::new(&dataset, &options, budget, spending.seconds(), calibration)
     };
     let plan = plan(&input)?;

@@ -14,6 +14,7 @@ mod observer;
 pub mod teacher;
 mod training;
 mod unhardened;
+pub mod watched;
 
 pub use baking::{BakeDone, BakeInput, BakeJob};
 pub use observer::{BakeJobObserver, TrainJobObserver};

@@ -6,6 +6,12 @@ use crate::train::{TrainObserver, TrainOptions, Trained};
 
 /// Watches a training: its preparation by these methods, its steps as a [`TrainObserver`]. Every method does nothing unless implemented.
 pub trait TrainJobObserver: TrainObserver {
+    /// A short training is about to begin whose watched photos tell whether the run needs a teacher; returns who watches its steps.
+    fn watching_begins(&mut self, _options: &TrainOptions) -> Result<Box<dyn TrainObserver + '_>> {
+        Ok(Box::new(()))
+    }
+    /// What these trainings came to.
+    fn watched(&mut self, _summary: &str) {}
     /// A teacher is about to be trained, as `options` say; returns who watches its steps. `asked`: it was asked for, and does not come by
     /// default.
     fn teacher_begins(

@@ -3,8 +3,9 @@
 use super::budget::{Budgeted, budgeted, with_fewer_steps};
 use super::harden;
 use super::observer::TrainJobObserver;
+use super::watched;
 use crate::bake::teacher::TeacherDetails;
-use crate::budget::{Budget, Seconds};
+use crate::budget::{Budget, Seconds, Spending};
 use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
 use crate::formats;
@@ -12,7 +13,7 @@ use crate::layered::{Layered, Layers};
 use crate::report::{StageDetails, StageReport};
 use crate::scene::Loaded;
 use crate::teacher;
-use crate::train::budget::Paced;
+use crate::train::budget::{Enough, Paced};
 use crate::train::device::OpenRun;
 use crate::train::{BackendOptions, Checkpoint, RunOptions, TrainOptions, TrainPreset, TrainRun, Trained};
 use std::convert::Infallible;
@@ -27,7 +28,7 @@ const TRIANGLES_SHARE: f64 = 0.67;
 const BUDGET_SHARE: f64 = 0.4;
 const ALL_TEACHERS_SHARE: f64 = 0.55;
 /// Photos to train on up to which a teacher counts fully, and those from which on it counts nothing; its weight falls linearly in between.
-/// See docs/benchmarks/few-photos.md.
+/// Watched photos may ask for more: see `watched.rs` and docs/benchmarks/few-photos.md.
 const FEW_PHOTOS: f64 = 20.0;
 const MANY_PHOTOS: f64 = 28.0;
 /// Share of the steps that look at the teacher's pictures with few photos, and where it was asked for with many.
@@ -36,10 +37,10 @@ const PICTURE_SHARES: [f64; 2] = [2.0 / 3.0, 0.5];
 const LEAST_WEIGHT: f64 = 0.1;
 /// Most teachers of a run. What several scenes show that were trained apart is closer than what any of them does.
 const MOST_TEACHERS: usize = 3;
-/// Steps per training photo after which a teacher, and the run that it teaches, come closer to these photos only. Each takes as many times
-/// more as its teacher counts less.
-const TEACHER_STEPS_PER_PHOTO: f64 = 85.0;
-const STEPS_PER_PHOTO: f64 = 180.0;
+/// Steps per training photo after which a teacher, and the run that it teaches, come closer to these photos only: the teacher's where
+/// watched photos say so, and where they do not. Each takes as many times more as its teacher counts less.
+const TEACHER_STEPS_PER_PHOTO: [f64; 2] = [40.0, 85.0];
+const STEPS_PER_PHOTO: [f64; 2] = [100.0, 180.0];
 
 /// Which scene teaches.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -83,6 +84,8 @@ pub enum TeacherPlan {
 pub struct UndecidedRun {
     /// Photos to train on.
     pub photos: usize,
+    /// What more steps gain on photos that were watched, dB, and the weight of a teacher that follows from it; `None` where none were.
+    pub watched: Option<WatchedGain>,
     /// The preset of its options.
     pub preset: TrainPreset,
     /// It starts from photos and their points, and not from a scene.
@@ -102,10 +105,36 @@ impl UndecidedRun {
         }
         match self.photos {
             0 | 1 => Some("there is nothing between so few photos".into()),
-            count if weight(count) < LEAST_WEIGHT => Some(format!("{count} photos are enough without one")),
+            count if self.weight() < LEAST_WEIGHT => Some(match self.watched {
+                Some(WatchedGain { decibels, .. }) => {
+                    format!("more steps gain {decibels:.1} dB on watched photos without one")
+                }
+                None => format!("{count} photos are enough without one"),
+            }),
             _ => None,
         }
     }
+
+    /// Whether photos are worth watching: their number alone does not decide.
+    pub(super) fn is_unsure(&self) -> bool {
+        let without = Self { watched: None, ..*self };
+        let possible = Self { photos: 2, ..without }.needs_none().is_none();
+        possible && without.weight() < 1.0 && self.photos <= watched::MOST_PHOTOS
+    }
+
+    /// Weight of its teacher: the larger of that by the number of photos and that by watched ones.
+    pub(super) fn weight(&self) -> f64 {
+        weight(self.photos).max(self.watched.map_or(0.0, |watched| watched.teacher_weight))
+    }
+}
+
+/// What watched photos say of a run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WatchedGain {
+    /// What more steps gain on them, dB.
+    pub decibels: f64,
+    /// Weight of a teacher, 0 to 1.
+    pub teacher_weight: f64,
 }
 
 /// Weight of a teacher by default for this number of training photos: 1 with few, 0 with many.
@@ -113,32 +142,37 @@ fn weight(photos: usize) -> f64 {
     ((MANY_PHOTOS - photos as f64) / (MANY_PHOTOS - FEW_PHOTOS)).clamp(0.0, 1.0)
 }
 
-/// How much the teacher counts of a run that `asked` for it, or has it by default.
-fn weight_of(photos: usize, asked: bool) -> f64 {
-    if asked { 1.0 } else { weight(photos) }
+/// What is enough for a run on `photos` with a teacher that counts `weight` and trains for `length` of the longest.
+pub(super) fn enough(photos: usize, weight: f64, length: f64) -> Enough {
+    let (steps, triangles_per_step) = worth(STEPS_PER_PHOTO, photos, weight, length);
+    Enough { steps: Some(steps), triangles_per_step, ..Enough::default() }
 }
 
-/// Largest useful number of steps of a run on `photos` with a teacher, which was `asked` for or comes by default.
-pub(super) fn most_steps(photos: usize, asked: bool) -> u64 {
+/// The most steps, and the triangles per step: fewer steps are made with as many triangles.
+fn worth([short, long]: [f64; 2], photos: usize, weight: f64, length: f64) -> (u64, f64) {
+    let per_photo = short + length * (long - short);
     // A float that is too large becomes the largest integer.
-    (STEPS_PER_PHOTO * photos as f64 / weight_of(photos, asked)) as u64
+    let steps = (per_photo * photos as f64 / weight) as u64;
+    (steps, Enough::default().triangles_per_step * long / per_photo)
 }
 
-/// The most steps of its teacher.
-fn most_teacher_steps(photos: usize, weight: f64) -> u64 {
-    (TEACHER_STEPS_PER_PHOTO * photos as f64 / weight) as u64
+/// What is enough for its teacher.
+fn enough_for_teacher(photos: usize, weight: f64, length: f64) -> Enough {
+    let (steps, triangles_per_step) = worth(TEACHER_STEPS_PER_PHOTO, photos, weight, length);
+    // Large surfaces are what it is for: it sees small photos often enough rather than large ones too seldom.
+    Enough { steps: Some(steps), triangles_per_step, steps_of_full_photos: steps }
 }
 
-/// Default share of the steps that look at pictures of a teacher, by the number of photos to train on.
-pub fn picture_share(photos: usize, asked: bool) -> f64 {
+/// Default share of the steps that look at pictures of a teacher of this weight by default, which may have been `asked` for.
+pub(super) fn picture_share(weight: f64, asked: bool) -> f64 {
     let [few, least] = PICTURE_SHARES;
-    let by_photos = few * weight(photos);
-    if asked { by_photos.max(least) } else { by_photos }
+    let by_weight = few * weight;
+    if asked { by_weight.max(least) } else { by_weight }
 }
 
-/// The part of a run's budget that its teachers are trained with, which count `weight`.
-fn teacher_budget(run: Budget, weight: f64) -> Budget {
-    Budget { seconds: Seconds(run.seconds.0 * BUDGET_SHARE * weight), ..run }
+/// Until when the first teacher of a run is trained, which counts `weight`, `spent` seconds of the run's budget being spent.
+fn teacher_budget(run: Budget, weight: f64, spent: f64) -> Budget {
+    Budget { seconds: Seconds(spent + (run.seconds.0 - spent) * BUDGET_SHARE * weight), ..run }
 }
 
 /// How a teacher of a run is trained that counts `weight`. A budget chooses its triangles, unless those of the run are given.
@@ -236,6 +270,10 @@ pub(super) struct TaughtRun<'a> {
     pub(super) max_cpu_secs: f64,
     /// The teacher was asked for.
     pub(super) asked: bool,
+    /// How much it counts, 0 to 1.
+    pub(super) weight: f64,
+    /// How long it trains, from 0, as short as it can be, to 1.
+    pub(super) length: f64,
 }
 
 impl TaughtRun<'_> {
@@ -244,24 +282,25 @@ impl TaughtRun<'_> {
     /// Errors: those of a training; one that was stopped; a budget that is too small.
     pub(super) fn train_teachers(&self, observer: &mut dyn TrainJobObserver) -> Result<Teachers> {
         let (clock, mut how) = (Instant::now(), self.how.clone());
-        let photos = self.photos.train().count();
-        let weight = weight_of(photos, self.asked);
-        let budget = self.budget.map(|budget| teacher_budget(budget, weight));
+        let (photos, weight) = (self.photos.train().count(), self.weight);
+        let spent = |budget: Budget| Spending::of_process(budget.clock, self.began).seconds();
+        let budget = self.budget.map(|budget| teacher_budget(budget, weight, spent(budget)));
         let mut options = teacher_options(self.options, budget.is_some(), weight)?;
+        let mut enough = enough_for_teacher(photos, weight, self.length);
         // Steps that are given for the run are given for its teacher, too.
-        let most = Some(most_teacher_steps(photos, weight)).filter(|_| !self.options.is_given("steps"));
+        enough.steps = enough.steps.filter(|_| !self.options.is_given("steps"));
         if budget.is_none() {
             let triangles_given = self.options.is_given("max_triangles");
-            options.options = with_fewer_steps(options.options, most, triangles_given);
+            options.options = with_fewer_steps(options.options, enough.steps, triangles_given);
         }
         let Budgeted { dataset, options, paced } =
-            budgeted(self.photos.clone(), options, None, budget, most, self.began, &mut how)?;
+            budgeted(self.photos.clone(), options, None, budget, enough, self.began, &mut how)?;
         let began_secs = paced.as_ref().map(|paced| paced.spending.seconds());
         let (trained, stage) = self.train_teacher(0, (&dataset, &how), &options, paced, observer)?;
         let more = match (&trained.paced, began_secs, budget) {
             (Some(paced), Some(began), Some(budget)) => {
                 let share = ALL_TEACHERS_SHARE / BUDGET_SHARE;
-                let fit = share * budget.seconds.0 / (paced.spending.seconds() - began);
+                let fit = share * (budget.seconds.0 - began) / (paced.spending.seconds() - began);
                 (fit as usize).clamp(1, MOST_TEACHERS) - 1
             }
             _ => 0,
@@ -357,8 +396,13 @@ mod tests {
     use super::*;
     use crate::train::StereoUse;
 
-    const FEW: UndecidedRun =
-        UndecidedRun { photos: 8, preset: TrainPreset::Solid, starts_from_photos: true, max_cpu_secs: 0.0 };
+    const FEW: UndecidedRun = UndecidedRun {
+        photos: 8,
+        watched: None,
+        preset: TrainPreset::Solid,
+        starts_from_photos: true,
+        max_cpu_secs: 0.0,
+    };
 
     #[test]
     fn solid_scenes_of_few_photos_have_a_teacher() {
@@ -379,20 +423,58 @@ mod tests {
         assert_eq!([2, 20, 24, 28, 200].map(weight), [1.0, 1.0, 0.5, 0.0, 0.0]);
         for photos in 2..100 {
             assert!((weight(photos) - weight(photos + 1)).abs() <= 0.125 + 1e-9, "{photos}");
-            let shares = [photos, photos + 1].map(|photos| picture_share(photos, false));
+            let shares = [photos, photos + 1].map(|photos| picture_share(weight(photos), false));
             assert!((shares[0] - shares[1]).abs() < 0.09, "{photos}: {shares:?}");
         }
-        assert_eq!(picture_share(100, true), 0.5);
+        assert_eq!(picture_share(weight(100), true), 0.5);
         assert!(UndecidedRun { photos: 27, ..FEW }.needs_none().is_none());
     }
 
     #[test]
+    fn watched_photos_may_ask_for_a_teacher_that_the_number_of_photos_does_not() {
+        let many = UndecidedRun { photos: 37, ..FEW };
+        let watched = |decibels, teacher_weight| UndecidedRun {
+            watched: Some(WatchedGain { decibels, teacher_weight }),
+            ..many
+        };
+        assert!(many.needs_none().is_some() && many.is_unsure());
+        assert_eq!((watched(-0.5, 1.0).needs_none(), watched(-0.5, 1.0).weight()), (None, 1.0));
+        let why = watched(1.5, 0.0).needs_none();
+        assert!(why.as_ref().is_some_and(|why| why.contains("gain 1.5 dB")), "{why:?}");
+        // Watched photos take no teacher away.
+        assert_eq!(UndecidedRun { photos: 21, ..watched(1.5, 0.0) }.weight(), weight(21));
+        for sure in [
+            FEW,
+            UndecidedRun { photos: 101, ..FEW },
+            UndecidedRun { preset: TrainPreset::Outdoor, ..many },
+            UndecidedRun { starts_from_photos: false, ..many },
+        ] {
+            assert!(!sure.is_unsure(), "{sure:?}");
+        }
+    }
+
+    #[test]
     fn few_photos_have_an_end_and_many_have_none() {
-        let most = |photos| most_steps(photos, false);
+        let most = |photos| enough(photos, weight(photos), 1.0).steps.unwrap();
         assert_eq!([10, 20, 24].map(most), [1800, 3600, 8640]);
         assert_eq!(most(28), u64::MAX);
         assert!((2..28).all(|photos| most(photos) < most(photos + 1)));
-        assert_eq!(most_teacher_steps(20, 1.0), 1700);
+    }
+
+    #[test]
+    fn fewer_steps_are_made_with_as_many_triangles() {
+        for (enough, steps) in
+            [(enough_for_teacher as fn(_, _, _) -> Enough, [800, 1700]), (enough, [2000, 3600])]
+        {
+            let [short, long] = [0.0, 1.0].map(|length| enough(20, 1.0, length));
+            assert_eq!([short, long].map(|enough| enough.steps), steps.map(Some));
+            assert_eq!(long.triangles_per_step, Enough::default().triangles_per_step);
+            let triangles = |enough: Enough| enough.triangles_per_step * enough.steps.unwrap() as f64;
+            assert!((triangles(short) - triangles(long)).abs() < 1e-6);
+            assert_eq!(enough(20, 0.5, 1.0).steps, Some(2 * steps[1]));
+        }
+        // A teacher that cannot make its steps on photos as they are has smaller ones.
+        assert_eq!(enough_for_teacher(20, 1.0, 1.0).steps_of_full_photos, 1700);
     }
 
     #[test]

@@ -2,7 +2,8 @@
 
 use super::budget::{self, Budgeted};
 use super::observer::TrainJobObserver;
-use super::teacher::{self, TaughtRun, TeacherPlan, TeacherSource, UndecidedRun};
+use super::teacher::{self, TaughtRun, TeacherPlan, TeacherSource, UndecidedRun, WatchedGain};
+use super::watched::{self, Watched, Watching};
 use crate::bake::teacher::TeacherDetails;
 use crate::budget::Budget;
 use crate::dataset::{Dataset, DatasetKind, DatasetOptions};
@@ -10,7 +11,7 @@ use crate::error::Result;
 use crate::layered::Layered;
 use crate::report::{Report, StageDetails, StageReport};
 use crate::scene::Loaded;
-use crate::train::budget::Paced;
+use crate::train::budget::{Enough, Paced};
 use crate::train::device::OpenRun;
 use crate::train::{BackendOptions, Checkpoint, RunOptions, TrainOptions, TrainRun, Trained};
 use std::path::PathBuf;
@@ -72,6 +73,10 @@ pub struct TrainJob {
     pub teacher_file: Option<PathBuf>,
     /// The time that steps, triangles and the size of photos are chosen for.
     pub budget: Option<Budget>,
+    /// What short trainings said of photos that they watched; `None` until [`TrainJob::watch`], and where it has nothing to decide.
+    pub watched: Option<Watched>,
+    /// How long these took, by the clock on the wall.
+    pub watch_secs: f64,
     /// When the process began that the budget is for; `None`: when the job was run.
     pub began: Option<Instant>,
     /// Where to train.
@@ -104,12 +109,16 @@ pub struct ReadyTrain {
     pub photos: Option<Dataset>,
     /// What becomes of the teacher.
     pub teacher: TeacherPlan,
-    /// How the teacher was trained, or why there is none; `None` of one that was read.
-    stage: Option<StageReport>,
+    /// Share of the steps that look at its pictures; `None` without one.
+    pub teacher_share: Option<f64>,
+    /// What watched photos said, if any; how the teacher was trained, or why there is none, unless it was read.
+    stages: Vec<StageReport>,
     /// What the user should know so far.
     pub warnings: Vec<String>,
     /// The run.
     pub start: TrainStart,
+    /// Watched photos decided something about it.
+    watched: bool,
     began: Instant,
 }
 
@@ -141,6 +150,8 @@ impl TrainJob {
             teacher_share: None,
             teacher_file: None,
             budget: None,
+            watched: None,
+            watch_secs: 0.0,
             began: None,
             backend: BackendOptions::default(),
             outputs: RunOptions::default(),
@@ -162,31 +173,84 @@ impl TrainJob {
         Ok(TrainDone { trained, report })
     }
 
+    /// Has short trainings leave some photos out, where the budget has time for it: they decide whether there is a teacher, if the number of
+    /// photos does not, and how long it trains. [`TrainJob::prepare`] does it, too, unless it is done.
+    ///
+    /// Errors: options that the budget chooses, photos that cannot be decoded, a training that was stopped.
+    pub fn watch(&mut self, observer: &mut dyn TrainJobObserver) -> Result<()> {
+        if self.resume.is_none() {
+            budget::check(self.budget, &self.options)?;
+        }
+        let photos = self.dataset.train().count();
+        let fits = self.budget.is_some_and(|budget| watched::fits(budget.seconds.0, photos));
+        let unsure = self.teacher.is_none() && self.undecided().is_unsure();
+        // What is cut out of a photo is lost to small ones that are kept in memory.
+        let cut = self.dataset.train().any(|view| view.photo.is_cut());
+        let wanted = unsure || self.teacher_plan() == TeacherPlan::Train;
+        if !fits || !wanted || cut || self.resume.is_some() || self.watched.is_some() {
+            return Ok(());
+        }
+        let how = self.dataset_options.clone();
+        let watching = Watching::new(&self.dataset, &how, self.options.options.seed)?;
+        let mut watched = watching.nothing_yet();
+        if unsure {
+            watched.solid = Some(watching.solid(observer)?);
+            self.watched = Some(watched.clone());
+        }
+        if self.teacher_plan() == TeacherPlan::Train {
+            watched.soft = Some(watching.soft(observer)?);
+        }
+        observer.watched(&watched.summary());
+        self.watch_secs = watching.seconds();
+        self.watched = Some(watched);
+        Ok(())
+    }
+
     /// What becomes of the teacher.
     pub fn teacher_plan(&self) -> TeacherPlan {
         let (photos, kept) = (self.dataset.train().count(), self.teacher_file.as_deref());
         match (&self.teacher, &self.resume) {
             (Some(source), resume) => TeacherPlan::asked(source, resume.is_some(), kept),
             (None, Some(checkpoint)) => TeacherPlan::resumed(checkpoint, photos, kept),
-            (None, None) => TeacherPlan::by_default(&UndecidedRun {
-                photos,
-                preset: self.options.options.preset,
-                starts_from_photos: self.from.is_none() && self.dataset.kind != DatasetKind::Drawn,
-                max_cpu_secs: self.outputs.max_cpu_secs,
-            }),
+            (None, None) => TeacherPlan::by_default(&self.undecided()),
         }
+    }
+
+    /// The run, as if it did not say whether it has a teacher.
+    fn undecided(&self) -> UndecidedRun {
+        let gain = |watched: &Watched| {
+            let (decibels, teacher_weight) = (watched.solid_gain()?, watched.teacher_weight()?);
+            Some(WatchedGain { decibels, teacher_weight })
+        };
+        UndecidedRun {
+            photos: self.dataset.train().count(),
+            watched: self.watched.as_ref().and_then(gain),
+            preset: self.options.options.preset,
+            starts_from_photos: self.from.is_none() && self.dataset.kind != DatasetKind::Drawn,
+            max_cpu_secs: self.outputs.max_cpu_secs,
+        }
+    }
+
+    /// How long a teacher trains, as share of the longest.
+    fn teacher_length(&self) -> f64 {
+        self.watched.as_ref().and_then(Watched::teacher_length).unwrap_or(1.0)
+    }
+
+    /// How much the teacher counts: fully if it was asked for.
+    fn teacher_weight(&self) -> f64 {
+        if self.teacher.is_some() { 1.0 } else { self.undecided().weight() }
     }
 
     /// Makes ready what the run is on: photos in the size that its budget has, and pictures of its teacher.
     ///
     /// Errors: options that the budget chooses; a teacher's file that cannot be read or is solid; those of the teacher's training, which must
     /// not be stopped; a budget that is too small.
-    pub fn prepare(self, observer: &mut dyn TrainJobObserver) -> Result<ReadyTrain> {
-        if self.resume.is_none() {
-            budget::check(self.budget, &self.options)?;
-        }
-        let (plan, began) = (self.teacher_plan(), self.began.unwrap_or_else(Instant::now));
-        let mut most_steps = None;
+    pub fn prepare(mut self, observer: &mut dyn TrainJobObserver) -> Result<ReadyTrain> {
+        let began = self.began.unwrap_or_else(Instant::now);
+        self.watch(observer)?;
+        let (plan, weight, by_default) =
+            (self.teacher_plan(), self.teacher_weight(), self.undecided().weight());
+        let mut enough = Enough::default();
         let (teacher, stage) = match &plan {
             TeacherPlan::Without(why) => {
                 (None, Some(StageReport::unneeded(TeacherDetails::STAGE, why.clone())))
@@ -194,10 +258,9 @@ impl TrainJob {
             TeacherPlan::Read(path) => (Some(teacher::soft_scenes(path, &self.dataset_options)?), None),
             TeacherPlan::Train => {
                 if !self.options.is_given("steps") {
-                    most_steps =
-                        Some(teacher::most_steps(self.dataset.train().count(), self.teacher.is_some()));
+                    enough = teacher::enough(self.dataset.train().count(), weight, self.teacher_length());
                 }
-                let teachers = self.taught(began).train_teachers(observer)?;
+                let teachers = self.taught(began, weight).train_teachers(observer)?;
                 (Some(teachers.scenes), Some(teachers.stage))
             }
         };
@@ -207,16 +270,16 @@ impl TrainJob {
             self.options,
             self.from.as_ref(),
             self.budget,
-            most_steps,
+            enough,
             began,
             &mut how,
         )?;
         let from_warnings = self.from.iter().flat_map(|scene| &scene.warnings);
         let mut warnings: Vec<String> = from_warnings.chain(&dataset.warnings).cloned().collect();
-        let (dataset, photos) = match teacher {
+        let (dataset, photos, teacher_share) = match teacher {
             Some(scenes) => {
                 let asked = self.teacher.is_some();
-                let by_default = || teacher::picture_share(dataset.train().count(), asked);
+                let by_default = || teacher::picture_share(by_default, asked);
                 // A run that goes on has as many pictures as it began with.
                 let begun = self.resume.as_ref().map(|checkpoint| {
                     1.0 - dataset.train().count() as f64 / checkpoint.meta.identity.photos.len().max(1) as f64
@@ -224,9 +287,9 @@ impl TrainJob {
                 let share = self.teacher_share.or(begun).unwrap_or_else(by_default);
                 let beside = teacher::with_pictures(&dataset, &scenes, share, &options, &how, observer)?;
                 warnings.extend(scenes.into_iter().flat_map(|scene| scene.warnings));
-                (beside, Some(dataset))
+                (beside, Some(dataset), Some(share))
             }
-            None => (dataset, None),
+            None => (dataset, None, None),
         };
         let start = TrainStart {
             dataset_options: how,
@@ -239,11 +302,24 @@ impl TrainJob {
             force_resume: self.force_resume,
             began,
         };
-        Ok(ReadyTrain { dataset, photos, teacher: plan, stage, warnings, start, began })
+        let watched = self.watched.iter().map(|watched| watched.stage(self.watch_secs));
+        let stages = watched.chain(stage).collect();
+        let watched = self.watched.is_some();
+        Ok(ReadyTrain {
+            dataset,
+            photos,
+            teacher: plan,
+            teacher_share,
+            stages,
+            warnings,
+            start,
+            watched,
+            began,
+        })
     }
 
     /// The run, for its teacher.
-    fn taught(&self, began: Instant) -> TaughtRun<'_> {
+    fn taught(&self, began: Instant, weight: f64) -> TaughtRun<'_> {
         TaughtRun {
             photos: &self.dataset,
             how: &self.dataset_options,
@@ -253,6 +329,8 @@ impl TrainJob {
             backend: &self.backend,
             max_cpu_secs: self.outputs.max_cpu_secs,
             asked: self.teacher.is_some(),
+            weight,
+            length: self.teacher_length(),
         }
     }
 }
@@ -260,19 +338,23 @@ impl TrainJob {
 impl ReadyTrain {
     /// What a budget was planned for, as said to people; `None` without one.
     pub fn budget_summary(&self) -> Option<String> {
-        self.start.paced.as_ref().map(|paced| paced.pace.summary())
+        let pace = &self.start.paced.as_ref()?.pace;
+        let why = if self.watched { "watched photos" } else { "photos are few" };
+        let end =
+            if pace.is_enough() { format!("; more time gains nothing here ({why})") } else { String::new() };
+        Some(pace.summary() + &end)
     }
 
     /// What the report says of the preparation.
     pub fn notes(&self) -> TrainNotes {
-        TrainNotes { stage: self.stage.clone(), warnings: self.warnings.clone(), began: self.began }
+        TrainNotes { stages: self.stages.clone(), warnings: self.warnings.clone(), began: self.began }
     }
 }
 
 /// What a report says of a training beside its figures.
 #[derive(Debug, Clone)]
 pub struct TrainNotes {
-    stage: Option<StageReport>,
+    stages: Vec<StageReport>,
     warnings: Vec<String>,
     began: Instant,
 }
@@ -283,7 +365,7 @@ impl TrainNotes {
         let seconds = self.began.elapsed().as_secs_f64();
         let mut report = Report::new("train");
         report.options = serde_json::to_value(&trained.options).unwrap_or_default();
-        report.stages.extend(self.stage);
+        report.stages.extend(self.stages);
         report.stages.push(trained.stage(triangles, seconds));
         report.warnings = [self.warnings, warnings].concat();
         Report { seconds, ..report }

@@ -7,8 +7,10 @@ use serde_json::json;
 use std::path::Path;
 use std::process::Command;
 use trisplat::budget::{Budget, Seconds};
+use trisplat::dataset::synthetic::{self, SyntheticOptions};
 use trisplat::job::harden::HardenOptions;
 use trisplat::job::teacher::TeacherSource;
+use trisplat::job::watched::WatchedTraining;
 use trisplat::job::{BakeDone, BakeInput, TrainDone, TrainJobObserver};
 use trisplat::layered::Layers;
 use trisplat::train::{TrainObserver, Trained};
@@ -75,6 +77,77 @@ fn a_training_of_few_photos() {
     let mut without = TrainJob::new(photos, options);
     without.teacher = Some(TeacherSource::Off);
     assert!(bytes(folder, &without.run(&mut ()).unwrap().trained) != scene);
+}
+
+/// Counts the short trainings, and stops one of them.
+#[derive(Default)]
+struct Watching {
+    trainings: usize,
+    said: String,
+    stop: bool,
+}
+
+impl TrainObserver for Watching {}
+
+/// Stops before the first step.
+struct Stop;
+
+impl TrainObserver for Stop {
+    fn wants_to_stop(&mut self) -> bool {
+        true
+    }
+}
+
+impl TrainJobObserver for Watching {
+    fn watching_begins(&mut self, _options: &TrainOptions) -> trisplat::Result<Box<dyn TrainObserver + '_>> {
+        self.trainings += 1;
+        Ok(if self.stop { Box::new(Stop) } else { Box::new(()) })
+    }
+
+    fn watched(&mut self, summary: &str) {
+        summary.clone_into(&mut self.said);
+    }
+}
+
+/// A budget that is long enough for its 21 photos leaves some of them out of short trainings; the held-out photos are not among them.
+#[test]
+fn photos_are_watched_where_their_number_does_not_decide() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = SyntheticOptions { views: 24, width: 24, points: 50, ..SyntheticOptions::default() };
+    synthetic::write(folder.path(), &options).unwrap();
+    let photos = Dataset::load(folder.path(), &DatasetOptions::default()).unwrap();
+    assert_eq!(photos.train().count(), 21);
+    let asked = |seconds| {
+        let mut job = TrainJob::new(photos.clone(), TrainOptions::default());
+        job.budget = Some(Budget::cpu(Seconds(seconds)));
+        job
+    };
+    let (mut job, mut observer) = (asked(120.0), Watching::default());
+    job.watch(&mut observer).unwrap();
+    job.watch(&mut observer).unwrap();
+    let watched = job.watched.clone().unwrap();
+    let steps = |pair: Option<[WatchedTraining; 2]>| pair.map(|pair| pair.map(|training| training.steps));
+    assert_eq!((observer.trainings, steps(watched.solid)), (4, Some([525, 1575])));
+    assert_eq!(steps(watched.soft), Some([840, 2520]));
+    let gain = watched.solid_gain().unwrap();
+    assert!(
+        observer.said == watched.summary() && observer.said.contains(&format!("{gain:+.2} dB")),
+        "{}",
+        observer.said
+    );
+    let trained: Vec<&String> = photos.train().map(|view| &view.name).collect();
+    assert_eq!(watched.photos.len(), 3);
+    assert!(watched.photos.iter().all(|name| trained.contains(&name)), "{:?}", watched.photos);
+    // Without the time, and where the answer is known, nothing is watched.
+    let mut without = asked(120.0);
+    without.teacher = Some(TeacherSource::Off);
+    for mut job in [asked(60.0), without] {
+        job.watch(&mut ()).unwrap();
+        assert!(job.watched.is_none());
+    }
+    let error =
+        asked(120.0).watch(&mut Watching { stop: true, ..Watching::default() }).unwrap_err().to_string();
+    assert!(error.contains("of 525 steps") && error.contains("nothing was written"), "{error}");
 }
 
 /// Timings choose the numbers of a budget, so the program is given those that the library chose.

@@ -17,4 +17,4 @@ pub use crate::budget::{Budget, BudgetClock, Seconds, Spending};
 pub use calibrate::calibrate;
 pub use cost::{Calibration, CostModel, Workload, part_secs};
 pub use pace::{BudgetDetails, Correction, Pace, Paced};
-pub use plan::{Plan, PlanInput, plan};
+pub use plan::{Enough, Plan, PlanInput, plan};

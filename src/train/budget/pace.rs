@@ -89,7 +89,7 @@ impl Pace {
             stored_secs: spent_secs,
             modelled_secs: 0.0,
             decoding_secs: (plan.step_secs - steps).max(0.0),
-            most_steps: input.most_steps,
+            most_steps: input.enough.steps,
         }
     }
 
@@ -169,6 +169,11 @@ impl Pace {
         BudgetDetails { budget: self.budget, plan, corrections, spent_secs, repeat }
     }
 
+    /// True when the run has all the steps that pay, and the budget would have time for more.
+    pub fn is_enough(&self) -> bool {
+        self.most_steps.is_some_and(|most| self.plan.steps >= most)
+    }
+
     /// "budget 60s of CPU time: 1500 steps, 21,000 triangles at most, photos as they are; ..." for the terminal.
     pub fn summary(&self) -> String {
         let Plan { steps, max_triangles, max_size, step_secs, reserve_secs } = &self.plan;
@@ -202,7 +207,7 @@ fn stretched(options: &TrainOptions, part: usize, stretch: f64) -> TrainOptions 
 mod tests {
     use super::*;
     use crate::train::budget::cost::Calibration;
-    use crate::train::budget::plan::plan;
+    use crate::train::budget::plan::{Enough, plan};
     use crate::train::timeline::Timeline;
     use glam::UVec2;
 
@@ -223,7 +228,7 @@ mod tests {
             triangles_given: false,
             size_given: false,
             from_scene: false,
-            most_steps: None,
+            enough: Enough::default(),
         }
     }
 
@@ -313,7 +318,8 @@ mod tests {
     #[test]
     fn a_run_that_has_all_steps_that_pay_leaves_the_rest_of_its_budget() {
         let base = TrainOptions::default();
-        let input = PlanInput { most_steps: Some(1500), ..input(&base, 600.0) };
+        let input =
+            PlanInput { enough: Enough { steps: Some(1500), ..Enough::default() }, ..input(&base, 600.0) };
         let plan = plan(&input).unwrap();
         assert_eq!((plan.steps, plan.max_triangles), (1500, 21_000));
         let mut pace = Pace::new(&input, &plan, 0.5);

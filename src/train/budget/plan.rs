@@ -13,10 +13,27 @@ use serde::{Deserialize, Serialize};
 /// Triangles per step: where the error was least at equal cost (docs/benchmarks/history-budget.md).
 const TRIANGLES_PER_STEP: f64 = 14.0;
 
+/// What is enough for a run, whatever its budget.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Enough {
+    /// More steps than this do not pay.
+    pub steps: Option<u64>,
+    /// Most triangles per step.
+    pub triangles_per_step: f64,
+    /// Fewer steps than this are worth smaller photos.
+    pub steps_of_full_photos: u64,
+}
+
+impl Default for Enough {
+    fn default() -> Self {
+        Self { steps: None, triangles_per_step: TRIANGLES_PER_STEP, steps_of_full_photos: ENOUGH_STEPS }
+    }
+}
+
 /// Pixels of the training photos per triangle, at least: more triangles than that fit the photos and nothing else.
 const PIXELS_PER_TRIANGLE: f64 = 80.0;
 
-/// Fewer steps than this are worth smaller photos.
+/// Fewer steps than this are worth smaller photos, unless a run has its own number.
 const ENOUGH_STEPS: u64 = 1000;
 
 /// Photos are not made smaller than this on their longer side, px.
@@ -54,8 +71,8 @@ pub struct PlanInput<'a> {
     pub size_given: bool,
     /// The run starts from a scene, whose triangles must all fit.
     pub from_scene: bool,
-    /// More steps than this do not pay.
-    pub most_steps: Option<u64>,
+    /// What is enough for it.
+    pub enough: Enough,
 }
 
 /// What a budget is spent on.
@@ -94,13 +111,13 @@ impl<'a> PlanInput<'a> {
             triangles_given: false,
             size_given: false,
             from_scene: false,
-            most_steps: None,
+            enough: Enough::default(),
         }
     }
 
     /// True when `plan` has all the steps that pay.
     pub fn is_enough(&self, plan: &Plan) -> bool {
-        self.most_steps.is_some_and(|most| plan.steps >= most)
+        self.enough.steps.is_some_and(|most| plan.steps >= most)
     }
 
     /// The size of photos whose longer side is `max_size`.
@@ -137,7 +154,9 @@ pub fn plan(input: &PlanInput<'_>) -> Result<Plan> {
         let photo = input.photo_of(size);
         let plan = for_size(input, size);
         let smaller = (photo.max_element() * 3 / 4).max(SMALLEST_PHOTO);
-        let enough = plan.as_ref().is_some_and(|plan| plan.steps >= ENOUGH_STEPS || input.is_enough(plan));
+        let enough = plan
+            .as_ref()
+            .is_some_and(|plan| plan.steps >= input.enough.steps_of_full_photos || input.is_enough(plan));
         if enough || input.size_given || smaller >= photo.max_element() {
             return plan.ok_or_else(|| too_small(input, photo));
         }
@@ -160,7 +179,7 @@ fn for_size(input: &PlanInput<'_>, max_size: Option<u32>) -> Option<Plan> {
     if !fits(low) {
         return None;
     }
-    let most = input.most_steps.unwrap_or(1 << 40).max(FEWEST_STEPS);
+    let most = input.enough.steps.unwrap_or(1 << 40).max(FEWEST_STEPS);
     while fits(high) && high < most {
         (low, high) = (high, 2 * high);
     }
@@ -181,7 +200,8 @@ fn triangles_for(input: &PlanInput<'_>, photo: UVec2, steps: u64) -> u64 {
     }
     let pixels = input.photos as f64 * photo.as_dvec2().element_product();
     let most = (pixels / PIXELS_PER_TRIANGLE).clamp(FEWEST_TRIANGLES as f64, MOST_TRIANGLES as f64);
-    let triangles = (TRIANGLES_PER_STEP * steps as f64).clamp(FEWEST_TRIANGLES as f64, most).round() as u64;
+    let triangles =
+        (input.enough.triangles_per_step * steps as f64).clamp(FEWEST_TRIANGLES as f64, most).round() as u64;
     if input.from_scene { triangles.max(input.calibration.triangles) } else { triangles }
 }
 

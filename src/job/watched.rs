@@ -1,0 +1,238 @@
+//! What more steps bring a scene closer to: what there is, or its training photos only. Short trainings leave some of these out, and draw
+//! them at the end.
+//!
+//! Two scenes are trained on small photos, the second with three times the steps. Where surfaces are found, the watched photos gain a
+//! decibel or more; where photos are learnt by heart, they gain little or lose. Solid scenes tell whether a teacher is needed, soft
+//! ones how long it trains. See docs/benchmarks/few-photos.md.
+
+use super::observer::TrainJobObserver;
+use crate::dataset::{Dataset, DatasetOptions, Photo, View};
+use crate::error::{Error, Result};
+use crate::report::{Counts, StageDetails, StageReport, to_json};
+use crate::train::{TrainOptions, TrainPreset, TrainRun, Trained};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::time::Instant;
+
+/// The longer side of the photos, px, and the most triangles of the scenes: a step takes about four milliseconds.
+const LONGEST_PX: u32 = 160;
+const TRIANGLES: u64 = 4000;
+/// Pixels of a photo per triangle, at least.
+const PIXELS_PER_TRIANGLE: u64 = 4;
+/// One photo in this many is watched, and this many photos at least.
+const ONE_IN: usize = 6;
+const FEWEST_WATCHED: usize = 3;
+/// Fewer photos cannot do without these.
+const FEWEST_PHOTOS: usize = 8;
+/// Most photos that are worth it. With more of them a scene is learnt by heart much later.
+pub(super) const MOST_PHOTOS: usize = 100;
+/// A budget has time for it from this many seconds per photo on: two trainings take about half a second per photo.
+const LEAST_SECS_PER_PHOTO: f64 = 5.0;
+/// Steps per photo of the two solid scenes, and of the two soft ones.
+const SOLID_STEPS: [u64; 2] = [25, 75];
+const SOFT_STEPS: [u64; 2] = [40, 120];
+/// Gains of solid scenes, dB: with the first a teacher counts fully, with the second it counts nothing.
+const SOLID_GAINS: [f64; 2] = [0.7, 1.2];
+/// Gains of soft scenes, dB: with the first a teacher trains as short as it can be, with the second as long.
+const SOFT_GAINS: [f64; 2] = [0.0, 0.6];
+
+/// What short trainings say of photos that they left out.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Watched {
+    /// The photos that were left out.
+    pub photos: Vec<String>,
+    /// How close two solid trainings came to them; null where it was clear that there is a teacher.
+    pub solid: Option<[WatchedTraining; 2]>,
+    /// How close two soft trainings came to them; null where there is no teacher.
+    pub soft: Option<[WatchedTraining; 2]>,
+}
+
+/// How close a short training came to the photos that it left out.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct WatchedTraining {
+    /// Its steps.
+    pub steps: u64,
+    /// Mean PSNR, dB.
+    pub psnr: f64,
+}
+
+impl StageDetails for Watched {
+    const STAGE: &str = "watched";
+}
+
+/// What more steps gain, dB; `None` where nothing was measured.
+fn gain(pair: Option<[WatchedTraining; 2]>) -> Option<f64> {
+    pair.map(|[few, many]| many.psnr - few.psnr).filter(|gain| gain.is_finite())
+}
+
+/// 0 with the first of `gains` or less, 1 with the second or more.
+fn rise(gain: f64, [little, much]: [f64; 2]) -> f64 {
+    ((gain - little) / (much - little)).clamp(0.0, 1.0)
+}
+
+impl Watched {
+    /// What more steps gain in solid scenes, dB; `None` where it was not measured.
+    pub fn solid_gain(&self) -> Option<f64> {
+        gain(self.solid)
+    }
+
+    /// Weight of a teacher, 0 to 1: 1 where more steps of a solid scene gain nothing.
+    pub fn teacher_weight(&self) -> Option<f64> {
+        self.solid_gain().map(|gain| 1.0 - rise(gain, SOLID_GAINS))
+    }
+
+    /// How long a teacher trains, from 0, as short as it can be, to 1, as long.
+    pub fn teacher_length(&self) -> Option<f64> {
+        gain(self.soft).map(|gain| rise(gain, SOFT_GAINS))
+    }
+
+    /// What it comes to, as said to people.
+    pub fn summary(&self) -> String {
+        let said = |what: &str, pair: Option<[WatchedTraining; 2]>| {
+            let ([few, many], gain) = (pair?, gain(pair)?);
+            Some(format!("{gain:+.2} dB from {} to {} {what} steps", few.steps, many.steps))
+        };
+        let gains = [said("solid", self.solid), said("soft", self.soft)];
+        let gains: Vec<String> = gains.into_iter().flatten().collect();
+        format!("{} watched photos: {}", self.photos.len(), gains.join(", "))
+    }
+
+    /// The trainings as a stage of a report that took `seconds`.
+    pub(super) fn stage(&self, seconds: f64) -> StageReport {
+        let (before, after) = (Counts::default(), Counts::default());
+        let (name, details) = (Self::STAGE.into(), to_json(self));
+        StageReport { name, seconds, before, after, unneeded: None, details }
+    }
+}
+
+/// Whether there are photos to spare among so many, and `secs` of a budget for it.
+pub(super) fn fits(secs: f64, photos: usize) -> bool {
+    (FEWEST_PHOTOS..=MOST_PHOTOS).contains(&photos) && secs >= LEAST_SECS_PER_PHOTO * photos as f64
+}
+
+/// Photos that are about to be watched.
+pub(super) struct Watching<'a> {
+    /// The photos that are trained on, small and in memory; those that are watched count as held out.
+    photos: Dataset,
+    how: &'a DatasetOptions,
+    seed: u64,
+    began: Instant,
+}
+
+impl<'a> Watching<'a> {
+    /// Of `photos`, which were read as `how` says.
+    ///
+    /// Errors: photos that cannot be decoded.
+    pub(super) fn new(photos: &Dataset, how: &'a DatasetOptions, seed: u64) -> Result<Self> {
+        let began = Instant::now();
+        let count = photos.train().count();
+        let watched = (count / ONE_IN).max(FEWEST_WATCHED);
+        let is_watched = |i: usize| (0..watched).any(|k| (2 * k + 1) * count / (2 * watched) == i);
+        let view = |(i, view): (usize, &View)| {
+            let camera = view.camera.within(LONGEST_PX);
+            let photo = Photo::drawn(view.photo.decode()?.downscaled(camera.size));
+            Ok(View { camera, photo, test: is_watched(i), ..view.clone() })
+        };
+        let views = photos.train().enumerate().map(view).collect::<Result<_>>()?;
+        Ok(Self { photos: Dataset { views, ..photos.clone() }, how, seed, began })
+    }
+
+    /// Nothing but the photos that are watched.
+    pub(super) fn nothing_yet(&self) -> Watched {
+        let photos = self.photos.test().map(|view| view.name.clone()).collect();
+        Watched { photos, solid: None, soft: None }
+    }
+
+    /// Seconds since this began.
+    pub(super) fn seconds(&self) -> f64 {
+        self.began.elapsed().as_secs_f64()
+    }
+
+    /// Two solid scenes.
+    ///
+    /// Errors: a training that was stopped.
+    pub(super) fn solid(&self, observer: &mut dyn TrainJobObserver) -> Result<[WatchedTraining; 2]> {
+        self.trainings(TrainPreset::Solid, SOLID_STEPS, observer)
+    }
+
+    /// Two soft scenes.
+    ///
+    /// Errors: a training that was stopped.
+    pub(super) fn soft(&self, observer: &mut dyn TrainJobObserver) -> Result<[WatchedTraining; 2]> {
+        self.trainings(TrainPreset::Outdoor, SOFT_STEPS, observer)
+    }
+
+    fn trainings(
+        &self,
+        preset: TrainPreset,
+        steps_per_photo: [u64; 2],
+        observer: &mut dyn TrainJobObserver,
+    ) -> Result<[WatchedTraining; 2]> {
+        let mut training = |steps_per_photo: u64| {
+            let steps = steps_per_photo * self.photos.views.len() as u64;
+            let pixels =
+                self.photos.views.iter().map(|view| u64::from(view.camera.size.element_product())).max();
+            let max_triangles = (pixels.unwrap_or(0) / PIXELS_PER_TRIANGLE).clamp(1, TRIANGLES);
+            let preset = TrainOptions::preset(preset);
+            let options = TrainOptions { steps, max_triangles, seed: self.seed, ..preset };
+            let trained = self.train(&options, observer)?;
+            let psnr = trained.quality().map_or(f64::NAN, |quality| quality.psnr);
+            Ok(WatchedTraining { steps, psnr })
+        };
+        let [few, many] = steps_per_photo;
+        Ok([training(few)?, training(many)?])
+    }
+
+    fn train(&self, options: &TrainOptions, observer: &mut dyn TrainJobObserver) -> Result<Trained> {
+        let run = TrainRun::new(&self.photos, options).with_dataset_options(self.how);
+        let mut steps = observer.watching_begins(options)?;
+        // A card gains nothing on so few pixels.
+        let trained = run.run(&mut *steps)?;
+        match trained.stopped {
+            true => {
+                let value = format!("stopped after {} of {} steps", trained.steps, trained.options.steps);
+                Err(Error::invalid("watched photos", value, "all steps; nothing was written"))
+            }
+            false => Ok(trained),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pair(gain: f64) -> Option<[WatchedTraining; 2]> {
+        Some([(40, 20.0), (120, 20.0 + gain)].map(|(steps, psnr)| WatchedTraining { steps, psnr }))
+    }
+
+    #[test]
+    fn a_teacher_counts_where_more_steps_gain_little() {
+        let weight = |gain| Watched { solid: pair(gain), ..Watched::default() }.teacher_weight();
+        assert_eq!([-1.0, 0.7, 1.2, 3.0].map(weight), [1.0, 1.0, 0.0, 0.0].map(Some));
+        assert!(weight(0.95).is_some_and(|weight| (weight - 0.5).abs() < 1e-9));
+        assert_eq!((weight(f64::NAN), Watched::default().teacher_weight()), (None, None));
+    }
+
+    #[test]
+    fn a_teacher_trains_longer_where_more_steps_gain_more() {
+        let length = |gain| Watched { soft: pair(gain), ..Watched::default() }.teacher_length();
+        assert_eq!([-1.0, 0.6, 3.0].map(length), [0.0, 1.0, 1.0].map(Some));
+        assert!(length(0.3).is_some_and(|length| (length - 0.5).abs() < 1e-9));
+    }
+
+    #[test]
+    fn the_summary_says_what_was_measured() {
+        let photos = ["a", "b", "c"].map(String::from).to_vec();
+        let watched = Watched { photos, solid: pair(-0.25), soft: pair(1.0) };
+        let said =
+            "3 watched photos: -0.25 dB from 40 to 120 solid steps, +1.00 dB from 40 to 120 soft steps";
+        assert_eq!(watched.summary(), said);
+    }
+
+    #[test]
+    fn photos_are_watched_where_some_can_be_spared_and_there_is_time() {
+        assert!([(40.0, 8), (105.0, 21), (500.0, 100)].into_iter().all(|(secs, photos)| fits(secs, photos)));
+        assert!(![(60.0, 7), (100.0, 21), (1e6, 101)].into_iter().any(|(secs, photos)| fits(secs, photos)));
+    }
+}
