@@ -28,6 +28,8 @@ const FEWEST_PHOTOS: usize = 8;
 pub(super) const MOST_PHOTOS: usize = 100;
 /// A budget has time for it from this many seconds per photo on: two trainings take about half a second per photo.
 const LEAST_SECS_PER_PHOTO: f64 = 5.0;
+/// And from this many seconds on: in less time, all steps of the run pay.
+const LEAST_SECS: f64 = 100.0;
 /// Steps per photo of the two solid scenes, and of the two soft ones.
 const SOLID_STEPS: [u64; 2] = [25, 75];
 const SOFT_STEPS: [u64; 2] = [40, 120];
@@ -107,7 +109,8 @@ impl Watched {
 
 /// Whether there are photos to spare among so many, and `secs` of a budget for it.
 pub(super) fn fits(secs: f64, photos: usize) -> bool {
-    (FEWEST_PHOTOS..=MOST_PHOTOS).contains(&photos) && secs >= LEAST_SECS_PER_PHOTO * photos as f64
+    let needed = LEAST_SECS.max(LEAST_SECS_PER_PHOTO * photos as f64);
+    (FEWEST_PHOTOS..=MOST_PHOTOS).contains(&photos) && secs >= needed
 }
 
 /// Photos that are about to be watched.
@@ -232,7 +235,11 @@ mod tests {
 
     #[test]
     fn photos_are_watched_where_some_can_be_spared_and_there_is_time() {
-        assert!([(40.0, 8), (105.0, 21), (500.0, 100)].into_iter().all(|(secs, photos)| fits(secs, photos)));
-        assert!(![(60.0, 7), (100.0, 21), (1e6, 101)].into_iter().any(|(secs, photos)| fits(secs, photos)));
+        assert!([(100.0, 8), (105.0, 21), (500.0, 100)].into_iter().all(|(secs, photos)| fits(secs, photos)));
+        assert!(
+            ![(99.0, 8), (500.0, 7), (104.0, 21), (1e6, 101)]
+                .into_iter()
+                .any(|(secs, photos)| fits(secs, photos))
+        );
     }
 }

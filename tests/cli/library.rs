@@ -10,7 +10,6 @@ use trisplat::budget::{Budget, Seconds};
 use trisplat::dataset::synthetic::{self, SyntheticOptions};
 use trisplat::job::harden::HardenOptions;
 use trisplat::job::teacher::TeacherSource;
-use trisplat::job::watched::WatchedTraining;
 use trisplat::job::{BakeDone, BakeInput, TrainDone, TrainJobObserver};
 use trisplat::layered::Layers;
 use trisplat::train::{TrainObserver, Trained};
@@ -109,45 +108,54 @@ impl TrainJobObserver for Watching {
     }
 }
 
-/// A budget that is long enough for its 21 photos leaves some of them out of short trainings; the held-out photos are not among them.
+/// A training with a budget on `views` photos of the synthetic scene, one in eight of them held out.
+fn with_budget(folder: &Path, views: u32, seconds: f64) -> TrainJob {
+    let options = SyntheticOptions { views, width: 24, points: 50, ..SyntheticOptions::default() };
+    synthetic::write(folder, &options).unwrap();
+    let photos = Dataset::load(folder, &DatasetOptions::default()).unwrap();
+    let mut job = TrainJob::new(photos, TrainOptions::default());
+    job.budget = Some(Budget::cpu(Seconds(seconds)));
+    job
+}
+
+/// Short trainings leave some of the training photos out, and say how long a teacher trains.
 #[test]
-fn photos_are_watched_where_their_number_does_not_decide() {
+fn photos_are_watched_where_a_budget_has_time() {
     let folder = tempfile::tempdir().unwrap();
-    let options = SyntheticOptions { views: 24, width: 24, points: 50, ..SyntheticOptions::default() };
-    synthetic::write(folder.path(), &options).unwrap();
-    let photos = Dataset::load(folder.path(), &DatasetOptions::default()).unwrap();
-    assert_eq!(photos.train().count(), 21);
-    let asked = |seconds| {
-        let mut job = TrainJob::new(photos.clone(), TrainOptions::default());
-        job.budget = Some(Budget::cpu(Seconds(seconds)));
-        job
-    };
-    let (mut job, mut observer) = (asked(120.0), Watching::default());
+    let (asked, mut observer) = (with_budget(folder.path(), 10, 120.0), Watching::default());
+    let mut job = asked.clone();
     job.watch(&mut observer).unwrap();
     job.watch(&mut observer).unwrap();
     let watched = job.watched.clone().unwrap();
-    let steps = |pair: Option<[WatchedTraining; 2]>| pair.map(|pair| pair.map(|training| training.steps));
-    assert_eq!((observer.trainings, steps(watched.solid)), (4, Some([525, 1575])));
-    assert_eq!(steps(watched.soft), Some([840, 2520]));
-    let gain = watched.solid_gain().unwrap();
+    let steps = watched.soft.map(|pair| pair.map(|training| training.steps));
+    assert_eq!((observer.trainings, steps, watched.solid), (2, Some([320, 960]), None));
     assert!(
-        observer.said == watched.summary() && observer.said.contains(&format!("{gain:+.2} dB")),
+        observer.said == watched.summary() && observer.said.contains("3 watched photos"),
         "{}",
         observer.said
     );
-    let trained: Vec<&String> = photos.train().map(|view| &view.name).collect();
-    assert_eq!(watched.photos.len(), 3);
+    let trained: Vec<&String> = job.dataset.train().map(|view| &view.name).collect();
+    assert_eq!((trained.len(), watched.photos.len()), (8, 3));
     assert!(watched.photos.iter().all(|name| trained.contains(&name)), "{:?}", watched.photos);
-    // Without the time, and where the answer is known, nothing is watched.
-    let mut without = asked(120.0);
+    // Without the time, and without a teacher, nothing is watched.
+    let (mut without, mut hurried) = (asked.clone(), asked);
     without.teacher = Some(TeacherSource::Off);
-    for mut job in [asked(60.0), without] {
+    hurried.budget = Some(Budget::cpu(Seconds(60.0)));
+    for mut job in [without, hurried] {
         job.watch(&mut ()).unwrap();
         assert!(job.watched.is_none());
     }
-    let error =
-        asked(120.0).watch(&mut Watching { stop: true, ..Watching::default() }).unwrap_err().to_string();
+}
+
+/// Whether 21 photos need a teacher is asked first. Who stops it is told that nothing was written.
+#[test]
+fn watching_can_be_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut job = with_budget(folder.path(), 24, 120.0);
+    let mut observer = Watching { stop: true, ..Watching::default() };
+    let error = job.watch(&mut observer).unwrap_err().to_string();
     assert!(error.contains("of 525 steps") && error.contains("nothing was written"), "{error}");
+    assert_eq!((observer.trainings, job.watched), (1, None));
 }
 
 /// Timings choose the numbers of a budget, so the program is given those that the library chose.
