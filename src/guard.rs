@@ -20,11 +20,13 @@ pub fn guarded<T>(path: &Path, decode: impl FnOnce() -> Result<T>) -> Result<T> 
     // Nothing that `decode` changes is used after a panic: it is dropped with its closure.
     let decoded = catch_unwind(AssertUnwindSafe(decode));
     GUARDED.set(before);
-    decoded.unwrap_or_else(|payload| {
-        let reason =
-            format!("is damaged in a way that its decoder fails on ({}); copy it again", text(&*payload));
-        Err(Error::malformed(path, "content", reason))
-    })
+    decoded.unwrap_or_else(|payload| Err(failed(path, text(&*payload))))
+}
+
+/// The error for a file whose decoder panicked with this message.
+pub fn failed(path: &Path, message: &str) -> Error {
+    let reason = format!("is damaged in a way that its decoder fails on ({message}); copy it again");
+    Error::malformed(path, "content", reason)
 }
 
 /// True while this thread decodes under [`guarded`]: its panic becomes an error, so a panic hook need not report it.

@@ -98,6 +98,9 @@ pub mod teacher;
 pub mod texture;
 pub mod train;
 pub mod view;
+#[cfg(feature = "web")]
+#[doc(hidden)]
+pub mod web;
 mod work;
 
 pub use asset::Asset;

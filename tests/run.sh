@@ -131,6 +131,15 @@ else
     echo 'NOT CHECKED: chromium is not among the packages of this system'
 fi
 
+section 'the program as WebAssembly'
+if ! has clang-19 && has apt-get && apt-cache show clang-19 >/dev/null 2>&1; then (apt_install 'WebAssembly' clang-19) || true; fi
+# Without full optimisation: the same bytes, sooner built.
+if web/build.sh dev; then
+    required=$required,web
+else
+    echo 'SKIPPED: web/build.sh could not build it'
+fi
+
 section 'f3d'
 if "$python" -m pip install --quiet --disable-pip-version-check "f3d==$F3D" &&
     "$python" -c 'import f3d; f3d.Engine.create(True)' >/dev/null 2>&1; then

@@ -2,15 +2,11 @@
 
 use super::progress::thousands;
 use super::{files, info_dataset, info_tileset, messages};
-use crate::bake::prune::{PruneDetails, PruneOptions, prune};
-use crate::bake::solid::SolidOptions;
-use crate::bake::teacher::softness;
 use crate::dataset::DatasetOptions;
 use crate::error::{Error, Result};
-use crate::formats::info::{BakeInfo, Distribution, HistogramBin, Info, SceneKind, Softness, info};
+use crate::formats::info::{Distribution, HistogramBin, Info, SceneKind, Softness};
 use crate::formats::tileset_info::tileset_info;
-use crate::report::{self, Outcome};
-use crate::scene::Loaded;
+use crate::job::describe;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -41,29 +37,13 @@ pub fn run(args: &InfoArgs, out: &mut dyn Write) -> Result<()> {
     if info_dataset::is_dataset(&args.input) {
         return info_dataset::run(&args.input, &args.dataset_options, args.json, out);
     }
-    let (mut info, loaded) = info(&args.input, &args.dataset_options.read_options(3))?;
-    info.softness = softness(&loaded, &SolidOptions::DEFAULT).ok().flatten();
-    info.bake = would_bake(loaded);
+    let info = describe(&args.input, &args.dataset_options.read_options(3))?;
     let printed = if args.json { files::print_json(&info, out) } else { print(&info, out) };
     printed.map_err(|e| Error::io("-", e))
 }
 
 fn has_ending(path: &Path, ending: &str) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending))
-}
-
-/// What the default bake would keep; none when its first stage fails.
-fn would_bake(loaded: Loaded) -> Option<BakeInfo> {
-    let mut scene = loaded.scene;
-    let mut details = PruneDetails::default();
-    match prune(&mut scene, &PruneOptions::DEFAULT, &mut details) {
-        Ok(Outcome::Changed(()) | Outcome::Unneeded(_)) => {
-            let mut dropped = report::to_json(&details);
-            dropped.retain(|_, count| count.as_u64() != Some(0));
-            Some(BakeInfo { kept: scene.triangle_count() as u64, dropped })
-        }
-        Err(_) => None,
-    }
 }
 
 fn print(info: &Info, out: &mut dyn Write) -> io::Result<()> {

@@ -70,7 +70,9 @@ impl Photos {
         let state = Mutex::new(LoaderState { slots, ..LoaderState::default() });
         let (cache, work, decoded) = (PictureFile::default(), Condvar::new(), Condvar::new());
         let shared = Arc::new(Loader { photos, budget_bytes, cache, state, work, decoded });
-        let workers = (0..WORKERS)
+        // Pictures that are drawn already need none, and there are systems that have none.
+        let needed = if shared.photos.iter().all(|photo| photo.held().is_some()) { 0 } else { WORKERS };
+        let workers = (0..needed)
             .map(|_| {
                 let shared = Arc::clone(&shared);
                 std::thread::spawn(move || shared.work_until_stopped())

@@ -167,7 +167,7 @@ fn check_chunks(header: &BvhHeader, bvh: &Bvh) -> std::result::Result<(), String
 }
 
 fn fill(source: &mut Source, bytes: &mut [u8], what: &str) -> Result<()> {
-    source.file.read_exact(bytes).map_err(|e| match e.kind() {
+    (&*source.file).read_exact(bytes).map_err(|e| match e.kind() {
         std::io::ErrorKind::UnexpectedEof => {
             Error::malformed(&source.path, what, "the file ends in the middle of it")
         }

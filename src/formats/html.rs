@@ -17,6 +17,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::Path;
+use std::sync::Arc;
 
 /// The page without a scene, built from `page/src`.
 const PAGE: &str = include_str!("../../page/dist/page.html");
@@ -101,9 +102,9 @@ pub(super) fn inside(format: Format, source: Source) -> Result<(Format, Source)>
 ///
 /// # Errors
 /// [`Error::Unsupported`] for a page that does not hold a scene, [`Error::Malformed`] for one that is damaged.
-fn unpack(mut source: Source) -> Result<Source> {
+fn unpack(source: Source) -> Result<Source> {
     let io = |e| Error::io(&source.path, e);
-    let mut page = BufReader::with_capacity(1 << 20, &mut source.file);
+    let mut page = BufReader::with_capacity(1 << 20, &*source.file);
     let mut glb = tempfile::tempfile().map_err(io)?;
     let (mut line, mut number, mut len) = (Vec::new(), 0u64, 0u64);
     loop {
@@ -127,7 +128,7 @@ fn unpack(mut source: Source) -> Result<Source> {
         return Err(Error::unsupported(&source.path, reason));
     }
     glb.seek(SeekFrom::Start(0)).map_err(io)?;
-    Ok(Source { path: source.path, file: glb, len })
+    Ok(Source { path: source.path, file: Arc::new(glb), len })
 }
 
 #[cfg(test)]

@@ -21,7 +21,7 @@ pub(super) struct Lines<'a> {
 impl<'a> Lines<'a> {
     /// Before the first line.
     pub(super) fn new(source: &'a Source) -> Result<Self> {
-        let mut file = &source.file;
+        let mut file = &*source.file;
         file.rewind().map_err(|e| Error::io(&source.path, e))?;
         let reader = BufReader::with_capacity(1 << 18, file);
         Ok(Self { path: &source.path, reader, line: Vec::new(), number: 0 })

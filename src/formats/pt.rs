@@ -199,7 +199,7 @@ impl TorchFile {
     fn open(source: &mut Source, limits: Limits) -> Result<Self> {
         let label = source.path.clone();
         let (file, copy) = if label.as_os_str() == "-" {
-            let copy = spool(&mut source.file).map_err(|e| Error::io(&label, e))?;
+            let copy = spool(&source.file).map_err(|e| Error::io(&label, e))?;
             (copy.path().to_owned(), Some(copy))
         } else {
             (label.clone(), None)
@@ -293,7 +293,7 @@ fn check_archive(source: &mut Source) -> Result<()> {
         ));
     }
     let zip_error = |e: zip::result::ZipError| Error::malformed(&path, "zip directory", e.to_string());
-    let mut archive = zip::ZipArchive::new(io::BufReader::new(&source.file)).map_err(zip_error)?;
+    let mut archive = zip::ZipArchive::new(io::BufReader::new(&*source.file)).map_err(zip_error)?;
     let names: Vec<String> = archive.file_names().flatten().map(Cow::into_owned).collect();
     if gaussians::is_sog(&names) {
         return Err(gaussians::refusal(&path, "SOG"));
@@ -322,15 +322,15 @@ fn check_archive(source: &mut Source) -> Result<()> {
         }
     }
     drop(archive);
-    source.file.seek(SeekFrom::Start(0)).map_err(|e| Error::io(&path, e))?;
+    source.rewind().map_err(|e| Error::io(&path, e))?;
     Ok(())
 }
 
 /// A named copy of an open file, because the checkpoint parser opens by name.
-fn spool(file: &mut File) -> io::Result<NamedTempFile> {
+fn spool(mut file: &File) -> io::Result<NamedTempFile> {
     file.seek(SeekFrom::Start(0))?;
     let mut copy = NamedTempFile::new()?;
-    io::copy(file, &mut copy)?;
+    io::copy(&mut file, &mut copy)?;
     Ok(copy)
 }
 

@@ -6,6 +6,7 @@ use crate::limits::Limits;
 use std::fs::File;
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A file to read: a label for messages, an open handle and its length.
 /// Standard input ("-") is spooled to a temporary file first, so that every reader may seek and may
@@ -14,8 +15,8 @@ use std::path::{Path, PathBuf};
 pub struct Source {
     /// The path as the user gave it; "-" for standard input.
     pub path: PathBuf,
-    /// Open at byte 0.
-    pub file: File,
+    /// Open at byte 0; shared with what [`Source::again`] gave.
+    pub file: Arc<File>,
     /// Length in bytes.
     pub len: u64,
 }
@@ -35,7 +36,7 @@ impl Source {
             true => unpacked(path, file, len, limits)?,
             false => (file, len),
         };
-        Ok(Self { path: path.to_owned(), file, len })
+        Ok(Self { path: path.to_owned(), file: Arc::new(file), len })
     }
 
     /// Its name without the ending of a compressed file.
@@ -49,16 +50,21 @@ impl Source {
     /// The same open file once more, at byte 0. The two share their place in it: use one at a time.
     pub fn again(&mut self) -> Result<Self> {
         let io = |e| Error::io(&self.path, e);
-        self.file.seek(SeekFrom::Start(0)).map_err(io)?;
-        Ok(Self { path: self.path.clone(), file: self.file.try_clone().map_err(io)?, len: self.len })
+        self.rewind().map_err(io)?;
+        Ok(Self { path: self.path.clone(), file: Arc::clone(&self.file), len: self.len })
     }
 
     /// The first bytes, at most 64; the handle is back at byte 0 afterwards.
     pub fn head(&mut self) -> Result<Vec<u8>> {
         let mut head = Vec::new();
-        (&mut self.file).take(64).read_to_end(&mut head).map_err(|e| Error::io(&self.path, e))?;
-        self.file.seek(SeekFrom::Start(0)).map_err(|e| Error::io(&self.path, e))?;
+        (&*self.file).take(64).read_to_end(&mut head).map_err(|e| Error::io(&self.path, e))?;
+        self.rewind().map_err(|e| Error::io(&self.path, e))?;
         Ok(head)
+    }
+
+    /// Back to byte 0.
+    pub fn rewind(&self) -> std::io::Result<()> {
+        (&*self.file).seek(SeekFrom::Start(0)).map(drop)
     }
 }
 

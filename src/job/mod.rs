@@ -8,6 +8,7 @@
 mod bake_budget;
 mod baking;
 pub mod budget;
+mod describe;
 mod fitted;
 pub mod harden;
 mod observer;
@@ -17,5 +18,6 @@ mod unhardened;
 pub mod watched;
 
 pub use baking::{BakeDone, BakeInput, BakeJob};
+pub use describe::describe;
 pub use observer::{BakeJobObserver, TrainJobObserver};
 pub use training::{ReadyTrain, TrainDone, TrainJob, TrainNotes, TrainStart, reading, train};

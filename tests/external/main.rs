@@ -15,6 +15,7 @@ mod lit;
 mod renderers;
 mod textured;
 mod tiles;
+mod web;
 
 use serde_json::Value;
 use std::fs;

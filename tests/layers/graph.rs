@@ -27,8 +27,9 @@ impl Graph {
                 module.pop();
             }
             let text = std::fs::read_to_string(&file).unwrap();
-            // The program is a crate of its own and names the library by its name.
-            let text = if module == ["main"] { text.replace("trisplat::", "crate::") } else { text };
+            // Programs are crates of their own and name the library by its name.
+            let is_program = module == ["main"] || module == ["web_main"];
+            let text = if is_program { text.replace("trisplat::", "crate::") } else { text };
             graph.add(module, &text);
         }
         graph

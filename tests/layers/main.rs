@@ -70,7 +70,12 @@ const MAY: &[(&str, &str)] = &[
         "cli",
         "process asset atomic bake bench budget camera dataset error eval formats framing gpu guard image job layered math placed region render report rng sample scale scene stereo surface teacher train view limits",
     ),
+    (
+        "web",
+        "asset atomic bake camera error formats guard input job layered limits placed process render report scene train",
+    ),
     ("main", "cli process"),
+    ("web_main", "process web"),
     ("lib", ""),
 ];
 

@@ -92,10 +92,8 @@ fn check_padding(source: &mut Source, bin: GlbChunk, used: u64, findings: &mut F
         return Ok(());
     }
     let mut padding = vec![0; rest as usize];
-    let read = source
-        .file
-        .seek(SeekFrom::Start(bin.start + used))
-        .and_then(|_| source.file.read_exact(&mut padding));
+    let mut file = &*source.file;
+    let read = file.seek(SeekFrom::Start(bin.start + used)).and_then(|_| file.read_exact(&mut padding));
     read.map_err(|e| crate::error::Error::io(&source.path, e))?;
     if padding.iter().any(|byte| *byte != 0) {
         findings.error("chunk 1", "is padded with something other than zeros");

@@ -12,12 +12,13 @@ use gltf_json::Buffer;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Every buffer of a document, opened on first use.
 pub(crate) struct Buffers<'a> {
     path: PathBuf,
     /// The glTF file itself.
-    file: File,
+    file: Arc<File>,
     bin: Option<GlbChunk>,
     declared: &'a [Buffer],
     opened: Vec<Option<OpenBuffer>>,
@@ -100,8 +101,8 @@ impl<'a> Buffers<'a> {
             ));
         }
         self.open(buffer)?;
-        let (file, start) = match &mut self.opened[buffer] {
-            Some(OpenBuffer::Chunk { start }) => (&mut self.file, *start),
+        let (mut file, start) = match &self.opened[buffer] {
+            Some(OpenBuffer::Chunk { start }) => (&*self.file, *start),
             Some(OpenBuffer::Beside(file)) => (file, 0),
             Some(OpenBuffer::Inline(inline)) => {
                 bytes.copy_from_slice(&inline[offset as usize..offset as usize + bytes.len()]);

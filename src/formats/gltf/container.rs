@@ -218,7 +218,8 @@ fn read_array<const N: usize>(source: &mut Source, at: u64, place: &str) -> Resu
 }
 
 fn read_at(source: &mut Source, at: u64, bytes: &mut [u8]) -> Result<()> {
-    let read = source.file.seek(SeekFrom::Start(at)).and_then(|_| source.file.read_exact(bytes));
+    let mut file = &*source.file;
+    let read = file.seek(SeekFrom::Start(at)).and_then(|_| file.read_exact(bytes));
     read.map_err(|e| Error::io(&source.path, e))
 }
 

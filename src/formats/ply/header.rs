@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::formats::lines::clip;
 use crate::formats::source::Source;
 use crate::input::BYTE_ORDER_MARK;
-use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
+use std::io::{BufRead, BufReader, Read};
 
 /// More than any real header; what is longer is not a PLY file or is broken.
 const LONGEST: u64 = 1 << 20;
@@ -116,8 +116,8 @@ impl Header {
 pub(crate) fn read(source: &mut Source) -> Result<Header> {
     let path = source.path.clone();
     let io = |e| Error::io(&path, e);
-    source.file.seek(SeekFrom::Start(0)).map_err(io)?;
-    let mut reader = BufReader::with_capacity(1 << 14, &source.file).take(LONGEST);
+    source.rewind().map_err(io)?;
+    let mut reader = BufReader::with_capacity(1 << 14, &*source.file).take(LONGEST);
     let mut draft = HeaderDraft::default();
     let (mut line, mut number) = (Vec::new(), 0);
     loop {

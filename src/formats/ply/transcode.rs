@@ -49,7 +49,7 @@ pub(super) fn rows(
     if element.properties.is_empty() {
         return Ok(out);
     }
-    let mut file = &source.file;
+    let mut file = &*source.file;
     file.seek(SeekFrom::Start(at)).map_err(|e| Error::io(&source.path, e))?;
     let mut input = Input { reader: BufReader::with_capacity(1 << 16, file), encoding, at, len: source.len };
     for row in 0..element.rows {

@@ -1,0 +1,252 @@
+// The page: open a scene, look at it, bake it, compare, take the files.
+import { Crop } from './crop.js';
+import { missing, run } from './program.js';
+import { Shown } from './scene.js';
+
+const SCENES = /\.(pt|pth|ply|glb|gltf|obj|off|html?)(\.gz)?$/i;
+const MOST_BYTES = 2 ** 30;
+/** A soft picture has this many pixels at most: it is drawn by one thread. */
+const SOFT_PIXELS = 400_000;
+const LOOK = 'look.glb';
+
+const at = (id) => document.getElementById(id);
+const state = (name) => (document.documentElement.dataset.state = name);
+
+let shown = null;
+let crop = null;
+/** The scene that is open: its files by name, which of them it is, and what is known of it. */
+let scene = null;
+/** Ends the work that runs. */
+let work = null;
+/** Ends the soft picture that is drawn. */
+let drawing = null;
+
+function say(text) {
+  at('what').textContent = text;
+}
+
+/** Shows what went wrong, in the words of the program. */
+function complain(text) {
+  at('message').textContent = text;
+  at('message').hidden = !text;
+}
+
+/** Does `job` with a bar and Cancel; returns nothing when it was cancelled or failed, which is said. */
+async function working(what, job) {
+  work?.abort();
+  const mine = (work = new AbortController());
+  complain('');
+  say(what);
+  at('working').hidden = false;
+  at('bar').removeAttribute('value');
+  at('bake').disabled = true;
+  state('working');
+  const onProgress = ({ stage, fraction }) => {
+    if (stage) say(`${what}: ${stage}`);
+    at('bar').value = fraction;
+  };
+  try {
+    return await job({ signal: mine.signal, onProgress });
+  } catch (error) {
+    if (mine === work) say(mine.signal.aborted ? 'cancelled' : '');
+    if (!mine.signal.aborted) complain(error.message);
+    return null;
+  } finally {
+    if (mine === work) {
+      work = null;
+      at('working').hidden = true;
+      at('bake').disabled = false;
+      state(at('message').hidden ? 'ready' : 'failed');
+    }
+  }
+}
+
+/** Opens the scene among `files`. */
+async function open(files) {
+  const list = [...files];
+  const main = list.find((file) => SCENES.test(file.name)) ?? list[0];
+  if (!main) return;
+  const bytes = list.reduce((sum, file) => sum + file.size, 0);
+  if (bytes > MOST_BYTES) {
+    complain(`${main.name} has ${size(bytes)}, and this page reads up to ${size(MOST_BYTES)}: use the program`);
+    state('failed');
+    return;
+  }
+  const opened = { files: Object.fromEntries(list.map((file) => [file.name, file])), name: main.name };
+  at('up').value = 'auto';
+  const look = await working(`reading ${main.name}`, (how) => lookAt(opened, {}, how));
+  if (!look) return;
+  scene = opened;
+  forget();
+  await shown.show('before', look.files[LOOK]);
+  Object.assign(scene, { toView: look.to_view, soft: look.soft, info: look.info });
+  crop.reset(shown.bounds(scene.toView));
+  at('crop').checked = false;
+  cropped();
+  at('options').hidden = false;
+  at('has-soft').hidden = at('may-harden').hidden = !look.soft;
+  choose('solid');
+  say(`${scene.name}: ${look.info.triangles.toLocaleString('en')} triangles, ${look.soft ? 'soft' : 'solid'}, ${size(bytes)}`);
+}
+
+/** What can be shown of a scene. */
+function lookAt({ files, name }, options, how) {
+  return run({ command: 'look', input: name, output: LOOK, options }, files, how);
+}
+
+/** Removes what was baked of an earlier scene. */
+function forget() {
+  shown.remove('after');
+  at('compare').hidden = at('result').hidden = true;
+  for (const link of at('files').querySelectorAll('a')) URL.revokeObjectURL(link.href);
+}
+
+/** The options of the bake that are asked for. */
+function options() {
+  const asked = { target: at('target').value, up: at('up').value };
+  if (at('triangles').value) asked.max_triangles = Number(at('triangles').value);
+  if (at('no-backdrop').checked) asked.backdrop = 'off';
+  if (at('crop').checked) asked.crop = [crop.region];
+  return asked;
+}
+
+async function bake() {
+  const ending = at('format').value;
+  const output = `${scene.name.replace(/(\.\w+)+$/, '')}${ending}`;
+  const megabytes = Number(at('megabytes').value);
+  const job = {
+    command: 'bake', inputs: [scene.name], output, options: options(), harden: scene.soft && at('harden').checked,
+    max_bytes: megabytes > 0 ? Math.round(megabytes * 1e6) : null,
+  };
+  const began = performance.now();
+  const baked = await working('baking', async (how) => {
+    const { files, report } = await run(job, scene.files, how);
+    // The slider compares what files hold, whatever their format.
+    const look = await lookAt({ files: { ...files }, name: output }, { up: 'y' }, { signal: how.signal });
+    return { files, report, look };
+  });
+  if (!baked) return;
+  forget();
+  await shown.show('after', baked.look.files[LOOK]);
+  const seconds = (performance.now() - began) / 1000;
+  at('compare').hidden = false;
+  present(baked, output, seconds);
+}
+
+/** Offers the files, and says what was done. */
+function present({ files, report, look }, output, seconds) {
+  const link = ([name, bytes]) => {
+    const item = document.createElement('li');
+    const type = name.endsWith('.html') ? 'text/html' : 'application/octet-stream';
+    const a = Object.assign(document.createElement('a'), { download: name, href: URL.createObjectURL(new Blob([bytes], { type })) });
+    a.textContent = `Download ${name} (${size(bytes.length)})`;
+    item.append(a);
+    return item;
+  };
+  // The one that was asked for first, then those beside it.
+  const order = Object.entries(files).sort(([a], [b]) => (b === output) - (a === output));
+  at('files').replaceChildren(...order.map(link));
+  const note = (text) => Object.assign(document.createElement('li'), { textContent: text });
+  at('warnings').replaceChildren(...report.warnings.map(note));
+  at('summary').textContent = `${look.info.triangles.toLocaleString('en')} triangles, ${seconds.toFixed(1)} s`;
+  at('result').hidden = false;
+  say('baked');
+}
+
+function size(bytes) {
+  return bytes < 1e6 ? `${Math.ceil(bytes / 1e3)} kB` : `${(bytes / 1e6).toFixed(1)} MB`;
+}
+
+function look() {
+  return document.querySelector('input[name=look]:checked').value;
+}
+
+function choose(value) {
+  document.querySelector(`input[name=look][value=${value}]`).checked = true;
+  changedLook();
+}
+
+function changedLook() {
+  shown.wires(look() === 'wires');
+}
+
+/** A scene at rest that is wanted soft is drawn so by the program; one that moves is solid. */
+async function rested(atRest) {
+  drawing?.abort();
+  drawing = null;
+  at('soft').hidden = true;
+  if (!atRest || look() !== 'soft' || !scene?.soft || work) return;
+  const mine = (drawing = new AbortController());
+  const [width, height] = shown.size;
+  const shrink = Math.min(1, Math.sqrt(SOFT_PIXELS / (width * height)));
+  const job = {
+    command: 'picture', input: scene.name, output: 'soft.png', view: shown.view, options: { up: at('up').value },
+    size: [width, height].map((px) => Math.max(1, Math.round(px * shrink))), background: [0x17, 0x18, 0x1a].map((code) => code / 255),
+  };
+  try {
+    const { files } = await run(job, scene.files, { signal: mine.signal });
+    if (mine !== drawing) return;
+    const image = at('soft');
+    URL.revokeObjectURL(image.src);
+    image.src = URL.createObjectURL(new Blob([files['soft.png']], { type: 'image/png' }));
+    await image.decode();
+    image.hidden = mine !== drawing;
+  } catch (error) {
+    if (!mine.signal.aborted) complain(error.message);
+  }
+}
+
+/** The box of the crop, as its handles are. */
+function cropped() {
+  const on = at('crop').checked;
+  crop.hidden = !on;
+  shown.box(...(on ? [...crop.corners, scene.toView] : []));
+}
+
+/** Turns the scene as the list says. */
+async function turn() {
+  const look = await working('turning', (how) => lookAt(scene, { up: at('up').value }, how));
+  if (!look) return;
+  forget();
+  scene.toView = look.to_view;
+  await shown.show('before', look.files[LOOK]);
+  cropped();
+}
+
+function bind() {
+  at('file').addEventListener('change', (event) => open(event.target.files));
+  at('cancel').addEventListener('click', () => work?.abort(new Error('cancelled')));
+  at('options').addEventListener('submit', (event) => (event.preventDefault(), bake()));
+  at('looks').addEventListener('change', changedLook);
+  at('crop').addEventListener('change', cropped);
+  at('up').addEventListener('change', turn);
+  at('split').addEventListener('input', (event) => (shown.split = Number(event.target.value)));
+  // Keys that are typed here do not fly around.
+  for (const id of ['panel', 'compare']) at(id).addEventListener('keydown', (event) => event.stopPropagation());
+  const over = (on) => (event) => {
+    event.preventDefault();
+    document.body.classList.toggle('dropping', on);
+  };
+  addEventListener('dragover', over(true));
+  addEventListener('dragleave', over(false));
+  addEventListener('drop', (event) => {
+    over(false)(event);
+    open(event.dataTransfer.files);
+  });
+}
+
+function begin() {
+  const reason = missing();
+  if (reason) {
+    complain(reason);
+    at('file').disabled = true;
+    state('failed');
+    return;
+  }
+  shown = new Shown(at('picture'), rested);
+  crop = new Crop(at('box'), cropped);
+  bind();
+  state('ready');
+}
+
+begin();

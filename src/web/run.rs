@@ -1,0 +1,157 @@
+//! Runs the job of this process.
+
+use super::job::Job;
+use super::lines::{Lines, say};
+use crate::asset::{Asset, Placement};
+use crate::atomic::AtomicFile;
+use crate::bake::teacher::{TeacherOptions, is_solid};
+use crate::bake::{BakeOptions, bake};
+use crate::error::{Error, Result};
+use crate::formats::{self, ReadOptions, gltf, info};
+use crate::guard::{self, is_guarded};
+use crate::job::harden::HardenOptions;
+use crate::job::{BakeInput, BakeJob, describe};
+use crate::layered::Layers;
+use crate::limits::Limits;
+use crate::process::memory;
+use crate::render::scene_renderer::SceneRenderer;
+use crate::scene::{Loaded, Scene};
+use crate::{input, placed};
+use glam::{DVec3, UVec2, Vec3};
+use serde_json::{Map, Value};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::OnceLock;
+
+/// Where temporary files are: the systems that this is built for name no folder for them.
+const TEMPORARY: &str = "/tmp";
+
+/// The file of the job, for what is said without an error to say it with.
+static INPUT: OnceLock<PathBuf> = OnceLock::new();
+
+/// Runs the job that the file of the first argument describes, on as many threads as the second says.
+pub fn main() -> ExitCode {
+    report_faults();
+    // Kept by whoever was first.
+    let _ = tempfile::env::override_temp_dir(Path::new(TEMPORARY));
+    match job().and_then(run) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            say("error", error.to_string());
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// The job of the arguments; its threads are there.
+fn job() -> Result<Job> {
+    let mut arguments = std::env::args().skip(1);
+    let path = arguments.next().ok_or_else(|| Error::invalid("job", "nothing", "a file with a job"))?;
+    let threads = arguments.next().and_then(|count| count.parse().ok()).unwrap_or(1);
+    // This thread is one of them: with one, no other is started.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).use_current_thread();
+    pool.build_global().map_err(|e| {
+        Error::invalid("threads", threads, format!("a number that this place can start ({e})"))
+    })?;
+    let text = input::read_text(path.as_ref(), &Limits::DEFAULT)?;
+    serde_json::from_str(&text).map_err(|e| Error::malformed(path, "job", e.to_string()))
+}
+
+fn run(job: Job) -> Result<()> {
+    if let Some(input) = job.input() {
+        let _ = INPUT.set(input.clone());
+    }
+    match job {
+        Job::Info { input } => {
+            say("info", describe(&input, &ReadOptions::default())?);
+            Ok(())
+        }
+        Job::Look { input, output, options } => look(&input, &output, &quick(options)?),
+        Job::Picture { input, output, view, size, background, options } => {
+            let camera = view.camera(UVec2::from(size));
+            camera.validate(&Limits::DEFAULT)?;
+            let loaded = formats::read(&input, &ReadOptions::default())?;
+            let Scene::Soup(soup) = loaded.scene.clone() else {
+                return Err(Error::unsupported(input, "is a mesh: its triangles are solid"));
+            };
+            let file_placement = loaded.provenance.placement;
+            let (_, placement) = shown(loaded, &quick(options)?)?;
+            let camera = placed::to_world(&camera, &placement, DVec3::ZERO);
+            let mut renderer = SceneRenderer::soft(soup, &file_placement, None, background);
+            renderer.color(&camera).save_png(&output)
+        }
+        Job::Bake { inputs, output, options, harden, max_bytes } => {
+            let mut job = BakeJob::new(inputs.into_iter().map(BakeInput::File), resolved(options)?);
+            job.harden = harden.then(HardenOptions::default);
+            job.max_bytes = max_bytes;
+            say("report", job.save(&output, &mut Lines::default())?.report);
+            Ok(())
+        }
+    }
+}
+
+/// The options over those of the preset that they name.
+fn resolved(options: Map<String, Value>) -> Result<BakeOptions> {
+    Ok(Layers::default().named(options).resolve(BakeOptions::preset)?.options)
+}
+
+/// The same for a bake that looks at no pictures.
+fn quick(options: Map<String, Value>) -> Result<BakeOptions> {
+    Ok(BakeOptions { teacher: TeacherOptions::OFF, ..resolved(options)? })
+}
+
+/// What an engine draws of a scene, and how it is placed in the frame of the scene's file.
+fn shown(loaded: Loaded, options: &BakeOptions) -> Result<(Asset, Placement)> {
+    let in_world = loaded.provenance.placement;
+    let asset = bake(loaded, options)?;
+    let placement = in_world.inverse().then(&asset.provenance.placement);
+    Ok((asset, placement))
+}
+
+/// Says what `input` holds and how it is turned, and writes what can be shown of it.
+fn look(input: &Path, output: &Path, options: &BakeOptions) -> Result<()> {
+    let (info, loaded) = info::info(input, &ReadOptions::with_degree(0))?;
+    say("info", info);
+    say("soft", matches!(&loaded.scene, Scene::Soup(soup) if !is_solid(soup)));
+    let (asset, placement) = shown(loaded, options)?;
+    say("to_view", matrix(&placement));
+    let glb = gltf::to_glb_bytes(&asset, &gltf::GltfOptions::default())?;
+    let mut file = AtomicFile::create(output)?;
+    file.write_all(&glb).map_err(|e| Error::io(output, e))?;
+    file.commit().map(drop)
+}
+
+/// From the frame of a file to that of the asset made of it: three axes and an origin.
+fn matrix(placement: &Placement) -> [[f32; 3]; 4] {
+    let move_to = placement.transform();
+    let origin = move_to(Vec3::ZERO);
+    let axis = |axis: Vec3| (move_to(axis) - origin).to_array();
+    [axis(Vec3::X), axis(Vec3::Y), axis(Vec3::Z), origin.to_array()]
+}
+
+/// From now on what ends the process says so in a line first: panics, which do not unwind here, and memory that cannot be had.
+fn report_faults() {
+    std::panic::set_hook(Box::new(|panic| {
+        let message = guard::text(panic.payload());
+        let place = panic.location().map_or_else(String::new, |at| format!(" ({}:{})", at.file(), at.line()));
+        match INPUT.get().filter(|_| is_guarded()) {
+            Some(path) => say("error", guard::failed(path, message).to_string()),
+            None => {
+                let fault = format!("trisplat has a fault: {message}{place}; please report it with the file");
+                say("error", fault);
+            }
+        }
+    }));
+    memory::end_with(|bytes| {
+        // There may be no memory for a line of text either, so it is put together on the stack.
+        let mut line = [0u8; 200];
+        let mut rest = &mut line[..];
+        let remedy = "give fewer triangles, crop, or use the program, which may use more than 4 GB";
+        let _ =
+            writeln!(rest, "{{\"error\":\"out of memory: {bytes} bytes more could not be had; {remedy}\"}}");
+        let left = rest.len();
+        let _ = std::io::stdout().write_all(&line[..line.len() - left]);
+        std::process::exit(1)
+    });
+}

@@ -1,0 +1,255 @@
+//! The program as WebAssembly, in Node and in a browser's page: the bytes of the program, its words, and nothing of the network.
+
+use super::browser::chromium;
+use super::{have, here, runs_with, studio};
+use serde_json::{Value, json};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use tempfile::TempDir;
+use trisplat::job::BakeInput;
+use trisplat::math::lanes::{SimdLevel, with_at_most};
+use trisplat::{BakeJob, BakeOptions};
+
+/// Whether `web/build.sh` has built the package and the page.
+fn built() -> bool {
+    have("web", here("target/web/npm/trisplat.wasm").exists() && here("target/web/app/index.html").exists())
+}
+
+/// The lines of a script, one for each of `asked`.
+fn lines(command: &mut Command, asked: &Value) -> Vec<Value> {
+    let done = runs_with(command, asked.to_string().as_bytes());
+    let lines: Vec<Value> =
+        done.stdout.split(|&b| b == b'\n').filter_map(|line| serde_json::from_slice(line).ok()).collect();
+    assert_eq!(lines.len(), asked.as_array().unwrap().len(), "{}", String::from_utf8_lossy(&done.stderr));
+    lines
+}
+
+fn in_node(jobs: &Value) -> Vec<Value> {
+    lines(Command::new("node").arg(here("tests/web.mjs")).arg(here("target/web/npm")), jobs)
+}
+
+fn in_page(chromium: &Path, visits: &Value) -> Vec<Value> {
+    let mut command = Command::new("node");
+    command.arg(here("tests/app.mjs")).arg(here("target/judges")).arg(chromium);
+    lines(command.arg(here("target/web/app/index.html")), visits)
+}
+
+/// What the program says, or the files that it wrote.
+fn program(folder: &Path, arguments: &[&str]) -> Result<(), String> {
+    let done =
+        Command::new(env!("CARGO_BIN_EXE_trisplat")).args(arguments).current_dir(folder).output().unwrap();
+    let said = String::from_utf8_lossy(&done.stderr).into_owned();
+    if done.status.success() { Ok(()) } else { Err(said) }
+}
+
+/// Asserts that both folders have these files, and the same bytes in each.
+fn assert_same(folder: &Path, other: &Path, names: &Value) {
+    let names: Vec<&str> = names.as_array().unwrap().iter().map(|name| name.as_str().unwrap()).collect();
+    assert!(!names.is_empty());
+    for name in names {
+        let [ours, theirs] = [folder, other].map(|folder| fs::read(folder.join(name)).unwrap());
+        assert!(ours == theirs, "{name}: {} and {} bytes", ours.len(), theirs.len());
+    }
+}
+
+/// Files that no reader should take, or that lose something: their names, and their bytes.
+fn hostile() -> Vec<(&'static str, Vec<u8>)> {
+    let ply = fs::read(studio()).unwrap();
+    let zip = [b"PK\x03\x04".as_slice(), &[0; 60]].concat();
+    let huge =
+        b"ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty float x\nend_header\n";
+    vec![
+        ("empty.ply", Vec::new()),
+        ("cut.ply", ply[..ply.len() / 2].to_vec()),
+        ("head.ply", ply[..40].to_vec()),
+        ("huge.ply", huge.to_vec()),
+        ("zip.pt", zip),
+        ("old.pt", b"\x80\x02}q\x00.".to_vec()),
+        ("short.glb", b"glTF\x02\x00\x00\x00\xff\xff\xff\xff".to_vec()),
+        ("deep.gltf", [b"{\"a\":".as_slice(), &b"[".repeat(100_000)].concat()),
+        ("far.obj", b"v 0 0 0\nv 1 0 0\nf 1 2 9\n".to_vec()),
+        ("nan.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".to_vec()),
+        ("words.txt", b"hello world".to_vec()),
+        ("other.html", b"<!doctype html><p>no scene".to_vec()),
+    ]
+}
+
+#[test]
+fn node_writes_the_bytes_of_the_program() {
+    if !built() {
+        return;
+    }
+    let [ours, theirs] = [(); 2].map(|()| TempDir::new().unwrap());
+    let cube = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nf 1 2 3 4\nf 1 2 5\n";
+    fs::write(ours.path().join("cube.obj"), cube).unwrap();
+    for name in ["studio.ply", "trained.ply", "degenerate.ply"] {
+        fs::copy(here("samples/soups").join(name), ours.path().join(name)).unwrap();
+    }
+    // A GLB to read is one that was written.
+    let first = ["bake", "trained.ply", "-o", "first.glb", "--preset", "small", "--target", "web"];
+    program(ours.path(), &first).unwrap();
+    let cases: [(&str, &str, Value, &[&str]); 9] = [
+        ("trained.ply", "a.glb", json!({}), &[]),
+        ("trained.ply", "b.gltf", json!({ "target": "godot" }), &["--target", "godot"]),
+        (
+            "trained.ply",
+            "c.glb",
+            json!({ "preset": "small", "target": "web" }),
+            &["--preset", "small", "--target", "web"],
+        ),
+        (
+            "trained.ply",
+            "d.glb",
+            json!({ "max_triangles": 1000, "up": "y" }),
+            &["--max-triangles", "1000", "--up", "y"],
+        ),
+        ("trained.ply", "e.glb", json!({ "crop": ["-1,-1,-1,1,1,1"] }), &["--crop", "-1,-1,-1,1,1,1"]),
+        ("degenerate.ply", "f.ply", json!({ "teacher": "off" }), &["--teacher", "off"]),
+        ("cube.obj", "g.obj", json!({}), &[]),
+        ("first.glb", "h.html", json!({}), &[]),
+        (
+            "studio.ply",
+            "i.glb",
+            json!({ "teacher": "off", "lod": [0.5], "chunk_triangles": 1000 }),
+            &["--teacher", "off", "--lod", "0.5", "--set", "chunk_triangles=1000"],
+        ),
+    ];
+    let job = |(input, output, options, _): &(&str, &str, Value, &[&str])| {
+        let files = json!({ *input: ours.path().join(input) });
+        let threads = if *output == "a.glb" { 2 } else { 1 };
+        json!({ "files": files, "options": options, "output": output, "folder": theirs.path(), "threads": threads })
+    };
+    let done = in_node(&cases.iter().map(job).collect());
+    for ((input, output, _, flags), done) in cases.iter().zip(done) {
+        program(ours.path(), &[&["bake", input, "-o", output], *flags].concat()).unwrap();
+        assert!(done["error"].is_null(), "{output}: {done}");
+        assert_same(ours.path(), theirs.path(), &done["names"]);
+        assert!(done["names"].as_array().unwrap().contains(&json!(output)) && done["stages"] != json!([]));
+    }
+}
+
+#[test]
+fn a_soft_scene_is_fitted_as_a_cpu_without_vectors_does() {
+    if !built() {
+        return;
+    }
+    let [ours, theirs] = [(); 2].map(|()| TempDir::new().unwrap());
+    let scene = studio();
+    let options = json!({ "teacher_pictures": 4, "reshape_rounds": 1, "refit_passes": 1 });
+    let files = json!({ "studio.ply": scene });
+    let done =
+        in_node(&json!([{ "files": files, "options": options, "output": "a.glb", "folder": theirs.path() }]));
+    assert!(done[0]["error"].is_null(), "{}", done[0]);
+    let named = trisplat::layered::Layers::default().named(options.as_object().unwrap().clone());
+    let options = named.resolve(BakeOptions::preset).unwrap().options;
+    let job = BakeJob::new([BakeInput::File(scene)], options);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let output = ours.path().join("a.glb");
+    let save = || with_at_most(SimdLevel::Portable, || job.save(&output, &mut ()));
+    pool.install(save).unwrap();
+    assert_same(ours.path(), theirs.path(), &done[0]["names"]);
+}
+
+#[test]
+fn node_refuses_what_the_program_refuses_in_the_same_words() {
+    if !built() {
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    let mut jobs = Vec::new();
+    for (name, bytes) in hostile() {
+        let path = folder.path().join(name);
+        fs::write(&path, bytes).unwrap();
+        jobs.push(json!({ "files": { name: path }, "options": { "teacher": "off" }, "output": "out.glb", "folder": folder.path() }));
+    }
+    for ((name, _), done) in hostile().iter().zip(in_node(&jobs.into())) {
+        let error = program(folder.path(), &["bake", name, "-o", "out.glb", "--teacher", "off"]).unwrap_err();
+        let error = error.trim().strip_prefix("error: ").unwrap_or(&error).trim();
+        assert_eq!(done["error"], json!(error));
+    }
+    let files = json!({ "studio.ply": studio() });
+    let done = in_node(&json!([
+        { "files": files, "options": { "max_triangels": 3 }, "output": "a.glb", "folder": folder.path() },
+        { "files": files, "output": "a.xyz", "folder": folder.path() },
+        { "files": files, "output": "a.glb", "folder": folder.path(), "cancel": "prune" },
+        { "files": files, "info": true },
+    ]));
+    let error = |i: usize| done[i]["error"].as_str().unwrap_or_default().to_owned();
+    assert!(error(0).contains("max_triangels") && error(0).contains("max_triangles"), "{}", done[0]);
+    assert!(error(1).contains("a.xyz") && error(1).contains(".glb"), "{}", done[1]);
+    assert_eq!(error(2), "cancelled");
+    assert_eq!(done[3]["info"]["kind"], "soup");
+}
+
+#[test]
+fn the_page_bakes_what_the_program_does() {
+    let Some(chromium) = chromium().filter(|_| built()) else { return };
+    let [ours, theirs] = [(); 2].map(|()| TempDir::new().unwrap());
+    let keep = |name: &str| std::env::var_os("TRISPLAT_KEEP").map(|folder| PathBuf::from(folder).join(name));
+    let trained = here("samples/soups/trained.ply");
+    fs::copy(&trained, ours.path().join("trained.ply")).unwrap();
+    let visits = json!([
+        { "files": [trained], "bake": true, "folder": theirs.path(), "screenshot": keep("app-bake.png"),
+          "set": { "target": "godot", "triangles": "3000", "up": "y", "crop": true } },
+        { "files": [studio()], "soft": true, "screenshot": keep("app-soft.png"), "size": [420, 800] },
+        { "files": [studio()], "bake": true, "cancel": true, "folder": theirs.path() },
+        { "webgl": false },
+    ]);
+    let seen = in_page(&chromium, &visits);
+    for one in &seen {
+        assert_eq!(one["errors"], json!([]), "{one}");
+        let paint = one["paint"].as_f64().unwrap();
+        println!("first seen after {paint} ms, longest pause {} ms", one["pause"]);
+        assert!(paint < 5000.0, "{one}");
+    }
+    let flags =
+        ["--target", "godot", "--max-triangles", "3000", "--up", "y", "--crop=-1e9,-1e9,-1e9,1e9,1e9,1e9"];
+    program(ours.path(), &[&["bake", "trained.ply", "-o", "trained.glb"], &flags[..]].concat()).unwrap();
+    assert_eq!((&seen[0]["state"], &seen[0]["compares"]), (&json!("ready"), &json!(true)), "{}", seen[0]);
+    assert_same(ours.path(), theirs.path(), &seen[0]["downloads"]);
+    assert_eq!(seen[0]["downloads"].as_array().unwrap().len(), 2, "the GLB, and what Godot wants beside it");
+    assert_eq!((&seen[1]["state"], &seen[1]["message"]), (&json!("ready"), &json!("")), "{}", seen[1]);
+    assert_eq!((&seen[2]["what"], &seen[2]["downloads"]), (&json!("cancelled"), &json!([])), "{}", seen[2]);
+    let message = seen[3]["message"].as_str().unwrap();
+    assert!(seen[3]["state"] == "failed" && message.contains("WebGL 2"), "{}", seen[3]);
+}
+
+#[test]
+fn the_page_says_why_a_file_cannot_be_read() {
+    let Some(chromium) = chromium().filter(|_| built()) else { return };
+    let folder = TempDir::new().unwrap();
+    let visit = |(name, bytes): &(&str, Vec<u8>)| {
+        let path = folder.path().join(name);
+        fs::write(&path, bytes).unwrap();
+        json!({ "files": [path] })
+    };
+    let visits = hostile().iter().map(visit).collect();
+    for ((name, _), seen) in hostile().iter().zip(in_page(&chromium, &visits)) {
+        assert_eq!((&seen["errors"], &seen["state"]), (&json!([]), &json!("failed")), "{seen}");
+        let message = seen["message"].as_str().unwrap();
+        assert!(message.contains(name) && !message.contains("fault"), "{message}");
+    }
+}
+
+#[test]
+fn the_page_can_reach_nothing_and_is_small() {
+    if !built() {
+        return;
+    }
+    let page = fs::read_to_string(here("target/web/app/index.html")).unwrap();
+    let policy =
+        page.split("Content-Security-Policy\" content=\"").nth(1).and_then(|rest| rest.split('"').next());
+    let policy = policy.expect("the page has a policy");
+    assert!(policy.starts_with("default-src 'none'; ") && !policy.contains("connect-src"), "{policy}");
+    for word in ["unsafe-inline", "'unsafe-eval'", "*", "http", "'self'"] {
+        assert!(!policy.contains(word), "{word}: {policy}");
+    }
+    for outside in ["<script src", "<link", "@import"] {
+        assert!(!page.contains(outside), "{outside}: the page must hold all it needs");
+    }
+    let program = page.split("id=\"program\">").nth(1).and_then(|rest| rest.split('<').next()).unwrap();
+    let bytes = program.len() / 4 * 3;
+    println!("the program takes {bytes} bytes, compressed");
+    assert!(bytes <= 3_000_000, "{bytes}");
+}

@@ -1,0 +1,51 @@
+// trisplat wherever there is WebAssembly: scenes of triangles become files that game engines draw. index.d.ts says how.
+import { run as runIn } from './run.js';
+
+const node = typeof process !== 'undefined' && !!process.versions?.node;
+let compiled = null;
+
+/** The program, compiled once. */
+async function program() {
+  const url = new URL('./trisplat.wasm', import.meta.url);
+  if (node) return WebAssembly.compile(await (await import('node:fs/promises')).readFile(url));
+  return WebAssembly.compileStreaming(fetch(url));
+}
+
+async function worker() {
+  const url = new URL('./worker.js', import.meta.url);
+  if (!node) return new Worker(url, { type: 'module' });
+  return new (await import('node:worker_threads')).Worker(url);
+}
+
+/** Runs one job on `files`, by name. */
+export async function run(job, files, how = {}) {
+  return runIn(await (compiled ??= program()), worker, job, files, how);
+}
+
+/** Bakes, and returns all that was written, by name, and the report. */
+export async function bakeFiles(source, options = {}, how = {}) {
+  const { files, first } = named(source);
+  const { harden = false, max_bytes = null, ...rest } = options;
+  const output = how.output ?? 'scene.glb';
+  return run({ command: 'bake', inputs: how.inputs ?? [first], output, options: rest, harden, max_bytes }, files, how);
+}
+
+/** Bakes, and returns the bytes of the file. */
+export async function bake(source, options = {}, how = {}) {
+  return (await bakeFiles(source, options, how)).files[how.output ?? 'scene.glb'];
+}
+
+/** What a file holds. */
+export async function info(source, how = {}) {
+  const { files, first } = named(source);
+  return (await run({ command: 'info', input: first }, files, how)).info;
+}
+
+/** What is given, by name; bytes and blobs alone are a file. */
+function named(source) {
+  const alone = ArrayBuffer.isView(source) || source instanceof ArrayBuffer || (typeof Blob !== 'undefined' && source instanceof Blob);
+  const given = alone ? { [source.name ?? 'scene']: source } : source;
+  const bytes = (one) => (one instanceof ArrayBuffer ? new Uint8Array(one) : one);
+  const files = Object.fromEntries(Object.entries(given).map(([name, one]) => [name, bytes(one)]));
+  return { files, first: Object.keys(files)[0] };
+}
