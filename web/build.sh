@@ -26,12 +26,29 @@ for name in "${CLANG:-clang}" clang-{22,21,20,19,18,17,16}; do
 done
 [ -n "$clang" ] || fail 'clang 16 or later is missing: on Debian, apt-get install clang-19'
 
+# pytorch-reader asks for a second handle of its file, which std has not here; opening the file anew is the same, as nothing replaces it.
+patched=target/web-patched
+if [ ! -f "$patched/done" ]; then
+    crate=$(cargo metadata --locked --format-version 1 | node -p '
+        JSON.parse(require("fs").readFileSync(0)).packages.find(({ name }) => name === "pytorch-reader").manifest_path')
+    asks='BufReader::new(file.try_clone()?)'
+    grep -qF "$asks" "$(dirname "$crate")/src/storage.rs" || fail "pytorch-reader has changed: $asks is not in its src/storage.rs"
+    rm -rf "$patched"
+    mkdir -p "$patched"
+    cp -r "$(dirname "$crate")" "$patched/pytorch-reader"
+    sed -i.old 's/BufReader::new(file\.try_clone()?)/BufReader::new(File::open(path)?)/' "$patched/pytorch-reader/src/storage.rs"
+    touch "$patched/done"
+fi
+# The list of locked versions would say that it is another crate now, so it is put back.
+cp Cargo.lock "$patched/Cargo.lock"
+trap 'cp "$patched/Cargo.lock" Cargo.lock' EXIT
+
 # meshopt brings headers for WebAssembly that leave out what it does not call there; what our system's library has is named here.
 math=
 for name in floorf ceilf log2f frexpf ldexpf cosf; do math="$math -D$name=__builtin_$name"; done
 env "CC_${target//-/_}=$clang" "CXX_${target//-/_}=$clang" "AR_${target//-/_}=${AR:-ar}" \
     "CFLAGS_${target//-/_}=$math" "CXXFLAGS_${target//-/_}=$math" \
-    cargo build --locked --profile "$profile" --target "$target" --no-default-features --features web --bin trisplat-web
+    cargo build --config "patch.crates-io.pytorch-reader.path='$patched/pytorch-reader'" --profile "$profile" --target "$target" --no-default-features --features web --bin trisplat-web
 folder=$profile
 if [ "$profile" = dev ]; then folder=debug; fi
 

@@ -68,18 +68,9 @@ export class Written {
   }
 
   write(at, bytes) {
-    this.resize(Math.max(this.size, at + bytes.length));
+    this.size = Math.max(this.size, at + bytes.length);
+    while (this.#pages.length * PAGE < this.size) this.#pages.push(new Uint8Array(PAGE));
     this.#walk(at, bytes.length, (page, from, count, done) => page.set(bytes.subarray(done, done + count), from));
-  }
-
-  resize(size) {
-    const pages = Math.ceil(size / PAGE);
-    if (size < this.size) {
-      this.#pages.length = pages;
-      this.#pages[pages - 1]?.fill(0, size - (pages - 1) * PAGE);
-    }
-    while (this.#pages.length < pages) this.#pages.push(new Uint8Array(PAGE));
-    this.size = size;
   }
 
   /** All bytes; gives its pages away. */

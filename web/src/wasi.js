@@ -58,14 +58,13 @@ export class System {
   /** The module `wasi_snapshot_preview1`. */
   imports() {
     const calls = [
-      'args_get', 'args_sizes_get', 'environ_get', 'environ_sizes_get', 'clock_time_get', 'clock_res_get', 'random_get', 'sched_yield',
-      'poll_oneoff', 'proc_exit', 'fd_close', 'fd_read', 'fd_pread', 'fd_write', 'fd_pwrite', 'fd_seek', 'fd_tell', 'fd_sync', 'fd_datasync',
-      'fd_filestat_get', 'fd_filestat_set_size', 'fd_fdstat_get', 'fd_fdstat_set_flags', 'fd_prestat_get', 'fd_prestat_dir_name',
-      'fd_readdir', 'fd_renumber', 'path_open', 'path_filestat_get', 'path_rename', 'path_unlink_file', 'path_create_directory',
-      'path_remove_directory', 'path_readlink',
+      'args_get', 'args_sizes_get', 'environ_get', 'environ_sizes_get', 'clock_time_get', 'random_get', 'sched_yield', 'proc_exit',
+      'fd_close', 'fd_read', 'fd_write', 'fd_seek', 'fd_sync', 'fd_filestat_get', 'fd_fdstat_get', 'fd_prestat_get', 'fd_prestat_dir_name',
+      'fd_readdir', 'path_open', 'path_filestat_get', 'path_rename', 'path_unlink_file', 'path_create_directory', 'path_remove_directory',
+      'path_readlink',
     ];
     const bound = Object.fromEntries(calls.map((name) => [name, (...given) => this[name](...given)]));
-    // What the program does not do: links, times of files, sockets.
+    // What the program does not do: links, times of files, sleep, sockets.
     return new Proxy(bound, { get: (known, name) => known[name] ?? (() => NOSYS) });
   }
 
@@ -140,11 +139,6 @@ export class System {
     return OK;
   }
 
-  clock_res_get(_clock, at) {
-    this.#view.setBigUint64(at, 1000n, true);
-    return OK;
-  }
-
   random_get(at, length) {
     for (let done = 0; done < length; done += 65536) {
       const part = new Uint8Array(Math.min(65536, length - done));
@@ -155,23 +149,6 @@ export class System {
   }
 
   sched_yield() {
-    return OK;
-  }
-
-  // Sleep, which is all that the program asks of it.
-  poll_oneoff(asked, answers, count, told) {
-    const view = this.#view;
-    for (let i = 0; i < count; i++) {
-      const [from, to] = [asked + 48 * i, answers + 32 * i];
-      if (view.getUint8(from + 8) === 0) {
-        const until = performance.now() + Number(view.getBigUint64(from + 24, true)) / 1e6;
-        while (performance.now() < until);
-      }
-      view.setBigUint64(to, view.getBigUint64(from, true), true);
-      view.setUint16(to + 8, OK, true);
-      view.setUint8(to + 10, view.getUint8(from + 8));
-    }
-    view.setUint32(told, count, true);
     return OK;
   }
 
@@ -191,12 +168,6 @@ export class System {
     const done = this.#readInto(file.what, file.at, vectors, count);
     file.at += done;
     return this.#tell(told, done);
-  }
-
-  fd_pread(fd, vectors, count, at, told) {
-    const file = this.#opened(fd);
-    if (!file || file.what === FOLDER) return file ? ISDIR : BADF;
-    return this.#tell(told, this.#readInto(file.what, Number(at), vectors, count));
   }
 
   #readInto(what, at, vectors, count) {
@@ -231,17 +202,6 @@ export class System {
     return this.#tell(told, length);
   }
 
-  fd_pwrite(fd, vectors, count, at, told) {
-    const file = this.#open.get(fd);
-    if (!(file?.what instanceof Written)) return BADF;
-    let done = 0;
-    for (const part of this.#vectors(vectors, count)) {
-      file.what.write(Number(at) + done, part);
-      done += part.length;
-    }
-    return this.#tell(told, done);
-  }
-
   #print(fd, text) {
     const lines = (this.#texts[fd] + text).split('\n');
     this.#texts[fd] = lines.pop();
@@ -259,22 +219,7 @@ export class System {
     return OK;
   }
 
-  fd_tell(fd, told) {
-    return this.fd_seek(fd, 0n, 1, told);
-  }
-
   fd_sync() {
-    return OK;
-  }
-
-  fd_datasync() {
-    return OK;
-  }
-
-  fd_renumber(from, to) {
-    if (!this.#open.has(from)) return BADF;
-    this.#open.set(to, this.#open.get(from));
-    this.#open.delete(from);
     return OK;
   }
 
@@ -293,13 +238,6 @@ export class System {
     return file ? this.#stat(at, file.what) : BADF;
   }
 
-  fd_filestat_set_size(fd, size) {
-    const file = this.#open.get(fd);
-    if (!(file?.what instanceof Written)) return BADF;
-    file.what.resize(Number(size));
-    return OK;
-  }
-
   fd_fdstat_get(fd, at) {
     const file = this.#open.get(fd);
     if (!file && fd >= ROOT) return BADF;
@@ -309,10 +247,6 @@ export class System {
     view.setUint16(at + 2, file?.append ? APPEND : 0, true);
     view.setBigUint64(at + 8, ALL_RIGHTS, true);
     view.setBigUint64(at + 16, ALL_RIGHTS, true);
-    return OK;
-  }
-
-  fd_fdstat_set_flags() {
     return OK;
   }
 
