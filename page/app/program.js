@@ -1,4 +1,5 @@
 // The program inside the page, and the workers that run it.
+import { canShare, unshared } from '../../web/src/memory.js';
 import { run as runIn } from '../../web/src/run.js';
 
 /** The script of a worker, put here when the page is built. */
@@ -13,7 +14,8 @@ async function program() {
   const packed = Uint8Array.from(atob(element.textContent), (c) => c.charCodeAt(0));
   element.remove();
   const unpacked = new Blob([packed]).stream().pipeThrough(new DecompressionStream('gzip'));
-  return WebAssembly.compile(await new Response(unpacked).arrayBuffer());
+  const bytes = await new Response(unpacked).arrayBuffer();
+  return WebAssembly.compile(canShare() ? bytes : unshared(bytes));
 }
 
 /** Says what is missing in this browser, if anything is. */
@@ -29,9 +31,7 @@ export function missing() {
   if (!has(() => document.createElement('canvas').getContext('webgl2'))) {
     return `This browser does not draw in three dimensions: WebGL 2 is off or not there. Turn on hardware acceleration in its settings. ${update}`;
   }
-  if (!has(() => new WebAssembly.Memory({ initial: 1, maximum: 1, shared: true }))) {
-    return `This browser does not run programs: WebAssembly with shared memory is off or not there. ${update}`;
-  }
+  if (!has(() => WebAssembly.compile)) return `This browser does not run programs: WebAssembly is off or not there. ${update}`;
   if (!has(() => DecompressionStream && Worker)) return `This browser cannot unpack the program of this page. ${update}`;
   return null;
 }

@@ -118,7 +118,8 @@ fn node_writes_the_bytes_of_the_program() {
     let job = |(input, output, options, _): &(&str, &str, Value, &[&str])| {
         let files = json!({ *input: ours.path().join(input) });
         let threads = if *output == "a.glb" { 2 } else { 1 };
-        json!({ "files": files, "options": options, "output": output, "folder": theirs.path(), "threads": threads })
+        json!({ "files": files, "options": options, "output": output, "folder": theirs.path(), "threads": threads,
+                "unshared": *output == "c.glb" })
     };
     let done = in_node(&cases.iter().map(job).collect());
     for ((input, output, _, flags), done) in cases.iter().zip(done) {

@@ -1,4 +1,5 @@
 // trisplat wherever there is WebAssembly: scenes of triangles become files that game engines draw. index.d.ts says how.
+import { canShare, unshared } from './memory.js';
 import { run as runIn } from './run.js';
 
 const node = typeof process !== 'undefined' && !!process.versions?.node;
@@ -8,7 +9,8 @@ let compiled = null;
 async function program() {
   const url = new URL('./trisplat.wasm', import.meta.url);
   if (node) return WebAssembly.compile(await (await import('node:fs/promises')).readFile(url));
-  return WebAssembly.compileStreaming(fetch(url));
+  if (canShare()) return WebAssembly.compileStreaming(fetch(url));
+  return WebAssembly.compile(unshared(await (await fetch(url)).arrayBuffer()));
 }
 
 async function worker() {

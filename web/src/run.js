@@ -1,5 +1,5 @@
 // One job in a worker of its own, which ends with it: so memory comes back, and a job can be cancelled.
-import { memoryOfProgram } from './start.js';
+import { canShare, memoryOfProgram } from './memory.js';
 import { shared } from './threads.js';
 
 /** Threads of a dependency that wait for pictures, beside those that compute. */
@@ -9,9 +9,9 @@ const UNPACKED = /\.(gz|html?)$/i;
 
 /**
  * Runs `job` on `files`, by name, in workers that `worker()` makes from the compiled `module`. Returns the files that it wrote by name,
- * as `files`, and what else it found.
+ * as `files`, and what else it found. `memory`: whether that of the module is shared.
  */
-export async function run(module, worker, job, files, { signal, onProgress, threads = mayShare() } = {}) {
+export async function run(module, worker, job, files, { signal, onProgress, threads = mayShare(), memory = canShare() } = {}) {
   signal?.throwIfAborted();
   const workers = [];
   const result = {};
@@ -32,10 +32,10 @@ export async function run(module, worker, job, files, { signal, onProgress, thre
         if (hired.on) hired.on('message', hear).on('error', fail);
         else Object.assign(hired, { onmessage: ({ data }) => hear(data), onerror: fail, onmessageerror: fail });
       };
-      const alone = threads < 2 || Object.keys(files).some((name) => UNPACKED.test(name));
-      if (alone) return hire({ job, files }).catch(fail);
+      const alone = threads < 2 || !memory || Object.keys(files).some((name) => UNPACKED.test(name));
+      if (alone) return hire({ job, files, shared: memory }).catch(fail);
       const others = threads - 1 + WAITING;
-      const team = { memory: memoryOfProgram(), team: shared(others), files: sharedFiles(files) };
+      const team = { memory: memoryOfProgram(true), team: shared(others), files: sharedFiles(files) };
       const there = Array.from({ length: others }, (_, which) => new Promise((joined) => hire({ ...team, which }, joined).catch(fail)));
       Promise.all(there).then(() => hire({ ...team, job, threads })).catch(fail);
     });

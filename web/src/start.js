@@ -1,22 +1,9 @@
 // Starts the program in this thread and runs one job to its end, or is one of the threads of a job.
+import { memoryOfProgram } from './memory.js';
 import { serve, spawner } from './threads.js';
 import { Exit, System } from './wasi.js';
 
-const PAGES = 65536;
-/** At least what the program begins with. */
-const FIRST_PAGES = 256;
 const JOB = 'job.json';
-
-/** Memory for the program: as much as 4 GiB, less where the system refuses to promise that. */
-export function memoryOfProgram() {
-  for (let maximum = PAGES; ; maximum /= 2) {
-    try {
-      return new WebAssembly.Memory({ initial: FIRST_PAGES, maximum, shared: true });
-    } catch (error) {
-      if (maximum <= 2 * FIRST_PAGES) throw error;
-    }
-  }
-}
 
 function instance(module, memory, system, spawn) {
   const imports = { env: { memory }, wasi_snapshot_preview1: system.imports(), wasi: { 'thread-spawn': spawn } };
@@ -45,9 +32,9 @@ function reason(ended, { error, rest }) {
 
 /**
  * Runs `job` on `files`, bytes or blobs by name; `line(object)` gets what the program says on the way. `team`: what its other `threads` share
- * with this one. Returns the files that it wrote. Fails with the program's own words.
+ * with this one; `shared`: whether the module's memory is. Returns the files that it wrote. Fails with the program's own words.
  */
-export function start(module, { job, files, line, threads = 1, memory = memoryOfProgram(), team }) {
+export function start(module, { job, files, line, shared, threads = 1, memory = memoryOfProgram(shared), team }) {
   const text = new TextEncoder().encode(JSON.stringify(job));
   const heard = ear(line);
   const args = ['trisplat', JOB, String(threads)];
