@@ -157,7 +157,8 @@ export class Shown {
       const size = new Vector3(...high).sub(new Vector3(...low));
       const edges = new EdgesGeometry(new BoxGeometry(size.x, size.y, size.z));
       edges.translate(...new Vector3(...low).addScaledVector(size, 0.5).toArray());
-      this.#box = new LineSegments(edges, new LineBasicMaterial({ color: '#ffd479', toneMapped: false }));
+      this.#box = new LineSegments(edges, new LineBasicMaterial({ color: '#ffd479', toneMapped: false, depthTest: false }));
+      this.#box.renderOrder = 1;
       this.#box.applyMatrix4(matrix(toView));
       this.#stage.add(this.#box);
       this.#stage.updateMatrixWorld(true);
