@@ -146,7 +146,7 @@ fn source(bytes: &[u8]) -> Source {
     let mut file = tempfile::tempfile().unwrap();
     file.write_all(bytes).unwrap();
     std::io::Seek::rewind(&mut file).unwrap();
-    Source { path: PathBuf::from("scene.bvh"), file, len: bytes.len() as u64 }
+    Source { path: PathBuf::from("scene.bvh"), file: file.into(), len: bytes.len() as u64 }
 }
 
 fn bytes_of(asset: &Asset) -> Vec<u8> {

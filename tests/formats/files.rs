@@ -16,7 +16,7 @@ use trisplat::soup::Soup;
 pub(crate) fn source(bytes: &[u8]) -> Source {
     let mut file = tempfile::tempfile().expect("a temporary file");
     file.write_all(bytes).and_then(|()| file.rewind()).expect("writable");
-    Source { path: "test".into(), file, len: bytes.len() as u64 }
+    Source { path: "test".into(), file: file.into(), len: bytes.len() as u64 }
 }
 
 /// A file of the shared folder, or nothing (and a message) where there is none.

@@ -131,7 +131,7 @@ fn written_obj() -> Vec<u8> {
 fn read_bytes(row: &Row, bytes: &[u8], sh_degree: u8) -> Result<Loaded> {
     let mut file = tempfile::tempfile().expect("a temporary file");
     file.write_all(bytes).and_then(|()| file.rewind()).expect("writable");
-    let source = Source { path: "mutant".into(), file, len: bytes.len() as u64 };
+    let source = Source { path: "mutant".into(), file: file.into(), len: bytes.len() as u64 };
     row.2(source, &ReadOptions::with_degree(sh_degree))
 }
 
@@ -159,7 +159,7 @@ fn the_seeds_are_valid() {
     for (name, bytes, read) in table() {
         let mut file = tempfile::tempfile().expect("a temporary file");
         file.write_all(&bytes).and_then(|()| file.rewind()).expect("writable");
-        let source = Source { path: name.into(), file, len: bytes.len() as u64 };
+        let source = Source { path: name.into(), file: file.into(), len: bytes.len() as u64 };
         let loaded = read(source, &ReadOptions::with_degree(3));
         assert!(loaded.is_ok(), "{name}: {loaded:?}");
     }

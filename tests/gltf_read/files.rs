@@ -140,7 +140,7 @@ pub(crate) fn read_bytes(bytes: &[u8]) -> Result<Loaded> {
     let mut file = tempfile::tempfile().expect("a temporary file");
     std::io::Write::write_all(&mut file, bytes).expect("written");
     std::io::Seek::rewind(&mut file).expect("seekable");
-    let source = Source { path: PathBuf::from("scene.glb"), file, len: bytes.len() as u64 };
+    let source = Source { path: PathBuf::from("scene.glb"), file: file.into(), len: bytes.len() as u64 };
     gltf::read(source, &ReadOptions::with_degree(0))
 }
 

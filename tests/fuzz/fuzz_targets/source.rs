@@ -8,5 +8,5 @@ pub fn source(bytes: &[u8], name: &str) -> Source {
     let mut file = tempfile::tempfile().unwrap();
     file.write_all(bytes).unwrap();
     file.seek(SeekFrom::Start(0)).unwrap();
-    Source { path: name.into(), file, len: bytes.len() as u64 }
+    Source { path: name.into(), file: file.into(), len: bytes.len() as u64 }
 }
