@@ -118,7 +118,9 @@ impl ModelFiles {
     /// Where each point is, by its number.
     fn places(&self, limits: &Limits) -> Result<HashMap<u64, DVec3>> {
         let mut places = HashMap::new();
-        let mut visit = |row: PointRow| drop(places.insert(row.id, row.position));
+        let mut visit = |row: PointRow| {
+            places.insert(row.id, row.position);
+        };
         match self.points(&mut Vec::new()) {
             PointFile::ColmapBinary(path) => colmap_binary::each_point(&path, limits, &mut visit)?,
             PointFile::ColmapText(path) => colmap_text::each_point(&path, limits, &mut visit)?,
