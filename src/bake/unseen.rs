@@ -95,7 +95,7 @@ pub struct CurvePoint {
 /// How many faces may stay.
 #[derive(Debug, Clone, Default)]
 pub struct FaceLimit {
-    /// So many at most, the most important ones.
+    /// Largest number of faces kept: the most important ones. None: no limit.
     pub most: Option<u64>,
     /// Faces that stay as they are, whatever is seen of them; fewer than may stay, and empty for none. `[F]`
     pub spared: Vec<bool>,

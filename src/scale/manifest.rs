@@ -88,9 +88,9 @@ pub struct Block {
     /// What it starts from: first triangles that are only drawn, then its part of the shell, then those it trains. None of a plain run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start: Option<Source>,
-    /// So many of the first triangles there are only drawn.
+    /// Number of triangles at the front of `start` that are drawn but not trained.
     pub frozen: u64,
-    /// So many of those that follow are its part of the shell.
+    /// Number of triangles after those that belong to the shell.
     pub shell: u64,
     /// Its steps, counted from the beginning of its schedule.
     pub steps: u64,

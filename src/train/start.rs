@@ -28,8 +28,8 @@ const RANDOM_POINTS: usize = 10_000;
 pub struct Part {
     /// Training space of the whole scene: lengths and rates mean the same in all its parts.
     pub space: Space,
-    /// So many of the first triangles of the scene it starts from are drawn as they are and not trained; `max_triangles` does not
-    /// count them. Those of the shell follow them.
+    /// Number of triangles at the front of the starting scene that are drawn but not trained; `max_triangles` does not count them.
+    /// The shell follows them.
     pub frozen: usize,
     /// What of the part stays when it is merged with its neighbours, and has a budget of its own.
     pub core: Option<Core>,

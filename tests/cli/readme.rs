@@ -168,16 +168,26 @@ fn pages_are_short_and_their_links_lead_somewhere() {
 
 /// The help of `--set` names the page.
 #[test]
-fn every_key_of_a_bake_is_in_its_page() {
+fn every_key_of_a_bake_is_in_its_page_with_its_default() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let page = std::fs::read_to_string(root.join("docs/bake.md")).unwrap();
     let schema = std::fs::read(root.join("schemas/bake.schema.json")).unwrap();
     let schema: serde_json::Value = serde_json::from_slice(&schema).unwrap();
     let groups = schema["$defs"].as_object().unwrap().values();
-    let keys: Vec<&String> =
-        groups.filter_map(|group| group["properties"].as_object()).flat_map(|p| p.keys()).collect();
+    let keys: Vec<(&String, &serde_json::Value)> =
+        groups.filter_map(|group| group["properties"].as_object()).flatten().collect();
     assert!(keys.len() > 30, "{keys:?}");
-    for key in keys {
-        assert!(page.contains(&format!("`{key}`")), "docs/bake.md does not name {key}");
+    for (key, entry) in keys {
+        let Some(default) = entry.get("default").filter(|value| !value.is_null()) else {
+            assert!(page.contains(&format!("`{key}`")), "docs/bake.md does not name {key}");
+            continue;
+        };
+        let said = match default {
+            serde_json::Value::String(text) => text.clone(),
+            // 4.0 is written as 4.
+            serde_json::Value::Number(number) => number.as_f64().unwrap().to_string(),
+            other => other.to_string(),
+        };
+        assert!(page.contains(&format!("`{key}` ({said})")), "docs/bake.md has no `{key}` ({said})");
     }
 }

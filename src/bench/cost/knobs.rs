@@ -42,7 +42,7 @@ pub enum CostInput {
 pub enum KnobValue {
     /// This one, as it is typed.
     Is(&'static str),
-    /// So many times the default, or what stands for it: the triangles of the soup, the longer side of the photos.
+    /// A factor of the default, or of what stands for it: the triangles of the soup, the longer side of the photos.
     Times(f64),
 }
 

@@ -1,4 +1,4 @@
-// The photo: a number per pixel, of which the lowest three bytes are the colour and the highest the weight. Needs `step`, `photo`.
+// The photo, one u32 per pixel: the lowest three bytes hold the colour, the highest byte the weight. Needs `step`, `photo`.
 
 fn photo_rgb(at: u32) -> vec3<f32> {
     let bits = photo[at];
