@@ -182,11 +182,12 @@ impl TrainJob {
             budget::check(self.budget, &self.options)?;
         }
         let photos = self.dataset.train().count();
-        let fits = self.budget.is_some_and(|budget| watched::fits(budget.seconds.0, photos));
+        let fits = |pairs| self.budget.is_some_and(|budget| watched::fits(budget.seconds.0, photos, pairs));
         let unsure = self.teacher.is_none() && self.undecided().is_unsure();
         // What is cut out of a photo is lost to small ones that are kept in memory.
         let cut = self.dataset.train().any(|view| view.photo.is_cut());
         let wanted = unsure || self.teacher_plan() == TeacherPlan::Train;
+        let (fits, fits_both) = (fits(1), fits(2));
         if !fits || !wanted || cut || self.resume.is_some() || self.watched.is_some() {
             return Ok(());
         }
@@ -197,7 +198,7 @@ impl TrainJob {
             watched.solid = Some(watching.solid(observer)?);
             self.watched = Some(watched.clone());
         }
-        if self.teacher_plan() == TeacherPlan::Train {
+        if self.teacher_plan() == TeacherPlan::Train && (fits_both || !unsure) {
             watched.soft = Some(watching.soft(observer)?);
         }
         observer.watched(&watched.summary());

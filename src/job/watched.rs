@@ -26,7 +26,7 @@ const FEWEST_WATCHED: usize = 3;
 const FEWEST_PHOTOS: usize = 8;
 /// Most photos that are worth it. With more of them a scene is learnt by heart much later.
 pub(super) const MOST_PHOTOS: usize = 100;
-/// A budget has time for it from this many seconds per photo on: two trainings take about half a second per photo.
+/// A budget has time for two trainings from this many seconds per photo on: they take about half a second per photo.
 const LEAST_SECS_PER_PHOTO: f64 = 5.0;
 /// And from this many seconds on: in less time, all steps of the run pay.
 const LEAST_SECS: f64 = 100.0;
@@ -107,9 +107,9 @@ impl Watched {
     }
 }
 
-/// Whether there are photos to spare among so many, and `secs` of a budget for it.
-pub(super) fn fits(secs: f64, photos: usize) -> bool {
-    let needed = LEAST_SECS.max(LEAST_SECS_PER_PHOTO * photos as f64);
+/// Whether there are photos to spare among so many, and `secs` of a budget for `pairs` of trainings.
+pub(super) fn fits(secs: f64, photos: usize, pairs: usize) -> bool {
+    let needed = LEAST_SECS.max(LEAST_SECS_PER_PHOTO * (pairs * photos) as f64);
     (FEWEST_PHOTOS..=MOST_PHOTOS).contains(&photos) && secs >= needed
 }
 
@@ -235,7 +235,9 @@ mod tests {
 
     #[test]
     fn photos_are_watched_where_some_can_be_spared_and_there_is_time() {
-        assert!([(100.0, 8), (105.0, 21), (500.0, 100)].into_iter().all(|(secs, photos)| fits(secs, photos)));
+        assert!(
+            [(100.0, 8), (105.0, 21), (500.0, 100)].into_iter().all(|(secs, photos)| fits(secs, photos, 1))
+        );
         assert!(
             ![(99.0, 8), (500.0, 7), (104.0, 21), (1e6, 101)]
                 .into_iter()
