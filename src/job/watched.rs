@@ -212,7 +212,7 @@ mod tests {
     #[test]
     fn a_teacher_counts_where_more_steps_gain_little() {
         let weight = |gain| Watched { solid: pair(gain), ..Watched::default() }.teacher_weight();
-        assert_eq!([-1.0, 0.7, 1.2, 3.0].map(weight), [1.0, 1.0, 0.0, 0.0].map(Some));
+        assert_eq!([-1.0, 0.6, 1.3, 3.0].map(weight), [1.0, 1.0, 0.0, 0.0].map(Some));
         assert!(weight(0.95).is_some_and(|weight| (weight - 0.5).abs() < 1e-9));
         assert_eq!((weight(f64::NAN), Watched::default().teacher_weight()), (None, None));
     }
@@ -220,7 +220,7 @@ mod tests {
     #[test]
     fn a_teacher_trains_longer_where_more_steps_gain_more() {
         let length = |gain| Watched { soft: pair(gain), ..Watched::default() }.teacher_length();
-        assert_eq!([-1.0, 0.6, 3.0].map(length), [0.0, 1.0, 1.0].map(Some));
+        assert_eq!([-1.0, 0.7, 3.0].map(length), [0.0, 1.0, 1.0].map(Some));
         assert!(length(0.3).is_some_and(|length| (length - 0.5).abs() < 1e-9));
     }
 

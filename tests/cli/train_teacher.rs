@@ -85,11 +85,13 @@ fn a_budget_is_spent_on_both() {
     let said = stderr(&succeed(&mut train(folder, &flags)));
     let report = report(folder);
     let budget = |stage: usize| &report["stages"][stage]["details"]["budget"];
-    assert_eq!(budget(0)["budget"]["seconds"].as_f64(), Some(1.6));
+    // Two fifths of what is left when it begins.
+    let until = budget(0)["budget"]["seconds"].as_f64().unwrap();
+    assert!((1.6..4.0).contains(&until), "{until}");
     assert!(budget(1)["spent_secs"].as_f64() > budget(0)["spent_secs"].as_f64());
     // What is printed makes the same scene.
     let repeat = said.lines().find_map(|line| line.split_once("the same run without it: ")).unwrap().1;
-    assert!(repeat.ends_with(" --teacher a.teacher.ply"), "{repeat}");
+    assert!(repeat.contains(" --teacher a.teacher.ply --teacher-share "), "{repeat}");
     let words: Vec<String> = repeat.split(' ').map(|word| word.replace('"', "")).collect();
     let again: Vec<&str> = words.iter().map(String::as_str).chain(["-o", "again.ply"]).collect();
     succeed(&mut train(folder, &again));
