@@ -241,7 +241,8 @@ mod tests {
         assert!(
             ![(99.0, 8), (500.0, 7), (104.0, 21), (1e6, 101)]
                 .into_iter()
-                .any(|(secs, photos)| fits(secs, photos))
+                .any(|(secs, photos)| fits(secs, photos, 1))
         );
+        assert!(fits(210.0, 21, 2) && !fits(209.0, 21, 2));
     }
 }
