@@ -36,7 +36,7 @@ pub(super) fn collision_faces(path: &Path) -> usize {
 }
 
 #[test]
-fn a_walker_stands_in_the_godot_sample() {
+fn a_walker_begins_at_the_viewpoint_of_the_godot_sample_and_never_falls_through_its_floor() {
     let godot4 = here("target/judges/godot4");
     if !have("godot4", godot4.exists()) {
         return;
@@ -52,6 +52,13 @@ fn a_walker_stands_in_the_godot_sample() {
     assert!(!said.contains("SCRIPT ERROR"), "{}", said);
     let [walker] = of("walker")[..] else { panic!("{}", said) };
     assert_eq!(walker[1], "true", "the walker stands on nothing: {}", said);
+    let number = |kind: &str, at: usize| of(kind)[0][at].parse::<f64>().unwrap();
+    assert!(number("first", 1) < 0.01 && number("first", 2) < 0.01, "it begins elsewhere: {}", said);
+    assert_eq!(of("first")[0][3], "true", "another camera draws: {}", said);
+    // Heights; a step goes up to a slope before the body does.
+    assert!(number("deepest", 1) < 0.25, "it falls through the floor: {}", said);
+    assert_eq!(of("deepest")[0][2..], ["true", "true"], "{}", said);
+    assert!(number("sank", 1).abs() < 0.01, "{}", said);
 }
 
 #[test]

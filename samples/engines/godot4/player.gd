@@ -1,5 +1,6 @@
 # Walks through the scene: W A S D and the mouse, Shift runs, Space jumps, Escape frees the mouse.
-# It stands on the node that `trisplat bake --target godot --collision` puts into scene.glb.
+# It begins where scene.glb says that one looks from first, and floats there until the first step. Then it stands on the node that
+# `trisplat bake --target godot --collision` puts into scene.glb; where there is no ground below, it floats on.
 extends CharacterBody3D
 
 ## Height of the walker in units of the scene: 1.7 for one in metres. 0 is a tenth of the scene's size.
@@ -10,15 +11,19 @@ extends CharacterBody3D
 @export var jump := 2.0
 @export var gravity := 6.0
 
-var box: AABB
-var start: Vector3
+## True until the first step above ground.
+var floating := true
+## Below this there is no ground.
+var lowest: float
 
 func _ready():
-	box = bounds(get_node("../Scene"))
+	var scene := get_node("../Scene")
+	var box := bounds(scene)
 	if height <= 0.0:
 		height = 0.1 * box.size.length()
 	$Shape.shape.height = height
 	$Shape.shape.radius = 0.2 * height
+	$Shape.disabled = true
 	$Camera.position.y = 0.4 * height
 	$Camera.near = 0.02 * height
 	$Camera.far = 1000.0 * height
@@ -26,9 +31,25 @@ func _ready():
 	$Camera.current = true
 	safe_margin = 0.005 * height
 	floor_snap_length = 0.1 * height
-	start = box.get_center() + Vector3.UP * (0.5 * box.size.y + height)
-	position = start
+	lowest = box.position.y - box.size.y - height
+	# Ground is ground from either side.
+	for shape in scene.find_children("*", "CollisionShape3D", true, false):
+		if shape.shape is ConcavePolygonShape3D:
+			shape.shape.backface_collision = true
+	look_from_first(scene, box)
 	Input.mouse_mode = Input.MOUSE_MODE_CAPTURED
+
+## Puts the eyes where scene.glb says, or above the scene when it does not.
+func look_from_first(scene: Node, box: AABB):
+	var first := scene.find_child("viewpoint*", true, false) as Camera3D
+	if first == null:
+		position = box.get_center() + Vector3.UP * (0.5 * box.size.y + height)
+		return
+	var ahead := -first.global_transform.basis.z
+	rotation.y = atan2(-ahead.x, -ahead.z)
+	$Camera.rotation.x = asin(clampf(ahead.y, -1.0, 1.0))
+	$Camera.fov = first.fov
+	position = first.global_position - Vector3.UP * $Camera.position.y
 
 ## The box around what the bake calls the scene: a backdrop is no part of it.
 func bounds(scene: Node) -> AABB:
@@ -53,14 +74,32 @@ func _physics_process(delta):
 	var ahead := key(KEY_W) - key(KEY_S)
 	var speed := height * (run if Input.is_physical_key_pressed(KEY_SHIFT) else walk)
 	var way := (transform.basis * Vector3(side, 0, -ahead)).normalized() * speed
+	var head := position.y + 0.5 * height
+	var ground: float = ground_below(head)
+	if floating and way != Vector3.ZERO and ground > lowest:
+		floating = false
+		$Shape.disabled = false
+		# Photos are taken from anywhere: the feet may be in the ground.
+		position.y = maxf(position.y, ground + 0.51 * height)
 	velocity = Vector3(way.x, velocity.y - gravity * height * delta, way.z)
-	if is_on_floor() and Input.is_physical_key_pressed(KEY_SPACE):
+	if floating or ground <= lowest:
+		velocity.y = 0.0
+	elif is_on_floor() and Input.is_physical_key_pressed(KEY_SPACE):
 		velocity.y = jump * height
 	move_and_slide()
-	# Beyond the edge of what was photographed there is nothing to stand on.
-	if position.y < box.position.y - box.size.y - height:
-		position = start
-		velocity = Vector3.ZERO
+	# Between its middle before the step and its feet there was no ground; if there is now, it fell through.
+	ground = ground_below(maxf(head - 0.5 * height, position.y))
+	if not floating and position.y - 0.5 * height < ground - 0.02 * height:
+		position.y = ground + 0.5 * height
+		velocity.y = 0.0
+
+## How high the ground is below `from` where the walker is; `lowest` when there is none.
+func ground_below(from: float) -> float:
+	var query := PhysicsRayQueryParameters3D.create(Vector3(position.x, from, position.z), Vector3(position.x, lowest, position.z))
+	query.exclude = [get_rid()]
+	query.hit_back_faces = true
+	var hit := get_world_3d().direct_space_state.intersect_ray(query)
+	return hit.position.y if hit else lowest
 
 func key(code: Key) -> float:
 	return 1.0 if Input.is_physical_key_pressed(code) else 0.0
