@@ -1,5 +1,7 @@
 """What the module promises. Usage: python test_trisplat.py SAMPLES FOLDER   (tests/cli/python.rs runs it)"""
 
+import ast
+import inspect
 import json
 import pathlib
 import struct
@@ -68,6 +70,59 @@ small = trisplat.bake(soup, folder / "d.glb", max_bytes=30_000, preset="fast", u
 assert sum(file["bytes"] for file in small["outputs"]) <= 30_000
 refused(ValueError, "time above 0", trisplat.bake, soup, budget=-1)
 refused(ValueError, "max_bytes", trisplat.bake, soup, max_bytes=30_000)
+
+# Train, bake, evaluate, draw.
+photos = samples / "dataset"
+how = {"max_size": 48}
+few = dict(steps=30, max_triangles=600, teacher="off", dataset_options=how)
+report = trisplat.train(photos, folder / "trained.ply", **few)
+assert report["outputs"][0]["bytes"] == (folder / "trained.ply").stat().st_size
+assert report["options"]["steps"] == 30, report["options"]
+trained = trisplat.train(str(photos), **few)
+stored = trisplat.read(folder / "trained.ply")
+assert all(np.array_equal(trained[key], stored[key]) for key in trained) and len(trained["triangles"]) <= 600
+trisplat.bake(folder / "trained.ply", folder / "trained.glb", preset="fast")
+scores = trisplat.eval(folder / "trained.glb", photos, ssaa=1, coverage=False, dataset_options=how)
+[solid] = scores["steps"]
+assert solid["name"] == "solid" and 8 < solid["mean"]["psnr"] < 40, solid["mean"]
+pictures = trisplat.render(folder / "trained.glb", dataset=photos, ssaa=1, dataset_options=how)
+assert sorted(pictures) == sorted(image["name"] for image in solid["images"])
+assert all(p.dtype == np.uint8 and p.shape[2] == 3 and max(p.shape) == 48 for p in pictures.values())
+orbit = trisplat.render(folder / "trained.glb", orbit=2, width=40)
+assert [p.shape for p in orbit.values()] == [(30, 40, 3)] * 2 and any(p.any() for p in orbit.values())
+depth = trisplat.render(folder / "trained.glb", orbit=1, width=40, show="depth")["orbit_0000.png"]
+assert not np.array_equal(depth, orbit["orbit_0000.png"])
+refused(FileExistsError, "force=True", trisplat.train, photos, folder / "trained.ply", **few)
+refused(ValueError, ".ply", trisplat.train, photos, folder / "trained.glb", **few)
+refused(ValueError, "stepps", trisplat.train, photos, stepps=3)
+refused(ValueError, "max_sise", trisplat.train, photos, dataset_options={"max_sise": 3})
+refused(ValueError, "none", trisplat.eval, folder / "trained.glb", photos, split="none")
+refused(ValueError, "ssaa", trisplat.render, folder / "trained.glb", orbit=1, ssaa=3)
+refused(ValueError, "orbit", trisplat.render, folder / "trained.glb")
+
+# The stubs say what the module has: the same functions, arguments and defaults, in the same order.
+package = pathlib.Path(trisplat.__file__).parent
+assert (package / "py.typed").exists(), sorted(package.iterdir())
+[stub] = package.glob("*.pyi")
+stubs = {}
+for node in ast.parse(stub.read_text()).body:
+    if isinstance(node, ast.FunctionDef):
+        plain, named = node.args.args, node.args.kwonlyargs
+        defaults = [None] * (len(plain) - len(node.args.defaults)) + node.args.defaults + node.args.kw_defaults
+        arguments = [
+            (argument.arg, inspect.Parameter.empty if default is None else ast.literal_eval(default))
+            for argument, default in zip(plain + named, defaults)
+        ]
+        # Of two overloads the one that writes a file needs its name.
+        overloads = stubs.setdefault(node.name, [])
+        overloads.append((arguments, node.args.kwarg and node.args.kwarg.arg))
+functions = {name for name in dir(trisplat) if inspect.isbuiltin(getattr(trisplat, name))}
+assert functions == set(stubs), functions ^ set(stubs)
+for name in functions:
+    parameters = inspect.signature(getattr(trisplat, name)).parameters.values()
+    more = [p.name for p in parameters if p.kind is p.VAR_KEYWORD]
+    arguments = [(p.name, p.default) for p in parameters if p.kind is not p.VAR_KEYWORD]
+    assert stubs[name][0] == (arguments, more[0] if more else None), (name, stubs[name][0], arguments)
 
 # Errors.
 refused(FileExistsError, "force=True", trisplat.bake, soup, folder / "a.glb", **options)

@@ -109,7 +109,7 @@ pub use camera::Camera;
 pub use dataset::{Dataset, DatasetOptions};
 pub use error::{Error, Result};
 pub use formats::{OutputOptions, ReadOptions, read, write};
-pub use job::{BakeJob, TrainJob, train};
+pub use job::{BakeJob, EvalJob, RenderJob, TrainJob, train};
 pub use limits::Limits;
 pub use mesh::Mesh;
 pub use report::Report;

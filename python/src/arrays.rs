@@ -5,6 +5,7 @@ use numpy::{AllowTypeChange, Element, PyArray1, PyArrayLikeDyn, PyArrayMethods, 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use trisplat::image::Pixels;
 use trisplat::mesh::Colors;
 use trisplat::{Mesh, Scene, Soup};
 
@@ -16,7 +17,8 @@ pub fn of_scene<'py>(py: Python<'py>, scene: &Scene) -> PyResult<Bound<'py, PyDi
     }
 }
 
-fn of_soup<'py>(py: Python<'py>, soup: &Soup) -> PyResult<Bound<'py, PyDict>> {
+/// The arrays of a soup.
+pub fn of_soup<'py>(py: Python<'py>, soup: &Soup) -> PyResult<Bound<'py, PyDict>> {
     let out = PyDict::new(py);
     let count = soup.len();
     let corners = soup.vertices.iter().flatten().flat_map(|p| p.to_array()).collect();
@@ -40,6 +42,12 @@ pub fn of_mesh<'py>(py: Python<'py>, mesh: &Mesh) -> PyResult<Bound<'py, PyDict>
         put(&out, "opacity", mesh.opacity.clone(), &[mesh.face_count()])?;
     }
     Ok(out)
+}
+
+/// The picture as rows from the top.
+pub fn put_picture(out: &Bound<'_, PyDict>, name: &str, picture: &Pixels) -> PyResult<()> {
+    let [width, height] = picture.size.to_array().map(|n| n as usize);
+    put(out, name, picture.rgb.as_flattened().to_vec(), &[height, width, 3])
 }
 
 fn put<T: Element>(out: &Bound<'_, PyDict>, key: &str, values: Vec<T>, shape: &[usize]) -> PyResult<()> {

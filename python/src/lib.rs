@@ -1,17 +1,20 @@
-//! `import trisplat`: scenes as numpy arrays, and the bake. Options are the library's own, by the names of their fields.
+//! `import trisplat`: scenes and pictures as numpy arrays, training, bake and evaluation. Options are the library's own, by the names of their
+//! fields. What functions take and return is in `trisplat.pyi` too, which the tests compare with this.
 
 mod arrays;
 mod options;
+mod training;
 
 use pyo3::exceptions::{PyFileExistsError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 use std::path::PathBuf;
+use std::str::FromStr;
 use trisplat::budget::{Budget, Seconds};
 use trisplat::formats::output::Output;
 use trisplat::job::BakeInput;
 use trisplat::job::harden::HardenOptions;
-use trisplat::{BakeJob, Dataset, ReadOptions};
+use trisplat::{BakeJob, BakeOptions, Dataset, EvalJob, ReadOptions, RenderJob};
 
 /// A scene of any format as arrays.
 ///
@@ -47,16 +50,14 @@ fn bake<'py>(
     budget: Option<f64>,
     options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let mut job = BakeJob::new(sources(source)?, options::resolve(py, options)?);
+    let mut job = BakeJob::new(sources(source)?, options::resolve(py, options, BakeOptions::preset)?.options);
     job.harden = harden.then(HardenOptions::default);
     job.max_bytes = max_bytes;
-    let budget = budget.map(|seconds| seconds.to_string().parse::<Seconds>()).transpose();
-    job.budget = budget.map_err(PyValueError::new_err)?.map(Budget::cpu);
+    job.budget = cpu_budget(budget)?;
     let output = output.map(|path| job.options.plan_output(&path, None)).transpose().map_err(raised)?;
     let there = output.iter().flat_map(Output::paths).find(|path| !force && path.exists());
     if let Some(path) = there {
-        let what = format!("{} already exists; give force=True to replace it", path.display());
-        return Err(PyFileExistsError::new_err(what));
+        return Err(exists(path));
     }
     let work = || {
         job.photos = dataset.map(|path| Dataset::load(&path, &job.dataset_options)).transpose()?;
@@ -70,6 +71,88 @@ fn bake<'py>(
         Some(_) => options::to_python(py, &serde_json::to_value(&done.report).unwrap_or_default()),
         None => Ok(arrays::of_mesh(py, &done.asset.mesh)?.into_any()),
     }
+}
+
+/// How close a scene, soft or baked, comes to photos: the report of `trisplat eval`, with PSNR, SSIM and FLIP of every photo and means.
+///
+/// `split` is "test", the photos held out, "train" or "all"; `mode` "soft" or "solid" for a soup; `ssaa` 1, 2 or 4 samples along each axis of a
+/// pixel; `dataset_options` as in `train`. `coverage` measures how much of the photos others have seen.
+///
+/// Raises OSError, ValueError.
+#[pyfunction]
+#[pyo3(signature = (file, dataset, *, split="test", mode=None, ssaa=4, coverage=true, dataset_options=None))]
+#[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+fn eval<'py>(
+    py: Python<'py>,
+    file: PathBuf,
+    dataset: PathBuf,
+    split: &str,
+    mode: Option<&str>,
+    ssaa: u32,
+    coverage: bool,
+    dataset_options: Option<&Bound<'py, PyDict>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let mut job = EvalJob::new(file);
+    job.dataset_options = options::plain(py, dataset_options)?;
+    job.split = options::named("split", split)?;
+    job.render.mode = mode.map(|mode| options::named("mode", mode)).transpose()?;
+    (job.render.ssaa, job.coverage) = (options::samples(ssaa)?, coverage);
+    let work = || job.clone().run(&Dataset::load(&dataset, &job.dataset_options)?);
+    let report = py.detach(work).map_err(raised)?;
+    options::to_python(py, &serde_json::to_value(&report).unwrap_or_default())
+}
+
+/// Pictures of a scene as arrays (H, W, 3), uint8, by their names: from a circle of `orbit` places around its subject, or from where the photos
+/// of `dataset` were taken.
+///
+/// `width` is that of an orbit without a data set, px. `show` is "color", "depth", "normal", "contributions" or "random-subset"; `split`, `mode`,
+/// `ssaa` and `dataset_options` as in `eval`.
+///
+/// Raises OSError, ValueError.
+#[pyfunction]
+#[pyo3(signature = (file, *, orbit=None, dataset=None, split="test", width=960, show="color", mode=None, ssaa=4, dataset_options=None))]
+#[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+fn render<'py>(
+    py: Python<'py>,
+    file: PathBuf,
+    orbit: Option<u32>,
+    dataset: Option<PathBuf>,
+    split: &str,
+    width: u32,
+    show: &str,
+    mode: Option<&str>,
+    ssaa: u32,
+    dataset_options: Option<&Bound<'py, PyDict>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let mut job = RenderJob::new(file);
+    job.dataset_options = options::plain(py, dataset_options)?;
+    (job.split, job.show) = (options::named("split", split)?, options::named("show", show)?);
+    job.render.mode = mode.map(|mode| options::named("mode", mode)).transpose()?;
+    (job.render.ssaa, job.orbit, job.width) = (options::samples(ssaa)?, orbit, width);
+    let work = || {
+        let how = job.dataset_options.clone();
+        let dataset = dataset.map(|path| Dataset::load(&path, &how)).transpose()?;
+        let mut ready = job.prepare(dataset.as_ref())?;
+        let names: Vec<String> = ready.cameras().iter().map(|(name, _)| name.clone()).collect();
+        let drawn = |(i, name)| Ok((name, ready.draw(i)?));
+        names.into_iter().enumerate().map(drawn).collect::<trisplat::Result<Vec<_>>>()
+    };
+    let out = PyDict::new(py);
+    for (name, picture) in py.detach(work).map_err(raised)? {
+        arrays::put_picture(&out, &name, &picture)?;
+    }
+    Ok(out)
+}
+
+/// A budget of CPU seconds.
+fn cpu_budget(seconds: Option<f64>) -> PyResult<Option<Budget>> {
+    let budget = seconds.map(|seconds| Seconds::from_str(&seconds.to_string())).transpose();
+    Ok(budget.map_err(PyValueError::new_err)?.map(Budget::cpu))
+}
+
+/// The exception for a file that is there.
+fn exists(path: &std::path::Path) -> PyErr {
+    PyFileExistsError::new_err(format!("{} already exists; give force=True to replace it", path.display()))
 }
 
 /// What is baked: files are read when the interpreter is let go.
@@ -102,5 +185,8 @@ fn raised(error: trisplat::Error) -> PyErr {
 fn python_module(whole: &Bound<'_, PyModule>) -> PyResult<()> {
     whole.add("__version__", env!("CARGO_PKG_VERSION"))?;
     whole.add_function(wrap_pyfunction!(read, whole)?)?;
-    whole.add_function(wrap_pyfunction!(bake, whole)?)
+    whole.add_function(wrap_pyfunction!(training::train, whole)?)?;
+    whole.add_function(wrap_pyfunction!(bake, whole)?)?;
+    whole.add_function(wrap_pyfunction!(eval, whole)?)?;
+    whole.add_function(wrap_pyfunction!(render, whole)?)
 }

@@ -1,17 +1,44 @@
-//! Keyword arguments as options of the bake: each is the field of that name, or a whole group.
+//! Keyword arguments as options: each is the field of that name, or a whole group.
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
-use trisplat::BakeOptions;
-use trisplat::layered::Layers;
+use trisplat::layered::{Layered, Layers};
 
 /// The options over those of the preset that they name.
-pub fn resolve(py: Python<'_>, typed: Option<&Bound<'_, PyDict>>) -> PyResult<BakeOptions> {
+pub fn resolve<T: Serialize + DeserializeOwned, P: DeserializeOwned + Default>(
+    py: Python<'_>,
+    typed: Option<&Bound<'_, PyDict>>,
+    preset: impl Fn(P) -> T,
+) -> PyResult<Layered<T>> {
     let named = typed.map(|typed| from_python(py, typed)).transpose()?.unwrap_or_default();
-    let layered = Layers::default().named(named).resolve(BakeOptions::preset);
-    layered.map(|layered| layered.options).map_err(|error| PyValueError::new_err(error.to_string()))
+    let layered = Layers::default().named(named).resolve(preset);
+    layered.map_err(|error| PyValueError::new_err(error.to_string()))
+}
+
+/// Options without presets; those that are not given are the plain ones.
+pub fn plain<T: DeserializeOwned + Default>(py: Python<'_>, typed: Option<&Bound<'_, PyDict>>) -> PyResult<T> {
+    match typed {
+        Some(typed) => serde_json::from_value(Value::Object(from_python(py, typed)?)).map_err(refused),
+        None => Ok(T::default()),
+    }
+}
+
+/// The value of that name.
+pub fn named<T: DeserializeOwned>(option: &str, name: &str) -> PyResult<T> {
+    let value = serde_json::from_value(Value::String(name.to_owned()));
+    value.map_err(|error| PyValueError::new_err(format!("`{option}` is {name:?}: {error}")))
+}
+
+/// Samples along each axis of a pixel.
+pub fn samples(count: u32) -> PyResult<u32> {
+    match count {
+        1 | 2 | 4 => Ok(count),
+        _ => Err(PyValueError::new_err(format!("`ssaa` is {count}: expected 1, 2 or 4"))),
+    }
 }
 
 fn refused(error: serde_json::Error) -> PyErr {

@@ -7,11 +7,9 @@ use super::progress::{Progress, thousands};
 use super::{files, messages};
 use crate::dataset::{Dataset, DatasetOptions, ShrunkSize, Split, View};
 use crate::error::{Error, Result};
-use crate::eval::coverage;
-use crate::eval::evaluate::{self, EvalReport, ScoredPicture, Scores, StepScore};
-use crate::eval::steps::{self, EvalStep};
-use crate::formats;
+use crate::eval::evaluate::{EvalReport, ScoredPicture, Scores, StepScore};
 use crate::image::Pixels;
+use crate::job::EvalJob;
 use crate::render::contact_sheet::{ContactSheet, is_shown};
 use crate::render::scene_renderer::RenderOptions;
 use crate::train::BackendOptions;
@@ -75,38 +73,19 @@ pub fn run(args: &EvalArgs, global: &Global, out: &mut dyn Write) -> Result<()> 
     }
     let dataset = Dataset::load(&args.dataset, &args.dataset_options)?;
     outputs.spare_photos(&dataset)?;
-    let views = args.split.of(&dataset);
-    if views.is_empty() {
-        let split = args.split.name();
-        return Err(Error::invalid("--split", split, "a part that holds photos: train or all"));
-    }
-    let loaded = formats::read(&args.file, &args.dataset_options.read_options(3))?;
-    let mut warnings = [dataset.warnings.clone(), loaded.warnings.clone()].concat();
-    if views.iter().any(|view| view.photo.mask.is_some()) {
-        warnings.push("masked pixels were left out of the scores".into());
-    }
-    let background = args.dataset_options.background.to_f32();
-    let mut steps = steps::steps(&args.file, loaded, &args.render, &dataset, background)?;
-    let mut pictures = EvalPictures::new(args, steps.iter().map(|s| s.name).collect(), &views, &mut outputs)?;
+    let mut ready = args.job().prepare(&dataset)?;
+    let mut pictures = EvalPictures::new(args, ready.steps(), ready.views(), &mut outputs)?;
 
     let progress = Progress::new(global);
-    for step in &mut steps {
-        let (card, warnings) = step.renderer.draw_on(&args.backend_options)?;
-        progress.drawing_on(card.as_deref(), &warnings);
-    }
-    let table = Table::new(views.iter().map(|v| v.name.as_str()), global, args.json);
+    ready.draw_on(|card, warnings| progress.drawing_on(card, warnings))?;
+    let table = Table::new(ready.views().iter().map(|v| v.name.as_str()), global, args.json);
     progress.suspend(|| table.header(out))?;
-    let photo_bytes = args.dataset_options.photo_bytes();
-    let covered = covered(args, &dataset, &views, &mut steps);
-    let scores = evaluate::evaluate(&mut steps, &views, photo_bytes, &covered, |_, photo, drawn| {
+    let report = ready.run(|photo, drawn| {
         progress.suspend(|| drawn.iter().try_for_each(|one| table.photo(out, one)))?;
         pictures.add(photo, drawn)
     })?;
     progress.done();
     pictures.save_sheet(args.sheet.as_deref(), &mut outputs)?;
-    let report = EvalReport::new(&args.file, &args.dataset, args.split.name(), args.render.ssaa, scores);
-    let photo_size = ShrunkSize::of(views.iter().copied());
-    let report = EvalReport { warnings, photo_size, ..report };
     for warning in &report.warnings {
         progress.warn(warning);
     }
@@ -117,16 +96,13 @@ pub fn run(args: &EvalArgs, global: &Global, out: &mut dyn Write) -> Result<()> 
     args.report.as_deref().map_or(Ok(()), |path| files::save_json(&report, outputs.take(path)?))
 }
 
-/// The pixels of each view that show what training photos see, by the scene as it was given; none when not asked for.
-fn covered(args: &EvalArgs, dataset: &Dataset, views: &[&View], steps: &mut [EvalStep]) -> Vec<Vec<bool>> {
-    match steps.first_mut().filter(|_| !args.no_coverage) {
-        Some(step) => {
-            let training: Vec<&View> = dataset.train().collect();
-            coverage::covered(views, &training, args.dataset_options.photo_bytes(), |camera| {
-                step.renderer.surface_depth(camera)
-            })
-        }
-        None => Vec::new(),
+impl EvalArgs {
+    fn job(&self) -> EvalJob {
+        let mut job = EvalJob::new(&self.file);
+        (job.render, job.split, job.coverage) = (self.render, self.split, !self.no_coverage);
+        job.backend = self.backend_options.clone();
+        job.dataset_options = self.dataset_options.clone();
+        job
     }
 }
 

@@ -8,8 +8,9 @@ use std::collections::HashSet;
 use std::path::Path;
 
 /// A part of a data set.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
 pub enum Split {
     /// The held-out photos.
     #[default]
@@ -38,6 +39,17 @@ impl Split {
             Split::All => true,
         };
         dataset.views.iter().filter(belongs).collect()
+    }
+
+    /// The same.
+    ///
+    /// Errors: there are none.
+    pub fn some_of(self, dataset: &Dataset) -> Result<Vec<&View>> {
+        let views = self.of(dataset);
+        if views.is_empty() {
+            return Err(Error::invalid("split", self.name(), "a part that holds photos: train or all"));
+        }
+        Ok(views)
     }
 }
 

@@ -12,7 +12,6 @@ use crate::raster::solid::{NO_FACE, Solid, SolidRasterOptions};
 use crate::soup::Soup;
 use crate::space::Space;
 use crate::train::BackendOptions;
-#[cfg(feature = "cli")]
 use crate::train::eval::SOLID_SAMPLES;
 #[cfg(feature = "gpu")]
 use crate::train::gpu::CardScene;
@@ -41,6 +40,13 @@ pub struct RenderOptions {
     /// Samples per pixel along each axis of solid drawings: 1, 2 or 4.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = SOLID_SAMPLES, value_parser = samples))]
     pub ssaa: u32,
+}
+
+/// Each scene in its own way, as finely as training evaluates.
+impl Default for RenderOptions {
+    fn default() -> Self {
+        Self { mode: None, ssaa: SOLID_SAMPLES }
+    }
 }
 
 #[cfg(feature = "cli")]

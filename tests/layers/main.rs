@@ -57,10 +57,13 @@ const MAY: &[(&str, &str)] = &[
         "scale",
         "bake ranges train raster dataset formats asset placed scene atomic process soup mesh space camera report error math input limits",
     ),
-    ("job", "bake train teacher dataset formats layered asset scene budget report error"),
     ("view", "framing asset region rng mesh soup scene raster camera image gpu placed error math limits"),
     ("render", "asset bake camera dataset error image limits mesh placed raster scene soup space train view"),
     ("eval", "asset bake camera dataset error formats image math render report scene soup train"),
+    (
+        "job",
+        "bake train teacher dataset formats layered asset scene budget report error camera eval framing image placed render rng view",
+    ),
     ("sample", "asset atomic camera error formats math mesh raster report rng soup"),
     (
         "bench",
@@ -68,7 +71,7 @@ const MAY: &[(&str, &str)] = &[
     ),
     (
         "cli",
-        "process asset atomic bake bench budget camera dataset error eval formats framing gpu guard image job layered math placed region render report rng sample scale scene stereo surface teacher train view limits",
+        "process asset atomic bake bench budget camera dataset error eval formats gpu guard image job layered math placed region render report sample scale scene stereo surface teacher train view limits",
     ),
     (
         "web",

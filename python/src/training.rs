@@ -1,0 +1,88 @@
+//! Training from Python, which can be interrupted.
+
+use crate::{arrays, cpu_budget, exists, options, raised};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::PathBuf;
+use trisplat::atomic::AtomicFile;
+use trisplat::job::TrainJobObserver;
+use trisplat::job::teacher::TeacherSource;
+use trisplat::report::OutputReport;
+use trisplat::train::TrainObserver;
+use trisplat::{Dataset, DatasetOptions, Error, TrainJob, TrainOptions};
+
+/// Trains a scene on a folder of photos with poses, as the program does.
+///
+/// With `output`, a name that ends in .ply, writes it, and returns the report. Without, returns the arrays of the soup, as `read` does. `teacher` is
+/// "auto", "off" or the file of a soft scene; `budget` is in CPU seconds. `dataset_options` says how the photos are read: {"max_size": 800}.
+/// Everything else is an option of the training, as in a config file: steps=3000, max_triangles=20_000, preset="solid".
+///
+/// Raises FileExistsError for a file that exists, unless `force`; OSError, ValueError; KeyboardInterrupt between two steps.
+#[pyfunction]
+#[pyo3(signature = (dataset, output=None, *, force=false, teacher=None, budget=None, dataset_options=None, **options))]
+#[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+pub fn train<'py>(
+    py: Python<'py>,
+    dataset: PathBuf,
+    output: Option<PathBuf>,
+    force: bool,
+    teacher: Option<String>,
+    budget: Option<f64>,
+    dataset_options: Option<&Bound<'py, PyDict>>,
+    options: Option<&Bound<'py, PyDict>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let layered = options::resolve(py, options, TrainOptions::preset)?;
+    let how: DatasetOptions = options::plain(py, dataset_options)?;
+    let budget = cpu_budget(budget)?;
+    if let Some(path) = &output {
+        if path.extension().is_none_or(|end| !end.eq_ignore_ascii_case("ply")) {
+            let what = format!("{} is not a name that ends with .ply; bake turns it into .glb", path.display());
+            return Err(PyValueError::new_err(what));
+        }
+        if path.exists() && !force {
+            return Err(exists(path));
+        }
+    }
+    let mut watcher = Watcher::default();
+    let work = || {
+        // Before the work: a folder that cannot be written to.
+        let file = output.as_deref().map(AtomicFile::create).transpose()?;
+        let mut job = TrainJob::new(Dataset::load(&dataset, &how)?, layered.options.clone());
+        (job.options, job.dataset_options, job.budget) = (layered, how, budget);
+        let Ok(teacher) = teacher.map(|teacher| teacher.parse::<TeacherSource>()).transpose();
+        job.teacher = teacher;
+        let mut done = job.run(&mut watcher)?;
+        if let (Some(file), Some(path), None) = (file, &output, &watcher.interrupted) {
+            let bytes = done.trained.save_to(file)?;
+            done.report.outputs.push(OutputReport { path: path.display().to_string(), bytes });
+        }
+        done.report.inputs = vec![dataset.display().to_string()];
+        Ok::<_, Error>(done)
+    };
+    let done = py.detach(work).map_err(raised)?;
+    if let Some(interrupt) = watcher.interrupted {
+        return Err(interrupt);
+    }
+    match output {
+        Some(_) => options::to_python(py, &serde_json::to_value(&done.report).unwrap_or_default()),
+        None => Ok(arrays::of_soup(py, &done.trained.soup)?.into_any()),
+    }
+}
+
+/// Stops a training when Python was interrupted.
+#[derive(Default)]
+struct Watcher {
+    interrupted: Option<PyErr>,
+}
+
+impl TrainObserver for Watcher {
+    fn wants_to_stop(&mut self) -> bool {
+        if self.interrupted.is_none() {
+            self.interrupted = Python::attach(|py| py.check_signals()).err();
+        }
+        self.interrupted.is_some()
+    }
+}
+
+impl TrainJobObserver for Watcher {}

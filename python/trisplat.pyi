@@ -1,0 +1,98 @@
+"""Photos to triangle scenes for game engines, numpy in and out."""
+
+from os import PathLike
+from typing import Any, Literal, Mapping, Optional, Sequence, Union, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+_Path = Union[str, "PathLike[str]"]
+#: Arrays of a scene by name: see `read`.
+_Scene = Mapping[str, Any]
+_Source = Union[_Path, _Scene]
+_Split = Literal["test", "train", "all"]
+_Mode = Literal["soft", "solid"]
+
+__version__: str
+
+def read(path: _Path) -> dict[str, NDArray[Any]]:
+    """A scene of any format as arrays.
+
+    A soup: triangles (N, 3, 3), opacity (N,), sigma (N,), sh (N, K, 3). A mesh: positions (V, 3), faces (F, 3), colors (F, 3) or (V, 3).
+    """
+
+@overload
+def train(
+    dataset: _Path,
+    output: None = None,
+    *,
+    force: bool = False,
+    teacher: Optional[str] = None,
+    budget: Optional[float] = None,
+    dataset_options: Optional[Mapping[str, Any]] = None,
+    **options: Any,
+) -> dict[str, NDArray[Any]]: ...
+@overload
+def train(
+    dataset: _Path,
+    output: _Path,
+    *,
+    force: bool = False,
+    teacher: Optional[str] = None,
+    budget: Optional[float] = None,
+    dataset_options: Optional[Mapping[str, Any]] = None,
+    **options: Any,
+) -> dict[str, Any]:
+    """Trains a scene on a folder of photos with poses. The report with `output`, the arrays of the soup without."""
+
+@overload
+def bake(
+    source: Union[_Source, Sequence[_Source]],
+    output: None = None,
+    *,
+    dataset: Optional[_Path] = None,
+    force: bool = False,
+    harden: bool = False,
+    max_bytes: Optional[int] = None,
+    budget: Optional[float] = None,
+    **options: Any,
+) -> dict[str, NDArray[Any]]: ...
+@overload
+def bake(
+    source: Union[_Source, Sequence[_Source]],
+    output: _Path,
+    *,
+    dataset: Optional[_Path] = None,
+    force: bool = False,
+    harden: bool = False,
+    max_bytes: Optional[int] = None,
+    budget: Optional[float] = None,
+    **options: Any,
+) -> dict[str, Any]:
+    """What a game engine draws of a scene. The report with `output`, the arrays of the mesh without."""
+
+def eval(
+    file: _Path,
+    dataset: _Path,
+    *,
+    split: _Split = "test",
+    mode: Optional[_Mode] = None,
+    ssaa: Literal[1, 2, 4] = 4,
+    coverage: bool = True,
+    dataset_options: Optional[Mapping[str, Any]] = None,
+) -> dict[str, Any]:
+    """How close a scene comes to photos: PSNR, SSIM and FLIP of every photo and means."""
+
+def render(
+    file: _Path,
+    *,
+    orbit: Optional[int] = None,
+    dataset: Optional[_Path] = None,
+    split: _Split = "test",
+    width: int = 960,
+    show: Literal["color", "depth", "normal", "contributions", "random-subset"] = "color",
+    mode: Optional[_Mode] = None,
+    ssaa: Literal[1, 2, 4] = 4,
+    dataset_options: Optional[Mapping[str, Any]] = None,
+) -> dict[str, NDArray[np.uint8]]:
+    """Pictures of a scene, (H, W, 3), by their names."""

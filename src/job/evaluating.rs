@@ -1,0 +1,144 @@
+//! An evaluation from what is asked for to its report: photos, forms of the scene, coverage, scores.
+
+use crate::dataset::{Dataset, DatasetOptions, ShrunkSize, Split, View};
+use crate::error::Result;
+use crate::eval::coverage;
+use crate::eval::evaluate::{self, EvalReport, ScoredPicture};
+use crate::eval::steps::{self, EvalStep};
+use crate::formats;
+use crate::image::Pixels;
+use crate::render::scene_renderer::RenderOptions;
+use crate::train::BackendOptions;
+use std::path::PathBuf;
+
+/// An evaluation as it is asked for. [`EvalJob::new`] has the plain values; any field can be set before the run.
+///
+/// ```
+/// use trisplat::dataset::synthetic::{self, SyntheticOptions};
+/// use trisplat::{Dataset, DatasetOptions, EvalJob};
+/// # use glam::Vec3;
+/// # let scene = trisplat::Soup { vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]], opacity: vec![1.0], sigma: vec![0.01],
+/// #     sh: vec![[0.5, 0.0, -0.5]], ..trisplat::Soup::default() };
+///
+/// let folder = tempfile::tempdir().unwrap();
+/// synthetic::write(folder.path(), &SyntheticOptions { views: 8, width: 24, points: 50, seed: 0, ..SyntheticOptions::default() })?;
+/// let dataset = Dataset::load(folder.path(), &DatasetOptions::default())?;
+/// let file = folder.path().join("scene.glb");
+/// trisplat::write(&trisplat::bake(scene, &Default::default())?, &file, &Default::default())?;
+///
+/// let report = EvalJob::new(file).run(&dataset)?;
+/// assert_eq!(report.steps[0].images.len(), dataset.test().count());
+/// # Ok::<(), trisplat::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct EvalJob {
+    /// Trained soup or mesh.
+    pub file: PathBuf,
+    /// How it is drawn.
+    pub render: RenderOptions,
+    /// Which photos.
+    pub split: Split,
+    /// Measure the share of the pixels that show what at least two training photos see: the scene is drawn once for each of them.
+    pub coverage: bool,
+    /// Where soft drawings are made.
+    pub backend: BackendOptions,
+    /// How the data set was read.
+    pub dataset_options: DatasetOptions,
+}
+
+/// An evaluation whose scene is read.
+#[derive(Debug)]
+pub struct ReadyEval<'a> {
+    job: EvalJob,
+    dataset: &'a Dataset,
+    views: Vec<&'a View>,
+    steps: Vec<EvalStep>,
+    warnings: Vec<String>,
+}
+
+impl EvalJob {
+    /// The held-out photos of a data set that is read with [`DatasetOptions::default`], with coverage.
+    pub fn new(file: impl Into<PathBuf>) -> Self {
+        Self {
+            file: file.into(),
+            render: RenderOptions::default(),
+            split: Split::default(),
+            coverage: true,
+            backend: BackendOptions::default(),
+            dataset_options: DatasetOptions::default(),
+        }
+    }
+
+    /// Reads the scene, and draws and measures it.
+    ///
+    /// Errors: those of [`EvalJob::prepare`] and of [`ReadyEval::run`].
+    pub fn run(self, dataset: &Dataset) -> Result<EvalReport> {
+        let mut ready = self.prepare(dataset)?;
+        ready.draw_on(|_, _| {})?;
+        ready.run(|_, _| Ok(()))
+    }
+
+    /// Reads the scene, and makes of it what is evaluated.
+    ///
+    /// Errors: a part of the data set without photos; a file that cannot be read; a mesh that is to be drawn soft.
+    pub fn prepare(self, dataset: &Dataset) -> Result<ReadyEval<'_>> {
+        let views = self.split.some_of(dataset)?;
+        let loaded = formats::read(&self.file, &self.dataset_options.read_options(3))?;
+        let mut warnings = [dataset.warnings.clone(), loaded.warnings.clone()].concat();
+        if views.iter().any(|view| view.photo.mask.is_some()) {
+            warnings.push("masked pixels were left out of the scores".into());
+        }
+        let background = self.dataset_options.background.to_f32();
+        let steps = steps::steps(&self.file, loaded, &self.render, dataset, background)?;
+        Ok(ReadyEval { job: self, dataset, views, steps, warnings })
+    }
+}
+
+impl<'a> ReadyEval<'a> {
+    /// The photos, in order of name.
+    pub fn views(&self) -> &[&'a View] {
+        &self.views
+    }
+
+    /// Names of the forms that the scene is drawn in.
+    pub fn steps(&self) -> Vec<&'static str> {
+        self.steps.iter().map(|step| step.name).collect()
+    }
+
+    /// Has a graphics card make soft drawings, if that is to be used; `chosen` gets each form's card and what the user should know.
+    ///
+    /// Errors: a card that was asked for and is not there.
+    pub fn draw_on(&mut self, mut chosen: impl FnMut(Option<&str>, &[String])) -> Result<()> {
+        for step in &mut self.steps {
+            let (card, warnings) = step.renderer.draw_on(&self.job.backend)?;
+            chosen(card.as_deref(), &warnings);
+        }
+        Ok(())
+    }
+
+    /// Draws and measures every photo; `on_view` gets it and its drawings as soon as they are there.
+    ///
+    /// Errors: photos that cannot be decoded; those of `on_view`.
+    pub fn run(
+        mut self,
+        mut on_view: impl FnMut(&Pixels, &[ScoredPicture]) -> Result<()>,
+    ) -> Result<EvalReport> {
+        let photo_bytes = self.job.dataset_options.photo_bytes();
+        let covered = match self.steps.first_mut().filter(|_| self.job.coverage) {
+            Some(step) => {
+                let training: Vec<&View> = self.dataset.train().collect();
+                let depth = |camera: &_| step.renderer.surface_depth(camera);
+                coverage::covered(&self.views, &training, photo_bytes, depth)
+            }
+            None => Vec::new(),
+        };
+        let (steps, views) = (&mut self.steps, &self.views);
+        let scores =
+            evaluate::evaluate(steps, views, photo_bytes, &covered, |_, photo, drawn| on_view(photo, drawn))?;
+        let (split, ssaa) = (self.job.split.name(), self.job.render.ssaa);
+        let report = EvalReport::new(&self.job.file, &self.dataset.path, split, ssaa, scores);
+        let photo_size = ShrunkSize::of(self.views.iter().copied());
+        Ok(EvalReport { warnings: self.warnings, photo_size, ..report })
+    }
+}

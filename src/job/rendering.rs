@@ -1,0 +1,248 @@
+//! Pictures of a scene from what is asked for: cameras, renderer, drawings.
+
+use crate::asset::{Placement, Provenance, UpAxis};
+use crate::camera::Camera;
+use crate::dataset::{Dataset, DatasetOptions, Split};
+use crate::error::{Error, Result};
+use crate::eval::steps;
+use crate::formats;
+use crate::framing::Surroundings;
+use crate::framing::surroundings::up_of;
+use crate::image::Pixels;
+use crate::placed;
+use crate::render::scene_renderer::{RenderMode, RenderOptions, SceneRenderer};
+use crate::rng::Rng;
+use crate::scene::{Loaded, Scene};
+use crate::train::BackendOptions;
+use crate::view::orbit;
+use glam::{DVec3, UVec2};
+use std::path::PathBuf;
+
+/// Share of the triangles that a random subset has.
+pub const SHARE: f64 = 0.1;
+/// Width of an orbit's pictures without a data set, px.
+pub const WIDTH: u32 = 960;
+
+/// Pictures as they are asked for. [`RenderJob::new`] has the plain values; any field can be set before the run.
+///
+/// ```
+/// use trisplat::RenderJob;
+/// # use glam::Vec3;
+/// # let scene = trisplat::Soup { vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]], opacity: vec![1.0], sigma: vec![0.01],
+/// #     sh: vec![[0.5, 0.0, -0.5]], ..trisplat::Soup::default() };
+/// # let folder = tempfile::tempdir().unwrap();
+/// # let file = folder.path().join("scene.glb");
+/// # trisplat::write(&trisplat::bake(scene, &Default::default())?, &file, &Default::default())?;
+///
+/// let mut job = RenderJob::new(file);
+/// (job.orbit, job.width) = (Some(3), 64);
+/// let mut ready = job.prepare(None)?;
+/// let picture = ready.draw(0)?;
+/// assert_eq!((ready.cameras().len(), picture.size.to_array()), (3, [64, 48]));
+/// # Ok::<(), trisplat::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct RenderJob {
+    /// Trained soup or mesh.
+    pub file: PathBuf,
+    /// How it is drawn.
+    pub render: RenderOptions,
+    /// Which photos' cameras, with a data set and without an orbit.
+    pub split: Split,
+    /// So many pictures on a circle around the subject.
+    pub orbit: Option<u32>,
+    /// Width of an orbit's pictures without a data set, px; the height is three quarters of it.
+    pub width: u32,
+    /// What the pictures show.
+    pub show: PictureKind,
+    /// Share of the triangles of a random subset, of 1.
+    pub share: f64,
+    /// Its seed.
+    pub seed: u64,
+    /// Where soft pictures are drawn.
+    pub backend: BackendOptions,
+    /// How the data set was read.
+    pub dataset_options: DatasetOptions,
+}
+
+/// Pictures whose scene is read and whose cameras are known.
+#[derive(Debug)]
+pub struct ReadyRender {
+    job: RenderJob,
+    cameras: Vec<(String, Camera)>,
+    renderer: SceneRenderer,
+}
+
+impl RenderJob {
+    /// The held-out photos of a data set that is read with [`DatasetOptions::default`].
+    pub fn new(file: impl Into<PathBuf>) -> Self {
+        Self {
+            file: file.into(),
+            render: RenderOptions::default(),
+            split: Split::default(),
+            orbit: None,
+            width: WIDTH,
+            show: PictureKind::default(),
+            share: SHARE,
+            seed: 0,
+            backend: BackendOptions::default(),
+            dataset_options: DatasetOptions::default(),
+        }
+    }
+
+    /// Reads the scene and chooses the cameras.
+    ///
+    /// Errors: a share that is none; a file that cannot be read; no cameras; pictures that are too large.
+    pub fn prepare(self, dataset: Option<&Dataset>) -> Result<ReadyRender> {
+        if !(0.0..=1.0).contains(&self.share) {
+            return Err(Error::invalid("share", self.share, "a number from 0 to 1"));
+        }
+        let loaded = formats::read(&self.file, &self.dataset_options.read_options(3))?;
+        let loaded = solid_if_asked(&self, loaded)?;
+        let cameras = match (dataset, self.orbit) {
+            (_, Some(count)) => orbit_cameras(&self, &loaded, dataset, count)?,
+            (Some(dataset), None) => {
+                self.split.some_of(dataset)?.iter().map(|v| (v.name.clone(), v.camera)).collect()
+            }
+            (None, None) => {
+                let wants = "cameras to draw from: `orbit` 24 for a circle around the scene, or `dataset` for those of its photos";
+                return Err(Error::invalid("cameras", "none", wants));
+            }
+        };
+        let Loaded { scene, provenance, .. } = loaded;
+        let renderer = renderer(&self, scene, &provenance.placement, dataset);
+        let limits = &self.dataset_options.limits;
+        cameras.iter().try_for_each(|(_, camera)| renderer.validate(camera.size, limits))?;
+        Ok(ReadyRender { job: self, cameras, renderer })
+    }
+}
+
+impl ReadyRender {
+    /// The pictures' names and cameras, in their order.
+    pub fn cameras(&self) -> &[(String, Camera)] {
+        &self.cameras
+    }
+
+    /// Has a graphics card draw, if that is to be used and it can. Returns the card, and what the user should know.
+    ///
+    /// Errors: a card that was asked for and is not there.
+    pub fn draw_on(&mut self) -> Result<(Option<String>, Vec<String>)> {
+        match self.job.show {
+            PictureKind::Color | PictureKind::RandomSubset => self.renderer.draw_on(&self.job.backend),
+            _ => Ok((None, Vec::new())),
+        }
+    }
+
+    /// The picture of a camera.
+    ///
+    /// Errors: layers of a solid drawing.
+    pub fn draw(&mut self, camera: usize) -> Result<Pixels> {
+        let (camera, renderer) = (&self.cameras[camera].1, &mut self.renderer);
+        match self.job.show {
+            PictureKind::Color | PictureKind::RandomSubset => Ok(renderer.color(camera)),
+            PictureKind::Depth => Ok(renderer.depth(camera)),
+            PictureKind::Normal => Ok(renderer.normal(camera)),
+            PictureKind::Contributions => renderer.contributions(camera),
+        }
+    }
+}
+
+/// What a picture shows of a scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+pub enum PictureKind {
+    /// Colour.
+    #[default]
+    Color,
+    /// Expected depth, near bright.
+    Depth,
+    /// Normals in camera space.
+    Normal,
+    /// Number of layers of each pixel.
+    Contributions,
+    /// Colour of some triangles only, so that their shapes can be seen.
+    RandomSubset,
+}
+
+/// What was read; a soup that is to be drawn solid is baked.
+fn solid_if_asked(job: &RenderJob, loaded: Loaded) -> Result<Loaded> {
+    match (&loaded.scene, job.render.mode) {
+        (Scene::Mesh(_), Some(RenderMode::Soft)) => Err(steps::no_soup(&job.file)),
+        (Scene::Soup(_), Some(RenderMode::Solid)) => {
+            let asset = steps::baked(loaded)?;
+            Ok(Loaded {
+                scene: Scene::Mesh(asset.mesh),
+                provenance: asset.provenance,
+                warnings: Vec::new(),
+                cameras: Vec::new(),
+            })
+        }
+        _ => Ok(loaded),
+    }
+}
+
+/// The renderer of the scene, or of the random subset of it.
+fn renderer(
+    job: &RenderJob,
+    scene: Scene,
+    placement: &Placement,
+    dataset: Option<&Dataset>,
+) -> SceneRenderer {
+    let background = job.dataset_options.background.to_f32();
+    let rng = Rng::new(job.seed, "random subset", 0);
+    let kept = |i: usize| rng.uniform_f64(i as u64) < job.share;
+    let subset = job.show == PictureKind::RandomSubset;
+    match scene {
+        Scene::Soup(mut soup) => {
+            if subset {
+                soup.retain(kept);
+            }
+            SceneRenderer::soft(soup, placement, dataset, background)
+        }
+        Scene::Mesh(mut mesh) => {
+            if subset {
+                mesh.retain(kept);
+            }
+            SceneRenderer::solid(mesh, placement, dataset, background, job.render.ssaa)
+        }
+    }
+}
+
+/// A circle around the subject of the scene. Cameras are in the world of the data set when there is one, else in the frame of the file.
+fn orbit_cameras(
+    job: &RenderJob,
+    loaded: &Loaded,
+    dataset: Option<&Dataset>,
+    count: u32,
+) -> Result<Vec<(String, Camera)>> {
+    let Provenance { placement, up, viewpoint, .. } = &loaded.provenance;
+    let origin = dataset.map_or(DVec3::ZERO, |dataset| dataset.origin);
+    let cameras: Vec<Camera> = match dataset {
+        Some(dataset) => {
+            dataset.views.iter().map(|v| placed::to_file(&v.camera, placement, origin)).collect()
+        }
+        None => loaded.cameras.clone(),
+    };
+    let size = match (dataset, cameras.first()) {
+        (Some(_), Some(camera)) => camera.size,
+        _ => UVec2::new(job.width, (job.width * 3 / 4).max(1)),
+    };
+    // In a file that says which of its axes points up, the photos' is no better.
+    let axis = up.unwrap_or_default().vector().as_vec3();
+    let up = if *up == Some(UpAxis::Y) { axis } else { up_of(&cameras, axis) };
+    let surroundings = Surroundings::of(&loaded.scene, &loaded.provenance);
+    let said = viewpoint.filter(|_| dataset.is_none());
+    let viewpoint = said.or_else(|| surroundings.viewpoint(&cameras, up));
+    let viewpoint = viewpoint.ok_or_else(|| {
+        Error::invalid("orbit", job.file.display(), "a scene with triangles that have an extent")
+    })?;
+    let room = surroundings.room(DVec3::from(viewpoint.target).as_vec3());
+    let orbit =
+        orbit::around_viewpoint(&viewpoint, up, room, size, count).into_iter().map(|camera| match dataset {
+            Some(_) => placed::to_world(&camera, placement, origin),
+            None => camera,
+        });
+    Ok(orbit.enumerate().map(|(i, camera)| (format!("orbit_{i:04}.png"), camera)).collect())
+}
