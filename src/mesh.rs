@@ -124,6 +124,14 @@ impl Mesh {
         }
     }
 
+    /// Colours of the vertices of a mesh without indices: those of its faces where it has none yet.
+    pub fn vertex_colors(&mut self) -> &mut [[f32; 3]] {
+        self.spread();
+        match &mut self.colors {
+            Colors::Face(colors) | Colors::Vertex(colors) => colors,
+        }
+    }
+
     /// The same triangles without shared vertices.
     pub fn unshared(self) -> Mesh {
         if self.indices.is_empty() {

@@ -16,9 +16,9 @@ use super::merge::{merge, share_world};
 use super::options::BakeOptions;
 use super::pace::{BakePace, PaceWork};
 use super::prune::{PruneDetails, PruneOptions, prune};
-use super::refit::{RefitColors, refit};
+use super::refit::{RefitColors, refit, smooth_shell};
 use super::reshape::{ReshapeWhen, SceneTraits, reshape};
-use super::shell::{spared, take_shell};
+use super::shell::{recognise_shell, spared, take_shell};
 use super::solid::solid;
 use super::teacher::{is_solid, teacher};
 use super::texture::texture;
@@ -87,7 +87,10 @@ impl<'a> Recipe<'a> {
 
     /// Bakes inputs, merged.
     pub(super) fn run(mut self, inputs: Vec<Loaded>) -> Result<Asset> {
-        let inputs = inputs.into_iter().map(|loaded| self.untextured(loaded)).collect();
+        let mut inputs: Vec<Loaded> = inputs.into_iter().map(|loaded| self.untextured(loaded)).collect();
+        // By each input for itself: two scenes side by side have no common middle.
+        let when = self.options.backdrop.backdrop;
+        inputs.iter_mut().for_each(|loaded| recognise_shell(&mut loaded.scene, when));
         let inputs = self.of_one_kind(inputs)?;
         let mut loaded = merge(inputs)?;
         self.backdrop = loaded.take_backdrop();
@@ -146,7 +149,7 @@ impl<'a> Recipe<'a> {
         };
         let unpainted = if lod.lod.is_empty() { Mesh::default() } else { mesh.clone() };
         let mesh = self.back(mesh)?;
-        let mesh = self.paint(mesh)?;
+        let mesh = self.paint(mesh, faces)?;
         let mesh = self.texture(mesh)?;
         let behind = mesh.face_count() - faces;
         if behind > 0 && !lod.lod.is_empty() {
@@ -384,7 +387,11 @@ impl<'a> Recipe<'a> {
             mesh.shell.clear();
             return Ok(mesh);
         }
-        let behind = take_shell(&mut mesh, &self.watching);
+        let mut behind = take_shell(&mut mesh, &self.watching);
+        if either(&mut self.views, &mut self.taught).is_none() && self.options.refit.refit != RefitColors::Off
+        {
+            smooth_shell(&mut behind);
+        }
         if mesh.face_count() == 0 {
             // There is nothing before it: it is the scene.
             return Ok(behind);
@@ -408,12 +415,12 @@ impl<'a> Recipe<'a> {
         })
     }
 
-    /// On what is left: a colour belongs to what a triangle shows when the others are gone.
-    fn paint(&mut self, mesh: Mesh) -> Result<Mesh> {
+    /// On what is left: a colour belongs to what a triangle shows when the others are gone. Faces from `behind` on are the backdrop.
+    fn paint(&mut self, mesh: Mesh, behind: usize) -> Result<Mesh> {
         let (views, options) = (either(&mut self.views, &mut self.taught), &self.options.refit);
         let pace = &mut *self.pace;
         self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
-            refit(mesh, views, options, details, progress, pace)
+            refit(mesh, behind, views, options, details, progress, pace)
         })
     }
 

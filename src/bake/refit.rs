@@ -21,13 +21,17 @@
 //! refitted colours are better than those the scene came with. Training has usually seen those photos, so what one
 //! colour per triangle gains from seeing them is subtracted from the PSNR of the colours that are there. If they are
 //! better even then, they stay.
+//!
+//! The backdrop is a surface of its own, whose colours are solved together: see `backdrop.rs`.
 
 mod accumulator;
+mod backdrop;
 mod evaluation;
 mod fit;
 mod gather;
 mod options;
 
+pub(super) use backdrop::smooth_shell;
 pub use options::{RefitColors, RefitOptions};
 
 use super::pace::BakePace;
@@ -95,11 +99,12 @@ impl StageDetails for RefitDetails {
     const STAGE: &'static str = "refit";
 }
 
-/// Fits the colours of `mesh` to `views`; `details` get the PSNR on held-out photos.
+/// Fits the colours of `mesh`, whose faces from `behind` on are its backdrop, to `views`; `details` get the PSNR on held-out photos.
 ///
 /// Errors: an option out of range, a photo that cannot be decoded.
 pub fn refit(
     mesh: &mut Mesh,
+    behind: usize,
     views: Option<&mut Views>,
     options: &RefitOptions,
     details: &mut RefitDetails,
@@ -123,7 +128,12 @@ pub fn refit(
     let end_of_pass = |pass: u32| f64::from(pass) / f64::from(options.refit_passes);
     let mut first = progress.part(0.0, end_of_pass(1));
     let Some(which) = first_pass(mesh, views, options.refit, &mut accumulator, details, &mut first)? else {
-        return Ok(Outcome::Unneeded("held-out photos match the present colours better"));
+        // What is said of them is said of the scene's, which were trained.
+        backdrop::paint(mesh, behind, &accumulator.fit);
+        return Ok(match behind < mesh.face_count() {
+            true => Outcome::Changed(()),
+            false => Outcome::Unneeded("held-out photos match the present colours better"),
+        });
     };
     let outliers = outliers(&accumulator.errors);
     if !outliers.is_empty() {
@@ -140,6 +150,7 @@ pub fn refit(
         accumulator.add(mesh, views, &used, 1.0, progress)?;
     }
     mesh.colors = accumulator.fit.colors(which);
+    backdrop::paint(mesh, behind, &accumulator.fit);
     details.colors = Some(which);
     Ok(Outcome::Changed(()))
 }

@@ -2,14 +2,27 @@
 //!
 //! Training closes a scene with a shell of triangles where it has no points. Part of the scene, it would be an opaque ball around it for
 //! whoever looks from outside, as every viewer does that frames a file. As the backdrop it is seen from within only. Which triangles are
-//! the shell is known since they were made, and never guessed from where they lie: [`Mesh::shell`].
+//! the shell of a training is known since they were made, and never guessed from where they lie: [`Mesh::shell`]. Other programs close
+//! their scenes with sky domes and environment balls, and no file says so: those are recognised by four signs that no wall shows.
 
+use super::backdrop::BackdropWhen;
 use crate::camera::Camera;
+use crate::framing::far_shell::far_shell;
 use crate::mesh::Mesh;
+use crate::scene::Scene;
 use glam::Vec3;
 
 /// A budget of triangles keeps a shell as it is when it is worth this many of them.
 const LEAST_SHELLS: u64 = 8;
+
+/// Says of the far shell of a soup that it is one, where no file says what closes the scene.
+pub(super) fn recognise_shell(scene: &mut Scene, when: BackdropWhen) {
+    let Scene::Soup(soup) = scene else { return };
+    if when == BackdropWhen::Off || soup.shell_count() > 0 {
+        return;
+    }
+    soup.shell = far_shell(&|triangle| soup.vertices[triangle], soup.len()).unwrap_or_default();
+}
 
 /// Takes the faces of the shell out of `mesh`, their fronts towards the middle: that of `cameras`, or its own.
 pub(super) fn take_shell(mesh: &mut Mesh, cameras: &[Camera]) -> Mesh {
@@ -32,12 +45,15 @@ pub(super) fn take_shell(mesh: &mut Mesh, cameras: &[Camera]) -> Mesh {
     shell
 }
 
-/// The faces of the shell in `mesh`, when the mesh is larger than `budget` and they are a small part of that: dropping half of a closed surface saves
-/// little, and leaves holes wherever no camera looks. None otherwise: smaller budgets are spent on what cameras see. `[F]`
+/// The faces of the shell in `mesh` that stay, whatever is seen of them: a surface with holes wherever no camera looks closes nothing. All of them,
+/// unless the mesh is larger than `budget` and they are no small part of that: smaller budgets are spent on what cameras see. `[F]`
 pub(super) fn spared(mesh: &Mesh, budget: Option<u64>) -> Vec<bool> {
-    let Some(budget) = budget.filter(|most| *most < mesh.face_count() as u64) else { return Vec::new() };
     let count = mesh.shell.iter().filter(|shell| **shell).count() as u64;
-    if (1..=budget / LEAST_SHELLS).contains(&count) { mesh.shell.clone() } else { Vec::new() }
+    let spares = match budget.filter(|most| *most < mesh.face_count() as u64) {
+        Some(budget) => count <= budget / LEAST_SHELLS,
+        None => true,
+    };
+    if count > 0 && spares { mesh.shell.clone() } else { Vec::new() }
 }
 
 #[cfg(test)]
@@ -78,9 +94,9 @@ mod tests {
     }
 
     #[test]
-    fn a_shell_is_spared_where_it_is_a_small_part_of_a_budget() {
+    fn a_shell_is_kept_whole_unless_it_is_a_large_part_of_a_budget() {
         let mut whole = scene(100);
-        for (budget, count) in [(None, 0), (Some(108), 0), (Some(107), 8), (Some(64), 8), (Some(63), 0)] {
+        for (budget, count) in [(None, 8), (Some(108), 8), (Some(107), 8), (Some(64), 8), (Some(63), 0)] {
             let faces = spared(&whole, budget);
             assert_eq!(faces.iter().filter(|face| **face).count(), count, "{budget:?}");
             assert!(faces.iter().skip(8).all(|face| !face), "{budget:?}");

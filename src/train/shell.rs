@@ -1,7 +1,8 @@
 //! A closed shell around the scene, for what no point stands for: walls, windows, the sky.
 //!
 //! In each direction it lies a little behind the farthest points there, and begins with the colour that the photos show
-//! in its place. It is pinned: only its colour is trained. Without it such surfaces are painted by large triangles
+//! in its place; where no photo shows one, with what is between the colours around. It rises to far places as a hill does, not
+//! as a spike. It is closed, and pinned: only its colour is trained. Without it such surfaces are painted by large triangles
 //! close to each camera, which hang in the air when seen from beside it, before a black background.
 //! Not in the paper; its code has a white dome of ordinary triangles for outdoor scenes.
 
@@ -32,8 +33,12 @@ const BEHIND: f32 = 1.05;
 const AROUND_CAMERAS: f32 = 1.5;
 /// Rounds in which directions without points take the mean distance of their neighbours.
 const ROUNDS: usize = 200;
-/// Colours extend this many faces beyond what photos show; farther out there is no shell.
-const RINGS: usize = 12;
+/// The logarithm of the distance changes by this much at most in the time that the direction turns by a radian.
+const STEEPEST: f32 = 2.0;
+/// Rounds in which every direction moves half way to the mean of its neighbours.
+const SMOOTHING: usize = 3;
+/// Rounds in which faces that no photo shows take the mean colour of those beside them.
+const COLOR_ROUNDS: usize = 1000;
 /// σ of the shell: nearly solid, so that it has no seams.
 const SIGMA: f32 = 0.02;
 /// Opacity of the shell: high, but below 1, where the logit has no slope.
@@ -46,7 +51,7 @@ pub(super) fn subdivisions(options: &TrainOptions) -> Option<u32> {
 }
 
 /// The shell around `points` as seen by `cameras`, those of the photos, in training space; SH degree 0. Empty when the
-/// photos have masks: then what is behind the scene is not wanted.
+/// photos have masks, as then what is behind the scene is not wanted, and when none of them shows it.
 ///
 /// Errors: photos that cannot be decoded.
 pub(super) fn shell(
@@ -60,16 +65,14 @@ pub(super) fn shell(
     let corner = |i: u32| directions[i as usize] * radii[i as usize];
     let corners: Vec<[Vec3; 3]> = faces.iter().map(|face| face.map(corner)).collect();
     let Some(colors) = colors(&corners, cameras, photos)? else { return Ok(Soup::default()) };
-    let mut soup = Soup::default();
-    for (corners, rgb) in corners.into_iter().zip(continued(colors, &faces)) {
-        if let Some(rgb) = rgb {
-            soup.vertices.push(corners);
-            soup.opacity.push(OPACITY);
-            soup.sigma.push(SIGMA);
-            soup.sh.push(rgb.map(sh0_from_rgb));
-        }
-    }
-    Ok(soup)
+    let Some(colors) = continued(colors, &faces) else { return Ok(Soup::default()) };
+    Ok(Soup {
+        opacity: vec![OPACITY; corners.len()],
+        sigma: vec![SIGMA; corners.len()],
+        sh: colors.into_iter().map(|rgb| rgb.map(sh0_from_rgb)).collect(),
+        vertices: corners,
+        ..Soup::default()
+    })
 }
 
 /// How far the shell is from the origin in each direction. `[V]`
@@ -82,21 +85,57 @@ fn radii(directions: &[Vec3], faces: &[[u32; 3]], points: &[Vec3], cameras: &[Ca
         .or_else(|| far(rays.iter().map(|(_, length)| *length).collect()))
         .unwrap_or(1.0);
 
-    let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); directions.len()];
-    for [a, b, c] in faces {
-        for (from, to) in [(a, b), (b, c), (c, a)] {
-            neighbours[*from as usize].push(*to);
-        }
-    }
+    let neighbours = neighbours(directions.len(), faces);
     // In logarithms: twice as far counts as much as half as far.
     let mut logs: Vec<f32> = known.iter().map(|k| k.unwrap_or(typical).max(f32::MIN_POSITIVE).ln()).collect();
     for _ in 0..ROUNDS {
         let before = logs.clone();
         for (i, around) in neighbours.iter().enumerate().filter(|(i, _)| known[*i].is_none()) {
-            logs[i] = around.iter().map(|j| before[*j as usize]).sum::<f32>() / around.len().max(1) as f32;
+            logs[i] = mean(around.iter().map(|j| before[*j as usize]));
+        }
+    }
+    raise(&mut logs, directions, &neighbours);
+    for _ in 0..SMOOTHING {
+        let before = logs.clone();
+        for (log, around) in logs.iter_mut().zip(&neighbours) {
+            *log = (*log + mean(around.iter().map(|j| before[*j as usize]))) / 2.0;
         }
     }
     logs.iter().map(|log| (BEHIND * log.exp()).max(AROUND_CAMERAS * reach)).collect()
+}
+
+/// The directions beside each. `[V]`
+fn neighbours(count: usize, faces: &[[u32; 3]]) -> Vec<Vec<u32>> {
+    let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); count];
+    for [a, b, c] in faces {
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            neighbours[*from as usize].push(*to);
+        }
+    }
+    neighbours
+}
+
+fn mean(values: impl ExactSizeIterator<Item = f32>) -> f32 {
+    let count = values.len().max(1) as f32;
+    values.sum::<f32>() / count
+}
+
+/// Raises the logarithms of distances around far places until none is steeper than [`STEEPEST`]; none is lowered, so that what stood
+/// before the shell still does.
+fn raise(logs: &mut [f32], directions: &[Vec3], neighbours: &[Vec<u32>]) {
+    let mut rises = true;
+    while rises {
+        rises = false;
+        for (i, around) in neighbours.iter().enumerate() {
+            for j in around {
+                let turn = directions[i].angle_between(directions[*j as usize]);
+                let least = logs[*j as usize] - STEEPEST * turn;
+                // Far above rounding, so that it ends.
+                rises |= least > logs[i] + 1e-4;
+                logs[i] = logs[i].max(least);
+            }
+        }
+    }
 }
 
 /// How far away the points around a direction end, if there are enough.
@@ -147,25 +186,40 @@ fn pixel(camera: &Camera, photo: &Pixels, place: Vec3) -> Option<[u8; 3]> {
     inside.then(|| photo.rgb[(at.y as u32 * size.x + at.x as u32) as usize])
 }
 
-/// Colours, and beyond them the means of the faces beside, some rings far. `[F]`
-fn continued(mut colors: Vec<Option<[f32; 3]>>, faces: &[[u32; 3]]) -> Vec<Option<[f32; 3]>> {
+/// Colours, and beyond them those that are as even as they can be; `None` when there are none at all. `[F]`
+fn continued(colors: Vec<Option<[f32; 3]>>, faces: &[[u32; 3]]) -> Option<Vec<[f32; 3]>> {
+    let beside = beside(faces);
+    let known: Vec<bool> = colors.iter().map(Option::is_some).collect();
+    if !known.contains(&true) {
+        return None;
+    }
+    let mut colors: Vec<Option<Vec3>> = colors.into_iter().map(|rgb| rgb.map(Vec3::from)).collect();
+    // First from ring to ring, which comes near to the end of the rounds after it.
+    while colors.contains(&None) {
+        let before = colors.clone();
+        for (i, color) in colors.iter_mut().enumerate().filter(|(_, color)| color.is_none()) {
+            let around: Vec<Vec3> = beside[i].iter().filter_map(|j| before[*j]).collect();
+            *color = (!around.is_empty()).then(|| around.iter().sum::<Vec3>() / around.len() as f32);
+        }
+    }
+    let mut colors: Vec<Vec3> = colors.into_iter().flatten().collect();
+    for _ in 0..COLOR_ROUNDS {
+        for i in (0..colors.len()).filter(|i| !known[*i]) {
+            colors[i] = beside[i].iter().map(|j| colors[*j]).sum::<Vec3>() / 3.0;
+        }
+    }
+    Some(colors.into_iter().map(|rgb| rgb.to_array()).collect())
+}
+
+/// The faces beside each of a closed surface. `[F]`
+fn beside(faces: &[[u32; 3]]) -> Vec<[usize; 3]> {
     let mut sides: HashMap<(u32, u32), usize> = HashMap::new();
     for (i, [a, b, c]) in faces.iter().enumerate() {
         for side in [(*a, *b), (*b, *c), (*c, *a)] {
             sides.insert(side, i);
         }
     }
-    let beside = |[a, b, c]: [u32; 3]| [(b, a), (c, b), (a, c)].map(|side| sides[&side]);
-    for _ in 0..RINGS {
-        let before = colors.clone();
-        for (i, face) in faces.iter().enumerate().filter(|(i, _)| before[*i].is_none()) {
-            let known: Vec<Vec3> = beside(*face).iter().filter_map(|j| before[*j]).map(Vec3::from).collect();
-            if !known.is_empty() {
-                colors[i] = Some((known.iter().sum::<Vec3>() / known.len() as f32).to_array());
-            }
-        }
-    }
-    colors
+    faces.iter().map(|[a, b, c]| [(*b, *a), (*c, *b), (*a, *c)].map(|side| sides[&side])).collect()
 }
 
 #[cfg(test)]
@@ -196,14 +250,51 @@ mod tests {
     }
 
     #[test]
-    fn colours_are_continued_and_end() {
-        let (_, faces) = octasphere(4);
-        let mut colors = vec![None; faces.len()];
-        colors[0] = Some([0.25, 0.5, 1.0]);
-        let all = continued(colors, &faces);
-        let there = all.iter().flatten().count();
-        assert!(all.iter().flatten().all(|c| *c == [0.25, 0.5, 1.0]));
-        assert!((RINGS * RINGS..faces.len() / 4).contains(&there), "{there}");
+    fn a_view_through_a_window_is_a_hill() {
+        let (directions, faces) = octasphere(4);
+        // A room of points at distance 2, and a street that is seen through a small window, 60 away.
+        let room = directions.iter().map(|d| *d * 2.0);
+        let street = (0..400).map(|i| Vec3::new((i % 20) as f32 - 10.0, (i / 20) as f32 - 10.0, 60.0));
+        let points: Vec<Vec3> = room.chain(street).collect();
+        let radii = radii(&directions, &faces, &points, &[]);
+        let (near, far) = radii.iter().fold((f32::MAX, 0.0f32), |(a, b), r| (a.min(*r), b.max(*r)));
+        assert!((1.9..3.0).contains(&near) && far > 40.0, "{near} to {far}");
+        for [a, b, c] in &faces {
+            for (i, j) in [(a, b), (b, c), (c, a)].map(|(i, j)| (*i as usize, *j as usize)) {
+                let rise = (radii[i] / radii[j]).ln() / directions[i].angle_between(directions[j]);
+                assert!(rise < 1.05 * STEEPEST, "{rise}");
+            }
+        }
+    }
+
+    #[test]
+    fn colours_are_continued_all_around_without_stripes() {
+        let (corners, faces) = octasphere(4);
+        assert_eq!(continued(vec![None; faces.len()], &faces), None);
+        // Blue above, brown below, with a red face among the blue ones: nothing is known between.
+        let height = |face: &[u32; 3]| face.iter().map(|i| corners[*i as usize].y).sum::<f32>() / 3.0;
+        let colors: Vec<_> = faces
+            .iter()
+            .enumerate()
+            .map(|(i, face)| match height(face) {
+                h if h > 0.6 && i % 97 == 0 => Some([0.9, 0.1, 0.1]),
+                h if h > 0.6 => Some([0.2, 0.4, 0.9]),
+                h if h < -0.6 => Some([0.5, 0.3, 0.1]),
+                _ => None,
+            })
+            .collect();
+        let all = continued(colors.clone(), &faces).unwrap();
+        assert!(colors.iter().zip(&all).all(|(known, color)| known.is_none_or(|known| known == *color)));
+        let beside = beside(&faces);
+        for i in (0..faces.len()).filter(|i| height(&faces[*i]).abs() < 0.5) {
+            let steps = beside[i].map(|j| Vec3::from(all[i]).distance(Vec3::from(all[j])));
+            assert!(steps.iter().all(|step| *step < 0.12), "{i}: {steps:?}");
+            let ([_, _, blue], h) = (all[i], height(&faces[i]));
+            assert!(
+                (0.1..=0.9).contains(&blue) && (h < 0.4 || blue > 0.5) && (h > -0.4 || blue < 0.5),
+                "{h} {blue}"
+            );
+        }
     }
 
     #[test]

@@ -29,7 +29,16 @@ fn refit(
     options: &RefitOptions,
     details: &mut RefitDetails,
 ) -> Result<Outcome<()>> {
-    refit::refit(mesh, views, options, details, &mut StageProgress::new(&mut ()), &mut BakePace::default())
+    let behind = mesh.face_count();
+    refit::refit(
+        mesh,
+        behind,
+        views,
+        options,
+        details,
+        &mut StageProgress::new(&mut ()),
+        &mut BakePace::default(),
+    )
 }
 
 fn unseen(

@@ -56,3 +56,33 @@ fn a_shell_of_a_scene_without_backdrop_is_part_of_it() {
     let none = baked([subject(40)], |_| {});
     assert_eq!((none.provenance.backdrop, none.mesh.face_count()), (0, 40));
 }
+
+#[test]
+fn a_closed_far_shell_of_any_soup_is_the_backdrop() {
+    // The dome of the sample, which no flag names.
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/soups/studio.ply");
+    let studio = || trisplat::formats::read(&path, &trisplat::formats::ReadOptions::default()).unwrap();
+    let bake = |when| {
+        let mut options = BakeOptions::preset(BakePreset::Fast);
+        options.backdrop.backdrop = when;
+        Bake::new(&options).run([studio()]).unwrap()
+    };
+    let asset = bake(BackdropWhen::Auto);
+    let behind = asset.mesh.face_count() - asset.provenance.backdrop as usize;
+    assert!((100..2000).contains(&asset.provenance.backdrop), "{}", asset.provenance.backdrop);
+    let far = |face: usize| asset.mesh.centroid(face).length();
+    let reach = (0..behind).map(far).fold(0.0, f32::max);
+    assert!(
+        (behind..asset.mesh.face_count()).all(|face| far(face) > 1.3 * reach),
+        "what stands before it stays"
+    );
+    let inward = |face: &usize| asset.mesh.flat_normal(*face).dot(asset.mesh.centroid(*face)) < 0.0;
+    assert!((behind..asset.mesh.face_count()).all(|face| inward(&face)), "fronts are inside");
+    assert_eq!(bake(BackdropWhen::Off).provenance.backdrop, 0);
+    // Of two inputs each has its own, wherever they stand.
+    let mut beside = studio();
+    let trisplat::scene::Scene::Soup(soup) = &mut beside.scene else { panic!("a soup") };
+    soup.vertices.iter_mut().flatten().for_each(|p| p.x += 90.0);
+    let both = Bake::new(&BakeOptions::preset(BakePreset::Fast)).run([studio(), beside]).unwrap();
+    assert_eq!(both.provenance.backdrop, 2 * asset.provenance.backdrop);
+}

@@ -126,7 +126,7 @@ impl Recipe<'_> {
             // A level is to look like the scene wherever it is alone, so it has the same backdrop; only tiles share one.
             let faces = level.face_count();
             behind.clone().map_or(Ok(()), |backdrop| level.append(backdrop))?;
-            let mut level = of_level.paint(level)?;
+            let mut level = of_level.paint(level, faces)?;
             let psnr = of_level.evaluate(&level)?;
             level.split_off(faces);
             let mut provenance = provenance.clone();

@@ -11,7 +11,7 @@ const PRIOR_SAMPLES: f64 = 2.0;
 /// Samples that a face must show so that each half of it shows some.
 const CUT_SAMPLES: f64 = 8.0;
 
-/// Unconnected triangles, one colour each.
+/// Unconnected triangles, one colour each. Those of the shell get colours and no more: it stays closed.
 pub(super) struct ReshapedFaces {
     /// Names that stay while faces come and go: random sequences depend on them. `[F]`
     ids: Vec<u32>,
@@ -82,7 +82,7 @@ impl ReshapedFaces {
     pub(super) fn keep_moves(&mut self, found: &Found, candidates: Vec<[Vec3; 3]>) -> u64 {
         let mut moves = 0;
         for (i, candidate) in candidates.into_iter().enumerate() {
-            if found.face(i).moving < 0.0 {
+            if found.face(i).moving < 0.0 && !self.shell[i] {
                 self.corners[i] = candidate;
                 moves += 1;
             }
@@ -93,7 +93,7 @@ impl ReshapedFaces {
     /// Drops the faces without which the error is lower; returns how many. Faces that `found` does not know stay.
     pub(super) fn drop_harmful(&mut self, found: &Found) -> u64 {
         let before = self.len();
-        let stays = |i: usize| i >= found.len() || !found.face(i).is_harmful();
+        let stays = |i: usize| i >= found.len() || self.shell[i] || !found.face(i).is_harmful();
         let kept: Vec<usize> = (0..before).filter(|&i| stays(i)).collect();
         // A scene of no triangles at all is no scene.
         if !kept.is_empty() {
@@ -108,11 +108,11 @@ impl ReshapedFaces {
     /// Cuts faces in two across their longest edge, those of the largest error first and a share `most` of all at most,
     /// as long as there are no more than `budget`; the new ones are the last. Returns how many.
     pub(super) fn cut(&mut self, found: &Found, budget: usize, most: f64) -> u64 {
-        let stays = |i: &usize| !found.face(*i).is_harmful();
-        let staying = (0..self.len()).filter(stays).count();
+        let is_good = |i: &usize| !self.shell[*i] && !found.face(*i).is_harmful();
+        let staying = (0..self.len()).filter(|i| self.shell[*i] || is_good(i)).count();
         let room = budget.saturating_sub(staying).min((most * staying as f64) as usize);
         let mut order: Vec<usize> =
-            (0..self.len()).filter(stays).filter(|&i| found.face(i).samples >= CUT_SAMPLES).collect();
+            (0..self.len()).filter(is_good).filter(|&i| found.face(i).samples >= CUT_SAMPLES).collect();
         order.sort_unstable_by(|&a, &b| found.face(b).error.total_cmp(&found.face(a).error).then(a.cmp(&b)));
         order.truncate(room);
         for &i in &order {
@@ -120,7 +120,7 @@ impl ReshapedFaces {
             self.corners[i] = first;
             self.corners.push(second);
             self.colors.push(self.colors[i]);
-            self.shell.push(self.shell[i]);
+            self.shell.push(false);
             self.ids.push(self.next_id);
             self.next_id += 1;
         }
