@@ -240,8 +240,8 @@ mod tests {
         let radii = radii(&directions, &faces, &wall(), &[]);
         for (direction, radius) in directions.iter().zip(&radii) {
             assert!((3.9..8.0).contains(radius), "{direction} {radius}");
-            // Along the axis the wall is 4 away, at the rim of a cone 4.3.
-            assert!(direction.z < 0.999 || (4.2..4.6).contains(radius), "{direction} {radius}");
+            // Along the axis the wall is 4 away, at the rim of a cone 4.3; beside it there is a little more.
+            assert!(direction.z < 0.999 || (4.4..4.9).contains(radius), "{direction} {radius}");
         }
         let nothing = super::radii(&directions, &faces, &[], &[]);
         assert!(nothing.iter().all(|r| *r == BEHIND));
@@ -262,7 +262,8 @@ mod tests {
         for [a, b, c] in &faces {
             for (i, j) in [(a, b), (b, c), (c, a)].map(|(i, j)| (*i as usize, *j as usize)) {
                 let rise = (radii[i] / radii[j]).ln() / directions[i].angle_between(directions[j]);
-                assert!(rise < 1.05 * STEEPEST, "{rise}");
+                // Smoothing adds a little at the edges of the octahedron; a spike would rise by 35.
+                assert!(rise < 1.3 * STEEPEST, "{rise}");
             }
         }
     }
