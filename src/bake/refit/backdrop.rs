@@ -9,7 +9,7 @@
 //! ```
 //!
 //! The matrix is symmetric and positive definite, so conjugate gradients solve it, one channel after the other. Both weights are by
-//! photos left out of three captures: `docs/benchmarks/history.md`.
+//! photos left out of captures: `docs/benchmarks/history-bake.md`.
 
 use super::fit::{Equations, Fit};
 use crate::math::color::{linear_from_srgb, srgb_from_linear};
@@ -22,8 +22,8 @@ const SEAM_PX: f64 = 100.0;
 const FLATNESS_PX: f64 = 3.0;
 /// A corner stays where it was as if that had been right on this many pixels: what nothing pulls keeps its colour.
 const DAMPING_PX: f64 = 1e-3;
-/// Without photos, every triangle counts as so many pixels of its own colour.
-const TRUSTED_PX: f64 = 30.0;
+/// Without photos, every triangle counts as so many pixels of its own colour: enough to keep its mean, not enough to keep its edges.
+const TRUSTED_PX: f64 = 300.0;
 /// Most steps of conjugate gradients; a thousandth of the residual is reached long before.
 const STEPS: usize = 400;
 const RESIDUAL: f64 = 1e-4;
@@ -226,7 +226,7 @@ mod tests {
         let level = |face: usize| if face.is_multiple_of(2) { 0.4 } else { 0.6 };
         let colors: CornerColors = (0..mesh.face_count()).map(|face| [[level(face); 3]; 3]).collect();
         let smoothed = smooth(&mesh, &colors);
-        assert!(worst_seam(&mesh, &colors) > 0.19 && worst_seam(&mesh, &smoothed) < 0.06);
+        assert!(worst_seam(&mesh, &colors) > 0.19 && worst_seam(&mesh, &smoothed) < 0.12);
         let single = mesh.part(&[0, 9, 77]);
         assert_eq!(smooth(&single, &colors[..3]), colors[..3]);
     }
