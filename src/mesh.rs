@@ -6,7 +6,6 @@ use crate::math::median::median;
 use crate::texture::FaceTexture;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-use std::sync::Arc;
 
 /// Linear-light RGB per face or per vertex. Values in [0, 1]; alpha is always 1.
 #[derive(Debug, Clone, PartialEq)]
@@ -254,7 +253,7 @@ impl Mesh {
     }
 
     /// Puts the faces of `other` behind those of this mesh. The result has indices when either has, colours on
-    /// faces only when both have them there, and a texture only when both have the same.
+    /// faces only when both have them there, and a texture only when both have one and one picture holds both.
     ///
     /// Errors: more vertices than 32 bits count.
     pub fn append(&mut self, mut other: Mesh) -> Result<()> {
@@ -270,12 +269,13 @@ impl Mesh {
             self.shell.resize(self.face_count(), false);
             other.shell.resize(other.face_count(), false);
         }
-        match (&mut self.texture, &other.texture) {
-            (Some(a), Some(b)) if Arc::ptr_eq(&a.texture, &b.texture) => a.uvs.extend(&b.uvs),
-            _ => {
-                self.drop_texture();
-                other.drop_texture();
-            }
+        let joined = match (&mut self.texture, &other.texture) {
+            (Some(a), Some(b)) => a.append(b),
+            _ => false,
+        };
+        if !joined {
+            self.drop_texture();
+            other.drop_texture();
         }
         if matches!(self.colors, Colors::Vertex(_)) || matches!(other.colors, Colors::Vertex(_)) {
             self.spread();

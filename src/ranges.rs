@@ -91,11 +91,12 @@ const RANGES: &[Row] = &[
 ];
 
 /// Numbers that need not be given.
-const MAY_BE_LEFT_OUT: [&str; 8] = [
+const MAY_BE_LEFT_OUT: [&str; 9] = [
     "max_size",
     "teacher.teacher_pictures",
     "prune.max_triangles",
     "unseen.max_error",
+    "surface.resolution",
     "surface.voxel",
     "surface.max_triangles",
     "blocks",

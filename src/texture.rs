@@ -7,6 +7,11 @@ use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 use std::sync::Arc;
 
+/// Pictures are not joined to larger ones, texels.
+const LARGEST: u32 = 8192;
+/// Joined pictures begin at multiples of it, so that mip levels up to the fifth do not mix them.
+const WHOLE: u32 = 32;
+
 /// A picture and its mip levels, each half the size of the one before it, down to one texel. sRGB codes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Texture {
@@ -93,6 +98,50 @@ pub struct FaceTexture {
 }
 
 impl FaceTexture {
+    /// Puts another texture below this one, so that one picture serves both, and its faces behind these. Returns whether there was room.
+    pub fn append(&mut self, other: &FaceTexture) -> bool {
+        if Arc::ptr_eq(&self.texture, &other.texture) {
+            self.uvs.extend(&other.uvs);
+            return true;
+        }
+        let (above, below) = (self.texture.picture(), other.texture.picture());
+        let first = above.size.y.next_multiple_of(WHOLE);
+        let size = UVec2::new(above.size.x.max(below.size.x), first + below.size.y);
+        if size.max_element() > LARGEST {
+            return false;
+        }
+        let rgb = (0..size.y).into_par_iter().flat_map_iter(|y| {
+            let (from, y) = if y < first { (above, y.min(above.size.y - 1)) } else { (below, y - first) };
+            let row = &from.rgb[(y * from.size.x) as usize..][..from.size.x as usize];
+            // Beside and below a picture its border goes on.
+            row.iter().chain(std::iter::repeat(&row[row.len() - 1])).take(size.x as usize).copied()
+        });
+        let rgb = rgb.collect();
+        let moved = |picture: &Pixels, top: u32| {
+            let (scale, top) =
+                (picture.size.as_vec2() / size.as_vec2(), Vec2::new(0.0, top as f32 / size.y as f32));
+            move |uvs: &[Vec2; 3]| uvs.map(|uv| uv * scale + top)
+        };
+        let uvs = self.uvs.iter().map(moved(above, 0)).chain(other.uvs.iter().map(moved(below, first)));
+        self.uvs = uvs.collect();
+        self.texture = Arc::new(Texture::new(Pixels { size, rgb, alpha: None }));
+        true
+    }
+
+    /// Where the vertices of a mesh with these indices are on it, when the faces that share one agree; `[V]`.
+    pub fn of_vertices(&self, indices: &[u32], vertices: usize) -> Option<Vec<Vec2>> {
+        let mut at = vec![Vec2::NAN; vertices];
+        for (vertex, uv) in indices.iter().zip(self.uvs.as_flattened()) {
+            let known = &mut at[*vertex as usize];
+            if known.is_nan() {
+                *known = *uv;
+            } else if known != uv {
+                return None;
+            }
+        }
+        Some(at)
+    }
+
     /// Mean linear colour of a face, by the texels of the level where it is about one.
     pub fn mean(&self, face: usize) -> [f32; 3] {
         let [a, b, c] = self.uvs[face];
@@ -120,6 +169,28 @@ mod tests {
             // Half of the light is code 188, not 128.
             assert!(texture.levels[level].rgb.iter().all(|t| *t == [188; 3]), "{level}");
         }
+    }
+
+    #[test]
+    fn joined_textures_show_what_each_showed() {
+        let at = |i: u32, n: u32| [(i * 37 % 251) as u8, (i % n) as u8, (i / n) as u8];
+        let of = |size: UVec2| {
+            let rgb = (0..size.element_product()).map(|i| at(i, size.x)).collect();
+            let uvs = vec![[Vec2::splat(0.2), Vec2::new(0.9, 0.3), Vec2::new(0.4, 0.75)]];
+            FaceTexture { uvs, texture: Arc::new(Texture::new(Pixels { size, rgb, alpha: None })) }
+        };
+        let (a, b) = (of(UVec2::new(40, 50)), of(UVec2::new(64, 30)));
+        let mut both = a.clone();
+        assert!(both.append(&b) && both.append(&both.clone()));
+        assert_eq!((both.texture.size(), both.uvs.len()), (UVec2::new(64, 94), 4));
+        for (from, face) in [(&a, 0), (&b, 1), (&a, 2), (&b, 3)] {
+            for k in 0..3 {
+                let (wants, got) =
+                    (from.texture.sample(from.uvs[0][k], 0.0), both.texture.sample(both.uvs[face][k], 0.0));
+                assert!((0..3).all(|c| (wants[c] - got[c]).abs() < 1e-3), "{wants:?} {got:?}");
+            }
+        }
+        assert!(!both.append(&of(UVec2::new(8, 8192))) && both.uvs.len() == 4);
     }
 
     #[test]

@@ -74,7 +74,8 @@ const SIDE: u32 = 320;
 /// Side of a cell in which triangles decide together, in sides of the median triangle.
 const CELL: f64 = 4.0;
 /// How the surface is made that smooth normals are of: coarse, as lights show every wave of a fine one.
-pub(super) const SURFACE: SurfaceOptions = SurfaceOptions { resolution: 128, ..SurfaceOptions::DEFAULT };
+pub(super) const SURFACE: SurfaceOptions =
+    SurfaceOptions { resolution: Some(128), ..SurfaceOptions::DEFAULT };
 
 /// Winds the faces of `mesh` so that their fronts face `cameras`, and gives them normals: smooth ones are those of `surface`, where
 /// it is near, or what the triangles around say together. All are in the frame of the mesh.

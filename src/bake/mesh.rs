@@ -1,9 +1,11 @@
 //! The recipe of `trisplat mesh`: from a scene to one connected surface of it, ready for a file.
 
+use super::behind::take_behind;
 use super::counts::{count, count_mesh};
 use super::crop::{CropOptions, crop};
 use super::place::up::Evidence;
 use super::place::{PlaceDetails, PlaceOptions, place, placement};
+use super::texture::{TextureOptions, texture};
 use super::viewpoint::viewpoint;
 use super::views::Views;
 use crate::asset::{Asset, Placement, Provenance};
@@ -31,6 +33,9 @@ pub struct MeshOptions {
     /// How the surface is made.
     #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Surface: one connected mesh"))]
     pub surface: SurfaceOptions,
+    /// Whether triangles show a texture.
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Texture: detail of the photos"))]
+    pub texture: TextureOptions,
     /// The frame of the output.
     #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Place: the frame of the output"))]
     pub place: PlaceOptions,
@@ -44,6 +49,7 @@ impl MeshOptions {
     pub fn validate(&self) -> Result<()> {
         self.surface.validate()?;
         self.output.validate()?;
+        self.texture.validate()?;
         self.place.validate()
     }
 }
@@ -62,15 +68,25 @@ pub fn mesh(
 ) -> Result<Asset> {
     options.validate()?;
     report.warnings.append(&mut scene.warnings);
-    if !options.surface.shell {
-        scene.take_backdrop();
-    }
     if let Some(views) = views.as_deref_mut() {
         views.transform(&scene.provenance.placement);
     }
     let cameras = views.as_deref().map_or(&[][..], Views::cameras);
     let known = if cameras.is_empty() { scene.cameras.clone() } else { cameras.to_vec() };
+    // A surface that shows photos has what they show behind it, too; a part of the scene is wanted alone.
+    let behind = match options.texture.texture && !options.surface.shell && options.crop.crop.is_empty() {
+        true => take_behind(&mut scene, &known)?,
+        false => Mesh::default(),
+    };
+    if !options.surface.shell {
+        scene.take_backdrop();
+    }
     let scene = cropped(scene, &known, options, report, observer)?;
+    let how_many = options.surface.max_triangles;
+    let surface_options = SurfaceOptions {
+        max_triangles: how_many.map(|most| most - (behind.face_count() as u32).min(most / 2)),
+        ..options.surface.clone()
+    };
 
     let found = report.long_stage(
         observer,
@@ -78,13 +94,19 @@ pub fn mesh(
         // First the scene that the surface is made from.
         |mesh| if mesh.face_count() == 0 { count(&scene.scene) } else { count_mesh(mesh) },
         |mesh, details: &mut SurfaceDetails, progress| {
-            let found = surface(&scene, cameras, &options.surface, limits, details, progress)?;
+            let found = surface(&scene, cameras, &surface_options, limits, details, progress)?;
             *mesh = found.ok_or_else(nothing)?;
             Ok(Outcome::Changed(()))
         },
     )?;
 
-    let mut provenance = Provenance { backdrop: 0, ..scene.provenance };
+    let (mut found, backdrop) = (found, behind.face_count());
+    found.append(behind)?;
+    let found = report.long_stage(observer, found, count_mesh, |mesh, details, progress| {
+        texture(mesh, views.as_deref_mut(), &options.texture, details, progress)
+    })?;
+
+    let mut provenance = Provenance { backdrop: backdrop as u32, ..scene.provenance };
     let points = views.as_deref().map_or(&[][..], Views::points);
     let mut how = Placement::IDENTITY;
     let found = report.stage(observer, found, count_mesh, |mesh, details: &mut PlaceDetails| {
@@ -94,7 +116,8 @@ pub fn mesh(
     report.warnings.extend(report.details::<PlaceDetails>().and_then(|details| details.warning()));
     provenance.generator = Some(generator());
     let known: Vec<Camera> = known.iter().map(|c| placed::to_file(c, &how, DVec3::ZERO)).collect();
-    let asset = Asset { provenance, ..Asset::from(found) };
+    // Not one chunk: no chunk holds faces of both a scene and what is behind it.
+    let asset = Asset { provenance, chunks: Vec::new(), ..Asset::from(found) };
     report.stage(observer, asset, Asset::counts, |asset, details| Ok(viewpoint(asset, &known, details)))
 }
 

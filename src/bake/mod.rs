@@ -17,6 +17,7 @@
 
 pub mod arrange;
 pub mod backdrop;
+mod behind;
 pub mod bvh;
 mod cells;
 pub mod chunk;

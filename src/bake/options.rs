@@ -172,10 +172,7 @@ impl BakeOptions {
             let wants = "a name ending in .tileset.json, which `tiles` writes";
             return Err(Error::invalid("output", path.display(), wants));
         }
-        if self.texture.texture && !matches!(format, OutputFormat::Glb | OutputFormat::Gltf) {
-            let wants = "a name ending in .glb or .gltf: only these hold a texture so far";
-            return Err(Error::invalid("output", path.display(), format!("{wants}, or no `texture`")));
-        }
+        self.texture.check_format(path, format)?;
         self.tiles.tiles = format == OutputFormat::Tiles;
         self.validate()?;
         let beside = Beside {
@@ -183,6 +180,7 @@ impl BakeOptions {
             levels: self.lod.lod.len(),
             backdrop: self.backdrop.backdrop == BackdropWhen::File,
             collision: self.collision.collision,
+            texture: self.texture.texture,
         };
         Output::of_scene(path, Some(format), &self.output, &beside)
     }

@@ -167,12 +167,16 @@ impl<'a> Recipe<'a> {
             .stage(self.observer, asset, Asset::counts, |asset, details| tiles(asset, options, details))
     }
 
-    /// Faces of a mesh with a texture have the mean of what they show.
+    /// A mesh keeps its texture where no stage changes triangles; elsewhere its faces have the mean of what they show.
     fn untextured(&mut self, mut loaded: Loaded) -> Loaded {
+        let BakeOptions { prune, lod, tiles, .. } = self.options;
+        let changes =
+            self.views.is_some() || prune.max_triangles.is_some() || !lod.lod.is_empty() || tiles.tiles;
         if let Scene::Mesh(mesh) = &mut loaded.scene
+            && changes
             && mesh.drop_texture()
         {
-            let warning = "the texture of the input became one colour per triangle: a bake changes triangles";
+            let warning = "the texture of the input became one colour per triangle: photos, `max_triangles`, `lod` and tiles change triangles";
             self.report.warnings.push(warning.to_owned());
         }
         loaded

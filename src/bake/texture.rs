@@ -1,17 +1,22 @@
 //! Texels from the photos: in place of one colour, each triangle shows what photos show of it.
 //!
-//! The size that a triangle has in photos decides how many texels it has (`footprint`). Pairs of triangles share a rectangle of one
-//! picture (`atlas`). Texels begin with the colours of the mesh, and get what photos show more (`fit`).
+//! The size that a triangle has in photos decides how many texels it has (`footprint`). Of a soup, pairs of triangles share a rectangle of
+//! one picture (`atlas`); a connected mesh is unwrapped (`charts`). Texels begin with the colours of the mesh, and get what photos show
+//! more (`fit`): all of them on average, or also the detail of the one that shows a face best (`best`).
 //!
 //! Some photos are held out at first. If they match the colours better, which have usually seen them, there is no texture: where
 //! triangles are hardly larger than pixels, what mip levels mix is more than what texels add.
 
 mod atlas;
+mod best;
+mod charts;
 mod fit;
 mod footprint;
+mod layout;
 mod options;
+mod page;
 
-pub use options::TextureOptions;
+pub use options::{TextureDetail, TextureOptions};
 
 use super::views::Views;
 use crate::error::{Error, Result};
@@ -19,14 +24,21 @@ use crate::mesh::Mesh;
 use crate::report::{Outcome, StageDetails, StageProgress};
 use crate::texture::{FaceTexture, Texture};
 use atlas::Atlas;
-use fit::Texels;
+use best::Candidates;
+use charts::Charts;
+use fit::{Adding, Texels};
 use footprint::footprints;
+use layout::Layout;
 use std::sync::Arc;
 
 /// One photo in this many is held out at first, to evaluate on, and ...
 const EVALUATION_EVERY: usize = 8;
 /// ... at most these.
 const MOST_EVALUATION_VIEWS: usize = 24;
+/// Number of photos for which λ is what the options say; half as many double it.
+const USUAL_PHOTOS: f32 = 40.0;
+/// λ of what the best photo adds to the mean, px.
+const SHARP_FLATNESS: f32 = 0.2;
 
 /// What the texture is; empty when there is none.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -37,6 +49,12 @@ pub struct TextureDetails {
     /// Texels that triangles show.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub texels: Option<u64>,
+    /// Charts that a connected mesh is unwrapped to.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub charts: Option<u64>,
+    /// Photos that show some face best, whose detail it has.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub best_photos: Option<u64>,
     /// Texels per pixel that the size permits.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub texels_per_pixel: Option<f64>,
@@ -70,22 +88,46 @@ pub fn texture(
         let wants = "photos, which `dataset` names, or a soft scene, whose own pictures serve";
         return Err(Error::invalid("texture", "given without photos", wants));
     };
-    *mesh = std::mem::take(mesh).unshared();
-    let atlas = Atlas::new(mesh, &footprints(mesh, views), options)?;
-    (details.size, details.texels_per_pixel) = (Some(atlas.size.to_array()), Some(atlas.texels_per_pixel));
-    let mut texels = Texels::new(mesh, &atlas);
+    if mesh.indices.is_empty() {
+        let atlas = Atlas::new(mesh, &footprints(mesh, views), options)?;
+        details.texels_per_pixel = Some(atlas.texels_per_pixel);
+        return paint(mesh, views, &atlas, options, details, progress);
+    }
+    let mut charted = mesh.clone();
+    let charts = Charts::new(&mut charted, &footprints(mesh, views), options)?;
+    (details.texels_per_pixel, details.charts) = (Some(charts.texels_per_pixel), Some(charts.count));
+    let outcome = paint(&mut charted, views, &charts, options, details, progress)?;
+    if charted.texture.is_some() {
+        *mesh = charted;
+    }
+    Ok(outcome)
+}
+
+/// Gives `mesh`, whose faces are placed by `layout`, what `views` show.
+fn paint(
+    mesh: &mut Mesh,
+    views: &mut Views,
+    layout: &impl Layout,
+    options: &TextureOptions,
+    details: &mut TextureDetails,
+    progress: &mut StageProgress<'_>,
+) -> Result<Outcome<()>> {
+    details.size = Some(layout.size().to_array());
+    let mut texels = Texels::new(mesh, layout);
     details.texels = Some(texels.shown());
     let every = EVALUATION_EVERY.max(views.len().div_ceil(MOST_EVALUATION_VIEWS));
     let (held_out, others): (Vec<usize>, Vec<usize>) = (0..views.len()).partition(|v| v % every == every / 2);
-    let (uvs, flatness) = (atlas.uvs(), options.texture_flatness as f32);
-    let painted = |texels: &Texels, photos: usize| {
-        let texture = Arc::new(Texture::new(texels.picture(flatness, photos)));
-        Some(FaceTexture { uvs: uvs.clone(), texture })
+    // λ for so many photos.
+    let flatness = |photos: usize| options.texture_flatness as f32 * USUAL_PHOTOS / photos.max(1) as f32;
+    let uvs = layout.uvs();
+    let painted = |texels: &Texels, flatness: f32| {
+        Some(FaceTexture { uvs: uvs.clone(), texture: Arc::new(Texture::new(texels.picture(flatness))) })
     };
-    texels.add(mesh, views, &atlas, &others, progress.part(0.1, 0.7))?;
+    let mut candidates = Candidates::new(mesh.face_count());
+    texels.add(mesh, views, layout, &others, Adding::All(&mut candidates), progress.part(0.1, 0.5))?;
     if !held_out.is_empty() {
         let before = views.mean_psnr(mesh, &held_out)?;
-        mesh.texture = painted(&texels, others.len());
+        mesh.texture = painted(&texels, flatness(others.len()));
         let after = views.mean_psnr(mesh, &held_out)?;
         mesh.texture = None;
         (details.psnr_before, details.psnr_after) = (Some(before), Some(after));
@@ -93,7 +135,19 @@ pub fn texture(
             return Ok(Outcome::Unneeded("held-out photos match the colours better than texels"));
         }
     }
-    texels.add(mesh, views, &atlas, &held_out, progress.part(0.8, 0.95))?;
-    mesh.texture = painted(&texels, views.len());
+    texels.add(mesh, views, layout, &held_out, Adding::All(&mut candidates), progress.part(0.6, 0.7))?;
+    let connected = !mesh.indices.is_empty();
+    if options.texture_detail == TextureDetail::Mean
+        || options.texture_detail == TextureDetail::Auto && !connected
+    {
+        mesh.texture = painted(&texels, flatness(views.len()));
+        return Ok(Outcome::Changed(()));
+    }
+    texels.settle(flatness(views.len()));
+    let best = candidates.best(mesh);
+    details.best_photos = Some(best.views().len() as u64);
+    texels.add(mesh, views, layout, &best.views(), Adding::Best(&best), progress.part(0.7, 0.95))?;
+    texels.sharpen(layout, &best, SHARP_FLATNESS);
+    mesh.texture = painted(&texels, 0.0);
     Ok(Outcome::Changed(()))
 }

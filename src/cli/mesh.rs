@@ -10,7 +10,7 @@ use crate::bake::mesh::{MeshOptions, mesh};
 use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
 use crate::formats;
-use crate::formats::output::{self, Output, OutputFormat};
+use crate::formats::output::{self, Beside, Output, OutputFormat};
 use crate::layered::Layers;
 use crate::report::Report;
 use clap::ArgMatches;
@@ -26,7 +26,7 @@ pub struct MeshArgs {
     /// Posed photos of it: what their cameras see becomes the surface; without them the cameras of SCENE, or chosen ones
     #[arg(value_name = "DATASET")]
     pub dataset: Option<PathBuf>,
-    /// File to write: .ply .glb .gltf .obj
+    /// File to write: .ply .glb .gltf .obj, with --texture .html too
     #[arg(short, long, value_name = "OUT")]
     pub output: PathBuf,
     /// Replace OUT if it is there
@@ -56,6 +56,10 @@ pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global) -> Result<()>
     let options = &layers.resolve(|()| MeshOptions::default())?.options;
     options.validate()?;
     let output = plan(args, options)?;
+    if options.texture.texture && args.dataset.is_none() {
+        let wants = "photos: give the data set after the scene, as in trisplat mesh scene.ply photos --texture -o room.glb";
+        return Err(Error::invalid("texture", "given without photos", wants));
+    }
     let mut outputs = guard(args, &output)?;
     let files = if args.dry_run { output.dry_run() } else { output.start()? };
     outputs.confirm()?;
@@ -87,13 +91,14 @@ pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global) -> Result<()>
 
 /// The files of the output: a surface is one mesh, so formats for whole scenes are of no use.
 fn plan(args: &MeshArgs, options: &MeshOptions) -> Result<Output> {
-    match OutputFormat::of(&args.output)? {
-        OutputFormat::Html | OutputFormat::Tiles => {
-            let wants = "a name ending in .ply, .glb, .gltf or .obj";
-            Err(Error::invalid("output", args.output.display(), wants))
-        }
-        format => Output::plan(&args.output, Some(format), &options.output, false),
+    let format = OutputFormat::of(&args.output)?;
+    if format == OutputFormat::Tiles || format == OutputFormat::Html && !options.texture.texture {
+        let wants = "a name ending in .ply, .glb, .gltf or .obj";
+        return Err(Error::invalid("output", args.output.display(), wants));
     }
+    options.texture.check_format(&args.output, format)?;
+    let beside = Beside { texture: options.texture.texture, ..Beside::default() };
+    Output::of_scene(&args.output, Some(format), &options.output, &beside)
 }
 
 /// Refuses what cannot be written, or may not be, before any work. A dry run replaces nothing.

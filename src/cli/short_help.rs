@@ -9,7 +9,7 @@ const SHOWN: &[(&str, &str)] = &[
         "output force target preset dataset harden max_triangles max_bytes budget texture collision lod crop up scale_by config sets",
     ),
     ("stereo", "output depth force stereo_size neighbors min_agreeing min_confidence report max_size masks"),
-    ("mesh", "output force resolution max_triangles crop up scale_by sets max_size masks"),
+    ("mesh", "output force resolution max_triangles texture crop up scale_by sets max_size masks"),
     (
         "train",
         "output force preset budget steps max_triangles max_size masks from teacher resume backend view report config sets",

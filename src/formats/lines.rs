@@ -71,6 +71,11 @@ impl<'a> Lines<'a> {
         text.split('#').next().unwrap_or_default().split_ascii_whitespace()
     }
 
+    /// What is behind the first word, spaces within it included.
+    pub(super) fn rest(&self) -> &str {
+        self.text().split_once(char::is_whitespace).map_or("", |(_, rest)| rest.trim())
+    }
+
     /// Something wrong in this line.
     pub(super) fn error(&self, reason: impl Into<String>) -> Error {
         Error::malformed(self.path, format!("line {}", self.number), reason)

@@ -18,6 +18,7 @@ mod lines;
 pub mod obj;
 pub mod off;
 pub mod output;
+mod painted;
 pub mod ply;
 mod provenance;
 pub mod pt;

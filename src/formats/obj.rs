@@ -1,8 +1,11 @@
-//! Wavefront OBJ with vertex colours: `v x y z r g b`, sRGB-encoded as programs write them, read and written.
+//! Wavefront OBJ with vertex colours, `v x y z r g b`, sRGB-encoded as programs write them, or with the picture of a material: read and
+//! written.
 //!
-//! Only `v` and `f` lines matter to us, and both need what the crate `tobj` does not give: it shifts colours when only some vertices have
+//! Few kinds of lines matter to us, and `v` and `f` need what the crate `tobj` does not give: it shifts colours when only some vertices have
 //! one, cuts every polygon as if it were convex, and does not say which line is wrong. Our tests compare with it, and one of them fails
 //! when its colours are fixed.
+
+mod materials;
 
 use super::blocks::write_blocks;
 use super::channel::Clamped;
@@ -19,12 +22,14 @@ use crate::math::color::{linear_from_srgb, linear_of_srgb8, srgb_from_linear};
 use crate::math::srgb8::srgb8_from_linear;
 use crate::mesh::{Colors, Mesh};
 use crate::scene::{Loaded, Scene};
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
+use materials::Materials;
 use std::io::{self, Write};
 use std::sync::LazyLock;
 
 /// The mesh in an OBJ file: all objects and groups as one, vertex colours made linear, white where a
-/// vertex has none, polygons as triangles. Normals, texture coordinates, materials, lines and points are skipped.
+/// vertex has none, polygons as triangles. Without vertex colours it has those of its materials, and their picture where one paints all of
+/// it. Normals, lines and points are skipped.
 ///
 /// Errors: `Malformed` with the line for broken numbers, corners that name no vertex, and faces of fewer than three corners.
 pub fn read(source: Source, options: &ReadOptions) -> Result<Loaded> {
@@ -34,7 +39,7 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<Loaded> {
     while lines.advance()? {
         draft.take_line(&lines).map_err(|reason| lines.error(reason))?;
         options.limits.triangles(path.display(), draft.faces.triangles() as u64)?;
-        options.limits.vertices(path.display(), draft.positions.len() as u64)?;
+        options.limits.vertices(path.display(), draft.positions.len().max(draft.places.len()) as u64)?;
     }
     if draft.faces.len() == 0 {
         return Err(Error::malformed(path, "the file", "has no faces: there are no triangles in it"));
@@ -46,7 +51,7 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<Loaded> {
     let mut warnings = Vec::new();
     let comments = draft.comments.iter().map(String::as_str);
     let provenance = provenance::from_comments(comments, &mut warnings);
-    let (mesh, origin) = draft.mesh(path, &mut warnings)?;
+    let (mesh, origin) = draft.mesh(path, options, &mut warnings)?;
     let mut loaded = Loaded { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
     note_origin(&mut loaded, origin);
     finish(path, loaded)
@@ -65,7 +70,17 @@ struct ObjDraft {
     /// The largest vertex number (from 1) named before that vertex was there, and its line.
     ahead: Option<(u64, i64)>,
     comments: Vec<String>,
+    /// Places on pictures, from their lower left corner.
+    places: Vec<Vec2>,
+    /// Vertices and numbers of places of the corners of all faces; empty until the first face that has places.
+    placed: Vec<(u32, u32)>,
+    /// Where those of each face end. `[F]`
+    placed_until: Vec<usize>,
+    materials: Materials,
 }
+
+/// The place of a corner that has none.
+const NOWHERE: u32 = u32::MAX;
 
 impl ObjDraft {
     fn take_line(&mut self, lines: &Lines) -> std::result::Result<(), String> {
@@ -73,6 +88,15 @@ impl ObjDraft {
         match words.next() {
             Some("v") => self.take_vertex(words),
             Some("f") => self.take_face(words, lines.line_number()),
+            Some("vt") => self.take_place(words),
+            Some("mtllib") => {
+                self.materials.library(lines.rest());
+                Ok(())
+            }
+            Some("usemtl") => {
+                self.materials.begin(lines.rest(), self.faces.len());
+                Ok(())
+            }
             None => {
                 self.comments.extend(lines.text().strip_prefix('#').map(str::to_owned));
                 Ok(())
@@ -104,6 +128,16 @@ impl ObjDraft {
         Ok(())
     }
 
+    /// `u`, `u v` or `u v w`.
+    fn take_place<'w>(
+        &mut self,
+        mut words: impl Iterator<Item = &'w str>,
+    ) -> std::result::Result<(), String> {
+        let mut next = || words.next().map_or(Ok(0.0), number::<f32>);
+        self.places.push(Vec2::new(next()?, next()?));
+        Ok(())
+    }
+
     fn take_face<'w>(
         &mut self,
         words: impl Iterator<Item = &'w str>,
@@ -111,11 +145,48 @@ impl ObjDraft {
     ) -> std::result::Result<(), String> {
         let in_face = |face: usize, reason: String| format!("face {face} {reason}");
         self.corners.clear();
+        let before = self.placed.len();
         for word in words {
             let corner = self.corner(word, line).map_err(|reason| in_face(self.faces.len(), reason))?;
             self.corners.push(corner);
+            if let Some(place) = self.place(word) {
+                // Faces before the first one with places have none.
+                self.placed_until.resize(self.faces.len(), before);
+                self.placed.push((corner, place));
+            }
         }
-        self.faces.push(&self.corners).map_err(|reason| in_face(self.faces.len(), reason))
+        self.faces.push(&self.corners).map_err(|reason| in_face(self.faces.len(), reason))?;
+        self.materials.add_face();
+        if !self.placed.is_empty() {
+            self.placed_until.push(self.placed.len());
+        }
+        Ok(())
+    }
+
+    /// Number of the place from 0 of `5/1`, `5/1/1` or `5/-1`.
+    fn place(&self, corner: &str) -> Option<u32> {
+        let place = corner.split('/').nth(1).filter(|text| !text.is_empty())?.parse::<i64>().ok()?;
+        let from_one = if place < 0 { self.places.len() as i64 + 1 + place } else { place };
+        Some(u32::try_from(from_one - 1).unwrap_or(NOWHERE))
+    }
+
+    /// Where the corners of triangles are on pictures, from the upper left corner; not finite where they are nowhere. Empty when none is
+    /// anywhere. `[T]`
+    fn places_of(&self, triangles: &[[u32; 3]], face_of: &[u32]) -> Vec<[Vec2; 3]> {
+        if self.placed.is_empty() {
+            return Vec::new();
+        }
+        let of = |(triangle, face): (&[u32; 3], &u32)| {
+            let face = *face as usize;
+            let first = if face == 0 { 0 } else { self.placed_until[face - 1] };
+            let corners = &self.placed[first..self.placed_until[face]];
+            triangle.map(|vertex| {
+                let place = corners.iter().find(|corner| corner.0 == vertex).map(|corner| corner.1);
+                let place = place.and_then(|place| self.places.get(place as usize));
+                place.map_or(Vec2::NAN, |place| Vec2::new(place.x, 1.0 - place.y))
+            })
+        };
+        triangles.iter().zip(face_of).map(of).collect()
     }
 
     /// Vertex number from 0 of `5`, `5/1`, `5//1`, `5/1/1`, or `-1` for the latest vertex.
@@ -135,14 +206,30 @@ impl ObjDraft {
     }
 
     /// The mesh, and what was taken off every position.
-    fn mesh(self, path: &std::path::Path, warnings: &mut Vec<String>) -> Result<(Mesh, DVec3)> {
-        let (positions, origin) = self.positions.relative();
-        let triangles = self.faces.triangulate(&positions);
+    fn mesh(
+        mut self,
+        path: &std::path::Path,
+        options: &ReadOptions,
+        warnings: &mut Vec<String>,
+    ) -> Result<(Mesh, DVec3)> {
+        let (positions, origin) = std::mem::take(&mut self.positions).relative();
+        let faces = std::mem::take(&mut self.faces);
+        let count = faces.len();
+        let triangles = faces.triangulate(&positions);
         let mut mesh = Mesh { positions, ..Mesh::default() };
+        let painted = self.colors.is_empty() && !self.materials.of_face.is_empty();
+        let mut places = Vec::new();
+        if painted {
+            let face_of = triangles.repeat((0..count as u32).collect());
+            places = self.places_of(triangles.indices.as_chunks::<3>().0, &face_of);
+            self.materials.of_face = triangles.repeat(std::mem::take(&mut self.materials.of_face));
+        }
         mesh.indices = triangles.into_indices(mesh.positions.len());
         if self.colors.is_empty() {
-            warnings.push("the file has no colours: every triangle is white".into());
-            mesh.colors = Colors::Face(vec![[1.0; 3]; mesh.face_count()]);
+            if !(painted && self.materials.apply(&mut mesh, &places, path, options, warnings)) {
+                warnings.push("the file has no colours: every triangle is white".into());
+                mesh.colors = Colors::Face(vec![[1.0; 3]; mesh.face_count()]);
+            }
         } else {
             if self.uncolored > 0 {
                 warnings.push(format!("{} vertices without a colour are white", self.uncolored));
@@ -159,33 +246,44 @@ impl ObjDraft {
     }
 }
 
-/// Writes an OBJ with sRGB vertex colours to `out` and its material to `mtl`, which `out` names as
-/// `mtl_name`. Numbers are the shortest that read back equal.
+/// Writes an OBJ to `out`, with sRGB vertex colours or with the texture whose picture is called `picture`, and its material to `mtl`, which
+/// `out` names as `mtl_name`. Numbers are the shortest that read back equal.
 ///
 /// A triangle gets three vertices shared with no other where colour belongs to the face. OBJ has no opacity at
 /// vertices: it is not written. Normals, where the mesh has them, are one for
 /// each face. The faces of a backdrop come last, in a group of that name. Errors are those of `out` and `mtl`.
-pub fn write(out: &mut dyn Write, mtl: &mut dyn Write, mtl_name: &str, asset: &Asset) -> io::Result<()> {
+pub fn write(
+    out: &mut dyn Write,
+    mtl: &mut dyn Write,
+    mtl_name: &str,
+    picture: Option<&str>,
+    asset: &Asset,
+) -> io::Result<()> {
     let mesh = &asset.mesh;
     let lit = !mesh.normals.is_empty();
-    mtl.write_all(if lit {
-        b"newmtl trisplat\nKd 1 1 1\nillum 1\n"
-    } else {
-        b"newmtl trisplat\nKd 1 1 1\nillum 0\n"
-    })?;
+    let texture = mesh.texture.as_ref().zip(picture);
+    writeln!(mtl, "newmtl trisplat\nKd 1 1 1\nillum {}", u8::from(lit))?;
+    if let Some((_, picture)) = texture {
+        writeln!(mtl, "map_Kd -clamp on {picture}")?;
+    }
     let comment = provenance::to_comment(&asset.provenance);
     if !comment.is_empty() {
         writeln!(out, "# {comment}")?;
     }
     writeln!(out, "mtllib {mtl_name}")?;
-    let own = match &mesh.colors {
-        Colors::Vertex(colors) => {
+    let own = match (&mesh.colors, texture) {
+        // Colours would be multiplied with the texture.
+        (_, Some(_)) => {
+            write_blocks(out, mesh.vertex_count(), |v, block| push_vector(block, b"v", mesh.positions[v]))?;
+            mesh.indices.is_empty()
+        }
+        (Colors::Vertex(colors), None) => {
             write_blocks(out, mesh.vertex_count(), |v, block| {
                 push_vertex(block, mesh.positions[v], colors[v]);
             })?;
             mesh.indices.is_empty()
         }
-        Colors::Face(colors) => {
+        (Colors::Face(colors), None) => {
             write_blocks(out, mesh.face_count(), |face, block| {
                 for corner in mesh.corners(face) {
                     push_vertex(block, corner, colors[face]);
@@ -194,6 +292,12 @@ pub fn write(out: &mut dyn Write, mtl: &mut dyn Write, mtl_name: &str, asset: &A
             true
         }
     };
+    // Of vertices where faces agree on them, else of corners.
+    let shared = texture.and_then(|(texture, _)| texture.of_vertices(&mesh.indices, mesh.vertex_count()));
+    if let Some((texture, _)) = texture {
+        let uvs = shared.as_deref().unwrap_or(texture.uvs.as_flattened());
+        write_blocks(out, uvs.len(), |i, block| push_place(block, uvs[i]))?;
+    }
     write_blocks(out, mesh.normals.len(), |face, block| push_vector(block, b"vn", mesh.normals[face]))?;
     out.write_all(b"usemtl trisplat\n")?;
     let behind = asset.scene_faces();
@@ -207,16 +311,30 @@ pub fn write(out: &mut dyn Write, mtl: &mut dyn Write, mtl_name: &str, asset: &A
         }
         let corners = if own { [0, 1, 2].map(|c| 3 * face as u32 + c) } else { mesh.face(face) };
         block.push(b'f');
-        for corner in corners {
+        for (k, corner) in corners.into_iter().enumerate() {
             block.push(b' ');
             push_integer(block, u64::from(corner) + 1);
+            if texture.is_some() {
+                let place = if shared.is_some() { u64::from(corner) } else { (3 * face + k) as u64 };
+                block.push(b'/');
+                push_integer(block, place + 1);
+            }
             if lit {
-                block.extend_from_slice(b"//");
+                block.extend_from_slice(if texture.is_some() { b"/" } else { b"//" });
                 push_integer(block, face as u64 + 1);
             }
         }
         block.push(b'\n');
     })
+}
+
+/// Where a corner is on the texture, from its lower left corner.
+fn push_place(block: &mut Vec<u8>, uv: Vec2) {
+    block.extend_from_slice(b"vt ");
+    push_float(block, uv.x);
+    block.push(b' ');
+    push_float(block, 1.0 - uv.y);
+    block.push(b'\n');
 }
 
 /// A line of a keyword and three numbers.

@@ -81,7 +81,13 @@ impl OutputOptions {
             other.then_some("html: the page is its own viewer; `target` is for files that engines read");
         details.notes = Some(notes.into_iter().map(str::to_owned).collect());
         let web = OutputTarget::Web.encoding(self.compress).options;
-        GltfOptions { meshopt: true, lit: false, allow_huge: self.allow_huge, ..web }
+        GltfOptions {
+            meshopt: true,
+            lit: false,
+            texture: self.texture_format,
+            allow_huge: self.allow_huge,
+            ..web
+        }
     }
 }
 
@@ -151,6 +157,10 @@ impl OutputFormat {
     }
 }
 
+/// What is said of a file that does not hold the texture of its scene.
+const NO_TEXTURE: &str =
+    "the texture of the scene is not in this file, which has its colours: write .glb or .gltf to keep it";
+
 /// Name of a scene's node when it is a single one.
 const SCENE_NODE: &str = "scene";
 
@@ -165,6 +175,8 @@ pub struct Output {
     main: PathBuf,
     /// .bin or .mtl.
     second: Option<PathBuf>,
+    /// The picture of the texture, where it is a file of its own.
+    picture: Option<PathBuf>,
     /// Name and content of the engine's import settings.
     sidecar: Option<(PathBuf, String)>,
     bvh: Option<PathBuf>,
@@ -219,6 +231,7 @@ impl Output {
             format,
             main: path.to_owned(),
             second,
+            picture: None,
             sidecar: sidecar.map(|(name, text)| (path.with_file_name(name), text)),
             bvh: bvh.then(|| path.with_extension("bvh")),
             node: SCENE_NODE,
@@ -233,7 +246,8 @@ impl Output {
     /// Every file that will be written.
     pub fn paths(&self) -> impl Iterator<Item = &Path> {
         self.parts().flat_map(|output| {
-            let rest = [output.second.as_deref(), output.import(), output.bvh.as_deref()];
+            let rest =
+                [output.second.as_deref(), output.picture.as_deref(), output.import(), output.bvh.as_deref()];
             let all = rest.into_iter().chain(output.of_levels());
             std::iter::once(output.main.as_path()).chain(all.flatten())
         })
@@ -251,8 +265,9 @@ impl Output {
 
     /// Every file in the order in which they get their names: none before what it names.
     fn publishing_order(&self) -> Vec<&Path> {
-        let beside =
-            self.parts().flat_map(|part| [part.second.as_deref(), part.import(), part.bvh.as_deref()]);
+        let beside = self.parts().flat_map(|part| {
+            [part.picture.as_deref(), part.second.as_deref(), part.import(), part.bvh.as_deref()]
+        });
         let parts = self.parts().skip(1).map(|part| Some(part.main.as_path()));
         let last = std::iter::once(Some(self.main.as_path())).chain(self.of_levels());
         beside.chain(parts).chain(last).flatten().collect()
@@ -394,6 +409,12 @@ impl SetWriter<'_> {
         let warnings = encode(asset, output, self.options, &mut main, second.as_mut(), details)?;
         self.written.push(main);
         self.written.extend(second);
+        if let (Some(path), Some(texture)) = (&output.picture, &asset.mesh.texture) {
+            let mut file = self.started.take(path)?;
+            let bytes = self.options.texture_format.bytes(texture.texture.picture())?;
+            file.write_all(&bytes).map_err(|e| Error::io(path, e))?;
+            self.written.push(file);
+        }
         if let Some((path, text)) = &output.sidecar {
             self.text(path, text)?;
         }
@@ -431,14 +452,15 @@ fn encode(
     let named = |encoding| GltfOptions { node_name: output.node.to_owned(), ..encoding };
     let written = match (output.format, second) {
         (OutputFormat::Obj, Some(mtl)) => {
-            obj::write(main, mtl, &name, asset).map_err(io)?;
-            return Ok(vec![
-                "OBJ is text (about 3x a GLB) and Godot, Unity and Unreal drop or cull parts of it; prefer GLB".into(),
-            ]);
+            let picture = output.picture.as_ref().map(|_| name_of(&output.picture));
+            obj::write(main, mtl, &name, picture.as_deref(), asset).map_err(io)?;
+            let prefer = "OBJ is text (about 3x a GLB) and Godot, Unity and Unreal drop or cull parts of it; prefer GLB";
+            let lost = (asset.mesh.texture.is_some() && picture.is_none()).then_some(NO_TEXTURE);
+            return Ok([Some(prefer), lost].into_iter().flatten().map(str::to_owned).collect());
         }
         (OutputFormat::Ply, _) => {
             ply::write_mesh(main, asset, options.ply_face_colors).map_err(io)?;
-            return Ok(Vec::new());
+            return Ok(asset.mesh.texture.iter().map(|_| NO_TEXTURE.to_owned()).collect());
         }
         (OutputFormat::Gltf, Some(bin)) => {
             let encoding = named(options.encoding(details));

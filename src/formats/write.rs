@@ -17,7 +17,7 @@ pub struct WrittenFiles {
 
 /// Writes an asset in the format that the name of `path` ends in: .glb, .gltf, .obj, .ply, .html or .tileset.json.
 ///
-/// Files that belong to it go beside it: the .bin of a glTF, the .mtl of an OBJ, a BVH, a backdrop that is wanted apart, what to collide
+/// Files that belong to it go beside it: the .bin of a glTF, the .mtl of an OBJ and the picture of its texture, a BVH, a backdrop that is wanted apart, what to collide
 /// with, levels of detail and their tileset. They get their names when all of them are complete. Existing files are replaced.
 ///
 /// ```
@@ -48,6 +48,7 @@ pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<Writ
         levels: asset.levels.len(),
         backdrop: asset.backdrop_apart,
         collision: asset.collision.is_some(),
+        texture: asset.mesh.texture.is_some(),
     };
     let output = Output::of_scene(path, None, options, &beside)?;
     let mut report = Report::new("write");

@@ -23,6 +23,8 @@ pub struct SurfaceDetails {
     pub components: u64,
     /// Triangles of pieces that were too small: below `min_component`, or worth fewer than 8 of `max_triangles`.
     pub small: u64,
+    /// Small holes that were closed.
+    pub holes: u64,
     /// How far simplification moved the surface, units of the input, as it estimates it; absent when nothing was simplified.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub simplification_error: Option<f64>,

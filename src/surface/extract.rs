@@ -4,6 +4,7 @@ use super::blocks::blocks;
 use super::components::drop_small;
 use super::details::SurfaceDetails;
 use super::field::{Block, Field};
+use super::fill::fill;
 use super::fuse::Fusion;
 use super::grid::Grid;
 use super::nets::nets;
@@ -58,6 +59,7 @@ pub fn surface(
     drop(field);
     let pieces = drop_small(&mut mesh, options.min_component);
     (details.components, details.small) = (pieces.kept, pieces.dropped_faces);
+    details.holes = fill(&mut mesh);
     if let Some(most) = options.max_triangles
         && let Some(simplified) = simplify(&mut mesh, most as usize)?
     {

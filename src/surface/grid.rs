@@ -39,7 +39,7 @@ impl Grid {
     pub(super) fn over(pictures: &[DepthPicture], options: &SurfaceOptions) -> Result<Option<Self>> {
         let Some((low, high)) = extent(pictures) else { return Ok(None) };
         let longest = (high - low).max_element();
-        let voxel = options.voxel.map_or(longest / options.resolution as f32, |voxel| voxel as f32);
+        let voxel = options.voxel.map_or(longest / options.cells() as f32, |voxel| voxel as f32);
         if !(voxel > 0.0) {
             return Ok(None);
         }

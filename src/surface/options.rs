@@ -5,15 +5,23 @@ use crate::ranges::{self, Called};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+/// Cells along the longest side, unless asked for more; ...
+const MOST_CELLS: u32 = 256;
+/// ... and with few triangles.
+const LEAST_CELLS: u32 = 48;
+/// Cells along it per root of the triangles that are to be left.
+const CELLS_PER_SIDE: f64 = 0.9;
+
 /// How a connected surface is made.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct SurfaceOptions {
-    /// Cells of the distance field along the longest side of what the cameras see, 8 or more
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = SurfaceOptions::DEFAULT.resolution, value_name = "N"))]
+    /// Cells of the distance field along the longest side of what the cameras see, 8 or more; 256 unless given, or as few as
+    /// `--max-triangles` can show
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
     #[schemars(range(min = 8))]
-    pub resolution: u32,
+    pub resolution: Option<u32>,
     /// Side of a cell in units of the input, in place of `--resolution`
     #[cfg_attr(feature = "cli", arg(long, value_name = "SIDE", conflicts_with = "resolution"))]
     pub voxel: Option<f64>,
@@ -39,7 +47,7 @@ pub struct SurfaceOptions {
 impl SurfaceOptions {
     /// 256 cells along the longest side, nothing simplified.
     pub const DEFAULT: Self = Self {
-        resolution: 256,
+        resolution: None,
         voxel: None,
         truncation: 4.0,
         min_views: 2,
@@ -48,10 +56,21 @@ impl SurfaceOptions {
         shell: false,
     };
 
+    /// Cells along the longest side.
+    ///
+    /// Of a surface that is to have few triangles no more than these can show: what noise adds beyond costs triangles, and collapses of
+    /// edges tear it.
+    pub(super) fn cells(&self) -> u32 {
+        let shown = |most: u32| (CELLS_PER_SIDE * f64::from(most).sqrt()) as u32;
+        self.resolution
+            .unwrap_or_else(|| self.max_triangles.map_or(MOST_CELLS, shown).clamp(LEAST_CELLS, MOST_CELLS))
+    }
+
     /// Checks the ranges.
     pub fn validate(&self) -> Result<()> {
         // Surface nets need the distances of all corners of the cells that the surface runs through.
         ranges::check("surface", self, Called::ByFlag)?;
+        ranges::check_given("surface.resolution", self.resolution.map(f64::from))?;
         ranges::check_given("surface.voxel", self.voxel)
     }
 }

@@ -3,13 +3,13 @@
 use glam::{UVec2, Vec2, Vec3};
 use std::path::Path;
 use trisplat::asset::Asset;
-use trisplat::bake::texture::{TextureDetails, TextureOptions, texture};
+use trisplat::bake::texture::{TextureDetail, TextureDetails, TextureOptions, texture};
 use trisplat::bake::views::Views;
 use trisplat::bake::{Bake, BakeOptions};
 use trisplat::camera::Camera;
 use trisplat::error::Result;
-use trisplat::formats::ReadOptions;
 use trisplat::formats::gltf::{GltfOptions, TextureFormat, to_glb_bytes};
+use trisplat::formats::{OutputOptions, ReadOptions};
 use trisplat::image::Pixels;
 use trisplat::math::metric;
 use trisplat::mesh::{Colors, Mesh};
@@ -176,24 +176,118 @@ fn a_textured_file_reads_back_as_it_was() {
 }
 
 #[test]
-fn a_texture_that_is_baked_again_becomes_colours_and_says_so() {
-    let again = baked(grey(4));
-    let options = BakeOptions::preset(trisplat::bake::BakePreset::Fast);
-    let mut report = Report::new("bake");
-    let inputs = [Loaded::from(Scene::Mesh(again.mesh))];
-    let asset = Bake::new(&options).report(&mut report).run(inputs).unwrap();
-    assert!(asset.mesh.texture.is_none());
-    assert!(report.warnings.iter().any(|w| w.contains("texture")), "{:?}", report.warnings);
+fn a_texture_that_is_baked_again_is_kept_where_triangles_stay_as_they_are() {
+    let again = |max_triangles: Option<u32>, walls: usize| {
+        let mut options = BakeOptions::preset(trisplat::bake::BakePreset::Fast);
+        options.prune.max_triangles = max_triangles;
+        let mut report = Report::new("bake");
+        let inputs: Vec<Loaded> =
+            (0..walls).map(|_| Loaded::from(Scene::Mesh(baked(grey(4)).mesh))).collect();
+        let asset = Bake::new(&options).report(&mut report).run(inputs).unwrap();
+        (asset.mesh.texture, report.warnings)
+    };
+    let says = |warnings: &[String]| warnings.iter().any(|warning| warning.contains("texture"));
+    let (kept, warnings) = again(None, 1);
+    assert!(kept.is_some() && !says(&warnings), "{warnings:?}");
+    let (joined, warnings) = again(None, 2);
+    assert_eq!(joined.unwrap().texture.size().y, 2 * kept.unwrap().texture.size().y);
+    assert!(!says(&warnings), "{warnings:?}");
+    let (dropped, warnings) = again(Some(20), 1);
+    assert!(dropped.is_none() && says(&warnings), "{warnings:?}");
 }
 
 #[test]
 fn what_holds_no_texture_is_refused_before_any_work() {
     let mut options = BakeOptions { texture: ON, ..BakeOptions::DEFAULT };
-    for name in ["scene.obj", "scene.ply", "scene.html", "scene.tileset.json"] {
+    for name in ["scene.ply", "scene.tileset.json"] {
         let message = options.plan_output(Path::new(name), None).unwrap_err().to_string();
         assert!(message.contains(".glb"), "{name}: {message}");
     }
-    options.plan_output(Path::new("scene.gltf"), None).unwrap();
+    for name in ["scene.gltf", "scene.obj", "scene.html"] {
+        options.plan_output(Path::new(name), None).unwrap();
+    }
     options.lod.lod = vec![0.5];
     assert!(options.plan_output(Path::new("scene.glb"), None).is_err());
+}
+
+/// The grey wall as a connected surface.
+fn connected(across: u32) -> Mesh {
+    let mut mesh = grey(across);
+    let (mut positions, mut indices) = (Vec::<Vec3>::new(), Vec::new());
+    for corner in &mesh.positions {
+        let known = positions.iter().position(|p| p == corner).unwrap_or(positions.len());
+        if known == positions.len() {
+            positions.push(*corner);
+        }
+        indices.push(known as u32);
+    }
+    (mesh.colors, mesh.positions, mesh.indices) =
+        (Colors::Vertex(vec![[0.2; 3]; positions.len()]), positions, indices);
+    mesh
+}
+
+#[test]
+fn a_connected_surface_stays_connected_and_is_painted_in_charts() {
+    let mut mesh = connected(4);
+    let before = psnr(&mesh);
+    let (outcome, details) = textured(&mut mesh, &ON);
+    assert_eq!(outcome.unwrap(), Outcome::Changed(()));
+    mesh.validate().unwrap();
+    assert_eq!((details.charts, mesh.face_count(), mesh.vertex_count()), (Some(1), 32, 25), "{details:?}");
+    let after = psnr(&mesh);
+    assert!(after > before + 12.0 && after > 28.0, "{before} {after}");
+    // Vertices are shared in files, too.
+    let options = GltfOptions { texture: TextureFormat::Png, ..GltfOptions::default() };
+    let Scene::Mesh(back) = read(&to_glb_bytes(&Asset::from(mesh.clone()), &options).unwrap()).scene else {
+        panic!("a mesh")
+    };
+    assert_eq!((back.vertex_count(), back.indices.len()), (25, 96));
+    assert!((psnr(&back) - after).abs() < 0.2);
+}
+
+/// Two halves of a wall: photos of even number are brighter than the others, and each shows one half only.
+#[test]
+fn the_best_photos_meet_without_a_seam() {
+    let half = |view: usize| if view % 2 == 0 { -1.0f32 } else { 1.0 };
+    let exposed = |(view, camera): (usize, &Camera)| {
+        let mut photo = Solid::new().render(&painted(), camera, &DRAWING);
+        let gain = 1.0 + 0.12 * half(view);
+        photo.rgb.iter_mut().for_each(|p| *p = p.map(|c| (f32::from(c) * gain).min(255.0) as u8));
+        photo
+    };
+    let run = |detail: TextureDetail| {
+        let photos: Vec<Pixels> = cameras().iter().enumerate().map(exposed).collect();
+        let (mut views, mut details) = (Views::drawn(cameras(), photos), TextureDetails::default());
+        let mut mesh = connected(8);
+        let options = TextureOptions { texture_detail: detail, ..ON };
+        texture(&mut mesh, Some(&mut views), &options, &mut details, &mut StageProgress::new(&mut ()))
+            .unwrap();
+        (psnr(&mesh), details)
+    };
+    let [(mean, _), (best, details)] = [TextureDetail::Mean, TextureDetail::Best].map(run);
+    assert!(details.best_photos > Some(1), "{details:?}");
+    // Without levelling the photos' exposures would cost several dB.
+    assert!(best > mean - 1.0, "{mean} {best}");
+}
+
+#[test]
+fn obj_files_hold_the_texture_beside_them() {
+    for mesh in [grey(4), connected(4)] {
+        let mut mesh = mesh;
+        textured(&mut mesh, &ON).0.unwrap();
+        let wants = psnr(&mesh);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a wall.obj");
+        let options = OutputOptions { texture_format: TextureFormat::Png, ..OutputOptions::default() };
+        let written = trisplat::formats::write(&Asset::from(mesh.clone()), &path, &options).unwrap();
+        let mut names: Vec<_> = written.files.iter().map(|f| f.path.rsplit('/').next().unwrap()).collect();
+        names.sort_unstable();
+        assert_eq!(names, ["a wall.mtl", "a wall.obj", "a wall.png"]);
+        let back = trisplat::formats::read(&path, &ReadOptions::default()).unwrap();
+        assert_eq!(back.warnings, [""; 0]);
+        let Scene::Mesh(back) = back.scene else { panic!("a mesh") };
+        assert_eq!((&back.positions, &back.indices), (&mesh.positions, &mesh.indices));
+        assert!(mesh.texture.unwrap().texture == back.texture.as_ref().unwrap().texture, "PNG is exact");
+        assert!((psnr(&back) - wants).abs() < 0.1);
+    }
 }

@@ -28,7 +28,7 @@ fn mesh_bytes(count: usize, face_colors: bool) -> Vec<u8> {
 fn obj_bytes(count: usize) -> Vec<u8> {
     let (mut bytes, mut mtl) = (Vec::new(), Vec::new());
     let asset = Asset { mesh: mesh(count, false, true, false), ..Asset::default() };
-    obj::write(&mut bytes, &mut mtl, "a.mtl", &asset).expect("writes");
+    obj::write(&mut bytes, &mut mtl, "a.mtl", None, &asset).expect("writes");
     bytes
 }
 

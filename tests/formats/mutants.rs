@@ -124,7 +124,7 @@ fn mesh_ply(face_colors: bool) -> Vec<u8> {
 
 fn written_obj() -> Vec<u8> {
     let mut bytes = Vec::new();
-    obj::write(&mut bytes, &mut Vec::new(), "a.mtl", &square()).expect("writes to memory");
+    obj::write(&mut bytes, &mut Vec::new(), "a.mtl", None, &square()).expect("writes to memory");
     bytes
 }
 

@@ -78,13 +78,13 @@ fn speed() {
     measure("  plain read, kept", || std::fs::read(&file));
     measure("mesh ply read", || ply::read(open(&file), &options).expect("valid"));
     let file = path("mesh.obj");
-    measure("obj write", || create(&file, |out| obj::write(out, &mut Vec::new(), "a.mtl", &asset)));
+    measure("obj write", || create(&file, |out| obj::write(out, &mut Vec::new(), "a.mtl", None, &asset)));
     let mut between = asset.clone();
     if let trisplat::mesh::Colors::Vertex(colors) = &mut between.mesh.colors {
         colors.iter_mut().flatten().for_each(|x| *x = (*x * 0.99).max(0.001));
     }
     measure("obj write, colors between codes", || {
-        create(&path("b.obj"), |out| obj::write(out, &mut Vec::new(), "a.mtl", &between))
+        create(&path("b.obj"), |out| obj::write(out, &mut Vec::new(), "a.mtl", None, &between))
     });
     measure("  plain read, kept", || std::fs::read(&file));
     measure("obj read", || obj::read(open(&file), &options).expect("valid"));

@@ -91,7 +91,7 @@ fn the_trained_sample_is_near_the_truth() {
     // More in a longer run: TRISPLAT_RESOLUTIONS=128,256,512.
     let asked = std::env::var("TRISPLAT_RESOLUTIONS").unwrap_or("128".into());
     for resolution in asked.split(',').map(|n| n.parse().unwrap()) {
-        let options = SurfaceOptions { resolution, ..SurfaceOptions::DEFAULT };
+        let options = SurfaceOptions { resolution: Some(resolution), ..SurfaceOptions::DEFAULT };
         let (mesh, details) = made(&scene, &cameras, &options);
         let (mesh, voxel) = (mesh.unwrap(), details.voxel);
         let accuracy = distances(&samples(&mesh, voxel as f32), &fine);

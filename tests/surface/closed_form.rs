@@ -33,7 +33,7 @@ fn normal(mesh: &Mesh, face: usize) -> Vec3 {
     (b - a).cross(c - a).normalize_or_zero()
 }
 
-const OPTIONS: SurfaceOptions = SurfaceOptions { resolution: 64, ..SurfaceOptions::DEFAULT };
+const OPTIONS: SurfaceOptions = SurfaceOptions { resolution: Some(64), ..SurfaceOptions::DEFAULT };
 
 #[test]
 fn a_ball_is_round_to_half_a_voxel() {
@@ -180,7 +180,7 @@ fn what_does_not_fit_is_an_error() {
     for (options, field) in [
         (SurfaceOptions { voxel: Some(1e-9), ..OPTIONS }, "voxel"),
         (SurfaceOptions { voxel: Some(f64::NAN), ..OPTIONS }, "voxel"),
-        (SurfaceOptions { resolution: 3, ..OPTIONS }, "resolution"),
+        (SurfaceOptions { resolution: Some(3), ..OPTIONS }, "resolution"),
         (SurfaceOptions { truncation: 0.5, ..OPTIONS }, "truncation"),
         (SurfaceOptions { min_views: 0, ..OPTIONS }, "min_views"),
     ] {

@@ -13,6 +13,7 @@
 //!
 //! Rectangles stand on shelves, high ones first, those of one size sorted by colour: what coarse mip levels mix is alike.
 
+use super::layout::Layout;
 use super::options::TextureOptions;
 use crate::error::{Error, Result};
 use crate::math::srgb8::srgb8_from_linear;
@@ -213,16 +214,30 @@ impl Atlas {
         }
         Some(at.y + shelf)
     }
+}
 
-    /// Where the corners of every face are on the texture. `[F]`
-    pub(super) fn uvs(&self) -> Vec<[Vec2; 3]> {
-        let per = Vec2::ONE / self.size.as_vec2();
-        let corner = |patch: &Patch, k: usize| {
-            let mut weights = [0.0; 3];
-            weights[k] = 1.0;
-            (patch.place(&weights) + 0.5) * per
-        };
-        self.patches.iter().map(|patch| [0, 1, 2].map(|k| corner(patch, k))).collect()
+impl Layout for Atlas {
+    fn size(&self) -> UVec2 {
+        self.size
+    }
+
+    fn face_count(&self) -> usize {
+        self.patches.len()
+    }
+
+    #[inline(always)]
+    fn place(&self, face: usize, weights: &[f32; 3]) -> Vec2 {
+        self.patches[face].place(weights)
+    }
+
+    /// A line of texels, or one, is not interpolated across.
+    #[inline(always)]
+    fn interpolated(&self, face: usize) -> UVec2 {
+        self.patches[face].size.map(|side| u32::from(side > 1))
+    }
+
+    fn for_each_texel(&self, face: usize, visit: &mut dyn FnMut(UVec2, [f32; 3])) {
+        self.patches[face].texels().for_each(|(at, weights)| visit(at, weights));
     }
 }
 

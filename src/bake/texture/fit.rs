@@ -4,7 +4,7 @@
 //! t = t0 + Σ_pixels b (photo - drawn) / (Σ_pixels b + λ),   drawn = Σ_k b_k t0_k
 //! ```
 //!
-//! with t the sRGB-encoded texels, t0 the colours that the mesh has there, and b the bilinear weights of the four texels around the point
+//! with t the sRGB-encoded texels, t0 the colours that they had, and b the bilinear weights of the four texels around the point
 //! that a pixel sees. The more pixels see a texel, the less it stays what it was. The fewer photos there are, the more often all of them
 //! see it from the same side, and a residual is an error of the shape: λ is larger for them.
 //!
@@ -13,7 +13,9 @@
 //!
 //! Sums are whole numbers: their order, and with it the number of threads, does not matter.
 
-use super::atlas::{Atlas, Patch};
+use super::best::{Best, Candidates};
+use super::layout::Layout;
+use super::page::Page;
 use crate::bake::views::Views;
 use crate::camera::Camera;
 use crate::error::Result;
@@ -28,41 +30,42 @@ use std::sync::atomic::{AtomicI32, Ordering};
 
 /// One in the sums.
 const UNIT: f32 = 4096.0;
-/// Number of photos for which λ is what the options say; half as many double it.
-const USUAL_PHOTOS: f32 = 40.0;
-/// Texels around those of triangles that get their colour.
-const DILATION: usize = 4;
 
 /// The texels and what photos say of them.
 pub(super) struct Texels {
     size: UVec2,
     /// Those that triangles show. `[H * W]`
     owned: Vec<bool>,
-    /// The colours of the mesh, sRGB-encoded, 0 to 255. `[H * W]`
+    /// Before photos were added: sRGB-encoded, 0 to 255. `[H * W]`
     values: Vec<[f32; 3]>,
     /// Residuals of three channels, sRGB-encoded, and weights, in 4096ths. `[H * W]`
     sums: Vec<[AtomicI32; 4]>,
 }
 
+/// Which pixels are added.
+pub(super) enum Adding<'a> {
+    /// All, and photos become candidates for what they show best.
+    All(&'a mut Candidates),
+    /// Of every face those of its best photo.
+    Best(&'a Best),
+}
+
 impl Texels {
     /// The colours of the mesh.
-    pub(super) fn new(mesh: &Mesh, atlas: &Atlas) -> Self {
-        let count = atlas.size.element_product() as usize;
-        let mut texels = Self {
-            size: atlas.size,
-            owned: vec![false; count],
-            values: vec![[0.0; 3]; count],
-            sums: Vec::new(),
-        };
+    pub(super) fn new(mesh: &Mesh, layout: &impl Layout) -> Self {
+        let size = layout.size();
+        let count = size.element_product() as usize;
+        let mut texels =
+            Self { size, owned: vec![false; count], values: vec![[0.0; 3]; count], sums: Vec::new() };
         texels.sums.resize_with(count, Default::default);
-        for (face, patch) in atlas.patches.iter().enumerate() {
+        for face in 0..layout.face_count() {
             let corners = mesh.corner_colors(face).map(|corner| corner.map(|c| 255.0 * srgb_from_linear(c)));
-            for (at, weights) in patch.texels() {
-                let at = (at.y * texels.size.x + at.x) as usize;
+            layout.for_each_texel(face, &mut |at, weights| {
+                let at = (at.y * size.x + at.x) as usize;
                 texels.owned[at] = true;
                 texels.values[at] =
                     [0, 1, 2].map(|c| (0..3).map(|k| weights[k] * corners[k][c]).sum::<f32>());
-            }
+            });
         }
         texels
     }
@@ -79,8 +82,9 @@ impl Texels {
         &mut self,
         mesh: &Mesh,
         views: &mut Views,
-        atlas: &Atlas,
+        layout: &impl Layout,
         chosen: &[usize],
+        mut adding: Adding<'_>,
         mut progress: StageProgress<'_>,
     ) -> Result<()> {
         let drawing = views.drawing(mesh, 1);
@@ -91,90 +95,106 @@ impl Texels {
             let photo = views.photo(view)?;
             let camera = views.camera(view);
             let visibility = solid.visibility(mesh, camera, &drawing);
-            let observation = Observation { texels: self, atlas, mesh, camera, photo: &photo, visibility };
+            let best = match &mut adding {
+                Adding::All(candidates) => {
+                    candidates.add(view, &photo, visibility);
+                    None
+                }
+                Adding::Best(best) => Some((*best, view as u32)),
+            };
+            let observation =
+                Observation { texels: self, layout, mesh, camera, photo: &photo, visibility, best };
             (0..photo.size.y).into_par_iter().for_each(|y| observation.add_row(y));
         }
         Ok(())
     }
 
-    /// The picture of the texture that explains `photos` photos, which were added. `flatness` is λ for the usual number of them, px.
-    pub(super) fn picture(&self, flatness: f32, photos: usize) -> Pixels {
-        let flatness = flatness * USUAL_PHOTOS / photos.max(1) as f32;
-        let texels = self.values.par_iter().zip(&self.sums).with_min_len(1 << 14);
-        let solved = |(first, sums): (&[f32; 3], &[AtomicI32; 4])| {
-            let [r, g, b, weight] = [0, 1, 2, 3].map(|k| sums[k].load(Ordering::Relaxed) as f32 / UNIT);
-            let step =
-                [r, g, b].map(|sum| if weight > 0.0 { 255.0 * sum / (weight + flatness) } else { 0.0 });
+    /// What the sums change about a texel, when they are pulled to what it was by `flatness` pixels.
+    #[inline(always)]
+    fn step(&self, texel: usize, flatness: f32) -> [f32; 3] {
+        let [r, g, b, weight] =
+            [0, 1, 2, 3].map(|k| self.sums[texel][k].load(Ordering::Relaxed) as f32 / UNIT);
+        [r, g, b].map(|sum| if weight > 0.0 { 255.0 * sum / (weight + flatness) } else { 0.0 })
+    }
+
+    /// The texels that explain the photos added.
+    fn solved(&self, flatness: f32) -> Vec<[f32; 3]> {
+        let solved = |(texel, first): (usize, &[f32; 3])| {
+            let step = self.step(texel, flatness);
             [0, 1, 2].map(|c| (first[c] + step[c]).clamp(0.0, 255.0))
         };
-        let (values, owned) = (texels.map(solved).collect(), self.owned.clone());
-        Page { size: self.size, owned, values }.picture()
-    }
-}
-
-/// The texels of a picture.
-struct Page {
-    size: UVec2,
-    /// Those that have a colour. `[H * W]`
-    owned: Vec<bool>,
-    /// sRGB-encoded, 0 to 255. `[H * W]`
-    values: Vec<[f32; 3]>,
-}
-
-impl Page {
-    /// Around triangles their colours go on; elsewhere the picture has their mean.
-    fn picture(mut self) -> Pixels {
-        let shown = self.owned.iter().filter(|owned| **owned).count();
-        let mut sum = [0.0f64; 3];
-        for (value, _) in self.values.iter().zip(&self.owned).filter(|(_, owned)| **owned) {
-            (0..3).for_each(|c| sum[c] += f64::from(value[c]));
-        }
-        let mean = sum.map(|s| (s / shown.max(1) as f64) as f32);
-        (0..DILATION).for_each(|_| self.dilate());
-        let texels = self.values.par_iter().zip(&self.owned).with_min_len(1 << 14);
-        let code = |(value, owned): (&[f32; 3], &bool)| {
-            (if *owned { value } else { &mean }).map(|c: f32| (c + 0.5) as u8)
-        };
-        Pixels { size: self.size, rgb: texels.map(code).collect(), alpha: None }
+        self.values.par_iter().enumerate().with_min_len(1 << 14).map(solved).collect()
     }
 
-    /// Gives texels beside those that have a colour the mean of theirs.
-    fn dilate(&mut self) {
-        let (width, height) = (self.size.x as usize, self.size.y as usize);
-        let grown = |at: usize| {
-            let (x, y) = (at % width, at / width);
-            let beside = [
-                (x > 0).then(|| at - 1),
-                (x + 1 < width).then_some(at + 1),
-                (y > 0).then(|| at - width),
-                (y + 1 < height).then_some(at + width),
-            ];
-            let mut sum = [0.0f32; 4];
-            for at in beside.into_iter().flatten().filter(|at| self.owned[*at]) {
-                (0..3).for_each(|c| sum[c] += self.values[at][c]);
-                sum[3] += 1.0;
-            }
-            (sum[3] > 0.0).then(|| (at, [0, 1, 2].map(|c| sum[c] / sum[3])))
+    /// The picture of the texture that explains the photos added; `flatness` is λ, px.
+    pub(super) fn picture(&self, flatness: f32) -> Pixels {
+        Page { size: self.size, owned: self.owned.clone(), values: self.solved(flatness) }.picture()
+    }
+
+    /// Makes what explains the photos added what texels are, and forgets the photos.
+    pub(super) fn settle(&mut self, flatness: f32) {
+        self.values = self.solved(flatness);
+        self.forget();
+    }
+
+    fn forget(&mut self) {
+        self.sums.par_iter_mut().with_min_len(1 << 14).for_each(|sums| *sums = Default::default());
+    }
+
+    /// Adds the detail of each face's best photo to what texels are: what its pixels, which were added, show more than them, without what
+    /// is the same all over. So photos of other exposure, or of other colour from their side, meet without seams.
+    pub(super) fn sharpen(&mut self, layout: &impl Layout, best: &Best, flatness: f32) {
+        let slot_of = best.slots();
+        let width = self.size.x as usize;
+        let number = |at: UVec2| at.y as usize * width + at.x as usize;
+        let of_face = |face: usize| {
+            let mut sums = [[0.0f32; 4]; 3];
+            layout.for_each_texel(face, &mut |at, weights| {
+                let step = self.step(number(at), flatness);
+                for (sums, weight) in sums.iter_mut().zip(weights) {
+                    (0..3).for_each(|c| sums[c] += weight * step[c]);
+                    sums[3] += weight;
+                }
+            });
+            sums
         };
-        let free = (0..self.owned.len()).into_par_iter().with_min_len(1 << 14);
-        let grown: Vec<(usize, [f32; 3])> = free.filter(|at| !self.owned[*at]).filter_map(grown).collect();
-        for (at, value) in grown {
-            (self.owned[at], self.values[at]) = (true, value);
+        let of_faces: Vec<[[f32; 4]; 3]> = (0..layout.face_count()).into_par_iter().map(of_face).collect();
+        let mut slots = vec![[0.0f32; 4]; slot_of.iter().max().map_or(0, |last| *last as usize + 1)];
+        for (slot, sums) in slot_of.iter().zip(of_faces.as_flattened()) {
+            (0..4).for_each(|c| slots[*slot as usize][c] += sums[c]);
         }
+        drop(of_faces);
+        for face in 0..layout.face_count() {
+            let same = [0, 1, 2].map(|k| {
+                let sums = slots[slot_of[3 * face + k] as usize];
+                [0, 1, 2].map(|c| sums[c] / sums[3].max(1e-6))
+            });
+            layout.for_each_texel(face, &mut |at, weights| {
+                let at = number(at);
+                let step = self.step(at, flatness);
+                for c in 0..3 {
+                    let same: f32 = (0..3).map(|k| weights[k] * same[k][c]).sum();
+                    self.values[at][c] = (self.values[at][c] + step[c] - same).clamp(0.0, 255.0);
+                }
+            });
+        }
+        self.forget();
     }
 }
 
 /// A photo and what it sees.
-struct Observation<'a> {
+struct Observation<'a, L> {
     texels: &'a Texels,
-    atlas: &'a Atlas,
+    layout: &'a L,
     mesh: &'a Mesh,
     camera: &'a Camera,
     photo: &'a Pixels,
     visibility: &'a Visibility,
+    /// Only pixels of faces whose best view is this one.
+    best: Option<(&'a Best, u32)>,
 }
 
-impl Observation<'_> {
+impl<L: Layout> Observation<'_, L> {
     /// Adds a row of pixels to the sums.
     fn add_row(&self, y: u32) {
         let barycentrics = Barycentrics::new(self.mesh, self.camera, 1);
@@ -183,7 +203,10 @@ impl Observation<'_> {
             let at = (y * self.photo.size.x + x) as usize;
             let face = self.visibility.face[at];
             let counts = self.photo.alpha.as_ref().map_or(1.0, |alpha| f32::from(alpha[at]) / 255.0);
-            if face == NO_FACE || counts == 0.0 {
+            if face == NO_FACE
+                || counts == 0.0
+                || self.best.is_some_and(|(best, view)| best.view(face) != view)
+            {
                 continue;
             }
             let of_face = match last {
@@ -191,15 +214,14 @@ impl Observation<'_> {
                 _ => barycentrics.face(face),
             };
             last = Some((face, of_face));
-            let patch = &self.atlas.patches[face as usize];
-            let place = patch.place(&barycentrics.weights(&of_face, x, y));
-            self.add(patch, place, self.photo.rgb[at], counts);
+            let place = self.layout.place(face as usize, &barycentrics.weights(&of_face, x, y));
+            self.add(face as usize, place, self.photo.rgb[at], counts);
         }
     }
 
     /// Adds what a photo shows at a place more than the texels around it do.
-    fn add(&self, patch: &Patch, place: Vec2, photo: [u8; 3], counts: f32) {
-        let four = around(patch, place, self.texels.size);
+    fn add(&self, face: usize, place: Vec2, photo: [u8; 3], counts: f32) {
+        let four = self.layout.around(face, place);
         let residual = [0, 1, 2].map(|c| {
             let drawn: f32 = four.iter().map(|(texel, share)| share * self.texels.values[*texel][c]).sum();
             (f32::from(photo[c]) - drawn) / 255.0
@@ -214,21 +236,4 @@ impl Observation<'_> {
             add(&sums[3], weight);
         }
     }
-}
-
-/// Numbers and weights of the four texels around a place on a texture of `size`.
-fn around(patch: &Patch, place: Vec2, size: UVec2) -> [(usize, f32); 4] {
-    // Rounding may lead a little over the border.
-    let place = place.clamp(Vec2::ZERO, (size - 1).as_vec2());
-    let (corner, part) = (place.as_uvec2(), place.fract());
-    // A line of texels, or one, is not interpolated across.
-    let across = UVec2::new(u32::from(patch.size.x > 1), u32::from(patch.size.y > 1));
-    let next = (corner + across).min(size - 1);
-    let number = |x: u32, y: u32| (y * size.x + x) as usize;
-    [
-        (number(corner.x, corner.y), (1.0 - part.x) * (1.0 - part.y)),
-        (number(next.x, corner.y), part.x * (1.0 - part.y)),
-        (number(corner.x, next.y), (1.0 - part.x) * part.y),
-        (number(next.x, next.y), part.x * part.y),
-    ]
 }

@@ -1,15 +1,29 @@
 //! Whether there is a texture, and how fine it is.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::formats::output::OutputFormat;
 use crate::ranges::{self, Called};
+use std::path::Path;
+
+/// Which photos a texture shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum TextureDetail {
+    /// Best for a connected surface, mean for a soup
+    Auto,
+    /// The mean of all photos that see a place
+    Mean,
+    /// The mean, and the detail of the photo that shows a triangle best
+    Best,
+}
 
 /// Whether the scene gets a texture.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct TextureOptions {
-    /// Give triangles texels in place of one colour each, from the photos of --dataset: more detail for few triangles. For .glb and
-    /// .gltf files
+    /// Give triangles texels in place of one colour each, from the photos: more detail for few triangles. For .glb, .gltf, .html and
+    /// .obj files
     #[cfg_attr(feature = "cli", arg(long))]
     pub texture: bool,
     /// Largest width and height of the texture, texels; where it does not suffice, all triangles have fewer texels
@@ -24,12 +38,32 @@ pub struct TextureOptions {
     #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texture_flatness))]
     #[schemars(range(min = 0.0))]
     pub texture_flatness: f64,
+    /// Whose detail texels show
+    #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texture_detail))]
+    pub texture_detail: TextureDetail,
 }
 
 impl TextureOptions {
     /// None.
-    pub const DEFAULT: Self =
-        Self { texture: false, texture_size: 4096, texels_per_pixel: 0.7, texture_flatness: 1.0 };
+    pub const DEFAULT: Self = Self {
+        texture: false,
+        texture_size: 4096,
+        texels_per_pixel: 0.7,
+        texture_flatness: 1.0,
+        texture_detail: TextureDetail::Auto,
+    };
+
+    /// Whether files of a format hold the texture, if there is one.
+    ///
+    /// Errors: a format without textures.
+    pub fn check_format(&self, path: &Path, format: OutputFormat) -> Result<()> {
+        if self.texture && matches!(format, OutputFormat::Ply | OutputFormat::Tiles) {
+            let wants =
+                "a name ending in .glb, .gltf, .html or .obj, whose files hold a texture, or no `texture`";
+            return Err(Error::invalid("output", path.display(), wants));
+        }
+        Ok(())
+    }
 
     pub(in crate::bake) fn validate(&self) -> Result<()> {
         ranges::check("texture", self, Called::ByFlag)

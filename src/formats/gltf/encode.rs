@@ -4,7 +4,7 @@ use super::options::{ColorEncoding, GltfOptions};
 use super::part::{PartVertices, ScenePart, Stream};
 use crate::math::srgb8::srgb8_from_linear;
 use crate::mesh::Colors;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use std::io::{self, Write};
 use std::ops::Range;
 use std::sync::LazyLock;
@@ -100,14 +100,17 @@ fn fill_normals<const N: usize>(
     faces(out, &part.mesh.normals, part, range, code);
 }
 
-/// Coordinates in [0, 1] as 16-bit numbers; three for every face.
+/// Coordinates in [0, 1] as 16-bit numbers; three for every face that shares no vertex.
 fn fill_tex_coords(out: &mut [u8], part: &ScenePart, range: Range<usize>) {
     let Some(texture) = &part.mesh.texture else { return };
-    let faces = part.faces.start + range.start / 3..part.faces.start + range.end / 3;
-    let corners = texture.uvs[faces].as_flattened().iter().copied();
-    cells(out, corners, |uv| -> [u8; 4] {
+    let code = |uv: Vec2| -> [u8; 4] {
         bytes_of(uv.to_array().map(|x| (nearest(x.clamp(0.0, 1.0), 65535.0) as u16).to_le_bytes()))
-    });
+    };
+    if part.indexed {
+        return vertices(out, &part.vertex_uvs, part, range, code);
+    }
+    let faces = part.faces.start + range.start / 3..part.faces.start + range.end / 3;
+    cells(out, texture.uvs[faces].as_flattened().iter().copied(), code);
 }
 
 fn fill_colors(out: &mut [u8], part: &ScenePart, range: Range<usize>, encoding: ColorEncoding) {

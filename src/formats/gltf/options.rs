@@ -111,8 +111,16 @@ impl TextureFormat {
         }
     }
 
+    /// How the names of its files end.
+    pub(in crate::formats) fn ending(self) -> &'static str {
+        match self {
+            Self::Jpeg => "jpg",
+            Self::Png => "png",
+        }
+    }
+
     /// The bytes of its file.
-    pub(super) fn bytes(self, picture: &Pixels) -> Result<Vec<u8>> {
+    pub(in crate::formats) fn bytes(self, picture: &Pixels) -> Result<Vec<u8>> {
         match self {
             Self::Jpeg => picture.to_jpeg(JPEG_QUALITY),
             Self::Png => picture.to_png(),

@@ -7,7 +7,7 @@ use crate::asset::{Asset, Chunk};
 use crate::error::{Error, Result};
 use crate::math::median::median;
 use crate::mesh::{Colors, Mesh};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::ops::Range;
@@ -44,6 +44,8 @@ pub(super) struct ScenePart<'a> {
     pub(super) indexed: bool,
     /// Normals of all vertices of the mesh, when faces share them and lights fall on them.
     pub(super) vertex_normals: Arc<Vec<Vec3>>,
+    /// Where all vertices of the mesh are on its texture, when faces share them.
+    pub(super) vertex_uvs: Arc<Vec<Vec2>>,
     /// Whether normals are written.
     pub(super) lit: bool,
     pub(super) bounds: PartBounds,
@@ -174,13 +176,19 @@ pub(super) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) ->
     }
     let named = named_ranges(asset, &options.node_name)?;
     let lit = options.lit && !mesh.normals.is_empty();
-    let shared =
-        lit && !mesh.indices.is_empty() && matches!(mesh.colors, Colors::Vertex(_)) && mesh.texture.is_none();
-    let vertex_normals = Arc::new(if shared { mesh.vertex_normals() } else { Vec::new() });
+    let vertex_uvs = mesh.texture.as_ref().and_then(|t| t.of_vertices(&mesh.indices, mesh.vertex_count()));
+    let shared = !mesh.indices.is_empty()
+        && match mesh.texture {
+            // Faces that share corners may show different parts of it there.
+            Some(_) => vertex_uvs.is_some(),
+            None => matches!(mesh.colors, Colors::Vertex(_)),
+        };
+    let vertex_uvs = Arc::new(vertex_uvs.unwrap_or_default());
+    let vertex_normals = Arc::new(if lit && shared { mesh.vertex_normals() } else { Vec::new() });
     let drawn = named.into_par_iter().map(|(kind, name, faces)| {
         let lit = lit && kind == PartKind::Scene;
-        let part = part(name, mesh, faces, lit, options)?;
-        Ok(ScenePart { kind, vertex_normals: vertex_normals.clone(), ..part })
+        let part = part(name, mesh, faces, (lit, shared), options)?;
+        Ok(ScenePart { kind, vertex_normals: vertex_normals.clone(), vertex_uvs: vertex_uvs.clone(), ..part })
     });
     // Of several errors always the first, whichever thread is faster.
     let drawn: Vec<Result<ScenePart<'_>>> = drawn.collect();
@@ -216,7 +224,9 @@ fn collision<'a>(asset: &'a Asset, options: &GltfOptions) -> Option<Result<Scene
     let (name, mesh) = (options.collision_name.clone()?, asset.collision.as_ref()?);
     let whole = || {
         mesh.validate_shape()?;
-        Ok(ScenePart { kind: PartKind::Collision, ..part(name, mesh, 0..mesh.face_count(), false, options)? })
+        let shared = !mesh.indices.is_empty();
+        let part = part(name, mesh, 0..mesh.face_count(), (false, shared), options)?;
+        Ok(ScenePart { kind: PartKind::Collision, ..part })
     };
     (mesh.face_count() > 0).then(whole)
 }
@@ -225,13 +235,10 @@ fn part<'a>(
     name: String,
     mesh: &'a Mesh,
     faces: Range<usize>,
-    lit: bool,
+    (lit, indexed): (bool, bool),
     options: &GltfOptions,
 ) -> Result<ScenePart<'a>> {
     let corners = 3 * faces.start..3 * faces.end;
-    // Faces that share corners show different parts of a texture there.
-    let indexed =
-        !mesh.indices.is_empty() && matches!(mesh.colors, Colors::Vertex(_)) && mesh.texture.is_none();
     let vertices = if mesh.indices.is_empty() {
         PartVertices::Run(corners)
     } else if indexed {
@@ -255,6 +262,7 @@ fn part<'a>(
         vertices,
         indexed,
         vertex_normals: Arc::default(),
+        vertex_uvs: Arc::default(),
         lit,
         bounds,
         grid: None,

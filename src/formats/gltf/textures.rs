@@ -3,26 +3,16 @@
 use super::accessor::Accessors;
 use super::document::{Document, Image, TextureInfo};
 use crate::error::{Error, Result};
+use crate::formats::painted::{self, PaintedFaces};
 use crate::image::Pixels;
 use crate::limits::Limits;
-use crate::mesh::{Colors, Mesh};
-use crate::texture::{FaceTexture, Texture};
+use crate::mesh::Mesh;
+use crate::texture::Texture;
 use glam::Vec2;
 use gltf_json::accessor::ComponentType;
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
-
-/// The faces of a primitive that show a texture, and where on it their corners are.
-struct PaintedFaces {
-    /// Number of the picture.
-    image: usize,
-    faces: Range<usize>,
-    uvs: Vec<[Vec2; 3]>,
-    /// Nothing else colours them.
-    plain: bool,
-}
 
 /// What primitives show of textures, in the order of their faces.
 #[derive(Default)]
@@ -89,42 +79,7 @@ impl PaintedPrimitives {
                 .ok()
             });
         }
-        let covered: usize = self.0.iter().map(|painted| painted.faces.len()).sum();
-        let within = |uv: &Vec2| uv.cmpge(Vec2::ZERO).all() && uv.cmple(Vec2::ONE).all();
-        let plain =
-            self.0.iter().all(|painted| painted.plain && painted.uvs.as_flattened().iter().all(within));
-        let mut readable = textures.values().flatten();
-        let (only, others) = (readable.next(), readable.next().is_some());
-        let Some(only) = only else { return warnings };
-        if plain && covered == mesh.face_count() && !others {
-            let uvs = self.0.into_iter().flat_map(|painted| painted.uvs).collect();
-            let texture = FaceTexture { uvs, texture: only.clone() };
-            let mean = |face: usize| texture.mean(face);
-            mesh.colors = Colors::Face((0..mesh.face_count()).into_par_iter().map(mean).collect());
-            mesh.texture = Some(texture);
-            return warnings;
-        }
-        warnings.push("textures became one colour per triangle: only one picture that paints all of a scene, without repetition, is kept".to_owned());
-        let mean = |face: usize| {
-            let [a, b, c] = mesh.corner_colors(face);
-            [0, 1, 2].map(|i| (a[i] + b[i] + c[i]) / 3.0)
-        };
-        let mut colors: Vec<[f32; 3]> = (0..mesh.face_count()).into_par_iter().map(mean).collect();
-        for painted in self.0 {
-            let Some(Some(texture)) = textures.get(&painted.image) else { continue };
-            // Repeated pictures begin again at every whole number.
-            let repeated = |uvs: &[Vec2; 3]| {
-                let first = ((uvs[0] + uvs[1] + uvs[2]) / 3.0).floor();
-                uvs.map(|uv| uv - first)
-            };
-            let texture =
-                FaceTexture { uvs: painted.uvs.iter().map(repeated).collect(), texture: texture.clone() };
-            for (face, color) in colors[painted.faces].iter_mut().enumerate() {
-                let mean = texture.mean(face);
-                (0..3).for_each(|c| color[c] *= mean[c]);
-            }
-        }
-        mesh.colors = Colors::Face(colors);
+        warnings.extend(painted::paint(mesh, self.0, &textures));
         warnings
     }
 }

@@ -18,6 +18,8 @@ pub struct Beside {
     pub backdrop: bool,
     /// What to collide with.
     pub collision: bool,
+    /// The picture of its texture, where the format does not hold it.
+    pub texture: bool,
 }
 
 impl Output {
@@ -39,7 +41,17 @@ impl Output {
         if beside.collision {
             output = output.with_collision(options)?;
         }
+        if beside.texture && output.format == OutputFormat::Obj {
+            output.take_picture(options);
+        }
         Ok(output)
+    }
+
+    /// Adds the picture of a texture to the scene, its backdrop and its levels: OUT.jpg.
+    fn take_picture(&mut self, options: &OutputOptions) {
+        self.picture = Some(self.main.with_extension(options.texture_format.ending()));
+        self.backdrop.iter_mut().for_each(|backdrop| backdrop.take_picture(options));
+        self.levels.iter_mut().for_each(|level| level.take_picture(options));
     }
 
     /// The same with the backdrop in a file of its own: OUT.backdrop.glb.
