@@ -177,7 +177,7 @@ fn a_textured_file_reads_back_as_it_was() {
 
 #[test]
 fn a_texture_that_is_baked_again_is_kept_where_triangles_stay_as_they_are() {
-    let again = |max_triangles: Option<u32>, walls: usize| {
+    let again = |max_triangles: Option<u64>, walls: usize| {
         let mut options = BakeOptions::preset(trisplat::bake::BakePreset::Fast);
         options.prune.max_triangles = max_triangles;
         let mut report = Report::new("bake");
