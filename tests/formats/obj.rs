@@ -13,7 +13,7 @@ const OPTIONS: ReadOptions = ReadOptions::with_degree(0);
 fn written(mesh: &Mesh) -> (String, String) {
     let (mut obj, mut mtl) = (Vec::new(), Vec::new());
     let asset = Asset { mesh: mesh.clone(), provenance: provenance(), ..Asset::default() };
-    write(&mut obj, &mut mtl, "scene.mtl", &asset).expect("writes to memory");
+    write(&mut obj, &mut mtl, "scene.mtl", None, &asset).expect("writes to memory");
     (String::from_utf8(obj).expect("text"), String::from_utf8(mtl).expect("text"))
 }
 
