@@ -1,4 +1,4 @@
-//! `trisplat eval FILE DATASET`: PSNR, SSIM and FLIP against the photos.
+//! `trisplat eval FILE DATASET`: PSNR, SSIM and FLIP against the photos, raw and with corrected colours.
 
 use super::Global;
 use super::outputs::Outputs;
@@ -127,8 +127,9 @@ impl Table {
     }
 
     fn row(&self, out: &mut dyn Write, name: &str, step: &str, scores: &Scores, remark: &str) -> Result<()> {
-        let (width, Scores { psnr, ssim, flip }) = (self.width, scores);
+        let (width, Scores { psnr, ssim, flip, psnr_corrected, ssim_corrected }) = (self.width, scores);
         let cells = format!("{name:<width$}  {step:<5} {psnr:>8.3} {ssim:>7.4} {flip:>7.4}");
+        let cells = format!("{cells}  {psnr_corrected:>12.3} {ssim_corrected:>7.4}");
         self.line(out, &format!("{cells}  {remark}"))
     }
 
@@ -136,6 +137,7 @@ impl Table {
         let width = self.width;
         let header =
             format!("{:<width$}  {:<5} {:>8} {:>7} {:>7}", "photo", "step", "PSNR dB", "SSIM", "FLIP");
+        let header = format!("{header}  {:>12} {:>7}", "corrected dB", "SSIM");
         if self.shown { self.line(out, &header) } else { Ok(()) }
     }
 

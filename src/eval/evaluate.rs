@@ -1,9 +1,11 @@
-//! How close a scene comes to the photos: draws every view and measures PSNR, SSIM and FLIP.
+//! How close a scene comes to the photos: draws every view and measures PSNR, SSIM and FLIP. PSNR and SSIM are there twice:
+//! of the drawing as it is, and after the one affine map of its colours that fits the photo best.
 
 use super::steps::EvalStep;
 use crate::dataset::{Photos, ShrunkSize, View};
 use crate::error::Result;
 use crate::image::Pixels;
+use crate::math::color_fit::ColorMap;
 use crate::math::metric;
 use crate::report::generator;
 use crate::train::eval::Quality;
@@ -73,6 +75,13 @@ pub struct Scores {
     pub ssim: f64,
     /// Mean FLIP error; lower is better.
     pub flip: f64,
+    /// PSNR after an affine map of the drawing's colours that is fitted to the photo: without what exposure and white balance
+    /// of a photo that training did not see cost, dB.
+    #[serde(default)]
+    pub psnr_corrected: f64,
+    /// SSIM after the same map.
+    #[serde(default)]
+    pub ssim_corrected: f64,
 }
 
 /// One photo's score.
@@ -154,29 +163,60 @@ pub fn evaluate(
 }
 
 fn measure(step: &'static str, name: &str, photo: &Pixels, picture: Pixels) -> ScoredPicture {
+    let weights = photo.alpha.as_deref();
+    let map = ColorMap::fit(&picture.rgb, &photo.rgb, weights);
+    measure_with(step, name, photo, picture, |picture| map.of(&picture.rgb))
+}
+
+/// The same with colours that `corrected` makes of the picture's.
+fn measure_with(
+    step: &'static str,
+    name: &str,
+    photo: &Pixels,
+    picture: Pixels,
+    corrected: impl FnOnce(&Pixels) -> Vec<[u8; 3]>,
+) -> ScoredPicture {
     let Quality { psnr, ssim } = Quality::of(&picture, photo);
+    let corrected = Pixels { size: picture.size, rgb: corrected(&picture), alpha: None };
+    let Quality { psnr: psnr_corrected, ssim: ssim_corrected } = Quality::of(&corrected, photo);
     let flip = metric::flip_map(photo.size, &photo.rgb, &picture.rgb);
-    let score = Scores { psnr, ssim, flip: metric::mean_error(&flip, photo.alpha.as_deref()) };
+    let mean = metric::mean_error(&flip, photo.alpha.as_deref());
+    let score = Scores { psnr, ssim, flip: mean, psnr_corrected, ssim_corrected };
     let (name, size) = (name.to_owned(), photo.size.to_array());
     let score = ImageScore { name, size, score, coverage: None, psnr_covered: None };
     ScoredPicture { step, picture, flip, score }
 }
 
-/// The same of a photo of an object: over black and over white, as [`Quality::over_two`] does. The picture is that over black.
+/// The same of a photo of an object: over black and over white, as [`Quality::over_two`] does. The picture is that over black. Colours
+/// are corrected where the object is, not the background.
 fn measure_cut(
     step: &'static str,
     name: &str,
     photo: &Pixels,
     mut draw: impl FnMut([f32; 3]) -> Pixels,
 ) -> ScoredPicture {
-    let mut over = |code: u8| {
-        let picture = draw([f32::from(code) / 255.0; 3]);
-        measure(step, name, &photo.over_instead_of_black([code; 3]), picture)
+    let [black, white] = [0, 255].map(|code: u8| draw([f32::from(code) / 255.0; 3]));
+    let straight = straight(&black, &white);
+    let map = ColorMap::fit(&straight.rgb, &photo.undimmed().rgb, photo.alpha.as_deref());
+    let corrected = Pixels { rgb: map.of(&straight.rgb), ..straight };
+    let over = |code: u8, picture: Pixels| {
+        let photo = photo.over_instead_of_black([code; 3]);
+        measure_with(step, name, &photo, picture, |_| corrected.clone().over([code; 3]).rgb)
     };
-    let (black, white) = (over(0), over(255));
+    let (black, white) = (over(0, black), over(255, white));
     let mean = mean(&[black.score.clone(), white.score]);
     let flip = black.flip.iter().zip(&white.flip).map(|(a, b)| (a + b) / 2.0).collect();
     ScoredPicture { flip, score: ImageScore { score: mean, ..black.score }, ..black }
+}
+
+/// Colours and opacity of what was drawn over black and over white.
+fn straight(black: &Pixels, white: &Pixels) -> Pixels {
+    let opacity = |(black, white): (&[u8; 3], &[u8; 3])| {
+        let through: u32 = (0..3).map(|c| u32::from(white[c].saturating_sub(black[c]))).sum();
+        255 - ((through + 1) / 3) as u8
+    };
+    let alpha = black.rgb.iter().zip(&white.rgb).map(opacity).collect();
+    Pixels { alpha: Some(alpha), ..black.clone() }.undimmed()
 }
 
 impl ScoredPicture {
@@ -204,12 +244,24 @@ fn mean_of(values: impl Iterator<Item = f64>) -> Option<f64> {
 pub fn mean(scores: &[ImageScore]) -> Scores {
     let count = scores.len().max(1) as f64;
     let mean = |of: fn(&Scores) -> f64| scores.iter().map(|s| of(&s.score)).sum::<f64>() / count;
-    Scores { psnr: mean(|s| s.psnr), ssim: mean(|s| s.ssim), flip: mean(|s| s.flip) }
+    Scores {
+        psnr: mean(|s| s.psnr),
+        ssim: mean(|s| s.ssim),
+        flip: mean(|s| s.flip),
+        psnr_corrected: mean(|s| s.psnr_corrected),
+        ssim_corrected: mean(|s| s.ssim_corrected),
+    }
 }
 
 impl Scores {
     fn minus(&self, before: &Self) -> Self {
-        Self { psnr: self.psnr - before.psnr, ssim: self.ssim - before.ssim, flip: self.flip - before.flip }
+        Self {
+            psnr: self.psnr - before.psnr,
+            ssim: self.ssim - before.ssim,
+            flip: self.flip - before.flip,
+            psnr_corrected: self.psnr_corrected - before.psnr_corrected,
+            ssim_corrected: self.ssim_corrected - before.ssim_corrected,
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! Numbers, vectors, colours and metrics; nothing here depends on triangles.
 
 pub mod color;
+pub mod color_fit;
 pub mod curve;
 pub mod eigen;
 pub mod finite;

@@ -100,6 +100,45 @@ fn the_scores_are_those_of_the_files_written() {
     }
 }
 
+#[test]
+fn corrected_figures_do_not_depend_on_the_light_of_a_held_out_photo() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = sample("soups/trained.ply");
+    let scored = |dataset: &Path, name: &str| -> EvalReport {
+        let report = folder.path().join(name);
+        let [scene, dataset, text] = [&scene, dataset, &report].map(|p| p.to_str().unwrap());
+        succeed(&["eval", scene, dataset, "--as", "solid", "--no-coverage", "-q", "--report", text]);
+        serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap()
+    };
+    let plain = scored(&sample("dataset"), "plain.json");
+    // The same photos, darker and of another white balance.
+    let other = folder.path().join("other");
+    for part in ["images", "sparse/0"] {
+        std::fs::create_dir_all(other.join(part)).unwrap();
+        for entry in std::fs::read_dir(sample("dataset").join(part)).unwrap() {
+            let path = entry.unwrap().path();
+            std::fs::copy(&path, other.join(part).join(path.file_name().unwrap())).unwrap();
+        }
+    }
+    std::fs::copy(sample("dataset/test.txt"), other.join("test.txt")).unwrap();
+    for image in &plain.steps[0].images {
+        let path = other.join("images").join(&image.name);
+        let photo = Pixels::load(&path).unwrap();
+        let taken =
+            |[r, g, b]: &[u8; 3]| [(0.7, *r), (0.8, *g), (0.6, *b)].map(|(by, c)| (by * f64::from(c)) as u8);
+        let rgb = photo.rgb.iter().map(taken).collect();
+        Pixels { rgb, ..photo }.save_png(&path).unwrap();
+    }
+    let other = scored(&other, "other.json");
+    let [plain, other] = [&plain, &other].map(|report| report.steps[0].mean);
+    assert!(plain.psnr_corrected >= plain.psnr && plain.psnr_corrected < plain.psnr + 1.0, "{plain:?}");
+    assert!(other.psnr < plain.psnr - 5.0, "{other:?}");
+    // Errors are smaller where all is darker: by the mean of the three gains, which is 3.1 dB.
+    let gained = other.psnr_corrected - plain.psnr_corrected;
+    assert!((2.5..3.7).contains(&gained), "{gained}");
+    assert!((other.ssim_corrected - plain.ssim_corrected).abs() < 0.02, "{other:?} {plain:?}");
+}
+
 /// How alike the pictures of two folders are: the least PSNR.
 fn alike(a: &Path, b: &Path) -> f64 {
     let mut least = f64::INFINITY;

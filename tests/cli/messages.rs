@@ -101,7 +101,11 @@ fn eval_prints_a_table_or_json_on_standard_output() {
         [&"eval" as &dyn AsRef<std::ffi::OsStr>, &sample("trained.ply"), &dataset(), &"--as", &"solid"];
     let table = stdout(&trisplat(&eval));
     let rows: Vec<Vec<&str>> = table.lines().map(|line| line.split_whitespace().collect()).collect();
-    assert_eq!(rows[0], ["photo", "step", "PSNR", "dB", "SSIM", "FLIP"]);
+    assert_eq!(rows[0], ["photo", "step", "PSNR", "dB", "SSIM", "FLIP", "corrected", "dB", "SSIM"]);
+    for row in &rows[1..7] {
+        let [raw, corrected] = [2, 5].map(|i: usize| row[i].parse::<f64>().unwrap());
+        assert!(corrected > raw - 0.01, "{table}");
+    }
     assert_eq!(rows.len(), 8, "a header, 5 photos, a mean and the coverage: {table}");
     let psnr = |row: &[&str]| row[2].parse::<f64>().unwrap();
     let mean = rows[1..6].iter().map(|row| psnr(row)).sum::<f64>() / 5.0;

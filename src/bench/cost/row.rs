@@ -247,7 +247,7 @@ mod tests {
 
     fn outcome(cpu_seconds: f64, psnr: f64) -> Outcome {
         let usage = Usage { wall_seconds: cpu_seconds / 2.0, cpu_seconds, peak_bytes: 10 };
-        let scores = Scores { psnr, ssim: 0.9, flip: 0.1 };
+        let scores = Scores { psnr, ssim: 0.9, flip: 0.1, ..Scores::default() };
         let result = RunResult { triangles: 7, scores, exact_rms: None, skipped: Vec::new(), picture: None };
         Outcome { usage, bytes: Some(100), result: Some(result), chain: None }
     }
