@@ -14,6 +14,7 @@ pub mod lens;
 mod load;
 pub mod options;
 mod paths;
+pub mod phone;
 pub mod photo;
 pub mod photos;
 pub mod picture_file;

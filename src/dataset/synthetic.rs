@@ -5,6 +5,7 @@
 use super::colmap_model::{ImageRow, Model, PointRow};
 use super::colmap_text;
 use super::lens::{Distortion, Lens};
+use super::phone::{self, PhotoTruth};
 use super::synthetic_scene::{Ray, SurfaceHit, trace, visible};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
@@ -37,11 +38,15 @@ pub struct SyntheticOptions {
     /// Show what stands on the ground alone, in photos that are transparent around it.
     #[cfg_attr(feature = "cli", arg(long))]
     pub transparent: bool,
+    /// Disturb the photos as a phone does: exposure and white balance of their own, darker corners, noise, and poses that are half a
+    /// pixel off. `truth.json` says by how much.
+    #[cfg_attr(feature = "cli", arg(long, conflicts_with = "transparent"))]
+    pub phone: bool,
 }
 
 impl Default for SyntheticOptions {
     fn default() -> Self {
-        Self { views: 40, width: 160, points: 1500, seed: 0, transparent: false }
+        Self { views: 40, width: 160, points: 1500, seed: 0, transparent: false, phone: false }
     }
 }
 
@@ -62,16 +67,33 @@ pub fn write(folder: &Path, options: &SyntheticOptions) -> Result<()> {
     std::fs::create_dir_all(&images).map_err(|e| Error::io(&images, e))?;
     (0..options.views).try_for_each(|index| {
         let camera = camera(options, index);
-        let photo = if options.transparent { render_things(&camera) } else { render(&camera).to_pixels() };
+        let photo = match (options.transparent, options.phone) {
+            (true, _) => render_things(&camera),
+            (false, true) => truth(options, index).take(options.seed, index, &render(&camera)).to_pixels(),
+            (false, false) => render(&camera).to_pixels(),
+        };
         photo.save_png(&images.join(photo_name(index)))
     })
+}
+
+/// What the phone does to photo `index`.
+fn truth(options: &SyntheticOptions, index: u32) -> PhotoTruth {
+    PhotoTruth::new(options.seed, index, options.views, photo_name(index), pose(options, index))
 }
 
 /// Writes all of [`write()`] but the photos.
 pub fn write_poses(folder: &Path, options: &SyntheticOptions) -> Result<()> {
     let sparse = folder.join("sparse/0");
     std::fs::create_dir_all(&sparse).map_err(|e| Error::io(&sparse, e))?;
-    let (model, points) = model(options);
+    let (mut model, points) = model(options);
+    if options.phone {
+        for (index, image) in (0..).zip(&mut model.images) {
+            let pose = (image.rotation, image.translation);
+            let focal = lens(options).focal.x;
+            (image.rotation, image.translation) = phone::found(options.seed, index, focal, pose);
+        }
+        phone::write(folder, (0..options.views).map(|index| truth(options, index)).collect())?;
+    }
     colmap_text::write(&sparse, &model, &points)?;
     let held_out: String = (0..options.views).step_by(8).map(|i| photo_name(i) + "\n").collect();
     let list = folder.join("test.txt");

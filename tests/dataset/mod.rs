@@ -4,6 +4,7 @@
 
 mod broken;
 mod mutants;
+mod phone;
 mod transforms;
 
 use glam::{DVec2, DVec3, UVec2, Vec2};
