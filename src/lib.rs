@@ -65,6 +65,7 @@ pub mod cli;
 pub mod dataset;
 pub mod error;
 pub mod eval;
+pub mod exposure;
 pub mod formats;
 pub mod framing;
 #[cfg(feature = "gpu")]

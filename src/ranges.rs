@@ -69,7 +69,6 @@ const RANGES: &[Row] = &[
     ("seed", ANY),
     ("milestones", (0.0, LARGEST)),
     ("init.size", (ABOVE_ZERO, 1000.0)),
-    ("init.opacity", (1e-6, 1.0 - 1e-6)),
     ("init.shell_subdivisions", (0.0, 6.0)),
     ("loss.dssim", (0.0, 1.0)),
     ("loss.opacity", (0.0, LARGEST)),

@@ -1,7 +1,7 @@
 //! The bake: a recipe of stages from a scene to an asset.
 //!
 //! ```text
-//! crop → teacher → arrange → collision → prune → solid → color → unseen → floaters → reshape → backdrop → refit → texture
+//! crop → teacher → arrange → collision → prune → solid → color → unseen → floaters → exposure → reshape → backdrop → refit → texture
 //! → lit → weld → place → viewpoint → chunk → bvh → order → lod → tiles
 //! ```
 //!
@@ -26,6 +26,7 @@ pub mod color;
 mod counts;
 pub mod crop;
 pub mod decimate;
+pub mod exposure;
 pub mod fit;
 pub mod floaters;
 mod groups;

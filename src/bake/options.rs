@@ -5,6 +5,7 @@ use super::bvh::BvhOptions;
 use super::chunk::ChunkOptions;
 use super::collision::CollisionOptions;
 use super::crop::CropOptions;
+use super::exposure::ExposureOptions;
 use super::floaters::FloatersOptions;
 use super::lit::LitOptions;
 use super::lod::LodOptions;
@@ -74,6 +75,9 @@ pub struct BakeOptions {
     /// Whether triangles that hang before cameras stay.
     #[cfg_attr(feature = "cli", arg(skip = FloatersOptions::DEFAULT))]
     pub floaters: FloatersOptions,
+    /// Whether photos are corrected.
+    #[cfg_attr(feature = "cli", arg(skip = ExposureOptions::DEFAULT))]
+    pub exposure: ExposureOptions,
     /// Which triangles are fitted to pictures.
     #[cfg_attr(feature = "cli", arg(skip = ReshapeOptions::DEFAULT))]
     pub reshape: ReshapeOptions,
@@ -127,6 +131,7 @@ impl BakeOptions {
         solid: SolidOptions::DEFAULT,
         unseen: UnseenOptions::DEFAULT,
         floaters: FloatersOptions::DEFAULT,
+        exposure: ExposureOptions::DEFAULT,
         reshape: ReshapeOptions::DEFAULT,
         lod: LodOptions::DEFAULT,
         tiles: TilesOptions::DEFAULT,
@@ -149,6 +154,7 @@ impl BakeOptions {
                 preset,
                 teacher: TeacherOptions::OFF,
                 floaters: FloatersOptions::OFF,
+                exposure: ExposureOptions::OFF,
                 reshape: ReshapeOptions::OFF,
                 weld: WeldOptions::FAST,
                 chunk: ChunkOptions::FAST,

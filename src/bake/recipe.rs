@@ -8,6 +8,7 @@ use super::collision::collision;
 use super::color::color;
 use super::counts::{count, count_mesh};
 use super::crop::crop;
+use super::exposure::exposure;
 use super::fit;
 use super::floaters::floaters;
 use super::lit::{Lit, SURFACE};
@@ -138,6 +139,7 @@ impl<'a> Recipe<'a> {
             }
         }
         let mesh = self.clear(mesh)?;
+        let mesh = self.expose(mesh)?;
         let mesh = self.reshape(mesh, traits)?;
         let mesh = self.part_shell(mesh)?;
 
@@ -359,6 +361,13 @@ impl<'a> Recipe<'a> {
         self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
             floaters(mesh, cameras, photos, options, details)
         })
+    }
+
+    /// As soon as what is drawn is what photos show, and before anything is fitted to them.
+    fn expose(&mut self, mesh: Mesh) -> Result<Mesh> {
+        let (views, options) = (self.views.as_deref_mut(), &self.options.exposure);
+        self.report
+            .stage(self.observer, mesh, count_mesh, |mesh, details| exposure(mesh, views, options, details))
     }
 
     /// Inputs of the fitting; not computed when it is off.

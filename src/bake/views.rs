@@ -5,6 +5,7 @@ use crate::asset::Placement;
 use crate::camera::Camera;
 use crate::dataset::{Dataset, DatasetOptions, Masks, Photo, Photos};
 use crate::error::Result;
+use crate::exposure::Exposures;
 use crate::image::Pixels;
 use crate::math::median::median;
 use crate::math::metric;
@@ -35,6 +36,8 @@ pub struct Views {
     masked: bool,
     /// Photos of an object before nothing. `[views]`
     cut: Vec<bool>,
+    /// What photos are corrected by; empty: nothing.
+    exposures: Exposures,
 }
 
 impl Views {
@@ -53,6 +56,7 @@ impl Views {
             masked: options.masks == Masks::Ignore && dataset.train().any(|v| v.photo.mask.is_some())
                 || dataset.train().any(|v| v.photo.is_cut()),
             cut: dataset.train().map(|v| v.photo.is_cut()).collect(),
+            exposures: Exposures::default(),
         }
     }
 
@@ -77,6 +81,7 @@ impl Views {
             drawn: Some(covered as f64 / (all as f64).max(1.0)),
             masked: false,
             cut: Vec::new(),
+            exposures: Exposures::default(),
         }
     }
 
@@ -167,11 +172,27 @@ impl Views {
     /// A photo; its alpha says how much each pixel counts, of one that is cut how much of it the object covers. Fails when its file
     /// cannot be decoded.
     pub fn photo(&mut self, view: usize) -> Result<Arc<Pixels>> {
-        let photo = self.photos.take(view)?;
+        let photo = self.taken(view)?;
         Ok(match self.is_cut(view) && photo.alpha.is_some() {
             true => Arc::new(photo.undimmed()),
             false => photo,
         })
+    }
+
+    /// A photo, corrected.
+    fn taken(&mut self, view: usize) -> Result<Arc<Pixels>> {
+        let photo = self.photos.take(view)?;
+        Ok(self.exposures.correct(view, &photo).map_or(photo, Arc::new))
+    }
+
+    /// Photos are as others of the set would show them from now on.
+    pub fn correct_by(&mut self, exposures: Exposures) {
+        self.exposures = exposures;
+    }
+
+    /// Photos are as they were taken from now on.
+    pub fn take_as_they_are(&mut self) {
+        self.exposures = Exposures::default();
     }
 
     /// At most `count` photos, evenly spaced in their order.
@@ -187,7 +208,7 @@ impl Views {
         let mut sum = 0.0;
         self.prefetch(chosen);
         for &view in chosen {
-            let photo = self.photos.take(view)?;
+            let photo = self.taken(view)?;
             let cut = self.is_cut(view) && photo.alpha.is_some();
             let mut psnr = |photo: &Pixels, background: [f32; 3]| {
                 let options = SolidRasterOptions { background, ..options };

@@ -203,7 +203,7 @@ impl Workload {
     fn photo(&self, step: usize) -> StepPhoto<'_> {
         let index = step % self.photos.len();
         let (camera, pixels) = &self.photos[index];
-        let id = Some(PhotoId { index, level: 0 });
+        let id = Some(PhotoId { corrected: 0, index, level: 0 });
         StepPhoto { camera, pixels, first: step < self.photos.len(), id }
     }
 }

@@ -3,11 +3,11 @@
 use super::stdout::Stdout;
 use crate::bake::{
     BakeOptions, arrange::ArrangeDetails, backdrop::BackdropDetails, bvh::BvhDetails, chunk::ChunkDetails,
-    collision::CollisionDetails, color::ColorDetails, crop::CropDetails, floaters::FloatersDetails,
-    lit::LitDetails, lod::LodDetails, order::OrderDetails, pace::BakeBudgetDetails, place::PlaceDetails,
-    prune::PruneDetails, refit::RefitDetails, reshape::ReshapeDetails, solid::SolidDetails,
-    teacher::TeacherDetails, texture::TextureDetails, tiles::TilesDetails, unseen::UnseenDetails,
-    viewpoint::ViewpointDetails, weld::WeldDetails,
+    collision::CollisionDetails, color::ColorDetails, crop::CropDetails, exposure::ExposureDetails,
+    floaters::FloatersDetails, lit::LitDetails, lod::LodDetails, order::OrderDetails,
+    pace::BakeBudgetDetails, place::PlaceDetails, prune::PruneDetails, refit::RefitDetails,
+    reshape::ReshapeDetails, solid::SolidDetails, teacher::TeacherDetails, texture::TextureDetails,
+    tiles::TilesDetails, unseen::UnseenDetails, viewpoint::ViewpointDetails, weld::WeldDetails,
 };
 #[cfg(feature = "bench")]
 use crate::bench::{bake::BakeRow, cost::MeasuredRow, stress::StressReport};
@@ -137,6 +137,7 @@ fn report_schema() -> schemars::Schema {
         stage_schema::<ColorDetails>(g),
         stage_schema::<UnseenDetails>(g),
         stage_schema::<FloatersDetails>(g),
+        stage_schema::<ExposureDetails>(g),
         stage_schema::<BackdropDetails>(g),
         stage_schema::<ReshapeDetails>(g),
         stage_schema::<RefitDetails>(g),

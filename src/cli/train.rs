@@ -27,6 +27,7 @@ use crate::scene::Loaded;
 use crate::train::budget::{Budget, BudgetDetails, Seconds};
 use crate::train::device::OpenRun;
 use crate::train::eval::Quality;
+use crate::train::light::ExposureDetails;
 use crate::train::{Checkpoint, Preview, RunOptions, TrainOptions, Trained, checkpoint, rotation};
 use clap::ArgMatches;
 use indicatif::HumanCount;
@@ -344,6 +345,15 @@ fn summary(
         let share = share.map_or(String::new(), |share| format!(" --teacher-share {share}"));
         bar.line(&format!(
             "spent {spent} of the budget {budget}; the same run without it: {repeat}{teacher}{share}"
+        ));
+    }
+    if let Some(ExposureDetails { verdict, photos }) =
+        trained.exposure.as_ref().filter(|e| !e.photos.is_empty())
+    {
+        let [exposure, balance] = [verdict.exposure, verdict.balance].map(|x| 100.0 * x);
+        bar.line(&format!(
+            "{} photos differ by {exposure:.0}% in exposure and {balance:.0}% in white balance: corrected (not with --set exposure=off)",
+            photos.len()
         ));
     }
     if trained.dropped > 0 {

@@ -51,7 +51,7 @@ pub struct PhotoTruth {
 
 impl PhotoTruth {
     /// Photo `index` of `views`, taken with this pose.
-    pub(super) fn new(seed: u64, index: u32, views: u32, name: String, pose: (DMat3, DVec3)) -> Self {
+    pub fn new(seed: u64, index: u32, views: u32, name: String, pose: (DMat3, DVec3)) -> Self {
         let rng = Rng::new(seed, "light", u64::from(index));
         let turn = std::f64::consts::TAU * f64::from(index) / f64::from(views);
         let exposure = EXPOSURE_WAVE * (3.0 * turn).sin() + EXPOSURE_NOISE * f64::from(rng.normal(0));
@@ -66,7 +66,7 @@ impl PhotoTruth {
     }
 
     /// What the phone makes of what the camera sees.
-    pub(super) fn take(&self, seed: u64, index: u32, scene: &Image) -> Image {
+    pub fn take(&self, seed: u64, index: u32, scene: &Image) -> Image {
         let noise = Rng::new(seed, "noise", u64::from(index));
         let (width, middle) = (scene.size.x as usize, scene.size.as_vec2() / 2.0);
         let pixel = |(i, rgb): (usize, &[f32; 3])| {

@@ -26,13 +26,15 @@ pub struct StepPhoto<'a> {
     pub id: Option<PhotoId>,
 }
 
-/// A photo at a size: the same one has the same pixels for a whole run.
+/// A photo at a size and an exposure: the same one has the same pixels for a whole run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct PhotoId {
     /// Which photo.
     pub index: usize,
     /// How often it was halved.
     pub level: u32,
+    /// Which of the corrections of its exposure it has; 0 for none.
+    pub corrected: u32,
 }
 
 /// Figures of one step.

@@ -9,6 +9,7 @@ mod checksum;
 use super::budget::Pace;
 use super::core::Core;
 use super::identity::RunIdentity;
+use super::light::Light;
 use super::options::TrainOptions;
 use super::params::{Params, TrainState};
 use super::progress::TrainSample;
@@ -28,7 +29,7 @@ use std::io::Write;
 use std::path::Path;
 
 /// The layout written and read; it changes whenever a key or an array does.
-const FORMAT: u32 = 10;
+const FORMAT: u32 = 11;
 
 /// exp of more is no finite f32.
 const MOST_RAW_SIGMA: f32 = 88.0;
@@ -62,6 +63,8 @@ pub struct CheckpointMeta {
     pub frozen: usize,
     /// The core of the part that is trained, where one is.
     pub core: Option<Core>,
+    /// What is known of the photos' exposures.
+    pub light: Light,
     /// The photos, cameras and points it is trained on.
     pub identity: RunIdentity,
     /// Gradients dropped because they were not finite.
@@ -392,6 +395,7 @@ mod tests {
             pinned: 2,
             frozen: 1,
             core: Some(Core { low: [None, Some(-1.5), None], high: [Some(0.1), None, None], triangles: 7 }),
+            light: Light { passed: 3, ..Light::default() },
             identity: RunIdentity {
                 background: [0.5, 0.0, 1.0],
                 photos: ["a", "b"].map(photo).to_vec(),

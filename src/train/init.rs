@@ -12,6 +12,8 @@ use crate::rng::Rng;
 use crate::soup::{Soup, sh0_from_rgb};
 use glam::Vec3;
 
+/// First opacity (0.28, supplement).
+pub(super) const FIRST_OPACITY: f32 = 0.28;
 /// First σ (1.16, supplement).
 pub(super) const FIRST_SIGMA: f32 = 1.16;
 
@@ -44,7 +46,7 @@ pub fn first_soup(points: &[InitPoint], options: &InitOptions, seed: u64) -> Sou
                 std::array::from_fn(|c| points[i].position + radii[i] * on_sphere(rng, (3 * i + c) as u64))
             })
             .collect(),
-        opacity: vec![options.opacity as f32; n],
+        opacity: vec![FIRST_OPACITY; n],
         sigma: vec![FIRST_SIGMA; n],
         sh: points.iter().map(|p| p.rgb.map(sh0_from_rgb)).collect(),
         sh_degree: 0,

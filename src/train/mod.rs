@@ -28,6 +28,7 @@ pub mod gpu;
 mod hardening;
 pub mod identity;
 pub mod init;
+pub mod light;
 pub mod neighbours;
 pub mod options;
 pub mod outputs;

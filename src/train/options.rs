@@ -8,6 +8,7 @@
 
 use super::stereo_use::StereoUse;
 use crate::error::{Error, Result};
+use crate::exposure::ExposureUse;
 use crate::ranges::{self, Called};
 use crate::raster::soft::{SoftOptions, Sort, Window};
 use schemars::JsonSchema;
@@ -71,6 +72,9 @@ pub struct TrainOptions {
     /// Whether the first triangles lie in the surfaces that the photos show.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub stereo: StereoUse,
+    /// Whether photos are corrected that differ in exposure and white balance, or are darker in their corners.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub exposure: ExposureUse,
     /// Steps after which 12,000, 20,000, 24,000 and 27,000 of a 30,000-step run are done; zeros: in proportion. Runs with a
     /// budget choose them.
     #[cfg_attr(feature = "cli", arg(skip))]
@@ -112,8 +116,6 @@ pub struct TrainDrawOptions {
 pub struct InitOptions {
     /// k: corners lie on a sphere of k times the mean distance to the three nearest points (2.2, supplement).
     pub size: f64,
-    /// First opacity (0.28, supplement).
-    pub opacity: f64,
     /// Subdivisions of the shell that closes the scene where it has no points: 8 · 4^n triangles at most, 0 for none
     /// (not in the paper). Small runs have fewer, photos with masks none.
     pub shell_subdivisions: u32,

@@ -5,6 +5,7 @@ use super::options::{
     TrainOptions, TrainPreset, WarmupOptions,
 };
 use super::stereo_use::StereoUse;
+use crate::exposure::ExposureUse;
 
 impl TrainOptions {
     /// The options of a preset.
@@ -49,9 +50,10 @@ const OUTDOOR: TrainOptions = TrainOptions {
     sh_degree: 3,
     seed: 0,
     stereo: StereoUse::Auto,
+    exposure: ExposureUse::Auto,
     milestones: [0; 4],
     draw: TrainDrawOptions { sort_per_pixel: false },
-    init: InitOptions { size: 2.2, opacity: 0.28, shell_subdivisions: 4 },
+    init: InitOptions { size: 2.2, shell_subdivisions: 4 },
     loss: LossOptions { dssim: 0.2, opacity: 0.0055, distortion: 0.0, normal: 0.0, size: 1e-8 },
     rates: RateOptions { vertices: 0.003, sparse: true },
     refine: RefineOptions {

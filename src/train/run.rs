@@ -5,6 +5,7 @@ use super::budget::{Pace, Paced, Spending};
 use super::checkpoint::Checkpoint;
 use super::cpu::CpuBackend;
 use super::identity::RunIdentity;
+use super::light::ExposureDetails;
 use super::options::TrainOptions;
 use super::outputs::{Recorder, RunOptions};
 use super::progress::{TrainObserver, TrainSample};
@@ -279,6 +280,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
             dropped: trainer.dropped(),
             cpu_secs: recorded.cpu_secs,
             skipped: trainer.skipped(),
+            exposure: ExposureDetails::new(trainer.light(), dataset.train().map(|view| view.name.as_str())),
             stopped,
             lost: recorded.lost.into_iter().chain(not_finite).collect(),
         })
@@ -338,6 +340,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
             observer.refined(now.step, refined);
         }
         keep_pace(trainer, triangles, paced.as_mut(), observer);
+        trainer.find_exposures(&self.drawing)?;
         let is_over = self.is_over();
         let Self { trainer, paced, outputs, .. } = self;
         let spent = outputs.max_cpu_secs > 0.0 && now.cpu_secs >= outputs.max_cpu_secs;

@@ -3,6 +3,7 @@
 use super::core::Core;
 use super::from_scene;
 use super::init::{InitPoint, first_soup};
+use super::light::Light;
 use super::options::TrainOptions;
 use super::params::{Params, TrainState};
 use super::pyramid::Pyramid;
@@ -62,6 +63,7 @@ pub(super) struct Position {
     pub(super) step: u64,
     pub(super) dropped: u64,
     pub(super) core: Option<Core>,
+    pub(super) light: Light,
 }
 
 /// The first triangles: in the surfaces that the photos show, one per point of the sparse cloud or of a random one elsewhere, and the
@@ -181,6 +183,7 @@ fn at_first_step(views: &[&View], options: &TrainOptions, space: Space, soup: &S
         step: 0,
         dropped: 0,
         core: None,
+        light: Light::default(),
     }
 }
 

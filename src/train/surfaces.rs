@@ -1,6 +1,6 @@
 //! The first triangles in the surfaces that the photos show, and which points of the cloud are still wanted beside them.
 
-use super::init::FIRST_SIGMA;
+use super::init::{FIRST_OPACITY, FIRST_SIGMA};
 use super::options::TrainOptions;
 use super::stereo_use::StereoUse;
 use crate::dataset::{Point, View};
@@ -60,7 +60,7 @@ impl Surfaces {
         let soup = Soup {
             vertices: facets.iter().map(|facet| facet.corners.map(|p| space.to_training(p))).collect(),
             // As faint and soft as triangles at points: wrong ones can still fade.
-            opacity: vec![options.init.opacity as f32; n],
+            opacity: vec![FIRST_OPACITY; n],
             sigma: vec![FIRST_SIGMA; n],
             sh: facets.iter().map(|facet| facet.rgb.map(|c| sh0_from_rgb(f32::from(c) / 255.0))).collect(),
             sh_degree: 0,

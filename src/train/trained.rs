@@ -2,6 +2,7 @@
 
 use super::budget::{BudgetDetails, Pace, Paced};
 use super::eval::{PhotoScore, Quality};
+use super::light::ExposureDetails;
 use super::options::TrainOptions;
 use super::progress::TrainSample;
 use super::skipped::SkippedWork;
@@ -48,6 +49,8 @@ pub struct Trained {
     pub cpu_secs: f64,
     /// What the steps of this process left out.
     pub skipped: SkippedWork,
+    /// The photos' exposures; `None` where nothing was asked of them.
+    pub exposure: Option<ExposureDetails>,
     /// The run was stopped before its last step.
     pub stopped: bool,
     /// The checkpoint of the last step, if one was written.
@@ -85,6 +88,9 @@ pub struct TrainDetails {
     /// What the steps left out; of a run that was resumed, those since.
     #[serde(default)]
     pub skipped: SkippedWork,
+    /// The photos' exposures; absent where nothing was asked of them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exposure: Option<ExposureDetails>,
     /// The held-out photos one by one.
     pub held_out: Vec<PhotoScore>,
     /// What hardening gained; absent when it was not compared.
@@ -161,6 +167,7 @@ impl Trained {
             photo_size: self.photo_size,
             budget: self.budget(),
             skipped: self.skipped,
+            exposure: self.exposure.clone(),
             held_out: self.scores.clone(),
             hardened: None,
         }

@@ -3,8 +3,9 @@
 use super::backend::{PhotoId, StepPhoto, StepStats, TrainBackend};
 use super::checkpoint::{Checkpoint, CheckpointMeta};
 use super::core::Core;
-use super::eval::solid_samples;
+use super::eval::{EvalScene, solid_samples};
 use super::identity::RunIdentity;
+use super::light::Light;
 use super::options::TrainOptions;
 use super::params::{Anneal, TrainState};
 use super::progress::TrainSample;
@@ -17,8 +18,10 @@ use super::visibility::{PhotoVisibility, VisibilityStats};
 use crate::camera::Camera;
 use crate::dataset::{Dataset, View};
 use crate::error::{Error, Result};
+use crate::exposure::{Cells, compared_size};
 use crate::image::Pixels;
-use crate::raster::soft::{SoftOptions, Window};
+use crate::raster::soft::{Soft, SoftOptions, Window};
+use crate::raster::solid::Solid;
 use crate::rng::Rng;
 use crate::soup::Soup;
 use crate::space::Space;
@@ -35,6 +38,8 @@ pub struct Trainer<B> {
     /// What is not as it was when the checkpoint was made.
     differences: Vec<String>,
     photos: Pyramid,
+    /// The photos' exposures.
+    light: Light,
     order: Vec<usize>,
     backend: B,
     visibility: VisibilityStats,
@@ -131,8 +136,8 @@ impl<B: TrainBackend> Trainer<B> {
             return Err(refused(difference));
         }
         let space = meta.space();
-        let CheckpointMeta { step, options, dropped, core, .. } = meta;
-        let position = Position { options, space, state, visibility, step, dropped, core };
+        let CheckpointMeta { step, options, dropped, core, light, .. } = meta;
+        let position = Position { options, space, state, visibility, step, dropped, core, light };
         let run = Self::assemble(&views, position, identity, photos, backend)?;
         Ok(Self { differences, ..run })
     }
@@ -144,7 +149,7 @@ impl<B: TrainBackend> Trainer<B> {
         photos: Pyramid,
         backend: B,
     ) -> Result<Self> {
-        let Position { options, space, state, visibility, step, dropped, core } = position;
+        let Position { options, space, state, visibility, step, dropped, core, light } = position;
         let (pinned, frozen) = (state.pinned, state.frozen);
         let mut run = Self {
             space,
@@ -152,6 +157,7 @@ impl<B: TrainBackend> Trainer<B> {
             identity,
             differences: Vec::new(),
             photos,
+            light,
             order: Vec::new(),
             backend,
             visibility,
@@ -277,12 +283,16 @@ impl<B: TrainBackend> Trainer<B> {
         let level = Schedule::new(&self.options).level(self.step);
         let mut pixels = self.photos.take(index, level)?;
         let mut rates = Schedule::new(&self.options).rates(self.step);
-        let mut id = Some(PhotoId { index, level });
+        let mut id = None;
         if self.photos.is_cut(index) && pixels.alpha.is_some() {
             // Before one colour alone, triangles of that colour would do for nothing.
             let behind = background(self.options.seed, self.step);
             pixels = Arc::new(pixels.over_instead_of_black(behind));
-            (rates.background, id) = (Some(behind.map(|c| f32::from(c) / 255.0)), None);
+            rates.background = Some(behind.map(|c| f32::from(c) / 255.0));
+        } else {
+            let corrected;
+            (pixels, corrected) = self.light.correct(index, pixels);
+            id = Some(PhotoId { index, level, corrected });
         }
         let camera = self.cameras[index].resized(pixels.size);
         if level != self.level {
@@ -308,6 +318,33 @@ impl<B: TrainBackend> Trainer<B> {
             false => None,
         };
         Ok(StepOutcome { refined, width_px: pixels.size.x })
+    }
+
+    /// The photos' exposures, as far as they are known.
+    pub fn light(&self) -> &Light {
+        &self.light
+    }
+
+    /// Finds the photos' exposures anew where that is due: by the scene as it is, drawn as `drawing` for each of them.
+    pub(super) fn find_exposures(&mut self, drawing: &SoftOptions) -> Result<()> {
+        let count = self.cameras.len();
+        let cut = (0..count).any(|i| self.photos.is_cut(i));
+        if cut || !self.light.is_due(self.step, &self.options, count) {
+            return Ok(());
+        }
+        let (drawing, level) = (self.drawing(drawing), self.level);
+        let scene = EvalScene::new(&self.soup()?, &self.space, &drawing);
+        let (mut soft, mut solid) = (Soft::new(), Solid::new());
+        let mut photos = Vec::with_capacity(count);
+        for i in 0..count {
+            let photo = self.photos.take(i, level)?;
+            let size = compared_size(photo.size);
+            let photo = if size == photo.size { photo } else { Arc::new(photo.downscaled(size)) };
+            let drawn = scene.draw(&self.cameras[i].resized(size), &drawing, &mut soft, &mut solid);
+            photos.push(Cells::new(&photo, &drawn, self.photos.size(i, 0)));
+        }
+        self.light.update(&photos, self.options.exposure);
+        Ok(())
     }
 
     /// Goes on with `options` that differ in what is left of the schedule only: their steps and milestones.
@@ -416,6 +453,7 @@ impl<B: TrainBackend> Trainer<B> {
             pinned: self.pinned,
             frozen: self.frozen,
             core: self.core,
+            light: self.light.clone(),
             identity,
             dropped: now.dropped,
             curve: curve.iter().copied().filter(|sample| sample.step <= now.step).collect(),

@@ -3,6 +3,7 @@
 
 mod chunks;
 mod closed_form;
+mod exposure;
 mod first_view;
 mod hierarchy;
 mod hostile;

@@ -4,6 +4,7 @@
 pub(crate) mod dual;
 pub(crate) mod edits;
 pub(crate) mod oracle;
+pub(crate) mod phone;
 pub(crate) mod png;
 pub(crate) mod regressions;
 

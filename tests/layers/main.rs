@@ -24,6 +24,7 @@ const MAY: &[(&str, &str)] = &[
     ("math", ""),
     ("camera", "error limits"),
     ("image", "atomic error guard input limits"),
+    ("exposure", "image math"),
     ("soup", "error math"),
     ("texture", "image math"),
     ("mesh", "error math texture"),
@@ -47,11 +48,11 @@ const MAY: &[(&str, &str)] = &[
     ("surface", "ranges teacher raster scene soup space mesh camera report error math limits"),
     (
         "train",
-        "ranges raster kernel gpu dataset stereo formats asset scene atomic budget process soup mesh space camera image rng report error guard math input limits work",
+        "ranges raster kernel gpu dataset stereo exposure formats asset scene atomic budget process soup mesh space camera image rng report error guard math input limits work",
     ),
     (
         "bake",
-        "texture surface ranges framing raster teacher dataset budget formats soup mesh scene placed bvh asset camera image region rng report error math limits",
+        "texture surface ranges framing raster teacher dataset exposure budget formats soup mesh scene placed bvh asset camera image region rng report error math limits",
     ),
     (
         "scale",

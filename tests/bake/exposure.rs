@@ -1,0 +1,52 @@
+//! The stage `exposure` on photos that a phone took, against what the phone did.
+
+use crate::common::phone::{error_of_gains, phone_sample};
+use std::path::Path;
+use trisplat::bake::exposure::ExposureDetails;
+use trisplat::bake::refit::RefitDetails;
+use trisplat::bake::views::Views;
+use trisplat::bake::{Bake, BakeOptions};
+use trisplat::dataset::{Dataset, DatasetOptions};
+use trisplat::exposure::ExposureUse;
+use trisplat::formats::{self, ReadOptions};
+use trisplat::report::Report;
+
+/// What the stages say of the sample scene, baked with these photos.
+fn baked(photos: &Path, exposure: ExposureUse) -> Report {
+    let options = DatasetOptions::default();
+    let mut views = Views::new(&Dataset::load(photos, &options).unwrap(), &options);
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/soups/trained.ply");
+    let scene = formats::read(&scene, &ReadOptions::default()).unwrap();
+    let mut bake = BakeOptions::default();
+    bake.exposure.exposure = exposure;
+    let mut report = Report::new("bake");
+    Bake::new(&bake).photos(&mut views).report(&mut report).run([scene]).unwrap();
+    report
+}
+
+#[test]
+fn what_a_phone_did_is_found_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let truth = phone_sample(folder.path());
+    let report = baked(folder.path(), ExposureUse::Auto);
+    let details = report.details::<ExposureDetails>().unwrap();
+    let dataset = Dataset::load(folder.path(), &DatasetOptions::default()).unwrap();
+    let names: Vec<&str> = dataset.train().map(|view| view.name.as_str()).collect();
+    let error = error_of_gains(&truth, &names, &details.exposures.gains);
+    assert!(error < 0.02, "gains are off by {error}");
+    let falloff = details.exposures.falloff[0];
+    assert!((falloff - 0.4).abs() < 0.08, "{falloff}");
+    // Colours that are fitted agree with photos that were held out.
+    let off = baked(folder.path(), ExposureUse::Off);
+    assert!(off.details::<ExposureDetails>().is_none_or(|details| details.verdict.is_none()));
+    let psnr = |report: &Report| report.details::<RefitDetails>().unwrap().psnr_corner.unwrap();
+    assert!(psnr(&report) > psnr(&off) + 3.0, "{} {}", psnr(&report), psnr(&off));
+}
+
+#[test]
+fn photos_that_agree_are_left_as_they_are() {
+    let photos = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/dataset");
+    let details = baked(&photos, ExposureUse::Auto).details::<ExposureDetails>().unwrap();
+    assert!(details.exposures.gains.is_empty(), "{:?}", details.verdict);
+    assert!(details.verdict.unwrap().exposure < 0.02, "{:?}", details.verdict);
+}

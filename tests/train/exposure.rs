@@ -1,0 +1,44 @@
+//! The exposures of photos, found while a scene is trained, against what was done to them.
+
+use super::train;
+use crate::common::phone::{error_of_gains, phone_sample};
+use std::path::Path;
+use trisplat::dataset::{Dataset, DatasetOptions};
+use trisplat::train::{RunOptions, TrainOptions, TrainPreset, TrainRun, checkpoint};
+
+fn options(steps: u64) -> TrainOptions {
+    TrainOptions { steps, max_triangles: 3000, ..TrainOptions::preset(TrainPreset::Solid) }
+}
+
+fn load(folder: &Path) -> Dataset {
+    Dataset::load(folder, &DatasetOptions { max_size: Some(96), ..DatasetOptions::default() }).unwrap()
+}
+
+#[test]
+fn what_a_phone_did_is_found_again_and_a_run_that_goes_on_finds_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let truth = phone_sample(folder.path());
+    let dataset = load(folder.path());
+    let path = folder.path().join("a.checkpoint");
+    let outputs =
+        RunOptions { checkpoint: Some(path.clone()), checkpoint_every: 300, ..RunOptions::default() };
+    let all = options(600);
+    let half = TrainRun { outputs, until_step: Some(300), ..TrainRun::new(&dataset, &all) };
+    half.run(&mut ()).unwrap();
+    let trained = TrainRun::from_checkpoint(&dataset, checkpoint::read(&path).unwrap()).run(&mut ()).unwrap();
+    let details = trained.exposure.clone().expect("photos were asked");
+    assert_eq!(details.verdict.strength, 1.0, "{:?}", details.verdict);
+    let names: Vec<&str> = details.photos.iter().map(|photo| photo.name.as_str()).collect();
+    let gains: Vec<[f32; 3]> = details.photos.iter().map(|photo| photo.gains).collect();
+    let error = error_of_gains(&truth, &names, &gains);
+    assert!(error < 0.03, "gains are off by {error}");
+    let whole = train(&dataset, &all).unwrap();
+    assert!(whole.soup == trained.soup && whole.exposure == trained.exposure);
+}
+
+#[test]
+fn photos_that_agree_are_left_as_they_are() {
+    let dataset = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/dataset"));
+    let details = train(&dataset, &options(200)).unwrap().exposure.expect("photos were asked");
+    assert!(details.photos.is_empty() && details.verdict.strength == 0.0, "{:?}", details.verdict);
+}
