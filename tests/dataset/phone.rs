@@ -4,6 +4,7 @@ use glam::{DQuat, DVec3, Vec2};
 use trisplat::camera::Camera;
 use trisplat::dataset::phone::{PhoneTruth, TRUTH_FILE};
 use trisplat::dataset::synthetic::{self, SyntheticOptions};
+use trisplat::limits::Limits;
 use trisplat::math::color::linear_from_srgb;
 use trisplat::math::median::median;
 
@@ -52,6 +53,6 @@ fn a_phone_does_to_photos_what_its_file_says() {
     let gains: Vec<f64> = truth.photos.iter().map(|photo| photo.gains[1]).collect();
     assert!(gains.iter().any(|g| *g > 0.15) && gains.iter().any(|g| *g < -0.15), "{gains:?}");
     // The points were seen where they are: the poses do not fit them by as much.
-    let reprojection = dataset.reprojection.unwrap().mean_px;
+    let reprojection = dataset.reprojection(&Limits::DEFAULT).unwrap().unwrap().mean_px;
     assert!((0.3..1.2).contains(&reprojection), "{reprojection}");
 }
