@@ -31,6 +31,7 @@ struct Material {
 pub(super) struct Materials {
     libraries: Vec<String>,
     names: Vec<String>,
+    numbers: BTreeMap<String, usize>,
     /// That of the next face.
     current: u32,
     /// Numbers of their names; empty while there are none. `[F]`
@@ -53,11 +54,12 @@ impl Materials {
 
     /// `usemtl NAME`, behind `faces` faces.
     pub(super) fn begin(&mut self, name: &str, faces: usize) {
-        let number = self.names.iter().position(|known| known == name).unwrap_or(self.names.len());
         if self.names.is_empty() {
             self.of_face.resize(faces, NONE);
         }
-        if number == self.names.len() {
+        let next = self.names.len();
+        let number = *self.numbers.entry(name.to_owned()).or_insert(next);
+        if number == next {
             self.names.push(name.to_owned());
         }
         self.current = number as u32;
