@@ -4,11 +4,12 @@ use super::{ExposureUse, Exposures, Solved};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Photos whose light spreads less than the first, as a logarithm, are taken as they are: photos beside a held-out one are exposed like it,
+/// Photos whose exposure spreads less than the first, as a logarithm, are taken as they are; colours of a scene that is not trained yet differ
+/// from photo to photo, so white balance does not decide. Why so late: photos beside a held-out one are exposed like it,
 /// and raw figures say so (docs/benchmarks/exposure.md). From the second on they are corrected by all of what was found, between the
 /// two by a part.
 const SPREAD: [f32; 2] = [0.15, 0.25];
-/// The same of the falloff. A scene can take on a weak one, and its own edges may look like one.
+/// The same of the falloff, where photos are corrected at all. A scene can take on a weak one, and its own edges may look like one.
 const FALLOFF: [f32; 2] = [0.12, 0.3];
 
 /// How much photos differ in their light.
@@ -40,12 +41,12 @@ pub fn judge(solved: Solved, wanted: ExposureUse) -> (Option<Exposures>, Verdict
     let strength = match wanted {
         ExposureUse::On => 1.0,
         ExposureUse::Off => 0.0,
-        ExposureUse::Auto => part(spread[0].hypot(spread[1]).hypot(spread[2]), SPREAD),
+        ExposureUse::Auto => part(spread[0], SPREAD),
     };
-    let dark_corners = if wanted == ExposureUse::Off { 0.0 } else { part(falloff, FALLOFF) };
+    let dark_corners = strength * part(falloff, FALLOFF);
     let balance = spread[1].hypot(spread[2]) / std::f32::consts::SQRT_2;
     let verdict = Verdict { exposure: spread[0], balance, corners: falloff, strength };
-    if strength == 0.0 && dark_corners == 0.0 {
+    if strength == 0.0 {
         return (None, verdict);
     }
     for ((gains, modes), noise) in exposures.gains.iter_mut().zip(&modes).zip(&noise) {
