@@ -104,7 +104,7 @@ fn apart(mesh: &Mesh, unwrapped: &uvunwrap::OutputMesh, edges: &[[f32; 3]]) -> V
     charts.resize_with(last + 1, Chart::default);
     let mut local = vec![(u32::MAX, 0u32); unwrapped.vertices.len()];
     let mut lengths = vec![(0.0f32, 0.0f32); charts.len()];
-    for face in 0..mesh.face_count() {
+    for (face, edges) in edges.iter().enumerate() {
         let number = number(face).map_or(last, |number| number as usize);
         let chart = &mut charts[number];
         chart.faces.push(face as u32);
@@ -118,7 +118,7 @@ fn apart(mesh: &Mesh, unwrapped: &uvunwrap::OutputMesh, edges: &[[f32; 3]]) -> V
             }
             chart.indices.push(known.1);
         }
-        let px: f32 = edges[face].iter().sum();
+        let px: f32 = edges.iter().sum();
         if px > 0.0 {
             let [a, b, c] = mesh.corners(face);
             lengths[number].0 += px;
