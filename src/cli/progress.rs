@@ -1,7 +1,7 @@
 //! What the terminal shows while stages run: a spinner on a TTY, a bar for stages that say how far they have come, and
 //! the stage table.
 
-use super::{Global, flags, messages};
+use super::{Global, capture_rows, flags, messages};
 use crate::bake::backdrop::BackdropDetails;
 use crate::bake::pace::BakeBudgetDetails;
 use crate::bake::teacher::TeacherDetails;
@@ -11,7 +11,7 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 /// What is shown for a stage that does not report progress.
-const SPINNER: &str = "{spinner} {prefix} {elapsed}";
+const SPINNER: &str = "{spinner} {prefix:<10} {elapsed}  {msg}";
 /// What is shown of one that does.
 const BAR: &str = "{spinner} {prefix:<10} {bar:30} {percent:>3}%  {msg}";
 /// Resolution of a bar.
@@ -102,6 +102,7 @@ impl Observer for Progress {
         if let Some(bar) = &self.bar {
             set_template(bar, SPINNER);
             bar.set_prefix(name.to_owned());
+            bar.set_message("");
         }
     }
 
@@ -161,6 +162,9 @@ fn row(stage: &StageReport) -> String {
             false => String::new(),
         };
         return format!("{name:<11}not needed: {why}{took}");
+    }
+    if let Some(text) = capture_rows::row(stage) {
+        return format!("{name:<11}{text:<55} {:>8.2} s", stage.seconds);
     }
     if let Some(budget) = stage.details_as::<BakeBudgetDetails>() {
         return format!("{name:<11}{}", chosen(&budget));
