@@ -149,7 +149,11 @@ fn time_left(elapsed: Duration, fraction: f64) -> Option<String> {
 
 /// Whether a stage is worth a line: it changed something, or tried to for a while, or was asked for.
 fn is_told(stage: &StageReport) -> bool {
-    let asked = |why: &String| matches!(stage.name.as_str(), "budget" | "train") || why.contains("`budget`");
+    let asked = |why: &String| {
+        matches!(stage.name.as_str(), "budget" | "capture" | "train")
+            || why == "done before"
+            || why.contains("`budget`")
+    };
     stage.seconds >= TRIED_SECS || stage.unneeded.as_ref().is_none_or(asked)
 }
 

@@ -46,7 +46,7 @@ fn additions(arguments: &[&str]) -> &'static [&'static str] {
         ["bake", ..] => &["--force"],
         // Enough steps to have something to bake, in place of those that the README asks for.
         ["train", ..] => &["--force", "--steps", "60"],
-        ["make", ..] => &["--force", "--budget", "6s"],
+        ["make", ..] => &["--force", "--budget", "6s", "--max-size", "60", "--max-triangles", "500"],
         ["bench", "bake"] => &["--triangles", "2000", "--runs", "1"],
         ["bench", "stress"] => &["--cases", "20000", "--climb", "50"],
         ["bench", "cost", ..] => &["--steps", "20", "--max-size", "64"],
