@@ -125,7 +125,7 @@ fn config_schema(mut schema: schemars::Schema) -> schemars::Schema {
 fn report_schema() -> schemars::Schema {
     let mut generator = schemars::generate::SchemaSettings::draft2020_12().into_generator();
     let g = &mut generator;
-    let stages = [
+    let stages = vec![
         stage_schema::<PhotosDetails>(g),
         stage_schema::<FeaturesDetails>(g),
         stage_schema::<MatchesDetails>(g),
