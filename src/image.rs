@@ -72,7 +72,7 @@ impl Pixels {
         self.rgb.len() as u64 * 3 + self.alpha.as_ref().map_or(0, |a| a.len() as u64)
     }
 
-    /// Reads a PNG, JPEG or WebP file; 16-bit channels are rounded to 8, grey becomes RGB.
+    /// Reads a PNG, JPEG, WebP or TIFF file; 16-bit channels are rounded to 8, grey becomes RGB.
     ///
     /// The pixels are taken as stored: an EXIF rotation is not applied, as COLMAP does not either.
     pub fn load(path: &Path) -> Result<Self> {
@@ -82,6 +82,39 @@ impl Pixels {
     /// [`Pixels::load`] of a picture that is not larger than `limits` say.
     pub fn load_within(path: &Path, limits: &Limits) -> Result<Self> {
         Ok(Self::of_decoded(decode(path, limits)?))
+    }
+
+    /// [`Pixels::load_within`] at 1/2, 1/4 or 1/8 of its size where that is faster (JPEG) and no side gets smaller than that of `least`.
+    /// Returns the full size too.
+    pub fn load_reduced(path: &Path, least: UVec2, limits: &Limits) -> Result<(Self, UVec2)> {
+        let (picture, full) = decode::decode_reduced(path, least, limits)?;
+        Ok((Self::of_decoded(picture), full))
+    }
+
+    /// The picture turned upright, of a camera that was held as `orientation` says: 1 to 8, as EXIF has it.
+    pub fn turned(&self, orientation: u8) -> Self {
+        let UVec2 { x: width, y: height } = self.size;
+        let size = if orientation >= 5 { UVec2::new(height, width) } else { self.size };
+        let source = |i: u32| {
+            let (x, y) = (i % size.x, i / size.x);
+            let (x, y) = match orientation {
+                2 => (width - 1 - x, y),
+                3 => (width - 1 - x, height - 1 - y),
+                4 => (x, height - 1 - y),
+                5 => (y, x),
+                6 => (y, height - 1 - x),
+                7 => (width - 1 - y, height - 1 - x),
+                8 => (width - 1 - y, x),
+                _ => (x, y),
+            };
+            (y * width + x) as usize
+        };
+        let places = 0..size.x * size.y;
+        Self {
+            size,
+            rgb: places.clone().map(|i| self.rgb[source(i)]).collect(),
+            alpha: self.alpha.as_ref().map(|alpha| places.map(|i| alpha[source(i)]).collect()),
+        }
     }
 
     fn of_decoded(picture: image::DynamicImage) -> Self {
@@ -360,6 +393,59 @@ mod tests {
     }
 
     #[test]
+    fn a_jpeg_that_is_read_smaller_is_the_mean_of_its_pixels() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.jpg");
+        let size = UVec2::new(160, 96);
+        let code = |x: u32, y: u32| {
+            let (x, y) = (f64::from(x), f64::from(y));
+            [128.0 + 90.0 * (x / 19.0).sin(), 128.0 + 80.0 * (y / 13.0).cos(), 2.0 * y].map(|c| c as u8)
+        };
+        let rgb = (0..size.x * size.y).map(|i| code(i % size.x, i / size.x)).collect();
+        let limits = &Limits::DEFAULT;
+        std::fs::write(&path, Pixels { size, rgb, alpha: None }.to_jpeg(95).unwrap()).unwrap();
+        let whole = Pixels::load(&path).unwrap();
+        for (least, part) in [(20, 8), (21, 4), (40, 4), (41, 2), (80, 2), (81, 1), (400, 1)] {
+            let (small, full) = Pixels::load_reduced(&path, UVec2::new(least, 1), limits).unwrap();
+            assert_eq!((small.size, full), (size / part, size), "{least}");
+            let mean = whole.downscaled(small.size);
+            for (a, b) in small.rgb.iter().zip(&mean.rgb) {
+                assert!((0..3).all(|c| a[c].abs_diff(b[c]) <= 4), "{least}: {a:?} {b:?}");
+            }
+        }
+        // Odd sides are read whole, as is what is cut short, which is an error.
+        let odd = Pixels { size: UVec2::new(161, 96), rgb: vec![[7; 3]; 161 * 96], alpha: None };
+        let bytes = odd.to_jpeg(90).unwrap();
+        std::fs::write(&path, &bytes).unwrap();
+        assert_eq!(Pixels::load_reduced(&path, UVec2::splat(10), limits).unwrap().0.size, odd.size);
+        std::fs::write(&path, &bytes[..bytes.len() - 20]).unwrap();
+        assert!(Pixels::load_reduced(&path, UVec2::splat(10), limits).is_err());
+    }
+
+    #[test]
+    fn a_picture_is_turned_as_exif_says() {
+        // 1 2 3
+        // 4 5 6
+        let picture =
+            Pixels { size: UVec2::new(3, 2), rgb: (1..=6).map(|c| [c, 0, 0]).collect(), alpha: None };
+        for (orientation, rows) in [
+            (1, [[1, 2, 3], [4, 5, 6]].concat()),
+            (2, [[3, 2, 1], [6, 5, 4]].concat()),
+            (3, [[6, 5, 4], [3, 2, 1]].concat()),
+            (4, [[4, 5, 6], [1, 2, 3]].concat()),
+            (5, [[1, 4], [2, 5], [3, 6]].concat()),
+            (6, [[4, 1], [5, 2], [6, 3]].concat()),
+            (7, [[6, 3], [5, 2], [4, 1]].concat()),
+            (8, [[3, 6], [2, 5], [1, 4]].concat()),
+        ] {
+            let turned = picture.turned(orientation);
+            assert_eq!(turned.rgb.iter().map(|p| p[0]).collect::<Vec<u8>>(), rows, "{orientation}");
+            let sides = if orientation < 5 { (3, 2) } else { (2, 3) };
+            assert_eq!((turned.size.x, turned.size.y), sides, "{orientation}");
+        }
+    }
+
+    #[test]
     fn alpha_blends_with_the_background() {
         let picture =
             Pixels { size: UVec2::new(3, 1), rgb: vec![[200; 3]; 3], alpha: Some(vec![255, 0, 51]) };
@@ -400,6 +486,40 @@ mod tests {
         image::codecs::jpeg::JpegEncoder::new(&mut jpeg).encode(rgb, 32, 24, rgb8).unwrap();
         image::codecs::webp::WebPEncoder::new_lossless(&mut webp).encode(rgb, 32, 24, rgb8).unwrap();
         [("png", source.to_png().unwrap()), ("jpeg", jpeg), ("webp", webp)]
+    }
+
+    #[test]
+    fn sixteen_bits_tiff_and_printing_colours_are_read() {
+        use image::{DynamicImage, ImageBuffer, ImageFormat, Rgb};
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("picture.any");
+        let source = ramp(UVec2::new(32, 24));
+        let deep: Vec<u16> = source.rgb.as_flattened().iter().map(|&c| u16::from(c) * 257).collect();
+        let deep: DynamicImage = ImageBuffer::<Rgb<u16>, _>::from_raw(32, 24, deep).unwrap().into();
+        for (picture, format) in [
+            (&deep, ImageFormat::Png),
+            (&deep, ImageFormat::Tiff),
+            (&DynamicImage::from(deep.to_rgb8()), ImageFormat::Tiff),
+        ] {
+            let mut bytes = Cursor::new(Vec::new());
+            picture.write_to(&mut bytes, format).unwrap();
+            let bytes = bytes.into_inner();
+            std::fs::write(&path, &bytes).unwrap();
+            assert_eq!(Pixels::size_of(&path, &Limits::DEFAULT).unwrap(), source.size, "{format:?}");
+            assert_eq!(Pixels::load(&path).unwrap(), source, "{format:?}");
+            std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+            assert!(Pixels::size_of(&path, &Limits::DEFAULT).is_err(), "{format:?} cut short");
+        }
+        // A red and a green half in cyan, magenta, yellow and black, as Adobe's programs write them.
+        let cmyk = "/9j/7gAOQWRvYmUAZAAAAAAA/9sAQwADAgIDAgIDAwMDBAMDBAUIBQUEBAUKBwcGCAwKDAwLCgsLDQ4SEA0OEQ4LCxAWEBETFBUVFQwP\
+                    FxgWFBgSFBUU/8AAFAgACAAQBEMRAE0RAFkRAEsRAP/EABcAAAMBAAAAAAAAAAAAAAAAAAAICQf/xAAUEAEAAAAAAAAAAAAAAAAAAAAA/9oA\
+                    DgRDAE0AWQBLAAA/AHAIoUpVNDpUBqAf/9k=";
+        let bytes = base64::Engine::decode(&base64::engine::general_purpose::STANDARD, cmyk).unwrap();
+        std::fs::write(&path, bytes).unwrap();
+        let printed = Pixels::load(&path).unwrap();
+        for (at, wanted) in [(4 * 16 + 3, [200u8, 40, 60]), (4 * 16 + 12, [30, 160, 90])] {
+            assert!((0..3).all(|c| printed.rgb[at][c].abs_diff(wanted[c]) <= 3), "{:?}", printed.rgb[at]);
+        }
     }
 
     #[test]

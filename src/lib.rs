@@ -59,6 +59,7 @@ pub mod bench;
 pub mod budget;
 pub mod bvh;
 pub mod camera;
+pub mod capture;
 #[cfg(feature = "cli")]
 #[doc(hidden)]
 pub mod cli;
@@ -110,7 +111,7 @@ pub use camera::Camera;
 pub use dataset::{Dataset, DatasetOptions};
 pub use error::{Error, Result};
 pub use formats::{OutputOptions, ReadOptions, read, write};
-pub use job::{BakeJob, EvalJob, RenderJob, TrainJob, train};
+pub use job::{BakeJob, EvalJob, MakeJob, RenderJob, TrainJob, train};
 pub use limits::Limits;
 pub use mesh::Mesh;
 pub use report::Report;

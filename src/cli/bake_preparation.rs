@@ -30,6 +30,11 @@ impl<'a> Terminal<'a> {
         progress
     }
 
+    /// Takes the bar away.
+    pub(super) fn clear(&self) {
+        self.drawing.iter().chain(&self.stages).for_each(Progress::done);
+    }
+
     fn stages(&mut self) -> &mut Progress {
         let (global, command) = (self.global, &self.command);
         self.stages.get_or_insert_with(|| Progress::new(global).with_flags_of(command.clone()))

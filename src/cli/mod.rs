@@ -12,6 +12,8 @@ mod bake_preparation;
 pub mod bench;
 #[cfg(feature = "bench")]
 mod bench_cost;
+pub mod capture;
+mod capture_rows;
 pub mod completions;
 pub mod eval;
 pub mod files;
@@ -22,6 +24,7 @@ pub mod info;
 pub mod info_dataset;
 mod info_tileset;
 pub mod layers;
+pub mod make;
 pub mod man;
 pub mod merge;
 pub mod mesh;

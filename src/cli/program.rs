@@ -6,9 +6,9 @@ use super::bench;
 use super::missing;
 use super::stereo;
 use super::{
-    Global, bake, bake_args, completions, eval, flags, info, man, merge, mesh, messages, numbers,
-    out_of_memory, panics, plan, render, sample, schema, settings_hint, short_help, signals, stdout::Stdout,
-    suggestions, train, train_args, validate,
+    Global, bake, bake_args, capture, completions, eval, flags, info, make, man, merge, mesh, messages,
+    numbers, out_of_memory, panics, plan, render, sample, schema, settings_hint, short_help, signals,
+    stdout::Stdout, suggestions, train, train_args, validate,
 };
 #[cfg(feature = "view")]
 use super::{train_view, view};
@@ -34,6 +34,10 @@ pub struct Cli {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Make a scene of photos or a video, in one command: poses, training, a file for an engine, a page.
+    Make(Box<make::MakeArgs>),
+    /// Make a data set of photos or a video: finds where they were taken.
+    Capture(capture::CaptureArgs),
     /// Turn a trained soup or a coloured mesh into a file an engine draws.
     Bake(Box<bake_args::BakeArgs>),
     /// Make one connected surface of a scene: something to walk on and to collide with.
@@ -119,6 +123,8 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
     let typed = matches.subcommand().map_or(matches, |(_, typed)| typed);
     let out = &mut Stdout;
     match &cli.command {
+        Command::Make(args) => return make::run(args, &cli.global),
+        Command::Capture(args) => return capture::run(args, &cli.global),
         Command::Bake(args) => bake::run(args, typed, &cli.global),
         Command::Mesh(args) => mesh::run(args, typed, &cli.global),
         Command::Stereo(args) => stereo::run(args, &cli.global),
@@ -156,6 +162,7 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
 /// How the command reads data sets, and scenes: with the limits and the trust that the flags of all commands say.
 fn dataset_options(command: &mut Command) -> Option<&mut DatasetOptions> {
     match command {
+        Command::Make(args) => Some(&mut args.dataset_options),
         Command::Bake(args) => Some(&mut args.dataset_options),
         Command::Mesh(args) => Some(&mut args.dataset_options),
         Command::Stereo(args) => Some(&mut args.dataset_options),

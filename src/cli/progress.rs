@@ -1,7 +1,7 @@
 //! What the terminal shows while stages run: a spinner on a TTY, a bar for stages that say how far they have come, and
 //! the stage table.
 
-use super::{Global, flags, messages};
+use super::{Global, capture_rows, flags, messages};
 use crate::bake::backdrop::BackdropDetails;
 use crate::bake::pace::BakeBudgetDetails;
 use crate::bake::teacher::TeacherDetails;
@@ -11,7 +11,7 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 /// What is shown for a stage that does not report progress.
-const SPINNER: &str = "{spinner} {prefix} {elapsed}";
+const SPINNER: &str = "{spinner} {prefix:<10} {elapsed}  {msg}";
 /// What is shown of one that does.
 const BAR: &str = "{spinner} {prefix:<10} {bar:30} {percent:>3}%  {msg}";
 /// Resolution of a bar.
@@ -102,6 +102,7 @@ impl Observer for Progress {
         if let Some(bar) = &self.bar {
             set_template(bar, SPINNER);
             bar.set_prefix(name.to_owned());
+            bar.set_message("");
         }
     }
 
@@ -148,7 +149,11 @@ fn time_left(elapsed: Duration, fraction: f64) -> Option<String> {
 
 /// Whether a stage is worth a line: it changed something, or tried to for a while, or was asked for.
 fn is_told(stage: &StageReport) -> bool {
-    let asked = |why: &String| matches!(stage.name.as_str(), "budget" | "train") || why.contains("`budget`");
+    let asked = |why: &String| {
+        matches!(stage.name.as_str(), "budget" | "capture" | "train")
+            || why == "done before"
+            || why.contains("`budget`")
+    };
     stage.seconds >= TRIED_SECS || stage.unneeded.as_ref().is_none_or(asked)
 }
 
@@ -161,6 +166,9 @@ fn row(stage: &StageReport) -> String {
             false => String::new(),
         };
         return format!("{name:<11}not needed: {why}{took}");
+    }
+    if let Some(text) = capture_rows::row(stage) {
+        return format!("{name:<11}{text:<55} {:>8.2} s", stage.seconds);
     }
     if let Some(budget) = stage.details_as::<BakeBudgetDetails>() {
         return format!("{name:<11}{}", chosen(&budget));

@@ -11,6 +11,7 @@ use crate::bake::{
 };
 #[cfg(feature = "bench")]
 use crate::bench::{bake::BakeRow, cost::MeasuredRow, stress::StressReport};
+use crate::capture::{FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails};
 use crate::dataset::Description;
 use crate::error::{Error, Result};
 use crate::eval::evaluate::EvalReport;
@@ -124,7 +125,12 @@ fn config_schema(mut schema: schemars::Schema) -> schemars::Schema {
 fn report_schema() -> schemars::Schema {
     let mut generator = schemars::generate::SchemaSettings::draft2020_12().into_generator();
     let g = &mut generator;
-    let stages = [
+    let stages = vec![
+        stage_schema::<PhotosDetails>(g),
+        stage_schema::<FeaturesDetails>(g),
+        stage_schema::<MatchesDetails>(g),
+        stage_schema::<ModelDetails>(g),
+        stage_schema::<VerdictDetails>(g),
         stage_schema::<CropDetails>(g),
         stage_schema::<ArrangeDetails>(g),
         stage_schema::<Watched>(g),

@@ -4,6 +4,7 @@ use clap::{Arg, Command};
 
 /// Commands whose flags do not fit one screen, and the fields whose flags `-h` shows.
 const SHOWN: &[(&str, &str)] = &[
+    ("make", "output force budget work page target max_triangles frames poses report max_size masks"),
     (
         "bake",
         "output force target preset dataset harden max_triangles max_bytes budget texture collision lod crop up scale_by config sets",

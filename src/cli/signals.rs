@@ -5,7 +5,6 @@
 //! temporary files.
 
 use crate::atomic;
-#[cfg(unix)]
 use crate::process;
 use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 
@@ -48,6 +47,7 @@ pub(super) fn start() {
 fn receive(signal: i32) {
     RECEIVED.store(signal, Ordering::Relaxed);
     if !LISTENED_TO.swap(false, Ordering::Relaxed) {
+        process::running::end_all();
         atomic::remove_temporaries();
         std::process::exit(EXIT_BASE + signal);
     }

@@ -97,7 +97,7 @@ fn photo(image: &ImageRow, model: &Model, files: &mut NamedFiles) -> Result<Foun
 
 impl ModelFiles {
     /// Its cameras and images, and what these saw where `observations` are wanted.
-    fn model(&self, limits: &Limits, observations: bool) -> Result<Model> {
+    pub(super) fn model(&self, limits: &Limits, observations: bool) -> Result<Model> {
         let read = if self.binary { colmap_binary::read } else { colmap_text::read };
         read(&self.folder, limits, observations)
     }
@@ -116,7 +116,7 @@ impl ModelFiles {
     }
 
     /// Where each point is, by its number.
-    fn places(&self, limits: &Limits) -> Result<HashMap<u64, DVec3>> {
+    pub(super) fn places(&self, limits: &Limits) -> Result<HashMap<u64, DVec3>> {
         let mut places = HashMap::new();
         let mut visit = |row: PointRow| {
             places.insert(row.id, row.position);

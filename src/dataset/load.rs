@@ -41,6 +41,12 @@ impl Dataset {
         finish(path, find(path, options)?, options, None)
     }
 
+    /// True of a file or a folder that says where its photos were taken: [`Dataset::load`] reads it.
+    pub fn is_posed(path: &Path) -> bool {
+        let is_list = path.is_file() && path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
+        is_list || (path.is_dir() && (colmap::locate(path).is_some() || transforms::locate(path).is_some()))
+    }
+
     /// As [`Dataset::load`], with those of its photos only that are named: others are not opened, and may be missing. All of them are
     /// trained on. The points and the origin are those of the whole data set; the points are not read where that `origin` is given.
     ///
@@ -87,7 +93,7 @@ fn find(path: &Path, options: &DatasetOptions) -> Result<Found> {
     Err(Error::unsupported(
         path,
         "holds no posed photos: expected a COLMAP model (sparse/0 with cameras, images and points3D as .bin or \
-         .txt) or a transforms.json; run COLMAP on the photos first",
+         .txt) or a transforms.json; `trisplat capture` finds the poses of photos",
     ))
 }
 

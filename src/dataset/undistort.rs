@@ -39,14 +39,16 @@ impl Undistort {
         self.pinhole
     }
 
-    /// The photo resampled, bilinear. Its size must be that of the lens.
+    /// The photo resampled, bilinear. It may be smaller than the lens has it; then the result is as much smaller.
     pub fn apply(&self, photo: &Pixels) -> Pixels {
-        let size = self.pinhole.size;
+        let ratio = photo.size.as_dvec2() / self.lens.size.as_dvec2();
+        let size = (self.pinhole.size.as_dvec2() * ratio).round().as_uvec2().max(UVec2::ONE);
+        let step = self.pinhole.size.as_dvec2() / size.as_dvec2();
         let places = (0..size.y).flat_map(|y| (0..size.x).map(move |x| (x, y)));
         let sources = places.map(|(x, y)| {
-            let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+            let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) * step;
             let direction = (pixel - self.pinhole.center) / self.pinhole.focal;
-            Bilinear::at(self.lens.project(direction), photo.size)
+            Bilinear::at(self.lens.project(direction) * ratio, photo.size)
         });
         match &photo.alpha {
             None => Pixels { size, rgb: sources.map(|s| s.blend(&photo.rgb)).collect(), alpha: None },
@@ -181,6 +183,20 @@ mod tests {
         let rgb = (0..200 * 150).map(|i| [(i % 251) as u8, (i % 13) as u8, 9]).collect();
         let photo = Pixels { size: lens.size, rgb, alpha: None };
         assert_eq!(plan.apply(&photo), photo);
+    }
+
+    #[test]
+    fn a_photo_that_was_read_smaller_shows_the_same_smaller() {
+        let lens = lens([-0.1, 0.3, 0.0, 0.0]);
+        let pixel = |i: u32| DVec2::new(f64::from(i % 200) + 0.5, f64::from(i / 200) + 0.5);
+        let rgb = (0..200 * 150).map(|i| colour(lens.direction(pixel(i)).unwrap())).collect();
+        let photo = Pixels { size: lens.size, rgb, alpha: None };
+        let plan = Undistort::new(&lens).unwrap();
+        let small = plan.apply(&photo.downscaled(lens.size / 2));
+        let whole = plan.apply(&photo).downscaled(small.size);
+        for (a, b) in small.rgb.iter().zip(&whole.rgb) {
+            assert!((0..3).all(|c| a[c].abs_diff(b[c]) <= 2), "{a:?} {b:?}");
+        }
     }
 
     #[test]

@@ -32,6 +32,56 @@ pub(super) fn decode_bytes(path: &Path, bytes: &[u8], limits: &Limits) -> Result
     })
 }
 
+/// Decodes a picture at 1/2, 1/4 or 1/8 of its size where its format can and no side gets smaller than that of `least`; whole otherwise.
+/// Returns its full size too.
+pub(super) fn decode_reduced(
+    path: &Path,
+    least: UVec2,
+    limits: &Limits,
+) -> Result<(image::DynamicImage, UVec2)> {
+    let bytes = input::read(path, limits)?;
+    if bytes.starts_with(&JPEG_START) {
+        let full = header_size(path, Cursor::new(&bytes), bytes.len() as u64, limits)?;
+        // Sides that are no multiples would have a part of a pixel at their end.
+        let fits = |part: &u32| (least * *part).cmple(full).all() && full % *part == UVec2::ZERO;
+        if let Some(part) = [8, 4, 2].into_iter().find(fits)
+            && let Some(small) = reduced_jpeg(path, &bytes, full / part)?
+        {
+            return Ok((small, full));
+        }
+    }
+    let whole = decode_bytes(path, &bytes, limits)?;
+    let full = UVec2::new(whole.width(), whole.height());
+    Ok((whole, full))
+}
+
+/// A JPEG of colours or greys, reduced to `wanted`; `None` of another kind, or one that the whole decoder is to judge.
+fn reduced_jpeg(path: &Path, bytes: &[u8], wanted: UVec2) -> Result<Option<image::DynamicImage>> {
+    if !jpeg_is_whole(bytes) {
+        return Ok(None);
+    }
+    guarded(path, || {
+        let mut decoder = jpeg_decoder::Decoder::new(bytes);
+        let side = |length: u32| u16::try_from(length).unwrap_or(u16::MAX);
+        let size = decoder.scale(side(wanted.x), side(wanted.y));
+        let UVec2 { x: width, y: height } = wanted;
+        if !size.is_ok_and(|(x, y)| (u32::from(x), u32::from(y)) == (width, height)) {
+            return Ok(None);
+        }
+        let format = decoder.info().map(|info| info.pixel_format);
+        let Ok(pixels) = decoder.decode() else { return Ok(None) };
+        Ok(match format {
+            Some(jpeg_decoder::PixelFormat::RGB24) => {
+                image::RgbImage::from_raw(width, height, pixels).map(Into::into)
+            }
+            Some(jpeg_decoder::PixelFormat::L8) => {
+                image::GrayImage::from_raw(width, height, pixels).map(Into::into)
+            }
+            _ => None,
+        })
+    })
+}
+
 /// The size that the first bytes of a picture of `len` bytes claim, once it is known that it may be so.
 pub(super) fn header_size(
     path: &Path,
@@ -133,7 +183,7 @@ fn broken(path: &Path, error: image::ImageError) -> Error {
         }
         image::ImageError::IoError(e) => Error::io(path, e),
         image::ImageError::Unsupported(e) => {
-            Error::unsupported(path, format!("{e}; convert it to PNG, JPEG or WebP"))
+            Error::unsupported(path, format!("{e}; convert it to PNG, JPEG, WebP or TIFF"))
         }
         other => Error::malformed(path, "picture", other.to_string()),
     }

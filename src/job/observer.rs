@@ -1,8 +1,10 @@
 //! The observer of a job, from its preparation on.
 
+use crate::capture::CaptureObserver;
 use crate::error::Result;
 use crate::report::{Observer, StageReport};
 use crate::train::{TrainObserver, TrainOptions, Trained};
+use std::path::PathBuf;
 
 /// Watches a training: its preparation by these methods, its steps as a [`TrainObserver`]. Every method does nothing unless implemented.
 pub trait TrainJobObserver: TrainObserver {
@@ -27,10 +29,39 @@ pub trait TrainJobObserver: TrainObserver {
     }
     /// `done` of `all` soft pictures are drawn.
     fn drew(&mut self, _done: usize, _all: usize) {}
+    /// The preparation is over, and the run begins: `done` of `steps` steps were made by earlier ones.
+    fn training_begins(&mut self, _begins: &TrainBegins) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// A run that is about to begin.
+#[derive(Debug, Clone, Default)]
+pub struct TrainBegins {
+    /// Steps in all.
+    pub steps: u64,
+    /// Steps that were made before.
+    pub done: u64,
+    /// What its budget was planned for, as said to people.
+    pub plan: Option<String>,
+    /// The graphics card it is on.
+    pub card: Option<String>,
 }
 
 /// Observes nothing.
 impl TrainJobObserver for () {}
+
+/// Watches everything that is made of photos, each part by an observer of its own.
+pub trait MakeJobObserver {
+    /// Photos and poses.
+    fn captures(&mut self) -> Box<dyn CaptureObserver + '_>;
+    /// The training. Its teachers, if it has any, are kept under these names.
+    fn trains(&mut self, teacher_files: &[PathBuf]) -> Result<Box<dyn TrainJobObserver + '_>>;
+    /// The files.
+    fn bakes(&mut self) -> Box<dyn BakeJobObserver + '_>;
+    /// A stage is over that has no observer of its own, or was not needed.
+    fn finished(&mut self, _stage: &StageReport) {}
+}
 
 /// Watches a bake: its preparation by these methods, its stages as an [`Observer`]. Every method does nothing unless implemented.
 pub trait BakeJobObserver: Observer {

@@ -1,7 +1,7 @@
 //! A training from what is asked for to the trained scene: plan, preparation, run, report.
 
 use super::budget::{self, Budgeted};
-use super::observer::TrainJobObserver;
+use super::observer::{TrainBegins, TrainJobObserver};
 use super::teacher::{self, TaughtRun, TeacherPlan, TeacherSource, UndecidedRun, WatchedGain};
 use super::watched::{self, Watched, Watching};
 use crate::bake::teacher::TeacherDetails;
@@ -165,9 +165,11 @@ impl TrainJob {
     /// Errors: those of [`TrainJob::prepare`] and of [`TrainRun::start_at`]; photos that cannot be decoded.
     pub fn run(self, observer: &mut dyn TrainJobObserver) -> Result<TrainDone> {
         let ready = self.prepare(observer)?;
-        let (notes, start) = (ready.notes(), ready.start);
-        let OpenRun { run, warnings, .. } = start.open(&ready.dataset)?;
+        let (notes, plan, start) = (ready.notes(), ready.budget_summary(), ready.start);
+        let OpenRun { run, card, warnings } = start.open(&ready.dataset)?;
         let triangles = run.triangles();
+        let (steps, done) = (run.options().steps, run.steps());
+        observer.training_begins(&TrainBegins { steps, done, plan, card })?;
         let trained = run.finish(observer)?;
         let report = notes.report(&trained, triangles, warnings);
         Ok(TrainDone { trained, report })

@@ -1,6 +1,7 @@
 //! What a process has used: CPU seconds and memory, from the system's own accounting.
 
 pub mod memory;
+pub mod running;
 
 use std::process::Child;
 

@@ -6,12 +6,14 @@ mod bench_cost;
 #[cfg(feature = "bench")]
 mod bench_fidelity;
 mod budget;
+mod capture;
 mod checkpoints;
 mod damaged;
 mod examples;
 mod fidelity;
 mod inputs;
 mod library;
+mod make;
 mod max_bytes;
 mod messages;
 #[cfg(target_os = "linux")]

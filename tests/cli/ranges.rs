@@ -33,6 +33,8 @@ fn senseless(arg: &Arg) -> Vec<&'static str> {
 /// What else the command needs.
 fn rest(command: &str, flag: &str) -> Vec<&'static str> {
     let words = match command {
+        "make" => "photos -o out.glb",
+        "capture" => "photos -o out",
         "bake" => "a.ply -o out.glb --dry-run",
         "mesh" => "a.ply -o out.glb",
         "info" => "photos",

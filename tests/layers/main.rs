@@ -37,6 +37,7 @@ const MAY: &[(&str, &str)] = &[
     ("kernel", "math"),
     ("gpu", "error"),
     ("dataset", "formats asset camera image ranges rng error guard math input limits"),
+    ("capture", "dataset image atomic process report error input limits"),
     (
         "formats",
         "image texture soup mesh scene bvh asset camera ranges report error guard math atomic input limits",
@@ -63,7 +64,7 @@ const MAY: &[(&str, &str)] = &[
     ("eval", "asset bake camera dataset error formats image math render report scene soup train"),
     (
         "job",
-        "bake train teacher dataset formats layered asset scene budget report error camera eval framing image placed render rng view",
+        "capture atomic process input limits bake train teacher dataset formats layered asset scene budget report error camera eval framing image placed render rng view",
     ),
     ("sample", "asset atomic camera error formats math mesh raster report rng soup"),
     (
@@ -72,7 +73,7 @@ const MAY: &[(&str, &str)] = &[
     ),
     (
         "cli",
-        "process asset atomic bake bench budget camera dataset error eval formats gpu guard image job layered math placed region render report sample scale scene stereo surface teacher train view limits",
+        "capture process asset atomic bake bench budget camera dataset error eval formats gpu guard image job layered math placed region render report sample scale scene stereo surface teacher train view limits",
     ),
     (
         "web",

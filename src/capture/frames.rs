@@ -1,0 +1,238 @@
+//! Which frames of a video are worth a photo: how far the camera has moved, and how sharp each frame is.
+//!
+//! A frame is compared with a reference frame, not with the one before it, so that slow motion is not lost between whole pixels. Windows
+//! of equal motion give one frame each, the sharpest: a camera that stands still gives one.
+
+use glam::{IVec2, UVec2};
+
+/// Width of the pictures that motion is measured on, px.
+const MOTION_SIDE: u32 = 160;
+/// Side of the blocks that are found again, px.
+const BLOCK: u32 = 16;
+/// How far a block is looked for, px.
+const REACH: i32 = 12;
+/// A block of less contrast is found anywhere: standard deviation, codes.
+const LEAST_CONTRAST: f32 = 4.0;
+/// So far from its reference, in pixels, a frame becomes the next one.
+const NEXT_REFERENCE: f32 = 6.0;
+/// Motion between photos that is asked for, as a share of the longer side: neighbours share nineteen twentieths.
+const STEP: f32 = 0.05;
+/// Fewer frames than this are spread closer, ...
+const FEW: f32 = 40.0;
+/// ... but not closer than this.
+const LEAST_STEP: f32 = 0.01;
+
+/// A grey picture.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Grey {
+    pub(super) size: UVec2,
+    pub(super) codes: Vec<u8>,
+}
+
+/// What is known of a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct FrameNotes {
+    /// How far the camera has moved since the video began, in longer sides of a frame.
+    pub(super) moved: f32,
+    /// Energy of its finest detail for its contrast; only of use beside that of its neighbours.
+    pub(super) sharpness: f32,
+}
+
+/// Watches the frames of a video one by one.
+#[derive(Debug, Default)]
+pub(super) struct FrameWatch {
+    reference: Option<Grey>,
+    /// Motion up to the reference.
+    moved: f32,
+    /// Motion of the last frame from the reference, px.
+    last: IVec2,
+    pub(super) frames: Vec<FrameNotes>,
+}
+
+impl Grey {
+    /// Every new pixel is the mean of `by` times `by`.
+    fn reduced(&self, by: u32) -> Self {
+        let size = (self.size / by).max(UVec2::ONE);
+        let by = by.min(self.size.min_element());
+        let mean = |i: u32| {
+            let corner = UVec2::new(i % size.x, i / size.x) * by;
+            let rows = (corner.y..corner.y + by).map(|y| (y * self.size.x + corner.x) as usize);
+            let sum: u32 = rows.flat_map(|at| &self.codes[at..at + by as usize]).map(|&c| u32::from(c)).sum();
+            (sum / (by * by)) as u8
+        };
+        Self { size, codes: (0..size.x * size.y).map(mean).collect() }
+    }
+
+    fn at(&self, x: u32, y: u32) -> f32 {
+        f32::from(self.codes[(y * self.size.x + x) as usize])
+    }
+}
+
+/// The mean square of second differences over that of first ones: what blur takes away first.
+pub(super) fn sharpness(picture: &Grey) -> f32 {
+    let (mut second, mut first) = (0.0f64, 0.0f64);
+    for y in 1..picture.size.y.saturating_sub(1) {
+        for x in 1..picture.size.x.saturating_sub(1) {
+            let at = |dx: u32, dy: u32| picture.at(x + dx - 1, y + dy - 1);
+            let (across, down) = (at(2, 1) - at(0, 1), at(1, 2) - at(1, 0));
+            let around = at(0, 1) + at(2, 1) + at(1, 0) + at(1, 2) - 4.0 * at(1, 1);
+            second += f64::from(around * around);
+            first += f64::from(across * across + down * down);
+        }
+    }
+    (second / first.max(1.0)) as f32
+}
+
+impl FrameWatch {
+    /// The next frame.
+    pub(super) fn add(&mut self, frame: &Grey) {
+        let sharpness = sharpness(frame);
+        let small = frame.reduced((frame.size.max_element() / MOTION_SIDE).max(1));
+        let side = small.size.max_element() as f32;
+        let motion = self.reference.as_ref().and_then(|reference| motion(reference, &small, self.last));
+        let length = motion.map_or(0.0, |motion| motion.as_vec2().length());
+        self.frames.push(FrameNotes { moved: self.moved + length / side, sharpness });
+        self.last = motion.unwrap_or(IVec2::ZERO);
+        // What has nothing in common with the reference any more begins anew.
+        if self.reference.is_none() || length >= NEXT_REFERENCE || motion.is_none() {
+            (self.reference, self.last) = (Some(small), IVec2::ZERO);
+            self.moved += length / side;
+        }
+    }
+}
+
+/// How far the blocks of one picture have moved in another, px: the median along each side. Looked for around `guess`.
+/// `None` when no block has contrast.
+fn motion(from: &Grey, to: &Grey, guess: IVec2) -> Option<IVec2> {
+    if from.size != to.size {
+        return None;
+    }
+    let corners = (0..from.size.y / BLOCK)
+        .flat_map(|y| (0..from.size.x / BLOCK).map(move |x| UVec2::new(x, y) * BLOCK))
+        .filter(|corner| contrast(from, *corner) >= LEAST_CONTRAST);
+    let found: Vec<IVec2> = corners.filter_map(|corner| block_motion(from, to, corner, guess)).collect();
+    let middle = |of: fn(&IVec2) -> i32| {
+        let mut values: Vec<i32> = found.iter().map(of).collect();
+        values.sort_unstable();
+        values.get(values.len() / 2).copied()
+    };
+    Some(IVec2::new(middle(|m| m.x)?, middle(|m| m.y)?))
+}
+
+fn contrast(picture: &Grey, corner: UVec2) -> f32 {
+    let values = (0..BLOCK * BLOCK)
+        .map(|i| picture.at(corner.x + i % BLOCK, corner.y + i / BLOCK))
+        .collect::<Vec<_>>();
+    let mean = values.iter().sum::<f32>() / values.len() as f32;
+    (values.iter().map(|v| (v - mean) * (v - mean)).sum::<f32>() / values.len() as f32).sqrt()
+}
+
+/// Where a block fits best: every second pixel first, then around the best.
+fn block_motion(from: &Grey, to: &Grey, corner: UVec2, guess: IVec2) -> Option<IVec2> {
+    let best_of = |candidates: &mut dyn Iterator<Item = IVec2>| {
+        candidates.filter_map(|by| Some((difference(from, to, corner, by)?, by))).min_by_key(|(d, by)| {
+            // Of equals the nearest.
+            (*d, (*by - guess).length_squared(), by.x, by.y)
+        })
+    };
+    let steps = || (-REACH..=REACH).step_by(2);
+    let (_, coarse) = best_of(&mut steps().flat_map(|y| steps().map(move |x| guess + IVec2::new(x, y))))?;
+    let near = -1..=1;
+    let mut around = near.clone().flat_map(|y| near.clone().map(move |x| coarse + IVec2::new(x, y)));
+    best_of(&mut around).map(|(_, by)| by)
+}
+
+/// How much a block differs from where it would be, moved `by`; `None` beyond the picture.
+fn difference(from: &Grey, to: &Grey, corner: UVec2, by: IVec2) -> Option<u32> {
+    let moved = corner.as_ivec2() + by;
+    let fits = moved.min_element() >= 0 && (moved + BLOCK as i32).cmple(to.size.as_ivec2()).all();
+    if !fits {
+        return None;
+    }
+    let row = |picture: &Grey, x: u32, y: u32| (y * picture.size.x + x) as usize;
+    let moved = moved.as_uvec2();
+    let rows = (0..BLOCK).map(|y| {
+        let a = &from.codes[row(from, corner.x, corner.y + y)..][..BLOCK as usize];
+        let b = &to.codes[row(to, moved.x, moved.y + y)..][..BLOCK as usize];
+        a.iter().zip(b).map(|(a, b)| u32::from(a.abs_diff(*b))).sum::<u32>()
+    });
+    Some(rows.sum())
+}
+
+/// The frames to take, at most `most`: of every window of equal motion the sharpest.
+pub(super) fn choose(frames: &[FrameNotes], most: u32) -> Vec<usize> {
+    let Some(last) = frames.last() else { return Vec::new() };
+    let few = FEW.min(most as f32);
+    let step = STEP.min(last.moved / few).max(LEAST_STEP).max(last.moved / (most.max(2) - 1) as f32);
+    let mut chosen: Vec<usize> = Vec::new();
+    let mut window = 0;
+    while window < frames.len() {
+        let number = (frames[window].moved / step).round();
+        let end = (window..frames.len())
+            .find(|&i| (frames[i].moved / step).round() > number)
+            .unwrap_or(frames.len());
+        // Of equals the first.
+        let best = (window..end).rev().max_by(|&a, &b| frames[a].sharpness.total_cmp(&frames[b].sharpness));
+        // At the edges of two windows may be the same picture.
+        match (best, chosen.last().copied()) {
+            (Some(best), Some(before)) if frames[best].moved - frames[before].moved < step / 3.0 => {
+                if frames[best].sharpness > frames[before].sharpness {
+                    chosen.pop();
+                    chosen.push(best);
+                }
+            }
+            (best, _) => chosen.extend(best),
+        }
+        window = end;
+    }
+    chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A texture that repeats nowhere, seen from `left` px.
+    fn frame(left: f32, blurred: bool) -> Grey {
+        let size = UVec2::new(320, 200);
+        let code = |x: f32, y: f32| {
+            128.0
+                + 50.0 * (x / 7.3).sin() * (y / 9.1).cos()
+                + 40.0 * ((x + 2.0 * y) / 23.7).sin()
+                + 25.0 * (x * 0.9 + y * 0.7).sin()
+        };
+        let pixel = |i: u32| {
+            let (x, y) = ((i % size.x) as f32 + left, (i / size.x) as f32);
+            let around = if blurred { -4..=4 } else { 0..=0 };
+            let count = around.clone().count() as f32;
+            (around.map(|d| code(x + d as f32, y)).sum::<f32>() / count) as u8
+        };
+        Grey { size, codes: (0..size.x * size.y).map(pixel).collect() }
+    }
+
+    #[test]
+    fn motion_adds_up_however_slow_it_is() {
+        for pixels_per_frame in [0.5f32, 2.0, 9.0] {
+            let count = (160.0 / pixels_per_frame) as usize;
+            let mut watch = FrameWatch::default();
+            (0..=count).for_each(|i| watch.add(&frame(i as f32 * pixels_per_frame, false)));
+            let moved = watch.frames.last().unwrap().moved;
+            let truth = count as f32 * pixels_per_frame / 320.0;
+            assert!((moved - truth).abs() < 0.1 * truth, "{pixels_per_frame}: {moved} of {truth}");
+        }
+    }
+
+    #[test]
+    fn the_sharpest_frame_of_each_window_is_taken_and_a_standing_camera_gives_one() {
+        let mut watch = FrameWatch::default();
+        (0..20).for_each(|_| watch.add(&frame(0.0, false)));
+        assert_eq!(choose(&watch.frames, 150).len(), 1);
+        let mut watch = FrameWatch::default();
+        (0..160).for_each(|i| watch.add(&frame(4.0 * i as f32, i % 4 != 0)));
+        let chosen = choose(&watch.frames, 150);
+        assert!((25..=50).contains(&chosen.len()), "{chosen:?}");
+        assert!(chosen.iter().all(|i| i % 4 == 0), "{chosen:?}");
+        assert!(choose(&watch.frames, 10).len() <= 10);
+        assert!(choose(&[], 10).is_empty());
+    }
+}

@@ -1,0 +1,26 @@
+//! From photos as a camera takes them, or a video, to a data set with poses. Poses are found by another program, COLMAP or pycolmap, where
+//! one is installed.
+
+mod collect;
+mod exif;
+mod exposure;
+mod frames;
+mod halt;
+mod logged;
+mod observer;
+mod options;
+mod poses;
+mod program;
+mod recipe;
+mod sheet;
+mod source;
+mod stored;
+mod verdict;
+mod video;
+
+pub use collect::PhotosDetails;
+pub use observer::CaptureObserver;
+pub use options::{CaptureOptions, Mapper};
+pub use poses::{FeaturesDetails, MatchesDetails, ModelDetails};
+pub use recipe::Capture;
+pub use verdict::{Gap, Verdict, VerdictDetails};

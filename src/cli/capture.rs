@@ -1,0 +1,124 @@
+//! `trisplat capture INPUT -o FOLDER`: photos or a video become a data set with poses.
+
+use super::Global;
+use super::files;
+use super::outputs::Outputs;
+use super::progress::Progress;
+use super::signals::{self, Listener};
+use crate::capture::{Capture, CaptureObserver, CaptureOptions, VerdictDetails};
+use crate::error::Result;
+use crate::report::{Observer, Report, StageReport};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// Photos or videos, and the folder to make of them.
+#[derive(Debug, clap::Args)]
+pub struct CaptureArgs {
+    /// Photos, a video, or folders of them: .jpg .png .webp .tif, .mp4 .mov .mkv and others
+    #[arg(required = true, value_name = "INPUT")]
+    pub inputs: Vec<PathBuf>,
+    /// Folder to make: images/, sparse/0/, and capture/ with the log and what a run that was stopped goes on from
+    #[arg(short, long, value_name = "FOLDER")]
+    pub output: PathBuf,
+    /// Replace the capture of other inputs that is in FOLDER
+    #[arg(short, long)]
+    pub force: bool,
+    /// Write what was done and the verdict as JSON (schema: trisplat schema report)
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// How.
+    #[command(flatten)]
+    pub options: CaptureOptions,
+}
+
+/// Makes the data set.
+pub fn run(args: &CaptureArgs, global: &Global) -> Result<ExitCode> {
+    let clock = Instant::now();
+    let mut outputs = Outputs::new(args.inputs.iter().map(PathBuf::as_path), args.force);
+    args.report.as_deref().map_or(Ok(()), |path| outputs.claim("--report", path))?;
+    let mut job = Capture::new(args.inputs.iter().cloned(), args.output.clone());
+    (job.options, job.force) = (args.options.clone(), args.force);
+
+    let command = <CaptureArgs as clap::Args>::augment_args(clap::Command::new("capture"));
+    let mut report = Report::new("capture");
+    report.options = serde_json::to_value(&args.options).unwrap_or_default();
+    let mut terminal = CaptureTerminal::new(Progress::new(global).with_flags_of(command));
+    let verdict = job.run(&mut report, &mut terminal)?;
+    let progress = terminal.done();
+    report.seconds = clock.elapsed().as_secs_f64();
+    report.warnings.iter().for_each(|warning| progress.warn(warning));
+    let folder = args.output.display();
+    let Some(verdict) = verdict else {
+        progress.line("stopped; the same command goes on from here");
+        return Ok(signals::exit_code().map_or(ExitCode::SUCCESS, ExitCode::from));
+    };
+    advise(&verdict, progress);
+    progress.line(&format!(
+        "wrote {folder} ({:.0} s); next: trisplat train {folder} -o scene.ply",
+        report.seconds
+    ));
+    if let Some(path) = &args.report {
+        files::save_json(&report, outputs.take(path)?)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Prints what to do about a capture.
+pub(super) fn advise(verdict: &VerdictDetails, progress: &Progress) {
+    verdict.advice.iter().for_each(|advice| progress.line(&format!("           {advice}")));
+    if let Some(picture) = &verdict.picture {
+        progress.line(&format!(
+            "           {picture} shows where: the photo before, one without a pose, the photo after"
+        ));
+    }
+}
+
+/// Shows a capture and stops it on Ctrl-C.
+pub(super) struct CaptureTerminal {
+    progress: Progress,
+    stop: Listener,
+}
+
+impl CaptureTerminal {
+    pub(super) fn new(progress: Progress) -> Self {
+        Self { progress, stop: Listener::new() }
+    }
+
+    /// Takes the bar away; returns what prints lines.
+    fn done(&self) -> &Progress {
+        self.progress.done();
+        &self.progress
+    }
+}
+
+/// A capture that failed leaves no bar behind either.
+impl Drop for CaptureTerminal {
+    fn drop(&mut self) {
+        self.progress.done();
+    }
+}
+
+impl CaptureObserver for CaptureTerminal {
+    fn noted(&mut self, what: &str) {
+        self.progress.note(what);
+    }
+
+    fn wants_to_stop(&mut self) -> bool {
+        self.stop.is_asked()
+    }
+}
+
+impl Observer for CaptureTerminal {
+    fn started(&mut self, name: &str) {
+        self.progress.started(name);
+    }
+
+    fn progressed(&mut self, fraction: f64) {
+        self.progress.progressed(fraction);
+    }
+
+    fn finished(&mut self, stage: &StageReport) {
+        self.progress.finished(stage);
+    }
+}

@@ -1,0 +1,306 @@
+//! `trisplat make INPUT -o scene.glb`: from photos or a video to a file for an engine and a page, in one command.
+
+use super::Global;
+use super::bake_preparation::Terminal;
+use super::capture::{CaptureTerminal, advise};
+use super::files;
+use super::outputs::Outputs;
+use super::progress::Progress;
+use super::signals;
+use super::train_progress::Bar;
+use crate::bake::BakeOptions;
+use crate::budget::Seconds;
+use crate::capture::{CaptureObserver, CaptureOptions};
+use crate::dataset::{DatasetOptions, ShrunkSize};
+use crate::error::{Error, Result};
+use crate::formats::target::OutputTarget;
+use crate::job::{BakeJobObserver, MakeDone, MakeJob, MakeJobObserver, TrainBegins, TrainJobObserver};
+use crate::report::{Observer, StageReport};
+use crate::train::budget::Correction;
+use crate::train::refine::Refined;
+use crate::train::{BackendOptions, TrainDetails, TrainObserver, TrainOptions, TrainSample, Trained};
+use indicatif::HumanCount;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Photos or videos, and what to make of them.
+#[derive(Debug, clap::Args)]
+pub struct MakeArgs {
+    /// Photos, a video, or folders of them; or a data set that has poses
+    #[arg(required = true, value_name = "INPUT")]
+    pub inputs: Vec<PathBuf>,
+    /// File to write: .glb .gltf .obj .ply .tileset.json
+    #[arg(short, long, value_name = "OUT")]
+    pub output: PathBuf,
+    /// Replace OUT and the page, and what was begun with other inputs
+    #[arg(short, long)]
+    pub force: bool,
+    /// CPU time of training and bake, on all cores together, as in 90s, 2m or 1.5h
+    #[arg(long, value_name = "TIME", default_value_t = Seconds(600.0))]
+    pub budget: Seconds,
+    /// Folder of what a run that was stopped goes on from: photos, poses, checkpoints; OUT with the ending .make unless given
+    #[arg(long, value_name = "FOLDER")]
+    pub work: Option<PathBuf>,
+    /// Page to write beside OUT, to be opened in a browser; OUT with the ending .html unless given
+    #[arg(long, value_name = "FILE.html")]
+    pub page: Option<PathBuf>,
+    /// Who reads OUT
+    #[arg(long, value_enum, default_value_t)]
+    pub target: OutputTarget,
+    /// Triangles at most; as many as the budget has unless given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    pub max_triangles: Option<u64>,
+    /// Write what every step did as JSON (schema: trisplat schema report)
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// Photos and poses.
+    #[command(flatten)]
+    pub capture: CaptureOptions,
+    /// Where to train.
+    #[command(flatten, next_help_heading = "Backend")]
+    pub backend_options: BackendOptions,
+    /// How the data set is read.
+    #[command(flatten)]
+    pub dataset_options: DatasetOptions,
+}
+
+/// Makes it.
+pub fn run(args: &MakeArgs, global: &Global) -> Result<ExitCode> {
+    let page = args.page.clone().unwrap_or_else(|| args.output.with_extension("html"));
+    let mut bake = BakeOptions::default();
+    bake.output.target = args.target;
+    let mut outputs = guard(args, bake.clone(), &page)?;
+    let mut job = MakeJob::new(args.inputs.iter().cloned(), args.output.clone());
+    if let Some(work) = &args.work {
+        job.work = work.clone();
+    }
+    job.page = Some(page);
+    (job.capture, job.force) = (args.capture.clone(), args.force);
+    (job.dataset_options, job.backend) = (args.dataset_options.clone(), args.backend_options.clone());
+    if let Some(most) = args.max_triangles {
+        job.train = TrainOptions { max_triangles: most, ..TrainOptions::default() };
+    }
+    (job.bake, job.budget) = (bake, args.budget);
+
+    let work = job.work.display().to_string();
+    let mut terminal = MakeTerminal { global };
+    let done = job.run(&mut terminal)?;
+    say(&done, &work, &terminal.progress());
+    if done.stopped {
+        return Ok(signals::exit_code().map_or(ExitCode::SUCCESS, ExitCode::from));
+    }
+    match &args.report {
+        Some(path) => files::save_json(&done.report, outputs.take(path)?).map(|()| ExitCode::SUCCESS),
+        None => Ok(ExitCode::SUCCESS),
+    }
+}
+
+fn command() -> clap::Command {
+    <MakeArgs as clap::Args>::augment_args(clap::Command::new("make"))
+}
+
+/// Refuses what cannot be written, or may not be, before any work.
+fn guard(args: &MakeArgs, mut bake: BakeOptions, page: &PathBuf) -> Result<Outputs> {
+    if args.output.as_os_str() == "-" || args.output.extension().is_some_and(|e| e == "html") {
+        let wants = "a file for an engine, as in scene.glb; the page is written beside it";
+        return Err(Error::invalid("output", args.output.display(), wants));
+    }
+    if !page.extension().is_some_and(|e| e == "html") {
+        return Err(Error::invalid("page", page.display(), "a name ending in .html"));
+    }
+    let planned = bake.plan_output(&args.output, None)?;
+    let posed = args.inputs.first().filter(|input| crate::dataset::Dataset::is_posed(input));
+    let inputs = args.inputs.iter().map(PathBuf::as_path);
+    let mut outputs = Outputs::new(inputs, args.force).with_dataset(posed.map(PathBuf::as_path));
+    planned.paths().try_for_each(|path| outputs.plan("--output", path))?;
+    outputs.plan("--page", page)?;
+    args.report.as_deref().map_or(Ok(()), |path| outputs.claim("--report", path))?;
+    Ok(outputs)
+}
+
+/// What became of it, and what to do next.
+fn say(done: &MakeDone, work: &str, progress: &Progress) {
+    done.report.warnings.iter().for_each(|warning| progress.warn(warning));
+    done.verdict.iter().for_each(|verdict| advise(verdict, progress));
+    if done.stopped {
+        progress.line(&format!("stopped; the same command goes on from {work}"));
+        return;
+    }
+    for file in &done.report.outputs {
+        progress.line(&format!("wrote {} ({} bytes)", file.path, super::progress::thousands(file.bytes)));
+    }
+    if let Some(TrainDetails { psnr: Some(psnr), ssim: Some(ssim), photo_size, .. }) = done.report.details() {
+        let size = ShrunkSize::beside(photo_size);
+        progress.line(&format!(
+            "{psnr:.1} dB / {ssim:.3} on photos that training did not see{size}: {}",
+            worth(psnr)
+        ));
+    }
+    let pages = done.report.outputs.iter().filter(|file| file.path.ends_with(".html"));
+    pages.for_each(|page| progress.line(&format!("open {} in a browser", page.path)));
+}
+
+/// A held-out PSNR in words, as docs/from-photos.md has them.
+fn worth(psnr: f64) -> &'static str {
+    match psnr {
+        p if p >= 28.0 => "good",
+        p if p >= 25.0 => "looks right; a larger --budget or more photos make it sharper",
+        p if p >= 20.0 => "recognisable; more photos, or a larger --budget",
+        _ => "something is wrong: poses, exposure, or too few photos",
+    }
+}
+
+/// Shows each part as its own command does.
+struct MakeTerminal<'a> {
+    global: &'a Global,
+}
+
+impl MakeTerminal<'_> {
+    fn progress(&self) -> Progress {
+        Progress::new(self.global).with_flags_of(command())
+    }
+}
+
+impl MakeJobObserver for MakeTerminal<'_> {
+    fn captures(&mut self) -> Box<dyn CaptureObserver + '_> {
+        Box::new(CaptureTerminal::new(self.progress()))
+    }
+
+    fn trains(&mut self, teacher_files: &[PathBuf]) -> Result<Box<dyn TrainJobObserver + '_>> {
+        let (global, teacher_files) = (self.global, teacher_files.to_vec());
+        Ok(Box::new(TrainTerminal { global, teacher_files, bar: None, drawing: None }))
+    }
+
+    fn bakes(&mut self) -> Box<dyn BakeJobObserver + '_> {
+        Box::new(BakeTerminal(Terminal::new(self.global, command())))
+    }
+
+    fn finished(&mut self, stage: &StageReport) {
+        let progress = self.progress();
+        match stage.details_as::<TrainDetails>() {
+            Some(train) => {
+                let again = stage.unneeded.as_ref().map_or(String::new(), |why| format!(" ({why})"));
+                let triangles = HumanCount(stage.after.triangles);
+                let (steps, cpu) = (HumanCount(train.steps), train.cpu_secs);
+                progress.line(&format!(
+                    "train      {:<55} {:>8.2} s",
+                    format!("{triangles} triangles, {steps} steps, {cpu:.0} CPU s{again}"),
+                    stage.seconds
+                ));
+            }
+            None => {
+                let mut progress = progress;
+                progress.finished(stage);
+            }
+        }
+    }
+}
+
+/// Shows a training: its preparation, then its steps.
+struct TrainTerminal<'a> {
+    global: &'a Global,
+    teacher_files: Vec<PathBuf>,
+    bar: Option<Bar>,
+    drawing: Option<Progress>,
+}
+
+impl TrainJobObserver for TrainTerminal<'_> {
+    fn teacher_begins(
+        &mut self,
+        options: &TrainOptions,
+        _asked: bool,
+    ) -> Result<Box<dyn TrainObserver + '_>> {
+        let bar = Bar::new(self.global, options.steps, 0, None, &[])?;
+        bar.line(&format!(
+            "a soft teacher scene is trained first, as photos are few: {} steps",
+            options.steps
+        ));
+        Ok(Box::new(bar))
+    }
+
+    fn keep_teacher(&mut self, which: usize, teacher: &Trained) -> Result<()> {
+        match self.teacher_files.get(which) {
+            Some(path) => teacher.save(path).map(drop),
+            None => Ok(()),
+        }
+    }
+
+    fn drew(&mut self, done: usize, all: usize) {
+        let progress = self.drawing.get_or_insert_with(|| Progress::new(self.global));
+        progress.note(&format!("drawing soft pictures: {done} of {all}"));
+    }
+
+    fn training_begins(&mut self, begins: &TrainBegins) -> Result<()> {
+        self.drawing.take().iter().for_each(Progress::done);
+        let mut bar = Bar::new(self.global, begins.steps, begins.done, None, &[])?;
+        if let Some(card) = &begins.card {
+            bar.line(&format!("training on {card}"));
+            bar.say_rate(begins.done);
+        }
+        begins.plan.iter().for_each(|plan| bar.line(plan));
+        if begins.done > 0 {
+            bar.line(&format!("the training goes on after {} of {} steps", begins.done, begins.steps));
+        }
+        self.bar = Some(bar);
+        Ok(())
+    }
+}
+
+impl TrainObserver for TrainTerminal<'_> {
+    fn stepped(&mut self, sample: &TrainSample) {
+        self.bar.iter_mut().for_each(|bar| bar.stepped(sample));
+    }
+
+    fn sampled(&mut self, sample: &TrainSample) {
+        self.bar.iter_mut().for_each(|bar| bar.sampled(sample));
+    }
+
+    fn refined(&mut self, step: u64, refined: &Refined) {
+        self.bar.iter_mut().for_each(|bar| bar.refined(step, refined));
+    }
+
+    fn corrected(&mut self, correction: &Correction) {
+        self.bar.iter_mut().for_each(|bar| bar.corrected(correction));
+    }
+
+    fn lost(&mut self, error: &Error) {
+        self.bar.iter_mut().for_each(|bar| TrainObserver::lost(bar, error));
+    }
+
+    fn wants_to_stop(&mut self) -> bool {
+        self.bar.as_mut().is_some_and(TrainObserver::wants_to_stop)
+    }
+}
+
+/// Shows a bake; the bar goes with it.
+struct BakeTerminal<'a>(Terminal<'a>);
+
+impl BakeJobObserver for BakeTerminal<'_> {
+    fn drew(&mut self, done: usize, all: usize) {
+        self.0.drew(done, all);
+    }
+
+    fn prepared(&mut self, stages: &[StageReport]) {
+        self.0.prepared(stages);
+    }
+}
+
+impl Observer for BakeTerminal<'_> {
+    fn started(&mut self, name: &str) {
+        self.0.started(name);
+    }
+
+    fn progressed(&mut self, fraction: f64) {
+        self.0.progressed(fraction);
+    }
+
+    fn finished(&mut self, stage: &StageReport) {
+        self.0.finished(stage);
+    }
+}
+
+impl Drop for BakeTerminal<'_> {
+    fn drop(&mut self) {
+        self.0.clear();
+    }
+}

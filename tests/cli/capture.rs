@@ -1,0 +1,366 @@
+//! `trisplat capture` with a program in place of COLMAP that notes what it is asked for and answers with a known model; and with pycolmap
+//! and ffmpeg, where they are installed.
+#![cfg(unix)]
+
+use super::stderr;
+use super::train::dataset;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+use trisplat::image::Pixels;
+use trisplat::{Dataset, DatasetOptions};
+
+/// Notes its arguments in `calls` beside it, and ends as `fails` or waits as `waits` there say: the name of a command.
+const COLMAP: &str = r#"#!/bin/sh
+here=$(dirname "$0")
+case "$*" in
+help) echo "COLMAP 3.8 -- Structure-from-Motion"; echo "(Commit Unknown on Unknown without CUDA)"; exit 0 ;;
+*-h) echo "--SiftExtraction.use_gpu --SiftExtraction.max_image_size --SiftMatching.use_gpu --Mapper.num_threads"; exit 0 ;;
+esac
+echo "$*" >> "$here/calls"
+command=$1
+while [ $# -gt 0 ]; do
+    case "$1" in
+    --database_path) database=$2 ;;
+    --output_path) output=$2 ;;
+    esac
+    shift
+done
+if [ "$(cat "$here/fails" 2>/dev/null)" = "$command" ]; then
+    echo "loading"; echo "ERROR: the disk is made of cheese"; echo "bye"; exit 1
+fi
+if [ "$(cat "$here/waits" 2>/dev/null)" = "$command" ]; then
+    sleep 1000 &
+    echo "$! $$" > "$here/pids"
+    wait
+fi
+case "$command" in
+feature_extractor) echo "Processed file [1/2]"; echo features > "$database" ;;
+*matcher | *importer) echo "Matching block [1/1, 1/1]" ;;
+mapper) mkdir -p "$output/0" "$output/1"; cp "$here/model/"* "$output/0"; echo "Registering image #2 (40)" ;;
+esac
+"#;
+
+/// A folder with the program and the model of the sample, and photos without poses.
+struct Fake {
+    folder: tempfile::TempDir,
+}
+
+impl Fake {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::write(at("colmap"), COLMAP).unwrap();
+        std::fs::set_permissions(at("colmap"), std::fs::Permissions::from_mode(0o755)).unwrap();
+        copy(&dataset().join("sparse/0"), &at("model"));
+        copy(&dataset().join("images"), &at("photos"));
+        Self { folder }
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+        let path = format!("{}:/usr/bin:/bin", self.folder.path().display());
+        command.current_dir(self.folder.path()).env("PATH", path).env_remove("TRISPLAT_POSES");
+        command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+    }
+
+    fn run(&self, arguments: &[&str]) -> Output {
+        self.command(arguments).output().unwrap()
+    }
+
+    fn succeed(&self, arguments: &[&str]) -> String {
+        let output = self.run(arguments);
+        assert!(output.status.success(), "{}", stderr(&output));
+        stderr(&output)
+    }
+
+    /// The one error of a run.
+    fn error(&self, arguments: &[&str]) -> String {
+        let output = self.run(arguments);
+        let text = stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{text}");
+        let errors: Vec<&str> = text.lines().filter(|line| line.starts_with("error: ")).collect();
+        assert_eq!(errors.len(), 1, "{text}");
+        errors[0].to_owned()
+    }
+
+    /// The commands that the program was asked for since the last question.
+    fn calls(&self) -> Vec<String> {
+        let text = std::fs::read_to_string(self.at("calls")).unwrap_or_default();
+        std::fs::write(self.at("calls"), "").unwrap();
+        text.lines().map(str::to_owned).collect()
+    }
+}
+
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        std::fs::copy(entry.path(), to.join(entry.file_name())).unwrap();
+    }
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten();
+    let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+const CAPTURE: [&str; 4] = ["capture", "photos", "-o", "set"];
+
+#[test]
+fn photos_become_a_data_set_and_nothing_is_done_twice() {
+    let fake = Fake::new();
+    let said = fake.succeed(&[&CAPTURE[..], &["--report", "report.json"]].concat());
+    for row in [
+        "photos     40 photos",
+        "features   COLMAP 3.8",
+        "matches    780 pairs, exhaustive",
+        "40 of 40 photos",
+    ] {
+        assert!(said.contains(row), "{said}");
+    }
+    let calls = fake.calls();
+    let commands: Vec<&str> = calls.iter().map(|call| call.split(' ').next().unwrap()).collect();
+    assert_eq!(commands, ["feature_extractor", "exhaustive_matcher", "mapper"]);
+    for option in
+        ["--ImageReader.single_camera 1", "--SiftExtraction.use_gpu 0", "--SiftExtraction.max_image_size"]
+    {
+        assert!(calls[0].contains(option), "{}", calls[0]);
+    }
+    assert!(!calls[0].contains("num_threads"), "this version has no such option: {}", calls[0]);
+    assert!(
+        calls[1].contains("--SiftMatching.use_gpu 0") && !calls[1].contains("FeatureMatching"),
+        "{}",
+        calls[1]
+    );
+    let set = Dataset::load(&fake.at("set"), &DatasetOptions::default()).unwrap();
+    assert_eq!(set.views.len(), 40);
+    assert!(fake.at("set/capture/poses.log").is_file());
+    let report: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(fake.at("report.json")).unwrap()).unwrap();
+    let stages: Vec<&str> =
+        report["stages"].as_array().unwrap().iter().map(|s| s["name"].as_str().unwrap()).collect();
+    assert_eq!(stages, ["photos", "features", "matches", "model", "verdict"]);
+    let verdict = &report["stages"][4]["details"];
+    assert_eq!(
+        (verdict["registered"].as_u64(), verdict["verdict"].as_str()),
+        (Some(40), Some("good")),
+        "{verdict}"
+    );
+    assert!(verdict["error_px"].as_f64().unwrap() < 0.5 && verdict["exposure_stops"].as_f64().unwrap() < 0.5);
+
+    let again = fake.succeed(&CAPTURE);
+    assert_eq!(again.matches("done before").count(), 4, "{again}");
+    assert!(fake.calls().is_empty());
+    // Other photos are another capture.
+    std::fs::remove_file(fake.at("photos/view_0003.png")).unwrap();
+    assert!(fake.error(&CAPTURE).contains("the capture of other inputs"), "{}", fake.error(&CAPTURE));
+    let said = fake.succeed(&[&CAPTURE[..], &["--force"]].concat());
+    assert!(said.contains("39 photos") && names(&fake.at("set/images")).len() == 39, "{said}");
+}
+
+#[test]
+fn photos_without_poses_are_shown_and_advice_is_given() {
+    let fake = Fake::new();
+    let images = fake.at("model/images.txt");
+    // Every photo has two lines; those of two neighbours go.
+    let text = std::fs::read_to_string(&images).unwrap();
+    let (head, rows): (Vec<&str>, Vec<&str>) = text.lines().partition(|line| line.starts_with('#'));
+    let kept = rows.chunks(2).filter(|pair| !["view_0010", "view_0011"].iter().any(|n| pair[0].contains(n)));
+    let lines: Vec<&str> = head.into_iter().chain(kept.flatten().copied()).collect();
+    std::fs::write(&images, lines.join("\n") + "\n").unwrap();
+    let said = fake.succeed(&CAPTURE);
+    assert!(said.contains("38 of 40 photos have a pose"), "{said}");
+    assert!(said.contains("take more photos between view_0009.png and view_0012.png: 2 there"), "{said}");
+    let sheet = Pixels::load(&fake.at("set/capture/gaps.png")).unwrap();
+    assert_eq!((sheet.size.x, sheet.size.y), (3 * 328 + 8, 256));
+}
+
+#[test]
+fn what_is_missing_or_fails_is_one_error_with_its_remedy() {
+    let fake = Fake::new();
+    let nothing = fake.at("empty");
+    std::fs::create_dir(&nothing).unwrap();
+    let output = fake.command(&CAPTURE).env("PATH", &nothing).output().unwrap();
+    let text = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    for remedy in ["pip install pycolmap", "apt install colmap", "brew install colmap", "--poses"] {
+        assert!(text.contains(remedy), "{text}");
+    }
+    assert!(!fake.at("set").exists());
+    let wrong = fake.error(&[&CAPTURE[..], &["--poses", "/bin/true"]].concat());
+    assert!(wrong.contains("--poses is /bin/true: expected a colmap program"), "{wrong}");
+
+    std::fs::write(fake.at("fails"), "exhaustive_matcher").unwrap();
+    let failed = fake.error(&CAPTURE);
+    for part in ["set/capture/poses.log", "colmap ended with", "the disk is made of cheese"] {
+        assert!(failed.contains(part), "{failed}");
+    }
+    assert!(!fake.at("set/sparse").exists());
+    std::fs::remove_file(fake.at("fails")).unwrap();
+    fake.calls();
+    fake.succeed(&CAPTURE);
+    let calls = fake.calls();
+    assert!(calls[0].starts_with("exhaustive_matcher") && calls.len() == 2, "{calls:?}");
+
+    std::fs::write(fake.at("photos/IMG_1.HEIC"), "x").unwrap();
+    assert!(fake.error(&["capture", "photos", "-o", "other"]).contains("IMG_1.HEIC: is a HEIC"));
+    assert!(fake.error(&["capture", "model", "-o", "other"]).contains("holds no photo"));
+    assert!(fake.error(&["capture", "photos", "-o", "model"]).contains("HEIC"));
+    std::fs::remove_file(fake.at("photos/IMG_1.HEIC")).unwrap();
+    assert!(fake.error(&["capture", "photos", "-o", "model"]).contains("a new or empty folder"));
+    assert!(fake.error(&["capture", "photos", "-o", "photos/set"]).contains("a folder outside of photos"));
+    assert!(!fake.at("other").exists() && !fake.at("photos/set").exists());
+}
+
+/// Waits until `is` there.
+fn wait_for(what: &str, is: impl Fn() -> bool) {
+    let began = Instant::now();
+    while !is() {
+        assert!(began.elapsed() < Duration::from_secs(60), "{what}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+fn interrupt(child: &Child) {
+    let id = child.id().to_string();
+    assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+}
+
+#[test]
+fn a_capture_that_is_interrupted_leaves_no_program_behind_and_goes_on_later() {
+    let fake = Fake::new();
+    std::fs::write(fake.at("waits"), "mapper").unwrap();
+    let child = fake.command(&CAPTURE).spawn().unwrap();
+    wait_for("the mapper begins", || {
+        std::fs::read_to_string(fake.at("pids")).is_ok_and(|t| t.ends_with('\n'))
+    });
+    interrupt(&child);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
+    assert!(stderr(&output).contains("the same command goes on from here"), "{}", stderr(&output));
+    let pids = std::fs::read_to_string(fake.at("pids")).unwrap();
+    let is_gone = |pid: &str| {
+        let state = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+        state.is_empty() || state.contains(") Z")
+    };
+    wait_for("orphans", || pids.split_whitespace().all(is_gone));
+    assert!(!fake.at("set/sparse").exists());
+    assert!(names(&fake.at("set")).iter().all(|name| ["images", "capture"].contains(&name.as_str())));
+    std::fs::remove_file(fake.at("waits")).unwrap();
+    fake.calls();
+    let said = fake.succeed(&CAPTURE);
+    assert_eq!(said.matches("done before").count(), 3, "{said}");
+    assert_eq!(fake.calls().len(), 1, "the mapper alone");
+}
+
+/// A JPEG that says how its camera was held.
+fn held(picture: &Pixels, orientation: u8) -> Vec<u8> {
+    let entry = [0x12, 0x01, 3, 0, 1, 0, 0, 0, orientation, 0, 0, 0];
+    let tiff = [&b"II*\0\x08\0\0\0\x01\0"[..], &entry, &[0; 4]].concat();
+    let jpeg = picture.to_jpeg(95).unwrap();
+    let length = (2 + 6 + tiff.len() as u16).to_be_bytes();
+    [&jpeg[..2], &[0xff, 0xe1], &length, b"Exif\0\0", &tiff, &jpeg[2..]].concat()
+}
+
+#[test]
+fn photos_are_turned_upright_and_cameras_of_other_sizes_kept_apart() {
+    let fake = Fake::new();
+    let upright = Pixels::load(&fake.at("photos/view_0004.png")).unwrap();
+    // Held on its right side: the file is what the camera's chip saw.
+    let turned = upright.turned(8);
+    std::fs::create_dir(fake.at("phone")).unwrap();
+    std::fs::write(fake.at("phone/a.jpg"), held(&turned, 6)).unwrap();
+    std::fs::write(fake.at("phone/b.jpg"), held(&upright, 1)).unwrap();
+    std::fs::write(fake.at("phone/c.jpg"), held(&turned, 1)).unwrap();
+    fake.run(&["capture", "phone", "-o", "set"]);
+    let [w, h] = [upright.size.x, upright.size.y];
+    let [wide, high] = [format!("{w}x{h}"), format!("{h}x{w}")];
+    assert_eq!(names(&fake.at("set/images").join(&wide)), ["a.jpg", "b.jpg"]);
+    assert_eq!(names(&fake.at("set/images").join(&high)), ["c.jpg"]);
+    assert!(fake.calls()[0].contains("--ImageReader.single_camera_per_folder 1"));
+    let made = Pixels::load(&fake.at("set/images").join(&wide).join("a.jpg")).unwrap();
+    assert_eq!(made.size, upright.size);
+    let apart =
+        made.rgb.iter().zip(&upright.rgb).flat_map(|(a, b)| (0..3).map(|c| f64::from(a[c].abs_diff(b[c]))));
+    let mean = apart.sum::<f64>() / (3.0 * made.rgb.len() as f64);
+    assert!(mean < 3.0, "{mean} codes");
+    let untouched = std::fs::read(fake.at("set/images").join(&wide).join("b.jpg")).unwrap();
+    assert!(untouched == held(&upright, 1));
+}
+
+#[test]
+fn a_video_gives_frames_that_are_compared_in_sequence() {
+    let fake = Fake::new();
+    let mut ffmpeg = Command::new("ffmpeg");
+    ffmpeg.args(["-v", "error", "-framerate", "4", "-i"]).arg(fake.at("photos/view_%04d.png"));
+    ffmpeg.args(["-r", "8", "-pix_fmt", "yuv420p"]).arg(fake.at("walk.mp4"));
+    if !ffmpeg.status().is_ok_and(|status| status.success()) {
+        assert!(std::env::var_os("CI").is_none() || which("ffmpeg").is_none(), "ffmpeg fails");
+        eprintln_not_checked("ffmpeg is not installed");
+        return;
+    }
+    let said = fake.succeed(&["capture", "walk.mp4", "-o", "set", "--frames", "30"]);
+    let taken = names(&fake.at("set/images"));
+    assert!((10..=30).contains(&taken.len()) && taken[0].starts_with("frame_"), "{taken:?}");
+    assert!(said.contains(&format!("{} of 80 frames", taken.len())), "{said}");
+    let matching = &fake.calls()[1];
+    assert!(
+        matching.starts_with("matches_importer") && matching.contains("--match_type pairs"),
+        "{matching}"
+    );
+    let pairs = std::fs::read_to_string(fake.at("set/capture/pairs.txt")).unwrap();
+    assert!(pairs.lines().count() >= taken.len() - 1);
+    // Every two frames are one picture, which is taken once.
+    let picture = |name: &String| name[6..12].parse::<u32>().unwrap() / 2;
+    assert!(taken.windows(2).all(|pair| picture(&pair[1]) > picture(&pair[0])), "{taken:?}");
+}
+
+fn which(program: &str) -> Option<PathBuf> {
+    let path = std::env::var_os("PATH")?;
+    std::env::split_paths(&path).map(|folder| folder.join(program)).find(|file| file.is_file())
+}
+
+#[expect(clippy::print_stderr, reason = "a test that is skipped says so")]
+fn eprintln_not_checked(why: &str) {
+    eprintln!("NOT CHECKED: {why}");
+}
+
+#[test]
+fn pycolmap_finds_the_poses_of_the_sample() {
+    let python = std::env::var("TRISPLAT_POSES").unwrap_or("python3".into());
+    let probe = Command::new(&python).args(["-c", "import pycolmap"]).stderr(Stdio::null()).status();
+    if !probe.is_ok_and(|status| status.success()) {
+        eprintln_not_checked("no pycolmap in python3; TRISPLAT_POSES names another Python");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let trisplat = |words: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+        let output = command.current_dir(folder.path()).args(words.split(' ')).output().unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        stderr(&output)
+    };
+    trisplat("sample dataset -o truth --views 16 --width 480");
+    let said = trisplat(&format!("capture truth/images -o set --poses {python}"));
+    assert!(said.contains("16 of 16 photos have a pose") && said.contains("pycolmap"), "{said}");
+    let load = |name: &str| Dataset::load(&folder.path().join(name), &DatasetOptions::default()).unwrap();
+    let (found, truth) = (load("set"), load("truth"));
+    // Poses are found up to a similarity: ratios of distances between cameras are the same.
+    let ratio = |set: &Dataset, a: usize, b: usize| {
+        let at = |i: usize| set.views[i].camera.position();
+        at(a).distance(at(b)) / at(0).distance(at(8))
+    };
+    for (a, b) in [(1, 5), (3, 12), (0, 15), (7, 11)] {
+        let (found, truth) = (ratio(&found, a, b), ratio(&truth, a, b));
+        assert!((found / truth - 1.0).abs() < 0.03, "{a} {b}: {found} {truth}");
+    }
+}
