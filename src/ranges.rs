@@ -210,6 +210,7 @@ mod tests {
         bake["unseen"]["max_error"] = 0.5.into();
         bake["lod"]["lod"] = vec![0.5].into();
         let mut mesh = json(&MeshOptions::default());
+        mesh["surface"]["resolution"] = 128.into();
         mesh["surface"]["voxel"] = 0.5.into();
         mesh["surface"]["max_triangles"] = 5.into();
         let mut plan = json(&PlanOptions::default());

@@ -303,7 +303,9 @@ fn judges_fail_damaged_files() {
         ply::write_soup(&mut bytes, &soup, &Provenance::default(), &[]).unwrap();
         fs::write(&source, bytes).unwrap();
         let names = ["glb", "obj", "ply"].map(|ending| format!("{what}.{ending}"));
-        files.extend(bakes(folder.path(), &source, &names.each_ref().map(String::as_str), &EVERYTHING));
+        // The dome of the studio is no backdrop here, as judges compare with all of the source.
+        let flags = [&EVERYTHING[..], &["--backdrop", "off"]].concat();
+        files.extend(bakes(folder.path(), &source, &names.each_ref().map(String::as_str), &flags));
     }
     for judge in JUDGES {
         // Each of them alone must fail; --damaged turns the verdict of every file round.
