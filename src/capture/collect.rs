@@ -221,7 +221,7 @@ impl Opened {
             Change::Copied => std::fs::copy(from, &to).map(drop).map_err(|e| Error::io(from, e))?,
             Change::Turned | Change::Converted => {
                 let picture = Pixels::load(from)?.turned(self.notes.orientation);
-                let is_jpeg = self.change == Change::Turned && !from.extension().is_some_and(|e| e == "png");
+                let is_jpeg = self.change == Change::Turned && from.extension().is_none_or(|e| e != "png");
                 let bytes = match is_jpeg {
                     true => with_notes(&picture.to_jpeg(QUALITY)?, &self.notes.upright()),
                     false => picture.to_png()?,

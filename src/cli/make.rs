@@ -20,7 +20,7 @@ use crate::train::budget::Correction;
 use crate::train::refine::Refined;
 use crate::train::{BackendOptions, TrainDetails, TrainObserver, TrainOptions, TrainSample, Trained};
 use indicatif::HumanCount;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Photos or videos, and what to make of them.
@@ -100,12 +100,12 @@ fn command() -> clap::Command {
 }
 
 /// Refuses what cannot be written, or may not be, before any work.
-fn guard(args: &MakeArgs, mut bake: BakeOptions, page: &PathBuf) -> Result<Outputs> {
+fn guard(args: &MakeArgs, mut bake: BakeOptions, page: &Path) -> Result<Outputs> {
     if args.output.as_os_str() == "-" || args.output.extension().is_some_and(|e| e == "html") {
         let wants = "a file for an engine, as in scene.glb; the page is written beside it";
         return Err(Error::invalid("output", args.output.display(), wants));
     }
-    if !page.extension().is_some_and(|e| e == "html") {
+    if page.extension().is_none_or(|e| e != "html") {
         return Err(Error::invalid("page", page.display(), "a name ending in .html"));
     }
     let planned = bake.plan_output(&args.output, None)?;
