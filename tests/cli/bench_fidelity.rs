@@ -34,7 +34,8 @@ fn every_step_from_a_soup_to_files_is_measured() {
             assert_eq!(row.triangles, like.triangles);
         }
     }
-    assert!(find("small", "web").bytes * 2 < find("small", "gltf").bytes);
+    // The dome is a node of its own, which is compressed by itself.
+    assert!(find("small", "web").bytes * 9 < find("small", "gltf").bytes * 5);
     assert!(find("refit", "gltf").psnr >= find("unseen", "gltf").psnr - 0.05);
     assert!(find("quarter", "gltf").triangles * 3 < find("refit", "gltf").triangles);
     assert_eq!(std::fs::read_to_string(&csv).unwrap().lines().count(), rows.len() + 1);

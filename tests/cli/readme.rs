@@ -179,7 +179,9 @@ fn every_key_of_a_bake_is_in_its_page_with_its_default() {
         groups.filter_map(|group| group["properties"].as_object()).flatten().collect();
     assert!(keys.len() > 30, "{keys:?}");
     for (key, entry) in keys {
-        let Some(default) = entry.get("default").filter(|value| !value.is_null()) else {
+        let Some(default) =
+            entry.get("default").filter(|value| !value.is_null() && **value != serde_json::json!([]))
+        else {
             assert!(page.contains(&format!("`{key}`")), "docs/bake.md does not name {key}");
             continue;
         };
