@@ -128,8 +128,12 @@ impl FaceTexture {
         true
     }
 
-    /// Where the vertices of a mesh with these indices are on it, when the faces that share one agree; `[V]`.
+    /// Where the vertices of a mesh with these indices are on it, when the faces that share one agree; `[V]`. Without indices, vertices are
+    /// the corners of faces. A vertex of no face is at the origin.
     pub fn of_vertices(&self, indices: &[u32], vertices: usize) -> Option<Vec<Vec2>> {
+        if indices.is_empty() {
+            return Some(self.uvs.as_flattened().to_vec());
+        }
         let mut at = vec![Vec2::NAN; vertices];
         for (vertex, uv) in indices.iter().zip(self.uvs.as_flattened()) {
             let known = &mut at[*vertex as usize];
@@ -139,6 +143,7 @@ impl FaceTexture {
                 return None;
             }
         }
+        at.iter_mut().filter(|uv| uv.is_nan()).for_each(|uv| *uv = Vec2::ZERO);
         Some(at)
     }
 

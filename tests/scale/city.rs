@@ -218,10 +218,10 @@ fn what_no_photo_shows_is_left_out_and_its_triangles_go_to_the_others() {
             [0.0, 0.0, 1.0, 25.0],
             [0.0, 0.0, 0.0, 1.0]
         ]);
-        (frame["fl_x"], frame["fl_y"]) = (80.0.into(), 80.0.into());
+        (frame["fl_x"], frame["fl_y"]) = (300.0.into(), 300.0.into());
     }
     std::fs::write(&path, transforms.to_string()).unwrap();
-    let plan = ["plan", "photos", "-o", "corner", "--blocks", "16", "--coarse-steps", "1"];
+    let plan = ["plan", "photos", "-o", "corner", "--blocks", "16", "--coarse-steps", "20"];
     let more = ["--set", "init.shell_subdivisions=0", "--steps", "60", "--max-triangles", "3001"];
     let said = succeed(folder.path(), &[&plan[..], &more[..]].concat());
     assert!(said.contains("of 16 blocks are left out: no photo shows them"), "{said}");
