@@ -228,7 +228,7 @@ mod tests {
         (0..20).for_each(|_| watch.add(&frame(0.0, false)));
         assert_eq!(choose(&watch.frames, 150).len(), 1);
         let mut watch = FrameWatch::default();
-        (0..160).for_each(|i| watch.add(&frame(4.0 * i as f32, i % 4 != 0)));
+        (0..161).for_each(|i| watch.add(&frame(4.0 * i as f32, i % 4 != 0)));
         let chosen = choose(&watch.frames, 150);
         assert!((25..=50).contains(&chosen.len()), "{chosen:?}");
         assert!(chosen.iter().all(|i| i % 4 == 0), "{chosen:?}");

@@ -1,8 +1,8 @@
 //! What the stage table says of the steps of a capture.
 
-use super::progress::thousands;
 use crate::capture::{FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails};
 use crate::report::StageReport;
+use indicatif::HumanCount;
 
 /// The middle of the row of a step; `None` of what is no step of a capture.
 pub(super) fn row(stage: &StageReport) -> Option<String> {
@@ -15,7 +15,7 @@ pub(super) fn row(stage: &StageReport) -> Option<String> {
         return Some(format!("{program}{focal}"));
     }
     if let Some(MatchesDetails { how, pairs }) = stage.details_as() {
-        return Some(pairs.map_or(how.clone(), |pairs| format!("{} pairs, {how}", thousands(pairs))));
+        return Some(pairs.map_or(how.clone(), |pairs| format!("{} pairs, {how}", HumanCount(pairs))));
     }
     if let Some(ModelDetails { mapper, registered, photos, models }) = stage.details_as() {
         let parts = if models > 1 { format!(", in {models} parts") } else { String::new() };
@@ -28,8 +28,8 @@ fn photos(details: &PhotosDetails) -> String {
     let PhotosDetails { photos, frames, video_frames, turned, converted, cameras, .. } = *details;
     let mut text = match frames {
         0 => format!("{photos} photos"),
-        _ if photos == frames => format!("{frames} of {} frames", thousands(video_frames)),
-        _ => format!("{} photos, {frames} of {} frames", photos - frames, thousands(video_frames)),
+        _ if photos == frames => format!("{frames} of {} frames", HumanCount(video_frames)),
+        _ => format!("{} photos, {frames} of {} frames", photos - frames, HumanCount(video_frames)),
     };
     for (number, what) in [(turned, "turned upright"), (converted, "converted")] {
         if number > 0 {
@@ -44,6 +44,6 @@ fn photos(details: &PhotosDetails) -> String {
 
 fn verdict(details: &VerdictDetails) -> String {
     let error = details.error_px.map_or(String::new(), |error| format!(", {error:.2} px"));
-    let (points, track) = (thousands(details.points), details.track_length);
+    let (points, track) = (HumanCount(details.points), details.track_length);
     format!("{}: {points} points, each in {track:.1} photos{error}", details.verdict.word())
 }
