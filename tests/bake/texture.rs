@@ -248,7 +248,7 @@ fn a_connected_surface_stays_connected_and_is_painted_in_charts() {
 /// Two halves of a wall: photos of even number are brighter than the others, and each shows one half only.
 #[test]
 fn the_best_photos_meet_without_a_seam() {
-    let half = |view: usize| if view % 2 == 0 { -1.0f32 } else { 1.0 };
+    let half = |view: usize| if view.is_multiple_of(2) { -1.0f32 } else { 1.0 };
     let exposed = |(view, camera): (usize, &Camera)| {
         let mut photo = Solid::new().render(&painted(), camera, &DRAWING);
         let gain = 1.0 + 0.12 * half(view);
