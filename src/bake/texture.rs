@@ -117,7 +117,7 @@ fn paint(
     details.texels = Some(texels.shown());
     let every = EVALUATION_EVERY.max(views.len().div_ceil(MOST_EVALUATION_VIEWS));
     let (held_out, others): (Vec<usize>, Vec<usize>) = (0..views.len()).partition(|v| v % every == every / 2);
-    // λ for so many photos.
+    // λ for this number of photos.
     let flatness = |photos: usize| options.texture_flatness as f32 * USUAL_PHOTOS / photos.max(1) as f32;
     let uvs = layout.uvs();
     let painted = |texels: &Texels, flatness: f32| {

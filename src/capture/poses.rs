@@ -18,9 +18,9 @@ use std::process::Command;
 
 /// More photos than this are too many to compare each with each other where there is another way.
 const MOST_EXHAUSTIVE: usize = 150;
-/// A frame is compared with so many that follow it, and with those 2, 4, 8, ... frames on.
+/// Number of following frames that a frame is compared with, besides those 2, 4, 8, ... frames on.
 const NEIGHBOURS: usize = 10;
-/// So many frames of a video are compared with each other, so that a walk that comes back is closed.
+/// Number of frames of a video that are compared with each other, so that a walk that comes back is closed.
 const LANDMARKS: usize = 40;
 /// A model that has fewer of the photos than this is worth another try.
 const ENOUGH: f64 = 0.9;

@@ -22,7 +22,7 @@ use std::path::Path;
 const LOOKED_AT: u32 = 640;
 /// Names that a list of the report has at most.
 const LISTED: usize = 20;
-/// A photo of so many points or fewer has a pose that may be wrong.
+/// A photo with at most this number of points has a pose that may be wrong.
 const FEW_POINTS: usize = 50;
 /// Frames that follow each other and share so few points are a gap.
 const FEW_SHARED: usize = 20;

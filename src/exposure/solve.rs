@@ -20,7 +20,7 @@ const LEAST_SHARE: f32 = 0.5;
 const ROUNDS: usize = 12;
 /// The least scale at which a cell counts half, as a logarithm.
 const LEAST_SCALE: f32 = 0.02;
-/// Neighbouring cells are not independent, least of all where a scene is not trained yet: errors are so many times larger than if they were.
+/// Neighbouring cells are not independent, least of all where a scene is not trained yet: errors are larger than for independent ones by this factor.
 const DEPENDENCE: f32 = 4.0;
 
 /// A photo and a drawing, compared.

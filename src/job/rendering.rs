@@ -50,7 +50,7 @@ pub struct RenderJob {
     pub render: RenderOptions,
     /// Which photos' cameras, with a data set and without an orbit.
     pub split: Split,
-    /// So many pictures on a circle around the subject.
+    /// Number of pictures on a circle around the subject.
     pub orbit: Option<u32>,
     /// Width of an orbit's pictures without a data set, px; the height is three quarters of it.
     pub width: u32,

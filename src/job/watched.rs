@@ -107,7 +107,7 @@ impl Watched {
     }
 }
 
-/// Whether there are photos to spare among so many, and `secs` of a budget for `pairs` of trainings.
+/// Whether there are photos to spare among `photos`, and `secs` of a budget for `pairs` of trainings.
 pub(super) fn fits(secs: f64, photos: usize, pairs: usize) -> bool {
     let needed = LEAST_SECS.max(LEAST_SECS_PER_PHOTO * (pairs * photos) as f64);
     (FEWEST_PHOTOS..=MOST_PHOTOS).contains(&photos) && secs >= needed

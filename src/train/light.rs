@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 /// Parts of a run after which exposures are found anew. Early, while triangles are too few to have taken on the light of single photos.
 const MILESTONES: [f64; 9] = [0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7];
-/// Where photos agree at so many milestones, they are not asked again.
+/// Photos that agree at this number of milestones are not asked again.
 const ENOUGH: usize = 3;
 /// Fewer photos say nothing about their mean.
 const LEAST_PHOTOS: usize = 4;

@@ -22,13 +22,13 @@ const SEAM_PX: f64 = 100.0;
 const FLATNESS_PX: f64 = 3.0;
 /// A corner stays where it was as if that had been right on this many pixels: what nothing pulls keeps its colour.
 const DAMPING_PX: f64 = 1e-3;
-/// Without photos, every triangle counts as so many pixels of its own colour: enough to keep its mean, not enough to keep its edges.
+/// Weight of a triangle's own colour without photos, pixels: enough to keep its mean, not enough to keep its edges.
 const TRUSTED_PX: f64 = 300.0;
 /// Most steps of conjugate gradients; a thousandth of the residual is reached long before.
 const STEPS: usize = 400;
 const RESIDUAL: f64 = 1e-4;
 
-/// Gives the backdrop of `mesh`, its faces from `behind` on, the colours that are best for all of them together, of which photos told `fit`.
+/// Gives the backdrop of `mesh`, its faces from `behind` on, the colours that are best for all of them together; `fit` holds what photos show of them.
 pub(super) fn paint(mesh: &mut Mesh, behind: usize, fit: &Fit) {
     if behind < mesh.face_count() {
         let solved = solve(mesh, behind, fit.sums(behind), fit.encoded(behind));
@@ -47,7 +47,7 @@ pub(in crate::bake) fn smooth_shell(shell: &mut Mesh) {
 /// Colours of the corners of some faces, sRGB-encoded. `[face][corner][channel]`
 type CornerColors = Vec<[[f32; 3]; 3]>;
 
-/// Better colours for the faces from `first` on, which are `encoded` and of which photos said `sums`.
+/// Better colours for the faces from `first` on, which are `encoded`; `sums` holds what photos show of them.
 fn solve(mesh: &Mesh, first: usize, sums: &[Equations], encoded: &[[[f32; 3]; 3]]) -> CornerColors {
     let matrices = sums.iter().map(|sums| sums.matrix().map(f64::from)).collect();
     let system = System { matrices, ..System::of(mesh, first) };
@@ -173,7 +173,7 @@ mod tests {
         Mesh { positions, colors, ..Mesh::default() }
     }
 
-    /// Photos that show `level` on so many pixels of a face that is black.
+    /// Photos that show `level` on this number of pixels of a black face.
     fn shows(level: f32, pixels: u32) -> Equations {
         let mut sums = Equations::default();
         for _ in 0..pixels {
