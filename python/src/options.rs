@@ -20,7 +20,10 @@ pub fn resolve<T: Serialize + DeserializeOwned, P: DeserializeOwned + Default>(
 }
 
 /// Options without presets; those that are not given are the plain ones.
-pub fn plain<T: DeserializeOwned + Default>(py: Python<'_>, typed: Option<&Bound<'_, PyDict>>) -> PyResult<T> {
+pub fn plain<T: DeserializeOwned + Default>(
+    py: Python<'_>,
+    typed: Option<&Bound<'_, PyDict>>,
+) -> PyResult<T> {
     match typed {
         Some(typed) => serde_json::from_value(Value::Object(from_python(py, typed)?)).map_err(refused),
         None => Ok(T::default()),

@@ -37,7 +37,8 @@ pub fn train<'py>(
     let budget = cpu_budget(budget)?;
     if let Some(path) = &output {
         if path.extension().is_none_or(|end| !end.eq_ignore_ascii_case("ply")) {
-            let what = format!("{} is not a name that ends with .ply; bake turns it into .glb", path.display());
+            let what =
+                format!("{} is not a name that ends with .ply; bake turns it into .glb", path.display());
             return Err(PyValueError::new_err(what));
         }
         if path.exists() && !force {
