@@ -19,6 +19,7 @@ F3D=4.0.0
 TILES=0.5.3
 BABYLON=9.28.0
 MATURIN=1.16.0
+PUPPETEER=25.16.0
 judges=target/judges
 python=$judges/venv/bin/python
 
@@ -138,6 +139,17 @@ if web/build.sh dev; then
     required=$required,web
 else
     echo 'SKIPPED: web/build.sh could not build it'
+fi
+
+section 'Firefox'
+if ! has firefox-esr && has apt-get && apt-cache show firefox-esr >/dev/null 2>&1; then
+    (apt_install 'the program in another browser' firefox-esr libgl1-mesa-dri xvfb xauth) || true
+fi
+if has firefox-esr && has xvfb-run && judge puppeteer-core "$PUPPETEER"; then
+    required=$required,firefox
+    firefox-esr --version
+else
+    echo 'NOT CHECKED: firefox-esr is not among the packages of this system'
 fi
 
 section 'f3d'

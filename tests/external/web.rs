@@ -234,6 +234,25 @@ fn the_page_bakes_what_the_program_does() {
 }
 
 #[test]
+fn the_page_bakes_in_firefox_too() {
+    let firefox = ["/usr/bin/firefox-esr", "/usr/bin/firefox"].map(PathBuf::from);
+    let firefox = firefox.into_iter().find(|path| path.exists());
+    let driver = here("target/judges/node_modules/puppeteer-core").exists();
+    let there = have("firefox", firefox.is_some() && driver && Path::new("/usr/bin/xvfb-run").exists());
+    let Some(firefox) = firefox.filter(|_| there && built()) else { return };
+    let [ours, theirs] = [(); 2].map(|()| TempDir::new().unwrap());
+    fs::copy(here("samples/soups/trained.ply"), ours.path().join("trained.ply")).unwrap();
+    let mut command = Command::new("xvfb-run");
+    command.args(["-a", "node"]).arg(here("tests/firefox.mjs")).arg(here("target/judges")).arg(firefox);
+    command.arg(here("target/web/app/index.html")).arg(ours.path().join("trained.ply")).arg(theirs.path());
+    let seen = lines(&mut command, &json!([{}])).remove(0);
+    println!("{seen}");
+    assert_eq!((&seen["errors"], &seen["state"], &seen["message"]), (&json!([]), &json!("ready"), &json!("")));
+    program(ours.path(), &["bake", "trained.ply", "-o", "trained.glb", "--target", "godot"]).unwrap();
+    assert_same(ours.path(), theirs.path(), &json!(["trained.glb", "trained.glb.import"]));
+}
+
+#[test]
 fn the_page_says_why_a_file_cannot_be_read() {
     let Some(chromium) = chromium().filter(|_| built()) else { return };
     let folder = TempDir::new().unwrap();
