@@ -247,7 +247,10 @@ fn the_page_bakes_in_firefox_too() {
     command.arg(here("target/web/app/index.html")).arg(ours.path().join("trained.ply")).arg(theirs.path());
     let seen = lines(&mut command, &json!([{}])).remove(0);
     println!("{seen}");
-    assert_eq!((&seen["errors"], &seen["state"], &seen["message"]), (&json!([]), &json!("ready"), &json!("")));
+    assert_eq!(
+        (&seen["errors"], &seen["state"], &seen["message"]),
+        (&json!([]), &json!("ready"), &json!(""))
+    );
     program(ours.path(), &["bake", "trained.ply", "-o", "trained.glb", "--target", "godot"]).unwrap();
     assert_same(ours.path(), theirs.path(), &json!(["trained.glb", "trained.glb.import"]));
 }
