@@ -1,11 +1,11 @@
-//! A bake with a budget of time: what is spent, and what was chosen.
+//! A bake with a time budget: time spent and choices made.
 
 use crate::bake::pace::{BakeBudgetDetails, BakePace};
 use crate::budget::{Budget, Spending};
 use crate::report::{StageDetails, StageReport, to_json};
 use std::time::Instant;
 
-/// What keeps the bake to its budget, if it has one; `began`: when the process did.
+/// The pace of a bake with a budget; `began`: start of the clock.
 pub(super) fn pace(budget: Option<Budget>, began: Instant) -> BakePace {
     match budget {
         Some(budget) => BakePace::new(budget, Spending::of_process(budget.clock, began)),
@@ -13,7 +13,7 @@ pub(super) fn pace(budget: Option<Budget>, began: Instant) -> BakePace {
     }
 }
 
-/// The entry of the budget in the report, when all is written; `None` without a budget.
+/// The report's budget entry, after all files are written; `None` without a budget.
 pub(super) fn stage(pace: &BakePace) -> Option<StageReport> {
     if !pace.is_limited() {
         return None;
@@ -30,10 +30,10 @@ pub(super) fn stage(pace: &BakePace) -> Option<StageReport> {
     })
 }
 
-/// A warning when more was spent than there was.
+/// A warning when the bake exceeded its budget.
 pub(super) fn warning(budget: Option<Budget>, pace: &BakePace) -> Option<String> {
     let (budget, spent) = (budget?.seconds, pace.spent_secs());
-    // Clocks tick.
+    // Tolerance for the clock's resolution.
     (spent > 1.05 * budget.0).then(|| {
         let left_out = match pace.details().and_then(|details| details.repeat) {
             Some(_) => "what can be left out was, and",

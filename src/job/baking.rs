@@ -1,4 +1,4 @@
-//! A bake from what is asked for to its files: photos, hardening, a budget of bytes or of time, stages, report.
+//! A bake job, from its inputs and options to files: photos, hardening, a byte or time budget, stages, report.
 
 use super::bake_budget;
 use super::fitted::fitted;
@@ -23,7 +23,7 @@ use std::time::Instant;
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub enum BakeInput {
-    /// A file, which is read when the job is run; "-" is standard input.
+    /// A file, read when the job runs; "-" is standard input.
     File(PathBuf),
     /// A scene in memory.
     Scene(Box<Loaded>),
@@ -36,7 +36,7 @@ impl BakeInput {
     }
 }
 
-/// A bake as it is asked for. [`BakeJob::new`] has the plain values; any field can be set before it is run.
+/// A bake job. [`BakeJob::new`] fills in the defaults; set any field before running it.
 ///
 /// ```
 /// use trisplat::bake::BakePreset;
@@ -55,39 +55,39 @@ impl BakeInput {
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct BakeJob {
-    /// What is baked; several are merged.
+    /// Inputs; several are merged.
     pub inputs: Vec<BakeInput>,
     /// The options of the stages.
     pub options: BakeOptions,
     /// Photos of the scene, if there are any.
     pub photos: Option<Dataset>,
-    /// How they were read, and how files are.
+    /// Options for reading photos and input files.
     pub dataset_options: DatasetOptions,
-    /// The scene is trained solid first, if it is soft.
+    /// Trains a soft scene solid before the bake.
     pub harden: Option<HardenOptions>,
     /// Limit on the bytes of all files together.
     pub max_bytes: Option<u64>,
-    /// The time that pictures, rounds and colours of a soft scene are chosen for.
+    /// Time budget. It chooses the number of pictures, rounds and colours for a soft scene.
     pub budget: Option<Budget>,
-    /// When the process began that the budget is for; `None`: when the job was run.
+    /// Start of the budget's clock; `None`: the moment the job runs.
     pub began: Option<Instant>,
 }
 
-/// What is baked, and the photos or pictures that the bake may look at.
+/// The scene to bake, and the photos or pictures that the bake may use.
 struct Scenes {
     scenes: Vec<Loaded>,
     views: Option<Views>,
-    /// What was hardened, to compare with.
+    /// The scene before hardening, for comparison.
     unhardened: Option<Unhardened>,
 }
 
-/// A baked scene and what was done for it.
+/// A baked scene and its report.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct BakeDone {
-    /// What an engine draws.
+    /// The asset that an engine draws.
     pub asset: Asset,
-    /// Inputs, options, stages, files and what the user should know.
+    /// Inputs, options, stages, files and warnings.
     pub report: Report,
 }
 
@@ -106,9 +106,9 @@ impl BakeJob {
         }
     }
 
-    /// Bakes, and writes nothing.
+    /// Bakes without writing files.
     ///
-    /// Errors: those of the files that are read and of the bake; `max_bytes`, which counts what is written.
+    /// Errors: unreadable inputs; errors of the bake; `max_bytes`, which only counts written files.
     pub fn run(self, observer: &mut dyn BakeJobObserver) -> Result<BakeDone> {
         match self.max_bytes {
             Some(bytes) => Err(Error::invalid("max_bytes", bytes, "files to write")),
@@ -118,14 +118,14 @@ impl BakeJob {
 
     /// Bakes and writes the files that [`BakeOptions::plan_output`] names for `path`. Existing files are replaced.
     ///
-    /// Errors: those of [`BakeJob::run`], of the format, and what the operating system refuses.
+    /// Errors: those of [`BakeJob::run`], of the format and of the operating system.
     pub fn save(mut self, path: &Path, observer: &mut dyn BakeJobObserver) -> Result<BakeDone> {
         let output = self.options.plan_output(path, None)?;
         let files = output.start()?;
         self.write(&output, files, observer)
     }
 
-    /// Bakes and writes the files of `output`, which [`BakeOptions::plan_output`] planned and which were started.
+    /// Bakes and writes the files of `output`: planned by [`BakeOptions::plan_output`], already started.
     ///
     /// Errors: as for [`BakeJob::save`].
     pub fn write(
@@ -179,7 +179,7 @@ impl BakeJob {
         Ok(BakeDone { asset, report })
     }
 
-    /// The files that are read, and the data set.
+    /// The input files and the data set.
     fn names(&self) -> Vec<String> {
         let files = self.inputs.iter().filter_map(|input| match input {
             BakeInput::File(path) => Some(path),
@@ -189,7 +189,7 @@ impl BakeJob {
         files.chain(photos).map(|path| path.display().to_string()).collect()
     }
 
-    /// What is baked: the inputs, or what hardening made of them, which is a stage of `report`.
+    /// The scene to bake: the inputs, hardened if asked. Hardening is a stage of `report`.
     fn scenes(&self, report: &mut Report, observer: &mut dyn BakeJobObserver) -> Result<Scenes> {
         let how = &self.dataset_options;
         let views = self.photos.as_ref().map(|photos| Views::new(photos, how));
@@ -206,7 +206,7 @@ impl BakeJob {
                 let most = self.options.prune.max_triangles;
                 let training = hardening.training(soft.scene.triangle_count(), most);
                 let photos = self.photos.as_ref();
-                // `max_bytes` is met for the hardened scene alone.
+                // `max_bytes` holds for the hardened scene only.
                 if self.max_bytes.is_none() {
                     unhardened = Some(Unhardened::new(&soft, photos, how));
                 }
@@ -239,7 +239,7 @@ impl BakeJob {
         self.inputs.iter().map(read).collect()
     }
 
-    /// The degree of the colours that are read: only the teacher draws more than the constant one.
+    /// The SH degree to read: only the teacher draws more than degree 0.
     fn sh_degree(&self) -> u8 {
         let teaches = self.photos.is_none() && self.options.teacher.teacher == TeacherWhen::Auto;
         if teaches || self.harden.is_some() { 3 } else { 0 }

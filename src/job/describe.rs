@@ -1,4 +1,4 @@
-//! What a file holds, how soft it is, and what a bake would keep of it.
+//! Describes a file: its contents, its softness, and the triangles that a bake would keep.
 
 use crate::bake::prune::{PruneDetails, PruneOptions, prune};
 use crate::bake::solid::SolidOptions;
@@ -10,9 +10,9 @@ use crate::report::{self, Outcome};
 use crate::scene::Loaded;
 use std::path::Path;
 
-/// What is in the scene at `path`, drawn on a few small pictures if it is soft.
+/// Describes the scene at `path`. A soft scene is drawn on a few small pictures to measure its softness.
 ///
-/// Errors: what reading reports.
+/// Errors: those of reading.
 pub fn describe(path: &Path, options: &ReadOptions) -> Result<Info> {
     let (mut info, loaded) = info(path, options)?;
     info.softness = softness(&loaded, &SolidOptions::DEFAULT).ok().flatten();
@@ -20,7 +20,7 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Info> {
     Ok(info)
 }
 
-/// What the default bake would keep; none when its first stage fails.
+/// Triangles that the default bake would keep; `None` when its first stage fails.
 fn would_bake(loaded: Loaded) -> Option<BakeInfo> {
     let mut scene = loaded.scene;
     let mut details = PruneDetails::default();

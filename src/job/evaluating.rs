@@ -1,4 +1,4 @@
-//! An evaluation from what is asked for to its report: photos, forms of the scene, coverage, scores.
+//! An evaluation job, from options to report: photos, forms of the scene, coverage, scores.
 
 use crate::dataset::{Dataset, DatasetOptions, ShrunkSize, Split, View};
 use crate::error::Result;
@@ -11,7 +11,7 @@ use crate::render::scene_renderer::RenderOptions;
 use crate::train::BackendOptions;
 use std::path::PathBuf;
 
-/// An evaluation as it is asked for. [`EvalJob::new`] has the plain values; any field can be set before the run.
+/// An evaluation job. [`EvalJob::new`] fills in the defaults; set any field before running it.
 ///
 /// ```
 /// use trisplat::dataset::synthetic::{self, SyntheticOptions};
@@ -35,19 +35,19 @@ use std::path::PathBuf;
 pub struct EvalJob {
     /// Trained soup or mesh.
     pub file: PathBuf,
-    /// How it is drawn.
+    /// Renderer and its options.
     pub render: RenderOptions,
-    /// Which photos.
+    /// The photos to compare with.
     pub split: Split,
-    /// Measure the share of the pixels that show what at least two training photos see: the scene is drawn once for each of them.
+    /// Measure coverage: the share of pixels whose surface at least two training photos see. It draws the scene once per photo.
     pub coverage: bool,
-    /// Where soft drawings are made.
+    /// Backend for soft drawings.
     pub backend: BackendOptions,
-    /// How the data set was read.
+    /// Options that the data set was read with.
     pub dataset_options: DatasetOptions,
 }
 
-/// An evaluation whose scene is read.
+/// An evaluation with its scene in memory.
 #[derive(Debug)]
 pub struct ReadyEval<'a> {
     job: EvalJob,
@@ -58,7 +58,7 @@ pub struct ReadyEval<'a> {
 }
 
 impl EvalJob {
-    /// The held-out photos of a data set that is read with [`DatasetOptions::default`], with coverage.
+    /// Evaluates on held-out photos, with coverage, for data sets read with [`DatasetOptions::default`].
     pub fn new(file: impl Into<PathBuf>) -> Self {
         Self {
             file: file.into(),
@@ -70,7 +70,7 @@ impl EvalJob {
         }
     }
 
-    /// Reads the scene, and draws and measures it.
+    /// Reads, draws and measures the scene.
     ///
     /// Errors: those of [`EvalJob::prepare`] and of [`ReadyEval::run`].
     pub fn run(self, dataset: &Dataset) -> Result<EvalReport> {
@@ -79,9 +79,9 @@ impl EvalJob {
         ready.run(|_, _| Ok(()))
     }
 
-    /// Reads the scene, and makes of it what is evaluated.
+    /// Reads the scene and prepares the forms to evaluate.
     ///
-    /// Errors: a part of the data set without photos; a file that cannot be read; a mesh that is to be drawn soft.
+    /// Errors: a split without photos; an unreadable file; a mesh with a soft renderer.
     pub fn prepare(self, dataset: &Dataset) -> Result<ReadyEval<'_>> {
         let views = self.split.some_of(dataset)?;
         let loaded = formats::read(&self.file, &self.dataset_options.read_options(3))?;
@@ -96,7 +96,7 @@ impl EvalJob {
 }
 
 impl<'a> ReadyEval<'a> {
-    /// The photos, in order of name.
+    /// The photos, sorted by name.
     pub fn views(&self) -> &[&'a View] {
         &self.views
     }
@@ -106,7 +106,7 @@ impl<'a> ReadyEval<'a> {
         self.steps.iter().map(|step| step.name).collect()
     }
 
-    /// Has a graphics card make soft drawings, if that is to be used; `chosen` gets each form's card and what the user should know.
+    /// Moves soft drawing to a graphics card if the backend says so; `chosen` gets each form's card and warnings.
     ///
     /// Errors: a card that was asked for and is not there.
     pub fn draw_on(&mut self, mut chosen: impl FnMut(Option<&str>, &[String])) -> Result<()> {
@@ -117,7 +117,7 @@ impl<'a> ReadyEval<'a> {
         Ok(())
     }
 
-    /// Draws and measures every photo; `on_view` gets it and its drawings as soon as they are there.
+    /// Draws and measures every photo; `on_view` gets each photo and its drawings at once.
     ///
     /// Errors: photos that cannot be decoded; those of `on_view`.
     pub fn run(

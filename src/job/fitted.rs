@@ -13,17 +13,17 @@ use crate::formats::output::{self, Output};
 use crate::report::Report;
 use crate::scene::Loaded;
 
-/// What was baked, how, and what its report says so far.
+/// A bake, its options and its report so far.
 pub(super) struct Fitted {
     pub(super) asset: Asset,
     pub(super) options: BakeOptions,
     pub(super) report: Report,
 }
 
-/// The bake with the most triangles whose files, all of `output` together, take at most `limit` bytes. What would be written is counted:
+/// The bake with the most triangles whose files, all of `output` together, take at most `limit` bytes. The bytes of real files are counted:
 /// first of the scene without anything that pictures decide, then of the bake itself, which may be made again. `report` is what each begins with.
 ///
-/// Errors: those of a bake and of writing; a limit below what any scene takes.
+/// Errors: those of a bake and of writing; a limit that not even one triangle meets.
 pub(super) fn fitted(
     limit: u64,
     scenes: &[Loaded],
@@ -61,18 +61,18 @@ pub(super) fn fitted(
     most_within(limit, options.prune.max_triangles, probe, make)
 }
 
-/// The options of a scene of as many bytes, without what looks at pictures.
+/// Options for a file of the same size, without the stages that use pictures.
 fn plain(options: &BakeOptions) -> BakeOptions {
     let mut plain = options.clone();
     (plain.teacher, plain.reshape, plain.floaters) =
         (TeacherOptions::OFF, ReshapeOptions::OFF, FloatersOptions::OFF);
     plain.refit.refit = RefitColors::Off;
-    // Bytes of these do not grow with the triangles.
+    // The size of these files does not depend on the number of triangles.
     (plain.collision.collision, plain.texture.texture) = (false, false);
     plain
 }
 
-/// The scenes without their cameras, unless a region is cut out by them: what nobody looks at is ranked by size.
+/// The scenes without cameras, unless cameras define the crop. Without cameras, triangles are ranked by size.
 fn sightless(scenes: &[Loaded], options: &BakeOptions) -> Vec<Loaded> {
     let mut scenes = scenes.to_vec();
     if options.crop.crop.is_empty() {

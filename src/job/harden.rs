@@ -1,4 +1,4 @@
-//! Whether a scene is trained solid before it is baked, and how.
+//! Hardening: a soft scene is trained solid before its bake.
 
 use super::observer::BakeJobObserver;
 use crate::bake::Views;
@@ -12,14 +12,14 @@ use crate::train::{TrainDetails, TrainOptions, TrainPreset, TrainRun};
 use std::path::Path;
 use std::time::Instant;
 
-/// Triangles that a hardened scene may have, unless the soft one has more.
+/// Most triangles of a hardened scene, unless the soft one has more.
 const LEAST_BUDGET: u64 = 60_000;
-/// Largest share of steps that look at soft pictures beside photos.
+/// Largest share of steps on soft pictures when there are photos too.
 pub const MOST_PICTURES: f64 = 0.9;
-/// A hardened scene may have this many times as many triangles as the soft one.
+/// Most triangles of a hardened scene, as a multiple of the soft scene's.
 const GROWTH: f64 = 1.25;
 
-/// How a soft scene is trained solid before it is baked.
+/// Options for hardening a soft scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct HardenOptions {
@@ -34,7 +34,7 @@ impl Default for HardenOptions {
 }
 
 impl HardenOptions {
-    /// In this many steps.
+    /// Options with this number of steps.
     pub fn of_steps(harden_steps: u64) -> Self {
         Self { harden_steps }
     }
@@ -47,7 +47,7 @@ impl HardenOptions {
         Ok(())
     }
 
-    /// How a scene of `triangles` is hardened; a file may have `max_triangles`.
+    /// Training options for a scene of `triangles`; the file may have `max_triangles`.
     pub fn training(&self, triangles: usize, max_triangles: Option<u64>) -> TrainOptions {
         let grown = (triangles as f64 * GROWTH) as u64;
         let most = max_triangles.unwrap_or(LEAST_BUDGET.max(grown)).max(triangles as u64);
@@ -56,18 +56,18 @@ impl HardenOptions {
     }
 }
 
-/// A scene that was trained solid.
+/// A hardened scene.
 pub(super) struct Hardened {
     /// The solid scene.
     pub(super) scene: Loaded,
-    /// Soft pictures of the scene as it was, when there are no photos.
+    /// Soft pictures of the original scene, when there are no photos.
     pub(super) pictures: Option<Views>,
-    /// What the training did.
+    /// Report stage of the training.
     pub(super) stage: StageReport,
 }
 
 impl Hardened {
-    /// `scene` as it is, and why nothing was done.
+    /// `scene` unchanged, and the reason.
     pub(super) fn needless(scene: Loaded, why: &str) -> Self {
         let triangles = scene.scene.triangle_count() as u64;
         let counts = Counts { triangles, vertices: 3 * triangles };
@@ -88,9 +88,9 @@ pub fn needless(scene: &Loaded) -> Option<&'static str> {
     }
 }
 
-/// Trains `soft`, read from `path`, solid: on `photos`, or else on soft pictures of it.
+/// Trains `soft`, read from `path`, solid: on `photos` if there are any, otherwise on its own soft pictures.
 ///
-/// Errors: nothing to look at, photos that cannot be decoded, a run that was stopped.
+/// Errors: no cameras to draw from, undecodable photos, a stopped run.
 pub(super) fn harden(
     (path, soft): (&Path, Loaded),
     photos: Option<&Dataset>,

@@ -1,4 +1,4 @@
-//! From photos, a video or a data set to files for an engine: capture, training, bake. What was done before is not done again.
+//! From photos, a video or a data set to files for an engine: capture, training, bake. Finished parts are not repeated.
 
 use super::baking::{BakeInput, BakeJob};
 use super::observer::MakeJobObserver;
@@ -21,66 +21,66 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// The share of a budget that the training may spend; the bake of what it makes takes less than the rest.
+/// Share of the budget for training; the bake needs less than the rest.
 const TRAINING: f64 = 0.85;
-/// Steps between checkpoints: a run that is killed loses no more.
+/// Steps between checkpoints: a killed run loses at most these.
 const CHECKPOINT_EVERY: u64 = 500;
-/// Why a part is not done again.
+/// Why a finished part is skipped.
 const DONE: &str = "done before";
 
-/// Everything at once, as it is asked for. [`MakeJob::new`] has the plain values; any field can be set before the run.
+/// A job that does everything: capture, training, bake. [`MakeJob::new`] fills in the defaults; set any field before running it.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct MakeJob {
-    /// Photos, videos, folders of them; or one data set, which has poses already.
+    /// Photos, videos or folders of them; or one data set with poses.
     pub inputs: Vec<PathBuf>,
     /// The file to write.
     pub output: PathBuf,
     /// The page to write beside it.
     pub page: Option<PathBuf>,
-    /// The folder of what the next run goes on from: the data set of a capture, checkpoints, the trained scene.
+    /// Working folder, from which an interrupted job continues: the captured data set, checkpoints, the trained scene.
     pub work: PathBuf,
-    /// How photos are taken and posed.
+    /// Capture options: frames and poses.
     pub capture: CaptureOptions,
-    /// Replace what is in the folder if it was made of other inputs.
+    /// Replace a working folder that was made from other inputs.
     pub force: bool,
-    /// How the data set is read.
+    /// Options for reading the data set.
     pub dataset_options: DatasetOptions,
-    /// How the scene is trained.
+    /// Training options.
     pub train: TrainOptions,
-    /// Where.
+    /// Training backend.
     pub backend: BackendOptions,
-    /// How it is baked.
+    /// Bake options.
     pub bake: BakeOptions,
-    /// The CPU time of training and bake together.
+    /// CPU time for training and bake together.
     pub budget: Seconds,
 }
 
-/// What was made.
+/// The result of a [`MakeJob`].
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct MakeDone {
-    /// Every stage of every part, the files, and what the user should know.
+    /// All stages, files and warnings.
     pub report: Report,
     /// The data set that was trained on.
     pub dataset: PathBuf,
-    /// Whether the photos are any good; `None` of a data set that was given.
+    /// Quality of the capture; `None` for a given data set.
     pub verdict: Option<VerdictDetails>,
-    /// It was stopped: the same job goes on from there.
+    /// Whether it was stopped; the same job continues from there.
     pub stopped: bool,
 }
 
-/// A training that is done.
+/// A finished training.
 #[derive(Debug, Serialize, Deserialize)]
 struct StoredTraining {
-    /// What it was made of.
+    /// Hash of its inputs and options.
     key: String,
     stages: Vec<StageReport>,
     warnings: Vec<String>,
 }
 
 impl MakeJob {
-    /// Makes `output` of `inputs` in ten minutes of CPU time.
+    /// A job that makes `output` from `inputs` within ten minutes of CPU time.
     pub fn new(inputs: impl IntoIterator<Item = PathBuf>, output: PathBuf) -> Self {
         Self {
             inputs: inputs.into_iter().collect(),
@@ -97,7 +97,7 @@ impl MakeJob {
         }
     }
 
-    /// Does what is not done yet, to the end or until an observer wants to stop. Existing files are replaced.
+    /// Runs every unfinished part, to the end or until an observer stops it. Existing files are replaced.
     ///
     /// Errors: those of [`Capture::run`], [`TrainJob::run`] and [`BakeJob::save`].
     pub fn run(mut self, observer: &mut dyn MakeJobObserver) -> Result<MakeDone> {
@@ -133,7 +133,7 @@ impl MakeJob {
         Ok(done)
     }
 
-    /// Trains, unless that is done. False when it was stopped.
+    /// Trains unless a finished training exists. Returns false when stopped.
     fn train(&self, path: &Path, report: &mut Report, observer: &mut dyn MakeJobObserver) -> Result<bool> {
         let [scene, point, notes] =
             ["scene.ply", "scene.checkpoint", "training.json"].map(|n| self.work.join(n));
@@ -143,14 +143,14 @@ impl MakeJob {
         let before = before.filter(|before| before.key == key);
         if let Some(before) = before.as_ref().filter(|before| !before.stages.is_empty() && scene.is_file()) {
             for stage in &before.stages {
-                // The figures of then.
+                // The finished run's own figures.
                 let stage = StageReport { unneeded: Some(DONE.into()), seconds: 0.0, ..stage.clone() };
                 add(stage, report, observer);
             }
             report.warnings.extend(before.warnings.iter().cloned());
             return Ok(true);
         }
-        // A checkpoint of other photos or options is of no use, nor is a damaged one.
+        // A checkpoint made from other photos or options is ignored, and so is a damaged one.
         let resume = before.and_then(|_| checkpoint::read(&point).ok());
         save(&notes, &StoredTraining { key: key.clone(), stages: vec![], warnings: vec![] })?;
         let how = reading(&self.dataset_options, resume.as_ref());
@@ -186,7 +186,7 @@ impl MakeJob {
         Ok(true)
     }
 
-    /// What a training depends on: photos and poses, and all options.
+    /// Everything that a training depends on: photos, poses and options.
     fn training_key(&self, path: &Path) -> Result<String> {
         let meta = |path: &Path| {
             let meta = std::fs::metadata(path).ok();

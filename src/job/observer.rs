@@ -1,4 +1,4 @@
-//! The observer of a job, from its preparation on.
+//! Observers of jobs, from preparation to end.
 
 use crate::capture::CaptureObserver;
 use crate::error::Result;
@@ -6,13 +6,13 @@ use crate::report::{Observer, StageReport};
 use crate::train::{TrainObserver, TrainOptions, Trained};
 use std::path::PathBuf;
 
-/// Watches a training: its preparation by these methods, its steps as a [`TrainObserver`]. Every method does nothing unless implemented.
+/// Observes a training job: these methods for its preparation, [`TrainObserver`] for its steps. By default every method does nothing.
 pub trait TrainJobObserver: TrainObserver {
-    /// A short training is about to begin whose watched photos tell whether the run needs a teacher; returns who watches its steps.
+    /// A short training with watched photos begins; returns the observer of its steps.
     fn watching_begins(&mut self, _options: &TrainOptions) -> Result<Box<dyn TrainObserver + '_>> {
         Ok(Box::new(()))
     }
-    /// What these trainings came to.
+    /// The result of the short trainings.
     fn watched(&mut self, _summary: &str) {}
     /// A teacher is about to be trained, as `options` say; returns who watches its steps. `asked`: it was asked for, and does not come by
     /// default.
@@ -23,7 +23,7 @@ pub trait TrainJobObserver: TrainObserver {
     ) -> Result<Box<dyn TrainObserver + '_>> {
         Ok(Box::new(()))
     }
-    /// Teacher `which`, counted from 0, is trained; its file can be written now.
+    /// Teacher `which`, counted from 0, is trained: time to write its file.
     fn keep_teacher(&mut self, _which: usize, _teacher: &Trained) -> Result<()> {
         Ok(())
     }

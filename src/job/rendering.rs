@@ -1,4 +1,4 @@
-//! Pictures of a scene from what is asked for: cameras, renderer, drawings.
+//! A render job: cameras, renderer, pictures.
 
 use crate::asset::{Placement, Provenance, UpAxis};
 use crate::camera::Camera;
@@ -18,12 +18,12 @@ use crate::view::orbit;
 use glam::{DVec3, UVec2};
 use std::path::PathBuf;
 
-/// Share of the triangles that a random subset has.
+/// Default share of triangles in a random subset.
 pub const SHARE: f64 = 0.1;
 /// Width of an orbit's pictures without a data set, px.
 pub const WIDTH: u32 = 960;
 
-/// Pictures as they are asked for. [`RenderJob::new`] has the plain values; any field can be set before the run.
+/// A render job. [`RenderJob::new`] fills in the defaults; set any field before running it.
 ///
 /// ```
 /// use trisplat::RenderJob;
@@ -46,27 +46,27 @@ pub const WIDTH: u32 = 960;
 pub struct RenderJob {
     /// Trained soup or mesh.
     pub file: PathBuf,
-    /// How it is drawn.
+    /// Renderer and its options.
     pub render: RenderOptions,
-    /// Which photos' cameras, with a data set and without an orbit.
+    /// The photos whose cameras are used, with a data set and without an orbit.
     pub split: Split,
     /// Number of pictures on a circle around the subject.
     pub orbit: Option<u32>,
     /// Width of an orbit's pictures without a data set, px; the height is three quarters of it.
     pub width: u32,
-    /// What the pictures show.
+    /// Quantity to draw.
     pub show: PictureKind,
-    /// Share of the triangles of a random subset, of 1.
+    /// Share of triangles in a random subset, 0 to 1.
     pub share: f64,
-    /// Its seed.
+    /// Seed of the random subset.
     pub seed: u64,
-    /// Where soft pictures are drawn.
+    /// Backend for soft pictures.
     pub backend: BackendOptions,
-    /// How the data set was read.
+    /// Options that the data set was read with.
     pub dataset_options: DatasetOptions,
 }
 
-/// Pictures whose scene is read and whose cameras are known.
+/// A render job with its scene in memory and its cameras chosen.
 #[derive(Debug)]
 pub struct ReadyRender {
     job: RenderJob,
@@ -75,7 +75,7 @@ pub struct ReadyRender {
 }
 
 impl RenderJob {
-    /// The held-out photos of a data set that is read with [`DatasetOptions::default`].
+    /// Draws from the held-out photos' cameras, for data sets read with [`DatasetOptions::default`].
     pub fn new(file: impl Into<PathBuf>) -> Self {
         Self {
             file: file.into(),
@@ -93,7 +93,7 @@ impl RenderJob {
 
     /// Reads the scene and chooses the cameras.
     ///
-    /// Errors: a share that is none; a file that cannot be read; no cameras; pictures that are too large.
+    /// Errors: a share outside 0 to 1; an unreadable file; no cameras; pictures that are too large.
     pub fn prepare(self, dataset: Option<&Dataset>) -> Result<ReadyRender> {
         if !(0.0..=1.0).contains(&self.share) {
             return Err(Error::invalid("share", self.share, "a number from 0 to 1"));
@@ -119,12 +119,12 @@ impl RenderJob {
 }
 
 impl ReadyRender {
-    /// The pictures' names and cameras, in their order.
+    /// Names and cameras of the pictures, in drawing order.
     pub fn cameras(&self) -> &[(String, Camera)] {
         &self.cameras
     }
 
-    /// Has a graphics card draw, if that is to be used and it can. Returns the card, and what the user should know.
+    /// Moves drawing to a graphics card if the backend says so. Returns the card and warnings.
     ///
     /// Errors: a card that was asked for and is not there.
     pub fn draw_on(&mut self) -> Result<(Option<String>, Vec<String>)> {
@@ -134,9 +134,9 @@ impl ReadyRender {
         }
     }
 
-    /// The picture of a camera.
+    /// Draws one picture.
     ///
-    /// Errors: layers of a solid drawing.
+    /// Errors: layer counts of a solid drawing.
     pub fn draw(&mut self, camera: usize) -> Result<Pixels> {
         let (camera, renderer) = (&self.cameras[camera].1, &mut self.renderer);
         match self.job.show {
@@ -148,7 +148,7 @@ impl ReadyRender {
     }
 }
 
-/// What a picture shows of a scene.
+/// The quantity that a picture shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
@@ -160,13 +160,13 @@ pub enum PictureKind {
     Depth,
     /// Normals in camera space.
     Normal,
-    /// Number of layers of each pixel.
+    /// Number of layers per pixel.
     Contributions,
     /// Colour of some triangles only, so that their shapes can be seen.
     RandomSubset,
 }
 
-/// What was read; a soup that is to be drawn solid is baked.
+/// Reads the scene; bakes a soup for a solid renderer.
 fn solid_if_asked(job: &RenderJob, loaded: Loaded) -> Result<Loaded> {
     match (&loaded.scene, job.render.mode) {
         (Scene::Mesh(_), Some(RenderMode::Soft)) => Err(steps::no_soup(&job.file)),
@@ -183,7 +183,7 @@ fn solid_if_asked(job: &RenderJob, loaded: Loaded) -> Result<Loaded> {
     }
 }
 
-/// The renderer of the scene, or of the random subset of it.
+/// The renderer of the scene or of its random subset.
 fn renderer(
     job: &RenderJob,
     scene: Scene,
@@ -210,7 +210,7 @@ fn renderer(
     }
 }
 
-/// A circle around the subject of the scene. Cameras are in the world of the data set when there is one, else in the frame of the file.
+/// A circle of cameras around the subject, in the data set's world, or in the file's frame without one.
 fn orbit_cameras(
     job: &RenderJob,
     loaded: &Loaded,
@@ -229,7 +229,7 @@ fn orbit_cameras(
         (Some(_), Some(camera)) => camera.size,
         _ => UVec2::new(job.width, (job.width * 3 / 4).max(1)),
     };
-    // In a file that says which of its axes points up, the photos' is no better.
+    // A file that names its up axis knows it better than the photos do.
     let axis = up.unwrap_or_default().vector().as_vec3();
     let up = if *up == Some(UpAxis::Y) { axis } else { up_of(&cameras, axis) };
     let surroundings = Surroundings::of(&loaded.scene, &loaded.provenance);

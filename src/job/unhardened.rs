@@ -1,4 +1,4 @@
-//! A scene as it was before it was hardened: the worse of the two files is not written.
+//! Compares a hardened scene with the original; only the better file is written.
 
 use crate::asset::{Asset, Placement};
 use crate::bake::teacher::pictures;
@@ -14,12 +14,12 @@ use crate::train::{HardenedGain, TrainDetails};
 /// Most views that are compared.
 const JUDGED: usize = 16;
 
-/// A scene before hardening, and views that hardening does not look at.
+/// A scene before hardening, and views that hardening does not train on.
 pub(super) struct Unhardened {
     scene: Loaded,
     views: Views,
     placement: Placement,
-    /// The size that the photos were shrunk to, if they are photos.
+    /// The size that photos were shrunk to, if the views are photos.
     photo_size: Option<ShrunkSize>,
 }
 
