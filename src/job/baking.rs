@@ -19,7 +19,7 @@ use crate::scene::Loaded;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// What is baked.
+/// An input of a bake.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub enum BakeInput {

@@ -73,7 +73,7 @@ pub struct MakeDone {
 /// A finished training.
 #[derive(Debug, Serialize, Deserialize)]
 struct StoredTraining {
-    /// Hash of its inputs and options.
+    /// Its inputs and options, as text.
     key: String,
     stages: Vec<StageReport>,
     warnings: Vec<String>,
