@@ -1,4 +1,4 @@
-//! The first step: photos, upright and in one kind of file that every program reads, in a folder of their own.
+//! The first step: collects upright photos in one folder, in file formats that every pose program reads.
 
 use super::exif::{PhotoNotes, with_notes};
 use super::halt::{Halt, Step};
@@ -23,28 +23,28 @@ use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 use xxhash_rust::xxh3::xxh3_64;
 
-/// Quality of JPEG files that are written anew: the loss is below that of a phone's own.
+/// JPEG quality of re-encoded photos: the loss is smaller than that of a phone's own encoder.
 const QUALITY: u8 = 97;
-/// Photos between two questions whether to stop.
+/// Photos between two checks for a stop request.
 const CHUNK: usize = 8;
 
 /// Where photos came from.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct PhotosDetails {
-    /// Photos in the folder.
+    /// Number of photos in the folder.
     pub photos: u64,
-    /// Of these, frames of videos.
+    /// Number of these that are video frames.
     pub frames: u64,
-    /// Frames of the videos in all.
+    /// Total number of frames in the videos.
     pub video_frames: u64,
     /// Photos that were turned upright.
     pub turned: u64,
-    /// Photos that were written as another kind of file.
+    /// Photos that were converted to another file format.
     pub converted: u64,
-    /// Cameras, by the size of the photos and the focal length in their notes.
+    /// Number of cameras, told apart by photo size and EXIF focal length.
     pub cameras: u64,
-    /// Photos whose notes say the focal length.
+    /// Photos with a focal length in EXIF.
     pub focal_known: u64,
 }
 
@@ -52,27 +52,27 @@ impl StageDetails for PhotosDetails {
     const STAGE: &'static str = "photos";
 }
 
-/// A photo on its way into the folder.
+/// A photo to be collected.
 struct Opened {
     source: SourcePhoto,
     notes: PhotoNotes,
     /// Upright.
     size: UVec2,
-    /// What has to be done to it.
+    /// The conversion it needs.
     change: Change,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Change {
-    /// Its file is taken as it is.
+    /// Copy the file unchanged.
     Copied,
-    /// It is turned, and stays the kind of file that it is.
+    /// Rotate it and keep its format.
     Turned,
-    /// It becomes a PNG.
+    /// Convert it to PNG.
     Converted,
 }
 
-/// What the photos of `sources` are made of; the same key gives the same photos.
+/// A key of `sources` and options: the same key gives the same photos.
 pub(super) fn key(sources: &Sources, options: &CaptureOptions) -> Result<String> {
     let mut text = format!("photos 1 {}\n", if sources.videos.is_empty() { 0 } else { options.frames });
     for path in sources.photos.iter().map(|photo| &photo.path).chain(&sources.videos) {
@@ -84,7 +84,7 @@ pub(super) fn key(sources: &Sources, options: &CaptureOptions) -> Result<String>
     Ok(format!("{:016x}", xxh3_64(text.as_bytes())))
 }
 
-/// Makes the photos of `sources` in `folder`, all of them or none.
+/// Collects the photos of `sources` in `folder`: all of them or none.
 pub(super) fn collect(
     sources: &Sources,
     folder: &Path,
@@ -146,7 +146,7 @@ pub(super) fn collect(
     Ok(stored)
 }
 
-/// Does `work` to all of `list`, some at a time, in order.
+/// Applies `work` to `list` in order, in batches.
 fn in_chunks<A: Sync, B: Send>(
     list: &[A],
     observer: &mut dyn CaptureObserver,
@@ -166,7 +166,7 @@ fn in_chunks<A: Sync, B: Send>(
     Ok(done)
 }
 
-/// Reads what a photo says about itself.
+/// Reads a photo's size and EXIF.
 fn open(source: &SourcePhoto) -> Result<Opened> {
     let limits = &Limits::DEFAULT;
     let size = Pixels::size_of(&source.path, limits)?;
@@ -181,10 +181,10 @@ fn open(source: &SourcePhoto) -> Result<Opened> {
     Ok(Opened { source: source.clone(), notes, size, change })
 }
 
-/// True of files that every program reads alike: JPEG of grey or of three colours, PNG of 8 bits.
+/// True for files that every program reads alike: JPEG with one or three channels, 8-bit PNG.
 fn is_plain(bytes: &[u8]) -> bool {
     const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
-    /// Where a PNG says how many bits a channel has.
+    /// Byte offset of a PNG's bit depth.
     const PNG_BITS: usize = 24;
     match bytes {
         [0xff, 0xd8, ..] => {
@@ -197,7 +197,7 @@ fn is_plain(bytes: &[u8]) -> bool {
 }
 
 impl Opened {
-    /// The camera that took it, as a folder: photos of one size and focal length.
+    /// Folder of its camera: photos of the same size and focal length share one.
     fn group(&self) -> String {
         let UVec2 { x, y } = self.size;
         match self.notes.focal_35 {
@@ -206,7 +206,7 @@ impl Opened {
         }
     }
 
-    /// Writes it below `images`.
+    /// Writes it into `images`.
     fn save(&self, images: &Path, below: &str) -> Result<StoredPhoto> {
         let from = &self.source.path;
         let mut name = format!("{below}{}", self.source.name);
@@ -234,7 +234,7 @@ impl Opened {
     }
 }
 
-/// The folder of a video's frames: its name, once.
+/// Folder name for a video's frames, unique per video.
 fn video_folder(video: &Path, before: &[StoredPhoto]) -> String {
     let stem = video.file_stem().unwrap_or_default().to_string_lossy().replace(['/', '\\'], "_");
     let taken = |name: &str| before.iter().any(|photo| photo.name.starts_with(&format!("{name}/")));

@@ -1,4 +1,4 @@
-//! What cameras write beside their pictures: how they were held, their lens, their exposure.
+//! EXIF: orientation, focal length and exposure.
 
 use exif::{Exif, In, Tag, Value};
 use glam::UVec2;
@@ -9,21 +9,21 @@ const FILM_DIAGONAL: f64 = 43.266_615_305_567_87;
 /// Tag of the orientation in the first directory.
 const ORIENTATION: u16 = 0x0112;
 
-/// What a photo says about itself.
+/// A photo's EXIF data.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct PhotoNotes {
-    /// How the camera was held, 1 to 8 as EXIF has it; 1: upright.
+    /// EXIF orientation, 1 to 8; 1: upright.
     pub(super) orientation: u8,
-    /// Focal length as on film of 35 mm, mm.
+    /// Focal length equivalent on 35 mm film, mm.
     pub(super) focal_35: Option<f64>,
-    /// Light let in, in stops: twice as much is 1 more.
+    /// Exposure in stops: twice the light is 1 more.
     pub(super) exposure_stops: Option<f64>,
-    /// The notes as they are in the file, from their byte order on.
+    /// The raw EXIF block, from its byte order mark on.
     pub(super) raw: Vec<u8>,
 }
 
 impl PhotoNotes {
-    /// Those of a picture file; upright and nothing else where there are none, or none that can be read.
+    /// EXIF of an image file; upright and otherwise empty if missing or unreadable.
     pub(super) fn of(bytes: &[u8]) -> Self {
         let mut reader = exif::Reader::new();
         reader.continue_on_error(true);
@@ -48,15 +48,15 @@ impl PhotoNotes {
         }
     }
 
-    /// The focal length in pixels of a picture of this size.
+    /// Focal length in pixels for this picture size.
     pub(super) fn focal_px(&self, size: UVec2) -> Option<f64> {
         self.focal_35.map(|focal| focal / FILM_DIAGONAL * size.as_dvec2().length())
     }
 
-    /// The notes of the same picture once it is upright.
+    /// The EXIF block with orientation reset to upright.
     pub(super) fn upright(&self) -> Vec<u8> {
         let mut raw = self.raw.clone();
-        // What is not found is not there.
+        // An entry that is not found does not exist.
         let _ = set_upright(&mut raw);
         raw
     }
@@ -70,7 +70,7 @@ fn first_number(value: &Value) -> Option<f64> {
     }
 }
 
-/// Writes 1 where the first directory has the orientation. `None` when there is no such entry.
+/// Sets the orientation entry of the first directory to 1. `None` without such an entry.
 fn set_upright(tiff: &mut [u8]) -> Option<()> {
     let big = tiff.get(..2)? == b"MM";
     let short = |bytes: &[u8], at: usize| -> Option<u16> {
@@ -86,7 +86,7 @@ fn set_upright(tiff: &mut [u8]) -> Option<()> {
     Some(())
 }
 
-/// A JPEG file with notes put into it, before everything else.
+/// A JPEG file with an EXIF block inserted before all other segments.
 pub(super) fn with_notes(jpeg: &[u8], notes: &[u8]) -> Vec<u8> {
     const HEADER: &[u8] = b"Exif\0\0";
     let length = u16::try_from(2 + HEADER.len() + notes.len());
@@ -98,7 +98,7 @@ pub(super) fn with_notes(jpeg: &[u8], notes: &[u8]) -> Vec<u8> {
     }
 }
 
-/// EXIF notes as a camera writes them: orientation, exposure of 1/`inverse_time` s at ISO 100 and f/2, and focal length.
+/// An EXIF block as a camera writes it: orientation, 1/`inverse_time` s at ISO 100 and f/2, focal length.
 #[cfg(test)]
 pub(super) fn sample_notes(orientation: u16, inverse_time: u32, focal_35: u16) -> Vec<u8> {
     use exif::Rational;

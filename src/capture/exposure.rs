@@ -1,13 +1,13 @@
-//! How differently photos are exposed: by points that several of them show.
+//! Relative exposure of photos, from points that several photos show.
 
-/// Brighter codes are clipped, darker ones mostly noise.
+/// Usable 8-bit codes: brighter ones are clipped, darker ones mostly noise.
 const USEFUL: std::ops::RangeInclusive<u8> = 8..=247;
-/// A photo with fewer points that others show, too, says nothing.
+/// Fewest shared points for an estimate.
 const LEAST: usize = 20;
-/// Rounds of the alternation; a chain of photos needs as many as it is long, at most.
+/// Rounds of alternation; a chain of photos needs at most its length.
 const ROUNDS: usize = 60;
 
-/// The brightness of a point in a photo.
+/// Brightness of a point in a photo.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Observation {
     photo: usize,
@@ -17,7 +17,7 @@ pub(super) struct Observation {
 }
 
 impl Observation {
-    /// Of a grey code, sRGB-encoded; `None` of one that says nothing.
+    /// From an sRGB-encoded grey code; `None` outside the usable codes.
     pub(super) fn of_code(photo: usize, point: usize, code: u8) -> Option<Self> {
         let encoded = f64::from(code) / 255.0;
         let linear =
@@ -26,8 +26,8 @@ impl Observation {
     }
 }
 
-/// The exposure of each photo in stops, up to a constant: least squares of light = exposure + point, by turns. `None` of photos that show
-/// too little that others show.
+/// Solves light = exposure + point by alternating least squares. Returns the exposure of each photo in stops, up to a common constant;
+/// `None` for photos with too few shared points.
 pub(super) fn solve(observations: &[Observation], photos: usize, points: usize) -> Vec<Option<f64>> {
     let mut seen = vec![0usize; points];
     observations.iter().for_each(|o| seen[o.point] += 1);

@@ -1,25 +1,25 @@
-//! Which frames of a video are worth a photo: how far the camera has moved, and how sharp each frame is.
+//! Chooses video frames by camera motion and sharpness.
 //!
-//! A frame is compared with a reference frame, not with the one before it, so that slow motion is not lost between whole pixels. Windows
-//! of equal motion give one frame each, the sharpest: a camera that stands still gives one.
+//! Each frame is compared with a reference frame, not its predecessor: otherwise motion below one pixel per frame would be lost. Windows
+//! of equal motion give their sharpest frame; a still camera gives one frame in all.
 
 use glam::{IVec2, UVec2};
 
 /// Width of the pictures that motion is measured on, px.
 const MOTION_SIDE: u32 = 160;
-/// Side of the blocks that are found again, px.
+/// Side of matched blocks, px.
 const BLOCK: u32 = 16;
-/// How far a block is looked for, px.
+/// Search radius for a block, px.
 const REACH: i32 = 12;
-/// A block of less contrast is found anywhere: standard deviation, codes.
+/// Least contrast of a matched block: standard deviation, codes.
 const LEAST_CONTRAST: f32 = 4.0;
-/// So far from its reference, in pixels, a frame becomes the next one.
+/// Motion from the reference, px, at which a frame becomes the next reference.
 const NEXT_REFERENCE: f32 = 6.0;
-/// Motion between photos that is asked for, as a share of the longer side: neighbours share nineteen twentieths.
+/// Wanted motion between photos, as a share of the longer side: neighbours overlap by 95%.
 const STEP: f32 = 0.05;
-/// Fewer frames than this are spread closer, ...
+/// With fewer frames than this, the wanted motion shrinks, ...
 const FEW: f32 = 40.0;
-/// ... but not closer than this.
+/// ... but not below this.
 const LEAST_STEP: f32 = 0.01;
 
 /// A grey picture.
@@ -29,16 +29,16 @@ pub(super) struct Grey {
     pub(super) codes: Vec<u8>,
 }
 
-/// What is known of a frame.
+/// Measurements of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct FrameNotes {
-    /// How far the camera has moved since the video began, in longer sides of a frame.
+    /// Motion since the start of the video, as a multiple of the longer side.
     pub(super) moved: f32,
-    /// Energy of its finest detail for its contrast; only of use beside that of its neighbours.
+    /// Energy of the finest detail relative to contrast; comparable between neighbouring frames only.
     pub(super) sharpness: f32,
 }
 
-/// Watches the frames of a video one by one.
+/// Measures the frames of a video one by one.
 #[derive(Debug, Default)]
 pub(super) struct FrameWatch {
     reference: Option<Grey>,
@@ -50,7 +50,7 @@ pub(super) struct FrameWatch {
 }
 
 impl Grey {
-    /// Every new pixel is the mean of `by` times `by`.
+    /// Averages blocks of `by` × `by` pixels.
     fn reduced(&self, by: u32) -> Self {
         let size = (self.size / by).max(UVec2::ONE);
         let by = by.min(self.size.min_element());
@@ -68,7 +68,7 @@ impl Grey {
     }
 }
 
-/// The mean square of second differences over that of first ones: what blur takes away first.
+/// Mean square of second differences over that of first differences: blur lowers it first.
 pub(super) fn sharpness(picture: &Grey) -> f32 {
     let (mut second, mut first) = (0.0f64, 0.0f64);
     for y in 1..picture.size.y.saturating_sub(1) {
@@ -93,7 +93,7 @@ impl FrameWatch {
         let length = motion.map_or(0.0, |motion| motion.as_vec2().length());
         self.frames.push(FrameNotes { moved: self.moved + length / side, sharpness });
         self.last = motion.unwrap_or(IVec2::ZERO);
-        // What has nothing in common with the reference any more begins anew.
+        // A frame that no longer overlaps the reference starts a new one.
         if self.reference.is_none() || length >= NEXT_REFERENCE || motion.is_none() {
             (self.reference, self.last) = (Some(small), IVec2::ZERO);
             self.moved += length / side;
@@ -101,7 +101,7 @@ impl FrameWatch {
     }
 }
 
-/// How far the blocks of one picture have moved in another, px: the median along each side. Looked for around `guess`.
+/// Median motion of blocks between two pictures, px per axis, searched around `guess`.
 /// `None` when no block has contrast.
 fn motion(from: &Grey, to: &Grey, guess: IVec2) -> Option<IVec2> {
     if from.size != to.size {
@@ -127,11 +127,11 @@ fn contrast(picture: &Grey, corner: UVec2) -> f32 {
     (values.iter().map(|v| (v - mean) * (v - mean)).sum::<f32>() / values.len() as f32).sqrt()
 }
 
-/// Where a block fits best: every second pixel first, then around the best.
+/// Best match of a block: every second pixel first, then around the best.
 fn block_motion(from: &Grey, to: &Grey, corner: UVec2, guess: IVec2) -> Option<IVec2> {
     let best_of = |candidates: &mut dyn Iterator<Item = IVec2>| {
         candidates.filter_map(|by| Some((difference(from, to, corner, by)?, by))).min_by_key(|(d, by)| {
-            // Of equals the nearest.
+            // Ties: the smallest motion.
             (*d, (*by - guess).length_squared(), by.x, by.y)
         })
     };
@@ -142,7 +142,7 @@ fn block_motion(from: &Grey, to: &Grey, corner: UVec2, guess: IVec2) -> Option<I
     best_of(&mut around).map(|(_, by)| by)
 }
 
-/// How much a block differs from where it would be, moved `by`; `None` beyond the picture.
+/// Difference of a block moved `by`; `None` outside the picture.
 fn difference(from: &Grey, to: &Grey, corner: UVec2, by: IVec2) -> Option<u32> {
     let moved = corner.as_ivec2() + by;
     let fits = moved.min_element() >= 0 && (moved + BLOCK as i32).cmple(to.size.as_ivec2()).all();
@@ -159,7 +159,7 @@ fn difference(from: &Grey, to: &Grey, corner: UVec2, by: IVec2) -> Option<u32> {
     Some(rows.sum())
 }
 
-/// The frames to take, at most `most`: of every window of equal motion the sharpest.
+/// The chosen frames, at most `most`: the sharpest of each window of equal motion.
 pub(super) fn choose(frames: &[FrameNotes], most: u32) -> Vec<usize> {
     let Some(last) = frames.last() else { return Vec::new() };
     let few = FEW.min(most as f32);
@@ -171,9 +171,9 @@ pub(super) fn choose(frames: &[FrameNotes], most: u32) -> Vec<usize> {
         let end = (window..frames.len())
             .find(|&i| (frames[i].moved / step).round() > number)
             .unwrap_or(frames.len());
-        // Of equals the first.
+        // Ties: the first.
         let best = (window..end).rev().max_by(|&a, &b| frames[a].sharpness.total_cmp(&frames[b].sharpness));
-        // At the edges of two windows may be the same picture.
+        // Two windows may choose the same frame at their common edge.
         match (best, chosen.last().copied()) {
             (Some(best), Some(before)) if frames[best].moved - frames[before].moved < step / 3.0 => {
                 if frames[best].sharpness > frames[before].sharpness {
@@ -192,7 +192,7 @@ pub(super) fn choose(frames: &[FrameNotes], most: u32) -> Vec<usize> {
 mod tests {
     use super::*;
 
-    /// A texture that repeats nowhere, seen from `left` px.
+    /// A texture without repetition, shifted by `left` px.
     fn frame(left: f32, blurred: bool) -> Grey {
         let size = UVec2::new(320, 200);
         let code = |x: f32, y: f32| {

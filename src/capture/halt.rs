@@ -1,13 +1,13 @@
-//! How a capture ends before it is done.
+//! Reasons for a capture to end early.
 
 use crate::error::Error;
 
-/// Why there is no result.
+/// Reason for having no result.
 #[derive(Debug)]
 pub(super) enum Halt {
-    /// Somebody wanted it to stop: what was done is kept.
+    /// Stopped by the observer; finished steps are kept.
     Stopped,
-    /// It cannot be done.
+    /// An error.
     Failed(Error),
 }
 
@@ -17,5 +17,5 @@ impl From<Error> for Halt {
     }
 }
 
-/// What the steps of a capture return.
+/// Result of a capture step.
 pub(super) type Step<T> = std::result::Result<T, Halt>;

@@ -1,4 +1,4 @@
-//! Other programs under our eyes: every line they say goes into a log, and to whoever wants to know how far they are.
+//! Runs other programs. Each line of their output goes to a log and to a progress callback.
 
 use super::halt::{Halt, Step};
 use super::observer::CaptureObserver;
@@ -11,12 +11,12 @@ use std::process::{Command, ExitStatus};
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::time::Duration;
 
-/// How often somebody is asked whether to stop.
+/// Interval between checks for a stop request.
 const TICK: Duration = Duration::from_millis(100);
-/// Lines that are kept for messages.
+/// Lines kept for error messages.
 const KEPT: usize = 40;
 
-/// The log of a capture. Programs add to it.
+/// The log file of a capture.
 #[derive(Debug)]
 pub(super) struct Log {
     pub(super) path: PathBuf,
@@ -27,18 +27,18 @@ pub(super) struct Log {
 #[derive(Debug)]
 pub(super) struct Ended {
     pub(super) status: ExitStatus,
-    /// The last lines that it said.
+    /// Its last lines of output.
     pub(super) said: Vec<String>,
 }
 
 impl Log {
-    /// Goes on with the log at `path`.
+    /// Opens the log at `path` for appending.
     pub(super) fn open(path: &Path) -> Step<Self> {
         let file = File::options().create(true).append(true).open(path).map_err(|e| Error::io(path, e))?;
         Ok(Self { path: path.to_owned(), file })
     }
 
-    /// Runs `command` to its end, or until `observer` wants to stop. `hear` gets each line of both its outputs.
+    /// Runs `command` to its end, or until `observer` stops it. `hear` gets each line of standard output and error.
     pub(super) fn run(
         &mut self,
         command: &mut Command,
@@ -63,7 +63,7 @@ impl Log {
                         said.drain(..KEPT);
                     }
                 }
-                // Somebody whom it started may hold its output for long.
+                // A grandchild may keep the pipes open after the program has ended.
                 Err(RecvTimeoutError::Timeout) if program.has_ended().map_err(io_of(command))?.is_some() => {
                     break;
                 }
@@ -81,7 +81,7 @@ impl Log {
         Ok(Ended { status, said })
     }
 
-    /// [`Log::run`] of a program that has to succeed.
+    /// [`Log::run`], with an error unless the program succeeds.
     pub(super) fn run_well(
         &mut self,
         command: &mut Command,
@@ -95,7 +95,7 @@ impl Log {
         }
     }
 
-    /// Runs `command`, whose standard output is no text: `read` gets it. What it says on standard error goes into the log.
+    /// Runs `command` and passes its binary standard output to `read`. Standard error goes to the log.
     pub(super) fn stream(
         &mut self,
         command: &mut Command,
@@ -107,7 +107,7 @@ impl Log {
         let (out, err) = program.pipes();
         err.into_iter().for_each(|err| pass_lines(Box::new(err), lines.clone()));
         drop(lines);
-        // On an error the program is ended by being dropped.
+        // On an error, dropping the program ends it.
         out.map_or(Ok(()), |mut out| read(&mut out))?;
         let status = program.wait().map_err(io_of(command))?;
         let said: Vec<String> = heard.iter().collect();
@@ -119,7 +119,7 @@ impl Log {
         }
     }
 
-    /// The error of a program that did not succeed.
+    /// The error for a failed program.
     pub(super) fn failure(&self, command: &Command, ended: &Ended) -> Error {
         let name = command.get_program().to_string_lossy().into_owned();
         let telling = |line: &&String| {
@@ -150,12 +150,12 @@ fn io_of(command: &Command) -> impl Fn(io::Error) -> Error + use<> {
     move |e| Error::io(&name, e)
 }
 
-/// Sends lines until there are no more or nobody listens.
+/// Sends lines until the end of the stream, or until the receiver is gone.
 fn pass_lines(from: Box<dyn Read + Send>, to: Sender<String>) {
     std::thread::spawn(move || {
         let mut from = BufReader::new(from);
         let mut line = Vec::new();
-        // Bars end their lines with a carriage return.
+        // Progress bars end their lines with a carriage return.
         while from.read_until(b'\n', &mut line).is_ok_and(|read| read > 0) {
             let text = String::from_utf8_lossy(&line).trim_end().to_owned();
             if to.send(text).is_err() {

@@ -1,4 +1,4 @@
-//! From photos as a camera takes them, or a video, to a data set with poses. Poses are found by another program, COLMAP or pycolmap, where
+//! From camera photos or a video to a data set with poses. COLMAP or pycolmap finds the poses, if
 //! one is installed.
 
 mod collect;

@@ -1,12 +1,12 @@
-//! Who watches a capture.
+//! The observer of a capture.
 
 use crate::report::Observer;
 
-/// Watches a capture; its steps are the stages of an [`Observer`]. Every method does nothing unless implemented.
+/// Observes a capture; its steps are the stages of an [`Observer`]. By default every method does nothing.
 pub trait CaptureObserver: Observer {
-    /// What the running step is doing now.
+    /// Status text of the running step.
     fn noted(&mut self, _what: &str) {}
-    /// Asked often: what was done so far is kept, and the next run goes on from there.
+    /// Called often. Returning true stops the capture; the next run continues from there.
     fn wants_to_stop(&mut self) -> bool {
         false
     }

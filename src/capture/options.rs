@@ -1,27 +1,27 @@
-//! What of a capture can be chosen: declared once for the library, the flags and the schema.
+//! Options of a capture, declared once for the library, the flags and the schema.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// How photos are taken from videos, and who finds their poses.
+/// Options for frames of videos and for poses.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[cfg_attr(feature = "cli", command(next_help_heading = "Capture"))]
 #[serde(default, deny_unknown_fields)]
 pub struct CaptureOptions {
-    /// Frames to take of each video at most; fewer where the camera moves little.
+    /// Most frames of each video; fewer if the camera moves little.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 150, value_parser = clap::value_parser!(u32).range(2..=10_000)))]
     pub frames: u32,
-    /// The program that finds poses: a colmap, or a Python that has pycolmap; without it what TRISPLAT_POSES names, or the first that is
+    /// Pose program: a colmap, or a Python with pycolmap; by default the one in TRISPLAT_POSES, or the first that is
     /// installed.
     #[cfg_attr(feature = "cli", arg(long, value_name = "PROGRAM"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub poses: Option<PathBuf>,
-    /// How poses are put together.
+    /// How poses are reconstructed.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub mapper: Mapper,
-    /// A vocabulary tree of COLMAP's, which finds the photos to compare where they are more than 150.
+    /// A vocabulary tree of COLMAP. It chooses the pairs to compare if there are more than 150 photos.
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub vocab_tree: Option<PathBuf>,
@@ -33,12 +33,12 @@ impl Default for CaptureOptions {
     }
 }
 
-/// How poses are put together.
+/// How poses are reconstructed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Mapper {
-    /// Photo by photo; where that leaves many out, all at once as well, and the better of the two.
+    /// Photo by photo; if many stay without a pose, also all at once, and the better of the two.
     #[default]
     Auto,
     /// Photo by photo.

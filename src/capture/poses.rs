@@ -1,4 +1,4 @@
-//! The steps that another program does: features, matches, model. Each goes on where an earlier run was stopped.
+//! The steps that a pose program performs: features, matches, model. Each continues where an earlier run stopped.
 
 use super::halt::Step;
 use super::logged::{Ended, Log};
@@ -16,38 +16,38 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// More photos than this are too many to compare each with each other where there is another way.
+/// Most photos that are compared exhaustively if there is another way.
 const MOST_EXHAUSTIVE: usize = 150;
-/// Number of following frames that a frame is compared with, besides those 2, 4, 8, ... frames on.
+/// Number of following frames that a frame is compared with, besides those 16, 32, 64, ... frames later.
 const NEIGHBOURS: usize = 10;
-/// Number of frames of a video that are compared with each other, so that a walk that comes back is closed.
+/// Number of video frames that are all compared with each other, to close loops.
 const LANDMARKS: usize = 40;
-/// A model that has fewer of the photos than this is worth another try.
+/// Share of registered photos below which the other mapper is tried too.
 const ENOUGH: f64 = 0.9;
 
-/// What found the features.
+/// Details of feature detection.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct FeaturesDetails {
     /// The program and its version.
     pub program: String,
-    /// The focal length of the photos' notes that it began with, px.
+    /// Initial focal length from EXIF, px.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub focal_px: Option<f64>,
 }
 
-/// Which photos were compared.
+/// Details of feature matching.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct MatchesDetails {
     /// "exhaustive", "sequence" or "vocabulary tree".
     pub how: String,
-    /// Pairs that were compared; none where the program chose them.
+    /// Number of compared pairs; absent if the program chose them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pairs: Option<u64>,
 }
 
-/// How poses were put together.
+/// Details of the reconstruction.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct ModelDetails {
@@ -55,9 +55,9 @@ pub struct ModelDetails {
     pub mapper: String,
     /// Photos with a pose.
     pub registered: u64,
-    /// Photos in all.
+    /// Number of photos.
     pub photos: u64,
-    /// Models that the photos fell into; the largest is kept.
+    /// Number of separate models; the largest is kept.
     pub models: u64,
 }
 
@@ -73,7 +73,7 @@ impl StageDetails for ModelDetails {
     const STAGE: &'static str = "model";
 }
 
-/// The program at work on the photos of a capture.
+/// A pose program and the capture that it works on.
 pub(super) struct Poses<'a> {
     pub(super) program: Program,
     pub(super) places: Places,
@@ -82,7 +82,7 @@ pub(super) struct Poses<'a> {
     pub(super) log: Log,
 }
 
-/// A model and how it was made.
+/// A model and its details.
 pub(super) struct FoundModel {
     pub(super) folder: PathBuf,
     pub(super) details: ModelDetails,
@@ -128,12 +128,12 @@ impl Poses<'_> {
         self.on_card_or_cpu(observer, |program| program.matches(&places, &pairing))
     }
 
-    /// What the pairing depends on, for the key of the step.
+    /// Key of the pairing, for the key of the step.
     pub(super) fn pairing_key(&self) -> String {
         format!("{:?}", self.pairing().0)
     }
 
-    /// Which photos are compared, and their list where there is one.
+    /// The pairing, and its list of pairs if it has one.
     fn pairing(&self) -> (Pairing, Option<BTreeSet<(usize, usize)>>) {
         let photos = &self.photos.photos;
         let tree = self.options.vocab_tree.clone();
@@ -152,7 +152,7 @@ impl Poses<'_> {
         std::fs::write(&self.places.pairs, text).map_err(|e| Error::io(&self.places.pairs, e))
     }
 
-    /// Runs a command that may use a graphics card, and again without one if that is why it fails.
+    /// Runs a command that may use a graphics card. If it fails, runs it again without one.
     fn on_card_or_cpu(
         &mut self,
         observer: &mut dyn CaptureObserver,
@@ -178,7 +178,7 @@ impl Poses<'_> {
         self.log.run_well(&mut command(&self.program), observer, hear)
     }
 
-    /// Puts poses together, and chooses the best model.
+    /// Reconstructs poses and chooses the best model.
     pub(super) fn model(&mut self, observer: &mut dyn CaptureObserver) -> Step<FoundModel> {
         let can = self.program.has_global();
         let mut found = Vec::new();
@@ -200,7 +200,7 @@ impl Poses<'_> {
                 failed = failed.or(error);
             }
         }
-        // Of equals the first.
+        // Ties: the first.
         let best = found.into_iter().rev().max_by_key(|model: &FoundModel| model.details.registered);
         best.ok_or_else(|| failed.unwrap_or_else(|| self.no_model()).into())
     }
@@ -209,7 +209,7 @@ impl Poses<'_> {
         found.is_some_and(|model| model.details.registered as f64 >= ENOUGH * self.photos.photos.len() as f64)
     }
 
-    /// The best model of one mapper; none, and perhaps why, when it finds none.
+    /// The best model of one mapper; otherwise none, and the error if there was one.
     fn mapped(
         &mut self,
         at_once: bool,
@@ -241,7 +241,7 @@ impl Poses<'_> {
                 models: count,
             },
         });
-        // COLMAP fails, too, when photos do not fit together.
+        // COLMAP exits with an error if photos do not fit together.
         let no_model = ["failed to create", "No good initial image pair", "no model"];
         let says = ended.said.iter().any(|line| no_model.iter().any(|words| line.contains(words)));
         let failed = !ended.status.success() && !says;
@@ -268,7 +268,7 @@ fn models(output: &Path) -> Result<Vec<(PathBuf, Tracks)>> {
     folders.into_iter().map(|folder| tracks(&folder, &how).map(|found| (folder, found))).collect()
 }
 
-/// Which of `count` frames are compared: neighbours, those a power of two apart, and landmarks among each other.
+/// Pairs of `count` video frames to compare: neighbours, powers of two apart, and all pairs of landmarks.
 fn sequence_pairs(count: usize) -> BTreeSet<(usize, usize)> {
     let near = |a: usize| (1..=NEIGHBOURS).chain((4..20).map(|power| 1 << power)).map(move |by| (a, a + by));
     let stride = count.div_ceil(LANDMARKS).max(1);
@@ -277,7 +277,7 @@ fn sequence_pairs(count: usize) -> BTreeSet<(usize, usize)> {
     (0..count).flat_map(near).filter(|(_, b)| *b < count).chain(far).collect()
 }
 
-/// What a line like "Processed file [12/50]" or "Matching block [2/4, 1/4]" says has been done, and of how many.
+/// Progress from a line like "Processed file [12/50]" or "Matching block [2/4, 1/4]": done and total.
 fn counted(line: &str) -> Option<(u64, u64)> {
     let starts = ["Processed file [", "Matching block [", "Matching image ["];
     let (_, rest) = starts.iter().find_map(|start| line.split_once(start))?;
@@ -297,7 +297,7 @@ fn counted(line: &str) -> Option<(u64, u64)> {
     }
 }
 
-/// How many photos have a pose by a line like "Registering image #29 (num_reg_frames=34)" or "Registering image #29 (34)".
+/// Number of registered photos from a line like "Registering image #29 (num_reg_frames=34)" or "Registering image #29 (34)".
 fn registered(line: &str) -> Option<u64> {
     let (_, rest) = line.split_once("Registering image #")?;
     let digits = rest.split_once('(')?.1.trim_start_matches("num_reg_frames=");

@@ -1,4 +1,4 @@
-//! The programs that find poses: which are installed, and how each is told what to do.
+//! Pose programs: finds an installed one and builds its commands.
 
 use super::options::CaptureOptions;
 use crate::error::{Error, Result};
@@ -6,11 +6,11 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-/// Names the program in place of the option `poses`.
+/// Environment variable that names the program if the option `poses` does not.
 const VARIABLE: &str = "TRISPLAT_POSES";
-/// What pycolmap is asked to do.
+/// Script that drives pycolmap.
 const SCRIPT: &str = include_str!("poses.py");
-/// Longer side of the pictures that features are found in, px: twice that costs four times as much.
+/// Longer side of pictures for feature detection, px. Twice this costs four times as much.
 const FEATURE_SIDE: u32 = 2000;
 
 /// An installed program that finds poses.
@@ -20,9 +20,9 @@ pub(super) struct Program {
     path: PathBuf,
     /// "COLMAP 3.8", "pycolmap 4.2.1".
     pub(super) version: String,
-    /// It can use a graphics card, if there is one.
+    /// Whether it can use a graphics card.
     pub(super) has_gpu: bool,
-    /// What finds all poses at once.
+    /// Its global mapper.
     global: Option<Global>,
     /// CPU threads that it may use.
     pub(super) threads: usize,
@@ -38,11 +38,11 @@ enum Kind {
 enum Global {
     /// A command of the program itself.
     Own,
-    /// A program beside it.
+    /// A separate program.
     Glomap,
 }
 
-/// Where a capture has what the program reads and writes.
+/// Paths that the program reads and writes.
 #[derive(Debug, Clone)]
 pub(super) struct Places {
     pub(super) images: PathBuf,
@@ -53,30 +53,30 @@ pub(super) struct Places {
     pub(super) models: PathBuf,
 }
 
-/// Which cameras took the photos.
+/// The cameras of the photos.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Cameras {
-    /// One for each folder; one for all otherwise.
+    /// One camera per folder; otherwise one for all.
     pub(super) by_folder: bool,
     /// Focal length and principal point of the one camera, px.
     pub(super) known: Option<[f64; 3]>,
 }
 
-/// Which photos are compared.
+/// The pairs of photos to compare.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Pairing {
-    /// Each with each other.
+    /// All pairs.
     Exhaustive,
-    /// Those of a list.
+    /// Pairs from a list.
     Listed,
-    /// Those that look alike.
+    /// Similar photos, by a vocabulary tree.
     Tree(PathBuf),
 }
 
 impl Program {
-    /// What is asked for, or the first of those that are installed; `input` wants it.
+    /// The requested program, or the first installed one. `input` is named in the error.
     ///
-    /// Errors: there is none.
+    /// Errors: no program is installed.
     pub(super) fn find(options: &CaptureOptions, input: &Path) -> Result<Self> {
         let named = options.poses.clone().or_else(|| std::env::var_os(VARIABLE).map(PathBuf::from));
         if let Some(path) = named.filter(|path| !path.as_os_str().is_empty()) {
@@ -213,7 +213,7 @@ impl Program {
     }
 }
 
-/// A command of COLMAP and what its help says of its options, whose names differ from version to version.
+/// A COLMAP command and its help text: option names differ between versions.
 struct Words {
     command: Command,
     help: String,
@@ -224,7 +224,7 @@ impl Words {
         let help = said(Command::new(program).args([name, "-h"])).unwrap_or_default();
         let mut command = Command::new(program);
         command.arg(name);
-        // Without a display its window system would end it.
+        // Without a display, Qt would abort.
         command.env("QT_QPA_PLATFORM", "offscreen");
         Self { command, help }
     }
@@ -239,7 +239,7 @@ impl Words {
         self
     }
 
-    /// The option under the first of these groups that has it; none otherwise.
+    /// The option in the first of these groups that has it.
     fn known(&mut self, groups: &[&str], option: &str, value: &str) {
         let names = groups.iter().map(|group| format!("--{group}.{option}"));
         if let Some(name) = names.into_iter().find(|name| self.help.contains(name.as_str())) {
@@ -248,7 +248,7 @@ impl Words {
     }
 }
 
-/// What a program says that ends at once; `None` when there is no such program or it fails without a word.
+/// Output of a short command; `None` if the program is missing or fails silently.
 fn said(command: &mut Command) -> Option<String> {
     command.env("QT_QPA_PLATFORM", "offscreen");
     let Output { status, stdout, stderr } = command.stdin(Stdio::null()).output().ok()?;

@@ -1,4 +1,4 @@
-//! A capture from photos and videos to a data set with poses, step by step. What was done before is not done again.
+//! The steps of a capture, from photos and videos to a data set with poses. Finished steps are not repeated.
 //!
 //! ```text
 //! inputs ──► photos ──► features ──► matches ──► model ──► verdict
@@ -24,36 +24,36 @@ use crate::report::{Counts, Report, StageDetails, StageReport, to_json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Why a step is not done again.
+/// Why a finished step is skipped.
 const DONE: &str = "done before";
 /// Files of a model.
 const MODEL_FILES: [&str; 5] = ["cameras", "images", "points3D", "rigs", "frames"];
 
-/// A capture as it is asked for.
+/// A capture job.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Capture {
     /// Photos, videos and folders of them.
     pub inputs: Vec<PathBuf>,
-    /// The folder to make: `images`, `sparse/0`, and `capture` for what the next run goes on from.
+    /// Output folder: `images`, `sparse/0`, and `capture` with the state of unfinished runs.
     pub folder: PathBuf,
-    /// How.
+    /// Options.
     pub options: CaptureOptions,
-    /// Replace the capture of other inputs that is in the folder.
+    /// Replace a capture of other inputs in the folder.
     pub force: bool,
 }
 
 impl Capture {
-    /// Of `inputs`, into `folder`, as it is done without options.
+    /// A capture of `inputs` into `folder` with default options.
     pub fn new(inputs: impl IntoIterator<Item = PathBuf>, folder: PathBuf) -> Self {
         let (options, force) = (CaptureOptions::default(), false);
         Self { inputs: inputs.into_iter().collect(), folder, options, force }
     }
 
-    /// Makes the data set. Its steps are added to `report`. Returns what it is worth, or `None` when `observer` wanted to stop: the next run
-    /// of the same inputs goes on from there.
+    /// Makes the data set and adds its steps to `report`. Returns the verdict, or `None` if `observer` stopped it: the next run
+    /// of the same inputs continues from there.
     ///
-    /// Errors: inputs that cannot be read; no program that finds poses; one that fails; photos that do not fit together; a folder that holds
+    /// Errors: unreadable inputs; no pose program, or one that fails; photos that do not fit together; a folder that holds
     /// something else.
     pub fn run(
         &self,
@@ -94,7 +94,7 @@ impl Run<'_> {
         self.verdict(&photos, &model.details)
     }
 
-    /// Times a step and records it. `run` returns why there was nothing to do, if so.
+    /// Times and records a step. `run` returns the reason if there was nothing to do.
     fn stage<D: StageDetails, T>(
         &mut self,
         run: impl FnOnce(&mut Self, &mut D) -> Step<(T, Option<&'static str>)>,
@@ -125,7 +125,7 @@ impl Run<'_> {
         })
     }
 
-    /// The steps that the program does. Returns the model, and the key of its step when it is to be published.
+    /// The pose program's steps. Returns the model, and the key of its step if the model is new.
     fn poses(&mut self, program: Program, photos: &StoredPhotos) -> Step<(FoundModel, Option<String>)> {
         let folder = self.job.folder.clone();
         let _lock = FolderLock::take(&folder)?;
@@ -188,7 +188,7 @@ impl Run<'_> {
         }
     }
 
-    /// One step of the program, unless it is done. The model's is not marked as done: it has to be published.
+    /// One step of the program, unless finished. The model step is marked as finished later, when it is published.
     fn step<D: StageDetails>(
         &mut self,
         file: &Path,
@@ -213,7 +213,7 @@ impl Run<'_> {
         })
     }
 
-    /// Gives a new model its place in the data set; then its step is done.
+    /// Moves a new model into the data set, then marks its step as finished.
     fn publish(&mut self, model: &FoundModel, key: Option<String>) -> Step<()> {
         let Some(key) = key else { return Ok(()) };
         let folder = &self.job.folder;
@@ -259,11 +259,11 @@ fn remove(path: &Path) -> Result<()> {
     }
 }
 
-/// Refuses a folder within the photos: its own photos would be among them the next time.
+/// Refuses an output folder inside the input folder: the next run would take its photos as inputs.
 fn check_apart(job: &Capture) -> Result<()> {
     let full = |path: &Path| std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
     let (mut folder, target) = (job.folder.as_path(), job.folder.display());
-    // As much of it as is there.
+    // The part of the path that exists.
     while !folder.exists() {
         let Some(parent) = folder.parent().filter(|parent| !parent.as_os_str().is_empty()) else {
             folder = Path::new(".");
@@ -273,7 +273,7 @@ fn check_apart(job: &Capture) -> Result<()> {
     }
     let inside = |input: &&PathBuf| input.is_dir() && full(folder).starts_with(full(input));
     match job.inputs.iter().find(inside) {
-        // A new folder beside photos that are all there is of the current one is within them as well.
+        // With the current folder as input, any new folder in it is inside too.
         Some(input) => {
             Err(Error::invalid("output", target, format!("a folder outside of {}", input.display())))
         }
@@ -281,7 +281,7 @@ fn check_apart(job: &Capture) -> Result<()> {
     }
 }
 
-/// The photos of an earlier run of the same inputs. Makes room for others where that is wanted.
+/// The photos of an earlier run of the same inputs. Clears the folder for other inputs if asked.
 ///
 /// Errors: a folder that holds another capture, or something else.
 fn earlier(folder: &Path, key: &str, force: bool) -> Result<Option<StoredPhotos>> {

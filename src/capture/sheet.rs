@@ -1,4 +1,4 @@
-//! A picture of the places where photos are missing.
+//! Draws a contact sheet of gaps in a capture.
 
 use super::verdict::Gap;
 use crate::error::Result;
@@ -7,14 +7,14 @@ use crate::limits::Limits;
 use glam::UVec2;
 use std::path::Path;
 
-/// Gaps that are shown.
+/// Most gaps on the sheet.
 const ROWS: usize = 6;
-/// The space for a photo, and between photos, px.
+/// Size of a cell and the space between cells, px.
 const CELL: UVec2 = UVec2::new(320, 240);
 const SPACE: u32 = 8;
 const GROUND: [u8; 3] = [24; 3];
 
-/// Draws for each gap the photo before, one without a pose, and the photo after, all of `images`.
+/// Draws three photos from `images` per gap: the one before it, one without a pose, the one after it.
 ///
 /// Errors: photos that cannot be read.
 pub(super) fn draw(images: &Path, gaps: &[Gap]) -> Result<Pixels> {
@@ -31,7 +31,7 @@ pub(super) fn draw(images: &Path, gaps: &[Gap]) -> Result<Pixels> {
     Ok(sheet)
 }
 
-/// A photo, small enough for a cell.
+/// A photo scaled to fit a cell.
 fn fitting(path: &Path) -> Result<Pixels> {
     let full = Pixels::size_of(path, &Limits::DEFAULT)?;
     let ratio = (CELL.as_dvec2() / full.as_dvec2()).min_element().min(1.0);
@@ -39,7 +39,7 @@ fn fitting(path: &Path) -> Result<Pixels> {
     Ok(Pixels::load_reduced(path, size, &Limits::DEFAULT)?.0.over(GROUND).downscaled(size))
 }
 
-/// Puts a picture into the middle of the cell at `corner`.
+/// Centres a picture in the cell at `corner`.
 fn put(sheet: &mut Pixels, corner: UVec2, picture: &Pixels) {
     let at = corner + (CELL - picture.size) / 2;
     for (row, y) in picture.rgb.chunks_exact(picture.size.x as usize).zip(at.y..) {

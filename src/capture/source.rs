@@ -1,4 +1,4 @@
-//! What a capture is made of: photos and videos, by their endings, in folders and by name.
+//! Inputs of a capture: photos and videos, given as files or folders, recognised by extension.
 
 use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -8,35 +8,35 @@ const VIDEOS: [&str; 9] = ["mp4", "mov", "m4v", "mkv", "webm", "avi", "mpg", "mt
 const HEIC: [&str; 4] = ["heic", "heif", "hif", "avif"];
 const RAW: [&str; 9] = ["dng", "cr2", "cr3", "nef", "arw", "raf", "orf", "rw2", "pef"];
 
-/// Photos and videos, in order of their names.
+/// Photos and videos, sorted by name.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Sources {
     pub(super) photos: Vec<SourcePhoto>,
     pub(super) videos: Vec<PathBuf>,
-    /// What of the folders was left aside, and why.
+    /// Ignored files, and why.
     pub(super) warnings: Vec<String>,
 }
 
-/// A photo as it is given.
+/// An input photo.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct SourcePhoto {
     pub(super) path: PathBuf,
-    /// Its name below the folder that was given.
+    /// Its path relative to the given folder.
     pub(super) name: String,
 }
 
 enum Kind {
     Photo,
     Video,
-    /// A photo that is not read, and what to do.
+    /// An unsupported photo, with the remedy.
     Foreign(&'static str),
     Other,
 }
 
 impl Sources {
-    /// What is at `inputs`: files, and folders with those in them.
+    /// Finds the photos and videos in `inputs`, which are files or folders.
     ///
-    /// Errors: no such file; a photo of a kind that is not read; nothing at all.
+    /// Errors: a missing file; an unsupported photo format; no photos or videos.
     pub(super) fn find(inputs: &[PathBuf]) -> Result<Self> {
         let mut found = Self::default();
         for input in inputs {
@@ -73,7 +73,7 @@ impl Sources {
         paths.sort();
         for path in paths {
             let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            // What systems and programs keep for themselves.
+            // Hidden files and folders of systems and programs.
             if name.starts_with('.') || name == "__MACOSX" {
                 continue;
             }
@@ -87,7 +87,7 @@ impl Sources {
         Ok(())
     }
 
-    /// False of a file that is neither photo nor video.
+    /// False for a file that is neither photo nor video.
     fn add(&mut self, path: &Path, name: String) -> Result<bool> {
         match kind(path) {
             Kind::Photo => self.photos.push(SourcePhoto { path: path.to_owned(), name }),

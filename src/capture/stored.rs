@@ -1,4 +1,4 @@
-//! What a capture has done so far, in its folder: the next run goes on from there.
+//! State of a capture in its folder, from which the next run continues.
 
 use crate::atomic::AtomicFile;
 use crate::error::{Error, Result};
@@ -9,22 +9,22 @@ use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Folder of what a capture keeps for itself.
+/// Name of the state folder.
 pub(super) const WORK: &str = "capture";
 
-/// The photos of a capture, and what they were made of.
+/// The photos of a capture and the key of their inputs.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct StoredPhotos {
-    /// The inputs and options that they were made of.
+    /// Key of inputs and options.
     pub(super) key: String,
-    /// In the order they were taken in, or that of their names.
+    /// In order of the video, or of names.
     pub(super) photos: Vec<StoredPhoto>,
     /// Each folder has a camera of its own.
     pub(super) by_folder: bool,
-    /// Focal length by the notes of the one camera, px.
+    /// EXIF focal length of the only camera, px.
     pub(super) focal_px: Option<f64>,
-    /// Width and height of photos of the one camera.
+    /// Width and height of the only camera's photos.
     pub(super) size: Option<[u32; 2]>,
 }
 
@@ -32,18 +32,18 @@ pub(super) struct StoredPhotos {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct StoredPhoto {
-    /// Its path below the folder of photos.
+    /// Its path relative to the photo folder.
     pub(super) name: String,
-    /// The file it was made of.
+    /// Its source file.
     pub(super) source: String,
-    /// A frame of a video.
+    /// Whether it is a video frame.
     pub(super) frame: bool,
-    /// Light let in, by its notes, in stops.
+    /// Exposure from EXIF, stops.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) exposure_stops: Option<f64>,
 }
 
-/// The steps that find poses.
+/// State of the pose steps.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct StoredSteps {
@@ -52,36 +52,36 @@ pub(super) struct StoredSteps {
     pub(super) model: StoredStep,
 }
 
-/// A step that was begun.
+/// A started step.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct StoredStep {
-    /// What it was made of.
+    /// Key of its inputs.
     pub(super) key: String,
     pub(super) done: bool,
-    /// What it found, as its entry in the report.
+    /// Its details in the report.
     pub(super) details: serde_json::Value,
 }
 
 impl StoredStep {
-    /// True when it is done for what `key` says.
+    /// True if it is finished for `key`.
     pub(super) fn is_done(&self, key: &str) -> bool {
         self.done && self.key == key
     }
 }
 
-/// The file `name` of the work folder of `folder`.
+/// Path of `name` in the state folder of `folder`.
 pub(super) fn place(folder: &Path, name: &str) -> PathBuf {
     folder.join(WORK).join(name)
 }
 
-/// Reads one of the files above; `None` when it is not there or of another version: then nothing is done.
+/// Reads one of these files; `None` if it is missing or from another version.
 pub(super) fn read<T: DeserializeOwned>(path: &Path) -> Option<T> {
     let text = input::read_text(path, &Limits::DEFAULT).ok()?;
     serde_json::from_str(&text).ok()
 }
 
-/// Writes one of the files above.
+/// Writes one of these files.
 pub(super) fn write<T: Serialize>(path: &Path, value: &T) -> Result<()> {
     let mut file = AtomicFile::create(path)?;
     let text = serde_json::to_string_pretty(value).unwrap_or_default();

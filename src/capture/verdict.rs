@@ -1,4 +1,4 @@
-//! Whether a capture is any good: what has poses, how well they fit, where photos are missing, blur, exposure, and what to do about it.
+//! Judges a capture by poses, reprojection error, gaps, blur and exposure, with advice.
 
 use super::exposure::{Observation, solve};
 use super::frames::{Grey, sharpness};
@@ -18,58 +18,58 @@ use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
-/// Longer side of the pictures that are looked at, px.
+/// Longer side of analysed pictures, px.
 const LOOKED_AT: u32 = 640;
-/// Names that a list of the report has at most.
+/// Most names in a list of the report.
 const LISTED: usize = 20;
-/// A photo with at most this number of points has a pose that may be wrong.
+/// A photo with at most this number of points may have a wrong pose.
 const FEW_POINTS: usize = 50;
-/// Frames that follow each other and share so few points are a gap.
+/// Consecutive frames that share at most this number of points count as a gap.
 const FEW_SHARED: usize = 20;
-/// A photo of less than this share of its neighbours' fine detail is blurred.
+/// A photo with less than this share of its neighbours' fine detail counts as blurred.
 const BLURRED: f32 = 0.5;
-/// Neighbours on each side that a photo's sharpness is compared with.
+/// Neighbours on each side for the sharpness comparison.
 const BESIDE: usize = 3;
-/// Bounds between good, fair and poor: share of photos with poses, ...
+/// Thresholds between good, fair and poor: share of photos with poses, ...
 const REGISTERED: [f64; 2] = [0.95, 0.6];
-/// ... error of points, px, ...
+/// ... reprojection error, px, ...
 const ERROR_PX: [f64; 2] = [1.0, 2.0];
-/// ... and how far exposures are apart, stops.
+/// ... and range of exposures, stops.
 const STOPS: f64 = 0.5;
 
-/// Whether a capture is any good.
+/// Verdict on a capture.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct VerdictDetails {
-    /// In a word.
+    /// Overall grade.
     pub verdict: Verdict,
-    /// Photos in all.
+    /// Number of photos.
     pub photos: u64,
     /// Photos with a pose.
     pub registered: u64,
-    /// Points, each seen in several photos.
+    /// Number of 3D points.
     pub points: u64,
-    /// Photos that show a point, on average.
+    /// Mean number of photos per point.
     pub track_length: f64,
-    /// Mean distance between where points were seen and where the cameras put them, px.
+    /// Mean reprojection error, px.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error_px: Option<f64>,
-    /// How far exposures are apart, in stops, by points that several photos show.
+    /// Range of exposures in stops, measured on shared points.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub exposure_stops: Option<f64>,
-    /// The same by the photos' notes.
+    /// Range of exposures in stops, from EXIF.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noted_stops: Option<f64>,
-    /// Photos that are blurred beside their neighbours.
+    /// Photos that are blurred compared with their neighbours.
     pub blurred: Vec<String>,
-    /// Photos with a pose that few points hold.
+    /// Photos whose pose rests on few points.
     pub weak: Vec<String>,
-    /// Where photos are missing.
+    /// Places where photos are missing.
     pub gaps: Vec<Gap>,
-    /// A picture of the gaps: the photo before, one without a pose, the photo after.
+    /// Contact sheet of the gaps: the photo before, one without a pose, the photo after.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub picture: Option<String>,
-    /// What to do, one sentence each.
+    /// Advice, one sentence each.
     pub advice: Vec<String>,
 }
 
@@ -77,21 +77,21 @@ impl StageDetails for VerdictDetails {
     const STAGE: &'static str = "verdict";
 }
 
-/// A capture in a word.
+/// Grade of a capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
-    /// Nothing to mend.
+    /// No problem found.
     #[default]
     Good,
-    /// It will do; the advice says what would be better.
+    /// Usable; see the advice.
     Fair,
-    /// Better taken again.
+    /// Should be taken again.
     Poor,
 }
 
 impl Verdict {
-    /// The word.
+    /// Name of the grade.
     pub fn word(self) -> &'static str {
         match self {
             Self::Good => "good",
@@ -101,29 +101,29 @@ impl Verdict {
     }
 }
 
-/// Photos that are missing: those between two that have poses.
+/// A gap: photos without a pose between two with one.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Gap {
-    /// The last photo before it with a pose.
+    /// Last photo with a pose before the gap.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub after: Option<String>,
-    /// The first photo behind it with a pose.
+    /// First photo with a pose after the gap.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub before: Option<String>,
-    /// How many photos between them have no pose.
+    /// Number of photos without a pose between them.
     pub lost: u64,
-    /// One of these.
+    /// Name of one of them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub example: Option<String>,
 }
 
-/// What is seen of a photo itself.
+/// Measurements of one photo.
 struct Looked {
     sharpness: f32,
     observations: Vec<Observation>,
 }
 
-/// Judges the photos in `images`, whose model has these `tracks`.
+/// Judges the photos in `images` with the tracks of their model.
 pub(super) fn judge(
     images: &Path,
     stored: &StoredPhotos,
@@ -182,7 +182,7 @@ fn span(values: impl Iterator<Item = f64>) -> Option<f64> {
     bounds.map(|(low, high)| high - low)
 }
 
-/// Looks at one photo; `tracked` is its number and its entry in the model.
+/// Measures one photo; `tracked` is its index and its entry in the model.
 fn look(path: &Path, tracked: Option<(usize, &TrackedPhoto)>) -> Result<Looked> {
     let limits = &Limits::DEFAULT;
     let full = Pixels::size_of(path, limits)?;
@@ -204,7 +204,7 @@ fn look(path: &Path, tracked: Option<(usize, &TrackedPhoto)>) -> Result<Looked> 
     Ok(Looked { sharpness: sharpness(&grey), observations })
 }
 
-/// Which photos have much less fine detail than their neighbours.
+/// Photos with much less fine detail than their neighbours.
 fn blurred(sharpness: &[f32]) -> Vec<usize> {
     let is_blurred = |&i: &usize| {
         let (from, to) = (i.saturating_sub(BESIDE), (i + BESIDE + 1).min(sharpness.len()));
@@ -215,7 +215,7 @@ fn blurred(sharpness: &[f32]) -> Vec<usize> {
     (0..sharpness.len()).filter(is_blurred).collect()
 }
 
-/// Photos without a pose, run by run, and frames that do not hang together.
+/// Runs of photos without a pose, and consecutive frames that share too few points.
 fn gaps(stored: &StoredPhotos, tracks: &Tracks, by_name: &HashMap<&str, usize>) -> Vec<Gap> {
     let mut gaps = Vec::new();
     let mut last: Option<usize> = None;
@@ -248,7 +248,7 @@ fn gaps(stored: &StoredPhotos, tracks: &Tracks, by_name: &HashMap<&str, usize>) 
     if !lost.is_empty() {
         gaps.push(gap(last, None, &lost));
     }
-    // The largest are named.
+    // Name only the largest.
     gaps.sort_by_key(|gap| std::cmp::Reverse(gap.lost));
     gaps.truncate(LISTED);
     gaps
@@ -337,7 +337,7 @@ mod tests {
         StoredPhotos { photos: (0..count).map(photo).collect(), ..StoredPhotos::default() }
     }
 
-    /// Photo `i` shows the points `points(i)`.
+    /// Tracks in which photo `i` shows the points `points(i)`.
     fn model(photos: &[usize], points: impl Fn(usize) -> std::ops::Range<u32>) -> Tracks {
         let photo = |&i: &usize| TrackedPhoto {
             name: format!("{i}.jpg"),

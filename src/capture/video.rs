@@ -1,6 +1,6 @@
-//! Photos of videos, through an installed ffmpeg.
+//! Extracts photos from videos with an installed ffmpeg.
 //!
-//! It decodes a video twice: small and grey, to see which frames are worth it, then those at full size.
+//! It decodes a video twice: small and grey to choose frames, then the chosen ones at full size.
 
 use super::frames::{FrameWatch, Grey, choose};
 use super::halt::{Halt, Step};
@@ -13,20 +13,20 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Longer side of the frames that are looked at, px: blur of a few pixels of the video shows in them.
+/// Longer side of analysed frames, px: a blur of a few video pixels is still visible.
 const WATCHED_SIDE: u32 = 640;
 
 /// An installed ffmpeg.
 #[derive(Debug)]
 pub(super) struct Ffmpeg {
-    /// Options that keep every frame once.
+    /// Options that output every frame exactly once.
     passthrough: [&'static str; 2],
 }
 
 impl Ffmpeg {
-    /// Finds it; `video` wants it.
+    /// Finds ffmpeg. `video` is named in the error.
     ///
-    /// Errors: there is none.
+    /// Errors: ffmpeg is not installed.
     pub(super) fn find(video: &Path) -> Result<Self, Error> {
         let output = Command::new("ffmpeg").arg("-version").stdin(Stdio::null()).output();
         let Some(output) = output.ok().filter(|output| output.status.success()) else {
@@ -40,7 +40,7 @@ impl Ffmpeg {
         Ok(Self { passthrough })
     }
 
-    /// Writes the frames of `video` that are worth it, at most `most`, into `folder`. Returns their names and how many frames there were.
+    /// Writes the chosen frames of `video`, at most `most`, into `folder`. Returns their names and the video's frame count.
     pub(super) fn take(
         &self,
         video: &Path,
@@ -72,7 +72,7 @@ impl Ffmpeg {
         Ok((names, frames.len() as u64))
     }
 
-    /// Looks at every frame.
+    /// Measures every frame.
     fn watch(&self, video: &Path, log: &mut Log, observer: &mut dyn CaptureObserver) -> Step<FrameWatch> {
         let side = WATCHED_SIDE;
         let scale = format!(
@@ -112,19 +112,19 @@ impl Ffmpeg {
     }
 }
 
-/// A path that ffmpeg takes for neither an option nor a protocol.
+/// A path that ffmpeg cannot take for an option or a protocol.
 fn plain_path(path: &Path) -> OsString {
     if path.is_absolute() { path.into() } else { PathBuf::from(".").join(path).into() }
 }
 
-/// "ffmpeg version 5.1.9-0..." as (5, 1); `None` of builds that are numbered otherwise, which are new.
+/// "ffmpeg version 5.1.9-0..." as (5, 1); `None` for development builds, which are newer.
 fn version(text: &str) -> Option<(u32, u32)> {
     let word = text.split_whitespace().nth(2)?;
     let mut numbers = word.trim_start_matches('n').split(|c: char| !c.is_ascii_digit());
     Some((numbers.next()?.parse().ok()?, numbers.next().and_then(|n| n.parse().ok()).unwrap_or(0)))
 }
 
-/// The next grey picture of a stream of PGM files; `None` at its end.
+/// The next grey picture of a PGM stream; `None` at its end.
 fn next_pgm(from: &mut impl BufRead) -> std::io::Result<Option<Grey>> {
     let invalid = || std::io::Error::new(std::io::ErrorKind::InvalidData, "ffmpeg sent no grey pictures");
     if from.fill_buf()?.is_empty() {
