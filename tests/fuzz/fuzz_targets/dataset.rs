@@ -6,7 +6,7 @@ use std::path::Path;
 use trisplat::image::Pixels;
 use trisplat::{Dataset, DatasetOptions, Limits};
 
-/// The first byte says which kind of data set, the rest is cut into its files at `\xff\xfe`.
+// The first byte says which kind of data set, the rest is cut into its files at `\xff\xfe`.
 fuzz_target!(|bytes: &[u8]| {
     let Some((kind, rest)) = bytes.split_first() else { return };
     let names: &[&str] = match kind % 3 {

@@ -1,6 +1,7 @@
 //! Any bytes as a photo and as a mask: a picture of the size its header claims or one error, never a panic that reaches the caller.
 #![no_main]
 
+#[allow(dead_code, reason = "shared with the tests of photos")]
 #[path = "../../common/png.rs"]
 mod png;
 
