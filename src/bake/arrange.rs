@@ -1,5 +1,5 @@
-//! Puts triangles that are near in space near in memory, for the stages that draw the scene again and again: of its
-//! triangles those that a tile of a picture shows are read together.
+//! Puts triangles that are near in space near in memory, for the stages that draw the scene repeatedly:
+//! triangles in one tile of a picture are then read together.
 
 use super::order::FaceOrder;
 use crate::math::curve::along_curve;
@@ -8,7 +8,7 @@ use crate::scene::Scene;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Fewer triangles stay as they are: the caches of a CPU hold them in any order.
+/// Scenes with fewer triangles are left unchanged: the caches of a CPU hold them in any order.
 const FEWEST: usize = 16_384;
 
 /// What arranging did.
@@ -22,8 +22,8 @@ impl StageDetails for ArrangeDetails {
     const STAGE: &'static str = "arrange";
 }
 
-/// Arranges the triangles; `is_drawn` says whether a later stage draws the scene, and `order` in which
-/// order the triangles are written.
+/// Arranges the triangles. `is_drawn`: a later stage draws the scene. `order`: the order in which triangles
+/// are written.
 pub fn arrange(
     scene: &mut Scene,
     is_drawn: bool,

@@ -1,9 +1,10 @@
-//! Closes the holes through which photos show what no triangle covers: a far sphere behind everything, whose
-//! colours the next stage takes from the photos.
+//! Closes holes, pixels of photos that no triangle covers, by a far sphere behind everything. The next stage
+//! takes its colours from the photos.
 //!
-//! A soft scene hides its holes under haze; a solid one shows the background of the engine through them. The sphere is
-//! no part of the scene: its triangles come last, [`Provenance::backdrop`] counts them, and files hold them apart. They
-//! are visible from inside only, so that a viewer that steps back to show everything looks through the near side.
+//! A soft scene hides its holes under haze; a solid one shows the engine's background through them. The
+//! sphere does not belong to the scene: its triangles come last, [`Provenance::backdrop`] counts them, and
+//! files store them separately. They are visible from inside only, so a viewer outside looks through the near
+//! side.
 //!
 //! [`Provenance::backdrop`]: crate::asset::Provenance::backdrop
 
@@ -20,7 +21,8 @@ use glam::Vec3;
 const VIEWS: usize = 16;
 /// Holes below this share of the photos are not closed.
 const LEAST_HOLES: f64 = 0.001;
-/// Below this covered share of a picture, or unmasked share of a photo, the scene is an object before nothing.
+/// Below this covered share of a picture, or unmasked share of a photo, the scene is an object without
+/// background.
 const LEAST_COVERED: f64 = 0.8;
 /// Radius of the sphere as a multiple of the distance of the farthest vertex or camera.
 const RADIUS_FACTOR: f32 = 1.2;
@@ -45,7 +47,7 @@ pub enum BackdropWhen {
     Off,
 }
 
-/// What is put behind the scene.
+/// The backdrop of the scene.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
@@ -59,7 +61,7 @@ impl BackdropOptions {
     /// Closes holes if there are any.
     pub const DEFAULT: Self = Self { backdrop: BackdropWhen::Auto };
 
-    /// What is left of a budget of triangles for the scene itself.
+    /// The triangles of a budget that are left for the scene itself.
     pub fn scene_budget(&self, budget: Option<u64>) -> Option<u64> {
         match self.backdrop {
             BackdropWhen::Off => budget,
@@ -74,13 +76,13 @@ impl Default for BackdropOptions {
     }
 }
 
-/// What was found out about holes.
+/// Measurements of holes.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct BackdropDetails {
-    /// Share of the photos' pixels at which no triangle is; absent when photos were not searched.
+    /// Share of the photos' pixels without a triangle; absent when photos were not searched.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub holes: Option<f64>,
-    /// True when it is that of the input.
+    /// True when the backdrop is that of the input.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub kept: bool,
 }

@@ -1,4 +1,4 @@
-//! What stands behind a connected surface that is to look like its photos: the shell that closes the scene, or the backdrop that it has.
+//! The background of a connected surface that must look like its photos: the scene's shell or backdrop.
 
 use super::color::{ColorDetails, color};
 use super::shell::take_shell;
@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::mesh::Mesh;
 use crate::scene::{Loaded, Scene};
 
-/// Takes what is behind the scene out of it. Empty when there is nothing, or when it is the whole scene.
+/// Takes the shell or backdrop out of the scene. Empty when there is none, or when it is the whole scene.
 pub(super) fn take_behind(scene: &mut Loaded, cameras: &[Camera]) -> Result<Mesh> {
     if let Some(backdrop) = scene.take_backdrop() {
         return Ok(backdrop);

@@ -51,7 +51,7 @@ impl StageDetails for BvhDetails {
 }
 
 /// Sets `asset.bvh` and puts the faces in its leaf order, each within its chunk. A scene in one chunk is
-/// built in parts as well, which joins better trees in less time and memory than one build would.
+/// built in parts as well, which gives better trees in less time and memory than one build.
 ///
 /// Errors: a position that is not finite.
 pub fn bvh(asset: &mut Asset, options: &BvhOptions, details: &mut BvhDetails) -> Result<Outcome<()>> {
@@ -107,11 +107,11 @@ pub fn bvh(asset: &mut Asset, options: &BvhOptions, details: &mut BvhDetails) ->
 /// Faces in a part when the scene has no chunks: a part and its build fit the cache of a core.
 const PART_TRIANGLES: usize = 16_384;
 
-/// A hierarchy and what it is over.
+/// A hierarchy and its faces.
 pub struct Built {
     /// Its `roots` are those of `parts`.
     pub bvh: Bvh,
-    /// The order of faces it is for. `[F]`
+    /// The order of the faces that it refers to. `[F]`
     pub order: Vec<u32>,
     /// The parts in that order.
     pub parts: Vec<Chunk>,
@@ -119,8 +119,7 @@ pub struct Built {
 
 /// The hierarchy over consecutive `parts` of the faces.
 ///
-/// obvhs decides which faces go together, each part by itself and then the parts as a whole; the boxes are
-/// computed here (`fit`).
+/// obvhs groups the faces, first within each part and then the parts; the boxes are computed here (`fit`).
 pub fn build(mesh: &Mesh, parts: &[Chunk]) -> Built {
     let over_part = |part: &Chunk| {
         let boxes: Vec<Aabb> =
@@ -145,7 +144,7 @@ pub fn build(mesh: &Mesh, parts: &[Chunk]) -> Built {
 
 /// How parts are built: obvhs' `very_fast_build`, half the time of its next better tree.
 const PART_BUILD: BvhBuildParams = BvhBuildParams::very_fast_build();
-/// How the parts are put together: there are few, and every ray passes through them.
+/// How the parts are joined: there are few, and every ray passes through them.
 const TOP_BUILD: BvhBuildParams = BvhBuildParams {
     ploc_search_distance: PlocSearchDistance::VeryHigh,
     reinsertion_batch_ratio: 1.0,
@@ -161,7 +160,7 @@ fn face_box(mesh: &Mesh, face: usize) -> Aabb {
 /// A tree over some boxes.
 struct PartTree {
     nodes: Vec<CwBvhNode>,
-    /// The box each primitive of the tree stands for. `[boxes]`
+    /// The box of each primitive of the tree. `[boxes]`
     order: Vec<u32>,
     bounds: Aabb,
 }
@@ -181,17 +180,17 @@ impl PartTree {
         ReinsertionOptimizer::default().run(&mut binary, params.reinsertion_batch_ratio, None);
         let wide = bvh2_to_cwbvh(&binary, params.max_prims_per_leaf.clamp(1, 3), true, false);
         let (mut nodes, order) = (wide.nodes, wide.primitive_indices);
-        nodes.shrink_to_fit(); // obvhs takes room for one node per face, six times what it fills
+        nodes.shrink_to_fit(); // obvhs allocates one node per face, six times more than it fills
         let bounds = fit(&mut nodes, |primitive| boxes[order[primitive as usize] as usize]);
         Self { nodes, order, bounds }
     }
 }
 
-/// The boxes in a cube of side 1, each grown by a little that differs from box to box.
+/// The boxes in a cube of side 1, each enlarged by a small amount that differs from box to box.
 ///
-/// In the cube no area over- or underflows, whatever the scale of the scene. The growth, a thousandth of the
-/// box, breaks ties: among equal boxes obvhs would join one pair a pass, quadratic in time and as deep as
-/// there are boxes.
+/// In the cube no area over- or underflows at any scale of the scene. The enlargement, a thousandth of the
+/// box, breaks ties. Among equal boxes obvhs would join one pair per pass, in quadratic time, into a tree as
+/// deep as the number of boxes.
 fn to_unit_cube(boxes: &[Aabb]) -> Vec<Aabb> {
     let all = boxes.iter().fold(Aabb::empty(), |all, b| all.union(b));
     let (origin, size) = (all.min.as_dvec3(), (all.max.as_dvec3() - all.min.as_dvec3()).max_element());
@@ -209,7 +208,7 @@ fn to_unit_cube(boxes: &[Aabb]) -> Vec<Aabb> {
 
 /// Computes the boxes of all nodes from those of the primitives, bottom-up; returns the box of everything.
 ///
-/// Grid lines are the nearest ones outside, in f64, so that no rounding can leave anything out.
+/// Grid lines are rounded outwards in f64, so rounding leaves nothing out.
 fn fit(nodes: &mut [CwBvhNode], primitive_box: impl Fn(u32) -> Aabb) -> Aabb {
     let mut bounds = vec![Aabb::empty(); nodes.len()];
     for index in (0..nodes.len()).rev() {
@@ -249,7 +248,8 @@ fn quantise(node: &mut CwBvhNode, all: &Aabb, children: &[Aabb; 8]) {
     }
 }
 
-/// The smallest power of two whose 255-fold reaches `extent`: as the exponent bits of an f32, and itself.
+/// The smallest power of two that reaches `extent` in 255 steps: as the exponent bits of an f32, and as a
+/// number.
 fn grid_step(extent: f64) -> (u8, f64) {
     let bits = (extent / 255.0).to_bits();
     let rounded_up = (bits >> 52) + u64::from(bits & ((1 << 52) - 1) != 0);
@@ -257,8 +257,8 @@ fn grid_step(extent: f64) -> (u8, f64) {
     (exponent, f64::from_bits((u64::from(exponent) + 1023 - 127) << 52))
 }
 
-/// One tree of all: leaf i of `top` becomes the root of tree i of `leaves`, whose first face is given with
-/// it. Returns the nodes and where the roots are.
+/// Joins all trees: leaf i of `top` becomes the root of tree i of `leaves`, each given with its first face.
+/// Returns the nodes and the places of the roots.
 fn join(top: &PartTree, leaves: &[(&PartTree, u32)]) -> (Vec<CwBvhNode>, Vec<u32>) {
     let total = top.nodes.len() + leaves.iter().map(|(tree, _)| tree.nodes.len()).sum::<usize>();
     let mut nodes = Vec::with_capacity(total);

@@ -1,16 +1,17 @@
-//! Cuts space in halves of equal count, again and again: a complete k-d tree.
+//! Cuts space repeatedly into halves of equal count: a complete k-d tree.
 
-/// The cells of a complete binary tree of cuts. A cell is the path to it, one bit for each cut, the first one highest.
+/// The cells of a complete binary tree of cuts. The number of a cell is the path to it, one bit for each cut,
+/// with the first cut highest.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Cells {
-    /// Axis and place of every cut; those below cut i are 2 i + 1 and 2 i + 2. What lies at a cut or above it is in
-    /// the upper half.
+    /// Axis and place of every cut; the cuts below cut i are 2 i + 1 and 2 i + 2. Points at a cut or above it
+    /// are in the upper half.
     cuts: Vec<(u8, f32)>,
     depth: u32,
 }
 
 impl Cells {
-    /// Cuts `depth` times, each cell at the median of its points along the axis on which they lie farthest apart.
+    /// Cuts `depth` times, each cell at the median of its points along the axis of their largest extent.
     pub(super) fn new(points: &[[f32; 3]], depth: u32) -> Self {
         let mut cuts = vec![(0, f32::INFINITY); (1 << depth) - 1];
         let mut points = points.to_vec();
@@ -44,7 +45,7 @@ fn cut(points: &mut [[f32; 3]], at: usize, cuts: &mut [(u8, f32)]) {
     points.select_nth_unstable_by(middle, |a, b| a[axis].total_cmp(&b[axis]));
     let place = points[middle][axis];
     cuts[at] = (axis as u8, place);
-    // Points in the middle that lie at the cut too belong to the upper half.
+    // Points in the middle that also lie at the cut belong to the upper half.
     points.sort_unstable_by_key(|point| point[axis] >= place);
     let (lower, upper) = points.split_at_mut(points.partition_point(|point| point[axis] < place));
     cut(lower, 2 * at + 1, cuts);

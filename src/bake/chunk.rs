@@ -1,5 +1,5 @@
-//! Cuts the faces into compact runs, each its own mesh and node, so that engines can skip the ones out of
-//! view. Cut by surface area, costed in chunks.
+//! Cuts the faces into compact runs, each its own mesh and node, so that engines can cull them. Cuts minimise
+//! surface area times chunks.
 
 use crate::asset::{Asset, Chunk};
 use crate::error::{Error, Result};
@@ -8,8 +8,8 @@ use crate::report::{Outcome, StageDetails};
 use glam::{Vec3, Vec3A, Vec4};
 use rayon::prelude::*;
 
-/// Most faces a chunk may have: 65,535 vertices when no corner is shared, the most that 16-bit indices
-/// name (65,535 itself restarts a primitive).
+/// Most faces of a chunk: 65,535 vertices when no corner is shared, the most that 16-bit indices can address
+/// (65,535 itself restarts a primitive).
 pub const MAX_CHUNK_TRIANGLES: u32 = 21_845;
 
 /// How the scene is cut into nodes.
@@ -48,8 +48,8 @@ impl StageDetails for ChunkDetails {
     const STAGE: &'static str = "chunk";
 }
 
-/// Sets `asset.chunks` and puts the faces in their order. A scene of one chunk is left as it is. A backdrop becomes
-/// the last chunk: its box, around everything, would keep any other from being skipped.
+/// Sets `asset.chunks` and puts the faces in their order. A scene of one chunk is left unchanged. A backdrop
+/// becomes the last chunk, because its box surrounds everything and could never be culled.
 ///
 /// Errors: `chunk_triangles` above [`MAX_CHUNK_TRIANGLES`].
 pub fn chunk(asset: &mut Asset, options: &ChunkOptions, details: &mut ChunkDetails) -> Result<Outcome<()>> {
@@ -79,12 +79,12 @@ pub fn chunk(asset: &mut Asset, options: &ChunkOptions, details: &mut ChunkDetai
     details.mean_triangles = (faces / chunks.len()) as u64;
     asset.chunks = chunks;
     asset.chunks.extend(backdrop);
-    asset.bvh = None; // it was built for the faces in another order
+    asset.bvh = None; // the hierarchy was built for another order of faces
     Ok(Outcome::Changed(()))
 }
 
-/// Cuts the first `faces` into runs of at most `limit`. Returns the order of faces and the runs in that order;
-/// within a run, faces stay in the order they had.
+/// Cuts the first `faces` into runs of at most `limit`. Returns the order of faces and the runs in that
+/// order; within a run, faces keep their order.
 ///
 /// Top-down, each time at the plane (or size) where the two sides cost least:
 ///
@@ -92,9 +92,9 @@ pub fn chunk(asset: &mut Asset, options: &ChunkOptions, details: &mut ChunkDetai
 /// cost = area(left) * chunks(left) + area(right) * chunks(right),   chunks(n) = ceil(n / limit)
 /// ```
 ///
-/// that is the surface area heuristic (MacDonald and Booth 1990) counting what an engine draws or skips: whole
-/// chunks. The fourth axis, size, takes triangles that are large for their neighbourhood out of it when that
-/// lets the rest be compact.
+/// that is the surface area heuristic (MacDonald and Booth 1990), counting whole chunks, because an engine
+/// draws or culls these. A cut along the fourth axis, size, separates triangles that are large for their
+/// neighbourhood, so that the rest is compact.
 pub(super) fn cut(mesh: &Mesh, faces: usize, limit: usize) -> (Vec<u32>, Vec<Chunk>) {
     let mut items: Vec<Item> =
         (0..faces).into_par_iter().with_min_len(1 << 12).map(|f| Item::new(mesh, f)).collect();
@@ -108,7 +108,7 @@ pub(super) fn cut(mesh: &Mesh, faces: usize, limit: usize) -> (Vec<u32>, Vec<Chu
     (items.iter().map(|item| item.face).collect(), chunks)
 }
 
-/// A face as the cut sees it: a box, and how large it is.
+/// A face reduced to its box and size.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(16))]
 struct Item {
@@ -127,7 +127,7 @@ impl Item {
         Self { min, face: face as u32, max, level }
     }
 
-    /// Where it is on the axes x, y, z and size.
+    /// Its place on the axes x, y, z and size.
     fn place(&self) -> Vec4 {
         (0.5 * self.min + 0.5 * self.max).extend(self.level)
     }
@@ -138,7 +138,7 @@ const BINS: usize = 32;
 /// A cut is chosen by about this many of the items, evenly picked; more do not make chunks better.
 const SAMPLE: usize = 1 << 14;
 
-/// Number of items in each part, in order, after sorting the items into parts.
+/// Sorts the items into parts; returns the number of items in each part, in order.
 fn split(items: &mut [Item], limit: usize) -> Vec<u32> {
     if items.len() <= limit {
         items.sort_unstable_by_key(|item| item.face);
@@ -181,7 +181,7 @@ impl BinGrid {
 
     /// The bin of an item on each axis. An axis without extent has one bin.
     fn bins(&self, item: &Item) -> [usize; 4] {
-        // An infinite or NaN product saturates to a bin, so that nothing can fail here.
+        // An infinite or NaN product saturates to a bin, so this cannot fail.
         ((item.place() - self.origin) * self.scale).to_array().map(|x| (x as u8 as usize).min(BINS - 1))
     }
 }
@@ -199,7 +199,7 @@ impl Cut {
     }
 }
 
-/// What lies in a bin, or in several.
+/// The contents of one or more bins.
 #[derive(Debug, Clone, Copy)]
 struct BinBox {
     min: Vec3A,
@@ -240,8 +240,8 @@ fn best_cut(items: &[Item], limit: usize) -> Option<Cut> {
         for bin in 0..BINS - 1 {
             left = left.union(bins[bin]);
             let right = from_right[bin + 1];
-            // Every chunk costs an engine a draw, so slices come last; and boxes without area all cost
-            // nothing, so of equals the most even cut.
+            // Every chunk costs an engine a draw, so slices come last. Boxes without area all cost nothing,
+            // so ties go to the most even cut.
             let slice = left.count.min(right.count) < few;
             let cost = (slice, left.cost(limit) + right.cost(limit), left.count.abs_diff(right.count));
             if left.count > 0 && right.count > 0 && cost < best {

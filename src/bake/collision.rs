@@ -1,7 +1,7 @@
-//! Something to collide with: a connected surface of few triangles in place of the scene's many, which overlap.
+//! A collider: a connected surface of few triangles, because the scene's own triangles overlap.
 //!
-//! Engines test a body against every triangle near it. Those of a trained scene are many, lie across each other and leave gaps that a
-//! ball falls through.
+//! Engines test a body against every triangle near it. A trained scene has many triangles, which cross each
+//! other and leave gaps for a ball to fall through.
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
@@ -12,13 +12,13 @@ use crate::report::{Outcome, StageDetails, StageProgress};
 use crate::scene::Loaded;
 use crate::surface::{SurfaceDetails, SurfaceOptions, surface};
 
-/// Whether there is something to collide with.
+/// Whether a collider is made.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct CollisionOptions {
-    /// Make a surface of few triangles to collide with: for Godot a node that it does not draw, for others a file
-    /// OUT.collision.glb. It shows what the cameras of --dataset, or those of the scene, see
+    /// Make a surface of few triangles to collide with: for Godot a node that it does not draw, for others a
+    /// file OUT.collision.glb. It covers the view of the cameras of --dataset, or of the scene
     #[cfg_attr(feature = "cli", arg(long))]
     pub collision: bool,
     /// Most triangles of that surface
@@ -43,7 +43,7 @@ impl Default for CollisionOptions {
     }
 }
 
-/// What there is to collide with; empty when there is nothing.
+/// The collider; empty when there is none.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct CollisionDetails {
     /// How the surface was made.
@@ -55,7 +55,8 @@ impl StageDetails for CollisionDetails {
     const STAGE: &'static str = "collision";
 }
 
-/// Makes the surface that `cameras` see of `scene`, in its frame; without cameras those that it stores, or chosen ones.
+/// Makes the surface of `scene` that `cameras` see, in the scene's frame. Without `cameras`, stored or chosen
+/// ones are used.
 ///
 /// Errors: too many blocks of the distance field; fewer triangles than a surface can have.
 pub fn collision(
@@ -81,7 +82,7 @@ pub fn collision(
     })
 }
 
-/// The option by the name that it has here.
+/// Names the option as this stage does.
 fn in_our_words(error: Error) -> Error {
     match error {
         Error::Invalid { option, value, wants } if option == "max_triangles" => {

@@ -1,4 +1,4 @@
-//! Turns spherical harmonics of degree 0 into linear face colours: what engines multiply and blend.
+//! Turns spherical harmonics of degree 0 into linear face colours, which engines multiply and blend.
 
 use crate::error::Result;
 use crate::math::color::linear_from_srgb;
@@ -10,7 +10,7 @@ use rayon::prelude::*;
 /// What the conversion clamped.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct ColorDetails {
-    /// Colour channels, three per triangle, that lay outside [0, 1] and were clamped.
+    /// Colour channels, three per triangle, that were clamped to [0, 1].
     pub clamped_channels: u64,
 }
 
@@ -18,8 +18,8 @@ impl StageDetails for ColorDetails {
     const STAGE: &'static str = "color";
 }
 
-/// A non-indexed mesh with one linear colour per face. Opacity and σ are dropped, vertices move without
-/// a copy. `details` says how many channels lay outside [0, 1] and were clamped.
+/// A non-indexed mesh with one linear colour per face. Opacity and σ are dropped, and vertices move without a
+/// copy. `details` counts the channels clamped to [0, 1].
 pub fn color(mut soup: Soup, details: &mut ColorDetails) -> Result<Mesh> {
     soup.truncate_sh(0);
     let Soup { vertices, mut sh, opacity, sigma, shell, .. } = soup;

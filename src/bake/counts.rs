@@ -1,4 +1,4 @@
-//! What reports count of a scene.
+//! Counts of a scene for reports.
 
 use crate::asset::Asset;
 use crate::mesh::Mesh;
@@ -18,7 +18,7 @@ pub(super) fn count_mesh(mesh: &Mesh) -> Counts {
     Counts { triangles: mesh.face_count() as u64, vertices: mesh.vertex_count() as u64 }
 }
 
-/// What levels of detail hold together.
+/// The counts of all levels of detail together.
 #[expect(clippy::ptr_arg, reason = "the signature that a report measures a list of levels by")]
 pub(super) fn count_levels(levels: &Vec<Asset>) -> Counts {
     let counts = levels.iter().map(Asset::counts);

@@ -1,6 +1,6 @@
 //! Keeps a region of the scene: a box, a sphere, or what cameras have in view.
 //!
-//! It comes first, so that a budget of triangles is spent on what stays.
+//! It comes first, so that a budget of triangles is spent on the region.
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
@@ -16,8 +16,8 @@ use rayon::prelude::*;
 #[serde(deny_unknown_fields, default)]
 pub struct CropOptions {
     /// Keep only triangles whose centroid is in a region, in the coordinates of the input: a box
-    /// X0,Y0,Z0,X1,Y1,Z1, a sphere X,Y,Z,RADIUS, or seen:K, what at least K cameras (of `--dataset` or the file) have in
-    /// view. Given several times: in all of them
+    /// X0,Y0,Z0,X1,Y1,Z1, a sphere X,Y,Z,RADIUS, or seen:K, the view of at least K cameras (of `--dataset` or
+    /// the file). Given several times: in all of them
     #[cfg_attr(feature = "cli", arg(long, value_name = "REGION", allow_hyphen_values = true))]
     #[schemars(with = "Vec<String>")]
     pub crop: Vec<Region>,

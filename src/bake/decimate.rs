@@ -1,14 +1,15 @@
-//! Decimation: which triangles to drop, and how those that stay cover for them.
+//! Decimation: which triangles to drop, and how the others cover the gaps.
 //!
-//! The importance of a triangle is how much worse the scene would look without it: the squared differences between
-//! what was visible and what lies behind, summed over the samples that it covers. It is measured by rendering the
-//! scene without some of its triangles, chosen at random, and looking at what appears in their place. There are
-//! several rounds, each dropping the least important share, as what lies behind one triangle may be gone in the next.
+//! The importance of a triangle is the error of the picture without it: the squared differences between its
+//! colour and the colour behind it, summed over the samples that it covers. It is measured by rendering the
+//! scene without some of its triangles, chosen at random. Each of several rounds drops the least important
+//! share, because triangles behind others may be gone in the next round.
 //!
-//! The triangles that stay then take over where that helps: in every round each tries to move one of its corners, at
-//! random outwards or inwards and aside, and keeps the move if the scene looks more like the whole one with it.
+//! Then the remaining triangles cover the gaps. In every round each tries to move one corner at random,
+//! outwards or inwards and sideways. It keeps the move if the picture comes closer to that of the whole
+//! scene.
 //!
-//! Without cameras there is only size to go by: see [`rank_by_size`] and [`enlarge`].
+//! Without cameras only size decides: see [`rank_by_size`] and [`enlarge`].
 
 mod compare;
 mod effect;
@@ -23,20 +24,21 @@ use crate::report::StageProgress;
 use compare::{Comparison, Round};
 use glam::Vec3;
 
-/// Share of the triangles that is left after a round.
+/// Share of the triangles left after a round.
 const ROUND_SHARE: f64 = 0.84;
-/// Cameras that draw in such a round: how much of a triangle all of them see is known already.
+/// Cameras that draw in such a round: the visible area of every triangle in all cameras is known already.
 const RANK_VIEWS: usize = 16;
 /// Rounds in which corners may move. Coarse levels need them: with half of them an eighth of the triangles lose up to 1 dB, half of the
 /// triangles up to 0.1.
 const MOVE_ROUNDS: u32 = 16;
 /// Cameras that draw in such a round. With 12 moves are made that most of the others pay for.
 const MOVE_VIEWS: usize = 24;
-/// Moves that are tried of each face in a round; the best of them is made. Three in a third of the rounds cost two
-/// thirds and lose 0.16 dB with an eighth of the triangles (few photos per round).
+/// Moves tried for each face in a round; the best one is made. Three in a third of the rounds cost two thirds
+/// and lose 0.16 dB with an eighth of the triangles (few photos per round).
 const MOVES_TRIED: u32 = 1;
 
-/// Decides by what cameras see. One decimation serves all levels of a scene: it keeps what the whole scene looks like.
+/// Decimation by the cameras' pictures. One decimation serves all levels of a scene, because it keeps the
+/// pictures of the whole scene.
 pub struct Decimation<'a> {
     mesh: &'a Mesh,
     comparison: Comparison<'a>,
@@ -50,7 +52,7 @@ impl<'a> Decimation<'a> {
         Self { mesh, comparison: Comparison::new(mesh, cameras), spared: &[] }
     }
 
-    /// The same, but that some faces are never dropped or moved. `[F]`
+    /// The same, but some faces are never dropped or moved. `[F]`
     pub fn sparing(self, spared: &'a [bool]) -> Self {
         Self { spared, ..self }
     }
@@ -59,8 +61,8 @@ impl<'a> Decimation<'a> {
         self.spared.get(face as usize).copied().unwrap_or(false)
     }
 
-    /// `faces`, all of them visible and in any order, ordered so that the first n of them are the n best to keep, for
-    /// every n from `fewest` on. `visible_px` is the area of every face of the mesh that is seen. `[F]`
+    /// `faces`, all of them visible and in any order, ordered so that the first n of them are the n best to
+    /// keep, for every n from `fewest` on. `visible_px` is the visible area of every face of the mesh. `[F]`
     pub fn rank_by_importance(
         &mut self,
         visible_px: &[f32],
@@ -71,7 +73,7 @@ impl<'a> Decimation<'a> {
         let mut kept = faces.to_vec();
         kept.sort_unstable();
         let mut dropped = Vec::new();
-        // Rounds cost in proportion to what is left.
+        // Rounds cost in proportion to the faces left.
         let [all, last_round] = [faces.len(), fewest].map(|faces| faces.max(1));
         for round in 0.. {
             progress.set(all - kept.len(), all - last_round.min(all));
@@ -98,8 +100,8 @@ impl<'a> Decimation<'a> {
         dropped
     }
 
-    /// Moves corners of `faces` where the mesh then looks more like it does with all faces. A mesh with shared
-    /// vertices is left as it is.
+    /// Moves corners of `faces` where this brings pictures closer to those with all faces. A mesh with shared
+    /// vertices is left unchanged.
     pub fn move_corners(&mut self, faces: &[u32], mut progress: StageProgress<'_>) -> MovedCorners {
         let mut kept = faces.to_vec();
         kept.sort_unstable();
@@ -131,7 +133,7 @@ impl<'a> Decimation<'a> {
     }
 }
 
-/// Where faces have their corners now.
+/// The present corners of the faces.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MovedCorners {
     faces: Vec<u32>,

@@ -1,5 +1,5 @@
-//! Finds how photos differ in exposure, white balance and falloff towards the corners, by what the scene is drawn like from their places.
-//! Later stages see each photo as the others would show it: so colours and texels are no mixture of exposures.
+//! Finds how photos differ in exposure, white balance and falloff towards the corners, by comparing them with
+//! drawings of the scene. Later stages get corrected photos, so colours and texels do not mix exposures.
 
 use super::views::{SAMPLES, Views};
 use crate::error::Result;
@@ -9,7 +9,7 @@ use crate::raster::solid::Solid;
 use crate::report::{Outcome, StageDetails};
 use std::sync::Arc;
 
-/// Fewer photos say nothing about their mean.
+/// Fewer photos do not determine a mean exposure.
 const LEAST_PHOTOS: usize = 4;
 
 /// Whether photos are corrected.
@@ -18,7 +18,7 @@ const LEAST_PHOTOS: usize = 4;
 )]
 #[serde(deny_unknown_fields, default)]
 pub struct ExposureOptions {
-    /// Whether photos are corrected that differ in exposure and white balance, or are darker in their corners
+    /// Whether to correct photos that differ in exposure and white balance, or are darker in their corners
     pub exposure: ExposureUse,
 }
 
@@ -32,10 +32,10 @@ impl ExposureOptions {
 /// How photos differ.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct ExposureDetails {
-    /// How much; absent where they were not asked.
+    /// The differences; absent where they were not estimated.
     #[serde(default, flatten, skip_serializing_if = "Option::is_none")]
     pub verdict: Option<Verdict>,
-    /// What each photo is corrected by, in order of name; empty where they agree.
+    /// The correction of each photo, in order of name; empty where photos agree.
     #[serde(default, flatten)]
     pub exposures: Exposures,
 }
@@ -44,7 +44,7 @@ impl StageDetails for ExposureDetails {
     const STAGE: &'static str = "exposure";
 }
 
-/// Corrects `views` by what `mesh` is drawn like from their places.
+/// Corrects `views` by comparing them with drawings of `mesh`.
 ///
 /// Errors: a photo that cannot be decoded.
 pub fn exposure(

@@ -10,12 +10,12 @@ use std::sync::Arc;
 
 /// Photos looked at.
 const VIEWS: usize = 8;
-/// A drawing resembles its own photo by so much more than the others, as the correlation of their pixels: a soft scene
-/// whose triangles were just made solid may be far from its photos and still show the same shapes.
+/// Least excess of a drawing's correlation with its own photo over that with other photos. A soft scene just
+/// made solid may be far from its photos and still show the same shapes.
 const LEAST_OWN: f64 = 0.05;
 
-/// What is wrong when `mesh`, drawn by the photos' cameras, is farther from the photos than pictures of one colour are, and
-/// resembles none of them more than the others. Fails when a photo cannot be decoded.
+/// Describes the fault if drawings of `mesh` match the photos worse than one plain colour does, and no better
+/// than other photos. Fails when a photo cannot be decoded.
 pub fn misfit(mesh: &Mesh, views: &mut Views) -> Result<Option<String>> {
     if views.is_empty() {
         return Ok(None);
@@ -42,7 +42,7 @@ pub fn misfit(mesh: &Mesh, views: &mut Views) -> Result<Option<String>> {
     }))
 }
 
-/// By how much drawings correlate more with their own photos than with the others of the same size.
+/// How much more drawings correlate with their own photos than with others of the same size.
 fn own_resemblance(pictures: &[Pixels], photos: &[Arc<Pixels>]) -> f64 {
     let (mut own, mut others) = ((0.0, 0.0), (0.0, 0.0));
     for (i, picture) in pictures.iter().enumerate() {

@@ -1,8 +1,9 @@
-//! Drops triangles that hang in the air before a camera.
+//! Drops triangles that float right in front of a camera.
 //!
-//! Nobody photographs with something a tenth of the scene's depth before the lens and nowhere else in the photos. A trainer that
-//! does not clip so near puts triangles there to paint one photo; from beside it they are shards that hide the scene. A thing that
-//! was really there is in other photos too, so what enough of them see stays; a photo that has another colour there does not see it.
+//! Real objects are rarely a tenth of the scene's depth in front of the lens of only one photo. A trainer
+//! without a near clip puts triangles there to paint that photo; from other places they are shards that hide
+//! the scene. Real objects appear in other photos too, so triangles seen by enough photos stay. A photo with
+//! another colour at that place does not count as seeing it.
 
 use super::views::{self, Views};
 use crate::camera::Camera;
@@ -18,15 +19,16 @@ use glam::{IVec3, Vec2, Vec3};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// A triangle hangs before a camera when it is nearer than this share of the scene's depth.
+/// A triangle is a candidate when it is nearer to a camera than this share of the scene's depth.
 const NEAR: f32 = 0.1;
 /// A triangle that this many photos see is real.
 const LEAST_VIEWS: u32 = 3;
-/// A photo shows a triangle when it differs this little from its colour, mean over channels and pixels; colours are 0 to 1, sRGB-encoded.
+/// A photo shows a triangle when their colours differ by at most this, mean over channels and pixels; colours
+/// are 0 to 1, sRGB-encoded.
 const LIKE: f32 = 0.15;
-/// With fewer cameras nothing can be said.
+/// Fewer cameras do not suffice for a decision.
 const FEWEST_CAMERAS: usize = 4;
-/// Cameras between more than these add little, and finding them takes long.
+/// Places between more cameras than these add little and take long.
 const MOST_BETWEEN: usize = 500;
 /// Cameras that the scene's depth is measured with.
 const DEPTH_VIEWS: usize = 8;
@@ -35,7 +37,7 @@ const SIDE: u32 = 256;
 /// Largest ratio of distance to depth at a corner of a picture.
 const CORNER: f32 = 2.0;
 
-/// Whether triangles that hang before cameras stay.
+/// Whether triangles right in front of cameras stay.
 #[derive(
     Debug, Clone, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
@@ -48,19 +50,19 @@ pub struct FloatersOptions {
 impl FloatersOptions {
     /// They are dropped.
     pub const DEFAULT: Self = Self { keep_floaters: false };
-    /// Nothing is drawn to find any.
+    /// Keeps all, and draws nothing.
     pub const OFF: Self = Self { keep_floaters: true };
 }
 
-/// What was found before the cameras.
+/// Triangles found in front of the cameras.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct FloatersDetails {
-    /// Median depth of what the cameras see, in units of the scene.
+    /// Median depth in the cameras' views, in units of the scene.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene_depth: Option<f32>,
     /// Triangles nearer to a camera, or to a place between two, than a tenth of that.
     pub near: u64,
-    /// How many of those stay because three photos or more show them.
+    /// Those that stay because three photos or more show them.
     pub seen: u64,
 }
 
@@ -68,7 +70,8 @@ impl StageDetails for FloatersDetails {
     const STAGE: &'static str = "floaters";
 }
 
-/// Drops the triangles of `mesh` that hang before one of `cameras`, which are those of `photos` if there are any.
+/// Drops the triangles of `mesh` that float in front of one of `cameras`, which are those of `photos` if
+/// there are any.
 ///
 /// Errors: a photo that cannot be decoded.
 pub fn floaters(
@@ -109,7 +112,7 @@ pub fn floaters(
     Ok(Outcome::Changed(()))
 }
 
-/// The median over some cameras of the median depth of what each sees.
+/// The median over some cameras of the median depth in each view.
 fn scene_depth(mesh: &Mesh, cameras: &[Camera]) -> Option<f32> {
     let (options, mut solid) = (views::drawing(cameras, mesh, 1), Solid::new());
     let count = cameras.len().min(DEPTH_VIEWS);
@@ -122,14 +125,15 @@ fn scene_depth(mesh: &Mesh, cameras: &[Camera]) -> Option<f32> {
     median(depths.collect(), f32::total_cmp)
 }
 
-/// The faces whose middle one of `cameras`, or one between two of them, has in its picture and not as deep as `depth`.
+/// The faces whose middle is in the picture of one of `cameras`, or of one between two of them, nearer than
+/// `depth`.
 fn hanging_before(mesh: &Mesh, cameras: &[Camera], depth: f32) -> Vec<u32> {
     let between = match cameras.len() <= MOST_BETWEEN {
         true => teacher::viewpoints::between(cameras),
         false => Vec::new(),
     };
     let lenses = [cameras, &between].concat();
-    // Of a scene's many triangles hardly any is near a camera, so cameras are looked up by where they are.
+    // Hardly any triangle is near a camera, so cameras are looked up by position.
     let side = CORNER * depth;
     let cell = |point: Vec3| (point / side).floor().as_ivec3();
     let mut around: HashMap<IVec3, Vec<usize>> = HashMap::new();
@@ -151,7 +155,8 @@ fn hanging_before(mesh: &Mesh, cameras: &[Camera], depth: f32) -> Vec<u32> {
     (0..mesh.face_count() as u32).into_par_iter().filter(hangs).collect()
 }
 
-/// How many of `cameras` see each of `faces`; with photos, how many show something of its colour there. In the order of `faces`.
+/// How many of `cameras` see each of `faces`; with photos, how many show its colour there. In the order of
+/// `faces`.
 fn times_seen(
     mesh: &Mesh,
     cameras: &[Camera],
@@ -169,7 +174,7 @@ fn times_seen(
         }
         let camera = camera.within(SIDE);
         let photo = photos.as_deref_mut().map(|photos| photos.photo(i)).transpose()?;
-        // How far its pixels are from those of the photo in sum, and how many there are.
+        // Sum of the differences between its pixels and the photo's, and number of pixels.
         let mut shown = vec![(0.0, 0u32); faces.len()];
         for (pixel, face) in (0..).zip(&solid.visibility(mesh, &camera, &options).face) {
             let Some(&at) = place.get(face) else { continue };

@@ -1,8 +1,9 @@
 //! Normals, for engines that light the scene, and faces whose fronts face the viewer.
 //!
-//! Triangles of a trained scene lie across the surfaces that they show, wound either way: their own normals sparkle. Where the surface
-//! points is what the connected surface says that depths of the scene are fused into; where there is none, what the triangles
-//! around say together, each weighted by the pixels that show it. Which side is the front is what cameras say.
+//! Triangles of a trained scene lie across the surfaces that they show, with either winding: their own
+//! normals sparkle. Normals come from the connected surface that is fused from depths of the scene. Where
+//! there is none, they are the mean of the triangles around, weighted by visible pixels. The cameras decide
+//! which side is the front.
 
 use crate::camera::Camera;
 use crate::error::Result;
@@ -14,14 +15,14 @@ use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// Whether lights fall on the scene.
+/// Whether the scene gets normals and a lit material.
 #[derive(Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct LitOptions {
-    /// Give triangles normals and a material that an engine lights, in place of one that shows its colours as they are.
-    /// The colours hold the light of the photos already, so what the engine adds comes on top: for shadows, fog and the
-    /// mood of a scene, not for true relighting
+    /// Give triangles normals and a lit material instead of an unlit one. The colours contain the light of
+    /// the photos, and the engine adds its own: for shadows, fog and the mood of a scene, not for true
+    /// relighting
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = LitOptions::DEFAULT.lit, num_args = 0..=1,
           require_equals = true, default_missing_value = "smooth", value_name = "NORMALS"))]
     pub lit: Lit,
@@ -39,10 +40,10 @@ impl LitOptions {
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Lit {
-    /// None: no light falls on the scene.
+    /// None: the material is unlit.
     #[default]
     Off,
-    /// Normals of the surface that the triangles form together: their depths are fused first, which takes seconds.
+    /// Normals of one connected surface, fused from depths, which takes seconds.
     Smooth,
     /// Each triangle's own normal.
     Flat,
@@ -51,13 +52,13 @@ pub enum Lit {
 /// What normals were made of.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct LitDetails {
-    /// Cameras that faces were turned to.
+    /// Number of cameras that decided the fronts of faces.
     pub cameras: u64,
-    /// Faces that were wound the other way.
+    /// Faces whose winding was reversed.
     pub flipped: u64,
-    /// Faces that no camera sees: their winding says what their front is.
+    /// Faces that no camera sees; their winding decides their front.
     pub unseen: u64,
-    /// Faces whose normal is that of the connected surface near them; others take that of the triangles around.
+    /// Faces with the normal of the connected surface near them; others take that of the triangles around.
     pub on_surface: u64,
     /// Median angle between a face's normal and its own plane's, degrees; 0 for flat ones.
     pub median_angle: f32,
@@ -69,16 +70,16 @@ impl StageDetails for LitDetails {
 
 /// Most cameras that are asked.
 const CAMERAS: usize = 100;
-/// Longer side of the pictures in which faces are looked for, px.
+/// Longer side of the pictures that show which faces are visible, px.
 const SIDE: u32 = 320;
-/// Side of a cell in which triangles decide together, in sides of the median triangle.
+/// Side of a cell whose triangles share normals, in sides of the median triangle.
 const CELL: f64 = 4.0;
-/// How the surface is made that smooth normals are of: coarse, as lights show every wave of a fine one.
+/// Options of the surface for smooth normals: coarse, because lights show every wave of a fine one.
 pub(super) const SURFACE: SurfaceOptions =
     SurfaceOptions { resolution: Some(128), ..SurfaceOptions::DEFAULT };
 
-/// Winds the faces of `mesh` so that their fronts face `cameras`, and gives them normals: smooth ones are those of `surface`, where
-/// it is near, or what the triangles around say together. All are in the frame of the mesh.
+/// Winds the faces of `mesh` so that their fronts face `cameras`, and gives them normals. Smooth ones come
+/// from `surface` where it is near, else from the triangles around. All are in the frame of the mesh.
 pub fn lit(
     mesh: &mut Mesh,
     cameras: &[Camera],
@@ -100,8 +101,8 @@ pub fn lit(
         Lit::Smooth => smooth(mesh, &seen, surface, details),
         _ => seen.iter().map(|seen| seen.normal).collect(),
     };
-    // An engine turns the normal of a face around that it sees from behind: one that leans away from the surface is to be seen
-    // from its front by whoever sees the surface from its front.
+    // An engine reverses the normal of a face seen from behind. So a face must show its front to everyone who
+    // sees the front of the surface, even if it leans away from it.
     for face in 0..mesh.face_count() {
         if mesh.flat_normal(face).dot(mesh.normals[face]) < 0.0 {
             mesh.flip(face);
@@ -117,7 +118,7 @@ pub fn lit(
 
 /// A face as cameras see it.
 struct Seen {
-    /// Its own unit normal, towards the cameras.
+    /// Unit normal of its plane, towards the cameras.
     normal: Vec3,
     /// The pixels that show it; without cameras its area.
     weight: f32,
@@ -128,7 +129,7 @@ fn asked(cameras: &[Camera]) -> impl Iterator<Item = &Camera> {
     cameras.iter().step_by(cameras.len().div_ceil(CAMERAS).max(1))
 }
 
-/// Every face as `cameras` see it; what hides it is drawn too.
+/// Every face as `cameras` see it, with the faces that hide it drawn too.
 fn see(mesh: &Mesh, cameras: &[&Camera]) -> Vec<Seen> {
     let mut pixels = vec![[0u32; 2]; mesh.face_count()];
     let mut solid = Solid::new();
@@ -151,7 +152,7 @@ fn see(mesh: &Mesh, cameras: &[&Camera]) -> Vec<Seen> {
     pixels.par_iter().enumerate().map(seen).collect()
 }
 
-/// Normals of the surface that triangles show together.
+/// Smooth normals from the surface or the neighbourhood.
 fn smooth(mesh: &Mesh, seen: &[Seen], surface: Option<&Mesh>, details: &mut LitDetails) -> Vec<Vec3> {
     let of_surface = surface.map(SurfaceNormals::of);
     let around = Cells::of(mesh, seen);
@@ -191,7 +192,8 @@ impl SurfaceNormals {
         Self { side, cells }
     }
 
-    /// The mean around a point, near vertices first; those that face away from `towards` say nothing. `None` far from the surface.
+    /// The mean around a point, with more weight for near vertices; those that face away from `towards` do
+    /// not count. `None` far from the surface.
     fn at(&self, point: Vec3, towards: Vec3) -> Option<Vec3> {
         let middle = (point / self.side).floor().as_ivec3();
         let mut sum = Vec3::ZERO;
@@ -206,12 +208,13 @@ impl SurfaceNormals {
     }
 }
 
-/// How much a normal says to a face of another: nothing when it lies back to back with it.
+/// Weight of one normal for a face with another: 0 when they lie back to back.
 fn agreement(normal: Vec3, other: Vec3) -> f32 {
     (0.5 + 0.5 * normal.dot(other)).powi(2)
 }
 
-/// The normals of triangles, summed for each cell by the axis that they are nearest to: sheets that lie back to back stay apart.
+/// The normals of triangles, summed for each cell by their nearest axis, so that sheets back to back stay
+/// apart.
 struct Cells {
     side: f32,
     sums: HashMap<IVec3, [Vec3; 6]>,
@@ -228,7 +231,7 @@ impl Cells {
         Self { side, sums }
     }
 
-    /// What the cells around a point say to a face there of this normal.
+    /// The mean normal of the cells around a point, for a face there with this normal.
     fn at(&self, point: Vec3, normal: Vec3) -> Vec3 {
         let at = point / self.side - 0.5;
         let (corner, share) = (at.floor(), at - at.floor());

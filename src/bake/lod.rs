@@ -1,8 +1,8 @@
 //! Levels of detail: the same scene with fewer triangles, for an engine to draw where it is small on the screen.
 //!
-//! Triangles are ranked once, by importance, so that the triangles of a level are also those of every finer one. In
-//! each level they are then enlarged until they cover what the dropped ones had covered. The recipe finishes a level
-//! like the scene itself: colours from the photos if there are any, then the stages that make a file.
+//! Triangles are ranked once, by importance, so that the triangles of a level are also those of every finer
+//! one. In each level they are then enlarged to cover the gaps of the dropped ones. The recipe finishes a
+//! level like the scene itself: colours from the photos if there are any, then the stages that make a file.
 
 use super::decimate::{self, Decimation};
 use super::views::SAMPLES;
@@ -21,9 +21,9 @@ const MOST_LEVELS: usize = 8;
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct LodOptions {
-    /// Write levels of detail too, each with this share of the triangles, as in 0.5,0.25,0.125: OUT.lod1.glb and so
-    /// on, and OUT.tileset.json (3D Tiles 1.1) that names them all; for the targets godot, unity and unreal also OUT.lod.tscn, .cs or
-    /// .py, with which the engine draws each where it suffices
+    /// Write levels of detail too, each with this share of the triangles, as in 0.5,0.25,0.125: OUT.lod1.glb
+    /// and so on, and OUT.tileset.json (3D Tiles 1.1) that names them all; for the targets godot, unity and
+    /// unreal also OUT.lod.tscn, .cs or .py, with which the engine switches levels by distance
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARES", value_delimiter = ','))]
     pub lod: Vec<f64>,
 }
@@ -72,7 +72,7 @@ pub enum LodRanking {
     /// By opacity times area: there were no cameras.
     #[default]
     Size,
-    /// By what their absence changes in the cameras' pictures.
+    /// By the change of the cameras' pictures without them.
     Importance,
 }
 
@@ -92,15 +92,15 @@ pub struct LevelDetails {
 /// What levels are made of.
 #[derive(Debug, Clone, Copy)]
 pub struct LevelSource<'a> {
-    /// All triangles, before those of the finest level are coloured and placed.
+    /// All triangles, before the finest level is coloured and placed.
     pub mesh: &'a Mesh,
-    /// Cameras whose pictures say which triangles are important; may be empty.
+    /// Cameras whose pictures decide the importance of triangles; may be empty.
     pub cameras: &'a [Camera],
-    /// Whether triangles that stay are enlarged.
+    /// Whether the remaining triangles are enlarged.
     pub enlarge: bool,
 }
 
-/// A level that went through the stages behind this one.
+/// A level after the stages that follow this one.
 #[derive(Debug)]
 pub struct FinishedLevel {
     /// As it is written.
@@ -109,7 +109,7 @@ pub struct FinishedLevel {
     pub psnr: Option<f64>,
 }
 
-/// What of the stage's time goes into ranking; each level then takes an equal part of the rest, and ...
+/// The share of the stage's time for ranking; each level then takes an equal part of the rest, and ...
 const RANKING_PART: f64 = 0.2;
 /// ... this much of its part before it is finished.
 const MOVING_PART: f64 = 0.5;
@@ -168,7 +168,7 @@ fn rank(
     decimation.rank_by_importance(&visible, &all, fewest, progress.part(0.3, 1.0))
 }
 
-/// The mesh with only some of its faces, in their old order, enlarged to cover for the others.
+/// The mesh with only some of its faces, in their old order, enlarged to cover the gaps.
 fn level(
     source: &LevelSource<'_>,
     decimation: &mut Decimation<'_>,

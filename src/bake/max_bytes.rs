@@ -1,28 +1,28 @@
-//! How many triangles fit a number of bytes: by writing, not by guessing.
+//! How many triangles fit a number of bytes, found by writing files.
 //!
-//! Bytes are nearly in proportion to triangles, whatever these look like. So a scene without fitting, which costs little, is measured
-//! first, and the number of triangles that fits is right or nearly right when the scene is made. The last word is what its files take.
+//! Bytes are nearly in proportion to triangles of any shape. So a scene without fitting, which costs little,
+//! is measured first, and gives a nearly right number of triangles. The size of the final files decides.
 
 use crate::error::{Error, Result};
 
 /// Probes at most, the first with all triangles among them.
 const MOST_PROBES: u32 = 7;
 
-/// Times that the scene is made to come nearer to the limit; more only while nothing fits.
+/// Attempts to come closer to the limit; more only while nothing fits.
 const ENOUGH: u32 = 2;
-/// Times that it is made at most.
+/// Most attempts in all.
 const MOST_MADE: u32 = 7;
 
-/// A file this near its limit is not worth making the scene again.
+/// A file this close to its limit is good enough.
 const NEAR: f64 = 0.96;
 
-/// What is aimed for, as a share of the limit: a little less, as a scene that is too large is lost.
+/// The target size, as a share of the limit: a little less, because a scene that is too large is discarded.
 const AIM: f64 = 0.985;
 
 /// A scene that was made and measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Attempt {
-    /// The most triangles that were permitted; `None`: as many as there are.
+    /// The most triangles that were permitted; `None`: no limit.
     pub max_triangles: Option<u64>,
     /// Triangles there are.
     pub triangles: u64,
@@ -30,8 +30,9 @@ pub struct Attempt {
     pub bytes: u64,
 }
 
-/// The scene with most triangles whose files take at most `limit` bytes. `make` makes it with at most its argument's number of triangles, and
-/// measures it; `probe` measures a scene like it that is made in a fraction of the time. Neither has more than `max_triangles`.
+/// The scene with most triangles whose files take at most `limit` bytes. `make` makes and measures a scene
+/// with at most the given number of triangles. `probe` measures a similar scene, made in a fraction of the
+/// time. Neither has more than `max_triangles`.
 ///
 /// Errors: those of both; a limit that not even one triangle fits.
 pub fn most_within<T>(
@@ -53,7 +54,7 @@ pub fn most_within<T>(
         if best.is_some_and(|best| made >= ENOUGH || is_enough(limit, max_triangles, best)) {
             break;
         }
-        // As if twice as many triangles took twice as many bytes, where none were too many.
+        // If none were too many, bytes are taken to be in proportion to triangles.
         let double =
             |best: &Attempt| Attempt { triangles: 2 * best.triangles, bytes: 2 * best.bytes, ..*best };
         let Some(high) = over.or_else(|| best.map(double)) else { break };
@@ -68,13 +69,13 @@ pub fn most_within<T>(
     }
 }
 
-/// Whether more triangles are not worth the time, or there are no more.
+/// Whether to stop: more triangles are not worth the time, or there are no more.
 fn is_enough(limit: u64, asked: Option<u64>, found: &Attempt) -> bool {
     let all = found.max_triangles == asked || found.max_triangles.is_none_or(|most| found.triangles < most);
     all || found.bytes as f64 >= NEAR * limit as f64
 }
 
-/// How many triangles fit by probes; those that are asked for if all of them do.
+/// How many triangles fit according to probes; at most the requested number.
 fn probed(
     limit: u64,
     max_triangles: Option<u64>,
@@ -110,13 +111,14 @@ fn too_few(limit: u64, over: Option<Attempt>) -> Error {
     Error::invalid("max_bytes", limit, least)
 }
 
-/// The triangles to try next: on the line through what is known; `None` when nothing lies between.
+/// The number of triangles to try next, on the line through the known sizes; `None` when nothing lies
+/// between.
 fn next(limit: u64, over: &Attempt, within: Option<&Attempt>) -> Option<u64> {
     let (low, low_bytes) = within.map_or((0.0, 0.0), |fits| (fits.triangles as f64, fits.bytes as f64));
     let (high, high_bytes) = (over.triangles as f64, over.bytes as f64);
     let aim = (AIM * limit as f64).max(low_bytes);
     let share = (aim - low_bytes) / (high_bytes - low_bytes).max(1.0);
-    // No triangles at all take bytes, too: the line from 0 is too steep.
+    // A file without triangles takes bytes, too: the line from 0 is too steep.
     let shy = if within.is_some() { 1.0 } else { AIM };
     let triangles = (low + shy * share * (high - low)).floor().max(low + 1.0);
     (triangles < high).then_some(triangles as u64)
@@ -126,7 +128,8 @@ fn next(limit: u64, over: &Attempt, within: Option<&Attempt>) -> Option<u64> {
 mod tests {
     use super::*;
 
-    /// A scene of `all` triangles of `each` bytes; probes take `probed` times as many. Returns what was found, and how often it was made.
+    /// A scene of `all` triangles of `each` bytes; probes take `probed` times as many bytes. Returns the
+    /// result and the number of attempts.
     fn search(limit: u64, all: u64, header: u64, each: u64, probed: f64) -> (Result<Attempt>, u32) {
         let mut made = 0;
         let measured = |most: Option<u64>, each: f64| {

@@ -1,7 +1,8 @@
 //! Several inputs become one scene.
 //!
-//! Inputs that lie far from the origin of their world have origins of their own (`formats::far`); they are moved to one of these
-//! first. Soups make a soup and meshes a mesh. A soup cannot join a mesh before it is solid; the recipe sees to that.
+//! Inputs that lie far from the origin of their world have origins of their own (`formats::far`); they are
+//! moved to one of these first. Soups make a soup and meshes a mesh. The recipe makes a soup solid before it
+//! joins a mesh.
 
 use super::one_origin::{rebase, share_origin};
 use crate::asset::{Placement, Provenance, UpDirection};
@@ -38,7 +39,7 @@ pub fn merge(mut inputs: Vec<Loaded>) -> Result<Loaded> {
                 ));
             }
         };
-        // Cameras that saw only a part would have the rest dropped.
+        // Cameras of only one part would let the other parts be dropped.
         all.cameras = match all.cameras.is_empty() || next.cameras.is_empty() {
             true => Vec::new(),
             false => [all.cameras, next.cameras].concat(),
@@ -52,9 +53,9 @@ pub fn merge(mut inputs: Vec<Loaded>) -> Result<Loaded> {
     Ok(all)
 }
 
-/// Takes the soups and baked meshes of `inputs` to one frame: that of the soups, which the meshes were placed in
-/// when they were baked. A soup that does not say which of its axes points up takes the axis of the meshes; a mesh that
-/// was turned by no axis that of the soups.
+/// Takes the soups and baked meshes of `inputs` to one frame: that of the soups, from which the meshes were
+/// placed when they were baked. A soup without an up axis takes that of the meshes; a mesh that was not
+/// turned takes that of the soups.
 pub(super) fn share_world(inputs: &mut [Loaded]) {
     share_origin(inputs);
     let is_soup = |loaded: &&Loaded| matches!(loaded.scene, Scene::Soup(_));

@@ -1,4 +1,4 @@
-//! The recipe of `trisplat mesh`: from a scene to one connected surface of it, ready for a file.
+//! The recipe of `trisplat mesh`: from a scene to one connected surface, ready for a file.
 
 use super::behind::take_behind;
 use super::counts::{count, count_mesh};
@@ -54,8 +54,8 @@ impl MeshOptions {
     }
 }
 
-/// The surface that the cameras of `views` see of `scene`, upright; without `views` the cameras that it stores, or chosen ones. The
-/// distance field takes no more memory than `limits` permit.
+/// The upright surface of `scene` that the cameras of `views` see; without `views`, stored or chosen cameras
+/// are used. `limits` bound the memory of the distance field.
 ///
 /// Errors: options out of range, nothing to be seen, no surface left.
 pub fn mesh(
@@ -73,7 +73,7 @@ pub fn mesh(
     }
     let cameras = views.as_deref().map_or(&[][..], Views::cameras);
     let known = if cameras.is_empty() { scene.cameras.clone() } else { cameras.to_vec() };
-    // A surface that shows photos has what they show behind it, too; a part of the scene is wanted alone.
+    // A surface that shows photos gets their background, too; a cropped part gets none.
     let behind = match options.texture.texture && !options.surface.shell && options.crop.crop.is_empty() {
         true => take_behind(&mut scene, &known)?,
         false => Mesh::default(),
@@ -91,7 +91,7 @@ pub fn mesh(
     let found = report.long_stage(
         observer,
         Mesh::default(),
-        // First the scene that the surface is made from.
+        // First the scene for the surface.
         |mesh| if mesh.face_count() == 0 { count(&scene.scene) } else { count_mesh(mesh) },
         |mesh, details: &mut SurfaceDetails, progress| {
             let found = surface(&scene, cameras, &surface_options, limits, details, progress)?;
@@ -116,7 +116,7 @@ pub fn mesh(
     report.warnings.extend(report.details::<PlaceDetails>().and_then(|details| details.warning()));
     provenance.generator = Some(generator());
     let known: Vec<Camera> = known.iter().map(|c| placed::to_file(c, &how, DVec3::ZERO)).collect();
-    // Not one chunk: no chunk holds faces of both a scene and what is behind it.
+    // More than one chunk: no chunk holds faces of both a scene and its backdrop.
     let asset = Asset { provenance, chunks: Vec::new(), ..Asset::from(found) };
     report.stage(observer, asset, Asset::counts, |asset, details| Ok(viewpoint(asset, &known, details)))
 }

@@ -1,7 +1,7 @@
 //! Compares variants of a scene with the whole scene, face by face.
 //!
-//! A camera draws a scene once, with a z-buffer for each group of faces. The nearest of some groups' faces is what a
-//! scene of only those groups looks like, so that one drawing stands for the scene and for all its variants.
+//! A camera draws a scene once, with a z-buffer for each group of faces. The nearest face among some groups
+//! gives the picture of a scene with only those groups. So one drawing shows the scene and all its variants.
 
 use super::super::groups::{GROUPS, group_of};
 use super::super::views;
@@ -17,17 +17,18 @@ use rayon::prelude::*;
 const SAMPLES: u32 = 1;
 /// Longest side of the pictures, px: finer detail does not matter here.
 const LONGEST_SIDE: u32 = 960;
-/// A picture is made smaller as long as it has this many pixels per face: fewer lose up to 0.1 dB, more gain nothing (docs/benchmarks/history-bake.md).
+/// A picture is halved while it has this many pixels per face: fewer lose up to 0.1 dB, more gain nothing
+/// (docs/benchmarks/history-bake.md).
 const PX_PER_FACE: f64 = 6.0;
 /// Least of their longest side, px.
 const SHORTEST_SIDE: u32 = 32;
-/// The random sequence of the groups: a part of the output, so it keeps its old name.
+/// The random sequence of the groups. It determines the output, so it keeps its old name.
 const GROUPING: &str = "thin";
 /// The squared difference between a face and none, sRGB-encoded and summed over channels.
 const HOLE_ERROR: f32 = 0.75;
-/// A face's mean effect per sample is estimated as if it had been average on this many samples more.
+/// A face's mean effect per sample is estimated with this many additional samples of average effect.
 const PRIOR_SAMPLES: f64 = 2.0;
-/// Memory that pictures of the whole scene may take, bytes; those that do not fit are drawn again every round.
+/// Most memory for pictures of the whole scene, bytes; pictures that do not fit are drawn again every round.
 const MOST_TARGET_BYTES: usize = 256 << 20;
 
 /// The whole scene, and how it is rendered.
@@ -40,14 +41,14 @@ pub(super) struct Comparison<'a> {
     halvings: u32,
     drawing: SolidRasterOptions,
     solid: Solid,
-    /// The faces that a camera sees of the whole scene, once it was used, if they fit in memory. `[cameras]`
+    /// The visible faces of the whole scene for each camera that was used, if they fit in memory. `[cameras]`
     targets: Vec<Option<Vec<u32>>>,
 }
 
 /// Which cameras draw.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Round {
-    /// Its number: the next one uses other cameras and groups.
+    /// Number of the round: the next one uses other cameras and groups.
     pub(super) number: u32,
     /// Cameras at most.
     pub(super) views: usize,
@@ -70,7 +71,7 @@ impl<'a> Comparison<'a> {
         }
     }
 
-    /// How much worse the scene `kept` looks without each of its faces. `[kept]`
+    /// The error that the scene `kept` gains without each of its faces. `[kept]`
     ///
     /// `visible_px`: the visible area of every face of the whole scene. `[F]`
     pub(super) fn importance(&mut self, kept: &[u32], visible_px: &[f32], round: Round) -> Vec<f64> {
@@ -79,7 +80,8 @@ impl<'a> Comparison<'a> {
             error_change: sum.error_change + e.error_change,
             samples: sum.samples + e.samples,
         });
-        // Only some cameras were used: the importance to the others is in proportion to how much they see of a face.
+        // Only some cameras were used: the importance to the others is in proportion to the face's visible
+        // area there.
         let average = sum.error_change / sum.samples.max(1.0);
         let importance = |(e, face): (&Effect, &u32)| {
             f64::from(visible_px[*face as usize]) * (e.error_change + PRIOR_SAMPLES * average)
@@ -88,7 +90,7 @@ impl<'a> Comparison<'a> {
         effects.iter().zip(kept).map(importance).collect()
     }
 
-    /// What taking a face away does, while a quarter of the others is gone as well. `[kept]`
+    /// The effect of removing a face, while a quarter of the others is removed as well. `[kept]`
     fn effects_of_removing(&mut self, kept: &[u32], round: Round) -> Vec<Effect> {
         let positions = kept.iter().flat_map(|&f| self.whole.corners(f as usize)).collect();
         let scene = Mesh { positions, ..Mesh::default() };
@@ -106,8 +108,8 @@ impl<'a> Comparison<'a> {
         sums.into_effects()
     }
 
-    /// What moving the corners of a face of the scene `kept` from `corners` to those of each candidate does, while a
-    /// quarter of the others is moved as well. `[candidates][kept]`
+    /// The effect of moving the corners of a face of the scene `kept` from `corners` to those of each
+    /// candidate, while a quarter of the others is moved as well. `[candidates][kept]`
     pub(super) fn effects_of_moving(
         &mut self,
         kept: &[u32],
@@ -154,7 +156,7 @@ impl<'a> Comparison<'a> {
     fn resize(&mut self, faces: usize) {
         let pixels: f64 = self.cameras.iter().map(|camera| camera.size.as_dvec2().element_product()).sum();
         let per_face = pixels / self.cameras.len().max(1) as f64 / faces.max(1) as f64;
-        // In steps, as what the whole scene shows has to be drawn anew for each.
+        // In steps, because pictures of the whole scene must be drawn again for each size.
         let halvings = (per_face / PX_PER_FACE).log2().round().max(0.0) as u32;
         if halvings == self.halvings {
             return;
@@ -163,15 +165,15 @@ impl<'a> Comparison<'a> {
         self.targets.fill(None);
     }
 
-    /// A camera for pictures of the size that is drawn now.
+    /// A camera for pictures of the present size.
     fn camera(&self, view: usize) -> Camera {
         let camera = self.cameras[view];
         let side = f64::from(camera.size.max_element()) * 0.5f64.powf(f64::from(self.halvings) / 2.0);
         camera.within((side.round() as u32).max(SHORTEST_SIDE))
     }
 
-    /// Draws `scene` from the cameras of a round with a z-buffer per plane, and calls `on_sample` with every sample
-    /// and what the whole scene shows there.
+    /// Draws `scene` from the cameras of a round with a z-buffer per plane, and calls `on_sample` with every
+    /// sample and the colour of the whole scene there.
     fn draw_round(
         &mut self,
         round: Round,
@@ -204,7 +206,7 @@ impl<'a> Comparison<'a> {
         })
     }
 
-    /// Keeps what [`Self::take_targets`] gave for the next round, if it fits in memory.
+    /// Keeps the result of [`Self::take_targets`] for the next round, if it fits in memory.
     fn put_targets(&mut self, view: usize, faces: Vec<u32>) {
         let kept: usize = self.targets.iter().flatten().map(|faces| size_of_val(&faces[..])).sum();
         if kept + size_of_val(&faces[..]) <= MOST_TARGET_BYTES {
@@ -213,7 +215,7 @@ impl<'a> Comparison<'a> {
     }
 }
 
-/// What the whole scene shows at a sample.
+/// The whole scene at a sample.
 #[derive(Clone, Copy)]
 struct Target<'a> {
     /// Mean colour of each face of the whole scene. `[F]`

@@ -1,4 +1,4 @@
-//! What changing single faces does to the error of a scene, summed from many threads.
+//! The effect of changing single faces on the error of a scene, summed from many threads.
 
 use std::sync::atomic::{AtomicI64, AtomicU32, Ordering::Relaxed};
 
@@ -8,7 +8,7 @@ const UNITS: f64 = (1u64 << 32) as f64;
 /// What changing one face does.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Effect {
-    /// By how much it changes the squared error.
+    /// Change of the squared error.
     pub(super) error_change: f64,
     /// Samples that see the face before it changes, where they were counted.
     pub(super) samples: f64,
@@ -35,7 +35,7 @@ impl EffectSums {
         self.samples[face as usize].fetch_add(1, Relaxed);
     }
 
-    /// Adds what changing the face does to the squared error of a sample.
+    /// Adds the change of a sample's squared error when the face changes.
     #[inline(always)]
     pub(super) fn add_change(&self, face: u32, change: f32) {
         self.error_change[face as usize].fetch_add((f64::from(change) * UNITS) as i64, Relaxed);

@@ -1,4 +1,5 @@
-//! Without cameras: triangles are ranked by their size, and those that stay are enlarged to cover their neighbourhood.
+//! Without cameras: triangles are ranked by their size, and the remaining ones are enlarged to cover their
+//! neighbourhood.
 
 use crate::mesh::Mesh;
 use crate::rng::Rng;
@@ -11,8 +12,8 @@ const PER_CELL: u32 = 24;
 /// Largest factor by which a triangle is enlarged.
 const MOST_ENLARGED: f64 = 2.0;
 
-/// All faces, those of the largest opacity times area first. Equal ones come in random order, because the order of the
-/// file would clear whole corners of the scene. `[F]`
+/// All faces, sorted by opacity times area, largest first. Equal ones come in random order, because the order
+/// of the file would clear whole corners of the scene. `[F]`
 pub fn rank_by_size(mesh: &Mesh) -> Vec<u32> {
     let size = |f: usize| mesh.area(f) * f64::from(mesh.opacity.get(f).copied().unwrap_or(1.0));
     let sizes: Vec<f64> = (0..mesh.face_count()).map(size).collect();
@@ -25,8 +26,8 @@ pub fn rank_by_size(mesh: &Mesh) -> Vec<u32> {
     order
 }
 
-/// Scales the faces `kept` about their centroids so that those of a neighbourhood have the area that all faces there
-/// had. A mesh with shared vertices is left as it is.
+/// Scales the faces `kept` about their centroids, so that those of a neighbourhood have the area of all faces
+/// there before. A mesh with shared vertices is left unchanged.
 pub fn enlarge(mesh: &mut Mesh, kept: &[u32]) {
     if !mesh.indices.is_empty() {
         return;
@@ -63,7 +64,7 @@ impl CellGrid {
         };
         let low = Vec3::from([0, 1, 2].map(|a| extent(a, 0.05)));
         let high = Vec3::from([0, 1, 2].map(|a| extent(a, 0.95)));
-        // Surfaces, not volumes, are what triangles fill.
+        // Triangles fill surfaces, not volumes.
         let size = (high - low).max_element().max(f32::MIN_POSITIVE);
         Self { origin: low, cell: size * (f64::from(PER_CELL) / points.len().max(1) as f64).sqrt() as f32 }
     }
