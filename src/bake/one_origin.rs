@@ -1,5 +1,6 @@
-//! One origin for all inputs of a bake. Readers take an origin off what lies far from that of its world, each file its own: relative to these,
-//! files that are side by side in the world would lie on top of each other.
+//! One origin for all inputs of a bake. Readers subtract an origin from positions far from that of their
+//! world, a different one for each file. Without a common origin, files side by side in the world would lie
+//! on top of each other.
 
 use crate::asset::Placement;
 use crate::formats::far::is_far;
@@ -7,11 +8,12 @@ use crate::placed;
 use crate::scene::{Loaded, Scene};
 use glam::{DVec3, Vec3};
 
-/// From so far apart on, in units of the world, f32 rounds positions by more than a thousandth of a unit.
+/// At greater distances between inputs, in units of the world, f32 rounds positions by more than a thousandth
+/// of a unit.
 const APART: f64 = 16_384.0;
 
-/// Moves inputs to the origin of the first one that is far from that of its world, or of the first soup. An input that does not say where
-/// in that world it is stays where it is in its file; a warning names it.
+/// Moves inputs to the origin of the first one that is far from that of its world, or of the first soup. An
+/// input without a known place in that world keeps its coordinates; a warning names it.
 pub(super) fn share_origin(inputs: &mut [Loaded]) {
     let placements = || inputs.iter().map(|loaded| loaded.provenance.placement);
     let Some(first) = placements().next().filter(|first| placements().any(|other| other != *first)) else {
@@ -54,19 +56,21 @@ pub(super) fn share_origin(inputs: &mut [Loaded]) {
     }
 }
 
-/// Whether a file's frame is so far from the origin of its world that a reader had to find it an origin of its own, or a bake kept that.
+/// Whether a reader gave the file an origin of its own, because it is far from that of its world, or a bake
+/// kept such an origin.
 fn is_georeferenced(placement: &Placement) -> bool {
     is_far(DVec3::from(placement.center))
 }
 
-/// Whether it is a soup that was moved and no more: a bake turns what it places, and writes meshes.
+/// Whether it is a soup that was only moved: a bake turns what it places, and writes meshes.
 fn is_moved_soup(loaded: &Loaded) -> bool {
     let Placement { up, rotate, scale, .. } = loaded.provenance.placement;
     matches!(loaded.scene, Scene::Soup(_))
         && Placement { up, rotate, scale, center: [0.0; 3] } == Placement::IDENTITY
 }
 
-/// Whether an input that was never moved is nearer to the origin of a frame than to that of the world: single precision, of the same place.
+/// Whether an input that was never moved is nearer to the origin of a frame than to that of the world. It is
+/// then a single-precision file of the same place.
 fn is_at(loaded: &Loaded, frame: &Placement) -> bool {
     let triangles = loaded.scene.triangle_count();
     let corner = |i: usize| loaded.scene.corners(i)[0];
@@ -76,7 +80,7 @@ fn is_at(loaded: &Loaded, frame: &Placement) -> bool {
         && at.as_dvec3().distance(center) < center.length() / 2.0
 }
 
-/// Moves a scene from its own frame into that of `frame`, by the world that both were placed in.
+/// Moves a scene from its own frame into `frame`, through their common world.
 pub(super) fn rebase(loaded: &mut Loaded, frame: &Placement) {
     let moved = loaded.provenance.placement.inverse().then(frame);
     loaded.provenance.placement = *frame;

@@ -33,7 +33,7 @@ use std::path::Path;
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum BakePreset {
-    /// Read, prune, make solid, write: one mesh in the order of the input.
+    /// Only prune and make solid: one mesh in the order of the input.
     Fast,
     /// Chunks that an engine can skip, in an order that its caches like.
     #[default]
@@ -48,16 +48,16 @@ pub enum BakePreset {
 #[serde(deny_unknown_fields, default)]
 #[schemars(title = "trisplat bake options")]
 pub struct BakeOptions {
-    /// Complete set of options to start from; config file and flags are laid over it.
+    /// Complete set of options to start from; config file and flags override it.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub preset: BakePreset,
-    /// Bake with photos that do not seem to show the scene: they decide what is seen, and which colour it has.
+    /// Bake with photos that do not seem to show the scene. They decide visibility and colours.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub force_dataset: bool,
     /// Which part of the scene is kept.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub crop: CropOptions,
-    /// Whether pictures of the soft scene take the place of photos.
+    /// Whether pictures of the soft scene replace photos.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub teacher: TeacherOptions,
     /// Whether a surface to collide with is made.
@@ -72,7 +72,7 @@ pub struct BakeOptions {
     /// Which triangles the photos need.
     #[cfg_attr(feature = "cli", arg(skip = UnseenOptions::DEFAULT))]
     pub unseen: UnseenOptions,
-    /// Whether triangles that hang before cameras stay.
+    /// Whether triangles right in front of cameras stay.
     #[cfg_attr(feature = "cli", arg(skip = FloatersOptions::DEFAULT))]
     pub floaters: FloatersOptions,
     /// Whether photos are corrected.
@@ -87,7 +87,7 @@ pub struct BakeOptions {
     /// How the scene is cut into tiles.
     #[cfg_attr(feature = "cli", arg(skip = TilesOptions::DEFAULT))]
     pub tiles: TilesOptions,
-    /// What is put behind the scene.
+    /// The backdrop of the scene.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub backdrop: BackdropOptions,
     /// How colours are taken from the photos.
@@ -96,7 +96,7 @@ pub struct BakeOptions {
     /// Whether triangles show a texture.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub texture: TextureOptions,
-    /// Whether lights fall on the scene.
+    /// Whether the scene gets normals and a lit material.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub lit: LitOptions,
     /// Which corners become one vertex.
@@ -114,7 +114,7 @@ pub struct BakeOptions {
     /// The order of triangles.
     #[cfg_attr(feature = "cli", arg(skip = OrderOptions::DEFAULT))]
     pub order: OrderOptions,
-    /// The files written: what writes the asset is given these.
+    /// The files to write, for the writer of the asset.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub output: OutputOptions,
 }
@@ -168,10 +168,11 @@ impl BakeOptions {
         }
     }
 
-    /// The files of a bake that is written to `path`; `format` where its name does not say. A scene is cut into tiles exactly when tiles are
-    /// written, so `tiles` is set here.
+    /// The files of a bake to `path`; `format` overrides the ending of the name. Sets `tiles`, because a
+    /// scene is cut into tiles exactly when tiles are written.
     ///
-    /// Errors: a name without a known ending; tiles that are asked for in another format; one file where several are asked for.
+    /// Errors: a name without a known ending; tiles in another format; one file where the options need
+    /// several.
     pub fn plan_output(&mut self, path: &Path, format: Option<OutputFormat>) -> Result<Output> {
         let format = format.map_or_else(|| OutputFormat::of(path), Ok)?;
         if self.tiles.tiles && format != OutputFormat::Tiles {

@@ -51,7 +51,7 @@ impl StageDetails for OrderDetails {
     const STAGE: &'static str = "order";
 }
 
-/// Orders the faces of every chunk. Runs after the hierarchy, whose leaf order it leaves alone.
+/// Orders the faces of every chunk. Runs after the hierarchy, and keeps its leaf order.
 pub fn order(asset: &mut Asset, options: &OrderOptions, details: &mut OrderDetails) -> Result<Outcome<()>> {
     if asset.bvh.is_some() {
         return Ok(Outcome::Unneeded("faces are in the order of the hierarchy's leaves"));

@@ -1,8 +1,8 @@
-//! Keeps the bake of a soft scene to a budget: what it spends its time on, pictures of the scene, rounds of fitting and colours, is chosen by what the
-//! first of them cost, and chosen anew after each.
+//! Keeps the bake of a soft scene to a budget. The numbers of pictures and rounds of fitting, and whether
+//! colours are fitted, follow from the cost of the first ones, and are chosen anew after each.
 //!
-//! Timings choose numbers and nothing else: options with the same numbers make the same file without a budget, to the bit. Everything else
-//! a bake does is done as asked, whatever is left.
+//! Timings choose only these numbers: options with the same numbers make the same file without a budget,
+//! bitwise. All other work of a bake is done in full, whatever time is left.
 
 mod plan;
 
@@ -12,21 +12,21 @@ use crate::budget::{Budget, Spending};
 use crate::report::StageDetails;
 use plan::{FEWEST_PICTURES, color_secs, evaluation_secs, round_secs, rounds, whole_rounds};
 
-/// Seconds per triangle that follow the colours: vertices, chunks, order, writing.
+/// Seconds per triangle of the work after the colours: vertices, chunks, order, writing.
 const TAIL_SECS: f64 = 0.8e-6;
 
-/// The part of a budget that rounds of fitting leave over, and ...
+/// The share of a budget that rounds of fitting leave unused, and ...
 const MARGIN: f64 = 0.03;
-/// ... that pictures leave over: the stages between them and their colours are not timed.
+/// ... that pictures leave unused: the stages between them and their colours are not timed.
 const PICTURES_MARGIN: f64 = 0.1;
-/// By this part of the budget colours may overspend it: they are what pictures were drawn for.
+/// The share of the budget that colours may overspend, because pictures without colours are useless.
 const OVERSPENT: f64 = 0.05;
 
-/// Keeps a bake to a budget; the default has none and never stands in the way.
+/// Keeps a bake to a budget; the default has none and limits nothing.
 #[derive(Debug, Clone, Default)]
 pub struct BakePace {
     limit: Option<(Budget, Spending)>,
-    /// A soft scene was met: there is something to choose.
+    /// The scene is soft: there is something to choose.
     began: bool,
     asked: PaceWork,
     costs: PictureCosts,
@@ -35,12 +35,12 @@ pub struct BakePace {
     repeat: Vec<String>,
 }
 
-/// What is asked for when there is time.
+/// The options, to be followed if there is time.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct PaceWork {
     /// Triangles of the scene.
     pub(super) triangles: usize,
-    /// Cameras that the stages before fitting draw, to see what is hidden.
+    /// Number of cameras that earlier stages draw to find hidden triangles.
     pub(super) watching: usize,
     /// Rounds of fitting.
     pub(super) rounds: u32,
@@ -48,13 +48,13 @@ pub(super) struct PaceWork {
     pub(super) color_passes: u32,
 }
 
-/// What was chosen to keep a bake to its budget, and why.
+/// The choices that kept a bake to its budget, and their reasons.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct BakeBudgetDetails {
     /// The budget.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget: Option<Budget>,
-    /// Seconds spent of it when the report was made.
+    /// Seconds spent at the time of the report.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spent_secs: Option<f64>,
     /// Pictures drawn of the soft scene; 0 when there was no time for any.
@@ -94,7 +94,7 @@ impl BakePace {
         self.limit.map_or(0.0, |(_, spending)| spending.seconds())
     }
 
-    /// What was chosen so far; `None` if there was no budget, or nothing to choose because no scene was soft.
+    /// The choices so far; `None` without a budget or without a soft scene.
     pub fn details(&self) -> Option<BakeBudgetDetails> {
         let (budget, spending) = self.limit.filter(|_| self.began)?;
         let repeat = self.repeat.join(" ");
@@ -106,12 +106,12 @@ impl BakePace {
         })
     }
 
-    /// Begins with a soft scene, for which this was asked.
+    /// Begins with a soft scene and its options.
     pub(super) fn begin(&mut self, asked: PaceWork) {
         (self.began, self.asked) = (true, asked);
     }
 
-    /// Runs `work` and counts what it spends, seconds; 0 without a budget.
+    /// Runs `work` and measures its seconds; 0 without a budget.
     pub(super) fn timed<T>(&self, work: impl FnOnce() -> T) -> (T, f64) {
         let before = self.spent_secs();
         let made = work();
@@ -125,9 +125,9 @@ impl BakePace {
         }
     }
 
-    /// Whether there is time to search for viewpoints and draw from them, when the search takes so long.
+    /// Whether there is time to search for viewpoints, in the given seconds, and to draw from them.
     pub(super) fn affords_search(&mut self, secs: f64) -> bool {
-        // What is drawn from them costs half as much or more.
+        // Drawing from them costs at least half as much.
         let affords = 1.5 * secs <= self.left_secs();
         if !affords {
             self.skip_pictures(format!("no pictures: finding where to look from takes up to {secs:.2} s"));
@@ -141,7 +141,7 @@ impl BakePace {
             self.chosen.pictures = Some(drawn as u64);
             return drawn < most;
         }
-        // The first one allocates; after that all count alike.
+        // The first one also allocates; after that all count equally.
         let mean = (self.costs.soft * (drawn - 1) as f64 + secs) / drawn as f64;
         self.costs.soft = if drawn == 2 { secs } else { mean };
         let PaceWork { rounds: most_rounds, color_passes, watching, .. } = self.asked;
@@ -152,7 +152,7 @@ impl BakePace {
         self.chosen.pictures = Some(drawn as u64);
         match plan(&input) {
             Some(plan) if plan.pictures > drawn => return true,
-            // What is drawn is of use even if it took longer than planned.
+            // Finished pictures are useful even if they took longer than planned.
             found if found.is_some() || drawn >= FEWEST_PICTURES => {
                 let why = format!(
                     "{drawn} of {most} pictures: one takes {:.3} s, and there must be time to use them",
@@ -166,12 +166,13 @@ impl BakePace {
         false
     }
 
-    /// Whether no picture is to be used, because there is no time.
+    /// Whether there is no time to use any picture.
     pub(super) fn skips_pictures(&self) -> bool {
         self.is_active() && self.chosen.pictures == Some(0)
     }
 
-    /// Rounds of fitting in all, at most `most`, when `done` are made and another takes `round_secs`; colours are to be fitted to `views` pictures.
+    /// Total rounds of fitting, at most `most`, after `done` rounds; another takes `round_secs`. Colours will
+    /// be fitted to `views` pictures.
     pub(super) fn rounds(&self, done: u32, round_secs: f64, most: u32, views: usize) -> u32 {
         let later =
             color_secs(views, self.asked.color_passes, &self.costs) + evaluation_secs(views, &self.costs);
@@ -182,7 +183,7 @@ impl BakePace {
         }
     }
 
-    /// Expected seconds of a round of fitting to `pictures`, before one was measured.
+    /// Expected seconds of a round of fitting to `pictures`, before a round was measured.
     pub(super) fn expected_round_secs(&self, pictures: usize) -> f64 {
         round_secs(pictures, &self.costs)
     }
@@ -222,7 +223,7 @@ impl BakePace {
         self.began && self.is_limited()
     }
 
-    /// Seconds left for what is chosen; infinitely many when nothing is.
+    /// Seconds left for the work under control; infinite without a choice.
     fn left_secs(&self) -> f64 {
         match self.limit.filter(|_| self.began) {
             Some((budget, spending)) => {
@@ -232,7 +233,7 @@ impl BakePace {
         }
     }
 
-    /// So much of the budget, seconds.
+    /// A share of the budget, seconds.
     fn part_secs(&self, part: f64) -> f64 {
         self.limit.map_or(0.0, |(budget, _)| part * budget.seconds.0)
     }

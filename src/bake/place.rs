@@ -1,5 +1,5 @@
-//! Moves the scene into the frame of a game engine: right-handed, Y up, in metres, standing on its floor, its median
-//! at the origin: as far as that is known or asked for.
+//! Moves the scene into the frame of a game engine: right-handed, Y up, and, where known or requested, in
+//! metres, on its floor, with its median at the origin.
 //!
 //! Runs after `color`, so that it runs once over plain positions, and before `bvh`, whose boxes must
 //! be those of the file.
@@ -30,8 +30,8 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields, default)]
 pub struct PlaceOptions {
     /// What points up in the input; the output is Y-up: auto, an axis (x -x y -y z -z) or any direction as in
-    /// 0.02,-0.9,0.1. Auto: what the cameras say and the largest level surface near it; without cameras what
-    /// the file says, else -y (COLMAP and its trainers), y for glTF.
+    /// 0.02,-0.9,0.1. Auto: the direction of the cameras, corrected by the largest level surface; without
+    /// cameras that of the file, else -y (COLMAP and its trainers), y for glTF.
     #[cfg_attr(feature = "cli", arg(long, default_value_t = PlaceOptions::DEFAULT.up, value_name = "UP", allow_hyphen_values = true))]
     #[schemars(with = "String")]
     pub up: UpChoice,
@@ -81,7 +81,8 @@ pub struct PlaceDetails {
     /// The direction of the input that points up.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub up: Option<UpDirection>,
-    /// What cameras and surfaces say of it; absent when `up` or the file said it, and without cameras.
+    /// The estimate from cameras and surfaces; absent when `up` or the file gave the direction, and without
+    /// cameras.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimate: Option<UpEstimate>,
     /// Turn about the up axis, degrees.
@@ -90,7 +91,7 @@ pub struct PlaceDetails {
     /// Output units per input unit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
-    /// The point of the input that became the origin.
+    /// The point of the input that is the origin of the output.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub center: Option<[f64; 3]>,
     /// Height of the floor in the input, along its up direction; only with `ground`.
@@ -117,7 +118,7 @@ impl PlaceDetails {
     }
 }
 
-/// The placement that `options` ask for; what is `known` beside `mesh` is in its frame.
+/// The placement by `options`; `known` is in the frame of `mesh`.
 pub fn placement(
     mesh: &Mesh,
     provenance: &Provenance,
@@ -128,7 +129,7 @@ pub fn placement(
     let scene = Foreground::new(mesh, provenance.backdrop);
     let up = match (options.up, provenance.up) {
         (UpChoice::Given(up), _) => up,
-        // glTF is Y-up, and so is what an earlier bake has placed.
+        // glTF is Y-up, and so are files of an earlier bake.
         (UpChoice::Auto, Some(UpAxis::Y)) => UpAxis::Y.into(),
         (UpChoice::Auto, said) => {
             details.estimate = up::estimate(scene, known);
@@ -146,7 +147,7 @@ pub fn placement(
     Placement { up, rotate: options.rotate, scale, center: center.to_array() }
 }
 
-/// Moves `mesh` by `placement` and writes into `provenance` how, so that it can be undone.
+/// Moves `mesh` by `placement`, and records the move in `provenance` so that it can be undone.
 ///
 /// Errors: a scale that takes a position out of the range of an f32.
 pub fn place(
@@ -162,7 +163,7 @@ pub fn place(
             "the input is Y-up already and no other change of its frame was asked for",
         ));
     }
-    // What is kept is the way back to the source, not to the file that was read.
+    // The placement leads back to the source, not to the file that was read.
     provenance.placement = provenance.placement.then(&placement);
     let viewpoint = provenance.viewpoint.map(|viewpoint| placement.viewpoint_to_file(&viewpoint));
     provenance.viewpoint = viewpoint.filter(Viewpoint::is_possible);

@@ -1,7 +1,7 @@
 //! Removes the triangles that an engine cannot draw or that cannot be seen.
 //!
-//! It comes first because every later stage costs per triangle, and because geometry after it is finite
-//! and within ±[`REACH`], which the hierarchy and engines' culling rely on.
+//! It comes first because every later stage costs per triangle. Geometry after it is finite and within
+//! ±[`REACH`], as the hierarchy and engines' culling require.
 
 use crate::error::{Error, Result};
 use crate::math::median::median;
@@ -13,17 +13,19 @@ use crate::soup::Soup;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Largest coordinate that may stay. Squares and areas of larger ones overflow an f32 once an engine
-/// or a hierarchy adds a few million of them, so such a triangle cannot be drawn any more than an infinite one.
+/// Largest permitted coordinate. A few million squares or areas of larger ones overflow an f32 in an engine
+/// or a hierarchy, so such triangles cannot be drawn.
 pub const REACH: f32 = 1e15;
 
-/// What is out of reach of a scene whose median triangle is nearer than this, of the reach, is no part of it: a stray.
+/// If the median triangle is nearer than this share of the reach, triangles out of reach are strays, not the
+/// scene.
 const STRAYS: f32 = 1e-3;
 
-/// Height over longest edge at or below which a triangle is a line: the rounding error of that edge.
+/// A triangle with at most this ratio of height to longest edge is a line: the ratio is the rounding error of
+/// that edge.
 const FLAT: f64 = f32::EPSILON as f64;
 
-/// Most passes over the huge triangles, each among those that are left.
+/// Most passes that remove huge triangles, each with the radius of the remaining scene.
 const HUGE_PASSES: usize = 32;
 
 /// Which triangles to drop.
@@ -44,20 +46,19 @@ pub struct PruneOptions {
     #[cfg_attr(feature = "cli", arg(skip = PruneOptions::DEFAULT.max_edge))]
     #[schemars(range(min = 0.0))]
     pub max_edge: f64,
-    /// Keep at most this many triangles: those that add most to the picture, opacity times area times
-    /// mean softness
+    /// Keep at most this many triangles: those with the largest opacity times area times mean window
     #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
     #[schemars(range(min = 1))]
     pub max_triangles: Option<u64>,
 }
 
 impl PruneOptions {
-    /// A triangle of opacity 0.014 is dropped by the authors' trainer (`opacity_dead`); at σ = 10 an opaque
-    /// one covers as little, 2 / ((σ + 1)(σ + 2)) = 0.015 of its area. Neither costs a soft scene anything
-    /// that can be seen.
+    /// The authors' trainer drops triangles of opacity 0.014 (`opacity_dead`). At σ = 10 an opaque triangle
+    /// covers as little, 2 / ((σ + 1)(σ + 2)) = 0.015 of its area. Removing either changes nothing visible in
+    /// a soft scene.
     pub const DEFAULT: Self =
         Self { min_opacity: 0.014, max_sigma: 10.0, max_edge: 0.0, max_triangles: None };
-    /// Spends no bytes on what is hardly seen.
+    /// Also removes triangles that are hardly visible, to save bytes.
     pub const SMALL: Self = Self { min_opacity: 0.05, max_sigma: 5.0, ..Self::DEFAULT };
 
     /// Checks the ranges.
@@ -98,9 +99,9 @@ impl StageDetails for PruneDetails {
 
 /// Drops triangles by the rules of `options` and counts them by cause in `details`.
 ///
-/// Most rules need one triangle only. The two others are *huge*, which is relative to the scene's radius and is
-/// applied again to what is left until nothing more is dropped, and the budget of `max_triangles`, which is applied to
-/// what all other rules leave. So a second run finds nothing to drop.
+/// Most rules look at one triangle. Two look at the scene: *huge* is relative to its radius, and is repeated
+/// until nothing more is dropped; the budget of `max_triangles` applies to the result of all other rules. So
+/// a second run finds nothing to drop.
 ///
 /// Errors: an option out of range; nothing left; a scene that reaches farther than [`REACH`].
 pub fn prune(scene: &mut Scene, options: &PruneOptions, details: &mut PruneDetails) -> Result<Outcome<()>> {
@@ -129,7 +130,7 @@ pub fn prune(scene: &mut Scene, options: &PruneOptions, details: &mut PruneDetai
     Ok(Outcome::Changed(()))
 }
 
-/// Refuses a scene that is itself as large as what cannot be drawn; strays far from a scene of ordinary size are dropped.
+/// Refuses a scene that is too large to be drawn; strays far from a scene of ordinary size are dropped.
 fn check_scale(
     verdicts: &[Verdict],
     counts: &[usize; 8],
@@ -178,7 +179,7 @@ impl PruneDetails {
     }
 }
 
-/// What happens to a triangle, and why.
+/// Why a triangle is kept or dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 enum Verdict {
@@ -286,7 +287,8 @@ fn reach(corners: &[Vec3; 3]) -> f32 {
 pub(super) fn is_degenerate(corners: &[Vec3; 3]) -> bool {
     let [a, b, c] = *corners;
     let longest2 = (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
-    // Far from the limit f32 is enough; NaN, overflow and underflow fail this and are tested again in f64.
+    // Far from the limit f32 is enough; NaN, overflow and underflow fail this test and are tested again in
+    // f64.
     if (b - a).cross(c - a).length_squared() > 1e-6 * longest2 * longest2 {
         return false;
     }
@@ -348,8 +350,8 @@ fn scene_radius(verdicts: &[Verdict], face: &(impl Fn(usize) -> Face + Sync)) ->
     median(centroids.iter().map(|c| c.distance(center)).collect())
 }
 
-/// Keeps the `max_triangles` faces that add most to the picture, the earlier of two that add the same.
-/// True when that dropped any.
+/// Keeps the `max_triangles` faces that add most to the picture; ties go to the earlier face. True when this
+/// dropped any.
 fn drop_over_budget(
     verdicts: &mut [Verdict],
     face: &(impl Fn(usize) -> Face + Sync),
@@ -375,7 +377,7 @@ fn drop_over_budget(
     true
 }
 
-/// What a face adds to a picture that shows all of it: its alpha, integrated over its area.
+/// The contribution of a face to a picture: its alpha, integrated over its area.
 ///
 /// ```text
 /// area * o * mean(window) = area * o * 2 / ((sigma + 1) (sigma + 2))

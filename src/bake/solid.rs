@@ -10,7 +10,7 @@ use crate::soup::Soup;
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// The σ of a triangle that is solid already: at opacity 1 its half contour is itself to 1 part in 2^10000.
+/// The σ of a solid triangle: at opacity 1 its half contour is the triangle itself to 1 part in 2^10000.
 pub const SOLID_SIGMA: f32 = 1e-4;
 
 /// How a soft triangle becomes solid.
@@ -64,8 +64,8 @@ impl StageDetails for SolidDetails {
     const STAGE: &'static str = "solid";
 }
 
-/// Shrinks every triangle about its incenter and makes it opaque. Triangles that shrink to nothing an f32
-/// can hold are dropped, and so are those without a contour when `contour` is asked for.
+/// Shrinks every triangle about its incenter and makes it opaque. Triangles that shrink below the range of an
+/// f32 are dropped; with `contour`, so are triangles without one.
 ///
 /// Errors: `contour` outside (0, 1); nothing left.
 pub fn solid(soup: &mut Soup, options: &SolidOptions, details: &mut SolidDetails) -> Result<Outcome<()>> {
@@ -105,7 +105,7 @@ struct Areas {
     after: f64,
 }
 
-/// Shrinks every triangle in place; the areas are those before, and of what stays.
+/// Shrinks every triangle in place; returns the areas before and after.
 fn solidify_all(soup: &mut Soup, options: &SolidOptions) -> (Vec<Shrunk>, Areas) {
     let mut results = vec![Shrunk::Solid; soup.len()];
     let log_contour = options.contour.ln();
@@ -144,7 +144,7 @@ fn nothing_left(options: &SolidOptions, no_contour: usize, total: usize) -> Erro
     Error::invalid("the scene", what, "triangles of some size (the prune stage drops lines and points)")
 }
 
-/// What shrinking made of a triangle.
+/// The result of shrinking a triangle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Shrunk {
     Solid,
@@ -197,8 +197,8 @@ fn contour_factor_of_logs(log_opacity: f64, sigma: f64, log_contour: f64) -> f64
     -((log_contour - log_opacity) / sigma).exp_m1()
 }
 
-/// The scale whose area is the triangle's integrated alpha: opaque, it covers as much of a picture as the
-/// soft triangle did.
+/// The scale whose area is the triangle's integrated alpha: the opaque triangle then adds as much to a
+/// picture as the soft one.
 ///
 /// ```text
 /// f^2 = o * mean(window) = o * 2 / ((sigma + 1) (sigma + 2))

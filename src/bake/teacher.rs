@@ -1,8 +1,8 @@
-//! Pictures in place of photos: a soft scene is drawn as it was trained, and later stages use its pictures as they use
-//! photos.
+//! Pictures instead of photos: a soft scene is drawn as it was trained, and later stages use these pictures
+//! like photos.
 //!
-//! Made solid, each triangle keeps its own colour, but the picture was made of many that blended. What the scene was
-//! trained to look like is known without photos: it is what the soft rasteriser draws.
+//! A solid triangle keeps its own colour, but soft pictures blend many triangles. The soft rasteriser still
+//! draws the scene as it was trained, without photos.
 
 use super::color::color;
 use super::pace::BakePace;
@@ -26,23 +26,23 @@ use glam::UVec2;
 
 /// Pixels of all pictures together; with many or large cameras not all are drawn.
 const MOST_PIXELS: u64 = 12_000_000;
-/// Pictures from chosen viewpoints, the most telling ones: enough for colours, few enough for every bake.
+/// Number of pictures from chosen viewpoints: enough for colours, few enough for every bake.
 const CHOSEN_PICTURES: usize = 32;
 /// Pictures that softness is measured on.
 const SOFTNESS_VIEWS: usize = 4;
 /// Their longer side, px.
 const SOFTNESS_PX: u32 = 240;
-/// With a budget: so often is timed what decides what there is time for.
+/// With a budget: how often a solid picture is timed, to plan the rest.
 const TIMED: usize = 3;
-/// Pictures that show less of the scene, as a share of their pixels, teach nothing.
+/// Pictures with a smaller share of scene are not used.
 const LEAST_COVERED: f64 = 0.001;
 /// A scene is solid when its triangles cover this share of their area.
 const SOLID_COVER: f64 = 0.95;
 
-/// Why nothing is drawn when a budget is spent.
+/// The note when a budget leaves no time for pictures.
 const NO_TIME: &str = "`budget` leaves no time for pictures of the soft scene";
 
-/// Whether a soft scene teaches its solid twin.
+/// Whether pictures of the soft scene are drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
@@ -85,10 +85,10 @@ impl Default for TeacherOptions {
     }
 }
 
-/// What was drawn, and how soft the scene is; empty when it is solid.
+/// The drawn pictures, and the softness of the scene; empty when it is solid.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct TeacherDetails {
-    /// How close the scene comes to its soft pictures when each triangle is made solid as it is.
+    /// How well the scene matches its soft pictures when each triangle is just made solid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub softness: Option<Softness>,
     /// Where it was drawn from.
@@ -109,7 +109,8 @@ impl StageDetails for TeacherDetails {
     const STAGE: &'static str = "teacher";
 }
 
-/// Draws the pictures of a soft scene into `views`, unless there are `photos`; with a budget as many as `pace` wants.
+/// Draws the pictures of a soft scene into `views`, unless there are `photos`; with a budget, as many as
+/// `pace` allows.
 ///
 /// Errors: an option out of range; options of the stages that make a scene solid out of range.
 pub fn teacher(
@@ -173,7 +174,7 @@ fn affords_viewpoints(scene: &Loaded, pace: &mut BakePace) -> bool {
     pace.affords_search(start_secs + trial.looks() as f64 * look_secs)
 }
 
-/// Where pictures for a bake are drawn from.
+/// The cameras for a bake's pictures.
 fn viewpoints(scene: &Loaded) -> Option<Viewpoints> {
     let mut viewpoints = Viewpoints::of(scene, 3 * MOST_PIXELS)?;
     if viewpoints.kind != ViewpointKind::Stored {
@@ -182,13 +183,13 @@ fn viewpoints(scene: &Loaded) -> Option<Viewpoints> {
     Some(viewpoints)
 }
 
-/// The soft pictures of `scene` from `cameras` in its frame, or from evenly spaced ones of them when all would be too
-/// many.
+/// The soft pictures of `scene` from `cameras` in its frame, or from an evenly spaced selection when these
+/// are too many.
 pub fn pictures(scene: &Loaded, cameras: Vec<Camera>) -> Views {
     paced_pictures(scene, cameras, None, &mut BakePace::default())
 }
 
-/// The same, limited in number, and by what `pace` allows.
+/// The same, limited in number and by `pace`.
 fn paced_pictures(scene: &Loaded, cameras: Vec<Camera>, most: Option<u32>, pace: &mut BakePace) -> Views {
     let cameras = within_budget(cameras);
     let most = most.map_or(cameras.len(), |most| cameras.len().min(most as usize));
@@ -213,7 +214,7 @@ fn spread(count: usize) -> impl Iterator<Item = usize> {
     (0..1usize << bits).map(reversed).filter(move |i| *i < count)
 }
 
-/// Evenly spaced ones of `cameras` when their pictures would be too many.
+/// An evenly spaced selection of `cameras` when their pictures would be too many.
 fn within_budget(cameras: Vec<Camera>) -> Vec<Camera> {
     let pixels: u64 = cameras.iter().map(|c| u64::from(c.size.x) * u64::from(c.size.y)).sum();
     if pixels <= MOST_PIXELS {
@@ -234,7 +235,7 @@ fn no_larger(camera: &Camera) -> Camera {
     camera.resized((camera.size.as_dvec2() * ratio).floor().as_uvec2().max(UVec2::ONE))
 }
 
-/// True when nothing is lost by making the triangles of `soup` solid: nearly all of their area is opaque.
+/// True when making the triangles of `soup` solid loses nothing: nearly all of their area is opaque.
 pub fn is_solid(soup: &Soup) -> bool {
     let (mut all, mut covered) = (0.0, 0.0);
     for (i, [a, b, c]) in soup.vertices.iter().enumerate() {
@@ -247,8 +248,8 @@ pub fn is_solid(soup: &Soup) -> bool {
     !(covered < SOLID_COVER * all)
 }
 
-/// How much `scene` loses when its triangles are made solid as they are, on a few small pictures; `None` when it is
-/// solid, or when there is nothing to look at.
+/// The loss of `scene`, on a few small pictures, when its triangles are just made solid. `None` when it is
+/// solid, or cannot be seen.
 ///
 /// Errors: options out of range.
 pub fn softness(scene: &Loaded, solidly: &SolidOptions) -> Result<Option<Softness>> {
@@ -262,7 +263,7 @@ pub fn softness(scene: &Loaded, solidly: &SolidOptions) -> Result<Option<Softnes
     }
 }
 
-/// With a budget on one picture only, and `pace` gets to know what a solid picture of full size takes.
+/// With a budget, one picture is measured, and `pace` learns the time of a solid picture of full size.
 fn softness_from(
     soup: &Soup,
     cameras: &[Camera],
@@ -297,7 +298,7 @@ fn softness_from(
     Ok(Some(Softness { psnr, pictures: count as u64 }))
 }
 
-/// The triangles of `soup`, solid; `None` when nothing is left to draw.
+/// The triangles of `soup`, made solid; `None` when none is left.
 fn solid_mesh(soup: &Soup, options: &SolidOptions) -> Result<Option<Mesh>> {
     let mut scene = Scene::Soup(soup.clone());
     if prune(&mut scene, &PruneOptions::DEFAULT, &mut PruneDetails::default()).is_err() {

@@ -1,19 +1,20 @@
-//! What a bake's seconds are spent on: pictures, rounds of fitting, colours. Pure functions of what was measured.
+//! Plans a bake's seconds for pictures, rounds of fitting and colours, by pure functions of measured costs.
 
 /// With fewer pictures, triangles and colours would be fitted to a few places only.
 pub(super) const FEWEST_PICTURES: usize = 6;
 /// With fewer rounds, fitting gains less than it costs.
 const FEWEST_ROUNDS: u32 = 3;
-/// Colours of one picture, in solid pictures: the photo is compared with the triangles, and some are drawn four times more to evaluate.
+/// Cost of the colours of one picture, in solid pictures: it is compared with the triangles, and some
+/// pictures are drawn four times more to evaluate.
 const COLOR: f64 = 2.6;
-/// One picture of a round of fitting, in solid pictures, until a round was measured.
+/// Cost of one picture of a round of fitting, in solid pictures, before a round was measured.
 const ROUND: f64 = 2.5;
 /// Pictures of a round, about.
 const ROUND_PICTURES: usize = 12;
-/// Pictures that decide at the end whether the fitted triangles are better than those that came.
+/// Pictures that decide at the end whether the fitted triangles are better than the original ones.
 const EVALUATION_PICTURES: usize = 12;
 
-/// What is known of the costs, seconds.
+/// Known costs, seconds.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct PictureCosts {
     /// One soft picture.
@@ -39,7 +40,7 @@ pub struct PaceInput {
     pub color_passes: u32,
 }
 
-/// What the seconds are spent on.
+/// A plan for the seconds.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct PacePlan {
     /// Pictures in all.
@@ -63,7 +64,7 @@ pub(super) fn round_secs(pictures: usize, costs: &PictureCosts) -> f64 {
     ROUND * pictures.min(ROUND_PICTURES) as f64 * costs.solid
 }
 
-/// As many rounds as fit into `left_secs`, of `round_secs` each; none if they are too few to be worth it.
+/// The most rounds of `round_secs` that fit into `left_secs`; none if they are too few to gain anything.
 pub(super) fn rounds(left_secs: f64, round_secs: f64, most: u32) -> u32 {
     let fit = whole_rounds(left_secs, round_secs, most);
     if fit < FEWEST_ROUNDS.min(most) { 0 } else { fit }
@@ -74,14 +75,15 @@ pub(super) fn whole_rounds(left_secs: f64, round_secs: f64, most: u32) -> u32 {
     (left_secs / round_secs.max(1e-9)).clamp(0.0, f64::from(most)) as u32
 }
 
-/// As many pictures as fit with their colours, and rounds for what is left: triangles that are fitted to a few pictures only look wrong from elsewhere
-/// (docs/benchmarks/bake-budget.md). `None` when there is no time for anything that pictures are good for.
+/// The most pictures that fit with their colours, then rounds for the rest: triangles fitted to only a few
+/// pictures look wrong from other places (docs/benchmarks/bake-budget.md). `None` when there is no time to
+/// use pictures.
 pub fn plan(input: &PaceInput) -> Option<PacePlan> {
     let least = FEWEST_PICTURES.min(input.most_pictures).max(input.drawn);
     (least..=input.most_pictures).rev().find_map(|pictures| with_pictures(input, pictures))
 }
 
-/// Seconds left for fitting after `pictures` are drawn; `None` when not even they and their colours fit.
+/// Seconds left for fitting after `pictures` and their colours; `None` when even these do not fit.
 fn with_pictures(input: &PaceInput, pictures: usize) -> Option<PacePlan> {
     let PaceInput { left_secs, costs, drawn, most_rounds, color_passes, .. } = *input;
     let drawing = (pictures - drawn) as f64 * costs.soft;
@@ -138,7 +140,7 @@ mod tests {
         assert_eq!(with(-1.0), None);
         let unused = PaceInput { color_passes: 0, most_rounds: 0, left_secs: 1e9, ..INPUT };
         assert_eq!(plan(&unused), None);
-        // What is drawn already is never taken back.
+        // Finished pictures are kept.
         let late = PaceInput { drawn: 20, left_secs: 3.0, ..INPUT };
         assert!(plan(&late).is_some_and(|plan| plan.pictures >= 20));
     }

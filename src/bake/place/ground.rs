@@ -6,12 +6,12 @@ use glam::DVec3;
 
 /// Thickness of a layer as a share of the region's radius.
 const LAYER: f64 = 0.02;
-/// The ground is the lowest layer with this share of the area of the largest: a floor beside a larger table, but no
-/// stray triangles below it.
+/// The ground is the lowest layer with at least this share of the largest layer's area. A floor beside a
+/// larger table counts, stray triangles below it do not.
 const LEAST_OF_LARGEST: f64 = 0.25;
 
-/// The height along `up` of the floor of a scene: where its lowest large layer of triangles is. `None` of a scene
-/// without extent.
+/// The height along `up` of a scene's floor, its lowest large layer of triangles. `None` for a scene without
+/// extent.
 pub fn ground(scene: Foreground, cameras: &[Camera], up: DVec3) -> Option<f64> {
     let region = samples::region(scene, cameras)?;
     let faces = samples::faces(scene, &region);
@@ -19,7 +19,7 @@ pub fn ground(scene: Foreground, cameras: &[Camera], up: DVec3) -> Option<f64> {
     heights.sort_by(|a, b| a.0.total_cmp(&b.0));
     let layers = layers(&heights, LAYER * region.radius);
     let largest = layers.iter().map(|layer| layer.area).fold(0.0, f64::max);
-    // The first layer large enough begins below the floor; the floor is where its neighbourhood is largest.
+    // The first large enough layer begins below the floor; the floor is the largest layer near it.
     let first = layers.iter().position(|layer| layer.area >= LEAST_OF_LARGEST * largest)?;
     let end = layers[first].height + 2.0 * LAYER * region.radius;
     let near = layers[first..].iter().take_while(|layer| layer.height <= end);

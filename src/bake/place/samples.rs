@@ -1,26 +1,28 @@
-//! What is around the middle of a scene, for finding surfaces there. Triangles count with their middles only: those of a
-//! trained soup lie every way, whatever surface they make up.
+//! Samples around the middle of a scene, for finding surfaces there. Only the centroids of triangles count,
+//! because triangles of a trained soup lie at all angles to their surface.
 
 use crate::camera::{self, Camera};
 use crate::math::median::median;
 use crate::mesh::Mesh;
 use glam::{DVec3, Vec3};
 
-/// Most triangles that are looked at.
+/// Most triangles that are sampled.
 const MOST: usize = 20_000;
-/// The middle of a scene ends at this many times the median distance of its cameras.
+/// Radius of the region around the middle, in median distances of the cameras.
 const REACH: f64 = 2.0;
-/// Share of the triangles that the middle of a scene without cameras holds.
+/// Share of the triangles in the region of a scene without cameras.
 const MOST_OF_IT: f64 = 0.9;
-/// A triangle counts at most as one with this share of the region's radius as its side: a few huge ones are no floor.
+/// Largest side of a triangle that counts, as a share of the region's radius, so that a few huge triangles
+/// are no floor.
 const MOST_SIDE: f64 = 0.05;
 
 /// The middle of a scene.
 #[derive(Debug, Clone, Copy)]
 pub struct Region {
-    /// What the cameras look at, or the median of the triangles.
+    /// The point that the cameras look at, or the median of the triangles.
     pub center: DVec3,
-    /// Median distance of the cameras from there; without cameras half the distance that most triangles are within.
+    /// Median distance of the cameras from there; without cameras, half of the distance within which most
+    /// triangles lie.
     pub radius: f64,
 }
 
@@ -29,7 +31,7 @@ pub struct Region {
 pub struct Sample {
     /// Where it is.
     pub position: DVec3,
-    /// How much of the surface it stands for.
+    /// Area of the surface that it represents.
     pub weight: f64,
 }
 

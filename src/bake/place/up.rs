@@ -1,4 +1,4 @@
-//! Which way is up: what the cameras say, whose rows people hold level, and the largest level surface.
+//! The up direction, from the rows of the photos, which people hold level, and the largest level surface.
 
 use super::samples::{self, Foreground, Sample};
 use crate::camera::Camera;
@@ -9,40 +9,41 @@ use glam::{DMat3, DVec3, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Directions tried before the best is refined.
+/// Number of directions tried before the best is refined.
 const TRIES: u64 = 512;
-/// A row that is tilted by more than this (sine) counts no more than this: pictures taken upright among level ones.
+/// Larger tilts of a row (sine) count as this one, because some pictures are taken upright.
 const MOST_TILT: f64 = 0.34;
 /// Passes of the refinement.
 const PASSES: usize = 12;
 /// Below this spread, the variance of level directions across each other, cameras leave one direction open.
 const LEAST_SPREAD: f64 = 1e-3;
-/// Above this ratio of tilt to spread (tangent of 15°) too.
+/// The same holds above this ratio of tilt to spread (tangent of 15°).
 const MOST_SLACK: f64 = 0.27;
 /// Above this median tilt, degrees, cameras were held at random.
 const RANDOM_TILT: f64 = 20.0;
 /// Below this median tilt, degrees, cameras alone are trusted.
 const STEADY_TILT: f64 = 8.0;
-/// A level surface may be this far from what cameras say, degrees.
+/// Largest angle between a level surface and the cameras' estimate, degrees.
 const WIDEST_CONE: f64 = 20.0;
-/// And at least this far, degrees.
+/// Least limit of that angle, degrees.
 const NARROWEST_CONE: f64 = 5.0;
 /// Thickness of a surface as a share of the distance of the cameras.
 const THICKNESS: f64 = 0.01;
 /// Share of the points around the middle of the scene that lie on a clear surface.
 const CLEAR_OF_POINTS: f64 = 0.05;
-/// Share of the triangles' area there: they scatter about their surfaces, so that slices through anything have some.
+/// The same as a share of the triangles' area: they scatter about their surfaces, so every slice contains
+/// some.
 const CLEAR_OF_FACES: f64 = 0.15;
 /// Standard deviation of a clear surface along its narrow side, as a share of the distance of the cameras.
 const CLEAR_WIDTH: f64 = 0.05;
-/// Samples by which surfaces are compared.
+/// Number of samples that compare surfaces.
 const MOST_COMPARED: usize = 4000;
 
 /// How far an estimate of the up axis can be trusted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Confidence {
-    /// Cameras agree with each other, or there is a clear level surface.
+    /// Cameras agree, or there is a clear level surface.
     High,
     /// Cameras leave a direction open or tilt much, and no surface helps: check the result.
     Low,
@@ -50,44 +51,45 @@ pub enum Confidence {
     None,
 }
 
-/// What was found out about the up axis.
+/// The estimate of the up axis.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct UpEstimate {
     /// The direction of the input that points up; a unit vector.
     pub direction: [f64; 3],
     /// Cameras it was estimated from.
     pub cameras: u64,
-    /// Median angle between the rows of the photos and the level, degrees.
+    /// Median angle between the rows of the photos and the horizontal, degrees.
     pub tilt: f64,
-    /// The surface that decided, if there was a clear one.
+    /// The surface that decided, if one was clear.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub surface: Option<LevelSurface>,
     /// How far it can be trusted.
     pub confidence: Confidence,
 }
 
-/// The largest surface that is about level.
+/// The largest surface that is nearly level.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LevelSurface {
     /// Share of the photos' points around the middle of the scene, or, without them, of the triangles' area there.
     pub share: f64,
-    /// Angle to what the cameras alone say, degrees.
+    /// Angle to the estimate from cameras alone, degrees.
     pub degrees: f64,
 }
 
-/// What is known of a scene beside its triangles, all in its frame.
+/// Known facts about a scene, apart from its triangles, in its frame.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Evidence<'a> {
     /// Cameras that look at it.
     pub cameras: &'a [Camera],
-    /// Points that the photos' poses were found with; may be empty.
+    /// Points of the photos' reconstruction; may be empty.
     pub points: &'a [Vec3],
 }
 
 /// Estimates the up axis of a scene from the cameras that look at it; `None` without cameras.
 ///
-/// People hold cameras level, so up is at right angles to the rows of the photos: the direction in which the right
-/// vectors vary least. A table or floor near that direction is flatter than hands are steady, and is taken instead.
+/// People hold cameras level, so up is at right angles to the rows of the photos: the direction in which the
+/// right vectors vary least. A table or floor near that direction is more level than hands are steady, and
+/// replaces it.
 pub fn estimate(scene: Foreground, known: Evidence) -> Option<UpEstimate> {
     let held = from_cameras(known.cameras)?;
     let cone = if held.open { WIDEST_CONE } else { (4.0 * held.tilt).clamp(NARROWEST_CONE, WIDEST_CONE) };
@@ -111,9 +113,9 @@ pub fn estimate(scene: Foreground, known: Evidence) -> Option<UpEstimate> {
 /// What cameras alone say.
 struct Held {
     up: DVec3,
-    /// Median angle between rows and the level, degrees.
+    /// Median angle between rows and the horizontal, degrees.
     tilt: f64,
-    /// True when they leave one direction open, as when all look the same way.
+    /// True when they leave one direction open, for example when all look the same way.
     open: bool,
 }
 
@@ -149,7 +151,7 @@ fn from_cameras(cameras: &[Camera]) -> Option<Held> {
     Some(Held { up, tilt, open })
 }
 
-/// The best of some directions by the sum of tilts, each counted up to a limit, and the spread of the rows.
+/// The direction with the least sum of limited tilts, and the spread of the rows.
 fn first_guess(rights: &[DVec3], mean_up: DVec3) -> (DVec3, [(f64, DVec3); 3]) {
     let spread = symmetric_eigen(scatter(rights.iter().map(|r| (*r, 1.0))));
     let rng = Rng::new(0, "up axis", 0);

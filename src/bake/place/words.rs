@@ -1,4 +1,4 @@
-//! The values of options that are more than a number: an up axis and a known length.
+//! Structured values of options: an up axis and a known length.
 
 use crate::asset::{UpAxis, UpDirection};
 use glam::DVec3;
@@ -6,11 +6,11 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
-/// What points up in the input.
+/// The up direction of the input.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum UpChoice {
-    /// What the file says, or what the cameras and the largest level surface do.
+    /// From the file, or from the cameras and the largest level surface.
     #[default]
     Auto,
     /// This direction.
@@ -50,7 +50,7 @@ impl fmt::Display for UpChoice {
     }
 }
 
-/// A length of the input whose size is known in metres.
+/// A length of the input that is known in metres.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct KnownLength {
