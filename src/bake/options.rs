@@ -168,8 +168,8 @@ impl BakeOptions {
         }
     }
 
-    /// The files of a bake to `path`; `format` overrides the ending of the name. Sets `tiles`, because a
-    /// scene is cut into tiles exactly when tiles are written.
+    /// The files of a bake to `path`; `format` decides where the name has no known ending. Sets `tiles`,
+    /// because a scene is cut into tiles exactly when tiles are written.
     ///
     /// Errors: a name without a known ending; tiles in another format; one file where the options need
     /// several.

@@ -1,4 +1,4 @@
-//! The recipe: the stages in their order, and the reason for it.
+//! The recipe: the stages in their order, with reasons.
 
 mod package;
 
@@ -36,26 +36,26 @@ use crate::scene::{Loaded, Scene};
 use crate::surface::{SurfaceDetails, surface};
 use std::sync::Arc;
 
-/// The stages, and what they share.
+/// The stages, and their shared state.
 pub(super) struct Recipe<'a> {
     options: &'a BakeOptions,
     views: Option<&'a mut Views>,
     report: &'a mut Report,
     observer: &'a mut dyn Observer,
     pace: &'a mut BakePace,
-    /// Pictures of the soft scene, in place of photos.
+    /// Pictures of the soft scene, instead of photos.
     taught: Option<Views>,
-    /// Cameras of photos, in the frame of what was read.
+    /// Cameras of photos, in the frame of the input.
     cameras: Vec<Camera>,
-    /// Cameras that see the scene: these, or chosen ones.
+    /// Cameras that see the scene: those of photos, or chosen ones.
     watching: Vec<Camera>,
-    /// The surface that lights fall on.
+    /// The surface for smooth normals.
     facing: Option<Arc<Mesh>>,
-    /// The backdrop: that of the input, then that of the output before it is placed.
+    /// The backdrop of the input, then that of the output before placement.
     backdrop: Option<Mesh>,
-    /// How the scene was placed: its levels are placed alike.
+    /// The scene's placement, which its levels share.
     placement: Option<Placement>,
-    /// Where the file is looked at from first, in its frame.
+    /// The first viewpoint, in the frame of the file.
     viewpoint: Option<Viewpoint>,
 }
 
@@ -89,7 +89,7 @@ impl<'a> Recipe<'a> {
     /// Bakes inputs, merged.
     pub(super) fn run(mut self, inputs: Vec<Loaded>) -> Result<Asset> {
         let mut inputs: Vec<Loaded> = inputs.into_iter().map(|loaded| self.untextured(loaded)).collect();
-        // By each input for itself: two scenes side by side have no common middle.
+        // For each input separately: two scenes side by side have no common middle.
         let when = self.options.backdrop.backdrop;
         inputs.iter_mut().for_each(|loaded| recognise_shell(&mut loaded.scene, when));
         let inputs = self.of_one_kind(inputs)?;
@@ -113,7 +113,7 @@ impl<'a> Recipe<'a> {
             }
         }
         self.cameras = cameras.clone();
-        // Cameras that were chosen by us have not seen everything there is: they rank triangles, but drop none as unseen.
+        // Chosen cameras have not seen everything: they rank triangles, but drop none as unseen.
         let chosen = cameras.is_empty();
         if let Some(taught) = self.taught.as_ref().filter(|_| chosen) {
             cameras = taught.cameras().to_vec();
@@ -125,7 +125,7 @@ impl<'a> Recipe<'a> {
         }
         let mesh = self.solidify(scene, &cameras)?;
         let mesh = self.cull(mesh, &cameras, chosen, traits.is_soft)?;
-        // Drawn pictures show the scene they were drawn of.
+        // Drawn pictures always show their scene, so the check is for photos only.
         if let Some(views) = self.views.as_deref_mut().filter(|views| !views.is_drawn()) {
             match fit::misfit(&mesh, views)? {
                 Some(misfit) if self.options.force_dataset => {
@@ -143,7 +143,7 @@ impl<'a> Recipe<'a> {
         let mesh = self.reshape(mesh, traits)?;
         let mesh = self.part_shell(mesh)?;
 
-        // Levels are made of what is left here, but are placed like the scene.
+        // Levels are made from the scene at this point, and placed like it.
         let faces = mesh.face_count();
         let lod = match self.options.tiles.tiles {
             true => LodOptions { lod: self.options.tiles.shares(faces) },
@@ -161,7 +161,7 @@ impl<'a> Recipe<'a> {
         let source =
             LevelSource { mesh: &unpainted, cameras: &cameras, enlarge: self.options.unseen.enlarge };
         let levels = self.levels(&source, &lod, &provenance)?;
-        // Of the finished scene: every tile holds triangles as they are written.
+        // From the finished scene: tiles hold final triangles.
         let collision = collision.map(|mesh| self.placed(mesh));
         let backdrop_apart = self.options.backdrop.backdrop == BackdropWhen::File;
         let (asset, options) = (Asset { levels, collision, backdrop_apart, ..asset }, &self.options.tiles);
@@ -169,7 +169,8 @@ impl<'a> Recipe<'a> {
             .stage(self.observer, asset, Asset::counts, |asset, details| tiles(asset, options, details))
     }
 
-    /// A mesh keeps its texture where no stage changes triangles; elsewhere its faces have the mean of what they show.
+    /// A mesh keeps its texture if no stage changes triangles; otherwise its faces get the mean of their
+    /// texels.
     fn untextured(&mut self, mut loaded: Loaded) -> Loaded {
         let BakeOptions { prune, lod, tiles, .. } = self.options;
         let changes =
@@ -184,7 +185,8 @@ impl<'a> Recipe<'a> {
         loaded
     }
 
-    /// Soups among meshes become meshes, as nothing else can be merged with one; a budget of triangles is for all.
+    /// Soups among meshes become meshes, because only meshes merge with meshes. A budget of triangles is for
+    /// all together.
     fn of_one_kind(&mut self, mut inputs: Vec<Loaded>) -> Result<Vec<Loaded>> {
         let is_soup = |loaded: &Loaded| matches!(loaded.scene, Scene::Soup(_));
         let soups = inputs.iter().filter(|loaded| is_soup(loaded)).count();
@@ -209,7 +211,7 @@ impl<'a> Recipe<'a> {
         inputs.into_iter().map(&mut solidified).collect()
     }
 
-    /// First of all: a budget of triangles is for what stays, and what is cut off must not stand in pictures before it.
+    /// First of all: a budget of triangles is for the region, and removed parts must not hide it in pictures.
     fn crop(&mut self, loaded: Loaded) -> Result<Loaded> {
         let Loaded { scene, provenance, warnings, cameras } = loaded;
         let options = &self.options.crop;
@@ -220,7 +222,8 @@ impl<'a> Recipe<'a> {
         Ok(Loaded { scene, provenance, warnings, cameras })
     }
 
-    /// Before what is drawn again and again, but not before viewpoints are chosen by a sample of the triangles as they come.
+    /// Before stages that draw repeatedly, but after viewpoints are chosen from a sample of the triangles in
+    /// their original order.
     fn arrange(&mut self, loaded: Loaded) -> Result<Loaded> {
         let Loaded { scene, provenance, warnings, cameras } = loaded;
         let is_drawn = self.views.is_some() || self.taught.is_some() || !cameras.is_empty();
@@ -231,7 +234,7 @@ impl<'a> Recipe<'a> {
         Ok(Loaded { scene, provenance, warnings, cameras })
     }
 
-    /// On the scene as it was trained: what it looks like is what all other stages try to keep.
+    /// On the scene as it was trained: all other stages try to keep this look.
     fn teach(&mut self, loaded: &Loaded) -> Result<()> {
         let (options, photos) = (self.options, self.views.is_some());
         if self.pace.is_limited() && matches!(&loaded.scene, Scene::Soup(soup) if !is_solid(soup)) {
@@ -245,7 +248,7 @@ impl<'a> Recipe<'a> {
         Ok(())
     }
 
-    /// On the scene as it was trained, too: depths of all its triangles say more than those of fewer.
+    /// On the scene as it was trained, because all its triangles give better depths than fewer would.
     fn collide(&mut self, loaded: &Loaded) -> Result<Option<Mesh>> {
         let (options, observer) = (&self.options.collision, &mut *self.observer);
         let cameras = self.views.as_deref().map_or(&[][..], Views::cameras);
@@ -255,7 +258,7 @@ impl<'a> Recipe<'a> {
         })
     }
 
-    /// The surface that smooth normals are of, on the scene as it was trained.
+    /// The surface for smooth normals, from the scene as it was trained.
     fn face(&mut self, loaded: &Loaded) -> Result<()> {
         if self.options.lit.lit != Lit::Smooth {
             return Ok(());
@@ -278,17 +281,17 @@ impl<'a> Recipe<'a> {
         Ok(())
     }
 
-    /// What was made of the scene before it was placed, where the scene is now.
+    /// Moves results of earlier stages to where the scene was placed.
     fn placed(&self, mut mesh: Mesh) -> Mesh {
         let transform = self.placement.unwrap_or_default().transform();
         mesh.positions.iter_mut().for_each(|position| *position = transform(*position));
         mesh
     }
 
-    /// The part of the recipe that turns what was read into opaque, coloured triangles.
+    /// The part of the recipe that turns the input into opaque, coloured triangles.
     fn solidify(&mut self, scene: Scene, cameras: &[Camera]) -> Result<Mesh> {
         let options = self.options;
-        // What cameras see says better which triangles matter most than their size does.
+        // Cameras judge the importance of triangles better than size does.
         let pruning = match cameras.is_empty() {
             true => options.prune.clone(),
             false => PruneOptions { max_triangles: None, ..options.prune.clone() },
@@ -299,7 +302,7 @@ impl<'a> Recipe<'a> {
         let warning = self.report.details::<PruneDetails>().and_then(|details| details.warning());
         self.report.warnings.extend(warning);
 
-        // On the soup, as it needs opacity and σ, which colours throw away.
+        // On the soup, because it needs opacity and σ, which `color` drops.
         let scene = self.report.stage(self.observer, scene, count, |scene, details| match scene {
             Scene::Soup(soup) => solid(soup, &options.solid, details),
             Scene::Mesh(_) => Ok(Outcome::Unneeded("the input is a mesh: its triangles are solid")),
@@ -319,7 +322,7 @@ impl<'a> Recipe<'a> {
         }
     }
 
-    /// As soon as there are opaque triangles that hide each other, and before work is done on those hidden.
+    /// As soon as triangles are opaque and hide each other, before later stages work on hidden ones.
     fn cull(&mut self, mesh: Mesh, cameras: &[Camera], chosen: bool, is_soft: bool) -> Result<Mesh> {
         let options = self.options;
         let mut views = either(&mut self.views, &mut self.taught);
@@ -335,13 +338,13 @@ impl<'a> Recipe<'a> {
             mesh,
             count_mesh,
             |mesh, details: &mut UnseenDetails, progress| {
-                // What hides the triangles of a soft scene now is still to be moved out of their way.
+                // In a soft scene, `reshape` will still move the triangles that hide others.
                 if !is_soft {
                     let progress = &mut progress.part(0.0, 0.5);
                     details.masked = masked(mesh, views.as_deref_mut(), &unseen_options, progress)?;
                 }
                 let spared = spared(mesh, budget);
-                // Behind a scene that keeps its shell comes no sphere that room is left for.
+                // A scene that keeps its shell gets no sphere, so its budget leaves no room for one.
                 let most = if spared.is_empty() { budget } else { options.prune.max_triangles };
                 let limit = FaceLimit { most, spared };
                 let outcome = unseen(mesh, cameras, views, &unseen_options, &limit, details, progress)?;
@@ -354,7 +357,8 @@ impl<'a> Recipe<'a> {
         )
     }
 
-    /// Before triangles are fitted to pictures in which shards hide what is behind them. Chosen cameras stand where nothing is near.
+    /// Before fitting, because shards hide other triangles from it. Chosen cameras stand where nothing is
+    /// near.
     fn clear(&mut self, mesh: Mesh) -> Result<Mesh> {
         let (cameras, options) = (&self.cameras, &self.options.floaters);
         let photos = self.views.as_deref_mut().filter(|views| !views.is_drawn());
@@ -363,7 +367,7 @@ impl<'a> Recipe<'a> {
         })
     }
 
-    /// As soon as what is drawn is what photos show, and before anything is fitted to them.
+    /// As soon as drawings resemble the photos, and before anything is fitted to them.
     fn expose(&mut self, mesh: Mesh) -> Result<Mesh> {
         let (views, options) = (self.views.as_deref_mut(), &self.options.exposure);
         self.report
@@ -381,7 +385,8 @@ impl<'a> Recipe<'a> {
         }
     }
 
-    /// Of what is left, on what cameras see: before anything is put behind it, and before its colours are fitted exactly.
+    /// On the remaining triangles, by the cameras' pictures: before the backdrop, and before colours are
+    /// fitted exactly.
     fn reshape(&mut self, mesh: Mesh, traits: SceneTraits) -> Result<Mesh> {
         let (views, options) = (either(&mut self.views, &mut self.taught), &self.options.reshape);
         let pace = &mut *self.pace;
@@ -390,8 +395,8 @@ impl<'a> Recipe<'a> {
         })
     }
 
-    /// What closes the scene is behind it, like a backdrop, and no part of its levels. A scene that is cropped, or wanted without a
-    /// backdrop, keeps what it has of it.
+    /// The shell counts as backdrop, outside the levels. A scene that is cropped, or baked without a
+    /// backdrop, keeps its shell as part of the scene.
     fn part_shell(&mut self, mut mesh: Mesh) -> Result<Mesh> {
         let when = self.options.backdrop.backdrop;
         let cropped = !self.options.crop.crop.is_empty() && when == BackdropWhen::Auto;
@@ -406,7 +411,7 @@ impl<'a> Recipe<'a> {
             smooth_shell(&mut behind);
         }
         if mesh.face_count() == 0 {
-            // There is nothing before it: it is the scene.
+            // Without other triangles the shell is the scene.
             return Ok(behind);
         }
         match &mut self.backdrop {
@@ -416,7 +421,8 @@ impl<'a> Recipe<'a> {
         Ok(mesh)
     }
 
-    /// Behind what is left, and before colours are taken from the photos: those of holes are its own.
+    /// Behind the remaining triangles, and before colours are taken from the photos: colours of holes belong
+    /// to the sphere.
     fn back(&mut self, mesh: Mesh) -> Result<Mesh> {
         let options = &self.options.backdrop;
         let (given, views) = (self.backdrop.take(), either(&mut self.views, &mut self.taught));
@@ -428,7 +434,8 @@ impl<'a> Recipe<'a> {
         })
     }
 
-    /// On what is left: a colour belongs to what a triangle shows when the others are gone. Faces from `behind` on are the backdrop.
+    /// On the remaining triangles, because colours depend on which parts of them are visible. Faces from
+    /// `behind` on are the backdrop.
     fn paint(&mut self, mesh: Mesh, behind: usize) -> Result<Mesh> {
         let (views, options) = (either(&mut self.views, &mut self.taught), &self.options.refit);
         let pace = &mut *self.pace;
@@ -437,7 +444,7 @@ impl<'a> Recipe<'a> {
         })
     }
 
-    /// On colours that fit: texels say what differs from them.
+    /// On fitted colours: texels store differences from them.
     fn texture(&mut self, mesh: Mesh) -> Result<Mesh> {
         let (views, options) = (either(&mut self.views, &mut self.taught), &self.options.texture);
         self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
@@ -446,7 +453,7 @@ impl<'a> Recipe<'a> {
     }
 }
 
-/// What `options` ask for of a soft scene, if there is time.
+/// The options for a soft scene, to be followed if there is time.
 fn asked(options: &BakeOptions, scene: &Loaded) -> PaceWork {
     let rounds = match options.reshape.reshape {
         ReshapeWhen::Off => 0,
@@ -460,7 +467,7 @@ fn asked(options: &BakeOptions, scene: &Loaded) -> PaceWork {
     PaceWork { triangles, watching, rounds, color_passes }
 }
 
-/// The photos, or the pictures in their place.
+/// The photos, or the pictures that replace them.
 fn either<'v>(photos: &'v mut Option<&mut Views>, taught: &'v mut Option<Views>) -> Option<&'v mut Views> {
     photos.as_deref_mut().or(taught.as_mut())
 }

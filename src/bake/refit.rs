@@ -1,5 +1,4 @@
-//! Colours from the photos: those of the pixels where a triangle is visible, now that it is opaque and hides what is
-//! behind it.
+//! Colours from the photos: each triangle takes them from the pixels where it is visible.
 //!
 //! With z-buffered opaque triangles each sample of a photo belongs to one triangle, so the best corner
 //! colours are a linear least-squares problem of three unknowns per triangle and channel, coupled only where
@@ -9,18 +8,19 @@
 //! minimise Σ_pixels (photo - drawn(e))² + λ Σ_triangles Σ_k (e_k - ē)²,   drawn = mean over samples of Σ_k b_k e_k
 //! ```
 //!
-//! with b the perspective-correct barycentric weights of the corners, e the sRGB-encoded corner colours that are
-//! sought and ē the triangle's mean colour, towards which corners are pulled that few photos show. Encoded values are
-//! fitted because the error that counts is measured on them. Each pass draws the scene as an engine does, in linear
-//! light with several samples per pixel, and solves a 3 x 3 system per triangle for the residuals, in which every
-//! sample counts by itself. That system majorises the coupled one, so the error falls with every pass. One pass is
-//! the default: the next ones gain 0.05 dB at most and cost SSIM, and with few photos they lose. In the first pass
-//! the residual of a sample is partly that of its own colour, not of its pixel: the fewer photos, the more.
+//! with b the perspective-correct barycentric weights of the corners, e the sRGB-encoded corner colours that
+//! are sought and ē the triangle's mean colour, which corners seen by few photos are pulled to. Encoded
+//! values are fitted because scores are measured on them. Each pass draws the scene as an engine does, in
+//! linear light with several samples per pixel, and solves a 3 x 3 system per triangle for the residuals, in
+//! which every sample counts by itself. That system majorises the coupled one, so the error falls with every
+//! pass. One pass is the default: the next ones gain 0.05 dB at most and cost SSIM, and with few photos they
+//! lose. In the first pass a part of a sample's residual is computed from its own colour instead of its
+//! pixel's; this part is larger for fewer photos.
 //!
-//! Some photos are held out at first. They decide whether three colours per triangle are better than one, and whether
-//! refitted colours are better than those the scene came with. Training has usually seen those photos, so what one
-//! colour per triangle gains from seeing them is subtracted from the PSNR of the colours that are there. If they are
-//! better even then, they stay.
+//! Some photos are held out at first. They decide whether three colours per triangle are better than one, and
+//! whether refitted colours are better than the scene's own. Training has usually seen those photos. So the
+//! gain of one colour per triangle from seeing them is subtracted from the PSNR of the scene's own colours.
+//! If these still score higher, they stay.
 //!
 //! The backdrop is a surface of its own, whose colours are solved together: see `backdrop.rs`.
 
@@ -47,16 +47,16 @@ use evaluation::{Evaluation, psnr_of};
 const EVALUATION_EVERY: usize = 8;
 /// Most photos that are held out.
 const MOST_EVALUATION_VIEWS: usize = 24;
-/// Where in the progress of the first pass all but the held-out photos are added, and ...
+/// Progress of the stage when all photos but the held-out ones are added, and ...
 const OTHERS_PART: f64 = 0.7;
 /// ... where those are evaluated.
 const EVALUATED_PART: f64 = 0.85;
-/// A photo is out of line when its mean error is this far from the others', sRGB-encoded, and ...
+/// A photo is an outlier when its mean error is this far from that of the others, sRGB-encoded, and ...
 const OUTLIER: f32 = 0.02;
-/// ... this many times as far as half of them are.
+/// ... this many times farther than the median distance.
 const OUTLIER_SPREADS: f32 = 6.0;
 
-/// What fitting did. Without held-out photos, or when `refit` names the colours, there is no PSNR.
+/// The result of fitting. Without held-out photos, or when `refit` names the colours, there is no PSNR.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct RefitDetails {
     /// PSNR of the colours the scene came with on held-out photos, dB.
@@ -68,10 +68,10 @@ pub struct RefitDetails {
     /// PSNR of three fitted colours per triangle on held-out photos, dB.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_corner: Option<f64>,
-    /// PSNR of one fitted colour per triangle on the same photos once they were fitted to as well, dB.
+    /// The same after colours were fitted to these photos as well, dB.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_flat_seen: Option<f64>,
-    /// By how much fitting raises the PSNR on photos that neither training nor fitting has seen, estimated, dB.
+    /// Estimated gain of PSNR on photos that neither training nor fitting has seen, dB.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_gain: Option<f64>,
     /// Photos left out because their mean error is far from that of the others; absent when there are none.
@@ -128,7 +128,7 @@ pub fn refit(
     let end_of_pass = |pass: u32| f64::from(pass) / f64::from(options.refit_passes);
     let mut first = progress.part(0.0, end_of_pass(1));
     let Some(which) = first_pass(mesh, views, options.refit, &mut accumulator, details, &mut first)? else {
-        // What is said of them is said of the scene's, which were trained.
+        // The note is about the scene's own colours, which were trained.
         backdrop::paint(mesh, behind, &accumulator.fit);
         return Ok(match behind < mesh.face_count() {
             true => Outcome::Changed(()),
@@ -155,7 +155,7 @@ pub fn refit(
     Ok(Outcome::Changed(()))
 }
 
-/// Adds all photos, held-out ones last. Returns which colours to fit; `None` when those that are there are better.
+/// Adds all photos, held-out ones last. Returns which colours to fit; `None` when the scene's own are better.
 fn first_pass(
     mesh: &mut Mesh,
     views: &mut Views,
@@ -183,8 +183,8 @@ fn first_pass(
     Ok(is_better.then(|| evaluation.best()))
 }
 
-/// Photos whose mean error is far from what is usual: taken with another exposure, or of something else. None
-/// when half of them are. `means` has one entry per photo.
+/// Photos whose mean error is unusual: taken with another exposure, or of something else. None when half of
+/// all are. `means` has one entry per photo.
 fn outliers(means: &[[f32; 3]]) -> Vec<usize> {
     let median = |values| median(values, f32::total_cmp).unwrap_or(0.0);
     let limits = [0, 1, 2].map(|channel: usize| {

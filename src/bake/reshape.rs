@@ -1,18 +1,20 @@
-//! Fits opaque triangles to what the scene looked like while it was soft, or to the photos.
+//! Fits opaque triangles to pictures of the soft scene, or to photos.
 //!
-//! A soft picture is a blend of many faint triangles; made solid, the nearest of them hide all others. This stage
-//! searches for the opaque scene that looks most like the pictures, without gradients. In every round it
+//! A soft picture blends many faint triangles. When they become solid, the nearest ones hide all others. This
+//! stage searches, without gradients, for the opaque scene that looks most like the pictures. In every round
+//! it
 //!
 //! 1. gives each triangle the mean colour of the pixels that show it;
-//! 2. moves a corner of each triangle at random, and keeps the move if the pictures are matched better with it;
-//! 3. in some rounds cuts the triangles with the largest error in two, as long as there are not more than at first;
-//! 4. drops the triangles without which the pictures are matched better.
+//! 2. moves a corner of each triangle at random, and keeps the move if it matches the pictures better;
+//! 3. in some rounds cuts the triangles with the largest error in two, up to the original number of
+//! triangles;
+//! 4. drops triangles if the pictures are matched better without them.
 //!
-//! One drawing per picture decides about all triangles at once: each is in one of four groups with a z-buffer of their
-//! own, and what a sample shows without a triangle, or with it moved, is the nearest of the other groups and of the
-//! moved one.
+//! One drawing per picture decides about all triangles at once: each belongs to one of four groups, and each
+//! group has a z-buffer. The picture without a triangle is the nearest sample of the other groups; with the
+//! triangle moved, it is the nearest of these and the moved one.
 //!
-//! In a scene that a shell closes no hole is opened: the pictures do not show it from everywhere.
+//! In a scene closed by a shell no hole is opened, because the pictures do not show every direction.
 //!
 //! The cost of a round is that of its drawings, so large scenes get fewer pictures in a round, and fewer rounds.
 
@@ -42,7 +44,7 @@ const MOST_CUT: f64 = 0.2;
 pub enum ReshapeWhen {
     /// When the scene is soft
     Auto,
-    /// Always, if there are photos or cameras: solid scenes lose triangles and gain little
+    /// Always, with photos or cameras: solid scenes lose triangles and gain little
     Always,
     /// Never
     Off,
@@ -60,7 +62,7 @@ pub struct ReshapeOptions {
 }
 
 impl ReshapeOptions {
-    /// For soft scenes, as many rounds as gain something for their time.
+    /// For soft scenes; more rounds gain little for their time.
     pub const DEFAULT: Self = Self { reshape: ReshapeWhen::Auto, reshape_rounds: 16 };
     /// None.
     pub const OFF: Self = Self { reshape: ReshapeWhen::Off, ..Self::DEFAULT };
@@ -79,13 +81,13 @@ impl Default for ReshapeOptions {
     }
 }
 
-/// What fitting did; empty when nothing was fitted.
+/// The result of fitting; empty when nothing was fitted.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct ReshapeDetails {
     /// Rounds made.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rounds: Option<u32>,
-    /// PSNR of the triangles as they came, in the pictures of the first round with one sample per pixel, dB.
+    /// PSNR of the original triangles, on the pictures of the first round with one sample per pixel, dB.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_first: Option<f64>,
     /// The same in the last round, before its changes, dB.
@@ -106,16 +108,16 @@ impl StageDetails for ReshapeDetails {
     const STAGE: &'static str = "reshape";
 }
 
-/// What is known of a scene that is fitted.
+/// Known facts about the scene.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct SceneTraits {
     /// It was soft.
     pub is_soft: bool,
-    /// It has a shell all around: no view should show nothing.
+    /// A shell closes it: no view should show holes.
     pub is_closed: bool,
 }
 
-/// Fits the triangles of `mesh` to `views`; there are never more than at first.
+/// Fits the triangles of `mesh` to `views`, without increasing their number.
 ///
 /// Errors: an option out of range, a photo that cannot be decoded.
 pub fn reshape(
@@ -139,7 +141,7 @@ pub fn reshape(
     };
     let [recolored, fitted] = fit(mesh, views, traits, effort, details, progress, pace)?;
     let chosen = views.evenly_spaced(EVALUATION_VIEWS);
-    // With few pictures per triangle a round may spoil what the others need.
+    // With few pictures per triangle, a round may spoil triangles for the other pictures.
     let (fitted_psnr, secs) = pace.timed(|| views.mean_psnr(&fitted, &chosen));
     pace.learn_solid(secs / chosen.len() as f64);
     if fitted_psnr? < views.mean_psnr(&recolored, &chosen)? {
@@ -150,7 +152,7 @@ pub fn reshape(
     Ok(Outcome::Changed(()))
 }
 
-/// Why there is nothing to do, as far as that is known without pictures.
+/// Why there is nothing to do, if this is known without pictures.
 fn nothing_to_do(mesh: &Mesh, traits: SceneTraits, options: &ReshapeOptions) -> Option<&'static str> {
     match options.reshape {
         ReshapeWhen::Off => Some("`reshape` off"),
@@ -161,7 +163,7 @@ fn nothing_to_do(mesh: &Mesh, traits: SceneTraits, options: &ReshapeOptions) -> 
     }
 }
 
-/// How much is looked at; `None` when there is no time for enough rounds.
+/// The effort per round; `None` when there is no time for enough rounds.
 fn affordable_effort(
     mesh: &Mesh,
     views: &Views,
@@ -183,7 +185,8 @@ fn affordable_effort(
     }
 }
 
-/// Makes the rounds, as many as `pace` has time for; returns the triangles that came, recoloured, and the fitted ones.
+/// Makes the rounds that `pace` has time for; returns the original triangles, recoloured, and the fitted
+/// ones.
 fn fit(
     mesh: &Mesh,
     views: &mut Views,
@@ -196,7 +199,7 @@ fn fit(
     let (most, view_count) = (effort.rounds, views.len());
     let mut faces = ReshapedFaces::new(mesh);
     let mut rounds = Rounds::new(mesh, views, traits.is_closed);
-    // Colours first: what changes do is judged by them.
+    // Colours first, because changes are judged with them.
     let (found, mut secs) = pace.timed(|| rounds.draw(0, effort, &faces, &[]));
     let found = found?;
     faces.recolor(&found);
@@ -249,7 +252,7 @@ impl Changes {
         if effort.cuts(round) {
             self.cut += faces.cut(&found, most, MOST_CUT);
         }
-        // Last, as what was found is by the places of the faces.
+        // Last, because results are stored by index of face.
         self.dropped += faces.drop_harmful(&found);
         Ok(found.psnr())
     }

@@ -1,4 +1,4 @@
-//! A bake as a program asks for one.
+//! The bake, called by a program.
 
 use super::options::BakeOptions;
 use super::pace::BakePace;
@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::report::{Observer, Report};
 use crate::scene::Loaded;
 
-/// What an engine draws of a scene: the whole recipe, without photos. [`Bake`] takes photos, several inputs, a
+/// Bakes a scene for an engine: the whole recipe, without photos. [`Bake`] takes photos, several inputs, a
 /// report and an observer.
 ///
 /// Errors: options out of range, nothing left to draw.
@@ -35,7 +35,7 @@ pub fn bake(scene: impl Into<Loaded>, options: &BakeOptions) -> Result<Asset> {
     Bake::new(options).run([scene])
 }
 
-/// A bake with everything it can take beside a scene.
+/// A bake with all optional inputs.
 ///
 /// ```
 /// # use glam::Vec3;
@@ -73,28 +73,28 @@ impl<'a> Bake<'a> {
         Self { options, views: None, report: None, observer: None, pace: None }
     }
 
-    /// Photos of the scene, if there are any; without them the cameras that came with the scene, if any, decide what
-    /// is visible. Their cameras are left in the frame of the scene.
+    /// Photos of the scene. Without them the cameras stored in the scene, if any, decide visibility. The
+    /// photos' cameras are left in the frame of the scene.
     pub fn photos(self, views: impl Into<Option<&'a mut Views>>) -> Self {
         Self { views: views.into(), ..self }
     }
 
-    /// Where to record what every stage did.
+    /// Records the result of every stage.
     pub fn report(self, report: &'a mut Report) -> Self {
         Self { report: Some(report), ..self }
     }
 
-    /// What is notified when stages start and end.
+    /// Is notified when stages start and end.
     pub fn observer(self, observer: &'a mut dyn Observer) -> Self {
         Self { observer: Some(observer), ..self }
     }
 
-    /// What keeps the bake of a soft scene to a budget.
+    /// Keeps the bake of a soft scene to a budget.
     pub fn pace(self, pace: &'a mut BakePace) -> Self {
         Self { pace: Some(pace), ..self }
     }
 
-    /// Bakes `inputs`, merged, into what an engine draws.
+    /// Merges `inputs` and bakes them for an engine.
     ///
     /// Errors: options out of range, inputs that do not merge, nothing left to draw, photos that cannot be read or do
     /// not show the scene.

@@ -1,9 +1,10 @@
 //! The shell of a trained scene as its backdrop.
 //!
-//! Training closes a scene with a shell of triangles where it has no points. Part of the scene, it would be an opaque ball around it for
-//! whoever looks from outside, as every viewer does that frames a file. As the backdrop it is seen from within only. Which triangles are
-//! the shell of a training is known since they were made, and never guessed from where they lie: [`Mesh::shell`]. Other programs close
-//! their scenes with sky domes and environment balls, and no file says so: those are recognised by four signs that no wall shows.
+//! Training closes a scene with a shell of triangles where it has no points. As part of the scene, the shell
+//! would be an opaque ball for viewers, which look from outside. As the backdrop it is visible from within
+//! only. Training flags the triangles of its shell ([`Mesh::shell`]); they are never guessed from their
+//! place. Other programs close their scenes with sky domes without such a flag. These are recognised by four
+//! signs that no wall shows.
 
 use super::backdrop::BackdropWhen;
 use crate::camera::Camera;
@@ -12,10 +13,10 @@ use crate::mesh::Mesh;
 use crate::scene::Scene;
 use glam::Vec3;
 
-/// A budget of triangles keeps a shell as it is when it is worth this many of them.
+/// A shell stays whole if the budget of triangles is at least this many times its size.
 const LEAST_SHELLS: u64 = 8;
 
-/// Says of the far shell of a soup that it is one, where no file says what closes the scene.
+/// Flags the far shell of a soup whose file has no flags.
 pub(super) fn recognise_shell(scene: &mut Scene, when: BackdropWhen) {
     let Scene::Soup(soup) = scene else { return };
     if when == BackdropWhen::Off || soup.shell_count() > 0 {
@@ -45,8 +46,9 @@ pub(super) fn take_shell(mesh: &mut Mesh, cameras: &[Camera]) -> Mesh {
     shell
 }
 
-/// The faces of the shell in `mesh` that stay, whatever is seen of them: a surface with holes wherever no camera looks closes nothing. All of them,
-/// unless the mesh is larger than `budget` and they are no small part of that: smaller budgets are spent on what cameras see. `[F]`
+/// The faces of the shell in `mesh` that stay even if unseen, because a shell with holes closes nothing. All
+/// of them, unless the mesh is larger than `budget` and the shell takes a large part of it: small budgets are
+/// spent on visible triangles. `[F]`
 pub(super) fn spared(mesh: &Mesh, budget: Option<u64>) -> Vec<bool> {
     let count = mesh.shell.iter().filter(|shell| **shell).count() as u64;
     let spares = match budget.filter(|most| *most < mesh.face_count() as u64) {
@@ -82,7 +84,7 @@ mod tests {
     #[test]
     fn the_shell_is_taken_and_turned_inward_and_what_leans_against_it_stays() {
         let mut mesh = scene(1);
-        // In the very plane of a triangle of the shell: only the flag tells them apart.
+        // In the plane of a triangle of the shell: only the flag tells them apart.
         let leaning = Mesh { shell: Vec::new(), ..scene(0).part(&[0]) };
         mesh.append(leaning.clone()).unwrap();
         let shell = take_shell(&mut mesh, &[]);

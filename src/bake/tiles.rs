@@ -7,9 +7,10 @@
 //!     ▢▢▢▢ …                level 0: all triangles
 //! ```
 //!
-//! Levels are those of [`lod`](super::lod), made of the whole scene, so that a triangle of a tile is also in the tiles
-//! below it and neighbours agree along their border. Space is cut by the finest level: twice in halves of equal count
-//! for each step down, so that all tiles hold about as many triangles. Triangles belong to the tile of their centroid.
+//! Levels are those of [`lod`](super::lod), made from the whole scene. So a triangle of a tile is also in the
+//! tiles below it, and neighbours agree along their border. Space is cut by the triangles of the finest
+//! level: twice into halves of equal count for each step down, so all tiles hold about equal numbers.
+//! Triangles belong to the tile of their centroid.
 
 use super::cells::Cells;
 use crate::asset::{Asset, Tile};
@@ -19,15 +20,15 @@ use crate::ranges::{self, Called};
 use crate::report::{Outcome, StageDetails};
 use rayon::prelude::*;
 
-/// Most levels below the root: 4^12 tiles of the least size hold more triangles than 32 bits count.
+/// Most levels below the root: 4^12 tiles of the least size exceed 32-bit counts of triangles.
 const MOST_LEVELS: u32 = 12;
 
 /// How the scene is cut into tiles.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TilesOptions {
-    /// Write 3D Tiles 1.1 that stream: OUT.tileset.json and a folder OUT.tiles of GLB files; what -o OUT.tileset.json
-    /// does by itself
+    /// Write 3D Tiles 1.1 that stream: OUT.tileset.json and a folder OUT.tiles of GLB files; -o
+    /// OUT.tileset.json implies it
     pub tiles: bool,
     /// Most triangles in a tile, 1000 or more
     #[schemars(range(min = 1000))]
@@ -35,7 +36,7 @@ pub struct TilesOptions {
 }
 
 impl TilesOptions {
-    /// No tiles; when there are, of as many triangles as 16-bit indices reach the corners of.
+    /// No tiles; their default size is the largest that 16-bit indices can address.
     pub const DEFAULT: Self = Self { tiles: false, tile_triangles: 21_845 };
 
     /// Checks the range.
@@ -43,7 +44,7 @@ impl TilesOptions {
         ranges::check("tiles", self, Called::ByFlag)
     }
 
-    /// Shares of the triangles that the levels below the finest have, for a scene of `faces` triangles.
+    /// Shares of the triangles in the levels coarser than the finest, for a scene of `faces` triangles.
     pub fn shares(&self, faces: usize) -> Vec<f64> {
         let most = f64::from(self.tile_triangles);
         let fits = |levels: u32| faces as f64 / 4f64.powi(levels as i32) <= most;
@@ -127,9 +128,10 @@ fn tile(levels: &[Level], level: usize, cell: u64) -> Tile {
         0 => Vec::new(),
         _ => (0..4).map(|i| tile(levels, level - 1, 4 * cell + i)).filter(|tile| !tile.is_empty()).collect(),
     };
-    // A triangle that grew may have its centroid where the scene itself has none: nothing would ever replace it.
+    // An enlarged triangle may have its centroid where the scene itself has none: no finer tile would replace
+    // it.
     let mesh = if level > 0 && children.is_empty() { Mesh::default() } else { levels[level].part(cell) };
-    // What is drawn in place of finer tiles leaves out at least as much as these do.
+    // A coarser tile leaves out at least as much as the finer tiles that it replaces.
     let below = children.iter().map(|tile| tile.error).fold(0.0, f64::max);
     let error = if level == 0 { 0.0 } else { Tile::error_of(mesh.detail()).max(below) };
     Tile { mesh, error, children }

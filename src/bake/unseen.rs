@@ -1,9 +1,9 @@
-//! Visibility culling: drops the triangles that the solid rasteriser shows in no photo, or hardly.
+//! Visibility culling: drops triangles that the solid rasteriser draws in no photo, or hardly.
 //!
-//! Triangles are ranked by the area they cover in all photos together, after everything in front of them, in pixels.
-//! Those that lie outside every picture are kept, as nothing is known to hide them: who turns around sees them. So are
-//! those hidden from every camera when they are few: they weigh nothing, and close gaps that show from elsewhere.
-//! With a budget of triangles, those that are visible are then ranked by importance (see [`super::decimate`]).
+//! Triangles are ranked by the area they cover in all photos together, after everything in front of them, in
+//! pixels. Triangles outside every picture are kept, because nothing hides them from other views. Hidden
+//! triangles are kept when they are few: they cost little, and close gaps in other views. With a budget of
+//! triangles, the visible ones are then ranked by importance (see [`super::decimate`]).
 
 use super::decimate::Decimation;
 use super::views::{SAMPLES, Views};
@@ -14,22 +14,22 @@ use crate::mesh::Mesh;
 use crate::report::{Outcome, StageDetails, StageProgress};
 use rayon::prelude::*;
 
-/// Samples per pixel along each axis when only what no camera sees is dropped: a plain bake of our own soup must not
-/// take long.
+/// Samples per pixel along each axis when only unseen triangles are dropped: a plain bake of our own soup
+/// must be fast.
 const SAMPLES_AT_LEAST: u32 = 1;
 /// Hidden triangles stay when they are at most this share of all.
 const FEW_HIDDEN: f64 = 0.05;
-/// Of what photos see of a triangle, at least this share must lie in pixels that count.
+/// At least this share of a triangle's visible area must lie in unmasked pixels.
 const LEAST_COUNTED: f32 = 0.5;
-/// Photos that the curve of error against triangles is measured on.
+/// Number of photos for the curve of error against triangles.
 const CURVE_VIEWS: usize = 12;
-/// With `max_error` about one triangle in this many stays at least.
+/// With `max_error`, at least about one triangle in this many stays.
 const FEWEST: usize = 64;
-/// Where in a decimation's progress everything was drawn, and ...
+/// Progress of a decimation when visibility is known, and ...
 const DRAWING_PART: f64 = 0.1;
-/// ... where corners begin to move.
+/// ... when corners begin to move.
 const MOVING_PART: f64 = 0.3;
-/// Halvings of the interval in which the cut lies.
+/// Halvings of the interval that contains the cut.
 const CURVE_STEPS: usize = 9;
 
 /// Which triangles the photos need.
@@ -44,7 +44,7 @@ pub struct UnseenOptions {
     /// Remove the least important triangles until the PSNR on the photos has fallen by this much, dB
     #[schemars(range(min = 0.0))]
     pub max_error: Option<f64>,
-    /// After visible triangles were removed: move corners of the others to hide the gaps
+    /// After visible triangles were removed, move corners of the others to cover the gaps
     pub enlarge: bool,
 }
 
@@ -59,7 +59,7 @@ impl Default for UnseenOptions {
     }
 }
 
-/// What was found out about visibility; empty without cameras.
+/// Measurements of visibility; empty without cameras.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct UnseenDetails {
     /// Triangles that no camera sees.
@@ -68,7 +68,7 @@ pub struct UnseenDetails {
     /// How many of those lie outside every picture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outside: Option<u64>,
-    /// Triangles dropped because photos see them where masks say that nothing counts; only with masks that are ignored.
+    /// Triangles dropped because photos see them mostly in masked pixels; only with `--masks ignore`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub masked: Option<u64>,
     /// PSNR against the number of triangles, in the order tried; only with `max_error`.
@@ -83,7 +83,7 @@ impl StageDetails for UnseenDetails {
     const STAGE: &'static str = "unseen";
 }
 
-/// How well some of the triangles match the photos.
+/// The score of the most important triangles.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct CurvePoint {
     /// Triangles kept, the most important ones.
@@ -97,11 +97,12 @@ pub struct CurvePoint {
 pub struct FaceLimit {
     /// Largest number of faces kept: the most important ones. None: no limit.
     pub most: Option<u64>,
-    /// Faces that stay as they are, whatever is seen of them; fewer than may stay, and empty for none. `[F]`
+    /// Faces that stay unchanged even if unseen; fewer than may stay, and empty for none. `[F]`
     pub spared: Vec<bool>,
 }
 
-/// Drops what `cameras`, those of `views` if there are photos, do not see of `mesh`, and more as long as it has more faces than `limit` permits.
+/// Drops faces of `mesh` that `cameras` do not see (those of `views` if there are photos), and more until
+/// `limit` is met.
 ///
 /// Errors: an option out of range, a photo that cannot be decoded, no triangle in any view.
 pub fn unseen(
@@ -137,7 +138,7 @@ pub fn unseen(
     let hidden = ranked.len() - visible - outside;
     let kept_unseen =
         if hidden as f64 <= FEW_HIDDEN * ranked.len() as f64 { outside + hidden } else { outside };
-    // Seen enough, of all that are seen.
+    // Faces that are seen enough come first among the seen ones.
     let seen = match options.keep_unseen {
         true => visible,
         false => ranked[..visible]
@@ -146,7 +147,7 @@ pub fn unseen(
     };
     let needed = if options.keep_unseen || visible == 0 { ranked.len() } else { seen + kept_unseen };
     if needed < ranked.len() {
-        // Those kept come before those hardly seen.
+        // Kept ones come before hardly seen ones.
         ranked[seen..visible + kept_unseen].rotate_left(visible - seen);
     }
     let [seen, needed] = spared_first(&mut ranked, &limit.spared, [seen, needed]);
@@ -176,8 +177,8 @@ pub fn unseen(
     Ok(Outcome::Changed(()))
 }
 
-/// Drops the triangles that photos see where their masks say that nothing counts, and hardly elsewhere: whatever was trained there was never compared with
-/// anything. Returns how many; `None` without such masks, and with `keep_unseen`.
+/// Drops triangles that photos see mostly in masked pixels, where training never compared them with anything.
+/// Returns how many; `None` without such masks, and with `keep_unseen`.
 ///
 /// Errors: a photo that cannot be decoded.
 pub fn masked(
@@ -192,7 +193,7 @@ pub fn masked(
     let shares = counted_share(mesh, views, SAMPLES, progress)?;
     let stays = |share: &Option<f32>| share.is_none_or(|share| share >= LEAST_COUNTED);
     let kept: Vec<u32> = (0..).zip(&shares).filter(|(_, share)| stays(share)).map(|(face, _)| face).collect();
-    // Masks that leave nothing are not masks of this scene.
+    // Masks that would remove everything are not masks of this scene.
     if kept.is_empty() {
         return Ok(Some(0));
     }
@@ -212,7 +213,7 @@ fn spared_first<const N: usize>(ranked: &mut [u32], spared: &[bool], ends: [usiz
     ends
 }
 
-/// Puts those of `faces` first that lie outside every picture, the order unchanged otherwise; returns how many.
+/// Puts `faces` outside every picture first, the order unchanged otherwise; returns how many.
 fn outside_first(mesh: &Mesh, cameras: &[Camera], faces: &mut [u32]) -> usize {
     let is_outside = |&face: &u32| {
         let [a, b, c] = mesh.corners(face as usize);
@@ -228,7 +229,7 @@ fn outside_first(mesh: &Mesh, cameras: &[Camera], faces: &mut [u32]) -> usize {
     outside.iter().filter(|out| **out).count()
 }
 
-/// Why there is nothing to do, as far as that is known before anything is drawn. At most `most` triangles may stay.
+/// Why there is nothing to do, if this is known before drawing. At most `most` triangles may stay.
 fn nothing_to_do(
     mesh: &Mesh,
     cameras: &[Camera],
@@ -242,7 +243,7 @@ fn nothing_to_do(
     keeps_all.then_some("`keep_unseen`")
 }
 
-/// All faces, those of the largest visible area first; of equals the larger first. `[F]`
+/// All faces, sorted by visible area, largest first; ties go to the larger face. `[F]`
 fn rank_by_visibility(mesh: &Mesh, visible_area: &[f32]) -> Vec<u32> {
     let area = |f: u32| mesh.area(f as usize);
     let mut ranked: Vec<u32> = (0..visible_area.len() as u32).collect();
@@ -262,7 +263,7 @@ fn check(options: &UnseenOptions) -> Result<()> {
     Ok(())
 }
 
-/// How many of `ranked` must stay so that the PSNR on the photos is at most `db` below that of all of them.
+/// How many of `ranked` must stay for a PSNR on the photos at most `db` below that of all.
 fn fewest_within(
     mesh: &Mesh,
     views: &mut Views,

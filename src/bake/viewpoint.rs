@@ -1,6 +1,7 @@
-//! Where the file is looked at from first: from where its photos show the subject best, or from around it where no photo is known.
+//! The first viewpoint of the file: the camera of the photo that shows the subject best or, without photos, a
+//! place around it.
 //!
-//! Last but for what only concerns the file: what is seen is what was left, and level is what was placed.
+//! Runs late, because it needs the final triangles, upright as placed.
 
 use crate::asset::Asset;
 use crate::camera::Camera;
@@ -11,7 +12,7 @@ use glam::Vec3;
 /// What was chosen.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct ViewpointDetails {
-    /// The number of the photo that was taken there, counted from 0; absent when none was.
+    /// Number of the photo taken there, counted from 0; absent for other viewpoints.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub photo: Option<u64>,
     /// Share of the picture that shows the subject; absent when nothing was chosen.
@@ -23,8 +24,8 @@ impl StageDetails for ViewpointDetails {
     const STAGE: &'static str = "viewpoint";
 }
 
-/// Chooses the viewpoint of `asset`, which is placed: +y is up. `cameras` are those of photos in its frame. Without any, what the
-/// input said is kept.
+/// Chooses the viewpoint of `asset`, which is placed with +y up. `cameras` are those of photos in its frame.
+/// Without any, the input's viewpoint is kept.
 pub fn viewpoint(asset: &mut Asset, cameras: &[Camera], details: &mut ViewpointDetails) -> Outcome<()> {
     if cameras.is_empty() && asset.provenance.viewpoint.is_some() {
         return Outcome::Unneeded(

@@ -1,5 +1,5 @@
-//! The photos a bake may look at, or pictures in their place: what they show decides how important a triangle is and
-//! which colour it has.
+//! The photos of a bake, or pictures that replace them: they decide the importance and the colour of a
+//! triangle.
 
 use crate::asset::Placement;
 use crate::camera::Camera;
@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 /// Near plane as a share of the median distance from the cameras to the middle of the scene, as in training.
 const NEAR: f32 = 0.01;
-/// Samples per pixel along each axis when a choice depends on what is seen.
+/// Samples per pixel along each axis when a choice depends on the picture.
 pub const SAMPLES: u32 = 2;
 
 /// Training photos of a data set, or drawn pictures, with their cameras in the frame of the scene that is baked.
@@ -25,18 +25,18 @@ pub const SAMPLES: u32 = 2;
 pub struct Views {
     cameras: Vec<Camera>,
     points: Vec<Vec3>,
-    /// Cameras and points as they were read, in the world of the photos less `origin`.
+    /// Cameras and points as they were read, in the world of the photos minus `origin`.
     read: (Vec<Camera>, Vec<Vec3>),
     origin: DVec3,
     photos: Photos,
     background: [f32; 3],
-    /// Share of the pictures that is scene, when they are not photos.
+    /// Share of the pictures that shows the scene, when they are not photos.
     drawn: Option<f64>,
-    /// Some photos have pixels that do not count.
+    /// Some photos have masked pixels.
     masked: bool,
-    /// Photos of an object before nothing. `[views]`
+    /// Photos of an object without background. `[views]`
     cut: Vec<bool>,
-    /// What photos are corrected by; empty: nothing.
+    /// The photos' corrections; empty for none.
     exposures: Exposures,
 }
 
@@ -60,8 +60,8 @@ impl Views {
         }
     }
 
-    /// Pictures that were drawn for `cameras` in the frame of the scene, over black; their alpha is the part of each
-    /// pixel that triangles cover.
+    /// Pictures drawn for `cameras` in the frame of the scene, over black; their alpha is the covered share
+    /// of each pixel.
     pub fn drawn(cameras: Vec<Camera>, pictures: Vec<Pixels>) -> Self {
         let (mut covered, mut all) = (0, 0);
         for picture in &pictures {
@@ -85,12 +85,12 @@ impl Views {
         }
     }
 
-    /// True when some photos have pixels that do not count.
+    /// True when some photos have masked pixels.
     pub fn are_masked(&self) -> bool {
         self.masked
     }
 
-    /// True when a photo shows an object before nothing: see [`Photo::is_cut`].
+    /// True when a photo shows an object without background: see [`Photo::is_cut`].
     pub fn is_cut(&self, view: usize) -> bool {
         self.cut.get(view).is_some_and(|cut| *cut)
     }
@@ -105,7 +105,7 @@ impl Views {
         self.drawn.is_some()
     }
 
-    /// Share of the pictures that is scene, 0 to 1; photos show it everywhere.
+    /// Share of the pictures that shows the scene, 0 to 1; 1 for photos.
     pub fn covered(&self) -> f64 {
         self.drawn.unwrap_or(1.0)
     }
@@ -125,7 +125,7 @@ impl Views {
         &self.cameras
     }
 
-    /// The points that the poses were found with, if the data set has any.
+    /// The points of the photos' reconstruction, if the data set has any.
     pub fn points(&self) -> &[Vec3] {
         &self.points
     }
@@ -147,8 +147,9 @@ impl Views {
         self.cameras.iter().map(|c| c.position().distance(center)).fold(0.0, f32::max)
     }
 
-    /// Transforms cameras and points from the world of the photos into the frame of a file that was placed in it. Those of
-    /// drawn pictures are there already. They may serve several bakes, one after the other.
+    /// Transforms cameras and points from the world of the photos into the frame of a file that was placed in
+    /// it. Those of drawn pictures are in that frame already. The views may serve several bakes, one after
+    /// the other.
     pub fn transform(&mut self, placement: &Placement) {
         if self.drawn.is_some() {
             return;
@@ -169,8 +170,8 @@ impl Views {
         self.photos.prefetch(views.iter().copied());
     }
 
-    /// A photo; its alpha says how much each pixel counts, of one that is cut how much of it the object covers. Fails when its file
-    /// cannot be decoded.
+    /// A photo. Its alpha is the weight of each pixel or, for a photo that is cut, the share covered by the
+    /// object. Fails when its file cannot be decoded.
     pub fn photo(&mut self, view: usize) -> Result<Arc<Pixels>> {
         let photo = self.taken(view)?;
         Ok(match self.is_cut(view) && photo.alpha.is_some() {
@@ -185,12 +186,12 @@ impl Views {
         Ok(self.exposures.correct(view, &photo).map_or(photo, Arc::new))
     }
 
-    /// Photos are as others of the set would show them from now on.
+    /// Corrects photos from now on.
     pub fn correct_by(&mut self, exposures: Exposures) {
         self.exposures = exposures;
     }
 
-    /// Photos are as they were taken from now on.
+    /// Stops correcting photos.
     pub fn take_as_they_are(&mut self) {
         self.exposures = Exposures::default();
     }
@@ -217,7 +218,7 @@ impl Views {
             };
             sum += match cut {
                 false => psnr(&photo, options.background),
-                // Over black and over white, so that neither colour can stand for nothing.
+                // Over black and over white, so that neither colour passes for background.
                 true => {
                     let of =
                         |code: u8| (photo.over_instead_of_black([code; 3]), [f32::from(code) / 255.0; 3]);
@@ -230,7 +231,8 @@ impl Views {
     }
 }
 
-/// How `cameras` draw `mesh`: the near plane is a hundredth of the way to its middle, the background black.
+/// How `cameras` draw `mesh`: with the near plane a hundredth of the way to its middle, and a black
+/// background.
 pub fn drawing(cameras: &[Camera], mesh: &Mesh, samples: u32) -> SolidRasterOptions {
     let count = mesh.vertex_count().max(1);
     let middle = mesh.positions.iter().map(|v| v.as_dvec3()).sum::<DVec3>() / count as f64;

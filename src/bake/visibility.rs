@@ -1,4 +1,4 @@
-//! How much of each face cameras see.
+//! Visible area of each face.
 
 use super::views::{self, Views};
 use crate::camera::Camera;
@@ -7,7 +7,7 @@ use crate::mesh::Mesh;
 use crate::raster::solid::{NO_FACE, Solid};
 use crate::report::StageProgress;
 
-/// The area of each face that all cameras together see, after everything in front of it, px. `[F]`
+/// The visible area of each face in all cameras together, px. `[F]`
 ///
 /// `samples_along`: samples per pixel along each axis.
 pub fn visible_px(
@@ -31,7 +31,7 @@ pub fn visible_px(
     samples.into_iter().map(|n| (n as f64 * per_sample) as f32).collect()
 }
 
-/// The share of what photos see of each face that lies in pixels that count by their masks; `None` of what no photo sees. `[F]`
+/// The share of each face's visible area in unmasked pixels; `None` for faces that no photo sees. `[F]`
 ///
 /// `samples_along`: as for [`visible_px`]. Errors: a photo that cannot be decoded.
 pub fn counted_share(

@@ -18,7 +18,7 @@ pub enum WeldWhen {
     Off,
 }
 
-/// Whether corners that agree become one vertex.
+/// Whether equal corners become one vertex.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WeldOptions {
@@ -29,7 +29,7 @@ pub struct WeldOptions {
 impl WeldOptions {
     /// When it makes the file smaller.
     pub const DEFAULT: Self = Self { weld: WeldWhen::Auto };
-    /// Does not try: a trained soup never has shared corners.
+    /// Does not try, because a trained soup never has shared corners.
     pub const FAST: Self = Self { weld: WeldWhen::Off };
 }
 
@@ -39,10 +39,10 @@ impl Default for WeldOptions {
     }
 }
 
-/// What was found out about corners.
+/// Measurements of corners.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct WeldDetails {
-    /// Distinct corners as a share of all, of a sample when there are many; only when `weld` is auto.
+    /// Share of distinct corners, in a sample when there are many; only when `weld` is auto.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unique_corners: Option<f64>,
 }
@@ -51,8 +51,8 @@ impl StageDetails for WeldDetails {
     const STAGE: &'static str = "weld";
 }
 
-/// Welds `mesh`. Afterwards, whatever the options, the mesh is one an engine can draw: without indices,
-/// or with indices and colours per vertex. A mesh whose faces share vertices already keeps its indices.
+/// Welds `mesh`. With any options, an engine can draw the result: it has no indices, or indices with colours
+/// per vertex. A mesh whose faces share vertices already keeps its indices.
 pub fn weld(mesh: &mut Mesh, options: &WeldOptions, details: &mut WeldDetails) -> Result<Outcome<()>> {
     if mesh.positions.is_empty() {
         return Ok(Outcome::Unneeded("there are no corners"));
@@ -81,13 +81,13 @@ pub fn weld(mesh: &mut Mesh, options: &WeldOptions, details: &mut WeldDetails) -
 const VERTEX_BYTES: f64 = 20.0;
 /// Bytes of an index in a GLB of more than 65,535 vertices.
 const INDEX_BYTES: f64 = 4.0;
-/// Up to this many corners are all counted; of more, those whose hash starts with six zero bits.
+/// Up to this number all corners are counted; beyond it, only those whose hash starts with six zero bits.
 const SAMPLED_ABOVE: usize = 1 << 16;
 
-/// True when `mesh`, which has no indices, gets smaller with them or welding was asked for.
+/// True when `mesh`, which has no indices, gets smaller with them, or when welding was requested.
 ///
-/// Counts the corners that hash to a 64th of all values: equal corners are all in the sample or all
-/// out of it, so their share is measured without bias and without welding first.
+/// Counts the corners that hash to a 64th of all values: equal corners are all in the sample or all outside
+/// it, so their share is unbiased and needs no welding.
 fn pays(mesh: &Mesh, options: &WeldOptions, details: &mut WeldDetails) -> bool {
     match options.weld {
         WeldWhen::On => return true,

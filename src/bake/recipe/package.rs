@@ -28,18 +28,18 @@ impl Recipe<'_> {
     /// The part of the recipe that prepares a mesh for a file.
     pub(super) fn package(&mut self, mesh: Mesh, mut provenance: Provenance) -> Result<Asset> {
         let options = self.options;
-        // In the frame of the cameras, and before faces are put where their order matters.
+        // In the frame of the cameras, and before stages that order faces.
         let (watching, facing) = (&self.watching, self.facing.as_deref());
         let mesh = self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
             lit(mesh, watching, facing, &options.lit, details)
         })?;
 
-        // Before placing, while equal corners are still equal to the bit.
+        // Before placing, while equal corners are still bitwise equal.
         let mesh = self
             .report
             .stage(self.observer, mesh, count_mesh, |mesh, details| weld(mesh, &options.weld, details))?;
 
-        // Before anything with boxes in it, whose numbers must be those of the file.
+        // Before stages with boxes, which must use the coordinates of the file.
         let placed = &mut self.placement;
         let points = self.views.as_deref().map_or(&[][..], |views| views.points());
         let known = Evidence { cameras: &self.cameras, points };
@@ -54,7 +54,7 @@ impl Recipe<'_> {
         provenance.generator = Some(generator());
         let asset = Asset { mesh, provenance, ..Asset::default() };
 
-        // Before cuts, which change nothing that is seen.
+        // Before cuts, which change nothing visible.
         let asset = self.look(asset)?;
 
         // Cuts first: a hierarchy and an order are only useful inside the runs that an engine skips.
@@ -64,7 +64,7 @@ impl Recipe<'_> {
         let asset = self
             .report
             .stage(self.observer, asset, Asset::counts, |asset, details| bvh(asset, &options.bvh, details))?;
-        // Last: it leaves the leaf order of a hierarchy alone.
+        // Last: it keeps the leaf order of a hierarchy.
         let asset = self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
             order(asset, &options.order, details)
         })?;
@@ -72,7 +72,7 @@ impl Recipe<'_> {
         Ok(asset)
     }
 
-    /// Where the file is looked at from first; its levels from where the scene is.
+    /// The first viewpoint; levels share that of the scene.
     fn look(&mut self, asset: Asset) -> Result<Asset> {
         let placement = self.placement.unwrap_or_default();
         let cameras = self.cameras.iter().map(|camera| placed::to_file(camera, &placement, DVec3::ZERO));
@@ -90,7 +90,7 @@ impl Recipe<'_> {
         Ok(asset)
     }
 
-    /// Coarser copies of the scene, each painted and packaged as the scene was.
+    /// Coarser copies of the scene, each painted and packaged like the scene.
     pub(super) fn levels(
         &mut self,
         source: &LevelSource<'_>,
@@ -99,7 +99,7 @@ impl Recipe<'_> {
     ) -> Result<Vec<Asset>> {
         let in_tiles = self.options.tiles.tiles;
         let mut of_levels = match in_tiles {
-            // They are cut once more, so chunks and a hierarchy would be of no use.
+            // They are cut again into tiles, so chunks and a hierarchy would be useless.
             true => {
                 BakeOptions { chunk: ChunkOptions::FAST, bvh: BvhOptions::DEFAULT, ..self.options.clone() }
             }
@@ -123,7 +123,8 @@ impl Recipe<'_> {
                 facing: facing.clone(),
                 ..of_level
             };
-            // A level is to look like the scene wherever it is alone, so it has the same backdrop; only tiles share one.
+            // A level drawn alone must look like the scene, so it has the same backdrop; only tiles share
+            // one.
             let faces = level.face_count();
             behind.clone().map_or(Ok(()), |backdrop| level.append(backdrop))?;
             let mut level = of_level.paint(level, faces)?;

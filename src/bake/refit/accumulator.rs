@@ -8,12 +8,12 @@ use crate::mesh::Mesh;
 use crate::raster::solid::{Solid, SolidRasterOptions};
 use crate::report::StageProgress;
 
-/// Number of photos at which the first pass is half coupled. Neighbours that share a pixel share its residual: with many
-/// photos that is sharper; with few of them one triangle makes up for the error of another, which looks wrong from
-/// elsewhere.
+/// Number of photos at which the first pass is half coupled. Coupled neighbours share the residual of their
+/// pixel. With many photos this is sharper. With few photos one triangle corrects the error of another, which
+/// looks wrong from other places.
 const HALF_COUPLED: f32 = 40.0;
 
-/// Renders the scene from one photo's place after the other, and adds what the photo shows to the normal equations.
+/// Renders the scene from each photo's camera, and adds the photo's pixels to the normal equations.
 pub(super) struct Accumulator {
     solid: Solid,
     drawing: SolidRasterOptions,

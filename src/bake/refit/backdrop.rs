@@ -1,15 +1,16 @@
-//! The colours of the backdrop, solved together: it is one closed surface, and much of it is seen by few photos or by none.
+//! The colours of the backdrop, solved together: it is one closed surface, and few or no photos show much of
+//! it.
 //!
-//! Fitted triangle by triangle its colours jump from one to the next, and those that no photo shows keep whatever they began with. Here
-//! corners at one vertex pull each other, and so do those of one triangle. What photos show of a triangle outweighs both; what none
-//! shows is between its neighbours:
+//! Colours fitted triangle by triangle jump from one to the next, and stay unchanged where no photo looks.
+//! Here corners at one vertex pull each other, and so do those of one triangle. Photos outweigh both pulls;
+//! without photos a colour lies between its neighbours:
 //!
 //! ```text
 //! minimise Σ_pixels (photo - drawn(e))² + μ Σ_vertices Σ_k (e_k - ē_vertex)² + λ Σ_triangles Σ_k (e_k - ē_triangle)²
 //! ```
 //!
-//! The matrix is symmetric and positive definite, so conjugate gradients solve it, one channel after the other. Both weights are by
-//! photos left out of captures: `docs/benchmarks/history-bake.md`.
+//! The matrix is symmetric and positive definite, so conjugate gradients solve it, one channel after the
+//! other. Both weights were chosen on photos left out of captures: `docs/benchmarks/history-bake.md`.
 
 use super::fit::{Equations, Fit};
 use crate::math::color::{linear_from_srgb, srgb_from_linear};
@@ -20,15 +21,17 @@ use std::collections::HashMap;
 const SEAM_PX: f64 = 100.0;
 /// λ: pull of the corners of a triangle towards their mean, px.
 const FLATNESS_PX: f64 = 3.0;
-/// A corner stays where it was as if that had been right on this many pixels: what nothing pulls keeps its colour.
+/// Weight of a corner's present colour, in pixels: corners without any pull keep their colour.
 const DAMPING_PX: f64 = 1e-3;
-/// Weight of a triangle's own colour without photos, pixels: enough to keep its mean, not enough to keep its edges.
+/// Weight of a triangle's own colour without photos, in pixels: enough to keep its mean, too little to keep
+/// its edges.
 const TRUSTED_PX: f64 = 300.0;
-/// Most steps of conjugate gradients; a thousandth of the residual is reached long before.
+/// Most steps of conjugate gradients; the residual falls to a thousandth long before.
 const STEPS: usize = 400;
 const RESIDUAL: f64 = 1e-4;
 
-/// Gives the backdrop of `mesh`, its faces from `behind` on, the colours that are best for all of them together; `fit` holds what photos show of them.
+/// Gives the backdrop of `mesh`, its faces from `behind` on, the colours that are best for all of them
+/// together; `fit` holds the sums of the photos.
 pub(super) fn paint(mesh: &mut Mesh, behind: usize, fit: &Fit) {
     if behind < mesh.face_count() {
         let solved = solve(mesh, behind, fit.sums(behind), fit.encoded(behind));
@@ -37,7 +40,7 @@ pub(super) fn paint(mesh: &mut Mesh, behind: usize, fit: &Fit) {
     }
 }
 
-/// Takes the mosaic out of a shell, one colour for each triangle, that no photo is there to say more of.
+/// Smooths a shell of one colour per triangle when there are no photos.
 pub(in crate::bake) fn smooth_shell(shell: &mut Mesh) {
     let encoded = |face| shell.corner_colors(face).map(|corner| corner.map(srgb_from_linear));
     let smoothed = smooth(shell, &(0..shell.face_count()).map(encoded).collect::<Vec<_>>());
@@ -47,14 +50,15 @@ pub(in crate::bake) fn smooth_shell(shell: &mut Mesh) {
 /// Colours of the corners of some faces, sRGB-encoded. `[face][corner][channel]`
 type CornerColors = Vec<[[f32; 3]; 3]>;
 
-/// Better colours for the faces from `first` on, which are `encoded`; `sums` holds what photos show of them.
+/// Better colours for the faces from `first` on, which have the colours `encoded`; `sums` are those of the
+/// photos.
 fn solve(mesh: &Mesh, first: usize, sums: &[Equations], encoded: &[[[f32; 3]; 3]]) -> CornerColors {
     let matrices = sums.iter().map(|sums| sums.matrix().map(f64::from)).collect();
     let system = System { matrices, ..System::of(mesh, first) };
     system.improved(encoded, |face, corner, channel| f64::from(sums[face].right()[corner][channel]))
 }
 
-/// The colours of a backdrop without seams, where no photo says more of them.
+/// The seamless colours of a backdrop without photos.
 fn smooth(mesh: &Mesh, encoded: &[[[f32; 3]; 3]]) -> CornerColors {
     // The mean over a triangle of the products of its barycentric weights.
     let [own, other] = [TRUSTED_PX / 6.0, TRUSTED_PX / 12.0];
@@ -62,9 +66,9 @@ fn smooth(mesh: &Mesh, encoded: &[[[f32; 3]; 3]]) -> CornerColors {
     System { matrices, ..System::of(mesh, 0) }.improved(encoded, |_, _, _| 0.0)
 }
 
-/// What pulls the colours of corners.
+/// The pulls on the colours of corners.
 struct System {
-    /// What photos say, 00 01 02 11 12 22. `[face]`
+    /// The matrix of the photos, 00 01 02 11 12 22. `[face]`
     matrices: Vec<[f64; 6]>,
     /// The vertex at each corner. `[3 face]`
     vertices: Vec<u32>,
@@ -73,7 +77,7 @@ struct System {
 }
 
 impl System {
-    /// Corners are at one vertex where their positions are equal to the bit.
+    /// Corners are at one vertex if their positions are bitwise equal.
     fn of(mesh: &Mesh, first: usize) -> Self {
         let mut known: HashMap<[u32; 3], u32> = HashMap::new();
         let mut counts: Vec<f64> = Vec::new();
@@ -91,7 +95,8 @@ impl System {
         Self { matrices: Vec::new(), vertices, counts }
     }
 
-    /// The colours from which nothing pulls any more; `right` is what photos show beyond those that are there.
+    /// The colours at which all pulls balance; `right` is the residual of the photos with the present
+    /// colours.
     fn improved(
         &self,
         encoded: &[[[f32; 3]; 3]],
@@ -100,7 +105,7 @@ impl System {
         let mut better = encoded.to_vec();
         for channel in 0..3 {
             let now: Vec<f64> = encoded.iter().flatten().map(|corner| f64::from(corner[channel])).collect();
-            // What the corners pull each other by already.
+            // The present pulls between corners.
             let mut wanted = self.pull(&now, 0.0);
             for (i, wanted) in wanted.iter_mut().enumerate() {
                 *wanted = right(i / 3, i % 3, channel) - *wanted;
@@ -113,7 +118,7 @@ impl System {
         better
     }
 
-    /// The matrix of all pulls but the damping times `x`; what photos say counts `photos`.
+    /// The matrix of all pulls except damping, times `x`; the photos have the weight `photos`.
     fn pull(&self, x: &[f64], photos: f64) -> Vec<f64> {
         let mut means = vec![0.0; self.counts.len()];
         for (x, vertex) in x.iter().zip(&self.vertices) {

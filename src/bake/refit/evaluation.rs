@@ -1,4 +1,4 @@
-//! How well colours match photos that the fit has not seen, and which colours are best.
+//! Scores of colours on photos that the fit has not seen, and the choice of the best colours.
 
 use super::fit::Fit;
 use super::options::RefitColors;
@@ -8,7 +8,7 @@ use crate::mesh::{Colors, Mesh};
 
 /// PSNR on held-out photos, dB.
 pub(super) struct Evaluation {
-    /// Of the colours that are there, whose trainer has usually seen these photos.
+    /// Of the scene's own colours; training has usually seen these photos.
     pub(super) before: f64,
     /// Of one fitted colour per triangle.
     pub(super) flat: f64,
@@ -30,9 +30,9 @@ impl Evaluation {
         if self.flat > self.corner { RefitColors::Flat } else { RefitColors::Corner }
     }
 
-    /// What the best fitted colours gain on photos that neither training nor fitting has seen, estimated. `flat_seen`
-    /// is the PSNR of flat colours on the held-out photos once they were fitted to those as well: the colours that
-    /// are there are taken to owe as much to having seen them.
+    /// The estimated gain of the best fitted colours on photos that neither training nor fitting has seen.
+    /// `flat_seen` is the PSNR of flat colours on the held-out photos after fitting to these as well: the
+    /// scene's own colours are assumed to gain as much from having seen them.
     pub(super) fn gain(&self, flat_seen: f64) -> f64 {
         let unseen_before = self.before - (flat_seen - self.flat).max(0.0);
         self.flat.max(self.corner) - unseen_before

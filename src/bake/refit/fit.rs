@@ -5,9 +5,9 @@ use crate::math::color::{linear_from_srgb, srgb_from_linear};
 use crate::mesh::{Colors, Mesh};
 use rayon::prelude::*;
 
-/// Colours change as if they had been right on this many more pixels (damping).
+/// Weight of the present colours, in pixels (damping).
 const DAMPING_PX: f32 = 0.25;
-/// An area below this is what rounding leaves of photos that were taken back, px.
+/// A smaller area is a rounding error of photos that were subtracted again, px.
 const LEAST_PX: f32 = 1e-3;
 /// Faces per task of the thread pool.
 const TASK_FACES: usize = 1 << 12;
@@ -22,7 +22,7 @@ pub(super) struct Equations {
 }
 
 impl Equations {
-    /// Adds a sample that counts as `share` of a pixel.
+    /// Adds a sample with the weight `share` of a pixel.
     #[inline(always)]
     pub(super) fn add(&mut self, weights: &[f32; 3], residual: &[f32; 3], share: f32) {
         let [a, b, c] = *weights;
@@ -91,8 +91,8 @@ impl Equations {
         [0, 1, 2].map(|k| corners[k] + step[k])
     }
 
-    /// Solves (matrix + λ (1 - J/3) + τ) x = right for the three corners, J all ones: λ holds corners together,
-    /// τ > 0, the damping, holds them where they are. Positive definite.
+    /// Solves (matrix + λ (1 - J/3) + τ) x = right for the three corners, J all ones: λ pulls corners
+    /// together, and the damping τ > 0 pulls them to their present values. Positive definite.
     fn solve(&self, flatness: f32, damping: f32, right: [f32; 3]) -> [f32; 3] {
         let [a, b, c, d, e, f] = self.matrix.map(f64::from);
         let (own, other) = (f64::from(flatness * 2.0 / 3.0 + damping), f64::from(flatness / 3.0));
@@ -135,7 +135,7 @@ impl Fit {
         }
     }
 
-    /// Linear colour of a face where its corners have these barycentric weights.
+    /// Linear colour of a face at these barycentric weights.
     #[inline(always)]
     pub(super) fn linear(&self, face: u32, weights: &[f32; 3]) -> [f32; 3] {
         let [a, b, c] = &self.linear[face as usize];

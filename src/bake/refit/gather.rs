@@ -1,4 +1,4 @@
-//! Equations what one photo shows of every triangle it sees.
+//! The equations of one photo for every triangle that it sees.
 
 use super::fit::{Equations, Fit};
 use crate::camera::Camera;
@@ -13,12 +13,12 @@ use rayon::prelude::*;
 const BANDS: usize = 8;
 /// Most samples of a pixel.
 const MOST_SAMPLES: usize = 16;
-/// Residuals above this, sRGB-encoded, count as this much: reflections and passers-by (Huber).
+/// Larger residuals, sRGB-encoded, count linearly (Huber): reflections and passers-by.
 const MOST_RESIDUAL: f32 = 0.15;
 /// The slot of a face without sums.
 const NO_SLOT: u32 = u32::MAX;
 
-/// A photo and what the rasteriser sees from its place.
+/// A photo, and the scene rasterised from its camera.
 pub(super) struct Observation<'a> {
     pub(super) mesh: &'a Mesh,
     pub(super) camera: &'a Camera,
@@ -26,14 +26,14 @@ pub(super) struct Observation<'a> {
     pub(super) visibility: &'a Visibility,
     /// sRGB-encoded.
     pub(super) background: [f32; 3],
-    /// How much of a sample's residual is that of its whole pixel; the rest is that of its own colour.
+    /// The share of a sample's residual that comes from its whole pixel; the rest comes from its own colour.
     pub(super) coupling: f32,
 }
 
 /// Equations of one band, kept from photo to photo.
 #[derive(Debug, Clone)]
 struct Band {
-    /// Where in `sums` and `corners` a face is. `[F]`
+    /// The slot of a face in `sums` and `corners`. `[F]`
     slots: Vec<u32>,
     sums: Vec<(u32, Equations)>,
     corners: Vec<FaceBarycentrics>,
@@ -125,7 +125,7 @@ impl<'a> Pass<'a> {
         let first = faces(0);
         if (1..n * n).all(|i| faces(i) == first) {
             if first != NO_FACE {
-                // What is seen is the colour in the middle: the mean of colours that change evenly.
+                // The colour in the middle is the mean of colours that change linearly.
                 let slot = self.slot(first);
                 let middle = self.barycentrics.weights_in_pixel(&self.band.corners[slot as usize], x, y);
                 self.spread(&[(slot, middle)], photo, weight);
@@ -175,7 +175,7 @@ impl<'a> Pass<'a> {
         }
     }
 
-    /// Where the sums of a face are.
+    /// The place of a face's sums.
     fn slot(&mut self, face: u32) -> u32 {
         let slot = &mut self.band.slots[face as usize];
         if *slot == NO_SLOT {
@@ -187,7 +187,8 @@ impl<'a> Pass<'a> {
     }
 }
 
-/// What a photo shows more of than a linear colour, sRGB-encoded; the colour is rounded to 8 bits, as an engine does.
+/// The difference of a photo's colour from a linear colour, sRGB-encoded; the colour is rounded to 8 bits, as
+/// an engine does.
 #[inline(always)]
 fn residual(photo: [u8; 3], linear: [f32; 3]) -> [f32; 3] {
     let mut residual = [0.0; 3];
@@ -197,7 +198,7 @@ fn residual(photo: [u8; 3], linear: [f32; 3]) -> [f32; 3] {
     residual
 }
 
-/// The residual that a sample is fitted to, between that of its pixel and that of its own colour, each bounded.
+/// The residual for a sample: a mix of those of its pixel and of its own colour, each bounded.
 #[inline(always)]
 fn coupled(pixel: [f32; 3], own: [f32; 3], coupling: f32) -> [f32; 3] {
     let bounded = |error: f32| error.clamp(-MOST_RESIDUAL, MOST_RESIDUAL);

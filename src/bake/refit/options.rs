@@ -7,7 +7,7 @@ use crate::ranges::{self, Called};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum RefitColors {
-    /// The best on held-out photos: one colour per triangle, three, or the present ones
+    /// Whichever is best on held-out photos: one colour per triangle, three, or the scene's own
     Auto,
     /// One colour per triangle
     Flat,
@@ -31,7 +31,7 @@ pub struct RefitOptions {
 }
 
 impl RefitOptions {
-    /// Chooses what is best; one pass.
+    /// Chooses the best colours; one pass.
     pub const DEFAULT: Self = Self { refit: RefitColors::Auto, refit_flatness: 4.0, refit_passes: 1 };
 
     pub(super) fn validate(&self) -> Result<()> {

@@ -1,42 +1,43 @@
-//! How much is looked at: the cost of a round is that of its drawings, so large scenes get fewer.
+//! The effort of each round: its cost is that of its drawings, so large scenes get fewer pictures.
 
 use crate::camera::Camera;
 
-/// Pictures that a round looks at, if it can; the next round looks at others.
+/// Preferred number of pictures per round; the next round uses others.
 const ROUND_VIEWS: u64 = 48;
-/// Longest side of the pictures, px: finer detail than this is not fitted.
+/// Longest side of the pictures, px: finer detail is not fitted.
 const LONGEST_SIDE: u32 = 960;
-/// That of scenes of few triangles, ...
+/// The same for scenes of few triangles, ...
 const SHORTEST_SIDE: u32 = 128;
 /// ... which need this many pixels per triangle.
 const PIXELS_PER_FACE: f64 = 32.0;
-/// Samples of a round per triangle: with more, its effect is known no better.
+/// Samples of a round per triangle: more do not measure its effect better.
 const ENOUGH_SAMPLES: u64 = 192;
-/// With fewer pictures, triangles would be fitted to a few of them only.
+/// With fewer pictures, triangles would be fitted to only a few views.
 const FEWEST_VIEWS: u64 = 12;
-/// Large scenes get fewer rounds than this, whether or not more are asked for.
+/// Large scenes get fewer rounds than this, even if more are requested.
 const USUAL_ROUNDS: u32 = 16;
 /// With fewer, nothing would be gained.
 const FEWEST_ROUNDS: u32 = 4;
-/// Triangles and samples that a round may draw, on average.
+/// Most triangles and samples drawn per round, on average.
 const MOST_DRAWN: u64 = 12_500_000;
 /// Triangles are cut once per this many rounds, ...
 const CUT_EVERY: u32 = 3;
-/// ... but not in the last rounds, because the halves must still move: only within this share of the rounds.
+/// ... but only within this first share of the rounds, because the halves must still move.
 const CUT_UNTIL: f64 = 0.8;
 
-/// How many rounds there are, and which pictures each looks at.
+/// The number of rounds, and the pictures of each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Effort {
     pub(super) rounds: u32,
-    /// A round looks at one picture in this many.
+    /// A round uses one picture in this many.
     pub(super) stride: usize,
     /// Longest side of the pictures, px.
     pub(super) side: u32,
 }
 
 impl Effort {
-    /// For `faces`: as many pictures per round as show enough of each face; for large scenes fewer, and then fewer rounds.
+    /// For `faces`: enough pictures per round to show each face; large scenes get fewer pictures, and then
+    /// fewer rounds.
     pub(super) fn new(faces: usize, cameras: &[Camera], rounds: u32) -> Self {
         let side = ((PIXELS_PER_FACE * faces as f64).sqrt() as u32).clamp(SHORTEST_SIDE, LONGEST_SIDE);
         let (faces, views) = (faces as u64, cameras.len() as u64);
@@ -52,14 +53,14 @@ impl Effort {
         Self { rounds: affordable.min(rounds), stride: views.div_ceil(per_round) as usize, side }
     }
 
-    /// The same with a number of rounds that a request for that number gives again.
+    /// The same, with a number of rounds that gives itself when requested.
     pub(super) fn settled(self, faces: usize, cameras: &[Camera]) -> Self {
         let again = Self::new(faces, cameras, self.rounds);
         if again == self { self } else { again.settled(faces, cameras) }
     }
 
-    /// The same with as near to `wanted` rounds as it gets, when `done` rounds are made: with that many, they would have cut what
-    /// they have cut.
+    /// The same, with the number of rounds closest to `wanted` for which the `done` rounds would have made
+    /// the same cuts.
     pub(super) fn corrected(self, done: u32, wanted: u32) -> Self {
         let with = |rounds: u32| Self { rounds, ..self };
         let same = |rounds: u32| (0..done).all(|round| with(rounds).cuts(round) == self.cuts(round));

@@ -8,12 +8,12 @@ use glam::Vec3;
 
 /// Weight of a face's own colour, in samples.
 const PRIOR_SAMPLES: f64 = 2.0;
-/// Samples that a face must show so that each half of it shows some.
+/// Least samples of a face before it is cut, so that each half shows some.
 const CUT_SAMPLES: f64 = 8.0;
 
-/// Unconnected triangles, one colour each. Those of the shell get colours and no more: it stays closed.
+/// Unconnected triangles, one colour each. The shell only gets colours, so it stays closed.
 pub(super) struct ReshapedFaces {
-    /// Names that stay while faces come and go: random sequences depend on them. `[F]`
+    /// Permanent names of faces, for random sequences. `[F]`
     ids: Vec<u32>,
     next_id: u32,
     /// `[F]`
@@ -66,7 +66,7 @@ impl ReshapedFaces {
             .collect()
     }
 
-    /// Gives every face that was seen the mean colour of the pixels that show it.
+    /// Gives every visible face the mean colour of the pixels that show it.
     pub(super) fn recolor(&mut self, found: &Found) {
         for (i, color) in self.colors.iter_mut().enumerate() {
             let face = found.face(i);
@@ -78,7 +78,7 @@ impl ReshapedFaces {
         }
     }
 
-    /// Moves corners where that lowers the error; returns how many.
+    /// Moves corners if this lowers the error; returns how many.
     pub(super) fn keep_moves(&mut self, found: &Found, candidates: Vec<[Vec3; 3]>) -> u64 {
         let mut moves = 0;
         for (i, candidate) in candidates.into_iter().enumerate() {
@@ -90,12 +90,12 @@ impl ReshapedFaces {
         moves
     }
 
-    /// Drops the faces without which the error is lower; returns how many. Faces that `found` does not know stay.
+    /// Drops faces if the error is lower without them; returns how many. Faces not in `found` stay.
     pub(super) fn drop_harmful(&mut self, found: &Found) -> u64 {
         let before = self.len();
         let stays = |i: usize| i >= found.len() || self.shell[i] || !found.face(i).is_harmful();
         let kept: Vec<usize> = (0..before).filter(|&i| stays(i)).collect();
-        // A scene of no triangles at all is no scene.
+        // At least one triangle must stay.
         if !kept.is_empty() {
             self.ids = kept.iter().map(|&i| self.ids[i]).collect();
             self.corners = kept.iter().map(|&i| self.corners[i]).collect();
@@ -105,8 +105,8 @@ impl ReshapedFaces {
         (before - self.len()) as u64
     }
 
-    /// Cuts faces in two across their longest edge, those of the largest error first and a share `most` of all at most,
-    /// as long as there are no more than `budget`; the new ones are the last. Returns how many.
+    /// Cuts faces in two across their longest edge, those with the largest error first: at most the share
+    /// `most` of all, and at most `budget` faces afterwards. New faces come last. Returns how many.
     pub(super) fn cut(&mut self, found: &Found, budget: usize, most: f64) -> u64 {
         let is_good = |i: &usize| !self.shell[*i] && !found.face(*i).is_harmful();
         let staying = (0..self.len()).filter(|i| self.shell[*i] || is_good(i)).count();
@@ -138,7 +138,7 @@ impl ReshapedFaces {
     }
 }
 
-/// The two halves of a triangle on both sides of the median to its longest edge.
+/// The two halves of a triangle, cut along the median to its longest edge.
 fn halves(corners: [Vec3; 3]) -> [[Vec3; 3]; 2] {
     let edge = |k: usize| corners[(k + 1) % 3].distance_squared(corners[(k + 2) % 3]);
     let opposite = (1..3).fold(0, |best, k| if edge(k) > edge(best) { k } else { best });

@@ -1,11 +1,11 @@
-//! What a round found out about every triangle, summed from many threads.
+//! A round's measurements of every triangle, summed from many threads.
 
 use std::sync::atomic::{AtomicI64, Ordering::Relaxed};
 
 /// Units per squared difference in integer sums. Integers, because their sums do not depend on the order.
 pub(super) const UNITS: f64 = (1u64 << 24) as f64;
 
-/// What a round found out about all faces.
+/// Measurements of all faces.
 pub(super) struct Found {
     pub(super) rows: Vec<FaceRow>,
     /// Squared error of all samples.
@@ -14,7 +14,7 @@ pub(super) struct Found {
     pub(super) weight: f64,
 }
 
-/// What a round found out about a face.
+/// Measurements of a face.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct FoundFace {
     /// Samples that show it.
@@ -23,14 +23,14 @@ pub(super) struct FoundFace {
     pub(super) rgb: [f64; 3],
     /// Sum of the squared errors there.
     pub(super) error: f64,
-    /// By how much the squared error changes without the face.
+    /// Change of the squared error without the face.
     pub(super) removing: f64,
-    /// By how much it changes when the face moves.
+    /// Change of the squared error when the face moves.
     pub(super) moving: f64,
 }
 
 impl FoundFace {
-    /// The pictures are matched better without it.
+    /// The pictures are matched better without the face.
     pub(super) fn is_harmful(&self) -> bool {
         self.removing < 0.0
     }
@@ -54,7 +54,7 @@ impl Found {
         FoundFace { samples, rgb: [r, g, b], error, removing, moving }
     }
 
-    /// PSNR of the scene as it was drawn, dB, if anything was looked at.
+    /// PSNR of the scene as drawn, dB, if there were pictures.
     pub(super) fn psnr(&self) -> Option<f64> {
         let mse = self.error / (3.0 * self.weight);
         (self.weight > 0.0).then(|| -10.0 * mse.max(1e-10).log10())

@@ -1,4 +1,4 @@
-//! One round: what dropping or moving each triangle would change in the pictures.
+//! One round: measures how the pictures change if a triangle is dropped or moved.
 
 use super::effort::Effort;
 use super::faces::ReshapedFaces;
@@ -14,10 +14,11 @@ use std::sync::atomic::AtomicI64;
 
 /// Samples per pixel along each axis.
 const SAMPLES: u32 = 1;
-/// Squared error of a sample that shows nothing, in a scene that is closed all around: larger than that of any colour, so
-/// that no hole is opened, which would gape from elsewhere.
+/// Squared error of an empty sample in a scene that is closed all around. It exceeds that of any colour, so
+/// no hole is opened, which other views would show.
 const HOLE_ERROR: f32 = 100.0;
-/// Squared error of a sample on the wrong side of the outline of an object that photos show before nothing: that of grey on black.
+/// Squared error of a sample on the wrong side of the outline of an object without background: that of grey
+/// on black.
 const OUTLINE_ERROR: f32 = 0.75;
 
 /// Draws the rounds.
@@ -29,13 +30,13 @@ pub(super) struct Rounds<'v> {
 }
 
 impl<'v> Rounds<'v> {
-    /// Of a scene that starts as `mesh`; `is_closed`: no view should show nothing.
+    /// Of a scene that starts as `mesh`; `is_closed`: no view should show holes.
     pub(super) fn new(mesh: &Mesh, views: &'v mut Views, is_closed: bool) -> Self {
         Self { drawing: views.drawing(mesh, SAMPLES), views, solid: Solid::new(), is_closed }
     }
 
-    /// Looks at some of the pictures, in every round at others: at the scene, and at the scene with its faces in the places
-    /// of `candidates`, if there are any.
+    /// Compares some of the pictures, different ones in every round, with the scene and, if given, with its
+    /// faces moved to `candidates`.
     ///
     /// Errors: a photo that cannot be decoded.
     pub(super) fn draw(
@@ -81,16 +82,16 @@ impl<'v> Rounds<'v> {
     }
 }
 
-/// One picture, and the sums that its samples are added to.
+/// One picture, and the sums for its samples.
 struct PictureSums<'a> {
     picture: &'a Pixels,
     /// sRGB-encoded. `[F]`
     colors: &'a [[f32; 3]],
     /// sRGB-encoded.
     background: [f32; 3],
-    /// What a sample without a face costs in place of its difference from the background.
+    /// Error of a sample without a face, instead of its difference from the background.
     hole_error: Option<f32>,
-    /// The picture shows an object before nothing: what reaches beyond it is as wrong as a hole in it.
+    /// The picture shows an object without background: a face outside it is as wrong as a hole in it.
     cut: bool,
     /// There are candidates, in planes of their own.
     moves: bool,
@@ -132,7 +133,7 @@ impl PictureSums<'_> {
         let groups = [0, 1, 2, 3].map(|group| tile.nearest(group, x, y));
         let [before, behind] = Nearest::two_of(groups);
         let old = self.face_of(before);
-        // A hole that is there is only as bad as it looks: what happens to close it should look right too.
+        // An existing hole counts by its colour, so that a face that closes it must look right too.
         let old_error = if old == NO_FACE { empty } else { error(old) };
         if old != NO_FACE {
             let row = &self.rows[old as usize];
@@ -145,12 +146,12 @@ impl PictureSums<'_> {
             return old_error;
         }
         for (group, &unmoved) in groups.iter().enumerate() {
-            // What is nearest when this group has moved.
+            // The nearest face after this group has moved.
             let others = if unmoved == before { behind } else { before };
             let after = others.max(tile.nearest(GROUPS + group, x, y));
             let new = self.face_of(after);
             if new != old {
-                // A face that moved in, or the one that moved away.
+                // A face that moved here, or the one that moved away.
                 let moved_in = new != NO_FACE && after.face() as usize >= self.colors.len();
                 let whose = if moved_in { new } else { old };
                 self.rows[whose as usize].add(MOVING, error(new) - old_error);
