@@ -1,8 +1,8 @@
 //! Where the scene is stored and optimised while it trains.
 //!
-//! There are two backends, [`CpuBackend`](super::cpu::CpuBackend) and, with the feature `gpu`, one on a graphics card
-//! (`train::gpu::GpuBackend`); `tests/train_gpu` holds them together. Only the inner loop belongs to a backend: refinement takes
-//! the state out, runs the one implementation there is, and puts it back.
+//! There are two backends, [`CpuBackend`](super::cpu::CpuBackend) and, with the feature `gpu`, one on a
+//! graphics card (`train::gpu::GpuBackend`); `tests/train_gpu` compares them. A backend runs only the inner
+//! loop. Refinement exists once: it takes the state out, changes it and puts it back.
 
 use super::params::{Params, TrainState};
 use super::schedule::Rates;
@@ -13,27 +13,27 @@ use crate::raster::soft::{Frame, Importance, SoftOptions};
 use glam::UVec2;
 use std::borrow::Cow;
 
-/// A photo as one step sees it.
+/// A photo of one step.
 #[derive(Debug, Clone, Copy)]
 pub struct StepPhoto<'a> {
     /// The camera, in training space, at the photo's size.
     pub camera: &'a Camera,
-    /// The pixels; alpha says how much each counts. `[H * W]`
+    /// The pixels; alpha is the weight of each. `[H * W]`
     pub pixels: &'a Pixels,
     /// The photo is drawn for the first time since the visibility statistics were reset.
     pub first: bool,
-    /// Its name, for a backend that keeps photos; `None`: it does not come again.
+    /// Its name, for a backend that keeps photos; `None` for a photo of one step only.
     pub id: Option<PhotoId>,
 }
 
-/// A photo at a size and an exposure: the same one has the same pixels for a whole run.
+/// Identifies a photo at a size and an exposure. Equal names have the same pixels for a whole run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct PhotoId {
     /// Which photo.
     pub index: usize,
     /// How often it was halved.
     pub level: u32,
-    /// Which of the corrections of its exposure it has; 0 for none.
+    /// Number of the correction of its exposure; 0 for none.
     pub corrected: u32,
 }
 
@@ -46,23 +46,23 @@ pub struct StepStats {
     pub mse: f64,
     /// Triangles whose gradient was not finite and therefore dropped.
     pub dropped: u64,
-    /// Triangles that were updated: with `rates.sparse` those that had a gradient, else all.
+    /// Updated triangles: with `rates.sparse` those with a gradient, else all.
     pub touched: u64,
 }
 
-/// How visible every triangle was since [`TrainBackend::take_visibility`] was last called.
+/// Visibility of every triangle since the last call of [`TrainBackend::take_visibility`].
 #[derive(Debug, Clone, Default)]
 pub struct BackendVisibility {
     /// In photos drawn for the first time.
     pub first: Importance,
     /// In photos drawn again.
     pub again: Importance,
-    /// Squared error of the pixels, shared out by weight, in units of 2^-20 px: whole numbers, so that the sum
-    /// is the same however it is broken up. `[N]`
+    /// Squared error of the pixels, shared out by weight, in units of 2^-20 px: integers, so that the sum
+    /// does not depend on its order. `[N]`
     pub error: Vec<u64>,
 }
 
-/// How large a run becomes, for the memory it will take.
+/// The final size of a run, which determines its memory.
 #[derive(Debug, Clone, Copy)]
 pub struct RunSize {
     /// Triangles at most.
@@ -79,12 +79,13 @@ pub struct RunSize {
 pub trait TrainBackend {
     /// Moves a state in.
     fn load(&mut self, state: TrainState) -> Result<()>;
-    /// Draws, compares, differentiates and updates the parameters once, or has it done: a backend may be some steps behind, and
-    /// catches up before it gives anything else away. An error may be that of an earlier step.
+    /// Draws, compares, differentiates and updates the parameters once. A backend may run some steps behind;
+    /// it catches up before it returns other data. An error may come from an earlier step.
     fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<()>;
-    /// Figures of the steps that are done, each once, in the order of the steps; with `all`, it waits for those that are not.
+    /// Figures of finished steps, each once, in the order of the steps; with `all`, it waits for unfinished
+    /// ones.
     fn figures(&mut self, all: bool) -> Result<Vec<StepStats>>;
-    /// The visibility of the steps since the last call, which is reset.
+    /// Returns and resets the visibility since the last call.
     fn take_visibility(&mut self) -> Result<BackendVisibility>;
     /// Moves the state out; [`TrainBackend::load`] must follow before the next step.
     fn store(&mut self) -> Result<TrainState>;
@@ -94,15 +95,16 @@ pub trait TrainBackend {
     fn can_be_lost(&self) -> bool {
         false
     }
-    /// The state as it was last loaded, when [`TrainBackend::store`] fails or the loading did. After that there is none.
+    /// The last loaded state, for when [`TrainBackend::store`] or the loading failed. It can be taken once.
     fn rescued(&mut self) -> Option<TrainState> {
         None
     }
-    /// True where [`TrainBackend::picture`] draws what is held, and sooner than the CPU.
+    /// True where [`TrainBackend::picture`] draws the scene faster than the CPU.
     fn draws(&self) -> bool {
         false
     }
-    /// What `camera`, in training space, sees as the scene is drawn with `drawing` at a step of `rates`: colour and transmittance.
+    /// The view of `camera`, in training space, drawn with `drawing` at a step of `rates`: colour and
+    /// transmittance.
     fn picture(&mut self, _camera: &Camera, _drawing: &SoftOptions, _rates: &Rates) -> Result<Frame> {
         Err(Error::Gpu("the CPU draws pictures of a soup".into()))
     }

@@ -1,8 +1,9 @@
-//! Checkpoints: everything a run needs to go on bit for bit, in one safetensors file.
+//! Checkpoints: everything a run needs to continue bitwise, in one safetensors file.
 //!
 //! Tensors are the raw parameters, both Adam moments and the visibility statistics, little-endian;
-//! `__metadata__.trisplat` is a JSON text with the step, the options and what else is not an array. It begins with the format
-//! and the XXH3 checksum of the whole file, as sixteen hexadecimal digits, taken with zeros in their place.
+//! `__metadata__.trisplat` is a JSON text with the step, the options and all other values that are not
+//! arrays. It begins with the format and the XXH3 checksum of the whole file: sixteen hexadecimal digits,
+//! computed with zeros in their place.
 
 mod checksum;
 
@@ -28,10 +29,10 @@ use std::collections::HashMap;
 use std::io::Write;
 use std::path::Path;
 
-/// The layout written and read; it changes whenever a key or an array does.
+/// Number of the layout; it changes whenever a key or an array does.
 const FORMAT: u32 = 11;
 
-/// exp of more is no finite f32.
+/// Larger numbers have no finite f32 exponential.
 const MOST_RAW_SIGMA: f32 = 88.0;
 
 /// A run between two steps.
@@ -61,11 +62,11 @@ pub struct CheckpointMeta {
     pub pinned: usize,
     /// Number of these that are frozen: see [`TrainState::frozen`].
     pub frozen: usize,
-    /// The core of the part that is trained, where one is.
+    /// The core, when only a part is trained.
     pub core: Option<Core>,
-    /// What is known of the photos' exposures.
+    /// The photos' exposures.
     pub light: Light,
-    /// The photos, cameras and points it is trained on.
+    /// The photos, cameras and points of the training.
     pub identity: RunIdentity,
     /// Gradients dropped because they were not finite.
     pub dropped: u64,
@@ -73,7 +74,7 @@ pub struct CheckpointMeta {
     pub curve: Vec<TrainSample>,
     /// CPU seconds used so far.
     pub cpu_secs: f64,
-    /// What a run under a budget knows of its costs.
+    /// The known costs of a run with a budget.
     pub pace: Option<Pace>,
 }
 
@@ -83,7 +84,7 @@ impl CheckpointMeta {
         Space { center: Vec3::from_array(self.space.0), scale: self.space.1 }
     }
 
-    /// Fails unless a run could have been here.
+    /// Fails unless a run can have this state.
     fn validate(&self, path: &Path) -> Result<()> {
         let bad = |reason: String| Error::malformed(path, "__metadata__", reason);
         self.options.validate().map_err(|error| bad(error.to_string()))?;
@@ -91,7 +92,7 @@ impl CheckpointMeta {
             return Err(bad(format!("is after step {} of {}", self.step, self.options.steps)));
         }
         let (center, scale) = self.space;
-        // Files are in the world, which is this space divided by its scale.
+        // Files store world coordinates, those of this space divided by its scale.
         if !(all_finite(&center) && scale.is_finite() && scale > 0.0 && scale.recip().is_finite()) {
             return Err(bad(format!("has a scene of centre {center:?} and scale {scale}")));
         }
@@ -107,7 +108,7 @@ struct MetaText<T> {
     run: T,
 }
 
-/// The part that every format has, except the first, which has no number.
+/// The field that every format has, except the first, which has no number.
 #[derive(Deserialize)]
 struct FormatText {
     format: Option<u32>,
@@ -115,7 +116,8 @@ struct FormatText {
 
 /// Writes `checkpoint` as a file that appears whole or not at all, even when the power fails.
 ///
-/// Errors: what the operating system refuses; numbers that are not finite, which no run could go on from.
+/// Errors: those of the operating system; numbers that are not finite, because no run can continue from
+/// these.
 pub fn write(path: &Path, checkpoint: &Checkpoint) -> Result<()> {
     checkpoint.check_finite(path)?;
     write_unchecked(path, checkpoint)
@@ -174,7 +176,8 @@ fn raw<T: NoUninit>(values: &[T]) -> &[u8] {
     bytemuck::cast_slice(values)
 }
 
-/// Reads a checkpoint and proves that every byte is as it was written, that its options can be used and its arrays fit together.
+/// Reads a checkpoint and checks that no byte has changed, that its options are valid and that its arrays
+/// match.
 ///
 /// Errors: a file that is broken, not a checkpoint, or of another version of trisplat.
 pub fn read(path: &Path) -> Result<Checkpoint> {
@@ -191,7 +194,7 @@ fn read_unguarded(path: &Path) -> Result<Checkpoint> {
         let reason = "does not fit: the file is damaged; resume from another checkpoint, or train again";
         Error::malformed(path, "checksum", reason)
     };
-    // Before anything is read of it; files of other formats have none in this place.
+    // Before the content is read; files of other formats have no checksum here.
     let fits = checksum::fits(&mut bytes, FORMAT);
     if fits == Some(false) {
         return Err(damaged());
@@ -234,7 +237,7 @@ fn read_unguarded(path: &Path) -> Result<Checkpoint> {
 }
 
 impl Checkpoint {
-    /// Refuses what would poison every step from here on.
+    /// Refuses numbers that would spoil every later step.
     fn check_finite(&self, path: &Path) -> Result<()> {
         let TrainState { params, first, second, .. } = &self.state;
         for (prefix, params) in [("params", params), ("first", first), ("second", second)] {
@@ -248,7 +251,7 @@ impl Checkpoint {
         if !sides.into_iter().all(f32::is_finite) || !all_finite(&self.meta.identity.background) {
             return Err(not_finite(path, "__metadata__"));
         }
-        // What these numbers stand for is written, too: corners in the world, σ = exp(raw).
+        // The derived values must be finite, too: corners in the world, σ = exp(raw).
         let space = self.meta.space();
         let is_far = |corner: &Vec3| !(*corner / space.scale + space.center).is_finite();
         if params.vertices.iter().flatten().any(is_far)
@@ -283,12 +286,12 @@ fn not_finite(path: &Path, at: &str) -> Error {
     )
 }
 
-/// True of every safetensors file, and of next to no other: 8 bytes of length, then a JSON object.
+/// True for every safetensors file, and hardly any other: 8 bytes of length, then a JSON object.
 fn looks_like_safetensors(bytes: &[u8]) -> bool {
     bytes.get(8).is_none_or(|first| *first == b'{')
 }
 
-/// What is not an array, once the file is known to be a checkpoint of this format.
+/// The values that are not arrays, in a checkpoint of this format.
 fn read_meta(path: &Path, bytes: &[u8]) -> Result<CheckpointMeta> {
     let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| broken(path, &e))?;
     let bad = |reason: String| Error::malformed(path, "__metadata__", reason);
@@ -306,7 +309,7 @@ fn read_meta(path: &Path, bytes: &[u8]) -> Result<CheckpointMeta> {
     serde_json::from_str::<MetaText<CheckpointMeta>>(text).map(|meta| meta.run).map_err(json)
 }
 
-/// An error of the container, with its place.
+/// An error of the container, and its place.
 fn broken(path: &Path, error: &SafeTensorError) -> Error {
     let at = match error {
         SafeTensorError::HeaderTooSmall
@@ -444,7 +447,7 @@ mod tests {
             std::fs::write(&path, bytes).unwrap();
             read(&path).unwrap_err().to_string()
         };
-        // Of as many digits, as the file stays as long.
+        // With the same number of digits, so that the file keeps its length.
         let other = FORMAT + 1;
         let error = replaced(&format!("format\\\":{FORMAT}"), &format!("format\\\":{other}"));
         let expected = format!("is a checkpoint of format {other}, this version reads {FORMAT}");
@@ -494,7 +497,7 @@ mod tests {
             ("second", |c| c.state.second.sigma[2] = f32::NAN),
             ("visibility", |c| c.visibility.radius_px[0] = f32::NAN),
             ("__metadata__", |c| c.meta.space.1 = 0.0),
-            // Finite themselves, but not what a file would hold of them.
+            // Finite themselves, unlike the values that a file would hold.
             ("__metadata__", |c| c.meta.space.1 = 1e-40),
             ("__metadata__", |c| c.meta.identity.background[1] = f32::INFINITY),
             ("params", |c| c.state.params.vertices[1][2].y = 3e38),

@@ -1,18 +1,19 @@
-//! The core of a part of a scene: what of the part stays when its neighbours are merged with it.
+//! The core of a part of a scene, which stays when the part is merged with its neighbours.
 
 use super::params::Params;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// A box of training space, and how many triangles a run may have in it. What is trained around it grows along, and stops when it is full.
+/// A box of training space with its own limit of triangles. The surroundings grow with it, and stop when it
+/// is full.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Core {
-    /// Lowest coordinates, inclusive; `None`: no lowest one.
+    /// Lowest coordinates, inclusive; `None`: unbounded.
     pub low: [Option<f32>; 3],
-    /// Highest coordinates, exclusive; `None`: no highest one.
+    /// Highest coordinates, exclusive; `None`: unbounded.
     pub high: [Option<f32>; 3],
-    /// Never more triangles than this have their middle in the box.
+    /// Most triangles with their middle in the box.
     pub triangles: u64,
 }
 

@@ -29,7 +29,7 @@ pub struct CpuBackend {
 }
 
 impl CpuBackend {
-    /// Without a scene yet; draws with `options`.
+    /// A backend without a scene; draws with `options`.
     pub fn new(options: SoftOptions) -> Self {
         Self { options: SoftOptions { importance: true, ..options }, ..Self::default() }
     }
@@ -148,7 +148,7 @@ fn add_errors(d_soup: &SoupGrad, errors: &mut Vec<u64>) {
     }
     for &i in &d_soup.visible {
         let sum = &mut errors[i as usize];
-        // A cast from a float saturates, and makes nothing of a NaN.
+        // A cast from a float saturates, and turns NaN into 0.
         *sum = sum.saturating_add((d_soup.error[i as usize] * ERROR_UNITS) as u64);
     }
 }

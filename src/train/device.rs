@@ -1,4 +1,4 @@
-//! Where a run trains and soft pictures are drawn: on the CPU or on a graphics card.
+//! The device for training and for soft pictures: the CPU or a graphics card.
 
 use super::backend::{RunSize, TrainBackend};
 use super::cpu::CpuBackend;
@@ -18,15 +18,15 @@ pub enum BackendKind {
     Auto,
     /// On all cores of the CPU.
     Cpu,
-    /// On a graphics card, or on a software renderer if there is nothing else.
+    /// On a graphics card, or on a software renderer without one.
     Gpu,
 }
 
-/// Where a run trains and soft pictures are drawn, and on which graphics card.
+/// The device for training and for soft pictures, and the choice of graphics card.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct BackendOptions {
-    /// Where soft triangles are trained and drawn.
+    /// The device that trains and draws soft triangles.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub backend: BackendKind,
     /// Which graphics card.
@@ -39,26 +39,27 @@ pub struct BackendOptions {
 pub struct OpenBackend {
     /// The backend.
     pub backend: Box<dyn TrainBackend>,
-    /// Card, graphics API and driver, and the memory it will take; `None` on the CPU.
+    /// Card, graphics API, driver and needed memory; `None` on the CPU.
     pub card: Option<String>,
-    /// What the user should know: why the card is not used, or that it is none.
+    /// A note for the user: why the card is not used, or that it is a software renderer.
     pub warnings: Vec<String>,
 }
 
-/// A run that is set up where it was asked for.
+/// A run that is set up on its device.
 pub struct OpenRun<'a> {
     /// The run.
     pub run: StartedRun<'a, Box<dyn TrainBackend>>,
     /// Its card, as in [`OpenBackend`].
     pub card: Option<String>,
-    /// What the user should know of it.
+    /// A note for the user.
     pub warnings: Vec<String>,
 }
 
 impl<'a> TrainRun<'a> {
-    /// Sets the run up where `place` says; one with a budget on the CPU.
+    /// Sets the run up on the device of `place`, or on the CPU with a budget.
     ///
-    /// Errors: those of [`TrainRun::start`]; `gpu` where there is no card as asked for, where it cannot be opened, or with a budget.
+    /// Errors: those of [`TrainRun::start`]; `gpu` without a matching card, with one that cannot be opened,
+    /// or with a budget.
     pub fn start_at(self, place: &BackendOptions) -> Result<OpenRun<'a>> {
         let place = if self.has_budget() { place.of_budget()? } else { place.clone() };
         let OpenBackend { backend, card, warnings } = place.open(self.drawing(), self.size())?;
@@ -73,7 +74,7 @@ impl OpenBackend {
 }
 
 impl BackendOptions {
-    /// Where a run with a budget trains: on the CPU, as its plan comes from steps that were timed there.
+    /// The device of a run with a budget: the CPU, because its plan comes from steps timed there.
     ///
     /// Errors: `gpu`.
     pub fn of_budget(&self) -> Result<Self> {
@@ -128,7 +129,8 @@ impl BackendOptions {
         })
     }
 
-    /// The backend that `make` builds on the card, if one is to be used; and a note for the user: why none is, or that it is software.
+    /// The backend that `make` builds on the card, if one is used, and a note for the user: why none is, or
+    /// that it is a software renderer.
     ///
     /// Errors: `gpu` where there is no card as asked for, where it cannot be opened, or where nothing can be made of it.
     pub fn with_card<T>(&self, make: impl FnOnce(Gpu) -> Result<T>) -> Result<(Option<T>, Vec<String>)> {
@@ -156,7 +158,7 @@ impl BackendOptions {
     }
 }
 
-/// The backend on an open card, and what it is.
+/// The backend on an open card, and its description.
 #[cfg(feature = "gpu")]
 fn gpu(gpu: Gpu, drawing: SoftOptions, size: RunSize) -> Result<(Box<dyn TrainBackend>, String)> {
     let limits = super::gpu::GpuLimits::of(&gpu);

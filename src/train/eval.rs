@@ -1,4 +1,4 @@
-//! How close a scene comes to the held-out photos, while it trains.
+//! Scores of a scene on the held-out photos, during training.
 
 use crate::camera::Camera;
 use crate::dataset::{Photos, ShrunkSize, View};
@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 /// Samples per pixel along each axis wherever solid drawings are compared with photos.
 pub const SOLID_SAMPLES: u32 = 4;
 
-/// How close a picture comes to a photo, both in 8 bits.
+/// Scores of a picture against a photo, both in 8 bits.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Quality {
     /// Peak signal-to-noise ratio, dB.
@@ -27,7 +27,7 @@ pub struct Quality {
 }
 
 impl Quality {
-    /// Compares `picture` with `photo`, of the same size; the photo's alpha says how much each pixel counts.
+    /// Compares `picture` with `photo`, of the same size; the photo's alpha is the weight of each pixel.
     pub fn of(picture: &Pixels, photo: &Pixels) -> Self {
         let weights = photo.alpha.as_deref();
         Self {
@@ -36,8 +36,8 @@ impl Quality {
         }
     }
 
-    /// Compares what `draw` makes over a background, sRGB-encoded, with a photo of an object over the same, which holds its opacity and
-    /// colours over black: over black and over white, so that neither colour can stand for nothing. The mean of both.
+    /// The mean score over black and over white, so that neither colour passes for background. `draw` draws
+    /// over a background, sRGB-encoded; the photo holds an object's opacity and its colours over black.
     pub fn over_two(photo: &Pixels, mut draw: impl FnMut([f32; 3]) -> Result<Pixels>) -> Result<Self> {
         let mut of = |code: u8| {
             let picture = draw([f32::from(code) / 255.0; 3])?;
@@ -47,7 +47,7 @@ impl Quality {
         Ok(Self { psnr: (black.psnr + white.psnr) / 2.0, ssim: (black.ssim + white.ssim) / 2.0 })
     }
 
-    /// Means over photos; `None` of none.
+    /// Means over photos; `None` without photos.
     pub fn mean(scores: &[PhotoScore]) -> Option<Self> {
         let n = scores.len() as f64;
         let sum = scores.iter().fold((0.0, 0.0), |sum, s| (sum.0 + s.psnr, sum.1 + s.ssim));
@@ -55,7 +55,7 @@ impl Quality {
     }
 }
 
-/// How close a picture comes to a held-out photo.
+/// Scores of a picture against a held-out photo.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PhotoScore {
     /// The photo.
@@ -85,7 +85,7 @@ struct EvalView {
 }
 
 impl Evaluator {
-    /// Decodes the photos of `views`, so that one that cannot be decoded is known now; `photo_bytes` is the memory for
+    /// Decodes the photos of `views`, so that broken ones are found now; `photo_bytes` is the memory for
     /// them.
     pub fn new(views: &[&View], photo_bytes: u64) -> Result<Self> {
         let mut photos = Photos::new(views.iter().map(|v| v.photo.clone()).collect(), photo_bytes);
@@ -107,14 +107,14 @@ impl Evaluator {
         self.views.is_empty()
     }
 
-    /// Draws the first photo of a soup of the world; `None` when none is held out.
+    /// Draws a soup of the world for the first photo; `None` when none is held out.
     pub fn first_picture(&mut self, soup: &Soup, space: &Space, options: &SoftOptions) -> Option<Pixels> {
         let camera = space.camera_to_training(&self.views.first()?.camera);
         let scene = EvalScene::new(soup, space, options);
         Some(scene.draw(&camera, options, &mut self.soft, &mut self.solid))
     }
 
-    /// Draws every photo of a soup of the world and compares. Fails when a photo cannot be decoded.
+    /// Draws a soup of the world for every photo and compares. Fails when a photo cannot be decoded.
     pub fn scores(&mut self, soup: &Soup, space: &Space, options: &SoftOptions) -> Result<Vec<PhotoScore>> {
         let scene = EvalScene::new(soup, space, options);
         let (mut soft, mut solid) = (std::mem::take(&mut self.soft), std::mem::take(&mut self.solid));
@@ -126,8 +126,8 @@ impl Evaluator {
         scores
     }
 
-    /// Compares every photo with what `draw` makes of its camera, in the world, drawn with `options` but for the background of
-    /// objects. Fails when it does, or when a photo cannot be decoded.
+    /// Compares every photo with the picture of `draw` for its camera, in the world, drawn with `options`;
+    /// objects get other backgrounds. Fails when it does, or when a photo cannot be decoded.
     pub fn scores_of(
         &mut self,
         options: &SoftOptions,
@@ -149,7 +149,7 @@ impl Evaluator {
     }
 }
 
-/// A scene in training space, where f32 has digits to spare, as it is drawn to be compared.
+/// A scene to be compared, in training space, where f32 is precise.
 #[derive(Debug)]
 pub(crate) enum EvalScene {
     Soft(Soup),
@@ -171,7 +171,7 @@ impl EvalScene {
         Self::Solid(mesh, SolidRasterOptions { background: options.background, samples, near: options.near })
     }
 
-    /// What `camera`, in training space, sees; solid as an engine draws it.
+    /// The view of `camera`, in training space; solid scenes as an engine draws them.
     pub(crate) fn draw(
         &self,
         camera: &Camera,
@@ -189,7 +189,7 @@ impl EvalScene {
     }
 }
 
-/// Samples per pixel along each axis of a scene that is trained with `options`, where it is drawn solid to be compared.
+/// Samples per pixel along each axis for comparing a scene of `options`, if it is drawn solid.
 pub(super) fn solid_samples(options: &SoftOptions) -> Option<u32> {
     matches!(options.window, Window::Coverage { .. }).then_some(SOLID_SAMPLES)
 }

@@ -1,4 +1,4 @@
-//! The photometric loss of a frame that may have several samples per pixel and may be in linear light.
+//! The photometric loss of a frame, with any number of samples per pixel, encoded or in linear light.
 
 use crate::image::Pixels;
 use crate::kernel::loss::{Photometric, PhotometricWeights, Scratch, photometric_grad};
@@ -22,14 +22,14 @@ pub(super) struct FrameLoss {
     photo: FloatPhoto,
     /// The picture, sRGB-encoded. `[H * W]`
     picture: Vec<[f32; 3]>,
-    /// ∂picture/∂mean of the samples; empty when that is 1.
+    /// ∂picture/∂mean of the samples; empty when it is 1.
     slope: Vec<[f32; 3]>,
     d_picture: Vec<[f32; 3]>,
 }
 
 impl FrameLoss {
-    /// Returns the means over the photo's pixels, each the mean of its samples in `frame`, and writes
-    /// ∂loss/∂sample. `[H * samples * W * samples]`
+    /// Returns the mean losses over the photo's pixels, and writes ∂loss/∂sample. A pixel of the picture is
+    /// the mean of its samples in `frame`. `[H * samples * W * samples]`
     pub(super) fn photometric_grad(
         &mut self,
         photo: &Pixels,
@@ -61,8 +61,8 @@ impl FrameLoss {
         means
     }
 
-    /// Squared error of the pixel each sample belongs to, divided by the number of samples: in pixels. Of the
-    /// frame and the photo, `width` px wide, last given to [`Self::photometric_grad`].
+    /// Squared error of each sample's pixel, divided by the number of samples per pixel, for the last frame
+    /// and photo of [`Self::photometric_grad`]; `width` is in px.
     pub(super) fn errors(&self, width: u32, sampling: Supersampling, out: &mut Vec<f32>) {
         let (width, n, photo) = (width as usize, sampling.samples as usize, &self.photo);
         let weights = photo.weight();
@@ -85,7 +85,7 @@ impl FrameLoss {
 struct FloatPhoto {
     /// sRGB-encoded. `[H * W]`
     rgb: Vec<[f32; 3]>,
-    /// How much each pixel counts; empty when all do. `[H * W]`
+    /// Weight of each pixel; empty when all are 1. `[H * W]`
     weight: Vec<f32>,
 }
 

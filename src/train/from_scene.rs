@@ -1,4 +1,4 @@
-//! A run that starts from a scene in place of points: a soft soup to be hardened, or any mesh.
+//! A run that starts from a scene instead of points: a soft soup to be hardened, or any mesh.
 
 use crate::asset::Placement;
 use crate::error::{Error, Result};
@@ -7,8 +7,8 @@ use crate::soup::Soup;
 use crate::space::Space;
 use glam::{DVec3, Vec3};
 
-/// The triangles of `scene` in training space. Its file may have been placed anew, by `placement`, and the data set moved
-/// near its origin: both are undone, `origin` is the world point that is (0, 0, 0) in the data set.
+/// The triangles of `scene` in training space. Undoes the `placement` of its file, and moves it like the data
+/// set: `origin` is the world point at (0, 0, 0) of the data set.
 ///
 /// Errors: more triangles than `max_triangles`, none at all.
 pub(super) fn first_soup(
@@ -33,7 +33,7 @@ pub(super) fn first_soup(
     Ok(soup)
 }
 
-/// What stands for the points of a data set that has none: where the triangles of `scene` are, in its world.
+/// Replaces the points of a data set without points: places of the triangles of `scene`, in its world.
 pub(super) fn centers(scene: &Loaded, placement: &Placement, origin: DVec3) -> Vec<Vec3> {
     let center = |i: usize| {
         let sum: DVec3 = scene.scene.corners(i).iter().map(|corner| placement.to_world_f64(*corner)).sum();

@@ -1,4 +1,4 @@
-//! The numbers of the anneal that no option sets: two ways to become solid, that of preset `solid` and the paper's own.
+//! The constants of the anneal for two ways to become solid: that of preset `solid` and that of the paper.
 
 use super::options::{TrainOptions, TrainPreset};
 
@@ -23,8 +23,8 @@ pub(super) struct PruneSoft {
 /// How a run becomes solid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Hardening {
-    /// How many times steeper the opacity's sigmoid has become at the end of the anneal, log-linearly: it drives each
-    /// opacity to 0 or 1, whichever lowers the loss.
+    /// Steepness of the opacity's sigmoid at the end of the anneal, as a factor, reached log-linearly. It
+    /// drives each opacity to 0 or 1, whichever lowers the loss.
     pub(super) opacity_gain: f64,
     /// Triangles fainter than this are pruned at the end of the anneal, reached linearly (TS 0.7).
     pub(super) prune_opacity: f64,
@@ -34,22 +34,23 @@ pub(super) struct Hardening {
     pub(super) prune_faint: [Option<PruneFaint>; 2],
     /// Prunes soft triangles.
     pub(super) prune_soft: Option<PruneSoft>,
-    /// What σ has been multiplied by at the end of the anneal, reached log-linearly from the first step on (TS+ 0.0001, linearly).
+    /// Factor of σ at the end of the anneal, reached log-linearly from the first step on (TS+ 0.0001,
+    /// linearly).
     pub(super) sigma_scale: f64,
     /// Weight of the mean σ in the loss while annealing.
     pub(super) loss_sigma: f64,
     /// Weight of 1 / mean opacity in the loss while annealing.
     pub(super) loss_opacity: f64,
-    /// Rate of the logarithm of σ while annealing, for a 30,000-step run; shorter ones get a higher rate, so that σ changes as
-    /// much. None: that of the soft run.
+    /// Rate of the logarithm of σ while annealing, for a 30,000-step run; shorter runs get a higher rate, so
+    /// that σ changes equally. None: that of the soft run.
     pub(super) sigma_rate: Option<f64>,
 }
 
-/// Share of the anneal after which the faintest triangles of preset `solid` go.
+/// Share of the anneal after which preset `solid` prunes the faintest triangles.
 const FAINT_FROM: f64 = 0.97;
 
 impl Hardening {
-    /// That of these options; one that is never asked for where the scene stays soft.
+    /// The constants for these options; unused when the scene stays soft.
     pub(super) fn of(options: &TrainOptions) -> Self {
         match options.preset {
             TrainPreset::PaperEngine => Self::PAPER,
@@ -57,7 +58,7 @@ impl Hardening {
         }
     }
 
-    /// By anneal alone, which ends at the position `until`.
+    /// By the anneal only, which ends at the position `until`.
     fn annealed(until: f64) -> Self {
         Self {
             opacity_gain: 8.0,
@@ -72,7 +73,8 @@ impl Hardening {
         }
     }
 
-    /// `train_game_engine.py` of the paper's code: losses drive σ down and opacity up, and what stays faint or soft is deleted.
+    /// `train_game_engine.py` of the paper's code: losses drive σ down and opacity up, and faint or soft
+    /// triangles are deleted.
     const PAPER: Self = Self {
         opacity_gain: 1.0,
         prune_opacity: 0.014,

@@ -6,7 +6,8 @@ use crate::scene::Loaded;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::Xxh3Default;
 
-/// Everything that changes the result of a run and is no training option. Contents are kept as XXH3 hashes.
+/// All inputs, apart from training options, that change the result of a run. Contents are kept as XXH3
+/// hashes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunIdentity {
@@ -26,11 +27,11 @@ pub struct RunIdentity {
 pub struct PhotoIdentity {
     /// Its name in the data set.
     pub name: String,
-    /// Width and height as training gets it, px.
+    /// Width and height as loaded for training, px.
     pub size: [u32; 2],
     /// Its camera.
     pub pose: u64,
-    /// Its pixels and their weights as decoded; `None` while the run has not looked at them.
+    /// Its decoded pixels and their weights; `None` until the run has decoded them.
     pub pixels: Option<u64>,
 }
 
@@ -53,7 +54,7 @@ impl RunIdentity {
         Self { background, photos, points: points.digest(), from: from.map(scene) }
     }
 
-    /// The first thing that is not as it was, in words; pixels are not compared.
+    /// The first difference, in words; pixels are not compared.
     pub(super) fn difference(&self, now: &Self) -> Option<String> {
         if self.background != now.background {
             let (was, is) = (color(self.background), color(now.background));
@@ -78,7 +79,7 @@ impl RunIdentity {
     }
 }
 
-/// The hash of a camera, to the bit.
+/// The hash of a camera's bits.
 fn camera(camera: &Camera) -> u64 {
     let mut hash = Xxh3Default::new();
     hash.update(bytemuck::cast_slice(&camera.rotation.to_cols_array()));

@@ -30,7 +30,7 @@ pub struct InitPoint {
 pub fn first_soup(points: &[InitPoint], options: &InitOptions, seed: u64) -> Soup {
     let points: Vec<InitPoint> = points.iter().copied().filter(|p| p.position.is_finite()).collect();
     let distances = mean_distances(&points.iter().map(|p| p.position).collect::<Vec<_>>());
-    // A point whose neighbours coincide with it, or that has none, gets the median size.
+    // A point without neighbours, or at the same place as these, gets the median size.
     let typical =
         median(distances.iter().copied().filter(|d| *d > 0.0).collect(), f32::total_cmp).unwrap_or(0.05);
     let radii: Vec<f32> = distances

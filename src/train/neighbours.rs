@@ -8,7 +8,7 @@ use rayon::prelude::*;
 const LEAF: usize = 8;
 
 /// The mean distance of every point to its three nearest neighbours, in the points' order. With fewer than
-/// four points the mean is over those there are; a lone point gets 0.
+/// four points the mean is over all others; a lone point gets 0.
 pub fn mean_distances(points: &[Vec3]) -> Vec<f32> {
     let mut order: Vec<u32> = (0..points.len() as u32).collect();
     let mut axes = vec![0; points.len()];
@@ -25,7 +25,7 @@ struct KdTree<'a> {
     axes: &'a [u8],
 }
 
-/// Puts the median along the widest axis in the middle, then does the same to both halves.
+/// Puts the median along the widest axis in the middle, then recurses into both halves.
 fn build(points: &[Vec3], order: &mut [u32], axes: &mut [u8]) {
     if order.len() <= LEAF {
         return;

@@ -1,9 +1,9 @@
 //! Every number of the training, declared once: the library's struct, the flags and the config file.
 //!
 //! Positions in the run ("steps of a 30,000-step run") are scaled by `steps / 30,000`, so that a short
-//! preview and a long run follow one schedule. Lengths are in units of the scene: the median distance
-//! from the cameras to what they see. Numbers in brackets are those of the paper, its supplement and its code (TS),
-//! or of Triangle Splatting+ (TS+): see [`train`](mod@crate::train). Where the default is another,
+//! preview and a long run follow one schedule. Lengths are in units of the scene: the median distance from
+//! the cameras to visible points. Numbers in brackets are those of the paper, its supplement and its code
+//! (TS), or of Triangle Splatting+ (TS+): see [`train`](mod@crate::train). Where the default is another,
 //! `docs/benchmarks/history.md` has the runs that chose it.
 
 use super::stereo_use::StereoUse;
@@ -17,11 +17,10 @@ use serde::{Deserialize, Serialize};
 /// The run all schedule positions are written for (Held et al. 2025, supplement).
 pub const REFERENCE_STEPS: f64 = 30_000.0;
 
-/// Depths between which the distortion is taken, scene units (TS 0.2 and 100, in units about four times
-/// smaller).
+/// Depth range of the distortion, scene units (TS 0.2 and 100, in units about four times smaller).
 const DEPTH_RANGE: [f32; 2] = [0.05, 25.0];
 
-/// Depth at which triangles are cut, scene units (TS 0.2, in COLMAP's arbitrary units).
+/// Depth at which triangles are clipped, scene units (TS 0.2, in COLMAP's arbitrary units).
 const NEAR: f32 = 0.01;
 
 /// Inradius from which a triangle has its full opacity, px; smaller ones fade (TS drops those below 1).
@@ -54,13 +53,13 @@ pub enum TrainPreset {
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", command(next_help_heading = "Training"))]
 pub struct TrainOptions {
-    /// What comes out: opaque triangles for engines, or soft ones.
+    /// The kind of result: opaque triangles for engines, or soft ones.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub preset: TrainPreset,
-    /// Steps, one photo each; every schedule stretches with it.
+    /// Number of steps, one photo each; every schedule stretches with it.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = TrainOptions::default().steps))]
     pub steps: u64,
-    /// The scene never holds more triangles than this.
+    /// Most triangles of the scene.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = TrainOptions::default().max_triangles))]
     pub max_triangles: u64,
     /// Highest degree of the view-dependent colour, 0 to 3; it is reached one degree at a time.
@@ -69,10 +68,10 @@ pub struct TrainOptions {
     /// Seed of every random choice; the same seed gives the same bits on any number of threads.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 0))]
     pub seed: u64,
-    /// Whether the first triangles lie in the surfaces that the photos show.
+    /// Whether the first triangles lie on surfaces that stereo finds in the photos.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub stereo: StereoUse,
-    /// Whether photos are corrected that differ in exposure and white balance, or are darker in their corners.
+    /// Whether to correct photos that differ in exposure and white balance, or are darker in their corners.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub exposure: ExposureUse,
     /// Steps after which 12,000, 20,000, 24,000 and 27,000 of a 30,000-step run are done; zeros: in proportion. Runs with a
@@ -82,7 +81,7 @@ pub struct TrainOptions {
     /// How the scene is drawn.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub draw: TrainDrawOptions,
-    /// What the first triangles look like.
+    /// The size of the first triangles, and the shell.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub init: InitOptions,
     /// What is minimised.
@@ -110,7 +109,7 @@ pub struct TrainDrawOptions {
     pub sort_per_pixel: bool,
 }
 
-/// What the first triangles look like.
+/// The size of the first triangles, and the shell.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct InitOptions {
@@ -121,7 +120,7 @@ pub struct InitOptions {
     pub shell_subdivisions: u32,
 }
 
-/// What is minimised (Held et al. 2025, eq. 3).
+/// The loss (Held et al. 2025, eq. 3).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct LossOptions {
@@ -143,11 +142,11 @@ pub struct LossOptions {
 pub struct RateOptions {
     /// First rate of the corners, scene units (0.0018 outdoor, 0.0015 indoor, in COLMAP's arbitrary units).
     pub vertices: f64,
-    /// Skip triangles the step's photo gives no gradient, moments included (3DGS's sparse Adam).
+    /// Skip triangles without a gradient in the step's photo, moments included (3DGS's sparse Adam).
     pub sparse: bool,
 }
 
-/// By what weight the triangles that grow are sampled (Held et al. 2025, section 3.2).
+/// The weight for sampling triangles that grow (Held et al. 2025, section 3.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SampleWeight {
@@ -172,22 +171,24 @@ pub struct RefineOptions {
     pub until: f64,
     /// Steps between refinements, of a 30,000-step run (500, supplement).
     pub every: f64,
-    /// Triangles added at a refinement, as a share of those there (0.3, supplement).
+    /// Triangles added at a refinement, as a share of the present ones (0.3, supplement).
     pub growth: f64,
-    /// What a triangle's chance to grow is in proportion to.
+    /// The weight of a triangle's chance to grow.
     pub sample_by: SampleWeight,
-    /// Share of the triangles that make room at each refinement from `opacity_until` on, in a scene that has all it may
-    /// have: those of the least blending weight, summed over all photos (not in the paper; parts of a scene keep theirs).
+    /// Share of the triangles removed at each refinement from `opacity_until` on, in a scene at its limit, to
+    /// make room: those of the least blending weight, summed over all photos (not in the paper; parts of a
+    /// scene keep theirs).
     pub relocate: f64,
     /// τ_small: larger triangles are split into four, smaller ones cloned; distance of the farthest corner
     /// from the centre, px of the full photo (24, supplement: split_size).
     pub split_px: f64,
-    /// τ_prune: triangles that reach this blending weight at no pixel are pruned (0.022 outdoor, 0.0256 indoor, supplement).
+    /// τ_prune: triangles below this blending weight at every pixel are pruned (0.022 outdoor, 0.0256 indoor,
+    /// supplement).
     pub prune_weight: f64,
 }
 
-/// How early steps save time on smaller photos (not in the paper). Without a warm-up, as in runs that start from a scene, the degrees of
-/// view-dependent colour follow each other step by step.
+/// How early steps save time on smaller photos (not in the paper). Without a warm-up, as in runs that start
+/// from a scene, the degree of view-dependent colour rises by one per step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct WarmupOptions {
@@ -197,15 +198,15 @@ pub struct WarmupOptions {
     pub half_until: f64,
 }
 
-/// How the scene becomes solid in the last part of the run (supplement: the final 5,000 of 30,000 steps); presets that stay soft do not
-/// look at it. `train::hardening` has the numbers that no option sets.
+/// How the scene becomes solid in the last part of the run (supplement: the final 5,000 of 30,000 steps);
+/// presets that stay soft ignore it. `train::hardening` has the constants.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SolidifyOptions {
     /// The opacity's anneal starts, steps of a 30,000-step run (TS+ 5000).
     pub opacity_from: f64,
-    /// The anneal ends: triangles are opaque, σ has fallen and the scene is drawn as an engine draws it from here on; steps of a
-    /// 30,000-step run (TS+ 24,000).
+    /// The anneal ends: from here on triangles are opaque, σ is small, and the scene has engine shading;
+    /// steps of a 30,000-step run (TS+ 24,000).
     pub opacity_until: f64,
     /// Weight of half the squared error beside L1 from `opacity_until` on (not in the paper).
     pub loss_square: f64,
@@ -256,7 +257,7 @@ impl TrainOptions {
         }
     }
 
-    /// Checks every number against the range it makes sense in.
+    /// Checks the range of every number.
     pub fn validate(&self) -> Result<()> {
         ranges::check("", self, Called::ByKey)?;
         let milestones = &self.milestones;

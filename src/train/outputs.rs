@@ -1,4 +1,4 @@
-//! What a run leaves behind on the way: the curve, evaluations on the held-out photos, checkpoints and previews.
+//! The outputs during a run: the curve, evaluations on the held-out photos, checkpoints and previews.
 
 use super::backend::TrainBackend;
 use super::budget::Pace;
@@ -13,12 +13,12 @@ use crate::raster::soft::SoftOptions;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// What a run leaves behind on the way; nothing here changes the result.
+/// The outputs during a run; none of them changes the result.
 #[derive(Debug, Clone, Default)]
 pub struct RunOptions {
     /// Where checkpoints go.
     pub checkpoint: Option<PathBuf>,
-    /// How many of the last checkpoints stay, each in a file of its own when there are several; 0 is 1.
+    /// Number of last checkpoints to keep, in separate files; 0 means 1.
     pub keep: u32,
     /// Steps between checkpoints; 0 writes one only when the run is stopped.
     pub checkpoint_every: u64,
@@ -28,14 +28,14 @@ pub struct RunOptions {
     pub evaluate_every: u64,
     /// Pictures of the first held-out photo.
     pub preview: Option<Preview>,
-    /// Stop, as if asked to, after this many CPU seconds; 0 never.
+    /// Stop after this many CPU seconds, as on request; 0 never.
     pub max_cpu_secs: f64,
 }
 
 /// Pictures of the first held-out photo while a scene trains.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Preview {
-    /// The folder they go to, as `step-000500.png`.
+    /// Their folder; files are called `step-000500.png`.
     pub folder: PathBuf,
     /// Time between two of them.
     pub pause: Duration,
@@ -49,7 +49,7 @@ struct Means {
     steps: u64,
 }
 
-/// What a run has recorded at its end.
+/// The records of a finished run.
 pub(super) struct Recorded {
     pub(super) curve: Vec<TrainSample>,
     pub(super) scores: Vec<PhotoScore>,
@@ -67,7 +67,7 @@ pub(super) struct Recorder {
     drawing: SoftOptions,
     curve: Vec<TrainSample>,
     means: Means,
-    /// The last means that were known: loss, PSNR.
+    /// The last known means: loss, PSNR.
     known: Option<(f64, f64)>,
     cpu_start: f64,
     wall: Instant,
@@ -77,7 +77,7 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    /// Goes on with the `curve` of a run that has taken `cpu_secs_before`. Decodes the held-out photos;
+    /// Continues the `curve` of a run that has taken `cpu_secs_before`. Decodes the held-out photos;
     /// `photo_bytes` is the memory for them.
     pub(super) fn new(
         dataset: &Dataset,
@@ -101,8 +101,8 @@ impl Recorder {
         })
     }
 
-    /// The state after a step on a photo of `width_px`, averaged since the last sample: over all steps with `all`, else over those
-    /// whose figures are known.
+    /// The state after a step on a photo of `width_px`, averaged since the last sample: with `all` over all
+    /// steps, else over those with known figures.
     pub(super) fn sample<B: TrainBackend>(
         &mut self,
         trainer: &mut Trainer<B>,
@@ -170,7 +170,7 @@ impl Recorder {
         self.evaluator.scores(&soup, &space, &drawing)
     }
 
-    /// Writes a checkpoint, if the run is to leave any; returns its step and where it is.
+    /// Writes a checkpoint, if the run has any; returns its step and path.
     pub(super) fn checkpoint<B: TrainBackend>(
         &mut self,
         trainer: &mut Trainer<B>,
@@ -226,7 +226,7 @@ impl Recorder {
         }
     }
 
-    /// Evaluates the scene as it is now; the curve ends with the `last` step made, whether a sample was due or not.
+    /// Evaluates the present scene, and ends the curve with the `last` step.
     pub(super) fn finish<B: TrainBackend>(
         mut self,
         trainer: &mut Trainer<B>,

@@ -1,4 +1,4 @@
-//! What is optimised: raw numbers without bounds, and the physical soup they stand for.
+//! The optimised parameters: unbounded raw numbers, and the physical soup that they describe.
 //!
 //! ```text
 //! opacity = floor + (1 - floor) · sigmoid(gain · x)  floor 0 and gain 1, but for the solid anneal
@@ -31,14 +31,14 @@ pub struct Params {
     pub sh_degree: u8,
 }
 
-/// How far the solid anneal has come; [`Anneal::NONE`] for the soft scene.
+/// The state of the solid anneal; [`Anneal::NONE`] for the soft scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Anneal {
-    /// The opacity no triangle falls below, in [0, 1].
+    /// The least opacity, in [0, 1].
     pub opacity_floor: f32,
-    /// How steep the sigmoid is, at least 1: towards infinity triangles are either opaque or gone.
+    /// Steepness of the sigmoid, at least 1: towards infinity triangles are either opaque or invisible.
     pub opacity_gain: f32,
-    /// What σ is multiplied by, in [0, 1].
+    /// Factor of σ, in [0, 1].
     pub sigma_scale: f32,
 }
 
@@ -81,21 +81,21 @@ pub fn sigmoid(x: f32) -> f32 {
     1.0 / (1.0 + (-x).exp())
 }
 
-/// The logit of an opacity, which is first brought into [1e-6, 1 - 1e-6].
+/// The logit of an opacity, after clamping to [1e-6, 1 - 1e-6].
 pub fn logit(opacity: f32) -> f32 {
     let o = opacity.clamp(1e-6, 1.0 - 1e-6);
     (o / (1.0 - o)).ln()
 }
 
-/// The raw value of a σ, which is first brought above the lowest one.
+/// The raw value of a σ, after raising it above the lowest one.
 pub fn sigma_raw(sigma: f32) -> f32 {
     (sigma - SIGMA_MIN).max(1e-6).ln()
 }
 
-/// How the triangles that a run does not train are drawn: unchanged, except for the window.
+/// How frozen triangles are drawn: unchanged, except for the window.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrozenLook {
-    /// Triangles are drawn without a window: each has the mean of its own as part of its opacity.
+    /// Triangles are drawn without a window; the window's mean becomes a factor of the opacity.
     pub flat: bool,
 }
 
@@ -145,8 +145,7 @@ impl Params {
         }
     }
 
-    /// Makes the triangles behind the first `skipped`, which are those of a soft scene, look as they do once the anneal has come as far as
-    /// `anneal`.
+    /// Converts the soft triangles after the first `skipped` to the state of `anneal`, with the same look.
     pub(super) fn go_on_at(&mut self, anneal: &Anneal, skipped: usize) {
         for opacity in self.opacity.iter_mut().skip(skipped) {
             *opacity = anneal.opacity_raw(Anneal::NONE.opacity(*opacity)).unwrap_or(*opacity);
@@ -156,7 +155,7 @@ impl Params {
         }
     }
 
-    /// The soup these parameters stand for, with the first `active_degree` degrees of SH.
+    /// The soup of these parameters, with the first `active_degree` degrees of SH.
     pub fn to_soup(&self, anneal: &Anneal, active_degree: u8) -> Soup {
         let mut soup = Soup {
             vertices: self.vertices.clone(),
@@ -189,7 +188,7 @@ impl Params {
     }
 }
 
-/// Parameters with Adam's moments: everything the optimiser remembers.
+/// Parameters with Adam's moments: the whole state of the optimiser.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TrainState {
     /// The parameters.
@@ -198,10 +197,10 @@ pub struct TrainState {
     pub first: Params,
     /// Second moments, shaped like the parameters.
     pub second: Params,
-    /// Number of triangles, from the first on, that only change their colour, which is the same from all sides. They are neither
-    /// pruned nor grown.
+    /// Number of first triangles that only change their colour, which is the same from all sides. They are
+    /// neither pruned nor grown.
     pub pinned: usize,
-    /// Number of the pinned ones that do not change at all: the rest of a scene when only a part is trained.
+    /// Number of first triangles that do not change at all: the rest of a scene when only a part is trained.
     pub frozen: usize,
 }
 

@@ -1,4 +1,4 @@
-//! The presets, one per kind of scene: outdoor in full, the others by what differs from it.
+//! The presets, one per kind of scene: outdoor in full, the others as differences from it.
 
 use super::options::{
     InitOptions, LossOptions, RateOptions, RefineOptions, SampleWeight, SolidifyOptions, TrainDrawOptions,
@@ -20,8 +20,9 @@ impl TrainOptions {
 }
 
 impl TrainOptions {
-    /// The options of a preset for a run that starts from a trained scene in place of points: no small photos first,
-    /// all degrees of view-dependent colour from the first steps on, corners that move less, and the anneal from the first step on.
+    /// The options of a preset for a run that starts from a trained scene instead of points: no small photos
+    /// first, all degrees of view-dependent colour from the first steps on, corners that move less, and the
+    /// anneal from the first step on.
     pub fn from_scene(preset: TrainPreset) -> Self {
         let base = Self::preset(preset);
         let rates = RateOptions { vertices: 0.3 * base.rates.vertices, ..base.rates };
@@ -40,7 +41,7 @@ impl TrainOptions {
     }
 }
 
-/// Where a scene that was soft has become opaque, steps of a 30,000-step run.
+/// The position where a soft scene has become opaque, steps of a 30,000-step run.
 const HARDENED: f64 = 12_000.0;
 
 const OUTDOOR: TrainOptions = TrainOptions {

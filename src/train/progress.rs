@@ -1,4 +1,4 @@
-//! What a run reports while it runs, and the samples of its curve.
+//! Reports during a run, and the samples of its curve.
 
 use super::budget::Correction;
 use super::refine::Refined;
@@ -19,7 +19,7 @@ pub struct TrainSample {
     pub loss: f64,
     /// PSNR on the training photos as drawn, averaged over the last steps, dB.
     pub psnr: f64,
-    /// PSNR on the held-out photos, dB; only where it was measured.
+    /// PSNR on the held-out photos, dB; only if measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub test_psnr: Option<f64>,
     /// The size that these photos were shrunk to, "320x213"; absent where they were not.
@@ -37,24 +37,24 @@ pub struct TrainSample {
 
 /// Called during a run; every method does nothing unless implemented.
 pub trait TrainObserver {
-    /// A step was made; called for every one. Its loss and PSNR are means over the steps since the last sample whose figures are
-    /// known, which on a graphics card are not those of the last two.
+    /// Called after every step. Loss and PSNR are means over the steps since the last sample with known
+    /// figures; on a graphics card the last two steps are not known yet.
     fn stepped(&mut self, _sample: &TrainSample) {}
-    /// A sample of the curve is due; its loss and PSNR are means since the last one.
+    /// A sample of the curve; its loss and PSNR are means since the last one.
     fn sampled(&mut self, _sample: &TrainSample) {}
     /// The scene was refined.
     fn refined(&mut self, _step: u64, _refined: &Refined) {}
-    /// The run will have other steps than planned, because it has a budget.
+    /// The budget changed the planned number of steps.
     fn corrected(&mut self, _correction: &Correction) {}
     /// A checkpoint or a preview could not be written; the run continues.
     fn lost(&mut self, _error: &Error) {}
-    /// Asked between steps: true has the scene as it is given to [`TrainObserver::scene`], which takes a copy of it.
+    /// Called between steps: true passes a copy of the present scene to [`TrainObserver::scene`].
     fn wants_scene(&mut self) -> bool {
         false
     }
-    /// The scene after the step of `sample`, as its file would hold it.
+    /// The scene after the step of `sample`, as in its file.
     fn scene(&mut self, _sample: &TrainSample, _scene: Loaded) {}
-    /// Asked between steps: true stops the run after a checkpoint.
+    /// Called between steps: true stops the run after a checkpoint.
     fn wants_to_stop(&mut self) -> bool {
         false
     }

@@ -8,11 +8,10 @@ use crate::rng::Rng;
 use glam::UVec2;
 use std::sync::Arc;
 
-/// Smaller photos of early steps are not made smaller than this on the shorter side, px.
+/// Least shorter side of the smaller photos of early steps, px.
 pub const MIN_PX: u32 = 64;
 
-/// Photos by index and level; small ones stay in memory while their level is in use, as far as memory goes, and in a
-/// temporary file beyond.
+/// Photos by index and level. Small ones stay in memory, or in a temporary file, while their level is in use.
 #[derive(Debug)]
 pub struct Pyramid {
     photos: Photos,
@@ -59,12 +58,13 @@ impl Pyramid {
         size_at(self.sizes[i], level, self.min_px)
     }
 
-    /// True when photo `i` shows an object before nothing: see [`Photo::is_cut`](crate::dataset::Photo::is_cut).
+    /// True when photo `i` shows an object without background: see
+    /// [`Photo::is_cut`](crate::dataset::Photo::is_cut).
     pub fn is_cut(&self, i: usize) -> bool {
         self.cut[i]
     }
 
-    /// Fetches in the background what an epoch at `level` will take.
+    /// Prefetches the photos of an epoch at `level`.
     pub fn prefetch(&mut self, order: &[usize], level: u32) {
         let cached = |i: usize| level > 0 && level == self.level && self.small[i].is_some();
         let missing: Vec<usize> = order.iter().copied().filter(|&i| !cached(i)).collect();
@@ -76,7 +76,8 @@ impl Pyramid {
         self.photos.digest(i)
     }
 
-    /// Decodes the photos of `known` and returns the first whose hash is another. They are not decoded again later.
+    /// Decodes the photos of `known` and returns the first one with another hash. They are not decoded again
+    /// later.
     pub fn first_changed(&mut self, known: &[(usize, u64)]) -> Result<Option<usize>> {
         self.photos.prefetch(known.iter().map(|(i, _)| *i));
         for (i, digest) in known {
@@ -114,7 +115,7 @@ impl Pyramid {
         Ok(pixels)
     }
 
-    /// Keeps a small photo; `None` when there is neither memory nor room on the disk: then it is made again.
+    /// Keeps a small photo; `None` without memory and disk space: then it is made again.
     fn kept(&mut self, pixels: &Arc<Pixels>) -> Option<SmallPhoto> {
         if self.small_bytes + pixels.bytes() > self.small_budget {
             return self.file.put(pixels).ok().map(SmallPhoto::Stored);
@@ -124,7 +125,7 @@ impl Pyramid {
     }
 }
 
-/// The size that a photo of size `full` has at `level`; it is not shrunk below `min_px` on its shorter side.
+/// The size at `level` of a photo of size `full`; its shorter side does not fall below `min_px`.
 pub fn size_at(full: UVec2, level: u32, min_px: u32) -> UVec2 {
     let shorter = full.min_element();
     let level = (0..=level).rev().find(|l| shorter >> l >= min_px).unwrap_or(0);

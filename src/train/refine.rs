@@ -1,9 +1,9 @@
 //! Adding and removing triangles (Held et al. 2025, section 3.2), every few hundred steps.
 //!
-//! Useless triangles are pruned. Then weighted sampling, by opacity and by 1/σ alternately, picks triangles to
-//! grow: a large one is split into the four of its midpoint subdivision, a small one is cloned within its plane.
-//! The scene looks the same before and after: four children cover what their parent did with the same mean window
-//! 2/((σ+1)(σ+2)), and the two of a clone get 1 - sqrt(1 - o), whose blend is o again.
+//! Useless triangles are pruned. Then weighted sampling, by opacity and by 1/σ alternately, picks triangles
+//! to grow: a large one is split into the four of its midpoint subdivision, a small one is cloned within its
+//! plane. The scene keeps its look: four children cover their parent's area with the same mean window
+//! 2/((σ+1)(σ+2)), and both triangles of a clone get 1 - sqrt(1 - o), whose blend is o again.
 
 use super::core::Core;
 use super::options::{RefineOptions, SampleWeight};
@@ -26,7 +26,7 @@ pub struct RefinePlan<'a> {
     pub options: &'a RefineOptions,
     /// Never more triangles than this.
     pub max_triangles: usize,
-    /// The box that has a budget of its own, where only a part of a scene is trained.
+    /// The box with its own budget, when only a part of a scene is trained.
     pub core: Option<Core>,
     /// Triangles may be added.
     pub grow: bool,
@@ -36,9 +36,10 @@ pub struct RefinePlan<'a> {
     pub prune_opacity: f64,
     /// Triangles of at least this σ are pruned.
     pub prune_sigma: f64,
-    /// Which refinement of the run this is: an alternating sampling is by opacity at odd ones.
+    /// Number of the refinement: alternating sampling goes by opacity at odd ones.
     pub refinement: u64,
-    /// Grow by cutting triangles in two where the picture is wrong, which leaves a solid scene as it is.
+    /// Grow by cutting triangles in two where the picture is wrong, which does not change the look of a solid
+    /// scene.
     pub bisect: bool,
     /// How solid the scene is.
     pub anneal: Anneal,
@@ -57,11 +58,11 @@ pub struct Refined {
     pub faint: usize,
     /// Removed: too soft for a solid scene.
     pub soft: usize,
-    /// Removed: of too little weight at every pixel.
+    /// Removed: too little weight at every pixel.
     pub unimportant: usize,
     /// Removed: visible in too few photos.
     pub unseen: usize,
-    /// Removed: of the least summed weight, in a scene that has all the triangles it may have.
+    /// Removed: least summed weight, in a scene at its limit of triangles.
     pub relocated: usize,
     /// Split into four.
     pub split: usize,
@@ -71,8 +72,8 @@ pub struct Refined {
     pub triangles: usize,
 }
 
-/// Refines `state` and `visibility` together; the statistics are reset when they were complete.
-/// A scene never loses its last triangle: when all would go, the most important stays.
+/// Refines `state` and `visibility` together; complete statistics are reset. The most important triangle
+/// always stays.
 pub fn refine(state: &mut TrainState, visibility: &mut VisibilityStats, plan: &RefinePlan<'_>) -> Refined {
     let mut done = Refined::default();
     let complete = visibility.is_complete();
@@ -121,7 +122,7 @@ pub fn refine(state: &mut TrainState, visibility: &mut VisibilityStats, plan: &R
     done
 }
 
-/// Which triangles stay, by the rules in order.
+/// Which triangles stay, by the rules in their order.
 fn prune(
     state: &TrainState,
     visibility: &VisibilityStats,
@@ -167,7 +168,7 @@ fn sample_growth(
     visibility: &VisibilityStats,
     plan: &RefinePlan<'_>,
 ) -> Vec<bool> {
-    // A budget is for what is trained.
+    // Frozen triangles do not count against a budget.
     let count = alive.iter().skip(state.frozen).filter(|a| **a).count();
     let target = ((count as f64 * (1.0 + plan.options.growth)) as usize).min(plan.max_triangles);
     let mut budget = target.saturating_sub(count);
@@ -197,7 +198,7 @@ fn sample_growth(
         .collect();
     keys.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     for &(_, i) in &keys {
-        // What lies around a core that is full does not grow alone.
+        // The surroundings of a full core do not grow alone.
         if budget == 0 || core_budget == 0 {
             break;
         }
@@ -410,7 +411,7 @@ mod tests {
         assert_eq!((done.split, done.cloned, s.params.len()), (1, 0, 11));
         let area = |v: &[Vec3; 3]| (v[1] - v[0]).cross(v[2] - v[0]);
         for half in &s.params.vertices[9..] {
-            // The same plane and winding, and half of the area.
+            // The same plane and winding, and half the area.
             assert!((2.0 * area(half) - area(&parent)).length() < 1e-5 * area(&parent).length().max(1.0));
         }
     }
@@ -420,7 +421,8 @@ mod tests {
         let options = RefineOptions { relocate: 0.1, ..RefineOptions::default() };
         let full = RefinePlan { max_triangles: 100, bisect: true, anneal: Anneal::SOLID, ..plan(&options) };
         let core = Some(Core { low: [None; 3], high: [None; 3], triangles: 100 });
-        // Nothing may grow, not all photos were drawn, only a part of a scene is trained, it is soft: it stays as it is.
+        // Nothing is removed if nothing may grow, if some photos were not drawn, if only a part of the scene
+        // is trained, or if it is soft.
         for (drawn, grow, core, moved) in
             [(true, true, None, 10), (true, false, None, 0), (false, true, None, 0), (true, true, core, 0)]
         {

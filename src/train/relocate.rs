@@ -1,27 +1,28 @@
-//! Room for growth in a scene that has all the triangles it may have: those that the photos show least go.
+//! Room for growth in a scene at its limit of triangles: those that the photos show least are removed.
 //!
-//! Pruning removes only useless triangles: slivers and hidden ones. Once a scene is full, that is too little for growth to go on
-//! where the picture is wrong. How much is seen of a triangle is the sum of its blending weights over all pixels of all
-//! photos: a triangle that fills one pixel and no other has the largest weight there is.
+//! Pruning removes only useless triangles: slivers and hidden ones. In a full scene this is too little room
+//! for growth where the picture is wrong. The measure is the sum of a triangle's blending weights over all
+//! pixels of all photos, because even a triangle of one pixel can have the largest single weight.
 
 use super::visibility::VisibilityStats;
 
-/// A scene has all its triangles when it has this share of them: pruning has just taken some.
+/// A scene is full with this share of its limit, because pruning has just removed some triangles.
 const FULL: f64 = 0.9;
 
-/// How much room a refinement makes.
+/// The room that a refinement makes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Relocation {
-    /// This share of the triangles goes.
+    /// Share of the triangles to remove.
     pub(super) share: f64,
-    /// Triangles a refinement adds at most, as a share of those there.
+    /// Most triangles that a refinement adds, as a share of the present ones.
     pub(super) growth: f64,
     /// The most triangles that are trained.
     pub(super) max_triangles: usize,
 }
 
-/// Removes a share of the triangles of a full scene, those of the least summed weight, and no more than grow back; returns
-/// how many. The first `frozen` are in no budget; the first `pinned`, at least as many, stay.
+/// Removes a share of the triangles of a full scene, those of the least summed weight, but no more than grow
+/// back; returns how many. The first `frozen` do not count against the limit; the first `pinned`, which
+/// include them, stay.
 pub(super) fn make_room(
     alive: &mut [bool],
     visibility: &VisibilityStats,
@@ -33,7 +34,7 @@ pub(super) fn make_room(
         return 0;
     }
     let goes = (count as f64 * room.share.min(room.growth / (1.0 + room.growth))) as usize;
-    // What is younger than the statistics has not been seen by all photos.
+    // Triangles younger than the statistics were not drawn for all photos.
     let candidates = (pinned..alive.len()).filter(|&i| alive[i] && !visibility.exempt[i]);
     let mut least: Vec<(f32, usize)> = candidates.map(|i| (visibility.sum_weight[i], i)).collect();
     least.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -46,7 +47,7 @@ pub(super) fn make_room(
 mod tests {
     use super::*;
 
-    /// Of 100 triangles, the later, the less is seen of them; the first five are pinned, the last one is young.
+    /// 100 triangles with falling visibility; the first five are pinned, the last one is young.
     fn scene() -> (Vec<bool>, VisibilityStats) {
         let mut visibility = VisibilityStats::new(100, 3);
         visibility.sum_weight = (0..100).map(|i| if i < 5 { 0.0 } else { 200.0 - i as f32 }).collect();
@@ -73,7 +74,7 @@ mod tests {
         );
         assert!(removed(&Relocation { max_triangles: 112, ..RELOCATION }, 0).is_empty(), "there is room");
         assert!(removed(&Relocation { share: 0.0, ..RELOCATION }, 0).is_empty());
-        // Those that are not trained are not in the budget.
+        // Frozen triangles do not count against the limit.
         assert_eq!(
             removed(&Relocation { max_triangles: 107, ..RELOCATION }, 3),
             (90..99).collect::<Vec<_>>()

@@ -4,13 +4,13 @@ use super::checkpoint::{self, Checkpoint};
 use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// What the files end with that are looked for in a folder.
+/// Endings of checkpoints in a folder.
 const ENDING: &str = "checkpoint";
-/// Comes before the number of steps in the name of one of several.
+/// Precedes the number of steps in the name of one of several checkpoints.
 const STEP: &str = ".step-";
 
-/// Writes `checkpoint` to `path`. With `keep` above 1, it writes a file beside it with the number of steps in its name, and keeps
-/// the last `keep` of these. Returns the name of the file.
+/// Writes `checkpoint` to `path`. With `keep` above 1, it writes files with the number of steps in their
+/// names, and keeps the last `keep`. Returns the name of the file.
 ///
 /// Errors: what the operating system refuses.
 pub fn write(path: &Path, checkpoint: &Checkpoint, keep: u32) -> Result<PathBuf> {
@@ -19,7 +19,7 @@ pub fn write(path: &Path, checkpoint: &Checkpoint, keep: u32) -> Result<PathBuf>
     }
     let newest = of_step(path, checkpoint.meta.step);
     checkpoint::write(&newest, checkpoint)?;
-    // Those of later steps are of a run that was resumed from an earlier one: they are the older.
+    // Files of later steps come from before this run resumed at an earlier one, so they are older.
     let mut kept = kept(path);
     kept.sort_by_key(|(step, _)| (*step <= checkpoint.meta.step, *step));
     let surplus = kept.len().saturating_sub(keep as usize);
@@ -36,7 +36,7 @@ pub fn of_step(path: &Path, step: u64) -> PathBuf {
     path.with_file_name(format!("{stem}{STEP}{step:08}.{ending}"))
 }
 
-/// Steps and names of the checkpoints of several that belong to `path`.
+/// Steps and names of the numbered checkpoints of `path`.
 pub fn kept(path: &Path) -> Vec<(u64, PathBuf)> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
@@ -48,7 +48,7 @@ pub fn kept(path: &Path) -> Vec<(u64, PathBuf)> {
     entries.filter_map(|entry| step(entry.path())).collect()
 }
 
-/// The newest whole checkpoint of a folder, and what is wrong with newer ones.
+/// The newest whole checkpoint of a folder, and the faults of newer ones.
 ///
 /// Errors: no checkpoint at all; none that is whole.
 pub fn newest(folder: &Path) -> Result<(PathBuf, Checkpoint, Vec<String>)> {

@@ -23,7 +23,7 @@ use crate::soup::Soup;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Everything a run starts with. [`TrainRun::new`] has the plain values; any field can be set before the start.
+/// All inputs of a run. [`TrainRun::new`] has the plain values; any field can be set before the start.
 ///
 /// ```
 /// use trisplat::dataset::synthetic::{self, SyntheticOptions};
@@ -49,34 +49,34 @@ use std::time::Instant;
 pub struct TrainRun<'a> {
     /// The photos; those held out evaluate the scene.
     pub dataset: &'a Dataset,
-    /// How the soup is trained; a resumed run has the options of its checkpoint.
+    /// The options of the training; a resumed run has those of its checkpoint.
     pub options: TrainOptions,
-    /// The colour behind everything, sRGB-encoded in [0, 1]: that which the data set was read with.
+    /// The colour behind everything, sRGB-encoded in [0, 1]; the same as for reading the data set.
     pub background: [f32; 3],
-    /// Memory for decoded photos, bytes; what does not fit is kept on disk.
+    /// Memory for decoded photos, bytes; others are kept on disk.
     pub photo_bytes: u64,
-    /// What the run leaves behind on the way.
+    /// The outputs during the run.
     pub outputs: RunOptions,
-    /// The scene to start from in place of the data set's points, as a reader gives it; its options are best those
-    /// of [`TrainOptions::from_scene`].
+    /// The scene to start from instead of the data set's points, as a reader returns it; suitable options are
+    /// those of [`TrainOptions::from_scene`].
     pub from: Option<Loaded>,
-    /// When only a part of that scene is trained; a resumed run has the part of its checkpoint.
+    /// The part of that scene to train, if not all; a resumed run has the part of its checkpoint.
     pub part: Option<Part>,
-    /// End after this step, in the middle of the schedule: the scene is as it is there. `None`: after the last.
+    /// End after this step, without finishing the schedule. `None`: after the last step.
     pub until_step: Option<u64>,
-    /// The checkpoint to go on from.
+    /// The checkpoint to resume from.
     pub resume: Option<Checkpoint>,
-    /// Keeps the run to a budget; `None` makes the steps that the options say. A resumed run has the pace of its checkpoint, and
-    /// what it spends is counted from here.
+    /// Keeps the run to a budget; `None` makes the steps of the options. A resumed run has the pace of its
+    /// checkpoint, and its spending is counted from here.
     pub paced: Option<Paced>,
-    /// When the process began that resumes a run with a budget; `None`: now.
+    /// Start of the process that resumes a run with a budget; `None`: now.
     pub began: Option<Instant>,
-    /// Go on although photos, cameras, points or the background are not those the checkpoint was made with.
+    /// Resume even if photos, cameras, points or the background differ from those of the checkpoint.
     pub force_resume: bool,
 }
 
 impl<'a> TrainRun<'a> {
-    /// A run from its beginning that leaves nothing behind, with the background and the memory for photos of
+    /// A run from its beginning without outputs, with the background and the memory for photos of
     /// [`DatasetOptions::default`].
     pub fn new(dataset: &'a Dataset, options: &TrainOptions) -> Self {
         let run = Self {
@@ -96,19 +96,19 @@ impl<'a> TrainRun<'a> {
         run.with_dataset_options(&DatasetOptions::default())
     }
 
-    /// The rest of the run that `checkpoint` was made of.
+    /// The rest of the run of `checkpoint`.
     pub fn from_checkpoint(dataset: &'a Dataset, checkpoint: Checkpoint) -> Self {
         let run = Self::new(dataset, &checkpoint.meta.options);
         Self { resume: Some(checkpoint), ..run }
     }
 
-    /// With the background and the memory for photos that the data set was read with.
+    /// With the data set's background and memory for photos.
     pub fn with_dataset_options(self, options: &DatasetOptions) -> Self {
         let photo_bytes = options.photo_bytes();
         Self { background: options.background.to_f32(), photo_bytes, ..self }
     }
 
-    /// Sets the run up on the CPU: the first triangles are there, no step is made.
+    /// Sets the run up on the CPU, with the first triangles and before the first step.
     ///
     /// Errors: options out of range, no training photos, a checkpoint of another run.
     pub fn start(self) -> Result<StartedRun<'a, CpuBackend>> {
@@ -116,7 +116,7 @@ impl<'a> TrainRun<'a> {
         self.start_on(backend)
     }
 
-    /// How the backend of this run draws, until its steps say otherwise.
+    /// The first drawing options of this run's backend.
     pub fn drawing(&self) -> SoftOptions {
         let options = self.resume.as_ref().map_or(&self.options, |checkpoint| &checkpoint.meta.options);
         options.drawing(self.background)
@@ -141,7 +141,7 @@ impl<'a> TrainRun<'a> {
         }
     }
 
-    /// As [`TrainRun::start`], on a backend that draws as [`TrainRun::drawing`] says.
+    /// Like [`TrainRun::start`], on a backend with the options of [`TrainRun::drawing`].
     pub fn start_on<B: TrainBackend>(self, backend: B) -> Result<StartedRun<'a, B>> {
         let dataset = self.dataset;
         let (photo_bytes, held_out_bytes) = shares(dataset, self.photo_bytes);
@@ -150,7 +150,7 @@ impl<'a> TrainRun<'a> {
             Some(checkpoint) => (checkpoint.meta.curve.clone(), checkpoint.meta.cpu_secs),
             None => (Vec::new(), 0.0),
         };
-        // A scene that teaches itself stays in the frame of its file, and what its file says of itself stays true.
+        // A scene that teaches itself stays in the frame of its file, so its provenance stays true.
         let taught = match &self.from {
             Some(scene) if dataset.kind == DatasetKind::Drawn => {
                 Some((scene.provenance.clone(), scene.cameras.clone()))
@@ -199,7 +199,7 @@ fn goes_on(pace: Pace, began: Option<Instant>) -> Option<Paced> {
     Some(Paced { pace, spending })
 }
 
-/// The memory for photos, shared between those to train on and those held out in proportion to their bytes.
+/// The memory for photos, divided between training and held-out photos in proportion to their bytes.
 fn shares(dataset: &Dataset, photo_bytes: u64) -> (u64, u64) {
     let bytes = |view: &View| u128::from(view.photo.most_bytes());
     let (train, test): (u128, u128) = (dataset.train().map(bytes).sum(), dataset.test().map(bytes).sum());
@@ -214,7 +214,7 @@ pub struct StartedRun<'a, B> {
     trainer: Trainer<B>,
     paced: Option<Paced>,
     dataset: &'a Dataset,
-    /// Where the scene whose pictures are the photos came from, and its own cameras.
+    /// Provenance and cameras of the scene that teaches itself.
     taught: Option<(Provenance, Vec<Camera>)>,
     drawing: SoftOptions,
     outputs: RunOptions,
@@ -231,12 +231,12 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         self.trainer.options()
     }
 
-    /// Steps made before, by the run this one resumes.
+    /// Steps made before this run resumed.
     pub fn steps(&self) -> u64 {
         self.trainer.steps()
     }
 
-    /// What is not as it was when the checkpoint of this run was made, one sentence each.
+    /// Differences from the inputs of this run's checkpoint, one sentence each.
     pub fn differences(&self) -> &[String] {
         self.trainer.differences()
     }
@@ -246,15 +246,15 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         self.trainer.triangles()
     }
 
-    /// The curve so far, of the run this one resumes.
+    /// The curve before this run resumed.
     pub fn curve(&self) -> &[TrainSample] {
         &self.curve
     }
 
     /// Makes the steps, until the last or until `observer` stops it.
     ///
-    /// Errors: photos that cannot be decoded; then there is a checkpoint of the steps that were made, if any were. A graphics card
-    /// that is lost or has no more memory; then there is one of the last refinement or checkpoint at least.
+    /// Errors: photos that cannot be decoded, with a checkpoint of all steps so far; a graphics card that is
+    /// lost or out of memory, with one of the last refinement or checkpoint at least.
     pub fn finish(mut self, observer: &mut dyn TrainObserver) -> Result<Trained> {
         let curve = std::mem::take(&mut self.curve);
         let mut record =
@@ -305,7 +305,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
                     }
                 }
                 Err(error) => {
-                    // A photo that cannot be read costs no step that was made.
+                    // A photo that cannot be read loses no step.
                     let written = (self.trainer.steps() > before).then(|| {
                         record.checkpoint(&mut self.trainer, &self.outputs, observer, stored(&self.paced))
                     });
@@ -316,12 +316,13 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         Ok((false, last))
     }
 
-    /// True when no step is left to make here.
+    /// True when no step is left.
     fn is_over(&self) -> bool {
         self.trainer.is_done() || self.trainer.steps() >= self.until_step
     }
 
-    /// Makes a step and leaves behind what is due after it, a sample among it after `every` steps; returns its sample, and whether the run is to stop.
+    /// Makes a step and the outputs due after it, with a sample after `every` steps; returns its sample, and
+    /// whether to stop.
     fn make_step(
         &mut self,
         every: u64,
@@ -345,7 +346,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         let Self { trainer, paced, outputs, .. } = self;
         let spent = outputs.max_cpu_secs > 0.0 && now.cpu_secs >= outputs.max_cpu_secs;
         let stopped = !is_over && (spent || observer.wants_to_stop());
-        // The last sample is kept by `Recorder::finish`, which evaluates it.
+        // `Recorder::finish` keeps and evaluates the last sample.
         if !is_over && is_kept {
             let kept = record.keep(now, trainer, due(outputs.evaluate_every))?;
             if !stopped {
@@ -365,7 +366,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         Ok((now, stopped))
     }
 
-    /// The scene as it is, as its file would hold it.
+    /// The present scene, as in its file.
     fn scene(&mut self) -> Result<Loaded> {
         let (provenance, cameras) = origin(self.taught.clone(), self.dataset);
         let (soup, _) = trained(&mut self.trainer)?;
@@ -373,8 +374,8 @@ impl<B: TrainBackend> StartedRun<'_, B> {
     }
 }
 
-/// The triangles that are trained; those that close the scene are said to be its shell. Triangles whose numbers are no longer finite are left
-/// out: with what to say of them.
+/// The trained triangles, with the shell flagged. Triangles that are no longer finite are left out and
+/// counted in a note.
 ///
 /// Errors: those of [`Trainer::soup`]; no triangle is left.
 fn trained<B: TrainBackend>(trainer: &mut Trainer<B>) -> Result<(Soup, Option<String>)> {
@@ -392,7 +393,7 @@ fn trained<B: TrainBackend>(trainer: &mut Trainer<B>) -> Result<(Soup, Option<St
     Ok((soup, lost))
 }
 
-/// The error of a run, with how to go on where a graphics card is to blame: its last checkpoint is of a step, in a file.
+/// The error of a run. If a graphics card failed, it says how to continue from the last checkpoint.
 fn with_remedy(error: Error, checkpoint: Option<(u64, PathBuf)>) -> Error {
     match (error, checkpoint) {
         (error @ (Error::Gpu(_) | Error::TooLarge { .. }), Some((step, path))) => Error::Card {
@@ -403,7 +404,7 @@ fn with_remedy(error: Error, checkpoint: Option<(u64, PathBuf)>) -> Error {
     }
 }
 
-/// Where the scene came from, and its cameras: of one that teaches itself, what its file says.
+/// Provenance and cameras of the scene; those of its file, if it teaches itself.
 fn origin(taught: Option<(Provenance, Vec<Camera>)>, dataset: &Dataset) -> (Provenance, Vec<Camera>) {
     match taught {
         Some((provenance, cameras)) => {
@@ -436,7 +437,7 @@ fn keep_pace<B: TrainBackend>(
     }
 }
 
-/// What a checkpoint keeps of a budget.
+/// The state of the budget for a checkpoint.
 fn stored(paced: &Option<Paced>) -> Option<Pace> {
     paced.as_ref().map(|paced| paced.pace.stored(paced.spending.seconds()))
 }

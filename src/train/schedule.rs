@@ -1,4 +1,5 @@
-//! What changes from step to step: rates, resolution, SH degree, regularisers, refinements, the anneal.
+//! The schedule of a run: rates, resolution, SH degree, regularisers, refinements and the anneal at each
+//! step.
 
 use super::hardening::{Hardening, PruneFaint};
 use super::options::{REFERENCE_STEPS, TrainOptions};
@@ -10,8 +11,8 @@ use crate::raster::soft::{SoftOptions, Sort, Window};
 /// Largest alpha of a layer of the soft scene (3DGS).
 pub const ALPHA_CAP: f32 = 0.99;
 
-/// Largest alpha of a layer of a scene that is drawn as an engine does before it is opaque: what lies behind a layer
-/// has to show a little, or the loss has no gradient towards removing it.
+/// Largest alpha of a layer with engine shading, before the scene is opaque. Layers behind must show a
+/// little, or the loss has no gradient towards removing a layer.
 pub const ENGINE_ALPHA_CAP: f32 = 0.995;
 
 /// Rate of the opacity's logit (0.014, supplement).
@@ -24,15 +25,15 @@ const SH_RATE: f64 = 0.008;
 const SH_REST_SHARE: f64 = 0.05;
 /// Last rate of the corners as a share of the first, reached log-linearly (TS 0.01).
 const VERTICES_FINAL_SHARE: f64 = 0.01;
-/// Rate of the corners once the scene is drawn as an engine draws it, over what it was just before.
+/// Rate of the corners when engine shading begins, as a factor of the rate just before.
 const ENGINE_VERTICES_SCALE: f64 = 2.0;
-/// Last rate of the corners over that, reached log-linearly.
+/// Last rate of the corners, as a factor of that, reached log-linearly.
 const ENGINE_VERTICES_FINAL_SHARE: f64 = 0.1;
 /// Steps between degrees of the view-dependent colour, of a 30,000-step run (TS 1000).
 const SH_EVERY: f64 = 1000.0;
-/// Distortion and normals count from here on, steps of a 30,000-step run (TS 5000).
+/// First step of the losses on distortion and normals, of a 30,000-step run (TS 5000).
 const GEOMETRY_FROM: f64 = 5000.0;
-/// The size of triangles counts up to here, steps of a 30,000-step run (TS 25,000).
+/// Last step of the loss on size, of a 30,000-step run (TS 25,000).
 const SIZE_UNTIL: f64 = 25_000.0;
 /// Triangles fainter than this are pruned (0.014, supplement: opacity_dead).
 const PRUNE_OPACITY: f64 = 0.014;
@@ -42,7 +43,7 @@ pub const REFINE_FROM: f64 = 500.0;
 /// Everything of one step that is not the scene or the photo.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rates {
-    /// Steps Adam has made after this one, from 1.
+    /// Number of this step for Adam, from 1.
     pub time: u64,
     /// Rate of the corners.
     pub vertices: f64,
@@ -56,7 +57,7 @@ pub struct Rates {
     pub sh_rest: f64,
     /// SH degree in use.
     pub sh_degree: u8,
-    /// What SSIM and the squared error count beside L1.
+    /// Weights of SSIM and the squared error, relative to L1.
     pub photometric: PhotometricWeights,
     /// β1, of the mean opacity.
     pub beta_opacity: f64,
@@ -72,18 +73,18 @@ pub struct Rates {
     pub beta_opaque: f64,
     /// Skip triangles without a gradient.
     pub sparse: bool,
-    /// Largest alpha of a layer; it lifts to 1 with the anneal, else every solid triangle would leak.
+    /// Largest alpha of a layer; it rises to 1 with the anneal, because solid triangles must not leak.
     pub alpha_cap: f32,
     /// How solid the scene is.
     pub anneal: Anneal,
-    /// How it is drawn once it is drawn as an engine does; `None` before.
+    /// The engine shading; `None` before it begins.
     pub engine_shading: Option<EngineShading>,
-    /// What is behind the scene in place of the background of the run, sRGB-encoded: behind an object it changes from step to step.
+    /// Replaces the background of the run, sRGB-encoded: behind an object it changes from step to step.
     pub background: Option<[f32; 3]>,
 }
 
 impl Rates {
-    /// How triangles are drawn that are not trained, whatever becomes of those that are.
+    /// How frozen triangles are drawn, independent of the anneal.
     pub fn frozen_look(&self) -> FrozenLook {
         FrozenLook { flat: self.engine_shading.is_some() }
     }
@@ -104,7 +105,7 @@ impl Rates {
     }
 }
 
-/// How a scene is drawn as an engine does.
+/// Engine shading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EngineShading {
     /// Samples per pixel and axis.
@@ -116,8 +117,8 @@ pub struct EngineShading {
 }
 
 impl EngineShading {
-    /// As training draws: a sample per pixel (2 by 2 gained 0.03 dB at 1.37 times the seconds), edges one pixel wide, colours
-    /// mixed in linear light as engines do.
+    /// As in training: one sample per pixel (2 by 2 gained 0.03 dB at 1.37 times the seconds), edges one
+    /// pixel wide, colours mixed in linear light as engines do.
     pub const TRAINED: Self = Self { samples: 1, edge_width_samples: 1.0, linear: true };
 }
 
@@ -139,7 +140,7 @@ impl<'a> Schedule<'a> {
         self.timeline.step_at(position)
     }
 
-    /// How much of the run is done after `step`.
+    /// Progress of the run after `step`.
     fn share(&self, step: u64) -> f64 {
         match self.timeline.has_milestones() {
             true => self.timeline.position(step) / REFERENCE_STEPS,
@@ -156,7 +157,7 @@ impl<'a> Schedule<'a> {
         }
     }
 
-    /// What step `step` (from 0) works with.
+    /// The values for step `step` (from 0).
     pub fn rates(&self, step: u64) -> Rates {
         let (o, l, hardening) = (self.options, &self.options.loss, Hardening::of(self.options));
         let engine = self.is_engine_shaded(step);
@@ -188,7 +189,8 @@ impl<'a> Schedule<'a> {
         }
     }
 
-    /// Degrees of view-dependent colour in use: one more every thousand steps of a 30,000-step run, none once the scene is drawn as an engine does.
+    /// Degrees of view-dependent colour in use: one more every thousand steps of a 30,000-step run, none with
+    /// engine shading.
     pub fn sh_degree(&self, step: u64) -> u8 {
         let o = self.options;
         if self.is_engine_shaded(step) {
@@ -205,7 +207,7 @@ impl<'a> Schedule<'a> {
         if step < self.scaled(w.quarter_until) { 2 } else { u32::from(step < self.scaled(w.half_until)) }
     }
 
-    /// True once the scene is drawn as an engine draws it, except for the opacity.
+    /// True from the beginning of engine shading.
     pub fn is_engine_shaded(&self, step: u64) -> bool {
         self.is_opaque(step)
     }
@@ -215,7 +217,7 @@ impl<'a> Schedule<'a> {
         self.is_past(step, self.options.solid.opacity_until)
     }
 
-    /// How much of the way from one position to another is done after `step`: 0 to 1, linearly.
+    /// Progress from one position to another after `step`: 0 to 1, linearly.
     fn done(&self, step: u64, [start, end]: [f64; 2]) -> f64 {
         if self.timeline.has_milestones() && self.options.ends_solid() {
             let length = (end - start).max(1.0);
@@ -228,12 +230,12 @@ impl<'a> Schedule<'a> {
         ((step - from + 1) as f64 / (until - from) as f64).min(1.0)
     }
 
-    /// How much of the opacity's anneal is done after `step`.
+    /// Progress of the opacity's anneal after `step`.
     fn annealed(&self, step: u64) -> f64 {
         self.done(step, [self.options.solid.opacity_from, self.options.solid.opacity_until])
     }
 
-    /// How solid triangles are at `step`: their opacities part and σ falls, log-linearly.
+    /// The state of the anneal at `step`: opacities move to 0 or 1 and σ falls, log-linearly.
     pub fn anneal(&self, step: u64) -> Anneal {
         if self.is_opaque(step) {
             return Anneal::SOLID;
@@ -247,8 +249,8 @@ impl<'a> Schedule<'a> {
         }
     }
 
-    /// τ_prune after `step`. It rises with the anneal: a soft scene is made of small weights, and the threshold of a
-    /// solid one would delete it at once.
+    /// τ_prune after `step`. It rises with the anneal, because a soft scene has small weights, which the
+    /// threshold of a solid one would delete at once.
     pub fn prune_weight(&self, step: u64) -> f64 {
         let (soft, solid) = (self.options.refine.prune_weight, Hardening::of(self.options).prune_weight);
         soft + (solid - soft) * self.annealed(step)
@@ -273,7 +275,7 @@ impl<'a> Schedule<'a> {
         self.options.ends_solid() && step >= self.scaled(position)
     }
 
-    /// Rate of the corners: log-linear over the run, and again from where the scene is drawn as an engine does.
+    /// Rate of the corners: log-linear over the run, and again from the beginning of engine shading.
     fn vertices_rate(&self, step: u64) -> f64 {
         let (o, s, steps) = (self.options, &self.options.solid, self.options.steps.max(1));
         let soft = |step: u64| o.rates.vertices * VERTICES_FINAL_SHARE.powf(self.share(step));
@@ -311,7 +313,7 @@ impl<'a> Schedule<'a> {
         step < self.scaled(self.options.refine.until)
     }
 
-    /// Which refinement the one after `step` steps is, counted over the whole run.
+    /// Number of the refinement after `step` steps, counted over the whole run.
     pub fn refinement(&self, step: u64) -> u64 {
         self.passed(step, self.options.refine.every)
     }
@@ -376,7 +378,7 @@ mod tests {
             (0..30_000)
                 .all(|step| plan.anneal(step) == Anneal::NONE && plan.rates(step).engine_shading.is_none())
         );
-        // A tenth of the steps changes σ as much.
+        // A run with a tenth of the steps changes σ equally.
         let short = TrainOptions { steps: 3000, ..options };
         assert!((Schedule::new(&short).rates(2999).sigma - 0.008).abs() < 1e-12);
     }

@@ -1,10 +1,11 @@
-//! A closed shell around the scene, for what no point stands for: walls, windows, the sky.
+//! A closed shell around the scene, for surfaces without points: walls, windows, the sky.
 //!
-//! In each direction it lies a little behind the farthest points there, and begins with the colour that the photos show
-//! in its place; where no photo shows one, with what is between the colours around. It rises to far places as a hill does, not
-//! as a spike. It is closed, and pinned: only its colour is trained. Without it such surfaces are painted by large triangles
-//! close to each camera, which hang in the air when seen from beside it, before a black background.
-//! Not in the paper; its code has a white dome of ordinary triangles for outdoor scenes.
+//! In each direction it lies a little behind the farthest points there. It begins with the colour of the
+//! photos in its place, or with interpolated colours where no photo shows it. Its distance rises gently
+//! towards far places, without spikes. It is closed, and pinned: only its colour is trained. Without it,
+//! training paints such surfaces by large triangles close to each camera, which float before a black
+//! background in other views. Not in the paper; its code has a white dome of ordinary triangles for outdoor
+//! scenes.
 
 use super::options::TrainOptions;
 use super::pyramid::Pyramid;
@@ -17,27 +18,27 @@ use crate::soup::{Soup, sh0_from_rgb};
 use glam::{Vec2, Vec3};
 use std::collections::HashMap;
 
-/// A run has this many triangles for each of its shell, or more.
+/// Least triangles of a run for each triangle of its shell.
 const PER_SHELL_TRIANGLE: u64 = 10;
-/// Photos are looked at at a quarter of their size: single pixels are noise.
+/// Photos are used at a quarter of their size, because single pixels are noisy.
 const LEVEL: u32 = 2;
-/// Cosine of the half angle around a direction in which points tell how far away the scene ends: 20 degrees.
+/// Cosine of the half angle of a cone whose points give the scene's extent in a direction: 20 degrees.
 const CONE: f32 = 0.94;
-/// Fewest points in a cone that tell it.
+/// Least points in such a cone.
 const CONE_POINTS: usize = 4;
 /// This share of the points in a cone is in front of the shell.
 const INSIDE: f32 = 0.95;
-/// The shell's distance, in that of the point that ends this share.
+/// The shell's distance, in distances of the last point of this share.
 const BEHIND: f32 = 1.05;
-/// The shell's least distance, in that of the farthest camera: no camera is outside.
+/// The shell's least distance, in distances of the farthest camera, so that no camera is outside.
 const AROUND_CAMERAS: f32 = 1.5;
 /// Rounds in which directions without points take the mean distance of their neighbours.
 const ROUNDS: usize = 200;
-/// The logarithm of the distance changes by this much at most in the time that the direction turns by a radian.
+/// Largest slope of the logarithm of the distance, per radian of direction.
 const STEEPEST: f32 = 2.0;
 /// Rounds in which every direction moves half way to the mean of its neighbours.
 const SMOOTHING: usize = 3;
-/// Rounds in which faces that no photo shows take the mean colour of those beside them.
+/// Rounds in which faces without photos take the mean colour of their neighbours.
 const COLOR_ROUNDS: usize = 1000;
 /// σ of the shell: nearly solid, so that it has no seams.
 const SIGMA: f32 = 0.02;
@@ -50,8 +51,8 @@ pub(super) fn subdivisions(options: &TrainOptions) -> Option<u32> {
     (2..=options.init.shell_subdivisions).rev().find(fits)
 }
 
-/// The shell around `points` as seen by `cameras`, those of the photos, in training space; SH degree 0. Empty when the
-/// photos have masks, as then what is behind the scene is not wanted, and when none of them shows it.
+/// The shell around `points` as seen by `cameras`, those of the photos, in training space; SH degree 0. Empty
+/// when the photos have masks, because these exclude the background, and when no photo shows it.
 ///
 /// Errors: photos that cannot be decoded.
 pub(super) fn shell(
@@ -75,7 +76,7 @@ pub(super) fn shell(
     })
 }
 
-/// How far the shell is from the origin in each direction. `[V]`
+/// Distance of the shell from the origin in each direction. `[V]`
 fn radii(directions: &[Vec3], faces: &[[u32; 3]], points: &[Vec3], cameras: &[Camera]) -> Vec<f32> {
     let finite = points.iter().filter(|p| p.is_finite() && p.length() > 0.0);
     let rays: Vec<(Vec3, f32)> = finite.map(|p| (p.normalize(), p.length())).collect();
@@ -86,7 +87,7 @@ fn radii(directions: &[Vec3], faces: &[[u32; 3]], points: &[Vec3], cameras: &[Ca
         .unwrap_or(1.0);
 
     let neighbours = neighbours(directions.len(), faces);
-    // In logarithms: twice as far counts as much as half as far.
+    // In logarithms, so that twice and half the distance count equally.
     let mut logs: Vec<f32> = known.iter().map(|k| k.unwrap_or(typical).max(f32::MIN_POSITIVE).ln()).collect();
     for _ in 0..ROUNDS {
         let before = logs.clone();
@@ -120,8 +121,8 @@ fn mean(values: impl ExactSizeIterator<Item = f32>) -> f32 {
     values.sum::<f32>() / count
 }
 
-/// Raises the logarithms of distances around far places until none is steeper than [`STEEPEST`]; none is lowered, so that what stood
-/// before the shell still does.
+/// Raises the logarithms of distances around far places until no slope exceeds [`STEEPEST`]. None is lowered,
+/// so the shell stays behind the scene.
 fn raise(logs: &mut [f32], directions: &[Vec3], neighbours: &[Vec<u32>]) {
     let mut rises = true;
     while rises {
@@ -138,21 +139,21 @@ fn raise(logs: &mut [f32], directions: &[Vec3], neighbours: &[Vec<u32>]) {
     }
 }
 
-/// How far away the points around a direction end, if there are enough.
+/// Distance at which the points around a direction end, if there are enough.
 fn far_end(direction: Vec3, rays: &[(Vec3, f32)]) -> Option<f32> {
     let around = rays.iter().filter(|(ray, _)| ray.dot(direction) > CONE);
     let lengths: Vec<f32> = around.map(|(_, length)| *length).collect();
     if lengths.len() < CONE_POINTS { None } else { far(lengths) }
 }
 
-/// The length that all but the longest few stay below.
+/// The length that all except the longest few stay below.
 fn far(mut lengths: Vec<f32>) -> Option<f32> {
     let at = ((lengths.len() as f32 * INSIDE) as usize).min(lengths.len().checked_sub(1)?);
     Some(*lengths.select_nth_unstable_by(at, f32::total_cmp).1)
 }
 
-/// The colour that the photos show at the middle of each face, the median over them; `None` where none does.
-/// `None` altogether when photos have masks. `[F]`
+/// The median colour of the photos at the middle of each face; `None` where no photo shows it. The whole
+/// result is `None` when photos have masks. `[F]`
 fn colors(
     corners: &[[Vec3; 3]],
     cameras: &[Camera],
@@ -177,7 +178,7 @@ fn colors(
     Ok(Some(shown.into_iter().map(color).collect()))
 }
 
-/// What a photo shows at a place, if it does.
+/// The colour of a photo at a place, if visible.
 fn pixel(camera: &Camera, photo: &Pixels, place: Vec3) -> Option<[u8; 3]> {
     let seen = camera.rotation * place + camera.translation;
     let at = seen.truncate() / seen.z * camera.focal + camera.center;
@@ -186,7 +187,7 @@ fn pixel(camera: &Camera, photo: &Pixels, place: Vec3) -> Option<[u8; 3]> {
     inside.then(|| photo.rgb[(at.y as u32 * size.x + at.x as u32) as usize])
 }
 
-/// Colours, and beyond them those that are as even as they can be; `None` when there are none at all. `[F]`
+/// The known colours, smoothly extended to all faces; `None` when none is known. `[F]`
 fn continued(colors: Vec<Option<[f32; 3]>>, faces: &[[u32; 3]]) -> Option<Vec<[f32; 3]>> {
     let beside = beside(faces);
     let known: Vec<bool> = colors.iter().map(Option::is_some).collect();
@@ -194,7 +195,7 @@ fn continued(colors: Vec<Option<[f32; 3]>>, faces: &[[u32; 3]]) -> Option<Vec<[f
         return None;
     }
     let mut colors: Vec<Option<Vec3>> = colors.into_iter().map(|rgb| rgb.map(Vec3::from)).collect();
-    // First from ring to ring, which comes near to the end of the rounds after it.
+    // First from ring to ring, which saves rounds of smoothing.
     while colors.contains(&None) {
         let before = colors.clone();
         for (i, color) in colors.iter_mut().enumerate().filter(|(_, color)| color.is_none()) {
@@ -229,7 +230,7 @@ mod tests {
     use crate::dataset::{Dataset, DatasetOptions, View};
     use crate::space::Space;
 
-    /// Points on a wall 4 units ahead, and cameras before it.
+    /// Points on a wall 4 units ahead, and cameras in front of it.
     fn wall() -> Vec<Vec3> {
         (0..400).map(|i| Vec3::new((i % 20) as f32 / 5.0 - 2.0, (i / 20) as f32 / 5.0 - 2.0, 4.0)).collect()
     }

@@ -1,24 +1,25 @@
-//! What the steps of a run left out.
+//! The work that the steps of a run skipped.
 
 use crate::work::WorkCount;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::ops::AddAssign;
 
-/// Work of the steps that this process made, and what of it was left out.
+/// The full work of this process's steps, and the skipped part.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct SkippedWork {
     /// Pixels of photos: early steps look at small photos (`warmup`).
     pub pixels: WorkCount,
-    /// Rows of the optimiser, one per triangle: those without a gradient stay as they are (`rates.sparse`).
+    /// Rows of the optimiser, one per triangle; those without a gradient are skipped (`rates.sparse`).
     pub rows: WorkCount,
-    /// Coefficients of spherical harmonics, one per triangle and basis function: degrees that are not yet, or no longer, in use.
+    /// Coefficients of spherical harmonics, one per triangle and basis function; degrees not in use are
+    /// skipped.
     pub coefficients: WorkCount,
 }
 
 impl SkippedWork {
-    /// Of a step on some of the photo's `pixels`, with `triangles`, and some of the `degrees` of their colours. No row counts as updated until the
-    /// step's figures are known.
+    /// Of a step on some of the photo's `pixels`, with `triangles`, and some of the `degrees` of their
+    /// colours. Rows count as updated once the step's figures are known.
     pub(super) fn of_step(pixels: (u32, u32), triangles: u64, degrees: (u8, u8)) -> Self {
         let functions = |degree: u8| (u64::from(degree) + 1).pow(2);
         Self {
@@ -28,7 +29,7 @@ impl SkippedWork {
         }
     }
 
-    /// "pixels=61%" for all that was left out.
+    /// The skipped shares as text, for example "pixels=61%".
     pub fn labels(&self) -> Vec<String> {
         let of = [("pixels", self.pixels), ("rows", self.rows), ("coefficients", self.coefficients)];
         of.iter().filter_map(|(name, work)| work.label(name)).collect()

@@ -1,4 +1,4 @@
-//! Where a run stands before its first step: triangles at the points of a data set, or those of a scene.
+//! The state before the first step: triangles at the points of a data set, or those of a scene.
 
 use super::core::Core;
 use super::from_scene;
@@ -24,17 +24,17 @@ use std::borrow::Cow;
 /// Points drawn at random inside the views of the cameras when the data set has none.
 const RANDOM_POINTS: usize = 10_000;
 
-/// A run that trains a part of a scene, so that it agrees with the runs that train the others.
+/// A run that trains a part of a scene, in agreement with the runs of the other parts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Part {
-    /// Training space of the whole scene: lengths and rates mean the same in all its parts.
+    /// Training space of the whole scene, so that lengths and rates agree in all parts.
     pub space: Space,
     /// Number of triangles at the front of the starting scene that are drawn but not trained; `max_triangles` does not count them.
     /// The shell follows them.
     pub frozen: usize,
-    /// What of the part stays when it is merged with its neighbours, and has a budget of its own.
+    /// The box of the part that stays after merging, with its own limit of triangles.
     pub core: Option<Core>,
-    /// The step that its schedule goes on with: those before were made of the whole.
+    /// The first step of its schedule; earlier ones trained the whole scene.
     pub first_step: u64,
 }
 
@@ -43,7 +43,7 @@ pub struct Part {
 pub struct FirstScene<'a> {
     /// All its triangles.
     pub scene: &'a Loaded,
-    /// When only a part of it is trained.
+    /// The part to train, if not all.
     pub part: Option<Part>,
 }
 
@@ -54,7 +54,7 @@ impl<'a> FirstScene<'a> {
     }
 }
 
-/// Where a run stands between two steps.
+/// The state of a run between two steps.
 pub(super) struct Position {
     pub(super) options: TrainOptions,
     pub(super) space: Space,
@@ -66,8 +66,8 @@ pub(super) struct Position {
     pub(super) light: Light,
 }
 
-/// The first triangles: in the surfaces that the photos show, one per point of the sparse cloud or of a random one elsewhere, and the
-/// shell around a cloud.
+/// The first triangles: on surfaces found by stereo; elsewhere one per point of the sparse or a random cloud;
+/// and the shell around a cloud.
 ///
 /// Errors: photos that cannot be decoded.
 pub(super) fn from_points(
@@ -85,7 +85,8 @@ pub(super) fn from_points(
     };
     let cameras: Vec<Camera> = views.iter().map(|v| v.camera).collect();
     let space = Space::of(&cameras, cloud.len(), |i| cloud[i].position);
-    // Points that no triangle could stand for are thinned first: sizes are those of the gaps between the others.
+    // Points are first thinned to the limit of triangles, because sizes come from the gaps between the
+    // remaining points.
     let cloud = thinned(cloud, usize::try_from(options.max_triangles).unwrap_or(usize::MAX));
     let init_points: Vec<InitPoint> = cloud
         .iter()
@@ -95,7 +96,7 @@ pub(super) fn from_points(
         })
         .collect();
     let surfaces = Surfaces::find(views, points, &space, options)?;
-    // Random points do not say where the scene ends.
+    // Random points do not show the extent of the scene.
     let mut soup = match shell::subdivisions(options).filter(|_| !points.is_empty()) {
         Some(subdivisions) => {
             let cameras: Vec<Camera> = cameras.iter().map(|c| space.camera_to_training(c)).collect();
@@ -130,12 +131,13 @@ fn thinned(cloud: &[Point], most: usize) -> Cow<'_, [Point]> {
     }
 }
 
-/// Whether entry `i` of `count` is among `most` of them that are taken evenly; files store points in no order that matters.
+/// Whether entry `i` of `count` is in an even selection of `most`; the order of points in files has no
+/// meaning.
 fn is_among(i: usize, most: usize, count: usize) -> bool {
     count <= most || (i as u128 + 1) * most as u128 / count as u128 > i as u128 * most as u128 / count as u128
 }
 
-/// The triangles of a scene that is there already.
+/// The triangles of an existing scene.
 ///
 /// Errors: more triangles than the options permit, none at all.
 pub(super) fn from_scene(
@@ -158,7 +160,7 @@ pub(super) fn from_scene(
     let space = from.part.map_or_else(|| Space::new(&cameras, &positions()), |part| part.space);
     let most = options.max_triangles.saturating_add(frozen as u64);
     let mut soup = from_scene::first_soup(scene, &placement, dataset.origin, &space, most)?;
-    // Those of a part are in their order: the frozen ones, then its part of the shell.
+    // Those of a part come in this order: frozen ones, its part of the shell, the rest.
     let shell = if from.part.is_some() { soup.shell_count() } else { soup.put_shell_first() };
     let mut position = at_first_step(views, options, space, &soup);
     position.state.frozen = frozen.min(soup.len());

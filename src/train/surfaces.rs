@@ -1,4 +1,4 @@
-//! The first triangles in the surfaces that the photos show, and which points of the cloud are still wanted beside them.
+//! The first triangles on surfaces from stereo, and the points of the cloud that are still needed.
 
 use super::init::{FIRST_OPACITY, FIRST_SIGMA};
 use super::options::TrainOptions;
@@ -11,20 +11,20 @@ use crate::space::Space;
 use crate::stereo::{DepthMap, StereoOptions, estimate, facets};
 use glam::Vec3;
 
-/// Triangles of the surfaces at most, as a share of `max_triangles`: growth needs room.
+/// Most triangles on surfaces, as a share of `max_triangles`, because growth needs room.
 const SHARE: f64 = 0.4;
-/// Other photos that must agree with a depth, and its least confidence: stricter than for points alone. One wrong surface hangs before every
-/// other view (docs/benchmarks/stereo.md).
+/// Other photos that must agree with a depth, and its least confidence: stricter than for points, because a
+/// wrong surface floats in every other view (docs/benchmarks/stereo.md).
 const MIN_AGREEING: u32 = 3;
 const MIN_CONFIDENCE: f32 = 0.8;
-/// Fewest photos that say more together than alone.
+/// Least photos for stereo.
 const LEAST_PHOTOS: usize = 3;
-/// A point lies in a surface when their depths differ by less, as a share.
+/// A point lies on a surface if their depths differ by less than this share.
 const IN_SURFACE: f32 = 0.05;
-/// Photos that see through a point before it counts as wrong.
+/// Number of photos that must see through a point before it counts as wrong.
 const SEEN_THROUGH: u32 = 2;
 
-/// What stereo knows of a scene.
+/// The results of stereo for a scene.
 #[derive(Debug)]
 pub(super) struct Surfaces {
     /// Its triangles in training space; SH degree 0.
@@ -33,7 +33,8 @@ pub(super) struct Surfaces {
 }
 
 impl Surfaces {
-    /// Of the photos among `views`; `None` when they are not wanted or too few. Pictures drawn of a scene are left aside.
+    /// Of the photos among `views`; `None` when stereo is off or there are too few. Pictures drawn of a scene
+    /// are not used.
     ///
     /// Errors: photos that cannot be decoded.
     pub(super) fn find(
@@ -59,7 +60,7 @@ impl Surfaces {
         let n = facets.len();
         let soup = Soup {
             vertices: facets.iter().map(|facet| facet.corners.map(|p| space.to_training(p))).collect(),
-            // As faint and soft as triangles at points: wrong ones can still fade.
+            // As faint and soft as triangles at points, so that wrong ones can still fade.
             opacity: vec![FIRST_OPACITY; n],
             sigma: vec![FIRST_SIGMA; n],
             sh: facets.iter().map(|facet| facet.rgb.map(|c| sh0_from_rgb(f32::from(c) / 255.0))).collect(),
@@ -69,7 +70,8 @@ impl Surfaces {
         Ok(Some(Self { soup, maps }))
     }
 
-    /// Whether a point of the world stands for something that no map shows, and is not in the way of what they show.
+    /// Whether no depth map shows the surface at a point of the world, and the point does not hide surfaces
+    /// of the maps.
     pub(super) fn misses(&self, point: Vec3) -> bool {
         let (mut same, mut through) = (0, 0);
         for map in &self.maps {

@@ -1,17 +1,17 @@
-//! Where a run stands in its schedule: between steps, and positions in a run of 30,000 of them.
+//! The map between the steps of a run and positions in a schedule of 30,000 steps.
 //!
-//! Without milestones both are proportional. With them each part of the schedule between two milestones is stretched by
-//! itself, so that a run can change how many steps are left without changing what it has done: nothing before a
+//! Without milestones both are proportional. With milestones, each part between two of them is stretched
+//! separately. So a run can change its remaining steps without changing earlier ones: nothing before a
 //! milestone depends on a later one.
 
 use super::options::{REFERENCE_STEPS, TrainOptions};
 
-/// The positions at which a run may change how many steps are left, steps of a 30,000-step run: where the presets go from
-/// photos of a quarter of the size to half, where solid runs begin engine shading, where photos have their full size, and
-/// once more before the end.
+/// The positions, steps of a 30,000-step run, at which a run may change its remaining steps: when photos
+/// change from a quarter to half their size, when engine shading begins, when photos have their full size,
+/// and once more before the end.
 pub const MILESTONES: [f64; 4] = [12_000.0, 20_000.0, 24_000.0, 27_000.0];
 
-/// How the steps of a run are spread over its schedule.
+/// The distribution of a run's steps over its schedule.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Timeline {
     steps: u64,
@@ -28,13 +28,13 @@ struct Part {
 }
 
 impl Timeline {
-    /// The timeline that these options describe.
+    /// The timeline of these options.
     pub fn new(options: &TrainOptions) -> Self {
         let milestones = Some(options.milestones).filter(|milestones| *milestones != [0; 4]);
         Self { steps: options.steps, milestones }
     }
 
-    /// The milestones of a run of `steps` steps that is in proportion.
+    /// The milestones of a proportional run of `steps` steps.
     pub fn proportional(steps: u64) -> [u64; 4] {
         let plain = Self { steps, milestones: None };
         MILESTONES.map(|position| plain.step_at(position))
@@ -72,7 +72,7 @@ impl Timeline {
         }
     }
 
-    /// The steps of a whole run that is as dense as this one is at `step`.
+    /// The steps of a whole run with the density of this one at `step`.
     pub fn density(&self, step: u64) -> f64 {
         match self.part_of(step) {
             Some(Part { positions: [from, until], steps: [first, last] }) => {
@@ -82,7 +82,7 @@ impl Timeline {
         }
     }
 
-    /// The part that step `step` belongs to; `None` when all is in proportion.
+    /// The part of step `step`; `None` for a proportional run.
     fn part_of(&self, step: u64) -> Option<Part> {
         self.parts()?.into_iter().find(|part| step < part.steps[1]).or_else(|| {
             let last = self.parts()?.into_iter().next_back()?;

@@ -1,4 +1,4 @@
-//! What comes out of a run: the scene, its figures, and the file that holds it.
+//! The result of a run: the scene, its figures, and its file.
 
 use super::budget::{BudgetDetails, Pace, Paced};
 use super::eval::{PhotoScore, Quality};
@@ -27,19 +27,19 @@ pub struct Trained {
     pub soup: Soup,
     /// The cameras of the training photos, in the same world.
     pub cameras: Vec<Camera>,
-    /// Where the scene came from, and how the data set's world lies in that of its files.
+    /// The provenance of the scene, and the place of the data set's world in that of its files.
     pub provenance: Provenance,
     /// Steps made; fewer than planned when the run was stopped.
     pub steps: u64,
-    /// The options of the run. One with a budget has the steps and milestones that it ended with.
+    /// The options of the run; with a budget, the final steps and milestones.
     pub options: TrainOptions,
-    /// What kept the run to its budget, if it had one.
+    /// The control of the budget, if the run had one.
     pub paced: Option<Paced>,
     /// The curve.
     pub curve: Vec<TrainSample>,
     /// The held-out photos at the end.
     pub scores: Vec<PhotoScore>,
-    /// Samples per pixel along each axis of the drawings that were compared with them; `None`: they were drawn soft.
+    /// Samples per pixel along each axis of the drawings for them; `None` for soft drawings.
     pub samples: Option<u32>,
     /// The size that these photos were shrunk to; `None` where they were not.
     pub photo_size: Option<ShrunkSize>,
@@ -47,9 +47,9 @@ pub struct Trained {
     pub dropped: u64,
     /// CPU seconds of the training, evaluations excluded.
     pub cpu_secs: f64,
-    /// What the steps of this process left out.
+    /// The work that the steps of this process skipped.
     pub skipped: SkippedWork,
-    /// The photos' exposures; `None` where nothing was asked of them.
+    /// The photos' exposures; `None` where they were not estimated.
     pub exposure: Option<ExposureDetails>,
     /// The run was stopped before its last step.
     pub stopped: bool,
@@ -76,32 +76,32 @@ pub struct TrainDetails {
     pub psnr: Option<f64>,
     /// Mean SSIM over the held-out photos; null when there are none.
     pub ssim: Option<f64>,
-    /// Samples per pixel along each axis of the solid drawings these scores are of; null when they are of soft ones.
+    /// Samples per pixel along each axis of the solid drawings for these scores; null for soft drawings.
     #[serde(default)]
     pub samples: Option<u32>,
     /// The size that the held-out photos were shrunk to for these scores, "320x213"; absent where they were not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub photo_size: Option<ShrunkSize>,
-    /// What became of the budget; absent when there was none.
+    /// The use of the budget; absent without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget: Option<BudgetDetails>,
-    /// What the steps left out; of a run that was resumed, those since.
+    /// The work that the steps skipped; for a resumed run, since it resumed.
     #[serde(default)]
     pub skipped: SkippedWork,
-    /// The photos' exposures; absent where nothing was asked of them.
+    /// The photos' exposures; absent where they were not estimated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposure: Option<ExposureDetails>,
     /// The held-out photos one by one.
     pub held_out: Vec<PhotoScore>,
-    /// What hardening gained; absent when it was not compared.
+    /// The gain of hardening; absent when it was not compared.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hardened: Option<HardenedGain>,
 }
 
-/// A file of the hardened scene beside one of the scene as it was, on views that were not trained on.
+/// Scores of the hardened and the original scene, as files, on views that were not trained on.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct HardenedGain {
-    /// Views that both were drawn from: held-out photos, or soft pictures of other places.
+    /// Number of views that were compared: held-out photos, or soft pictures from other places.
     pub views: u64,
     /// Mean PSNR of the bake without hardening, dB.
     pub psnr_before: f64,
@@ -110,7 +110,7 @@ pub struct HardenedGain {
     /// The size that the photos were shrunk to for both, "320x213"; absent where they were not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub photo_size: Option<ShrunkSize>,
-    /// The file holds the hardened scene: it is not the worse one.
+    /// The file holds the hardened scene, because it does not score worse.
     pub kept: bool,
 }
 
@@ -119,7 +119,7 @@ impl StageDetails for TrainDetails {
 }
 
 impl From<Trained> for Loaded {
-    /// The scene as [`Trained::save`] writes it and a reader gives it back.
+    /// The scene as a reader returns it after [`Trained::save`].
     fn from(trained: Trained) -> Self {
         let Trained { soup, cameras, provenance, .. } = trained;
         Loaded { provenance, cameras, ..Loaded::from(soup) }
@@ -146,13 +146,13 @@ impl Trained {
         file.commit()
     }
 
-    /// [`Trained::save`] into a file that was started and has yet to be given its name.
+    /// [`Trained::save`] into a file that was started; its final name is given later.
     pub fn write_to(&self, file: &mut AtomicFile) -> Result<()> {
         ply::write_soup(file, &self.soup, &self.provenance, &self.cameras)
             .map_err(|e| Error::io(file.path(), e))
     }
 
-    /// The figures of the run so far as this process knows them.
+    /// The figures of the run that this process knows.
     pub fn details(&self) -> TrainDetails {
         let quality = self.quality();
         TrainDetails {
@@ -173,7 +173,7 @@ impl Trained {
         }
     }
 
-    /// What became of the budget so far; `None` when there was none.
+    /// The use of the budget so far; `None` without one.
     pub fn budget(&self) -> Option<BudgetDetails> {
         let Paced { pace, spending } = self.paced.as_ref()?;
         Some(pace.details(spending.seconds(), self.repeat(pace)))
@@ -188,7 +188,7 @@ impl Trained {
         )
     }
 
-    /// The run as the one stage of its report; it began with `triangles` and took `seconds`.
+    /// The run as the only stage of its report; it began with `triangles` and took `seconds`.
     pub fn stage(&self, triangles: usize, seconds: f64) -> StageReport {
         let counts = |count: usize| Counts { triangles: count as u64, vertices: 3 * count as u64 };
         StageReport {
@@ -202,7 +202,7 @@ impl Trained {
     }
 }
 
-/// Where a scene trained on `dataset` comes from.
+/// The provenance of a scene trained on `dataset`.
 pub(super) fn provenance(dataset: &Dataset) -> Provenance {
     Provenance {
         generator: Some(generator()),
@@ -210,7 +210,7 @@ pub(super) fn provenance(dataset: &Dataset) -> Provenance {
         trainer: Some(generator()),
         up: Some(dataset.up_axis()),
         placement: Placement { center: dataset.origin.to_array(), ..Placement::IDENTITY },
-        // The soup holds its cameras: whoever shows it chooses among them.
+        // The soup stores its cameras, so viewers can choose among them.
         viewpoint: None,
         backdrop: 0,
     }

@@ -35,7 +35,7 @@ pub struct Trainer<B> {
     space: Space,
     cameras: Vec<Camera>,
     identity: RunIdentity,
-    /// What is not as it was when the checkpoint was made.
+    /// Differences from the inputs of the checkpoint.
     differences: Vec<String>,
     photos: Pyramid,
     /// The photos' exposures.
@@ -51,14 +51,14 @@ pub struct Trainer<B> {
     pinned: usize,
     frozen: usize,
     core: Option<Core>,
-    /// What belongs to the state that the backend was last given, where that can get lost.
+    /// Data of the last state given to the backend, if the backend can lose it.
     loaded: Option<LoadedAt>,
     level: u32,
-    /// Pixels of the full photo per pixel of those drawn at this level.
+    /// Size of a pixel at this level, in pixels of the full photo.
     full_px: f32,
 }
 
-/// When the backend was given a state, and what else a checkpoint of that moment holds.
+/// The step at which the backend was given a state, and the other data for a checkpoint of that moment.
 #[derive(Debug, Clone)]
 struct LoadedAt {
     step: u64,
@@ -76,8 +76,9 @@ pub struct StepOutcome {
 }
 
 impl<B: TrainBackend> Trainer<B> {
-    /// A run from its beginning: from the triangles of `scene`, all or a part of them, or from the points of the data set.
-    /// `identity` is what the run is made of, `photo_bytes` the memory for decoded photos.
+    /// A run from its beginning: from the triangles of `scene`, all or a part of them, or from the points of
+    /// the data set. `identity` describes the inputs of the run; `photo_bytes` is the memory for decoded
+    /// photos.
     ///
     /// Errors: options out of range, no training photos, a scene of more triangles than the options permit.
     pub fn start(
@@ -98,10 +99,11 @@ impl<B: TrainBackend> Trainer<B> {
         Self::assemble(&views, position, identity, photos, backend)
     }
 
-    /// The run a checkpoint was made of. `identity` is what it goes on with; with `force` that may be something else, as long as
-    /// the photos have the same names. Photos that the run has looked at are decoded here, once.
+    /// Resumes the run of a checkpoint. `identity` describes the present inputs; with `force` they may
+    /// differ, if the photos have the same names. Photos that the run has used are decoded here, once.
     ///
-    /// Errors: training photos of other names; without `force`, anything that is not as it was; photos that cannot be decoded.
+    /// Errors: training photos of other names; without `force`, any other difference; photos that cannot be
+    /// decoded.
     pub fn resume(
         dataset: &Dataset,
         checkpoint: Checkpoint,
@@ -178,7 +180,7 @@ impl<B: TrainBackend> Trainer<B> {
         Ok(run)
     }
 
-    /// Gives the backend a state of now.
+    /// Gives the present state to the backend.
     fn load(&mut self, state: TrainState) -> Result<()> {
         if self.backend.can_be_lost() {
             let visibility = self.visibility.clone();
@@ -187,7 +189,7 @@ impl<B: TrainBackend> Trainer<B> {
         self.backend.load(state)
     }
 
-    /// What is not as it was when the checkpoint of this run was made, one sentence each.
+    /// Differences from the inputs of this run's checkpoint, one sentence each.
     pub fn differences(&self) -> &[String] {
         &self.differences
     }
@@ -217,12 +219,13 @@ impl<B: TrainBackend> Trainer<B> {
         self.dropped
     }
 
-    /// What the steps of this process left out, of those whose figures are known.
+    /// The work that this process's steps skipped, for steps with known figures.
     pub fn skipped(&self) -> SkippedWork {
         self.skipped
     }
 
-    /// Figures of the steps that are done, each once, in the order of the steps; with `all`, it waits for those that are not.
+    /// Figures of finished steps, each once, in the order of the steps; with `all`, it waits for unfinished
+    /// ones.
     pub fn figures(&mut self, all: bool) -> Result<Vec<StepStats>> {
         self.collect_figures(all)?;
         Ok(std::mem::take(&mut self.figures))
@@ -251,7 +254,7 @@ impl<B: TrainBackend> Trainer<B> {
         self.space
     }
 
-    /// How to draw the scene as it is: as `options`, with the window, order and alpha cap of the last step.
+    /// How to draw the present scene: with `options`, and the window, order and alpha cap of the last step.
     pub fn drawing(&self, options: &SoftOptions) -> SoftOptions {
         let last = self.step.max(1) - 1;
         let rates = Schedule::new(&self.options).rates(last);
@@ -259,12 +262,13 @@ impl<B: TrainBackend> Trainer<B> {
         if self.ends_solid() { SoftOptions { window, ..*options } } else { rates.drawing(options) }
     }
 
-    /// True where [`Trainer::picture`] draws, and sooner than the CPU: soft pictures of all of the scene on a graphics card.
+    /// True where [`Trainer::picture`] draws faster than the CPU: soft pictures of the whole scene on a
+    /// graphics card.
     pub fn draws(&self, drawing: &SoftOptions) -> bool {
         self.backend.draws() && self.frozen == 0 && solid_samples(drawing).is_none() && !self.ends_solid()
     }
 
-    /// What `camera`, in the world, sees of the scene as it is.
+    /// The view of `camera`, in the world, of the present scene.
     ///
     /// Errors: those of the backend; it does not draw.
     pub fn picture(&mut self, camera: &Camera, drawing: &SoftOptions) -> Result<Pixels> {
@@ -285,7 +289,7 @@ impl<B: TrainBackend> Trainer<B> {
         let mut rates = Schedule::new(&self.options).rates(self.step);
         let mut id = None;
         if self.photos.is_cut(index) && pixels.alpha.is_some() {
-            // Before one colour alone, triangles of that colour would do for nothing.
+            // With only one background, triangles of its colour would pass for background.
             let behind = background(self.options.seed, self.step);
             pixels = Arc::new(pixels.over_instead_of_black(behind));
             rates.background = Some(behind.map(|c| f32::from(c) / 255.0));
@@ -296,7 +300,7 @@ impl<B: TrainBackend> Trainer<B> {
         }
         let camera = self.cameras[index].resized(pixels.size);
         if level != self.level {
-            // The visibility so far is that at another size.
+            // The visibility so far was measured at another size.
             self.collect_visibility()?;
             self.level = level;
         }
@@ -325,7 +329,8 @@ impl<B: TrainBackend> Trainer<B> {
         &self.light
     }
 
-    /// Finds the photos' exposures anew where that is due: by the scene as it is, drawn as `drawing` for each of them.
+    /// Estimates the photos' exposures again if this is due, by drawing the present scene with `drawing` for
+    /// each.
     pub(super) fn find_exposures(&mut self, drawing: &SoftOptions) -> Result<()> {
         let count = self.cameras.len();
         let cut = (0..count).any(|i| self.photos.is_cut(i));
@@ -347,7 +352,7 @@ impl<B: TrainBackend> Trainer<B> {
         Ok(())
     }
 
-    /// Goes on with `options` that differ in what is left of the schedule only: their steps and milestones.
+    /// Continues with `options` that differ only in the remaining steps and milestones.
     pub(super) fn stretch(&mut self, options: &TrainOptions) {
         (self.options.steps, self.options.milestones) = (options.steps, options.milestones);
     }
@@ -355,7 +360,7 @@ impl<B: TrainBackend> Trainer<B> {
     fn refine(&mut self) -> Result<Refined> {
         self.collect_visibility()?;
         let (o, schedule) = (&self.options, Schedule::new(&self.options));
-        // The scene is pruned as it was drawn last.
+        // Pruning uses the last drawing of the scene.
         let last = self.step - 1;
         let plan = refine::RefinePlan {
             options: &o.refine,
@@ -406,7 +411,7 @@ impl<B: TrainBackend> Trainer<B> {
         self.photos.prefetch(left, level);
     }
 
-    /// The scene as it is, in the data set's world.
+    /// The present scene, in the data set's world.
     pub fn soup(&mut self) -> Result<Soup> {
         let schedule = Schedule::new(&self.options);
         let last = self.step.max(1) - 1;
@@ -424,14 +429,15 @@ impl<B: TrainBackend> Trainer<B> {
         self.is_done() && self.options.ends_solid()
     }
 
-    /// Everything needed to resume elsewhere. Where the backend has lost the scene: as it was when it last got one, after a
-    /// refinement or a checkpoint.
+    /// Everything needed to resume elsewhere. If the backend has lost the scene, this is the state that it
+    /// was last given, after a refinement or a checkpoint.
     ///
     /// Errors: the backend has lost the scene, and there is no earlier one.
     pub fn checkpoint(&mut self, curve: &[TrainSample], cpu_secs: f64) -> Result<Checkpoint> {
         let (state, now) = match self.take_state() {
             Ok(state) => {
-                // A backend that cannot take it back fails at the next step; here is what that step begins with.
+                // A backend that cannot take the state back fails at the next step; this is the state before
+                // that step.
                 let _ = self.load(state.clone());
                 let visibility = self.visibility.clone();
                 (state, LoadedAt { step: self.step, dropped: self.dropped, visibility })
@@ -463,7 +469,7 @@ impl<B: TrainBackend> Trainer<B> {
         Ok(Checkpoint { state, visibility: now.visibility, meta })
     }
 
-    /// Moves the state out of the backend, and all that belongs to it.
+    /// Moves the state and its data out of the backend.
     fn take_state(&mut self) -> Result<TrainState> {
         self.collect_visibility()?;
         self.collect_figures(true)?;
@@ -471,7 +477,7 @@ impl<B: TrainBackend> Trainer<B> {
     }
 }
 
-/// What is behind an object at a step, sRGB-encoded.
+/// The background of an object at a step, sRGB-encoded.
 fn background(seed: u64, step: u64) -> [u8; 3] {
     let rng = Rng::new(seed, "background", step);
     [0, 1, 2].map(|channel| (255.0 * rng.uniform(channel)).round() as u8)

@@ -10,8 +10,8 @@ use rayon::prelude::*;
 /// Triangles per parallel job.
 const CHUNK: usize = 512;
 
-/// Gradients that do not come through pixels (Held et al. 2025, eq. 3: β1 and β4; the other two are those of its
-/// code for game engines).
+/// Gradients that bypass the pixels (Held et al. 2025, eq. 3: β1 and β4; the other two are those of its code
+/// for game engines).
 #[derive(Debug, Clone, Copy)]
 pub struct Regularisers {
     /// ∂(β1 · mean opacity + β / mean opacity)/∂opacity.
@@ -46,7 +46,7 @@ impl Regularisers {
     }
 }
 
-/// The sum of a number of every triangle, in an order that is the same for any number of threads.
+/// The sum of one number per triangle, in an order that does not depend on the number of threads.
 fn sum_of<T: Sync>(values: &[T], number: impl Fn(&T) -> f64 + Sync) -> f64 {
     let sums: Vec<f64> =
         values.par_chunks(CHUNK).map(|chunk| chunk.iter().map(&number).sum::<f64>()).collect();
@@ -64,8 +64,8 @@ fn area_grad(v: &[Vec3; 3], d_area: f32) -> [Vec3; 3] {
     [-(d1 + d2), d1, d2]
 }
 
-/// Updates `state` by `gradient`. Returns how many triangles had a gradient, and how many of those
-/// gradients were not finite: such a triangle keeps its parameters in this step.
+/// Updates `state` by `gradient`. Returns how many triangles had a gradient, and how many of these were not
+/// finite; such triangles keep their parameters in this step.
 pub fn update(
     state: &mut TrainState,
     gradient: &SoupGrad,

@@ -1,7 +1,7 @@
-//! How visible every triangle was in the training photos since the last pruning.
+//! Visibility of every triangle in the training photos since the last pruning.
 //!
-//! A triangle is pruned only after *complete* passes: every training photo was drawn since the statistics began
-//! and the triangle was there all the time. Photos are counted, not epochs: a counter that resets at the
+//! A triangle is pruned only after *complete* passes: every training photo was drawn since the statistics
+//! began, and the triangle existed all the time. Photos are counted, not epochs: a counter that resets at the
 //! wrong moment deletes whole scenes of many photos (the paper's code does, above some 520 of them).
 
 /// Visibility statistics per triangle and per photo.
@@ -23,7 +23,7 @@ pub struct VisibilityStats {
     pub drawn: Vec<bool>,
 }
 
-/// How visible every triangle was in a number of frames.
+/// Visibility of every triangle in several frames.
 #[derive(Debug, Clone, Copy)]
 pub struct PhotoVisibility<'a> {
     /// Largest alpha·T. `[N]`
@@ -50,7 +50,7 @@ impl VisibilityStats {
         }
     }
 
-    /// Records that `photo` is drawn; true when it is the first time since the statistics began.
+    /// Records a drawing of `photo`; true when it is the first since the statistics began.
     pub fn record_photo(&mut self, photo: usize) -> bool {
         match self.drawn.get_mut(photo) {
             Some(drawn) => !std::mem::replace(drawn, true),
@@ -88,7 +88,7 @@ impl VisibilityStats {
         self.exempt.push(from.exempt[i]);
     }
 
-    /// Appends a triangle that was not there when the statistics began.
+    /// Appends a triangle younger than the statistics.
     pub fn push_exempt(&mut self) {
         self.max_weight.push(0.0);
         self.sum_weight.push(0.0);

@@ -1,4 +1,4 @@
-//! How fast this machine trains this scene: a few steps of a run that is thrown away.
+//! Measures the speed of this machine on this scene, by a few steps of a run that is discarded.
 
 use super::cost::{Calibration, CostModel, StepLoad};
 use crate::budget::Spending;
@@ -15,19 +15,19 @@ use crate::train::pyramid::{MIN_PX, size_at};
 use crate::train::start::FirstScene;
 use crate::train::trainer::Trainer;
 
-/// Photos that are tried, at most.
+/// Most photos to try.
 const PHOTOS: usize = 4;
 
-/// The part of the budget that may be spent on decoding before fewer photos have to do.
+/// Share of the budget for decoding; when it is spent, fewer photos are used.
 const MOST_SHARE: f64 = 0.02;
 
-/// Steps on these photos are repeated until they have taken this long, because clocks tick: every 16 ms on some systems.
+/// Steps are repeated until they take this long, because some clocks advance only every 16 ms.
 const LEAST_SECS: f64 = 0.05;
 
-/// How often they are repeated at most.
+/// Most repetitions.
 const MOST_ROUNDS: u32 = 50;
 
-/// Measures on a few photos of `dataset`, as long as `spending` has not spent too much of `budget_secs`.
+/// Measures on a few photos of `dataset`, until `spending` reaches its share of `budget_secs`.
 ///
 /// Errors: those of [`Trainer::start`], photos that cannot be decoded.
 pub fn calibrate(
@@ -50,7 +50,7 @@ pub fn calibrate(
     Ok(Calibration { model, triangles, decode_secs, evaluate_secs })
 }
 
-/// The data set with a few of its training photos, which are in memory, and the seconds that each took.
+/// The data set with a few of its training photos in memory, and the seconds for decoding each.
 fn few_photos(dataset: &Dataset, spending: &Spending, most_secs: f64) -> Result<(Dataset, f64)> {
     let views: Vec<&View> = dataset.train().collect();
     let clock = spending.seconds();
@@ -81,12 +81,12 @@ impl Trial<'_> {
         Trainer::start(self.dataset, self.from.map(FirstScene::whole), options, identity, u64::MAX, backend)
     }
 
-    /// Seconds of steps over those of the model, and the triangles there are: photos at half their size, one step each
-    /// after one that allocates.
+    /// Measured seconds of steps over those of the model, and the number of triangles. Photos have half their
+    /// size; each gets one step after one that allocates.
     fn run(&self, options: &TrainOptions, engine_shading: bool) -> Result<(f64, u64)> {
         let opacity_until = if engine_shading { 0.0 } else { REFERENCE_STEPS };
         let trial = TrainOptions {
-            // The positions of a schedule are steps of this run: nothing but steps happens in its first few.
+            // Positions of the schedule equal steps of this run, so its first few steps contain nothing else.
             steps: REFERENCE_STEPS as u64,
             milestones: [0; 4],
             warmup: WarmupOptions { quarter_until: 0.0, half_until: REFERENCE_STEPS },
@@ -120,7 +120,7 @@ impl Trial<'_> {
         }
     }
 
-    /// Seconds to draw a held-out photo of the first scene and to compare it; 0 when none is held out.
+    /// Seconds to draw the first scene for a held-out photo and to compare them; 0 when none is held out.
     fn evaluate(&self, dataset: &Dataset, options: &TrainOptions) -> Result<f64> {
         let Some(view) = dataset.test().next() else { return Ok(0.0) };
         let mut evaluator = Evaluator::new(&[view], u64::MAX)?;

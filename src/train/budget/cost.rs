@@ -1,8 +1,9 @@
-//! What a step costs: seconds from the pixels of its photo, the triangles of the scene and how it is drawn.
+//! The cost of a step in seconds, from the pixels of its photo, the triangles of the scene and the kind of
+//! drawing.
 //!
-//! The coefficients were fitted to the curves of runs on four scenes (docs/benchmarks/history-budget.md). How fast this machine draws
-//! this scene is one factor for soft steps and one for those with engine shading; a few steps at the start of a run measure both,
-//! and the run itself corrects them.
+//! The coefficients were fitted to the curves of runs on four scenes (docs/benchmarks/history-budget.md). The
+//! speed of this machine on this scene is a factor for soft steps and one for steps with engine shading. A
+//! few steps at the start of a run measure both, and the run corrects them.
 
 use crate::train::options::{REFERENCE_STEPS, TrainOptions};
 use crate::train::pyramid::{MIN_PX, size_at};
@@ -25,7 +26,7 @@ pub struct StepLoad {
 }
 
 impl StepLoad {
-    /// Of step `step` (from 0) of a run of `options`, with photos of `photo` px where they have their full size.
+    /// Of step `step` (from 0) of a run of `options`, with photos of `photo` px at full size.
     pub fn of_step(options: &TrainOptions, step: u64, photo: UVec2, triangles: f64) -> Self {
         let schedule = Schedule::new(options);
         let rates = schedule.rates(step);
@@ -42,21 +43,21 @@ impl StepLoad {
 /// CPU seconds of a step on the machine of the fit: a constant, per triangle and per pixel, soft and with engine shading.
 const FITTED: [[f64; 3]; 2] = [[1.1e-3, 0.52e-6, 0.067e-6], [0.0, 0.76e-6, 0.143e-6]];
 
-/// How much longer a step takes that draws depth and normals, too (docs/numerics.md, *Cost*).
+/// Factor for a step that also draws depth and normals (docs/numerics.md, *Cost*).
 const GEOMETRY: f64 = 1.5;
 
-/// Triangles that are there after a refinement, as a share of those that would be without pruning.
+/// Triangles after a refinement, as a share of their number without pruning.
 const KEPT: f64 = 0.96;
 
-/// What steps cost, in seconds of the budget's clock.
+/// The cost of steps, in seconds of the budget's clock.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CostModel {
-    /// Seconds per second of the fit: of soft steps, and of those with engine shading.
+    /// Seconds per second of the fit, for soft steps and for steps with engine shading.
     pub scale: [f64; 2],
 }
 
 impl CostModel {
-    /// A machine and a scene as those of the fit.
+    /// A machine and a scene like those of the fit.
     pub const FITTED: Self = Self { scale: [1.0; 2] };
 
     /// Seconds of a step.
@@ -68,7 +69,7 @@ impl CostModel {
     }
 }
 
-/// What was measured before a run.
+/// Measurements before a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Calibration {
     /// What steps cost.
@@ -77,20 +78,20 @@ pub struct Calibration {
     pub triangles: u64,
     /// Seconds to decode a photo.
     pub decode_secs: f64,
-    /// Seconds to draw a held-out photo and to compare it.
+    /// Seconds to draw the scene for a held-out photo and to compare them.
     pub evaluate_secs: f64,
 }
 
-/// The scene and the photos whose steps are to be foretold.
+/// The scene and the photos of the steps to predict.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Workload {
     /// The median size of the training photos, px.
     pub photo: UVec2,
     /// Triangles there are.
     pub triangles: u64,
-    /// The position, of a 30,000-step run, at which they are counted.
+    /// The position, of a 30,000-step run, where the triangles were counted.
     pub position: f64,
-    /// Triangles after a refinement per triangle before; none: as many more as the options permit, less what is usually pruned.
+    /// Growth by a refinement, as a factor; none: the growth that the options permit, minus usual pruning.
     pub growth: Option<f64>,
 }
 
@@ -100,7 +101,7 @@ impl Workload {
         Self { photo, triangles, position: 0.0, growth: None }
     }
 
-    /// By how much each refinement made the scene grow to `triangles` at `position`.
+    /// Sets the growth by which refinements reached `triangles` at `position`.
     pub fn growth_to(&self, triangles: u64, position: f64, options: &TrainOptions) -> f64 {
         let refinements = refinements([self.position, position], options).max(1.0);
         let factor = (triangles as f64 / self.triangles.max(1) as f64).powf(1.0 / refinements);
@@ -115,18 +116,18 @@ fn refinements([from, until]: [f64; 2], options: &TrainOptions) -> f64 {
     ((until.min(refine.until) - from) / refine.every).max(0.0).floor()
 }
 
-/// Triangles after a refinement that is full per triangle before.
+/// Growth by a full refinement, as a factor.
 fn most_growth(options: &TrainOptions) -> f64 {
     ((1.0 + options.refine.growth) * KEPT).max(1.0)
 }
 
-/// Positions per cell that is taken as one load.
+/// Positions per cell of constant load.
 const CELL: f64 = 250.0;
 
 /// Seconds of the steps of each part between two milestones, from `workload.position` on.
 pub fn part_secs(model: &CostModel, workload: &Workload, options: &TrainOptions) -> [f64; 5] {
     let mut secs = [0.0; 5];
-    // Where the schedule of a whole run is, positions and steps are the same.
+    // In a run of 30,000 steps, positions and steps are the same.
     let reference = TrainOptions { steps: REFERENCE_STEPS as u64, milestones: [0; 4], ..options.clone() };
     let timeline = Timeline::new(options);
     let mut position = workload.position;
@@ -149,7 +150,7 @@ fn next_cell(position: f64) -> f64 {
     MILESTONES.into_iter().filter(|milestone| *milestone > position).fold(end.min(REFERENCE_STEPS), f64::min)
 }
 
-/// How many triangles there will be: they grow at each refinement until as many are there as may be.
+/// The expected number of triangles: it grows at each refinement up to the limit.
 fn triangles_at(position: f64, workload: &Workload, options: &TrainOptions) -> f64 {
     let factor = workload.growth.unwrap_or_else(|| most_growth(options));
     let refinements = refinements([workload.position, position], options).min(1e3);

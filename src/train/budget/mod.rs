@@ -1,12 +1,14 @@
-//! Seconds put to work: how many steps, triangles and pixels a budget of time is best spent on, and a run that ends when it is.
+//! Budgets of time: chooses steps, triangles and pixels for the given seconds, and makes the run end with
+//! them.
 //!
 //! ```text
 //! calibrate ──► plan ──► run: at each milestone pace ──► steps that are left
 //!     └── cost ──┴──────────────────────────────┘
 //! ```
 //!
-//! Timings choose numbers and nothing else: the same numbers without a budget are the same run, to the bit. `pace` may change how
-//! many steps follow at a [milestone](super::timeline), and only there, so that the run that was made can be written down.
+//! Timings choose only these numbers: the same numbers without a budget give the same run, bitwise. `pace`
+//! may change the number of remaining steps only at a [milestone](super::timeline), so that options can
+//! describe the run.
 
 mod calibrate;
 mod cost;

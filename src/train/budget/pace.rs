@@ -1,4 +1,5 @@
-//! Keeps a run to its budget: at each milestone the steps that are left are chosen anew, from what those so far have cost.
+//! Keeps a run to its budget: at each milestone the number of remaining steps is chosen anew, from the
+//! measured cost.
 
 use super::cost::{CostModel, StepLoad, Workload, part_secs};
 use super::plan::{Plan, PlanInput};
@@ -9,10 +10,10 @@ use crate::train::timeline::MILESTONES;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A run takes at most this many times the steps that were planned for the rest of it.
+/// Most remaining steps, as a multiple of the planned ones.
 const MOST_STRETCH: f64 = 10.0;
 
-/// What a run under a budget knows of its costs; a part of its checkpoints.
+/// The known costs of a run with a budget; stored in its checkpoints.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pace {
@@ -24,28 +25,28 @@ pub struct Pace {
     pub corrections: Vec<Correction>,
     model: CostModel,
     workload: Workload,
-    /// Seconds spent when the part that runs began, and when its state was last stored.
+    /// Seconds spent at the start of the present part, and when its state was last stored.
     began_secs: f64,
     stored_secs: f64,
-    /// Seconds that the steps of the part that runs should have taken with the triangles they had, by the model.
+    /// Seconds predicted for the steps of the present part, with their real numbers of triangles.
     modelled_secs: f64,
-    /// Seconds that the part that runs takes beside its steps: photos are decoded in the first.
+    /// Seconds of the present part apart from its steps: the first one decodes photos.
     decoding_secs: f64,
-    /// More steps than this do not pay, whatever is left.
+    /// More steps than this gain nothing.
     #[serde(default)]
     most_steps: Option<u64>,
 }
 
-/// A pace, and the clock that tells what is spent.
+/// A pace, and the clock of the budget.
 #[derive(Debug, Clone)]
 pub struct Paced {
-    /// What is known of the costs.
+    /// The known costs.
     pub pace: Pace,
     /// What is spent.
     pub spending: Spending,
 }
 
-/// A change of the steps that are left.
+/// A change of the remaining steps.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Correction {
     /// Steps made.
@@ -56,7 +57,7 @@ pub struct Correction {
     pub steps: u64,
 }
 
-/// What a run under a budget did with it.
+/// How a run used its budget.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BudgetDetails {
     /// The budget.
@@ -65,14 +66,14 @@ pub struct BudgetDetails {
     pub plan: Plan,
     /// The changes since.
     pub corrections: Vec<Correction>,
-    /// Seconds spent of it when the report was made.
+    /// Seconds spent at the time of the report.
     pub spent_secs: f64,
     /// Options that make the same run without a budget.
     pub repeat: String,
 }
 
 impl Pace {
-    /// Of a run that is about to begin, `spent_secs` of its budget being spent.
+    /// Of a run that begins after `spent_secs` of its budget.
     pub fn new(input: &PlanInput<'_>, plan: &Plan, spent_secs: f64) -> Self {
         let options = plan.apply(input.options);
         let triangles = input.calibration.triangles.min(plan.max_triangles);
@@ -93,14 +94,15 @@ impl Pace {
         }
     }
 
-    /// Counts step `step` (from 0), made with `triangles`: their number was a forecast, and fewer of them do not make a machine faster.
+    /// Counts step `step` (from 0), made with `triangles`. The real number replaces the forecast, so fewer
+    /// triangles are not taken for a faster machine.
     pub fn stepped(&mut self, step: u64, triangles: u64, options: &TrainOptions) {
         let load = StepLoad::of_step(options, step, self.workload.photo, triangles as f64);
         self.modelled_secs += self.model.step_secs(&load);
     }
 
-    /// After `step` steps, `spent_secs` being spent: the options of the rest of the run, when this is a milestone. Those before it
-    /// are as they were.
+    /// After `step` steps and `spent_secs`: the options of the rest of the run, if this is a milestone.
+    /// Earlier steps keep theirs.
     pub fn corrected(
         &mut self,
         step: u64,
@@ -111,7 +113,8 @@ impl Pace {
         let part = options.milestones.iter().position(|milestone| *milestone == step)?;
         self.learn(part, spent_secs, options);
         let position = MILESTONES[part];
-        // Photos become larger on the way, and a scene then grows faster than before, so that most can be said only where no milestone follows.
+        // Photos become larger during the run, and the scene then grows faster. So the limit on steps is
+        // certain only after the last milestone.
         let growth =
             (part + 1 == MILESTONES.len()).then(|| self.workload.growth_to(triangles, position, options));
         self.workload = Workload { triangles, position, growth, ..self.workload };
@@ -124,14 +127,14 @@ impl Pace {
         Some(corrected)
     }
 
-    /// By how much the steps after `step` may become more.
+    /// Largest factor for the number of steps after `step`.
     fn most_stretch(&self, step: u64, options: &TrainOptions) -> f64 {
         let left = |steps: u64| steps.saturating_sub(step) as f64;
         let most = self.most_steps.map_or(f64::INFINITY, |most| left(most) / left(options.steps).max(1.0));
         most.min(MOST_STRETCH)
     }
 
-    /// Takes over what the steps of a part have cost.
+    /// Updates the costs from the steps of a part.
     fn learn(&mut self, part: usize, spent_secs: f64, options: &TrainOptions) {
         let expected_secs = self.modelled_secs + self.decoding_secs;
         let ratio = (spent_secs - self.began_secs) / expected_secs.max(1e-9);
@@ -142,12 +145,12 @@ impl Pace {
         let last = options.milestones[part].saturating_sub(1);
         match Schedule::new(options).is_engine_shaded(last) {
             true => *engine *= ratio,
-            // What is true of soft steps is likely of those to come.
+            // Steps with engine shading probably deviate like soft ones.
             false => (*soft, *engine) = (*soft * ratio, *engine * ratio),
         }
     }
 
-    /// What a checkpoint holds, `spent_secs` being spent.
+    /// The state for a checkpoint after `spent_secs`.
     pub fn stored(&self, spent_secs: f64) -> Self {
         Self { stored_secs: spent_secs, ..self.clone() }
     }
@@ -157,19 +160,20 @@ impl Pace {
         self.stored_secs
     }
 
-    /// Goes on in another process, `spent_secs` being spent: reading everything again was no work on steps.
+    /// Continues in another process after `spent_secs`. The time of reading everything again is not counted
+    /// as steps.
     pub fn resume(&mut self, spent_secs: f64) {
         self.began_secs += spent_secs - self.stored_secs;
         self.stored_secs = spent_secs;
     }
 
-    /// What became of the budget. `repeat` are the options that make the same run without it.
+    /// The use of the budget. `repeat` are the options that make the same run without it.
     pub fn details(&self, spent_secs: f64, repeat: String) -> BudgetDetails {
         let (plan, corrections) = (self.plan.clone(), self.corrections.clone());
         BudgetDetails { budget: self.budget, plan, corrections, spent_secs, repeat }
     }
 
-    /// True when the run has all the steps that pay, and the budget would have time for more.
+    /// True when the run has all useful steps, and the budget has time for more.
     pub fn is_enough(&self) -> bool {
         self.most_steps.is_some_and(|most| self.plan.steps >= most)
     }
@@ -234,8 +238,8 @@ mod tests {
 
     const PHOTO: UVec2 = UVec2::new(480, 270);
 
-    /// Runs a plan on a machine whose steps cost what `actual` says, with a scene that has `triangles(position, most)` triangles; returns the seconds spent, the
-    /// options at the end and the pace.
+    /// Runs a plan on a machine with the costs `actual` and a scene of `triangles(position, most)` triangles;
+    /// returns the seconds spent, the final options and the pace.
     fn run(
         seconds: f64,
         actual: CostModel,
@@ -273,7 +277,7 @@ mod tests {
         (spent + plan.reserve_secs, options, pace)
     }
 
-    /// A scene that is full soon.
+    /// A scene that is full early.
     fn full(position: f64, most: u64) -> u64 {
         if position < 6000.0 { most.min(10_000) } else { most }
     }
@@ -302,13 +306,13 @@ mod tests {
 
     #[test]
     fn a_scene_that_stays_small_is_not_taken_for_a_fast_machine() {
-        // An hour of a scene that never has a quarter of the triangles that it may have.
+        // An hour for a scene that never reaches a quarter of its limit of triangles.
         let (spent, options, pace) = run(3600.0, CostModel::FITTED, |_, most| most / 4, None);
         for scale in pace.model.scale {
             assert!((scale - 1.0).abs() < 1e-6, "{scale}");
         }
         assert!((spent / 3600.0 - 1.0).abs() < 0.05, "{spent}");
-        // No part of the schedule gets what was spared all along.
+        // No part of the schedule gets all the saved time.
         let plain = Timeline::proportional(options.steps);
         for (made, plain) in options.milestones.iter().zip(plain) {
             assert!((*made as f64 / plain as f64 - 1.0).abs() < 0.5, "{:?}, {plain:?}", options.milestones);

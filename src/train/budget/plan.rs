@@ -1,4 +1,4 @@
-//! What a budget is spent on: the steps, the triangles and the size of the photos.
+//! Plans a budget: the steps, the triangles and the size of the photos.
 
 use super::cost::{Calibration, Workload, part_secs};
 use crate::budget::Budget;
@@ -10,13 +10,13 @@ use glam::UVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Triangles per step: where the error was least at equal cost (docs/benchmarks/history-budget.md).
+/// Triangles per step, by the least error at equal cost (docs/benchmarks/history-budget.md).
 const TRIANGLES_PER_STEP: f64 = 14.0;
 
-/// What is enough for a run, whatever its budget.
+/// Limits of a run with any budget.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Enough {
-    /// More steps than this do not pay.
+    /// More steps than this gain nothing.
     pub steps: Option<u64>,
     /// Most triangles per step.
     pub triangles_per_step: f64,
@@ -30,7 +30,7 @@ impl Default for Enough {
     }
 }
 
-/// Pixels of the training photos per triangle, at least: more triangles than that fit the photos and nothing else.
+/// Least pixels of the training photos per triangle: more triangles overfit the photos.
 const PIXELS_PER_TRIANGLE: f64 = 80.0;
 
 /// Fewer steps than this are worth smaller photos, unless a run has its own number.
@@ -39,10 +39,10 @@ const ENOUGH_STEPS: u64 = 1000;
 /// Photos are not made smaller than this on their longer side, px.
 const SMALLEST_PHOTO: u32 = 320;
 
-/// Fewer steps than this give no scene.
+/// Fewer steps do not give a usable scene.
 const FEWEST_STEPS: u64 = 60;
 
-/// Fewest triangles, where the scene does not begin with more.
+/// Least triangles, unless the scene begins with more.
 const FEWEST_TRIANGLES: u64 = 1000;
 
 /// Most triangles.
@@ -55,7 +55,7 @@ pub struct PlanInput<'a> {
     pub options: &'a TrainOptions,
     /// The budget.
     pub budget: Budget,
-    /// What of it is spent already, seconds.
+    /// Seconds spent already.
     pub spent_secs: f64,
     /// How fast the machine is.
     pub calibration: Calibration,
@@ -75,23 +75,23 @@ pub struct PlanInput<'a> {
     pub enough: Enough,
 }
 
-/// What a budget is spent on.
+/// A plan for a budget.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Plan {
     /// Steps.
     pub steps: u64,
     /// Most triangles.
     pub max_triangles: u64,
-    /// The longer side of the photos, px; null: as they are.
+    /// The longer side of the photos, px; null: unchanged.
     pub max_size: Option<u32>,
-    /// Seconds that the steps are expected to take.
+    /// Expected seconds of the steps.
     pub step_secs: f64,
-    /// Seconds kept for what follows the last step: evaluation and writing.
+    /// Seconds reserved for evaluation and writing.
     pub reserve_secs: f64,
 }
 
 impl<'a> PlanInput<'a> {
-    /// Of a data set as it was read.
+    /// Of a data set after reading.
     pub fn new(
         dataset: &Dataset,
         options: &'a TrainOptions,
@@ -115,7 +115,7 @@ impl<'a> PlanInput<'a> {
         }
     }
 
-    /// True when `plan` has all the steps that pay.
+    /// True when `plan` has all useful steps.
     pub fn is_enough(&self, plan: &Plan) -> bool {
         self.enough.steps.is_some_and(|most| plan.steps >= most)
     }
@@ -127,13 +127,13 @@ impl<'a> PlanInput<'a> {
         (self.photo.as_dvec2() * f64::from(most) / f64::from(longer)).round().as_uvec2().max(UVec2::ONE)
     }
 
-    /// Seconds for what follows the last step, with photos of `photo`.
+    /// Seconds for the work after the last step, with photos of `photo`.
     fn reserve_secs(&self, photo: UVec2) -> f64 {
         let smaller = photo.as_dvec2().element_product() / self.photo.as_dvec2().element_product();
         self.held_out as f64 * self.calibration.evaluate_secs * smaller
     }
 
-    /// Seconds of a run of `options` until its last step is made.
+    /// Seconds of a run of `options` up to its last step.
     fn run_secs(&self, options: &TrainOptions, photo: UVec2) -> f64 {
         let triangles = self.calibration.triangles.min(options.max_triangles);
         let workload = Workload::at_start(photo, triangles);
@@ -144,10 +144,10 @@ impl<'a> PlanInput<'a> {
     }
 }
 
-/// Chooses steps, triangles and the size of photos. The rule: as many steps as fit, fourteen triangles for each, and photos as they are unless
-/// that leaves too few steps.
+/// Chooses steps, triangles and the size of photos. The rule: the most steps that fit, with fourteen
+/// triangles per step, and unchanged photos unless that leaves too few steps.
 ///
-/// Errors: a budget that is spent before anything is made.
+/// Errors: a budget too small for any scene.
 pub fn plan(input: &PlanInput<'_>) -> Result<Plan> {
     let mut size = None;
     loop {
@@ -164,7 +164,7 @@ pub fn plan(input: &PlanInput<'_>) -> Result<Plan> {
     }
 }
 
-/// The plan for photos of one size; `None` if no scene comes out of it.
+/// The plan for photos of one size; `None` if the budget is too small for it.
 fn for_size(input: &PlanInput<'_>, max_size: Option<u32>) -> Option<Plan> {
     let photo = input.photo_of(max_size);
     let reserve_secs = input.reserve_secs(photo);
@@ -219,7 +219,7 @@ fn too_small(input: &PlanInput<'_>, photo: UVec2) -> Error {
 }
 
 impl Plan {
-    /// `options` with what was chosen. Their milestones are written out, because they may change.
+    /// `options` with the choices. Their milestones are explicit, because they may change.
     pub fn apply(&self, options: &TrainOptions) -> TrainOptions {
         TrainOptions {
             steps: self.steps,

@@ -1,12 +1,12 @@
-//! The XXH3 checksum of a checkpoint, which is in the file itself: it is computed with zeros there.
+//! The XXH3 checksum of a checkpoint. It is stored in the file itself, and computed with zeros in its place.
 
 use std::ops::Range;
 use xxhash_rust::xxh3::xxh3_64;
 
-/// The zeros that stand for it while it is computed.
+/// The zeros in its place during the computation.
 pub(super) const NONE: &str = "0000000000000000";
 
-/// Where it is in a file of this format: the header is a JSON object that holds the JSON text it is in.
+/// Its place in a file of this format, in a JSON text inside the JSON header.
 fn place(bytes: &[u8], format: u32) -> Option<Range<usize>> {
     let before = format!(r#""trisplat":"{{\"format\":{format},\"checksum\":\""#);
     let start = bytes.windows(before.len()).position(|window| window == before.as_bytes())? + before.len();
@@ -22,7 +22,7 @@ pub(super) fn fill_in(bytes: &mut [u8], format: u32) -> Option<()> {
     Some(())
 }
 
-/// Whether every byte is as it was written; `None` without a checksum. Leaves zeros there.
+/// Whether no byte has changed; `None` without a checksum. Leaves zeros in its place.
 pub(super) fn fits(bytes: &mut [u8], format: u32) -> Option<bool> {
     let place = place(bytes, format)?;
     let found = bytes[place.clone()].to_vec();

@@ -29,19 +29,20 @@ use wgpu::{Buffer, CommandEncoder};
 /// Storage buffers that one pass binds.
 const STORAGE_BUFFERS: u32 = 14;
 
-/// Where the time of a step went.
+/// The time of a step by stages.
 #[derive(Debug, Clone)]
 pub struct StepTimes {
     /// Stages in their order, and milliseconds.
     pub stages: Vec<(&'static str, f64)>,
-    /// How much there was to do.
+    /// The work of the step.
     pub work: StepWork,
 }
 
 /// A training scene on a graphics card.
 ///
-/// Steps are recorded without waiting for those before; what one found is read some steps later. One that found no room changed
-/// nothing, and neither did those after it: they are repeated, in their order, with more.
+/// Steps are recorded without waiting for earlier ones; their figures are read some steps later. A step that
+/// does not fit its buffers changes nothing, nor do the steps after it: all are repeated in order with larger
+/// buffers.
 #[derive(Debug)]
 pub struct GpuBackend {
     gpu: Gpu,
@@ -53,7 +54,7 @@ pub struct GpuBackend {
     step: Buffer,
     counts: Buffer,
     groups: Buffer,
-    /// Not 0: a step found no room.
+    /// Not 0: a step did not fit its buffers.
     halted: Buffer,
     scene: Option<SceneBuffers>,
     visibility: Option<VisibilityBuffer>,
@@ -66,16 +67,16 @@ pub struct GpuBackend {
     figures: Vec<StepStats>,
     repeats: u64,
     timer: Option<StageTimer>,
-    /// How much the last step whose figures are known had to do.
+    /// The work of the last step with known figures.
     work: Option<StepWork>,
-    /// The state that was last loaded: all there is when the card is lost.
+    /// The last loaded state, which survives the loss of the card.
     loaded: Option<TrainState>,
-    /// Why steps that were begun will never be done.
+    /// Why begun steps will never finish.
     failure: Option<String>,
 }
 
 impl GpuBackend {
-    /// Without a scene yet, on an open card; draws with `options`.
+    /// A backend without a scene, on an open card; draws with `options`.
     ///
     /// Errors: the card or its driver cannot run the passes.
     pub fn new(gpu: Gpu, options: SoftOptions) -> Result<Self> {
@@ -134,18 +135,18 @@ impl GpuBackend {
         &self.gpu
     }
 
-    /// What it takes of the card.
+    /// The memory that it may take of the card.
     pub fn limits(&self) -> GpuLimits {
         self.limits
     }
 
-    /// How often steps were repeated because one of them found no room.
+    /// How often steps were repeated because one did not fit its buffers.
     pub fn repeats(&self) -> u64 {
         self.repeats
     }
 
-    /// Makes a step as [`TrainBackend::step`] does, and waits for it. Returns its stages and their milliseconds, and how much it had to
-    /// do; `None` where the card has no timestamps.
+    /// Makes a step as [`TrainBackend::step`] does, and waits for it. Returns its stages with their
+    /// milliseconds, and its work; `None` where the card has no timestamps.
     pub fn timed_step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<Option<StepTimes>> {
         self.settle_all()?;
         self.timer = StageTimer::new(&self.gpu);
@@ -168,7 +169,7 @@ impl GpuBackend {
         if self.buffers.as_ref().is_some_and(|buffers| buffers.size.union(needed) == buffers.size) {
             return Ok(());
         }
-        // Steps under way keep what they have until they are done, and may find that they need more.
+        // Steps under way keep their buffers until they finish, and may need larger ones.
         self.settle_all()?;
         let size = match self.buffers.take() {
             Some(buffers) => buffers.size,
@@ -178,7 +179,7 @@ impl GpuBackend {
                 ..StepCapacity::default()
             },
         };
-        // What was there is gone before the new is made.
+        // The old buffers are freed before the new ones are made.
         self.bind_groups.clear();
         let size = size.union(needed);
         let buffers = match StepBuffers::new(&self.gpu, size) {
@@ -193,14 +194,14 @@ impl GpuBackend {
         Ok(())
     }
 
-    /// Pairs there is room for at first: not more than the card can bind.
+    /// First capacity for pairs, at most what the card can bind.
     fn first_pairs(&self, triangles: u32) -> u32 {
         let GpuLimits { pairs_each, pairs_least, binding_bytes, .. } = self.limits;
         let most = u64::from(SLOT_PARTS) * (binding_bytes / (4 * u64::from(GEOMETRY_SLOT_NUMBERS)));
         triangles.saturating_mul(pairs_each).max(pairs_least).min(u32::try_from(most).unwrap_or(u32::MAX))
     }
 
-    /// Gives a step to the card.
+    /// Submits a step to the card.
     fn launch(&mut self, mut pending: PendingStep) -> Result<()> {
         let mut encoder = self.begin(&mut pending.step, &pending.counts)?;
         pending.photo.copy(&self.gpu, &mut encoder, &self.buffers()?.photo);
@@ -214,7 +215,7 @@ impl GpuBackend {
         self.gpu.check()
     }
 
-    /// Has what passes read before anything is recorded.
+    /// Uploads the inputs of passes before recording.
     pub(super) fn begin(&self, step: &mut StepUniform, counts: &[u32; COUNTS]) -> Result<CommandEncoder> {
         step.set_slot_pairs(self.buffers()?.size.slot_pairs());
         let Gpu { queue, device, .. } = &self.gpu;
@@ -223,7 +224,7 @@ impl GpuBackend {
         Ok(device.create_command_encoder(&Default::default()))
     }
 
-    /// Records passes of a step, those that `what` says.
+    /// Records the passes of a step that `what` selects.
     pub(super) fn record(
         &mut self,
         plan: &StepPlan,
@@ -252,18 +253,18 @@ impl GpuBackend {
         Ok(())
     }
 
-    /// What was counted by all that was submitted.
+    /// The counts after all submitted passes.
     pub(super) fn counted(&self) -> Result<Vec<u32>> {
         elements(&self.gpu, &self.counts, COUNTS)
     }
 
-    /// Everything that lives for a step.
+    /// All buffers of a step.
     pub(super) fn buffers(&self) -> Result<&StepBuffers> {
         self.buffers.as_ref().ok_or_else(|| Error::Gpu("a step without buffers".into()))
     }
 
-    /// Takes the figures of the oldest step under way, if it is done, or with `wait` when it is; true when there was one. One that found
-    /// no room is under way again.
+    /// Takes the figures of the oldest step under way if it has finished, or with `wait` when it finishes;
+    /// true when there was one. A step that did not fit is under way again.
     fn settle(&mut self, wait: bool) -> Result<bool> {
         let Some(pending) = self.pending_steps.front_mut() else { return Ok(false) };
         let counts = pending.readback.take::<u32>(&self.gpu, wait);
@@ -297,7 +298,7 @@ impl GpuBackend {
         self.failure.as_ref().map_or(Ok(()), |why| Err(Error::Gpu(why.clone())))
     }
 
-    /// Keeps the error of a step that was begun, or of a scene that was not loaded: what is on the card is of no use any more.
+    /// Keeps the error of a begun step or a failed upload: the state on the card is useless from then on.
     fn failed<T>(&mut self, outcome: Result<T>) -> Result<T> {
         if let Err(error) = &outcome {
             let why = match error {
@@ -310,7 +311,7 @@ impl GpuBackend {
         outcome
     }
 
-    /// Moves the state that is kept in main memory to the card.
+    /// Uploads the state in main memory to the card.
     fn load_again(&mut self) -> Result<()> {
         self.scene = None;
         self.bind_groups.clear();
@@ -325,14 +326,14 @@ impl GpuBackend {
             }
             scene => scene?,
         });
-        // A scene that comes back as it went has been seen as often as before.
+        // A scene that returns unchanged keeps its visibility.
         if self.visibility.as_ref().is_none_or(|visibility| visibility.triangles != triangles) {
             self.visibility = Some(VisibilityBuffer::new(&self.gpu, triangles)?);
         }
         Ok(())
     }
 
-    /// Repeats the steps under way, which changed nothing, with `more` room.
+    /// Repeats the steps under way, which changed nothing, with the capacity `more`.
     fn repeat(&mut self, more: StepCapacity) -> Result<()> {
         self.repeats += 1;
         let mut pending_steps = std::mem::take(&mut self.pending_steps);
@@ -419,7 +420,7 @@ impl TrainBackend for GpuBackend {
     }
 }
 
-/// Memory that a run takes of a card with `limits` when it has grown, bytes.
+/// Memory of a card with `limits` that a full-grown run takes, bytes.
 pub(in crate::train) fn expected_bytes(size: &RunSize, limits: &GpuLimits) -> u64 {
     let triangles = u32::try_from(size.triangles).unwrap_or(u32::MAX);
     let numbers = row_count((usize::from(size.sh_degree) + 1).pow(2)) as u64;

@@ -1,4 +1,4 @@
-//! What passes that are used several times do each time, and where in the counts their lengths are.
+//! Parameters of passes that are used several times, and the places of their lengths in the counts.
 
 use crate::error::Result;
 use crate::gpu::Gpu;
@@ -37,7 +37,7 @@ pub(super) enum Count {
 /// Counts in the buffer.
 pub(super) const COUNTS: usize = Count::FrameGroups as usize + 1;
 
-/// Groups that the passes of a step get: which of the indirect dispatches. The twin of `set_groups` in `passes/plan.wgsl`.
+/// The indirect dispatches of a step. The twin of `set_groups` in `passes/plan.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub(super) enum Groups {
@@ -54,7 +54,8 @@ pub(super) enum Groups {
 /// Indirect dispatches.
 pub(super) const GROUPS: usize = Groups::Update as usize + 1;
 
-/// What a pass does this time: the twin of `Job` in `passes/step.wgsl`, or of `Sum` in `passes/sum_partials.wgsl`.
+/// Parameters of one use of a pass: the twin of `Job` in `passes/step.wgsl`, or of `Sum` in
+/// `passes/sum_partials.wgsl`.
 pub(super) type Job = [u32; 4];
 
 /// Counts, or writes.
@@ -62,7 +63,7 @@ pub(super) const fn turn(writes: u32) -> Job {
     [writes, 0, 0, 0]
 }
 
-/// A prefix sum over as many numbers as a count says.
+/// A prefix sum; a count gives its length.
 pub(super) const fn scan(length: Count) -> Job {
     [0, length as u32, 0, 0]
 }
@@ -72,7 +73,8 @@ pub(super) const fn digit(length: Count, shift: u32) -> Job {
     [0, length as u32, shift, (shift == 0) as u32]
 }
 
-/// The first `numbers` of as many partial sums as a count says, into the counts from `place` on.
+/// Sums the first `numbers` values of all partial sums, whose number is a count, into the counts from `place`
+/// on.
 pub(super) const fn sum(place: Count, length: Count, numbers: u32) -> Job {
     [place as u32, length as u32, numbers, 0]
 }

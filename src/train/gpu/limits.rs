@@ -1,9 +1,9 @@
-//! What the backend takes of a card.
+//! The memory limits of the backend on a card.
 
 use crate::gpu::Gpu;
 use wgpu::DeviceType;
 
-/// What the backend takes of a card. None of it changes a bit of the result.
+/// Limits on a card. None of them changes a bit of the result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct GpuLimits {
     /// Steps that may be under way before the next one is recorded; 0 waits for each.
@@ -12,11 +12,12 @@ pub struct GpuLimits {
     pub binding_bytes: u64,
     /// Photos that stay on the card, bytes: 4 per pixel.
     pub photo_bytes: u64,
-    /// Pairs of triangles and tiles there is room for at first, for each triangle.
+    /// First capacity for pairs of triangles and tiles, per triangle.
     pub pairs_each: u32,
-    /// Pairs there is room for at first, at least.
+    /// Least first capacity for pairs.
     pub pairs_least: u32,
-    /// Triangles through the near plane, which are two splats each, there is room for at first; a 64th of all comes on top.
+    /// First capacity for triangles through the near plane, which are two splats each; a 64th of all
+    /// triangles is added.
     pub spare_splats: u32,
 }
 
@@ -24,11 +25,12 @@ pub struct GpuLimits {
 const PHOTO_BYTES: (u64, u64) = (2 << 30, 512 << 20);
 
 impl GpuLimits {
-    /// Scenes of small triangles have fewer, as not all are in view; those of large ones are small scenes, and grow into more.
+    /// Scenes of small triangles need fewer, because not all are in view; scenes of large triangles are
+    /// small, and their buffers grow.
     pub(super) const PAIRS_EACH: u32 = 2;
 
-    /// Those for a card. No graphics API says how much memory a card has, so photos get what every card of its kind can spare; when
-    /// memory ends, they go first.
+    /// The limits for a card. No graphics API tells the memory of a card, so photos get an amount that every
+    /// card of its kind can spare. When memory runs out, they are dropped first.
     pub fn of(gpu: &Gpu) -> Self {
         let limits = gpu.device.limits();
         Self {
@@ -36,7 +38,7 @@ impl GpuLimits {
             binding_bytes: limits.max_storage_buffer_binding_size.min(limits.max_buffer_size),
             photo_bytes: match gpu.info.device_type {
                 DeviceType::DiscreteGpu => PHOTO_BYTES.0,
-                // Its memory is that which holds the photos already.
+                // It shares main memory, which holds the photos already.
                 DeviceType::Cpu => 0,
                 _ => PHOTO_BYTES.1,
             },

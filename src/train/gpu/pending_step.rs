@@ -1,4 +1,4 @@
-//! A step that was given to the card and whose figures are not known yet.
+//! A step submitted to the card whose figures are not read yet.
 
 use super::job::{COUNTS, Count};
 use super::photos::PhotoSource;
@@ -13,7 +13,7 @@ use crate::raster::soft::tile_count;
 use crate::train::backend::{StepPhoto, StepStats};
 use crate::train::schedule::Rates;
 
-/// All that it takes to make a step, once or again.
+/// Everything to make a step, once or repeatedly.
 #[derive(Debug)]
 pub(super) struct PendingStep {
     pub(super) plan: StepPlan,
@@ -23,7 +23,7 @@ pub(super) struct PendingStep {
     pub(super) photo: PhotoSource,
     /// Means over the scene are needed.
     pub(super) regularised: bool,
-    /// Brings the counts after the last pass.
+    /// Reads back the counts after the last pass.
     pub(super) readback: Readback,
     photometric: PhotometricWeights,
     shape: SceneShape,
@@ -50,7 +50,7 @@ impl PendingStep {
         }
     }
 
-    /// How much there was to do, from the counts after the last pass.
+    /// The work of the step, from the counts after the last pass.
     pub(super) fn work(&self, counts: &[u32]) -> StepWork {
         let (shape, degree) = (self.shape, self.step.sh_degree());
         let numbers = row_count((usize::from(shape.sh_degree) + 1).pow(2));
@@ -90,7 +90,7 @@ pub(super) fn first_counts(plan: &StepPlan, shape: SceneShape) -> [u32; COUNTS] 
     counts
 }
 
-/// What a step wanted and had no room for, with some to spare: then it did nothing.
+/// The capacity that a step lacked, with a margin; such a step did nothing.
 pub(super) fn missing_capacity(counts: &[u32]) -> Option<StepCapacity> {
     let wanted = |count: Count| {
         let n = counts[count as usize];

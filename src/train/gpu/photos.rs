@@ -17,7 +17,7 @@ pub(super) enum PhotoSource {
 }
 
 impl PhotoSource {
-    /// Has it in `to` before what is recorded after this.
+    /// Copies it to `to`, before all later recorded passes.
     pub(super) fn copy(&self, gpu: &Gpu, encoder: &mut CommandEncoder, to: &Buffer) {
         match self {
             Self::Held(buffer) => encoder.copy_buffer_to_buffer(buffer, 0, to, 0, buffer.size()),
@@ -47,7 +47,7 @@ impl Photos {
         Self { held: HashMap::new(), bytes: 0, most_bytes, uses: 0 }
     }
 
-    /// Forgets them; true when that gives memory back.
+    /// Forgets them; true when this frees memory.
     pub(super) fn clear(&mut self) -> bool {
         let any = !self.held.is_empty();
         self.held.clear();
@@ -55,7 +55,7 @@ impl Photos {
         any
     }
 
-    /// Keeps no photo from now on; true when that gives memory back.
+    /// Keeps no photo from now on; true when this frees memory.
     pub(super) fn give_up(&mut self) -> bool {
         self.most_bytes = 0;
         self.clear()
@@ -88,7 +88,7 @@ impl Photos {
                 Some(buffer)
             }
             Err(_) => {
-                // The card is full earlier than expected: those it has stay.
+                // The card is full earlier than expected: its photos stay, new ones do not.
                 self.most_bytes = self.bytes;
                 None
             }

@@ -14,7 +14,7 @@ use crate::soup::Soup;
 use crate::train::backend::TrainBackend;
 use crate::train::params::{Params, TrainState};
 
-/// A soup on a graphics card, to be drawn.
+/// A soup on a graphics card, for drawing.
 #[derive(Debug)]
 pub struct CardScene {
     backend: GpuBackend,
@@ -24,7 +24,7 @@ pub struct CardScene {
 impl CardScene {
     /// Moves `soup`, in training space, to an open card.
     ///
-    /// Errors: the card or its driver cannot run the passes, or has no room.
+    /// Errors: the card or its driver cannot run the passes, or lacks memory.
     pub fn new(gpu: Gpu, soup: &Soup) -> Result<Self> {
         let limits = GpuLimits::of(&gpu);
         Self::with_limits(gpu, soup, limits)
@@ -45,16 +45,17 @@ impl CardScene {
         self.backend.gpu()
     }
 
-    /// What `camera` sees, as [`Soft::render`](crate::raster::soft::Soft::render) draws it: colour and transmittance.
+    /// The view of `camera`, as [`Soft::render`](crate::raster::soft::Soft::render) draws it: colour and
+    /// transmittance.
     ///
-    /// Errors: the card is lost, or has no room.
+    /// Errors: the card is lost, or lacks memory.
     pub fn frame(&mut self, camera: &Camera, options: &SoftOptions) -> Result<Frame> {
         self.backend.draw(camera, options, &self.look)
     }
 }
 
 impl GpuBackend {
-    /// What `camera`, in training space, sees of the scene: colour and transmittance. Waits for it.
+    /// The view of `camera`, in training space: colour and transmittance. Waits for the card.
     pub(super) fn draw(&mut self, camera: &Camera, options: &SoftOptions, look: &Look) -> Result<Frame> {
         self.settle_all()?;
         let shape = self.scene()?.shape;
@@ -79,7 +80,7 @@ impl GpuBackend {
         })
     }
 
-    /// Draws into the frame of the room; returns what was counted on the way.
+    /// Draws into the frame of the step buffers; returns the counts.
     fn submit_picture(&mut self, plan: &StepPlan, look: &Look, shape: SceneShape) -> Result<Vec<u32>> {
         let mut step = StepUniform::of_picture(plan, look, shape);
         let mut encoder = self.begin(&mut step, &first_counts(plan, shape))?;

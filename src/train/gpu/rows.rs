@@ -1,5 +1,5 @@
-//! Parameters as the card holds them: number j of triangle i of N at j · N + i, so that neighbouring invocations read
-//! neighbouring numbers. A large scene is in chunks, each with rows of its own.
+//! The layout of parameters on the card: number j of triangle i of N at j · N + i, so that neighbouring
+//! invocations read neighbouring numbers. A large scene is in chunks, each with rows of its own.
 //!
 //! ```text
 //! corners (9), opacity's logit, σ's logarithm, SH (3 per coefficient)

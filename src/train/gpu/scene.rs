@@ -1,4 +1,4 @@
-//! The scene and what Adam remembers of it, on the card.
+//! The scene and Adam's moments, on the card.
 
 use super::rows::{append, from_params, row_count};
 use super::source::GROUP;
@@ -13,23 +13,23 @@ use crate::train::params::{Params, TrainState};
 use std::ops::Range;
 use wgpu::{BindingResource, Buffer, BufferBinding};
 
-/// What to do when a scene does not fit.
+/// The remedy when a scene does not fit.
 pub(super) const REMEDY: &str = "train on the CPU (`backend` cpu), or with fewer triangles (`max_triangles`) or smaller photos (`max_size`)";
 
 /// Numbers of [`VisibilityBuffer`] per triangle: largest weight, largest radius, photos, error (low and high half), sum of weights.
 pub(super) const VISIBILITY_NUMBERS: usize = 6;
 
-/// The scene, in chunks of what a binding holds.
+/// The scene, in chunks that fit a binding.
 #[derive(Debug)]
 pub(super) struct SceneBuffers {
     pub(super) chunks: Vec<ChunkBuffers>,
     pub(super) shape: SceneShape,
-    /// Of each chunk how passes count, then how they write: twins of `Chunk` in `passes/step.wgsl`.
+    /// For each chunk, the parameters for counting and for writing: twins of `Chunk` in `passes/step.wgsl`.
     parts: Buffer,
     stride: u64,
 }
 
-/// Triangles whose rows are in buffers of their own.
+/// A chunk: triangles whose rows have separate buffers.
 #[derive(Debug)]
 pub(super) struct ChunkBuffers {
     pub(super) first: u32,
@@ -42,7 +42,7 @@ pub(super) struct ChunkBuffers {
     pub(super) second_moments: Buffer,
 }
 
-/// Bytes that move to the card at once; the driver keeps a copy of what is on its way.
+/// Bytes per upload; the driver keeps a copy of each during the transfer.
 const UPLOAD_BYTES: usize = 64 << 20;
 
 impl SceneBuffers {
@@ -85,7 +85,7 @@ impl SceneBuffers {
         Ok(Self { chunks, shape, parts, stride })
     }
 
-    /// Chunk `at` as a pass that counts, or writes, has it.
+    /// Chunk `at`, for a pass that counts or writes.
     pub(super) fn part(&self, at: usize, writes: u32) -> BindingResource<'_> {
         let offset = (2 * at as u64 + u64::from(writes)) * self.stride;
         let size = std::num::NonZeroU64::new(16);
@@ -126,7 +126,7 @@ fn chunk_triangles(numbers: usize, binding_bytes: u64) -> u32 {
     (most / GROUP * GROUP).max(GROUP)
 }
 
-/// Moments of a scene that is trained; one that is drawn only has none.
+/// Moments of a trained scene; one that is only drawn has none.
 fn moments(gpu: &Gpu, what: &str, params: &Params, chunk: Range<usize>) -> Result<Buffer> {
     if params.is_empty() { storage(gpu, what, 0, REMEDY) } else { upload(gpu, what, params, chunk) }
 }
@@ -145,7 +145,7 @@ fn upload(gpu: &Gpu, what: &str, params: &Params, chunk: Range<usize>) -> Result
     Ok(buffer)
 }
 
-/// How visible every triangle was: `[6, N]`, the twin of `record_visibility` in `passes/update.wgsl`.
+/// Visibility of every triangle: `[6, N]`, the twin of `record_visibility` in `passes/update.wgsl`.
 #[derive(Debug)]
 pub(super) struct VisibilityBuffer {
     pub(super) buffer: Buffer,
@@ -159,7 +159,7 @@ impl VisibilityBuffer {
         Ok(Self { buffer: storage(gpu, "visibility", bytes, REMEDY)?, triangles })
     }
 
-    /// Reads it back and begins again.
+    /// Reads it back and resets it.
     pub(super) fn take(&self, gpu: &Gpu) -> Result<BackendVisibility> {
         let n = self.triangles;
         let numbers: Vec<u32> = elements(gpu, &self.buffer, n * VISIBILITY_NUMBERS)?;

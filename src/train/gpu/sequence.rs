@@ -8,25 +8,25 @@ use glam::UVec2;
 use std::collections::HashMap;
 use wgpu::{BindGroup, BindingResource, Buffer, CommandEncoder, ComputePass, ComputePassDescriptor};
 
-/// How many workgroups a pass gets.
+/// The number of workgroups of a pass.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Spread {
     /// One.
     Once,
-    /// As many as `items` take, `each` in a workgroup.
+    /// Enough for `items`, `each` per workgroup.
     Over(u32, u32),
     /// One per tile.
     Tiles(UVec2),
-    /// As many as the card found.
+    /// A number that the card computed.
     Found(Groups),
 }
 
-/// Bind groups of earlier steps, by pass and buffers: making them anew takes longer than recording a step. They keep their buffers
-/// alive.
+/// Bind groups of earlier steps, by pass and buffers, because making them takes longer than recording a step.
+/// They keep their buffers alive.
 #[derive(Debug, Default)]
 pub(super) struct BindGroups(HashMap<Bound, BindGroup>);
 
-/// A pass, and the buffers it has with the places in them.
+/// A pass, and its buffers with the places in them.
 type Bound = (&'static str, Vec<(Buffer, u64)>);
 
 impl BindGroups {
@@ -52,16 +52,16 @@ pub(super) struct Sequence<'a> {
     pub(super) jobs: &'a Jobs,
     pub(super) groups: &'a Buffer,
     pub(super) encoder: &'a mut CommandEncoder,
-    /// Times the stages; only then each is a compute pass of its own.
+    /// Times the stages, each then in a separate compute pass.
     pub(super) timer: Option<&'a mut StageTimer>,
     pub(super) pass: Option<ComputePass<'static>>,
 }
 
 impl<'a> Sequence<'a> {
-    /// What follows is a stage of the step.
+    /// Begins a stage of the step.
     pub(super) fn stage(&mut self, name: &'static str) {
         let Some(timer) = &mut self.timer else { return };
-        // The one before has ended when the next begins.
+        // A stage ends when the next one begins.
         self.pass = None;
         let timestamp_writes = timer.writes(name);
         let descriptor = ComputePassDescriptor { label: Some(name), timestamp_writes };

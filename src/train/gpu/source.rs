@@ -11,24 +11,24 @@ use std::fmt::Write;
 
 /// Invocations of a workgroup.
 pub(super) const GROUP: u32 = 256;
-// Passes that have a tile sum over it as the others do over a group.
+// Passes over tiles sum over a tile, the others over a group.
 const _: () = assert!(GROUP == TILE * TILE);
 /// Invocations of a workgroup of the update, which needs many registers.
 pub(super) const UPDATE_GROUP: u32 = 64;
-/// Numbers that an invocation of a prefix sum has.
+/// Numbers per invocation of a prefix sum.
 pub(super) const SCAN_ITEMS: u32 = 8;
-/// Keys that an invocation of a sort has.
+/// Keys per invocation of a sort.
 pub(super) const SORT_ITEMS: u32 = 8;
 /// Values of a digit.
 pub(super) const RADIX: u32 = 1 << super::job::DIGIT_BITS;
 /// Splats that a tile holds in workgroup memory while it draws.
 const BATCH: u32 = 64;
-/// Layers that a pixel takes at a time where each has its own order.
+/// Layers that a pixel takes at a time with its own order.
 const NEAREST: u32 = 8;
 /// Splats of a tile whose gradients are summed at once.
 const TURNS: u32 = 32;
 
-/// A pass: the functions it needs beside those of all, and itself.
+/// A pass: its additional functions, and its code.
 macro_rules! pass {
     ($name:literal $(, $part:literal)*) => {
         Pass { name: $name, parts: &[$(include_str!(concat!("passes/", $part, ".wgsl")),)* include_str!(concat!("passes/", $name, ".wgsl"))] }

@@ -1,4 +1,4 @@
-//! Everything on the card that lives for one step only, and how much of it there is room for.
+//! The buffers of one step on the card, and their capacity.
 
 use super::scene::REMEDY;
 use super::source::{GROUP, RADIX, SCAN_ITEMS, SORT_ITEMS};
@@ -13,14 +13,14 @@ use wgpu::Buffer;
 /// Bindings that hold the slots of pairs, by far the largest of a step's buffers; the twin of `slot_part` in `passes/slot_part.wgsl`.
 pub(super) const SLOT_PARTS: u32 = 4;
 
-/// How much of everything there is room for.
+/// The capacity of all buffers.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct StepCapacity {
     pub(super) triangles: u32,
     pub(super) splats: u32,
     /// Pairs of splats and tiles.
     pub(super) pairs: u32,
-    /// Layers of pixels that have an order of their own.
+    /// Layers of pixels with their own order.
     pub(super) layers: u32,
     pub(super) frame_pixels: u32,
     pub(super) photo_pixels: u32,
@@ -36,7 +36,8 @@ pub(super) struct StepCapacity {
 }
 
 impl StepCapacity {
-    /// What a plain step of `triangles` needs, for a frame and a photo of these sizes, with `spare` splats more than a 64th of them.
+    /// The needs of a plain step of `triangles`, for a frame and a photo of these sizes, with `spare` more
+    /// splats than a 64th of the triangles.
     pub(super) fn new(triangles: u32, spare: u32, frame: UVec2, photo: UVec2) -> Self {
         Self {
             triangles,
@@ -53,7 +54,7 @@ impl StepCapacity {
         }
     }
 
-    /// What a step of `triangles` needs, as far as it is known before it is made.
+    /// The known needs of a step of `triangles`.
     pub(super) fn of(plan: &StepPlan, triangles: u32, spare: u32) -> Self {
         Self {
             slot_numbers: plan.slot_numbers(),
@@ -63,7 +64,7 @@ impl StepCapacity {
         }
     }
 
-    /// What a picture of `triangles` needs: no gradients.
+    /// The needs of a picture of `triangles`, without gradients.
     pub(super) fn of_picture(plan: &StepPlan, triangles: u32, spare: u32) -> Self {
         Self { slot_numbers: 0, ..Self::of(plan, triangles, spare) }
     }
@@ -91,7 +92,7 @@ impl StepCapacity {
         u32::try_from(self.binding_bytes / slot).unwrap_or(u32::MAX).max(1)
     }
 
-    /// Bytes of part `part` of the slots; the last has all that is left.
+    /// Bytes of part `part` of the slots; the last part has all the rest.
     fn slot_bytes(&self, part: u32) -> u64 {
         let before = self.slot_pairs().saturating_mul(part);
         let left = self.pairs.saturating_sub(before);
@@ -203,12 +204,12 @@ pub(super) struct StepBuffers {
     pub(super) tile_starts: Buffer,
     pub(super) tile_ends: Buffer,
     pub(super) layer_starts: Buffer,
-    /// How many splats, pairs and layers there is room for, as the card reads it.
+    /// The capacity for splats, pairs and layers, as the card reads it.
     pub(super) most: Buffer,
 }
 
 impl StepBuffers {
-    /// Makes room.
+    /// Makes the buffers.
     ///
     /// Errors: more than the card has, or binds at once.
     pub(super) fn new(gpu: &Gpu, size: StepCapacity) -> Result<Self> {
@@ -271,9 +272,9 @@ mod tests {
             |size: StepCapacity| (0..SLOT_PARTS).map(|k| size.slot_bytes(k) / slot).collect::<Vec<_>>();
         assert_eq!(pairs(size(0)), [0; 4]);
         assert_eq!(pairs(size(25)), [10, 10, 5, 0]);
-        // What no part holds is in the last, which then cannot be made.
+        // Slots beyond all parts go to the last part, which then cannot be made.
         assert_eq!(pairs(size(45)), [10, 10, 10, 15]);
-        // The digits of a block of splats are counted in as many numbers as those of a block of pairs.
+        // Blocks of splats and of pairs have the same number of counts.
         assert_eq!(size(25).bytes() - size(0).bytes(), 25 * (slot + 20));
     }
 }

@@ -10,7 +10,7 @@ use super::uniform::StepPlan;
 use super::work::tile_digits;
 use wgpu::{BindingResource, Buffer};
 
-/// What the passes of a step work on.
+/// The inputs and outputs of a step's passes.
 #[derive(Clone, Copy)]
 pub(super) struct StepPasses<'a> {
     pub(super) passes: &'a Passes,
@@ -19,14 +19,14 @@ pub(super) struct StepPasses<'a> {
     pub(super) buffers: &'a StepBuffers,
     pub(super) step: &'a Buffer,
     pub(super) counts: &'a Buffer,
-    /// Set when a step found no room.
+    /// Set when a step did not fit its buffers.
     pub(super) halted: &'a Buffer,
     pub(super) plan: &'a StepPlan,
     /// Means over the scene are needed.
     pub(super) regularised: bool,
 }
 
-/// Counts what is to be done, or does it.
+/// Counts the work, or does it.
 const COUNT: Job = turn(0);
 const WRITE: Job = turn(1);
 const WRITE_LAYERS: Job = turn(2);
@@ -49,7 +49,7 @@ impl StepPasses<'_> {
         self.update(to);
     }
 
-    /// Records those that end with the frame.
+    /// Records the passes up to the frame.
     pub(super) fn draw(&self, to: &mut Sequence<'_>) {
         to.stage("project");
         self.project(to);
@@ -144,7 +144,7 @@ impl StepPasses<'_> {
         to.run(&self.passes.tile_starts, Spread::Over(tiles + 1, GROUP), &bindings);
     }
 
-    /// What every pass over the tiles has first: the splats of each, front to back.
+    /// The first bindings of every pass over tiles: the splats of each tile, front to back.
     fn of_tiles(&self) -> Vec<BindingResource<'_>> {
         let buffers = self.buffers;
         vec![
@@ -266,7 +266,7 @@ impl StepPasses<'_> {
         }
     }
 
-    /// Sums what the workgroups of the pass before left.
+    /// Sums the partial sums of the previous pass.
     fn sum(&self, to: &mut Sequence<'_>, job: Job) {
         let bindings = [to.job(job), all(&self.buffers.partial_sums), all(self.counts)];
         to.run(&self.passes.sum_partials, Spread::Once, &bindings);

@@ -12,10 +12,10 @@ use glam::{UVec2, Vec3};
 
 /// Numbers of a slot: gradients of a splat summed over the pixels of a tile, and its weights.
 pub(super) const SLOT_NUMBERS: u32 = 18;
-/// The same with those by the depth plane.
+/// The same, with gradients by the depth plane.
 pub(super) const GEOMETRY_SLOT_NUMBERS: u32 = 24;
 
-/// The twin of `Step` in `passes/step.wgsl`, which says what the numbers are.
+/// The twin of `Step` in `passes/step.wgsl`, which explains the numbers.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct StepUniform {
@@ -38,7 +38,7 @@ pub(super) struct StepUniform {
     parts: [u32; 4],
 }
 
-/// A step's drawing, and how much there is of everything.
+/// A step's drawing, and its sizes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StepPlan {
     /// How the scene is drawn.
@@ -54,7 +54,7 @@ pub(super) struct StepPlan {
 }
 
 impl StepPlan {
-    /// What a step of `rates` on `photo` draws, drawn otherwise as `options` say.
+    /// A step of `rates` on `photo`, drawn with `options`.
     pub(super) fn new(photo: &StepPhoto<'_>, rates: &Rates, options: &SoftOptions) -> Self {
         let mut options = rates.drawing(options);
         options.geometry = rates.beta_normal > 0.0 || rates.beta_distortion > 0.0;
@@ -64,7 +64,7 @@ impl StepPlan {
         Self { options, camera, photo: photo.camera.size, samples, tiles }
     }
 
-    /// A picture that is not compared with any photo.
+    /// A picture without a photo to compare with.
     pub(super) fn of_picture(camera: &Camera, options: &SoftOptions) -> Self {
         let options = SoftOptions { geometry: false, ..*options };
         Self { options, camera: *camera, photo: camera.size, samples: 1, tiles: tile_count(camera.size) }
@@ -91,10 +91,10 @@ impl StepPlan {
     }
 }
 
-/// What a scene's numbers stand for when it is drawn.
+/// The meaning of a scene's numbers for drawing.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Look {
-    /// Opacity and σ of the raw numbers; `None`: they are no raw numbers but what they stand for.
+    /// The map from raw numbers to opacity and σ; `None`: the numbers are physical.
     pub(super) anneal: Option<Anneal>,
     /// Frozen triangles are drawn without a window.
     pub(super) frozen_flat: bool,
@@ -136,7 +136,7 @@ impl StepUniform {
         }
     }
 
-    /// For the passes up to the frame alone.
+    /// For only the passes up to the frame.
     pub(super) fn of_picture(plan: &StepPlan, look: &Look, scene: SceneShape) -> Self {
         let (options, camera) = (&plan.options, &plan.camera);
         let column = |k: usize| camera.rotation.col(k).extend(camera.translation[k]).to_array();
@@ -183,7 +183,7 @@ impl StepUniform {
         self.scene[2]
     }
 
-    /// Splits the slots of all pairs into bindings of this many.
+    /// Number of pairs per binding of slots.
     pub(super) fn set_slot_pairs(&mut self, pairs: u32) {
         self.parts[3] = pairs;
     }

@@ -1,9 +1,10 @@
-//! What a step moves through the card's memory, stage by stage: what the bandwidth of the card is compared with.
+//! The bytes that a step moves through the card's memory, stage by stage, for comparison with the card's
+//! bandwidth.
 
 use super::job::{Count, DIGIT_BITS};
 use super::uniform::StepPlan;
 
-/// How much a step had to do.
+/// The work of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StepWork {
     /// Triangles of the scene.
@@ -39,7 +40,7 @@ pub(super) fn tile_digits(plan: &StepPlan) -> u32 {
 }
 
 impl StepWork {
-    /// Of a step with these `counts` behind it, of a scene with `numbers` numbers per triangle.
+    /// Of a step that ended with `counts`, of a scene with `numbers` numbers per triangle.
     pub(super) fn new(plan: &StepPlan, counts: &[u32], triangles: u32, numbers: usize, degree: u32) -> Self {
         let count = |count: Count| u64::from(counts[count as usize]);
         let (by_pixel, geometry) = (plan.by_pixel(), plan.options.geometry);
@@ -59,8 +60,8 @@ impl StepWork {
         }
     }
 
-    /// Bytes that a stage reads and writes, each buffer once for each pass over it; caches make it less, uncoalesced accesses more.
-    /// `None` for a stage whose work is not counted.
+    /// Bytes that a stage reads and writes, each buffer once per pass over it. Caches reduce this number,
+    /// uncoalesced accesses increase it. `None` for a stage whose work is not counted.
     pub fn bytes(&self, stage: &str) -> Option<u64> {
         let Self { triangles: n, splats: s, pairs: p, frame_pixels: f, photo_pixels: h, .. } = *self;
         // A prefix sum reads everything twice and writes it once; a digit of a sort reads keys twice, values once, and writes both.

@@ -1,8 +1,9 @@
 // Sums of the pixels' gradients for every pair of a splat and a tile, without atomics: the twin of raster/soft/backward.rs.
 //
-// A workgroup has a tile, an invocation one splat of a batch. The pixels pass through the invocations one after the other: in
-// turn t invocation i works on pixel t - i, which invocation i - 1 worked on in the turn before. So every pixel meets the splats
-// front to back, every splat meets the pixels in order, and the sums stay with the splat.
+// A workgroup handles a tile, an invocation one splat of a batch. The pixels pass through the invocations: in
+// turn t invocation i works on pixel t - i, after invocation i - 1 did so in the previous turn. So every
+// pixel meets the splats front to back, every splat meets the pixels in order, and the sums stay with the
+// splat.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> tile_starts: array<u32>;
@@ -18,7 +19,7 @@
 
 var<workgroup> d_pixels: array<vec4<f32>, TILE * TILE>;
 var<workgroup> backgrounds: array<f32, TILE * TILE>;
-// Of every pixel, in front of the next splat: the light, and the sum of w dL/dw of all behind.
+// For every pixel, in front of the next splat: the light, and the sum of w dL/dw of all splats behind.
 var<workgroup> state: array<vec2<f32>, TILE * TILE>;
 
 // One splat on pixel `p` of the tile.

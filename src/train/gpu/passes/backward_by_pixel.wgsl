@@ -1,5 +1,5 @@
-// As backward.wgsl, for layers that every pixel has in an order of its own: what is in front of and behind each of its
-// layers is in its list, sorted by splat, and the pixels pass with their place in it.
+// Like backward.wgsl, for pixels with their own order of layers. A pixel's list, sorted by splat, stores the
+// light in front of each layer and the sum behind it; the pixels pass with their place in the list.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> tile_starts: array<u32>;
@@ -13,7 +13,7 @@
 @group(0) @binding(9) var<storage, read> layer_starts: array<u32>;
 @group(0) @binding(10) var<storage, read> layers: array<vec4<f32>>;
 
-// Of every pixel the next layer in its list, and the end of the list.
+// For every pixel, the next layer in its list, and the end of the list.
 var<workgroup> state: array<vec2<u32>, TILE * TILE>;
 
 // The splat of `place` among the pairs on pixel `p` of the tile.

@@ -1,4 +1,4 @@
-// What lies behind the first layer of a pixel. Needs `frame`, and what pixel_grad.wgsl needs.
+// The sum behind the first layer of a pixel. Needs `frame`, and the bindings of pixel_grad.wgsl.
 
 // The sum of w dL/dw over all layers, the background included.
 fn behind_all(at: u32) -> f32 {

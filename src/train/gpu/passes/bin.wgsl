@@ -1,5 +1,5 @@
-// Pairs of splats and tiles: the twin of raster/soft/tiles.rs. Counts the tiles of each splat, and later emits them where the
-// scan of the counts says: one pass, used twice, so that both times it finds the same.
+// Pairs of splats and tiles: the twin of raster/soft/tiles.rs. Counts the tiles of each splat, and later
+// emits them at the places from the scan of the counts. One pass does both, so that both find the same pairs.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<uniform> job: Job;
@@ -11,7 +11,7 @@
 @group(0) @binding(7) var<storage, read_write> tiles: array<u32>;
 @group(0) @binding(8) var<storage, read_write> owners: array<u32>;
 
-// Tiles that hold a pixel centre in [lo, hi]: the first, and one past the last.
+// Tiles with a pixel centre in [lo, hi]: the first, and one past the last.
 fn tiles_between(lo: f32, hi: f32, size: f32) -> vec2<u32> {
     let first = max(ceil(lo - 0.5 - MARGIN), 0.0);
     let last = min(floor(hi - 0.5 + MARGIN), size - 1.0);
@@ -21,7 +21,7 @@ fn tiles_between(lo: f32, hi: f32, size: f32) -> vec2<u32> {
     return vec2(u32(first) / TILE, u32(last) / TILE + 1u);
 }
 
-// Whether the tile is not wholly outside an edge: `constant` is the ratio's constant less the floor.
+// Whether the tile is not wholly outside an edge: `constant` is the ratio's constant minus the floor.
 fn touches(edge: vec2<f32>, constant: f32, offset: vec2<f32>) -> bool {
     let reach = HALF_TILE * (abs(edge.x) + abs(edge.y)) + constant;
     return dot(edge, offset + f32(TILE) * 0.5) + reach >= 0.0;
@@ -52,7 +52,7 @@ fn bin(
     let b = records[4u * splat + 1u];
     let c = records[4u * splat + 2u];
     let box = bounds[splat];
-    // Where something is drawn, every edge alone is at least this far from the floor.
+    // Where the splat is drawn, every edge is at least this far above the floor.
     let floor = c.y - select(0.0, 0.5, step.modes.x == WINDOW_COVERAGE);
     let across = tiles_between(box.x, box.z, f32(step.frame.x));
     let down = tiles_between(box.y, box.w, f32(step.frame.y));

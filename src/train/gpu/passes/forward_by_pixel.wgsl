@@ -1,9 +1,9 @@
-// Blends the splats of every tile in the order of their depths at each pixel: what `by_pixel` in raster/soft/forward.rs
-// draws. A pixel takes its nearest layers, NEAREST at a time, by walking over all splats of the tile again for each such
-// handful: exact for any number of layers, and one walk for opaque scenes.
+// Blends the splats of every tile in the order of their depths at each pixel: the twin of `by_pixel` in
+// raster/soft/forward.rs. A pixel takes its nearest layers, NEAREST at a time, and walks over all splats of
+// the tile for each such group: exact for any number of layers, with one walk for opaque scenes.
 //
-// Used twice: to draw and to count the layers of every pixel; and, when the gradient of the loss is known, to write
-// the layers, with the light in front of each and what is behind it, for the backward pass.
+// Used twice: first to draw and to count the layers of every pixel. When the gradient of the loss is known,
+// it writes the layers for the backward pass, with the light in front of each and the sum behind it.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> tile_starts: array<u32>;
@@ -37,7 +37,7 @@ var<private> count: u32;
 var<private> last_depth: f32; // of the layer that was blended last
 var<private> last_pair: u32;
 var<private> is_done: bool;
-// Where its layers are written: the first, how many there are, and what is behind the last one blended.
+// Where its layers are written: the first place, their number, and the sum behind the last blended one.
 var<private> next: u32;
 var<private> room: u32;
 var<private> behind: f32;
@@ -106,7 +106,7 @@ fn find_layers(start: u32, end: u32, pixel: vec2<u32>, local: u32) {
     }
 }
 
-// Writes a layer with the light in front of it and what is behind it.
+// Writes a layer with the light in front of it and the sum behind it.
 fn write_layer(at: u32, k: u32, splat: u32, color: vec3<f32>, before: f32, weight: f32) {
     var value = dot(color, d_frame_of(at).xyz);
     if step.modes.z == 1u {

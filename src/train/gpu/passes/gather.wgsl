@@ -1,5 +1,5 @@
-// Sums each splat's slots over its tiles, which follow each other in the order of emission; an invocation has one number of
-// a splat.
+// Sums each splat's slots over its tiles, which follow each other in the order of emission; an invocation
+// handles one number of a splat.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> counts: array<u32>;

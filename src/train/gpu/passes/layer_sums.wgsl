@@ -4,7 +4,7 @@ struct LayerSums {
     depth: f32,
     normal: vec3<f32>,
     distortion: f32,
-    anchor: f32,     // mapped depth of the first layer; the others are taken relative to it
+    anchor: f32,     // mapped depth of the first layer; the others are relative to it
     sums: vec3<f32>, // of w, w m and w m^2
 }
 

@@ -1,5 +1,6 @@
-// SSIM of every value, and its derivatives by the blurred maps: the twin of kernel/loss/ssim.rs. A workgroup has a square of
-// TILE x TILE pixels with REACH more on each side; channel by channel the rows are blurred, then the columns.
+// SSIM of every value, and its derivatives by the blurred maps: the twin of kernel/loss/ssim.rs. A workgroup
+// handles a square of TILE x TILE pixels with REACH more on each side; channel by channel the rows are
+// blurred, then the columns.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> picture: array<vec4<f32>>;

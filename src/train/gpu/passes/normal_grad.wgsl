@@ -22,7 +22,7 @@ fn normal_grad(
     var d_transmittance = 0.0;
     let covered = coverage_of(at);
     if MIN_COVERAGE < covered {
-        // A pixel is the right neighbour of the one before it and the left one of the one after it.
+        // A pixel is the right neighbour of the previous pixel and the left neighbour of the next.
         var d_point = vec3(0.0);
         if at >= 1u {
             d_point += slopes[2u * (at - 1u)].xyz;

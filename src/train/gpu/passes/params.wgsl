@@ -1,7 +1,7 @@
-// Raw parameters and what they stand for: the twin of params.rs. Needs `step`, the part of the scene a pass has as `chunk`, and
-// its rows `x`.
+// Raw parameters and their physical values: the twin of params.rs. Needs `step`, the part of the scene as
+// `chunk`, and its rows `x`.
 
-// Where number `number` of triangle i is.
+// The place of number `number` of triangle i.
 fn row_at(number: u32, i: u32) -> u32 {
     return number * chunk.count + (i - chunk.first);
 }

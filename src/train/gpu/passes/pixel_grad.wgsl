@@ -1,7 +1,8 @@
-// What the loss wants of a pixel. Needs `step`, `geometry`, `planes`, `d_frame` (by the photo's pixels: by the colour, and the
-// squared error) and `d_geometry` (by the normal and the depth, then by the transmittance).
+// The gradient of the loss by a pixel. Needs `step`, `geometry`, `planes`, `d_frame` (by the photo's pixels:
+// by the colour, and the squared error) and `d_geometry` (by the normal and the depth, then by the
+// transmittance).
 
-// By the colour of a sample, and the error of its pixel; each sample has its share.
+// By the colour of a sample, and its share of the pixel's error.
 fn d_frame_of(at: u32) -> vec4<f32> {
     let samples = step.photo.z;
     if samples == 1u {

@@ -1,6 +1,6 @@
-// How much there is to do, from what was counted: lengths for the passes that follow, and how many workgroups they get.
-// What there is no room for is not done at all, nor is anything in the steps recorded after it: `halted` stays set until the host
-// sees what was wanted, makes room and repeats them all. It hears of it a few steps late.
+// Plans the work from the counts: lengths and numbers of workgroups for the following passes. If the buffers
+// are too small, this step and all steps recorded after it do nothing: `halted` stays set until the host, a
+// few steps later, enlarges the buffers and repeats them all.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<uniform> job: Job;

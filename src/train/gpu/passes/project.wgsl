@@ -1,5 +1,5 @@
-// Triangles to splats. Counts the splats of each triangle, and later writes them where the scan of the counts says:
-// one pass, used twice, so that both times it finds the same.
+// Triangles to splats. Counts the splats of each triangle, and later writes them at the places from the scan
+// of the counts. One pass does both, so that both find the same splats.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<uniform> chunk: Chunk;
@@ -119,14 +119,14 @@ fn project(
 ) {
     let i = chunk.first + workgroup_index(workgroup, workgroups) * GROUP + local;
     let n = step.scene.x;
-    // The last chunk has one place more, for the sum of all.
+    // The last chunk has one more place, for the sum of all.
     if i >= chunk.first + chunk.count && (i != n || chunk.writes == 1u) {
         return;
     }
     var count = 0u;
     if i < n {
         let first = select(0u, splat_starts[i], chunk.writes == 1u);
-        // When writing: none but those counted.
+        // When writing: only those counted.
         let room = select(2u, min(splat_starts[i + 1u], arrayLength(&pieces)) - min(first, arrayLength(&pieces)), chunk.writes == 1u);
         let opacity = drawn_opacity(i);
         if room > 0u && opacity > step.limits.x {

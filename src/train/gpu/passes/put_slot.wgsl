@@ -1,4 +1,4 @@
-// Slots of pairs, over as many bindings as it takes: a card binds only so much at once.
+// Slots of pairs, spread over several bindings, because a card limits the size of each.
 
 @group(0) @binding(11) var<storage, read_write> slots_0: array<f32>;
 @group(0) @binding(12) var<storage, read_write> slots_1: array<f32>;

@@ -1,5 +1,5 @@
-// The picture that is compared with the photo: the mean of every pixel's samples, sRGB-encoded; and the slope of the encoding.
-// The twin of `average` and `Encode` in frame_loss.rs.
+// The picture for the comparison with the photo: the mean of every pixel's samples, sRGB-encoded; and the
+// slope of the encoding. The twin of `average` and `Encode` in frame_loss.rs.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> frame: array<vec4<f32>>;

@@ -1,4 +1,4 @@
-// What a splat gives on a pixel: the twin of raster/soft/broadcast.rs. Needs `step`.
+// A splat's contribution to a pixel: the twin of raster/soft/broadcast.rs. Needs `step`.
 
 struct Record {
     origin: vec2<f32>,
@@ -26,7 +26,7 @@ fn record_of(a: vec4<f32>, b: vec4<f32>, c: vec4<f32>, d: vec4<f32>) -> Record {
     return Record(a.xy, a.zw, b.xy, b.zw, c.x, c.y, c.z, c.w, d.xyz);
 }
 
-// p - origin, as the CPU adds it up: block by block of four pixels.
+// p - origin, summed as on the CPU: in blocks of four pixels.
 fn offset_from(origin: vec2<f32>, pixel: vec2<u32>) -> vec2<f32> {
     return vec2<f32>(pixel & vec2(3u)) + (vec2<f32>(pixel & vec2(~3u)) + 0.5 - origin);
 }

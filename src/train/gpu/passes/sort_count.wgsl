@@ -1,4 +1,4 @@
-// One digit of a stable radix sort: how often each value of the digit occurs in each block of keys.
+// One digit of a stable radix sort: counts each value of the digit in each block of keys.
 
 @group(0) @binding(0) var<uniform> job: Job;
 @group(0) @binding(1) var<storage, read> counts: array<u32>;

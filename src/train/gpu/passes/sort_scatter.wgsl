@@ -1,6 +1,6 @@
-// One digit of a stable radix sort: every key to its place. An invocation has keys that follow each other, and counts them
-// digit by digit; the prefix sum of these counts over digits, and over invocations within a digit, is each key's place in
-// its block.
+// One digit of a stable radix sort: every key to its place. An invocation has consecutive keys, and counts
+// them digit by digit. The prefix sum of these counts, over digits and over invocations within a digit, gives
+// each key's place in its block.
 
 @group(0) @binding(0) var<uniform> job: Job;
 @group(0) @binding(1) var<storage, read> counts: array<u32>;

@@ -35,19 +35,19 @@ const MAX_WEIGHT: u32 = 16u;
 const SUM_WEIGHT: u32 = 17u;
 const GEOMETRY: u32 = 18u; // by 1/z, that times p - origin, by the normal
 
-// Where a scene's rows are: number j of triangle i of a chunk is at j * triangles of the chunk + i.
+// Layout of a scene's rows: number j of triangle i of a chunk is at j * triangles of the chunk + i.
 const ROW_OPACITY: u32 = 9u;
 const ROW_SIGMA: u32 = 10u;
 const ROW_SH: u32 = 11u;
 
-// The triangles that a pass has: as many as one binding holds. The twin of `Chunk` in scene.rs.
+// The triangles of a pass: those of one binding. The twin of `Chunk` in scene.rs.
 struct Chunk {
     first: u32,
     count: u32,
     writes: u32, // 0 counts, 1 writes
 }
 
-// What a pass that is used several times does this time. The twin of `Job` in job.rs.
+// Parameters of one use of a pass. The twin of `Job` in job.rs.
 struct Job {
     writes: u32,    // 0 counts, 1 writes
     length_at: u32, // where in `counts` the length is

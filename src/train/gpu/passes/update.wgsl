@@ -1,5 +1,5 @@
-// Chain rules, regularisers and Adam of every triangle, and how visible it was: the twin of raster/soft/{gather,corners}.rs and
-// of update.rs. No gradient is ever stored.
+// Chain rules, regularisers and Adam of every triangle, and its visibility: the twin of
+// raster/soft/{gather,corners}.rs and of update.rs. No gradient is ever stored.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read_write> counts: array<atomic<u32>>;
@@ -155,7 +155,7 @@ fn mean_of(place: u32, least: f32) -> f32 {
 
 fn record_visibility(i: u32, d: TriangleGrad, is_finite_grad: bool) {
     let n = step.scene.x;
-    // All are 0 or more: their bits have their order.
+    // All are at least 0, so their bits have the same order.
     visibility[i] = max(visibility[i], bitcast<u32>(d.max_weight));
     visibility[n + i] = max(visibility[n + i], bitcast<u32>(d.radius_px));
     if step.update.w == 1.0 {
@@ -163,7 +163,8 @@ fn record_visibility(i: u32, d: TriangleGrad, is_finite_grad: bool) {
         visibility[5u * n + i] = bitcast<u32>(bitcast<f32>(visibility[5u * n + i]) + d.sum_weight);
     }
     if is_finite_grad {
-        // Whole numbers of 64 bits in two halves; a product beyond them or a NaN adds nothing sensible on any machine.
+        // 64-bit integers in two halves; for a product beyond them, or a NaN, the sum is undefined on every
+        // machine.
         let units = clamp(d.error * ERROR_UNITS, 0.0, 1e18);
         let high = floor(units / 4294967296.0);
         let low = u32(units - high * 4294967296.0);
@@ -182,10 +183,10 @@ fn used_sh() -> u32 {
     return (step.scene.z + 1u) * (step.scene.z + 1u);
 }
 
-// The basis in the direction of a triangle that was drawn.
+// The basis in the direction of a drawn triangle.
 var<private> basis: array<f32, 16>;
 
-// The part that the colour has in the corners: a triangle that moves is seen from elsewhere.
+// The corners' gradient through the colour: moving a triangle changes its viewing direction.
 fn view_grad(i: u32, view: vec4<f32>, d_rgb: vec3<f32>) -> vec3<f32> {
     if step.scene.z == 0u || !(view.w > 0.0) {
         return vec3(0.0);
@@ -204,7 +205,8 @@ fn is_finite_grad(d: TriangleGrad) -> bool {
         && is_finite(d.opacity) && is_finite(d.sigma);
 }
 
-// The gradient of a triangle by what the pixels saw; zeros when it is not finite. The colour's is by the raw one.
+// The gradient of a triangle from its pixels; zeros when it is not finite. That of the colour is by the raw
+// colour.
 fn triangle_grad(i: u32, triangle: WorldTriangle) -> TriangleGrad {
     var d: TriangleGrad;
     let first = splat_starts[i];
@@ -247,7 +249,7 @@ fn magnitude(d: TriangleGrad) -> f32 {
     return sum;
 }
 
-// Moves all of a triangle but its colour of degree 0.
+// Updates all of a triangle except its colour of degree 0.
 fn move_triangle(i: u32, triangle: WorldTriangle, gradient: TriangleGrad) {
     var d = gradient;
     if step.regularisers.z > 0.0 {
@@ -290,7 +292,7 @@ fn update(
     }
     let triangle = triangle_of(i);
     let d = triangle_grad(i, triangle);
-    // Frozen triangles come first: they are seen, and stay as they are.
+    // Frozen triangles come first: they are drawn and stay unchanged.
     if i < step.parts.x {
         return;
     }
