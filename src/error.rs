@@ -24,7 +24,7 @@ pub enum Error {
         path: PathBuf,
         /// Where in the file: "header line 4", "face 12", "byte 0x40".
         at: String,
-        /// What is wrong and what would be right.
+        /// The fault and the remedy.
         reason: String,
     },
     /// The file is valid but holds something that is not supported; `reason` ends with the remedy.

@@ -129,7 +129,7 @@ pub struct Report {
     pub dry_run: bool,
     /// Stages in the order they ran.
     pub stages: Vec<StageReport>,
-    /// What the user should know, one sentence each.
+    /// Notes for the user, one sentence each.
     pub warnings: Vec<String>,
     /// The options the run used, after preset, config file and flags were laid over each other.
     #[serde(default)]

@@ -54,7 +54,7 @@ pub enum TeacherWhen {
     Off,
 }
 
-/// Whether pictures of the soft scene take the place of photos.
+/// Whether pictures of the soft scene replace photos.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]

@@ -42,7 +42,7 @@ pub struct Description {
     /// The world point that positions are relative to, when the scene is far from the world's origin.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<[f64; 3]>,
-    /// What the user should know, one sentence each.
+    /// Notes for the user, one sentence each.
     pub warnings: Vec<String>,
 }
 

@@ -37,7 +37,7 @@ pub struct EvalReport {
     /// the photos. The surface is that of the scene at its first step. Absent when it was not measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coverage: Option<f64>,
-    /// What the user should know, one sentence each.
+    /// Notes for the user, one sentence each.
     pub warnings: Vec<String>,
 }
 
@@ -66,7 +66,7 @@ pub struct StepScore {
     pub draw_secs: f64,
 }
 
-/// How close a picture comes to a photo, both in 8 bits.
+/// Scores of a picture against a photo, both in 8 bits.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Scores {
     /// Peak signal-to-noise ratio, dB.

@@ -3,10 +3,10 @@
 use rayon::prelude::*;
 use std::io::{self, Write};
 
-/// Rows that a thread formats at a time.
+/// Rows per thread and block.
 const ROWS: usize = 1 << 13;
 
-/// Writes rows 0 to `count`; `push` appends one to the bytes it is given.
+/// Writes rows 0 to `count`; `push` appends one row to a buffer.
 pub(super) fn write_blocks(
     out: &mut dyn Write,
     count: usize,

@@ -43,17 +43,17 @@ pub struct BvhHeader {
     pub nodes: u32,
     /// Number of faces of the scene without its backdrop; primitive i is face i, counted through its chunks.
     pub faces: u32,
-    /// Runs of faces that are a mesh of their own in the scene file, and the node that holds each.
+    /// Runs of faces that are separate meshes in the scene file, and the node of each.
     pub chunks: Vec<BvhChunk>,
-    /// XXH3-64 over the positions of all faces in order, three corners of three little-endian f32 each, as the
-    /// scene file holds them before any quantisation: 16 hex digits.
+    /// XXH3-64 over the positions of all faces in order, three corners of three little-endian f32 each,
+    /// before quantisation: 16 hex digits.
     #[schemars(regex(pattern = "^[0-9a-f]{16}$"))]
     pub position_hash: String,
-    /// How the trained world became the scene file's, whose coordinates the boxes are in.
+    /// The map from the trained world to the scene file. Boxes have the file's coordinates.
     pub placement: Placement,
 }
 
-/// A chunk of the scene as the hierarchy sees it.
+/// A chunk of the scene, in the hierarchy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BvhChunk {
@@ -61,7 +61,7 @@ pub struct BvhChunk {
     pub first: u32,
     /// Number of faces.
     pub count: u32,
-    /// The node that holds these faces and no other.
+    /// The node with exactly these faces.
     pub node: u32,
 }
 
@@ -137,7 +137,7 @@ pub fn read(mut source: Source) -> Result<(BvhHeader, Bvh)> {
     Ok((header, bvh))
 }
 
-/// Checks that a hierarchy is the one of `mesh`, a scene without its backdrop, by the hash of the positions.
+/// Checks by the hash of the positions that a hierarchy belongs to `mesh`, a scene without its backdrop.
 pub fn belongs(path: &Path, header: &BvhHeader, mesh: &Mesh) -> Result<()> {
     let hash = format!("{:016x}", position_hash(mesh, mesh.face_count()));
     if header.faces as usize != mesh.face_count() || header.position_hash != hash {
@@ -152,7 +152,7 @@ pub fn belongs(path: &Path, header: &BvhHeader, mesh: &Mesh) -> Result<()> {
     Ok(())
 }
 
-/// Chunks are consecutive, hold every face once, and each is what its node holds.
+/// Chunks must be consecutive and hold every face once, and each must agree with its node.
 fn check_chunks(header: &BvhHeader, bvh: &Bvh) -> std::result::Result<(), String> {
     let ranges = bvh.face_ranges().map_err(|e| e.to_string())?;
     let mut next = 0;

@@ -1,12 +1,12 @@
-//! Colour channels that come as floats: sRGB-encoded, meant to lie in [0, 1], not always doing so.
+//! Colour channels from floats: sRGB-encoded, usually but not always in [0, 1].
 
 use crate::error::{Error, Result};
 use std::path::Path;
 
-/// Above this a channel is no overshoot but another scale.
+/// A channel above this is not an overshoot but has another scale.
 const OVERSHOOT: f32 = 2.0;
 
-/// Counts what had to be clamped.
+/// Counts clamped values.
 #[derive(Debug, Default)]
 pub(super) struct Clamped {
     count: usize,

@@ -1,7 +1,7 @@
-//! Finds what is wrong with a file: what its format forbids, and what an engine would stumble over.
+//! Checks a file for violations of its format, and for features that engines reject.
 //!
-//! Readers stop at the first fault; here every fault is a finding with its place. Faults of one kind are
-//! one finding with their number and the first few places.
+//! Readers stop at the first fault; this check reports every fault with its place. Faults of one kind are one
+//! finding, with their number and the first few places.
 
 mod findings;
 mod gltf;
@@ -32,20 +32,21 @@ pub struct Checked {
     pub path: String,
     /// Its format.
     pub format: Format,
-    /// Triangles in it, when it could be read.
+    /// Number of triangles, if the file could be read.
     pub triangles: Option<u64>,
     /// Findings in the order of the file.
     pub findings: Vec<Finding>,
 }
 
 impl Checked {
-    /// Number of findings that are this bad.
+    /// Number of findings of this severity.
     pub fn count(&self, severity: Severity) -> usize {
         self.findings.iter().filter(|finding| finding.severity == severity).count()
     }
 }
 
-/// Everything found in the file at `path`, read with `options`, and in the hierarchy beside it; of a tileset, in every file it names.
+/// Checks the file at `path`, read with `options`, and the hierarchy beside it; for a tileset, every file
+/// that it names.
 ///
 /// # Errors
 /// `Io`, and `Unsupported` for a file of no known format. A broken file is a finding.
@@ -84,7 +85,7 @@ fn tileset_json(format: Format, source: &mut Source, limits: &Limits) -> Option<
     foreign::is_tileset_json(&json).then_some(json)
 }
 
-/// Everything found in one file that is no tileset.
+/// Checks one file that is not a tileset.
 fn check_file(path: &Path, format: Format, mut source: Source, options: &ReadOptions) -> Result<CheckedTile> {
     // No engine reads a page, and its own viewer reads everything.
     let for_engines = format != Format::Html;
@@ -94,7 +95,7 @@ fn check_file(path: &Path, format: Format, mut source: Source, options: &ReadOpt
         gltf::check(source.again()?, options, for_engines, &mut findings)?;
     }
     let (mut triangles, mut around) = (None, None);
-    // Everything is checked, so everything is read; `options` do not limit that.
+    // Everything is read, so that everything is checked, whatever `options` select.
     match read_as(inner, source.again()?, &ReadOptions { sh_degree: 3, ..*options }) {
         Ok(loaded) => {
             triangles = Some(loaded.scene.triangle_count() as u64);
@@ -141,7 +142,7 @@ fn check_loaded(
     Ok(())
 }
 
-/// The hierarchy that the bake leaves beside a scene, when there is one.
+/// The hierarchy beside a scene, if there is one.
 fn check_hierarchy(path: &Path, mesh: &Mesh, limits: &Limits, findings: &mut Findings) -> Result<()> {
     let beside = path.with_extension("bvh");
     if path.as_os_str() == "-" || !beside.is_file() {

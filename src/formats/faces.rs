@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3, Vec3};
 /// The most corners of one face: cutting a polygon may cost up to the cube of its corners.
 pub const MAX_CORNERS: usize = 1 << 12;
 
-/// The message about a face that is no triangle, where only triangles make sense.
+/// The message about a polygon where only triangles are permitted.
 pub(super) fn not_a_triangle(corners: i64) -> String {
     format!("has {corners} corners; expected triangles only: triangulate the mesh where it was made")
 }
@@ -25,10 +25,10 @@ pub(super) fn check_corners(corners: i64) -> Result<usize, String> {
     }
 }
 
-/// The faces of a file, in its order. Polygons are cut at the end, when all vertices are known.
+/// The faces of a file, in order. Polygons are cut at the end, when all vertices are known.
 #[derive(Debug, Default)]
 pub(super) struct Faces {
-    /// Three corners per triangle; a polygon is a fan so far. `[T * 3]`
+    /// Three corners per triangle; polygons are fans for now. `[T * 3]`
     indices: Vec<u32>,
     /// The faces with more than three corners.
     polygons: Vec<Polygon>,
@@ -51,12 +51,12 @@ pub(super) struct Triangles {
 }
 
 impl Faces {
-    /// Faces that are all triangles, or none yet and room for them. `[T * 3]`
+    /// Faces that are all triangles, or an empty list with capacity for them. `[T * 3]`
     pub(super) fn from_triangles(indices: Vec<u32>) -> Self {
         Self { indices, polygons: Vec::new() }
     }
 
-    /// Number of triangles that the faces are cut into.
+    /// Number of triangles of all faces.
     pub(super) fn triangles(&self) -> usize {
         self.indices.len() / 3
     }
@@ -105,7 +105,7 @@ impl Faces {
 }
 
 impl Polygon {
-    /// Its corners, out of the fan.
+    /// Its corners, recovered from the fan.
     fn corners(&self, indices: &[u32]) -> Vec<u32> {
         let fan = &indices[3 * self.first..3 * (self.first + self.triangles)];
         fan[..2].iter().copied().chain(fan.chunks_exact(3).map(|triangle| triangle[2])).collect()
@@ -113,7 +113,7 @@ impl Polygon {
 }
 
 impl Triangles {
-    /// What belongs to the faces, repeated for every triangle of each. `[F]` to `[T]`
+    /// Values per face, repeated for every triangle of each. `[F]` to `[T]`
     pub(super) fn repeat<T: Copy>(&self, of_faces: Vec<T>) -> Vec<T> {
         if self.polygons.is_empty() {
             return of_faces;
@@ -137,7 +137,7 @@ impl Triangles {
     }
 }
 
-/// Cuts polygons one after the other, in the same memory.
+/// Cuts polygons one after the other, and reuses its memory.
 #[derive(Default)]
 struct Cutter {
     plane: Vec<[f64; 2]>,
@@ -157,7 +157,8 @@ impl Cutter {
         (!indices.is_empty()).then_some(indices)
     }
 
-    /// Lays the corners into their mean plane, counter-clockwise, in units of their extent; none without such a plane.
+    /// Projects the corners onto their mean plane, counter-clockwise, in units of their extent; none without
+    /// such a plane.
     fn project(&mut self, corners: &[u32], positions: &[Vec3]) -> Option<()> {
         let points = corners.iter().map(|&v| positions[v as usize].as_dvec3());
         let first = points.clone().next()?;

@@ -1,7 +1,7 @@
-//! Scenes far from the origin of their world, as georeferenced ones are: 500 km from it f32 counts in steps of 3 cm.
+//! Scenes far from the origin of their world, such as georeferenced ones: at 500 km, f32 has steps of 3 cm.
 //!
-//! Files that hold more digits are read relative to an origin of their own, which the placement keeps: what is baked of such a scene is what
-//! would be baked of the scene at the origin, bit for bit.
+//! Files with higher precision are read relative to an origin of their own, which the placement stores. So
+//! the bake gives bitwise the same result as for the scene at the origin.
 
 use crate::asset::Placement;
 use crate::error::Result;
@@ -11,24 +11,24 @@ use crate::scene::Loaded;
 use glam::{DVec3, Vec3};
 use std::fmt::Display;
 
-/// Below this distance along every axis positions are read as they are.
+/// Below this distance along every axis positions are read unchanged.
 const NEAR: f64 = 4096.0;
 /// A data set farther from the origin than this many times its own size loses a millionth of the size.
 const TIMES_SIZE: f64 = 100.0;
-/// A file's scene that is farther from the origin than this many times the distance of nearly all of it from its middle has an origin of its own.
+/// A scene gets an origin of its own if it is farther from the origin than this many times its size.
 const TIMES_SPREAD: f64 = 16.0;
-/// The share of the positions that its size is taken from: a few strays, or a sky around it, move no scene.
+/// Share of the positions that determine a scene's size, so that a few strays or a sky do not change it.
 const NEARLY_ALL: f64 = 0.9;
-/// Positions that are looked at, at most.
+/// Most positions to sample.
 const SAMPLE: usize = 1 << 12;
 
-/// Numbers of those of `count` positions that tell where a scene lies.
+/// Indices of the sampled positions among `count`.
 pub(super) fn sampled(count: usize) -> impl Iterator<Item = usize> {
     (0..count).step_by(count.div_ceil(SAMPLE).max(1))
 }
 
-/// What to take off every position of a file, by some of them: whole numbers, and zero where f32 holds the positions as well. One that
-/// is not finite is ignored here and removed later.
+/// The origin of a file, from a sample of its positions: whole numbers, and zero where f32 suffices.
+/// Positions that are not finite are ignored here and removed later.
 pub(super) fn origin_of(mut sample: Vec<DVec3>) -> DVec3 {
     sample.retain(|position| position.is_finite());
     let along = |axis: usize| median(sample.iter().map(|p| p[axis]).collect(), f64::total_cmp);
@@ -40,27 +40,27 @@ pub(super) fn origin_of(mut sample: Vec<DVec3>) -> DVec3 {
     if is_far(middle) && middle.length() > TIMES_SPREAD * spread { middle.round() } else { DVec3::ZERO }
 }
 
-/// What to take off every position of a scene of this middle and size: zero, unless it is so far from the origin of its
-/// world that f32 could not tell its detail apart. Whole numbers, so that adding it back is exact in a file that stores it.
+/// The origin of a scene with this middle and size: zero, unless f32 lacks the digits for detail at that
+/// distance. Whole numbers, so that adding them back is exact.
 pub(crate) fn far_origin(middle: DVec3, size: f64) -> DVec3 {
     if middle.is_finite() && middle.length() > TIMES_SIZE * size { middle.round() } else { DVec3::ZERO }
 }
 
-/// Whether a position is so far from the origin that f32 may not hold it well enough.
+/// Whether a position is so far from the origin that f32 may be too coarse.
 pub(crate) fn is_far(position: DVec3) -> bool {
     position.abs().max_element() >= NEAR
 }
 
-/// Positions with the digits that f32 leaves out, where a file has them.
+/// Positions with the digits that f32 lacks, if a file has them.
 #[derive(Debug, Default)]
 pub(super) struct FarPositions {
     rounded: Vec<Vec3>,
-    /// What rounding left out, from the first far position on. Empty, or as long as the other.
+    /// The rounding residuals, from the first far position on. Empty, or as long as the positions.
     rest: Vec<Vec3>,
 }
 
 impl FarPositions {
-    /// Makes room for `count` positions. Errors as for [`Limits::reserve`].
+    /// Reserves memory for `count` positions. Errors as for [`Limits::reserve`].
     pub(super) fn reserve(&mut self, limits: &Limits, place: impl Display, count: usize) -> Result<()> {
         limits.reserve(place, &mut self.rounded, count)
     }
@@ -81,7 +81,7 @@ impl FarPositions {
         self.rounded.push(rounded);
     }
 
-    /// The positions, and what was taken off every one.
+    /// The positions, and the origin subtracted from them.
     pub(super) fn relative(self) -> (Vec<Vec3>, DVec3) {
         if self.rest.is_empty() {
             return (self.rounded, DVec3::ZERO);
@@ -96,7 +96,7 @@ impl FarPositions {
     }
 }
 
-/// Notes what was taken off every position of a scene.
+/// Records the origin subtracted from a scene's positions.
 pub(super) fn note_origin(loaded: &mut Loaded, origin: DVec3) {
     if origin == DVec3::ZERO {
         return;

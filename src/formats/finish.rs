@@ -1,4 +1,4 @@
-//! What every reader ends with: nothing that is not finite passes, and the rest is proven valid.
+//! The end of every reader: drops triangles that are not finite, and validates the rest.
 
 use crate::error::{Error, Result};
 use crate::mesh::{Colors, Mesh};
@@ -6,11 +6,10 @@ use crate::scene::{Loaded, Scene};
 use crate::soup::Soup;
 use std::path::Path;
 
-/// The scene without its triangles that are not finite; they are counted in a warning.
+/// The scene without triangles that are not finite; a warning counts these.
 ///
-/// A valid scene costs one parallel pass over its numbers. Errors: `Malformed` when opacity, σ or
-/// colours are out of range, when a corner names a vertex that is not there, or when no triangle
-/// is left.
+/// A valid scene costs one parallel pass over its numbers. Errors: `Malformed` when opacity, σ or colours are
+/// out of range, when a corner names a missing vertex, or when no triangle is left.
 pub fn finish(path: &Path, loaded: Loaded) -> Result<Loaded> {
     let Loaded { mut scene, mut provenance, mut warnings, cameras } = loaded;
     let total = scene.triangle_count();
@@ -29,7 +28,7 @@ pub fn finish(path: &Path, loaded: Loaded) -> Result<Loaded> {
         );
         return Err(Error::malformed(path, "values", reason));
     }
-    // A count that no longer fits counts nothing.
+    // A count that no longer matches is dropped.
     if dropped > 0 || provenance.backdrop as usize > scene.triangle_count() {
         provenance.backdrop = 0;
     }
@@ -40,7 +39,7 @@ pub fn finish(path: &Path, loaded: Loaded) -> Result<Loaded> {
     Ok(Loaded { scene, provenance, warnings, cameras })
 }
 
-/// Drops what is not finite and validates the rest; the first triangle that was dropped.
+/// Drops triangles that are not finite and validates the rest; returns the first dropped one.
 fn drop_from_soup(soup: &mut Soup) -> Result<Option<usize>> {
     soup.validate_shape()?;
     let first = (0..soup.len()).find(|&i| !soup.is_finite(i));
@@ -49,7 +48,8 @@ fn drop_from_soup(soup: &mut Soup) -> Result<Option<usize>> {
     Ok(first)
 }
 
-/// Drops what is not finite, and vertices no face uses, and validates the rest; the first face dropped.
+/// Drops faces that are not finite, and unused vertices, and validates the rest; returns the first dropped
+/// face.
 fn drop_from_mesh(mesh: &mut Mesh) -> Result<Option<usize>> {
     mesh.validate_shape()?;
     let finite = |face: usize| {
@@ -136,7 +136,7 @@ mod tests {
             wanted.retain(|face| face == 0);
             assert_eq!((out.scene, out.warnings.len()), (Scene::Mesh(wanted), 1));
         }
-        // A vertex that no face uses goes silently.
+        // An unused vertex is dropped silently.
         let mut unused = mesh();
         unused.positions.push(Vec3::NAN);
         unused.colors = Colors::Face(vec![[0.5; 3]; 2]);

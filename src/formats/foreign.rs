@@ -1,4 +1,4 @@
-//! JSON files that are neither scenes nor lists of photos, known so that the message says what to do.
+//! JSON files that are neither scenes nor lists of photos, recognised for a helpful message.
 
 use super::gaussians;
 use crate::error::Error;
@@ -20,7 +20,7 @@ pub(super) fn is_tileset_json(json: &[u8]) -> bool {
     serde_json::from_slice::<TilesetKeys>(json).is_ok()
 }
 
-/// The refusal of a JSON file where a scene or a list of photos is wanted; `None` when it is nothing that is known.
+/// The refusal of a JSON file in place of a scene or a list of photos; `None` for an unknown kind.
 pub(crate) fn refusal(path: &Path, json: &[u8]) -> Option<Error> {
     if gaussians::is_sog_json(json) {
         return Some(gaussians::refusal(path, "SOG"));

@@ -1,4 +1,5 @@
-//! The formats that are read: recognised by their first bytes, by their name only where the bytes leave it open.
+//! The formats that are read: recognised by their first bytes, and by their name only where the bytes are
+//! ambiguous.
 
 use crate::input::BYTE_ORDER_MARK;
 use serde::{Deserialize, Serialize};
@@ -20,7 +21,7 @@ pub enum Format {
     Glb,
     /// glTF 2.0, JSON.
     Gltf,
-    /// A page with a GLB in it, as we write them.
+    /// A page of this program, with a GLB in it.
     Html,
     /// 3D Tiles: JSON that names files with tiles. It is checked, and not read as a scene.
     Tileset,
@@ -53,7 +54,7 @@ impl Format {
         if word.ends_with(b"OFF") && word.len() <= 7 {
             return Some(Format::Off);
         }
-        // Only comments so far, or a bare number list: the name must decide.
+        // Only comments, or a bare list of numbers: the name must decide.
         let plain = line.is_empty() || line[0] == b'#';
         match by_name {
             Some(Format::Obj) => Some(Format::Obj),
@@ -63,7 +64,7 @@ impl Format {
         }
     }
 
-    /// The format that the extension of `path` names, whatever the content.
+    /// The format of the extension of `path`, independent of the content.
     pub fn by_extension(path: &Path) -> Option<Format> {
         let extension = path.extension()?.to_str()?.to_ascii_lowercase();
         Some(match extension.as_str() {
@@ -78,7 +79,7 @@ impl Format {
         })
     }
 
-    /// The name people know it by.
+    /// Its usual name.
     pub fn name(self) -> &'static str {
         match self {
             Format::Ply => "PLY",
@@ -93,7 +94,7 @@ impl Format {
     }
 }
 
-/// The first line that holds something, without the white space around it.
+/// The first line that is not blank, trimmed.
 fn first_line(text: &[u8]) -> &[u8] {
     text.split(|b| *b == b'\n' || *b == b'\r')
         .map(<[u8]>::trim_ascii)
@@ -101,7 +102,7 @@ fn first_line(text: &[u8]) -> &[u8] {
         .unwrap_or_default()
 }
 
-/// True for the words an OBJ begins with.
+/// True for the words that can begin an OBJ.
 fn starts_like_obj(word: &[u8]) -> bool {
     matches!(word, b"v" | b"vn" | b"vt" | b"f" | b"o" | b"g" | b"s" | b"mtllib" | b"usemtl")
 }

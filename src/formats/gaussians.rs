@@ -1,4 +1,5 @@
-//! Files of 3D Gaussian splatting (Kerbl et al. 2023): they hold no triangles, and are known so that the message says what to do.
+//! Files of 3D Gaussian splatting (Kerbl et al. 2023): they hold no triangles, and are recognised for a
+//! helpful message.
 
 use super::format::Format;
 use crate::error::Error;
@@ -8,7 +9,7 @@ use std::path::Path;
 /// The extension of glTF that holds them (a Khronos release candidate).
 pub(super) const GLTF_EXTENSION: &str = "KHR_gaussian_splatting";
 
-/// The refusal of a file of Gaussians; `kind` is the name people know the format by.
+/// The refusal of a file of Gaussians; `kind` is the usual name of the format.
 pub(super) fn refusal(path: &Path, kind: &str) -> Error {
     let reason = format!(
         "holds 3D Gaussians ({kind}), blurred ellipsoids that no triangles can be made from; train a triangle scene with \
@@ -19,7 +20,8 @@ pub(super) fn refusal(path: &Path, kind: &str) -> Error {
 
 /// The name of the format when a file that begins with `head` and is called `path` holds Gaussians.
 ///
-/// `.splat` and `.ksplat` have no mark of their own: there the name decides, unless the first bytes are those of another format.
+/// `.splat` and `.ksplat` have no signature: their name decides, unless the first bytes are those of another
+/// format.
 pub(super) fn recognise(head: &[u8], path: &Path) -> Option<&'static str> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     // A record of numbers may begin like a bare pickle; nothing else is taken for one.

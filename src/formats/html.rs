@@ -1,4 +1,4 @@
-//! A page that shows its scene: one HTML file with a viewer and a GLB in it, which opens from disk.
+//! A page with a scene: one HTML file with a viewer and a GLB, which opens from disk.
 //!
 //! ```text
 //! <!doctype html><!-- trisplat page 1 -->
@@ -7,7 +7,7 @@
 //! ...
 //! ```
 //!
-//! The blocks are the GLB in order. A browser decodes each while it still reads the next, and so does the reader.
+//! The blocks are the GLB in order. A browser, like our reader, decodes each while it reads the next.
 
 use super::gltf::{self, GltfOptions, Written};
 use super::{Format, Source};
@@ -23,9 +23,9 @@ use std::sync::Arc;
 const PAGE: &str = include_str!("../../page/dist/page.html");
 const OPEN: &str = "<script type=\"model/gltf-binary;base64\">";
 const CLOSE: &str = "</script><script>trisplat.block()</script>\n";
-/// Bytes of the GLB in a block: a multiple of 3, so that no block but the last is padded.
+/// Bytes of the GLB in a block: a multiple of 3, so that only the last block is padded.
 const BLOCK_BYTES: usize = 3 << 20;
-/// Longer lines are not of this format.
+/// Longer lines do not belong to this format.
 const MAX_LINE_BYTES: u64 = 1 << 25;
 
 /// Writes the page of `asset` and returns what was written; `path` is for messages.
@@ -51,7 +51,7 @@ pub fn write(
     Ok(written)
 }
 
-/// Text as HTML shows it, in elements and attributes.
+/// Text escaped for HTML, in elements and attributes.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
@@ -87,18 +87,18 @@ impl Write for BlockWriter<'_> {
         Ok(taken)
     }
 
-    /// Does nothing: a block that is not full waits for more.
+    /// Does nothing, because an incomplete block waits for more bytes.
     fn flush(&mut self) -> io::Result<()> {
         Ok(())
     }
 }
 
-/// What a reader of scenes has to read: the GLB out of a page, any other file as it is.
+/// The input of a scene reader: the GLB of a page, or any other file itself.
 pub(super) fn inside(format: Format, source: Source) -> Result<(Format, Source)> {
     if format == Format::Html { Ok((Format::Glb, unpack(source)?)) } else { Ok((format, source)) }
 }
 
-/// The GLB out of a page, in a temporary file.
+/// The GLB of a page, in a temporary file.
 ///
 /// # Errors
 /// [`Error::Unsupported`] for a page that does not hold a scene, [`Error::Malformed`] for one that is damaged.
@@ -159,7 +159,7 @@ mod tests {
         for word in ["unsafe-inline", "'unsafe-eval'", "*", "http", "'self'"] {
             assert!(!policy.contains(word), "{word}: {policy}");
         }
-        // SHA-256 of what CLOSE calls after each block.
+        // SHA-256 of the script that CLOSE calls after each block.
         assert!(CLOSE.contains("<script>trisplat.block()</script>"), "another call has another hash");
         assert!(policy.contains("'sha256-ZQOv0Lu+eRhE+APYwZz0YBUx54qprr2YYea/uxYEggw='"), "{policy}");
     }

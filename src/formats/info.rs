@@ -1,4 +1,4 @@
-//! What is in a file: counts, bounds, distributions, origin.
+//! The content of a file: counts, bounds, distributions, origin.
 
 use super::format::Format;
 use super::gltf::container::ContainerFile;
@@ -46,7 +46,7 @@ pub struct Info {
     /// Degree of the spherical harmonics of a soup.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sh_degree: Option<u8>,
-    /// Cameras of the photos it was trained on, where the file holds them.
+    /// Cameras of the training photos, if the file stores them.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub cameras: u64,
     /// Triangles of the shell that closes a trained soup, its backdrop.
@@ -62,17 +62,17 @@ pub struct Info {
     pub opacity: Option<Distribution>,
     /// Colours, sRGB-encoded.
     pub colors: ColorStats,
-    /// What a glTF file says of itself.
+    /// Facts about a glTF file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gltf: Option<GltfInfo>,
-    /// Where the scene comes from, as far as the file says.
+    /// The provenance of the scene, if the file states it.
     pub provenance: Provenance,
-    /// What was repaired or left out while reading.
+    /// Repairs and omissions of reading.
     pub warnings: Vec<String>,
-    /// What `trisplat bake` would draw of it.
+    /// The result that `trisplat bake` would give.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bake: Option<BakeInfo>,
-    /// How much a soft scene loses as solid triangles; absent when it is solid.
+    /// The loss of a soft scene as solid triangles; absent when it is solid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub softness: Option<Softness>,
 }
@@ -87,12 +87,12 @@ pub enum SceneKind {
     Mesh,
 }
 
-/// How much a scene loses when its triangles are made solid as they are.
+/// The loss of a scene when its triangles are just made solid.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Softness {
     /// Mean PSNR of the solid triangles against the scene's soft pictures, dB. Above some 35 dB they look alike.
     pub psnr: f64,
-    /// Pictures that it was measured on.
+    /// Number of pictures that were compared.
     pub pictures: u64,
 }
 
@@ -132,7 +132,7 @@ pub struct HistogramBin {
     pub count: u64,
 }
 
-/// Colours over all triangles, sRGB-encoded, 0 to 1.
+/// Colours of all triangles, sRGB-encoded, 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ColorStats {
     /// Mean of each channel.
@@ -164,7 +164,7 @@ pub struct GltfInfo {
     pub materials: u64,
 }
 
-/// What the bake's first stage would leave.
+/// The triangles that would pass the bake's first stage.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BakeInfo {
     /// Triangles that stay.
@@ -173,10 +173,11 @@ pub struct BakeInfo {
     pub dropped: serde_json::Map<String, serde_json::Value>,
 }
 
-/// What the file at `path` holds, and the parts of the scene that `options` ask for. The caller fills in `bake`.
+/// The content of the file at `path`, and the parts of the scene that `options` select. The caller fills in
+/// `bake`.
 ///
 /// # Errors
-/// What reading reports.
+/// Errors of reading.
 pub fn info(path: &Path, options: &ReadOptions) -> Result<(Info, Loaded)> {
     let mut source = Source::open(path, &options.limits)?;
     let (format, bytes) = (detect(&mut source)?, source.len);
@@ -284,7 +285,7 @@ impl BoundingBox {
 }
 
 impl Distribution {
-    /// How `values` are spread over bins with these upper ends; none for no values.
+    /// The distribution of `values` over bins with these upper ends; none for no values.
     fn of(values: Vec<f32>, ends: &[f32]) -> Option<Self> {
         if values.is_empty() {
             return None;

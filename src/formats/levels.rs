@@ -1,4 +1,4 @@
-//! What an engine needs to draw each level of detail where it suffices: a file beside the levels, of a kind of its own for each engine.
+//! Files that make an engine draw each level of detail where it suffices; each engine has its own kind.
 
 mod godot;
 mod scene;
@@ -21,7 +21,7 @@ impl EngineLevels {
     /// All kinds.
     pub const ALL: [Self; 3] = [Self::GodotScene, Self::UnityScript, Self::UnrealScript];
 
-    /// The ending of the file's name, in place of the scene's.
+    /// The ending of the file's name, which replaces the scene's.
     pub fn ending(self) -> &'static str {
         match self {
             Self::GodotScene => "lod.tscn",

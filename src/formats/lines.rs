@@ -8,7 +8,7 @@ use std::io::{BufRead, BufReader, Read, Seek};
 use std::path::Path;
 use std::str::FromStr;
 
-/// Lines of meshes are far shorter; a longer one is a broken file, and costs no more memory than this.
+/// Lines of meshes are far shorter. A longer line means a broken file, and its memory is limited to this.
 const LONGEST: u64 = 1 << 16;
 
 pub(super) struct Lines<'a> {
@@ -45,7 +45,7 @@ impl<'a> Lines<'a> {
         Ok(length > 0)
     }
 
-    /// Moves on to the next line that holds more than white space and a comment.
+    /// Moves on to the next line with content other than white space and comments.
     pub(super) fn advance_to_text(&mut self) -> Result<bool> {
         while self.advance()? {
             if self.words().next().is_some() {
@@ -60,7 +60,7 @@ impl<'a> Lines<'a> {
         self.number
     }
 
-    /// The line, without white space around it.
+    /// The trimmed line.
     pub(super) fn text(&self) -> &str {
         std::str::from_utf8(&self.line).unwrap_or_default().trim()
     }
@@ -71,7 +71,7 @@ impl<'a> Lines<'a> {
         text.split('#').next().unwrap_or_default().split_ascii_whitespace()
     }
 
-    /// What is behind the first word, spaces within it included.
+    /// The text after the first word, including inner spaces.
     pub(super) fn rest(&self) -> &str {
         self.text().split_once(char::is_whitespace).map_or("", |(_, rest)| rest.trim())
     }

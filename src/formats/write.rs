@@ -11,7 +11,7 @@ use std::path::Path;
 pub struct WrittenFiles {
     /// Every file and its size: the one asked for first, then those beside it.
     pub files: Vec<OutputReport>,
-    /// What the user should know, one sentence each.
+    /// Notes for the user, one sentence each.
     pub warnings: Vec<String>,
 }
 

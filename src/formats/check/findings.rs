@@ -1,4 +1,4 @@
-//! What was found, and the list it is collected in.
+//! Findings, and the list that collects them.
 
 use crate::error::{Error, Result};
 use schemars::JsonSchema;
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
-    /// Worth knowing; nothing need be done.
+    /// A note that needs no action.
     Note,
     /// The file works, but less well than it could.
     Warning,
@@ -23,7 +23,7 @@ pub struct Finding {
     pub severity: Severity,
     /// Where: "accessor 3", "triangles 5, 17, 230 and 12 more".
     pub place: String,
-    /// What is wrong and what would be right.
+    /// The fault and the remedy.
     pub what: String,
 }
 
@@ -34,7 +34,7 @@ pub(super) struct Findings {
     pub(super) positions: Positions,
 }
 
-/// Whether the positions of a file are bit for bit those that were baked, corners in the same order.
+/// Whether the positions of a file are bitwise those of the bake, in the same order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) enum Positions {
     #[default]
@@ -56,12 +56,12 @@ impl Findings {
         self.add(Severity::Warning, place, what);
     }
 
-    /// True when something was found there already.
+    /// True when this place has a finding already.
     pub(super) fn has_place(&self, place: &str) -> bool {
         self.list.iter().any(|finding| finding.place == place)
     }
 
-    /// A finding of its own for a file that is broken; what the system refused stays an error.
+    /// Turns the error of a broken file into a finding; errors of the system stay errors.
     pub(super) fn take(&mut self, error: Error) -> Result<()> {
         match error {
             Error::Io { .. } => return Err(error),

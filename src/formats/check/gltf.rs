@@ -1,5 +1,5 @@
-//! What glTF 2.0 asks of a file beyond what reading it proves: container lengths and padding, alignment,
-//! bounds that equal the data, ranges, declared extensions; and the sizes engines handle well.
+//! Rules of glTF 2.0 that reading a file does not check: container lengths and padding, alignment, bounds
+//! that equal the data, ranges, declared extensions; and sizes that engines handle well.
 
 use super::findings::{Findings, Positions, Severity};
 use crate::error::Result;
@@ -15,7 +15,7 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 use std::io::{Read, Seek, SeekFrom};
 
-/// Adds what is wrong with a glTF file; `for_engines` is false for a scene that only its own page reads.
+/// Adds the faults of a glTF file; `for_engines` is false for a scene that only its own page reads.
 pub(super) fn check(
     mut source: Source,
     options: &ReadOptions,
@@ -303,7 +303,7 @@ impl AccessorChecker<'_> {
     }
 }
 
-/// Three numbers, when that is what it is.
+/// Three numbers, if the value is an array of three.
 fn numbers(value: &Value) -> Option<[f64; 3]> {
     let list = value.as_array().filter(|list| list.len() == 3)?;
     Some([list[0].as_f64()?, list[1].as_f64()?, list[2].as_f64()?])

@@ -6,7 +6,7 @@ use crate::soup::Soup;
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Places that a finding names before it counts.
+/// Most places that a finding names.
 const NAMED: usize = 3;
 
 pub(super) fn check_soup(soup: &Soup, findings: &mut Findings) {

@@ -1,4 +1,4 @@
-//! A tileset (3D Tiles 1.1): the tree, and every file it names, tilesets of parts of it among them.
+//! Checks a tileset (3D Tiles 1.1): its tree and every file that it names, including other tilesets.
 
 use super::findings::{Finding, Findings, Severity};
 use crate::error::{Error, Result};
@@ -10,20 +10,20 @@ use glam::{DMat4, DVec3, Vec3};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// What a box may lack, as a share of its own size: writers round, and positions of 16 bits are off by so much.
+/// Tolerance of boxes, as a share of their size, because writers round and positions may have 16 bits.
 const SLACK: f64 = 1e-3;
 
-/// A tile that was checked as a file of its own.
+/// A tile, checked as a file.
 pub(super) struct CheckedTile {
-    /// Triangles in it, when it could be read.
+    /// Number of triangles, if the file could be read.
     pub(super) triangles: Option<u64>,
     pub(super) findings: Vec<Finding>,
     /// Lowest and highest corner of its triangles, backdrop excluded, as its file has them.
     pub(super) bounds: Option<[Vec3; 2]>,
 }
 
-/// Checks the tileset at `path` with the text `json`; `check_file` checks a tile, those outside its folder with `allow_outside` only. Returns the triangles in all its files, when all
-/// could be read.
+/// Checks the tileset at `path` with the text `json`; `check_file` checks a tile, those outside its folder
+/// with `allow_outside` only. Returns the number of triangles in all files, if all could be read.
 pub(super) fn check(
     path: &Path,
     json: &[u8],
@@ -45,16 +45,16 @@ pub(super) fn check(
     Ok(tiles.into_values().map(|tile| tile.triangles).sum())
 }
 
-/// What holds for all that is below a tile.
+/// Constraints on everything below a tile.
 struct Above {
     error: f64,
     around: Option<OrientedBox>,
-    /// Names of the tilesets that it is in, each relative to the first, which has none.
+    /// Names of the tilesets around it, relative to the first, which has no name.
     sets: Vec<String>,
 }
 
 impl Above {
-    /// The place of what is in the innermost tileset, for findings.
+    /// A place in the innermost tileset, for findings.
     fn place(&self, within: &str) -> String {
         match self.sets.last().filter(|name| !name.is_empty()) {
             Some(name) => format!("{name}: {within}"),
@@ -69,9 +69,9 @@ struct TileFile {
     bounds: Option<[Vec3; 2]>,
 }
 
-/// What may be read, and how.
+/// Permissions and options for reading.
 struct Files<'a> {
-    /// That of the first tileset; none of standard input.
+    /// The folder of the first tileset; none for standard input.
     folder: Option<PathBuf>,
     limits: &'a Limits,
     allow_outside: bool,
@@ -84,12 +84,12 @@ struct Tree<'a> {
     findings: &'a mut Findings,
     /// Every file once, by its name in the tileset.
     tiles: BTreeMap<String, TileFile>,
-    /// What is worth knowing of tiles, and of how many: one finding, not one per tile.
+    /// Notes on tiles, with their number, so that there is one finding for all.
     notes: BTreeMap<String, usize>,
 }
 
 impl Tree<'_> {
-    /// A tileset, the innermost of those above; none when it is no tileset.
+    /// The innermost tileset above; none when the file is not a tileset.
     fn set(&mut self, json: &[u8], above: &Above) -> Result<Option<()>> {
         let set: Tileset = match serde_json::from_slice(json) {
             Ok(set) => set,
@@ -111,7 +111,7 @@ impl Tree<'_> {
         self.tile("root", &set.root, &above).map(Some)
     }
 
-    /// A tile and those below it. No document is so deep that this does not return: JSON has at most 128 levels here.
+    /// Checks a tile and the tiles below it. Recursion ends, because JSON is read at most 128 levels deep.
     fn tile(&mut self, within: &str, tile: &Tile, above: &Above) -> Result<()> {
         let place = &above.place(within);
         let error = tile.geometric_error;
@@ -179,7 +179,7 @@ impl Tree<'_> {
         Ok(())
     }
 
-    /// A file that the tileset `set` names, relative to the first; `None` when it is none that is read.
+    /// A file that the tileset `set` names, relative to the first; `None` when it must not be read.
     fn local(&mut self, place: &str, uri: &str, set: &Path) -> Option<String> {
         let relative = uri::unescaped(uri);
         let path = Path::new(&relative);

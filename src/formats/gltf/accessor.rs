@@ -1,4 +1,4 @@
-//! Accessors: typed elements in views of buffers, every promise checked before it is followed.
+//! Accessors: typed elements in views of buffers, with every number checked before use.
 
 use super::buffers::Buffers;
 use super::document::{Accessor, BufferView, Document, component_type};
@@ -15,7 +15,7 @@ const BLOCK_BYTES: u64 = 1 << 18;
 /// Decompressed views kept for the next accessor: positions, colours and indices of a mesh.
 const KEPT_VIEWS: usize = 4;
 
-/// Where the elements of an accessor are in their view, decompressed if need be.
+/// The place of an accessor's elements in their view, decompressed if necessary.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ElementLayout {
     pub(crate) component: ComponentType,
@@ -50,7 +50,7 @@ impl ElementLayout {
 pub(crate) struct Accessors<'a> {
     document: &'a Document,
     pub(crate) buffers: Buffers<'a>,
-    /// Views that were compressed, as words, latest last.
+    /// Decompressed views, as words, latest last.
     unpacked: VecDeque<(usize, Vec<u32>)>,
     block: Vec<u8>,
 }
@@ -80,8 +80,8 @@ impl<'a> Accessors<'a> {
         })
     }
 
-    /// What an accessor promises, checked: every element is within its view, and the view's bytes are there.
-    /// What the elements cost in memory is the caller's to [`Buffers::spend`].
+    /// A checked accessor: every element is within its view, and the view's bytes exist. The caller counts
+    /// the elements' memory by [`Buffers::spend`].
     pub(crate) fn layout(&mut self, index: usize) -> Result<ElementLayout> {
         let accessor = self.accessor(index)?;
         let place = || format!("accessor {index}");
@@ -121,7 +121,7 @@ impl<'a> Accessors<'a> {
         Ok(layout)
     }
 
-    /// The stride a view gives its elements, when it gives one.
+    /// The stride of a view's elements, if given.
     fn stride(&self, index: usize) -> Result<Option<u64>> {
         let view = self.view(index)?;
         let stride = view.extensions.meshopt.as_ref().map(|c| c.byte_stride).or(view.byte_stride);
@@ -184,7 +184,7 @@ impl<'a> Accessors<'a> {
     pub(crate) fn view_bytes(&mut self, index: usize) -> Result<Vec<u8>> {
         let view = self.view(index)?;
         self.buffers.spend(view.byte_length)?;
-        // Known to be there before anything is allocated.
+        // Its existence is checked before memory is allocated.
         let length = self.buffers.length(view.buffer)?;
         if view.byte_length > length {
             let reason = format!("has {} bytes of a buffer of {length}", view.byte_length);
@@ -238,8 +238,8 @@ impl<'a> Accessors<'a> {
         self.for_each_sparse(index, layout, fill, each)
     }
 
-    /// Fills `bytes` with all elements of an accessor when they are stored without gaps and uncompressed;
-    /// returns whether it did.
+    /// Fills `bytes` with all elements of an accessor if they are stored without gaps and uncompressed;
+    /// returns whether they were.
     pub(crate) fn read_contiguous(&mut self, index: usize, bytes: &mut [u8]) -> Result<bool> {
         let layout = self.layout(index)?;
         let Some(view) = layout.view.filter(|_| layout.stride == layout.element()) else { return Ok(false) };

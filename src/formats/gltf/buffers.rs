@@ -27,7 +27,7 @@ pub(crate) struct Buffers<'a> {
     options: ReadOptions,
 }
 
-/// Where the bytes of a buffer are.
+/// The place of a buffer's bytes.
 enum OpenBuffer {
     /// A part of the glTF file.
     Chunk { start: u64 },
@@ -55,12 +55,12 @@ impl<'a> Buffers<'a> {
         }
     }
 
-    /// The file the buffers belong to, for messages.
+    /// The file of the buffers, for messages.
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Length that the document gives a buffer.
+    /// Length of a buffer in the document.
     pub(crate) fn length(&self, buffer: usize) -> Result<u64> {
         match self.declared.get(buffer) {
             Some(buffer) => Ok(buffer.byte_length.0),
@@ -72,7 +72,7 @@ impl<'a> Buffers<'a> {
         }
     }
 
-    /// Takes `bytes` from what the file may unpack to.
+    /// Subtracts `bytes` from the limit of unpacked bytes.
     pub(crate) fn spend(&mut self, bytes: u64) -> Result<()> {
         match self.budget.checked_sub(bytes) {
             Some(rest) => {
@@ -114,7 +114,7 @@ impl<'a> Buffers<'a> {
         read.map_err(|e| Error::io(&self.path, e))
     }
 
-    /// Opens a buffer; every byte of the length it is given is there.
+    /// Opens a buffer and checks that all its bytes exist.
     pub(crate) fn open(&mut self, buffer: usize) -> Result<()> {
         self.length(buffer)?;
         if self.opened[buffer].is_none() {

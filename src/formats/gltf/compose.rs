@@ -48,7 +48,7 @@ fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
     let (images, samplers, textures) = painted.unwrap_or_default();
     let materials = materials(content);
     let unlit = materials.iter().any(|material| material.extensions.is_some());
-    // A file of nothing but a backdrop, or a tile, is no scene to look at.
+    // A file with only a backdrop, or a tile, has no viewpoint.
     let viewpoint = content.asset.provenance.viewpoint.as_ref().filter(|viewpoint| viewpoint.is_possible());
     let camera_node = viewpoint.map(viewpoint_node);
     let cameras = viewpoint.map(|viewpoint| viewpoint_camera(viewpoint, content));
@@ -114,7 +114,7 @@ fn extras(content: &Content, pretty: bool) -> Result<Box<RawValue>> {
     if !pretty {
         return to_raw_value(&extras);
     }
-    // Text that is there already is not indented again; it is two levels deep.
+    // Existing text is two levels deep and is not indented again.
     RawValue::from_string(serde_json::to_string_pretty(&extras)?.replace('\n', "\n    "))
 }
 
@@ -127,7 +127,7 @@ fn materials(content: &Content) -> Vec<Material> {
     let lit = content.parts.iter().any(|part| part.lit);
     let texture = content.picture.is_some();
     let scene = has(PartKind::Scene).then(|| material(name, true, lit, texture));
-    // What is far behind a scene has light of its own.
+    // Surfaces far behind a scene have their own light.
     let backdrop =
         has(PartKind::Backdrop).then(|| material(&format!("{BACKDROP}{hint}"), false, false, texture));
     scene.into_iter().chain(backdrop).collect()
@@ -137,7 +137,7 @@ fn material(name: &str, double_sided: bool, lit: bool, texture: bool) -> Materia
     Material {
         name: Some(name.to_owned()),
         double_sided,
-        // As matt as can be, for viewers that do not know unlit too.
+        // As matt as possible, also for viewers that do not know unlit.
         pbr_metallic_roughness: PbrMetallicRoughness {
             metallic_factor: StrengthFactor(0.0),
             roughness_factor: StrengthFactor(1.0),
@@ -157,7 +157,7 @@ fn material(name: &str, double_sided: bool, lit: bool, texture: bool) -> Materia
     }
 }
 
-/// Where the picture of the texture is: never compressed, so in the file's own buffer.
+/// The place of the texture's picture: never compressed, so in the file's own buffer.
 fn picture_view(picture: &Picture) -> View {
     View {
         buffer: index(0),
@@ -211,7 +211,7 @@ fn node(mesh: usize, part: &ScenePart) -> Node {
     }
 }
 
-/// The node of the camera that looks from where the scene is looked at first: along -z, +y up in the picture.
+/// The node of the camera at the first viewpoint: it looks along -z, with +y up in the picture.
 fn viewpoint_node(viewpoint: &Viewpoint) -> Node {
     let rotation = viewpoint.camera(UVec2::ONE).rotation;
     let turned = Mat3::from_cols(rotation.row(0), -rotation.row(1), -rotation.row(2));
@@ -224,7 +224,7 @@ fn viewpoint_node(viewpoint: &Viewpoint) -> Node {
     }
 }
 
-/// Its camera, which sees as far as the scene goes.
+/// Its camera, whose range contains the scene.
 fn viewpoint_camera(viewpoint: &Viewpoint, content: &Content) -> Camera {
     let eye = DVec3::from(viewpoint.eye);
     let corners = content.parts.iter().flat_map(|part| [part.bounds.min, part.bounds.max]);
@@ -249,7 +249,8 @@ fn viewpoint_camera(viewpoint: &Viewpoint, content: &Content) -> Camera {
 
 /// Name of the first viewpoint's node and camera.
 const VIEWPOINT: &str = "viewpoint";
-/// Its near plane, in the distance of what it looks at, and its far plane, in the distance of the farthest corner.
+/// Its near plane as a share of the target's distance, and its far plane as a multiple of the farthest
+/// corner's.
 const NEAR: f64 = 0.01;
 const FAR: f64 = 2.0;
 
@@ -335,8 +336,8 @@ fn shortest(x: f32) -> Result<Value> {
     serde_json::from_str(&serde_json::to_string(&x)?)
 }
 
-/// The views, one per stream, and the buffers: the file's own and, when compressed, the one that exists
-/// only once it is decoded.
+/// The views, one per stream, and the buffers: the file's own and, when compressed, the one that exists only
+/// after decoding.
 fn buffers(content: &Content, bin_name: Option<&str>) -> Result<(Vec<View>, Vec<Buffer>)> {
     let Content { options, parts, .. } = content;
     let (starts, decoded_bytes) =
@@ -376,7 +377,7 @@ fn buffers(content: &Content, bin_name: Option<&str>) -> Result<(Vec<View>, Vec<
     Ok((views, buffers))
 }
 
-/// Where the compressed bytes of stream number `i` are.
+/// The place of the compressed bytes of stream `i`.
 fn compressed_view(
     content: &Content,
     i: usize,

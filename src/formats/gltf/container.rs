@@ -16,7 +16,7 @@ const BIN_CHUNK: u32 = u32::from_le_bytes(*b"BIN\0");
 /// Chunks and buffer views start on multiples of this.
 const ALIGNMENT: u64 = 4;
 
-/// Which kind of file holds the binary buffer.
+/// The kind of file for the binary buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Container {
     /// One binary file with 32-bit lengths.
@@ -40,7 +40,7 @@ pub fn stream_offsets(lengths: impl Iterator<Item = u64>) -> (Vec<u64>, u64) {
     (starts, end)
 }
 
-/// Size in bytes of a GLB whose JSON and binary chunks hold these many bytes before padding.
+/// Size in bytes of a GLB, from the bytes of its JSON and binary chunks before padding.
 pub fn glb_size(json_bytes: u64, bin_bytes: u64) -> u64 {
     HEADER_BYTES + 2 * CHUNK_HEADER_BYTES + padded(json_bytes) + padded(bin_bytes)
 }
@@ -109,18 +109,18 @@ fn length(bytes: u64) -> io::Result<[u8; 4]> {
 
 // ---- read ----------------------------------------------------------------------------------------
 
-/// The JSON of a glTF file, and where its chunks are.
+/// The JSON of a glTF file, and the places of its chunks.
 #[derive(Debug)]
 pub(crate) struct ContainerFile {
     /// The JSON text, padding included.
     pub(crate) json: Vec<u8>,
     /// The chunks of a GLB in order; empty for a bare JSON file.
     pub(crate) chunks: Vec<GlbChunk>,
-    /// The length a GLB's header gives; the file's own for bare JSON.
+    /// The length in a GLB's header, or that of the file for bare JSON.
     pub(crate) length: u64,
 }
 
-/// Where one chunk of a GLB is.
+/// The place of a chunk of a GLB.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct GlbChunk {
     /// Four characters, little-endian.
@@ -166,7 +166,7 @@ impl ContainerFile {
     }
 }
 
-/// The chunks of a GLB and the length its header gives.
+/// The chunks of a GLB, and the length in its header.
 fn chunks(source: &mut Source) -> Result<(Vec<GlbChunk>, u64)> {
     let path = source.path.clone();
     let header: [u8; HEADER_BYTES as usize] = read_array(source, 0, "header")?;

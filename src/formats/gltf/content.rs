@@ -1,4 +1,4 @@
-//! What goes where in the binary buffer: the streams of all parts, compressed or not.
+//! The layout of the binary buffer: the streams of all parts, compressed or not.
 
 use super::container::{stream_offsets, write_padding};
 use super::encode;
@@ -10,14 +10,14 @@ use crate::error::{Error, Result};
 use std::io::{self, Write};
 use std::path::Path;
 
-/// Everything a file holds but the bytes themselves.
+/// The content of a file, without the bytes themselves.
 pub(super) struct Content<'a> {
     pub(super) asset: &'a Asset,
     pub(super) options: &'a GltfOptions,
     pub(super) parts: Vec<ScenePart<'a>>,
     /// Compressed streams in file order, when compressing.
     pub(super) compressed: Option<Vec<Vec<u8>>>,
-    /// Where each stream starts in the file's buffer, in file order.
+    /// Start of each stream in the file's buffer, in file order.
     pub(super) starts: Vec<u64>,
     pub(super) bin_bytes: u64,
     /// The picture of the texture, behind the streams, when there is one.

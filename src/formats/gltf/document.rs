@@ -1,13 +1,13 @@
-//! The JSON document as it is read: the glTF objects a triangle scene is made of, and nothing else.
+//! The JSON document as it is read: only the glTF objects of a triangle scene.
 //!
-//! `gltf-json` has types for all of them, and they are used where they keep what a file says (the asset, the
-//! buffers). The others are this crate's own, because of what `gltf-json` 1.4 loses, each a test in
+//! `gltf-json` has types for all of them, and two are used (the asset, the buffers). The others are this
+//! crate's own, because `gltf-json` 1.4 loses information, as shown by tests in
 //! `tests/gltf_read/gltf_json.rs`:
 //!
 //! - Indices, modes and component types are taken modulo 2^32: mesh 4294967296 reads as mesh 0.
 //! - A scene without `nodes`, which glTF allows, is refused.
-//! - Unknown component types and accessor types are forgotten, so a message could not name them.
-//! - All of the file must be right: a fault in an animation, a sampler or a skin hides a good mesh.
+//! - Unknown component types and accessor types are dropped, so a message could not name them.
+//! - The whole file must be valid: a fault in an animation, a sampler or a skin hides a good mesh.
 //! - Three bytes of JSON (`{}` and a comma) make a material of 752 bytes, and no array has a limit.
 
 use super::extensions::{CompressedView, MESHOPT, MESHOPT_KHR};
@@ -28,7 +28,7 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::path::Path;
 
-/// Names of extensions, without what is in them.
+/// Names of extensions, without their content.
 type Names = BTreeMap<String, IgnoredAny>;
 
 /// A glTF 2.0 document.
@@ -131,7 +131,7 @@ pub(crate) struct BaseColor {
     pub(crate) base_color_texture: Option<TextureInfo>,
 }
 
-/// Which texture, and by which coordinates it is laid.
+/// The texture, and its set of coordinates.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(crate) struct TextureInfo {
@@ -227,14 +227,14 @@ impl<'de> Deserialize<'de> for ViewExtensions {
     }
 }
 
-/// What may be wrong without hiding a good mesh: nothing then.
+/// A field whose faults are ignored, so that they do not hide a good mesh.
 fn lenient<'de, D: Deserializer<'de>, T: DeserializeOwned>(
     deserializer: D,
 ) -> std::result::Result<Option<T>, D::Error> {
     Ok(serde_json::from_value(Value::deserialize(deserializer)?).ok())
 }
 
-/// The mode of a primitive that names none.
+/// The default mode of a primitive.
 fn triangles() -> u32 {
     mesh::TRIANGLES
 }
@@ -253,14 +253,14 @@ pub(crate) fn component_type(code: u32) -> Option<ComponentType> {
 }
 
 thread_local! {
-    /// Entries that the arrays of the document being parsed may have, and the first number beyond that: serde hands
-    /// nothing to the functions that it calls.
+    /// Most entries of an array in the document being parsed, and the first larger number found. They are
+    /// thread-local, because serde passes no context to its functions.
     static ENTRIES: Cell<(u64, Option<u64>)> = const { Cell::new((0, None)) };
 }
 
 /// The document in `json`.
 pub(crate) fn parse<T: DeserializeOwned>(path: &Path, json: &[u8], limits: &Limits) -> Result<T> {
-    // Writers pad with spaces, some with zeros.
+    // Some writers pad with zeros instead of spaces.
     let end = json.iter().rposition(|b| *b != 0).map_or(0, |last| last + 1);
     let json = json[..end].strip_prefix(BYTE_ORDER_MARK).unwrap_or(&json[..end]);
     ENTRIES.set((limits.nodes, None));
@@ -271,7 +271,7 @@ pub(crate) fn parse<T: DeserializeOwned>(path: &Path, json: &[u8], limits: &Limi
     parsed.map_err(|e| Error::malformed(path, "JSON", e.to_string()))
 }
 
-/// An array of at most as many entries as [`ENTRIES`] says.
+/// An array of at most [`ENTRIES`] entries.
 fn limited<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
     deserializer: D,
 ) -> std::result::Result<Vec<T>, D::Error> {

@@ -43,7 +43,7 @@ pub(super) fn bytes(part: &ScenePart, stream: Stream, options: &GltfOptions) -> 
     bytes
 }
 
-/// The stream's bytes when memory holds them already: float positions of a run of vertices.
+/// The stream's bytes if memory has them in this form: float positions of a run of vertices.
 fn contiguous_bytes<'a>(part: &ScenePart<'a>, stream: Stream) -> Option<&'a [u8]> {
     match (&part.vertices, stream, part.grid) {
         (PartVertices::Run(run), Stream::Positions, None) if cfg!(target_endian = "little") => {
@@ -100,7 +100,7 @@ fn fill_normals<const N: usize>(
     faces(out, &part.mesh.normals, part, range, code);
 }
 
-/// Coordinates in [0, 1] as 16-bit numbers; three for every face that shares no vertex.
+/// Coordinates in [0, 1] as 16-bit numbers; three per face without shared vertices.
 fn fill_tex_coords(out: &mut [u8], part: &ScenePart, range: Range<usize>) {
     let Some(texture) = &part.mesh.texture else { return };
     let code = |uv: Vec2| -> [u8; 4] {
@@ -138,7 +138,7 @@ fn fill_colors(out: &mut [u8], part: &ScenePart, range: Range<usize>, encoding: 
     }
 }
 
-/// The nearest of `steps` whole steps, to be truncated; exact, because f64 holds the product exactly.
+/// The nearest of `steps` whole steps, before truncation; exact, because the product fits f64.
 fn nearest(x: f32, steps: f64) -> f64 {
     f64::from(x) * steps + 0.5
 }
@@ -156,7 +156,7 @@ fn colors<const N: usize>(
     }
 }
 
-/// Stores what an array of the mesh holds for the faces of the vertices `range` of a part, three times each.
+/// Stores the array's values of the faces of the vertices `range` of a part, three times each.
 fn faces<T: Copy, const N: usize>(
     out: &mut [u8],
     values: &[T],
@@ -171,7 +171,7 @@ fn faces<T: Copy, const N: usize>(
     }
 }
 
-/// Stores what an array of the mesh holds for the vertices `range` of a part.
+/// Stores the array's values of the vertices `range` of a part.
 fn vertices<T: Copy, const N: usize>(
     out: &mut [u8],
     values: &[T],

@@ -1,8 +1,8 @@
-//! The glTF extensions read and written: their names, and the objects that `gltf-json` has no types for.
+//! The glTF extensions read and written: their names, and the objects without types in `gltf-json`.
 
 use serde::{Deserialize, Serialize};
 
-/// The material shows its colour as it is, without lights.
+/// The material shows its colour without lights.
 pub(super) const UNLIT: &str = "KHR_materials_unlit";
 /// Integer positions.
 pub(crate) const QUANTIZATION: &str = "KHR_mesh_quantization";
@@ -15,7 +15,7 @@ pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
 /// Many copies of a node's mesh, which are not read.
 pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
-/// Extensions that may be required: those that are read, and those that change only how a surface looks.
+/// Extensions that a file may require: those that are read, and those that only change the look of a surface.
 const READABLE: [&str; 9] = [
     QUANTIZATION,
     MESHOPT,
@@ -25,7 +25,7 @@ const READABLE: [&str; 9] = [
     "EXT_texture_webp",
     "EXT_texture_avif",
     "KHR_lights_punctual",
-    // Refused where it is used, with a remedy.
+    // Refused at its use, with a remedy.
     DRACO,
 ];
 
@@ -34,7 +34,7 @@ pub(super) fn is_readable(name: &str) -> bool {
     READABLE.contains(&name) || name.starts_with("KHR_materials_")
 }
 
-/// [`MESHOPT`] on a buffer view: where its compressed bytes are, and what they become.
+/// [`MESHOPT`] on a buffer view: the place of its compressed bytes, and their decoded form.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(crate) struct CompressedView {
@@ -51,7 +51,7 @@ pub(crate) struct CompressedView {
     pub(crate) filter: Option<String>,
 }
 
-/// [`MESHOPT`] on a buffer: true for one that exists only once its views are decoded.
+/// [`MESHOPT`] on a buffer: true for a buffer that exists only after decoding.
 #[derive(Debug, Serialize)]
 pub(super) struct FallbackBuffer {
     pub(super) fallback: bool,
@@ -85,7 +85,7 @@ impl CompressionMode {
 }
 
 impl CompressedView {
-    /// The mode, or why it is none.
+    /// The mode, or the reason why it is invalid.
     pub(super) fn mode(&self) -> Result<CompressionMode, String> {
         [CompressionMode::Attributes, CompressionMode::Triangles, CompressionMode::Indices]
             .into_iter()
@@ -93,7 +93,7 @@ impl CompressedView {
             .ok_or_else(|| format!("has the unknown compression mode {:?}", self.mode))
     }
 
-    /// The filter; none for those that are not for positions or colours.
+    /// The filter; none for filters of other data than positions or colours.
     pub(super) fn filter(&self) -> Option<Filter> {
         match self.filter.as_deref() {
             None | Some("NONE") => Some(Filter::None),

@@ -1,14 +1,14 @@
-//! `asset.extras` of the files this program writes: where a scene came from and how it is stored.
+//! `asset.extras` of files of this program: provenance and storage of a scene.
 
 use super::options::{ColorEncoding, PositionEncoding};
 use crate::asset::{Provenance, UpAxis};
 use gltf_json::Asset;
 use serde::{Deserialize, Serialize};
 
-/// How the names of this program's versions begin.
+/// Prefix of this program's versions.
 const PROGRAM: &str = "trisplat";
 
-/// What a reader needs to undo the bake.
+/// Data for undoing the bake's placement and encoding.
 #[derive(Debug, Serialize)]
 pub(super) struct SceneExtras<'a> {
     #[serde(flatten)]
@@ -26,12 +26,12 @@ struct StoredColors {
     color_encoding: ColorEncoding,
 }
 
-/// True when the file says that its COLOR_0 is sRGB-encoded. Only this program's own word is taken.
+/// True when a file of this program says that its COLOR_0 is sRGB-encoded.
 pub(super) fn has_srgb_colors(asset: &Asset) -> bool {
     !own_extras::<StoredColors>(asset).color_encoding.is_linear()
 }
 
-/// What the file says of its origin. glTF is Y up.
+/// The file's provenance. glTF is Y-up.
 pub(super) fn provenance(asset: &Asset) -> Provenance {
     let mut provenance = own_extras::<Provenance>(asset).possible();
     provenance.generator = provenance.generator.or_else(|| asset.generator.clone());
@@ -39,7 +39,7 @@ pub(super) fn provenance(asset: &Asset) -> Provenance {
     provenance
 }
 
-/// The extras when this program wrote the file and can read them.
+/// The extras, if this program wrote the file and can read them.
 fn own_extras<T: Default + for<'de> Deserialize<'de>>(asset: &Asset) -> T {
     let is_own = asset.generator.as_deref().is_some_and(|generator| generator.starts_with(PROGRAM));
     let extras = asset.extras.as_ref().filter(|_| is_own);

@@ -1,12 +1,13 @@
-//! The 16-bit grid of one chunk, and what is lost on it.
+//! The 16-bit grid of one chunk, and its loss.
 //!
 //! ```text
 //! position = scale * code + origin,   code in 0..=65535,   scale = extent / 65535 along each axis
 //! ```
 //!
-//! Never one grid for the whole scene: triangles are small against it. Measured on 500,000 synthetic
-//! triangles with a far shell, a global 14-bit grid (the usual default of optimisers) flattens 20 % of
-//! them to zero area, a global 16-bit grid 0.6 %, chunks of 16 thousand triangles about 0.1 %.
+//! There is never one grid for the whole scene, because triangles are small compared with the scene. Measured
+//! on 500,000 synthetic triangles with a far shell, a global 14-bit grid (the usual default of optimisers)
+//! flattens 20 % of them to zero area, a global 16-bit grid 0.6 %, chunks of 16 thousand triangles about 0.1
+//! %.
 
 use glam::{DVec3, I64Vec3, U16Vec3, Vec3};
 
@@ -27,7 +28,7 @@ pub(super) struct PositionGrid {
 /// What quantisation costs.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct QuantizationLoss {
-    /// Largest distance between a vertex and where an engine puts it, in file units.
+    /// Largest distance between a vertex and its place in an engine, in file units.
     pub(super) worst: f32,
     /// Triangles with an area before and none after.
     pub(super) collapsed: u64,
@@ -51,16 +52,16 @@ impl PositionGrid {
     /// The code nearest to `position`.
     pub(super) fn code(&self, position: Vec3) -> U16Vec3 {
         let steps = (position.as_dvec3() - self.origin.as_dvec3()) * self.density;
-        // The cast truncates and stays in 0..=65535; `round` is a library call on plain x86-64.
+        // The cast truncates and saturates at 0..=65535; `round` would be a library call on plain x86-64.
         (steps + 0.5).as_u16vec3()
     }
 
-    /// Where an engine puts `code`, in its own f32 arithmetic.
+    /// The position of `code` in an engine's f32 arithmetic.
     pub(super) fn position(&self, code: U16Vec3) -> Vec3 {
         self.scale * code.as_vec3() + self.origin
     }
 
-    /// What putting these triangles on the grid costs.
+    /// The loss of these triangles on the grid.
     pub(super) fn loss(&self, triangles: impl Iterator<Item = [Vec3; 3]>) -> QuantizationLoss {
         let mut worst = 0.0f64;
         let mut collapsed = 0;
@@ -76,18 +77,18 @@ impl PositionGrid {
 }
 
 impl QuantizationLoss {
-    /// Largest error that a grid may make, of the size of the median triangle (the root of its area).
+    /// Largest permitted error of a grid, as a share of the median triangle's size (the root of its area).
     const OF_DETAIL: f64 = 1.0 / 16.0;
     /// One triangle in this many may be flattened.
     const ONE_IN: u64 = 200;
 
-    /// Whether a chunk of this many faces, whose median one is of size `detail`, loses no more than may be lost. One huge triangle among
-    /// small ones stretches the grid of all: floats hold these.
+    /// Whether the loss is acceptable for a chunk of this many faces with the median size `detail`. If not,
+    /// for example because one huge triangle stretches the grid, positions stay floats.
     pub(super) fn is_allowed(&self, faces: usize, detail: f64) -> bool {
         f64::from(self.worst) <= Self::OF_DETAIL * detail && self.collapsed * Self::ONE_IN <= faces as u64
     }
 
-    /// The loss of two sets of triangles.
+    /// The combined loss of two sets of triangles.
     pub(super) fn and(self, other: QuantizationLoss) -> QuantizationLoss {
         QuantizationLoss { worst: self.worst.max(other.worst), collapsed: self.collapsed + other.collapsed }
     }

@@ -1,4 +1,4 @@
-//! Sizes and counts that files are held to, each stated once for reading and for writing.
+//! Limits on sizes and counts of files, shared by reading and writing.
 
 const GIB: u64 = 1 << 30;
 
@@ -10,11 +10,11 @@ pub(crate) const READABLE_BYTES: u64 = i32::MAX as u64;
 pub(super) const GLB_BYTES: u64 = u32::MAX as u64;
 /// Chunks of a GLB; glTF 2.0 knows two, and a file of empty chunks has one every 8 bytes.
 pub(super) const MAX_GLB_CHUNKS: usize = 64;
-/// No file unpacks to more than this many times its size. A block of 256 compressed vertices costs at least
-/// one byte for every four channels, so meshopt reaches about 1000; a mesh that many nodes show can promise
-/// any number.
+/// Most unpacked bytes of a file, as a multiple of its size. A block of 256 compressed vertices costs at
+/// least one byte for every four channels, so meshopt reaches about 1000; a mesh that many nodes show can
+/// promise any number.
 pub(super) const MAX_UNPACK_RATIO: u64 = 1024;
-/// What even the smallest file may unpack to.
+/// Permitted unpacked bytes for the smallest files.
 pub(super) const FREE_UNPACKED_BYTES: u64 = 16 << 20;
-/// Vertices that 16-bit indices can name: 65,535 itself means "restart" to many drawing interfaces.
+/// Most vertices for 16-bit indices: 65,535 itself means "restart" in many graphics APIs.
 pub(crate) const MAX_SHORT_VERTICES: u64 = u16::MAX as u64;

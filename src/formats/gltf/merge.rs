@@ -1,4 +1,4 @@
-//! Primitives of all meshes, put together into one.
+//! Merges the primitives of all meshes into one mesh.
 
 use super::accessor::Accessors;
 use super::document::{Document, Material, Primitive};
@@ -17,14 +17,14 @@ use gltf_json::mesh::{TRIANGLE_FAN, TRIANGLE_STRIP, TRIANGLES};
 use gltf_json::validation::Checked;
 use rayon::prelude::*;
 
-/// Ends of material names by which Godot, and only Godot, takes vertex colours as sRGB.
+/// Endings of material names for which Godot, and only Godot, reads vertex colours as sRGB.
 const SRGB_HINTS: [&str; 3] = ["-vcol", "$vcol", "_vcol"];
 
 /// A mesh that grows by one primitive at a time.
 pub(super) struct MergedMesh<'a> {
     document: &'a Document,
     accessors: Accessors<'a>,
-    /// The file declares that every material's COLOR_0 is sRGB-encoded.
+    /// The file says that every material's COLOR_0 is sRGB-encoded.
     srgb: bool,
     positions: Vec<Vec3>,
     /// One per face while `flat`, else one per vertex.
@@ -86,7 +86,7 @@ impl<'a> MergedMesh<'a> {
         }
     }
 
-    /// Makes room for all vertices at once, after checking that they are there and not too many.
+    /// Reserves memory for all vertices, after checking that they exist and do not exceed the limit.
     pub(super) fn reserve(&mut self, instances: &[MeshInstance]) -> Result<()> {
         let mut vertices = 0u64;
         for instance in instances {
@@ -103,7 +103,7 @@ impl<'a> MergedMesh<'a> {
         limits.reserve(path.display(), &mut self.positions, vertices as usize)
     }
 
-    /// What to take off every position: zero, unless a node moves its mesh so far that f32 does not hold where it is.
+    /// The origin to subtract from every position: zero, unless a node moves its mesh too far for f32.
     pub(super) fn origin(&mut self, instances: &[MeshInstance]) -> Result<DVec3> {
         let is_moved = |i: &MeshInstance| i.transform.is_some_and(|t| is_far(t.w_axis.truncate()));
         if !instances.iter().any(is_moved) {
@@ -132,7 +132,7 @@ impl<'a> MergedMesh<'a> {
         Ok(origin_of(sample))
     }
 
-    /// The accessor of a primitive's positions; none, with a warning, when it holds no triangles.
+    /// The accessor of a primitive's positions; none, with a warning, for a primitive without triangles.
     fn position(&mut self, primitive: &Primitive) -> Result<Option<usize>> {
         if !(TRIANGLES..=TRIANGLE_FAN).contains(&primitive.mode) {
             self.warn("points and lines are not read");
@@ -142,7 +142,7 @@ impl<'a> MergedMesh<'a> {
             self.warn("primitives without POSITION are not read");
             return Ok(None);
         };
-        // A file may hold the plain data as well.
+        // A file may also contain the plain data.
         let draco = primitive.extensions.contains_key(DRACO);
         if draco && self.accessors.accessor(position)?.buffer_view.is_none() {
             return Err(Error::unsupported(
@@ -168,7 +168,7 @@ impl<'a> MergedMesh<'a> {
         }
     }
 
-    /// Adds every triangle of a mesh as its node shows it.
+    /// Adds every triangle of a mesh, transformed by its node.
     pub(super) fn add(&mut self, instance: &MeshInstance) -> Result<()> {
         for (i, primitive) in self.primitives(instance)?.iter().enumerate() {
             let place = format!("mesh {} primitive {i}", instance.mesh);
@@ -224,7 +224,7 @@ impl<'a> MergedMesh<'a> {
         Ok(count)
     }
 
-    /// The faces of a primitive as lists of vertices, whatever its mode.
+    /// The faces of a primitive of any mode, as lists of vertices.
     fn read_faces(
         &mut self,
         primitive: &Primitive,
@@ -275,7 +275,7 @@ impl<'a> MergedMesh<'a> {
         }
     }
 
-    /// Appends the colours of a primitive, one per face when all of its and all before are flat.
+    /// Appends the colours of a primitive, one per face while all faces so far are flat.
     fn read_colors(
         &mut self,
         primitive: &Primitive,
@@ -312,7 +312,7 @@ impl<'a> MergedMesh<'a> {
         Ok(())
     }
 
-    /// What the faces of a primitive show of a texture, if they show one.
+    /// The places of a primitive's faces on a texture, if they have one.
     fn read_texture(
         &mut self,
         primitive: &Primitive,
@@ -323,7 +323,7 @@ impl<'a> MergedMesh<'a> {
         let Some(material) = self.material(primitive, place)? else { return Ok(()) };
         let of_material = &material.pbr_metallic_roughness;
         let Some(info) = &of_material.base_color_texture else { return Ok(()) };
-        // Those of a list were turned around with it.
+        // Places of a list were reversed with its faces.
         let turned = mirrored && part.indices.is_none();
         let corner = |corner: usize| match &part.indices {
             Some(list) => list[corner] as usize,
@@ -404,7 +404,7 @@ impl<'a> MergedMesh<'a> {
         self.colors.append(&mut colors);
     }
 
-    /// Appends the opacity of a primitive's faces; nothing while everything is opaque.
+    /// Appends the opacity of a primitive's faces; the list stays empty while everything is opaque.
     fn push_opacity(&mut self, part: &PrimitiveFaces, material: &Material, alpha: impl Fn(usize) -> f32) {
         if material.is_opaque() {
             return;
@@ -418,7 +418,7 @@ impl<'a> MergedMesh<'a> {
         }));
     }
 
-    /// Turns the faces of a primitive around, whose node mirrors it.
+    /// Reverses the winding of a primitive's faces if its node mirrors it.
     fn mirror(&mut self, part: &PrimitiveFaces) {
         self.positions[part.base..].chunks_exact_mut(3).for_each(|face| face.swap(1, 2));
         if !self.flat {
@@ -444,7 +444,7 @@ impl<'a> MergedMesh<'a> {
         }
     }
 
-    /// The merged mesh and what the user should know.
+    /// The merged mesh and notes for the user.
     pub(super) fn finish(mut self) -> Result<(Mesh, Vec<String>)> {
         if self.faces == 0 {
             let why = self.warnings.join("; ");
@@ -480,7 +480,7 @@ impl Material {
         !matches!(self.alpha_mode, Some(Checked::Valid(AlphaMode::Mask | AlphaMode::Blend)))
     }
 
-    /// True when Godot, and only Godot, takes its vertex colours as sRGB: by the end of its name.
+    /// True when Godot, and only Godot, reads its vertex colours as sRGB, because of the ending of its name.
     fn is_srgb(&self) -> bool {
         let name = self.name.as_deref().unwrap_or_default().to_ascii_lowercase();
         SRGB_HINTS.iter().any(|hint| name.ends_with(hint))
@@ -492,7 +492,7 @@ fn unit(x: f32) -> f32 {
     if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) }
 }
 
-/// Triangles of a strip; those with two equal corners only stitch it together.
+/// Triangles of a strip; triangles with two equal corners only join its pieces.
 fn strip_faces(strip: &[u32]) -> Vec<u32> {
     let faces = strip
         .windows(3)

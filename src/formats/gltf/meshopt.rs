@@ -1,7 +1,7 @@
-//! EXT_meshopt_compression: every stream of every part encoded on its own, and views of any file decoded.
+//! EXT_meshopt_compression: encodes the streams of all parts, and decodes views of any file.
 //!
-//! The decoders of meshoptimizer are made for hostile bytes, but they trust their caller with counts: those
-//! are bounded here by what any encoder can reach.
+//! The decoders of meshoptimizer tolerate hostile bytes but trust the caller's counts. So counts are limited
+//! here to values that an encoder can reach.
 
 use super::encode;
 use super::extensions::{CompressedView, CompressionMode, Filter};
@@ -15,10 +15,10 @@ const VERTEX_CODEC: i32 = 0;
 
 // ---- written -------------------------------------------------------------------------------------
 
-/// The compressed streams in file order. Only as many are uncompressed at a time as threads run.
+/// The compressed streams in file order. At most one per thread is uncompressed at a time.
 ///
 /// # Errors
-/// What the encoder could not do, with the remedy.
+/// Failures of the encoder, with the remedy.
 pub(super) fn compress(parts: &[ScenePart], options: &GltfOptions) -> Result<Vec<Vec<u8>>, String> {
     let streams: Vec<(&ScenePart, Stream)> = all_streams(parts).collect();
     streams
@@ -67,7 +67,7 @@ fn refused(part: &ScenePart, why: &str) -> String {
 
 // ---- read ----------------------------------------------------------------------------------------
 
-/// Bytes that a compressed view becomes, or why it cannot be decoded.
+/// Decoded bytes of a compressed view, or why it cannot be decoded.
 pub(super) fn check(view: &CompressedView) -> Result<u64, String> {
     let bytes = view.count.saturating_mul(view.byte_stride);
     if bytes > MAX_UNPACK_RATIO.saturating_mul(view.byte_length) {

@@ -10,9 +10,10 @@
 //!                          └──► textures ──┘
 //! ```
 //!
-//! Written are unlit, double-sided, opaque triangles with a colour per vertex or one texture; read are these files in all their
-//! variants, and those of other programs with vertex colours or one picture. The document is composed of `gltf-json`'s types;
-//! the module `document` says why it is read into types of this crate.
+//! The writer writes unlit, double-sided, opaque triangles with a colour per vertex or one texture. The
+//! reader reads these files in all variants, and files of other programs with vertex colours or one picture.
+//! The document is composed of `gltf-json`'s types; the module `document` explains why reading uses types of
+//! this crate.
 
 pub(super) mod accessor;
 pub(super) mod buffers;

@@ -1,4 +1,4 @@
-//! The node tree: which mesh is where.
+//! The node tree, with the place of every mesh.
 
 use super::document::{Document, Node};
 use crate::error::{Error, Result};
@@ -18,11 +18,11 @@ pub(super) struct MeshInstance {
     pub(super) transform: Option<DMat4>,
 }
 
-/// Every mesh of the default scene that is drawn, in the order of the tree, with its transform multiplied up in f64.
+/// Every drawn mesh of the default scene, in the order of the tree, with its transform accumulated in f64.
 ///
 /// # Errors
-/// `Malformed` for numbers that name nothing, for a node with two parents or in a cycle, and for
-/// transforms that are not finite.
+/// `Malformed` for indices out of range, for a node with two parents or in a cycle, and for transforms that
+/// are not finite.
 pub(super) fn instances(path: &Path, document: &Document, limits: &Limits) -> Result<Vec<MeshInstance>> {
     let mut seen = vec![false; document.nodes.len()];
     let mut instances = Vec::new();
@@ -57,7 +57,7 @@ pub(super) fn instances(path: &Path, document: &Document, limits: &Limits) -> Re
     Ok(instances)
 }
 
-/// Whether the mesh of a node is there to collide with only, as Godot's importer takes it.
+/// Whether Godot's importer uses the mesh of a node only for collisions.
 fn is_for_collision(node: &Node) -> bool {
     node.name.as_deref().is_some_and(|name| name.ends_with("-colonly") || name.ends_with("-convcolonly"))
 }
@@ -108,13 +108,13 @@ fn local(node: &Node) -> Option<DMat4> {
     (transform != DMat4::IDENTITY).then_some(transform)
 }
 
-/// A translation as engines hold it, in single precision; far from the origin with all its digits.
+/// A translation in single precision, as in engines; far from the origin in double precision.
 fn translation(written: [f64; 3]) -> DVec3 {
     let (written, rounded) = (DVec3::from(written), DVec3::from(written).as_vec3());
     if rounded.is_finite() && is_far(written) { written } else { rounded.as_dvec3() }
 }
 
-/// Moves what nodes show, so that `origin` becomes (0, 0, 0).
+/// Moves all nodes so that `origin` becomes (0, 0, 0).
 pub(super) fn take_off(instances: &mut [MeshInstance], origin: DVec3) {
     if origin == DVec3::ZERO {
         return;

@@ -22,7 +22,7 @@ pub enum ColorEncoding {
     #[serde(rename = "u8-linear")]
     #[cfg_attr(feature = "cli", value(name = "u8-linear"))]
     U8Linear,
-    /// 8-bit normalised sRGB codes: not what the glTF specification says. 4 bytes.
+    /// 8-bit normalised sRGB codes: against the glTF specification. 4 bytes.
     #[serde(rename = "u8-srgb")]
     #[cfg_attr(feature = "cli", value(name = "u8-srgb"))]
     U8Srgb,
@@ -30,8 +30,8 @@ pub enum ColorEncoding {
     #[serde(rename = "f32-linear")]
     #[cfg_attr(feature = "cli", value(name = "f32-linear"))]
     F32Linear,
-    /// 32-bit float holding 8-bit sRGB codes over 255, rounded up so that an importer which
-    /// truncates gets the code: not what the glTF specification says. 16 bytes.
+    /// 32-bit float holding 8-bit sRGB codes over 255, rounded up for importers that truncate: against the
+    /// glTF specification. 16 bytes.
     #[serde(rename = "f32-srgb")]
     #[cfg_attr(feature = "cli", value(name = "f32-srgb"))]
     F32Srgb,
@@ -111,7 +111,7 @@ impl TextureFormat {
         }
     }
 
-    /// How the names of its files end.
+    /// The ending of its files' names.
     pub(in crate::formats) fn ending(self) -> &'static str {
         match self {
             Self::Jpeg => "jpg",
@@ -137,16 +137,16 @@ pub struct GltfOptions {
     pub positions: PositionEncoding,
     /// Compress with EXT_meshopt_compression (vertex codec version 0).
     pub meshopt: bool,
-    /// Name of the only material; Godot reads hints from its end.
+    /// Name of the only material; Godot reads hints from its ending.
     pub material_name: String,
     /// Name of the scene's node when it is a single one.
     pub node_name: String,
-    /// Name of a node for what to collide with, for engines that know from its name that it is not to be drawn; without one it
-    /// is left out.
+    /// Name of the collision node, for engines that do not draw nodes of this name; without a name there is
+    /// no such node.
     pub collision_name: Option<String>,
-    /// Write the normals of a mesh that has some, and a material that lights fall on.
+    /// Write the normals of a mesh, if any, and a lit material.
     pub lit: bool,
-    /// Storage of the texture, where there is one.
+    /// Storage of the texture, if there is one.
     pub texture: TextureFormat,
     /// Write a GLB above 2 GiB although most readers fail on it.
     pub allow_huge: bool,

@@ -1,4 +1,4 @@
-//! Chunks of a scene as they are written: vertices, bounds, grid and streams of each.
+//! Chunks of a scene for the file: vertices, bounds, grid and streams of each.
 
 use super::grid::{PositionGrid, QuantizationLoss};
 use super::limits::MAX_SHORT_VERTICES;
@@ -25,9 +25,9 @@ const TEX_COORD_BYTES: u64 = 4;
 pub(super) enum PartKind {
     /// The scene, or a chunk of it.
     Scene,
-    /// A far sphere that is seen from inside.
+    /// A far sphere that is visible from inside.
     Backdrop,
-    /// What an engine collides with and does not draw.
+    /// The collider, which engines do not draw.
     Collision,
 }
 
@@ -36,25 +36,26 @@ pub(super) enum PartKind {
 pub(super) struct ScenePart<'a> {
     pub(super) name: String,
     pub(super) kind: PartKind,
-    /// The mesh that the faces are of.
+    /// The mesh of the faces.
     pub(super) mesh: &'a Mesh,
     pub(super) faces: Range<usize>,
     pub(super) vertices: PartVertices<'a>,
     /// True when faces share vertices and an index stream is written.
     pub(super) indexed: bool,
-    /// Normals of all vertices of the mesh, when faces share them and lights fall on them.
+    /// Normals of all vertices of the mesh, if faces share vertices and the material is lit.
     pub(super) vertex_normals: Arc<Vec<Vec3>>,
-    /// Where all vertices of the mesh are on its texture, when faces share them.
+    /// Places of all vertices on the texture, if faces share vertices.
     pub(super) vertex_uvs: Arc<Vec<Vec2>>,
     /// Whether normals are written.
     pub(super) lit: bool,
     pub(super) bounds: PartBounds,
-    /// The grid of 16-bit positions; none when positions are floats, as they stay where no grid is fine enough.
+    /// The grid of 16-bit positions; none when positions are floats, for example because no grid is fine
+    /// enough.
     pub(super) grid: Option<PositionGrid>,
     pub(super) loss: QuantizationLoss,
 }
 
-/// Which of the mesh's vertices a part holds, in order.
+/// The vertices of a part, in order.
 #[derive(Debug)]
 pub(super) enum PartVertices<'a> {
     /// Consecutive ones.
@@ -89,7 +90,7 @@ impl ScenePart<'_> {
         }
     }
 
-    /// The arrays it writes, in file order.
+    /// Its arrays, in file order.
     pub(super) fn streams(&self) -> impl Iterator<Item = Stream> + use<> {
         let normals = self.lit.then_some(Stream::Normals);
         // A colour would be multiplied with the texture.
@@ -132,7 +133,7 @@ impl ScenePart<'_> {
         self.count(stream) as u64 * self.stride(stream, options)
     }
 
-    /// True when 16 bits hold every index.
+    /// True when every index fits 16 bits.
     pub(super) fn has_short_indices(&self) -> bool {
         self.vertex_count() as u64 <= MAX_SHORT_VERTICES
     }
@@ -162,8 +163,8 @@ impl PartBounds {
     }
 }
 
-/// Cuts an asset into parts; faces that share vertices but not colours get vertices of their own,
-/// because glTF cannot draw a flat colour otherwise.
+/// Cuts an asset into parts; faces that share vertices but not colours get separate vertices, because glTF
+/// has no other way to draw a flat colour.
 pub(super) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) -> Result<Vec<ScenePart<'a>>> {
     let mesh = &asset.mesh;
     mesh.validate_shape()?;
@@ -179,7 +180,7 @@ pub(super) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) ->
     let vertex_uvs = mesh.texture.as_ref().and_then(|t| t.of_vertices(&mesh.indices, mesh.vertex_count()));
     let shared = !mesh.indices.is_empty()
         && match mesh.texture {
-            // Faces that share corners may show different parts of it there.
+            // Faces that share corners may have different places on the texture there.
             Some(_) => vertex_uvs.is_some(),
             None => matches!(mesh.colors, Colors::Vertex(_)),
         };
@@ -190,12 +191,12 @@ pub(super) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) ->
         let part = part(name, mesh, faces, (lit, shared), options)?;
         Ok(ScenePart { kind, vertex_normals: vertex_normals.clone(), vertex_uvs: vertex_uvs.clone(), ..part })
     });
-    // Of several errors always the first, whichever thread is faster.
+    // Always returns the first of several errors, independent of threads.
     let drawn: Vec<Result<ScenePart<'_>>> = drawn.collect();
     drawn.into_iter().chain(collision(asset, options)).collect()
 }
 
-/// What every node is for, its name and its faces; what to collide with has a mesh of its own.
+/// The purpose, name and faces of every node; the collider has a mesh of its own.
 fn named_ranges(asset: &Asset, node_name: &str) -> Result<Vec<(PartKind, String, Range<usize>)>> {
     let scene = asset.scene_faces();
     let ranges = face_ranges(&asset.chunks, asset.mesh.face_count(), scene)?;
@@ -211,7 +212,7 @@ fn named_ranges(asset: &Asset, node_name: &str) -> Result<Vec<(PartKind, String,
     Ok(ranges.into_iter().enumerate().map(named).collect())
 }
 
-/// Names of the nodes that the scene itself is in.
+/// Names of the scene's own nodes.
 ///
 /// Errors: chunks that do not hold every face once.
 pub(crate) fn scene_nodes(asset: &Asset, node_name: &str) -> Result<Vec<String>> {
@@ -219,7 +220,7 @@ pub(crate) fn scene_nodes(asset: &Asset, node_name: &str) -> Result<Vec<String>>
     Ok(named.filter(|(kind, ..)| *kind == PartKind::Scene).map(|(_, name, _)| name).collect())
 }
 
-/// What to collide with, where it has a node of its own.
+/// The collider, if it has a node.
 fn collision<'a>(asset: &'a Asset, options: &GltfOptions) -> Option<Result<ScenePart<'a>>> {
     let (name, mesh) = (options.collision_name.clone()?, asset.collision.as_ref()?);
     let whole = || {
@@ -283,7 +284,8 @@ fn quantise(part: &mut ScenePart, mesh: &Mesh) -> Result<()> {
             "a box that f32 can measure; crop the scene or write f32 positions",
         ));
     }
-    // Where steps differ between axes, an engine bends normals back by the scale of the node, and their 8 bits do not suffice.
+    // If steps differ between axes, an engine corrects normals by the scale of the node, and 8 bits do not
+    // suffice.
     let grid = match part.lit {
         true => PositionGrid::even(part.bounds.min, part.bounds.max),
         false => PositionGrid::new(part.bounds.min, part.bounds.max),
@@ -333,8 +335,8 @@ fn bounds(mesh: &Mesh, vertices: &PartVertices) -> PartBounds {
             .map(|block| PartBounds::of(block.iter().map(|&id| mesh.positions[id as usize])))
             .reduce(|| PartBounds::EMPTY, PartBounds::and),
     };
-    // -0.0 and 0.0 are equal, so which of them is the minimum depends on the order: adding zero makes
-    // both 0.0 and the file the same for any number of threads.
+    // -0.0 and 0.0 are equal, so the minimum could be either, depending on the order. Adding zero makes both
+    // 0.0, and the file independent of the number of threads.
     PartBounds { min: bounds.min + Vec3::ZERO, max: bounds.max + Vec3::ZERO }
 }
 

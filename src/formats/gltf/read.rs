@@ -1,7 +1,7 @@
-//! Reads a file: the triangles of its default scene as one mesh.
+//! Reads the triangles of a file's default scene as one mesh.
 //!
-//! The document is taken as hostile: every number is checked where it is followed, nothing is allocated
-//! before the bytes behind it are known to be there, and no file unpacks to more than 1024 times its size.
+//! The document may be hostile: every number is checked before use, memory is allocated only for bytes that
+//! exist, and no file unpacks to more than 1024 times its size.
 
 use super::accessor::Accessors;
 use super::buffers::Buffers;
@@ -22,8 +22,8 @@ use std::path::Path;
 /// The triangles of the default scene as one mesh: all nodes placed, all primitives merged, colours
 /// linear.
 ///
-/// Colours are one per face when no faces share vertices and each has one colour, so that files of
-/// this program come back as they were.
+/// Colours are one per face when no faces share vertices and each has one colour, so that files of this
+/// program read back unchanged.
 ///
 /// # Errors
 /// `Malformed` for broken containers, JSON and accessors; `Unsupported` for glTF 1.0, Draco, unknown
@@ -51,7 +51,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     merged.reserve(&instances)?;
     let origin = merged.origin(&instances)?;
     nodes::take_off(&mut instances, origin);
-    // The backdrop comes last, wherever another program has moved it.
+    // The backdrop comes last, even if another program has moved it.
     let is_backdrop = |i: &&MeshInstance| document.nodes[i.node].name.as_deref() == Some(BACKDROP);
     for instance in instances.iter().filter(|i| !is_backdrop(i)) {
         merged.add(instance)?;

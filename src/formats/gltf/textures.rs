@@ -1,4 +1,5 @@
-//! Base-colour textures of a file that is read: kept where one picture paints the whole mesh, else a colour per face.
+//! Base-colour textures of an input: kept if one picture paints the whole mesh, else turned into a colour per
+//! face.
 
 use super::accessor::Accessors;
 use super::document::{Document, Image, TextureInfo};
@@ -14,13 +15,13 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// What primitives show of textures, in the order of their faces.
+/// The places of primitives on textures, in the order of their faces.
 #[derive(Default)]
 pub(super) struct PaintedPrimitives(Vec<PaintedFaces>);
 
 impl PaintedPrimitives {
-    /// Reads where the corners of `faces` are on a texture; `corner` is the vertex of a corner within the primitive. Returns why it
-    /// cannot be read, if so.
+    /// Reads the places of the corners of `faces` on a texture; `corner` is the vertex of a corner within the
+    /// primitive. Returns the reason if they cannot be read.
     pub(super) fn add(
         &mut self,
         document: &Document,
@@ -59,7 +60,7 @@ impl PaintedPrimitives {
         Ok(None)
     }
 
-    /// Paints the whole mesh, whose faces come in the order in which they were added. Returns what the user should know.
+    /// Paints the whole mesh, whose faces are in the order of their addition. Returns notes for the user.
     pub(super) fn paint(
         self,
         mesh: &mut Mesh,

@@ -1,4 +1,4 @@
-//! Where a buffer's bytes are: relative URI references (RFC 3986) and `data:` URIs (RFC 2397).
+//! Addresses of buffers: relative URI references (RFC 3986) and `data:` URIs (RFC 2397).
 
 use base64::Engine;
 use base64::alphabet;
@@ -8,7 +8,7 @@ use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, percent_decode_str, utf8_perc
 /// Everything but the unreserved characters.
 const RESERVED: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
 
-/// Writers leave the padding out, or set the last bits: neither loses a byte.
+/// Some writers omit the padding or set the last bits; neither loses a byte.
 const LENIENT: GeneralPurposeConfig = GeneralPurposeConfig::new()
     .with_decode_allow_trailing_bits(true)
     .with_decode_padding_mode(DecodePaddingMode::Indifferent);
@@ -20,7 +20,7 @@ pub(crate) fn from_file_name(name: &str) -> String {
     utf8_percent_encode(name, RESERVED).to_string()
 }
 
-/// A URI reference with its escapes undone; what is no escape stays.
+/// A URI reference with its escapes decoded; other text stays.
 pub(crate) fn unescaped(uri: &str) -> String {
     percent_decode_str(uri).decode_utf8_lossy().into_owned()
 }
@@ -30,7 +30,7 @@ pub(super) fn is_data(uri: &str) -> bool {
     uri.starts_with("data:")
 }
 
-/// The bytes of a `data:` URI, or why there are none.
+/// The bytes of a `data:` URI, or why it is invalid.
 pub(super) fn data(uri: &str) -> Result<Vec<u8>, &'static str> {
     let (head, body) = uri.split_once(',').ok_or("is a data URI without a comma")?;
     if !head.ends_with(";base64") {

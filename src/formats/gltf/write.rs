@@ -17,11 +17,11 @@ use std::path::Path;
 pub struct Written {
     /// Size in bytes: the GLB, or the .gltf and its .bin together.
     pub bytes: u64,
-    /// Largest distance between a vertex and where an engine puts it, in file units.
+    /// Largest distance between a vertex and its place in an engine, in file units.
     pub worst_position_error: f32,
     /// Triangles that quantisation flattened to zero area.
     pub collapsed: u64,
-    /// What the user should know, one sentence each.
+    /// Notes for the user, one sentence each.
     pub warnings: Vec<String>,
 }
 
@@ -52,7 +52,7 @@ pub fn to_glb_bytes(asset: &Asset, options: &GltfOptions) -> Result<Vec<u8>> {
 
 /// Writes `asset` as one GLB and returns what was written; `path` is for messages.
 ///
-/// Positions are written as they are: the bake has turned the scene Y up already.
+/// Positions are written unchanged, because the bake has turned the scene Y-up.
 ///
 /// # Errors
 /// [`Error::Unsupported`] for zero triangles, [`Error::Invalid`] for a mesh or chunks that do not fit

@@ -1,8 +1,9 @@
 //! A scene of Godot 4 that holds all levels, each drawn within its range of distances.
 //!
-//! Godot measures from the middle of each node's own box, and chunks of two levels cover different pieces of space: ranges of
-//! their own would open holes. So nodes of coarser levels get the box of the whole scene. Nodes of the finest level, which Godot
-//! skips one by one, have the first node of the next level as visibility parent: they are drawn when it is too near.
+//! Godot measures from the middle of each node's own box, and chunks of two levels cover different pieces of
+//! space, so separate ranges would open holes. So nodes of coarser levels get the box of the whole scene.
+//! Nodes of the finest level, which Godot culls one by one, have the first node of the next level as
+//! visibility parent: they are drawn when that node is too near.
 
 use super::scene::EngineScene;
 use std::fmt::Write;
@@ -28,7 +29,7 @@ pub(super) fn text(scene: &EngineScene) -> String {
                 _ => range(&mut out, scene, distances[i - 1], distances.get(i).copied()),
             }
         }
-        // That of the finest level is always drawn, and one is enough.
+        // The one of the finest level is always drawn, which suffices.
         if let Some(node) = file.backdrop.filter(|_| i > 0) {
             line(&mut out, format_args!("\n[node name=\"{node}\" parent=\"Lod{i}\"]\nvisible = false"));
         }

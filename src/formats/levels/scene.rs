@@ -1,7 +1,8 @@
-//! The levels of a scene as an engine has them, and from where each suffices.
+//! The levels of a scene for an engine, and the distance at which each suffices.
 //!
-//! A level suffices from the distance at which its median triangle is 2 px wide on a screen 1080 px high, as in a tileset. Engines
-//! measure distances from the middle of a scene, whose nearest triangles are its radius nearer: that is added.
+//! A level suffices from the distance at which its median triangle is 2 px wide on a screen 1080 px high, as
+//! in a tileset. Engines measure distances from the middle of a scene, so the radius is added for its nearest
+//! triangles.
 
 use crate::asset::Asset;
 use crate::formats::tileset;
@@ -9,12 +10,12 @@ use glam::DVec3;
 
 /// Height of the screen that levels are chosen for, px.
 const SCREEN_PX: f64 = 1080.0;
-/// Width of a level's median triangle on it at which a finer level takes over, px.
+/// Width of a level's median triangle on that screen at which a finer level takes over, px.
 const TRIANGLE_PX: f64 = 2.0;
 /// Least ratio of the distances at which two levels change: engines need falling heights on the screen.
 pub(super) const APART: f64 = 1.001;
 
-/// A level as it is in its file.
+/// A level and its file.
 #[derive(Debug)]
 pub(in crate::formats) struct LevelFile {
     /// Name of the file.
@@ -33,12 +34,12 @@ pub(in crate::formats) struct EngineScene {
     pub(super) details: Vec<f64>,
     /// Lowest and highest corner of all levels.
     pub(super) bounds: [DVec3; 2],
-    /// Of the sphere about the middle of the bounds that holds all levels.
+    /// Radius of the sphere about the middle of the bounds that contains all levels.
     pub(super) radius: f64,
 }
 
 impl EngineScene {
-    /// Of the finest level and the others, and their files, in this order.
+    /// From the finest level and the others, and their files, in this order.
     pub(in crate::formats) fn new<'a>(levels: impl Iterator<Item = (&'a Asset, LevelFile)>) -> Self {
         let (assets, files): (Vec<&Asset>, Vec<LevelFile>) = levels.unzip();
         let bounds = assets.iter().filter_map(|asset| tileset::bounds(&asset.mesh, asset.scene_faces()));
@@ -51,7 +52,8 @@ impl EngineScene {
         Self { files, details, bounds, radius }
     }
 
-    /// From which distance from the middle each level but the finest is drawn, by a camera with this tangent of half its vertical angle.
+    /// The distance from the middle at which each level but the finest begins, for a camera with this tangent
+    /// of half its vertical angle.
     pub(super) fn distances(&self, tangent: f64) -> Vec<f64> {
         let near = |detail: &f64| detail / TRIANGLE_PX * SCREEN_PX / (2.0 * tangent);
         let mut last = 0.0_f64;

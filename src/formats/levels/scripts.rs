@@ -9,9 +9,9 @@ use xxhash_rust::xxh3::xxh3_64;
 const UNITY_CAMERA: f64 = 0.577_350;
 /// The same of Unreal, which has 90 degrees from left to right at 16:9.
 const UNREAL_CAMERA: f64 = 9.0 / 16.0;
-/// Unity takes heights up to the whole screen.
+/// Unity accepts heights up to the whole screen.
 const WHOLE_SCREEN: f64 = 1.0;
-/// Screen size of Unreal's finest level: it is drawn from wherever no other is.
+/// Screen size of Unreal's finest level: it is drawn wherever no other level is.
 const FINEST: f64 = 2.0;
 
 const UNITY: &str = include_str!("../../../samples/engines/templates/levels_unity.cs");
@@ -27,7 +27,7 @@ pub(super) fn unity(name: &str, scene: &EngineScene) -> String {
         most = height / APART;
         height
     });
-    // Below the last there is nothing: the coarsest level is drawn however far off it is.
+    // No level follows the last: the coarsest is drawn at any distance.
     let heights: Vec<String> = heights.chain([0.0]).map(|height| format!("{}f", height as f32)).collect();
     filled(UNITY, name, scene, &heights)
 }
@@ -54,7 +54,7 @@ fn filled(template: &str, name: &str, scene: &EngineScene, sizes: &[String]) -> 
     put.iter().fold(template.to_owned(), |text, (key, value)| text.replace(key, value))
 }
 
-/// A name that both languages take, another for every scene.
+/// A name that is valid in both languages and unique for every scene.
 fn class(name: &str) -> String {
     let plain: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
     match plain == name {
