@@ -62,7 +62,7 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()>
     }
 }
 
-/// What became of the bake, after its stages.
+/// The lines after the stages of a bake.
 fn say(report: &Report, progress: &Progress) {
     for warning in &report.warnings {
         progress.warn(warning);
@@ -88,7 +88,7 @@ fn say(report: &Report, progress: &Progress) {
     }
 }
 
-/// What a budget left out and why, what was spent, and the options that repeat it.
+/// The omissions of a budget and their reasons, the spent time, and the options that repeat the bake.
 fn budget_lines(details: BakeBudgetDetails) -> Vec<String> {
     let (Some(budget), Some(spent)) = (details.budget, details.spent_secs) else { return Vec::new() };
     let repeat = match &details.repeat {
@@ -105,7 +105,7 @@ fn command() -> clap::Command {
     <BakeArgs as clap::Args>::augment_args(clap::Command::new("bake"))
 }
 
-/// How soft the scene was, how close its solid triangles came, and what to do about it.
+/// The softness of the scene, the score of its solid triangles, and a hint.
 fn soft_note(softness: &Softness, reshaped: Option<&ReshapeDetails>) -> String {
     let Softness { psnr, pictures } = softness;
     let gain = reshaped.and_then(|details| Some(details.psnr_last? - details.psnr_first?));
@@ -129,7 +129,7 @@ fn resolve(args: &BakeArgs, matches: &ArgMatches) -> Result<BakeOptions> {
     Ok(layers.resolve(BakeOptions::preset)?.options)
 }
 
-/// Refuses what cannot be written, or may not be, before any work. A dry run replaces nothing.
+/// Refuses outputs that cannot or must not be written, before any work. A dry run replaces nothing.
 fn guard(args: &BakeArgs, output: &Output) -> Result<Outputs> {
     let inputs = args.inputs.iter().chain(&args.config).map(PathBuf::as_path);
     let mut outputs = Outputs::new(inputs, args.force || args.dry_run).with_dataset(args.dataset.as_deref());

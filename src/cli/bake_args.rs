@@ -18,7 +18,7 @@ pub struct BakeArgs {
     /// File to write: .glb .gltf .obj .ply .html .tileset.json; "-" is standard output.
     #[arg(short, long, value_name = "OUT")]
     pub output: PathBuf,
-    /// Kind of file to write, when the name of OUT does not tell.
+    /// Format to write, when the name of OUT does not tell it.
     #[arg(long, value_enum)]
     pub format: Option<OutputFormat>,
     /// Replace OUT if it exists.
@@ -27,12 +27,12 @@ pub struct BakeArgs {
     /// Do everything but write.
     #[arg(long)]
     pub dry_run: bool,
-    /// JSON file with options; --set and flags win over it (schema: trisplat schema bake).
+    /// JSON file with options; --set and flags override it (schema: trisplat schema bake).
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
     /// Set any option of the bake by its key, as in refit=flat; may be given often.
     ///
-    /// `trisplat schema bake` has them all, with what they do; so has docs/bake.md.
+    /// `trisplat schema bake` and docs/bake.md describe all keys.
     #[arg(long = "set", value_name = "KEY=VALUE", allow_hyphen_values = true)]
     pub sets: Vec<String>,
     /// Write what every stage did as JSON (schema: trisplat schema report).
@@ -40,14 +40,15 @@ pub struct BakeArgs {
     pub report: Option<PathBuf>,
     /// Write at most this many bytes, all files together, as in 5MB.
     ///
-    /// The scene keeps as many triangles as fit; its size is tried first, and it is baked once or twice.
+    /// The scene keeps the most triangles that fit. A trial measures the size, then the scene is baked once
+    /// or twice.
     #[arg(long, value_name = "SIZE")]
     pub max_bytes: Option<ByteSize>,
-    /// CPU time to spend on all cores together, as in 5s or 2m: chooses how many pictures of a soft scene are drawn, how often its
-    /// triangles are fitted to them, and whether colours are.
+    /// CPU time to spend on all cores together, as in 5s or 2m: chooses the number of pictures of a soft
+    /// scene, the rounds of fitting triangles to them, and whether colours are fitted.
     #[arg(long, value_name = "TIME", conflicts_with_all = ["max_bytes", "harden"])]
     pub budget: Option<Seconds>,
-    /// Posed photos of the scene: removes triangles that none shows, and fits colours to them
+    /// Posed photos of the scene: removes triangles hidden in all of them, and fits colours to them
     #[arg(long, value_name = "DATASET")]
     pub dataset: Option<PathBuf>,
     /// Whether the scene is trained solid first.

@@ -47,7 +47,7 @@ pub(super) fn run(args: &BakeArgs, plan: &Path, mut options: BakeOptions, global
     Ok(())
 }
 
-/// Refuses what a bake of one block at a time cannot do.
+/// Refuses options that need the whole scene at once.
 fn check(args: &BakeArgs, options: &BakeOptions) -> Result<()> {
     let refused = [
         (args.dataset.is_some(), "dataset", "a merged scene: blocks are baked one by one, without photos"),

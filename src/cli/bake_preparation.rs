@@ -1,4 +1,4 @@
-//! What the terminal shows of a bake: the run that hardens a scene, the pictures that are drawn for it, the stages.
+//! The terminal output of a bake: hardening, drawing pictures, stages.
 
 use super::Global;
 use super::progress::{Progress, thousands};
@@ -23,7 +23,7 @@ impl<'a> Terminal<'a> {
         Self { global, command, drawing: None, stages: None }
     }
 
-    /// Takes the bar away; returns what prints lines.
+    /// Removes the bar; returns the printer of lines.
     pub(super) fn done(mut self) -> Progress {
         let progress = self.stages.take().unwrap_or_else(|| Progress::new(self.global));
         progress.done();

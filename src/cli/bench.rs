@@ -35,7 +35,7 @@ pub enum BenchCommand {
     /// Frames per second at the paper's sizes (not in this build).
     #[cfg(not(feature = "gpu"))]
     Fps(super::missing::MissingArgs),
-    /// Steps per second of the training on a graphics card, and where their time goes.
+    /// Steps per second of the training on a graphics card, by stages.
     #[cfg(feature = "gpu")]
     Card(Box<card::CardArgs>),
     /// Steps per second of the training on a graphics card (not in this build).
@@ -45,21 +45,21 @@ pub enum BenchCommand {
     Fidelity(fidelity::FidelityBenchArgs),
     /// Steps and frames per second of the rasterisers on this CPU, and where the time goes.
     Raster(raster::RasterBenchArgs),
-    /// How exact the rasterisers and the files are when a scene is stretched, checked against the promises.
+    /// Errors of rasterisers and files on stretched scenes, checked against the promises.
     Stress(StressArgs),
-    /// Seconds against error: every option that trades one for the other, one at a time.
+    /// Seconds against error, for every option that trades one for the other.
     Cost(Box<cost::CostArgs>),
-    /// Draw a scene and write what that cost (bench cost runs itself through this).
+    /// Draw a scene and write the cost (used by bench cost itself).
     #[command(hide = true)]
     Draw(Box<cost::DrawArgs>),
-    /// Print the cost of one command as JSON (the other benchmarks run themselves through this).
+    /// Print the cost of one command as JSON (used by the other benchmarks themselves).
     #[command(hide = true)]
     Measure {
         /// Program and arguments.
         #[arg(trailing_var_arg = true, allow_hyphen_values = true, required = true)]
         command: Vec<OsString>,
     },
-    /// Read INPUT and write as many bytes as LIKE has: the least that any converter must do.
+    /// Read INPUT and write the number of bytes of LIKE: the least work of any converter.
     #[command(hide = true)]
     Floor {
         /// File to read.

@@ -1,4 +1,4 @@
-//! `trisplat bench cost`: prints rows as they come, and what lies on the front.
+//! `trisplat bench cost`: prints rows during the run, and then the front.
 
 use super::Global;
 use super::files;
@@ -38,7 +38,7 @@ impl CostObserver for CostTable<'_> {
 
 const HEADER: &str = "   setting                                    CPU s  x default  peak MB       bytes  PSNR dB   change    SSIM    FLIP  exact";
 
-/// A row: `*` before what is on the front, `~` behind what is within the spread.
+/// A row: `*` marks the front, `~` values within the spread.
 fn line(row: &CostRow) -> String {
     let mark = |within: Option<bool>| if within == Some(true) { '~' } else { ' ' };
     let optional = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
@@ -60,14 +60,14 @@ fn line(row: &CostRow) -> String {
     )
 }
 
-/// At least so much closer is worth other settings, dB.
+/// Least gain worth other settings, dB.
 const CLOSER: f64 = 0.1;
-/// Largest cost, in seconds of the default.
+/// Largest cost, as a multiple of the default's seconds.
 const DEARER: f64 = 1.25;
-/// So much cheaper is, of the seconds of the default.
+/// Least saving worth other settings, as a share of the default's seconds.
 const CHEAPER: f64 = 0.85;
 
-/// What to use next on these photos, stage by stage, in words: lines.
+/// Recommended settings for these photos, stage by stage, as lines.
 fn advice(rows: &[CostRow]) -> Vec<String> {
     let mut lines = vec![String::from("what to use next on these photos:")];
     let mut told: Vec<(CostStage, CostInput)> = Vec::new();
@@ -106,7 +106,7 @@ fn advice(rows: &[CostRow]) -> Vec<String> {
     lines
 }
 
-/// Whether the default is on the front, and what beats it if not.
+/// Whether the default is on the front, and otherwise the settings that beat it.
 fn summary(rows: &[CostRow]) -> Option<String> {
     let default = rows.iter().find(|r| r.is_default)?;
     let beaten = default.beaten_by.as_ref().and_then(|by| rows.iter().find(|r| r.label() == *by));
@@ -132,7 +132,7 @@ fn summary(rows: &[CostRow]) -> Option<String> {
     Some(text + once)
 }
 
-/// What costs as much as the default, as far as the runs can say, and comes closer by more than their spread.
+/// Settings that cost as much as the default within the spread, and score higher by more than the spread.
 fn as_dear_and_closer(rows: &[CostRow]) -> Option<String> {
     let closer = |r: &&CostRow| {
         let as_dear = r.cpu_within_spread == Some(true);

@@ -18,13 +18,14 @@ pub struct CaptureArgs {
     /// Photos, a video, or folders of them: .jpg .png .webp .tif, .mp4 .mov .mkv and others
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
-    /// Folder to make: images/, sparse/0/, and capture/ with the log and what a run that was stopped goes on from
+    /// Folder to make: images/, sparse/0/, and capture/ with the log and the state for continuing a stopped
+    /// run
     #[arg(short, long, value_name = "FOLDER")]
     pub output: PathBuf,
-    /// Replace the capture of other inputs that is in FOLDER
+    /// Replace a capture of other inputs in FOLDER
     #[arg(short, long)]
     pub force: bool,
-    /// Write what was done and the verdict as JSON (schema: trisplat schema report)
+    /// Write the steps and the verdict as JSON (schema: trisplat schema report)
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
     /// How.
@@ -85,14 +86,14 @@ impl CaptureTerminal {
         Self { progress, stop: Listener::new() }
     }
 
-    /// Takes the bar away; returns what prints lines.
+    /// Removes the bar; returns the printer of lines.
     fn done(&self) -> &Progress {
         self.progress.done();
         &self.progress
     }
 }
 
-/// A capture that failed leaves no bar behind either.
+/// A failed capture leaves no bar either.
 impl Drop for CaptureTerminal {
     fn drop(&mut self) {
         self.progress.done();

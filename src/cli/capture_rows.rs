@@ -1,10 +1,10 @@
-//! What the stage table says of the steps of a capture.
+//! The rows of the stage table for the steps of a capture.
 
 use crate::capture::{FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails};
 use crate::report::StageReport;
 use indicatif::HumanCount;
 
-/// The middle of the row of a step; `None` of what is no step of a capture.
+/// The middle of the row of a step; `None` for other stages.
 pub(super) fn row(stage: &StageReport) -> Option<String> {
     if let Some(details) = stage.details_as::<PhotosDetails>() {
         return Some(photos(&details));

@@ -22,9 +22,8 @@ use std::path::{Path, PathBuf};
 pub struct EvalArgs {
     /// Trained soup (.ply .pt) or mesh (.glb .gltf .obj .ply .off).
     ///
-    /// A mesh is drawn as an engine does. A soup is drawn soft, as it was trained; solid, as the bake with its
-    /// default options makes it; and once more from a quantised and compressed file, which shows what each step
-    /// costs.
+    /// A mesh is drawn as an engine draws it. A soup is drawn soft, as it was trained; solid, after a bake
+    /// with default options; and from a quantised and compressed file. This shows the loss of each step.
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
     /// Folder of posed photos, or a transforms.json.
@@ -36,8 +35,8 @@ pub struct EvalArgs {
     /// Which photos.
     #[arg(long, value_enum, default_value_t)]
     pub split: Split,
-    /// Write the drawings into this folder, as PNG files named like the photos; into folders in it called soft,
-    /// solid and file when a soup is drawn at every step.
+    /// Write the drawings into this folder, as PNG files named like the photos. If a soup is drawn at every
+    /// step, they go into its folders soft, solid and file.
     #[arg(long, value_name = "DIR")]
     pub save_renders: Option<PathBuf>,
     /// Write a contact sheet as PNG: one row per photo (12 at most) with the photo, then each drawing and a map of its
@@ -47,11 +46,11 @@ pub struct EvalArgs {
     /// Write all scores as JSON (schema: trisplat schema eval).
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
-    /// Print all scores as JSON in place of a table.
+    /// Print all scores as JSON instead of a table.
     #[arg(long)]
     pub json: bool,
-    /// Do not measure coverage, the share of the pixels that show what at least two training photos see: that draws
-    /// the scene once for every training photo.
+    /// Do not measure coverage, the share of pixels that at least two training photos see. It draws the scene
+    /// once for every training photo.
     #[arg(long)]
     pub no_coverage: bool,
     /// Replace files that are there.
@@ -159,7 +158,7 @@ impl Table {
     }
 }
 
-/// How much of the photos others have seen, and how good that part is.
+/// The coverage, and the score of covered pixels.
 fn coverage_line(coverage: f64, steps: &[StepScore]) -> String {
     let psnr = |step: &StepScore| step.psnr_covered.map(|psnr| format!("{} {psnr:.3} dB", step.name));
     let psnr: Vec<String> = steps.iter().filter_map(psnr).collect();
@@ -167,7 +166,7 @@ fn coverage_line(coverage: f64, steps: &[StepScore]) -> String {
     if psnr.is_empty() { seen } else { format!("{seen}; PSNR there: {}", psnr.join(", ")) }
 }
 
-/// What is printed after the means of a step.
+/// The line after the means of a step.
 fn remark(step: &StepScore, report: &EvalReport) -> String {
     let samples = report.ssaa;
     let mut remark = format!("{} photos, {} triangles", step.images.len(), thousands(step.triangles));

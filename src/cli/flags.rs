@@ -3,13 +3,13 @@
 use crate::error::{Error, Result};
 use clap::{ArgMatches, Command};
 
-/// The command that was typed: the subcommand of a subcommand, where there is one.
+/// The innermost subcommand that was typed.
 pub fn innermost<'a>(command: &'a Command, matches: &ArgMatches) -> &'a Command {
     let typed = matches.subcommand().and_then(|(name, inner)| Some((command.find_subcommand(name)?, inner)));
     typed.map_or(command, |(command, inner)| innermost(command, inner))
 }
 
-/// Fails where a number that was typed is not finite: options in layers are JSON, which has no text for it.
+/// Fails if a typed number is not finite, because options in layers are JSON, which cannot express it.
 pub fn check_finite(matches: &ArgMatches) -> Result<()> {
     for id in matches.ids().map(clap::Id::as_str) {
         let numbers = matches.try_get_many::<f64>(id).ok().flatten();
@@ -32,12 +32,12 @@ pub fn message(error: &Error, command: &Command) -> String {
     }
 }
 
-/// `text` with every field in backticks that is a flag of `command` spelt as it is typed. Two backticks stand for one
-/// that is printed.
+/// `text` with every field in backticks replaced by its flag in `command`. Two backticks stand for a printed
+/// one.
 pub fn spell(text: &str, command: &Command) -> String {
     let mut parts = text.split('`').peekable();
     let mut out = parts.next().unwrap_or_default().to_owned();
-    // Between an odd backtick and the next stands a quoted word, if there is a next.
+    // A quoted word stands between an odd backtick and the next, if any.
     while let Some(word) = parts.next() {
         match (parts.next(), typed(command, word)) {
             (Some(rest), _) if word.is_empty() => out += &format!("`{rest}"),

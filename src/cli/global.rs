@@ -16,18 +16,18 @@ pub struct Global {
     /// Worker threads, at most four per core; 0 = one per core. The output is the same bytes for any number.
     #[arg(long, global = true, default_value_t = 0, value_name = "N", hide_short_help = true)]
     pub threads: u16,
-    /// Lift or lower a limit on what is read, as in triangles=100000000; may be given often. The keys: picture_side,
-    /// picture_pixels, camera_pixels, triangles, vertices, file_bytes, document_bytes, array_bytes, nodes, nesting,
-    /// threads_per_core.
+    /// Raise or lower a limit on inputs, as in triangles=100000000; may be given often. The keys:
+    /// picture_side, picture_pixels, camera_pixels, triangles, vertices, file_bytes, document_bytes,
+    /// array_bytes, nodes, nesting, threads_per_core.
     #[arg(long, global = true, value_name = "KEY=VALUE", hide_short_help = true)]
     pub limit: Vec<String>,
-    /// Read files that a data set or a glTF document names outside of its own folder.
+    /// Permit a data set or a glTF document to name files outside its folder.
     #[arg(long, global = true, hide_short_help = true)]
     pub allow_outside: bool,
 }
 
 impl Global {
-    /// The limits, with those lifted that `--limit` names. Errors: no such limit.
+    /// The limits with the changes of `--limit`. Errors: no such limit.
     pub fn limits(&self) -> Result<Limits> {
         let mut limits = Limits::DEFAULT;
         self.limit.iter().try_for_each(|setting| limits.set(setting))?;

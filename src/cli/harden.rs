@@ -10,32 +10,32 @@ use crate::teacher;
 use crate::train::TrainOptions;
 use std::path::Path;
 
-/// Whether a soft scene is trained to be solid first.
+/// Whether a soft scene is trained solid first.
 #[derive(Debug, clap::Args)]
 pub struct HardenArgs {
     /// Train a soft scene solid first: minutes, for a file that looks like the soft scene.
     ///
-    /// It is trained on the photos of --dataset, or on its own soft pictures, in 2000 steps or as many as are given. Where views that were
-    /// not trained on look worse than without it, the file holds the scene baked without it.
+    /// It is trained on the photos of --dataset, or on its own soft pictures, in 2000 steps or N. If views
+    /// that were not trained on look worse than without it, the file holds the scene baked without it.
     #[arg(long, value_name = "STEPS", num_args = 0..=1, require_equals = true, default_missing_value = "2000",
           value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     pub harden: Option<u64>,
 }
 
 impl HardenArgs {
-    /// How it is trained, if it is.
+    /// The options of the training, if any.
     pub(super) fn options(&self) -> Option<HardenOptions> {
         self.harden.map(HardenOptions::of_steps)
     }
 }
 
-/// A share that leaves a part of the steps to the photos.
+/// A share below 1, which leaves some steps to the photos.
 pub(super) fn share(text: &str) -> std::result::Result<f64, String> {
     let share = text.parse().ok().filter(|share| (0.0..=MOST_PICTURES).contains(share));
     share.ok_or_else(|| format!("a number from 0 to {MOST_PICTURES}"))
 }
 
-/// The soft pictures of `scene` that training takes for photos, drawn under a bar.
+/// The soft pictures of `scene` that replace photos in training, drawn under a bar.
 pub(super) fn draw(
     path: &Path,
     scene: &Loaded,
@@ -47,7 +47,7 @@ pub(super) fn draw(
     under_bar(global, |drawn| teacher::dataset(path, scene, &drawing, how.photo_bytes(), drawn))
 }
 
-/// Draws soft pictures; shows how many are drawn.
+/// Draws soft pictures, and shows the progress.
 fn under_bar<T>(global: &Global, draw: impl FnOnce(&mut dyn FnMut(usize, usize)) -> T) -> T {
     let progress = Progress::new(global);
     let drawn = draw(&mut |done, all| progress.note(&format!("drawing soft pictures: {done} of {all}")));

@@ -1,4 +1,4 @@
-//! `trisplat info FILE`: what is in a file of any format, or in a data set.
+//! `trisplat info FILE`: the content of a file of any format, or of a data set.
 
 use super::progress::thousands;
 use super::{files, info_dataset, info_tileset, messages};

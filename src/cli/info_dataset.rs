@@ -1,4 +1,4 @@
-//! `trisplat info DATASET`: cameras, sizes, points, how well they fit, and what is odd.
+//! `trisplat info DATASET`: cameras, sizes, points, their errors, and oddities.
 
 use super::messages;
 use super::progress::thousands;
@@ -7,10 +7,10 @@ use crate::error::{Error, Result};
 use std::io::Write;
 use std::path::Path;
 
-/// Cameras listed one by one; more are counted only.
+/// Most cameras listed one by one; others are only counted.
 const LISTED: usize = 5;
 
-/// True for what is a data set and not a scene: a folder or a transforms.json.
+/// True for a data set: a folder or a transforms.json.
 pub fn is_dataset(path: &Path) -> bool {
     path.is_dir() || path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"))
 }

@@ -1,7 +1,7 @@
-//! The layer of the flags that were really typed: see [`crate::layered`].
+//! The layer of the typed flags: see [`crate::layered`].
 //!
-//! A flag typed with its default value still wins over the config file, because what counts is that
-//! it was typed ([`clap::ArgMatches::value_source`]), not what it says.
+//! A flag typed with its default value still overrides the config file, because only the typing counts
+//! ([`clap::ArgMatches::value_source`]).
 
 use crate::error::{Error, Result};
 use clap::ArgMatches;
@@ -27,7 +27,7 @@ fn typed_of(parsed: &Value, matches: &ArgMatches) -> Result<Map<String, Value>> 
             }
         } else if is_typed(matches, key) {
             if value.is_null() {
-                // JSON has no NaN and no infinity: a flag that was typed and is null was one of them.
+                // JSON has no NaN and no infinity, so a typed flag that is null had such a value.
                 return Err(Error::invalid(key, "not a finite number", "a finite number"));
             }
             typed.insert(key.clone(), value.clone());

@@ -23,7 +23,7 @@ use indicatif::HumanCount;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Photos or videos, and what to make of them.
+/// Photos or videos, and the files to make.
 #[derive(Debug, clap::Args)]
 pub struct MakeArgs {
     /// Photos, a video, or folders of them; or a data set that has poses
@@ -32,13 +32,14 @@ pub struct MakeArgs {
     /// File to write: .glb .gltf .obj .ply .tileset.json
     #[arg(short, long, value_name = "OUT")]
     pub output: PathBuf,
-    /// Replace OUT and the page, and what was begun with other inputs
+    /// Replace OUT and the page, and a begun run with other inputs
     #[arg(short, long)]
     pub force: bool,
     /// CPU time of training and bake, on all cores together, as in 90s, 2m or 1.5h
     #[arg(long, value_name = "TIME", default_value_t = Seconds(600.0))]
     pub budget: Seconds,
-    /// Folder of what a run that was stopped goes on from: photos, poses, checkpoints; OUT with the ending .make unless given
+    /// Folder for continuing a stopped run: photos, poses, checkpoints; OUT with the ending .make unless
+    /// given
     #[arg(long, value_name = "FOLDER")]
     pub work: Option<PathBuf>,
     /// Page to write beside OUT, to be opened in a browser; OUT with the ending .html unless given
@@ -47,10 +48,10 @@ pub struct MakeArgs {
     /// Who reads OUT
     #[arg(long, value_enum, default_value_t)]
     pub target: OutputTarget,
-    /// Triangles at most; as many as the budget has unless given
+    /// Most triangles; by default the budget decides
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     pub max_triangles: Option<u64>,
-    /// Write what every step did as JSON (schema: trisplat schema report)
+    /// Write the results of every step as JSON (schema: trisplat schema report)
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
     /// Photos and poses.
@@ -99,7 +100,7 @@ fn command() -> clap::Command {
     <MakeArgs as clap::Args>::augment_args(clap::Command::new("make"))
 }
 
-/// Refuses what cannot be written, or may not be, before any work.
+/// Refuses outputs that cannot or must not be written, before any work.
 fn guard(args: &MakeArgs, mut bake: BakeOptions, page: &Path) -> Result<Outputs> {
     if args.output.as_os_str() == "-" || args.output.extension().is_some_and(|e| e == "html") {
         let wants = "a file for an engine, as in scene.glb; the page is written beside it";
@@ -118,7 +119,7 @@ fn guard(args: &MakeArgs, mut bake: BakeOptions, page: &Path) -> Result<Outputs>
     Ok(outputs)
 }
 
-/// What became of it, and what to do next.
+/// The result, and the next step.
 fn say(done: &MakeDone, work: &str, progress: &Progress) {
     done.report.warnings.iter().for_each(|warning| progress.warn(warning));
     done.verdict.iter().for_each(|verdict| advise(verdict, progress));
@@ -140,7 +141,7 @@ fn say(done: &MakeDone, work: &str, progress: &Progress) {
     pages.for_each(|page| progress.line(&format!("open {} in a browser", page.path)));
 }
 
-/// A held-out PSNR in words, as docs/from-photos.md has them.
+/// A held-out PSNR in the words of docs/from-photos.md.
 fn worth(psnr: f64) -> &'static str {
     match psnr {
         p if p >= 28.0 => "good",

@@ -5,13 +5,13 @@ use crate::error::{Error, Result};
 use clap_mangen::Man;
 use std::path::{Path, PathBuf};
 
-/// The page that names all others.
+/// The main page, which names all others.
 const PROGRAM_PAGE: &str = "trisplat.1";
 
 /// Where to.
 #[derive(Debug, clap::Args)]
 pub struct ManArgs {
-    /// Folder for the pages; made when it is not there. Pages in it are replaced.
+    /// Folder for the pages; made if missing. Pages in it are replaced.
     #[arg(value_name = "FOLDER")]
     pub folder: PathBuf,
 }
@@ -25,7 +25,8 @@ pub fn run(args: &ManArgs, program: clap::Command) -> Result<()> {
     folder.publish(PROGRAM_PAGE)
 }
 
-/// Writes the pages of a command and of those below it, each at once: rendered into a file, a page takes hundreds of writes.
+/// Writes the pages of a command and its subcommands, each in one write, because rendering into a file would
+/// take hundreds.
 fn write_pages(command: clap::Command, folder: &Path) -> std::io::Result<()> {
     for below in command.get_subcommands().filter(|below| !below.is_hide_set()).cloned() {
         write_pages(below, folder)?;

@@ -26,13 +26,14 @@ pub struct MergeArgs {
     /// Replace files that are there.
     #[arg(short, long)]
     pub force: bool,
-    /// Write what was found at the seams as JSON (schema: trisplat schema merge).
+    /// Write the results at the seams as JSON (schema: trisplat schema merge).
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
-    /// Compare the merged scene with the held-out photos, at seams and elsewhere. Takes the memory of the whole scene.
+    /// Compare the merged scene with the held-out photos, at seams and elsewhere. Needs the memory of the
+    /// whole scene.
     #[arg(long)]
     pub evaluate: bool,
-    /// Compare another scene of the same photos with them at the same places: one run, say.
+    /// Compare another scene of the same photos at the same places, for example of one run.
     #[arg(long, value_name = "SCENE", requires = "evaluate")]
     pub against: Option<PathBuf>,
     /// How the held-out photos are read.
@@ -40,7 +41,7 @@ pub struct MergeArgs {
     pub dataset_options: DatasetOptions,
 }
 
-/// Merges, and compares if that is wanted.
+/// Merges, and compares if requested.
 pub fn run(args: &MergeArgs, global: &Global) -> Result<()> {
     if args.output.extension().is_none_or(|e| !e.eq_ignore_ascii_case("ply")) {
         let wants = "a name that ends with .ply; bake turns it into .glb";
@@ -51,7 +52,7 @@ pub fn run(args: &MergeArgs, global: &Global) -> Result<()> {
     let inputs = sources.iter().chain(&args.against).map(PathBuf::as_path);
     let dataset = blocks.manifest.dataset_path(blocks.folder());
     let mut files = Outputs::new(inputs, args.force).with_dataset(Some(&dataset));
-    // The report comes first: it is there when the scene is.
+    // The report comes first, so that it exists when the scene does.
     let outputs: Vec<_> =
         args.report.iter().map(|path| ("--report", path)).chain([("--output", &args.output)]).collect();
     let mut set = files.claim_set(&outputs)?;

@@ -23,13 +23,14 @@ pub struct MeshArgs {
     /// Scene to make a surface of: a trained soup (.ply .pt), or a mesh (.glb .gltf .obj .ply .off)
     #[arg(value_name = "SCENE")]
     pub input: PathBuf,
-    /// Posed photos of it: what their cameras see becomes the surface; without them the cameras of SCENE, or chosen ones
+    /// Posed photos of it, whose cameras determine the surface; without them the cameras of SCENE, or chosen
+    /// ones
     #[arg(value_name = "DATASET")]
     pub dataset: Option<PathBuf>,
     /// File to write: .ply .glb .gltf .obj, with --texture .html too
     #[arg(short, long, value_name = "OUT")]
     pub output: PathBuf,
-    /// Replace OUT if it is there
+    /// Replace OUT if it exists
     #[arg(short, long)]
     pub force: bool,
     /// Do everything but write
@@ -89,7 +90,7 @@ pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global) -> Result<()>
     }
 }
 
-/// The files of the output: a surface is one mesh, so formats for whole scenes are of no use.
+/// The files of the output: a surface is one mesh, so formats for whole scenes are refused.
 fn plan(args: &MeshArgs, options: &MeshOptions) -> Result<Output> {
     let format = OutputFormat::of(&args.output)?;
     if format == OutputFormat::Tiles || format == OutputFormat::Html && !options.texture.texture {
@@ -101,7 +102,7 @@ fn plan(args: &MeshArgs, options: &MeshOptions) -> Result<Output> {
     Output::of_scene(&args.output, Some(format), &options.output, &beside)
 }
 
-/// Refuses what cannot be written, or may not be, before any work. A dry run replaces nothing.
+/// Refuses outputs that cannot or must not be written, before any work. A dry run replaces nothing.
 fn guard(args: &MeshArgs, output: &Output) -> Result<Outputs> {
     let mut outputs = Outputs::new([args.input.as_path()], args.force || args.dry_run)
         .with_dataset(args.dataset.as_deref());

@@ -1,5 +1,5 @@
-//! Lines on standard error and standard output: the one place where text that may come from a file is printed. A control
-//! character in it is shown, not obeyed, so that a name can neither forge a line nor reach the terminal.
+//! Lines on standard error and standard output: the only place that prints text from files. Control
+//! characters are escaped, so that a name can neither forge a line nor control the terminal.
 //!
 //! "error" and "warning" are coloured as clap colours its own: on a terminal, unless the
 //! environment says otherwise (`NO_COLOR`, `CLICOLOR`, `CLICOLOR_FORCE`, `TERM=dumb`).
@@ -14,7 +14,7 @@ const WARNING: Style = AnsiColor::Yellow.on_default().bold();
 
 /// Prints a line on standard error; a leading "error:" or "warning:" is coloured.
 pub fn print(text: &str) {
-    // Nobody may read it any more (`2>&1 | head`), and that is no reason to end the work.
+    // A closed pipe (`2>&1 | head`) must not end the work.
     let _ = writeln!(anstream::stderr(), "{}", styled(&visible(text)));
 }
 
@@ -23,7 +23,7 @@ pub fn write(out: &mut dyn Write, text: &str) -> io::Result<()> {
     writeln!(out, "{}", visible(text))
 }
 
-/// `text` with its control characters, line breaks among them, and what turns the direction of writing as `\n` or `\u{1b}`.
+/// `text` with control characters, line breaks and marks of bidirectional text escaped as `\n` or `\u{1b}`.
 pub fn visible(text: &str) -> Cow<'_, str> {
     if !text.contains(is_hidden) {
         return Cow::Borrowed(text);
@@ -42,7 +42,7 @@ fn is_hidden(c: char) -> bool {
         || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{200e}' | '\u{200f}' | '\u{61c}')
 }
 
-/// The line with its colours, whatever it is printed on.
+/// The line with its colours, for any output.
 fn styled(text: &str) -> String {
     for (word, style) in [("error:", ERROR), ("warning:", WARNING)] {
         if let Some(rest) = text.strip_prefix(word) {

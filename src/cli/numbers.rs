@@ -1,6 +1,7 @@
 //! Numbers as people write them: `--max-triangles 10k` is 10000, `1.5M` is 1500000.
 //!
-//! Before the command line is parsed, and only behind flags whose value is a whole number: a folder may be called 10k.
+//! This happens before the command line is parsed, and only after flags with whole numbers, because a folder
+//! may be called 10k.
 
 use clap::builder::ValueParser;
 use clap::{Arg, Command};
@@ -44,7 +45,7 @@ fn counts(commands: [&Command; 2], flag: &str) -> bool {
     })
 }
 
-/// 10k as 10000, 1.5M as 1500000; `None` of anything else, which the parser judges.
+/// 10k as 10000, 1.5M as 1500000; `None` for other text, which the parser checks.
 fn plain(text: &str) -> Option<String> {
     let (digits, zeros) = match text.strip_suffix(['k', 'K']) {
         Some(digits) => (digits, 3),

@@ -1,4 +1,4 @@
-//! The end of a program that gets no more memory: one error, and no file half-written.
+//! Running out of memory: one error, and no incomplete file.
 
 use crate::atomic;
 use crate::process::memory;
@@ -8,11 +8,11 @@ use std::io::{self, Write};
 /// Bytes of the longest message.
 const LINE: usize = 320;
 
-/// From now on the program ends so when a request for memory fails that no code foresaw.
+/// From now on an unexpected failure to allocate ends the program in this way.
 pub(super) fn end_in_good_order() {
     memory::end_with(|bytes| {
         atomic::try_remove_temporaries();
-        // There may be no memory for a line of text either, so it is put together on the stack.
+        // There may be no memory for text either, so the line is composed on the stack.
         let mut line = [0u8; LINE];
         let _ = io::stderr().write_all(message(bytes, &mut line));
         std::process::exit(1)

@@ -1,5 +1,5 @@
-//! The one guard of the files that a command writes: none is an input, a photo, another output or, without `--force`, there
-//! already; each can be written. All before any work.
+//! Guards the files that a command writes, before any work: none is an input, a photo, another output or,
+//! without `--force`, an existing file; each can be written.
 
 use crate::atomic::{AtomicFile, FolderLock, MadeFolders, resolved};
 use crate::dataset::Dataset;
@@ -7,12 +7,12 @@ use crate::error::{Error, Result};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-/// Files of a data set beside its photos, by the beginning of their names.
+/// Other files of a data set than photos, by the beginning of their names.
 const DATASET_FILES: [&str; 6] = ["transforms", "test.txt", "cameras.", "images.", "points3D.", "rigs."];
 /// Folders of a data set that hold such files.
 const DATASET_FOLDERS: [&str; 3] = ["", "sparse", "sparse/0"];
 
-/// What a command reads and writes.
+/// The inputs and outputs of a command.
 #[derive(Debug, Default)]
 pub(super) struct Outputs {
     replace: bool,
@@ -25,7 +25,7 @@ pub(super) struct Outputs {
     /// Held until the command ends.
     locks: Vec<FolderLock>,
     files: Vec<AtomicFile>,
-    /// Folders that were made; dropped after what is in them.
+    /// New folders; dropped after the files in them.
     made: Vec<MadeFolders>,
 }
 
@@ -40,7 +40,7 @@ struct Planned {
 }
 
 impl Outputs {
-    /// Of a command that reads `inputs`; with `replace` files that are there may be replaced.
+    /// Of a command that reads `inputs`; with `replace` existing files may be replaced.
     pub(super) fn new<'a>(inputs: impl IntoIterator<Item = &'a Path>, replace: bool) -> Self {
         let inputs = inputs.into_iter().filter(|path| !is_stream(path)).map(FileId::of).collect();
         Self { replace, inputs, ..Self::default() }
@@ -53,17 +53,17 @@ impl Outputs {
         self
     }
 
-    /// A file that is read as well.
+    /// Adds an input.
     pub(super) fn add_input(&mut self, path: &Path) {
         self.inputs.insert(FileId::of(path));
     }
 
-    /// A file that may be replaced by what is planned from now on, although it is read.
+    /// A file that later outputs may replace, although it is read.
     pub(super) fn remove_input(&mut self, path: &Path) {
         self.inputs.remove(&FileId::of(path));
     }
 
-    /// A folder of pictures, which is made when it is not there; it may not be that of the photos.
+    /// A folder of pictures, made if missing; it must not be that of the photos.
     pub(super) fn plan_folder(&mut self, option: &'static str, folder: &Path) -> Result<()> {
         self.make_folder(folder)?;
         self.lock_folder(folder)?;
@@ -73,26 +73,26 @@ impl Outputs {
         Ok(())
     }
 
-    /// Makes a folder for outputs, unless it is there; it goes again if the command puts nothing into it.
+    /// Makes a folder for outputs if missing; it is removed if it stays empty.
     pub(super) fn make_folder(&mut self, folder: &Path) -> Result<()> {
         self.made.push(MadeFolders::make(folder)?);
         Ok(())
     }
 
-    /// Keeps other programs from writing into `folder`, which is there, until the command ends.
+    /// Keeps other programs from writing into the existing `folder` until the command ends.
     pub(super) fn lock_folder(&mut self, folder: &Path) -> Result<()> {
         self.locks.push(FolderLock::take(folder)?);
         Ok(())
     }
 
-    /// Whether what is planned from now on may replace files that are there.
+    /// Whether later outputs may replace existing files.
     pub(super) fn replacing(&mut self, replace: bool) {
         self.replace = replace;
     }
 
     /// Plans to write `path`, named by `option`.
     ///
-    /// Errors: a folder, a file in none, one that is read or written already, one that is there.
+    /// Errors: a folder, a path without a folder, a file that is read or written already, an existing file.
     pub(super) fn plan(&mut self, option: &'static str, path: &Path) -> Result<()> {
         let refuse = |wants: String| Err(Error::invalid(option, path.display(), wants));
         let (meta, id) = (std::fs::metadata(path).ok(), FileId::of(path));
@@ -105,7 +105,7 @@ impl Outputs {
         if self.photos.contains(&id) {
             return refuse("a file that is not also a photo".into());
         }
-        // Devices take what several outputs have to say.
+        // A device may take several outputs.
         let device = path.as_os_str() != "-" && meta.as_ref().is_some_and(|meta| !meta.is_file());
         if let Some(other) = self.options.get(&id).filter(|_| !device) {
             return refuse(format!("a file that {other} does not write too"));
@@ -128,7 +128,7 @@ impl Outputs {
         self.confirm()
     }
 
-    /// Plans to write files that belong together and starts them, the one that names the others last.
+    /// Plans and starts files that belong together; the one that names the others comes last.
     pub(super) fn claim_set(&mut self, files: &[(&'static str, &PathBuf)]) -> Result<Vec<AtomicFile>> {
         files.iter().try_for_each(|(option, path)| self.plan(option, path))?;
         let paths: Vec<&Path> = files.iter().map(|(_, path)| path.as_path()).collect();
@@ -137,18 +137,18 @@ impl Outputs {
         Ok(set)
     }
 
-    /// Plans to write `path` now and then; fails when that cannot be done.
+    /// Plans to write `path` repeatedly; fails if it cannot be written.
     pub(super) fn probe(&mut self, option: &'static str, path: &Path) -> Result<()> {
         self.plan(option, path)?;
         AtomicFile::create(path).map(drop)
     }
 
-    /// Nobody wrote a planned file before it was started.
+    /// Fails if another program wrote a planned file before it was started.
     pub(super) fn confirm(&self) -> Result<()> {
         self.planned.iter().try_for_each(Planned::check_new)
     }
 
-    /// No planned file is a photo of `dataset`, and none that is planned from now on.
+    /// Fails if a planned file, now or later, is a photo of `dataset`.
     pub(super) fn spare_photos(&mut self, dataset: &Dataset) -> Result<()> {
         let photos = dataset.views.iter().flat_map(|v| std::iter::once(&v.photo.path).chain(&v.photo.mask));
         self.photos.extend(photos.filter(|path| !path.as_os_str().is_empty()).map(|path| FileId::of(path)));
@@ -187,13 +187,13 @@ impl Planned {
     }
 }
 
-/// Which file a name leads to: equal for all names and links of one file, there or not.
+/// Identity of a file: equal for all names and links, whether it exists or not.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 enum FileId {
-    /// Device and number of a file that is there.
+    /// Device and number of an existing file.
     #[cfg(unix)]
     Number(u64, u64),
-    /// The full name of one that is not, or on systems that number none.
+    /// The full name of a missing file, or on systems without file numbers.
     Name(PathBuf),
 }
 
@@ -227,7 +227,7 @@ fn folder(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// The files of the data set at `path` that say where its photos were taken.
+/// The pose files of the data set at `path`.
 fn dataset_files(path: &Path) -> Vec<PathBuf> {
     let root = if path.is_dir() { path } else { folder(path) };
     let is_one = |name: &str| DATASET_FILES.iter().any(|start| name.starts_with(start));
@@ -237,7 +237,7 @@ fn dataset_files(path: &Path) -> Vec<PathBuf> {
         let found = entries.flatten().filter(|entry| entry.file_name().to_str().is_some_and(is_one));
         files.extend(found.map(|entry| entry.path()));
     }
-    // The cloud of a transforms.json has any name.
+    // The cloud of a transforms.json may have any name.
     let jsons = files.iter().filter(|path| path.extension().is_some_and(|ending| ending == "json"));
     let cloud = |path: &PathBuf| -> Option<PathBuf> {
         let value: serde_json::Value = serde_json::from_slice(&std::fs::read(path).ok()?).ok()?;

@@ -6,14 +6,14 @@ use crate::guard::{is_guarded, text};
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
 use std::sync::{Mutex, PoisonError};
 
-/// Where the last panic was that [`caught`] will report.
+/// Place of the last panic for [`caught`] to report.
 static PLACE: Mutex<Option<String>> = Mutex::new(None);
 
-/// From now on a panic prints nothing that is an error of a file, or that [`caught`] reports: those of this thread, which it must be
-/// called from, and of the workers it waits for. Those of other threads print one line.
+/// From now on panics of this thread and its workers print nothing, because they become errors of files or of
+/// [`caught`]. Panics of other threads print one line. Must be called from the main thread.
 pub(super) fn report_once() {
     let main = std::thread::current().id();
-    // Whoever asks for a backtrace gets it.
+    // A requested backtrace is still printed.
     let whole = std::env::var_os("RUST_BACKTRACE").map(|_| std::panic::take_hook());
     std::panic::set_hook(Box::new(move |info| {
         if is_guarded() {
@@ -33,7 +33,7 @@ fn message_of<'a>(info: &'a PanicHookInfo<'_>) -> &'a str {
     text(info.payload())
 }
 
-/// What `run` returns; its panic is an error.
+/// The result of `run`; a panic becomes an error.
 pub(super) fn caught<T>(run: impl FnOnce() -> Result<T>) -> Result<T> {
     catch_unwind(AssertUnwindSafe(run)).unwrap_or_else(|payload| {
         let place = PLACE.lock().unwrap_or_else(PoisonError::into_inner).take().unwrap_or_default();

@@ -13,7 +13,7 @@ pub(super) struct Pictures {
 }
 
 impl Pictures {
-    /// Names a picture for each photo and makes the folder, which no other program writes into while `outputs` are there.
+    /// Names a picture for each photo and makes the folder, locked for other programs while `outputs` exists.
     ///
     /// Errors: two photos that would have one picture, a picture that [`Outputs`] refuses, another program that writes into the folder.
     pub(super) fn plan<'a>(
@@ -31,7 +31,7 @@ impl Pictures {
             outputs.make_folder(parent)?;
             outputs.plan(option, path)?;
         }
-        // What cannot be written fails before any picture is drawn.
+        // Unwritable outputs fail before any picture is drawn.
         paths.first().map_or(Ok(()), |path| AtomicFile::create(path).map(drop))?;
         Ok(Self { paths })
     }
@@ -42,8 +42,8 @@ impl Pictures {
     }
 }
 
-/// `photo.jpg` becomes photo.png; where photo.png is there too, photo.jpg.png. Parts of a name that would lead out of the
-/// folder are left out.
+/// `photo.jpg` becomes photo.png, or photo.jpg.png if there is a photo.png, too. Parts of a name that would
+/// lead out of the folder are left out.
 fn file_names<'a>(photos: &'a [&str]) -> impl Iterator<Item = PathBuf> + 'a {
     let inside = |name: &str| -> PathBuf {
         Path::new(name).components().filter(|c| matches!(c, Component::Normal(_))).collect()

@@ -1,4 +1,4 @@
-//! `trisplat plan DATASET -o CITY`: a scene in blocks; `--status` says how far they are.
+//! `trisplat plan DATASET -o CITY`: a scene in blocks; `--status` prints their progress.
 
 use super::Global;
 use super::bake_bytes::ByteSize;
@@ -29,22 +29,24 @@ pub struct PlanArgs {
     /// Folder of posed photos (COLMAP model or transforms.json).
     #[arg(value_name = "DATASET", required_unless_present = "status")]
     pub dataset: Option<PathBuf>,
-    /// Folder of the plan, which is made: manifest.json, and the soups that blocks start from. Results of blocks go there, too.
+    /// Folder to make for the plan: manifest.json, and the soups that blocks start from. Results of blocks go
+    /// there, too.
     #[arg(short, long, value_name = "CITY", required_unless_present = "status")]
     pub output: Option<PathBuf>,
-    /// Replace a plan that is there.
+    /// Replace an existing plan.
     #[arg(short, long)]
     pub force: bool,
-    /// Print how far the blocks of the plan in this folder are, and plan nothing.
+    /// Print the progress of the blocks of the plan in this folder, and plan nothing.
     #[arg(long, value_name = "CITY", conflicts_with_all = ["dataset", "output"])]
     pub status: Option<PathBuf>,
     /// Refuse a plan in which a block is expected to take more memory than this, as in 8GB.
     #[arg(long, value_name = "SIZE")]
     pub memory: Option<ByteSize>,
-    /// Write a checkpoint of the coarse scene every N steps; 0: only when stopped with Ctrl-C or SIGTERM. The same command goes on from it.
+    /// Write a checkpoint of the coarse scene every N steps; 0: only when stopped with Ctrl-C or SIGTERM. The
+    /// same command continues from it.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..=1_000_000_000))]
     pub checkpoint_every: u64,
-    /// JSON file with training options of the blocks; --set and flags win over it.
+    /// JSON file with training options of the blocks; --set and flags override it.
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
     /// Set any training option of the blocks by its key, as in refine.every=500; may be given often.
@@ -53,7 +55,7 @@ pub struct PlanArgs {
     /// The blocks.
     #[command(flatten)]
     pub plan: PlanOptions,
-    /// Where the coarse scene is trained.
+    /// The device that trains the coarse scene.
     #[command(flatten, next_help_heading = "Backend")]
     pub backend_options: BackendOptions,
     /// The photos.
@@ -64,7 +66,7 @@ pub struct PlanArgs {
     pub options: TrainOptions,
 }
 
-/// Plans, or says how far a plan is.
+/// Plans, or prints the progress of a plan.
 pub fn run(args: &PlanArgs, matches: &ArgMatches, global: &Global, out: &mut dyn Write) -> Result<ExitCode> {
     match (&args.status, &args.dataset, &args.output) {
         (Some(city), ..) => print_status(args, city, out).map(|()| ExitCode::SUCCESS),
@@ -87,7 +89,7 @@ fn make(
     let mut files = Outputs::new(args.config.as_deref(), args.force).with_dataset(Some(path));
     files.make_folder(city)?;
     let path_of_plan = city.join(NAME);
-    // Who has it has all files of the plan.
+    // If the manifest exists, so do all files of the plan.
     files.claim("--output", &path_of_plan)?;
     let dataset = Dataset::load(path, &args.dataset_options)?;
     files.spare_photos(&dataset)?;
@@ -126,7 +128,7 @@ fn make(
     Ok(ExitCode::SUCCESS)
 }
 
-/// The coarse scene, trained unless it is there; `None` when that was stopped.
+/// The coarse scene, trained unless it exists; `None` when the training was stopped.
 fn coarse_scene(
     args: &PlanArgs,
     dataset: &Dataset,
@@ -167,7 +169,7 @@ fn coarse_scene(
         let _ = std::fs::remove_file(&point);
         bar.line(&format!("wrote {}: {:.1} CPU s", path.display(), trained.cpu_secs));
     }
-    // As every block will read it, to the bit.
+    // With the exact bits that every block will read.
     let how = ReadOptions { sh_degree: 3, limits: args.dataset_options.limits, ..ReadOptions::default() };
     formats::read(path, &how).map(Some)
 }

@@ -34,29 +34,29 @@ pub struct Cli {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Make a scene of photos or a video, in one command: poses, training, a file for an engine, a page.
+    /// Make a scene from photos or a video, in one command: poses, training, a file for an engine, a page.
     Make(Box<make::MakeArgs>),
-    /// Make a data set of photos or a video: finds where they were taken.
+    /// Make a data set from photos or a video: finds the camera poses.
     Capture(capture::CaptureArgs),
     /// Turn a trained soup or a coloured mesh into a file an engine draws.
     Bake(Box<bake_args::BakeArgs>),
-    /// Make one connected surface of a scene: something to walk on and to collide with.
+    /// Make one connected surface of a scene, to walk on and to collide with.
     Mesh(Box<mesh::MeshArgs>),
-    /// Find the surfaces that posed photos show: coloured points with normals, depth pictures.
+    /// Estimate surfaces from posed photos: coloured points with normals, depth pictures.
     Stereo(stereo::StereoArgs),
-    /// Describe a file and what a bake would make of it.
+    /// Describe a file, and the scene that a bake would make of it.
     Info(info::InfoArgs),
-    /// Check a file for errors, written by trisplat or by another tool.
+    /// Check a file of trisplat or another tool for errors.
     Validate(validate::ValidateArgs),
     /// Make a synthetic soup or data set to try things on.
     Sample(sample::SampleArgs),
     /// Train a soup of triangles on posed photos.
     Train(Box<train_args::TrainArgs>),
-    /// Cut a scene that is too large for one run into blocks, each to be trained by itself.
+    /// Cut a scene that is too large for one run into blocks, to be trained one by one.
     Plan(Box<plan::PlanArgs>),
-    /// Make one scene of the trained blocks of a plan.
+    /// Merge the trained blocks of a plan into one scene.
     Merge(Box<merge::MergeArgs>),
-    /// Measure how close a soup or mesh comes to photos it was not trained on.
+    /// Score a soup or mesh on photos that it was not trained on.
     Eval(Box<eval::EvalArgs>),
     /// Draw a soup or mesh from the photos' cameras, or from a circle around it.
     Render(Box<render::RenderArgs>),
@@ -117,7 +117,7 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
     start_threads(&cli.global, &limits)?;
     if let Some(options) = dataset_options(&mut cli.command) {
         (options.limits, options.allow_outside) = (limits, cli.global.allow_outside);
-        // Also where a command has no use for them this time.
+        // Even if a command does not use them.
         options.validate()?;
     }
     let typed = matches.subcommand().map_or(matches, |(_, typed)| typed);
@@ -159,7 +159,7 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// How the command reads data sets, and scenes: with the limits and the trust that the flags of all commands say.
+/// The options for reading data sets and scenes, with the limits and permissions of the global flags.
 fn dataset_options(command: &mut Command) -> Option<&mut DatasetOptions> {
     match command {
         Command::Make(args) => Some(&mut args.dataset_options),
@@ -189,7 +189,8 @@ fn dataset_options(command: &mut Command) -> Option<&mut DatasetOptions> {
     }
 }
 
-/// Starts the worker threads, no more than the limit says: each takes memory, and more than a few per core only cost.
+/// Starts the worker threads, up to the limit: each takes memory, and more than a few per core only cost
+/// time.
 fn start_threads(global: &Global, limits: &Limits) -> Result<()> {
     let wanted = usize::from(global.threads);
     let cores = std::thread::available_parallelism().map_or(1, usize::from);

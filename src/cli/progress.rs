@@ -1,5 +1,5 @@
-//! What the terminal shows while stages run: a spinner on a TTY, a bar for stages that say how far they have come, and
-//! the stage table.
+//! The terminal output during stages: a spinner on a TTY, a bar for stages that report progress, and the
+//! stage table.
 
 use super::{Global, capture_rows, flags, messages};
 use crate::bake::backdrop::BackdropDetails;
@@ -12,15 +12,15 @@ use std::time::{Duration, Instant};
 
 /// What is shown for a stage that does not report progress.
 const SPINNER: &str = "{spinner} {prefix:<10} {elapsed}  {msg}";
-/// What is shown of one that does.
+/// The display of a stage that reports progress.
 const BAR: &str = "{spinner} {prefix:<10} {bar:30} {percent:>3}%  {msg}";
 /// Resolution of a bar.
 const PARTS: u64 = 1000;
-/// Time left is shown when so much of a stage is done and ...
+/// The time left is shown after this share of a stage, and ...
 const LEAST_FRACTION: f64 = 0.02;
-/// ... it has run for so long.
+/// ... after this time.
 const LEAST_TIME: Duration = Duration::from_millis(500);
-/// A stage that took this long and changed nothing has tried to.
+/// A stage that changed nothing gets a line if it took this long.
 const TRIED_SECS: f64 = 0.1;
 
 /// Prints the stage table to stderr; shows a spinner or a bar for the running stage when stderr is a TTY.
@@ -62,7 +62,7 @@ impl Progress {
         }
     }
 
-    /// Runs what prints on standard output, without the bar in its way.
+    /// Runs code that prints on standard output, with the bar hidden.
     pub fn suspend<T>(&self, print: impl FnOnce() -> T) -> T {
         match &self.bar {
             Some(bar) => bar.suspend(print),
@@ -75,13 +75,13 @@ impl Progress {
         self.line(&format!("warning: {}", flags::spell(warning, &self.command)));
     }
 
-    /// Says on which card soft pictures are drawn, if on any, and what the user should know.
+    /// Names the card that draws soft pictures, if any, and prints a note.
     pub fn drawing_on(&self, card: Option<&str>, warnings: &[String]) {
         card.iter().for_each(|card| self.line(&format!("drawing soft pictures on {card}")));
         warnings.iter().for_each(|warning| self.warn(warning));
     }
 
-    /// Shows beside the spinner what is being done.
+    /// Shows the present activity beside the spinner.
     pub fn note(&self, text: &str) {
         if let Some(bar) = &self.bar {
             bar.set_message(text.to_owned());
@@ -147,7 +147,7 @@ fn time_left(elapsed: Duration, fraction: f64) -> Option<String> {
     })
 }
 
-/// Whether a stage is worth a line: it changed something, or tried to for a while, or was asked for.
+/// Whether a stage gets a line: it changed something, took long, or was requested.
 fn is_told(stage: &StageReport) -> bool {
     let asked = |why: &String| {
         matches!(stage.name.as_str(), "budget" | "capture" | "train")
@@ -187,14 +187,14 @@ fn row(stage: &StageReport) -> String {
     format!("{name:<11}{counts:<36}{:>8.2} s", stage.seconds)
 }
 
-/// What the teacher drew: `106 pictures of 270x480 px`.
+/// The teacher's pictures: `106 pictures of 270x480 px`.
 fn pictures(details: &TeacherDetails) -> String {
     let count = thousands(details.pictures.unwrap_or(0));
     let [width, height] = details.size_px.unwrap_or_default();
     format!("{count} pictures of {width}x{height} px")
 }
 
-/// What a budget was spent on: `12 pictures, 5 rounds of fitting, colours fitted`.
+/// The use of a budget: `12 pictures, 5 rounds of fitting, colours fitted`.
 fn chosen(details: &BakeBudgetDetails) -> String {
     let pictures = details.pictures.map(|count| format!("{count} pictures"));
     let rounds = details.rounds.map(|count| format!("{count} rounds of fitting"));

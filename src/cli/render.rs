@@ -20,7 +20,7 @@ pub struct RenderArgs {
     /// How it is drawn.
     #[command(flatten)]
     pub render: RenderOptions,
-    /// Folder for the pictures; made when it is not there.
+    /// Folder for the pictures; made if missing.
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Data set whose cameras are used: a folder of posed photos, or a transforms.json.
@@ -29,8 +29,8 @@ pub struct RenderArgs {
     /// Which photos' cameras.
     #[arg(long, value_enum, default_value_t, conflicts_with = "orbit")]
     pub split: Split,
-    /// Draw N pictures on a circle instead, around the subject of the scene: it begins where the photos show it best; without a
-    /// data set at the first viewpoint of the file.
+    /// Draw N pictures on a circle around the subject of the scene instead. It begins at the photo that shows
+    /// the subject best, or without a data set at the first viewpoint of the file.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub orbit: Option<u32>,
     /// Width of an orbit's pictures when no data set is given, px; the height is three quarters of it.
@@ -89,7 +89,7 @@ impl RenderArgs {
     }
 }
 
-/// Refuses a name that was meant for a file, before a folder of that name is made.
+/// Refuses a name with the ending of a file, before a folder of that name is made.
 fn check_folder(folder: &Path) -> Result<()> {
     let ends_as_file = folder.extension().is_some_and(|end| {
         let end = end.to_string_lossy();

@@ -5,7 +5,7 @@ use crate::train::TrainOptions;
 use clap::{ArgMatches, Args, Command};
 use std::path::Path;
 
-/// Flags that belong to this part of the run only.
+/// Flags that apply only to this part of the run.
 const ONCE: [&str; 4] = ["resume", "force_resume", "force", "max_cpu_secs"];
 
 /// Names of the options that a checkpoint holds: a resumed run keeps them.
@@ -15,7 +15,7 @@ pub(super) fn fixed() -> Vec<String> {
     named.chain(["config", "sets", "budget", "budget_wall"].map(String::from)).collect()
 }
 
-/// What to type: every flag that was typed, without those that the checkpoint holds.
+/// The command to type: all typed flags, without options that the checkpoint stores.
 pub(super) fn command(matches: &ArgMatches, args: &TrainArgs, checkpoint: &Path) -> String {
     let fixed = fixed();
     let mut words = vec!["trisplat train".to_owned()];
@@ -36,12 +36,12 @@ pub(super) fn command(matches: &ArgMatches, args: &TrainArgs, checkpoint: &Path)
     words.join(" ")
 }
 
-/// A word as the shells of this system take it unchanged.
+/// A word quoted for the shells of this system.
 fn quoted(word: &str) -> String {
     if cfg!(windows) { quoted_for_windows(word) } else { quoted_for_posix(word) }
 }
 
-/// True of a word that no shell changes; `more` are characters that are plain on one system only.
+/// True for a word that no shell changes; `more` are characters that are plain on one system only.
 fn is_plain(word: &str, more: &str) -> bool {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=+".contains(c) || more.contains(c);
     !word.is_empty() && word.chars().all(plain)
@@ -54,7 +54,7 @@ fn quoted_for_posix(word: &str) -> String {
     }
 }
 
-/// For `cmd` and PowerShell, which both know double quotes; names of files hold none.
+/// For `cmd` and PowerShell, which both understand double quotes; names of files contain none.
 fn quoted_for_windows(word: &str) -> String {
     if is_plain(word, "\\") { word.to_owned() } else { format!("\"{word}\"") }
 }

@@ -27,7 +27,7 @@ pub enum SampleCommand {
     Degenerate(SoupArgs),
     /// Posed photos of an analytic scene, in COLMAP's layout.
     Dataset(DatasetArgs),
-    /// Posed photos of a town, larger than one would train in one piece, and the town itself.
+    /// Posed photos of a town, too large for one run, and the town itself.
     #[cfg(feature = "bench")]
     Town(TownArgs),
     /// Posed photos of a town (not in this build).
@@ -121,7 +121,7 @@ fn write_soup(scene: SampleScene, args: &SoupArgs) -> Result<()> {
     file.commit().map(drop)
 }
 
-/// Refuses a folder that holds something, unless it may.
+/// Refuses a folder that is not empty, unless permitted.
 fn check_folder(folder: &Path, force: bool) -> Result<()> {
     let counts = |entry: std::io::Result<std::fs::DirEntry>| {
         entry.is_ok_and(|entry| !atomic::is_leftover(&entry.file_name().to_string_lossy()))

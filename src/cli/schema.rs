@@ -1,4 +1,4 @@
-//! `trisplat schema NAME`: JSON Schemas, generated from the types they describe.
+//! `trisplat schema NAME`: JSON Schemas, generated from their types.
 
 use super::stdout::Stdout;
 use crate::bake::{
@@ -38,7 +38,7 @@ pub struct SchemaArgs {
     pub name: SchemaName,
 }
 
-/// The schemas there are; each is checked in as `schemas/NAME.schema.json`.
+/// The schemas; each is checked in as `schemas/NAME.schema.json`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum SchemaName {
     /// The file given to `trisplat bake --config`.
@@ -47,11 +47,11 @@ pub enum SchemaName {
     Train,
     /// The file written by `--report`.
     Report,
-    /// What `trisplat info --json` prints of a file.
+    /// The output of `trisplat info --json` for a file.
     Info,
-    /// What `trisplat info --json` prints of a data set.
+    /// The output of `trisplat info --json` for a data set.
     Dataset,
-    /// What `trisplat info --json` prints of a tileset.
+    /// The output of `trisplat info --json` for a tileset.
     Tileset,
     /// The file `manifest.json` written by `trisplat plan`.
     Plan,
@@ -68,7 +68,7 @@ pub enum SchemaName {
     /// The rows of `trisplat bench bake --json`.
     #[cfg(feature = "bench")]
     Bench,
-    /// What `trisplat bench stress --json` prints.
+    /// The output of `trisplat bench stress --json`.
     #[cfg(feature = "bench")]
     Stress,
     /// The rows of `trisplat bench cost --json`.
@@ -121,7 +121,7 @@ fn config_schema(mut schema: schemars::Schema) -> schemars::Schema {
     schema
 }
 
-/// A report, in which the details of a stage are those of that stage.
+/// A report with the details of each stage.
 fn report_schema() -> schemars::Schema {
     let mut generator = schemars::generate::SchemaSettings::draft2020_12().into_generator();
     let g = &mut generator;

@@ -7,7 +7,7 @@ use clap::Error;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use serde_json::Value;
 
-/// `error` of the arguments `words`, with a hint where an unknown flag is an option that `--set` sets.
+/// `error` of the arguments `words`, with a hint if an unknown flag is a key of `--set`.
 pub(super) fn with_hint(mut error: Error, words: &[String]) -> Error {
     if error.kind() != ErrorKind::UnknownArgument {
         return error;
@@ -33,7 +33,7 @@ fn options_of(word: &str) -> Option<Value> {
     }
 }
 
-/// Whether an option, or one of a group, has this name.
+/// Whether an option, or an option of a group, has this name.
 fn has(options: &Value, field: &str) -> bool {
     let own = options.get(field).is_some_and(|value| !value.is_object());
     own || options.as_object().into_iter().flatten().any(|(_, group)| group.get(field).is_some())

@@ -1,8 +1,9 @@
-//! What `-h` shows of a command with many flags: the dozen that people use, and of each the first clause. `--help` shows all.
+//! The short help (`-h`) of a command with many flags: the dozen that people use, each with the first clause
+//! of its help. `--help` shows all.
 
 use clap::{Arg, Command};
 
-/// Commands whose flags do not fit one screen, and the fields whose flags `-h` shows.
+/// Commands whose flags do not fit one screen, and the fields that `-h` shows.
 const SHOWN: &[(&str, &str)] = &[
     ("make", "output force budget work page target max_triangles frames poses report max_size masks"),
     (
@@ -68,7 +69,7 @@ mod tests {
 
     /// Lines of a screen.
     const SCREEN: usize = 50;
-    /// The most flags of `trisplat bake`, beside those of all commands.
+    /// The most flags of `trisplat bake`, without global flags.
     const MOST_FLAGS: usize = 30;
 
     fn program() -> Command {

@@ -1,8 +1,9 @@
-//! What asks the program to end: Ctrl-C (SIGINT), SIGTERM, SIGQUIT and a terminal that goes away (SIGHUP) on Unix; on Windows, where there
-//! is no SIGTERM, Ctrl-C, Ctrl-Break and the closing of the console, after which the system gives a program some seconds.
+//! Requests to end the program. On Unix: Ctrl-C (SIGINT), SIGTERM, SIGQUIT and a closed terminal (SIGHUP). On
+//! Windows, which has no SIGTERM: Ctrl-C, Ctrl-Break and closing the console, which leaves the program some
+//! seconds.
 //!
-//! While somebody listens, the first one is a request; otherwise, and the second time, it ends the program at once, without its
-//! temporary files.
+//! While an observer listens, the first one is a request. Otherwise, and the second time, it ends the program
+//! at once and removes its temporary files.
 
 use crate::atomic;
 use crate::process;
@@ -10,14 +11,14 @@ use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 
 static LISTENED_TO: AtomicBool = AtomicBool::new(false);
 static RECEIVED: AtomicI32 = AtomicI32::new(0);
-/// What shells add to the number of a signal to make an exit code of it.
+/// The offset of exit codes for signals in shells.
 const EXIT_BASE: i32 = 128;
 
 /// Begins to wait for signals. Must be called before there are threads.
 #[cfg(unix)]
 pub(super) fn start() {
     use nix::sys::signal::{SigSet, Signal};
-    // A program started by nohup, or by a shell as a job of its own, is to outlive the terminal.
+    // A program started by nohup, or as a shell's background job, must outlive the terminal.
     let heeded =
         [Signal::SIGHUP, Signal::SIGQUIT].into_iter().filter(|signal| !process::ignores(*signal as i32));
     let set: SigSet = [Signal::SIGINT, Signal::SIGTERM].into_iter().chain(heeded).collect();
@@ -30,7 +31,7 @@ pub(super) fn start() {
         }
     };
     if std::thread::Builder::new().name("signals".into()).spawn(wait).is_err() {
-        // Then they end the program as they end any.
+        // Then they end the program as usual.
         let _ = set.thread_unblock();
     }
 }
@@ -40,7 +41,7 @@ pub(super) fn start() {
 pub(super) fn start() {
     /// The number of SIGINT.
     const INTERRUPT: i32 = 2;
-    // Without a handler they end the program as they end any.
+    // Without a handler they end the program as usual.
     let _ = ctrlc::set_handler(|| receive(INTERRUPT));
 }
 
@@ -66,13 +67,13 @@ pub(super) fn exit_code() -> Option<u8> {
 pub(super) struct Listener;
 
 impl Listener {
-    /// From here on the first request is for this one.
+    /// From here on the first request goes to this observer.
     pub(super) fn new() -> Self {
         LISTENED_TO.store(true, Ordering::Relaxed);
         Self
     }
 
-    /// True once it was asked to stop.
+    /// True after a request to stop.
     pub(super) fn is_asked(&self) -> bool {
         exit_code().is_some()
     }

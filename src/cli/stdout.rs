@@ -1,4 +1,4 @@
-//! Standard output for what a user reads. A reader that has seen enough (`| head`) closes it; that is no error.
+//! Standard output for users. A reader that closes it early (`| head`) causes no error.
 
 use std::io::{self, ErrorKind, Write};
 

@@ -1,4 +1,4 @@
-//! `trisplat stereo PHOTOS -o points.ply`: the surfaces that posed photos show.
+//! `trisplat stereo PHOTOS -o points.ply`: surfaces from posed photos.
 
 use super::Global;
 use super::files;
@@ -15,7 +15,7 @@ use std::time::Instant;
 /// Photos, files, and the options of stereo.
 #[derive(Debug, clap::Args)]
 pub struct StereoArgs {
-    /// Posed photos: a folder with a COLMAP model or a transforms.json; held-out photos are left aside
+    /// Posed photos: a folder with a COLMAP model or a transforms.json; held-out photos are not used
     #[arg(value_name = "DATASET")]
     pub input: PathBuf,
     /// File of points to write: positions, normals, colours, radii (half the distance between pixels) and confidence
@@ -27,7 +27,7 @@ pub struct StereoArgs {
     /// Replace files that are there
     #[arg(short, long)]
     pub force: bool,
-    /// Write what was done as JSON (schema: trisplat schema report)
+    /// Write the results as JSON (schema: trisplat schema report)
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
     /// How depths are estimated.

@@ -45,7 +45,7 @@ fn verdict(report: &StressReport, worst: &Path) -> Result<()> {
     Err(Error::Incomplete(format!("{what}; the worst case is in {file}: {remedy}")))
 }
 
-/// Prints what a case from a file gives; an error when it fails a promise.
+/// Prints the result of a case from a file; an error when it fails a promise.
 fn replay(path: &Path) -> Result<()> {
     let case = read_case(path)?;
     let found = stress::replay(&case)?;
@@ -171,7 +171,7 @@ mod tests {
 
     #[test]
     fn a_replay_of_a_failing_case_is_an_error() {
-        // The search finds a pixel on the wrong side of a jump.
+        // The search can find a pixel on the wrong side of a jump.
         let args = StressArgs {
             cases: 200,
             seed: 3,
@@ -193,7 +193,7 @@ mod tests {
         let ordinary = "{\"seed\": 3}";
         std::fs::write(&path, ordinary).unwrap();
         let told = replay(&path).err().map(|error| error.to_string()).unwrap_or_default();
-        // Times are those of a machine that does other work as well.
+        // Times are of a machine that does other work as well.
         assert!(told.is_empty() || told.contains("time"), "{told}");
     }
 

@@ -1,9 +1,9 @@
-//! Errors of the command line suggest a flag only when it is nearly what was typed.
+//! Errors of the command line suggest a flag only when it is close to the typed one.
 
 use clap::Error;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
-/// The error without suggestions that are not near what was typed.
+/// The error without suggestions that are far from the typed flag.
 pub(super) fn plausible(mut error: Error) -> Error {
     if error.kind() != ErrorKind::UnknownArgument {
         return error;
@@ -20,7 +20,7 @@ pub(super) fn plausible(mut error: Error) -> Error {
     error
 }
 
-/// Whether one is the other with a third of its letters changed at most, or the beginning of it.
+/// Whether one is the other with at most a third of its letters changed, or its beginning.
 fn near(typed: &str, suggested: &str) -> bool {
     let letters = |flag: &str| -> Vec<char> {
         let name = flag.trim_start_matches('-').split([' ', '=']).next().unwrap_or_default();
@@ -31,7 +31,7 @@ fn near(typed: &str, suggested: &str) -> bool {
     begins || 3 * distance(&a, &b) <= a.len().max(b.len())
 }
 
-/// Letters to insert, delete, change or swap with the next.
+/// Number of letters to insert, delete, change or swap.
 fn distance(a: &[char], b: &[char]) -> usize {
     let mut rows = vec![vec![0; b.len() + 1]; a.len() + 1];
     for i in 0..=a.len() {

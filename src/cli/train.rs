@@ -36,8 +36,8 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-/// Trains, while somebody else may watch; `matches` holds which flags were typed. Returns the exit code of a run that was finished, or
-/// stopped in good order.
+/// Trains, with an optional observer; `matches` holds the typed flags. Returns the exit code of a run that
+/// was finished, or stopped cleanly.
 pub fn run(
     args: &TrainArgs,
     matches: &ArgMatches,
@@ -80,7 +80,7 @@ pub fn run(
     };
     job.watch(&mut Preparation::new(global, &mut files, Vec::new()))?;
     if job.teacher.is_none() && job.teacher_plan() == TeacherPlan::Train {
-        // One that was asked for is claimed already.
+        // A requested one is claimed already.
         teacher_files(&teacher_file).iter().try_for_each(|path| files.claim("--teacher", path))?;
     }
     let mut preparation = Preparation::new(global, &mut files, teacher_files(&teacher_file));
@@ -121,7 +121,7 @@ pub fn run(
     ended(args, &trained, &lost)
 }
 
-/// How the program ends: with success, as one that was stopped, or with what is missing beside the scene.
+/// The end of the program: success, stopped, or an error that names missing outputs beside the scene.
 fn ended(args: &TrainArgs, trained: &Trained, lost: &[String]) -> Result<ExitCode> {
     match lost.is_empty() {
         true => {
@@ -139,8 +139,8 @@ fn command() -> clap::Command {
     <TrainArgs as clap::Args>::augment_args(clap::Command::new("train"))
 }
 
-/// The checkpoint of `--resume`, and what is wrong with newer ones. Its run keeps the options it began with: anything else would
-/// not be the same run.
+/// The checkpoint of `--resume`, and the faults of newer ones. Its run keeps its options, because with others
+/// it would be another run.
 fn checkpoint_to_resume(args: &TrainArgs, matches: &ArgMatches) -> Result<(Option<Checkpoint>, Vec<String>)> {
     let Some(path) = &args.resume else { return Ok((None, Vec::new())) };
     let (checkpoint, warnings) = match path.is_dir() {
@@ -160,7 +160,7 @@ fn checkpoint_to_resume(args: &TrainArgs, matches: &ArgMatches) -> Result<(Optio
     }
 }
 
-/// The photos, or pictures of the scene that teaches itself.
+/// The photos, or pictures of a scene that teaches itself.
 fn dataset(
     args: &TrainArgs,
     how: &DatasetOptions,
@@ -202,7 +202,7 @@ fn resolve(args: &TrainArgs, matches: &ArgMatches) -> Result<Layered<TrainOption
     Ok(options)
 }
 
-/// Refuses what would fail, or replace a file, only after the training.
+/// Refuses outputs that would fail, or replace a file, only after the training.
 fn guard(args: &TrainArgs, outputs: &RunOptions) -> Result<Outputs> {
     let out = &args.output;
     if out.extension().is_none_or(|e| !e.eq_ignore_ascii_case("ply")) {
@@ -212,7 +212,7 @@ fn guard(args: &TrainArgs, outputs: &RunOptions) -> Result<Outputs> {
             "a name that ends with .ply; bake turns it into .glb",
         ));
     }
-    // One that comes by default is claimed when the photos are counted.
+    // A default one is claimed when the photos are counted.
     let teacher_file = teacher_args::beside(out);
     let plan = |source| TeacherPlan::asked(source, args.resume.is_some(), Some(&teacher_file));
     let teacher = args.teacher.teacher.as_ref().map(plan);
@@ -246,7 +246,7 @@ fn guard(args: &TrainArgs, outputs: &RunOptions) -> Result<Outputs> {
     Ok(files)
 }
 
-/// Writes the soup, then the curve and the report; what of these cannot be written is a warning.
+/// Writes the soup, then the curve and the report; a curve or report that cannot be written is a warning.
 fn write(
     args: &TrainArgs,
     trained: &Trained,
@@ -275,7 +275,8 @@ fn write(
     Ok(())
 }
 
-/// The error of a scene that could not be written: it is saved in the system's folder for temporary files, if that is possible.
+/// The error of a scene that could not be written; the scene is saved in the system's temporary folder if
+/// possible.
 fn rescued(error: Error, args: &TrainArgs, trained: &Trained) -> Error {
     let stem = args.output.file_stem().unwrap_or_default().to_string_lossy();
     let path = std::env::temp_dir().join(format!("{stem}.rescued-{}.ply", std::process::id()));
@@ -291,7 +292,7 @@ fn save_curve(mut file: AtomicFile, trained: &Trained) -> Result<u64> {
     file.commit()
 }
 
-/// What to type next: the bake of what was written.
+/// The next command: the bake of the written scene.
 fn next_command(args: &TrainArgs, solid: bool) -> String {
     let quoted = |path: &Path| {
         let text = path.display().to_string();

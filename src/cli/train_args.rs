@@ -8,7 +8,7 @@ use clap::builder::ArgPredicate;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-/// What a plan says, for all its blocks.
+/// Options that a plan sets for all its blocks.
 const BLOCK_FIXES: [&str; 16] = [
     "output",
     "config",
@@ -31,7 +31,7 @@ const BLOCK_FIXES: [&str; 16] = [
 /// A block of a plan.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BlockAddress {
-    /// The plan: its file or its folder.
+    /// The plan's file or folder.
     pub plan: PathBuf,
     /// The block.
     pub index: usize,
@@ -49,11 +49,11 @@ impl FromStr for BlockAddress {
     }
 }
 
-/// Files, what to leave behind, and the options of the training.
+/// Files, outputs, and the options of the training.
 #[derive(Debug, clap::Args)]
 pub struct TrainArgs {
-    /// Folder of posed photos (COLMAP model or transforms.json). Without it the scene of --from teaches itself:
-    /// it is drawn from its stored cameras and from between them, or from where it can be seen.
+    /// Folder of posed photos (COLMAP model or transforms.json). Without it the scene of --from teaches
+    /// itself: it is drawn from its stored cameras and from between them, or from chosen places.
     #[arg(value_name = "DATASET", required_unless_present_any = ["from", "block"])]
     pub dataset: Option<PathBuf>,
     /// Soup to write, .ply.
@@ -67,41 +67,42 @@ pub struct TrainArgs {
         hide_default_value = true
     )]
     pub output: PathBuf,
-    /// Train one block of a plan that `trisplat plan` wrote, as in city/manifest.json:17. Its result goes beside the plan, under a name that
-    /// says what it was made of; what is there already is not made again, and what was stopped goes on. DATASET, if given, is where the
-    /// photos are now.
+    /// Train one block of a plan that `trisplat plan` wrote, as in city/manifest.json:17. Its result goes
+    /// beside the plan, under a name with a hash of its inputs. An existing result is kept, and a stopped
+    /// training continues. DATASET, if given, is the present place of the photos.
     #[arg(long, value_name = "PLAN:BLOCK", conflicts_with_all = BLOCK_FIXES)]
     pub block: Option<BlockAddress>,
     /// Replace files that are there.
     #[arg(short, long)]
     pub force: bool,
-    /// JSON file with training options; --set and flags win over it.
+    /// JSON file with training options; --set and flags override it.
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
     /// Set any training option by its key, as in refine.every=500; may be given often.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub sets: Vec<String>,
-    /// Start from a scene in place of points: a soup (.ply .pt), soft or not, or a mesh (.glb .gltf .obj .ply .off);
-    /// with --preset solid it is hardened.
+    /// Start from a scene instead of points: a soup (.ply .pt), soft or not, or a mesh (.glb .gltf .obj .ply
+    /// .off); --preset solid hardens it.
     #[arg(long, value_name = "SCENE")]
     pub from: Option<PathBuf>,
     /// A soft scene beside the photos.
     #[command(flatten)]
     pub teacher: TeacherArgs,
-    /// Go on from a checkpoint, with the options it was made with; from the newest whole one of a folder. Photos, cameras and
-    /// --background must be as they were.
+    /// Resume from a checkpoint, or from the newest whole one of a folder, with its options. Photos, cameras
+    /// and --background must be unchanged.
     #[arg(long, value_name = "FILE|FOLDER")]
     pub resume: Option<PathBuf>,
-    /// Go on although photos, cameras or --background are not as they were.
+    /// Resume even if photos, cameras or --background have changed.
     #[arg(long, requires = "resume")]
     pub force_resume: bool,
-    /// Where checkpoints go; OUT with the ending .checkpoint unless given.
+    /// File or folder for checkpoints; OUT with the ending .checkpoint unless given.
     #[arg(long, value_name = "FILE")]
     pub checkpoint: Option<PathBuf>,
     /// Write a checkpoint every N steps; 0: only when stopped with Ctrl-C or SIGTERM.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..=1_000_000_000))]
     pub checkpoint_every: u64,
-    /// Keep the last K checkpoints; above 1 each has its number of steps in its name, as in OUT.step-00000500.checkpoint.
+    /// Keep the last K checkpoints; above 1 their names contain the number of steps, as in
+    /// OUT.step-00000500.checkpoint.
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub keep: u32,
     /// Write one JSON line per sample of the curve; "-" is standard output.
@@ -113,7 +114,7 @@ pub struct TrainArgs {
     /// Evaluate on the held-out photos every N steps, not counted as training; 0: only at the end.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..=1_000_000_000))]
     pub eval_every: u64,
-    /// Write what the run did as JSON (schema: trisplat schema report).
+    /// Write the results of the run as JSON (schema: trisplat schema report).
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
     /// Draw PSNR and triangles over CPU seconds, as SVG.
@@ -125,18 +126,18 @@ pub struct TrainArgs {
     /// Seconds between preview pictures.
     #[arg(long, value_name = "SECS", default_value_t = 10.0, value_parser = seconds)]
     pub preview_every: f64,
-    /// Watch the scene in a window while it trains, as a bake would make it of what there is, or soft. Closing the window does not end the
-    /// training.
+    /// Watch the scene in a window while it trains, baked as it is or soft. Closing the window does not end
+    /// the training.
     #[arg(long, conflicts_with = "block")]
     pub view: bool,
-    /// Stop as Ctrl-C does after this many CPU seconds; 0: never.
+    /// Stop like Ctrl-C after this many CPU seconds; 0: never.
     #[arg(long, value_name = "SECS", default_value_t = 0.0, value_parser = seconds)]
     pub max_cpu_secs: f64,
-    /// Choose steps, triangles and the size of photos so that the command takes this much CPU time, on all cores together: 90, 30s, 2m or
-    /// 1.5h. --max-triangles and --max-size are kept where given.
+    /// Choose steps, triangles and the size of photos so that the command takes this much CPU time, on all
+    /// cores together: 90, 30s, 2m or 1.5h. Given values of --max-triangles and --max-size are kept.
     #[arg(long, value_name = "TIME", conflicts_with_all = ["steps", "budget_wall"])]
     pub budget: Option<Seconds>,
-    /// As --budget, by the clock on the wall.
+    /// Like --budget, in wall-clock time.
     #[arg(long, value_name = "TIME", conflicts_with = "steps")]
     pub budget_wall: Option<Seconds>,
     /// Where to train.
@@ -150,7 +151,7 @@ pub struct TrainArgs {
     pub options: TrainOptions,
 }
 
-/// The longest time that can be asked for, in seconds: thirty years.
+/// The longest permitted time, in seconds: thirty years.
 const LONGEST: f64 = 1e9;
 
 fn seconds(text: &str) -> Result<f64, String> {

@@ -14,7 +14,7 @@ use indicatif::HumanCount;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-/// Trains the block, unless its result is there.
+/// Trains the block, unless its result exists.
 pub(super) fn run(args: &TrainArgs, block: &BlockAddress, global: &Global) -> Result<ExitCode> {
     let clock = Instant::now();
     let task = Task::open(&block.plan, block.index, &args.dataset_options.limits)?;
@@ -28,12 +28,12 @@ pub(super) fn run(args: &TrainArgs, block: &BlockAddress, global: &Global) -> Re
         }
     };
     if done.is_file() && !args.force {
-        // A run that was killed behind its last rename leaves it.
+        // A run that was killed after its last rename leaves it.
         let _ = std::fs::remove_file(task.checkpoint());
         say(format!("{} already exists", done.display()))?;
         return Ok(ExitCode::SUCCESS);
     }
-    // Tried before any work: another process that trains this block has it.
+    // Tried before any work, because another process may train this block.
     let mut set = AtomicFile::create_all(&[&task.figures(), &done])?;
     let (dataset, cameras) = task.dataset(args.dataset.as_deref())?;
     let preview = args
@@ -61,7 +61,7 @@ pub(super) fn run(args: &TrainArgs, block: &BlockAddress, global: &Global) -> Re
         trained.write_to(scene)?;
     }
     atomic::publish(set)?;
-    // The result is there: where it stood before is of no use.
+    // The result exists, so the checkpoint is useless.
     let _ = std::fs::remove_file(task.checkpoint());
     bar.line(&format!(
         "wrote {}: {} triangles, {} steps, {:.1} CPU s, {:.1} s",
@@ -74,7 +74,7 @@ pub(super) fn run(args: &TrainArgs, block: &BlockAddress, global: &Global) -> Re
     Ok(ExitCode::SUCCESS)
 }
 
-/// The end of a run that was stopped: its checkpoint is there, or it is an error that it is not.
+/// The end of a stopped run; a missing checkpoint is an error.
 fn stopped(trained: &Trained, bar: &Bar, lost: Vec<String>) -> Result<ExitCode> {
     match &trained.checkpoint {
         Some(checkpoint) => {

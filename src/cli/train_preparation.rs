@@ -1,4 +1,4 @@
-//! What the terminal shows of a training before its own steps: its teacher's run, and the pictures that are drawn.
+//! The terminal output before the steps of a training: its teacher's run, and drawing pictures.
 
 use super::Global;
 use super::outputs::Outputs;
@@ -14,12 +14,12 @@ use std::path::PathBuf;
 pub(super) struct Preparation<'a> {
     global: &'a Global,
     files: &'a mut Outputs,
-    /// Where teachers that are trained are left.
+    /// Path for trained teachers.
     teacher_files: Vec<PathBuf>,
     drawing: Option<Progress>,
-    /// The files of the teachers that are written.
+    /// Files of the written teachers.
     written: Vec<OutputReport>,
-    /// Why those of others are not.
+    /// Errors of teachers that could not be written.
     lost: Vec<Error>,
 }
 
@@ -28,12 +28,13 @@ impl<'a> Preparation<'a> {
         Self { global, files, teacher_files, drawing: None, written: vec![], lost: vec![] }
     }
 
-    /// Takes the bar away; returns the files of the teachers that were written, and why others were not. Those that an earlier run left
-    /// beside them are gone.
+    /// Removes the bar; returns the files of the written teachers, and the errors of others. Older files
+    /// beside them are removed.
     pub(super) fn done(self) -> (Vec<OutputReport>, Vec<Error>) {
         self.drawing.iter().for_each(Progress::done);
         if !self.written.is_empty() && self.lost.is_empty() {
-            // Read as teachers of this run they would change it; what cannot be removed stays.
+            // A later reading as this run's teachers would change the result; files that cannot be removed
+            // stay.
             self.teacher_files
                 .iter()
                 .skip(self.written.len())
@@ -54,7 +55,7 @@ impl TrainJobObserver for Preparation<'_> {
     }
 
     fn watched(&mut self, summary: &str) {
-        // Without a bar there is nothing that can fail.
+        // Without a bar nothing can fail.
         Bar::new(self.global, 0, 0, None, &[]).iter_mut().for_each(|bar| bar.line(summary));
     }
 
@@ -73,7 +74,7 @@ impl TrainJobObserver for Preparation<'_> {
         let path = &self.teacher_files[which];
         match self.files.take(path).and_then(|file| teacher.save_to(file)) {
             Ok(bytes) => self.written.push(OutputReport { path: path.display().to_string(), bytes }),
-            // The run has the scene in memory, and one that is resumed trains it again.
+            // The run has the scene in memory, and a resumed run trains it again.
             Err(error) => self.lost.push(error),
         }
         Ok(())

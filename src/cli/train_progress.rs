@@ -1,4 +1,4 @@
-//! What the terminal shows while a run trains: a bar on a TTY, the log, and Ctrl-C.
+//! The terminal output of a training: a bar on a TTY, the log, and Ctrl-C.
 
 use super::signals::Listener;
 use super::stdout::Stdout;
@@ -16,9 +16,9 @@ use std::path::{Path, PathBuf};
 
 /// Another observer of a run.
 pub trait Watcher: TrainObserver {
-    /// The run is on these photos.
+    /// The data set of the run.
     fn begun(&mut self, dataset: &Dataset);
-    /// The run has ended: what became of it, and the scene as it was written.
+    /// The run has ended, with its result and the written scene.
     fn ended(&mut self, what: &str, scene: Loaded);
 }
 
@@ -28,14 +28,14 @@ pub struct Bar {
     verbose: bool,
     bar: Option<ProgressBar>,
     log: Option<(PathBuf, Box<dyn Write>)>,
-    /// What could not be written, and why.
+    /// Outputs that could not be written, with their errors.
     lost: Vec<String>,
     stop: Option<Listener>,
     psnr: Option<(f64, Option<ShrunkSize>)>,
     steps: u64,
-    /// What of the run was printed last; only where there is no bar to watch.
+    /// The last printed progress, without a bar.
     percent: Option<u64>,
-    /// The steps that were made when the rate at which they are made begins to be measured, until it is said.
+    /// Steps made when the measurement of the rate began, until the rate is printed.
     rate_from: Option<u64>,
     watcher: Option<Box<dyn Watcher>>,
 }
@@ -44,8 +44,8 @@ pub struct Bar {
 const RATE_SECS: f64 = 3.0;
 
 impl Bar {
-    /// A bar over `steps`; `done` of them are made already. A log in a file begins with the samples
-    /// `before`, those of the run that goes on.
+    /// A bar over `steps`, with `done` made already. A log file begins with the samples `before` of the
+    /// resumed run.
     pub fn new(
         global: &Global,
         steps: u64,
@@ -69,7 +69,7 @@ impl Bar {
         Ok(Self { quiet, verbose, bar, log, lost, stop, psnr, steps, percent, rate_from, watcher })
     }
 
-    /// Has it say how many steps a second are made, once that is known; `done` are made already.
+    /// Makes it print the steps per second when known; `done` steps are made already.
     pub fn say_rate(&mut self, done: u64) {
         self.rate_from = Some(done);
     }
@@ -90,7 +90,8 @@ impl Bar {
         }
     }
 
-    /// Takes the bar away and returns what could not be written on the way. From here on the first Ctrl-C ends the program.
+    /// Removes the bar and returns outputs that could not be written. From here on the first Ctrl-C ends the
+    /// program.
     pub fn done(&mut self) -> Vec<String> {
         self.stop = None;
         if let Some(bar) = &self.bar {
@@ -99,13 +100,13 @@ impl Bar {
         std::mem::take(&mut self.lost)
     }
 
-    /// Says what became of the run; `trained` was written.
+    /// Prints the result of the run; `trained` was written.
     pub fn ended(&mut self, what: &str, trained: &Trained) {
         self.line(what);
         self.watcher.iter_mut().for_each(|watcher| watcher.ended(what, trained.clone().into()));
     }
 
-    /// What could not be written so far, and why.
+    /// Outputs that could not be written so far, with their errors.
     pub fn lost_so_far(&self) -> &[String] {
         &self.lost
     }
@@ -117,7 +118,7 @@ impl Bar {
     }
 }
 
-/// How much of the run is done, rounded down.
+/// Progress of the run, rounded down.
 fn percent(step: u64, steps: u64) -> u64 {
     100 * step / steps.max(1)
 }
@@ -139,7 +140,7 @@ fn write_line(log: &mut dyn Write, sample: &TrainSample) -> std::io::Result<()> 
     log.flush()
 }
 
-/// A run that failed leaves no bar behind either.
+/// A failed run leaves no bar either.
 impl Drop for Bar {
     fn drop(&mut self) {
         if let Some(bar) = &self.bar {
@@ -176,7 +177,7 @@ impl TrainObserver for Bar {
         if let Some((path, log)) = &mut self.log
             && let Err(e) = write_line(log, sample)
         {
-            // Once is enough, and half a log with holes in it is worth less than its first half.
+            // One warning is enough, and a log's first half is worth more than one with holes.
             let error = Error::io(&*path, e);
             self.log = None;
             self.note_lost(&error, "the training continues without a log");

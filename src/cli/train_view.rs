@@ -6,8 +6,8 @@
 //!         └───────────────── a scene is wanted ───────────────────┘
 //! ```
 //!
-//! A scene that is shown costs a copy, a bake and an upload, and what the processor does for it, it does not train. So after each
-//! there is a pause of many times as long as it took.
+//! Showing a scene costs a copy, a bake and an upload, and this work slows the training. So each is followed
+//! by a pause of many times its duration.
 
 use super::Global;
 use super::train;
@@ -31,8 +31,8 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Pause after a scene was shown, and after a soft picture of it, in times of what that took. Both take one of the cores that train, or
-/// wait for one: together they take less than a twentieth of the time of two cores.
+/// Pause after showing a scene, and after a soft picture, as a multiple of its duration. Both use a core that
+/// trains: together less than a twentieth of the time of two cores.
 const REST: f64 = 20.0;
 /// The shortest pause between two scenes.
 const SHORTEST: Duration = Duration::from_millis(200);
@@ -45,13 +45,13 @@ const MSAA: u32 = 4;
 enum News {
     /// It is on these photos.
     Photos(PosedPhotos),
-    /// The scene as it is, what is known of it, and how long the copy took.
+    /// The present scene, its metadata, and the duration of the copy.
     Scene(Box<Loaded>, String, Duration),
-    /// The scene as it was written, and what became of the run.
+    /// The written scene, and the result of the run.
     Ended(Box<Loaded>, String),
 }
 
-/// Trains on a thread of its own, because the window needs this one.
+/// Trains on another thread, because the window needs this one.
 ///
 /// Errors: no window can be opened; those of the training.
 pub(super) fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<ExitCode> {
@@ -62,7 +62,7 @@ pub(super) fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Re
     let follower = Follower::new(args, received, wanted);
     std::thread::scope(|scope| {
         let training = scope.spawn(move || {
-            // Nothing is begun without a window.
+            // Without a window the training does not begin.
             started.recv().ok().map(|()| train::run(args, matches, global, Some(watcher)))
         });
         let files = SceneFiles { file: args.output.clone(), dataset: args.dataset.clone() };
@@ -73,7 +73,7 @@ pub(super) fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Re
             (None, Ok(())) => Ok(ExitCode::SUCCESS),
             (Some(trained), Ok(())) => trained,
             (Some(trained), Err(error)) => {
-                // What went wrong with the window is not the training's.
+                // Errors of the window do not affect the training.
                 trained.inspect(|_| messages::print(&format!("warning: {error}")))
             }
         }
@@ -93,12 +93,13 @@ fn window_options(args: &TrainArgs) -> WindowOptions {
     }
 }
 
-/// The folder of the scene, where screenshots go, too.
+/// The folder of the scene and of screenshots.
 fn folder(args: &TrainArgs) -> PathBuf {
     args.output.parent().unwrap_or(Path::new("")).to_owned()
 }
 
-/// Starts the training once there is a window, and waits for its first scene; other files that are dropped on the window are read.
+/// Starts the training when the window is open, and waits for its first scene; also reads files dropped on
+/// the window.
 fn loader(args: &TrainArgs, follower: Follower, start: Sender<()>) -> SceneLoader {
     let follower = Arc::new(Mutex::new(follower));
     let (start, first) = (Mutex::new(Some(start)), follower.clone());
@@ -117,17 +118,17 @@ fn loader(args: &TrainArgs, follower: Follower, start: Sender<()>) -> SceneLoade
     SceneLoader { load: Arc::new(load), add_bvh: view::add_bvh, follow: Some(Arc::new(follow)) }
 }
 
-/// Hands scenes over while it trains.
+/// Passes scenes to the window during training.
 struct SceneWatcher {
     wanted: Arc<AtomicBool>,
     news: Sender<News>,
-    /// When the last copy was asked for.
+    /// Time of the last request for a copy.
     asked: Instant,
 }
 
 impl SceneWatcher {
     fn tell(&self, news: News) {
-        // The receiver is gone when the window was closed.
+        // The receiver no longer exists after the window is closed.
         let _ = self.news.send(news);
     }
 }
@@ -159,7 +160,7 @@ impl Watcher for SceneWatcher {
     }
 }
 
-/// Makes what a window shows of what the training tells.
+/// Turns messages of the training into content of the window.
 struct Follower {
     news: Receiver<News>,
     wanted: Arc<AtomicBool>,
@@ -167,9 +168,9 @@ struct Follower {
     how: DatasetOptions,
     file: PathBuf,
     folder: PathBuf,
-    /// When the scene that is shown was there, and how long its copy took.
+    /// Arrival of the shown scene, and the duration of its copy.
     last: (Instant, Duration),
-    /// What became of the run, once the scene that is shown is its last.
+    /// The result of the run, when its last scene is shown.
     ended: Option<String>,
 }
 
@@ -197,14 +198,14 @@ impl Follower {
         }
     }
 
-    /// What becomes of the scene that is shown, which is on the card by now.
+    /// Follows up the shown scene, which is on the card by now.
     fn next(&mut self) -> Result<SceneChange> {
         if let Some(what) = self.ended.take() {
             return Ok(SceneChange::Final(what));
         }
         let (there, copied) = self.last;
         match self.news.recv_timeout((there.elapsed() + copied).mul_f64(REST).max(SHORTEST)) {
-            // The last scene comes without being asked for.
+            // The last scene comes without a request.
             Ok(news) => self.shown(news),
             Err(RecvTimeoutError::Disconnected) => Ok(SceneChange::Gone),
             Err(RecvTimeoutError::Timeout) => {
@@ -214,7 +215,7 @@ impl Follower {
         }
     }
 
-    /// Waits for what the training tells.
+    /// Waits for a message of the training.
     fn told(&mut self) -> Result<SceneChange> {
         self.news.recv().map_or(Ok(SceneChange::Gone), |news| self.shown(news))
     }

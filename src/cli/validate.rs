@@ -1,4 +1,4 @@
-//! `trisplat validate FILE`: what is wrong with a file, with its place.
+//! `trisplat validate FILE`: the faults of a file, with their places.
 
 use super::{files, messages};
 use crate::error::{Error, Result};

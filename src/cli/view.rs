@@ -36,11 +36,11 @@ pub struct ViewArgs {
     /// Samples per pixel at edges (MSAA): 1 or 4.
     #[arg(long, default_value_t = 4, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4))]
     pub msaa: u32,
-    /// Frames per second to hold while something moves: where a frame takes the graphics card longer, fewer samples and then fewer
-    /// pixels are drawn. At rest everything is.
+    /// Frames per second to hold in motion: if the graphics card is slower, it draws fewer samples and then
+    /// fewer pixels. At rest it draws all.
     #[arg(long, value_name = "FPS", value_parser = fps)]
     pub fps: Option<f64>,
-    /// Show pictures as soon as they are drawn, for the highest FPS.
+    /// Show pictures without waiting for the display, for the highest FPS.
     #[arg(long)]
     pub no_vsync: bool,
     /// Folder for the screenshots that F12 takes and the regions that Enter saves.
@@ -85,7 +85,7 @@ pub fn run(args: &ViewArgs) -> Result<()> {
     window::open(options, files, SceneLoader { load: Arc::new(load), add_bvh, follow: None })
 }
 
-/// Reads a scene and its photos as `how` says; what the user saves of it goes to `folder`.
+/// Reads a scene and its photos with the options `how`; the user's files go to `folder`.
 pub(super) fn load(
     files: &SceneFiles,
     how: &DatasetOptions,
@@ -106,14 +106,14 @@ pub(super) fn load(
     window_scene(loaded, &photos, how, &files.file, folder)
 }
 
-/// Photos, and the point of the world that their cameras are relative to.
+/// Photos, and the world point that is the origin of their cameras.
 #[derive(Debug, Clone, Default)]
 pub(super) struct PosedPhotos {
     pub(super) views: Vec<View>,
     pub(super) origin: DVec3,
 }
 
-/// What a window shows of a scene that was read from `file`, or will be written there.
+/// The content of a window for a scene of `file`.
 pub(super) fn window_scene(
     loaded: Loaded,
     photos: &PosedPhotos,
@@ -156,7 +156,7 @@ fn save_crop(file: &Path, folder: &Path, region: &Region) -> Result<String> {
     Ok(format!("saved {}: trisplat bake {} --config {0} ...", path.display(), file.display()))
 }
 
-/// Adds the BVH that picking needs.
+/// Adds the BVH for picking.
 pub(super) fn add_bvh(mut asset: Asset) -> Result<Asset> {
     bvh(&mut asset, &BvhOptions { bvh: true }, &mut BvhDetails::default())?;
     Ok(asset)

@@ -1,9 +1,9 @@
-//! Wavefront OBJ with vertex colours, `v x y z r g b`, sRGB-encoded as programs write them, or with the picture of a material: read and
-//! written.
+//! Wavefront OBJ with vertex colours, `v x y z r g b`, sRGB-encoded as usual, or with the picture of a
+//! material: read and written.
 //!
-//! Few kinds of lines matter to us, and `v` and `f` need what the crate `tobj` does not give: it shifts colours when only some vertices have
-//! one, cuts every polygon as if it were convex, and does not say which line is wrong. Our tests compare with it, and one of them fails
-//! when its colours are fixed.
+//! The crate `tobj` is not used: it shifts colours when only some vertices have one, cuts every polygon as if
+//! it were convex, and does not name the faulty line. Our tests compare with it, and one of them fails when
+//! its colours are fixed.
 
 mod materials;
 
@@ -27,11 +27,12 @@ use materials::Materials;
 use std::io::{self, Write};
 use std::sync::LazyLock;
 
-/// The mesh in an OBJ file: all objects and groups as one, vertex colours made linear, white where a
-/// vertex has none, polygons as triangles. Without vertex colours it has those of its materials, and their picture where one paints all of
-/// it. Normals, lines and points are skipped.
+/// The mesh in an OBJ file: all objects and groups as one, vertex colours made linear, white where a vertex
+/// has none, polygons as triangles. Without vertex colours it has those of its materials, or their picture if
+/// one paints the whole mesh. Normals, lines and points are skipped.
 ///
-/// Errors: `Malformed` with the line for broken numbers, corners that name no vertex, and faces of fewer than three corners.
+/// Errors: `Malformed` with the line for broken numbers, corners without a vertex, and faces of fewer than
+/// three corners.
 pub fn read(source: Source, options: &ReadOptions) -> Result<Loaded> {
     let path = &source.path;
     let mut lines = Lines::new(&source)?;
@@ -57,7 +58,7 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<Loaded> {
     finish(path, loaded)
 }
 
-/// A mesh as far as it has been read.
+/// A mesh during reading.
 #[derive(Default)]
 struct ObjDraft {
     positions: FarPositions,
@@ -67,19 +68,20 @@ struct ObjDraft {
     faces: Faces,
     /// The corners of the face being read.
     corners: Vec<u32>,
-    /// The largest vertex number (from 1) named before that vertex was there, and its line.
+    /// The largest vertex number (from 1) used before its vertex was read, and its line.
     ahead: Option<(u64, i64)>,
     comments: Vec<String>,
-    /// Places on pictures, from their lower left corner.
+    /// Texture coordinates, from the lower left corner.
     places: Vec<Vec2>,
-    /// Vertices and numbers of places of the corners of all faces; empty until the first face that has places.
+    /// Vertices and texture coordinates (by number) of all corners; empty until the first face with texture
+    /// coordinates.
     placed: Vec<(u32, u32)>,
-    /// Where those of each face end. `[F]`
+    /// End of each face's corners in that list. `[F]`
     placed_until: Vec<usize>,
     materials: Materials,
 }
 
-/// The place of a corner that has none.
+/// The number for a corner without texture coordinates.
 const NOWHERE: u32 = u32::MAX;
 
 impl ObjDraft {
@@ -150,7 +152,7 @@ impl ObjDraft {
             let corner = self.corner(word, line).map_err(|reason| in_face(self.faces.len(), reason))?;
             self.corners.push(corner);
             if let Some(place) = self.place(word) {
-                // Faces before the first one with places have none.
+                // Earlier faces have none.
                 self.placed_until.resize(self.faces.len(), before);
                 self.placed.push((corner, place));
             }
@@ -163,15 +165,15 @@ impl ObjDraft {
         Ok(())
     }
 
-    /// Number of the place from 0 of `5/1`, `5/1/1` or `5/-1`.
+    /// Number of the texture coordinates, from 0, of `5/1`, `5/1/1` or `5/-1`.
     fn place(&self, corner: &str) -> Option<u32> {
         let place = corner.split('/').nth(1).filter(|text| !text.is_empty())?.parse::<i64>().ok()?;
         let from_one = if place < 0 { self.places.len() as i64 + 1 + place } else { place };
         Some(u32::try_from(from_one - 1).unwrap_or(NOWHERE))
     }
 
-    /// Where the corners of triangles are on pictures, from the upper left corner; not finite where they are nowhere. Empty when none is
-    /// anywhere. `[T]`
+    /// Texture coordinates of the corners of triangles, from the upper left corner; not finite where a corner
+    /// has none. Empty when no corner has any. `[T]`
     fn places_of(&self, triangles: &[[u32; 3]], face_of: &[u32]) -> Vec<[Vec2; 3]> {
         if self.placed.is_empty() {
             return Vec::new();
@@ -205,7 +207,7 @@ impl ObjDraft {
         }
     }
 
-    /// The mesh, and what was taken off every position.
+    /// The mesh, and the origin subtracted from its positions.
     fn mesh(
         mut self,
         path: &std::path::Path,
@@ -249,9 +251,9 @@ impl ObjDraft {
 /// Writes an OBJ to `out`, with sRGB vertex colours or with the texture whose picture is called `picture`, and its material to `mtl`, which
 /// `out` names as `mtl_name`. Numbers are the shortest that read back equal.
 ///
-/// A triangle gets three vertices shared with no other where colour belongs to the face. OBJ has no opacity at
-/// vertices: it is not written. Normals, where the mesh has them, are one for
-/// each face. The faces of a backdrop come last, in a group of that name. Errors are those of `out` and `mtl`.
+/// With colours per face, each triangle gets three vertices of its own. OBJ has no opacity at vertices, so
+/// none is written. Normals, where the mesh has them, are one for each face. The faces of a backdrop come
+/// last, in a group of that name. Errors are those of `out` and `mtl`.
 pub fn write(
     out: &mut dyn Write,
     mtl: &mut dyn Write,
@@ -292,7 +294,7 @@ pub fn write(
             true
         }
     };
-    // Of vertices where faces agree on them, else of corners.
+    // Per vertex if all faces agree, else per corner.
     let shared = texture.and_then(|(texture, _)| texture.of_vertices(&mesh.indices, mesh.vertex_count()));
     if let Some((texture, _)) = texture {
         let uvs = shared.as_deref().unwrap_or(texture.uvs.as_flattened());
@@ -328,7 +330,7 @@ pub fn write(
     })
 }
 
-/// Where a corner is on the texture, from its lower left corner.
+/// Texture coordinates of a corner, from the lower left.
 fn push_place(block: &mut Vec<u8>, uv: Vec2) {
     block.extend_from_slice(b"vt ");
     push_float(block, uv.x);
@@ -366,8 +368,8 @@ fn push_float(block: &mut Vec<u8>, value: f32) {
     block.extend_from_slice(text.strip_suffix(".0").unwrap_or(text).as_bytes());
 }
 
-/// An sRGB-encoded channel. What came from an 8-bit code is written as exactly that code: engines that
-/// cut to 8 bits without rounding would otherwise show the code below it.
+/// An sRGB-encoded channel. A value from an 8-bit code is written as exactly that code, because engines that
+/// truncate would otherwise show the code below it.
 fn push_srgb(block: &mut Vec<u8>, linear: f32) {
     static CODES: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
         let text = |code: u8| {

@@ -1,4 +1,4 @@
-//! COFF as the authors' exporter writes it, and OFF with face or vertex colours (read only).
+//! COFF of the authors' exporter, and OFF with face or vertex colours (read only).
 //!
 //! ```text
 //! COFF
@@ -7,8 +7,8 @@
 //! 3 0 1 2 62 51 51 255            number of corners, corners, and perhaps r g b [a]
 //! ```
 //!
-//! The format has no σ and its exporter drops opacity, so triangles are taken as solid; an alpha
-//! below 1 at a face is kept as opacity.
+//! The format has no σ and its exporter drops opacity, so triangles are read as solid; an alpha below 1 at a
+//! face becomes opacity.
 
 use super::channel::Clamped;
 use super::faces::{Faces, check_corners};
@@ -28,7 +28,7 @@ use glam::DVec3;
 /// Bytes of the shortest lines: `0 0 0` and `3 0 1 2`.
 const SHORTEST: (u64, u64) = (6, 8);
 
-/// The mesh in an OFF or COFF file, indexed as the file has it, its sRGB colours made linear and its polygons cut into triangles.
+/// The mesh in an OFF or COFF file, with the file's indices, linear colours, and polygons cut into triangles.
 ///
 /// Errors: `Malformed` with the line for broken text, bad corner numbers and faces of fewer than three corners; `Unsupported` for binary
 /// OFF and the variants with normals, texture or four dimensions.
@@ -78,7 +78,7 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<Loaded> {
     finish(&source.path, loaded)
 }
 
-/// Parses the head of the file: the numbers of vertices and of faces, neither more than it can hold.
+/// Parses the head of the file: the numbers of vertices and of faces, checked against its length.
 fn read_counts(source: &Source, lines: &mut Lines, limits: &Limits) -> Result<(usize, usize)> {
     if !lines.advance_to_text()? {
         return Err(Error::malformed(&source.path, "line 1", "the file is empty"));
@@ -161,8 +161,8 @@ fn read_corners(
     colors.push(words)
 }
 
-/// Colours as the file has them. Whether they are 0 to 255 or 0 to 1 is known only at the end: `1 1 0`
-/// is yellow in a file of floats and nearly black in one of integers.
+/// Colours of the file. Their scale, 0 to 255 or 0 to 1, is known only at the end: `1 1 0` is yellow in a
+/// file of floats and nearly black in one of integers.
 #[derive(Default)]
 struct FileColors {
     rows: Vec<Option<FileColor>>,
@@ -194,7 +194,7 @@ impl FileColors {
         Ok(())
     }
 
-    /// Linear colours, white where there was none, and alpha if any of it is below 1.
+    /// Linear colours, white where there was none, and alpha if any value is below 1.
     fn linear(&self, source: &Source, warnings: &mut Vec<String>) -> Result<(Vec<[f32; 3]>, Vec<f32>)> {
         let mut clamped = Clamped::default();
         let mut unit = |value: f32| match self.floats {

@@ -1,4 +1,4 @@
-//! Writes an asset to whichever files its format needs: planned first, then written, then renamed at once.
+//! Writes an asset to all files of its format: they are planned first, then written, then renamed together.
 
 mod beside;
 mod of_levels;
@@ -32,7 +32,7 @@ pub struct OutputOptions {
     /// Quantise positions per chunk and compress with meshopt, where the target reads it.
     #[cfg_attr(feature = "cli", arg(skip = OutputOptions::DEFAULT.compress))]
     pub compress: bool,
-    /// PLY: colours on faces and not on vertices; smaller, but fewer programs read it.
+    /// PLY: colours on faces instead of vertices; smaller, but fewer programs read it.
     #[cfg_attr(feature = "cli", arg(skip = OutputOptions::DEFAULT.ply_face_colors))]
     pub ply_face_colors: bool,
     /// glTF: how the picture of a texture is stored
@@ -61,20 +61,19 @@ impl OutputOptions {
     /// Quantised and compressed where the target reads it.
     pub const SMALL: Self = Self { compress: true, ..Self::DEFAULT };
 
-    /// Checks the range of what has one.
+    /// Checks the ranges of numbers.
     pub fn validate(&self) -> Result<()> {
         ranges::check("output", self, Called::ByFlag)
     }
 
-    /// The glTF options of the target; what the user should know goes into `details`.
+    /// The glTF options of the target; notes for the user go into `details`.
     pub(crate) fn encoding(&self, details: &mut WriteDetails) -> GltfOptions {
         let encoding = self.target.encoding(self.compress);
         details.notes = Some(encoding.notes);
         GltfOptions { texture: self.texture_format, allow_huge: self.allow_huge, ..encoding.options }
     }
 
-    /// The glTF options of our own page: it reads everything, so it is compressed, without loss unless
-    /// asked for.
+    /// The glTF options of our own page: it reads everything, so it is compressed, without loss by default.
     fn page_encoding(&self, details: &mut WriteDetails) -> GltfOptions {
         let other = !matches!(self.target, OutputTarget::Gltf | OutputTarget::Web);
         let notes =
@@ -91,16 +90,16 @@ impl OutputOptions {
     }
 }
 
-/// What was written of the scene itself; levels are not counted.
+/// Figures of the written scene, without levels.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct WriteDetails {
-    /// What the user must do to open the file in the target, one sentence each; absent for formats without targets.
+    /// Steps for opening the file in the target, one sentence each; absent for formats without targets.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub notes: Option<Vec<String>>,
-    /// Largest distance of a written position from its own, in units of the file; absent when none moved.
+    /// Largest error of a written position, in units of the file; absent when none moved.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub worst_position_error: Option<f32>,
-    /// Triangles whose corners fell together on the grid of positions; absent when no position moved.
+    /// Triangles that the grid of positions flattened; absent when no position moved.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub collapsed_triangles: Option<u64>,
 }
@@ -157,7 +156,7 @@ impl OutputFormat {
     }
 }
 
-/// What is said of a file that does not hold the texture of its scene.
+/// The note for a file that does not hold its scene's texture.
 const NO_TEXTURE: &str =
     "the texture of the scene is not in this file, which has its colours: write .glb or .gltf to keep it";
 
@@ -175,27 +174,27 @@ pub struct Output {
     main: PathBuf,
     /// .bin or .mtl.
     second: Option<PathBuf>,
-    /// The picture of the texture, where it is a file of its own.
+    /// The picture of the texture, if it is a separate file.
     picture: Option<PathBuf>,
     /// Name and content of the engine's import settings.
     sidecar: Option<(PathBuf, String)>,
     bvh: Option<PathBuf>,
-    /// Name of the scene's node, where the format has nodes.
+    /// Name of the scene's node, if the format has nodes.
     node: &'static str,
-    /// The file of the backdrop, when it has one of its own.
+    /// The file of the backdrop, if separate.
     backdrop: Option<Box<Output>>,
-    /// The file of what to collide with, when it has one of its own.
+    /// The file of the collider, if separate.
     collision: Option<Box<Output>>,
     /// One for each level of detail.
     levels: Vec<Output>,
     /// Names all levels.
     tileset: Option<PathBuf>,
-    /// Tells an engine where to draw which.
+    /// The file that switches levels in an engine.
     engine_levels: Option<(PathBuf, EngineLevels)>,
 }
 
 impl Output {
-    /// Names every file before any work is done. Standard output carries one file only.
+    /// Plans every file before any work. Standard output can take only one file.
     pub fn plan(
         path: &Path,
         format: Option<OutputFormat>,
@@ -253,7 +252,7 @@ impl Output {
         })
     }
 
-    /// The scene, its backdrop, what to collide with, its levels.
+    /// The scene, its backdrop, its collider, its levels.
     fn parts(&self) -> impl Iterator<Item = &Self> {
         let beside = self.backdrop.as_deref().into_iter().chain(self.collision.as_deref());
         std::iter::once(self).chain(beside).chain(&self.levels)
@@ -263,7 +262,7 @@ impl Output {
         self.sidecar.as_ref().map(|sidecar| sidecar.0.as_path())
     }
 
-    /// Every file in the order in which they get their names: none before what it names.
+    /// Every file in the order of publication: each after the files that it names.
     fn publishing_order(&self) -> Vec<&Path> {
         let beside = self.parts().flat_map(|part| {
             [part.picture.as_deref(), part.second.as_deref(), part.import(), part.bvh.as_deref()]
@@ -273,20 +272,20 @@ impl Output {
         beside.chain(parts).chain(last).flatten().collect()
     }
 
-    /// Starts every file: from here on no other program writes them, and what cannot be written has failed.
+    /// Starts every file. From here on no other program writes them, and unwritable outputs have failed.
     ///
-    /// Errors: what the operating system refuses; another program that is writing one of them.
+    /// Errors: those of the operating system; another program that writes one of them.
     pub fn start(&self) -> Result<OutputFiles> {
         AtomicFile::create_all(&self.publishing_order()).map(OutputFiles)
     }
 
-    /// Files that count bytes and keep none.
+    /// Files that only count bytes.
     pub fn dry_run(&self) -> OutputFiles {
         OutputFiles(self.paths().map(AtomicFile::nowhere).collect())
     }
 }
 
-/// The files of an output, started and not yet whole.
+/// The files of an output, started but incomplete.
 #[derive(Debug)]
 pub struct OutputFiles(Vec<AtomicFile>);
 
@@ -301,7 +300,7 @@ impl OutputFiles {
 
 /// Writes an asset into the files of `output` and names them only when all are whole.
 ///
-/// Errors: those of the format, and what the operating system refuses; then every name has what it had before.
+/// Errors: those of the format and of the operating system; then every name keeps its old file.
 pub fn write(
     asset: &Asset,
     output: &Output,
@@ -352,7 +351,7 @@ pub fn write(
     Ok(())
 }
 
-/// The files of an output on their way to being whole.
+/// The files of an output during writing.
 struct SetWriter<'a> {
     options: &'a OutputOptions,
     started: OutputFiles,
@@ -360,7 +359,7 @@ struct SetWriter<'a> {
 }
 
 impl SetWriter<'_> {
-    /// The tiles under names of their own, and the tileset, which gets its name with the other files.
+    /// The tiles, which have their final names, and the tileset, which gets its name with the other files.
     fn tiles(&mut self, asset: &Asset, output: &Output, details: &mut WriteDetails) -> Result<TileFiles> {
         let mut file = self.started.take(&output.main)?;
         let encoding = self.options.encoding(details);
@@ -370,7 +369,8 @@ impl SetWriter<'_> {
         Ok(tiles)
     }
 
-    /// The scene, its backdrop, what to collide with, its levels and what names them; returns warnings for the user.
+    /// Writes the scene, its backdrop, its collider, its levels and the files that name them; returns
+    /// warnings for the user.
     fn all(&mut self, asset: &Asset, output: &Output, details: &mut WriteDetails) -> Result<Vec<String>> {
         let mut warnings;
         let mut quiet = WriteDetails::default();

@@ -1,4 +1,4 @@
-//! Textures of a mesh that is read: kept where one picture paints the whole mesh, else a colour per face.
+//! Textures of an input mesh: kept if one picture paints the whole mesh, else turned into a colour per face.
 
 use crate::mesh::{Colors, Mesh};
 use crate::texture::{FaceTexture, Texture};
@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// The faces of a part of a mesh that show a texture, and where on it their corners are.
+/// The textured faces of a part of a mesh, and the places of their corners on the texture.
 pub(super) struct PaintedFaces {
     /// Number of the picture.
     pub(super) image: usize,
@@ -18,7 +18,8 @@ pub(super) struct PaintedFaces {
     pub(super) plain: bool,
 }
 
-/// Paints the faces of a mesh, which come in its order, with those `textures` that could be read. Returns what the user should know.
+/// Paints the faces of a mesh, in its order, with those `textures` that could be read. Returns notes for the
+/// user.
 pub(super) fn paint(
     mesh: &mut Mesh,
     painted: Vec<PaintedFaces>,
@@ -46,7 +47,7 @@ pub(super) fn paint(
     let mut colors: Vec<[f32; 3]> = (0..mesh.face_count()).into_par_iter().map(mean).collect();
     for painted in painted {
         let Some(Some(texture)) = textures.get(&painted.image) else { continue };
-        // Repeated pictures begin again at every whole number.
+        // Repeated pictures start again at every whole number.
         let repeated = |uvs: &[Vec2; 3]| {
             let first = ((uvs[0] + uvs[1] + uvs[2]) / 3.0).floor();
             uvs.map(|uv| uv - first)

@@ -30,10 +30,10 @@ use header::{Element, Header};
 use std::path::Path;
 use wanted::Wanted;
 
-/// The scene in a PLY file: a soup when its faces have a `sigma`, else a mesh with its sRGB colours
-/// made linear, alpha (at a face, or the least of its corners) as opacity, polygons as triangles.
+/// The scene in a PLY file: a soup when its faces have a `sigma`, else a mesh with its sRGB colours made
+/// linear, alpha (of a face, or the least of its corners) as opacity, and polygons as triangles.
 ///
-/// Only what `options` asks for is kept. Errors: `Malformed` for a broken file, naming the place;
+/// Only data that `options` select are kept. Errors: `Malformed` for a broken file, naming the place;
 /// `Unsupported` for Gaussians and point clouds.
 pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     let header = header::read(&mut source)?;
@@ -43,12 +43,12 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     let comments = header.comments.iter().map(String::as_str);
     let provenance = provenance::from_comments(comments, &mut warnings);
     let is_soup = soup::is_soup(faces);
-    // A triangle of a soup has an opacity and a σ of its own: there is no other face in one.
+    // Faces of a soup are triangles, because each has one opacity and one σ.
     let wanted = if is_soup { Wanted::Triangles } else { Wanted::Polygons };
     let tables = tables::locate(&source, &header, wanted, &options.limits)?;
     let cameras = tables.views.as_ref().map(|table| views::read(table, &options.limits));
     let cameras = cameras.transpose()?.unwrap_or_default();
-    // Cameras are single precision: what has some is near its origin already.
+    // Cameras are in single precision, so a soup with cameras is near its origin already.
     let origin = if cameras.is_empty() { corners::origin(&tables.vertices)? } else { DVec3::ZERO };
     let scene = if is_soup {
         let mut soup = soup::read(path, faces, &tables, origin, options)?;
@@ -65,7 +65,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     finish(path, loaded)
 }
 
-/// The face element, or why the file has no triangles for us.
+/// The face element, or why the file has no usable triangles.
 fn faces<'h>(path: &Path, header: &'h Header) -> Result<&'h Element> {
     let Some(vertices) = header.element("vertex") else {
         return Err(Error::malformed(path, "header", "has no element vertex"));

@@ -1,17 +1,17 @@
-//! Where a scene came from, as one comment line of a PLY or OBJ file.
+//! The provenance of a scene, as one comment line of a PLY or OBJ file.
 //!
 //! ```text
 //! trisplat {"generator":"trisplat 0.1.0","source":"room.pt","up":"y","placement":{...}}
 //! ```
 //!
-//! JSON, because it escapes line breaks in names and is what `asset.extras` of our GLB holds too.
+//! JSON, because it escapes line breaks in names and is the form of `asset.extras` in our GLB, too.
 
 use crate::asset::Provenance;
 
 const KEY: &str = "trisplat ";
 
-/// The comment's text, without the format's own comment sign and without a line break.
-/// Empty when nothing but defaults is known.
+/// The comment's text, without the format's comment sign and without a line break. Empty when only defaults
+/// are known.
 pub(super) fn to_comment(provenance: &Provenance) -> String {
     if *provenance == Provenance::default() {
         return String::new();
@@ -20,8 +20,8 @@ pub(super) fn to_comment(provenance: &Provenance) -> String {
     serde_json::to_string(provenance).map(|json| format!("{KEY}{json}")).unwrap_or_default()
 }
 
-/// What the comments say. A comment of ours that does not parse becomes a warning, not an error:
-/// the triangles are valid without it.
+/// The provenance in the comments. A broken comment of ours becomes a warning, not an error, because the
+/// triangles are valid without it.
 pub(super) fn from_comments<'a>(
     comments: impl Iterator<Item = &'a str>,
     warnings: &mut Vec<String>,
@@ -45,7 +45,8 @@ pub(super) fn from_comments<'a>(
     Provenance::default()
 }
 
-/// How many of the first triangles of a soup are its shell by the comments: earlier versions wrote it there, now faces have a property.
+/// The number of first triangles of a soup that are its shell, by the comments of earlier versions; newer
+/// files have a property per face.
 pub(super) fn shell_of_comments<'a>(mut comments: impl Iterator<Item = &'a str>) -> usize {
     #[derive(serde::Deserialize)]
     struct Old {

@@ -16,12 +16,12 @@
 //!                        vertex_weight [V, 1]         opacity logit over a floor that the file does not hold
 //! ```
 //!
-//! A successor's mesh is taken as solid: the floor under `vertex_weight` rises to 0.9999 while
-//! training, so every face of a finished run is opaque, and of an unfinished one the floor is not
-//! known. An unfinished run is recognised by its σ and reported as a warning.
+//! A successor's mesh is read as solid: the floor under `vertex_weight` rises to 0.9999 during training, so
+//! every face of a finished run is opaque. For an unfinished run, recognised by its σ, the floor is unknown,
+//! and a warning says so.
 //!
-//! Unpickling executes nothing: `pytorch-reader` interprets the calls that rebuild tensors and keeps
-//! every other one as an opaque name. What it leaves open, `check_archive` closes.
+//! Unpickling executes nothing: `pytorch-reader` interprets the calls that rebuild tensors and keeps every
+//! other one as an opaque name. `check_archive` checks the rest.
 
 use super::finish::finish;
 use super::gaussians;
@@ -44,8 +44,8 @@ use std::io::{self, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
-/// Largest `data.pkl` we parse. Real ones hold a few names and shapes (under 2 KiB); every byte can
-/// cost the parser about 100 bytes of stack, and a deflated one can promise any size.
+/// Largest `data.pkl` to parse. Real ones hold a few names and shapes (under 2 KiB). Every byte can cost the
+/// parser about 100 bytes of stack, and a deflated file can claim any size.
 const MAX_PICKLE_BYTES: u64 = 1 << 20;
 
 /// σ that Triangle Splatting+ and MeshSplatting reach at the end of training is 1e-4; above this the
@@ -59,8 +59,8 @@ const RESAVE: &str = "load it in PyTorch 1.6 or later and torch.save it again";
 /// SH above `options.sh_degree` stays on disk.
 ///
 /// # Errors
-/// `Unsupported` for what is no zip checkpoint or holds no triangles, `Malformed` for shapes and sizes
-/// that do not fit each other or the file.
+/// `Unsupported` for other files than zip checkpoints, or without triangles; `Malformed` for shapes and sizes
+/// that do not match each other or the file.
 pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     check_archive(&mut source)?;
     let file = TorchFile::open(&mut source, options.limits)?;
@@ -82,7 +82,7 @@ fn read_soup(file: &TorchFile, n: usize, options: &ReadOptions) -> Result<Loaded
     let vertices: Vec<[Vec3; 3]> = file.values("triangles_points", DType::F32, &[&[n, 3, 3]])?;
     let mut sigma: Vec<f32> = file.values("sigma", DType::F32, &[&[n, 1], &[n]])?;
     let mut opacity: Vec<f32> = file.values("opacity", DType::F32, &[&[n, 1], &[n]])?;
-    // In f64 and rounded once, so that the platform's expf does not show.
+    // In f64 and rounded once, so that the result does not depend on the platform's expf.
     sigma.par_iter_mut().for_each(|x| *x = (0.01 + f64::from(*x).exp()) as f32);
     opacity.par_iter_mut().for_each(|x| *x = (1.0 / (1.0 + (-f64::from(*x)).exp())) as f32);
     let (sh, sh_degree) = read_sh(file, n, options.sh_degree)?;
@@ -92,8 +92,8 @@ fn read_soup(file: &TorchFile, n: usize, options: &ReadOptions) -> Result<Loaded
     Ok(Loaded { scene: Scene::Soup(soup), provenance, warnings: Vec::new(), cameras: Vec::new() })
 }
 
-/// Coefficients of every triangle, degree 0 first, and the degree: the lowest of what was asked for,
-/// what the training had reached and what the file holds.
+/// Coefficients of every triangle, degree 0 first, and the degree: the lowest of the requested one, the one
+/// reached by training, and that of the file.
 fn read_sh(file: &TorchFile, n: usize, wanted: u8) -> Result<(Vec<[f32; 3]>, u8)> {
     let dc: Vec<[f32; 3]> = file.values("features_dc", DType::F32, &[&[n, 1, 3], &[n, 3]])?;
     if wanted == 0 || file.shape("features_rest").is_err() {
@@ -186,7 +186,7 @@ fn read_indices(file: &TorchFile, v: usize) -> Result<Vec<u32>> {
 struct TorchFile {
     /// What the user called it.
     label: PathBuf,
-    /// Where it is: the same, or a copy of standard input.
+    /// Its path, or that of a copy of standard input.
     file: PathBuf,
     /// Keeps that copy alive.
     _copy: Option<NamedTempFile>,
@@ -252,7 +252,7 @@ impl TorchFile {
                 ),
             ));
         }
-        // A view with stride 0 or a storage that is not there can promise any size.
+        // A view with stride 0 or a missing storage can claim any size.
         if tensor.byte_len() as u64 > self.bytes {
             return Err(self.malformed(
                 key,
@@ -271,7 +271,7 @@ impl TorchFile {
         Ok(values)
     }
 
-    /// A plain Python value beside the tensors.
+    /// A plain Python value stored with the tensors.
     fn scalar(&self, key: &str) -> Result<Option<PickleValue>> {
         match PytorchReader::read_pickle_data(&self.file, None).map_err(|e| torch_error(&self.label, e))? {
             PickleValue::Dict(mut dict) => Ok(dict.remove(key)),
@@ -280,9 +280,8 @@ impl TorchFile {
     }
 }
 
-/// Refuses what would make the parser allocate more than the file is worth: entries that promise more
-/// bytes than the file has (deflated bombs, sparse files) and a `data.pkl` beyond any real one.
-/// `torch.save` compresses nothing.
+/// Refuses files that would make the parser allocate more than their size: entries that claim more bytes than
+/// the file has (deflated bombs, sparse files) and an oversized `data.pkl`. `torch.save` compresses nothing.
 fn check_archive(source: &mut Source) -> Result<()> {
     let path = source.path.clone();
     let head = source.head()?;

@@ -9,11 +9,11 @@ use crate::guard::guarded;
 use crate::scene::Loaded;
 use std::path::Path;
 
-/// What the readers accept, for messages.
+/// The accepted formats, for messages.
 const ACCEPTED: &str =
     "a soup or mesh .ply, a training checkpoint .pt, .off, .obj, .glb, .gltf or our own .html";
 
-/// The format of an open file; an error that names what was seen and what is accepted otherwise.
+/// The format of an open file; otherwise an error that names its first bytes and the accepted formats.
 pub(super) fn detect(source: &mut Source) -> Result<Format> {
     let (head, named) = (source.head()?, source.named());
     if let Some(kind) = gaussians::recognise(&head, &source.path) {
@@ -47,7 +47,7 @@ pub(super) fn detect(source: &mut Source) -> Result<Format> {
 /// ```
 ///
 /// # Errors
-/// What the format's reader reports, or that no reader knows the file.
+/// Errors of the format's reader, or an unknown format.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded> {
     let mut source = Source::open(path, &options.limits)?;
     let format = detect(&mut source)?;
@@ -67,7 +67,7 @@ pub(super) fn read_as(format: Format, source: Source, options: &ReadOptions) -> 
     })
 }
 
-/// The first bytes for a message: as text when they are text, else in hex.
+/// The first bytes for a message: as text if possible, else in hex.
 fn preview(head: &[u8]) -> String {
     let head = &head[..head.len().min(16)];
     match std::str::from_utf8(head) {

@@ -2,14 +2,14 @@
 
 use crate::limits::Limits;
 
-/// What the caller will use of a file, and the limits that apply to it. The default is everything, within the default limits.
+/// The parts of a file to load, and the limits for it. By default everything, within the default limits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ReadOptions {
     /// Highest degree of spherical harmonics to load, 0 to 3; the bake asks for 0. The rest is skipped on disk.
     pub sh_degree: u8,
-    /// How much is taken from the file.
+    /// Limits on the file.
     pub limits: Limits,
-    /// Whether files outside the folder of a glTF document may be read because it names them.
+    /// Whether a glTF document may name files outside its folder.
     pub allow_outside: bool,
 }
 

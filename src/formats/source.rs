@@ -8,14 +8,13 @@ use std::io::{ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A file to read: a label for messages, an open handle and its length.
-/// Standard input ("-") is spooled to a temporary file first, so that every reader may seek and may
-/// compare promised counts with real bytes.
+/// A file to read: a label for messages, an open handle and its length. Standard input ("-") is spooled to a
+/// temporary file first, so that every reader may seek, and may compare counts with the real length.
 #[derive(Debug)]
 pub struct Source {
     /// The path as the user gave it; "-" for standard input.
     pub path: PathBuf,
-    /// Open at byte 0; shared with what [`Source::again`] gave.
+    /// Open at byte 0; shared with the results of [`Source::again`].
     pub file: Arc<File>,
     /// Length in bytes.
     pub len: u64,
@@ -47,7 +46,7 @@ impl Source {
         }
     }
 
-    /// The same open file once more, at byte 0. The two share their place in it: use one at a time.
+    /// The same open file again, at byte 0. Both share their position: use one at a time.
     pub fn again(&mut self) -> Result<Self> {
         let io = |e| Error::io(&self.path, e);
         self.rewind().map_err(io)?;
@@ -68,12 +67,12 @@ impl Source {
     }
 }
 
-/// Whether the name says that gzip compressed it; other formats are compressed inside.
+/// Whether the name has the ending of gzip. (Some formats are compressed inside.)
 fn is_packed(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("gz"))
 }
 
-/// What a file that gzip compressed holds, in a temporary file; any other file as it is.
+/// The uncompressed content of a gzip file, in a temporary file; any other file itself.
 fn unpacked(path: &Path, mut file: File, len: u64, limits: &Limits) -> Result<(File, u64)> {
     let io = |e| Error::io(path, e);
     let mut magic = [0; 2];
@@ -95,7 +94,7 @@ fn is_damage(kind: ErrorKind) -> bool {
     matches!(kind, ErrorKind::InvalidInput | ErrorKind::InvalidData | ErrorKind::UnexpectedEof)
 }
 
-/// What gzip begins a file with.
+/// The first bytes of a gzip file.
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Who will read the file: one row per target, from what each engine was found to need.
+//! The targets of a file: one row for each, from measured needs of the engines.
 //!
 //! `docs/engines.md` gives the reasons and the steps to take in each engine.
 
@@ -7,7 +7,7 @@ use super::levels::EngineLevels;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The engine or program a GLB is made for.
+/// The engine or program that will read a GLB.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
@@ -33,7 +33,7 @@ pub enum OutputTarget {
     Playcanvas,
 }
 
-/// How to write the file for a target, and what the user should know about it.
+/// How to write the file for a target, and notes for the user.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TargetEncoding {
     /// For [`crate::formats::gltf`].
@@ -42,9 +42,9 @@ pub struct TargetEncoding {
     pub notes: Vec<String>,
 }
 
-/// What a target can do with a small file.
+/// A target's support for small files.
 enum SmallFile {
-    /// Nothing smaller is read: positions stay f32; why.
+    /// None: positions stay f32, for this reason.
     No(&'static str),
     /// Reads 16-bit positions (KHR_mesh_quantization).
     Quantised,
@@ -59,18 +59,18 @@ struct TargetRow {
     material: &'static str,
     /// Name of a node that collides and is not drawn, for engines that go by names.
     collision: Option<&'static str>,
-    /// The file that tells where levels of detail are drawn, where there is one.
+    /// The file that switches levels of detail, if any.
     levels: Option<EngineLevels>,
     small: SmallFile,
     notes: &'static [&'static str],
-    /// Added when the file is made small.
+    /// Notes for small files.
     small_notes: &'static [&'static str],
 }
 
 const LINEAR: ColorEncoding = ColorEncoding::U16Linear;
-/// Godot takes vertex colours of a material of such a name as sRGB, and drops the ending on import.
+/// Godot reads vertex colours of materials with this ending as sRGB, and drops the ending on import.
 const GODOT_MATERIAL: &str = "trisplat-vcol";
-/// Godot makes a static body of the mesh of a node of such a name, and draws nothing.
+/// Godot makes a static body from the mesh of a node with this ending, and does not draw it.
 const GODOT_COLLISION: &str = "collision-colonly";
 
 impl OutputTarget {
@@ -169,21 +169,21 @@ impl OutputTarget {
         }
     }
 
-    /// Whether the target's glTF has a node for what to collide with; for others it is a file beside the scene.
+    /// Whether the target's glTF has a collision node; other targets get a file beside the scene.
     pub fn has_collision_node(self) -> bool {
         self.row().collision.is_some()
     }
 
-    /// The file that tells the engine where to draw which level of detail, where there is one.
+    /// The file that switches levels of detail in the engine, if any.
     pub fn levels(self) -> Option<EngineLevels> {
         self.row().levels
     }
 
     /// Name and content of the file that goes beside `glb_file_name`, for engines that need one.
     ///
-    /// Godot 4 honours an import file that is there before it first sees the GLB, and completes it. Ours
-    /// turns off what harms triangle soups: level-of-detail meshes (they delete triangles), tangents,
-    /// shadow meshes, lightmap coordinates and vertex compression.
+    /// Godot 4 honours and completes an import file that exists before it first sees the GLB. Ours turns off
+    /// features that harm triangle soups: level-of-detail meshes (they delete triangles), tangents, shadow
+    /// meshes, lightmap coordinates and vertex compression.
     pub fn sidecar(self, glb_file_name: &str) -> Option<(String, String)> {
         (self == OutputTarget::Godot).then(|| {
             let source = glb_file_name.replace('\\', "\\\\").replace('"', "\\\"");

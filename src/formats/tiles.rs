@@ -1,8 +1,8 @@
-//! The files of a scene in tiles: OUT.tileset.json, and a folder OUT.tiles with one GLB for each tile and the tilesets of parts of a tree that
-//! is too large for one.
+//! The files of a scene in tiles: OUT.tileset.json, and a folder OUT.tiles with one GLB per tile, and with
+//! external tilesets if the tree is too large for one.
 //!
-//! A file's name in the folder holds a hash of its bytes. So an old tileset keeps its tiles until the new one has its name, a tile that did
-//! not change keeps its name, and a cache may keep it for ever.
+//! A file's name in the folder holds a hash of its bytes. So an old tileset keeps its tiles until the new one
+//! is published, an unchanged tile keeps its name, and a cache may keep tiles for ever.
 
 use super::gltf::{GltfOptions, to_glb_bytes, uri};
 use super::tileset::{self, TilesetTile};
@@ -31,7 +31,8 @@ fn folder_of(tileset: &Path) -> PathBuf {
     tileset.with_file_name(format!("{}tiles", &name[..stem]))
 }
 
-/// A tileset of a scene that comes block by block, one block in memory at a time. Its tiles are removed again unless it is finished.
+/// The tileset of a scene in blocks, with one block in memory at a time. Its tiles are removed unless it is
+/// finished.
 #[derive(Debug)]
 pub struct TilesetWriter {
     path: PathBuf,
@@ -43,9 +44,10 @@ pub struct TilesetWriter {
 }
 
 impl TilesetWriter {
-    /// Begins the tileset `path` of at most `most_tiles` tiles in a file; its tiles are encoded as `options` say.
+    /// Begins the tileset `path` with at most `most_tiles` tiles per file; `options` are those of the tiles'
+    /// encoding.
     ///
-    /// Errors: a name that is none of a tileset; what the operating system refuses.
+    /// Errors: a name that is not of a tileset; those of the operating system.
     pub fn start(path: &Path, options: GltfOptions, most_tiles: u32) -> Result<Self> {
         if !is_tileset(path) {
             return Err(Error::invalid("output", path.display(), "a name ending in tileset.json"));
@@ -63,7 +65,7 @@ impl TilesetWriter {
         self.files.tile(&mut self.file, &format!("b{index}r"), root, &asset.provenance, &self.options)
     }
 
-    /// Writes a tile of its own that stands for `children` while they are not drawn, or beside them if it is not `replaced`.
+    /// Writes a tile that is drawn instead of `children`, or beside them if it is not `replaced`.
     ///
     /// Errors: what the operating system refuses.
     pub fn above(
@@ -82,7 +84,7 @@ impl TilesetWriter {
         Ok(TilesetTile { uri, bounds, error, replaced, children })
     }
 
-    /// Writes the tileset itself; returns the folder of the tiles, and the bytes of these.
+    /// Writes the tileset itself; returns the folder of the tiles and their bytes.
     ///
     /// Errors: what the operating system refuses.
     pub fn finish(mut self, root: TilesetTile) -> Result<(PathBuf, u64)> {
@@ -97,7 +99,7 @@ fn not_cut(tileset: &Path) -> Error {
     Error::invalid("output", tileset.display(), "a scene cut into tiles: the option `tiles`")
 }
 
-/// The files of the tiles. They are removed again unless the tileset that names them, which each function is given, is published.
+/// The files of the tiles. They are removed unless the tileset that names them is published.
 #[derive(Debug)]
 pub(super) struct TileFiles {
     folder: PathBuf,
@@ -123,7 +125,7 @@ impl TileFiles {
         let provenance = Provenance { backdrop: 0, ..asset.provenance.clone() };
         let mut root = files.tile(tileset, "r", root, &provenance, options)?;
         if let Some((_, backdrop)) = asset.apart() {
-            // Beside the scene, always: its box holds everything, so that it would be replaced first.
+            // Always beside the scene: its box contains everything, so it would be replaced first.
             let bounds = tileset::bounds(&backdrop.mesh, backdrop.mesh.face_count());
             let uri = Some(files.save(tileset, "backdrop", &backdrop, options)?);
             let error = bounds.map_or(0.0, |[low, high]| (high - low).length());
@@ -133,7 +135,8 @@ impl TileFiles {
         Ok((files, text))
     }
 
-    /// The text of the tileset; parts of it are written into tilesets of their own so that none holds more than `most_tiles` tiles.
+    /// The text of the tileset; subtrees go to external tilesets, so that no file holds more than
+    /// `most_tiles` tiles.
     fn tileset(&mut self, tileset: &mut AtomicFile, root: TilesetTile, most_tiles: u32) -> Result<String> {
         let generator = crate::report::generator();
         let folder = self.address("");
@@ -152,7 +155,7 @@ impl TileFiles {
         Ok(Self { folder, dry, names: BTreeSet::new(), bytes: 0 })
     }
 
-    /// Writes a tile and those below it; children are called as their parent, with a digit more.
+    /// Writes a tile and those below it; children have their parent's name with one more digit.
     fn tile(
         &mut self,
         tileset: &mut AtomicFile,
@@ -163,7 +166,7 @@ impl TileFiles {
     ) -> Result<TilesetTile> {
         let mut uri = None;
         if tile.mesh.face_count() > 0 {
-            // A tile is no scene to look at by itself.
+            // A tile alone needs no viewpoint.
             let provenance = Provenance { viewpoint: None, ..provenance.clone() };
             let asset = Asset { provenance, ..Asset::from(Mesh::clone(&tile.mesh)) };
             uri = Some(self.save(tileset, name, &asset, options)?);
@@ -186,7 +189,7 @@ impl TileFiles {
         self.put(tileset, name, "glb", &to_glb_bytes(asset, options)?)
     }
 
-    /// Writes one file, unless it is there with these bytes; returns its name relative to the tileset.
+    /// Writes one file, unless it exists with these bytes; returns its name relative to the tileset.
     fn put(&mut self, tileset: &mut AtomicFile, name: &str, ending: &str, bytes: &[u8]) -> Result<String> {
         let name = format!("{name}-{:016x}.{ending}", xxh3_64(bytes));
         let path = self.folder.join(&name);
@@ -210,8 +213,8 @@ impl TileFiles {
         format!("{}/{name}", uri::from_file_name(&folder))
     }
 
-    /// The tileset that names them is there: keeps them, and removes tiles of an earlier one. Returns their folder and
-    /// size, bytes.
+    /// Call this after the tileset is published: keeps its tiles, and removes those of an earlier tileset.
+    /// Returns their folder and size, bytes.
     pub(super) fn keep(self) -> (PathBuf, u64) {
         if !self.dry {
             sweep_folder(&self.folder, |name| is_tile(name) && !self.names.contains(name));
@@ -220,7 +223,7 @@ impl TileFiles {
     }
 }
 
-/// Whether a file of this name is one of ours: its place in the tree, of the scene or of a block of it, and a hash.
+/// Whether a name is that of one of our tiles: a place in the tree of the scene or of a block, and a hash.
 fn is_tile(name: &str) -> bool {
     let named = name.strip_suffix(".glb").map(|name| (name, false));
     let named = named.or_else(|| name.strip_suffix(".json").map(|name| (name, true)));

@@ -1,20 +1,21 @@
-//! 3D Tiles 1.1: a JSON file that names pieces of a scene, or all its levels of detail, each replacing a coarser one.
+//! 3D Tiles 1.1: a JSON file that names tiles of a scene, or its levels of detail, each replacing a coarser
+//! one.
 
 use crate::error::Result;
 use crate::mesh::Mesh;
 use glam::DVec3;
 use serde_json::{Value, json};
 
-/// What a viewer draws as long as it does not need more detail.
+/// A tile: drawn as long as a viewer does not need more detail.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TilesetTile {
     /// Its file, relative to the tileset; none for a tile without triangles.
     pub uri: Option<String>,
-    /// Lowest and highest corner of what is in its file, Y-up; none when there is nothing in it.
+    /// Lowest and highest corner of its file's content, Y-up; none when it is empty.
     pub bounds: Option<[DVec3; 2]>,
-    /// The size of what it leaves out, in units of the file; 0 for all there is.
+    /// The size of detail that it leaves out, in units of the file; 0 for full detail.
     pub error: f64,
-    /// Whether the tiles below are drawn in place of it, or beside it.
+    /// Whether the tiles below replace it, or are drawn beside it.
     pub replaced: bool,
     /// The tiles below it.
     pub children: Vec<TilesetTile>,
@@ -24,21 +25,21 @@ impl TilesetTile {
     /// Levels of a whole scene, the finest first: the coarsest is the root, every finer one the only child of the next.
     pub fn chain(levels: impl IntoIterator<Item = TilesetTile>) -> Option<Self> {
         levels.into_iter().reduce(|finer, coarser| {
-            // What is drawn when a finer level is not has at least its error.
+            // A coarser level has at least the error of the finer ones.
             let error = coarser.error.max(finer.error);
             TilesetTile { error, children: vec![finer], ..coarser }
         })
     }
 
-    /// The same with parts in tilesets of their own, so that none holds more than `most` tiles, unless one tile has more children.
-    /// `save` writes one, of its place in the tree, and returns its address.
+    /// The same with subtrees in external tilesets, so that no file holds more than `most` tiles, unless one
+    /// tile has more children. `save` writes a tileset for a place in the tree, and returns its address.
     ///
     /// Errors: those of `save`.
     pub fn split(self, most: usize, save: &mut dyn FnMut(&str, Self) -> Result<String>) -> Result<Self> {
         Ok(self.part("", most, save)?.0)
     }
 
-    /// The tile with what is below it, and the number of tiles that are left in its file.
+    /// The tile with its subtree, and the number of tiles left in its file.
     fn part(
         mut self,
         place: &str,
@@ -55,7 +56,7 @@ impl TilesetTile {
             return Ok((self, total));
         }
         let cut = |(i, (child, count)): (usize, (Self, usize))| match count {
-            // One tile is as long as the address of another file.
+            // A single tile is as long as a link to another file.
             1 => Ok(child),
             _ => child.apart(&below(i), save),
         };
@@ -64,14 +65,15 @@ impl TilesetTile {
         Ok((self, left))
     }
 
-    /// The tile in a tileset of its own, and the tile that names it.
+    /// The tile in an external tileset, and the tile that links to it.
     fn apart(self, place: &str, save: &mut dyn FnMut(&str, Self) -> Result<String>) -> Result<Self> {
         let (bounds, error) = (self.all_bounds(), self.error);
         let uri = Some(save(place, self)?);
         Ok(Self { uri, bounds, error, replaced: true, children: Vec::new() })
     }
 
-    /// The same as named by a file within the folder of this address, in which all its files are.
+    /// The same with addresses relative to a file in the folder of this address, which contains all its
+    /// files.
     pub fn beside(mut self, folder: &str) -> Self {
         self.uri = self.uri.map(|uri| uri.strip_prefix(folder).map(str::to_owned).unwrap_or(uri));
         self.children = self.children.into_iter().map(|child| child.beside(folder)).collect();
@@ -82,7 +84,7 @@ impl TilesetTile {
         1 + self.children.iter().map(Self::count).sum::<usize>()
     }
 
-    /// Bounds of the tile and of all below it, which it has to enclose.
+    /// Bounds of the tile and everything below it.
     fn all_bounds(&self) -> Option<[DVec3; 2]> {
         let below = self.children.iter().filter_map(Self::all_bounds);
         self.bounds.into_iter().chain(below).reduce(|[a, b], [c, d]| [a.min(c), b.max(d)])
@@ -104,7 +106,7 @@ impl TilesetTile {
     }
 }
 
-/// Most tiles of a file that is indented: a longer one is for viewers, and a third as long without.
+/// Most tiles of an indented file; larger files are three times shorter without indentation.
 const INDENTED: usize = 1000;
 
 /// The text of the file.

@@ -1,4 +1,4 @@
-//! What is in a tileset (3D Tiles): tiles, levels, files and their sizes. Tiles themselves are not read.
+//! The content of a tileset (3D Tiles): tiles, levels, files and their sizes. Tiles themselves are not read.
 
 use super::foreign;
 use super::gltf::uri;
@@ -11,31 +11,32 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// What a tileset holds, with the tilesets within it.
+/// The content of a tileset, including external tilesets.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(title = "trisplat info of a tileset")]
 pub struct TilesetInfo {
     /// The file as given.
     pub path: String,
-    /// Tilesets: the file itself, and those that it names.
+    /// Number of tilesets: the file itself, and external ones.
     pub tilesets: u64,
-    /// Tiles; one that names a tileset is counted once, as the first tile of that.
+    /// Number of tiles; a link to a tileset and its first tile count once.
     pub tiles: u64,
-    /// Tiles above each other, at most.
+    /// Depth of the tree in tiles.
     pub levels: u64,
     /// Files with triangles.
     pub files: u64,
     /// Bytes of all files.
     pub bytes: u64,
-    /// The size of what the first tile leaves out, in units of the file.
+    /// The size of detail that the first tile leaves out, in units of the file.
     pub geometric_error: f64,
-    /// Files that are named but missing, or not on this machine.
+    /// Files that are missing or not on this machine.
     pub missing: u64,
 }
 
-/// What is in the tileset at `path`; `None` for a file that is none. Files outside its folder are counted as missing unless `allow_outside`.
+/// The content of the tileset at `path`; `None` for other files. Files outside its folder count as missing
+/// unless `allow_outside`.
 ///
-/// Errors: `Io`; `Malformed` for a tileset that is broken; tilesets deeper in each other than the limits allow.
+/// Errors: `Io`; `Malformed` for a broken tileset; tilesets nested deeper than the limits permit.
 pub fn tileset_info(path: &Path, limits: &Limits, allow_outside: bool) -> Result<Option<TilesetInfo>> {
     let json = input::read(path, limits)?;
     if !foreign::is_tileset_json(&json) {
@@ -74,7 +75,7 @@ impl Walk<'_> {
         Ok(set.root)
     }
 
-    /// A tile of the tileset `set`, which is the `depth`th within each other, and those below it.
+    /// Counts a tile of the tileset `set`, nested `depth` deep, and those below it.
     fn tile(&mut self, set: &Path, tile: &Tile, level: u64, depth: u64) -> Result<()> {
         let mut is_stand_in = false;
         for content in tile.content.iter().chain(&tile.contents) {

@@ -1,4 +1,4 @@
-//! A tileset (3D Tiles 1.1) as its JSON says it.
+//! The JSON types of a tileset (3D Tiles 1.1).
 
 use serde::Deserialize;
 
@@ -41,7 +41,7 @@ pub(super) struct Content {
     pub(super) uri: String,
 }
 
-/// Whether a file of this name is a tileset and no tile.
+/// Whether a file of this name is a tileset instead of a tile.
 pub(super) fn is_json(name: &str) -> bool {
     name.rsplit_once('.').is_some_and(|(_, ending)| ending.eq_ignore_ascii_case("json"))
 }

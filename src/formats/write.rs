@@ -9,16 +9,17 @@ use std::path::Path;
 /// What [`write()`] wrote.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WrittenFiles {
-    /// Every file and its size: the one asked for first, then those beside it.
+    /// Every file and its size: the requested one first, then those beside it.
     pub files: Vec<OutputReport>,
     /// Notes for the user, one sentence each.
     pub warnings: Vec<String>,
 }
 
-/// Writes an asset in the format that the name of `path` ends in: .glb, .gltf, .obj, .ply, .html or .tileset.json.
+/// Writes an asset in the format of the ending of `path`: .glb, .gltf, .obj, .ply, .html or .tileset.json.
 ///
-/// Files that belong to it go beside it: the .bin of a glTF, the .mtl of an OBJ and the picture of its texture, a BVH, a backdrop that is wanted apart, what to collide
-/// with, levels of detail and their tileset. They get their names when all of them are complete. Existing files are replaced.
+/// Files that belong to it go beside it: the .bin of a glTF, the .mtl of an OBJ and the picture of its
+/// texture, a BVH, a separate backdrop, a collider, levels of detail and their tileset. They get their names
+/// when all of them are complete. Existing files are replaced.
 ///
 /// ```
 /// use trisplat::asset::Asset;
@@ -40,8 +41,8 @@ pub struct WrittenFiles {
 /// ```
 ///
 /// # Errors
-/// `Invalid` for a name without a known ending, or standard output for what needs several files; `TooLarge` for what the format cannot
-/// hold; `Io`.
+/// `Invalid` for a name without a known ending, or standard output for several files; `TooLarge` for a scene
+/// that exceeds the format; `Io`.
 pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<WrittenFiles> {
     let beside = Beside {
         bvh: asset.bvh.is_some(),

@@ -1,4 +1,4 @@
-//! The materials of an OBJ: which picture, or which colour, its faces have.
+//! The materials of an OBJ: the pictures or colours of its faces.
 
 use crate::error::{Error, Result};
 use crate::formats::lines::Lines;
@@ -15,10 +15,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Most libraries that a file may name: each is read whole.
+/// Most libraries of a file; each is read whole.
 const MOST_LIBRARIES: usize = 64;
 
-/// What a library says of a material.
+/// A material of a library.
 #[derive(Debug, Clone, Default, PartialEq)]
 struct Material {
     /// sRGB-encoded.
@@ -34,7 +34,7 @@ pub(super) struct Materials {
     numbers: BTreeMap<String, usize>,
     /// That of the next face.
     current: u32,
-    /// Numbers of their names; empty while there are none. `[F]`
+    /// Numbers of the faces' materials; empty without materials. `[F]`
     pub(super) of_face: Vec<u32>,
 }
 
@@ -72,8 +72,8 @@ impl Materials {
         }
     }
 
-    /// Gives `mesh`, which has no colours of its own, those of its materials; corners of faces have these places on pictures. Returns whether
-    /// any material said something. Materials are those of triangles now. `[F]`
+    /// Gives `mesh`, which has no colours, those of its materials, with the given texture coordinates.
+    /// Returns whether any material had a colour or picture. Materials are per triangle. `[F]`
     pub(super) fn apply(
         &self,
         mesh: &mut Mesh,
@@ -111,7 +111,7 @@ impl Materials {
                     .ok()
                 });
                 if picture.is_some() {
-                    // Many programs write a colour that they do not mean beside a picture: black, or grey.
+                    // Many programs write a meaningless colour beside a picture: black, or grey.
                     colors[faces.clone()].fill([1.0; 3]);
                 }
                 painted.push(PaintedFaces {
@@ -127,7 +127,7 @@ impl Materials {
         true
     }
 
-    /// What the libraries say, by the names of materials.
+    /// The materials of all libraries, by name.
     fn read(
         &self,
         path: &Path,
@@ -151,7 +151,7 @@ fn beside(path: &Path, name: &str, options: &ReadOptions) -> Result<PathBuf> {
     if path.as_os_str() == "-" {
         return refuse("which standard input cannot reach; give the file by name");
     }
-    // Some programs write the separators of Windows.
+    // Some programs write Windows separators.
     let relative = PathBuf::from(name.replace('\\', "/"));
     let outside = relative.is_absolute() || name.contains(':') || input::leaves_folder(&relative);
     if outside && !options.allow_outside {
@@ -185,7 +185,7 @@ fn library(path: &Path, options: &ReadOptions, known: &mut BTreeMap<String, Mate
     Ok(())
 }
 
-/// The name of a picture behind options such as `-clamp on` and `-s 1 1 1`; it may hold spaces.
+/// The name of a picture after options such as `-clamp on` and `-s 1 1 1`; it may hold spaces.
 fn without_options(text: &str) -> String {
     let mut rest = text.trim();
     while let Some((option, after)) =

@@ -1,32 +1,32 @@
-//! Which files go beside the scene's: backdrop, collision, levels.
+//! The files beside the scene: backdrop, collision, levels.
 
 use super::{Output, OutputFormat, OutputOptions, is_device};
 use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// Name of the node of a file that holds what to collide with.
+/// Name of the node in a file of the collider.
 const COLLISION_NODE: &str = "collision";
 
-/// What is written beside the scene.
+/// The kinds of files beside the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Beside {
     /// Its hierarchy.
     pub bvh: bool,
     /// How many levels of detail.
     pub levels: usize,
-    /// The backdrop in a file of its own.
+    /// The backdrop in a separate file.
     pub backdrop: bool,
     /// What to collide with.
     pub collision: bool,
-    /// The picture of its texture, where the format does not hold it.
+    /// The picture of its texture, if the format does not hold it.
     pub texture: bool,
 }
 
 impl Output {
-    /// The files of a scene and of all that is beside it; `format` where the name of `path` does not say. Standard output carries one file
-    /// only.
+    /// The files of a scene and all files beside it; `format` decides if the name of `path` does not.
+    /// Standard output can take only one file.
     ///
-    /// Errors: a name without a known ending; one beside which nothing can be.
+    /// Errors: a name without a known ending; an output that cannot have files beside it.
     pub fn of_scene(
         path: &Path,
         format: Option<OutputFormat>,
@@ -54,14 +54,14 @@ impl Output {
         self.levels.iter_mut().for_each(|level| level.take_picture(options));
     }
 
-    /// The same with the backdrop in a file of its own: OUT.backdrop.glb.
+    /// The same with the backdrop in a separate file: OUT.backdrop.glb.
     pub fn with_backdrop_file(mut self, options: &OutputOptions) -> Result<Self> {
         let path = self.beside("backdrop", "`backdrop` file writes one")?;
         self.backdrop = Some(Box::new(Self::plan(&path, Some(self.format), options, false)?));
         Ok(self)
     }
 
-    /// The same with what to collide with in a file of its own, OUT.collision.glb, unless the target has a node for it.
+    /// The same with the collider in a separate file, OUT.collision.glb, unless the target has a node for it.
     pub fn with_collision(mut self, options: &OutputOptions) -> Result<Self> {
         let gltf = matches!(self.format, OutputFormat::Glb | OutputFormat::Gltf);
         if gltf && options.target.has_collision_node() {
@@ -91,7 +91,7 @@ impl Output {
         Ok(self)
     }
 
-    /// OUT.PART.glb; `what` is written there, for the message where nothing can be beside the output.
+    /// OUT.PART.glb; `what` names the content in the error for outputs that cannot have files beside them.
     fn beside(&self, part: &str, what: &str) -> Result<PathBuf> {
         let alone = matches!(self.format, OutputFormat::Html | OutputFormat::Tiles);
         if alone || self.main.as_os_str() == "-" || is_device(&self.main) {

@@ -9,7 +9,7 @@ use crate::formats::tileset::{self, TilesetTile};
 use std::path::Path;
 
 impl Output {
-    /// The files, in the order of their names' publication.
+    /// The files, in the order of publication.
     pub(super) fn of_levels(&self) -> impl Iterator<Item = Option<&Path>> {
         [self.tileset.as_deref(), self.engine_levels.as_ref().map(|(path, _)| path.as_path())].into_iter()
     }
@@ -35,7 +35,7 @@ impl Output {
         root.map_or_else(String::new, |root| tileset::json(&root, &crate::report::generator()))
     }
 
-    /// What tells an engine where to draw which level.
+    /// The file that switches levels in an engine.
     ///
     /// Errors: chunks that do not hold every face once.
     pub(super) fn engine_text(&self, kind: EngineLevels, asset: &Asset) -> Result<String> {
@@ -50,7 +50,7 @@ impl Output {
         Ok(kind.text(&name, &scene))
     }
 
-    /// What an engine cannot do with the levels of this asset.
+    /// Limitations of an engine with the levels of this asset.
     pub(super) fn engine_warning(&self, kind: EngineLevels, asset: &Asset) -> Option<String> {
         let within = self.backdrop.is_none() && asset.has_backdrop();
         (kind == EngineLevels::UnrealScript && within).then(|| {

@@ -1,4 +1,4 @@
-//! Files that an earlier scene of the same name has left.
+//! Left-over files of an earlier scene of the same name.
 
 use super::{Output, is_device};
 use crate::formats::levels::EngineLevels;
@@ -23,7 +23,7 @@ impl Output {
         found.extend(parts);
         found.extend([beside("bvh"), beside("tileset.json")]);
         found.extend(EngineLevels::ALL.map(|kind| beside(kind.ending())));
-        // Godot writes settings of that name itself: only those that are as we wrote them are ours.
+        // Godot writes settings of that name itself: only unchanged ones are ours.
         let name = self.main.file_name().unwrap_or_default().to_string_lossy();
         let import =
             OutputTarget::Godot.sidecar(&name).map(|(name, text)| (self.main.with_file_name(name), text));

@@ -2,7 +2,7 @@
 
 use super::header::Scalar;
 
-/// Where a number is in a row.
+/// The place of a number in a row.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Column {
     pub(super) offset: usize,

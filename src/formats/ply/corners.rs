@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::path::Path;
 
-/// What to subtract from every position: zero, except for a scene far from the origin whose positions are doubles.
+/// The origin to subtract from every position: zero, except for double positions far from the origin.
 pub(super) fn origin(vertices: &Table) -> Result<DVec3> {
     let axes = axes(vertices)?;
     let position = |row: &[u8]| DVec3::from(axes.map(|axis| axis.f64(row)));
@@ -49,7 +49,7 @@ pub(super) fn read_positions(vertices: &Table, origin: DVec3, out: &mut [Vec3]) 
     first_error(out.par_chunks_mut(per_block).enumerate().map_init(Vec::new, read).collect())
 }
 
-/// Where the corner numbers of a face are in its row.
+/// The place of a face's corner numbers in its row.
 #[derive(Clone, Copy)]
 pub(super) struct Corners {
     count: Column,
@@ -62,8 +62,8 @@ impl Corners {
         Ok(Self { count, first })
     }
 
-    /// True when the rows, beginning with face `face`, list the corners 0, 1, 2, 3, … without
-    /// sharing any. An error names the first face that is no triangle.
+    /// True when the rows from face `face` on list the corners 0, 1, 2, 3, … without sharing. An error names
+    /// the first face that is not a triangle.
     pub(super) fn are_unshared(self, faces: &Table, rows: &[u8], face: usize) -> Result<bool> {
         if self.are_usual(faces, rows, face) {
             return Ok(true);
@@ -82,7 +82,7 @@ impl Corners {
         }
     }
 
-    /// The same for the types that every program writes, a byte and three words; false for others, too.
+    /// The same for the usual types, a byte and three words; false for others.
     fn are_usual(self, faces: &Table, rows: &[u8], face: usize) -> bool {
         let words = matches!(self.first.scalar, Scalar::I32 | Scalar::U32) && self.count.is_byte();
         let last = 3 * (face + rows.len() / faces.stride());
@@ -98,7 +98,7 @@ impl Corners {
         rows.chunks_exact(faces.stride()).enumerate().fold(true, |all, row| all & usual(row))
     }
 
-    /// The corner numbers of one face, each proven to be below `vertices`.
+    /// The corner numbers of one face, each checked to be below `vertices`.
     pub(super) fn checked(self, faces: &Table, row: &[u8], face: usize, vertices: usize) -> Result<[u32; 3]> {
         if self.count.int(row) != 3 {
             return Err(faces.error(face, not_a_triangle(self.count.int(row))));
@@ -168,7 +168,7 @@ fn read_triangles(faces: &Table, vertices: usize, path: &Path, limits: &Limits) 
     Ok(indices)
 }
 
-/// The error of the earliest block, so that the message does not depend on the threads.
+/// The error of the first block, so that the message does not depend on threads.
 pub(super) fn first_error<T: Default>(blocks: Vec<Result<T>>) -> Result<()> {
     blocks.into_iter().try_for_each(|block| block.map(|_| ()))
 }

@@ -6,7 +6,7 @@ use crate::formats::source::Source;
 use crate::input::BYTE_ORDER_MARK;
 use std::io::{BufRead, BufReader, Read};
 
-/// More than any real header; what is longer is not a PLY file or is broken.
+/// More than any real header; a longer one is not of a PLY file, or is broken.
 const LONGEST: u64 = 1 << 20;
 
 /// Elements in a file, or properties in an element.
@@ -77,7 +77,7 @@ pub(super) struct Property {
 }
 
 impl Property {
-    /// True for the list of a face's corners, by the two names in use for it.
+    /// True for the list of a face's corners, under either of its two usual names.
     pub(super) fn is_corner_list(&self) -> bool {
         self.name == "vertex_indices" || self.name == "vertex_index"
     }
@@ -86,7 +86,7 @@ impl Property {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Element {
     pub(super) name: String,
-    /// Rows promised; not to be trusted before the file's length was seen.
+    /// Rows according to the header; not trusted before the file's length is checked.
     pub(super) rows: u64,
     pub(super) properties: Vec<Property>,
 }
@@ -141,7 +141,7 @@ pub(crate) fn read(source: &mut Source) -> Result<Header> {
     Ok(Header { encoding, elements: draft.elements, comments: draft.comments, body })
 }
 
-/// A header as far as it has been read.
+/// A header during reading.
 #[derive(Default)]
 struct HeaderDraft {
     magic: bool,

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use std::io::{self, Write};
 use std::path::Path;
 
-/// The mesh, relative to `origin`; what had to be guessed or repaired is added to `warnings`.
+/// The mesh, relative to `origin`; guesses and repairs are added to `warnings`.
 pub(super) fn read(
     path: &Path,
     tables: &Tables,
@@ -71,7 +71,7 @@ fn least(alpha: [f32; 3]) -> f32 {
     if alpha.iter().any(|a| a.is_nan()) { f32::NAN } else { alpha[0].min(alpha[1]).min(alpha[2]) }
 }
 
-/// Where red, green, blue and perhaps alpha are in a row.
+/// The places of red, green, blue and perhaps alpha in a row.
 struct Channels {
     rgb: [Column; 3],
     alpha: Option<Column>,
@@ -96,7 +96,7 @@ impl Channels {
         Err(Error::unsupported(path, reason))
     }
 
-    /// Linear colours, and alpha if any of it is below 1. `[rows]`, `[rows]` or `[]`
+    /// Linear colours, and alpha if any value is below 1. `[rows]`, `[rows]` or `[]`
     fn read(
         &self,
         path: &Path,
@@ -139,7 +139,7 @@ impl Channels {
     }
 }
 
-/// A channel in [0, 1], as it is encoded in the file; NaN when it is not finite.
+/// A channel of the file in [0, 1], still encoded; NaN when it is not finite.
 fn channel(column: Column, row: &[u8], clamped: &mut Clamped) -> f32 {
     match column.scalar {
         Scalar::U8 => column.f32(row) / 255.0,
@@ -150,10 +150,11 @@ fn channel(column: Column, row: &[u8], clamped: &mut Clamped) -> f32 {
 
 /// Writes a mesh PLY: binary little-endian, sRGB colours and alpha in 8 bits.
 ///
-/// By default the colours are at the vertices, which every reader understands; where colour or
-/// opacity belongs to a face, each triangle gets three vertices shared with no other. With `face_colors` they
-/// are at the faces, vertices stay shared, and a face with different corner colours gets their
-/// linear mean. The faces of a backdrop are the last; `backdrop` in the comment counts them. Errors are those of `out`, and `InvalidInput` above 2,147,483,647 vertices.
+/// By default the colours are at the vertices, which every reader understands; with colour or opacity per
+/// face, each triangle gets three vertices of its own. With `face_colors` they are at the faces, vertices
+/// stay shared, and a face with different corner colours gets their linear mean. The faces of a backdrop are
+/// the last; `backdrop` in the comment counts them. Errors are those of `out`, and `InvalidInput` above
+/// 2,147,483,647 vertices.
 pub fn write_mesh(out: &mut dyn Write, asset: &Asset, face_colors: bool) -> io::Result<()> {
     let mesh = &asset.mesh;
     let own = mesh.indices.is_empty()
@@ -224,7 +225,7 @@ fn opacity(mesh: &Mesh, face: usize) -> f32 {
     mesh.opacity.get(face).copied().unwrap_or(1.0)
 }
 
-/// The mean of the corners, without rounding where they agree.
+/// The mean of the corners, exact when they are equal.
 fn mean([a, b, c]: [[f32; 3]; 3]) -> [f32; 3] {
     if a == b && b == c { a } else { [0, 1, 2].map(|i| (a[i] + b[i] + c[i]) / 3.0) }
 }

@@ -1,4 +1,4 @@
-//! The soup PLY: our own file of a trained scene, and a legal triangle mesh. See `docs/formats.md`.
+//! The soup PLY: our own file of a trained scene, and a valid triangle mesh. See `docs/formats.md`.
 
 use super::column::Column;
 use super::corners::{Corners, first_error, read_positions};
@@ -20,10 +20,10 @@ use rayon::prelude::*;
 use std::io::{self, Write};
 use std::path::Path;
 
-/// The property of a face that is 1 of the shell; files without one have no such property.
+/// The property of a face that is 1 for the shell; files without a shell lack it.
 const SHELL: &str = "shell";
 
-/// True when the faces carry what only a soup has.
+/// True when the faces have the properties of a soup.
 pub(super) fn is_soup(faces: &Element) -> bool {
     faces.has("sigma")
 }
@@ -62,7 +62,7 @@ pub(super) fn read(
     Ok(soup)
 }
 
-/// Which faces are the shell; none when no face says that it is.
+/// Flags of the shell's faces; empty when none is set.
 fn read_shell(faces: &Table, limits: &Limits, path: &Path) -> Result<Vec<bool>> {
     let Some(column) = faces.find(SHELL) else { return Ok(Vec::new()) };
     let mut shell = limits.zeroed::<u8>(path.display(), faces.rows())?;
@@ -105,12 +105,12 @@ fn gather(
     Ok(own)
 }
 
-/// Where the numbers of a soup are in a face's row.
+/// The places of a soup's numbers in a face's row.
 struct Columns {
     corners: Corners,
     opacity: Column,
     sigma: Column,
-    /// Red, green and blue of each coefficient that is wanted. `[K]`
+    /// Red, green and blue of each requested coefficient. `[K]`
     sh: Vec<[Column; 3]>,
     sh_degree: u8,
 }
@@ -141,7 +141,7 @@ impl Columns {
         })
     }
 
-    /// Fills everything but the vertices; true when the corners are 0, 1, 2, 3, …
+    /// Fills everything except the vertices; true when the corners are 0, 1, 2, 3, …
     fn read(&self, faces: &Table, soup: &mut Soup) -> Result<bool> {
         let (per_block, k) = (faces.rows_per_block(), self.sh.len());
         let blocks: Vec<Result<bool>> = (
@@ -192,11 +192,11 @@ fn sh_count(degree: u8) -> usize {
     (degree as usize + 1).pow(2)
 }
 
-/// Writes a soup PLY: binary little-endian, three vertices per triangle, shared with no other. `cameras` are those of the photos it
-/// was made from, in its own frame; there may be none.
+/// Writes a soup PLY: binary little-endian, three separate vertices per triangle. `cameras` are those of its
+/// photos, in its frame; the list may be empty.
 ///
-/// Errors are those of `out`, and `InvalidInput` above 715,827,882 triangles, where PLY's `int`
-/// corner numbers end. Nothing is flushed or renamed here.
+/// Errors are those of `out`, and `InvalidInput` above 715,827,882 triangles, where PLY's `int` corner
+/// numbers end. It neither flushes nor renames.
 pub fn write_soup(
     out: &mut dyn Write,
     soup: &Soup,
@@ -210,12 +210,13 @@ pub fn write_soup(
     writer.end(cameras)
 }
 
-/// Writes a soup PLY of several soups, in order, without having them all in memory: first the corners of each, then the rest of each.
+/// Writes a soup PLY of several soups, in order, without holding all in memory: first the corners of each,
+/// then the rest of each.
 pub struct SoupWriter<'a> {
     out: &'a mut dyn Write,
     /// Triangles that are to come.
     corners_left: usize,
-    /// Triangles that are written in full.
+    /// Number of completely written triangles.
     written: usize,
     count: usize,
     sh_degree: u8,
@@ -275,7 +276,7 @@ impl<'a> SoupWriter<'a> {
         })
     }
 
-    /// What comes behind all triangles.
+    /// Writes the part after all triangles.
     ///
     /// Errors: as for [`write_soup`]; fewer triangles than were announced.
     pub fn end(self, cameras: &[Camera]) -> io::Result<()> {

@@ -1,8 +1,8 @@
-//! The rows of one element at a fixed stride, little-endian: what every body is brought to.
+//! The rows of one element at a fixed stride, little-endian: the common form of every body.
 //!
-//! A binary little-endian element without lists, or of triangles and no other list, *is* such a table: it stays in the file and is read
-//! block by block, from any thread. Everything else (ascii, big-endian, polygons, other lists) is rewritten into one in memory first, see
-//! [`super::transcode`].
+//! A binary little-endian element without lists, or with only lists of triangles, has this form already: it
+//! stays in the file and is read block by block, from any thread. Everything else (ascii, big-endian,
+//! polygons, other lists) is rewritten into one in memory first, see [`super::transcode`].
 
 use super::column::Column;
 use super::header::{Element, Encoding, PropertyType, Scalar};
@@ -18,7 +18,7 @@ use std::path::Path;
 /// Bytes read at once: fits the second-level cache, large against the cost of a system call.
 const BLOCK: usize = 1 << 19;
 
-/// Where everything is in a row of an element.
+/// The layout of an element's row.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Layout {
     pub(super) stride: usize,
@@ -72,7 +72,8 @@ enum Body<'a> {
 }
 
 impl<'a> Table<'a> {
-    /// The rows of `element`, which start at byte `at`, and the byte after the last one. The file is proven to be long enough for them.
+    /// The rows of `element`, which start at byte `at`, and the byte after the last one. The file is checked
+    /// to be long enough for them.
     pub(super) fn open(
         source: &'a Source,
         encoding: Encoding,
@@ -88,13 +89,13 @@ impl<'a> Table<'a> {
             return Ok((table, end));
         }
         let out = transcode::rows(source, encoding, element, at, wanted)?;
-        // The rows were really read, so their number fits a usize.
+        // The rows were read, so their number fits a usize.
         (table.rows, table.bytes, table.polygons) =
             (element.rows as usize, Body::Memory(out.bytes), out.polygons);
         Ok((table, out.end))
     }
 
-    /// True when every row takes `stride` bytes that can be used, or skipped, as they are, as long as all faces are triangles.
+    /// True when every row takes `stride` bytes in the final form, as long as all faces are triangles.
     fn is_in_place(&self, encoding: Encoding, wanted: Wanted) -> bool {
         let is_list = |kind| matches!(kind, PropertyType::List { .. });
         let lists = self.element.properties.iter().filter(|p| is_list(p.kind)).count();
@@ -111,19 +112,19 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Takes the promised number of rows, once `left` bytes have been seen to be enough for them; false when there are polygons among
-    /// them, which make rows longer. Where those are not wanted, faces are checked when they are read.
+    /// Takes the number of rows from the header if `left` bytes suffice for them; false when polygons, which
+    /// make rows longer, are among them. If polygons are not permitted, faces are checked during reading.
     fn count_rows(&mut self, left: u64, wanted: Wanted) -> Result<bool> {
         let (rows, stride) = (self.element.rows, self.layout.stride as u64);
         let enough = rows.checked_mul(stride).is_some_and(|bytes| bytes <= left);
-        // Only rows without any property can be too many here, and those are looked at no further.
+        // Only rows without properties can be too many here, and these are not read.
         let there = if enough { rows } else { left / stride };
         self.rows = usize::try_from(there).unwrap_or(usize::MAX);
         if enough && wanted != Wanted::Polygons {
             return Ok(true);
         }
         match self.first_polygon()? {
-            // A face with fewer than three corners makes the file shorter as well: name it if there is one.
+            // A face with fewer than three corners also makes the file shorter: name it if there is one.
             Some((row, corners)) if wanted == Wanted::Polygons => {
                 check_corners(corners).map_err(|reason| self.error(row, reason))?;
                 Ok(false)
@@ -139,7 +140,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// The first face that is no triangle, and how many corners it has.
+    /// The first face that is not a triangle, and its number of corners.
     fn first_polygon(&self) -> Result<Option<(usize, i64)>> {
         let Some((count, _)) = self.layout.corners else { return Ok(None) };
         let step = self.rows_per_block();
@@ -209,7 +210,7 @@ impl<'a> Table<'a> {
         Error::malformed(self.path, format!("{} {row}", self.element.name), reason)
     }
 
-    /// `rows` rows from `first` on, read into `buffer` where they are not in memory already.
+    /// `rows` rows from `first` on, read into `buffer` if they are not in memory.
     pub(crate) fn block<'b>(
         &'b self,
         first: usize,
@@ -258,7 +259,7 @@ fn read_at(file: &File, mut out: &mut [u8], mut offset: u64) -> std::io::Result<
     Ok(())
 }
 
-/// Where no system reads at a place: one thread at a time goes there and reads.
+/// Without a system call for reading at an offset, one thread at a time seeks and reads.
 #[cfg(not(any(unix, windows)))]
 fn read_at(mut file: &File, out: &mut [u8], offset: u64) -> std::io::Result<()> {
     use std::io::{Read, Seek, SeekFrom};

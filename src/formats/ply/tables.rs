@@ -1,4 +1,4 @@
-//! Which elements of a PLY are read, and where their rows are.
+//! The elements of a PLY that are read, and the places of their rows.
 
 use super::header::{Element, Header};
 use super::table::Table;
@@ -8,14 +8,15 @@ use crate::error::{Error, Result};
 use crate::formats::source::Source;
 use crate::limits::Limits;
 
-/// The two elements every kind of triangle PLY has, and the cameras that a soup may come with.
+/// The two elements of every triangle PLY, and the optional cameras of a soup.
 pub(super) struct Tables<'a> {
     pub(super) vertices: Table<'a>,
     pub(super) faces: Table<'a>,
     pub(super) views: Option<Table<'a>>,
 }
 
-/// Finds the rows of `vertex`, `face` and `view`, checking that the file is as long as they need. `faces` says what may be a face.
+/// Finds the rows of `vertex`, `face` and `view`, checking that the file is as long as they need. `faces`
+/// says which faces are permitted.
 pub(super) fn locate<'a>(
     source: &'a Source,
     header: &'a Header,
@@ -46,7 +47,7 @@ fn check_rows(source: &Source, header: &Header, limits: &Limits) -> Result<()> {
     header.element("vertex").map_or(Ok(()), |vertex| limits.vertices(place(vertex), vertex.rows))
 }
 
-/// The rows of `vertex` alone: a cloud of points.
+/// Only the rows of `vertex`: a cloud of points.
 pub(crate) fn points<'a>(source: &'a Source, header: &'a Header, limits: &Limits) -> Result<Table<'a>> {
     check_rows(source, header, limits)?;
     let wanted =
@@ -55,7 +56,7 @@ pub(crate) fn points<'a>(source: &'a Source, header: &'a Header, limits: &Limits
     vertices.ok_or_else(|| Error::malformed(&source.path, "header", "has no element vertex"))
 }
 
-/// Walks the elements of a file up to the last that is wanted; those of `names`, where they are there.
+/// Walks the elements of a file up to the last needed one; returns those of `names` that exist.
 fn open<'a, const N: usize>(
     source: &'a Source,
     header: &'a Header,

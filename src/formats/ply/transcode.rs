@@ -1,6 +1,6 @@
-//! Rows in ascii, big-endian or of changing length, rewritten as little-endian ones of a fixed stride.
+//! Rows in ascii, big-endian or of varying length, rewritten as little-endian rows of a fixed stride.
 //!
-//! Nothing is allocated because the header promises it: memory grows with the rows really read.
+//! Memory grows with the rows read, not with the numbers in the header.
 
 use super::column::Column;
 use super::header::{Element, Encoding, PropertyType, Scalar};
@@ -10,7 +10,7 @@ use crate::formats::faces::{check_corners, not_a_triangle};
 use crate::formats::source::Source;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 
-/// What came of the rows of one element.
+/// The rewritten rows of one element.
 #[derive(Debug, Default)]
 pub(super) struct Transcoded {
     /// All single numbers and the first three corners; empty when the element was only skipped.
@@ -20,10 +20,10 @@ pub(super) struct Transcoded {
     pub(super) end: u64,
 }
 
-/// All corners of the faces that have more than three.
+/// All corners of polygons.
 #[derive(Debug, Default)]
 pub(super) struct Polygons {
-    /// Face, and where its corners end in `corners`; in order.
+    /// Faces and the ends of their corners in `corners`, in order.
     faces: Vec<(usize, usize)>,
     corners: Vec<i64>,
 }
@@ -45,7 +45,7 @@ pub(super) fn rows(
     wanted: Wanted,
 ) -> Result<Transcoded> {
     let mut out = Transcoded { end: at, ..Transcoded::default() };
-    // Rows without properties take no bytes, so any number of them may be promised.
+    // Rows without properties take no bytes, so a header may contain any number of them.
     if element.properties.is_empty() {
         return Ok(out);
     }
@@ -87,7 +87,7 @@ impl From<std::io::Error> for Fault {
 struct Input<'a> {
     reader: BufReader<&'a std::fs::File>,
     encoding: Encoding,
-    /// Byte of the file that comes next.
+    /// Next byte of the file.
     at: u64,
     len: u64,
 }
@@ -175,7 +175,7 @@ impl Input<'_> {
             return Err(Fault::End);
         }
         self.at += bytes;
-        // What is left of a file is below i64::MAX.
+        // The rest of a file is below i64::MAX.
         Ok(self.reader.seek_relative(bytes as i64)?)
     }
 

@@ -1,6 +1,6 @@
 //! The element `view` of a soup PLY: the cameras of the photos that a scene was trained on, after its faces.
 //!
-//! Named so that MeshLab, which has a `camera` of its own with other properties, skips it.
+//! The name lets MeshLab skip it, which has a `camera` with other properties.
 
 use super::column::Column;
 use super::header::{Element, Header};
@@ -13,17 +13,17 @@ use glam::{Mat3, UVec2, Vec2, Vec3};
 use std::io::{self, Write};
 
 pub(super) const NAME: &str = "view";
-/// R by rows, t, focal lengths and principal point; then the size, in whole numbers.
+/// R by rows, t, focal lengths and principal point; then the size, as integers.
 const FLOATS: [&str; 16] =
     ["r00", "r01", "r02", "r10", "r11", "r12", "r20", "r21", "r22", "tx", "ty", "tz", "fx", "fy", "cx", "cy"];
 const WHOLE: [&str; 2] = ["width", "height"];
 
-/// The element, when it is there with all that makes a camera.
+/// The element, if it exists with all properties of a camera.
 pub(super) fn element(header: &Header) -> Option<&Element> {
     header.element(NAME).filter(|e| FLOATS.iter().chain(&WHOLE).all(|p| e.has(p)))
 }
 
-/// The element's lines in the header; none of no cameras.
+/// The element's lines in the header; none without cameras.
 pub(super) fn header(cameras: &[Camera]) -> String {
     if cameras.is_empty() {
         return String::new();
@@ -45,7 +45,7 @@ pub(super) fn write(out: &mut dyn Write, cameras: &[Camera]) -> io::Result<()> {
     })
 }
 
-/// The cameras. An error names the first row that is none, or one whose pictures are too large.
+/// The cameras. An error names the first row that is invalid, or whose pictures are too large.
 pub(super) fn read(table: &Table, limits: &Limits) -> Result<Vec<Camera>> {
     let columns = |names: &[&str]| names.iter().map(|n| table.column(n)).collect::<Result<Vec<Column>>>();
     let (floats, whole) = (columns(&FLOATS)?, columns(&WHOLE)?);

@@ -3,9 +3,9 @@
 /// What is wanted of an element's rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Wanted {
-    /// Only to know where they end.
+    /// Nothing, except the end of the rows.
     Nothing,
-    /// All single numbers, and of faces three corners: any other face is an error.
+    /// All single numbers, and faces with three corners: any other face is an error.
     Triangles,
     /// All single numbers, and faces with any number of corners.
     Polygons,
