@@ -33,10 +33,10 @@ pub struct Photometric {
     pub mse: f64,
 }
 
-/// What each mean counts in the loss.
+/// Weights of the means in the loss.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct PhotometricWeights {
-    /// λ: the weight of 1 - SSIM; the difference has the rest.
+    /// λ: the weight of 1 - SSIM; the difference has the weight 1 - λ.
     pub dssim: f64,
     /// Weight of half the squared error, added to |x - y|: the gradient of an error of 1 / `square` is twice that of the smallest one.
     pub square: f64,
@@ -66,8 +66,8 @@ pub struct Scratch<R> {
 
 /// Returns the means and writes ∂loss/∂rendered.
 ///
-/// `rendered`, `photo` and `d_rendered` are `[H * W]`, rows from the top; `weight`, when given, scales what
-/// each pixel counts (a mask), `[H * W]`. The loss is a mean over all H * W pixels whatever the weights.
+/// `rendered`, `photo` and `d_rendered` are `[H * W]`, rows from the top; `weight`, when given, is a weight
+/// per pixel (a mask), `[H * W]`. The loss is still a mean over all H * W pixels.
 pub fn photometric_grad<R: LossNumber>(
     width: usize,
     rendered: &[[R; 3]],
@@ -122,7 +122,7 @@ mod tests {
         (means.value(by), grad)
     }
 
-    /// SSIM written down straight from its definition, pixel by pixel.
+    /// SSIM by its definition, pixel by pixel.
     fn plain_ssim(width: usize, x: &[[f64; 3]], y: &[[f64; 3]]) -> f64 {
         let height = x.len() / width;
         let g: Vec<f64> = (-5..=5).map(|i: i32| (-(f64::from(i * i)) / 4.5).exp()).collect();

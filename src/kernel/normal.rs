@@ -1,4 +1,4 @@
-//! Normal consistency (Huang et al. 2024, 2DGS, eq. 14): normals as drawn against those of the depth map.
+//! Normal consistency (Huang et al. 2024, 2DGS, eq. 14): drawn normals against those of the depth map.
 //!
 //! ```text
 //! A = 1 - T,  D = depth / A,  P = D · K⁻¹(p, 1)
@@ -11,10 +11,10 @@ use crate::math::real::Real;
 use crate::math::vec::V3;
 use rayon::prelude::*;
 
-/// The smallest coverage A at which a pixel has a depth.
+/// The least coverage A of a pixel with a depth.
 pub const MIN_COVERAGE: f64 = 0.1;
 
-/// The maps this loss reads, rows from the top. // each [H * W]
+/// The input maps of this loss, rows from the top. // each [H * W]
 #[derive(Debug, Clone, Copy)]
 pub struct Maps<'a, R> {
     /// Pixels per row.
@@ -65,7 +65,7 @@ pub fn normal_grad<R: Real<Mask = bool> + Send + Sync + Into<f64>>(
             if !R::of(MIN_COVERAGE).lt(coverage) {
                 return (R::of(0.0), R::of(0.0));
             }
-            // A pixel is the right neighbour of the one before it and the left one of the one after it.
+            // A pixel is the right neighbour of the previous pixel and the left neighbour of the next.
             let mut d_point = zero;
             if i >= 1 {
                 d_point = d_point + slopes(i - 1, 0);

@@ -7,7 +7,7 @@ use crate::math::vec::V3;
 /// Largest number of coefficients, (3 + 1)².
 pub const MAX_COEFFICIENTS: usize = 16;
 
-/// The basis functions in unit direction `v`, as many as `degree` has; the rest is 0.
+/// The basis functions up to `degree` in unit direction `v`; the rest is 0.
 #[inline(always)]
 pub fn basis<R: Real>(degree: u8, v: V3<R>) -> [R; MAX_COEFFICIENTS] {
     let of = R::of;

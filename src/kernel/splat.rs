@@ -12,7 +12,7 @@ pub struct CameraTriangle<R> {
     pub edges: [V3<R>; 2],
 }
 
-/// A triangle on the screen; everything but `origin` is a difference from it.
+/// A triangle on the screen; all other points are relative to `origin`.
 ///
 /// ```text
 /// ratio(p) = φ(p) / φ(s) = min_i (edge_i · (p - origin) - shift_i),  shift_0 = shift_2 = 0
@@ -43,7 +43,7 @@ pub struct DepthPlane<R> {
     pub normal: V3<R>,
 }
 
-/// ∂L of a [`Splat`] as the pixels see it: sums over them of the gradient d of ratio_i and of d · (p - origin).
+/// ∂L of a [`Splat`], summed over pixels: the gradient d of ratio_i, and d · (p - origin).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SplatGrad<R> {
     /// Sum of ∂L/∂ratio over the pixels whose nearest edge is i.
@@ -52,7 +52,7 @@ pub struct SplatGrad<R> {
     pub moment: [V2<R>; 3],
     /// ∂L/∂inradius through the fade of tiny triangles.
     pub inradius: R,
-    /// Whether the gradient passes through the normaliser φ(s); the reference code holds it constant.
+    /// Whether the gradient passes through the normaliser φ(s); the reference code treats it as constant.
     pub exact_incenter: R,
 }
 
@@ -190,7 +190,7 @@ pub fn depth_plane<R: Real>(corners: &CameraTriangle<R>, focal: V2<R>) -> DepthP
     }
 }
 
-/// The normal, not normalised, of the edges scaled to a size of one, and that scale: no square can overflow.
+/// The unnormalised normal of the edges scaled to size one, and that scale, so that no square can overflow.
 #[inline(always)]
 fn scaled_normal<R: Real>(corners: &CameraTriangle<R>) -> (V3<R>, R) {
     let [e1, e2] = corners.edges;

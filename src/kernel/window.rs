@@ -4,7 +4,7 @@
 //! I(p) = ReLU(φ(p) / φ(s))^σ,   alpha(p) = min(cap, o · I(p)),   drawn where o · I(p) >= cutoff
 //! ```
 //!
-//! Also what an engine draws: the part of each pixel that a triangle covers.
+//! Also the window of an engine: the covered part of each pixel.
 
 use crate::kernel::constants::{LN_2, RATIO_FLOOR};
 use crate::math::real::{Mask, Real};
@@ -22,7 +22,7 @@ pub fn ratio<R: Real>(ratios: &[R; 3]) -> R {
     ratios[0].min(ratios[1]).min(ratios[2])
 }
 
-/// Which edge is the nearest: exactly one of three, the first in a tie.
+/// Flags the nearest edge: exactly one of three, the first in a tie.
 #[inline(always)]
 pub fn nearest<R: Real>(ratios: &[R; 3]) -> [R::Mask; 3] {
     let first = ratios[0].le(ratios[1]).and(ratios[0].le(ratios[2]));
@@ -40,15 +40,15 @@ pub fn ratio_floor<R: Real>(log2_opacity: R, sigma: R, log2_cutoff: R) -> R {
 
 /// Alpha before the cap, o · ratio^σ. Domain: ratio >= [`RATIO_FLOOR`].
 ///
-/// On a needle rounding may bring the ratio above 1. A large σ then makes a power beyond the domain of exp2. No alpha
-/// is above 1, so the exponent is clamped where that changes none.
+/// On a needle, rounding may raise the ratio above 1, and a large σ then leaves the domain of exp2. Alpha
+/// never exceeds 1, so clamping the exponent there changes nothing.
 #[inline(always)]
 pub fn alpha<R: Real>(log2_ratio: R, log2_opacity: R, sigma: R) -> R {
     sigma.mul_add(log2_ratio, log2_opacity).min(R::of(1.0)).exp2()
 }
 
-/// The mean of I over the triangle: the distance from the nearest edge has the density 2 (1 - φ) over it, so that the integral
-/// of φ^σ is 2 / ((σ + 1) (σ + 2)).
+/// The mean of I over the triangle: the distance φ from the nearest edge has the density 2 (1 - φ), so the
+/// integral of φ^σ is 2 / ((σ + 1) (σ + 2)).
 pub fn mean_window(sigma: f32) -> f32 {
     2.0 / ((sigma + 1.0) * (sigma + 2.0))
 }
@@ -60,8 +60,8 @@ pub fn alpha_grad<R: Real>(ratio: R, log2_ratio: R, sigma: R, ratio_least: R, d_
     (d_log * log2_ratio * R::of(LN_2), d_log * sigma / ratio.max(ratio_least))
 }
 
-/// The smallest distance inside the edges, px, that is drawn with [`sigmoid`]: where o · I falls to
-/// `cutoff`. Negative when faint parts lie outside the triangle.
+/// The smallest distance inside the edges, px, that is drawn with [`sigmoid`]: where o · I falls to `cutoff`.
+/// Negative when the window extends beyond the triangle.
 #[inline(always)]
 pub fn sigmoid_floor<R: Real>(log2_opacity: R, sigma: R, log2_cutoff: R) -> R {
     // I = 2^l at the cutoff, and sigmoid(x) = I where x = ln(I / (1 - I)).
@@ -69,7 +69,7 @@ pub fn sigmoid_floor<R: Real>(log2_opacity: R, sigma: R, log2_cutoff: R) -> R {
     sigma * R::of(LN_2) * (window / (R::of(1.0) - window)).log2()
 }
 
-/// The window of earlier work that the paper compares with (its supplement, ablations), -φ(p) = `distance`, px:
+/// The window of earlier work in the paper's ablations (supplement), -φ(p) = `distance`, px:
 ///
 /// ```text
 /// I(p) = sigmoid(-φ(p) / σ)
@@ -94,15 +94,15 @@ pub fn sigmoid_grad<R: Real>(distance: R, sigma: R, d_log: R) -> (R, R) {
 /// ```text
 /// c = 1 - Σ_i max(0, 1/2 - d_i)
 /// ```
-/// Exact for a box filter across an edge parallel to an axis and for strips of any width; where the pixel
-/// holds a corner it is a lower bound, so that thin triangles do not grow beyond their tips.
+/// Exact for a box filter across an edge parallel to an axis and for strips of any width. In pixels with a
+/// corner it is a lower bound, so thin triangles do not extend beyond their tips.
 #[inline(always)]
 pub fn coverage<R: Real>(distances: &[R; 3]) -> R {
     let outside = |d: R| (R::of(0.5) - d).max(R::of(0.0));
     R::of(1.0) - outside(distances[0]) - outside(distances[1]) - outside(distances[2])
 }
 
-/// Which edges cut the pixel: ∂c/∂d_i is 1 for those and 0 for the others. Domain: c > 0.
+/// Flags the edges that cut the pixel: ∂c/∂d_i is 1 for these and 0 for the others. Domain: c > 0.
 #[inline(always)]
 pub fn coverage_edges<R: Real>(distances: &[R; 3]) -> [R::Mask; 3] {
     distances.map(|d| d.lt(R::of(0.5)))

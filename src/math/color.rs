@@ -56,7 +56,7 @@ mod tests {
             let x = f64::from(i) / 1000.0;
             let ((linear, slope), (back, inverse)) = (decode(x), encode(decode(x).0));
             assert!((linear - f64::from(linear_from_srgb(x as f32))).abs() < 1e-6, "{x}");
-            // The two pieces of the standard's curves meet to seven digits only.
+            // The two pieces of the standard's curve agree only to seven digits where they meet.
             assert!((back - x).abs() < 1e-7 && (slope * inverse - 1.0).abs() < 1e-6, "{x}");
             let h = 1e-6;
             if (x - 0.040_45).abs() > 1e-3 {

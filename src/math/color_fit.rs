@@ -1,25 +1,25 @@
-//! The affine map of colours that brings a picture closest to another.
+//! The affine colour map between two pictures with the least error.
 //!
-//! A photo that no training saw has an exposure and a white balance that nothing can know. After the map, which has 12
-//! numbers per picture, what is left of the error is the scene's. It is fitted on sRGB-encoded colours, as the errors are
-//! measured there.
+//! The exposure and white balance of a held-out photo are unknown to the scene. After the map, with 12
+//! numbers per picture, the remaining error is the scene's own. It is fitted on sRGB-encoded colours, because
+//! errors are measured on them.
 
 use glam::{DMat4, DVec3, DVec4};
 
-/// Weight of the map that changes nothing, as a share of that of the picture: it decides what a picture of few colours leaves
-/// open.
+/// Weight of the identity map, as a share of the picture's weight: it determines the directions that a
+/// picture of few colours leaves open.
 const RIDGE: f64 = 1e-6;
 
 /// A map of sRGB-encoded colours, 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ColorMap {
-    /// What each channel gets of red, green, blue and 1.
+    /// Factors of red, green, blue and 1 for each channel.
     rows: [DVec4; 3],
 }
 
 impl ColorMap {
-    /// The map that brings `from` closest to `to`, by least squares. Weights per pixel, 255 counting fully, exclude what a mask
-    /// hides; `None` counts everything. The pictures must have the same number of pixels.
+    /// The map that brings `from` closest to `to`, by least squares. Weights per pixel, 0 to 255, exclude
+    /// masked pixels; `None` weights all equally. The pictures must have the same number of pixels.
     pub fn fit(from: &[[u8; 3]], to: &[[u8; 3]], weights: Option<&[u8]>) -> Self {
         assert_eq!(from.len(), to.len(), "pictures of different sizes");
         let mut matrix = DMat4::ZERO;

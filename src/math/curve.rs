@@ -2,8 +2,9 @@
 
 use glam::DVec3;
 
-/// The points along a Morton curve through their bounding box (meshoptimizer's spatial sort); points in one place keep their
-/// order, and points that are not finite count as being in a corner of the box. Entry i is the point that comes i-th. `[N]`
+/// The points along a Morton curve through their bounding box (meshoptimizer's spatial sort); equal points
+/// keep their order, and points that are not finite count as a corner of the box. Entry i is the i-th point
+/// of the order. `[N]`
 pub fn along_curve(points: &[DVec3]) -> Vec<u32> {
     let finite = || points.iter().filter(|p| p.is_finite());
     let (min, max) =

@@ -2,11 +2,11 @@
 
 use glam::{DMat3, DVec3};
 
-/// Sweeps over the three off-diagonal elements; each squares the error, so that five are enough for an f64.
+/// Sweeps over the three off-diagonal elements; each squares the error, so five suffice for f64.
 const SWEEPS: usize = 12;
 
-/// Eigenvalues, smallest first, and their orthonormal eigenvectors, by Jacobi's rotations. The signs of the vectors
-/// mean nothing.
+/// Eigenvalues, smallest first, and their orthonormal eigenvectors, by Jacobi's rotations. The signs of the
+/// vectors are arbitrary.
 pub fn symmetric_eigen(matrix: DMat3) -> [(f64, DVec3); 3] {
     let mut a = matrix.to_cols_array_2d();
     let mut v = DMat3::IDENTITY.to_cols_array_2d();

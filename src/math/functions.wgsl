@@ -1,6 +1,6 @@
 // The twins of math/lanes/poly.rs and math/color.rs. Constants come from Rust: math/wgsl.rs.
 
-// False for an infinity and for a NaN, which a comparison may not tell apart on every card.
+// False for infinities and NaN, which comparisons do not detect on every card.
 fn is_finite(x: f32) -> bool {
     return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u;
 }
@@ -32,7 +32,7 @@ fn exp2_lane(x: f32) -> f32 {
     return bitcast<f32>(bitcast<u32>(p) + (bitcast<u32>(i32(whole)) << 23u));
 }
 
-// e to the power of x, held to the range of exp2_lane.
+// e to the power of x, clamped to the range of exp2_lane.
 fn exp_lane(x: f32) -> f32 {
     return exp2_lane(clamp(x / LN_2, -126.0, 126.0));
 }

@@ -25,7 +25,7 @@ pub fn prefetch<T>(value: &T) {
 /// Instruction sets that have their own code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum SimdLevel {
-    /// What every CPU of the target has.
+    /// The instructions of every CPU of the target.
     Portable,
     /// AVX2 and FMA, two registers.
     Avx2,
@@ -38,8 +38,8 @@ thread_local! {
     static MOST: Cell<SimdLevel> = const { Cell::new(SimdLevel::Avx512) };
 }
 
-/// Does `work` with [`level`] at most `most` on this thread: to compare instruction sets. This does not apply to other threads,
-/// such as those of a pool that `work` uses.
+/// Does `work` with [`level`] at most `most`, to compare instruction sets. This affects only this thread, not
+/// those of a pool.
 pub fn with_at_most<T>(most: SimdLevel, work: impl FnOnce() -> T) -> T {
     let before = MOST.replace(most);
     let out = work();
@@ -71,7 +71,7 @@ pub fn dispatch<W: Work>(work: W) -> W::Output {
     dispatch_at(level(), work)
 }
 
-/// Runs `work` on the lanes of `wanted`, or on the best this CPU has below it.
+/// Runs `work` on the lanes of `wanted`, or on the next lower level of this CPU.
 #[inline]
 pub fn dispatch_at<W: Work>(wanted: SimdLevel, work: W) -> W::Output {
     #[cfg(target_arch = "x86_64")]

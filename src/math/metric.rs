@@ -1,8 +1,8 @@
 //! Image metrics between a picture and a photo: PSNR, SSIM and FLIP on 8-bit sRGB pixels.
 //!
-//! The conventions are those of 3DGS and everything measured against it: PSNR over all channels of one
-//! image, SSIM of Wang et al. 2004 with an 11x11 Gaussian, σ 1.5, zero padding, mean over channels.
-//! A weight per pixel (255 counts fully) excludes what a mask hides; `None` counts everything.
+//! The conventions are those of 3DGS and everything measured against it: PSNR over all channels of one image,
+//! SSIM of Wang et al. 2004 with an 11x11 Gaussian, σ 1.5, zero padding, mean over channels. A weight per
+//! pixel, 0 to 255, excludes masked pixels; `None` weights all equally.
 
 use crate::math::ssim::{Factors, TAPS, factors, window};
 use glam::UVec2;
@@ -22,8 +22,8 @@ pub fn psnr(a: &[[u8; 3]], b: &[[u8; 3]], weights: Option<&[u8]>) -> f64 {
     -10.0 * (mean / (255.0 * 255.0)).max(LEAST_SQUARED_ERROR).log10()
 }
 
-/// Structural similarity in [-1, 1], 1 for equal pictures.
-/// The mean over pixels and channels of what [`crate::math::ssim`] defines.
+/// Structural similarity in [-1, 1], 1 for equal pictures. The mean over pixels and channels of the SSIM of
+/// [`crate::math::ssim`].
 pub fn ssim(size: UVec2, a: &[[u8; 3]], b: &[[u8; 3]], weights: Option<&[u8]>) -> f64 {
     let width = size.x as usize;
     assert_eq!(a.len(), width * size.y as usize, "the size is not the picture's");
@@ -40,7 +40,7 @@ pub fn flip(size: UVec2, reference: &[[u8; 3]], test: &[[u8; 3]], weights: Optio
     mean_error(&flip_map(size, reference, test), weights)
 }
 
-/// FLIP error of every pixel; all NaN when the size is not the pictures'. `[H * W]`
+/// FLIP error of every pixel; all NaN when the size does not match the pictures. `[H * W]`
 pub fn flip_map(size: UVec2, reference: &[[u8; 3]], test: &[[u8; 3]]) -> Vec<f32> {
     let picture = |rgb: &[[u8; 3]]| {
         flip_rs::RgbImage::new(size.x as usize, size.y as usize, rgb.as_flattened().to_vec())
@@ -97,12 +97,12 @@ fn ssim_of_moments(&[ma, mb, aa, bb, ab]: &[f64; 5]) -> f64 {
     (luminance * structure) / (means * variances)
 }
 
-/// Mean of `values`, each counted by its weight; 0 when nothing counts.
+/// Weighted mean of `values`; 0 when all weights are 0.
 fn weighted_mean(values: impl Iterator<Item = f64>, weights: Option<&[u8]>) -> f64 {
     let (mut sum, mut total) = (0.0, 0.0);
     for (i, value) in values.enumerate() {
         let weight = weights.map_or(1.0, |w| f64::from(w[i]) / 255.0);
-        // Skipped, not multiplied by zero: a hidden pixel may hold anything.
+        // Skipped instead of multiplied by zero, because a masked pixel may have any value.
         if weight > 0.0 {
             sum += weight * value;
             total += weight;

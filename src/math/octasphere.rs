@@ -1,4 +1,4 @@
-//! A sphere of triangles: an octahedron whose faces are subdivided into four, again and again.
+//! A sphere of triangles: an octahedron whose faces are repeatedly subdivided into four.
 
 use glam::Vec3;
 use std::collections::HashMap;

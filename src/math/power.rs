@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-/// The exponent as an f32 has it, so that files stay bitwise the same.
+/// The exponent rounded to f32, so that files stay bitwise the same.
 const EXPONENT: f64 = 2.4f32 as f64;
 
 /// The binomial coefficients of the exponent, from the first on.
@@ -22,8 +22,8 @@ const SERIES: [f64; 5] = {
 /// x = t (1 + r):  x^2.4 = t^2.4 (1 + 2.4 r + 1.68 r^2 + 0.224 r^3 - 0.0336 r^4 + 0.010752 r^5 - ...)
 /// ```
 ///
-/// with t the start of one of 128 steps per octave, so that r < 2^-7 and what follows the last term is less than 2e-15. In f64, so that one
-/// rounding is left.
+/// with t the start of one of 128 steps per octave. So r < 2^-7, and the remainder is less than 2e-15. It is
+/// computed in f64 and rounded once.
 #[inline(always)]
 pub(super) fn power_2_4(x: f32) -> f32 {
     debug_assert!((SMALLEST..=1.0).contains(&x), "{x}");
@@ -38,7 +38,7 @@ pub(super) fn power_2_4(x: f32) -> f32 {
 const SMALLEST: f32 = 1.0 / 16.0;
 /// Arguments of a step share sign, exponent and 7 bits of the mantissa.
 const STEP_SHIFT: u32 = 23 - 7;
-/// Steps up to 1, which begins one more.
+/// Number of steps below 1; 1 begins another.
 const COUNT: usize = ((1.0f32.to_bits() - SMALLEST.to_bits()) >> STEP_SHIFT) as usize + 1;
 
 /// Arguments from t on.
@@ -79,7 +79,8 @@ mod tests {
         let differ =
             |most: f64| all().filter(|x| code(power_2_4(*x), most) != code(x.powf(2.4), most)).count();
         assert_eq!(differ(255.0), 0);
-        // `powf` is not always nearest: of 16-bit codes fewer than one in a million is another, the right one.
+        // `powf` is not always the nearest value: fewer than one 16-bit code in a million differs, and ours
+        // is right.
         assert!(differ(65535.0) < all().count() / 1_000_000, "{}", differ(65535.0));
     }
 }

@@ -36,7 +36,7 @@ pub trait Real:
 
     /// The constant `value`, rounded, in every lane.
     fn of(value: f64) -> Self;
-    /// `self * factor + term`; fused or not, whichever is faster here.
+    /// `self * factor + term`; fused or not, whichever is faster.
     fn mul_add(self, factor: Self, term: Self) -> Self;
     /// Square root.
     fn sqrt(self) -> Self;

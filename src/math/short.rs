@@ -1,6 +1,6 @@
 //! Numbers of three digits, for axes.
 
-/// A number as axes show it: three digits, then k, M or G. 20000 as "20k", 1234567 as "1.23M", 0.5 as "0.5".
+/// A number for axes: three digits, then k, M or G. 20000 as "20k", 1234567 as "1.23M", 0.5 as "0.5".
 pub fn short(value: f64) -> String {
     let (unit, letter) = match value.abs() {
         size if size >= 0.9995e9 => (1e9, "G"),

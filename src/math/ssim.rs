@@ -1,4 +1,4 @@
-//! SSIM (Wang et al. 2004) with the conventions of 3DGS: what the loss and the metric share.
+//! SSIM (Wang et al. 2004) with the conventions of 3DGS, shared by the loss and the metric.
 //!
 //! ```text
 //! ssim = (2 μa μb + C1) (2 σab + C2) / ((μa² + μb² + C1) (σa² + σb² + C2))

@@ -1,4 +1,4 @@
-//! Vectors of any [`Real`], just what the kernels need.
+//! Vectors of any [`Real`], for the kernels.
 
 use crate::math::real::Real;
 use std::ops::{Add, Neg, Sub};

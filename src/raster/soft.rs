@@ -59,7 +59,7 @@ pub struct Soft {
     weights: Vec<WeightSlot>,
     frame: Frame,
     timings: Vec<(&'static str, f64)>,
-    /// Pairs of splats and tiles that are drawn at once; tests ask for few.
+    /// Most pairs of splats and tiles drawn at once; tests set fewer.
     pairs_per_slab: u64,
 }
 
@@ -78,7 +78,7 @@ impl Default for Soft {
     }
 }
 
-/// A stopwatch for the parts of a frame.
+/// Measures the time of each part of a frame.
 struct Clock(Instant);
 
 impl Clock {
@@ -98,12 +98,12 @@ impl Clock {
 }
 
 impl Soft {
-    /// A rasteriser without scratch memory yet.
+    /// A rasteriser without scratch memory.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Draws `soup` as `camera` sees it. The same bits for any number of threads.
+    /// Draws the view of `camera` of `soup`, with the same bits for any number of threads.
     pub fn render(&mut self, soup: &SoupRef, camera: &Camera, options: &SoftOptions) -> &Frame {
         self.timings.clear();
         let mut clock = Clock::new();
@@ -151,14 +151,14 @@ impl Soft {
         &self.frame
     }
 
-    /// Adds the last frame, drawn with `options.importance`, to `out`, which is reset first when it has
-    /// another number of triangles.
+    /// Adds the last frame, drawn with `options.importance`, to `out`; `out` is first reset if its number of
+    /// triangles differs.
     pub fn accumulate_importance(&self, out: &mut Importance) {
         out.accumulate(&self.projection, &self.tiles, &self.weights);
     }
 
-    /// Layers that were drawn on each pixel of the last frame, by drawing its tiles again; options must
-    /// be those of the last [`render`](Self::render). `[height * width]`
+    /// Number of layers drawn on each pixel of the last frame, by drawing its tiles again; options must be
+    /// those of the last [`render`](Self::render). `[height * width]`
     pub fn contributions(&self, options: &SoftOptions) -> Vec<u32> {
         contributions::contributions(&self.projection.splats, &self.tiles, options)
     }

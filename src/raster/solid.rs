@@ -1,11 +1,11 @@
-//! The solid rasteriser: what an engine draws, defined on the CPU.
+//! The solid rasteriser: defines an engine's picture, on the CPU.
 //!
 //! ```text
 //! faces ──► project, clip, bin ──► tiles ──► fill (nearest face of every sample) ──► resolve ──► Pixels
 //!                                                                              └──► export ──► Visibility
 //! ```
 //!
-//! The definition that every other renderer of this project is compared with:
+//! Every other renderer of this project is compared with this definition:
 //!
 //! * A triangle is clipped at the near plane and at a guard band far outside the picture; both sides are drawn;
 //!   opacity is ignored: everything is opaque.
@@ -55,7 +55,7 @@ pub struct Solid {
     batches: Vec<Batch>,
     visibility: Visibility,
     timings: Vec<(&'static str, f64)>,
-    /// Pairs of triangles and tiles that are in the bins at once; tests ask for few.
+    /// Most pairs of triangles and tiles in the bins at once; tests set fewer.
     pairs_per_round: usize,
 }
 
@@ -71,12 +71,12 @@ impl Default for Solid {
 }
 
 impl Solid {
-    /// A rasteriser without scratch memory yet.
+    /// A rasteriser without scratch memory.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// The picture that `camera` sees, in 8 bits. The same bytes for any number of threads.
+    /// The picture of `camera`, in 8 bits. The same bytes for any number of threads.
     ///
     /// The mesh must be valid ([`Mesh::validate_shape`]) and the options valid for the camera's size.
     pub fn render(&mut self, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) -> Pixels {
@@ -102,8 +102,8 @@ impl Solid {
         &self.visibility
     }
 
-    /// What every sample sees of the faces of each plane: face f belongs to plane `plane_of[f]` of `planes`. Tiles are
-    /// given to `on_tile` several at a time and in any order. `[F]`
+    /// The nearest face of each plane at every sample: face f belongs to plane `plane_of[f]` of `planes`.
+    /// Tiles are given to `on_tile` several at a time and in any order. `[F]`
     pub fn planes(
         &mut self,
         mesh: &Mesh,
@@ -118,7 +118,7 @@ impl Solid {
     }
 
     /// Wall time of every part of the last frame, ms: "bin", "fill", "resolve". The last two alternate, tile
-    /// by tile; each gets its share. Where faces need several rounds, these are part of "bin".
+    /// by tile; each gets its share. Several rounds count as part of "bin".
     pub fn timings(&self) -> &[(&'static str, f64)] {
         &self.timings
     }

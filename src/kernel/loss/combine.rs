@@ -14,8 +14,8 @@ pub(super) struct DifferenceScales<R> {
     pub(super) square: R,
 }
 
-/// Pass 3: the gradient maps blurred along y, put together with the pictures and the gradient by their difference.
-/// Returns the weighted sums of |x - y| and (x - y)².
+/// Pass 3: the gradient maps blurred along y, combined with the pictures and the gradient by their
+/// difference. Returns the weighted sums of |x - y| and (x - y)².
 #[allow(clippy::too_many_arguments)]
 pub(super) fn combine_rows<R: LossNumber>(
     taps: &[R; TAPS],

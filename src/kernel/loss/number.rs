@@ -3,7 +3,7 @@
 use crate::math::real::Real;
 use std::ops::AddAssign;
 
-/// What the loss needs of a number; f32 trains, f64 proves the gradient.
+/// The number type of the loss: f32 for training, f64 for testing the gradient.
 pub trait LossNumber: Real<Mask = bool> + Default + Send + Sync + PartialOrd + Into<f64> + AddAssign {}
 impl LossNumber for f32 {}
 impl LossNumber for f64 {}

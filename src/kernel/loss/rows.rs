@@ -7,7 +7,7 @@ use crate::math::ssim::TAPS;
 const REACH: usize = TAPS / 2;
 /// Numbers of padding on each side of an interleaved row.
 pub(super) const PAD: usize = REACH * 3;
-/// Values worked on at a time: what fits the registers of any CPU.
+/// Values per step; they fit the registers of any CPU.
 const BLOCK: usize = 32;
 
 /// The weighted sum of rows that start at the same place: `out[i] = Σ tap_k · row_k[i]`.

@@ -1,4 +1,4 @@
-//! What SIMD values can do, and the work that is done with them.
+//! The operations of SIMD values, and work that uses them.
 
 use crate::math::real::Real;
 
@@ -44,8 +44,8 @@ pub trait Lanes: Real {
     }
 }
 
-/// Work that runs on any [`Lanes`]. `run` and all it calls must be `#[inline(always)]` to be compiled for each CPU
-/// level; closures and `[T; N]::map` over lanes may not be inlined and then cost ten times their work.
+/// Work that runs on any [`Lanes`]. `run` and all it calls must be `#[inline(always)]` to be compiled for
+/// each CPU level; closures and `[T; N]::map` over lanes may not be inlined, which takes ten times as long.
 pub trait Work {
     /// Its result.
     type Output;

@@ -72,7 +72,7 @@ impl Work for TileBackward<'_> {
     }
 }
 
-/// A tile's ∂L/∂(depth, median, distortion, normal), and what the forward pass left.
+/// A tile's ∂L/∂(depth, median, distortion, normal), and the results of the forward pass.
 struct GeometryGrad<'a> {
     depth: TileChannel,
     median: TileChannel,
@@ -277,7 +277,7 @@ struct TileState {
     error: TileChannel,
 }
 
-/// A splat in every lane, with what its gradient needs.
+/// A splat in every lane, with the values for its gradient.
 struct BackwardSplat<'a, L> {
     broadcast: BroadcastSplat<L>,
     plane: Option<(&'a GeometryGrad<'a>, BroadcastPlane<L>)>,

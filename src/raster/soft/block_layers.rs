@@ -1,7 +1,8 @@
-//! Per-pixel order: the layers of a block's pixels, each pixel's sorted by the depth of the planes there.
+//! Order per pixel: the layers of each pixel of a block, sorted by the depth of their planes there.
 //!
-//! Every layer is kept, so the order is exact, intersecting triangles included. Only the transmittance depends
-//! on the order; everything else is summed layer by layer as usual, once [`BlockLayers::replay`] has found it.
+//! Every layer is kept, so the order is exact, intersecting triangles included. Only the transmittance
+//! depends on the order. After [`BlockLayers::replay`] has computed it, everything else is summed layer by
+//! layer as usual.
 
 use super::broadcast::{BlockShade, BroadcastPlane, BroadcastSplat, PixelLimits};
 use super::options::{SoftOptions, Window};
@@ -18,7 +19,7 @@ use glam::UVec2;
 pub(super) struct BlockLayer {
     /// Its entry in the tile.
     pub(super) entry: usize,
-    /// Pixels it is drawn on, one bit each.
+    /// Pixels where it is drawn, one bit each.
     pub(super) drawn: u16,
     inv_depth: [f32; LANES],
     alpha: [f32; LANES],
@@ -30,8 +31,8 @@ pub(super) struct BlockLayer {
     pub(super) behind: [f32; LANES],
 }
 
-/// Depth of the occluder of each pixel of a block, for early termination: one layer whose alpha alone ends the
-/// pixel, or two that do so together, whatever lies in front of them. Layers behind it are never seen.
+/// Depth of the occluder of each pixel of a block, for early termination: one layer whose alpha ends the
+/// pixel, or two that do so together. Layers behind it are never visible.
 struct OccluderDepth<L> {
     /// 1 / depth of the occluder, 0 where there is none.
     inv_depth: L,
@@ -63,7 +64,7 @@ impl<L: Lanes> OccluderDepth<L> {
 
 /// The nearest layer at each pixel of a block.
 struct FrontLayer<L> {
-    /// Pixels that have one; at the others nothing is blended.
+    /// Pixels with a layer; at the others nothing is blended.
     lanes: u16,
     which: L,
     alpha: L,
@@ -74,7 +75,7 @@ struct FrontLayer<L> {
 #[derive(Debug, Default)]
 pub(super) struct BlockLayers {
     layers: Vec<BlockLayer>,
-    /// Pixels at which each layer is still to be blended.
+    /// Pixels where each layer is not blended yet.
     left: Vec<u16>,
     corner: [f32; 2],
     cap: f32,
@@ -143,8 +144,8 @@ impl BlockLayers {
         PixelLimits { cap, min_transmittance, window: self.window }
     }
 
-    /// Blends every pixel in its own order, ties by index: sets what is in front of and behind every layer, and
-    /// leaves out the layers behind the one that ends a pixel.
+    /// Blends every pixel in its own order, ties by index. Sets the light in front of and the sum behind
+    /// every layer, and omits layers behind the one that ends a pixel.
     ///
     /// Each round takes the nearest remaining layer of all sixteen pixels at once; pixels of opaque scenes have few.
     #[inline(always)]

@@ -1,4 +1,4 @@
-//! A splat broadcast to the sixteen pixels of a block: what forward and backward share.
+//! A splat broadcast to the sixteen pixels of a block, for the forward and backward passes.
 
 use super::options::{SoftOptions, Window};
 use super::splats::SplatRecord;
@@ -50,7 +50,7 @@ impl<L: Lanes> PixelLimits<L> {
     }
 }
 
-/// What a splat gives on the sixteen pixels of a block.
+/// A splat's contribution to the sixteen pixels of a block.
 #[derive(Clone, Copy)]
 pub(super) struct BlockShade<L: Lanes> {
     /// p - origin, px.
@@ -59,7 +59,7 @@ pub(super) struct BlockShade<L: Lanes> {
     /// The ratio, the coverage, or the distance from the nearest edge in px.
     pub(super) ratio: L,
     pub(super) log2_ratio: L,
-    /// Alpha before the cap; anything where not drawn.
+    /// Alpha before the cap; arbitrary where not drawn.
     pub(super) raw: L,
     /// Alpha, 0 where not drawn.
     pub(super) alpha: L,

@@ -1,4 +1,4 @@
-//! How many layers make up each pixel (Held et al. 2025, supplement, "Number of contributions per pixel").
+//! The number of layers of each pixel (Held et al. 2025, supplement, "Number of contributions per pixel").
 
 use super::broadcast::{BroadcastSplat, PixelLimits};
 use super::options::SoftOptions;
@@ -35,7 +35,7 @@ pub(super) fn contributions(splats: &Splats, tiles: &Tiles, options: &SoftOption
 /// One tile.
 struct CountTile<'a> {
     splats: &'a Splats,
-    /// After the forward pass: with the blocks in which each splat was drawn.
+    /// Runs after the forward pass, with the blocks where each splat was drawn.
     entries: &'a [TileEntry],
     corner: UVec2,
     size: UVec2,

@@ -14,20 +14,20 @@ use crate::math::real::Mask;
 use glam::UVec2;
 use rayon::prelude::*;
 
-/// Which of the splats are drawn at once.
+/// The part of the splats that is drawn at once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Slab {
     /// All of them.
     Whole,
-    /// The nearest ones: the pixels are blank before.
+    /// The nearest ones, onto blank pixels.
     First,
-    /// Those behind what the pixels show already.
+    /// Those behind the layers drawn already.
     Next,
 }
 
-/// Draws all tiles into `pixels`. Leaves in the entries the blocks in which each splat was drawn, and in `weights`,
-/// when the options ask for it, what each entry weighs. The background follows only behind the whole; else it is
-/// left to [`background`].
+/// Draws all tiles into `pixels`. Writes the blocks where each splat was drawn into the entries and, if the
+/// options require it, the weight of each entry into `weights`. Draws the background only for a frame in one
+/// part; otherwise [`background`] does.
 pub(super) fn draw(
     splats: &Splats,
     tiles: &mut Tiles,
@@ -75,7 +75,7 @@ impl Work for DrawBackground<'_> {
 struct DrawTile<'a> {
     splats: &'a Splats,
     entries: &'a mut [TileEntry],
-    /// Empty when no importance is asked for.
+    /// Empty without importance.
     weights: &'a mut [WeightSlot],
     pixels: &'a mut TilePixels,
     corner: UVec2,
@@ -208,7 +208,7 @@ impl DrawTile<'_> {
     }
 }
 
-/// A splat in every lane, with what blending it needs.
+/// A splat in every lane, with the values for blending.
 struct ForwardSplat<L> {
     broadcast: BroadcastSplat<L>,
     plane: Option<BroadcastPlane<L>>,
@@ -252,7 +252,8 @@ impl TilePixels {
         }
     }
 
-    /// Adds a layer to all but the transmittance; returns its weight and the transmittance behind it.
+    /// Adds a layer to everything except the transmittance; returns its weight and the transmittance behind
+    /// it.
     #[inline(always)]
     fn blend<L: Lanes>(
         &mut self,

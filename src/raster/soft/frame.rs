@@ -1,9 +1,9 @@
-//! What the soft rasteriser draws, and the gradient of a loss with respect to it.
+//! The frame of the soft rasteriser, and the gradient of a loss with respect to it.
 
 use crate::image::Pixels;
 use glam::UVec2;
 
-/// What a camera sees. `[height * width]`, row by row
+/// The view of a camera. `[height * width]`, row by row
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Frame {
     /// Width and height, px.
@@ -12,13 +12,13 @@ pub struct Frame {
     pub rgb: Vec<[f32; 3]>,
     /// Transmittance T behind the last layer: the visible part of the background.
     pub transmittance: Vec<f32>,
-    /// Σ w z; divide by 1 - transmittance for the expected depth. Empty unless asked for.
+    /// Σ w z; divide by 1 - transmittance for the expected depth. Empty unless requested.
     pub depth: Vec<f32>,
-    /// Depth at which the transmittance falls below 1/2, 0 where it never does. Empty unless asked for.
+    /// Depth at which the transmittance falls below 1/2, 0 where it never does. Empty unless requested.
     pub median_depth: Vec<f32>,
-    /// Σ w n in camera space, n towards the camera. Empty unless asked for.
+    /// Σ w n in camera space, n towards the camera. Empty unless requested.
     pub normal: Vec<[f32; 3]>,
-    /// Σ_{j<k} w_j w_k (m_j - m_k)², m the mapped depth. Empty unless asked for.
+    /// Σ_{j<k} w_j w_k (m_j - m_k)², m the mapped depth. Empty unless requested.
     pub distortion: Vec<f32>,
 }
 
@@ -44,6 +44,6 @@ pub struct FrameGrad {
     pub d_normal: Vec<[f32; 3]>,
     /// ∂L/∂distortion.
     pub d_distortion: Vec<f32>,
-    /// Not a gradient: an error per pixel, which is distributed over the triangles it shows by their weights.
+    /// Not a gradient: an error per pixel, which is distributed over the triangles there by weight.
     pub error: Vec<f32>,
 }

@@ -29,7 +29,7 @@ struct GradRows<'a> {
     k: usize,
 }
 
-/// The sums of the backward pass, and where each splat's are.
+/// The sums of the backward pass, and the place of each splat's sums.
 pub(super) struct PairGrads<'a> {
     pub(super) chunks: &'a [SplatChunk],
     pub(super) tiles: &'a Tiles,
@@ -140,8 +140,8 @@ impl GradRows<'_> {
         let i = triangle - self.first;
         let out = &mut self.sh[i * self.k..(i + 1) * self.k];
         let used = soup.active_sh(triangle);
-        // The colour is clamped at 0, where nothing passes. In linear light it is clamped at 1 too, as engines do,
-        // but there the gradient passes, or a colour above 1 could never come back.
+        // The colour is clamped at 0, which stops the gradient. In linear light it is also clamped at 1, as
+        // in engines, but there the gradient passes, because a colour above 1 could otherwise never return.
         let d_rgb = std::array::from_fn(|c| match rgb[c] > 0.0 {
             true if linear => row.rgb[c] * decode(srgb_from_linear(rgb[c])).1,
             true => row.rgb[c],
@@ -212,7 +212,8 @@ struct GradRow {
 }
 
 impl GradRow {
-    /// Adds what needs no geometry. A sum is ∂L/∂log(effective opacity), so ∂L/∂log of each of its factors.
+    /// Adds the gradients without geometry. A sum is ∂L/∂log(effective opacity), so ∂L/∂log of each of its
+    /// factors.
     fn add(&mut self, sums: &SplatSums, opacity: f32) {
         for c in 0..3 {
             self.rgb[c] += sums.base[RGB + c];

@@ -13,7 +13,7 @@ pub struct Importance {
     pub max_weight: Vec<f32>,
     /// Sum of the weights over all pixels, px.
     pub sum_weight: Vec<f32>,
-    /// Views in which it was drawn on more than one pixel.
+    /// Number of views where it was drawn on more than one pixel.
     pub views: Vec<u32>,
     /// Pixels on which it was drawn.
     pub pixels: Vec<u32>,

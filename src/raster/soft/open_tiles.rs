@@ -1,4 +1,4 @@
-//! Which tiles still let light through, while splats are drawn slab by slab.
+//! The tiles that still pass light, while splats are drawn slab by slab.
 
 use super::splats::ScreenBox;
 use super::tile_grid::{tile_count, tiles_between};

@@ -68,7 +68,7 @@ impl PieceGroup {
         self.len == LANES
     }
 
-    /// Adds a piece; there must be room for it.
+    /// Adds a piece; the group must not be full.
     #[inline(always)]
     pub(super) fn push(
         &mut self,
@@ -138,7 +138,7 @@ impl PieceGroup {
         let (log2_opacity, sigma) = (opacity.log2(), L::load(&self.sigma));
         let log2_cutoff = L::splat(options.cutoff.log2());
         let (one, scale) = (L::splat(1.0), options.window.scale(splat.inradius));
-        // The smallest ratio or distance that is drawn, how far inside the edges that is, and the largest there is.
+        // The smallest drawn ratio or distance, its inset from the edges, and the largest possible value.
         let (floor, inset, most) = match options.window {
             Window::Soft => {
                 let floor = window::ratio_floor(log2_opacity, sigma, log2_cutoff);
@@ -169,7 +169,7 @@ impl PieceGroup {
 }
 
 impl SplatColumns {
-    /// What comes of the splat alone; `scale` is that of its distances from edges.
+    /// Values of the splat alone; `scale` is that of its distances from edges.
     #[inline(always)]
     fn store<L: Lanes>(splat: &Splat<L>, bounds: &[L; 4], scale: L) -> Self {
         let mut out = Self::default();

@@ -104,11 +104,11 @@ impl ProjectChunk<'_> {
     }
 }
 
-/// Colour of a triangle as it is blended.
+/// Colour of a triangle in the encoding of blending.
 #[inline]
 fn color(soup: &SoupRef, triangle: usize, camera: &KernelCamera, linear: bool) -> [f32; 3] {
     let degree = soup.active_degree.min(soup.sh_degree);
-    // Of degree 0 it is the same from everywhere.
+    // At degree 0 it does not depend on the direction.
     let unit = if degree == 0 { V3::zero() } else { direction(camera, &soup.vertices[triangle]).0 };
     let basis = sh::basis(degree, unit);
     let rgb = raw_color(&basis, soup.active_sh(triangle)).map(|c| c.max(0.0));

@@ -1,4 +1,4 @@
-//! What a frame does not draw: the figures behind "skip what a scene does not need".
+//! Counts the work that a frame skips.
 
 use super::tile_grid::{BLOCKS, tiles_between};
 use super::{Soft, SoftOptions, SoupRef, slabs};
@@ -6,21 +6,23 @@ use crate::camera::Camera;
 use crate::work::WorkCount;
 use std::ops::AddAssign;
 
-/// Work of a frame, and what of it was left out.
+/// The full work of a frame, and the skipped part.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct SoftWork {
-    /// Triangles: those out of view, behind the near plane or too faint are not projected further.
+    /// Triangles; those out of view, behind the near plane or too faint are skipped.
     pub triangles: WorkCount,
-    /// Tiles of 16×16 px within the bounds of the triangles that are left: those a triangle does not reach get none of it.
+    /// Tiles of 16×16 px within the bounds of the remaining triangles; those that a triangle does not reach
+    /// are skipped.
     pub tiles: WorkCount,
-    /// Blocks of 4×4 px of the tiles that are reached, each with one triangle: those that the triangle does not touch are not shaded.
+    /// Blocks of 4×4 px of reached tiles, each with one triangle; those that the triangle does not touch are
+    /// skipped.
     pub blocks: WorkCount,
-    /// Layers of blocks: those behind where every pixel of a block is opaque are not drawn.
+    /// Layers of blocks; those behind opaque pixels of a whole block are skipped.
     pub layers: WorkCount,
 }
 
 impl SoftWork {
-    /// "layers=31%" for all that was left out.
+    /// The skipped shares as text, for example "layers=31%".
     pub fn labels(&self) -> Vec<String> {
         let Self { triangles, tiles, blocks, layers } = self;
         let of = [("triangles", triangles), ("tiles", tiles), ("blocks", blocks), ("layers", layers)];
@@ -38,8 +40,8 @@ impl AddAssign for SoftWork {
 }
 
 impl Soft {
-    /// Draws a frame, once as [`render`](Soft::render) does and once to the last layer, and counts. `None` of a frame that is so deep that it is
-    /// drawn in slabs.
+    /// Draws a frame twice, like [`render`](Soft::render) and to the last layer, and counts. `None` for a
+    /// frame drawn in slabs.
     pub fn work(&mut self, soup: &SoupRef, camera: &Camera, options: &SoftOptions) -> Option<SoftWork> {
         self.render(soup, camera, options);
         let splats = &self.projection.splats;
@@ -65,7 +67,7 @@ impl Soft {
         })
     }
 
-    /// Blocks of all entries: after binning those that may be touched, after drawing those that were.
+    /// Blocks of all entries: after binning possible ones, after drawing real ones.
     fn blocks(&self) -> u64 {
         self.tiles.entries.iter().map(|entry| u64::from(entry.blocks.count_ones())).sum()
     }

@@ -1,10 +1,10 @@
-//! Draws deep scenes slab by slab, front to back, so that memory and time grow with the layers that are seen, not with
-//! those behind them.
+//! Draws deep scenes slab by slab, front to back, so that memory and time grow with the visible layers, not
+//! with those behind them.
 //!
-//! Splats are drawn front to back; once every pixel of a tile has terminated, nothing behind needs a place in its list.
-//! A list of all (splat, tile) pairs at once does not know that: 100,000 triangles that fill 1280x720 px have 360
-//! million pairs. A frame with more pairs than [`PAIRS_PER_SLAB`] is therefore drawn in several slabs of splats, and
-//! tiles that are closed are left out of the later ones. Pixels, weights and gradients are the same, bit for bit.
+//! Splats are drawn front to back; once every pixel of a tile has terminated, nothing behind needs a place in
+//! its list. A list of all (splat, tile) pairs cannot use this: 100,000 triangles that fill 1280x720 px have
+//! 360 million pairs. A frame with more pairs than [`PAIRS_PER_SLAB`] is therefore drawn in several slabs of
+//! splats, and closed tiles are omitted from later ones. Pixels, weights and gradients are bitwise the same.
 
 use super::forward::{self, Slab};
 use super::open_tiles::OpenTiles;
@@ -17,10 +17,10 @@ use super::tiles::{KeptPairs, Tiles};
 use glam::UVec2;
 use std::ops::Range;
 
-/// Pairs that one slab may have; 20 bytes each while it is drawn.
+/// Most pairs of a slab; each takes 20 bytes while it is drawn.
 pub(super) const PAIRS_PER_SLAB: u64 = 1 << 24;
 
-/// Whether a frame needs slabs. Layers that are ordered pixel by pixel must all be in one list.
+/// Whether a frame needs slabs. With an order per pixel all layers must be in one list.
 pub(super) fn are_needed(splats: &Splats, size: UVec2, options: &SoftOptions, pairs: u64) -> bool {
     let [width, height] = size.as_vec2().to_array();
     // More tiles than the box can touch; rounded down, as whole numbers are summed faster.
@@ -39,7 +39,7 @@ fn next(splats: &Splats, from: usize, open: &OpenTiles, pairs: u64) -> Range<usi
     from..from + fit.count().max(1)
 }
 
-/// What a frame is drawn into: as [`forward::draw`] leaves it, without the pairs that were not drawn.
+/// The output of a frame, like that of [`forward::draw`] but without undrawn pairs.
 pub(super) struct SlabTarget<'a> {
     pub(super) tiles: &'a mut Tiles,
     pub(super) pixels: &'a mut Vec<TilePixels>,
@@ -47,8 +47,8 @@ pub(super) struct SlabTarget<'a> {
 }
 
 impl SlabTarget<'_> {
-    /// Draws all splats, at most `pairs` of them and the tiles at once. Calls `on_part` when a slab was binned and
-    /// when it was drawn.
+    /// Draws all splats, at most `pairs` of splats and tiles at once. Calls `on_part` when a slab was binned
+    /// and when it was drawn.
     pub(super) fn draw(
         &mut self,
         splats: &Splats,

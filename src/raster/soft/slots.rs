@@ -1,4 +1,4 @@
-//! What the passes leave per (splat, tile) pair, in the order of the tiles' entries.
+//! The results of passes per (splat, tile) pair, in the order of the tiles' entries.
 
 use crate::math::lanes::LANES;
 

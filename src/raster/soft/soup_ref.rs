@@ -1,8 +1,8 @@
-//! The soup as the rasteriser reads it.
+//! The rasteriser's view of a soup.
 
 use glam::Vec3;
 
-/// A soup as the rasteriser reads it; borrowed, so that a trainer may keep its own layout.
+/// A borrowed soup, so that a trainer may keep its own layout.
 #[derive(Debug, Clone, Copy)]
 pub struct SoupRef<'a> {
     /// Corners in world units. `[N, 3]`

@@ -5,7 +5,7 @@ use super::splats::ProjectedSplat;
 use super::tiles::Tiles;
 use crate::math::lanes::{LANES, prefetch};
 
-/// How many splats ahead their slots are prefetched.
+/// Slots are prefetched this many splats ahead.
 const SLOTS_AHEAD: usize = 8;
 
 /// The gradients of all pairs of a splat, summed.
@@ -15,8 +15,7 @@ pub(super) struct SplatSums {
     pub(super) geometry: [f32; GEOMETRY_SUMS],
 }
 
-/// Prefetches what the pairs of a splat a little after the one at `i` have in `values`, and the list of the pairs of one
-/// further on.
+/// Prefetches the `values` of the pairs of a splat soon after `i`, and the list of pairs of a later one.
 #[inline]
 pub(super) fn prefetch_ahead<T>(tiles: &Tiles, projected: &[ProjectedSplat], i: usize, values: &[T]) {
     if let Some(ahead) = projected.get(i + SLOTS_AHEAD) {

@@ -7,11 +7,11 @@ use crate::kernel::splat::DepthPlane;
 /// Triangles that one task projects; also the unit of the gradient gather.
 pub(super) const CHUNK: usize = 1024;
 
-/// How many splats ahead of its use a record is prefetched.
+/// Records are prefetched this many splats ahead.
 pub(super) const PREFETCH_AHEAD: usize = 6;
 
-/// What the pixels read of a splat: one cache line. With `Window::Coverage` `edge` and `shift` are in widths
-/// of its ramp and `floor` is the smallest coverage drawn; else they are in inradii, and the smallest ratio.
+/// A splat's record for pixels: one cache line. With `Window::Coverage` `edge` and `shift` are in widths of
+/// its ramp and `floor` is the smallest coverage drawn; else they are in inradii, and the smallest ratio.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(C, align(64))]
 pub(super) struct SplatRecord {
@@ -25,7 +25,7 @@ pub(super) struct SplatRecord {
     pub(super) triangle: u32,
 }
 
-/// Box of the region that is drawn, px.
+/// Box of the drawn region, px.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct ScreenBox {
     pub(super) lo: [f32; 2],

@@ -5,10 +5,10 @@ use glam::UVec2;
 
 /// Tile width and height, px.
 pub(crate) const TILE: u32 = 16;
-/// Blocks in a tile: as many as [`LANES`], so that all are tested at once.
+/// Blocks in a tile: equal to [`LANES`], so that all are tested at once.
 pub(super) const BLOCKS: usize = LANES;
 
-/// Margin of every test, px: larger than any rounding, so that a test never decides what a pixel sees.
+/// Margin of every test, px: larger than any rounding, so that a test never changes a pixel.
 pub(crate) const MARGIN: f32 = 0.01;
 
 /// x and y of the lanes in a block, px.

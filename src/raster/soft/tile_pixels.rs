@@ -1,4 +1,4 @@
-//! What the forward pass leaves of a tile's pixels, for the frame and for the backward pass.
+//! The forward pass's results for a tile's pixels, for the frame and the backward pass.
 
 use super::tile_grid::BLOCKS;
 use crate::math::lanes::LANES;
@@ -24,7 +24,7 @@ pub(super) struct TileGeometry {
     pub(super) median: TileChannel,
     pub(super) normal: [TileChannel; 3],
     pub(super) distortion: TileChannel,
-    /// Mapped depth of the first layer: the others are taken relative to it, which changes nothing but rounding.
+    /// Mapped depth of the first layer: the others are relative to it, which only changes rounding.
     pub(super) anchor: TileChannel,
     /// Σ w, Σ w m, Σ w m².
     pub(super) sums: [TileChannel; 3],

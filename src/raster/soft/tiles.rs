@@ -17,7 +17,7 @@ const SPLATS_PER_RANGE: usize = 2048;
 pub(super) struct TileEntry {
     /// Index of the splat in depth order.
     pub(super) splat: u32,
-    /// Blocks it may touch; after the forward pass, blocks in which it was drawn.
+    /// Blocks that it may touch; after the forward pass, blocks where it was drawn.
     pub(super) blocks: u32,
 }
 
@@ -25,7 +25,7 @@ pub(super) struct TileEntry {
 struct BinnedRange {
     /// (tile, blocks) of every pair, splat by splat.
     pairs: Vec<(u32, u32)>,
-    /// Pairs up to each splat, its own included.
+    /// Number of pairs up to and including each splat.
     ends: Vec<u32>,
 }
 
@@ -75,7 +75,7 @@ impl Tiles {
         self.bin_some(splats, 0..splats.len(), size, window, None);
     }
 
-    /// Fills the lists with the pairs of some splats and the tiles that are open, or all tiles.
+    /// Fills the lists with the pairs of some splats and open, or all, tiles.
     pub(super) fn bin_some(
         &mut self,
         splats: &Splats,
@@ -88,7 +88,7 @@ impl Tiles {
         self.count = tile_count(size);
         self.ranges.resize_with(some.len().div_ceil(SPLATS_PER_RANGE), BinnedRange::default);
         let (count, size) = (self.count, size.as_vec2().to_array());
-        // Where something is drawn, every edge alone is at least this far from the floor.
+        // Where the splat is drawn, every edge is at least this far above the floor.
         let slack = if matches!(window, Window::Coverage { .. }) { 0.5 } else { 0.0 };
         self.ranges.par_iter_mut().enumerate().for_each(|(r, range)| {
             range.pairs.clear();
@@ -101,7 +101,7 @@ impl Tiles {
         self.scatter(some.start as u32, some.len());
     }
 
-    /// Fills the lists with pairs that were kept of earlier ones, those of the first splats.
+    /// Fills the lists with kept pairs of the first splats.
     pub(super) fn restore(&mut self, kept: KeptPairs) {
         let splats = kept.0.ends.len();
         self.ranges.clear();
@@ -150,12 +150,12 @@ impl Tiles {
     }
 }
 
-/// The pairs that are left of several lists, splat by splat: those that were drawn.
+/// The drawn pairs of several lists, splat by splat.
 #[derive(Debug, Default)]
 pub(super) struct KeptPairs(BinnedRange);
 
 impl KeptPairs {
-    /// Adds what was drawn of lists whose splats follow those added before; `on_pair` gets the entry of each pair kept.
+    /// Adds the drawn pairs of lists with the next splats; `on_pair` gets the entry of each kept pair.
     pub(super) fn add(&mut self, tiles: &Tiles, mut on_pair: impl FnMut(usize)) {
         let Self(kept) = self;
         let mut tile_of_entry = vec![0; tiles.entries.len()];
@@ -192,7 +192,7 @@ pub(super) fn split_by_tile<'a, T>(mut values: &'a mut [T], starts: &[u32]) -> V
         .collect()
 }
 
-/// Counts and emits at once: two copies of these tests would drift apart in the last bit.
+/// Counts and emits in one function, because two copies of these tests could differ in the last bit.
 struct Emit<'a> {
     records: &'a [SplatRecord],
     bounds: &'a [ScreenBox],
@@ -217,8 +217,8 @@ impl Work for Emit<'_> {
     }
 }
 
-/// Emits the tiles a splat touches. A block is left out when one of the five separating axes of the shrunk
-/// triangle and the box of the block's pixel centres (three edges, two of the box) shows a gap: an exact test.
+/// Emits the tiles a splat touches. A block is omitted if one of five separating axes (three edges, two of
+/// the box) shows a gap between the shrunk triangle and the box of the block's pixel centres: an exact test.
 #[inline(always)]
 fn emit<L: Lanes>(
     record: &SplatRecord,

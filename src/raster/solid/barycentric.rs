@@ -13,7 +13,7 @@ pub struct Barycentrics<'a> {
 }
 
 impl<'a> Barycentrics<'a> {
-    /// For the mesh and camera that were drawn with `samples` samples along each axis of a pixel.
+    /// For a mesh and camera with `samples` samples along each axis of a pixel.
     pub fn new(mesh: &'a Mesh, camera: &Camera, samples: u32) -> Self {
         Self { mesh, projector: Projector::new(camera, samples, 0.0) }
     }
@@ -36,10 +36,10 @@ impl<'a> Barycentrics<'a> {
     }
 }
 
-/// What barycentric coordinates need of a face.
+/// The values of a face for barycentric coordinates.
 #[derive(Debug, Clone, Copy)]
 pub struct FaceBarycentrics {
-    /// Corner i's weight is proportional to the dot product of the i-th and the ray.
+    /// Corner i's weight is proportional to the dot product of the i-th vector and the ray.
     opposite: [DVec3; 3],
 }
 
@@ -49,7 +49,7 @@ impl FaceBarycentrics {
         Self { opposite: [b.cross(c), c.cross(a), a.cross(b)] }
     }
 
-    /// What corners have, where a ray meets the face's plane, within the face or beyond it.
+    /// Interpolates values of corners where a ray meets the face's plane, within the face or beyond it.
     pub(super) fn mixed(&self, ray: DVec3, of_corners: &[Vec2; 3]) -> Vec2 {
         let parts = self.opposite.map(|n| n.dot(ray));
         let per = 1.0 / (parts[0] + parts[1] + parts[2]);

@@ -28,8 +28,8 @@ pub(super) fn start(batches: &mut Vec<Batch>, mesh: &Mesh) {
     }
 }
 
-/// Empties the bins and fills them with faces that were in none yet, about `pairs` pairs of triangles and tiles; what
-/// is `hidden` is left out. Returns whether no face is left.
+/// Empties the bins and fills them with the next faces, about `pairs` pairs of triangles and tiles, without
+/// `hidden` ones. Returns whether no face is left.
 pub(super) fn bin(
     batches: &mut [Batch],
     mesh: &Mesh,
@@ -54,7 +54,7 @@ pub(super) struct BinFaces<'a> {
     /// Tiles in a row.
     pub(super) across: i32,
     pub(super) hidden: Option<&'a TileDepths>,
-    /// Pairs of triangles and tiles after which the rest has to wait.
+    /// Number of pairs of triangles and tiles after which the rest must wait.
     pub(super) pairs: usize,
 }
 
@@ -85,7 +85,7 @@ impl Work for BinFaces<'_> {
     }
 }
 
-/// What is done with a face; a number, so that sixteen are decided at once.
+/// The treatment of a face; a number, so that sixteen are decided at once.
 struct Action;
 
 impl Action {

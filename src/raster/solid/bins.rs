@@ -8,7 +8,7 @@ use std::ops::Range;
 pub(super) const TILE_WIDTH: usize = 64;
 /// Height of a tile, samples.
 pub(super) const TILE_HEIGHT: usize = 32;
-/// Half a sample on the grid: where its centre is.
+/// Half a sample on the grid: the offset of its centre.
 pub(super) const CENTER: i32 = GRID / 2;
 /// Largest extent of a tiny triangle, units of the grid: single precision holds its edge functions exactly.
 pub(super) const TINY: i32 = 8 * GRID;
@@ -22,7 +22,7 @@ pub(super) struct SnappedTriangle {
 }
 
 impl SnappedTriangle {
-    /// 1/z of the nearest corner: nothing of the triangle is nearer.
+    /// 1/z of the nearest corner, which bounds the triangle.
     #[inline(always)]
     pub(super) fn nearest(&self) -> f32 {
         self.w[0].max(self.w[1]).max(self.w[2])
@@ -64,7 +64,7 @@ pub(super) struct TileBin {
     pub(super) large: Vec<u32>,
 }
 
-/// The triangles of a range of faces, or as many of them as fit.
+/// The triangles of a range of faces, up to the limit.
 #[derive(Debug, Default)]
 pub(super) struct Batch {
     /// One per tile, row by row.

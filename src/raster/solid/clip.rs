@@ -1,7 +1,7 @@
 //! Clips a triangle that crosses the near plane or leaves the guard band: rare, so done in double precision.
 //!
-//! A cut point depends only on the two ends of its edge, taken from the inside to the outside, and a corner that
-//! stays is projected as in triangles that are not clipped: neighbours meet without a gap.
+//! A cut point depends only on the two ends of its edge, from inside to outside. A remaining corner is
+//! projected as in unclipped triangles. So neighbours meet without a gap.
 
 use super::bins::SnappedTriangle;
 use super::projector::{GRID, Projector, snap};
@@ -15,16 +15,16 @@ const MAX_CORNERS: usize = 3 + SIDES + 1;
 #[derive(Debug, Clone, Copy, Default)]
 struct ClipPoint {
     camera_space: DVec3,
-    /// Its projection as in triangles that are not clipped, when it is a corner.
+    /// The projection of a corner, as in unclipped triangles.
     corner: Option<[f32; 3]>,
 }
 
-/// Hands the pieces of a triangle that are in front of the near plane and within the guard band to `emit`.
+/// Passes the pieces of a triangle in front of the near plane and within the guard band to `emit`.
 pub(super) fn clip(projector: &Projector, corners: [Vec3; 3], mut emit: impl FnMut(SnappedTriangle)) {
     let mut polygon = Polygon::default();
     for corner in corners {
         let camera_space = projector.to_camera(corner.to_array());
-        // The test for triangles that are not clipped must decide here too.
+        // The same test as for unclipped triangles must decide here.
         let front = camera_space[2] > projector.near;
         let point = ClipPoint {
             camera_space: projector.to_camera_f64(corner),
@@ -73,8 +73,8 @@ impl Polygon {
         self.count += 1;
     }
 
-    /// The part for which `distance` is not negative (Sutherland and Hodgman 1974); `keep` decides on which side
-    /// a point is.
+    /// The part for which `distance` is not negative (Sutherland and Hodgman 1974); `keep` decides the side
+    /// of a point.
     fn clip(&self, distance: impl Fn(&ClipPoint) -> f64, keep: impl Fn(&ClipPoint) -> bool) -> Self {
         let mut out = Self::default();
         for (i, from) in self.points().iter().enumerate() {

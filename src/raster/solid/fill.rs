@@ -1,4 +1,4 @@
-//! Finds which face every sample of a tile sees; tiny triangles here, the others in `spans`.
+//! Finds the nearest face at every sample of a tile; tiny triangles here, the others in `spans`.
 
 use super::bins::{
     Batch, CENTER, TILE_HEIGHT, TILE_WIDTH, TinyTriangle, extent, least_inside, samples_between, tile_count,
@@ -11,7 +11,7 @@ use crate::math::lanes::{LANES, Lanes, Work, dispatch};
 use crate::math::real::Mask;
 use glam::UVec2;
 
-/// Draws what is in the bins of tile `tile` of a picture of `size` samples into its keys.
+/// Draws the bins of tile `tile`, of a picture of `size` samples, into its keys.
 pub(super) fn fill(keys: &mut SampleKeys, batches: &[Batch], tile: usize, size: UVec2) {
     let across = tile_count(size).x;
     dispatch(FillTile { keys, batches, tile, column: tile as u32 % across, row: tile as u32 / across, size });
@@ -57,7 +57,7 @@ const fn grid(x: f32, y: f32) -> [f32; LANES] {
     out
 }
 
-/// Draws a tiny triangle in blocks of 4 x 4 samples. All numbers but the depth are integers below 2^24.
+/// Draws a tiny triangle in blocks of 4 x 4 samples. All numbers except the depth are integers below 2^24.
 #[inline(always)]
 pub(super) fn draw_tiny<L: Lanes>(keys: &mut SampleKeys, tiny: &TinyTriangle) {
     let [x0, mut x1, mut x2] = [i32::from(tiny.x[0]), i32::from(tiny.x[1]), i32::from(tiny.x[2])];

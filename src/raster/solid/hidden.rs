@@ -1,4 +1,4 @@
-//! What lies behind everything that some samples see already, and need not be drawn.
+//! Finds triangles behind all visible samples of a tile, which need not be drawn.
 
 use super::bins::{TILE_HEIGHT, TILE_WIDTH, tile_count};
 use super::keys::{STRIDE, SampleKeys, inverse_depth_of};
@@ -6,8 +6,8 @@ use glam::UVec2;
 use rayon::prelude::*;
 use std::ops::RangeInclusive;
 
-/// The least 1/z that a sample of a tile sees: 0 where one sees nothing. `size` are the samples of the tile that lie in
-/// the picture.
+/// The least 1/z of a tile's samples: 0 if one is empty. `size` are the samples of the tile within the
+/// picture.
 pub(super) fn farthest(keys: &SampleKeys, size: UVec2) -> f32 {
     let rows = keys.chunks(STRIDE).take(size.y as usize);
     let least = rows.map(|row| row[..size.x as usize].iter().copied().min().unwrap_or(0));
@@ -20,7 +20,7 @@ pub(super) fn tile_size(size: UVec2, column: u32, row: u32) -> UVec2 {
     tile.min(size - UVec2::new(column, row) * tile)
 }
 
-/// The farthest that the samples of each tile see, as 1/z.
+/// The farthest depth of each tile's samples, as 1/z.
 #[derive(Debug)]
 pub(super) struct TileDepths {
     tiles: Vec<f32>,
@@ -29,7 +29,8 @@ pub(super) struct TileDepths {
 }
 
 impl TileDepths {
-    /// Of the keys of all tiles, `planes` of them for each; what is hidden is hidden in all planes. `[tiles * planes]`
+    /// From the keys of all tiles, with `planes` for each; hidden means hidden in all planes. `[tiles *
+    /// planes]`
     pub(super) fn new(keys: &[SampleKeys], planes: usize, size: UVec2) -> Self {
         let across = tile_count(size).x;
         let of_tile = |(tile, planes): (usize, &[SampleKeys])| {
@@ -42,14 +43,14 @@ impl TileDepths {
         Self { tiles, rows }
     }
 
-    /// Whether nothing of a triangle whose nearest corner has the 1/z `nearest` is seen in a tile. What is as near as
-    /// what is there is not hidden: the face of the lower index wins.
+    /// Whether a tile hides a triangle whose nearest corner has the 1/z `nearest`. An equal depth is not
+    /// hidden, because the lower face index wins.
     #[inline(always)]
     pub(super) fn hides(&self, tile: usize, nearest: f32) -> bool {
         nearest < self.tiles[tile]
     }
 
-    /// Whether nothing of it is seen in whole rows of tiles.
+    /// Whether whole rows of tiles hide it.
     #[inline(always)]
     pub(super) fn hides_all(&self, rows: &RangeInclusive<i32>, nearest: f32) -> bool {
         self.rows[*rows.start() as usize..=*rows.end() as usize].iter().all(|least| nearest < *least)

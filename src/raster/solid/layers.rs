@@ -1,8 +1,8 @@
-//! Draws the larger triangles of a tile; where many lie behind each other, front to back, until the rest is hidden.
+//! Draws the larger triangles of a tile; deep tiles are drawn front to back, until the rest is hidden.
 //!
-//! Ordinary tiles are drawn as they come: sorting would cost more than it saves. The area drawn tells when a tile is
-//! deep. From then on the nearest triangles of a batch are found and drawn first, and what lies behind everything that
-//! the tile shows is dropped without being drawn, so that time grows with the layers that are seen.
+//! Ordinary tiles are drawn without sorting, which would cost more than it saves. When the drawn area shows
+//! that a tile is deep, the nearest triangles of a batch are drawn first, and triangles behind all samples
+//! are dropped. So time grows with the visible layers.
 
 use super::bins::{Batch, LargeTriangle, TILE_HEIGHT, TILE_WIDTH, extent};
 use super::hidden::farthest;
@@ -14,10 +14,10 @@ use glam::UVec2;
 
 /// Layers over the whole tile, by the boxes of its triangles, after which it counts as deep.
 const DEEP: i64 = 24;
-/// Fewest triangles of a batch that are worth finding the nearest of, and how many of them are drawn first.
+/// Least triangles of a batch for this search, and the number of nearest ones drawn first.
 const NEAREST: usize = 16;
 
-/// What was drawn in a tile so far.
+/// The drawing of a tile so far.
 pub(super) struct TileLayers {
     /// Samples of the tile that lie in the picture.
     size: UVec2,

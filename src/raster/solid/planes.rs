@@ -1,7 +1,7 @@
-//! What samples see of each of several sets of faces, all drawn at once: every set has a z-buffer of its own.
+//! Draws several sets of faces at once, each with a z-buffer of its own.
 //!
-//! From the planes of disjoint sets follows what any union of them looks like, without drawing it: of several nearest
-//! faces the nearest.
+//! The planes of disjoint sets give the picture of any union of them, without drawing: the nearest of the
+//! sets' nearest faces.
 
 use super::bins::{Batch, TILE_HEIGHT, TILE_WIDTH, tile_count};
 use super::fill::draw_tiny;
@@ -15,8 +15,8 @@ use crate::mesh::Mesh;
 use glam::UVec2;
 use rayon::prelude::*;
 
-/// The nearest face of some at a sample. Of two the greater one is the nearer; at the same depth it is the face of the
-/// lower index.
+/// The nearest face of a set at a sample. The greater of two is nearer; at the same depth it has the lower
+/// face index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Nearest(SampleKey);
 
@@ -49,7 +49,7 @@ pub struct PlaneTile<'a> {
 }
 
 impl PlaneTile<'_> {
-    /// What sample `x`, `y` of the tile sees of the faces of a plane.
+    /// The nearest face of a plane at sample `x`, `y` of the tile.
     #[inline(always)]
     pub fn nearest(&self, plane: usize, x: u32, y: u32) -> Nearest {
         Nearest(self.keys[plane][y as usize * STRIDE + x as usize])

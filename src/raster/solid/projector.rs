@@ -6,13 +6,13 @@ use glam::{DMat3, DVec2, DVec3, UVec2, Vec3};
 
 /// Units per sample of the grid that corners are snapped to.
 pub(super) const GRID: i32 = 256;
-/// Half-width of the guard band, samples: a triangle that reaches farther from the origin is clipped.
+/// Half-width of the guard band, samples: triangles that extend farther from the origin are clipped.
 pub(super) const GUARD: f32 = 32_768.0;
 
 /// A camera whose pixels are samples.
 ///
-/// Single precision is enough for what lies near the picture because the camera's position is subtracted first, in
-/// two parts: a world far from its origin loses nothing.
+/// Single precision suffices near the picture, because the camera's position is subtracted first, in two
+/// parts: a world far from its origin loses nothing.
 #[derive(Debug, Clone)]
 pub(super) struct Projector {
     /// Width and height, samples.
@@ -89,7 +89,7 @@ impl Projector {
         q.truncate() / q.z * self.focal + self.center
     }
 
-    /// How far inside one side of the guard band a point in camera space is: negative is outside.
+    /// Distance of a point in camera space from one side of the guard band; negative is outside.
     pub(super) fn inside_guard(&self, q: DVec3, side: usize) -> f64 {
         let axis = side % 2;
         let at = q[axis] * self.focal[axis] + self.center[axis] * q.z;
@@ -123,8 +123,8 @@ pub(super) fn snap(at: f32) -> i32 {
     (at * GRID as f32).round_ties_even() as i32
 }
 
-/// [`snap`] of sixteen; anything far outside the guard band. A cast of each, which has to look for numbers out of range, took
-/// a third of the projection.
+/// [`snap`] of sixteen; arbitrary far outside the guard band. Single casts, which check for numbers out of
+/// range, took a third of the projection.
 #[inline(always)]
 pub(super) fn snap_group<L: Lanes>(at: &[f32; LANES], to: &mut [i32; LANES]) {
     (L::load(at) * L::splat(GRID as f32)).store_rounded(to);

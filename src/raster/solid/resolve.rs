@@ -1,4 +1,4 @@
-//! Turns the faces that samples see into pixels, or into lists of faces and depths.
+//! Turns the faces of samples into pixels, or into lists of faces and depths.
 
 use super::bins::{TILE_HEIGHT, TILE_WIDTH, tile_count};
 use super::fill::fill;
@@ -32,7 +32,7 @@ fn split_tiles<T>(values: &mut [T], width: usize, columns: usize, rows: usize) -
     tiles
 }
 
-/// What the samples of a tile see; `keys` is scratch memory.
+/// The faces at the samples of a tile; `keys` is scratch memory.
 fn tile_keys<'a>(faces: &'a Faces<'_>, keys: &'a mut SampleKeys, tile: usize, size: UVec2) -> &'a SampleKeys {
     &faces.keys(slice::from_mut(keys), tile, |keys, batches, tile| fill(&mut keys[0], batches, tile, size))[0]
 }

@@ -1,9 +1,9 @@
 //! Bins and fills in rounds, so that memory grows with the picture and not with the layers behind each other.
 //!
-//! The bins of all faces at once have no bound: 100,000 triangles that fill the picture are in every tile. When they have
-//! more than some number of pairs of triangles and tiles, the tiles are filled with these, and what then lies behind
-//! everything that a tile shows is left out of the bins of the next round. The samples are the same, as the nearest
-//! face wins in any order.
+//! The bins of all faces have no bound: 100,000 triangles that fill the picture are in every tile. At a limit
+//! of pairs of triangles and tiles, the tiles are filled. Then triangles behind all samples of a tile are
+//! omitted from the bins of the next round. The samples do not change, because the nearest face wins in any
+//! order.
 
 use super::bin;
 use super::bins::{Batch, tile_count};
@@ -13,7 +13,7 @@ use super::projector::Projector;
 use crate::mesh::Mesh;
 use rayon::prelude::*;
 
-/// Pairs of triangles and tiles in the bins at once; 4 to 28 bytes each.
+/// Most pairs of triangles and tiles in the bins at once; 4 to 28 bytes each.
 pub(super) const PAIRS_PER_ROUND: usize = 1 << 24;
 
 /// The faces of a mesh, ready for the tiles.
@@ -50,7 +50,7 @@ pub(super) fn rounds<'a>(
 }
 
 impl Faces<'_> {
-    /// The keys of tile `tile`: drawn into `keys` by `fill`, unless they are there. `[planes]`
+    /// The keys of tile `tile`: drawn into `keys` by `fill`, unless they exist. `[planes]`
     pub(super) fn keys<'a>(
         &'a self,
         keys: &'a mut [SampleKeys],

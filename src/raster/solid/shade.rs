@@ -216,7 +216,7 @@ impl ShadeTile<'_, '_> {
 
 type LaneValues = [f32; LANES];
 
-/// The faces that sixteen samples see, as a structure of arrays. The weights of an empty sample do not matter.
+/// The faces of sixteen samples, as a structure of arrays. The weights of an empty sample are arbitrary.
 #[derive(Default)]
 struct SampleFaces {
     /// From the camera to the first corner, in world axes.
@@ -277,7 +277,7 @@ mod tests {
     use crate::rng::Rng;
     use glam::{Mat3, UVec2, Vec2, Vec3};
 
-    /// Keys and pixels of the one tile that the camera sees, by the instructions of `level`.
+    /// Keys and pixels of a picture of one tile, by the instructions of `level`.
     fn drawn(level: SimdLevel, mesh: &Mesh, projector: &Projector) -> (Box<SampleKeys>, Vec<[u8; 3]>) {
         let mut batch = Batch::default();
         batch.empty(1);

@@ -34,8 +34,8 @@ impl Edge {
         }
     }
 
-    /// Narrows the spans of some rows to what is inside this edge. Quotients are rounded, so the samples next to
-    /// each end are tried. Plain loops over arrays: they become vector instructions.
+    /// Narrows the spans of some rows to the inside of this edge. Quotients are rounded, so the samples next
+    /// to each end are tested. Plain loops over arrays: they become vector instructions.
     #[inline(always)]
     fn narrow(&self, row: i32, spans: &mut Spans) {
         let (most, step) = (TILE_WIDTH as f64, self.right);
@@ -168,7 +168,7 @@ impl TileTriangle {
     }
 }
 
-/// Writes a face to sixteen samples from `place` on, where it is nearer.
+/// Writes a face to sixteen samples from `place` on, if it is nearer there.
 #[inline(always)]
 fn put<L: Lanes>(keys: &mut SampleKeys, place: usize, w: L, face: u32) {
     let mut depths = [0.0; LANES];

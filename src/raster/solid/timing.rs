@@ -18,7 +18,8 @@ impl PartTimes {
         now
     }
 
-    /// The wall time of every part, ms: what follows the binning is split in proportion to the threads' times.
+    /// The wall-clock time of every part, ms: the time after binning is divided in proportion to the threads'
+    /// times.
     pub(super) fn split(&self, binned: Duration, end: Duration) -> Vec<(&'static str, f64)> {
         let (fill, resolve) = (self.fill.load(Relaxed) as f64, self.resolve.load(Relaxed) as f64);
         let rest = (end - binned).as_secs_f64() * 1e3 / (fill + resolve).max(1.0);

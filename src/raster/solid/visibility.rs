@@ -1,27 +1,27 @@
-//! Which face every sample sees, and how far away.
+//! The face and depth of every sample.
 
 use super::barycentric::Barycentrics;
 use crate::camera::Camera;
 use crate::mesh::Mesh;
 use glam::UVec2;
 
-/// The face of a sample that sees nothing.
+/// The face number of an empty sample.
 pub const NO_FACE: u32 = u32::MAX;
 
-/// Which face each sample sees. `[height * width]`, row by row, in samples
+/// The face of each sample. `[height * width]`, row by row, in samples
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Visibility {
     /// Width and height, samples: the camera's size times the samples along an axis.
     pub size: UVec2,
     /// Face seen, or [`NO_FACE`].
     pub face: Vec<u32>,
-    /// Depth z in the camera's frame, units of the mesh; infinite where nothing is seen.
+    /// Depth z in the camera's frame, units of the mesh; infinite for empty samples.
     pub depth: Vec<f32>,
 }
 
 impl Visibility {
-    /// Perspective-correct barycentric coordinates of the face seen at a sample: what colours are interpolated with.
-    /// In [0, 1], sum 1. Zeros where nothing is seen. Mesh and camera must be those that were drawn.
+    /// Perspective-correct barycentric coordinates of the face at a sample, for interpolating colours. In [0,
+    /// 1], sum 1; zeros for empty samples. Mesh and camera must be those of the drawing.
     pub fn barycentrics(&self, mesh: &Mesh, camera: &Camera, x: u32, y: u32) -> [f32; 3] {
         let face = self.face[(y * self.size.x + x) as usize];
         if face == NO_FACE {
