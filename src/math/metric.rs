@@ -35,7 +35,7 @@ pub fn ssim(size: UVec2, a: &[[u8; 3]], b: &[[u8; 3]], weights: Option<&[u8]>) -
 }
 
 /// Mean FLIP error in [0, 1], 0 for equal pictures (Andersson et al. 2020, LDR, 67 pixels per degree).
-/// Not symmetric: the photo is the reference. NaN when the size is not the pictures'.
+/// Not symmetric: the photo is the reference. NaN when the size does not match the pictures.
 pub fn flip(size: UVec2, reference: &[[u8; 3]], test: &[[u8; 3]], weights: Option<&[u8]>) -> f64 {
     mean_error(&flip_map(size, reference, test), weights)
 }
