@@ -1,4 +1,4 @@
-//! A random cloud of points where the cameras look, for data sets without points of their own.
+//! A random cloud of points in the cameras' views, for data sets without points.
 
 use super::posed::{Point, View};
 use crate::camera;
@@ -6,14 +6,13 @@ use crate::math::median::median;
 use crate::rng::Rng;
 use glam::{Vec2, Vec3};
 
-/// Attempts to place a point where a second camera sees it too.
+/// Attempts to place a point in a second camera's view, too.
 const TRIES: u64 = 16;
 
 /// `count` grey points inside the views' frusta, the same ones for the same seed.
 ///
-/// Each is on a random ray of one camera, log-uniformly between 0.3 and 3 times the distance at which
-/// the cameras look, and where possible inside another camera's frustum: a point that only one photo
-/// shows has no certain place.
+/// Each is on a random ray of one camera, log-uniformly between 0.3 and 3 times the viewing distance, and if
+/// possible inside another camera's frustum, because a point in only one photo has no certain place.
 pub fn random(views: &[&View], count: usize, seed: u64) -> Vec<Point> {
     if views.is_empty() {
         return Vec::new();
@@ -48,8 +47,8 @@ fn sees(view: &View, at: Vec3) -> bool {
     v.z > 0.0 && q.cmpge(Vec2::ZERO).all() && q.cmplt(camera.size.as_vec2()).all()
 }
 
-/// How far away the thing is that the cameras look at: the median distance to their common focus;
-/// without one, twice the spread of the cameras; 1 for a single place.
+/// The viewing distance: the median distance of the cameras to their common focus; without one, twice the
+/// spread of the cameras; 1 for a single place.
 fn looking_distance(views: &[&View]) -> f32 {
     let count = views.len() as f32;
     let centers: Vec<Vec3> = views.iter().map(|v| v.camera.position()).collect();

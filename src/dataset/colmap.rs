@@ -1,4 +1,4 @@
-//! COLMAP models as data sets: where they are, which photos they name, how well cameras and points fit.
+//! COLMAP models as data sets: their places, their photos, and the errors of cameras and points.
 
 use super::colmap_model::{ImageRow, Model, PointRow};
 use super::found::{Found, FoundPhoto, LensClaim};
@@ -14,7 +14,7 @@ use glam::{DVec2, DVec3};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// Where a model is and how it is written.
+/// The place and format of a model.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ModelFiles {
     pub(super) folder: PathBuf,
@@ -33,7 +33,7 @@ pub(super) fn locate(root: &Path) -> Option<ModelFiles> {
     })
 }
 
-/// Reads the model and finds the photos it names.
+/// Reads the model and finds its photos.
 pub(super) fn read(root: &Path, files: &ModelFiles, options: &DatasetOptions) -> Result<Found> {
     let mut warnings = Vec::new();
     let (model, points) = (files.model(&options.limits, false)?, files.points(&mut warnings));
@@ -96,7 +96,7 @@ fn photo(image: &ImageRow, model: &Model, files: &mut NamedFiles) -> Result<Foun
 }
 
 impl ModelFiles {
-    /// Its cameras and images, and what these saw where `observations` are wanted.
+    /// Its cameras and images, with their observations if `observations` is set.
     pub(super) fn model(&self, limits: &Limits, observations: bool) -> Result<Model> {
         let read = if self.binary { colmap_binary::read } else { colmap_text::read };
         read(&self.folder, limits, observations)
@@ -115,7 +115,7 @@ impl ModelFiles {
         }
     }
 
-    /// Where each point is, by its number.
+    /// The position of each point, by its number.
     pub(super) fn places(&self, limits: &Limits) -> Result<HashMap<u64, DVec3>> {
         let mut places = HashMap::new();
         let mut visit = |row: PointRow| {
@@ -130,9 +130,10 @@ impl ModelFiles {
     }
 }
 
-/// Projects every point of the model at `root` into every photo that saw it; `None` where there is no model or nothing was seen.
+/// Projects every point of the model at `root` into every photo that observed it; `None` without a model or
+/// observations.
 ///
-/// Errors: a model that is broken.
+/// Errors: a broken model.
 pub(super) fn reprojection(root: &Path, limits: &Limits) -> Result<Option<Reprojection>> {
     let Some(files) = locate(root) else { return Ok(None) };
     let (model, places) = (files.model(limits, true)?, files.places(limits)?);

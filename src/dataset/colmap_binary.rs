@@ -1,6 +1,6 @@
 //! COLMAP's binary model: cameras.bin, images.bin, points3D.bin (little endian).
 //!
-//! Every count is compared with the bytes that are left before anything is allocated for it.
+//! Every count is compared with the remaining bytes before memory is allocated.
 
 use super::colmap_model::{self, ImageRow, Model, PointRow};
 use crate::error::{Error, Result};
@@ -14,7 +14,8 @@ use std::path::{Path, PathBuf};
 /// A 2D point that belongs to no 3D point.
 const NO_POINT: u64 = u64::MAX;
 
-/// Reads cameras and images of a folder. What the images saw is most of the file: it is passed over unless `observations` are wanted.
+/// Reads cameras and images of a folder. Observations are most of the file; they are skipped unless
+/// `observations` is set.
 pub(super) fn read(folder: &Path, limits: &Limits, observations: bool) -> Result<Model> {
     let mut model = Model::default();
     read_cameras(&mut BinaryFile::open(folder.join("cameras.bin"), limits)?, &mut model)?;
@@ -75,7 +76,7 @@ fn read_observations(bytes: &mut BinaryFile, count: usize) -> Result<Vec<(u64, V
     Ok(observations)
 }
 
-/// Hands every point of the file at `path` to `visit`.
+/// Passes every point of the file at `path` to `visit`.
 pub(super) fn each_point(path: &Path, limits: &Limits, visit: &mut dyn FnMut(PointRow)) -> Result<()> {
     let mut bytes = BinaryFile::open(path.to_owned(), limits)?;
     let count = bytes.count("points", 8 + 3 * 8 + 3 + 8 + 8)?;
@@ -92,7 +93,7 @@ pub(super) fn each_point(path: &Path, limits: &Limits, visit: &mut dyn FnMut(Poi
     bytes.end()
 }
 
-/// A file read front to back that knows how much is left.
+/// A file read front to back, with the number of remaining bytes.
 struct BinaryFile {
     path: PathBuf,
     reader: BufReader<File>,
@@ -128,7 +129,7 @@ impl BinaryFile {
         Ok(numbers)
     }
 
-    /// A count of things of at least `bytes_each`, which must still fit into the file.
+    /// A count of items of at least `bytes_each`, which must fit into the rest of the file.
     fn count(&mut self, what: &str, bytes_each: u64) -> Result<usize> {
         let count = u64::from_le_bytes(self.take()?);
         let left = self.len - self.at;

@@ -1,4 +1,4 @@
-//! A COLMAP model in memory, and what its numbers mean: camera models and quaternions.
+//! A COLMAP model in memory, with the meaning of camera models and quaternions.
 
 use super::lens::{Distortion, Lens};
 use crate::error::{Error, Result};
@@ -20,7 +20,7 @@ pub(super) struct ImageRow {
     pub(super) camera: u32,
     pub(super) rotation: DMat3,
     pub(super) translation: DVec3,
-    /// Which points were seen where, px.
+    /// Observed points and their image positions, px.
     pub(super) observations: Vec<(u64, Vec2)>,
 }
 
@@ -33,7 +33,7 @@ pub(super) struct PointRow {
     pub(super) error: f64,
 }
 
-/// The rotation of a quaternion (w, x, y, z) of any length but zero.
+/// The rotation of a quaternion (w, x, y, z) of any length except zero.
 pub(super) fn rotation(wxyz: [f64; 4]) -> Option<DMat3> {
     let q = DQuat::from_xyzw(wxyz[1], wxyz[2], wxyz[3], wxyz[0]);
     let length = q.length();
@@ -61,7 +61,7 @@ pub(super) fn camera_model_name(number: i32) -> Option<&'static str> {
     usize::try_from(number).ok().and_then(|n| names.into_iter().nth(n))
 }
 
-/// How many parameters a camera model has. Fails for those we do not undistort.
+/// Number of parameters of a camera model. Fails for models that are not undistorted.
 pub(super) fn parameter_count(path: &Path, model: &str) -> Result<usize> {
     CAMERA_MODELS.iter().find(|(name, _)| *name == model).map(|(_, count)| *count).ok_or_else(|| {
         let ours = CAMERA_MODELS.map(|(name, _)| name).join(", ");
@@ -70,7 +70,7 @@ pub(super) fn parameter_count(path: &Path, model: &str) -> Result<usize> {
     })
 }
 
-/// A lens from the parameters as COLMAP orders them.
+/// A lens from the parameters in COLMAP's order.
 pub(super) fn lens(path: &Path, model: &str, size: [u64; 2], params: &[f64]) -> Result<Lens> {
     let wrong = |reason: String| Error::malformed(path, format!("{model} camera"), reason);
     let want = parameter_count(path, model)?;

@@ -12,7 +12,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// Reads cameras and images of a folder; what the images saw is kept when `observations` are wanted.
+/// Reads cameras and images of a folder; observations are kept if `observations` is set.
 pub(super) fn read(folder: &Path, limits: &Limits, observations: bool) -> Result<Model> {
     let mut model = Model::default();
     read_cameras(&mut TextFile::open(folder.join("cameras.txt"), limits)?, &mut model)?;
@@ -66,7 +66,7 @@ fn read_images(lines: &mut TextFile, keep: bool, model: &mut Model) -> Result<()
     Ok(())
 }
 
-/// Hands every point of the file at `path` to `visit`: `POINT3D_ID X Y Z R G B ERROR TRACK...`
+/// Passes every point of the file at `path` to `visit`: `POINT3D_ID X Y Z R G B ERROR TRACK...`
 pub(super) fn each_point(path: &Path, limits: &Limits, visit: &mut dyn FnMut(PointRow)) -> Result<()> {
     let lines = &mut TextFile::open(path.to_owned(), limits)?;
     let mut count = 0;
@@ -83,7 +83,7 @@ pub(super) fn each_point(path: &Path, limits: &Limits, visit: &mut dyn FnMut(Poi
     Ok(())
 }
 
-/// A file read line by line that knows where it is.
+/// A file read line by line, with the line number.
 struct TextFile {
     path: PathBuf,
     reader: BufReader<File>,
@@ -136,7 +136,7 @@ impl TextFile {
     }
 }
 
-/// What is left of a line.
+/// The rest of a line.
 struct Words<'a> {
     lines: &'a TextFile,
     text: &'a str,
@@ -174,7 +174,7 @@ impl<'a> Words<'a> {
     }
 }
 
-/// Writes the three files of a model into `folder`; tracks are made from what the images saw.
+/// Writes the three files of a model into `folder`; tracks are made from the observations.
 pub(super) fn write(folder: &Path, model: &Model, points: &[PointRow]) -> Result<()> {
     let mut cameras = String::from("# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n");
     let mut ids: Vec<&u32> = model.cameras.keys().collect();

@@ -1,4 +1,4 @@
-//! A data set in figures: what `trisplat info` prints.
+//! Figures of a data set, for `trisplat info`.
 
 use super::kind::DatasetKind;
 use super::posed::{Dataset, Reprojection, View};
@@ -22,7 +22,7 @@ pub struct Description {
     pub cameras: Vec<CameraGroup>,
     /// Photos with a mask.
     pub masks: u64,
-    /// Photos whose lens distortion is removed while they are read.
+    /// Number of photos whose lens distortion is removed during reading.
     pub undistorted: u64,
     /// Bytes of all photos once decoded.
     pub decoded_bytes: u64,
@@ -36,7 +36,7 @@ pub struct Description {
     /// Mean error that the file states for its points, px.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stated_error_px: Option<f64>,
-    /// How well cameras and points fit, measured.
+    /// Measured reprojection errors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reprojection: Option<Reprojection>,
     /// The world point that positions are relative to, when the scene is far from the world's origin.
@@ -65,7 +65,7 @@ pub struct CameraGroup {
 
 /// The figures of a data set.
 ///
-/// Errors: a COLMAP model that cannot be read once more, with what its photos saw.
+/// Errors: a COLMAP model that cannot be read again with its observations.
 pub fn describe(dataset: &Dataset, limits: &Limits) -> Result<Description> {
     let views = &dataset.views;
     let stated: Vec<f64> = dataset.points.iter().filter_map(|p| p.error).map(f64::from).collect();
@@ -119,7 +119,7 @@ fn extent(positions: impl Iterator<Item = Vec3> + Clone) -> f64 {
     f64::from(low.distance(high))
 }
 
-/// From the 1st to the 99th percentile along each axis: a few outliers say nothing about a scene.
+/// From the 1st to the 99th percentile along each axis: a few outliers must not determine it.
 fn bounds(dataset: &Dataset) -> Option<[[f64; 3]; 2]> {
     let last = dataset.points.len().checked_sub(1)?;
     let axis = |axis: usize| {

@@ -1,4 +1,4 @@
-//! What the readers find in the files of a data set, in f64, before any photo is opened.
+//! The content of a data set's files, in f64, before any photo is opened.
 
 use super::kind::DatasetKind;
 use super::lens::{Distortion, Lens};
@@ -6,10 +6,10 @@ use super::point_file::PointFile;
 use glam::{DMat3, DVec2, DVec3, UVec2};
 use std::path::PathBuf;
 
-/// A data set as its files describe it.
+/// A data set, from its files.
 pub(super) struct Found {
     pub(super) kind: DatasetKind,
-    /// Folder that `test.txt` and `masks` are looked for in.
+    /// Folder of `test.txt` and `masks`.
     pub(super) root: PathBuf,
     /// The file that lists the photos, for messages.
     pub(super) list: PathBuf,
@@ -18,7 +18,7 @@ pub(super) struct Found {
     pub(super) warnings: Vec<String>,
 }
 
-/// A posed photo as its files describe it.
+/// A posed photo, from its files.
 pub(super) struct FoundPhoto {
     pub(super) name: String,
     pub(super) path: PathBuf,
@@ -31,7 +31,7 @@ pub(super) struct FoundPhoto {
     pub(super) held_out: bool,
 }
 
-/// A lens whose gaps are filled from the photo's size.
+/// A lens with missing values, which the photo's size fills.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct LensClaim {
     pub(super) size: Option<UVec2>,
@@ -42,8 +42,8 @@ pub(super) struct LensClaim {
 }
 
 impl LensClaim {
-    /// The lens, with what the file left out taken from the photo: its size, square pixels, the
-    /// principal point in the middle.
+    /// The lens, with missing values from the photo: its size, square pixels, the principal point in the
+    /// middle.
     pub(super) fn resolve(&self, photo: UVec2) -> std::result::Result<Lens, String> {
         let size = self.size.unwrap_or(photo);
         if size.min_element() == 0 {

@@ -1,4 +1,4 @@
-//! A point of a cloud as its file holds it.
+//! A point of a cloud, from its file.
 
 use super::colmap_model::PointRow;
 use glam::DVec3;

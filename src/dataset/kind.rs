@@ -1,10 +1,10 @@
-//! What a data set was read as.
+//! The kind of a data set.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// What a data set was read as.
+/// The kind of a data set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum DatasetKind {
     /// COLMAP's `cameras.bin`, `images.bin` and `points3D.bin`.
@@ -13,10 +13,10 @@ pub enum DatasetKind {
     /// COLMAP's `cameras.txt`, `images.txt` and `points3D.txt`.
     #[serde(rename = "COLMAP model (text)")]
     ColmapText,
-    /// `transforms.json` as nerfstudio, instant-ngp and Blender write it.
+    /// `transforms.json` of nerfstudio, instant-ngp and Blender.
     #[serde(rename = "transforms.json")]
     Transforms,
-    /// Pictures that a scene was drawn for, not photos.
+    /// Drawn pictures of a scene instead of photos.
     #[serde(rename = "drawn pictures")]
     Drawn,
 }

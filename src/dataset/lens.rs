@@ -36,12 +36,13 @@ impl Lens {
         Self { size, focal: self.focal * ratio, center: self.center * ratio, distortion: self.distortion }
     }
 
-    /// Where a direction (x / z, y / z) lands, px.
+    /// The pixel of a direction (x / z, y / z), px.
     pub fn project(&self, direction: DVec2) -> DVec2 {
         self.focal * self.distortion.distort(direction) + self.center
     }
 
-    /// Which direction (x / z, y / z) lands on a pixel; `None` where the model folds over (two directions reach one pixel).
+    /// The direction (x / z, y / z) of a pixel; `None` where the model folds over (two directions reach one
+    /// pixel).
     pub fn direction(&self, pixel: DVec2) -> Option<DVec2> {
         self.distortion.undistort((pixel - self.center) / self.focal)
     }
@@ -53,7 +54,7 @@ impl Distortion {
         *self == Self::default()
     }
 
-    /// Where the lens bends `p` to.
+    /// The distorted position of `p`.
     pub fn distort(&self, p: DVec2) -> DVec2 {
         let [p1, p2] = self.tangential;
         let r2 = p.length_squared();
@@ -63,8 +64,8 @@ impl Distortion {
         p * self.stretch(r2) + tangential
     }
 
-    /// The `p` that the lens bends to `q`, by Newton's method; `None` when there is none, or when the
-    /// model has already folded over there.
+    /// The `p` with the distorted position `q`, by Newton's method; `None` without one, or where the model
+    /// has folded over.
     pub fn undistort(&self, q: DVec2) -> Option<DVec2> {
         let mut p = q;
         for _ in 0..64 {

@@ -1,4 +1,4 @@
-//! From the path of a data set to cameras and photos: finds its reader, then takes the steps that are the same for all of them: check the
+//! From the path of a data set to cameras and photos: finds its reader, then does the common steps: check the
 //! photos, plan their undistortion, shrink, split.
 
 use super::found::{Found, FoundPhoto};
@@ -35,20 +35,22 @@ impl Dataset {
     /// ```
     ///
     /// # Errors
-    /// `Unsupported` for a folder without posed photos or a camera model that is not read, `Malformed` for broken files. Photos are opened
-    /// as far as their header; a missing or broken one is an error unless `skip_broken` says to go on without it.
+    /// `Unsupported` for a folder without posed photos or a camera model that is not read, `Malformed` for
+    /// broken files. Only the headers of photos are read; a missing or broken photo is an error unless
+    /// `skip_broken` is set.
     pub fn load(path: &Path, options: &DatasetOptions) -> Result<Self> {
         finish(path, find(path, options)?, options, None)
     }
 
-    /// True of a file or a folder that says where its photos were taken: [`Dataset::load`] reads it.
+    /// True for a file or folder with camera poses that [`Dataset::load`] can read.
     pub fn is_posed(path: &Path) -> bool {
         let is_list = path.is_file() && path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
         is_list || (path.is_dir() && (colmap::locate(path).is_some() || transforms::locate(path).is_some()))
     }
 
-    /// As [`Dataset::load`], with those of its photos only that are named: others are not opened, and may be missing. All of them are
-    /// trained on. The points and the origin are those of the whole data set; the points are not read where that `origin` is given.
+    /// Like [`Dataset::load`], but only with the named photos, all for training; others are not opened and
+    /// may be missing. The points and the origin are those of the whole data set; if `origin` is given, the
+    /// points are not read.
     ///
     /// # Errors
     /// Those of [`Dataset::load`]; a name that is not in the data set.
@@ -61,11 +63,11 @@ impl Dataset {
         finish(path, find(path, options)?, options, Some((names, origin)))
     }
 
-    /// How well cameras and points fit each other, where the data set says which photo shows which point. Reads its model once more, as
-    /// what the photos saw is needed for nothing else.
+    /// Reprojection errors, if the data set has observations. Reads its model again, because nothing else
+    /// needs observations.
     ///
     /// # Errors
-    /// A model that cannot be read any more.
+    /// A model that can no longer be read.
     pub fn reprojection(&self, limits: &Limits) -> Result<Option<Reprojection>> {
         match self.kind {
             DatasetKind::ColmapBinary | DatasetKind::ColmapText => colmap::reprojection(&self.path, limits),
@@ -74,7 +76,7 @@ impl Dataset {
     }
 }
 
-/// Reads the files at `path`, whichever kind they are.
+/// Reads the files at `path`, of any kind.
 fn find(path: &Path, options: &DatasetOptions) -> Result<Found> {
     options.validate()?;
     let meta = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
@@ -97,7 +99,7 @@ fn find(path: &Path, options: &DatasetOptions) -> Result<Found> {
     ))
 }
 
-/// Makes a data set of what was found, or of the photos that are named.
+/// Makes a data set of all photos found, or of the named ones.
 fn finish(
     path: &Path,
     mut found: Found,
@@ -148,7 +150,7 @@ fn keep_named(found: &mut Found, names: &BTreeSet<String>) -> Result<()> {
     }
 }
 
-/// Opens every photo as far as its header and makes it a view.
+/// Reads the header of every photo and makes it a view.
 fn open_views(found: &mut Found, origin: DVec3, options: &DatasetOptions) -> Result<Vec<View>> {
     let opened: Vec<Result<(View, Option<String>)>> =
         found.photos.par_iter().map(|photo| open_view(photo, origin, options)).collect();
@@ -213,7 +215,7 @@ fn open_view(found: &FoundPhoto, origin: DVec3, options: &DatasetOptions) -> Res
         size,
     };
     camera.validate(&options.limits).map_err(|e| at_fault(e.to_string()))?;
-    // An opacity is a mask that the photo brings along.
+    // Opacity is a mask inside the photo.
     let cut = match (&found.mask, options.masks) {
         (Some(_), masks) => masks == Masks::Cut,
         (None, Masks::Off) => false,
@@ -301,7 +303,8 @@ fn find_masks(found: &mut Found, options: &DatasetOptions) {
     }
 }
 
-/// What is taken off every position: by the middle of the cameras, and the extent of these and the points. With the number of points.
+/// The origin to subtract from every position, from the middle of the cameras and the extent of cameras and
+/// points. Also returns the number of points.
 fn origin_of(found: &Found, limits: &Limits) -> Result<(DVec3, usize)> {
     let centers: Vec<DVec3> =
         found.photos.iter().map(|f| -(f.rotation.transpose() * f.translation)).collect();
@@ -315,7 +318,7 @@ fn origin_of(found: &Found, limits: &Limits) -> Result<(DVec3, usize)> {
     Ok((far_origin(middle, extent), count))
 }
 
-/// Points with finite positions, relative to the origin; the file has `count` of all kinds.
+/// Points with finite positions, relative to the origin; the file has `count` points, finite or not.
 fn keep_points(
     points: &PointFile,
     count: usize,

@@ -1,4 +1,4 @@
-//! What of a data set to use, and how: declared once for the library, the flags and the config file.
+//! How to read a data set: declared once for the library, the flags and the config file.
 
 use crate::error::Result;
 use crate::formats::ReadOptions;
@@ -20,32 +20,32 @@ pub struct DatasetOptions {
     #[cfg_attr(feature = "cli", arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(1..=65_535)))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_size: Option<u32>,
-    /// Hold out every Nth photo by name (the 1st, the N+1st, ...) where the data set names no split of
-    /// its own; 0 trains on all photos, whatever the data set says.
+    /// Hold out every Nth photo by name (the 1st, the N+1st, ...) if the data set has no split of its own; 0
+    /// trains on all photos, even if it has one.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 8))]
     pub test_every: u32,
-    /// Go on without photos that are missing or broken; every photo is then read once in full to see.
+    /// Skip missing and broken photos; every photo is then read once in full.
     #[cfg_attr(feature = "cli", arg(long))]
     pub skip_broken: bool,
     /// Folder of the photos, relative to the data set; COLMAP models name them relative to it.
     #[cfg_attr(feature = "cli", arg(long, value_name = "FOLDER", default_value = "images"))]
     pub images: PathBuf,
-    /// What to do with the pictures in the folder `masks`, and with the `mask_path` of a frame. Photos with transparent pixels bring
-    /// a mask along that cuts, unless this is `off`.
+    /// What to do with the pictures in the folder `masks`, and with the `mask_path` of a frame. Transparent
+    /// pixels are a mask that cuts, unless this is `off`.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub masks: Masks,
-    /// What is behind transparent pixels: black, white or #rrggbb.
+    /// Colour behind transparent pixels: black, white or #rrggbb.
     #[cfg_attr(feature = "cli", arg(long, value_name = "COLOR", default_value_t))]
     pub background: Background,
-    /// Memory for decoded photos and drawn pictures, MiB; those that do not fit go into a temporary file. Each thread
-    /// may hold one more.
+    /// Memory for decoded photos and drawn pictures, MiB; others go into a temporary file. Each thread may
+    /// hold one more.
     #[cfg_attr(feature = "cli", arg(long, value_name = "MIB", default_value_t = 1024))]
     pub photo_memory_mib: u32,
-    /// How much is taken from its files.
+    /// Limits on its files.
     #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(default)]
     pub limits: Limits,
-    /// Whether files outside its folder may be read because it names them.
+    /// Whether it may name files outside its folder.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub allow_outside: bool,
 }
@@ -61,7 +61,7 @@ impl DatasetOptions {
         u64::from(self.photo_memory_mib) << 20
     }
 
-    /// How a scene is read that belongs to the photos: colours up to `sh_degree`, with the same limits.
+    /// The options for reading a scene of these photos: colours up to `sh_degree`, with the same limits.
     pub fn read_options(&self, sh_degree: u8) -> ReadOptions {
         ReadOptions { sh_degree, limits: self.limits, allow_outside: self.allow_outside }
     }
@@ -83,17 +83,17 @@ impl Default for DatasetOptions {
     }
 }
 
-/// What a mask means; white (255) is kept.
+/// The meaning of a mask; white (255) is kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Masks {
-    /// Black pixels do not count: anything may be drawn there.
+    /// Black pixels do not count, so anything may be drawn there.
     #[default]
     Ignore,
     /// Black pixels are cut out: nothing may be drawn there.
     Cut,
-    /// Masks are not read, and what is transparent shows the background.
+    /// Masks are not read, and transparent pixels show the background.
     Off,
 }
 

@@ -1,10 +1,10 @@
-//! Where the files are that a data set names: in its own folder, unless the user says that others may be read.
+//! The files that a data set names must be in its own folder, unless the user permits others.
 
 use crate::error::{Error, Result};
 use crate::input;
 use std::path::{Path, PathBuf};
 
-/// The files that one list names, relative to a folder.
+/// The files of one list, relative to a folder.
 #[derive(Debug)]
 pub(super) struct NamedFiles<'a> {
     /// The file that names them, for messages.
@@ -12,7 +12,7 @@ pub(super) struct NamedFiles<'a> {
     /// What they are relative to.
     pub(super) folder: &'a Path,
     pub(super) allow_outside: bool,
-    /// Absolute paths so far, and the first of them.
+    /// Number of absolute paths so far, and the first of them.
     absolute: (usize, Option<String>),
 }
 
@@ -22,7 +22,8 @@ impl<'a> NamedFiles<'a> {
         Self { list, folder, allow_outside, absolute: (0, None) }
     }
 
-    /// Where the file `name` is, which the list names at `place`. Errors: it is outside the folder, and that is not allowed.
+    /// The path of the file `name`, which the list names at `place`. Errors: a file outside the folder
+    /// without permission.
     pub(super) fn find(&mut self, place: &str, name: &str) -> Result<PathBuf> {
         let path = Path::new(name);
         if path.is_absolute() {
@@ -38,7 +39,7 @@ impl<'a> NamedFiles<'a> {
         Ok(self.folder.join(path))
     }
 
-    /// What the user should know of absolute paths.
+    /// The warning about absolute paths.
     pub(super) fn warning(self) -> Option<String> {
         let (count, first) = self.absolute;
         let list = self.list.display();

@@ -1,5 +1,5 @@
-//! What a phone does to photos, with known numbers: automatic exposure and white balance, a lens whose corners are darker, noise, and
-//! poses that were found to half a pixel.
+//! Simulates a phone's photos with known parameters: automatic exposure and white balance, darker corners,
+//! noise, and poses with errors of half a pixel.
 
 use crate::error::{Error, Result};
 use crate::image::Image;
@@ -9,7 +9,7 @@ use glam::{DMat3, DQuat, DVec3, Vec2};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// The file that says what was done.
+/// The file of the true parameters.
 pub const TRUTH_FILE: &str = "truth.json";
 
 /// Standard deviation of the exposure from photo to photo, as a logarithm: a third of a stop ...
@@ -18,32 +18,33 @@ const EXPOSURE_NOISE: f64 = 0.23;
 const EXPOSURE_WAVE: f64 = 0.35;
 /// Standard deviation of red and blue against green, as a logarithm.
 const BALANCE: f64 = 0.06;
-/// What the corners lose of the light, as a logarithm.
+/// Loss of light in the corners, as a logarithm.
 const FALLOFF: f64 = 0.4;
 /// Standard deviation of the noise in linear light: a constant part, and one that grows with the root of the light.
 const NOISE: [f32; 2] = [0.002, 0.015];
-/// Standard deviation of a pose's error along each axis of the photo, by its turn and by its place each, px.
+/// Standard deviation of a pose's error along each axis of the photo, px: for rotation and for position.
 const POSE_PX: f64 = 0.25;
-/// Distance of what the cameras look at.
+/// Viewing distance of the cameras.
 const DISTANCE: f64 = 4.0;
 
-/// What was done to a data set.
+/// The true parameters of a data set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PhoneTruth {
-    /// What the corners of every photo lose of the light, as a logarithm; it grows with the square of the distance from the middle.
+    /// Loss of light in the corners of every photo, as a logarithm; it grows with the square of the distance
+    /// from the middle.
     pub falloff: f64,
     /// Photo by photo.
     pub photos: Vec<PhotoTruth>,
 }
 
-/// What was done to a photo.
+/// The true parameters of a photo.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PhotoTruth {
     /// Its name.
     pub name: String,
-    /// What linear light was multiplied by, per channel, as a logarithm.
+    /// Gain in linear light, per channel, as a logarithm.
     pub gains: [f64; 3],
-    /// Where it was taken from: the rotation from world to camera, as w, x, y, z.
+    /// The true rotation from world to camera, as w, x, y, z.
     pub rotation: [f64; 4],
     /// The same of the translation.
     pub translation: [f64; 3],
@@ -65,7 +66,7 @@ impl PhotoTruth {
         }
     }
 
-    /// What the phone makes of what the camera sees.
+    /// The phone's photo of the camera's view.
     pub fn take(&self, seed: u64, index: u32, scene: &Image) -> Image {
         let noise = Rng::new(seed, "noise", u64::from(index));
         let (width, middle) = (scene.size.x as usize, scene.size.as_vec2() / 2.0);
@@ -83,7 +84,7 @@ impl PhotoTruth {
     }
 }
 
-/// A pose as it was found: half a pixel off, where the focal length is `focal` px.
+/// An estimated pose: half a pixel off, for a focal length of `focal` px.
 pub(super) fn found(
     seed: u64,
     index: u32,
@@ -97,7 +98,7 @@ pub(super) fn found(
     (turn * rotation, turn * translation + angle * DISTANCE * vector(3))
 }
 
-/// Writes what was done into `folder`.
+/// Writes the true parameters into `folder`.
 pub(super) fn write(folder: &Path, photos: Vec<PhotoTruth>) -> Result<()> {
     let path = folder.join(TRUTH_FILE);
     let mut text = serde_json::to_string_pretty(&PhoneTruth { falloff: FALLOFF, photos })

@@ -1,4 +1,4 @@
-//! One photo, on disk with what to do to it on the way in, or drawn and in memory.
+//! One photo: on disk with its processing steps, or drawn and in memory.
 
 use super::options::{Background, Masks};
 use super::picture_file::{PictureFile, StoredPicture};
@@ -10,12 +10,12 @@ use glam::UVec2;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A photo that is decoded when asked for, or a picture that is there already.
+/// A photo that is decoded on request, or a picture in memory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Photo {
     /// The picture file; empty for a picture in memory.
     pub path: PathBuf,
-    /// The mask: which of its pixels count, as large as the photo.
+    /// The mask, as large as the photo.
     pub mask: Option<PathBuf>,
     /// Width and height as delivered, px.
     pub size: UVec2,
@@ -24,12 +24,12 @@ pub struct Photo {
     pub(super) undistort: Option<Undistort>,
     pub(super) background: Background,
     pub(super) masks: Masks,
-    /// How much is taken from its files.
+    /// Limits on its files.
     pub limits: Limits,
     pub(super) drawn: Option<Drawn>,
-    /// It shows an object before nothing: what its alpha, or its mask, leaves of it.
+    /// It shows an object without background, cut out by its alpha or mask.
     pub(super) cut: bool,
-    /// The part of it that is wanted.
+    /// The selected part of it.
     pub(super) crop: Option<Crop>,
 }
 
@@ -62,13 +62,12 @@ impl PartialEq for Drawn {
 }
 
 impl Photo {
-    /// A picture in memory, as if it had been decoded.
+    /// A picture in memory, like a decoded photo.
     pub fn drawn(pixels: Pixels) -> Self {
         Self::of(pixels.size, Drawn::Held(Arc::new(pixels)))
     }
 
-    /// A picture that is put into `file` and comes back from there, as if it had been decoded. Fails when there is no
-    /// room on the disk.
+    /// A picture stored in `file`, like a decoded photo. Fails when the disk is full.
     pub fn stored(pixels: &Pixels, file: &Arc<PictureFile>) -> Result<Self> {
         let place = file.put(pixels).map_err(|e| Error::io(std::env::temp_dir(), e))?;
         Ok(Self::of(pixels.size, Drawn::Stored(Arc::clone(file), place)))
@@ -97,20 +96,20 @@ impl Photo {
         Self { crop: Some(Crop { corner, whole }), size, ..self.clone() }
     }
 
-    /// True of a photo of an object without background: it has transparent pixels, or a mask that cuts.
+    /// True for a photo of an object without background: it has transparent pixels, or a mask that cuts.
     pub fn is_cut(&self) -> bool {
         self.cut
     }
 
-    /// True of a photo that is delivered smaller than it is: `max_size` shrinks it.
+    /// True for a photo that `max_size` shrinks.
     pub fn is_shrunk(&self) -> bool {
         let full = self.undistort.map_or(self.stored, |plan| plan.pinhole().size);
         self.crop.map_or(self.size, |crop| crop.whole) != full
     }
 
-    /// The photo as training uses it: blended with the background, masked, undistorted, shrunk.
-    /// `alpha` is then the weight of each pixel in the loss, `None` where all count. In a [cut](Photo::is_cut) photo it is the share of
-    /// the pixel that the object covers, and the colours are over black.
+    /// The photo for training: blended with the background, masked, undistorted, shrunk. `alpha` is the
+    /// weight of each pixel in the loss, `None` when all are 1. In a [cut](Photo::is_cut) photo it is the
+    /// share of the pixel that the object covers, and the colours are over black.
     pub fn decode(&self) -> Result<Pixels> {
         let whole = match &self.drawn {
             Some(Drawn::Held(pixels)) => Pixels::clone(pixels),
@@ -138,7 +137,7 @@ impl Photo {
             pixels.alpha = Some(weights);
         }
         if self.cut {
-            // Over black, so that shrinking and undistorting mix no colour in that nobody sees.
+            // Over black, so that shrinking and undistorting mix in no invisible colour.
             let alpha = pixels.alpha.clone();
             pixels = Pixels { alpha, ..pixels.over([0; 3]) };
         }
@@ -152,7 +151,7 @@ impl Photo {
         Ok(pixels)
     }
 
-    /// The file as it is, or smaller where it is shrunk to less than half; and its full size.
+    /// The file's picture, decoded smaller if it is shrunk to less than half; and its full size.
     fn load(&self) -> Result<(Pixels, UVec2)> {
         // A mask is as large as the whole photo.
         if self.mask.is_none() && !self.cut && self.is_shrunk() {
@@ -168,7 +167,7 @@ impl Photo {
         Ok((pixels, size))
     }
 
-    /// The picture, where it is in memory already.
+    /// The picture, if it is in memory.
     pub(super) fn held(&self) -> Option<Arc<Pixels>> {
         match &self.drawn {
             Some(Drawn::Held(pixels)) if self.crop.is_none() => Some(Arc::clone(pixels)),
@@ -181,7 +180,7 @@ impl Photo {
         matches!(self.drawn, Some(Drawn::Stored(..)))
     }
 
-    /// Bytes it may take in memory once it is decoded.
+    /// Most bytes of the decoded photo in memory.
     pub fn most_bytes(&self) -> u64 {
         4 * u64::from(self.size.x) * u64::from(self.size.y)
     }

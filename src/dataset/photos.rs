@@ -1,7 +1,7 @@
 //! All photos of a run, decoded in the background under a memory budget.
 //!
-//! Every file is decoded once. What does not fit the budget is kept, already shrunk, in a cache on disk (a temporary file without a name),
-//! from which it comes back at the speed of a copy.
+//! Every file is decoded once. Photos beyond the budget are kept, already shrunk, in a cache on disk (a
+//! temporary file without a name), and come back at the speed of a copy.
 
 use super::photo::Photo;
 use super::picture_file::{PictureFile, StoredPicture};
@@ -12,10 +12,10 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
-/// Threads that decode. Each may hold one photo beyond the budget: that which it decodes, at full size, or has decoded and
-/// not handed over yet. So training does not wait for the disk, however small the budget is.
+/// Number of decoding threads. Each may hold one photo beyond the budget: the one it decodes, at full size,
+/// or has not delivered yet. So training does not wait for the disk, even with a small budget.
 const WORKERS: usize = 2;
-/// So near the front of the queue a photo that is taken is looked for: it is wanted once more later.
+/// A taken photo is searched only this near to the front of the queue, because it occurs again later.
 const SOON: usize = 8;
 
 /// Decoded photos by index.
@@ -31,7 +31,7 @@ struct Loader {
     budget_bytes: u64,
     cache: PictureFile,
     state: Mutex<LoaderState>,
-    /// A worker may have something to do.
+    /// Wakes workers when there may be work.
     work: Condvar,
     /// A photo has been decoded.
     decoded: Condvar,
@@ -40,12 +40,12 @@ struct Loader {
 #[derive(Debug, Default)]
 struct LoaderState {
     slots: Vec<PhotoSlot>,
-    /// What will be taken next, in order.
+    /// The next photos, in order.
     queue: VecDeque<usize>,
-    /// What `take` is waiting for now.
+    /// The photo that `take` is waiting for.
     wanted: Option<usize>,
     resident_bytes: u64,
-    /// Counts takes, to know which photo was taken least recently.
+    /// Counts takes, to find the least recently taken photo.
     clock: u64,
     decode_count: u64,
     stop: bool,
@@ -63,14 +63,13 @@ struct PhotoSlot {
 }
 
 impl Photos {
-    /// Photos to be taken by their index; nothing is decoded before [`Photos::prefetch`] or
-    /// [`Photos::take`].
+    /// Photos by index; nothing is decoded before [`Photos::prefetch`] or [`Photos::take`].
     pub fn new(photos: Vec<Photo>, budget_bytes: u64) -> Self {
         let slots = photos.iter().map(|_| PhotoSlot::default()).collect();
         let state = Mutex::new(LoaderState { slots, ..LoaderState::default() });
         let (cache, work, decoded) = (PictureFile::default(), Condvar::new(), Condvar::new());
         let shared = Arc::new(Loader { photos, budget_bytes, cache, state, work, decoded });
-        // Pictures that are drawn already need none, and there are systems that have none.
+        // Drawn pictures need no threads, and some systems have none.
         let needed = if shared.photos.iter().all(|photo| photo.held().is_some()) { 0 } else { WORKERS };
         let workers = (0..needed)
             .map(|_| {
@@ -91,7 +90,7 @@ impl Photos {
         self.shared.photos.is_empty()
     }
 
-    /// Queues what will be taken next, in order, behind what is queued already; the background decodes it as far as memory goes.
+    /// Appends the next photos to the queue; threads decode them while memory lasts.
     pub fn prefetch(&mut self, order: impl IntoIterator<Item = usize>) {
         let count = self.len();
         let photos = &self.shared.photos;
@@ -100,8 +99,7 @@ impl Photos {
         self.shared.work.notify_all();
     }
 
-    /// The photo at index `i`; waits for it when it is not there yet. Fails when its file cannot be
-    /// decoded.
+    /// The photo at index `i`; waits until it is decoded. Fails when its file cannot be decoded.
     pub fn take(&mut self, i: usize) -> Result<Arc<Pixels>> {
         if i >= self.len() {
             return Err(Error::invalid("photo", i, format!("an index below {}", self.len())));
@@ -129,7 +127,7 @@ impl Photos {
         }
     }
 
-    /// The hash of photo `i` as decoded; `None` while it has not been.
+    /// The hash of the decoded photo `i`; `None` before it is decoded.
     pub fn digest(&self, i: usize) -> Option<u64> {
         self.shared.lock().slots.get(i)?.digest
     }
@@ -170,7 +168,7 @@ impl Loader {
             let cached = cached.and_then(|place| self.cache.get(place).ok());
             let decodes = cached.is_none() && !self.photos[i].is_stored();
             let photo = &self.photos[i];
-            // A worker that panicked would leave who waits for the photo waiting.
+            // A panic must not leave others waiting for the photo.
             let pixels = cached.map_or_else(|| guarded(&photo.path, || photo.decode()), Ok);
             // Once, and outside the lock: it reads every byte.
             let digest = digest.or_else(|| pixels.as_ref().ok().map(Pixels::digest));
@@ -187,7 +185,7 @@ impl Loader {
         }
     }
 
-    /// What is most urgent: what somebody waits for, then what comes next, as far as memory goes.
+    /// The most urgent photo: the one waited for, then the next in the queue while memory lasts.
     fn next_job(&self, state: &LoaderState) -> Option<usize> {
         let idle = |i: usize| state.slots[i].pixels.is_none() && !state.slots[i].loading;
         if let Some(i) = state.wanted.filter(|&i| idle(i)) {
@@ -207,7 +205,8 @@ impl Loader {
         None
     }
 
-    /// Moves the least recently taken photos to the disk cache until the budget is kept, but none that is needed at once.
+    /// Moves the least recently taken photos to the disk cache until the budget is met, except those needed
+    /// at once.
     fn evict(&self, state: &mut LoaderState, newest: usize) {
         while state.resident_bytes > self.budget_bytes {
             let soon = |i: usize| {
@@ -221,7 +220,7 @@ impl Loader {
             let Some(Ok(pixels)) = state.slots[i].pixels.take() else { return };
             state.resident_bytes -= pixels.bytes();
             if state.slots[i].cached.is_none() && !self.photos[i].is_stored() {
-                // Without room on the disk either, the file is decoded again when its turn comes.
+                // If the disk is full, too, the file is decoded again later.
                 state.slots[i].cached = self.cache.put(&pixels).ok();
             }
         }

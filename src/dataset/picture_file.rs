@@ -1,4 +1,4 @@
-//! Decoded pictures in a temporary file, from which they come back at the speed of a copy.
+//! Decoded pictures in a temporary file, which come back at the speed of a copy.
 
 use crate::image::Pixels;
 use glam::UVec2;
@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::sync::{Mutex, PoisonError};
 
-/// A temporary file without a name, made when the first picture is put into it.
+/// A temporary file without a name, made for the first picture.
 #[derive(Debug, Default)]
 pub struct PictureFile {
     state: Mutex<PictureFileState>,
@@ -18,7 +18,7 @@ struct PictureFileState {
     end: u64,
 }
 
-/// Where a picture is in the file.
+/// The place of a picture in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StoredPicture {
     at: u64,
@@ -27,7 +27,7 @@ pub struct StoredPicture {
 }
 
 impl PictureFile {
-    /// Adds a picture. Fails when there is no room on the disk.
+    /// Adds a picture. Fails when the disk is full.
     pub fn put(&self, pixels: &Pixels) -> io::Result<StoredPicture> {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let at = state.end;
@@ -42,7 +42,7 @@ impl PictureFile {
         Ok(StoredPicture { at, size: pixels.size, alpha: pixels.alpha.is_some() })
     }
 
-    /// A picture that was put into this file.
+    /// A picture of this file.
     pub fn get(&self, place: StoredPicture) -> io::Result<Pixels> {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let file = state.file.as_mut().ok_or(io::ErrorKind::NotFound)?;

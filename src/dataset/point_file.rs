@@ -1,5 +1,5 @@
-//! The file of a cloud of points. It is read once to learn where the scene lies and once more for the points, never held in f64: a city
-//! has more of them than anything else.
+//! The file of a cloud of points. It is read once for the extent of the scene and again for the points, and
+//! is never held in f64, because a city has very many points.
 
 use super::found_point::FoundPoint;
 use super::{colmap_binary, colmap_text, point_ply};
@@ -17,7 +17,7 @@ pub(super) enum PointFile {
 }
 
 impl PointFile {
-    /// Hands every point to `visit`, in the order of the file.
+    /// Passes every point to `visit`, in the order of the file.
     pub(super) fn each(&self, limits: &Limits, visit: &mut dyn FnMut(FoundPoint)) -> Result<()> {
         match self {
             Self::None => Ok(()),

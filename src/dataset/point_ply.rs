@@ -8,10 +8,10 @@ use crate::limits::Limits;
 use glam::DVec3;
 use std::path::Path;
 
-/// What a point without a colour gets.
+/// The colour of a point without one.
 const GREY: [u8; 3] = [128; 3];
 
-/// Hands x, y, z and, where they are bytes, red, green, blue of every entry of the element `vertex` to `visit`.
+/// Passes x, y, z and, if they are bytes, red, green, blue of every entry of the element `vertex` to `visit`.
 pub(super) fn each_point(path: &Path, limits: &Limits, visit: &mut dyn FnMut(FoundPoint)) -> Result<()> {
     let mut source = Source::open(path, limits)?;
     let header = ply::header::read(&mut source)?;

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 /// Posed photos of one scene.
 #[derive(Debug, Clone)]
 pub struct Dataset {
-    /// The folder or file it was read from, as given.
+    /// Its folder or file, as given.
     pub path: PathBuf,
     /// What it was read as.
     pub kind: DatasetKind,
@@ -21,10 +21,10 @@ pub struct Dataset {
     pub views: Vec<View>,
     /// The sparse cloud; may be empty.
     pub points: Vec<Point>,
-    /// The world point that became (0, 0, 0) here: zero, unless the scene is so far from the origin
-    /// that f32 would lose its detail. world = origin + position.
+    /// The world point at (0, 0, 0) here: zero, unless the scene is too far from the origin for f32. world =
+    /// origin + position.
     pub origin: DVec3,
-    /// What was repaired, left out or is odd, one sentence each.
+    /// Repairs, omissions and oddities, one sentence each.
     pub warnings: Vec<String>,
 }
 
@@ -33,18 +33,18 @@ pub struct Dataset {
 pub struct View {
     /// Path below the folder of photos: "0001.jpg".
     pub name: String,
-    /// The pinhole that took it, at the size of the decoded photo.
+    /// Its pinhole camera, at the size of the decoded photo.
     pub camera: Camera,
-    /// The photo; nothing is decoded before it is asked for.
+    /// The photo, decoded on request.
     pub photo: Photo,
-    /// Held out: for evaluation, never trained on.
+    /// Held out for evaluation, never trained on.
     pub test: bool,
 }
 
 impl View {
-    /// The same view with a part of its picture only: of `size` px, its upper left corner at `corner`.
+    /// The same view with only a part of its picture: of `size` px, with its upper left corner at `corner`.
     ///
-    /// Errors: a part that is empty or not within the picture.
+    /// Errors: a part that is empty or outside the picture.
     pub fn cropped(&self, corner: UVec2, size: UVec2) -> Result<Self> {
         let whole = self.camera.size;
         let fits =
@@ -62,7 +62,7 @@ impl View {
 /// A point of the sparse cloud.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
-    /// World position less the data set's origin.
+    /// World position minus the data set's origin.
     pub position: Vec3,
     /// sRGB-encoded colour.
     pub rgb: [u8; 3],
@@ -70,19 +70,19 @@ pub struct Point {
     pub error: Option<f32>,
 }
 
-/// The distance between where points were seen and where the cameras put them, in the photos' full size.
+/// Reprojection errors, at the photos' full size.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Reprojection {
     /// Mean over all observations, px.
     pub mean_px: f64,
     /// Observations measured.
     pub observations: u64,
-    /// Observations of points behind the camera that claims to see them; not in the mean.
+    /// Observations of points behind their camera; not in the mean.
     pub behind: u64,
 }
 
 impl Dataset {
-    /// The photos to train on, in order of name.
+    /// The training photos, in order of name.
     pub fn train(&self) -> impl Iterator<Item = &View> {
         self.views.iter().filter(|v| !v.test)
     }

@@ -1,4 +1,4 @@
-//! Figures of photos that were shrunk are other figures than those of the photos: their size stands beside them.
+//! Scores on shrunk photos differ from those on full photos, so the size is printed beside them.
 
 use super::posed::View;
 use crate::error::Error;
@@ -7,20 +7,20 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt::{self, Display};
 
-/// The size that photos were shrunk to, that of the largest one: "320x213".
+/// The largest size of the shrunk photos: "320x213".
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(into = "String", try_from = "String")]
 #[schemars(with = "String")]
 pub struct ShrunkSize(UVec2);
 
 impl ShrunkSize {
-    /// Of some views; `None` where every photo is as large as its file.
+    /// Of some views; `None` if every photo is as large as its file.
     pub fn of<'a>(views: impl IntoIterator<Item = &'a View>) -> Option<Self> {
         let shrunk = views.into_iter().filter(|view| view.photo.is_shrunk()).map(|view| view.photo.size);
         shrunk.max_by_key(|size| u64::from(size.x) * u64::from(size.y)).map(Self)
     }
 
-    /// What stands behind a figure: ", photos at 320x213", or nothing.
+    /// The text after a score: ", photos at 320x213", or nothing.
     pub fn beside(size: Option<Self>) -> String {
         size.map_or(String::new(), |size| format!(", photos at {size}"))
     }

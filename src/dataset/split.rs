@@ -1,4 +1,4 @@
-//! Which photos are held out: `test.txt`, else what the data set marks, else every Nth by name.
+//! The held-out photos: `test.txt`, else those marked by the data set, else every Nth by name.
 
 use super::options::DatasetOptions;
 use super::posed::{Dataset, View};
@@ -43,7 +43,7 @@ impl Split {
 
     /// The same.
     ///
-    /// Errors: there are none.
+    /// Errors: no photos.
     pub fn some_of(self, dataset: &Dataset) -> Result<Vec<&View>> {
         let views = self.of(dataset);
         if views.is_empty() {
@@ -98,7 +98,7 @@ fn by_list(dataset: &mut Dataset, list: &Path, text: &str) -> Result<()> {
     all_held_out(dataset, list)
 }
 
-/// How a list may name a view: in full, without extension, without folders, without either.
+/// The names of a view in a list: in full, without extension, without folders, or without both.
 fn spellings(view: &View) -> [Option<&str>; 4] {
     let path = Path::new(&view.name);
     let stem = view.name.rsplit_once('.').map(|(stem, _)| stem);

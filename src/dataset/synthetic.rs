@@ -1,6 +1,6 @@
 //! A posed data set made from an analytic scene: exact images, known poses, points on the surfaces.
 //!
-//! Nothing in it comes from a camera, so it may be given away, and every number in it can be checked.
+//! It contains no camera's data, so it can be distributed, and every number in it can be checked.
 
 use super::colmap_model::{ImageRow, Model, PointRow};
 use super::colmap_text;
@@ -35,11 +35,11 @@ pub struct SyntheticOptions {
     /// Seed of the camera jitter and of the points.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 0))]
     pub seed: u64,
-    /// Show what stands on the ground alone, in photos that are transparent around it.
+    /// Show only the objects on the ground, in photos that are transparent around them.
     #[cfg_attr(feature = "cli", arg(long))]
     pub transparent: bool,
-    /// Disturb the photos as a phone does: exposure and white balance of their own, darker corners, noise, and poses that are half a
-    /// pixel off. `truth.json` says by how much.
+    /// Disturb the photos as a phone does: varying exposure and white balance, darker corners, noise, and
+    /// poses half a pixel off. `truth.json` has the true values.
     #[cfg_attr(feature = "cli", arg(long, conflicts_with = "transparent"))]
     pub phone: bool,
 }
@@ -50,13 +50,13 @@ impl Default for SyntheticOptions {
     }
 }
 
-/// Photos that may show a point in its track.
+/// Most photos in a point's track.
 const LONGEST_TRACK: usize = 6;
-/// Photos that must show a point, as with real reconstructions.
+/// Least photos of a point, as in real reconstructions.
 const SHORTEST_TRACK: usize = 3;
 /// Colour difference within a pixel that counts as an edge.
 const EDGE: f64 = 0.1;
-/// Standard deviation of where a point was seen, px.
+/// Standard deviation of a point's image positions, px.
 const OBSERVATION_NOISE_PX: f64 = 0.25;
 
 /// Writes the data set in COLMAP's layout: `images/view_0000.png`..., `sparse/0/*.txt`, and `test.txt`
@@ -76,12 +76,12 @@ pub fn write(folder: &Path, options: &SyntheticOptions) -> Result<()> {
     })
 }
 
-/// What the phone does to photo `index`.
+/// The phone's disturbance of photo `index`.
 fn truth(options: &SyntheticOptions, index: u32) -> PhotoTruth {
     PhotoTruth::new(options.seed, index, options.views, photo_name(index), pose(options, index))
 }
 
-/// Writes all of [`write()`] but the photos.
+/// Writes all files of [`write()`] except the photos.
 pub fn write_poses(folder: &Path, options: &SyntheticOptions) -> Result<()> {
     let sparse = folder.join("sparse/0");
     std::fs::create_dir_all(&sparse).map_err(|e| Error::io(&sparse, e))?;
@@ -118,8 +118,8 @@ pub fn camera(options: &SyntheticOptions, index: u32) -> Camera {
     }
 }
 
-/// What a camera sees, averaged over every pixel's square: 16 rays where the colour runs smoothly, 256
-/// where there is an edge in the pixel or beside it.
+/// A camera's view, averaged over every pixel's square: 16 rays where the colour is smooth, 256 at and beside
+/// edges.
 pub fn render(camera: &Camera) -> Image {
     let rays = RayCamera::new(camera);
     let [width, height] = camera.size.to_array();
@@ -140,7 +140,8 @@ pub fn render(camera: &Camera) -> Image {
     Image { size: camera.size, pixels: places.map(pixel).collect() }
 }
 
-/// What a camera sees of the things alone: alpha is the share of 64 rays that meet one, and the colour the mean of theirs.
+/// A camera's view of only the objects: alpha is the share of 64 rays that hit one, and the colour is the
+/// mean of these rays.
 pub fn render_things(camera: &Camera) -> Pixels {
     let (rays, width) = (RayCamera::new(camera), camera.size.x);
     let pixel = |i: u32| {
@@ -159,9 +160,9 @@ pub fn render_things(camera: &Camera) -> Pixels {
 /// What a pixel's rays saw.
 struct Average {
     rgb: DVec3,
-    /// They all saw one object, in much the same colour.
+    /// All hit one object, in similar colours.
     smooth: bool,
-    /// What the first of them saw.
+    /// The hit of the first ray.
     object: Option<usize>,
 }
 
@@ -284,7 +285,7 @@ fn track(options: &SyntheticOptions, lens: &Lens, images: &[ImageRow], id: u32) 
         let position = (hit.position * 1e6).round() / 1e6;
         let mut observations = Vec::new();
         let mut error = 0.0;
-        // Neighbours first, on either side: 0, 1, -1, 2, -2, ...
+        // Neighbours first, on both sides: 0, 1, -1, 2, -2, ...
         for k in 0..images.len() {
             let aside = if k % 2 == 1 { k.div_ceil(2) } else { images.len() - k / 2 };
             let at = (first + aside) % images.len();
@@ -296,7 +297,7 @@ fn track(options: &SyntheticOptions, lens: &Lens, images: &[ImageRow], id: u32) 
             let place = lens.project(v.truncate() / v.z);
             let eye = -(image.rotation.transpose() * image.translation);
             let inside = v.z > 0.0 && place.cmpge(DVec2::ZERO).all() && place.cmplt(size).all();
-            // Slightly towards the eye, so that the rounded point does not hide behind its own surface.
+            // Slightly towards the eye, so that rounding does not hide the point behind its own surface.
             if inside && visible(position.lerp(eye, 1e-4), eye) {
                 let noise = Rng::new(options.seed, "sighting", u64::from(id));
                 let noise = |axis| f64::from(noise.normal(2 * at as u64 + axis));

@@ -4,7 +4,7 @@
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 
-/// Where a ray meets an object.
+/// The hit of a ray on an object.
 #[derive(Debug, Clone, Copy)]
 pub struct SurfaceHit {
     /// Distance along the ray, in lengths of its direction.
@@ -19,7 +19,7 @@ pub struct SurfaceHit {
     pub object: usize,
     /// True for the sky, which is painted on the inside of a large ball.
     pub sky: bool,
-    /// True for what stands on the ground.
+    /// True for objects on the ground.
     pub thing: bool,
 }
 
@@ -93,8 +93,8 @@ const SUN: DVec3 = DVec3::new(0.48, -0.8, -0.36);
 /// Light that reaches shadows, of 1.
 const AMBIENT: f64 = 0.5;
 
-/// What the nearest object on a ray looks like. Every ray meets at least the ground or the sky when it
-/// starts between them.
+/// The appearance of the nearest object on a ray. A ray that starts between ground and sky always hits one of
+/// them.
 pub fn trace(ray: Ray) -> Option<SurfaceHit> {
     let (object, (distance, outward, uv)) = nearest(ray)?;
     let position = ray.origin + ray.direction * distance;
@@ -115,7 +115,7 @@ pub fn trace(ray: Ray) -> Option<SurfaceHit> {
     Some(SurfaceHit { distance, position, normal, rgb: rgb.min(DVec3::ONE), object, sky: false, thing })
 }
 
-/// True when nothing is between a point and an eye.
+/// True when no object is between a point and an eye.
 pub fn visible(point: DVec3, eye: DVec3) -> bool {
     let ray = Ray { origin: eye, direction: point - eye };
     nearest(ray).is_some_and(|(_, (distance, ..))| distance > 1.0 - 1e-6)

@@ -1,4 +1,4 @@
-//! What a COLMAP model says beside poses: which photo shows which point.
+//! The observations of a COLMAP model: which photo shows which point.
 
 use super::colmap;
 use super::options::DatasetOptions;
@@ -7,31 +7,31 @@ use glam::{UVec2, Vec2};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Photos of a model and the points that each of them shows.
+/// The photos of a model, and the points of each.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tracks {
     /// In order of name.
     pub photos: Vec<TrackedPhoto>,
     /// Number of points.
     pub points: usize,
-    /// Mean distance between where points were seen and where the cameras put them, px.
+    /// Mean reprojection error, px.
     pub error_px: Option<f64>,
 }
 
-/// A photo and what it shows.
+/// A photo and its points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrackedPhoto {
     /// Its path below the folder of photos.
     pub name: String,
     /// Width and height of its camera, px.
     pub size: UVec2,
-    /// Points by their index, and where they were seen, px.
+    /// Indices of points, and their image positions, px.
     pub seen: Vec<(u32, Vec2)>,
 }
 
-/// The tracks of the COLMAP model in `folder`, or in the places where a data set has one.
+/// The tracks of the COLMAP model in `folder`, or in the usual places of a data set.
 ///
-/// Errors: no model; one that is broken.
+/// Errors: no model; a broken model.
 pub fn tracks(folder: &Path, options: &DatasetOptions) -> Result<Tracks> {
     let Some(files) = colmap::locate(folder) else {
         return Err(Error::unsupported(folder, "holds no COLMAP model; find the poses again"));

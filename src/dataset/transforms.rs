@@ -1,4 +1,4 @@
-//! `transforms.json` as nerfstudio, instant-ngp and Blender write it.
+//! `transforms.json` of nerfstudio, instant-ngp and Blender.
 //!
 //! Poses are camera to world with OpenGL axes (x right, y up, z back); ours are world to camera with
 //! COLMAP's (x right, y down, z forward):
@@ -40,7 +40,7 @@ struct FrameRow {
     own: Intrinsics,
 }
 
-/// Numbers at the top of the file, for all frames, or in a frame, for itself.
+/// Numbers for all frames, at the top of the file, or for one frame.
 #[derive(Debug, Clone, Default, Deserialize)]
 struct Intrinsics {
     w: Option<f64>,
@@ -61,7 +61,7 @@ struct Intrinsics {
     is_fisheye: Option<bool>,
 }
 
-/// The file of a folder: all frames, or those to train on.
+/// The file of a folder: all frames, or the training frames.
 pub(super) fn locate(root: &Path) -> Option<PathBuf> {
     ["transforms.json", "transforms_train.json"].map(|f| root.join(f)).into_iter().find(|f| f.is_file())
 }
@@ -114,7 +114,7 @@ fn parse(file: &Path, limits: &Limits) -> Result<Transforms> {
     })
 }
 
-/// Adds the frames of another file, held out; a photo in both files is held out too. Returns what the user should know.
+/// Adds the frames of another file, held out; a photo in both files is held out too. Returns warnings.
 fn add_held_out(
     frames: &mut Vec<FoundPhoto>,
     file: &Path,
@@ -219,9 +219,9 @@ fn orthonormal(mut m: DMat3) -> DMat3 {
 }
 
 impl Intrinsics {
-    /// These, and where they are silent, those of `shared`.
+    /// These numbers, and for missing ones those of `shared`.
     fn over(&self, shared: &Self) -> Self {
-        // A frame with its own focal length does not inherit the shared angle, nor the reverse.
+        // A frame with its own focal length does not inherit the shared angle, and vice versa.
         let own_focal = self.fl_x.or(self.camera_angle_x).is_some();
         let angle = |own: Option<f64>, shared: Option<f64>| own.or(shared.filter(|_| !own_focal));
         Self {

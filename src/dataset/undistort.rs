@@ -1,4 +1,4 @@
-//! A photo of a real lens resampled to what a pinhole would have seen.
+//! A photo of a real lens, resampled to that of a pinhole camera.
 //!
 //! The pinhole keeps the focal lengths and is cropped to the largest upright rectangle that the photo
 //! fills completely, so there is no border to mask.
@@ -7,7 +7,7 @@ use super::lens::{Distortion, Lens};
 use crate::image::Pixels;
 use glam::{DVec2, UVec2};
 
-/// How photos of one lens become photos of a pinhole.
+/// The resampling for photos of one lens.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Undistort {
     lens: Lens,
@@ -39,7 +39,8 @@ impl Undistort {
         self.pinhole
     }
 
-    /// The photo resampled, bilinear. It may be smaller than the lens has it; then the result is as much smaller.
+    /// The photo resampled bilinearly. If it is smaller than the lens's size, the result is smaller by the
+    /// same factor.
     pub fn apply(&self, photo: &Pixels) -> Pixels {
         let ratio = photo.size.as_dvec2() / self.lens.size.as_dvec2();
         let size = (self.pinhole.size.as_dvec2() * ratio).round().as_uvec2().max(UVec2::ONE);
@@ -89,7 +90,7 @@ struct Bilinear {
 }
 
 impl Bilinear {
-    /// At a place in a picture, px; beyond the outermost centres the nearest pixel counts.
+    /// At a place in a picture, px; beyond the outermost centres the nearest pixel is used.
     fn at(place: DVec2, size: UVec2) -> Self {
         let last = (size - 1).as_dvec2();
         let place = (place - 0.5).clamp(DVec2::ZERO, last);

@@ -1,5 +1,5 @@
-//! What remains of the planes of each photo: depths that fit the photos, with which other photos' own depths and normals agree, and which
-//! do not stand in the way of what others see.
+//! Filters the planes of each photo: keeps depths that match the photos, agree with depths and normals of
+//! other photos, and do not hide surfaces of others.
 
 use super::depth_map::DepthMap;
 use super::options::StereoOptions;
@@ -7,9 +7,9 @@ use super::plane::{Plane, ray};
 use super::sweep::{Other, Planes};
 use glam::{Vec2, Vec3};
 
-/// Largest mean 1 - NCC of an answer.
+/// Largest mean 1 - NCC of a kept depth.
 const MOST_COST: f32 = 0.4;
-/// Largest distance between a pixel and where the other photo's depth leads back to, px.
+/// Largest reprojection distance of a pixel through the other photo's depth, px.
 const MOST_DISTANCE: f32 = 1.0;
 /// Cosine of the largest angle between two normals that agree: 20 degrees.
 const SAME_NORMAL: f32 = 0.94;
@@ -17,12 +17,12 @@ const SAME_NORMAL: f32 = 0.94;
 const SURE: f32 = 4.0;
 /// Depths of adjacent pixels that differ by less are on one surface, as a share.
 const SAME_SURFACE: f32 = 0.02;
-/// A depth stands before another that is larger by this factor.
+/// A depth hides another that is larger by this factor.
 const CLEARLY_BEHIND: f32 = 1.05;
 /// Smaller surfaces are noise, px.
 const LEAST_PIXELS: usize = 24;
 
-/// Keeps what the `others`, which have planes, agree with.
+/// Keeps depths that agree with the `others`, which have planes.
 pub(super) fn agreed(
     mut map: DepthMap,
     planes: &Planes,
@@ -53,7 +53,7 @@ pub(super) fn agreed(
     map
 }
 
-/// Whether another photo's own plane agrees with that of a pixel.
+/// Whether another photo's plane agrees with that of a pixel.
 fn agrees(other: &Other<'_>, place: Vec2, plane: Plane, normal: Vec3, tolerance: f32) -> bool {
     let Some(planes) = other.planes else { return false };
     let p = other.there.place(place, plane.inverse);
@@ -66,7 +66,7 @@ fn agrees(other: &Other<'_>, place: Vec2, plane: Plane, normal: Vec3, tolerance:
     let seen = planes[y * other.picture.width + x];
     let there = seen.at(at - Vec2::new(x as f32 + 0.5, y as f32 + 0.5)).inverse;
     let back = other.back.place(at, there);
-    // Depth that the other photo's answer has in the reference, against the reference's own.
+    // Depth of the other photo's surface in the reference, compared with the reference's own.
     let ratio = back.z * plane.inverse / there;
     let own = camera.rotation.transpose() * seen.normal(ray(camera, x, y), camera.focal);
     there > 0.0
@@ -76,8 +76,8 @@ fn agrees(other: &Other<'_>, place: Vec2, plane: Plane, normal: Vec3, tolerance:
         && own.dot(normal) >= SAME_NORMAL
 }
 
-/// Forgets the depths of `maps[own]` that stand before what other maps see there, unless more maps see the same. The `others` are those
-/// that may show the same.
+/// Removes depths of `maps[own]` that hide surfaces of other maps, unless more maps agree with them. The
+/// `others` may show the same surface.
 pub(super) fn uncontradicted(maps: &[DepthMap], own: usize, others: &[usize]) -> DepthMap {
     let mut map = maps[own].clone();
     for pixel in 0..map.depth.len() {
@@ -97,7 +97,7 @@ pub(super) fn uncontradicted(maps: &[DepthMap], own: usize, others: &[usize]) ->
     map
 }
 
-/// Removes small surfaces that hang together with nothing.
+/// Removes small isolated surfaces.
 fn remove_specks(map: &mut DepthMap) {
     let (width, height) = (map.camera.size.x as usize, map.camera.size.y as usize);
     let mut seen = vec![false; map.depth.len()];

@@ -1,9 +1,9 @@
-//! What is known of the surfaces that one photo shows.
+//! Depth, normal and confidence of the surfaces in one photo.
 
 use crate::camera::Camera;
 use glam::{Vec2, Vec3};
 
-/// Depth of a pixel without an answer.
+/// Depth of a pixel without an estimate.
 pub const UNKNOWN: f32 = 0.0;
 
 /// Depth, normal and confidence of each pixel of a photo.
@@ -11,12 +11,12 @@ pub const UNKNOWN: f32 = 0.0;
 pub struct DepthMap {
     /// The photo's camera, at the size of the map.
     pub camera: Camera,
-    /// Depth z in the camera's frame, units of the data set; [`UNKNOWN`] (0) where there is no answer, infinite where the sky is.
-    /// `[height * width]`
+    /// Depth z in the camera's frame, units of the data set; [`UNKNOWN`] (0) without an estimate, infinite
+    /// for the sky. `[height * width]`
     pub depth: Vec<f32>,
-    /// Unit normal towards the camera, in the world; zero where there is no depth. `[height * width]`
+    /// Unit normal towards the camera, in the world; zero without a depth. `[height * width]`
     pub normal: Vec<Vec3>,
-    /// How sure the depth is, from 0 (no answer) to 1. `[height * width]`
+    /// Confidence of the depth, from 0 (no estimate) to 1. `[height * width]`
     pub confidence: Vec<f32>,
     /// The photo, sRGB-encoded. `[height * width]`
     pub rgb: Vec<[u8; 3]>,
@@ -46,7 +46,7 @@ impl DepthMap {
         known as f64 / self.depth.len().max(1) as f64
     }
 
-    /// The point of the world at the centre of a pixel; `None` where there is no finite depth.
+    /// The point of the world at the centre of a pixel; `None` without a finite depth.
     pub fn point(&self, pixel: usize) -> Option<Vec3> {
         self.is_known(pixel).then(|| self.unproject(pixel, self.depth[pixel]))
     }
@@ -60,7 +60,7 @@ impl DepthMap {
         camera.rotation.transpose() * (ray * depth - camera.translation)
     }
 
-    /// The pixel that shows a point of the world, whatever stands before it, and the point's depth; `None` outside the picture.
+    /// The pixel of a point of the world, hidden or not, and the point's depth; `None` outside the picture.
     pub fn pixel(&self, point: Vec3) -> Option<(usize, f32)> {
         let camera = &self.camera;
         let v = camera.rotation * point + camera.translation;
@@ -72,7 +72,7 @@ impl DepthMap {
         inside.then(|| (at.y as usize * camera.size.x as usize + at.x as usize, v.z))
     }
 
-    /// Forgets what is known of a pixel.
+    /// Removes the estimate of a pixel.
     pub(super) fn forget(&mut self, pixel: usize) {
         self.depth[pixel] = UNKNOWN;
         self.normal[pixel] = Vec3::ZERO;

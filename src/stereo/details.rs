@@ -5,12 +5,12 @@ use crate::report::StageDetails;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How much of the photos has a depth.
+/// Coverage and confidence of the depths.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StereoDetails {
     /// Photos compared.
     pub photos: u64,
-    /// Pixels of all pictures that were compared.
+    /// Pixels of all compared pictures.
     pub pixels: u64,
     /// Share of these with a depth.
     pub known: f64,

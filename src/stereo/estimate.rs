@@ -1,5 +1,5 @@
-//! From posed photos to a depth map for each: patch match on small pictures, then on larger ones; first each photo by itself, then such
-//! that depths agree; what remains is what they agree on.
+//! From posed photos to a depth map for each: patch match on small pictures, then on larger ones; first for
+//! each photo alone, then with agreement between depths. Only depths that agree are kept.
 
 use super::agree::{agreed, uncontradicted};
 use super::depth_map::DepthMap;
@@ -18,15 +18,15 @@ use crate::rng::Rng;
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 
-/// The smallest pictures have a longer side of at most this, px.
+/// Longest side of the smallest pictures, px.
 const SMALLEST: u32 = 160;
-/// Pictures are not made smaller than this on their shorter side, px.
+/// Least shorter side of a picture, px.
 const LEAST_SIDE: u32 = 24;
-/// All pictures together, px: many photos are compared at a smaller size.
+/// Most pixels of all pictures together; many photos are compared at a smaller size.
 const MOST_PIXELS: f64 = 32e6;
-/// Sweeps by each photo alone, on the smallest pictures.
+/// Sweeps for each photo alone, on the smallest pictures.
 const SWEEPS_ALONE: u32 = 6;
-/// Sweeps on each size in which depths must agree with those that the others had before.
+/// Sweeps on each size in which depths must agree with the others' previous ones.
 const ROUNDS: u32 = 2;
 /// Random changes of the first sweep on the smallest pictures, as a share of depth and in radians; of the first on each size.
 const FIRST_CHANGE: f32 = 0.2;
@@ -35,8 +35,8 @@ const CALMER: f32 = 0.6;
 /// Pixels around a point of the cloud that begin with its depth, px.
 const SEED_RADIUS: i32 = 2;
 
-/// Depth, normal and confidence of each of `views`, in their order. `points` tell which photos show the same, and how far away it is;
-/// without any the poses do.
+/// Depth, normal and confidence of each of `views`, in their order. `points` tell which photos show the same
+/// surface, and its distance; without points the poses do.
 ///
 /// Errors: options out of range, photos that cannot be decoded.
 pub fn estimate(
@@ -83,7 +83,7 @@ pub fn estimate(
     Ok((0..views.len()).into_par_iter().map(kept).collect())
 }
 
-/// What all levels have in common.
+/// Data shared by all levels.
 struct Work<'a> {
     views: &'a [&'a View],
     around: &'a [Surroundings],
@@ -98,7 +98,7 @@ impl Work<'_> {
         WorkPicture::new(photo, &self.views[i].camera, size)
     }
 
-    /// The photos that photo `i` is compared with.
+    /// The neighbours of photo `i`.
     fn others<'p>(
         &self,
         pictures: &'p [WorkPicture],
@@ -127,7 +127,7 @@ impl Work<'_> {
         }
     }
 
-    /// Planes at random, and at the points of the cloud those through them.
+    /// Random planes, and planes through the points of the cloud.
     fn first(&self, i: usize, picture: &WorkPicture) -> Planes {
         let Surroundings { range, points, .. } = &self.around[i];
         let sweep = Sweep {
@@ -180,12 +180,12 @@ impl Work<'_> {
         });
     }
 
-    /// Sweeps each photo such that its depths agree with those that the others have now.
+    /// Sweeps each photo for depths that agree with the present ones of the others.
     fn together(&self, pictures: &[WorkPicture], before: Vec<Planes>, level: u32, round: u32) -> Vec<Planes> {
         let next = |i: usize| {
             let mut sweep = self.sweep(pictures, Some(&before), i);
             let mut planes = before[i].clone();
-            // What they cost changes with the others' depths.
+            // Costs change with the others' depths.
             planes.cost.fill(f32::INFINITY);
             sweep.change *= CALMER.powi(2 + round as i32);
             self.once(&mut sweep, &mut planes, i, u64::from(level) << 16 | u64::from(round + 1) << 8);
@@ -217,14 +217,14 @@ fn sizes(views: &[&View], options: &StereoOptions) -> Vec<UVec2> {
     within((f64::from(options.stereo_size) * share) as u32)
 }
 
-/// Sizes in which pictures are compared, each half the last.
+/// Sizes of compared pictures, each half the last.
 fn levels(sizes: &[UVec2]) -> u32 {
     let longest = sizes.iter().map(|s| s.max_element()).max().unwrap_or(1);
     let shortest = sizes.iter().map(|s| s.min_element()).min().unwrap_or(1);
     (0..).find(|level| longest >> level <= SMALLEST || shortest >> (level + 1) < LEAST_SIDE).unwrap_or(0) + 1
 }
 
-/// Planes of a smaller picture as those of a larger one.
+/// Planes of a smaller picture, converted to a larger one.
 fn larger(planes: &Planes, from: &WorkPicture, to: &WorkPicture) -> Planes {
     let ratio = Vec2::new(from.width as f32 / to.width as f32, from.height as f32 / to.height as f32);
     let plane = |pixel: usize| {

@@ -1,5 +1,5 @@
-//! Triangles in the surfaces that depth maps show: each photo is cut into squares that lie on one plane, large where it is flat and
-//! plain, small where there is detail; a square is two triangles. What one photo shows no other repeats.
+//! Triangles on the surfaces of depth maps. Each photo is cut into squares of one plane: large where it is
+//! flat and plain, small in detail. A square is two triangles. Each surface is taken from one photo only.
 
 use super::depth_map::DepthMap;
 use glam::{Mat3, Vec2, Vec3};
@@ -13,22 +13,22 @@ const LARGEST: u32 = 32;
 const SMALLEST: u32 = 2;
 /// Least share of a square's pixels with a depth.
 const LEAST_KNOWN: f32 = 0.6;
-/// Least share of these that no other photo's squares show.
+/// Least share of these that no other photo's squares cover.
 const LEAST_OPEN: f32 = 0.5;
 /// Depths of a square differ by less from its plane, as a share, ...
 const FLAT: f32 = 0.01;
-/// ... but for this share of them.
+/// ... except for this share of them.
 const UNEVEN: f32 = 0.05;
-/// Depths of two maps are of one surface when they differ by less, as a share.
+/// Largest relative difference between two maps' depths of one surface.
 const SAME_DEPTH: f32 = 0.02;
-/// Largest ratio of pixel sizes at which a photo shows a surface as well as another.
+/// Largest ratio of pixel sizes at which two photos show a surface equally well.
 const COARSER: f32 = 2.0;
-/// Squares are larger than what they stand for by this factor, so that there are no seams.
+/// Squares are enlarged by this factor, so that there are no seams.
 const OVERLAP: f32 = 1.1;
 /// Cosine of the largest angle between a square's normal and its ray: 80 degrees.
 const LEAST_COSINE: f32 = 0.17;
 
-/// A triangle of one colour in a surface.
+/// A triangle of one colour on a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Facet {
     /// Its corners, in the world of the maps; wound such that they are counter-clockwise for the photo that shows it.
@@ -37,7 +37,8 @@ pub struct Facet {
     pub rgb: [u8; 3],
 }
 
-/// At most `most` triangles for what `maps` show, where their colours differ most from the photos' first.
+/// At most `most` triangles for the surfaces of `maps`; places with the largest error of colour are refined
+/// first.
 pub fn facets(maps: &[DepthMap], most: usize) -> Vec<Facet> {
     let open = open(maps);
     let mut queue: BinaryHeap<Square> = roots(maps, &open).into();
@@ -61,7 +62,7 @@ pub fn facets(maps: &[DepthMap], most: usize) -> Vec<Facet> {
     facets.flatten().take(most).collect()
 }
 
-/// Which pixels of each map no map before it shows as well. The maps that know most come first.
+/// The pixels of each map that no earlier map shows equally well. The maps with most depths come first.
 fn open(maps: &[DepthMap]) -> Vec<Vec<bool>> {
     let known = |map: &DepthMap| (0..map.depth.len()).filter(|pixel| map.is_known(*pixel)).count();
     let known: Vec<usize> = maps.par_iter().map(known).collect();
@@ -81,7 +82,7 @@ fn open(maps: &[DepthMap]) -> Vec<Vec<bool>> {
     (0..maps.len()).into_par_iter().map(of).collect()
 }
 
-/// Whether a map shows a point in pixels that are not much larger than `spacing`.
+/// Whether a map shows a point with pixels not much larger than `spacing`.
 fn shows(map: &DepthMap, point: Vec3, spacing: f32) -> bool {
     map.pixel(point).is_some_and(|(pixel, depth)| {
         let near = (map.depth[pixel] - depth).abs() < SAME_DEPTH * depth;
@@ -106,7 +107,8 @@ struct Square {
     x: u32,
     y: u32,
     side: u32,
-    /// 1/depth as a linear function of the place (x, y, 1), px, where it lies on one plane and is not shown elsewhere.
+    /// 1/depth as a linear function of the place (x, y, 1), px, if it lies on one plane and is not covered
+    /// elsewhere.
     plane: Option<Vec3>,
     /// Summed squared difference of its pixels from its mean colour; infinite without a plane.
     error: f32,
@@ -143,7 +145,7 @@ impl Square {
         Some(Self { map, x, y, side, plane, error })
     }
 
-    /// Its two triangles; `None` where it lies on no plane.
+    /// Its two triangles; `None` without a plane.
     fn facets(&self, map: &DepthMap) -> Option<[Facet; 2]> {
         let plane = self.plane?;
         let half = 0.5 * self.side as f32;
@@ -160,7 +162,7 @@ impl Square {
             let (mut sum, mut count) = (Vec3::ZERO, 0.0);
             for pixel in pixels(map, self.x, self.y, self.side) {
                 let offset = place(map, pixel) - middle;
-                // The diagonal from the upper left to the lower right belongs to both.
+                // Both share the diagonal from the upper left to the lower right.
                 if map.is_known(pixel) && (offset.x == offset.y || (offset.y > offset.x) == below) {
                     sum += Vec3::from(map.rgb[pixel].map(f32::from));
                     count += 1.0;
@@ -174,7 +176,7 @@ impl Square {
     }
 }
 
-/// Whether the depths of a square are those of a plane that is not seen at a grazing angle.
+/// Whether the depths of a square lie on a plane that is not at a grazing angle.
 fn is_flat(map: &DepthMap, x: u32, y: u32, side: u32, middle: Vec2, plane: Vec3) -> bool {
     let (mut known, mut off) = (0.0, 0.0);
     for pixel in pixels(map, x, y, side).filter(|pixel| map.is_known(*pixel)) {
@@ -189,7 +191,7 @@ fn is_flat(map: &DepthMap, x: u32, y: u32, side: u32, middle: Vec2, plane: Vec3)
     plane.z > 0.0 && plane.z > LEAST_COSINE * m.length() * ray.length() && off <= UNEVEN * known
 }
 
-/// The pixels of a square, as far as it is in the picture.
+/// The pixels of a square within the picture.
 fn pixels(map: &DepthMap, x: u32, y: u32, side: u32) -> impl Iterator<Item = usize> {
     let size = map.camera.size;
     let (right, bottom) = ((x + side).min(size.x), (y + side).min(size.y));

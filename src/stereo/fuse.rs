@@ -1,32 +1,32 @@
-//! Points of the surfaces that depth maps show, each once.
+//! Points of the surfaces in depth maps, each once.
 
 use super::depth_map::DepthMap;
 use glam::Vec3;
 
-/// Depths of two maps are of one surface when they differ by less, as a share.
+/// Largest relative difference between two maps' depths of one surface.
 const SAME_DEPTH: f32 = 0.01;
 
 /// A point of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfacePoint {
-    /// Where it is, in the world of the maps.
+    /// Position in the world of the maps.
     pub position: Vec3,
     /// Unit normal towards the photos that show it.
     pub normal: Vec3,
     /// sRGB-encoded colour.
     pub rgb: [u8; 3],
-    /// Half the distance to the next point that the photo resolves, units of the data set.
+    /// Half the distance between neighbouring pixels on the surface, units of the data set.
     pub radius: f32,
-    /// How sure it is, from 0 to 1.
+    /// Confidence, from 0 to 1.
     pub confidence: f32,
 }
 
-/// The points of all maps, as the mean of what the maps say that show them.
+/// The points of all maps, each the mean over the maps that show it.
 pub fn fuse(maps: &[DepthMap]) -> Vec<SurfacePoint> {
     let mut used: Vec<Vec<bool>> = maps.iter().map(|map| vec![false; map.depth.len()]).collect();
     let mut points = Vec::new();
     for first in 0..maps.len() {
-        // Maps far away show nothing of this one: they are asked once, not for each pixel.
+        // Distant maps show nothing of this one, so they are tested once instead of for each pixel.
         let others: Vec<usize> =
             (0..maps.len()).filter(|k| *k != first && overlap(&maps[first], &maps[*k])).collect();
         for pixel in 0..maps[first].depth.len() {

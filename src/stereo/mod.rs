@@ -1,6 +1,6 @@
-//! Surfaces from posed photos before any training: depth, normal and confidence of each pixel by patch match with slanted planes
-//! (Bleyer et al. 2011; in the way of a chequerboard, Galliani et al. 2015; with depths that agree, Schönberger et al. 2016; from small
-//! pictures to large ones, Xu and Tao 2019).
+//! Surfaces from posed photos before any training: depth, normal and confidence of each pixel by patch match
+//! with slanted planes (Bleyer et al. 2011), in chequerboard order (Galliani et al. 2015), with consistent
+//! depths (Schönberger et al. 2016), from small to large pictures (Xu and Tao 2019).
 
 mod agree;
 pub mod depth_map;

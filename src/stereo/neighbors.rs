@@ -1,4 +1,4 @@
-//! Which photos are compared with each photo, and how far away what it shows may be.
+//! Chooses the photos to compare with each photo, and its range of depths.
 
 use super::options::MOST_NEIGHBORS;
 use crate::camera::Camera;
@@ -6,19 +6,20 @@ use crate::dataset::{Point, View, cloud};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Angle between two rays to a point from which on it can be measured well, radians: 8 degrees.
+/// Least angle between two rays for a good measurement of a point, radians: 8 degrees.
 const GOOD_ANGLE: f32 = 0.14;
 /// Deviation of the angle beyond [`GOOD_ANGLE`] at which surfaces look too different, radians.
 const ANGLE_DEVIATION: f32 = 0.22;
-/// Points of a photo that choose its neighbours, at most.
+/// Most points of a photo for choosing its neighbours.
 const POINTS: usize = 200;
-/// Fewest points in a photo's view that tell its depths.
+/// Least points in a photo's view for its range of depths.
 const LEAST_POINTS: usize = 8;
-/// Random points in place of missing ones.
+/// Number of random points when points are missing.
 const RANDOM_POINTS: usize = 4000;
-/// Share of the points that may be nearer than the nearest depth, and farther than the farthest.
+/// Share of the points that may be outside the range of depths, on each side.
 const OUTLIERS: f32 = 0.01;
-/// The nearest depth, in that of the nearest points, and the farthest in that of the farthest.
+/// The nearest depth, as a factor of that of the nearest points, and the farthest as one of the farthest
+/// points'.
 const MARGINS: [f32; 2] = [0.7, 2.0];
 
 /// A photo's neighbours and depths.
@@ -48,8 +49,8 @@ pub(super) fn surroundings(views: &[&View], points: &[Point]) -> Vec<Surrounding
     (0..views.len()).into_par_iter().map(of).collect()
 }
 
-/// The photos that show the same from well-chosen angles, the best first. A point that others show already counts less, so that they
-/// stand on all sides.
+/// The photos that show the same surface from good angles, best first. Points of chosen photos count less, so
+/// that neighbours lie on all sides.
 fn neighbors(views: &[&View], own: usize, points: &[Vec3]) -> Vec<usize> {
     let camera = &views[own].camera;
     let step = points.len().div_ceil(POINTS).max(1);
@@ -92,7 +93,7 @@ fn score(camera: &Camera, other: &Camera, point: Vec3) -> f32 {
     good * good * (-0.5 * beyond * beyond).exp() * ratio.min(1.0 / ratio)
 }
 
-/// Least and largest 1/depth of what a camera frames.
+/// Least and largest 1/depth in a camera's view.
 fn range(camera: &Camera, points: &[Vec3]) -> [f32; 2] {
     let depth = |p: &Vec3| (camera.rotation * *p + camera.translation).z;
     let mut depths: Vec<f32> = points.iter().map(depth).filter(|d| *d > 0.0 && d.is_finite()).collect();

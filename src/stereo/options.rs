@@ -1,4 +1,4 @@
-//! How depths are estimated, declared once: the library's struct, the flags and the config file.
+//! Options of stereo, declared once: the library's struct, the flags and the config file.
 
 use crate::error::{Error, Result};
 use schemars::JsonSchema;
@@ -10,10 +10,10 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", command(next_help_heading = "Stereo"))]
 pub struct StereoOptions {
-    /// Longer side of the pictures that are compared, px; larger photos are shrunk to it.
+    /// Longer side of the compared pictures, px; larger photos are shrunk to it.
     #[cfg_attr(feature = "cli", arg(long, value_name = "PX", default_value_t = StereoOptions::default().stereo_size))]
     pub stereo_size: u32,
-    /// Photos that each photo is compared with, 1 to 8.
+    /// Number of photos compared with each photo, 1 to 8.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = StereoOptions::default().neighbors))]
     pub neighbors: u32,
     /// Other photos that must agree with a depth, 1 to 8.
@@ -43,9 +43,9 @@ impl Default for StereoOptions {
     }
 }
 
-/// Photos that one photo is compared with, at most.
+/// Most photos compared with one photo.
 pub(super) const MOST_NEIGHBORS: usize = 8;
-/// Sides of the pictures that are compared, px.
+/// Sides of the compared pictures, px.
 const SIDES: std::ops::RangeInclusive<u32> = 32..=4096;
 
 impl StereoOptions {

@@ -1,23 +1,25 @@
-//! How alike the surroundings of a pixel and their picture in another photo are: normalised cross-correlation (NCC), weighted by how near
-//! and how alike each pixel is to the one in the middle, so that few pixels of other surfaces count.
+//! Similarity of a pixel's patch and its image in another photo: normalised cross-correlation (NCC), with
+//! more weight for pixels that are near the middle and similar to it, so that pixels of other surfaces hardly
+//! count.
 
 use super::picture::WorkPicture;
 use super::warp::Homography;
 use crate::math::lanes::{LANES, Lanes};
 
-/// 1 - NCC of surroundings that cannot be compared.
+/// 1 - NCC of patches that cannot be compared.
 pub(super) const WORST: f32 = 2.0;
 /// Values of 16 samples each.
 const PARTS: usize = 2;
 /// Samples, the last of them without weight.
 const SAMPLES: usize = PARTS * LANES;
-/// Every second pixel of a square of 7x7, in the way of a chequerboard, and the four beyond the middles of its sides, right and down.
+/// Every second pixel of a square of 7x7, like the black fields of a chequerboard, and four more beyond the
+/// middles of its right and lower sides.
 const OFFSETS: [[f32; SAMPLES]; 2] = offsets();
 /// Standard deviation of the weight by difference in grey, codes.
 const GREY_DEVIATION: f32 = 18.0;
 /// Standard deviation of the weight by distance, px.
 const DISTANCE_DEVIATION: f32 = 3.5;
-/// Added to both variances, squared codes: surroundings without texture are like nothing.
+/// Added to both variances, squared codes, so that patches without texture match nothing.
 const NOISE: f32 = 2.0;
 /// Rounds to the nearest integer when it is added and subtracted.
 const ROUND: f32 = 12_582_912.0;
@@ -96,7 +98,7 @@ impl<L: Lanes> Patch<L> {
         Self { weight, weighted, mean, variance: (square - shift * shift).max(0.0) }
     }
 
-    /// 1 - NCC of the surroundings and their picture under a homography, from 0 to 2.
+    /// 1 - NCC of the patch and its image under a homography, from 0 to 2.
     #[inline(always)]
     pub(super) fn dissimilarity(&self, other: &WorkPicture, h: &Homography) -> f32 {
         let (x, y) = (h.middle.x / h.middle.z, h.middle.y / h.middle.z);
@@ -115,7 +117,7 @@ impl<L: Lanes> Patch<L> {
         }
         let (mean, square, product) = (sum.sum(), square.sum(), product.sum());
         let variance = (square - mean * mean).max(0.0);
-        // The weighted differences of the reference sum to 0, so the mean of the other drops out.
+        // The weighted differences of the reference sum to 0, so the mean of the other cancels.
         let ncc = product / ((self.variance + NOISE) * (variance + NOISE)).sqrt();
         (1.0 - ncc).clamp(0.0, WORST)
     }
@@ -132,7 +134,7 @@ fn sample<L: Lanes>(other: &WorkPicture, h: &Homography, part: usize) -> L {
     let (zero, half, round) = (L::splat(0.0), L::splat(0.5), L::splat(ROUND));
     let inside = |at: L, side: usize| at.max(zero).min(L::splat(side as f32 - 2.0));
     let (u, v) = (x * share - half, y * share - half);
-    // NaN becomes 0 here; what is left or right of the picture continues its edge.
+    // NaN becomes 0 here; places outside the picture take its edge.
     let (u, v) = (inside(u, other.width), inside(v, other.height));
     let (column, row) = ((u - half + round) - round, (v - half + round) - round);
     let (column, row) = (column.max(zero), row.max(zero));

@@ -1,13 +1,13 @@
-//! A photo as it is compared: grey, small, four neighbouring pixels in one word.
+//! A photo for comparison: grey, small, four neighbouring pixels in one word.
 
 use crate::camera::Camera;
 use crate::image::Pixels;
 use glam::UVec2;
 
-/// Weights of a photo's pixels from which on they count.
+/// Least weight of a photo's pixels that count.
 const COUNTS: u8 = 128;
 
-/// A grey picture and the camera that took it.
+/// A grey picture and its camera.
 #[derive(Debug)]
 pub(super) struct WorkPicture {
     /// At the size of the picture.
@@ -16,14 +16,15 @@ pub(super) struct WorkPicture {
     pub(super) height: usize,
     /// `[height * width]`
     pub(super) grey: Vec<u8>,
-    /// The pixel, that to its right, that below it and that below the right one, lowest byte first. `[height * width]`
+    /// The pixel, its right neighbour, the one below, and the one to the lower right, lowest byte first.
+    /// `[height * width]`
     pub(super) quads: Vec<u32>,
     /// Which pixels count; `None`: all. `[height * width]`
     pub(super) mask: Option<Vec<bool>>,
 }
 
 impl WorkPicture {
-    /// Of a photo that `camera` took, shrunk to `size`.
+    /// Of a photo by `camera`, shrunk to `size`.
     pub(super) fn new(photo: &Pixels, camera: &Camera, size: UVec2) -> Self {
         let photo = photo.downscaled(size);
         let (width, height) = (size.x as usize, size.y as usize);

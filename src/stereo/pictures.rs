@@ -4,7 +4,8 @@ use super::depth_map::DepthMap;
 use crate::image::Pixels;
 use glam::{UVec2, Vec3};
 
-/// The photo, the depths, the normals and the confidence of a map, two by two. Near is bright; what is not known is black, the sky blue.
+/// The photo, the depths, the normals and the confidence of a map, two by two. Near is bright, unknown black,
+/// the sky blue.
 pub fn picture(map: &DepthMap) -> Pixels {
     let size = map.camera.size;
     let (width, height) = (size.x as usize, size.y as usize);

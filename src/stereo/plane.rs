@@ -1,4 +1,4 @@
-//! A plane as one pixel of a camera sees it: the reciprocal of its depth is linear in the picture.
+//! A plane at one pixel of a camera: the reciprocal of its depth is linear in the picture.
 //!
 //! ```text
 //! 1/z(x, y) = inverse + slope · (x - x0, y - y0)        m · r = 1/z,  r = ((x - cx) / fx, (y - cy) / fy, 1),  m = -normal / distance
@@ -20,7 +20,7 @@ pub(super) struct Plane {
 }
 
 impl Plane {
-    /// The same plane as the pixel sees it that is `offset` pixels away.
+    /// The same plane at the pixel that is `offset` pixels away.
     #[inline(always)]
     pub(super) fn at(self, offset: Vec2) -> Self {
         Self { inverse: self.slope.dot(offset) + self.inverse, slope: self.slope }
@@ -46,7 +46,7 @@ impl Plane {
         -self.covector(ray, focal).normalize_or(Vec3::Z)
     }
 
-    /// True when the plane faces the camera and is not seen at a grazing angle.
+    /// True when the plane faces the camera, not at a grazing angle.
     #[inline(always)]
     pub(super) fn is_visible(self, ray: Vec3, focal: Vec2) -> bool {
         let m = self.covector(ray, focal);

@@ -8,7 +8,7 @@ use std::io::Write;
 
 /// Writes the points; world = `origin` + position.
 ///
-/// Errors: what the operating system refuses.
+/// Errors: those of the operating system.
 pub fn write(points: &[SurfacePoint], origin: DVec3, mut file: AtomicFile) -> Result<()> {
     // Single precision would lose the detail of scenes far away from zero.
     let is_far = origin != DVec3::ZERO;

@@ -1,17 +1,17 @@
-//! Normals and depths from those of the pixels around, as far as they are of one surface: patch match finds each by itself.
+//! Smooths normals and depths over neighbouring pixels of one surface, because patch match finds each alone.
 
 use super::depth_map::DepthMap;
 use super::plane::{Plane, ray};
 use glam::{Mat3, Vec2, Vec3};
 
-/// Pixels on each side that a plane is fitted to, px.
+/// Radius of the pixels for fitting a plane, px.
 const RADIUS: i32 = 3;
-/// Depths are of one surface when they differ by less from the pixel's plane, as a share.
+/// Largest relative distance from the pixel's plane for depths of one surface.
 const SAME_SURFACE: f32 = 0.015;
-/// Fewest pixels that a plane is fitted to.
+/// Least pixels for fitting a plane.
 const LEAST_PIXELS: u32 = 12;
 
-/// The same map with each depth and normal those of the plane through the pixels around it.
+/// The same map, with depths and normals of planes fitted to the pixels around.
 pub(super) fn smooth(mut map: DepthMap) -> DepthMap {
     let fitted: Vec<Option<Plane>> = (0..map.depth.len()).map(|pixel| fit(&map, pixel)).collect();
     let to_world = map.camera.rotation.transpose();
@@ -25,7 +25,7 @@ pub(super) fn smooth(mut map: DepthMap) -> DepthMap {
     map
 }
 
-/// The plane around a pixel, by least squares; `None` where too few pixels are of one surface.
+/// The plane around a pixel, by least squares; `None` if too few pixels belong to one surface.
 fn fit(map: &DepthMap, pixel: usize) -> Option<Plane> {
     if !map.is_known(pixel) {
         return None;

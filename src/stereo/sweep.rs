@@ -1,5 +1,6 @@
-//! Patch match: every pixel takes the best of its own plane, those of its neighbours and random changes of it. Pixels are coloured like
-//! a chequerboard; those of one colour look at the other colour alone, so that all of them can change at once, in any order.
+//! Patch match: every pixel takes the best of its own plane, those of its neighbours and random changes.
+//! Pixels are coloured like a chequerboard. Those of one colour only read the other colour, so all of them
+//! can change at once, in any order.
 
 use super::patch::{Patch, WORST};
 use super::picture::WorkPicture;
@@ -10,7 +11,7 @@ use crate::rng::Rng;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// A plane per pixel of a picture, and how badly it fits: the mean of the best 1 - NCC.
+/// A plane per pixel of a picture, and its cost: the mean of the best 1 - NCC.
 #[derive(Debug, Clone)]
 pub(super) struct Planes {
     /// `[height * width]`
@@ -19,7 +20,7 @@ pub(super) struct Planes {
     pub(super) cost: Vec<f32>,
 }
 
-/// A photo that the reference is compared with.
+/// A photo to compare with the reference.
 #[derive(Debug)]
 pub(super) struct Other<'a> {
     pub(super) picture: &'a WorkPicture,
@@ -29,7 +30,7 @@ pub(super) struct Other<'a> {
     pub(super) planes: Option<&'a [Plane]>,
 }
 
-/// What the planes of one photo are found by.
+/// The inputs of the search for one photo's planes.
 #[derive(Debug)]
 pub(super) struct Sweep<'a> {
     pub(super) reference: &'a WorkPicture,
@@ -39,11 +40,11 @@ pub(super) struct Sweep<'a> {
     pub(super) rng: Rng,
     /// Random changes of a plane, as a share of depth and in radians.
     pub(super) change: f32,
-    /// Whether planes from far away and at random are tried too.
+    /// Whether distant and random planes are tried too.
     pub(super) restart: bool,
 }
 
-/// Where planes are taken from: of each region the pixel that fits best. All are of the other colour.
+/// Regions of candidate planes: each offers its pixel with the least cost. All are of the other colour.
 const REGIONS: [[(i32, i32); 4]; 8] = [
     [(0, -1), (-1, -2), (1, -2), (0, -3)],
     [(0, 1), (-1, 2), (1, 2), (0, 3)],
@@ -58,21 +59,21 @@ const REGIONS: [[(i32, i32); 4]; 8] = [
 const NEAR_REGIONS: usize = 4;
 /// Weight of a pixel of disagreement between depths, against 1 - NCC.
 const DISAGREEMENT: f32 = 0.15;
-/// Disagreement beyond this is the same, px.
+/// Largest disagreement that counts, px.
 const MOST_DISAGREEMENT: f32 = 3.0;
-/// Planes that differ by less, as a share of 1/depth here and 8 px away, are one.
+/// Planes with smaller differences, as a share of 1/depth here and 8 px away, count as equal.
 const SAME: f32 = 2e-4;
-/// Random changes that are tried at each pixel; the first of them are small.
+/// Number of random changes at each pixel; the first ones are small.
 const CHANGES: u64 = 5;
 const SMALL_CHANGES: u64 = 3;
 /// Random numbers kept for each pixel of a sweep.
 const NUMBERS: u64 = 4 * CHANGES;
 
-/// What was found for one pixel.
+/// The result for one pixel.
 type Found = (usize, Plane, f32);
 
 impl Sweep<'_> {
-    /// Lets the pixels of one colour, 0 or 1, choose.
+    /// Updates the pixels of one colour, 0 or 1.
     pub(super) fn half(&self, planes: &mut Planes, color: usize) {
         let rows: Vec<Vec<Found>> = (0..self.reference.height)
             .into_par_iter()
@@ -84,8 +85,8 @@ impl Sweep<'_> {
         }
     }
 
-    /// The cost of a plane at a pixel: the mean over the better half of the photos, so that those in which something else stands before
-    /// it do not count.
+    /// The cost of a plane at a pixel: the mean over the better half of the photos, so that photos that hide
+    /// the surface do not count.
     #[inline(always)]
     fn cost<L: Lanes>(&self, patch: &Patch<L>, place: Vec2, plane: Plane) -> f32 {
         let best = self.others.len().div_ceil(2);
@@ -140,7 +141,7 @@ impl Sweep<'_> {
         }
     }
 
-    /// A plane at random: any depth, any normal that is not seen at a grazing angle.
+    /// A random plane: any depth, and any normal not at a grazing angle.
     #[inline(always)]
     pub(super) fn random(&self, ray: Vec3, numbers: [f32; 3]) -> Plane {
         let inverse = self.range[0] + (self.range[1] - self.range[0]) * numbers[0];
@@ -153,7 +154,8 @@ impl Sweep<'_> {
 }
 
 impl Other<'_> {
-    /// How far a point of the reference is from where its depth in this photo leads back to, px; 0 where depths need not agree.
+    /// Reprojection distance of a point of the reference through its depth in this photo, px; 0 if depths
+    /// need not agree.
     #[inline(always)]
     fn disagreement(&self, place: Vec2, inverse: f32) -> f32 {
         let Some(planes) = self.planes else { return 0.0 };
@@ -197,7 +199,7 @@ impl Work for Row<'_> {
     }
 }
 
-/// The best of what was tried for a pixel.
+/// The best candidate for a pixel.
 struct Best<L> {
     patch: Patch<L>,
     place: Vec2,
@@ -250,7 +252,7 @@ impl Row<'_> {
         (best.plane, best.cost)
     }
 
-    /// The plane of a region that fits best where it is, and how far away that is.
+    /// The plane of a region with the least cost at its own pixel, and the offset of that pixel.
     #[inline(always)]
     fn fittest(&self, region: &[(i32, i32); 4], x: usize) -> Option<(Plane, Vec2)> {
         let (width, height) = (self.sweep.reference.width as i32, self.sweep.reference.height as i32);

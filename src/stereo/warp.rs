@@ -8,15 +8,15 @@ use super::plane::Plane;
 use crate::camera::Camera;
 use glam::{DMat3, DVec3, Mat3, Vec2, Vec3};
 
-/// How pixels of one camera move into another's.
+/// The map of pixels from one camera to another.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Warp {
     infinite: Mat3,
     epipole: Vec3,
 }
 
-/// Where the plane of a pixel lies in another picture: homogeneous place of the pixel's centre, and its change per pixel to the right and
-/// down.
+/// The image of a pixel's plane in another picture: homogeneous place of the pixel's centre, and its change
+/// per pixel to the right and down.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Homography {
     pub(super) middle: Vec3,

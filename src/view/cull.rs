@@ -4,7 +4,7 @@ use super::layout::Aabb;
 use crate::camera::Camera;
 use glam::{DVec3, DVec4, Vec3};
 
-/// The pyramid that a camera sees, cut off at the near plane.
+/// The view pyramid of a camera, cut off at the near plane.
 #[derive(Debug, Clone)]
 pub struct Frustum {
     /// Inside: `plane.xyz · p + plane.w >= 0`.
@@ -12,7 +12,7 @@ pub struct Frustum {
 }
 
 impl Frustum {
-    /// What `camera` sees from `near` on.
+    /// The view of `camera` beyond `near`.
     pub fn new(camera: &Camera, near: f32) -> Self {
         let axis = |row: usize| camera.rotation.row(row).as_dvec3().extend(camera.translation[row].into());
         let (x, y, z) = (axis(0), axis(1), axis(2));
@@ -29,13 +29,13 @@ impl Frustum {
         Self { planes }
     }
 
-    /// False only when nothing of the box can be seen.
+    /// False only when the box is outside the view.
     pub fn sees(&self, bounds: &Aabb) -> bool {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         self.planes.iter().all(|plane| {
             let normal = plane.truncate();
             let farthest = DVec3::select(normal.cmpge(DVec3::ZERO), max, min);
-            // A box that touches the plane is kept, however the sums were rounded.
+            // A box that touches the plane is kept, despite rounding.
             let slack = 1e-6 * (normal.abs().dot(farthest.abs()) + plane.w.abs());
             normal.dot(farthest) + plane.w >= -slack
         })

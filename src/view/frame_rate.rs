@@ -1,23 +1,24 @@
-//! Frames per second that are held while something moves: fewer samples, then fewer pixels are drawn where a frame takes too long.
+//! Holds a frame rate in motion: if a frame takes too long, fewer samples and then fewer pixels are drawn.
 
 use glam::{UVec2, Vec2};
 
-/// Share of the window's width and height that is drawn, from the best level to the coarsest. The first has the samples that were asked for, the
-/// others one per pixel.
+/// Share of the window's width and height that is drawn, from the best level to the coarsest. The first has
+/// the requested samples, the others one per pixel.
 const SHARES: [f32; 8] = [1.0, 1.0, 0.875, 0.75, 0.625, 0.5, 0.375, 0.25];
 /// Frames whose median decides.
 const FRAMES: usize = 5;
-/// Frames after a change whose times are still those of the level before: as many as can be in flight, and one.
+/// Frames after a change with times of the previous level: the number in flight, plus one.
 const IN_FLIGHT: usize = 5;
-/// A finer level is tried when it is expected to take this share of the time that there is, so that levels do not alternate.
+/// A finer level is tried when its expected time is at most this share of the limit, so that levels do not
+/// alternate.
 const SPARE: f64 = 0.85;
-/// A coarser level that saves less than this share of the time is given up: it is not pixels that cost.
+/// A coarser level that saves less than this share of the time is given up, because pixels are not the cost.
 const WORTH: f64 = 0.1;
 
-/// Chooses how many pixels are drawn so that a frame takes the graphics card no longer than it may.
+/// Chooses the number of pixels so that a frame meets the time limit of the graphics card.
 #[derive(Debug, Clone)]
 pub struct FrameRate {
-    /// Milliseconds that a frame may take.
+    /// Most milliseconds of a frame.
     budget: f64,
     /// Samples per pixel of the first level.
     msaa: u32,
@@ -27,18 +28,18 @@ pub struct FrameRate {
     times: Vec<f64>,
     /// The level above and its time, when this one is on trial.
     before: Option<(usize, f64)>,
-    /// Milliseconds of a frame that fewer pixels do not make fast enough.
+    /// Milliseconds of a frame that stays too slow with fewer pixels.
     too_slow: Option<f64>,
 }
 
 impl FrameRate {
-    /// For `fps` frames per second of a window that has `msaa` samples per pixel when it is at rest.
+    /// For `fps` frames per second, in a window with `msaa` samples per pixel at rest.
     pub fn new(fps: f64, msaa: u32) -> Self {
         let times = Vec::with_capacity(FRAMES);
         Self { budget: 1e3 / fps, msaa, level: 0, skipped: IN_FLIGHT, times, before: None, too_slow: None }
     }
 
-    /// Frames per second that are to be held.
+    /// The frame rate to hold.
     pub fn fps(&self) -> f64 {
         1e3 / self.budget
     }
@@ -50,18 +51,18 @@ impl FrameRate {
         (self.level > 0).then(reduced)
     }
 
-    /// Share of the triangles that would be fast enough, where fewer pixels are not.
+    /// Share of the triangles that would be fast enough, if fewer pixels are not.
     pub fn triangles_that_would_do(&self) -> Option<f64> {
         self.too_slow.map(|ms| (self.budget / ms).min(1.0))
     }
 
-    /// A frame was drawn whole because nothing moves: what is measured next is not that of the level.
+    /// A frame was drawn in full at rest: the next measurement does not belong to the level.
     pub fn rests(&mut self) {
         self.skipped = IN_FLIGHT;
         self.times.clear();
     }
 
-    /// The card worked for `ms` on a frame that was drawn while something moved.
+    /// The card worked for `ms` on a frame in motion.
     pub fn took(&mut self, ms: f64) {
         if self.skipped > 0 {
             self.skipped -= 1;

@@ -44,7 +44,7 @@ pub struct Headless {
 }
 
 impl Headless {
-    /// Opens a card; needs no display. Errors: there is none as asked for.
+    /// Opens a card; needs no display. Errors: no matching card.
     pub fn new(options: &AdapterOptions) -> Result<Self> {
         let gpu = Gpu::headless(options)?;
         let renderer = Renderer::new(&gpu)?;
@@ -56,7 +56,7 @@ impl Headless {
         self.renderer.upload(&self.gpu, asset, layout)
     }
 
-    /// What `camera` sees of `model`.
+    /// The picture of `model` by `camera`.
     ///
     /// Errors: a picture larger than the card draws, no memory, the card is lost.
     pub fn render(
@@ -107,7 +107,7 @@ impl Headless {
     }
 }
 
-/// A picture in GPU memory and what is needed to draw it.
+/// A picture in GPU memory, with its attachments.
 #[derive(Debug)]
 pub struct Canvas {
     picture: Texture,
@@ -141,7 +141,7 @@ impl Canvas {
         renderer.draw(gpu, encoder, output, model, params)
     }
 
-    /// The picture as it was last drawn.
+    /// The last drawn picture.
     pub fn pixels(&self, gpu: &Gpu) -> Result<Pixels> {
         pixels(gpu, &self.picture)
     }

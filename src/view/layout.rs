@@ -1,4 +1,4 @@
-//! How vertices are stored in GPU memory: as small as the shaders can read them.
+//! The storage of vertices in GPU memory, in the smallest form that shaders can read.
 //!
 //! | layout | bytes per triangle | what is stored |
 //! |---|---|---|
@@ -19,7 +19,7 @@ use rayon::prelude::*;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum VertexLayout {
-    /// Position and colour per corner: what indexed and vertex-coloured meshes need.
+    /// Position and colour per corner: for indexed and vertex-coloured meshes.
     Corner,
     /// Position per corner, colour per face.
     Face,

@@ -20,7 +20,7 @@ pub struct Model {
     pub layout: VertexLayout,
     /// Bytes of GPU memory that it takes.
     pub bytes: u64,
-    /// Runs of faces that are drawn or skipped as a whole, and their boxes.
+    /// Runs of faces that are drawn or culled as a whole, and their boxes.
     pub chunks: Vec<(Chunk, Aabb)>,
     vertices: Buffer,
     indices: Option<Buffer>,
@@ -37,14 +37,14 @@ pub struct Subset {
     ranges: Vec<Range<u32>>,
 }
 
-/// In which order visible chunks are drawn.
+/// The drawing order of visible chunks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum ChunkOrder {
     /// As in the file; neighbours become one draw call.
     #[default]
     File,
-    /// Front to back, so that early depth tests reject what lies behind.
+    /// Front to back, so that early depth tests reject hidden faces.
     Near,
 }
 
@@ -98,7 +98,7 @@ impl Model {
         self.chunks.iter().fold(Aabb::EMPTY, |all, (_, bounds)| all.union(*bounds))
     }
 
-    /// The faces that `keep` keeps, of about `share` of all; the same ones for the same seed.
+    /// The faces selected by `keep`, about `share` of all; the same ones for the same seed.
     pub fn subset(
         &self,
         gpu: &Gpu,
@@ -120,7 +120,7 @@ impl Model {
         Ok(Subset { indices, ranges })
     }
 
-    /// The draw calls for what `camera` sees; with `per_chunk` one for every chunk.
+    /// The draw calls for the view of `camera`; with `per_chunk` one for every chunk.
     pub fn draw_calls(
         &self,
         camera: &Camera,
@@ -163,7 +163,7 @@ impl Model {
         draws.iter().map(|(faces, _)| u64::from(faces.end - faces.start)).sum()
     }
 
-    /// Draws the faces of `subset` in the chunks that `draws` name one by one.
+    /// Draws the faces of `subset` in the chunks of `draws`, one by one.
     pub fn draw_subset(&self, pass: &mut RenderPass<'_>, draws: &[DrawCall], subset: &Subset) -> u64 {
         self.bind(pass);
         pass.set_index_buffer(subset.indices.slice(..), IndexFormat::Uint32);
@@ -187,7 +187,7 @@ impl Model {
     }
 }
 
-/// Position and colour of every vertex, or of every corner where there is one colour per face.
+/// Position and colour of every vertex, or of every corner with one colour per face.
 fn corners(gpu: &Gpu, mesh: &Mesh) -> Result<Buffer> {
     let corner = |position: Vec3, linear| CornerVertex {
         position: position.to_array(),

@@ -6,11 +6,12 @@ use crate::scene::Scene;
 use glam::{DVec3, UVec2, Vec2, Vec3};
 use std::f32::consts::TAU;
 
-/// Part of the way to what closes a scene that an orbit keeps within.
+/// Largest radius of an orbit, as a share of the distance to the walls or shell that close a scene.
 const ROOM: f32 = 0.9;
 
-/// `count` cameras for pictures of `size` on the circle that begins at `viewpoint` and goes around its subject. All of the
-/// subject stays in the picture. `up` is the axis that points up; `room` is how far from there the scene is closed.
+/// `count` cameras for pictures of `size` on the circle that begins at `viewpoint` and goes around its
+/// subject. All of the subject stays in the picture. `up` is the axis that points up; `room` is the distance
+/// from the subject at which the scene is closed.
 pub fn around_viewpoint(viewpoint: &Viewpoint, up: Vec3, room: f32, size: UVec2, count: u32) -> Vec<Camera> {
     let target = DVec3::from(viewpoint.target).as_vec3();
     let from = DVec3::from(viewpoint.eye).as_vec3() - target;
@@ -30,7 +31,7 @@ pub fn around_scene(scene: &Scene, up: Vec3, width: u32, count: u32) -> Vec<Came
         return Vec::new();
     }
     let target = Vec3::from_array([0, 1, 2].map(|axis| median(centers.iter().map(|c| c[axis]).collect())));
-    // Half of a trained scene is the thing itself, the rest its surroundings.
+    // Half of a trained scene is its subject, the rest its surroundings.
     let extent = median(centers.iter().map(|c| c.distance(target)).collect());
     let size = UVec2::new(width, (width * 3 / 4).max(1));
     let camera = Camera {

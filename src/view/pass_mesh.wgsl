@@ -1,7 +1,7 @@
 // Draws triangles as an engine does: opaque, double-sided, perspective-correct colours in linear light.
 //
-// One vertex stage per vertex layout (view/layout.rs). `_color` writes only what colour needs; `_display` also what
-// the other display modes need.
+// One vertex stage per vertex layout (view/layout.rs). `_color` writes only the colour; `_display` also the
+// values of other display modes.
 
 struct Frame {
     clip: mat4x4<f32>, // world to clip space: x right, y up, w = depth, z = near

@@ -1,4 +1,4 @@
-//! Draws a model as an engine does, with the meaning of the solid rasteriser on the CPU: opaque triangles,
+//! Draws a model as an engine does, by the definition of the solid rasteriser on the CPU: opaque triangles,
 //! z-buffer, both sides, clipped at the near plane, colours interpolated perspective-correctly in linear
 //! light and sRGB-encoded when written.
 
@@ -45,7 +45,7 @@ pub enum DisplayMode {
     Chunks,
 }
 
-/// What was drawn for a frame.
+/// Counts of a drawn frame.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct DrawStats {
     /// Triangles in the chunks that were drawn.
@@ -54,7 +54,7 @@ pub struct DrawStats {
     pub draws: u32,
 }
 
-/// The depth buffer and, with multisampling, the samples of a frame; the picture comes from elsewhere.
+/// The depth buffer and, with multisampling, the samples of a frame; the picture is separate.
 #[derive(Debug)]
 pub struct Attachments {
     /// Width and height, px.
@@ -91,7 +91,7 @@ pub struct FrameOutput<'a> {
     pub picture: &'a TextureView,
     /// Its depth and samples.
     pub attachments: &'a Attachments,
-    /// Where the card writes its timestamps.
+    /// The buffers of timestamps.
     pub timestamps: Option<RenderPassTimestampWrites<'a>>,
 }
 
@@ -124,7 +124,7 @@ struct FrameUniform {
     view: Mat4,
 }
 
-/// What a pipeline is made for.
+/// The key of a pipeline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct PipelineKey {
     layout: VertexLayout,
@@ -174,7 +174,7 @@ impl Renderer {
         &self.face_layout
     }
 
-    /// The layout that `asset` is best drawn from on this card.
+    /// The best layout for `asset` on this card.
     pub fn best_layout(gpu: &Gpu, asset: &Asset) -> VertexLayout {
         let limits = gpu.device.limits();
         let color_bytes = 4 * asset.mesh.face_count() as u64;
@@ -274,7 +274,7 @@ impl Renderer {
             depth_stencil: Some(DepthStencilState {
                 format: TextureFormat::Depth32Float,
                 depth_write_enabled: Some(true),
-                // near / depth: the nearer is greater, and of equals the first stays.
+                // near / depth: the nearer one is greater, and ties keep the first.
                 depth_compare: Some(CompareFunction::Greater),
                 stencil: StencilState::default(),
                 bias: DepthBiasState::default(),
@@ -326,7 +326,7 @@ fn begin<'e>(
     })
 }
 
-/// Records a picture that shows only background.
+/// Records a picture of only background.
 pub fn clear(
     encoder: &mut CommandEncoder,
     picture: &TextureView,

@@ -4,7 +4,7 @@ use crate::image::Pixels;
 use crate::raster::soft::Frame;
 use glam::UVec2;
 
-/// Below this coverage a pixel counts as background.
+/// A pixel with less coverage counts as background.
 const LEAST_COVERAGE: f32 = 0.05;
 
 /// The frame's colours in 8 bits, clamped and rounded.
@@ -41,7 +41,7 @@ pub fn normal(frame: &Frame) -> Pixels {
     })
 }
 
-/// Layers per pixel, from black for none to white for the 99th percentile of the pixels that have any.
+/// Layers per pixel, from black for none to white for the 99th percentile of pixels with layers.
 pub fn contributions(frame: &Frame, layers: &[u32]) -> Pixels {
     let mut seen: Vec<u32> = layers.iter().copied().filter(|&n| n > 0).collect();
     seen.sort_unstable();
@@ -62,7 +62,7 @@ fn picture(frame: &Frame, at: impl Fn(usize) -> [f32; 3]) -> Pixels {
     Pixels { size: frame.size, rgb: (0..count).map(|i| at(i).map(code)).collect(), alpha: None }
 }
 
-/// The colour map magma, as FLIP uses it: black, violet, orange, white; for values in [0, 1].
+/// The colour map magma of FLIP: black, violet, orange, white; for values in [0, 1].
 fn ramp(value: f32) -> [f32; 3] {
     flip_rs::MAGMA[(value * 255.0).round() as usize]
 }

@@ -19,7 +19,7 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy}
 use winit::keyboard::{KeyCode, PhysicalKey};
 use winit::window::WindowId;
 
-/// A press that moves no farther than this is a click, px.
+/// Largest movement of a click, px.
 const CLICK: f32 = 4.0;
 /// Widest soft picture, px: a second or less on a processor.
 const SOFT_WIDTH: f32 = 480.0;
@@ -39,7 +39,7 @@ pub fn open(options: WindowOptions, files: SceneFiles, loader: SceneLoader) -> R
     app.failure.map_or(Ok(()), Err)
 }
 
-/// What the windowing library says, less the file and line of its own source.
+/// The message of the windowing library, without the file and line of its source.
 fn without_place(said: &str) -> &str {
     let reason =
         said.split_once(".rs:").and_then(|(_, place)| place.split_once(": ")).map_or(said, |(_, why)| why);
@@ -65,7 +65,7 @@ struct Mouse {
 }
 
 impl ApplicationHandler<Letter> for App {
-    /// A wait that ended by time ended to draw again: a note has been shown for long enough.
+    /// A wait that timed out must draw again, to remove a note.
     fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
         if let (StartCause::ResumeTimeReached { .. }, Some((screen, _))) = (cause, &self.window) {
             screen.window.request_redraw();
@@ -96,7 +96,7 @@ impl ApplicationHandler<Letter> for App {
     fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         let Some((screen, _)) = &mut self.window else { return };
         let response = screen.input.on_window_event(&screen.window, &event);
-        // A due picture must not request the next one, or a window at rest would draw for ever.
+        // A picture must not request the next one, or a window at rest would draw for ever.
         if response.repaint && event != WindowEvent::RedrawRequested {
             screen.window.request_redraw();
         }
@@ -107,7 +107,7 @@ impl ApplicationHandler<Letter> for App {
             }
             WindowEvent::Resized(size) => screen.resize(UVec2::new(size.width, size.height)),
             WindowEvent::RedrawRequested => self.redraw(events),
-            // Keys that were held when the window got the focus are no commands to it.
+            // Keys that were held when the window got the focus are not commands.
             WindowEvent::KeyboardInput { event, is_synthetic: false, .. } => {
                 self.key(events, &event);
                 Ok(())
@@ -140,7 +140,7 @@ impl ApplicationHandler<Letter> for App {
             Message::Changed(Ok(changed)) => session.change(*changed),
             Message::Final(Some(what)) => session.status = Some(what),
             Message::Final(None) => events.exit(),
-            // What was begun for a scene that is no longer shown.
+            // Results for a scene that is no longer shown.
             _ if scene != session.scene => {}
             Message::Indexed(Ok(asset)) => {
                 if let Some(shown) = &mut session.shown {
@@ -196,7 +196,8 @@ impl App {
         events.exit();
     }
 
-    /// Shows what was loaded. Without a first scene there is nothing to show; a file that was dropped leaves the scene as it is.
+    /// Shows the loaded scene. A failed first scene is an error; a failed dropped file keeps the present
+    /// scene.
     fn loaded(&mut self, events: &ActiveEventLoop, scene: u32, result: Result<Box<LoadedScene>>) {
         let Some((screen, session)) = &mut self.window else { return };
         session.loading = None;
@@ -216,7 +217,7 @@ impl App {
         }
     }
 
-    /// What would happen if a file were dropped.
+    /// The effect of dropping a file, as a hint.
     fn hovered(&mut self, path: &Path) {
         let Some((screen, session)) = &mut self.window else { return };
         let files = session.files.with_dropped(path);
@@ -225,7 +226,7 @@ impl App {
         screen.window.request_redraw();
     }
 
-    /// Loads a scene, or photos of the one that is shown.
+    /// Loads a scene, or photos of the shown one.
     fn dropped(&mut self, path: &Path) {
         let Some((screen, session)) = &mut self.window else { return };
         screen.window.request_redraw();
@@ -241,7 +242,7 @@ impl App {
         outbox.load(screen.gpu.clone(), screen.face_layout(), self.loader.clone(), files);
     }
 
-    /// Where work on the scene that is shown sends its messages.
+    /// The channel for messages about the shown scene.
     fn outbox(&self) -> Outbox {
         let scene = self.window.as_ref().map_or(0, |(_, session)| session.scene);
         Outbox { proxy: self.proxy.clone(), scene }
@@ -255,7 +256,7 @@ impl App {
         let again = screen.draw(session, moving || self.mouse.down.is_some_and(|(_, _, moved)| moved))?;
         self.start_work();
         let Some((screen, session)) = &self.window else { return Ok(()) };
-        // What was drawn of fewer pixels while something moved is drawn once more.
+        // A picture of fewer pixels, drawn in motion, is drawn again.
         let dragged = self.mouse.down.is_some();
         if session.is_moving() || again.is_zero() || (session.reduced.is_some() && !dragged) {
             screen.window.request_redraw();
@@ -268,7 +269,7 @@ impl App {
         Ok(())
     }
 
-    /// Starts the background work that the picture needs now.
+    /// Starts the background work for the picture.
     fn start_work(&mut self) {
         let outbox = self.outbox();
         let Some((screen, session)) = &mut self.window else { return };
@@ -400,7 +401,7 @@ impl App {
                 self.mouse.down = Some((button, self.mouse.at, false));
             }
             WindowEvent::MouseInput { state: ElementState::Released, .. } => {
-                // What was drawn of fewer pixels while it was dragged is drawn once more.
+                // A picture of fewer pixels, drawn during a drag, is drawn again.
                 screen.window.request_redraw();
                 if let Some((MouseButton::Left, _, false)) = self.mouse.down.take() {
                     self.click();

@@ -1,4 +1,4 @@
-//! Work on other threads than the window's, and the messages that they send.
+//! Work on other threads than the window's, and their messages.
 
 use super::super::layout::{Aabb, VertexLayout};
 use super::super::model::{ChunkOrder, Model, Subset};
@@ -16,27 +16,27 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use winit::event_loop::EventLoopProxy;
 
-/// What a thread sends to the window.
+/// A message from a thread to the window.
 pub(super) enum Message {
     /// What the loader is doing.
     Progress(String),
     /// The scene is loaded and in GPU memory.
     Loaded(Result<Box<LoadedScene>>),
-    /// The scene that was loaded first has changed; what it is now is in GPU memory and can be picked from.
+    /// The first scene has changed; the new state is in GPU memory, ready for picking.
     Changed(Result<Box<LoadedScene>>),
-    /// The scene will not change any more, and that is what to say; `None`: there is nothing to show any more.
+    /// The scene will not change any more, with a final note; `None`: there is nothing more to show.
     Final(Option<String>),
-    /// The scene can be picked from.
+    /// The scene is ready for picking.
     Indexed(Result<Box<Asset>>),
     /// A photo is decoded.
     Photo(usize, Result<Pixels>),
     /// A soft picture is drawn.
     Soft(Camera, Pixels),
-    /// The renderer of soft pictures is given back.
+    /// Returns the renderer of soft pictures.
     Rested(SoftRenderer),
     /// What a click has hit.
     Picked(Option<Box<Picked>>),
-    /// Some of the triangles are in GPU memory.
+    /// A subset of the triangles is in GPU memory.
     Subset(Result<Subset>),
     /// A region is saved.
     Cropped(Result<String>),
@@ -51,11 +51,11 @@ pub(super) struct LoadedScene {
     pub(super) model: Model,
     /// The box of most of it, without outliers.
     pub(super) bounds: Aabb,
-    /// Where to look from first, when the file says so, and how far from what is looked at its backdrop is.
+    /// The first viewpoint, if the file has one, and the distance from its target to the backdrop.
     pub(super) viewpoint: Option<(Viewpoint, f32)>,
 }
 
-/// Where work on other threads sends its messages.
+/// The channel for messages of other threads.
 #[derive(Clone)]
 pub(super) struct Outbox {
     pub(super) proxy: EventLoopProxy<Letter>,
@@ -63,25 +63,25 @@ pub(super) struct Outbox {
     pub(super) scene: u32,
 }
 
-/// A message and the number of the scene that it is about: those about an earlier one are too late.
+/// A message and the number of its scene; messages about an earlier scene are ignored.
 pub(super) struct Letter {
     pub(super) scene: u32,
     pub(super) message: Message,
 }
 
 impl Outbox {
-    /// Runs `work` on a thread of its own and sends its message.
+    /// Runs `work` on another thread and sends its message.
     pub(super) fn spawn(&self, work: impl FnOnce() -> Message + Send + 'static) {
         let outbox = self.clone();
         std::thread::spawn(move || outbox.send(work()));
     }
 
     pub(super) fn send(&self, message: Message) {
-        // The receiver is gone when the window was closed meanwhile.
+        // The receiver no longer exists if the window was closed meanwhile.
         let _ = self.proxy.send_event(Letter { scene: self.scene, message });
     }
 
-    /// Loads the scene, uploads it to GPU memory, then adds what picking needs.
+    /// Loads the scene, uploads it to GPU memory, then prepares picking.
     pub(super) fn load(
         &self,
         gpu: Arc<Gpu>,
@@ -108,7 +108,7 @@ impl Outbox {
         });
     }
 
-    /// Shows what becomes of the scene of `files`, until it has ended.
+    /// Shows changes of the scene of `files`, until it has ended.
     pub(super) fn follow(
         &self,
         gpu: Arc<Gpu>,
@@ -179,7 +179,7 @@ pub(super) struct Screenshot {
     pub(super) msaa: u32,
 }
 
-/// Draws the scene once more, without the panel.
+/// Draws the scene again, without the panel.
 pub(super) fn draw_screenshot(gpu: &Gpu, of: &Screenshot) -> Result<Pixels> {
     let mut renderer = Renderer::new(gpu)?;
     let canvas = Canvas::new(gpu, of.camera.size, of.msaa)?;
@@ -198,7 +198,7 @@ pub(super) fn draw_screenshot(gpu: &Gpu, of: &Screenshot) -> Result<Pixels> {
     canvas.pixels(gpu)
 }
 
-/// Saves a picture as the first of trisplat-0001.png, trisplat-0002.png, … that is not there.
+/// Saves a picture under the first free name of trisplat-0001.png, trisplat-0002.png, …
 pub(super) fn save(folder: &Path, picture: &Pixels) -> Result<PathBuf> {
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     let free = (1..10_000).map(|i| folder.join(format!("trisplat-{i:04}.png"))).find(|p| !p.exists());

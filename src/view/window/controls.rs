@@ -16,9 +16,9 @@ const LEVEL_DRAG: f32 = 0.06;
 /// Vertical field of view when no photo's camera is used, rad.
 const FIELD_OF_VIEW: f32 = 0.9;
 
-/// Part of the way to what closes the scene that a view keeps within.
+/// Largest distance of a view, as a share of the distance to the walls or shell that close the scene.
 const ROOM: f32 = 0.9;
-/// The sine of half of what the widest lens sees.
+/// The sine of half the angle of the widest lens.
 const MOST_SINE: f32 = 0.85;
 
 /// Position, direction and intrinsics of the camera.
@@ -27,7 +27,7 @@ pub struct CameraControls {
     /// World to camera rotation: rows are right, down and forward.
     rotation: Mat3,
     position: Vec3,
-    /// Distance to the pivot, the point ahead that an orbit goes around.
+    /// Distance to the pivot, the point ahead at the centre of orbits.
     pivot_distance: f32,
     up: Vec3,
     /// Focal lengths, centre and size, to be scaled to the window.
@@ -36,7 +36,7 @@ pub struct CameraControls {
     extent: f32,
 }
 
-/// The keys that are down, each axis in -1, 0, 1.
+/// The pressed keys, each axis in -1, 0, 1.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Keys {
     /// D - A.
@@ -86,8 +86,8 @@ impl CameraControls {
         self.position = target - self.forward() * self.pivot_distance;
     }
 
-    /// Moves back along the view until a ball is visible, but within `room` of its middle, where something closes the scene: there
-    /// the lens is wider.
+    /// Moves back along the view until a ball is visible. If the scene is closed, it stays within `room` of
+    /// the ball's middle and widens the lens instead.
     pub fn frame_ball(&mut self, target: Vec3, radius: f32, room: f32) {
         self.frame(&Aabb { min: target - radius / 3f32.sqrt(), max: target + radius / 3f32.sqrt() });
         let room = ROOM * room;
@@ -100,7 +100,7 @@ impl CameraControls {
         }
     }
 
-    /// Orbits around what is as far ahead as a point of the scene.
+    /// Sets the pivot straight ahead, at the distance of a point of the scene.
     pub fn orbit_at_depth_of(&mut self, point: Vec3) {
         self.set_pivot_distance((point - self.position).dot(self.forward()));
     }
@@ -110,11 +110,11 @@ impl CameraControls {
         self.rotation = camera.rotation;
         self.position = camera.position();
         self.intrinsics = *camera;
-        // What photos look at is usually about as far away as the scene is large.
+        // The subject of photos is usually about as far away as the scene is large.
         self.pivot_distance = self.pivot_distance.min(self.extent).max(0.1 * self.extent);
     }
 
-    /// Stays where it is in the world when the scene's file is placed otherwise.
+    /// Keeps its place in the world when the placement of the file changes.
     pub fn change_frame(&mut self, from: &Placement, to: &Placement) {
         if from == to {
             return;
@@ -128,7 +128,7 @@ impl CameraControls {
         (self.pivot_distance, self.extent) = (scale * self.pivot_distance, scale * self.extent);
     }
 
-    /// Sets the distance to the pivot, such as a point that was clicked.
+    /// Sets the distance to the pivot, for example to a clicked point.
     pub fn set_pivot_distance(&mut self, distance: f32) {
         if distance.is_finite() && distance > 0.0 {
             self.pivot_distance = distance;
@@ -148,7 +148,7 @@ impl CameraControls {
         }
     }
 
-    /// The part of the window that the picture takes.
+    /// The part of the window for the picture.
     pub fn picture(&self, pane: Pane) -> Pane {
         let size =
             self.intrinsics.size.as_vec2() * (pane.size / self.intrinsics.size.as_vec2()).min_element();
@@ -160,7 +160,7 @@ impl CameraControls {
         (1e-3 * self.extent.min(self.pivot_distance)).max(f32::MIN_POSITIVE)
     }
 
-    /// The point ahead that an orbit goes around.
+    /// The point ahead at the centre of orbits.
     pub fn pivot(&self) -> Vec3 {
         self.position + self.forward() * self.pivot_distance
     }
@@ -172,7 +172,7 @@ impl CameraControls {
         self.position = pivot - self.forward() * self.pivot_distance;
     }
 
-    /// Turns in place by a drag, in heights of the window. A horizon that is tilted, as photos are, comes level on the way.
+    /// Turns in place by a drag, in heights of the window. A tilted horizon comes level during the drag.
     pub fn turn(&mut self, drag: Vec2) {
         let forward = self.forward();
         let level = forward.cross(self.up).try_normalize().unwrap_or(self.right());
@@ -198,7 +198,7 @@ impl CameraControls {
     pub fn zoom(&mut self, steps: f32) {
         let nearer = self.pivot_distance * (1.0 - 0.85f32.powf(steps));
         self.position += self.forward() * nearer;
-        // Close to the pivot, the wheel pushes it ahead, so that one can always move on.
+        // Close to the pivot, the wheel pushes it ahead, so that the camera can always move on.
         self.pivot_distance = (self.pivot_distance - nearer).max(0.02 * self.extent);
     }
 

@@ -6,10 +6,10 @@ use egui::{DragValue, Ui};
 use glam::{DVec3, Vec3};
 use std::f64::consts::TAU;
 
-/// Lines that a circle is drawn with.
+/// Number of line segments of a circle.
 const CIRCLE: u32 = 48;
 
-/// A region that is edited, in the coordinates of the file that is shown, which are those of `bake --crop`.
+/// A region being edited, in the coordinates of the shown file and of `bake --crop`.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct CropEditor {
     pub(super) on: bool,
@@ -20,10 +20,10 @@ pub(super) struct CropEditor {
     radius: f64,
 }
 
-/// What was clicked in the panel.
+/// The clicked element of the panel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum CropClick {
-    /// Move it to what is looked at.
+    /// Move it to the pivot of the view.
     Here,
     /// Save it.
     Save,
@@ -52,18 +52,18 @@ impl CropEditor {
         })
     }
 
-    /// Moves it to a point of the file, as large as it is.
+    /// Moves it to a point of the file, without changing its size.
     pub(super) fn move_to(&mut self, center: DVec3) {
         let half = (self.high - self.low) / 2.0;
         (self.low, self.high, self.center) = (center - half, center + half, center);
         self.round();
     }
 
-    /// Numbers of a few digits: they are read and typed by people.
+    /// Numbers of a few digits, because people read and type them.
     fn round(&mut self) {
         let step = 10f64.powf((self.size() * 1e-3).log10().floor());
         let nearest = |x: f64| if step > 0.0 && step.is_finite() { (x / step).round() * step } else { x };
-        // The shortest number that prints like this, not a sum of powers of two.
+        // Rounds to the shortest decimal text.
         let short = |x: f64| format!("{:.9}", nearest(x)).parse().unwrap_or(x);
         for vector in [&mut self.low, &mut self.high, &mut self.center] {
             *vector = DVec3::from(vector.to_array().map(short));
@@ -100,7 +100,7 @@ impl CropEditor {
         (0..CIRCLE).map(move |k| [at(k), at(k + 1)])
     }
 
-    /// Its settings in the panel; returns what was clicked.
+    /// Its settings in the panel; returns the clicked element.
     pub(super) fn show(&mut self, ui: &mut Ui) -> Option<CropClick> {
         ui.checkbox(&mut self.on, "crop to a region");
         if !self.on {
@@ -138,7 +138,7 @@ impl CropEditor {
     }
 }
 
-/// A number that is dragged in steps that suit a region of this size.
+/// A number that is dragged in steps suitable for this region.
 fn number(value: &mut f64, size: f64) -> DragValue<'_> {
     let digits = (3.0 - size.log10().floor()).clamp(0.0, 9.0) as usize;
     DragValue::new(value).speed(2e-3 * size).max_decimals(digits)

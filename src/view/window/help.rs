@@ -1,4 +1,4 @@
-//! What mouse and keys do, in the panel.
+//! The controls by mouse and keys, in the panel.
 
 use egui::{RichText, Ui};
 

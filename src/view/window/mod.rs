@@ -7,7 +7,7 @@
 //!           Screen     threads: loading, photos, soft drawing, picking, screenshots
 //! ```
 //!
-//! The window's thread only draws: whatever takes longer runs on another thread, which sends a message.
+//! The window's thread only draws: longer work runs on other threads, which send messages.
 
 mod app;
 mod background;

@@ -15,11 +15,11 @@ pub struct WindowOptions {
     pub msaa: u32,
     /// Frames per second to hold while something moves; `None` to draw every pixel always.
     pub fps: Option<f64>,
-    /// Wait for the vertical blank of the screen before a picture is shown.
+    /// Show pictures at the vertical blank of the screen.
     pub vsync: bool,
     /// Folder for screenshots.
     pub screenshots: PathBuf,
-    /// What the user can do where no window can be opened.
+    /// The remedy when no window can be opened.
     pub remedy: &'static str,
     /// Which graphics card draws.
     pub adapter: AdapterOptions,

@@ -1,4 +1,4 @@
-//! What is drawn over the picture: figures, settings, photos, cameras, the picked triangle.
+//! The panel over the picture: figures, settings, photos, cameras, the picked triangle.
 
 use super::controls::Pane;
 use super::crop::CropClick;
@@ -211,7 +211,7 @@ fn cameras(painter: &egui::Painter, session: &Session, scale: f32) {
     }
 }
 
-/// The edges of the region that the scene is cropped to.
+/// The edges of the cropped region.
 fn region(painter: &egui::Painter, session: &Session, scale: f32) {
     let (Some(shown), Some(camera)) = (&session.shown, &session.camera) else { return };
     if !shown.crop.on {

@@ -16,7 +16,7 @@ pub(super) struct Picked {
     pub(super) depth: f32,
     /// sRGB-encoded colour, 0 to 255: the mean of its corners.
     pub(super) rgb: [u8; 3],
-    /// The triangle of the soup it was made from.
+    /// Its original triangle in the soup.
     pub(super) source: Option<Origin>,
 }
 
@@ -47,8 +47,8 @@ pub(super) fn pick(
     Some(Picked { corners, depth: hit.t as f32, rgb, source })
 }
 
-/// The triangle of the soup that was shrunk to these corners: shrinking keeps the incenter and the directions of
-/// the edges.
+/// The triangle of the soup that was shrunk to these corners; shrinking keeps the incenter and the directions
+/// of edges.
 fn origin(soup: &Soup, corners: [Vec3; 3]) -> Option<Origin> {
     let (center, normal) = incenter(&corners);
     let mismatch = |triangle: usize| {

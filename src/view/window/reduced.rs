@@ -7,7 +7,7 @@ use egui::{Color32, LayerId, Pos2, Rect, TextureId, Ui, Vec2};
 use glam::UVec2;
 use wgpu::*;
 
-/// What the panel's renderer reads: colours as they are encoded.
+/// The format for the panel's renderer: encoded colours.
 const FORMAT: TextureFormat = TextureFormat::Rgba8Unorm;
 
 /// The picture, and its name in the panel.

@@ -1,4 +1,4 @@
-//! What a window shows, and the threads that load it.
+//! The content of a window, and the threads that load it.
 
 use crate::asset::{Asset, Placement};
 use crate::camera::Camera;
@@ -18,13 +18,13 @@ pub struct WindowScene {
     pub up: Vec3,
     /// Posed photos, in the frame of the asset.
     pub photos: Vec<WindowPhoto>,
-    /// The soup that it was baked from, if any.
+    /// Its original soup, if any.
     pub source: Option<SoupSource>,
-    /// How the file's frame became the asset's.
+    /// The placement from the file's frame to the asset's.
     pub placement: Placement,
-    /// Saves a region of the file for the bake; returns what to tell the user.
+    /// Saves a region of the file for the bake; returns a note for the user.
     pub save_crop: CropSaver,
-    /// What is known of it as it is now: a line of the panel.
+    /// Its present state, as a line of the panel.
     pub status: Option<String>,
 }
 
@@ -36,7 +36,7 @@ impl WindowScene {
     }
 }
 
-/// What is opened: a scene, and photos of it.
+/// The files to open: a scene, and photos of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneFiles {
     /// A scene of any format that is read.
@@ -46,8 +46,8 @@ pub struct SceneFiles {
 }
 
 impl SceneFiles {
-    /// What is to be opened when `path` is dropped on the window: a folder or a `.json` is a data set of the same scene,
-    /// anything else another scene.
+    /// The files to open when `path` is dropped on the window: a folder or a `.json` is a data set of the
+    /// same scene, any other file is another scene.
     pub fn with_dropped(&self, path: &Path) -> Self {
         let is_dataset = path.is_dir() || path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
         match is_dataset {
@@ -82,12 +82,11 @@ pub struct SoupSource {
     pub to_soup: Arc<dyn Fn(Vec3) -> Vec3 + Send + Sync>,
     /// Draws it with the soft rasteriser for a camera in the frame of the asset; called on a thread of its own.
     pub renderer: SoftRenderer,
-    /// How long it does not draw again after a picture, in times that the picture took: more than 0 where something else needs the
-    /// processor.
+    /// Pause after a picture, as a multiple of its duration: more than 0 if other work needs the CPU.
     pub rest: f64,
 }
 
-/// Saves a region of a file for the bake; returns what to tell the user. Called on a thread of its own.
+/// Saves a region of a file for the bake; returns a note for the user. Called on a thread of its own.
 pub type CropSaver = Arc<dyn Fn(&Region) -> Result<String> + Send + Sync>;
 
 /// Draws what a camera sees.
@@ -99,23 +98,23 @@ pub struct SceneLoader {
     /// Makes the scene of some files and reports its progress; called on a thread of its own.
     #[allow(clippy::type_complexity, reason = "it is called once, here")]
     pub load: Arc<dyn Fn(&SceneFiles, &dyn Fn(&str)) -> Result<WindowScene> + Send + Sync>,
-    /// Adds the BVH that picking needs; called on a thread of its own once the scene is shown.
+    /// Adds the BVH for picking; called on a thread of its own once the scene is shown.
     pub add_bvh: fn(Asset) -> Result<Asset>,
-    /// Waits for what becomes of the scene that was loaded first; `None` for one that stays as it is. Called on a thread of its own, again
-    /// and again, until it has ended.
+    /// Waits for the next change of the first scene; `None` for a static one. Called repeatedly on a thread
+    /// of its own, until the scene has ended.
     pub follow: Option<SceneFollower>,
 }
 
-/// Waits for what becomes of a scene.
+/// Waits for the changes of a scene.
 pub type SceneFollower = Arc<dyn Fn() -> Result<SceneChange> + Send + Sync>;
 
-/// What becomes of a scene while it is shown.
+/// A change of a shown scene.
 pub enum SceneChange {
     /// It has changed.
     Changed(Box<WindowScene>),
-    /// It will not change any more, and that is what to say.
+    /// It will not change any more, with a final note.
     Final(String),
-    /// There is nothing to show any more: the window closes.
+    /// There is nothing more to show: the window closes.
     Gone,
 }
 

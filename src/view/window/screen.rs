@@ -17,7 +17,7 @@ use wgpu::*;
 use winit::event_loop::ActiveEventLoop;
 use winit::window::{Window, WindowAttributes};
 
-/// A window and what draws in it.
+/// A window and its renderers.
 pub(super) struct Screen {
     pub(super) window: Arc<Window>,
     pub(super) gpu: Arc<Gpu>,
@@ -64,7 +64,7 @@ impl Screen {
             egui_wgpu::Renderer::new(&gpu.device, config.format, egui_wgpu::RendererOptions::default());
         let (renderer, timer) = (Renderer::new(&gpu)?, Timer::new(&gpu));
         let (msaa, background) = (options.msaa, options.background);
-        // What a frame takes is known by timestamps only.
+        // Only timestamps tell the duration of a frame.
         let rate = options.fps.filter(|_| timer.is_some()).map(|fps| FrameRate::new(fps, msaa));
         Ok(Self {
             window,
@@ -83,7 +83,7 @@ impl Screen {
         })
     }
 
-    /// The layout of the bind group that models need.
+    /// The layout of the bind group for models.
     pub(super) fn face_layout(&self) -> BindGroupLayout {
         self.renderer.face_layout().clone()
     }
@@ -101,8 +101,8 @@ impl Screen {
         self.gpu.check()
     }
 
-    /// Draws a picture and shows it; while something is `moving`, of fewer pixels where that is too slow. Returns how long the panel can wait
-    /// for the next.
+    /// Draws a picture and shows it; when `moving` is too slow, with fewer pixels. Returns how long the panel
+    /// can wait for the next.
     pub(super) fn draw(&mut self, session: &mut Session, moving: bool) -> Result<Duration> {
         self.reduce(session, moving)?;
         let mut output = self.run_panel(session);
@@ -143,7 +143,7 @@ impl Screen {
         for id in &unused {
             self.panel.free_texture(id);
         }
-        // Timestamps come back when the card gets to them; this does not wait.
+        // Timestamps arrive later; this does not wait.
         let _ = self.gpu.device.poll(PollType::Poll);
         for ms in self.timer.as_mut().map(Timer::collect).unwrap_or_default() {
             session.meter.gpu_ms = Some(ms);
@@ -155,7 +155,8 @@ impl Screen {
         Ok(again)
     }
 
-    /// Makes a picture of the size that can be drawn fast enough, and tells the panel to show it; none where all pixels are drawn.
+    /// Makes a picture of a size that is fast enough, and lets the panel show it; none when all pixels are
+    /// drawn.
     fn reduce(&mut self, session: &mut Session, moving: bool) -> Result<()> {
         let Some(rate) = &mut self.rate else { return Ok(()) };
         if !moving {
@@ -252,7 +253,7 @@ impl Screen {
     }
 }
 
-/// An sRGB format where there is one, so that the card encodes and averages in linear light.
+/// An sRGB format if available, so that the card encodes, and averages in linear light.
 fn configuration(
     surface: &Surface<'_>,
     adapter: &Adapter,

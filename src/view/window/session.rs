@@ -1,4 +1,4 @@
-//! What the window shows now, and its settings.
+//! The present content of the window, and its settings.
 
 use super::super::model::{Model, Subset};
 use super::super::renderer::{DisplayMode, DrawStats};
@@ -18,7 +18,7 @@ use glam::{UVec2, Vec2, Vec3};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How long a note is shown.
+/// Duration of a note.
 const NOTE_TIME: Duration = Duration::from_secs(4);
 
 /// What the user can set.
@@ -71,7 +71,7 @@ pub(super) enum PhotoPlacement {
 pub(super) struct Shown {
     pub(super) model: Arc<Model>,
     pub(super) bounds: Aabb,
-    /// Where to look from first, and how far from what is looked at the scene is closed.
+    /// The first viewpoint, and the distance from its target at which the scene is closed.
     pub(super) viewpoint: Option<(Viewpoint, f32)>,
     pub(super) photos: Vec<WindowPhoto>,
     pub(super) soup: Option<Arc<Soup>>,
@@ -79,9 +79,9 @@ pub(super) struct Shown {
     /// Not here while it draws.
     pub(super) soft_renderer: Option<SoftRenderer>,
     pub(super) has_soft: bool,
-    /// How long it rests after a picture, in times that the picture took.
+    /// Pause after a picture, as a multiple of its duration.
     pub(super) soft_rest: f64,
-    /// The asset with its BVH, once that is built.
+    /// The asset with its BVH, after it is built.
     pub(super) asset: Option<Arc<Asset>>,
     /// From the file's frame to the asset's.
     pub(super) placement: Placement,
@@ -131,7 +131,7 @@ impl Shown {
     }
 }
 
-/// Which of the triangles are drawn.
+/// The drawn triangles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Filter {
     /// A random share of them, of 1.
@@ -146,17 +146,17 @@ pub(super) struct Session {
     pub(super) controls: CameraControls,
     pub(super) keys: Keys,
     pub(super) shown: Option<Shown>,
-    /// What is shown, or loaded first.
+    /// The files shown, or loaded first.
     pub(super) files: SceneFiles,
-    /// The number of the scene that is shown, or of the state that it is in: 0 for the first.
+    /// The number of the shown scene or state: 0 for the first.
     pub(super) scene: u32,
-    /// The last number that was given to one.
+    /// The last assigned number.
     last_number: u32,
     /// The number of the scene that is being loaded.
     pub(super) loading: Option<u32>,
-    /// What is known of the scene as it is now.
+    /// The present state of the scene.
     pub(super) status: Option<String>,
-    /// The note that is shown, and since when.
+    /// The shown note, and its start time.
     pub(super) note: Option<(String, Instant)>,
     /// The photo whose camera was taken last.
     pub(super) current: Option<usize>,
@@ -166,26 +166,26 @@ pub(super) struct Session {
     pub(super) decoding: Option<usize>,
     /// The soft picture and the camera it was drawn for.
     pub(super) soft: Option<(Camera, TextureHandle, Pixels)>,
-    /// That picture is of the scene before it changed.
+    /// That picture shows an older state of the scene.
     pub(super) soft_is_old: bool,
     pub(super) subset: Option<Arc<Subset>>,
-    /// What that subset is of, or the one that is being made.
+    /// The choice of that subset, or of the one being made.
     pub(super) filtered: Option<Filter>,
-    /// Whether the region is to be saved.
+    /// Whether to save the region.
     pub(super) saving_crop: bool,
     /// Whether a subset is being made.
     pub(super) filtering: bool,
     pub(super) picked: Option<Box<Picked>>,
     pub(super) meter: Meter,
     pub(super) drawn: DrawStats,
-    /// Frames per second that are to be held, and the share of the triangles that would do where they cannot.
+    /// The frame rate to hold, and the share of the triangles that would reach it otherwise.
     pub(super) held: Option<(f64, Option<f64>)>,
-    /// The picture that is shown in place of one of all pixels, and its size.
+    /// The picture of fewer pixels that is shown, and its size.
     pub(super) reduced: Option<(TextureId, UVec2)>,
     pub(super) gpu_name: String,
     /// The camera of the last picture.
     pub(super) camera: Option<Camera>,
-    /// The part of the window that the picture is in.
+    /// The part of the window for the picture.
     pub(super) pane: Pane,
 }
 
@@ -245,7 +245,7 @@ impl Session {
         }
     }
 
-    /// Shows what the scene has become, from where it is looked at now.
+    /// Shows the new state of the scene, from the present view.
     pub(super) fn change(&mut self, changed: LoadedScene) {
         let LoadedScene { files, mut scene, model, bounds, viewpoint } = changed;
         // Another file may have been dropped on the window meanwhile.
@@ -259,25 +259,25 @@ impl Session {
         self.shown = Some(Shown { asset: Some(Arc::new(asset)), ..shown });
     }
 
-    /// The number of the next scene, or state of one.
+    /// The number of the next scene or state.
     pub(super) fn next_number(&mut self) -> u32 {
         self.last_number += 1;
         self.last_number
     }
 
-    /// Which of the triangles are to be drawn; `None` for all.
+    /// The triangles to draw; `None` for all.
     pub(super) fn filter(&self) -> Option<Filter> {
         let region = self.shown.as_ref().and_then(|shown| shown.crop.region());
         let share = if self.settings.subset { self.settings.share } else { 1.0 };
         (self.settings.subset || region.is_some()).then_some(Filter { share, region })
     }
 
-    /// What is drawn of the model in place of all of it.
+    /// The subset that is drawn instead of the whole model.
     pub(super) fn drawn_subset(&self) -> Option<&Arc<Subset>> {
         self.filter().and(self.subset.as_ref())
     }
 
-    /// Moves the region to what is looked at.
+    /// Moves the region to the pivot of the view.
     pub(super) fn move_crop_here(&mut self) {
         if let Some(shown) = &mut self.shown {
             shown.crop.move_to(shown.placement.to_world_f64(self.controls.pivot()));
@@ -289,7 +289,7 @@ impl Session {
         self.note = Some((what, Instant::now()));
     }
 
-    /// Removes a note that was shown for long enough; returns how long it is still shown.
+    /// Removes an expired note; returns the remaining time of a shown one.
     pub(super) fn expire_note(&mut self) -> Option<Duration> {
         let (_, since) = self.note.as_ref().filter(|_| self.shown.is_some())?;
         let left = NOTE_TIME.checked_sub(since.elapsed());
@@ -318,7 +318,7 @@ impl Session {
         }
     }
 
-    /// Brings the subject into view, or the region that is cropped to.
+    /// Brings the subject, or the cropped region, into view.
     pub(super) fn frame(&mut self) {
         if let Some(shown) = &self.shown {
             let of_crop = || {
@@ -346,7 +346,7 @@ impl Session {
         };
     }
 
-    /// The part of a pane that is left for the picture when a photo is beside it.
+    /// The part of a pane for the picture beside a photo.
     pub(super) fn picture_pane(&self, pane: Pane) -> Pane {
         let beside = self.settings.photo == PhotoPlacement::Beside && self.current.is_some();
         let share = if beside { Vec2::new(0.5, 1.0) } else { Vec2::ONE };
@@ -369,7 +369,7 @@ pub(super) fn texture(context: &Context, name: &str, picture: &Pixels) -> Textur
     context.load_texture(name, image, TextureOptions::LINEAR)
 }
 
-/// Pictures per second, and the time by the timestamps of the card.
+/// Pictures per second, and time by the card's timestamps.
 #[derive(Debug, Default)]
 pub(super) struct Meter {
     last: Option<Instant>,
@@ -379,7 +379,8 @@ pub(super) struct Meter {
 }
 
 impl Meter {
-    /// To be called for each picture; `moving` when it follows the last one without pause. Returns the seconds since.
+    /// Call this for each picture; `moving` if it follows the last one without pause. Returns the seconds
+    /// since the last.
     pub(super) fn tick(&mut self, moving: bool) -> f64 {
         let now = Instant::now();
         let secs = self.last.replace(now).map_or(0.0, |last| (now - last).as_secs_f64());
