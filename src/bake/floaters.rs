@@ -5,6 +5,7 @@
 //! the scene. Real objects appear in other photos too, so triangles seen by enough photos stay. A photo with
 //! another colour at that place does not count as seeing it.
 
+use super::right_before::{self, right_before};
 use super::views::{self, Views};
 use crate::camera::Camera;
 use crate::error::Result;
@@ -15,7 +16,7 @@ use crate::mesh::Mesh;
 use crate::raster::solid::{NO_FACE, Solid};
 use crate::report::{Outcome, StageDetails};
 use crate::teacher;
-use glam::{IVec3, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -34,8 +35,6 @@ const MOST_BETWEEN: usize = 500;
 const DEPTH_VIEWS: usize = 8;
 /// Longer side of the pictures that are drawn, px.
 const SIDE: u32 = 256;
-/// Largest ratio of distance to depth at a corner of a picture.
-const CORNER: f32 = 2.0;
 
 /// Whether triangles right in front of cameras stay.
 #[derive(
@@ -60,7 +59,7 @@ pub struct FloatersDetails {
     /// Median depth in the cameras' views, in units of the scene.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene_depth: Option<f32>,
-    /// Triangles nearer to a camera, or to a place between two, than a tenth of that.
+    /// Triangles with a part in a photo, or in a picture from between two, that is nearer than a tenth of that.
     pub near: u64,
     /// Those that stay because three photos or more show them.
     pub seen: u64,
@@ -125,34 +124,13 @@ fn scene_depth(mesh: &Mesh, cameras: &[Camera]) -> Option<f32> {
     median(depths.collect(), f32::total_cmp)
 }
 
-/// The faces whose middle is in the picture of one of `cameras`, or of one between two of them, nearer than
-/// `depth`.
+/// The faces with a part nearer than `depth` in the picture of one of `cameras`, or of one between two of them.
 fn hanging_before(mesh: &Mesh, cameras: &[Camera], depth: f32) -> Vec<u32> {
     let between = match cameras.len() <= MOST_BETWEEN {
         true => teacher::viewpoints::between(cameras),
         false => Vec::new(),
     };
-    let lenses = [cameras, &between].concat();
-    // Hardly any triangle is near a camera, so cameras are looked up by position.
-    let side = CORNER * depth;
-    let cell = |point: Vec3| (point / side).floor().as_ivec3();
-    let mut around: HashMap<IVec3, Vec<usize>> = HashMap::new();
-    for (i, lens) in lenses.iter().enumerate() {
-        let middle = cell(lens.position());
-        for step in 0..27 {
-            let offset = IVec3::new(step % 3, step / 3 % 3, step / 9) - 1;
-            around.entry(middle + offset).or_default().push(i);
-        }
-    }
-    let hangs = |face: &u32| {
-        let middle = mesh.centroid(*face as usize);
-        let before = |&i: &usize| {
-            let z = (lenses[i].rotation * middle + lenses[i].translation).z;
-            z < depth && lenses[i].frames(middle)
-        };
-        around.get(&cell(middle)).is_some_and(|near| near.iter().any(before))
-    };
-    (0..mesh.face_count() as u32).into_par_iter().filter(hangs).collect()
+    right_before(mesh, &[cameras, &between].concat(), depth)
 }
 
 /// How many of `cameras` see each of `faces`; with photos, how many show its colour there. In the order of
@@ -168,8 +146,8 @@ fn times_seen(
     let colors: Vec<Vec3> = faces.iter().map(|&face| encoded_color(mesh, face as usize)).collect();
     let mut times = vec![0; faces.len()];
     for (i, camera) in cameras.iter().enumerate() {
-        let frames = |face: &u32| mesh.corners(*face as usize).iter().any(|corner| camera.frames(*corner));
-        if !faces.iter().any(frames) {
+        let framed = |face: &u32| right_before::shows(camera, mesh.corners(*face as usize), f32::INFINITY);
+        if !faces.iter().any(framed) {
             continue;
         }
         let camera = camera.within(SIDE);
@@ -260,6 +238,24 @@ mod tests {
         assert_eq!(mesh.positions, scene(&stays).positions);
         assert_eq!((details.near, details.seen), (3, 1));
         assert!(matches!(run(&mut mesh, &cameras(6)).0, Outcome::Unneeded(_)), "the second time");
+    }
+
+    #[test]
+    fn a_large_shard_whose_middle_is_beside_the_picture_goes() {
+        // It hides all that camera 2 sees; its middle is far to the right, behind every other camera.
+        let shard = (Vec3::new(0.9, -0.1, 0.1), 12.0);
+        let mut mesh = scene(&[shard]);
+        let turn = 2;
+        let mut lenses = cameras(6);
+        for (i, lens) in lenses.iter_mut().enumerate().filter(|(i, _)| *i != turn) {
+            let eye = lens.position() - 5.0 * Vec3::Z - Vec3::X * i as f32;
+            *lens = lens.looking(eye, Vec3::new(-20.0, 0.0, 10.0), -Vec3::Y);
+        }
+        assert!(!lenses.iter().any(|lens| lens.frames(mesh.centroid(2))));
+        let (outcome, details) = run(&mut mesh, &lenses);
+        assert!(matches!(outcome, Outcome::Changed(())), "{outcome:?}");
+        assert_eq!(mesh.positions, scene(&[]).positions);
+        assert_eq!((details.near, details.seen), (1, 0));
     }
 
     #[test]

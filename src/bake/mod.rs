@@ -45,6 +45,7 @@ pub mod prune;
 mod recipe;
 pub mod refit;
 pub mod reshape;
+mod right_before;
 mod run;
 mod shell;
 pub mod solid;

@@ -1,4 +1,4 @@
-//! Errors of the command line suggest a flag only when it is close to the typed one.
+//! Errors of the command line suggest a flag only when it is close to the typed one, and never a file named like a flag.
 
 use clap::Error;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
@@ -16,6 +16,13 @@ pub(super) fn plausible(mut error: Error) -> Error {
     let (typed, suggested) = (text(ContextKind::InvalidArg), text(ContextKind::SuggestedArg));
     if !suggested.is_empty() && !near(&typed, &suggested) {
         error.remove(ContextKind::SuggestedArg);
+    }
+    // No file is called like a flag: clap says how to name one.
+    let value = |tip: &str| tip.contains("as a value");
+    if let Some(ContextValue::StyledStrs(tips)) = error.get(ContextKind::Suggested)
+        && tips.iter().all(|tip| value(&tip.to_string()))
+    {
+        error.remove(ContextKind::Suggested);
     }
     error
 }

@@ -15,7 +15,7 @@ use crate::rng::Rng;
 use crate::scene::{Loaded, Scene};
 use crate::train::BackendOptions;
 use crate::view::orbit;
-use glam::{DVec3, UVec2};
+use glam::{DVec3, UVec2, Vec3};
 use std::path::PathBuf;
 
 /// Default share of triangles in a random subset.
@@ -238,9 +238,10 @@ fn orbit_cameras(
     let viewpoint = viewpoint.ok_or_else(|| {
         Error::invalid("orbit", job.file.display(), "a scene with triangles that have an extent")
     })?;
-    let room = surroundings.room(DVec3::from(viewpoint.target).as_vec3());
+    let target = DVec3::from(viewpoint.target).as_vec3();
+    let room = |way: Vec3| surroundings.room_towards(target, way);
     let orbit =
-        orbit::around_viewpoint(&viewpoint, up, room, size, count).into_iter().map(|camera| match dataset {
+        orbit::around_viewpoint(&viewpoint, up, &room, size, count).into_iter().map(|camera| match dataset {
             Some(_) => placed::to_world(&camera, placement, origin),
             None => camera,
         });

@@ -9,18 +9,29 @@ use std::f32::consts::TAU;
 /// Largest radius of an orbit, as a share of the distance to the walls or shell that close a scene.
 const ROOM: f32 = 0.9;
 
-/// `count` cameras for pictures of `size` on the circle that begins at `viewpoint` and goes around its
-/// subject. All of the subject stays in the picture. `up` is the axis that points up; `room` is the distance
-/// from the subject at which the scene is closed.
-pub fn around_viewpoint(viewpoint: &Viewpoint, up: Vec3, room: f32, size: UVec2, count: u32) -> Vec<Camera> {
+/// `count` cameras for pictures of `size` on the circle that begins at `viewpoint` and goes around its subject. All of the
+/// subject stays in the picture. `up` is the axis that points up; `room` gives the distance from the target at which something closes
+/// the scene in a direction: a camera behind that moves closer.
+pub fn around_viewpoint(
+    viewpoint: &Viewpoint,
+    up: Vec3,
+    room: &dyn Fn(Vec3) -> f32,
+    size: UVec2,
+    count: u32,
+) -> Vec<Camera> {
     let target = DVec3::from(viewpoint.target).as_vec3();
     let from = DVec3::from(viewpoint.eye).as_vec3() - target;
-    let away = from.length().min(ROOM * room);
-    let from = from.normalize_or(up.any_orthonormal_vector()) * away;
-    let eye = (target + from).as_dvec3().to_array();
-    let camera = camera_holding(&Viewpoint { eye, ..*viewpoint }, size);
     let (height, start) = (from.dot(up), from.reject_from(up));
-    circle(&camera, Circle { target, up, height, radius: start.length(), start }, count)
+    let any = camera_holding(viewpoint, size);
+    let within = |on_circle: Camera| {
+        let away = on_circle.position() - target;
+        let way = away.normalize_or(up.any_orthonormal_vector());
+        let eye = target + way * away.length().min(ROOM * room(way));
+        let held = Viewpoint { eye: eye.as_dvec3().to_array(), ..*viewpoint };
+        camera_holding(&held, size).looking(eye, target, up)
+    };
+    let circle = circle(&any, Circle { target, up, height, radius: start.length(), start }, count);
+    circle.into_iter().map(within).collect()
 }
 
 /// `count` cameras of `width` px on a circle around the middle of a scene, looking down a little.
@@ -96,7 +107,7 @@ mod tests {
 
     #[test]
     fn an_orbit_of_a_viewpoint_begins_there() {
-        let orbit = around_viewpoint(&VIEWPOINT, Vec3::Y, f32::INFINITY, UVec2::new(400, 300), 4);
+        let orbit = around_viewpoint(&VIEWPOINT, Vec3::Y, &|_| f32::INFINITY, UVec2::new(400, 300), 4);
         assert_eq!((orbit.len(), orbit[0].size), (4, UVec2::new(400, 300)));
         assert!(orbit[0].position().distance(Vec3::new(3.0, 2.0, 1.0)) < 1e-5);
         assert!(orbit[2].position().distance(Vec3::new(-1.0, 2.0, -1.0)) < 1e-5, "opposite, as high");
@@ -108,7 +119,7 @@ mod tests {
         let (target, radius) = (Vec3::new(1.0, 0.5, 0.0), 0.8);
         let viewpoint = Viewpoint { radius: Some(0.8), fov: 20.0, ..VIEWPOINT };
         for (room, size) in [(f32::INFINITY, UVec2::new(400, 300)), (1.5, UVec2::new(150, 300))] {
-            for camera in around_viewpoint(&viewpoint, Vec3::Y, room, size, 9) {
+            for camera in around_viewpoint(&viewpoint, Vec3::Y, &|_| room, size, 9) {
                 assert!(camera.position().distance(target) <= 0.91 * room);
                 for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
                     let inside = |p: Vec3| camera.frames(p);
@@ -119,6 +130,16 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_wall_behind_the_subject_brings_only_the_cameras_there_nearer() {
+        // A subject on a wall: behind it there is half a unit of room.
+        let room = |way: Vec3| if way.x < 0.0 { 0.5 } else { 9.0 };
+        let orbit = around_viewpoint(&VIEWPOINT, Vec3::Y, &room, UVec2::new(400, 300), 4);
+        let away: Vec<f32> =
+            orbit.iter().map(|camera| camera.position().distance(Vec3::new(1.0, 0.5, 0.0))).collect();
+        assert!((away[0] - 7.25_f32.sqrt()).abs() < 1e-5 && (away[2] - 0.45).abs() < 1e-5, "{away:?}");
     }
 
     #[test]

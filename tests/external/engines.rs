@@ -35,6 +35,15 @@ pub(super) fn collision_faces(path: &Path) -> usize {
     node.mesh().unwrap().primitives().map(|primitive| primitive.indices().unwrap().count() / 3).sum()
 }
 
+/// How far a GLB's first viewpoint is from its subject, in units of the scene.
+fn first_distance(path: &Path) -> f64 {
+    let document = gltf::Gltf::open(path).unwrap();
+    let gltf::camera::Projection::Perspective(lens) = document.cameras().next().unwrap().projection() else {
+        panic!("{}", path.display())
+    };
+    f64::from(lens.znear()) / 0.01
+}
+
 #[test]
 fn a_walker_begins_at_the_viewpoint_of_the_godot_sample_and_never_falls_through_its_floor() {
     let godot4 = here("target/judges/godot4");
@@ -53,6 +62,9 @@ fn a_walker_begins_at_the_viewpoint_of_the_godot_sample_and_never_falls_through_
     let [walker] = of("walker")[..] else { panic!("{}", said) };
     assert_eq!(walker[1], "true", "the walker stands on nothing: {}", said);
     let number = |kind: &str, at: usize| of(kind)[0][at].parse::<f64>().unwrap();
+    // Two fifths of the way to the subject, whatever stands around it.
+    let height = 0.4 * first_distance(&folder.path().join("scene.glb"));
+    assert!((number("walker", 5) / height - 1.0).abs() < 1e-3, "{height}: {}", said);
     assert!(number("first", 1) < 0.01 && number("first", 2) < 0.01, "it begins elsewhere: {}", said);
     assert_eq!(of("first")[0][3], "true", "another camera draws: {}", said);
     // Heights; a step goes up to a slope before the body does.

@@ -3,7 +3,7 @@
 # `trisplat bake --target godot --collision` puts into scene.glb; where there is no ground below, it floats on.
 extends CharacterBody3D
 
-## Height of the walker in units of the scene: 1.7 for one in metres. 0 is a tenth of the scene's size.
+## Height of the walker in units of the scene: 1.7 for one in metres. 0 is two fifths of the way from the first viewpoint to its subject.
 @export var height := 0.0
 ## Speeds in heights a second, gravity in heights a second squared.
 @export var walk := 1.0
@@ -19,8 +19,10 @@ var lowest: float
 func _ready():
 	var scene := get_node("../Scene")
 	var box := bounds(scene)
+	var first := scene.find_child("viewpoint*", true, false) as Camera3D
 	if height <= 0.0:
-		height = 0.1 * box.size.length()
+		# A bake puts the near plane at a hundredth of the way to the subject. The box would be that of all surroundings.
+		height = 0.4 * 100.0 * first.near if first else 0.1 * box.size.length()
 	$Shape.shape.height = height
 	$Shape.shape.radius = 0.2 * height
 	$Shape.disabled = true
@@ -36,12 +38,11 @@ func _ready():
 	for shape in scene.find_children("*", "CollisionShape3D", true, false):
 		if shape.shape is ConcavePolygonShape3D:
 			shape.shape.backface_collision = true
-	look_from_first(scene, box)
+	look_from_first(first, box)
 	Input.mouse_mode = Input.MOUSE_MODE_CAPTURED
 
 ## Puts the eyes where scene.glb says, or above the scene when it does not.
-func look_from_first(scene: Node, box: AABB):
-	var first := scene.find_child("viewpoint*", true, false) as Camera3D
+func look_from_first(first: Camera3D, box: AABB):
 	if first == null:
 		position = box.get_center() + Vector3.UP * (0.5 * box.size.y + height)
 		return
