@@ -17,7 +17,6 @@ use crate::raster::solid::{NO_FACE, Solid};
 use crate::report::{Outcome, StageDetails};
 use crate::teacher;
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// A triangle is a candidate when it is nearer to a camera than this share of the scene's depth.

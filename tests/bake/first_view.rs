@@ -59,8 +59,10 @@ fn an_orbit_of_any_soup_keeps_the_subject_in_the_picture_and_stays_inside_the_sh
     let subject: Vec<Vec3> = soup.vertices.iter().filter(near).map(|t| t[0]).collect();
     assert!(subject.len() > 1000);
     for size in [UVec2::new(960, 720), UVec2::new(390, 844)] {
-        for camera in orbit::around_viewpoint(&viewpoint, Vec3::NEG_Y, room, size, 12) {
-            assert!(camera.position().distance(target) < room);
+        let towards = |way: Vec3| surroundings.room_towards(target, way);
+        for camera in orbit::around_viewpoint(&viewpoint, Vec3::NEG_Y, &towards, size, 12) {
+            let away = camera.position() - target;
+            assert!(away.length() < towards(away.normalize()));
             let inside = subject.iter().filter(|p| camera.frames(**p)).count();
             assert!(inside as f64 > 0.98 * subject.len() as f64, "{inside} of {} {size}", subject.len());
         }
