@@ -38,7 +38,8 @@ pub(super) fn collision_faces(path: &Path) -> usize {
 /// How far a GLB's first viewpoint is from its subject, in units of the scene.
 fn first_distance(path: &Path) -> f64 {
     let document = gltf::Gltf::open(path).unwrap();
-    let gltf::camera::Projection::Perspective(lens) = document.cameras().next().unwrap().projection() else {
+    let camera = document.cameras().next().unwrap();
+    let gltf::camera::Projection::Perspective(lens) = camera.projection() else {
         panic!("{}", path.display())
     };
     f64::from(lens.znear()) / 0.01
