@@ -4,6 +4,7 @@
 //! the literature trains and measures on (3DGS, Held et al. 2025).
 
 mod decode;
+pub mod npy;
 mod palette;
 
 use crate::atomic::AtomicFile;

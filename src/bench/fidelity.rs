@@ -346,6 +346,7 @@ impl FidelityBench<'_> {
             &self.views,
             self.args.dataset_options.photo_bytes(),
             &[],
+            false,
             |_, _, _| Ok(()),
         )?;
         scores.into_iter().next().ok_or_else(|| Error::invalid("DATASET", "no score", "held-out photos"))

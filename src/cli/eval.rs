@@ -39,6 +39,10 @@ pub struct EvalArgs {
     /// step, they go into its folders soft, solid and file.
     #[arg(long, value_name = "DIR")]
     pub save_renders: Option<PathBuf>,
+    /// With --save-renders, write the colours before they are rounded to 8 bits too, sRGB-encoded, as NumPy arrays of floats: photo.npy
+    /// beside photo.png, [height, width, 3].
+    #[arg(long, requires = "save_renders")]
+    pub floats: bool,
     /// Write a contact sheet as PNG: one row per photo (12 at most) with the photo, then each drawing and a map of its
     /// FLIP error, black for none.
     #[arg(long, value_name = "FILE")]
@@ -99,6 +103,7 @@ impl EvalArgs {
     fn job(&self) -> EvalJob {
         let mut job = EvalJob::new(&self.file);
         (job.render, job.split, job.coverage) = (self.render, self.split, !self.no_coverage);
+        job.floats = self.floats;
         job.backend = self.backend_options.clone();
         job.dataset_options = self.dataset_options.clone();
         job
@@ -205,7 +210,10 @@ impl EvalPictures {
         let folders = folders
             .iter()
             .map(|folder| Pictures::plan("--save-renders", folder, names(), outputs))
-            .collect::<Result<_>>()?;
+            .collect::<Result<Vec<Pictures>>>()?;
+        if args.floats {
+            folders.iter().try_for_each(|folder| folder.plan_floats("--floats", outputs))?;
+        }
         let sheet = args.sheet.is_some().then(ContactSheet::default);
         Ok(Self { folders, sheet, views: views.len(), added: 0 })
     }
@@ -213,6 +221,10 @@ impl EvalPictures {
     fn add(&mut self, photo: &Pixels, drawn: &[ScoredPicture]) -> Result<()> {
         for (folder, one) in self.folders.iter().zip(drawn) {
             folder.save(self.added, &one.picture)?;
+            if let Some(image) = &one.image {
+                let [width, height] = image.size.to_array();
+                folder.save_floats(self.added, &[height, width, 3], image.pixels.as_flattened())?;
+            }
         }
         if let Some(sheet) = self.sheet.as_mut().filter(|_| is_shown(self.added, self.views)) {
             let maps: Vec<Pixels> = drawn.iter().map(|d| show::heat(d.picture.size, &d.flip)).collect();

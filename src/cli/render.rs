@@ -39,6 +39,10 @@ pub struct RenderArgs {
     /// What the pictures show.
     #[arg(long, value_enum, default_value_t)]
     pub show: PictureKind,
+    /// Write the numbers before they are rounded to 8 bits too, as NumPy arrays of floats: photo.npy beside photo.png. Colours are
+    /// sRGB-encoded, [height, width, 3]; depths are in units of the cameras' world, 0 where nothing is, [height, width].
+    #[arg(long)]
+    pub floats: bool,
     /// Share of the triangles that --show random-subset draws, of 1.
     #[arg(long, value_name = "SHARE", default_value_t = SHARE)]
     pub share: f64,
@@ -59,18 +63,28 @@ pub struct RenderArgs {
 /// Draws all pictures.
 pub fn run(args: &RenderArgs, global: &Global) -> Result<()> {
     check_folder(&args.output)?;
+    if args.floats {
+        args.job().check_values()?;
+    }
     let dataset = args.dataset.as_ref().map(|path| Dataset::load(path, &args.dataset_options)).transpose()?;
     let mut ready = args.job().prepare(dataset.as_ref())?;
     let mut outputs = Outputs::new([args.file.as_path()], args.force).with_dataset(args.dataset.as_deref());
     dataset.as_ref().map_or(Ok(()), |dataset| outputs.spare_photos(dataset))?;
     let names = ready.cameras().iter().map(|(name, _)| name.as_str());
     let pictures = Pictures::plan("--output", &args.output, names, &mut outputs)?;
+    if args.floats {
+        pictures.plan_floats("--floats", &mut outputs)?;
+    }
     let progress = Progress::new(global);
     let (card, warnings) = ready.draw_on()?;
     progress.drawing_on(card.as_deref(), &warnings);
     let count = ready.cameras().len();
     for i in 0..count {
         pictures.save(i, &ready.draw(i)?)?;
+        if args.floats {
+            let (shape, values) = ready.values(i)?;
+            pictures.save_floats(i, &shape, &values)?;
+        }
     }
     progress.done();
     progress.line(&format!("wrote {count} pictures to {}", args.output.display()));

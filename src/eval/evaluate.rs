@@ -4,7 +4,7 @@
 use super::steps::EvalStep;
 use crate::dataset::{Photos, ShrunkSize, View};
 use crate::error::Result;
-use crate::image::Pixels;
+use crate::image::{Image, Pixels};
 use crate::math::color_fit::ColorMap;
 use crate::math::metric;
 use crate::report::generator;
@@ -109,6 +109,8 @@ pub struct ScoredPicture {
     pub step: &'static str,
     /// The drawing.
     pub picture: Pixels,
+    /// The same before it was rounded, sRGB-encoded, where that is wanted.
+    pub image: Option<Image>,
     /// FLIP error of every pixel. `[H * W]`
     pub flip: Vec<f32>,
     /// How close it comes.
@@ -116,13 +118,15 @@ pub struct ScoredPicture {
 }
 
 /// Draws and measures `views` at every step. Calls `on_view` with each view, its photo and its drawings as soon as
-/// they are there. `covered` says which pixels of each view are covered; empty if that is not asked for. Returns the
+/// they are there. `covered` says which pixels of each view are covered; empty if that is not asked for. With `floats`
+/// drawings are there before they are rounded, too. Returns the
 /// scores, step by step.
 pub fn evaluate(
     steps: &mut [EvalStep],
     views: &[&View],
     photo_bytes: u64,
     covered: &[Vec<bool>],
+    floats: bool,
     mut on_view: impl FnMut(&View, &Pixels, &[ScoredPicture]) -> Result<()>,
 ) -> Result<Vec<StepScore>> {
     for step in &*steps {
@@ -138,11 +142,13 @@ pub fn evaluate(
         for (step, secs) in steps.iter_mut().zip(&mut secs) {
             let clock = Instant::now();
             let mut draw = |background| step.renderer.color_over(&view.camera, background);
-            let mut drawing = match view.photo.is_cut() && photo.alpha.is_some() {
+            let cut = view.photo.is_cut() && photo.alpha.is_some();
+            let mut drawing = match cut {
                 false => measure(step.name, &view.name, &photo, draw(None)),
                 true => measure_cut(step.name, &view.name, &photo, |background| draw(Some(background))),
             };
             *secs += clock.elapsed().as_secs_f64();
+            drawing.image = floats.then(|| step.renderer.image(&view.camera, cut.then_some([0.0; 3])));
             if let Some(covered) = covered.get(i) {
                 drawing.measure_covered(&photo, covered);
             }
@@ -184,7 +190,7 @@ fn measure_with(
     let score = Scores { psnr, ssim, flip: mean, psnr_corrected, ssim_corrected };
     let (name, size) = (name.to_owned(), photo.size.to_array());
     let score = ImageScore { name, size, score, coverage: None, psnr_covered: None };
-    ScoredPicture { step, picture, flip, score }
+    ScoredPicture { step, picture, image: None, flip, score }
 }
 
 /// The same of a photo of an object: over black and over white, as [`Quality::over_two`] does. The picture is that over black. Colours

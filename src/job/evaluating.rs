@@ -41,6 +41,8 @@ pub struct EvalJob {
     pub split: Split,
     /// Measure coverage: the share of pixels whose surface at least two training photos see. It draws the scene once per photo.
     pub coverage: bool,
+    /// Also return drawings as floats, before rounding to 8 bits.
+    pub floats: bool,
     /// Backend for soft drawings.
     pub backend: BackendOptions,
     /// Options that the data set was read with.
@@ -65,6 +67,7 @@ impl EvalJob {
             render: RenderOptions::default(),
             split: Split::default(),
             coverage: true,
+            floats: false,
             backend: BackendOptions::default(),
             dataset_options: DatasetOptions::default(),
         }
@@ -134,8 +137,8 @@ impl<'a> ReadyEval<'a> {
             None => Vec::new(),
         };
         let (steps, views) = (&mut self.steps, &self.views);
-        let scores =
-            evaluate::evaluate(steps, views, photo_bytes, &covered, |_, photo, drawn| on_view(photo, drawn))?;
+        let on_view = |_: &View, photo: &Pixels, drawn: &[ScoredPicture]| on_view(photo, drawn);
+        let scores = evaluate::evaluate(steps, views, photo_bytes, &covered, self.job.floats, on_view)?;
         let (split, ssaa) = (self.job.split.name(), self.job.render.ssaa);
         let report = EvalReport::new(&self.job.file, &self.dataset.path, split, ssaa, scores);
         let photo_size = ShrunkSize::of(self.views.iter().copied());

@@ -91,6 +91,18 @@ impl RenderJob {
         }
     }
 
+    /// Refuses kinds of pictures without float values.
+    ///
+    /// Errors: normals and layer counts.
+    pub fn check_values(&self) -> Result<()> {
+        match self.show {
+            PictureKind::Normal | PictureKind::Contributions => {
+                Err(Error::invalid("floats", "given", "`show` color, depth or random-subset"))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Reads the scene and chooses the cameras.
     ///
     /// Errors: a share outside 0 to 1; an unreadable file; no cameras; pictures that are too large.
@@ -132,6 +144,20 @@ impl ReadyRender {
             PictureKind::Color | PictureKind::RandomSubset => self.renderer.draw_on(&self.job.backend),
             _ => Ok((None, Vec::new())),
         }
+    }
+
+    /// A picture as floats, before rounding to 8 bits, and its array shape: sRGB-encoded colours `[H, W, 3]`, or depths z in
+    /// units of the cameras' world `[H, W]`, 0 for empty pixels. The CPU draws it.
+    ///
+    /// Errors: normals and layer counts.
+    pub fn values(&mut self, camera: usize) -> Result<(Vec<u32>, Vec<f32>)> {
+        self.job.check_values()?;
+        let (camera, renderer) = (&self.cameras[camera].1, &mut self.renderer);
+        let [width, height] = camera.size.to_array();
+        Ok(match self.job.show {
+            PictureKind::Depth => (vec![height, width], renderer.surface_depth(camera)),
+            _ => (vec![height, width, 3], renderer.image(camera, None).pixels.into_flattened()),
+        })
     }
 
     /// Draws one picture.

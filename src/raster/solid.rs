@@ -41,11 +41,13 @@ pub use planes::{Nearest, PlaneTile};
 pub use visibility::{NO_FACE, Visibility};
 
 use crate::camera::Camera;
-use crate::image::Pixels;
+use crate::image::{Image, Pixels};
 use crate::mesh::Mesh;
 use bins::Batch;
+use glam::UVec2;
 use projector::Projector;
 use rounds::{Faces, PAIRS_PER_ROUND, rounds};
+use shade::Code;
 use std::time::Instant;
 use timing::PartTimes;
 
@@ -80,6 +82,22 @@ impl Solid {
     ///
     /// The mesh must be valid ([`Mesh::validate_shape`]) and the options valid for the camera's size.
     pub fn render(&mut self, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) -> Pixels {
+        let (size, rgb) = self.shaded(mesh, camera, options);
+        Pixels { size, rgb, alpha: None }
+    }
+
+    /// The same picture before its colours are rounded to 8 bits, sRGB-encoded.
+    pub fn render_image(&mut self, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) -> Image {
+        let (size, pixels) = self.shaded(mesh, camera, options);
+        Image { size, pixels }
+    }
+
+    fn shaded<C: Code>(
+        &mut self,
+        mesh: &Mesh,
+        camera: &Camera,
+        options: &SolidRasterOptions,
+    ) -> (UVec2, Vec<[C; 3]>) {
         let clock = Instant::now();
         let projector = Projector::new(camera, options.samples, options.near);
         let faces = binned(&mut self.batches, mesh, &projector, self.pairs_per_round);

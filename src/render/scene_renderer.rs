@@ -4,7 +4,7 @@ use crate::asset::Placement;
 use crate::camera::Camera;
 use crate::dataset::Dataset;
 use crate::error::{Error, Result};
-use crate::image::Pixels;
+use crate::image::{Image, Pixels};
 use crate::limits::Limits;
 use crate::mesh::Mesh;
 use crate::raster::soft::{Frame, Soft, SoftOptions, SoftWork, SoupRef};
@@ -186,6 +186,24 @@ impl SceneRenderer {
         match self {
             Self::Soft(scene) => scene.color(camera),
             Self::Solid(scene) => scene.solid.render(&scene.mesh, camera, &scene.options),
+        }
+    }
+
+    /// What the camera sees before it is rounded to 8 bits, sRGB-encoded, over its own background or another; always drawn by the CPU.
+    pub fn image(&mut self, camera: &Camera, background: Option<[f32; 3]>) -> Image {
+        let own = background.map(|background| self.set_background(background));
+        let image = self.own_image(camera);
+        own.map(|own| self.set_background(own));
+        image
+    }
+
+    fn own_image(&mut self, camera: &Camera) -> Image {
+        match self {
+            Self::Soft(scene) => {
+                let frame = scene.draw(camera, false);
+                Image { size: frame.size, pixels: frame.rgb.clone() }
+            }
+            Self::Solid(scene) => scene.solid.render_image(&scene.mesh, camera, &scene.options),
         }
     }
 

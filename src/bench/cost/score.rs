@@ -70,7 +70,7 @@ impl<'a> Scorer<'a> {
             pictures.extend(drawn.iter().map(|one| one.picture.clone()));
             Ok(())
         };
-        let scores = evaluate::evaluate(&mut steps, &self.views, self.options.photo_bytes(), &[], keep)?;
+        let scores = evaluate::evaluate(&mut steps, &self.views, self.options.photo_bytes(), &[], false, keep)?;
         let score = scores.first().ok_or_else(|| Error::invalid("dataset", "no score", "photos"))?;
         Ok(Scored { triangles: score.triangles, mean: score.mean, pictures })
     }

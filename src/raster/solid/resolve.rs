@@ -6,10 +6,9 @@ use super::keys::{EMPTY, STRIDE, SampleKeys, face_of, inverse_depth_of};
 use super::options::SolidRasterOptions;
 use super::projector::Projector;
 use super::rounds::Faces;
-use super::shade::{ShadeTile, shade};
+use super::shade::{Code, ShadeTile, shade};
 use super::timing::PartTimes;
 use super::visibility::{NO_FACE, Visibility};
-use crate::image::Pixels;
 use crate::math::color::linear_from_srgb;
 use crate::mesh::Mesh;
 use glam::UVec2;
@@ -37,16 +36,16 @@ fn tile_keys<'a>(faces: &'a Faces<'_>, keys: &'a mut SampleKeys, tile: usize, si
     &faces.keys(slice::from_mut(keys), tile, |keys, batches, tile| fill(&mut keys[0], batches, tile, size))[0]
 }
 
-/// The picture, sRGB-encoded.
-pub(super) fn picture(
+/// The size and the pixels of the picture, sRGB-encoded.
+pub(super) fn picture<C: Code>(
     faces: &Faces<'_>,
     mesh: &Mesh,
     projector: &Projector,
     options: &SolidRasterOptions,
     parts: &PartTimes,
-) -> Pixels {
+) -> (UVec2, Vec<[C; 3]>) {
     let size = projector.size / projector.samples;
-    let mut rgb = vec![[0u8; 3]; size.x as usize * size.y as usize];
+    let mut rgb = vec![[C::default(); 3]; size.x as usize * size.y as usize];
     let across = tile_count(projector.size).x;
     let samples = projector.samples as usize;
     let tiles = split_tiles(&mut rgb, size.x as usize, TILE_WIDTH / samples, TILE_HEIGHT / samples);
@@ -63,7 +62,7 @@ pub(super) fn picture(
             PartTimes::lap(&parts.resolve, filled);
         },
     );
-    Pixels { size, rgb, alpha: None }
+    (size, rgb)
 }
 
 /// Faces and depths of all samples.

@@ -7,12 +7,33 @@ use super::projector::Projector;
 use super::visibility::NO_FACE;
 use crate::math::lanes::{LANES, Lanes, Work, dispatch, prefetch};
 use crate::math::real::{Mask, Real};
+use crate::math::color::srgb_from_linear;
 use crate::math::srgb8::srgb8_from_linear;
 use crate::mesh::{Colors, Mesh};
 use crate::texture::FaceTexture;
 
+/// A channel of a pixel, sRGB-encoded.
+pub(super) trait Code: Copy + Default + Send {
+    /// That of a linear value.
+    fn of_linear(linear: f32) -> Self;
+}
+
+impl Code for u8 {
+    #[inline(always)]
+    fn of_linear(linear: f32) -> Self {
+        srgb8_from_linear(linear)
+    }
+}
+
+impl Code for f32 {
+    #[inline(always)]
+    fn of_linear(linear: f32) -> Self {
+        srgb_from_linear(linear)
+    }
+}
+
 /// A tile to be shaded.
-pub(super) struct ShadeTile<'a, 'b> {
+pub(super) struct ShadeTile<'a, 'b, C> {
     pub(super) mesh: &'a Mesh,
     pub(super) projector: &'a Projector,
     /// Linear.
@@ -20,18 +41,18 @@ pub(super) struct ShadeTile<'a, 'b> {
     /// First sample of the tile.
     pub(super) corner: [u32; 2],
     pub(super) keys: &'a SampleKeys,
-    pub(super) rows: &'a mut [&'b mut [[u8; 3]]],
+    pub(super) rows: &'a mut [&'b mut [[C; 3]]],
 }
 
 /// Writes the pixels of a tile.
-pub(super) fn shade(tile: ShadeTile) {
+pub(super) fn shade<C: Code>(tile: ShadeTile<C>) {
     dispatch(tile);
 }
 
 /// Linear colours of a row of samples, channel by channel.
 type SampleRow = [[f32; TILE_WIDTH]; 3];
 
-impl Work for ShadeTile<'_, '_> {
+impl<C: Code> Work for ShadeTile<'_, '_, C> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(mut self) {
@@ -52,14 +73,14 @@ impl Work for ShadeTile<'_, '_> {
             }
             for (x, pixel) in self.rows[y].iter_mut().enumerate() {
                 for (code, sums) in pixel.iter_mut().zip(&sums) {
-                    *code = srgb8_from_linear(sums[x] * share);
+                    *code = C::of_linear(sums[x] * share);
                 }
             }
         }
     }
 }
 
-impl ShadeTile<'_, '_> {
+impl<C> ShadeTile<'_, '_, C> {
     /// The colours of row `y` of the tile's samples.
     #[inline(always)]
     fn shade_row<L: Lanes>(&mut self, y: usize, row: &mut SampleRow) {
