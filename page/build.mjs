@@ -1,4 +1,4 @@
-// Builds dist/page.html and dist/cost.html, which trisplat carries, from src and the packages of package-lock.json.
+// Builds dist/page.html, which trisplat carries, from src and the packages of package-lock.json.
 // Usage: npm ci && npm run build [-- FOLDER]   (FOLDER: where to write; dist unless given)
 import { build, transform } from 'esbuild';
 import { createHash } from 'node:crypto';
@@ -14,18 +14,10 @@ const version = async (name) => JSON.parse(await text(`node_modules/${name}/pack
 const three = await text('node_modules/three/LICENSE');
 const decoder = await text('node_modules/three/examples/jsm/libs/meshopt_decoder.module.js');
 const meshopt = decoder.match(/Copyright \(C\) .*Kapoulkine.*/)[0];
-const opening = `This page holds software by others, under the MIT licence:\n`;
 const licencesOfPage = [
-  opening,
+  `This page holds software by others, under the MIT licence:\n`,
   `three.js ${await version('three')} (https://threejs.org)\n\n${three.trim()}\n`,
   `The decoder of meshoptimizer (https://github.com/zeux/meshoptimizer)\n${meshopt}\nunder the same terms.\n`,
-].join('\n');
-const chart = await text('node_modules/chart.js/LICENSE.md');
-const color = await text('node_modules/@kurkle/color/LICENSE.md');
-const licencesOfCost = [
-  opening,
-  `Chart.js ${await version('chart.js')} (https://www.chartjs.org)\n\n${chart.trim()}\n`,
-  `@kurkle/color ${await version('@kurkle/color')} (https://github.com/kurkle/color)\n\n${color.trim()}\n`,
 ].join('\n');
 
 /**
@@ -73,6 +65,4 @@ async function page(source, name, licences) {
 
 await mkdir(out, { recursive: true });
 await page('src', 'page.html', licencesOfPage);
-await page('src/cost', 'cost.html', licencesOfCost);
-const both = [`page.html\n\n${licencesOfPage}`, `cost.html\n\n${licencesOfCost}`];
-await writeFile(join(out, 'LICENSES.txt'), both.join('\n'));
+await writeFile(join(out, 'LICENSES.txt'), licencesOfPage);

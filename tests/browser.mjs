@@ -5,7 +5,6 @@
 // them, and of a page without script the line holds { text }: what is seen of it. A step is one of
 //   { show: FRAGMENT }  { screenshot: FILE }  { drag: [x, y, dx, dy] }  { pinch: [x, y, from, to] }
 //   { double: [x, y] }  { press: KEY, ms }  { click: ID }  { wheel: dy }
-//   { select: [ID, VALUE] }  { point: NAME }   of the page of `bench cost`: a list's value; the mouse over the dot of a setting
 // and then waits for the picture to be at rest; a screenshot is taken after that. The line holds { views, errors, state, ms }: the page's
 // own words for the view after every step, and all that the console complained of.
 import { resolve } from "node:path";
@@ -49,18 +48,6 @@ async function visit({ page: file, fragment = "", size, touch = false, steps = [
     if (step.screenshot) await page.screenshot({ path: step.screenshot });
     views.push(await page.evaluate(() => window.trisplat.view?.()));
   }
-  if (await page.evaluate(() => !!window.trisplat.plotted)) {
-    const cost = await page.evaluate(() => ({
-      plotted: window.trisplat.plotted(),
-      ticks: [window.trisplat.ticks("x"), window.trisplat.ticks("y")],
-      name: document.getElementById("name").textContent,
-      rows: document.querySelectorAll("#rows tr").length,
-      says: document.getElementById("says").textContent,
-      pictures: [...document.querySelectorAll("#pictures img")].map((image) => image.naturalWidth),
-    }));
-    await context.close();
-    return { errors, ms, ...cost };
-  }
   const state = await page.evaluate(() => ({
     state: document.documentElement.dataset.state,
     says: document.getElementById("what").textContent,
@@ -74,7 +61,7 @@ async function visit({ page: file, fragment = "", size, touch = false, steps = [
 }
 
 async function act(page, client, step) {
-  const { show, drag, pinch, double, press, click, wheel, select, point, ms } = step;
+  const { show, drag, pinch, double, press, click, wheel, ms } = step;
   const touch = (type, points) =>
     client.send("Input.dispatchTouchEvent", { type, touchPoints: points.map(([x, y], id) => ({ x, y, id })) });
   if (show !== undefined) await page.evaluate((f) => window.trisplat.show(f), show);
@@ -93,12 +80,6 @@ async function act(page, client, step) {
     await touch("touchEnd", []);
   }
   if (double) await page.mouse.dblclick(...double);
-  if (select) await page.selectOption(`#${select[0]}`, select[1]);
-  if (point) {
-    const [x, y] = await page.evaluate((name) => window.trisplat.place(name), point);
-    const canvas = await page.locator("#chart").boundingBox();
-    await page.mouse.move(canvas.x + x, canvas.y + y);
-  }
   if (press) {
     await page.keyboard.down(press);
     await page.waitForTimeout(ms ?? 0);

@@ -1,12 +1,12 @@
 //! Plots of benchmarks as SVG.
 
 mod axis;
-mod fronts;
+mod bands;
 mod heat;
 mod labels;
 
 pub use axis::PlotPoint;
-pub use fronts::DotPanel;
+pub use bands::{BandPanel, BandPoint};
 pub use heat::HeatMap;
 
 use self::labels::{Rect, place};
@@ -49,17 +49,14 @@ pub fn dots(path: &Path, panels: &[Panel<'_>; 3]) -> Result<()> {
     std::fs::write(path, svg).map_err(|e| Error::io(path, e))
 }
 
-/// Writes charts of settings, two side by side: what a setting costs against how close it comes.
-pub fn fronts(path: &Path, panels: &[DotPanel]) -> Result<()> {
+/// Writes a chart of lines with bands: what something costs against how good it is.
+pub fn bands(path: &Path, panel: &BandPanel) -> Result<()> {
     let bad = |e: String| Error::unsupported(path, format!("cannot be drawn: {e}"));
-    let rows = panels.len().div_ceil(2).max(1);
     let mut svg = String::new();
     {
-        let area = SVGBackend::with_string(&mut svg, (1200, 440 * rows as u32)).into_drawing_area();
+        let area = SVGBackend::with_string(&mut svg, (800, 460)).into_drawing_area();
         area.fill(&WHITE).map_err(|e| bad(e.to_string()))?;
-        for (area, panel) in area.split_evenly((rows, 2)).iter().zip(panels) {
-            fronts::chart(area, panel).map_err(bad)?;
-        }
+        bands::chart(&area, panel).map_err(|e| bad(e.to_string()))?;
     }
     std::fs::write(path, svg).map_err(|e| Error::io(path, e))
 }
@@ -191,21 +188,22 @@ mod tests {
     }
 
     #[test]
-    fn every_chart_is_written() {
-        let point = |name: &str, x: f64, y: f64| PlotPoint { name: name.into(), x, y };
-        let panel = DotPanel {
-            title: "bake".into(),
-            front: vec![point("steps=500", 1.0, 20.0), point("steps=2000", 20_000.0, 30.0)],
-            default: Some(point("default", 3.0, 24.0)),
-            others: vec![point("x", 4.0, f64::NAN), point("y", 5.0, 23.0)],
-            ..DotPanel::default()
+    fn lines_with_bands_are_written() {
+        let point = |x: f64, y: f64| BandPoint { x, y, half: 0.5 };
+        let lines = [("3k triangles", [point(1.0, 20.0), point(20_000.0, 30.0)])];
+        let panel = BandPanel {
+            title: "6 photos".into(),
+            x: "seconds".into(),
+            y: "PSNR".into(),
+            lines: lines.map(|(name, points)| (name.to_owned(), points.to_vec())).into(),
+            ring: (1.0, 20.0),
         };
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("fronts.svg");
-        fronts(&path, &[panel.clone(), DotPanel::default(), panel]).unwrap();
+        let path = folder.path().join("bands.svg");
+        bands(&path, &panel).unwrap();
         let svg = std::fs::read_to_string(&path).unwrap();
-        // A front from 1 to 20,000 seconds has a tick per decade.
-        for text in ["steps=500", "steps=2000", "default", "10k", "100", "10"] {
+        // From 1 to 20,000 seconds there is a tick per decade.
+        for text in ["6 photos", "3k triangles", "seconds", "10k", "100", "10"] {
             assert!(svg.lines().any(|line| line == text), "{text}");
         }
     }

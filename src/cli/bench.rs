@@ -47,11 +47,8 @@ pub enum BenchCommand {
     Raster(raster::RasterBenchArgs),
     /// Errors of rasterisers and files on stretched scenes, checked against the promises.
     Stress(StressArgs),
-    /// Seconds against error, for every option that trades one for the other.
+    /// Steps and triangles against CPU seconds and error on your photos, and the settings to use.
     Cost(Box<cost::CostArgs>),
-    /// Draw a scene and write the cost (used by bench cost itself).
-    #[command(hide = true)]
-    Draw(Box<cost::DrawArgs>),
     /// Print the cost of one command as JSON (used by the other benchmarks themselves).
     #[command(hide = true)]
     Measure {
@@ -87,7 +84,6 @@ pub fn run(args: &BenchArgs, global: &Global) -> Result<()> {
         BenchCommand::Raster(raster_args) => run_raster(raster_args, global),
         BenchCommand::Stress(stress_args) => stress::run(stress_args, global),
         BenchCommand::Cost(cost_args) => bench_cost::run(cost_args, global),
-        BenchCommand::Draw(draw_args) => cost::draw(draw_args),
         BenchCommand::Measure { command } => print_json(&measure::run_only_child(command)?),
         BenchCommand::Floor { input, like, output } => bake::floor(input, like, output),
     }

@@ -10,7 +10,7 @@ use crate::bake::{
     tiles::TilesDetails, unseen::UnseenDetails, viewpoint::ViewpointDetails, weld::WeldDetails,
 };
 #[cfg(feature = "bench")]
-use crate::bench::{bake::BakeRow, cost::MeasuredRow, stress::StressReport};
+use crate::bench::{bake::BakeRow, cost::CostReport, stress::StressReport};
 use crate::capture::{FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails};
 use crate::dataset::Description;
 use crate::error::{Error, Result};
@@ -71,7 +71,7 @@ pub enum SchemaName {
     /// The output of `trisplat bench stress --json`.
     #[cfg(feature = "bench")]
     Stress,
-    /// The rows of `trisplat bench cost --json`.
+    /// What `trisplat bench cost --json` prints.
     #[cfg(feature = "bench")]
     Cost,
     /// The rows of `trisplat bench fps --json`.
@@ -100,7 +100,7 @@ impl SchemaName {
             #[cfg(feature = "bench")]
             SchemaName::Stress => schemars::schema_for!(StressReport),
             #[cfg(feature = "bench")]
-            SchemaName::Cost => schemars::schema_for!(Vec<MeasuredRow>),
+            SchemaName::Cost => schemars::schema_for!(CostReport),
             #[cfg(all(feature = "bench", feature = "gpu"))]
             SchemaName::Fps => schemars::schema_for!(Vec<crate::bench::fps::FpsRow>),
         };

@@ -113,6 +113,26 @@ pub(super) fn fits(secs: f64, photos: usize, pairs: usize) -> bool {
     (FEWEST_PHOTOS..=MOST_PHOTOS).contains(&photos) && secs >= needed
 }
 
+/// Whether photo `i` of `count` that are trained on is left out: one in six, three at least, spread evenly.
+fn is_left_out(i: usize, count: usize) -> bool {
+    let watched = (count / ONE_IN).max(FEWEST_WATCHED);
+    (0..watched).any(|k| (2 * k + 1) * count / (2 * watched) == i)
+}
+
+/// The training photos of `photos`, some of which count as held out: what is chosen by these has not seen the photos that are held out.
+///
+/// Errors: fewer than eight.
+pub fn left_out(photos: &Dataset) -> Result<Dataset> {
+    let count = photos.train().count();
+    if count < FEWEST_PHOTOS {
+        let wants = format!("{FEWEST_PHOTOS} photos or more, as some are left out of training");
+        return Err(Error::invalid("dataset", format!("{count} photos to train on"), wants));
+    }
+    let views = photos.train().enumerate();
+    let views = views.map(|(i, view)| View { test: is_left_out(i, count), ..view.clone() }).collect();
+    Ok(Dataset { views, ..photos.clone() })
+}
+
 /// Photos that are about to be watched.
 pub(super) struct Watching<'a> {
     /// The photos that are trained on, small and in memory; those that are watched count as held out.
@@ -129,12 +149,10 @@ impl<'a> Watching<'a> {
     pub(super) fn new(photos: &Dataset, how: &'a DatasetOptions, seed: u64) -> Result<Self> {
         let began = Instant::now();
         let count = photos.train().count();
-        let watched = (count / ONE_IN).max(FEWEST_WATCHED);
-        let is_watched = |i: usize| (0..watched).any(|k| (2 * k + 1) * count / (2 * watched) == i);
         let view = |(i, view): (usize, &View)| {
             let camera = view.camera.within(LONGEST_PX);
             let photo = Photo::drawn(view.photo.decode()?.downscaled(camera.size));
-            Ok(View { camera, photo, test: is_watched(i), ..view.clone() })
+            Ok(View { camera, photo, test: is_left_out(i, count), ..view.clone() })
         };
         let views = photos.train().enumerate().map(view).collect::<Result<_>>()?;
         Ok(Self { photos: Dataset { views, ..photos.clone() }, how, seed, began })

@@ -269,20 +269,26 @@ fn floats_beside_a_picture_round_to_it() {
         assert_eq!(shape, format!("{}, {}, 3, ", picture.size.y, picture.size.x));
         let codes = picture.rgb.as_flattened();
         assert_eq!(floats.len(), codes.len());
-        let off = floats.iter().zip(codes).filter(|(f, code)| (f.clamp(0.0, 1.0) * 255.0).round() as u8 != **code);
+        let off =
+            floats.iter().zip(codes).filter(|(f, code)| (f.clamp(0.0, 1.0) * 255.0).round() as u8 != **code);
         assert!(off.count() <= codes.len() / 10_000, "{out}");
         let between = floats.iter().filter(|f| ((**f * 255.0).round() - **f * 255.0).abs() > 0.1).count();
         assert!(between > codes.len() / 100, "{out}: nothing lies between two codes");
     };
     for (out, mode) in [("soft", "soft"), ("solid", "solid")] {
-        let render = ["render", "a.ply", "--orbit", "1", "--width", "64", "-o", out, "--as", mode, "--floats"];
+        let render =
+            ["render", "a.ply", "--orbit", "1", "--width", "64", "-o", out, "--as", mode, "--floats"];
         succeed(run(folder.path(), &[&render[..], &["--backend", "cpu"]].concat()));
         check(out, "orbit_0000.png");
     }
-    let depth = ["render", "a.ply", "--orbit", "1", "--width", "64", "-o", "depth", "--show", "depth", "--floats"];
+    let depth =
+        ["render", "a.ply", "--orbit", "1", "--width", "64", "-o", "depth", "--show", "depth", "--floats"];
     succeed(run(folder.path(), &depth));
     let (shape, depths) = npy(&folder.path().join("depth/orbit_0000.npy"));
-    assert!(shape == "48, 64, " && depths.len() == 48 * 64 && depths.iter().any(|depth| *depth > 0.0), "{shape}");
+    assert!(
+        shape == "48, 64, " && depths.len() == 48 * 64 && depths.iter().any(|depth| *depth > 0.0),
+        "{shape}"
+    );
     let eval = ["eval", "a.ply", "photos", "--as", "solid", "--save-renders", "eval", "--floats"];
     succeed(run(folder.path(), &eval));
     check("eval", "view_0000.png");

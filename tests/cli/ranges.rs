@@ -52,7 +52,7 @@ fn rest(command: &str, flag: &str) -> Vec<&'static str> {
         "bench card" => "--triangles 10",
         "bench fidelity" => "photos",
         "bench raster" => "--frames 1",
-        "bench cost" => "photos --quick",
+        "bench cost" => "photos",
         "bench stress" => "--cases 1",
         _ => "",
     };

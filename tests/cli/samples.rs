@@ -126,7 +126,6 @@ fn the_package_holds_what_a_build_needs_and_nothing_else() {
     for needed in [
         "src/main.rs",
         "page/dist/page.html",
-        "page/dist/cost.html",
         "schemas/bake.schema.json",
         "samples/soups/studio.ply",
         "LICENSE-MIT",

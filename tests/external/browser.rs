@@ -218,54 +218,6 @@ fn a_browser_that_cannot_draw_gets_advice() {
     assert!(text.contains("turn on JavaScript") && !text.contains("loading"), "{text}");
 }
 
-/// The page of `bench cost`: every setting is a dot and a row, and pointing at a dot shows its pictures.
-#[cfg(feature = "bench")]
-#[test]
-fn the_page_of_costs_plots_every_setting_and_shows_its_pictures() {
-    let Some(chromium) = chromium() else { return };
-    let folder = TempDir::new().unwrap();
-    let page = folder.path().join("cost.html");
-    let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
-    command.args([
-        "bench",
-        "cost",
-        "-q",
-        "--stage",
-        "draw",
-        "--runs",
-        "1",
-        "--max-size",
-        "64",
-        "--steps",
-        "40",
-    ]);
-    command.args(["--max-triangles", "800"]).arg(here("samples/dataset")).arg("--page").arg(&page);
-    let done = super::runs(&mut command);
-    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-    let (point, pixels) = (json!({ "point": "ssaa=1" }), json!({ "select": ["x", "peak_bytes"] }));
-    let all = [json!({ "select": ["group", "all"] }), json!({ "select": ["y", "psnr"] })];
-    let visits = visit(
-        &chromium,
-        &json!([
-            { "page": page, "size": [1200, 900], "steps": [point] },
-            { "page": page, "size": [600, 900], "steps": [all[0], all[1], pixels] },
-        ]),
-    );
-    let one = &visits[0];
-    assert_eq!((&one["errors"], &one["name"]), (&json!([]), &json!("ssaa=1")), "{one}");
-    assert_eq!((&one["plotted"].as_array().unwrap().len(), &one["rows"]), (&3, &json!(3)), "{one}");
-    assert!(one["pictures"].as_array().unwrap().iter().all(|width| width == 64), "{one}");
-    assert!(one["says"].as_str().unwrap().contains("draw (file)"), "{one}");
-    let all = &visits[1];
-    assert_eq!(all["errors"], json!([]));
-    // The settings of the file, and of the soft soup with its pair.
-    assert_eq!(all["plotted"].as_array().unwrap().len() as u64, all["rows"].as_u64().unwrap());
-    assert!(all["rows"].as_u64().unwrap() > 8, "{all}");
-    let ticks = all["ticks"][0].as_array().unwrap();
-    let bytes = ticks.iter().filter_map(Value::as_str).filter(|text| !text.is_empty());
-    assert!(bytes.clone().count() > 0 && bytes.clone().all(|text| text.ends_with('M')), "{all}");
-}
-
 /// The page that the program carries is the one that its sources make.
 #[test]
 fn the_page_is_built_from_its_sources() {
@@ -276,20 +228,17 @@ fn the_page_is_built_from_its_sources() {
         return;
     }
     let folder = TempDir::new_in(&packages).unwrap();
-    for source in ["src", "src/cost"] {
-        let copy = folder.path().join(source);
-        fs::create_dir(&copy).unwrap();
-        for file in fs::read_dir(here("page").join(source)).unwrap().flatten().filter(|f| f.path().is_file())
-        {
-            fs::copy(file.path(), copy.join(file.file_name())).unwrap();
-        }
+    let copy = folder.path().join("src");
+    fs::create_dir(&copy).unwrap();
+    for file in fs::read_dir(here("page/src")).unwrap().flatten() {
+        fs::copy(file.path(), copy.join(file.file_name())).unwrap();
     }
     fs::copy(here("page/build.mjs"), folder.path().join("build.mjs")).unwrap();
     #[cfg(unix)]
     std::os::unix::fs::symlink("../node_modules", folder.path().join("node_modules")).unwrap();
     let done = super::runs(Command::new("node").arg("build.mjs").arg("dist").current_dir(folder.path()));
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-    for name in ["page.html", "cost.html", "LICENSES.txt"] {
+    for name in ["page.html", "LICENSES.txt"] {
         let built = fs::read(folder.path().join("dist").join(name)).unwrap();
         let kept = fs::read(here("page/dist").join(name)).unwrap();
         assert!(
