@@ -13,12 +13,16 @@ use crate::report::StageDetails;
 use plan::{FEWEST_PICTURES, color_secs, evaluation_secs, round_secs, rounds, whole_rounds};
 
 /// Seconds per triangle of the work after the colours: vertices, chunks, order, writing.
-const TAIL_SECS: f64 = 0.8e-6;
+const TAIL_SECS: f64 = 0.5e-6;
+/// Seconds per triangle of the work between pictures and fitting: order, pruning, solid triangles.
+const BETWEEN_SECS: f64 = 0.3e-6;
 
 /// The share of a budget that rounds of fitting leave unused, and ...
 const MARGIN: f64 = 0.03;
-/// ... that pictures leave unused: the stages between them and their colours are not timed.
-const PICTURES_MARGIN: f64 = 0.1;
+/// ... that pictures leave unused.
+const PICTURES_MARGIN: f64 = 0.07;
+/// Expected time of later pictures as a share of the first one's, before a second is timed.
+const LATER_SHARE: f64 = 0.5;
 /// The share of the budget that colours may overspend, because pictures without colours are useless.
 const OVERSPENT: f64 = 0.05;
 
@@ -109,6 +113,7 @@ impl BakePace {
     /// Begins with a soft scene and its options.
     pub(super) fn begin(&mut self, asked: PaceWork) {
         (self.began, self.asked) = (true, asked);
+        self.costs.triangles = asked.triangles;
     }
 
     /// Runs `work` and measures its seconds; 0 without a budget.
@@ -142,11 +147,14 @@ impl BakePace {
             return drawn < most;
         }
         // The first one also allocates; after that all count equally.
-        let mean = (self.costs.soft * (drawn - 1) as f64 + secs) / drawn as f64;
-        self.costs.soft = if drawn == 2 { secs } else { mean };
-        let PaceWork { rounds: most_rounds, color_passes, watching, .. } = self.asked;
+        self.costs.soft = match drawn {
+            1 => LATER_SHARE * secs,
+            2 => secs,
+            _ => (self.costs.soft * (drawn - 1) as f64 + secs) / drawn as f64,
+        };
+        let PaceWork { rounds: most_rounds, color_passes, watching, triangles } = self.asked;
         let costs = self.costs;
-        let before_fitting = watching as f64 * costs.solid;
+        let before_fitting = watching as f64 * costs.solid + BETWEEN_SECS * triangles as f64;
         let left_secs = self.left_secs() - self.part_secs(PICTURES_MARGIN) - before_fitting;
         let input = PaceInput { left_secs, costs, drawn, most_pictures: most, most_rounds, color_passes };
         self.chosen.pictures = Some(drawn as u64);

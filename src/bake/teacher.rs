@@ -21,7 +21,7 @@ use crate::raster::solid::Solid;
 use crate::report::{Outcome, StageDetails};
 use crate::scene::{Loaded, Scene};
 use crate::soup::Soup;
-use crate::teacher::{SearchTrial, Teacher, ViewpointKind, Viewpoints};
+use crate::teacher::{Search, Teacher, ViewpointKind, Viewpoints};
 use glam::UVec2;
 
 /// Pixels of all pictures together; with many or large cameras not all are drawn.
@@ -137,11 +137,11 @@ pub fn teacher(
         details.softness = softness_from(soup, &scene.cameras, solidly, pace)?;
         return Ok(Outcome::Unneeded("there are photos, or pictures already"));
     }
-    if !affords_viewpoints(scene, pace) {
-        return Ok(Outcome::Unneeded(NO_TIME));
-    }
-    let Some(viewpoints) = viewpoints(scene) else {
-        return Ok(Outcome::Unneeded("the scene stores no cameras and shows nothing from anywhere"));
+    let Some(viewpoints) = viewpoints_in_time(scene, pace) else {
+        return Ok(Outcome::Unneeded(match pace.skips_pictures() {
+            true => NO_TIME,
+            false => "the scene stores no cameras and shows nothing from anywhere",
+        }));
     };
     details.softness = softness_from(soup, &viewpoints.cameras, solidly, pace)?;
     details.viewpoints = Some(viewpoints.kind);
@@ -160,27 +160,33 @@ pub fn teacher(
     Ok(Outcome::Changed(()))
 }
 
-/// Whether there is time to choose viewpoints; those that are stored cost nothing.
-fn affords_viewpoints(scene: &Loaded, pace: &mut BakePace) -> bool {
+/// Where pictures are drawn from, if there is time to find that out; viewpoints that are stored cost nothing.
+fn viewpoints_in_time(scene: &Loaded, pace: &mut BakePace) -> Option<Viewpoints> {
     if !pace.is_active() || !scene.cameras.is_empty() {
-        return true;
+        return viewpoints(scene);
     }
-    let (trial, start_secs) = pace.timed(|| SearchTrial::new(scene));
-    let Some(mut trial) = trial else { return true };
+    let mut search = Search::new(scene)?;
     // The first look allocates.
-    trial.look();
-    let looks = (0..TIMED).map(|_| pace.timed(|| trial.look()).1);
+    search.look();
+    let looks = (0..TIMED).map(|_| pace.timed(|| search.look()).1);
     let look_secs = looks.fold(f64::INFINITY, f64::min);
-    pace.affords_search(start_secs + trial.looks() as f64 * look_secs)
+    if !pace.affords_search(search.looks() as f64 * look_secs) {
+        return None;
+    }
+    Viewpoints::found_by(search).map(telling)
 }
 
 /// The cameras for a bake's pictures.
 fn viewpoints(scene: &Loaded) -> Option<Viewpoints> {
-    let mut viewpoints = Viewpoints::of(scene, 3 * MOST_PIXELS)?;
+    Viewpoints::of(scene, 3 * MOST_PIXELS).map(telling)
+}
+
+/// Of chosen viewpoints the most telling ones.
+fn telling(mut viewpoints: Viewpoints) -> Viewpoints {
     if viewpoints.kind != ViewpointKind::Stored {
         viewpoints.cameras.truncate(CHOSEN_PICTURES);
     }
-    Some(viewpoints)
+    viewpoints
 }
 
 /// The soft pictures of `scene` from `cameras` in its frame, or from an evenly spaced selection when these
@@ -278,10 +284,10 @@ fn softness_from(
     let (drawing, mut solid) = (drawing(cameras, &mesh, SAMPLES), Solid::new());
     let count = match pace.is_active() {
         true => {
+            // The first one allocates.
+            solid.visibility(&mesh, &no_larger(&cameras[0]), &drawing);
             let secs = (0..TIMED).map(|i| {
                 let camera = no_larger(&cameras[i * cameras.len() / TIMED]);
-                // The first one allocates.
-                solid.visibility(&mesh, &camera, &drawing);
                 pace.timed(|| solid.visibility(&mesh, &camera, &drawing).size).1
             });
             pace.learn_solid(median(secs.collect(), f64::total_cmp).unwrap_or_default());

@@ -6,6 +6,7 @@
 //! ```
 
 pub mod axes;
+mod baked;
 pub mod case;
 mod climb;
 pub mod exact;

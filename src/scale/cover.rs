@@ -9,7 +9,6 @@ use crate::soup::{Soup, sh0_from_rgb};
 use crate::space::Space;
 use glam::{UVec2, Vec3};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Longer side of the drawings, px: shares of a picture need no more.
@@ -86,13 +85,13 @@ impl<'a> Coverage<'a> {
     ) -> Vec<SeenBlock> {
         let small = self.draw(brush, camera);
         let pixels = small.size.element_product() as f32;
-        let mut cover: BTreeMap<usize, f32> = BTreeMap::new();
+        let mut cover = vec![0.0; blocks.len()];
         for (sum, i) in brush.importance.sum_weight.iter().zip(&brush.numbers).filter(|(sum, _)| **sum > 0.0)
         {
-            *cover.entry(self.owners[*i as usize] as usize).or_default() += sum / pixels;
+            cover[self.owners[*i as usize] as usize] += sum / pixels;
         }
-        cover.retain(|_, cover| *cover >= min_cover);
-        let seen: Vec<(usize, f32)> = cover.into_iter().collect();
+        let shows = |(_, cover): &(usize, f32)| *cover > 0.0 && *cover >= min_cover;
+        let seen: Vec<(usize, f32)> = cover.into_iter().enumerate().filter(shows).collect();
         let mut seen_blocks = Vec::with_capacity(seen.len());
         for three in seen.chunks(3) {
             let halos: Vec<&Region> = three.iter().map(|(block, _)| &blocks[*block].halo).collect();
@@ -166,9 +165,11 @@ impl Brush {
 /// The part of a photo of `full` px that holds a channel of a small drawing, without a small share on each side.
 fn part_of(shown: &[[f32; 3]], channel: usize, small: UVec2, full: UVec2) -> (UVec2, UVec2) {
     let (mut columns, mut rows) = (vec![0.0; small.x as usize], vec![0.0; small.y as usize]);
-    for (i, rgb) in shown.iter().enumerate() {
-        columns[i % small.x as usize] += rgb[channel];
-        rows[i / small.x as usize] += rgb[channel];
+    for (row, pixels) in rows.iter_mut().zip(shown.chunks(small.x as usize)) {
+        for (column, rgb) in columns.iter_mut().zip(pixels) {
+            *column += rgb[channel];
+            *row += rgb[channel];
+        }
     }
     let along = |sums: &[f32], small: u32, full: u32| {
         let [first, last] = inner(sums);

@@ -51,60 +51,57 @@ pub(super) struct Chosen {
     pub(super) cameras: Vec<Camera>,
 }
 
-/// Where to look at `scene` from; `None` when it shows nothing from anywhere.
-pub(super) fn viewpoints(scene: &Loaded) -> Option<Chosen> {
-    let (unit, soup) = in_units(scene)?;
-    let up = scene.provenance.up.unwrap_or_default().to_y_up().transpose() * glam::DVec3::Y;
-    let mut survey = Survey::new(soup);
-    let around = good_views(&mut survey, around(unit.reach, up.as_vec3()), |sight| {
-        sight.covered >= LEAST_SHOWN && sight.crowded <= MOST_CROWDED
-    });
-    let mut inside = Vec::new();
-    for eye in free_eyes(survey.middles()) {
-        let looks =
-            (0..LOOKS).map(|i| camera(eye, eye + direction(i, LOOKS), up.as_vec3(), INSIDE_FOV, SIDE));
-        let mut surrounded = 0;
-        let views = good_views(&mut survey, looks.collect(), |sight| {
-            surrounded += usize::from(sight.covered >= LEAST_COVERED);
-            sight.covered >= LEAST_COVERED && sight.crowded <= MOST_CROWDED
-        });
-        // An eye before the back of a wall sees nothing elsewhere.
-        if 2 * surrounded > LOOKS {
-            inside.extend(views);
-        }
-    }
-    let surrounded = inside.len() >= LEAST_INSIDE && union(&inside) > MORE_INSIDE * union(&around);
-    let views = if surrounded { inside } else { around };
-    let cameras: Vec<Camera> = most_telling(views).iter().map(|c| unit.to_scene(c)).collect();
-    (!cameras.is_empty()).then_some(Chosen { inside: surrounded, cameras })
-}
-
-/// A look like those that the search for viewpoints takes, to tell how long it will take.
+/// A search for places to look from at a scene that stores no cameras.
 #[derive(Debug)]
-pub struct SearchTrial {
+pub struct Search {
     survey: Survey,
-    camera: Camera,
-    looks: usize,
+    unit: Unit,
+    up: Vec3,
 }
 
-impl SearchTrial {
-    /// Looks that a search takes.
-    pub fn looks(&self) -> usize {
-        self.looks
-    }
-
-    /// Prepares to look at `scene` as a search does; `None` when it has no extent.
+impl Search {
+    /// Prepares to look at `scene`; `None` when it has no extent.
     pub fn new(scene: &Loaded) -> Option<Self> {
         let (unit, soup) = in_units(scene)?;
-        let camera = *around(unit.reach, Vec3::Y).first()?;
-        let survey = Survey::new(soup);
-        let looks = PICTURES + LOOKS * free_eyes(survey.middles()).len();
-        Some(Self { survey, camera, looks })
+        let up = scene.provenance.up.unwrap_or_default().to_y_up().transpose() * glam::DVec3::Y;
+        Some(Self { survey: Survey::new(soup), unit, up: up.as_vec3() })
     }
 
-    /// Takes a look.
+    /// Looks that it takes at most.
+    pub fn looks(&self) -> usize {
+        PICTURES + LOOKS * free_eyes(self.survey.middles()).len()
+    }
+
+    /// Takes a look like each of these, to tell how long they will take. It changes nothing that is found.
     pub fn look(&mut self) {
-        self.survey.look(&self.camera, CLEARANCE);
+        if let Some(camera) = around(self.unit.reach, self.up).first() {
+            self.survey.look(camera, CLEARANCE);
+        }
+    }
+
+    /// Where to look from; `None` when the scene shows nothing from anywhere.
+    pub(super) fn viewpoints(self) -> Option<Chosen> {
+        let Self { mut survey, unit, up } = self;
+        let around = good_views(&mut survey, around(unit.reach, up), |sight| {
+            sight.covered >= LEAST_SHOWN && sight.crowded <= MOST_CROWDED
+        });
+        let mut inside = Vec::new();
+        for eye in free_eyes(survey.middles()) {
+            let looks = (0..LOOKS).map(|i| camera(eye, eye + direction(i, LOOKS), up, INSIDE_FOV, SIDE));
+            let mut surrounded = 0;
+            let views = good_views(&mut survey, looks.collect(), |sight| {
+                surrounded += usize::from(sight.covered >= LEAST_COVERED);
+                sight.covered >= LEAST_COVERED && sight.crowded <= MOST_CROWDED
+            });
+            // An eye before the back of a wall sees nothing elsewhere.
+            if 2 * surrounded > LOOKS {
+                inside.extend(views);
+            }
+        }
+        let surrounded = inside.len() >= LEAST_INSIDE && union(&inside) > MORE_INSIDE * union(&around);
+        let views = if surrounded { inside } else { around };
+        let cameras: Vec<Camera> = most_telling(views).iter().map(|c| unit.to_scene(c)).collect();
+        (!cameras.is_empty()).then_some(Chosen { inside: surrounded, cameras })
     }
 }
 
@@ -118,6 +115,7 @@ fn in_units(scene: &Loaded) -> Option<(Unit, Soup)> {
 }
 
 /// The middle of a scene, and its unit: the median distance from it.
+#[derive(Debug)]
 struct Unit {
     middle: Vec3,
     length: f32,
@@ -266,7 +264,9 @@ mod tests {
     #[test]
     fn a_thing_is_seen_from_around() {
         let thing = soup((0..2000).map(|i| direction(i, 2000) * Vec3::new(1.0, 2.0, 0.5) + 7.0), 0.2);
-        let Some(chosen) = viewpoints(&thing.into()) else { panic!("a thing can be looked at") };
+        let Some(chosen) = Search::new(&thing.into()).and_then(Search::viewpoints) else {
+            panic!("a thing can be looked at")
+        };
         assert!(!chosen.inside && chosen.cameras.len() == PICTURES);
         assert!(chosen.cameras.iter().all(|c| c.position().distance(Vec3::splat(7.0)) > 2.0));
         // All of it is in every picture.
@@ -277,7 +277,7 @@ mod tests {
     #[test]
     fn nothing_can_be_seen_of_points() {
         let points = Soup { vertices: vec![[Vec3::ONE; 3]; 5], ..soup((0..5).map(|_| Vec3::ZERO), 1.0) };
-        assert!(viewpoints(&points.into()).is_none());
-        assert!(viewpoints(&Soup::default().into()).is_none());
+        assert!(Search::new(&points.into()).and_then(Search::viewpoints).is_none());
+        assert!(Search::new(&Soup::default().into()).is_none());
     }
 }

@@ -1,6 +1,7 @@
 //! Where a scene is looked at from.
 
-use super::{chosen, stored};
+use super::chosen::Search;
+use super::stored;
 use crate::camera::Camera;
 use crate::scene::Loaded;
 use schemars::JsonSchema;
@@ -38,10 +39,15 @@ impl Viewpoints {
     /// chosen ones. `None` when it stores none and shows nothing from anywhere.
     pub fn of(scene: &Loaded, max_bytes: u64) -> Option<Self> {
         if scene.cameras.is_empty() {
-            let chosen = chosen::viewpoints(scene)?;
-            let kind = if chosen.inside { ViewpointKind::Inside } else { ViewpointKind::Around };
-            return Some(Self { kind, cameras: chosen.cameras });
+            return Self::found_by(Search::new(scene)?);
         }
         Some(Self { kind: ViewpointKind::Stored, cameras: stored::viewpoints(&scene.cameras, max_bytes) })
+    }
+
+    /// Those that `search` finds; `None` when the scene shows nothing from anywhere.
+    pub fn found_by(search: Search) -> Option<Self> {
+        let chosen = search.viewpoints()?;
+        let kind = if chosen.inside { ViewpointKind::Inside } else { ViewpointKind::Around };
+        Some(Self { kind, cameras: chosen.cameras })
     }
 }

@@ -9,6 +9,7 @@
 
 mod browser;
 mod engines;
+mod floats;
 mod framing;
 mod levels;
 mod lit;

@@ -7,6 +7,8 @@ const FEWEST_ROUNDS: u32 = 3;
 /// Cost of the colours of one picture, in solid pictures: it is compared with the triangles, and some
 /// pictures are drawn four times more to evaluate.
 const COLOR: f64 = 2.6;
+/// Cost of the colours of one picture per triangle, seconds: reading its equations from memory.
+const COLOR_TRIANGLE_SECS: f64 = 1e-7;
 /// Cost of one picture of a round of fitting, in solid pictures, before a round was measured.
 const ROUND: f64 = 2.5;
 /// Pictures of a round, about.
@@ -21,6 +23,8 @@ pub struct PictureCosts {
     pub soft: f64,
     /// One picture of solid triangles.
     pub solid: f64,
+    /// Triangles of the scene.
+    pub triangles: usize,
 }
 
 /// What remains to be chosen.
@@ -51,7 +55,8 @@ pub struct PacePlan {
 
 /// Seconds for the colours of `pictures`.
 pub(super) fn color_secs(pictures: usize, passes: u32, costs: &PictureCosts) -> f64 {
-    COLOR * pictures as f64 * f64::from(passes) * costs.solid
+    let one = COLOR * costs.solid + COLOR_TRIANGLE_SECS * costs.triangles as f64;
+    pictures as f64 * f64::from(passes) * one
 }
 
 /// Seconds for the comparison after fitting.
@@ -100,7 +105,7 @@ mod tests {
 
     const INPUT: PaceInput = PaceInput {
         left_secs: 5.0,
-        costs: PictureCosts { soft: 0.1, solid: 0.02 },
+        costs: PictureCosts { soft: 0.1, solid: 0.02, triangles: 0 },
         drawn: 1,
         most_pictures: 32,
         most_rounds: 16,
@@ -143,6 +148,14 @@ mod tests {
         // Finished pictures are kept.
         let late = PaceInput { drawn: 20, left_secs: 3.0, ..INPUT };
         assert!(plan(&late).is_some_and(|plan| plan.pictures >= 20));
+    }
+
+    #[test]
+    fn colours_of_many_triangles_take_longer() {
+        let many = PictureCosts { triangles: 1_000_000, ..INPUT.costs };
+        assert!((color_secs(10, 1, &many) - color_secs(10, 1, &INPUT.costs) - 1.0).abs() < 1e-9);
+        let fewer = plan(&PaceInput { costs: many, ..INPUT }).map(|plan| plan.pictures);
+        assert!(fewer < with(INPUT.left_secs).map(|plan| plan.pictures), "{fewer:?}");
     }
 
     #[test]

@@ -41,6 +41,10 @@ pub enum Promise {
     SolidSamples,
     /// Positions read back from a GLB, plain and quantised: error in half steps of the format.
     StoredPositions,
+    /// Triangles of a case, made opaque, that a bake loses or moves.
+    BakedTriangles,
+    /// Numbers of a bake of a soft case that are not finite.
+    BakedNonFinite,
     /// Time of the soft rasteriser, forward and backward, over that of the ordinary case and its layers.
     Time,
 }
@@ -83,13 +87,15 @@ const HALF_A_LEVEL: f64 = 1.96e-3;
 const WORST_FRAME_RATE: f64 = 1e-4;
 
 /// All promises.
-pub const PROMISES: [PromiseRow; 7] = [
+pub const PROMISES: [PromiseRow; 9] = [
     row(Promise::Frames, "frames", On::Domain, 1e-4, 1e-3),
     row(Promise::WorstFrame, "worst_frame", On::Domain, HALF_A_LEVEL, WORST_FRAME_RATE),
     row(Promise::Gradients, "gradients", On::Domain, 1e-3, 1e-3),
     row(Promise::NonFinite, "non_finite", On::Everything, 0.0, 0.0),
     row(Promise::SolidSamples, "solid_samples", On::Reach, 0.0, 1e-5),
     row(Promise::StoredPositions, "stored_positions", On::Everything, 1.0, 0.0),
+    row(Promise::BakedTriangles, "baked_triangles", On::Everything, 0.0, 1e-4),
+    row(Promise::BakedNonFinite, "baked_non_finite", On::Everything, 0.0, 0.0),
     row(Promise::Time, "time", On::Everything, 4.0, 0.0),
 ];
 

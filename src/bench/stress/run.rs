@@ -1,6 +1,7 @@
 //! A run: random cases, the climb from the worst of them, the invariances, and the promises.
 
 use super::axes::{AXES, AxisRow};
+use super::baked;
 use super::case::StressCase;
 use super::climb::climb;
 use super::invariances;
@@ -10,7 +11,7 @@ use super::rig::{Outcome, Rig, layers_over_ordinary};
 use super::rows::{PromiseResult, StressReport};
 use super::scene::StressScene;
 use super::stored::half_steps;
-use super::tally::{Failures, Tally, holds};
+use super::tally::{Failures, Kept, Tally, holds};
 use crate::bench::machine::Machine;
 use crate::error::{Error, Result};
 use crate::formats::gltf::PositionEncoding;
@@ -21,7 +22,7 @@ use std::time::Instant;
 
 /// Cases that a thread takes at once.
 const BATCH: u64 = 64;
-/// One case in this many is written to files and read.
+/// One case in this many is written to files and read, and baked.
 const STORED_EVERY: u64 = 32;
 /// One case in this many is drawn in all the ways that must not change it.
 const VARIED_EVERY: u64 = 500;
@@ -98,12 +99,11 @@ fn random_cases(args: &StressArgs, folder: &Path) -> Result<Tally> {
                 let (case, stretch) =
                     StressCase::random(args.seed.wrapping_add(index % args.seeds), index / args.seeds);
                 let outcome = rig.run(&case);
-                let stored = if (index / args.seeds / 4).is_multiple_of(STORED_EVERY) {
-                    Some(stored(&case, &path)?)
-                } else {
-                    None
+                let kept = match (index / args.seeds / 4).is_multiple_of(STORED_EVERY) {
+                    true => Some(kept(&case, &path)?),
+                    false => None,
                 };
-                tally.add(index, (&case, stretch), &outcome, &rig, stored);
+                tally.add(index, (&case, stretch), &outcome, &rig, kept);
             }
         }
     };
@@ -130,11 +130,13 @@ fn alone<T: Send>(work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
     pool.install(work)
 }
 
-/// Largest error of a position that was written and read, plain and quantised, in half steps.
-fn stored(case: &StressCase, path: &Path) -> Result<f64> {
-    let (mesh, _) = StressScene::new(case).solid();
+/// What files of the case lose, plain and quantised, and bakes of it.
+fn kept(case: &StressCase, path: &Path) -> Result<Kept> {
+    let scene = StressScene::new(case);
+    let (mesh, _) = scene.solid();
     let plain = half_steps(&mesh, PositionEncoding::F32, path)?;
-    Ok(plain.max(half_steps(&mesh, PositionEncoding::ChunkU16, path)?))
+    let stored = plain.max(half_steps(&mesh, PositionEncoding::ChunkU16, path)?);
+    Ok(Kept { stored, lost: baked::lost(&scene), non_finite: baked::non_finite(&scene) })
 }
 
 /// What was found of every promise.
@@ -153,7 +155,8 @@ fn results(args: &StressArgs, tally: &Tally, ordinary_seconds: f64) -> Vec<Promi
                 }
             }
             // What the worst case has: a count over all would grow with their number.
-            Promise::NonFinite | Promise::SolidSamples | Promise::StoredPositions => {}
+            Promise::NonFinite | Promise::SolidSamples => {}
+            Promise::StoredPositions | Promise::BakedTriangles | Promise::BakedNonFinite => {}
             Promise::Time => (case, found) = slowest(&mut rig, tally, ordinary_seconds),
         }
         let Failures { of, failures } = match row.promise {
@@ -206,14 +209,14 @@ fn figures(case: &StressCase) -> Result<BTreeMap<String, f64>> {
     let ordinary = StressCase { seed: case.seed, axes: BTreeMap::new() };
     let ordinary_seconds = rig.least_seconds(&ordinary, TIMED_RUNS);
     let time = rig.least_seconds(case, TIMED_RUNS) / layers_over_ordinary(case) / ordinary_seconds;
-    let stored = stored(case, &folder.path().join("case.glb"))?;
+    let kept = kept(case, &folder.path().join("case.glb"))?;
     let found = |promise: Promise| match promise {
         Promise::Frames | Promise::WorstFrame => outcome.worst_value,
         Promise::Gradients => outcome.worst_gradient,
         Promise::NonFinite => outcome.non_finite as f64,
         Promise::SolidSamples => outcome.solid_wrong as f64,
-        Promise::StoredPositions => stored,
         Promise::Time => time,
+        promise => kept.of(promise).unwrap_or(0.0),
     };
     Ok(PROMISES.iter().map(|row| (row.name.to_owned(), found(row.promise))).collect())
 }
@@ -266,7 +269,8 @@ mod tests {
         let mut rig = Rig::default();
         (rig.values, rig.gradients) = (vec![0.9; 10], vec![5.0; 10]);
         let mut tally = Tally::default();
-        (0..100).for_each(|index| tally.add(index, (&case, stretch), &wrong, &rig, Some(2.0)));
+        let kept = Kept { stored: 2.0, lost: 1.0, non_finite: 3.0 };
+        (0..100).for_each(|index| tally.add(index, (&case, stretch), &wrong, &rig, Some(kept)));
         let results = results(&StressArgs { climb: 0, ..args(100) }, &tally, 1e-12);
         for promise in results {
             assert!(!promise.kept && promise.rate_below > promise.rate_at_most, "{promise:?}");
@@ -302,8 +306,9 @@ mod tests {
         for seed in 2..10 {
             let report = run(&StressArgs { seed, climb: 1, ..args(2000) }).unwrap();
             // Quantiles want more cases, and times a machine that does nothing else.
-            let counted =
-                |p: &&PromiseResult| matches!(p.promise, Promise::NonFinite | Promise::SolidSamples);
+            let counted = |p: &&PromiseResult| {
+                matches!(p.promise, Promise::NonFinite | Promise::SolidSamples | Promise::BakedNonFinite)
+            };
             let broken: Vec<_> = report.promises.iter().filter(counted).filter(|p| !p.kept).collect();
             assert!(broken.is_empty(), "{seed}: {broken:#?}");
         }

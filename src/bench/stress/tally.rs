@@ -36,6 +36,29 @@ pub(super) struct Worst {
     pub(super) case: Option<StressCase>,
 }
 
+/// What is looked at in some cases only: their files, and bakes of them.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Kept {
+    /// Error of positions in a file, half steps.
+    pub(super) stored: f64,
+    /// Triangles that a bake loses.
+    pub(super) lost: f64,
+    /// Numbers of a bake that are not finite.
+    pub(super) non_finite: f64,
+}
+
+impl Kept {
+    /// What a promise is about; `None` of others.
+    pub(super) fn of(&self, promise: Promise) -> Option<f64> {
+        match promise {
+            Promise::StoredPositions => Some(self.stored),
+            Promise::BakedTriangles => Some(self.lost),
+            Promise::BakedNonFinite => Some(self.non_finite),
+            _ => None,
+        }
+    }
+}
+
 /// What a promise was asked of, and how many of these failed.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Failures {
@@ -110,14 +133,15 @@ pub(super) fn holds(on: On, case: &StressCase, promised: bool) -> bool {
 }
 
 impl Tally {
-    /// Adds random case number `index`, just run on `rig`; `stored` is the error of its positions in a file.
+    /// Adds random case number `index`, just run on `rig`; `kept` what files and bakes of it lose,
+    /// if these were made.
     pub(super) fn add(
         &mut self,
         index: u64,
         (case, stretch): (&StressCase, Stretch),
         outcome: &Outcome,
         rig: &Rig,
-        stored: Option<f64>,
+        kept: Option<Kept>,
     ) {
         let part = match stretch {
             Stretch::Single(axis) => single(axis, case.value(axis)),
@@ -135,14 +159,16 @@ impl Tally {
                 Promise::Gradients => outcome.worst_gradient,
                 Promise::NonFinite => outcome.non_finite as f64,
                 Promise::SolidSamples => outcome.solid_wrong as f64,
-                Promise::StoredPositions => stored.unwrap_or(0.0),
                 Promise::Time => outcome.seconds / layers_over_ordinary(case),
+                promise => kept.and_then(|kept| kept.of(promise)).unwrap_or(0.0),
             };
             worst.add(found, index, case);
             match row.promise {
                 Promise::Frames => counts.count(rig.values.iter().copied(), row.at_most),
                 Promise::Gradients => counts.count(rig.gradients.iter().copied(), row.at_most),
-                Promise::StoredPositions => counts.count(stored.into_iter(), row.at_most),
+                Promise::StoredPositions | Promise::BakedTriangles | Promise::BakedNonFinite => {
+                    counts.count(kept.map(|_| found).into_iter(), row.at_most);
+                }
                 // A single time is noise: the slowest cases are timed again.
                 Promise::Time => {}
                 _ => counts.count(std::iter::once(found), row.at_most),
