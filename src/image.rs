@@ -4,8 +4,10 @@
 //! the literature trains and measures on (3DGS, Held et al. 2025).
 
 mod decode;
+mod jpeg;
 pub mod npy;
 mod palette;
+mod shrink;
 
 use crate::atomic::AtomicFile;
 use crate::error::{Error, Result};
@@ -13,6 +15,7 @@ use crate::input;
 use crate::limits::Limits;
 use decode::{decode, ends_well, header_size};
 use glam::UVec2;
+use shrink::area_average;
 use std::io::{BufReader, Cursor, Seek, Write};
 use std::path::Path;
 use xxhash_rust::xxh3::Xxh3Default;
@@ -287,48 +290,6 @@ fn triples(bytes: Vec<u8>) -> Vec<[u8; 3]> {
         .unwrap_or_else(|(_, bytes)| bytemuck::cast_slice(&bytes).to_vec())
 }
 
-/// Box filter with fractional cover, separable; `C` channels of 8 bits.
-fn area_average<const C: usize>(source: &[[u8; C]], from: UVec2, to: UVec2) -> Vec<[u8; C]> {
-    let (columns, rows) = (cover(from.x, to.x), cover(from.y, to.y));
-    let width = from.x as usize;
-    let mut averaged = Vec::with_capacity(area(to));
-    let mut line = vec![[0.0f32; C]; width];
-    for (top, weights) in &rows {
-        line.fill([0.0; C]);
-        for (row, weight) in source[top * width..].chunks_exact(width).zip(weights) {
-            for (sum, pixel) in line.iter_mut().zip(row) {
-                for c in 0..C {
-                    sum[c] += weight * f32::from(pixel[c]);
-                }
-            }
-        }
-        averaged.extend(columns.iter().map(|(left, weights)| {
-            let mut sum = [0.0f32; C];
-            for (pixel, weight) in line[*left..].iter().zip(weights) {
-                for c in 0..C {
-                    sum[c] += weight * pixel[c];
-                }
-            }
-            sum.map(|s| (s + 0.5) as u8)
-        }));
-    }
-    averaged
-}
-
-/// For every new pixel: the first old pixel it touches, and the share that each old pixel has in it.
-/// The shares sum to 1.
-fn cover(from: u32, to: u32) -> Vec<(usize, Vec<f32>)> {
-    let step = f64::from(from) / f64::from(to);
-    let span = |i: u32| {
-        let (low, high) = (f64::from(i) * step, (f64::from(i + 1) * step).min(f64::from(from)));
-        let first = low as usize;
-        let last = (high.ceil() as usize).clamp(first + 1, from as usize);
-        let share = |k: usize| (high.min(k as f64 + 1.0) - low.max(k as f64)).max(0.0) / (high - low);
-        (first, (first..last).map(|k| share(k) as f32).collect())
-    };
-    (0..to).map(span).collect()
-}
-
 /// A picture's size from text such as 1280x720; the error says what is wanted.
 pub fn parse_size(text: &str) -> std::result::Result<UVec2, String> {
     let sides = text.split_once(['x', 'X']);
@@ -345,82 +306,12 @@ const LARGEST_SIDE: u32 = 8192;
 
 #[cfg(test)]
 mod tests {
-    use super::decode::PNG_END;
     use super::*;
 
-    fn ramp(size: UVec2) -> Pixels {
+    /// A picture of many colours.
+    pub(super) fn ramp(size: UVec2) -> Pixels {
         let at = |i: usize| [(i * 7 % 251) as u8, (i * 13 % 241) as u8, (i * 29 % 239) as u8];
         Pixels { size, rgb: (0..area(size)).map(at).collect(), alpha: None }
-    }
-
-    #[test]
-    fn halving_averages_two_by_two() {
-        let source = ramp(UVec2::new(8, 6));
-        let half = source.downscaled(UVec2::new(4, 3));
-        for y in 0..3 {
-            for x in 0..4 {
-                for c in 0..3 {
-                    let at = |dx: usize, dy: usize| u32::from(source.rgb[(2 * y + dy) * 8 + 2 * x + dx][c]);
-                    let sum = at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1);
-                    assert_eq!(u32::from(half.rgb[y * 4 + x][c]), (sum + 2) / 4);
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn one_colour_stays_that_colour_at_any_ratio() {
-        for size in [UVec2::new(1, 1), UVec2::new(3, 2), UVec2::new(36, 23), UVec2::new(37, 24)] {
-            let source = Pixels {
-                size: UVec2::new(37, 24),
-                rgb: vec![[255, 200, 1]; 37 * 24],
-                alpha: Some(vec![7; 888]),
-            };
-            let small = source.downscaled(size);
-            assert!(small.rgb.iter().all(|p| *p == [255, 200, 1]), "{size}");
-            assert!(
-                small.alpha.is_some_and(|a| a.len() == area(size) && a.iter().all(|&a| a == 7)),
-                "{size}"
-            );
-        }
-    }
-
-    #[test]
-    fn fractional_cover_keeps_the_mean() {
-        let source = ramp(UVec2::new(101, 67));
-        let small = source.downscaled(UVec2::new(31, 29));
-        let mean = |p: &Pixels| p.rgb.iter().map(|c| f64::from(c[1])).sum::<f64>() / p.rgb.len() as f64;
-        assert!((mean(&source) - mean(&small)).abs() < 0.1);
-    }
-
-    #[test]
-    fn a_jpeg_that_is_read_smaller_is_the_mean_of_its_pixels() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.jpg");
-        let size = UVec2::new(160, 96);
-        let code = |x: u32, y: u32| {
-            let (x, y) = (f64::from(x), f64::from(y));
-            [128.0 + 90.0 * (x / 19.0).sin(), 128.0 + 80.0 * (y / 13.0).cos(), 2.0 * y].map(|c| c as u8)
-        };
-        let rgb = (0..size.x * size.y).map(|i| code(i % size.x, i / size.x)).collect();
-        let limits = &Limits::DEFAULT;
-        std::fs::write(&path, Pixels { size, rgb, alpha: None }.to_jpeg(95).unwrap()).unwrap();
-        let whole = Pixels::load(&path).unwrap();
-        for (least, part) in [(20, 8), (21, 4), (40, 4), (41, 2), (80, 2), (81, 1), (400, 1)] {
-            let (small, full) = Pixels::load_reduced(&path, UVec2::new(least, 1), limits).unwrap();
-            assert_eq!((small.size, full), (size / part, size), "{least}");
-            let mean = whole.downscaled(small.size);
-            for (a, b) in small.rgb.iter().zip(&mean.rgb) {
-                assert!((0..3).all(|c| a[c].abs_diff(b[c]) <= 4), "{least}: {a:?} {b:?}");
-            }
-        }
-        // Odd sides are read whole, as is what is cut short, which is an error.
-        let odd = Pixels { size: UVec2::new(161, 96), rgb: vec![[7; 3]; 161 * 96], alpha: None };
-        let bytes = odd.to_jpeg(90).unwrap();
-        std::fs::write(&path, &bytes).unwrap();
-        assert_eq!(Pixels::load_reduced(&path, UVec2::splat(10), limits).unwrap().0.size, odd.size);
-        std::fs::write(&path, &bytes[..bytes.len() - 20]).unwrap();
-        assert!(Pixels::load_reduced(&path, UVec2::splat(10), limits).is_err());
     }
 
     #[test]
@@ -467,158 +358,5 @@ mod tests {
         picture.save_png(&path).unwrap();
         assert_eq!(Pixels::load(&path).unwrap(), picture);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file stays behind");
-    }
-
-    #[test]
-    fn what_is_not_a_picture_is_an_error() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("picture.png");
-        assert!(matches!(Pixels::load(&path), Err(Error::Io { .. })));
-        std::fs::write(&path, "certainly not a picture").unwrap();
-        assert!(matches!(Pixels::load(&path), Err(Error::Unsupported { .. })));
-    }
-
-    /// One picture in every format that is read.
-    fn encoded() -> [(&'static str, Vec<u8>); 3] {
-        let source = ramp(UVec2::new(32, 24));
-        let rgb = source.rgb.as_flattened();
-        let rgb8 = image::ExtendedColorType::Rgb8;
-        let (mut jpeg, mut webp) = (Vec::new(), Vec::new());
-        image::codecs::jpeg::JpegEncoder::new(&mut jpeg).encode(rgb, 32, 24, rgb8).unwrap();
-        image::codecs::webp::WebPEncoder::new_lossless(&mut webp).encode(rgb, 32, 24, rgb8).unwrap();
-        [("png", source.to_png().unwrap()), ("jpeg", jpeg), ("webp", webp)]
-    }
-
-    #[test]
-    fn sixteen_bits_tiff_and_printing_colours_are_read() {
-        use image::{DynamicImage, ImageBuffer, ImageFormat, Rgb};
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("picture.any");
-        let source = ramp(UVec2::new(32, 24));
-        let deep: Vec<u16> = source.rgb.as_flattened().iter().map(|&c| u16::from(c) * 257).collect();
-        let deep: DynamicImage = ImageBuffer::<Rgb<u16>, _>::from_raw(32, 24, deep).unwrap().into();
-        for (picture, format) in [
-            (&deep, ImageFormat::Png),
-            (&deep, ImageFormat::Tiff),
-            (&DynamicImage::from(deep.to_rgb8()), ImageFormat::Tiff),
-        ] {
-            let mut bytes = Cursor::new(Vec::new());
-            picture.write_to(&mut bytes, format).unwrap();
-            let bytes = bytes.into_inner();
-            std::fs::write(&path, &bytes).unwrap();
-            assert_eq!(Pixels::size_of(&path, &Limits::DEFAULT).unwrap(), source.size, "{format:?}");
-            assert_eq!(Pixels::load(&path).unwrap(), source, "{format:?}");
-            std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-            assert!(Pixels::size_of(&path, &Limits::DEFAULT).is_err(), "{format:?} cut short");
-        }
-        // A red and a green half in cyan, magenta, yellow and black, as Adobe's programs write them.
-        let cmyk = "/9j/7gAOQWRvYmUAZAAAAAAA/9sAQwADAgIDAgIDAwMDBAMDBAUIBQUEBAUKBwcGCAwKDAwLCgsLDQ4SEA0OEQ4LCxAWEBETFBUVFQwP\
-                    FxgWFBgSFBUU/8AAFAgACAAQBEMRAE0RAFkRAEsRAP/EABcAAAMBAAAAAAAAAAAAAAAAAAAICQf/xAAUEAEAAAAAAAAAAAAAAAAAAAAA/9oA\
-                    DgRDAE0AWQBLAAA/AHAIoUpVNDpUBqAf/9k=";
-        let bytes = base64::Engine::decode(&base64::engine::general_purpose::STANDARD, cmyk).unwrap();
-        std::fs::write(&path, bytes).unwrap();
-        let printed = Pixels::load(&path).unwrap();
-        for (at, wanted) in [(4 * 16 + 3, [200u8, 40, 60]), (4 * 16 + 12, [30, 160, 90])] {
-            assert!((0..3).all(|c| printed.rgb[at][c].abs_diff(wanted[c]) <= 3), "{:?}", printed.rgb[at]);
-        }
-    }
-
-    #[test]
-    fn a_picture_cut_short_is_an_error_in_every_format() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("picture.any");
-        for (format, whole) in encoded() {
-            std::fs::write(&path, &whole).unwrap();
-            assert_eq!(Pixels::load(&path).unwrap().size, UVec2::new(32, 24), "{format}");
-            assert_eq!(Pixels::size_of(&path, &Limits::DEFAULT).unwrap(), UVec2::new(32, 24), "{format}");
-            // The last chunk of a PNG holds nothing: without it no pixel is lost.
-            let needed = whole.len() - if format == "png" { PNG_END.len() } else { 0 };
-            for len in (0..needed).step_by(37).chain([needed - 1]) {
-                std::fs::write(&path, &whole[..len]).unwrap();
-                assert!(Pixels::load(&path).is_err(), "{format} cut at {len} was read");
-                assert!(
-                    Pixels::size_of(&path, &Limits::DEFAULT).is_err(),
-                    "{format} cut at {len} passed for whole"
-                );
-            }
-            // Phones append a film, an editor its own data.
-            std::fs::write(&path, [whole.as_slice(), b"something else"].concat()).unwrap();
-            assert!(
-                Pixels::load(&path).is_ok() && Pixels::size_of(&path, &Limits::DEFAULT).is_ok(),
-                "{format}"
-            );
-        }
-    }
-
-    /// A PNG whose header claims a size, with one row of pixels or none behind it.
-    fn claiming(width: u32, height: u32, data: &[u8]) -> Vec<u8> {
-        let mut png = b"\x89PNG\r\n\x1a\n".to_vec();
-        let header = [&width.to_be_bytes()[..], &height.to_be_bytes(), &[8, 2, 0, 0, 0]].concat();
-        for (name, data) in [(b"IHDR", header.as_slice()), (b"IDAT", data), (b"IEND", &[])] {
-            let body = [&name[..], data].concat();
-            png.extend((data.len() as u32).to_be_bytes());
-            png.extend(&body);
-            png.extend(crc32(&body).to_be_bytes());
-        }
-        png
-    }
-
-    fn crc32(bytes: &[u8]) -> u32 {
-        !bytes.iter().fold(!0u32, |crc, byte| {
-            (0..8)
-                .fold(crc ^ u32::from(*byte), |crc, _| (crc >> 1) ^ (0xedb8_8320 & (crc & 1).wrapping_neg()))
-        })
-    }
-
-    #[test]
-    fn a_png_of_57_bytes_that_claims_50000_squared_is_refused_by_its_header() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("picture.png");
-        let errors = |bytes: &[u8], limits: &Limits| {
-            std::fs::write(&path, bytes).unwrap();
-            let all = [
-                Pixels::size_of(&path, limits).unwrap_err(),
-                Pixels::load_within(&path, limits).unwrap_err(),
-                Pixels::load_mask(&path, limits).unwrap_err(),
-            ];
-            all.map(|error| error.to_string())
-        };
-        let png = claiming(50_000, 50_000, &[]);
-        assert_eq!(png.len(), 57);
-        for message in errors(&png, &Limits::DEFAULT) {
-            assert!(
-                message.contains("picture.png: 2500000000 pixels") && message.contains("`limit`"),
-                "{message}"
-            );
-        }
-        // Within the limit, but not within the file.
-        for message in errors(&claiming(16_000, 16_000, &[]), &Limits::DEFAULT) {
-            assert!(message.contains("claims 16000x16000 px, which 57 bytes cannot hold"), "{message}");
-        }
-        let small = Limits { picture_side: 31, ..Limits::DEFAULT };
-        for (format, bytes) in encoded() {
-            for message in errors(&bytes, &small) {
-                assert!(message.contains("picture_side=32"), "{format}: {message}");
-            }
-        }
-    }
-
-    #[test]
-    fn no_real_picture_has_more_pixels_per_byte_than_its_format_can_hold() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("picture.any");
-        let size = UVec2::splat(2048);
-        let black = vec![0u8; 3 * area(size)];
-        let mut jpeg = Vec::new();
-        let mut encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 1);
-        encoder.encode(&black, size.x, size.y, image::ExtendedColorType::Rgb8).unwrap();
-        let grey = image::GrayImage::new(size.x, size.y);
-        let mut png = Cursor::new(Vec::new());
-        grey.write_to(&mut png, image::ImageFormat::Png).unwrap();
-        for bytes in [jpeg, png.into_inner()] {
-            std::fs::write(&path, bytes).unwrap();
-            assert_eq!(Pixels::size_of(&path, &Limits::DEFAULT).unwrap(), size);
-            assert_eq!(Pixels::load(&path).unwrap().size, size);
-        }
     }
 }

@@ -1,5 +1,6 @@
 //! Pictures as files: what they claim is checked before anything is allocated for it.
 
+use super::jpeg::{self, JPEG_END, JPEG_START};
 use super::palette;
 use crate::error::{Error, Result};
 use crate::guard::guarded;
@@ -17,7 +18,7 @@ pub(super) fn decode(path: &Path, limits: &Limits) -> Result<image::DynamicImage
 
 /// The same of bytes that are in memory; `path` is for messages.
 pub(super) fn decode_bytes(path: &Path, bytes: &[u8], limits: &Limits) -> Result<image::DynamicImage> {
-    if bytes.starts_with(&JPEG_START) && !jpeg_is_whole(bytes) {
+    if bytes.starts_with(&JPEG_START) && !jpeg::is_whole(bytes) {
         // The decoder would fill the rest with grey and say nothing.
         return Err(Error::malformed(path, "picture", "the JPEG is cut short; copy it again"));
     }
@@ -45,7 +46,7 @@ pub(super) fn decode_reduced(
         // Sides that are no multiples would have a part of a pixel at their end.
         let fits = |part: &u32| (least * *part).cmple(full).all() && full % *part == UVec2::ZERO;
         if let Some(part) = [8, 4, 2].into_iter().find(fits)
-            && let Some(small) = reduced_jpeg(path, &bytes, full / part)?
+            && let Some(small) = jpeg::reduced(path, &bytes, full / part)?
         {
             return Ok((small, full));
         }
@@ -53,33 +54,6 @@ pub(super) fn decode_reduced(
     let whole = decode_bytes(path, &bytes, limits)?;
     let full = UVec2::new(whole.width(), whole.height());
     Ok((whole, full))
-}
-
-/// A JPEG of colours or greys, reduced to `wanted`; `None` of another kind, or one that the whole decoder is to judge.
-fn reduced_jpeg(path: &Path, bytes: &[u8], wanted: UVec2) -> Result<Option<image::DynamicImage>> {
-    if !jpeg_is_whole(bytes) {
-        return Ok(None);
-    }
-    guarded(path, || {
-        let mut decoder = jpeg_decoder::Decoder::new(bytes);
-        let side = |length: u32| u16::try_from(length).unwrap_or(u16::MAX);
-        let size = decoder.scale(side(wanted.x), side(wanted.y));
-        let UVec2 { x: width, y: height } = wanted;
-        if !size.is_ok_and(|(x, y)| (u32::from(x), u32::from(y)) == (width, height)) {
-            return Ok(None);
-        }
-        let format = decoder.info().map(|info| info.pixel_format);
-        let Ok(pixels) = decoder.decode() else { return Ok(None) };
-        Ok(match format {
-            Some(jpeg_decoder::PixelFormat::RGB24) => {
-                image::RgbImage::from_raw(width, height, pixels).map(Into::into)
-            }
-            Some(jpeg_decoder::PixelFormat::L8) => {
-                image::GrayImage::from_raw(width, height, pixels).map(Into::into)
-            }
-            _ => None,
-        })
-    })
 }
 
 /// The size that the first bytes of a picture of `len` bytes claim, once it is known that it may be so.
@@ -135,10 +109,8 @@ fn most_pixels_per_byte(format: Option<image::ImageFormat>) -> u64 {
     }
 }
 
-const JPEG_START: [u8; 2] = [0xff, 0xd8];
-const JPEG_END: [u8; 2] = [0xff, 0xd9];
 /// What every PNG ends with: an empty chunk and its checksum.
-pub(super) const PNG_END: &[u8; 12] = b"\0\0\0\0IEND\xaeB\x60\x82";
+const PNG_END: &[u8; 12] = b"\0\0\0\0IEND\xaeB\x60\x82";
 
 /// False when a file's last bytes, or for WebP its stated length, give reason to look closer.
 pub(super) fn ends_well(file: &mut std::fs::File) -> std::io::Result<bool> {
@@ -154,26 +126,6 @@ pub(super) fn ends_well(file: &mut std::fs::File) -> std::io::Result<bool> {
     Ok(riff || tail.ends_with(&JPEG_END) || tail.ends_with(PNG_END))
 }
 
-/// Walks the segments of a JPEG file up to its end marker; what cameras append behind it does not count.
-fn jpeg_is_whole(bytes: &[u8]) -> bool {
-    let mut at = JPEG_START.len();
-    loop {
-        // Entropy-coded bytes and padding; 0xff 0x00 and restarts belong to them.
-        let Some(skip) = bytes.get(at..).and_then(|rest| {
-            rest.windows(2).position(|w| w[0] == 0xff && !matches!(w[1], 0x00 | 0xd0..=0xd7 | 0xff))
-        }) else {
-            return false;
-        };
-        at += skip;
-        match bytes.get(at..at + 4) {
-            _ if bytes.get(at..at + 2) == Some(&JPEG_END) => return true,
-            Some(&[_, 0x01 | 0xd8, ..]) => at += 2,
-            Some(&[_, _, high, low]) => at += 2 + usize::from(u16::from_be_bytes([high, low])).max(2),
-            _ => return false,
-        }
-    }
-}
-
 fn broken(path: &Path, error: image::ImageError) -> Error {
     use std::io::ErrorKind::{InvalidData, UnexpectedEof};
     match error {
@@ -186,5 +138,165 @@ fn broken(path: &Path, error: image::ImageError) -> Error {
             Error::unsupported(path, format!("{e}; convert it to PNG, JPEG, WebP or TIFF"))
         }
         other => Error::malformed(path, "picture", other.to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::tests::ramp;
+    use crate::image::{Pixels, area};
+
+    #[test]
+    fn what_is_not_a_picture_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("picture.png");
+        assert!(matches!(Pixels::load(&path), Err(Error::Io { .. })));
+        std::fs::write(&path, "certainly not a picture").unwrap();
+        assert!(matches!(Pixels::load(&path), Err(Error::Unsupported { .. })));
+    }
+
+    /// One picture in every format that is read.
+    fn encoded() -> [(&'static str, Vec<u8>); 3] {
+        let source = ramp(UVec2::new(32, 24));
+        let rgb = source.rgb.as_flattened();
+        let rgb8 = image::ExtendedColorType::Rgb8;
+        let (mut jpeg, mut webp) = (Vec::new(), Vec::new());
+        image::codecs::jpeg::JpegEncoder::new(&mut jpeg).encode(rgb, 32, 24, rgb8).unwrap();
+        image::codecs::webp::WebPEncoder::new_lossless(&mut webp).encode(rgb, 32, 24, rgb8).unwrap();
+        [("png", source.to_png().unwrap()), ("jpeg", jpeg), ("webp", webp)]
+    }
+
+    #[test]
+    fn sixteen_bits_tiff_and_printing_colours_are_read() {
+        use image::{DynamicImage, ImageBuffer, ImageFormat, Rgb};
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("picture.any");
+        let source = ramp(UVec2::new(32, 24));
+        let deep: Vec<u16> = source.rgb.as_flattened().iter().map(|&c| u16::from(c) * 257).collect();
+        let deep: DynamicImage = ImageBuffer::<Rgb<u16>, _>::from_raw(32, 24, deep).unwrap().into();
+        for (picture, format) in [
+            (&deep, ImageFormat::Png),
+            (&deep, ImageFormat::Tiff),
+            (&DynamicImage::from(deep.to_rgb8()), ImageFormat::Tiff),
+        ] {
+            let mut bytes = Cursor::new(Vec::new());
+            picture.write_to(&mut bytes, format).unwrap();
+            let bytes = bytes.into_inner();
+            std::fs::write(&path, &bytes).unwrap();
+            assert_eq!(Pixels::size_of(&path, &Limits::DEFAULT).unwrap(), source.size, "{format:?}");
+            assert_eq!(Pixels::load(&path).unwrap(), source, "{format:?}");
+            std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+            assert!(Pixels::size_of(&path, &Limits::DEFAULT).is_err(), "{format:?} cut short");
+        }
+        // A red and a green half in cyan, magenta, yellow and black, as Adobe's programs write them.
+        let cmyk = "/9j/7gAOQWRvYmUAZAAAAAAA/9sAQwADAgIDAgIDAwMDBAMDBAUIBQUEBAUKBwcGCAwKDAwLCgsLDQ4SEA0OEQ4LCxAWEBETFBUVFQwP\
+                    FxgWFBgSFBUU/8AAFAgACAAQBEMRAE0RAFkRAEsRAP/EABcAAAMBAAAAAAAAAAAAAAAAAAAICQf/xAAUEAEAAAAAAAAAAAAAAAAAAAAA/9oA\
+                    DgRDAE0AWQBLAAA/AHAIoUpVNDpUBqAf/9k=";
+        let bytes = base64::Engine::decode(&base64::engine::general_purpose::STANDARD, cmyk).unwrap();
+        std::fs::write(&path, bytes).unwrap();
+        let printed = Pixels::load(&path).unwrap();
+        for (at, wanted) in [(4 * 16 + 3, [200u8, 40, 60]), (4 * 16 + 12, [30, 160, 90])] {
+            assert!((0..3).all(|c| printed.rgb[at][c].abs_diff(wanted[c]) <= 3), "{:?}", printed.rgb[at]);
+        }
+    }
+
+    #[test]
+    fn a_picture_cut_short_is_an_error_in_every_format() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("picture.any");
+        for (format, whole) in encoded() {
+            std::fs::write(&path, &whole).unwrap();
+            assert_eq!(Pixels::load(&path).unwrap().size, UVec2::new(32, 24), "{format}");
+            assert_eq!(Pixels::size_of(&path, &Limits::DEFAULT).unwrap(), UVec2::new(32, 24), "{format}");
+            // The last chunk of a PNG holds nothing: without it no pixel is lost.
+            let needed = whole.len() - if format == "png" { PNG_END.len() } else { 0 };
+            for len in (0..needed).step_by(37).chain([needed - 1]) {
+                std::fs::write(&path, &whole[..len]).unwrap();
+                assert!(Pixels::load(&path).is_err(), "{format} cut at {len} was read");
+                assert!(
+                    Pixels::size_of(&path, &Limits::DEFAULT).is_err(),
+                    "{format} cut at {len} passed for whole"
+                );
+            }
+            // Phones append a film, an editor its own data.
+            std::fs::write(&path, [whole.as_slice(), b"something else"].concat()).unwrap();
+            assert!(
+                Pixels::load(&path).is_ok() && Pixels::size_of(&path, &Limits::DEFAULT).is_ok(),
+                "{format}"
+            );
+        }
+    }
+
+    /// A PNG whose header claims a size, with one row of pixels or none behind it.
+    fn claiming(width: u32, height: u32, data: &[u8]) -> Vec<u8> {
+        let mut png = b"\x89PNG\r\n\x1a\n".to_vec();
+        let header = [&width.to_be_bytes()[..], &height.to_be_bytes(), &[8, 2, 0, 0, 0]].concat();
+        for (name, data) in [(b"IHDR", header.as_slice()), (b"IDAT", data), (b"IEND", &[])] {
+            let body = [&name[..], data].concat();
+            png.extend((data.len() as u32).to_be_bytes());
+            png.extend(&body);
+            png.extend(crc32(&body).to_be_bytes());
+        }
+        png
+    }
+
+    fn crc32(bytes: &[u8]) -> u32 {
+        !bytes.iter().fold(!0u32, |crc, byte| {
+            (0..8)
+                .fold(crc ^ u32::from(*byte), |crc, _| (crc >> 1) ^ (0xedb8_8320 & (crc & 1).wrapping_neg()))
+        })
+    }
+
+    #[test]
+    fn a_png_of_57_bytes_that_claims_50000_squared_is_refused_by_its_header() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("picture.png");
+        let errors = |bytes: &[u8], limits: &Limits| {
+            std::fs::write(&path, bytes).unwrap();
+            let all = [
+                Pixels::size_of(&path, limits).unwrap_err(),
+                Pixels::load_within(&path, limits).unwrap_err(),
+                Pixels::load_mask(&path, limits).unwrap_err(),
+            ];
+            all.map(|error| error.to_string())
+        };
+        let png = claiming(50_000, 50_000, &[]);
+        assert_eq!(png.len(), 57);
+        for message in errors(&png, &Limits::DEFAULT) {
+            assert!(
+                message.contains("picture.png: 2500000000 pixels") && message.contains("`limit`"),
+                "{message}"
+            );
+        }
+        // Within the limit, but not within the file.
+        for message in errors(&claiming(16_000, 16_000, &[]), &Limits::DEFAULT) {
+            assert!(message.contains("claims 16000x16000 px, which 57 bytes cannot hold"), "{message}");
+        }
+        let small = Limits { picture_side: 31, ..Limits::DEFAULT };
+        for (format, bytes) in encoded() {
+            for message in errors(&bytes, &small) {
+                assert!(message.contains("picture_side=32"), "{format}: {message}");
+            }
+        }
+    }
+
+    #[test]
+    fn no_real_picture_has_more_pixels_per_byte_than_its_format_can_hold() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("picture.any");
+        let size = UVec2::splat(2048);
+        let black = vec![0u8; 3 * area(size)];
+        let mut jpeg = Vec::new();
+        let mut encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 1);
+        encoder.encode(&black, size.x, size.y, image::ExtendedColorType::Rgb8).unwrap();
+        let grey = image::GrayImage::new(size.x, size.y);
+        let mut png = Cursor::new(Vec::new());
+        grey.write_to(&mut png, image::ImageFormat::Png).unwrap();
+        for bytes in [jpeg, png.into_inner()] {
+            std::fs::write(&path, bytes).unwrap();
+            assert_eq!(Pixels::size_of(&path, &Limits::DEFAULT).unwrap(), size);
+            assert_eq!(Pixels::load(&path).unwrap().size, size);
+        }
     }
 }
