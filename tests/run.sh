@@ -20,6 +20,7 @@ TILES=0.5.3
 BABYLON=9.28.0
 MATURIN=1.16.0
 PUPPETEER=25.16.0
+PYCOLMAP=4.2.1
 judges=target/judges
 python=$judges/venv/bin/python
 
@@ -159,6 +160,16 @@ if "$python" -m pip install --quiet --disable-pip-version-check "f3d==$F3D" &&
     echo "f3d $F3D"
 else
     echo "NOT CHECKED: f3d $F3D has no build for this system, or finds no EGL"
+fi
+
+section 'pycolmap'
+# Wheels are there for some systems and Pythons only.
+if "$python" -m pip install --quiet --disable-pip-version-check "pycolmap==$PYCOLMAP" &&
+    "$python" -c 'import pycolmap' >/dev/null 2>&1; then
+    required=$required,pycolmap
+    echo "pycolmap $PYCOLMAP"
+else
+    echo "NOT CHECKED: pycolmap $PYCOLMAP has no wheel for this system"
 fi
 
 section 'software Vulkan and a virtual screen'

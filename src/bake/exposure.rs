@@ -78,7 +78,9 @@ pub fn exposure(
     let (exposures, verdict) = judge(solve(&photos), options.exposure);
     details.verdict = Some(verdict);
     let Some(exposures) = exposures else {
-        return Ok(Outcome::Unneeded("the photos agree in exposure and white balance"));
+        return Ok(Outcome::Unneeded(
+            "photos spread by less than 15% in exposure: they are taken as they are",
+        ));
     };
     details.exposures = exposures.clone();
     views.correct_by(exposures);

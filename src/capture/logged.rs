@@ -4,15 +4,17 @@ use super::halt::{Halt, Step};
 use super::observer::CaptureObserver;
 use crate::error::Error;
 use crate::process::running::Running;
-use std::fs::File;
+use std::fs::{File, TryLockError};
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitStatus};
+use std::process::{Command, ExitStatus, Stdio};
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Interval between checks for a stop request.
 const TICK: Duration = Duration::from_millis(100);
+/// Longest wait for a program left over from a killed run.
+const PATIENCE: Duration = Duration::from_secs(5);
 /// Lines kept for error messages.
 const KEPT: usize = 40;
 
@@ -21,6 +23,8 @@ const KEPT: usize = 40;
 pub(super) struct Log {
     pub(super) path: PathBuf,
     file: File,
+    /// Locked, and the standard input of every program: one that runs on when this process is killed keeps the lock.
+    lock: File,
 }
 
 /// How a program ended.
@@ -33,9 +37,12 @@ pub(super) struct Ended {
 
 impl Log {
     /// Opens the log at `path` for appending.
+    ///
+    /// Errors: a program that another run started for this log is still running.
     pub(super) fn open(path: &Path) -> Step<Self> {
+        let lock = locked(&path.with_extension("lock"))?;
         let file = File::options().create(true).append(true).open(path).map_err(|e| Error::io(path, e))?;
-        Ok(Self { path: path.to_owned(), file })
+        Ok(Self { path: path.to_owned(), file, lock })
     }
 
     /// Runs `command` to its end, or until `observer` stops it. `hear` gets each line of standard output and error.
@@ -46,7 +53,7 @@ impl Log {
         mut hear: impl FnMut(&str, &mut dyn CaptureObserver),
     ) -> Step<Ended> {
         self.write(&format!("$ {}", shown(command)))?;
-        let mut program = start(command)?;
+        let mut program = self.start(command)?;
         let (lines, heard) = mpsc::channel();
         let (out, err) = program.pipes();
         let readers = [out.map(boxed), err.map(boxed)].into_iter().flatten();
@@ -102,7 +109,7 @@ impl Log {
         read: impl FnOnce(&mut dyn Read) -> Step<()>,
     ) -> Step<()> {
         self.write(&format!("$ {}", shown(command)))?;
-        let mut program = start(command)?;
+        let mut program = self.start(command)?;
         let (lines, heard) = mpsc::channel();
         let (out, err) = program.pipes();
         err.into_iter().for_each(|err| pass_lines(Box::new(err), lines.clone()));
@@ -132,6 +139,11 @@ impl Log {
         Error::unsupported(&self.path, reason)
     }
 
+    fn start(&self, command: &mut Command) -> Step<Running> {
+        let lock = self.lock.try_clone().map_err(io_of(command))?;
+        Running::start(command.stdin(Stdio::from(lock))).map_err(|e| io_of(command)(e).into())
+    }
+
     fn write(&mut self, line: &str) -> Step<()> {
         writeln!(self.file, "{line}").map_err(|e| Error::io(&self.path, e).into())
     }
@@ -141,8 +153,23 @@ fn boxed<R: Read + Send + 'static>(from: R) -> Box<dyn Read + Send> {
     Box::new(from)
 }
 
-fn start(command: &mut Command) -> Step<Running> {
-    Running::start(command).map_err(|e| io_of(command)(e).into())
+/// The file at `path`, which is made if need be, with its lock.
+fn locked(path: &Path) -> Step<File> {
+    let io = |e| Error::io(path, e);
+    let file = File::options().read(true).append(true).create(true).open(path).map_err(io)?;
+    let began = Instant::now();
+    loop {
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) if began.elapsed() < PATIENCE => std::thread::sleep(TICK),
+            Err(TryLockError::WouldBlock) => {
+                let why =
+                    "a program that an earlier run has started still works here; wait for it, or end it";
+                return Err(io(io::Error::new(io::ErrorKind::ResourceBusy, why)).into());
+            }
+            // Without locks nothing is worse than before.
+            Ok(()) | Err(TryLockError::Error(_)) => return Ok(file),
+        }
+    }
 }
 
 fn io_of(command: &Command) -> impl Fn(io::Error) -> Error + use<> {

@@ -1,6 +1,9 @@
 # Finds poses with pycolmap, step by step, as `trisplat capture` asks for them in JSON.
 import json
+import os
 import sys
+import threading
+import time
 
 import pycolmap
 
@@ -52,5 +55,14 @@ def probe(_):
     print("pycolmap", pycolmap.__version__, "global" if hasattr(pycolmap, "global_mapping") else "")
 
 
+def end_with(parent):
+    """Nobody wants what this program does when the one that has started it is gone."""
+    while os.getppid() == parent:
+        time.sleep(0.2)
+    os._exit(1)
+
+
+if hasattr(os, "getppid"):
+    threading.Thread(target=end_with, args=[os.getppid()], daemon=True).start()
 job = json.loads(sys.argv[1])
 {"probe": probe, "features": features, "matches": matches, "model": model}[job["step"]](job)

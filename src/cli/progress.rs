@@ -174,7 +174,8 @@ fn row(stage: &StageReport) -> String {
         return format!("{name:<11}{}", chosen(&budget));
     }
     let (before, after) = (stage.before.triangles, stage.after.triangles);
-    let counts = if let Some(teacher) = stage.details_as::<TeacherDetails>() {
+    let drawn = stage.details_as::<TeacherDetails>().filter(|teacher| teacher.pictures.is_some());
+    let counts = if let Some(teacher) = drawn {
         pictures(&teacher)
     } else if name == BackdropDetails::STAGE && after >= before {
         format!("{} triangles behind {}", thousands(after - before), thousands(before))

@@ -33,11 +33,11 @@ pub struct Running {
 }
 
 impl Running {
-    /// Starts `command` without standard input, in a group of its own: Ctrl-C in the terminal reaches this process alone, which ends it.
+    /// Starts `command` with the standard input that it has, in a group of its own: Ctrl-C in the terminal reaches this process alone, which ends it.
     ///
     /// Errors: what the operating system says, as of a program that is not there.
     pub fn start(command: &mut Command) -> io::Result<Self> {
-        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(command, 0);
         let mut list = running();

@@ -262,6 +262,23 @@ fn a_capture_that_is_interrupted_leaves_no_program_behind_and_goes_on_later() {
     assert_eq!(fake.calls().len(), 1, "the mapper alone");
 }
 
+#[test]
+fn a_program_that_outlives_a_killed_capture_is_not_disturbed() {
+    let fake = Fake::new();
+    std::fs::write(fake.at("waits"), "feature_extractor").unwrap();
+    let mut child = fake.command(&CAPTURE).spawn().unwrap();
+    let pids = || std::fs::read_to_string(fake.at("pids")).unwrap_or_default();
+    wait_for("the program begins", || pids().ends_with('\n'));
+    child.kill().unwrap();
+    child.wait().unwrap();
+    std::fs::remove_file(fake.at("waits")).unwrap();
+    let busy = fake.error(&CAPTURE);
+    assert!(busy.contains("poses.lock") && busy.contains("an earlier run has started"), "{busy}");
+    let pids = pids();
+    pids.split_whitespace().for_each(|pid| drop(Command::new("kill").args(["-9", pid]).status()));
+    assert!(fake.succeed(&CAPTURE).contains("have a pose"));
+}
+
 /// A JPEG that says how its camera was held.
 fn held(picture: &Pixels, orientation: u8) -> Vec<u8> {
     let entry = [0x12, 0x01, 3, 0, 1, 0, 0, 0, orientation, 0, 0, 0];

@@ -13,6 +13,7 @@ mod floats;
 mod framing;
 mod levels;
 mod lit;
+mod make;
 mod renderers;
 mod textured;
 mod tiles;
