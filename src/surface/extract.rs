@@ -13,6 +13,7 @@ use super::options::SurfaceOptions;
 use super::picture::DepthPicture;
 use super::pictures::pictures;
 use super::simplify::simplify;
+use super::smooth::smooth;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::limits::Limits;
@@ -22,6 +23,8 @@ use crate::scene::Loaded;
 use crate::teacher::Viewpoints;
 use rayon::prelude::*;
 
+/// Rounds of smoothing before a surface is simplified.
+const SMOOTHING: u32 = 8;
 /// Share of the time that drawing takes.
 const DRAWING: f64 = 0.5;
 
@@ -60,12 +63,15 @@ pub fn surface(
     let pieces = drop_small(&mut mesh, options.min_component);
     (details.components, details.small) = (pieces.kept, pieces.dropped_faces);
     details.holes = fill(&mut mesh);
-    if let Some(most) = options.max_triangles
-        && let Some(simplified) = simplify(&mut mesh, most as usize)?
-    {
-        details.simplification_error = Some(simplified.error);
-        details.components = simplified.pieces.kept;
-        details.small += simplified.pieces.dropped_faces;
+    let fewer = options.max_triangles.map(|most| most as usize).filter(|most| mesh.face_count() > *most);
+    if let Some(most) = fewer {
+        // Noise that few triangles cannot show would only crease them.
+        smooth(&mut mesh, SMOOTHING);
+        if let Some(simplified) = simplify(&mut mesh, most)? {
+            details.simplification_error = Some(simplified.error);
+            details.components = simplified.pieces.kept;
+            details.small += simplified.pieces.dropped_faces;
+        }
     }
     progress.set(1, 1);
     Ok((mesh.face_count() > 0).then_some(mesh))

@@ -1,7 +1,7 @@
 //! A connected, coloured surface in place of triangles that overlap: something to walk on and to collide with.
 //!
 //! ```text
-//! scene + cameras ──► depth pictures ──► signed distances on a sparse lattice ──► surface nets ──► components ──► fill ──► simplify ──► Mesh
+//! scene + cameras ──► depth pictures ──► signed distances on a sparse lattice ──► surface nets ──► components ──► fill ──► smooth ──► simplify ──► Mesh
 //! ```
 //!
 //! As in the supplement of Held et al. 2025 (mesh extraction from depth maps, after 2D Gaussian Splatting): the median depth of what
@@ -25,7 +25,9 @@ mod observe;
 mod options;
 mod picture;
 mod pictures;
+mod sheets;
 mod simplify;
+mod smooth;
 
 pub use details::SurfaceDetails;
 pub use extract::surface;

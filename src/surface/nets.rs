@@ -1,19 +1,15 @@
-//! Surface nets (Gibson 1998): a vertex in every cell that the surface runs through, a quadrilateral across every edge of the lattice
+//! Surface nets (Gibson 1998): a vertex for every sheet of the surface in a cell, a quadrilateral across every edge of the lattice
 //! that it crosses. Cells with an unobserved corner have none.
 
 use super::field::Field;
 use super::grid::{Grid, SAMPLES, SIDE, block, within};
+use super::sheets::{CORNERS, EDGES, EdgeSet, edge, sheets};
 use crate::mesh::{Colors, Mesh};
 use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 
 /// Crossings stay this far from the samples, as a share of the edge, so that no two vertices fall together.
 const INSET: f32 = 1e-3;
-/// The corners of a cell, bit i of the number along axis i.
-const CORNERS: usize = 8;
-/// The edges of a cell, by their corners.
-const EDGES: [(usize, usize); 12] =
-    [(0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7)];
 const AXES: [IVec3; 3] = [IVec3::X, IVec3::Y, IVec3::Z];
 
 /// The vertices of one block.
@@ -21,8 +17,10 @@ const AXES: [IVec3; 3] = [IVec3::X, IVec3::Y, IVec3::Z];
 struct BlockVertices {
     /// Number of the first.
     first: u32,
-    /// Their cells, ascending.
+    /// Their cells, ascending, ...
     cells: Vec<u16>,
+    /// ... and the edges of these that their sheets cross.
+    edges: Vec<EdgeSet>,
     positions: Vec<Vec3>,
     colors: Vec<[f32; 3]>,
 }
@@ -72,19 +70,20 @@ fn block_vertices(field: &Field, grid: &Grid, index: usize) -> BlockVertices {
     for local in 0..SAMPLES {
         let cell = first + within(local);
         let Some(distances) = corners(field, index, cell, local) else { continue };
-        let (mut middle, mut color, mut crossings) = (Vec3::ZERO, Vec3::ZERO, 0.0);
-        for (a, b) in EDGES {
-            let (from, to) = (distances[a], distances[b]);
-            if (from < 0.0) != (to < 0.0) {
+        for crossed in sheets(&distances) {
+            let (mut middle, mut color) = (Vec3::ZERO, Vec3::ZERO);
+            for (a, b) in (0..EDGES.len()).filter(|e| crossed >> e & 1 == 1).map(|e| EDGES[e]) {
+                let (from, to) = (distances[a], distances[b]);
                 let share = (from / (from - to)).clamp(INSET, 1.0 - INSET);
                 middle += corner(a).as_vec3().lerp(corner(b).as_vec3(), share);
                 color += field.color(cell + corner(a)).lerp(field.color(cell + corner(b)), share);
-                crossings += 1.0;
             }
+            let crossings = crossed.count_ones() as f32;
+            out.cells.push(local as u16);
+            out.edges.push(crossed);
+            out.positions.push(grid.sample(cell) + middle / crossings * grid.voxel);
+            out.colors.push((color / crossings).clamp(Vec3::ZERO, Vec3::ONE).to_array());
         }
-        out.cells.push(local as u16);
-        out.positions.push(grid.sample(cell) + middle / crossings * grid.voxel);
-        out.colors.push((color / crossings).clamp(Vec3::ZERO, Vec3::ONE).to_array());
     }
     out
 }
@@ -92,10 +91,14 @@ fn block_vertices(field: &Field, grid: &Grid, index: usize) -> BlockVertices {
 /// Corners of the triangles across the edges that start at the samples of a block.
 fn block_faces(field: &Field, blocks: &[BlockVertices], index: usize) -> Vec<u32> {
     let first = block(field.numbers[index]) * SIDE;
-    let vertex = |cell: IVec3| -> Option<(u32, Vec3)> {
+    // The vertex of the sheet that crosses the edge from `sample` along `axis`.
+    let vertex = |cell: IVec3, sample: IVec3, axis: usize| -> Option<(u32, Vec3)> {
         let (block, local) = field.find(cell)?;
         let block = &blocks[block];
-        let at = block.cells.binary_search(&(local as u16)).ok()?;
+        let edge = edge((sample - cell).dot(IVec3::new(1, 2, 4)) as usize, axis);
+        let from = block.cells.partition_point(|other| usize::from(*other) < local);
+        let of_cell = (from..block.cells.len()).take_while(|i| usize::from(block.cells[*i]) == local);
+        let at = of_cell.into_iter().find(|i| block.edges[*i] >> edge & 1 == 1)?;
         Some((block.first + at as u32, block.positions[at]))
     };
     let mut indices = Vec::new();
@@ -111,7 +114,8 @@ fn block_faces(field: &Field, blocks: &[BlockVertices], index: usize) -> Vec<u32
             }
             let (b, c) = (AXES[(axis + 1) % 3], AXES[(axis + 2) % 3]);
             // The four cells around the edge, counter-clockwise as seen from its end.
-            let around = [sample - b - c, sample - c, sample, sample - b].map(vertex);
+            let around = [sample - b - c, sample - c, sample, sample - b];
+            let around = around.map(|cell| vertex(cell, sample, axis));
             let [Some(p), Some(q), Some(r), Some(s)] = around else { continue };
             let ring = if from < 0.0 { [p, q, r, s] } else { [p, s, r, q] };
             indices.extend(cut(ring));
