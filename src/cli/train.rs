@@ -319,7 +319,10 @@ fn summary(
                 None => "soft".to_owned(),
             };
             let size = ShrunkSize::beside(trained.photo_size);
-            format!(", held out {psnr:.2} dB / {ssim:.4} ({drawn}{size})")
+            let corrected = trained.psnr_corrected();
+            let corrected =
+                corrected.map_or(String::new(), |p| format!(", {p:.2} dB with corrected colours"));
+            format!(", held out {psnr:.2} dB / {ssim:.4} ({drawn}{size}){corrected}")
         }
         None => String::new(),
     };

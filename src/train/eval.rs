@@ -5,6 +5,7 @@ use crate::dataset::{Photos, ShrunkSize, View};
 use crate::error::Result;
 use crate::image::Pixels;
 use crate::math::color::linear_from_srgb;
+use crate::math::color_fit::ColorMap;
 use crate::math::metric;
 use crate::mesh::{Colors, Mesh};
 use crate::raster::soft::{Soft, SoftOptions, SoupRef, Window};
@@ -64,6 +65,22 @@ pub struct PhotoScore {
     pub psnr: f64,
     /// SSIM of the 8-bit picture, 3DGS's convention.
     pub ssim: f64,
+    /// PSNR after one affine map of the picture's colours, dB; absent of an object before nothing. A scene of corrected photos cannot know
+    /// the exposure of this one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr_corrected: Option<f64>,
+}
+
+impl PhotoScore {
+    fn of(name: &str, quality: Quality, psnr_corrected: Option<f64>) -> Self {
+        Self { name: name.to_owned(), psnr: quality.psnr, ssim: quality.ssim, psnr_corrected }
+    }
+
+    /// The mean PSNR after a map of colours for each photo, dB; `None` of none, or where one has no such figure.
+    pub fn mean_corrected(scores: &[Self]) -> Option<f64> {
+        let sum = scores.iter().map(|score| score.psnr_corrected).sum::<Option<f64>>()?;
+        (!scores.is_empty()).then(|| sum / scores.len() as f64)
+    }
 }
 
 /// Draws held-out photos one by one and compares. Photos are decoded once; those that do not fit the memory for them are in a
@@ -137,13 +154,19 @@ impl Evaluator {
         let mut scores = Vec::with_capacity(self.views.len());
         for (i, EvalView { name, camera, cut }) in self.views.iter().enumerate() {
             let photo = self.photos.take(i)?;
-            let Quality { psnr, ssim } = match *cut && photo.alpha.is_some() {
-                false => Quality::of(&draw(camera, options)?, &photo),
-                true => Quality::over_two(&photo, |background| {
-                    draw(camera, &SoftOptions { background, ..*options })
-                })?,
-            };
-            scores.push(PhotoScore { name: name.clone(), psnr, ssim });
+            scores.push(match *cut && photo.alpha.is_some() {
+                false => {
+                    let picture = draw(camera, options)?;
+                    let weights = photo.alpha.as_deref();
+                    let map = ColorMap::fit(&picture.rgb, &photo.rgb, weights);
+                    let corrected = metric::psnr(&map.of(&picture.rgb), &photo.rgb, weights);
+                    PhotoScore::of(name, Quality::of(&picture, &photo), Some(corrected))
+                }
+                true => {
+                    let draw = |background| draw(camera, &SoftOptions { background, ..*options });
+                    PhotoScore::of(name, Quality::over_two(&photo, draw)?, None)
+                }
+            });
         }
         Ok(scores)
     }

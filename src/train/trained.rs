@@ -76,6 +76,9 @@ pub struct TrainDetails {
     pub psnr: Option<f64>,
     /// Mean SSIM over the held-out photos; null when there are none.
     pub ssim: Option<f64>,
+    /// Mean PSNR over the held-out photos after one affine colour map per photo, dB; absent if photos were not corrected.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr_corrected: Option<f64>,
     /// Samples per pixel along each axis of the solid drawings for these scores; null for soft drawings.
     #[serde(default)]
     pub samples: Option<u32>,
@@ -132,6 +135,12 @@ impl Trained {
         Quality::mean(&self.scores)
     }
 
+    /// [`PhotoScore::mean_corrected`] of a training that corrected its photos; `None` of any other.
+    pub fn psnr_corrected(&self) -> Option<f64> {
+        let corrected = self.exposure.as_ref().is_some_and(|exposure| !exposure.photos.is_empty());
+        corrected.then(|| PhotoScore::mean_corrected(&self.scores)).flatten()
+    }
+
     /// Writes the soup with its cameras and provenance as a PLY that appears whole or not at all; "-" is standard
     /// output. Returns its size in bytes.
     ///
@@ -167,6 +176,7 @@ impl Trained {
             photo_size: self.photo_size,
             budget: self.budget(),
             skipped: self.skipped,
+            psnr_corrected: self.psnr_corrected(),
             exposure: self.exposure.clone(),
             held_out: self.scores.clone(),
             hardened: None,
