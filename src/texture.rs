@@ -1,10 +1,15 @@
 //! Pictures that triangles show in place of one colour: texels, their mip levels, and how an engine samples them.
 
+use crate::error::Result;
 use crate::image::Pixels;
+use crate::limits::Limits;
 use crate::math::color::linear_of_srgb8;
 use crate::math::srgb8::srgb8_from_linear;
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
 use std::sync::Arc;
 
 /// Pictures are not joined to larger ones, texels.
@@ -13,9 +18,26 @@ const LARGEST: u32 = 8192;
 const WHOLE: u32 = 32;
 
 /// A picture and its mip levels, each half the size of the one before it, down to one texel. sRGB codes.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub struct Texture {
     levels: Vec<Pixels>,
+    stored: Option<StoredPicture>,
+}
+
+/// By what is seen, however a file holds it.
+impl PartialEq for Texture {
+    fn eq(&self, other: &Self) -> bool {
+        self.picture() == other.picture()
+    }
+}
+
+/// How a file holds a picture.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct StoredPicture {
+    /// "JPEG", "PNG", ...
+    pub format: String,
+    /// Bytes of the encoded picture.
+    pub bytes: u64,
 }
 
 impl Texture {
@@ -25,7 +47,21 @@ impl Texture {
         while let Some(finest) = levels.last().filter(|level| level.size.max_element() > 1) {
             levels.push(halved(finest));
         }
-        Self { levels }
+        Self { levels, stored: None }
+    }
+
+    /// The texture of a picture that a file holds as `bytes`; `place` is for messages.
+    ///
+    /// Errors: what cannot be decoded, or not within `limits`.
+    pub fn decoded(place: &Path, bytes: &[u8], limits: &Limits) -> Result<Self> {
+        let format = image::guess_format(bytes).map_or_else(|_| "?".to_owned(), |f| format!("{f:?}"));
+        let stored = StoredPicture { format: format.to_uppercase(), bytes: bytes.len() as u64 };
+        Ok(Self { stored: Some(stored), ..Self::new(Pixels::from_bytes(place, bytes, limits)?) })
+    }
+
+    /// How the file that it was read from holds it; `None` of a new one.
+    pub fn stored(&self) -> Option<&StoredPicture> {
+        self.stored.as_ref()
     }
 
     /// The picture itself.

@@ -201,10 +201,6 @@ impl BakeOptions {
             let wants = "nothing: `tiles` makes levels of its own";
             return Err(Error::invalid("lod", "given with `tiles`", wants));
         }
-        if self.texture.texture && !self.lod.lod.is_empty() {
-            let wants = "nothing: levels of detail have no textures so far";
-            return Err(Error::invalid("lod", "given with `texture`", wants));
-        }
         self.place.validate()
     }
 }

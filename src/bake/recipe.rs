@@ -152,11 +152,11 @@ impl<'a> Recipe<'a> {
         let unpainted = if lod.lod.is_empty() { Mesh::default() } else { mesh.clone() };
         let mesh = self.back(mesh)?;
         let mesh = self.paint(mesh, faces)?;
-        let mesh = self.texture(mesh)?;
         let behind = mesh.face_count() - faces;
         if behind > 0 && !lod.lod.is_empty() {
             self.backdrop = Some(mesh.clone().split_off(faces));
         }
+        let mesh = self.texture(mesh)?;
         let asset = self.package(mesh, Provenance { backdrop: behind as u32, ..provenance.clone() })?;
         let source =
             LevelSource { mesh: &unpainted, cameras: &cameras, enlarge: self.options.unseen.enlarge };
@@ -445,7 +445,7 @@ impl<'a> Recipe<'a> {
     }
 
     /// On fitted colours: texels store differences from them.
-    fn texture(&mut self, mesh: Mesh) -> Result<Mesh> {
+    pub(super) fn texture(&mut self, mesh: Mesh) -> Result<Mesh> {
         let (views, options) = (either(&mut self.views, &mut self.taught), &self.options.texture);
         self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
             texture(mesh, views, options, details, progress)

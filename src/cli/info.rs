@@ -4,7 +4,7 @@ use super::progress::thousands;
 use super::{files, info_dataset, info_tileset, messages};
 use crate::dataset::DatasetOptions;
 use crate::error::{Error, Result};
-use crate::formats::info::{Distribution, HistogramBin, Info, SceneKind, Softness};
+use crate::formats::info::{Distribution, HistogramBin, Info, SceneKind, Softness, TextureInfo};
 use crate::formats::tileset_info::tileset_info;
 use crate::job::describe;
 use std::io::{self, Write};
@@ -74,6 +74,12 @@ fn print(info: &Info, out: &mut dyn Write) -> io::Result<()> {
     };
     let colors = format!("mean #{}, #{} to #{}{outside}", hex(colors.mean), hex(colors.min), hex(colors.max));
     line(out, "colors", &colors)?;
+    if let Some(TextureInfo { size: [width, height], stored }) = &info.texture {
+        let stored = stored.as_ref().map_or(String::new(), |stored| {
+            format!(", {} of {} bytes", stored.format, thousands(stored.bytes))
+        });
+        line(out, "texture", &format!("{width}x{height} texels{stored}"))?;
+    }
     for (name, spread) in [("opacity", &info.opacity), ("sigma", &info.sigma)] {
         if let Some(spread) = spread {
             print_spread(out, name, spread)?;

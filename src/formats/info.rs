@@ -15,6 +15,7 @@ use crate::math::median::median;
 use crate::mesh::{Colors, Mesh};
 use crate::scene::{Loaded, Scene};
 use crate::soup::Soup;
+use crate::texture::{FaceTexture, StoredPicture};
 use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -62,6 +63,9 @@ pub struct Info {
     pub opacity: Option<Distribution>,
     /// Colours, sRGB-encoded.
     pub colors: ColorStats,
+    /// The texture, if the mesh has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub texture: Option<TextureInfo>,
     /// Facts about a glTF file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gltf: Option<GltfInfo>,
@@ -145,6 +149,23 @@ pub struct ColorStats {
     pub outside: u64,
 }
 
+/// The texture of a mesh.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct TextureInfo {
+    /// Width and height, texels.
+    pub size: [u32; 2],
+    /// How the file holds it; none where several pictures were joined.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stored: Option<StoredPicture>,
+}
+
+impl TextureInfo {
+    fn of(texture: &FaceTexture) -> Self {
+        let texture = &texture.texture;
+        Self { size: texture.size().to_array(), stored: texture.stored().cloned() }
+    }
+}
+
 /// What a glTF document holds.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct GltfInfo {
@@ -222,6 +243,7 @@ fn mesh_info(mesh: &Mesh) -> Info {
     Info {
         indexed: !mesh.indices.is_empty(),
         opacity: Distribution::of(mesh.opacity.clone(), &OPACITY_BINS),
+        texture: mesh.texture.as_ref().map(TextureInfo::of),
         ..Info::new(SceneKind::Mesh, mesh.face_count(), mesh.vertex_count(), BoundingBox::of(used), colors)
     }
 }
@@ -263,6 +285,7 @@ impl Info {
             sigma: None,
             opacity: None,
             colors,
+            texture: None,
             gltf: None,
             provenance: Provenance::default(),
             warnings: Vec::new(),

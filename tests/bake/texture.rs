@@ -207,7 +207,24 @@ fn what_holds_no_texture_is_refused_before_any_work() {
         options.plan_output(Path::new(name), None).unwrap();
     }
     options.lod.lod = vec![0.5];
-    assert!(options.plan_output(Path::new("scene.glb"), None).is_err());
+    options.plan_output(Path::new("scene.glb"), None).unwrap();
+}
+
+#[test]
+fn levels_have_textures_of_their_own_with_as_many_texels_per_triangle() {
+    let bake = |texture: bool| {
+        let mut views = Views::drawn(cameras(), photos());
+        let mut options = BakeOptions::preset(trisplat::bake::BakePreset::Fast);
+        (options.texture.texture, options.lod.lod) = (texture, vec![0.5]);
+        Bake::new(&options).photos(&mut views).run([Loaded::from(Scene::Mesh(grey(8)))]).unwrap()
+    };
+    let [plain, textured] = [bake(false), bake(true)];
+    let level = |asset: &Asset| asset.levels[0].mesh.clone();
+    let (before, after) = (psnr(&level(&plain)), psnr(&level(&textured)));
+    assert!(after > before + 3.0, "{before} {after}");
+    let texels = |mesh: &Mesh| mesh.texture.as_ref().unwrap().texture.size().element_product();
+    let [scene, level] = [&textured.mesh, &level(&textured)].map(texels);
+    assert!(f64::from(level) < 0.8 * f64::from(scene), "{level} of {scene}");
 }
 
 /// The grey wall as a connected surface.

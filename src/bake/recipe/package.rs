@@ -23,6 +23,8 @@ use glam::DVec3;
 
 /// Photos that a level of detail is evaluated on.
 const EVALUATION_VIEWS: usize = 12;
+/// Texels per pixel that a level has at least.
+const LEAST_DENSITY: f64 = 0.05;
 
 impl Recipe<'_> {
     /// The part of the recipe that prepares a mesh for a file.
@@ -112,10 +114,15 @@ impl Recipe<'_> {
         let viewpoint = self.viewpoint;
         let behind = self.backdrop.take();
         let (watching, facing) = (self.watching.clone(), self.facing.clone());
+        let density = of_levels.texture.texels_per_pixel;
         let finish = |mut level: Mesh, mut progress: StageProgress<'_>| {
             let (mut unread, mut unlimited) = (Report::default(), BakePace::default());
             let views = views.as_deref_mut();
-            let of_level = Recipe::new(&of_levels, views, &mut unread, &mut progress, &mut unlimited);
+            let mut own = of_levels.clone();
+            // As many texels for a triangle as the scene has: seen from farther away, they are as large in a picture.
+            let share = level.face_count() as f64 / source.mesh.face_count().max(1) as f64;
+            own.texture.texels_per_pixel = (density * share.sqrt()).max(LEAST_DENSITY);
+            let of_level = Recipe::new(&own, views, &mut unread, &mut progress, &mut unlimited);
             let mut of_level = Recipe {
                 placement,
                 viewpoint,
@@ -127,13 +134,19 @@ impl Recipe<'_> {
             // one.
             let faces = level.face_count();
             behind.clone().map_or(Ok(()), |backdrop| level.append(backdrop))?;
-            let mut level = of_level.paint(level, faces)?;
+            let level = of_level.paint(level, faces)?;
+            let mut level = of_level.texture(level)?;
             let psnr = of_level.evaluate(&level)?;
-            level.split_off(faces);
             let mut provenance = provenance.clone();
-            if let Some(backdrop) = behind.clone().filter(|_| !in_tiles) {
-                provenance.backdrop = backdrop.face_count() as u32;
-                level.append(backdrop)?;
+            provenance.backdrop = (level.face_count() - faces) as u32;
+            // A texture holds the backdrop of its level.
+            if level.texture.is_none() || in_tiles {
+                level.split_off(faces);
+                provenance.backdrop = 0;
+                if let Some(backdrop) = behind.clone().filter(|_| !in_tiles) {
+                    provenance.backdrop = backdrop.face_count() as u32;
+                    level.append(backdrop)?;
+                }
             }
             Ok(FinishedLevel { asset: of_level.package(level, provenance)?, psnr })
         };

@@ -2,13 +2,14 @@
 //! that equal the data, ranges, declared extensions; and sizes that engines handle well.
 
 use super::findings::{Findings, Positions, Severity};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::formats::gltf::accessor::Accessors;
 use crate::formats::gltf::buffers::Buffers;
 use crate::formats::gltf::container::{ContainerFile, GlbChunk};
 use crate::formats::gltf::document::{self, Document, Primitive};
 use crate::formats::gltf::extensions::{MESHOPT, MESHOPT_KHR, QUANTIZATION};
 use crate::formats::gltf::limits::{MAX_SHORT_VERTICES, READABLE_BYTES};
+use crate::formats::gltf::textures;
 use crate::formats::{ReadOptions, Source};
 use gltf_json::accessor::ComponentType;
 use serde_json::Value;
@@ -42,6 +43,19 @@ pub(super) fn check(
     for (m, mesh) in document.meshes.iter().enumerate() {
         for (p, primitive) in mesh.primitives.iter().enumerate() {
             checker.primitive(&format!("mesh {m} primitive {p}"), primitive, findings)?;
+        }
+    }
+    check_pictures(&document, &mut checker.accessors, findings)
+}
+
+/// Pictures that are not there: engines draw their triangles white, or nothing at all.
+fn check_pictures(document: &Document, accessors: &mut Accessors, findings: &mut Findings) -> Result<()> {
+    for (i, image) in document.images.iter().enumerate() {
+        let place = format!("image {i}");
+        match textures::picture_bytes(accessors, image, &place) {
+            Ok(_) => {}
+            Err(Error::Malformed { reason, .. }) => findings.error(place, reason),
+            Err(error) => findings.error(place, error.to_string()),
         }
     }
     Ok(())

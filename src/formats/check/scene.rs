@@ -6,6 +6,8 @@ use crate::soup::Soup;
 use glam::Vec3;
 use rayon::prelude::*;
 
+/// Largest side of a texture that today's phones draw, texels.
+const LARGEST_TEXTURE: u32 = 4096;
 /// Most places that a finding names.
 const NAMED: usize = 3;
 
@@ -19,6 +21,13 @@ pub(super) fn check_mesh(mesh: &Mesh, findings: &mut Findings) {
     check_corners(mesh.face_count(), |face| mesh.corners(face), findings);
     let faint = list(mesh.opacity.len(), |face| mesh.opacity[face] < 1.0);
     report(&faint, findings, Severity::Warning, "are translucent: engines sort and blend them per object");
+    if let Some(texture) = &mesh.texture {
+        let size = texture.texture.size();
+        if size.max_element() > LARGEST_TEXTURE {
+            let what = format!("{}x{} texels: phones draw {LARGEST_TEXTURE} a side at most", size.x, size.y);
+            findings.warning("texture", what);
+        }
+    }
     if let Colors::Vertex(_) = mesh.colors
         && !mesh.indices.is_empty()
     {

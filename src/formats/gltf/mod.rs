@@ -32,7 +32,7 @@ mod nodes;
 mod options;
 mod part;
 mod read;
-mod textures;
+pub(super) mod textures;
 pub(super) mod uri;
 mod write;
 

@@ -5,7 +5,6 @@ use super::accessor::Accessors;
 use super::document::{Document, Image, TextureInfo};
 use crate::error::{Error, Result};
 use crate::formats::painted::{self, PaintedFaces};
-use crate::image::Pixels;
 use crate::limits::Limits;
 use crate::mesh::Mesh;
 use crate::texture::Texture;
@@ -98,13 +97,25 @@ fn read(
         let has = document.images.len();
         Error::malformed(&path, &place, format!("does not exist: the file has {has}"))
     })?;
-    let bytes = match entry {
-        Image { buffer_view: Some(view), .. } => accessors.view_bytes(*view)?,
-        Image { uri: Some(uri), .. } => accessors.buffers.picture(uri, &place)?,
-        _ => return Err(Error::malformed(&path, place, "has neither a bufferView nor a uri")),
-    };
-    let picture = Pixels::from_bytes(&path, &bytes, limits)?;
+    let bytes = picture_bytes(accessors, entry, &place)?;
+    let texture = Texture::decoded(&path, &bytes, limits)?;
     // With its mip levels.
-    accessors.buffers.spend(2 * picture.bytes())?;
-    Ok(Arc::new(Texture::new(picture)))
+    accessors.buffers.spend(2 * texture.picture().bytes())?;
+    Ok(Arc::new(texture))
+}
+
+/// An encoded picture, in a buffer or beside the file; `place` is for messages.
+pub(in crate::formats) fn picture_bytes(
+    accessors: &mut Accessors,
+    image: &Image,
+    place: &str,
+) -> Result<Vec<u8>> {
+    match image {
+        Image { buffer_view: Some(view), .. } => accessors.view_bytes(*view),
+        Image { uri: Some(uri), .. } => accessors.buffers.picture(uri, place),
+        _ => {
+            let path = accessors.buffers.path();
+            Err(Error::malformed(path, place, "has neither a bufferView nor a uri"))
+        }
+    }
 }

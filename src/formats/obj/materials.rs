@@ -5,7 +5,6 @@ use crate::formats::lines::Lines;
 use crate::formats::painted::{PaintedFaces, paint};
 use crate::formats::read_options::ReadOptions;
 use crate::formats::source::Source;
-use crate::image::Pixels;
 use crate::input;
 use crate::math::color::linear_from_srgb;
 use crate::mesh::{Colors, Mesh};
@@ -208,7 +207,7 @@ fn without_options(text: &str) -> String {
 fn picture(path: &Path, name: &str, options: &ReadOptions) -> Result<Arc<Texture>> {
     let file = beside(path, name, options)?;
     let bytes = input::read_large(&file, &options.limits)?;
-    Ok(Arc::new(Texture::new(Pixels::from_bytes(&file, &bytes, &options.limits)?)))
+    Ok(Arc::new(Texture::decoded(&file, &bytes, &options.limits)?))
 }
 
 #[cfg(test)]
