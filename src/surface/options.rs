@@ -10,7 +10,7 @@ const MOST_CELLS: u32 = 256;
 /// ... and with few triangles.
 const LEAST_CELLS: u32 = 48;
 /// Cells along it per root of the triangles that are to be left.
-const CELLS_PER_SIDE: f64 = 0.9;
+const CELLS_PER_SIDE: f64 = 1.3;
 
 /// How a connected surface is made.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

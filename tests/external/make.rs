@@ -55,7 +55,7 @@ fn photos_alone_become_a_file_through_pycolmap() {
     let details = |name: &str| &stages.iter().find(|stage| stage["name"] == name).unwrap()["details"];
     assert!(details("model")["registered"].as_u64().unwrap() >= 20, "{}", details("model"));
     let psnr = details("train")["psnr"].as_f64().unwrap();
-    assert!(psnr > 15.0, "{psnr} dB: the poses are wrong");
+    assert!(psnr > 12.0, "{psnr} dB: the poses are wrong");
     let triangles = stages.last().unwrap()["after"]["triangles"].as_u64().unwrap();
     if have("gltf-validator", here("target/judges/node_modules/gltf-validator").exists()) {
         assert_valid(&[(folder.path().join("scene.glb"), triangles)]);
