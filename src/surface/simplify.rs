@@ -77,7 +77,7 @@ fn collapse(mesh: &mut Mesh, most: usize) -> f64 {
     let scale = meshopt::simplify_scale(&vertices);
     let mut error = 0.0;
     // No vertex is locked. An empty list would be read beyond its end.
-    // `Regularize`: evenly shaped faces have fewer creases between them, so that charts are larger. Not `Prune`: where the topology keeps a piece above `most`, it drops one piece after the other until none is left.
+    // Not `Prune`: where the topology keeps a piece above `most`, it drops one piece after the other until none is left.
     mesh.indices = meshopt::simplify_with_attributes_and_locks(
         &mesh.indices,
         &vertices,
@@ -87,7 +87,7 @@ fn collapse(mesh: &mut Mesh, most: usize) -> f64 {
         &vec![false; mesh.vertex_count()],
         3 * most,
         f32::MAX,
-        SimplifyOptions::Regularize,
+        SimplifyOptions::None,
         Some(&mut error),
     );
     drop_unused(mesh);
