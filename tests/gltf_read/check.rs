@@ -12,8 +12,10 @@ use trisplat::formats::check::{Checked, Severity, check};
 use trisplat::formats::gltf::{GltfOptions, PositionEncoding, write_glb};
 use trisplat::formats::info::{Info, SceneKind, info};
 use trisplat::formats::{Format, bvh as bvh_file, ply};
+use trisplat::image::Pixels;
 use trisplat::mesh::{Colors, Mesh};
 use trisplat::sample::scenes::{SampleScene, soup};
+use trisplat::texture::{FaceTexture, Texture};
 
 struct Folder(tempfile::TempDir);
 
@@ -309,4 +311,37 @@ fn info_is_printed_as_text_and_as_json() {
     let mut again = serde_json::to_string_pretty(&parsed).expect("JSON");
     again.push('\n');
     assert_eq!(again, print(true));
+}
+
+#[test]
+fn a_texture_is_described_and_one_that_is_missing_is_named() {
+    let folder = Folder::new();
+    let mut textured = asset(4);
+    let picture = Pixels { size: glam::UVec2::new(48, 32), rgb: vec![[200, 90, 10]; 48 * 32], alpha: None };
+    let uvs = vec![[glam::Vec2::ZERO, glam::Vec2::X, glam::Vec2::Y]; 4];
+    textured.mesh.texture = Some(FaceTexture { uvs, texture: std::sync::Arc::new(Texture::new(picture)) });
+    let bytes = written(&textured, &GltfOptions::default());
+    let path = folder.write("scene.glb", &bytes);
+    let options = trisplat::ReadOptions::default();
+    let texture = info(&path, &options).expect("readable").0.texture.expect("a texture");
+    let stored = texture.stored.expect("an encoded picture");
+    assert_eq!((texture.size, stored.format.as_str()), ([48, 32], "JPEG"));
+    assert!((200..bytes.len() as u64).contains(&stored.bytes), "{}", stored.bytes);
+    let about = |path: &Path| {
+        let found = check(path, &options).expect("readable");
+        lines(&found).into_iter().filter(|line| line.contains("image 0")).collect::<Vec<_>>()
+    };
+    assert!(about(&path).is_empty(), "{:?}", about(&path));
+
+    // The same with its picture in a file that is not there.
+    let length = u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]) as usize;
+    let mut json: Value = serde_json::from_slice(&bytes[20..20 + length]).expect("JSON");
+    json["images"][0] = json!({ "uri": "gone.jpg", "mimeType": "image/jpeg" });
+    let mut text = json.to_string().into_bytes();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let rest = &bytes[20 + length..];
+    let sizes = [20 + text.len() + rest.len(), text.len()].map(|size| (size as u32).to_le_bytes());
+    let parts = [&bytes[..8], &sizes[0], &sizes[1], &bytes[16..20], &text, rest];
+    let found = about(&folder.write("without.glb", &parts.concat()));
+    assert!(found.len() == 1 && found[0].starts_with("Error") && found[0].contains("gone.jpg"), "{found:?}");
 }
