@@ -193,7 +193,9 @@ impl SceneRenderer {
     pub fn image(&mut self, camera: &Camera, background: Option<[f32; 3]>) -> Image {
         let own = background.map(|background| self.set_background(background));
         let image = self.own_image(camera);
-        own.map(|own| self.set_background(own));
+        if let Some(own) = own {
+            self.set_background(own);
+        }
         image
     }
 
