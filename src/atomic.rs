@@ -1,13 +1,15 @@
 //! Files that appear whole or not at all: made aside, named last, swept by the next run.
 //!
-//! Bytes go to a temporary file beside the target, `.NAME.trisplat.tmp`, which is locked while this process has it and takes the
-//! target's name when all bytes are on the disk. A dropped file leaves nothing behind; one that a killed process left is
-//! swept by the next that writes the same target. Symbolic links are followed: what they lead to is replaced. Devices and pipes
-//! cannot be replaced by renaming, so they (and standard output) are written directly.
+//! Bytes go to a temporary file beside the target, `.NAME.trisplat.tmp`, which is locked while this process
+//! has it and takes the target's name when all bytes are on the disk. A dropped file leaves nothing behind;
+//! the next writer of the same target removes that of a killed process. Symbolic links are followed: their
+//! targets are replaced. Devices and pipes cannot be replaced by renaming, so they (and standard output) are
+//! written directly.
 //!
-//! Of several files that belong together one names the others. A few are a set, [`AtomicFile::create_all`] and [`publish`]. Many have
-//! names that hold a hash of their bytes, so that they replace nothing: [`AtomicFile::commit_as`] makes them, [`AtomicFile::names`] ties
-//! them to the file that names them, and [`sweep_folder`] removes those of earlier runs. A whole folder is an [`AtomicFolder`].
+//! Among files that belong together one names the others. A few files are a set, [`AtomicFile::create_all`]
+//! and [`publish`]. Many files have names with a hash of their bytes, so they replace nothing:
+//! [`AtomicFile::commit_as`] makes them, [`AtomicFile::names`] ties them to the file that names them, and
+//! [`sweep_folder`] removes those of earlier runs. A whole folder is an [`AtomicFolder`].
 
 mod folder;
 mod live;
@@ -27,7 +29,7 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use temporary::Temporary;
 
-/// Large enough that a write costs a copy and not a system call.
+/// Large enough that most writes are only copies.
 const BUFFER_BYTES: usize = 1 << 20;
 
 /// A buffered file under construction.
@@ -54,14 +56,14 @@ impl AtomicFile {
         Self::create_all(&[path]).map(|mut files| files.remove(0))
     }
 
-    /// Starts files that belong together, the one that names the others last. What a killed process left half published
-    /// under these names is put back first.
+    /// Starts files that belong together, ending with the one that names the others. A set half published by
+    /// a killed process is put back first.
     ///
     /// Errors: those of [`AtomicFile::create`].
     pub fn create_all(paths: &[&Path]) -> Result<Vec<Self>> {
         let Some(last) = paths.last() else { return Ok(Vec::new()) };
         let interrupted = place::was_interrupted(last);
-        // The last first: a process that locks it has all of them.
+        // The last first, because its lock stands for all of them.
         let mut files = paths.iter().rev().map(|path| Self::start(path)).collect::<Result<Vec<_>>>()?;
         place::recover(paths, interrupted).map_err(|e| Error::io(last, e))?;
         files.reverse();
@@ -82,12 +84,12 @@ impl AtomicFile {
         Ok(Self { path: path.to_owned(), bytes: 0, to })
     }
 
-    /// Counts bytes and keeps none: a dry run.
+    /// Only counts bytes: a dry run.
     pub fn nowhere(path: &Path) -> Self {
         Self { path: path.to_owned(), bytes: 0, to: Destination::Nowhere }
     }
 
-    /// True of a file that keeps no bytes.
+    /// True for a file that only counts bytes.
     pub fn is_dry(&self) -> bool {
         matches!(self.to, Destination::Nowhere)
     }
@@ -97,7 +99,7 @@ impl AtomicFile {
         &self.path
     }
 
-    /// Where its bytes are while it is under construction, once they are flushed.
+    /// The path of its flushed bytes during construction.
     pub fn aside(&self) -> &Path {
         match &self.to {
             Destination::Temporary(file) => &file.get_ref().path,
@@ -105,26 +107,27 @@ impl AtomicFile {
         }
     }
 
-    /// Gives the file its name, once its bytes are on the disk: after a power cut there is the file that was there before, or
-    /// this one whole. Returns its size in bytes.
+    /// Gives the file its name when its bytes are on the disk: after a power cut, the old file or the whole
+    /// new one exists. Returns its size in bytes.
     ///
-    /// Errors: what the operating system refuses; a file of that name that has appeared since this one was started.
+    /// Errors: what the operating system refuses; a file of that name that appeared after this one was
+    /// started.
     pub fn commit(self) -> Result<u64> {
         publish(vec![self]).map(|sizes| sizes.iter().sum())
     }
 
-    /// The same under another name of the same folder, one that holds a hash of what was written.
+    /// The same under another name in the same folder, with a hash of the bytes.
     ///
     /// Errors: those of [`AtomicFile::commit`].
     pub fn commit_as(mut self, path: &Path) -> Result<u64> {
         if let Destination::Temporary(file) = &mut self.to {
-            // Whatever has this name has these bytes.
+            // A file with this name has these bytes.
             (file.get_mut().target, file.get_mut().is_new) = (path.to_owned(), false);
         }
         self.commit()
     }
 
-    /// `path` is a file that only this one names: it is removed unless this one gets its name.
+    /// Registers `path`, a file that only this one names: it is removed unless this one gets its name.
     pub fn names(&mut self, path: &Path) {
         if let Destination::Temporary(file) = &mut self.to {
             live::register(path);
@@ -132,14 +135,14 @@ impl AtomicFile {
         }
     }
 
-    /// `folder` was made for files that this one names: it is removed when nothing is in it in the end.
+    /// Registers `folder`, which was made for files that this one names: it is removed if it stays empty.
     pub fn keeps(&mut self, folder: MadeFolders) {
         if let Destination::Temporary(file) = &mut self.to {
             file.get_mut().folders.push(folder);
         }
     }
 
-    /// Writes what is buffered, and for a file on a disk waits until it is there.
+    /// Writes the buffer and waits until a file is on its disk.
     fn finish(&mut self) -> Result<()> {
         let finished = match &mut self.to {
             Destination::Temporary(file) => file.flush().and_then(|()| file.get_ref().sync()),
@@ -149,8 +152,8 @@ impl AtomicFile {
     }
 }
 
-/// Gives files that belong together their names, in this order, the one that names the others last, once all their bytes are
-/// on the disk. On an error each name has what it had before. Returns the sizes, bytes.
+/// Gives files that belong together their names, in this order and ending with the one that names the others,
+/// when all bytes are on the disk. After an error each name has its old file. Returns the sizes, bytes.
 ///
 /// Errors: what the operating system refuses; a file that has appeared under a name since its successor was started.
 pub fn publish(mut files: Vec<AtomicFile>) -> Result<Vec<u64>> {
@@ -164,11 +167,11 @@ pub fn publish(mut files: Vec<AtomicFile>) -> Result<Vec<u64>> {
     Ok(sizes)
 }
 
-/// Removes files of `folder` that no file names any more, those whose name `is_stale`, and what killed runs have left of such.
+/// Removes files of `folder` whose name `is_stale`, and temporary ones of killed runs.
 pub fn sweep_folder(folder: &Path, is_stale: impl Fn(&str) -> bool) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
-        // What cannot be removed is in nobody's way.
+        // Left-over files do no harm.
         let _ = match names::target_of_temporary(&name) {
             Some(target) if is_stale(target) => temporary::sweep(&entry.path()),
             None if is_stale(&name) => std::fs::remove_file(entry.path()),

@@ -1,11 +1,13 @@
-//! What a phone did to the light of each photo: exposure, white balance, and the falloff of its lens towards the corners.
+//! A phone's changes to the light of each photo: exposure, white balance, and the lens's falloff towards the
+//! corners.
 //!
 //! ```text
 //! photo(x) = scene(x) · exp(gain of the photo and channel - falloff of the camera · r²)        in linear light
 //! ```
 //!
-//! with r the distance from the middle of the picture, 1 in its corners. Gains of a channel have the mean zero over all photos. Photos are
-//! corrected, not drawings: so training on any device, colours that are fitted and textures see the same light.
+//! with r the distance from the middle of the picture, 1 in its corners. Gains of a channel have the mean
+//! zero over all photos. Photos are corrected, not drawings, so training on any device, fitted colours and
+//! textures see the same light.
 
 mod judge;
 mod solve;
@@ -33,16 +35,16 @@ pub enum ExposureUse {
     Off,
 }
 
-/// Longer side of the pictures that are compared, px.
+/// Longer side of the compared pictures, px.
 const LONGEST: u32 = 256;
-/// Codes from here on may stand for any light above them.
+/// Larger codes may be saturated.
 const SATURATED: u8 = 252;
-/// How much a pixel counts whose light is only known to be above that of its corrected code, of 255.
+/// Weight, of 255, of a pixel with saturated light that the correction darkens.
 const SATURATED_WEIGHT: u8 = 32;
 /// Steps of r² at which the falloff is tabulated.
 const RINGS: usize = 64;
 
-/// The size of a picture that is compared with a photo of `size`.
+/// The size for comparing a photo of `size`.
 pub fn compared_size(size: UVec2) -> UVec2 {
     let by = f64::from(LONGEST) / f64::from(size.max_element().max(1));
     if by >= 1.0 { size } else { (size.as_dvec2() * by).round().as_uvec2().max(UVec2::ONE) }
@@ -54,21 +56,20 @@ pub struct Exposures {
     /// Logarithm of each photo's gain, per channel. `[photos]`
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub gains: Vec<[f32; 3]>,
-    /// Falloff of each photo's camera: what a corner loses, as a logarithm. `[photos]`
+    /// Falloff of each photo's camera: the loss of light in a corner, as a logarithm. `[photos]`
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub falloff: Vec<f32>,
 }
 
 impl Exposures {
-    /// True when there is nothing to correct in photo `index`.
+    /// True when photo `index` needs no correction.
     pub fn is_plain(&self, index: usize) -> bool {
         let plain = |x: f32| x == 0.0;
         self.gains.get(index).is_none_or(|gains| gains.iter().all(|x| plain(*x)))
             && self.falloff.get(index).is_none_or(|x| plain(*x))
     }
 
-    /// Photo `index` as the others would show it: `None` where that is the photo itself. A pixel that is too bright to know how bright it
-    /// was hardly counts.
+    /// The corrected photo `index`; `None` if it needs no correction. Saturated pixels hardly count.
     pub fn correct(&self, index: usize, photo: &Pixels) -> Option<Pixels> {
         if self.is_plain(index) {
             return None;
@@ -93,7 +94,7 @@ impl Exposures {
         Some(corrected)
     }
 
-    /// What becomes of each code. `[ring][channel][code]`
+    /// The corrected value of each code. `[ring][channel][code]`
     fn tables(&self, index: usize) -> Vec<[[u8; 256]; 3]> {
         let (gains, falloff) = (self.gains[index], self.falloff[index]);
         let rings = if falloff == 0.0 { 1 } else { RINGS };
@@ -112,7 +113,7 @@ impl Exposures {
     }
 }
 
-/// How far from its middle the pixels of a picture are.
+/// Distances of pixels from the middle of a picture.
 #[derive(Debug, Clone, Copy)]
 struct Rings {
     width: usize,

@@ -1,8 +1,8 @@
-//! Folders whose files belong together, more of them than can be open at once.
+//! Folders of files that belong together, too many to be open at once.
 //!
-//! They are made in a folder of their own inside, `.folder.trisplat.new`, and moved to their places when all are on the disk: old files are
-//! moved aside first, and an error puts them back. A list of the moves, written before the first of them, lets the next run undo what a
-//! killed one began.
+//! They are made in an inner folder, `.folder.trisplat.new`, and moved to their places when all are on the
+//! disk. Old files are moved aside first, and an error puts them back. A list of the moves, written before
+//! the first one, lets the next run undo those of a killed run.
 
 use super::live;
 use super::made::MadeFolders;
@@ -13,9 +13,9 @@ use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// The list of moves, one line each: a killed run that leaves it is undone.
+/// The list of moves, one line each. If a killed run leaves it, the moves are undone.
 const LIST: &str = ".moves";
-/// The same once all are made: of such a run old files are still to be removed.
+/// The same after all moves: only old files remain to be removed.
 const DONE: &str = ".moved";
 
 /// Keeps others from writing into a folder while it is held.
@@ -27,7 +27,7 @@ pub struct FolderLock {
 }
 
 impl FolderLock {
-    /// Of a folder that is there.
+    /// Of an existing folder.
     ///
     /// Errors: another program that writes into it; what the operating system refuses.
     pub fn take(folder: &Path) -> Result<Self> {
@@ -45,18 +45,19 @@ impl FolderLock {
     }
 }
 
-/// A folder under construction. Files of other names in it are left alone; dropped, it leaves the folder as it was.
+/// A folder under construction. Files of other names in it are left alone; dropping it leaves the folder
+/// unchanged.
 #[derive(Debug)]
 pub struct AtomicFolder {
     folder: PathBuf,
     aside: PathBuf,
     lock: Option<FolderLock>,
-    /// It was made for this. Dropped after the lock, which is in it.
+    /// New folders. Dropped after the lock, which is inside.
     _made: MadeFolders,
 }
 
 impl AtomicFolder {
-    /// Starts the files of `folder`, which is made when it is not there. What a killed process has begun there is undone.
+    /// Starts the files of `folder`, which is made if missing. The moves of a killed process are undone.
     ///
     /// Errors: another program that writes into it; what the operating system refuses.
     pub fn create(folder: &Path) -> Result<Self> {
@@ -77,13 +78,13 @@ impl AtomicFolder {
         Ok(this)
     }
 
-    /// Where its files are made, under the names that they will have.
+    /// The folder where its files are made, under their final names.
     pub fn path(&self) -> &Path {
         &self.aside
     }
 
-    /// Moves the files to their places once they are on the disk, those that begin with `naming` last: they name the others. On an error
-    /// each name has what it had before.
+    /// Moves the files to their places when they are on the disk. Those that begin with `naming`, which name
+    /// the others, come last. After an error each name has its old file.
     ///
     /// Errors: what the operating system refuses.
     pub fn publish(self, naming: &str) -> Result<()> {
@@ -101,11 +102,11 @@ impl AtomicFolder {
         let replaced = replace(&self.folder, &self.aside, &names)
             .and_then(|()| std::fs::rename(&list, self.aside.join(DONE)));
         if let Err(error) = replaced {
-            // As far as the system lets us.
+            // Best effort.
             let _ = undo(&self.folder, &self.aside);
             return Err(io(error));
         }
-        // Once more where it failed. What stays is replaced by the next run.
+        // Try again after a failure. The next run replaces the rest.
         let _ = remove_old(&self.folder, &moves).or_else(|_| remove_old(&self.folder, &moves));
         drop(live);
         sync_folder(&self.folder);
@@ -115,7 +116,7 @@ impl AtomicFolder {
 
 impl Drop for AtomicFolder {
     fn drop(&mut self) {
-        // Once more where it failed: what is in the way may have been so for a moment only. Whatever stays is swept by the next run.
+        // Try again after a failure, because obstacles may be temporary. The next run removes the rest.
         let remove = |_: io::Error| std::fs::remove_dir_all(&self.aside);
         let _ = std::fs::remove_dir_all(&self.aside).or_else(remove);
         live::unregister(&self.aside);
@@ -140,7 +141,7 @@ fn sync(path: &Path) -> io::Result<()> {
     File::options().write(true).open(path)?.sync_all()
 }
 
-/// A name, and `+` when its file replaces none, `=` when it does.
+/// A name, with `+` for a new file and `=` for a replaced one.
 type Move = (char, PathBuf);
 
 fn moves(folder: &Path, names: &[PathBuf]) -> Vec<Move> {
@@ -154,7 +155,7 @@ fn write_list(list: &Path, moves: &[Move]) -> io::Result<()> {
     sync(list)
 }
 
-/// Moves old files aside, the naming ones first, and new ones in.
+/// Moves old files aside, first those that name others, then new ones in.
 fn replace(folder: &Path, aside: &Path, names: &[PathBuf]) -> io::Result<()> {
     for target in names.iter().rev().map(|name| folder.join(name)).filter(|target| target.exists()) {
         std::fs::rename(&target, aside_name(&target))?;
@@ -167,7 +168,7 @@ fn replace(folder: &Path, aside: &Path, names: &[PathBuf]) -> io::Result<()> {
     Ok(())
 }
 
-/// The moves of the list `name`; none where there is no list.
+/// The moves of the list `name`; none without a list.
 fn read_list(aside: &Path, name: &str) -> io::Result<Vec<Move>> {
     let text = match std::fs::read_to_string(aside.join(name)) {
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
@@ -188,7 +189,7 @@ fn undo(folder: &Path, aside: &Path) -> io::Result<()> {
             if !waiting.exists() && target.exists() {
                 std::fs::remove_file(&target)?;
             }
-            // Its folder may have been made for it before it was moved.
+            // Its folder may have been made before the move.
             remove_empty(folder, target.parent());
         }
     }
@@ -206,7 +207,7 @@ fn remove_old(folder: &Path, moves: &[Move]) -> io::Result<()> {
     Ok(())
 }
 
-/// Removes `below` and what it is in, up to `folder`, while nothing is in it. Of them only those outside may be there yet.
+/// Removes `below` and its parents up to `folder`, while they are empty. Inner ones may be missing.
 fn remove_empty(folder: &Path, below: Option<&Path>) {
     let mut below = below;
     let goes = |empty: &Path| std::fs::remove_dir(empty).is_ok() || !empty.exists();
@@ -215,7 +216,7 @@ fn remove_empty(folder: &Path, below: Option<&Path>) {
     }
 }
 
-/// Waits until the names are on the disk, where the system lets us.
+/// Waits until the names are on the disk, if the system supports it.
 fn sync_folder(folder: &Path) {
     if cfg!(unix) {
         let _ = File::open(folder).and_then(|open| open.sync_all());
@@ -271,7 +272,7 @@ mod tests {
         let folder = parent.path();
         std::fs::create_dir(folder.join("images")).unwrap();
         std::fs::write(folder.join("images/a"), "mine").unwrap();
-        // Where a file is to be is a folder that is not empty.
+        // The place of a file is a folder that is not empty.
         std::fs::create_dir_all(aside_name(&folder.join("list")).join("full")).unwrap();
         std::fs::write(folder.join("list"), "mine").unwrap();
         let before = found(folder);

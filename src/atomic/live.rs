@@ -5,7 +5,8 @@ use std::cmp::Reverse;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// The temporary files of this process. Locked while files get their names, so that a signal does not come between.
+/// The temporary files of this process. Locked while files get their names, so that a signal cannot
+/// interrupt.
 static TEMPORARY: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 pub(super) fn list() -> MutexGuard<'static, Vec<PathBuf>> {
@@ -32,7 +33,7 @@ pub fn remove_temporaries() {
     remove(list());
 }
 
-/// The same, unless a thread is just working on the list, which may be this one.
+/// The same, unless a thread, possibly this one, holds the list.
 pub fn try_remove_temporaries() {
     if let Ok(list) = TEMPORARY.try_lock() {
         remove(list);
@@ -40,13 +41,13 @@ pub fn try_remove_temporaries() {
 }
 
 fn remove(mut list: MutexGuard<'_, Vec<PathBuf>>) {
-    // What is in a folder goes before the folder.
+    // Files of a folder are removed before the folder.
     list.sort_by_key(|path| Reverse(path.components().count()));
     for path in list.drain(..) {
-        // The next run sweeps what cannot be removed.
+        // The next run removes the rest.
         let _ = match is_aside_folder(&path) {
             true => std::fs::remove_dir_all(&path),
-            // A folder that was made for an output and holds nothing.
+            // An empty folder that was made for an output.
             false => std::fs::remove_file(&path).or_else(|_| std::fs::remove_dir(&path)),
         };
     }

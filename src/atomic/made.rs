@@ -1,10 +1,10 @@
-//! Folders that are made for outputs.
+//! New folders for outputs.
 
 use super::live;
 use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// Folders that were not there before: when dropped, those in which nothing came to be are removed again.
+/// New folders: on drop, empty ones are removed.
 #[derive(Debug)]
 pub struct MadeFolders {
     /// Those inside first.
@@ -12,7 +12,7 @@ pub struct MadeFolders {
 }
 
 impl MadeFolders {
-    /// Makes `folder` and those it is in, unless they are there.
+    /// Makes `folder` and its parents if missing.
     ///
     /// Errors: what the operating system refuses.
     pub fn make(folder: &Path) -> Result<Self> {
@@ -27,7 +27,7 @@ impl MadeFolders {
 impl Drop for MadeFolders {
     fn drop(&mut self) {
         for folder in &self.folders {
-            // Refused where something is in it.
+            // Fails if it is not empty.
             let _ = std::fs::remove_dir(folder);
             live::unregister(folder);
         }

@@ -1,13 +1,13 @@
-//! What the files of an output are called while it is written.
+//! Names of an output's files during writing.
 
 use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::xxh3_64;
 
-/// Names of files may be so long everywhere, bytes.
+/// Longest file name that works everywhere, bytes.
 const MAX_NAME_BYTES: usize = 255;
 /// See [`aside_folder`].
 const ASIDE_FOLDER: &str = ".folder.trisplat.new";
-/// Links that are followed, as many as Linux follows.
+/// Most links to follow, as on Linux.
 const MAX_LINKS: usize = 40;
 
 /// The temporary file of `target`: `.NAME.trisplat.tmp` beside it.
@@ -15,12 +15,12 @@ pub fn temporary_name(target: &Path) -> PathBuf {
     beside(target, "tmp")
 }
 
-/// Where the file that `target` replaces is while its set is published.
+/// The name of the replaced file of `target` while its set is published.
 pub(super) fn aside_name(target: &Path) -> PathBuf {
     beside(target, "old")
 }
 
-/// The folder inside `folder` in which its files are made.
+/// The inner folder of `folder` for making its files.
 pub(super) fn aside_folder(folder: &Path) -> PathBuf {
     folder.join(ASIDE_FOLDER)
 }
@@ -29,17 +29,17 @@ pub(super) fn is_aside_folder(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name == ASIDE_FOLDER)
 }
 
-/// The file whose lock a folder's writer holds.
+/// The lock file of a folder's writer.
 pub(super) fn folder_lock(folder: &Path) -> PathBuf {
     folder.join("folder")
 }
 
-/// The name of the target of a temporary file of this name.
+/// The name of a temporary file's target.
 pub(super) fn target_of_temporary(name: &str) -> Option<&str> {
     name.strip_prefix('.')?.strip_suffix(".trisplat.tmp")
 }
 
-/// True of names that only a writer of this program gives, and a killed one leaves.
+/// True for names that only this program gives, and a killed run leaves.
 pub fn is_leftover(name: &str) -> bool {
     name.starts_with('.')
         && [".trisplat.tmp", ".trisplat.old", ".trisplat.new"].iter().any(|end| name.ends_with(end))
@@ -58,7 +58,7 @@ fn beside(target: &Path, ending: &str) -> PathBuf {
     target.with_file_name(whole)
 }
 
-/// Where `path` leads when its last part is a symbolic link, to a file that need not exist yet.
+/// The target of `path` if its last part is a symbolic link; the target may not exist yet.
 pub fn resolved(path: &Path) -> PathBuf {
     let mut path = path.to_owned();
     for _ in 0..MAX_LINKS {

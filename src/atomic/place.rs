@@ -1,9 +1,10 @@
 //! Files get their names: all of a set, or none.
 //!
-//! One file takes its name by a rename, which no kill can split. Of several that replace others, the old ones are moved aside
-//! first, the file that names the others before these, so that no reader ever finds an old one beside a new one; the new ones
-//! come in the order given, the naming file last. An error puts the old ones back. After a kill, the next run with these names
-//! does: the last temporary file is still there if and only if the set was not complete.
+//! A single file takes its name by a rename, which is atomic. If several replace others, the old ones are
+//! moved aside first, beginning with the file that names the others. So no reader finds an old file beside a
+//! new one. The new ones follow in order, with the naming file last. An error puts the old ones back. After a
+//! kill, the next run with these names does so: the last temporary file exists if and only if the set was
+//! incomplete.
 
 use super::live;
 use super::names::{aside_name, resolved, temporary_name};
@@ -12,12 +13,13 @@ use crate::error::{Error, Result};
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
-/// True when a temporary file of `last`, the naming file of a set, is there.
+/// True when a temporary file of `last`, the naming file of a set, exists.
 pub(super) fn was_interrupted(last: &Path) -> bool {
     temporary_name(&resolved(last)).exists()
 }
 
-/// Puts old files of `paths` back that a killed process has moved aside; removes them when the new ones were all in place.
+/// Puts back old files of `paths` that a killed process moved aside, or removes them if all new ones are in
+/// place.
 pub(super) fn recover(paths: &[&Path], interrupted: bool) -> io::Result<()> {
     for path in paths {
         let target = resolved(path);
@@ -32,8 +34,8 @@ pub(super) fn recover(paths: &[&Path], interrupted: bool) -> io::Result<()> {
     Ok(())
 }
 
-/// Gives files that belong together the names of their targets, in this order, the one that names the others last. Each comes
-/// with its path as the user gave it, for messages.
+/// Gives files that belong together the names of their targets, in this order, ending with the one that names
+/// the others. Each comes with the user's path, for messages.
 pub(super) fn place(mut set: Vec<(PathBuf, BufWriter<Temporary>)>) -> Result<()> {
     let mut set: Vec<(&Path, &mut Temporary)> =
         set.iter_mut().map(|(path, file)| (path.as_path(), file.get_mut())).collect();
@@ -81,7 +83,7 @@ fn replace(set: &mut [(&Path, &mut Temporary)]) -> Result<()> {
         Ok(())
     })();
     if replaced.is_err() {
-        // As far as the system lets us: each name that had nothing has nothing again, each other what it had.
+        // Best effort: each name gets its old file back, or none.
         for target in &placed {
             let _ = std::fs::remove_file(target);
         }
@@ -107,10 +109,10 @@ fn sync_folders(set: &[(&Path, &mut Temporary)]) -> Result<()> {
             continue;
         }
         synced.push(folder);
-        // A folder that may be written but not read cannot be opened.
+        // A folder that is writable but not readable cannot be opened.
         let Ok(open) = std::fs::File::open(folder) else { continue };
         match open.sync_all() {
-            // Some file systems know no such thing for folders.
+            // Some file systems do not support this for folders.
             Err(e) if !matches!(e.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported) => {
                 return Err(Error::io(path, e));
             }

@@ -7,10 +7,10 @@ use std::fs::{File, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// Others that sweep the same name at the same time get out of the way after a try or two.
+/// Number of tries, because others may sweep the same name at the same time.
 const TRIES: usize = 16;
 
-/// A file beside its target that is removed when dropped, unless it was given the target's name.
+/// A file beside its target that is removed on drop, unless it took the target's name.
 #[derive(Debug)]
 pub(super) struct Temporary {
     file: File,
@@ -19,21 +19,21 @@ pub(super) struct Temporary {
     /// No file had the target's name when this one was started.
     pub(super) is_new: bool,
     pub(super) published: bool,
-    /// Files that are there already and that only this one names: they are removed with it.
+    /// Existing files that only this one names; they are removed with it.
     pub(super) named: Vec<PathBuf>,
-    /// Folders that were made for those; dropped after them.
+    /// New folders for those; dropped after them.
     pub(super) folders: Vec<MadeFolders>,
 }
 
 impl Temporary {
-    /// Starts the file of `target`, removing what a killed process has left of it.
+    /// Starts the file of `target`, and removes that of a killed process.
     pub(super) fn create(target: &Path) -> io::Result<Self> {
         let path = temporary_name(target);
         for _ in 0..TRIES {
             match File::options().write(true).create_new(true).open(&path) {
                 Ok(file) if lock(&file) && is_at(&file, &path) => {
                     live::register(&path);
-                    // An older one that was moved aside counts: it is put back.
+                    // An older one that was moved aside counts, because it is put back.
                     let is_new = !target.exists() && !aside_name(target).exists();
                     let target = target.to_owned();
                     return Ok(Self {
@@ -46,7 +46,7 @@ impl Temporary {
                         folders: vec![],
                     });
                 }
-                // Somebody swept it before it was locked.
+                // Another process removed it before it was locked.
                 Ok(_) => {}
                 Err(e) if e.kind() == io::ErrorKind::AlreadyExists => sweep(&path)?,
                 Err(e) => return Err(e),
@@ -75,7 +75,7 @@ impl Drop for Temporary {
     fn drop(&mut self) {
         let unnamed: &[PathBuf] = if self.published { &[] } else { &self.named };
         for path in unnamed {
-            // What cannot be removed is swept by the next run.
+            // The next run removes the rest.
             let _ = std::fs::remove_file(path);
             live::unregister(path);
         }
@@ -109,12 +109,12 @@ fn busy() -> io::Error {
     )
 }
 
-/// False when another has the file; true where there are no locks.
+/// False when another process has the file; true on systems without locks.
 fn lock(file: &File) -> bool {
     !matches!(file.try_lock(), Err(TryLockError::WouldBlock))
 }
 
-/// True when the file still has the name it was opened by.
+/// True when the file still has the name under which it was opened.
 #[cfg(unix)]
 fn is_at(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;

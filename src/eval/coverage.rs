@@ -1,26 +1,26 @@
-//! Coverage: which pixels of a view show what training photos saw too. The others a scene can only guess.
+//! Coverage: the pixels of a view whose surface training photos see. Elsewhere a scene can only guess.
 //!
-//! The surface that a view shows at a pixel is where the scene is drawn there. A training photo sees it when it lies
-//! in its picture and nothing that the scene draws from there is clearly in front of it.
+//! The surface at a pixel comes from the scene's depth there. A training photo sees it if it lies within the
+//! photo and the scene, drawn from there, has nothing clearly in front of it.
 
 use crate::camera::Camera;
 use crate::dataset::View;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// Number of training photos that must see what a covered pixel shows: with fewer, its depth is a guess.
+/// Least training photos for a covered pixel: with fewer, its depth is a guess.
 pub const LEAST_PHOTOS: u8 = 2;
-/// What is in front of a point by less than this share of its depth does not hide it.
+/// A surface in front of a point hides it only if nearer by more than this share of the depth.
 pub const DEPTH_TOLERANCE: f32 = 0.02;
 /// A depth and a count.
 const BYTES_PER_PIXEL: u64 = 5;
 
-/// True for the pixels of each of `views` that show what at least [`LEAST_PHOTOS`] of `training` see; a photo does not
-/// count for itself. `[views][H * W]`
+/// True for the pixels of each of `views` whose surface at least [`LEAST_PHOTOS`] of `training` see; a photo
+/// does not count for itself. `[views][H * W]`
 ///
-/// `depth` draws the scene for a camera: the depth z of its surface at every pixel, 0 where there is none. `[H * W]`
-/// The depths of the views take at most `max_bytes`, or those of one view: where all of them take more, the photos are
-/// drawn once for every group of views that fits.
+/// `depth` draws the scene for a camera: the depth z of its surface at every pixel, 0 where there is none.
+/// `[H * W]` The depths of the views take at most `max_bytes`, or those of one view. If all take more, the
+/// photos are drawn once per group of views.
 pub fn covered(
     views: &[&View],
     training: &[&View],
@@ -81,10 +81,10 @@ fn count(photo: &DepthPicture, camera: &Camera, depths: &[f32], counts: &mut [u8
     );
 }
 
-/// What a training photo's camera draws.
+/// The depth picture of a training photo's camera.
 struct DepthPicture {
     camera: Camera,
-    /// Depth z at every pixel, 0 where nothing is. `[H * W]`
+    /// Depth z at every pixel, 0 for empty ones. `[H * W]`
     depths: Vec<f32>,
 }
 
@@ -235,7 +235,8 @@ mod tests {
         let wrong = truth.iter().zip(&seen[0]).filter(|(a, b)| a != b).count();
         let exact = share(&truth);
         assert!((0.2..0.98).contains(&exact), "{exact}: the scene must have both kinds of pixels");
-        // Where outlines pass through a pixel of a training photo its middle does not speak for all of it.
+        // Where an outline passes through a pixel of a training photo, its middle does not represent the
+        // whole pixel.
         assert!(wrong * 50 < truth.len(), "{wrong} of {} pixels", truth.len());
         assert!((share(&seen[0]) - exact).abs() < 0.01, "{} against {exact}", share(&seen[0]));
     }

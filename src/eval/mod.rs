@@ -1,4 +1,4 @@
-//! How close a scene comes to photos: `trisplat eval`.
+//! Scores of scenes on photos: `trisplat eval`.
 
 pub mod coverage;
 pub mod evaluate;

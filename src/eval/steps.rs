@@ -1,4 +1,4 @@
-//! The forms that a trained soup takes on its way into a file, each ready to be drawn.
+//! The forms of a trained soup from scene to file, each ready for drawing.
 //!
 //! ```text
 //! soft (as trained) ──► solid (baked, in memory) ──► file (quantised, written, read back)
@@ -17,21 +17,21 @@ use crate::scene::{Loaded, Scene};
 use crate::soup::Soup;
 use std::path::Path;
 
-/// A scene at one step of its way into a file.
+/// A scene at one step from soup to file.
 #[derive(Debug)]
 pub struct EvalStep {
     /// "soft", "solid" or "file".
     pub name: &'static str,
     /// Number of triangles.
     pub triangles: u64,
-    /// Size of the file, where one was written.
+    /// Size of the file, if one was written.
     pub bytes: Option<u64>,
     /// Draws it.
     pub renderer: SceneRenderer,
 }
 
-/// The steps to evaluate of what was read from `path`. A mesh has one, solid; of a soup those that `options` ask
-/// for, all three by default.
+/// The steps of the scene of `path`. A mesh has one, solid; a soup has those of `options`, by default all
+/// three.
 pub fn steps(
     path: &Path,
     loaded: Loaded,
@@ -65,14 +65,14 @@ pub fn steps(
     }
 }
 
-/// A mesh was given where only a soup can be drawn.
+/// The error of a mesh where only a soup can be drawn.
 pub fn no_soup(path: &Path) -> Error {
     let reason =
         "is a mesh, baked already; give the trained soup it was baked from (.ply or .pt), or `as` solid";
     Error::unsupported(path, reason)
 }
 
-/// What the bake makes of a soup with default options.
+/// A soup baked with default options.
 pub fn baked(loaded: Loaded) -> Result<Asset> {
     bake(loaded, &BakeOptions::DEFAULT)
 }
@@ -93,7 +93,7 @@ pub fn reread(asset: &Asset, options: &OutputOptions) -> Result<(Asset, u64)> {
     Ok((Asset { mesh, provenance, ..Asset::default() }, bytes))
 }
 
-/// What the renderers of all steps have in common.
+/// Common settings of the renderers of all steps.
 struct StepFactory<'a> {
     dataset: &'a Dataset,
     background: [f32; 3],

@@ -4,28 +4,30 @@ use super::{ExposureUse, Exposures, Solved};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Photos whose exposure spreads less than the first, as a logarithm, are taken as they are; colours of a scene that is not trained yet differ
-/// from photo to photo, so white balance does not decide. Why so late: photos beside a held-out one are exposed like it,
-/// and raw figures say so (docs/benchmarks/exposure.md). From the second on they are corrected by all of what was found, between the
-/// two by a part.
+/// Bounds of the spread of exposure, as a logarithm. Below the first, photos stay unchanged; from the second
+/// on they are corrected in full, between the two by a part. The first is high because neighbouring photos
+/// share exposure, so correction lowers raw scores (docs/benchmarks/exposure.md). White balance does not
+/// decide, because colours of an untrained scene differ from photo to photo.
 const SPREAD: [f32; 2] = [0.15, 0.25];
-/// The same of the falloff, where photos are corrected at all. A scene can take on a weak one, and its own edges may look like one.
+/// The same bounds for the falloff, if photos are corrected. A scene can absorb a weak falloff, and its own
+/// edges may look like one.
 const FALLOFF: [f32; 2] = [0.12, 0.3];
 
-/// How much photos differ in their light.
+/// The spread of the photos' light.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Verdict {
-    /// Standard deviation of the photos' exposure, as a logarithm, without what is not known of it.
+    /// Standard deviation of the photos' exposure, as a logarithm, without the part from errors of the
+    /// estimates.
     pub exposure: f32,
     /// The same of red and blue against green.
     pub balance: f32,
-    /// What the corners lose, as a logarithm, the mean over the photos.
+    /// Loss of light in the corners, as a logarithm, the mean over the photos.
     pub corners: f32,
-    /// The part of exposure and balance that photos are corrected by: 0 where they agree, 1 where they clearly do not.
+    /// The share of exposure and balance that is corrected: 0 if photos agree, 1 if they clearly differ.
     pub strength: f32,
 }
 
-/// What photos are corrected by; `None` where they agree. What is not known well counts less.
+/// The photos' corrections; `None` if they agree. Uncertain estimates count less.
 pub fn judge(solved: Solved, wanted: ExposureUse) -> (Option<Exposures>, Verdict) {
     let Solved { mut exposures, errors } = solved;
     let modes: Vec<[f32; 3]> = exposures.gains.iter().map(modes).collect();
@@ -76,7 +78,8 @@ fn channels([mean, red, blue]: [f32; 3]) -> [f32; 3] {
     [green + red, green, green + blue]
 }
 
-/// Standard errors of the modes. Those of the channels are taken to be of one cause in the mean, and independent in the differences.
+/// Standard errors of the modes. Errors of the channels are assumed equal in the mean, and independent in the
+/// differences.
 fn mode_errors([red, green, blue]: &[f32; 3]) -> [f32; 3] {
     [(red + green + blue) / 3.0, red.hypot(*green), blue.hypot(*green)]
 }
@@ -85,7 +88,7 @@ fn mode_errors([red, green, blue]: &[f32; 3]) -> [f32; 3] {
 mod tests {
     use super::*;
 
-    /// What is found of photos whose exposure spreads by `spread`, with a standard error of `error`.
+    /// Estimates for photos whose exposure spreads by `spread`, with a standard error of `error`.
     fn solved(spread: f32, error: f32, falloff: f32) -> Solved {
         let gains: Vec<[f32; 3]> = (0..40).map(|i| [if i % 2 == 0 { spread } else { -spread }; 3]).collect();
         let exposures = Exposures { falloff: vec![falloff; gains.len()], gains };

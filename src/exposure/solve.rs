@@ -1,8 +1,9 @@
-//! Gains and falloff from photos and what a scene is drawn like from their places.
+//! Gains and falloff from photos and drawings of a scene from their cameras.
 //!
-//! Both pictures are compared in cells, by the ratio of their sums of linear light: noise and small displacements of either leave it as it
-//! is. Its logarithm is linear in what is sought, so that, with weights that count cells less which do not fit, least squares have a closed
-//! form: the falloff of a camera first, from what is left when each photo's mean is taken out, then the means.
+//! Both pictures are compared in cells, by the ratio of their sums of linear light, which noise and small
+//! displacements hardly change. Its logarithm is linear in the unknowns, so weighted least squares have a
+//! closed form, with less weight for cells that do not match. The falloff of a camera comes first, from the
+//! residuals of each photo's mean, then the means.
 
 use super::{Exposures, Rings};
 use crate::image::Pixels;
@@ -12,18 +13,19 @@ use glam::{UVec2, Vec2};
 
 /// Cells along each side of a picture.
 const GRID: u32 = 16;
-/// Codes that are compared: below there is noise, above anything.
+/// Range of compared codes: smaller ones are noise, larger ones may be saturated.
 const COMPARED: std::ops::RangeInclusive<u8> = 6..=248;
-/// Share of a cell's pixels that must be compared.
+/// Least share of compared pixels in a cell.
 const LEAST_SHARE: f32 = 0.5;
 /// Rounds of new weights.
 const ROUNDS: usize = 12;
-/// The least scale at which a cell counts half, as a logarithm.
+/// Least residual that halves a cell's weight, as a logarithm.
 const LEAST_SCALE: f32 = 0.02;
-/// Neighbouring cells are not independent, least of all where a scene is not trained yet: errors are larger than for independent ones by this factor.
+/// Errors are larger than for independent cells by this factor, because neighbouring cells correlate, most of
+/// all in an untrained scene.
 const DEPENDENCE: f32 = 4.0;
 
-/// A photo and a drawing, compared.
+/// The comparison of a photo and a drawing.
 #[derive(Debug, Clone, Default)]
 pub struct Cells {
     cells: Vec<Cell>,
@@ -40,7 +42,8 @@ struct Cell {
 }
 
 impl Cells {
-    /// Compares a photo with a drawing of the same size. `camera` is the size of the whole photo: photos of one size are of one camera.
+    /// Compares a photo with a drawing of the same size. `camera` is the size of the whole photo: photos of
+    /// one size share a camera.
     pub fn new(photo: &Pixels, drawn: &Pixels, camera: UVec2) -> Self {
         let size = photo.size;
         let rings = Rings::new(size);
@@ -86,7 +89,7 @@ impl Cell {
     }
 }
 
-/// What is solved for, with how well it is known.
+/// The solution and its errors.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Solved {
     /// As measured, mean zero.
@@ -95,7 +98,8 @@ pub struct Solved {
     pub errors: Vec<[f32; 3]>,
 }
 
-/// The exposures that explain best how photos differ from drawings; a photo without cells has the mean one.
+/// The exposures that best explain the differences between photos and drawings; a photo without cells has the
+/// mean one.
 pub fn solve(photos: &[Cells]) -> Solved {
     let mut gains: Vec<[f32; 3]> = photos.iter().map(Cells::start).collect();
     let mut falloff = vec![0.0f32; photos.len()];
@@ -138,7 +142,7 @@ impl Cells {
         })
     }
 
-    /// Sums over the cells, which count less the worse they fit what was solved for last.
+    /// Sums over the cells, with less weight for larger residuals of the last solution.
     fn sums(&self, gains: [f32; 3], falloff: f32) -> [Sums; 3] {
         [0, 1, 2].map(|c: usize| {
             let left = |cell: &Cell| cell.log[c] - gains[c] + falloff * cell.r2;
@@ -188,7 +192,7 @@ impl Sums {
         if self.one > 0.0 { self.log_r2 - self.log * self.r2 / self.one } else { 0.0 }
     }
 
-    /// The gain, where this is the falloff.
+    /// The gain for this falloff.
     fn gain(&self, falloff: f32) -> f32 {
         if self.one > 0.0 { ((self.log + f64::from(falloff) * self.r2) / self.one) as f32 } else { 0.0 }
     }

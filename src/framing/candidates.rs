@@ -1,4 +1,4 @@
-//! Where a scene may be looked at from first: from where its photos were taken, or from around its subject.
+//! Candidates for the first viewpoint: the places of photos, or places around the subject.
 
 use super::Subject;
 use crate::camera::Camera;
@@ -6,13 +6,13 @@ use glam::{Mat3, UVec2, Vec2, Vec3};
 
 /// Most photos that are tried.
 const MOST_PHOTOS: usize = 64;
-/// Field of view from around, degrees; its tangents of the half.
+/// Field of view of places around the subject, degrees; the tangents of its half.
 const HALF_FOV_TAN: f32 = 0.414_213_57; // 45 degrees
 /// Directions around the subject.
 const AROUND: usize = 12;
-/// How much more than the subject a picture from around holds.
+/// Size of a picture from around, in sizes of the subject.
 const MARGIN: f32 = 1.1;
-/// Sine of half of what the widest lens sees from around.
+/// Sine of half the angle of the widest lens from around.
 const MOST_SINE_AROUND: f32 = 0.8;
 /// Width and height of the pictures from around, px.
 const SIZE: UVec2 = UVec2::new(960, 720);
@@ -21,11 +21,11 @@ const SIZE: UVec2 = UVec2::new(960, 720);
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Candidate {
     pub(super) camera: Camera,
-    /// The number of its photo, when it is a photo's.
+    /// The number of its photo, if any.
     pub(super) photo: Option<usize>,
 }
 
-/// The cameras of photos, level, and turned to the subject where they show its middle.
+/// The cameras of photos, made level, and turned to the subject if they show its middle.
 pub(super) fn of_photos(cameras: &[Camera], subject: Subject, up: Vec3) -> Vec<Candidate> {
     let step = cameras.len().div_ceil(MOST_PHOTOS).max(1);
     let level = |photo: usize| {
@@ -41,19 +41,19 @@ pub(super) fn of_photos(cameras: &[Camera], subject: Subject, up: Vec3) -> Vec<C
     (0..cameras.len()).step_by(step).map(level).collect()
 }
 
-/// Tangent of half the angle at which a ball is seen from a distance; of an angle of this sine at most.
+/// Tangent of half the visual angle of a ball at a distance, at most that of an angle with this sine.
 pub(super) fn half_tangent(radius: f32, distance: f32, most_sine: f32) -> f32 {
     let sine = (radius / distance).min(most_sine);
     sine / (1.0 - sine * sine).sqrt()
 }
 
-/// A ring of cameras around the subject at an elevation of this sine, as far off as it takes to hold all of it, times `nearer`, but
-/// within `room`, the distance at which something closes the scene: there the lens is wider.
+/// A ring of cameras around the subject at an elevation of this sine. Their distance shows the whole subject,
+/// times `nearer`. In a scene that is closed at the distance `room`, they stay inside and have a wider lens.
 pub(super) fn ring(subject: Subject, up: Vec3, sine: f32, nearer: f32, room: f32) -> Vec<Candidate> {
     let sin_half = HALF_FOV_TAN / (1.0 + HALF_FOV_TAN * HALF_FOV_TAN).sqrt();
     let whole = MARGIN * subject.radius / sin_half;
     let distance = (nearer * whole).min(room);
-    // The lens that holds the subject from there, as far as it must be wider.
+    // The lens that shows the whole subject from there, if it must be wider.
     let tangent = half_tangent(MARGIN * subject.radius, distance, MOST_SINE_AROUND);
     let focal = Vec2::splat(SIZE.y as f32 / (2.0 * tangent.max(HALF_FOV_TAN)));
     let lens = Camera {
@@ -73,7 +73,8 @@ pub(super) fn ring(subject: Subject, up: Vec3, sine: f32, nearer: f32, room: f32
         .collect()
 }
 
-/// Cosines and sines of twelve directions around a circle, written out so that they are the same on every system.
+/// Cosines and sines of twelve directions around a circle, as constants, so that they are the same on every
+/// system.
 fn directions() -> impl Iterator<Item = [f32; 2]> {
     const HALF_ROOT_3: f32 = 0.866_025_4;
     let quarter = [[1.0, 0.0], [HALF_ROOT_3, 0.5], [0.5, HALF_ROOT_3]];

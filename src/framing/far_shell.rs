@@ -1,5 +1,5 @@
-//! Recognises a far shell: triangles well behind everything else that close a scene all around, such as the sky dome of a sample or
-//! the environment ball that another program trained.
+//! Recognises a far shell: triangles far behind the rest that close a scene all around, such as the sky dome
+//! of a sample or the environment ball of another program.
 //!
 //! Four things must hold. There is a gap between them and the scene; they are far behind it; they face its middle; and they cover most
 //! directions. Walls of a room fail the first or the second, a distant landscape the third or the fourth.
@@ -8,26 +8,26 @@ use crate::math::median::median;
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Triangles that the gap is searched among.
+/// Number of triangles for finding the gap.
 const SAMPLE: usize = 50_000;
-/// A scene of fewer triangles has no shell worth the name.
+/// Scenes with fewer triangles have no shell.
 const LEAST_TRIANGLES: usize = 64;
-/// The shell begins at this many times the distance that half of the scene is within, or farther.
+/// Least distance of the shell, as a multiple of the median distance of the scene.
 const FAR: f32 = 2.5;
-/// The gap, as the part of the way to the shell that is empty ...
+/// The gap: the empty share of the distance to the shell ...
 const GAP: f32 = 0.25;
-/// ... but for this many triangles, in those of the shell.
+/// ... except for this many triangles, as a share of those of the shell.
 const MOST_IN_GAP: f32 = 0.02;
-/// Most of the triangles that may be shell.
+/// Largest share of the triangles in a shell.
 const MOST_SHELL: f32 = 0.4;
-/// Least cosine between the normals of the shell and the way to the middle, a mean by area.
+/// Least mean cosine, by area, between the shell's normals and the direction to the middle.
 const LEAST_FACING: f32 = 0.8;
 /// Least share of all directions that the shell covers.
 const LEAST_COVERED: f32 = 0.7;
-/// Directions that are tried: lines of the grid on each face of a cube.
+/// Number of tested directions: lines of the grid on each face of a cube.
 const GRID: usize = 8;
 
-/// Which of `count` triangles, by their `corners`, are a far shell; `None` when there is none. `[N]`
+/// Flags of the `count` triangles, given by their `corners`, that are a far shell; `None` without one. `[N]`
 pub fn far_shell(corners: &(dyn Fn(usize) -> [Vec3; 3] + Sync), count: usize) -> Option<Vec<bool>> {
     if count < LEAST_TRIANGLES {
         return None;
@@ -50,7 +50,7 @@ pub fn far_shell(corners: &(dyn Fn(usize) -> [Vec3; 3] + Sync), count: usize) ->
     (faces_middle(&far) && covers(&far)).then_some(is_far)
 }
 
-/// Where the shell begins by the distances of triangles, which are sorted.
+/// The distance at which the shell begins, from the sorted distances of triangles.
 fn begin(distances: &[f32]) -> Option<f32> {
     let half = *distances.get(distances.len() / 2)?;
     let least = FAR * half;
@@ -77,7 +77,7 @@ fn faces_middle(far: &[[Vec3; 3]]) -> bool {
     area > 0.0 && facing >= f64::from(LEAST_FACING) * area
 }
 
-/// Whether triangles are behind most directions as seen from the origin.
+/// Whether the triangles cover most directions from the origin.
 fn covers(far: &[[Vec3; 3]]) -> bool {
     let directions = directions();
     let covered =
@@ -92,7 +92,7 @@ fn behind(direction: Vec3, [a, b, c]: &[Vec3; 3]) -> bool {
     inside && (*a + *b + *c).dot(direction) > 0.0
 }
 
-/// Directions spread over the sphere: the middles of the squares of a cube's faces.
+/// Directions over the sphere: the middles of the squares of a cube's faces.
 fn directions() -> Vec<Vec3> {
     let place = |i: usize| 2.0 * (i as f32 + 0.5) / GRID as f32 - 1.0;
     let of_face = |face: usize| {

@@ -1,4 +1,4 @@
-//! What a scene is about, and how it gets into a picture: its subject, where to look at it from first, what closes it far away.
+//! The framing of a scene: its subject, its first viewpoint, and the far shell that closes it.
 
 mod candidates;
 mod sight;

@@ -1,4 +1,4 @@
-//! What a camera sees of the subject of a scene, measured on a small picture.
+//! Measures a camera's view of the subject, on a small picture.
 
 use super::Subject;
 use crate::camera::Camera;
@@ -6,13 +6,13 @@ use crate::mesh::{Colors, Mesh};
 use crate::raster::solid::{NO_FACE, Solid, SolidRasterOptions};
 use glam::{UVec2, Vec3};
 
-/// A scene of more triangles is thinned.
+/// Largest scene that is not thinned.
 const MOST_FACES: usize = 8000;
-/// A triangle of a thinned scene grows at most this many times, so that it covers for those left out.
+/// Largest factor by which a triangle of a thinned scene grows to replace the others.
 const MOST_GROWTH: f32 = 6.0;
 /// The longer side of the pictures, px.
 const SIDE: u32 = 96;
-/// What is nearer than this share of the way to the subject stands in the way.
+/// Surfaces nearer than this share of the subject's distance are obstacles.
 const IN_THE_WAY: f32 = 0.3;
 /// Near plane, in radii of the subject.
 const NEAR: f32 = 0.01;
@@ -22,26 +22,26 @@ const NEAR: f32 = 0.01;
 pub(super) struct Survey {
     mesh: Mesh,
     subject: Subject,
-    /// Whether each face of the mesh is of the subject. `[F]`
+    /// Flags of the subject's faces. `[F]`
     of_subject: Vec<bool>,
     solid: Solid,
 }
 
-/// What a camera sees; shares of 1.
+/// A camera's view, in shares from 0 to 1.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Sight {
-    /// Of the subject's triangles, those that are seen.
+    /// Visible share of the subject's triangles.
     pub(super) seen: f32,
-    /// Of the subject's triangles, those within the picture, hidden or not.
+    /// Share of the subject's triangles within the picture, hidden or not.
     pub(super) framed: f32,
-    /// Of the picture, what shows the subject.
+    /// Share of the picture that shows the subject.
     pub(super) filled: f32,
-    /// Of the picture, what shows something right before the camera.
+    /// Share of the picture with obstacles in front of the camera.
     pub(super) blocked: f32,
 }
 
 impl Survey {
-    /// Of the triangles `corners`, without what is far behind them.
+    /// Of the triangles `corners`, without the far shell.
     pub(super) fn new(corners: &dyn Fn(usize) -> [Vec3; 3], count: usize, subject: Subject) -> Self {
         let step = count.div_ceil(MOST_FACES).max(1);
         let growth = (step as f32).sqrt().min(MOST_GROWTH);
@@ -58,7 +58,7 @@ impl Survey {
         Self { mesh: Mesh { positions, colors, ..Mesh::default() }, subject, of_subject, solid: Solid::new() }
     }
 
-    /// What `camera` sees, whatever the size of its picture.
+    /// The view of `camera`, for any size of its picture.
     pub(super) fn look(&mut self, camera: &Camera) -> Sight {
         let longest = camera.size.max_element() as f32;
         let size = (camera.size.as_vec2() / longest * SIDE as f32).as_uvec2().max(UVec2::ONE);

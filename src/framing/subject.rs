@@ -1,25 +1,26 @@
-//! The subject of a scene: what its photos look at, or its dense middle where no photo is known.
+//! The subject of a scene: the object that its photos look at, or its dense middle without photos.
 
 use crate::camera::{self, Camera};
 use crate::math::median::median;
 use glam::Vec3;
 
-/// Most points that are looked at.
+/// Most points to sample.
 pub(super) const MOST_POINTS: usize = 20_000;
-/// Most cameras that are asked what they frame.
+/// Most cameras to use.
 const MOST_CAMERAS: usize = 100;
-/// A point belongs to the subject when it is in this share of the pictures that frame the most framed point.
+/// A point belongs to the subject if at least this share of the most framed point's pictures show it ...
 const FRAMED: f32 = 0.5;
-/// ... and within this distance of what the cameras look at, in the median distance of the cameras from there.
+/// ... and if it is within this distance of the point that the cameras look at, as a share of their median
+/// distance.
 const WITHIN: f32 = 0.8;
-/// The subject ends where this share of its points does.
+/// Share of its points within the subject's radius.
 const RADIUS_QUANTILE: f32 = 0.9;
-/// Without photos: where this share of all points ends, ...
+/// Without photos: share of all points within the radius, ...
 const ALL_QUANTILE: f32 = 0.95;
-/// ... but not beyond this many times their median distance: what is farther out surrounds the subject.
+/// ... but at most this many times their median distance, because farther points surround the subject.
 const CORE: f32 = 2.5;
 
-/// A ball around what a scene is about.
+/// A ball around the subject of a scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Subject {
     /// Its middle.
@@ -29,7 +30,8 @@ pub struct Subject {
 }
 
 impl Subject {
-    /// Of a scene with `points`, the middles of its triangles, and the cameras of its photos, if any are known. `None` without extent.
+    /// Of a scene with `points`, the middles of its triangles, and the cameras of its photos, if known.
+    /// `None` without extent.
     pub fn of(points: &[Vec3], cameras: &[Camera]) -> Option<Self> {
         let step = points.len().div_ceil(MOST_POINTS).max(1);
         let points: Vec<Vec3> = points.iter().copied().step_by(step).filter(|p| p.is_finite()).collect();
@@ -43,7 +45,7 @@ impl Subject {
     }
 }
 
-/// What most of `cameras` frame, near what they look at; `None` when they look at nothing in common.
+/// The object that most of `cameras` frame, near their common focus; `None` without one.
 fn photographed(points: &[Vec3], cameras: &[Camera]) -> Option<Subject> {
     let step = cameras.len().div_ceil(MOST_CAMERAS).max(1);
     let cameras: Vec<Camera> = cameras.iter().copied().step_by(step).collect();
@@ -65,7 +67,7 @@ fn dense(points: &[Vec3]) -> Option<Subject> {
     Some(Subject { radius: if radius > 0.0 { radius } else { all.radius }, ..all })
 }
 
-/// The ball around the median of `points` that holds this share of them.
+/// The ball around the median of `points` that contains this share of them.
 fn ball(points: &[Vec3], share: f32) -> Option<Subject> {
     let along = |axis: usize| median(points.iter().map(|p| p[axis]).collect(), f32::total_cmp);
     let center = Vec3::new(along(0)?, along(1)?, along(2)?);
@@ -106,7 +108,7 @@ mod tests {
         let subject = Subject::of(&points, &cameras).expect("there is one");
         assert!(subject.center.distance(target) < 0.2, "{subject:?}");
         assert!((0.4..1.0).contains(&subject.radius), "{subject:?}");
-        // Nothing is known without them but where most of it is.
+        // Without cameras only the densest place is known.
         let dense = Subject::of(&points, &[]).expect("there is one");
         assert!(dense.center.distance(target + 20.0) < 10.0 && dense.holds(target + 20.0), "{dense:?}");
     }

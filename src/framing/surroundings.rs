@@ -1,4 +1,4 @@
-//! A scene that was read, parted into what it is about and what closes it far away.
+//! A scene after reading, divided into the scene itself and its far shell.
 
 use super::far_shell::far_shell;
 use super::viewpoint::{Scenery, viewpoint};
@@ -7,7 +7,7 @@ use crate::camera::{Camera, Viewpoint};
 use crate::scene::Scene;
 use glam::Vec3;
 
-/// A scene and which of its triangles are far behind it.
+/// A scene, and flags of its far shell.
 #[derive(Debug)]
 pub struct Surroundings<'a> {
     scene: &'a Scene,
@@ -17,7 +17,7 @@ pub struct Surroundings<'a> {
 }
 
 impl<'a> Surroundings<'a> {
-    /// By what its file says, or by its shape.
+    /// By flags in its file, or by its shape.
     pub fn of(scene: &'a Scene, provenance: &Provenance) -> Self {
         let count = scene.triangle_count();
         let backdrop = match scene {
@@ -35,8 +35,8 @@ impl<'a> Surroundings<'a> {
         Self { scene, before, behind }
     }
 
-    /// Where to look at the scene from first, with `up` upwards; of places where `cameras` of its photos stood, if there are any.
-    /// `None` when there is nothing to be seen.
+    /// The first viewpoint, with `up` upwards; one of the photos' `cameras`, if there are any. `None` without
+    /// visible triangles.
     pub fn viewpoint(&self, cameras: &[Camera], up: Vec3) -> Option<Viewpoint> {
         let corners = |i: usize| self.scene.corners(self.before[i]);
         let room = |from: Vec3| self.room(from);
@@ -44,7 +44,7 @@ impl<'a> Surroundings<'a> {
         viewpoint(&scenery).map(|chosen| chosen.viewpoint)
     }
 
-    /// How far from a place the scene is closed; infinite when it is open.
+    /// Distance from a place at which the scene is closed; infinite when it is open.
     pub fn room(&self, from: Vec3) -> f32 {
         let corners = self.behind.iter().flat_map(|triangle| self.scene.corners(*triangle));
         corners.map(|corner| corner.distance_squared(from)).fold(f32::INFINITY, f32::min).sqrt()

@@ -1,5 +1,5 @@
-//! The first viewpoint of a scene: of all places its photos were taken from, or of those around its subject, the one that shows the
-//! subject best. All of it, large, level, with nothing in the way, from somewhat above.
+//! The first viewpoint of a scene: the place of a photo, or around the subject, that shows the subject best:
+//! whole, large, level, unobstructed, from somewhat above.
 
 use super::candidates::{self, Candidate, half_tangent};
 use super::sight::{Sight, Survey};
@@ -7,18 +7,18 @@ use super::subject::{MOST_POINTS, Subject};
 use crate::camera::{Camera, Viewpoint};
 use glam::{UVec2, Vec2, Vec3};
 
-/// Share of the picture that a subject fills, or more.
+/// Share of the picture that a subject should fill at least.
 const LARGE: f32 = 0.25;
-/// Sine of the elevation that shows most things best, 20 degrees, and how far from it half of the worth is lost.
+/// Sine of the best elevation, 20 degrees, and the difference from it that halves the score.
 const BEST_ELEVATION: f32 = 0.342;
 const ELEVATION_SPREAD: f32 = 0.5;
 /// Sines of the elevations of viewpoints around the subject; the first is tried in all directions.
 const ELEVATIONS: [f32; 3] = [0.342, 0.643, 0.087];
-/// Distances from around, in that from which all of the subject is in view: nearer ones for what is inside of something.
+/// Distances around the subject, relative to the one that shows it whole; nearer ones for enclosed subjects.
 const NEARER: [f32; 3] = [1.0, 0.6, 0.35];
-/// A nearer place shows this much more to be better.
+/// A nearer place must score this much higher.
 const NEARER_GAIN: f32 = 1.5;
-/// Part of the way to what closes the scene.
+/// Largest distance as a share of that at which the scene is closed.
 const ROOM: f32 = 0.9;
 
 /// What was chosen.
@@ -26,34 +26,34 @@ const ROOM: f32 = 0.9;
 pub struct Chosen {
     /// Where to look from.
     pub viewpoint: Viewpoint,
-    /// The number of the photo that was taken there, if one was.
+    /// The number of the photo taken there, if any.
     pub photo: Option<usize>,
     /// Share of the picture that shows the subject.
     pub filled: f64,
 }
 
-/// What is known of a scene whose viewpoint is sought.
+/// Known facts about a scene.
 #[derive(Clone, Copy)]
 pub struct Scenery<'a> {
     /// Corners of a triangle, by its number.
     pub corners: &'a dyn Fn(usize) -> [Vec3; 3],
-    /// How many triangles there are, without what is far behind them.
+    /// Number of triangles, without the far shell.
     pub count: usize,
-    /// The cameras of its photos, as far as they are known.
+    /// The known cameras of its photos.
     pub cameras: &'a [Camera],
     /// The direction that points up.
     pub up: Vec3,
-    /// Distance from a place at which something closes the scene; infinite when nothing does.
+    /// Distance from a place at which the scene is closed; infinite when it is open.
     pub room: &'a dyn Fn(Vec3) -> f32,
 }
 
-/// Where to look at a scene from first; `None` of one without extent.
+/// The first viewpoint of a scene; `None` without extent.
 pub fn viewpoint(scenery: &Scenery<'_>) -> Option<Chosen> {
     let middle = |face: usize| {
         let [a, b, c] = (scenery.corners)(face);
         (a + b + c) / 3.0
     };
-    // The subject looks at no more of them.
+    // The subject uses no more of them.
     let step = scenery.count.div_ceil(MOST_POINTS).max(1);
     let middles: Vec<Vec3> = (0..scenery.count).step_by(step).map(middle).collect();
     let subject = Subject::of(&middles, scenery.cameras)?;
@@ -72,7 +72,7 @@ pub fn viewpoint(scenery: &Scenery<'_>) -> Option<Chosen> {
     Some(Chosen { viewpoint, photo: candidate.photo, filled: f64::from(sight.filled) })
 }
 
-/// A candidate and what it shows.
+/// A candidate and its view.
 struct Judged {
     candidate: Candidate,
     sight: Sight,
@@ -106,7 +106,7 @@ fn best(judged: impl Iterator<Item = Judged>) -> Option<Judged> {
     judged.reduce(|a, b| if b.worth > a.worth { b } else { a })
 }
 
-/// How well a camera shows the subject, 0 or more.
+/// Score of a camera's view of the subject, 0 or more.
 fn worth(camera: &Camera, sight: &Sight, up: Vec3) -> f32 {
     let sine = -camera.rotation.row(2).dot(up);
     let off = (sine - BEST_ELEVATION) / ELEVATION_SPREAD;
@@ -116,7 +116,7 @@ fn worth(camera: &Camera, sight: &Sight, up: Vec3) -> f32 {
     sight.seen * sight.framed * sight.framed * large * clear * elevation
 }
 
-/// The viewpoint of a camera, orbiting the subject; ahead of it when it looks elsewhere.
+/// The viewpoint of a camera. It orbits the subject, or a point ahead if it looks elsewhere.
 fn looking(camera: &Camera, subject: Subject, up: Vec3) -> Viewpoint {
     let (eye, forward) = (camera.position(), camera.rotation.row(2));
     let depth = (subject.center - eye).dot(forward);
@@ -124,25 +124,26 @@ fn looking(camera: &Camera, subject: Subject, up: Vec3) -> Viewpoint {
     let [eye, target, up] = [eye, target, up].map(|v| v.as_dvec3().to_array());
     let [wide, high] =
         [camera.size.x as f32 / (2.0 * camera.focal.x), camera.size.y as f32 / (2.0 * camera.focal.y)];
-    // A window may be narrower than the photo: what the photo held from side to side is held from top to bottom.
+    // A window may be narrower than the photo, so the photo's horizontal angle becomes the vertical one.
     let needed = half_tangent(subject.radius, depth.max(subject.radius), MOST_SINE);
     let fov = 2.0 * libm::atan(f64::from(high.max(needed.min(wide))));
     Viewpoint { eye, target, up, fov: fov.to_degrees(), radius: Some(f64::from(subject.radius)) }
 }
 
-/// The camera of a viewpoint for a picture of `size`: the subject is in it, however narrow it is.
+/// The camera of a viewpoint for a picture of `size`, which shows the subject even if narrow.
 pub fn camera_for(viewpoint: &Viewpoint, size: UVec2) -> Camera {
     let camera = viewpoint.camera(size);
     let Some(radius) = viewpoint.radius else { return camera };
     let needed = half_tangent(radius as f32, viewpoint.distance(), MOST_SINE);
     let half_width = size.x as f32 / (2.0 * camera.focal.x);
-    // What the viewpoint shows in a picture as wide as photos are is enough.
+    // The view in a picture with a photo's proportions suffices.
     let usual = size.y as f32 / (2.0 * camera.focal.y) * USUAL_ASPECT;
     let shrink = half_width / half_width.max(needed.min(usual));
     Camera { focal: camera.focal * shrink, ..camera }
 }
 
-/// The camera of a viewpoint for a picture of `size` that holds all of the subject, whatever the lens of the viewpoint shows.
+/// The camera of a viewpoint for a picture of `size` that shows the whole subject, independent of the
+/// viewpoint's lens.
 pub fn camera_holding(viewpoint: &Viewpoint, size: UVec2) -> Camera {
     let camera = viewpoint.camera(size);
     let Some(radius) = viewpoint.radius else { return camera };
@@ -151,9 +152,9 @@ pub fn camera_holding(viewpoint: &Viewpoint, size: UVec2) -> Camera {
     Camera { focal: camera.focal.min(Vec2::splat(most)), ..camera }
 }
 
-/// Widest lens for a narrow picture: the sine of half of what it sees.
+/// Widest lens for a narrow picture: the sine of half its angle.
 const MOST_SINE: f32 = 0.85;
-/// Width of a photo, in its height.
+/// Ratio of a photo's width to its height.
 const USUAL_ASPECT: f32 = 4.0 / 3.0;
 
 #[cfg(test)]

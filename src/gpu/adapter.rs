@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor, InstanceFlags, Surface};
 
-/// Which graphics card draws, and through which graphics API.
+/// The choice of graphics card and graphics API.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct AdapterOptions {
@@ -25,7 +25,7 @@ pub enum GraphicsApi {
     Metal,
     /// Direct3D 12: Windows.
     Dx12,
-    /// OpenGL (ES), where nothing better is.
+    /// OpenGL (ES), as the last resort.
     Gl,
 }
 
@@ -45,11 +45,11 @@ const PREFERRED: [wgpu::Backend; 4] =
     [wgpu::Backend::Vulkan, wgpu::Backend::Metal, wgpu::Backend::Dx12, wgpu::Backend::Gl];
 
 impl AdapterOptions {
-    /// The entry to the drivers. `display` is where windows will be shown; without windows none is needed.
+    /// The entry to the drivers. `display` is that of the windows; without windows none is needed.
     pub fn instance(&self, display: Option<Box<dyn wgpu::wgt::WgpuHasDisplayHandle>>) -> Instance {
         let mut descriptor = InstanceDescriptor::new_without_display_handle();
         descriptor.display = display;
-        // It would check every indirect draw with a compute pass.
+        // Otherwise it would check every indirect draw with a compute pass.
         descriptor.flags.remove(InstanceFlags::VALIDATION_INDIRECT_CALL);
         let mut descriptor = descriptor.with_env();
         if let Some(api) = self.graphics_api {
@@ -105,8 +105,9 @@ impl AdapterOptions {
     }
 }
 
-/// False where there can be no card: then no driver is loaded, as that takes time and, without a desktop, prints what Mesa's layers
-/// miss. On Linux a card is a file, of its kernel driver: Mesa's, NVIDIA's, WSL's, Tegra's, Arm's or Qualcomm's.
+/// False if there can be no card. Then no driver is loaded, because loading takes time and, without a
+/// desktop, prints messages of Mesa's layers. On Linux a card has a file of its kernel driver: Mesa's,
+/// NVIDIA's, WSL's, Tegra's, Arm's or Qualcomm's.
 fn may_have_card() -> bool {
     let files = ["dri", "nvidia0", "nvidiactl", "dxg", "nvhost-gpu", "mali0", "kgsl-3d0"];
     !cfg!(target_os = "linux") || files.iter().any(|file| std::path::Path::new("/dev").join(file).exists())

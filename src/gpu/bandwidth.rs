@@ -1,4 +1,4 @@
-//! How fast the memory of the graphics card is.
+//! Measures the memory bandwidth of the graphics card.
 
 use super::device::Gpu;
 use super::storage::storage;
@@ -6,19 +6,19 @@ use crate::error::Result;
 use std::time::Instant;
 use wgpu::Buffer;
 
-/// Bytes of the two buffers that are copied, if the card binds so much.
+/// Bytes of the two buffers, if the card can bind as much.
 const BYTES: u64 = 256 << 20;
 /// Copies that are timed together.
 const COPIES: u32 = 32;
 
-/// Bytes per second that the card reads and writes together while it copies from one buffer to another: what its memory can do in
-/// practice.
+/// Bytes per second of reading and writing together during a copy between two buffers: the practical
+/// bandwidth.
 ///
 /// Errors: no memory for two large buffers.
 pub fn copy_bandwidth(gpu: &Gpu) -> Result<f64> {
     let limits = gpu.device.limits();
     let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-    // Software copies as fast, from smaller buffers, and without waiting for seconds.
+    // Software renderers copy smaller buffers equally fast, without waiting for seconds.
     let bytes = if gpu.is_software() { BYTES / 8 } else { BYTES }.min(most / 16 * 16);
     let buffer = || storage(gpu, "copies", bytes, "close other programs that use the card");
     let buffers: [Buffer; 2] = [buffer()?, buffer()?];

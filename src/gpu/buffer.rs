@@ -9,9 +9,10 @@ use wgpu::{Buffer, BufferDescriptor, BufferUsages};
 /// Elements that are computed before they are copied.
 const BATCH: usize = 1 << 20;
 
-/// A buffer of `count` elements, element i being `element(i)`. An empty one has room for one.
+/// A buffer of `count` elements, element i being `element(i)`. An empty one has space for one.
 ///
-/// Errors: more bytes than the card allows in one buffer, or than it has left; `what` names the buffer there.
+/// Errors: more bytes than the card allows in one buffer, or has left; `what` names the buffer in the
+/// message.
 pub fn filled<T: NoUninit + Send>(
     gpu: &Gpu,
     what: &str,

@@ -26,7 +26,7 @@ impl Kernel {
             layout: None,
             module: &module,
             entry_point: Some(name),
-            // Every pass writes what it reads of workgroup memory.
+            // Every pass writes workgroup memory before reading it.
             compilation_options: PipelineCompilationOptions {
                 zero_initialize_workgroup_memory: false,
                 ..PipelineCompilationOptions::default()
@@ -62,11 +62,11 @@ impl Kernel {
     }
 }
 
-/// Workgroups across and down for `count` of them: more than a dispatch may have in one dimension are spread over two.
+/// The two dimensions of a dispatch of `count` workgroups; one dimension has a limit.
 pub fn workgroups(count: u32) -> [u32; 2] {
     let down = count.div_ceil(MOST_ACROSS).max(1);
     [count.div_ceil(down), down]
 }
 
-/// Workgroups in one dimension that every card takes.
+/// Workgroups in one dimension that every card supports.
 pub const MOST_ACROSS: u32 = 65_535;

@@ -7,7 +7,7 @@ use wgpu::{
     Adapter, AdapterInfo, Device, DeviceDescriptor, Features, Limits, PollType, Queue, SubmissionIndex,
 };
 
-/// Features that are used where the card has them; none is required.
+/// Features that are used if the card has them; none is required.
 const OPTIONAL_FEATURES: Features = Features::TIMESTAMP_QUERY.union(Features::POLYGON_MODE_LINE);
 
 /// An open graphics card. Its first error is kept until [`Gpu::check`] returns it.
@@ -66,7 +66,7 @@ impl Gpu {
         Ok(Self { device, queue, info, first_error })
     }
 
-    /// An error when anything has failed since the last check: device lost, out of memory, validation.
+    /// Any error since the last check: device lost, out of memory, validation.
     pub fn check(&self) -> Result<()> {
         match self.first_error.lock().unwrap_or_else(PoisonError::into_inner).take() {
             Some(what) => Err(Error::Gpu(format!("{}: {what}", self.info.name))),
@@ -74,7 +74,7 @@ impl Gpu {
         }
     }
 
-    /// Waits until the work up to `submission` is done, or all of it; errors as [`Gpu::check`].
+    /// Waits until the work up to `submission`, or all work, is done; errors as [`Gpu::check`].
     pub fn wait(&self, submission: Option<SubmissionIndex>) -> Result<()> {
         let waited = self.device.poll(PollType::Wait { submission_index: submission, timeout: None });
         if waited.is_err() {

@@ -52,7 +52,7 @@ pub fn elements<T: AnyBitPattern + NoUninit>(gpu: &Gpu, buffer: &Buffer, count: 
 fn bytes(gpu: &Gpu, buffer: &Buffer) -> Result<Vec<u8>> {
     let (sender, receiver) = channel();
     buffer.slice(..).map_async(MapMode::Read, move |result| {
-        // The receiver is gone when the wait below has failed.
+        // The receiver no longer exists if the wait below has failed.
         let _ = sender.send(result);
     });
     gpu.wait(None)?;
@@ -65,8 +65,8 @@ fn unreadable(gpu: &Gpu, why: &dyn std::fmt::Display) -> Error {
     Error::Gpu(format!("{}: cannot read back: {why}", gpu.info.name))
 }
 
-/// Reads the beginning of a buffer as it is at one point of the recorded work, while later work continues. It is reused:
-/// recorded, submitted, taken.
+/// Reads the beginning of a buffer at one point of the recorded work, while later work continues. It is
+/// reused: recorded, submitted, taken.
 #[derive(Debug)]
 pub struct Readback {
     staging: Buffer,
@@ -85,7 +85,7 @@ impl Readback {
         Self { staging, mapped: None }
     }
 
-    /// Records the copy, behind what writes `buffer`.
+    /// Records the copy, after the work that writes `buffer`.
     pub fn record(&self, encoder: &mut CommandEncoder, buffer: &Buffer) {
         encoder.copy_buffer_to_buffer(buffer, 0, &self.staging, 0, self.staging.size());
     }
@@ -94,21 +94,21 @@ impl Readback {
     pub fn submitted(&mut self, submission: SubmissionIndex) {
         let (sender, receiver) = channel();
         self.staging.slice(..).map_async(MapMode::Read, move |result| {
-            // Nobody waits for what was given up.
+            // An abandoned readback needs no wait.
             let _ = sender.send(result);
         });
         self.mapped = Some((submission, receiver));
     }
 
-    /// What was read; `None` while the card has not reached the copy. `wait` waits for it.
+    /// The bytes read; `None` while the card has not reached the copy. `wait` waits for it.
     ///
-    /// Errors: what has gone wrong on the card.
+    /// Errors: those of the card.
     pub fn take<T: AnyBitPattern + NoUninit>(&mut self, gpu: &Gpu, wait: bool) -> Result<Option<Vec<T>>> {
         let Some((submission, receiver)) = &self.mapped else { return Ok(None) };
         if wait {
             gpu.wait(Some(submission.clone()))?;
         } else {
-            // It fails where the wait does, and says less.
+            // It fails when the wait fails, with a poorer message.
             let _ = gpu.device.poll(PollType::Poll);
             gpu.check()?;
         }

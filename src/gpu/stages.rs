@@ -1,4 +1,4 @@
-//! How long the graphics card works on each stage of a sequence of compute passes, by its own timestamps.
+//! Times each stage of a sequence of compute passes by the card's timestamps.
 
 use super::device::Gpu;
 use super::readback::elements;
@@ -15,7 +15,7 @@ pub struct StageTimer {
     names: Vec<&'static str>,
 }
 
-/// Stages that a sequence can have; more are not timed.
+/// Most stages of a sequence; more are not timed.
 const MOST: u32 = 64;
 
 impl StageTimer {
@@ -57,7 +57,7 @@ impl StageTimer {
         })
     }
 
-    /// Records that the timestamps are kept, behind the last stage.
+    /// Records the copy of the timestamps after the last stage.
     pub fn end(&self, encoder: &mut CommandEncoder) {
         encoder.resolve_query_set(&self.queries, 0..2 * self.names.len() as u32, &self.resolved, 0);
     }

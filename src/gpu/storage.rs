@@ -1,4 +1,4 @@
-//! Storage buffers, within what the card allows.
+//! Storage buffers, within the limits of the card.
 
 use super::device::Gpu;
 use crate::error::{Error, Result};
@@ -6,8 +6,8 @@ use wgpu::{Buffer, BufferDescriptor, BufferUsages};
 
 /// A storage buffer of `bytes`, filled with zeros; an empty one holds one vector. It can be copied to and from.
 ///
-/// Errors: more than the card binds at once, or than it has left; `what` names the buffer there and `remedy` says what
-/// to do instead.
+/// Errors: more than the card binds at once, or has left; the message contains `what`, the name of the
+/// buffer, and `remedy`.
 pub fn storage(gpu: &Gpu, what: &str, bytes: u64, remedy: &str) -> Result<Buffer> {
     let limits = gpu.device.limits();
     let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);

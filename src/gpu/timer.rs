@@ -1,4 +1,4 @@
-//! How long the graphics card works on a pass, by its own timestamps. Never waits for it.
+//! Times passes by the graphics card's timestamps, without waiting for it.
 
 use super::device::Gpu;
 use std::sync::Arc;
@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use wgpu::{Buffer, BufferDescriptor, BufferUsages, CommandEncoder, Features, MapMode};
 use wgpu::{QuerySet, QuerySetDescriptor, QueryType, RenderPassTimestampWrites};
 
-/// Passes that can be in flight at the same time; more are not timed.
+/// Most passes in flight; more are not timed.
 const SLOTS: usize = 4;
 const BYTES: u64 = 16;
 
@@ -76,7 +76,7 @@ impl Timer {
         }
     }
 
-    /// Records the readback, behind the pass of a slot.
+    /// Records the readback after the pass of a slot.
     pub fn end(&mut self, slot: usize, encoder: &mut CommandEncoder) {
         let slot = &mut self.slots[slot];
         encoder.resolve_query_set(&slot.queries, 0..2, &slot.resolved, 0);
@@ -84,7 +84,7 @@ impl Timer {
         slot.state = SlotState::Recorded;
     }
 
-    /// Starts to map what was recorded; to be called after the work was submitted.
+    /// Starts to map the recorded readbacks; call this after submitting the work.
     pub fn submitted(&mut self) {
         for slot in self.slots.iter_mut().filter(|s| s.state == SlotState::Recorded) {
             let ready = slot.ready.clone();

@@ -1,4 +1,4 @@
-//! What a program does that gets no more memory: where nothing else was foreseen, it ends in good order in place of being aborted.
+//! Out of memory: an unexpected failure to allocate ends the program cleanly instead of aborting.
 
 #![allow(unsafe_code)] // An allocator is.
 
@@ -7,7 +7,8 @@ use std::cell::Cell;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Ends the process; its argument is the number of bytes that could not be had. It may allocate a little.
+/// Ends the process; its argument is the number of bytes that could not be allocated. It may allocate a
+/// little.
 pub type OutOfMemory = fn(usize) -> !;
 
 static END: OnceLock<OutOfMemory> = OnceLock::new();
@@ -18,13 +19,14 @@ thread_local! {
     static ENDS_IT: Cell<bool> = const { Cell::new(false) };
 }
 
-/// From now on a request for memory that fails ends the process with `end`, once, if the program's allocator is an [`Allocator`].
+/// From now on a failed allocation ends the process with `end`, once, if the program's allocator is an
+/// [`Allocator`].
 pub fn end_with(end: OutOfMemory) {
     // Who came first stays.
     let _ = END.set(end);
 }
 
-/// Makes a request for memory that may fail: `request` gets the failure, and the process continues.
+/// Makes an allocation that may fail: `request` gets the failure, and the process continues.
 pub fn foreseen<T>(request: impl FnOnce() -> T) -> T {
     let before = FORESEEN.replace(true);
     let made = request();
@@ -70,7 +72,7 @@ fn given(place: *mut u8, bytes: usize) -> *mut u8 {
 /// Ends the process unless the failure was foreseen, or unless it is ending already by this thread: then Rust's own abort follows.
 #[cold]
 fn end(bytes: usize) {
-    // A thread that is going away has no such values any more.
+    // A thread that is ending has no such values any more.
     let is_foreseen = FORESEEN.try_with(Cell::get).unwrap_or(false);
     let Some(end) = END.get().filter(|_| !is_foreseen) else { return };
     if !ENDING.swap(true, Ordering::SeqCst) {

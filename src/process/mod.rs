@@ -1,4 +1,4 @@
-//! What a process has used: CPU seconds and memory, from the system's own accounting.
+//! CPU seconds and memory of a process, from the system's accounting.
 
 pub mod memory;
 pub mod running;
@@ -18,30 +18,30 @@ mod system;
 /// What a process has used.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ProcessUsage {
-    /// User and system seconds on all threads; 0 where the system does not report it.
+    /// User and system seconds on all threads; 0 if the system does not report them.
     pub cpu_secs: f64,
-    /// The most memory that was resident, bytes; 0 where the system does not report it.
+    /// Peak resident memory, bytes; 0 if the system does not report it.
     pub peak_bytes: u64,
 }
 
-/// User and system seconds this process has used on all threads; 0 where the system does not report it.
+/// User and system seconds of this process on all threads; 0 if the system does not report them.
 pub fn cpu_secs() -> f64 {
     system::this_process().cpu_secs
 }
 
-/// The most memory this process has held, bytes; 0 where the system does not report it.
+/// Peak memory of this process, bytes; 0 if the system does not report it.
 pub fn peak_bytes() -> u64 {
     system::this_process().peak_bytes
 }
 
-/// True when whoever started this process has it ignore the signal of this number, as `nohup` does with SIGHUP.
+/// True when this process was started to ignore the signal of this number, as `nohup` does for SIGHUP.
 #[cfg(unix)]
 pub fn ignores(signal: i32) -> bool {
     system::ignores(signal)
 }
 
-/// What `child` used, which has ended and was waited for. Unix adds up the seconds of all children so far and keeps
-/// the largest memory of any, so there `child` must have been the only one.
+/// The usage of `child`, which has ended and was waited for. Unix sums the seconds of all children so far and
+/// keeps the largest memory of any, so `child` must have been the only one there.
 pub fn of_only_child(child: &Child) -> ProcessUsage {
     system::ended_child(child)
 }

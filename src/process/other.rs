@@ -1,4 +1,4 @@
-//! Systems that do not say what a process has used.
+//! Systems that do not report the usage of processes.
 
 use super::ProcessUsage;
 use std::process::Child;

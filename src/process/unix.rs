@@ -6,7 +6,7 @@ use nix::sys::resource::{UsageWho, getrusage};
 use nix::sys::time::TimeValLike;
 use std::process::Child;
 
-/// What resident memory is counted in: bytes on Apple's systems, KiB elsewhere.
+/// Unit of resident memory: bytes on Apple's systems, KiB elsewhere.
 const RSS_UNIT_BYTES: u64 = if cfg!(target_vendor = "apple") { 1 } else { 1024 };
 
 pub(super) fn this_process() -> ProcessUsage {

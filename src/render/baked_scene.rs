@@ -10,19 +10,19 @@ use crate::scene::{Loaded, Scene};
 use crate::soup::Soup;
 use glam::DVec3;
 
-/// A scene baked in memory, ready to be drawn.
+/// A scene baked in memory, ready for drawing.
 #[derive(Debug)]
 pub struct BakedScene {
     /// Y-up, in chunks, in order.
     pub asset: Asset,
-    /// What was read, when it was a soup.
+    /// The input, if it was a soup.
     pub soup: Option<Soup>,
-    /// How the bake placed the asset in the file's frame.
+    /// The bake's placement, in the file's frame.
     pub bake_placement: Placement,
 }
 
 impl BakedScene {
-    /// Bakes with the default preset, at once: colours stay as they are. Errors: see [`bake()`].
+    /// Bakes with the default preset and unchanged colours. Errors: see [`bake()`].
     pub fn new(loaded: Loaded) -> Result<Self> {
         let file_placement = loaded.provenance.placement;
         let soup = match &loaded.scene {

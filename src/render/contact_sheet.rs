@@ -9,7 +9,7 @@ const CELL: u32 = 480;
 const GAP: u32 = 6;
 /// Its colour.
 const GAP_COLOR: [u8; 3] = [236; 3];
-/// Most rows; of more photos an evenly spaced selection is shown.
+/// Most rows; more photos are reduced to an even selection.
 const ROWS: usize = 12;
 
 /// The sheet, row by row.
@@ -18,7 +18,7 @@ pub struct ContactSheet {
     rows: Vec<Vec<Pixels>>,
 }
 
-/// Which of `count` photos are shown: all, or the first of as many equal parts as there are rows.
+/// The shown photos among `count`: all, or the first of each equal part, one part per row.
 pub fn is_shown(photo: usize, count: usize) -> bool {
     count <= ROWS || photo == 0 || photo * ROWS / count != (photo - 1) * ROWS / count
 }

@@ -1,4 +1,5 @@
-//! The most degenerate soup that a reader may accept: finite values in range, and everything else wrong.
+//! The most degenerate soup that a reader may accept: values are finite and in range, everything else is
+//! wrong.
 
 use crate::soup::{Soup, sh0_from_rgb};
 use glam::{Vec3, vec3};
@@ -30,7 +31,7 @@ pub fn degenerate() -> Soup {
     soup
 }
 
-/// Triangles by what is wrong with their shape.
+/// Triangles by their kind of degeneracy.
 fn shapes(one: [Vec3; 3]) -> Vec<[Vec3; 3]> {
     let [a, b, c] = one;
     let last_bit = f32::from_bits(1.0f32.to_bits() + 1);

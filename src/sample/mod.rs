@@ -1,4 +1,4 @@
-//! Synthetic scenes to try things on: `trisplat sample`.
+//! Synthetic scenes for trials: `trisplat sample`.
 
 mod degenerate;
 pub mod scenes;

@@ -26,9 +26,9 @@ const FAR: f64 = 0.05;
 const FLOATING: f64 = 0.01;
 /// Share of a surface's triangles that are nearly solid and tile it without crossing a colour edge.
 const CORE: f64 = 0.4;
-/// How much larger a triangle of the core is than its half of the cell.
+/// Size of a triangle of the core, relative to its half of the cell.
 const GROWN: f64 = 1.3;
-/// How far it may cross the border of its patch, in cells.
+/// Most cells by which it may cross the border of its patch.
 const SLACK: f64 = 0.06;
 /// Area of all scattered triangles of a surface over the area of the surface, per share of scattered ones.
 const OVERLAP: f64 = 10.0;
@@ -46,7 +46,7 @@ pub fn soup(name: SampleScene, triangles: usize, seed: u64) -> Soup {
     }
 }
 
-/// What a file with such a soup says about itself: how to make it again, and where up is.
+/// The provenance of such a soup: the command that makes it, and the up axis.
 pub fn provenance(name: SampleScene, triangles: usize, seed: u64, sh_degree: u8) -> Provenance {
     let mut recipe = match name {
         SampleScene::Studio => format!("trisplat sample studio --triangles {triangles} --seed {seed}"),
@@ -138,7 +138,7 @@ fn sample(studio: &Studio, triangles: usize, seed: u64) -> Soup {
     soup
 }
 
-/// Where the triangles of each surface end, in order; the rest float in the air.
+/// End of each surface's triangles, in order; the rest float in the air.
 fn shares(surfaces: &[Surface], n: usize) -> Vec<usize> {
     let weight = |s: &Surface| s.density * s.shape.area();
     let near: f64 = surfaces.iter().map(weight).sum();
@@ -183,8 +183,9 @@ impl TriangleRng {
     }
 }
 
-/// The core of a surface: nearly solid triangles that tile it, as training leaves them. A grid with jittered
-/// corners, two triangles per cell, aligned with the patches of the texture; empty when there are too few for that.
+/// The core of a surface: nearly solid triangles that tile it, as after training. A grid with jittered
+/// corners, two triangles per cell, aligned with the patches of the texture; empty when there are too few for
+/// that.
 struct CoreGrid {
     patches: UVec2,
     cells: UVec2, // of one patch

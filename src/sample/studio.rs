@@ -1,5 +1,5 @@
-//! The studio: an analytic scene with a known surface everywhere. Balls, a ring, a chest, a colour chart
-//! and thin poles stand on a chequered stage under a far dome. World frame as COLMAP leaves it: -y is up.
+//! The studio: an analytic scene with a known surface everywhere. Balls, a ring, a chest, a colour chart and
+//! thin poles stand on a chequered stage under a far dome. World axes are those of COLMAP: -y is up.
 
 use glam::{DMat3, DVec2, DVec3, UVec2, dvec3};
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -87,7 +87,7 @@ impl SurfaceShape {
         DVec2::new(step(DVec2::X), step(DVec2::Y)) / (2.0 * half)
     }
 
-    /// How far along u and v a flat triangle may reach, in world units, and still follow the curve.
+    /// Largest extent of a flat triangle along u and v that still follows the curve, in world units.
     pub(super) fn reach(&self) -> DVec2 {
         match self {
             SurfaceShape::Parallelogram { .. } => DVec2::INFINITY,
@@ -120,7 +120,7 @@ impl Texture {
         }
     }
 
-    /// Linear colour at (u, v), where the surface faces `normal`, before any light falls on it.
+    /// Linear colour at (u, v), where the surface faces `normal`, before lighting.
     fn color(&self, at: DVec2, normal: DVec3) -> DVec3 {
         let patch = (at * self.patches().as_dvec2()).floor();
         let odd = |x: f64| (x as i64).rem_euclid(2) == 1;
@@ -160,7 +160,7 @@ fn chart(patch: DVec2) -> DVec3 {
     pure * pure * (0.95 - 0.28 * row) + 0.02
 }
 
-/// Something that stands on the stage and casts a shadow.
+/// An object on the stage that casts a shadow.
 enum Body {
     Ball { center: DVec3, radius: f64 },
     Block { center: DVec3, half: DVec3 },
@@ -169,7 +169,7 @@ enum Body {
 }
 
 impl Body {
-    /// Its outside, as maps from the unit square; a block has no underside.
+    /// Its outer surfaces, as maps from the unit square; a block has no underside.
     fn shapes(&self) -> Vec<SurfaceShape> {
         match *self {
             Body::Ball { center, radius } => caps(center, radius),
@@ -293,7 +293,7 @@ impl Studio {
         self.bodies.iter().map(|body| body.distance(p)).fold(f64::INFINITY, f64::min)
     }
 
-    /// Share of the sun that is seen from `p`, with a soft edge (sphere tracing).
+    /// Visible share of the sun from `p`, with a soft edge (sphere tracing).
     fn sunlight(&self, p: DVec3, sun: DVec3) -> f64 {
         let (mut share, mut along) = (1.0f64, 0.0);
         while along < 4.0 && p.y + sun.y * along > -2.2 {
@@ -307,7 +307,7 @@ impl Studio {
         share
     }
 
-    /// Share of the sky that is seen from `p`: 1 in the open, less near bodies and the stage.
+    /// Visible share of the sky from `p`: 1 in the open, less near bodies and the stage.
     fn open_sky(&self, p: DVec3, normal: DVec3) -> f64 {
         let reach = [0.08, 0.25].map(|step| {
             let probe = p + normal * step;

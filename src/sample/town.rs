@@ -1,22 +1,23 @@
-//! The town: streets, façades with windows, roofs and trees under a sky, all of flat triangles, so that the mesh is the exact truth of its
-//! photos. World frame: z is up, lengths are metres, the middle of the town is the origin.
+//! The town: streets, façades with windows, roofs and trees under a sky, all of flat triangles, so that its
+//! photos show exactly this mesh. World frame: z is up, lengths are metres, the middle of the town is the
+//! origin.
 
 use crate::math::octasphere::octasphere;
 use crate::mesh::{Colors, Mesh};
 use crate::rng::Rng;
 use glam::{Vec3, vec3};
 
-/// From the middle of a street to that of the next, m.
+/// Distance between the middles of neighbouring streets, m.
 pub(super) const PITCH: f32 = 20.0;
 /// Half the width of a street, m.
 const HALF_STREET: f32 = 3.5;
-/// Half the width of a street and its pavements, m: façades are here.
+/// Half the width of a street and its pavements, m: the place of façades.
 const HALF_GAP: f32 = 5.0;
 /// A floor of a house, and a bay of its façade, m.
 const FLOOR: f32 = 3.0;
 /// Towards the sun.
 const SUN: Vec3 = vec3(0.48, -0.36, 0.8);
-/// Light that comes from all sides.
+/// Ambient light.
 const AMBIENT: f32 = 0.45;
 /// Random numbers for one lot.
 const PER_LOT: u64 = 1 << 16;
@@ -50,7 +51,7 @@ impl Builder {
         self.triangle([corner, corner + u + v, corner + v], albedo);
     }
 
-    /// A parallelogram in cells of about a side, each of a tone of its own.
+    /// A parallelogram in cells of about this side, with different tones.
     fn mottled(&mut self, corner: Vec3, u: Vec3, v: Vec3, side: f32, albedo: Vec3, contrast: f32) {
         let [across, up] = [u, v].map(|edge| (edge.length() / side).round().max(1.0));
         let (du, dv) = (u / across, v / up);
@@ -119,7 +120,7 @@ impl Builder {
         }
     }
 
-    /// The lot whose corners are in the middle of the streets around it.
+    /// A lot, with corners in the middle of the streets around it.
     fn lot(&mut self, corner: Vec3, seed: u64, index: u64) {
         (self.rng, self.next) = (Rng::new(seed, "lot", 0), index * PER_LOT);
         let square = |inset: f32| (corner + vec3(inset, inset, 0.0), PITCH - 2.0 * inset);

@@ -1,4 +1,4 @@
-//! Photos of the town, as a drone and a pedestrian take them, in a data set with exact poses.
+//! Photos of the town by a drone and a pedestrian, in a data set with exact poses.
 
 use super::town::{PITCH, half_side, town};
 use crate::asset::{Asset, Provenance, UpAxis};
@@ -51,7 +51,7 @@ const SAMPLES: u32 = 4;
 
 /// Writes the data set: `images/`, `transforms.json`, `points.ply`, `test.txt` with every 8th photo, and `truth.ply`, the town itself.
 ///
-/// Errors: what the operating system refuses.
+/// Errors: those of the operating system.
 pub fn write(folder: &Path, options: &TownOptions) -> Result<()> {
     let images = folder.join("images");
     std::fs::create_dir_all(&images).map_err(|e| Error::io(&images, e))?;
@@ -156,7 +156,7 @@ fn frame(index: usize, camera: &Camera) -> serde_json::Value {
     })
 }
 
-/// The cloud: what some pixels of some photos show, as PLY text.
+/// The cloud: surface points at some pixels of some photos, as PLY text.
 fn points(mesh: &Mesh, cameras: &[Camera], options: &TownOptions) -> String {
     let drawing = SolidRasterOptions { samples: 1, near: 0.05, ..SolidRasterOptions::default() };
     let mut solid = Solid::new();
@@ -177,7 +177,7 @@ fn points(mesh: &Mesh, cameras: &[Camera], options: &TownOptions) -> String {
     text + "end_header\n" + &rows.concat()
 }
 
-/// What a random pixel shows, as a row; the sky has few points, as in a reconstruction.
+/// The surface point at a random pixel, as a row; the sky has few points, as in a reconstruction.
 fn point(mesh: &Mesh, camera: &Camera, faces: &[u32], depths: &[f32], rng: Rng) -> Option<String> {
     for attempt in 0..16 {
         let at = (rng.bits(2 * attempt) % faces.len() as u64) as usize;

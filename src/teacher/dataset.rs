@@ -1,4 +1,4 @@
-//! Soft pictures of a scene as a data set to train its solid twin on.
+//! Soft pictures of a scene as a data set for training the solid scene.
 
 use super::drawing::Teacher;
 use super::stored;
@@ -15,15 +15,15 @@ use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// One picture in this many is held out, to measure the solid scene on.
+/// One picture in this many is held out, to score the solid scene.
 const HELD_OUT: usize = 8;
 
-/// Draws `scene`, read from `path`, with `options` and makes a data set of the pictures, in the frame of its file.
-/// With many cameras, fewer pictures are drawn from between them. When all of them take more than `max_bytes` of memory,
-/// they are kept in a temporary file. Calls `drawn` after each
-/// picture with the numbers of pictures done and in all.
+/// Draws `scene`, read from `path`, with `options` and makes a data set of the pictures, in the frame of its
+/// file. With many cameras, fewer pictures are drawn from between them. Above `max_bytes` of memory, pictures
+/// are kept in a temporary file. Calls `drawn` after each picture with the numbers of finished and of all
+/// pictures.
 ///
-/// Errors: nothing in the scene that can be looked at; no room on the disk.
+/// Errors: a scene without visible triangles; a full disk.
 pub fn dataset(
     path: &Path,
     scene: &Loaded,
@@ -50,11 +50,11 @@ pub fn dataset(
     })
 }
 
-/// The photos of `photos` and, beside those that are trained on, soft pictures from between their cameras: at most as many
-/// as make up `share`, 0 to 1, of all that is trained on. Each is the mean of what `scenes` show: what only one of them made up
-/// is faint in it. `options`, `max_bytes` and `drawn` as for [`dataset`].
+/// The photos of `photos` and soft pictures from between the training cameras, up to `share`, 0 to 1, of all
+/// training pictures. Each is the mean of the drawings of `scenes`, so that false surfaces of one scene are
+/// faint. `options`, `max_bytes` and `drawn` as for [`dataset`].
 ///
-/// Errors: no room on the disk.
+/// Errors: a full disk.
 pub fn beside(
     photos: &Dataset,
     scenes: &[Loaded],
@@ -89,7 +89,7 @@ impl<'a> Placed<'a> {
         Self { scene, origin, teacher: Teacher::new(scene.scene.to_soup(), &near, options) }
     }
 
-    /// What `camera`, of the data set, sees. `[H * W]`
+    /// The view of `camera` of the data set. `[H * W]`
     fn rgb(&mut self, camera: &Camera) -> &[[f32; 3]] {
         &self.teacher.frame(&placed::to_file(camera, &self.scene.provenance.placement, self.origin)).rgb
     }
@@ -107,7 +107,7 @@ fn mean_picture(teachers: &mut [Placed<'_>], camera: &Camera) -> Pixels {
     Pixels::from_rgb(camera.size, &mean)
 }
 
-/// A view of each of `cameras` with the picture that `picture` takes, none of them held out.
+/// A view of each of `cameras` with its `picture`, none held out.
 fn draw(
     cameras: &[Camera],
     max_bytes: u64,

@@ -7,7 +7,7 @@ use crate::soup::Soup;
 use crate::space::Space;
 use glam::Vec3;
 
-/// Largest coordinate of a triangle that is drawn.
+/// Largest coordinate of a drawn triangle.
 const REACH: f32 = 1e15;
 
 /// Draws one scene for many cameras.
@@ -20,8 +20,8 @@ pub struct Teacher {
 }
 
 impl Teacher {
-    /// Draws `soup` for `cameras` in its frame and others near them, as `options` say; lengths in these are in units of
-    /// training space.
+    /// Draws `soup` with `options` for `cameras` in its frame and others near them. Lengths in `options` are
+    /// in units of training space.
     pub fn new(mut soup: Soup, cameras: &[Camera], options: &SoftOptions) -> Self {
         let drawn = |corners: &[Vec3; 3]| corners.iter().all(|v| v.abs().max_element() < REACH);
         if !soup.vertices.iter().all(drawn) {
@@ -40,7 +40,7 @@ impl Teacher {
         1.0 / self.space.scale
     }
 
-    /// What `camera`, in the frame of the soup, sees.
+    /// The view of `camera`, in the frame of the soup.
     pub fn frame(&mut self, camera: &Camera) -> &Frame {
         let camera = self.space.camera_to_training(camera);
         self.soft.render(&SoupRef::from(&self.soup), &camera, &self.options)
@@ -51,7 +51,7 @@ impl Teacher {
         self.frame(camera).to_pixels()
     }
 
-    /// The picture that `camera` takes, with the part of each pixel that triangles cover as its weight.
+    /// The picture of `camera`, with the covered share of each pixel as its weight.
     pub fn weighted_picture(&mut self, camera: &Camera) -> Pixels {
         let frame = self.frame(camera);
         let cover = |t: &f32| ((1.0 - t).clamp(0.0, 1.0) * 255.0).round() as u8;

@@ -1,7 +1,7 @@
-//! A soft scene teaches its own solid twin: pictures of it, drawn as it was trained, take the place of photos.
+//! A soft scene teaches a solid one: pictures of it, drawn as it was trained, replace photos.
 //!
-//! They are drawn from the cameras that the scene stores and from between them. A scene without cameras is looked at
-//! from where it can be seen: from around an object, from within a room.
+//! They are drawn from the cameras that the scene stores and from between them. For a scene without cameras
+//! viewpoints are chosen: around an object, or within a room.
 
 mod chosen;
 pub mod dataset;

@@ -4,12 +4,13 @@ use crate::camera::Camera;
 use glam::{Mat3, Quat};
 use std::collections::HashSet;
 
-/// Cameras are only mixed with one of their nearest neighbours: between far ones may stand a wall.
+/// Cameras are only averaged with one of their nearest neighbours, because a wall may be between distant
+/// ones.
 const NEIGHBOURS: usize = 2;
-/// Views that look this much apart do not show the same, cosine of the angle.
+/// Views with a larger angle do not show the same surface; cosine of the angle.
 const MIN_COSINE: f32 = 0.5;
 
-/// The cameras themselves, then those half way to each one's nearest neighbours, as many as fit.
+/// The cameras themselves, then those half way to each one's nearest neighbours, up to the limit.
 pub(super) fn viewpoints(cameras: &[Camera], max_bytes: u64) -> Vec<Camera> {
     let mut left = max_bytes.saturating_sub(cameras.iter().map(picture_bytes).sum());
     let mut fits = |camera: &Camera| {
@@ -28,7 +29,7 @@ pub(super) fn picture_bytes(camera: &Camera) -> u64 {
 
 /// Cameras half way from each of `cameras` to its nearest neighbours; those to the very nearest come first.
 pub(super) fn between(cameras: &[Camera]) -> Vec<Camera> {
-    // A pair may be each other's nearest: it has one middle.
+    // A pair of mutual neighbours has one middle.
     let mut seen = HashSet::new();
     let pairs = (0..NEIGHBOURS).flat_map(|rank| (0..cameras.len()).map(move |i| (rank, i)));
     let middle = |(rank, i): (usize, usize)| {
@@ -38,7 +39,7 @@ pub(super) fn between(cameras: &[Camera]) -> Vec<Camera> {
     pairs.filter_map(middle).collect()
 }
 
-/// The camera that is `rank`-th nearest to camera `i` among those that look the same way.
+/// The `rank`-th nearest camera to camera `i` with a similar direction.
 fn neighbour(cameras: &[Camera], i: usize, rank: usize) -> Option<usize> {
     let (position, forward) = (cameras[i].position(), cameras[i].rotation.row(2));
     let alike = |j: &usize| *j != i && cameras[*j].rotation.row(2).dot(forward) >= MIN_COSINE;

@@ -1,4 +1,4 @@
-//! What a scene shows from somewhere, measured on a small picture.
+//! Measures the view of a scene from a place, on a small picture.
 
 use super::thin::Along;
 use crate::camera::Camera;
@@ -6,15 +6,15 @@ use crate::raster::soft::{Soft, SoftOptions, SoupRef};
 use crate::soup::Soup;
 use glam::{Mat3, UVec2, Vec2, Vec3};
 
-/// Width and height of the pictures that a scene is surveyed with, px.
+/// Width and height of the survey's pictures, px.
 const SIDE: u32 = 32;
-/// A soup of more triangles is thinned.
+/// Largest soup that is not thinned.
 const MOST_TRIANGLES: usize = 20_000;
-/// Most middles of triangles that are looked for in pictures.
+/// Most triangles whose middles are tested for visibility.
 const MOST_MIDDLES: usize = 8000;
-/// A triangle this many times as far as the surface before it is hidden.
+/// A triangle is hidden if it is this many times farther than the surface in front of it.
 const BEHIND: f32 = 1.1;
-/// A pixel that is covered less shows no depth.
+/// Least coverage of a pixel with a depth.
 const LEAST_COVER: f32 = 0.1;
 /// Near plane in units of the scene.
 const NEAR: f32 = 0.01;
@@ -32,7 +32,7 @@ pub(super) struct Survey {
 pub(super) struct ViewCoverage {
     /// Share of the picture that triangles cover.
     pub(super) covered: f32,
-    /// Share of the picture in which something is nearer than `clearance`.
+    /// Share of the picture with depths below `clearance`.
     pub(super) crowded: f32,
 }
 
@@ -53,7 +53,7 @@ impl Survey {
         &self.middles
     }
 
-    /// Which of [`Self::middles`] the camera of the last look has in its picture and before it.
+    /// The [`Self::middles`] that the camera of the last look sees.
     pub(super) fn seen(&self, camera: &Camera) -> Vec<bool> {
         let camera = camera.resized(UVec2::splat(SIDE));
         let frame = self.soft.frame();
@@ -73,13 +73,12 @@ impl Survey {
         self.middles.iter().map(is_seen).collect()
     }
 
-    /// What `camera` sees, whatever the size of its picture; `clearance` is the depth below which something stands in
-    /// the way.
+    /// The view of `camera`, for any size of its picture; surfaces nearer than `clearance` are obstacles.
     pub(super) fn look(&mut self, camera: &Camera, clearance: f32) -> ViewCoverage {
         let camera = camera.resized(UVec2::splat(SIDE));
         let options = SoftOptions {
             near: NEAR,
-            // A thinned triangle may be as small as a pixel and still count.
+            // A thinned triangle of one pixel still counts.
             fade_px: 0.0,
             geometry: true,
             ..SoftOptions::default()

@@ -1,13 +1,14 @@
-//! Fewer, larger triangles that show about the same on a small picture.
+//! Fewer, larger triangles that look about the same on a small picture.
 
 use crate::math::curve::along_curve;
 use crate::soup::Soup;
 use glam::{DVec3, Vec3};
 
-/// Middles of triangles along a curve through space, so that every k-th of them are spread evenly whatever the order of the file.
+/// Middles of triangles along a curve through space, so that every k-th one gives an even selection for any
+/// order of the file.
 #[derive(Debug)]
 pub(super) struct Along {
-    /// The triangle that comes i-th. `[N]`
+    /// The i-th triangle along the curve. `[N]`
     order: Vec<u32>,
     /// Of the triangles in the order of the soup. `[N]`
     middles: Vec<Vec3>,
@@ -26,8 +27,8 @@ impl Along {
         self.order.iter().step_by(step).map(|&i| self.middles[i as usize]).collect()
     }
 
-    /// About `most` triangles in place of all: a large one stays, of the smaller ones each is taken with a chance in proportion to
-    /// its area and grown to make up for those that were not.
+    /// About `most` triangles instead of all. Large ones stay; smaller ones are selected with a chance in
+    /// proportion to their area, and enlarged to replace the others.
     pub(super) fn thinned(&self, soup: &Soup, most: usize) -> Soup {
         if soup.len() <= most {
             return soup.clone();
@@ -43,7 +44,7 @@ impl Along {
             }
         }
         let mut thinned = soup.picked(&picked);
-        // Those that are large enough stay as they are, to the bit.
+        // Large ones stay bitwise unchanged.
         let small = thinned.vertices.iter_mut().zip(&picked).filter(|(_, i)| areas[**i] < least);
         for (corners, &i) in small {
             let grown = (least / areas[i]).sqrt() as f32;

@@ -1,4 +1,4 @@
-//! Where a scene is looked at from.
+//! The viewpoints for drawing a scene.
 
 use super::chosen::Search;
 use super::stored;
@@ -20,7 +20,7 @@ pub enum ViewpointKind {
     Inside,
 }
 
-/// Where a scene is looked at from, in the frame of its file.
+/// The viewpoints for a scene, in the frame of its file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Viewpoints {
     /// Where they come from.
@@ -35,8 +35,8 @@ pub fn between(cameras: &[Camera]) -> Vec<Camera> {
 }
 
 impl Viewpoints {
-    /// Those of `scene`: all cameras that it stores and as many others as fit into `max_bytes` of 8-bit pictures, or
-    /// chosen ones. `None` when it stores none and shows nothing from anywhere.
+    /// Those of `scene`: all stored cameras, with others between them up to `max_bytes` of 8-bit pictures, or
+    /// chosen ones. `None` without stored cameras and without visible triangles.
     pub fn of(scene: &Loaded, max_bytes: u64) -> Option<Self> {
         if scene.cameras.is_empty() {
             return Self::found_by(Search::new(scene)?);

@@ -1,11 +1,11 @@
-//! What can be asked for, as JSON. `web/trisplat.d.ts` says the same to those who ask.
+//! The jobs, as JSON. `web/trisplat.d.ts` has the same types for callers.
 
 use crate::camera::Viewpoint;
 use serde::Deserialize;
 use serde_json::{Map, Value};
 use std::path::PathBuf;
 
-/// One job. Files are named as the job's caller has put them there, or wants to find them.
+/// One job. Names of files are those of the caller.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "command", rename_all = "lowercase", deny_unknown_fields)]
 pub(super) enum Job {
@@ -14,43 +14,43 @@ pub(super) enum Job {
         /// The file.
         input: PathBuf,
     },
-    /// A scene as it can be shown at once, baked as fast as can be.
+    /// A scene for immediate display, baked as fast as possible.
     Look {
         /// The scene.
         input: PathBuf,
         /// The GLB to show.
         output: PathBuf,
-        /// Options of the bake: which part of the scene, and how it is turned.
+        /// Options of the bake: the part of the scene, and its rotation.
         #[serde(default)]
         options: Map<String, Value>,
     },
-    /// A soft scene as it was trained, from one place.
+    /// A picture of a soft scene as it was trained.
     Picture {
         /// The scene.
         input: PathBuf,
         /// The PNG.
         output: PathBuf,
-        /// Where from, in the frame of [`Job::Look`] with these options.
+        /// The viewpoint, in the frame of [`Job::Look`] with these options.
         view: Viewpoint,
         /// Options of the bake.
         #[serde(default)]
         options: Map<String, Value>,
         /// Width and height, px.
         size: [u32; 2],
-        /// Behind the scene, sRGB from 0 to 1.
+        /// The background, sRGB from 0 to 1.
         #[serde(default)]
         background: [f32; 3],
     },
     /// The bake.
     Bake {
-        /// What is baked; several are merged.
+        /// The inputs; several are merged.
         inputs: Vec<PathBuf>,
-        /// The file whose ending says the format; others come beside it.
+        /// The output, whose ending decides the format; other files come beside it.
         output: PathBuf,
-        /// Options by the names of their fields, or whole groups by theirs.
+        /// Options by the names of their fields or groups.
         #[serde(default)]
         options: Map<String, Value>,
-        /// A soft scene is trained solid first.
+        /// Train a soft scene solid first.
         #[serde(default)]
         harden: bool,
         /// Limit on the bytes of all files together.

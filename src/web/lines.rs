@@ -1,4 +1,5 @@
-//! How a job goes: lines of JSON on standard output, one object each, with one key that says what it is.
+//! The progress of a job: lines of JSON on standard output, one object each, with one key that names its
+//! kind.
 
 use crate::error::Result;
 use crate::job::BakeJobObserver;
@@ -8,17 +9,17 @@ use serde::Serialize;
 use serde_json::json;
 use std::io::{self, Write};
 
-/// Smallest change of a fraction that is told.
+/// Smallest reported change of a fraction.
 const STEP: f64 = 0.01;
 
-/// Prints one line. A caller that does not listen loses it.
+/// Prints one line; failures are ignored.
 pub(super) fn say(key: &str, value: impl Serialize) {
     let line = json!({ key: value }).to_string() + "\n";
     let mut out = io::stdout().lock();
     let _ = out.write_all(line.as_bytes()).and_then(|()| out.flush());
 }
 
-/// Tells of stages and of how far they are.
+/// Reports stages and their progress.
 #[derive(Debug, Default)]
 pub(super) struct Lines {
     told: f64,

@@ -1,7 +1,7 @@
-//! The program as a page or a script runs it: one job, read from a file, in a process that has nothing else to do.
+//! The program for pages and scripts: one job, read from a file, per process.
 //!
-//! It is built for `wasm32-wasip1-threads` and run by `web/` in the repository, which gives it its files from memory. What it does
-//! is what the library does; here are the job's shape, and lines of JSON on standard output that say how it goes.
+//! It is built for `wasm32-wasip1-threads` and run by `web/` in the repository, which gives it its files from
+//! memory. The library does the work; this module has the job's types, and prints progress as lines of JSON.
 
 mod job;
 mod lines;

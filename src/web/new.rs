@@ -4,7 +4,7 @@
 
 use std::alloc::{Layout, alloc, dealloc, handle_alloc_error};
 
-/// Room for the size before what is handed out; it keeps the strictest alignment of C++.
+/// Space for the size in front of each block; it keeps the strictest alignment of C++.
 const BEFORE: usize = 16;
 
 fn layout(bytes: usize) -> Layout {

@@ -24,13 +24,13 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::OnceLock;
 
-/// Where temporary files are: the systems that this is built for name no folder for them.
+/// The folder for temporary files, because this target names none.
 const TEMPORARY: &str = "/tmp";
 
-/// The file of the job, for what is said without an error to say it with.
+/// The file of the job, for messages without an error.
 static INPUT: OnceLock<PathBuf> = OnceLock::new();
 
-/// Runs the job that the file of the first argument describes, on as many threads as the second says.
+/// Runs the job in the file of the first argument, with the number of threads of the second.
 pub fn main() -> ExitCode {
     report_faults();
     // Kept by whoever was first.
@@ -44,12 +44,12 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// The job of the arguments; its threads are there.
+/// Runs the job of the arguments, after its threads are started.
 fn job() -> Result<Job> {
     let mut arguments = std::env::args().skip(1);
     let path = arguments.next().ok_or_else(|| Error::invalid("job", "nothing", "a file with a job"))?;
     let threads = arguments.next().and_then(|count| count.parse().ok()).unwrap_or(1);
-    // This thread is one of them: with one, no other is started.
+    // This thread is one of them, so with one thread no other is started.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).use_current_thread();
     pool.build_global().map_err(|e| {
         Error::invalid("threads", threads, format!("a number that this place can start ({e})"))
@@ -101,7 +101,7 @@ fn quick(options: Map<String, Value>) -> Result<BakeOptions> {
     Ok(BakeOptions { teacher: TeacherOptions::OFF, ..resolved(options)? })
 }
 
-/// What an engine draws of a scene, and how it is placed in the frame of the scene's file.
+/// A scene as an engine draws it, and its placement in the frame of the scene's file.
 fn shown(loaded: Loaded, options: &BakeOptions) -> Result<(Asset, Placement)> {
     let in_world = loaded.provenance.placement;
     let asset = bake(loaded, options)?;
@@ -109,7 +109,7 @@ fn shown(loaded: Loaded, options: &BakeOptions) -> Result<(Asset, Placement)> {
     Ok((asset, placement))
 }
 
-/// Says what `input` holds and how it is turned, and writes what can be shown of it.
+/// Reports the content of `input` and its rotation, and writes a scene for display.
 fn look(input: &Path, output: &Path, options: &BakeOptions) -> Result<()> {
     let (info, loaded) = info::info(input, &ReadOptions::with_degree(0))?;
     say("info", info);
@@ -122,7 +122,7 @@ fn look(input: &Path, output: &Path, options: &BakeOptions) -> Result<()> {
     file.commit().map(drop)
 }
 
-/// From the frame of a file to that of the asset made of it: three axes and an origin.
+/// The map from the frame of a file to that of its asset: three axes and an origin.
 fn matrix(placement: &Placement) -> [[f32; 3]; 4] {
     let move_to = placement.transform();
     let origin = move_to(Vec3::ZERO);
@@ -130,7 +130,8 @@ fn matrix(placement: &Placement) -> [[f32; 3]; 4] {
     [axis(Vec3::X), axis(Vec3::Y), axis(Vec3::Z), origin.to_array()]
 }
 
-/// From now on what ends the process says so in a line first: panics, which do not unwind here, and memory that cannot be had.
+/// From now on panics, which do not unwind here, and failed allocations print a line before they end the
+/// process.
 fn report_faults() {
     std::panic::set_hook(Box::new(|panic| {
         let message = guard::text(panic.payload());
@@ -144,7 +145,7 @@ fn report_faults() {
         }
     }));
     memory::end_with(|bytes| {
-        // There may be no memory for a line of text either, so it is put together on the stack.
+        // There may be no memory for text either, so the line is composed on the stack.
         let mut line = [0u8; 200];
         let mut rest = &mut line[..];
         let remedy = "give fewer triangles, crop, or use the program, which may use more than 4 GB";
