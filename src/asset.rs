@@ -1,4 +1,4 @@
-//! The finished product: a mesh, its chunks, its BVH and where it came from.
+//! The finished product: a mesh, its chunks, its BVH and its provenance.
 
 use crate::bvh::Bvh;
 use crate::camera::Viewpoint;
@@ -22,38 +22,39 @@ pub struct Chunk {
 pub struct Asset {
     /// What an engine draws.
     pub mesh: Mesh,
-    /// Consecutive runs that together hold every face once; a single one when not chunked. A backdrop is one of its
-    /// own, the last.
+    /// Consecutive runs that together hold every face once; a single one when not chunked. A backdrop is a
+    /// separate run, the last.
     pub chunks: Vec<Chunk>,
     /// Hierarchy over the faces of the scene, without its backdrop; primitive i is face i.
     pub bvh: Option<Bvh>,
-    /// Where it came from and how it was placed.
+    /// Its provenance and placement.
     pub provenance: Provenance,
     /// The same scene with fewer triangles, finest first; these have no levels themselves.
     pub levels: Vec<Asset>,
     /// The same scene, without its backdrop, in tiles; the root shows all of it.
     pub tiles: Option<Box<Tile>>,
-    /// What to collide with in place of the scene's triangles: a connected surface, in the same frame. Not drawn.
+    /// The collider, which replaces the scene's triangles for collisions: a connected surface, in the same
+    /// frame. Not drawn.
     pub collision: Option<Mesh>,
-    /// Whether the backdrop, if there is one, is written into a file of its own.
+    /// Whether the backdrop, if there is one, is written into a separate file.
     pub backdrop_apart: bool,
 }
 
-/// A piece of a scene at one level of detail; those below it show the same piece with more triangles.
+/// A piece of a scene at one level of detail; its children show the same piece with more triangles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tile {
-    /// What is drawn as long as the tiles below are not; may be empty.
+    /// Drawn while the children are not; may be empty.
     pub mesh: Mesh,
-    /// The size of what it leaves out, units of the file; 0 for all there is.
+    /// The size of detail that it leaves out, units of the file; 0 for full detail.
     pub error: f64,
-    /// What replaces it: each its own piece of it.
+    /// Its children, which replace it, each for a part of it.
     pub children: Vec<Tile>,
 }
 
 impl Tile {
-    /// A level of detail is replaced when its median triangle is this many times smaller than the error that a viewer
-    /// permits; with the 16 px that viewers of 3D Tiles permit, when it is 2 px wide. Chosen by comparing pictures of levels
-    /// with those of the whole scene (docs/benchmarks/tiles.md).
+    /// A level of detail suffices while its median triangle is this many times smaller than the error that a
+    /// viewer permits: 2 px with the usual 16 px of 3D Tiles. Chosen by comparing pictures of levels with
+    /// those of the whole scene (docs/benchmarks/tiles.md).
     const ERROR_PER_DETAIL: f64 = 8.0;
 
     /// The error of the tile's level of detail, in the units of its [detail](Mesh::detail).
@@ -61,7 +62,7 @@ impl Tile {
         Self::ERROR_PER_DETAIL * detail
     }
 
-    /// Whether there is nothing in it or below it.
+    /// Whether it and its children are empty.
     pub fn is_empty(&self) -> bool {
         self.mesh.face_count() == 0 && self.children.is_empty()
     }
@@ -74,7 +75,7 @@ impl Tile {
 }
 
 impl Asset {
-    /// Number of faces of the scene itself; those behind them are the backdrop.
+    /// Number of faces of the scene itself; later ones are the backdrop.
     pub fn scene_faces(&self) -> usize {
         self.mesh.face_count().saturating_sub(self.provenance.backdrop as usize)
     }
@@ -89,7 +90,7 @@ impl Asset {
         (1..self.mesh.face_count()).contains(&self.scene_faces())
     }
 
-    /// How far from a place the backdrop is; infinite when there is none.
+    /// Distance from a place to the backdrop; infinite without one.
     pub fn room(&self, from: Vec3) -> f32 {
         let behind = self.scene_faces()..self.mesh.face_count();
         let corners = behind.flat_map(|face| self.mesh.corners(face));
@@ -121,14 +122,14 @@ impl Asset {
 }
 
 impl From<Mesh> for Asset {
-    /// A mesh as it is: one chunk, no BVH, nothing known of its origin.
+    /// An unchanged mesh: one chunk, no BVH, unknown provenance.
     fn from(mesh: Mesh) -> Self {
         let chunks = vec![Chunk { first: 0, count: mesh.face_count() as u32 }];
         Self { mesh, chunks, ..Self::default() }
     }
 }
 
-/// Which axis of a file points up.
+/// The up axis of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum UpAxis {
@@ -140,7 +141,7 @@ pub enum UpAxis {
     #[serde(rename = "-x")]
     #[cfg_attr(feature = "cli", value(name = "-x"))]
     NegX,
-    /// +Y up: glTF, OBJ by habit.
+    /// +Y up: glTF, usually OBJ.
     #[serde(rename = "y")]
     #[cfg_attr(feature = "cli", value(name = "y"))]
     Y,
@@ -189,7 +190,7 @@ impl UpAxis {
     }
 }
 
-/// Which direction of a world points up: an axis or any other direction.
+/// The up direction of a world: an axis or any other direction.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum UpDirection {
@@ -217,8 +218,8 @@ impl UpDirection {
         }
     }
 
-    /// The proper rotation that takes this direction to +Y: first to the nearest axis on the shortest way, then as
-    /// that axis goes, so that a scene a few degrees off an axis is turned by a few degrees more, not around.
+    /// The proper rotation that takes this direction to +Y: the shortest rotation to the nearest axis, then
+    /// the rotation of that axis. So a scene a few degrees off an axis is turned by a few degrees more.
     pub fn to_y_up(self) -> DMat3 {
         if let Self::Axis(axis) = self {
             return axis.to_y_up();
@@ -253,7 +254,8 @@ pub struct Placement {
     pub center: [f64; 3],
 }
 
-/// Scale, turn and centre of a placement may be so large: what is laid over it does not leave the range of an `f64`.
+/// Largest scale, turn and centre of a placement, so that combined placements stay within the range of an
+/// `f64`.
 const LARGEST_PLACEMENT: f64 = f32::MAX as f64;
 
 fn is_zero<T: Default + PartialEq>(x: &T) -> bool {
@@ -261,13 +263,13 @@ fn is_zero<T: Default + PartialEq>(x: &T) -> bool {
 }
 
 impl Placement {
-    /// Whether a scene can have come to its place so.
+    /// Whether the placement is possible.
     fn is_possible(&self) -> bool {
         let numbers = [self.rotate, self.scale, 1.0 / self.scale].into_iter().chain(self.center);
         self.scale > 0.0 && numbers.into_iter().all(|number| number.abs() <= LARGEST_PLACEMENT)
     }
 
-    /// Nothing was moved: the file is in the frame of its source.
+    /// The identity: the file is in the frame of its source.
     pub const IDENTITY: Placement =
         Placement { up: UpDirection::Axis(UpAxis::Y), rotate: 0.0, scale: 1.0, center: [0.0; 3] };
 
@@ -295,8 +297,8 @@ impl Placement {
         self.to_world_f64(file).as_vec3()
     }
 
-    /// A viewpoint in the source's world, in the frame of the file. The file's up axis is up in it, unless it looks
-    /// along that axis.
+    /// A viewpoint of the source's world, in the frame of the file. Its up direction is the file's up axis,
+    /// unless it looks along that axis.
     pub fn viewpoint_to_file(&self, viewpoint: &Viewpoint) -> Viewpoint {
         let (rotation, center) = (self.rotation(), DVec3::from(self.center));
         let point = |p: [f64; 3]| rotation * self.scale * (DVec3::from(p) - center);
@@ -312,7 +314,7 @@ impl Placement {
         self.rotation().transpose() * file.as_dvec3() / self.scale + DVec3::from(self.center)
     }
 
-    /// This placement and then `next`, which moves the file once more.
+    /// This placement followed by `next`.
     pub fn then(&self, next: &Placement) -> Placement {
         if *self == Self::IDENTITY {
             return *next;
@@ -352,34 +354,34 @@ impl Default for Placement {
     }
 }
 
-/// Where a scene came from. Written to `asset.extras` of a GLB and to comments of PLY and OBJ.
+/// The provenance of a scene. Written to `asset.extras` of a GLB and to comments of PLY and OBJ.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Provenance {
     /// The program that wrote it, "trisplat 0.1.0".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub generator: Option<String>,
-    /// Name (not path) of the file it was made from.
+    /// Name (not path) of its source file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<String>,
     /// The program that trained the soup.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub trainer: Option<String>,
-    /// The axis of *this file* that points up, when the file names one.
+    /// The up axis of *this file*, if the file names one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub up: Option<UpAxis>,
-    /// How the source's world became this file's.
+    /// The placement from the source's world to this file.
     #[serde(default)]
     pub placement: Placement,
-    /// Where to look at this file from first.
+    /// The first viewpoint of this file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub viewpoint: Option<Viewpoint>,
-    /// How many of its last triangles are the backdrop: a far sphere, no part of the scene. Absent when 0.
+    /// Number of last triangles that are the backdrop: a far sphere outside the scene. Absent when 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub backdrop: u32,
 }
 
 impl Provenance {
-    /// Without what a damaged file says and no scene can have: a viewpoint that no camera has, a placement that leads nowhere.
+    /// Removes impossible values of damaged files: viewpoints without a camera, invalid placements.
     pub(crate) fn possible(mut self) -> Self {
         self.viewpoint = self.viewpoint.filter(Viewpoint::is_possible);
         if !self.placement.is_possible() {

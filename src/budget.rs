@@ -1,4 +1,4 @@
-//! How long a run may take, and by which clock.
+//! The time limit of a run, and its clock.
 
 use crate::process::cpu_secs;
 use schemars::JsonSchema;
@@ -46,7 +46,7 @@ impl fmt::Display for Seconds {
     }
 }
 
-/// By which clock a budget is counted.
+/// The clock of a budget.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum BudgetClock {
@@ -57,7 +57,7 @@ pub enum BudgetClock {
     Wall,
 }
 
-/// How long a run may take.
+/// The time limit of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Budget {
     /// How long.
@@ -95,7 +95,7 @@ impl fmt::Display for Budget {
     }
 }
 
-/// A clock that counts what this process has spent of a budget.
+/// A clock for the spent part of a budget.
 #[derive(Debug, Clone, Copy)]
 pub struct Spending {
     clock: BudgetClock,
@@ -103,7 +103,7 @@ pub struct Spending {
     began: Instant,
     /// CPU seconds of the process when it began.
     cpu_began: f64,
-    /// What earlier processes of the same run have spent, seconds.
+    /// Seconds spent by earlier processes of the same run.
     before: f64,
 }
 
@@ -113,12 +113,12 @@ impl Spending {
         Self { clock, began: Instant::now(), cpu_began: cpu_secs(), before: 0.0 }
     }
 
-    /// Of the whole process, which began at `began`, as near as is known.
+    /// For the whole process, which began at about `began`.
     pub fn of_process(clock: BudgetClock, began: Instant) -> Self {
         Self { clock, began, cpu_began: 0.0, before: 0.0 }
     }
 
-    /// The same, going on from `before` seconds that were spent by earlier processes.
+    /// The same, after `before` seconds of earlier processes.
     pub fn after(self, before: f64) -> Self {
         Self { before, ..self }
     }

@@ -16,13 +16,13 @@ use std::ops::Range;
 pub struct Bvh {
     /// Node 0 is the root; children come after their parents. Empty for no faces.
     pub nodes: Vec<CwBvhNode>,
-    /// For every chunk of the asset the node that holds its faces and no other.
+    /// For every chunk of the asset, the node with exactly its faces.
     pub roots: Vec<u32>,
     /// Number of faces.
     pub face_count: u32,
 }
 
-/// Where a ray hits a face.
+/// The hit of a ray on a face.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RayHit {
     /// The face.
@@ -31,7 +31,7 @@ pub struct RayHit {
     pub t: f64,
 }
 
-/// What a slot of a node holds.
+/// The content of a node's slot.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Child {
     /// Nothing.
@@ -42,7 +42,7 @@ pub enum Child {
     Faces(Range<u32>),
 }
 
-/// What slot 0..8 of a node holds; an error when the node's bits are invalid.
+/// The content of slot 0..8 of a node; an error when the node's bits are invalid.
 pub fn child(node: &CwBvhNode, slot: usize) -> Result<Child> {
     let (meta, is_node) = (node.child_meta[slot], node.imask >> slot & 1 == 1);
     let broken = || {
@@ -100,7 +100,7 @@ impl PreparedRay {
         Some(Self { origin, direction, inverse })
     }
 
-    /// Where the ray enters the boxes of a node's eight slots; infinite where it misses.
+    /// Distances at which the ray enters the boxes of a node's eight slots; infinite for misses.
     fn intersect_boxes(&self, node: &CwBvhNode) -> [f64; 8] {
         let (mut near, mut far) = ([0.0f64; 8], [f64::INFINITY; 8]);
         let steps = steps(node);
@@ -135,8 +135,8 @@ impl PreparedRay {
 }
 
 impl Bvh {
-    /// The first face of `mesh` that the ray from `origin` along `direction` hits, from either side; of
-    /// faces at the same distance the one with the lowest number. `mesh` is the one it was built for.
+    /// The first face of `mesh` that the ray from `origin` along `direction` hits, from either side; ties go
+    /// to the lowest number. `mesh` must be the one of the hierarchy.
     pub fn cast(&self, mesh: &Mesh, origin: Vec3, direction: Vec3) -> Option<RayHit> {
         let ray = PreparedRay::new(origin, direction)?;
         let mut best: Option<RayHit> = None;
@@ -166,8 +166,8 @@ impl Bvh {
     }
 
     /// Checks the tree without its mesh: every node and every face is reached once, children come after their
-    /// parents, faces below a node are consecutive. Readers call it, so it allocates in
-    /// proportion to the nodes and trusts no number.
+    /// parents, faces below a node are consecutive. Readers call it, so it trusts no number and allocates in
+    /// proportion to the nodes.
     pub fn validate(&self) -> Result<()> {
         let wrong = |what: String, value: String, wants: &str| Err(Error::invalid(what, value, wants));
         let faces = self.face_count as usize;

@@ -33,7 +33,7 @@ impl Camera {
         Self { focal: self.focal * ratio, center: self.center * ratio, size, ..*self }
     }
 
-    /// Whether a point of the world lies within the picture, whatever stands before it.
+    /// Whether a point of the world lies within the picture, hidden or not.
     pub fn frames(&self, point: Vec3) -> bool {
         let [x, y, z] = (self.rotation * point + self.translation).to_array();
         let [u, v] = [self.focal.x * x + self.center.x * z, self.focal.y * y + self.center.y * z];
@@ -41,7 +41,7 @@ impl Camera {
         z > 0.0 && within(u, self.size.x) && within(v, self.size.y)
     }
 
-    /// The same camera for a picture whose sides are at most `longest`, px.
+    /// The same camera for a picture with sides of at most `longest`, px.
     pub fn within(&self, longest: u32) -> Self {
         let share = f64::from(longest) / f64::from(self.size.max_element());
         if share >= 1.0 {
@@ -72,8 +72,8 @@ impl Camera {
     }
 }
 
-/// The world point nearest to the optical axes of all cameras, in the least-squares sense: what they look at.
-/// `None` when the axes are nearly parallel, or when half of the cameras have it behind them.
+/// The world point nearest to the optical axes of all cameras, in the least-squares sense: their common
+/// focus. `None` when the axes are nearly parallel, or when it is behind half of the cameras.
 pub fn focus<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Option<Vec3> {
     let count = cameras.clone().count() as f32;
     let middle = cameras.clone().map(Camera::position).sum::<Vec3>() / count;
@@ -93,19 +93,19 @@ pub fn focus<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Option<Ve
     (focus.is_finite() && in_front as f32 * 2.0 >= count).then_some(focus)
 }
 
-/// Where to look at a scene from first, in the frame of its file.
+/// The first viewpoint of a scene, in the frame of its file.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Viewpoint {
     /// Position of the viewer.
     pub eye: [f64; 3],
-    /// What the viewer looks at and orbits.
+    /// The point that the viewer looks at and orbits.
     pub target: [f64; 3],
     /// Up direction of the photos; a unit vector.
     pub up: [f64; 3],
     /// Vertical field of view, degrees.
     pub fov: f64,
-    /// Radius of what is looked at, around the target; absent when it is not known.
+    /// Radius of the subject around the target; absent when unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius: Option<f64>,
 }
@@ -134,7 +134,7 @@ impl Viewpoint {
         placed && opens && self.camera(UVec2::ONE).rotation.is_finite()
     }
 
-    /// Distance from the viewer to what is looked at.
+    /// Distance from the viewer to the target.
     pub fn distance(&self) -> f32 {
         DVec3::from(self.eye).distance(DVec3::from(self.target)) as f32
     }

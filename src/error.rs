@@ -1,15 +1,15 @@
-//! One error type, by who must act.
+//! The error type, grouped by who must act.
 
 use std::path::{Path, PathBuf};
 
-/// What every fallible function of the library returns.
+/// The result of every fallible function of the library.
 pub type Result<T> = std::result::Result<T, Error>;
 
 /// Why something could not be done, grouped by who can fix it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The operating system refused: permissions, a full disk, a missing file.
+    /// An error of the operating system: permissions, a full disk, a missing file.
     #[error("{}: {source}", path.display())]
     Io {
         /// The file or folder.
@@ -17,28 +17,29 @@ pub enum Error {
         /// What the system said.
         source: std::io::Error,
     },
-    /// A file does not hold what its format promises.
+    /// A file violates its format.
     #[error("{}: {at}: {reason}", path.display())]
     Malformed {
         /// The file.
         path: PathBuf,
-        /// Where in the file: "header line 4", "face 12", "byte 0x40".
+        /// The place in the file: "header line 4", "face 12", "byte 0x40".
         at: String,
         /// The fault and the remedy.
         reason: String,
     },
-    /// The file is valid but holds something that is not supported; `reason` ends with the remedy.
+    /// The file is valid but has unsupported content; `reason` ends with the remedy.
     #[error("{}: {reason}", path.display())]
     Unsupported {
         /// The file.
         path: PathBuf,
-        /// What is not supported and what to do instead.
+        /// The unsupported content and the remedy.
         reason: String,
     },
-    /// An option or argument has a value that cannot be used.
+    /// An option or argument has an unusable value.
     #[error("{option} is {value}: expected {wants}")]
     Invalid {
-        /// The field of the option (`max_triangles`), or what else has the value; the command line shows the flag.
+        /// The field of the option (`max_triangles`), or another name of the value; the command line shows
+        /// the flag.
         option: String,
         /// The value given.
         value: String,
@@ -57,15 +58,15 @@ pub enum Error {
         /// What to do instead.
         remedy: String,
     },
-    /// The work is done and its result is there, but something beside it is not; the text says what.
+    /// The result exists, but another output is missing; the text names it.
     #[error("{0}")]
     Incomplete(String),
-    /// More of something than is taken from a file: see [`Limits`](crate::limits::Limits).
+    /// A file exceeds a limit: see [`Limits`](crate::limits::Limits).
     #[error("{place}: {value} {what}, the limit is {limit}; if that is right, give `limit` {key}={value}")]
     Limit {
-        /// The file, and where in it.
+        /// The file, and the place in it.
         place: String,
-        /// What there is too much of: "triangles".
+        /// The quantity that is too large: "triangles".
         what: &'static str,
         /// The limit's key.
         key: &'static str,
@@ -74,15 +75,15 @@ pub enum Error {
         /// How much there may be.
         limit: u64,
     },
-    /// The machine has no memory for a large array.
+    /// There is not enough memory for a large array.
     #[error("{place}: there is no memory for {bytes} bytes; end other programs, or give a smaller file")]
     Memory {
-        /// The file, and what of it.
+        /// The file, and the part of it.
         place: String,
         /// Size of the array.
         bytes: u64,
     },
-    /// The graphics device or its driver cannot do what is needed.
+    /// The graphics device or its driver cannot do the work.
     #[error("gpu: {0}")]
     Gpu(String),
     /// A training on a graphics card ended early.
@@ -90,18 +91,18 @@ pub enum Error {
     Card {
         /// What went wrong.
         error: Box<Error>,
-        /// How to go on with what there is.
+        /// How to continue.
         remedy: String,
     },
 }
 
 impl Error {
-    /// Wraps what the operating system said about `path`.
+    /// Wraps an error of the operating system about `path`.
     pub fn io(path: impl AsRef<Path>, source: std::io::Error) -> Self {
         Self::Io { path: path.as_ref().to_owned(), source }
     }
 
-    /// A broken file: `at` is the place, `reason` what is wrong there.
+    /// A broken file: `at` is the place, `reason` the fault.
     pub fn malformed(path: impl AsRef<Path>, at: impl Into<String>, reason: impl Into<String>) -> Self {
         Self::Malformed { path: path.as_ref().to_owned(), at: at.into(), reason: reason.into() }
     }
@@ -111,7 +112,7 @@ impl Error {
         Self::Unsupported { path: path.as_ref().to_owned(), reason: reason.into() }
     }
 
-    /// A value that cannot be used for `option`.
+    /// An unusable value of `option`.
     pub fn invalid(option: impl Into<String>, value: impl ToString, wants: impl Into<String>) -> Self {
         Self::Invalid { option: option.into(), value: value.to_string(), wants: wants.into() }
     }

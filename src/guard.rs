@@ -1,4 +1,5 @@
-//! Panics of dependencies: a decoder that panics on a damaged file is an error of that file, not the end of the program.
+//! Panics of dependencies: a decoder's panic on a damaged file becomes an error of that file and does not end
+//! the program.
 //!
 //! This needs a program whose profile unwinds. In one that aborts on panic, the checks that readers make beforehand remain.
 
@@ -12,7 +13,7 @@ thread_local! {
     static GUARDED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// What `decode` makes of the file at `path`; its panic is an error of that file.
+/// The result of `decode` for the file at `path`; its panic becomes an error of that file.
 ///
 /// Errors: those of `decode`; `Malformed` for a panic.
 pub fn guarded<T>(path: &Path, decode: impl FnOnce() -> Result<T>) -> Result<T> {

@@ -1,7 +1,7 @@
-//! Files that are read: regular ones, of a size that is known and within the limits before the first byte is read.
+//! Input files: regular ones, with a known size that is checked against the limits before reading.
 //!
-//! A pipe or a device may hold any number of bytes and may never end, so neither is read by its name. What a shell
-//! hands over as `/dev/fd/63` (`<(...)`) is spooled into a temporary file, as standard input is.
+//! A pipe or a device may have any length or never end, so neither is read by its name. A shell's
+//! `/dev/fd/63` (`<(...)`) is spooled into a temporary file, like standard input.
 
 use crate::error::{Error, Result};
 use crate::limits::Limits;
@@ -9,10 +9,10 @@ use std::fs::{File, Metadata};
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Component, Path};
 
-/// The mark that some editors put before a text in UTF-8.
+/// The byte-order mark that some editors put before a text in UTF-8.
 pub const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
-/// An open file at byte 0, and its length. Errors: no regular file; larger than `file_bytes`.
+/// An open file at byte 0, and its length. Errors: not a regular file; larger than `file_bytes`.
 pub fn open(path: &Path, limits: &Limits) -> Result<(File, u64)> {
     let io = |e| Error::io(path, e);
     // Before it is opened: opening a pipe waits for its writer.
@@ -28,7 +28,7 @@ pub fn open(path: &Path, limits: &Limits) -> Result<(File, u64)> {
     Ok((file, meta.len()))
 }
 
-/// All bytes of a stream in a temporary file at byte 0, and their number. `path` is for messages.
+/// Copies a stream to a temporary file; returns it at byte 0, and its length. `path` is for messages.
 pub fn spool(path: &Path, from: &mut dyn Read, limits: &Limits) -> Result<(File, u64)> {
     let io = |e| Error::io(path, e);
     let mut file = tempfile::tempfile().map_err(io)?;
@@ -39,7 +39,7 @@ pub fn spool(path: &Path, from: &mut dyn Read, limits: &Limits) -> Result<(File,
     Ok((file, len))
 }
 
-/// All bytes of a file that fits into memory. Errors as for [`open`]; larger than `document_bytes`.
+/// All bytes of a file. Errors as for [`open`]; larger than `document_bytes`.
 pub fn read(path: &Path, limits: &Limits) -> Result<Vec<u8>> {
     let (file, len) = open(path, limits)?;
     limits.document(path.display(), len)?;
@@ -57,7 +57,7 @@ pub fn read_large(path: &Path, limits: &Limits) -> Result<Vec<u8>> {
 fn read_all(path: &Path, file: File, len: u64, most: u64, limits: &Limits) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     limits.reserve(path.display(), &mut bytes, len as usize)?;
-    // It may grow while it is read.
+    // The file may grow during reading.
     file.take(most.saturating_add(1)).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
     Ok(bytes)
 }
@@ -74,7 +74,7 @@ pub fn read_text(path: &Path, limits: &Limits) -> Result<String> {
     })
 }
 
-/// True of a relative path that leads out of the folder it is relative to.
+/// True for a relative path that leads out of its folder.
 pub fn leaves_folder(relative: &Path) -> bool {
     let mut depth = 0i64;
     relative.components().any(|component| {
@@ -98,7 +98,7 @@ fn check_regular(path: &Path, meta: &Metadata) -> Result<()> {
     Ok(())
 }
 
-/// True of a pipe that this program was started with: somebody writes into it, and it ends.
+/// True for a pipe that this program was started with: it has a writer and an end.
 #[cfg(unix)]
 fn is_handed_over(path: &Path, meta: &Metadata) -> bool {
     use std::os::unix::fs::FileTypeExt;

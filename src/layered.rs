@@ -1,4 +1,4 @@
-//! Options in layers: preset < config file < settings < what is given. Each value knows the layer that it comes from.
+//! Options in layers: preset < config file < settings < given options. Each value knows its layer.
 
 use crate::error::{Error, Result};
 use crate::input;
@@ -12,12 +12,12 @@ use serde_json::{Map, Value};
 use std::fmt;
 use std::path::Path;
 
-/// The key of a config file that names its schema, for editors; it is no option.
+/// The key of a config file that names its schema for editors; it is not an option.
 const SCHEMA_KEY: &str = "$schema";
 /// The key of the preset, where options have one.
 const PRESET_KEY: &str = "preset";
 
-/// The layer that a value comes from, the last one that has it.
+/// The layer of a value: the last one that has it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Origin {
@@ -27,11 +27,11 @@ pub enum Origin {
     File,
     /// A setting, `KEY=VALUE`.
     Setting,
-    /// Given by itself: a flag that was typed, an argument.
+    /// Given directly: a typed flag, an argument.
     Given,
 }
 
-/// The layers over a preset, each with the options that it names and no others.
+/// The layers over a preset, each with only the options that it names.
 #[derive(Debug, Clone)]
 pub struct Layers<T> {
     file: Value,
@@ -77,7 +77,7 @@ impl<T> Layered<T> {
 }
 
 impl<T: Serialize> Layered<T> {
-    /// Options as a program writes them: those that differ from `preset` count as given.
+    /// Options from a program: those that differ from `preset` count as given.
     pub fn over(preset: &T, options: T) -> Self {
         let json = |options: &T| serde_json::to_value(options).unwrap_or_default();
         let given = difference(&json(preset), &json(&options)).unwrap_or_default();
@@ -90,12 +90,12 @@ impl<T: Serialize> Layered<T> {
 impl<T: Serialize + DeserializeOwned> Layers<T> {
     /// With the config file at `path`; `limits` bounds its size. Its key `$schema` is ignored.
     ///
-    /// Errors: a file that cannot be read; a key or a type that `T` does not have, with its place in the file.
+    /// Errors: a file that cannot be read; an unknown key or wrong type, with its place in the file.
     pub fn file(self, path: &Path, limits: &Limits) -> Result<Self> {
         let text = input::read_text(path, limits)?;
         let broken = |e: serde_json::Error| {
             let reason = e.to_string();
-            // Keys of the file are no flags: two backticks stand for one that is printed.
+            // Keys of the file are not flags: two backticks stand for a printed one.
             let reason = reason.split(" at line ").next().unwrap_or(&reason).replace('`', "``");
             Error::malformed(path, format!("line {} column {}", e.line(), e.column()), reason)
         };
@@ -108,24 +108,26 @@ impl<T: Serialize + DeserializeOwned> Layers<T> {
         Ok(Self { file, ..self })
     }
 
-    /// With settings, `KEY=VALUE` each, groups joined by dots; the group may be left out where no other has the key.
+    /// With settings, `KEY=VALUE` each, groups joined by dots; the group may be omitted if no other group has
+    /// the key.
     pub fn settings(self, sets: &[String]) -> Self {
         Self { sets: sets.to_vec(), ..self }
     }
 
-    /// With the options that `given` names, a JSON object of the shape of `T` that holds some of its keys.
+    /// With the options in `given`, a JSON object with some keys of `T`.
     pub fn given(self, given: Value) -> Self {
         Self { given, ..self }
     }
 
-    /// With options by the names of their fields, which are unique over all groups, or whole groups by theirs; they count as given.
+    /// With options by the names of their fields, which are unique over all groups, or of groups; they count
+    /// as given.
     pub fn named(self, named: Map<String, Value>) -> Self {
         Self { named, ..self }
     }
 
-    /// The options over those of the preset, which is that of the last layer that names one.
+    /// The options over those of the preset. The last layer that names a preset decides it.
     ///
-    /// Errors: a setting or a given option that `T` does not have; a value of another type.
+    /// Errors: an unknown setting or option; a value of another type.
     pub fn resolve<P: DeserializeOwned + Default>(self, options_of: impl Fn(P) -> T) -> Result<Layered<T>> {
         let json = |options: &T| serde_json::to_value(options).map_err(unrepresentable);
         let known = json(&options_of(P::default()))?;
@@ -151,8 +153,8 @@ impl<T: Serialize + DeserializeOwned> Layers<T> {
     }
 }
 
-/// What settings say, as an object of the shape of `known`; keys are those of `known`, groups joined by dots.
-/// A key that does not exist is an error that lists the right ones.
+/// Settings as an object of the shape of `known`, with groups joined by dots. An unknown key is an error that
+/// lists the known ones.
 fn settings<T: DeserializeOwned>(known: &Value, sets: &[String]) -> Result<Value> {
     let mut value = Value::Object(Map::new());
     for set in sets {
@@ -170,9 +172,9 @@ fn settings<T: DeserializeOwned>(known: &Value, sets: &[String]) -> Result<Value
     Ok(value)
 }
 
-/// `key` with its group: `contour` is `solid.contour`, where no other group has a key of that name.
+/// `key` with its group: `contour` is `solid.contour`, if no other group has a key of that name.
 ///
-/// Errors: no such key, and which there are.
+/// Errors: an unknown key; the message lists the known ones.
 fn full_key(known: &Value, key: &str) -> Result<String> {
     if let Some(groups) = known.as_object().filter(|_| !key.contains('.')) {
         let own = groups.get(key).is_some_and(|value| !value.is_object());
@@ -212,7 +214,7 @@ fn refused(option: &str, value: impl ToString, error: &serde_json::Error) -> Err
     Error::invalid(option, value, expected(&error.to_string()))
 }
 
-/// What serde would have taken, as said to people: "a whole number, 0 or more".
+/// The type that serde expected, in plain words: "a whole number, 0 or more".
 fn expected(error: &str) -> String {
     match error.rsplit_once("expected ").map_or(error, |(_, expected)| expected) {
         "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number, 0 or more".to_owned(),
@@ -244,7 +246,7 @@ fn overlay(base: &mut Value, top: &Value) {
     }
 }
 
-/// What of `top` is not as in `base`.
+/// The values of `top` that differ from `base`.
 fn difference(base: &Value, top: &Value) -> Option<Value> {
     match (base, top) {
         (Value::Object(base), Value::Object(top)) => {
@@ -258,8 +260,8 @@ fn difference(base: &Value, top: &Value) -> Option<Value> {
     }
 }
 
-/// A JSON object without its key `$schema`. The types of the options refuse keys that they do not have, and errors are to keep their place in
-/// the text, so the key is passed over while the text is read.
+/// A JSON object without its key `$schema`. Types of options refuse unknown keys, and errors must keep their
+/// place in the text, so the key is skipped during reading.
 struct WithoutSchema<D>(D);
 
 impl<'de, D: Deserializer<'de>> Deserializer<'de> for WithoutSchema<D> {

@@ -1,4 +1,4 @@
-//! trisplat turns posed photographs into triangle scenes a game engine can draw as they are.
+//! trisplat turns posed photographs into triangle scenes that a game engine can draw directly.
 //!
 //! ```text
 //!  photos + poses                                                  scene.glb / .gltf / .obj / .ply
@@ -8,10 +8,9 @@
 //!                         formats (ply, pt, off, obj, gltf)
 //! ```
 //!
-//! A **Soup** is the trained scene: unconnected triangles with opacity, smoothness σ and
-//! spherical-harmonic colour. A **Mesh** is what an engine draws. An **Asset** is a mesh with its
-//! chunks, BVH and provenance. The maths follow Held et al. 2025, *Triangle Splatting for Real-Time
-//! Radiance Field Rendering*.
+//! A **Soup** is the trained scene: unconnected triangles with opacity, smoothness σ and spherical-harmonic
+//! colour. A **Mesh** is in an engine's form. An **Asset** is a mesh with its chunks, BVH and provenance. The
+//! maths follow Held et al. 2025, *Triangle Splatting for Real-Time Radiance Field Rendering*.
 //!
 //! From a file, as `trisplat bake scene.ply -o scene.glb` does:
 //!

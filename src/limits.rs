@@ -1,4 +1,4 @@
-//! How much is taken from a file before it is refused: one value, given to everything that reads.
+//! Limits on inputs: one value for all readers.
 
 use crate::error::{Error, Result};
 use crate::process::memory;
@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 use std::fmt::Display;
 use std::path::Path;
 
-/// How much is taken from files. What is beyond a limit is refused before anything is allocated for it; the error names
-/// the limit and what lifts it. The defaults are above everything in the literature.
+/// Limits on files. Data beyond a limit are refused before memory is allocated; the error names the limit and
+/// how to raise it. The defaults exceed every scene in the literature.
 ///
 /// ```
 /// use trisplat::limits::Limits;
@@ -28,7 +28,7 @@ pub struct Limits {
     pub picture_side: u64,
     /// Pixels of a photo or mask.
     pub picture_pixels: u64,
-    /// Pixels of a camera. Drawing what it sees takes some 40 bytes per pixel.
+    /// Pixels of a camera. Drawing its view takes some 40 bytes per pixel.
     pub camera_pixels: u64,
     /// Triangles of a scene: by default ten times the largest one in the literature.
     pub triangles: u64,
@@ -49,9 +49,9 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// The limits unless others are given.
+    /// The default limits.
     pub const DEFAULT: Self = Self {
-        // The sides that JPEG has numbers for; the sharpest cameras take 200 million pixels.
+        // The largest side of a JPEG; the best cameras have 200 million pixels.
         picture_side: 65_535,
         picture_pixels: 1 << 28,
         camera_pixels: 1 << 27,
@@ -68,7 +68,7 @@ impl Limits {
 
     /// Sets one limit, given as `KEY=VALUE`.
     ///
-    /// Errors: no such limit, or not a whole number.
+    /// Errors: an unknown limit, or not a whole number.
     pub fn set(&mut self, setting: &str) -> Result<()> {
         let wrong = |wants: String| Error::invalid("limit", setting, wants);
         let (key, value) = setting
@@ -86,13 +86,13 @@ impl Limits {
         Ok(())
     }
 
-    /// Refuses a picture that is too large; `place` says which.
+    /// Refuses a picture that is too large; `place` names it.
     pub fn picture(&self, place: impl Display, size: UVec2) -> Result<()> {
         self.side(&place, size)?;
         check(place, "pixels", "picture_pixels", pixels(size), self.picture_pixels)
     }
 
-    /// Refuses a camera whose pictures are too large to be drawn; `place` says which.
+    /// Refuses a camera whose pictures are too large to be drawn; `place` names it.
     pub fn camera(&self, place: impl Display, size: UVec2) -> Result<()> {
         self.side(&place, size)?;
         check(place, "pixels", "camera_pixels", pixels(size), self.camera_pixels)
@@ -133,8 +133,8 @@ impl Limits {
         check(place, "levels of nodes", "nesting", depth, self.nesting)
     }
 
-    /// Makes room for `additional` entries of `list`. An array beyond the limit, or one that the machine has no memory
-    /// for, is an error.
+    /// Reserves memory for `additional` entries of `list`. An array beyond the limit, or without enough
+    /// memory, is an error.
     pub fn reserve<T>(&self, place: impl Display, list: &mut Vec<T>, additional: usize) -> Result<()> {
         let bytes = self.array::<T>(&place, list.len().saturating_add(additional))?;
         let reserved = memory::foreseen(|| list.try_reserve_exact(additional));
@@ -148,7 +148,7 @@ impl Limits {
         zeros.map_err(|()| Error::Memory { place: place.to_string(), bytes })
     }
 
-    /// Bytes of an array of `count` entries, if that is within the limit.
+    /// Bytes of an array of `count` entries, if within the limit.
     fn array<T>(&self, place: impl Display, count: usize) -> Result<u64> {
         let bytes = (count as u64).saturating_mul(size_of::<T>() as u64);
         check(place, "bytes in one array", "array_bytes", bytes, self.array_bytes)?;

@@ -1,4 +1,4 @@
-//! What an engine draws: positions, linear colours, maybe indices.
+//! A mesh for engines: positions, linear colours, maybe indices.
 
 use crate::error::{Error, Result};
 use crate::math::finite::{all_finite, all_in_unit};
@@ -27,11 +27,11 @@ pub struct Mesh {
     pub indices: Vec<u32>,
     /// Opacity of every face in [0, 1]; empty = all opaque. `[F]`
     pub opacity: Vec<f32>,
-    /// Unit normal that light falls on, for every face; empty = drawn in its colours, without lights. `[F]`
+    /// Unit normal of every face, for lighting; empty = unlit. `[F]`
     pub normals: Vec<Vec3>,
-    /// True of the faces of the shell of a trained scene, which is its backdrop; empty when there is none. `[F]`
+    /// True for faces of the shell of a trained scene, which is its backdrop; empty without a shell. `[F]`
     pub shell: Vec<bool>,
-    /// What faces show in place of their colours, which are means of it; none of most meshes.
+    /// The texture, which replaces the faces' colours; these are its means. Most meshes have none.
     pub texture: Option<FaceTexture>,
 }
 
@@ -93,13 +93,13 @@ impl Mesh {
         self.detail_of_first(self.face_count())
     }
 
-    /// The same of its first `faces` faces alone.
+    /// The same for only its first `faces` faces.
     pub fn detail_of_first(&self, faces: usize) -> f64 {
         let areas = (0..faces).map(|f| self.area(f)).collect();
         median(areas, f64::total_cmp).unwrap_or(0.0).sqrt()
     }
 
-    /// True of a face of the shell: the scene's backdrop, no part of its subject.
+    /// True for a face of the shell, which belongs to the backdrop instead of the scene.
     pub fn is_shell(&self, face: usize) -> bool {
         self.shell.get(face).is_some_and(|shell| *shell)
     }
@@ -123,7 +123,7 @@ impl Mesh {
         }
     }
 
-    /// Colours of the vertices of a mesh without indices: those of its faces where it has none yet.
+    /// Colours of the vertices of a mesh without indices, made from those of its faces if necessary.
     pub fn vertex_colors(&mut self) -> &mut [[f32; 3]] {
         self.spread();
         match &mut self.colors {
@@ -148,10 +148,10 @@ impl Mesh {
         Mesh { positions, colors, indices: Vec::new(), opacity, normals, shell, texture }
     }
 
-    /// Makes old face `faces[i]` the new face i. Vertices that faces share stay where they are. `[F']`
+    /// Makes old face `faces[i]` the new face i. Shared vertices keep their order. `[F']`
     pub fn select(&mut self, faces: &[u32]) {
         if faces.is_empty() {
-            // Vertices that are left without indices would be triangles.
+            // Vertices without indices would be read as triangles.
             return self.clear();
         }
         if self.indices.is_empty() {
@@ -217,14 +217,14 @@ impl Mesh {
         Mesh { positions, colors, indices, opacity, normals, shell, texture }
     }
 
-    /// Keeps `faces`, given in any order, in the mesh's order, and drops vertices that no face uses any more.
+    /// Keeps `faces`, given in any order, in the mesh's order, and drops unused vertices.
     pub fn keep(&mut self, faces: &[u32]) {
         let mut kept = vec![false; self.face_count()];
         faces.iter().for_each(|&f| kept[f as usize] = true);
         self.retain(|f| kept[f]);
     }
 
-    /// Keeps the faces for which `keep` returns true, in order, and drops vertices that no face uses any more.
+    /// Keeps the faces for which `keep` returns true, in order, and drops unused vertices.
     pub fn retain(&mut self, keep: impl Fn(usize) -> bool) {
         let indexed = !self.indices.is_empty();
         let faces: Vec<u32> = (0..self.face_count()).filter(|&f| keep(f)).map(|f| f as u32).collect();
@@ -252,8 +252,8 @@ impl Mesh {
         rest
     }
 
-    /// Puts the faces of `other` behind those of this mesh. The result has indices when either has, colours on
-    /// faces only when both have them there, and a texture only when both have one and one picture holds both.
+    /// Appends the faces of `other`. The result has indices if either has them, colours per face only if both
+    /// have these, and a texture only if both have one and a single picture fits both.
     ///
     /// Errors: more vertices than 32 bits count.
     pub fn append(&mut self, mut other: Mesh) -> Result<()> {
@@ -303,7 +303,7 @@ impl Mesh {
         Ok(())
     }
 
-    /// Unit normal of a face by its winding; up where it has no area.
+    /// Unit normal of a face by its winding; up for a face without area.
     pub fn flat_normal(&self, face: usize) -> Vec3 {
         let [a, b, c] = self.corners(face).map(|v| v.as_dvec3());
         (b - a).cross(c - a).normalize_or(DVec3::Y).as_vec3()
@@ -326,7 +326,7 @@ impl Mesh {
         }
     }
 
-    /// Leaves each face the mean colour of what it showed of a texture. Returns whether there was one.
+    /// Replaces the texture by each face's mean colour of it. Returns whether there was one.
     pub fn drop_texture(&mut self) -> bool {
         let Some(texture) = self.texture.take() else { return false };
         let mean = |face: usize| texture.mean(face);
@@ -334,7 +334,7 @@ impl Mesh {
         true
     }
 
-    /// Turns a face around: what was its back is its front. Its normal stays.
+    /// Reverses the winding of a face. Its normal stays.
     pub fn flip(&mut self, face: usize) {
         if let Some(texture) = &mut self.texture {
             texture.uvs[face].swap(1, 2);
@@ -355,7 +355,7 @@ impl Mesh {
         }
     }
 
-    /// Gives every corner its own vertex where colours are per face, so that they become per vertex.
+    /// Turns colours per face into colours per vertex by giving every corner its own vertex.
     fn spread(&mut self) {
         if let Colors::Face(colors) = &self.colors {
             let corners: Vec<_> = (0..self.face_count()).flat_map(|f| self.corners(f)).collect();

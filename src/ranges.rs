@@ -1,4 +1,4 @@
-//! The ranges of the numbers that options hold, in one table: by its key each number is checked before any work.
+//! The ranges of all numeric options, in one table; each number is checked by its key before any work.
 
 use crate::error::{Error, Result};
 use serde::Serialize;
@@ -6,18 +6,18 @@ use serde_json::Value;
 
 /// Anything that is finite.
 const ANY: (f64, f64) = (f64::MIN, f64::MAX);
-/// As large as makes no difference any more.
+/// Practically unbounded.
 const LARGEST: f64 = 1e9;
 /// Above 0, however little.
 const ABOVE_ZERO: f64 = f64::MIN_POSITIVE;
-/// More triangles have corners that 32 bits do not tell apart.
+/// More triangles have corners beyond 32-bit indices.
 const TRIANGLES: f64 = LARGEST;
 
-/// A key of options, as in `loss.opacity`, the lowest and the highest number it may be.
+/// A key of options, as in `loss.opacity`, with its lowest and highest value.
 type Row = (&'static str, (f64, f64));
 
-/// Every number of the options of a bake, a mesh, a plan, a training and a data set. What has other options to agree with is checked where
-/// it is used, too.
+/// Every number of the options of a bake, a mesh, a plan, a training and a data set. Dependencies between
+/// options are checked at their use, too.
 const RANGES: &[Row] = &[
     // Data set.
     ("max_size", (1.0, 65_535.0)),
@@ -89,7 +89,7 @@ const RANGES: &[Row] = &[
     ("solid.loss_square", (0.0, LARGEST)),
 ];
 
-/// Numbers that need not be given.
+/// Optional numbers.
 const MAY_BE_LEFT_OUT: [&str; 9] = [
     "max_size",
     "teacher.teacher_pictures",
@@ -102,7 +102,7 @@ const MAY_BE_LEFT_OUT: [&str; 9] = [
     "block_triangles",
 ];
 
-/// How an error calls a number.
+/// The name of a number in errors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Called {
     /// By its flag, the last part of its key: `max_sigma`.
@@ -111,7 +111,7 @@ pub enum Called {
     ByKey,
 }
 
-/// Checks every number of `options`, those of `group`, or of all groups where it is empty, against the table.
+/// Checks every number of `options`, of `group` or, if that is empty, of all groups, against the table.
 ///
 /// Errors: the first number out of its range.
 pub fn check(group: &str, options: &impl Serialize, called: Called) -> Result<()> {
@@ -122,7 +122,7 @@ pub fn check(group: &str, options: &impl Serialize, called: Called) -> Result<()
     })
 }
 
-/// [`check`] of a number that need not be given: JSON knows no difference between that and one that is not finite.
+/// [`check`] of an optional number, because JSON cannot tell a missing number from one that is not finite.
 pub fn check_given(key: &str, value: Option<f64>) -> Result<()> {
     match (value, row(key)) {
         (Some(value), Some(range)) => within(key, value, range, Called::ByFlag),
@@ -130,7 +130,7 @@ pub fn check_given(key: &str, value: Option<f64>) -> Result<()> {
     }
 }
 
-/// A number of things on the command line.
+/// A count on the command line.
 #[cfg(all(feature = "cli", feature = "bench"))]
 pub(crate) fn count(text: &str) -> std::result::Result<usize, String> {
     let number: Option<usize> = text.parse().ok();
@@ -143,12 +143,12 @@ fn row(key: &str) -> Option<(f64, f64)> {
     RANGES.iter().find(|(row, _)| row_covers(row, key)).map(|(_, range)| *range)
 }
 
-/// Whether a row is for this key, or for the group that the key is of.
+/// Whether a row is for this key or its group.
 fn row_covers(row: &str, key: &str) -> bool {
     key.strip_prefix(row).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
-/// Calls `visit` with the key of each number; NaN for one that is not finite, which JSON has no text for.
+/// Calls `visit` with the key of each number; NaN for one that is not finite, which JSON cannot express.
 fn each(value: &Value, key: &str, visit: &mut impl FnMut(&str, f64) -> Result<()>) -> Result<()> {
     match value {
         Value::Number(number) => visit(key, number.as_f64().unwrap_or(f64::NAN)),
@@ -175,7 +175,7 @@ fn within(key: &str, value: f64, (low, high): (f64, f64), called: Called) -> Res
 }
 
 fn words(low: f64, high: f64) -> String {
-    // 1e9 is read at once, 1000000000 is not.
+    // 1e9 is easier to read than 1000000000.
     let short = |x: f64| if x >= 1e6 && x.log10().fract() == 0.0 { format!("{x:e}") } else { x.to_string() };
     match low {
         ABOVE_ZERO => format!("> 0, at most {}", short(high)),

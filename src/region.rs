@@ -1,4 +1,4 @@
-//! A part of space: a box, a sphere, or what cameras have in view.
+//! A part of space: a box, a sphere, or the view of cameras.
 
 use crate::camera::Camera;
 use glam::{DVec3, Vec3};

@@ -1,7 +1,7 @@
-//! What happened: one entry per stage, printed by the command line and written by `--report`.
+//! The report of a run: one entry per stage, printed by the command line and written by `--report`.
 //!
-//! A stage describes what it measured in a type of its own, which implements [`StageDetails`]. The report holds it
-//! as JSON, because it does not depend on stages; [`Report::details`] gives it back typed.
+//! A stage has its own type of measurements, which implements [`StageDetails`]. The report stores it as JSON,
+//! because it does not depend on stages; [`Report::details`] returns it typed.
 
 use crate::error::Result;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -10,12 +10,13 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use std::time::Instant;
 
-/// What a stage did. "Skip what a scene doesn't need" is in the type and in the report.
+/// The outcome of a stage, which may be unneeded.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Outcome<T> {
-    /// The stage did its work; the value holds what it made.
+    /// The stage did its work, with this result.
     Changed(T),
-    /// There was nothing to do, and why; the input is unchanged. Options are named by their fields, in backticks.
+    /// There was nothing to do, for this reason; the input is unchanged. Options are named by their fields,
+    /// in backticks.
     Unneeded(&'static str),
 }
 
@@ -28,7 +29,8 @@ pub struct Counts {
     pub vertices: u64,
 }
 
-/// What a stage measured: counts by cause, errors, sizes. Fields that do not apply are `None` and absent in JSON.
+/// The measurements of a stage: counts by cause, errors, sizes. Fields that do not apply are `None` and
+/// absent in JSON.
 pub trait StageDetails: Default + PartialEq + Serialize + DeserializeOwned + JsonSchema {
     /// The name of the stage: that of its file, its option group, its test and its entry in the report.
     const STAGE: &'static str;
@@ -45,22 +47,22 @@ pub struct StageReport {
     pub before: Counts,
     /// Sizes when it ended.
     pub after: Counts,
-    /// Why there was nothing to do, when there was nothing to do. Options are named by their fields, in backticks.
+    /// The reason if there was nothing to do. Options are named by their fields, in backticks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unneeded: Option<String>,
-    /// What this stage measured, as JSON; [`StageReport::details_as`] gives it typed.
+    /// The measurements of this stage, as JSON; [`StageReport::details_as`] returns them typed.
     #[serde(default, skip_serializing_if = "Map::is_empty")]
     pub details: Map<String, Value>,
 }
 
 impl StageReport {
-    /// Of a stage that had nothing to do, and why.
+    /// Of a stage with nothing to do, for this reason.
     pub fn unneeded(name: &str, why: String) -> Self {
         let (before, after) = (Counts::default(), Counts::default());
         Self { name: name.to_owned(), seconds: 0.0, before, after, unneeded: Some(why), details: Map::new() }
     }
 
-    /// What this stage measured; `None` if `D` belongs to another stage or nothing was measured.
+    /// The measurements of this stage; `None` if `D` belongs to another stage or there are none.
     pub fn details_as<D: StageDetails>(&self) -> Option<D> {
         let own = self.name == D::STAGE && !self.details.is_empty();
         own.then(|| serde_json::from_value(Value::Object(self.details.clone())).ok()).flatten()
@@ -80,11 +82,11 @@ pub trait Observer {
 /// Ignores everything.
 impl Observer for () {}
 
-/// Tells an observer how far a stage has come. As an observer itself, of stages that run within that stage, it passes
-/// their fractions on.
+/// Reports the progress of a stage to an observer. As an observer of inner stages, it passes on their
+/// fractions.
 pub struct StageProgress<'a> {
     observer: &'a mut dyn Observer,
-    /// What this part is of the stage: where it begins and how long it is.
+    /// Beginning and length of this part within the stage.
     part: (f64, f64),
 }
 
@@ -94,7 +96,7 @@ impl<'a> StageProgress<'a> {
         Self { observer, part: (0.0, 1.0) }
     }
 
-    /// Part of what this is the progress of, from one fraction of it to another.
+    /// The progress of a part, from one fraction of this one to another.
     pub fn part(&mut self, from: f64, to: f64) -> StageProgress<'_> {
         let (start, length) = self.part;
         StageProgress { observer: &mut *self.observer, part: (start + length * from, length * (to - from)) }
@@ -123,7 +125,7 @@ pub struct Report {
     pub command: String,
     /// Files read.
     pub inputs: Vec<String>,
-    /// Files written, or that a dry run would have written.
+    /// Files written, or those that a dry run would have written.
     pub outputs: Vec<OutputReport>,
     /// True when nothing was written on purpose.
     pub dry_run: bool,
@@ -131,7 +133,7 @@ pub struct Report {
     pub stages: Vec<StageReport>,
     /// Notes for the user, one sentence each.
     pub warnings: Vec<String>,
-    /// The options the run used, after preset, config file and flags were laid over each other.
+    /// The final options of the run, from preset, config file and flags.
     #[serde(default)]
     pub options: Value,
     /// Wall-clock seconds of the whole run.
@@ -153,14 +155,14 @@ impl Report {
         Self { generator: generator(), command: command.to_owned(), ..Self::default() }
     }
 
-    /// What a stage measured, if it ran and measured anything.
+    /// The measurements of a stage, if any.
     pub fn details<D: StageDetails>(&self) -> Option<D> {
         self.stages.iter().rev().find_map(StageReport::details_as)
     }
 
-    /// Runs the stage that `D` belongs to, times it and records what it did. `measure` counts a value's triangles and
-    /// vertices; `run` gets the value and empty details. They are recorded when the stage changed or measured
-    /// something.
+    /// Runs the stage that `D` belongs to, times it and records what it did. `measure` counts a value's
+    /// triangles and vertices; `run` gets the value and empty details. Details are recorded if the stage
+    /// changed or measured something.
     ///
     /// Returns the changed value, or the input when there was nothing to do.
     pub fn stage<T, D: StageDetails>(
@@ -213,7 +215,7 @@ pub fn to_json<D: StageDetails>(details: &D) -> Map<String, Value> {
     }
 }
 
-/// What JSON Schema demands of the entry of the stage that `D` belongs to.
+/// The JSON Schema of the entry of the stage of `D`.
 pub fn stage_schema<D: StageDetails>(generator: &mut SchemaGenerator) -> Schema {
     let details = generator.subschema_for::<D>();
     json_schema!({ "properties": { "name": { "const": D::STAGE }, "details": details } })

@@ -1,5 +1,5 @@
-//! Counter-based random numbers: a value depends on (seed, purpose, step, index) and on nothing else,
-//! so the order of evaluation and the number of threads cannot change it.
+//! Counter-based random numbers: a value depends only on (seed, purpose, step, index), so the order of
+//! evaluation and the number of threads cannot change it.
 
 /// A stream of random numbers for one purpose at one step.
 #[derive(Debug, Clone, Copy)]

@@ -1,4 +1,4 @@
-//! The input of the bake: a soup or a mesh, and where it came from.
+//! The input of the bake: a soup or a mesh, and its provenance.
 
 use crate::asset::Provenance;
 use crate::camera::Camera;
@@ -13,7 +13,7 @@ const MESH_SIGMA: f32 = 0.05;
 /// Opacity of a mesh's triangles in a soup: high, but below 1, where the logit has no slope.
 const MESH_OPACITY: f32 = 0.95;
 
-/// Either of the two things the bake takes.
+/// The two kinds of input of the bake.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Scene {
     /// Unconnected triangles with opacity, σ and SH: a trained scene.
@@ -39,7 +39,7 @@ impl Scene {
         }
     }
 
-    /// True of a triangle of the shell: the scene's backdrop, no part of its subject.
+    /// True for a triangle of the shell, which belongs to the backdrop instead of the scene.
     pub fn is_shell(&self, triangle: usize) -> bool {
         match self {
             Scene::Soup(soup) => soup.is_shell(triangle),
@@ -60,7 +60,7 @@ impl Scene {
         }
     }
 
-    /// Checks what it holds: see [`Soup::validate`] and [`Mesh::validate`].
+    /// Checks its content: see [`Soup::validate`] and [`Mesh::validate`].
     pub fn validate(&self) -> Result<()> {
         match self {
             Scene::Soup(soup) => soup.validate(),
@@ -93,11 +93,11 @@ fn nearly_solid(mesh: &Mesh) -> Soup {
 pub struct Loaded {
     /// The triangles.
     pub scene: Scene,
-    /// Where they came from and how they were placed.
+    /// Their provenance and placement.
     pub provenance: Provenance,
-    /// Things that were repaired or dropped while reading, one sentence each.
+    /// Repairs and omissions of reading, one sentence each.
     pub warnings: Vec<String>,
-    /// Cameras of the photos it was trained on, in the frame of the file; empty when it does not say.
+    /// Cameras of its training photos, in the frame of the file; empty when unknown.
     pub cameras: Vec<Camera>,
 }
 
@@ -113,7 +113,7 @@ impl Loaded {
         }
     }
 
-    /// Puts a backdrop behind the mesh; a soup has none.
+    /// Appends a backdrop to the mesh; a soup has none.
     ///
     /// Errors: more vertices than 32 bits count.
     pub fn put_backdrop(&mut self, backdrop: Mesh) -> Result<()> {
@@ -126,7 +126,7 @@ impl Loaded {
 }
 
 impl From<Scene> for Loaded {
-    /// A scene that was made here, not read.
+    /// A scene from memory instead of a file.
     fn from(scene: Scene) -> Self {
         Loaded { scene, provenance: Provenance::default(), warnings: Vec::new(), cameras: Vec::new() }
     }

@@ -22,8 +22,8 @@ pub struct Soup {
     pub sh: Vec<[f32; 3]>,
     /// Degree 0..=3; K = (degree + 1)^2 coefficients per triangle.
     pub sh_degree: u8,
-    /// True of the triangles of the shell, which closes a trained scene where it has no points and is its backdrop; empty when
-    /// there is none. `[N]`
+    /// True for triangles of the shell, which closes a trained scene where it has no points; empty without a
+    /// shell. `[N]`
     pub shell: Vec<bool>,
 }
 
@@ -48,7 +48,7 @@ impl Soup {
         self.sh[triangle * self.sh_count()].map(rgb_from_sh0)
     }
 
-    /// True of a triangle of the shell: the scene's backdrop, no part of its subject.
+    /// True for a triangle of the shell, which belongs to the backdrop instead of the scene.
     pub fn is_shell(&self, triangle: usize) -> bool {
         self.shell.get(triangle).is_some_and(|shell| *shell)
     }
@@ -58,7 +58,7 @@ impl Soup {
         self.shell.iter().filter(|shell| **shell).count()
     }
 
-    /// Says that these triangles, and no others, are the shell.
+    /// Flags exactly these triangles as the shell.
     pub fn set_shell(&mut self, triangles: std::ops::Range<usize>) {
         let count = self.len();
         self.shell = match triangles.start < triangles.end.min(count) {
@@ -162,7 +162,7 @@ impl Soup {
         let k = self.sh_count();
         let (mut to, mut i) = (0, 0);
         while i < self.len() {
-            // Runs of triangles that stay are moved at once.
+            // Runs of kept triangles are moved at once.
             let start = i;
             while i < self.len() && keep(i) {
                 i += 1;
@@ -195,7 +195,7 @@ impl Soup {
             && self.sh[i * k..(i + 1) * k].iter().flatten().all(|x| x.is_finite())
     }
 
-    /// Keeps the triangles whose numbers are all finite, in order; how many were not.
+    /// Keeps triangles with finite numbers, in order; returns how many were dropped.
     pub fn retain_finite(&mut self) -> usize {
         let keep: Vec<bool> = (0..self.len()).map(|i| self.is_finite(i)).collect();
         let gone = keep.iter().filter(|kept| !**kept).count();
@@ -205,7 +205,7 @@ impl Soup {
         gone
     }
 
-    /// Checks that the numbers of values agree with the numbers of triangles and coefficients.
+    /// Checks the lengths against the numbers of triangles and coefficients.
     pub fn validate_shape(&self) -> Result<()> {
         let n = self.len();
         if self.sh_degree > 3 {

@@ -1,5 +1,6 @@
-//! Training space: the scene moved and scaled so that rates and epsilons mean the same for every scene.
-//! The origin is the mean of the cameras, the unit the median distance from a camera to what it sees.
+//! Training space: the scene moved and scaled so that rates and epsilons have the same meaning for every
+//! scene. The origin is the mean of the cameras, the unit the median distance from a camera to visible
+//! points.
 
 use crate::camera::Camera;
 use crate::math::median::median;
@@ -7,7 +8,7 @@ use crate::rng::Rng;
 use crate::soup::Soup;
 use glam::Vec3;
 
-/// Pairs of a camera and a point from which the unit is taken, at most; with more, these are drawn at random.
+/// Most pairs of a camera and a point for the unit; with more, a random selection is used.
 const PAIRS: usize = 200_000;
 /// One seed for all scenes: runs on parts of a scene, with seeds of their own, share its space.
 const SEED: u64 = 0;
@@ -28,7 +29,7 @@ impl Space {
         Self::of(cameras, points.len(), |i| points[i])
     }
 
-    /// As [`Space::new`], of `count` points that are nowhere in a list: few of many are looked at.
+    /// Like [`Space::new`], for `count` points that are not in a list, because only few are used.
     pub fn of(cameras: &[Camera], count: usize, point: impl Fn(usize) -> Vec3) -> Self {
         let positions: Vec<_> = cameras.iter().map(|c| c.position().as_dvec3()).collect();
         let center = positions.iter().sum::<glam::DVec3>() / positions.len().max(1) as f64;
@@ -45,7 +46,7 @@ impl Space {
         (world - self.center) * self.scale
     }
 
-    /// A camera in training space: it sees the same picture of the moved scene.
+    /// A camera in training space, with the same picture of the moved scene.
     pub fn camera_to_training(&self, camera: &Camera) -> Camera {
         let translation = (camera.rotation * self.center + camera.translation) * self.scale;
         Camera { translation, ..*camera }
@@ -67,8 +68,8 @@ impl Space {
     }
 }
 
-/// Pairs of a camera and a point: all of them, or [`PAIRS`] in which both are drawn independently. A stride through the numbered
-/// pairs would meet few of the cameras wherever it shares a factor with their number.
+/// Pairs of a camera and a point: all of them, or [`PAIRS`] in which both are drawn independently. A stride
+/// through the numbered pairs would meet only few cameras if it shared a factor with their number.
 fn pairs(cameras: usize, points: usize) -> impl Iterator<Item = (usize, usize)> {
     let all = cameras.saturating_mul(points);
     let (camera, point) = (Rng::new(SEED, "space camera", 0), Rng::new(SEED, "space point", 0));
@@ -79,7 +80,7 @@ fn pairs(cameras: usize, points: usize) -> impl Iterator<Item = (usize, usize)> 
     })
 }
 
-/// The depth at which `camera` has `point` in its picture.
+/// The depth of `point` in the picture of `camera`.
 fn sees(camera: &Camera, point: Vec3) -> Option<f32> {
     let q = camera.rotation * point + camera.translation;
     if !(q.z > 0.0) {

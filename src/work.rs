@@ -1,10 +1,10 @@
-//! Work that was done, and work that was left out because it would have changed nothing or too little.
+//! Work that was done, and work that was skipped because it would have changed nothing or too little.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::ops::AddAssign;
 
-/// How much of some work was done, and how much was not.
+/// Amounts of done and skipped work.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct WorkCount {
     /// Units done.
@@ -19,18 +19,18 @@ impl WorkCount {
         Self { done, skipped: all.saturating_sub(done) }
     }
 
-    /// `units` that were counted as left out were done.
+    /// Recounts `units` from skipped to done.
     pub fn turned_out_done(&mut self, units: u64) {
         self.done += units;
         self.skipped = self.skipped.saturating_sub(units);
     }
 
-    /// The share left out, of 1; 0 where there was nothing to do.
+    /// The skipped share, from 0 to 1; 0 without any work.
     pub fn share(&self) -> f64 {
         self.skipped as f64 / (self.done + self.skipped).max(1) as f64
     }
 
-    /// "pixels=61%", for a list of what was left out; `None` below half a percent.
+    /// The skipped share as text, for example "pixels=61%"; `None` below half a percent.
     pub fn label(&self, name: &str) -> Option<String> {
         let percent = (100.0 * self.share()).round();
         (percent > 0.0).then(|| format!("{name}={percent}%"))

@@ -5,10 +5,11 @@ use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
 
 const SIGNATURE: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
-/// Colours of a palette at most, of 3 bytes each (PNG specification, 11.2.2).
+/// Most colours of a palette, of 3 bytes each (PNG specification, 11.2.2).
 const MOST_COLORS: u32 = 256;
 
-/// Errors: a palette that is not of 1 to 256 whole colours. The chunks up to the first pixels are looked at; other formats have none.
+/// Errors: a palette that is not of 1 to 256 whole colours. Checks the chunks up to the first pixels; other
+/// formats have no palette.
 pub(super) fn check(path: &Path, file: &mut (impl Read + Seek)) -> Result<()> {
     match bad_palette(file).map_err(|e| Error::io(path, e))? {
         None => Ok(()),
@@ -19,14 +20,14 @@ pub(super) fn check(path: &Path, file: &mut (impl Read + Seek)) -> Result<()> {
     }
 }
 
-/// Place and length of the first palette that is none, bytes.
+/// Place and length of the first invalid palette, bytes.
 fn bad_palette(file: &mut (impl Read + Seek)) -> io::Result<Option<(u64, u32)>> {
     let mut head = [0; 8];
     let mut at = SIGNATURE.len() as u64;
     if !read(file, &mut head)? || head != SIGNATURE {
         return Ok(None);
     }
-    // A file that ends here is the decoder's to refuse.
+    // The decoder refuses a file that ends here.
     while read(file, &mut head)? {
         let [a, b, c, d, name @ ..] = head;
         let len = u32::from_be_bytes([a, b, c, d]);
