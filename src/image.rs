@@ -1,7 +1,7 @@
 //! Pictures in memory and on disk.
 //!
-//! Colours are sRGB-encoded throughout, and averages are taken on the encoded values: that is what
-//! the literature trains and measures on (3DGS, Held et al. 2025).
+//! Colours are sRGB-encoded throughout, and averages are computed on encoded values, as in the literature
+//! (3DGS, Held et al. 2025).
 
 mod decode;
 mod jpeg;
@@ -53,8 +53,7 @@ pub struct Pixels {
     pub size: UVec2,
     /// Rows from the top. `[H * W]`
     pub rgb: Vec<[u8; 3]>,
-    /// How much of each pixel counts, 255 = all: the opacity a file stores, or the weight that a mask
-    /// gives to a photo's pixel in the loss. `[H * W]`
+    /// Weight of each pixel, up to 255: the opacity in a file, or a photo's mask in the loss. `[H * W]`
     pub alpha: Option<Vec<u8>>,
 }
 
@@ -78,24 +77,24 @@ impl Pixels {
 
     /// Reads a PNG, JPEG, WebP or TIFF file; 16-bit channels are rounded to 8, grey becomes RGB.
     ///
-    /// The pixels are taken as stored: an EXIF rotation is not applied, as COLMAP does not either.
+    /// Pixels stay as stored: an EXIF rotation is not applied, because COLMAP does not apply it either.
     pub fn load(path: &Path) -> Result<Self> {
         Self::load_within(path, &Limits::DEFAULT)
     }
 
-    /// [`Pixels::load`] of a picture that is not larger than `limits` say.
+    /// [`Pixels::load`] of a picture within `limits`.
     pub fn load_within(path: &Path, limits: &Limits) -> Result<Self> {
         Ok(Self::of_decoded(decode(path, limits)?))
     }
 
-    /// [`Pixels::load_within`] at 1/2, 1/4 or 1/8 of its size where that is faster (JPEG) and no side gets smaller than that of `least`.
-    /// Returns the full size too.
+    /// [`Pixels::load_within`] at 1/2, 1/4 or 1/8 of its size if that is faster (JPEG) and no side falls
+    /// below that of `least`. Returns the full size too.
     pub fn load_reduced(path: &Path, least: UVec2, limits: &Limits) -> Result<(Self, UVec2)> {
         let (picture, full) = decode::decode_reduced(path, least, limits)?;
         Ok((Self::of_decoded(picture), full))
     }
 
-    /// The picture turned upright, of a camera that was held as `orientation` says: 1 to 8, as EXIF has it.
+    /// The picture turned upright by an EXIF `orientation`, 1 to 8.
     pub fn turned(&self, orientation: u8) -> Self {
         let UVec2 { x: width, y: height } = self.size;
         let size = if orientation >= 5 { UVec2::new(height, width) } else { self.size };
@@ -133,17 +132,16 @@ impl Pixels {
         Self { size, rgb, alpha: if opaque { None } else { Some(alpha) } }
     }
 
-    /// Reads a mask that is not larger than `limits` say: one channel per pixel, rows from the top; colours become
-    /// their luma.
+    /// Reads a mask within `limits`: one channel per pixel, rows from the top; colours become their luma.
     pub fn load_mask(path: &Path, limits: &Limits) -> Result<(UVec2, Vec<u8>)> {
         let picture = decode(path, limits)?;
         let size = UVec2::new(picture.width(), picture.height());
         Ok((size, picture.into_luma8().into_raw()))
     }
 
-    /// Width and height of a picture file, from its first bytes; an error when they are not what `limits` permit, or
-    /// more than the file can hold. Its last bytes are looked at too: a file that does not end as it should is decoded
-    /// to see whether it is cut short.
+    /// Width and height of a picture file, from its first bytes; an error when they exceed `limits` or the
+    /// possible content of the file. The last bytes are checked too: a file with an unusual end is decoded to
+    /// detect truncation.
     pub fn size_of(path: &Path, limits: &Limits) -> Result<UVec2> {
         let io = |e| Error::io(path, e);
         let (mut file, len) = input::open(path, limits)?;
@@ -156,13 +154,13 @@ impl Pixels {
         Ok(size)
     }
 
-    /// True when a picture file has a channel for opacity, whatever is in it; by its first bytes.
+    /// True when a picture file has a channel for opacity, according to its first bytes.
     pub fn has_alpha(path: &Path, limits: &Limits) -> Result<bool> {
         let (file, _) = input::open(path, limits)?;
         decode::has_alpha(path, BufReader::new(file))
     }
 
-    /// The picture blended with `background` by its alpha, which is then gone.
+    /// Blends the picture with `background` by its alpha, and removes the alpha.
     pub fn over(mut self, background: [u8; 3]) -> Self {
         if let Some(alpha) = self.alpha.take() {
             for (pixel, &a) in self.rgb.iter_mut().zip(&alpha) {
@@ -175,7 +173,7 @@ impl Pixels {
         self
     }
 
-    /// Puts a background behind a picture that holds colours over black, whatever its alpha shows of it added: alpha is then gone.
+    /// Adds a background to a picture with colours over black, and removes the alpha.
     pub fn over_instead_of_black(&self, background: [u8; 3]) -> Self {
         let mut rgb = self.rgb.clone();
         for (pixel, &a) in rgb.iter_mut().zip(self.alpha.iter().flatten()) {
@@ -187,7 +185,7 @@ impl Pixels {
         Self { size: self.size, rgb, alpha: None }
     }
 
-    /// A picture that holds colours over black with the colours that its alpha was multiplied with; black where that is 0.
+    /// Divides colours over black by their alpha; black where alpha is 0.
     pub fn undimmed(&self) -> Self {
         let mut straight = self.clone();
         for (pixel, &a) in straight.rgb.iter_mut().zip(self.alpha.iter().flatten()) {
@@ -197,7 +195,7 @@ impl Pixels {
         straight
     }
 
-    /// The part of `size` px whose upper left corner is at `corner`; it lies within the picture.
+    /// The part of `size` px with its upper left corner at `corner`, within the picture.
     pub fn part(&self, corner: UVec2, size: UVec2) -> Self {
         let rows = (corner.y..corner.y + size.y).map(|y| (y * self.size.x + corner.x) as usize);
         let rows = rows.map(|from| from..from + size.x as usize);
@@ -206,8 +204,8 @@ impl Pixels {
         Self { size, rgb: rows.flat_map(|row| self.rgb[row].iter().copied()).collect(), alpha }
     }
 
-    /// The picture shrunk to `size`: every new pixel is the average of the area it covers, whole or
-    /// fractional pixels alike.
+    /// The picture shrunk to `size`: every new pixel is the average of its area, which may include fractions
+    /// of pixels.
     pub fn downscaled(&self, size: UVec2) -> Self {
         if size == self.size {
             return self.clone();
@@ -252,7 +250,8 @@ impl Pixels {
         Ok(bytes)
     }
 
-    /// Decodes a picture that another file holds; `place` is for messages. As [`Pixels::load_within`] otherwise.
+    /// Decodes a picture inside another file; `place` is for messages. Otherwise like
+    /// [`Pixels::load_within`].
     pub fn from_bytes(place: &Path, bytes: &[u8], limits: &Limits) -> Result<Self> {
         Ok(Self::of_decoded(decode::decode_bytes(place, bytes, limits)?))
     }
@@ -284,13 +283,13 @@ fn area(size: UVec2) -> usize {
     size.x as usize * size.y as usize
 }
 
-/// Bytes as triples of them; a copy only where memory cannot be taken over as it is.
+/// Bytes as triples; copied only if the memory cannot be reused.
 fn triples(bytes: Vec<u8>) -> Vec<[u8; 3]> {
     bytemuck::allocation::try_cast_vec(bytes)
         .unwrap_or_else(|(_, bytes)| bytemuck::cast_slice(&bytes).to_vec())
 }
 
-/// A picture's size from text such as 1280x720; the error says what is wanted.
+/// A picture's size from text such as 1280x720; the error states the expected form.
 pub fn parse_size(text: &str) -> std::result::Result<UVec2, String> {
     let sides = text.split_once(['x', 'X']);
     let parsed = sides.and_then(|(w, h)| Some(UVec2::new(w.parse().ok()?, h.parse().ok()?)));

@@ -1,4 +1,4 @@
-//! Pictures that triangles show in place of one colour: texels, their mip levels, and how an engine samples them.
+//! Textures of triangles: texels, their mip levels, and sampling as in an engine.
 
 use crate::error::Result;
 use crate::image::Pixels;
@@ -12,12 +12,12 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Pictures are not joined to larger ones, texels.
+/// Largest side of joined pictures, texels.
 const LARGEST: u32 = 8192;
-/// Joined pictures begin at multiples of it, so that mip levels up to the fifth do not mix them.
+/// Joined pictures begin at multiples of this, so that mip levels up to the fifth do not mix them.
 const WHOLE: u32 = 32;
 
-/// A picture and its mip levels, each half the size of the one before it, down to one texel. sRGB codes.
+/// A picture and its mip levels, each half the size of the previous one, down to one texel. sRGB codes.
 #[derive(Debug, Clone)]
 pub struct Texture {
     levels: Vec<Pixels>,
@@ -41,7 +41,8 @@ pub struct StoredPicture {
 }
 
 impl Texture {
-    /// The texture of a picture of one texel at least; its alpha is not used. Levels are means of four texels in linear light.
+    /// The texture of a picture with at least one texel; its alpha is not used. Levels are means of four
+    /// texels in linear light.
     pub fn new(picture: Pixels) -> Self {
         let mut levels = vec![Pixels { alpha: None, ..picture }];
         while let Some(finest) = levels.last().filter(|level| level.size.max_element() > 1) {
@@ -106,7 +107,7 @@ impl Texture {
     }
 }
 
-/// A level from the finer one before it; of an odd size the last row or column counts twice.
+/// A level from the next finer one; for an odd size the last row or column counts twice.
 fn halved(finer: &Pixels) -> Pixels {
     let size = (finer.size / 2).max(UVec2::ONE);
     let linear = linear_of_srgb8();
@@ -124,17 +125,18 @@ fn halved(finer: &Pixels) -> Pixels {
     Pixels { size, rgb: rows.collect(), alpha: None }
 }
 
-/// What the faces of a mesh show of a texture.
+/// The texture coordinates of a mesh's faces.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FaceTexture {
-    /// Where the corners of each face are on it: (0, 0) its upper left corner, (1, 1) its lower right one. `[F]`
+    /// Places of each face's corners on it: (0, 0) is its upper left corner, (1, 1) its lower right one.
+    /// `[F]`
     pub uvs: Vec<[Vec2; 3]>,
     /// The texture.
     pub texture: Arc<Texture>,
 }
 
 impl FaceTexture {
-    /// Puts another texture below this one, so that one picture serves both, and its faces behind these. Returns whether there was room.
+    /// Joins another texture below this one in one picture, and appends its faces. Returns whether it fits.
     pub fn append(&mut self, other: &FaceTexture) -> bool {
         if Arc::ptr_eq(&self.texture, &other.texture) {
             self.uvs.extend(&other.uvs);
@@ -149,7 +151,7 @@ impl FaceTexture {
         let rgb = (0..size.y).into_par_iter().flat_map_iter(|y| {
             let (from, y) = if y < first { (above, y.min(above.size.y - 1)) } else { (below, y - first) };
             let row = &from.rgb[(y * from.size.x) as usize..][..from.size.x as usize];
-            // Beside and below a picture its border goes on.
+            // The border of a picture continues beside and below it.
             row.iter().chain(std::iter::repeat(&row[row.len() - 1])).take(size.x as usize).copied()
         });
         let rgb = rgb.collect();
@@ -164,8 +166,8 @@ impl FaceTexture {
         true
     }
 
-    /// Where the vertices of a mesh with these indices are on it, when the faces that share one agree; `[V]`. Without indices, vertices are
-    /// the corners of faces. A vertex of no face is at the origin.
+    /// Places of the vertices of a mesh with these indices, if faces that share a vertex agree; `[V]`.
+    /// Without indices, vertices are the corners of faces. An unused vertex is at the origin.
     pub fn of_vertices(&self, indices: &[u32], vertices: usize) -> Option<Vec<Vec2>> {
         if indices.is_empty() {
             return Some(self.uvs.as_flattened().to_vec());
@@ -183,7 +185,7 @@ impl FaceTexture {
         Some(at)
     }
 
-    /// Mean linear colour of a face, by the texels of the level where it is about one.
+    /// Mean linear colour of a face, from the level where it covers about one texel.
     pub fn mean(&self, face: usize) -> [f32; 3] {
         let [a, b, c] = self.uvs[face];
         let size = self.texture.size().as_vec2();

@@ -93,7 +93,7 @@ fn budget_lines(details: BakeBudgetDetails) -> Vec<String> {
     let (Some(budget), Some(spent)) = (details.budget, details.spent_secs) else { return Vec::new() };
     let repeat = match &details.repeat {
         Some(options) => format!("the same file without it: {options}"),
-        None => "everything was done, as without it".to_owned(),
+        None => "nothing was left out".to_owned(),
     };
     let mut lines = details.reasons;
     lines.push(format!("spent {spent:.2}s of the budget {budget}; {repeat}"));
@@ -114,7 +114,7 @@ fn soft_note(softness: &Softness, reshaped: Option<&ReshapeDetails>) -> String {
         None => "they were not fitted to its pictures (`reshape`)".to_owned(),
     };
     format!(
-        "soft scene: as solid triangles {psnr:.1} dB from how it was trained to look ({pictures} pictures); {fitted}; \
+        "soft scene: its solid triangles match its soft pictures to {psnr:.1} dB ({pictures} pictures); {fitted}; \
          --harden trains it solid, which takes longer and comes closer"
     )
 }

@@ -167,7 +167,7 @@ impl Table {
 fn coverage_line(coverage: f64, steps: &[StepScore]) -> String {
     let psnr = |step: &StepScore| step.psnr_covered.map(|psnr| format!("{} {psnr:.3} dB", step.name));
     let psnr: Vec<String> = steps.iter().filter_map(psnr).collect();
-    let seen = format!("{:.1}% of the pixels show what at least two training photos see", 100.0 * coverage);
+    let seen = format!("at least two training photos see {:.1}% of the pixels", 100.0 * coverage);
     if psnr.is_empty() { seen } else { format!("{seen}; PSNR there: {}", psnr.join(", ")) }
 }
 

@@ -148,7 +148,7 @@ fn bake_line(info: &Info) -> String {
 fn soft_line(softness: &Softness) -> String {
     let Softness { psnr, pictures } = softness;
     format!(
-        "as solid triangles {psnr:.1} dB from how it was trained to look ({pictures} pictures); `bake --harden` trains it solid"
+        "its solid triangles match its soft pictures to {psnr:.1} dB ({pictures} pictures); `bake --harden` trains it solid"
     )
 }
 

@@ -23,7 +23,7 @@ fn table(info: &TilesetInfo) -> String {
             "files",
             format!("{} with triangles, {} bytes in all", thousands(info.files), thousands(info.bytes)),
         ),
-        ("error", format!("{:.4} units are left out by the first tile", info.geometric_error)),
+        ("error", format!("the first tile leaves out detail of {:.4} units", info.geometric_error)),
     ];
     if info.missing > 0 {
         rows.push(("warning", format!("{} files are missing", thousands(info.missing))));

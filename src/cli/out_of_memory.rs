@@ -27,7 +27,7 @@ fn message(bytes: usize, line: &mut [u8; LINE]) -> &[u8] {
     // Cut off where the line ends.
     let _ = writeln!(
         rest,
-        "error: out of memory: {bytes} more could not be had, and no file is left half-written; {remedy}"
+        "error: out of memory: {bytes} more could not be allocated, and no file is incomplete; {remedy}"
     );
     let left = rest.len();
     &line[..LINE - left]

@@ -202,7 +202,7 @@ fn chosen(details: &BakeBudgetDetails) -> String {
     let colors =
         details.colors.map(|fitted| if fitted { "colours fitted" } else { "colours kept" }.to_owned());
     let parts: Vec<String> = [pictures, rounds, colors].into_iter().flatten().collect();
-    if parts.is_empty() { "nothing to choose was asked for".to_owned() } else { parts.join(", ") }
+    if parts.is_empty() { "no pictures, fitting or colours requested".to_owned() } else { parts.join(", ") }
 }
 
 /// 1234567 as "1,234,567", to be padded like any text.

@@ -102,7 +102,7 @@ pub fn run(
     for warning in &warnings {
         bar.line(&format!("warning: {}", flags::spell(warning, &command())));
     }
-    let retrained = "the training continues, and one that is resumed trains its teacher again";
+    let retrained = "the training continues; a resumed one trains its teacher again";
     lost_teachers.iter().for_each(|error| bar.note_lost(error, retrained));
     plan.iter().for_each(|plan| bar.line(plan));
     let trained = run.finish(&mut bar)?;
@@ -356,7 +356,7 @@ fn summary(
     {
         let [exposure, balance] = [verdict.exposure, verdict.balance].map(|x| 100.0 * x);
         bar.line(&format!(
-            "{} photos differ by {exposure:.0}% in exposure and {balance:.0}% in white balance: corrected (not with --set exposure=off)",
+            "{} photos differ by {exposure:.0}% in exposure and {balance:.0}% in white balance: corrected (--set exposure=off leaves them unchanged)",
             photos.len()
         ));
     }

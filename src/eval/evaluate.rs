@@ -1,5 +1,5 @@
-//! How close a scene comes to the photos: draws every view and measures PSNR, SSIM and FLIP. PSNR and SSIM are there twice:
-//! of the drawing as it is, and after the one affine map of its colours that fits the photo best.
+//! Scores of a scene on photos: draws every view and measures PSNR, SSIM and FLIP. PSNR and SSIM are given
+//! twice: for the drawing itself, and after the affine map of its colours that fits the photo best.
 
 use super::steps::EvalStep;
 use crate::dataset::{Photos, ShrunkSize, View};
@@ -24,32 +24,32 @@ pub struct EvalReport {
     pub file: String,
     /// The data set, as given.
     pub dataset: String,
-    /// Which photos: "test", "train" or "all".
+    /// The photos: "test", "train" or "all".
     pub split: String,
     /// Samples per pixel along each axis of solid drawings.
     pub ssaa: u32,
     /// The size that photos were shrunk to, "320x213"; absent where they were not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub photo_size: Option<ShrunkSize>,
-    /// The scene at each step of its way into a file, in order. A mesh has one: "solid".
+    /// The scores at each step from scene to file, in order. A mesh has one: "solid".
     pub steps: Vec<StepScore>,
-    /// Share of the pixels that show what at least two training photos see, a photo not counting for itself; mean over
-    /// the photos. The surface is that of the scene at its first step. Absent when it was not measured.
+    /// Share of the pixels whose surface at least two other training photos see; mean over the photos. The
+    /// surface is that of the scene at its first step. Absent when it was not measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coverage: Option<f64>,
     /// Notes for the user, one sentence each.
     pub warnings: Vec<String>,
 }
 
-/// How close a scene comes at one step.
+/// The scores of a scene at one step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StepScore {
-    /// "soft": the soup as trained. "solid": what an engine draws of it, or of the mesh given. "file": the same
-    /// written quantised and compressed, and read back.
+    /// "soft": the soup as trained. "solid": the scene, or the given mesh, as an engine draws it. "file": the
+    /// same, written quantised and compressed, and read back.
     pub name: String,
     /// Number of triangles.
     pub triangles: u64,
-    /// Size of the file, where one was written.
+    /// Size of the file, if one was written.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bytes: Option<u64>,
     /// Means over the photos, each photo counting once.
@@ -57,7 +57,7 @@ pub struct StepScore {
     /// PSNR of the covered pixels alone, mean over the photos that have any, dB.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_covered: Option<f64>,
-    /// The mean minus that of the step before: what this step cost.
+    /// The mean minus that of the previous step: the loss of this step.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub change: Option<Scores>,
     /// Photo by photo, in order of name.
@@ -75,8 +75,8 @@ pub struct Scores {
     pub ssim: f64,
     /// Mean FLIP error; lower is better.
     pub flip: f64,
-    /// PSNR after an affine map of the drawing's colours that is fitted to the photo: without what exposure and white balance
-    /// of a photo that training did not see cost, dB.
+    /// PSNR after an affine map of the drawing's colours that is fitted to the photo, dB: without the error
+    /// of the photo's exposure and white balance.
     #[serde(default)]
     pub psnr_corrected: f64,
     /// SSIM after the same map.
@@ -94,10 +94,10 @@ pub struct ImageScore {
     /// How close the drawing comes.
     #[serde(flatten)]
     pub score: Scores,
-    /// Share of the pixels that show what at least two training photos see.
+    /// Share of the pixels whose surface at least two training photos see.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coverage: Option<f64>,
-    /// PSNR of those pixels alone, dB; absent when there are none.
+    /// PSNR of only those pixels, dB; absent when there are none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_covered: Option<f64>,
 }
@@ -117,10 +117,9 @@ pub struct ScoredPicture {
     pub score: ImageScore,
 }
 
-/// Draws and measures `views` at every step. Calls `on_view` with each view, its photo and its drawings as soon as
-/// they are there. `covered` says which pixels of each view are covered; empty if that is not asked for. With `floats`
-/// drawings are there before they are rounded, too. Returns the
-/// scores, step by step.
+/// Draws and measures `views` at every step. Calls `on_view` with each view, its photo and its drawings as
+/// soon as they exist. `covered` flags the covered pixels of each view; empty if coverage is off. With
+/// `floats` drawings are there before they are rounded, too. Returns the scores, step by step.
 pub fn evaluate(
     steps: &mut [EvalStep],
     views: &[&View],
@@ -174,7 +173,7 @@ fn measure(step: &'static str, name: &str, photo: &Pixels, picture: Pixels) -> S
     measure_with(step, name, photo, picture, |picture| map.of(&picture.rgb))
 }
 
-/// The same with colours that `corrected` makes of the picture's.
+/// The same after correcting the picture's colours with `corrected`.
 fn measure_with(
     step: &'static str,
     name: &str,
@@ -193,8 +192,8 @@ fn measure_with(
     ScoredPicture { step, picture, image: None, flip, score }
 }
 
-/// The same of a photo of an object: over black and over white, as [`Quality::over_two`] does. The picture is that over black. Colours
-/// are corrected where the object is, not the background.
+/// The same for a photo of an object: over black and over white, as in [`Quality::over_two`]. The picture is
+/// that over black. Colours are corrected on the object, not on the background.
 fn measure_cut(
     step: &'static str,
     name: &str,
@@ -215,7 +214,7 @@ fn measure_cut(
     ScoredPicture { flip, score: ImageScore { score: mean, ..black.score }, ..black }
 }
 
-/// Colours and opacity of what was drawn over black and over white.
+/// Colours and opacity, from drawings over black and over white.
 fn straight(black: &Pixels, white: &Pixels) -> Pixels {
     let opacity = |(black, white): (&[u8; 3], &[u8; 3])| {
         let through: u32 = (0..3).map(|c| u32::from(white[c].saturating_sub(black[c]))).sum();
@@ -226,7 +225,7 @@ fn straight(black: &Pixels, white: &Pixels) -> Pixels {
 }
 
 impl ScoredPicture {
-    /// Adds the scores of the covered pixels; the photo's alpha says how much each pixel counts.
+    /// Adds the scores of the covered pixels; the photo's alpha is the weight of each pixel.
     fn measure_covered(&mut self, photo: &Pixels, covered: &[bool]) {
         let weight = |i: usize| photo.alpha.as_ref().map_or(u8::MAX, |alpha| alpha[i]);
         let weights: Vec<u8> =
@@ -246,7 +245,7 @@ fn mean_of(values: impl Iterator<Item = f64>) -> Option<f64> {
     (count > 0).then(|| sum / f64::from(count))
 }
 
-/// The mean of some scores; zeros of none.
+/// The mean of some scores; zeros without any.
 pub fn mean(scores: &[ImageScore]) -> Scores {
     let count = scores.len().max(1) as f64;
     let mean = |of: fn(&Scores) -> f64| scores.iter().map(|s| of(&s.score)).sum::<f64>() / count;

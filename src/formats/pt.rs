@@ -152,7 +152,7 @@ fn read_mesh(file: &TorchFile, v: usize) -> Result<Loaded> {
         && ln_sigma.exp() > UNFINISHED_SIGMA
     {
         warnings.push(format!(
-            "training had not finished (sigma is {:.3}): faces that were still translucent are taken as solid",
+            "training had not finished (sigma is {:.3}): faces that were still translucent become solid",
             ln_sigma.exp()
         ));
     }

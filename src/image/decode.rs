@@ -1,4 +1,4 @@
-//! Pictures as files: what they claim is checked before anything is allocated for it.
+//! Decodes picture files; their stated sizes are checked before memory is allocated.
 
 use super::jpeg::{self, JPEG_END, JPEG_START};
 use super::palette;
@@ -10,16 +10,16 @@ use glam::UVec2;
 use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// Decodes a picture; its first bytes decide the format, not its name. What they claim is checked before anything is
-/// allocated for it.
+/// Decodes a picture; its first bytes decide the format, not its name. Its stated size is checked before
+/// memory is allocated.
 pub(super) fn decode(path: &Path, limits: &Limits) -> Result<image::DynamicImage> {
     decode_bytes(path, &input::read(path, limits)?, limits)
 }
 
-/// The same of bytes that are in memory; `path` is for messages.
+/// The same for bytes in memory; `path` is for messages.
 pub(super) fn decode_bytes(path: &Path, bytes: &[u8], limits: &Limits) -> Result<image::DynamicImage> {
     if bytes.starts_with(&JPEG_START) && !jpeg::is_whole(bytes) {
-        // The decoder would fill the rest with grey and say nothing.
+        // The decoder would silently fill the rest with grey.
         return Err(Error::malformed(path, "picture", "the JPEG is cut short; copy it again"));
     }
     header_size(path, Cursor::new(bytes), bytes.len() as u64, limits)?;
@@ -33,8 +33,8 @@ pub(super) fn decode_bytes(path: &Path, bytes: &[u8], limits: &Limits) -> Result
     })
 }
 
-/// Decodes a picture at 1/2, 1/4 or 1/8 of its size where its format can and no side gets smaller than that of `least`; whole otherwise.
-/// Returns its full size too.
+/// Decodes a picture at 1/2, 1/4 or 1/8 of its size if its format supports it and no side falls below that of
+/// `least`; otherwise in full. Returns its full size too.
 pub(super) fn decode_reduced(
     path: &Path,
     least: UVec2,
@@ -43,7 +43,7 @@ pub(super) fn decode_reduced(
     let bytes = input::read(path, limits)?;
     if bytes.starts_with(&JPEG_START) {
         let full = header_size(path, Cursor::new(&bytes), bytes.len() as u64, limits)?;
-        // Sides that are no multiples would have a part of a pixel at their end.
+        // Sides that are not multiples would end with a fraction of a pixel.
         let fits = |part: &u32| (least * *part).cmple(full).all() && full % *part == UVec2::ZERO;
         if let Some(part) = [8, 4, 2].into_iter().find(fits)
             && let Some(small) = jpeg::reduced(path, &bytes, full / part)?
@@ -56,7 +56,7 @@ pub(super) fn decode_reduced(
     Ok((whole, full))
 }
 
-/// The size that the first bytes of a picture of `len` bytes claim, once it is known that it may be so.
+/// The size in the first bytes of a picture of `len` bytes, checked for plausibility.
 pub(super) fn header_size(
     path: &Path,
     mut file: impl BufRead + Seek,
@@ -84,11 +84,11 @@ pub(super) fn header_size(
     Ok(UVec2::new(width, height))
 }
 
-/// True when the first bytes of a picture promise an opacity per pixel.
+/// True when a picture has an opacity per pixel, according to its first bytes.
 pub(super) fn has_alpha(path: &Path, mut file: impl BufRead + Seek) -> Result<bool> {
     use image::ImageDecoder;
     let start = file.fill_buf().map_err(|e| Error::io(path, e))?;
-    // Data sets of many photos are of this kind, and it has none.
+    // JPEG, the usual format of large data sets, has no opacity.
     if start.starts_with(&JPEG_START) {
         return Ok(false);
     }
@@ -97,7 +97,7 @@ pub(super) fn has_alpha(path: &Path, mut file: impl BufRead + Seek) -> Result<bo
     Ok(decoder.color_type().has_alpha())
 }
 
-/// Pixels that a byte of a file can stand for at most.
+/// Most pixels per byte of a file.
 ///
 /// Deflate reaches 1032 bytes per byte (zlib's technical details), and a PNG has one bit per pixel at least. A JPEG spends
 /// a bit on the mean of every block of 8x8 pixels. WebP can say "all of it is grey" in a few bytes.
@@ -109,10 +109,10 @@ fn most_pixels_per_byte(format: Option<image::ImageFormat>) -> u64 {
     }
 }
 
-/// What every PNG ends with: an empty chunk and its checksum.
+/// The end of every PNG: an empty chunk and its checksum.
 const PNG_END: &[u8; 12] = b"\0\0\0\0IEND\xaeB\x60\x82";
 
-/// False when a file's last bytes, or for WebP its stated length, give reason to look closer.
+/// False when a file's last bytes, or for WebP its stated length, look truncated.
 pub(super) fn ends_well(file: &mut std::fs::File) -> std::io::Result<bool> {
     let len = file.metadata()?.len();
     let (mut head, mut tail) = (Vec::new(), Vec::new());
@@ -129,7 +129,7 @@ pub(super) fn ends_well(file: &mut std::fs::File) -> std::io::Result<bool> {
 fn broken(path: &Path, error: image::ImageError) -> Error {
     use std::io::ErrorKind::{InvalidData, UnexpectedEof};
     match error {
-        // Said by the decoder, not by the system: about what is in the file.
+        // An error of the decoder about the content of the file, not one of the system.
         image::ImageError::IoError(e) if matches!(e.kind(), InvalidData | UnexpectedEof) => {
             Error::malformed(path, "picture", format!("is damaged ({e}); copy it again"))
         }

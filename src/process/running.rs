@@ -1,31 +1,32 @@
-//! Other programs that run on the way: they are told to end when their work is not wanted any more, with whatever they started
-//! themselves, and none outlives this process.
+//! Child programs: they and their own children are ended when their work is no longer needed, and none
+//! outlives this process.
 
 use std::io;
 use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// How long a program may take to end in good order.
+/// Time for a program to end cleanly.
 const PATIENCE: Duration = Duration::from_secs(3);
 const TICK: Duration = Duration::from_millis(20);
 
-/// The programs that run now, by their process numbers.
+/// The running programs, by process number.
 static RUNNING: Mutex<Vec<u32>> = Mutex::new(Vec::new());
 
 fn running() -> MutexGuard<'static, Vec<u32>> {
     RUNNING.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Ends every program that this process has started and not waited for: before it ends without dropping its values.
+/// Ends every program that this process has started and not waited for; for a process that ends without
+/// dropping its values.
 pub fn end_all() {
     let list = running();
     list.iter().for_each(|&id| signal(id, Force::Kill));
-    // None is started, and no number is given to another process, from here on.
+    // From here on no program starts, and no number is reused.
     std::mem::forget(list);
 }
 
-/// A program that runs; dropped, it is ended.
+/// A running program; dropping ends it.
 #[derive(Debug)]
 pub struct Running {
     child: Child,
@@ -33,9 +34,10 @@ pub struct Running {
 }
 
 impl Running {
-    /// Starts `command` with the standard input that it has, in a group of its own: Ctrl-C in the terminal reaches this process alone, which ends it.
+    /// Starts `command` with the standard input that it has, in a group of its own: Ctrl-C in the terminal
+    /// reaches only this process, which ends the program.
     ///
-    /// Errors: what the operating system says, as of a program that is not there.
+    /// Errors: those of the operating system, for example a missing program.
     pub fn start(command: &mut Command) -> io::Result<Self> {
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
         #[cfg(unix)]
@@ -51,9 +53,9 @@ impl Running {
         (self.child.stdout.take(), self.child.stderr.take())
     }
 
-    /// How it ended, if it has.
+    /// Its exit status, if it has ended.
     pub fn has_ended(&mut self) -> io::Result<Option<ExitStatus>> {
-        // Nobody ends it by a number that may be another's meanwhile.
+        // Its number is no longer used to end it, because the system may reuse it.
         let mut list = running();
         let status = self.child.try_wait()?;
         if status.is_some() && !self.ended {
@@ -73,7 +75,7 @@ impl Running {
         }
     }
 
-    /// Ends it, in good order if it listens.
+    /// Ends it, cleanly if it handles the signal.
     pub fn stop(&mut self) {
         for force in [Force::Ask, Force::Kill] {
             let asked = Instant::now();
@@ -103,7 +105,7 @@ enum Force {
     Kill,
 }
 
-/// Reaches a program and what it has started.
+/// Reaches a program and its children.
 #[cfg(unix)]
 fn signal(id: u32, force: Force) {
     use nix::sys::signal::{Signal, killpg};
@@ -147,7 +149,7 @@ mod tests {
         let began = Instant::now();
         program.stop();
         assert!(began.elapsed() < PATIENCE);
-        // Gone, or waiting for whoever inherits it to notice.
+        // Ended, or waiting to be reaped.
         let state = std::fs::read_to_string(format!("/proc/{started}/stat")).unwrap_or_default();
         assert!(state.is_empty() || state.contains(") Z"), "{state}");
         assert!(running().is_empty() || !running().contains(&program.child.id()));

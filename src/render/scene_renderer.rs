@@ -1,4 +1,4 @@
-//! Draws one scene for many cameras, soft or solid, wherever its file was placed.
+//! Draws one scene for many cameras, soft or solid, with any placement of its file.
 
 use crate::asset::Placement;
 use crate::camera::Camera;
@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 pub enum RenderMode {
     /// As it was trained: windows, blended in order of depth. Soups only.
     Soft,
-    /// As an engine does: every triangle opaque, nearest first.
+    /// Like an engine: every triangle opaque, nearest first.
     Solid,
 }
 
@@ -34,7 +34,7 @@ pub enum RenderMode {
 #[derive(Debug, Clone, Copy)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct RenderOptions {
-    /// How the file is drawn; a mesh is always solid.
+    /// The kind of drawing; a mesh is always solid.
     #[cfg_attr(feature = "cli", arg(id = "as", long = "as", value_enum, value_name = "MODE"))]
     pub mode: Option<RenderMode>,
     /// Samples per pixel along each axis of solid drawings: 1, 2 or 4.
@@ -42,7 +42,7 @@ pub struct RenderOptions {
     pub ssaa: u32,
 }
 
-/// Each scene in its own way, as finely as training evaluates.
+/// Soups soft and meshes solid, with the samples of training's evaluation.
 impl Default for RenderOptions {
     fn default() -> Self {
         Self { mode: None, ssaa: SOLID_SAMPLES }
@@ -68,7 +68,7 @@ pub enum SceneRenderer {
     Solid(Box<SolidScene>),
 }
 
-/// A soup and what draws it.
+/// A soup and its renderer.
 #[derive(Debug)]
 pub struct SoftScene {
     soup: Soup,
@@ -80,7 +80,7 @@ pub struct SoftScene {
     card: Option<CardScene>,
 }
 
-/// A mesh and what draws it.
+/// A mesh and its renderer.
 #[derive(Debug)]
 pub struct SolidScene {
     mesh: Mesh,
@@ -93,8 +93,8 @@ pub struct SolidScene {
 const NEAR: f32 = 0.01;
 
 impl SceneRenderer {
-    /// A renderer of a soup for cameras of `dataset`; `placement` says how the soup's file was placed.
-    /// Without a data set the cameras are in the file's own coordinates.
+    /// A renderer of a soup for cameras of `dataset`; `placement` is that of the soup's file. Without a data
+    /// set the cameras are in the file's coordinates.
     pub fn soft(
         mut soup: Soup,
         placement: &Placement,
@@ -121,9 +121,10 @@ impl SceneRenderer {
         }))
     }
 
-    /// Has a graphics card draw the colours of a soup from now on, if that is to be used. Returns the card, and what the user should know.
+    /// Lets a graphics card draw the colours of a soup from now on, if one is used. Returns the card, and a
+    /// note for the user.
     ///
-    /// Errors: `gpu` where there is no such card, or where it cannot draw.
+    /// Errors: `gpu` without a matching card, or with one that cannot draw.
     pub fn draw_on(&mut self, place: &BackendOptions) -> Result<(Option<String>, Vec<String>)> {
         match self {
             Self::Soft(scene) => scene.draw_on(place),
@@ -150,7 +151,7 @@ impl SceneRenderer {
         Self::Solid(Box::new(SolidScene { mesh, options, solid: Solid::new(), frame: Frame::default() }))
     }
 
-    /// How a soup is drawn, to change it; `None` of a mesh.
+    /// The drawing options of a soup, for changes; `None` for a mesh.
     pub fn soft_options(&mut self) -> Option<&mut SoftOptions> {
         match self {
             Self::Soft(scene) => Some(&mut scene.options),
@@ -158,7 +159,7 @@ impl SceneRenderer {
         }
     }
 
-    /// What soft drawings leave out, one share for each kind of work: "layers=31%"; nothing of solid ones.
+    /// Skipped work of soft drawings, one share per kind, for example "layers=31%"; empty for solid ones.
     pub fn skipped(&mut self, cameras: &[Camera]) -> Vec<String> {
         let Self::Soft(scene) = self else { return Vec::new() };
         let mut sum = SoftWork::default();
@@ -172,7 +173,7 @@ impl SceneRenderer {
         sum.labels()
     }
 
-    /// Checks that a picture of `size` can be drawn, and that it is within `limits`.
+    /// Checks that a picture of `size` can be drawn and is within `limits`.
     pub fn validate(&self, size: UVec2, limits: &Limits) -> Result<()> {
         limits.camera("camera", size)?;
         match self {
@@ -209,7 +210,7 @@ impl SceneRenderer {
         }
     }
 
-    /// What the camera sees over another background, sRGB-encoded; `None`: over its own.
+    /// The camera's view over another background, sRGB-encoded; `None`: over its own.
     pub fn color_over(&mut self, camera: &Camera, background: Option<[f32; 3]>) -> Pixels {
         let Some(background) = background else { return self.color(camera) };
         let own = self.set_background(background);
@@ -226,17 +227,18 @@ impl SceneRenderer {
         }
     }
 
-    /// How far away it is; see [`show::depth`].
+    /// Its distance; see [`show::depth`].
     pub fn depth(&mut self, camera: &Camera) -> Pixels {
         show::depth(self.geometry(camera))
     }
 
-    /// Which direction it faces; see [`show::normal`].
+    /// Its normal; see [`show::normal`].
     pub fn normal(&mut self, camera: &Camera) -> Pixels {
         show::normal(self.geometry(camera))
     }
 
-    /// How many layers contribute to each pixel; see [`show::contributions`]. Fails for a mesh: it has one everywhere.
+    /// The number of layers of each pixel; see [`show::contributions`]. Fails for a mesh, which has one
+    /// everywhere.
     pub fn contributions(&mut self, camera: &Camera) -> Result<Pixels> {
         let Self::Soft(scene) = self else {
             let wants = "color, depth, normal or random-subset: a solid drawing has one layer everywhere";
@@ -247,8 +249,8 @@ impl SceneRenderer {
         Ok(show::contributions(scene.soft.frame(), &layers))
     }
 
-    /// Depth z of the surface at every pixel, in units of the cameras' world; 0 where there is none. The surface of a
-    /// soup is where half of the light is stopped. `[H * W]`
+    /// Depth z of the surface at every pixel, in units of the cameras' world; 0 for empty pixels. The surface
+    /// of a soup is where half of the light is stopped. `[H * W]`
     pub fn surface_depth(&mut self, camera: &Camera) -> Vec<f32> {
         match self {
             Self::Soft(scene) => {
@@ -296,7 +298,7 @@ impl SoftScene {
             if let Ok(frame) = card.frame(&camera, &self.options) {
                 return show::color(&frame);
             }
-            // It is lost or too small for this picture; the CPU draws it, and those that follow.
+            // The card is lost or too small for this picture; the CPU draws this picture and all later ones.
             self.card = None;
         }
         show::color(self.draw(camera, false))

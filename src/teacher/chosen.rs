@@ -1,8 +1,8 @@
-//! Where to look from at a scene that stores no cameras: around an object, within surroundings.
+//! Chooses viewpoints for a scene without cameras: around an object, or within surroundings.
 //!
-//! Both are tried. Candidates that show too little, or that something stands before, are discarded; of the rest, the
-//! set that sees more of the scene's triangles wins. What no good candidate sees is not looked at: a scene is only known
-//! where it was photographed.
+//! Both are tried. Candidates that show too little, or with an obstacle in front, are discarded. Of the rest,
+//! the set that sees more of the scene's triangles wins. Triangles that no good candidate sees are ignored,
+//! because a scene is only valid where it was photographed.
 
 use super::survey::{Survey, ViewCoverage, camera};
 use crate::camera::Camera;
@@ -14,33 +14,34 @@ use glam::Vec3;
 const PICTURES: usize = 60;
 /// Their width and height, px.
 const SIDE: u32 = 360;
-/// Field of view from around, degrees.
+/// Field of view of cameras around the scene, degrees.
 const AROUND_FOV: f32 = 45.0;
-/// Field of view from within, degrees.
+/// Field of view of cameras within the scene, degrees.
 const INSIDE_FOV: f32 = 75.0;
-/// Elevations of the rings around an object, degrees: most of them from above, as objects stand on something.
+/// Elevations of the rings around an object, degrees: most of them from above, because objects stand on
+/// something.
 const RINGS: [f32; 5] = [-20.0, 5.0, 25.0, 45.0, 70.0];
-/// Distances of the eyes within from the middle, in units of the scene, and directions they lie in.
+/// Distances of inner viewpoints from the middle, in units of the scene, and their number of directions.
 const INSIDE_RADII: [f32; 4] = [0.0, 0.6, 1.2, 2.0];
 const INSIDE_DIRECTIONS: usize = 12;
-/// Directions in which an eye within looks.
+/// Viewing directions of an inner viewpoint.
 const LOOKS: usize = 10;
-/// Nothing may be nearer to an eye than this, in units of the scene, ...
+/// Least distance of a viewpoint from other surfaces, in units of the scene, ...
 const CLEARANCE: f32 = 0.25;
 /// ... except for this share of its picture.
 const MOST_CROWDED: f32 = 0.1;
-/// Share of the triangles that may be that near.
+/// Share of the triangles that may be nearer.
 const MOST_NEAR: f32 = 1e-3;
-/// A picture from within shows something in this share of it.
+/// Least covered share of a picture from within.
 const LEAST_COVERED: f32 = 0.9;
-/// A picture from around shows something in this share of it.
+/// Least covered share of a picture from around.
 const LEAST_SHOWN: f32 = 0.02;
-/// Views from within must see this many times as many triangles as those from around: the shell of a thing is seen
-/// from both of its sides.
+/// Views from within must see this many times more triangles than those from around, because the surface of
+/// an object is visible from both of its sides.
 const MORE_INSIDE: f32 = 1.2;
 /// Least number of views from within.
 const LEAST_INSIDE: usize = 8;
-/// The quantile of the distances from the middle that the rings hold in view.
+/// The quantile of distances from the middle that the rings show.
 const IN_VIEW: f32 = 0.95;
 
 /// Chosen cameras.
@@ -93,7 +94,7 @@ impl Search {
                 surrounded += usize::from(sight.covered >= LEAST_COVERED);
                 sight.covered >= LEAST_COVERED && sight.crowded <= MOST_CROWDED
             });
-            // An eye before the back of a wall sees nothing elsewhere.
+            // A viewpoint behind a wall sees nothing else.
             if 2 * surrounded > LOOKS {
                 inside.extend(views);
             }
@@ -105,7 +106,8 @@ impl Search {
     }
 }
 
-/// The triangles of `scene` in its own unit around its middle, without view-dependent colours; `None` of one without extent.
+/// The triangles of `scene` in its own unit around its middle, without view-dependent colours; `None` without
+/// extent.
 fn in_units(scene: &Loaded) -> Option<(Unit, Soup)> {
     let mut soup = scene.scene.to_soup();
     soup.truncate_sh(0);
@@ -119,12 +121,12 @@ fn in_units(scene: &Loaded) -> Option<(Unit, Soup)> {
 struct Unit {
     middle: Vec3,
     length: f32,
-    /// Where most of the scene ends, in units.
+    /// Radius of most of the scene, in units.
     reach: f32,
 }
 
 impl Unit {
-    /// `None` of a scene without extent.
+    /// `None` for a scene without extent.
     fn of(soup: &Soup) -> Option<Self> {
         let middles = soup.vertices.iter().map(|[a, b, c]| (*a + *b + *c) / 3.0);
         let middles: Vec<Vec3> = middles.filter(|middle| middle.is_finite()).collect();
@@ -135,7 +137,7 @@ impl Unit {
         (length > 0.0 && reach.is_finite()).then_some(Self { middle, length, reach: reach / length })
     }
 
-    /// Moves `soup` to the middle and to this unit; drops what is not finite there.
+    /// Moves `soup` to the middle and to this unit; drops triangles that are not finite there.
     fn shrink(&self, soup: &mut Soup) {
         for corner in soup.vertices.iter_mut().flatten() {
             *corner = (*corner - self.middle) / self.length;
@@ -151,13 +153,13 @@ impl Unit {
     }
 }
 
-/// The value that this share of `values` lies below.
+/// The quantile of `values` for this share.
 fn quantile(mut values: Vec<f32>, share: f32) -> Option<f32> {
     let last = values.len().checked_sub(1)?;
     Some(*values.select_nth_unstable_by((last as f32 * share) as usize, f32::total_cmp).1)
 }
 
-/// Rings of cameras that hold everything within `reach` in view.
+/// Rings of cameras that show everything within `reach`.
 fn around(reach: f32, up: Vec3) -> Vec<Camera> {
     let distance = reach / (AROUND_FOV.to_radians() / 2.0).sin();
     let (x, per_ring) = (up.any_orthonormal_vector(), PICTURES / RINGS.len());
@@ -194,13 +196,13 @@ fn direction(i: usize, count: usize) -> Vec3 {
     Vec3::new(radius * cos, y, radius * sin)
 }
 
-/// A camera and which triangles it sees.
+/// A camera and its visible triangles.
 struct GoodView {
     camera: Camera,
     seen: Vec<bool>,
 }
 
-/// Those of `candidates` whose sight is `good`.
+/// The `candidates` with a `good` view.
 fn good_views(
     survey: &mut Survey,
     candidates: Vec<Camera>,
@@ -213,14 +215,14 @@ fn good_views(
     candidates.into_iter().filter_map(look).collect()
 }
 
-/// How many triangles any of `views` sees.
+/// Number of triangles visible in any of `views`.
 fn union(views: &[GoodView]) -> f32 {
     let Some(first) = views.first() else { return 0.0 };
     let by_any = |i: &usize| views.iter().any(|view| view.seen[*i]);
     (0..first.seen.len()).filter(by_any).count() as f32
 }
 
-/// At most [`PICTURES`] of `views`, each the one that sees most of what those before it have seen least.
+/// At most [`PICTURES`] of `views`; each next one sees most of the triangles that the others have seen least.
 fn most_telling(mut views: Vec<GoodView>) -> Vec<Camera> {
     let mut times = vec![0u32; views.first().map_or(0, |view| view.seen.len())];
     let mut chosen = Vec::new();

@@ -87,7 +87,7 @@ impl BackendOptions {
             BackendKind::Gpu => Err(Error::invalid(
                 "backend",
                 "gpu",
-                "auto or cpu with a budget, which is planned by steps timed on the CPU; or `steps` in place of the budget",
+                "auto or cpu with a budget, because steps timed on the CPU plan it; or `steps` instead of the budget",
             )),
         }
     }
@@ -109,7 +109,7 @@ impl BackendOptions {
             BackendKind::Gpu => Err(Error::invalid(
                 "backend",
                 "gpu",
-                "auto or cpu; this build has no graphics card in it, one with the feature `gpu` has \
+                "auto or cpu; this build lacks the feature `gpu` \
                  (cargo install --path . --features gpu, in the folder of its sources)",
             )),
         }
@@ -145,7 +145,7 @@ impl BackendOptions {
         let made = opened.and_then(|gpu| {
             let slow = gpu.is_software().then(|| {
                 let name = &gpu.info.name;
-                format!("{name} is no graphics card but software, slower than the CPU (`backend` cpu)")
+                format!("{name} is not a graphics card but software, slower than the CPU (`backend` cpu)")
             });
             Ok((Some(make(gpu)?), slow.into_iter().collect()))
         });

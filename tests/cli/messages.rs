@@ -110,7 +110,7 @@ fn eval_prints_a_table_or_json_on_standard_output() {
     let psnr = |row: &[&str]| row[2].parse::<f64>().unwrap();
     let mean = rows[1..6].iter().map(|row| psnr(row)).sum::<f64>() / 5.0;
     assert!(rows[6][0] == "mean" && (psnr(&rows[6]) - mean).abs() < 2e-3, "{table}");
-    assert!(table.lines().last().unwrap().contains("show what at least two training photos see"), "{table}");
+    assert!(table.lines().last().unwrap().contains("at least two training photos see"), "{table}");
     assert!(table.contains("5 photos, ") && table.contains("4×4 samples per pixel"), "{table}");
 
     let quiet = trisplat(&[&eval[..], &[&"--quiet"]].concat());
