@@ -93,7 +93,9 @@ fn by_list(dataset: &mut Dataset, list: &Path, text: &str) -> Result<()> {
             return Err(Error::malformed(list, "names", format!("{reason}; correct or remove the file")));
         }
         let of = named.len();
-        dataset.warnings.push(format!("test.txt: {count} of {of} names are not photos of the data set (`{missing}`)"));
+        dataset
+            .warnings
+            .push(format!("test.txt: {count} of {of} names are not photos of the data set (`{missing}`)"));
     }
     all_held_out(dataset, list)
 }

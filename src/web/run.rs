@@ -149,8 +149,10 @@ fn report_faults() {
         let mut line = [0u8; 200];
         let mut rest = &mut line[..];
         let remedy = "give fewer triangles, crop, or use the program, which may use more than 4 GB";
-        let _ =
-            writeln!(rest, "{{\"error\":\"out of memory: {bytes} bytes more could not be allocated; {remedy}\"}}");
+        let _ = writeln!(
+            rest,
+            "{{\"error\":\"out of memory: {bytes} bytes more could not be allocated; {remedy}\"}}"
+        );
         let left = rest.len();
         let _ = std::io::stdout().write_all(&line[..line.len() - left]);
         std::process::exit(1)
