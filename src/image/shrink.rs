@@ -1,13 +1,12 @@
 //! Smaller pictures: every new pixel is the mean of the area that it covers.
 
-use super::area;
 use glam::UVec2;
 
 /// Box filter with fractional cover, separable; `C` channels of 8 bits.
 pub(super) fn area_average<const C: usize>(source: &[[u8; C]], from: UVec2, to: UVec2) -> Vec<[u8; C]> {
     let (columns, rows) = (cover(from.x, to.x), cover(from.y, to.y));
     let width = from.x as usize;
-    let mut averaged = Vec::with_capacity(area(to));
+    let mut averaged = Vec::with_capacity(to.x as usize * to.y as usize);
     let mut line = vec![[0.0f32; C]; width];
     for (top, weights) in &rows {
         line.fill([0.0; C]);
@@ -48,8 +47,8 @@ fn cover(from: u32, to: u32) -> Vec<(usize, Vec<f32>)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Pixels;
     use crate::image::tests::ramp;
+    use crate::image::{Pixels, area};
 
     #[test]
     fn halving_averages_two_by_two() {

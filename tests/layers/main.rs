@@ -26,7 +26,7 @@ const MAY: &[(&str, &str)] = &[
     ("image", "atomic error guard input limits"),
     ("exposure", "image math"),
     ("soup", "error math"),
-    ("texture", "image math"),
+    ("texture", "error image limits math"),
     ("mesh", "error math texture"),
     ("bvh", "mesh error"),
     ("asset", "mesh bvh camera report"),
