@@ -19,6 +19,12 @@ const RADIUS_QUANTILE: f32 = 0.9;
 const ALL_QUANTILE: f32 = 0.95;
 /// ... but at most this many times their median distance, because farther points surround the subject.
 const CORE: f32 = 2.5;
+/// Points are one object with a long part, such as the neck of a guitar, when this share of them ends ...
+const OBJECT_QUANTILE: f32 = 0.995;
+/// ... within this many times their median distance, so that nothing surrounds them, ...
+const OBJECT: f32 = 5.0;
+/// ... and this little beyond where `ALL_QUANTILE` of them end: surroundings thin out.
+const SHARP_END: f32 = 1.25;
 
 /// A ball around the subject of a scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,8 +69,22 @@ fn photographed(points: &[Vec3], cameras: &[Camera]) -> Option<Subject> {
 fn dense(points: &[Vec3]) -> Option<Subject> {
     let all = ball(points, ALL_QUANTILE)?;
     let half = ball(points, 0.5).map_or(all.radius, |half| half.radius);
-    let radius = all.radius.min(CORE * half);
-    Some(Subject { radius: if radius > 0.0 { radius } else { all.radius }, ..all })
+    let core = CORE * half;
+    if core <= 0.0 || all.radius <= core {
+        return Some(all);
+    }
+    let ends = (OBJECT * half).min(SHARP_END * all.radius);
+    let object = ball(points, OBJECT_QUANTILE).filter(|whole| whole.radius <= ends);
+    Some(object.map_or(Subject { radius: core, ..all }, |whole| tight(points, whole)))
+}
+
+/// The ball around the box of those of `points` that `whole` holds.
+fn tight(points: &[Vec3], whole: Subject) -> Subject {
+    let held = || points.iter().copied().filter(|point| whole.holds(*point));
+    let (low, high) = (held().fold(whole.center, Vec3::min), held().fold(whole.center, Vec3::max));
+    let center = (low + high) / 2.0;
+    let radius = held().map(|point| point.distance(center)).fold(0.0, f32::max);
+    Subject { center, radius }
 }
 
 /// The ball around the median of `points` that contains this share of them.
@@ -120,5 +140,15 @@ mod tests {
         assert!(subject.center.length() < 0.3 && subject.radius < 8.0, "{subject:?}");
         assert_eq!(Subject::of(&[Vec3::ONE; 9], &[]), None);
         assert_eq!(Subject::of(&[], &[]), None);
+    }
+
+    #[test]
+    fn a_long_part_of_an_object_belongs_to_it() {
+        // A body, and a neck of a third as many points that ends four units away.
+        let neck = (0..1200).map(|i| Vec3::Y * (1.0 + 3.0 * i as f32 / 1200.0));
+        let points: Vec<Vec3> = cube(Vec3::ZERO, 1.0, 4000).chain(neck.clone()).collect();
+        let subject = Subject::of(&points, &[]).expect("there is one");
+        let held = neck.filter(|point| subject.holds(*point)).count();
+        assert!(held > 1150 && subject.radius < 3.0, "{held} {subject:?}");
     }
 }
