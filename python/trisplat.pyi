@@ -43,7 +43,7 @@ def train(
     dataset_options: Optional[Mapping[str, Any]] = None,
     **options: Any,
 ) -> dict[str, Any]:
-    """Trains a scene on a folder of photos with poses. The report with `output`, the arrays of the soup without."""
+    """Trains a scene on a folder of photos with poses. Returns the report with `output`, the arrays of the soup without."""
 
 @overload
 def bake(
@@ -69,7 +69,7 @@ def bake(
     budget: Optional[float] = None,
     **options: Any,
 ) -> dict[str, Any]:
-    """What a game engine draws of a scene. The report with `output`, the arrays of the mesh without."""
+    """Bakes a scene for a game engine. Returns the report with `output`, the arrays of the mesh without."""
 
 def eval(
     file: _Path,
@@ -81,7 +81,7 @@ def eval(
     coverage: bool = True,
     dataset_options: Optional[Mapping[str, Any]] = None,
 ) -> dict[str, Any]:
-    """How close a scene comes to photos: PSNR, SSIM and FLIP of every photo and means."""
+    """Scores a scene on photos: PSNR, SSIM and FLIP of every photo and means."""
 
 def render(
     file: _Path,

@@ -2,9 +2,9 @@
 
 const AXES = ['x', 'y', 'z'];
 const STEPS = 200;
-/** How much farther than nearly all of the scene the handles reach. */
+/** Range of the handles, as a multiple of the box of nearly all of the scene. */
 const MARGIN = 0.05;
-/** A handle at its end holds nothing back. */
+/** A handle at its end does not crop. */
 const FAR = 1e9;
 
 export class Crop {

@@ -5,7 +5,7 @@ import { Shown } from './scene.js';
 
 const SCENES = /\.(pt|pth|ply|glb|gltf|obj|off|html?)(\.gz)?$/i;
 const MOST_BYTES = 2 ** 30;
-/** A soft picture has this many pixels at most: it is drawn by one thread. */
+/** Most pixels of a soft picture, because one thread draws it. */
 const SOFT_PIXELS = 400_000;
 const LOOK = 'look.glb';
 
@@ -14,24 +14,24 @@ const state = (name) => (document.documentElement.dataset.state = name);
 
 let shown = null;
 let crop = null;
-/** The scene that is open: its files by name, which of them it is, and what is known of it. */
+/** The open scene: its files by name, the main one, and its properties. */
 let scene = null;
-/** Ends the work that runs. */
+/** Ends the running work. */
 let work = null;
-/** Ends the soft picture that is drawn. */
+/** Ends the drawing of a soft picture. */
 let drawing = null;
 
 function say(text) {
   at('what').textContent = text;
 }
 
-/** Shows what went wrong, in the words of the program. */
+/** Shows an error in the words of the program. */
 function complain(text) {
   at('message').textContent = text;
   at('message').hidden = !text;
 }
 
-/** Does `job` with a bar and Cancel; returns nothing when it was cancelled or failed, which is said. */
+/** Does `job` with a bar and Cancel; returns nothing when it was cancelled or failed, and shows this. */
 async function working(what, job) {
   work?.abort();
   const mine = (work = new AbortController());
@@ -89,19 +89,19 @@ async function open(files) {
   say(`${scene.name}: ${look.info.triangles.toLocaleString('en')} triangles, ${look.soft ? 'soft' : 'solid'}, ${size(bytes)}`);
 }
 
-/** What can be shown of a scene. */
+/** Shows a scene. */
 function lookAt({ files, name }, options, how) {
   return run({ command: 'look', input: name, output: LOOK, options }, files, how);
 }
 
-/** Removes what was baked of an earlier scene. */
+/** Removes the bake of an earlier scene. */
 function forget() {
   shown.remove('after');
   at('compare').hidden = at('result').hidden = true;
   for (const link of at('files').querySelectorAll('a')) URL.revokeObjectURL(link.href);
 }
 
-/** The options of the bake that are asked for. */
+/** The chosen options of the bake. */
 function options() {
   const asked = { target: at('target').value, up: at('up').value };
   if (at('triangles').value) asked.max_triangles = Number(at('triangles').value);
@@ -121,7 +121,7 @@ async function bake() {
   const began = performance.now();
   const baked = await working('baking', async (how) => {
     const { files, report } = await run(job, scene.files, how);
-    // The slider compares what files hold, whatever their format.
+    // The slider compares the content of files of any format.
     const look = await lookAt({ files: { ...files }, name: output }, { up: 'y' }, { signal: how.signal });
     return { files, report, look };
   });
@@ -133,7 +133,7 @@ async function bake() {
   present(baked, output, seconds);
 }
 
-/** Offers the files, and says what was done. */
+/** Offers the files, and shows the report. */
 function present({ files, report, look }, output, seconds) {
   const link = ([name, bytes]) => {
     const item = document.createElement('li');
@@ -143,7 +143,7 @@ function present({ files, report, look }, output, seconds) {
     item.append(a);
     return item;
   };
-  // The one that was asked for first, then those beside it.
+  // The requested file first, then those beside it.
   const order = Object.entries(files).sort(([a], [b]) => (b === output) - (a === output));
   at('files').replaceChildren(...order.map(link));
   const note = (text) => Object.assign(document.createElement('li'), { textContent: text });
@@ -170,7 +170,7 @@ function changedLook() {
   shown.wires(look() === 'wires');
 }
 
-/** A scene at rest that is wanted soft is drawn so by the program; one that moves is solid. */
+/** In soft mode the program draws the scene at rest; a moving scene is solid. */
 async function rested(atRest) {
   drawing?.abort();
   drawing = null;
@@ -196,14 +196,14 @@ async function rested(atRest) {
   }
 }
 
-/** The box of the crop, as its handles are. */
+/** The box of the crop, from its handles. */
 function cropped() {
   const on = at('crop').checked;
   crop.hidden = !on;
   shown.box(...(on ? [...crop.corners, scene.toView] : []));
 }
 
-/** Turns the scene as the list says. */
+/** Turns the scene by the chosen up axis. */
 async function turn() {
   const look = await working('turning', (how) => lookAt(scene, { up: at('up').value }, how));
   if (!look) return;
@@ -221,7 +221,7 @@ function bind() {
   at('crop').addEventListener('change', cropped);
   at('up').addEventListener('change', turn);
   at('split').addEventListener('input', (event) => (shown.split = Number(event.target.value)));
-  // Keys that are typed here do not fly around.
+  // Keys typed here do not move the camera.
   for (const id of ['panel', 'compare']) at(id).addEventListener('keydown', (event) => event.stopPropagation());
   const over = (on) => (event) => {
     event.preventDefault();

@@ -18,7 +18,7 @@ async function program() {
   return WebAssembly.compile(canShare() ? bytes : unshared(bytes));
 }
 
-/** Says what is missing in this browser, if anything is. */
+/** Names features that this browser lacks. */
 export function missing() {
   const update = 'Update this browser, or open the page in another.';
   const has = (test) => {

@@ -1,4 +1,4 @@
-// The scenes that are shown: one before and one after the bake, each on its side of a line.
+// The shown scenes: before and after the bake, on both sides of a line.
 import { BoxGeometry, EdgesGeometry, Group, LineBasicMaterial, LineSegments, Matrix4, Mesh, Vector3, Vector4 } from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { Controls } from '../src/controls.js';
@@ -8,9 +8,9 @@ import { boundsOf, fitted, initial } from '../src/view.js';
 /** Samples per pixel along each axis, once nothing moves. */
 const GRID = 2;
 const BACKGROUND = '#17181a';
-/** Vertices that the box of a crop is chosen by. */
+/** Vertices for choosing the box of a crop. */
 const SAMPLES = 20_000;
-/** Share of them that may be outside of it at first, on each side. */
+/** Share of them outside the first box, on each side. */
 const OUTLIERS = 0.005;
 
 /** The picture: both scenes in a frame whose unit is the radius of the first. */
@@ -44,7 +44,7 @@ export class Shown {
     return this.#renderer.width / this.#renderer.height;
   }
 
-  /** Shows a GLB as `side`. The first one decides where it is looked at from, and the unit. */
+  /** Shows a GLB as `side`. The first one decides the viewpoint and the unit. */
   async show(side, bytes, { keepView = false } = {}) {
     const { scene, asset } = await new GLTFLoader().parseAsync(bytes.buffer, '');
     this.remove(side);

@@ -29,7 +29,7 @@ pub fn of_soup<'py>(py: Python<'py>, soup: &Soup) -> PyResult<Bound<'py, PyDict>
     Ok(out)
 }
 
-/// The arrays of a mesh; its faces are numbered where they share nothing.
+/// The arrays of a mesh; faces without shared vertices get running numbers.
 pub fn of_mesh<'py>(py: Python<'py>, mesh: &Mesh) -> PyResult<Bound<'py, PyDict>> {
     let out = PyDict::new(py);
     let faces = (0..mesh.face_count()).flat_map(|face| mesh.face(face)).collect();
@@ -77,7 +77,7 @@ pub fn to_scene(dict: &Bound<'_, PyDict>) -> PyResult<Scene> {
     Ok(scene)
 }
 
-/// Opacity 1, σ 0.01 and white for what is not given.
+/// Missing values are opacity 1, σ 0.01 and white.
 fn to_soup(dict: &Bound<'_, PyDict>) -> PyResult<Soup> {
     let Array { values, rows } = wanted(dict, "triangles", &[3, 3])?;
     let corners: Vec<Vec3> = values.chunks_exact(3).map(Vec3::from_slice).collect();

@@ -1,5 +1,6 @@
-//! `import trisplat`: scenes and pictures as numpy arrays, training, bake and evaluation. Options are the library's own, by the names of their
-//! fields. What functions take and return is in `trisplat.pyi` too, which the tests compare with this.
+//! `import trisplat`: scenes and pictures as numpy arrays, training, bake and evaluation. Options are the
+//! library's own, by the names of their fields. `trisplat.pyi` has the types; tests compare it with this
+//! module.
 
 mod arrays;
 mod options;
@@ -18,22 +19,24 @@ use trisplat::{BakeJob, BakeOptions, Dataset, EvalJob, ReadOptions, RenderJob};
 
 /// A scene of any format as arrays.
 ///
-/// A soup: triangles (N, 3, 3), opacity (N,), sigma (N,) and sh (N, K, 3), spherical harmonics. A mesh: positions (V, 3), faces (F, 3) and
-/// colors, linear light, (F, 3) for faces or (V, 3) for vertices; opacity (F,) if it has some.
+/// A soup: triangles (N, 3, 3), opacity (N,), sigma (N,) and sh (N, K, 3), spherical harmonics. A mesh:
+/// positions (V, 3), faces (F, 3), and colors in linear light, (F, 3) for faces or (V, 3) for vertices;
+/// opacity (F,) unless opaque.
 ///
-/// Raises OSError for what the system refuses, ValueError for a file that is none or is broken.
+/// Raises OSError for errors of the system, ValueError for an unknown or broken file.
 #[pyfunction]
 fn read<'py>(py: Python<'py>, path: PathBuf) -> PyResult<Bound<'py, PyDict>> {
     let loaded = py.detach(|| trisplat::read(&path, &ReadOptions::default())).map_err(raised)?;
     arrays::of_scene(py, &loaded.scene)
 }
 
-/// What a game engine draws of a scene: of a file, of arrays as `read` returns them, or of a list of both, merged.
+/// Bakes a scene for a game engine, from a file, from arrays of `read`, or from a list of these, merged.
 ///
-/// With `output`, a name that ends in .glb, .gltf, .obj, .ply, .html or .tileset.json, writes it, and returns the report. Without, returns the
-/// arrays of the mesh, as `read` does. `dataset` is a folder of photos with poses. `harden` trains a soft scene solid first; `max_bytes` is for all
-/// files together; `budget` is in CPU seconds. Everything else is an option of the bake, as in a config file: max_triangles=1000, target="godot",
-/// lod=[0.5, 0.25].
+/// With `output`, a name that ends in .glb, .gltf, .obj, .ply, .html or .tileset.json, it writes the file and
+/// returns the report. Without, it returns the arrays of the mesh, like `read`. `dataset` is a folder of
+/// photos with poses. `harden` trains a soft scene solid first; `max_bytes` is for all files together;
+/// `budget` is in CPU seconds. All other keywords are options of the bake, as in a config file:
+/// max_triangles=1000, target="godot", lod=[0.5, 0.25].
 ///
 /// Raises FileExistsError for a file that exists, unless `force`; OSError, ValueError.
 #[pyfunction]
@@ -73,10 +76,12 @@ fn bake<'py>(
     }
 }
 
-/// How close a scene, soft or baked, comes to photos: the report of `trisplat eval`, with PSNR, SSIM and FLIP of every photo and means.
+/// Scores a soft or baked scene on photos: the report of `trisplat eval`, with PSNR, SSIM and FLIP of every
+/// photo and means.
 ///
-/// `split` is "test", the photos held out, "train" or "all"; `mode` "soft" or "solid" for a soup; `ssaa` 1, 2 or 4 samples along each axis of a
-/// pixel; `dataset_options` as in `train`. `coverage` measures how much of the photos others have seen.
+/// `split` is "test", the photos held out, "train" or "all"; `mode` "soft" or "solid" for a soup; `ssaa` 1, 2
+/// or 4 samples along each axis of a pixel; `dataset_options` as in `train`. `coverage` measures the share of
+/// pixels that at least two training photos see.
 ///
 /// Raises OSError, ValueError.
 #[pyfunction]
@@ -102,8 +107,8 @@ fn eval<'py>(
     options::to_python(py, &serde_json::to_value(&report).unwrap_or_default())
 }
 
-/// Pictures of a scene as arrays (H, W, 3), uint8, by their names: from a circle of `orbit` places around its subject, or from where the photos
-/// of `dataset` were taken.
+/// Pictures of a scene as arrays (H, W, 3), uint8, by their names: from a circle of `orbit` places around its
+/// subject, or from the cameras of `dataset`.
 ///
 /// `width` is that of an orbit without a data set, px. `show` is "color", "depth", "normal", "contributions" or "random-subset"; `split`, `mode`,
 /// `ssaa` and `dataset_options` as in `eval`.
@@ -150,12 +155,12 @@ fn cpu_budget(seconds: Option<f64>) -> PyResult<Option<Budget>> {
     Ok(budget.map_err(PyValueError::new_err)?.map(Budget::cpu))
 }
 
-/// The exception for a file that is there.
+/// The exception for an existing file.
 fn exists(path: &std::path::Path) -> PyErr {
     PyFileExistsError::new_err(format!("{} already exists; give force=True to replace it", path.display()))
 }
 
-/// What is baked: files are read when the interpreter is let go.
+/// The input of a bake; files are read after releasing the interpreter.
 fn sources(source: &Bound<'_, PyAny>) -> PyResult<Vec<BakeInput>> {
     if source.is_instance_of::<PyList>() || source.is_instance_of::<PyTuple>() {
         return source.try_iter()?.map(|one| self::source(&one?)).collect();
@@ -173,13 +178,13 @@ fn source(source: &Bound<'_, PyAny>) -> PyResult<BakeInput> {
 /// The exception for an error.
 fn raised(error: trisplat::Error) -> PyErr {
     match &error {
-        // FileNotFoundError, PermissionError, ... as of the system.
+        // FileNotFoundError, PermissionError, ... of the system.
         trisplat::Error::Io { source, .. } => std::io::Error::new(source.kind(), error.to_string()).into(),
         _ => PyValueError::new_err(error.to_string()),
     }
 }
 
-/// Photos and trained triangle soups to meshes that game engines draw as they are.
+/// Photos and trained triangle soups become meshes that game engines draw directly.
 #[pymodule]
 #[pyo3(name = "trisplat")]
 fn python_module(whole: &Bound<'_, PyModule>) -> PyResult<()> {

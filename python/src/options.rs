@@ -1,4 +1,4 @@
-//! Keyword arguments as options: each is the field of that name, or a whole group.
+//! Keyword arguments as options: each names a field or a group.
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 use trisplat::layered::{Layered, Layers};
 
-/// The options over those of the preset that they name.
+/// The options over those of their preset.
 pub fn resolve<T: Serialize + DeserializeOwned, P: DeserializeOwned + Default>(
     py: Python<'_>,
     typed: Option<&Bound<'_, PyDict>>,
@@ -19,7 +19,7 @@ pub fn resolve<T: Serialize + DeserializeOwned, P: DeserializeOwned + Default>(
     layered.map_err(|error| PyValueError::new_err(error.to_string()))
 }
 
-/// Options without presets; those that are not given are the plain ones.
+/// Options without presets; missing ones have default values.
 pub fn plain<T: DeserializeOwned + Default>(
     py: Python<'_>,
     typed: Option<&Bound<'_, PyDict>>,
@@ -48,7 +48,7 @@ fn refused(error: serde_json::Error) -> PyErr {
     PyValueError::new_err(error.to_string())
 }
 
-/// Through JSON, as both sides speak it.
+/// Through JSON, which both sides support.
 fn from_python(py: Python<'_>, dict: &Bound<'_, PyDict>) -> PyResult<Map<String, Value>> {
     let text: String = py.import("json")?.call_method1("dumps", (dict,))?.extract()?;
     serde_json::from_str(&text).map_err(refused)

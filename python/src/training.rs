@@ -1,4 +1,4 @@
-//! Training from Python, which can be interrupted.
+//! Interruptible training from Python.
 
 use crate::{arrays, cpu_budget, exists, options, raised};
 use pyo3::exceptions::PyValueError;
@@ -14,9 +14,10 @@ use trisplat::{Dataset, DatasetOptions, Error, TrainJob, TrainOptions};
 
 /// Trains a scene on a folder of photos with poses, as the program does.
 ///
-/// With `output`, a name that ends in .ply, writes it, and returns the report. Without, returns the arrays of the soup, as `read` does. `teacher` is
-/// "auto", "off" or the file of a soft scene; `budget` is in CPU seconds. `dataset_options` says how the photos are read: {"max_size": 800}.
-/// Everything else is an option of the training, as in a config file: steps=3000, max_triangles=20_000, preset="solid".
+/// With `output`, a name that ends in .ply, it writes the file and returns the report. Without, it returns
+/// the arrays of the soup, like `read`. `teacher` is "auto", "off" or the file of a soft scene; `budget` is
+/// in CPU seconds. `dataset_options` are those for reading the photos: {"max_size": 800}. All other keywords
+/// are options of the training, as in a config file: steps=3000, max_triangles=20_000, preset="solid".
 ///
 /// Raises FileExistsError for a file that exists, unless `force`; OSError, ValueError; KeyboardInterrupt between two steps.
 #[pyfunction]
@@ -47,7 +48,7 @@ pub fn train<'py>(
     }
     let mut watcher = Watcher::default();
     let work = || {
-        // Before the work: a folder that cannot be written to.
+        // A folder that is not writable fails before the work.
         let file = output.as_deref().map(AtomicFile::create).transpose()?;
         let mut job = TrainJob::new(Dataset::load(&dataset, &how)?, layered.options.clone());
         (job.options, job.dataset_options, job.budget) = (layered, how, budget);
