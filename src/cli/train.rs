@@ -342,6 +342,10 @@ fn summary(
     {
         let spent = Seconds(spent_secs);
         let teacher = match teacher {
+            // Without a budget, the run might have one.
+            TeacherPlan::Without(_) if args.dataset.is_some() && args.from.is_none() => {
+                " --teacher off".into()
+            }
             TeacherPlan::Without(_) => String::new(),
             TeacherPlan::Read(path) => format!(" --teacher {}", path.display()),
             TeacherPlan::Train => format!(" --teacher {}", teacher_args::beside(&args.output).display()),

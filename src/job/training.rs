@@ -175,7 +175,7 @@ impl TrainJob {
         Ok(TrainDone { trained, report })
     }
 
-    /// Has short trainings leave some photos out, where the budget has time for it: they decide whether there is a teacher, if the number of
+    /// Has short trainings leave some photos out, where there is time for it: they decide whether there is a teacher, if the number of
     /// photos does not, and how long it trains. [`TrainJob::prepare`] does it, too, unless it is done.
     ///
     /// Errors: options that the budget chooses, photos that cannot be decoded, a training that was stopped.
@@ -183,14 +183,12 @@ impl TrainJob {
         if self.resume.is_none() {
             budget::check(self.budget, &self.options)?;
         }
-        let photos = self.dataset.train().count();
-        let fits = |pairs| self.budget.is_some_and(|budget| watched::fits(budget.seconds.0, photos, pairs));
         let unsure = self.teacher.is_none() && self.undecided().is_unsure();
         // What is cut out of a photo is lost to small ones that are kept in memory.
         let cut = self.dataset.train().any(|view| view.photo.is_cut());
         let wanted = unsure || self.teacher_plan() == TeacherPlan::Train;
-        let (fits, fits_both) = (fits(1), fits(2));
-        if !fits || !wanted || cut || self.resume.is_some() || self.watched.is_some() {
+        let fits_both = self.has_time_to_watch(2);
+        if !self.has_time_to_watch(1) || !wanted || cut || self.resume.is_some() || self.watched.is_some() {
             return Ok(());
         }
         let how = self.dataset_options.clone();
@@ -207,6 +205,16 @@ impl TrainJob {
         self.watch_secs = watching.seconds();
         self.watched = Some(watched);
         Ok(())
+    }
+
+    /// Whether there are photos to watch, and time for `pairs` of short trainings.
+    fn has_time_to_watch(&self, pairs: usize) -> bool {
+        match self.budget {
+            Some(budget) => watched::fits(budget.seconds.0, self.dataset.train().count(), pairs),
+            // They would not stop where the run does.
+            None if self.outputs.max_cpu_secs > 0.0 => false,
+            None => watched::fits_beside(&self.options.options, &self.dataset, pairs),
+        }
     }
 
     /// What becomes of the teacher.

@@ -140,7 +140,7 @@ fn photos_are_watched_where_a_budget_has_time() {
     // Without the time, and without a teacher, nothing is watched.
     let (mut without, mut hurried) = (asked.clone(), asked);
     without.teacher = Some(TeacherSource::Off);
-    hurried.budget = Some(Budget::cpu(Seconds(60.0)));
+    hurried.budget = Some(Budget::cpu(Seconds(40.0)));
     for mut job in [without, hurried] {
         job.watch(&mut ()).unwrap();
         assert!(job.watched.is_none());
@@ -156,6 +156,25 @@ fn watching_can_be_stopped() {
     let error = job.watch(&mut observer).unwrap_err().to_string();
     assert!(error.contains("of 525 steps") && error.contains("nothing was written"), "{error}");
     assert_eq!((observer.trainings, job.watched), (1, None));
+}
+
+/// A long run asks without a budget, too; a short one, and one that may be stopped early, do not.
+#[test]
+fn a_long_run_without_a_budget_watches_photos() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut long = with_budget(folder.path(), 24, 120.0);
+    long.budget = None;
+    let mut short = long.clone();
+    short.options.options.steps = 100;
+    short.options.options.max_triangles = 1000;
+    let mut limited = long.clone();
+    limited.outputs.max_cpu_secs = 1e6;
+    let trainings = |mut job: TrainJob| {
+        let mut observer = Watching { stop: true, ..Watching::default() };
+        let watched = job.watch(&mut observer);
+        (observer.trainings, watched.is_ok())
+    };
+    assert_eq!([long, short, limited].map(trainings), [(1, false), (0, true), (0, true)]);
 }
 
 /// Timings choose the numbers of a budget, so the program is given those that the library chose.
