@@ -229,16 +229,27 @@ impl TrainJob {
 
     /// The run, as if it did not say whether it has a teacher.
     fn undecided(&self) -> UndecidedRun {
+        let photos = self.dataset.train().count();
         let gain = |watched: &Watched| {
-            let (decibels, teacher_weight) = (watched.solid_gain()?, watched.teacher_weight()?);
+            let steps_per_photo = self.steps() / photos.max(1) as f64;
+            let (decibels, teacher_weight) =
+                (watched.solid_gain()?, watched.teacher_weight(steps_per_photo)?);
             Some(WatchedGain { decibels, teacher_weight })
         };
         UndecidedRun {
-            photos: self.dataset.train().count(),
+            photos,
             watched: self.watched.as_ref().and_then(gain),
             preset: self.options.options.preset,
             starts_from_photos: self.from.is_none() && self.dataset.kind != DatasetKind::Drawn,
             max_cpu_secs: self.outputs.max_cpu_secs,
+        }
+    }
+
+    /// Steps of the run, about: those of its options, or those that its budget has time for.
+    fn steps(&self) -> f64 {
+        match self.budget {
+            Some(budget) => watched::STEPS_PER_SEC * budget.seconds.0,
+            None => self.options.options.steps as f64,
         }
     }
 

@@ -29,7 +29,6 @@ const FEWEST_PHOTOS: usize = 8;
 /// Most photos that are worth it. With more of them a scene is learnt by heart much later.
 pub(super) const MOST_PHOTOS: usize = 100;
 /// A budget has time for two trainings from this many seconds per photo on: they take about a quarter of a second per photo.
-/// With less time per photo, the teacher's own training costs more than it gives.
 const LEAST_SECS_PER_PHOTO: f64 = 2.0;
 /// And from this many seconds on: in less time, all steps of the run pay.
 const LEAST_SECS: f64 = 50.0;
@@ -40,6 +39,12 @@ const SOLID_STEPS: [u64; 2] = [25, 75];
 const SOFT_STEPS: [u64; 2] = [40, 120];
 /// Gains of solid scenes, dB: with the first a teacher counts fully, with the second it counts nothing.
 const SOLID_GAINS: [f64; 2] = [0.6, 1.1];
+/// Steps per photo that a run has time for without a teacher: with the second, photos count as said. With the first the teacher's own
+/// training costs the run this much more, dB.
+const RUN_STEPS_PER_PHOTO: [f64; 2] = [80.0, 150.0];
+const HURRY: f64 = 1.0;
+/// About as many steps has a run for each second of its budget.
+pub(super) const STEPS_PER_SEC: f64 = 30.0;
 /// Gains of soft scenes, dB: with the first a teacher trains as short as it can be, with the second as long.
 const SOFT_GAINS: [f64; 2] = [0.0, 0.6];
 
@@ -83,9 +88,11 @@ impl Watched {
         gain(self.solid)
     }
 
-    /// Weight of a teacher, 0 to 1: 1 where more steps of a solid scene gain nothing.
-    pub fn teacher_weight(&self) -> Option<f64> {
-        self.solid_gain().map(|gain| 1.0 - rise(gain, SOLID_GAINS))
+    /// Weight of a teacher, 0 to 1, of a run that has time for this many steps per photo without one: 1 where more steps of a solid scene
+    /// gain nothing, and the run has them.
+    pub fn teacher_weight(&self, steps_per_photo: f64) -> Option<f64> {
+        let hurry = HURRY * (1.0 - rise(steps_per_photo, RUN_STEPS_PER_PHOTO));
+        self.solid_gain().map(|gain| 1.0 - rise(gain + hurry, SOLID_GAINS))
     }
 
     /// How long a teacher trains, from 0, as short as it can be, to 1, as long.
@@ -255,10 +262,14 @@ mod tests {
 
     #[test]
     fn a_teacher_counts_where_more_steps_gain_little() {
-        let weight = |gain| Watched { solid: pair(gain), ..Watched::default() }.teacher_weight();
-        assert_eq!([-1.0, 0.6, 1.3, 3.0].map(weight), [1.0, 1.0, 0.0, 0.0].map(Some));
+        let within = |gain, steps| Watched { solid: pair(gain), ..Watched::default() }.teacher_weight(steps);
+        let weight = |gain| within(gain, 200.0);
+        assert_eq!([-1.0, 0.5, 1.3, 3.0].map(weight), [1.0, 1.0, 0.0, 0.0].map(Some));
         assert!(weight(0.85).is_some_and(|weight| (weight - 0.5).abs() < 1e-9));
-        assert_eq!((weight(f64::NAN), Watched::default().teacher_weight()), (None, None));
+        assert_eq!((weight(f64::NAN), Watched::default().teacher_weight(200.0)), (None, None));
+        // It counts less the fewer steps there are, and only where more of them lose.
+        assert_eq!([40.0, 80.0, 150.0].map(|steps| within(0.2, steps)), [0.0, 0.0, 1.0].map(Some));
+        assert_eq!(within(-0.5, 40.0), Some(1.0));
     }
 
     #[test]
