@@ -49,7 +49,7 @@ fn additions(arguments: &[&str]) -> &'static [&'static str] {
         ["make", ..] => &["--force", "--budget", "6s", "--max-size", "60", "--max-triangles", "500"],
         ["bench", "bake"] => &["--triangles", "2000", "--runs", "1"],
         ["bench", "stress"] => &["--cases", "20000", "--climb", "50"],
-        ["bench", "cost", ..] => &["--steps", "20", "--max-size", "64"],
+        ["bench", "cost", ..] => &["--steps", "20", "--max-triangles", "300", "--max-size", "64"],
         _ => &[],
     }
 }
