@@ -69,7 +69,7 @@ const MAY: &[(&str, &str)] = &[
     ("sample", "asset atomic camera error formats math mesh raster report rng soup"),
     (
         "bench",
-        "asset atomic process bake budget camera dataset error eval formats gpu image job kernel layered limits math mesh placed ranges raster render report rng sample scene soup space train view",
+        "asset atomic process bake budget camera dataset error eval formats gpu image job kernel math mesh placed ranges raster render report rng sample scene soup space train view",
     ),
     (
         "cli",
