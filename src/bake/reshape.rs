@@ -1,13 +1,12 @@
 //! Fits opaque triangles to pictures of the soft scene, or to photos.
 //!
 //! A soft picture blends many faint triangles. When they become solid, the nearest ones hide all others. This
-//! stage searches, without gradients, for the opaque scene that looks most like the pictures. In every round
-//! it
+//! stage searches, without gradients, for the opaque scene that looks most like the pictures. In every
+//! round it
 //!
 //! 1. gives each triangle the mean colour of the pixels that show it;
 //! 2. moves a corner of each triangle at random, and keeps the move if it matches the pictures better;
-//! 3. in some rounds cuts the triangles with the largest error in two, up to the original number of
-//! triangles;
+//! 3. in some rounds cuts the triangles with the largest error in two, up to their original number;
 //! 4. drops triangles if the pictures are matched better without them.
 //!
 //! One drawing per picture decides about all triangles at once: each belongs to one of four groups, and each
