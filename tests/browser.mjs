@@ -53,6 +53,7 @@ async function visit({ page: file, fragment = "", size, touch = false, steps = [
     says: document.getElementById("what").textContent,
     loading: !document.getElementById("loading").hidden,
     help: !document.getElementById("help").hidden,
+    keys: getComputedStyle(document.querySelector("#help .key")).display !== "none",
     flying: document.getElementById("fly").getAttribute("aria-pressed") === "true",
     hash: location.hash,
   }));

@@ -173,6 +173,7 @@ fn mouse_fingers_and_keys_move_the_view() {
     assert!(turned > 0.999_999, "F looks from where the first view looks: {turned}");
     assert_eq!(visits[0]["hash"], views[10], "the link is the view");
     assert_eq!(visits[0]["help"], json!(false), "the first touch of the picture takes the help away");
+    assert_eq!(visits[1]["keys"], json!(false), "a phone has no keys, and needs the room for the picture");
     assert_eq!(visits[1]["views"][0], json!("#eye=5,1,2&target=0,0,0&up=0,1,0&fov=40"));
 }
 
