@@ -56,7 +56,10 @@ pub fn viewpoint(scenery: &Scenery<'_>) -> Option<Chosen> {
     // The subject uses no more of them.
     let step = scenery.count.div_ceil(MOST_POINTS).max(1);
     let middles: Vec<Vec3> = (0..scenery.count).step_by(step).map(middle).collect();
-    let subject = Subject::of(&middles, scenery.cameras)?;
+    // The middle of a single triangle has no extent, its corners have.
+    let corners = || (0..scenery.count).step_by(step).flat_map(scenery.corners).collect::<Vec<_>>();
+    let subject =
+        Subject::of(&middles, scenery.cameras).or_else(|| Subject::of(&corners(), scenery.cameras))?;
     let mut survey = Survey::new(scenery.corners, scenery.count, subject);
     let mut judge = |candidate: Candidate| {
         let sight = survey.look(&candidate.camera);
@@ -181,6 +184,13 @@ mod tests {
         let (count, room) = (triangles.len(), |_: Vec3| f32::INFINITY);
         viewpoint(&Scenery { corners: &corners, count, cameras, up: Vec3::Y, room: &room })
             .expect("it has extent")
+    }
+
+    #[test]
+    fn one_triangle_is_seen() {
+        let chosen = of(&[[Vec3::ZERO, Vec3::X, Vec3::Y]], &[]);
+        let camera = chosen.viewpoint.camera(UVec2::new(120, 120));
+        assert!(camera.frames(Vec3::ZERO) && camera.frames(Vec3::X) && camera.frames(Vec3::Y), "{chosen:?}");
     }
 
     #[test]
