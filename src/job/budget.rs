@@ -1,4 +1,4 @@
-//! A training with a budget: what is chosen for it before it begins.
+//! Choices for a training with a budget, before it begins.
 
 use crate::budget::{Budget, Spending};
 use crate::dataset::{Dataset, DatasetKind, DatasetOptions};
@@ -9,7 +9,7 @@ use crate::train::TrainOptions;
 use crate::train::budget::{Enough, Pace, Paced, PlanInput, calibrate, plan};
 use std::time::Instant;
 
-/// Refuses options that a budget chooses, in whatever layer they are given.
+/// Refuses options that a budget chooses, whichever layer sets them.
 pub fn check(budget: Option<Budget>, options: &Layered<TrainOptions>) -> Result<()> {
     let Some(budget) = budget else { return Ok(()) };
     let TrainOptions { steps, milestones, .. } = &options.options;
@@ -26,19 +26,19 @@ pub fn check(budget: Option<Budget>, options: &Layered<TrainOptions>) -> Result<
     Ok(())
 }
 
-/// A training as its budget has it.
+/// A training adapted to its budget.
 pub(super) struct Budgeted {
-    /// The photos, in the size that was chosen.
+    /// The photos in the chosen size.
     pub(super) dataset: Dataset,
-    /// The options, with what was chosen.
+    /// The options with all choices.
     pub(super) options: TrainOptions,
-    /// What keeps the run to its budget.
+    /// The pace of the run.
     pub(super) paced: Option<Paced>,
 }
 
-/// Measures the machine, and chooses steps, triangles and the size of photos for a run on `dataset` that began at `began` and starts
-/// from the scene `from`, if any. More than `enough` does not pay.
-/// `how` is how `dataset` was read; it gets the size.
+/// Measures the machine and chooses steps, triangles and the size of photos. The run on `dataset` began at `began` and starts
+/// from the scene `from`, if any. It gets at most `enough`.
+/// `how`, the options that `dataset` was read with, receives the size.
 ///
 /// Errors: those of the first steps; photos that cannot be decoded; a budget that is too small.
 pub(super) fn budgeted(
@@ -72,7 +72,7 @@ pub(super) fn budgeted(
     let dataset = match plan.max_size {
         Some(_) => {
             how.max_size = plan.max_size;
-            // Nothing of it was decoded but a few photos.
+            // Only a few photos were decoded so far.
             Dataset::load(&dataset.path, how)?
         }
         None => dataset,
@@ -80,7 +80,7 @@ pub(super) fn budgeted(
     Ok(Budgeted { dataset, options, paced: Some(Paced { pace, spending }) })
 }
 
-/// `options` of at most `most` steps, and as many triangles fewer, unless these are given.
+/// `options` with at most `most` steps, and proportionally fewer triangles unless they are given.
 pub(super) fn with_fewer_steps(
     options: TrainOptions,
     most: Option<u64>,

@@ -1,4 +1,4 @@
-//! Whether a training has a teacher, and how that is trained: a soft scene that shows what is to be seen between the photos.
+//! Teachers: soft scenes that are trained first and drawn from between the photos. Decides whether a run has one, and trains it.
 
 use super::budget::{Budgeted, budgeted, with_fewer_steps};
 use super::harden;
@@ -21,36 +21,36 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Instant;
 
-/// Of the steps and the triangles of the run that it teaches, a teacher that is trained for it has this share.
+/// Steps and triangles of a teacher, as a share of the run's.
 const STEPS_SHARE: f64 = 0.55;
 const TRIANGLES_SHARE: f64 = 0.67;
-/// And of a budget; and all teachers of a run together at most.
+/// Time of one teacher, and of all teachers at most, as a share of the budget.
 const BUDGET_SHARE: f64 = 0.4;
 const ALL_TEACHERS_SHARE: f64 = 0.55;
-/// Photos to train on up to which a teacher counts fully, and those from which on it counts nothing; its weight falls linearly in between.
+/// Numbers of training photos up to which a teacher has weight 1, and from which on weight 0; linear in between.
 /// Watched photos may ask for more: see `watched.rs` and docs/benchmarks/few-photos.md.
 const FEW_PHOTOS: f64 = 20.0;
 const MANY_PHOTOS: f64 = 28.0;
-/// Share of the steps that look at the teacher's pictures with few photos, and where it was asked for with many.
+/// Share of the steps on the teacher's pictures: with few photos, and at least if requested with many.
 const PICTURE_SHARES: [f64; 2] = [2.0 / 3.0, 0.5];
 /// The least weight that is worth the teacher's training.
 const LEAST_WEIGHT: f64 = 0.1;
-/// Most teachers of a run. What several scenes show that were trained apart is closer than what any of them does.
+/// Most teachers of a run. The mean picture of several is closer to the photos than the picture of one.
 const MOST_TEACHERS: usize = 3;
-/// Steps per training photo after which a teacher, and the run that it teaches, come closer to these photos only: the teacher's where
-/// watched photos say so, and where they do not. Each takes as many times more as its teacher counts less.
+/// Steps per training photo after which a teacher, and its run, only memorise these photos: the shortest and
+/// longest that watched photos choose. Divided by the teacher's weight.
 const TEACHER_STEPS_PER_PHOTO: [f64; 2] = [40.0, 85.0];
 const STEPS_PER_PHOTO: [f64; 2] = [100.0, 180.0];
 
-/// Which scene teaches.
+/// Source of the teacher.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum TeacherSource {
-    /// One that is trained for it.
+    /// Train one for this run.
     Auto,
     /// None.
     Off,
-    /// That of a file.
+    /// Read from a file.
     File(PathBuf),
 }
 
@@ -71,31 +71,31 @@ impl FromStr for TeacherSource {
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum TeacherPlan {
-    /// There is none, and why.
+    /// No teacher, with the reason.
     Without(String),
-    /// It is the scene of a file.
+    /// Read from a file.
     Read(PathBuf),
     /// It is trained first.
     Train,
 }
 
-/// A training that did not ask for a teacher, nor to do without one.
+/// A training without a request for or against a teacher.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UndecidedRun {
     /// Photos to train on.
     pub photos: usize,
-    /// What more steps gain on photos that were watched, dB, and the weight of a teacher that follows from it; `None` where none were.
+    /// Result of the watched photos; `None` without them.
     pub watched: Option<WatchedGain>,
     /// The preset of its options.
     pub preset: TrainPreset,
-    /// It starts from photos and their points, and not from a scene.
+    /// Whether it starts from photos and their points instead of a scene.
     pub starts_from_photos: bool,
     /// CPU seconds after which it is stopped; 0: never.
     pub max_cpu_secs: f64,
 }
 
 impl UndecidedRun {
-    /// Why it does without a teacher; `None`: it has one, which is trained first.
+    /// The reason for having no teacher; `None`: a teacher is trained first.
     pub fn needs_none(&self) -> Option<String> {
         if !self.starts_from_photos || self.preset != TrainPreset::Solid {
             return Some("by default only solid scenes that start from photos have one".into());
@@ -115,40 +115,40 @@ impl UndecidedRun {
         }
     }
 
-    /// Whether photos are worth watching: their number alone does not decide.
+    /// Whether to watch photos, because their number alone does not decide.
     pub(super) fn is_unsure(&self) -> bool {
         let without = Self { watched: None, ..*self };
         let possible = Self { photos: 2, ..without }.needs_none().is_none();
         possible && without.weight() < 1.0 && self.photos <= watched::MOST_PHOTOS
     }
 
-    /// Weight of its teacher: the larger of that by the number of photos and that by watched ones.
+    /// Weight of the teacher: the larger of the weights by number of photos and by watched photos.
     pub(super) fn weight(&self) -> f64 {
         weight(self.photos).max(self.watched.map_or(0.0, |watched| watched.teacher_weight))
     }
 }
 
-/// What watched photos say of a run.
+/// Result of watched photos for a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WatchedGain {
-    /// What more steps gain on them, dB.
+    /// Gain of more steps on them, dB.
     pub decibels: f64,
     /// Weight of a teacher, 0 to 1.
     pub teacher_weight: f64,
 }
 
-/// Weight of a teacher by default for this number of training photos: 1 with few, 0 with many.
+/// Default weight of a teacher for this number of training photos: 1 with few, 0 with many.
 fn weight(photos: usize) -> f64 {
     ((MANY_PHOTOS - photos as f64) / (MANY_PHOTOS - FEW_PHOTOS)).clamp(0.0, 1.0)
 }
 
-/// What is enough for a run on `photos` with a teacher that counts `weight` and trains for `length` of the longest.
+/// Limits of a run on `photos` with a teacher of this `weight`; `length` is the teacher's training time as a share of the longest.
 pub(super) fn enough(photos: usize, weight: f64, length: f64) -> Enough {
     let (steps, triangles_per_step) = worth(STEPS_PER_PHOTO, photos, weight, length);
     Enough { steps: Some(steps), triangles_per_step, ..Enough::default() }
 }
 
-/// The most steps, and the triangles per step: fewer steps are made with as many triangles.
+/// Most steps and triangles per step: shorter runs keep the number of triangles.
 fn worth([short, long]: [f64; 2], photos: usize, weight: f64, length: f64) -> (u64, f64) {
     let per_photo = short + length * (long - short);
     // A float that is too large becomes the largest integer.
@@ -156,28 +156,28 @@ fn worth([short, long]: [f64; 2], photos: usize, weight: f64, length: f64) -> (u
     (steps, Enough::default().triangles_per_step * long / per_photo)
 }
 
-/// What is enough for its teacher.
+/// Limits of a teacher.
 fn enough_for_teacher(photos: usize, weight: f64, length: f64) -> Enough {
     let (steps, triangles_per_step) = worth(TEACHER_STEPS_PER_PHOTO, photos, weight, length);
-    // Large surfaces are what it is for: it sees small photos often enough rather than large ones too seldom.
+    // A teacher shows large surfaces, so many steps on small photos beat few steps on large ones.
     Enough { steps: Some(steps), triangles_per_step, steps_of_full_photos: steps }
 }
 
-/// Default share of the steps that look at pictures of a teacher of this weight by default, which may have been `asked` for.
+/// Default share of the steps on pictures of a teacher of this weight; at least a minimum if `asked` for.
 pub(super) fn picture_share(weight: f64, asked: bool) -> f64 {
     let [few, least] = PICTURE_SHARES;
     let by_weight = few * weight;
     if asked { by_weight.max(least) } else { by_weight }
 }
 
-/// Until when the first teacher of a run is trained, which counts `weight`, `spent` seconds of the run's budget being spent.
+/// Budget for the first teacher of this `weight` after `spent` seconds of the run's budget.
 fn teacher_budget(run: Budget, weight: f64, spent: f64) -> Budget {
     Budget { seconds: Seconds(spent + (run.seconds.0 - spent) * BUDGET_SHARE * weight), ..run }
 }
 
-/// How a teacher of a run is trained that counts `weight`. A budget chooses its triangles, unless those of the run are given.
+/// Training options of a teacher of this `weight`. A budget chooses its triangles unless the run's are given.
 ///
-/// Errors: none of options that are in range.
+/// Errors: none if options are in range.
 fn teacher_options(
     run: &Layered<TrainOptions>,
     has_budget: bool,
@@ -197,7 +197,7 @@ fn teacher_options(
 }
 
 impl TeacherPlan {
-    /// Of a run that asks for a teacher. A run that goes on reads the one that was trained for it, at `kept`.
+    /// The plan of a run with a requested teacher. A resumed run reads its own teacher at `kept`.
     pub fn asked(source: &TeacherSource, resumes: bool, kept: Option<&Path>) -> Self {
         match (source, kept.filter(|_| resumes)) {
             (TeacherSource::Off, _) => Self::Without("`teacher` off".into()),
@@ -207,15 +207,15 @@ impl TeacherPlan {
         }
     }
 
-    /// Of a run that does not say, from its beginning.
+    /// The plan of a new run without a request.
     pub fn by_default(run: &UndecidedRun) -> Self {
         run.needs_none().map_or(Self::Train, Self::Without)
     }
 
-    /// Of a resumed run on `photos` that does not say. It has a teacher exactly when it began with one, which is at `kept`, if
+    /// The plan of a resumed run on `photos` without a request. It has a teacher exactly when it began with one, kept at `kept` if
     /// that is known.
     pub fn resumed(checkpoint: &Checkpoint, photos: usize, kept: Option<&Path>) -> Self {
-        // Pictures of a teacher are photos to a run.
+        // A run counts pictures of its teacher as photos.
         let was_taught = checkpoint.meta.identity.photos.len() > photos;
         match kept {
             _ if !was_taught => Self::Without("the resumed run has none".into()),
@@ -236,10 +236,10 @@ impl TeacherPlan {
     }
 }
 
-/// Ending of the names of files that teachers are kept in.
+/// Extension of teacher files.
 pub const TEACHER_FILE: &str = "teacher.ply";
 
-/// The files that the teachers of a run are kept in, beginning with `first`: `a.teacher.ply`, `a.teacher-2.ply`, `a.teacher-3.ply`.
+/// Names of a run's teacher files, beginning with `first`: `a.teacher.ply`, `a.teacher-2.ply`, `a.teacher-3.ply`.
 pub fn teacher_files(first: &Path) -> Vec<PathBuf> {
     let name = |i: usize| {
         let stem = first.file_stem().unwrap_or_default().to_string_lossy();
@@ -249,17 +249,17 @@ pub fn teacher_files(first: &Path) -> Vec<PathBuf> {
     std::iter::once(first.to_owned()).chain((2..=MOST_TEACHERS).map(name)).collect()
 }
 
-/// The teachers of a run, trained.
+/// The trained teachers of a run.
 pub(super) struct Teachers {
     /// Their scenes.
     pub(super) scenes: Vec<Loaded>,
-    /// What was done.
+    /// Report stage of their training.
     pub(super) stage: StageReport,
 }
 
-/// The run that teachers are trained for.
+/// The run that needs teachers.
 pub(super) struct TaughtRun<'a> {
-    /// The photos, and how they were read.
+    /// The photos and the options that they were read with.
     pub(super) photos: &'a Dataset,
     pub(super) how: &'a DatasetOptions,
     pub(super) options: &'a Layered<TrainOptions>,
@@ -268,18 +268,18 @@ pub(super) struct TaughtRun<'a> {
     pub(super) backend: &'a BackendOptions,
     /// CPU seconds after which it is stopped; 0: never.
     pub(super) max_cpu_secs: f64,
-    /// The teacher was asked for.
+    /// Whether the teacher was requested.
     pub(super) asked: bool,
-    /// How much it counts, 0 to 1.
+    /// Weight of the teacher, 0 to 1.
     pub(super) weight: f64,
-    /// How long it trains, from 0, as short as it can be, to 1.
+    /// Training time of the teacher, from 0 (shortest) to 1 (longest).
     pub(super) length: f64,
 }
 
 impl TaughtRun<'_> {
-    /// Trains its teachers: one, and more of them in the time that the first leaves.
+    /// Trains one teacher, and more of them if the first leaves time.
     ///
-    /// Errors: those of a training; one that was stopped; a budget that is too small.
+    /// Errors: those of a training; a stopped training; a budget that is too small.
     pub(super) fn train_teachers(&self, observer: &mut dyn TrainJobObserver) -> Result<Teachers> {
         let (clock, mut how) = (Instant::now(), self.how.clone());
         let (photos, weight) = (self.photos.train().count(), self.weight);
@@ -287,7 +287,7 @@ impl TaughtRun<'_> {
         let budget = self.budget.map(|budget| teacher_budget(budget, weight, spent(budget)));
         let mut options = teacher_options(self.options, budget.is_some(), weight)?;
         let mut enough = enough_for_teacher(photos, weight, self.length);
-        // Steps that are given for the run are given for its teacher, too.
+        // Steps given for the run also hold for its teacher.
         enough.steps = enough.steps.filter(|_| !self.options.is_given("steps"));
         if budget.is_none() {
             let triangles_given = self.options.is_given("max_triangles");
@@ -316,7 +316,7 @@ impl TaughtRun<'_> {
         Ok(Teachers { scenes, stage })
     }
 
-    /// Trains teacher `which` on `photos`, which were read as the options beside them say.
+    /// Trains teacher `which` on `photos`, with the options that they were read with.
     fn train_teacher(
         &self,
         which: usize,
@@ -329,7 +329,7 @@ impl TaughtRun<'_> {
         let outputs = RunOptions { max_cpu_secs: self.max_cpu_secs, ..RunOptions::default() };
         let run = TrainRun::new(photos, options).with_dataset_options(how);
         let run = TrainRun { outputs, paced, ..run };
-        // What there is to say of the card is said of the run that it teaches.
+        // The run reports the card, so the teacher does not.
         let OpenRun { run, .. } = run.start_at(self.backend)?;
         let triangles = run.triangles();
         let trained = {
@@ -347,7 +347,7 @@ impl TaughtRun<'_> {
     }
 }
 
-/// `photos`, and beside them the mean pictures of the soft `scenes`: as many as make up `share` of what a run with `options` is trained on.
+/// `photos` and mean pictures of the soft `scenes`, which get `share` of the steps of a run with `options`.
 ///
 /// Errors: no room on the disk.
 pub(super) fn with_pictures(
@@ -363,12 +363,12 @@ pub(super) fn with_pictures(
     teacher::beside(photos, scenes, &drawing, share, how.photo_bytes(), &mut drew)
 }
 
-/// The soft scene of a file, and those that were kept beside it if a run named it.
+/// The soft scene of a file, and further teachers beside it if a run named it.
 ///
 /// Errors: a file that cannot be read, a scene that is solid.
 pub(super) fn soft_scenes(path: &Path, how: &DatasetOptions) -> Result<Vec<Loaded>> {
     let mut scenes = vec![soft_scene(path, how)?];
-    // Beside a file of any other name may lie any other scene.
+    // Files beside any other name may be unrelated.
     if path.to_string_lossy().ends_with(TEACHER_FILE) {
         for file in teacher_files(path).iter().skip(1).filter(|file| file.exists()) {
             scenes.push(soft_scene(file, how)?);
@@ -441,7 +441,7 @@ mod tests {
         assert_eq!((watched(-0.5, 1.0).needs_none(), watched(-0.5, 1.0).weight()), (None, 1.0));
         let why = watched(1.5, 0.0).needs_none();
         assert!(why.as_ref().is_some_and(|why| why.contains("gain 1.5 dB")), "{why:?}");
-        // Watched photos take no teacher away.
+        // Watched photos never remove a teacher.
         assert_eq!(UndecidedRun { photos: 21, ..watched(1.5, 0.0) }.weight(), weight(21));
         for sure in [
             FEW,
@@ -473,7 +473,7 @@ mod tests {
             assert!((triangles(short) - triangles(long)).abs() < 1e-6);
             assert_eq!(enough(20, 0.5, 1.0).steps, Some(2 * steps[1]));
         }
-        // A teacher that cannot make its steps on photos as they are has smaller ones.
+        // A teacher without time for its steps on full photos gets smaller photos.
         assert_eq!(enough_for_teacher(20, 1.0, 1.0).steps_of_full_photos, 1700);
     }
 

@@ -1,4 +1,4 @@
-//! A training from what is asked for to the trained scene: plan, preparation, run, report.
+//! A training job, from options to the trained scene: plan, preparation, run, report.
 
 use super::budget::{self, Budgeted};
 use super::observer::{TrainBegins, TrainJobObserver};
@@ -57,72 +57,72 @@ pub fn train(dataset: &Dataset, options: &TrainOptions) -> Result<Trained> {
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct TrainJob {
-    /// The photos; those held out evaluate the scene. Pictures of a scene that teaches itself: [`teacher::dataset`](crate::teacher::dataset()).
+    /// The photos; held-out ones evaluate the scene. A scene that teaches itself: [`teacher::dataset`](crate::teacher::dataset()).
     pub dataset: Dataset,
-    /// How they were read.
+    /// Options that they were read with.
     pub dataset_options: DatasetOptions,
-    /// How the scene is trained, and which of it was given; a resumed run has the options of its checkpoint.
+    /// Training options and the layer of each; a resumed run has the options of its checkpoint.
     pub options: Layered<TrainOptions>,
-    /// The scene to start from in place of the data set's points; the options are best those of [`TrainOptions::from_scene`].
+    /// Scene to start from instead of the data set's points; best with the options of [`TrainOptions::from_scene`].
     pub from: Option<Loaded>,
-    /// The teacher that is asked for; `None`: solid scenes of few photos have one.
+    /// The requested teacher; `None`: the number of photos and short trainings decide.
     pub teacher: Option<TeacherSource>,
-    /// Share of the steps that look at pictures of the teacher, 0 to 0.9; `None`: it depends on the number of photos.
+    /// Share of the steps on pictures of the teacher, 0 to 0.9; `None`: depends on the number of photos.
     pub teacher_share: Option<f64>,
-    /// Where a run that is resumed finds the teacher that was trained for it; without it, the teacher is trained again.
+    /// The file in which a resumed run finds its teacher; without it, the teacher is trained again.
     pub teacher_file: Option<PathBuf>,
-    /// The time that steps, triangles and the size of photos are chosen for.
+    /// Time budget. It chooses steps, triangles and the size of photos.
     pub budget: Option<Budget>,
-    /// What short trainings said of photos that they watched; `None` until [`TrainJob::watch`], and where it has nothing to decide.
+    /// Result of the short trainings; `None` before [`TrainJob::watch`], and if they have nothing to decide.
     pub watched: Option<Watched>,
-    /// How long these took, by the clock on the wall.
+    /// Wall-clock time of the short trainings.
     pub watch_secs: f64,
-    /// When the process began that the budget is for; `None`: when the job was run.
+    /// Start of the budget's clock; `None`: the moment the job runs.
     pub began: Option<Instant>,
-    /// Where to train.
+    /// Training backend.
     pub backend: BackendOptions,
-    /// What the run leaves behind on the way.
+    /// Files that the run writes on the way.
     pub outputs: RunOptions,
-    /// The checkpoint to go on from.
+    /// Checkpoint to resume from.
     pub resume: Option<Checkpoint>,
-    /// Go on although photos, cameras, points or the background are not those the checkpoint was made with.
+    /// Resume although photos, cameras, points or background differ from the checkpoint's.
     pub force_resume: bool,
 }
 
-/// A trained scene and what was done for it.
+/// A trained scene and its report.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct TrainDone {
     /// The scene.
     pub trained: Trained,
-    /// The options, the stages and what the user should know. It names no files.
+    /// Options, stages and warnings. It names no files.
     pub report: Report,
 }
 
-/// A training whose photos, options and teacher are ready.
+/// A training with its photos, options and teacher ready.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct ReadyTrain {
-    /// What is trained on: the photos, in the size that was chosen, and pictures of the teacher.
+    /// Training pictures: photos in the chosen size, and pictures of the teacher.
     pub dataset: Dataset,
-    /// The photos alone, where there are pictures beside them.
+    /// The photos alone, if there are pictures of a teacher.
     pub photos: Option<Dataset>,
     /// What becomes of the teacher.
     pub teacher: TeacherPlan,
-    /// Share of the steps that look at its pictures; `None` without one.
+    /// Share of the steps on the teacher's pictures; `None` without a teacher.
     pub teacher_share: Option<f64>,
-    /// What watched photos said, if any; how the teacher was trained, or why there is none, unless it was read.
+    /// Stages so far: the short trainings, and the teacher's training or the reason for having none.
     stages: Vec<StageReport>,
-    /// What the user should know so far.
+    /// Warnings so far.
     pub warnings: Vec<String>,
     /// The run.
     pub start: TrainStart,
-    /// Watched photos decided something about it.
+    /// Whether watched photos decided about this run.
     watched: bool,
     began: Instant,
 }
 
-/// What a ready training starts with.
+/// The start of a ready training.
 #[derive(Debug)]
 pub struct TrainStart {
     dataset_options: DatasetOptions,
@@ -137,7 +137,7 @@ pub struct TrainStart {
 }
 
 impl TrainJob {
-    /// A run from its beginning that leaves nothing behind, on photos that were read with [`DatasetOptions::default`]. Options that differ
+    /// A new run without files on the way, on photos read with [`DatasetOptions::default`]. Options that differ
     /// from those of their preset count as given.
     pub fn new(dataset: Dataset, options: TrainOptions) -> Self {
         let preset = TrainOptions::preset(options.preset);
@@ -160,7 +160,7 @@ impl TrainJob {
         }
     }
 
-    /// Plans, prepares and runs it, to the end or until `observer` wants to stop.
+    /// Plans, prepares and runs the training, to the end or until `observer` stops it.
     ///
     /// Errors: those of [`TrainJob::prepare`] and of [`TrainRun::start_at`]; photos that cannot be decoded.
     pub fn run(self, observer: &mut dyn TrainJobObserver) -> Result<TrainDone> {
@@ -175,16 +175,16 @@ impl TrainJob {
         Ok(TrainDone { trained, report })
     }
 
-    /// Has short trainings leave some photos out, where there is time for it: they decide whether there is a teacher, if the number of
-    /// photos does not, and how long it trains. [`TrainJob::prepare`] does it, too, unless it is done.
+    /// Runs short trainings that leave some photos out, if there is time. They decide about a teacher, if the number of
+    /// photos does not, and about its training time. [`TrainJob::prepare`] calls this unless it was called before.
     ///
-    /// Errors: options that the budget chooses, photos that cannot be decoded, a training that was stopped.
+    /// Errors: options that the budget chooses, undecodable photos, a stopped training.
     pub fn watch(&mut self, observer: &mut dyn TrainJobObserver) -> Result<()> {
         if self.resume.is_none() {
             budget::check(self.budget, &self.options)?;
         }
         let unsure = self.teacher.is_none() && self.undecided().is_unsure();
-        // What is cut out of a photo is lost to small ones that are kept in memory.
+        // Small photos kept in memory lose the crop of the full ones.
         let cut = self.dataset.train().any(|view| view.photo.is_cut());
         let wanted = unsure || self.teacher_plan() == TeacherPlan::Train;
         let fits_both = self.has_time_to_watch(2);
@@ -211,7 +211,7 @@ impl TrainJob {
     fn has_time_to_watch(&self, pairs: usize) -> bool {
         match self.budget {
             Some(budget) => watched::fits(budget.seconds.0, self.dataset.train().count(), pairs),
-            // They would not stop where the run does.
+            // Short trainings do not obey the run's limit.
             None if self.outputs.max_cpu_secs > 0.0 => false,
             None => watched::fits_beside(&self.options.options, &self.dataset, pairs),
         }
@@ -227,7 +227,7 @@ impl TrainJob {
         }
     }
 
-    /// The run, as if it did not say whether it has a teacher.
+    /// The run without the request for or against a teacher.
     fn undecided(&self) -> UndecidedRun {
         let photos = self.dataset.train().count();
         let gain = |watched: &Watched| {
@@ -245,7 +245,7 @@ impl TrainJob {
         }
     }
 
-    /// Steps of the run, about: those of its options, or those that its budget has time for.
+    /// Approximate number of steps: from the options, or from the time in the budget.
     fn steps(&self) -> f64 {
         match self.budget {
             Some(budget) => watched::STEPS_PER_SEC * budget.seconds.0,
@@ -253,19 +253,19 @@ impl TrainJob {
         }
     }
 
-    /// How long a teacher trains, as share of the longest.
+    /// Training time of the teacher, as a share of the longest.
     fn teacher_length(&self) -> f64 {
         self.watched.as_ref().and_then(Watched::teacher_length).unwrap_or(1.0)
     }
 
-    /// How much the teacher counts: fully if it was asked for.
+    /// Weight of the teacher: 1 if requested.
     fn teacher_weight(&self) -> f64 {
         if self.teacher.is_some() { 1.0 } else { self.undecided().weight() }
     }
 
-    /// Makes ready what the run is on: photos in the size that its budget has, and pictures of its teacher.
+    /// Prepares the training pictures: photos in the size that the budget allows, and pictures of the teacher.
     ///
-    /// Errors: options that the budget chooses; a teacher's file that cannot be read or is solid; those of the teacher's training, which must
+    /// Errors: options that the budget chooses; an unreadable or solid teacher; errors of the teacher's training, which must
     /// not be stopped; a budget that is too small.
     pub fn prepare(mut self, observer: &mut dyn TrainJobObserver) -> Result<ReadyTrain> {
         let began = self.began.unwrap_or_else(Instant::now);
@@ -302,7 +302,7 @@ impl TrainJob {
             Some(scenes) => {
                 let asked = self.teacher.is_some();
                 let by_default = || teacher::picture_share(by_default, asked);
-                // A run that goes on has as many pictures as it began with.
+                // A resumed run keeps its number of pictures.
                 let begun = self.resume.as_ref().map(|checkpoint| {
                     1.0 - dataset.train().count() as f64 / checkpoint.meta.identity.photos.len().max(1) as f64
                 });
@@ -340,7 +340,7 @@ impl TrainJob {
         })
     }
 
-    /// The run, for its teacher.
+    /// The run as its teacher needs it.
     fn taught(&self, began: Instant, weight: f64) -> TaughtRun<'_> {
         TaughtRun {
             photos: &self.dataset,
@@ -358,7 +358,7 @@ impl TrainJob {
 }
 
 impl ReadyTrain {
-    /// What a budget was planned for, as said to people; `None` without one.
+    /// Description of the budget's plan for people; `None` without a budget.
     pub fn budget_summary(&self) -> Option<String> {
         let pace = &self.start.paced.as_ref()?.pace;
         let why = if self.watched { "watched photos" } else { "photos are few" };
@@ -367,13 +367,13 @@ impl ReadyTrain {
         Some(pace.summary() + &end)
     }
 
-    /// What the report says of the preparation.
+    /// The report of the preparation.
     pub fn notes(&self) -> TrainNotes {
         TrainNotes { stages: self.stages.clone(), warnings: self.warnings.clone(), began: self.began }
     }
 }
 
-/// What a report says of a training beside its figures.
+/// Facts for the report of a training, besides its figures.
 #[derive(Debug, Clone)]
 pub struct TrainNotes {
     stages: Vec<StageReport>,
@@ -382,7 +382,7 @@ pub struct TrainNotes {
 }
 
 impl TrainNotes {
-    /// The report of a run that began with `triangles` and ended with `trained`; `warnings` are those of its start.
+    /// The report of a run from `triangles` to `trained`; `warnings` are those of its start.
     pub fn report(self, trained: &Trained, triangles: usize, warnings: Vec<String>) -> Report {
         let seconds = self.began.elapsed().as_secs_f64();
         let mut report = Report::new("train");
@@ -395,7 +395,7 @@ impl TrainNotes {
 }
 
 impl TrainStart {
-    /// Sets the run up on the photos, and pictures, that are ready.
+    /// Sets up the run on the prepared photos and pictures.
     ///
     /// Errors: those of [`TrainRun::start_at`].
     pub fn open(self, dataset: &Dataset) -> Result<OpenRun<'_>> {
@@ -416,7 +416,7 @@ impl TrainStart {
     }
 }
 
-/// How the data set of a run is read that goes on from a checkpoint: a budget may have chosen the size of its photos.
+/// Options for reading the data set of a resumed run: a budget may have chosen the size of its photos.
 pub fn reading(how: &DatasetOptions, resume: Option<&Checkpoint>) -> DatasetOptions {
     let chosen = resume.and_then(|point| point.meta.pace.as_ref()?.plan.max_size);
     DatasetOptions { max_size: how.max_size.or(chosen), ..how.clone() }

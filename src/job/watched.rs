@@ -1,9 +1,9 @@
-//! What more steps bring a scene closer to: what there is, or its training photos only. Short trainings leave some of these out, and draw
-//! them at the end.
+//! Short trainings that leave some photos out: do more steps improve views beyond the training photos? The left-out photos are drawn
+//! at the end.
 //!
-//! Two scenes are trained on small photos, the second with three times the steps. Where surfaces are found, the watched photos gain a
-//! decibel or more; where photos are learnt by heart, they gain little or lose. Solid scenes tell whether a teacher is needed, soft
-//! ones how long it trains. See docs/benchmarks/few-photos.md.
+//! Two scenes train on small photos, the second with three times the steps. If training finds surfaces, the watched photos gain a
+//! decibel or more; if it memorises photos, they gain little or lose. Solid scenes decide about a teacher, soft
+//! ones about its training time. See docs/benchmarks/few-photos.md.
 
 use super::observer::TrainJobObserver;
 use crate::dataset::{Dataset, DatasetOptions, Photo, View};
@@ -16,36 +16,36 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
-/// The longer side of the photos, px, and the most triangles of the scenes: a step takes about two milliseconds.
+/// Longer side of the photos, px, and most triangles of a scene: a step takes about two milliseconds.
 const LONGEST_PX: u32 = 96;
 const TRIANGLES: u64 = 1500;
-/// Pixels of a photo per triangle, at least.
+/// Fewest pixels of a photo per triangle.
 const PIXELS_PER_TRIANGLE: u64 = 4;
-/// One photo in this many is watched, and this many photos at least.
+/// One photo in this many is watched, at least the second number.
 const ONE_IN: usize = 6;
 const FEWEST_WATCHED: usize = 3;
-/// Fewer photos cannot do without these.
+/// With fewer photos, none can be spared.
 const FEWEST_PHOTOS: usize = 8;
-/// Most photos that are worth it. With more of them a scene is learnt by heart much later.
+/// Most photos for which photos are watched: with more, memorising starts much later.
 pub(super) const MOST_PHOTOS: usize = 100;
-/// A budget has time for two trainings from this many seconds per photo on: they take about a quarter of a second per photo.
+/// Least budget per photo, seconds, for a pair of trainings, which take about a quarter of a second per photo.
 const LEAST_SECS_PER_PHOTO: f64 = 2.0;
-/// And from this many seconds on: in less time, all steps of the run pay.
+/// Least budget, seconds: in shorter runs all steps pay.
 const LEAST_SECS: f64 = 50.0;
-/// Of a run without a budget, two trainings take this share at most.
+/// Largest share of a pair of trainings in a run without a budget.
 const MOST_SHARE: f64 = 0.1;
 /// Steps per photo of the two solid scenes, and of the two soft ones.
 const SOLID_STEPS: [u64; 2] = [25, 75];
 const SOFT_STEPS: [u64; 2] = [40, 120];
-/// Gains of solid scenes, dB: with the first a teacher counts fully, with the second it counts nothing.
+/// Gains of solid scenes, dB, for which a teacher has weight 1 and 0.
 const SOLID_GAINS: [f64; 2] = [0.6, 1.1];
-/// Steps per photo that a run has time for without a teacher: with the second, photos count as said. With the first the teacher's own
-/// training costs the run this much more, dB.
+/// Steps per photo of a run without a teacher. From the second on, gains count as they are; at the first, `HURRY` dB are added, because
+/// the teacher's own training takes time from the run.
 const RUN_STEPS_PER_PHOTO: [f64; 2] = [80.0, 150.0];
 const HURRY: f64 = 1.0;
-/// About as many steps has a run for each second of its budget.
+/// Approximate number of steps per second of a budget.
 pub(super) const STEPS_PER_SEC: f64 = 30.0;
-/// Gains of soft scenes, dB: with the first a teacher trains as short as it can be, with the second as long.
+/// Gains of soft scenes, dB, for the shortest and the longest training of a teacher.
 const SOFT_GAINS: [f64; 2] = [0.0, 0.6];
 
 /// What short trainings say of photos that they left out.
@@ -72,7 +72,7 @@ impl StageDetails for Watched {
     const STAGE: &str = "watched";
 }
 
-/// What more steps gain, dB; `None` where nothing was measured.
+/// Gain of more steps, dB; `None` if not measured.
 fn gain(pair: Option<[WatchedTraining; 2]>) -> Option<f64> {
     pair.map(|[few, many]| many.psnr - few.psnr).filter(|gain| gain.is_finite())
 }
@@ -83,7 +83,7 @@ fn rise(gain: f64, [little, much]: [f64; 2]) -> f64 {
 }
 
 impl Watched {
-    /// What more steps gain in solid scenes, dB; `None` where it was not measured.
+    /// Gain of more steps in solid scenes, dB; `None` if not measured.
     pub fn solid_gain(&self) -> Option<f64> {
         gain(self.solid)
     }
@@ -95,12 +95,12 @@ impl Watched {
         self.solid_gain().map(|gain| 1.0 - rise(gain + hurry, SOLID_GAINS))
     }
 
-    /// How long a teacher trains, from 0, as short as it can be, to 1, as long.
+    /// Training time of a teacher, from 0 (shortest) to 1 (longest).
     pub fn teacher_length(&self) -> Option<f64> {
         gain(self.soft).map(|gain| rise(gain, SOFT_GAINS))
     }
 
-    /// What it comes to, as said to people.
+    /// A sentence with the results.
     pub fn summary(&self) -> String {
         let said = |what: &str, pair: Option<[WatchedTraining; 2]>| {
             let ([few, many], gain) = (pair?, gain(pair)?);
@@ -119,19 +119,19 @@ impl Watched {
     }
 }
 
-/// Whether there are photos to spare among `photos`, and `secs` of a budget for `pairs` of trainings.
+/// Whether some of `photos` can be spared, and `secs` of a budget suffice for `pairs` of trainings.
 pub(super) fn fits(secs: f64, photos: usize, pairs: usize) -> bool {
     let needed = LEAST_SECS.max(LEAST_SECS_PER_PHOTO * (pairs * photos) as f64);
     (FEWEST_PHOTOS..=MOST_PHOTOS).contains(&photos) && secs >= needed
 }
 
-/// Whether photo `i` of `count` that are trained on is left out: one in six, three at least, spread evenly.
+/// Whether training photo `i` of `count` is left out: one in six, at least three, spread evenly.
 fn is_left_out(i: usize, count: usize) -> bool {
     let watched = (count / ONE_IN).max(FEWEST_WATCHED);
     (0..watched).any(|k| (2 * k + 1) * count / (2 * watched) == i)
 }
 
-/// The training photos of `photos`, some of which count as held out: what is chosen by these has not seen the photos that are held out.
+/// The training photos of `photos`, some of them marked as held out: choices based on these never use the real held-out photos.
 ///
 /// Errors: fewer than eight.
 pub fn left_out(photos: &Dataset) -> Result<Dataset> {
@@ -145,8 +145,8 @@ pub fn left_out(photos: &Dataset) -> Result<Dataset> {
     Ok(Dataset { views, ..photos.clone() })
 }
 
-/// Whether there are photos to spare among `photos`, and `pairs` of trainings take little time beside a run of `options` that has no budget.
-/// The cost model decides and no clock, so that equal runs decide alike.
+/// Whether some of `photos` can be spared, and `pairs` of trainings take little time compared with a run of `options` without a budget.
+/// A cost model decides instead of a clock, so equal runs decide alike.
 pub(super) fn fits_beside(options: &TrainOptions, photos: &Dataset, pairs: usize) -> bool {
     let count = photos.train().count();
     let secs = |options: &TrainOptions, photo: UVec2| -> f64 {
@@ -165,9 +165,9 @@ pub(super) fn fits_beside(options: &TrainOptions, photos: &Dataset, pairs: usize
     })
 }
 
-/// Photos that are about to be watched.
+/// Short trainings on the photos of a run.
 pub(super) struct Watching<'a> {
-    /// The photos that are trained on, small and in memory; those that are watched count as held out.
+    /// The training photos, small and in memory; watched ones are marked as held out.
     photos: Dataset,
     how: &'a DatasetOptions,
     seed: u64,
@@ -175,7 +175,7 @@ pub(super) struct Watching<'a> {
 }
 
 impl<'a> Watching<'a> {
-    /// Of `photos`, which were read as `how` says.
+    /// Short trainings on `photos`, read with `how`.
     ///
     /// Errors: photos that cannot be decoded.
     pub(super) fn new(photos: &Dataset, how: &'a DatasetOptions, seed: u64) -> Result<Self> {
@@ -190,7 +190,7 @@ impl<'a> Watching<'a> {
         Ok(Self { photos: Dataset { views, ..photos.clone() }, how, seed, began })
     }
 
-    /// Nothing but the photos that are watched.
+    /// A result without trainings.
     pub(super) fn nothing_yet(&self) -> Watched {
         let photos = self.photos.test().map(|view| view.name.clone()).collect();
         Watched { photos, solid: None, soft: None }
@@ -239,7 +239,7 @@ impl<'a> Watching<'a> {
     fn train(&self, options: &TrainOptions, observer: &mut dyn TrainJobObserver) -> Result<Trained> {
         let run = TrainRun::new(&self.photos, options).with_dataset_options(self.how);
         let mut steps = observer.watching_begins(options)?;
-        // A card gains nothing on so few pixels.
+        // A graphics card gains nothing on small photos.
         let trained = run.run(&mut *steps)?;
         match trained.stopped {
             true => {
