@@ -45,6 +45,16 @@ impl Subject {
         photographed.or_else(|| dense(&points))
     }
 
+    /// The ball around the box of `points`; `None` without extent.
+    pub fn around(points: &[Vec3]) -> Option<Self> {
+        let (low, high) = points.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), point| {
+            (low.min(*point), high.max(*point))
+        });
+        let center = (low + high) / 2.0;
+        let radius = points.iter().map(|point| point.distance(center)).fold(0.0, f32::max);
+        (radius > 0.0 && radius.is_finite()).then_some(Self { center, radius })
+    }
+
     /// Whether a point is in it.
     pub fn holds(&self, point: Vec3) -> bool {
         point.distance_squared(self.center) <= self.radius * self.radius
@@ -74,17 +84,10 @@ fn dense(points: &[Vec3]) -> Option<Subject> {
         return Some(all);
     }
     let ends = (OBJECT * half).min(SHARP_END * all.radius);
-    let object = ball(points, OBJECT_QUANTILE).filter(|whole| whole.radius <= ends);
-    Some(object.map_or(Subject { radius: core, ..all }, |whole| tight(points, whole)))
-}
-
-/// The ball around the box of those of `points` that `whole` holds.
-fn tight(points: &[Vec3], whole: Subject) -> Subject {
-    let held = || points.iter().copied().filter(|point| whole.holds(*point));
-    let (low, high) = (held().fold(whole.center, Vec3::min), held().fold(whole.center, Vec3::max));
-    let center = (low + high) / 2.0;
-    let radius = held().map(|point| point.distance(center)).fold(0.0, f32::max);
-    Subject { center, radius }
+    let whole = ball(points, OBJECT_QUANTILE).filter(|whole| whole.radius <= ends);
+    let held = |whole: Subject| points.iter().copied().filter(|p| whole.holds(*p)).collect::<Vec<_>>();
+    let object = whole.and_then(|whole| Subject::around(&held(whole)));
+    Some(object.unwrap_or(Subject { radius: core, ..all }))
 }
 
 /// The ball around the median of `points` that contains this share of them.

@@ -58,8 +58,7 @@ pub fn viewpoint(scenery: &Scenery<'_>) -> Option<Chosen> {
     let middles: Vec<Vec3> = (0..scenery.count).step_by(step).map(middle).collect();
     // The middle of a single triangle has no extent, its corners have.
     let corners = || (0..scenery.count).step_by(step).flat_map(scenery.corners).collect::<Vec<_>>();
-    let subject =
-        Subject::of(&middles, scenery.cameras).or_else(|| Subject::of(&corners(), scenery.cameras))?;
+    let subject = Subject::of(&middles, scenery.cameras).or_else(|| Subject::around(&corners()))?;
     let mut survey = Survey::new(scenery.corners, scenery.count, subject);
     let mut judge = |candidate: Candidate| {
         let sight = survey.look(&candidate.camera);
