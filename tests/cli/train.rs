@@ -235,7 +235,7 @@ fn a_soft_scene_is_hardened_and_baked_by_one_command() {
         stderr(&succeed(&mut command))
     };
     let said = bake(&["-o", "plain.glb"]);
-    assert!(said.contains("soft scene: as solid triangles") && said.contains("--harden"), "{said}");
+    assert!(said.contains("soft scene: its solid triangles") && said.contains("--harden"), "{said}");
     assert!(said.lines().any(|l| l.starts_with("teacher") && l.contains(" pictures of ")), "{said}");
     let said = bake(&["-o", "hard.glb", "--harden=40"]);
     assert!(!said.contains("soft scene:"), "{said}");
