@@ -26,7 +26,7 @@ export class Crop {
     this.handles = AXES.map((axis) => [handle(axis, 0), handle(axis, 1)]);
   }
 
-  /** Begins with all of a scene, of which nearly all is within `bounds`: lowest and highest of each axis. */
+  /** Begins with the whole scene. Nearly all of it is within `bounds`: lowest and highest of each axis. */
   reset(bounds) {
     this.#ranges = bounds.map(([low, high]) => {
       const more = MARGIN * Math.max(high - low, 1e-9);

@@ -159,7 +159,7 @@ fn worth([short, long]: [f64; 2], photos: usize, weight: f64, length: f64) -> (u
 /// Limits of a teacher.
 fn enough_for_teacher(photos: usize, weight: f64, length: f64) -> Enough {
     let (steps, triangles_per_step) = worth(TEACHER_STEPS_PER_PHOTO, photos, weight, length);
-    // A teacher shows large surfaces, so many steps on small photos beat few steps on large ones.
+    // A teacher shows large surfaces, so it gains more from a large number of steps on small photos than from few on large ones.
     Enough { steps: Some(steps), triangles_per_step, steps_of_full_photos: steps }
 }
 

@@ -33,7 +33,7 @@ fn a_data_set_becomes_a_file_and_a_page_and_its_training_is_not_repeated() {
     assert!(has("capture") && has("train") && has("refit") && has("write"), "{stages:?}");
     assert_eq!(report["outputs"].as_array().unwrap().len(), 2, "{report}");
 
-    // Nothing is replaced unasked.
+    // Nothing is replaced without --force.
     let refused = make(folder.path(), &[]);
     assert!(refused.status.code() == Some(1) && stderr(&refused).contains("--force"), "{}", stderr(&refused));
     let again = make(folder.path(), &["--force"]);

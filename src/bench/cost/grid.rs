@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 
 /// The first number of steps, and what is beyond the last; each is twice the one before.
 const STEPS: (u64, u64) = (250, 1 << 24);
-/// The same of triangles, of which there are two in a decade.
+/// First number of triangles, and the end; there are two numbers per decade.
 const TRIANGLES: (u64, u64) = (3000, 30_000_000);
 /// More triangles are tried while they gain as much at the end of the row, dB.
 const LEAST_GAIN: f64 = 0.05;

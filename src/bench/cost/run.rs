@@ -60,7 +60,7 @@ pub fn run(args: &CostArgs, observer: &mut dyn CostObserver) -> Result<CostRepor
 /// Width of the synthetic photos, px: half of their height is above what the warm-up of training leaves as it is.
 const WIDTH: u32 = 192;
 
-/// The photos to train on, some of which are watched, and their name.
+/// The training photos, some of them watched, and the name of the data set.
 fn photos(args: &CostArgs, folder: &Path) -> Result<(Dataset, String)> {
     let (path, name) = match &args.dataset {
         Some(path) => (path.clone(), path.display().to_string()),
