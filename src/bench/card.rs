@@ -14,6 +14,7 @@ use crate::gpu::{AdapterOptions, Gpu};
 use crate::image::Pixels;
 use crate::placed;
 use crate::process::cpu_secs;
+use crate::raster::soft::SoftOptions;
 use crate::sample::scenes::{self, SampleScene};
 use crate::scene::Scene;
 use crate::soup::Soup;
@@ -45,6 +46,9 @@ pub struct CardArgs {
     /// Sizes of its photos, px.
     #[arg(long, value_delimiter = ',', default_value = "1280x853", value_name = "WxH,…", value_parser = crate::image::parse_size)]
     pub sizes: Vec<UVec2>,
+    /// Kinds of steps: soft ones halfway through a run, or the last of a solid run, with engine shading.
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "soft-outdoor,solid", value_name = "NAME,…")]
+    pub presets: Vec<TrainPreset>,
     /// Degree of the view-dependent colour.
     #[arg(long, default_value_t = 3, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=3))]
     pub sh_degree: u8,
@@ -71,6 +75,8 @@ pub struct CardArgs {
 /// Steps of one scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CardRow {
+    /// Kind of the steps.
+    pub preset: TrainPreset,
     /// Triangles of the scene.
     pub triangles: u64,
     /// Width and height of the largest photo, px.
@@ -121,30 +127,27 @@ const TIMED: usize = 8;
 ///
 /// Errors: no card as asked for, one that cannot train so much; files that cannot be read.
 pub fn run(args: &CardArgs, mut on_row: impl FnMut(&CardRow)) -> Result<Vec<CardRow>> {
-    let options = TrainOptions { sh_degree: args.sh_degree, ..TrainOptions::preset(TrainPreset::Outdoor) };
-    let drawing = options.drawing([0.0; 3]);
-    // When all coefficients are in use and photos have their full size.
-    let rates = Schedule::new(&options).rates(options.steps / 2);
     let gpu = Gpu::headless(&args.adapter)?;
     let copy_bandwidth = copy_bandwidth(&gpu)?;
-    let mut card = GpuBackend::new(gpu, drawing)?;
+    let mut card = GpuBackend::new(gpu, SoftOptions::default())?;
     let mut rows = Vec::new();
     for workload in workloads(args) {
         let workload = workload?;
-        let limits = card.limits();
-        card.restart(drawing, limits);
-        card.load(workload.state.clone())?;
-        let mut row = card_row(args, &mut card, &workload, &rates, copy_bandwidth)?;
-        if args.cpu_steps > 0 {
-            let mut cpu = CpuBackend::new(drawing);
-            cpu.load(workload.state.clone())?;
-            let cost = cost(&mut cpu, &workload, &rates, 1, args.cpu_steps)?;
-            row.cpu_backend_ms = Some(cost.cpu_ms);
+        for &preset in &args.presets {
+            let row = card_row(args, preset, &mut card, &workload, copy_bandwidth)?;
+            on_row(&row);
+            rows.push(row);
         }
-        on_row(&row);
-        rows.push(row);
     }
     Ok(rows)
+}
+
+/// The options of a run, and the rates of the steps that are timed: with all coefficients in use and photos of full size.
+fn steps_of(preset: TrainPreset, sh_degree: u8) -> (SoftOptions, Rates) {
+    let options = TrainOptions { sh_degree, ..TrainOptions::preset(preset) };
+    let last = options.steps.saturating_sub(1);
+    let step = if options.ends_solid() { last } else { options.steps / 2 };
+    (options.drawing([0.0; 3]), Schedule::new(&options).rates(step))
 }
 
 /// The scenes, made one after the other.
@@ -242,11 +245,15 @@ fn cost(
 
 fn card_row(
     args: &CardArgs,
+    preset: TrainPreset,
     card: &mut GpuBackend,
     work: &Workload,
-    rates: &Rates,
     copy_bandwidth: f64,
 ) -> Result<CardRow> {
+    let (drawing, rates) = steps_of(preset, args.sh_degree);
+    let (rates, limits) = (&rates, card.limits());
+    card.restart(drawing, limits);
+    card.load(work.state.clone())?;
     let StepCost { wall_ms, cpu_ms } = cost(card, work, rates, args.warmup, args.steps)?;
     let mut times = Vec::new();
     for step in 0..TIMED {
@@ -255,17 +262,28 @@ fn card_row(
     let last = times.last().map(|times| times.work);
     let size = work.photos.iter().map(|(camera, _)| camera.size).max_by_key(|size| size.element_product());
     Ok(CardRow {
+        preset,
         triangles: work.state.params.len() as u64,
         size: size.unwrap_or_default().to_array(),
         splats: last.map_or(0, |work| work.splats),
         pairs: last.map_or(0, |work| work.pairs),
         steps_per_second: 1e3 / wall_ms,
         cpu_ms,
-        cpu_backend_ms: None,
+        cpu_backend_ms: cpu_cost(args, drawing, work, rates)?,
         stages: stages(&times, copy_bandwidth),
         copy_bandwidth,
         adapter: card.gpu().describe(),
     })
+}
+
+/// CPU milliseconds of a step on the CPU, if it is asked for.
+fn cpu_cost(args: &CardArgs, drawing: SoftOptions, work: &Workload, rates: &Rates) -> Result<Option<f64>> {
+    if args.cpu_steps == 0 {
+        return Ok(None);
+    }
+    let mut cpu = CpuBackend::new(drawing);
+    cpu.load(work.state.clone())?;
+    Ok(Some(cost(&mut cpu, work, rates, 1, args.cpu_steps)?.cpu_ms))
 }
 
 /// Means over steps that were timed.

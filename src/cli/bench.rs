@@ -142,11 +142,13 @@ fn run_fps(args: &fps::FpsArgs, global: &Global) -> Result<()> {
 
 #[cfg(feature = "gpu")]
 fn run_card(args: &card::CardArgs, global: &Global) -> Result<()> {
+    use clap::ValueEnum as _;
     let progress = Progress::new(global);
     let rows = card::run(args, |row| {
         let cpu = row.cpu_backend_ms.map_or(String::new(), |ms| format!(", {ms:.1} with backend cpu"));
         progress.line(&format!(
-            "{} triangles, {}x{}: {:.2} steps/s, {:.1} CPU ms per step{cpu}; {} splats, {} pairs",
+            "{}, {} triangles, {}x{}: {:.2} steps/s, {:.1} CPU ms per step{cpu}; {} splats, {} pairs",
+            row.preset.to_possible_value().as_ref().map_or("", |value| value.get_name()),
             thousands(row.triangles),
             row.size[0],
             row.size[1],
