@@ -31,7 +31,7 @@ if [ -n "${SMALL:-}" ]; then
     fps=(--triangles 5000 --sizes 160x90 --frames 5 --warmup 1) steps=60 triangles=500
 else
     sizes='640:50000:200000:400 1280:200000:1000000:300 1920:400000:3000000:300'
-    card=(--triangles 200000,1000000,3000000 --sizes 1600x1000 --steps 100 --cpu-steps 2)
+    card=(--presets soft-outdoor,solid --triangles 200000,1000000,3000000 --sizes 1600x1000 --steps 100 --cpu-steps 2)
     fps=(--triangles 2000000 --sizes 1280x720,1920x1080,3840x2160 --frames 200) steps=30000 triangles=3000000
 fi
 

@@ -47,7 +47,13 @@ pub struct CardArgs {
     #[arg(long, value_delimiter = ',', default_value = "1280x853", value_name = "WxH,…", value_parser = crate::image::parse_size)]
     pub sizes: Vec<UVec2>,
     /// Kinds of steps: soft ones halfway through a run, or the last of a solid run, with engine shading.
-    #[arg(long, value_enum, value_delimiter = ',', default_value = "soft-outdoor,solid", value_name = "NAME,…")]
+    #[arg(
+        long,
+        value_enum,
+        value_delimiter = ',',
+        default_value = "soft-outdoor,solid",
+        value_name = "NAME,…"
+    )]
     pub presets: Vec<TrainPreset>,
     /// Degree of the view-dependent colour.
     #[arg(long, default_value_t = 3, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=3))]

@@ -2,7 +2,7 @@
 
 use super::job::{COUNTS, GROUPS, Jobs};
 use super::limits::GpuLimits;
-use super::passes::Passes;
+use super::passes::{Passes, Variants};
 use super::pending_step::{PendingStep, missing_capacity};
 use super::photos::Photos;
 use super::rows::row_count;
@@ -49,6 +49,7 @@ pub struct GpuBackend {
     limits: GpuLimits,
     options: SoftOptions,
     passes: Passes,
+    variants: Variants,
     jobs: Jobs,
     bind_groups: BindGroups,
     step: Buffer,
@@ -95,6 +96,7 @@ impl GpuBackend {
         let small = |what, numbers: usize| storage(&gpu, what, 4 * numbers as u64, REMEDY);
         Ok(Self {
             passes: Passes::new(&gpu)?,
+            variants: Variants::default(),
             jobs: Jobs::new(&gpu)?,
             bind_groups: BindGroups::default(),
             step: uniform(&gpu, "step", size_of::<StepUniform>() as u64),
@@ -238,6 +240,7 @@ impl GpuBackend {
         };
         let passes = StepPasses {
             passes: &self.passes,
+            tile_passes: self.variants.of(&self.gpu, plan)?,
             scene,
             visibility,
             buffers,

@@ -13,9 +13,7 @@ pub(super) enum Count {
     Triangles1,
     Splats,
     Splats1,
-    SplatDigits,
     Pairs,
-    PairDigits,
     Pixels1,
     Layers,
     WantedSplats,
@@ -43,11 +41,10 @@ pub(super) const COUNTS: usize = Count::FrameGroups as usize + 1;
 pub(super) enum Groups {
     Splats,
     SplatSort,
-    SplatDigitScan,
     SplatScan,
     Gather,
     PairSort,
-    PairDigitScan,
+    Buckets,
     Update,
 }
 
@@ -80,7 +77,7 @@ pub(super) const fn sum(place: Count, length: Count, numbers: u32) -> Job {
 }
 
 /// Bits of a digit of the sorts.
-pub(super) const DIGIT_BITS: u32 = 4;
+pub(super) const DIGIT_BITS: u32 = 8;
 
 /// All jobs, in a buffer that never changes.
 #[derive(Debug)]
@@ -93,9 +90,7 @@ pub(super) struct Jobs {
 impl Jobs {
     pub(super) fn new(gpu: &Gpu) -> Result<Self> {
         let mut jobs: Vec<Job> = (0..3).map(turn).collect();
-        let lengths =
-            [Count::Triangles1, Count::Splats1, Count::SplatDigits, Count::PairDigits, Count::Pixels1];
-        jobs.extend(lengths.map(scan));
+        jobs.extend([Count::Triangles1, Count::Splats1, Count::Pixels1].map(scan));
         for shift in (0..u32::BITS).step_by(DIGIT_BITS as usize) {
             jobs.extend([digit(Count::Splats, shift), digit(Count::Pairs, shift)]);
         }

@@ -6,7 +6,9 @@ use crate::gpu::compute::{Kernel, workgroups};
 use crate::gpu::stages::StageTimer;
 use glam::UVec2;
 use std::collections::HashMap;
-use wgpu::{BindGroup, BindingResource, Buffer, CommandEncoder, ComputePass, ComputePassDescriptor};
+use wgpu::{
+    BindGroup, BindingResource, Buffer, CommandEncoder, ComputePass, ComputePassDescriptor, ComputePipeline,
+};
 
 /// The number of workgroups of a pass.
 #[derive(Debug, Clone, Copy)]
@@ -27,7 +29,7 @@ pub(super) enum Spread {
 pub(super) struct BindGroups(HashMap<Bound, BindGroup>);
 
 /// A pass, and its buffers with the places in them.
-type Bound = (&'static str, Vec<(Buffer, u64)>);
+type Bound = (ComputePipeline, Vec<(Buffer, u64)>);
 
 impl BindGroups {
     /// Forgets them, when buffers go.
@@ -40,7 +42,7 @@ impl BindGroups {
             BindingResource::Buffer(part) => Some((part.buffer.clone(), part.offset)),
             _ => None,
         };
-        let key = (kernel.name(), bindings.iter().filter_map(buffer).collect());
+        let key = (kernel.pipeline().clone(), bindings.iter().filter_map(buffer).collect());
         self.0.entry(key).or_insert_with(|| kernel.bind(gpu, bindings))
     }
 }

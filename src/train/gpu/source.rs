@@ -1,6 +1,5 @@
 //! The WGSL of the passes, put together from one source.
 
-use super::uniform::{GEOMETRY_SLOT_NUMBERS, SLOT_NUMBERS};
 use crate::kernel::wgsl::library;
 use crate::math::ssim::TAPS;
 use crate::math::wgsl::constant;
@@ -25,8 +24,15 @@ pub(super) const RADIX: u32 = 1 << super::job::DIGIT_BITS;
 const BATCH: u32 = 64;
 /// Layers that a pixel takes at a time with its own order.
 const NEAREST: u32 = 8;
-/// Splats of a tile whose gradients are summed at once.
-const TURNS: u32 = 32;
+/// Splats of a tile whose gradients are summed at once, and how many of their blocks of 4 x 4 pixels at most.
+const PAIRS_AT_ONCE: u32 = 32;
+const PAIR_BLOCKS: u32 = 128;
+/// Pairs of a bucket: a workgroup sums their gradients.
+pub(super) const BUCKET: u32 = 512;
+// A bucket begins with a batch; an invocation loads an eighth of a pair; the blocks of one pair fit; a sort's totals have a digit each.
+const _: () = assert!(
+    BUCKET.is_multiple_of(BATCH) && 8 * PAIRS_AT_ONCE == GROUP && PAIR_BLOCKS >= 16 && RADIX == GROUP
+);
 
 /// A pass: its additional functions, and its code.
 macro_rules! pass {
@@ -43,9 +49,9 @@ pub(super) struct Pass {
 }
 
 impl Pass {
-    /// Its whole source.
-    pub(super) fn source(&self) -> String {
-        let mut out = library();
+    /// Its whole source, after the constants of its `variant`.
+    pub(super) fn source(&self, variant: &str) -> String {
+        let mut out = library() + variant;
         for (name, value) in [
             ("TILE", TILE),
             ("GROUP", GROUP),
@@ -53,18 +59,18 @@ impl Pass {
             ("SCAN_ITEMS", SCAN_ITEMS),
             ("SORT_ITEMS", SORT_ITEMS),
             ("RADIX", RADIX),
-            ("SORT_TALLY", RADIX * GROUP / 2),
             ("BATCH", BATCH),
             ("NEAREST", NEAREST),
-            ("TURNS", TURNS),
+            ("PAIRS_AT_ONCE", PAIRS_AT_ONCE),
+            ("PAIR_BLOCKS", PAIR_BLOCKS),
+            ("BUCKET", BUCKET),
             ("REACH", TAPS as u32 / 2),
-            ("SLOT", SLOT_NUMBERS),
-            ("GEOMETRY_SLOT", GEOMETRY_SLOT_NUMBERS),
         ] {
             let _ = writeln!(out, "const {name}: u32 = {value}u;");
         }
         constant(&mut out, "MARGIN", MARGIN);
         constant(&mut out, "HALF_TILE", (TILE - 1) as f32 * 0.5 + MARGIN);
+        constant(&mut out, "HALF_BLOCK", 1.5 + MARGIN);
         constant(&mut out, "SIGMA_MIN", SIGMA_MIN);
         constant(&mut out, "SIGMA_SOLID", SIGMA_SOLID);
         constant(&mut out, "ERROR_UNITS", ERROR_UNITS);

@@ -1,7 +1,7 @@
 //! The buffers of one step on the card, and their capacity.
 
 use super::scene::REMEDY;
-use super::source::{GROUP, RADIX, SCAN_ITEMS, SORT_ITEMS};
+use super::source::{BUCKET, GROUP, RADIX, SCAN_ITEMS, SORT_ITEMS};
 use super::uniform::{SLOT_NUMBERS, StepPlan};
 use crate::error::Result;
 use crate::gpu::Gpu;
@@ -100,6 +100,11 @@ impl StepCapacity {
         u64::from(pairs) * 4 * u64::from(self.slot_numbers)
     }
 
+    /// Bytes of the pixels in front of every bucket of pairs that is not the first of its tile.
+    fn checkpoint_bytes(&self) -> u64 {
+        u64::from(self.pairs / BUCKET) * u64::from(16 * GROUP)
+    }
+
     /// Bytes of everything together.
     pub(super) fn bytes(&self) -> u64 {
         self.buffers().iter().map(|(_, bytes)| bytes).sum()
@@ -135,14 +140,15 @@ impl StepCapacity {
         let each = |bytes: u64| u64::from(self.pairs) * bytes;
         let block = GROUP * SORT_ITEMS;
         let digits = (self.splats.div_ceil(block).max(self.pairs.div_ceil(block))) * RADIX;
-        let longest = [self.triangles, self.splats, digits, self.frame_pixels].into_iter().max().unwrap_or(0);
-        let scanned = longest.saturating_add(1).div_ceil(GROUP * SCAN_ITEMS);
+        let longest = [self.triangles, self.splats, self.frame_pixels].into_iter().max().unwrap_or(0);
+        // A sort has its totals there.
+        let scanned = longest.saturating_add(1).div_ceil(GROUP * SCAN_ITEMS).max(RADIX);
         [
             ("tiles of pairs", each(4)),
             ("sorted tiles", each(4)),
             ("pairs", each(4)),
             ("sorted pairs", each(4)),
-            ("splats of pairs", each(4)),
+            ("splats of pairs", each(8)),
             ("layers", 16 * u64::from(self.layers)),
             ("digits", 4 * u64::from(digits)),
             ("sums of blocks", 4 * u64::from(scanned) + 4),
@@ -155,7 +161,7 @@ impl StepCapacity {
         let partial = [self.tiles, self.triangles.div_ceil(GROUP), self.frame_pixels.div_ceil(GROUP)];
         let partial = u64::from(partial.into_iter().max().unwrap_or(0));
         [
-            ("frame", 16 * frame),
+            ("frame", 16 * frame + if self.slot_numbers > 0 { self.checkpoint_bytes() } else { 0 }),
             ("depth and normals", 48 * geometry),
             ("gradients of depth and normals", 32 * geometry),
             ("slopes of the depth map", 32 * geometry),
@@ -164,9 +170,9 @@ impl StepCapacity {
             ("derivatives of SSIM", 36 * photo),
             ("gradients of the picture", 16 * photo),
             ("partial sums", 16 * partial),
-            ("first pairs of tiles", 4 * u64::from(self.tiles) + 4),
-            ("last pairs of tiles", 4 * u64::from(self.tiles)),
+            ("table of tiles", 12 * u64::from(self.tiles) + 4 + 4 * u64::from(self.pairs / BUCKET)),
             ("first layers", if self.planes { 4 * frame + 4 } else { 0 }),
+            ("first layers of pixels", if self.planes && self.slot_numbers > 0 { 32 * frame } else { 0 }),
             ("room", 16),
         ]
     }
@@ -201,9 +207,9 @@ pub(super) struct StepBuffers {
     pub(super) maps: Buffer,
     pub(super) d_frame: Buffer,
     pub(super) partial_sums: Buffer,
-    pub(super) tile_starts: Buffer,
-    pub(super) tile_ends: Buffer,
+    pub(super) table: Buffer,
     pub(super) layer_starts: Buffer,
+    pub(super) kept: Buffer,
     /// The capacity for splats, pairs and layers, as the card reads it.
     pub(super) most: Buffer,
 }
@@ -245,9 +251,9 @@ impl StepBuffers {
             maps: next()?,
             d_frame: next()?,
             partial_sums: next()?,
-            tile_starts: next()?,
-            tile_ends: next()?,
+            table: next()?,
             layer_starts: next()?,
+            kept: next()?,
             most: next()?,
         };
         let most = [size.splats, size.pairs, size.layers, 0];
@@ -275,6 +281,6 @@ mod tests {
         // Slots beyond all parts go to the last part, which then cannot be made.
         assert_eq!(pairs(size(45)), [10, 10, 10, 15]);
         // Blocks of splats and of pairs have the same number of counts.
-        assert_eq!(size(25).bytes() - size(0).bytes(), 25 * (slot + 20));
+        assert_eq!(size(25).bytes() - size(0).bytes(), 25 * (slot + 24));
     }
 }

@@ -1,10 +1,10 @@
 //! The passes of one step, in order.
 
 use super::job::{Count, DIGIT_BITS, Groups, Job, digit, scan, sum, turn};
-use super::passes::Passes;
+use super::passes::{Passes, TilePasses};
 use super::scene::{SceneBuffers, VisibilityBuffer};
 use super::sequence::{Sequence, Spread, all};
-use super::source::{GROUP, SCAN_ITEMS};
+use super::source::{GROUP, RADIX, SCAN_ITEMS};
 use super::step_buffers::StepBuffers;
 use super::uniform::StepPlan;
 use super::work::tile_digits;
@@ -14,6 +14,7 @@ use wgpu::{BindingResource, Buffer};
 #[derive(Clone, Copy)]
 pub(super) struct StepPasses<'a> {
     pub(super) passes: &'a Passes,
+    pub(super) tile_passes: &'a TilePasses,
     pub(super) scene: &'a SceneBuffers,
     pub(super) visibility: &'a VisibilityBuffer,
     pub(super) buffers: &'a StepBuffers,
@@ -91,9 +92,7 @@ impl StepPasses<'_> {
     fn sort_by_depth(&self, to: &mut Sequence<'_>) {
         let sort = Sort {
             length: Count::Splats,
-            digits: Count::SplatDigits,
             blocks: Groups::SplatSort,
-            scan: Groups::SplatDigitScan,
             keys: &self.buffers.depths,
             values: &self.buffers.order,
         };
@@ -131,16 +130,14 @@ impl StepPasses<'_> {
         let buffers = self.buffers;
         let sort = Sort {
             length: Count::Pairs,
-            digits: Count::PairDigits,
             blocks: Groups::PairSort,
-            scan: Groups::PairDigitScan,
             keys: &buffers.tiles,
             values: &buffers.pairs,
         };
         self.sort(to, &sort, tile_digits(self.plan));
         let tiles = self.plan.tiles.element_product();
         let bindings =
-            [all(self.step), all(self.counts), all(&buffers.tiles[self.sorted()]), all(&buffers.tile_starts)];
+            [all(self.step), all(self.counts), all(&buffers.tiles[self.sorted()]), all(&buffers.table)];
         to.run(&self.passes.tile_starts, Spread::Over(tiles + 1, GROUP), &bindings);
     }
 
@@ -149,7 +146,7 @@ impl StepPasses<'_> {
         let buffers = self.buffers;
         vec![
             all(self.step),
-            all(&buffers.tile_starts),
+            all(&buffers.table),
             all(&buffers.pairs[self.sorted()]),
             all(&buffers.owners),
             all(&buffers.records),
@@ -167,8 +164,8 @@ impl StepPasses<'_> {
             return;
         }
         let mut bindings = self.of_tiles();
-        bindings.extend([all(&buffers.frame), all(&buffers.geometry), all(&buffers.tile_ends)]);
-        to.run(&self.passes.forward, Spread::Tiles(self.plan.tiles), &bindings);
+        bindings.extend([all(&buffers.frame), all(&buffers.geometry)]);
+        to.run(&self.tile_passes.forward, Spread::Tiles(self.plan.tiles), &bindings);
     }
 
     fn forward_by_pixel(&self, to: &mut Sequence<'_>, job: Job) {
@@ -181,9 +178,10 @@ impl StepPasses<'_> {
             all(&buffers.layers),
             all(&buffers.d_frame),
             all(&buffers.d_geometry),
+            all(&buffers.kept),
             to.job(job),
         ]);
-        to.run(&self.passes.forward_by_pixel, Spread::Tiles(self.plan.tiles), &bindings);
+        to.run(&self.tile_passes.forward, Spread::Tiles(self.plan.tiles), &bindings);
     }
 
     fn loss(&self, to: &mut Sequence<'_>) {
@@ -212,22 +210,19 @@ impl StepPasses<'_> {
     }
 
     fn backward(&self, to: &mut Sequence<'_>) {
-        let (buffers, tiles) = (self.buffers, Spread::Tiles(self.plan.tiles));
+        let buffers = self.buffers;
         let mut bindings = self.of_tiles();
+        bindings.extend(buffers.slots.iter().map(all));
         let d_pixels = [all(&buffers.geometry), all(&buffers.d_frame), all(&buffers.d_geometry)];
         if self.plan.by_pixel() {
             self.forward_by_pixel(to, WRITE);
             bindings.extend(d_pixels);
             bindings.extend([all(&buffers.layer_starts), all(&buffers.layers)]);
-            bindings.extend(buffers.slots.iter().map(all));
-            to.run(&self.passes.backward_by_pixel, tiles, &bindings);
         } else {
             bindings.push(all(&buffers.frame));
             bindings.extend(d_pixels);
-            bindings.push(all(&buffers.tile_ends));
-            bindings.extend(buffers.slots.iter().map(all));
-            to.run(&self.passes.backward, tiles, &bindings);
         }
+        to.run(&self.tile_passes.backward, Spread::Found(Groups::Buckets), &bindings);
     }
 
     fn gather(&self, to: &mut Sequence<'_>) {
@@ -297,20 +292,22 @@ impl StepPasses<'_> {
 
     /// A stable sort by the lowest `digits` of the keys; after an even number of them the result is in the first buffers.
     fn sort(&self, to: &mut Sequence<'_>, sort: &Sort<'_>, digits: u32) {
-        let histogram = &self.buffers.histogram;
+        let (histogram, totals) = (&self.buffers.histogram, &self.buffers.block_sums);
         for at in 0..digits {
             let (from, into) = (at as usize % 2, 1 - at as usize % 2);
             let job = to.job(digit(sort.length, at * DIGIT_BITS));
             let (blocks, counts) = (Spread::Found(sort.blocks), all(self.counts));
             let bindings = [job.clone(), counts.clone(), all(&sort.keys[from]), all(histogram)];
             to.run(&self.passes.sort_count, blocks, &bindings);
-            self.scan(to, sort.digits, Spread::Found(sort.scan), histogram);
+            let bindings = [job.clone(), counts.clone(), all(histogram), all(totals)];
+            to.run(&self.passes.sort_scan, Spread::Over(RADIX, 1), &bindings);
             let bindings = [
                 job,
                 counts,
                 all(&sort.keys[from]),
                 all(&sort.values[from]),
                 all(histogram),
+                all(totals),
                 all(&sort.keys[into]),
                 all(&sort.values[into]),
             ];
@@ -322,9 +319,7 @@ impl StepPasses<'_> {
 /// What is sorted.
 struct Sort<'a> {
     length: Count,
-    digits: Count,
     blocks: Groups,
-    scan: Groups,
     keys: &'a [Buffer; 2],
     values: &'a [Buffer; 2],
 }

@@ -85,6 +85,23 @@ impl StepPlan {
         self.options.sort == Sort::Pixel
     }
 
+    /// The window's number in `passes/step.wgsl`.
+    pub(super) fn window(&self) -> u32 {
+        match self.options.window {
+            Window::Soft => 0,
+            Window::Coverage { .. } => 1,
+            Window::Sigmoid => 2,
+        }
+    }
+
+    /// Constants of the passes over tiles.
+    pub(super) fn constants(&self) -> String {
+        let (window, geometry, vectors) = (self.window(), self.options.geometry, self.slot_numbers() / 2);
+        format!(
+            "const WINDOW: u32 = {window}u;\nconst GEOMETRY: bool = {geometry};\nconst SLOT_VECTORS: u32 = {vectors}u;\n"
+        )
+    }
+
     /// Numbers of a slot.
     pub(super) fn slot_numbers(&self) -> u32 {
         if self.options.geometry { GEOMETRY_SLOT_NUMBERS } else { SLOT_NUMBERS }
@@ -140,11 +157,7 @@ impl StepUniform {
     pub(super) fn of_picture(plan: &StepPlan, look: &Look, scene: SceneShape) -> Self {
         let (options, camera) = (&plan.options, &plan.camera);
         let column = |k: usize| camera.rotation.col(k).extend(camera.translation[k]).to_array();
-        let (window, width) = match options.window {
-            Window::Soft => (0, 1.0),
-            Window::Coverage { width_px } => (1, width_px),
-            Window::Sigmoid => (2, 1.0),
-        };
+        let width = if let Window::Coverage { width_px } = options.window { width_px } else { 1.0 };
         let decode = |c: f32| if options.linear { linear_from_srgb(c) } else { c };
         let degree = u32::from(look.sh_degree.min(scene.sh_degree));
         let stored = (u32::from(scene.sh_degree) + 1).pow(2);
@@ -160,7 +173,12 @@ impl StepUniform {
             photo: [plan.photo.x, plan.photo.y, plan.samples, u32::from(options.linear)],
             limits: [options.cutoff, options.cutoff.log2(), options.alpha_cap, options.min_transmittance],
             edges: [options.fade_px, options.ratio_least, width, flag(options.exact_incenter)],
-            modes: [window, u32::from(plan.by_pixel()), u32::from(options.geometry), plan.slot_numbers()],
+            modes: [
+                plan.window(),
+                u32::from(plan.by_pixel()),
+                u32::from(options.geometry),
+                plan.slot_numbers(),
+            ],
             background: Vec3::from(options.background.map(decode)).extend(0.0).to_array(),
             scene: [scene.triangles, stored, degree, scene.pinned],
             anneal: [

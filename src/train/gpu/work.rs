@@ -64,17 +64,17 @@ impl StepWork {
     /// uncoalesced accesses increase it. `None` for a stage whose work is not counted.
     pub fn bytes(&self, stage: &str) -> Option<u64> {
         let Self { triangles: n, splats: s, pairs: p, frame_pixels: f, photo_pixels: h, .. } = *self;
-        // A prefix sum reads everything twice and writes it once; a digit of a sort reads keys twice, values once, and writes both.
-        let (scan, digit) = (12, 20);
+        // A prefix sum reads everything twice and writes it once; a digit of a sort reads keys three times, values once, and writes both.
+        let (scan, digit) = (12, 24);
         Some(match stage {
             "project" => n * (2 * 44 + 4 + scan + 8) + s * (12 * self.colors + 88 + self.planes),
-            "sort by depth" => s * digit * 8,
-            "bin" => s * (2 * 68 + 4 + scan + 8) + p * 8,
+            "sort by depth" => s * digit * 4,
+            "bin" => s * (2 * 68 + 4 + scan + 8) + p * 12,
             "sort by tile" => p * digit * self.tile_digits,
-            "forward" => p * (72 + self.planes) + f * (16 + self.geometry),
+            "forward" => p * (84 + self.planes) + f * (16 + self.geometry),
             "loss" => f * 16 + h * (32 + 16 + 4 + 36 + 36 + 32 + 4 + 16),
             "geometry" => f * (2 * (16 + 48) + 32 + 32 + 32),
-            "backward" => p * (72 + self.planes + self.slot_bytes) + f * (32 + self.geometry),
+            "backward" => p * (84 + self.planes + self.slot_bytes) + f * (32 + self.geometry),
             "gather" => p * self.slot_bytes + s * (self.slot_bytes + 12),
             "update" => n * (36 + 8) + s * (20 + self.slot_bytes + 40) + self.touched * self.numbers * 24,
             _ => return None,

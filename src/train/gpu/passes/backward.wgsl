@@ -1,91 +1,106 @@
-// Sums of the pixels' gradients for every pair of a splat and a tile, without atomics: the twin of raster/soft/backward.rs.
-//
-// A workgroup handles a tile, an invocation one splat of a batch. The pixels pass through the invocations: in
-// turn t invocation i works on pixel t - i, after invocation i - 1 did so in the previous turn. So every
-// pixel meets the splats front to back, every splat meets the pixels in order, and the sums stay with the
-// splat.
+// Gradients of the splats of every bucket: the twin of raster/soft/backward.rs. A workgroup is a bucket, which begins with the
+// colour and the light that the forward pass kept. With losses on geometry one workgroup handles all buckets of a tile, because
+// more would have to be kept.
 
 @group(0) @binding(0) var<uniform> step: Step;
-@group(0) @binding(1) var<storage, read> tile_starts: array<u32>;
+@group(0) @binding(1) var<storage, read> table: array<u32>;
 @group(0) @binding(2) var<storage, read> pairs: array<u32>;
-@group(0) @binding(3) var<storage, read> owners: array<u32>;
+@group(0) @binding(3) var<storage, read> owners: array<vec2<u32>>;
 @group(0) @binding(4) var<storage, read> records: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read> planes: array<vec4<f32>>;
-@group(0) @binding(6) var<storage, read> frame: array<vec4<f32>>;
-@group(0) @binding(7) var<storage, read> geometry: array<vec4<f32>>;
-@group(0) @binding(8) var<storage, read> d_frame: array<vec4<f32>>;
-@group(0) @binding(9) var<storage, read> d_geometry: array<vec4<f32>>;
-@group(0) @binding(10) var<storage, read> tile_ends: array<u32>;
+@group(0) @binding(10) var<storage, read> frame: array<vec4<f32>>;
+@group(0) @binding(11) var<storage, read> geometry: array<vec4<f32>>;
+@group(0) @binding(12) var<storage, read> d_frame: array<vec4<f32>>;
+@group(0) @binding(13) var<storage, read> d_geometry: array<vec4<f32>>;
 
-var<workgroup> d_pixels: array<vec4<f32>, TILE * TILE>;
-var<workgroup> backgrounds: array<f32, TILE * TILE>;
-// For every pixel, in front of the next splat: the light, and the sum of w dL/dw of all splats behind.
-var<workgroup> state: array<vec2<f32>, TILE * TILE>;
+// The pixel in front of the next splat: the light, and the sum of w dL/dw of all splats behind.
+var<private> transmittance: f32;
+var<private> behind: f32;
+var<private> background: f32;
 
-// One splat on pixel `p` of the tile.
-fn pass_pixel(sums: ptr<function, SplatSums>, splat: u32, record: Record, corner: vec2<u32>, p: u32) {
-    let before = state[p].x;
-    if before < step.limits.w {
-        return;
-    }
-    let pixel = corner + vec2(p % TILE, p / TILE);
+// The share of a splat on the pixel.
+fn next_share(k: u32, pixel: vec2<u32>, d_pixel: vec3<f32>) -> vec2<f32> {
+    let before = transmittance;
+    let record = record_of(batch[k][0], batch[k][1], batch[k][2], batch[k][3]);
     let s = shade(record, pixel);
-    if !s.is_drawn {
-        return;
+    if before < step.limits.w || !s.is_drawn {
+        return vec2(-1.0, 0.0);
     }
     let blended = blend(before, s.alpha);
-    let at = pixel.y * step.frame.x + pixel.x;
-    var value = dot(record.rgb, d_pixels[p].xyz);
-    if step.modes.z == 1u {
-        let inv_depth = inv_depth_at(planes[2u * splat], s.offset);
-        value += geometry_value(at, splat, inv_depth);
-        add_plane_grad(sums, at, s.offset, inv_depth, blended.x);
+    var value = dot(record.rgb, d_pixel);
+    if GEOMETRY {
+        let splat = batch_splats[k];
+        let at = pixel.y * step.frame.x + pixel.x;
+        value += geometry_value(at, splat, inv_depth_at(planes[2u * splat], s.offset));
     }
-    let behind = state[p].y - blended.x * value;
-    state[p] = vec2(blended.y, behind);
-    add_layer_grad(sums, s, record.sigma, d_pixels[p], backgrounds[p], before, behind, value);
+    behind -= blended.x * value;
+    transmittance = blended.y;
+    return vec2(blended.x, layer_share(s, background, before, behind, value));
 }
 
-@compute @workgroup_size(TURNS)
+// The pixel in front of bucket `number` of a tile that begins at `start`.
+fn begin_pixel(start: u32, number: u32, pixel: vec2<u32>, local: u32) {
+    d_pixels[local] = vec4(0.0);
+    if !all(pixel < step.frame.xy) {
+        return;
+    }
+    let at = pixel.y * step.frame.x + pixel.x;
+    let d_pixel = d_frame_of(at);
+    d_pixels[local] = d_pixel;
+    background = d_background(at);
+    transmittance = 1.0;
+    behind = behind_all(at);
+    if number > 0u {
+        let kept = frame[checkpoint_at(start, number) + local];
+        transmittance = kept.w;
+        behind -= dot(d_pixel.xyz, kept.xyz);
+    }
+}
+
+@compute @workgroup_size(GROUP)
 fn backward(
     @builtin(workgroup_id) workgroup: vec3<u32>,
+    @builtin(num_workgroups) workgroups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let tile = workgroup.y * step.frame.z + workgroup.x;
-    let corner = workgroup.xy * TILE;
-    let start = tile_starts[tile];
-    let end = tile_starts[tile + 1u];
-    for (var p = local; p < TILE * TILE; p += TURNS) {
-        let pixel = corner + vec2(p % TILE, p / TILE);
-        state[p] = vec2(0.0);
-        if all(pixel < step.frame.xy) {
-            let at = pixel.y * step.frame.x + pixel.x;
-            d_pixels[p] = d_frame_of(at);
-            backgrounds[p] = d_background(at);
-            state[p] = vec2(1.0, behind_all(at));
-        }
+    let bucket = workgroup_index(workgroup, workgroups);
+    if bucket >= bucket_of(table[tile_total()], tile_total()) {
+        return;
     }
-    let shown = tile_ends[tile];
-    for (var first = start; first < shown; first += TURNS) {
-        var sums: SplatSums;
-        let has_splat = first + local < shown;
-        let pair = pairs[min(first + local, shown - 1u)];
-        let splat = owners[pair];
-        let record = record_at(splat);
-        for (var turn = 0u; turn < TILE * TILE + TURNS - 1u; turn++) {
-            workgroupBarrier();
-            let p = turn - local;
-            if has_splat && p < TILE * TILE {
-                pass_pixel(&sums, splat, record, corner, p);
-            }
+    let tile = table[bucket_at(bucket)];
+    if tile == NO_TILE {
+        return;
+    }
+    let start = table[tile];
+    let number = bucket - bucket_of(start, tile);
+    if GEOMETRY && number > 0u {
+        return;
+    }
+    let first = start + number * BUCKET;
+    let end = min(table[tile + 1u], select(first + BUCKET, 0xffffffffu, GEOMETRY));
+    let shown = clamp(table[shown_at(tile)], first, end);
+    let corner = vec2(tile % step.frame.z, tile / step.frame.z) * TILE;
+    let pixel = corner + pixel_in_tile(local);
+    if first < shown {
+        begin_pixel(start, number, pixel, local);
+    }
+    for (var next = first; next < shown;) {
+        workgroupBarrier();
+        load_pairs(next, shown, local);
+        workgroupBarrier();
+        place_blocks(local);
+        workgroupBarrier();
+        let taken = atomicLoad(&taken_pairs);
+        var queue = queue_of(local, taken);
+        while queue != 0u {
+            let k = firstTrailingBit(queue);
+            queue &= queue - 1u;
+            shares[share_at(k, local)] = next_share(k, pixel, d_pixels[local].xyz);
         }
-        if has_splat {
-            write_slot(pair, sums);
-        }
+        workgroupBarrier();
+        write_slots(taken, corner, local);
+        next += taken;
     }
     // Nothing of what lies behind shows.
-    var nothing: SplatSums;
-    for (var i = shown + local; i < end; i += TURNS) {
-        write_slot(pairs[i], nothing);
-    }
+    write_nothing(shown, end, local);
 }

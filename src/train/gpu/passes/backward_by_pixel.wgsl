@@ -1,76 +1,92 @@
-// Like backward.wgsl, for pixels with their own order of layers. A pixel's list, sorted by splat, stores the
-// light in front of each layer and the sum behind it; the pixels pass with their place in the list.
+// Like backward.wgsl, for pixels with their own order of layers. A pixel's list, in the order of the pairs, has the shares of its
+// layers.
 
 @group(0) @binding(0) var<uniform> step: Step;
-@group(0) @binding(1) var<storage, read> tile_starts: array<u32>;
+@group(0) @binding(1) var<storage, read> table: array<u32>;
 @group(0) @binding(2) var<storage, read> pairs: array<u32>;
-@group(0) @binding(3) var<storage, read> owners: array<u32>;
+@group(0) @binding(3) var<storage, read> owners: array<vec2<u32>>;
 @group(0) @binding(4) var<storage, read> records: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read> planes: array<vec4<f32>>;
-@group(0) @binding(6) var<storage, read> geometry: array<vec4<f32>>;
-@group(0) @binding(7) var<storage, read> d_frame: array<vec4<f32>>;
-@group(0) @binding(8) var<storage, read> d_geometry: array<vec4<f32>>;
-@group(0) @binding(9) var<storage, read> layer_starts: array<u32>;
-@group(0) @binding(10) var<storage, read> layers: array<vec4<f32>>;
+@group(0) @binding(10) var<storage, read> geometry: array<vec4<f32>>;
+@group(0) @binding(11) var<storage, read> d_frame: array<vec4<f32>>;
+@group(0) @binding(12) var<storage, read> d_geometry: array<vec4<f32>>;
+@group(0) @binding(13) var<storage, read> layer_starts: array<u32>;
+@group(0) @binding(14) var<storage, read> layers: array<vec4<f32>>;
 
-// For every pixel, the next layer in its list, and the end of the list.
-var<workgroup> state: array<vec2<u32>, TILE * TILE>;
+// The pixel's next layer, and the end of its list.
+var<private> next_layer: u32;
+var<private> end_layer: u32;
+// The place of the next layer's splat among the pairs.
+var<private> next_place: u32;
 
-// The splat of `place` among the pairs on pixel `p` of the tile.
-fn pass_pixel(sums: ptr<function, SplatSums>, place: u32, splat: u32, record: Record, corner: vec2<u32>, p: u32) {
-    if state[p].x >= state[p].y {
-        return;
+fn find_place() {
+    next_place = 0xffffffffu;
+    if next_layer < end_layer {
+        next_place = bitcast<u32>(layers[next_layer].x);
     }
-    let layer = layers[state[p].x];
-    if bitcast<u32>(layer.x) != place {
-        return;
-    }
-    state[p].x += 1u;
-    let pixel = corner + vec2(p % TILE, p / TILE);
-    let at = pixel.y * step.frame.x + pixel.x;
-    let s = shade(record, pixel);
-    let d_pixel = d_frame_of(at);
-    var value = dot(record.rgb, d_pixel.xyz);
-    if step.modes.z == 1u {
-        let inv_depth = inv_depth_at(planes[2u * splat], s.offset);
-        value += geometry_value(at, splat, inv_depth);
-        add_plane_grad(sums, at, s.offset, inv_depth, layer.y * s.alpha);
-    }
-    add_layer_grad(sums, s, record.sigma, d_pixel, d_background(at), layer.y, layer.z, value);
 }
 
-@compute @workgroup_size(TURNS)
+// The share of the splat of `place` among the pairs on the pixel.
+fn next_share(place: u32) -> vec2<f32> {
+    if next_place != place {
+        return vec2(-1.0, 0.0);
+    }
+    let layer = layers[next_layer];
+    next_layer += 1u;
+    find_place();
+    return layer.yz;
+}
+
+// The pixel's list from the pair at `first` on.
+fn begin_pixel(first: u32, pixel: vec2<u32>, local: u32) {
+    d_pixels[local] = vec4(0.0);
+    if all(pixel < step.frame.xy) {
+        let at = pixel.y * step.frame.x + pixel.x;
+        d_pixels[local] = d_frame_of(at);
+        next_layer = min(layer_starts[at], arrayLength(&layers));
+        end_layer = min(layer_starts[at + 1u], arrayLength(&layers));
+    }
+    find_place();
+    while next_place < first {
+        next_layer += 1u;
+        find_place();
+    }
+}
+
+@compute @workgroup_size(GROUP)
 fn backward_by_pixel(
     @builtin(workgroup_id) workgroup: vec3<u32>,
+    @builtin(num_workgroups) workgroups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let tile = workgroup.y * step.frame.z + workgroup.x;
-    let corner = workgroup.xy * TILE;
-    let start = tile_starts[tile];
-    let end = tile_starts[tile + 1u];
-    for (var p = local; p < TILE * TILE; p += TURNS) {
-        let pixel = corner + vec2(p % TILE, p / TILE);
-        state[p] = vec2(0u);
-        if all(pixel < step.frame.xy) {
-            let at = pixel.y * step.frame.x + pixel.x;
-            state[p] = min(vec2(layer_starts[at], layer_starts[at + 1u]), vec2(arrayLength(&layers)));
-        }
+    let bucket = workgroup_index(workgroup, workgroups);
+    if bucket >= bucket_of(table[tile_total()], tile_total()) {
+        return;
     }
-    for (var first = start; first < end; first += TURNS) {
-        var sums: SplatSums;
-        let has_splat = first + local < end;
-        let pair = pairs[min(first + local, end - 1u)];
-        let splat = owners[pair];
-        let record = record_at(splat);
-        for (var turn = 0u; turn < TILE * TILE + TURNS - 1u; turn++) {
-            workgroupBarrier();
-            let p = turn - local;
-            if has_splat && p < TILE * TILE {
-                pass_pixel(&sums, first + local, splat, record, corner, p);
-            }
+    let tile = table[bucket_at(bucket)];
+    if tile == NO_TILE {
+        return;
+    }
+    let start = table[tile];
+    let first = start + (bucket - bucket_of(start, tile)) * BUCKET;
+    let end = min(table[tile + 1u], first + BUCKET);
+    let corner = vec2(tile % step.frame.z, tile / step.frame.z) * TILE;
+    begin_pixel(first, corner + pixel_in_tile(local), local);
+    for (var next = first; next < end;) {
+        workgroupBarrier();
+        load_pairs(next, end, local);
+        workgroupBarrier();
+        place_blocks(local);
+        workgroupBarrier();
+        let taken = atomicLoad(&taken_pairs);
+        var queue = queue_of(local, taken);
+        while queue != 0u {
+            let k = firstTrailingBit(queue);
+            queue &= queue - 1u;
+            shares[share_at(k, local)] = next_share(next + k);
         }
-        if has_splat {
-            write_slot(pair, sums);
-        }
+        workgroupBarrier();
+        write_slots(taken, corner, local);
+        next += taken;
     }
 }

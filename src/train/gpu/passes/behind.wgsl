@@ -4,7 +4,7 @@
 fn behind_all(at: u32) -> f32 {
     let drawn = frame[at];
     var total = dot(d_frame_of(at).xyz, drawn.xyz);
-    if step.modes.z == 1u {
+    if GEOMETRY {
         let d = d_geometry[2u * at];
         let g = geometry[3u * at];
         total += d_geometry[2u * at + 1u].x * drawn.w + dot(d, g);

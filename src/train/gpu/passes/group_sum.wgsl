@@ -4,11 +4,18 @@ var<workgroup> addends: array<Addend, GROUP>;
 
 fn group_sum(local: u32, value: Addend) -> Addend {
     addends[local] = value;
-    for (var half = GROUP / 2u; half > 0u; half /= 2u) {
-        workgroupBarrier();
-        if local < half {
-            addends[local] += addends[local + half];
+    workgroupBarrier();
+    if local < 16u {
+        var sum = addends[local];
+        for (var k = local + 16u; k < GROUP; k += 16u) {
+            sum += addends[k];
         }
+        addends[local] = sum;
     }
-    return addends[0];
+    workgroupBarrier();
+    var total = addends[0];
+    for (var k = 1u; k < 16u; k++) {
+        total += addends[k];
+    }
+    return total;
 }

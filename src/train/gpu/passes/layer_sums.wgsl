@@ -23,7 +23,7 @@ fn add_layer(sums: ptr<function, LayerSums>, weight: f32, inv_depth: f32, normal
 // Writes a pixel: the background behind its layers, and their geometry.
 fn write_pixel(at: u32, rgb: vec3<f32>, transmittance: f32, sums: LayerSums) {
     frame[at] = vec4(fma(vec3(transmittance), step.background.xyz, rgb), transmittance);
-    if step.modes.z == 1u {
+    if GEOMETRY {
         geometry[3u * at] = vec4(sums.normal, sums.depth);
         geometry[3u * at + 1u] = vec4(sums.sums, sums.anchor);
         geometry[3u * at + 2u] = vec4(sums.distortion, 0.0, 0.0, 0.0);

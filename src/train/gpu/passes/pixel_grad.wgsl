@@ -15,7 +15,7 @@ fn d_frame_of(at: u32) -> vec4<f32> {
 // By the transmittance behind the last layer.
 fn d_background(at: u32) -> f32 {
     var out = dot(d_frame_of(at).xyz, step.background.xyz);
-    if step.modes.z == 1u {
+    if GEOMETRY {
         out += d_geometry[2u * at + 1u].x;
     }
     return out;

@@ -20,10 +20,6 @@ fn set_groups(at: u32, items: u32, each: u32) {
     groups[3u * at + 2u] = 1u;
 }
 
-fn digits(length: u32) -> u32 {
-    return (length + GROUP * SORT_ITEMS - 1u) / (GROUP * SORT_ITEMS) * RADIX;
-}
-
 fn plan_splats() {
     let wanted = starts[step.scene.x];
     var splats = wanted;
@@ -37,12 +33,10 @@ fn plan_splats() {
     }
     counts[SPLATS] = splats;
     counts[SPLATS_1] = splats + 1u;
-    counts[SPLAT_DIGITS] = digits(splats);
     set_groups(0u, splats + 1u, GROUP);
     set_groups(1u, splats, GROUP * SORT_ITEMS);
-    set_groups(2u, digits(splats), GROUP * SCAN_ITEMS);
-    set_groups(3u, splats + 1u, GROUP * SCAN_ITEMS);
-    set_groups(4u, splats * step.modes.w, GROUP);
+    set_groups(2u, splats + 1u, GROUP * SCAN_ITEMS);
+    set_groups(3u, splats * step.modes.w, GROUP);
 }
 
 fn plan_pairs() {
@@ -55,10 +49,9 @@ fn plan_pairs() {
         pairs = 0u;
     }
     counts[PAIRS] = pairs;
-    counts[PAIR_DIGITS] = digits(pairs);
-    set_groups(5u, pairs, GROUP * SORT_ITEMS);
-    set_groups(6u, digits(pairs), GROUP * SCAN_ITEMS);
-    set_groups(7u, select(step.parts.z, 0u, halted[0] == 1u), UPDATE_GROUP);
+    set_groups(4u, pairs, GROUP * SORT_ITEMS);
+    set_groups(5u, bucket_of(pairs, tile_total()), 1u);
+    set_groups(6u, select(step.parts.z, 0u, halted[0] == 1u), UPDATE_GROUP);
 }
 
 fn plan_layers() {
@@ -69,7 +62,7 @@ fn plan_layers() {
         counts[WANTED_LAYERS] = wanted;
         counts[LAYERS] = 0u;
         halted[0] = 1u;
-        set_groups(7u, 0u, UPDATE_GROUP);
+        set_groups(6u, 0u, UPDATE_GROUP);
     }
 }
 

@@ -5,7 +5,7 @@
 @group(0) @binding(2) var<storage, read> data: array<u32>;
 @group(0) @binding(3) var<storage, read_write> sums: array<u32>;
 
-var<workgroup> partial: array<u32, GROUP>;
+alias Addend = u32;
 
 @compute @workgroup_size(GROUP)
 fn scan_reduce(
@@ -23,14 +23,8 @@ fn scan_reduce(
             sum += data[i];
         }
     }
-    partial[local] = sum;
-    for (var half = GROUP / 2u; half > 0u; half /= 2u) {
-        workgroupBarrier();
-        if local < half {
-            partial[local] += partial[local + half];
-        }
-    }
+    let total = group_sum(local, sum);
     if local == 0u && block * GROUP * SCAN_ITEMS < length {
-        sums[block] = partial[0];
+        sums[block] = total;
     }
 }

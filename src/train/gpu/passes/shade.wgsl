@@ -35,7 +35,7 @@ fn shade(r: Record, pixel: vec2<u32>) -> Shade {
     var out: Shade;
     out.offset = offset_from(r.origin, pixel);
     out.ratios = ratios(r.edge0, r.edge1, r.edge2, r.shift, out.offset);
-    if step.modes.x == WINDOW_COVERAGE {
+    if WINDOW == WINDOW_COVERAGE {
         out.ratio = coverage(out.ratios);
     } else {
         out.ratio = window_ratio(out.ratios);
@@ -47,7 +47,7 @@ fn shade(r: Record, pixel: vec2<u32>) -> Shade {
     if !out.is_drawn {
         return out;
     }
-    switch step.modes.x {
+    switch WINDOW {
         case WINDOW_SOFT: {
             out.log2_ratio = log2_lane(out.ratio);
             out.raw = window_alpha(out.log2_ratio, r.log2_opacity, r.sigma);

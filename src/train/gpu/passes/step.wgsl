@@ -24,7 +24,7 @@ const WINDOW_SOFT: u32 = 0u;
 const WINDOW_COVERAGE: u32 = 1u;
 const WINDOW_SIGMOID: u32 = 2u;
 
-// Numbers of a slot: gradients of a splat summed over the pixels of a tile.
+// Numbers of a slot: gradients of a splat summed over the pixels of a tile. Written by splat_sums.wgsl.
 const RGB: u32 = 0u;
 const OPACITY: u32 = 3u;
 const SIGMA: u32 = 4u;
@@ -33,7 +33,7 @@ const PIXELS: u32 = 14u;
 const ERROR: u32 = 15u;
 const MAX_WEIGHT: u32 = 16u;
 const SUM_WEIGHT: u32 = 17u;
-const GEOMETRY: u32 = 18u; // by 1/z, that times p - origin, by the normal
+const PLANE: u32 = 18u; // by 1/z, that times p - origin, by the normal
 
 // Layout of a scene's rows: number j of triangle i of a chunk is at j * triangles of the chunk + i.
 const ROW_OPACITY: u32 = 9u;
@@ -59,25 +59,23 @@ struct Job {
 const TRIANGLES_1: u32 = 0u; // and one
 const SPLATS: u32 = 1u;
 const SPLATS_1: u32 = 2u;
-const SPLAT_DIGITS: u32 = 3u;
-const PAIRS: u32 = 4u;
-const PAIR_DIGITS: u32 = 5u;
-const PIXELS_1: u32 = 6u;
-const LAYERS: u32 = 7u;
-const WANTED_SPLATS: u32 = 8u; // when more than there is room for
-const WANTED_PAIRS: u32 = 9u;
-const WANTED_LAYERS: u32 = 10u;
-const TOUCHED: u32 = 11u;
-const DROPPED: u32 = 12u;
-const LOSS_L1: u32 = 13u; // sums, bits of f32
-const LOSS_MSE: u32 = 14u;
-const LOSS_SSIM: u32 = 15u;
-const LOSS_GEOMETRY: u32 = 16u;
-const SUM_AREA: u32 = 17u;
-const SUM_OPACITY: u32 = 18u;
-const PHOTO_TILES: u32 = 19u;
-const SCENE_GROUPS: u32 = 20u;
-const FRAME_GROUPS: u32 = 21u;
+const PAIRS: u32 = 3u;
+const PIXELS_1: u32 = 4u;
+const LAYERS: u32 = 5u;
+const WANTED_SPLATS: u32 = 6u; // when more than there is room for
+const WANTED_PAIRS: u32 = 7u;
+const WANTED_LAYERS: u32 = 8u;
+const TOUCHED: u32 = 9u;
+const DROPPED: u32 = 10u;
+const LOSS_L1: u32 = 11u; // sums, bits of f32
+const LOSS_MSE: u32 = 12u;
+const LOSS_SSIM: u32 = 13u;
+const LOSS_GEOMETRY: u32 = 14u;
+const SUM_AREA: u32 = 15u;
+const SUM_OPACITY: u32 = 16u;
+const PHOTO_TILES: u32 = 17u;
+const SCENE_GROUPS: u32 = 18u;
+const FRAME_GROUPS: u32 = 19u;
 
 // The index of a workgroup of a dispatch that may have two dimensions.
 fn workgroup_index(workgroup: vec3<u32>, count: vec3<u32>) -> u32 {

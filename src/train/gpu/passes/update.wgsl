@@ -55,12 +55,12 @@ fn corner_grad(splat_index: u32, corners: CameraTriangle, splat: Splat) -> Camer
     var out = splat_grad(corners, step.lens.xy, splat, d);
     if step.modes.z == 1u {
         var by_plane: DepthPlane;
-        by_plane.inv_depth = sum_of(splat_index, GEOMETRY);
-        by_plane.slope = vec2(sum_of(splat_index, GEOMETRY + 1u), sum_of(splat_index, GEOMETRY + 2u));
+        by_plane.inv_depth = sum_of(splat_index, PLANE);
+        by_plane.slope = vec2(sum_of(splat_index, PLANE + 1u), sum_of(splat_index, PLANE + 2u));
         by_plane.normal = vec3(
-            sum_of(splat_index, GEOMETRY + 3u),
-            sum_of(splat_index, GEOMETRY + 4u),
-            sum_of(splat_index, GEOMETRY + 5u),
+            sum_of(splat_index, PLANE + 3u),
+            sum_of(splat_index, PLANE + 4u),
+            sum_of(splat_index, PLANE + 5u),
         );
         let plane = depth_plane(corners, step.lens.xy);
         let more = depth_plane_grad(corners, step.lens.xy, splat, plane, by_plane);
