@@ -174,7 +174,7 @@ impl Mesh {
             self.shell = gather(&self.shell, faces);
         }
         if let Some(texture) = &mut self.texture {
-            texture.uvs = gather(&texture.uvs, faces);
+            *texture = texture.of_faces(faces);
         }
     }
 
@@ -209,10 +209,7 @@ impl Mesh {
             Colors::Face(colors) => Colors::Face(gather(colors, faces)),
             Colors::Vertex(colors) => Colors::Vertex(gather(colors, &vertices)),
         };
-        let texture = self.texture.as_ref().map(|t| {
-            let uvs = gather(&t.uvs, faces);
-            FaceTexture { uvs, texture: t.texture.clone() }
-        });
+        let texture = self.texture.as_ref().map(|texture| texture.of_faces(faces));
         let positions = gather(&self.positions, &vertices);
         Mesh { positions, colors, indices, opacity, normals, shell, texture }
     }
@@ -253,7 +250,7 @@ impl Mesh {
     }
 
     /// Appends the faces of `other`. The result has indices if either has them, colours per face only if both
-    /// have these, and a texture only if both have one and a single picture fits both.
+    /// have these, and a texture only if both have one.
     ///
     /// Errors: more vertices than 32 bits count.
     pub fn append(&mut self, mut other: Mesh) -> Result<()> {
@@ -269,13 +266,18 @@ impl Mesh {
             self.shell.resize(self.face_count(), false);
             other.shell.resize(other.face_count(), false);
         }
-        let joined = match (&mut self.texture, &other.texture) {
+        match (&mut self.texture, &other.texture) {
             (Some(a), Some(b)) => a.append(b),
-            _ => false,
-        };
-        if !joined {
-            self.drop_texture();
-            other.drop_texture();
+            // Without faces there is nothing that a texture lacks.
+            (None, Some(_)) if self.positions.is_empty() => {
+                self.texture = other.texture.as_ref().map(|texture| texture.of_faces(&[]));
+                self.texture.iter_mut().zip(&other.texture).for_each(|(a, b)| a.append(b));
+            }
+            (Some(_), None) if other.positions.is_empty() => {}
+            _ => {
+                self.drop_texture();
+                other.drop_texture();
+            }
         }
         if matches!(self.colors, Colors::Vertex(_)) || matches!(other.colors, Colors::Vertex(_)) {
             self.spread();
@@ -392,10 +394,17 @@ impl Mesh {
         if !self.shell.is_empty() && self.shell.len() != f {
             return shape("mesh shell flag count", self.shell.len(), format!("{f}"));
         }
-        if let Some(texture) = &self.texture
-            && texture.uvs.len() != f
-        {
-            return shape("mesh texture coordinate count", texture.uvs.len(), format!("{f}"));
+        if let Some(texture) = &self.texture {
+            if texture.uvs.len() != f {
+                return shape("mesh texture coordinate count", texture.uvs.len(), format!("{f}"));
+            }
+            if !texture.page_of.is_empty() && texture.page_of.len() != f {
+                return shape("mesh texture page count", texture.page_of.len(), format!("{f}"));
+            }
+            let last = texture.page_of.iter().copied().max().map_or(0, usize::from);
+            if last >= texture.pages.len() {
+                return shape("mesh texture page", last, format!("below {}", texture.pages.len()));
+            }
         }
         match self.indices.par_iter().position_first(|&i| i as usize >= v) {
             Some(i) => shape("mesh index", self.indices[i] as usize, format!("below {v} (face {})", i / 3)),

@@ -66,6 +66,10 @@ pub fn chunk(asset: &mut Asset, options: &ChunkOptions, details: &mut ChunkDetai
     if limit == 0 || faces <= limit {
         asset.chunks = vec![Chunk { first: 0, count: faces as u32 }];
         asset.chunks.extend(backdrop);
+        if by_page(asset) {
+            details.count(asset);
+            return Ok(Outcome::Changed(()));
+        }
         return Ok(Outcome::Unneeded(if limit == 0 {
             "one chunk was asked for"
         } else {
@@ -75,12 +79,47 @@ pub fn chunk(asset: &mut Asset, options: &ChunkOptions, details: &mut ChunkDetai
     let (mut order, chunks) = cut(&asset.mesh, faces, limit);
     order.extend(faces as u32..asset.mesh.face_count() as u32);
     asset.mesh.select(&order);
-    details.chunks = chunks.len() as u64;
-    details.mean_triangles = (faces / chunks.len()) as u64;
     asset.chunks = chunks;
     asset.chunks.extend(backdrop);
+    by_page(asset);
+    details.count(asset);
     asset.bvh = None; // the hierarchy was built for another order of faces
     Ok(Outcome::Changed(()))
+}
+
+impl ChunkDetails {
+    /// Of the scene, without its backdrop.
+    fn count(&mut self, asset: &Asset) {
+        let faces = asset.scene_faces();
+        let of_scene = asset.chunks.iter().filter(|chunk| (chunk.first as usize) < faces).count();
+        self.chunks = of_scene as u64;
+        self.mean_triangles = (faces / of_scene.max(1)) as u64;
+    }
+}
+
+/// Cuts chunks so that all faces of one are on the same page of the texture; within it they keep their order. Returns whether it did.
+pub(super) fn by_page(asset: &mut Asset) -> bool {
+    let Some(texture) = asset.mesh.texture.as_ref().filter(|texture| !texture.page_of.is_empty()) else {
+        return false;
+    };
+    let mut order: Vec<u32> = (0..asset.mesh.face_count() as u32).collect();
+    let mut chunks = Vec::with_capacity(asset.chunks.len());
+    for chunk in &asset.chunks {
+        let run = &mut order[chunk.first as usize..][..chunk.count as usize];
+        run.sort_by_key(|face| texture.page_of[*face as usize]);
+        let mut first = chunk.first;
+        for page in run.chunk_by(|a, b| texture.page_of[*a as usize] == texture.page_of[*b as usize]) {
+            chunks.push(Chunk { first, count: page.len() as u32 });
+            first += page.len() as u32;
+        }
+    }
+    if chunks.len() == asset.chunks.len() {
+        return false;
+    }
+    asset.mesh.select(&order);
+    asset.chunks = chunks;
+    asset.bvh = None;
+    true
 }
 
 /// Cuts the first `faces` into runs of at most `limit`. Returns the order of faces and the runs in that

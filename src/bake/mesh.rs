@@ -1,6 +1,7 @@
 //! The recipe of `trisplat mesh`: from a scene to one connected surface, ready for a file.
 
 use super::behind::take_behind;
+use super::chunk::by_page;
 use super::counts::{count, count_mesh};
 use super::crop::{CropOptions, crop};
 use super::place::up::Evidence;
@@ -8,7 +9,7 @@ use super::place::{PlaceDetails, PlaceOptions, place, placement};
 use super::texture::{TextureOptions, texture};
 use super::viewpoint::viewpoint;
 use super::views::Views;
-use crate::asset::{Asset, Placement, Provenance};
+use crate::asset::{Asset, Chunk, Placement, Provenance};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::formats::output::OutputOptions;
@@ -116,9 +117,17 @@ pub fn mesh(
     report.warnings.extend(report.details::<PlaceDetails>().and_then(|details| details.warning()));
     provenance.generator = Some(generator());
     let known: Vec<Camera> = known.iter().map(|c| placed::to_file(c, &how, DVec3::ZERO)).collect();
-    // More than one chunk: no chunk holds faces of both a scene and its backdrop.
-    let asset = Asset { provenance, chunks: Vec::new(), ..Asset::from(found) };
+    let mut asset = Asset { provenance, ..Asset::from(found) };
+    asset.chunks = scene_and_backdrop(&asset);
+    by_page(&mut asset);
     report.stage(observer, asset, Asset::counts, |asset, details| Ok(viewpoint(asset, &known, details)))
+}
+
+/// No chunk holds faces of both a scene and its backdrop.
+fn scene_and_backdrop(asset: &Asset) -> Vec<Chunk> {
+    let (scene, all) = (asset.scene_faces() as u32, asset.mesh.face_count() as u32);
+    let both = [Chunk { first: 0, count: scene }, Chunk { first: scene, count: all - scene }];
+    both.into_iter().filter(|chunk| chunk.count > 0).collect()
 }
 
 /// The region of the scene that is kept.

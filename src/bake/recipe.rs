@@ -169,17 +169,14 @@ impl<'a> Recipe<'a> {
             .stage(self.observer, asset, Asset::counts, |asset, details| tiles(asset, options, details))
     }
 
-    /// A mesh keeps its texture if no stage changes triangles; otherwise its faces get the mean of their
-    /// texels.
+    /// A mesh keeps its texture unless photos decide what triangles show: then its faces get the mean of their texels first.
     fn untextured(&mut self, mut loaded: Loaded) -> Loaded {
-        let BakeOptions { prune, lod, tiles, .. } = self.options;
-        let changes =
-            self.views.is_some() || prune.max_triangles.is_some() || !lod.lod.is_empty() || tiles.tiles;
         if let Scene::Mesh(mesh) = &mut loaded.scene
-            && changes
+            && self.views.is_some()
             && mesh.drop_texture()
+            && !self.options.texture.texture
         {
-            let warning = "the texture of the input became one colour per triangle: photos, `max_triangles`, `lod` and tiles change triangles";
+            let warning = "the texture of the input became one colour per triangle, because photos decide colours: give `texture` for a new one";
             self.report.warnings.push(warning.to_owned());
         }
         loaded
@@ -216,9 +213,14 @@ impl<'a> Recipe<'a> {
         let Loaded { scene, provenance, warnings, cameras } = loaded;
         let options = &self.options.crop;
         let seen_by = self.views.as_deref().map_or(&cameras[..], Views::cameras);
-        let scene = self
+        let mut scene = self
             .report
             .stage(self.observer, scene, count, |scene, details| crop(scene, seen_by, options, details))?;
+        if let Scene::Mesh(Mesh { texture: Some(texture), .. }) = &mut scene
+            && !options.crop.is_empty()
+        {
+            *texture = texture.excerpt(0, self.options.texture.texture_size);
+        }
         Ok(Loaded { scene, provenance, warnings, cameras })
     }
 

@@ -74,11 +74,12 @@ fn print(info: &Info, out: &mut dyn Write) -> io::Result<()> {
     };
     let colors = format!("mean #{}, #{} to #{}{outside}", hex(colors.mean), hex(colors.min), hex(colors.max));
     line(out, "colors", &colors)?;
-    if let Some(TextureInfo { size: [width, height], stored }) = &info.texture {
+    if let Some(TextureInfo { size: [width, height], pages, stored }) = &info.texture {
         let stored = stored.as_ref().map_or(String::new(), |stored| {
             format!(", {} of {} bytes", stored.format, thousands(stored.bytes))
         });
-        line(out, "texture", &format!("{width}x{height} texels{stored}"))?;
+        let pages = if *pages > 1 { format!("{pages} pages of up to ") } else { String::new() };
+        line(out, "texture", &format!("{pages}{width}x{height} texels{stored}"))?;
     }
     for (name, spread) in [("opacity", &info.opacity), ("sigma", &info.sigma)] {
         if let Some(spread) = spread {

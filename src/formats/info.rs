@@ -152,18 +152,36 @@ pub struct ColorStats {
 /// The texture of a mesh.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct TextureInfo {
-    /// Width and height, texels.
+    /// Width and height of the largest page, texels.
     pub size: [u32; 2],
-    /// How the file holds it; none where several pictures were joined.
+    /// How many pictures it has.
+    #[serde(default = "one_page", skip_serializing_if = "is_one_page")]
+    pub pages: u32,
+    /// How the file holds it, all pages together.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stored: Option<StoredPicture>,
 }
 
 impl TextureInfo {
     fn of(texture: &FaceTexture) -> Self {
-        let texture = &texture.texture;
-        Self { size: texture.size().to_array(), stored: texture.stored().cloned() }
+        let sizes = texture.pages.iter().map(|page| page.size());
+        let size = sizes.max_by_key(|size| size.element_product()).unwrap_or_default();
+        let stored: Option<Vec<&StoredPicture>> = texture.pages.iter().map(|page| page.stored()).collect();
+        let stored = stored.filter(|pages| pages.windows(2).all(|pair| pair[0].format == pair[1].format));
+        let together = |pages: Vec<&StoredPicture>| {
+            let bytes = pages.iter().map(|page| page.bytes).sum();
+            pages.first().map(|first| StoredPicture { bytes, ..(*first).clone() })
+        };
+        Self { size: size.to_array(), pages: texture.pages.len() as u32, stored: stored.and_then(together) }
     }
+}
+
+fn one_page() -> u32 {
+    1
+}
+
+fn is_one_page(pages: &u32) -> bool {
+    *pages == 1
 }
 
 /// What a glTF document holds.

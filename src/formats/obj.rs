@@ -22,6 +22,7 @@ use crate::math::color::{linear_from_srgb, linear_of_srgb8, srgb_from_linear};
 use crate::math::srgb8::srgb8_from_linear;
 use crate::mesh::{Colors, Mesh};
 use crate::scene::{Loaded, Scene};
+use crate::texture::FaceTexture;
 use glam::{DVec3, Vec2, Vec3};
 use materials::Materials;
 use std::io::{self, Write};
@@ -263,7 +264,8 @@ pub fn write(
 ) -> io::Result<()> {
     let mesh = &asset.mesh;
     let lit = !mesh.normals.is_empty();
-    let texture = mesh.texture.as_ref().zip(picture);
+    let joined = mesh.texture.as_ref().map(FaceTexture::joined);
+    let texture = joined.as_ref().zip(picture);
     writeln!(mtl, "newmtl trisplat\nKd 1 1 1\nillum {}", u8::from(lit))?;
     if let Some((_, picture)) = texture {
         writeln!(mtl, "map_Kd -clamp on {picture}")?;

@@ -411,7 +411,7 @@ impl SetWriter<'_> {
         self.written.extend(second);
         if let (Some(path), Some(texture)) = (&output.picture, &asset.mesh.texture) {
             let mut file = self.started.take(path)?;
-            let bytes = self.options.texture_format.bytes(texture.texture.picture())?;
+            let bytes = self.options.texture_format.bytes(texture.joined().pages[0].picture())?;
             file.write_all(&bytes).map_err(|e| Error::io(path, e))?;
             self.written.push(file);
         }

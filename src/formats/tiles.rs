@@ -15,6 +15,9 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::xxh3_64;
 
+/// Largest side of a tile's texture, texels: what today's phones draw.
+const LARGEST_TEXTURE: u32 = 4096;
+
 /// The ending of a tileset's name.
 pub const ENDING: &str = "tileset.json";
 
@@ -186,7 +189,15 @@ impl TileFiles {
         asset: &Asset,
         options: &GltfOptions,
     ) -> Result<String> {
-        self.put(tileset, name, "glb", &to_glb_bytes(asset, options)?)
+        match &asset.mesh.texture {
+            None => self.put(tileset, name, "glb", &to_glb_bytes(asset, options)?),
+            // A file shows a part of the scene: it has only that part's texels.
+            Some(texture) => {
+                let mut own = asset.clone();
+                own.mesh.texture = Some(texture.excerpt(0, LARGEST_TEXTURE));
+                self.put(tileset, name, "glb", &to_glb_bytes(&own, options)?)
+            }
+        }
     }
 
     /// Writes one file, unless it exists with these bytes; returns its name relative to the tileset.

@@ -9,6 +9,7 @@ mod hierarchy;
 mod hostile;
 mod levels;
 mod lit;
+mod pages;
 mod photos;
 mod reshape;
 mod robustness;

@@ -19,7 +19,7 @@ use trisplat::report::{Outcome, Report, StageProgress};
 use trisplat::scene::{Loaded, Scene};
 
 const DRAWING: SolidRasterOptions = SolidRasterOptions { background: [0.0; 3], samples: 4, near: 0.01 };
-const ON: TextureOptions = TextureOptions { texture: true, ..TextureOptions::DEFAULT };
+pub(super) const ON: TextureOptions = TextureOptions { texture: true, ..TextureOptions::DEFAULT };
 
 /// A wall of `across` by `across` squares of two triangles, 2 wide, with one colour each; slightly bent.
 fn wall(across: u32, color: impl Fn(f32, f32) -> [f32; 3]) -> Mesh {
@@ -36,7 +36,7 @@ fn wall(across: u32, color: impl Fn(f32, f32) -> [f32; 3]) -> Mesh {
     Mesh { positions, colors: Colors::Face(colors), ..Mesh::default() }
 }
 
-fn grey(across: u32) -> Mesh {
+pub(super) fn grey(across: u32) -> Mesh {
     wall(across, |_, _| [0.2; 3])
 }
 
@@ -48,7 +48,7 @@ fn painted() -> Mesh {
     })
 }
 
-fn cameras() -> Vec<Camera> {
+pub(super) fn cameras() -> Vec<Camera> {
     let lens = Camera {
         rotation: glam::Mat3::IDENTITY,
         translation: Vec3::ZERO,
@@ -60,18 +60,18 @@ fn cameras() -> Vec<Camera> {
     (0..20).map(|i| lens.looking(eye(i), Vec3::ZERO, Vec3::NEG_Y)).collect()
 }
 
-fn photos() -> Vec<Pixels> {
+pub(super) fn photos() -> Vec<Pixels> {
     cameras().iter().map(|camera| Solid::new().render(&painted(), camera, &DRAWING)).collect()
 }
 
-fn textured(mesh: &mut Mesh, options: &TextureOptions) -> (Result<Outcome<()>>, TextureDetails) {
+pub(super) fn textured(mesh: &mut Mesh, options: &TextureOptions) -> (Result<Outcome<()>>, TextureDetails) {
     let (mut views, mut details) = (Views::drawn(cameras(), photos()), TextureDetails::default());
     let outcome = texture(mesh, Some(&mut views), options, &mut details, &mut StageProgress::new(&mut ()));
     (outcome, details)
 }
 
 /// PSNR of a mesh against the painted wall from between the cameras, dB.
-fn psnr(mesh: &Mesh) -> f64 {
+pub(super) fn psnr(mesh: &Mesh) -> f64 {
     let camera = cameras()[0].looking(Vec3::new(0.23, 0.11, -2.4), Vec3::ZERO, Vec3::NEG_Y);
     let [wants, got] = [&painted(), mesh].map(|mesh| Solid::new().render(mesh, &camera, &DRAWING));
     metric::psnr(&wants.rgb, &got.rgb, None)
@@ -119,11 +119,12 @@ fn the_texture_does_not_depend_on_the_number_of_threads() {
 
 #[test]
 fn a_texture_is_as_small_as_it_is_asked_to_be() {
-    let (outcome, _) = textured(&mut grey(50), &TextureOptions { texture_size: 64, ..ON });
+    let one_page = TextureOptions { texture_pages: 1, ..ON };
+    let (outcome, _) = textured(&mut grey(50), &TextureOptions { texture_size: 64, ..one_page.clone() });
     assert!(outcome.unwrap_err().to_string().contains("5000 triangles"));
     for most in [64, 128, 4096] {
         let mut mesh = grey(16);
-        let (_, details) = textured(&mut mesh, &TextureOptions { texture_size: most, ..ON });
+        let (_, details) = textured(&mut mesh, &TextureOptions { texture_size: most, ..one_page.clone() });
         let [width, height] = details.size.unwrap();
         assert!(width <= most && height <= most && width.is_power_of_two() && height.is_power_of_two());
         assert!((most >= 4096) == (details.texels_per_pixel == Some(0.7)), "{details:?}");
@@ -143,7 +144,7 @@ fn without_photos_it_says_what_it_wants() {
     assert!(matches!(run(&TextureOptions::DEFAULT).unwrap(), Outcome::Unneeded(_)));
 }
 
-fn read(glb: &[u8]) -> Loaded {
+pub(super) fn read(glb: &[u8]) -> Loaded {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.glb");
     std::fs::write(&path, glb).unwrap();
@@ -151,7 +152,7 @@ fn read(glb: &[u8]) -> Loaded {
 }
 
 /// A wall with its texture, through the whole bake.
-fn baked(input: Mesh) -> Asset {
+pub(super) fn baked(input: Mesh) -> Asset {
     let mut views = Views::drawn(cameras(), photos());
     let options = BakeOptions { texture: ON, ..BakeOptions::preset(trisplat::bake::BakePreset::Fast) };
     Bake::new(&options).photos(&mut views).run([Loaded::from(Scene::Mesh(input))]).unwrap()
@@ -163,7 +164,7 @@ fn a_textured_file_reads_back_as_it_was() {
     let options = GltfOptions { texture: TextureFormat::Png, ..GltfOptions::default() };
     let Scene::Mesh(back) = read(&to_glb_bytes(&asset, &options).unwrap()).scene else { panic!("a mesh") };
     let (of_asset, of_file) = (asset.mesh.texture.as_ref().unwrap(), back.texture.as_ref().unwrap());
-    assert!(of_asset.texture == of_file.texture, "PNG is exact");
+    assert!(of_asset.pages == of_file.pages, "PNG is exact");
     assert_eq!(asset.mesh.positions, back.positions);
     for (a, b) in of_asset.uvs.as_flattened().iter().zip(of_file.uvs.as_flattened()) {
         assert!(a.distance(*b) < 2e-5, "{a} {b}");
@@ -191,23 +192,21 @@ fn a_texture_that_is_baked_again_is_kept_where_triangles_stay_as_they_are() {
     let (kept, warnings) = again(None, 1);
     assert!(kept.is_some() && !says(&warnings), "{warnings:?}");
     let (joined, warnings) = again(None, 2);
-    assert_eq!(joined.unwrap().texture.size().y, 2 * kept.unwrap().texture.size().y);
+    assert_eq!((joined.unwrap().pages.len(), kept.unwrap().pages.len()), (2, 1));
     assert!(!says(&warnings), "{warnings:?}");
-    let (dropped, warnings) = again(Some(20), 1);
-    assert!(dropped.is_none() && says(&warnings), "{warnings:?}");
+    let (fewer, warnings) = again(Some(20), 1);
+    assert!(fewer.unwrap().uvs.len() == 20 && !says(&warnings), "{warnings:?}");
 }
 
 #[test]
 fn what_holds_no_texture_is_refused_before_any_work() {
     let mut options = BakeOptions { texture: ON, ..BakeOptions::DEFAULT };
-    for name in ["scene.ply", "scene.tileset.json"] {
-        let message = options.plan_output(Path::new(name), None).unwrap_err().to_string();
-        assert!(message.contains(".glb"), "{name}: {message}");
-    }
-    for name in ["scene.gltf", "scene.obj", "scene.html"] {
+    let message = options.plan_output(Path::new("scene.ply"), None).unwrap_err().to_string();
+    assert!(message.contains(".glb"), "{message}");
+    for name in ["scene.gltf", "scene.obj", "scene.html", "scene.tileset.json"] {
         options.plan_output(Path::new(name), None).unwrap();
     }
-    options.lod.lod = vec![0.5];
+    (options.lod.lod, options.tiles.tiles) = (vec![0.5], false);
     options.plan_output(Path::new("scene.glb"), None).unwrap();
 }
 
@@ -225,14 +224,14 @@ fn levels_have_textures_of_their_own() {
     let level = |asset: &Asset| asset.levels[0].mesh.clone();
     let (before, after) = (psnr(&level(&plain)), psnr(&level(&textured)));
     assert!(after > before + 6.0, "{before} {after}");
-    let texels = |mesh: &Mesh| mesh.texture.as_ref().unwrap().texture.size().element_product();
+    let texels = |mesh: &Mesh| mesh.texture.as_ref().unwrap().pages[0].size().element_product();
     let [scene, level] = [&textured.mesh, &level(&textured)].map(texels);
     // Its triangles are half as many, and enlarged.
     assert!(level <= scene, "{level} of {scene}");
 }
 
 /// The grey wall as a connected surface.
-fn connected(across: u32) -> Mesh {
+pub(super) fn connected(across: u32) -> Mesh {
     let mut mesh = grey(across);
     let (mut positions, mut indices) = (Vec::<Vec3>::new(), Vec::new());
     for corner in &mesh.positions {
@@ -308,7 +307,7 @@ fn obj_files_hold_the_texture_beside_them() {
         assert_eq!(back.warnings, [""; 0]);
         let Scene::Mesh(back) = back.scene else { panic!("a mesh") };
         assert_eq!((&back.positions, &back.indices), (&mesh.positions, &mesh.indices));
-        assert!(mesh.texture.unwrap().texture == back.texture.as_ref().unwrap().texture, "PNG is exact");
+        assert!(mesh.texture.unwrap().pages == back.texture.as_ref().unwrap().pages, "PNG is exact");
         assert!((psnr(&back) - wants).abs() < 0.1);
     }
 }

@@ -319,7 +319,7 @@ fn a_texture_is_described_and_one_that_is_missing_is_named() {
     let mut textured = asset(4);
     let picture = Pixels { size: glam::UVec2::new(48, 32), rgb: vec![[200, 90, 10]; 48 * 32], alpha: None };
     let uvs = vec![[glam::Vec2::ZERO, glam::Vec2::X, glam::Vec2::Y]; 4];
-    textured.mesh.texture = Some(FaceTexture { uvs, texture: std::sync::Arc::new(Texture::new(picture)) });
+    textured.mesh.texture = Some(FaceTexture::new(uvs, std::sync::Arc::new(Texture::new(picture))));
     let bytes = written(&textured, &GltfOptions::default());
     let path = folder.write("scene.glb", &bytes);
     let options = trisplat::ReadOptions::default();

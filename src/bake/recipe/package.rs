@@ -26,6 +26,11 @@ const EVALUATION_VIEWS: usize = 12;
 /// Texels per pixel that a level has at least.
 const LEAST_DENSITY: f64 = 0.05;
 
+/// How often the texture of a scene is halved for a level with this share of its triangles: it is seen from farther away.
+fn halvings(share: f64) -> usize {
+    (-0.5 * share.clamp(1e-6, 1.0).log2()).round() as usize
+}
+
 impl Recipe<'_> {
     /// The part of the recipe that prepares a mesh for a file.
     pub(super) fn package(&mut self, mesh: Mesh, mut provenance: Provenance) -> Result<Asset> {
@@ -136,6 +141,9 @@ impl Recipe<'_> {
             behind.clone().map_or(Ok(()), |backdrop| level.append(backdrop))?;
             let level = of_level.paint(level, faces)?;
             let mut level = of_level.texture(level)?;
+            if let (Some(_), Some(texture)) = (&source.mesh.texture, &mut level.texture) {
+                *texture = texture.excerpt(halvings(share), of_levels.texture.texture_size);
+            }
             let psnr = of_level.evaluate(&level)?;
             let mut provenance = provenance.clone();
             provenance.backdrop = (level.face_count() - faces) as u32;

@@ -22,14 +22,18 @@ pub enum TextureDetail {
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct TextureOptions {
-    /// Give triangles texels in place of one colour each, from the photos: more detail for few triangles. For .glb, .gltf, .html and
-    /// .obj files
+    /// Give triangles texels in place of one colour each, from the photos: more detail for few triangles. For .glb, .gltf, .html, .obj
+    /// and .tileset.json files
     #[cfg_attr(feature = "cli", arg(long))]
     pub texture: bool,
-    /// Largest width and height of the texture, texels; where it does not suffice, all triangles have fewer texels
+    /// Largest width and height of a page of the texture, texels
     #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texture_size))]
     #[schemars(range(min = 64, max = 8192))]
     pub texture_size: u32,
+    /// Most pages of the texture; where they do not suffice, all triangles have fewer texels. Each page needs up to 0.9 GB of memory
+    #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texture_pages))]
+    #[schemars(range(min = 1, max = 16))]
+    pub texture_pages: u32,
     /// Texels for each pixel along an edge, in the photos that see it
     #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texels_per_pixel))]
     #[schemars(range(min = 0.05, max = 4.0))]
@@ -48,6 +52,7 @@ impl TextureOptions {
     pub const DEFAULT: Self = Self {
         texture: false,
         texture_size: 4096,
+        texture_pages: 4,
         texels_per_pixel: 0.7,
         texture_flatness: 1.0,
         texture_detail: TextureDetail::Auto,
@@ -57,9 +62,8 @@ impl TextureOptions {
     ///
     /// Errors: a format without textures.
     pub fn check_format(&self, path: &Path, format: OutputFormat) -> Result<()> {
-        if self.texture && matches!(format, OutputFormat::Ply | OutputFormat::Tiles) {
-            let wants =
-                "a name ending in .glb, .gltf, .html or .obj, whose files hold a texture, or no `texture`";
+        if self.texture && format == OutputFormat::Ply {
+            let wants = "a name ending in .glb, .gltf, .html, .obj or .tileset.json, whose files hold a texture, or no `texture`";
             return Err(Error::invalid("output", path.display(), wants));
         }
         Ok(())

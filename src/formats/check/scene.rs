@@ -22,8 +22,10 @@ pub(super) fn check_mesh(mesh: &Mesh, findings: &mut Findings) {
     let faint = list(mesh.opacity.len(), |face| mesh.opacity[face] < 1.0);
     report(&faint, findings, Severity::Warning, "are translucent: engines sort and blend them per object");
     if let Some(texture) = &mesh.texture {
-        let size = texture.texture.size();
-        if size.max_element() > LARGEST_TEXTURE {
+        let sizes = texture.pages.iter().map(|page| page.size());
+        if let Some(size) = sizes.max_by_key(|size| size.max_element())
+            && size.max_element() > LARGEST_TEXTURE
+        {
             let what = format!("{}x{} texels: phones draw {LARGEST_TEXTURE} a side at most", size.x, size.y);
             findings.warning("texture", what);
         }

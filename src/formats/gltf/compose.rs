@@ -41,12 +41,14 @@ fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
     let required: Vec<String> = required.collect();
     let (mut buffer_views, buffers) = buffers(content, bin_name)?;
     let mut accessors = Vec::with_capacity(buffer_views.len());
-    let painted = content.picture.as_ref().map(|picture| {
-        buffer_views.push(picture_view(picture));
-        texture(index(buffer_views.len() - 1), options.texture)
-    });
-    let (images, samplers, textures) = painted.unwrap_or_default();
-    let materials = materials(content);
+    let streams = buffer_views.len();
+    buffer_views.extend(content.pictures.iter().map(picture_view));
+    let pages = 0..content.pictures.len();
+    let images = pages.clone().map(|page| image(index(streams + page), page, options.texture)).collect();
+    let textures = pages.clone().map(texture).collect();
+    let samplers = pages.take(1).map(|_| sampler()).collect();
+    let painted = painted(parts);
+    let materials: Vec<Material> = painted.iter().map(|of| material(content, *of)).collect();
     let unlit = materials.iter().any(|material| material.extensions.is_some());
     // A file with only a backdrop, or a tile, has no viewpoint.
     let viewpoint = content.asset.provenance.viewpoint.as_ref().filter(|viewpoint| viewpoint.is_possible());
@@ -55,12 +57,7 @@ fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
     let meshes = parts
         .iter()
         .map(|part| {
-            let material = match part.kind {
-                PartKind::Scene => Some(0),
-                // The backdrop's material is the last.
-                PartKind::Backdrop => Some(materials.len() - 1),
-                PartKind::Collision => None,
-            };
+            let material = painted.iter().position(|of| *of == (part.kind, part.page));
             mesh(part, material, options, &mut accessors)
         })
         .collect::<Result<_>>()?;
@@ -118,31 +115,37 @@ fn extras(content: &Content, pretty: bool) -> Result<Box<RawValue>> {
     RawValue::from_string(serde_json::to_string_pretty(&extras)?.replace('\n', "\n    "))
 }
 
-/// The scene's material, seen from both sides, and the backdrop's, seen from its front.
-fn materials(content: &Content) -> Vec<Material> {
-    let name = &content.options.material_name;
-    // Godot takes the end of a material's name as a hint.
-    let hint = name.rfind('-').map_or("", |at| &name[at..]);
-    let has = |kind| content.parts.iter().any(|part| part.kind == kind);
-    let lit = content.parts.iter().any(|part| part.lit);
-    let texture = content.picture.is_some();
-    let scene = has(PartKind::Scene).then(|| material(name, true, lit, texture));
-    // Surfaces far behind a scene have their own light.
-    let backdrop =
-        has(PartKind::Backdrop).then(|| material(&format!("{BACKDROP}{hint}"), false, false, texture));
-    scene.into_iter().chain(backdrop).collect()
+/// What has a material of its own: the scene and its backdrop on each page, the backdrop last.
+fn painted(parts: &[ScenePart]) -> Vec<(PartKind, usize)> {
+    let mut painted: Vec<(PartKind, usize)> = Vec::new();
+    for kind in [PartKind::Scene, PartKind::Backdrop] {
+        let mut pages: Vec<usize> =
+            parts.iter().filter(|part| part.kind == kind).map(|part| part.page).collect();
+        pages.sort_unstable();
+        pages.dedup();
+        painted.extend(pages.into_iter().map(|page| (kind, page)));
+    }
+    painted
 }
 
-fn material(name: &str, double_sided: bool, lit: bool, texture: bool) -> Material {
+/// The scene's material, seen from both sides, or the backdrop's, seen from its front.
+fn material(content: &Content, (kind, page): (PartKind, usize)) -> Material {
+    let name = &content.options.material_name;
+    // Godot takes the end of a material's name as a hint.
+    let (plain, hint) = name.split_at(name.rfind('-').unwrap_or(name.len()));
+    let plain = if kind == PartKind::Backdrop { BACKDROP } else { plain };
+    let number = if page == 0 { String::new() } else { format!("_{page}") };
+    // Surfaces far behind a scene have their own light.
+    let lit = kind == PartKind::Scene && content.parts.iter().any(|part| part.lit);
     Material {
-        name: Some(name.to_owned()),
-        double_sided,
+        name: Some(format!("{plain}{number}{hint}")),
+        double_sided: kind == PartKind::Scene,
         // As matt as possible, also for viewers that do not know unlit.
         pbr_metallic_roughness: PbrMetallicRoughness {
             metallic_factor: StrengthFactor(0.0),
             roughness_factor: StrengthFactor(1.0),
-            base_color_texture: texture.then(|| Info {
-                index: index(0),
+            base_color_texture: (!content.pictures.is_empty()).then(|| Info {
+                index: index(page),
                 tex_coord: 0,
                 extensions: None,
                 extras: None,
@@ -157,7 +160,7 @@ fn material(name: &str, double_sided: bool, lit: bool, texture: bool) -> Materia
     }
 }
 
-/// The place of the texture's picture: never compressed, so in the file's own buffer.
+/// The place of a page's picture: never compressed, so in the file's own buffer.
 fn picture_view(picture: &Picture) -> View {
     View {
         buffer: index(0),
@@ -171,35 +174,43 @@ fn picture_view(picture: &Picture) -> View {
     }
 }
 
-/// The texture of a picture in a view, with mip levels and without repetition.
-fn texture(view: Index<View>, format: TextureFormat) -> (Vec<Image>, Vec<Sampler>, Vec<Texture>) {
-    let image = Image {
+/// The picture of a page, in a view.
+fn image(view: Index<View>, page: usize, format: TextureFormat) -> Image {
+    Image {
         buffer_view: Some(view),
         mime_type: Some(MimeType(format.media_type().to_owned())),
-        name: Some(TEXTURE.to_owned()),
+        name: Some(page_name(page)),
         uri: None,
         extensions: None,
         extras: None,
-    };
-    let sampler = Sampler {
+    }
+}
+
+/// With mip levels and without repetition.
+fn sampler() -> Sampler {
+    Sampler {
         mag_filter: Some(Valid(MagFilter::Linear)),
         min_filter: Some(Valid(MinFilter::LinearMipmapLinear)),
         wrap_s: Valid(WrappingMode::ClampToEdge),
         wrap_t: Valid(WrappingMode::ClampToEdge),
         ..Sampler::default()
-    };
-    let texture = Texture {
-        name: Some(TEXTURE.to_owned()),
-        sampler: Some(index(0)),
-        source: index(0),
-        extensions: None,
-        extras: None,
-    };
-    (vec![image], vec![sampler], vec![texture])
+    }
 }
 
-/// Name of the texture and of its picture.
-const TEXTURE: &str = "texture";
+fn texture(page: usize) -> Texture {
+    Texture {
+        name: Some(page_name(page)),
+        sampler: Some(index(0)),
+        source: index(page),
+        extensions: None,
+        extras: None,
+    }
+}
+
+/// Name of the texture of a page and of its picture.
+fn page_name(page: usize) -> String {
+    if page == 0 { "texture".to_owned() } else { format!("texture_{page}") }
+}
 
 fn node(mesh: usize, part: &ScenePart) -> Node {
     Node {

@@ -20,8 +20,8 @@ pub(super) struct Content<'a> {
     /// Start of each stream in the file's buffer, in file order.
     pub(super) starts: Vec<u64>,
     pub(super) bin_bytes: u64,
-    /// The picture of the texture, behind the streams, when there is one.
-    pub(super) picture: Option<Picture>,
+    /// The pages of the texture, behind the streams, when there is one.
+    pub(super) pictures: Vec<Picture>,
 }
 
 /// A picture in the file's buffer.
@@ -42,14 +42,14 @@ impl<'a> Content<'a> {
             Some(streams) => stream_offsets(streams.iter().map(|s| s.len() as u64)),
             None => stream_offsets(all_streams(&parts).map(|(part, stream)| part.bytes(stream, options))),
         };
-        let texture = asset.mesh.texture.as_ref();
-        let picture = texture.map(|t| options.texture.bytes(t.texture.picture())).transpose()?;
-        let picture = picture.map(|bytes| {
+        let mut pictures = Vec::new();
+        for page in asset.mesh.texture.iter().flat_map(|texture| &texture.pages) {
+            let bytes = options.texture.bytes(page.picture())?;
             let start = bin_bytes.next_multiple_of(4);
             bin_bytes = start + bytes.len() as u64;
-            Picture { start, bytes }
-        });
-        Ok(Self { asset, options, parts, compressed, starts, bin_bytes, picture })
+            pictures.push(Picture { start, bytes });
+        }
+        Ok(Self { asset, options, parts, compressed, starts, bin_bytes, pictures })
     }
 
     /// Streams the binary buffer, padding between the streams included.
@@ -70,9 +70,10 @@ impl<'a> Content<'a> {
                 }
             };
         }
-        if let Some(picture) = &self.picture {
+        for picture in &self.pictures {
             write_padding(out, at)?;
             out.write_all(&picture.bytes)?;
+            at = picture.start + picture.bytes.len() as u64;
         }
         Ok(())
     }

@@ -39,6 +39,8 @@ pub(super) struct ScenePart<'a> {
     /// The mesh of the faces.
     pub(super) mesh: &'a Mesh,
     pub(super) faces: Range<usize>,
+    /// The page of the texture that all of them are on.
+    pub(super) page: usize,
     pub(super) vertices: PartVertices<'a>,
     /// True when faces share vertices and an index stream is written.
     pub(super) indexed: bool,
@@ -200,6 +202,7 @@ pub(super) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) ->
 fn named_ranges(asset: &Asset, node_name: &str) -> Result<Vec<(PartKind, String, Range<usize>)>> {
     let scene = asset.scene_faces();
     let ranges = face_ranges(&asset.chunks, asset.mesh.face_count(), scene)?;
+    let ranges = of_one_page(ranges, &asset.mesh);
     let single = ranges.iter().filter(|faces| faces.start < scene).count() == 1;
     let named = |(i, faces): (usize, Range<usize>)| {
         let (kind, name) = match (faces.start >= scene, single) {
@@ -210,6 +213,22 @@ fn named_ranges(asset: &Asset, node_name: &str) -> Result<Vec<(PartKind, String,
         (kind, name, faces)
     };
     Ok(ranges.into_iter().enumerate().map(named).collect())
+}
+
+/// The ranges cut where the page of the texture changes: a primitive has one.
+fn of_one_page(ranges: Vec<Range<usize>>, mesh: &Mesh) -> Vec<Range<usize>> {
+    let Some(texture) = mesh.texture.as_ref().filter(|texture| !texture.page_of.is_empty()) else {
+        return ranges;
+    };
+    let mut cut = Vec::with_capacity(ranges.len());
+    for range in ranges {
+        let mut first = range.start;
+        for run in texture.page_of[range].chunk_by(|a, b| a == b) {
+            cut.push(first..first + run.len());
+            first += run.len();
+        }
+    }
+    cut
 }
 
 /// Names of the scene's own nodes.
@@ -259,6 +278,7 @@ fn part<'a>(
         name,
         kind: PartKind::Scene,
         mesh,
+        page: mesh.texture.as_ref().map_or(0, |texture| texture.page(faces.start)),
         faces,
         vertices,
         indexed,

@@ -134,7 +134,6 @@ impl<C> ShadeTile<'_, '_, C> {
 
     /// Shades samples as engines filter textures: trilinear, at the level where a texel is as large as a pixel.
     fn shade_textured(&self, y: usize, texture: &FaceTexture, row: &mut SampleRow) {
-        let size = texture.texture.size().as_vec2();
         let mut seen = (NO_FACE, None);
         for (x, face) in self.faces::<TILE_WIDTH>(0, y).into_iter().enumerate() {
             let mut color = self.background;
@@ -144,13 +143,15 @@ impl<C> ShadeTile<'_, '_, C> {
                         (face, Some(FaceBarycentrics::new(self.projector, self.mesh.corners(face as usize))));
                 }
                 let (Some(weights), uvs) = (&seen.1, &texture.uvs[face as usize]) else { continue };
+                let page = texture.texture(face as usize);
+                let size = page.size().as_vec2();
                 let at = |x: u32, y: u32| weights.mixed(self.projector.ray(x, y), uvs);
                 let (x, y) = (self.corner[0] + x as u32, self.corner[1] + y as u32);
                 let here = at(x, y);
                 let step = [at(x + 1, y), at(x, y + 1)].map(|next| (next - here) * size);
                 let texels = step[0].length_squared().max(step[1].length_squared());
                 let level = 0.5 * libm::log2f(texels) + libm::log2f(self.projector.samples as f32);
-                color = texture.texture.sample(weights.inside(self.projector.ray(x, y), uvs), level);
+                color = page.sample(weights.inside(self.projector.ray(x, y), uvs), level);
             }
             for c in 0..3 {
                 row[c][x] = color[c];

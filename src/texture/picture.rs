@@ -1,4 +1,4 @@
-//! Textures of triangles: texels, their mip levels, and sampling as in an engine.
+//! A picture with its mip levels, and sampling as in an engine.
 
 use crate::error::Result;
 use crate::image::Pixels;
@@ -10,12 +10,6 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-use std::sync::Arc;
-
-/// Largest side of joined pictures, texels.
-const LARGEST: u32 = 8192;
-/// Joined pictures begin at multiples of this, so that mip levels up to the fifth do not mix them.
-const WHOLE: u32 = 32;
 
 /// A picture and its mip levels, each half the size of the previous one, down to one texel. sRGB codes.
 #[derive(Debug, Clone)]
@@ -68,6 +62,11 @@ impl Texture {
     /// The picture itself.
     pub fn picture(&self) -> &Pixels {
         &self.levels[0]
+    }
+
+    /// The picture, or a mip level of it: the same with half of the texels along each side, `halvings` times.
+    pub fn level(&self, halvings: usize) -> &Pixels {
+        &self.levels[halvings.min(self.levels.len() - 1)]
     }
 
     /// Width and height, texels.
@@ -125,75 +124,6 @@ fn halved(finer: &Pixels) -> Pixels {
     Pixels { size, rgb: rows.collect(), alpha: None }
 }
 
-/// The texture coordinates of a mesh's faces.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FaceTexture {
-    /// Places of each face's corners on it: (0, 0) is its upper left corner, (1, 1) its lower right one.
-    /// `[F]`
-    pub uvs: Vec<[Vec2; 3]>,
-    /// The texture.
-    pub texture: Arc<Texture>,
-}
-
-impl FaceTexture {
-    /// Joins another texture below this one in one picture, and appends its faces. Returns whether it fits.
-    pub fn append(&mut self, other: &FaceTexture) -> bool {
-        if Arc::ptr_eq(&self.texture, &other.texture) {
-            self.uvs.extend(&other.uvs);
-            return true;
-        }
-        let (above, below) = (self.texture.picture(), other.texture.picture());
-        let first = above.size.y.next_multiple_of(WHOLE);
-        let size = UVec2::new(above.size.x.max(below.size.x), first + below.size.y);
-        if size.max_element() > LARGEST {
-            return false;
-        }
-        let rgb = (0..size.y).into_par_iter().flat_map_iter(|y| {
-            let (from, y) = if y < first { (above, y.min(above.size.y - 1)) } else { (below, y - first) };
-            let row = &from.rgb[(y * from.size.x) as usize..][..from.size.x as usize];
-            // The border of a picture continues beside and below it.
-            row.iter().chain(std::iter::repeat(&row[row.len() - 1])).take(size.x as usize).copied()
-        });
-        let rgb = rgb.collect();
-        let moved = |picture: &Pixels, top: u32| {
-            let (scale, top) =
-                (picture.size.as_vec2() / size.as_vec2(), Vec2::new(0.0, top as f32 / size.y as f32));
-            move |uvs: &[Vec2; 3]| uvs.map(|uv| uv * scale + top)
-        };
-        let uvs = self.uvs.iter().map(moved(above, 0)).chain(other.uvs.iter().map(moved(below, first)));
-        self.uvs = uvs.collect();
-        self.texture = Arc::new(Texture::new(Pixels { size, rgb, alpha: None }));
-        true
-    }
-
-    /// Places of the vertices of a mesh with these indices, if faces that share a vertex agree; `[V]`.
-    /// Without indices, vertices are the corners of faces. An unused vertex is at the origin.
-    pub fn of_vertices(&self, indices: &[u32], vertices: usize) -> Option<Vec<Vec2>> {
-        if indices.is_empty() {
-            return Some(self.uvs.as_flattened().to_vec());
-        }
-        let mut at = vec![Vec2::NAN; vertices];
-        for (vertex, uv) in indices.iter().zip(self.uvs.as_flattened()) {
-            let known = &mut at[*vertex as usize];
-            if known.is_nan() {
-                *known = *uv;
-            } else if known != uv {
-                return None;
-            }
-        }
-        at.iter_mut().filter(|uv| uv.is_nan()).for_each(|uv| *uv = Vec2::ZERO);
-        Some(at)
-    }
-
-    /// Mean linear colour of a face, from the level where it covers about one texel.
-    pub fn mean(&self, face: usize) -> [f32; 3] {
-        let [a, b, c] = self.uvs[face];
-        let size = self.texture.size().as_vec2();
-        let texels = ((b - a) * size).perp_dot((c - a) * size).abs() / 2.0;
-        self.texture.sample((a + b + c) / 3.0, 0.5 * libm::log2f(texels.max(1.0)))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -212,28 +142,6 @@ mod tests {
             // Half of the light is code 188, not 128.
             assert!(texture.levels[level].rgb.iter().all(|t| *t == [188; 3]), "{level}");
         }
-    }
-
-    #[test]
-    fn joined_textures_show_what_each_showed() {
-        let at = |i: u32, n: u32| [(i * 37 % 251) as u8, (i % n) as u8, (i / n) as u8];
-        let of = |size: UVec2| {
-            let rgb = (0..size.element_product()).map(|i| at(i, size.x)).collect();
-            let uvs = vec![[Vec2::splat(0.2), Vec2::new(0.9, 0.3), Vec2::new(0.4, 0.75)]];
-            FaceTexture { uvs, texture: Arc::new(Texture::new(Pixels { size, rgb, alpha: None })) }
-        };
-        let (a, b) = (of(UVec2::new(40, 50)), of(UVec2::new(64, 30)));
-        let mut both = a.clone();
-        assert!(both.append(&b) && both.append(&both.clone()));
-        assert_eq!((both.texture.size(), both.uvs.len()), (UVec2::new(64, 94), 4));
-        for (from, face) in [(&a, 0), (&b, 1), (&a, 2), (&b, 3)] {
-            for k in 0..3 {
-                let (wants, got) =
-                    (from.texture.sample(from.uvs[0][k], 0.0), both.texture.sample(both.uvs[face][k], 0.0));
-                assert!((0..3).all(|c| (wants[c] - got[c]).abs() < 1e-3), "{wants:?} {got:?}");
-            }
-        }
-        assert!(!both.append(&of(UVec2::new(8, 8192))) && both.uvs.len() == 4);
     }
 
     #[test]

@@ -1,0 +1,148 @@
+//! Textures of several pages, and the parts of a texture that tiles, levels and crops have.
+
+use super::texture::{ON, baked, cameras, connected, grey, photos, psnr, read, textured};
+use glam::Vec2;
+use std::path::Path;
+use trisplat::asset::{Asset, UpAxis, UpDirection};
+use trisplat::bake::place::words::UpChoice;
+use trisplat::bake::texture::TextureOptions;
+use trisplat::bake::{Bake, BakeOptions, BakePreset};
+use trisplat::formats::gltf::{GltfOptions, TextureFormat, to_glb_bytes};
+use trisplat::formats::{self, OutputOptions, ReadOptions};
+use trisplat::mesh::Mesh;
+use trisplat::scene::{Loaded, Scene};
+
+const EXACT: OutputOptions = OutputOptions { texture_format: TextureFormat::Png, ..OutputOptions::DEFAULT };
+
+fn pages(mesh: &Mesh) -> usize {
+    mesh.texture.as_ref().map_or(0, |texture| texture.pages.len())
+}
+
+fn mesh_of(loaded: Loaded) -> Mesh {
+    match loaded.scene {
+        Scene::Mesh(mesh) => mesh,
+        Scene::Soup(_) => panic!("a mesh"),
+    }
+}
+
+#[test]
+fn what_one_page_cannot_hold_is_on_several() {
+    for wall in [grey(16), connected(16)] {
+        let [mut one, mut few] = [wall.clone(), wall];
+        let small = TextureOptions { texture_size: 64, ..ON };
+        let (_, on_one) = textured(&mut one, &TextureOptions { texture_pages: 1, ..small.clone() });
+        let (_, on_few) = textured(&mut few, &small);
+        few.validate().unwrap();
+        assert_eq!((pages(&one), on_one.pages), (1, None));
+        assert!((2..=4).contains(&pages(&few)) && on_few.pages == Some(pages(&few) as u32), "{on_few:?}");
+        assert_eq!(on_few.size.unwrap()[0], 64);
+        assert!(on_few.texels_per_pixel > on_one.texels_per_pixel, "{on_one:?} {on_few:?}");
+        assert!(psnr(&few) > psnr(&one) + 1.0, "{} {}", psnr(&one), psnr(&few));
+        let uvs = &few.texture.as_ref().unwrap().uvs;
+        let within = |uv: &Vec2| uv.cmpge(Vec2::ZERO).all() && uv.cmple(Vec2::ONE).all();
+        assert!(uvs.as_flattened().iter().all(within));
+    }
+}
+
+#[test]
+fn pages_are_primitives_in_files_and_come_back() {
+    let mut mesh = grey(16);
+    textured(&mut mesh, &TextureOptions { texture_size: 64, ..ON }).0.unwrap();
+    let wants = psnr(&mesh);
+    let options = GltfOptions { texture: TextureFormat::Png, ..GltfOptions::default() };
+    let back = mesh_of(read(&to_glb_bytes(&Asset::from(mesh.clone()), &options).unwrap()));
+    assert!(pages(&mesh) > 1 && back.texture.as_ref().unwrap().pages == mesh.texture.as_ref().unwrap().pages);
+    assert!((psnr(&back) - wants).abs() < 0.1);
+    // A bake cuts chunks by page.
+    let bake = BakeOptions::preset(BakePreset::Fast);
+    let asset = Bake::new(&bake).run([Loaded::from(Scene::Mesh(back))]).unwrap();
+    let texture = asset.mesh.texture.as_ref().unwrap();
+    assert_eq!(asset.chunks.len(), texture.pages.len());
+    for chunk in &asset.chunks {
+        let of_chunk = chunk.first as usize..(chunk.first + chunk.count) as usize;
+        assert!(of_chunk.clone().all(|face| texture.page(face) == texture.page(of_chunk.start)));
+    }
+    // An OBJ names one picture.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("wall.obj");
+    formats::write(&Asset::from(mesh), &path, &EXACT).unwrap();
+    let back = mesh_of(formats::read(&path, &ReadOptions::default()).unwrap());
+    assert!(pages(&back) == 1 && (psnr(&back) - wants).abs() < 0.1, "{} {wants}", psnr(&back));
+}
+
+/// The options of a bake that leaves the wall where the cameras see it.
+fn upright() -> BakeOptions {
+    let mut options = BakeOptions::preset(BakePreset::Fast);
+    options.place.up = UpChoice::Given(UpDirection::Axis(UpAxis::Y));
+    options
+}
+
+/// The tiles of a tileset's folder, the largest first.
+fn tiles(folder: &Path) -> Vec<Mesh> {
+    let mut found: Vec<Mesh> = std::fs::read_dir(folder.join("wall.tiles"))
+        .unwrap()
+        .map(|entry| mesh_of(formats::read(&entry.unwrap().path(), &ReadOptions::default()).unwrap()))
+        .collect();
+    found.sort_by(|a, b| b.face_count().cmp(&a.face_count()));
+    found
+}
+
+#[test]
+fn tiles_have_pages_of_their_own() {
+    let write = |views: bool, input: Mesh| {
+        let mut options = BakeOptions { output: EXACT, ..upright() };
+        options.tiles.tile_triangles = 1000;
+        options.texture.texture = views;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("wall.tileset.json");
+        options.plan_output(&path, None).unwrap();
+        let mut views = views.then(|| trisplat::bake::views::Views::drawn(cameras(), photos()));
+        let bake = Bake::new(&options);
+        let bake = match &mut views {
+            Some(views) => bake.photos(views),
+            None => bake,
+        };
+        let asset = bake.run([Loaded::from(Scene::Mesh(input))]).unwrap();
+        formats::write(&asset, &path, &options.output).unwrap();
+        (asset, tiles(folder.path()))
+    };
+    let texels = |mesh: &Mesh| mesh.texture.as_ref().unwrap().pages[0].size().element_product();
+    // From photos, and of an input that has a texture already.
+    let (asset, of_photos) = write(true, grey(40));
+    let (_, of_input) = write(false, asset.mesh.clone());
+    for tiles in [of_photos, of_input] {
+        let finest: Vec<&Mesh> = tiles.iter().filter(|tile| tile.face_count() > 600).collect();
+        assert!(finest.len() >= 4 && tiles.iter().all(|tile| pages(tile) == 1), "{}", finest.len());
+        let mut whole = Mesh::default();
+        for tile in finest.iter().filter(|tile| texels(tile) > 0) {
+            assert!(texels(tile) < texels(&asset.mesh) / 2, "{} {}", texels(tile), texels(&asset.mesh));
+            whole.append((*tile).clone()).unwrap();
+        }
+        assert!(whole.texture.is_some());
+    }
+}
+
+#[test]
+fn levels_and_crops_of_a_textured_input_keep_its_texels() {
+    let input = baked(grey(8)).mesh;
+    let mut options = upright();
+    options.lod.lod = vec![0.25];
+    let bake =
+        |options: &BakeOptions| Bake::new(options).run([Loaded::from(Scene::Mesh(input.clone()))]).unwrap();
+    let texels = |mesh: &Mesh| mesh.texture.as_ref().unwrap().pages[0].size().element_product();
+    let asset = bake(&options);
+    let level = &asset.levels[0].mesh;
+    assert!(asset.mesh.texture.is_some() && texels(level) < texels(&input) / 8);
+    let mut flat = level.clone();
+    flat.drop_texture();
+    assert!(psnr(level) > psnr(&flat), "{} {}", psnr(level), psnr(&flat));
+    let mut options = upright();
+    options.crop.crop = vec!["-1,-1,-9,0,0,9".parse().unwrap()];
+    let part = bake(&options).mesh;
+    assert!(
+        part.face_count() == 32 && texels(&part) < texels(&input) / 2,
+        "{} {}",
+        part.face_count(),
+        texels(&part)
+    );
+}
