@@ -231,7 +231,7 @@ fn levels_have_textures_of_their_own() {
 }
 
 /// The grey wall as a connected surface.
-pub(super) fn connected(across: u32) -> Mesh {
+fn connected(across: u32) -> Mesh {
     let mut mesh = grey(across);
     let (mut positions, mut indices) = (Vec::<Vec3>::new(), Vec::new());
     for corner in &mesh.positions {
