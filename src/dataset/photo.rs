@@ -101,6 +101,11 @@ impl Photo {
         self.cut
     }
 
+    /// True for a picture in memory or in a temporary file, false for a photo.
+    pub fn is_drawn(&self) -> bool {
+        self.drawn.is_some()
+    }
+
     /// True for a photo that `max_size` shrinks.
     pub fn is_shrunk(&self) -> bool {
         let full = self.undistort.map_or(self.stored, |plan| plan.pinhole().size);

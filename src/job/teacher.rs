@@ -189,6 +189,7 @@ fn teacher_options(
         "steps": share(run.options.steps, STEPS_SHARE * weight),
         "seed": run.options.seed,
         "stereo": run.options.stereo,
+        "poses": run.options.poses,
     });
     if !has_budget || run.is_given("max_triangles") {
         given["max_triangles"] = share(run.options.max_triangles, TRIANGLES_SHARE).into();

@@ -13,6 +13,7 @@ use super::identity::RunIdentity;
 use super::light::Light;
 use super::options::TrainOptions;
 use super::params::{Params, TrainState};
+use super::poses::Poses;
 use super::progress::TrainSample;
 use super::visibility::VisibilityStats;
 use crate::atomic::AtomicFile;
@@ -30,7 +31,7 @@ use std::io::Write;
 use std::path::Path;
 
 /// Number of the layout; it changes whenever a key or an array does.
-const FORMAT: u32 = 11;
+const FORMAT: u32 = 12;
 
 /// Larger numbers have no finite f32 exponential.
 const MOST_RAW_SIGMA: f32 = 88.0;
@@ -66,6 +67,8 @@ pub struct CheckpointMeta {
     pub core: Option<Core>,
     /// The photos' exposures.
     pub light: Light,
+    /// The corrections of the photos' poses.
+    pub poses: Poses,
     /// The photos, cameras and points of the training.
     pub identity: RunIdentity,
     /// Gradients dropped because they were not finite.
@@ -399,6 +402,7 @@ mod tests {
             frozen: 1,
             core: Some(Core { low: [None, Some(-1.5), None], high: [Some(0.1), None, None], triangles: 7 }),
             light: Light { passed: 3, ..Light::default() },
+            poses: Poses::default(),
             identity: RunIdentity {
                 background: [0.5, 0.0, 1.0],
                 photos: ["a", "b"].map(photo).to_vec(),

@@ -4,6 +4,7 @@ use super::options::{
     InitOptions, LossOptions, RateOptions, RefineOptions, SampleWeight, SolidifyOptions, TrainDrawOptions,
     TrainOptions, TrainPreset, WarmupOptions,
 };
+use super::pose_use::PoseUse;
 use super::stereo_use::StereoUse;
 use crate::exposure::ExposureUse;
 
@@ -52,6 +53,7 @@ const OUTDOOR: TrainOptions = TrainOptions {
     seed: 0,
     stereo: StereoUse::Auto,
     exposure: ExposureUse::Auto,
+    poses: PoseUse::Off,
     milestones: [0; 4],
     draw: TrainDrawOptions { sort_per_pixel: false },
     init: InitOptions { size: 2.2, shell_subdivisions: 4 },

@@ -262,7 +262,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         let (stopped, last) = self.make_steps(&mut record, observer)?;
         let Self { mut trainer, paced, dataset, taught, .. } = self;
         let recorded = record.finish(&mut trainer, last, observer)?;
-        let (provenance, cameras) = origin(taught, dataset);
+        let (provenance, cameras) = origin(taught, dataset, &trainer);
         let (soup, not_finite) = trained(&mut trainer)?;
         let is_of_now = |(step, _): &(u64, _)| *step == trainer.steps();
         Ok(Trained {
@@ -281,6 +281,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
             cpu_secs: recorded.cpu_secs,
             skipped: trainer.skipped(),
             exposure: ExposureDetails::new(trainer.light(), dataset.train().map(|view| view.name.as_str())),
+            poses: trainer.poses().details(dataset.train().map(|view| view.name.as_str())),
             stopped,
             lost: recorded.lost.into_iter().chain(not_finite).collect(),
         })
@@ -368,7 +369,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
 
     /// The present scene, as in its file.
     fn scene(&mut self) -> Result<Loaded> {
-        let (provenance, cameras) = origin(self.taught.clone(), self.dataset);
+        let (provenance, cameras) = origin(self.taught.clone(), self.dataset, &self.trainer);
         let (soup, _) = trained(&mut self.trainer)?;
         Ok(Loaded { provenance, cameras, ..Loaded::from(soup) })
     }
@@ -405,14 +406,19 @@ fn with_remedy(error: Error, checkpoint: Option<(u64, PathBuf)>) -> Error {
 }
 
 /// Provenance and cameras of the scene; those of its file, if it teaches itself.
-fn origin(taught: Option<(Provenance, Vec<Camera>)>, dataset: &Dataset) -> (Provenance, Vec<Camera>) {
+fn origin<B: TrainBackend>(
+    taught: Option<(Provenance, Vec<Camera>)>,
+    dataset: &Dataset,
+    trainer: &Trainer<B>,
+) -> (Provenance, Vec<Camera>) {
     match taught {
         Some((provenance, cameras)) => {
             let ours = Some(generator());
             (Provenance { generator: ours.clone(), trainer: ours, ..provenance }, cameras)
         }
         None => {
-            let cameras: Vec<Camera> = dataset.train().map(|view| view.camera).collect();
+            let views = dataset.train().enumerate();
+            let cameras = views.map(|(i, view)| trainer.corrected(i, &view.camera)).collect();
             (provenance(dataset), cameras)
         }
     }

@@ -4,6 +4,7 @@
 use super::hardening::{Hardening, PruneFaint};
 use super::options::{REFERENCE_STEPS, TrainOptions};
 use super::params::{Anneal, FrozenLook};
+use super::pose_use::PoseUse;
 use super::timeline::Timeline;
 use crate::kernel::loss::PhotometricWeights;
 use crate::raster::soft::{SoftOptions, Sort, Window};
@@ -35,6 +36,11 @@ const SH_EVERY: f64 = 1000.0;
 const GEOMETRY_FROM: f64 = 5000.0;
 /// Last step of the loss on size, of a 30,000-step run (TS 25,000).
 const SIZE_UNTIL: f64 = 25_000.0;
+/// The part of a 30,000-step run that corrects poses: not before triangles have found their places, and not in the
+/// end, so that the final scene fits its final poses.
+const POSES: [f64; 2] = [1500.0, 27_000.0];
+/// Rate of a pose at the beginning of that part, times the steps of its photo in a whole run, px.
+const POSE_TRAVEL: f64 = 8.0;
 /// Triangles fainter than this are pruned (0.014, supplement: opacity_dead).
 const PRUNE_OPACITY: f64 = 0.014;
 /// First refinement, steps of a 30,000-step run (500, supplement).
@@ -55,6 +61,8 @@ pub struct Rates {
     pub sh: f64,
     /// Rate of the higher SH degrees.
     pub sh_rest: f64,
+    /// Rate of the photos' poses, px of the photo times photos; 0 where they stay.
+    pub pose: f64,
     /// SH degree in use.
     pub sh_degree: u8,
     /// Weights of SSIM and the squared error, relative to L1.
@@ -170,6 +178,7 @@ impl<'a> Schedule<'a> {
             sigma: self.sigma_rate(step),
             sh: SH_RATE,
             sh_rest: SH_RATE * SH_REST_SHARE,
+            pose: self.pose_rate(step),
             sh_degree: self.sh_degree(step),
             photometric: PhotometricWeights {
                 dssim: l.dssim,
@@ -288,6 +297,16 @@ impl<'a> Schedule<'a> {
             false => (step - from) as f64 / steps.saturating_sub(from).max(1) as f64,
         };
         soft(from) * ENGINE_VERTICES_SCALE * ENGINE_VERTICES_FINAL_SHARE.powf(done)
+    }
+
+    /// Rate of the poses: falls linearly to 0 over a part of the run. A photo's steps together can move its pose by
+    /// half of [`POSE_TRAVEL`], whatever their number.
+    fn pose_rate(&self, step: u64) -> f64 {
+        let (done, [from, until]) = (self.timeline.position(step), POSES);
+        if self.options.poses == PoseUse::Off || done < from || done >= until {
+            return 0.0;
+        }
+        POSE_TRAVEL / self.timeline.density(step) * (until - done) / (until - from)
     }
 
     /// Rate of the logarithm of σ.

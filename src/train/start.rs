@@ -6,6 +6,7 @@ use super::init::{InitPoint, first_soup};
 use super::light::Light;
 use super::options::TrainOptions;
 use super::params::{Params, TrainState};
+use super::poses::Poses;
 use super::pyramid::Pyramid;
 use super::schedule::Schedule;
 use super::shell;
@@ -64,6 +65,7 @@ pub(super) struct Position {
     pub(super) dropped: u64,
     pub(super) core: Option<Core>,
     pub(super) light: Light,
+    pub(super) poses: Poses,
 }
 
 /// The first triangles: on surfaces found by stereo; elsewhere one per point of the sparse or a random cloud;
@@ -186,6 +188,7 @@ fn at_first_step(views: &[&View], options: &TrainOptions, space: Space, soup: &S
         dropped: 0,
         core: None,
         light: Light::default(),
+        poses: Poses::default(),
     }
 }
 
