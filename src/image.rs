@@ -4,10 +4,12 @@
 //! (3DGS, Held et al. 2025).
 
 mod decode;
+pub(crate) mod exif_light;
 mod jpeg;
 pub mod npy;
 mod palette;
 mod shrink;
+mod tiff;
 
 use crate::atomic::AtomicFile;
 use crate::error::{Error, Result};
@@ -87,8 +89,8 @@ impl Pixels {
         Ok(Self::of_decoded(decode(path, limits)?))
     }
 
-    /// [`Pixels::load_within`] at 1/2, 1/4 or 1/8 of its size if that is faster (JPEG) and no side falls
-    /// below that of `least`. Returns the full size too.
+    /// [`Pixels::load_within`] of a smaller picture if that takes less time or memory, with no side below that of
+    /// `least`: a JPEG at 1/2, 1/4 or 1/8 of its size, a larger TIFF at that of `least`. Returns the full size too.
     pub fn load_reduced(path: &Path, least: UVec2, limits: &Limits) -> Result<(Self, UVec2)> {
         let (picture, full) = decode::decode_reduced(path, least, limits)?;
         Ok((Self::of_decoded(picture), full))

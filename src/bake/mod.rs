@@ -23,6 +23,7 @@ mod cells;
 pub mod chunk;
 pub mod collision;
 pub mod color;
+mod corrected_poses;
 mod counts;
 pub mod crop;
 pub mod decimate;

@@ -98,6 +98,7 @@ impl<'a> Recipe<'a> {
         self.backdrop = loaded.take_backdrop();
         if let Some(views) = self.views.as_deref_mut() {
             views.transform(&loaded.provenance.placement);
+            views.correct_poses(&loaded.cameras);
         }
         let loaded = self.crop(loaded)?;
         self.teach(&loaded)?;

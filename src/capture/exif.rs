@@ -1,6 +1,7 @@
 //! EXIF: orientation, focal length and exposure.
 
-use exif::{Exif, In, Tag, Value};
+use crate::image::exif_light::{exposure_stops, first_number};
+use exif::{Exif, In, Tag};
 use glam::UVec2;
 use std::io::Cursor;
 
@@ -36,14 +37,10 @@ impl PhotoNotes {
         let number = |tag| exif.get_field(tag, In::PRIMARY).and_then(|field| first_number(&field.value));
         let above_zero = |tag| number(tag).filter(|n: &f64| *n > 0.0 && n.is_finite());
         let orientation = number(Tag::Orientation).filter(|o| (1.0..=8.0).contains(o)).unwrap_or(1.0);
-        let light = above_zero(Tag::ExposureTime).zip(above_zero(Tag::PhotographicSensitivity));
         Self {
             orientation: orientation as u8,
             focal_35: above_zero(Tag::FocalLengthIn35mmFilm),
-            exposure_stops: light.map(|(seconds, iso)| {
-                let aperture = above_zero(Tag::FNumber).unwrap_or(1.0);
-                (seconds * iso / (100.0 * aperture * aperture)).log2()
-            }),
+            exposure_stops: exposure_stops(exif),
             raw: exif.buf().to_vec(),
         }
     }
@@ -59,14 +56,6 @@ impl PhotoNotes {
         // An entry that is not found does not exist.
         let _ = set_upright(&mut raw);
         raw
-    }
-}
-
-fn first_number(value: &Value) -> Option<f64> {
-    match value {
-        Value::Rational(list) => list.first().map(|r| r.to_f64()),
-        Value::SRational(list) => list.first().map(|r| r.to_f64()),
-        other => other.get_uint(0).map(f64::from),
     }
 }
 
@@ -101,7 +90,7 @@ pub(super) fn with_notes(jpeg: &[u8], notes: &[u8]) -> Vec<u8> {
 /// An EXIF block as a camera writes it: orientation, 1/`inverse_time` s at ISO 100 and f/2, focal length.
 #[cfg(test)]
 pub(super) fn sample_notes(orientation: u16, inverse_time: u32, focal_35: u16) -> Vec<u8> {
-    use exif::Rational;
+    use exif::{Rational, Value};
     let rational = |num, denom| Value::Rational(vec![Rational { num, denom }]);
     let fields = [
         (Tag::Orientation, Value::Short(vec![orientation])),

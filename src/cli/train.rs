@@ -364,6 +364,12 @@ fn summary(
             photos.len()
         ));
     }
+    if let Some(poses) = &trained.poses {
+        let (count, mean) = (poses.photos.len(), poses.mean_px);
+        bar.line(&format!(
+            "poses of {count} photos corrected by {mean:.2} px on average (--set poses=off leaves them)"
+        ));
+    }
     if trained.dropped > 0 {
         bar.line(&format!("warning: {} gradients were not finite and were dropped", trained.dropped));
     }

@@ -4,7 +4,7 @@ use super::options::{Background, Masks};
 use super::picture_file::{PictureFile, StoredPicture};
 use super::undistort::Undistort;
 use crate::error::{Error, Result};
-use crate::image::Pixels;
+use crate::image::{Pixels, exif_light};
 use crate::limits::Limits;
 use glam::UVec2;
 use std::path::{Path, PathBuf};
@@ -99,6 +99,11 @@ impl Photo {
     /// True for a photo of an object without background: it has transparent pixels, or a mask that cuts.
     pub fn is_cut(&self) -> bool {
         self.cut
+    }
+
+    /// The light that the photo caught, in stops, by its EXIF data; `None` without them, and of drawn pictures.
+    pub fn exposure_stops(&self) -> Option<f64> {
+        if self.is_drawn() { None } else { exif_light::stops_of(&self.path) }
     }
 
     /// True for a picture in memory or in a temporary file, false for a photo.

@@ -2,6 +2,7 @@
 
 use super::jpeg::{self, JPEG_END, JPEG_START};
 use super::palette;
+use super::tiff;
 use crate::error::{Error, Result};
 use crate::guard::guarded;
 use crate::input;
@@ -33,13 +34,16 @@ pub(super) fn decode_bytes(path: &Path, bytes: &[u8], limits: &Limits) -> Result
     })
 }
 
-/// Decodes a picture at 1/2, 1/4 or 1/8 of its size if its format supports it and no side falls below that of
-/// `least`; otherwise in full. Returns its full size too.
+/// Decodes a picture smaller if its format supports it and no side falls below that of `least`: a JPEG at 1/2,
+/// 1/4 or 1/8, a TIFF at `least`; otherwise in full. Returns its full size too.
 pub(super) fn decode_reduced(
     path: &Path,
     least: UVec2,
     limits: &Limits,
 ) -> Result<(image::DynamicImage, UVec2)> {
+    if let Some(small) = tiff::reduced(path, least, limits)? {
+        return Ok(small);
+    }
     let bytes = input::read(path, limits)?;
     if bytes.starts_with(&JPEG_START) {
         let full = header_size(path, Cursor::new(&bytes), bytes.len() as u64, limits)?;

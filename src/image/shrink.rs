@@ -4,20 +4,57 @@ use glam::UVec2;
 
 /// Box filter with fractional cover, separable; `C` channels of 8 bits.
 pub(super) fn area_average<const C: usize>(source: &[[u8; C]], from: UVec2, to: UVec2) -> Vec<[u8; C]> {
-    let (columns, rows) = (cover(from.x, to.x), cover(from.y, to.y));
-    let width = from.x as usize;
-    let mut averaged = Vec::with_capacity(to.x as usize * to.y as usize);
-    let mut line = vec![[0.0f32; C]; width];
-    for (top, weights) in &rows {
-        line.fill([0.0; C]);
-        for (row, weight) in source[top * width..].chunks_exact(width).zip(weights) {
-            for (sum, pixel) in line.iter_mut().zip(row) {
+    let mut average = AreaAverage::new(from, to);
+    source.chunks_exact(from.x as usize).for_each(|row| average.push(row));
+    average.finish()
+}
+
+/// The same of rows that come one by one.
+pub(super) struct AreaAverage<const C: usize> {
+    columns: Vec<(usize, Vec<f32>)>,
+    rows: Vec<(usize, Vec<f32>)>,
+    /// Sums of the new row that is being made.
+    line: Vec<[f32; C]>,
+    /// Number of that row.
+    made: usize,
+    /// Rows that have come.
+    come: usize,
+    averaged: Vec<[u8; C]>,
+}
+
+impl<const C: usize> AreaAverage<C> {
+    pub(super) fn new(from: UVec2, to: UVec2) -> Self {
+        Self {
+            columns: cover(from.x, to.x),
+            rows: cover(from.y, to.y),
+            line: vec![[0.0; C]; from.x as usize],
+            made: 0,
+            come: 0,
+            averaged: Vec::with_capacity(to.x as usize * to.y as usize),
+        }
+    }
+
+    /// Takes the next row.
+    pub(super) fn push(&mut self, row: &[[u8; C]]) {
+        // It may be the last of one new row and the first of the next ones.
+        while let Some((top, weights)) = self.rows.get(self.made).filter(|(top, _)| *top <= self.come) {
+            let weight = weights[self.come - top];
+            for (sum, pixel) in self.line.iter_mut().zip(row) {
                 for c in 0..C {
                     sum[c] += weight * f32::from(pixel[c]);
                 }
             }
+            if self.come - top + 1 < weights.len() {
+                break;
+            }
+            self.end_row();
         }
-        averaged.extend(columns.iter().map(|(left, weights)| {
+        self.come += 1;
+    }
+
+    fn end_row(&mut self) {
+        let line = &self.line;
+        self.averaged.extend(self.columns.iter().map(|(left, weights)| {
             let mut sum = [0.0f32; C];
             for (pixel, weight) in line[*left..].iter().zip(weights) {
                 for c in 0..C {
@@ -26,8 +63,14 @@ pub(super) fn area_average<const C: usize>(source: &[[u8; C]], from: UVec2, to: 
             }
             sum.map(|s| (s + 0.5) as u8)
         }));
+        self.line.fill([0.0; C]);
+        self.made += 1;
     }
-    averaged
+
+    /// The new picture, after the last row.
+    pub(super) fn finish(self) -> Vec<[u8; C]> {
+        self.averaged
+    }
 }
 
 /// For every new pixel: the first old pixel it touches, and the share that each old pixel has in it.

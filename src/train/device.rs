@@ -62,6 +62,7 @@ impl<'a> TrainRun<'a> {
     /// or with a budget.
     pub fn start_at(self, place: &BackendOptions) -> Result<OpenRun<'a>> {
         let place = if self.has_budget() { place.of_budget()? } else { place.clone() };
+        let place = if self.corrects_poses() { place.of_poses()? } else { place };
         let OpenBackend { backend, card, warnings } = place.open(self.drawing(), self.size())?;
         Ok(OpenRun { run: self.start_on(backend)?, card, warnings })
     }
@@ -74,6 +75,18 @@ impl OpenBackend {
 }
 
 impl BackendOptions {
+    /// The device of a run that corrects poses: the CPU, because a card does not compute their gradients.
+    ///
+    /// Errors: `gpu`.
+    fn of_poses(&self) -> Result<Self> {
+        match self.backend {
+            BackendKind::Auto | BackendKind::Cpu => Ok(Self { backend: BackendKind::Cpu, ..self.clone() }),
+            BackendKind::Gpu => {
+                Err(Error::invalid("backend", "gpu", "auto or cpu with `poses` on; or `poses` off"))
+            }
+        }
+    }
+
     /// The device of a run with a budget: the CPU, because its plan comes from steps timed there.
     ///
     /// Errors: `gpu`.

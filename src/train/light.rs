@@ -2,7 +2,8 @@
 //! of the scene; from then on, corrected photos are trained on.
 
 use super::options::TrainOptions;
-use crate::exposure::{Cells, ExposureUse, Exposures, Verdict, judge, solve};
+use crate::dataset::View;
+use crate::exposure::{Cells, ExposureUse, Exposures, Solved, Verdict, judge, solve};
 use crate::image::Pixels;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -28,6 +29,39 @@ pub struct Light {
 }
 
 impl Light {
+    /// A first guess by the EXIF data of the photos, if all of them say how much light they caught. Drawn pictures
+    /// need none.
+    pub(super) fn first(views: &[&View], wanted: ExposureUse) -> Self {
+        let mut photos = views.iter().map(|view| &view.photo);
+        if wanted == ExposureUse::Off || views.len() < LEAST_PHOTOS || photos.any(|photo| photo.is_cut()) {
+            return Self::default();
+        }
+        let photos = views.iter().map(|view| &view.photo);
+        let stops = photos.map(|photo| match photo.is_drawn() {
+            true => Some(None),
+            false => photo.exposure_stops().map(Some),
+        });
+        // The first photo without such data ends the reading.
+        stops.collect::<Option<Vec<_>>>().map_or_else(Self::default, |stops| Self::guessed(&stops, wanted))
+    }
+
+    /// A first guess by the stops of each photo; `None` for a drawn picture.
+    fn guessed(stops: &[Option<f64>], wanted: ExposureUse) -> Self {
+        let count = stops.iter().flatten().count();
+        let mean = stops.iter().flatten().sum::<f64>() / count.max(1) as f64;
+        let gain =
+            |stops: &Option<f64>| [stops.map_or(0.0, |s| ((s - mean) * std::f64::consts::LN_2) as f32); 3];
+        let error = |stops: &Option<f64>| [if stops.is_some() { 0.0 } else { f32::INFINITY }; 3];
+        let exposures =
+            Exposures { gains: stops.iter().map(gain).collect(), falloff: vec![0.0; stops.len()] };
+        match judge(Solved { exposures, errors: stops.iter().map(error).collect() }, wanted) {
+            (Some(exposures), verdict) if count >= LEAST_PHOTOS => {
+                Self { exposures, verdict: Some(verdict), passed: 0 }
+            }
+            _ => Self::default(),
+        }
+    }
+
     /// True when exposures must be estimated after `step` of a run of `photos`.
     pub(super) fn is_due(&mut self, step: u64, options: &TrainOptions, photos: usize) -> bool {
         let at = step as f64 / options.steps.max(1) as f64;
@@ -48,10 +82,10 @@ impl Light {
         self.verdict = Some(verdict);
     }
 
-    /// A photo as it is trained on, and the number of corrections in this run so far.
+    /// A photo as it is trained on, and the number of its correction, from 1; 0 for none.
     pub(super) fn correct(&self, index: usize, photo: Arc<Pixels>) -> (Arc<Pixels>, u32) {
         match self.exposures.correct(index, &photo) {
-            Some(corrected) => (Arc::new(corrected), self.passed as u32),
+            Some(corrected) => (Arc::new(corrected), self.passed as u32 + 1),
             None => (photo, 0),
         }
     }
@@ -90,5 +124,24 @@ impl ExposureDetails {
         };
         let photos = names.zip(gains).zip(falloff).map(photo).collect();
         light.verdict.map(|verdict| Self { verdict, photos })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exif_data_are_the_first_guess_where_they_differ() {
+        let stops = [-7.0, -7.0, -6.0, -6.0].map(Some);
+        let light = Light::guessed(&[&stops[..], &[None]].concat(), ExposureUse::Auto);
+        let half = 0.5 * std::f32::consts::LN_2;
+        for (gains, wanted) in light.exposures.gains.iter().zip([-half, -half, half, half, 0.0]) {
+            assert!(gains.iter().all(|gain| (gain - wanted).abs() < 1e-6), "{gains:?}");
+        }
+        assert_eq!((light.passed, light.exposures.falloff), (0, vec![0.0; 5]));
+        assert_eq!(Light::guessed(&[Some(-7.0); 5], ExposureUse::Auto), Light::default());
+        assert_eq!(Light::guessed(&stops, ExposureUse::Off), Light::default());
+        assert_eq!(Light::guessed(&stops[1..], ExposureUse::Auto), Light::default(), "too few");
     }
 }

@@ -8,6 +8,7 @@ use super::identity::RunIdentity;
 use super::light::ExposureDetails;
 use super::options::TrainOptions;
 use super::outputs::{Recorder, RunOptions};
+use super::pose_use::PoseUse;
 use super::progress::{TrainObserver, TrainSample};
 use super::start::{FirstScene, Part};
 use super::trained::{Trained, provenance};
@@ -125,6 +126,12 @@ impl<'a> TrainRun<'a> {
     /// Whether the run keeps to a budget, its own or that of its checkpoint.
     pub fn has_budget(&self) -> bool {
         self.paced.is_some() || self.resume.as_ref().is_some_and(|checkpoint| checkpoint.meta.pace.is_some())
+    }
+
+    /// Whether the run corrects the poses of photos.
+    pub fn corrects_poses(&self) -> bool {
+        let options = self.resume.as_ref().map_or(&self.options, |checkpoint| &checkpoint.meta.options);
+        options.poses == PoseUse::On
     }
 
     /// How large the run becomes.

@@ -38,9 +38,9 @@ const GEOMETRY_FROM: f64 = 5000.0;
 const SIZE_UNTIL: f64 = 25_000.0;
 /// The part of a 30,000-step run that corrects poses: not before triangles have found their places, and not in the
 /// end, so that the final scene fits its final poses.
-const POSES: [f64; 2] = [1500.0, 27_000.0];
+const POSES: [f64; 2] = [6000.0, 27_000.0];
 /// Rate of a pose at the beginning of that part, times the steps of its photo in a whole run, px.
-const POSE_TRAVEL: f64 = 8.0;
+const POSE_TRAVEL: f64 = 4.0;
 /// Triangles fainter than this are pruned (0.014, supplement: opacity_dead).
 const PRUNE_OPACITY: f64 = 0.014;
 /// First refinement, steps of a 30,000-step run (500, supplement).

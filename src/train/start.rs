@@ -187,7 +187,7 @@ fn at_first_step(views: &[&View], options: &TrainOptions, space: Space, soup: &S
         step: 0,
         dropped: 0,
         core: None,
-        light: Light::default(),
+        light: Light::first(views, options.exposure),
         poses: Poses::default(),
     }
 }

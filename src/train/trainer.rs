@@ -338,7 +338,10 @@ impl<B: TrainBackend> Trainer<B> {
 
     /// Corrects the pose of the photo that was drawn last, by about `rate` px over the number of photos.
     fn correct_pose(&mut self, index: usize, rate: f64) -> Result<()> {
-        if rate == 0.0 || !Poses::are_possible(&self.are_photos) {
+        // Blocks of one scene must agree about poses.
+        let is_part = self.frozen > 0 || self.core.is_some();
+        let can = self.backend.finds_poses() && Poses::are_possible(&self.are_photos);
+        if rate == 0.0 || is_part || !can {
             return Ok(());
         }
         self.collect_figures(false)?;

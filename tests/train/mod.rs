@@ -4,6 +4,7 @@
 mod exposure;
 mod from_scene;
 mod late;
+mod poses;
 mod shell;
 mod transparent;
 mod watched;
