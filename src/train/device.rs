@@ -80,7 +80,11 @@ impl BackendOptions {
     /// Errors: `gpu`.
     fn of_poses(&self) -> Result<Self> {
         match self.backend {
-            BackendKind::Auto | BackendKind::Cpu => Ok(Self { backend: BackendKind::Cpu, ..self.clone() }),
+            BackendKind::Auto | BackendKind::Cpu => {
+                let mut on_cpu = self.clone();
+                on_cpu.backend = BackendKind::Cpu;
+                Ok(on_cpu)
+            }
             BackendKind::Gpu => {
                 Err(Error::invalid("backend", "gpu", "auto or cpu with `poses` on; or `poses` off"))
             }
