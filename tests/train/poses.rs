@@ -25,7 +25,8 @@ fn data_sets() -> [Dataset; 2] {
     for (i, view) in (0..).zip(&mut disturbed.views).filter(|(_, view)| !view.test) {
         let rng = Rng::new(5, "pose", i);
         let vector = |from: u64| Vec3::from_array([0, 1, 2].map(|k| rng.normal(from + k)));
-        let (camera, angle) = (&mut view.camera, ERROR_PX / view.camera.focal.x);
+        let angle = ERROR_PX / view.camera.focal.x;
+        let camera = &mut view.camera;
         let turn = Quat::from_scaled_axis(angle * vector(0));
         camera.rotation = glam::Mat3::from_quat(turn) * camera.rotation;
         camera.translation = turn * camera.translation + angle * DISTANCE * vector(3);
