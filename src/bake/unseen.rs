@@ -7,7 +7,7 @@
 
 use super::decimate::Decimation;
 use super::views::{SAMPLES, Views};
-use super::visibility::visible_px;
+use super::visibility::{counted_share, visible_px};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
@@ -19,6 +19,8 @@ use rayon::prelude::*;
 const SAMPLES_AT_LEAST: u32 = 1;
 /// Hidden triangles stay when they are at most this share of all.
 const FEW_HIDDEN: f64 = 0.05;
+/// At least this share of a triangle's visible area must lie in unmasked pixels.
+const LEAST_COUNTED: f32 = 0.5;
 /// Number of photos for the curve of error against triangles.
 const CURVE_VIEWS: usize = 12;
 /// With `max_error`, at least about one triangle in this many stays.
@@ -66,8 +68,7 @@ pub struct UnseenDetails {
     /// How many of those lie outside every picture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outside: Option<u64>,
-    /// Triangles dropped because of masks: photos see them mostly in masked pixels or, of an object, they lie
-    /// outside its silhouettes or away from it. Only with `--masks ignore` and transparent photos.
+    /// Triangles dropped because photos see them mostly in masked pixels; only with `--masks ignore`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub masked: Option<u64>,
     /// PSNR against the number of triangles, in the order tried; only with `max_error`.
@@ -174,6 +175,31 @@ pub fn unseen(
     }
     mesh.keep(&ranked[..keep]);
     Ok(Outcome::Changed(()))
+}
+
+/// Drops triangles that photos see mostly in masked pixels, where training never compared them with anything.
+/// Returns how many; `None` without such masks, and with `keep_unseen`.
+///
+/// Errors: a photo that cannot be decoded.
+pub fn masked(
+    mesh: &mut Mesh,
+    views: Option<&mut Views>,
+    options: &UnseenOptions,
+    progress: &mut StageProgress<'_>,
+) -> Result<Option<u64>> {
+    let Some(views) = views.filter(|views| views.are_masked() && !options.keep_unseen) else {
+        return Ok(None);
+    };
+    let shares = counted_share(mesh, views, SAMPLES, progress)?;
+    let stays = |share: &Option<f32>| share.is_none_or(|share| share >= LEAST_COUNTED);
+    let kept: Vec<u32> = (0..).zip(&shares).filter(|(_, share)| stays(share)).map(|(face, _)| face).collect();
+    // Masks that would remove everything are not masks of this scene.
+    if kept.is_empty() {
+        return Ok(Some(0));
+    }
+    let dropped = (mesh.face_count() - kept.len()) as u64;
+    mesh.keep(&kept);
+    Ok(Some(dropped))
 }
 
 /// Puts the faces that are `spared` first, the order unchanged otherwise; returns how many faces then precede each of `ends`, all spared ones among them.

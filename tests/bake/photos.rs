@@ -7,7 +7,6 @@ use std::path::Path;
 use tempfile::TempDir;
 use trisplat::asset::{Asset, Placement, UpAxis};
 use trisplat::bake::backdrop::{BackdropDetails, BackdropOptions, BackdropWhen, backdrop};
-use trisplat::bake::masked::masked;
 use trisplat::bake::pace::BakePace;
 use trisplat::bake::refit::{self, RefitColors, RefitDetails, RefitOptions};
 use trisplat::bake::unseen::{self, FaceLimit, UnseenDetails, UnseenOptions};
@@ -139,7 +138,7 @@ fn what_photos_see_only_where_masks_say_that_nothing_counts_is_dropped() {
         let mut views = Views::new(&dataset, &DatasetOptions { masks, ..DatasetOptions::default() });
         let mut nobody = ();
         let progress = &mut StageProgress::new(&mut nobody);
-        details.masked = masked(&mut kept, Some(&mut views), options, progress).unwrap();
+        details.masked = unseen::masked(&mut kept, Some(&mut views), options, progress).unwrap();
         unseen(&mut kept, &cameras, Some(&mut views), options, None, &mut details).unwrap();
         (kept, details.masked)
     };
@@ -168,42 +167,6 @@ fn what_photos_see_only_where_masks_say_that_nothing_counts_is_dropped() {
     assert_eq!(drop(&UnseenOptions::default(), Masks::Cut).1, None);
     let keep = UnseenOptions { keep_unseen: true, ..UnseenOptions::default() };
     assert_eq!(drop(&keep, Masks::Ignore).0.face_count(), mesh.face_count());
-}
-
-/// Viewers frame a whole file, so a triangle away from an object makes it small.
-#[test]
-fn of_an_object_that_masks_leave_no_stray_stays() {
-    const THINGS: usize = 100;
-    let mut mesh = scene();
-    let triangle = |x: f32, side: f32| {
-        [[0.0, 0.0, 0.0], [0.0, side, 0.0], [0.0, 0.0, side]].map(|v| Vec3::from(v) + x * Vec3::X)
-    };
-    // One that is small and far, and one that four of nine masks call background.
-    let [small, beside] = [THINGS, THINGS + 1];
-    let strays = [triangle(2.3, 0.03), triangle(-1.9, 0.8)].concat();
-    let colors = Colors::Vertex(vec![[0.5; 3]; strays.len()]);
-    mesh.append(Mesh { positions: strays, colors, ..Mesh::default() }).unwrap();
-    let (folder, _) = photograph(&mesh, |_, photo| photo);
-    std::fs::create_dir(folder.path().join("masks")).unwrap();
-    for view in 0..VIEWS {
-        let one_sample = SolidRasterOptions { samples: 1, ..SolidRasterOptions::default() };
-        let mut solid = Solid::new();
-        let seen = solid.visibility(&mesh, &camera(view), &one_sample);
-        let counts =
-            |face: u32| (face as usize) < mesh.face_count() && (face as usize != beside || view % 9 > 3);
-        let rgb = seen.face.iter().map(|&face| [if counts(face) { 255 } else { 0 }; 3]).collect();
-        let mask = Pixels { size: seen.size, rgb, alpha: None };
-        mask.save_png(&folder.path().join(format!("masks/{view:02}.png"))).unwrap();
-    }
-    let dataset = load(folder.path());
-    let mut views = Views::new(&dataset, &DatasetOptions::default());
-    let mut nobody = ();
-    let (mut kept, options) = (mesh.clone(), UnseenOptions::default());
-    let dropped =
-        masked(&mut kept, Some(&mut views), &options, &mut StageProgress::new(&mut nobody)).unwrap();
-    let is_kept = |face: usize| (0..kept.face_count()).any(|f| kept.corners(f) == mesh.corners(face));
-    assert!(!is_kept(small) && !is_kept(beside), "{dropped:?}");
-    assert!(dropped.is_some_and(|dropped| dropped < 10), "the object stays: {dropped:?}");
 }
 
 /// Root of the mean squared difference of the pictures that two meshes give, codes.
