@@ -276,7 +276,7 @@ mod tests {
         for halvings in [0, 1] {
             let part = whole.excerpt(halvings, 4096);
             let texels = part.pages[0].size().element_product();
-            assert!(texels < 512 * 256 / 2 >> (2 * halvings), "{:?}", part.pages[0].size());
+            assert!(texels < (512 * 256 / 2) >> (2 * halvings), "{:?}", part.pages[0].size());
             agree(&whole, &part, halvings);
         }
         // Where everything is shown, or nothing fits, all stays as it is.

@@ -85,7 +85,7 @@ fn tiles(folder: &Path) -> Vec<Mesh> {
         .unwrap()
         .map(|entry| mesh_of(formats::read(&entry.unwrap().path(), &ReadOptions::default()).unwrap()))
         .collect();
-    found.sort_by(|a, b| b.face_count().cmp(&a.face_count()));
+    found.sort_by_key(|mesh| std::cmp::Reverse(mesh.face_count()));
     found
 }
 

@@ -6,6 +6,7 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::compute::Kernel;
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 
 macro_rules! passes {
     ($($(#[$doc:meta])* $field:ident: $pass:expr,)*) => {
@@ -106,9 +107,9 @@ impl Variants {
     /// Those of `plan`, compiled when they are needed first.
     pub(super) fn of(&mut self, gpu: &Gpu, plan: &StepPlan) -> Result<&TilePasses> {
         let variant = (plan.window(), plan.options.geometry, plan.by_pixel());
-        if !self.0.contains_key(&variant) {
-            self.0.insert(variant, TilePasses::new(gpu, plan)?);
-        }
-        Ok(&self.0[&variant])
+        Ok(match self.0.entry(variant) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => new.insert(TilePasses::new(gpu, plan)?),
+        })
     }
 }
