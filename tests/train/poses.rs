@@ -59,7 +59,6 @@ fn poses_half_a_pixel_off_are_found_again_and_a_run_that_goes_on_finds_the_same(
         given.poses.is_none() && given.cameras.iter().zip(disturbed.train()).all(|(c, v)| *c == v.camera)
     );
     let (before, after) = (error(&given.cameras), error(&found.cameras));
-    eprintln!("{before} px, {after} px; {} dB, {} dB", psnr(&given), psnr(&found));
     // A part of what is left moves the whole scene, which no photo shows: docs/benchmarks/poses.md.
     assert!(before > 0.4 && after < 0.25, "{before} px became {after} px");
     assert!(psnr(&found) > psnr(&given) + 0.2, "{} dB became {} dB", psnr(&given), psnr(&found));
