@@ -40,6 +40,7 @@ const RANGES: &[Row] = &[
     ("refit.refit_flatness", (0.0, LARGEST)),
     ("refit.refit_passes", (1.0, 1000.0)),
     ("texture.texture_size", (64.0, 8192.0)),
+    ("texture.texture_pages", (1.0, 16.0)),
     ("texture.texels_per_pixel", (0.05, 4.0)),
     ("texture.texture_flatness", (0.0, LARGEST)),
     ("place.rotate", (-360.0, 360.0)),
