@@ -15,8 +15,8 @@ pub(super) fn corrected(photos: &[Camera], stored: &[Camera], points: &[Vec3]) -
     let stored = stored.get(..photos.len())?;
     let unit = 1.0 / Space::new(photos, points).scale;
     let difference = |(photo, stored): (&Camera, &Camera)| {
-        let turn = (stored.rotation * photo.rotation.transpose()).col(2).truncate().length();
-        let roll = (stored.rotation * photo.rotation.transpose()).x_axis.y.abs();
+        let rotation = stored.rotation * photo.rotation.transpose();
+        let (turn, roll) = (rotation.z_axis.truncate().length(), rotation.x_axis.y.abs());
         let motion = stored.position().distance(photo.position()) / unit;
         stored.focal.max_element() * turn.max(roll).max(motion)
     };

@@ -1,7 +1,7 @@
 //! EXIF: orientation, focal length and exposure.
 
-use crate::image::exif_light::{exposure_stops, first_number};
-use exif::{Exif, In, Tag};
+use crate::image::exif_light::{above_zero, exposure_stops, first_number, read};
+use exif::{Exif, Tag};
 use glam::UVec2;
 use std::io::Cursor;
 
@@ -26,20 +26,16 @@ pub(super) struct PhotoNotes {
 impl PhotoNotes {
     /// EXIF of an image file; upright and otherwise empty if missing or unreadable.
     pub(super) fn of(bytes: &[u8]) -> Self {
-        let mut reader = exif::Reader::new();
-        reader.continue_on_error(true);
-        let found = reader.read_from_container(&mut Cursor::new(bytes));
-        let found = found.or_else(|e| e.distill_partial_result(|_| {}));
-        found.map_or(Self { orientation: 1, ..Self::default() }, |exif| Self::read(&exif))
+        let exif = read(&mut Cursor::new(bytes));
+        exif.map_or(Self { orientation: 1, ..Self::default() }, |exif| Self::in_block(&exif))
     }
 
-    fn read(exif: &Exif) -> Self {
-        let number = |tag| exif.get_field(tag, In::PRIMARY).and_then(|field| first_number(&field.value));
-        let above_zero = |tag| number(tag).filter(|n: &f64| *n > 0.0 && n.is_finite());
-        let orientation = number(Tag::Orientation).filter(|o| (1.0..=8.0).contains(o)).unwrap_or(1.0);
+    fn in_block(exif: &Exif) -> Self {
+        let orientation =
+            first_number(exif, Tag::Orientation).filter(|o| (1.0..=8.0).contains(o)).unwrap_or(1.0);
         Self {
             orientation: orientation as u8,
-            focal_35: above_zero(Tag::FocalLengthIn35mmFilm),
+            focal_35: above_zero(exif, Tag::FocalLengthIn35mmFilm),
             exposure_stops: exposure_stops(exif),
             raw: exif.buf().to_vec(),
         }
@@ -90,7 +86,7 @@ pub(super) fn with_notes(jpeg: &[u8], notes: &[u8]) -> Vec<u8> {
 /// An EXIF block as a camera writes it: orientation, 1/`inverse_time` s at ISO 100 and f/2, focal length.
 #[cfg(test)]
 pub(super) fn sample_notes(orientation: u16, inverse_time: u32, focal_35: u16) -> Vec<u8> {
-    use exif::{Rational, Value};
+    use exif::{In, Rational, Value};
     let rational = |num, denom| Value::Rational(vec![Rational { num, denom }]);
     let fields = [
         (Tag::Orientation, Value::Short(vec![orientation])),

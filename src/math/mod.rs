@@ -11,6 +11,7 @@ pub mod metric;
 pub mod octasphere;
 mod power;
 pub mod real;
+pub(crate) mod sets;
 pub mod short;
 pub mod srgb8;
 pub mod ssim;

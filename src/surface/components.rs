@@ -1,5 +1,6 @@
 //! Connected pieces of a mesh.
 
+use crate::math::sets::Sets;
 use crate::mesh::Mesh;
 
 /// What [`drop_small`] did.
@@ -31,13 +32,12 @@ pub(super) fn drop_small_areas(mesh: &mut Mesh, share: f64) -> Components {
 
 /// The first vertex of the piece that each face is in. `[F]`
 fn pieces(mesh: &Mesh) -> Vec<u32> {
-    let mut parents: Vec<u32> = (0..mesh.vertex_count() as u32).collect();
-    for face in 0..mesh.face_count() {
-        let [a, b, c] = mesh.face(face).map(|vertex| root(&mut parents, vertex));
-        let first = a.min(b).min(c);
-        [a, b, c].into_iter().for_each(|other| parents[other as usize] = first);
+    let mut sets = Sets::new(mesh.vertex_count());
+    for [a, b, c] in (0..mesh.face_count()).map(|face| mesh.face(face)) {
+        sets.join(a, b);
+        sets.join(b, c);
     }
-    (0..mesh.face_count()).map(|face| root(&mut parents, mesh.face(face)[0])).collect()
+    (0..mesh.face_count()).map(|face| sets.first(mesh.face(face)[0])).collect()
 }
 
 /// Keeps some of the pieces, each named by its first vertex.
@@ -46,16 +46,6 @@ fn keep_pieces(mesh: &mut Mesh, pieces: &[u32], stays: impl Fn(usize) -> bool) -
     let kept = (0..mesh.vertex_count()).filter(|piece| stays(*piece)).count() as u64;
     mesh.retain(|face| stays(pieces[face] as usize));
     Components { kept, dropped_faces: (before - mesh.face_count()) as u64 }
-}
-
-/// The first vertex of the piece that `vertex` is in, as far as it is known; ways to it are halved.
-fn root(parents: &mut [u32], mut vertex: u32) -> u32 {
-    while parents[vertex as usize] != vertex {
-        let above = parents[parents[vertex as usize] as usize];
-        parents[vertex as usize] = above;
-        vertex = above;
-    }
-    vertex
 }
 
 #[cfg(test)]

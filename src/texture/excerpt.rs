@@ -6,6 +6,7 @@
 use super::faces::FaceTexture;
 use super::picture::Texture;
 use crate::image::Pixels;
+use crate::math::sets::Sets;
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -106,25 +107,15 @@ impl FaceTexture {
         };
         let mut corners: Vec<_> = self.uvs.as_flattened().par_iter().enumerate().map(place).collect();
         corners.par_sort_unstable();
-        let mut first: Vec<u32> = (0..self.uvs.len() as u32).collect();
+        let mut sets = Sets::new(self.uvs.len());
         for pair in corners.windows(2) {
             let ((page, x, y, a), (next_page, next_x, next_y, b)) = (pair[0], pair[1]);
             if (page, x, y) == (next_page, next_x, next_y) {
-                let (a, b) = (root(&mut first, a), root(&mut first, b));
-                first[a.max(b) as usize] = a.min(b);
+                sets.join(a, b);
             }
         }
-        (0..first.len() as u32).map(|face| root(&mut first, face)).collect()
+        (0..self.uvs.len() as u32).map(|face| sets.first(face)).collect()
     }
-}
-
-/// The first of the faces that a face is known to be connected with.
-fn root(first: &mut [u32], mut face: u32) -> u32 {
-    while first[face as usize] != face {
-        first[face as usize] = first[first[face as usize] as usize];
-        face = first[face as usize];
-    }
-    face
 }
 
 /// The rectangle around all faces of each face's chart, or its own if those of all faces have fewer texels. `[F]`

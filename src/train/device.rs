@@ -79,33 +79,23 @@ impl BackendOptions {
     ///
     /// Errors: `gpu`.
     fn of_poses(&self) -> Result<Self> {
-        match self.backend {
-            BackendKind::Auto | BackendKind::Cpu => {
-                let mut on_cpu = self.clone();
-                on_cpu.backend = BackendKind::Cpu;
-                Ok(on_cpu)
-            }
-            BackendKind::Gpu => {
-                Err(Error::invalid("backend", "gpu", "auto or cpu with `poses` on; or `poses` off"))
-            }
-        }
+        self.on_cpu("auto or cpu with `poses` on; or `poses` off")
     }
 
     /// The device of a run with a budget: the CPU, because its plan comes from steps timed there.
     ///
     /// Errors: `gpu`.
     pub fn of_budget(&self) -> Result<Self> {
+        self.on_cpu(
+            "auto or cpu with a budget, because steps timed on the CPU plan it; or `steps` instead of the budget",
+        )
+    }
+
+    /// The same on the CPU. Errors: `gpu`; `wants` says what to give instead.
+    fn on_cpu(&self, wants: &str) -> Result<Self> {
         match self.backend {
-            BackendKind::Auto | BackendKind::Cpu => {
-                let mut on_cpu = self.clone();
-                on_cpu.backend = BackendKind::Cpu;
-                Ok(on_cpu)
-            }
-            BackendKind::Gpu => Err(Error::invalid(
-                "backend",
-                "gpu",
-                "auto or cpu with a budget, because steps timed on the CPU plan it; or `steps` instead of the budget",
-            )),
+            BackendKind::Auto | BackendKind::Cpu => Ok(Self { backend: BackendKind::Cpu, ..self.clone() }),
+            BackendKind::Gpu => Err(Error::invalid("backend", "gpu", wants)),
         }
     }
 }

@@ -32,14 +32,13 @@ impl Light {
     /// A first guess by the EXIF data of the photos, if all of them say how much light they caught. Drawn pictures
     /// need none.
     pub(super) fn first(views: &[&View], wanted: ExposureUse) -> Self {
-        let mut photos = views.iter().map(|view| &view.photo);
-        if wanted == ExposureUse::Off || views.len() < LEAST_PHOTOS || photos.any(|photo| photo.is_cut()) {
+        let is_cut = |view: &&View| view.photo.is_cut();
+        if wanted == ExposureUse::Off || views.len() < LEAST_PHOTOS || views.iter().any(is_cut) {
             return Self::default();
         }
-        let photos = views.iter().map(|view| &view.photo);
-        let stops = photos.map(|photo| match photo.is_drawn() {
+        let stops = views.iter().map(|view| match view.photo.is_drawn() {
             true => Some(None),
-            false => photo.exposure_stops().map(Some),
+            false => view.photo.exposure_stops().map(Some),
         });
         // The first photo without such data ends the reading.
         stops.collect::<Option<Vec<_>>>().map_or_else(Self::default, |stops| Self::guessed(&stops, wanted))

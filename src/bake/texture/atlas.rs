@@ -177,7 +177,7 @@ impl Atlas {
         });
     }
 
-    /// Finds a place for every patch on so many pages, each for a slice of the mesh, so that chunks are on few of them; false when
+    /// Finds a place for every patch on `pages` pages, each for a slice of the mesh, so that chunks are on few of them; false when
     /// there is none.
     fn pack_pages(&mut self, mesh: &Mesh, colors: &[u32], options: &TextureOptions, pages: u32) -> bool {
         let width = options.texture_size;

@@ -19,7 +19,7 @@ var<private> behind: f32;
 var<private> background: f32;
 
 // The share of a splat on the pixel.
-fn next_share(k: u32, pixel: vec2<u32>, d_pixel: vec3<f32>) -> vec2<f32> {
+fn next_share(k: u32, place: u32, pixel: vec2<u32>, local: u32) -> vec2<f32> {
     let before = transmittance;
     let record = record_of(batch[k][0], batch[k][1], batch[k][2], batch[k][3]);
     let s = shade(record, pixel);
@@ -27,7 +27,7 @@ fn next_share(k: u32, pixel: vec2<u32>, d_pixel: vec3<f32>) -> vec2<f32> {
         return vec2(-1.0, 0.0);
     }
     let blended = blend(before, s.alpha);
-    var value = dot(record.rgb, d_pixel);
+    var value = dot(record.rgb, d_pixels[local].xyz);
     if GEOMETRY {
         let splat = batch_splats[k];
         let at = pixel.y * step.frame.x + pixel.x;
@@ -64,10 +64,7 @@ fn backward(
     @builtin(local_invocation_index) local: u32,
 ) {
     let bucket = workgroup_index(workgroup, workgroups);
-    if bucket >= bucket_of(table[tile_total()], tile_total()) {
-        return;
-    }
-    let tile = table[bucket_at(bucket)];
+    let tile = tile_of_bucket(bucket);
     if tile == NO_TILE {
         return;
     }
@@ -80,27 +77,10 @@ fn backward(
     let end = min(table[tile + 1u], select(first + BUCKET, 0xffffffffu, GEOMETRY));
     let shown = clamp(table[shown_at(tile)], first, end);
     let corner = vec2(tile % step.frame.z, tile / step.frame.z) * TILE;
-    let pixel = corner + pixel_in_tile(local);
     if first < shown {
-        begin_pixel(start, number, pixel, local);
+        begin_pixel(start, number, corner + pixel_in_tile(local), local);
     }
-    for (var next = first; next < shown;) {
-        workgroupBarrier();
-        load_pairs(next, shown, local);
-        workgroupBarrier();
-        place_blocks(local);
-        workgroupBarrier();
-        let taken = atomicLoad(&taken_pairs);
-        var queue = queue_of(local, taken);
-        while queue != 0u {
-            let k = firstTrailingBit(queue);
-            queue &= queue - 1u;
-            shares[share_at(k, local)] = next_share(k, pixel, d_pixels[local].xyz);
-        }
-        workgroupBarrier();
-        write_slots(taken, corner, local);
-        next += taken;
-    }
+    sum_pairs(first, shown, corner, local);
     // Nothing of what lies behind shows.
     write_nothing(shown, end, local);
 }

@@ -27,7 +27,7 @@ fn find_place() {
 }
 
 // The share of the splat of `place` among the pairs on the pixel.
-fn next_share(place: u32) -> vec2<f32> {
+fn next_share(k: u32, place: u32, pixel: vec2<u32>, local: u32) -> vec2<f32> {
     if next_place != place {
         return vec2(-1.0, 0.0);
     }
@@ -60,10 +60,7 @@ fn backward_by_pixel(
     @builtin(local_invocation_index) local: u32,
 ) {
     let bucket = workgroup_index(workgroup, workgroups);
-    if bucket >= bucket_of(table[tile_total()], tile_total()) {
-        return;
-    }
-    let tile = table[bucket_at(bucket)];
+    let tile = tile_of_bucket(bucket);
     if tile == NO_TILE {
         return;
     }
@@ -72,21 +69,5 @@ fn backward_by_pixel(
     let end = min(table[tile + 1u], first + BUCKET);
     let corner = vec2(tile % step.frame.z, tile / step.frame.z) * TILE;
     begin_pixel(first, corner + pixel_in_tile(local), local);
-    for (var next = first; next < end;) {
-        workgroupBarrier();
-        load_pairs(next, end, local);
-        workgroupBarrier();
-        place_blocks(local);
-        workgroupBarrier();
-        let taken = atomicLoad(&taken_pairs);
-        var queue = queue_of(local, taken);
-        while queue != 0u {
-            let k = firstTrailingBit(queue);
-            queue &= queue - 1u;
-            shares[share_at(k, local)] = next_share(next + k);
-        }
-        workgroupBarrier();
-        write_slots(taken, corner, local);
-        next += taken;
-    }
+    sum_pairs(first, end, corner, local);
 }

@@ -1,7 +1,7 @@
 // Sums of the pixels' gradients for some pairs of a tile, without atomics on floats: first an invocation is a pixel, and puts the
 // shares of its layers into workgroup memory; then it is a block of 4 x 4 pixels of a pair, and sums 16 shares; then it is two
-// numbers of a pair, and sums the pair's blocks. Every sum has a fixed order. Needs `pairs`, `owners`, `records`, put_slot.wgsl and
-// splat_sums.wgsl.
+// numbers of a pair, and sums the pair's blocks. Every sum has a fixed order. Needs `table`, `pairs`, `owners`, `records`, tile_table.wgsl,
+// put_slot.wgsl, splat_sums.wgsl, and `next_share`: the share on a pixel of the pair that is next in its order.
 
 const ROW: u32 = PAIR_BLOCKS + 1u; // longer than needed, so that neighbours are in different banks
 
@@ -135,5 +135,35 @@ fn write_slots(taken: u32, corner: vec2<u32>, local: u32) {
 fn write_nothing(first: u32, end: u32, local: u32) {
     for (var i = local; i < (end - first) * SLOT_VECTORS; i += GROUP) {
         put_slot(pairs[first + i / SLOT_VECTORS], i % SLOT_VECTORS, vec2(0.0));
+    }
+}
+
+// The tile of a bucket, or NO_TILE.
+fn tile_of_bucket(bucket: u32) -> u32 {
+    if bucket >= bucket_of(table[tile_total()], tile_total()) {
+        return NO_TILE;
+    }
+    return table[bucket_at(bucket)];
+}
+
+// Writes the slots of the pairs from `first` to `end` of the tile that begins at `corner`.
+fn sum_pairs(first: u32, end: u32, corner: vec2<u32>, local: u32) {
+    let pixel = corner + pixel_in_tile(local);
+    for (var next = first; next < end;) {
+        workgroupBarrier();
+        load_pairs(next, end, local);
+        workgroupBarrier();
+        place_blocks(local);
+        workgroupBarrier();
+        let taken = atomicLoad(&taken_pairs);
+        var queue = queue_of(local, taken);
+        while queue != 0u {
+            let k = firstTrailingBit(queue);
+            queue &= queue - 1u;
+            shares[share_at(k, local)] = next_share(k, next + k, pixel, local);
+        }
+        workgroupBarrier();
+        write_slots(taken, corner, local);
+        next += taken;
     }
 }

@@ -7,17 +7,5 @@
 @compute @workgroup_size(GROUP)
 fn scan_sums(@builtin(local_invocation_index) local: u32) {
     let blocks = (counts[job.length_at] + GROUP * SCAN_ITEMS - 1u) / (GROUP * SCAN_ITEMS);
-    let each = (blocks + GROUP - 1u) / GROUP;
-    let first = min(local * each, blocks);
-    let end = min(first + each, blocks);
-    var sum = 0u;
-    for (var i = first; i < end; i++) {
-        sum += sums[i];
-    }
-    var before = exclusive_sum(local, sum);
-    for (var i = first; i < end; i++) {
-        let value = sums[i];
-        sums[i] = before;
-        before += value;
-    }
+    scan_run(0u, blocks, local);
 }
