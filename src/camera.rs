@@ -108,6 +108,30 @@ pub struct Viewpoint {
     /// Radius of the subject around the target; absent when unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius: Option<f64>,
+    /// How far photos look around the target; absent when unknown or on all sides.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub orbit: Option<OrbitRange>,
+}
+
+/// How far photos look around a [`Viewpoint`]'s target, and a little beyond. Viewers keep their orbit within.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct OrbitRange {
+    /// Least and largest turn around the up direction, degrees: 0 is the eye, and more is counter-clockwise seen from
+    /// above. Absent when photos surround the target.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub turn: Option<[f64; 2]>,
+    /// Least and largest elevation above the target, degrees.
+    pub elevation: [f64; 2],
+}
+
+impl OrbitRange {
+    /// Whether its numbers are angles, the lower one first, and the eye is within.
+    fn is_possible(&self) -> bool {
+        let [low, high] = self.elevation;
+        let turns = |[low, high]: [f64; 2]| -360.0 <= low && low <= 0.0 && 0.0 <= high && high <= 360.0;
+        -90.0 <= low && low <= high && high <= 90.0 && self.turn.is_none_or(turns)
+    }
 }
 
 impl Viewpoint {
@@ -125,13 +149,14 @@ impl Viewpoint {
         lens.looking(eye, target, up)
     }
 
-    /// Whether a camera can look from here: its numbers fit an `f32`, and it has a distance and an angle.
+    /// Whether a camera can look from here: its numbers fit an `f32`, and it has a distance and angles.
     pub fn is_possible(&self) -> bool {
         let fits = |v: [f64; 3]| DVec3::from(v).as_vec3().is_finite();
         let placed = [self.eye, self.target, self.up].into_iter().all(fits);
         let (distance, angle) = (self.distance(), self.fov.to_radians() as f32);
         let opens = angle > 0.0 && self.fov < 180.0 && distance > 0.0 && distance.is_finite();
-        placed && opens && self.camera(UVec2::ONE).rotation.is_finite()
+        let bounded = self.orbit.is_none_or(|orbit| orbit.is_possible());
+        placed && opens && bounded && self.camera(UVec2::ONE).rotation.is_finite()
     }
 
     /// Distance from the viewer to the target.

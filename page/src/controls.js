@@ -1,5 +1,5 @@
 // Mouse, touch and keys. Orbit goes around a pivot; flying is an orbit around a pivot just in front of the camera.
-import { Raycaster, Vector2, Vector3 } from 'three';
+import { MathUtils, Quaternion, Raycaster, Spherical, Vector2, Vector3 } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 
 /** Distance to the pivot while flying, in radii of the scene. */
@@ -12,6 +12,12 @@ const DIRECTIONS = {
   KeyQ: [0, -1, 0], KeyE: [0, 1, 0],
 };
 
+/** The direction of an eye from its target, with `up` as the pole: angles as OrbitControls counts them. */
+function direction(eye, target, up) {
+  const upright = new Quaternion().setFromUnitVectors(up, new Vector3(0, 1, 0));
+  return new Spherical().setFromVector3(eye.clone().sub(target).applyQuaternion(upright));
+}
+
 export class Controls {
   #orbit = null;
   #camera;
@@ -21,9 +27,12 @@ export class Controls {
   #intrinsics = null;
   #flying = false;
   #pivotDistance;
+  #viewpoint;
 
-  constructor(camera, canvas, radius) {
+  /** `viewpoint` is the file's, or null: it says how far photos look around. */
+  constructor(camera, canvas, radius, viewpoint) {
     [this.#camera, this.#canvas, this.#radius, this.#pivotDistance] = [camera, canvas, radius, radius];
+    this.#viewpoint = viewpoint;
     addEventListener('keydown', (event) => this.#key(event, true));
     addEventListener('keyup', (event) => this.#key(event, false));
     addEventListener('blur', () => this.#pressed.clear());
@@ -44,6 +53,7 @@ export class Controls {
     this.#orbit = orbit;
     camera.lookAt(target);
     if (this.#flying) this.fly(true);
+    this.#limit();
   }
 
   /** The view of the camera now. */
@@ -66,6 +76,7 @@ export class Controls {
     orbit.rotateSpeed = on ? -0.4 : 1;
     orbit.panSpeed = on ? 0.5 / FLY_PIVOT : 1;
     orbit.enableZoom = !on;
+    this.#limit();
   }
 
   /** Advances by `seconds`; true when the camera has moved. */
@@ -87,7 +98,32 @@ export class Controls {
     const ray = new Raycaster();
     ray.setFromCamera(at, this.#camera);
     const [hit] = ray.intersectObjects(meshes, false);
-    if (hit && !this.#flying) this.#orbit.target.copy(hit.point);
+    if (!hit || this.#flying) return;
+    this.#orbit.target.copy(hit.point);
+    this.#limit();
+  }
+
+  /** Keeps the orbit where photos looked, or where the view is if that is beyond. Flying goes anywhere. */
+  #limit() {
+    const [orbit, camera] = [this.#orbit, this.#camera];
+    Object.assign(orbit, { minAzimuthAngle: -Infinity, maxAzimuthAngle: Infinity, minPolarAngle: 0, maxPolarAngle: Math.PI });
+    if (this.#flying || !this.#viewpoint?.orbit) return;
+    const [eye, target, up] = ['eye', 'target', 'up'].map((word) => new Vector3(...this.#viewpoint[word]));
+    if (up.normalize().angleTo(camera.up) > 1e-3) return;
+    const { turn, elevation } = this.#viewpoint.orbit;
+    const [start, here] = [direction(eye, target, up), direction(camera.position, orbit.target, up)];
+    const [low, high] = elevation.map((degrees) => Math.PI / 2 - MathUtils.degToRad(degrees));
+    orbit.minPolarAngle = Math.max(0, Math.min(high, here.phi));
+    orbit.maxPolarAngle = Math.min(Math.PI, Math.max(low, here.phi));
+    if (!turn) return;
+    const [least, most] = turn.map(MathUtils.degToRad);
+    // The turn of the view, by whole turns where it is nearest to the range.
+    const middle = (least + most) / 2;
+    const turned = MathUtils.euclideanModulo(here.theta - start.theta - middle + Math.PI, 2 * Math.PI) - Math.PI + middle;
+    const [from, to] = [Math.min(least, turned), Math.max(most, turned)];
+    if (to - from >= 2 * Math.PI) return;
+    orbit.minAzimuthAngle = MathUtils.euclideanModulo(start.theta + from + Math.PI, 2 * Math.PI) - Math.PI;
+    orbit.maxAzimuthAngle = MathUtils.euclideanModulo(start.theta + to + Math.PI, 2 * Math.PI) - Math.PI;
   }
 
   #ahead() {

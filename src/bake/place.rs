@@ -204,6 +204,7 @@ mod tests {
         up: [0.0, -1.0, 0.0],
         fov: 40.0,
         radius: Some(0.5),
+        orbit: None,
     };
 
     #[test]

@@ -80,8 +80,14 @@ mod tests {
 
     #[test]
     fn what_the_input_says_is_kept_unless_photos_know_better() {
-        let said =
-            Viewpoint { eye: [0.0; 3], target: [1.0; 3], up: [0.0, 1.0, 0.0], fov: 50.0, radius: None };
+        let said = Viewpoint {
+            eye: [0.0; 3],
+            target: [1.0; 3],
+            up: [0.0, 1.0, 0.0],
+            fov: 50.0,
+            radius: None,
+            orbit: None,
+        };
         let mut asset = spheres();
         asset.provenance.viewpoint = Some(said);
         viewpoint(&mut asset, &[], &mut ViewpointDetails::default());

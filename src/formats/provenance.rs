@@ -61,7 +61,7 @@ pub(super) fn shell_of_comments<'a>(mut comments: impl Iterator<Item = &'a str>)
 mod tests {
     use super::*;
     use crate::asset::{Placement, UpAxis};
-    use crate::camera::Viewpoint;
+    use crate::camera::{OrbitRange, Viewpoint};
     use proptest::prelude::*;
 
     proptest! {
@@ -81,6 +81,7 @@ mod tests {
                     up: [0.0, 1.0, 0.0],
                     fov: 50.0,
                     radius: Some(x.abs().into()),
+                    orbit: Some(OrbitRange { turn: Some([-scale.min(360.0), 0.1]), elevation: [-0.3, 1.0 / 3.0] }),
                 }),
                 backdrop: seed as u32,
             };
@@ -105,6 +106,7 @@ mod tests {
                     up: [0.0, 1.0, 0.0],
                     fov: 50.0,
                     radius: None,
+                    orbit: None,
                 }),
                 ..Provenance::default()
             };

@@ -1,6 +1,7 @@
 //! The framing of a scene: its subject, its first viewpoint, and the far shell that closes it.
 
 mod candidates;
+mod orbit_range;
 mod sight;
 
 pub mod far_shell;

@@ -2,6 +2,7 @@
 //! whole, large, level, unobstructed, from somewhat above.
 
 use super::candidates::{self, Candidate, half_tangent};
+use super::orbit_range::orbit_range;
 use super::sight::{Sight, Survey};
 use super::subject::{MOST_POINTS, Subject};
 use crate::camera::{Camera, Viewpoint};
@@ -71,6 +72,7 @@ pub fn viewpoint(scenery: &Scenery<'_>) -> Option<Chosen> {
     };
     let Judged { candidate, sight, .. } = best;
     let viewpoint = looking(&candidate.camera, subject, scenery.up);
+    let viewpoint = Viewpoint { orbit: orbit_range(&viewpoint, scenery.cameras), ..viewpoint };
     Some(Chosen { viewpoint, photo: candidate.photo, filled: f64::from(sight.filled) })
 }
 
@@ -129,7 +131,7 @@ fn looking(camera: &Camera, subject: Subject, up: Vec3) -> Viewpoint {
     // A window may be narrower than the photo, so the photo's horizontal angle becomes the vertical one.
     let needed = half_tangent(subject.radius, depth.max(subject.radius), MOST_SINE);
     let fov = 2.0 * libm::atan(f64::from(high.max(needed.min(wide))));
-    Viewpoint { eye, target, up, fov: fov.to_degrees(), radius: Some(f64::from(subject.radius)) }
+    Viewpoint { eye, target, up, fov: fov.to_degrees(), radius: Some(f64::from(subject.radius)), orbit: None }
 }
 
 /// The camera of a viewpoint for a picture of `size`, which shows the subject even if narrow.

@@ -103,6 +103,7 @@ mod tests {
         up: [0.0, 1.0, 0.0],
         fov: 60.0,
         radius: None,
+        orbit: None,
     };
 
     #[test]

@@ -15,4 +15,5 @@ pub(crate) const VIEWPOINT: trisplat::camera::Viewpoint = trisplat::camera::View
     up: [0.0, 1.0, 0.0],
     fov: 48.25,
     radius: Some(1.25),
+    orbit: None,
 };

@@ -119,6 +119,52 @@ fn a_page_shows_what_our_renderer_draws() {
     }
 }
 
+/// The direction of the eye from the target of a view, as the page tells it.
+fn direction(view: &Value) -> DVec3 {
+    let text = view.as_str().unwrap().trim_start_matches('#');
+    let point = |name: &str| -> DVec3 {
+        let list = text.split('&').find_map(|part| part.strip_prefix(name)).unwrap();
+        let numbers: Vec<f64> = list.split(',').map(|number| number.parse().unwrap()).collect();
+        DVec3::from_slice(&numbers)
+    };
+    (point("eye=") - point("target=")).normalize()
+}
+
+#[test]
+fn a_drag_stays_where_photos_looked_and_an_address_goes_anywhere() {
+    let Some(chromium) = chromium() else { return };
+    let folder = TempDir::new().unwrap();
+    let (scene, page) = (folder.path().join("scene.ply"), folder.path().join("scene.html"));
+    bake(&studio(), &scene, &[]);
+    let bytes = fs::read(&scene).unwrap();
+    let end = bytes.windows(10).position(|word| word == b"end_header").unwrap();
+    let header = std::str::from_utf8(&bytes[..end]).unwrap();
+    let range = r#""orbit":{"turn":[-30,50],"elevation":[-5,70]},"fov""#;
+    let ranged = header.replace("\"fov\"", range);
+    assert_ne!(header, ranged);
+    fs::write(&scene, [ranged.as_bytes(), &bytes[end..]].concat()).unwrap();
+    bake(&scene, &page, &[]);
+    let right = json!({ "drag": [5, 150, 390, 0] });
+    let left = json!({ "drag": [395, 150, -390, 0] });
+    let down = json!({ "drag": [200, 5, 0, 290] });
+    let steps = [left.clone(), left, right.clone(), right.clone(), down.clone(), down];
+    let pages = json!([
+        { "page": page, "fragment": "#ssaa=1", "size": [400, 300], "steps": steps },
+        { "page": page, "fragment": "#ssaa=1&eye=0,-9,0.1&target=0,0,0", "size": [400, 300], "steps": [right] },
+    ]);
+    let visits = visit(&chromium, &pages);
+    let views = visits[0]["views"].as_array().unwrap();
+    let angles = |view: &Value| {
+        let (start, now) = (direction(&views[0]), direction(view));
+        let turn = now.x.atan2(now.z) - start.x.atan2(start.z);
+        let turn = (turn + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
+        [turn, now.y.asin()].map(|angle| angle.to_degrees().round())
+    };
+    let reached = [2, 4, 6].map(|step| angles(&views[step]));
+    assert_eq!([reached[0][0], reached[1][0], reached[2][1]], [50.0, -30.0, 70.0], "{reached:?}");
+    assert!(direction(&visits[1]["views"][0]).y < -0.99, "{}", visits[1]);
+}
+
 #[test]
 fn mouse_fingers_and_keys_move_the_view() {
     let Some(chromium) = chromium() else { return };
@@ -158,18 +204,7 @@ fn mouse_fingers_and_keys_move_the_view() {
         view.as_str().unwrap().split('&').find(|part| part.starts_with("target=")).map(str::to_owned)
     };
     assert_eq!(target(&views[0]), target(&views[9]), "F looks at what the first view looks at");
-    let direction = |view: &Value| {
-        let text = view.as_str().unwrap().trim_start_matches('#');
-        let point = |name: &str| -> Vec<f64> {
-            let list = text.split('&').find_map(|part| part.strip_prefix(name)).unwrap();
-            list.split(',').map(|number| number.parse().unwrap()).collect()
-        };
-        let (eye, target) = (point("eye="), point("target="));
-        let away: Vec<f64> = eye.iter().zip(&target).map(|(a, b)| a - b).collect();
-        let length = away.iter().map(|x| x * x).sum::<f64>().sqrt();
-        away.into_iter().map(|x| x / length).collect::<Vec<f64>>()
-    };
-    let turned = direction(&views[0]).iter().zip(direction(&views[9])).map(|(a, b)| a * b).sum::<f64>();
+    let turned = direction(&views[0]).dot(direction(&views[9]));
     assert!(turned > 0.999_999, "F looks from where the first view looks: {turned}");
     assert_eq!(visits[0]["hash"], views[10], "the link is the view");
     assert_eq!(visits[0]["help"], json!(false), "the first touch of the picture takes the help away");

@@ -2,10 +2,10 @@
 
 use super::super::layout::Aabb;
 use crate::asset::Placement;
-use crate::camera::Camera;
+use crate::camera::{Camera, Viewpoint};
 use crate::placed;
 use glam::{DVec3, Mat3, Quat, UVec2, Vec2, Vec3};
-use std::f32::consts::FRAC_PI_2;
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 /// A drag across the whole height of the window turns the camera by this, rad.
 const DRAG_ANGLE: f32 = 3.0;
@@ -34,6 +34,19 @@ pub struct CameraControls {
     intrinsics: Camera,
     /// Size of the scene: the unit of speed and of the near plane.
     extent: f32,
+    /// Where photos looked; orbits stay there.
+    range: Option<Range>,
+}
+
+/// The directions from which photos looked at a scene's target.
+#[derive(Debug, Clone, Copy)]
+struct Range {
+    /// The horizontal direction to the eye for a turn of 0.
+    start: Vec3,
+    /// Least and largest turn, rad.
+    turn: Option<[f32; 2]>,
+    /// Least and largest elevation, rad.
+    elevation: [f32; 2],
 }
 
 /// The pressed keys, each axis in -1, 0, 1.
@@ -64,8 +77,15 @@ impl CameraControls {
         let (rotation, translation) = (Mat3::IDENTITY, Vec3::ZERO);
         let intrinsics = Camera { rotation, translation, focal, center: size.as_vec2() / 2.0, size };
         let up = up.normalize_or(Vec3::Y);
-        let mut controls =
-            Self { rotation, position: Vec3::ZERO, pivot_distance: 1.0, up, intrinsics, extent: 1.0 };
+        let mut controls = Self {
+            rotation,
+            position: Vec3::ZERO,
+            pivot_distance: 1.0,
+            up,
+            intrinsics,
+            extent: 1.0,
+            range: None,
+        };
         let ahead = up.any_orthonormal_vector();
         controls.look_towards(ahead - 0.45 * up);
         controls.frame(bounds);
@@ -165,10 +185,40 @@ impl CameraControls {
         self.position + self.forward() * self.pivot_distance
     }
 
+    /// Keeps orbits where photos looked, as `viewpoint` says.
+    pub fn stay_within(&mut self, viewpoint: &Viewpoint) {
+        let away = (DVec3::from(viewpoint.eye) - DVec3::from(viewpoint.target)).as_vec3();
+        let start = away.reject_from(self.up).try_normalize();
+        let radians = |range: [f64; 2]| range.map(|degrees| degrees.to_radians() as f32);
+        self.range = viewpoint.orbit.zip(start).map(|(orbit, start)| Range {
+            start,
+            turn: orbit.turn.map(radians),
+            elevation: radians(orbit.elevation),
+        });
+    }
+
+    /// A drag, shortened so that an orbit by it stays where photos looked, or goes no farther if it is beyond.
+    fn within_range(&self, drag: Vec2) -> Vec2 {
+        let Some(range) = self.range else { return drag };
+        let away = -self.forward();
+        let moved =
+            |now: f32, by: f32, [low, high]: [f32; 2]| (now + by).clamp(low.min(now), high.max(now)) - now;
+        let elevation = away.dot(self.up).clamp(-1.0, 1.0).asin();
+        let y = moved(elevation, DRAG_ANGLE * drag.y, range.elevation) / DRAG_ANGLE;
+        let x = range.turn.map_or(drag.x, |turn| {
+            let now = f32::atan2(away.dot(self.up.cross(range.start)), away.dot(range.start));
+            // By whole turns nearest to the range.
+            let middle = 0.5 * (turn[0] + turn[1]);
+            let now = (now - middle + PI).rem_euclid(TAU) - PI + middle;
+            -moved(now, -DRAG_ANGLE * drag.x, turn) / DRAG_ANGLE
+        });
+        Vec2::new(x, y)
+    }
+
     /// Orbits around the pivot by a drag, in heights of the window.
     pub fn orbit(&mut self, drag: Vec2) {
         let pivot = self.pivot();
-        self.turn(-drag);
+        self.turn(-self.within_range(drag));
         self.position = pivot - self.forward() * self.pivot_distance;
     }
 
@@ -243,6 +293,7 @@ pub struct Pane {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::OrbitRange;
 
     const BOX: Aabb = Aabb { min: Vec3::new(-1.0, 0.0, 2.0), max: Vec3::new(3.0, 1.0, 4.0) };
     const PANE: Pane = Pane { min: Vec2::ZERO, size: Vec2::new(800.0, 600.0) };
@@ -299,6 +350,46 @@ mod tests {
             assert!((camera.rotation * Vec3::Y).y < 0.0, "turned over");
             assert!((camera.rotation.determinant() - 1.0).abs() < 1e-5);
         }
+    }
+
+    #[test]
+    fn an_orbit_stays_where_photos_looked() {
+        let eye = [0.0, 1.0, 5.0];
+        let range = OrbitRange { turn: Some([-30.0, 50.0]), elevation: [0.0, 40.0] };
+        let mut viewpoint = Viewpoint {
+            eye,
+            target: [0.0; 3],
+            up: [0.0, 1.0, 0.0],
+            fov: 50.0,
+            radius: None,
+            orbit: Some(range),
+        };
+        let mut controls = CameraControls::new(&BOX, Vec3::Y);
+        let mut look = |viewpoint: &Viewpoint| {
+            controls.move_to(&viewpoint.camera(SIZE));
+            controls.set_pivot_distance(viewpoint.distance());
+            controls.stay_within(viewpoint);
+            let ends = [Vec2::new(-0.05, 0.05), Vec2::new(0.05, -0.05)].map(|drag| {
+                (0..60).for_each(|_| controls.orbit(drag));
+                let away = (controls.position() - controls.pivot()).normalize();
+                [f32::atan2(away.x, away.z), away.y.asin()].map(|angle| angle.to_degrees().round())
+            });
+            assert!(controls.pivot().length() < 1e-3, "the pivot stays");
+            ends
+        };
+        assert_eq!(look(&viewpoint), [[50.0, 40.0], [-30.0, 0.0]]);
+        viewpoint.orbit = Some(OrbitRange { turn: None, ..range });
+        assert_eq!(look(&viewpoint).map(|[_, elevation]| elevation), [40.0, 0.0]);
+        // From beyond the range the way back is free, and no other.
+        controls.stay_within(&Viewpoint {
+            orbit: Some(OrbitRange { elevation: [20.0, 40.0], ..range }),
+            ..viewpoint
+        });
+        let low = controls.position().y;
+        controls.orbit(Vec2::new(0.0, -0.05));
+        assert!((controls.position().y - low).abs() < 1e-3);
+        controls.orbit(Vec2::new(0.0, 0.05));
+        assert!(controls.position().y > low + 0.1);
     }
 
     #[test]

@@ -235,6 +235,7 @@ impl Session {
         let kept = self.shown.take().filter(|_| same).map(|shown| shown.crop);
         let crop = kept.unwrap_or_else(|| CropEditor::around(&bounds, scene.to_file()));
         self.controls = CameraControls::new(&bounds, scene.up);
+        viewpoint.iter().for_each(|(viewpoint, _)| self.controls.stay_within(viewpoint));
         self.shown = Some(Shown::new(scene, model, bounds, viewpoint, crop));
         (self.note, self.status) = (None, status);
         if let Some(nearest) = self.shown.as_ref().and_then(Shown::first_photo) {
@@ -254,6 +255,7 @@ impl Session {
         (self.decoding, self.subset, self.filtered, self.filtering) = (None, None, None, false);
         (self.picked, self.soft_is_old, self.status) = (None, true, scene.status.take());
         self.controls.change_frame(&before.placement, &scene.placement);
+        viewpoint.iter().for_each(|(viewpoint, _)| self.controls.stay_within(viewpoint));
         let asset = std::mem::take(&mut scene.asset);
         let shown = Shown::new(scene, model, bounds, viewpoint, before.crop);
         self.shown = Some(Shown { asset: Some(Arc::new(asset)), ..shown });
