@@ -129,7 +129,7 @@ impl OrbitRange {
     /// Whether its numbers are angles, the lower one first, and the eye is within.
     fn is_possible(&self) -> bool {
         let [low, high] = self.elevation;
-        let turns = |[low, high]: [f64; 2]| -360.0 <= low && low <= 0.0 && 0.0 <= high && high <= 360.0;
+        let turns = |[low, high]: [f64; 2]| (-360.0..=0.0).contains(&low) && (0.0..=360.0).contains(&high);
         -90.0 <= low && low <= high && high <= 90.0 && self.turn.is_none_or(turns)
     }
 }

@@ -101,7 +101,12 @@ function bindInput({ canvas, controls, meshes, fit, start }) {
     document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen?.();
   const actions = {
     start, fit, fly, link, full,
-    ask: () => help(element('help').hidden),
+    // The first question is answered in full, even while the brief help is there.
+    ask: () => {
+      const { classList, hidden } = element('help');
+      help(hidden || classList.contains('brief'));
+      classList.remove('brief');
+    },
   };
   for (const [id, act] of Object.entries(actions)) element(id).addEventListener('click', act);
   const keys = { KeyF: fit, Home: start, KeyR: start, KeyV: fly, KeyL: link, Enter: full, KeyH: actions.ask };
