@@ -45,6 +45,24 @@ pub(super) fn state(count: usize, sh_degree: u8) -> TrainState {
     TrainState::new(params)
 }
 
+/// `count` faint triangles before one tile, so that light gets through all of them.
+pub(super) fn pile(count: usize) -> TrainState {
+    let camera = camera();
+    let middle = (Vec2::new(40.0, 24.0) - camera.center) / camera.focal;
+    let mut params = Params::default();
+    for i in 0..count as u64 {
+        let rng = Rng::new(7, "pile", i);
+        let within = |at: u64| Vec3::from([0, 1, 2].map(|c| 2.0 * rng.uniform(3 * at + c) - 1.0));
+        let ray = (middle + 0.04 * within(0).truncate()).extend(1.0);
+        let center = camera.rotation.transpose() * ((3.0 + within(0).z) * ray - camera.translation);
+        params.vertices.push([1, 2, 3].map(|corner| center + 0.2 * within(corner)));
+        params.opacity.push(-3.0 + rng.uniform(51));
+        params.sigma.push(1.5 * rng.uniform(52) - 1.0);
+        params.sh.push([0, 1, 2].map(|c| 2.0 * rng.uniform(60 + c) - 1.0));
+    }
+    TrainState::new(params)
+}
+
 /// A picture, smooth and different in every channel, and with a mask if asked for.
 pub(super) fn photo(masked: bool) -> Pixels {
     let at = |i: u32| (i % SIZE.x, i / SIZE.x);

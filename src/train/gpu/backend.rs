@@ -7,6 +7,7 @@ use super::pending_step::{PendingStep, missing_capacity};
 use super::photos::Photos;
 use super::rows::row_count;
 use super::scene::{REMEDY, SceneBuffers, VISIBILITY_NUMBERS, VisibilityBuffer};
+use super::self_test::self_test;
 use super::sequence::{BindGroups, Sequence};
 use super::step_buffers::{SLOT_PARTS, StepBuffers, StepCapacity};
 use super::step_passes::StepPasses;
@@ -79,7 +80,7 @@ pub struct GpuBackend {
 impl GpuBackend {
     /// A backend without a scene, on an open card; draws with `options`.
     ///
-    /// Errors: the card or its driver cannot run the passes.
+    /// Errors: the card or its driver cannot run the passes, or computes something wrong.
     pub fn new(gpu: Gpu, options: SoftOptions) -> Result<Self> {
         let limits = GpuLimits::of(&gpu);
         Self::with_limits(gpu, options, limits)
@@ -94,10 +95,12 @@ impl GpuBackend {
             return Err(Error::Gpu(format!("{what}; train on the CPU (`backend` cpu)")));
         }
         let small = |what, numbers: usize| storage(&gpu, what, 4 * numbers as u64, REMEDY);
+        let (passes, jobs) = (Passes::new(&gpu)?, Jobs::new(&gpu)?);
+        self_test(&gpu, &passes, &jobs)?;
         Ok(Self {
-            passes: Passes::new(&gpu)?,
+            passes,
             variants: Variants::default(),
-            jobs: Jobs::new(&gpu)?,
+            jobs,
             bind_groups: BindGroups::default(),
             step: uniform(&gpu, "step", size_of::<StepUniform>() as u64),
             counts: small("counts", COUNTS)?,

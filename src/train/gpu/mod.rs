@@ -10,12 +10,14 @@
 mod backend;
 mod job;
 mod limits;
+mod ordering;
 mod passes;
 mod pending_step;
 mod photos;
 mod picture;
 mod rows;
 mod scene;
+mod self_test;
 mod sequence;
 mod source;
 mod step_buffers;

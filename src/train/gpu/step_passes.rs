@@ -1,10 +1,11 @@
 //! The passes of one step, in order.
 
-use super::job::{Count, DIGIT_BITS, Groups, Job, digit, scan, sum, turn};
+use super::job::{Count, DIGIT_BITS, Groups, Job, sum, turn};
+use super::ordering::{Ordering, Sort};
 use super::passes::{Passes, TilePasses};
 use super::scene::{SceneBuffers, VisibilityBuffer};
 use super::sequence::{Sequence, Spread, all};
-use super::source::{GROUP, RADIX, SCAN_ITEMS};
+use super::source::{GROUP, SCAN_ITEMS};
 use super::step_buffers::StepBuffers;
 use super::uniform::StepPlan;
 use super::work::tile_digits;
@@ -84,7 +85,7 @@ impl StepPasses<'_> {
         };
         project(to, 0);
         let blocks = Spread::Over(triangles + 1, GROUP * SCAN_ITEMS);
-        self.scan(to, Count::Triangles1, blocks, &buffers.splat_starts);
+        self.ordering().scan(to, Count::Triangles1, blocks, &buffers.splat_starts);
         self.plan(to, COUNT, &buffers.splat_starts);
         project(to, 1);
     }
@@ -92,11 +93,11 @@ impl StepPasses<'_> {
     fn sort_by_depth(&self, to: &mut Sequence<'_>) {
         let sort = Sort {
             length: Count::Splats,
-            blocks: Groups::SplatSort,
+            blocks: Spread::Found(Groups::SplatSort),
             keys: &self.buffers.depths,
             values: &self.buffers.order,
         };
-        self.sort(to, &sort, u32::BITS / DIGIT_BITS);
+        self.ordering().sort(to, &sort, u32::BITS / DIGIT_BITS);
     }
 
     fn bin(&self, to: &mut Sequence<'_>) {
@@ -116,7 +117,7 @@ impl StepPasses<'_> {
             to.run(&self.passes.bin, Spread::Found(Groups::Splats), &bindings);
         };
         bin(to, COUNT);
-        self.scan(to, Count::Splats1, Spread::Found(Groups::SplatScan), &buffers.pair_starts);
+        self.ordering().scan(to, Count::Splats1, Spread::Found(Groups::SplatScan), &buffers.pair_starts);
         self.plan(to, WRITE, &buffers.pair_starts);
         bin(to, WRITE);
     }
@@ -130,11 +131,11 @@ impl StepPasses<'_> {
         let buffers = self.buffers;
         let sort = Sort {
             length: Count::Pairs,
-            blocks: Groups::PairSort,
+            blocks: Spread::Found(Groups::PairSort),
             keys: &buffers.tiles,
             values: &buffers.pairs,
         };
-        self.sort(to, &sort, tile_digits(self.plan));
+        self.ordering().sort(to, &sort, tile_digits(self.plan));
         let tiles = self.plan.tiles.element_product();
         let bindings =
             [all(self.step), all(self.counts), all(&buffers.tiles[self.sorted()]), all(&buffers.table)];
@@ -159,7 +160,7 @@ impl StepPasses<'_> {
         if self.plan.by_pixel() {
             self.forward_by_pixel(to, COUNT);
             let blocks = Spread::Over(self.plan.frame_pixels() + 1, GROUP * SCAN_ITEMS);
-            self.scan(to, Count::Pixels1, blocks, &buffers.layer_starts);
+            self.ordering().scan(to, Count::Pixels1, blocks, &buffers.layer_starts);
             self.plan(to, WRITE_LAYERS, &buffers.layer_starts);
             return;
         }
@@ -280,46 +281,9 @@ impl StepPasses<'_> {
         to.run(&self.passes.plan, Spread::Once, &bindings);
     }
 
-    /// An exclusive prefix sum in place.
-    fn scan(&self, to: &mut Sequence<'_>, length: Count, blocks: Spread, data: &Buffer) {
-        let (passes, sums) = (self.passes, all(&self.buffers.block_sums));
-        let (job, counts) = (to.job(scan(length)), all(self.counts));
-        let bindings = [job.clone(), counts.clone(), all(data), sums.clone()];
-        to.run(&passes.scan_reduce, blocks, &bindings);
-        to.run(&passes.scan_sums, Spread::Once, &[job, counts, sums]);
-        to.run(&passes.scan_apply, blocks, &bindings);
+    /// What sums and sorts.
+    fn ordering(&self) -> Ordering<'_> {
+        let StepBuffers { histogram, block_sums, .. } = self.buffers;
+        Ordering { passes: self.passes, counts: self.counts, histogram, block_sums }
     }
-
-    /// A stable sort by the lowest `digits` of the keys; after an even number of them the result is in the first buffers.
-    fn sort(&self, to: &mut Sequence<'_>, sort: &Sort<'_>, digits: u32) {
-        let (histogram, totals) = (&self.buffers.histogram, &self.buffers.block_sums);
-        for at in 0..digits {
-            let (from, into) = (at as usize % 2, 1 - at as usize % 2);
-            let job = to.job(digit(sort.length, at * DIGIT_BITS));
-            let (blocks, counts) = (Spread::Found(sort.blocks), all(self.counts));
-            let bindings = [job.clone(), counts.clone(), all(&sort.keys[from]), all(histogram)];
-            to.run(&self.passes.sort_count, blocks, &bindings);
-            let bindings = [job.clone(), counts.clone(), all(histogram), all(totals)];
-            to.run(&self.passes.sort_scan, Spread::Over(RADIX, 1), &bindings);
-            let bindings = [
-                job,
-                counts,
-                all(&sort.keys[from]),
-                all(&sort.values[from]),
-                all(histogram),
-                all(totals),
-                all(&sort.keys[into]),
-                all(&sort.values[into]),
-            ];
-            to.run(&self.passes.sort_scatter, blocks, &bindings);
-        }
-    }
-}
-
-/// What is sorted.
-struct Sort<'a> {
-    length: Count,
-    blocks: Groups,
-    keys: &'a [Buffer; 2],
-    values: &'a [Buffer; 2],
 }
