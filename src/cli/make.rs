@@ -213,7 +213,7 @@ impl TrainJobObserver for TrainTerminal<'_> {
     ) -> Result<Box<dyn TrainObserver + '_>> {
         let bar = Bar::new(self.global, options.steps, 0, None, &[])?;
         bar.line(&format!(
-            "a soft teacher scene is trained first, as photos are few: {} steps",
+            "a soft teacher scene is trained first: {} steps",
             options.steps
         ));
         Ok(Box::new(bar))

@@ -61,7 +61,7 @@ impl TrainJobObserver for Preparation<'_> {
 
     fn teacher_begins(&mut self, options: &TrainOptions, asked: bool) -> Result<Box<dyn TrainObserver + '_>> {
         let bar = Bar::new(self.global, options.steps, 0, None, &[])?;
-        let by_default = if asked { "" } else { ", as photos are few (--teacher off skips it)" };
+        let by_default = if asked { "" } else { " (--teacher off skips it)" };
         let steps = options.steps;
         bar.line(&match self.written.len() + self.lost.len() {
             0 => format!("a soft teacher scene is trained first: {steps} steps{by_default}"),
