@@ -212,10 +212,7 @@ impl TrainJobObserver for TrainTerminal<'_> {
         _asked: bool,
     ) -> Result<Box<dyn TrainObserver + '_>> {
         let bar = Bar::new(self.global, options.steps, 0, None, &[])?;
-        bar.line(&format!(
-            "a soft teacher scene is trained first: {} steps",
-            options.steps
-        ));
+        bar.line(&format!("a soft teacher scene is trained first: {} steps", options.steps));
         Ok(Box::new(bar))
     }
 
