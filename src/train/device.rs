@@ -94,7 +94,11 @@ impl BackendOptions {
     /// The same on the CPU. Errors: `gpu`; `wants` says what to give instead.
     fn on_cpu(&self, wants: &str) -> Result<Self> {
         match self.backend {
-            BackendKind::Auto | BackendKind::Cpu => Ok(Self { backend: BackendKind::Cpu, ..self.clone() }),
+            BackendKind::Auto | BackendKind::Cpu => {
+                let mut on_cpu = self.clone();
+                on_cpu.backend = BackendKind::Cpu;
+                Ok(on_cpu)
+            }
             BackendKind::Gpu => Err(Error::invalid("backend", "gpu", wants)),
         }
     }
