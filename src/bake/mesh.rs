@@ -53,6 +53,15 @@ impl MeshOptions {
         self.texture.validate()?;
         self.place.validate()
     }
+
+    /// Refuses a texture when no photos are given.
+    pub fn check_photos(&self, given: bool) -> Result<()> {
+        let wants = "photos: give the data set after the scene, as in trisplat mesh scene.ply photos --texture -o room.glb";
+        match self.texture.texture && !given {
+            true => Err(Error::invalid("texture", "given without photos", wants)),
+            false => Ok(()),
+        }
+    }
 }
 
 /// The upright surface of `scene` that the cameras of `views` see; without `views`, stored or chosen cameras
@@ -105,7 +114,7 @@ pub fn mesh(
     let (mut found, backdrop) = (found, behind.face_count());
     found.append(behind)?;
     let found = report.long_stage(observer, found, count_mesh, |mesh, details, progress| {
-        texture(mesh, views.as_deref_mut(), &options.texture, details, progress)
+        texture(mesh, views.as_deref_mut(), None, &options.texture, details, progress)
     })?;
 
     let mut provenance = Provenance { backdrop: backdrop as u32, ..scene.provenance };

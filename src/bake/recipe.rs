@@ -17,7 +17,7 @@ use super::merge::{merge, share_world};
 use super::options::BakeOptions;
 use super::pace::{BakePace, PaceWork};
 use super::prune::{PruneDetails, PruneOptions, prune};
-use super::refit::{RefitColors, refit, smooth_shell};
+use super::refit::{RefitColors, UnseenColors, refit, smooth_shell};
 use super::reshape::{ReshapeWhen, SceneTraits, reshape};
 use super::shell::{recognise_shell, spared, take_shell};
 use super::solid::solid;
@@ -152,12 +152,12 @@ impl<'a> Recipe<'a> {
         };
         let unpainted = if lod.lod.is_empty() { Mesh::default() } else { mesh.clone() };
         let mesh = self.back(mesh)?;
-        let mesh = self.paint(mesh, faces)?;
+        let (mesh, unseen) = self.paint(mesh, faces)?;
         let behind = mesh.face_count() - faces;
         if behind > 0 && !lod.lod.is_empty() {
             self.backdrop = Some(mesh.clone().split_off(faces));
         }
-        let mesh = self.texture(mesh)?;
+        let mesh = self.texture(mesh, unseen)?;
         let asset = self.package(mesh, Provenance { backdrop: behind as u32, ..provenance.clone() })?;
         let source =
             LevelSource { mesh: &unpainted, cameras: &cameras, enlarge: self.options.unseen.enlarge };
@@ -439,19 +439,22 @@ impl<'a> Recipe<'a> {
 
     /// On the remaining triangles, because colours depend on which parts of them are visible. Faces from
     /// `behind` on are the backdrop.
-    fn paint(&mut self, mesh: Mesh, behind: usize) -> Result<Mesh> {
+    fn paint(&mut self, mesh: Mesh, behind: usize) -> Result<(Mesh, Option<UnseenColors>)> {
         let (views, options) = (either(&mut self.views, &mut self.taught), &self.options.refit);
-        let pace = &mut *self.pace;
-        self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
-            refit(mesh, behind, views, options, details, progress, pace)
-        })
+        let (pace, mut unseen) = (&mut *self.pace, None);
+        let mesh = self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
+            let found = refit(mesh, behind, views, options, details, progress, pace)?;
+            unseen = found.unseen;
+            Ok(found.outcome)
+        })?;
+        Ok((mesh, unseen))
     }
 
     /// On fitted colours: texels store differences from them.
-    pub(super) fn texture(&mut self, mesh: Mesh) -> Result<Mesh> {
+    pub(super) fn texture(&mut self, mesh: Mesh, unseen: Option<UnseenColors>) -> Result<Mesh> {
         let (views, options) = (either(&mut self.views, &mut self.taught), &self.options.texture);
         self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
-            texture(mesh, views, options, details, progress)
+            texture(mesh, views, unseen, options, details, progress)
         })
     }
 }

@@ -38,15 +38,11 @@ use super::pace::BakePace;
 use super::views::Views;
 use crate::error::Result;
 use crate::math::median::median;
-use crate::mesh::Mesh;
+use crate::mesh::{Colors, Mesh};
 use crate::report::{Outcome, StageDetails, StageProgress};
 use accumulator::Accumulator;
 use evaluation::{Evaluation, psnr_of};
 
-/// One photo in this many is held out at first, to evaluate on.
-const EVALUATION_EVERY: usize = 8;
-/// Most photos that are held out.
-const MOST_EVALUATION_VIEWS: usize = 24;
 /// Progress of the stage when all photos but the held-out ones are added, and ...
 const OTHERS_PART: f64 = 0.7;
 /// ... where those are evaluated.
@@ -99,6 +95,45 @@ impl StageDetails for RefitDetails {
     const STAGE: &'static str = "refit";
 }
 
+/// What fitting found.
+#[derive(Debug)]
+pub struct Refitted {
+    /// Whether the colours changed.
+    pub outcome: Outcome<()>,
+    /// For stages that compare with these colours; none when nothing was fitted or no photo was held out.
+    pub unseen: Option<UnseenColors>,
+}
+
+impl Refitted {
+    fn unneeded(why: &'static str) -> Self {
+        Self { outcome: Outcome::Unneeded(why), unseen: None }
+    }
+}
+
+/// Colours that have not seen the photos which stages hold out.
+#[derive(Debug)]
+pub struct UnseenColors {
+    /// Fitted to the other photos; those of the backdrop are its final ones, which are smooth and hardly know a photo.
+    pub colors: Colors,
+    /// Estimated PSNR on the held-out photos, dB, when the scene keeps its own colours.
+    pub psnr_of_own: Option<f64>,
+}
+
+impl UnseenColors {
+    /// The colours of `mesh` for its faces from `behind` on.
+    fn with_backdrop(self, mesh: &Mesh, behind: usize) -> Self {
+        if behind == mesh.face_count() {
+            return self;
+        }
+        let corners = |face: usize| match &self.colors {
+            _ if face >= behind => mesh.corner_colors(face),
+            Colors::Face(colors) => [colors[face]; 3],
+            Colors::Vertex(colors) => [0, 1, 2].map(|corner| colors[3 * face + corner]),
+        };
+        Self { colors: Colors::Vertex((0..mesh.face_count()).flat_map(corners).collect()), ..self }
+    }
+}
+
 /// Fits the colours of `mesh`, whose faces from `behind` on are its backdrop, to `views`; `details` get the PSNR on held-out photos.
 ///
 /// Errors: an option out of range, a photo that cannot be decoded.
@@ -110,30 +145,32 @@ pub fn refit(
     details: &mut RefitDetails,
     progress: &mut StageProgress<'_>,
     pace: &mut BakePace,
-) -> Result<Outcome<()>> {
+) -> Result<Refitted> {
     options.validate()?;
     let Some(views) = views.filter(|v| !v.is_empty()) else {
-        return Ok(Outcome::Unneeded("no photos were given"));
+        return Ok(Refitted::unneeded("no photos were given"));
     };
     if options.refit == RefitColors::Off {
-        return Ok(Outcome::Unneeded("`refit` off"));
+        return Ok(Refitted::unneeded("`refit` off"));
     }
     if !mesh.indices.is_empty() {
-        return Ok(Outcome::Unneeded("a mesh with shared vertices keeps its colours"));
+        return Ok(Refitted::unneeded("a mesh with shared vertices keeps its colours"));
     }
     if !pace.affords_colors(views.len()) {
-        return Ok(Outcome::Unneeded("`budget` leaves no time to fit colours"));
+        return Ok(Refitted::unneeded("`budget` leaves no time to fit colours"));
     }
     let mut accumulator = Accumulator::new(mesh, views, options.refit_flatness as f32);
     let end_of_pass = |pass: u32| f64::from(pass) / f64::from(options.refit_passes);
     let mut first = progress.part(0.0, end_of_pass(1));
-    let Some(which) = first_pass(mesh, views, options.refit, &mut accumulator, details, &mut first)? else {
+    let (which, unseen) = first_pass(mesh, views, options.refit, &mut accumulator, details, &mut first)?;
+    let Some(which) = which else {
         // The note is about the scene's own colours, which were trained.
         backdrop::paint(mesh, behind, &accumulator.fit);
-        return Ok(match behind < mesh.face_count() {
+        let outcome = match behind < mesh.face_count() {
             true => Outcome::Changed(()),
             false => Outcome::Unneeded("held-out photos match the present colours better"),
-        });
+        };
+        return Ok(Refitted { outcome, unseen: unseen.map(|unseen| unseen.with_backdrop(mesh, behind)) });
     };
     let outliers = outliers(&accumulator.errors);
     if !outliers.is_empty() {
@@ -152,10 +189,12 @@ pub fn refit(
     mesh.colors = accumulator.fit.colors(which);
     backdrop::paint(mesh, behind, &accumulator.fit);
     details.colors = Some(which);
-    Ok(Outcome::Changed(()))
+    let unseen = unseen.map(|unseen| unseen.with_backdrop(mesh, behind));
+    Ok(Refitted { outcome: Outcome::Changed(()), unseen })
 }
 
-/// Adds all photos, held-out ones last. Returns which colours to fit; `None` when the scene's own are better.
+/// Adds all photos, held-out ones last. Returns which colours to fit, `None` when the scene's own are better, and the
+/// best of those that were fitted before the held-out photos were added.
 fn first_pass(
     mesh: &mut Mesh,
     views: &mut Views,
@@ -163,9 +202,8 @@ fn first_pass(
     accumulator: &mut Accumulator,
     details: &mut RefitDetails,
     progress: &mut StageProgress<'_>,
-) -> Result<Option<RefitColors>> {
-    let every = EVALUATION_EVERY.max(views.len().div_ceil(MOST_EVALUATION_VIEWS));
-    let (held_out, others): (Vec<usize>, Vec<usize>) = (0..views.len()).partition(|v| v % every == every / 2);
+) -> Result<(Option<RefitColors>, Option<UnseenColors>)> {
+    let (held_out, others) = views.held_out();
     accumulator.add(mesh, views, &others, 1.0, progress.part(0.0, OTHERS_PART))?;
     let evaluation = match colors {
         RefitColors::Auto if !held_out.is_empty() => {
@@ -173,14 +211,21 @@ fn first_pass(
         }
         _ => None,
     };
+    let given = if colors == RefitColors::Corner { colors } else { RefitColors::Flat };
+    let which = evaluation.as_ref().map_or(given, Evaluation::best);
+    let colors = (!held_out.is_empty()).then(|| accumulator.fit.colors(which));
     accumulator.add(mesh, views, &held_out, 1.0, progress.part(EVALUATED_PART, 1.0))?;
+    let unseen = |psnr_of_own| colors.map(|colors| UnseenColors { colors, psnr_of_own });
     let Some(evaluation) = evaluation else {
-        return Ok(Some(if colors == RefitColors::Corner { colors } else { RefitColors::Flat }));
+        return Ok((Some(which), unseen(None)));
     };
     let flat_seen = psnr_of(mesh, views, &held_out, accumulator.fit.colors(RefitColors::Flat))?;
     details.record(&evaluation, flat_seen);
     let is_better = !(evaluation.gain(flat_seen) < 0.0);
-    Ok(is_better.then(|| evaluation.best()))
+    Ok(match is_better {
+        true => (Some(which), unseen(None)),
+        false => (None, unseen(Some(evaluation.unseen_before(flat_seen)))),
+    })
 }
 
 /// Photos whose mean error is unusual: taken with another exposure, or of something else. None when half of

@@ -4,8 +4,9 @@
 //! one picture (`atlas`); a connected mesh is unwrapped (`charts`). Texels begin with the colours of the mesh, and get what photos show
 //! more (`fit`): all of them on average, or also the detail of the one that shows a face best (`best`).
 //!
-//! Some photos are held out at first. If they match the colours better, which have usually seen them, there is no texture: where
-//! triangles are hardly larger than pixels, what mip levels mix is more than what texels add.
+//! Some photos are held out at first. If they match the colours better, there is no texture: where triangles are hardly larger than
+//! pixels, what mip levels mix is more than what texels add. Both begin with colours that were fitted to the other photos only, so neither
+//! has seen them.
 
 mod atlas;
 mod best;
@@ -18,6 +19,7 @@ mod page;
 
 pub use options::{TextureDetail, TextureOptions};
 
+use super::refit::UnseenColors;
 use super::views::Views;
 use crate::error::{Error, Result};
 use crate::image::Pixels;
@@ -33,10 +35,6 @@ use glam::{UVec2, Vec2};
 use layout::Layout;
 use std::sync::Arc;
 
-/// One photo in this many is held out at first, to evaluate on, and ...
-const EVALUATION_EVERY: usize = 8;
-/// ... at most these.
-const MOST_EVALUATION_VIEWS: usize = 24;
 /// Number of photos for which λ is what the options say; half as many double it.
 const USUAL_PHOTOS: f32 = 40.0;
 /// λ of what the best photo adds to the mean, px.
@@ -63,7 +61,7 @@ pub struct TextureDetails {
     /// Texels per pixel that the size permits.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub texels_per_pixel: Option<f64>,
-    /// Mean PSNR of the scene's colours on held-out photos, dB; fitting colours may have seen them.
+    /// Mean PSNR of colours on held-out photos, dB. `refit` has not seen them; the colours of a connected mesh may have.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_before: Option<f64>,
     /// The same with texels that were fitted to the other photos only, dB.
@@ -75,12 +73,13 @@ impl StageDetails for TextureDetails {
     const STAGE: &'static str = "texture";
 }
 
-/// Gives `mesh` a texture of what `views` show.
+/// Gives `mesh` a texture of what `views` show. Texels begin with the colours `unseen`, if there are any, or those of the mesh.
 ///
 /// Errors: an option out of range, no photos, a photo that cannot be decoded.
 pub fn texture(
     mesh: &mut Mesh,
     views: Option<&mut Views>,
+    unseen: Option<UnseenColors>,
     options: &TextureOptions,
     details: &mut TextureDetails,
     progress: &mut StageProgress<'_>,
@@ -96,23 +95,30 @@ pub fn texture(
     if mesh.indices.is_empty() {
         let atlas = Atlas::new(mesh, &footprints(mesh, views), options)?;
         details.texels_per_pixel = Some(atlas.texels_per_pixel);
-        return paint(mesh, views, &atlas, options, details, progress);
+        let Some(UnseenColors { colors, psnr_of_own }) = unseen else {
+            return paint(mesh, views, &atlas, None, options, details, progress);
+        };
+        let own = std::mem::replace(&mut mesh.colors, colors);
+        let outcome = paint(mesh, views, &atlas, psnr_of_own, options, details, progress);
+        mesh.colors = own;
+        return outcome;
     }
     let mut charted = mesh.clone();
     let charts = Charts::new(&mut charted, &footprints(mesh, views), options)?;
     (details.texels_per_pixel, details.charts) = (Some(charts.texels_per_pixel), Some(charts.count));
-    let outcome = paint(&mut charted, views, &charts, options, details, progress)?;
+    let outcome = paint(&mut charted, views, &charts, None, options, details, progress)?;
     if charted.texture.is_some() {
         *mesh = charted;
     }
     Ok(outcome)
 }
 
-/// Gives `mesh`, whose faces are placed by `layout`, what `views` show.
+/// Gives `mesh`, whose faces are placed by `layout`, what `views` show. `before` is the PSNR of colours on held-out photos, if known.
 fn paint(
     mesh: &mut Mesh,
     views: &mut Views,
     layout: &impl Layout,
+    before: Option<f64>,
     options: &TextureOptions,
     details: &mut TextureDetails,
     progress: &mut StageProgress<'_>,
@@ -121,15 +127,14 @@ fn paint(
     details.pages = Some(layout.pages()).filter(|pages| *pages > 1);
     let mut texels = Texels::new(mesh, layout);
     details.texels = Some(texels.shown());
-    let every = EVALUATION_EVERY.max(views.len().div_ceil(MOST_EVALUATION_VIEWS));
-    let (held_out, others): (Vec<usize>, Vec<usize>) = (0..views.len()).partition(|v| v % every == every / 2);
+    let (held_out, others) = views.held_out();
     // λ for this number of photos.
     let flatness = |photos: usize| options.texture_flatness as f32 * USUAL_PHOTOS / photos.max(1) as f32;
     let painted = |texels: &Texels, flatness: f32| Some(pages(layout, texels.picture(flatness)));
     let mut candidates = Candidates::new(mesh.face_count());
     texels.add(mesh, views, layout, &others, Adding::All(&mut candidates), progress.part(0.1, 0.5))?;
     if !held_out.is_empty() {
-        let before = views.mean_psnr(mesh, &held_out)?;
+        let before = before.map_or_else(|| views.mean_psnr(mesh, &held_out), Ok)?;
         mesh.texture = painted(&texels, flatness(others.len()));
         let after = views.mean_psnr(mesh, &held_out)?;
         mesh.texture = None;

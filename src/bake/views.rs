@@ -20,6 +20,10 @@ use std::sync::Arc;
 const NEAR: f32 = 0.01;
 /// Samples per pixel along each axis when a choice depends on the picture.
 pub const SAMPLES: u32 = 2;
+/// One photo in this many is held out when a stage evaluates what it fits, and ...
+const EVALUATION_EVERY: usize = 8;
+/// ... at most these.
+const MOST_EVALUATION_VIEWS: usize = 24;
 
 /// Training photos of a data set, or drawn pictures, with their cameras in the frame of the scene that is baked.
 #[derive(Debug)]
@@ -119,6 +123,13 @@ impl Views {
     /// True when there are none.
     pub fn is_empty(&self) -> bool {
         self.cameras.is_empty()
+    }
+
+    /// The photos that stages hold out at first, to evaluate on, and the others. The same for every stage: what was
+    /// fitted to the others by one is unseen by all. Fewer than five photos are all fitted to.
+    pub fn held_out(&self) -> (Vec<usize>, Vec<usize>) {
+        let every = EVALUATION_EVERY.max(self.len().div_ceil(MOST_EVALUATION_VIEWS));
+        (0..self.len()).partition(|view| view % every == every / 2)
     }
 
     /// The cameras of all photos.

@@ -7,18 +7,16 @@ use super::files;
 use super::outputs::Outputs;
 use super::progress::Progress;
 use super::signals;
-use super::train_progress::Bar;
+use super::train_terminal::TrainTerminal;
 use crate::bake::BakeOptions;
 use crate::budget::Seconds;
 use crate::capture::{CaptureObserver, CaptureOptions};
 use crate::dataset::{DatasetOptions, ShrunkSize};
 use crate::error::{Error, Result};
 use crate::formats::target::OutputTarget;
-use crate::job::{BakeJobObserver, MakeDone, MakeJob, MakeJobObserver, TrainBegins, TrainJobObserver};
+use crate::job::{BakeJobObserver, MakeDone, MakeJob, MakeJobObserver, TrainJobObserver};
 use crate::report::{Observer, StageReport};
-use crate::train::budget::Correction;
-use crate::train::refine::Refined;
-use crate::train::{BackendOptions, TrainDetails, TrainObserver, TrainOptions, TrainSample, Trained};
+use crate::train::{BackendOptions, TrainDetails, TrainOptions};
 use indicatif::HumanCount;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -168,8 +166,7 @@ impl MakeJobObserver for MakeTerminal<'_> {
     }
 
     fn trains(&mut self, teacher_files: &[PathBuf]) -> Result<Box<dyn TrainJobObserver + '_>> {
-        let (global, teacher_files) = (self.global, teacher_files.to_vec());
-        Ok(Box::new(TrainTerminal { global, teacher_files, bar: None, drawing: None }))
+        Ok(Box::new(TrainTerminal::new(self.global, teacher_files.to_vec())))
     }
 
     fn bakes(&mut self) -> Box<dyn BakeJobObserver + '_> {
@@ -194,79 +191,6 @@ impl MakeJobObserver for MakeTerminal<'_> {
                 progress.finished(stage);
             }
         }
-    }
-}
-
-/// Shows a training: its preparation, then its steps.
-struct TrainTerminal<'a> {
-    global: &'a Global,
-    teacher_files: Vec<PathBuf>,
-    bar: Option<Bar>,
-    drawing: Option<Progress>,
-}
-
-impl TrainJobObserver for TrainTerminal<'_> {
-    fn teacher_begins(
-        &mut self,
-        options: &TrainOptions,
-        _asked: bool,
-    ) -> Result<Box<dyn TrainObserver + '_>> {
-        let bar = Bar::new(self.global, options.steps, 0, None, &[])?;
-        bar.line(&format!("a soft teacher scene is trained first: {} steps", options.steps));
-        Ok(Box::new(bar))
-    }
-
-    fn keep_teacher(&mut self, which: usize, teacher: &Trained) -> Result<()> {
-        match self.teacher_files.get(which) {
-            Some(path) => teacher.save(path).map(drop),
-            None => Ok(()),
-        }
-    }
-
-    fn drew(&mut self, done: usize, all: usize) {
-        let progress = self.drawing.get_or_insert_with(|| Progress::new(self.global));
-        progress.note(&format!("drawing soft pictures: {done} of {all}"));
-    }
-
-    fn training_begins(&mut self, begins: &TrainBegins) -> Result<()> {
-        self.drawing.take().iter().for_each(Progress::done);
-        let mut bar = Bar::new(self.global, begins.steps, begins.done, None, &[])?;
-        if let Some(card) = &begins.card {
-            bar.line(&format!("training on {card}"));
-            bar.say_rate(begins.done);
-        }
-        begins.plan.iter().for_each(|plan| bar.line(plan));
-        if begins.done > 0 {
-            bar.line(&format!("the training goes on after {} of {} steps", begins.done, begins.steps));
-        }
-        self.bar = Some(bar);
-        Ok(())
-    }
-}
-
-impl TrainObserver for TrainTerminal<'_> {
-    fn stepped(&mut self, sample: &TrainSample) {
-        self.bar.iter_mut().for_each(|bar| bar.stepped(sample));
-    }
-
-    fn sampled(&mut self, sample: &TrainSample) {
-        self.bar.iter_mut().for_each(|bar| bar.sampled(sample));
-    }
-
-    fn refined(&mut self, step: u64, refined: &Refined) {
-        self.bar.iter_mut().for_each(|bar| bar.refined(step, refined));
-    }
-
-    fn corrected(&mut self, correction: &Correction) {
-        self.bar.iter_mut().for_each(|bar| bar.corrected(correction));
-    }
-
-    fn lost(&mut self, error: &Error) {
-        self.bar.iter_mut().for_each(|bar| TrainObserver::lost(bar, error));
-    }
-
-    fn wants_to_stop(&mut self) -> bool {
-        self.bar.as_mut().is_some_and(TrainObserver::wants_to_stop)
     }
 }
 

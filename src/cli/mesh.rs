@@ -1,27 +1,32 @@
-//! `trisplat mesh SOUP [DATASET] -o OUT`: one connected surface of a scene.
+//! `trisplat mesh SCENE|PHOTOS [DATASET] -o OUT`: one connected surface of a scene, or of photos alone.
 
 use super::Global;
 use super::files;
+use super::info_dataset::is_dataset;
 use super::layers;
 use super::outputs::Outputs;
 use super::progress::{Progress, thousands};
-use crate::bake::Views;
-use crate::bake::mesh::{MeshOptions, mesh};
+use super::signals;
+use super::train_terminal::TrainTerminal;
+use crate::bake::mesh::MeshOptions;
 use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
 use crate::formats;
 use crate::formats::output::{self, Beside, Output, OutputFormat};
+use crate::job::MeshJob;
 use crate::layered::Layers;
 use crate::report::Report;
 use clap::ArgMatches;
 use std::path::PathBuf;
+use std::process::ExitCode;
 use std::time::Instant;
 
 /// Files, and the options of every stage.
 #[derive(Debug, clap::Args)]
 pub struct MeshArgs {
-    /// Scene to make a surface of: a trained soup (.ply .pt), or a mesh (.glb .gltf .obj .ply .off)
-    #[arg(value_name = "SCENE")]
+    /// Scene to make a surface of: a trained soup (.ply .pt), or a mesh (.glb .gltf .obj .ply .off); or posed photos alone, on
+    /// which a scene is trained first, for half a minute of CPU time
+    #[arg(value_name = "SCENE|PHOTOS")]
     pub input: PathBuf,
     /// Posed photos of it, whose cameras determine the surface; without them the cameras of SCENE, or chosen
     /// ones
@@ -51,16 +56,19 @@ pub struct MeshArgs {
 }
 
 /// Makes the surface and writes it.
-pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global) -> Result<()> {
+pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global) -> Result<ExitCode> {
     let clock = Instant::now();
     let layers = Layers::default().settings(&args.sets).given(layers::typed(&args.options, matches)?);
     let options = &layers.resolve(|()| MeshOptions::default())?.options;
     options.validate()?;
     let output = plan(args, options)?;
-    if options.texture.texture && args.dataset.is_none() {
-        let wants = "photos: give the data set after the scene, as in trisplat mesh scene.ply photos --texture -o room.glb";
-        return Err(Error::invalid("texture", "given without photos", wants));
+    let from_photos = is_dataset(&args.input);
+    if from_photos && let Some(second) = &args.dataset {
+        let wants =
+            format!("one data set, or a scene before it: {} is a data set already", args.input.display());
+        return Err(Error::invalid("DATASET", second.display(), wants));
     }
+    options.check_photos(from_photos || args.dataset.is_some())?;
     let mut outputs = guard(args, &output)?;
     let files = if args.dry_run { output.dry_run() } else { output.start()? };
     outputs.confirm()?;
@@ -68,12 +76,17 @@ pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global) -> Result<()>
     let mut report = Report { dry_run: args.dry_run, ..Report::new("mesh") };
     report.inputs = vec![args.input.display().to_string()];
     report.options = serde_json::to_value(options).unwrap_or_default();
-    let mut views = photos(args, &mut outputs, &mut report)?;
-    let scene = formats::read(&args.input, &args.dataset_options.read_options(3))?;
+    let mut job = MeshJob::new(None, photos(args, from_photos, &mut outputs, &mut report)?, options.clone());
+    job.dataset_options = args.dataset_options.clone();
+    if !from_photos {
+        job.scene = Some(formats::read(&args.input, &args.dataset_options.read_options(3))?);
+    }
     let command = <MeshArgs as clap::Args>::augment_args(clap::Command::new("mesh"));
     let mut progress = Progress::new(global).with_flags_of(command);
-    let limits = &args.dataset_options.limits;
-    let asset = mesh(scene, views.as_mut(), options, limits, &mut report, &mut progress)?;
+    let Some(asset) = job.run(&mut report, &mut TrainTerminal::new(global, Vec::new()), &mut progress)?
+    else {
+        return Ok(signals::exit_code().map_or(ExitCode::SUCCESS, ExitCode::from));
+    };
     output::write(&asset, &output, files, &options.output, &mut report, &mut progress)?;
     report.seconds = clock.elapsed().as_secs_f64();
 
@@ -85,8 +98,8 @@ pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global) -> Result<()>
         progress.line(&format!("{verb} {} ({bytes} bytes, {:.2} s)", file.path, report.seconds));
     }
     match &args.report {
-        Some(path) => files::save_json(&report, outputs.take(path)?),
-        None => Ok(()),
+        Some(path) => files::save_json(&report, outputs.take(path)?).map(|()| ExitCode::SUCCESS),
+        None => Ok(ExitCode::SUCCESS),
     }
 }
 
@@ -104,20 +117,30 @@ fn plan(args: &MeshArgs, options: &MeshOptions) -> Result<Output> {
 
 /// Refuses outputs that cannot or must not be written, before any work. A dry run replaces nothing.
 fn guard(args: &MeshArgs, output: &Output) -> Result<Outputs> {
-    let mut outputs = Outputs::new([args.input.as_path()], args.force || args.dry_run)
-        .with_dataset(args.dataset.as_deref());
+    let (scene, photos) = match is_dataset(&args.input) {
+        true => (None, Some(args.input.as_path())),
+        false => (Some(args.input.as_path()), args.dataset.as_deref()),
+    };
+    let mut outputs = Outputs::new(scene, args.force || args.dry_run).with_dataset(photos);
     output.paths().try_for_each(|path| outputs.plan("--output", path))?;
     outputs.replacing(args.force);
     args.report.as_deref().map_or(Ok(()), |path| outputs.claim("--report", path))?;
     Ok(outputs)
 }
 
-/// The cameras of the data set.
-fn photos(args: &MeshArgs, outputs: &mut Outputs, report: &mut Report) -> Result<Option<Views>> {
-    let Some(path) = &args.dataset else { return Ok(None) };
+/// The data set, which may be the input.
+fn photos(
+    args: &MeshArgs,
+    from_photos: bool,
+    outputs: &mut Outputs,
+    report: &mut Report,
+) -> Result<Option<Dataset>> {
+    let Some(path) = args.dataset.as_ref().or(from_photos.then_some(&args.input)) else { return Ok(None) };
     let dataset = Dataset::load(path, &args.dataset_options)?;
     outputs.spare_photos(&dataset)?;
-    report.inputs.push(path.display().to_string());
+    if !from_photos {
+        report.inputs.push(path.display().to_string());
+    }
     report.warnings.extend(dataset.warnings.iter().cloned());
-    Ok(Some(Views::new(&dataset, &args.dataset_options)))
+    Ok(Some(dataset))
 }

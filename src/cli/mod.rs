@@ -58,6 +58,7 @@ mod train_block;
 mod train_curve;
 mod train_preparation;
 pub mod train_progress;
+mod train_terminal;
 #[cfg(feature = "view")]
 mod train_view;
 pub mod validate;

@@ -126,7 +126,7 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
         Command::Make(args) => return make::run(args, &cli.global),
         Command::Capture(args) => return capture::run(args, &cli.global),
         Command::Bake(args) => bake::run(args, typed, &cli.global),
-        Command::Mesh(args) => mesh::run(args, typed, &cli.global),
+        Command::Mesh(args) => return mesh::run(args, typed, &cli.global),
         Command::Stereo(args) => stereo::run(args, &cli.global),
         #[cfg(feature = "view")]
         Command::Train(args) if args.view => return train_view::run(args, typed, &cli.global),

@@ -39,6 +39,7 @@ fn refit(
         &mut StageProgress::new(&mut ()),
         &mut BakePace::default(),
     )
+    .map(|found| found.outcome)
 }
 
 fn unseen(
@@ -458,4 +459,43 @@ fn without_photos_nothing_is_needed_and_errors_name_the_remedy() {
     let error =
         cull(&mut mesh, &dataset, &UnseenOptions::DEFAULT, None, &mut details).unwrap_err().to_string();
     assert!(error.starts_with("dataset "), "{error}");
+}
+
+#[test]
+fn colours_for_later_stages_have_not_seen_the_held_out_photos() {
+    let mesh = scene();
+    // Photos that are held out have bright and dark squares, which leave their brightness as it is.
+    let chequered = |view: usize, mut photo: Pixels| {
+        for (i, rgb) in photo.rgb.iter_mut().enumerate().filter(|_| view % 8 == 4) {
+            let (x, y) = (i as u32 % photo.size.x, i as u32 / photo.size.x);
+            let bright = (x / 12 + y / 12).is_multiple_of(2);
+            *rgb = rgb.map(|c| if bright { c.saturating_add(50) } else { c.saturating_sub(50) });
+        }
+        photo
+    };
+    let (_folder, dataset) = photograph(&mesh, chequered);
+    let mut views = views(&dataset);
+    let (held_out, others) = views.held_out();
+    assert_eq!((&held_out[..], others.len()), (&[4, 12, 20][..], 21));
+    for (colors, which) in [(RefitColors::Flat, "flat"), (RefitColors::Auto, "auto")] {
+        let mut fitted = grey(&mesh);
+        let options = RefitOptions { refit: colors, ..RefitOptions::default() };
+        let (mut details, mut nobody) = (RefitDetails::default(), ());
+        let mut progress = StageProgress::new(&mut nobody);
+        let (behind, mut pace) = (mesh.face_count(), BakePace::default());
+        let found = refit::refit(
+            &mut fitted,
+            behind,
+            Some(&mut views),
+            &options,
+            &mut details,
+            &mut progress,
+            &mut pace,
+        );
+        let unseen = Mesh { colors: found.unwrap().unseen.unwrap().colors, ..mesh.clone() };
+        let on_others = |mesh: &Mesh| views.mean_psnr(mesh, &others).unwrap();
+        let [seen, unseen] = [&fitted, &unseen].map(on_others);
+        assert_eq!(details.photos_out_of_line, None, "{which}");
+        assert!(unseen > seen + 0.1, "{which}: {unseen} is not above {seen}");
+    }
 }

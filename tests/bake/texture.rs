@@ -4,6 +4,7 @@ use glam::{UVec2, Vec2, Vec3};
 use std::path::Path;
 use trisplat::asset::{Asset, UpAxis, UpDirection};
 use trisplat::bake::place::words::UpChoice;
+use trisplat::bake::refit::UnseenColors;
 use trisplat::bake::texture::{TextureDetail, TextureDetails, TextureOptions, texture};
 use trisplat::bake::views::Views;
 use trisplat::bake::{Bake, BakeOptions};
@@ -66,7 +67,8 @@ pub(super) fn photos() -> Vec<Pixels> {
 
 pub(super) fn textured(mesh: &mut Mesh, options: &TextureOptions) -> (Result<Outcome<()>>, TextureDetails) {
     let (mut views, mut details) = (Views::drawn(cameras(), photos()), TextureDetails::default());
-    let outcome = texture(mesh, Some(&mut views), options, &mut details, &mut StageProgress::new(&mut ()));
+    let outcome =
+        texture(mesh, Some(&mut views), None, options, &mut details, &mut StageProgress::new(&mut ()));
     (outcome, details)
 }
 
@@ -99,9 +101,34 @@ fn photos_that_disagree_leave_the_colours_as_they_are() {
     let photo = |(i, camera): (usize, &Camera)| Solid::new().render(&striped(i), camera, &DRAWING);
     let mut views = Views::drawn(cameras(), cameras().iter().enumerate().map(photo).collect());
     let (mut mesh, mut details) = (grey(), TextureDetails::default());
-    let outcome = texture(&mut mesh, Some(&mut views), &ON, &mut details, &mut StageProgress::new(&mut ()));
+    let outcome =
+        texture(&mut mesh, Some(&mut views), None, &ON, &mut details, &mut StageProgress::new(&mut ()));
     assert!(matches!(outcome.unwrap(), Outcome::Unneeded(why) if why.contains("held-out")), "{details:?}");
     assert!(mesh == grey() && details.psnr_after < details.psnr_before, "{details:?}");
+}
+
+#[test]
+fn colours_that_have_seen_the_held_out_photos_are_no_measure() {
+    // The mesh has learnt photos by heart; what was fitted without them is grey.
+    let (mut mesh, mut details) = (painted(), TextureDetails::default());
+    let mut views = Views::drawn(cameras(), photos());
+    let grey = wall(48, |_, _| [0.2; 3]).colors;
+    let mut unseen = UnseenColors { colors: grey.clone(), psnr_of_own: None };
+    let mut run = |unseen: UnseenColors, mesh: &mut Mesh| {
+        let mut progress = ();
+        let mut progress = StageProgress::new(&mut progress);
+        let outcome =
+            texture(mesh, Some(&mut views), Some(unseen), &ON, &mut details, &mut progress).unwrap();
+        (outcome, details.psnr_before.unwrap(), details.psnr_after.unwrap())
+    };
+    let (outcome, before, after) = run(unseen, &mut mesh);
+    assert!(outcome == Outcome::Changed(()) && after > before + 6.0, "{before} {after}");
+    assert_eq!(mesh.colors, painted().colors, "what has no texture shows the scene's own");
+    // The scene keeps its colours, and they are estimated to be better.
+    unseen = UnseenColors { colors: grey, psnr_of_own: Some(99.0) };
+    let mut mesh = painted();
+    let (outcome, before, _) = run(unseen, &mut mesh);
+    assert!(matches!(outcome, Outcome::Unneeded(_)) && before == 99.0 && mesh == painted());
 }
 
 #[test]
@@ -137,7 +164,7 @@ fn a_texture_is_as_small_as_it_is_asked_to_be() {
 fn without_photos_it_says_what_it_wants() {
     let mut details = TextureDetails::default();
     let mut run = |options: &TextureOptions| {
-        texture(&mut grey(2), None, options, &mut details, &mut StageProgress::new(&mut ()))
+        texture(&mut grey(2), None, None, options, &mut details, &mut StageProgress::new(&mut ()))
     };
     let message = run(&ON).unwrap_err().to_string();
     assert!(message.contains("photos") && message.contains("dataset"), "{message}");
@@ -280,7 +307,7 @@ fn the_best_photos_meet_without_a_seam() {
         let (mut views, mut details) = (Views::drawn(cameras(), photos), TextureDetails::default());
         let mut mesh = connected(8);
         let options = TextureOptions { texture_detail: detail, ..ON };
-        texture(&mut mesh, Some(&mut views), &options, &mut details, &mut StageProgress::new(&mut ()))
+        texture(&mut mesh, Some(&mut views), None, &options, &mut details, &mut StageProgress::new(&mut ()))
             .unwrap();
         (psnr(&mesh), details)
     };

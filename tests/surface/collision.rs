@@ -113,7 +113,7 @@ fn other_formats_have_it_beside_them() {
     }
 }
 
-fn trisplat(folder: &Path, arguments: &[&str]) -> (Output, String) {
+pub(super) fn trisplat(folder: &Path, arguments: &[&str]) -> (Output, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
     let output = command.args(arguments).current_dir(folder).output().unwrap();
     let said = String::from_utf8_lossy(&output.stderr).into_owned();

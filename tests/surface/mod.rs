@@ -4,4 +4,5 @@
 mod chamfer;
 mod closed_form;
 mod collision;
+mod photos;
 mod shapes;

@@ -139,8 +139,8 @@ impl Recipe<'_> {
             // one.
             let faces = level.face_count();
             behind.clone().map_or(Ok(()), |backdrop| level.append(backdrop))?;
-            let level = of_level.paint(level, faces)?;
-            let mut level = of_level.texture(level)?;
+            let (level, unseen) = of_level.paint(level, faces)?;
+            let mut level = of_level.texture(level, unseen)?;
             if let (Some(_), Some(texture)) = (&source.mesh.texture, &mut level.texture) {
                 *texture = texture.excerpt(halvings(share), of_levels.texture.texture_size);
             }

@@ -31,11 +31,14 @@ impl Evaluation {
     }
 
     /// The estimated gain of the best fitted colours on photos that neither training nor fitting has seen.
-    /// `flat_seen` is the PSNR of flat colours on the held-out photos after fitting to these as well: the
-    /// scene's own colours are assumed to gain as much from having seen them.
     pub(super) fn gain(&self, flat_seen: f64) -> f64 {
-        let unseen_before = self.before - (flat_seen - self.flat).max(0.0);
-        self.flat.max(self.corner) - unseen_before
+        self.flat.max(self.corner) - self.unseen_before(flat_seen)
+    }
+
+    /// Estimated PSNR of the scene's own colours, had they not seen the held-out photos. `flat_seen` is the PSNR of flat
+    /// colours after fitting to these as well: the scene's own are assumed to gain as much from having seen them.
+    pub(super) fn unseen_before(&self, flat_seen: f64) -> f64 {
+        self.before - (flat_seen - self.flat).max(0.0)
     }
 }
 

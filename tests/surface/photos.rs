@@ -1,0 +1,60 @@
+//! `mesh PHOTOS`: a textured surface of photos alone.
+
+use super::collision::trisplat;
+use trisplat::bake::Views;
+use trisplat::bake::mesh::MeshOptions;
+use trisplat::bake::texture::TextureOptions;
+use trisplat::budget::Seconds;
+use trisplat::dataset::synthetic::{self, SyntheticOptions};
+use trisplat::dataset::{Dataset, DatasetOptions};
+use trisplat::job::MeshJob;
+use trisplat::report::Report;
+use trisplat::surface::SurfaceOptions;
+
+const PHOTOS: SyntheticOptions =
+    SyntheticOptions { views: 24, width: 160, points: 800, seed: 0, transparent: false, phone: false };
+
+#[test]
+fn photos_alone_become_a_textured_surface() {
+    let folder = tempfile::tempdir().unwrap();
+    synthetic::write(folder.path(), &PHOTOS).unwrap();
+    let dataset = Dataset::load(folder.path(), &DatasetOptions::default()).unwrap();
+    let surface = SurfaceOptions { max_triangles: Some(3000), ..SurfaceOptions::default() };
+    let texture = TextureOptions { texture: true, ..TextureOptions::default() };
+    let options = MeshOptions { surface, texture, ..MeshOptions::default() };
+    let mut job = MeshJob::new(None, Some(dataset.clone()), options);
+    job.budget = Seconds(6.0);
+    let mut report = Report::new("mesh");
+    let asset = job.run(&mut report, &mut (), &mut ()).unwrap().unwrap();
+    asset.mesh.validate().unwrap();
+    let names: Vec<&str> = report.stages.iter().map(|stage| stage.name.as_str()).collect();
+    assert!(
+        names.contains(&"train") && names.contains(&"surface") && names.contains(&"texture"),
+        "{names:?}"
+    );
+    assert!(asset.mesh.texture.is_some() && asset.mesh.face_count() <= 3000, "{}", asset.mesh.face_count());
+    let mut views = Views::new(&dataset, &DatasetOptions::default());
+    views.transform(&asset.provenance.placement);
+    let all: Vec<usize> = (0..views.len()).collect();
+    let psnr = views.mean_psnr(&asset.mesh, &all).unwrap();
+    let mut colours = asset.mesh;
+    colours.drop_texture();
+    let without = views.mean_psnr(&colours, &all).unwrap();
+    assert!(psnr > 16.0 && psnr > without + 0.5, "{psnr} {without}");
+}
+
+#[test]
+fn the_command_line_takes_photos_in_place_of_a_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let photos = SyntheticOptions { views: 3, width: 32, points: 50, ..PHOTOS };
+    synthetic::write(&folder.path().join("photos"), &photos).unwrap();
+    let refuses = |arguments: &[&str], needles: &[&str]| {
+        let (done, said) = trisplat(folder.path(), arguments);
+        assert_eq!(done.status.code(), Some(1), "{said}");
+        needles.iter().for_each(|needle| assert!(said.contains(needle), "{said} lacks {needle}"));
+    };
+    refuses(&["mesh", "photos", "photos", "-o", "a.glb"], &["one data set", "photos is a data set already"]);
+    refuses(&["mesh", "a.ply", "-o", "a.glb", "--texture"], &["texture is given without photos"]);
+    refuses(&["mesh", "photos", "-o", "photos/a.txt"], &["--output"]);
+    assert!(!folder.path().join("a.glb").exists());
+}
