@@ -131,7 +131,16 @@ impl FrameTimes {
 
 fn params(camera: &Camera, order: ChunkOrder) -> FrameParams<'static> {
     let (display, background) = (DisplayMode::Color, BACKGROUND);
-    FrameParams { camera: *camera, near: NEAR, background, display, wireframe: false, subset: None, order }
+    FrameParams {
+        camera: *camera,
+        near: NEAR,
+        background,
+        display,
+        wireframe: false,
+        subset: None,
+        order,
+        level_bias: 0.0,
+    }
 }
 
 const NEAR: f32 = 0.01;

@@ -82,6 +82,7 @@ impl Headless {
             wireframe: false,
             subset: None,
             order: ChunkOrder::File,
+            level_bias: (options.samples as f32).log2(),
         };
         let mut encoder = self.gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
         let stats = canvas.draw(&self.gpu, &mut self.renderer, &mut encoder, model, &params, None)?;

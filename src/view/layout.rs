@@ -5,6 +5,7 @@
 //! | corner | 48, or 16 per vertex and 12 per face with indices | f32 position and colour per corner |
 //! | face | 40 | f32 position per corner, colour per face |
 //! | grid | 28 | position of 21 bits per axis on the chunk's grid, colour per face |
+//! | texture | 60, and its pictures | f32 position and place on the picture per corner |
 //!
 //! Colours are linear light in 10 bits per channel, stored as their square root: off by at most 0.2 of an 8-bit sRGB
 //! code, and decoded by one multiplication.
@@ -25,17 +26,26 @@ pub enum VertexLayout {
     Face,
     /// Position on a grid of the chunk, colour per face.
     Grid,
+    /// Position and place on the picture per corner: for textured meshes, and only for these.
+    Texture,
 }
 
 impl VertexLayout {
     /// The smallest layout that stores every position exactly.
     pub fn exact(mesh: &Mesh) -> Self {
-        if VertexLayout::Face.fits(mesh) { VertexLayout::Face } else { VertexLayout::Corner }
+        let kinds = [VertexLayout::Texture, VertexLayout::Face];
+        kinds.into_iter().find(|layout| layout.fits(mesh)).unwrap_or(VertexLayout::Corner)
     }
 
     /// Whether a mesh can be stored this way.
     pub fn fits(self, mesh: &Mesh) -> bool {
-        self == VertexLayout::Corner || (mesh.indices.is_empty() && matches!(mesh.colors, Colors::Face(_)))
+        match self {
+            VertexLayout::Texture => mesh.texture.is_some(),
+            VertexLayout::Corner => mesh.texture.is_none(),
+            VertexLayout::Face | VertexLayout::Grid => {
+                mesh.texture.is_none() && mesh.indices.is_empty() && matches!(mesh.colors, Colors::Face(_))
+            }
+        }
     }
 }
 
@@ -47,6 +57,16 @@ pub struct CornerVertex {
     pub position: [f32; 3],
     /// See [`pack_color`].
     pub color: u32,
+}
+
+/// A corner of the layout [`VertexLayout::Texture`].
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct TextureVertex {
+    /// World position.
+    pub position: [f32; 3],
+    /// Place on the page: (0, 0) is the upper left corner.
+    pub uv: [f32; 2],
 }
 
 /// The positions that a chunk can store: `origin + step * (0..2^21)` on each axis.

@@ -13,6 +13,8 @@ pub mod layout;
 pub mod model;
 pub mod orbit;
 #[cfg(feature = "gpu")]
+mod pages;
+#[cfg(feature = "gpu")]
 pub mod renderer;
 pub mod show;
 #[cfg(feature = "view")]

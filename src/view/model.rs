@@ -1,7 +1,8 @@
 //! An asset in GPU memory.
 
 use super::cull::{Frustum, distance};
-use super::layout::{self, Aabb, ChunkGrid, CornerVertex, VertexLayout};
+use super::layout::{self, Aabb, ChunkGrid, CornerVertex, TextureVertex, VertexLayout};
+use super::pages::{Pages, runs};
 use crate::asset::{Asset, Chunk};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
@@ -26,6 +27,16 @@ pub struct Model {
     indices: Option<Buffer>,
     /// Face colours and grids.
     faces: Option<BindGroup>,
+    pages: Option<Pages>,
+}
+
+/// The layouts of the bind groups that models have.
+#[derive(Debug, Clone)]
+pub struct ModelGroups {
+    /// Face colours and grids.
+    pub faces: BindGroupLayout,
+    /// A page of a texture.
+    pub page: BindGroupLayout,
 }
 
 /// Some of a model's faces.
@@ -52,18 +63,24 @@ pub enum ChunkOrder {
 pub type DrawCall = (Range<u32>, u32);
 
 impl Model {
-    /// Uploads the faces of `asset`. `groups` is the layout of the bind group of face colours and grids.
+    /// Uploads the faces of `asset`.
     ///
     /// Errors: the layout does not fit the mesh, or the card has no room.
-    pub fn upload(gpu: &Gpu, groups: &BindGroupLayout, asset: &Asset, layout: VertexLayout) -> Result<Self> {
+    pub fn upload(gpu: &Gpu, groups: &ModelGroups, asset: &Asset, layout: VertexLayout) -> Result<Self> {
         let mesh = &asset.mesh;
         mesh.validate_shape()?;
         if !layout.fits(mesh) {
-            let wants = "corner for a mesh with indices or one colour per vertex";
+            let wants =
+                "texture for a textured mesh, corner for another with indices or one colour per vertex";
             return Err(Error::invalid("layout", format!("{layout:?}"), wants));
         }
-        let chunks = layout::bounds(asset);
-        let indexed = !mesh.indices.is_empty();
+        let mut chunks = layout::bounds(asset);
+        let mut pages = None;
+        if let Some(texture) = mesh.texture.as_ref().filter(|_| layout == VertexLayout::Texture) {
+            chunks = runs(mesh, texture, chunks);
+            pages = Some(Pages::upload(gpu, &groups.page, texture, &chunks)?);
+        }
+        let indexed = !mesh.indices.is_empty() && pages.is_none();
         let vertices = match layout {
             VertexLayout::Corner => corners(gpu, mesh)?,
             VertexLayout::Face => {
@@ -71,21 +88,23 @@ impl Model {
                 buffer::filled(gpu, "corners", BufferUsages::VERTEX, mesh.vertex_count(), at)?
             }
             VertexLayout::Grid => grid_corners(gpu, mesh, &chunks)?,
+            VertexLayout::Texture => texture_corners(gpu, mesh)?,
         };
         let usage = BufferUsages::INDEX;
         let index = |i: usize| mesh.indices[i];
         let indices =
             indexed.then(|| buffer::filled(gpu, "indices", usage, mesh.indices.len(), index)).transpose()?;
         let mut bytes = vertices.size() + indices.as_ref().map_or(0, Buffer::size);
+        bytes += pages.as_ref().map_or(0, |pages| pages.bytes);
         let faces = match &mesh.colors {
-            Colors::Face(colors) if layout != VertexLayout::Corner => {
-                let (group, size) = face_group(gpu, groups, colors, &chunks)?;
+            Colors::Face(colors) if matches!(layout, VertexLayout::Face | VertexLayout::Grid) => {
+                let (group, size) = face_group(gpu, &groups.faces, colors, &chunks)?;
                 bytes += size;
                 Some(group)
             }
             _ => None,
         };
-        Ok(Self { layout, bytes, chunks, vertices, indices, faces })
+        Ok(Self { layout, bytes, chunks, vertices, indices, faces, pages })
     }
 
     /// Number of triangles.
@@ -115,7 +134,10 @@ impl Model {
             faces.extend(all.filter(|&face| rng.uniform_f64(face.into()) < share && keep(face)));
             ranges.push(first..faces.len() as u32);
         }
-        let index = |i: usize| mesh.face(faces[i / 3] as usize)[i % 3];
+        let index = |i: usize| match self.pages {
+            Some(_) => 3 * faces[i / 3] + (i % 3) as u32,
+            None => mesh.face(faces[i / 3] as usize)[i % 3],
+        };
         let indices = buffer::filled(gpu, "subset", BufferUsages::INDEX, 3 * faces.len(), index)?;
         Ok(Subset { indices, ranges })
     }
@@ -139,8 +161,11 @@ impl Model {
             let chunk = self.chunks[i].0;
             let faces = chunk.first..chunk.first + chunk.count;
             match draws.last_mut() {
-                Some((run, _))
-                    if run.end == faces.start && !per_chunk && self.layout != VertexLayout::Grid =>
+                Some((run, last))
+                    if run.end == faces.start
+                        && !per_chunk
+                        && self.layout != VertexLayout::Grid
+                        && self.page(*last) == self.page(i as u32) =>
                 {
                     run.end = faces.end;
                 }
@@ -150,11 +175,17 @@ impl Model {
         draws
     }
 
+    /// The page that a chunk is on.
+    fn page(&self, chunk: u32) -> u16 {
+        self.pages.as_ref().map_or(0, |pages| pages.page(chunk))
+    }
+
     /// Draws with a pipeline of this model's layout; returns the number of triangles.
     pub fn draw(&self, pass: &mut RenderPass<'_>, draws: &[DrawCall]) -> u64 {
         self.bind(pass);
         for (faces, chunk) in draws {
             let corners = 3 * faces.start..3 * faces.end;
+            self.pages.iter().for_each(|pages| pages.bind(pass, *chunk));
             match &self.indices {
                 Some(_) => pass.draw_indexed(corners, 0, *chunk..chunk + 1),
                 None => pass.draw(corners, *chunk..chunk + 1),
@@ -170,6 +201,7 @@ impl Model {
         let mut triangles = 0;
         for (_, chunk) in draws {
             let Some(faces) = subset.ranges.get(*chunk as usize) else { continue };
+            self.pages.iter().for_each(|pages| pages.bind(pass, *chunk));
             pass.draw_indexed(3 * faces.start..3 * faces.end, 0, *chunk..chunk + 1);
             triangles += u64::from(faces.end - faces.start);
         }
@@ -208,6 +240,15 @@ fn corners(gpu: &Gpu, mesh: &Mesh) -> Result<Buffer> {
             Err(Error::invalid("mesh colors", "one per face", wants))
         }
     }
+}
+
+/// Position and place on the picture of every corner.
+fn texture_corners(gpu: &Gpu, mesh: &Mesh) -> Result<Buffer> {
+    let uvs = mesh.texture.as_ref().map_or(&[][..], |texture| texture.uvs.as_flattened());
+    buffer::filled(gpu, "corners", BufferUsages::VERTEX, uvs.len(), |corner| TextureVertex {
+        position: mesh.positions[mesh.face(corner / 3)[corner % 3] as usize].to_array(),
+        uv: uvs[corner].to_array(),
+    })
 }
 
 /// Every corner on the grid of its chunk.

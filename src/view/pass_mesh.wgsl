@@ -6,6 +6,7 @@
 struct Frame {
     clip: mat4x4<f32>, // world to clip space: x right, y up, w = depth, z = near
     view: mat4x4<f32>, // world to camera: x right, y down, z forward
+    levels: vec4<f32>, // x is added to the mip level
 }
 struct Grid {
     origin: vec3<f32>,
@@ -15,6 +16,9 @@ struct Grid {
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(1) @binding(0) var<storage, read> face_colors: array<u32>;
 @group(1) @binding(1) var<storage, read> grids: array<Grid>;
+// In place of both, for textured triangles.
+@group(1) @binding(2) var page: texture_2d<f32>;
+@group(1) @binding(3) var trilinear: sampler;
 
 override DISPLAY: u32 = 0u;
 const NORMALS: u32 = 1u;
@@ -29,6 +33,16 @@ struct Smooth {
 struct Flat {
     @builtin(position) clip: vec4<f32>,
     @location(0) @interpolate(flat) color: vec3<f32>,
+}
+struct Textured {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) uv: vec2<f32>,
+}
+struct TexturedDisplay {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) uv: vec2<f32>,
+    @location(1) view: vec3<f32>,
+    @location(2) @interpolate(flat) chunk: u32,
 }
 struct Displayed {
     @builtin(position) clip: vec4<f32>,
@@ -51,14 +65,17 @@ fn unpack_position(bits: vec2<u32>, chunk: u32) -> vec3<f32> {
     return grid.origin + grid.step * vec3<f32>(vec3<u32>(x, y, z));
 }
 
-fn displayed(position: vec3<f32>, color: vec3<f32>, chunk: u32) -> Displayed {
-    let at = vec4<f32>(position, 1.0);
-    var shown = color;
+fn shown(color: vec3<f32>, chunk: u32) -> vec3<f32> {
     if DISPLAY == CHUNKS {
         let brightness = dot(color, vec3<f32>(0.2126, 0.7152, 0.0722));
-        shown = hue(chunk) * (0.25 + 0.75 * brightness);
+        return hue(chunk) * (0.25 + 0.75 * brightness);
     }
-    return Displayed(frame.clip * at, shown, (frame.view * at).xyz);
+    return color;
+}
+
+fn displayed(position: vec3<f32>, color: vec3<f32>, chunk: u32) -> Displayed {
+    let at = vec4<f32>(position, 1.0);
+    return Displayed(frame.clip * at, shown(color, chunk), (frame.view * at).xyz);
 }
 
 // Chunk colours that differ from their neighbours': hues a golden angle apart.
@@ -98,6 +115,17 @@ fn grid_display(@location(0) bits: vec2<u32>, @builtin(vertex_index) vertex: u32
     return displayed(unpack_position(bits, chunk), unpack_color(face_colors[vertex / 3u]), chunk);
 }
 
+@vertex
+fn texture_color(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>) -> Textured {
+    return Textured(frame.clip * vec4<f32>(position, 1.0), uv);
+}
+
+@vertex
+fn texture_display(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>, @builtin(instance_index) chunk: u32) -> TexturedDisplay {
+    let at = vec4<f32>(position, 1.0);
+    return TexturedDisplay(frame.clip * at, uv, (frame.view * at).xyz, chunk);
+}
+
 fn srgb_from_linear(linear: vec3<f32>) -> vec3<f32> {
     let c = clamp(linear, vec3<f32>(0.0), vec3<f32>(1.0));
     return select(1.055 * pow(c, vec3<f32>(1.0 / 2.4)) - 0.055, 12.92 * c, c <= vec3<f32>(0.0031308));
@@ -124,13 +152,31 @@ fn flat_light(seen: Flat) -> @location(0) vec4<f32> {
     return written(seen.color);
 }
 
+// Towards the viewer; red to the right, green up, blue to the viewer, as `render --show normal`. `view` is a point in the camera's frame.
+fn normal_light(view: vec3<f32>) -> vec3<f32> {
+    let across = cross(dpdx(view), dpdy(view));
+    let normal = across * select(1.0, -1.0, dot(across, view) > 0.0) / max(length(across), 1e-30);
+    return linear_from_srgb(0.5 + 0.5 * normal * vec3<f32>(1.0, -1.0, -1.0));
+}
+
 @fragment
 fn display_light(seen: Displayed) -> @location(0) vec4<f32> {
     if DISPLAY == NORMALS {
-        // Towards the viewer; red to the right, green up, blue to the viewer, as `render --show normal`.
-        let across = cross(dpdx(seen.view), dpdy(seen.view));
-        let normal = across * select(1.0, -1.0, dot(across, seen.view) > 0.0) / max(length(across), 1e-30);
-        return written(linear_from_srgb(0.5 + 0.5 * normal * vec3<f32>(1.0, -1.0, -1.0)));
+        return written(normal_light(seen.view));
     }
     return written(seen.color);
+}
+
+@fragment
+fn texture_light(seen: Textured) -> @location(0) vec4<f32> {
+    return written(textureSampleBias(page, trilinear, seen.uv, frame.levels.x).rgb);
+}
+
+@fragment
+fn texture_display_light(seen: TexturedDisplay) -> @location(0) vec4<f32> {
+    if DISPLAY == NORMALS {
+        return written(normal_light(seen.view));
+    }
+    let color = textureSampleBias(page, trilinear, seen.uv, frame.levels.x).rgb;
+    return written(shown(color, seen.chunk));
 }

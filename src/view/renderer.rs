@@ -2,15 +2,16 @@
 //! z-buffer, both sides, clipped at the near plane, colours interpolated perspective-correctly in linear
 //! light and sRGB-encoded when written.
 
-use super::layout::{CornerVertex, VertexLayout};
-use super::model::{ChunkOrder, Model, Subset};
+use super::layout::{CornerVertex, TextureVertex, VertexLayout};
+use super::model::{ChunkOrder, Model, ModelGroups, Subset};
+use super::pages;
 use crate::asset::Asset;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::math::color::linear_from_srgb;
 use bytemuck::{Pod, Zeroable};
-use glam::{DMat4, DVec4, Mat4};
+use glam::{DMat4, DVec4, Mat4, Vec4};
 use std::collections::HashMap;
 use wgpu::*;
 
@@ -31,6 +32,8 @@ pub struct FrameParams<'a> {
     pub subset: Option<&'a Subset>,
     /// The order of chunks.
     pub order: ChunkOrder,
+    /// Added to the mip level of textures: for several samples per pixel along each axis, the logarithm of their number to base 2.
+    pub level_bias: f32,
 }
 
 /// What the triangles show.
@@ -122,6 +125,8 @@ pub fn texture(
 struct FrameUniform {
     clip: Mat4,
     view: Mat4,
+    /// `x` is added to the mip level.
+    levels: Vec4,
 }
 
 /// The key of a pipeline.
@@ -141,7 +146,7 @@ pub struct Renderer {
     frame: Buffer,
     frame_group: BindGroup,
     frame_layout: BindGroupLayout,
-    face_layout: BindGroupLayout,
+    groups: ModelGroups,
     pipelines: HashMap<PipelineKey, RenderPipeline>,
 }
 
@@ -157,21 +162,25 @@ impl Renderer {
             usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        let frame_layout = group_layout(gpu, "frame", &[BufferBindingType::Uniform]);
+        let frame_layout =
+            group_layout(gpu, "frame", ShaderStages::VERTEX_FRAGMENT, &[BufferBindingType::Uniform]);
         let storage = BufferBindingType::Storage { read_only: true };
-        let face_layout = group_layout(gpu, "faces", &[storage, storage]);
+        let groups = ModelGroups {
+            faces: group_layout(gpu, "faces", ShaderStages::VERTEX, &[storage, storage]),
+            page: pages::group_layout(gpu),
+        };
         let frame_group = gpu.device.create_bind_group(&BindGroupDescriptor {
             label: Some("frame"),
             layout: &frame_layout,
             entries: &[BindGroupEntry { binding: 0, resource: frame.as_entire_binding() }],
         });
         gpu.check()?;
-        Ok(Self { shader, frame, frame_group, frame_layout, face_layout, pipelines: HashMap::new() })
+        Ok(Self { shader, frame, frame_group, frame_layout, groups, pipelines: HashMap::new() })
     }
 
-    /// The layout of the bind group of face colours and grids, for [`Model::upload`].
-    pub fn face_layout(&self) -> &BindGroupLayout {
-        &self.face_layout
+    /// The layouts of bind groups, for [`Model::upload`].
+    pub fn groups(&self) -> &ModelGroups {
+        &self.groups
     }
 
     /// The best layout for `asset` on this card.
@@ -180,13 +189,17 @@ impl Renderer {
         let color_bytes = 4 * asset.mesh.face_count() as u64;
         let room = limits.max_storage_buffers_per_shader_stage >= 2
             && color_bytes <= limits.max_storage_buffer_binding_size;
-        if room { VertexLayout::exact(&asset.mesh) } else { VertexLayout::Corner }
+        if room || asset.mesh.texture.is_some() {
+            VertexLayout::exact(&asset.mesh)
+        } else {
+            VertexLayout::Corner
+        }
     }
 
     /// Uploads an asset to GPU memory; `None` chooses the layout. Errors: see [`Model::upload`].
     pub fn upload(&self, gpu: &Gpu, asset: &Asset, layout: Option<VertexLayout>) -> Result<Model> {
         let layout = layout.unwrap_or_else(|| Self::best_layout(gpu, asset));
-        Model::upload(gpu, &self.face_layout, asset, layout)
+        Model::upload(gpu, &self.groups, asset, layout)
     }
 
     /// Records the drawing of `model` onto a picture, which is cleared first.
@@ -204,7 +217,7 @@ impl Renderer {
         let FrameParams { display, wireframe, .. } = *params;
         let key = PipelineKey { layout: model.layout, display, wireframe, format, samples };
         self.prepare(gpu, key)?;
-        let uniform = frame_uniform(&params.camera, params.near);
+        let uniform = frame_uniform(params);
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&uniform));
         let per_chunk = display == DisplayMode::Chunks || params.subset.is_some();
         let draws = model.draw_calls(&params.camera, params.near, params.order, per_chunk);
@@ -242,6 +255,8 @@ impl Renderer {
             (VertexLayout::Face, false) => ("face_display", "display_light"),
             (VertexLayout::Grid, true) => ("grid_color", "flat_light"),
             (VertexLayout::Grid, false) => ("grid_display", "display_light"),
+            (VertexLayout::Texture, true) => ("texture_color", "texture_light"),
+            (VertexLayout::Texture, false) => ("texture_display", "texture_display_light"),
         };
         let constants = [
             ("DISPLAY", f64::from(key.display as u8)),
@@ -251,7 +266,8 @@ impl Renderer {
             PipelineCompilationOptions { constants: &constants, ..PipelineCompilationOptions::default() };
         let groups: &[Option<&BindGroupLayout>] = match key.layout {
             VertexLayout::Corner => &[Some(&self.frame_layout)],
-            VertexLayout::Face | VertexLayout::Grid => &[Some(&self.frame_layout), Some(&self.face_layout)],
+            VertexLayout::Face | VertexLayout::Grid => &[Some(&self.frame_layout), Some(&self.groups.faces)],
+            VertexLayout::Texture => &[Some(&self.frame_layout), Some(&self.groups.page)],
         };
         let layout = gpu.device.create_pipeline_layout(&PipelineLayoutDescriptor {
             label: Some("mesh"),
@@ -336,11 +352,16 @@ pub fn clear(
     drop(begin(encoder, FrameOutput { picture, attachments, timestamps: None }, background));
 }
 
-/// A group of buffers that the vertex stage reads.
-fn group_layout(gpu: &Gpu, label: &str, kinds: &[BufferBindingType]) -> BindGroupLayout {
+/// A group of buffers.
+fn group_layout(
+    gpu: &Gpu,
+    label: &str,
+    visibility: ShaderStages,
+    kinds: &[BufferBindingType],
+) -> BindGroupLayout {
     let entry = |(binding, &ty): (u32, &BufferBindingType)| BindGroupLayoutEntry {
         binding,
-        visibility: ShaderStages::VERTEX,
+        visibility,
         ty: BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
         count: None,
     };
@@ -352,10 +373,12 @@ fn vertex_buffer(layout: VertexLayout) -> VertexBufferLayout<'static> {
     const CORNER: [VertexAttribute; 2] = vertex_attr_array![0 => Float32x3, 1 => Unorm10_10_10_2];
     const FACE: [VertexAttribute; 1] = vertex_attr_array![0 => Float32x3];
     const GRID: [VertexAttribute; 1] = vertex_attr_array![0 => Uint32x2];
+    const TEXTURE: [VertexAttribute; 2] = vertex_attr_array![0 => Float32x3, 1 => Float32x2];
     let (stride, attributes): (usize, &[VertexAttribute]) = match layout {
         VertexLayout::Corner => (size_of::<CornerVertex>(), &CORNER),
         VertexLayout::Face => (size_of::<[f32; 3]>(), &FACE),
         VertexLayout::Grid => (size_of::<[u32; 2]>(), &GRID),
+        VertexLayout::Texture => (size_of::<TextureVertex>(), &TEXTURE),
     };
     VertexBufferLayout { array_stride: stride as u64, step_mode: VertexStepMode::Vertex, attributes }
 }
@@ -365,7 +388,8 @@ fn vertex_buffer(layout: VertexLayout) -> VertexBufferLayout<'static> {
 /// ```text
 /// (x, y, z, w) = (2 (fx X + cx Z) / W - Z,  Z - 2 (fy Y + cy Z) / H,  near,  Z)   of the camera's X, Y, Z
 /// ```
-fn frame_uniform(camera: &Camera, near: f32) -> FrameUniform {
+fn frame_uniform(params: &FrameParams<'_>) -> FrameUniform {
+    let (camera, near) = (&params.camera, params.near);
     let row = |r: usize| camera.rotation.row(r).as_dvec3().extend(camera.translation[r].into());
     let (x, y, z) = (row(0), row(1), row(2));
     let (f, c, s) = (camera.focal.as_dvec2(), camera.center.as_dvec2(), camera.size.as_dvec2());
@@ -376,5 +400,6 @@ fn frame_uniform(camera: &Camera, near: f32) -> FrameUniform {
         z,
     );
     let view = DMat4::from_cols(x, y, z, DVec4::W);
-    FrameUniform { clip: clip.transpose().as_mat4(), view: view.transpose().as_mat4() }
+    let levels = Vec4::X * params.level_bias;
+    FrameUniform { clip: clip.transpose().as_mat4(), view: view.transpose().as_mat4(), levels }
 }

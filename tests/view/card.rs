@@ -17,7 +17,7 @@ use trisplat::view::layout::VertexLayout;
 use trisplat::view::renderer::DisplayMode;
 
 /// A card, or `None` after saying loudly that there is none.
-fn card() -> Option<Headless> {
+pub(super) fn card() -> Option<Headless> {
     match Headless::new(&AdapterOptions::default()) {
         Ok(headless) => Some(headless),
         Err(why) => {

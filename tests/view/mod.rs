@@ -6,5 +6,6 @@
 mod card;
 #[cfg(all(feature = "view", unix))]
 mod drag;
+mod texture;
 #[cfg(all(feature = "view", unix))]
 mod window;

@@ -79,12 +79,7 @@ impl ApplicationHandler<Letter> for App {
         match Screen::open(events, &self.options, self.files.title()) {
             Ok(screen) => {
                 let outbox = Outbox { proxy: self.proxy.clone(), scene: 0 };
-                outbox.load(
-                    screen.gpu.clone(),
-                    screen.face_layout(),
-                    self.loader.clone(),
-                    self.files.clone(),
-                );
+                outbox.load(screen.gpu.clone(), screen.groups(), self.loader.clone(), self.files.clone());
                 let session = Session::new(screen.gpu.describe(), self.files.clone());
                 screen.window.request_redraw();
                 self.window = Some((screen, session));
@@ -209,7 +204,7 @@ impl App {
                 if scene == 0 {
                     let outbox = Outbox { proxy: self.proxy.clone(), scene };
                     let files = self.files.clone();
-                    outbox.follow(screen.gpu.clone(), screen.face_layout(), &self.loader, files);
+                    outbox.follow(screen.gpu.clone(), screen.groups(), &self.loader, files);
                 }
             }
             Err(error) if session.shown.is_some() => session.notify(error.to_string()),
@@ -239,7 +234,7 @@ impl App {
         session.notify("loading".into());
         let outbox = Outbox { proxy: self.proxy.clone(), scene };
         let files = session.files.with_dropped(path);
-        outbox.load(screen.gpu.clone(), screen.face_layout(), self.loader.clone(), files);
+        outbox.load(screen.gpu.clone(), screen.groups(), self.loader.clone(), files);
     }
 
     /// The channel for messages about the shown scene.

@@ -1,7 +1,7 @@
 //! Work on other threads than the window's, and their messages.
 
 use super::super::layout::{Aabb, VertexLayout};
-use super::super::model::{ChunkOrder, Model, Subset};
+use super::super::model::{ChunkOrder, Model, ModelGroups, Subset};
 use super::super::renderer::{DisplayMode, FrameParams, Renderer};
 use super::pick::Picked;
 use super::scene::{SceneChange, SceneFiles, SceneLoader, SoftRenderer, WindowScene};
@@ -82,13 +82,7 @@ impl Outbox {
     }
 
     /// Loads the scene, uploads it to GPU memory, then prepares picking.
-    pub(super) fn load(
-        &self,
-        gpu: Arc<Gpu>,
-        groups: wgpu::BindGroupLayout,
-        loader: SceneLoader,
-        files: SceneFiles,
-    ) {
+    pub(super) fn load(&self, gpu: Arc<Gpu>, groups: ModelGroups, loader: SceneLoader, files: SceneFiles) {
         let outbox = self.clone();
         self.spawn(move || {
             let progress = |what: &str| outbox.send(Message::Progress(what.to_owned()));
@@ -109,13 +103,7 @@ impl Outbox {
     }
 
     /// Shows changes of the scene of `files`, until it has ended.
-    pub(super) fn follow(
-        &self,
-        gpu: Arc<Gpu>,
-        groups: wgpu::BindGroupLayout,
-        loader: &SceneLoader,
-        files: SceneFiles,
-    ) {
+    pub(super) fn follow(&self, gpu: Arc<Gpu>, groups: ModelGroups, loader: &SceneLoader, files: SceneFiles) {
         let (outbox, add_bvh) = (self.clone(), loader.add_bvh);
         let Some(follow) = loader.follow.clone() else { return };
         self.spawn(move || {
@@ -139,7 +127,7 @@ impl Outbox {
 /// `scene` in GPU memory.
 fn uploaded(
     gpu: &Gpu,
-    groups: &wgpu::BindGroupLayout,
+    groups: &ModelGroups,
     files: SceneFiles,
     scene: WindowScene,
 ) -> Result<Box<LoadedScene>> {
@@ -192,6 +180,7 @@ pub(super) fn draw_screenshot(gpu: &Gpu, of: &Screenshot) -> Result<Pixels> {
         wireframe: of.wireframe,
         subset: of.subset.as_deref(),
         order: ChunkOrder::File,
+        level_bias: 0.0,
     };
     canvas.draw(gpu, &mut renderer, &mut encoder, &of.model, &params, None)?;
     gpu.queue.submit([encoder.finish()]);

@@ -1,6 +1,6 @@
 //! The window's surface: pictures of the scene with the panel over them.
 
-use super::super::model::ChunkOrder;
+use super::super::model::{ChunkOrder, ModelGroups};
 use super::super::renderer::{Attachments, FrameOutput, FrameParams, Renderer, clear};
 use super::options::WindowOptions;
 use super::panel;
@@ -83,9 +83,9 @@ impl Screen {
         })
     }
 
-    /// The layout of the bind group for models.
-    pub(super) fn face_layout(&self) -> BindGroupLayout {
-        self.renderer.face_layout().clone()
+    /// The layouts of the bind groups of models.
+    pub(super) fn groups(&self) -> ModelGroups {
+        self.renderer.groups().clone()
     }
 
     /// Takes a new size of the window.
@@ -211,6 +211,7 @@ impl Screen {
             wireframe: session.settings.wireframe,
             subset: session.drawn_subset().map(|subset| &**subset),
             order: ChunkOrder::File,
+            level_bias: 0.0,
         };
         let Some(shown) = &session.shown else {
             clear(encoder, view, attachments, self.background);

@@ -1,0 +1,155 @@
+//! Textured triangles on the card, against the solid rasteriser on the CPU.
+
+use super::card::card;
+use glam::{Mat3, UVec2, Vec2, Vec3};
+use std::sync::Arc;
+use trisplat::asset::{Asset, Chunk};
+use trisplat::camera::Camera;
+use trisplat::image::Pixels;
+use trisplat::math::metric;
+use trisplat::mesh::{Colors, Mesh};
+use trisplat::raster::solid::{Solid, SolidRasterOptions};
+use trisplat::texture::{FaceTexture, Texture};
+use trisplat::view::headless::{Canvas, HeadlessOptions};
+use trisplat::view::layout::VertexLayout;
+use trisplat::view::model::ChunkOrder;
+use trisplat::view::renderer::{DisplayMode, FrameParams};
+
+const ACROSS: u32 = 6;
+
+/// Rings and stripes of one hue.
+fn page(hue: f32, size: UVec2) -> Arc<Texture> {
+    let texel = |i: u32| {
+        let at = UVec2::new(i % size.x, i / size.x).as_vec2() / size.as_vec2();
+        let ring = 0.5 + 0.4 * (at.distance(Vec2::splat(0.4)) * 30.0).sin();
+        let stripe = 0.5 + 0.4 * (at.x * 25.0 + 3.0 * hue).cos();
+        [ring, stripe, hue].map(|c| (255.0 * c) as u8)
+    };
+    let rgb = (0..size.element_product()).map(texel).collect();
+    Arc::new(Texture::new(Pixels { size, rgb, alpha: None }))
+}
+
+/// A bent wall whose squares are on one of two pages, in turn.
+fn wall() -> Mesh {
+    let at = |x: u32, y: u32| {
+        let (u, v) = (2.0 * x as f32 / ACROSS as f32 - 1.0, 2.0 * y as f32 / ACROSS as f32 - 1.0);
+        Vec3::new(u, v, 0.4 * u * u)
+    };
+    let (mut positions, mut uvs, mut page_of) = (Vec::new(), Vec::new(), Vec::new());
+    for (y, x) in (0..ACROSS).flat_map(|y| (0..ACROSS).map(move |x| (y, x))) {
+        let place = |x: u32, y: u32| Vec2::new(x as f32, y as f32) / ACROSS as f32;
+        for corners in [[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]] {
+            positions.extend(corners.map(|(dx, dy)| at(x + dx, y + dy)));
+            uvs.push(corners.map(|(dx, dy)| place(x + dx, y + dy)));
+            page_of.push(((x + y) % 2) as u16);
+        }
+    }
+    let pages = vec![page(0.2, UVec2::new(256, 256)), page(0.8, UVec2::new(300, 130))];
+    let mut mesh = Mesh { positions, texture: Some(FaceTexture { uvs, pages, page_of }), ..Mesh::default() };
+    mesh.colors = Colors::Face(vec![[0.2; 3]; 2 * (ACROSS * ACROSS) as usize]);
+    mesh
+}
+
+fn camera(distance: f32) -> Camera {
+    let lens = Camera {
+        rotation: Mat3::IDENTITY,
+        translation: Vec3::ZERO,
+        focal: Vec2::splat(220.0),
+        center: Vec2::new(120.0, 90.0),
+        size: UVec2::new(240, 180),
+    };
+    lens.looking(Vec3::new(0.5, -0.4, -2.4) * distance, Vec3::ZERO, Vec3::NEG_Y)
+}
+
+fn asset(mesh: Mesh, chunks: u32) -> Asset {
+    let count = mesh.face_count() as u32 / chunks;
+    let chunks = (0..chunks).map(|i| Chunk { first: i * count, count }).collect();
+    Asset { mesh, chunks, ..Asset::default() }
+}
+
+#[test]
+fn textures_are_drawn_as_render_draws_them() {
+    let Some(mut card) = card() else { return };
+    let (wall, whole) = (wall(), asset(wall(), 4));
+    let model = card.upload(&whole, None).unwrap();
+    assert_eq!(model.layout, VertexLayout::Texture);
+    let texels: usize = wall
+        .texture
+        .iter()
+        .flat_map(|texture| &texture.pages)
+        .map(|page| {
+            (0..).map(|level| page.level(level).rgb.len()).take_while(|texels| *texels > 1).sum::<usize>() + 1
+        })
+        .sum();
+    assert_eq!(model.bytes, (60 * wall.face_count() + 4 * texels) as u64);
+    // Close, as photos are, and far away, where levels are mixed.
+    for (distance, samples) in [(0.6, 1), (1.0, 4), (3.0, 4), (8.0, 2)] {
+        let camera = camera(distance);
+        let options = HeadlessOptions { samples, near: 0.01, ..HeadlessOptions::default() };
+        let (got, _) = card.render(&model, &camera, &options).unwrap();
+        let cpu = SolidRasterOptions { samples, near: 0.01, ..SolidRasterOptions::default() };
+        let wants = Solid::new().render(&wall, &camera, &cpu);
+        let psnr = metric::psnr(&got.rgb, &wants.rgb, None);
+        assert!(psnr > 50.0, "{distance}: {psnr} dB");
+        let mut flat = wall.clone();
+        flat.texture = None;
+        let flat = Solid::new().render(&flat, &camera, &cpu);
+        assert!(
+            metric::psnr(&got.rgb, &flat.rgb, None) < psnr - 20.0,
+            "it is not the colours that are drawn"
+        );
+    }
+}
+
+#[test]
+fn subsets_chunks_and_normals_of_textured_triangles_are_drawn() {
+    let Some(mut card) = card() else { return };
+    let (wall, whole) = (wall(), asset(wall(), 4));
+    let model = card.upload(&whole, None).unwrap();
+    let camera = camera(1.0);
+    for display in [DisplayMode::Normals, DisplayMode::Chunks] {
+        let options = HeadlessOptions { display, near: 0.01, ..HeadlessOptions::default() };
+        let (textured, _) = card.render(&model, &camera, &options).unwrap();
+        let mut plain = whole.clone();
+        plain.mesh.texture = None;
+        let plain = card.upload(&plain, None).unwrap();
+        let (plain, _) = card.render(&plain, &camera, &options).unwrap();
+        match display {
+            DisplayMode::Normals => assert!(textured == plain, "normals do not depend on colours"),
+            _ => assert!(textured != plain),
+        }
+    }
+    // Some faces only, as the window draws a region.
+    let keep = |face: u32| face % 5 < 2;
+    let some = model.subset(&card.gpu, &wall, 1.0, 0, keep).unwrap();
+    let canvas = Canvas::new(&card.gpu, camera.size, 1).unwrap();
+    let params = FrameParams {
+        camera,
+        near: 0.01,
+        background: [0.0; 3],
+        display: DisplayMode::Color,
+        wireframe: false,
+        subset: Some(&some),
+        order: ChunkOrder::File,
+        level_bias: 0.0,
+    };
+    let mut encoder = card.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    card.draw(&mut encoder, &canvas, &model, &params, None).unwrap();
+    card.gpu.queue.submit([encoder.finish()]);
+    let mut kept = wall.clone();
+    kept.select(&(0..wall.face_count() as u32).filter(|face| keep(*face)).collect::<Vec<_>>());
+    let cpu = SolidRasterOptions { samples: 1, near: 0.01, ..SolidRasterOptions::default() };
+    let wants = Solid::new().render(&kept, &camera, &cpu);
+    assert!(metric::psnr(&canvas.pixels(&card.gpu).unwrap().rgb, &wants.rgb, None) > 35.0);
+    // With indices, corners at one vertex have places of their own.
+    let mut indexed = wall.clone();
+    indexed.indices = (0..indexed.positions.len() as u32).collect();
+    indexed.colors = Colors::Vertex(vec![[0.2; 3]; indexed.positions.len()]);
+    let indexed = card.upload(&asset(indexed, 1), None).unwrap();
+    let options = HeadlessOptions { near: 0.01, ..HeadlessOptions::default() };
+    assert!(
+        card.render(&indexed, &camera, &options).unwrap().0
+            == card.render(&model, &camera, &options).unwrap().0
+    );
+    assert!(card.upload(&whole, Some(VertexLayout::Corner)).is_err());
+}
