@@ -2,9 +2,10 @@
 //!
 //! Inputs that lie far from the origin of their world have origins of their own (`formats::far`); they are
 //! moved to one of these first. Soups make a soup and meshes a mesh. The recipe makes a soup solid before it
-//! joins a mesh.
+//! joins a mesh. Colours beside textures become a texture, too.
 
 use super::one_origin::{rebase, share_origin};
+use super::texture::texture_all;
 use crate::asset::{Placement, Provenance, UpDirection};
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
@@ -12,9 +13,10 @@ use crate::scene::{Loaded, Scene};
 
 /// One scene out of `inputs`, in their order.
 ///
-/// Errors: no input, soups and meshes together, files with different axes up.
+/// Errors: no input, soups and meshes together, files with different axes up, too many coloured triangles beside a texture.
 pub fn merge(mut inputs: Vec<Loaded>) -> Result<Loaded> {
     share_origin(&mut inputs);
+    texture_all(&mut inputs)?;
     let mut inputs = inputs.into_iter();
     let Some(mut all) = inputs.next() else {
         return Err(Error::invalid("inputs", "nothing", "at least one file"));

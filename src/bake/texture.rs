@@ -14,9 +14,11 @@ mod charts;
 mod fit;
 mod footprint;
 mod layout;
+mod of_colors;
 mod options;
 mod page;
 
+pub(super) use of_colors::texture_all;
 pub use options::{TextureDetail, TextureOptions};
 
 use super::refit::UnseenColors;

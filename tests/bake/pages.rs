@@ -1,15 +1,18 @@
 //! Textures of several pages, and the parts of a texture that tiles, levels and crops have.
 
-use super::texture::{ON, baked, cameras, grey, photos, psnr, read, textured};
-use glam::Vec2;
+use super::texture::{DRAWING, ON, baked, cameras, grey, painted, photos, psnr, read, textured};
+use glam::{Vec2, Vec3};
 use std::path::Path;
 use trisplat::asset::{Asset, UpAxis, UpDirection};
+use trisplat::bake::merge::merge;
 use trisplat::bake::place::words::UpChoice;
 use trisplat::bake::texture::TextureOptions;
 use trisplat::bake::{Bake, BakeOptions, BakePreset};
 use trisplat::formats::gltf::{GltfOptions, TextureFormat, to_glb_bytes};
 use trisplat::formats::{self, OutputOptions, ReadOptions};
+use trisplat::math::metric;
 use trisplat::mesh::Mesh;
+use trisplat::raster::solid::Solid;
 use trisplat::scene::{Loaded, Scene};
 
 const EXACT: OutputOptions = OutputOptions { texture_format: TextureFormat::Png, ..OutputOptions::DEFAULT };
@@ -142,4 +145,42 @@ fn levels_and_crops_of_a_textured_input_keep_its_texels() {
     // About a quarter of the wall, which was placed since it was cut.
     assert!((24..=40).contains(&part.face_count()), "{}", part.face_count());
     assert!(texels(&part) < texels(&input), "{} {}", texels(&part), texels(&input));
+}
+
+#[test]
+fn a_textured_scene_and_a_coloured_one_keep_both() {
+    let mut textured_wall = grey(4);
+    textured(&mut textured_wall, &ON).0.unwrap();
+    let moved = |mesh: &Mesh, by: f32| {
+        let mut mesh = mesh.clone();
+        mesh.positions.iter_mut().for_each(|p| p.x += by);
+        mesh
+    };
+    // One with a colour per triangle, one with colours that run from corner to corner, one with indices.
+    let flat = moved(&painted(), 5.0);
+    let mut smooth = moved(&painted(), 10.0);
+    smooth.vertex_colors().iter_mut().enumerate().for_each(|(i, color)| color[i % 3] *= 0.5);
+    let mut shared = moved(&smooth, 5.0);
+    shared.indices = (0..shared.positions.len() as u32).collect();
+    let parts = [textured_wall, flat, smooth, shared];
+    let merged = merge(parts.iter().map(|part| Loaded::from(Scene::Mesh(part.clone()))).collect()).unwrap();
+    assert_eq!(merged.warnings.len(), 3, "{:?}", merged.warnings);
+    let merged = mesh_of(merged);
+    merged.validate().unwrap();
+    let options = GltfOptions { texture: TextureFormat::Png, ..GltfOptions::default() };
+    let back = mesh_of(read(&to_glb_bytes(&Asset::from(merged.clone()), &options).unwrap()));
+    assert_eq!((pages(&merged), pages(&back)), (4, 4));
+    for (i, part) in parts.iter().enumerate() {
+        let middle = Vec3::X * 5.0 * i as f32;
+        let camera = cameras()[0].looking(middle + Vec3::new(0.2, 0.1, -2.4), middle, Vec3::NEG_Y);
+        let draw = |mesh: &Mesh| Solid::new().render(mesh, &camera, &DRAWING).rgb;
+        for all in [&merged, &back] {
+            let psnr = metric::psnr(&draw(all), &draw(part), None);
+            assert!(psnr > 40.0, "part {i}: {psnr} dB");
+        }
+    }
+    // Without a texture nothing changes.
+    let plain =
+        merge(vec![Loaded::from(Scene::Mesh(parts[1].clone())), Loaded::from(Scene::Mesh(parts[2].clone()))]);
+    assert!(mesh_of(plain.unwrap()).texture.is_none());
 }

@@ -19,7 +19,8 @@ use trisplat::raster::solid::{Solid, SolidRasterOptions};
 use trisplat::report::{Outcome, Report, StageProgress};
 use trisplat::scene::{Loaded, Scene};
 
-const DRAWING: SolidRasterOptions = SolidRasterOptions { background: [0.0; 3], samples: 4, near: 0.01 };
+pub(super) const DRAWING: SolidRasterOptions =
+    SolidRasterOptions { background: [0.0; 3], samples: 4, near: 0.01 };
 pub(super) const ON: TextureOptions = TextureOptions { texture: true, ..TextureOptions::DEFAULT };
 
 /// A wall of `across` by `across` squares of two triangles, 2 wide, with one colour each; slightly bent.
@@ -42,7 +43,7 @@ pub(super) fn grey(across: u32) -> Mesh {
 }
 
 /// Stripes and spots.
-fn painted() -> Mesh {
+pub(super) fn painted() -> Mesh {
     wall(48, |x, y| {
         let wave = |t: f32| 0.5 + 0.4 * (9.0 * t).sin();
         [wave(x), wave(y), if (x - 0.3).hypot(y) < 0.3 { 0.9 } else { 0.1 }]
