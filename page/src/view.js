@@ -75,8 +75,8 @@ export function fitted(viewpoint, bounds, aspect) {
   return { eye, target: center, up, fov, pinhole: null };
 }
 
-/** Name of the node that is the backdrop. */
-const BACKDROP = 'backdrop';
+/** Names of the nodes that are the backdrop; there are several when its texture has several pages. */
+const BACKDROP = /^backdrop(_\d+)?$/;
 
 /** Some vertices of the meshes, evenly chosen. */
 function sampled(meshes) {
@@ -97,7 +97,7 @@ function sampled(meshes) {
  * vertices of the backdrop.
  */
 export function boundsOf(meshes) {
-  const scene = meshes.filter((mesh) => mesh.name !== BACKDROP);
+  const scene = meshes.filter((mesh) => !BACKDROP.test(mesh.name));
   const points = sampled(scene.length > 0 ? scene : meshes);
   const [low, high] = ['x', 'y', 'z'].reduce(
     ([low, high], axis) => {
@@ -111,7 +111,7 @@ export function boundsOf(meshes) {
   );
   const center = low.clone().add(high).multiplyScalar(0.5);
   const radius = Math.max(low.distanceTo(high) / 2, 1e-6);
-  const behind = scene.length > 0 ? sampled(meshes.filter((mesh) => mesh.name === BACKDROP)) : [];
+  const behind = scene.length > 0 ? sampled(meshes.filter((mesh) => BACKDROP.test(mesh.name))) : [];
   const reach = [...points, ...behind].reduce((far, point) => Math.max(far, point.distanceTo(center)), radius);
   return { center, radius, reach, behind };
 }

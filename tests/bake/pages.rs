@@ -3,7 +3,7 @@
 use super::texture::{DRAWING, ON, baked, cameras, grey, painted, photos, psnr, read, textured};
 use glam::{Vec2, Vec3};
 use std::path::Path;
-use trisplat::asset::{Asset, UpAxis, UpDirection};
+use trisplat::asset::{Asset, Chunk, UpAxis, UpDirection};
 use trisplat::bake::merge::merge;
 use trisplat::bake::place::words::UpChoice;
 use trisplat::bake::texture::TextureOptions;
@@ -183,4 +183,25 @@ fn a_textured_scene_and_a_coloured_one_keep_both() {
     let plain =
         merge(vec![Loaded::from(Scene::Mesh(parts[1].clone())), Loaded::from(Scene::Mesh(parts[2].clone()))]);
     assert!(mesh_of(plain.unwrap()).texture.is_none());
+}
+
+#[test]
+fn a_backdrop_on_several_pages_has_nodes_of_different_names() {
+    let mut mesh = grey(16);
+    textured(&mut mesh, &TextureOptions { texture_size: 128, ..ON }).0.unwrap();
+    let faces = mesh.face_count();
+    let mut asset = Asset::from(mesh);
+    // The last half is the backdrop: slices along an axis, and so on several pages.
+    let half = Chunk { first: 0, count: faces as u32 / 2 };
+    asset.chunks = vec![half, Chunk { first: half.count, ..half }];
+    asset.provenance.backdrop = half.count;
+    let options = GltfOptions { texture: TextureFormat::Png, ..GltfOptions::default() };
+    let glb = to_glb_bytes(&asset, &options).unwrap();
+    let text = String::from_utf8_lossy(&glb);
+    let names: Vec<&str> =
+        text.match_indices(r#""name":"backdrop"#).map(|(at, _)| &text[at..at + 20]).collect();
+    for name in [r#""name":"backdrop""#, r#""name":"backdrop_1""#] {
+        assert!(text.contains(name), "{names:?}");
+    }
+    assert_eq!(read(&glb).provenance.backdrop, half.count);
 }

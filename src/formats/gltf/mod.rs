@@ -38,6 +38,6 @@ mod write;
 
 pub use container::{Container, check_size, glb_size, stream_offsets};
 pub use options::{ColorEncoding, GltfOptions, PositionEncoding, TextureFormat};
-pub(crate) use part::{BACKDROP, scene_nodes};
+pub(crate) use part::{backdrop_nodes, scene_nodes};
 pub use read::read;
 pub use write::{Written, to_glb_bytes, write_glb, write_gltf};

@@ -15,7 +15,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Name of the node, the mesh and the material of the backdrop.
-pub(crate) const BACKDROP: &str = "backdrop";
+pub(super) const BACKDROP: &str = "backdrop";
 
 /// Bytes of a texture coordinate: two 16-bit numbers, 1/16 of a texel of the largest texture.
 const TEX_COORD_BYTES: u64 = 4;
@@ -203,16 +203,30 @@ fn named_ranges(asset: &Asset, node_name: &str) -> Result<Vec<(PartKind, String,
     let scene = asset.scene_faces();
     let ranges = face_ranges(&asset.chunks, asset.mesh.face_count(), scene)?;
     let ranges = of_one_page(ranges, &asset.mesh);
-    let single = ranges.iter().filter(|faces| faces.start < scene).count() == 1;
+    let of_scene = ranges.iter().filter(|faces| faces.start < scene).count();
+    let single = of_scene == 1;
     let named = |(i, faces): (usize, Range<usize>)| {
         let (kind, name) = match (faces.start >= scene, single) {
-            (true, _) => (PartKind::Backdrop, BACKDROP.to_owned()),
+            (true, _) => (PartKind::Backdrop, backdrop_name(i - of_scene)),
             (false, true) => (PartKind::Scene, node_name.to_owned()),
             (false, false) => (PartKind::Scene, format!("chunk_{i:04}")),
         };
         (kind, name, faces)
     };
     Ok(ranges.into_iter().enumerate().map(named).collect())
+}
+
+/// The name of a backdrop's node; it has several when its texture has several pages.
+fn backdrop_name(number: usize) -> String {
+    if number == 0 { BACKDROP.to_owned() } else { format!("{BACKDROP}_{number}") }
+}
+
+/// Whether a node of this name is of the backdrop.
+pub(super) fn is_backdrop(name: &str) -> bool {
+    let rest = name.strip_prefix(BACKDROP);
+    rest.is_some_and(|rest| {
+        rest.is_empty() || rest.strip_prefix('_').is_some_and(|n| n.parse::<u32>().is_ok())
+    })
 }
 
 /// The ranges cut where the page of the texture changes: a primitive has one.
@@ -237,6 +251,14 @@ fn of_one_page(ranges: Vec<Range<usize>>, mesh: &Mesh) -> Vec<Range<usize>> {
 pub(crate) fn scene_nodes(asset: &Asset, node_name: &str) -> Result<Vec<String>> {
     let named = named_ranges(asset, node_name)?.into_iter();
     Ok(named.filter(|(kind, ..)| *kind == PartKind::Scene).map(|(_, name, _)| name).collect())
+}
+
+/// Names of the backdrop's nodes.
+///
+/// Errors: chunks that do not hold every face once.
+pub(crate) fn backdrop_nodes(asset: &Asset) -> Result<Vec<String>> {
+    let named = named_ranges(asset, "")?.into_iter();
+    Ok(named.filter(|(kind, ..)| *kind == PartKind::Backdrop).map(|(_, name, _)| name).collect())
 }
 
 /// The collider, if it has a node.

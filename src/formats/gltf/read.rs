@@ -11,7 +11,7 @@ use super::extensions::{INSTANCING, is_readable};
 use super::extras;
 use super::merge::MergedMesh;
 use super::nodes::{self, MeshInstance};
-use super::part::BACKDROP;
+use super::part;
 use crate::asset::Provenance;
 use crate::error::{Error, Result};
 use crate::formats::far::note_origin;
@@ -52,7 +52,8 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     let origin = merged.origin(&instances)?;
     nodes::take_off(&mut instances, origin);
     // The backdrop comes last, even if another program has moved it.
-    let is_backdrop = |i: &&MeshInstance| document.nodes[i.node].name.as_deref() == Some(BACKDROP);
+    let is_backdrop =
+        |i: &&MeshInstance| document.nodes[i.node].name.as_deref().is_some_and(part::is_backdrop);
     for instance in instances.iter().filter(|i| !is_backdrop(i)) {
         merged.add(instance)?;
     }

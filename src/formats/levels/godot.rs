@@ -30,7 +30,7 @@ pub(super) fn text(scene: &EngineScene) -> String {
             }
         }
         // The one of the finest level is always drawn, which suffices.
-        if let Some(node) = file.backdrop.filter(|_| i > 0) {
+        for node in file.backdrop.iter().filter(|_| i > 0) {
             line(&mut out, format_args!("\n[node name=\"{node}\" parent=\"Lod{i}\"]\nvisible = false"));
         }
     }

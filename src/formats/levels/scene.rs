@@ -22,8 +22,8 @@ pub(in crate::formats) struct LevelFile {
     pub(in crate::formats) name: String,
     /// Names of its nodes, without the backdrop's.
     pub(in crate::formats) nodes: Vec<String>,
-    /// Name of the backdrop's node, if it has one.
-    pub(in crate::formats) backdrop: Option<&'static str>,
+    /// Names of the backdrop's nodes; usually one, or none.
+    pub(in crate::formats) backdrop: Vec<String>,
 }
 
 /// The scene and its levels, finest first, and the space they are in.
@@ -73,7 +73,7 @@ pub(super) fn cube() -> EngineScene {
     let file = |(name, nodes): (&str, &[&str])| LevelFile {
         name: name.into(),
         nodes: nodes.iter().map(|node| (*node).into()).collect(),
-        backdrop: Some("backdrop"),
+        backdrop: vec!["backdrop".into()],
     };
     let files = [
         ("a.glb", &["chunk_0000", "chunk_0001"][..]),

@@ -3,7 +3,7 @@
 use super::Output;
 use crate::asset::{Asset, Tile};
 use crate::error::Result;
-use crate::formats::gltf::{BACKDROP, scene_nodes, uri};
+use crate::formats::gltf::{backdrop_nodes, scene_nodes, uri};
 use crate::formats::levels::{EngineLevels, EngineScene, LevelFile};
 use crate::formats::tileset::{self, TilesetTile};
 use std::path::Path;
@@ -41,7 +41,7 @@ impl Output {
     pub(super) fn engine_text(&self, kind: EngineLevels, asset: &Asset) -> Result<String> {
         let file = |(asset, output): (&'_ Asset, &Output)| {
             let nodes = scene_nodes(asset, output.node)?;
-            let backdrop = (self.backdrop.is_none() && asset.has_backdrop()).then_some(BACKDROP);
+            let backdrop = if self.backdrop.is_none() { backdrop_nodes(asset)? } else { Vec::new() };
             Ok(LevelFile { name: output.file_name(), nodes, backdrop })
         };
         let files: Vec<LevelFile> = self.levels_of(asset).map(file).collect::<Result<_>>()?;
