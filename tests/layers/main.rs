@@ -59,7 +59,10 @@ const MAY: &[(&str, &str)] = &[
         "scale",
         "bake ranges train raster dataset formats asset placed scene atomic process soup mesh space camera report error math input limits",
     ),
-    ("view", "framing asset region rng mesh soup scene raster camera image gpu placed error math limits"),
+    (
+        "view",
+        "texture framing asset region rng mesh soup scene raster camera image gpu placed error math limits",
+    ),
     ("render", "asset bake camera dataset error image limits mesh placed raster scene soup space train view"),
     ("eval", "asset bake camera dataset error formats image math render report scene soup train"),
     (
