@@ -87,7 +87,6 @@ const RANGES: &[Row] = &[
     ("warmup.half_until", (0.0, LARGEST)),
     ("solid.opacity_from", (0.0, LARGEST)),
     ("solid.opacity_until", (0.0, LARGEST)),
-    ("solid.loss_square", (0.0, LARGEST)),
 ];
 
 /// Optional numbers.

@@ -19,7 +19,7 @@ mod ssim;
 pub use number::LossNumber;
 
 use crate::math::ssim::{TAPS, window};
-use combine::{DifferenceScales, combine_rows};
+use combine::combine_rows;
 use ssim::{GRADS, MAPS, blur_maps, ssim_rows};
 
 /// Means over pixels and channels.
@@ -33,20 +33,10 @@ pub struct Photometric {
     pub mse: f64,
 }
 
-/// Weights of the means in the loss.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct PhotometricWeights {
-    /// λ: the weight of 1 - SSIM; the difference has the weight 1 - λ.
-    pub dssim: f64,
-    /// Weight of half the squared error, added to |x - y|: the gradient of an error of 1 / `square` is twice that of the smallest one.
-    pub square: f64,
-}
-
 impl Photometric {
-    /// The loss itself: (1 - λ) (L1 + square · MSE / 2) + λ (1 - SSIM).
-    pub fn value(&self, weights: &PhotometricWeights) -> f64 {
-        let PhotometricWeights { dssim, square } = weights;
-        (1.0 - dssim) * (self.l1 + 0.5 * square * self.mse) + dssim * (1.0 - self.ssim)
+    /// The loss itself: (1 - λ) L1 + λ (1 - SSIM), with λ = `dssim`.
+    pub fn value(&self, dssim: f64) -> f64 {
+        (1.0 - dssim) * self.l1 + dssim * (1.0 - self.ssim)
     }
 
     /// Peak signal to noise ratio, dB, for values in [0, 1].
@@ -64,7 +54,7 @@ pub struct Scratch<R> {
     grads: Vec<R>,
 }
 
-/// Returns the means and writes ∂loss/∂rendered.
+/// Returns the means and writes ∂loss/∂rendered. `dssim` is λ, the weight of 1 - SSIM.
 ///
 /// `rendered`, `photo` and `d_rendered` are `[H * W]`, rows from the top; `weight`, when given, is a weight
 /// per pixel (a mask), `[H * W]`. The loss is still a mean over all H * W pixels.
@@ -73,7 +63,7 @@ pub fn photometric_grad<R: LossNumber>(
     rendered: &[[R; 3]],
     photo: &[[R; 3]],
     weight: Option<&[R]>,
-    weights: &PhotometricWeights,
+    dssim: f64,
     scratch: &mut Scratch<R>,
     d_rendered: &mut [[R; 3]],
 ) -> Photometric {
@@ -87,13 +77,13 @@ pub fn photometric_grad<R: LossNumber>(
     scratch.maps.resize(height * MAPS * row, R::default());
     scratch.grads.resize(height * GRADS * row, R::default());
     let taps: [R; TAPS] = window().map(R::of);
-    let scale = R::of(-weights.dssim / count);
+    let scale = R::of(-dssim / count);
 
     blur_maps(&taps, row, x, y, &mut scratch.maps);
     let ssim = ssim_rows(&taps, row, &scratch.maps, weight, scale, &mut scratch.grads);
-    let l1_scale = (1.0 - weights.dssim) / count;
-    let scales = DifferenceScales { absolute: R::of(l1_scale), square: R::of(l1_scale * weights.square) };
-    let sums = combine_rows(&taps, row, x, y, weight, scales, &scratch.grads, d_rendered.as_flattened_mut());
+    let l1_scale = R::of((1.0 - dssim) / count);
+    let sums =
+        combine_rows(&taps, row, x, y, weight, l1_scale, &scratch.grads, d_rendered.as_flattened_mut());
     Photometric { l1: sums.0 / count, mse: sums.1 / count, ssim: ssim / count }
 }
 
@@ -102,7 +92,7 @@ mod tests {
     use super::*;
     use crate::rng::Rng;
 
-    const LAMBDA: PhotometricWeights = PhotometricWeights { dssim: 0.2, square: 0.0 };
+    const LAMBDA: f64 = 0.2;
 
     fn noise(name: &str, n: usize) -> Vec<[f64; 3]> {
         let rng = Rng::new(3, name, 0);
@@ -114,12 +104,12 @@ mod tests {
         x: &[[f64; 3]],
         y: &[[f64; 3]],
         w: Option<&[f64]>,
-        by: &PhotometricWeights,
+        dssim: f64,
     ) -> (f64, Vec<[f64; 3]>) {
         let mut grad = vec![[0.0; 3]; x.len()];
-        let means = photometric_grad(width, x, y, w, by, &mut Scratch::default(), &mut grad);
+        let means = photometric_grad(width, x, y, w, dssim, &mut Scratch::default(), &mut grad);
         // With weights the constant 1 of 1 - SSIM is not weighted; it has no gradient.
-        (means.value(by), grad)
+        (means.value(dssim), grad)
     }
 
     /// SSIM by its definition, pixel by pixel.
@@ -155,7 +145,7 @@ mod tests {
     fn ssim_is_the_definition() {
         let (x, y) = (noise("x", 17 * 9), noise("y", 17 * 9));
         let mut grad = vec![[0.0; 3]; x.len()];
-        let means = photometric_grad(17, &x, &y, None, &LAMBDA, &mut Scratch::default(), &mut grad);
+        let means = photometric_grad(17, &x, &y, None, LAMBDA, &mut Scratch::default(), &mut grad);
         assert!((means.ssim - plain_ssim(17, &x, &y)).abs() < 2e-7, "{}", means.ssim);
     }
 
@@ -164,24 +154,15 @@ mod tests {
         let width = 14;
         let (x, y) = (noise("x", width * 12), noise("y", width * 12));
         let w: Vec<f64> = noise("w", width * 12).iter().map(|v| v[0]).collect();
-        let cases = [
-            (0.2, 0.0, None),
-            (1.0, 0.0, None),
-            (0.0, 0.0, None),
-            (0.4, 0.0, Some(&w[..])),
-            (0.05, 30.0, None),
-            (0.1, 3.0, Some(&w[..])),
-        ];
-        for (dssim, square, weight) in cases {
-            let by = PhotometricWeights { dssim, square };
-            let (_, grad) = loss(width, &x, &y, weight, &by);
+        for (dssim, weight) in [(0.2, None), (1.0, None), (0.0, None), (0.4, Some(&w[..]))] {
+            let (_, grad) = loss(width, &x, &y, weight, dssim);
             for at in (0..x.len() * 3).step_by(7) {
                 let (p, c, h) = (at / 3, at % 3, 1e-5);
                 let mut moved = x.clone();
                 moved[p][c] = x[p][c] + h;
-                let up = loss(width, &moved, &y, weight, &by).0;
+                let up = loss(width, &moved, &y, weight, dssim).0;
                 moved[p][c] = x[p][c] - h;
-                let down = loss(width, &moved, &y, weight, &by).0;
+                let down = loss(width, &moved, &y, weight, dssim).0;
                 let difference = (up - down) / (2.0 * h);
                 // λ passes through f32 once (scale): 6e-8 relative; the rest is the difference quotient's own.
                 assert!((difference - grad[p][c]).abs() < 1e-9, "{at}: {difference} vs {}", grad[p][c]);
@@ -195,13 +176,13 @@ mod tests {
         let narrow = |v: &[[f64; 3]]| v.iter().map(|p| p.map(|c| c as f32)).collect::<Vec<_>>();
         let (x32, y32) = (narrow(&x), narrow(&y));
         let mut grad = vec![[0.0f32; 3]; x.len()];
-        let small = photometric_grad(33, &x32, &y32, None, &LAMBDA, &mut Scratch::default(), &mut grad);
-        let (large, exact) = loss(33, &x, &y, None, &LAMBDA);
-        assert!((small.value(&LAMBDA) - large).abs() < 1e-6);
+        let small = photometric_grad(33, &x32, &y32, None, LAMBDA, &mut Scratch::default(), &mut grad);
+        let (large, exact) = loss(33, &x, &y, None, LAMBDA);
+        assert!((small.value(LAMBDA) - large).abs() < 1e-6);
         for (g, e) in grad.as_flattened().iter().zip(exact.as_flattened()) {
             assert!((f64::from(*g) - e).abs() < 1e-8, "{g} {e}");
         }
-        let same = photometric_grad(33, &x32, &x32, None, &LAMBDA, &mut Scratch::default(), &mut grad);
+        let same = photometric_grad(33, &x32, &x32, None, LAMBDA, &mut Scratch::default(), &mut grad);
         assert_eq!(same.l1, 0.0);
         assert!((same.ssim - 1.0).abs() < 1e-6);
         assert!(grad.as_flattened().iter().all(|g| g.abs() < 1e-8));
@@ -211,9 +192,9 @@ mod tests {
     fn one_pixel_and_no_pixel() {
         let mut grad = vec![[0.0f32; 3]; 1];
         let means =
-            photometric_grad(1, &[[0.0; 3]], &[[0.0; 3]], None, &LAMBDA, &mut Scratch::default(), &mut grad);
+            photometric_grad(1, &[[0.0; 3]], &[[0.0; 3]], None, LAMBDA, &mut Scratch::default(), &mut grad);
         assert!(means.ssim.is_finite() && grad[0].iter().all(|g| g.is_finite()));
-        let none = photometric_grad::<f32>(0, &[], &[], None, &LAMBDA, &mut Scratch::default(), &mut []);
-        assert_eq!(none.value(&LAMBDA), 0.0);
+        let none = photometric_grad::<f32>(0, &[], &[], None, LAMBDA, &mut Scratch::default(), &mut []);
+        assert_eq!(none.value(LAMBDA), 0.0);
     }
 }

@@ -85,8 +85,7 @@ impl TrainBackend for CpuBackend {
         let camera = photo.camera.resized(photo.camera.size * sampling.samples);
         let frame = self.soft.render(&soup, &camera, &options);
         let d_rgb = &mut self.d_frame.d_rgb;
-        let means =
-            self.frame_loss.photometric_grad(photo.pixels, &rates.photometric, sampling, &frame.rgb, d_rgb);
+        let means = self.frame_loss.photometric_grad(photo.pixels, rates.dssim, sampling, &frame.rgb, d_rgb);
         self.frame_loss.errors(photo.pixels.size.x, sampling, &mut self.d_frame.error);
         let geometry = geometry_grad(frame, &camera, rates, &mut self.d_maps, &mut self.d_frame);
         self.soft.backward(&soup, &camera, &options, &self.d_frame, &mut self.d_soup);
@@ -101,7 +100,7 @@ impl TrainBackend for CpuBackend {
         let regularisers = Regularisers::new(&self.state, rates);
         let (touched, broken) = update(&mut self.state, &self.d_soup, rates, &regularisers);
         self.figures.push(StepStats {
-            loss: means.value(&rates.photometric) + geometry,
+            loss: means.value(rates.dssim) + geometry,
             mse: means.mse,
             touched,
             pose,

@@ -1,7 +1,7 @@
 //! The photometric loss of a frame, with any number of samples per pixel, encoded or in linear light.
 
 use crate::image::Pixels;
-use crate::kernel::loss::{Photometric, PhotometricWeights, Scratch, photometric_grad};
+use crate::kernel::loss::{Photometric, Scratch, photometric_grad};
 use crate::math::color::encode;
 use crate::math::lanes::{LANES, Lanes, Work, dispatch};
 use rayon::prelude::*;
@@ -33,7 +33,7 @@ impl FrameLoss {
     pub(super) fn photometric_grad(
         &mut self,
         photo: &Pixels,
-        weights: &PhotometricWeights,
+        dssim: f64,
         sampling: Supersampling,
         frame: &[[f32; 3]],
         d_rgb: &mut Vec<[f32; 3]>,
@@ -53,7 +53,7 @@ impl FrameLoss {
         let Self { scratch, photo, picture, d_picture, slope } = self;
         d_picture.resize(photo.rgb.len(), [0.0; 3]);
         let (rgb, weight) = (&photo.rgb, photo.weight());
-        let means = photometric_grad(width, picture, rgb, weight, weights, scratch, d_picture);
+        let means = photometric_grad(width, picture, rgb, weight, dssim, scratch, d_picture);
         for (d, slope) in d_picture.as_flattened_mut().iter_mut().zip(slope.as_flattened()) {
             *d *= slope;
         }

@@ -212,8 +212,6 @@ pub struct SolidifyOptions {
     /// The anneal ends: from here on triangles are opaque, σ is small, and the scene has engine shading;
     /// steps of a 30,000-step run (TS+ 24,000).
     pub opacity_until: f64,
-    /// Weight of half the squared error beside L1 from `opacity_until` on (not in the paper).
-    pub loss_square: f64,
 }
 
 impl Default for TrainOptions {
@@ -280,7 +278,7 @@ mod tests {
     use serde_json::Value;
 
     /// The most options of a training, by their keys.
-    const MOST_KEYS: usize = 31;
+    const MOST_KEYS: usize = 30;
 
     fn keys(value: &Value) -> usize {
         value.as_object().map_or(1, |group| group.values().map(keys).sum())

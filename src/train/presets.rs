@@ -34,7 +34,7 @@ impl TrainOptions {
                 sh_degree: 3,
                 rates,
                 warmup,
-                solid: SolidifyOptions { opacity_from: 0.0, opacity_until: HARDENED, ..base.solid },
+                solid: SolidifyOptions { opacity_from: 0.0, opacity_until: HARDENED },
                 ..base
             },
             _ => Self { rates, warmup, ..base },
@@ -69,7 +69,7 @@ const OUTDOOR: TrainOptions = TrainOptions {
         prune_weight: 0.022,
     },
     warmup: WarmupOptions { quarter_until: 12_000.0, half_until: 24_000.0 },
-    solid: SolidifyOptions { opacity_from: 5000.0, opacity_until: 24_000.0, loss_square: 0.0 },
+    solid: SolidifyOptions { opacity_from: 5000.0, opacity_until: 24_000.0 },
 };
 
 const INDOOR: TrainOptions = TrainOptions {
@@ -87,7 +87,7 @@ const SOLID: TrainOptions = TrainOptions {
     sh_degree: 0,
     loss: LossOptions { dssim: 0.05, ..OUTDOOR.loss },
     refine: RefineOptions { until: 29_000.0, relocate: 0.03, ..OUTDOOR.refine },
-    solid: SolidifyOptions { opacity_from: 6000.0, opacity_until: 20_000.0, ..OUTDOOR.solid },
+    solid: SolidifyOptions { opacity_from: 6000.0, opacity_until: 20_000.0 },
     ..OUTDOOR
 };
 
@@ -98,6 +98,6 @@ const PAPER_ENGINE: TrainOptions = TrainOptions {
     sh_degree: 0,
     init: InitOptions { shell_subdivisions: 0, ..OUTDOOR.init },
     loss: LossOptions { normal: 0.0001, ..OUTDOOR.loss },
-    solid: SolidifyOptions { opacity_from: 25_000.0, opacity_until: 30_000.0, ..OUTDOOR.solid },
+    solid: SolidifyOptions { opacity_from: 25_000.0, opacity_until: 30_000.0 },
     ..OUTDOOR
 };

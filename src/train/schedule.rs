@@ -6,7 +6,6 @@ use super::options::{REFERENCE_STEPS, TrainOptions};
 use super::params::{Anneal, FrozenLook};
 use super::pose_use::PoseUse;
 use super::timeline::Timeline;
-use crate::kernel::loss::PhotometricWeights;
 use crate::raster::soft::{SoftOptions, Sort, Window};
 
 /// Largest alpha of a layer of the soft scene (3DGS).
@@ -65,8 +64,8 @@ pub struct Rates {
     pub pose: f64,
     /// SH degree in use.
     pub sh_degree: u8,
-    /// Weights of SSIM and the squared error, relative to L1.
-    pub photometric: PhotometricWeights,
+    /// λ: the weight of 1 - SSIM; L1 has the weight 1 - λ.
+    pub dssim: f64,
     /// β1, of the mean opacity.
     pub beta_opacity: f64,
     /// β2, of the distortion.
@@ -180,10 +179,7 @@ impl<'a> Schedule<'a> {
             sh_rest: SH_RATE * SH_REST_SHARE,
             pose: self.pose_rate(step),
             sh_degree: self.sh_degree(step),
-            photometric: PhotometricWeights {
-                dssim: l.dssim,
-                square: if engine { o.solid.loss_square } else { 0.0 },
-            },
+            dssim: l.dssim,
             beta_opacity: l.opacity,
             beta_distortion: if geometry { l.distortion } else { 0.0 },
             beta_normal: if geometry { l.normal } else { 0.0 },
@@ -368,9 +364,6 @@ mod tests {
         let hardening = Hardening::of(&options);
         let last = options.steps - 1;
         assert_eq!(plan.anneal(last), Anneal::SOLID);
-        let shaded = plan.scaled(options.solid.opacity_until);
-        let square = |step: u64| plan.rates(step).photometric.square;
-        assert_eq!((square(shaded - 1), square(shaded)), (0.0, options.solid.loss_square));
         let rates = plan.rates(last);
         assert_eq!((rates.sh_degree, rates.alpha_cap), (0, 1.0));
         let drawing = rates.drawing(&SoftOptions::default());

@@ -58,15 +58,8 @@ const CASES: &[Case] = &[
         progress: 0.99,
         ..PLAIN
     },
-    Case { name: "L1 alone", rates: |r| r.photometric.dssim = 0.0, sh_degree: 0, ..PLAIN },
-    Case { name: "SSIM alone", rates: |r| r.photometric.dssim = 1.0, sh_degree: 0, ..PLAIN },
-    Case {
-        name: "squared error",
-        rates: |r| r.photometric.square = 30.0,
-        sh_degree: 0,
-        masked: true,
-        ..PLAIN
-    },
+    Case { name: "L1 alone", rates: |r| r.dssim = 0.0, sh_degree: 0, ..PLAIN },
+    Case { name: "SSIM alone", rates: |r| r.dssim = 1.0, sh_degree: 0, ..PLAIN },
     Case { name: "degree 2", sh_degree: 2, masked: true, ..PLAIN },
     Case { name: "one colour, pinned", sh_degree: 0, pinned: 30, ..PLAIN },
     Case { name: "a part", sh_degree: 0, pinned: 60, frozen: 50, ..PLAIN },

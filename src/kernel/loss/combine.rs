@@ -7,13 +7,6 @@ use crate::math::lanes::{Lanes, Work, dispatch};
 use crate::math::ssim::TAPS;
 use rayon::prelude::*;
 
-/// ∂loss/∂x of the difference d = x - y of a value, `absolute` · sign(d) + `square` · d.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct DifferenceScales<R> {
-    pub(super) absolute: R,
-    pub(super) square: R,
-}
-
 /// Pass 3: the gradient maps blurred along y, combined with the pictures and the gradient by their
 /// difference. Returns the weighted sums of |x - y| and (x - y)².
 #[allow(clippy::too_many_arguments)]
@@ -23,7 +16,7 @@ pub(super) fn combine_rows<R: LossNumber>(
     x: &[R],
     y: &[R],
     weight: Option<&[R]>,
-    scales: DifferenceScales<R>,
+    l1_scale: R,
     grads: &[R],
     d_x: &mut [R],
 ) -> (f64, f64) {
@@ -36,7 +29,7 @@ pub(super) fn combine_rows<R: LossNumber>(
                 let (x, y) = (&x[at * row..][..row], &y[at * row..][..row]);
                 let weight = weight.map(|w| &w[at * (row / 3)..][..row / 3]);
                 let (blurred, parts) = memory.split_at_mut(GRADS * row);
-                dispatch(CombineRow { taps, grads, at, x, y, weight, scales, blurred, parts, out })
+                dispatch(CombineRow { taps, grads, at, x, y, weight, l1_scale, blurred, parts, out })
             },
         )
         .collect();
@@ -51,7 +44,8 @@ struct CombineRow<'a, R> {
     x: &'a [R],
     y: &'a [R],
     weight: Option<&'a [R]>,
-    scales: DifferenceScales<R>,
+    /// ∂loss/∂x of a pixel that is too bright.
+    l1_scale: R,
     blurred: &'a mut [R],
     /// |x - y|, (x - y)² and the gradient by the difference.
     parts: &'a mut [R],
@@ -70,9 +64,8 @@ impl<R: LossNumber> Work for CombineRow<'_, R> {
         let (square, by_difference) = rest.split_at_mut(row);
         for i in 0..row {
             let difference = x[i] - y[i];
-            let DifferenceScales { absolute: pull, square: per_unit } = self.scales;
-            let above = if difference > zero { pull } else { zero };
-            by_difference[i] = if difference < zero { -pull } else { above } + per_unit * difference;
+            let above = if difference > zero { self.l1_scale } else { zero };
+            by_difference[i] = if difference < zero { -self.l1_scale } else { above };
             absolute[i] = if difference < zero { -difference } else { difference };
             square[i] = difference * difference;
         }

@@ -8,7 +8,7 @@ use super::step_buffers::StepCapacity;
 use super::uniform::{SceneShape, StepPlan, StepUniform};
 use super::work::StepWork;
 use crate::gpu::readback::Readback;
-use crate::kernel::loss::{Photometric, PhotometricWeights};
+use crate::kernel::loss::Photometric;
 use crate::raster::soft::tile_count;
 use crate::train::backend::{StepPhoto, StepStats};
 use crate::train::schedule::Rates;
@@ -25,7 +25,7 @@ pub(super) struct PendingStep {
     pub(super) regularised: bool,
     /// Reads back the counts after the last pass.
     pub(super) readback: Readback,
-    photometric: PhotometricWeights,
+    dssim: f64,
     shape: SceneShape,
 }
 
@@ -44,7 +44,7 @@ impl PendingStep {
             photo: source,
             regularised: rates.beta_size > 0.0 || rates.beta_opaque > 0.0,
             readback,
-            photometric: rates.photometric,
+            dssim: rates.dssim,
             shape,
             plan,
         }
@@ -67,7 +67,7 @@ impl PendingStep {
             mse: sum(Count::LossMse) / values,
         };
         StepStats {
-            loss: means.value(&self.photometric) + sum(Count::LossGeometry),
+            loss: means.value(self.dssim) + sum(Count::LossGeometry),
             mse: means.mse,
             dropped: counts[Count::Dropped as usize].into(),
             touched: counts[Count::Touched as usize].into(),

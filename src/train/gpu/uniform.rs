@@ -142,13 +142,11 @@ impl StepUniform {
         let rate = |rate: f64| Rate::new(rate, rates.time);
         let flag = |is: bool| f32::from(u8::from(is));
         let drawn = Self::of_picture(plan, &Look::of(rates), scene);
-        let [map, by_inverse, _, unused] = drawn.depths;
         Self {
             rates: [rates.vertices, rates.opacity, rates.sigma, rates.sh].map(|r| rate(r).step()),
             update: [rate(rates.sh_rest).step(), rate(1.0).second(), flag(rates.sparse), flag(photo.first)],
             regularisers: regularisers(rates, scene),
             loss: loss(rates, plan),
-            depths: [map, by_inverse, rates.photometric.square as f32, unused],
             ..drawn
         }
     }
@@ -218,8 +216,8 @@ fn regularisers(rates: &Rates, scene: SceneShape) -> [f32; 4] {
 fn loss(rates: &Rates, plan: &StepPlan) -> [f32; 4] {
     let (values, pixels) = (3.0 * f64::from(plan.photo_pixels()), f64::from(plan.frame_pixels()).max(1.0));
     [
-        (1.0 - rates.photometric.dssim) / values,
-        -rates.photometric.dssim / values,
+        (1.0 - rates.dssim) / values,
+        -rates.dssim / values,
         rates.beta_distortion / pixels,
         rates.beta_normal / pixels,
     ]

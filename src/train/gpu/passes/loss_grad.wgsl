@@ -39,7 +39,7 @@ fn loss_grad(
     let y = photo_rgb(at);
     let weight = select(0.0, photo_weight(at), inside);
     let difference = x - y;
-    var d = weight * step.loss.x * (sign(difference) + step.depths.z * difference);
+    var d = weight * step.loss.x * sign(difference);
     for (var channel = 0u; channel < 3u; channel++) {
         workgroupBarrier();
         for (var i = local; i < SIDE * SIDE; i += TILE * TILE) {

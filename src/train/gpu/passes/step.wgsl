@@ -16,7 +16,7 @@ struct Step {
     update: vec4<f32>,             // higher SH degrees, scale of second moments; is sparse, photo counts as first
     regularisers: vec4<f32>,       // weights of mean opacity, mean sigma, 1 / mean area, 1 / mean opacity; each over triangles
     loss: vec4<f32>,               // scales of L1 and SSIM; beta of distortion and of normals, each over pixels
-    depths: vec4<f32>,             // mapped depth m = a - b / z: a, b; weight of the squared error; -
+    depths: vec4<f32>,             // mapped depth m = a - b / z: a, b; -; -
     parts: vec4<u32>,              // frozen triangles; these are drawn without a window; triangles of a chunk; pairs of a part of the slots
 }
 
