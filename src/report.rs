@@ -10,6 +10,11 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use std::time::Instant;
 
+/// A number and its noun: "1 step", "2 steps".
+pub(crate) fn counted(number: u64, noun: &str) -> String {
+    format!("{number} {noun}{}", if number == 1 { "" } else { "s" })
+}
+
 /// The outcome of a stage, which may be unneeded.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Outcome<T> {

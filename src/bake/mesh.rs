@@ -1,11 +1,12 @@
 //! The recipe of `trisplat mesh`: from a scene to one connected surface, ready for a file.
 
-use super::behind::take_behind;
 use super::chunk::by_page;
+use super::color::{ColorDetails, color};
 use super::counts::{count, count_mesh};
 use super::crop::{CropOptions, crop};
 use super::place::up::Evidence;
 use super::place::{PlaceDetails, PlaceOptions, place, placement};
+use super::shell::take_shell;
 use super::texture::{TextureOptions, texture};
 use super::viewpoint::viewpoint;
 use super::views::Views;
@@ -17,7 +18,7 @@ use crate::limits::Limits;
 use crate::mesh::Mesh;
 use crate::placed;
 use crate::report::{Observer, Outcome, Report, generator};
-use crate::scene::Loaded;
+use crate::scene::{Loaded, Scene};
 use crate::surface::{SurfaceDetails, SurfaceOptions, surface};
 use glam::DVec3;
 use schemars::JsonSchema;
@@ -157,4 +158,20 @@ fn cropped(
 fn nothing() -> Error {
     let wants = "a scene that cameras see, a data set whose photos show it, or less of `min_component` and `min_views`";
     Error::invalid("the surface", "empty", wants)
+}
+
+/// Takes the shell or backdrop, which must look like its photos, out of the scene. Empty when there is none, or when it is the whole scene.
+fn take_behind(scene: &mut Loaded, cameras: &[Camera]) -> Result<Mesh> {
+    if let Some(backdrop) = scene.take_backdrop() {
+        return Ok(backdrop);
+    }
+    if scene.scene.shell_count() == scene.scene.triangle_count() {
+        return Ok(Mesh::default());
+    }
+    let mut shell = match &mut scene.scene {
+        Scene::Soup(soup) => color(soup.take_shell(), &mut ColorDetails::default())?,
+        Scene::Mesh(mesh) => mesh.take_shell(),
+    };
+    shell.shell = vec![true; shell.face_count()];
+    Ok(take_shell(&mut shell, cameras))
 }

@@ -17,7 +17,6 @@
 
 pub mod arrange;
 pub mod backdrop;
-mod behind;
 pub mod bvh;
 mod cells;
 pub mod chunk;

@@ -1,9 +1,8 @@
 //! The first step: collects upright photos in one folder, in file formats that every pose program reads.
 
 use super::exif::{PhotoNotes, with_notes};
-use super::halt::{Halt, Step};
 use super::logged::Log;
-use super::observer::CaptureObserver;
+use super::observer::{CaptureObserver, Halt, Step};
 use super::options::CaptureOptions;
 use super::source::{SourcePhoto, Sources};
 use super::stored::{self, StoredPhoto, StoredPhotos, WORK};

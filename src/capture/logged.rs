@@ -1,7 +1,6 @@
 //! Runs other programs. Each line of their output goes to a log and to a progress callback.
 
-use super::halt::{Halt, Step};
-use super::observer::CaptureObserver;
+use super::observer::{CaptureObserver, Halt, Step};
 use crate::error::Error;
 use crate::process::running::Running;
 use std::fs::{File, TryLockError};

@@ -5,7 +5,6 @@ mod collect;
 mod exif;
 mod exposure;
 mod frames;
-mod halt;
 mod logged;
 mod observer;
 mod options;

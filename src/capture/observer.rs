@@ -1,5 +1,6 @@
-//! The observer of a capture.
+//! The observer of a capture, and the reasons for it to end early.
 
+use crate::error::Error;
 use crate::report::Observer;
 
 /// Observes a capture; its steps are the stages of an [`Observer`]. By default every method does nothing.
@@ -14,3 +15,21 @@ pub trait CaptureObserver: Observer {
 
 /// Observes nothing.
 impl CaptureObserver for () {}
+
+/// Reason for having no result.
+#[derive(Debug)]
+pub(super) enum Halt {
+    /// Stopped by the observer; finished steps are kept.
+    Stopped,
+    /// An error.
+    Failed(Error),
+}
+
+impl From<Error> for Halt {
+    fn from(error: Error) -> Self {
+        Self::Failed(error)
+    }
+}
+
+/// Result of a capture step.
+pub(super) type Step<T> = std::result::Result<T, Halt>;

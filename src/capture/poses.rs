@@ -1,8 +1,7 @@
 //! The steps that a pose program performs: features, matches, model. Each continues where an earlier run stopped.
 
-use super::halt::Step;
 use super::logged::{Ended, Log};
-use super::observer::CaptureObserver;
+use super::observer::{CaptureObserver, Step};
 use super::options::{CaptureOptions, Mapper};
 use super::program::{Cameras, Pairing, Places, Program};
 use super::stored::StoredPhotos;

@@ -6,9 +6,8 @@
 //! ```
 
 use super::collect::{self, PhotosDetails};
-use super::halt::{Halt, Step};
 use super::logged::Log;
-use super::observer::CaptureObserver;
+use super::observer::{CaptureObserver, Halt, Step};
 use super::options::CaptureOptions;
 use super::poses::{FoundModel, ModelDetails, Poses};
 use super::program::{Places, Program};

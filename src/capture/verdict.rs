@@ -2,15 +2,14 @@
 
 use super::exposure::{Observation, solve};
 use super::frames::{Grey, sharpness};
-use super::halt::{Halt, Step};
-use super::observer::CaptureObserver;
+use super::observer::{CaptureObserver, Halt, Step};
 use super::poses::ModelDetails;
 use super::stored::StoredPhotos;
 use crate::dataset::tracks::{TrackedPhoto, Tracks};
 use crate::error::Result;
 use crate::image::Pixels;
 use crate::limits::Limits;
-use crate::report::StageDetails;
+use crate::report::{StageDetails, counted};
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -296,7 +295,7 @@ fn advice(details: &VerdictDetails, model: &ModelDetails) -> Vec<String> {
     if !details.weak.is_empty() {
         advice.push(format!(
             "{} hold few points ({}): more overlap there, or more texture",
-            count(details.weak.len(), "photo"),
+            counted(details.weak.len() as u64, "photo"),
             details.weak.iter().take(3).cloned().collect::<Vec<_>>().join(", ")
         ));
     }
@@ -320,10 +319,6 @@ fn advice(details: &VerdictDetails, model: &ModelDetails) -> Vec<String> {
         ));
     }
     advice
-}
-
-fn count(number: usize, what: &str) -> String {
-    format!("{number} {what}{}", if number == 1 { "" } else { "s" })
 }
 
 #[cfg(test)]

@@ -3,9 +3,8 @@
 //! It decodes a video twice: small and grey to choose frames, then the chosen ones at full size.
 
 use super::frames::{FrameWatch, Grey, choose};
-use super::halt::{Halt, Step};
 use super::logged::Log;
-use super::observer::CaptureObserver;
+use super::observer::{CaptureObserver, Halt, Step};
 use crate::error::Error;
 use glam::UVec2;
 use std::ffi::OsString;

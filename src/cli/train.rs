@@ -22,7 +22,7 @@ use crate::formats;
 use crate::job::teacher::{TeacherPlan, teacher_files};
 use crate::job::{ReadyTrain, TrainJob, reading};
 use crate::layered::{Layered, Layers};
-use crate::report::{OutputReport, Report};
+use crate::report::{OutputReport, Report, counted};
 use crate::scene::Loaded;
 use crate::train::budget::{Budget, BudgetDetails, Seconds};
 use crate::train::device::OpenRun;
@@ -326,9 +326,9 @@ fn summary(
         }
         None => String::new(),
     };
-    let Trained { steps, cpu_secs, .. } = trained;
+    let (steps, cpu_secs) = (counted(trained.steps, "step"), trained.cpu_secs);
     bar.ended(
-        &format!("wrote {out}: {triangles} triangles, {steps} steps, {cpu_secs:.1} CPU s{held_out}"),
+        &format!("wrote {out}: {triangles} triangles, {steps}, {cpu_secs:.1} CPU s{held_out}"),
         trained,
     );
     bar.line(&next_command(args, is_solid(&trained.soup)));

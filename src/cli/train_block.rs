@@ -7,6 +7,7 @@ use super::train_args::{BlockAddress, TrainArgs};
 use super::train_progress::Bar;
 use crate::atomic::{self, AtomicFile};
 use crate::error::{Error, Result};
+use crate::report::counted;
 use crate::scale::Task;
 use crate::train::device::OpenRun;
 use crate::train::{Preview, Trained};
@@ -64,10 +65,10 @@ pub(super) fn run(args: &TrainArgs, block: &BlockAddress, global: &Global) -> Re
     // The result exists, so the checkpoint is useless.
     let _ = std::fs::remove_file(task.checkpoint());
     bar.line(&format!(
-        "wrote {}: {} triangles, {} steps, {:.1} CPU s, {:.1} s",
+        "wrote {}: {} triangles, {}, {:.1} CPU s, {:.1} s",
         done.display(),
         HumanCount(figures.triangles),
-        figures.steps,
+        counted(figures.steps, "step"),
         figures.cpu_secs,
         clock.elapsed().as_secs_f64()
     ));

@@ -6,7 +6,7 @@ use super::progress::Progress;
 use super::train_progress::Bar;
 use crate::error::{Error, Result};
 use crate::job::TrainJobObserver;
-use crate::report::OutputReport;
+use crate::report::{OutputReport, counted};
 use crate::train::{TrainObserver, TrainOptions, Trained};
 use std::path::PathBuf;
 
@@ -47,7 +47,7 @@ impl<'a> Preparation<'a> {
 impl TrainJobObserver for Preparation<'_> {
     fn watching_begins(&mut self, options: &TrainOptions) -> Result<Box<dyn TrainObserver + '_>> {
         let bar = Bar::new(self.global, options.steps, 0, None, &[])?;
-        let steps = options.steps;
+        let steps = counted(options.steps, "step");
         bar.line(&format!(
             "a short training leaves some photos out, to see what more steps gain: {steps} steps (--teacher off skips it)"
         ));
@@ -62,10 +62,10 @@ impl TrainJobObserver for Preparation<'_> {
     fn teacher_begins(&mut self, options: &TrainOptions, asked: bool) -> Result<Box<dyn TrainObserver + '_>> {
         let bar = Bar::new(self.global, options.steps, 0, None, &[])?;
         let by_default = if asked { "" } else { " (--teacher off skips it)" };
-        let steps = options.steps;
+        let steps = counted(options.steps, "step");
         bar.line(&match self.written.len() + self.lost.len() {
-            0 => format!("a soft teacher scene is trained first: {steps} steps{by_default}"),
-            trained => format!("teacher {} is trained: {steps} steps", trained + 1),
+            0 => format!("a soft teacher scene is trained first: {steps}{by_default}"),
+            trained => format!("teacher {} is trained: {steps}", trained + 1),
         });
         Ok(Box::new(bar))
     }

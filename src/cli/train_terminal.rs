@@ -5,6 +5,7 @@ use super::progress::Progress;
 use super::train_progress::Bar;
 use crate::error::{Error, Result};
 use crate::job::{TrainBegins, TrainJobObserver};
+use crate::report::counted;
 use crate::train::budget::Correction;
 use crate::train::refine::Refined;
 use crate::train::{TrainObserver, TrainOptions, TrainSample, Trained};
@@ -32,7 +33,7 @@ impl TrainJobObserver for TrainTerminal<'_> {
         _asked: bool,
     ) -> Result<Box<dyn TrainObserver + '_>> {
         let bar = Bar::new(self.global, options.steps, 0, None, &[])?;
-        bar.line(&format!("a soft teacher scene is trained first: {} steps", options.steps));
+        bar.line(&format!("a soft teacher scene is trained first: {}", counted(options.steps, "step")));
         Ok(Box::new(bar))
     }
 

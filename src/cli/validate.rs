@@ -4,6 +4,7 @@ use super::{files, messages};
 use crate::error::{Error, Result};
 use crate::formats::ReadOptions;
 use crate::formats::check::{Checked, Severity, check};
+use crate::report::counted;
 use std::io::{self, Write};
 use std::path::PathBuf;
 
@@ -25,9 +26,11 @@ pub fn run(args: &ValidateArgs, options: &ReadOptions, out: &mut dyn Write) -> R
     printed.map_err(|e| Error::io("-", e))?;
     match checked.count(Severity::Error) {
         0 => Ok(()),
-        n => {
-            Err(Error::malformed(&args.input, "validation", format!("{}, listed above", counted(n, "error"))))
-        }
+        n => Err(Error::malformed(
+            &args.input,
+            "validation",
+            format!("{}, listed above", counted(n as u64, "error")),
+        )),
     }
 }
 
@@ -42,12 +45,7 @@ fn print(checked: &Checked, out: &mut dyn Write) -> io::Result<()> {
     }
     let triangles = checked.triangles.map_or(String::new(), |n| format!(", {n} triangles"));
     let counts = [(Severity::Error, "error"), (Severity::Warning, "warning"), (Severity::Note, "note")]
-        .map(|(severity, name)| counted(checked.count(severity), name))
+        .map(|(severity, name)| counted(checked.count(severity) as u64, name))
         .join(", ");
     messages::write(out, &format!("{}: {}{triangles}: {counts}", checked.path, checked.format.name()))
-}
-
-/// "1 error", "2 errors".
-fn counted(number: usize, name: &str) -> String {
-    format!("{number} {name}{}", if number == 1 { "" } else { "s" })
 }

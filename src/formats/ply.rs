@@ -10,7 +10,6 @@ mod table;
 mod tables;
 mod transcode;
 mod views;
-mod wanted;
 
 pub(crate) use column::Column;
 pub use mesh::write_mesh;
@@ -28,7 +27,7 @@ use crate::scene::{Loaded, Scene};
 use glam::DVec3;
 use header::{Element, Header};
 use std::path::Path;
-use wanted::Wanted;
+use transcode::Wanted;
 
 /// The scene in a PLY file: a soup when its faces have a `sigma`, else a mesh with its sRGB colours made
 /// linear, alpha (of a face, or the least of its corners) as opacity, and polygons as triangles.

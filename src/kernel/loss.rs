@@ -12,11 +12,10 @@
 //! the number of threads.
 
 mod combine;
-mod number;
 mod rows;
 mod ssim;
 
-pub use number::LossNumber;
+pub use rows::LossNumber;
 
 use crate::math::ssim::{TAPS, window};
 use combine::combine_rows;

@@ -151,14 +151,6 @@ impl SceneRenderer {
         Self::Solid(Box::new(SolidScene { mesh, options, solid: Solid::new(), frame: Frame::default() }))
     }
 
-    /// The drawing options of a soup, for changes; `None` for a mesh.
-    pub fn soft_options(&mut self) -> Option<&mut SoftOptions> {
-        match self {
-            Self::Soft(scene) => Some(&mut scene.options),
-            Self::Solid(_) => None,
-        }
-    }
-
     /// Skipped work of soft drawings, one share per kind, for example "layers=31%"; empty for solid ones.
     pub fn skipped(&mut self, cameras: &[Camera]) -> Vec<String> {
         let Self::Soft(scene) = self else { return Vec::new() };

@@ -2,8 +2,7 @@
 
 use super::field::Block;
 use super::grid::{Grid, SAMPLES, SIDE, block, within};
-use super::observe::Observer;
-use super::picture::{DepthPicture, FREE};
+use super::picture::{DepthPicture, FREE, Observer};
 use crate::math::color::linear_from_srgb;
 use crate::math::srgb8::srgb8_from_linear;
 use glam::Vec3;

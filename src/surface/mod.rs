@@ -21,7 +21,6 @@ mod fill;
 mod fuse;
 mod grid;
 mod nets;
-mod observe;
 mod options;
 mod picture;
 mod pictures;

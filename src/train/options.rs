@@ -6,8 +6,6 @@
 //! (TS), or of Triangle Splatting+ (TS+): see [`train`](mod@crate::train). Where the default is another,
 //! `docs/benchmarks/history.md` has the runs that chose it.
 
-use super::pose_use::PoseUse;
-use super::stereo_use::StereoUse;
 use crate::error::{Error, Result};
 use crate::exposure::ExposureUse;
 use crate::ranges::{self, Called};
@@ -46,6 +44,32 @@ pub enum TrainPreset {
     Indoor,
     /// The paper's own way to opaque triangles, for comparison.
     PaperEngine,
+}
+
+/// When the first triangles lie on surfaces that stereo finds in the photos.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+pub enum StereoUse {
+    /// Where measurements show a gain (docs/benchmarks/stereo.md): nowhere yet.
+    #[default]
+    Auto,
+    /// Always.
+    On,
+    /// Never: one triangle of random direction per point.
+    Off,
+}
+
+/// Whether poses are corrected.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+pub enum PoseUse {
+    /// Always, by at most three pixels.
+    On,
+    /// Never.
+    #[default]
+    Off,
 }
 
 /// How a soup is trained.

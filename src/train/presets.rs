@@ -1,11 +1,9 @@
 //! The presets, one per kind of scene: outdoor in full, the others as differences from it.
 
 use super::options::{
-    InitOptions, LossOptions, RateOptions, RefineOptions, SampleWeight, SolidifyOptions, TrainDrawOptions,
-    TrainOptions, TrainPreset, WarmupOptions,
+    InitOptions, LossOptions, PoseUse, RateOptions, RefineOptions, SampleWeight, SolidifyOptions, StereoUse,
+    TrainDrawOptions, TrainOptions, TrainPreset, WarmupOptions,
 };
-use super::pose_use::PoseUse;
-use super::stereo_use::StereoUse;
 use crate::exposure::ExposureUse;
 
 impl TrainOptions {

@@ -2,9 +2,8 @@
 //! step.
 
 use super::hardening::{Hardening, PruneFaint};
-use super::options::{REFERENCE_STEPS, TrainOptions};
+use super::options::{PoseUse, REFERENCE_STEPS, TrainOptions};
 use super::params::{Anneal, FrozenLook};
-use super::pose_use::PoseUse;
 use super::timeline::Timeline;
 use crate::raster::soft::{SoftOptions, Sort, Window};
 

@@ -1,8 +1,7 @@
 //! The first triangles on surfaces from stereo, and the points of the cloud that are still needed.
 
 use super::init::{FIRST_OPACITY, FIRST_SIGMA};
-use super::options::TrainOptions;
-use super::stereo_use::StereoUse;
+use super::options::{StereoUse, TrainOptions};
 use crate::dataset::{Point, View};
 use crate::error::Result;
 use crate::report::StageProgress;

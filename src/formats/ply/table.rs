@@ -6,8 +6,7 @@
 
 use super::column::Column;
 use super::header::{Element, Encoding, PropertyType, Scalar};
-use super::transcode::{self, Polygons};
-use super::wanted::Wanted;
+use super::transcode::{self, Polygons, Wanted};
 use crate::error::{Error, Result};
 use crate::formats::faces::{check_corners, not_a_triangle};
 use crate::formats::source::Source;

@@ -2,8 +2,8 @@
 
 use super::header::{Element, Header};
 use super::table::Table;
+use super::transcode::Wanted;
 use super::views;
-use super::wanted::Wanted;
 use crate::error::{Error, Result};
 use crate::formats::source::Source;
 use crate::limits::Limits;

@@ -4,11 +4,21 @@
 
 use super::column::Column;
 use super::header::{Element, Encoding, PropertyType, Scalar};
-use super::wanted::Wanted;
 use crate::error::{Error, Result};
 use crate::formats::faces::{check_corners, not_a_triangle};
 use crate::formats::source::Source;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
+
+/// What is wanted of an element's rows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Wanted {
+    /// Nothing, except the end of the rows.
+    Nothing,
+    /// All single numbers, and faces with three corners: any other face is an error.
+    Triangles,
+    /// All single numbers, and faces with any number of corners.
+    Polygons,
+}
 
 /// The rewritten rows of one element.
 #[derive(Debug, Default)]

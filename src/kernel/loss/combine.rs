@@ -1,7 +1,6 @@
 //! The gradient of the whole loss: the structural part's derivatives blurred back, and the L1 part.
 
-use super::number::LossNumber;
-use super::rows::{blur_column, lane_sum, weight_by};
+use super::rows::{LossNumber, blur_column, lane_sum, weight_by};
 use super::ssim::GRADS;
 use crate::math::lanes::{Lanes, Work, dispatch};
 use crate::math::ssim::TAPS;

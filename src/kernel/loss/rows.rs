@@ -1,7 +1,13 @@
-//! Arithmetic on interleaved rows: Gaussian blurs, weights, sums.
+//! Arithmetic on interleaved rows, in f32 or f64: Gaussian blurs, weights, sums.
 
-use super::number::LossNumber;
+use crate::math::real::Real;
 use crate::math::ssim::TAPS;
+use std::ops::AddAssign;
+
+/// The number type of the loss: f32 for training, f64 for testing the gradient.
+pub trait LossNumber: Real<Mask = bool> + Default + Send + Sync + PartialOrd + Into<f64> + AddAssign {}
+impl LossNumber for f32 {}
+impl LossNumber for f64 {}
 
 /// Taps on each side of the middle one.
 const REACH: usize = TAPS / 2;

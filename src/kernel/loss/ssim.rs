@@ -1,7 +1,6 @@
 //! The structural part of the loss: blurred moments, SSIM and its derivatives.
 
-use super::number::LossNumber;
-use super::rows::{PAD, blur_column, blur_row, lane_sum, weight_by};
+use super::rows::{LossNumber, PAD, blur_column, blur_row, lane_sum, weight_by};
 use crate::math::lanes::{Lanes, Work, dispatch};
 use crate::math::ssim::{Factors, TAPS, factors};
 use rayon::prelude::*;
