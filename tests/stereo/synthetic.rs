@@ -77,8 +77,8 @@ fn shares(maps: &[DepthMap]) -> Shares {
 #[test]
 fn depths_are_those_of_the_scene() {
     let (_folder, dataset) = photos(&SyntheticOptions {
-        views: 24,
-        width: 240,
+        views: 20,
+        width: 192,
         points: 800,
         seed: 0,
         ..SyntheticOptions::default()
@@ -93,7 +93,7 @@ fn depths_are_those_of_the_scene() {
 fn the_bits_are_the_same_on_any_number_of_threads() {
     let (_folder, dataset) = photos(&SyntheticOptions {
         views: 8,
-        width: 160,
+        width: 96,
         points: 400,
         seed: 1,
         ..SyntheticOptions::default()
@@ -137,7 +137,7 @@ fn one_photo_has_no_depths() {
 fn training_begins_on_the_surfaces_of_the_scene() {
     let (_folder, dataset) = photos(&SyntheticOptions {
         views: 16,
-        width: 160,
+        width: 128,
         points: 400,
         seed: 0,
         ..SyntheticOptions::default()
