@@ -72,7 +72,7 @@ fn a_synthetic_scene_reaches_a_psnr() {
 fn what_the_steps_leave_out_is_counted() {
     let folder = tempfile::tempdir().unwrap();
     // A quarter of them is not too small for the warm-up.
-    let dataset = scene(folder.path(), &SyntheticOptions { width: 384, ..small() });
+    let dataset = scene(folder.path(), &SyntheticOptions { width: 384, views: 6, ..small() });
     let mut options = options(16);
     (options.warmup.quarter_until, options.warmup.half_until) = (15_000.0, 30_000.0);
     let skipped = trained(&dataset, &options).skipped;
