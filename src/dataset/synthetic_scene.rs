@@ -82,7 +82,7 @@ struct Object {
     gloss: f64,
 }
 
-/// Distance, outward normal and surface coordinates.
+/// Distance, outward normal and surface coordinates; those of a ball follow from the normal (see [`around`]).
 type Intersection = (f64, DVec3, DVec2);
 
 /// Half the side of the checkered floor; sand lies around it.
@@ -99,6 +99,8 @@ pub fn trace(ray: Ray) -> Option<SurfaceHit> {
     let (object, (distance, outward, uv)) = nearest(ray)?;
     let position = ray.origin + ray.direction * distance;
     let Object { shape, paint, gloss } = OBJECTS[object];
+    // Only here: for every ball on every ray they would take most of the time.
+    let uv = if matches!(shape, Shape::Ball { .. } | Shape::Sky { .. }) { around(outward) } else { uv };
     let normal = if outward.dot(ray.direction) > 0.0 { -outward } else { outward };
     if matches!(shape, Shape::Sky { .. }) {
         let rgb = albedo(paint, uv, position);
@@ -191,12 +193,12 @@ impl Shape {
             Shape::Ball { center, radius } => {
                 let (near, _) = ball_span(ray, center, radius)?;
                 let n = (ray.origin + ray.direction * near - center) / radius;
-                (near > 0.0).then(|| (near, n, around(n)))
+                (near > 0.0).then_some((near, n, DVec2::ZERO))
             }
             Shape::Sky { radius } => {
                 let (_, far) = ball_span(ray, DVec3::ZERO, radius)?;
                 let n = -(ray.origin + ray.direction * far) / radius;
-                (far > 0.0).then(|| (far, n, around(n)))
+                (far > 0.0).then_some((far, n, DVec2::ZERO))
             }
             Shape::Block { center, half, rotation } => touch_block(ray, center, half, rotation),
             Shape::Pole { from, to, radius } => touch_pole(ray, from, to, radius),
