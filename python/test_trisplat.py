@@ -74,10 +74,10 @@ refused(ValueError, "max_bytes", trisplat.bake, soup, max_bytes=30_000)
 # Train, bake, evaluate, draw.
 photos = samples / "dataset"
 how = {"max_size": 48}
-few = dict(steps=30, max_triangles=600, teacher="off", dataset_options=how)
+few = dict(steps=150, max_triangles=600, teacher="off", dataset_options=how)
 report = trisplat.train(photos, folder / "trained.ply", **few)
 assert report["outputs"][0]["bytes"] == (folder / "trained.ply").stat().st_size
-assert report["options"]["steps"] == 30, report["options"]
+assert report["options"]["steps"] == 150, report["options"]
 trained = trisplat.train(str(photos), **few)
 stored = trisplat.read(folder / "trained.ply")
 assert all(np.array_equal(trained[key], stored[key]) for key in trained) and len(trained["triangles"]) <= 600
