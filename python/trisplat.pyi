@@ -79,6 +79,7 @@ def eval(
     mode: Optional[_Mode] = None,
     ssaa: Literal[1, 2, 4] = 4,
     coverage: bool = True,
+    refine_poses: bool = False,
     dataset_options: Optional[Mapping[str, Any]] = None,
 ) -> dict[str, Any]:
     """Scores a scene on photos: PSNR, SSIM and FLIP of every photo and means."""

@@ -81,11 +81,11 @@ fn bake<'py>(
 ///
 /// `split` is "test", the photos held out, "train" or "all"; `mode` "soft" or "solid" for a soup; `ssaa` 1, 2
 /// or 4 samples along each axis of a pixel; `dataset_options` as in `train`. `coverage` measures the share of
-/// pixels that at least two training photos see.
+/// pixels that at least two training photos see. `refine_poses` also measures with poses refined by up to 3 px.
 ///
 /// Raises OSError, ValueError.
 #[pyfunction]
-#[pyo3(signature = (file, dataset, *, split="test", mode=None, ssaa=4, coverage=true, dataset_options=None))]
+#[pyo3(signature = (file, dataset, *, split="test", mode=None, ssaa=4, coverage=true, refine_poses=false, dataset_options=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 fn eval<'py>(
     py: Python<'py>,
@@ -95,6 +95,7 @@ fn eval<'py>(
     mode: Option<&str>,
     ssaa: u32,
     coverage: bool,
+    refine_poses: bool,
     dataset_options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let mut job = EvalJob::new(file);
@@ -102,6 +103,7 @@ fn eval<'py>(
     job.split = options::named("split", split)?;
     job.render.mode = mode.map(|mode| options::named("mode", mode)).transpose()?;
     (job.render.ssaa, job.coverage) = (options::samples(ssaa)?, coverage);
+    job.refine_poses = refine_poses;
     let work = || job.clone().run(&Dataset::load(&dataset, &job.dataset_options)?);
     let report = py.detach(work).map_err(raised)?;
     options::to_python(py, &serde_json::to_value(&report).unwrap_or_default())

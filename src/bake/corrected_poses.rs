@@ -4,8 +4,9 @@ use crate::camera::Camera;
 use crate::space::Space;
 use glam::Vec3;
 
-/// Largest difference of a corrected pose, px at the size of the training: a training corrects by 3 px at most.
-const MOST_PX: f32 = 4.0;
+/// Largest difference of a corrected pose, as a share of the longest side: tracks move points by a fiftieth at most, a
+/// training by 3 px, but a turn and a motion of more may nearly cancel.
+const MOST_SHARE: f32 = 0.05;
 /// Least difference that counts; smaller ones are rounding.
 const LEAST_PX: f32 = 0.01;
 
@@ -26,7 +27,10 @@ pub(super) fn corrected(photos: &[Camera], stored: &[Camera], points: &[Vec3]) -
         translation: stored.translation,
         ..*photo
     };
-    (LEAST_PX..=MOST_PX).contains(&largest).then(|| photos.iter().zip(stored).map(pose).collect())
+    let side = stored.iter().map(|camera| camera.size.max_element()).max().unwrap_or(0);
+    (LEAST_PX..=MOST_SHARE * side as f32)
+        .contains(&largest)
+        .then(|| photos.iter().zip(stored).map(pose).collect())
 }
 
 #[cfg(test)]

@@ -347,6 +347,7 @@ impl FidelityBench<'_> {
             self.args.dataset_options.photo_bytes(),
             &[],
             false,
+            None,
             |_, _, _| Ok(()),
         )?;
         scores.into_iter().next().ok_or_else(|| Error::invalid("DATASET", "no score", "held-out photos"))

@@ -13,6 +13,7 @@ use crate::bake::{
 use crate::bench::{bake::BakeRow, cost::CostReport, stress::StressReport};
 use crate::capture::{FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails};
 use crate::dataset::Description;
+use crate::dataset::tracked_poses::TrackedPoses;
 use crate::error::{Error, Result};
 use crate::eval::evaluate::EvalReport;
 use crate::formats::bvh::BvhHeader;
@@ -133,6 +134,7 @@ fn report_schema() -> schemars::Schema {
         stage_schema::<VerdictDetails>(g),
         stage_schema::<CropDetails>(g),
         stage_schema::<ArrangeDetails>(g),
+        stage_schema::<TrackedPoses>(g),
         stage_schema::<Watched>(g),
         stage_schema::<TeacherDetails>(g),
         stage_schema::<CollisionDetails>(g),

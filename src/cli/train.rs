@@ -16,6 +16,7 @@ use super::train_preparation::Preparation;
 use super::train_progress::{Bar, Watcher};
 use crate::atomic::AtomicFile;
 use crate::bake::teacher::is_solid;
+use crate::dataset::tracked_poses::TrackedPoses;
 use crate::dataset::{Dataset, DatasetOptions, ShrunkSize};
 use crate::error::{Error, Result};
 use crate::formats;
@@ -70,6 +71,7 @@ pub fn run(
         teacher_share: args.teacher.teacher_share,
         teacher_file: Some(teacher_file.clone()),
         budget: args.budget.map(Budget::cpu).or_else(|| args.budget_wall.map(Budget::wall)),
+        poses: None,
         watched: None,
         watch_secs: 0.0,
         began: Some(clock),
@@ -79,6 +81,7 @@ pub fn run(
         force_resume: args.force_resume,
     };
     job.watch(&mut Preparation::new(global, &mut files, Vec::new()))?;
+    let tracked = job.poses.as_ref().and_then(|stage| stage.details_as::<TrackedPoses>()?.summary());
     if job.teacher.is_none() && job.teacher_plan() == TeacherPlan::Train {
         // A requested one is claimed already.
         teacher_files(&teacher_file).iter().try_for_each(|path| files.claim("--teacher", path))?;
@@ -104,6 +107,9 @@ pub fn run(
     }
     let retrained = "the training continues; a resumed one trains its teacher again";
     lost_teachers.iter().for_each(|error| bar.note_lost(error, retrained));
+    if let Some(tracked) = tracked {
+        bar.line(&format!("{tracked} (--set poses=off leaves them)"));
+    }
     plan.iter().for_each(|plan| bar.line(plan));
     let trained = run.finish(&mut bar)?;
     let mut report = notes.report(&trained, triangles, Vec::new());

@@ -25,6 +25,7 @@ mod shrunk;
 mod split;
 pub mod synthetic;
 pub mod synthetic_scene;
+pub mod tracked_poses;
 pub mod tracks;
 mod transforms;
 pub mod undistort;

@@ -2,4 +2,5 @@
 
 pub mod coverage;
 pub mod evaluate;
+mod refined_pose;
 pub mod steps;

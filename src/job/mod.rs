@@ -17,6 +17,7 @@ mod meshing;
 mod observer;
 pub mod rendering;
 pub mod teacher;
+mod tracked;
 mod training;
 mod unhardened;
 pub mod watched;

@@ -3,6 +3,7 @@
 use super::budget::{self, Budgeted};
 use super::observer::{TrainBegins, TrainJobObserver};
 use super::teacher::{self, TaughtRun, TeacherPlan, TeacherSource, UndecidedRun, WatchedGain};
+use super::tracked;
 use super::watched::{self, Watched, Watching};
 use crate::bake::teacher::TeacherDetails;
 use crate::budget::Budget;
@@ -51,7 +52,7 @@ pub fn train(dataset: &Dataset, options: &TrainOptions) -> Result<Trained> {
 /// job.teacher = Some(TeacherSource::Off);
 /// let done = job.run(&mut ())?;
 /// assert_eq!(done.trained.steps, 20);
-/// assert_eq!(done.report.stages[0].unneeded.as_deref(), Some("`teacher` off"));
+/// assert_eq!(done.report.stages[1].unneeded.as_deref(), Some("`teacher` off"));
 /// # Ok::<(), trisplat::Error>(())
 /// ```
 #[derive(Debug, Clone)]
@@ -73,6 +74,8 @@ pub struct TrainJob {
     pub teacher_file: Option<PathBuf>,
     /// Time budget. It chooses steps, triangles and the size of photos.
     pub budget: Option<Budget>,
+    /// What became of the photos' poses before the run; `None` before [`TrainJob::follow_tracks`].
+    pub poses: Option<StageReport>,
     /// Result of the short trainings; `None` before [`TrainJob::watch`], and if they have nothing to decide.
     pub watched: Option<Watched>,
     /// Wall-clock time of the short trainings.
@@ -150,6 +153,7 @@ impl TrainJob {
             teacher_share: None,
             teacher_file: None,
             budget: None,
+            poses: None,
             watched: None,
             watch_secs: 0.0,
             began: None,
@@ -175,6 +179,21 @@ impl TrainJob {
         Ok(TrainDone { trained, report })
     }
 
+    /// Moves photos to where the tracks of a COLMAP model see them, if they stand elsewhere. [`TrainJob::watch`] calls this unless
+    /// it was called before.
+    ///
+    /// Errors: a model that cannot be read.
+    pub fn follow_tracks(&mut self) -> Result<()> {
+        if self.poses.is_none() {
+            let poses = match &self.resume {
+                Some(checkpoint) => checkpoint.meta.options.poses,
+                None => self.options.options.poses,
+            };
+            self.poses = Some(tracked::follow_tracks(&mut self.dataset, &self.dataset_options, poses)?);
+        }
+        Ok(())
+    }
+
     /// Runs short trainings that leave some photos out, if there is time. They decide about a teacher, if the number of
     /// photos does not, and about its training time. [`TrainJob::prepare`] calls this unless it was called before.
     ///
@@ -183,6 +202,7 @@ impl TrainJob {
         if self.resume.is_none() {
             budget::check(self.budget, &self.options)?;
         }
+        self.follow_tracks()?;
         let unsure = self.teacher.is_none() && self.undecided().is_unsure();
         // Small photos kept in memory lose the crop of the full ones.
         let cut = self.dataset.train().any(|view| view.photo.is_cut());
@@ -325,7 +345,7 @@ impl TrainJob {
             began,
         };
         let watched = self.watched.iter().map(|watched| watched.stage(self.watch_secs));
-        let stages = watched.chain(stage).collect();
+        let stages = self.poses.into_iter().chain(watched).chain(stage).collect();
         let watched = self.watched.is_some();
         Ok(ReadyTrain {
             dataset,

@@ -40,12 +40,15 @@ impl ColorMap {
         Self { rows: [0, 1, 2].map(|c: usize| inverse * (right[c] + ridge * same[c])) }
     }
 
+    /// A colour after the map, 0 to 1, not limited.
+    pub fn color(&self, rgb: [u8; 3]) -> [f64; 3] {
+        let x = encoded(rgb).extend(1.0);
+        self.rows.map(|row| row.dot(x))
+    }
+
     /// The colours of a picture after the map, rounded to 8 bits.
     pub fn of(&self, rgb: &[[u8; 3]]) -> Vec<[u8; 3]> {
-        let mapped = |rgb: &[u8; 3]| {
-            let x = encoded(*rgb).extend(1.0);
-            self.rows.map(|row| (255.0 * row.dot(x)).round().clamp(0.0, 255.0) as u8)
-        };
+        let mapped = |rgb: &[u8; 3]| self.color(*rgb).map(|c| (255.0 * c).round().clamp(0.0, 255.0) as u8);
         rgb.iter().map(mapped).collect()
     }
 }

@@ -8,6 +8,7 @@ pub mod finite;
 pub mod lanes;
 pub mod median;
 pub mod metric;
+pub(crate) mod normal_equations;
 pub mod octasphere;
 mod power;
 pub mod real;

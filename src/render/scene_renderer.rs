@@ -335,7 +335,8 @@ fn move_points(points: &mut [Vec3], placement: &Placement, dataset: &Dataset) {
     }
 }
 
-fn space_of(dataset: &Dataset) -> Space {
+/// The space that a training on this data set uses.
+pub(crate) fn space_of(dataset: &Dataset) -> Space {
     let cameras: Vec<Camera> = dataset.train().map(|v| v.camera).collect();
     let points: Vec<Vec3> = dataset.points.iter().map(|p| p.position).collect();
     Space::new(&cameras, &points)

@@ -65,10 +65,12 @@ pub enum StereoUse {
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum PoseUse {
-    /// Always, by at most three pixels.
+    /// By the tracks of a COLMAP model, where photos do not show its points where they should.
+    #[default]
+    Auto,
+    /// By tracks, and on the CPU also by at most three pixels while the scene trains.
     On,
     /// Never.
-    #[default]
     Off,
 }
 
@@ -99,7 +101,7 @@ pub struct TrainOptions {
     /// Whether to correct photos that differ in exposure and white balance, or are darker in their corners.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub exposure: ExposureUse,
-    /// Whether the poses of photos are corrected while the scene trains, on the CPU.
+    /// Whether the poses of photos are corrected.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub poses: PoseUse,
     /// Steps after which 12,000, 20,000, 24,000 and 27,000 of a 30,000-step run are done; zeros: in proportion. Runs with a

@@ -7,8 +7,9 @@
 //! so held-out poses keep their meaning.
 
 use crate::camera::Camera;
+use crate::math::normal_equations::solved;
 use crate::raster::soft::CameraGrad;
-use glam::{DMat3, DQuat, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -76,11 +77,6 @@ impl Correction {
     }
 }
 
-/// The mean focal length, px.
-fn focal(camera: &Camera) -> f64 {
-    f64::from(camera.focal.x + camera.focal.y) / 2.0
-}
-
 impl Poses {
     /// True when photos with these flags, true for photos and false for drawn pictures, can be corrected.
     pub(super) fn are_possible(photos: &[bool]) -> bool {
@@ -93,7 +89,7 @@ impl Poses {
         if self.corrections.is_empty() {
             self.corrections.resize(given.len(), Correction::default());
         }
-        self.corrections[index].step(gradient, focal(&given[index]), rate.min(MOST_RATE));
+        self.corrections[index].step(gradient, given[index].mean_focal(), rate.min(MOST_RATE));
     }
 
     /// The corrected camera of photo `index`, which is the given one as long as nothing was corrected.
@@ -101,13 +97,8 @@ impl Poses {
         let Some(correction) = self.corrections.get(index).filter(|c| c.px != [0.0; 6]) else {
             return *given;
         };
-        let [turn, motion] = correction.motion(focal(given));
-        let turn = DMat3::from_quat(DQuat::from_scaled_axis(turn));
-        Camera {
-            rotation: (turn * given.rotation.as_dmat3()).as_mat3(),
-            translation: (turn * given.translation.as_dvec3() + motion).as_vec3(),
-            ..*given
-        }
+        let [turn, motion] = correction.motion(given.mean_focal());
+        given.moved(turn, motion)
     }
 
     /// Takes out the motion, rotation and scale that the corrections of `photos` have in common: the least
@@ -121,7 +112,7 @@ impl Poses {
         for &i in &all {
             let common = common_motions(&given[i], center);
             let metric = metric(&given[i]);
-            let own = flat(self.corrections[i].motion(focal(&given[i])));
+            let own = flat(self.corrections[i].motion(given[i].mean_focal()));
             for (row, a) in common.iter().enumerate() {
                 wanted[row] += product(&metric, a, &own);
                 common.iter().enumerate().for_each(|(k, b)| matrix[row][k] += product(&metric, a, b));
@@ -129,12 +120,12 @@ impl Poses {
         }
         let shares = solved(matrix, wanted);
         for &i in &all {
-            let mut own = flat(self.corrections[i].motion(focal(&given[i])));
+            let mut own = flat(self.corrections[i].motion(given[i].mean_focal()));
             for (share, motion) in shares.iter().zip(common_motions(&given[i], center)) {
                 own.iter_mut().zip(motion).for_each(|(x, m)| *x -= share * m);
             }
             let parts = [0, 3].map(|k| DVec3::new(own[k], own[k + 1], own[k + 2]));
-            self.corrections[i].set_motion(parts, focal(&given[i]));
+            self.corrections[i].set_motion(parts, given[i].mean_focal());
         }
     }
 
@@ -195,30 +186,6 @@ fn metric(camera: &Camera) -> [Motion; 6] {
 fn product(metric: &[Motion; 6], a: &Motion, b: &Motion) -> f64 {
     let row = |row: &Motion| row.iter().zip(b).map(|(m, b)| m * b).sum::<f64>();
     a.iter().zip(metric).map(|(a, m)| a * row(m)).sum()
-}
-
-/// The solution of matrix · x = wanted, by elimination; unknowns that the matrix does not determine are 0.
-fn solved(mut matrix: [[f64; 7]; 7], mut wanted: [f64; 7]) -> [f64; 7] {
-    let least = 1e-9 * (0..7).map(|k| matrix[k][k]).fold(0.0, f64::max);
-    let mut out = [0.0; 7];
-    // A matrix of squares needs no exchange of rows.
-    for k in 0..7 {
-        if matrix[k][k] <= least {
-            matrix.iter_mut().for_each(|row| row[k] = 0.0);
-            continue;
-        }
-        for row in k + 1..7 {
-            let share = matrix[row][k] / matrix[k][k];
-            let above = matrix[k];
-            matrix[row].iter_mut().zip(above).for_each(|(x, above)| *x -= share * above);
-            wanted[row] -= share * wanted[k];
-        }
-    }
-    for k in (0..7).rev().filter(|k| matrix[*k][*k] > least) {
-        let known: f64 = (k + 1..7).map(|column| matrix[k][column] * out[column]).sum();
-        out[k] = (wanted[k] - known) / matrix[k][k];
-    }
-    out
 }
 
 /// The corrections of a run. The corrected cameras are those of its file.

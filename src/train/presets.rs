@@ -51,7 +51,7 @@ const OUTDOOR: TrainOptions = TrainOptions {
     seed: 0,
     stereo: StereoUse::Auto,
     exposure: ExposureUse::Auto,
-    poses: PoseUse::Off,
+    poses: PoseUse::Auto,
     milestones: [0; 4],
     draw: TrainDrawOptions { sort_per_pixel: false },
     init: InitOptions { size: 2.2, shell_subdivisions: 4 },

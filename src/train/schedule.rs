@@ -298,7 +298,7 @@ impl<'a> Schedule<'a> {
     /// half of [`POSE_TRAVEL`], whatever their number.
     fn pose_rate(&self, step: u64) -> f64 {
         let (done, [from, until]) = (self.timeline.position(step), POSES);
-        if self.options.poses == PoseUse::Off || done < from || done >= until {
+        if self.options.poses != PoseUse::On || done < from || done >= until {
             return 0.0;
         }
         POSE_TRAVEL / self.timeline.density(step) * (until - done) / (until - from)

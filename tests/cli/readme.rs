@@ -46,6 +46,8 @@ fn additions(arguments: &[&str]) -> &'static [&'static str] {
         ["bake", ..] => &["--force"],
         // Enough steps to have something to bake, in place of those that the README asks for.
         ["train", ..] => &["--force", "--steps", "60"],
+        ["mesh", "photos", ..] => &["--max-size", "96"],
+        ["eval", ..] => &["--ssaa", "1"],
         ["make", ..] => &["--force", "--budget", "6s", "--max-size", "60", "--max-triangles", "500"],
         ["bench", "bake"] => &["--triangles", "2000", "--runs", "1"],
         ["bench", "stress"] => &["--cases", "20000", "--climb", "50"],

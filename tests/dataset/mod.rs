@@ -5,6 +5,7 @@
 mod broken;
 mod mutants;
 mod phone;
+mod tracked_poses;
 mod transforms;
 
 use glam::{DVec2, DVec3, UVec2, Vec2};

@@ -175,6 +175,8 @@ pub(crate) fn eval() -> Case {
         "--split",
         "all",
         "--no-coverage",
+        "--ssaa",
+        "1",
         "--force",
     ];
     let mut old = EVAL.to_vec();
