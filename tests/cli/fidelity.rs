@@ -122,7 +122,6 @@ fn held_out_poses_that_are_off_cost_the_first_figure_and_not_the_refined_one() {
     let (given, wrong) = (scored(&truth, "soups/trained.ply"), scored(&off, "soups/trained.ply"));
     let refined = [&given, &wrong].map(|step| step.mean_refined_pose.unwrap().psnr);
     assert!(wrong.mean.psnr < given.mean.psnr - 1.0, "{} {}", given.mean.psnr, wrong.mean.psnr);
-    for image in &wrong.images {}
     assert!((refined[0] - refined[1]).abs() < 0.1 && refined[0] >= given.mean.psnr - 0.01, "{refined:?}");
     let mean: f64 = wrong.images.iter().map(|image| image.refined_pose.unwrap().score.psnr).sum::<f64>();
     assert!((mean / wrong.images.len() as f64 - refined[1]).abs() < 1e-9);
