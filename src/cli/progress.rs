@@ -5,6 +5,7 @@ use super::{Global, capture_rows, flags, messages};
 use crate::bake::backdrop::BackdropDetails;
 use crate::bake::pace::BakeBudgetDetails;
 use crate::bake::teacher::TeacherDetails;
+use crate::dataset::tracked_poses::TrackedPoses;
 use crate::report::{Observer, StageDetails, StageReport};
 use indicatif::{HumanCount, HumanDuration, ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
@@ -172,6 +173,10 @@ fn row(stage: &StageReport) -> String {
     }
     if let Some(budget) = stage.details_as::<BakeBudgetDetails>() {
         return format!("{name:<11}{}", chosen(&budget));
+    }
+    if let Some(poses) = stage.details_as::<TrackedPoses>() {
+        let text = format!("{} photos moved by {:.2} px", poses.moved, poses.moved_px);
+        return format!("{name:<11}{text:<36}{:>8.2} s", stage.seconds);
     }
     let (before, after) = (stage.before.triangles, stage.after.triangles);
     let drawn = stage.details_as::<TeacherDetails>().filter(|teacher| teacher.pictures.is_some());

@@ -376,6 +376,13 @@ fn summary(
             "poses of {count} photos corrected by {mean:.2} px on average (--set poses=off leaves them)"
         ));
     }
+    let (all, shell) = (trained.soup.len(), trained.soup.shell_count());
+    if shell > 0 && all == shell && !trained.stopped {
+        let steps = counted(trained.steps, "step");
+        bar.line(&format!(
+            "warning: no triangle but the shell is left, because {steps} cannot make one opaque: --steps 1000 or more"
+        ));
+    }
     if trained.dropped > 0 {
         bar.line(&format!("warning: {} gradients were not finite and were dropped", trained.dropped));
     }

@@ -295,3 +295,16 @@ fn a_soft_training_says_that_it_is_soft_and_info_how_soft() {
     assert!(info("soft.ply")["softness"]["psnr"].as_f64().unwrap() < 40.0);
     assert!(info("solid.ply").get("softness").is_none());
 }
+
+#[test]
+fn a_training_that_leaves_nothing_but_its_shell_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let flags = ["--steps", "60", "--set", "refine.every=500", "-o", "a.ply", "--force"];
+    let said = stderr(&succeed(&mut train(folder.path(), &flags)));
+    assert!(
+        said.contains("warning: no triangle but the shell is left") && said.contains("--steps 1000"),
+        "{said}"
+    );
+    let said = stderr(&succeed(&mut train(folder.path(), &["-o", "b.ply", "--preset", "outdoor"])));
+    assert!(!said.contains("but the shell"), "{said}");
+}
