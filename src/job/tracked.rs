@@ -2,7 +2,6 @@
 
 use crate::dataset::tracked_poses::{self, TrackedPoses};
 use crate::dataset::{Dataset, DatasetOptions};
-use crate::error::Result;
 use crate::report::{Counts, StageDetails, StageReport, to_json};
 use crate::train::PoseUse;
 use std::time::Instant;
@@ -11,21 +10,21 @@ impl StageDetails for TrackedPoses {
     const STAGE: &'static str = "poses";
 }
 
-/// Moves the training photos of `dataset` to where their tracks see them, unless `poses` is off. Returns the stage.
-///
-/// Errors: a model that cannot be read.
-pub(super) fn follow_tracks(
-    dataset: &mut Dataset,
-    how: &DatasetOptions,
-    poses: PoseUse,
-) -> Result<StageReport> {
+/// Moves the training photos of `dataset` to where their tracks see them, unless `poses` is off. Returns the stage. Tracks that
+/// cannot be read are a warning, because a training does without them.
+pub(super) fn follow_tracks(dataset: &mut Dataset, how: &DatasetOptions, poses: PoseUse) -> StageReport {
     let clock = Instant::now();
     let unneeded = |why: &str| StageReport::unneeded(TrackedPoses::STAGE, why.to_owned());
     if poses == PoseUse::Off {
-        return Ok(unneeded("`poses` off"));
+        return unneeded("`poses` off");
     }
-    let Some(found) = tracked_poses::follow_tracks(dataset, how)? else {
-        return Ok(unneeded("the data set has no tracks that could tell"));
+    let found = match tracked_poses::follow_tracks(dataset, how) {
+        Ok(Some(found)) => found,
+        Ok(None) => return unneeded("the data set has no tracks that could tell"),
+        Err(error) => {
+            dataset.warnings.push(format!("poses were not compared with tracks: {error}"));
+            return unneeded("the tracks cannot be read");
+        }
     };
     dataset.warnings.extend(found.warning());
     let mut stage = match found.moved {
@@ -34,5 +33,5 @@ pub(super) fn follow_tracks(
     };
     (stage.before, stage.after) = (Counts::default(), Counts::default());
     (stage.seconds, stage.details) = (clock.elapsed().as_secs_f64(), to_json(&found));
-    Ok(stage)
+    stage
 }

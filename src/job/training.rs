@@ -181,17 +181,14 @@ impl TrainJob {
 
     /// Moves photos to where the tracks of a COLMAP model see them, if they stand elsewhere. [`TrainJob::watch`] calls this unless
     /// it was called before.
-    ///
-    /// Errors: a model that cannot be read.
-    pub fn follow_tracks(&mut self) -> Result<()> {
+    pub fn follow_tracks(&mut self) {
         if self.poses.is_none() {
             let poses = match &self.resume {
                 Some(checkpoint) => checkpoint.meta.options.poses,
                 None => self.options.options.poses,
             };
-            self.poses = Some(tracked::follow_tracks(&mut self.dataset, &self.dataset_options, poses)?);
+            self.poses = Some(tracked::follow_tracks(&mut self.dataset, &self.dataset_options, poses));
         }
-        Ok(())
     }
 
     /// Runs short trainings that leave some photos out, if there is time. They decide about a teacher, if the number of
@@ -202,7 +199,7 @@ impl TrainJob {
         if self.resume.is_none() {
             budget::check(self.budget, &self.options)?;
         }
-        self.follow_tracks()?;
+        self.follow_tracks();
         let unsure = self.teacher.is_none() && self.undecided().is_unsure();
         // Small photos kept in memory lose the crop of the full ones.
         let cut = self.dataset.train().any(|view| view.photo.is_cut());

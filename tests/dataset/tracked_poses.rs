@@ -87,3 +87,26 @@ fn a_pose_of_another_photo_stays_and_is_named() {
     assert_eq!(dataset.views[first].camera, given);
     assert!(found.warning().unwrap().contains(&name));
 }
+
+#[test]
+fn a_data_set_without_tracks_has_nothing_to_follow() {
+    let folder = tempfile::tempdir().unwrap();
+    let (sample, model) =
+        (Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/dataset"), folder.path().join("sparse/0"));
+    std::fs::create_dir_all(&model).unwrap();
+    for name in ["cameras.txt", "points3D.txt"] {
+        std::fs::copy(sample.join("sparse/0").join(name), model.join(name)).unwrap();
+    }
+    let images = std::fs::read_to_string(sample.join("sparse/0/images.txt")).unwrap();
+    let poses = images.lines().filter(|line| line.starts_with('#') || line.ends_with(".png"));
+    let images: String =
+        poses.flat_map(|line| [line, "\n", if line.starts_with('#') { "" } else { "\n" }]).collect();
+    std::fs::write(model.join("images.txt"), images).unwrap();
+    std::fs::create_dir(folder.path().join("images")).unwrap();
+    for entry in std::fs::read_dir(sample.join("images")).unwrap() {
+        let path = entry.unwrap().path();
+        std::fs::copy(&path, folder.path().join("images").join(path.file_name().unwrap())).unwrap();
+    }
+    let mut dataset = Dataset::load(folder.path(), &DatasetOptions::default()).unwrap();
+    assert_eq!(follow_tracks(&mut dataset, &DatasetOptions::default()).unwrap(), None);
+}
