@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Scores every way from photos to a file on held-out photos, the file read back and drawn as an engine does (files.md):
-#   LPIPS="python3 compare.py" docs/benchmarks/files.sh PROGRAM FOLDER DATA_SET... >files.txt
+#   LPIPS="python3 samples/score_lpips.py" docs/benchmarks/files.sh PROGRAM FOLDER DATA_SET... >files.txt
 # FOLDER gets scenes, files, reports and contact sheets; what is there already is not made again. LPIPS is a command that is called as
-# `$LPIPS DRAWINGS PHOTOS --lpips --json OUT` and writes {"mean": {"lpips": FIGURE}}; without it that column is empty.
+# `$LPIPS DRAWINGS PHOTOS --json OUT` and writes {"mean": {"lpips": FIGURE}}; without it that column is empty.
 # One thread, so that user seconds are those of the work.
 set -euo pipefail
 program=$(realpath "$1")
@@ -39,7 +39,7 @@ row() {
         "$program" eval "$file" "$data" --as "$kind" --ssaa 4 --json --sheet "$name.png" --save-renders "$name.drawings" --force >"$name.json" 2>"$name.messages"
     fi
     if [ -n "${LPIPS:-}" ] && [ ! -s "$name.lpips" ]; then
-        $LPIPS "$name.drawings" "$data/images" --lpips --json "$name.lpips" >/dev/null
+        $LPIPS "$name.drawings" "$data/images" --json "$name.lpips" >/dev/null
     fi
     seconds=$(cat "$@" | awk '{ sum += $1 + $2 } END { printf "%.0f", sum }')
     echo "| $scene | $way $(figures "$name") $seconds |"
