@@ -1,4 +1,4 @@
-//! Tiles: the scene cut into pieces that a viewer loads as it comes near, each at several levels of detail.
+//! Tiles: the scene cut into pieces that a viewer loads as it approaches, each at several levels of detail.
 //!
 //! ```text
 //!        root               level k: 1/4^k of the triangles

@@ -49,7 +49,7 @@ impl TrainJobObserver for Preparation<'_> {
         let bar = Bar::new(self.global, options.steps, 0, None, &[])?;
         let steps = counted(options.steps, "step");
         bar.line(&format!(
-            "a short training leaves some photos out, to see what more steps gain: {steps} steps (--teacher off skips it)"
+            "a short training leaves some photos out, to see what more steps gain: {steps} (--teacher off skips it)"
         ));
         Ok(Box::new(bar))
     }

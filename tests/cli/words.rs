@@ -1,6 +1,7 @@
 //! What a newcomer types, and what the program says to it.
 
 use super::{fails, sample, stderr, trisplat};
+use std::path::Path;
 
 #[test]
 fn a_render_without_cameras_names_orbit() {
@@ -59,4 +60,24 @@ fn presets_are_named_by_what_comes_out_and_old_names_work() {
         let output = trisplat(&[&"train", &"nowhere", &"-o", &"x.ply", &"--preset", &name]);
         assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
     }
+}
+
+/// A number with its noun, as `counted` writes it, is never followed by the noun again: "520 steps steps".
+#[test]
+fn no_noun_is_said_twice() {
+    let mut counted = 0;
+    for entry in std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/cli")).unwrap() {
+        let path = entry.unwrap().path();
+        let text = std::fs::read_to_string(&path).unwrap();
+        for line in text.lines() {
+            let Some((name, call)) = line.trim().strip_prefix("let ").and_then(|l| l.split_once(" = counted("))
+            else {
+                continue;
+            };
+            let Some(noun) = call.split('"').nth(1) else { continue };
+            counted += 1;
+            assert!(!text.contains(&format!("{{{name}}} {noun}")), "{}: {line}", path.display());
+        }
+    }
+    assert!(counted > 1);
 }

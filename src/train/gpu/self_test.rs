@@ -14,7 +14,7 @@ use crate::gpu::storage::storage;
 use crate::rng::Rng;
 use wgpu::Buffer;
 
-/// Numbers: several blocks, of which the last is not full.
+/// Numbers: several blocks; the last is not full.
 const LENGTH: u32 = 3 * GROUP * SORT_ITEMS + 77;
 const _: () = assert!(SCAN_ITEMS == SORT_ITEMS);
 
