@@ -70,7 +70,8 @@ fn no_noun_is_said_twice() {
         let path = entry.unwrap().path();
         let text = std::fs::read_to_string(&path).unwrap();
         for line in text.lines() {
-            let Some((name, call)) = line.trim().strip_prefix("let ").and_then(|l| l.split_once(" = counted("))
+            let Some((name, call)) =
+                line.trim().strip_prefix("let ").and_then(|l| l.split_once(" = counted("))
             else {
                 continue;
             };
