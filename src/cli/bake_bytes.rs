@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-/// A size, written as `5000000`, `5MB` (millions), `500kB` or `4MiB`.
+/// A size, written as `5000000`, `5MB` or `5M` (millions), `500kB` or `4MiB`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ByteSize(pub u64);
 
@@ -13,9 +13,9 @@ impl FromStr for ByteSize {
         let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
         let unit = match &text[digits.len()..] {
             "" | "B" => 1.0,
-            "kB" | "KB" => 1e3,
-            "MB" => 1e6,
-            "GB" => 1e9,
+            "k" | "K" | "kB" | "KB" => 1e3,
+            "M" | "MB" => 1e6,
+            "G" | "GB" => 1e9,
             "KiB" => 1024.0,
             "MiB" => f64::from(1 << 20),
             "GiB" => f64::from(1 << 30),
@@ -40,6 +40,8 @@ mod tests {
             ("5000000", 5_000_000),
             ("5MB", 5_000_000),
             ("1.5kB", 1500),
+            ("500k", 500_000),
+            ("5M", 5_000_000),
             ("4MiB", 4 << 20),
             ("1GB", 1_000_000_000),
             ("7B", 7),
