@@ -7,7 +7,7 @@ use crate::raster::solid::{NO_FACE, Solid};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Longer side of the pictures that say which triangles a photo sees, px. Triangles with less than a pixel there hardly need texels.
+/// Longer side of the pictures that say which triangles each photo sees, px. Triangles with less than a pixel there hardly need texels.
 const LONGEST: u32 = 1280;
 
 /// The mean length of every face's three edges in the photos that see it, px: from corner 0 to 1, 1 to 2, 2 to 0. Zeros where no
