@@ -93,7 +93,6 @@ pub mod scale;
 pub mod scene;
 pub mod soup;
 pub mod space;
-pub mod stereo;
 pub mod surface;
 pub mod teacher;
 pub mod texture;

@@ -3,5 +3,4 @@
 mod common;
 mod kernels;
 mod raster;
-mod stereo;
 mod train;

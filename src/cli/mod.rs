@@ -47,7 +47,6 @@ mod settings_hint;
 mod short_help;
 mod signals;
 mod stdout;
-pub mod stereo;
 #[cfg(feature = "bench")]
 mod stress;
 mod suggestions;

@@ -4,7 +4,6 @@
 use super::bench;
 #[cfg(not(all(feature = "bench", feature = "view")))]
 use super::missing;
-use super::stereo;
 use super::{
     Global, bake, bake_args, capture, completions, eval, flags, info, make, man, merge, mesh, messages,
     numbers, out_of_memory, panics, plan, render, sample, schema, settings_hint, short_help, signals,
@@ -42,8 +41,6 @@ pub enum Command {
     Bake(Box<bake_args::BakeArgs>),
     /// Make one connected surface of a scene, to walk on and to collide with.
     Mesh(Box<mesh::MeshArgs>),
-    /// Estimate surfaces from posed photos: coloured points with normals, depth pictures.
-    Stereo(stereo::StereoArgs),
     /// Describe a file, and the scene that a bake would make of it.
     Info(info::InfoArgs),
     /// Check a file of trisplat or another tool for errors.
@@ -127,7 +124,6 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
         Command::Capture(args) => return capture::run(args, &cli.global),
         Command::Bake(args) => bake::run(args, typed, &cli.global),
         Command::Mesh(args) => return mesh::run(args, typed, &cli.global),
-        Command::Stereo(args) => stereo::run(args, &cli.global),
         #[cfg(feature = "view")]
         Command::Train(args) if args.view => return train_view::run(args, typed, &cli.global),
         #[cfg(not(feature = "view"))]
@@ -165,7 +161,6 @@ fn dataset_options(command: &mut Command) -> Option<&mut DatasetOptions> {
         Command::Make(args) => Some(&mut args.dataset_options),
         Command::Bake(args) => Some(&mut args.dataset_options),
         Command::Mesh(args) => Some(&mut args.dataset_options),
-        Command::Stereo(args) => Some(&mut args.dataset_options),
         Command::Train(args) => Some(&mut args.dataset_options),
         Command::Plan(args) => Some(&mut args.dataset_options),
         Command::Merge(args) => Some(&mut args.dataset_options),

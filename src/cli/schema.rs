@@ -26,7 +26,6 @@ use crate::report::{Report, stage_schema};
 use crate::scale::Manifest;
 use crate::scale::merge::MergeReport;
 use crate::scale::task::BlockFigures;
-use crate::stereo::StereoDetails;
 use crate::surface::SurfaceDetails;
 use crate::train::{TrainDetails, TrainOptions};
 use std::io::Write;
@@ -160,7 +159,6 @@ fn report_schema() -> schemars::Schema {
         stage_schema::<LodDetails>(g),
         stage_schema::<WriteDetails>(g),
         stage_schema::<BakeBudgetDetails>(g),
-        stage_schema::<StereoDetails>(g),
         stage_schema::<TrainDetails>(g),
     ];
     let mut schema = generator.into_root_schema_for::<Report>();

@@ -10,7 +10,6 @@ const SHOWN: &[(&str, &str)] = &[
         "bake",
         "output force target preset dataset harden max_triangles max_bytes budget texture collision lod crop up scale_by config sets",
     ),
-    ("stereo", "output depth force stereo_size neighbors min_agreeing min_confidence report max_size masks"),
     ("mesh", "output force resolution max_triangles texture crop up scale_by sets max_size masks"),
     (
         "train",

@@ -188,7 +188,6 @@ fn teacher_options(
         "preset": TrainPreset::Outdoor,
         "steps": share(run.options.steps, STEPS_SHARE * weight),
         "seed": run.options.seed,
-        "stereo": run.options.stereo,
         "poses": run.options.poses,
     });
     if !has_budget || run.is_given("max_triangles") {
@@ -395,7 +394,6 @@ fn soft_scene(path: &Path, how: &DatasetOptions) -> Result<Loaded> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::train::StereoUse;
 
     const FEW: UndecidedRun = UndecidedRun {
         photos: 8,
@@ -480,12 +478,11 @@ mod tests {
 
     #[test]
     fn a_teacher_is_smaller_than_what_it_teaches() -> Result<()> {
-        let steps = serde_json::json!({ "steps": 1000, "seed": 7, "stereo": "on" });
+        let steps = serde_json::json!({ "steps": 1000, "seed": 7 });
         let run = Layers::default().given(steps).resolve(TrainOptions::preset)?;
         let teacher = teacher_options(&run, false, 1.0)?.options;
         let preset = TrainOptions::preset(TrainPreset::Outdoor);
         assert_eq!((teacher.steps, teacher.max_triangles, teacher.seed), (550, 100_500, 7));
-        assert_eq!(teacher.stereo, StereoUse::On);
         assert_eq!(
             teacher_options(&run, true, 1.0)?.options,
             TrainOptions { max_triangles: preset.max_triangles, ..teacher }

@@ -16,7 +16,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// The layout written and read; it changes whenever a key does.
-const FORMAT: u32 = 4;
+const FORMAT: u32 = 5;
 /// The name of the plan in its folder.
 pub const NAME: &str = "manifest.json";
 

@@ -31,7 +31,7 @@ use std::io::Write;
 use std::path::Path;
 
 /// Number of the layout; it changes whenever a key or an array does.
-const FORMAT: u32 = 13;
+const FORMAT: u32 = 14;
 
 /// Larger numbers have no finite f32 exponential.
 const MOST_RAW_SIGMA: f32 = 88.0;

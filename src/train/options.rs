@@ -46,20 +46,6 @@ pub enum TrainPreset {
     PaperEngine,
 }
 
-/// When the first triangles lie on surfaces that stereo finds in the photos.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-#[serde(rename_all = "kebab-case")]
-pub enum StereoUse {
-    /// Where measurements show a gain (docs/benchmarks/stereo.md): nowhere yet.
-    #[default]
-    Auto,
-    /// Always.
-    On,
-    /// Never: one triangle of random direction per point.
-    Off,
-}
-
 /// Whether poses are corrected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
@@ -95,9 +81,6 @@ pub struct TrainOptions {
     /// Seed of every random choice; the same seed gives the same bits on any number of threads.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 0))]
     pub seed: u64,
-    /// Whether the first triangles lie on surfaces that stereo finds in the photos.
-    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
-    pub stereo: StereoUse,
     /// Whether to correct photos that differ in exposure and white balance, or are darker in their corners.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub exposure: ExposureUse,

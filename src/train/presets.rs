@@ -1,8 +1,8 @@
 //! The presets, one per kind of scene: outdoor in full, the others as differences from it.
 
 use super::options::{
-    InitOptions, LossOptions, PoseUse, RateOptions, RefineOptions, SampleWeight, SolidifyOptions, StereoUse,
-    TrainDrawOptions, TrainOptions, TrainPreset, WarmupOptions,
+    InitOptions, LossOptions, PoseUse, RateOptions, RefineOptions, SampleWeight, SolidifyOptions, TrainDrawOptions,
+    TrainOptions, TrainPreset, WarmupOptions,
 };
 use crate::exposure::ExposureUse;
 
@@ -49,7 +49,6 @@ const OUTDOOR: TrainOptions = TrainOptions {
     max_triangles: 60_000,
     sh_degree: 3,
     seed: 0,
-    stereo: StereoUse::Auto,
     exposure: ExposureUse::Auto,
     poses: PoseUse::Auto,
     milestones: [0; 4],

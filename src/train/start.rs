@@ -10,7 +10,6 @@ use super::poses::Poses;
 use super::pyramid::Pyramid;
 use super::schedule::Schedule;
 use super::shell;
-use super::surfaces::Surfaces;
 use super::visibility::VisibilityStats;
 use crate::asset::Placement;
 use crate::camera::Camera;
@@ -68,8 +67,7 @@ pub(super) struct Position {
     pub(super) poses: Poses,
 }
 
-/// The first triangles: on surfaces found by stereo; elsewhere one per point of the sparse or a random cloud;
-/// and the shell around a cloud.
+/// The first triangles: one per point of the sparse or a random cloud, and the shell around a cloud.
 ///
 /// Errors: photos that cannot be decoded.
 pub(super) fn from_points(
@@ -97,7 +95,6 @@ pub(super) fn from_points(
             rgb: p.rgb.map(|c| f32::from(c) / 255.0),
         })
         .collect();
-    let surfaces = Surfaces::find(views, points, &space, options)?;
     // Random points do not show the extent of the scene.
     let mut soup = match shell::subdivisions(options).filter(|_| !points.is_empty()) {
         Some(subdivisions) => {
@@ -109,10 +106,6 @@ pub(super) fn from_points(
     };
     let pinned = soup.len();
     let mut first = first_soup(&init_points, &options.init, options.seed);
-    if let Some(surfaces) = surfaces {
-        first.retain(|i| surfaces.misses(cloud[i].position));
-        soup.append(surfaces.soup);
-    }
     let most = usize::try_from(options.max_triangles).unwrap_or(usize::MAX).saturating_sub(soup.len());
     let count = first.len();
     first.retain(|i| is_among(i, most, count));

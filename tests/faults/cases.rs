@@ -304,36 +304,6 @@ pub(crate) fn manual() -> Case {
     whole("man", &["man", "out/pages"], &["out/pages"], &[])
 }
 
-pub(crate) fn stereo() -> Case {
-    const STEREO: &[&str] = &[
-        "stereo",
-        "in/photos",
-        "-o",
-        "out/a.ply",
-        "--depth",
-        "out/depth",
-        "--report",
-        "out/report.json",
-        "--stereo-size",
-        "32",
-        "--neighbors",
-        "1",
-        "--min-agreeing",
-        "1",
-        "--min-confidence",
-        "0.1",
-        "--force",
-    ];
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path();
-    tree::write(path, &before(&[]));
-    std::fs::create_dir_all(path.join("out")).unwrap();
-    let small = ["--views", "10", "--width", "48", "--points", "60"];
-    plain(path, &[&["sample", "dataset", "-o", "in/photos", "--force"], &small[..]].concat());
-    let before = tree::read(path);
-    Case { name: "stereo", arguments: STEREO, before, together: &[], kept: None, all_or_nothing: false }
-}
-
 impl Case {
     /// Whether what a signal leaves is known: a training saves what it has by then.
     pub(crate) fn knows_signals(&self) -> bool {

@@ -110,11 +110,6 @@ fn tiles_of_a_city() {
 }
 
 #[test]
-fn points_and_depths_of_stereo() {
-    visit(&cases::stereo());
-}
-
-#[test]
 fn a_manual() {
     visit(&cases::manual());
 }

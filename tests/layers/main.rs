@@ -44,12 +44,11 @@ const MAY: &[(&str, &str)] = &[
     ),
     ("raster", "kernel texture soup mesh camera image math error work"),
     ("framing", "raster asset scene mesh camera math"),
-    ("stereo", "dataset camera image rng atomic report error math"),
     ("teacher", "raster placed math dataset scene soup space camera image error"),
     ("surface", "ranges teacher raster scene soup space mesh camera report error math limits"),
     (
         "train",
-        "ranges raster kernel gpu dataset stereo exposure formats asset scene atomic budget process soup mesh space camera image rng report error guard math input limits work",
+        "ranges raster kernel gpu dataset exposure formats asset scene atomic budget process soup mesh space camera image rng report error guard math input limits work",
     ),
     (
         "bake",
@@ -76,7 +75,7 @@ const MAY: &[(&str, &str)] = &[
     ),
     (
         "cli",
-        "capture process asset atomic bake bench budget camera dataset error eval formats gpu guard image job layered math placed region render report sample scale scene stereo surface teacher train view limits",
+        "capture process asset atomic bake bench budget camera dataset error eval formats gpu guard image job layered math placed region render report sample scale scene surface teacher train view limits",
     ),
     (
         "web",
