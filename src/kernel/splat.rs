@@ -52,8 +52,8 @@ pub struct SplatGrad<R> {
     pub moment: [V2<R>; 3],
     /// ∂L/∂inradius through the fade of tiny triangles.
     pub inradius: R,
-    /// Whether the gradient passes through the normaliser φ(s); the reference code treats it as constant.
-    pub exact_incenter: R,
+    /// 1: ratios change with φ(s); 0: φ(s) is constant, as in distances, from which it cancels.
+    pub by_incenter: R,
 }
 
 /// ∂L of a [`DepthPlane`] as seen from pixels; `inv_depth` sums ∂L/∂(1/z), `slope` sums it times (p - origin).
@@ -131,8 +131,8 @@ pub fn splat_grad<R: Real>(
         d_cross = d_cross - along / cross;
     }
     let sign = cross.abs() / cross;
-    d_perimeter = (d_perimeter - d.inradius * splat.inradius / perimeter) * d.exact_incenter;
-    d_cross = (d_cross + d.inradius * sign / perimeter) * d.exact_incenter;
+    d_perimeter = (d_perimeter - d.inradius * splat.inradius / perimeter) * d.by_incenter;
+    d_cross = (d_cross + d.inradius * sign / perimeter) * d.by_incenter;
     for i in 0..3 {
         d_outline[i] = d_outline[i] + outline[i].scale((d_lengths[i] + d_perimeter) / lengths[i]);
     }

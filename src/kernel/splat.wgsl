@@ -19,7 +19,7 @@ struct SplatGrad {
     ratio: vec3<f32>,
     moment: array<vec2<f32>, 3>,
     inradius: f32,
-    exact_incenter: f32,
+    by_incenter: f32,
 }
 
 struct DepthPlane {
@@ -88,8 +88,8 @@ fn splat_grad(corners: CameraTriangle, focal: vec2<f32>, splat: Splat, d: SplatG
         d_cross -= along / area;
     }
     let sign = abs(area) / area;
-    d_perimeter = (d_perimeter - d.inradius * splat.inradius / perimeter) * d.exact_incenter;
-    d_cross = (d_cross + d.inradius * sign / perimeter) * d.exact_incenter;
+    d_perimeter = (d_perimeter - d.inradius * splat.inradius / perimeter) * d.by_incenter;
+    d_cross = (d_cross + d.inradius * sign / perimeter) * d.by_incenter;
     for (var i = 0; i < 3; i++) {
         d_outline[i] += outline[i] * ((d_lengths[i] + d_perimeter) / lengths[i]);
     }

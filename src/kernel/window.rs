@@ -60,34 +60,6 @@ pub fn alpha_grad<R: Real>(ratio: R, log2_ratio: R, sigma: R, ratio_least: R, d_
     (d_log * log2_ratio * R::of(LN_2), d_log * sigma / ratio.max(ratio_least))
 }
 
-/// The smallest distance inside the edges, px, that is drawn with [`sigmoid`]: where o · I falls to `cutoff`.
-/// Negative when the window extends beyond the triangle.
-#[inline(always)]
-pub fn sigmoid_floor<R: Real>(log2_opacity: R, sigma: R, log2_cutoff: R) -> R {
-    // I = 2^l at the cutoff, and sigmoid(x) = I where x = ln(I / (1 - I)).
-    let window = (log2_cutoff - log2_opacity).exp2();
-    sigma * R::of(LN_2) * (window / (R::of(1.0) - window)).log2()
-}
-
-/// The window of earlier work in the paper's ablations (supplement), -φ(p) = `distance`, px:
-///
-/// ```text
-/// I(p) = sigmoid(-φ(p) / σ)
-/// ```
-#[inline(always)]
-pub fn sigmoid<R: Real>(distance: R, sigma: R) -> R {
-    // Beyond, the window is 0 or 1 to the last bit; exp2 has no larger domain.
-    let exponent = (distance / sigma * R::of(-1.0 / LN_2)).max(R::of(-60.0)).min(R::of(60.0));
-    R::of(1.0) / (R::of(1.0) + exponent.exp2())
-}
-
-/// ∂L/∂σ and ∂L/∂distance of [`sigmoid`] for `d_log` = ∂L/∂alpha · alpha.
-#[inline(always)]
-pub fn sigmoid_grad<R: Real>(distance: R, sigma: R, d_log: R) -> (R, R) {
-    let d_distance = d_log * (R::of(1.0) - sigmoid(distance, sigma)) / sigma;
-    (-(d_distance * distance / sigma), d_distance)
-}
-
 /// The part of a pixel that a triangle covers; `distances` are those of its centre to the three edges, in
 /// widths of the pixel, positive inside. Below 0 far outside, 1 well inside.
 ///

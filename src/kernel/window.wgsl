@@ -32,22 +32,6 @@ fn alpha_grad(ratio: f32, log2_ratio: f32, sigma: f32, ratio_least: f32, d_log: 
     return vec2(d_log * log2_ratio * LN_2, d_log * sigma / max(ratio, ratio_least));
 }
 
-fn sigmoid_floor(log2_opacity: f32, sigma: f32, log2_cutoff: f32) -> f32 {
-    let window = exp2_lane(log2_cutoff - log2_opacity);
-    return sigma * LN_2 * log2_lane(window / (1.0 - window));
-}
-
-fn sigmoid_window(distance: f32, sigma: f32) -> f32 {
-    let exponent = clamp(distance / sigma * (-1.0 / LN_2), -60.0, 60.0);
-    return 1.0 / (1.0 + exp2_lane(exponent));
-}
-
-// dL/dsigma and dL/ddistance.
-fn sigmoid_grad(distance: f32, sigma: f32, d_log: f32) -> vec2<f32> {
-    let d_distance = d_log * (1.0 - sigmoid_window(distance, sigma)) / sigma;
-    return vec2(-(d_distance * distance / sigma), d_distance);
-}
-
 fn coverage(distances: vec3<f32>) -> f32 {
     let outside = max(vec3(0.5) - distances, vec3(0.0));
     return 1.0 - outside.x - outside.y - outside.z;

@@ -166,12 +166,6 @@ pub enum SampleWeight {
     /// By opacity and by 1/σ, alternately.
     #[default]
     Alternating,
-    /// Always by opacity.
-    Opacity,
-    /// Always by 1/σ.
-    Sigma,
-    /// Every triangle has the same chance (not in the paper).
-    Uniform,
     /// By the squared error of the pixels that show it (not in the paper).
     Error,
 }
@@ -260,7 +254,6 @@ impl TrainOptions {
             window: Window::Soft,
             background,
             sort: if self.draw.sort_per_pixel { Sort::Pixel } else { Sort::Tile },
-            exact_incenter: true,
             near: NEAR,
             fade_px: FADE_PX,
             depth_range: DEPTH_RANGE,

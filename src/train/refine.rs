@@ -186,9 +186,7 @@ fn sample_growth(
     let rule = if plan.bisect { SampleWeight::Error } else { plan.options.sample_by };
     let weight = |i: usize| match rule {
         SampleWeight::Alternating if plan.refinement % 2 == 1 => opacity(i),
-        SampleWeight::Alternating | SampleWeight::Sigma => 1.0 / softness(i),
-        SampleWeight::Opacity => opacity(i),
-        SampleWeight::Uniform => 1.0,
+        SampleWeight::Alternating => 1.0 / softness(i),
         SampleWeight::Error => visibility.error[i] as f64,
     };
     let mut keys: Vec<(f64, u32)> = (0..alive.len())
@@ -358,8 +356,8 @@ mod tests {
 
     #[test]
     fn triangles_are_sampled_by_their_weight() {
-        let grown_opaque = |weight: SampleWeight, refinement: u64| {
-            let options = RefineOptions { sample_by: weight, ..RefineOptions::default() };
+        let grown_opaque = |refinement: u64| {
+            let options = RefineOptions { sample_by: SampleWeight::Alternating, ..RefineOptions::default() };
             let mut s = state(1000);
             s.params.opacity[..500].fill(logit(0.9));
             s.params.opacity[500..].fill(logit(0.03));
@@ -372,14 +370,9 @@ mod tests {
             assert_eq!(grown.iter().filter(|g| **g).count(), 300);
             grown[..500].iter().filter(|g| **g).count()
         };
-        assert!(grown_opaque(SampleWeight::Opacity, 2) > 270);
-        assert!(grown_opaque(SampleWeight::Alternating, 1) > 270);
-        for (weight, refinement) in
-            [(SampleWeight::Alternating, 2), (SampleWeight::Sigma, 1), (SampleWeight::Uniform, 1)]
-        {
-            let opaque = grown_opaque(weight, refinement);
-            assert!((110..190).contains(&opaque), "{weight:?}: {opaque}");
-        }
+        assert!(grown_opaque(1) > 270, "by opacity");
+        let opaque = grown_opaque(2);
+        assert!((110..190).contains(&opaque), "by 1/σ, the same for all: {opaque}");
     }
 
     #[test]

@@ -50,8 +50,6 @@ pub(crate) struct Rules {
     pub(crate) depth_range: [f64; 2],
     /// Width of the ramp when alpha is the part of the pixel that is covered, px.
     pub(crate) coverage: Option<f64>,
-    /// The window is a sigmoid of the distance from the edges.
-    pub(crate) sigmoid: bool,
     pub(crate) linear: bool,
 }
 
@@ -210,7 +208,7 @@ fn piece<R: Number>(
     }
     let inradius = -phi_s;
     let mut opacity = t.opacity;
-    if rules.coverage.is_none() && !rules.sigmoid && rules.fade_px > 0.0 && inradius.value() < rules.fade_px {
+    if rules.coverage.is_none() && rules.fade_px > 0.0 && inradius.value() < rules.fade_px {
         let x = inradius / R::of(rules.fade_px);
         opacity = opacity * x * x * (R::of(3.0) - R::of(2.0) * x);
     }
@@ -319,18 +317,6 @@ fn layers<R: Number>(
             continue;
         }
         let (at, gap) = phi(&piece.lines, p.map(R::of));
-        if rules.sigmoid {
-            let odds = power(R::of(std::f64::consts::E), -at / piece.sigma);
-            let alpha = piece.opacity * odds / (R::of(1.0) + odds);
-            let short = (alpha.value() / rules.cutoff - 1.0).abs();
-            *margin = margin.min(short).min(gap).min((alpha.value() - rules.cap).abs());
-            if alpha.value() >= rules.cutoff {
-                let alpha = if alpha.value() > rules.cap { R::of(rules.cap) } else { alpha };
-                let (z, normal) = plane_at(piece, camera, p);
-                out.push(Layer { alpha, z, normal, piece: index });
-            }
-            continue;
-        }
         let ratio = at / piece.phi_s;
         // Half a pixel around the boundary of a solid triangle everything jumps.
         let from_floor = (ratio.value() - 2f64.powi(-20)).abs();

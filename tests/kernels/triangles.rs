@@ -27,7 +27,7 @@ fn splat_grad_is_exact() {
         let plain = splat::splat(&corners(x), focal, center);
         let d_inradius = 0.7;
         let mut d =
-            SplatGrad { ratio: [0.0; 3], moment: [V2::zero(); 3], inradius: d_inradius, exact_incenter: 1.0 };
+            SplatGrad { ratio: [0.0; 3], moment: [V2::zero(); 3], inradius: d_inradius, by_incenter: 1.0 };
         let dual = splat::splat(&corners(duals(x)), camera().0, camera().1);
         let mut loss = dual.inradius * Dual::of(d_inradius);
         for (p, weight, edge) in pixels(case, [plain.origin.x, plain.origin.y]) {
@@ -50,7 +50,7 @@ fn splat_grad_with_constant_inradius_is_the_reference_form() {
         let (focal, center) = camera::<f64>();
         let plain = splat::splat(&corners(x), focal, center);
         let mut d =
-            SplatGrad { ratio: [0.0; 3], moment: [V2::zero(); 3], inradius: 0.3, exact_incenter: 0.0 };
+            SplatGrad { ratio: [0.0; 3], moment: [V2::zero(); 3], inradius: 0.3, by_incenter: 0.0 };
         let dual = splat::splat(&corners(duals(x)), camera().0, camera().1);
         let mut loss = Dual::of(0.0);
         for (p, weight, edge) in pixels(case, [plain.origin.x, plain.origin.y]) {

@@ -36,10 +36,9 @@ pub(crate) fn rules(o: &SoftOptions) -> Rules {
         fade_px: f64::from(o.fade_px),
         depth_range: o.depth_range.map(f64::from),
         coverage: match o.window {
-            Window::Soft | Window::Sigmoid => None,
+            Window::Soft => None,
             Window::Coverage { width_px } => Some(f64::from(width_px)),
         },
-        sigmoid: o.window == Window::Sigmoid,
         linear: o.linear,
     }
 }

@@ -1,6 +1,6 @@
 //! Whole frames against the oracle.
 
-use super::compare::{MARGIN, compare, compare_grads, oracle_camera, plain, rules};
+use super::compare::{compare, compare_grads};
 use super::scenes::{camera, engine, options, random_soup};
 use crate::common::oracle;
 use trisplat::raster::soft::{Soft, SoftOptions, Sort, SoupRef, Window};
@@ -15,10 +15,6 @@ const CLIPPED_FRAME: f64 = 5e-5;
 const COVERED_FRAME: f64 = 2.5e-5;
 /// Largest error of its gradient.
 const COVERED_GRADIENT: f64 = 1.5e-4;
-/// Largest error of a frame with a sigmoid window.
-const SIGMOID_FRAME: f64 = 5e-6;
-/// Largest error of its gradient.
-const SIGMOID_GRADIENT: f64 = 2.5e-4;
 /// Largest share of the pixels that lie near a jump and are left out.
 const LEFT_OUT: f64 = 0.005;
 
@@ -85,33 +81,6 @@ fn covered_frames_and_gradients_equal_the_oracle() {
             seed,
             COVERED_GRADIENT,
         );
-        eprintln!("seed {seed}: largest relative error {worst:.1e}");
-    }
-}
-
-#[test]
-fn frames_and_gradients_with_a_sigmoid_window_equal_the_oracle() {
-    for seed in [51, 52, 53] {
-        let soup = random_soup(seed, 20, (seed % 4) as u8);
-        // Depth has no meaning outside the edges, so only light is compared.
-        let o = SoftOptions { window: Window::Sigmoid, geometry: false, importance: false, ..options() };
-        let camera = camera([37, 29]);
-        let frame = Soft::new().render(&SoupRef::from(&soup), &camera, &o).clone();
-        let picture = oracle::render(&plain(&soup), &oracle_camera(&camera), &rules(&o));
-        let compared: Vec<usize> = (0..picture.len()).filter(|&i| picture[i].margin >= MARGIN).collect();
-        let left_out = 1.0 - compared.len() as f64 / picture.len() as f64;
-        assert!(left_out < LEFT_OUT);
-        let mut worst = 0.0f64;
-        for i in compared {
-            let ([r, g, b], [x, y, z]) = (frame.rgb[i], picture[i].rgb);
-            let got = [r, g, b, frame.transmittance[i]].map(f64::from);
-            let wants = [x, y, z, picture[i].transmittance];
-            let error = got.iter().zip(wants).fold(0.0f64, |most, (got, want)| most.max((got - want).abs()));
-            assert!(error < SIGMOID_FRAME, "pixel {i}: {got:?} instead of {wants:?}");
-            worst = worst.max(error);
-        }
-        eprintln!("seed {seed}: largest error {worst:.1e}, {:.1}% near a jump", left_out * 100.0);
-        let worst = compare_grads(&soup, &super::scenes::camera([33, 21]), &o, seed, SIGMOID_GRADIENT);
         eprintln!("seed {seed}: largest relative error {worst:.1e}");
     }
 }

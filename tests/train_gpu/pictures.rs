@@ -42,7 +42,6 @@ fn ways() -> Vec<(&'static str, SoftOptions)> {
         ("soft", plain),
         ("soft, per pixel", SoftOptions { sort: Sort::Pixel, ..plain }),
         ("no fade, no cap", SoftOptions { fade_px: 0.0, alpha_cap: 1.0, ..plain }),
-        ("sigmoid", SoftOptions { window: Window::Sigmoid, ..plain }),
         ("coverage, linear", SoftOptions { window: coverage, linear: true, ..plain }),
         ("geometry is not drawn", SoftOptions { geometry: true, ..plain }),
     ]

@@ -17,7 +17,6 @@ struct Case {
     name: &'static str,
     preset: TrainPreset,
     change: fn(&mut TrainOptions),
-    drawing: fn(&mut SoftOptions),
     rates: fn(&mut Rates),
     sh_degree: u8,
     pinned: usize,
@@ -31,7 +30,6 @@ const PLAIN: Case = Case {
     name: "soft",
     preset: TrainPreset::Outdoor,
     change: |_| {},
-    drawing: |_| {},
     rates: |_| {},
     sh_degree: 3,
     pinned: 0,
@@ -75,8 +73,6 @@ const CASES: &[Case] = &[
     Case { name: "masked", masked: true, sh_degree: 0, ..PLAIN },
     Case { name: "not sparse", rates: |r| r.sparse = false, sh_degree: 2, ..PLAIN },
     Case { name: "per pixel", change: |o| o.draw.sort_per_pixel = true, sh_degree: 1, ..PLAIN },
-    Case { name: "held incenter", drawing: |d| d.exact_incenter = false, sh_degree: 0, ..PLAIN },
-    Case { name: "sigmoid", drawing: |d| d.window = Window::Sigmoid, sh_degree: 0, ..PLAIN },
     Case {
         name: "engine",
         rates: |r| (r.engine_shading, r.alpha_cap) = (engine(1, true), 0.995),
@@ -140,9 +136,7 @@ fn drawing(case: &Case) -> (SoftOptions, Rates) {
     let mut rates = Schedule::new(&options).rates((case.progress * options.steps as f64) as u64);
     rates.sh_degree = case.sh_degree;
     (case.rates)(&mut rates);
-    let mut drawing = options.drawing([0.3, 0.5, 0.7]);
-    (case.drawing)(&mut drawing);
-    (drawing, rates)
+    (options.drawing([0.3, 0.5, 0.7]), rates)
 }
 
 /// The groups of numbers.

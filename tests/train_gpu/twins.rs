@@ -112,17 +112,6 @@ const TWINS: &[Twin] = &[
         bound: 2e-5,
     },
     Twin {
-        name: "sigmoid_window, sigmoid_grad, sigmoid_floor",
-        domain: &[(-8.0, 8.0), (0.5, 4.0), (-1.0, 1.0), (-7.0, -0.1)],
-        wgsl: "let d = sigmoid_grad(x[0], x[1], x[2]); y = array(sigmoid_window(x[0], x[1]), d.x, d.y, sigmoid_floor(x[3], x[1], -8.0));",
-        outputs: 4,
-        rust: |x| {
-            let d = window::sigmoid_grad(x[0], x[1], x[2]);
-            vec![window::sigmoid(x[0], x[1]), d.0, d.1, window::sigmoid_floor(x[3], x[1], -8.0)]
-        },
-        bound: 2e-5,
-    },
-    Twin {
         name: "coverage, coverage_edges, nearest, ratios",
         domain: &[(-1.0, 1.0); 9],
         wgsl: "let r = ratios(vec2(x[0], x[1]), vec2(x[2], x[3]), vec2(x[4], x[5]), x[6], vec2(x[7], x[8]));
@@ -178,7 +167,7 @@ const TWINS: &[Twin] = &[
         rust: |x| {
             let (t, s) = triangle(x);
             let moment = [v2(&x[12..]), v2(&x[14..]), v2(&x[16..])];
-            let d = SplatGrad { ratio: [x[9], x[10], x[11]], moment, inradius: x[18], exact_incenter: 1.0 };
+            let d = SplatGrad { ratio: [x[9], x[10], x[11]], moment, inradius: x[18], by_incenter: 1.0 };
             flat(&splat::splat_grad(&t, FOCAL, &s, &d))
         },
         bound: 1e-4,

@@ -121,7 +121,7 @@ fn splat_grad(
         ratio: sums.ratio,
         moment: sums.moment,
         inradius: sums.opacity * by_fade,
-        exact_incenter: f64::from(u8::from(options.exact_incenter)),
+        by_incenter: 1.0,
     };
     let d = splat::splat_grad(&splat.corners, camera.focal, &splat.splat, &d);
     out.opacity += sums.opacity / f64::from(soup.opacity[splat.triangle]);

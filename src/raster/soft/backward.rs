@@ -376,10 +376,6 @@ impl<'a, L: Lanes> BackwardSplat<'a, L> {
                 (d_sigma, d_ratio, window::nearest(&s.ratios))
             }
             Window::Coverage { .. } => (L::splat(0.0), d_log / s.ratio, window::coverage_edges(&s.ratios)),
-            Window::Sigmoid => {
-                let (d_sigma, d_ratio) = window::sigmoid_grad(s.ratio, sigma, d_log);
-                (d_sigma, d_ratio, window::nearest(&s.ratios))
-            }
         };
         let out = &mut sums.base;
         for c in 0..3 {

@@ -45,7 +45,7 @@ impl<L: Lanes> PixelLimits<L> {
     fn ratio(&self, ratios: &[L; 3]) -> L {
         match self.window {
             Window::Coverage { .. } => window::coverage(ratios),
-            Window::Soft | Window::Sigmoid => window::ratio(ratios),
+            Window::Soft => window::ratio(ratios),
         }
     }
 }
@@ -56,7 +56,7 @@ pub(super) struct BlockShade<L: Lanes> {
     /// p - origin, px.
     pub(super) offset: V2<L>,
     pub(super) ratios: [L; 3],
-    /// The ratio, the coverage, or the distance from the nearest edge in px.
+    /// The ratio or the coverage.
     pub(super) ratio: L,
     pub(super) log2_ratio: L,
     /// Alpha before the cap; arbitrary where not drawn.
@@ -131,7 +131,6 @@ impl<L: Lanes> BroadcastSplat<L> {
                 (log2_ratio, window::alpha(log2_ratio, self.log2_opacity, self.sigma))
             }
             Window::Coverage { .. } => (L::splat(0.0), self.log2_opacity.exp2() * ratio),
-            Window::Sigmoid => (L::splat(0.0), self.log2_opacity.exp2() * window::sigmoid(ratio, self.sigma)),
         };
         let alpha = raw.min(limits.cap).masked(drawn);
         BlockShade { offset, ratios, ratio, log2_ratio, raw, alpha, drawn }

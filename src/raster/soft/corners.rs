@@ -91,12 +91,10 @@ fn grads<L: Lanes>(
     let splat = splat::splat(&corners, focal, V2::zero());
     let full_px = L::splat(options.fade_px);
     let by_fade = splat::fade_grad(splat.inradius, full_px) / splat::fade(splat.inradius, full_px);
-    let exact = L::splat(f32::from(u8::from(options.exact_incenter)));
     // Distances from the edges are ratios times an inradius, in which a constant inradius cancels.
-    let (scale, by_inradius, exact) = match options.window {
-        Window::Soft => (L::splat(1.0), by_fade, exact),
+    let (scale, by_inradius, by_incenter) = match options.window {
+        Window::Soft => (L::splat(1.0), by_fade, L::splat(1.0)),
         Window::Coverage { width_px } => (splat.inradius / L::splat(width_px), L::splat(0.0), L::splat(0.0)),
-        Window::Sigmoid => (splat.inradius, L::splat(0.0), L::splat(0.0)),
     };
     let first = RATIO - OPACITY;
     let ratio = |i: usize| L::load(&base[first + 3 * i]) * scale;
@@ -105,7 +103,7 @@ fn grads<L: Lanes>(
         ratio: [ratio(0), ratio(1), ratio(2)],
         moment: [moment(0), moment(1), moment(2)],
         inradius: L::load(&base[0]) * by_inradius,
-        exact_incenter: exact,
+        by_incenter,
     };
     let mut out = splat::splat_grad(&corners, focal, &splat, &d);
     if options.geometry {

@@ -24,9 +24,6 @@ pub enum Window {
         /// Width of the ramp across an edge, px; 1 is a pixel's own filter.
         width_px: f32,
     },
-    /// A sigmoid of the distance from the edges in units of σ px, which extends beyond them; the window of
-    /// earlier work in the paper's ablation. The fade has no effect.
-    Sigmoid,
 }
 
 impl Window {
@@ -36,7 +33,6 @@ impl Window {
         match self {
             Window::Soft => R::of(1.0),
             Window::Coverage { width_px } => inradius / R::of(width_px.into()),
-            Window::Sigmoid => inradius,
         }
     }
 }
@@ -58,9 +54,6 @@ pub struct SoftOptions {
     pub cutoff: f32,
     /// A pixel terminates with the layer that brings its transmittance below this.
     pub min_transmittance: f32,
-    /// Whether gradients pass through φ(s) and the fade; false treats the inradius as constant, as the
-    /// reference code does.
-    pub exact_incenter: bool,
     /// Depth of the near plane at which triangles are clipped, world units, > 0.
     pub near: f32,
     /// Inradius from which a triangle has its full opacity, px; smaller ones fade smoothly; 0 never fades.
@@ -85,7 +78,6 @@ impl Default for SoftOptions {
             alpha_cap: 0.99,
             cutoff: 1.0 / 255.0,
             min_transmittance: 1e-4,
-            exact_incenter: true,
             near: 0.01,
             fade_px: 0.5,
             ratio_least: 1e-3,

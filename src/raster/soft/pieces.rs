@@ -137,27 +137,22 @@ impl PieceGroup {
         }
         let (log2_opacity, sigma) = (opacity.log2(), L::load(&self.sigma));
         let log2_cutoff = L::splat(options.cutoff.log2());
-        let (one, scale) = (L::splat(1.0), options.window.scale(splat.inradius));
-        // The smallest drawn ratio or distance, its inset from the edges, and the largest possible value.
-        let (floor, inset, most) = match options.window {
+        let scale = options.window.scale(splat.inradius);
+        // The smallest drawn ratio or coverage, its inset from the edges, and by how much the bounds grow.
+        let (floor, inset, grown) = match options.window {
             Window::Soft => {
                 let floor = window::ratio_floor(log2_opacity, sigma, log2_cutoff);
-                (floor, floor, one)
+                (floor, floor, 0.0)
             }
-            Window::Coverage { .. } => (L::splat(options.cutoff) / opacity, L::splat(0.0), one),
-            Window::Sigmoid => {
-                let floor = window::sigmoid_floor(log2_opacity, sigma, log2_cutoff);
-                (floor, floor / splat.inradius, splat.inradius)
-            }
+            Window::Coverage { width_px } => (L::splat(options.cutoff) / opacity, L::splat(0.0), width_px),
         };
-        let grown = if let Window::Coverage { width_px } = options.window { width_px } else { 0.0 };
         let bounds = bounds(&splat, inset, L::splat(grown));
         let depth = (corners.edges[0].z + corners.edges[1].z).mul_add(L::splat(1.0 / 3.0), corners.first.z);
         let drawn = L::splat(0.0)
             .lt(splat.inradius)
             .and(is_finite(&splat))
             .and(L::splat(options.cutoff).lt(opacity))
-            .and(floor.lt(most))
+            .and(floor.lt(L::splat(1.0)))
             .and(is_inside(&bounds, camera.size));
         let mut out = SplatColumns::store(&splat, &bounds, scale);
         floor.store(&mut out.floor);

@@ -90,7 +90,6 @@ impl StepPlan {
         match self.options.window {
             Window::Soft => 0,
             Window::Coverage { .. } => 1,
-            Window::Sigmoid => 2,
         }
     }
 
@@ -170,7 +169,7 @@ impl StepUniform {
             frame: [size.x, size.y, plan.tiles.x, plan.tiles.y],
             photo: [plan.photo.x, plan.photo.y, plan.samples, u32::from(options.linear)],
             limits: [options.cutoff, options.cutoff.log2(), options.alpha_cap, options.min_transmittance],
-            edges: [options.fade_px, options.ratio_least, width, flag(options.exact_incenter)],
+            edges: [options.fade_px, options.ratio_least, width, 0.0],
             modes: [
                 plan.window(),
                 u32::from(plan.by_pixel()),

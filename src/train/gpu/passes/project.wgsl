@@ -52,29 +52,22 @@ fn project_piece(corners: CameraTriangle, full_opacity: f32, sigma: f32) -> Proj
         return out;
     }
     out.log2_opacity = log2_lane(opacity);
-    var most = 1.0;
     switch step.modes.x {
         case WINDOW_SOFT: {
             out.scale = 1.0;
             out.floor = ratio_floor(out.log2_opacity, sigma, step.limits.y);
             out.bounds = screen_box(out.splat, out.floor);
         }
-        case WINDOW_COVERAGE: {
+        default: { // WINDOW_COVERAGE
             let width = step.edges.z;
             out.scale = inradius / width;
             out.floor = cutoff / opacity;
             out.bounds = screen_box(out.splat, 0.0) + vec4(-width, -width, width, width);
         }
-        default: {
-            out.scale = inradius;
-            out.floor = sigmoid_floor(out.log2_opacity, sigma, step.limits.y);
-            out.bounds = screen_box(out.splat, out.floor / inradius);
-            most = inradius;
-        }
     }
     let size = vec2<f32>(step.frame.xy);
     let seen = all(out.bounds.zw > vec2(0.0)) && all(out.bounds.xy < size);
-    out.is_drawn = out.floor < most && seen;
+    out.is_drawn = out.floor < 1.0 && seen;
     return out;
 }
 

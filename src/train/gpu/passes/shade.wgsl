@@ -15,7 +15,7 @@ struct Record {
 struct Shade {
     offset: vec2<f32>,   // p - origin, px
     ratios: vec3<f32>,
-    ratio: f32,          // the ratio, the coverage, or the distance from the nearest edge in px
+    ratio: f32,          // the ratio or the coverage
     log2_ratio: f32,
     raw: f32,            // alpha before the cap
     alpha: f32,
@@ -52,11 +52,8 @@ fn shade(r: Record, pixel: vec2<u32>) -> Shade {
             out.log2_ratio = log2_lane(out.ratio);
             out.raw = window_alpha(out.log2_ratio, r.log2_opacity, r.sigma);
         }
-        case WINDOW_COVERAGE: {
+        default: { // WINDOW_COVERAGE
             out.raw = exp2_lane(r.log2_opacity) * out.ratio;
-        }
-        default: {
-            out.raw = exp2_lane(r.log2_opacity) * sigmoid_window(out.ratio, r.sigma);
         }
     }
     out.alpha = min(out.raw, step.limits.z);

@@ -28,13 +28,8 @@ fn add_share(sums: ptr<function, SplatSums>, r: Record, pixel: vec2<u32>, d_pixe
             (*sums).sigma += d.x;
             d_edges = nearest(ratios) * d.y;
         }
-        case WINDOW_COVERAGE: {
+        default: { // WINDOW_COVERAGE
             d_edges = coverage_edges(ratios) * (share.y / coverage(ratios));
-        }
-        default: {
-            let d = sigmoid_grad(window_ratio(ratios), r.sigma, share.y);
-            (*sums).sigma += d.x;
-            d_edges = nearest(ratios) * d.y;
         }
     }
     (*sums).rgb += share.x * d_pixel.xyz;

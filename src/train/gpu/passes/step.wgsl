@@ -7,7 +7,7 @@ struct Step {
     frame: vec4<u32>,              // width and height in samples; tiles across and down
     photo: vec4<u32>,              // width and height in px; samples per pixel and axis; is linear
     limits: vec4<f32>,             // cutoff, its log2, alpha cap, smallest transmittance
-    edges: vec4<f32>,              // fade_px, ratio_least, width of the coverage's ramp, exact incenter
+    edges: vec4<f32>,              // fade_px, ratio_least, width of the coverage's ramp; -
     modes: vec4<u32>,              // window, order by pixel, geometry, numbers per slot
     background: vec4<f32>,         // as blended; -
     scene: vec4<u32>,              // triangles, coefficients stored, degree in use, pinned triangles
@@ -22,7 +22,6 @@ struct Step {
 
 const WINDOW_SOFT: u32 = 0u;
 const WINDOW_COVERAGE: u32 = 1u;
-const WINDOW_SIGMOID: u32 = 2u;
 
 // Numbers of a slot: gradients of a splat summed over the pixels of a tile. Written by splat_sums.wgsl.
 const RGB: u32 = 0u;

@@ -34,15 +34,12 @@ fn corner_grad(splat_index: u32, corners: CameraTriangle, splat: Splat) -> Camer
     let by_fade = fade_grad(splat.inradius, step.edges.x) / fade(splat.inradius, step.edges.x);
     var scale = 1.0;
     var by_inradius = by_fade;
-    var exact = step.edges.w;
+    var by_incenter = 1.0;
     // Distances from the edges are ratios times an inradius, in which a constant inradius cancels.
-    if step.modes.x != WINDOW_SOFT {
-        scale = splat.inradius;
+    if step.modes.x == WINDOW_COVERAGE {
+        scale = splat.inradius / step.edges.z;
         by_inradius = 0.0;
-        exact = 0.0;
-        if step.modes.x == WINDOW_COVERAGE {
-            scale = splat.inradius / step.edges.z;
-        }
+        by_incenter = 0.0;
     }
     var d: SplatGrad;
     for (var i = 0u; i < 3u; i++) {
@@ -51,7 +48,7 @@ fn corner_grad(splat_index: u32, corners: CameraTriangle, splat: Splat) -> Camer
         d.moment[i] = vec2(sum_of(splat_index, at + 1u), sum_of(splat_index, at + 2u)) * scale;
     }
     d.inradius = sum_of(splat_index, OPACITY) * by_inradius;
-    d.exact_incenter = exact;
+    d.by_incenter = by_incenter;
     var out = splat_grad(corners, step.lens.xy, splat, d);
     if step.modes.z == 1u {
         var by_plane: DepthPlane;
