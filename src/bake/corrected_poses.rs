@@ -1,11 +1,11 @@
-//! Poses that a training corrected: the cameras that its scene stores, for the photos of a bake.
+//! Poses that a training took from tracks: the cameras that its scene stores, for the photos of a bake.
 
 use crate::camera::Camera;
 use crate::space::Space;
 use glam::Vec3;
 
-/// Largest difference of a corrected pose, as a share of the longest side: tracks move points by a fiftieth at most, a
-/// training by 3 px, but a turn and a motion of more may nearly cancel.
+/// Largest difference of a corrected pose, as a share of the longest side: tracks move points by a fiftieth at most, but
+/// a turn and a motion of more may nearly cancel.
 const MOST_SHARE: f32 = 0.05;
 /// Least difference that counts; smaller ones are rounding.
 const LEAST_PX: f32 = 0.01;

@@ -370,12 +370,6 @@ fn summary(
             photos.len()
         ));
     }
-    if let Some(poses) = &trained.poses {
-        let (count, mean) = (poses.photos.len(), poses.mean_px);
-        bar.line(&format!(
-            "poses of {count} photos corrected by {mean:.2} px on average (--set poses=off leaves them)"
-        ));
-    }
     let (all, shell) = (trained.soup.len(), trained.soup.shell_count());
     if shell > 0 && all == shell && !trained.stopped {
         let steps = counted(trained.steps, "step");

@@ -34,7 +34,7 @@ pub use frame::{Frame, FrameGrad};
 pub use importance::Importance;
 pub use options::{SoftOptions, Sort, Window};
 pub use skipped::SoftWork;
-pub use soup_grad::{CameraGrad, SoupGrad};
+pub use soup_grad::SoupGrad;
 pub use soup_ref::SoupRef;
 #[cfg(feature = "gpu")]
 pub(crate) use tile_grid::{MARGIN, TILE, tile_count};

@@ -9,7 +9,7 @@ use super::schedule::Rates;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::image::Pixels;
-use crate::raster::soft::{CameraGrad, Frame, Importance, SoftOptions};
+use crate::raster::soft::{Frame, Importance, SoftOptions};
 use glam::UVec2;
 use std::borrow::Cow;
 
@@ -48,9 +48,6 @@ pub struct StepStats {
     pub dropped: u64,
     /// Updated triangles: with `rates.sparse` those with a gradient, else all.
     pub touched: u64,
-    /// The gradient of the photo's pose, at the size of its step; `None` where the backend does not compute it or
-    /// [`Rates::pose`] is 0.
-    pub pose: Option<CameraGrad>,
 }
 
 /// Visibility of every triangle since the last call of [`TrainBackend::take_visibility`].
@@ -92,10 +89,6 @@ pub trait TrainBackend {
     fn take_visibility(&mut self) -> Result<BackendVisibility>;
     /// Moves the state out; [`TrainBackend::load`] must follow before the next step.
     fn store(&mut self) -> Result<TrainState>;
-    /// True where the figures of a step hold the gradient of its pose, right after the step.
-    fn finds_poses(&self) -> bool {
-        false
-    }
     /// The parameters as they are.
     fn params(&mut self) -> Result<Cow<'_, Params>>;
     /// True where the state can get lost: then [`TrainBackend::rescued`] has it.
@@ -148,10 +141,6 @@ macro_rules! forwards {
 
             fn params(&mut self) -> Result<Cow<'_, Params>> {
                 (**self).params()
-            }
-
-            fn finds_poses(&self) -> bool {
-                (**self).finds_poses()
             }
 
             fn can_be_lost(&self) -> bool {

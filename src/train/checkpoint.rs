@@ -13,7 +13,6 @@ use super::identity::RunIdentity;
 use super::light::Light;
 use super::options::TrainOptions;
 use super::params::{Params, TrainState};
-use super::poses::Poses;
 use super::progress::TrainSample;
 use super::visibility::VisibilityStats;
 use crate::atomic::AtomicFile;
@@ -67,8 +66,6 @@ pub struct CheckpointMeta {
     pub core: Option<Core>,
     /// The photos' exposures.
     pub light: Light,
-    /// The corrections of the photos' poses.
-    pub poses: Poses,
     /// The photos, cameras and points of the training.
     pub identity: RunIdentity,
     /// Gradients dropped because they were not finite.
@@ -402,7 +399,6 @@ mod tests {
             frozen: 1,
             core: Some(Core { low: [None, Some(-1.5), None], high: [Some(0.1), None, None], triangles: 7 }),
             light: Light { passed: 3, ..Light::default() },
-            poses: Poses::default(),
             identity: RunIdentity {
                 background: [0.5, 0.0, 1.0],
                 photos: ["a", "b"].map(photo).to_vec(),

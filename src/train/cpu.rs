@@ -57,10 +57,6 @@ impl TrainBackend for CpuBackend {
         Ok(std::mem::take(&mut self.visibility))
     }
 
-    fn finds_poses(&self) -> bool {
-        true
-    }
-
     fn figures(&mut self, _all: bool) -> Result<Vec<StepStats>> {
         Ok(std::mem::take(&mut self.figures))
     }
@@ -89,7 +85,6 @@ impl TrainBackend for CpuBackend {
         self.frame_loss.errors(photo.pixels.size.x, sampling, &mut self.d_frame.error);
         let geometry = geometry_grad(frame, &camera, rates, &mut self.d_maps, &mut self.d_frame);
         self.soft.backward(&soup, &camera, &options, &self.d_frame, &mut self.d_soup);
-        let pose = (rates.pose > 0.0).then(|| self.d_soup.camera(&params.vertices, &camera));
         let n = params.len();
         let importance = if photo.first { &mut self.visibility.first } else { &mut self.visibility.again };
         if importance.max_weight.len() != n {
@@ -103,7 +98,6 @@ impl TrainBackend for CpuBackend {
             loss: means.value(rates.dssim) + geometry,
             mse: means.mse,
             touched,
-            pose,
             dropped: broken + self.d_soup.dropped as u64,
         });
         Ok(())

@@ -62,7 +62,6 @@ impl<'a> TrainRun<'a> {
     /// or with a budget.
     pub fn start_at(self, place: &BackendOptions) -> Result<OpenRun<'a>> {
         let place = if self.has_budget() { place.of_budget()? } else { place.clone() };
-        let place = if self.corrects_poses() { place.of_poses()? } else { place };
         let OpenBackend { backend, card, warnings } = place.open(self.drawing(), self.size())?;
         Ok(OpenRun { run: self.start_on(backend)?, card, warnings })
     }
@@ -75,31 +74,20 @@ impl OpenBackend {
 }
 
 impl BackendOptions {
-    /// The device of a run that corrects poses: the CPU, because a card does not compute their gradients.
-    ///
-    /// Errors: `gpu`.
-    fn of_poses(&self) -> Result<Self> {
-        self.on_cpu("auto or cpu with `poses` on; or `poses` off")
-    }
-
     /// The device of a run with a budget: the CPU, because its plan comes from steps timed there.
     ///
     /// Errors: `gpu`.
     pub fn of_budget(&self) -> Result<Self> {
-        self.on_cpu(
-            "auto or cpu with a budget, because steps timed on the CPU plan it; or `steps` instead of the budget",
-        )
-    }
-
-    /// The same on the CPU. Errors: `gpu`; `wants` says what to give instead.
-    fn on_cpu(&self, wants: &str) -> Result<Self> {
         match self.backend {
             BackendKind::Auto | BackendKind::Cpu => {
                 let mut on_cpu = self.clone();
                 on_cpu.backend = BackendKind::Cpu;
                 Ok(on_cpu)
             }
-            BackendKind::Gpu => Err(Error::invalid("backend", "gpu", wants)),
+            BackendKind::Gpu => {
+                let wants = "auto or cpu with a budget, because steps timed on the CPU plan it; or `steps` instead of the budget";
+                Err(Error::invalid("backend", "gpu", wants))
+            }
         }
     }
 }

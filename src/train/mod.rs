@@ -34,7 +34,6 @@ pub mod neighbours;
 pub mod options;
 pub mod outputs;
 pub mod params;
-pub mod poses;
 mod presets;
 pub mod progress;
 pub mod pyramid;

@@ -54,8 +54,6 @@ pub enum PoseUse {
     /// By the tracks of a COLMAP model, where photos do not show its points where they should.
     #[default]
     Auto,
-    /// By tracks, and on the CPU also by at most three pixels while the scene trains.
-    On,
     /// Never.
     Off,
 }

@@ -6,7 +6,7 @@ use super::checkpoint::Checkpoint;
 use super::cpu::CpuBackend;
 use super::identity::RunIdentity;
 use super::light::ExposureDetails;
-use super::options::{PoseUse, TrainOptions};
+use super::options::TrainOptions;
 use super::outputs::{Recorder, RunOptions};
 use super::progress::{TrainObserver, TrainSample};
 use super::start::{FirstScene, Part};
@@ -125,12 +125,6 @@ impl<'a> TrainRun<'a> {
     /// Whether the run keeps to a budget, its own or that of its checkpoint.
     pub fn has_budget(&self) -> bool {
         self.paced.is_some() || self.resume.as_ref().is_some_and(|checkpoint| checkpoint.meta.pace.is_some())
-    }
-
-    /// Whether the run corrects the poses of photos.
-    pub fn corrects_poses(&self) -> bool {
-        let options = self.resume.as_ref().map_or(&self.options, |checkpoint| &checkpoint.meta.options);
-        options.poses == PoseUse::On
     }
 
     /// How large the run becomes.
@@ -268,7 +262,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         let (stopped, last) = self.make_steps(&mut record, observer)?;
         let Self { mut trainer, paced, dataset, taught, .. } = self;
         let recorded = record.finish(&mut trainer, last, observer)?;
-        let (provenance, cameras) = origin(taught, dataset, &trainer);
+        let (provenance, cameras) = origin(taught, dataset);
         let (soup, not_finite) = trained(&mut trainer)?;
         let is_of_now = |(step, _): &(u64, _)| *step == trainer.steps();
         Ok(Trained {
@@ -287,7 +281,6 @@ impl<B: TrainBackend> StartedRun<'_, B> {
             cpu_secs: recorded.cpu_secs,
             skipped: trainer.skipped(),
             exposure: ExposureDetails::new(trainer.light(), dataset.train().map(|view| view.name.as_str())),
-            poses: trainer.poses().details(dataset.train().map(|view| view.name.as_str())),
             stopped,
             lost: recorded.lost.into_iter().chain(not_finite).collect(),
         })
@@ -375,7 +368,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
 
     /// The present scene, as in its file.
     fn scene(&mut self) -> Result<Loaded> {
-        let (provenance, cameras) = origin(self.taught.clone(), self.dataset, &self.trainer);
+        let (provenance, cameras) = origin(self.taught.clone(), self.dataset);
         let (soup, _) = trained(&mut self.trainer)?;
         Ok(Loaded { provenance, cameras, ..Loaded::from(soup) })
     }
@@ -412,20 +405,14 @@ fn with_remedy(error: Error, checkpoint: Option<(u64, PathBuf)>) -> Error {
 }
 
 /// Provenance and cameras of the scene; those of its file, if it teaches itself.
-fn origin<B: TrainBackend>(
-    taught: Option<(Provenance, Vec<Camera>)>,
-    dataset: &Dataset,
-    trainer: &Trainer<B>,
-) -> (Provenance, Vec<Camera>) {
+fn origin(taught: Option<(Provenance, Vec<Camera>)>, dataset: &Dataset) -> (Provenance, Vec<Camera>) {
     match taught {
         Some((provenance, cameras)) => {
             let ours = Some(generator());
             (Provenance { generator: ours.clone(), trainer: ours, ..provenance }, cameras)
         }
         None => {
-            let views = dataset.train().enumerate();
-            let cameras = views.map(|(i, view)| trainer.corrected(i, &view.camera)).collect();
-            (provenance(dataset), cameras)
+            (provenance(dataset), dataset.train().map(|view| view.camera).collect())
         }
     }
 }

@@ -2,7 +2,7 @@
 //! step.
 
 use super::hardening::{Hardening, PruneFaint};
-use super::options::{PoseUse, REFERENCE_STEPS, TrainOptions};
+use super::options::{REFERENCE_STEPS, TrainOptions};
 use super::params::{Anneal, FrozenLook};
 use super::timeline::Timeline;
 use crate::raster::soft::{SoftOptions, Sort, Window};
@@ -34,11 +34,6 @@ const SH_EVERY: f64 = 1000.0;
 const GEOMETRY_FROM: f64 = 5000.0;
 /// Last step of the loss on size, of a 30,000-step run (TS 25,000).
 const SIZE_UNTIL: f64 = 25_000.0;
-/// The part of a 30,000-step run that corrects poses: not before triangles have found their places, and not in the
-/// end, so that the final scene fits its final poses.
-const POSES: [f64; 2] = [6000.0, 27_000.0];
-/// Rate of a pose at the beginning of that part, times the steps of its photo in a whole run, px.
-const POSE_TRAVEL: f64 = 4.0;
 /// Triangles fainter than this are pruned (0.014, supplement: opacity_dead).
 const PRUNE_OPACITY: f64 = 0.014;
 /// First refinement, steps of a 30,000-step run (500, supplement).
@@ -59,8 +54,6 @@ pub struct Rates {
     pub sh: f64,
     /// Rate of the higher SH degrees.
     pub sh_rest: f64,
-    /// Rate of the photos' poses, px of the photo times photos; 0 where they stay.
-    pub pose: f64,
     /// SH degree in use.
     pub sh_degree: u8,
     /// λ: the weight of 1 - SSIM; L1 has the weight 1 - λ.
@@ -176,7 +169,6 @@ impl<'a> Schedule<'a> {
             sigma: self.sigma_rate(step),
             sh: SH_RATE,
             sh_rest: SH_RATE * SH_REST_SHARE,
-            pose: self.pose_rate(step),
             sh_degree: self.sh_degree(step),
             dssim: l.dssim,
             beta_opacity: l.opacity,
@@ -292,16 +284,6 @@ impl<'a> Schedule<'a> {
             false => (step - from) as f64 / steps.saturating_sub(from).max(1) as f64,
         };
         soft(from) * ENGINE_VERTICES_SCALE * ENGINE_VERTICES_FINAL_SHARE.powf(done)
-    }
-
-    /// Rate of the poses: falls linearly to 0 over a part of the run. A photo's steps together can move its pose by
-    /// half of [`POSE_TRAVEL`], whatever their number.
-    fn pose_rate(&self, step: u64) -> f64 {
-        let (done, [from, until]) = (self.timeline.position(step), POSES);
-        if self.options.poses != PoseUse::On || done < from || done >= until {
-            return 0.0;
-        }
-        POSE_TRAVEL / self.timeline.density(step) * (until - done) / (until - from)
     }
 
     /// Rate of the logarithm of σ.

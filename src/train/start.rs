@@ -6,7 +6,6 @@ use super::init::{InitPoint, first_soup};
 use super::light::Light;
 use super::options::TrainOptions;
 use super::params::{Params, TrainState};
-use super::poses::Poses;
 use super::pyramid::Pyramid;
 use super::schedule::Schedule;
 use super::shell;
@@ -64,7 +63,6 @@ pub(super) struct Position {
     pub(super) dropped: u64,
     pub(super) core: Option<Core>,
     pub(super) light: Light,
-    pub(super) poses: Poses,
 }
 
 /// The first triangles: one per point of the sparse or a random cloud, and the shell around a cloud.
@@ -181,7 +179,6 @@ fn at_first_step(views: &[&View], options: &TrainOptions, space: Space, soup: &S
         dropped: 0,
         core: None,
         light: Light::first(views, options.exposure),
-        poses: Poses::default(),
     }
 }
 

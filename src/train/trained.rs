@@ -4,7 +4,6 @@ use super::budget::{BudgetDetails, Pace, Paced};
 use super::eval::{PhotoScore, Quality};
 use super::light::ExposureDetails;
 use super::options::TrainOptions;
-use super::poses::PoseDetails;
 use super::progress::TrainSample;
 use super::skipped::SkippedWork;
 use crate::asset::{Placement, Provenance};
@@ -52,8 +51,6 @@ pub struct Trained {
     pub skipped: SkippedWork,
     /// The photos' exposures; `None` where they were not estimated.
     pub exposure: Option<ExposureDetails>,
-    /// The corrections of the photos' poses; `None` where they were not corrected.
-    pub poses: Option<PoseDetails>,
     /// The run was stopped before its last step.
     pub stopped: bool,
     /// The checkpoint of the last step, if one was written.
@@ -97,9 +94,6 @@ pub struct TrainDetails {
     /// The photos' exposures; absent where they were not estimated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposure: Option<ExposureDetails>,
-    /// The corrections of the photos' poses; absent where they were not corrected.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub poses: Option<PoseDetails>,
     /// The held-out photos one by one.
     pub held_out: Vec<PhotoScore>,
     /// The gain of hardening; absent when it was not compared.
@@ -184,7 +178,6 @@ impl Trained {
             skipped: self.skipped,
             psnr_corrected: self.psnr_corrected(),
             exposure: self.exposure.clone(),
-            poses: self.poses.clone(),
             held_out: self.scores.clone(),
             hardened: None,
         }

@@ -8,7 +8,6 @@ use super::identity::RunIdentity;
 use super::light::Light;
 use super::options::TrainOptions;
 use super::params::{Anneal, TrainState};
-use super::poses::Poses;
 use super::progress::TrainSample;
 use super::pyramid::{MIN_PX, Pyramid, order};
 use super::refine::{self, Refined, refine};
@@ -34,13 +33,8 @@ use std::sync::Arc;
 pub struct Trainer<B> {
     options: TrainOptions,
     space: Space,
-    /// The cameras as they are given, in training space.
-    given: Vec<Camera>,
-    /// The same, corrected.
+    /// The cameras, in training space.
     cameras: Vec<Camera>,
-    /// Which of them are of photos, not of drawn pictures.
-    are_photos: Vec<bool>,
-    poses: Poses,
     identity: RunIdentity,
     /// Differences from the inputs of the checkpoint.
     differences: Vec<String>,
@@ -145,8 +139,8 @@ impl<B: TrainBackend> Trainer<B> {
             return Err(refused(difference));
         }
         let space = meta.space();
-        let CheckpointMeta { step, options, dropped, core, light, poses, .. } = meta;
-        let position = Position { options, space, state, visibility, step, dropped, core, light, poses };
+        let CheckpointMeta { step, options, dropped, core, light, .. } = meta;
+        let position = Position { options, space, state, visibility, step, dropped, core, light };
         let run = Self::assemble(&views, position, identity, photos, backend)?;
         Ok(Self { differences, ..run })
     }
@@ -158,15 +152,11 @@ impl<B: TrainBackend> Trainer<B> {
         photos: Pyramid,
         backend: B,
     ) -> Result<Self> {
-        let Position { options, space, state, visibility, step, dropped, core, light, poses } = position;
-        let given: Vec<Camera> = views.iter().map(|v| space.camera_to_training(&v.camera)).collect();
+        let Position { options, space, state, visibility, step, dropped, core, light } = position;
         let (pinned, frozen) = (state.pinned, state.frozen);
         let mut run = Self {
             space,
-            cameras: given.iter().enumerate().map(|(i, given)| poses.camera(i, given)).collect(),
-            given,
-            are_photos: views.iter().map(|v| !v.photo.is_drawn()).collect(),
-            poses,
+            cameras: views.iter().map(|v| space.camera_to_training(&v.camera)).collect(),
             identity,
             differences: Vec::new(),
             photos,
@@ -325,7 +315,6 @@ impl<B: TrainBackend> Trainer<B> {
             return Err(error);
         }
         self.step += 1;
-        self.correct_pose(index, rates.pose)?;
         let whole = self.photos.size(index, 0).element_product();
         let degrees = (rates.sh_degree, self.options.sh_degree);
         self.skipped += SkippedWork::of_step((pixels.size.element_product(), whole), triangles, degrees);
@@ -334,40 +323,6 @@ impl<B: TrainBackend> Trainer<B> {
             false => None,
         };
         Ok(StepOutcome { refined, width_px: pixels.size.x })
-    }
-
-    /// Corrects the pose of the photo that was drawn last, by about `rate` px over the number of photos.
-    fn correct_pose(&mut self, index: usize, rate: f64) -> Result<()> {
-        // Blocks of one scene must agree about poses.
-        let is_part = self.frozen > 0 || self.core.is_some();
-        let can = self.backend.finds_poses() && Poses::are_possible(&self.are_photos);
-        if rate == 0.0 || is_part || !can {
-            return Ok(());
-        }
-        self.collect_figures(false)?;
-        let gradient = self.figures.last().and_then(|stats| stats.pose).filter(|_| self.are_photos[index]);
-        if let Some(gradient) = gradient {
-            self.poses.step(index, &gradient, rate * self.given.len() as f64, &self.given);
-            self.cameras[index] = self.poses.camera(index, &self.given[index]);
-        }
-        if self.step.is_multiple_of(self.given.len() as u64) {
-            self.poses.settle(&self.given, &self.are_photos);
-            self.cameras = (0..).zip(&self.given).map(|(i, given)| self.poses.camera(i, given)).collect();
-        }
-        Ok(())
-    }
-
-    /// The corrections of the photos' poses.
-    pub fn poses(&self) -> &Poses {
-        &self.poses
-    }
-
-    /// The camera of training photo `index`, corrected, in the world; `given` is that of the data set.
-    pub(super) fn corrected(&self, index: usize, given: &Camera) -> Camera {
-        match self.cameras[index] == self.given[index] {
-            true => *given,
-            false => self.space.camera_to_world(&self.cameras[index]),
-        }
     }
 
     /// The photos' exposures, as far as they are known.
@@ -506,7 +461,6 @@ impl<B: TrainBackend> Trainer<B> {
             frozen: self.frozen,
             core: self.core,
             light: self.light.clone(),
-            poses: self.poses.clone(),
             identity,
             dropped: now.dropped,
             curve: curve.iter().copied().filter(|sample| sample.step <= now.step).collect(),

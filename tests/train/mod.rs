@@ -4,7 +4,6 @@
 mod exposure;
 mod from_scene;
 mod late;
-mod poses;
 mod shell;
 mod transparent;
 mod watched;

@@ -71,7 +71,6 @@ impl PendingStep {
             mse: means.mse,
             dropped: counts[Count::Dropped as usize].into(),
             touched: counts[Count::Touched as usize].into(),
-            pose: None,
         }
     }
 }
