@@ -65,10 +65,10 @@ assert (folder / "b.lod1.glb").exists() and (folder / "b.lod.tscn").exists()
 trisplat.bake(samples / "soups/studio.ply", folder / "c.tileset.json", preset="fast", up="-y")
 assert json.loads((folder / "c.tileset.json").read_text())["asset"]["version"] == "1.1"
 
-# Budgets of bytes and of time are the program's.
+# Limits on bytes and on time are the program's.
 small = trisplat.bake(soup, folder / "d.glb", max_bytes=30_000, preset="fast", up="-y")
 assert sum(file["bytes"] for file in small["outputs"]) <= 30_000
-refused(ValueError, "time above 0", trisplat.bake, soup, budget=-1)
+refused(ValueError, "time above 0", trisplat.train, samples / "dataset", budget=-1)
 refused(ValueError, "max_bytes", trisplat.bake, soup, max_bytes=30_000)
 
 # Train, bake, evaluate, draw.

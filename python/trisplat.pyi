@@ -54,7 +54,6 @@ def bake(
     force: bool = False,
     harden: bool = False,
     max_bytes: Optional[int] = None,
-    budget: Optional[float] = None,
     **options: Any,
 ) -> dict[str, NDArray[Any]]: ...
 @overload
@@ -66,7 +65,6 @@ def bake(
     force: bool = False,
     harden: bool = False,
     max_bytes: Optional[int] = None,
-    budget: Optional[float] = None,
     **options: Any,
 ) -> dict[str, Any]:
     """Bakes a scene for a game engine. Returns the report with `output`, the arrays of the mesh without."""
@@ -79,7 +77,6 @@ def eval(
     mode: Optional[_Mode] = None,
     ssaa: Literal[1, 2, 4] = 4,
     coverage: bool = True,
-    refine_poses: bool = False,
     dataset_options: Optional[Mapping[str, Any]] = None,
 ) -> dict[str, Any]:
     """Scores a scene on photos: PSNR, SSIM and FLIP of every photo and means."""

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::limits::Limits;
-use glam::{DMat3, DQuat, DVec3, Mat3, UVec2, Vec2, Vec3};
+use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -62,15 +62,6 @@ impl Camera {
     /// The mean focal length, px.
     pub fn mean_focal(&self) -> f64 {
         f64::from(self.focal.x + self.focal.y) / 2.0
-    }
-
-    /// The same camera turned about its own centre by `turn`, a rotation vector in radians, then with its points
-    /// moved by `motion`, world units. Both are along the camera's own axes.
-    pub fn moved(&self, turn: DVec3, motion: DVec3) -> Self {
-        let turn = DMat3::from_quat(DQuat::from_scaled_axis(turn));
-        let rotation = (turn * self.rotation.as_dmat3()).as_mat3();
-        let translation = (turn * self.translation.as_dvec3() + motion).as_vec3();
-        Self { rotation, translation, ..*self }
     }
 
     /// Checks that everything is finite, the focal lengths are positive, and the size is above zero and within `limits`.

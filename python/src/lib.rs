@@ -34,13 +34,12 @@ fn read<'py>(py: Python<'py>, path: PathBuf) -> PyResult<Bound<'py, PyDict>> {
 ///
 /// With `output`, a name that ends in .glb, .gltf, .obj, .ply, .html or .tileset.json, it writes the file and
 /// returns the report. Without, it returns the arrays of the mesh, like `read`. `dataset` is a folder of
-/// photos with poses. `harden` trains a soft scene solid first; `max_bytes` is for all files together;
-/// `budget` is in CPU seconds. All other keywords are options of the bake, as in a config file:
+/// photos with poses. `harden` trains a soft scene solid first; `max_bytes` is for all files together. All other keywords are options of the bake, as in a config file:
 /// max_triangles=1000, target="godot", lod=[0.5, 0.25].
 ///
 /// Raises FileExistsError for a file that exists, unless `force`; OSError, ValueError.
 #[pyfunction]
-#[pyo3(signature = (source, output=None, *, dataset=None, force=false, harden=false, max_bytes=None, budget=None, **options))]
+#[pyo3(signature = (source, output=None, *, dataset=None, force=false, harden=false, max_bytes=None, **options))]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 fn bake<'py>(
     py: Python<'py>,
@@ -50,13 +49,11 @@ fn bake<'py>(
     force: bool,
     harden: bool,
     max_bytes: Option<u64>,
-    budget: Option<f64>,
     options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let mut job = BakeJob::new(sources(source)?, options::resolve(py, options, BakeOptions::preset)?.options);
     job.harden = harden.then(HardenOptions::default);
     job.max_bytes = max_bytes;
-    job.budget = cpu_budget(budget)?;
     let output = output.map(|path| job.options.plan_output(&path, None)).transpose().map_err(raised)?;
     let there = output.iter().flat_map(Output::paths).find(|path| !force && path.exists());
     if let Some(path) = there {
@@ -81,11 +78,11 @@ fn bake<'py>(
 ///
 /// `split` is "test", the photos held out, "train" or "all"; `mode` "soft" or "solid" for a soup; `ssaa` 1, 2
 /// or 4 samples along each axis of a pixel; `dataset_options` as in `train`. `coverage` measures the share of
-/// pixels that at least two training photos see. `refine_poses` also measures with poses refined by up to 3 px.
+/// pixels that at least two training photos see.
 ///
 /// Raises OSError, ValueError.
 #[pyfunction]
-#[pyo3(signature = (file, dataset, *, split="test", mode=None, ssaa=4, coverage=true, refine_poses=false, dataset_options=None))]
+#[pyo3(signature = (file, dataset, *, split="test", mode=None, ssaa=4, coverage=true, dataset_options=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 fn eval<'py>(
     py: Python<'py>,
@@ -95,7 +92,6 @@ fn eval<'py>(
     mode: Option<&str>,
     ssaa: u32,
     coverage: bool,
-    refine_poses: bool,
     dataset_options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let mut job = EvalJob::new(file);
@@ -103,7 +99,6 @@ fn eval<'py>(
     job.split = options::named("split", split)?;
     job.render.mode = mode.map(|mode| options::named("mode", mode)).transpose()?;
     (job.render.ssaa, job.coverage) = (options::samples(ssaa)?, coverage);
-    job.refine_poses = refine_poses;
     let work = || job.clone().run(&Dataset::load(&dataset, &job.dataset_options)?);
     let report = py.detach(work).map_err(raised)?;
     options::to_python(py, &serde_json::to_value(&report).unwrap_or_default())

@@ -39,7 +39,6 @@ mod moved_corner;
 mod one_origin;
 pub mod options;
 pub mod order;
-pub mod pace;
 pub mod place;
 pub mod prune;
 mod recipe;

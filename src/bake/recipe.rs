@@ -15,7 +15,6 @@ use super::lit::{Lit, SURFACE};
 use super::lod::{LevelSource, LodOptions};
 use super::merge::{merge, share_world};
 use super::options::BakeOptions;
-use super::pace::{BakePace, PaceWork};
 use super::prune::{PruneDetails, PruneOptions, prune};
 use super::refit::{RefitColors, UnseenColors, refit, smooth_shell};
 use super::reshape::{ReshapeWhen, SceneTraits, reshape};
@@ -42,7 +41,6 @@ pub(super) struct Recipe<'a> {
     views: Option<&'a mut Views>,
     report: &'a mut Report,
     observer: &'a mut dyn Observer,
-    pace: &'a mut BakePace,
     /// Pictures of the soft scene, instead of photos.
     taught: Option<Views>,
     /// Cameras of photos, in the frame of the input.
@@ -65,8 +63,7 @@ impl<'a> Recipe<'a> {
         views: Option<&'a mut Views>,
         report: &'a mut Report,
         observer: &'a mut dyn Observer,
-        pace: &'a mut BakePace,
-    ) -> Self {
+        ) -> Self {
         let (taught, backdrop, placement) = (None, None, None);
         let (cameras, watching) = (Vec::new(), Vec::new());
         let facing = None;
@@ -75,7 +72,6 @@ impl<'a> Recipe<'a> {
             views,
             report,
             observer,
-            pace,
             taught,
             cameras,
             watching,
@@ -197,8 +193,8 @@ impl<'a> Recipe<'a> {
         let mut options = self.options.clone();
         options.prune.max_triangles = None;
         let mut unread = Report::default();
-        let (mut nobody, mut unlimited) = ((), BakePace::default());
-        let mut of_soup = Recipe::new(&options, None, &mut unread, &mut nobody, &mut unlimited);
+        let mut nobody = ();
+        let mut of_soup = Recipe::new(&options, None, &mut unread, &mut nobody);
         let mut solidified = |mut loaded: Loaded| match &mut loaded.scene {
             Scene::Soup(soup) => {
                 soup.truncate_sh(0);
@@ -240,13 +236,9 @@ impl<'a> Recipe<'a> {
     /// On the scene as it was trained: all other stages try to keep this look.
     fn teach(&mut self, loaded: &Loaded) -> Result<()> {
         let (options, photos) = (self.options, self.views.is_some());
-        if self.pace.is_limited() && matches!(&loaded.scene, Scene::Soup(soup) if !is_solid(soup)) {
-            self.pace.begin(asked(options, loaded));
-        }
-        let pace = &mut *self.pace;
         let measure = |_: &Option<Views>| count(&loaded.scene);
         self.taught = self.report.stage(self.observer, None, measure, |views, details| {
-            teacher(views, loaded, photos, &options.teacher, &options.solid, details, pace)
+            teacher(views, loaded, photos, &options.teacher, &options.solid, details)
         })?;
         Ok(())
     }
@@ -392,9 +384,8 @@ impl<'a> Recipe<'a> {
     /// fitted exactly.
     fn reshape(&mut self, mesh: Mesh, traits: SceneTraits) -> Result<Mesh> {
         let (views, options) = (either(&mut self.views, &mut self.taught), &self.options.reshape);
-        let pace = &mut *self.pace;
         self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
-            reshape(mesh, views, traits, options, details, progress, pace)
+            reshape(mesh, views, traits, options, details, progress)
         })
     }
 
@@ -441,9 +432,9 @@ impl<'a> Recipe<'a> {
     /// `behind` on are the backdrop.
     fn paint(&mut self, mesh: Mesh, behind: usize) -> Result<(Mesh, Option<UnseenColors>)> {
         let (views, options) = (either(&mut self.views, &mut self.taught), &self.options.refit);
-        let (pace, mut unseen) = (&mut *self.pace, None);
+        let mut unseen = None;
         let mesh = self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
-            let found = refit(mesh, behind, views, options, details, progress, pace)?;
+            let found = refit(mesh, behind, views, options, details, progress)?;
             unseen = found.unseen;
             Ok(found.outcome)
         })?;
@@ -457,20 +448,6 @@ impl<'a> Recipe<'a> {
             texture(mesh, views, unseen, options, details, progress)
         })
     }
-}
-
-/// The options for a soft scene, to be followed if there is time.
-fn asked(options: &BakeOptions, scene: &Loaded) -> PaceWork {
-    let rounds = match options.reshape.reshape {
-        ReshapeWhen::Off => 0,
-        _ => options.reshape.reshape_rounds,
-    };
-    let color_passes = match options.refit.refit {
-        RefitColors::Off => 0,
-        _ => options.refit.refit_passes,
-    };
-    let (triangles, watching) = (scene.scene.triangle_count(), scene.cameras.len());
-    PaceWork { triangles, watching, rounds, color_passes }
 }
 
 /// The photos, or the pictures that replace them.

@@ -34,7 +34,6 @@ mod options;
 pub(super) use backdrop::smooth_shell;
 pub use options::{RefitColors, RefitOptions};
 
-use super::pace::BakePace;
 use super::views::Views;
 use crate::error::Result;
 use crate::math::median::median;
@@ -144,7 +143,6 @@ pub fn refit(
     options: &RefitOptions,
     details: &mut RefitDetails,
     progress: &mut StageProgress<'_>,
-    pace: &mut BakePace,
 ) -> Result<Refitted> {
     options.validate()?;
     let Some(views) = views.filter(|v| !v.is_empty()) else {
@@ -155,9 +153,6 @@ pub fn refit(
     }
     if !mesh.indices.is_empty() {
         return Ok(Refitted::unneeded("a mesh with shared vertices keeps its colours"));
-    }
-    if !pace.affords_colors(views.len()) {
-        return Ok(Refitted::unneeded("`budget` leaves no time to fit colours"));
     }
     let mut accumulator = Accumulator::new(mesh, views, options.refit_flatness as f32);
     let end_of_pass = |pass: u32| f64::from(pass) / f64::from(options.refit_passes);

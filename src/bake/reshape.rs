@@ -22,7 +22,6 @@ mod faces;
 mod found;
 mod round;
 
-use super::pace::BakePace;
 use super::views::Views;
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
@@ -126,7 +125,6 @@ pub fn reshape(
     options: &ReshapeOptions,
     details: &mut ReshapeDetails,
     progress: &mut StageProgress<'_>,
-    pace: &mut BakePace,
 ) -> Result<Outcome<()>> {
     options.validate()?;
     if let Some(why) = nothing_to_do(mesh, traits, options) {
@@ -135,15 +133,11 @@ pub fn reshape(
     let Some(views) = views.filter(|views| !views.is_empty()) else {
         return Ok(Outcome::Unneeded("there are no photos and no pictures of the soft scene"));
     };
-    let Some(effort) = affordable_effort(mesh, views, options, pace) else {
-        return Ok(Outcome::Unneeded("`budget` leaves no time to fit triangles"));
-    };
-    let [recolored, fitted] = fit(mesh, views, traits, effort, details, progress, pace)?;
+    let effort = Effort::new(mesh.face_count(), views.cameras(), options.reshape_rounds);
+    let [recolored, fitted] = fit(mesh, views, traits, effort, details, progress)?;
     let chosen = views.evenly_spaced(EVALUATION_VIEWS);
     // With few pictures per triangle, a round may spoil triangles for the other pictures.
-    let (fitted_psnr, secs) = pace.timed(|| views.mean_psnr(&fitted, &chosen));
-    pace.learn_solid(secs / chosen.len() as f64);
-    if fitted_psnr? < views.mean_psnr(&recolored, &chosen)? {
+    if views.mean_psnr(&fitted, &chosen)? < views.mean_psnr(&recolored, &chosen)? {
         *details = ReshapeDetails::default();
         return Ok(Outcome::Unneeded("the input triangles match the pictures better"));
     }
@@ -162,64 +156,27 @@ fn nothing_to_do(mesh: &Mesh, traits: SceneTraits, options: &ReshapeOptions) -> 
     }
 }
 
-/// The effort per round; `None` when there is no time for enough rounds.
-fn affordable_effort(
-    mesh: &Mesh,
-    views: &Views,
-    options: &ReshapeOptions,
-    pace: &mut BakePace,
-) -> Option<Effort> {
-    let effort = Effort::new(mesh.face_count(), views.cameras(), options.reshape_rounds);
-    if !pace.is_active() {
-        return Some(effort);
-    }
-    let effort = effort.settled(mesh.face_count(), views.cameras());
-    let expected = pace.expected_round_secs(views.len().div_ceil(effort.stride));
-    match pace.rounds(0, expected, effort.rounds, views.len()) {
-        0 => {
-            pace.fitted(0, effort.rounds, expected);
-            None
-        }
-        _ => Some(effort),
-    }
-}
-
-/// Makes the rounds that `pace` has time for; returns the original triangles, recoloured, and the fitted
-/// ones.
+/// Makes the rounds; returns the original triangles, recoloured, and the fitted ones.
 fn fit(
     mesh: &Mesh,
     views: &mut Views,
     traits: SceneTraits,
-    mut effort: Effort,
+    effort: Effort,
     details: &mut ReshapeDetails,
     progress: &mut StageProgress<'_>,
-    pace: &mut BakePace,
 ) -> Result<[Mesh; 2]> {
-    let (most, view_count) = (effort.rounds, views.len());
     let mut faces = ReshapedFaces::new(mesh);
     let mut rounds = Rounds::new(mesh, views, traits.is_closed);
     // Colours first, because changes are judged with them.
-    let (found, mut secs) = pace.timed(|| rounds.draw(0, effort, &faces, &[]));
-    let found = found?;
+    let found = rounds.draw(0, effort, &faces, &[])?;
     faces.recolor(&found);
     (details.psnr_first, details.psnr_last) = (found.psnr(), found.psnr());
     let recolored = faces.to_mesh();
     let mut changes = Changes::default();
-    // Every other round draws the triangles twice: as they are, and moved.
-    secs *= 2.0;
-    let mut round = 1;
-    loop {
-        effort = effort.corrected(round, pace.rounds(round, secs, most, view_count));
-        if round >= effort.rounds {
-            break;
-        }
+    for round in 1..effort.rounds {
         progress.set(round as usize, effort.rounds as usize);
-        let (found, spent) =
-            pace.timed(|| changes.round(round, effort, mesh.face_count(), &mut faces, &mut rounds));
-        (details.psnr_last, secs) = (found?, spent);
-        round += 1;
+        details.psnr_last = changes.round(round, effort, mesh.face_count(), &mut faces, &mut rounds)?;
     }
-    pace.fitted(effort.rounds, most, secs);
     let Changes { dropped, moved, cut } = changes;
     details.rounds = Some(effort.rounds);
     (details.dropped, details.corners_moved, details.cut) = (Some(dropped), Some(moved), Some(cut));

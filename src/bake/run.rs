@@ -1,7 +1,6 @@
 //! The bake, called by a program.
 
 use super::options::BakeOptions;
-use super::pace::BakePace;
 use super::recipe::Recipe;
 use super::views::Views;
 use crate::asset::Asset;
@@ -64,13 +63,12 @@ pub struct Bake<'a> {
     views: Option<&'a mut Views>,
     report: Option<&'a mut Report>,
     observer: Option<&'a mut dyn Observer>,
-    pace: Option<&'a mut BakePace>,
 }
 
 impl<'a> Bake<'a> {
     /// A bake with these options.
     pub fn new(options: &'a BakeOptions) -> Self {
-        Self { options, views: None, report: None, observer: None, pace: None }
+        Self { options, views: None, report: None, observer: None }
     }
 
     /// Photos of the scene. Without them the cameras stored in the scene, if any, decide visibility. The
@@ -89,25 +87,19 @@ impl<'a> Bake<'a> {
         Self { observer: Some(observer), ..self }
     }
 
-    /// Keeps the bake of a soft scene to a budget.
-    pub fn pace(self, pace: &'a mut BakePace) -> Self {
-        Self { pace: Some(pace), ..self }
-    }
-
     /// Merges `inputs` and bakes them for an engine.
     ///
     /// Errors: options out of range, inputs that do not merge, nothing left to draw, photos that cannot be read or do
     /// not show the scene.
     pub fn run<S: Into<Loaded>>(self, inputs: impl IntoIterator<Item = S>) -> Result<Asset> {
         self.options.validate()?;
-        let (mut own_report, mut no_observer, mut no_pace) = (Report::default(), (), BakePace::default());
+        let (mut own_report, mut no_observer) = (Report::default(), ());
         let observer = match self.observer {
             Some(observer) => observer,
             None => &mut no_observer,
         };
         let report = self.report.unwrap_or(&mut own_report);
-        let pace = self.pace.unwrap_or(&mut no_pace);
-        let recipe = Recipe::new(self.options, self.views, report, observer, pace);
+        let recipe = Recipe::new(self.options, self.views, report, observer);
         recipe.run(inputs.into_iter().map(Into::into).collect())
     }
 }

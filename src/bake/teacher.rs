@@ -5,14 +5,12 @@
 //! draws the scene as it was trained, without photos.
 
 use super::color::color;
-use super::pace::BakePace;
 use super::prune::{PruneDetails, PruneOptions, prune};
 use super::solid::{SolidOptions, area_factor, solid};
 use super::views::{SAMPLES, Views, drawing};
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::formats::info::Softness;
-use crate::math::median::median;
 use crate::math::metric;
 use crate::mesh::Mesh;
 use crate::ranges::{self, Called};
@@ -21,7 +19,7 @@ use crate::raster::solid::Solid;
 use crate::report::{Outcome, StageDetails};
 use crate::scene::{Loaded, Scene};
 use crate::soup::Soup;
-use crate::teacher::{Search, Teacher, ViewpointKind, Viewpoints};
+use crate::teacher::{Teacher, ViewpointKind, Viewpoints};
 use glam::UVec2;
 
 /// Pixels of all pictures together; with many or large cameras not all are drawn.
@@ -32,15 +30,10 @@ const CHOSEN_PICTURES: usize = 32;
 const SOFTNESS_VIEWS: usize = 4;
 /// Their longer side, px.
 const SOFTNESS_PX: u32 = 240;
-/// With a budget: how often a solid picture is timed, to plan the rest.
-const TIMED: usize = 3;
 /// Pictures with a smaller share of scene are not used.
 const LEAST_COVERED: f64 = 0.001;
 /// A scene is solid when its triangles cover this share of their area.
 const SOLID_COVER: f64 = 0.95;
-
-/// The note when a budget leaves no time for pictures.
-const NO_TIME: &str = "`budget` leaves no time for pictures of the soft scene";
 
 /// Whether pictures of the soft scene are drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -109,8 +102,7 @@ impl StageDetails for TeacherDetails {
     const STAGE: &'static str = "teacher";
 }
 
-/// Draws the pictures of a soft scene into `views`, unless there are `photos`; with a budget, as many as
-/// `pace` allows.
+/// Draws the pictures of a soft scene into `views`, unless there are `photos`.
 ///
 /// Errors: an option out of range; options of the stages that make a scene solid out of range.
 pub fn teacher(
@@ -120,7 +112,6 @@ pub fn teacher(
     options: &TeacherOptions,
     solidly: &SolidOptions,
     details: &mut TeacherDetails,
-    pace: &mut BakePace,
 ) -> Result<Outcome<()>> {
     options.validate()?;
     if options.teacher == TeacherWhen::Off {
@@ -134,22 +125,15 @@ pub fn teacher(
         Scene::Soup(soup) => soup,
     };
     if photos {
-        details.softness = softness_from(soup, &scene.cameras, solidly, pace)?;
+        details.softness = softness_from(soup, &scene.cameras, solidly)?;
         return Ok(Outcome::Unneeded("there are photos, or pictures already"));
     }
-    let Some(viewpoints) = viewpoints_in_time(scene, pace) else {
-        return Ok(Outcome::Unneeded(match pace.skips_pictures() {
-            true => NO_TIME,
-            false => "the scene stores no cameras and shows nothing from anywhere",
-        }));
+    let Some(viewpoints) = viewpoints(scene) else {
+        return Ok(Outcome::Unneeded("the scene stores no cameras and shows nothing from anywhere"));
     };
-    details.softness = softness_from(soup, &viewpoints.cameras, solidly, pace)?;
+    details.softness = softness_from(soup, &viewpoints.cameras, solidly)?;
     details.viewpoints = Some(viewpoints.kind);
-    let drawn = paced_pictures(scene, viewpoints.cameras, options.teacher_pictures, pace);
-    if pace.skips_pictures() {
-        details.viewpoints = None;
-        return Ok(Outcome::Unneeded(NO_TIME));
-    }
+    let drawn = at_most(options.teacher_pictures, scene, viewpoints.cameras);
     if drawn.covered() < LEAST_COVERED {
         return Ok(Outcome::Unneeded("the scene's cameras see nothing of it"));
     }
@@ -160,56 +144,30 @@ pub fn teacher(
     Ok(Outcome::Changed(()))
 }
 
-/// Where pictures are drawn from, if there is time to find that out; viewpoints that are stored cost nothing.
-fn viewpoints_in_time(scene: &Loaded, pace: &mut BakePace) -> Option<Viewpoints> {
-    if !pace.is_active() || !scene.cameras.is_empty() {
-        return viewpoints(scene);
-    }
-    let mut search = Search::new(scene)?;
-    // The first look allocates.
-    search.look();
-    let looks = (0..TIMED).map(|_| pace.timed(|| search.look()).1);
-    let look_secs = looks.fold(f64::INFINITY, f64::min);
-    if !pace.affords_search(search.looks() as f64 * look_secs) {
-        return None;
-    }
-    Viewpoints::found_by(search).map(telling)
-}
-
-/// The cameras for a bake's pictures.
+/// The cameras for a bake's pictures; of chosen viewpoints the most telling ones.
 fn viewpoints(scene: &Loaded) -> Option<Viewpoints> {
-    Viewpoints::of(scene, 3 * MOST_PIXELS).map(telling)
-}
-
-/// Of chosen viewpoints the most telling ones.
-fn telling(mut viewpoints: Viewpoints) -> Viewpoints {
+    let mut viewpoints = Viewpoints::of(scene, 3 * MOST_PIXELS)?;
     if viewpoints.kind != ViewpointKind::Stored {
         viewpoints.cameras.truncate(CHOSEN_PICTURES);
     }
-    viewpoints
+    Some(viewpoints)
 }
 
 /// The soft pictures of `scene` from `cameras` in its frame, or from an evenly spaced selection when these
 /// are too many.
 pub fn pictures(scene: &Loaded, cameras: Vec<Camera>) -> Views {
-    paced_pictures(scene, cameras, None, &mut BakePace::default())
+    at_most(None, scene, cameras)
 }
 
-/// The same, limited in number and by `pace`.
-fn paced_pictures(scene: &Loaded, cameras: Vec<Camera>, most: Option<u32>, pace: &mut BakePace) -> Views {
+/// The same, limited in number.
+fn at_most(most: Option<u32>, scene: &Loaded, cameras: Vec<Camera>) -> Views {
     let cameras = within_budget(cameras);
     let most = most.map_or(cameras.len(), |most| cameras.len().min(most as usize));
     let mut teacher = Teacher::new(scene.scene.to_soup(), &cameras, &SoftOptions::default());
-    let mut order = spread(cameras.len());
-    let (mut drawn, mut secs) = (Vec::new(), 0.0);
-    while pace.wants_picture(drawn.len(), most, secs) {
-        let Some(view) = order.next() else { break };
-        let (picture, spent) = pace.timed(|| teacher.weighted_picture(&cameras[view]));
-        drawn.push((view, picture));
-        secs = spent;
-    }
-    drawn.sort_unstable_by_key(|(view, _)| *view);
-    let (chosen, pictures) = drawn.into_iter().map(|(view, picture)| (cameras[view], picture)).unzip();
+    let mut chosen: Vec<usize> = spread(cameras.len()).take(most).collect();
+    chosen.sort_unstable();
+    let picture = |view| (cameras[view], teacher.weighted_picture(&cameras[view]));
+    let (chosen, pictures) = chosen.into_iter().map(picture).unzip();
     Views::drawn(chosen, pictures)
 }
 
@@ -264,37 +222,19 @@ pub fn softness(scene: &Loaded, solidly: &SolidOptions) -> Result<Option<Softnes
         return Ok(None);
     }
     match viewpoints(scene) {
-        Some(viewpoints) => softness_from(soup, &viewpoints.cameras, solidly, &mut BakePace::default()),
+        Some(viewpoints) => softness_from(soup, &viewpoints.cameras, solidly),
         None => Ok(None),
     }
 }
 
-/// With a budget, one picture is measured, and `pace` learns the time of a solid picture of full size.
-fn softness_from(
-    soup: &Soup,
-    cameras: &[Camera],
-    solidly: &SolidOptions,
-    pace: &mut BakePace,
-) -> Result<Option<Softness>> {
+fn softness_from(soup: &Soup, cameras: &[Camera], solidly: &SolidOptions) -> Result<Option<Softness>> {
     if cameras.is_empty() {
         return Ok(None);
     }
     let Some(mesh) = solid_mesh(soup, solidly)? else { return Ok(None) };
     let mut teacher = Teacher::new(soup.clone(), cameras, &SoftOptions::default());
     let (drawing, mut solid) = (drawing(cameras, &mesh, SAMPLES), Solid::new());
-    let count = match pace.is_active() {
-        true => {
-            // The first one allocates.
-            solid.visibility(&mesh, &no_larger(&cameras[0]), &drawing);
-            let secs = (0..TIMED).map(|i| {
-                let camera = no_larger(&cameras[i * cameras.len() / TIMED]);
-                pace.timed(|| solid.visibility(&mesh, &camera, &drawing).size).1
-            });
-            pace.learn_solid(median(secs.collect(), f64::total_cmp).unwrap_or_default());
-            1
-        }
-        false => SOFTNESS_VIEWS.min(cameras.len()),
-    };
+    let count = SOFTNESS_VIEWS.min(cameras.len());
     let psnr = |i: usize| {
         let camera = small(&cameras[i * cameras.len() / count]);
         let (soft, solid) = (teacher.picture(&camera), solid.render(&mesh, &camera, &drawing));

@@ -341,15 +341,9 @@ impl FidelityBench<'_> {
     }
 
     fn evaluate(&self, step: EvalStep) -> Result<StepScore> {
-        let scores = evaluate::evaluate(
-            &mut [step],
-            &self.views,
-            self.args.dataset_options.photo_bytes(),
-            &[],
-            false,
-            None,
-            |_, _, _| Ok(()),
-        )?;
+        let photo_bytes = self.args.dataset_options.photo_bytes();
+        let scores =
+            evaluate::evaluate(&mut [step], &self.views, photo_bytes, &[], false, |_, _, _| Ok(()))?;
         scores.into_iter().next().ok_or_else(|| Error::invalid("DATASET", "no score", "held-out photos"))
     }
 

@@ -9,10 +9,8 @@ use super::layers;
 use super::outputs::Outputs;
 use super::progress::Progress;
 use crate::bake::BakeOptions;
-use crate::bake::pace::BakeBudgetDetails;
 use crate::bake::reshape::ReshapeDetails;
 use crate::bake::teacher::TeacherDetails;
-use crate::budget::Budget;
 use crate::dataset::{Dataset, ShrunkSize};
 use crate::error::Result;
 use crate::formats::info::Softness;
@@ -49,7 +47,6 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()>
         dataset_options: args.dataset_options.clone(),
         harden: args.harden.options(),
         max_bytes: args.max_bytes.map(|size| size.0),
-        budget: args.budget.map(Budget::cpu),
         began: Some(clock),
     };
     let mut terminal = Terminal::new(global, command());
@@ -67,9 +64,6 @@ fn say(report: &Report, progress: &Progress) {
     for warning in &report.warnings {
         progress.warn(warning);
     }
-    if let Some(details) = report.details::<BakeBudgetDetails>() {
-        budget_lines(details).iter().for_each(|line| progress.line(line));
-    }
     let hardened = report.details::<TrainDetails>().and_then(|details| details.hardened);
     if let Some(HardenedGain { views, psnr_before, psnr_after, photo_size, kept: true }) = hardened {
         let size = ShrunkSize::beside(photo_size);
@@ -86,18 +80,6 @@ fn say(report: &Report, progress: &Progress) {
         let bytes = super::progress::thousands(file.bytes);
         progress.line(&format!("{verb} {} ({bytes} bytes, {:.2} s)", file.path, report.seconds));
     }
-}
-
-/// The omissions of a budget and their reasons, the spent time, and the options that repeat the bake.
-fn budget_lines(details: BakeBudgetDetails) -> Vec<String> {
-    let (Some(budget), Some(spent)) = (details.budget, details.spent_secs) else { return Vec::new() };
-    let repeat = match &details.repeat {
-        Some(options) => format!("the same file without it: {options}"),
-        None => "nothing was left out".to_owned(),
-    };
-    let mut lines = details.reasons;
-    lines.push(format!("spent {spent:.2}s of the budget {budget}; {repeat}"));
-    lines
 }
 
 /// The command, for the names of its flags.

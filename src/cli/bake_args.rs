@@ -3,7 +3,6 @@
 use super::bake_bytes::ByteSize;
 use super::harden::HardenArgs;
 use crate::bake::BakeOptions;
-use crate::budget::Seconds;
 use crate::dataset::DatasetOptions;
 use crate::formats::output::OutputFormat;
 use std::path::PathBuf;
@@ -44,10 +43,6 @@ pub struct BakeArgs {
     /// or twice.
     #[arg(long, value_name = "SIZE")]
     pub max_bytes: Option<ByteSize>,
-    /// CPU time to spend on all cores together, as in 5s or 2m: chooses the number of pictures of a soft
-    /// scene, the rounds of fitting triangles to them, and whether colours are fitted.
-    #[arg(long, value_name = "TIME", conflicts_with_all = ["max_bytes", "harden"])]
-    pub budget: Option<Seconds>,
     /// Posed photos of the scene: removes triangles hidden in all of them, and fits colours to them
     #[arg(long, value_name = "DATASET")]
     pub dataset: Option<PathBuf>,

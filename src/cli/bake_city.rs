@@ -53,7 +53,6 @@ fn check(args: &BakeArgs, options: &BakeOptions) -> Result<()> {
         (args.dataset.is_some(), "dataset", "a merged scene: blocks are baked one by one, without photos"),
         (args.harden.harden.is_some(), "harden", "a merged scene"),
         (args.max_bytes.is_some(), "max_bytes", "a merged scene"),
-        (args.budget.is_some(), "budget", "a merged scene"),
         (args.report.is_some(), "report", "a merged scene"),
         (args.dry_run, "dry_run", "a merged scene"),
         (options.collision.collision, "collision", "a merged scene"),

@@ -53,10 +53,6 @@ pub struct EvalArgs {
     /// Print all scores as JSON instead of a table.
     #[arg(long)]
     pub json: bool,
-    /// Also turn and move each camera by up to 3 px until the drawing comes closest to its photo, and measure again. This shows
-    /// what the errors of poses cost; such figures use the photo twice, so they do not compare with others.
-    #[arg(long)]
-    pub refine_poses: bool,
     /// Do not measure coverage, the share of pixels that at least two training photos see. It draws the scene
     /// once for every training photo.
     #[arg(long)]
@@ -107,7 +103,7 @@ impl EvalArgs {
     fn job(&self) -> EvalJob {
         let mut job = EvalJob::new(&self.file);
         (job.render, job.split, job.coverage) = (self.render, self.split, !self.no_coverage);
-        (job.refine_poses, job.floats) = (self.refine_poses, self.floats);
+        job.floats = self.floats;
         job.backend = self.backend_options.clone();
         job.dataset_options = self.dataset_options.clone();
         job
@@ -122,31 +118,23 @@ struct Table {
     photos: bool,
     /// Whether there is a table at all.
     shown: bool,
-    /// Whether it has columns for refined poses.
-    refined: bool,
 }
 
 impl Table {
     fn new<'a>(names: impl Iterator<Item = &'a str>, global: &Global, args: &EvalArgs) -> Self {
         let width = names.map(|name| name.chars().count()).max().unwrap_or(0).max("photo".len());
-        Self { width, photos: !global.quiet && !args.json, shown: !args.json, refined: args.refine_poses }
+        Self { width, photos: !global.quiet && !args.json, shown: !args.json }
     }
 
     fn line(&self, out: &mut dyn Write, text: &str) -> Result<()> {
         messages::write(out, text.trim_end()).and_then(|()| out.flush()).map_err(|e| Error::io("-", e))
     }
 
-    /// Name and step, scores with the pose as given, and those with a refined one.
-    fn cells(&self, name: &str, step: &str, scores: &Scores, refined: Option<&Scores>) -> String {
+    /// Name, step and scores.
+    fn cells(&self, name: &str, step: &str, scores: &Scores) -> String {
         let (width, Scores { psnr, ssim, flip, psnr_corrected, ssim_corrected }) = (self.width, scores);
         let cells = format!("{name:<width$}  {step:<5} {psnr:>8.3} {ssim:>7.4} {flip:>7.4}");
-        let cells = format!("{cells}  {psnr_corrected:>12.3} {ssim_corrected:>7.4}");
-        match refined {
-            Some(Scores { psnr, psnr_corrected, .. }) => {
-                format!("{cells}  {psnr:>10.3} {psnr_corrected:>12.3}")
-            }
-            None => cells,
-        }
+        format!("{cells}  {psnr_corrected:>12.3} {ssim_corrected:>7.4}")
     }
 
     fn header(&self, out: &mut dyn Write) -> Result<()> {
@@ -154,10 +142,6 @@ impl Table {
         let header =
             format!("{:<width$}  {:<5} {:>8} {:>7} {:>7}", "photo", "step", "PSNR dB", "SSIM", "FLIP");
         let header = format!("{header}  {:>12} {:>7}", "corrected dB", "SSIM");
-        let header = match self.refined {
-            true => format!("{header}  {:>10} {:>12} {:>5}", "refined dB", "corrected dB", "by px"),
-            false => header,
-        };
         if self.shown { self.line(out, &header) } else { Ok(()) }
     }
 
@@ -166,16 +150,12 @@ impl Table {
         if !self.photos {
             return Ok(());
         }
-        let refined = score.refined_pose.as_ref();
-        let cells = self.cells(&score.name, drawn.step, &score.score, refined.map(|refined| &refined.score));
-        let by = refined.map_or_else(String::new, |refined| format!(" {:>5.2}", refined.by_px));
-        self.line(out, &(cells + &by))
+        self.line(out, &self.cells(&score.name, drawn.step, &score.score))
     }
 
     fn mean(&self, out: &mut dyn Write, step: &StepScore, report: &EvalReport) -> Result<()> {
-        let cells = self.cells("mean", &step.name, &step.mean, step.mean_refined_pose.as_ref());
-        let by = if self.refined { " ".repeat(6) } else { String::new() };
-        self.line(out, &format!("{cells}{by}  {}", remark(step, report)))
+        let cells = self.cells("mean", &step.name, &step.mean);
+        self.line(out, &format!("{cells}  {}", remark(step, report)))
     }
 
     fn end(&self, out: &mut dyn Write, report: &EvalReport) -> Result<()> {

@@ -3,7 +3,6 @@
 
 use super::{Global, capture_rows, flags, messages};
 use crate::bake::backdrop::BackdropDetails;
-use crate::bake::pace::BakeBudgetDetails;
 use crate::bake::teacher::TeacherDetails;
 use crate::dataset::tracked_poses::TrackedPoses;
 use crate::report::{Observer, StageDetails, StageReport};
@@ -151,9 +150,8 @@ fn time_left(elapsed: Duration, fraction: f64) -> Option<String> {
 /// Whether a stage gets a line: it changed something, took long, or was requested.
 fn is_told(stage: &StageReport) -> bool {
     let asked = |why: &String| {
-        matches!(stage.name.as_str(), "budget" | "capture" | "train")
+        matches!(stage.name.as_str(), "capture" | "train")
             || why == "done before"
-            || why.contains("`budget`")
     };
     stage.seconds >= TRIED_SECS || stage.unneeded.as_ref().is_none_or(asked)
 }
@@ -170,9 +168,6 @@ fn row(stage: &StageReport) -> String {
     }
     if let Some(text) = capture_rows::row(stage) {
         return format!("{name:<11}{text:<55} {:>8.2} s", stage.seconds);
-    }
-    if let Some(budget) = stage.details_as::<BakeBudgetDetails>() {
-        return format!("{name:<11}{}", chosen(&budget));
     }
     if let Some(poses) = stage.details_as::<TrackedPoses>() {
         let text = format!("{} photos moved by {:.2} px", poses.moved, poses.moved_px);
@@ -198,16 +193,6 @@ fn pictures(details: &TeacherDetails) -> String {
     let count = thousands(details.pictures.unwrap_or(0));
     let [width, height] = details.size_px.unwrap_or_default();
     format!("{count} pictures of {width}x{height} px")
-}
-
-/// The use of a budget: `12 pictures, 5 rounds of fitting, colours fitted`.
-fn chosen(details: &BakeBudgetDetails) -> String {
-    let pictures = details.pictures.map(|count| format!("{count} pictures"));
-    let rounds = details.rounds.map(|count| format!("{count} rounds of fitting"));
-    let colors =
-        details.colors.map(|fitted| if fitted { "colours fitted" } else { "colours kept" }.to_owned());
-    let parts: Vec<String> = [pictures, rounds, colors].into_iter().flatten().collect();
-    if parts.is_empty() { "no pictures, fitting or colours requested".to_owned() } else { parts.join(", ") }
 }
 
 /// 1234567 as "1,234,567", to be padded like any text.
@@ -237,7 +222,6 @@ mod tests {
         assert!(!is_told(&unneeded("lod", "`lod` was not given", 0.0)));
         let tried = unneeded("reshape", "the input triangles match the pictures better", 7.0);
         assert!(is_told(&tried) && row(&tried).ends_with("better (7.00 s)"), "{}", row(&tried));
-        assert!(is_told(&unneeded("teacher", "`budget` leaves no time", 0.0)));
         assert!(is_told(&unneeded("train", "the input is a mesh", 0.0)));
         assert!(is_told(&StageReport { unneeded: None, ..unneeded("place", "", 0.0) }));
     }

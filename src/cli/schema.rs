@@ -5,7 +5,7 @@ use crate::bake::{
     BakeOptions, arrange::ArrangeDetails, backdrop::BackdropDetails, bvh::BvhDetails, chunk::ChunkDetails,
     collision::CollisionDetails, color::ColorDetails, crop::CropDetails, exposure::ExposureDetails,
     floaters::FloatersDetails, lit::LitDetails, lod::LodDetails, order::OrderDetails,
-    pace::BakeBudgetDetails, place::PlaceDetails, prune::PruneDetails, refit::RefitDetails,
+    place::PlaceDetails, prune::PruneDetails, refit::RefitDetails,
     reshape::ReshapeDetails, solid::SolidDetails, teacher::TeacherDetails, texture::TextureDetails,
     tiles::TilesDetails, unseen::UnseenDetails, viewpoint::ViewpointDetails, weld::WeldDetails,
 };
@@ -158,7 +158,6 @@ fn report_schema() -> schemars::Schema {
         stage_schema::<OrderDetails>(g),
         stage_schema::<LodDetails>(g),
         stage_schema::<WriteDetails>(g),
-        stage_schema::<BakeBudgetDetails>(g),
         stage_schema::<TrainDetails>(g),
     ];
     let mut schema = generator.into_root_schema_for::<Report>();

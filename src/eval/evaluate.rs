@@ -1,9 +1,7 @@
 //! Scores of a scene on photos: draws every view and measures PSNR, SSIM and FLIP. PSNR and SSIM are given
 //! twice: for the drawing itself, and after the affine map of its colours that fits the photo best.
 
-use super::refined_pose::{self, RefinedPose};
 use super::steps::EvalStep;
-use crate::camera::Camera;
 use crate::dataset::{Photos, ShrunkSize, View};
 use crate::error::Result;
 use crate::image::{Image, Pixels};
@@ -56,9 +54,6 @@ pub struct StepScore {
     pub bytes: Option<u64>,
     /// Means over the photos, each photo counting once.
     pub mean: Scores,
-    /// The same with refined poses; absent when they were not refined.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub mean_refined_pose: Option<Scores>,
     /// PSNR of the covered pixels alone, mean over the photos that have any, dB.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_covered: Option<f64>,
@@ -105,19 +100,6 @@ pub struct ImageScore {
     /// PSNR of only those pixels, dB; absent when there are none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_covered: Option<f64>,
-    /// Scores with a refined pose; absent when it was not refined.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub refined_pose: Option<RefinedScore>,
-}
-
-/// Scores with a pose that was refined against the scene at its first step, so that the drawing comes closest to this photo.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct RefinedScore {
-    /// How close the drawing comes.
-    #[serde(flatten)]
-    pub score: Scores,
-    /// How far the pose turned and moved, as a distance in the photo, px.
-    pub by_px: f32,
 }
 
 /// The drawing of a view at one step, and its scores.
@@ -137,15 +119,13 @@ pub struct ScoredPicture {
 
 /// Draws and measures `views` at every step. Calls `on_view` with each view, its photo and its drawings as
 /// soon as they exist. `covered` flags the covered pixels of each view; empty if coverage is off. With
-/// `floats` drawings are there before they are rounded, too. With `refine`, the median distance of what photos show
-/// in world units, poses are refined and measured again. Returns the scores, step by step.
+/// `floats` drawings are there before they are rounded, too. Returns the scores, step by step.
 pub fn evaluate(
     steps: &mut [EvalStep],
     views: &[&View],
     photo_bytes: u64,
     covered: &[Vec<bool>],
     floats: bool,
-    refine: Option<f64>,
     mut on_view: impl FnMut(&View, &Pixels, &[ScoredPicture]) -> Result<()>,
 ) -> Result<Vec<StepScore>> {
     for step in &*steps {
@@ -159,27 +139,13 @@ pub fn evaluate(
         let photo = photos.take(i)?;
         let mut drawn = Vec::with_capacity(steps.len());
         let cut = view.photo.is_cut() && photo.alpha.is_some();
-        // One pose for all steps: differences between them are not those of poses.
-        let refined = refine.zip(steps.first_mut()).map(|(unit, step)| {
-            let clock = Instant::now();
-            let refined = refine_pose(step, view, &photo, cut, unit);
-            secs[0] += clock.elapsed().as_secs_f64();
-            refined
-        });
         for (step, secs) in steps.iter_mut().zip(&mut secs) {
             let clock = Instant::now();
-            let mut measured = |camera: &Camera| {
-                let mut draw = |background| step.renderer.color_over(camera, background);
-                match cut {
-                    false => measure(step.name, &view.name, &photo, draw(None)),
-                    true => measure_cut(step.name, &view.name, &photo, |background| draw(Some(background))),
-                }
+            let mut draw = |background| step.renderer.color_over(&view.camera, background);
+            let mut drawing = match cut {
+                false => measure(step.name, &view.name, &photo, draw(None)),
+                true => measure_cut(step.name, &view.name, &photo, |background| draw(Some(background))),
             };
-            let mut drawing = measured(&view.camera);
-            drawing.score.refined_pose = refined.map(|RefinedPose { camera, by_px }| {
-                let score = measured(&camera).score.score;
-                RefinedScore { score, by_px }
-            });
             *secs += clock.elapsed().as_secs_f64();
             drawing.image = floats.then(|| step.renderer.image(&view.camera, cut.then_some([0.0; 3])));
             if let Some(covered) = covered.get(i) {
@@ -193,9 +159,6 @@ pub fn evaluate(
     let mut scores: Vec<StepScore> = Vec::with_capacity(steps.len());
     for ((step, images), draw_secs) in steps.iter().zip(images).zip(secs) {
         let mean = mean(images.iter().map(|image| &image.score));
-        let refined: Vec<&Scores> =
-            images.iter().filter_map(|image| Some(&image.refined_pose.as_ref()?.score)).collect();
-        let mean_refined_pose = (!refined.is_empty()).then(|| self::mean(refined.into_iter()));
         let change = scores.last().map(|before| mean.minus(&before.mean));
         let psnr_covered = mean_of(images.iter().filter_map(|image| image.psnr_covered));
         let (name, triangles, bytes) = (step.name.to_owned(), step.triangles, step.bytes);
@@ -204,7 +167,6 @@ pub fn evaluate(
             triangles,
             bytes,
             mean,
-            mean_refined_pose,
             psnr_covered,
             change,
             images,
@@ -212,19 +174,6 @@ pub fn evaluate(
         });
     }
     Ok(scores)
-}
-
-/// The pose with which the drawing of `step` comes closest to the photo; `cut` of an object is compared over black.
-fn refine_pose(step: &mut EvalStep, view: &View, photo: &Pixels, cut: bool, unit: f64) -> RefinedPose {
-    let background = cut.then_some([0.0; 3]);
-    let draw = |camera: &Camera| step.renderer.color_over(camera, background);
-    match cut {
-        false => refined_pose::refined(&view.camera, unit, photo, draw),
-        true => {
-            let whole = Pixels { alpha: None, ..photo.clone() };
-            refined_pose::refined(&view.camera, unit, &whole, draw)
-        }
-    }
 }
 
 fn measure(step: &'static str, name: &str, photo: &Pixels, picture: Pixels) -> ScoredPicture {
@@ -248,7 +197,7 @@ fn measure_with(
     let mean = metric::mean_error(&flip, photo.alpha.as_deref());
     let score = Scores { psnr, ssim, flip: mean, psnr_corrected, ssim_corrected };
     let (name, size) = (name.to_owned(), photo.size.to_array());
-    let score = ImageScore { name, size, score, coverage: None, psnr_covered: None, refined_pose: None };
+    let score = ImageScore { name, size, score, coverage: None, psnr_covered: None };
     ScoredPicture { step, picture, image: None, flip, score }
 }
 

@@ -2,5 +2,4 @@
 
 pub mod coverage;
 pub mod evaluate;
-mod refined_pose;
 pub mod steps;

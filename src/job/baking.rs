@@ -1,6 +1,5 @@
-//! A bake job, from its inputs and options to files: photos, hardening, a byte or time budget, stages, report.
+//! A bake job, from its inputs and options to files: photos, hardening, a limit on bytes, stages, report.
 
-use super::bake_budget;
 use super::fitted::fitted;
 use super::harden::{self, HardenOptions, Hardened};
 use super::observer::BakeJobObserver;
@@ -9,7 +8,6 @@ use crate::asset::Asset;
 use crate::bake::merge::merge;
 use crate::bake::teacher::TeacherWhen;
 use crate::bake::{Bake, BakeOptions, Views};
-use crate::budget::Budget;
 use crate::dataset::{Dataset, DatasetOptions};
 use crate::error::{Error, Result};
 use crate::formats;
@@ -67,9 +65,7 @@ pub struct BakeJob {
     pub harden: Option<HardenOptions>,
     /// Limit on the bytes of all files together.
     pub max_bytes: Option<u64>,
-    /// Time budget. It chooses the number of pictures, rounds and colours for a soft scene.
-    pub budget: Option<Budget>,
-    /// Start of the budget's clock; `None`: the moment the job runs.
+    /// Start of the report's clock; `None`: the moment the job runs.
     pub began: Option<Instant>,
 }
 
@@ -101,7 +97,6 @@ impl BakeJob {
             dataset_options: DatasetOptions::default(),
             harden: None,
             max_bytes: None,
-            budget: None,
             began: None,
         }
     }
@@ -149,7 +144,6 @@ impl BakeJob {
         let Scenes { scenes, mut views, unhardened } = self.scenes(&mut report, observer)?;
         observer.prepared(&report.stages);
         let (mut options, has_photos) = (self.options, self.photos.is_some());
-        let mut pace = bake_budget::pace(self.budget, began);
         let mut asset = match (self.max_bytes, &to) {
             (Some(limit), Some((output, _))) => {
                 let found = fitted(limit, &scenes, views.as_mut(), &options, output, &report, observer)?;
@@ -159,7 +153,7 @@ impl BakeJob {
             }
             _ => {
                 let bake = Bake::new(&options).photos(views.as_mut()).report(&mut report).observer(observer);
-                bake.pace(&mut pace).run(scenes)?
+                bake.run(scenes)?
             }
         };
         report.options = serde_json::to_value(&options).unwrap_or_default();
@@ -170,11 +164,6 @@ impl BakeJob {
         if let Some((output, files)) = to {
             output::write(&asset, output, files, &options.output, &mut report, observer)?;
         }
-        if let Some(stage) = bake_budget::stage(&pace) {
-            observer.finished(&stage);
-            report.stages.push(stage);
-        }
-        report.warnings.extend(bake_budget::warning(self.budget, &pace));
         report.seconds = began.elapsed().as_secs_f64();
         Ok(BakeDone { asset, report })
     }

@@ -7,7 +7,7 @@ use crate::eval::evaluate::{self, EvalReport, ScoredPicture};
 use crate::eval::steps::{self, EvalStep};
 use crate::formats;
 use crate::image::Pixels;
-use crate::render::scene_renderer::{RenderOptions, space_of};
+use crate::render::scene_renderer::RenderOptions;
 use crate::train::BackendOptions;
 use std::path::PathBuf;
 
@@ -41,8 +41,6 @@ pub struct EvalJob {
     pub split: Split,
     /// Measure coverage: the share of pixels whose surface at least two training photos see. It draws the scene once per photo.
     pub coverage: bool,
-    /// Also refine the photos' poses against the scene and measure again: what the errors of poses cost.
-    pub refine_poses: bool,
     /// Also return drawings as floats, before rounding to 8 bits.
     pub floats: bool,
     /// Backend for soft drawings.
@@ -69,7 +67,6 @@ impl EvalJob {
             render: RenderOptions::default(),
             split: Split::default(),
             coverage: true,
-            refine_poses: false,
             floats: false,
             backend: BackendOptions::default(),
             dataset_options: DatasetOptions::default(),
@@ -139,11 +136,9 @@ impl<'a> ReadyEval<'a> {
             }
             None => Vec::new(),
         };
-        let refine = self.job.refine_poses.then(|| 1.0 / f64::from(space_of(self.dataset).scale));
         let (steps, views) = (&mut self.steps, &self.views);
         let on_view = |_: &View, photo: &Pixels, drawn: &[ScoredPicture]| on_view(photo, drawn);
-        let scores =
-            evaluate::evaluate(steps, views, photo_bytes, &covered, self.job.floats, refine, on_view)?;
+        let scores = evaluate::evaluate(steps, views, photo_bytes, &covered, self.job.floats, on_view)?;
         let (split, ssaa) = (self.job.split.name(), self.job.render.ssaa);
         let report = EvalReport::new(&self.job.file, &self.dataset.path, split, ssaa, scores);
         let photo_size = ShrunkSize::of(self.views.iter().copied());

@@ -5,7 +5,6 @@
 //!  preset < file < given   teacher, budget   its teacher, pictures
 //! ```
 
-mod bake_budget;
 mod baking;
 pub mod budget;
 mod describe;

@@ -336,7 +336,7 @@ fn move_points(points: &mut [Vec3], placement: &Placement, dataset: &Dataset) {
 }
 
 /// The space that a training on this data set uses.
-pub(crate) fn space_of(dataset: &Dataset) -> Space {
+fn space_of(dataset: &Dataset) -> Space {
     let cameras: Vec<Camera> = dataset.train().map(|v| v.camera).collect();
     let points: Vec<Vec3> = dataset.points.iter().map(|p| p.position).collect();
     Space::new(&cameras, &points)

@@ -54,7 +54,7 @@ pub(super) struct Chosen {
 
 /// A search for places to look from at a scene that stores no cameras.
 #[derive(Debug)]
-pub struct Search {
+pub(super) struct Search {
     survey: Survey,
     unit: Unit,
     up: Vec3,
@@ -62,22 +62,10 @@ pub struct Search {
 
 impl Search {
     /// Prepares to look at `scene`; `None` when it has no extent.
-    pub fn new(scene: &Loaded) -> Option<Self> {
+    pub(super) fn new(scene: &Loaded) -> Option<Self> {
         let (unit, soup) = in_units(scene)?;
         let up = scene.provenance.up.unwrap_or_default().to_y_up().transpose() * glam::DVec3::Y;
         Some(Self { survey: Survey::new(soup), unit, up: up.as_vec3() })
-    }
-
-    /// Looks that it takes at most.
-    pub fn looks(&self) -> usize {
-        PICTURES + LOOKS * free_eyes(self.survey.middles()).len()
-    }
-
-    /// Takes a look like each of these, to tell how long they will take. It changes nothing that is found.
-    pub fn look(&mut self) {
-        if let Some(camera) = around(self.unit.reach, self.up).first() {
-            self.survey.look(camera, CLEARANCE);
-        }
     }
 
     /// Where to look from; `None` when the scene shows nothing from anywhere.

@@ -11,7 +11,6 @@ mod survey;
 mod thin;
 pub mod viewpoints;
 
-pub use chosen::Search;
 pub use dataset::{beside, dataset};
 pub use drawing::Teacher;
 pub use viewpoints::{ViewpointKind, Viewpoints};

@@ -39,15 +39,10 @@ impl Viewpoints {
     /// chosen ones. `None` without stored cameras and without visible triangles.
     pub fn of(scene: &Loaded, max_bytes: u64) -> Option<Self> {
         if scene.cameras.is_empty() {
-            return Self::found_by(Search::new(scene)?);
+            let chosen = Search::new(scene)?.viewpoints()?;
+            let kind = if chosen.inside { ViewpointKind::Inside } else { ViewpointKind::Around };
+            return Some(Self { kind, cameras: chosen.cameras });
         }
         Some(Self { kind: ViewpointKind::Stored, cameras: stored::viewpoints(&scene.cameras, max_bytes) })
-    }
-
-    /// Those that `search` finds; `None` when the scene shows nothing from anywhere.
-    pub fn found_by(search: Search) -> Option<Self> {
-        let chosen = search.viewpoints()?;
-        let kind = if chosen.inside { ViewpointKind::Inside } else { ViewpointKind::Around };
-        Some(Self { kind, cameras: chosen.cameras })
     }
 }

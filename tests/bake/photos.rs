@@ -7,7 +7,6 @@ use std::path::Path;
 use tempfile::TempDir;
 use trisplat::asset::{Asset, Placement, UpAxis};
 use trisplat::bake::backdrop::{BackdropDetails, BackdropOptions, BackdropWhen, backdrop};
-use trisplat::bake::pace::BakePace;
 use trisplat::bake::refit::{self, RefitColors, RefitDetails, RefitOptions};
 use trisplat::bake::unseen::{self, FaceLimit, UnseenDetails, UnseenOptions};
 use trisplat::bake::views::Views;
@@ -37,7 +36,6 @@ fn refit(
         options,
         details,
         &mut StageProgress::new(&mut ()),
-        &mut BakePace::default(),
     )
     .map(|found| found.outcome)
 }
@@ -482,7 +480,7 @@ fn colours_for_later_stages_have_not_seen_the_held_out_photos() {
         let options = RefitOptions { refit: colors, ..RefitOptions::default() };
         let (mut details, mut nobody) = (RefitDetails::default(), ());
         let mut progress = StageProgress::new(&mut nobody);
-        let (behind, mut pace) = (mesh.face_count(), BakePace::default());
+        let behind = mesh.face_count();
         let found = refit::refit(
             &mut fitted,
             behind,
@@ -490,7 +488,6 @@ fn colours_for_later_stages_have_not_seen_the_held_out_photos() {
             &options,
             &mut details,
             &mut progress,
-            &mut pace,
         );
         let unseen = Mesh { colors: found.unwrap().unseen.unwrap().colors, ..mesh.clone() };
         let on_others = |mesh: &Mesh| views.mean_psnr(mesh, &others).unwrap();

@@ -2,7 +2,6 @@
 
 use super::teacher::{baked_with, ball, cameras, psnr, soft, unneeded};
 use glam::Vec3;
-use trisplat::bake::pace::BakePace;
 use trisplat::bake::reshape::{ReshapeDetails, ReshapeOptions, ReshapeWhen, SceneTraits, reshape};
 use trisplat::bake::{BakeOptions, BakePreset, Views};
 use trisplat::image::Image;
@@ -49,7 +48,6 @@ fn reshaped(mesh: &mut Mesh, is_soft: bool, options: &ReshapeOptions) -> (Outcom
         options,
         &mut details,
         &mut progress,
-        &mut BakePace::default(),
     );
     (outcome.unwrap(), details)
 }
@@ -94,7 +92,6 @@ fn a_closed_scene_stays_closed() {
         &ReshapeOptions::DEFAULT,
         &mut details,
         &mut progress,
-        &mut BakePace::default(),
     )
     .unwrap();
     let drawing = SolidRasterOptions::default();
@@ -151,7 +148,6 @@ fn no_rounds_are_refused_with_the_remedy() {
         &options,
         &mut details,
         &mut progress,
-        &mut BakePace::default(),
     )
     .unwrap_err()
     .to_string();

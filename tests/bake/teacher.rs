@@ -3,7 +3,6 @@
 use super::hostile::{random_triangle, soup_of};
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat::asset::{Asset, UpAxis, UpDirection};
-use trisplat::bake::pace::BakePace;
 use trisplat::bake::place::words::UpChoice;
 use trisplat::bake::reshape::ReshapeOptions;
 use trisplat::bake::solid::{SOLID_SIGMA, SolidOptions};
@@ -163,7 +162,6 @@ fn hostile_scenes_are_drawn_or_refused_with_an_error() {
                 &options,
                 &SolidOptions::DEFAULT,
                 &mut details,
-                &mut BakePace::default(),
             ) {
                 Ok(Outcome::Changed(())) => {
                     assert!(views.is_some_and(|views| views.covered() > 0.0), "{name}")

@@ -242,21 +242,6 @@ fn a_bake_of_a_hardened_scene() {
     assert_eq!(done.report.stages[0].name, "train");
 }
 
-#[test]
-fn a_bake_with_a_budget() {
-    use trisplat::bake::pace::BakeBudgetDetails;
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    let soft = soft(folder);
-    let mut job = bake(&soft);
-    job.budget = Some(Budget::cpu(Seconds(0.05)));
-    let (bytes, done) = library(folder, job);
-    let details: BakeBudgetDetails = done.report.details().unwrap();
-    let repeat = details.repeat.unwrap_or_default();
-    let flags: Vec<&str> = repeat.split_whitespace().collect();
-    assert!(bytes == baked(folder, &soft, &flags), "{repeat}");
-}
-
 /// What the output options ask for is written.
 #[test]
 fn a_target_in_the_options_is_the_target_of_the_files() {

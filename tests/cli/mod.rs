@@ -1,6 +1,5 @@
 //! The command line as a user meets it: exit codes, messages, layers, files.
 
-mod bake_budget;
 #[cfg(feature = "bench")]
 mod bench_cost;
 #[cfg(feature = "bench")]

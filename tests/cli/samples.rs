@@ -100,7 +100,7 @@ fn file_psnr(loaded: &Loaded, dataset: &Dataset, mut views: Option<Views>) -> f6
     let renderer = SceneRenderer::solid(file.mesh, &placement, Some(dataset), [0.0; 3], 4);
     let mut steps = [EvalStep { name: "file", triangles, bytes: Some(bytes), renderer }];
     let held_out: Vec<_> = dataset.test().collect();
-    evaluate(&mut steps, &held_out, 1 << 26, &[], false, None, |_, _, _| Ok(())).unwrap()[0].mean.psnr
+    evaluate(&mut steps, &held_out, 1 << 26, &[], false, |_, _, _| Ok(())).unwrap()[0].mean.psnr
 }
 
 /// The README's commands after the training.

@@ -9,10 +9,8 @@ use crate::bake::lit::lit;
 use crate::bake::lod::{FinishedLevel, LevelSource, LodOptions, lod};
 use crate::bake::options::BakeOptions;
 use crate::bake::order::order;
-use crate::bake::pace::BakePace;
 use crate::bake::place::up::Evidence;
 use crate::bake::place::{PlaceDetails, place, placement};
-use crate::bake::refit::RefitColors;
 use crate::bake::viewpoint::viewpoint;
 use crate::bake::weld::weld;
 use crate::error::Result;
@@ -105,29 +103,26 @@ impl Recipe<'_> {
         provenance: &Provenance,
     ) -> Result<Vec<Asset>> {
         let in_tiles = self.options.tiles.tiles;
-        let mut of_levels = match in_tiles {
+        let of_levels = match in_tiles {
             // They are cut again into tiles, so chunks and a hierarchy would be useless.
             true => {
                 BakeOptions { chunk: ChunkOptions::FAST, bvh: BvhOptions::DEFAULT, ..self.options.clone() }
             }
             false => self.options.clone(),
         };
-        if self.pace.skips_colors() {
-            of_levels.refit.refit = RefitColors::Off;
-        }
         let (mut views, placement) = (either(&mut self.views, &mut self.taught), self.placement);
         let viewpoint = self.viewpoint;
         let behind = self.backdrop.take();
         let (watching, facing) = (self.watching.clone(), self.facing.clone());
         let density = of_levels.texture.texels_per_pixel;
         let finish = |mut level: Mesh, mut progress: StageProgress<'_>| {
-            let (mut unread, mut unlimited) = (Report::default(), BakePace::default());
+            let mut unread = Report::default();
             let views = views.as_deref_mut();
             let mut own = of_levels.clone();
             // As many texels for a triangle as the scene has: seen from farther away, they are as large in a picture.
             let share = level.face_count() as f64 / source.mesh.face_count().max(1) as f64;
             own.texture.texels_per_pixel = (density * share.sqrt()).max(LEAST_DENSITY);
-            let of_level = Recipe::new(&own, views, &mut unread, &mut progress, &mut unlimited);
+            let of_level = Recipe::new(&own, views, &mut unread, &mut progress);
             let mut of_level = Recipe {
                 placement,
                 viewpoint,

@@ -53,28 +53,6 @@ impl Effort {
         Self { rounds: affordable.min(rounds), stride: views.div_ceil(per_round) as usize, side }
     }
 
-    /// The same, with a number of rounds that gives itself when requested.
-    pub(super) fn settled(self, faces: usize, cameras: &[Camera]) -> Self {
-        let again = Self::new(faces, cameras, self.rounds);
-        if again == self { self } else { again.settled(faces, cameras) }
-    }
-
-    /// The same, with the number of rounds closest to `wanted` for which the `done` rounds would have made
-    /// the same cuts.
-    pub(super) fn corrected(self, done: u32, wanted: u32) -> Self {
-        let with = |rounds: u32| Self { rounds, ..self };
-        let same = |rounds: u32| (0..done).all(|round| with(rounds).cuts(round) == self.cuts(round));
-        let mut rounds = self.rounds;
-        while rounds != wanted.max(done) {
-            let next = if rounds < wanted { rounds + 1 } else { rounds - 1 };
-            if !same(next) {
-                break;
-            }
-            rounds = next;
-        }
-        with(rounds)
-    }
-
     /// Whether triangles are cut after this round.
     pub(super) fn cuts(self, round: u32) -> bool {
         round.is_multiple_of(CUT_EVERY) && f64::from(round) < CUT_UNTIL * f64::from(self.rounds)
@@ -102,34 +80,6 @@ mod tests {
         assert!(large.stride == 8 && (FEWEST_ROUNDS..16).contains(&large.rounds), "{large:?}");
         assert_eq!(effort(50_000_000, 96, 360), plan(FEWEST_ROUNDS, 8, 960));
         assert_eq!(effort(1, 1, 1), plan(16, 1, 128));
-    }
-
-    #[test]
-    fn fewer_rounds_are_made_when_fewer_are_asked_for() {
-        for faces in [8000, 400_000, 1_000_000, 50_000_000] {
-            let cameras = cameras(96, 360);
-            for rounds in [3, 16, 40] {
-                let most = Effort::new(faces, &cameras, rounds).settled(faces, &cameras);
-                for fewer in 1..=most.rounds {
-                    let asked = Effort::new(faces, &cameras, fewer);
-                    assert_eq!(asked, Effort { rounds: fewer, ..most }, "{faces} {rounds}");
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn a_corrected_number_of_rounds_cuts_what_was_cut() {
-        let effort = |rounds| Effort { rounds, stride: 1, side: 960 };
-        for (rounds, done, wanted) in [(16, 1, 5), (16, 4, 4), (7, 7, 16), (9, 7, 3), (4, 0, 16), (16, 9, 2)]
-        {
-            let corrected = effort(rounds).corrected(done, wanted);
-            let cuts = |effort: Effort| (0..done).map(|round| effort.cuts(round)).collect::<Vec<_>>();
-            assert_eq!(cuts(corrected), cuts(effort(rounds)), "{rounds} {done} {wanted}");
-            assert!(corrected.rounds >= done);
-        }
-        assert_eq!(effort(16).corrected(1, 5).rounds, 5);
-        assert_eq!(effort(16).corrected(4, 4).rounds, 4, "a cut after round 3 is made with four rounds, too");
     }
 
     #[test]
