@@ -1,7 +1,7 @@
 //! The bake: a recipe of stages from a scene to an asset.
 //!
 //! ```text
-//! crop → teacher → arrange → collision → prune → solid → color → unseen → floaters → exposure → reshape → backdrop → refit → texture
+//! crop → teacher → arrange → collision → prune → solid → color → unseen → exposure → reshape → backdrop → refit → texture
 //! → lit → weld → place → viewpoint → chunk → bvh → order → lod → tiles
 //! ```
 //!
@@ -28,7 +28,6 @@ pub mod crop;
 pub mod decimate;
 pub mod exposure;
 pub mod fit;
-pub mod floaters;
 mod groups;
 pub mod lit;
 pub mod lod;
@@ -44,7 +43,6 @@ pub mod prune;
 mod recipe;
 pub mod refit;
 pub mod reshape;
-mod right_before;
 mod run;
 mod shell;
 pub mod solid;

@@ -6,7 +6,6 @@ use super::chunk::ChunkOptions;
 use super::collision::CollisionOptions;
 use super::crop::CropOptions;
 use super::exposure::ExposureOptions;
-use super::floaters::FloatersOptions;
 use super::lit::LitOptions;
 use super::lod::LodOptions;
 use super::order::OrderOptions;
@@ -72,9 +71,6 @@ pub struct BakeOptions {
     /// Which triangles the photos need.
     #[cfg_attr(feature = "cli", arg(skip = UnseenOptions::DEFAULT))]
     pub unseen: UnseenOptions,
-    /// Whether triangles right in front of cameras stay.
-    #[cfg_attr(feature = "cli", arg(skip = FloatersOptions::DEFAULT))]
-    pub floaters: FloatersOptions,
     /// Whether photos are corrected.
     #[cfg_attr(feature = "cli", arg(skip = ExposureOptions::DEFAULT))]
     pub exposure: ExposureOptions,
@@ -130,7 +126,6 @@ impl BakeOptions {
         prune: PruneOptions::DEFAULT,
         solid: SolidOptions::DEFAULT,
         unseen: UnseenOptions::DEFAULT,
-        floaters: FloatersOptions::DEFAULT,
         exposure: ExposureOptions::DEFAULT,
         reshape: ReshapeOptions::DEFAULT,
         lod: LodOptions::DEFAULT,
@@ -153,7 +148,6 @@ impl BakeOptions {
             BakePreset::Fast => Self {
                 preset,
                 teacher: TeacherOptions::OFF,
-                floaters: FloatersOptions::OFF,
                 exposure: ExposureOptions::OFF,
                 reshape: ReshapeOptions::OFF,
                 weld: WeldOptions::FAST,

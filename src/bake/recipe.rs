@@ -10,7 +10,6 @@ use super::counts::{count, count_mesh};
 use super::crop::crop;
 use super::exposure::exposure;
 use super::fit;
-use super::floaters::floaters;
 use super::lit::{Lit, SURFACE};
 use super::lod::{LevelSource, LodOptions};
 use super::merge::{merge, share_world};
@@ -135,7 +134,6 @@ impl<'a> Recipe<'a> {
                 None => {}
             }
         }
-        let mesh = self.clear(mesh)?;
         let mesh = self.expose(mesh)?;
         let mesh = self.reshape(mesh, traits)?;
         let mesh = self.part_shell(mesh)?;
@@ -350,16 +348,6 @@ impl<'a> Recipe<'a> {
                 })
             },
         )
-    }
-
-    /// Before fitting, because shards hide other triangles from it. Chosen cameras stand where nothing is
-    /// near.
-    fn clear(&mut self, mesh: Mesh) -> Result<Mesh> {
-        let (cameras, options) = (&self.cameras, &self.options.floaters);
-        let photos = self.views.as_deref_mut().filter(|views| !views.is_drawn());
-        self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
-            floaters(mesh, cameras, photos, options, details)
-        })
     }
 
     /// As soon as drawings resemble the photos, and before anything is fitted to them.

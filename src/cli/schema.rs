@@ -4,7 +4,7 @@ use super::stdout::Stdout;
 use crate::bake::{
     BakeOptions, arrange::ArrangeDetails, backdrop::BackdropDetails, bvh::BvhDetails, chunk::ChunkDetails,
     collision::CollisionDetails, color::ColorDetails, crop::CropDetails, exposure::ExposureDetails,
-    floaters::FloatersDetails, lit::LitDetails, lod::LodDetails, order::OrderDetails,
+    lit::LitDetails, lod::LodDetails, order::OrderDetails,
     place::PlaceDetails, prune::PruneDetails, refit::RefitDetails,
     reshape::ReshapeDetails, solid::SolidDetails, teacher::TeacherDetails, texture::TextureDetails,
     tiles::TilesDetails, unseen::UnseenDetails, viewpoint::ViewpointDetails, weld::WeldDetails,
@@ -143,7 +143,6 @@ fn report_schema() -> schemars::Schema {
         stage_schema::<SolidDetails>(g),
         stage_schema::<ColorDetails>(g),
         stage_schema::<UnseenDetails>(g),
-        stage_schema::<FloatersDetails>(g),
         stage_schema::<ExposureDetails>(g),
         stage_schema::<BackdropDetails>(g),
         stage_schema::<ReshapeDetails>(g),

@@ -2,7 +2,6 @@
 
 use super::observer::BakeJobObserver;
 use crate::asset::Asset;
-use crate::bake::floaters::FloatersOptions;
 use crate::bake::max_bytes::{Attempt, most_within};
 use crate::bake::refit::RefitColors;
 use crate::bake::reshape::ReshapeOptions;
@@ -64,8 +63,7 @@ pub(super) fn fitted(
 /// Options for a file of the same size, without the stages that use pictures.
 fn plain(options: &BakeOptions) -> BakeOptions {
     let mut plain = options.clone();
-    (plain.teacher, plain.reshape, plain.floaters) =
-        (TeacherOptions::OFF, ReshapeOptions::OFF, FloatersOptions::OFF);
+    (plain.teacher, plain.reshape) = (TeacherOptions::OFF, ReshapeOptions::OFF);
     plain.refit.refit = RefitColors::Off;
     // The size of these files does not depend on the number of triangles.
     (plain.collision.collision, plain.texture.texture) = (false, false);

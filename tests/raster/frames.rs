@@ -2,7 +2,6 @@
 
 use super::compare::{compare, compare_grads};
 use super::scenes::{camera, engine, options, random_soup};
-use crate::common::oracle;
 use trisplat::raster::soft::{Soft, SoftOptions, Sort, SoupRef, Window};
 
 /// Largest error of a frame blended in the order of the tile.
