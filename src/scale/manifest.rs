@@ -126,7 +126,7 @@ pub struct BlockPhoto {
 pub struct Expected {
     /// Memory, bytes.
     pub bytes: u64,
-    /// CPU seconds on the machine of docs/benchmarks/history-budget.md.
+    /// CPU seconds on the machine of docs/benchmarks/history.md.
     pub cpu_secs: f64,
 }
 

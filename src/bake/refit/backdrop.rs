@@ -10,7 +10,7 @@
 //! ```
 //!
 //! The matrix is symmetric and positive definite, so conjugate gradients solve it, one channel after the
-//! other. Both weights were chosen on photos left out of captures: `docs/benchmarks/history-bake.md`.
+//! other. Both weights were chosen on photos left out of captures: `docs/benchmarks/history.md`.
 
 use super::fit::{Equations, Fit};
 use crate::math::color::{linear_from_srgb, srgb_from_linear};

@@ -1,7 +1,7 @@
 //! The cost of a step in seconds, from the pixels of its photo, the triangles of the scene and the kind of
 //! drawing.
 //!
-//! The coefficients were fitted to the curves of runs on four scenes (docs/benchmarks/history-budget.md). The
+//! The coefficients were fitted to the curves of runs on four scenes (docs/benchmarks/history.md). The
 //! speed of this machine on this scene is a factor for soft steps and one for steps with engine shading. A
 //! few steps at the start of a run measure both, and the run corrects them.
 

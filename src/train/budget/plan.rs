@@ -10,7 +10,7 @@ use glam::UVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Triangles per step, by the least error at equal cost (docs/benchmarks/history-budget.md).
+/// Triangles per step, by the least error at equal cost (docs/benchmarks/history.md).
 const TRIANGLES_PER_STEP: f64 = 14.0;
 
 /// Limits of a run with any budget.
