@@ -342,7 +342,7 @@ mod tests {
 
     #[test]
     fn the_constant_is_the_kernels_to_one_unit_in_the_last_place() {
-        let exact = crate::kernel::constants::SH_C0 as f32;
+        let exact = crate::kernel::sh::SH_C0 as f32;
         assert!(SH_C0 == exact || SH_C0.next_up() == exact);
     }
 }

@@ -17,7 +17,7 @@ mod size;
 
 pub use size::{enlarge, rank_by_size};
 
-use super::moved_corner::with_moved_corner;
+use super::trial::with_moved_corner;
 use crate::camera::Camera;
 use crate::mesh::Mesh;
 use crate::report::StageProgress;

@@ -9,10 +9,10 @@ use super::color::color;
 use super::counts::{count, count_mesh};
 use super::crop::crop;
 use super::exposure::exposure;
-use super::fit;
 use super::lit::{Lit, SURFACE};
 use super::lod::{LevelSource, LodOptions};
 use super::merge::{merge, share_world};
+use super::misfit::misfit;
 use super::options::BakeOptions;
 use super::prune::{PruneDetails, PruneOptions, prune};
 use super::refit::{RefitColors, UnseenColors, refit, smooth_shell};
@@ -62,7 +62,7 @@ impl<'a> Recipe<'a> {
         views: Option<&'a mut Views>,
         report: &'a mut Report,
         observer: &'a mut dyn Observer,
-        ) -> Self {
+    ) -> Self {
         let (taught, backdrop, placement) = (None, None, None);
         let (cameras, watching) = (Vec::new(), Vec::new());
         let facing = None;
@@ -123,7 +123,7 @@ impl<'a> Recipe<'a> {
         let mesh = self.cull(mesh, &cameras, chosen, traits.is_soft)?;
         // Drawn pictures always show their scene, so the check is for photos only.
         if let Some(views) = self.views.as_deref_mut().filter(|views| !views.is_drawn()) {
-            match fit::misfit(&mesh, views)? {
+            match misfit(&mesh, views)? {
                 Some(misfit) if self.options.force_dataset => {
                     self.report.warnings.push(format!("`dataset` has {misfit}"));
                 }

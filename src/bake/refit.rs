@@ -22,17 +22,17 @@
 //! gain of one colour per triangle from seeing them is subtracted from the PSNR of the scene's own colours.
 //! If these still score higher, they stay.
 //!
-//! The backdrop is a surface of its own, whose colours are solved together: see `backdrop.rs`.
+//! The backdrop is a surface of its own, whose colours are solved together: see `shell_colors.rs`.
 
 mod accumulator;
-mod backdrop;
+mod equations;
 mod evaluation;
-mod fit;
-mod gather;
 mod options;
+mod photo_equations;
+mod shell_colors;
 
-pub(super) use backdrop::smooth_shell;
 pub use options::{RefitColors, RefitOptions};
+pub(super) use shell_colors::smooth_shell;
 
 use super::views::Views;
 use crate::error::Result;
@@ -160,7 +160,7 @@ pub fn refit(
     let (which, unseen) = first_pass(mesh, views, options.refit, &mut accumulator, details, &mut first)?;
     let Some(which) = which else {
         // The note is about the scene's own colours, which were trained.
-        backdrop::paint(mesh, behind, &accumulator.fit);
+        shell_colors::paint(mesh, behind, &accumulator.fit);
         let outcome = match behind < mesh.face_count() {
             true => Outcome::Changed(()),
             false => Outcome::Unneeded("held-out photos match the present colours better"),
@@ -182,7 +182,7 @@ pub fn refit(
         accumulator.add(mesh, views, &used, 1.0, progress)?;
     }
     mesh.colors = accumulator.fit.colors(which);
-    backdrop::paint(mesh, behind, &accumulator.fit);
+    shell_colors::paint(mesh, behind, &accumulator.fit);
     details.colors = Some(which);
     let unseen = unseen.map(|unseen| unseen.with_backdrop(mesh, behind));
     Ok(Refitted { outcome: Outcome::Changed(()), unseen })

@@ -18,8 +18,8 @@
 //! The cost of a round is that of its drawings, so large scenes get fewer pictures in a round, and fewer rounds.
 
 mod effort;
-mod faces;
 mod found;
+mod reshaped;
 mod round;
 
 use super::views::Views;
@@ -28,7 +28,7 @@ use crate::mesh::Mesh;
 use crate::ranges::{self, Called};
 use crate::report::{Outcome, StageDetails, StageProgress};
 use effort::Effort;
-use faces::ReshapedFaces;
+use reshaped::ReshapedFaces;
 use round::Rounds;
 
 /// Pictures that decide whether the fitted triangles are better.

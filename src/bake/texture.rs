@@ -11,12 +11,12 @@
 mod atlas;
 mod best;
 mod charts;
-mod fit;
 mod footprint;
 mod layout;
 mod of_colors;
 mod options;
 mod page;
+mod texels;
 
 pub(super) use of_colors::texture_all;
 pub use options::{TextureDetail, TextureOptions};
@@ -31,11 +31,11 @@ use crate::texture::{FaceTexture, Texture};
 use atlas::Atlas;
 use best::Candidates;
 use charts::Charts;
-use fit::{Adding, Texels};
 use footprint::footprints;
 use glam::{UVec2, Vec2};
 use layout::Layout;
 use std::sync::Arc;
+use texels::{Adding, Texels};
 
 /// Number of photos for which λ is what the options say; half as many double it.
 const USUAL_PHOTOS: f32 = 40.0;

@@ -342,8 +342,7 @@ impl FidelityBench<'_> {
 
     fn evaluate(&self, step: EvalStep) -> Result<StepScore> {
         let photo_bytes = self.args.dataset_options.photo_bytes();
-        let scores =
-            evaluate::evaluate(&mut [step], &self.views, photo_bytes, &[], false, |_, _, _| Ok(()))?;
+        let scores = evaluate::evaluate(&mut [step], &self.views, photo_bytes, &[], false, |_, _, _| Ok(()))?;
         scores.into_iter().next().ok_or_else(|| Error::invalid("DATASET", "no score", "held-out photos"))
     }
 

@@ -149,10 +149,7 @@ fn time_left(elapsed: Duration, fraction: f64) -> Option<String> {
 
 /// Whether a stage gets a line: it changed something, took long, or was requested.
 fn is_told(stage: &StageReport) -> bool {
-    let asked = |why: &String| {
-        matches!(stage.name.as_str(), "capture" | "train")
-            || why == "done before"
-    };
+    let asked = |why: &String| matches!(stage.name.as_str(), "capture" | "train") || why == "done before";
     stage.seconds >= TRIED_SECS || stage.unneeded.as_ref().is_none_or(asked)
 }
 

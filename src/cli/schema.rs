@@ -4,10 +4,10 @@ use super::stdout::Stdout;
 use crate::bake::{
     BakeOptions, arrange::ArrangeDetails, backdrop::BackdropDetails, bvh::BvhDetails, chunk::ChunkDetails,
     collision::CollisionDetails, color::ColorDetails, crop::CropDetails, exposure::ExposureDetails,
-    lit::LitDetails, lod::LodDetails, order::OrderDetails,
-    place::PlaceDetails, prune::PruneDetails, refit::RefitDetails,
-    reshape::ReshapeDetails, solid::SolidDetails, teacher::TeacherDetails, texture::TextureDetails,
-    tiles::TilesDetails, unseen::UnseenDetails, viewpoint::ViewpointDetails, weld::WeldDetails,
+    lit::LitDetails, lod::LodDetails, order::OrderDetails, place::PlaceDetails, prune::PruneDetails,
+    refit::RefitDetails, reshape::ReshapeDetails, solid::SolidDetails, teacher::TeacherDetails,
+    texture::TextureDetails, tiles::TilesDetails, unseen::UnseenDetails, viewpoint::ViewpointDetails,
+    weld::WeldDetails,
 };
 #[cfg(feature = "bench")]
 use crate::bench::{bake::BakeRow, cost::CostReport, stress::StressReport};

@@ -162,16 +162,7 @@ pub fn evaluate(
         let change = scores.last().map(|before| mean.minus(&before.mean));
         let psnr_covered = mean_of(images.iter().filter_map(|image| image.psnr_covered));
         let (name, triangles, bytes) = (step.name.to_owned(), step.triangles, step.bytes);
-        scores.push(StepScore {
-            name,
-            triangles,
-            bytes,
-            mean,
-            psnr_covered,
-            change,
-            images,
-            draw_secs,
-        });
+        scores.push(StepScore { name, triangles, bytes, mean, psnr_covered, change, images, draw_secs });
     }
     Ok(scores)
 }

@@ -5,8 +5,8 @@
 
 mod findings;
 mod gltf;
-mod scene;
 mod tileset;
+mod triangles;
 
 pub use findings::{Finding, Severity};
 
@@ -127,9 +127,9 @@ fn check_loaded(
         findings.warning("file", warning);
     }
     match &loaded.scene {
-        Scene::Soup(soup) => scene::check_soup(soup, findings),
+        Scene::Soup(soup) => triangles::check_soup(soup, findings),
         Scene::Mesh(mesh) => {
-            scene::check_mesh(mesh, findings);
+            triangles::check_mesh(mesh, findings);
             if matches!(format, Format::Glb | Format::Gltf) {
                 let mut scene = loaded.clone();
                 scene.take_backdrop();

@@ -1,10 +1,10 @@
 //! Files that make an engine draw each level of detail where it suffices; each engine has its own kind.
 
+mod distances;
 mod godot;
-mod scene;
 mod scripts;
 
-pub(super) use scene::{EngineScene, LevelFile};
+pub(super) use distances::{EngineScene, LevelFile};
 
 /// The kind of file an engine reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -3,7 +3,6 @@
 pub mod adam;
 pub mod clip;
 pub mod composite;
-pub mod constants;
 pub mod loss;
 pub mod normal;
 pub mod sh;

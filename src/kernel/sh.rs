@@ -1,11 +1,34 @@
 //! View-dependent colour: real spherical harmonics of degree 0 to 3 (as in Kerbl et al. 2023).
+#![allow(clippy::excessive_precision, reason = "as published")]
 
-use crate::kernel::constants::{SH_C0, SH_C1, SH_C2, SH_C3};
 use crate::math::real::Real;
 use crate::math::vec::V3;
 
 /// Largest number of coefficients, (3 + 1)².
 pub const MAX_COEFFICIENTS: usize = 16;
+
+/// Factor of degree 0: 1 / (2 sqrt(pi)).
+pub const SH_C0: f64 = 0.282_094_791_773_878_14;
+/// Degree 1: sqrt(3 / (4 pi)).
+pub const SH_C1: f64 = 0.488_602_511_902_919_9;
+/// Degree 2: xy, yz, 3z²-1, xz, x²-y².
+pub const SH_C2: [f64; 5] = [
+    1.092_548_430_592_079_2,
+    -1.092_548_430_592_079_2,
+    0.315_391_565_252_520_05,
+    -1.092_548_430_592_079_2,
+    0.546_274_215_296_039_6,
+];
+/// Degree 3: y(3x²-y²), xyz, y(5z²-1), z(5z²-3), x(5z²-1), z(x²-y²), x(x²-3y²).
+pub const SH_C3: [f64; 7] = [
+    -0.590_043_589_926_643_5,
+    2.890_611_442_640_554,
+    -0.457_045_799_464_465_74,
+    0.373_176_332_590_115_4,
+    -0.457_045_799_464_465_74,
+    1.445_305_721_320_277,
+    -0.590_043_589_926_643_5,
+];
 
 /// The basis functions up to `degree` in unit direction `v`; the rest is 0.
 #[inline(always)]

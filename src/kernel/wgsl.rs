@@ -1,18 +1,18 @@
 //! The kernels in WGSL, for a graphics card, with the constants of their Rust twins. `tests/train_gpu` compares each
 //! function with its twin.
 
-use super::{adam, constants as c, normal};
+use super::{adam, normal, sh, window};
 use crate::math::wgsl::{self, constant, constants};
 
 /// The functions, those of [`wgsl::library`], and all constants they need.
 pub fn library() -> String {
     let mut out = wgsl::library();
-    constant(&mut out, "RATIO_FLOOR", c::RATIO_FLOOR);
+    constant(&mut out, "RATIO_FLOOR", window::RATIO_FLOOR);
     constant(&mut out, "MIN_COVERAGE", normal::MIN_COVERAGE);
-    constant(&mut out, "SH_C0", c::SH_C0);
-    constant(&mut out, "SH_C1", c::SH_C1);
-    constants(&mut out, "SH_C2", &c::SH_C2);
-    constants(&mut out, "SH_C3", &c::SH_C3);
+    constant(&mut out, "SH_C0", sh::SH_C0);
+    constant(&mut out, "SH_C1", sh::SH_C1);
+    constants(&mut out, "SH_C2", &sh::SH_C2);
+    constants(&mut out, "SH_C3", &sh::SH_C3);
     constant(&mut out, "BETA1", adam::BETA1);
     constant(&mut out, "BETA2", adam::BETA2);
     constant(&mut out, "EPS", adam::EPS);

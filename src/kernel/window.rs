@@ -6,9 +6,13 @@
 //!
 //! Also the window of an engine: the covered part of each pixel.
 
-use crate::kernel::constants::{LN_2, RATIO_FLOOR};
 use crate::math::real::{Mask, Real};
 use crate::math::vec::V2;
+use std::f64::consts::LN_2;
+
+/// Smallest window ratio that is drawn. A solid triangle (σ towards 0) loses a rim of this fraction of its inradius;
+/// in exchange no logarithm or quotient of a ratio can overflow.
+pub const RATIO_FLOOR: f64 = 1.0 / 1_048_576.0;
 
 /// Three ratios, the smallest being φ(p) / φ(s); `offset` is p - origin.
 #[inline(always)]

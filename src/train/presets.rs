@@ -1,8 +1,8 @@
 //! The presets, one per kind of scene: outdoor in full, the others as differences from it.
 
 use super::options::{
-    InitOptions, LossOptions, PoseUse, RateOptions, RefineOptions, SampleWeight, SolidifyOptions, TrainDrawOptions,
-    TrainOptions, TrainPreset, WarmupOptions,
+    InitOptions, LossOptions, PoseUse, RateOptions, RefineOptions, SampleWeight, SolidifyOptions,
+    TrainDrawOptions, TrainOptions, TrainPreset, WarmupOptions,
 };
 use crate::exposure::ExposureUse;
 

@@ -411,9 +411,7 @@ fn origin(taught: Option<(Provenance, Vec<Camera>)>, dataset: &Dataset) -> (Prov
             let ours = Some(generator());
             (Provenance { generator: ours.clone(), trainer: ours, ..provenance }, cameras)
         }
-        None => {
-            (provenance(dataset), dataset.train().map(|view| view.camera).collect())
-        }
+        None => (provenance(dataset), dataset.train().map(|view| view.camera).collect()),
     }
 }
 

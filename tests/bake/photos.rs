@@ -29,15 +29,8 @@ fn refit(
     details: &mut RefitDetails,
 ) -> Result<Outcome<()>> {
     let behind = mesh.face_count();
-    refit::refit(
-        mesh,
-        behind,
-        views,
-        options,
-        details,
-        &mut StageProgress::new(&mut ()),
-    )
-    .map(|found| found.outcome)
+    refit::refit(mesh, behind, views, options, details, &mut StageProgress::new(&mut ()))
+        .map(|found| found.outcome)
 }
 
 fn unseen(
@@ -481,14 +474,8 @@ fn colours_for_later_stages_have_not_seen_the_held_out_photos() {
         let (mut details, mut nobody) = (RefitDetails::default(), ());
         let mut progress = StageProgress::new(&mut nobody);
         let behind = mesh.face_count();
-        let found = refit::refit(
-            &mut fitted,
-            behind,
-            Some(&mut views),
-            &options,
-            &mut details,
-            &mut progress,
-        );
+        let found =
+            refit::refit(&mut fitted, behind, Some(&mut views), &options, &mut details, &mut progress);
         let unseen = Mesh { colors: found.unwrap().unseen.unwrap().colors, ..mesh.clone() };
         let on_others = |mesh: &Mesh| views.mean_psnr(mesh, &others).unwrap();
         let [seen, unseen] = [&fitted, &unseen].map(on_others);

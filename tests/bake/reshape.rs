@@ -41,14 +41,7 @@ fn reshaped(mesh: &mut Mesh, is_soft: bool, options: &ReshapeOptions) -> (Outcom
     let mut nobody = ();
     let mut progress = StageProgress::new(&mut nobody);
     let traits = SceneTraits { is_soft, is_closed: false };
-    let outcome = reshape(
-        mesh,
-        Some(&mut pictures()),
-        traits,
-        options,
-        &mut details,
-        &mut progress,
-    );
+    let outcome = reshape(mesh, Some(&mut pictures()), traits, options, &mut details, &mut progress);
     (outcome.unwrap(), details)
 }
 
@@ -85,15 +78,8 @@ fn a_closed_scene_stays_closed() {
     let (mut details, mut nobody) = (ReshapeDetails::default(), ());
     let traits = SceneTraits { is_soft: true, is_closed: true };
     let mut progress = StageProgress::new(&mut nobody);
-    reshape(
-        &mut mesh,
-        Some(&mut views),
-        traits,
-        &ReshapeOptions::DEFAULT,
-        &mut details,
-        &mut progress,
-    )
-    .unwrap();
+    reshape(&mut mesh, Some(&mut views), traits, &ReshapeOptions::DEFAULT, &mut details, &mut progress)
+        .unwrap();
     let drawing = SolidRasterOptions::default();
     for camera in eyes {
         let seen = Solid::new().visibility(&mesh, &camera, &drawing).face.clone();
@@ -141,16 +127,9 @@ fn no_rounds_are_refused_with_the_remedy() {
     let options = ReshapeOptions { reshape_rounds: 0, ..ReshapeOptions::DEFAULT };
     let (mut mesh, mut details, mut nobody) = (opaque(), ReshapeDetails::default(), ());
     let mut progress = StageProgress::new(&mut nobody);
-    let error = reshape(
-        &mut mesh,
-        None,
-        SceneTraits::default(),
-        &options,
-        &mut details,
-        &mut progress,
-    )
-    .unwrap_err()
-    .to_string();
+    let error = reshape(&mut mesh, None, SceneTraits::default(), &options, &mut details, &mut progress)
+        .unwrap_err()
+        .to_string();
     assert!(error.starts_with("reshape_rounds ") && error.contains("`reshape` off"), "{error}");
 }
 

@@ -49,8 +49,7 @@ fn splat_grad_with_constant_inradius_is_the_reference_form() {
         let x = triangle(case);
         let (focal, center) = camera::<f64>();
         let plain = splat::splat(&corners(x), focal, center);
-        let mut d =
-            SplatGrad { ratio: [0.0; 3], moment: [V2::zero(); 3], inradius: 0.3, by_incenter: 0.0 };
+        let mut d = SplatGrad { ratio: [0.0; 3], moment: [V2::zero(); 3], inradius: 0.3, by_incenter: 0.0 };
         let dual = splat::splat(&corners(duals(x)), camera().0, camera().1);
         let mut loss = Dual::of(0.0);
         for (p, weight, edge) in pixels(case, [plain.origin.x, plain.origin.y]) {

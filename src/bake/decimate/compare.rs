@@ -3,7 +3,7 @@
 //! A camera draws a scene once, with a z-buffer for each group of faces. The nearest face among some groups
 //! gives the picture of a scene with only those groups. So one drawing shows the scene and all its variants.
 
-use super::super::groups::{GROUPS, group_of};
+use super::super::trial::{GROUPS, group_of};
 use super::super::views;
 use super::effect::{Effect, EffectSums};
 use crate::camera::Camera;

@@ -1,7 +1,7 @@
 //! Adds photos to a fit.
 
-use super::fit::Fit;
-use super::gather::{Gatherer, Observation};
+use super::equations::Fit;
+use super::photo_equations::{Gatherer, Observation};
 use crate::bake::views::{SAMPLES, Views};
 use crate::error::Result;
 use crate::mesh::Mesh;

@@ -1,6 +1,6 @@
 //! Scores of colours on photos that the fit has not seen, and the choice of the best colours.
 
-use super::fit::Fit;
+use super::equations::Fit;
 use super::options::RefitColors;
 use crate::bake::views::Views;
 use crate::error::Result;

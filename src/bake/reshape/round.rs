@@ -1,9 +1,9 @@
 //! One round: measures how the pictures change if a triangle is dropped or moved.
 
 use super::effort::Effort;
-use super::faces::ReshapedFaces;
 use super::found::{COUNT, ERROR, FaceRow, Found, MOVING, REMOVING, RGB, UNITS, add};
-use crate::bake::groups::{GROUPS, group_of};
+use super::reshaped::ReshapedFaces;
+use crate::bake::trial::{GROUPS, group_of};
 use crate::bake::views::Views;
 use crate::error::Result;
 use crate::image::Pixels;

@@ -1,9 +1,9 @@
 //! A texture of a mesh's own colours, so that it can join a textured one.
 
 use super::atlas::Atlas;
-use super::fit::Texels;
 use super::options::TextureOptions;
 use super::pages;
+use super::texels::Texels;
 use crate::error::Result;
 use crate::math::color::srgb_from_linear;
 use crate::mesh::Mesh;

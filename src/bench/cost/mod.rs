@@ -6,7 +6,6 @@ mod args;
 mod band;
 mod cell;
 mod grid;
-mod plot;
 mod report;
 mod run;
 

@@ -4,8 +4,7 @@ use super::advice::CostAdvice;
 use super::args::CostArgs;
 use super::cell::{CostCell, CostRun, compare};
 use super::grid::Grid;
-use super::plot;
-use super::report::CostReport;
+use super::report::{CostReport, plot};
 use crate::bench::machine::Machine;
 use crate::dataset::synthetic::{self, SyntheticOptions};
 use crate::dataset::{Dataset, ShrunkSize};
@@ -53,7 +52,7 @@ pub fn run(args: &CostArgs, observer: &mut dyn CostObserver) -> Result<CostRepor
         advice: advice.ok_or_else(|| Error::invalid("budget", args.budget, "time for one training"))?,
         cells,
     };
-    args.plot.as_deref().map_or(Ok(()), |path| plot::plot(path, &report))?;
+    args.plot.as_deref().map_or(Ok(()), |path| plot(path, &report))?;
     Ok(report)
 }
 

@@ -9,6 +9,8 @@
 //! - Unknown component types and accessor types are dropped, so a message could not name them.
 //! - The whole file must be valid: a fault in an animation, a sampler or a skin hides a good mesh.
 //! - Three bytes of JSON (`{}` and a comma) make a material of 752 bytes, and no array has a limit.
+//!
+//! The crate `gltf` reads through these types, so it loses the same.
 
 use super::extensions::{CompressedView, MESHOPT, MESHOPT_KHR};
 use crate::error::{Error, Result};

@@ -5,7 +5,7 @@
 //! Nodes of the finest level, which Godot culls one by one, have the first node of the next level as
 //! visibility parent: they are drawn when that node is too near.
 
-use super::scene::EngineScene;
+use super::distances::EngineScene;
 use std::fmt::Write;
 
 /// Tangent of half the default vertical angle of a `Camera3D`, 75 degrees.
@@ -66,7 +66,7 @@ fn line(out: &mut String, text: std::fmt::Arguments<'_>) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::scene::cube;
+    use super::super::distances::cube;
     use super::*;
 
     #[test]

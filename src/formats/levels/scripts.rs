@@ -1,6 +1,6 @@
 //! Scripts that make one object of all levels in the editors of Unity and Unreal.
 
-use super::scene::{APART, EngineScene};
+use super::distances::{APART, EngineScene};
 use crate::report::generator;
 use serde_json::{Value, json};
 use xxhash_rust::xxh3::xxh3_64;
@@ -65,7 +65,7 @@ fn class(name: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::scene::cube;
+    use super::super::distances::cube;
     use super::*;
 
     /// The numbers in the first line with `key`, between the brackets.

@@ -16,7 +16,7 @@ const LEAST_OWN: f64 = 0.05;
 
 /// Describes the fault if drawings of `mesh` match the photos worse than one plain colour does, and no better
 /// than other photos. Fails when a photo cannot be decoded.
-pub fn misfit(mesh: &Mesh, views: &mut Views) -> Result<Option<String>> {
+pub(super) fn misfit(mesh: &Mesh, views: &mut Views) -> Result<Option<String>> {
     if views.is_empty() {
         return Ok(None);
     }

@@ -1,7 +1,7 @@
 //! The triangles while they are fitted.
 
 use super::found::Found;
-use crate::bake::moved_corner::with_moved_corner;
+use crate::bake::trial::with_moved_corner;
 use crate::math::color::{linear_from_srgb, srgb_from_linear};
 use crate::mesh::{Colors, Mesh};
 use glam::Vec3;

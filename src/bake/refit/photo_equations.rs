@@ -1,6 +1,6 @@
 //! The equations of one photo for every triangle that it sees.
 
-use super::fit::{Equations, Fit};
+use super::equations::{Equations, Fit};
 use crate::camera::Camera;
 use crate::image::Pixels;
 use crate::math::color::linear_from_srgb;

@@ -12,7 +12,7 @@
 //! The matrix is symmetric and positive definite, so conjugate gradients solve it, one channel after the
 //! other. Both weights were chosen on photos left out of captures: `docs/benchmarks/history.md`.
 
-use super::fit::{Equations, Fit};
+use super::equations::{Equations, Fit};
 use crate::math::color::{linear_from_srgb, srgb_from_linear};
 use crate::mesh::{Colors, Mesh};
 use std::collections::HashMap;
