@@ -52,13 +52,6 @@ impl Space {
         Camera { translation, ..*camera }
     }
 
-    /// A camera of training space in the world: undoes [`Space::camera_to_training`].
-    pub fn camera_to_world(&self, camera: &Camera) -> Camera {
-        let moved = camera.rotation.as_dmat3() * self.center.as_dvec3();
-        let translation = camera.translation.as_dvec3() / f64::from(self.scale) - moved;
-        Camera { translation: translation.as_vec3(), ..*camera }
-    }
-
     /// Moves a soup of training space back into the world.
     pub fn soup_to_world(&self, soup: &mut Soup) {
         let inverse = 1.0 / self.scale;

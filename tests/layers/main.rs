@@ -52,7 +52,7 @@ const MAY: &[(&str, &str)] = &[
     ),
     (
         "bake",
-        "texture surface ranges framing raster teacher dataset exposure budget formats soup mesh scene placed bvh asset camera image region rng space report error math limits",
+        "texture surface ranges framing raster teacher dataset exposure formats soup mesh scene placed bvh asset camera image region rng space report error math limits",
     ),
     (
         "scale",

@@ -3,7 +3,7 @@
 use super::{card, scene};
 use glam::Vec3;
 use std::collections::BTreeSet;
-use trisplat::raster::soft::{SoftOptions, Window};
+use trisplat::raster::soft::SoftOptions;
 use trisplat::rng::Rng;
 use trisplat::train::backend::{BackendVisibility, StepPhoto, StepStats, TrainBackend};
 use trisplat::train::cpu::CpuBackend;

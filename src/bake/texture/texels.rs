@@ -8,7 +8,7 @@
 //! that a pixel sees. The more pixels see a texel, the less it stays what it was. The fewer photos there are, the more often all of them
 //! see it from the same side, and a residual is an error of the shape: λ is larger for them.
 //!
-//! Not kept, as held-out photos of four scenes showed no difference (docs/benchmarks/texture.md): more passes, less weight for pixels
+//! Not kept, as held-out photos of four scenes showed no difference: more passes, less weight for pixels
 //! that are larger than texels, exposure solved first, less trust where pixels disagree.
 //!
 //! Sums are whole numbers: their order, and with it the number of threads, does not matter.
